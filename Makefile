@@ -1,0 +1,66 @@
+# Conventional targets; every one sets up its own virtual environment first. Needs Python >= 3.11 and nothing else.
+PYTHON ?= $(shell for p in python3.13 python3.12 python3.11 python3 python; do \
+	command -v $$p >/dev/null 2>&1 && $$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo $$p && break; done)
+VENV ?= .venv
+BIN := $(VENV)/bin
+RUN_ENV := MUJOCO_GL=egl
+
+.DEFAULT_GOAL := help
+.PHONY: help run test test-fast lint format types check wheel-test bench docs shape gl setup setup-dev clean
+
+help: ## list the targets
+	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
+
+$(BIN)/python:
+	@test -n "$(PYTHON)" || { echo "swarm_mj needs Python >= 3.11; none was found. Install it, or name it: make run PYTHON=/path/to/python"; exit 1; }
+	@$(PYTHON) -m venv $(VENV) || { rm -rf $(VENV); echo "The module venv is missing. On Debian and Ubuntu: apt-get install python3-venv"; exit 1; }
+
+$(VENV)/.installed: pyproject.toml | $(BIN)/python
+	@echo "Installing swarm_mj into $(VENV) (once; some 300 MB) ..."
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable .
+	@touch $@
+
+$(VENV)/.installed-dev: pyproject.toml | $(BIN)/python
+	@echo "Installing swarm_mj and its development tools into $(VENV) (once) ..."
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable ".[all]"
+	@touch $@ $(VENV)/.installed
+
+setup: $(VENV)/.installed gl
+setup-dev: $(VENV)/.installed-dev gl
+
+gl: ## install the OpenGL libraries for offscreen rendering, or say how
+	@sh scripts/install-gl.sh
+
+run: setup ## fly both configurations of the paper
+	@$(RUN_ENV) $(BIN)/swarm-mj run $(ARGS)
+
+test: setup-dev ## run every test
+	@$(RUN_ENV) $(BIN)/python -m pytest $(ARGS)
+
+test-fast: setup-dev ## run the tests that take less than a few seconds
+	@$(RUN_ENV) $(BIN)/python -m pytest -m "not slow" $(ARGS)
+
+lint: setup-dev ## check style
+	@$(BIN)/ruff check .
+	@$(BIN)/ruff format --check .
+
+format: setup-dev ## format the code
+	@$(BIN)/ruff check --fix .
+	@$(BIN)/ruff format .
+
+types: setup-dev ## check types
+	@$(BIN)/mypy
+
+check: test lint types ## tests, style and types
+
+bench: setup-dev ## time the loop against raw mj_step, side by side
+	@$(BIN)/python -m benchmarks.loop_overhead
+
+docs: setup ## redraw the pictures of README and docs
+	@$(RUN_ENV) $(BIN)/python -m docs.images
+
+shape: setup ## rebuild assets/eros.obj from its harmonics
+	@$(BIN)/swarm-mj shape --out assets/eros.obj
+
+clean: ## remove what the targets made
+	rm -rf $(VENV) build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache results

@@ -1,0 +1,1 @@
+"""Reinforcement-learning environments of swarm_mj."""

@@ -1,0 +1,1 @@
+"""Attitude: Modified Rodrigues Parameters, guidance references and control laws."""

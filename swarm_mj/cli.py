@@ -1,0 +1,154 @@
+"""The command line `swarm-mj`. Heavy modules are imported by the commands that need them, so that help is quick."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from swarm_mj import __version__
+from swarm_mj.errors import SwarmError
+
+DEFAULT_OUT = Path("results")
+DEFAULT_SCENARIOS = ("eros-config1", "eros-config2")
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command line; returns the exit status: 0 done, 1 a named error, 130 interrupted."""
+    arguments = _parser().parse_args(argv)
+    try:
+        return int(arguments.command(arguments) or 0)
+    except SwarmError as error:
+        print(f"swarm-mj: error: {error}", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        print("\nswarm-mj: interrupted; nothing half-written was left behind", file=sys.stderr)
+        return 130
+    except BrokenPipeError:
+        return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="swarm-mj", description="Fly CubeSat swarms past small bodies and measure what their cameras see."
+    )
+    parser.add_argument("--version", action="version", version=f"swarm-mj {__version__}")
+    commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
+    _add_run(commands)
+    _add_scenarios(commands)
+    _add_shape(commands)
+    return parser
+
+
+def _add_run(commands: argparse._SubParsersAction) -> None:
+    run = commands.add_parser(
+        "run",
+        help="fly one or more scenarios and write their results",
+        description="Fly scenarios: trajectories, attitude, observed area, telemetry and figures, one folder each.",
+    )
+    run.add_argument(
+        "scenario",
+        nargs="*",
+        default=list(DEFAULT_SCENARIOS),
+        metavar="NAME_OR_FILE",
+        help=f"packaged name or YAML file (default: {' '.join(DEFAULT_SCENARIOS)})",
+    )
+    run.add_argument(
+        "--out",
+        type=Path,
+        metavar="DIR",
+        help=f"result folder (default: {DEFAULT_OUT}/NAME; of several scenarios: the folder that holds theirs)",
+    )
+    run.add_argument("--seed", type=int, metavar="N", help="seed of the random initial attitudes")
+    run.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        dest="overrides",
+        metavar="KEY=VALUE",
+        help="change one value, e.g. camera.half_angle_deg=3; may be repeated",
+    )
+    run.add_argument("--no-figures", action="store_true", help="write no pictures")
+    run.add_argument("--quiet", action="store_true", help="no progress bar")
+    run.set_defaults(command=_run)
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    from swarm_mj.runner import run_many
+    from swarm_mj.scenarios.loading import load_scenario
+
+    overrides = list(arguments.overrides)
+    if arguments.seed is not None:
+        overrides.append(f"seed={arguments.seed}")
+    scenarios = [load_scenario(name, overrides) for name in arguments.scenario]
+    single = arguments.out is not None and len(scenarios) == 1
+    parent = arguments.out or DEFAULT_OUT
+    folders = [parent if single else parent / scenario.name for scenario in scenarios]
+    run_many(scenarios, folders, figures=not arguments.no_figures, quiet=arguments.quiet)
+    return 0
+
+
+def _add_scenarios(commands: argparse._SubParsersAction) -> None:
+    scenarios = commands.add_parser(
+        "scenarios",
+        help="list the packaged scenarios, print one, or print the schema",
+        description="List the packaged scenarios; with a NAME print that file, a start for your own.",
+    )
+    scenarios.add_argument("name", nargs="?", metavar="NAME", help="print this packaged scenario")
+    scenarios.add_argument("--json-schema", action="store_true", help="print the JSON schema of scenario files")
+    scenarios.set_defaults(command=_scenarios)
+
+
+def _scenarios(arguments: argparse.Namespace) -> int:
+    from swarm_mj.scenarios.loading import load_scenario, packaged_names, packaged_text
+    from swarm_mj.scenarios.schema import Scenario
+
+    if arguments.json_schema:
+        print(json.dumps(Scenario.model_json_schema(), indent=2))
+    elif arguments.name:
+        print(packaged_text(arguments.name), end="")
+    else:
+        width = max(map(len, packaged_names()))
+        for name in packaged_names():
+            print(f"{name:{width}}  {' '.join(load_scenario(name).description.split())}")
+    return 0
+
+
+def _add_shape(commands: argparse._SubParsersAction) -> None:
+    shape = commands.add_parser(
+        "shape",
+        help="build the Eros mesh from its harmonics, or check a shape file",
+        description="Without FILE: build the mesh of 433 Eros from its shape harmonics. With FILE: load, check and describe it.",
+    )
+    shape.add_argument("file", nargs="?", type=Path, metavar="FILE", help="OBJ, PLY, STL or PDS .tab to check")
+    shape.add_argument("--unit", choices=("m", "km"), help="unit of FILE (default: m, but km for .tab)")
+    shape.add_argument(
+        "--frequency", type=int, default=20, metavar="N", help="of the geodesic mesh: 20 N^2 faces (default 20)"
+    )
+    shape.add_argument("--out", type=Path, metavar="OBJ", help="write the mesh here, in metres")
+    shape.set_defaults(command=_shape)
+
+
+def _shape(arguments: argparse.Namespace) -> int:
+    from swarm_mj.smallbody.shape_harmonics import build_eros
+    from swarm_mj.smallbody.shape_io import load_shape, save_obj
+
+    if arguments.file:
+        shape = load_shape(arguments.file, unit=arguments.unit)
+    else:
+        shape = build_eros(arguments.frequency)
+    print(
+        f"{shape.name}: {len(shape.vertices)} vertices, {len(shape.faces)} faces, closed, normals outward; "
+        f"volume {shape.volume / 1e9:.1f} km^3, area {shape.surface_area / 1e6:.1f} km^2, "
+        f"radius up to {shape.max_radius / 1e3:.3f} km"
+    )
+    if arguments.out:
+        save_obj(shape, arguments.out)
+        print(f"wrote {arguments.out}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,1 @@
+"""The mission: target region, trajectories, behaviours and radio links."""

@@ -1,0 +1,161 @@
+"""Behaviours: who points its +z axis at what (AAS 19-144, "Attitude behaviors"), as plug-ins.
+
+A behaviour sees the swarm's positions and answers with one target per spacecraft. Every decision is local to a spacecraft
+(its own distance to the body), except the election of a communications spacecraft, which all make alike from positions
+that all share. State goes in and comes out as `memory`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Any, ClassVar, NamedTuple, Protocol
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from swarm_mj.errors import MissionError
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+class TargetKind(IntEnum):
+    """What a line of sight can follow."""
+
+    ASTEROID = 0  #: the body's centre
+    SPACECRAFT = 1  #: another spacecraft
+    EARTH = 2
+    SURFACE = 3  #: a point fixed in A
+    DIRECTION = 4  #: a direction fixed in N
+
+
+class SwarmView(NamedTuple):
+    """What a behaviour may look at.
+
+    Attributes:
+        t: Time past the epoch [s].
+        r_BN_N: Positions, shape (n, 3) [m].
+        v_BN_N: Velocities, shape (n, 3) [m/s].
+        C_AN: Rotation from N to A, shape (3, 3).
+    """
+
+    t: float
+    r_BN_N: Array
+    v_BN_N: Array
+    C_AN: Array
+
+
+class Targets(NamedTuple):
+    """One line of sight per spacecraft.
+
+    Attributes:
+        kind: `TargetKind` values, shape (n,).
+        index: The spacecraft to follow where kind is SPACECRAFT, shape (n,).
+        vector: Point in A [m] for SURFACE, or direction in N for DIRECTION, shape (n, 3).
+    """
+
+    kind: Ints
+    index: Ints
+    vector: Array
+
+
+class Behavior(Protocol):
+    """A rule that points the swarm; a plug-in is built with (n_observers, imaging_radius_m, **parameters)."""
+
+    #: Whether one more spacecraft than the observers flies along and only communicates.
+    dedicated_communications: ClassVar[bool]
+
+    def targets(self, view: SwarmView, memory: Any) -> tuple[Targets, Any]:
+        """Targets at this instant and the memory for the next; the first memory is None."""
+        ...
+
+
+@dataclass(frozen=True)
+class DedicatedCommunications:
+    """Configuration 1: the last spacecraft relays to Earth, the others observe and then talk to it.
+
+    Observers track the asteroid inside the imaging radius and the communications spacecraft outside; the communications
+    spacecraft tracks Earth throughout.
+    """
+
+    n_observers: int
+    imaging_radius_m: float
+    dedicated_communications: ClassVar[bool] = True
+
+    def targets(self, view: SwarmView, memory: None) -> tuple[Targets, None]:
+        """See `Behavior`; nothing is remembered."""
+        relay = self.n_observers
+        targets = _empty(relay + 1)
+        _track_inside(view.r_BN_N, self.imaging_radius_m, relay, targets.kind, targets.index)
+        targets.kind[relay] = TargetKind.EARTH
+        return targets, None
+
+
+@dataclass(frozen=True)
+class AdaptableRoles:
+    """Configuration 2: all observe inside the imaging radius; outside, an elected one relays to Earth.
+
+    The election is held once, when the first spacecraft leaves the imaging region.
+
+    Attributes:
+        n_observers: Number of spacecraft.
+        imaging_radius_m: R_im [m].
+        election: 'first' takes spacecraft 1, as the paper does; 'medoid' the one with the least sum of distances to the
+            others, the medoid of a single cluster of positions (Kaufman and Rousseeuw 1990).
+    """
+
+    n_observers: int
+    imaging_radius_m: float
+    election: str = "first"
+    dedicated_communications: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        if self.election not in ELECTIONS:
+            raise MissionError(
+                f"behavior.parameters.election = {self.election!r}: must be one of {', '.join(ELECTIONS)}"
+            )
+
+    def targets(self, view: SwarmView, memory: int | None) -> tuple[Targets, int | None]:
+        """See `Behavior`; the memory is the number of the elected spacecraft, counted from 0, or None before."""
+        targets = _empty(self.n_observers)
+        candidate = 0 if memory is None else memory
+        outside = _track_inside(view.r_BN_N, self.imaging_radius_m, candidate, targets.kind, targets.index)
+        if outside and memory is None:
+            memory = ELECTIONS[self.election](view.r_BN_N)
+            _track_inside(view.r_BN_N, self.imaging_radius_m, memory, targets.kind, targets.index)
+        return targets, memory
+
+
+def _empty(n: int) -> Targets:
+    return Targets(np.zeros(n, np.int64), np.zeros(n, np.int64), np.zeros((n, 3)))
+
+
+@njit(cache=True, error_model="numpy")
+def _track_inside(r: Array, radius: float, communications: int, kind: Ints, index: Ints) -> int:
+    """Asteroid inside the radius; outside the communications spacecraft, and Earth for that one. Returns how many are out."""
+    outside = 0
+    for j in range(r.shape[0]):
+        index[j] = 0
+        if r[j, 0] ** 2 + r[j, 1] ** 2 + r[j, 2] ** 2 <= radius * radius:
+            kind[j] = 0
+            continue
+        outside += 1
+        kind[j] = 2 if j == communications else 1
+        index[j] = 0 if j == communications else communications
+    return outside
+
+
+def elect_first(r_BN_N: Array) -> int:
+    """The first spacecraft, as in the paper."""
+    return 0
+
+
+def elect_medoid(r_BN_N: Array) -> int:
+    """The spacecraft with the least sum of distances to all others; the lowest number on a tie."""
+    distances = np.linalg.norm(r_BN_N[:, None] - r_BN_N[None], axis=2)
+    return int(np.argmin(distances.sum(axis=1)))
+
+
+ELECTIONS = {"first": elect_first, "medoid": elect_medoid}

@@ -1,0 +1,90 @@
+"""Dangers of a planned flight: impact with the asteroid and near-collisions inside the swarm."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarm_mj.smallbody.occultation import points_inside, segments_blocked
+from swarm_mj.smallbody.rotation import sub_point
+from swarm_mj.smallbody.shape import ShapeModel
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Impact:
+    """A spacecraft enters the body."""
+
+    spacecraft: int
+    time: float
+    latitude_deg: float
+    longitude_deg: float
+
+
+@dataclass(frozen=True)
+class CloseApproach:
+    """The least distance of two spacecraft after the grace time."""
+
+    first: int
+    second: int
+    time: float
+    distance: float
+
+
+def find_impacts(shape: ShapeModel, times: Array, r_A: Array) -> list[Impact]:
+    """First impact of every spacecraft that hits the body.
+
+    Between samples the path is taken as straight, and crossing the surface counts as an impact even when both ends are
+    outside, so that a fast passage through a lobe is not missed.
+
+    Args:
+        shape: The body.
+        times: Shape (t,) [s].
+        r_A: Positions in A, shape (t, n, 3) [m].
+    """
+    impacts = []
+    for j in range(r_A.shape[1]):
+        path = np.ascontiguousarray(r_A[:, j])
+        inside = points_inside(path, shape.vertices, shape.faces, shape.max_radius)
+        through = segments_blocked(path[:-1], path[1:], shape.vertices, shape.faces, shape.max_radius)
+        hits = np.flatnonzero(inside | np.append(False, through))
+        if hits.size:
+            k = int(hits[0])
+            impacts.append(Impact(j, float(times[k]), *sub_point(path[k], np.eye(3))))
+    return impacts
+
+
+def close_approaches(times: Array, r_BN_N: Array, *, closer_than: float, after: float) -> list[CloseApproach]:
+    """Pairs that come closer than allowed.
+
+    The relative motion between samples is taken as straight, so that a close passage between two samples is found.
+
+    Args:
+        times: Shape (t,) [s].
+        r_BN_N: Positions, shape (t, n, 3) [m].
+        closer_than: Distance [m].
+        after: Grace time [s]: all spacecraft leave the mothership from one point.
+    """
+    late = np.flatnonzero(times >= after)
+    approaches = []
+    for i, j in combinations(range(r_BN_N.shape[1]), 2):
+        if late.size < 2:
+            break
+        relative = r_BN_N[late, j] - r_BN_N[late, i]
+        time, distance = _closest(times[late], relative)
+        if distance < closer_than:
+            approaches.append(CloseApproach(i, j, time, distance))
+    return approaches
+
+
+def _closest(times: Array, relative: Array) -> tuple[float, float]:
+    start, step = relative[:-1], np.diff(relative, axis=0)
+    length2 = np.einsum("ki,ki->k", step, step)
+    s = np.clip(-np.einsum("ki,ki->k", start, step) / np.where(length2 > 0, length2, 1.0), 0.0, 1.0)
+    distance = np.linalg.norm(start + s[:, None] * step, axis=1)
+    k = int(np.argmin(distance))
+    return float(times[k] + s[k] * (times[k + 1] - times[k])), float(distance[k])

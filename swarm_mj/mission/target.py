@@ -1,0 +1,303 @@
+"""The target region: the part of a body's surface inside a virtual pyramid with its apex at the body's centre.
+
+After AAS 19-144, 'Target region generation': the faces inside the pyramid, clipped at its sides, are the set F_T, and
+the mesh vertices inside, lifted to the imaging altitude, are the n_T visiting points. Everything is in the body-fixed
+frame A, in metres. The pyramid's axis points at the given latitude and longitude; its four sides are parallel to the
+local east and north there (at a pole, east is the limit along the given longitude).
+
+The pyramid selects by direction from the centre alone: where such a ray meets an overhanging surface several times,
+every crossing belongs to the target, as in the paper.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from math import isfinite, sqrt
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarm_mj.errors import MissionError
+from swarm_mj.mission.mesh_cut import cut_mesh, plane_distance, refine_mesh
+from swarm_mj.smallbody.shape import ShapeModel
+
+Edges = Literal["corner", "side"]
+Projection = Literal["radial", "normal"]
+
+#: Width of the camera's footprint over the longest edge of a cell, see `automatic_cell_size`.
+CELLS_ACROSS_FOOTPRINT = 6.0
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class TargetRegion:
+    """The target on a mesh that was cut at the pyramid's sides, so that its area is exact.
+
+    A *face* is an element of F_T: a triangle of the cut mesh inside the pyramid. A *cell* is what an observer judges:
+    a face, or a part of one if the faces were subdivided.
+
+    Attributes:
+        mesh: The whole body in A [m], cut at the pyramid's sides; its first vertices are the original ones.
+        parent: Original mesh face that each face of `mesh` lies in, shape (F,).
+        target: Faces of `mesh` that are the cells, ascending, shape (n,).
+        group: Face of F_T that each cell lies in, from 0, shape (n,).
+        visiting_vertex: Original mesh vertices inside the pyramid, in mesh order, shape (n_T,). Visiting point k of the
+            paper, counted from 1, is entry k - 1.
+        visiting_normal_A: Outward unit normals of the original mesh at those vertices, shape (n_T, 3).
+        axes_A: Unit vectors east, north and outward along the pyramid's axis, as rows, shape (3, 3).
+        side_half_angle: Angle between the axis and the pyramid's sides [rad].
+    """
+
+    mesh: ShapeModel
+    parent: NDArray[np.intp]
+    target: NDArray[np.intp]
+    group: NDArray[np.intp]
+    visiting_vertex: NDArray[np.intp]
+    visiting_normal_A: NDArray[np.float64]
+    axes_A: NDArray[np.float64]
+    side_half_angle: float
+
+    @property
+    def vertices(self) -> NDArray[np.float64]:
+        """Vertices of the cut mesh in A [m], shape (V, 3)."""
+        return self.mesh.vertices
+
+    @property
+    def faces(self) -> NDArray[np.int32]:
+        """Faces of the cut mesh, outward, shape (F, 3)."""
+        return self.mesh.faces
+
+    @cached_property
+    def corners_A(self) -> NDArray[np.float64]:
+        """Corners of each cell in A [m], shape (n, 3, 3)."""
+        return self.vertices[self.faces[self.target]]
+
+    @cached_property
+    def centroid_A(self) -> NDArray[np.float64]:
+        """Centroid of each cell in A [m], shape (n, 3)."""
+        return self.mesh.face_centroids[self.target]
+
+    @cached_property
+    def normal_A(self) -> NDArray[np.float64]:
+        """Outward unit normal of each cell in A, shape (n, 3)."""
+        return self.mesh.face_normals[self.target]
+
+    @cached_property
+    def area(self) -> NDArray[np.float64]:
+        """Area of each cell [m^2], shape (n,)."""
+        return self.mesh.face_areas[self.target]
+
+    @cached_property
+    def total_area(self) -> float:
+        """Area of the target, A(F_T) [m^2]."""
+        return float(self.area.sum())
+
+    @property
+    def n_cells(self) -> int:
+        """Number of cells."""
+        return len(self.target)
+
+    @cached_property
+    def n_faces(self) -> int:
+        """Number of faces in F_T: triangles of the cut mesh inside the pyramid, before any subdivision."""
+        return int(self.group[-1]) + 1
+
+    @cached_property
+    def n_polygons(self) -> int:
+        """Number of original mesh faces that lie at least partly inside the pyramid."""
+        return len(np.unique(self.parent[self.target]))
+
+    @cached_property
+    def n_whole(self) -> int:
+        """Number of original mesh faces that lie wholly inside the pyramid."""
+        per_parent = np.bincount(self.parent)
+        return int((np.bincount(self.parent[self.target], minlength=len(per_parent)) == per_parent).sum())
+
+    @property
+    def n_visiting(self) -> int:
+        """Number of visiting points, n_T."""
+        return len(self.visiting_vertex)
+
+    def visiting_points_A(self, altitude: float, *, projection: Projection = "radial") -> NDArray[np.float64]:
+        """Lift the visiting vertices off the surface.
+
+        Args:
+            altitude: Height above each vertex [m], positive.
+            projection: `radial`, away from the body's centre, or `normal`, along the area-weighted vertex normal.
+
+        Returns:
+            Visiting points in A [m], shape (n_T, 3).
+
+        Raises:
+            MissionError: The altitude is not a positive number, or the projection is unknown.
+        """
+        if not (isfinite(altitude) and altitude > 0.0):
+            raise MissionError(
+                f"imaging altitude {altitude} m puts every visiting point on or below the surface "
+                f"(the first is mesh vertex {self.visiting_vertex[0]}): give a positive altitude in metres"
+            )
+        points = self.vertices[self.visiting_vertex]
+        if projection == "radial":
+            return points * (1.0 + altitude / np.linalg.norm(points, axis=1, keepdims=True))
+        if projection == "normal":
+            return points + altitude * self.visiting_normal_A
+        raise MissionError(f"unknown projection {projection!r} of the visiting points: use 'radial' or 'normal'")
+
+
+def build_target(
+    shape: ShapeModel,
+    *,
+    latitude_deg: float,
+    longitude_deg: float,
+    half_angle_deg: float,
+    edges: Edges = "corner",
+    cell_size_m: float | None = None,
+) -> TargetRegion:
+    """Cut the mesh at the sides of the virtual pyramid and collect what lies inside.
+
+    Args:
+        shape: The body in A [m].
+        latitude_deg: Planetocentric latitude of the pyramid's axis [deg], -90 to 90.
+        longitude_deg: East longitude of the axis [deg].
+        half_angle_deg: Half-angle of the pyramid [deg], between 0 and 90.
+        edges: What lies at the half-angle: the pyramid's four `corner` edges, or the middles of its `side` planes.
+        cell_size_m: Subdivide the target until no cell has a longer edge [m]; None keeps the faces of F_T as cells.
+
+    Raises:
+        MissionError: An angle is out of its range, or the pyramid holds no face or no vertex.
+    """
+    _check_angles(latitude_deg, longitude_deg, half_angle_deg)
+    axes = local_axes(latitude_deg, longitude_deg)
+    slope = _side_slope(half_angle_deg, edges)
+    normals = _side_normals(axes, slope)
+    vertices, faces, parent = cut_mesh(shape.vertices, shape.faces, normals)
+    inside = _inside(vertices, normals)
+    chosen = inside.faces(faces)
+    where = f"within {half_angle_deg} deg of latitude {latitude_deg}, longitude {longitude_deg} deg on {shape.name}"
+    if not chosen.any():
+        raise MissionError(f"target off the body: no face {where}; check the target or the shape's origin")
+    visiting = np.flatnonzero(inside.points[: len(shape.vertices)])
+    if not len(visiting):
+        raise MissionError(f"no mesh vertex {where}, so nothing to visit: enlarge the half-angle or refine the mesh")
+    group = np.cumsum(chosen) - 1
+    if cell_size_m is not None:
+        vertices, faces, origin = refine_mesh(vertices, faces, chosen, _checked_cell_size(cell_size_m))
+        parent, chosen, group = parent[origin], chosen[origin], group[origin]
+    return TargetRegion(
+        mesh=ShapeModel(vertices, faces, shape.name),
+        parent=parent,
+        target=np.flatnonzero(chosen),
+        group=group[chosen],
+        visiting_vertex=visiting,
+        visiting_normal_A=shape.vertex_normals[visiting],
+        axes_A=axes,
+        side_half_angle=float(np.arctan(slope)),
+    )
+
+
+def automatic_cell_size(altitude_m: float, half_angle_deg: float) -> float:
+    """Longest cell edge [m] at which judging cells whole no longer distorts the covered area.
+
+    A cell is counted whole or not at all, so that the border of each image is rounded to the cells under it; the error
+    shrinks as more cells lie across the footprint, whose width is 2 h tan(half-angle). Six across keep the accumulated
+    coverage of a passage within 1 % of the exact one (measured against polygon clipping, 3 deg at 14 km).
+
+    Raises:
+        MissionError: The altitude is not positive or the half-angle not between 0 and 90 deg.
+    """
+    if not altitude_m > 0.0 or not 0.0 < half_angle_deg < 90.0:
+        raise MissionError(
+            f"no cell size for altitude {altitude_m} m and half-angle {half_angle_deg} deg: "
+            "the altitude must be positive, the half-angle between 0 and 90 deg"
+        )
+    return 2.0 * altitude_m * float(np.tan(np.radians(half_angle_deg))) / CELLS_ACROSS_FOOTPRINT
+
+
+def check_visiting_points(shape: ShapeModel, points_A: NDArray[np.float64]) -> None:
+    """Make sure that every visiting point lies outside the body.
+
+    Args:
+        shape: The body in A [m].
+        points_A: Visiting points in A [m], shape (n_T, 3), in the order in which they are numbered from 1.
+
+    Raises:
+        MissionError: A point is inside the body or on its surface; the message names the first one.
+    """
+    for number, point in enumerate(points_A, start=1):
+        if not np.isfinite(point).all() or abs(winding_number(shape, point)) > 0.25:
+            raise MissionError(
+                f"visiting point {number} at {np.round(point, 1).tolist()} m is below the surface of {shape.name}: "
+                "raise the imaging altitude or project it along the other direction (radial or normal)"
+            )
+
+
+def winding_number(shape: ShapeModel, point_A: NDArray[np.float64]) -> float:
+    """Share of the sphere that the surface fills as seen from a point: 1 inside a closed mesh, 0 outside.
+
+    Sum of the faces' signed solid angles over 4 pi (Van Oosterom and Strackee 1983).
+    """
+    corners = shape.vertices[shape.faces] - point_A
+    a, b, c = (corners[:, k] for k in range(3))
+    la, lb, lc = (np.linalg.norm(v, axis=1) for v in (a, b, c))
+    triple = np.einsum("ij,ij->i", a, np.cross(b, c))
+    ab, bc, ca = (np.einsum("ij,ij->i", u, v) for u, v in ((a, b), (b, c), (c, a)))
+    return float(np.arctan2(triple, la * lb * lc + ab * lc + bc * la + ca * lb).sum() / (2.0 * np.pi))
+
+
+def local_axes(latitude_deg: float, longitude_deg: float) -> NDArray[np.float64]:
+    """Unit vectors east, north and up at a planetocentric latitude and longitude, as rows in A, shape (3, 3)."""
+    lat, lon = np.radians(latitude_deg), np.radians(longitude_deg)
+    up = np.array([np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)])
+    east = np.array([-np.sin(lon), np.cos(lon), 0.0])
+    return np.array([east, np.cross(up, east), up])
+
+
+def _side_slope(half_angle_deg: float, edges: Edges) -> float:
+    """Tangent of the angle between axis and side planes."""
+    tangent = float(np.tan(np.radians(half_angle_deg)))
+    if edges == "corner":
+        return tangent / sqrt(2.0)
+    if edges == "side":
+        return tangent
+    raise MissionError(f"unknown pyramid edges {edges!r}: use 'corner' or 'side'")
+
+
+def _side_normals(axes_A: NDArray[np.float64], slope: float) -> NDArray[np.float64]:
+    """Inward unit normals of the pyramid's four sides, shape (4, 3)."""
+    east, north, up = axes_A
+    normals = slope * up + np.array([east, -east, north, -north])
+    return normals / np.linalg.norm(normals, axis=1, keepdims=True)
+
+
+@dataclass(frozen=True)
+class _Inside:
+    """Sides of the four planes on which the vertices lie: 1 inside, 0 on the plane, -1 outside, shape (4, V)."""
+
+    side: NDArray[np.float64]
+
+    @property
+    def points(self) -> NDArray[np.bool_]:
+        """Vertices inside the pyramid or on its surface, shape (V,)."""
+        return (self.side >= 0).all(axis=0) & (self.side.any(axis=0))
+
+    def faces(self, faces: NDArray[np.int32]) -> NDArray[np.bool_]:
+        """Faces inside the pyramid; none may cross a plane, shape (F,)."""
+        return (self.side[:, faces].sum(axis=2) > 0).all(axis=0)
+
+
+def _inside(vertices: NDArray[np.float64], normals: NDArray[np.float64]) -> _Inside:
+    return _Inside(np.array([np.sign(plane_distance(vertices, normal)) for normal in normals]))
+
+
+def _check_angles(latitude_deg: float, longitude_deg: float, half_angle_deg: float) -> None:
+    if not -90.0 <= latitude_deg <= 90.0:
+        raise MissionError(f"target latitude {latitude_deg} deg is not on the body: give -90 to 90 deg")
+    if not isfinite(longitude_deg):
+        raise MissionError(f"target longitude {longitude_deg} deg is not a number")
+    if not 0.0 < half_angle_deg < 90.0:
+        raise MissionError(f"target half-angle {half_angle_deg} deg is impossible: it must be above 0 and below 90 deg")
+
+
+def _checked_cell_size(cell_size_m: float) -> float:
+    if not cell_size_m > 0.0:
+        raise MissionError(f"cell size {cell_size_m} m is impossible: it must be positive, or None for whole faces")
+    return cell_size_m

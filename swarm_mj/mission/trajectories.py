@@ -1,0 +1,156 @@
+"""Trajectories from the mothership to the visiting points: the two-point boundary value problem and its continuation.
+
+The paper (AAS 19-144, "Trajectory generation") asks for flights from one start to given points in a given time. Here each
+is found by shooting under the full force model of the flight: Newton's method on the start velocity with a
+finite-difference Jacobian, all spacecraft and all perturbed copies integrated together by DOP853 (Hairer, Norsett, Wanner).
+Frame N, metres, seconds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+from swarm_mj.errors import MissionError
+from swarm_mj.smallbody.environment import Environment
+
+Array = NDArray[np.float64]
+AccelerationN = Callable[[float, Array], Array]
+
+#: A miss below this ends the shooting [m].
+SHOOTING_TOLERANCE_M = 1e-5
+MAX_ITERATIONS = 20
+#: Step of the start velocity for the Jacobian [m/s]: large against the integrator's noise, small against the curvature.
+VELOCITY_STEP = 1e-2
+
+
+@dataclass(frozen=True, kw_only=True)
+class Deployment:
+    """How the swarm leaves the mothership.
+
+    Attributes:
+        r0_N: Common start, shape (3,) [m].
+        v0_N: Start velocities, shape (n, 3) [m/s].
+        mothership_velocity_N: Shape (3,) [m/s].
+        destination_N: Where each is at the time of flight, shape (n, 3) [m].
+        miss_m: Remaining distance to the destination, shape (n,) [m].
+    """
+
+    r0_N: Array
+    v0_N: Array
+    mothership_velocity_N: Array
+    destination_N: Array
+    miss_m: Array
+
+    @property
+    def delta_v(self) -> Array:
+        """Deployment speed relative to the mothership, shape (n,) [m/s]."""
+        return np.linalg.norm(self.v0_N - self.mothership_velocity_N, axis=1)
+
+
+def propagate(
+    acceleration: AccelerationN, r0: Array, v0: Array, times: Array, *, rtol: float = 1e-12
+) -> tuple[Array, Array]:
+    """Integrate n independent bodies with DOP853.
+
+    Args:
+        acceleration: Function (t, r (n, 3)) -> (n, 3) [m/s^2] in N.
+        r0: Start positions, shape (n, 3) [m].
+        v0: Start velocities, shape (n, 3) [m/s].
+        times: Increasing output times [s]; the first is the start.
+        rtol: Relative tolerance; the absolute one is 1e-9 m and 1e-12 m/s.
+
+    Returns:
+        Positions and velocities, each of shape (len(times), n, 3).
+
+    Raises:
+        MissionError: The integrator failed, for instance at an impact with a point mass.
+    """
+    n = len(r0)
+
+    def rhs(t: float, y: Array) -> Array:
+        r, v = y.reshape(2, n, 3)
+        return np.concatenate((v.ravel(), acceleration(t, r).ravel()))
+
+    atol = np.repeat((1e-9, 1e-12), 3 * n)
+    start = np.concatenate((np.ravel(r0), np.ravel(v0)))
+    solution = solve_ivp(rhs, (times[0], times[-1]), start, method="DOP853", t_eval=times, rtol=rtol, atol=atol)
+    if not solution.success or not np.isfinite(solution.y).all():
+        raise MissionError(f"the trajectory cannot be integrated: {solution.message}")
+    states = solution.y.T.reshape(len(times), 2, n, 3)
+    return states[:, 0], states[:, 1]
+
+
+def solve_transfers(
+    acceleration: AccelerationN, r0: Array, destinations: Array, time_of_flight: float
+) -> tuple[Array, Array]:
+    """Start velocities that carry bodies from one point to their destinations.
+
+    Args:
+        acceleration: Function (t, r (n, 3)) -> (n, 3) [m/s^2] in N; t = 0 is the start.
+        r0: Common start, shape (3,) [m].
+        destinations: Shape (n, 3) [m], in N at the time of flight.
+        time_of_flight: [s].
+
+    Returns:
+        Start velocities (n, 3) [m/s] and the remaining misses (n,) [m].
+
+    Raises:
+        MissionError: No convergence; the message names the spacecraft.
+    """
+    n = len(destinations)
+    times = np.array([0.0, time_of_flight])
+    v0 = (destinations - r0) / time_of_flight
+    offsets = VELOCITY_STEP * np.vstack((np.zeros(3), np.eye(3)))
+    for _ in range(MAX_ITERATIONS):
+        starts = (v0[:, None] + offsets).reshape(-1, 3)
+        r, _ = propagate(acceleration, np.broadcast_to(r0, starts.shape), starts, times)
+        arrivals = r[-1].reshape(n, 4, 3)
+        miss = arrivals[:, 0] - destinations
+        if np.linalg.norm(miss, axis=1).max() < SHOOTING_TOLERANCE_M:
+            return v0, np.linalg.norm(miss, axis=1)
+        jacobian = (arrivals[:, 1:] - arrivals[:, :1]).transpose(0, 2, 1) / VELOCITY_STEP
+        v0 = v0 - np.linalg.solve(jacobian, miss[..., None])[..., 0]
+    worst = int(np.argmax(np.linalg.norm(miss, axis=1)))
+    raise MissionError(
+        f"sc{worst + 1}: no trajectory to its visiting point in {time_of_flight:g} s (miss "
+        f"{np.linalg.norm(miss[worst]):.3g} m after {MAX_ITERATIONS} iterations); change design.time_of_flight_s or the point"
+    )
+
+
+def deploy(
+    environment: Environment,
+    *,
+    mothership_A: Array,
+    mothership_velocity: str | Array,
+    points_A: Array,
+    time_of_flight: float,
+    with_communications: bool,
+) -> Deployment:
+    """Find the deployment of a swarm.
+
+    Args:
+        environment: Force model; its epoch is the deployment.
+        mothership_A: Position of the mothership in A at the epoch, shape (3,) [m].
+        mothership_velocity: 'mean' of the deployed velocities, 'rest' in N, or a velocity in N (3,) [m/s].
+        points_A: The observers' visiting points in A, shape (n_obs, 3) [m], reached at the time of flight.
+        time_of_flight: [s].
+        with_communications: Add a communications spacecraft, last, that visits the mean of the observers' points.
+
+    Raises:
+        MissionError: A transfer does not exist.
+    """
+    if with_communications:
+        points_A = np.vstack((points_A, points_A.mean(axis=0)))
+    r0_N = mothership_A @ environment.C_AN(0.0)
+    destination_N = points_A @ environment.C_AN(time_of_flight)
+    v0_N, miss = solve_transfers(environment.acceleration_N, r0_N, destination_N, time_of_flight)
+    if isinstance(mothership_velocity, str):
+        velocity = v0_N.mean(axis=0) if mothership_velocity == "mean" else np.zeros(3)
+    else:
+        velocity = np.asarray(mothership_velocity, float)
+    return Deployment(r0_N=r0_N, v0_N=v0_N, mothership_velocity_N=velocity, destination_N=destination_N, miss_m=miss)

@@ -1,0 +1,1 @@
+"""Observation: cameras, face-ID buffers, ray casting and the observed area."""

@@ -1,0 +1,116 @@
+"""The camera: its field of view and where its pictures fall.
+
+Camera frame C: z along the line of sight, x to the right and y down in the picture (right-handed). On a spacecraft the
+camera looks along the body's +z, and C is the body frame B. `C_CA` maps components in the body-fixed frame A into C;
+its rows are the camera's axes in A. Lengths are in metres.
+"""
+
+from dataclasses import dataclass
+from math import isfinite
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from swarm_mj.errors import MissionError
+
+FieldOfView = Literal["square", "cone"]
+
+#: Largest picture that every OpenGL 4 driver renders [pixel].
+MAX_RESOLUTION = 8192
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraModel:
+    """An ideal pinhole camera.
+
+    Attributes:
+        half_angle_deg: Angle between the line of sight and the middle of a picture's edge [deg], between 0 and 90.
+        shape: `square` pyramid, or the `cone` inscribed in it.
+        resolution_px: Pixels along one side of the square picture.
+
+    Raises:
+        MissionError: A value is impossible.
+    """
+
+    half_angle_deg: float = 21.5
+    shape: FieldOfView = "square"
+    resolution_px: int = 512
+
+    def __post_init__(self) -> None:
+        """Refuse impossible cameras."""
+        if not 0.0 < self.half_angle_deg < 90.0:
+            raise MissionError(f"camera half-angle {self.half_angle_deg} deg must be above 0 and below 90 deg")
+        if self.shape not in ("square", "cone"):
+            raise MissionError(f"unknown field of view {self.shape!r}: use 'square' or 'cone'")
+        if not 1 <= self.resolution_px <= MAX_RESOLUTION:
+            raise MissionError(f"camera resolution {self.resolution_px} px must be 1 to {MAX_RESOLUTION} px")
+
+    @property
+    def tan_half_angle(self) -> float:
+        """Half the width of the picture at unit distance."""
+        return float(np.tan(np.radians(self.half_angle_deg)))
+
+    @property
+    def pixel_angle(self) -> float:
+        """Width of a pixel at unit distance [rad, small angles]."""
+        return 2.0 * self.tan_half_angle / self.resolution_px
+
+    def contains(self, points_C: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Tell which points lie in the field of view, occlusion aside; `points_C` [m] has shape (..., 3)."""
+        x, y, z = np.moveaxis(points_C, -1, 0)
+        reach = z * self.tan_half_angle
+        if self.shape == "cone":
+            return (z > 0.0) & (np.hypot(x, y) <= reach)
+        return (z > 0.0) & (np.maximum(np.abs(x), np.abs(y)) <= reach)
+
+
+@dataclass(frozen=True, eq=False)
+class CameraPose:
+    """Where a camera is and how it is turned.
+
+    Attributes:
+        r_A: Position in A [m], shape (3,).
+        C_CA: Rotation from A to C, shape (3, 3).
+    """
+
+    r_A: NDArray[np.float64]
+    C_CA: NDArray[np.float64]
+
+    def to_camera(self, points_A: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Points in A [m], shape (..., 3), as components in C [m] relative to the camera."""
+        return (points_A - self.r_A) @ self.C_CA.T
+
+
+def camera_pose(r_A: ArrayLike, C_CA: ArrayLike) -> CameraPose:
+    """Check a pose and convert it to arrays.
+
+    Raises:
+        MissionError: The position or the matrix has the wrong shape or is not finite, or the matrix is no rotation.
+    """
+    position, matrix = np.asarray(r_A, dtype=np.float64), np.asarray(C_CA, dtype=np.float64)
+    if position.shape != (3,) or not all(isfinite(x) for x in position):
+        raise MissionError(f"camera position must be three finite numbers in metres, got {position}")
+    if matrix.shape != (3, 3) or not np.allclose(matrix @ matrix.T, np.eye(3), atol=1e-6):
+        raise MissionError(f"camera attitude C_CA must be a 3 x 3 rotation matrix, got {matrix.tolist()}")
+    if np.linalg.det(matrix) < 0.0:
+        raise MissionError("camera attitude C_CA mirrors the scene: its determinant must be +1, not -1")
+    return CameraPose(position, matrix)
+
+
+def look_at(r_A: ArrayLike, aim_A: ArrayLike, *, roll: float = 0.0) -> CameraPose:
+    """Point a camera at `aim_A` [m].
+
+    At zero roll the picture's right is perpendicular to A's z axis (to its x axis when looking along z); a positive
+    roll [rad] turns the camera clockwise about its line of sight.
+    """
+    position = np.asarray(r_A, dtype=np.float64)
+    forward = np.asarray(aim_A, dtype=np.float64) - position
+    forward = forward / np.linalg.norm(forward)
+    across = np.cross(forward, [0.0, 0.0, 1.0])
+    if np.linalg.norm(across) < 1e-9:
+        across = np.cross(forward, [1.0, 0.0, 0.0])
+    right = across / np.linalg.norm(across)
+    down = np.cross(forward, right)
+    c, s = np.cos(roll), np.sin(roll)
+    return CameraPose(position, np.array([c * right + s * down, c * down - s * right, forward]))

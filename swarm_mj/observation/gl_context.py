@@ -1,0 +1,100 @@
+"""The OpenGL context of this process: one, made at first use, without a window.
+
+An OpenGL context belongs to the thread that made it and does not survive a fork: forked children hang in the driver.
+Both are turned into an `ObserverError` here. Other libraries (MuJoCo's renderer) make their own contexts current on the
+same thread, so that ours must be made current again before every use: always go through `current_context`.
+"""
+
+import os
+import sys
+import threading
+from dataclasses import dataclass, field
+from typing import Any
+
+from swarm_mj.errors import ObserverError
+
+_INSTALL_HINT = "on Debian or Ubuntu install it with `apt-get install libegl1 libgl1`"
+
+
+@dataclass(frozen=True)
+class _Owner:
+    """The process and thread that a context belongs to."""
+
+    pid: int = field(default_factory=os.getpid)
+    thread: int = field(default_factory=threading.get_ident)
+
+    def check(self) -> None:
+        if self.pid != os.getpid():
+            raise ObserverError(
+                f"process {os.getpid()} was forked from {self.pid} after that made its OpenGL context, which a fork "
+                "cannot share: start workers with multiprocessing.get_context('spawn'), or use the raycast observer"
+            )
+        if self.thread != threading.get_ident():
+            raise ObserverError(
+                "the OpenGL context belongs to another thread of this process: observe from the thread that made the "
+                "first face-ID observer, use one process per worker (spawn), or use the raycast observer"
+            )
+
+
+class _Slot:
+    """The one place where the process keeps its context; OpenGL itself leaves no choice but a global."""
+
+    context: Any = None
+    owner: _Owner | None = None
+    failure: str | None = None
+
+
+def current_context() -> Any:
+    """The process's moderngl context, made at the first call, and current on the calling thread.
+
+    Raises:
+        ObserverError: OpenGL cannot be loaded, or the caller is a forked child or another thread.
+    """
+    if _Slot.owner is not None:
+        _Slot.owner.check()
+    if _Slot.context is None:
+        if _Slot.failure is None:
+            _create()
+        if _Slot.failure is not None:
+            raise ObserverError(_Slot.failure)
+    _Slot.context.__enter__()
+    return _Slot.context
+
+
+def gl_available() -> tuple[bool, str]:
+    """Whether face-ID buffers can be drawn here, and the renderer's name or the reason why not.
+
+    Makes the context of this process; do not fork afterwards.
+    """
+    try:
+        return True, str(current_context().info["GL_RENDERER"])
+    except ObserverError as error:
+        return False, str(error)
+
+
+def may_release(context: Any) -> bool:
+    """Whether GL objects of `context` can be deleted by the caller; elsewhere their process's end frees them."""
+    if sys.is_finalizing() or _Slot.owner is None or context is not _Slot.context:
+        return False
+    try:
+        _Slot.owner.check()
+    except ObserverError:
+        return False
+    return True
+
+
+def _create() -> None:
+    try:
+        import moderngl
+
+        if sys.platform == "linux":
+            context = moderngl.create_context(
+                standalone=True, require=330, backend="egl", libgl="libGL.so.1", libegl="libEGL.so.1"
+            )
+        else:
+            context = moderngl.create_context(standalone=True, require=330)
+    except Exception as error:  # moderngl raises plain Exception, and each driver its own
+        reason = str(error).strip() or type(error).__name__
+        _Slot.failure = f"OpenGL 3.3 cannot be loaded ({reason}); {_INSTALL_HINT}, or use the raycast observer"
+        return
+    _Slot.context, _Slot.owner = context, _Owner()

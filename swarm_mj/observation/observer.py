@@ -1,0 +1,79 @@
+"""What every way of observing offers, and the choice between them."""
+
+from typing import Literal, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from swarm_mj.errors import ObserverError
+from swarm_mj.mission.target import TargetRegion
+from swarm_mj.observation.camera import CameraModel
+from swarm_mj.observation.raytracing import RayTracer
+
+ObserverKind = Literal["auto", "faceid", "raycast"]
+
+
+class Observer(Protocol):
+    """Looks at a target through a camera.
+
+    Attributes:
+        name: `faceid` or `raycast`.
+        note: Why this one was chosen, or what it runs on; one line for the reader of a run.
+        region: The target whose cells are judged.
+        camera: The camera through which they are seen.
+    """
+
+    name: str
+    note: str
+    region: TargetRegion
+    camera: CameraModel
+
+    @property
+    def tracer(self) -> RayTracer:
+        """Ray tracer over the region's mesh."""
+        ...
+
+    def visible_fraction(self, r_A: ArrayLike, C_CA: ArrayLike) -> NDArray[np.float64]:
+        """Share of each cell that is in the picture, neither hidden nor outside the field of view.
+
+        Args:
+            r_A: Camera position in A [m], shape (3,).
+            C_CA: Rotation from A to the camera frame, shape (3, 3).
+
+        Returns:
+            Values from 0 to 1, shape (n,).
+
+        Raises:
+            MissionError: The pose is no position and rotation.
+        """
+        ...
+
+    def close(self) -> None:
+        """Release what the observer holds; it cannot look any more."""
+        ...
+
+
+def make_observer(region: TargetRegion, camera: CameraModel, *, kind: ObserverKind = "auto") -> Observer:
+    """Make an observer: face-ID buffers where OpenGL loads, else ray casting.
+
+    Args:
+        region: The target.
+        camera: The camera.
+        kind: `faceid`, `raycast`, or `auto` for the first of the two that this machine offers; `note` says why.
+
+    Raises:
+        ObserverError: The kind is unknown, or `faceid` was asked for and OpenGL cannot be loaded.
+    """
+    from swarm_mj.observation.faceid import FaceIdObserver
+    from swarm_mj.observation.raycast import RayCastObserver
+
+    if kind == "raycast":
+        return RayCastObserver(region, camera)
+    if kind == "faceid":
+        return FaceIdObserver(region, camera)
+    if kind != "auto":
+        raise ObserverError(f"unknown observer {kind!r}: use 'auto', 'faceid' or 'raycast'")
+    try:
+        return FaceIdObserver(region, camera)
+    except ObserverError as error:
+        return RayCastObserver(region, camera, note=f"ray casting, since face-ID buffers are not available: {error}")

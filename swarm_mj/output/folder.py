@@ -1,0 +1,80 @@
+"""A result folder that appears whole or not at all."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from swarm_mj.errors import OutputError
+
+#: What marks a folder as a result of this program, which a new run may replace.
+MARKER = "summary.json"
+
+
+@contextmanager
+def atomic_folder(destination: Path) -> Iterator[Path]:
+    """Give a temporary folder beside `destination` that takes its place when the block ends without an error.
+
+    An earlier result is replaced only then; anything else that stands there is never touched.
+
+    Raises:
+        OutputError: The place cannot be written, or holds something that is not a result of this program.
+    """
+    destination = destination.absolute()
+    _check_replaceable(destination)
+    try:
+        destination.parent.mkdir(parents=True, exist_ok=True)
+        partial = Path(tempfile.mkdtemp(prefix=f".{destination.name}.", suffix=".partial", dir=destination.parent))
+        partial.chmod(0o755)
+    except OSError as error:
+        raise OutputError(
+            f"{destination}: cannot be written ({error.strerror}); choose another folder with --out"
+        ) from None
+    try:
+        yield partial
+        _replace(partial, destination)
+    except OSError as error:
+        raise OutputError(
+            f"{destination}: cannot be written ({error}); the earlier result, if any, is intact"
+        ) from error
+    finally:
+        shutil.rmtree(partial, ignore_errors=True)
+
+
+def _check_replaceable(destination: Path) -> None:
+    try:
+        if not destination.exists():
+            return
+        if not destination.is_dir():
+            raise OutputError(f"{destination}: is a file; --out must name a folder")
+        if any(destination.iterdir()) and not (destination / MARKER).exists():
+            raise OutputError(
+                f"{destination}: exists and is not an earlier result (it has no {MARKER}); choose another folder with --out"
+            )
+    except OSError as error:
+        raise OutputError(f"{destination}: cannot be read ({error.strerror})") from None
+
+
+def _replace(partial: Path, destination: Path) -> None:
+    if not destination.exists():
+        partial.rename(destination)
+        return
+    old = partial.with_suffix(".old")
+    destination.rename(old)
+    try:
+        partial.rename(destination)
+    except OSError:
+        old.rename(destination)
+        raise
+    shutil.rmtree(old, ignore_errors=True)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text file under a temporary name, then rename it."""
+    partial = path.with_name(f".{path.name}.partial")
+    partial.write_text(text, encoding="utf-8")
+    os.replace(partial, path)

@@ -1,0 +1,73 @@
+"""The files of a run: summary.json, scenario.yaml, telemetry.nc, coverage.npz."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+import yaml
+
+from swarm_mj.errors import OutputError
+from swarm_mj.flight import ObservationResult
+from swarm_mj.output.folder import write_text
+from swarm_mj.planning import Plan
+
+
+def write_results(folder: Path, plan: Plan, telemetry: xr.Dataset, result: ObservationResult) -> None:
+    """Write telemetry, coverage and the scenario as it was flown; the summary comes last, with its times."""
+    write_text(folder / "scenario.yaml", yaml.safe_dump(plan.scenario.model_dump(mode="json"), sort_keys=False))
+    write_telemetry(folder / "telemetry.nc", telemetry)
+    write_coverage(folder / "coverage.npz", plan, result)
+
+
+def write_summary(folder: Path, summary: dict[str, Any]) -> None:
+    """Write summary.json."""
+    write_text(folder / "summary.json", json.dumps(summary, indent=2, allow_nan=False) + "\n")
+
+
+def write_telemetry(path: Path, telemetry: xr.Dataset) -> None:
+    """Write telemetry as compressed NetCDF-4."""
+    encoding: dict[Any, dict[str, Any]] = {
+        name: {"zlib": True, "complevel": 4} for name, variable in telemetry.data_vars.items() if variable.ndim
+    }
+    telemetry.to_netcdf(path, engine="h5netcdf", encoding=encoding)
+
+
+def write_coverage(path: Path, plan: Plan, result: ObservationResult) -> None:
+    """Write the clipped target mesh and what was seen of it.
+
+    Arrays: `vertices` in A [m]; `faces`, the target's cells; `area` [m^2]; `seen`; `first_seen_s` (NaN: never); `seen_by`
+    (spacecraft x face); `face_of_cell`, the face of F_T each lies in; the same of the whole passage with suffix `_passage`.
+    """
+    region = plan.region
+    corners = region.mesh.faces[region.target]
+    used, faces = np.unique(corners, return_inverse=True)
+    coverage, passage = result.coverage, result.passage
+    np.savez_compressed(
+        path,
+        vertices=region.mesh.vertices[used],
+        faces=faces.reshape(corners.shape),
+        area=region.area,
+        face_of_cell=region.group,
+        seen=coverage.seen,
+        first_seen_s=coverage.first_seen_s,
+        seen_by=coverage.seen_by,
+        seen_passage=passage.seen,
+        first_seen_s_passage=passage.first_seen_s,
+        seen_by_passage=passage.seen_by,
+    )
+
+
+def read_summary(folder: Path) -> dict[str, Any]:
+    """Read the summary of a run.
+
+    Raises:
+        OutputError: The folder is not a result.
+    """
+    try:
+        return json.loads((folder / "summary.json").read_text("utf-8"))
+    except (OSError, ValueError) as error:
+        raise OutputError(f"{folder}: is not a result folder of swarm-mj ({error})") from None

@@ -1,0 +1,115 @@
+"""The summary of a run: one JSON object with the numbers a reader asks for first."""
+
+from __future__ import annotations
+
+import platform
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from swarm_mj import __version__
+from swarm_mj.flight import ObservationResult
+from swarm_mj.planning import Plan
+from swarm_mj.simulation.telemetry import MODES
+
+#: Libraries whose versions decide the numbers.
+LIBRARIES = ("mujoco", "numpy", "scipy", "numba", "moderngl", "embreex")
+
+
+def summarise(plan: Plan, telemetry: xr.Dataset, result: ObservationResult, wall_s: dict[str, float]) -> dict[str, Any]:
+    """Collect the summary of a run; plain Python numbers, ready for JSON."""
+    scenario, names = plan.scenario, plan.names
+    error_deg = np.degrees(telemetry["pointing_error"].values)
+    switches = mode_switches(telemetry)
+    return {
+        "scenario": scenario.name,
+        "description": scenario.description,
+        "seed": scenario.seed,
+        "epoch_tdb": scenario.epoch,
+        "spacecraft": plan.n,
+        "observers": plan.n_observers,
+        "duration_s": scenario.duration_s,
+        "target_vertices": plan.region.n_visiting,
+        "target_faces": plan.region.n_faces,
+        "target_cells": plan.region.n_cells,
+        "target_area_km2": _rounded(plan.region.total_area / 1e6, 6),
+        "visiting_points": list(scenario.design.visiting_points),
+        "coverage_percent": _rounded(result.coverage.percent, 6),
+        "coverage_percent_passage": _rounded(result.passage.percent, 6),
+        "coverage_percent_by_spacecraft": _by_name(names, result.coverage.percent_by_spacecraft, 4),
+        "criterion": scenario.observation.criterion,
+        "observer": result.observer,
+        "observer_note": result.note,
+        "images": result.images,
+        "pointing_error_deg_final": _by_name(names, error_deg[-1], 9),
+        "pointing_error_deg_before_switch": {
+            name: _rounded(max(error_deg[s["sample"] - 1, j] for s in switches[name]), 9)
+            for j, name in enumerate(names)
+            if switches[name]
+        },
+        "mode_switches": {
+            name: [
+                {
+                    "time_s": s["time_s"],
+                    "from": s["from"],
+                    "to": s["to"],
+                    "error_deg": _rounded(error_deg[s["sample"], j], 3),
+                }
+                for s in switches[name]
+            ]
+            for j, name in enumerate(names)
+        },
+        "max_wheel_speed_fraction": _rounded(
+            float(np.abs(telemetry["wheel_speed"].values).max()) / plan.properties.max_wheel_speed, 6
+        ),
+        "max_wheel_torque_fraction": _rounded(
+            float(np.abs(telemetry["wheel_torque"].values).max()) / plan.properties.max_wheel_torque, 6
+        ),
+        "deployment_delta_v_m_s": _by_name(names, plan.deployment.delta_v, 6),
+        "transfer_miss_mm": _by_name(names, 1e3 * plan.deployment.miss_m, 6),
+        "least_distance_to_centre_km": _by_name(names, plan.least_radius / 1e3, 3),
+        "near_collisions": [
+            {
+                "spacecraft": [names[a.first], names[a.second]],
+                "time_s": _rounded(a.time, 3),
+                "distance_m": _rounded(a.distance, 3),
+            }
+            for a in plan.near_collisions
+        ],
+        "link_closed_percent": _by_name(names, 100.0 * telemetry["link_closed"].values.mean(axis=0), 2),
+        "wall_s": {stage: round(seconds, 3) for stage, seconds in wall_s.items()},
+        "versions": {
+            "swarm_mj": __version__,
+            "python": platform.python_version(),
+            **{name: version(name) for name in LIBRARIES},
+        },
+    }
+
+
+def mode_switches(telemetry: xr.Dataset) -> dict[str, list[dict[str, Any]]]:
+    """Every change of target: per spacecraft a list of sample, time and the two modes."""
+    mode, times = telemetry["mode"].values, telemetry["time"].values
+    tracked = telemetry["tracked_spacecraft"].values
+    changed = (np.diff(mode, axis=0) != 0) | (np.diff(tracked, axis=0) != 0)
+    switches: dict[str, list[dict[str, Any]]] = {}
+    for j, name in enumerate(telemetry["spacecraft"].values):
+        switches[str(name)] = [
+            {
+                "sample": int(k) + 1,
+                "time_s": float(times[k + 1]),
+                "from": MODES[mode[k, j]],
+                "to": MODES[mode[k + 1, j]],
+            }
+            for k in np.flatnonzero(changed[:, j])
+        ]
+    return switches
+
+
+def _by_name(names: tuple[str, ...], values: Any, digits: int) -> dict[str, float]:
+    return {name: _rounded(value, digits) for name, value in zip(names, values, strict=True)}
+
+
+def _rounded(value: Any, digits: int) -> float:
+    return round(float(value), digits)

@@ -1,0 +1,137 @@
+"""The main job: fly scenarios with a progress bar, write their results, print a short table."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.table import Table
+
+from swarm_mj.errors import OutputError
+from swarm_mj.flight import add_coverage, observe_flight, picture_count, simulate
+from swarm_mj.output.folder import atomic_folder
+from swarm_mj.output.results import write_results, write_summary
+from swarm_mj.output.summary import summarise
+from swarm_mj.planning import make_plan
+from swarm_mj.scenarios.schema import Scenario
+
+
+class Stages:
+    """Wall-clock seconds by stage, and a progress bar for each."""
+
+    def __init__(self, progress: Progress, scenario: str) -> None:
+        self.wall_s: dict[str, float] = {}
+        self._progress, self._scenario = progress, scenario
+
+    @contextmanager
+    def stage(self, name: str, label: str, total: float | None = None) -> Iterator[Callable[[float], None]]:
+        """Time a stage; gives the function that reports how much of `total` is done."""
+        start = time.perf_counter()
+        task: TaskID = self._progress.add_task(f"{self._scenario}: {label}", total=total)
+        yield lambda done: self._progress.update(task, completed=done)
+        size = total or 1.0
+        self._progress.update(task, total=size, completed=size)
+        self.wall_s[name] = time.perf_counter() - start
+
+
+def run_many(
+    scenarios: Sequence[Scenario], folders: Sequence[Path], *, figures: bool = True, quiet: bool = False
+) -> None:
+    """Fly scenarios one after another and print a table of results.
+
+    Raises:
+        SwarmError: One cannot be flown; results of those before it stay.
+    """
+    if len(set(folders)) < len(folders):
+        raise OutputError("two scenarios have the same name; give them folders of their own with --out, one call each")
+    console = Console()
+    summaries = []
+    with _progress_bars(console, quiet) as progress:
+        for scenario, folder in zip(scenarios, folders, strict=True):
+            summaries.append(run_one(scenario, folder, figures=figures, progress=progress))
+    console.print(results_table(summaries))
+    for summary, folder in zip(summaries, folders, strict=True):
+        _print_notes(console, summary, folder)
+
+
+def run_one(scenario: Scenario, folder: Path, *, figures: bool, progress: Progress | None = None) -> dict[str, Any]:
+    """Fly one scenario into a folder that appears only when all is done; returns its summary."""
+    stages = Stages(progress or Progress(disable=True), scenario.name)
+    with atomic_folder(folder) as partial:
+        with stages.stage("design", "trajectories (compiles on first use)"):
+            plan = make_plan(scenario)
+        with stages.stage("simulate", "flight", scenario.duration_s) as report:
+            telemetry = simulate(plan, report)
+        with stages.stage("coverage", "images", picture_count(plan, telemetry)) as report:
+            result = observe_flight(plan, telemetry, report)
+            add_coverage(telemetry, result)
+        write_results(partial, plan, telemetry, result)
+        if figures:
+            from swarm_mj.output.figures import FIGURES
+
+            with stages.stage("figures", "figures", len(FIGURES)) as report:
+                for count, (name, draw) in enumerate(FIGURES.items()):
+                    draw(partial / f"{name}.png", plan, telemetry, result)
+                    report(count + 1)
+        summary = summarise(plan, telemetry, result, {"figures": 0.0, **stages.wall_s})
+        write_summary(partial, summary)
+    return summary
+
+
+def results_table(summaries: Sequence[dict[str, Any]]) -> Table:
+    """A short table: one column a run."""
+    table = Table(title="Results", title_justify="left")
+    table.add_column("")
+    for summary in summaries:
+        table.add_column(summary["scenario"], justify="right")
+    for label, cell in _ROWS.items():
+        table.add_row(label, *(cell(summary) for summary in summaries))
+    return table
+
+
+def _worst(errors: dict[str, float]) -> str:
+    return f"{max(errors.values()):.1e}" if errors else "-"
+
+
+_ROWS: dict[str, Callable[[dict[str, Any]], str]] = {
+    "spacecraft (of them observers)": lambda s: f"{s['spacecraft']} ({s['observers']})",
+    "target faces": lambda s: str(s["target_faces"]),
+    "observed area P_TO [%]": lambda s: f"{s['coverage_percent']:.2f}",
+    "the same, whole passage [%]": lambda s: f"{s['coverage_percent_passage']:.2f}",
+    "pointing error before a switch, at most [deg]": lambda s: _worst(s["pointing_error_deg_before_switch"]),
+    "pointing error at the end, at most [deg]": lambda s: _worst(s["pointing_error_deg_final"]),
+    "wheel speed, at most [% of limit]": lambda s: f"{100 * s['max_wheel_speed_fraction']:.0f}",
+    "deployment delta-v, at most [m/s]": lambda s: f"{max(s['deployment_delta_v_m_s'].values()):.2f}",
+    "measured by": lambda s: s["observer"],
+    "wall time [s]": lambda s: f"{sum(s['wall_s'].values()):.1f}",
+}
+
+
+def _print_notes(console: Console, summary: dict[str, Any], folder: Path) -> None:
+    if summary["observer"] != "faceid":
+        console.print(f"{summary['scenario']}: {summary['observer_note']}", soft_wrap=True, highlight=False)
+    for near in summary["near_collisions"]:
+        first, second = near["spacecraft"]
+        console.print(
+            f"{summary['scenario']}: near-collision of {first} and {second}, {near['distance_m']:.1f} m at "
+            f"t = {near['time_s']:.0f} s",
+            soft_wrap=True,
+            highlight=False,
+        )
+    console.print(f"{summary['scenario']}: files in {folder}", soft_wrap=True, highlight=False)
+
+
+def _progress_bars(console: Console, quiet: bool) -> Progress:
+    return Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+        console=console,
+        disable=quiet,
+    )

@@ -1,0 +1,1 @@
+"""The packaged scenarios: YAML files that `swarm-mj scenarios` lists."""

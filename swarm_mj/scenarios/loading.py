@@ -1,0 +1,147 @@
+"""Reading scenarios: packaged ones by name, files by path, single values by `key=value`."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Mapping
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import yaml
+from pydantic import BaseModel, ValidationError
+
+from swarm_mj.errors import ScenarioError
+from swarm_mj.scenarios.schema import Scenario
+
+#: A scenario is a page of text; anything larger is a mistake or an attack.
+MAX_BYTES = 1_000_000
+
+
+def packaged_names() -> list[str]:
+    """Names of the packaged scenarios, sorted."""
+    folder = resources.files("swarm_mj.scenarios")
+    return sorted(p.name.removesuffix(".yaml") for p in folder.iterdir() if p.name.endswith(".yaml"))
+
+
+def packaged_text(name: str) -> str:
+    """Text of a packaged scenario.
+
+    Raises:
+        ScenarioError: There is none of that name; the message lists them.
+    """
+    known = packaged_names()
+    if name not in known:
+        close = difflib.get_close_matches(name, known, n=1)
+        hint = f" Did you mean {close[0]!r}?" if close else ""
+        raise ScenarioError(
+            f"{name}: no such scenario.{hint} Packaged: {', '.join(known)}. The name of a file must end in .yaml"
+        )
+    return (resources.files("swarm_mj.scenarios") / f"{name}.yaml").read_text("utf-8")
+
+
+def load_scenario(name_or_path: str | Path, overrides: Iterable[str] = ()) -> Scenario:
+    """Read a scenario and apply overrides.
+
+    Args:
+        name_or_path: A packaged name (see `packaged_names`) or the path of a YAML file.
+        overrides: Texts `key=value` with dotted keys, e.g. `camera.half_angle_deg=3`; the value is YAML.
+
+    Raises:
+        ScenarioError: Missing, unreadable or invalid; the message names the key, the value and what is allowed.
+    """
+    text, source = _read(name_or_path)
+    data = _parse(text, source)
+    for override in overrides:
+        _apply(data, override)
+    return scenario_from(data, source)
+
+
+def scenario_from(data: Mapping[str, Any], source: str = "scenario") -> Scenario:
+    """Check a mapping against the schema; `source` names its origin in errors."""
+    try:
+        return Scenario.model_validate(data)
+    except ValidationError as error:
+        raise ScenarioError(f"{source}:\n" + "\n".join(_explain(e) for e in error.errors())) from None
+
+
+def _read(name_or_path: str | Path) -> tuple[str, str]:
+    path = Path(name_or_path)
+    if path.suffix in {".yaml", ".yml"} or path.exists():
+        try:
+            with path.open("rb") as file:
+                raw = file.read(MAX_BYTES + 1)
+        except OSError as error:
+            raise ScenarioError(f"{path}: cannot be read ({error.strerror})") from None
+        if len(raw) > MAX_BYTES:
+            raise ScenarioError(f"{path}: larger than {MAX_BYTES} bytes; this is not a scenario")
+        try:
+            return raw.decode("utf-8"), str(path)
+        except UnicodeDecodeError as error:
+            raise ScenarioError(f"{path}: byte {error.start} is not UTF-8 text") from None
+    return packaged_text(str(name_or_path)), str(name_or_path)
+
+
+def _parse(text: str, source: str) -> dict[str, Any]:
+    try:
+        # Aliases let a page of text unfold into gigabytes; no scenario needs them.
+        if any(isinstance(token, yaml.AliasToken) for token in yaml.scan(text)):
+            raise ScenarioError(f"{source}: YAML aliases (*name) are not allowed in scenarios")
+        data = yaml.safe_load(text)
+    except (yaml.YAMLError, RecursionError, ValueError) as error:
+        raise ScenarioError(f"{source}: not valid YAML: {error}") from None
+    if not isinstance(data, dict):
+        raise ScenarioError(f"{source}: must be a mapping of keys to values, not {type(data).__name__}")
+    return data
+
+
+def _apply(data: dict[str, Any], override: str) -> None:
+    key, separator, text = override.partition("=")
+    if not separator or not key.strip():
+        raise ScenarioError(f"--set {override}: must read key=value, for example camera.half_angle_deg=3")
+    try:
+        value = yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        raise ScenarioError(f"--set {override}: the value is not valid YAML: {error}") from None
+    *parents, last = key.strip().split(".")
+    node = data
+    for name in parents:
+        child = node.setdefault(name, {})
+        if not isinstance(child, dict):
+            raise ScenarioError(f"--set {override}: {name} is a single value, it has no keys inside")
+        node = child
+    node[last] = value
+
+
+def _explain(error: Any) -> str:
+    # Locations of unions hold type names besides keys; keep what leads through the schema.
+    keys = [part for part in error["loc"] if not _is_union_branch(part)]
+    key = ".".join(str(part) for part in keys) or "(whole)"
+    if error["type"] == "extra_forbidden":
+        return f"  {key}: unknown key. {_allowed_keys(keys)}"
+    if error["type"] == "missing":
+        return f"  {key}: missing, a value is required"
+    message = error["msg"].removeprefix("Value error, ")
+    if error["type"] == "value_error":
+        prefix = f"{key}." if keys else ""
+        return f"  {prefix}{message}"
+    return f"  {key} = {error['input']!r}: {message[0].lower()}{message[1:]}"
+
+
+def _is_union_branch(part: str | int) -> bool:
+    return isinstance(part, str) and (
+        "[" in part or part in {"float", "int", "str", "tuple", "none", "literal", "constrained-float"}
+    )
+
+
+def _allowed_keys(keys: list[Any]) -> str:
+    model: type[BaseModel] = Scenario
+    for key in keys[:-1]:
+        field = model.model_fields.get(str(key))
+        if field is None or not isinstance(field.annotation, type) or not issubclass(field.annotation, BaseModel):
+            return ""
+        model = field.annotation
+    allowed = list(model.model_fields)
+    close = difflib.get_close_matches(str(keys[-1]), allowed, n=1)
+    hint = f"Did you mean {close[0]!r}? " if close else ""
+    return f"{hint}Allowed: {', '.join(allowed)}"

@@ -1,0 +1,305 @@
+"""The scenario: every number of a mission, checked on reading.
+
+A scenario is a tree of frozen pydantic models. Unknown keys, NaN, wrong units and infeasible numbers are refused with an
+error that names the key, the value and what is allowed. Assumptions that AAS 19-144 leaves open are fields with a default
+and a reason in their description; `swarm-mj scenarios --json-schema` prints them all.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from swarm_mj import constants
+
+Vector3 = Annotated[tuple[float, float, float], Field(description="three components")]
+Parameters = dict[str, Any]
+
+
+class Section(BaseModel):
+    """Base of all sections: immutable, strict about unknown keys and non-finite numbers."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class GravityModel(Section):
+    """Which gravity field acts, by plug-in name."""
+
+    model: str = Field(
+        "spherical_harmonics", description="plug-in: spherical_harmonics, point_mass, polyhedron or your own"
+    )
+    parameters: Parameters = Field(
+        default_factory=dict,
+        description="arguments of the plug-in, e.g. gm [m^3/s^2]; empty: the measured NEAR15A field of Eros",
+    )
+
+
+class RotationState(Section):
+    """Pole and spin of the body (defaults: 433 Eros, label of PDS NEAR-A-5-COLLECTED-MODELS-V1.0)."""
+
+    pole_ra_deg: float = Field(
+        constants.EROS_POLE_RA_DEG, description="right ascension of the pole, J2000 equatorial [deg]"
+    )
+    pole_dec_deg: float = Field(constants.EROS_POLE_DEC_DEG, ge=-90, le=90, description="declination of the pole [deg]")
+    w0_deg: float = Field(constants.EROS_W0_DEG, description="prime meridian angle at J2000 [deg]")
+    w_rate_deg_per_day: float = Field(constants.EROS_W_RATE_DEG_PER_DAY, description="rotation rate [deg/day]")
+
+
+class HeliocentricOrbit(Section):
+    """Keplerian elements in the ecliptic J2000 frame (default: 433 Eros, JPL Horizons, epoch 2019-05-02)."""
+
+    semi_major_axis_au: float = Field(1.458114857699829, gt=0)
+    eccentricity: float = Field(0.2227354414120954, ge=0, lt=1)
+    inclination_deg: float = Field(10.82855904976882, ge=0, le=180)
+    node_deg: float = 304.3061397028930
+    argument_of_perihelion_deg: float = 178.8220606936718
+    perihelion_jd: float = Field(2458516.111275572, gt=0, description="Julian date of perihelion passage (TDB)")
+
+
+class Body(Section):
+    """The small body: shape, gravity, rotation and heliocentric orbit."""
+
+    name: str = "433 Eros"
+    shape: str = Field("eros", description="'eros' (packaged) or the path of an OBJ, PLY, STL or PDS .tab file")
+    shape_unit: Literal["m", "km"] | None = Field(
+        None, description="unit of the vertices in the file; null: metres, but kilometres for .tab"
+    )
+    radius_range_m: tuple[float, float] = Field(
+        (50.0, 2.0e6),
+        description="largest vertex radius that is believed [m]; guards against kilometres taken for metres",
+    )
+    gravity: GravityModel = Field(default_factory=GravityModel)
+    rotation: RotationState = Field(default_factory=RotationState)
+    orbit: HeliocentricOrbit = Field(default_factory=HeliocentricOrbit)
+
+
+class Perturbations(Section):
+    """Optional perturbations; all off, as in the paper."""
+
+    solar_tide: bool = Field(False, description="third-body tide of the Sun")
+    solar_radiation_pressure: bool = Field(False, description="cannonball model, without eclipses")
+    gravity_gradient_torque: bool = Field(False, description="torque of the body's central field")
+    srp_area_m2: float = Field(0.034, gt=0, description="sunlit area [m^2]; default: the 0.1 m x 0.34 m side")
+    srp_reflectivity: float = Field(1.3, ge=1, le=2, description="coefficient C_R: 1 absorbs, 2 mirrors")
+
+
+class Target(Section):
+    """The surface feature: the part of the body inside a pyramid from its centre."""
+
+    latitude_deg: float = Field(0.0, ge=-90, le=90)
+    longitude_deg: float = Field(90.0, ge=-360, le=360, description="east longitude [deg]")
+    half_angle_deg: float = Field(20.0, gt=0, lt=90)
+    edges: Literal["corner", "side"] = Field(
+        "corner", description="whether the half-angle is measured to the pyramid's corner edges or to its side planes"
+    )
+    cell_size_m: float | Literal["auto"] | None = Field(
+        "auto",
+        description="edge length to which target faces are subdivided [m]; null: not at all; auto: only where the camera's "
+        "footprint is too narrow for whole faces to measure the area",
+    )
+
+
+class Design(Section):
+    """Who visits which point, when and how high."""
+
+    visiting_points: tuple[int, ...] = Field(
+        (7, 25, 31, 34, 38),
+        min_length=1,
+        max_length=1000,
+        description="one point per observer, numbered from 1 in mesh order",
+    )
+    imaging_altitude_m: float = Field(14_000.0, gt=0)
+    projection: Literal["radial", "normal"] = "radial"
+    time_of_flight_s: float = Field(600.0, gt=0, description="from the mothership to the visiting point [s]")
+
+
+class Mothership(Section):
+    """Where the swarm is deployed from."""
+
+    position_A_m: Vector3 = Field(
+        (0.0, 0.0, -30_000.0), description="position in the body-fixed frame at the epoch [m]"
+    )
+    velocity: Literal["mean", "rest"] | Vector3 = Field(
+        "mean",
+        description="inertial velocity: 'mean' of the deployed velocities (then a CubeSat needs about 10 m/s at most), 'rest', "
+        "or three components in N [m/s]",
+    )
+
+
+class Wheel(Section):
+    """A reaction wheel; default: the class of the Blue Canyon RWP015 (15 mN m s, 4 mN m, 0.13 kg, 42 x 42 x 19 mm)."""
+
+    mass_kg: float = Field(0.13, gt=0)
+    spin_inertia_kg_m2: float = Field(
+        2.387e-5, gt=0, description="about the spin axis; 15 mN m s at 6,000 rpm gives 2.387e-5 kg m^2"
+    )
+    transverse_inertia_kg_m2: float = Field(
+        1.545e-5, gt=0, description="of a disc of that mass and spin inertia (38 mm across), 18 mm high"
+    )
+    max_torque_n_m: float = Field(0.004, gt=0)
+    max_speed_rpm: float = Field(6000.0, gt=0)
+
+
+class Spacecraft(Section):
+    """The CubeSat: a uniform box with three orthogonal wheels counted inside its mass and inertia."""
+
+    mass_kg: float = Field(8.0, gt=0)
+    size_m: Vector3 = Field((0.1, 0.1, 0.34), description="a 3U CubeSat; the camera looks along the long axis +z")
+    wheel: Wheel = Field(default_factory=Wheel)
+    initial_mrp_range: float = Field(1.0, ge=0, description="each MRP component is uniform in [-range, range]")
+    initial_rate_range_rpm: float = Field(
+        0.2, ge=0, description="each body rate component is uniform in [-range, range] rpm"
+    )
+
+    @model_validator(mode="after")
+    def _wheels_fit_inside(self) -> Self:
+        if min(self.size_m) <= 0:
+            raise ValueError(f"size_m = {list(self.size_m)}: every edge must be > 0")
+        if 3 * self.wheel.mass_kg >= self.mass_kg:
+            raise ValueError(f"mass_kg = {self.mass_kg}: must exceed the three wheels, {3 * self.wheel.mass_kg:g} kg")
+        return self
+
+
+class Control(Section):
+    """The attitude control law, by plug-in name."""
+
+    controller: str = Field("mrp_sliding_mode", description="plug-in: mrp_sliding_mode, mrp_feedback or your own")
+    parameters: Parameters = Field(
+        default_factory=dict, description="gains of the plug-in; see docs/attitude_control.md"
+    )
+    period_s: float = Field(0.5, gt=0, description="how long wheel torques and forces are held [s]")
+
+
+class Physics(Section):
+    """Time integration by MuJoCo's RK4."""
+
+    timestep_s: float = Field(0.1, gt=0, le=1.0)
+
+
+class Behavior(Section):
+    """Who points at what, by plug-in name."""
+
+    name: str = Field(
+        "dedicated_communications", description="plug-in: dedicated_communications, adaptable_roles or your own"
+    )
+    parameters: Parameters = Field(default_factory=dict)
+    imaging_radius_m: float = Field(
+        35_000.0,
+        gt=0,
+        description="R_im; the paper does not give it: 35 km leaves all spacecraft inside at 0 and 10 min and outside at 20 min",
+    )
+
+
+class Camera(Section):
+    """The camera along +z."""
+
+    half_angle_deg: float = Field(
+        21.5, gt=0, lt=90, description="to the sides of a square field of view, or of the cone"
+    )
+    shape: Literal["square", "cone"] = "square"
+    resolution_px: int = Field(512, ge=16, le=8192, description="pixels along one side")
+
+
+class Observation(Section):
+    """When a target face counts as observed."""
+
+    observer: Literal["auto", "faceid", "raycast"] = Field(
+        "auto", description="face-ID buffers on OpenGL, ray casting, or whichever this machine can"
+    )
+    criterion: Literal["passage", "visit"] = Field(
+        "passage", description="count the whole passage inside the imaging region, or only the instant of the visit"
+    )
+    interval_s: float = Field(10.0, gt=0, description="time between two images of a spacecraft [s]")
+    min_fraction: float = Field(0.5, gt=0, le=1, description="part of a face's expected pixels that must be found")
+    any_pixel: bool = Field(False, description="let any pixel of a face suffice instead; overstates the area")
+    max_emission_deg: float | None = Field(
+        None, gt=0, le=90, description="largest angle between face normal and camera"
+    )
+    max_range_m: float | None = Field(None, gt=0)
+    max_gsd_m: float | None = Field(None, gt=0, description="largest ground sampling distance, obliquity included [m]")
+    max_incidence_deg: float | None = Field(None, gt=0, le=90, description="largest angle between face normal and Sun")
+    shadows: bool = Field(False, description="faces shadowed by the body itself do not count")
+
+
+class Link(Section):
+    """Radio links: a directional antenna along +z and a hemispherical inter-satellite antenna."""
+
+    dish_half_angle_deg: float = Field(5.0, gt=0, le=90, description="half the beam of the antenna along +z")
+    hemispherical_boresight_B: Vector3 = Field(
+        (0.0, 0.0, 1.0),
+        description="axis of the inter-satellite antenna in B; a hemisphere cannot see the whole swarm from its middle, and "
+        "beside the dish it hears more of the paper's swarm than on the opposite face",
+    )
+    hemispherical_half_angle_deg: float = Field(90.0, gt=0, le=180)
+    max_range_m: float = Field(50_000.0, gt=0, description="of an inter-satellite link")
+
+
+class Safety(Section):
+    """Limits whose violation is reported."""
+
+    min_separation_m: float = Field(
+        10.0, ge=0, description="closer than this, after the grace time, is a near-collision"
+    )
+    separation_grace_s: float = Field(60.0, ge=0, description="all spacecraft leave the mothership from one point [s]")
+
+
+class Telemetry(Section):
+    """What is written during the flight."""
+
+    interval_s: float = Field(1.0, gt=0)
+
+
+class Scenario(Section):
+    """A whole mission."""
+
+    name: str = Field(min_length=1, pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")
+    description: str = ""
+    seed: int = Field(0, ge=0, lt=2**63, description="of the random initial attitudes")
+    epoch: str = Field("2018-01-15T00:00:00", description="time at which the swarm is deployed, ISO 8601, TDB")
+    duration_s: float = Field(1200.0, gt=0, le=30 * 86_400.0)
+    body: Body = Field(default_factory=Body)
+    perturbations: Perturbations = Field(default_factory=Perturbations)
+    target: Target = Field(default_factory=Target)
+    design: Design = Field(default_factory=Design)
+    mothership: Mothership = Field(default_factory=Mothership)
+    spacecraft: Spacecraft = Field(default_factory=Spacecraft)
+    control: Control = Field(default_factory=Control)
+    physics: Physics = Field(default_factory=Physics)
+    behavior: Behavior = Field(default_factory=Behavior)
+    camera: Camera = Field(default_factory=Camera)
+    observation: Observation = Field(default_factory=Observation)
+    link: Link = Field(default_factory=Link)
+    safety: Safety = Field(default_factory=Safety)
+    telemetry: Telemetry = Field(default_factory=Telemetry)
+
+    @model_validator(mode="after")
+    def _times_fit_together(self) -> Self:
+        whole = (
+            ("control.period_s", self.control.period_s, "physics.timestep_s", self.physics.timestep_s),
+            ("duration_s", self.duration_s, "control.period_s", self.control.period_s),
+            ("telemetry.interval_s", self.telemetry.interval_s, "control.period_s", self.control.period_s),
+            ("observation.interval_s", self.observation.interval_s, "telemetry.interval_s", self.telemetry.interval_s),
+            (
+                "design.time_of_flight_s",
+                self.design.time_of_flight_s,
+                "telemetry.interval_s",
+                self.telemetry.interval_s,
+            ),
+            ("duration_s", self.duration_s, "telemetry.interval_s", self.telemetry.interval_s),
+        )
+        for key, value, unit_key, unit in whole:
+            if not is_multiple(value, unit):
+                raise ValueError(f"{key} = {value:g}: must be a whole multiple of {unit_key} = {unit:g}")
+        if self.design.time_of_flight_s > self.duration_s:
+            raise ValueError(
+                f"duration_s = {self.duration_s:g}: must not end before design.time_of_flight_s = "
+                f"{self.design.time_of_flight_s:g}"
+            )
+        return self
+
+
+def is_multiple(value: float, unit: float) -> bool:
+    """Whether `value` is a whole, positive multiple of `unit` to 1e-9 relative."""
+    count = round(value / unit)
+    return count >= 1 and abs(value - count * unit) <= 1e-9 * value

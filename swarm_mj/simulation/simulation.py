@@ -1,0 +1,292 @@
+"""The simulation of one flight: MuJoCo integrates in N while gravity, behaviour, guidance and control act on it.
+
+Every control period the state is read, the forces of the coming hold are evaluated at its middle, the behaviour names the
+targets, guidance turns them into references, the controller answers with torques, and MuJoCo steps on with all of it held.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from swarm_mj.attitude.controllers.base import Controller, ControlInput
+from swarm_mj.attitude.mrp import quaternion_from_mrp
+from swarm_mj.errors import PluginError, SimulationError
+from swarm_mj.mission.behaviors import Behavior, SwarmView, Targets
+from swarm_mj.simulation import kernels
+from swarm_mj.simulation.kernels import Slot
+from swarm_mj.smallbody.environment import Environment
+from swarm_mj.spacecraft.model import NQ, NV, SwarmModel
+from swarm_mj.spacecraft.properties import SpacecraftProperties
+
+Array = NDArray[np.float64]
+Progress = Callable[[float], None]
+
+#: The wheel-speed limiter aims this far below the limit, for what the gyroscopic terms add within a hold.
+SPEED_MARGIN = 1e-4
+
+
+@dataclass(frozen=True, kw_only=True)
+class InitialState:
+    """Where and how the swarm starts.
+
+    Attributes:
+        r_BN_N: Positions, shape (n, 3) [m].
+        v_BN_N: Velocities, shape (n, 3) [m/s].
+        sigma_BN: Attitudes as MRP, shape (n, 3).
+        omega_BN_B: Body rates, shape (n, 3) [rad/s].
+        wheel_speed: Shape (n, 3) [rad/s].
+    """
+
+    r_BN_N: Array
+    v_BN_N: Array
+    sigma_BN: Array
+    omega_BN_B: Array
+    wheel_speed: Array
+
+
+@dataclass(frozen=True)
+class Record:
+    """Raw samples of a flight; `telemetry.dataset` names them.
+
+    Attributes:
+        time: Shape (t,) [s].
+        vectors: r, v, omega, sigma_BR, wheel speed, wheel torque, line of sight, shape (t, 7, n, 3).
+        attitude: q_BN and q_RN, shape (t, 2, n, 4).
+        aim: `TargetKind` values and the spacecraft tracked, counted from 0 (-1: none), shape (t, 2, n).
+    """
+
+    time: Array
+    vectors: Array
+    attitude: Array
+    aim: NDArray[np.int16]
+
+
+class Simulation:
+    """A swarm in flight.
+
+    Args:
+        model: The compiled swarm.
+        properties: The spacecraft's mass properties and wheel limits.
+        environment: Gravity, rotation, Sun and Earth.
+        behavior: Who points at what.
+        controller: The attitude control law.
+        control_period: How long torques and forces are held [s]; a whole multiple of the model's timestep.
+        gravity_gradient_torque: Whether the torque of the central field acts; the field must know its `gm`.
+    """
+
+    def __init__(
+        self,
+        model: SwarmModel,
+        *,
+        properties: SpacecraftProperties,
+        environment: Environment,
+        behavior: Behavior,
+        controller: Controller,
+        control_period: float = 0.5,
+        gravity_gradient_torque: bool = False,
+    ) -> None:
+        self.model, self.properties, self.environment = model, properties, environment
+        self.behavior, self.controller, self.period = behavior, controller, control_period
+        self.data = mujoco.MjData(model.mjmodel)
+        self._hold = round(control_period / model.mjmodel.opt.timestep)
+        self._gradient_gm = self._gm_of_field() if gravity_gradient_torque else 0.0
+        self._allocate_arrays(model.n)
+        self.tick = 0
+
+    def _gm_of_field(self) -> float:
+        gm = getattr(self.environment.gravity, "gm", None)
+        if gm is None:
+            raise PluginError("the gravity-gradient torque needs a gravity field with an attribute gm [m^3/s^2]")
+        return float(gm)
+
+    def _allocate_arrays(self, n: int) -> None:
+        properties, environment = self.properties, self.environment
+        axes = properties.wheel_axes_B
+        self._work = np.zeros((len(Slot), n, 3))
+        self._q_BN, self._q_RN = np.zeros((n, 4)), np.zeros((n, 4))
+        self._C_AN, self._C_mid = np.zeros((3, 3)), np.zeros((3, 3))
+        self._aim = np.zeros((2, n), np.int64)
+        self._restart = np.zeros(n, np.bool_)
+        self._hub = np.ascontiguousarray(self.model.hub_body, np.int64)
+        self._axes = np.ascontiguousarray(axes)
+        self._allocation = -np.linalg.pinv(axes.T)
+        gain = 1.0 / properties.wheel_spin_inertia + (1.0 / np.diag(properties.inertia_effective_B)).max()
+        self._speed_gain = self.period * float(gain)
+        self._spin_N = environment.spin_N
+        self._C_PN = np.ascontiguousarray(environment.C_PN)
+        self._q_P = _quaternion_of(self._C_PN)
+        self._inputs = self._control_inputs(n)
+
+    def _control_inputs(self, n: int) -> ControlInput:
+        w = self._work
+        return ControlInput(
+            sigma_BR=w[Slot.SIGMA_BR],
+            omega_BR_B=w[Slot.OMEGA_BR],
+            omega_BN_B=w[Slot.OMEGA],
+            omega_RN_B=w[Slot.OMEGA_R_B],
+            domega_RN_B=w[Slot.DOMEGA_R_B],
+            wheel_momentum_B=w[Slot.MOMENTUM],
+            inertia_B=np.repeat(self.properties.inertia_B[None], n, axis=0),
+            inertia_effective_B=np.repeat(self.properties.inertia_effective_B[None], n, axis=0),
+            period=self.period,
+        )
+
+    @property
+    def time(self) -> float:
+        """Seconds past the epoch, counted in whole control periods."""
+        return self.tick * self.period
+
+    def reset(self, initial: InitialState) -> None:
+        """Put the swarm at its start and forget everything."""
+        n = self.model.n
+        mujoco.mj_resetData(self.model.mjmodel, self.data)
+        qpos, qvel = self.data.qpos.reshape(n, NQ), self.data.qvel.reshape(n, NV)
+        qpos[:, :3], qpos[:, 3:7] = initial.r_BN_N, quaternion_from_mrp(initial.sigma_BN)
+        qvel[:, :3], qvel[:, 3:6], qvel[:, 6:9] = initial.v_BN_N, initial.omega_BN_B, initial.wheel_speed
+        self.tick = 0
+        self._aim[:] = -1
+        self._behavior_memory: Any = None
+        self._controller_memory: Any = None
+
+    def decide(self) -> Targets:
+        """Read the state and set forces and motor torques for the coming hold.
+
+        Raises:
+            SimulationError: The state is no longer finite.
+        """
+        data, work, environment, t = self.data, self._work, self.environment, self.time
+        rate = environment.spin_rate
+        phase = environment.phase0 + rate * t
+        finite = kernels.sense(
+            data.qpos,
+            data.qvel,
+            self._C_PN,
+            phase,
+            0.5 * self.period * rate,
+            0.5 * self.period,
+            self.properties.wheel_spin_inertia,
+            self._axes,
+            work,
+            self._q_BN,
+            self._C_AN,
+            self._C_mid,
+        )
+        if not finite:
+            raise SimulationError(self._divergence())
+        self._push(t)
+        kernels.turn_body(self._q_P, phase, data.mocap_quat[self.model.asteroid_mocap])
+        view = SwarmView(t, work[Slot.R], work[Slot.V], self._C_AN)
+        targets, self._behavior_memory = self.behavior.targets(view, self._behavior_memory)
+        kernels.guide(
+            targets.kind,
+            targets.index,
+            targets.vector,
+            environment.earth.at(t),
+            environment.earth.velocity,
+            self._spin_N,
+            self._C_AN,
+            self._q_BN,
+            self._aim,
+            self._restart,
+            self._q_RN,
+            work,
+        )
+        torque_B, self._controller_memory = self.controller.torque(self._inputs, self._controller_memory)
+        limits = self.properties
+        kernels.actuate(
+            torque_B,
+            self._allocation,
+            self._speed_gain,
+            limits.max_wheel_torque,
+            (1.0 - SPEED_MARGIN) * limits.max_wheel_speed,
+            work,
+            data.ctrl,
+        )
+        return targets
+
+    def _push(self, t: float) -> None:
+        data, work = self.data, self._work
+        a_A = self.environment.gravity.acceleration(work[Slot.R_A])
+        if self.environment.perturbed:
+            middle = t + 0.5 * self.period
+            r_N = work[Slot.R_A] @ self._C_mid
+            a_A = a_A + self.environment.perturbing_acceleration_N(middle, r_N) @ self._C_mid.T
+        kernels.push(a_A, self._C_mid, self.properties.mass, self._hub, data.xfrc_applied, work)
+        if self._gradient_gm > 0.0:
+            inertia = self.properties.inertia_B
+            kernels.gradient_torque(
+                self._q_BN, self._gradient_gm, inertia, self._C_mid, self._hub, data.xfrc_applied, work
+            )
+
+    def advance(self) -> None:
+        """Let MuJoCo integrate one control period with everything held."""
+        mujoco.mj_step(self.model.mjmodel, self.data, nstep=self._hold)
+        self.tick += 1
+
+    def run(self, duration: float, interval: float, progress: Progress | None = None) -> Record:
+        """Fly from the present state and sample.
+
+        Args:
+            duration: [s], a whole multiple of `interval`.
+            interval: Time between samples [s], a whole multiple of the control period.
+            progress: Called with the time reached [s], about a hundred times.
+
+        Raises:
+            SimulationError: The state is no longer finite; the message gives time and spacecraft.
+        """
+        n, stride = self.model.n, round(interval / self.period)
+        samples = round(duration / interval) + 1
+        record = Record(
+            time=self.time + interval * np.arange(samples),
+            vectors=np.empty((samples, 7, n, 3)),
+            attitude=np.empty((samples, 2, n, 4)),
+            aim=np.empty((samples, 2, n), np.int16),
+        )
+        ticks = stride * (samples - 1)
+        report_every = max(1, ticks // 100)
+        for k in range(ticks + 1):
+            targets = self.decide()
+            if k % stride == 0:
+                kernels.record(
+                    k // stride,
+                    targets.kind,
+                    targets.index,
+                    self._q_BN,
+                    self._q_RN,
+                    self.data.ctrl,
+                    self._work,
+                    record.vectors,
+                    record.attitude,
+                    record.aim,
+                )
+            if k < ticks:
+                self.advance()
+            if progress is not None and k % report_every == 0:
+                progress(self.time)
+        return record
+
+    def _divergence(self) -> str:
+        n = self.model.n
+        state = np.hstack((self.data.qpos.reshape(n, NQ), self.data.qvel.reshape(n, NV)))
+        bad = int(np.argmin(np.isfinite(state).all(axis=1)))
+        cause = (
+            "its torque or force was not finite"
+            if not np.isfinite(self.data.ctrl).all()
+            else "the integration diverged"
+        )
+        return (
+            f"the flight diverged: {self.model.names[bad]} has a state that is not finite at t = {self.time:g} s; {cause}. "
+            "Check gains, wheel limits and physics.timestep_s"
+        )
+
+
+def _quaternion_of(C_PN: Array) -> Array:
+    quaternion = np.empty(4)
+    mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(C_PN.T).ravel())
+    return quaternion

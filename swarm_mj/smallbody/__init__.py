@@ -1,0 +1,1 @@
+"""The asteroid: its shape, its gravity, its rotation and its place in the solar system."""

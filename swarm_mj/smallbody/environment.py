@@ -1,0 +1,92 @@
+"""Everything that acts on a spacecraft near the body, at any time of the flight: rotation, gravity, Sun and Earth.
+
+Times are seconds past the scenario's epoch; vectors are in N unless named A.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarm_mj import constants
+from swarm_mj.smallbody.gravity.base import Gravity
+from swarm_mj.smallbody.perturbations import solar_radiation_pressure, solar_tide
+from swarm_mj.smallbody.rotation import spin_dcm
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class LinearMotion:
+    """A heliocentric body seen from the asteroid, on a straight line during the flight.
+
+    Attributes:
+        position: At the epoch [m].
+        velocity: [m/s].
+    """
+
+    position: Array
+    velocity: Array
+
+    def at(self, t: float) -> Array:
+        """Position at `t` seconds past the epoch, shape (3,) [m]."""
+        return self.position + t * self.velocity
+
+
+@dataclass(frozen=True, kw_only=True)
+class Environment:
+    """The body's surroundings during one flight.
+
+    Attributes:
+        gravity: Field in frame A.
+        C_PN: Constant rotation from N to the pole frame P (z along the pole), shape (3, 3).
+        phase0: Prime meridian angle at the epoch [rad].
+        spin_rate: [rad/s].
+        sun: Position of the Sun relative to the asteroid in N.
+        earth: Position of Earth relative to the asteroid in N.
+        solar_tide: Whether the Sun's tide acts.
+        srp_area_per_mass: Sunlit area over mass [m^2/kg]; 0 switches radiation pressure off.
+        srp_reflectivity: Coefficient C_R.
+    """
+
+    gravity: Gravity
+    C_PN: Array
+    phase0: float
+    spin_rate: float
+    sun: LinearMotion
+    earth: LinearMotion
+    solar_tide: bool = False
+    srp_area_per_mass: float = 0.0
+    srp_reflectivity: float = 1.3
+
+    @property
+    def spin_N(self) -> Array:
+        """Angular velocity of A relative to N, in N, shape (3,) [rad/s]."""
+        return self.spin_rate * self.C_PN[2]
+
+    def C_AN(self, t: float) -> Array:
+        """Rotation from N to A at `t`, shape (3, 3)."""
+        return spin_dcm(self.C_PN, self.phase0 + self.spin_rate * t)
+
+    def acceleration_N(self, t: float, r_BN_N: Array) -> Array:
+        """Acceleration of bodies at `r_BN_N`, shape (n, 3) [m], in N [m/s^2]."""
+        C_AN = self.C_AN(t)
+        return self.gravity.acceleration(r_BN_N @ C_AN.T) @ C_AN + self.perturbing_acceleration_N(t, r_BN_N)
+
+    @property
+    def perturbed(self) -> bool:
+        """Whether anything besides the body's gravity accelerates the spacecraft."""
+        return self.solar_tide or self.srp_area_per_mass > 0.0
+
+    def perturbing_acceleration_N(self, t: float, r_BN_N: Array) -> Array:
+        """Tide and radiation pressure at `r_BN_N`, shape (n, 3) [m], in N [m/s^2]."""
+        total = np.zeros_like(r_BN_N)
+        if self.solar_tide:
+            total += solar_tide(r_BN_N, self.sun.at(t), constants.GM_SUN)
+        if self.srp_area_per_mass > 0.0:
+            total += solar_radiation_pressure(
+                r_BN_N, self.sun.at(t), self.srp_area_per_mass, 1.0, self.srp_reflectivity
+            )
+        return total

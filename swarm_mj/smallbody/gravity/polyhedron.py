@@ -1,0 +1,231 @@
+r"""Gravity of a polyhedron of constant density, valid everywhere outside, on and inside the body.
+
+Werner and Scheeres (1997), Celestial Mechanics and Dynamical Astronomy 65, 313-344, eqs. 12 to 18:
+
+    U       = G rho / 2 (sum_e r_e.E_e.r_e L_e - sum_f r_f.F_f.r_f w_f)
+    grad U  = G rho (-sum_e E_e.r_e L_e + sum_f F_f.r_f w_f)
+    grad^2 U = G rho (sum_e E_e L_e - sum_f F_f w_f),     laplacian = -G rho sum_f w_f
+
+with r_e and r_f from the field point to a point of the edge and of the face, L_e the potential of a wire, w_f the
+solid angle of the face, E_e and F_f dyads of normals. On an edge L_e is infinite, yet its products in potential and
+attraction tend to zero; the gradient really is infinite there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from swarm_mj.constants import GRAVITATIONAL_CONSTANT
+from swarm_mj.errors import ScenarioError
+from swarm_mj.smallbody.gravity.base import frozen, positions, positive
+from swarm_mj.smallbody.shape import ShapeModel, directed_edges
+from swarm_mj.smallbody.shape_check import check_surface
+
+#: Bound on the argument of the wire's logarithm: keeps 0 times infinity at 0 for points on an edge.
+MIN_WIRE_GAP = 1e-300
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class Polyhedron:
+    """Constant-density polyhedron; give its density or its gravitational parameter, the other follows.
+
+    The attraction is that of the mesh where it stands: if its centroid is not at the origin of A, neither is the centre
+    of the field. For Eros they are 53 m apart: the origin is the centre of mass of the real, inhomogeneous body.
+
+    Attributes:
+        shape: closed surface, checked.
+        density: constant density [kg/m^3].
+        gm: gravitational parameter [m^3/s^2].
+    """
+
+    shape: ShapeModel
+    density: float
+    gm: float
+    _edges: NDArray[np.int64] = field(repr=False)
+    _edge_dyads: NDArray[np.float64] = field(repr=False)
+
+    def __init__(self, shape: ShapeModel, density: float | None = None, gm: float | None = None) -> None:
+        """Check the surface, complete density and gm, and form the dyads of the edges.
+
+        Raises:
+            ShapeError: the surface does not enclose a body.
+            ScenarioError: not exactly one of density and gm is given, or it is not above 0.
+        """
+        check_surface(shape.vertices, shape.faces, shape.name)
+        unit_gm = GRAVITATIONAL_CONSTANT * shape.volume
+        if density is not None and gm is None:
+            gm = positive(density, "gravity.density") * unit_gm
+        elif gm is None or density is not None:
+            raise ScenarioError("gravity of a polyhedron: give exactly one of density [kg/m^3] and gm [m^3/s^2]")
+        edges, dyads = _edge_dyads(shape)
+        edges.setflags(write=False)
+        object.__setattr__(self, "shape", shape)
+        object.__setattr__(self, "gm", positive(gm, "gravity.gm"))
+        object.__setattr__(self, "density", self.gm / unit_gm)
+        object.__setattr__(self, "_edges", edges)
+        object.__setattr__(self, "_edge_dyads", frozen(dyads))
+
+    def acceleration(self, r_A: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Attraction in A [m/s^2], shape (n, 3), at positions in A [m], shape (n, 3)."""
+        return np.ascontiguousarray(self._sums(r_A)[:, 1:4])
+
+    def potential(self, r_A: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Potential [m^2/s^2], positive, shape (n,), at positions in A [m], shape (n, 3)."""
+        return self._sums(r_A)[:, 0]
+
+    def gradient(self, r_A: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Gradient of the acceleration [1/s^2], shape (n, 3, 3), at positions in A [m], shape (n, 3)."""
+        return self._sums(r_A)[:, [4, 5, 6, 5, 7, 8, 6, 8, 9]].reshape(-1, 3, 3)
+
+    def laplacian(self, r_A: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Laplacian of the potential [1/s^2], shape (n,): 0 outside, -4 pi G rho inside."""
+        solid_angle = _solid_angles(positions(r_A), self.shape.vertices, self.shape.faces)
+        return -GRAVITATIONAL_CONSTANT * self.density * solid_angle
+
+    def contains(self, r_A: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Whether positions in A [m], shape (n, 3), lie inside the body, shape (n,)."""
+        return _solid_angles(positions(r_A), self.shape.vertices, self.shape.faces) > 2.0 * np.pi
+
+    def _sums(self, r_A: NDArray[np.float64]) -> NDArray[np.float64]:
+        shape = self.shape
+        return _field(
+            positions(r_A), shape.vertices, shape.faces, shape.face_normals, self._edges, self._edge_dyads,
+            GRAVITATIONAL_CONSTANT * self.density,
+        )  # fmt: skip
+
+
+def _edge_dyads(shape: ShapeModel) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Edges (E, 2); and E = n_A n_A^12 + n_B n_B^21 as xx, xy, xz, yy, yz, zz with the edge's length, shape (E, 7)."""
+    directed = directed_edges(shape.faces).astype(np.int64)
+    along = shape.vertices[directed[:, 1]] - shape.vertices[directed[:, 0]]
+    lengths = np.linalg.norm(along, axis=1, keepdims=True)
+    normals = np.repeat(shape.face_normals, 3, axis=0)
+    outward = np.cross(along / lengths, normals)
+    halves = np.einsum("ei,ej->eij", normals, outward)
+    keys = directed.min(axis=1) * len(shape.vertices) + directed.max(axis=1)
+    pairs = np.argsort(keys, kind="stable").reshape(-1, 2)
+    dyads = halves[pairs[:, 0]] + halves[pairs[:, 1]]
+    rows, columns = np.triu_indices(3)
+    components = 0.5 * (dyads + dyads.transpose(0, 2, 1))[:, rows, columns]
+    return directed[pairs[:, 0]], np.column_stack([components, lengths[pairs[:, 0]]])
+
+
+@njit(cache=True, error_model="numpy")
+def _field(
+    r_A: NDArray[np.float64],
+    vertices: NDArray[np.float64],
+    faces: NDArray[np.int32],
+    normals: NDArray[np.float64],
+    edges: NDArray[np.int64],
+    dyads: NDArray[np.float64],
+    scale: float,
+) -> NDArray[np.float64]:
+    """Potential, attraction and the six components of the gradient, shape (n, 10)."""
+    out = np.zeros((r_A.shape[0], 10))
+    rays = np.empty((vertices.shape[0], 4))
+    for i in range(r_A.shape[0]):
+        _cast_rays(r_A[i], vertices, rays)
+        _add_edges(rays, edges, dyads, out[i])
+        _add_faces(rays, faces, normals, out[i])
+        out[i] *= scale
+        out[i, 0] *= 0.5
+    return out
+
+
+@njit(cache=True, error_model="numpy")
+def _cast_rays(point: NDArray[np.float64], vertices: NDArray[np.float64], rays: NDArray[np.float64]) -> None:
+    """Vectors from the point to the vertices and their lengths, shape (V, 4)."""
+    for v in range(vertices.shape[0]):
+        x, y, z = vertices[v, 0] - point[0], vertices[v, 1] - point[1], vertices[v, 2] - point[2]
+        rays[v, 0], rays[v, 1], rays[v, 2] = x, y, z
+        rays[v, 3] = np.sqrt(x * x + y * y + z * z)
+
+
+@njit(cache=True, error_model="numpy")
+def _add_edges(
+    rays: NDArray[np.float64], edges: NDArray[np.int64], dyads: NDArray[np.float64], out: NDArray[np.float64]
+) -> None:
+    for e in range(edges.shape[0]):
+        p, q = rays[edges[e, 0]], rays[edges[e, 1]]
+        wire = _wire(p, q, dyads[e, 6])
+        xx, xy, xz = dyads[e, 0] * wire, dyads[e, 1] * wire, dyads[e, 2] * wire
+        yy, yz, zz = dyads[e, 3] * wire, dyads[e, 4] * wire, dyads[e, 5] * wire
+        ax = xx * p[0] + xy * p[1] + xz * p[2]
+        ay = xy * p[0] + yy * p[1] + yz * p[2]
+        az = xz * p[0] + yz * p[1] + zz * p[2]
+        out[0] += ax * p[0] + ay * p[1] + az * p[2]
+        out[1] -= ax
+        out[2] -= ay
+        out[3] -= az
+        out[4] += xx
+        out[5] += xy
+        out[6] += xz
+        out[7] += yy
+        out[8] += yz
+        out[9] += zz
+
+
+@njit(cache=True, error_model="numpy")
+def _add_faces(
+    rays: NDArray[np.float64], faces: NDArray[np.int32], normals: NDArray[np.float64], out: NDArray[np.float64]
+) -> None:
+    for f in range(faces.shape[0]):
+        p = rays[faces[f, 0]]
+        angle = _solid_angle(p, rays[faces[f, 1]], rays[faces[f, 2]])
+        nx, ny, nz = normals[f, 0], normals[f, 1], normals[f, 2]
+        height = nx * p[0] + ny * p[1] + nz * p[2]
+        out[0] -= height * height * angle
+        out[1] += nx * height * angle
+        out[2] += ny * height * angle
+        out[3] += nz * height * angle
+        out[4] -= nx * nx * angle
+        out[5] -= nx * ny * angle
+        out[6] -= nx * nz * angle
+        out[7] -= ny * ny * angle
+        out[8] -= ny * nz * angle
+        out[9] -= nz * nz * angle
+
+
+@njit(cache=True, error_model="numpy")
+def _wire(p: NDArray[np.float64], q: NDArray[np.float64], length: float) -> float:
+    """L_e = ln((|p| + |q| + e) / (|p| + |q| - e)) for an edge of length e between the ends of the rays p and q."""
+    # |p| + |q| - e = 2 (|p| |q| + p.q) / (|p| + |q| + e); near the edge this sum cancels, its conjugate does not.
+    dot = p[0] * q[0] + p[1] * q[1] + p[2] * q[2]
+    gap = p[3] * q[3] + dot
+    if dot < 0.0:
+        cx, cy, cz = p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]
+        gap = (cx * cx + cy * cy + cz * cz) / (p[3] * q[3] - dot)
+    # Not max(): that costs more than the logarithm.
+    if gap < MIN_WIRE_GAP:
+        gap = MIN_WIRE_GAP
+    reach = p[3] + q[3] + length
+    return np.log(reach * reach / (2.0 * gap))
+
+
+@njit(cache=True, error_model="numpy")
+def _solid_angle(p: NDArray[np.float64], q: NDArray[np.float64], s: NDArray[np.float64]) -> float:
+    """Signed solid angle of the triangle at the ends of three rays (Van Oosterom and Strackee 1983)."""
+    cx, cy, cz = q[1] * s[2] - q[2] * s[1], q[2] * s[0] - q[0] * s[2], q[0] * s[1] - q[1] * s[0]
+    triple = p[0] * cx + p[1] * cy + p[2] * cz
+    pq = p[0] * q[0] + p[1] * q[1] + p[2] * q[2]
+    qs = q[0] * s[0] + q[1] * s[1] + q[2] * s[2]
+    sp = s[0] * p[0] + s[1] * p[1] + s[2] * p[2]
+    return 2.0 * np.arctan2(triple, p[3] * q[3] * s[3] + p[3] * qs + q[3] * sp + s[3] * pq)
+
+
+@njit(cache=True, error_model="numpy")
+def _solid_angles(
+    r_A: NDArray[np.float64], vertices: NDArray[np.float64], faces: NDArray[np.int32]
+) -> NDArray[np.float64]:
+    """Solid angle of the whole surface seen from each point: 0 outside, 4 pi inside."""
+    out = np.zeros(r_A.shape[0])
+    rays = np.empty((vertices.shape[0], 4))
+    for i in range(r_A.shape[0]):
+        _cast_rays(r_A[i], vertices, rays)
+        for f in range(faces.shape[0]):
+            out[i] += _solid_angle(rays[faces[f, 0]], rays[faces[f, 1]], rays[faces[f, 2]])
+    return out

@@ -1,0 +1,246 @@
+r"""Gravity as a series of fully normalised spherical harmonics of any degree, free of singularities at the poles.
+
+The series is written in the solid harmonics of Cunningham (1970), here fully normalised,
+
+    V_nm + i W_nm = (R/r)^(n+1) P_nm(sin phi) exp(i m lambda),      U = GM/R sum_nm (C_nm V_nm + S_nm W_nm),
+
+with the recursions of Montenbruck and Gill, Satellite Orbits (2000), eqs. 3.29 to 3.31, multiplied by the normalisation
+factors N_nm = sqrt((2 - delta_m0) (2n + 1) (n - m)! / (n + m)!). The derivative of a solid harmonic is a sum of solid
+harmonics one degree higher (ibid., eq. 3.33), so each component of the acceleration is itself such a series. Its
+coefficients are formed once, by `differentiate`, and the compiled kernel only ever sums series.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from swarm_mj import constants
+from swarm_mj.errors import ScenarioError
+from swarm_mj.smallbody.gravity.base import frozen, positions, positive
+
+
+@dataclass(frozen=True, eq=False)
+class SphericalHarmonics:
+    """A field given by fully normalised coefficients. It converges outside the sphere that encloses the body.
+
+    Attributes:
+        gm: gravitational parameter [m^3/s^2].
+        reference_radius: radius R to which the coefficients refer [m].
+        c: cosine coefficients C[n, m], shape (N + 1, N + 1); C[0, 0] = 1 gives the central field.
+        s: sine coefficients S[n, m], same shape.
+    """
+
+    gm: float
+    reference_radius: float
+    c: NDArray[np.float64] = field(repr=False)
+    s: NDArray[np.float64] = field(repr=False)
+    _acceleration_series: NDArray[np.float64] = field(init=False, repr=False)
+    _table: NDArray[np.float64] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        """Check and freeze the coefficients, and prepare the series of the acceleration."""
+        c, s = (frozen(np.array(values, dtype=np.float64)) for values in (self.c, self.s))
+        _check_coefficients(c, s)
+        object.__setattr__(self, "gm", positive(self.gm, "gravity.gm"))
+        object.__setattr__(self, "reference_radius", positive(self.reference_radius, "gravity.reference_radius"))
+        object.__setattr__(self, "c", c)
+        object.__setattr__(self, "s", s)
+        scale = self.gm / self.reference_radius**2
+        object.__setattr__(self, "_acceleration_series", scale * differentiate(np.stack([c, s], axis=-1)[:, :, None]))
+        object.__setattr__(self, "_table", recursion_table(self.degree + 1))
+
+    @classmethod
+    def from_coefficients(
+        cls, gm: float, reference_radius: float, coefficients: Mapping[tuple[int, int], tuple[float, float]]
+    ) -> SphericalHarmonics:
+        """Build from {(n, m): (C, S)}, fully normalised; C_00 is 1 unless given, all others are 0.
+
+        Raises:
+            ScenarioError: an order outside 0 <= m <= n, or a number that is not finite.
+        """
+        for n, m in coefficients:
+            if not 0 <= m <= n:
+                raise ScenarioError(f"gravity coefficient (n, m) = ({n}, {m}): needs 0 <= m <= n")
+        degree = max((n for n, _ in coefficients), default=0)
+        c, s = np.zeros((2, degree + 1, degree + 1))
+        c[0, 0] = 1.0
+        for (n, m), (c_nm, s_nm) in coefficients.items():
+            c[n, m], s[n, m] = c_nm, s_nm
+        return cls(gm, reference_radius, c, s)
+
+    @classmethod
+    def eros_degree_2(cls) -> SphericalHarmonics:
+        """The measured field of 433 Eros up to degree and order 2 (NEAR15A)."""
+        return cls.from_coefficients(constants.EROS_GM, constants.EROS_REFERENCE_RADIUS, constants.EROS_DEGREE_2)
+
+    @property
+    def degree(self) -> int:
+        """Highest degree N."""
+        return len(self.c) - 1
+
+    def acceleration(self, r_A: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Attraction in A [m/s^2], shape (n, 3), at positions in A [m], shape (n, 3)."""
+        return _sum_series(positions(r_A), self.reference_radius, self._table, self._acceleration_series)
+
+    def potential(self, r_A: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Potential [m^2/s^2], positive, shape (n,), at positions in A [m], shape (n, 3)."""
+        series = self.gm / self.reference_radius * np.stack([self.c, self.s], axis=-1)[:, :, None]
+        return _sum_series(positions(r_A), self.reference_radius, self._table, series)[:, 0]
+
+    def gradient(self, r_A: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Gradient of the acceleration [1/s^2], shape (n, 3, 3), at positions in A [m], shape (n, 3)."""
+        series, table = self._gradient_series
+        return _sum_series(positions(r_A), self.reference_radius, table, series).reshape(-1, 3, 3)
+
+    @cached_property
+    def _gradient_series(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        series = differentiate(self._acceleration_series) / self.reference_radius
+        return series, recursion_table(self.degree + 2)
+
+
+def fit_harmonics(
+    gravity_potential: Callable[[NDArray[np.float64]], NDArray[np.float64]],
+    gm: float,
+    reference_radius: float,
+    degree: int,
+    radius: float,
+    *,
+    margin: int = 10,
+) -> SphericalHarmonics:
+    """Expand a potential in spherical harmonics by quadrature over a sphere.
+
+    Gauss-Legendre in the sine of latitude times even steps in longitude, exact for fields up to `degree + margin`;
+    higher degrees of the true field alias, weakened by (body radius / radius)^(degree + 2 margin).
+
+    Args:
+        gravity_potential: potential [m^2/s^2] of positions in A [m], (n, 3) -> (n,), e.g. `Polyhedron.potential`.
+        gm: gravitational parameter [m^3/s^2] to which the coefficients refer.
+        reference_radius: radius to which the coefficients refer [m].
+        degree: highest degree and order wanted.
+        radius: radius of the sphere [m]; the sphere must enclose the body.
+        margin: extra degrees that the quadrature resolves.
+
+    Returns:
+        The fitted field.
+    """
+    sines, weights = np.polynomial.legendre.leggauss(degree + margin + 1)
+    longitudes = 2.0 * np.pi * np.arange(2 * (degree + margin + 1)) / (2 * (degree + margin + 1))
+    cosines = np.sqrt(1.0 - sines**2)
+    x, y = np.outer(cosines, np.cos(longitudes)), np.outer(cosines, np.sin(longitudes))
+    sphere = np.stack(np.broadcast_arrays(x, y, sines[:, None]), axis=-1)
+    values = gravity_potential(radius * sphere.reshape(-1, 3)).reshape(len(sines), -1) * radius / gm
+    waves = np.fft.rfft(values, axis=1)[:, : degree + 1] / len(longitudes)
+    legendre = _normalised_legendre(degree, sines)
+    moments = 0.5 * np.einsum("j,nmj,jm->nm", weights, legendre, waves)
+    moments *= (radius / reference_radius) ** np.arange(degree + 1)[:, None]
+    return SphericalHarmonics(gm, reference_radius, moments.real, 0.0 - moments.imag)
+
+
+def _normalised_legendre(degree: int, sines: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Fully normalised associated Legendre functions P[n, m] at sines of latitude, shape (N + 1, N + 1, k)."""
+    meridian = np.column_stack([np.sqrt(1.0 - sines**2), np.zeros_like(sines), sines])
+    every = np.zeros((degree + 1, degree + 1, (degree + 1) ** 2, 2))
+    n, m = np.divmod(np.arange((degree + 1) ** 2), degree + 1)
+    every[n, m, np.arange(len(n)), 0] = 1.0
+    values = _sum_series(meridian, 1.0, recursion_table(degree), every)
+    return values.T.reshape(degree + 1, degree + 1, -1)
+
+
+def recursion_table(degree: int) -> NDArray[np.float64]:
+    """Factors of the normalised recursions up to a degree, shape (N + 1, N + 1, 2), indexed [n, m].
+
+    Off the diagonal a and b of V_nm = a (z R / r^2) V_(n-1)m - b (R/r)^2 V_(n-2)m; on it, first, the factor that takes
+    V_(m-1)(m-1) to V_mm.
+    """
+    n, m = np.meshgrid(np.arange(degree + 1.0), np.arange(degree + 1.0), indexing="ij")
+    table = np.zeros((degree + 1, degree + 1, 2))
+    below = n > m
+    n, m = n[below], m[below]
+    table[below, 0] = np.sqrt((2 * n + 1) * (2 * n - 1) / ((n - m) * (n + m)))
+    # At n = m + 1 the factor vanishes with (n - m - 1); n = 1 alone would make its denominator negative.
+    table[below, 1] = np.sqrt((2 * n + 1) * (n + m - 1) * (n - m - 1) / (np.maximum(2 * n - 3, 1) * (n + m) * (n - m)))
+    order = np.arange(1, degree + 1)
+    table[order, order, 0] = np.sqrt((2 * order + 1) / (2 * order))
+    if degree >= 1:
+        table[1, 1, 0] = np.sqrt(3.0)
+    return table
+
+
+def differentiate(series: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Coefficients of R times the gradient of series of normalised solid harmonics.
+
+    Args:
+        series: coefficients (C, S) of k series, shape (N + 1, N + 1, k, 2), indexed [n, m].
+
+    Returns:
+        Coefficients of the 3 k series d/dx, d/dy, d/dz of each, shape (N + 2, N + 2, 3 k, 2); the three derivatives of
+        one series stand side by side.
+    """
+    size, _, count, _ = series.shape
+    out = np.zeros((size + 1, size + 1, count, 3, 2))
+    for n in range(size):
+        shrink = (2.0 * n + 1.0) / (2.0 * n + 3.0)
+        for m in range(n + 1):
+            c, s = series[n, m, :, 0], series[n, m, :, 1]
+            # N_nm / N_(n+1)(m+1), N_nm / N_(n+1)m and N_nm / N_(n+1)(m-1) times the factorials of eq. 3.33.
+            raised = np.sqrt(shrink * (n + m + 1) * (n + m + 2) * (0.5 if m == 0 else 1.0))
+            kept = np.sqrt(shrink * (n + m + 1) * (n - m + 1))
+            lowered = np.sqrt(shrink * (n - m + 1) * (n - m + 2) * (2.0 if m == 1 else 1.0))
+            half = 1.0 if m == 0 else 0.5
+            _add(out[n + 1, m], 2, -kept * c, -kept * s)
+            _add(out[n + 1, m + 1], 0, -half * raised * c, -half * raised * s)
+            _add(out[n + 1, m + 1], 1, half * raised * s, -half * raised * c)
+            if m > 0:
+                _add(out[n + 1, m - 1], 0, half * lowered * c, half * lowered * s)
+                _add(out[n + 1, m - 1], 1, half * lowered * s, -half * lowered * c)
+    # W_n0 is zero: its coefficients would multiply nothing.
+    out[:, 0, ..., 1] = 0.0
+    return out.reshape(size + 1, size + 1, 3 * count, 2)
+
+
+def _add(target: NDArray[np.float64], axis: int, c: NDArray[np.float64], s: NDArray[np.float64]) -> None:
+    target[:, axis, 0] += c
+    target[:, axis, 1] += s
+
+
+@njit(cache=True, error_model="numpy")
+def _sum_series(
+    r_A: NDArray[np.float64], radius: float, table: NDArray[np.float64], series: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Sum k series of solid harmonics at n positions, shape (n, k), order by order so that no scratch is needed."""
+    size, count = series.shape[0], series.shape[2]
+    out = np.zeros((r_A.shape[0], count))
+    for i in range(r_A.shape[0]):
+        x, y, z = r_A[i, 0], r_A[i, 1], r_A[i, 2]
+        inverse = radius / (x * x + y * y + z * z)
+        x, y, z = x * inverse, y * inverse, z * inverse
+        shrink = radius * inverse
+        v_sector, w_sector = np.sqrt(shrink), 0.0
+        for m in range(size):
+            if m > 0:
+                factor = table[m, m, 0]
+                v_sector, w_sector = factor * (x * v_sector - y * w_sector), factor * (x * w_sector + y * v_sector)
+            v, w, v_before, w_before = v_sector, w_sector, 0.0, 0.0
+            for n in range(m, size):
+                if n > m:
+                    a, b = table[n, m, 0] * z, table[n, m, 1] * shrink
+                    v, v_before = a * v - b * v_before, v
+                    w, w_before = a * w - b * w_before, w
+                for k in range(count):
+                    out[i, k] += series[n, m, k, 0] * v + series[n, m, k, 1] * w
+    return out
+
+
+def _check_coefficients(c: NDArray[np.float64], s: NDArray[np.float64]) -> None:
+    if c.ndim != 2 or c.shape[0] != c.shape[1] or c.shape != s.shape or c.size == 0:
+        raise ScenarioError(f"gravity coefficients C {c.shape} and S {s.shape}: need two square tables of one size")
+    bad = np.argwhere(~np.isfinite(c) | ~np.isfinite(s))
+    if len(bad):
+        n, m = bad[0]
+        raise ScenarioError(f"gravity coefficient (n, m) = ({n}, {m}): C = {c[n, m]}, S = {s[n, m]} must be finite")

@@ -1,0 +1,176 @@
+"""Heliocentric positions from Keplerian elements, in axes parallel to ecliptic J2000."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarm_mj.constants import AU, DAY, GM_SUN, JD_J2000
+from swarm_mj.errors import ScenarioError
+
+DAYS_PER_CENTURY = 36_525.0
+#: Newton steps on Kepler's equation end below this change of the eccentric anomaly, relative above 1 rad.
+ANOMALY_TOLERANCE = 1e-15
+#: More steps than bisection alone would need to reach the tolerance.
+MAX_STEPS = 100
+
+
+@dataclass(frozen=True, kw_only=True)
+class SecularRates:
+    """Linear drift of elements per Julian century since J2000; angles in degrees, the semi-major axis in au."""
+
+    semi_major_axis_au: float = 0.0
+    eccentricity: float = 0.0
+    inclination_deg: float = 0.0
+    node_deg: float = 0.0
+    argument_of_perihelion_deg: float = 0.0
+    mean_anomaly_deg: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class OrbitalElements:
+    """An elliptic orbit about the Sun, angles relative to the ecliptic and equinox J2000.
+
+    Attributes:
+        semi_major_axis_au: semi-major axis [au], above 0.
+        eccentricity: 0 <= e < 1.
+        inclination_deg: inclination [deg].
+        node_deg: longitude of the ascending node [deg].
+        argument_of_perihelion_deg: argument of perihelion [deg].
+        perihelion_jd: Julian date (TDB) of a perihelion passage.
+        rates: drift of the elements since J2000; None: fixed elements with the mean motion of Kepler's third law.
+    """
+
+    semi_major_axis_au: float
+    eccentricity: float
+    inclination_deg: float
+    node_deg: float
+    argument_of_perihelion_deg: float
+    perihelion_jd: float
+    rates: SecularRates | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse what is not an ellipse.
+
+        Raises:
+            ScenarioError: an element is not finite or out of range.
+        """
+        for name, value in vars(self).items():
+            if name != "rates" and not math.isfinite(value):
+                raise ScenarioError(f"orbit.{name} = {value!r}: must be a finite number")
+        if self.semi_major_axis_au <= 0.0:
+            raise ScenarioError(f"orbit.semi_major_axis_au = {self.semi_major_axis_au!r}: must be above 0")
+        if not 0.0 <= self.eccentricity < 1.0:
+            raise ScenarioError(
+                f"orbit.eccentricity = {self.eccentricity!r}: must be at least 0 and below 1 (an ellipse)"
+            )
+
+    @property
+    def mean_motion(self) -> float:
+        """Mean motion [rad/s]."""
+        if self.rates is not None:
+            return math.radians(self.rates.mean_anomaly_deg) / (DAYS_PER_CENTURY * DAY)
+        return math.sqrt(GM_SUN / (self.semi_major_axis_au * AU) ** 3)
+
+    @property
+    def period_s(self) -> float:
+        """Anomalistic period [s]."""
+        return 2.0 * math.pi / self.mean_motion
+
+
+#: 433 Eros, osculating on 2019-05-02 (JPL Horizons).
+EROS_ORBIT = OrbitalElements(
+    semi_major_axis_au=1.458114857699829,
+    eccentricity=0.2227354414120954,
+    inclination_deg=10.82855904976882,
+    node_deg=304.3061397028930,
+    argument_of_perihelion_deg=178.8220606936718,
+    perihelion_jd=2458516.111275572,
+)
+#: Barycentre of Earth and Moon, 1800 to 2050 (Standish, JPL, Keplerian elements for approximate positions, table 1).
+#: Its mean longitude 100.46457166 deg less its longitude of perihelion 102.93768193 deg at J2000 gives the perihelion
+#: date. The rates are kept: with them the direction from the Sun is within 0.01 deg of the true one from 2000 to 2049.
+EARTH_ORBIT = OrbitalElements(
+    semi_major_axis_au=1.00000261,
+    eccentricity=0.01671123,
+    inclination_deg=-0.00001531,
+    node_deg=0.0,
+    argument_of_perihelion_deg=102.93768193,
+    perihelion_jd=JD_J2000 - (100.46457166 - 102.93768193) / (35999.37244981 - 0.32327364) * DAYS_PER_CENTURY,
+    rates=SecularRates(
+        semi_major_axis_au=0.00000562,
+        eccentricity=-0.00004392,
+        inclination_deg=-0.01294668,
+        argument_of_perihelion_deg=0.32327364,
+        mean_anomaly_deg=35999.37244981 - 0.32327364,
+    ),
+)
+
+
+def position_velocity(elements: OrbitalElements, jd: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Position and velocity relative to the Sun at a Julian date (TDB).
+
+    Args:
+        elements: the orbit.
+        jd: Julian date (TDB).
+
+    Returns:
+        Position [m] and velocity [m/s] along the axes of N (ecliptic J2000), each of shape (3,).
+    """
+    a_au, e, inclination, node, argument = _elements_at(elements, jd)
+    a, n = a_au * AU, elements.mean_motion
+    anomaly = eccentric_anomaly(n * (jd - elements.perihelion_jd) * DAY, e)
+    sine, cosine, minor = math.sin(anomaly), math.cos(anomaly), math.sqrt((1.0 - e) * (1.0 + e))
+    rate = n / (1.0 - e * cosine)
+    P, Q = _perifocal_axes(inclination, node, argument)
+    return a * ((cosine - e) * P + minor * sine * Q), a * rate * (-sine * P + minor * cosine * Q)
+
+
+def eccentric_anomaly(mean_anomaly: float, eccentricity: float) -> float:
+    """Solve Kepler's equation M = E - e sin E by Newton's method kept inside a shrinking bracket.
+
+    Args:
+        mean_anomaly: M [rad], any size.
+        eccentricity: 0 <= e < 1.
+
+    Returns:
+        E [rad] in [-pi, pi]; M is first reduced to that interval.
+    """
+    M = math.remainder(mean_anomaly, 2.0 * math.pi)
+    # E - M = e sin E lies between 0 and e on the side of M's sign; Newton alone may leave that range when e is near 1.
+    low, high = (M, min(M + eccentricity, math.pi)) if M >= 0.0 else (max(M - eccentricity, -math.pi), M)
+    E = 0.5 * (low + high)
+    for _ in range(MAX_STEPS):
+        excess = E - eccentricity * math.sin(E) - M
+        low, high = (low, E) if excess > 0.0 else (E, high)
+        step = E - excess / (1.0 - eccentricity * math.cos(E))
+        following = step if low < step < high else 0.5 * (low + high)
+        if abs(following - E) <= ANOMALY_TOLERANCE * max(1.0, abs(E)):
+            return following
+        E = following
+    return E
+
+
+def _elements_at(elements: OrbitalElements, jd: float) -> tuple[float, float, float, float, float]:
+    """Semi-major axis [au], eccentricity, inclination, node and argument of perihelion [rad] at a date."""
+    centuries = (jd - JD_J2000) / DAYS_PER_CENTURY
+    rates = elements.rates or SecularRates(mean_anomaly_deg=0.0)
+    names = ("semi_major_axis_au", "eccentricity", "inclination_deg", "node_deg", "argument_of_perihelion_deg")
+    a, e, *angles = (getattr(elements, name) + centuries * getattr(rates, name) for name in names)
+    inclination, node, argument = map(math.radians, angles)
+    return a, e, inclination, node, argument
+
+
+def _perifocal_axes(
+    inclination: float, node: float, argument: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Unit vectors towards perihelion and 90 deg ahead of it, Montenbruck and Gill (2000), eq. 2.58."""
+    ci, si = math.cos(inclination), math.sin(inclination)
+    cn, sn = math.cos(node), math.sin(node)
+    ca, sa = math.cos(argument), math.sin(argument)
+    P = np.array([ca * cn - sa * ci * sn, ca * sn + sa * ci * cn, sa * si])
+    Q = np.array([-sa * cn - ca * ci * sn, -sa * sn + ca * ci * cn, ca * si])
+    return P, Q

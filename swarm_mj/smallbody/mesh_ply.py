@@ -1,0 +1,45 @@
+"""Meshes as PLY, text or binary, read by trimesh after the counts in the header were compared with the file's size."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+
+from swarm_mj.errors import ShapeError
+
+#: A header longer than this is not one [bytes].
+MAX_HEADER_BYTES = 65_536
+
+
+def read_ply(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Read vertices (V, 3) in the file's unit and triangles (F, 3) counted from 0.
+
+    Raises:
+        ShapeError: not PLY, cut short, or without a mesh.
+    """
+    _check_header(path)
+    try:
+        mesh = trimesh.load_mesh(path, file_type="ply", process=False)
+        return np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int64)
+    except Exception as error:  # trimesh raises whatever its parser trips over
+        raise ShapeError(f"{path}: not a readable PLY mesh ({error}); it may be cut short, export it again") from error
+
+
+def _check_header(path: Path) -> None:
+    with open(path, "rb") as file:
+        header, end, body = file.read(MAX_HEADER_BYTES).partition(b"end_header")
+    if not header.startswith(b"ply") or not end:
+        raise ShapeError(f"{path}: does not begin with a PLY header; export or download it again")
+    available = path.stat().st_size - len(header) - len(end)
+    elements = {kind: int(count) for kind, count in re.findall(rb"^element\s+(\w+)\s+(\d+)", header, re.MULTILINE)}
+    for kind, least in ((b"vertex", 3), (b"face", 4)):
+        count = elements.get(kind, 0)
+        if count == 0:
+            raise ShapeError(f"{path}: holds no {kind.decode()} elements; export it as a triangle mesh")
+        # Every coordinate and index takes at least a byte: a count beyond that would only exhaust the memory.
+        if count * least > available:
+            raise ShapeError(f"{path}: promises {count} {kind.decode()} elements in {available} bytes: it is cut short")

@@ -1,0 +1,101 @@
+"""What the body hides: segments and points against the mesh, compiled. Frame A, metres."""
+
+from __future__ import annotations
+
+from math import atan2, pi, sqrt
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+#: Hits closer than this to a segment's ends do not count, relative to its length: a spacecraft does not hide itself.
+_END_MARGIN = 1e-9
+
+
+@njit(cache=True, error_model="numpy")
+def segments_blocked(
+    start_A: Array, end_A: Array, vertices: Array, faces: NDArray[np.int32], radius: float
+) -> NDArray[np.bool_]:
+    """Whether the body stands between the ends of segments.
+
+    Args:
+        start_A: Shape (m, 3) [m].
+        end_A: Shape (m, 3) [m].
+        vertices: The mesh, shape (V, 3) [m].
+        faces: Shape (F, 3).
+        radius: Largest vertex radius [m]; segments that stay outside are not tested face by face.
+
+    Returns:
+        Shape (m,), True where some face is hit strictly between the ends.
+    """
+    blocked = np.zeros(start_A.shape[0], np.bool_)
+    for i in range(start_A.shape[0]):
+        if _distance_to_origin(start_A[i], end_A[i]) < radius:
+            blocked[i] = _hits_any(start_A[i], end_A[i] - start_A[i], vertices, faces)
+    return blocked
+
+
+@njit(cache=True, error_model="numpy")
+def _distance_to_origin(a: Array, b: Array) -> float:
+    d = b - a
+    s = -(a @ d) / (d @ d)
+    p = a + min(1.0, max(0.0, s)) * d
+    return sqrt(p @ p)
+
+
+@njit(cache=True, error_model="numpy")
+def _hits_any(o: Array, d: Array, vertices: Array, faces: NDArray[np.int32]) -> bool:
+    # Moeller and Trumbore (1997), both sides of every face.
+    for f in range(faces.shape[0]):
+        ax, ay, az = vertices[faces[f, 0], 0], vertices[faces[f, 0], 1], vertices[faces[f, 0], 2]
+        ux, uy, uz = vertices[faces[f, 1], 0] - ax, vertices[faces[f, 1], 1] - ay, vertices[faces[f, 1], 2] - az
+        wx, wy, wz = vertices[faces[f, 2], 0] - ax, vertices[faces[f, 2], 1] - ay, vertices[faces[f, 2], 2] - az
+        px, py, pz = d[1] * wz - d[2] * wy, d[2] * wx - d[0] * wz, d[0] * wy - d[1] * wx
+        det = ux * px + uy * py + uz * pz
+        if det == 0.0:
+            continue
+        tx, ty, tz = o[0] - ax, o[1] - ay, o[2] - az
+        u = (tx * px + ty * py + tz * pz) / det
+        if u < 0.0 or u > 1.0:
+            continue
+        qx, qy, qz = ty * uz - tz * uy, tz * ux - tx * uz, tx * uy - ty * ux
+        v = (d[0] * qx + d[1] * qy + d[2] * qz) / det
+        if v < 0.0 or u + v > 1.0:
+            continue
+        s = (wx * qx + wy * qy + wz * qz) / det
+        if _END_MARGIN < s < 1.0 - _END_MARGIN:
+            return True
+    return False
+
+
+@njit(cache=True, error_model="numpy")
+def points_inside(points_A: Array, vertices: Array, faces: NDArray[np.int32], radius: float) -> NDArray[np.bool_]:
+    """Whether points lie inside a closed mesh, by its solid angle (van Oosterom and Strackee 1983).
+
+    Args:
+        points_A: Shape (m, 3) [m].
+        vertices: Shape (V, 3) [m].
+        faces: Shape (F, 3), counter-clockwise from outside.
+        radius: Largest vertex radius [m]; points beyond it are outside.
+    """
+    inside = np.zeros(points_A.shape[0], np.bool_)
+    for i in range(points_A.shape[0]):
+        p = points_A[i]
+        if p @ p >= radius * radius:
+            continue
+        solid_angle = 0.0
+        for f in range(faces.shape[0]):
+            solid_angle += _solid_angle(vertices[faces[f, 0]] - p, vertices[faces[f, 1]] - p, vertices[faces[f, 2]] - p)
+        inside[i] = solid_angle > 2.0 * pi
+    return inside
+
+
+@njit(cache=True, error_model="numpy")
+def _solid_angle(a: Array, b: Array, c: Array) -> float:
+    la, lb, lc = sqrt(a @ a), sqrt(b @ b), sqrt(c @ c)
+    triple = (
+        a[0] * (b[1] * c[2] - b[2] * c[1]) + a[1] * (b[2] * c[0] - b[0] * c[2]) + a[2] * (b[0] * c[1] - b[1] * c[0])
+    )
+    return 2.0 * atan2(triple, la * lb * lc + (a @ b) * lc + (b @ c) * la + (c @ a) * lb)

@@ -1,0 +1,106 @@
+"""Small accelerations and torques beside the body's gravity: solar tide, solar radiation pressure, gravity gradient.
+
+Each function takes all spacecraft at once and is compiled, so that the simulation loop can call it every step.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from swarm_mj.constants import AU, GM_SUN, SOLAR_IRRADIANCE, SPEED_OF_LIGHT
+
+#: Pressure of sunlight on a black surface that faces the Sun at 1 au [N/m^2].
+SOLAR_PRESSURE_1AU = SOLAR_IRRADIANCE / SPEED_OF_LIGHT
+
+
+@njit(cache=True, error_model="numpy")
+def solar_tide(r_N: NDArray[np.float64], r_sun_N: NDArray[np.float64], gm_sun: float = GM_SUN) -> NDArray[np.float64]:
+    """Attraction of the Sun relative to that on the asteroid, gm ((s - r)/|s - r|^3 - s/|s|^3) with s the Sun.
+
+    Evaluated as -gm/|s - r|^3 (r + f(q) s), q = r.(r - 2 s)/s.s, f = q (3 + 3 q + q^2)/(1 + (1 + q)^(3/2)), which does
+    not subtract two nearly equal vectors (Battin 1999, Mathematics and Methods of Astrodynamics, section 8.4).
+
+    Args:
+        r_N: spacecraft relative to the asteroid, in N [m], shape (n, 3).
+        r_sun_N: Sun relative to the asteroid, in N [m], shape (3,).
+        gm_sun: gravitational parameter of the Sun [m^3/s^2].
+
+    Returns:
+        Accelerations in N [m/s^2], shape (n, 3).
+    """
+    out = np.empty_like(r_N)
+    square = r_sun_N[0] ** 2 + r_sun_N[1] ** 2 + r_sun_N[2] ** 2
+    for i in range(r_N.shape[0]):
+        q = 0.0
+        for k in range(3):
+            q += r_N[i, k] * (r_N[i, k] - 2.0 * r_sun_N[k])
+        q /= square
+        cube = (1.0 + q) * np.sqrt(1.0 + q)
+        f = q * (3.0 + q * (3.0 + q)) / (1.0 + cube)
+        factor = -gm_sun / (square * np.sqrt(square) * cube)
+        for k in range(3):
+            out[i, k] = factor * (r_N[i, k] + f * r_sun_N[k])
+    return out
+
+
+@njit(cache=True, error_model="numpy")
+def solar_radiation_pressure(
+    r_N: NDArray[np.float64], r_sun_N: NDArray[np.float64], area_m2: float, mass_kg: float, reflectivity: float
+) -> NDArray[np.float64]:
+    """Push of sunlight on a sphere-like spacecraft (cannonball model), away from the Sun, without eclipses.
+
+    a = C_R (A/m) (irradiance at 1 au / c) (1 au / d)^2, Montenbruck and Gill (2000), eq. 3.75.
+
+    Args:
+        r_N: spacecraft relative to the asteroid, in N [m], shape (n, 3).
+        r_sun_N: Sun relative to the asteroid, in N [m], shape (3,).
+        area_m2: area that faces the Sun [m^2].
+        mass_kg: mass [kg].
+        reflectivity: radiation pressure coefficient C_R: 1 absorbs all light, 2 is a mirror that faces the Sun.
+
+    Returns:
+        Accelerations in N [m/s^2], shape (n, 3).
+    """
+    out = np.empty_like(r_N)
+    strength = reflectivity * area_m2 / mass_kg * SOLAR_PRESSURE_1AU * AU * AU
+    for i in range(r_N.shape[0]):
+        x, y, z = r_N[i, 0] - r_sun_N[0], r_N[i, 1] - r_sun_N[1], r_N[i, 2] - r_sun_N[2]
+        square = x * x + y * y + z * z
+        factor = strength / (square * np.sqrt(square))
+        out[i, 0] = factor * x
+        out[i, 1] = factor * y
+        out[i, 2] = factor * z
+    return out
+
+
+@njit(cache=True, error_model="numpy")
+def gravity_gradient_torque(
+    r_BN_B: NDArray[np.float64], inertia_B: NDArray[np.float64], gm: float
+) -> NDArray[np.float64]:
+    """Torque of the asteroid's central field about each centre of mass, 3 gm/r^5 r x (I r).
+
+    Schaub and Junkins (2018), Analytical Mechanics of Space Systems, eq. 4.154.
+
+    Args:
+        r_BN_B: spacecraft relative to the asteroid, each in its own body frame B [m], shape (n, 3).
+        inertia_B: inertia of each spacecraft about its centre of mass in B [kg m^2], shape (n, 3, 3).
+        gm: gravitational parameter of the asteroid [m^3/s^2].
+
+    Returns:
+        Torques in B [N m], shape (n, 3).
+    """
+    out = np.empty_like(r_BN_B)
+    for i in range(r_BN_B.shape[0]):
+        x, y, z = r_BN_B[i, 0], r_BN_B[i, 1], r_BN_B[i, 2]
+        inertia = inertia_B[i]
+        hx = inertia[0, 0] * x + inertia[0, 1] * y + inertia[0, 2] * z
+        hy = inertia[1, 0] * x + inertia[1, 1] * y + inertia[1, 2] * z
+        hz = inertia[2, 0] * x + inertia[2, 1] * y + inertia[2, 2] * z
+        square = x * x + y * y + z * z
+        factor = 3.0 * gm / (square * square * np.sqrt(square))
+        out[i, 0] = factor * (y * hz - z * hy)
+        out[i, 1] = factor * (z * hx - x * hz)
+        out[i, 2] = factor * (x * hy - y * hx)
+    return out

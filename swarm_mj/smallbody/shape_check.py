@@ -1,0 +1,192 @@
+"""Whether a triangle mesh bounds one solid body in metres; if not, which face or vertex is wrong and how to repair it.
+
+Faces and vertices are numbered from 0 in messages, as in `ShapeModel`. Gravity, coverage and target regions rest on
+these properties: an open or inside-out mesh gives plausible but wrong numbers, so it is refused at the door.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from swarm_mj.errors import ShapeError
+from swarm_mj.smallbody.shape import ShapeModel, as_rows, directed_edges
+
+#: Smallest body [m] believed without being told: the largest asteroids, read in kilometres, stay below it or near it.
+MIN_BODY_RADIUS_M = 50.0
+#: Largest body [m] believed without being told: twice Ceres; a kilometre-size body in millimetres lies near it.
+MAX_BODY_RADIUS_M = 2.0e6
+#: Range of the largest vertex radius that is accepted by default [m].
+BODY_RADIUS_RANGE_M = (MIN_BODY_RADIUS_M, MAX_BODY_RADIUS_M)
+#: Largest distance of the centroid from the origin, as a fraction of the radius about the centroid.
+MAX_CENTROID_OFFSET = 0.5
+#: A face lower than this fraction of its longest edge has no area.
+MIN_RELATIVE_HEIGHT = 1e-9
+
+
+def check_shape(
+    vertices: ArrayLike,
+    faces: ArrayLike,
+    name: str = "shape",
+    *,
+    expect_radius_m: tuple[float, float] = BODY_RADIUS_RANGE_M,
+) -> ShapeModel:
+    """Check that a mesh is one closed, outward-oriented body about the origin, of a believable size.
+
+    Args:
+        vertices: positions in A [m], shape (V, 3).
+        faces: vertex indices from 0, shape (F, 3).
+        name: what messages call the mesh, e.g. the file.
+        expect_radius_m: lowest and highest believable distance of the farthest vertex from the origin [m].
+
+    Returns:
+        The checked shape.
+
+    Raises:
+        ShapeError: the first defect found, with the face or vertex and the repair.
+    """
+    shape = check_surface(vertices, faces, name)
+    _check_origin(shape)
+    _check_size(shape, expect_radius_m)
+    return shape
+
+
+def check_surface(vertices: ArrayLike, faces: ArrayLike, name: str = "shape") -> ShapeModel:
+    """Check everything that does not depend on size and place: finite, closed, oriented outwards, in one piece.
+
+    Args and errors as in `check_shape`.
+    """
+    corners = as_rows(vertices, np.float64, f"{name}: vertices")
+    # Indices are compared as 64-bit integers: narrowing them first could wrap a huge one into range.
+    triangles = as_rows(faces, np.int64, f"{name}: faces")
+    _check_vertices(corners, name)
+    _check_indices(corners, triangles, name)
+    shape = ShapeModel(corners, triangles.astype(np.int32), name)
+    _check_areas(shape)
+    partners = _check_edges(shape)
+    _check_orientation(shape, partners)
+    _check_one_piece(shape, partners)
+    return shape
+
+
+def _check_vertices(vertices: NDArray[np.float64], name: str) -> None:
+    bad = np.flatnonzero(~np.isfinite(vertices).all(axis=1))
+    if bad.size:
+        raise ShapeError(
+            f"{name}: vertex {bad[0]} is {_point(vertices[bad[0]])}, not finite ({bad.size} such); "
+            "export the mesh again or remove these vertices and close the hole (trimesh.repair.fill_holes)"
+        )
+    largest = np.abs(vertices).max(initial=0.0)
+    if largest > 1e100:
+        raise ShapeError(f"{name}: a vertex lies {largest:.3g} from the origin; this is no body, export the mesh again")
+
+
+def _check_indices(vertices: NDArray[np.float64], faces: NDArray[np.int64], name: str) -> None:
+    if len(faces) == 0:
+        raise ShapeError(f"{name}: no faces; the file may be a point cloud, export it as a triangle mesh")
+    bad = np.flatnonzero(((faces < 0) | (faces >= len(vertices))).any(axis=1))
+    if bad.size:
+        raise ShapeError(
+            f"{name}: face {bad[0]} uses vertices {faces[bad[0]].tolist()} but there are only {len(vertices)} "
+            f"(0 to {len(vertices) - 1}); the file is cut short or counts its vertices from another number"
+        )
+    stray = np.flatnonzero(np.bincount(faces.ravel(), minlength=len(vertices)) == 0)
+    if stray.size:
+        raise ShapeError(
+            f"{name}: vertex {stray[0]} belongs to no face ({stray.size} such); "
+            "remove them with trimesh's mesh.remove_unreferenced_vertices()"
+        )
+
+
+def _check_areas(shape: ShapeModel) -> None:
+    corners = shape.vertices[shape.faces]
+    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+    flat = np.flatnonzero(2.0 * shape.face_areas <= MIN_RELATIVE_HEIGHT * longest**2)
+    if flat.size:
+        raise ShapeError(
+            f"{shape.name}: face {flat[0]} (vertices {shape.faces[flat[0]].tolist()}) has no area ({flat.size} such); "
+            "remove with mesh.update_faces(mesh.nondegenerate_faces()) and mesh.merge_vertices() in trimesh"
+        )
+
+
+def _check_edges(shape: ShapeModel) -> NDArray[np.int64]:
+    """Pair the directed edges: returns rows (i, j) of `directed_edges` that lie on the same edge, shape (E, 2)."""
+    directed = directed_edges(shape.faces).astype(np.int64)
+    keys = directed.min(axis=1) * len(shape.vertices) + directed.max(axis=1)
+    order = np.argsort(keys, kind="stable")
+    _, first, counts = np.unique(keys[order], return_index=True, return_counts=True)
+    for wrong, what, repair in (
+        (counts == 1, "an open edge: the surface has a hole", "weld equal vertices with mesh.merge_vertices(), then "
+         "trimesh.repair.fill_holes(mesh)"),
+        (counts > 2, "shared by more than two faces: the surface is not a manifold", "remove doubled faces with "
+         "mesh.update_faces(mesh.unique_faces()) or inner walls in a mesh editor"),
+    ):  # fmt: skip
+        if wrong.any():
+            row = order[first[wrong]].min()
+            a, b = directed[row]
+            raise ShapeError(
+                f"{shape.name}: face {row // 3} has, between vertices {a} {_point(shape.vertices[a])} and "
+                f"{b} {_point(shape.vertices[b])}, {what} ({wrong.sum()} such edges); {repair}"
+            )
+    return order.reshape(-1, 2)
+
+
+def _check_orientation(shape: ShapeModel, partners: NDArray[np.int64]) -> None:
+    directed = directed_edges(shape.faces)
+    same_way = directed[partners[:, 0], 0] == directed[partners[:, 1], 0]
+    if same_way.any():
+        # A single turned face disagrees along all three of its edges, each neighbour along one only.
+        disagreements = np.bincount(partners[same_way].ravel() // 3, minlength=len(shape.faces))
+        raise ShapeError(
+            f"{shape.name}: face {disagreements.argmax()} winds against its neighbours ({same_way.sum()} such edges); "
+            "repair with trimesh.repair.fix_normals(mesh)"
+        )
+    if shape.volume < 0.0:
+        raise ShapeError(
+            f"{shape.name}: all faces point inwards, face 0 (vertices {shape.faces[0].tolist()}) included; they must "
+            "wind counter-clockwise seen from outside: repair with trimesh.repair.fix_inversion(mesh) or mesh.invert()"
+        )
+
+
+def _check_one_piece(shape: ShapeModel, partners: NDArray[np.int64]) -> None:
+    i, j = (partners // 3).T
+    links = coo_array((np.ones(len(i), dtype=np.int8), (i, j)), shape=(len(shape.faces),) * 2)
+    pieces, labels = connected_components(links, directed=False)
+    if pieces > 1:
+        small = int(np.bincount(labels).argmin())
+        face = int(np.flatnonzero(labels == small)[0])
+        raise ShapeError(
+            f"{shape.name}: {pieces} separate surfaces; face {face} belongs to the smallest. Keep one body with "
+            "max(mesh.split(), key=lambda part: part.volume) in trimesh"
+        )
+
+
+def _check_origin(shape: ShapeModel) -> None:
+    offset = float(np.linalg.norm(shape.centroid))
+    radius = float(np.linalg.norm(shape.vertices - shape.centroid, axis=1).max())
+    if offset > MAX_CENTROID_OFFSET * radius:
+        raise ShapeError(
+            f"{shape.name}: the centroid {_point(shape.centroid)} lies {offset:.4g} m from the origin, too far for a "
+            f"body of radius {radius:.4g} m; move it with mesh.apply_translation(-mesh.center_mass) in trimesh"
+        )
+
+
+def _check_size(shape: ShapeModel, expect_radius_m: tuple[float, float]) -> None:
+    low, high = expect_radius_m
+    if low <= shape.max_radius <= high:
+        return
+    vertex = int(np.linalg.norm(shape.vertices, axis=1).argmax())
+    if shape.max_radius < low:
+        advice = 'it looks like kilometres taken for metres: pass unit="km", or scale the mesh by 1000'
+    else:
+        advice = 'it looks like metres taken for kilometres: pass unit="m", or scale the mesh by 0.001'
+    raise ShapeError(
+        f"{shape.name}: the farthest vertex, {vertex}, lies {shape.max_radius:.4g} m from the origin, expected {low:g} "
+        f"to {high:g} m; {advice}. For a body that is really of this size pass expect_radius_m=(lowest, highest)"
+    )
+
+
+def _point(position: NDArray[np.float64]) -> str:
+    return "(" + ", ".join(f"{x:.6g}" for x in position) + ")"

@@ -1,0 +1,107 @@
+"""The shape of 433 Eros from spherical harmonics of an ellipsoid-scaled radius.
+
+A unit vector u points to the surface point x = rho(u) (16 u_x, 8 u_y, 6 u_z) km in frame A, where rho is a sum of real
+orthonormal spherical harmonics up to degree 40. They were fitted to the NEAR MSI plate model with 7,790 facets
+(Thomas et al. 2002; PDS data set NEAR-A-5-COLLECTED-MODELS-V1.0) and lie within 12 m rms of it.
+
+`swarm-mj shape --out assets/eros.obj` builds the mesh that this project flies around.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import sph_legendre_p
+
+from swarm_mj.errors import ShapeError
+from swarm_mj.resources import asset_path
+from swarm_mj.smallbody.geodesic import geodesic_icosahedron
+from swarm_mj.smallbody.shape import ShapeModel
+from swarm_mj.smallbody.shape_check import check_shape
+from swarm_mj.smallbody.shape_io import load_shape
+
+NAME = "433 Eros"
+#: Semi-axes of the ellipsoid that the dimensionless radius scales [m].
+SEMI_AXES_M = (16_000.0, 8_000.0, 6_000.0)
+#: Subdivision of the mesh: 4,002 vertices, 8,000 faces, edges of about 600 m.
+FREQUENCY = 20
+#: Vertices are rounded to this many decimals of a metre, far below the fit, so that every build gives the same file.
+DECIMALS = 4
+
+
+def build_eros(frequency: int = FREQUENCY, *, harmonics_path: str | os.PathLike[str] | None = None) -> ShapeModel:
+    """Build the mesh of Eros on the vertices of a geodesic icosahedron.
+
+    Args:
+        frequency: subdivision f; gives 10 f^2 + 2 vertices and 20 f^2 faces.
+        harmonics_path: table of harmonics; None: the packaged one.
+
+    Returns:
+        The checked shape, frame A, metres, rounded to 0.1 mm.
+
+    Raises:
+        ShapeError: the table cannot be read or gives no closed body.
+    """
+    directions, faces = geodesic_icosahedron(frequency)
+    rho = radius_factor(directions, read_harmonics(harmonics_path))
+    vertices = np.round(rho[:, None] * directions * SEMI_AXES_M, DECIMALS) + 0.0
+    return check_shape(vertices, faces, NAME)
+
+
+def load_eros() -> ShapeModel:
+    """Read the packaged mesh of Eros (`assets/eros.obj`), which `build_eros` made."""
+    return load_shape(str(asset_path("eros.obj")), name=NAME)
+
+
+def read_harmonics(path: str | os.PathLike[str] | None = None) -> NDArray[np.float64]:
+    """Read rows l, m, a_lm, b_lm.
+
+    Args:
+        path: a csv file with `#` comments and the header `l,m,a,b`; None: the packaged one.
+
+    Returns:
+        The rows, shape (n, 4), dimensionless.
+
+    Raises:
+        ShapeError: the file cannot be read, or a row is not `l,m,a,b` with 0 <= m <= l and finite coefficients.
+    """
+    source = asset_path("eros_shape_harmonics.csv") if path is None else Path(path)
+    try:
+        lines = [line for line in source.read_text("utf-8").splitlines() if line and line[0] not in "#l"]
+        rows = np.array([line.split(",") for line in lines], dtype=np.float64)
+    except (OSError, ValueError) as error:
+        raise ShapeError(f"{source}: no table of shape harmonics ({error}); restore it from the repository") from error
+    if rows.ndim != 2 or rows.shape[1] != 4:
+        raise ShapeError(f"{source}: rows must be l,m,a,b; restore the file from the repository")
+    order, bad = rows[:, :2], ~np.isfinite(rows).all(axis=1)
+    bad |= (order[:, 1] < 0) | (order[:, 1] > order[:, 0]) | (order % 1 != 0).any(axis=1)
+    if bad.any():
+        raise ShapeError(
+            f"{source}: row {lines[int(bad.argmax())]!r} is not l,m,a,b with whole 0 <= m <= l; correct it"
+        )
+    return rows
+
+
+def radius_factor(directions: NDArray[np.float64], harmonics: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Evaluate rho = sum_l P_l0 a_l0 + sqrt(2) sum_{l, m > 0} P_lm (a_lm cos m lambda + b_lm sin m lambda).
+
+    Args:
+        directions: unit vectors u, shape (n, 3).
+        harmonics: rows l, m, a, b, shape (k, 4).
+
+    Returns:
+        Dimensionless rho, shape (n,).
+    """
+    colatitude = np.arccos(np.clip(directions[:, 2], -1.0, 1.0))
+    longitude = np.arctan2(directions[:, 1], directions[:, 0])
+    rho = np.zeros(len(directions))
+    for m in np.unique(harmonics[:, 1]).astype(int):
+        degree, _, a, b = harmonics[harmonics[:, 1] == m].T
+        # Orthonormal on the sphere, with the Condon-Shortley phase, as the coefficients are.
+        legendre = np.asarray(sph_legendre_p(degree.astype(int)[:, None], m, colatitude)).reshape(len(a), -1)
+        wave = np.outer(a, np.cos(m * longitude)) + np.outer(b, np.sin(m * longitude))
+        rho += (np.sqrt(2.0) if m else 1.0) * np.einsum("ij,ij->j", legendre, wave)
+    return rho

@@ -1,0 +1,136 @@
+"""Read shape models of any body from OBJ, PLY, STL or PDS plate (.tab) files, and write OBJ.
+
+Nothing is believed: counts are compared with the size of the file before memory is taken, every number is checked, and
+the mesh must bound one body (`check_shape`). Text formats are read line by line, so that errors can name the line.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarm_mj.errors import OutputError, ShapeError
+from swarm_mj.smallbody.mesh_ply import read_ply
+from swarm_mj.smallbody.mesh_stl import read_stl
+from swarm_mj.smallbody.mesh_text import read_obj, read_tab
+from swarm_mj.smallbody.shape import ShapeModel
+from swarm_mj.smallbody.shape_check import BODY_RADIUS_RANGE_M, check_shape
+
+Unit = Literal["m", "km"]
+Mesh = tuple[NDArray[np.float64], NDArray[np.int64]]
+
+#: Metres per unit of length.
+METRES = {"m": 1.0, "km": 1000.0}
+#: Reader and unit of length of each file ending.
+READERS: dict[str, tuple[Callable[[Path], Mesh], Unit]] = {
+    ".obj": (read_obj, "m"),
+    ".ply": (read_ply, "m"),
+    ".stl": (read_stl, "m"),
+    ".tab": (read_tab, "km"),
+}
+#: Larger files are refused [bytes]: about ten million faces, far beyond what gravity and coverage can use.
+MAX_FILE_BYTES = 512 * 2**20
+
+
+def load_shape(
+    path: str | os.PathLike[str],
+    *,
+    unit: Unit | None = None,
+    name: str | None = None,
+    expect_radius_m: tuple[float, float] = BODY_RADIUS_RANGE_M,
+) -> ShapeModel:
+    """Read and check a shape model.
+
+    Args:
+        path: an .obj, .ply (text or binary), .stl (text or binary) or PDS .tab file. Polygons with more than three
+            corners are cut into a fan of triangles about the first; texture, colour and normals are ignored.
+        unit: unit of length in the file; None: kilometres for .tab, metres for the others.
+        name: what messages call the body; None: the file's name.
+        expect_radius_m: lowest and highest believable distance of the farthest vertex from the origin [m].
+
+    Returns:
+        The shape in metres, frame A being the frame of the file.
+
+    Raises:
+        ShapeError: the file cannot be read, or the mesh is not one closed body; the message says where and what to do.
+    """
+    path = Path(path)
+    reader, usual_unit = _reader(path)
+    unit = usual_unit if unit is None else unit
+    if unit not in METRES:
+        raise ShapeError(f"{path}: unit {unit!r} is unknown; use one of {', '.join(map(repr, METRES))}")
+    with _explained(path):
+        _check_file(path)
+        vertices, faces = reader(path)
+    return check_shape(vertices * METRES[unit], faces, name or path.name, expect_radius_m=expect_radius_m)
+
+
+def save_obj(shape: ShapeModel, path: str | os.PathLike[str]) -> None:
+    """Write a shape as OBJ in metres; the same shape always gives the same bytes, and reading it back the same numbers.
+
+    The file appears whole or not at all: it is written under another name beside its place and then moved.
+
+    Args:
+        shape: the shape to write.
+        path: the .obj file to make or replace.
+
+    Raises:
+        OutputError: the file cannot be written; what stood there before is untouched.
+    """
+    path = Path(path)
+    lines = [f"# {' '.join(shape.name.split())}", "# metres, body-fixed frame A, faces counter-clockwise from outside"]
+    lines += [f"v {x!r} {y!r} {z!r}" for x, y, z in shape.vertices.tolist()]
+    lines += [f"f {i} {j} {k}" for i, j, k in (shape.faces + 1).tolist()]
+    try:
+        _write_atomically(path, "\n".join(lines) + "\n")
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be written ({error.strerror or error}); choose another folder") from error
+
+
+def _write_atomically(path: Path, text: str) -> None:
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        with open(temporary, "x", encoding="utf-8", newline="\n") as file:
+            file.write(text)
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def _reader(path: Path) -> tuple[Callable[[Path], Mesh], Unit]:
+    try:
+        return READERS[path.suffix.lower()]
+    except KeyError:
+        raise ShapeError(f"{path}: ending {path.suffix!r} is unknown; use one of {', '.join(READERS)}") from None
+
+
+def _check_file(path: Path) -> None:
+    if not path.is_file():
+        raise ShapeError(f"{path}: {'not a file' if path.exists() else 'no such file'}; give the path of a shape model")
+    size = path.stat().st_size
+    if size == 0:
+        raise ShapeError(f"{path}: the file is empty; export or download it again")
+    if size > MAX_FILE_BYTES:
+        raise ShapeError(
+            f"{path}: {size} bytes exceed {MAX_FILE_BYTES}; reduce it with mesh.simplify_quadric_decimation"
+        )
+
+
+@contextmanager
+def _explained(path: Path) -> Iterator[None]:
+    """Turn the operating system's and the decoder's complaints into a ShapeError that names the file."""
+    try:
+        yield
+    except OSError as error:
+        raise ShapeError(f"{path}: cannot be read ({error.strerror or error})") from error
+    except UnicodeDecodeError as error:
+        raise ShapeError(
+            f"{path}: byte {error.object[error.start]:#04x} is not UTF-8 text; save the file as UTF-8, "
+            "or give a binary file its own ending (.ply or .stl)"
+        ) from error

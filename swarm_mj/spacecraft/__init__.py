@@ -1,0 +1,1 @@
+"""The spacecraft as MJCF bodies, and the model that holds a swarm of them."""

@@ -1,0 +1,124 @@
+"""The MuJoCo model of a swarm: one asteroid on a mocap body and N CubeSats, assembled from the two MJCF parts.
+
+World frame N (asteroid's centre, ecliptic J2000), SI. Spacecraft j carries the prefix `sc{j}_`, counted from 1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from swarm_mj.errors import MissionError
+from swarm_mj.resources import asset_path
+from swarm_mj.smallbody.shape import ShapeModel
+from swarm_mj.spacecraft.properties import WHEEL_STATIONS_M, SpacecraftProperties
+
+WHEELS = ("wheel_x", "wheel_y", "wheel_z")
+#: qpos and qvel of one spacecraft: free joint (7, 6) and three wheels; the loop's kernels rely on this contiguous layout.
+NQ, NV, NU = 10, 9, 3
+
+
+@dataclass(frozen=True)
+class SwarmModel:
+    """A compiled swarm and the places of its parts.
+
+    Attributes:
+        mjmodel: The compiled model.
+        names: Prefix-free spacecraft names `sc1`, `sc2`, ..., in gene order.
+        hub_body: Body ids of the hubs, shape (n,).
+        asteroid_mocap: Mocap id of the asteroid.
+    """
+
+    mjmodel: mujoco.MjModel
+    names: tuple[str, ...]
+    hub_body: NDArray[np.int64]
+    asteroid_mocap: int
+
+    @property
+    def n(self) -> int:
+        """Number of spacecraft."""
+        return len(self.names)
+
+
+def spacecraft_names(n: int) -> tuple[str, ...]:
+    """Names of n spacecraft: sc1, sc2, ..."""
+    return tuple(f"sc{j + 1}" for j in range(n))
+
+
+def build_model(
+    n: int,
+    *,
+    shape: ShapeModel,
+    properties: SpacecraftProperties | None = None,
+    timestep: float = 0.1,
+    camera_half_angle_deg: float = 21.5,
+    sun_N: Sequence[float] = (1.0, 0.0, 0.0),
+) -> SwarmModel:
+    """Assemble and compile the model of n spacecraft around a body.
+
+    Args:
+        n: Number of spacecraft, at least 1.
+        shape: The body's mesh in A [m].
+        properties: Mass properties and wheel limits; default: the 8 kg 3U CubeSat.
+        timestep: Integration step [s].
+        camera_half_angle_deg: Half of the drawn camera's vertical field of view [deg].
+        sun_N: Direction to the Sun in N; lights the scene.
+    """
+    if n < 1:
+        raise MissionError(f"a swarm needs at least one spacecraft, not {n}")
+    properties = properties or SpacecraftProperties()
+    spec = _scene(shape, timestep, np.asarray(sun_N, float))
+    for name in spacecraft_names(n):
+        spec.attach(_cubesat(properties, camera_half_angle_deg), frame=spec.worldbody.add_frame(), prefix=f"{name}_")
+    return _resolve(spec.compile(), spacecraft_names(n))
+
+
+def _scene(shape: ShapeModel, timestep: float, sun_N: NDArray[np.float64]) -> mujoco.MjSpec:
+    spec = mujoco.MjSpec.from_file(str(asset_path("mjcf/scene.xml")))
+    spec.option.timestep = timestep
+    spec.stat.extent = max(1.0, 1.13 * shape.max_radius)
+    mesh = spec.mesh("asteroid")
+    mesh.file = ""
+    mesh.uservert = shape.vertices.ravel().tolist()
+    mesh.userface = shape.faces.ravel().tolist()
+    light = spec.light("sun")
+    light.dir = (-sun_N / np.linalg.norm(sun_N)).tolist()
+    light.pos = (sun_N / np.linalg.norm(sun_N) * 3.0 * shape.max_radius).tolist()
+    return spec
+
+
+def _cubesat(properties: SpacecraftProperties, camera_half_angle_deg: float) -> mujoco.MjSpec:
+    spec = mujoco.MjSpec.from_file(str(asset_path("mjcf/cubesat.xml")))
+    hub = spec.body("cubesat")
+    hub.mass, hub.inertia = properties.hub_mass, properties.hub_inertia.tolist()
+    if min(hub.inertia) <= 0 or 2 * max(hub.inertia) > sum(hub.inertia):
+        raise MissionError(
+            f"spacecraft: the wheels leave the hub an impossible inertia {np.round(properties.hub_inertia, 6).tolist()} "
+            "kg m^2; make the spacecraft heavier or larger, or the wheels smaller"
+        )
+    for name, axis, z in zip(WHEELS, properties.wheel_axes_B, WHEEL_STATIONS_M, strict=True):
+        wheel = spec.body(name)
+        wheel.pos, wheel.mass = [0.0, 0.0, z], properties.wheel_mass
+        spin, transverse = properties.wheel_spin_inertia, properties.wheel_transverse_inertia
+        wheel.inertia = (transverse + (spin - transverse) * axis**2).tolist()
+        spec.actuator(name).ctrlrange = [-properties.max_wheel_torque, properties.max_wheel_torque]
+    spec.geom("bus").size = [0.5 * edge for edge in properties.size]
+    spec.camera("camera").fovy = 2.0 * camera_half_angle_deg
+    return spec
+
+
+def _resolve(model: mujoco.MjModel, names: tuple[str, ...]) -> SwarmModel:
+    hubs = [model.body(f"{name}_cubesat") for name in names]
+    first = model.jnt_qposadr[[hub.jntadr[0] for hub in hubs]]
+    if not np.array_equal(first, NQ * np.arange(len(names))) or model.nq != NQ * len(names):
+        raise MissionError("the compiled model does not hold the spacecraft contiguously; was the MJCF changed?")
+    return SwarmModel(
+        mjmodel=model,
+        names=names,
+        hub_body=np.array([hub.id for hub in hubs]),
+        asteroid_mocap=int(model.body("asteroid").mocapid[0]),
+    )

@@ -1,0 +1,69 @@
+"""Mass properties of a CubeSat with reaction wheels, in its body frame B."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+#: The three wheels stand on the z axis, one third below, at and above the centre of mass, so that theirs is there too.
+WHEEL_STATIONS_M = (-0.05, 0.0, 0.05)
+
+RPM = 2.0 * np.pi / 60.0
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpacecraftProperties:
+    """A uniform box with three orthogonal wheels inside.
+
+    Attributes:
+        mass: Whole spacecraft, wheels included [kg].
+        size: Edges of the box [m].
+        wheel_mass: One wheel [kg].
+        wheel_spin_inertia: One wheel about its spin axis [kg m^2].
+        wheel_transverse_inertia: One wheel about a diameter [kg m^2].
+        max_wheel_torque: [N m].
+        max_wheel_speed: [rad/s].
+    """
+
+    mass: float = 8.0
+    size: tuple[float, float, float] = (0.1, 0.1, 0.34)
+    wheel_mass: float = 0.13
+    wheel_spin_inertia: float = 2.387e-5
+    wheel_transverse_inertia: float = 1.545e-5
+    max_wheel_torque: float = 0.004
+    max_wheel_speed: float = 6000.0 * RPM
+
+    @property
+    def wheel_axes_B(self) -> Array:
+        """Spin axes as rows, shape (3, 3)."""
+        return np.eye(3)
+
+    @cached_property
+    def inertia_B(self) -> Array:
+        """Inertia of hub and locked wheels about the centre of mass, shape (3, 3) [kg m^2]: that of the uniform box."""
+        x, y, z = self.size
+        return np.diag(self.mass / 12.0 * np.array([y * y + z * z, x * x + z * z, x * x + y * y]))
+
+    @cached_property
+    def inertia_effective_B(self) -> Array:
+        """Inertia that a motor torque turns: without the wheels' spin inertia, shape (3, 3) [kg m^2]."""
+        return self.inertia_B - self.wheel_spin_inertia * self.wheel_axes_B.T @ self.wheel_axes_B
+
+    @cached_property
+    def hub_inertia(self) -> Array:
+        """Principal inertia of the hub alone, shape (3,) [kg m^2]."""
+        hub = np.diag(self.inertia_B).copy()
+        for axis, z in zip(self.wheel_axes_B, WHEEL_STATIONS_M, strict=True):
+            hub -= self.wheel_transverse_inertia + (self.wheel_spin_inertia - self.wheel_transverse_inertia) * axis**2
+            hub -= self.wheel_mass * z * z * np.array([1.0, 1.0, 0.0])
+        return hub
+
+    @property
+    def hub_mass(self) -> float:
+        """Mass of the hub alone [kg]."""
+        return self.mass - len(WHEEL_STATIONS_M) * self.wheel_mass
