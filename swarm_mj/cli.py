@@ -120,7 +120,7 @@ def _add_shape(commands: argparse._SubParsersAction) -> None:
     shape = commands.add_parser(
         "shape",
         help="build the Eros mesh from its harmonics, or check a shape file",
-        description="Without FILE: build the mesh of 433 Eros from its shape harmonics. With FILE: load, check and describe it.",
+        description="Without FILE: build the mesh of 433 Eros from its shape harmonics. With FILE: check and describe it.",
     )
     shape.add_argument("file", nargs="?", type=Path, metavar="FILE", help="OBJ, PLY, STL or PDS .tab to check")
     shape.add_argument("--unit", choices=("m", "km"), help="unit of FILE (default: m, but km for .tab)")

@@ -17,6 +17,7 @@ from swarm_mj.mission.safety import CloseApproach, close_approaches, find_impact
 from swarm_mj.mission.target import TargetRegion, automatic_cell_size, build_target, check_visiting_points
 from swarm_mj.mission.trajectories import Deployment, deploy, propagate
 from swarm_mj.scenarios.schema import Body, Scenario
+from swarm_mj.simulation.simulation import sample_times
 from swarm_mj.smallbody.environment import Environment, LinearMotion
 from swarm_mj.smallbody.ephemeris import Ephemeris, julian_date
 from swarm_mj.smallbody.kepler import OrbitalElements
@@ -226,8 +227,7 @@ def _check_flight(
     scenario: Scenario, shape: ShapeModel, environment: Environment, deployment: Deployment
 ) -> tuple[list[CloseApproach], Array]:
     """Fly the trajectories ahead; an impact is an error, a near-collision is reported."""
-    interval = scenario.telemetry.interval_s
-    times = interval * np.arange(round(scenario.duration_s / interval) + 1)
+    times = sample_times(scenario.duration_s, scenario.telemetry.interval_s)
     starts = np.broadcast_to(deployment.r0_N, deployment.v0_N.shape)
     r_N, _ = propagate(environment.acceleration_N, starts, deployment.v0_N, times)
     C_AN = np.array([environment.C_AN(t) for t in times])

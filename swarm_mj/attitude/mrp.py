@@ -111,7 +111,7 @@ def mrp_rate(sigma_BN: ArrayLike, omega_BN_B: ArrayLike) -> Floats:
 
 
 def omega_from_mrp_rate(sigma_BN: ArrayLike, sigma_dot: ArrayLike) -> Floats:
-    """Return omega_BN_B [rad/s], shape (..., 3), of MRPs that change at `sigma_dot` [1/s]: the inverse of `mrp_rate`."""
+    """Return omega_BN_B [rad/s], shape (..., 3), of MRPs that change at `sigma_dot` [1/s]; inverse of `mrp_rate`."""
     sigma, rate = np.asarray(sigma_BN, dtype=np.float64), np.asarray(sigma_dot, dtype=np.float64)
     square = np.sum(sigma * sigma, axis=-1, keepdims=True)
     along = np.sum(sigma * rate, axis=-1, keepdims=True)

@@ -52,12 +52,12 @@ class Targets(NamedTuple):
 
     Attributes:
         kind: `TargetKind` values, shape (n,).
-        index: The spacecraft to follow where kind is SPACECRAFT, shape (n,).
+        spacecraft: The spacecraft to follow, from 0, where kind is SPACECRAFT, shape (n,).
         vector: Point in A [m] for SURFACE, or direction in N for DIRECTION, shape (n, 3).
     """
 
     kind: Ints
-    index: Ints
+    spacecraft: Ints
     vector: Array
 
 
@@ -88,7 +88,7 @@ class DedicatedCommunications:
         """See `Behavior`; nothing is remembered."""
         relay = self.n_observers
         targets = _empty(relay + 1)
-        _track_inside(view.r_BN_N, self.imaging_radius_m, relay, targets.kind, targets.index)
+        _track_inside(view.r_BN_N, self.imaging_radius_m, relay, targets.kind, targets.spacecraft)
         targets.kind[relay] = TargetKind.EARTH
         return targets, None
 
@@ -121,10 +121,10 @@ class AdaptableRoles:
         """See `Behavior`; the memory is the number of the elected spacecraft, counted from 0, or None before."""
         targets = _empty(self.n_observers)
         candidate = 0 if memory is None else memory
-        outside = _track_inside(view.r_BN_N, self.imaging_radius_m, candidate, targets.kind, targets.index)
+        outside = _track_inside(view.r_BN_N, self.imaging_radius_m, candidate, targets.kind, targets.spacecraft)
         if outside and memory is None:
             memory = ELECTIONS[self.election](view.r_BN_N)
-            _track_inside(view.r_BN_N, self.imaging_radius_m, memory, targets.kind, targets.index)
+            _track_inside(view.r_BN_N, self.imaging_radius_m, memory, targets.kind, targets.spacecraft)
         return targets, memory
 
 

@@ -38,8 +38,7 @@ class CloseApproach:
 def find_impacts(shape: ShapeModel, times: Array, r_A: Array) -> list[Impact]:
     """First impact of every spacecraft that hits the body.
 
-    Between samples the path is taken as straight, and crossing the surface counts as an impact even when both ends are
-    outside, so that a fast passage through a lobe is not missed.
+    The path between samples is taken as straight; where it first crosses the surface, it hits.
 
     Args:
         shape: The body.
@@ -49,9 +48,9 @@ def find_impacts(shape: ShapeModel, times: Array, r_A: Array) -> list[Impact]:
     impacts = []
     for j in range(r_A.shape[1]):
         path = np.ascontiguousarray(r_A[:, j])
-        inside = points_inside(path, shape.vertices, shape.faces, shape.max_radius)
-        through = segments_blocked(path[:-1], path[1:], shape.vertices, shape.faces, shape.max_radius)
-        hits = np.flatnonzero(inside | np.append(False, through))
+        started_inside = points_inside(path[:1], shape.vertices, shape.faces, shape.max_radius)
+        crossing = segments_blocked(path[:-1], path[1:], shape.vertices, shape.faces, shape.max_radius)
+        hits = np.flatnonzero(np.concatenate((started_inside, crossing)))
         if hits.size:
             k = int(hits[0])
             impacts.append(Impact(j, float(times[k]), *sub_point(path[k], np.eye(3))))

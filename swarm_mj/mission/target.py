@@ -231,7 +231,7 @@ def check_visiting_points(shape: ShapeModel, points_A: NDArray[np.float64]) -> N
 
 
 def winding_number(shape: ShapeModel, point_A: NDArray[np.float64]) -> float:
-    """Share of the sphere that the surface fills as seen from a point: 1 inside a closed mesh, 0 outside.
+    """Share of the sphere that the surface fills as seen from a point: 1 inside a closed mesh, 0 outside, 1/2 on it.
 
     Sum of the faces' signed solid angles over 4 pi (Van Oosterom and Strackee 1983).
     """
@@ -240,7 +240,8 @@ def winding_number(shape: ShapeModel, point_A: NDArray[np.float64]) -> float:
     la, lb, lc = (np.linalg.norm(v, axis=1) for v in (a, b, c))
     triple = np.einsum("ij,ij->i", a, np.cross(b, c))
     ab, bc, ca = (np.einsum("ij,ij->i", u, v) for u, v in ((a, b), (b, c), (c, a)))
-    return float(np.arctan2(triple, la * lb * lc + ab * lc + bc * la + ca * lb).sum() / (2.0 * np.pi))
+    half_angle = np.arctan2(triple, la * lb * lc + ab * lc + bc * la + ca * lb)
+    return float(half_angle[triple != 0.0].sum() / (2.0 * np.pi))
 
 
 def local_axes(latitude_deg: float, longitude_deg: float) -> NDArray[np.float64]:

@@ -256,7 +256,7 @@ def actuate(
 
 @njit(cache=True, error_model="numpy")
 def gradient_torque(q_BN: Array, gm: float, inertia: Array, C_mid: Array, hub: Ints, xfrc: Array, work: Array) -> None:
-    """Hold the gravity-gradient torque 3 GM/r^5 r x (J r) of the central field, in N (Schaub and Junkins, 4th ed., eq. 4.154)."""
+    """Hold the gravity-gradient torque 3 GM/r^5 r x (J r) of the central field (Schaub and Junkins, sec. 4.4.3)."""
     for j in range(hub.shape[0]):
         w, x, y, z = q_BN[j, 0], q_BN[j, 1], q_BN[j, 2], q_BN[j, 3]
         C = np.array(

@@ -185,7 +185,7 @@ class Simulation:
         targets, self._behavior_memory = self.behavior.targets(view, self._behavior_memory)
         kernels.guide(
             targets.kind,
-            targets.index,
+            targets.spacecraft,
             targets.vector,
             environment.earth.at(t),
             environment.earth.velocity,
@@ -243,7 +243,7 @@ class Simulation:
         n, stride = self.model.n, round(interval / self.period)
         samples = round(duration / interval) + 1
         record = Record(
-            time=self.time + interval * np.arange(samples),
+            time=sample_times(duration, interval) + self.time,
             vectors=np.empty((samples, 7, n, 3)),
             attitude=np.empty((samples, 2, n, 4)),
             aim=np.empty((samples, 2, n), np.int16),
@@ -256,7 +256,7 @@ class Simulation:
                 kernels.record(
                     k // stride,
                     targets.kind,
-                    targets.index,
+                    targets.spacecraft,
                     self._q_BN,
                     self._q_RN,
                     self.data.ctrl,
@@ -284,6 +284,11 @@ class Simulation:
             f"the flight diverged: {self.model.names[bad]} has a state that is not finite at t = {self.time:g} s; {cause}. "
             "Check gains, wheel limits and physics.timestep_s"
         )
+
+
+def sample_times(duration: float, interval: float) -> Array:
+    """Times from 0 to `duration` at every `interval` [s], both ends included."""
+    return np.asarray(interval * np.arange(round(duration / interval) + 1), dtype=np.float64)
 
 
 def _quaternion_of(C_PN: Array) -> Array:

@@ -41,7 +41,11 @@ def segments_blocked(
 def _distance_to_origin(a: Array, b: Array) -> float:
     d = b - a
     s = -(a @ d) / (d @ d)
-    p = a + min(1.0, max(0.0, s)) * d
+    if s < 0.0:
+        s = 0.0
+    elif s > 1.0:
+        s = 1.0
+    p = a + s * d
     return sqrt(p @ p)
 
 

@@ -73,7 +73,7 @@ def build_model(
     properties = properties or SpacecraftProperties()
     spec = _scene(shape, timestep, np.asarray(sun_N, float))
     for name in spacecraft_names(n):
-        spec.attach(_cubesat(properties, camera_half_angle_deg), frame=spec.worldbody.add_frame(), prefix=f"{name}_")
+        spec.attach(_cubesat(properties, timestep, camera_half_angle_deg), frame=spec.worldbody.add_frame(), prefix=f"{name}_")
     return _resolve(spec.compile(), spacecraft_names(n))
 
 
@@ -91,8 +91,9 @@ def _scene(shape: ShapeModel, timestep: float, sun_N: NDArray[np.float64]) -> mu
     return spec
 
 
-def _cubesat(properties: SpacecraftProperties, camera_half_angle_deg: float) -> mujoco.MjSpec:
+def _cubesat(properties: SpacecraftProperties, timestep: float, camera_half_angle_deg: float) -> mujoco.MjSpec:
     spec = mujoco.MjSpec.from_file(str(asset_path("mjcf/cubesat.xml")))
+    spec.option.timestep = timestep  # attaching warns when parent and child differ
     hub = spec.body("cubesat")
     hub.mass, hub.inertia = properties.hub_mass, properties.hub_inertia.tolist()
     if min(hub.inertia) <= 0 or 2 * max(hub.inertia) > sum(hub.inertia):

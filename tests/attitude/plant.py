@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from swarm_mj.attitude.controllers import Controller, ControlInput
+from swarm_mj.attitude.controllers import ControlInput, Controller
 from swarm_mj.attitude.guidance import attitude_error, pointing_error, track_line_of_sight
 
 Floats = NDArray[np.float64]

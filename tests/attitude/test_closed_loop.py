@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from swarm_mj.attitude.controllers import Controller, ControlInput, MrpFeedback, MrpSlidingMode
+from swarm_mj.attitude.controllers import ControlInput, Controller, MrpFeedback, MrpSlidingMode
 
 from .plant import WHEEL_SPEED, WHEEL_TORQUE, Flight, Plant, State, Target, fixed_direction, fly, unit
 
@@ -79,6 +79,19 @@ def test_small_errors_decay_along_the_closed_form_of_the_feedback_law() -> None:
     flight = fly(MrpFeedback(frequency=0.1), state, target, 60.0, period=0.01, steps=1)
     closed = (1 + 0.1 * flight.time) * np.exp(-0.1 * flight.time)
     np.testing.assert_allclose(flight.pointing[:, 0] / flight.pointing[0, 0], closed, rtol=0, atol=1e-3)
+
+
+def test_large_errors_on_the_manifold_follow_the_closed_form_of_the_pure_law() -> None:
+    """On s = 0 without a rate limit dPhi/dt = -slope tan(Phi / 4), hence sin(Phi / 4) falls as exp(-slope t / 4)."""
+    law = MrpSlidingMode(slope=0.2, rate_limit=None)
+    state, target = at_rest([60.0, 120.0])
+    probe = fly(law, state, target, 0.0)
+    state.omega = -law.sliding_variable(probe.sigma_BR[0], np.zeros((2, 3)))
+    flight = fly(law, state, target, 60.0, period=0.05)
+    sine = np.sin(np.arctan(np.linalg.norm(flight.sigma_BR, axis=2)))
+    closed = np.tile(np.exp(-0.05 * flight.time)[:, None], 2)
+    np.testing.assert_allclose(sine / sine[0], closed, rtol=0, atol=2e-3)
+    assert np.abs(flight.wheels).max() < WHEEL_SPEED
 
 
 def test_on_the_sliding_manifold_the_logarithm_of_tsiotras_falls_at_every_sample() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from swarm_mj.attitude.controllers import Controller, ControlInput, MrpFeedback, MrpSlidingMode
+from swarm_mj.attitude.controllers import ControlInput, Controller, MrpFeedback, MrpSlidingMode
 from swarm_mj.errors import ScenarioError
 
 from .plant import WHEEL_INERTIA, Plant, State, unit
@@ -90,7 +90,9 @@ def test_feedback_torque_gives_the_plant_the_designed_error_dynamics() -> None:
     np.testing.assert_allclose(rate, designed, rtol=0, atol=2e-9)
 
 
-@pytest.mark.parametrize(("law", "reaches"), [(MrpSlidingMode(), True), (MrpFeedback(), False)])
+@pytest.mark.parametrize(
+    ("law", "reaches"), [(MrpSlidingMode(), True), (MrpSlidingMode(damping=0.0), True), (MrpFeedback(), False)]
+)
 def test_outside_the_layer_s_shrinks_at_eta_for_any_allowed_inertia_error_and_disturbance(
     law: Controller, reaches: bool
 ) -> None:

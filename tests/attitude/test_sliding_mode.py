@@ -5,8 +5,20 @@ import pytest
 
 from swarm_mj.attitude.controllers import Controller, MrpFeedback, MrpSlidingMode
 
-from .plant import INERTIA, WHEEL_INERTIA, WHEEL_MOMENTUM, WHEEL_TORQUE, Flight, Plant, State
-from .plant import fixed_direction, fly, multiply, rotate, unit
+from .plant import (
+    INERTIA,
+    WHEEL_INERTIA,
+    WHEEL_MOMENTUM,
+    WHEEL_TORQUE,
+    Flight,
+    Plant,
+    State,
+    fixed_direction,
+    fly,
+    multiply,
+    rotate,
+    unit,
+)
 
 LAW = MrpSlidingMode()
 CASES = 64
@@ -88,7 +100,7 @@ def test_each_component_outside_the_layer_shrinks_at_least_at_eta() -> None:
 
 
 def test_the_deadline_holds_when_the_wheels_saturate_as_the_stated_condition_says() -> None:
-    """A body that tumbles at 0.11 rad/s asks for more than 4 mN m; what the limit leaves still exceeds eta."""
+    """A body that tumbles at 0.1 rad/s asks for more than 4 mN m; what the limit leaves still exceeds eta."""
     state, direction = starts(np.random.default_rng(8))
     state.omega = 0.06 * np.random.default_rng(9).choice([-1.0, 1.0], (CASES, 3))
     state.wheels = np.zeros((CASES, 3))

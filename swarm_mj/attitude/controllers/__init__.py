@@ -1,6 +1,6 @@
 """Control laws for reaction wheels, chosen by name: one protocol, one law per file."""
 
-from swarm_mj.attitude.controllers.base import Controller, ControlInput
+from swarm_mj.attitude.controllers.base import ControlInput, Controller
 from swarm_mj.attitude.controllers.feedback import MrpFeedback
 from swarm_mj.attitude.controllers.sliding_mode import MrpSlidingMode
 

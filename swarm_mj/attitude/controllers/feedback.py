@@ -78,8 +78,8 @@ class MrpFeedback:
         """
         if inputs.period >= self.longest_period:
             raise ScenarioError(
-                f"{self.name}: a control period of {inputs.period:g} s is too long for frequency = {self.frequency:g} rad/s "
-                f"and damping_ratio = {self.damping_ratio:g}: the loop would oscillate. Shorten the period below "
+                f"{self.name}: a control period of {inputs.period:g} s is too long for frequency = {self.frequency:g} "
+                f"rad/s and damping_ratio = {self.damping_ratio:g}: the loop would oscillate. Shorten the period below "
                 f"{self.longest_period:.2g} s or lower the frequency."
             )
         integral = None

@@ -4,8 +4,8 @@ The sliding variable compares the rate error with the rate at which the attitude
 
     s = omega_BR + m(sigma_BR),    m(sigma) = slope sigma / sqrt(1 + (slope |sigma| / rate_limit)^2),
 
-and the torque drives every component of s into the boundary layer |s_i| <= layer no later than |s_i(0)| / reaching_rate,
-whatever the inertia error and disturbance within the stated bounds, and holds it there:
+and the torque drives every component of s into the boundary layer |s_i| <= layer no later than |s_i(0)| /
+reaching_rate, whatever the inertia error and disturbance within the stated bounds, and holds it there:
 
     L = omega x (J omega + h_w) + J_eff (domega_RN - omega x omega_RN - dm/dt - v),
     v_i = rho_i sat(s_i / layer) + damping s_i.
@@ -102,9 +102,9 @@ class MrpSlidingMode:
         )
         if gain * inputs.period >= _STABILITY_LIMIT:
             raise ScenarioError(
-                f"{self.name}: a control period of {inputs.period:g} s is too long for layer = {self.layer:g} rad/s: the "
-                f"loop, with a rate gain of {gain:.3g} 1/s, would oscillate. Shorten the period below "
-                f"{_STABILITY_LIMIT / gain:.2g} s, widen the layer, or lower reaching_rate, damping or disturbance_torque."
+                f"{self.name}: a control period of {inputs.period:g} s is too long for layer = {self.layer:g} rad/s: "
+                f"the loop, with a rate gain of {gain:.3g} 1/s, would oscillate. Shorten the period below "
+                f"{_STABILITY_LIMIT / gain:.2g} s, widen the layer, or lower reaching_rate or disturbance_torque."
             )
         return torque_B, memory
 

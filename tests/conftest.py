@@ -1,0 +1,44 @@
+"""Shared fixtures: the packaged body, a quick plan, and a summary of what was skipped."""
+
+import os
+
+import pytest
+
+os.environ.setdefault("MUJOCO_GL", "egl")
+
+
+@pytest.fixture(scope="session")
+def eros():
+    from swarm_mj.smallbody.shape_harmonics import load_eros
+
+    return load_eros()
+
+
+@pytest.fixture(scope="session")
+def quick_plan():
+    from swarm_mj.planning import make_plan
+    from swarm_mj.scenarios.loading import load_scenario
+
+    return make_plan(load_scenario("eros-quick"))
+
+
+@pytest.fixture(scope="session")
+def config_flights():
+    """Both configurations of the paper, flown once: name -> (plan, telemetry)."""
+    from swarm_mj.flight import simulate
+    from swarm_mj.planning import make_plan
+    from swarm_mj.scenarios.loading import load_scenario
+
+    plans = {name: make_plan(load_scenario(name)) for name in ("eros-config1", "eros-config2")}
+    return {name: (plan, simulate(plan)) for name, plan in plans.items()}
+
+
+def pytest_terminal_summary(terminalreporter):
+    reports = terminalreporter.stats.get("skipped", [])
+    reasons = {}
+    for report in reports:
+        reason = report.longrepr[2] if isinstance(report.longrepr, tuple) else str(report.longrepr)
+        reasons[reason] = reasons.get(reason, 0) + 1
+    terminalreporter.write_line(f"skipped tests: {len(reports)}")
+    for reason, count in sorted(reasons.items()):
+        terminalreporter.write_line(f"  {count} x {reason}")

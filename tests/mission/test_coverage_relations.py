@@ -1,0 +1,71 @@
+import numpy as np
+import pytest
+
+from swarm_mj.errors import MissionError
+from swarm_mj.mission.coverage_relations import (
+    coverage_relations,
+    diffraction_altitude,
+    diffraction_aperture,
+    horizon_angle_deg,
+    nadir_angle_deg,
+    pixels_across,
+)
+
+
+def test_ten_centimetres_give_the_altitude_and_nearly_the_half_angle_of_the_paper():
+    geometry = coverage_relations(0.1)
+    assert geometry.altitude_m == pytest.approx(14_000, rel=2e-3)
+    assert geometry.half_angle_deg == pytest.approx(21.5, abs=0.15)
+    assert geometry.pixels_across == pytest.approx(109_600, rel=1e-2)
+
+
+def test_the_lens_that_resolves_ten_centimetres_from_fourteen_kilometres_fits_a_cubesat():
+    assert diffraction_aperture(0.1, altitude_m=14e3) == pytest.approx(0.09394, rel=1e-9)
+
+
+def test_aperture_and_altitude_are_inverse():
+    aperture = diffraction_aperture(0.37, altitude_m=8123.0, wavelength_m=700e-9)
+    assert diffraction_altitude(0.37, aperture_m=aperture, wavelength_m=700e-9) == pytest.approx(8123.0, rel=1e-14)
+
+
+@pytest.mark.parametrize("radius", [500.0, 7_000.0, 17_200.0])
+@pytest.mark.parametrize("share_of_horizon", [0.1, 0.6, 1.0])
+def test_the_nadir_angle_is_the_one_drawn_in_the_triangle(radius, share_of_horizon):
+    altitude = 14e3
+    central = share_of_horizon * (90.0 - horizon_angle_deg(altitude_m=altitude, body_radius_m=radius))
+    camera = np.array([0.0, radius + altitude])
+    ground = radius * np.array([np.sin(np.radians(central)), np.cos(np.radians(central))])
+    sight = (ground - camera) / np.linalg.norm(ground - camera)
+    drawn = np.degrees(np.arccos(-sight[1]))
+    assert nadir_angle_deg(central, altitude_m=altitude, body_radius_m=radius) == pytest.approx(drawn, rel=1e-9)
+
+
+def test_at_the_horizon_the_nadir_angle_is_the_horizon_angle():
+    rho = horizon_angle_deg(altitude_m=14e3, body_radius_m=8.42e3)
+    assert nadir_angle_deg(90.0 - rho, altitude_m=14e3, body_radius_m=8.42e3) == pytest.approx(rho, rel=1e-12)
+    assert rho == pytest.approx(22.06, abs=0.01)
+
+
+def test_the_table_of_spheres_in_the_docstring_is_right():
+    for radius, expected in ((5841, 7.9), (8420, 11.2), (17200, 21.4), (17330, 21.5), (17714, 21.9)):
+        assert nadir_angle_deg(20.0, altitude_m=14e3, body_radius_m=radius) == pytest.approx(expected, abs=0.05)
+
+
+def test_pixels_across_flat_ground():
+    assert pixels_across(0.1, altitude_m=14e3, half_angle_deg=21.5) == pytest.approx(110_295, rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("call", "name"),
+    [
+        (lambda: diffraction_altitude(0.0), "ground_resolution_m"),
+        (lambda: diffraction_altitude(0.1, aperture_m=-1.0), "aperture_m"),
+        (lambda: diffraction_aperture(0.1, altitude_m=float("nan")), "altitude_m"),
+        (lambda: horizon_angle_deg(altitude_m=1.0, body_radius_m=0.0), "body_radius_m"),
+        (lambda: nadir_angle_deg(80.0, altitude_m=14e3, body_radius_m=17e3), "horizon"),
+        (lambda: pixels_across(0.1, altitude_m=1.0, half_angle_deg=90.0), "90"),
+    ],
+)
+def test_impossible_values_are_named(call, name):
+    with pytest.raises(MissionError, match=name):
+        call()
