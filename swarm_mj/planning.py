@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from swarm_mj import plugins
 from swarm_mj.attitude.controllers.base import Controller
-from swarm_mj.errors import MissionError, ScenarioError
+from swarm_mj.errors import MissionError, ScenarioError, ShapeError
 from swarm_mj.mission.behaviors import Behavior
 from swarm_mj.mission.links import Antennas
 from swarm_mj.mission.safety import CloseApproach, close_approaches, find_impacts
@@ -128,7 +128,10 @@ def load_body_shape(body: Body) -> ShapeModel:
     """The body's mesh: packaged or from a file."""
     if body.shape == PACKAGED_SHAPE:
         return load_eros()
-    return load_shape(body.shape, unit=body.shape_unit, name=body.name, expect_radius_m=body.radius_range_m)
+    try:
+        return load_shape(body.shape, unit=body.shape_unit, name=body.name, expect_radius_m=body.radius_range_m)
+    except ShapeError as error:
+        raise ShapeError(f"body.shape = {body.shape} (with body.shape_unit, body.radius_range_m): {error}") from None
 
 
 def properties_from(scenario: Scenario) -> SpacecraftProperties:

@@ -155,9 +155,7 @@ def pixels_across(ground_resolution_m: float, *, altitude_m: float, half_angle_d
     Raises:
         MissionError: A value is not positive, or the half-angle is not below 90 deg.
     """
-    _check_positive(
-        ground_resolution_m=ground_resolution_m, altitude_m=altitude_m, half_angle_deg=half_angle_deg
-    )
+    _check_positive(ground_resolution_m=ground_resolution_m, altitude_m=altitude_m, half_angle_deg=half_angle_deg)
     if half_angle_deg >= 90.0:
         raise MissionError(f"camera half-angle {half_angle_deg} deg must be below 90 deg")
     return 2.0 * altitude_m * tan(radians(half_angle_deg)) / ground_resolution_m

@@ -278,11 +278,11 @@ class _Inside:
     @property
     def points(self) -> NDArray[np.bool_]:
         """Vertices inside the pyramid or on its surface, shape (V,)."""
-        return (self.side >= 0).all(axis=0) & (self.side.any(axis=0))
+        return np.asarray(np.all(self.side >= 0, axis=0) & np.any(self.side, axis=0))
 
     def faces(self, faces: NDArray[np.int32]) -> NDArray[np.bool_]:
         """Faces inside the pyramid; none may cross a plane, shape (F,)."""
-        return (self.side[:, faces].sum(axis=2) > 0).all(axis=0)
+        return np.asarray(np.all(self.side[:, faces].sum(axis=2) > 0, axis=0))
 
 
 def _inside(vertices: NDArray[np.float64], normals: NDArray[np.float64]) -> _Inside:

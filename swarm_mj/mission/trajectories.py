@@ -27,6 +27,11 @@ MAX_ITERATIONS = 20
 #: Step of the start velocity for the Jacobian [m/s]: large against the integrator's noise, small against the curvature.
 VELOCITY_STEP = 1e-2
 
+_REMEDY = (
+    "a path through the body has no solution in a field that diverges there: change mothership.position_A_m, "
+    "design.visiting_points or design.time_of_flight_s"
+)
+
 
 @dataclass(frozen=True, kw_only=True)
 class Deployment:
@@ -108,7 +113,10 @@ def solve_transfers(
     offsets = VELOCITY_STEP * np.vstack((np.zeros(3), np.eye(3)))
     for _ in range(MAX_ITERATIONS):
         starts = (v0[:, None] + offsets).reshape(-1, 3)
-        r, _ = propagate(acceleration, np.broadcast_to(r0, starts.shape), starts, times)
+        try:
+            r, _ = propagate(acceleration, np.broadcast_to(r0, starts.shape), starts, times)
+        except MissionError as error:
+            raise MissionError(f"no trajectory to the visiting points in {time_of_flight:g} s: {error}; {_REMEDY}") from None
         arrivals = r[-1].reshape(n, 4, 3)
         miss = arrivals[:, 0] - destinations
         if np.linalg.norm(miss, axis=1).max() < SHOOTING_TOLERANCE_M:
@@ -118,7 +126,7 @@ def solve_transfers(
     worst = int(np.argmax(np.linalg.norm(miss, axis=1)))
     raise MissionError(
         f"sc{worst + 1}: no trajectory to its visiting point in {time_of_flight:g} s (miss "
-        f"{np.linalg.norm(miss[worst]):.3g} m after {MAX_ITERATIONS} iterations); change design.time_of_flight_s or the point"
+        f"{np.linalg.norm(miss[worst]):.3g} m after {MAX_ITERATIONS} iterations); {_REMEDY}"
     )
 
 

@@ -153,7 +153,7 @@ class CoverageMap:
     @property
     def seen(self) -> NDArray[np.bool_]:
         """Cells that the swarm observed, F_TO, shape (n,)."""
-        return self.seen_by.any(axis=0)
+        return np.asarray(np.any(self.seen_by, axis=0))
 
     @property
     def first_seen_s(self) -> NDArray[np.float64]:

@@ -2,8 +2,9 @@
 
 The whole body is drawn with depth test and back-face culling into a 32-bit integer picture, so that occlusion is the
 renderer's work. A cell's visible share is the number of its pixels found over the number expected of it, which is its
-projected area in pixels. The picture is normally confined to the window that holds the target, which spends all pixels
-where they are needed.
+projected area in pixels; at most 1, so that a threshold may be put on it, while a sum of shares would lose the surplus
+of some cells and is biased low. The picture is normally confined to the window that holds the target, which spends all
+pixels where they are needed.
 
 Counts say little about slivers. A triangle of area A and perimeter P pixels that is seen whole gets between A - P/2 and
 A + P/2 + 1 pixels (Nosarzewska 1948), hence at least half of the expected A when its inscribed circle, of radius
@@ -18,6 +19,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from swarm_mj.errors import ObserverError
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.camera import CameraModel, CameraPose, camera_pose
 from swarm_mj.observation.gl_context import current_context, may_release
@@ -98,6 +100,7 @@ class FaceIdObserver:
 
     def visible_fraction(self, r_A: ArrayLike, C_CA: ArrayLike) -> NDArray[np.float64]:
         """Share of each cell in view, see `Observer.visible_fraction`."""
+        self._open_resources()
         pose = camera_pose(r_A, C_CA)
         cells = project(pose.to_camera(self.region.corners_A), self.camera)
         candidate = cells.in_picture & faces_camera(self.region, pose)
@@ -123,9 +126,9 @@ class FaceIdObserver:
             array is reused by the next call.
 
         Raises:
-            ObserverError: This is a forked child or another thread.
+            ObserverError: This is a forked child or another thread, or the observer was closed.
         """
-        gl, parts = current_context(), self._resources
+        gl, parts = current_context(), self._open_resources()
         to_picture = self._picture_from_mesh(pose)
         parts["program"]["picture_from_mesh"].write(to_picture.T.astype("f4").tobytes())
         parts["program"]["clip_from_mesh"].write(
@@ -137,6 +140,11 @@ class FaceIdObserver:
         parts["mesh"].render()
         parts["buffer"].read_into(self._picture, components=1, dtype="u4")
         return self._picture
+
+    def _open_resources(self) -> dict[str, Any]:
+        if not self._resources:
+            raise ObserverError("this face-ID observer was closed: make a new one")
+        return self._resources
 
     def _picture_from_mesh(self, pose: CameraPose) -> NDArray[np.float64]:
         """Homogeneous picture coordinates, (x, y) = (X, Y) / Z, of mesh positions relative to the centre."""

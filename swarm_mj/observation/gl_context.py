@@ -9,11 +9,15 @@ import os
 import sys
 import threading
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Final
 
 from swarm_mj.errors import ObserverError
 
-_INSTALL_HINT = "on Debian or Ubuntu install it with `apt-get install libegl1 libgl1`"
+#: Without a display server Linux needs EGL; the sonames, because the unversioned links belong to development packages.
+_PLATFORM_SETTINGS: Final[dict[str, Any]] = (
+    dict(backend="egl", libgl="libGL.so.1", libegl="libEGL.so.1") if sys.platform == "linux" else {}
+)
+_INSTALL_HINT: Final = "on Debian or Ubuntu install it with `apt-get install libegl1 libgl1`"
 
 
 @dataclass(frozen=True)
@@ -87,12 +91,7 @@ def _create() -> None:
     try:
         import moderngl
 
-        if sys.platform == "linux":
-            context = moderngl.create_context(
-                standalone=True, require=330, backend="egl", libgl="libGL.so.1", libegl="libEGL.so.1"
-            )
-        else:
-            context = moderngl.create_context(standalone=True, require=330)
+        context = moderngl.create_context(require=330, standalone=True, **_PLATFORM_SETTINGS)
     except Exception as error:  # moderngl raises plain Exception, and each driver its own
         reason = str(error).strip() or type(error).__name__
         _Slot.failure = f"OpenGL 3.3 cannot be loaded ({reason}); {_INSTALL_HINT}, or use the raycast observer"

@@ -62,5 +62,5 @@ def lit(
 def _unit(sun_A: ArrayLike) -> NDArray[np.float64]:
     sun = np.asarray(sun_A, dtype=np.float64)
     if sun.shape != (3,) or not np.isfinite(sun).all() or not sun.any():
-        raise MissionError(f"direction to the Sun must be three finite numbers, not all zero, got {sun_A}")
+        raise MissionError(f"direction to the Sun must be three finite numbers, not all zero, got {sun_A!r}")
     return sun / np.linalg.norm(sun)

@@ -57,8 +57,8 @@ class PictureCells:
 def project(corners_C: NDArray[np.float64], camera: CameraModel) -> PictureCells:
     """Project triangles, shape (n, 3, 3), given in the camera frame [m]."""
     depth = corners_C[..., 2]
-    ahead = (depth > 0.0).all(axis=1)
+    ahead = np.asarray(np.all(depth > 0.0, axis=1))
     safe = np.where(ahead[:, None], depth, 1.0)
     corners = corners_C[..., :2] / (safe * camera.tan_half_angle)[..., None]
-    overlaps = ((corners.min(axis=1) < 1.0) & (corners.max(axis=1) > -1.0)).all(axis=1)
-    return PictureCells(corners, ahead, np.where(ahead, overlaps, (depth > 0.0).any(axis=1)))
+    overlaps = np.all((corners.min(axis=1) < 1.0) & (corners.max(axis=1) > -1.0), axis=1)
+    return PictureCells(corners, ahead, np.where(ahead, overlaps, np.any(depth > 0.0, axis=1)))

@@ -3,6 +3,8 @@
 Frame A, metres. Embree works in single precision: 1 to 2 mm at the size of Eros.
 """
 
+from typing import Any
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -40,7 +42,7 @@ class RayTracer:
         return np.asarray(hits, dtype=np.intp)
 
 
-def _embree_scene(corners: NDArray[np.float64]):  # type: ignore[no-untyped-def]
+def _embree_scene(corners: NDArray[np.float64]) -> Any:
     try:
         from embreex.mesh_construction import TriangleMesh
         from embreex.rtcore_scene import EmbreeScene

@@ -123,8 +123,8 @@ def _explain(error: Any) -> str:
         return f"  {key}: missing, a value is required"
     message = error["msg"].removeprefix("Value error, ")
     if error["type"] == "value_error":
-        prefix = f"{key}." if keys else ""
-        return f"  {prefix}{message}"
+        separator = "" if not keys else " " if message.startswith("=") else "."
+        return f"  {key if keys else ''}{separator}{message}"
     return f"  {key} = {error['input']!r}: {message[0].lower()}{message[1:]}"
 
 

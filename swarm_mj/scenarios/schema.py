@@ -7,9 +7,10 @@ and a reason in their description; `swarm-mj scenarios --json-schema` prints the
 
 from __future__ import annotations
 
+from datetime import datetime
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from swarm_mj import constants
 
@@ -272,6 +273,20 @@ class Scenario(Section):
     link: Link = Field(default_factory=Link)
     safety: Safety = Field(default_factory=Safety)
     telemetry: Telemetry = Field(default_factory=Telemetry)
+
+    @field_validator("epoch", mode="before")
+    @classmethod
+    def _epoch_is_a_date(cls, value: Any) -> str:
+        # YAML reads an unquoted date and time as one.
+        moment = value
+        if isinstance(value, str):
+            try:
+                moment = datetime.fromisoformat(value)
+            except ValueError:
+                moment = None
+        if not isinstance(moment, datetime) or moment.tzinfo is not None:
+            raise ValueError(f"= {value!r}: must be a date and time in TDB without time zone, like 2018-01-15T00:00:00")
+        return moment.isoformat()
 
     @model_validator(mode="after")
     def _times_fit_together(self) -> Self:

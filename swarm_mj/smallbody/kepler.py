@@ -147,7 +147,7 @@ def eccentric_anomaly(mean_anomaly: float, eccentricity: float) -> float:
         excess = E - eccentricity * math.sin(E) - M
         low, high = (low, E) if excess > 0.0 else (E, high)
         step = E - excess / (1.0 - eccentricity * math.cos(E))
-        following = step if low < step < high else 0.5 * (low + high)
+        following = step if low <= step <= high else 0.5 * (low + high)
         if abs(following - E) <= ANOMALY_TOLERANCE * max(1.0, abs(E)):
             return following
         E = following

@@ -73,9 +73,9 @@ class Rotation:
         return matrix
 
     def phase(self, jd: float, t_s: float = 0.0) -> float:
-        """Angle W of the prime meridian [rad], in [0, 2 pi), `t_s` seconds after a Julian date (TDB)."""
+        """Angle W of the prime meridian [rad] `t_s` seconds after a Julian date (TDB); at the date itself in [0, 2 pi)."""
         turned = self.w_rate_deg_per_day * (jd - constants.JD_J2000)
-        return math.radians((self.w0_deg + turned) % 360.0) % (2.0 * math.pi) + self.spin_rate * t_s
+        return math.radians((self.w0_deg + turned) % 360.0) + self.spin_rate * t_s
 
     def C_AN(self, jd: float, t_s: float = 0.0) -> NDArray[np.float64]:
         """From components in N to components in A, shape (3, 3), `t_s` seconds after a Julian date (TDB)."""

@@ -109,7 +109,10 @@ def as_rows(values: ArrayLike, dtype: type[T], what: str) -> NDArray[T]:
         ShapeError: the values do not form a table of three columns.
     """
     try:
-        rows = np.array(values, dtype=dtype, order="C")
+        raw = np.asarray(values)
+        if raw.size and np.issubdtype(dtype, np.integer) and not np.issubdtype(raw.dtype, np.integer):
+            raise TypeError("indices must be whole numbers")
+        rows = np.array(raw, dtype=dtype, order="C")
     except (TypeError, ValueError, OverflowError) as error:
         raise ShapeError(f"{what} must be numbers in three columns: {error}") from error
     if rows.ndim != 2 or rows.shape[1] != 3:

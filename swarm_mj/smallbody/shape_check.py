@@ -14,12 +14,14 @@ from scipy.sparse.csgraph import connected_components
 from swarm_mj.errors import ShapeError
 from swarm_mj.smallbody.shape import ShapeModel, as_rows, directed_edges
 
-#: Smallest body [m] believed without being told: the largest asteroids, read in kilometres, stay below it or near it.
+#: Smallest body [m] believed without being told: most asteroids given in kilometres, read as metres, stay below it.
 MIN_BODY_RADIUS_M = 50.0
-#: Largest body [m] believed without being told: twice Ceres; a kilometre-size body in millimetres lies near it.
+#: Largest body [m] believed without being told: four times Ceres.
 MAX_BODY_RADIUS_M = 2.0e6
 #: Range of the largest vertex radius that is accepted by default [m].
 BODY_RADIUS_RANGE_M = (MIN_BODY_RADIUS_M, MAX_BODY_RADIUS_M)
+#: Coordinates beyond this [m] are damage, not geometry; squared areas and volumes of larger ones would overflow.
+MAX_COORDINATE_M = 1e15
 #: Largest distance of the centroid from the origin, as a fraction of the radius about the centroid.
 MAX_CENTROID_OFFSET = 0.5
 #: A face lower than this fraction of its longest edge has no area.
@@ -79,8 +81,10 @@ def _check_vertices(vertices: NDArray[np.float64], name: str) -> None:
             "export the mesh again or remove these vertices and close the hole (trimesh.repair.fill_holes)"
         )
     largest = np.abs(vertices).max(initial=0.0)
-    if largest > 1e100:
-        raise ShapeError(f"{name}: a vertex lies {largest:.3g} from the origin; this is no body, export the mesh again")
+    if largest > MAX_COORDINATE_M:
+        raise ShapeError(
+            f"{name}: a vertex lies {largest:.3g} m from the origin; this is no body, export the mesh again"
+        )
 
 
 def _check_indices(vertices: NDArray[np.float64], faces: NDArray[np.int64], name: str) -> None:

@@ -2,7 +2,7 @@
 
 A unit vector u points to the surface point x = rho(u) (16 u_x, 8 u_y, 6 u_z) km in frame A, where rho is a sum of real
 orthonormal spherical harmonics up to degree 40. They were fitted to the NEAR MSI plate model with 7,790 facets
-(Thomas et al. 2002; PDS data set NEAR-A-5-COLLECTED-MODELS-V1.0) and lie within 12 m rms of it.
+(Thomas et al. 2002; PDS data set NEAR-A-5-COLLECTED-MODELS-V1.0), whose facets they pass at 12 m rms.
 
 `swarm-mj shape --out assets/eros.obj` builds the mesh that this project flies around.
 """

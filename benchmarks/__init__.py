@@ -1,0 +1,1 @@
+"""Side-by-side measurements, each re-runnable by one command."""

@@ -1,0 +1,107 @@
+"""Observed share of the target, P_TO, over time and by spacecraft."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from numpy.typing import NDArray
+
+from swarm_mj.flight import ObservationResult
+from swarm_mj.observation.coverage import CoverageMap
+from swarm_mj.output.figures.panels import every, legend_below
+from swarm_mj.output.figures.style import (
+    BLACK,
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    PURPLE,
+    SKY_BLUE,
+    SMALL_PT,
+    TICK_PT,
+    VERMILLION,
+    instant,
+    label,
+    new_figure,
+    note_of_omission,
+    shown_spacecraft,
+    tidy,
+    time_axis,
+)
+from swarm_mj.planning import Plan
+
+#: Colours of the observers, as long as they can be told apart.
+OBSERVERS = (BLUE, ORANGE, GREEN, VERMILLION, PURPLE, SKY_BLUE)
+CRITERION = {"passage": "whole passage", "visit": "instant of the visit only"}
+
+
+def compose_coverage(plan: Plan, telemetry: xr.Dataset, result: ObservationResult) -> Figure:
+    """P_TO over time, and what each observer saw of the target in the end."""
+    coverage, criterion = result.coverage, plan.scenario.observation.criterion
+    shown = shown_spacecraft(plan.n_observers)
+    omission = note_of_omission(plan.n_observers, shown)
+    figure = new_figure(4.4, f"Observed area of the target, {CRITERION[criterion]} - {plan.scenario.name}{omission}")
+    history, bars = figure.subplots(1, 2, width_ratios=(2.6, 1.0))
+    _draw_history(history, plan, telemetry, coverage, shown)
+    _draw_bars(bars, plan, coverage, shown)
+    handles = [
+        Line2D([], [], color=BLACK, linewidth=2.2, label="whole swarm"),
+        Line2D([], [], color=_colours(len(shown))[0], linewidth=1.3, label="one spacecraft, colours as at the right"),
+        Line2D([], [], color=GREY, linewidth=1.0, linestyle=(0, (4, 2)), label="visit"),
+    ]
+    legend_below(figure, handles)
+    return figure
+
+
+def percent_over_time(coverage: CoverageMap, j: int, times: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Share of the target that spacecraft j has observed [%], shape of `times`."""
+    own = CoverageMap(coverage.area, 1)
+    own.first_seen_by_s[0] = coverage.first_seen_by_s[j]
+    return own.percent_over_time(times)
+
+
+def _draw_history(
+    ax: Axes, plan: Plan, telemetry: xr.Dataset, coverage: CoverageMap, shown: NDArray[np.intp]
+) -> None:
+    times = telemetry["time"].values[every(telemetry.sizes["time"])]
+    axis = time_axis(plan.scenario.duration_s)
+    for j, colour in zip(shown, _colours(len(shown)), strict=True):
+        ax.step(
+            times / axis.seconds, percent_over_time(coverage, j, times), where="post", color=colour, linewidth=1.3
+        )
+    ax.step(times / axis.seconds, coverage.percent_over_time(times), where="post", color=BLACK, linewidth=2.2)
+    visit = plan.scenario.design.time_of_flight_s
+    ax.axvline(visit / axis.seconds, color=GREY, linewidth=1.0, linestyle=(0, (4, 2)), zorder=1.5)
+    ax.set_xlim(0.0, plan.scenario.duration_s / axis.seconds)
+    ax.set_ylim(-2.0, 104.0)
+    tidy(ax)
+    label(ax, f"time since deployment [{axis.unit}]", r"observed share of the target $P_{TO}$ [%]")
+    ax.set_title(
+        f"$P_{{TO}}$ = {coverage.percent:.2f} % at the end, "
+        f"{float(coverage.percent_over_time(visit)):.2f} % at the visit, t = {instant(visit, axis)}",
+        fontsize=TICK_PT,
+        loc="left",
+    )
+
+
+def _draw_bars(ax: Axes, plan: Plan, coverage: CoverageMap, shown: NDArray[np.intp]) -> None:
+    percent = coverage.percent_by_spacecraft[shown]
+    rows = np.arange(len(shown))
+    ax.barh(rows, percent, color=_colours(len(shown)), height=0.7)
+    for row, value in zip(rows, percent, strict=True):
+        ax.text(value + 2.0, row, f"{value:.1f}", va="center", fontsize=SMALL_PT)
+    ax.set_yticks(rows, [plan.names[j] for j in shown])
+    ax.set_ylim(len(shown) - 0.4, -0.6)
+    ax.set_xlim(0.0, 130.0)
+    ax.set_xticks((0, 50, 100))
+    tidy(ax)
+    ax.grid(False, axis="y")
+    label(ax, "share [%]")
+    ax.set_title("each spacecraft, at the end", fontsize=TICK_PT, loc="left")
+
+
+def _colours(n: int) -> list[str]:
+    return list(OBSERVERS[:n]) if n <= len(OBSERVERS) else [SKY_BLUE] * n

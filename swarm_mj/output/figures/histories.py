@@ -1,0 +1,107 @@
+"""Attitude over time, one panel per spacecraft: tracking error (AAS 19-144, Figures 9, 10), pointing error, wheel speed."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from numpy.typing import NDArray
+
+from swarm_mj.flight import ObservationResult
+from swarm_mj.output.figures.modes import BAND
+from swarm_mj.output.figures.panels import Panels, compose_panels, every
+from swarm_mj.output.figures.style import BLUE, COMPONENTS, VERMILLION, time_axis
+from swarm_mj.planning import Plan
+from swarm_mj.spacecraft.properties import RPM
+
+Array = NDArray[np.float64]
+
+#: Errors below this are rounding, and zero has no place on a logarithmic axis [deg].
+LEAST_ERROR_DEG = 1e-8
+
+
+def compose_tracking_error(plan: Plan, telemetry: xr.Dataset, result: ObservationResult) -> Figure:
+    """MRP tracking error sigma_BR of every spacecraft."""
+    names = [rf"$\sigma_{{{k}}}$" for k in (1, 2, 3)]
+    values = telemetry["sigma_BR"].values
+    reach = _reach(values, at_least=0.02)
+    panels = Panels(
+        title="MRP tracking errors",
+        y_label=r"tracking error $\sigma_{B/R}$ [-]",
+        draw=_components(plan, telemetry, values),
+        limits=_below_band(-reach, reach),
+        handles=_handles(names),
+    )
+    return compose_panels(plan, telemetry, panels)
+
+
+def compose_wheel_speed(plan: Plan, telemetry: xr.Dataset, result: ObservationResult) -> Figure:
+    """Speeds of the three wheels of every spacecraft and their limit."""
+    values = telemetry["wheel_speed"].values / RPM
+    limit = plan.properties.max_wheel_speed / RPM
+    curves = _components(plan, telemetry, values)
+
+    def draw(ax: Axes, j: int) -> None:
+        curves(ax, j)
+        for bound in (-limit, limit):
+            ax.axhline(bound, color=VERMILLION, linewidth=1.1, linestyle=(0, (6, 2)))
+
+    reach = max(1.08 * limit, _reach(values, at_least=0.0))
+    bound = Line2D([], [], color=VERMILLION, linewidth=1.1, linestyle=(0, (6, 2)), label=f"limit, {limit:,.0f} rpm")
+    panels = Panels(
+        title="Reaction wheel speeds",
+        y_label="wheel speed [rpm]",
+        draw=draw,
+        limits=_below_band(-reach, reach),
+        handles=[*_handles([f"wheel {k}" for k in "xyz"]), bound],
+    )
+    return compose_panels(plan, telemetry, panels)
+
+
+def compose_pointing_error(plan: Plan, telemetry: xr.Dataset, result: ObservationResult) -> Figure:
+    """Angle between +z and the line of sight of every spacecraft, on a logarithmic axis."""
+    error = np.maximum(np.degrees(telemetry["pointing_error"].values), LEAST_ERROR_DEG)
+    some = every(len(error))
+    times = telemetry["time"].values[some] / time_axis(plan.scenario.duration_s).seconds
+
+    def draw(ax: Axes, j: int) -> None:
+        ax.plot(times, error[some, j], color=BLUE, linewidth=1.2)
+
+    low, high = np.log10(error.min()) - 0.3, np.log10(max(error.max(), 1.0)) + 0.3
+    bottom, top = _below_band(low, high)
+    panels = Panels(
+        title="Pointing errors",
+        y_label="angle between +z and line of sight [deg]",
+        draw=draw,
+        limits=(10.0**bottom, 10.0**top),
+        handles=[Line2D([], [], color=BLUE, linewidth=1.2, label="pointing error")],
+        log=True,
+    )
+    return compose_panels(plan, telemetry, panels)
+
+
+def _components(plan: Plan, telemetry: xr.Dataset, values: Array):  # type: ignore[no-untyped-def]
+    """A function that draws the three components of one spacecraft; `values` has shape (time, spacecraft, 3)."""
+    some = every(len(values))
+    times = telemetry["time"].values[some] / time_axis(plan.scenario.duration_s).seconds
+
+    def draw(ax: Axes, j: int) -> None:
+        for k, colour in enumerate(COMPONENTS):
+            ax.plot(times, values[some, j, k], color=colour, linewidth=1.2)
+
+    return draw
+
+
+def _handles(names: list[str]) -> list[Line2D]:
+    return [Line2D([], [], color=c, linewidth=1.6, label=name) for c, name in zip(COMPONENTS, names, strict=True)]
+
+
+def _reach(values: Array, *, at_least: float) -> float:
+    return max(1.08 * float(np.abs(values).max()), at_least)
+
+
+def _below_band(low: float, high: float) -> tuple[float, float]:
+    """Limits of an axis whose lowest 1 - BAND spans low to high."""
+    return low, low + (high - low) / (1.0 - BAND)

@@ -1,0 +1,104 @@
+"""Small multiples: one panel per spacecraft over time, axes shared, modes marked, one legend below."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from math import ceil
+
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from swarm_mj.output.figures.modes import draw_modes, mark_handles, mode_handles
+from swarm_mj.output.figures.style import (
+    LABEL_PT,
+    SMALL_PT,
+    TICK_PT,
+    new_figure,
+    note_of_omission,
+    role,
+    shown_spacecraft,
+    tidy,
+    time_axis,
+)
+from swarm_mj.planning import Plan
+
+#: Samples beyond this number differ by less than a pixel.
+MAX_SAMPLES = 20_000
+
+
+@dataclass(frozen=True, kw_only=True)
+class Panels:
+    """What a figure of small multiples shows.
+
+    Attributes:
+        title: Of the figure.
+        y_label: Quantity and unit.
+        draw: Draws the curves of one spacecraft: (axes, its number from 0).
+        limits: Of the vertical axis, below the band that names the modes.
+        handles: Legend entries of the curves.
+    """
+
+    title: str
+    y_label: str
+    draw: Callable[[Axes, int], None]
+    limits: tuple[float, float]
+    handles: Sequence[Line2D]
+    log: bool = False
+
+
+def compose_panels(plan: Plan, telemetry: xr.Dataset, panels: Panels) -> Figure:
+    """Build a figure of small multiples."""
+    shown = shown_spacecraft(plan.n)
+    columns = _columns(len(shown))
+    rows = ceil(len(shown) / columns)
+    figure = new_figure(_height(rows), f"{panels.title} - {plan.scenario.name}{note_of_omission(plan.n, shown)}")
+    grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
+    axis = time_axis(plan.scenario.duration_s)
+    for ax, j in zip(grid.flat, shown, strict=False):
+        panels.draw(ax, int(j))
+        draw_modes(ax, telemetry, int(j), axis, plan.scenario.design.time_of_flight_s)
+        tidy(ax)
+        ax.set_title(f"{plan.names[j]}: {role(plan, int(j))}", fontsize=TICK_PT, loc="left", pad=3)
+    first = grid[0, 0]
+    first.set_xlim(0.0, plan.scenario.duration_s / axis.seconds)
+    if panels.log:
+        first.set_yscale("log")
+    first.set_ylim(*panels.limits)
+    for ax in list(grid.flat)[len(shown) :]:
+        ax.set_visible(False)
+    for column in range(columns):  # an incomplete last row leaves the panel above it as the lowest
+        lowest = grid[(len(shown) - 1 - column) // columns, column]
+        lowest.tick_params(labelbottom=True)
+    figure.supxlabel(f"time since deployment [{axis.unit}]", fontsize=LABEL_PT)
+    figure.supylabel(panels.y_label, fontsize=LABEL_PT)
+    legend_below(figure, [*panels.handles, *mark_handles(telemetry, plan.n), *mode_handles(telemetry)])
+    return figure
+
+
+def every(n_samples: int) -> slice:
+    """The samples worth drawing."""
+    return slice(None, None, max(1, n_samples // MAX_SAMPLES))
+
+
+def legend_below(figure: Figure, handles: Sequence[object]) -> None:
+    """One legend for the whole figure, under everything else."""
+    figure.legend(
+        handles=handles,
+        loc="outside lower center",
+        ncols=min(len(handles), 4),
+        fontsize=SMALL_PT + 1,
+        frameon=False,
+        handlelength=2.2,
+        columnspacing=1.8,
+    )
+
+
+def _columns(n: int) -> int:
+    return 1 if n == 1 else 2 if n <= 4 else 3 if n <= 9 else 4
+
+
+def _height(rows: int) -> float:
+    return 1.5 + (2.6 if rows == 1 else 1.75 * rows)

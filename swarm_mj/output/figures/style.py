@@ -1,0 +1,112 @@
+"""The common look: colours, sizes, time axes, saving.
+
+Colours are those of Okabe and Ito (2008), which readers with any common colour blindness tell apart. Sizes hold when a
+picture is shown at half its size.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from swarm_mj.planning import Plan
+
+BLACK = "#000000"
+ORANGE = "#E69F00"
+SKY_BLUE = "#56B4E9"
+GREEN = "#009E73"
+BLUE = "#0072B2"
+VERMILLION = "#D55E00"
+PURPLE = "#CC79A7"
+GREY = "#8A8A8A"
+LIGHT_GREY = "#DDDDDD"
+
+#: The three components of a vector, in order.
+COMPONENTS = (BLUE, ORANGE, GREEN)
+
+DPI = 150
+WIDTH_IN = 9.0
+TITLE_PT = 12
+LABEL_PT = 10
+TICK_PT = 9
+SMALL_PT = 8
+
+#: More panels or rows than these no longer read on one page.
+MAX_PANELS = 20
+
+
+class TimeAxis(NamedTuple):
+    """Unit of a time axis: seconds per unit, and its name."""
+
+    seconds: float
+    unit: str
+
+
+def time_axis(duration_s: float) -> TimeAxis:
+    """The unit in which a flight's time reads best."""
+    if duration_s < 300.0:
+        return TimeAxis(1.0, "s")
+    return TimeAxis(60.0, "min") if duration_s < 4 * 3600.0 else TimeAxis(3600.0, "h")
+
+
+def instant(t: float, axis: TimeAxis) -> str:
+    """A time [s] in words, in the unit of an axis."""
+    return f"{t / axis.seconds:.4g} {axis.unit}"
+
+
+def new_figure(height_in: float, title: str, *, width_in: float = WIDTH_IN) -> Figure:
+    """An empty figure whose parts arrange themselves."""
+    figure = Figure(figsize=(width_in, height_in), dpi=DPI, layout="constrained", facecolor="white")
+    figure.suptitle(title, fontsize=TITLE_PT, fontweight="bold")
+    return figure
+
+
+def tidy(ax: Axes) -> None:
+    """Common look of a plain diagram."""
+    ax.tick_params(labelsize=TICK_PT, color=GREY, length=3)
+    ax.grid(True, color=LIGHT_GREY, linewidth=0.6)
+    ax.set_axisbelow(True)
+    for side in ("top", "right"):
+        ax.spines[side].set_visible(False)
+    for side in ("left", "bottom"):
+        ax.spines[side].set_color(GREY)
+
+
+def label(ax: Axes, x: str | None = None, y: str | None = None) -> None:
+    """Name the axes; every name carries its unit."""
+    if x is not None:
+        ax.set_xlabel(x, fontsize=LABEL_PT)
+    if y is not None:
+        ax.set_ylabel(y, fontsize=LABEL_PT)
+
+
+def shown_spacecraft(n: int, limit: int = MAX_PANELS) -> NDArray[np.intp]:
+    """Spacecraft that a picture has room for: all, or the first ones and the last, which may be the relay."""
+    return np.arange(n) if n <= limit else np.append(np.arange(limit - 1), n - 1)
+
+
+def note_of_omission(n: int, shown: NDArray[np.intp]) -> str:
+    """Words for the title when not all spacecraft are shown."""
+    return "" if len(shown) == n else f" ({len(shown)} of {n} spacecraft shown)"
+
+
+def role(plan: Plan, j: int) -> str:
+    """What spacecraft j was sent to do."""
+    points = plan.scenario.design.visiting_points
+    return f"visits point {points[j]}" if j < plan.n_observers else "communications"
+
+
+def save(figure: Figure, path: Path) -> None:
+    """Write a PNG under a temporary name, then rename it; equal figures give equal bytes."""
+    partial = path.with_name(f".{path.name}.partial")
+    try:
+        figure.savefig(partial, format="png", dpi=DPI, metadata={"Software": None})
+        os.replace(partial, path)
+    finally:
+        partial.unlink(missing_ok=True)

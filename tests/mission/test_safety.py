@@ -1,0 +1,71 @@
+"""Impacts and near-collisions on paths that can be worked out by hand."""
+
+import numpy as np
+import pytest
+
+from swarm_mj.errors import MissionError
+from swarm_mj.mission.safety import close_approaches, find_impacts
+from swarm_mj.planning import make_plan
+from swarm_mj.scenarios.loading import load_scenario
+from swarm_mj.smallbody.shape_harmonics import build_eros
+from swarm_mj.smallbody.shape_io import save_obj
+
+TIMES = np.arange(0.0, 101.0, 1.0)
+
+
+def straight(start, velocity):
+    return np.asarray(start) + TIMES[:, None] * np.asarray(velocity)
+
+
+def test_a_path_through_the_body_hits_where_it_enters(eros):
+    path = straight([0, 30e3, 0], [0, -600, 0])[:, None]
+    (impact,) = find_impacts(eros, TIMES, path)
+    assert impact.spacecraft == 0
+    assert impact.longitude_deg == pytest.approx(90.0, abs=1.0)
+    surface = eros.vertices[np.abs(eros.vertices[:, 0]) + np.abs(eros.vertices[:, 2]) < 600][:, 1].max()
+    assert 30e3 - 600 * impact.time == pytest.approx(surface, abs=900)
+
+
+def test_a_passage_through_a_lobe_between_two_samples_is_found(eros):
+    path = np.array([[[-20e3, 0, 0]], [[20e3, 1, 1]]], float)
+    assert len(find_impacts(eros, np.array([0.0, 1.0]), path)) == 1
+
+
+def test_a_path_that_misses_is_no_impact(eros):
+    path = np.stack((straight([-30e3, 20e3, 0], [600, 0, 0]), straight([-30e3, 0, 20e3], [600, 0, 0])), axis=1)
+    assert find_impacts(eros, TIMES, path) == []
+
+
+def test_a_near_collision_between_samples_is_found_with_its_time_and_distance():
+    # They pass at t = 50.5 s, 3 m apart, at 200 m/s: 100 m apart at the nearest samples.
+    first = straight([0, 0, 0], [0, 0, 0])
+    second = straight([-50.5 * 200, 3, 0], [200, 0, 0])
+    (approach,) = close_approaches(TIMES, np.stack((first, second), axis=1), closer_than=10.0, after=0.0)
+    assert (approach.first, approach.second) == (0, 1)
+    assert approach.time == pytest.approx(50.5)
+    assert approach.distance == pytest.approx(3.0)
+
+
+def test_the_grace_time_after_deployment_is_left_out():
+    apart = np.stack((straight([0, 0, 0], [1, 0, 0]), straight([0, 0, 0], [-1, 0, 0])), axis=1)
+    assert close_approaches(TIMES, apart, closer_than=10.0, after=0.0)
+    assert close_approaches(TIMES, apart, closer_than=10.0, after=10.0) == []
+
+
+def test_a_mission_that_hits_the_asteroid_is_refused_with_place_and_time(tmp_path):
+    # A polyhedron's field is finite inside the body, so that a path through it exists; a coarse mesh makes it quick.
+    save_obj(build_eros(6), tmp_path / "coarse.obj")
+    through = [
+        f"body.shape={tmp_path / 'coarse.obj'}",
+        "body.gravity.model=polyhedron",
+        "mothership.position_A_m=[0, -30000, 0]",
+        "design.visiting_points=[1, 2]",
+    ]
+    with pytest.raises(MissionError, match=r"sc1 hits 433 Eros at t = \d+ s, latitude"):
+        make_plan(load_scenario("eros-quick", through))
+
+
+def test_two_spacecraft_with_the_same_point_are_reported():
+    plan = make_plan(load_scenario("eros-quick", ["design.visiting_points=[12, 12]"]))
+    assert plan.near_collisions
+    assert plan.near_collisions[0].distance == pytest.approx(0.0, abs=1e-3)

@@ -1,0 +1,88 @@
+"""Transfers against closed forms and another integrator."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from swarm_mj import constants
+from swarm_mj.errors import MissionError
+from swarm_mj.mission.trajectories import propagate, solve_transfers
+from swarm_mj.planning import make_plan
+from swarm_mj.scenarios.loading import load_scenario
+
+GM = constants.EROS_GM
+
+
+def kepler(t, r):
+    return -GM * r / np.linalg.norm(r, axis=1, keepdims=True) ** 3
+
+
+def test_propagation_follows_a_circular_orbit():
+    radius = 30e3
+    speed = np.sqrt(GM / radius)
+    times = np.linspace(0.0, 5000.0, 11)
+    r, v = propagate(kepler, np.array([[radius, 0, 0]]), np.array([[0, speed, 0]]), times)
+    angle = speed / radius * times
+    assert np.allclose(r[:, 0], radius * np.column_stack((np.cos(angle), np.sin(angle), 0 * angle)), atol=1e-6)
+    assert np.allclose(np.linalg.norm(v[:, 0], axis=1), speed, rtol=1e-12)
+
+
+def test_transfers_without_gravity_are_straight_lines():
+    destinations = np.array([[1e3, 2e3, 3e3], [-5e3, 0, 7e3]])
+    v0, miss = solve_transfers(lambda t, r: 0 * r, np.zeros(3), destinations, 600.0)
+    assert np.allclose(v0, destinations / 600.0, atol=1e-9)
+    assert miss.max() < 1e-3
+
+
+def test_a_transfer_recovers_the_velocity_of_a_known_orbit():
+    r0, v0 = np.array([[25e3, 3e3, -4e3]]), np.array([[-2.0, 4.5, 1.0]])
+    r, _ = propagate(kepler, r0, v0, np.array([0.0, 4000.0]))
+    solved, miss = solve_transfers(kepler, r0[0], r[-1], 4000.0)
+    assert np.allclose(solved, v0, atol=1e-8)
+    assert miss.max() < 1e-3
+
+
+def test_planned_transfers_hit_their_points_within_a_millimetre_by_another_integrator(quick_plan):
+    environment, t = quick_plan.environment, 600.0
+    for j in range(quick_plan.n):
+        start = np.concatenate((quick_plan.deployment.r0_N, quick_plan.deployment.v0_N[j]))
+
+        def rhs(time, y):
+            return np.concatenate((y[3:], environment.acceleration_N(time, y[None, :3])[0]))
+
+        end = solve_ivp(rhs, (0, t), start, method="LSODA", rtol=1e-12, atol=1e-10).y[:3, -1]
+        in_A = environment.C_AN(t) @ end
+        assert np.linalg.norm(in_A - quick_plan.points_A[j]) < 1e-3
+
+
+def test_the_mothership_starts_where_the_paper_says_and_deploys_at_ten_metres_a_second_at_most():
+    plan = make_plan(load_scenario("eros-config1"))
+    assert np.allclose(plan.environment.C_AN(0.0) @ plan.deployment.r0_N, [0, 0, -30e3], atol=1e-6)
+    assert plan.deployment.delta_v.max() < 10.5
+    resting = make_plan(load_scenario("eros-config1", ["mothership.velocity=rest"]))
+    assert 50.0 < resting.deployment.delta_v[:5].min() < resting.deployment.delta_v[:5].max() < 70.0
+    given = make_plan(load_scenario("eros-config1", ["mothership.velocity=[1, 2, 3]"]))
+    assert np.allclose(given.deployment.delta_v, np.linalg.norm(given.deployment.v0_N - [1, 2, 3], axis=1))
+
+
+def test_the_communications_spacecraft_visits_the_mean_of_the_observers_points():
+    plan = make_plan(load_scenario("eros-config1"))
+    expected = plan.points_A.mean(axis=0) @ plan.environment.C_AN(600.0)
+    assert np.allclose(plan.deployment.destination_N[-1], expected)
+
+
+def test_an_impossible_transfer_is_an_error_that_says_what_to_change():
+    def blow_up(t, r):
+        return r**3
+
+    with pytest.raises(MissionError, match="design.time_of_flight_s"):
+        solve_transfers(blow_up, np.ones(3), np.array([[1000.0, 0, 0]]), 100.0)
+
+
+def test_a_transfer_that_does_not_converge_names_the_spacecraft():
+    def unreachable(t, r):
+        # Whatever the start velocity, nothing stays beyond x = 500 m: the miss cannot vanish.
+        return np.column_stack((-np.maximum(r[:, 0] - 400.0, 0.0) ** 2, 0 * r[:, 1], 0 * r[:, 2]))
+
+    with pytest.raises(MissionError, match="sc1|visiting points"):
+        solve_transfers(unreachable, np.zeros(3), np.array([[5e5, 0, 0]]), 3.0)

@@ -1,0 +1,180 @@
+"""Observation limits against closed forms, the coverage map by hand, and a whole flight against the oracle."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from swarm_mj.errors import MissionError
+from swarm_mj.mission.target import automatic_cell_size, build_target
+from swarm_mj.observation.camera import CameraModel, look_at
+from swarm_mj.observation.coverage import CoverageMap, ObservationCriterion, observe
+from swarm_mj.observation.observer import make_observer
+from swarm_mj.observation.raycast import RayCastObserver
+from swarm_mj.smallbody.geodesic import geodesic_icosahedron
+from swarm_mj.smallbody.shape import ShapeModel
+
+from .scenes import eros_oracle, eros_target, exact_view, flyby, ground_with_plate, on_ground
+
+RADIUS = 1000.0
+
+
+@cache
+def ball():
+    """Most of the hemisphere y > 0 of a sphere of 1 km."""
+    directions, faces = geodesic_icosahedron(60)
+    shape = ShapeModel(RADIUS * directions, faces, "ball")
+    return build_target(shape, latitude_deg=0, longitude_deg=90, half_angle_deg=75, edges="side")
+
+
+def seen_area(region, r_A, criterion, sun_A=None, half_angle=80.0, aim=(0.0, 0.0, 0.0)):
+    pose = look_at(r_A, aim)
+    observer = RayCastObserver(region, CameraModel(half_angle_deg=half_angle, resolution_px=500))
+    seen = observe(observer, pose.r_A, pose.C_CA, criterion, sun_A)
+    return region.area[seen].sum()
+
+
+def cap(angle):
+    return 2 * np.pi * RADIUS**2 * (1 - np.cos(angle))
+
+
+def test_the_emission_limit_leaves_a_cap_of_the_sphere():
+    limit = np.radians(40.0)
+    central = limit - np.arcsin(RADIUS * np.sin(limit) / 3000.0)
+    area = seen_area(ball(), [0.0, 3000.0, 0.0], ObservationCriterion(max_emission_deg=40.0))
+    assert area == pytest.approx(cap(central), rel=0.02)
+
+
+def test_the_range_limit_leaves_a_cap_of_the_sphere():
+    # Law of cosines: 2200^2 = 1000^2 + 3000^2 - 2 1000 3000 cos(central)
+    central = np.arccos((RADIUS**2 + 3000.0**2 - 2200.0**2) / (2 * RADIUS * 3000.0))
+    area = seen_area(ball(), [0.0, 3000.0, 0.0], ObservationCriterion(max_range_m=2200.0))
+    assert area == pytest.approx(cap(central), rel=0.02)
+
+
+def test_the_incidence_limit_leaves_a_cap_around_the_sun():
+    sun = np.array([0.3, 1.0, 0.2])
+    criterion = ObservationCriterion(max_incidence_deg=25.0)
+    assert seen_area(ball(), [0.0, 3000.0, 0.0], criterion, sun) == pytest.approx(cap(np.radians(25.0)), rel=0.02)
+
+
+def test_without_limits_the_horizon_bounds_the_view():
+    area = seen_area(ball(), [0.0, 1500.0, 0.0], ObservationCriterion())
+    assert area == pytest.approx(cap(np.arccos(RADIUS / 1500.0)), rel=0.02)
+
+
+def test_the_ground_sampling_distance_grows_with_the_square_of_the_secant_on_a_plane():
+    region = ground_with_plate()
+    camera = CameraModel(half_angle_deg=80.0, resolution_px=500)
+    height, edge = 0.8, 1.2  # camera beside the plate, below its level: nothing hides the ground
+    limit = height * camera.pixel_angle * (1 + (edge / height) ** 2)
+    area = seen_area(region, [1.75, 2.8, 1.75], ObservationCriterion(max_gsd_m=limit), aim=(1.75, 0.0, 1.75))
+    assert area == pytest.approx(np.pi * edge**2, rel=0.02)
+
+
+def test_the_plate_throws_its_shadow_on_the_ground():
+    region = ground_with_plate()
+    camera = CameraModel(half_angle_deg=80.0)
+    observer = RayCastObserver(region, camera)
+    sun = np.array([-1.2, 1.0, 0.0])
+    pose = look_at([2.4, 2.9, 0.0], [2.4, 0.0, 0.0])
+    lit, day = (
+        observe(observer, pose.r_A, pose.C_CA, ObservationCriterion(shadows=shadows, max_incidence_deg=90.0), sun)
+        for shadows in (True, False)
+    )
+    shadow = day & ~lit & on_ground(region)
+    assert region.area[shadow].sum() == pytest.approx(1.0, rel=0.03)
+    centre = region.area[shadow] @ region.centroid_A[shadow] / region.area[shadow].sum()
+    assert centre == pytest.approx([1.2, 2.0, 0.0], abs=0.02)
+
+
+def test_night_hides_everything():
+    assert seen_area(ball(), [0.0, 3000.0, 0.0], ObservationCriterion(max_incidence_deg=90.0), [0.0, -1.0, 0.0]) == 0.0
+
+
+def test_a_criterion_with_light_needs_the_sun():
+    with pytest.raises(MissionError, match="sun_A"):
+        seen_area(ball(), [0.0, 3000.0, 0.0], ObservationCriterion(shadows=True))
+    with pytest.raises(MissionError, match="not all zero"):
+        seen_area(ball(), [0.0, 3000.0, 0.0], ObservationCriterion(shadows=True), [0.0, 0.0, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        (dict(min_fraction=0.0), "min_fraction 0"),
+        (dict(min_fraction=1.5), "min_fraction 1.5"),
+        (dict(max_range_m=-1.0), "max_range_m -1"),
+        (dict(max_gsd_m=float("nan")), "max_gsd_m nan"),
+    ],
+)
+def test_impossible_criteria_are_refused(values, message):
+    with pytest.raises(MissionError, match=message):
+        ObservationCriterion(**values)
+
+
+def test_any_pixel_takes_cells_that_the_half_rule_leaves():
+    region = eros_target()
+    observer = RayCastObserver(region, CameraModel(half_angle_deg=3.0))
+    pose = look_at([0.0, 20e3, 0.0], [0.0, 0.0, 0.0])
+    half, whole, some = (
+        observe(observer, pose.r_A, pose.C_CA, criterion)
+        for criterion in (
+            ObservationCriterion(),
+            ObservationCriterion(min_fraction=1.0),
+            ObservationCriterion(any_pixel=True),
+        )
+    )
+    assert whole.sum() < half.sum() < some.sum()
+    assert (half >= whole).all()
+    assert (some >= half).all()
+
+
+def test_the_coverage_map_unites_spacecraft_and_keeps_first_times():
+    seen = CoverageMap(np.array([1.0, 2.0, 3.0, 4.0]), n_spacecraft=2)
+    seen.add(20.0, 0, np.array([True, True, False, False]))
+    seen.add(10.0, 1, np.array([False, True, True, False]))
+    seen.add(30.0, 0, np.array([False, False, True, False]))
+    assert seen.percent == pytest.approx(60.0)
+    assert seen.percent_by_spacecraft == pytest.approx([60.0, 50.0])
+    assert seen.first_seen_s == pytest.approx([20.0, 10.0, 10.0, np.nan], nan_ok=True)
+    assert seen.seen.tolist() == [True, True, True, False]
+    assert seen.seen_by.tolist() == [[True, True, True, False], [False, True, True, False]]
+    assert seen.percent_over_time([0.0, 10.0, 15.0, 20.0, 99.0]) == pytest.approx([0, 50, 50, 60, 60])
+
+
+def test_a_target_seen_whole_is_exactly_100_percent_and_an_unseen_one_exactly_0():
+    region = eros_target()
+    seen = CoverageMap(region.area, n_spacecraft=1)
+    assert seen.percent == 0.0
+    assert np.isnan(seen.first_seen_s).all()
+    seen.add(1.0, 0, np.full(region.n_cells, True))
+    assert seen.percent == 100.0
+    assert seen.percent_over_time(2.0) == 100.0
+
+
+@pytest.mark.parametrize(("spacecraft", "cells"), [(2, 4), (-1, 4), (0, 3)])
+def test_a_picture_that_does_not_fit_the_map_is_refused(spacecraft, cells):
+    with pytest.raises(MissionError, match="picture|spacecraft"):
+        CoverageMap(np.ones(4), n_spacecraft=2).add(0.0, spacecraft, np.full(cells, True))
+
+
+@pytest.mark.parametrize("kind", ["raycast", pytest.param("faceid", marks=pytest.mark.gl)])
+@pytest.mark.parametrize(("seed", "passes"), [(2, 5), (7, 2)])
+def test_accumulated_coverage_of_a_flight_with_a_narrow_camera_agrees_with_the_oracle(kind, seed, passes):
+    camera = CameraModel(half_angle_deg=3.0)
+    frames = flyby(seed, passes)
+    exact = exact_coverage(seed, passes)
+    region = eros_target(automatic_cell_size(14e3, camera.half_angle_deg))
+    observer, seen = make_observer(region, camera, kind=kind), CoverageMap(region.area, passes)
+    for t, spacecraft, pose in frames:
+        seen.add(t, spacecraft, observe(observer, pose.r_A, pose.C_CA, ObservationCriterion()))
+    assert 30.0 < exact < 90.0
+    assert seen.percent == pytest.approx(exact, abs=1.0)
+
+
+@cache
+def exact_coverage(seed, passes):
+    views = [exact_view(pose, CameraModel(half_angle_deg=3.0)) for _, _, pose in flyby(seed, passes)]
+    oracle = eros_oracle()
+    return 100 * oracle.united_area(views).sum() / oracle.area.sum()

@@ -1,0 +1,67 @@
+"""A result folder appears whole or not at all."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from swarm_mj.errors import OutputError
+from swarm_mj.output.folder import MARKER, atomic_folder
+
+
+def leftovers(parent):
+    return [p.name for p in parent.iterdir() if p.name.startswith(".")]
+
+
+def test_the_folder_appears_when_all_is_done(tmp_path):
+    with atomic_folder(tmp_path / "deep" / "run") as partial:
+        (partial / MARKER).write_text("{}")
+        assert not (tmp_path / "deep" / "run").exists()
+    assert (tmp_path / "deep" / "run" / MARKER).read_text() == "{}"
+    assert leftovers(tmp_path / "deep") == []
+
+
+@pytest.mark.parametrize("failure", [ValueError, KeyboardInterrupt])
+def test_a_failure_leaves_nothing_and_the_earlier_result_intact(tmp_path, failure):
+    run = tmp_path / "run"
+    with atomic_folder(run) as partial:
+        (partial / MARKER).write_text("first")
+    with pytest.raises(failure), atomic_folder(run) as partial:
+        (partial / MARKER).write_text("second")
+        raise failure
+    assert (run / MARKER).read_text() == "first"
+    assert leftovers(tmp_path) == []
+
+
+def test_an_earlier_result_is_replaced_whole(tmp_path):
+    for text in ("first", "second"):
+        with atomic_folder(tmp_path / "run") as partial:
+            (partial / MARKER).write_text(text)
+            (partial / text).touch()
+    assert sorted(p.name for p in (tmp_path / "run").iterdir()) == ["second", MARKER]
+    assert leftovers(tmp_path) == []
+
+
+def test_a_folder_that_is_no_result_is_never_touched(tmp_path):
+    (tmp_path / "thesis.tex").write_text("years of work")
+    with pytest.raises(OutputError, match="not an earlier result"), atomic_folder(tmp_path):
+        pass
+    assert (tmp_path / "thesis.tex").read_text() == "years of work"
+
+
+def test_a_file_in_the_place_is_refused(tmp_path):
+    (tmp_path / "run").write_text("")
+    with pytest.raises(OutputError, match="is a file"), atomic_folder(tmp_path / "run"):
+        pass
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
+def test_a_read_only_parent_is_a_clear_error(tmp_path):
+    tmp_path.chmod(0o500)
+    with pytest.raises(OutputError, match="cannot be written"), atomic_folder(tmp_path / "run"):
+        pass
+
+
+def test_an_unwritable_place_is_a_clear_error():
+    with pytest.raises(OutputError, match="cannot be written"), atomic_folder(Path("/proc/nowhere/run")):
+        pass

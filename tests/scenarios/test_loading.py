@@ -1,0 +1,121 @@
+"""Reading scenarios: good ones, and bad input with an error that helps."""
+
+import json
+
+import pytest
+import yaml
+
+from swarm_mj.cli import main
+from swarm_mj.errors import ScenarioError
+from swarm_mj.scenarios.loading import load_scenario, packaged_names
+from swarm_mj.scenarios.schema import Scenario
+
+
+def test_all_packaged_scenarios_load_and_are_named_like_their_file():
+    assert {"eros-config1", "eros-config2", "eros-quick"} <= set(packaged_names())
+    for name in packaged_names():
+        scenario = load_scenario(name)
+        assert scenario.name == name
+        assert scenario.description
+
+
+def test_the_papers_scenarios_hold_the_papers_parameters():
+    for name in ("eros-config1", "eros-config2"):
+        s = load_scenario(name)
+        assert (s.target.latitude_deg, s.target.longitude_deg, s.target.half_angle_deg) == (0, 90, 20)
+        assert s.design.imaging_altitude_m == 14e3
+        assert s.camera.half_angle_deg == 21.5
+        assert s.design.time_of_flight_s == 600
+        assert s.duration_s == 1200
+        assert s.mothership.position_A_m == (0, 0, -30e3)
+        assert s.spacecraft.mass_kg == 8
+        assert s.design.visiting_points == (7, 25, 31, 34, 38)
+
+
+def test_overrides_change_nested_values_and_keep_the_rest():
+    scenario = load_scenario("eros-quick", ["camera.half_angle_deg=3", "design.visiting_points=[1, 2, 3]", "seed=9"])
+    assert scenario.camera.half_angle_deg == 3
+    assert scenario.camera.resolution_px == 128
+    assert scenario.design.visiting_points == (1, 2, 3)
+    assert scenario.seed == 9
+
+
+@pytest.mark.parametrize(
+    ("override", "words"),
+    [
+        ("target.half_angle_deg=90", ["target.half_angle_deg", "90", "less than 90"]),
+        ("design.time_of_flight_s=0", ["design.time_of_flight_s", "0", "greater than 0"]),
+        ("design.time_of_flight_s=-5", ["design.time_of_flight_s", "-5"]),
+        ("design.imaging_altitude_m=-100", ["design.imaging_altitude_m", "-100", "greater than 0"]),
+        ("spacecraft.mass_kg=-8", ["spacecraft.mass_kg", "-8", "greater than 0"]),
+        ("spacecraft.mass_kg=0.2", ["mass_kg", "0.2", "three wheels"]),
+        ("duration_s=.nan", ["duration_s", "nan", "finite"]),
+        ("duration_s=.inf", ["duration_s", "inf"]),
+        ("duration_s=500", ["duration_s", "500", "time_of_flight_s"]),
+        ("camera.shape=round", ["camera.shape", "round", "square"]),
+        ("camera.half_angel_deg=3", ["camera.half_angel_deg", "unknown key", "half_angle_deg"]),
+        ("camara.half_angle_deg=3", ["camara", "unknown key", "camera"]),
+        ("physics.timestep_s=0.3", ["physics.timestep_s", "multiple"]),
+        ("seed=-1", ["seed", "-1"]),
+        ("design.visiting_points=[]", ["design.visiting_points", "at least 1"]),
+        ("body.radius_range_m=big", ["body.radius_range_m", "big"]),
+        ("name=../../etc", ["name", "../../etc"]),
+    ],
+)
+def test_a_wrong_value_is_refused_with_key_value_and_what_is_allowed(override, words):
+    with pytest.raises(ScenarioError) as error:
+        load_scenario("eros-quick", [override])
+    for word in words:
+        assert word in str(error.value)
+
+
+@pytest.mark.parametrize("override", ["camera", "=3", "camera.half_angle_deg.x=3", "camera=[", "seed.x=1"])
+def test_a_malformed_override_is_refused(override):
+    with pytest.raises(ScenarioError):
+        load_scenario("eros-quick", [override])
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"",
+        b"[1, 2]",
+        b"name: [",
+        b"\xff\xfe\x00bad",
+        b"name: !!python/object/apply:os.system ['echo hacked']",
+        b"a: &x [1]\nb: *x",
+        b"[" * 3000,
+        b"name: x\nepoch: 12:99",
+        b"x" * 2_000_000,
+    ],
+)
+def test_a_broken_file_is_a_clear_error(tmp_path, content):
+    path = tmp_path / "broken.yaml"
+    path.write_bytes(content)
+    with pytest.raises(ScenarioError, match="broken.yaml"):
+        load_scenario(path)
+
+
+def test_a_missing_file_and_an_unknown_name_say_what_exists(tmp_path):
+    with pytest.raises(ScenarioError, match="cannot be read"):
+        load_scenario(tmp_path / "none.yaml")
+    with pytest.raises(ScenarioError, match="Did you mean 'eros-config1'"):
+        load_scenario("eros-confg1")
+
+
+def test_a_scenario_survives_a_round_trip_through_yaml():
+    scenario = load_scenario("eros-config2")
+    text = yaml.safe_dump(scenario.model_dump(mode="json"))
+    assert Scenario.model_validate(yaml.safe_load(text)) == scenario
+
+
+def test_the_command_lists_names_prints_files_and_the_schema(capsys):
+    assert main(["scenarios"]) == 0
+    listing = capsys.readouterr().out
+    assert all(name in listing for name in packaged_names())
+    assert main(["scenarios", "eros-quick"]) == 0
+    assert "name: eros-quick" in capsys.readouterr().out
+    assert main(["scenarios", "--json-schema"]) == 0
+    schema = json.loads(capsys.readouterr().out)
+    assert "imaging_radius_m" in schema["$defs"]["Behavior"]["properties"]
+    assert main(["scenarios", "nothing"]) == 1

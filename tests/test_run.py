@@ -1,0 +1,199 @@
+"""The command `swarm-mj run` as a user meets it: files, numbers, and bad input without partial output."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from swarm_mj.cli import main
+
+QUICK = ["run", "eros-quick", "--quiet", "--no-figures"]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    out = tmp_path_factory.mktemp("runs") / "quick"
+    assert main(["run", "eros-quick", "--quiet", "--out", str(out)]) == 0
+    return out
+
+
+@pytest.fixture(scope="module")
+def summary(folder):
+    return json.loads((folder / "summary.json").read_text())
+
+
+def test_a_run_writes_summary_telemetry_coverage_scenario_and_figures(folder):
+    names = {p.name for p in folder.iterdir()}
+    assert {"summary.json", "telemetry.nc", "coverage.npz", "scenario.yaml"} <= names
+    assert {"target.png", "tracking_error.png", "operation.png", "coverage.png", "wheel_speed.png"} <= names
+    assert not [name for name in names if name.startswith(".")]
+
+
+def test_the_summary_holds_the_agreed_keys(summary):
+    agreed = {
+        "scenario": str, "seed": int, "spacecraft": int, "observers": int, "duration_s": float, "target_vertices": int,
+        "target_faces": int, "coverage_percent": float, "coverage_percent_passage": float, "pointing_error_deg_final": dict,
+        "pointing_error_deg_before_switch": dict, "max_wheel_speed_fraction": float, "wall_s": dict,
+    }  # fmt: skip
+    for key, kind in agreed.items():
+        assert isinstance(summary[key], kind), key
+    assert set(summary["wall_s"]) == {"design", "simulate", "coverage", "figures"}
+    assert summary["target_vertices"] == 51
+    assert summary["spacecraft"] == summary["observers"] == 2
+
+
+def test_every_telemetry_variable_has_units_frame_and_long_name(folder):
+    with xr.open_dataset(folder / "telemetry.nc", engine="h5netcdf") as telemetry:
+        required = {
+            "r_BN_N", "v_BN_N", "sigma_BN", "omega_BN_B", "sigma_BR", "pointing_error", "mode", "wheel_speed", "wheel_torque",
+            "coverage_percent", "link_closed", "sigma_AN",
+        }  # fmt: skip
+        assert required <= set(telemetry.data_vars)
+        assert {"time", "spacecraft", "xyz", "wheel"} <= set(telemetry.sizes)
+        for name in telemetry.data_vars:
+            assert {"units", "frame", "long_name"} <= set(telemetry[name].attrs), name
+        assert telemetry["mode"].attrs["flag_meanings"].split()[0] == "asteroid_observation"
+        assert telemetry.attrs["mass_kg"] == 8.0
+        assert telemetry["spacecraft"].values.tolist() == ["sc1", "sc2"]
+        assert telemetry["time"].attrs["units"] == "s"
+
+
+def test_a_stranger_can_check_momentum_from_the_file_alone(folder):
+    from scipy.spatial.transform import Rotation
+
+    with xr.open_dataset(folder / "telemetry.nc", engine="h5netcdf") as telemetry:
+        sigma = telemetry["sigma_BN"].values
+        norm2 = (sigma**2).sum(-1, keepdims=True)
+        quaternion = np.concatenate((1 - norm2, 2 * sigma), -1) / (1 + norm2)
+        inertia = telemetry.attrs["inertia_B_kg_m2"].reshape(3, 3)
+        axes = telemetry.attrs["wheel_axes_B"].reshape(3, 3)
+        wheel = telemetry.attrs["wheel_spin_inertia_kg_m2"] * telemetry["wheel_speed"].values @ axes
+        momentum_B = telemetry["omega_BN_B"].values @ inertia.T + wheel
+        rotation = Rotation.from_quat(quaternion.reshape(-1, 4), scalar_first=True)
+        momentum_N = rotation.apply(momentum_B.reshape(-1, 3)).reshape(momentum_B.shape)
+    drift = np.linalg.norm(momentum_N - momentum_N[0], axis=-1).max()
+    assert np.abs(wheel).max() > 1e-3
+    assert drift < 1e-6 * np.abs(wheel).max()
+
+
+def test_coverage_file_and_summary_agree(folder, summary):
+    with np.load(folder / "coverage.npz") as coverage:
+        corners = coverage["vertices"][coverage["faces"]]
+        area = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+        assert np.allclose(area, coverage["area"], rtol=1e-9)
+        assert len(area) == summary["target_faces"]
+        assert area.sum() / 1e6 == pytest.approx(summary["target_area_km2"], abs=1e-6)
+        share = 100 * area[coverage["seen"]].sum() / area.sum()
+        assert share == pytest.approx(summary["coverage_percent"], abs=1e-6)
+        assert coverage["seen_by"].shape == (2, len(area))
+        assert np.array_equal(coverage["seen"], coverage["seen_by"].any(axis=0))
+        assert np.array_equal(np.isnan(coverage["first_seen_s"]), ~coverage["seen"])
+
+
+def test_the_written_scenario_flies_the_same_again(folder, tmp_path, summary):
+    assert main(["run", str(folder / "scenario.yaml"), "--quiet", "--no-figures", "--out", str(tmp_path / "again")]) == 0
+    again = json.loads((tmp_path / "again" / "summary.json").read_text())
+    for key in ("coverage_percent", "pointing_error_deg_final", "max_wheel_speed_fraction", "mode_switches"):
+        assert again[key] == summary[key]
+    assert (tmp_path / "again" / "telemetry.nc").read_bytes()
+    with xr.open_dataset(folder / "telemetry.nc", engine="h5netcdf") as a:
+        with xr.open_dataset(tmp_path / "again" / "telemetry.nc", engine="h5netcdf") as b:
+            assert all(np.array_equal(a[name].values, b[name].values, equal_nan=True) for name in a.data_vars)
+
+
+def test_the_visit_alone_sees_less_than_the_passage(tmp_path):
+    out = tmp_path / "visit"
+    narrow = ["--set", "observation.criterion=visit", "--set", "camera.half_angle_deg=6"]
+    assert main([*QUICK, "--out", str(out), *narrow]) == 0
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["criterion"] == "visit"
+    assert 0 < summary["coverage_percent"] < summary["coverage_percent_passage"] < 100
+
+
+def test_without_gl_the_job_completes_on_the_ray_caster_and_says_so(tmp_path, capsys, monkeypatch):
+    from swarm_mj.errors import ObserverError
+    from swarm_mj.observation import faceid
+
+    def broken(*args, **keys):
+        raise ObserverError("no libEGL.so.1 here")
+
+    monkeypatch.setattr(faceid.FaceIdObserver, "__init__", broken)
+    assert main([*QUICK, "--out", str(tmp_path / "run")]) == 0
+    summary = json.loads((tmp_path / "run" / "summary.json").read_text())
+    assert summary["observer"] == "raycast"
+    assert summary["coverage_percent"] == pytest.approx(100.0, abs=0.1)
+    assert "no libEGL.so.1 here" in capsys.readouterr().out
+
+
+def test_both_observers_agree_on_the_accumulated_area_of_a_narrow_camera(tmp_path):
+    shares = {}
+    for kind in ("raycast", "auto"):
+        out = tmp_path / kind
+        assert main([*QUICK, "--out", str(out), "--set", f"observation.observer={kind}", "--set", "camera.half_angle_deg=4"]) == 0
+        shares[kind] = json.loads((out / "summary.json").read_text())["coverage_percent"]
+    assert shares["raycast"] == pytest.approx(shares["auto"], abs=1.0)
+    assert 5 < shares["raycast"] < 95
+
+
+OPEN_MESH = "v 0 0 0\nv 9000 0 0\nv 0 9000 0\nv 0 0 9000\nf 1 3 2\nf 1 2 4\nf 1 4 3\n"
+INVERTED = "v -9000 -9000 -9000\nv 9000 0 0\nv 0 9000 0\nv 0 0 9000\nf 1 2 3\nf 1 4 2\nf 1 3 4\nf 2 4 3\n"
+KILOMETRES = "v -9 -9 -9\nv 9 0 0\nv 0 9 0\nv 0 0 9\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+
+
+@pytest.mark.parametrize(
+    ("overrides", "mesh", "words"),
+    [
+        (["target.half_angle_deg=95"], None, ["target.half_angle_deg", "95", "less than 90"]),
+        (["target.half_angle_deg=0.05"], None, ["target"]),
+        (["design.time_of_flight_s=0"], None, ["design.time_of_flight_s", "greater than 0"]),
+        (["design.imaging_altitude_m=-5"], None, ["design.imaging_altitude_m", "-5"]),
+        (["control.controller=pid"], None, ["pid", "mrp_feedback, mrp_sliding_mode"]),
+        (["control.parameters={slop: 3}"], None, ["mrp_sliding_mode", "slop"]),
+        (["control.parameters={slope: -1}"], None, ["slope", "-1"]),
+        (["body.gravity.model=flat"], None, ["flat", "point_mass, polyhedron, spherical_harmonics"]),
+        (["spacecraft.mass_kg=-1"], None, ["spacecraft.mass_kg", "-1", "greater than 0"]),
+        (["camera.half_angle_deg=.nan"], None, ["camera.half_angle_deg", "nan"]),
+        (["design.visiting_points=[7, 99]"], None, ["design.visiting_points", "99", "1 to 51"]),
+        (["body.shape=/nowhere/mesh.obj"], None, ["/nowhere/mesh.obj"]),
+        ([], OPEN_MESH, ["mesh.obj", "edge"]),
+        ([], INVERTED, ["mesh.obj", "inward"]),
+        ([], KILOMETRES, ["mesh.obj", "kilometres"]),
+    ],
+)
+def test_bad_input_ends_in_a_clear_error_and_no_output(tmp_path, capsys, overrides, mesh, words):
+    out = tmp_path / "out"
+    if mesh:
+        (tmp_path / "mesh.obj").write_text(mesh)
+        overrides = [*overrides, f"body.shape={tmp_path / 'mesh.obj'}"]
+    arguments = [part for override in overrides for part in ("--set", override)]
+    assert main([*QUICK, "--out", str(out), *arguments]) == 1
+    message = capsys.readouterr().err
+    assert message.startswith("swarm-mj: error:")
+    assert "Traceback" not in message
+    for word in words:
+        assert word in message
+    assert not out.exists()
+    assert not [p for p in tmp_path.iterdir() if p.name != "mesh.obj"]
+
+
+def test_a_missing_scenario_and_an_unwritable_folder_are_clear_errors(tmp_path, capsys):
+    assert main(["run", str(tmp_path / "none.yaml")]) == 1
+    assert "cannot be read" in capsys.readouterr().err
+    assert main([*QUICK, "--out", "/proc/nowhere/run"]) == 1
+    assert "/proc/nowhere/run" in capsys.readouterr().err
+
+
+def test_help_and_import_load_no_heavy_module():
+    code = "import sys, swarm_mj.cli; swarm_mj.cli._parser(); print([m for m in ('numpy', 'mujoco', 'numba') if m in sys.modules])"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout.strip() == "[]"
+
+
+def test_several_scenarios_go_into_folders_of_their_own(tmp_path):
+    (tmp_path / "second.yaml").write_text("name: second\nduration_s: 600\nphysics: {timestep_s: 0.5}\n"
+                                          "design: {visiting_points: [3]}\nbehavior: {name: adaptable_roles}\n")  # fmt: skip
+    arguments = ["run", "eros-quick", str(tmp_path / "second.yaml"), "--quiet", "--no-figures", "--out", str(tmp_path / "o")]
+    assert main(arguments) == 0
+    assert {p.name for p in (tmp_path / "o").iterdir()} == {"eros-quick", "second"}
