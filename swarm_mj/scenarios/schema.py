@@ -257,7 +257,11 @@ class Scenario(Section):
     name: str = Field(min_length=1, pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")
     description: str = ""
     seed: int = Field(0, ge=0, lt=2**63, description="of the random initial attitudes")
-    epoch: str = Field("2018-01-15T00:00:00", description="time at which the swarm is deployed, ISO 8601, TDB")
+    epoch: str = Field(
+        "2018-01-01T03:15:00",
+        description="time at which the swarm is deployed, ISO 8601, TDB; the default leaves the paper's target sunlit and Earth "
+        "in view during the imaging (reason and numbers beside DEFAULT_EPOCH in swarm_mj.smallbody.ephemeris)",
+    )
     duration_s: float = Field(1200.0, gt=0, le=30 * 86_400.0)
     body: Body = Field(default_factory=Body)
     perturbations: Perturbations = Field(default_factory=Perturbations)
