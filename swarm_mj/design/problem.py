@@ -35,9 +35,9 @@ class Evaluation(NamedTuple):
         n_observers: N_obs.
         covered_percent: P_TO, counting only faces seen by at least `fold` spacecraft.
         feasible: Whether |100 - P_TO| is within the tolerance.
-        fitness: N_obs where feasible. Elsewhere N_max plus the share of the area missing beyond the tolerance, so that every
-            feasible design is fitter than every infeasible one and those are ordered by how much they miss (Deb, "An
-            efficient constraint handling method for genetic algorithms", 2000; MATLAB's `ga` does so for integers).
+        fitness: N_obs where feasible. Elsewhere N_max + 1 plus the share of the area missing beyond the tolerance, so that
+            every feasible design is fitter than every infeasible one and those are ordered by how much they miss (after
+            Deb, "An efficient constraint handling method for genetic algorithms", 2000; MATLAB's `ga` does likewise).
     """
 
     n_observers: Ints
@@ -156,7 +156,7 @@ class CoverProblem:
         missing = self.total_weight - covered_weights(self.rows, self.table, genes, self.fold, self.max_visits)
         feasible = missing <= self.slack
         too_much = np.maximum(missing - self.slack, 0) / self.total_weight
-        fitness = np.where(feasible, genes[:, 0], self.max_observers + too_much)
+        fitness = np.where(feasible, genes[:, 0], self.max_observers + 1.0 + too_much)
         return Evaluation(genes[:, 0], 100.0 - 100.0 * missing / self.total_weight, feasible, fitness)
 
     def require_coverable(self) -> None:

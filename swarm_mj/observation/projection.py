@@ -61,4 +61,4 @@ def project(corners_C: NDArray[np.float64], camera: CameraModel) -> PictureCells
     safe = np.where(ahead[:, None], depth, 1.0)
     corners = corners_C[..., :2] / (safe * camera.tan_half_angle)[..., None]
     overlaps = np.all((corners.min(axis=1) < 1.0) & (corners.max(axis=1) > -1.0), axis=1)
-    return PictureCells(corners, ahead, np.where(ahead, overlaps, np.any(depth > 0.0, axis=1)))
+    return PictureCells(corners, ahead, np.asarray((ahead & overlaps) | (~ahead & np.any(depth > 0.0, axis=1))))
