@@ -136,7 +136,7 @@ class FaceIdObserver:
         )
         parts["buffer"].use()
         parts["buffer"].clear()
-        gl.enable_only(gl.CULL_FACE)
+        gl.enable_only(gl.DEPTH_TEST | gl.CULL_FACE)
         parts["mesh"].render()
         parts["buffer"].read_into(self._picture, components=1, dtype="u4")
         return self._picture

@@ -1,0 +1,129 @@
+"""Parallel projection of a body and of lines and points around it, with correct hiding.
+
+Matplotlib's own 3-D axes sort whole collections by depth, so that lines behind the body show through it. Here the faces
+turned to the viewer are painted from far to near, and every point of a line is tested against the mesh. Inputs are in the
+body-fixed frame in metres; the plane of the picture is in kilometres.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
+from matplotlib.colors import to_rgb
+from numpy.typing import NDArray
+
+from swarm_mj.smallbody.occultation import segments_blocked
+from swarm_mj.smallbody.shape import ShapeModel
+
+Array = NDArray[np.float64]
+
+KM = 1e3
+#: Colour of bare ground.
+GROUND = "#C9C4BC"
+#: Light that reaches faces turned away from the lamp.
+AMBIENT = 0.42
+#: Opacity of what lies behind the body.
+HIDDEN_ALPHA = 0.22
+
+ZORDER_BODY, ZORDER_LINES, ZORDER_POINTS = 3.0, 4.0, 5.0
+
+
+@dataclass(frozen=True)
+class View:
+    """A direction to look from.
+
+    Attributes:
+        axes: Unit vectors to the right, upwards and towards the viewer, as rows, shape (3, 3).
+    """
+
+    axes: Array
+
+    @classmethod
+    def from_direction(cls, toward: Array) -> View:
+        """The view from a direction, with z upwards in the picture (or y, seen from a pole)."""
+        toward = unit(toward)
+        pole = np.array([0.0, 0.0, 1.0]) if abs(toward[2]) < 0.97 else np.array([0.0, 1.0, 0.0])
+        up = unit(pole - (pole @ toward) * toward)
+        return cls(np.array([np.cross(up, toward), up, toward]))
+
+    @property
+    def toward(self) -> Array:
+        """Unit vector to the viewer."""
+        return self.axes[2]
+
+    def project(self, points: Array) -> Array:
+        """Place points (..., 3) [m] in the picture, shape (..., 2) [km]."""
+        return points @ self.axes[:2].T / KM
+
+    def hidden(self, points: Array, body: ShapeModel) -> NDArray[np.bool_]:
+        """Whether the body stands between points (n, 3) [m] and the viewer, shape (n,)."""
+        reach = 2.0 * (body.max_radius + np.linalg.norm(points, axis=1).max())
+        start = points + 1e-4 * body.max_radius * self.toward  # a point on the surface does not hide itself
+        return segments_blocked(start, start + reach * self.toward, body.vertices, body.faces, body.max_radius)
+
+
+def unit(vector: Array) -> Array:
+    """A vector scaled to unit length."""
+    return vector / np.linalg.norm(vector)
+
+
+def shade(colours: Array, normals: Array, lamp: Array) -> Array:
+    """Colours (n, 3) of matt faces with the given normals (n, 3) under a distant lamp (Lambert's law)."""
+    light = AMBIENT + (1.0 - AMBIENT) * np.clip(normals @ unit(lamp), 0.0, 1.0)
+    return np.clip(colours * light[:, None], 0.0, 1.0)
+
+
+def face_colours(body: ShapeModel, groups: list[tuple[NDArray[Any], str]]) -> Array:
+    """Colour of every face: bare ground, and a colour for each group of faces (indices, colour), shape (F, 3)."""
+    colours = np.tile(to_rgb(GROUND), (len(body.faces), 1))
+    for faces, colour in groups:
+        colours[faces] = to_rgb(colour)
+    return colours
+
+
+def draw_body(ax: Axes, view: View, body: ShapeModel, colours: Array) -> None:
+    """Paint the faces turned to the viewer, far ones first, lit from above the viewer's left shoulder."""
+    front = np.flatnonzero(body.face_normals @ view.toward > 0.0)
+    front = front[np.argsort(body.face_centroids[front] @ view.toward)]
+    lamp = np.array([-0.45, 0.55, 0.7]) @ view.axes
+    shaded = shade(colours[front], body.face_normals[front], lamp)
+    corners = view.project(body.vertices[body.faces[front]])
+    ax.add_collection(
+        PolyCollection(
+            corners, facecolors=shaded, edgecolors=0.93 * shaded, linewidths=0.25, zorder=ZORDER_BODY, closed=True
+        ),
+        autolim=False,
+    )
+
+
+def draw_line(ax: Axes, view: View, body: ShapeModel, points: Array, **style: Any) -> None:
+    """Draw a line through points (n, 3) [m]; what the body hides is faded."""
+    if len(points) < 2:
+        return
+    hidden = view.hidden(0.5 * (points[1:] + points[:-1]), body)
+    flat = view.project(points)
+    alpha = style.pop("alpha", 1.0)
+    borders = np.flatnonzero(np.diff(hidden)) + 1
+    for first, last in zip(np.append(0, borders), np.append(borders, len(hidden)), strict=True):
+        piece = flat[first : last + 1]
+        opacity = alpha * (HIDDEN_ALPHA if hidden[first] else 1.0)
+        ax.plot(piece[:, 0], piece[:, 1], **{"zorder": ZORDER_LINES, **style}, alpha=opacity)
+
+
+def draw_points(ax: Axes, view: View, body: ShapeModel, points: Array, **style: Any) -> None:
+    """Draw markers at points (n, 3) [m]; those behind the body are faded."""
+    hidden = view.hidden(points, body)
+    flat = view.project(points)
+    for behind in (True, False):
+        some = flat[hidden == behind]
+        alpha = HIDDEN_ALPHA if behind else 1.0
+        ax.plot(some[:, 0], some[:, 1], **{"linestyle": "none", "zorder": ZORDER_POINTS, **style}, alpha=alpha)
+
+
+def straight(start: Array, end: Array, count: int = 80) -> Array:
+    """Points along a straight line, fine enough to test against the body, shape (count, 3)."""
+    return start + np.linspace(0.0, 1.0, count)[:, None] * (end - start)

@@ -1,0 +1,74 @@
+"""The wheel, installed in a venv of its own and used from a folder outside the checkout."""
+
+import os
+import shutil
+import subprocess
+import sys
+import sysconfig
+import venv
+import zipfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory):
+    # Built from a copy, so that a build folder of the checkout cannot leak into it.
+    source = tmp_path_factory.mktemp("source") / "swarm_mj"
+    ignore = shutil.ignore_patterns(".*", "*.egg-info", "build", "dist", "results", "__pycache__")
+    shutil.copytree(ROOT, source, ignore=ignore)
+    out = tmp_path_factory.mktemp("dist")
+    command = [sys.executable, "-m", "build", "--wheel", "--outdir", str(out), str(source)]
+    subprocess.run(command, check=True, capture_output=True, text=True)
+    return next(out.glob("*.whl"))
+
+
+@pytest.fixture(scope="module")
+def installed(wheel, tmp_path_factory):
+    """Runs a program of the venv with the wheel; dependencies come from this environment."""
+    folder = tmp_path_factory.mktemp("venv")
+    venv.create(folder, with_pip=True)
+    pip = [str(folder / "bin" / "pip"), "install", "--quiet", "--no-deps", "--disable-pip-version-check", str(wheel)]
+    subprocess.run(pip, check=True, capture_output=True)
+    outside = tmp_path_factory.mktemp("outside")
+    # As PYTHONPATH, the folder gives its packages but not the hook of an editable install.
+    environment = {**os.environ, "PYTHONPATH": sysconfig.get_paths()["purelib"], "NUMBA_CACHE_DIR": str(outside / "numba")}
+
+    def run(program, *arguments):
+        command = [str(folder / "bin" / program), *arguments]
+        return subprocess.run(command, cwd=outside, env=environment, capture_output=True, text=True)
+
+    return run, outside, folder
+
+
+@pytest.mark.slow
+def test_the_wheel_holds_assets_envs_and_scenarios_and_no_other_top_level_package(wheel):
+    names = zipfile.ZipFile(wheel).namelist()
+    assert {name.split("/")[0].removesuffix("-0.1.0.dist-info") for name in names} == {"swarm_mj"}
+    for needed in (
+        "swarm_mj/assets/eros.obj",
+        "swarm_mj/assets/eros_shape_harmonics.csv",
+        "swarm_mj/assets/mjcf/cubesat.xml",
+        "swarm_mj/assets/mjcf/scene.xml",
+        "swarm_mj/envs/__init__.py",
+        "swarm_mj/scenarios/eros-config1.yaml",
+        "swarm_mj/py.typed",
+    ):
+        assert needed in names
+    packages = {str(Path(p).parent) for p in map(str, ROOT.glob("swarm_mj/**/__init__.py"))}
+    for package in packages:
+        assert f"{Path(package).relative_to(ROOT)}/__init__.py" in names
+
+
+@pytest.mark.slow
+def test_the_installed_wheel_flies_a_scenario_outside_the_checkout(installed):
+    run, outside, folder = installed
+    where = run("python", "-c", "import swarm_mj.envs, swarm_mj.assets as a; print(a.__file__)")
+    assert str(folder) in where.stdout, where.stderr
+    assert "eros-config1" in run("swarm-mj", "scenarios").stdout
+    flown = run("swarm-mj", "run", "eros-quick", "--quiet", "--no-figures")
+    assert flown.returncode == 0, flown.stderr
+    assert (outside / "results" / "eros-quick" / "summary.json").exists()
