@@ -94,7 +94,9 @@ def test_coverage_file_and_summary_agree(folder, summary):
 
 
 def test_the_written_scenario_flies_the_same_again(folder, tmp_path, summary):
-    assert main(["run", str(folder / "scenario.yaml"), "--quiet", "--no-figures", "--out", str(tmp_path / "again")]) == 0
+    assert (
+        main(["run", str(folder / "scenario.yaml"), "--quiet", "--no-figures", "--out", str(tmp_path / "again")]) == 0
+    )
     again = json.loads((tmp_path / "again" / "summary.json").read_text())
     for key in ("coverage_percent", "pointing_error_deg_final", "max_wheel_speed_fraction", "mode_switches"):
         assert again[key] == summary[key]
@@ -132,7 +134,12 @@ def test_both_observers_agree_on_the_accumulated_area_of_a_narrow_camera(tmp_pat
     shares = {}
     for kind in ("raycast", "auto"):
         out = tmp_path / kind
-        assert main([*QUICK, "--out", str(out), "--set", f"observation.observer={kind}", "--set", "camera.half_angle_deg=4"]) == 0
+        assert (
+            main(
+                [*QUICK, "--out", str(out), "--set", f"observation.observer={kind}", "--set", "camera.half_angle_deg=4"]
+            )
+            == 0
+        )
         shares[kind] = json.loads((out / "summary.json").read_text())["coverage_percent"]
     assert shares["raycast"] == pytest.approx(shares["auto"], abs=1.0)
     assert 5 < shares["raycast"] < 95
@@ -187,13 +194,21 @@ def test_a_missing_scenario_and_an_unwritable_folder_are_clear_errors(tmp_path, 
 
 
 def test_help_and_import_load_no_heavy_module():
-    code = "import sys, swarm_mj.cli; swarm_mj.cli._parser(); print([m for m in ('numpy', 'mujoco', 'numba') if m in sys.modules])"
+    code = "import sys, swarm_mj.cli as c; c._parser(); print([m for m in ('numpy', 'mujoco', 'numba') if m in sys.modules])"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout.strip() == "[]"
 
 
 def test_several_scenarios_go_into_folders_of_their_own(tmp_path):
     (tmp_path / "second.yaml").write_text("name: second\nduration_s: 600\nphysics: {timestep_s: 0.5}\n"
                                           "design: {visiting_points: [3]}\nbehavior: {name: adaptable_roles}\n")  # fmt: skip
-    arguments = ["run", "eros-quick", str(tmp_path / "second.yaml"), "--quiet", "--no-figures", "--out", str(tmp_path / "o")]
+    arguments = [
+        "run",
+        "eros-quick",
+        str(tmp_path / "second.yaml"),
+        "--quiet",
+        "--no-figures",
+        "--out",
+        str(tmp_path / "o"),
+    ]
     assert main(arguments) == 0
     assert {p.name for p in (tmp_path / "o").iterdir()} == {"eros-quick", "second"}

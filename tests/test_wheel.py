@@ -35,7 +35,11 @@ def installed(wheel, tmp_path_factory):
     subprocess.run(pip, check=True, capture_output=True)
     outside = tmp_path_factory.mktemp("outside")
     # As PYTHONPATH, the folder gives its packages but not the hook of an editable install.
-    environment = {**os.environ, "PYTHONPATH": sysconfig.get_paths()["purelib"], "NUMBA_CACHE_DIR": str(outside / "numba")}
+    environment = {
+        **os.environ,
+        "PYTHONPATH": sysconfig.get_paths()["purelib"],
+        "NUMBA_CACHE_DIR": str(outside / "numba"),
+    }
 
     def run(program, *arguments):
         command = [str(folder / "bin" / program), *arguments]

@@ -55,7 +55,14 @@ class FitnessTournament(Selection):
     """Binary tournaments on the first objective; the fitter of two wins, ties fall to the first drawn."""
 
     def _do(
-        self, problem: Problem, pop: Population, n_select: int, n_parents: int, *args: Any, random_state: Any, **kwargs: Any
+        self,
+        problem: Problem,
+        pop: Population,
+        n_select: int,
+        n_parents: int,
+        *args: Any,
+        random_state: Any,
+        **kwargs: Any,
     ) -> Ints:
         fitness = pop.get("F")[:, 0]
         pairs = random_state.integers(len(pop), size=(2, n_select, n_parents))

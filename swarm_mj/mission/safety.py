@@ -8,9 +8,10 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from swarm_mj.smallbody.occultation import points_inside, segments_blocked
+from swarm_mj.smallbody.occultation import segments_blocked
 from swarm_mj.smallbody.rotation import sub_point
 from swarm_mj.smallbody.shape import ShapeModel
+from swarm_mj.smallbody.solid_angle import points_inside
 
 Array = NDArray[np.float64]
 
@@ -48,7 +49,7 @@ def find_impacts(shape: ShapeModel, times: Array, r_A: Array) -> list[Impact]:
     impacts = []
     for j in range(r_A.shape[1]):
         path = np.ascontiguousarray(r_A[:, j])
-        started_inside = points_inside(path[:1], shape.vertices, shape.faces, shape.max_radius)
+        started_inside = points_inside(path[:1], shape.vertices, shape.faces)
         crossing = segments_blocked(path[:-1], path[1:], shape.vertices, shape.faces, shape.max_radius)
         hits = np.flatnonzero(np.concatenate((started_inside, crossing)))
         if hits.size:

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from swarm_mj.errors import MissionError
 from swarm_mj.mission.mesh_cut import cut_mesh, plane_distance, refine_mesh
 from swarm_mj.smallbody.shape import ShapeModel
+from swarm_mj.smallbody.solid_angle import points_inside
 
 Edges = Literal["corner", "side"]
 Projection = Literal["radial", "normal"]
@@ -222,26 +223,12 @@ def check_visiting_points(shape: ShapeModel, points_A: NDArray[np.float64]) -> N
     Raises:
         MissionError: A point is inside the body or on its surface; the message names the first one.
     """
-    for number, point in enumerate(points_A, start=1):
-        if not np.isfinite(point).all() or abs(winding_number(shape, point)) > 0.25:
-            raise MissionError(
-                f"visiting point {number} at {np.round(point, 1).tolist()} m is below the surface of {shape.name}: "
-                "raise the imaging altitude or project it along the other direction (radial or normal)"
-            )
-
-
-def winding_number(shape: ShapeModel, point_A: NDArray[np.float64]) -> float:
-    """Share of the sphere that the surface fills as seen from a point: 1 inside a closed mesh, 0 outside, 1/2 on it.
-
-    Sum of the faces' signed solid angles over 4 pi (Van Oosterom and Strackee 1983).
-    """
-    corners = shape.vertices[shape.faces] - point_A
-    a, b, c = (corners[:, k] for k in range(3))
-    la, lb, lc = (np.linalg.norm(v, axis=1) for v in (a, b, c))
-    triple = np.einsum("ij,ij->i", a, np.cross(b, c))
-    ab, bc, ca = (np.einsum("ij,ij->i", u, v) for u, v in ((a, b), (b, c), (c, a)))
-    half_angle = np.arctan2(triple, la * lb * lc + ab * lc + bc * la + ca * lb)
-    return float(half_angle[triple != 0.0].sum() / (2.0 * np.pi))
+    below = points_inside(np.ascontiguousarray(points_A, dtype=np.float64), shape.vertices, shape.faces)
+    for number in 1 + np.flatnonzero(below | ~np.isfinite(points_A).all(axis=1)):
+        raise MissionError(
+            f"visiting point {number} at {np.round(points_A[number - 1], 1).tolist()} m is below the surface of {shape.name}: "
+            "raise the imaging altitude or project it along the other direction (radial or normal)"
+        )
 
 
 def local_axes(latitude_deg: float, longitude_deg: float) -> NDArray[np.float64]:

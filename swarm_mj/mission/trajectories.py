@@ -116,7 +116,9 @@ def solve_transfers(
         try:
             r, _ = propagate(acceleration, np.broadcast_to(r0, starts.shape), starts, times)
         except MissionError as error:
-            raise MissionError(f"no trajectory to the visiting points in {time_of_flight:g} s: {error}; {_REMEDY}") from None
+            raise MissionError(
+                f"no trajectory to the visiting points in {time_of_flight:g} s: {error}; {_REMEDY}"
+            ) from None
         arrivals = r[-1].reshape(n, 4, 3)
         miss = arrivals[:, 0] - destinations
         if np.linalg.norm(miss, axis=1).max() < SHOOTING_TOLERANCE_M:

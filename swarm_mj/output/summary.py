@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import platform
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 import numpy as np
@@ -83,7 +83,7 @@ def summarise(plan: Plan, telemetry: xr.Dataset, result: ObservationResult, wall
         "versions": {
             "swarm_mj": __version__,
             "python": platform.python_version(),
-            **{name: version(name) for name in LIBRARIES},
+            **{name: _version(name) for name in LIBRARIES},
         },
     }
 
@@ -105,6 +105,13 @@ def mode_switches(telemetry: xr.Dataset) -> dict[str, list[dict[str, Any]]]:
             for k in np.flatnonzero(changed[:, j])
         ]
     return switches
+
+
+def _version(name: str) -> str:
+    try:
+        return version(name)
+    except PackageNotFoundError:  # embreex has no wheels for some machines
+        return "not installed"
 
 
 def _by_name(names: tuple[str, ...], values: Any, digits: int) -> dict[str, float]:

@@ -188,7 +188,7 @@ class Behavior(Section):
     imaging_radius_m: float = Field(
         35_000.0,
         gt=0,
-        description="R_im; the paper does not give it: 35 km leaves all spacecraft inside at 0 and 10 min and outside at 20 min",
+        description="R_im, not given by the paper; with 35 km all spacecraft are inside at 0 and 10 min and outside at 20 min",
     )
 
 
@@ -259,8 +259,8 @@ class Scenario(Section):
     seed: int = Field(0, ge=0, lt=2**63, description="of the random initial attitudes")
     epoch: str = Field(
         "2018-01-01T03:15:00",
-        description="time at which the swarm is deployed, ISO 8601, TDB; the default leaves the paper's target sunlit and Earth "
-        "in view during the imaging (reason and numbers beside DEFAULT_EPOCH in swarm_mj.smallbody.ephemeris)",
+        description="time at which the swarm is deployed, ISO 8601, TDB; by default the paper's target is sunlit and Earth in "
+        "view during the imaging (numbers beside DEFAULT_EPOCH in swarm_mj.smallbody.ephemeris)",
     )
     duration_s: float = Field(1200.0, gt=0, le=30 * 86_400.0)
     body: Body = Field(default_factory=Body)

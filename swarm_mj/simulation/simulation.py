@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from swarm_mj.attitude.controllers.base import Controller, ControlInput
+from swarm_mj.attitude.controllers.base import ControlInput, Controller
 from swarm_mj.attitude.mrp import quaternion_from_mrp
 from swarm_mj.errors import PluginError, SimulationError
 from swarm_mj.mission.behaviors import Behavior, SwarmView, Targets

@@ -1,8 +1,8 @@
-"""What the body hides: segments and points against the mesh, compiled. Frame A, metres."""
+"""What the body hides: segments against the mesh, compiled. Frame A, metres."""
 
 from __future__ import annotations
 
-from math import atan2, pi, sqrt
+from math import sqrt
 
 import numpy as np
 from numba import njit
@@ -40,11 +40,7 @@ def segments_blocked(
 @njit(cache=True, error_model="numpy")
 def _distance_to_origin(a: Array, b: Array) -> float:
     d = b - a
-    s = -(a @ d) / (d @ d)
-    if s < 0.0:
-        s = 0.0
-    elif s > 1.0:
-        s = 1.0
+    s = float(np.clip(-(a @ d) / (d @ d), 0.0, 1.0))
     p = a + s * d
     return sqrt(p @ p)
 
@@ -72,34 +68,3 @@ def _hits_any(o: Array, d: Array, vertices: Array, faces: NDArray[np.int32]) -> 
         if _END_MARGIN < s < 1.0 - _END_MARGIN:
             return True
     return False
-
-
-@njit(cache=True, error_model="numpy")
-def points_inside(points_A: Array, vertices: Array, faces: NDArray[np.int32], radius: float) -> NDArray[np.bool_]:
-    """Whether points lie inside a closed mesh, by its solid angle (van Oosterom and Strackee 1983).
-
-    Args:
-        points_A: Shape (m, 3) [m].
-        vertices: Shape (V, 3) [m].
-        faces: Shape (F, 3), counter-clockwise from outside.
-        radius: Largest vertex radius [m]; points beyond it are outside.
-    """
-    inside = np.zeros(points_A.shape[0], np.bool_)
-    for i in range(points_A.shape[0]):
-        p = points_A[i]
-        if p @ p >= radius * radius:
-            continue
-        solid_angle = 0.0
-        for f in range(faces.shape[0]):
-            solid_angle += _solid_angle(vertices[faces[f, 0]] - p, vertices[faces[f, 1]] - p, vertices[faces[f, 2]] - p)
-        inside[i] = solid_angle > 2.0 * pi
-    return inside
-
-
-@njit(cache=True, error_model="numpy")
-def _solid_angle(a: Array, b: Array, c: Array) -> float:
-    la, lb, lc = sqrt(a @ a), sqrt(b @ b), sqrt(c @ c)
-    triple = (
-        a[0] * (b[1] * c[2] - b[2] * c[1]) + a[1] * (b[2] * c[0] - b[0] * c[2]) + a[2] * (b[0] * c[1] - b[1] * c[0])
-    )
-    return 2.0 * atan2(triple, la * lb * lc + (a @ b) * lc + (b @ c) * la + (c @ a) * lb)

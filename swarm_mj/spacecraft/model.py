@@ -73,7 +73,9 @@ def build_model(
     properties = properties or SpacecraftProperties()
     spec = _scene(shape, timestep, np.asarray(sun_N, float))
     for name in spacecraft_names(n):
-        spec.attach(_cubesat(properties, timestep, camera_half_angle_deg), frame=spec.worldbody.add_frame(), prefix=f"{name}_")
+        spec.attach(
+            _cubesat(properties, timestep, camera_half_angle_deg), frame=spec.worldbody.add_frame(), prefix=f"{name}_"
+        )
     return _resolve(spec.compile(), spacecraft_names(n))
 
 

@@ -6,7 +6,7 @@ import trimesh
 
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.mission.links import Antennas, links_closed
-from swarm_mj.smallbody.occultation import points_inside, segments_blocked
+from swarm_mj.smallbody.occultation import segments_blocked
 from swarm_mj.smallbody.shape import ShapeModel
 
 EARTH = np.array([[1.5e11, 0.0, 0.0]])
@@ -90,12 +90,3 @@ def test_blocked_segments_agree_with_a_sphere(ball):
     assert blocked[nearest < 7.9e3].all()
     assert not blocked[nearest > 8.001e3].any()
     assert 50 < blocked.sum() < len(blocked) - 50
-
-
-def test_points_inside_agree_with_a_sphere(ball):
-    rng = np.random.default_rng(2)
-    points = rng.uniform(-9e3, 9e3, (500, 3))
-    radius = np.linalg.norm(points, axis=1)
-    inside = points_inside(points, ball.vertices, ball.faces, ball.max_radius)
-    assert inside[radius < 7.9e3].all()
-    assert not inside[radius > 8.001e3].any()

@@ -13,7 +13,6 @@ from swarm_mj.mission.target import (
     build_target,
     check_visiting_points,
     local_axes,
-    winding_number,
 )
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.smallbody.shape_harmonics import build_eros
@@ -177,12 +176,6 @@ def test_normal_visiting_points_stand_straight_above_flat_ground_and_radial_ones
     assert np.abs(region.visiting_points_A(7.0) - ground - up).max() > 1.0
     with pytest.raises(MissionError, match="'radial' or 'normal'"):
         region.visiting_points_A(7.0, projection="sideways")
-
-
-def test_the_winding_number_is_one_inside_half_on_a_face_and_zero_outside():
-    assert winding_number(box(), np.array([0.3, -0.2, 0.9])) == pytest.approx(1.0)
-    assert winding_number(box(), np.array([0.3, -0.2, 1.0])) == pytest.approx(0.5)
-    assert winding_number(box(), np.array([0.3, -0.2, 1.1])) == pytest.approx(0.0, abs=1e-12)
 
 
 def test_visiting_points_at_imaging_altitude_pass_and_a_sunken_one_is_named():

@@ -82,7 +82,7 @@ def test_an_impossible_transfer_is_an_error_that_says_what_to_change():
 def test_a_transfer_that_does_not_converge_names_the_spacecraft():
     def unreachable(t, r):
         # Whatever the start velocity, nothing stays beyond x = 500 m: the miss cannot vanish.
-        return np.column_stack((-np.maximum(r[:, 0] - 400.0, 0.0) ** 2, 0 * r[:, 1], 0 * r[:, 2]))
+        return np.column_stack((-(np.maximum(r[:, 0] - 400.0, 0.0) ** 2), 0 * r[:, 1], 0 * r[:, 2]))
 
     with pytest.raises(MissionError, match="sc1|visiting points"):
         solve_transfers(unreachable, np.zeros(3), np.array([[5e5, 0, 0]]), 3.0)

@@ -35,7 +35,9 @@ def test_accumulated_coverage_of_the_papers_flight_with_a_3_degree_camera_agrees
     oracle = eros_oracle()
     views = flown_views(plan, telemetry)
     exact = 100 * oracle.united_area(views).sum() / oracle.area.sum()
-    print(f"P_TO {result.coverage.percent:.2f} %, exact {exact:.2f} %, {len(views)} pictures, {plan.region.n_cells} cells")
+    print(
+        f"P_TO {result.coverage.percent:.2f} %, exact {exact:.2f} %, {len(views)} pictures, {plan.region.n_cells} cells"
+    )
     assert len(views) == result.images
     assert 5.0 < exact < 95.0
     assert result.coverage.percent == pytest.approx(exact, abs=1.0)

@@ -203,9 +203,7 @@ def test_the_drawn_asteroid_turns_as_the_ephemeris_says(quick_plan):
     assert np.allclose(matrix.reshape(3, 3).T, quick_plan.environment.C_AN(600.0), atol=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("switch", "scale"), [("solar_tide", 1e-5), ("solar_radiation_pressure", 1e-4)]
-)
+@pytest.mark.parametrize(("switch", "scale"), [("solar_tide", 1e-5), ("solar_radiation_pressure", 1e-4)])
 def test_a_perturbation_moves_the_flight_as_dop853_says(switch, scale):
     plain = make_plan(load_scenario("eros-quick"))
     plan = make_plan(load_scenario("eros-quick", [f"perturbations.{switch}=true"]))

@@ -32,7 +32,8 @@ def draw_box(ax: Axes, view: View, box: Array) -> None:
     """Draw the far walls of a box (2, 3) [m] with grid and scales, and fit the axes to it."""
     ax.set_axis_off()
     ax.set_aspect("equal")
-    ticks = [_ticks(box[0, i], box[1, i], _step(box)) for i in range(3)]
+    step = _step(box)
+    ticks = [_ticks(box[0, i], box[1, i], step) for i in range(3)]
     far = (view.toward <= 0.0).astype(int)  # row of `box` that holds the wall turned away, for each axis
     for i in range(3):
         _draw_wall(ax, view, box, ticks, i, far)
@@ -55,7 +56,10 @@ def _step(box: Array) -> float:
 
 
 def _ticks(low: float, high: float, step: float) -> Array:
-    return step * np.arange(np.ceil(low / step), np.floor(high / step) + 1)
+    """Multiples of the step, or of its half where there would be fewer than two."""
+    if np.floor(high / step) <= np.ceil(low / step):
+        step /= 2.0
+    return step * np.arange(np.ceil(low / step), np.floor(high / step) + 1) + 0.0
 
 
 def _draw_wall(ax: Axes, view: View, box: Array, ticks: list[Array], i: int, far: NDArray[np.int_]) -> None:
@@ -93,9 +97,11 @@ def _draw_scale(
     every = 2 if len(ticks) * 0.055 * picture_km > length else 1
     for tick in ticks[::every]:
         share = (tick - box[0, i]) / (box[1, i] - box[0, i])
-        _annotate(ax, f"{tick / KM:g}", ends[0] + share * along, outward * 11.0, SMALL_PT)
+        _annotate(
+            ax, f"{tick / KM:g}".replace("-", "\N{MINUS SIGN}"), ends[0] + share * along, outward * 11.0, SMALL_PT
+        )
     angle = float(np.degrees(np.arctan2(along[1], along[0])))
-    _annotate(ax, NAMES[i], ends.mean(axis=0), outward * 30.0, LABEL_PT, rotation=(angle + 90.0) % 180.0 - 90.0)
+    _annotate(ax, NAMES[i], ends.mean(axis=0), outward * 30.0, LABEL_PT, rotation=90.0 - (90.0 - angle) % 180.0)
 
 
 def _outline_edge(view: View, box: Array, i: int, far: NDArray[np.int_]) -> Array:

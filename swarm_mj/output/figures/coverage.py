@@ -23,10 +23,13 @@ from swarm_mj.output.figures.style import (
     SMALL_PT,
     TICK_PT,
     VERMILLION,
+    VISIT_DASHES,
     instant,
     label,
+    name_time,
     new_figure,
     note_of_omission,
+    show_time,
     shown_spacecraft,
     tidy,
     time_axis,
@@ -43,14 +46,14 @@ def compose_coverage(plan: Plan, telemetry: xr.Dataset, result: ObservationResul
     coverage, criterion = result.coverage, plan.scenario.observation.criterion
     shown = shown_spacecraft(plan.n_observers)
     omission = note_of_omission(plan.n_observers, shown)
-    figure = new_figure(4.4, f"Observed area of the target, {CRITERION[criterion]} - {plan.scenario.name}{omission}")
+    figure = new_figure(4.4, f"Observed area of the target, {CRITERION[criterion]}: {plan.scenario.name}{omission}")
     history, bars = figure.subplots(1, 2, width_ratios=(2.6, 1.0))
     _draw_history(history, plan, telemetry, coverage, shown)
     _draw_bars(bars, plan, coverage, shown)
     handles = [
-        Line2D([], [], color=BLACK, linewidth=2.2, label="whole swarm"),
+        Line2D([], [], color=BLACK, linewidth=3.4, label="whole swarm"),
         Line2D([], [], color=_colours(len(shown))[0], linewidth=1.3, label="one spacecraft, colours as at the right"),
-        Line2D([], [], color=GREY, linewidth=1.0, linestyle=(0, (4, 2)), label="visit"),
+        Line2D([], [], color=GREY, linewidth=1.0, linestyle=VISIT_DASHES, label="visit"),
     ]
     legend_below(figure, handles)
     return figure
@@ -63,22 +66,19 @@ def percent_over_time(coverage: CoverageMap, j: int, times: NDArray[np.float64])
     return own.percent_over_time(times)
 
 
-def _draw_history(
-    ax: Axes, plan: Plan, telemetry: xr.Dataset, coverage: CoverageMap, shown: NDArray[np.intp]
-) -> None:
+def _draw_history(ax: Axes, plan: Plan, telemetry: xr.Dataset, coverage: CoverageMap, shown: NDArray[np.intp]) -> None:
     times = telemetry["time"].values[every(telemetry.sizes["time"])]
     axis = time_axis(plan.scenario.duration_s)
+    ax.step(times / axis.seconds, coverage.percent_over_time(times), where="post", color=BLACK, linewidth=3.4)
     for j, colour in zip(shown, _colours(len(shown)), strict=True):
-        ax.step(
-            times / axis.seconds, percent_over_time(coverage, j, times), where="post", color=colour, linewidth=1.3
-        )
-    ax.step(times / axis.seconds, coverage.percent_over_time(times), where="post", color=BLACK, linewidth=2.2)
+        ax.step(times / axis.seconds, percent_over_time(coverage, j, times), where="post", color=colour, linewidth=1.3)
     visit = plan.scenario.design.time_of_flight_s
-    ax.axvline(visit / axis.seconds, color=GREY, linewidth=1.0, linestyle=(0, (4, 2)), zorder=1.5)
-    ax.set_xlim(0.0, plan.scenario.duration_s / axis.seconds)
+    ax.axvline(visit / axis.seconds, color=GREY, linewidth=1.0, linestyle=VISIT_DASHES, zorder=1.5)
+    show_time(ax, axis, plan.scenario.duration_s)
     ax.set_ylim(-2.0, 104.0)
     tidy(ax)
-    label(ax, f"time since deployment [{axis.unit}]", r"observed share of the target $P_{TO}$ [%]")
+    name_time(ax, axis)
+    label(ax, y=r"observed share of the target $P_{TO}$ [%]")
     ax.set_title(
         f"$P_{{TO}}$ = {coverage.percent:.2f} % at the end, "
         f"{float(coverage.percent_over_time(visit)):.2f} % at the visit, t = {instant(visit, axis)}",

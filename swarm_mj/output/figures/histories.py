@@ -10,7 +10,6 @@ from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from swarm_mj.flight import ObservationResult
-from swarm_mj.output.figures.modes import BAND
 from swarm_mj.output.figures.panels import Panels, compose_panels, every
 from swarm_mj.output.figures.style import BLUE, COMPONENTS, VERMILLION, time_axis
 from swarm_mj.planning import Plan
@@ -18,8 +17,8 @@ from swarm_mj.spacecraft.properties import RPM
 
 Array = NDArray[np.float64]
 
-#: Errors below this are rounding, and zero has no place on a logarithmic axis [deg].
-LEAST_ERROR_DEG = 1e-8
+#: Exponent of ten below which errors [deg] are rounding; zero has no place on a logarithmic axis.
+FLOOR = -8
 
 
 def compose_tracking_error(plan: Plan, telemetry: xr.Dataset, result: ObservationResult) -> Figure:
@@ -31,7 +30,7 @@ def compose_tracking_error(plan: Plan, telemetry: xr.Dataset, result: Observatio
         title="MRP tracking errors",
         y_label=r"tracking error $\sigma_{B/R}$ [-]",
         draw=_components(plan, telemetry, values),
-        limits=_below_band(-reach, reach),
+        limits=(-reach, reach),
         handles=_handles(names),
     )
     return compose_panels(plan, telemetry, panels)
@@ -54,7 +53,7 @@ def compose_wheel_speed(plan: Plan, telemetry: xr.Dataset, result: ObservationRe
         title="Reaction wheel speeds",
         y_label="wheel speed [rpm]",
         draw=draw,
-        limits=_below_band(-reach, reach),
+        limits=(-reach, reach),
         handles=[*_handles([f"wheel {k}" for k in "xyz"]), bound],
     )
     return compose_panels(plan, telemetry, panels)
@@ -62,21 +61,25 @@ def compose_wheel_speed(plan: Plan, telemetry: xr.Dataset, result: ObservationRe
 
 def compose_pointing_error(plan: Plan, telemetry: xr.Dataset, result: ObservationResult) -> Figure:
     """Angle between +z and the line of sight of every spacecraft, on a logarithmic axis."""
-    error = np.maximum(np.degrees(telemetry["pointing_error"].values), LEAST_ERROR_DEG)
+    error = np.maximum(np.degrees(telemetry["pointing_error"].values), 10.0**FLOOR)
     some = every(len(error))
     times = telemetry["time"].values[some] / time_axis(plan.scenario.duration_s).seconds
 
     def draw(ax: Axes, j: int) -> None:
         ax.plot(times, error[some, j], color=BLUE, linewidth=1.2)
 
+    name = rf"pointing error (drawn at $10^{{{FLOOR}}}$ deg where below)"
     low, high = np.log10(error.min()) - 0.3, np.log10(max(error.max(), 1.0)) + 0.3
-    bottom, top = _below_band(low, high)
     panels = Panels(
         title="Pointing errors",
         y_label="angle between +z and line of sight [deg]",
         draw=draw,
-        limits=(10.0**bottom, 10.0**top),
-        handles=[Line2D([], [], color=BLUE, linewidth=1.2, label="pointing error")],
+        limits=(10.0**low, 10.0**high),
+        handles=[
+            Line2D(
+                [], [], color=BLUE, linewidth=1.2, label=rf"pointing error (drawn at $10^{{{FLOOR}}}$ deg where below)"
+            )
+        ],
         log=True,
     )
     return compose_panels(plan, telemetry, panels)
@@ -100,8 +103,3 @@ def _handles(names: list[str]) -> list[Line2D]:
 
 def _reach(values: Array, *, at_least: float) -> float:
     return max(1.08 * float(np.abs(values).max()), at_least)
-
-
-def _below_band(low: float, high: float) -> tuple[float, float]:
-    """Limits of an axis whose lowest 1 - BAND spans low to high."""
-    return low, low + (high - low) / (1.0 - BAND)

@@ -11,19 +11,19 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from swarm_mj.flight import ObservationResult
-from swarm_mj.output.figures.modes import MIN_LABELLED, MODE_LOOKS, intervals, mode_handles, runs
+from swarm_mj.output.figures.modes import MIN_LABELLED, MODE_LOOKS, intervals, mode_handles, name_mode, runs
 from swarm_mj.output.figures.panels import legend_below
 from swarm_mj.output.figures.style import (
     BLACK,
     BLUE,
-    SMALL_PT,
     TICK_PT,
+    VISIT_DASHES,
     TimeAxis,
-    instant,
-    label,
+    name_time,
     new_figure,
     note_of_omission,
     role,
+    show_time,
     shown_spacecraft,
     tidy,
     time_axis,
@@ -41,23 +41,23 @@ def compose_links(plan: Plan, telemetry: xr.Dataset, result: ObservationResult) 
     axis = time_axis(plan.scenario.duration_s)
     figure = new_figure(
         1.9 + 0.42 * max(2, len(shown)),
-        f"Modes and radio links - {plan.scenario.name}{note_of_omission(plan.n, shown)}",
+        f"Modes and radio links: {plan.scenario.name}{note_of_omission(plan.n, shown)}",
     )
     ax = figure.subplots()
     for row, j in enumerate(shown):
         _draw_row(ax, telemetry, int(j), row, axis)
     visit = plan.scenario.design.time_of_flight_s / axis.seconds
-    ax.axvline(visit, color=BLACK, linewidth=1.0, linestyle=(0, (4, 2)))
+    ax.axvline(visit, color=BLACK, linewidth=1.0, linestyle=VISIT_DASHES)
     tidy(ax)
     ax.grid(False, axis="y")
-    ax.set_xlim(0.0, plan.scenario.duration_s / axis.seconds)
+    show_time(ax, axis, plan.scenario.duration_s)
     ax.set_ylim(len(shown) - 0.5, -0.5)
     ax.set_yticks(range(len(shown)), [f"{plan.names[j]}: {role(plan, int(j))}" for j in shown])
     ax.tick_params(axis="y", length=0)
-    label(ax, f"time since deployment [{axis.unit}]")
+    name_time(ax, axis)
     _draw_totals(ax, telemetry, shown, axis)
     link = Patch(facecolor=BLUE, label="link closed")
-    mark = Line2D([], [], color=BLACK, linewidth=1.0, linestyle=(0, (4, 2)), label="visit")
+    mark = Line2D([], [], color=BLACK, linewidth=1.0, linestyle=VISIT_DASHES, label="visit")
     legend_below(figure, [*mode_handles(telemetry), link, mark])
     return figure
 
@@ -70,15 +70,7 @@ def _draw_row(ax: Axes, telemetry: xr.Dataset, j: int, row: int, axis: TimeAxis)
         bar = [(run.start / axis.seconds, length / axis.seconds)]
         ax.broken_barh(bar, (row - 0.36, MODE_HEIGHT), facecolor=look.colour, edgecolor="white", linewidth=1.0)
         if length >= MIN_LABELLED * whole:
-            ax.text(
-                (run.start + run.end) / 2 / axis.seconds,
-                row - 0.36 + MODE_HEIGHT / 2,
-                look.abbreviation,
-                ha="center",
-                va="center_baseline",
-                fontsize=SMALL_PT,
-                fontweight="bold",
-            )
+            name_mode(ax, run, axis, row - 0.36 + MODE_HEIGHT / 2)
     closed = intervals(telemetry["link_closed"].values[:, j] == 1, telemetry["time"].values)
     bars = [(start / axis.seconds, length / axis.seconds) for start, length in closed]
     ax.broken_barh(bars, (row - 0.36 + MODE_HEIGHT, LINK_HEIGHT), facecolor=BLUE, linewidth=0)
@@ -89,7 +81,7 @@ def _draw_totals(ax: Axes, telemetry: xr.Dataset, shown: NDArray[np.intp], axis:
     times = telemetry["time"].values
     right = ax.secondary_yaxis("right")
     totals = [sum(length for _, length in intervals(telemetry["link_closed"].values[:, j] == 1, times)) for j in shown]
-    right.set_yticks(range(len(shown)), [instant(round(total, 1), axis) for total in totals])
+    right.set_yticks(range(len(shown)), [f"{total / axis.seconds:.1f}" for total in totals])
     right.tick_params(labelsize=TICK_PT, length=0)
-    right.set_ylabel(f"link closed for [{axis.unit}]", fontsize=TICK_PT)
+    right.set_ylabel(f"link closed for [{axis.unit}]", fontsize=TICK_PT + 1)
     right.spines["right"].set_visible(False)

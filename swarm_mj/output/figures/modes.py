@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -11,7 +11,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from swarm_mj.output.figures.style import BLACK, GREY, SMALL_PT, TimeAxis
+from swarm_mj.output.figures.style import BLACK, GREY, HALO, SMALL_PT, VISIT_DASHES, TimeAxis
 
 
 class ModeLook(NamedTuple):
@@ -74,17 +74,23 @@ def draw_modes(ax: Axes, telemetry: xr.Dataset, j: int, axis: TimeAxis, visit_s:
         if k:
             ax.axvline(start, color=BLACK, linewidth=0.9, zorder=1.5)
         if run.end - run.start >= MIN_LABELLED * whole:
-            ax.text(
-                (start + end) / 2,
-                1.0 - BAND / 2,
-                look.abbreviation,
-                transform=ax.get_xaxis_transform(),
-                ha="center",
-                va="center_baseline",
-                fontsize=SMALL_PT,
-                fontweight="bold",
-            )
-    ax.axvline(visit_s / axis.seconds, ymax=1.0 - BAND, color=GREY, linewidth=1.0, linestyle=(0, (4, 2)), zorder=1.5)
+            name_mode(ax, run, axis, 1.0 - BAND / 2, transform=ax.get_xaxis_transform())
+    ax.axvline(visit_s / axis.seconds, ymax=1.0 - BAND, color=GREY, linewidth=1.0, linestyle=VISIT_DASHES, zorder=1.5)
+
+
+def name_mode(ax: Axes, run: Run, axis: TimeAxis, y: float, **place: Any) -> None:
+    """Write the abbreviation of a mode in the middle of its stretch, at height y."""
+    ax.text(
+        (run.start + run.end) / 2 / axis.seconds,
+        y,
+        MODE_LOOKS[run.mode].abbreviation,
+        ha="center",
+        va="center",
+        fontsize=SMALL_PT,
+        fontweight="bold",
+        path_effects=HALO,
+        **place,
+    )
 
 
 def mode_handles(telemetry: xr.Dataset) -> list[Patch]:
@@ -102,7 +108,7 @@ def mode_handles(telemetry: xr.Dataset) -> list[Patch]:
 
 def mark_handles(telemetry: xr.Dataset, n: int) -> list[Line2D]:
     """Legend entries of the visit, and of the switch if there is one."""
-    handles = [Line2D([], [], color=GREY, linewidth=1.0, linestyle=(0, (4, 2)), label="visit")]
+    handles = [Line2D([], [], color=GREY, linewidth=1.0, linestyle=VISIT_DASHES, label="visit")]
     if any(len(runs(telemetry, j)) > 1 for j in range(n)):
         handles.append(Line2D([], [], color=BLACK, linewidth=0.9, label="switch"))
     return handles

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
@@ -19,30 +20,37 @@ from swarm_mj.attitude.mrp import dcm
 from swarm_mj.flight import ObservationResult, asteroid_attitudes
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.output.figures.box import box_around, draw_box
+from swarm_mj.output.figures.cells import draw_cells
 from swarm_mj.output.figures.panels import legend_below
 from swarm_mj.output.figures.style import (
     BLACK,
     BLUE,
     GREY,
+    HALO,
     ORANGE,
     SKY_BLUE,
     TICK_PT,
     VERMILLION,
     instant,
+    label,
     new_figure,
+    tidy,
     time_axis,
 )
-from swarm_mj.output.figures.target import HALO
 from swarm_mj.output.figures.view import (
     View,
     draw_body,
     draw_line,
     draw_points,
     face_colours,
+    first_hits,
     straight,
     unit,
+    views_of,
+    visible_area,
 )
 from swarm_mj.planning import Plan
+from swarm_mj.smallbody.shape import ShapeModel
 
 Array = NDArray[np.float64]
 
@@ -75,11 +83,14 @@ class Scene:
 def compose_operation(plan: Plan, telemetry: xr.Dataset, result: ObservationResult) -> Figure:
     """The swarm around the body at the time of flight and at the end."""
     scene = scene_from(plan, telemetry)
-    figure = new_figure(6.0, f"Operation of the swarm - {plan.scenario.name}", width_in=11.0)
+    figure = new_figure(8.2, f"Operation of the swarm: {plan.scenario.name}", width_in=11.0)
     visit = int(np.argmin(np.abs(scene.times - plan.scenario.design.time_of_flight_s)))
     view = _view(plan, scene)
-    for ax, k in zip(figure.subplots(1, 2), (visit, len(scene.times) - 1), strict=True):
-        _draw_instant(ax, plan, telemetry, result, scene, view, k)
+    grid = figure.subplots(2, 2, height_ratios=(3.0, 1.0))
+    for column, k in enumerate((visit, len(scene.times) - 1)):
+        seen = np.nan_to_num(result.coverage.first_seen_s, nan=np.inf) <= scene.times[k]
+        _draw_instant(grid[0, column], plan, telemetry, seen, scene, view, k)
+        _draw_target(grid[1, column], plan, seen)
     legend_below(figure, _handles(scene))
     return figure
 
@@ -98,27 +109,26 @@ def scene_from(plan: Plan, telemetry: xr.Dataset) -> Scene:
 
 
 def _view(plan: Plan, scene: Scene) -> View:
-    """A view that shows the target and the flight path broadside, from the side on which the body hides less of it."""
-    up = plan.region.axes_A[2]
+    """A view in which the target, the flight path and the axes of the communications spacecraft can all be made out."""
     path = scene.r_A.mean(axis=1)
-    across = np.cross(path[-1] - path[0], up)
-    if np.linalg.norm(across) < 1e-3 * np.linalg.norm(path[-1] - path[0]):  # straight towards or away from the target
-        across = plan.region.axes_A[0]
-    views = [View.from_direction(up + side * 1.3 * unit(across) + np.array([0.0, 0.0, 0.5])) for side in (1.0, -1.0)]
-    some = scene.r_A[:: max(1, len(scene.times) // TRAIL_POINTS)].reshape(-1, 3)
-    return min(views, key=lambda view: int(view.hidden(some, plan.region.mesh).sum()))
+    lengthwise = [path[-1] - path[0], *scene.z_A[-1, scene.relays]]
+
+    def merit(view: View) -> float:
+        turned = [float(np.linalg.norm(view.axes[:2] @ unit(line))) for line in lengthwise]
+        return visible_area(view, plan.region) / plan.region.total_area + 0.6 * min(turned)
+
+    return max(views_of(plan.region), key=merit)
 
 
 def _draw_instant(
-    ax: Axes, plan: Plan, telemetry: xr.Dataset, result: ObservationResult, scene: Scene, view: View, k: int
+    ax: Axes, plan: Plan, telemetry: xr.Dataset, seen: NDArray[np.bool_], scene: Scene, view: View, k: int
 ) -> None:
-    body, region, coverage = plan.region.mesh, plan.region, result.coverage
+    body, region = plan.region.mesh, plan.region
     trail = np.unique(np.linspace(0, k, TRAIL_POINTS).astype(int))
     inside = np.vstack((body.vertices, scene.r_A[trail].reshape(-1, 3)))
     extent = float(np.ptp(inside, axis=0).max())
-    tips = _axis_tips(telemetry, scene, k, FREE_AXIS * extent)
+    tips = _axis_tips(telemetry, scene, body, k, FREE_AXIS * extent)
     draw_box(ax, view, box_around(np.vstack((inside, tips))))
-    seen = np.nan_to_num(coverage.first_seen_s, nan=np.inf) <= scene.times[k]
     draw_body(ax, view, body, face_colours(body, [(region.target, ORANGE), (region.target[seen], SKY_BLUE)]))
     for j in range(plan.n):
         colour = _colour(scene, j)
@@ -132,16 +142,26 @@ def _draw_instant(
     if plan.n <= MAX_NUMBERED:
         _number_spacecraft(ax, view.project(scene.r_A[k]), scene)
     axis = time_axis(plan.scenario.duration_s)
-    percent = float(coverage.percent_over_time(scene.times[k]))
+    percent = 100.0 * region.area[seen].sum() / region.total_area
     ax.set_title(f"t = {instant(scene.times[k], axis)}, observed: {percent:.1f} %", fontsize=TICK_PT + 1, loc="left")
 
 
-def _axis_tips(telemetry: xr.Dataset, scene: Scene, k: int, free: float) -> Array:
+def _draw_target(ax: Axes, plan: Plan, seen: NDArray[np.bool_]) -> None:
+    """The target alone, so that what was observed of it can be made out."""
+    region = plan.region
+    draw_cells(ax, region, np.where(seen[:, None], to_rgb(SKY_BLUE), to_rgb(ORANGE)))
+    tidy(ax)
+    ax.grid(False)
+    label(ax, "angle east [deg]", "angle north [deg]")
+    ax.set_title("target, seen from the body's centre", fontsize=TICK_PT)
+
+
+def _axis_tips(telemetry: xr.Dataset, scene: Scene, body: ShapeModel, k: int, free: float) -> Array:
     """Where to end the line along each +z: as far as what it tracks, shape (n, 3) [m]."""
     r, mode, tracked = scene.r_A[k], telemetry["mode"].values[k], telemetry["tracked_spacecraft"].values[k]
     length = np.full(len(r), free)
     asteroid, other = mode == TargetKind.ASTEROID, mode == TargetKind.SPACECRAFT
-    length[asteroid] = np.linalg.norm(r[asteroid], axis=1)
+    length[asteroid] = first_hits(r[asteroid], scene.z_A[k, asteroid], np.linalg.norm(r[asteroid], axis=1), body)
     length[other] = np.linalg.norm(r[other] - r[tracked[other]], axis=1)
     return r + length[:, None] * scene.z_A[k]
 
@@ -183,6 +203,6 @@ def _handles(scene: Scene) -> list[Line2D | Patch]:
     return [
         *handles,
         Line2D([], [], color=GREY, linewidth=1.0, linestyle=DASHES, label="spacecraft +z axis"),
-        Line2D([], [], color=GREY, linewidth=0.9, alpha=0.7, label="path flown"),
+        Line2D([], [], color=GREY, linewidth=0.9, alpha=0.7, label="path flown; pale: behind the body"),
         Line2D([], [], color=BLACK, marker="s", markersize=6, linestyle="none", label="mothership at deployment"),
     ]

@@ -10,15 +10,18 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.ticker import NullLocator
 
-from swarm_mj.output.figures.modes import draw_modes, mark_handles, mode_handles
+from swarm_mj.output.figures.modes import BAND, draw_modes, mark_handles, mode_handles
 from swarm_mj.output.figures.style import (
     LABEL_PT,
     SMALL_PT,
     TICK_PT,
+    name_time,
     new_figure,
     note_of_omission,
     role,
+    show_time,
     shown_spacecraft,
     tidy,
     time_axis,
@@ -37,8 +40,9 @@ class Panels:
         title: Of the figure.
         y_label: Quantity and unit.
         draw: Draws the curves of one spacecraft: (axes, its number from 0).
-        limits: Of the vertical axis, below the band that names the modes.
+        limits: Of the vertical axis; above them there is room for the band that names the modes.
         handles: Legend entries of the curves.
+        log: Whether the vertical axis is logarithmic.
     """
 
     title: str
@@ -54,8 +58,11 @@ def compose_panels(plan: Plan, telemetry: xr.Dataset, panels: Panels) -> Figure:
     shown = shown_spacecraft(plan.n)
     columns = _columns(len(shown))
     rows = ceil(len(shown) / columns)
-    figure = new_figure(_height(rows), f"{panels.title} - {plan.scenario.name}{note_of_omission(plan.n, shown)}")
+    figure = new_figure(_height(rows), f"{panels.title}: {plan.scenario.name}{note_of_omission(plan.n, shown)}")
     grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
+    engine = figure.get_layout_engine()
+    if engine is not None:
+        engine.set(w_pad=0.09)  # type: ignore[call-arg]
     axis = time_axis(plan.scenario.duration_s)
     for ax, j in zip(grid.flat, shown, strict=False):
         panels.draw(ax, int(j))
@@ -63,19 +70,30 @@ def compose_panels(plan: Plan, telemetry: xr.Dataset, panels: Panels) -> Figure:
         tidy(ax)
         ax.set_title(f"{plan.names[j]}: {role(plan, int(j))}", fontsize=TICK_PT, loc="left", pad=3)
     first = grid[0, 0]
-    first.set_xlim(0.0, plan.scenario.duration_s / axis.seconds)
-    if panels.log:
-        first.set_yscale("log")
-    first.set_ylim(*panels.limits)
+    show_time(first, axis, plan.scenario.duration_s)
+    _scale(first, panels)
     for ax in list(grid.flat)[len(shown) :]:
         ax.set_visible(False)
     for column in range(columns):  # an incomplete last row leaves the panel above it as the lowest
         lowest = grid[(len(shown) - 1 - column) // columns, column]
         lowest.tick_params(labelbottom=True)
-    figure.supxlabel(f"time since deployment [{axis.unit}]", fontsize=LABEL_PT)
+    for ax in grid[-1, : len(shown) - columns * (rows - 1)]:
+        name_time(ax, axis)
     figure.supylabel(panels.y_label, fontsize=LABEL_PT)
     legend_below(figure, [*panels.handles, *mark_handles(telemetry, plan.n), *mode_handles(telemetry)])
     return figure
+
+
+def _scale(ax: Axes, panels: Panels) -> None:
+    """Set the vertical axis so that the curves keep clear of the band on top, which carries no ticks."""
+    low, high = panels.limits
+    if panels.log:
+        ax.set_yscale("log")
+        ax.set_ylim(low, low * (high / low) ** (1.0 / (1.0 - BAND)))
+        ax.yaxis.set_minor_locator(NullLocator())
+    else:
+        ax.set_ylim(low, low + (high - low) / (1.0 - BAND))
+    ax.set_yticks([tick for tick in ax.get_yticks() if low <= tick <= high])
 
 
 def every(n_samples: int) -> slice:

@@ -11,8 +11,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from matplotlib import patheffects
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from swarm_mj.planning import Plan
@@ -36,6 +38,11 @@ TITLE_PT = 12
 LABEL_PT = 10
 TICK_PT = 9
 SMALL_PT = 8
+
+#: Lets text read on any ground.
+HALO = [patheffects.withStroke(linewidth=2.5, foreground="white")]
+#: How the instant of the visit is marked.
+VISIT_DASHES = (0, (4, 2))
 
 #: More panels or rows than these no longer read on one page.
 MAX_PANELS = 20
@@ -65,6 +72,17 @@ def new_figure(height_in: float, title: str, *, width_in: float = WIDTH_IN) -> F
     figure = Figure(figsize=(width_in, height_in), dpi=DPI, layout="constrained", facecolor="white")
     figure.suptitle(title, fontsize=TITLE_PT, fontweight="bold")
     return figure
+
+
+def show_time(ax: Axes, axis: TimeAxis, duration_s: float) -> None:
+    """Let the horizontal axis of a diagram span the flight, in round numbers."""
+    ax.set_xlim(0.0, duration_s / axis.seconds)
+    ax.xaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 5, 10]))
+
+
+def name_time(ax: Axes, axis: TimeAxis) -> None:
+    """Name a horizontal axis of time."""
+    label(ax, x=f"time since deployment [{axis.unit}]")
 
 
 def tidy(ax: Axes) -> None:

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import xarray as xr
-from matplotlib import patheffects
 from matplotlib.axes import Axes
-from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -15,9 +13,11 @@ from numpy.typing import NDArray
 
 from swarm_mj.flight import ObservationResult
 from swarm_mj.output.figures.box import box_around, draw_box
+from swarm_mj.output.figures.cells import angles, draw_cells
 from swarm_mj.output.figures.panels import legend_below
 from swarm_mj.output.figures.style import (
     BLACK,
+    HALO,
     ORANGE,
     SMALL_PT,
     TICK_PT,
@@ -26,26 +26,27 @@ from swarm_mj.output.figures.style import (
     new_figure,
     tidy,
 )
-from swarm_mj.output.figures.view import View, draw_body, draw_line, draw_points, face_colours, shade, unit
+from swarm_mj.output.figures.view import draw_body, draw_line, draw_points, face_colours, views_of, visible_area
 from swarm_mj.planning import Plan
 
 Array = NDArray[np.float64]
 
 #: More points than these are not numbered: the numbers would cover each other.
 MAX_NUMBERED = 150
-HALO = [patheffects.withStroke(linewidth=2.5, foreground="white")]
 
 
 def compose_target(plan: Plan, telemetry: xr.Dataset, result: ObservationResult) -> Figure:
     """The body with target and visiting points, and the target as seen from the body's centre."""
-    figure = new_figure(5.2, f"Target region and visiting points - {plan.scenario.name}", width_in=10.5)
+    figure = new_figure(5.2, f"Target region and visiting points: {plan.scenario.name}", width_in=10.5)
     overview, close_up = figure.subplots(1, 2, width_ratios=(1.25, 1.0))
     _draw_overview(overview, plan)
     _draw_close_up(close_up, plan)
     handles = [
         Patch(facecolor=ORANGE, label="target faces $F_T$"),
         Line2D([], [], marker="o", markersize=3.5, color=BLACK, linestyle="none", label="visiting points"),
-        Line2D([], [], marker="o", markersize=7, color=VERMILLION, linestyle="none", label="visited, with their numbers"),
+        Line2D(
+            [], [], marker="o", markersize=7, color=VERMILLION, linestyle="none", label="visited, with their numbers"
+        ),
     ]
     legend_below(figure, handles)
     return figure
@@ -63,14 +64,12 @@ def geographic(latitude_deg: float, longitude_deg: float) -> str:
     return f"{abs(latitude_deg):g}\N{DEGREE SIGN} {hemisphere}, {longitude_deg % 360.0:g}\N{DEGREE SIGN} E"
 
 
-def target_view(plan: Plan) -> View:
-    """A view a little from the side and from above of the target."""
-    east, north, up = plan.region.axes_A
-    return View.from_direction(up + 0.55 * east + 0.45 * north)
-
-
 def _draw_overview(ax: Axes, plan: Plan) -> None:
-    region, view, points = plan.region, target_view(plan), visiting_points(plan)
+    region, view, points = (
+        plan.region,
+        max(views_of(plan.region), key=lambda v: visible_area(v, plan.region)),
+        visiting_points(plan),
+    )
     chosen = np.unique(np.array(plan.scenario.design.visiting_points) - 1)
     draw_box(ax, view, box_around(np.vstack((region.vertices, points))))
     draw_body(ax, view, region.mesh, face_colours(region.mesh, [(region.target, ORANGE)]))
@@ -94,20 +93,8 @@ def _draw_overview(ax: Axes, plan: Plan) -> None:
 def _draw_close_up(ax: Axes, plan: Plan) -> None:
     region, points = plan.region, visiting_points(plan)
     design = plan.scenario.design
-    east, north, up = region.axes_A
-    colours = np.tile(to_rgb(ORANGE), (region.n_cells, 1))
-    shaded = shade(colours, region.normal_A, unit(up + 0.6 * north - 0.5 * east))
-    outward = region.n_cells <= 1000  # finer cells would be all borders
-    ax.add_collection(
-        PolyCollection(
-            _angles(region.corners_A, region.axes_A),
-            facecolors=shaded,
-            edgecolors="white" if outward else shaded,
-            linewidths=0.5,
-            zorder=1,
-        )
-    )
-    flat = _angles(points, region.axes_A)
+    draw_cells(ax, region, np.tile(to_rgb(ORANGE), (region.n_cells, 1)))
+    flat = angles(points, region.axes_A)
     visited = np.isin(np.arange(len(flat)), np.array(design.visiting_points) - 1)
     ax.plot(*flat[~visited].T, "o", color=BLACK, markersize=2.5)
     ax.plot(*flat[visited].T, "o", color=VERMILLION, markersize=7, markeredgecolor="white")
@@ -116,17 +103,8 @@ def _draw_close_up(ax: Axes, plan: Plan) -> None:
             _number(ax, k + 1, place, bold=bool(visited[k]))
     tidy(ax)
     ax.grid(False)
-    ax.set_aspect("equal")
-    ax.autoscale_view()
-    ax.margins(0.07)
     label(ax, "angle east of the target's centre [deg]", "angle north of the target's centre [deg]")
     ax.set_title(f"the {region.n_visiting} visiting points, seen from the body's centre", fontsize=TICK_PT, loc="left")
-
-
-def _angles(points_A: Array, axes_A: Array) -> Array:
-    """Directions of points (..., 3) as angles east and north of the target's axis, shape (..., 2) [deg]."""
-    east, north, up = np.moveaxis(points_A @ axes_A.T, -1, 0)
-    return np.degrees(np.stack((np.arctan2(east, up), np.arctan2(north, up)), axis=-1))
 
 
 def _number(ax: Axes, number: int, place: Array, *, bold: bool) -> None:

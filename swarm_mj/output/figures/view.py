@@ -16,6 +16,7 @@ from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_rgb
 from numpy.typing import NDArray
 
+from swarm_mj.mission.target import TargetRegion
 from swarm_mj.smallbody.occultation import segments_blocked
 from swarm_mj.smallbody.shape import ShapeModel
 
@@ -64,6 +65,20 @@ class View:
         reach = 2.0 * (body.max_radius + np.linalg.norm(points, axis=1).max())
         start = points + 1e-4 * body.max_radius * self.toward  # a point on the surface does not hide itself
         return segments_blocked(start, start + reach * self.toward, body.vertices, body.faces, body.max_radius)
+
+
+def views_of(region: TargetRegion) -> list[View]:
+    """Views of a target from several sides, each well off its axis, so that heights above it can be told."""
+    east, north, up = region.axes_A
+    slants = [0.65 * side * east + rise * north for side in (1.0, -1.0) for rise in (0.4, -0.3)]
+    slants += [1.0 * side * east + 0.35 * north for side in (1.0, -1.0)]
+    return [View.from_direction(up + slant) for slant in slants]
+
+
+def visible_area(view: View, region: TargetRegion) -> float:
+    """Area that the target takes in the picture, hidden parts left out [m^2]."""
+    projected = np.clip(region.normal_A @ view.toward, 0.0, None) * region.area
+    return float(projected[~view.hidden(region.centroid_A, region.mesh)].sum())
 
 
 def unit(vector: Array) -> Array:
@@ -122,6 +137,19 @@ def draw_points(ax: Axes, view: View, body: ShapeModel, points: Array, **style: 
         some = flat[hidden == behind]
         alpha = HIDDEN_ALPHA if behind else 1.0
         ax.plot(some[:, 0], some[:, 1], **{"linestyle": "none", "zorder": ZORDER_POINTS, **style}, alpha=alpha)
+
+
+def first_hits(start: Array, direction: Array, length: Array, body: ShapeModel) -> Array:
+    """How far rays go before they meet the body, at most `length`, by bisection; all of shape (n, ...) [m]."""
+    free, blocked = np.zeros(len(start)), np.array(length, float)
+    hit = segments_blocked(start, start + blocked[:, None] * direction, body.vertices, body.faces, body.max_radius)
+    for _ in range(24):  # to 1e-7 of the length
+        middle = 0.5 * (free + blocked)
+        stopped = segments_blocked(
+            start, start + middle[:, None] * direction, body.vertices, body.faces, body.max_radius
+        )
+        free, blocked = np.where(stopped, free, middle), np.where(stopped, middle, blocked)
+    return np.where(hit, free, length)
 
 
 def straight(start: Array, end: Array, count: int = 80) -> Array:

@@ -24,6 +24,7 @@ from swarm_mj.errors import ScenarioError
 from swarm_mj.smallbody.gravity.base import frozen, positions, positive
 from swarm_mj.smallbody.shape import ShapeModel, directed_edges
 from swarm_mj.smallbody.shape_check import check_surface
+from swarm_mj.smallbody.solid_angle import cast_rays, solid_angle, solid_angles
 
 #: Bound on the argument of the wire's logarithm: keeps 0 times infinity at 0 for points on an edge.
 MIN_WIRE_GAP = 1e-300
@@ -83,12 +84,8 @@ class Polyhedron:
 
     def laplacian(self, r_A: NDArray[np.float64]) -> NDArray[np.float64]:
         """Laplacian of the potential [1/s^2], shape (n,): 0 outside, -4 pi G rho inside."""
-        solid_angle = _solid_angles(positions(r_A), self.shape.vertices, self.shape.faces)
+        solid_angle = solid_angles(positions(r_A), self.shape.vertices, self.shape.faces)
         return -GRAVITATIONAL_CONSTANT * self.density * solid_angle
-
-    def contains(self, r_A: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Whether positions in A [m], shape (n, 3), lie inside the body, shape (n,)."""
-        return _solid_angles(positions(r_A), self.shape.vertices, self.shape.faces) > 2.0 * np.pi
 
     def _sums(self, r_A: NDArray[np.float64]) -> NDArray[np.float64]:
         shape = self.shape
@@ -128,21 +125,12 @@ def _field(
     out = np.zeros((r_A.shape[0], 10))
     rays = np.empty((vertices.shape[0], 4))
     for i in range(r_A.shape[0]):
-        _cast_rays(r_A[i], vertices, rays)
+        cast_rays(r_A[i], vertices, rays)
         _add_edges(rays, edges, dyads, out[i])
         _add_faces(rays, faces, normals, out[i])
         out[i] *= scale
         out[i, 0] *= 0.5
     return out
-
-
-@njit(cache=True, error_model="numpy")
-def _cast_rays(point: NDArray[np.float64], vertices: NDArray[np.float64], rays: NDArray[np.float64]) -> None:
-    """Vectors from the point to the vertices and their lengths, shape (V, 4)."""
-    for v in range(vertices.shape[0]):
-        x, y, z = vertices[v, 0] - point[0], vertices[v, 1] - point[1], vertices[v, 2] - point[2]
-        rays[v, 0], rays[v, 1], rays[v, 2] = x, y, z
-        rays[v, 3] = np.sqrt(x * x + y * y + z * z)
 
 
 @njit(cache=True, error_model="numpy")
@@ -175,7 +163,7 @@ def _add_faces(
 ) -> None:
     for f in range(faces.shape[0]):
         p = rays[faces[f, 0]]
-        angle = _solid_angle(p, rays[faces[f, 1]], rays[faces[f, 2]])
+        angle = solid_angle(p, rays[faces[f, 1]], rays[faces[f, 2]])
         nx, ny, nz = normals[f, 0], normals[f, 1], normals[f, 2]
         height = nx * p[0] + ny * p[1] + nz * p[2]
         out[0] -= height * height * angle
@@ -204,28 +192,3 @@ def _wire(p: NDArray[np.float64], q: NDArray[np.float64], length: float) -> floa
         gap = MIN_WIRE_GAP
     reach = p[3] + q[3] + length
     return np.log(reach * reach / (2.0 * gap))
-
-
-@njit(cache=True, error_model="numpy")
-def _solid_angle(p: NDArray[np.float64], q: NDArray[np.float64], s: NDArray[np.float64]) -> float:
-    """Signed solid angle of the triangle at the ends of three rays (Van Oosterom and Strackee 1983)."""
-    cx, cy, cz = q[1] * s[2] - q[2] * s[1], q[2] * s[0] - q[0] * s[2], q[0] * s[1] - q[1] * s[0]
-    triple = p[0] * cx + p[1] * cy + p[2] * cz
-    pq = p[0] * q[0] + p[1] * q[1] + p[2] * q[2]
-    qs = q[0] * s[0] + q[1] * s[1] + q[2] * s[2]
-    sp = s[0] * p[0] + s[1] * p[1] + s[2] * p[2]
-    return 2.0 * np.arctan2(triple, p[3] * q[3] * s[3] + p[3] * qs + q[3] * sp + s[3] * pq)
-
-
-@njit(cache=True, error_model="numpy")
-def _solid_angles(
-    r_A: NDArray[np.float64], vertices: NDArray[np.float64], faces: NDArray[np.int32]
-) -> NDArray[np.float64]:
-    """Solid angle of the whole surface seen from each point: 0 outside, 4 pi inside."""
-    out = np.zeros(r_A.shape[0])
-    rays = np.empty((vertices.shape[0], 4))
-    for i in range(r_A.shape[0]):
-        _cast_rays(r_A[i], vertices, rays)
-        for f in range(faces.shape[0]):
-            out[i] += _solid_angle(rays[faces[f, 0]], rays[faces[f, 1]], rays[faces[f, 2]])
-    return out

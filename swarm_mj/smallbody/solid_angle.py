@@ -1,0 +1,46 @@
+"""Solid angles of triangles and closed meshes seen from points, compiled (Van Oosterom and Strackee 1983). Frame A, metres."""
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+
+@njit(cache=True, error_model="numpy")
+def cast_rays(point: NDArray[np.float64], vertices: NDArray[np.float64], rays: NDArray[np.float64]) -> None:
+    """Vectors from the point to the vertices and their lengths, shape (V, 4)."""
+    for v in range(vertices.shape[0]):
+        x, y, z = vertices[v, 0] - point[0], vertices[v, 1] - point[1], vertices[v, 2] - point[2]
+        rays[v, 0], rays[v, 1], rays[v, 2] = x, y, z
+        rays[v, 3] = np.sqrt(x * x + y * y + z * z)
+
+
+@njit(cache=True, error_model="numpy")
+def solid_angle(p: NDArray[np.float64], q: NDArray[np.float64], s: NDArray[np.float64]) -> float:
+    """Signed solid angle of the triangle at the ends of three rays (Van Oosterom and Strackee 1983)."""
+    cx, cy, cz = q[1] * s[2] - q[2] * s[1], q[2] * s[0] - q[0] * s[2], q[0] * s[1] - q[1] * s[0]
+    triple = p[0] * cx + p[1] * cy + p[2] * cz
+    pq = p[0] * q[0] + p[1] * q[1] + p[2] * q[2]
+    qs = q[0] * s[0] + q[1] * s[1] + q[2] * s[2]
+    sp = s[0] * p[0] + s[1] * p[1] + s[2] * p[2]
+    return 2.0 * np.arctan2(triple, p[3] * q[3] * s[3] + p[3] * qs + q[3] * sp + s[3] * pq)
+
+
+@njit(cache=True, error_model="numpy")
+def solid_angles(
+    r_A: NDArray[np.float64], vertices: NDArray[np.float64], faces: NDArray[np.int32]
+) -> NDArray[np.float64]:
+    """Solid angle of the whole surface seen from each point: 0 outside, 4 pi inside."""
+    out = np.zeros(r_A.shape[0])
+    rays = np.empty((vertices.shape[0], 4))
+    for i in range(r_A.shape[0]):
+        cast_rays(r_A[i], vertices, rays)
+        for f in range(faces.shape[0]):
+            out[i] += solid_angle(rays[faces[f, 0]], rays[faces[f, 1]], rays[faces[f, 2]])
+    return out
+
+
+def points_inside(
+    points_A: NDArray[np.float64], vertices: NDArray[np.float64], faces: NDArray[np.int32]
+) -> NDArray[np.bool_]:
+    """Whether points (n, 3) [m] lie inside a closed mesh, shape (n,); the surface itself counts as inside."""
+    return solid_angles(points_A, vertices, faces) > np.pi
