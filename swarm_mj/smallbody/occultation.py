@@ -40,8 +40,9 @@ def segments_blocked(
 @njit(cache=True, error_model="numpy")
 def _distance_to_origin(a: Array, b: Array) -> float:
     d = b - a
-    s = float(np.clip(-(a @ d) / (d @ d), 0.0, 1.0))
-    p = a + s * d
+    along, whole = -(a @ d), d @ d
+    share = 0.0 if along <= 0.0 else 1.0 if along >= whole else along / whole
+    p = a + share * d
     return sqrt(p @ p)
 
 
