@@ -121,6 +121,12 @@ def asteroid_attitudes(telemetry: xr.Dataset) -> Array:
     return dcm(telemetry["sigma_AN"].values)
 
 
+def camera_from(scenario: Scenario) -> CameraModel:
+    """The scenario's camera."""
+    camera = scenario.camera
+    return CameraModel(half_angle_deg=camera.half_angle_deg, shape=camera.shape, resolution_px=camera.resolution_px)
+
+
 def criterion_from(scenario: Scenario) -> ObservationCriterion:
     """When a face counts as observed, by the scenario."""
     observation = scenario.observation
@@ -150,18 +156,16 @@ def observe_flight(plan: Plan, telemetry: xr.Dataset, progress: Progress | None 
         ObserverError: The requested observer is not available here.
     """
     scenario = plan.scenario
-    camera = CameraModel(
-        half_angle_deg=scenario.camera.half_angle_deg,
-        shape=scenario.camera.shape,
-        resolution_px=scenario.camera.resolution_px,
-    )
     criterion = criterion_from(scenario)
     passage = CoverageMap(plan.region.area, plan.n)
     visit = CoverageMap(plan.region.area, plan.n)
     pictures = _pictures(plan, telemetry)
     r_BN_N, C_BN, C_AN = telemetry["r_BN_N"].values, dcm(telemetry["sigma_BN"].values), asteroid_attitudes(telemetry)
     times = telemetry["time"].values
-    observer = make_observer(plan.region, camera, kind=scenario.observation.observer)
+    observation = scenario.observation
+    observer = make_observer(
+        plan.region, camera_from(scenario), kind=observation.observer, occlusion=observation.occlusion
+    )
     try:
         for count, (k, j) in enumerate(pictures):
             sun_A = C_AN[k] @ plan.environment.sun.at(times[k])

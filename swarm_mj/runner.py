@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
@@ -90,7 +91,7 @@ def results_table(summaries: Sequence[dict[str, Any]]) -> Table:
     for summary in summaries:
         table.add_column(summary["scenario"], justify="right")
     for label, cell in _ROWS.items():
-        table.add_row(label, *(cell(summary) for summary in summaries))
+        table.add_row(escape(label), *(cell(summary) for summary in summaries))
     return table
 
 

@@ -20,6 +20,7 @@ ORDER = [
     ("observation",),
     ("planning",),
     ("flight",),
+    ("candidates",),
     ("output",),
     ("runner",),
     ("envs",),

@@ -116,7 +116,6 @@ def solve_budget(problem: CoverProblem, n_observers: int, time_limit_s: float | 
     sees, weights = merge_cells(problem)
     n_points, n_cells = sees.shape
     percent = 100.0 * weights / problem.total_weight
-    y_whole = 1.0 if problem.fold > 1 else 0.0  # with one fold, whole x make y whole by themselves
     seen = csr_array(sees.T.astype(np.float64))
     constraints = [
         LinearConstraint(hstack([seen, -problem.fold * _identity(n_cells)], format="csr"), 0.0, np.inf),
@@ -126,7 +125,6 @@ def solve_budget(problem: CoverProblem, n_observers: int, time_limit_s: float | 
         np.concatenate([np.zeros(n_points), -percent]),
         constraints,
         np.concatenate([np.full(n_points, problem.max_visits), np.ones(n_cells)]),
-        np.concatenate([np.ones(n_points), np.full(n_cells, y_whole)]),
         time_limit_s,
     )
     if answer.x is None:
@@ -181,12 +179,11 @@ def _solve_cover(
         total = np.concatenate([np.ones(n_points), np.zeros(n_gaps)])
         constraints.append(LinearConstraint(total[None, :], -np.inf, n_observers))
     upper = np.concatenate([np.full(n_points, problem.max_visits), np.ones(n_gaps)])
-    whole = np.concatenate([np.ones(n_points), np.full(n_gaps, 1.0 if k > 1 else 0.0)])
-    return _milp(np.concatenate([cost, np.zeros(n_gaps)]), constraints, upper, whole, time_limit_s)
+    return _milp(np.concatenate([cost, np.zeros(n_gaps)]), constraints, upper, time_limit_s)
 
 
-def _milp(objective: Array, constraints: list[Any], upper: Array, whole: Array, time_limit_s: float | None) -> Any:
-    """HiGHS run until proven, or as far as the time allows."""
+def _milp(objective: Array, constraints: list[Any], upper: Array, time_limit_s: float | None) -> Any:
+    """HiGHS on whole numbers from 0 to `upper`, run until proven or as far as the time allows."""
     joined = LinearConstraint(
         vstack([csr_array(c.A) for c in constraints], format="csr"),
         np.concatenate([np.broadcast_to(c.lb, c.A.shape[0]) for c in constraints]),
@@ -195,7 +192,9 @@ def _milp(objective: Array, constraints: list[Any], upper: Array, whole: Array, 
     options: dict[str, Any] = {"mip_rel_gap": 0.0}
     if time_limit_s is not None:
         options["time_limit"] = time_limit_s
-    return milp(objective, constraints=joined, bounds=Bounds(0.0, upper), integrality=whole, options=options)
+    return milp(
+        objective, constraints=joined, bounds=Bounds(0.0, upper), integrality=np.ones(len(upper)), options=options
+    )
 
 
 def _identity(n: int) -> Any:

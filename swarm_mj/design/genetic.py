@@ -31,9 +31,9 @@ from swarm_mj.design.bitset import Ints
 from swarm_mj.design.operators import (
     CoverRepair,
     FitnessTournament,
+    ForgetMutation,
     GeneMapProblem,
     RandomGeneMaps,
-    ShakeMutation,
     UniqueDesigns,
 )
 from swarm_mj.design.problem import CoverProblem, gene_map
@@ -166,7 +166,7 @@ def _algorithm(problem: CoverProblem, settings: GeneticSettings) -> GA:
         mutation = PM(prob=1.0, eta=3, vtype=float, repair=RoundingRepair())
         repair = RoundingRepair()
     else:
-        crossover, mutation, repair = UX(prob=0.9), ShakeMutation(), CoverRepair(problem, settings.blur)
+        crossover, mutation, repair = UX(prob=0.9), ForgetMutation(), CoverRepair(problem, settings.blur)
     return GA(
         pop_size=settings.population,
         sampling=RandomGeneMaps(),

@@ -69,25 +69,21 @@ class FitnessTournament(Selection):
         return np.where(fitness[pairs[1]] < fitness[pairs[0]], pairs[1], pairs[0])
 
 
-class ShakeMutation(Mutation):
-    """Forget some visiting points and name random ones instead, and now and then fly one spacecraft more or fewer.
+class ForgetMutation(Mutation):
+    """Forget some visiting points and name random ones instead.
 
     Attributes:
-        gene_rate: Probability that a point is replaced.
-        size_rate: Probability that N_obs changes by one.
+        rate: Probability that a point is replaced.
     """
 
-    def __init__(self, gene_rate: float = 0.1, size_rate: float = 0.3) -> None:
+    def __init__(self, rate: float = 0.1) -> None:
         super().__init__(prob=1.0)
-        self.gene_rate = gene_rate
-        self.size_rate = size_rate
+        self.rate = rate
 
     def _do(self, problem: Problem, X: Ints, *args: Any, random_state: Any, **kwargs: Any) -> Ints:  # noqa: N803
         genes = X.copy()
-        replaced = random_state.random(genes[:, 1:].shape) < self.gene_rate
+        replaced = random_state.random(genes[:, 1:].shape) < self.rate
         genes[:, 1:][replaced] = random_state.integers(1, int(problem.xu[1]) + 1, size=int(replaced.sum()))
-        step = random_state.choice([-1, 1], size=len(genes)) * (random_state.random(len(genes)) < self.size_rate)
-        genes[:, 0] = np.clip(genes[:, 0] + step, 1, int(problem.xu[0]))
         return genes
 
 

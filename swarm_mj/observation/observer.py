@@ -53,13 +53,17 @@ class Observer(Protocol):
         ...
 
 
-def make_observer(region: TargetRegion, camera: CameraModel, *, kind: ObserverKind = "auto") -> Observer:
+def make_observer(
+    region: TargetRegion, camera: CameraModel, *, kind: ObserverKind = "auto", occlusion: bool = True
+) -> Observer:
     """Make an observer: face-ID buffers where OpenGL loads, else ray casting.
 
     Args:
         region: The target.
         camera: The camera.
         kind: `faceid`, `raycast`, or `auto` for the first of the two that this machine offers; `note` says why.
+        occlusion: Whether the body hides what lies behind it; without it sample points are culled and clipped, no buffer
+            is drawn and `kind` plays no part.
 
     Raises:
         ObserverError: The kind is unknown, or `faceid` was asked for and OpenGL cannot be loaded.
@@ -67,6 +71,10 @@ def make_observer(region: TargetRegion, camera: CameraModel, *, kind: ObserverKi
     from swarm_mj.observation.faceid import FaceIdObserver
     from swarm_mj.observation.raycast import RayCastObserver
 
+    if not occlusion:
+        return RayCastObserver(
+            region, camera, occlusion=False, note="culling and clipping of sample points, no occlusion"
+        )
     if kind == "raycast":
         return RayCastObserver(region, camera)
     if kind == "faceid":

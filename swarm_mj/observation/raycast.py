@@ -18,6 +18,7 @@ class RayCastObserver:
         region: The target.
         camera: The camera; its resolution plays no part here.
         samples: Points per cell, a square number.
+        occlusion: Whether the body hides cells behind it; without it, culling and clipping decide alone, as in the paper.
         note: Why this observer was chosen.
 
     Raises:
@@ -27,9 +28,15 @@ class RayCastObserver:
     name = "raycast"
 
     def __init__(
-        self, region: TargetRegion, camera: CameraModel, *, samples: int = 16, note: str = "ray casting, as asked"
+        self,
+        region: TargetRegion,
+        camera: CameraModel,
+        *,
+        samples: int = 16,
+        occlusion: bool = True,
+        note: str = "ray casting, as asked",
     ) -> None:
-        self.samples = len(barycentric_samples(samples))
+        self.samples, self.occlusion = len(barycentric_samples(samples)), occlusion
         self.region, self.camera, self.note = region, camera, note
         self._all = np.arange(region.n_cells)
 
@@ -41,7 +48,8 @@ class RayCastObserver:
     def visible_fraction(self, r_A: ArrayLike, C_CA: ArrayLike) -> NDArray[np.float64]:
         """Share of each cell in view, see `Observer.visible_fraction`."""
         pose = camera_pose(r_A, C_CA)
-        return sampled_fraction(self.tracer, self.region, self._all, self.camera, pose, self.samples)
+        tracer = self.tracer if self.occlusion else None
+        return sampled_fraction(tracer, self.region, self._all, self.camera, pose, self.samples)
 
     def close(self) -> None:
         """Nothing to release."""

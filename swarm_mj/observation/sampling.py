@@ -33,7 +33,7 @@ def barycentric_samples(samples: int) -> NDArray[np.float64]:
 
 
 def sampled_fraction(
-    tracer: RayTracer,
+    tracer: RayTracer | None,
     region: TargetRegion,
     cells: NDArray[np.intp],
     camera: CameraModel,
@@ -44,7 +44,8 @@ def sampled_fraction(
 
     A sample counts when it lies in the field of view and nothing is hit before the original mesh face under it; the
     original face, because a sample on a sliver is within rounding of the other pieces of the same flat face. Cells that
-    face away count as hidden, so that no rounding at the limb can show them.
+    face away count as hidden, so that no rounding at the limb can show them. Without a tracer nothing hides a cell but its
+    own back: culling and clipping.
     """
     fraction = np.zeros(len(cells))
     facing = np.flatnonzero(faces_camera(region, pose)[cells])
@@ -52,9 +53,11 @@ def sampled_fraction(
     row, column = np.nonzero(camera.contains(pose.to_camera(points)))
     if not len(row):
         return fraction
-    hit = tracer.first_hit(pose.r_A, points[row, column] - pose.r_A)
-    wanted = region.parent[region.target[cells[facing[row]]]]
-    reached = (hit >= 0) & (region.parent[hit] == wanted)
+    reached = np.ones(len(row), dtype=np.bool_)
+    if tracer is not None:
+        hit = tracer.first_hit(pose.r_A, points[row, column] - pose.r_A)
+        wanted = region.parent[region.target[cells[facing[row]]]]
+        reached = (hit >= 0) & (region.parent[hit] == wanted)
     fraction[facing] = np.bincount(row[reached], minlength=len(facing)) / samples
     return fraction
 

@@ -220,6 +220,7 @@ class Observation(Section):
     max_range_m: float | None = Field(None, gt=0)
     max_gsd_m: float | None = Field(None, gt=0, description="largest ground sampling distance, obliquity included [m]")
     max_incidence_deg: float | None = Field(None, gt=0, le=90, description="largest angle between face normal and Sun")
+    occlusion: bool = Field(True, description="whether the body hides faces behind it; the paper culls and clips only")
     shadows: bool = Field(False, description="faces shadowed by the body itself do not count")
 
 

@@ -81,3 +81,15 @@ def test_samples_are_spread_evenly(samples):
 def test_a_number_of_samples_that_is_no_square_is_refused(samples):
     with pytest.raises(MissionError, match="square number"):
         RayCastObserver(eros_target(), CameraModel(), samples=samples)
+
+
+def test_without_occlusion_only_a_cells_own_back_and_the_field_of_view_hide_it():
+    region = ground_with_plate()
+    pose = look_at([0.0, 7.0, 0.0], [0.0, 0.0, 0.0])
+    observer = RayCastObserver(region, CameraModel(half_angle_deg=60.0), occlusion=False)
+    assert (observer.visible_fraction(pose.r_A, pose.C_CA)[on_ground(region)] == 1.0).all()
+    narrow = RayCastObserver(region, CameraModel(half_angle_deg=10.0), occlusion=False)
+    seen = on_ground(region) @ (region.area * narrow.visible_fraction(pose.r_A, pose.C_CA))
+    assert seen == pytest.approx((2 * 5 * np.tan(np.radians(10))) ** 2, rel=0.02)
+    beneath = look_at([0.0, 0.0, 0.0], [0.0, 3.0, 0.0])
+    assert not observer.visible_fraction(beneath.r_A, beneath.C_CA)[on_ground(region)].any()

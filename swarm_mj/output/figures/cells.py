@@ -8,10 +8,12 @@ from matplotlib.collections import PolyCollection
 from numpy.typing import NDArray
 
 from swarm_mj.mission.target import TargetRegion
-from swarm_mj.output.figures.view import shade
+from swarm_mj.output.figures.view import shade, unit
 
 Array = NDArray[np.float64]
 
+#: More than on the whole body: here the colour tells what was seen.
+AMBIENT = 0.6
 #: With more cells than these, borders would cover the cells.
 MAX_BORDERED = 1000
 
@@ -27,12 +29,13 @@ def angles(points_A: Array, axes_A: Array) -> Array:
 
 def draw_cells(ax: Axes, region: TargetRegion, colours: Array) -> None:
     """Paint the cells in given colours (n, 3), lit from the north-west so that relief shows."""
-    east, north, up = region.axes_A
-    shaded = shade(colours, region.normal_A, up + 0.6 * north - 0.5 * east)
+    east, north, _ = region.axes_A
+    lamp = unit(region.area @ region.normal_A) + 0.5 * north - 0.4 * east
+    shaded = shade(colours, region.normal_A, lamp, AMBIENT)
     bordered = region.n_cells <= MAX_BORDERED
     ax.add_collection(
         PolyCollection(
-            angles(region.corners_A, region.axes_A),
+            list(angles(region.corners_A, region.axes_A)),
             facecolors=shaded,
             edgecolors="white" if bordered else shaded,
             linewidths=0.5 if bordered else 0.2,

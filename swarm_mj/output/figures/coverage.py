@@ -52,7 +52,7 @@ def compose_coverage(plan: Plan, telemetry: xr.Dataset, result: ObservationResul
     _draw_bars(bars, plan, coverage, shown)
     handles = [
         Line2D([], [], color=BLACK, linewidth=3.4, label="whole swarm"),
-        Line2D([], [], color=_colours(len(shown))[0], linewidth=1.3, label="one spacecraft, colours as at the right"),
+        Line2D([], [], color=_colours(len(shown))[0], linewidth=1.3, label="single spacecraft"),
         Line2D([], [], color=GREY, linewidth=1.0, linestyle=VISIT_DASHES, label="visit"),
     ]
     legend_below(figure, handles)
@@ -92,7 +92,7 @@ def _draw_bars(ax: Axes, plan: Plan, coverage: CoverageMap, shown: NDArray[np.in
     rows = np.arange(len(shown))
     ax.barh(rows, percent, color=_colours(len(shown)), height=0.7)
     for row, value in zip(rows, percent, strict=True):
-        ax.text(value + 2.0, row, f"{value:.1f}", va="center", fontsize=SMALL_PT)
+        ax.text(value + 2.0, float(row), f"{value:.1f}", va="center", fontsize=SMALL_PT)
     ax.set_yticks(rows, [plan.names[j] for j in shown])
     ax.set_ylim(len(shown) - 0.4, -0.6)
     ax.set_xlim(0.0, 130.0)

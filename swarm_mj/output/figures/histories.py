@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
@@ -75,17 +77,13 @@ def compose_pointing_error(plan: Plan, telemetry: xr.Dataset, result: Observatio
         y_label="angle between +z and line of sight [deg]",
         draw=draw,
         limits=(10.0**low, 10.0**high),
-        handles=[
-            Line2D(
-                [], [], color=BLUE, linewidth=1.2, label=rf"pointing error (drawn at $10^{{{FLOOR}}}$ deg where below)"
-            )
-        ],
+        handles=[Line2D([], [], color=BLUE, linewidth=1.2, label=name)],
         log=True,
     )
     return compose_panels(plan, telemetry, panels)
 
 
-def _components(plan: Plan, telemetry: xr.Dataset, values: Array):  # type: ignore[no-untyped-def]
+def _components(plan: Plan, telemetry: xr.Dataset, values: Array) -> Callable[[Axes, int], None]:
     """A function that draws the three components of one spacecraft; `values` has shape (time, spacecraft, 3)."""
     some = every(len(values))
     times = telemetry["time"].values[some] / time_axis(plan.scenario.duration_s).seconds

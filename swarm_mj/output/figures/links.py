@@ -40,7 +40,7 @@ def compose_links(plan: Plan, telemetry: xr.Dataset, result: ObservationResult) 
     shown = shown_spacecraft(plan.n)
     axis = time_axis(plan.scenario.duration_s)
     figure = new_figure(
-        1.9 + 0.42 * max(2, len(shown)),
+        2.0 + 0.42 * len(shown),
         f"Modes and radio links: {plan.scenario.name}{note_of_omission(plan.n, shown)}",
     )
     ax = figure.subplots()
@@ -83,5 +83,5 @@ def _draw_totals(ax: Axes, telemetry: xr.Dataset, shown: NDArray[np.intp], axis:
     totals = [sum(length for _, length in intervals(telemetry["link_closed"].values[:, j] == 1, times)) for j in shown]
     right.set_yticks(range(len(shown)), [f"{total / axis.seconds:.1f}" for total in totals])
     right.tick_params(labelsize=TICK_PT, length=0)
-    right.set_ylabel(f"link closed for [{axis.unit}]", fontsize=TICK_PT + 1)
+    right.set_ylabel(f"link closed [{axis.unit}]", fontsize=TICK_PT + 1)
     right.spines["right"].set_visible(False)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from math import ceil
 
 import xarray as xr
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -78,7 +79,7 @@ def compose_panels(plan: Plan, telemetry: xr.Dataset, panels: Panels) -> Figure:
         lowest = grid[(len(shown) - 1 - column) // columns, column]
         lowest.tick_params(labelbottom=True)
     for ax in grid[-1, : len(shown) - columns * (rows - 1)]:
-        name_time(ax, axis)
+        name_time(ax, axis, brief=columns > 3)
     figure.supylabel(panels.y_label, fontsize=LABEL_PT)
     legend_below(figure, [*panels.handles, *mark_handles(telemetry, plan.n), *mode_handles(telemetry)])
     return figure
@@ -101,17 +102,23 @@ def every(n_samples: int) -> slice:
     return slice(None, None, max(1, n_samples // MAX_SAMPLES))
 
 
-def legend_below(figure: Figure, handles: Sequence[object]) -> None:
+def legend_below(figure: Figure, handles: Sequence[Artist]) -> None:
     """One legend for the whole figure, under everything else."""
     figure.legend(
         handles=handles,
         loc="outside lower center",
-        ncols=min(len(handles), 4),
+        ncols=_legend_columns(figure, handles),
         fontsize=SMALL_PT + 1,
         frameon=False,
         handlelength=2.2,
         columnspacing=1.8,
     )
+
+
+def _legend_columns(figure: Figure, handles: Sequence[Artist]) -> int:
+    """As many columns as fit side by side; all get the width of the longest label at 0.075 in a letter."""
+    longest = max(len(str(handle.get_label())) for handle in handles)
+    return max(1, min(len(handles), int(figure.get_figwidth() / (0.6 + 0.075 * longest))))
 
 
 def _columns(n: int) -> int:

@@ -7,6 +7,7 @@ picture is shown at half its size.
 from __future__ import annotations
 
 import os
+import threading
 from pathlib import Path
 from typing import NamedTuple
 
@@ -48,6 +49,10 @@ VISIT_DASHES = (0, (4, 2))
 MAX_PANELS = 20
 
 
+#: All figures of a process share Matplotlib's parser of formulas, which is not made for threads.
+_RENDERING = threading.Lock()
+
+
 class TimeAxis(NamedTuple):
     """Unit of a time axis: seconds per unit, and its name."""
 
@@ -70,7 +75,8 @@ def instant(t: float, axis: TimeAxis) -> str:
 def new_figure(height_in: float, title: str, *, width_in: float = WIDTH_IN) -> Figure:
     """An empty figure whose parts arrange themselves."""
     figure = Figure(figsize=(width_in, height_in), dpi=DPI, layout="constrained", facecolor="white")
-    figure.suptitle(title, fontsize=TITLE_PT, fontweight="bold")
+    room_pt = 72.0 * width_in / (0.68 * len(title))  # a bold letter is about 0.68 of its size wide
+    figure.suptitle(plain(title), fontsize=min(TITLE_PT, room_pt), fontweight="bold")
     return figure
 
 
@@ -80,9 +86,14 @@ def show_time(ax: Axes, axis: TimeAxis, duration_s: float) -> None:
     ax.xaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 5, 10]))
 
 
-def name_time(ax: Axes, axis: TimeAxis) -> None:
-    """Name a horizontal axis of time."""
-    label(ax, x=f"time since deployment [{axis.unit}]")
+def name_time(ax: Axes, axis: TimeAxis, *, brief: bool = False) -> None:
+    """Name a horizontal axis of time; briefly where there is little room."""
+    label(ax, x=f"time [{axis.unit}]" if brief else f"time since deployment [{axis.unit}]")
+
+
+def plain(text: str) -> str:
+    """Text in which Matplotlib finds no formula."""
+    return text.replace("$", r"\$")
 
 
 def tidy(ax: Axes) -> None:
@@ -124,7 +135,8 @@ def save(figure: Figure, path: Path) -> None:
     """Write a PNG under a temporary name, then rename it; equal figures give equal bytes."""
     partial = path.with_name(f".{path.name}.partial")
     try:
-        figure.savefig(partial, format="png", dpi=DPI, metadata={"Software": None})
+        with _RENDERING:
+            figure.savefig(partial, format="png", dpi=DPI, metadata={"Software": None})
         os.replace(partial, path)
     finally:
         partial.unlink(missing_ok=True)

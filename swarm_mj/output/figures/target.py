@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from textwrap import shorten
+
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
@@ -24,9 +26,10 @@ from swarm_mj.output.figures.style import (
     VERMILLION,
     label,
     new_figure,
+    plain,
     tidy,
 )
-from swarm_mj.output.figures.view import draw_body, draw_line, draw_points, face_colours, views_of, visible_area
+from swarm_mj.output.figures.view import draw_body, draw_line, draw_points, face_colours, views_of, visible_share
 from swarm_mj.planning import Plan
 
 Array = NDArray[np.float64]
@@ -65,11 +68,8 @@ def geographic(latitude_deg: float, longitude_deg: float) -> str:
 
 
 def _draw_overview(ax: Axes, plan: Plan) -> None:
-    region, view, points = (
-        plan.region,
-        max(views_of(plan.region), key=lambda v: visible_area(v, plan.region)),
-        visiting_points(plan),
-    )
+    region, points = plan.region, visiting_points(plan)
+    view = max(views_of(region), key=lambda view: visible_share(view, region))
     chosen = np.unique(np.array(plan.scenario.design.visiting_points) - 1)
     draw_box(ax, view, box_around(np.vstack((region.vertices, points))))
     draw_body(ax, view, region.mesh, face_colours(region.mesh, [(region.target, ORANGE)]))
@@ -82,7 +82,7 @@ def _draw_overview(ax: Axes, plan: Plan) -> None:
     )
     design, target = plan.scenario.design, plan.scenario.target
     ax.set_title(
-        f"{plan.scenario.body.name}; target at {geographic(target.latitude_deg, target.longitude_deg)}, "
+        f"{plain(shorten(plan.scenario.body.name, 30))}; target at {geographic(target.latitude_deg, target.longitude_deg)}, "
         f"half-angle {target.half_angle_deg:g}\N{DEGREE SIGN}\n{region.n_faces} faces, "
         f"{region.total_area / 1e6:.4g} km\N{SUPERSCRIPT TWO}; imaging altitude {design.imaging_altitude_m / 1e3:g} km",
         fontsize=TICK_PT,

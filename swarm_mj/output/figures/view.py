@@ -62,23 +62,33 @@ class View:
 
     def hidden(self, points: Array, body: ShapeModel) -> NDArray[np.bool_]:
         """Whether the body stands between points (n, 3) [m] and the viewer, shape (n,)."""
-        reach = 2.0 * (body.max_radius + np.linalg.norm(points, axis=1).max())
-        start = points + 1e-4 * body.max_radius * self.toward  # a point on the surface does not hide itself
-        return segments_blocked(start, start + reach * self.toward, body.vertices, body.faces, body.max_radius)
+        return _meets(points, self.toward, body)
+
+    def before(self, points: Array, body: ShapeModel) -> NDArray[np.bool_]:
+        """Whether points (n, 3) [m] cover part of the body in the picture, shape (n,)."""
+        return _meets(points, -self.toward, body)
+
+
+def _meets(points: Array, direction: Array, body: ShapeModel) -> NDArray[np.bool_]:
+    """Whether rays from points (n, 3) [m] in one direction meet the body, shape (n,)."""
+    reach = 2.0 * (body.max_radius + np.linalg.norm(points, axis=1).max())
+    start = points + 1e-4 * body.max_radius * direction  # a point on the surface does not hide itself
+    return segments_blocked(start, start + reach * direction, body.vertices, body.faces, body.max_radius)
 
 
 def views_of(region: TargetRegion) -> list[View]:
     """Views of a target from several sides, each well off its axis, so that heights above it can be told."""
     east, north, up = region.axes_A
-    slants = [0.65 * side * east + rise * north for side in (1.0, -1.0) for rise in (0.4, -0.3)]
-    slants += [1.0 * side * east + 0.35 * north for side in (1.0, -1.0)]
-    return [View.from_direction(up + slant) for slant in slants]
+    sides = (0.65, -0.65, 1.0, -1.0, 1.5, -1.5)
+    return [View.from_direction(up + side * east + rise * north) for side in sides for rise in (0.3, 0.45, 0.6)]
 
 
-def visible_area(view: View, region: TargetRegion) -> float:
-    """Area that the target takes in the picture, hidden parts left out [m^2]."""
-    projected = np.clip(region.normal_A @ view.toward, 0.0, None) * region.area
-    return float(projected[~view.hidden(region.centroid_A, region.mesh)].sum())
+def visible_share(view: View, region: TargetRegion) -> float:
+    """Area that the target takes in the picture, hidden parts left out, as a share of its area; from a sample of cells."""
+    some = slice(None, None, max(1, region.n_cells // 150))
+    projected = np.clip(region.normal_A[some] @ view.toward, 0.0, None) * region.area[some]
+    visible = ~view.hidden(region.centroid_A[some], region.mesh)
+    return float(projected[visible].sum() / region.area[some].sum())
 
 
 def unit(vector: Array) -> Array:
@@ -86,9 +96,9 @@ def unit(vector: Array) -> Array:
     return vector / np.linalg.norm(vector)
 
 
-def shade(colours: Array, normals: Array, lamp: Array) -> Array:
+def shade(colours: Array, normals: Array, lamp: Array, ambient: float = AMBIENT) -> Array:
     """Colours (n, 3) of matt faces with the given normals (n, 3) under a distant lamp (Lambert's law)."""
-    light = AMBIENT + (1.0 - AMBIENT) * np.clip(normals @ unit(lamp), 0.0, 1.0)
+    light = ambient + (1.0 - ambient) * np.clip(normals @ unit(lamp), 0.0, 1.0)
     return np.clip(colours * light[:, None], 0.0, 1.0)
 
 
@@ -102,14 +112,14 @@ def face_colours(body: ShapeModel, groups: list[tuple[NDArray[Any], str]]) -> Ar
 
 def draw_body(ax: Axes, view: View, body: ShapeModel, colours: Array) -> None:
     """Paint the faces turned to the viewer, far ones first, lit from above the viewer's left shoulder."""
-    front = np.flatnonzero(body.face_normals @ view.toward > 0.0)
+    front = np.flatnonzero(body.face_normals @ view.toward > 9.0)
     front = front[np.argsort(body.face_centroids[front] @ view.toward)]
     lamp = np.array([-0.45, 0.55, 0.7]) @ view.axes
     shaded = shade(colours[front], body.face_normals[front], lamp)
     corners = view.project(body.vertices[body.faces[front]])
     ax.add_collection(
         PolyCollection(
-            corners, facecolors=shaded, edgecolors=0.93 * shaded, linewidths=0.25, zorder=ZORDER_BODY, closed=True
+            list(corners), facecolors=shaded, edgecolors=0.93 * shaded, linewidths=0.25, zorder=ZORDER_BODY, closed=True
         ),
         autolim=False,
     )

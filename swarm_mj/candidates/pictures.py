@@ -1,0 +1,184 @@
+"""What each candidate's pictures show of the target, computed in parallel and kept on disk.
+
+The visible share of every cell in every picture depends on the mesh, the target, the camera, the observer and the poses, and
+on nothing else; its cache is keyed by a hash of just these. One file holds one candidate, so an interrupted computation goes
+on where it stopped.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import multiprocessing
+import os
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarm_mj.candidates.flights import CandidateFlights
+from swarm_mj.mission.target import TargetRegion
+from swarm_mj.observation.camera import CameraModel
+from swarm_mj.observation.observer import Observer, ObserverKind, make_observer
+
+Array = NDArray[np.float64]
+Progress = Callable[[float], None]
+
+#: Raise when the meaning of a stored picture changes.
+CACHE_VERSION = 1
+
+
+@dataclass(frozen=True, kw_only=True)
+class Viewer:
+    """How pictures are judged.
+
+    Attributes:
+        camera: The camera.
+        kind: Which observer.
+        occlusion: Whether the body hides what lies behind it.
+    """
+
+    camera: CameraModel
+    kind: ObserverKind = "auto"
+    occlusion: bool = True
+
+    def open(self, region: TargetRegion) -> Observer:
+        """An observer of the region; close it after use."""
+        return make_observer(region, self.camera, kind=self.kind, occlusion=self.occlusion)
+
+
+def cache_folder() -> Path:
+    """Where pictures are kept: $SWARM_MJ_CACHE, else the user's cache folder."""
+    base = os.environ.get("SWARM_MJ_CACHE")
+    if base:
+        return Path(base)
+    return Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "swarm_mj"
+
+
+def visible_shares(
+    flights: CandidateFlights,
+    viewer: Viewer,
+    *,
+    at: NDArray[np.bool_] | None = None,
+    workers: int | None = None,
+    progress: Progress | None = None,
+) -> list[Array]:
+    """Visible share of every cell in every picture of every candidate.
+
+    Args:
+        flights: The candidates.
+        viewer: How pictures are judged.
+        at: Which of the flights' times to take, shape (t,); default: all.
+        workers: Processes; default: one per core. One runs in this process.
+        progress: Called with the number of candidates done.
+
+    Returns:
+        One array (pictures, cells) per candidate, its pictures being those of `picture_numbers`.
+    """
+    region = flights.plan.region
+    folder = cache_folder() / "pictures" / _key(region, viewer)
+    jobs = []
+    for j in range(flights.n):
+        k = picture_numbers(flights, j, at)
+        jobs.append((flights.r_A[k, j], flights.C_CA[k, j]))
+    files = [folder / f"{_hash(*job)}.npy" for job in jobs]
+    shares = [_load(file, (len(job[0]), region.n_cells)) for file, job in zip(files, jobs, strict=True)]
+    missing = [j for j, share in enumerate(shares) if share is None]
+    done = flights.n - len(missing)
+    if progress is not None:
+        progress(done)
+    for j, share in _compute(region, viewer, {j: jobs[j] for j in missing}, workers):
+        _store(files[j], share)
+        shares[j] = share
+        done += 1
+        if progress is not None:
+            progress(done)
+    return [share for share in shares if share is not None]
+
+
+def picture_numbers(flights: CandidateFlights, candidate: int, at: NDArray[np.bool_] | None = None) -> NDArray[np.intp]:
+    """The times, by number, at which a candidate takes a picture."""
+    observing = flights.observing[:, candidate]
+    return np.flatnonzero(observing if at is None else observing & at)
+
+
+def _compute(region: TargetRegion, viewer: Viewer, jobs: dict[int, tuple[Array, Array]], workers: int | None):  # type: ignore[no-untyped-def]
+    """Judge candidates as they finish: pairs of candidate and shares."""
+    workers = min(workers or os.cpu_count() or 1, len(jobs))
+    # A process takes a second or two to start; a few pictures are quicker here.
+    if workers <= 1 or sum(len(r) for r, _ in jobs.values()) < 1000:
+        _open(region, viewer)
+        try:
+            for j, job in jobs.items():
+                yield j, _judge(*job)
+        finally:
+            _close()
+        return
+    # Spawned, not forked: a GL context does not survive a fork.
+    context = multiprocessing.get_context("spawn")
+    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_open, initargs=(region, viewer))
+    try:
+        futures = {pool.submit(_judge, *job): j for j, job in jobs.items()}
+        for future in as_completed(futures):
+            yield futures[future], future.result()
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+
+
+_observer: list[Observer] = []  # one per process, opened when the process starts
+
+
+def _open(region: TargetRegion, viewer: Viewer) -> None:
+    _observer.append(viewer.open(region))
+
+
+def _close() -> None:
+    _observer.pop().close()
+
+
+def _judge(r_A: Array, C_CA: Array) -> Array:
+    shares = np.empty((len(r_A), _observer[-1].region.n_cells), np.float32)
+    for k in range(len(r_A)):
+        shares[k] = _observer[-1].visible_fraction(r_A[k], C_CA[k])
+    return shares
+
+
+def _key(region: TargetRegion, viewer: Viewer) -> str:
+    observer = viewer.open(region)
+    try:
+        name = observer.name
+    finally:
+        observer.close()
+    camera = viewer.camera
+    text = f"{CACHE_VERSION} {name} {viewer.occlusion} {camera.half_angle_deg!r} {camera.shape} {camera.resolution_px}"
+    return _hash(np.frombuffer(text.encode(), np.uint8), region.vertices, region.faces, region.target, region.parent)
+
+
+def _hash(*arrays: NDArray[np.generic]) -> str:
+    digest = hashlib.sha256()
+    for array in arrays:
+        digest.update(f"{array.dtype} {array.shape}".encode())
+        digest.update(np.ascontiguousarray(array).tobytes())
+    return digest.hexdigest()[:32]
+
+
+def _load(file: Path, shape: tuple[int, int]) -> Array | None:
+    try:
+        share = np.load(file, allow_pickle=False)
+    except (OSError, ValueError, EOFError):
+        return None
+    return share if share.shape == shape and share.dtype == np.float32 else None
+
+
+def _store(file: Path, share: Array) -> None:
+    """Keep a result; a cache that cannot be written only costs time."""
+    partial = file.with_name(f".{file.name}.{os.getpid()}.partial")
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        with partial.open("wb") as out:
+            np.save(out, share)
+        os.replace(partial, file)
+    except OSError:
+        partial.unlink(missing_ok=True)
