@@ -124,7 +124,12 @@ def asteroid_attitudes(telemetry: xr.Dataset) -> Array:
 def camera_from(scenario: Scenario) -> CameraModel:
     """The scenario's camera."""
     camera = scenario.camera
-    return CameraModel(half_angle_deg=camera.half_angle_deg, shape=camera.shape, resolution_px=camera.resolution_px)
+    return CameraModel(
+        half_angle_deg=camera.half_angle_deg,
+        shape=camera.shape,
+        resolution_px=camera.resolution_px,
+        detector_ifov=camera.detector_ifov_rad,
+    )
 
 
 def criterion_from(scenario: Scenario) -> ObservationCriterion:

@@ -24,6 +24,7 @@ from swarm_mj.observation.camera import CameraModel
 from swarm_mj.observation.observer import Observer, ObserverKind, make_observer
 
 Array = NDArray[np.float64]
+Shares = NDArray[np.float32]
 Progress = Callable[[float], None]
 
 #: Raise when the meaning of a stored picture changes.
@@ -59,16 +60,18 @@ def cache_folder() -> Path:
 
 def visible_shares(
     flights: CandidateFlights,
+    region: TargetRegion,
     viewer: Viewer,
     *,
     at: NDArray[np.bool_] | None = None,
     workers: int | None = None,
     progress: Progress | None = None,
-) -> list[Array]:
+) -> list[Shares]:
     """Visible share of every cell in every picture of every candidate.
 
     Args:
         flights: The candidates.
+        region: The target whose cells are judged; need not be the one that the candidates visit.
         viewer: How pictures are judged.
         at: Which of the flights' times to take, shape (t,); default: all.
         workers: Processes; default: one per core. One runs in this process.
@@ -77,7 +80,6 @@ def visible_shares(
     Returns:
         One array (pictures, cells) per candidate, its pictures being those of `picture_numbers`.
     """
-    region = flights.plan.region
     folder = cache_folder() / "pictures" / _key(region, viewer)
     jobs = []
     for j in range(flights.n):
@@ -138,7 +140,7 @@ def _close() -> None:
     _observer.pop().close()
 
 
-def _judge(r_A: Array, C_CA: Array) -> Array:
+def _judge(r_A: Array, C_CA: Array) -> Shares:
     shares = np.empty((len(r_A), _observer[-1].region.n_cells), np.float32)
     for k in range(len(r_A)):
         shares[k] = _observer[-1].visible_fraction(r_A[k], C_CA[k])
@@ -164,7 +166,7 @@ def _hash(*arrays: NDArray[np.generic]) -> str:
     return digest.hexdigest()[:32]
 
 
-def _load(file: Path, shape: tuple[int, int]) -> Array | None:
+def _load(file: Path, shape: tuple[int, int]) -> Shares | None:
     try:
         share = np.load(file, allow_pickle=False)
     except (OSError, ValueError, EOFError):
@@ -172,7 +174,7 @@ def _load(file: Path, shape: tuple[int, int]) -> Array | None:
     return share if share.shape == shape and share.dtype == np.float32 else None
 
 
-def _store(file: Path, share: Array) -> None:
+def _store(file: Path, share: Shares) -> None:
     """Keep a result; a cache that cannot be written only costs time."""
     partial = file.with_name(f".{file.name}.{os.getpid()}.partial")
     try:

@@ -22,7 +22,7 @@ from scipy.optimize import Bounds, LinearConstraint, milp
 from scipy.sparse import coo_array, csr_array, hstack, vstack
 
 from swarm_mj.design.bitset import Ints
-from swarm_mj.design.problem import CoverProblem
+from swarm_mj.design.problem import CoverProblem, check_cost
 from swarm_mj.design.reduction import ReducedProblem, merge_cells, reduce_problem
 from swarm_mj.design.repair import repair_designs
 from swarm_mj.errors import MissionError
@@ -91,11 +91,12 @@ def solve_cheapest(
         time_limit_s: When to stop without proof [s].
 
     Raises:
-        MissionError: No such design exists or none was found in time.
+        MissionError: No such design exists or none was found in time, or cost does not fit.
     """
     start = time.perf_counter()
+    cost = check_cost(problem, cost)
     problem.require_coverable()
-    points, bound, proven = _cover(problem, np.asarray(cost, dtype=np.float64), n_observers, time_limit_s)
+    points, bound, proven = _cover(problem, cost, n_observers, time_limit_s)
     return _result(problem, points, bound, proven, start)
 
 
@@ -137,7 +138,7 @@ def _cover(
     problem: CoverProblem, cost: Array, n_observers: int | None, time_limit_s: float | None
 ) -> tuple[Ints, float, bool]:
     """Cheapest cover as (points from 1, lower bound of the cost, whether the points attain it)."""
-    reduced = reduce_problem(problem, keep_all_points=bool(np.ptp(cost)))
+    reduced = reduce_problem(problem, cost)
     start, forbidden = time.perf_counter(), []
     while True:
         left = None if time_limit_s is None else max(time_limit_s - (time.perf_counter() - start), 0.0)

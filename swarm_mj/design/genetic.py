@@ -162,9 +162,7 @@ def evolve(problem: CoverProblem, settings: GeneticSettings | None = None) -> Ge
 def _algorithm(problem: CoverProblem, settings: GeneticSettings) -> GA:
     unique = UniqueDesigns()
     if settings.operators == "plain":
-        crossover = SBX(prob=0.9, eta=3, vtype=float, repair=RoundingRepair())
-        mutation = PM(prob=1.0, eta=3, vtype=float, repair=RoundingRepair())
-        repair = RoundingRepair()
+        crossover, mutation, repair = SBX(prob=0.9, eta=3, vtype=float), PM(prob=1.0, eta=3), RoundingRepair()
     else:
         crossover, mutation, repair = UX(prob=0.9), ForgetMutation(), CoverRepair(problem, settings.blur)
     return GA(

@@ -116,10 +116,14 @@ class CoverProblem:
         return weight_table(self.weights)
 
     @cached_property
+    def coverable(self) -> Bools:
+        """Which faces are covered if every point is visited as often as allowed, shape (n_faces,)."""
+        return self.sees.sum(axis=0) * self.max_visits >= self.fold
+
+    @cached_property
     def coverable_percent(self) -> float:
         """P_TO if every point were visited as often as allowed."""
-        seen_by = self.sees.sum(axis=0) * self.max_visits
-        return self.percent(int(self.weights[seen_by >= self.fold].sum()))
+        return self.percent(int(self.weights[self.coverable].sum()))
 
     def percent(self, covered_weight: int) -> float:
         """P_TO of a covered weight."""
@@ -165,7 +169,7 @@ class CoverProblem:
         Raises:
             MissionError: It would not; the message says how much can be seen and what would make it feasible.
         """
-        if not self.is_enough(int(self.weights[self.sees.sum(axis=0) * self.max_visits >= self.fold].sum())):
+        if not self.is_enough(int(self.weights[self.coverable].sum())):
             raise MissionError(_uncoverable(self))
 
 
@@ -179,6 +183,22 @@ def gene_map(points: Sequence[int] | Ints, max_observers: int) -> Ints:
     if not 1 <= len(ordered) <= max_observers:
         raise MissionError(f"a design visits {len(ordered)} points: must be 1 to max_observers = {max_observers}")
     return np.concatenate([[len(ordered)], np.resize(ordered, max_observers)])
+
+
+def check_cost(problem: CoverProblem, cost: Array) -> Array:
+    """Cost of a visit to each point as an array of floats, shape (n_points,).
+
+    Raises:
+        MissionError: The shape is another, or a cost is negative or not finite.
+    """
+    cost = np.asarray(cost, dtype=np.float64)
+    if cost.shape != (problem.n_points,):
+        raise MissionError(f"cost has shape {cost.shape}: must be ({problem.n_points},), one per visiting point")
+    if not np.all(np.isfinite(cost)) or cost.min() < 0.0:
+        raise MissionError(
+            "cost: must be finite and not negative; leave points that cannot be reached out of the problem"
+        )
+    return cost
 
 
 def _check_arrays(sees: Bools, area: Array) -> None:
@@ -201,7 +221,7 @@ def _check_genes(genes: Ints, max_observers: int, n_points: int) -> None:
 
 def _uncoverable(problem: CoverProblem) -> str:
     best = problem.coverable_percent
-    unseen = int((problem.sees.sum(axis=0) * problem.max_visits < problem.fold).sum())
+    unseen = int((~problem.coverable).sum())
     times = "" if problem.fold == 1 else f" {problem.fold} times"
     advice = f"allow a tolerance of at least {np.ceil((100.0 - best) * 100) / 100:.2f} %, or add visiting points"
     if problem.fold > 1:

@@ -6,8 +6,9 @@ Four steps, each sound on its own:
 2. Faces seen by exactly the same points are one cell with the summed area.
 3. A cell larger than what may be missed is mandatory. A cell is implied, and dropped, where it is seen by all the points that
    see some mandatory cell: covering that one covers it.
-4. A point is dropped where at least `fold` visits to other points, each seeing all that it sees, are possible. In a smallest
-   design that uses it, either one of those visits is free and does as well, or all are taken and the point was not needed.
+4. A point is dropped where at least `fold` visits are possible to other points that see all that it sees and cost no more.
+   In a cheapest design that uses it, either one of those visits is free and does as well, or all are taken and the point was
+   not needed.
 """
 
 from __future__ import annotations
@@ -16,9 +17,12 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from swarm_mj.design.bitset import Bools, Ints, Words, pack
 from swarm_mj.design.problem import CoverProblem
+
+Array = NDArray[np.float64]
 
 
 class ReducedProblem(NamedTuple):
@@ -41,7 +45,7 @@ class ReducedProblem(NamedTuple):
 
 def merge_cells(problem: CoverProblem) -> tuple[Bools, Ints]:
     """Steps 1 and 2: coverable cells as (sees, shape (n_points, n_cells); weights, shape (n_cells,))."""
-    coverable = problem.sees.sum(axis=0) * problem.max_visits >= problem.fold
+    coverable = problem.coverable
     seers = pack(problem.sees.T[coverable])
     _, first, cell = np.unique(seers, axis=0, return_index=True, return_inverse=True)
     weights = np.zeros(len(first), dtype=np.int64)
@@ -49,12 +53,12 @@ def merge_cells(problem: CoverProblem) -> tuple[Bools, Ints]:
     return problem.sees[:, coverable][:, first], weights
 
 
-def reduce_problem(problem: CoverProblem, keep_all_points: bool = False) -> ReducedProblem:
+def reduce_problem(problem: CoverProblem, cost: Array) -> ReducedProblem:
     """All four steps, repeated until nothing more falls away.
 
     Args:
         problem: What to cover; it must be coverable.
-        keep_all_points: Skip step 4, which is sound only where all points cost the same.
+        cost: Cost of a visit to each point, not negative, shape (n_points,).
     """
     sees, weights = merge_cells(problem)
     slack = problem.slack - (problem.total_weight - int(weights.sum()))
@@ -64,9 +68,8 @@ def reduce_problem(problem: CoverProblem, keep_all_points: bool = False) -> Redu
         shape = sees.shape
         cells = ~implied(pack(sees.T), mandatory)
         sees, weights, mandatory = sees[:, cells], weights[cells], mandatory[cells]
-        if not keep_all_points:
-            kept = ~replaceable(pack(sees), problem.fold, problem.max_visits)
-            sees, points = sees[kept], points[kept]
+        kept = ~replaceable(pack(sees), cost[points], problem.fold, problem.max_visits)
+        sees, points = sees[kept], points[kept]
         if sees.shape == shape:
             return ReducedProblem(points, sees, weights, mandatory, slack)
 
@@ -87,14 +90,16 @@ def implied(seers: Words, mandatory: Bools) -> Bools:
 
 
 @njit(cache=True, error_model="numpy")
-def replaceable(rows: Words, fold: int, max_visits: int) -> Bools:
-    """Which points can be dropped by step 4; equal points stand in for each other in their order."""
+def replaceable(rows: Words, cost: Array, fold: int, max_visits: int) -> Bools:
+    """Which points can be dropped by step 4; equal points at equal cost stand in for each other in their order."""
     n = rows.shape[0]
     dropped = np.zeros(n, dtype=np.bool_)
     for p in range(n):
         stand_ins = 0
         for other in range(n):
-            if other != p and _within(rows[p], rows[other]) and (other < p or not _within(rows[other], rows[p])):
+            if other == p or cost[other] > cost[p] or not _within(rows[p], rows[other]):
+                continue
+            if other < p or cost[other] < cost[p] or not _within(rows[other], rows[p]):
                 stand_ins += max_visits
                 if stand_ins >= fold:
                     dropped[p] = True

@@ -20,35 +20,52 @@ Array = NDArray[np.float64]
 
 
 def repair_designs(problem: CoverProblem, genes: Ints, noise: Array) -> Ints:
-    """Repaired copies of many designs, sorted, with the unread genes repeating the read ones.
+    """Designs completed until they cover the target within its tolerance, then pruned; copies.
 
     A design that cannot be completed within `max_observers` is returned as far as it came.
 
     Args:
         problem: What to cover.
-        genes: Gene maps, shape (m, 1 + max_observers); those read may name fewer points than allowed, or none twice.
+        genes: Gene maps, shape (m, 1 + max_observers); a point that stands more often than `max_visits` counts as absent.
         noise: Blur of every point's gain, 0 for purely greedy choices, below 1, shape (m, n_points).
+
+    Returns:
+        Gene maps, the points ascending, the genes that are not read repeating those that are.
     """
+    return _repaired(problem, genes, noise, problem.total_weight - problem.slack, False)
+
+
+def refill_designs(problem: CoverProblem, genes: Ints, noise: Array) -> Ints:
+    """Designs completed up to the N_obs that they name, whatever they then cover, without spacecraft that add nothing.
+
+    Arguments and result as for `repair_designs`; the tolerance plays no part.
+    """
+    return _repaired(problem, genes, noise, problem.total_weight, True)
+
+
+def _repaired(problem: CoverProblem, genes: Ints, noise: Array, enough: int, keep_size: bool) -> Ints:
     repaired = np.ascontiguousarray(genes, dtype=np.int64).copy()
-    limits = np.array([problem.fold, problem.max_visits, problem.total_weight, problem.slack], dtype=np.int64)
-    _repair_all(problem.rows, problem.table, limits, np.ascontiguousarray(noise), repaired)
+    blur = np.ascontiguousarray(noise, dtype=np.float64)
+    _repair_all(problem.rows, problem.table, problem.fold, problem.max_visits, enough, keep_size, blur, repaired)
     return repaired
 
 
 @njit(cache=True, error_model="numpy")
-def _repair_all(rows: Words, table: Ints, limits: Ints, noise: Array, genes: Ints) -> None:
-    """Repair gene maps in place; limits = [fold, max_visits, total weight, slack]."""
-    fold, max_visits, enough = limits[0], limits[1], limits[2] - limits[3]
+def _repair_all(
+    rows: Words, table: Ints, fold: int, max_visits: int, enough: int, keep_size: bool, noise: Array, genes: Ints
+) -> None:
+    """Repair gene maps in place until a weight of `enough` is covered; with keep_size N_obs never grows."""
     layers = np.zeros((fold + 1, rows.shape[1]), dtype=np.uint64)
     visits = np.zeros(rows.shape[0], dtype=np.int64)
     for d in range(genes.shape[0]):
         points = genes[d, 1:]
-        visits[:] = 0
+        most = genes[d, 0] if keep_size else points.shape[0]
         n = _drop_excess(points, genes[d, 0], max_visits)
         _count(rows, points, n, layers)
+        visits[:] = 0
         for j in range(n):
             visits[points[j] - 1] += 1
-        n = _complete(rows, table, noise[d], max_visits, enough, points, n, layers, visits)
+        n = _complete(rows, table, noise[d], max_visits, enough, points[:most], n, layers, visits)
         n = _prune(rows, table, noise[d], enough, points, n, layers)
         genes[d, 0] = n
         points[:n].sort()
@@ -119,10 +136,10 @@ def _gain(row: Words, covered: Words, table: Ints) -> int:
 
 @njit(cache=True, error_model="numpy")
 def _prune(rows: Words, table: Ints, noise: Array, enough: int, points: Ints, n: int, layers: Words) -> int:
-    """Take away points while the rest still covers enough; returns the new length."""
+    """Take away points while the rest still covers enough, or else as much as before; returns the new length."""
     fold = layers.shape[0] - 1
-    spare = set_weight(layers[fold - 1], table) - enough
-    while spare >= 0 and n > 1:
+    spare = max(set_weight(layers[fold - 1], table) - enough, 0)
+    while n > 1:
         worst, least, loss_of_worst = -1, np.inf, 0
         for j in range(n):
             loss = _loss(rows[points[j] - 1], layers[fold - 1], layers[fold], table)

@@ -28,6 +28,8 @@ class CameraModel:
         half_angle_deg: Angle between the line of sight and the middle of a picture's edge [deg], between 0 and 90.
         shape: `square` pyramid, or the `cone` inscribed in it.
         resolution_px: Pixels along one side of the square picture.
+        detector_ifov: Width of a pixel of the real detector at unit distance [rad], where it is finer than the picture that
+            is drawn; None: the picture's.
 
     Raises:
         MissionError: A value is impossible.
@@ -36,6 +38,7 @@ class CameraModel:
     half_angle_deg: float = 21.5
     shape: FieldOfView = "square"
     resolution_px: int = 512
+    detector_ifov: float | None = None
 
     def __post_init__(self) -> None:
         """Refuse impossible cameras."""
@@ -53,7 +56,9 @@ class CameraModel:
 
     @property
     def pixel_angle(self) -> float:
-        """Width of a pixel at unit distance [rad, small angles]."""
+        """Width of a pixel of the detector at unit distance [rad, small angles]; it sets the ground sampling distance."""
+        if self.detector_ifov is not None:
+            return self.detector_ifov
         return 2.0 * self.tan_half_angle / self.resolution_px
 
     def contains(self, points_C: NDArray[np.float64]) -> NDArray[np.bool_]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import json
 from collections.abc import Iterable, Mapping
 from importlib import resources
 from pathlib import Path
@@ -54,6 +55,7 @@ def load_scenario(name_or_path: str | Path, overrides: Iterable[str] = ()) -> Sc
     data = _parse(text, source)
     for override in overrides:
         _apply(data, override)
+    _resolve_design(data)
     return scenario_from(data, source)
 
 
@@ -63,6 +65,50 @@ def scenario_from(data: Mapping[str, Any], source: str = "scenario") -> Scenario
         return Scenario.model_validate(data)
     except ValidationError as error:
         raise ScenarioError(f"{source}:\n" + "\n".join(_explain(e) for e in error.errors())) from None
+
+
+def read_design(reference: str) -> list[int]:
+    """Visiting points of a design that `swarm-mj design` made.
+
+    Args:
+        reference: A packaged name (`swarm_mj/scenarios/designs`) or the path of a design.json.
+
+    Raises:
+        ScenarioError: It cannot be read or holds no design.
+    """
+    packaged = resources.files("swarm_mj.scenarios") / "designs" / f"{reference}.json"
+    path = packaged if _is_name(reference) and packaged.is_file() else Path(reference)
+    try:
+        with path.open("rb") as file:
+            design = json.loads(file.read(MAX_BYTES).decode("utf-8"))
+        points = design["visiting_points"]
+    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
+        raise ScenarioError(
+            f"design.reference = {reference}: no packaged design and no design.json ({type(error).__name__}: {error}). "
+            f"Packaged: {', '.join(packaged_designs())}"
+        ) from None
+    if not isinstance(points, list) or not points or not all(type(p) is int for p in points):
+        raise ScenarioError(
+            f"design.reference = {reference}: its visiting_points are no list of numbers: {points!r}"[:300]
+        )
+    return points
+
+
+def packaged_designs() -> list[str]:
+    """Names of the packaged designs, sorted."""
+    folder = resources.files("swarm_mj.scenarios") / "designs"
+    return sorted(p.name.removesuffix(".json") for p in folder.iterdir() if p.name.endswith(".json"))
+
+
+def _is_name(reference: str) -> bool:
+    return "/" not in reference and "\\" not in reference
+
+
+def _resolve_design(data: dict[str, Any]) -> None:
+    """Put the points of a design that is named by reference into the scenario; points that are given go first."""
+    design = data.get("design")
+    if isinstance(design, dict) and isinstance(design.get("reference"), str) and "visiting_points" not in design:
+        design["visiting_points"] = read_design(design["reference"])
 
 
 def _read(name_or_path: str | Path) -> tuple[str, str]:

@@ -200,6 +200,11 @@ class Camera(Section):
     )
     shape: Literal["square", "cone"] = "square"
     resolution_px: int = Field(512, ge=16, le=8192, description="pixels along one side")
+    detector_ifov_rad: float | None = Field(
+        None,
+        gt=0,
+        description="angle of one pixel of the real detector, for the ground sampling distance [rad]; null: of the drawn picture",
+    )
 
 
 class Observation(Section):
@@ -222,6 +227,42 @@ class Observation(Section):
     max_incidence_deg: float | None = Field(None, gt=0, le=90, description="largest angle between face normal and Sun")
     occlusion: bool = Field(True, description="whether the body hides faces behind it; the paper culls and clips only")
     shadows: bool = Field(False, description="faces shadowed by the body itself do not count")
+
+
+class ExtraTarget(Section):
+    """One more surface feature that the designer has to cover."""
+
+    latitude_deg: float = Field(ge=-90, le=90)
+    longitude_deg: float = Field(ge=-360, le=360)
+    half_angle_deg: float = Field(20.0, gt=0, lt=90)
+
+
+class Designer(Section):
+    """How `swarm-mj design` looks for the fewest spacecraft (AAS 19-144, equations 3 to 6)."""
+
+    max_observers: int = Field(20, ge=1, le=1000, description="N_max")
+    tolerance_percent: float = Field(0.1, ge=0, lt=100, description="epsilon: largest |100 - P_TO|")
+    fold: int = Field(
+        1, ge=1, description="every face must be seen by this many: the loss of fold - 1 then loses nothing"
+    )
+    any_roll: bool = Field(
+        True,
+        description="count only what every rotation about the line of sight sees (the cone inscribed in a square field of "
+        "view), because that rotation comes from the random initial attitude; false: the rotation of an inertial start",
+    )
+    population: int = Field(100, ge=2)
+    max_generations: int = Field(200, ge=1)
+    patience: int = Field(50, ge=1, description="generations without a better design after which evolution stops")
+    extra_targets: tuple[ExtraTarget, ...] = Field(
+        (), max_length=100, description="more features to cover with the same swarm"
+    )
+    altitudes_m: tuple[float, ...] = Field(
+        (), max_length=20, description="imaging altitudes to choose from; empty: the design's"
+    )
+    times_of_flight_s: tuple[float, ...] = Field(
+        (), max_length=20, description="times of flight to choose from; empty: the design's"
+    )
+    time_limit_s: float = Field(300.0, gt=0, description="when the exact solver stops without proof")
 
 
 class Link(Section):
@@ -275,6 +316,7 @@ class Scenario(Section):
     behavior: Behavior = Field(default_factory=Behavior)
     camera: Camera = Field(default_factory=Camera)
     observation: Observation = Field(default_factory=Observation)
+    designer: Designer = Field(default_factory=Designer)
     link: Link = Field(default_factory=Link)
     safety: Safety = Field(default_factory=Safety)
     telemetry: Telemetry = Field(default_factory=Telemetry)

@@ -36,15 +36,7 @@ from swarm_mj.output.figures.style import (
     tidy,
     time_axis,
 )
-from swarm_mj.output.figures.view import (
-    View,
-    draw_body,
-    draw_line,
-    draw_points,
-    face_colours,
-    straight,
-    unit,
-)
+from swarm_mj.output.figures.view import View, draw_body, draw_line, draw_points, face_colours, straight, unit
 from swarm_mj.planning import Plan
 
 Array = NDArray[np.float64]
@@ -85,15 +77,7 @@ def _draw_instant(
     faint = 0.55 if plan.n <= MAX_NUMBERED else 0.3
     for j in range(plan.n):
         colour = _colour(scene, j)
-        draw_line(
-            ax,
-            view,
-            body,
-            scene.r_A[trail, j],
-            color=colour,
-            linewidth=0.9,
-            alpha=faint,
-        )
+        draw_line(ax, view, body, scene.r_A[trail, j], color=colour, linewidth=0.9, alpha=faint)
         draw_line(ax, view, body, straight(scene.r_A[k, j], tips[j]), color=colour, linewidth=1.0, linestyle=DASHES)
     draw_points(ax, view, body, scene.r_A[0, :1], marker="s", markersize=6, color=BLACK)
     for j in range(plan.n):

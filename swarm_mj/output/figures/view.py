@@ -112,7 +112,7 @@ def face_colours(body: ShapeModel, groups: list[tuple[NDArray[Any], str]]) -> Ar
 
 def draw_body(ax: Axes, view: View, body: ShapeModel, colours: Array) -> None:
     """Paint the faces turned to the viewer, far ones first, lit from above the viewer's left shoulder."""
-    front = np.flatnonzero(body.face_normals @ view.toward > 9.0)
+    front = np.flatnonzero(body.face_normals @ view.toward > 0.0)
     front = front[np.argsort(body.face_centroids[front] @ view.toward)]
     lamp = np.array([-0.45, 0.55, 0.7]) @ view.axes
     shaded = shade(colours[front], body.face_normals[front], lamp)
