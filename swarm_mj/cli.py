@@ -37,6 +37,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"swarm-mj {__version__}")
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
     _add_run(commands)
+    _add_design(commands)
     _add_scenarios(commands)
     _add_shape(commands)
     return parser
@@ -87,6 +88,51 @@ def _run(arguments: argparse.Namespace) -> int:
     parent = arguments.out or DEFAULT_OUT
     folders = [parent if single else parent / scenario.name for scenario in scenarios]
     run_many(scenarios, folders, figures=not arguments.no_figures, quiet=arguments.quiet)
+    return 0
+
+
+def _add_design(commands: argparse._SubParsersAction) -> None:
+    design = commands.add_parser(
+        "design",
+        help="find the fewest spacecraft that see the whole target",
+        description="Design a swarm: the fewest observers that see the whole target, by genetic algorithm and with proof.",
+    )
+    design.add_argument(
+        "scenario", nargs="?", default=DEFAULT_SCENARIOS[0], metavar="NAME_OR_FILE", help="packaged name or YAML file"
+    )
+    design.add_argument("--out", type=Path, metavar="DIR", help=f"result folder (default: {DEFAULT_OUT}/NAME-design)")
+    design.add_argument("--seed", type=int, metavar="N", help="seed of the genetic algorithm")
+    design.add_argument(
+        "--set", action="append", default=[], dest="overrides", metavar="KEY=VALUE", help="change one value; may be repeated"
+    )
+    design.add_argument("--fold", type=int, metavar="K", help="every face must be seen by at least K spacecraft")
+    design.add_argument("--pareto", action="store_true", help="trade spacecraft against delta-v and area too (NSGA-II)")
+    design.add_argument("--compare", action="store_true", help="print how the minimum grows with demands beyond the paper")
+    design.add_argument("--workers", type=int, metavar="N", help="processes for the pictures (default: one per core)")
+    design.add_argument("--no-figures", action="store_true", help="write no pictures")
+    design.add_argument("--quiet", action="store_true", help="no progress bar")
+    design.set_defaults(command=_design)
+
+
+def _design(arguments: argparse.Namespace) -> int:
+    from swarm_mj.design_runner import run_design
+    from swarm_mj.scenarios.loading import load_scenario
+
+    overrides = list(arguments.overrides)
+    if arguments.seed is not None:
+        overrides.append(f"seed={arguments.seed}")
+    if arguments.fold is not None:
+        overrides.append(f"designer.fold={arguments.fold}")
+    scenario = load_scenario(arguments.scenario, overrides)
+    run_design(
+        scenario,
+        arguments.out or DEFAULT_OUT / f"{scenario.name}-design",
+        pareto=arguments.pareto,
+        compare=arguments.compare,
+        figures=not arguments.no_figures,
+        quiet=arguments.quiet,
+        workers=arguments.workers,
+    )
     return 0
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import Progress, TaskID
 from rich.table import Table
 
 from swarm_mj.errors import OutputError
@@ -19,6 +19,7 @@ from swarm_mj.output.folder import atomic_folder
 from swarm_mj.output.results import write_results, write_summary
 from swarm_mj.output.summary import summarise
 from swarm_mj.planning import make_plan
+from swarm_mj.progress import progress_bars
 from swarm_mj.scenarios.schema import Scenario
 
 
@@ -52,7 +53,7 @@ def run_many(
         raise OutputError("two scenarios have the same name; give them folders of their own with --out, one call each")
     console = Console()
     summaries = []
-    with _progress_bars(console, quiet) as progress:
+    with progress_bars(console, quiet) as progress:
         for scenario, folder in zip(scenarios, folders, strict=True):
             summaries.append(run_one(scenario, folder, figures=figures, progress=progress))
     console.print(results_table(summaries))
@@ -102,6 +103,7 @@ def _worst(errors: dict[str, float]) -> str:
 _ROWS: dict[str, Callable[[dict[str, Any]], str]] = {
     "spacecraft (of them observers)": lambda s: f"{s['spacecraft']} ({s['observers']})",
     "target faces": lambda s: str(s["target_faces"]),
+    "criterion, camera half-angle": lambda s: f"{s['criterion']}, {s['camera_half_angle_deg']:g} deg",
     "observed area P_TO [%]": lambda s: f"{s['coverage_percent']:.2f}",
     "the same, whole passage [%]": lambda s: f"{s['coverage_percent_passage']:.2f}",
     "pointing error before a switch, at most [deg]": lambda s: _worst(s["pointing_error_deg_before_switch"]),
@@ -114,6 +116,7 @@ _ROWS: dict[str, Callable[[dict[str, Any]], str]] = {
 
 
 def _print_notes(console: Console, summary: dict[str, Any], folder: Path) -> None:
+    console.print(f"{summary['scenario']}: {summary['description']}", soft_wrap=True, highlight=False, markup=False)
     if summary["observer"] != "faceid":
         console.print(f"{summary['scenario']}: {summary['observer_note']}", soft_wrap=True, highlight=False)
     for near in summary["near_collisions"]:
@@ -125,14 +128,3 @@ def _print_notes(console: Console, summary: dict[str, Any], folder: Path) -> Non
             highlight=False,
         )
     console.print(f"{summary['scenario']}: files in {folder}", soft_wrap=True, highlight=False)
-
-
-def _progress_bars(console: Console, quiet: bool) -> Progress:
-    return Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
-        console=console,
-        disable=quiet,
-    )

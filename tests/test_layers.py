@@ -9,7 +9,7 @@ ROOT = Path(__file__).parents[1]
 
 #: The order of the layers; a module may import from its own layer and from earlier ones.
 ORDER = [
-    ("errors", "constants", "resources", "plugins", "assets"),
+    ("errors", "constants", "resources", "plugins", "progress", "assets"),
     ("scenarios",),
     ("smallbody",),
     ("attitude",),
@@ -21,8 +21,9 @@ ORDER = [
     ("planning",),
     ("flight",),
     ("candidates",),
+    ("designer",),
     ("output",),
-    ("runner",),
+    ("runner", "design_runner"),
     ("envs",),
     ("cli",),
 ]

@@ -44,7 +44,7 @@ def weight_table(weights: Ints) -> Ints:
 
 
 @njit(cache=True, error_model="numpy")
-def word_weight(word: np.uint64, w: int, table: Ints) -> int:
+def word_weight(word: np.uint64, w: int, table: Ints) -> np.int64:
     """Weight of the faces in one word standing at place w of its row."""
     total = np.int64(0)
     for b in range(8):
@@ -56,7 +56,7 @@ def word_weight(word: np.uint64, w: int, table: Ints) -> int:
 
 
 @njit(cache=True, error_model="numpy")
-def set_weight(row: Words, table: Ints) -> int:
+def set_weight(row: Words, table: Ints) -> np.int64:
     """Weight of a whole set of faces."""
     total = np.int64(0)
     for w in range(row.shape[0]):

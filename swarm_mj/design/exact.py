@@ -68,9 +68,9 @@ def solve_exact(problem: CoverProblem, time_limit_s: float | None = None) -> Exa
     start = time.perf_counter()
     problem.require_coverable()
     points, bound, proven = _cover(problem, np.ones(problem.n_points), None, time_limit_s)
-    least = math.ceil(bound - FEASIBILITY_TOLERANCE)
+    least = max(math.ceil(bound - FEASIBILITY_TOLERANCE), 1)
     if least > problem.max_observers or (proven and len(points) > problem.max_observers):
-        raise MissionError(_too_few(problem, least, time_limit_s))
+        raise MissionError(_too_few(problem, str(least) if proven else f"at least {least}", time_limit_s))
     if len(points) > problem.max_observers:
         raise MissionError(
             f"no design of at most max_observers = {problem.max_observers} was found in {time_limit_s:g} s, nor excluded "
@@ -105,7 +105,7 @@ def solve_budget(problem: CoverProblem, n_observers: int, time_limit_s: float | 
 
     Args:
         problem: What to cover; its tolerance and `max_observers` are not used.
-        n_observers: Largest N_obs; fewer are returned where more would add nothing.
+        n_observers: Largest N_obs; fewer are returned where more would add nothing, but at least one.
         time_limit_s: When to stop without proof [s].
 
     Raises:
@@ -120,7 +120,7 @@ def solve_budget(problem: CoverProblem, n_observers: int, time_limit_s: float | 
     seen = csr_array(sees.T.astype(np.float64))
     constraints = [
         LinearConstraint(hstack([seen, -problem.fold * _identity(n_cells)], format="csr"), 0.0, np.inf),
-        LinearConstraint(np.concatenate([np.ones(n_points), np.zeros(n_cells)])[None, :], -np.inf, n_observers),
+        LinearConstraint(np.concatenate([np.ones(n_points), np.zeros(n_cells)])[None, :], 1.0, n_observers),
     ]
     answer = _milp(
         np.concatenate([np.zeros(n_points), -percent]),
@@ -131,7 +131,8 @@ def solve_budget(problem: CoverProblem, n_observers: int, time_limit_s: float | 
     if answer.x is None:
         raise MissionError(f"nothing was found in {time_limit_s} s: allow more time")
     points = _without_idle(problem, _visits(answer.x[:n_points], np.arange(n_points)))
-    return _result(problem, points, min(100.0, -float(answer.mip_dual_bound)), answer.status == 0, start)
+    bound = max(min(100.0, -float(answer.mip_dual_bound)), problem.covered_percent(points))
+    return _result(problem, points, bound, answer.status == 0, start)
 
 
 def _cover(
@@ -139,13 +140,16 @@ def _cover(
 ) -> tuple[Ints, float, bool]:
     """Cheapest cover as (points from 1, lower bound of the cost, whether the points attain it)."""
     reduced = reduce_problem(problem, cost)
-    start, forbidden = time.perf_counter(), []
+    start = time.perf_counter()
+    forbidden: list[Ints] = []
     while True:
         left = None if time_limit_s is None else max(time_limit_s - (time.perf_counter() - start), 0.0)
         answer = _solve_cover(problem, reduced, cost[reduced.points], n_observers, forbidden, left)
         if answer.status == 2:
             raise MissionError(f"no design of at most {n_observers} spacecraft covers the target: allow more of them")
-        bound = 0.0 if answer.mip_dual_bound is None else float(answer.mip_dual_bound)
+        if answer.status not in (0, 1):
+            raise MissionError(f"HiGHS could not solve the problem: {answer.message}")
+        bound = 0.0 if answer.mip_dual_bound is None else max(float(answer.mip_dual_bound), 0.0)
         if answer.x is None:
             return _fallback(problem, n_observers, time_limit_s), bound, False
         points = _visits(answer.x[: len(reduced.points)], reduced.points)
@@ -246,7 +250,7 @@ def _result(problem: CoverProblem, points: Ints, bound: float, proven: bool, sta
     return ExactResult(len(points), np.sort(points), problem.covered_percent(points), bound, status, seconds)
 
 
-def _too_few(problem: CoverProblem, least: int, time_limit_s: float | None) -> str:
+def _too_few(problem: CoverProblem, least: str, time_limit_s: float | None) -> str:
     most = solve_budget(problem, problem.max_observers, time_limit_s)
     times = "" if problem.fold == 1 else f" {problem.fold} times"
     return (

@@ -29,6 +29,7 @@ from pymoo.operators.repair.rounding import RoundingRepair
 
 from swarm_mj.design.bitset import Ints
 from swarm_mj.design.operators import (
+    MATING_ATTEMPTS,
     CoverRepair,
     FitnessTournament,
     ForgetMutation,
@@ -41,9 +42,6 @@ from swarm_mj.errors import MissionError
 
 Array = NDArray[np.float64]
 Operators = Literal["plain", "repair"]
-
-#: How often mating is repeated to replace children that already exist before a generation stays smaller.
-MATING_ATTEMPTS = 5
 
 
 @dataclass(frozen=True, kw_only=True)

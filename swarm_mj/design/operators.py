@@ -24,6 +24,9 @@ from swarm_mj.design.repair import repair_designs
 
 Array = NDArray[np.float64]
 
+#: How often mating is repeated to replace children that already exist before a generation stays smaller.
+MATING_ATTEMPTS = 5
+
 
 class GeneMapProblem(Problem):
     """The domains of the paper's Figure 5 and the fitness of `CoverProblem.evaluate`, many designs at a time."""

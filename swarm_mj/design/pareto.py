@@ -1,9 +1,9 @@
 """Trade-off between the number of spacecraft, their delta-v in all, and the area left uncovered, by NSGA-II.
 
-NSGA-II (Deb, Pratap, Agarwal and Meyarivan 2002) as pymoo has it, on the gene maps of the paper's Figure 5. Children are made by
-uniform crossover and by forgetting points; what was forgotten is replaced at random or by points of high gain per delta-v, and
-spacecraft that add no area are taken away (`repair.refill_designs`). Every design that is evaluated and not dominated is
-kept, not only those for which the population has room.
+NSGA-II (Deb, Pratap, Agarwal and Meyarivan 2002) as pymoo has it, on the gene maps of the paper's Figure 5. Children are
+made by uniform crossover and by forgetting points; what was forgotten is replaced at random or by points of high gain per
+delta-v, and spacecraft that add no area are taken away (`repair.refill_designs`). Every design that is evaluated and not
+dominated is kept, not only those for which the population has room.
 """
 
 from __future__ import annotations
@@ -16,16 +16,18 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
-from pymoo.algorithms.moo.nsga2 import NSGA2
+from pymoo.algorithms.moo.nsga2 import NSGA2, binary_tournament
 from pymoo.core.callback import Callback
+from pymoo.core.mating import Mating
 from pymoo.core.mutation import Mutation
 from pymoo.core.problem import Problem
 from pymoo.core.repair import Repair
 from pymoo.operators.crossover.ux import UX
+from pymoo.operators.selection.tournament import TournamentSelection
 from pymoo.termination.max_gen import MaximumGenerationTermination
 
 from swarm_mj.design.bitset import Bools, Ints
-from swarm_mj.design.operators import GeneMapProblem, RandomGeneMaps, UniqueDesigns
+from swarm_mj.design.operators import MATING_ATTEMPTS, GeneMapProblem, RandomGeneMaps, UniqueDesigns
 from swarm_mj.design.problem import CoverProblem, check_cost, gene_map
 from swarm_mj.design.repair import refill_designs
 from swarm_mj.errors import MissionError
@@ -44,8 +46,8 @@ class ParetoSettings:
         forget_rate: Probability that a child forgets a visiting point.
     """
 
-    population: int = 100
-    generations: int = 200
+    population: int = 200
+    generations: int = 300
     seed: int = 0
     forget_rate: float = 0.15
 
@@ -88,7 +90,8 @@ def pareto_front(
         problem: What to cover; its tolerance plays no part, `max_observers` limits N_obs.
         delta_v: Delta-v of a visit to each point [m/s or any unit], not negative, shape (n_points,).
         settings: How to run; the defaults where None.
-        known: Designs to start from besides random ones, each a list of points from 1, such as a proven minimum.
+        known: Designs to start from besides random ones, each a list of points from 1; the proven answers of `exact` for
+            each N_obs make the extremes of the front exact.
 
     Raises:
         MissionError: delta_v does not fit, or a known design has too many points.
@@ -97,15 +100,21 @@ def pareto_front(
     settings = settings or ParetoSettings()
     delta_v = check_cost(problem, delta_v)
     archive = _Archive(problem.max_observers)
-    repair = _CheapRefill(problem, delta_v)
+    repair, unique = _CheapRefill(problem, delta_v), UniqueDesigns()
     algorithm = NSGA2(
         pop_size=settings.population,
         sampling=_KnownAndRandom([gene_map(points, problem.max_observers) for points in known]),
-        crossover=UX(prob=0.9),
-        mutation=_ForgetOrResize(settings.forget_rate),
         repair=repair,
-        eliminate_duplicates=UniqueDesigns(),
+        eliminate_duplicates=unique,
         output=None,
+        mating=Mating(
+            TournamentSelection(func_comp=binary_tournament),
+            UX(prob=0.9),
+            _ForgetOrResize(settings.forget_rate),
+            repair=repair,
+            eliminate_duplicates=unique,
+            n_max_iterations=MATING_ATTEMPTS,
+        ),
     )
     stop = MaximumGenerationTermination(settings.generations + 1)
     algorithm.setup(_TradeProblem(problem, delta_v), termination=stop, callback=archive, seed=settings.seed)

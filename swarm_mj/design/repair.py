@@ -124,7 +124,7 @@ def _complete(
 
 
 @njit(cache=True, error_model="numpy")
-def _gain(row: Words, covered: Words, table: Ints) -> int:
+def _gain(row: Words, covered: Words, table: Ints) -> np.int64:
     """Weight of the faces that a point sees and that are not yet covered often enough."""
     gain = np.int64(0)
     for w in range(row.shape[0]):
@@ -156,7 +156,7 @@ def _prune(rows: Words, table: Ints, noise: Array, enough: int, points: Ints, n:
 
 
 @njit(cache=True, error_model="numpy")
-def _loss(row: Words, enough_times: Words, once_more: Words, table: Ints) -> int:
+def _loss(row: Words, enough_times: Words, once_more: Words, table: Ints) -> np.int64:
     """Weight of the faces that are covered no more often than needed and that this point sees."""
     loss = np.int64(0)
     for w in range(row.shape[0]):

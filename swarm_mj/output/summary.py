@@ -40,6 +40,7 @@ def summarise(plan: Plan, telemetry: xr.Dataset, result: ObservationResult, wall
         "coverage_percent_passage": _rounded(result.passage.percent, 6),
         "coverage_percent_by_spacecraft": _by_name(names, result.coverage.percent_by_spacecraft, 4),
         "criterion": scenario.observation.criterion,
+        "camera_half_angle_deg": scenario.camera.half_angle_deg,
         "observer": result.observer,
         "observer_note": result.note,
         "images": result.images,

@@ -104,6 +104,11 @@ class Target(Section):
 class Design(Section):
     """Who visits which point, when and how high."""
 
+    reference: str | None = Field(
+        None,
+        description="a design that `swarm-mj design` made: packaged name, or path of its design.json; read when no "
+        "visiting_points are given",
+    )
     visiting_points: tuple[int, ...] = Field(
         (7, 25, 31, 34, 38),
         min_length=1,
@@ -203,7 +208,7 @@ class Camera(Section):
     detector_ifov_rad: float | None = Field(
         None,
         gt=0,
-        description="angle of one pixel of the real detector, for the ground sampling distance [rad]; null: of the drawn picture",
+        description="angle of one pixel of the real detector, for the ground sampling distance [rad]; null: the picture's",
     )
 
 
@@ -254,13 +259,13 @@ class Designer(Section):
     max_generations: int = Field(200, ge=1)
     patience: int = Field(50, ge=1, description="generations without a better design after which evolution stops")
     extra_targets: tuple[ExtraTarget, ...] = Field(
-        (), max_length=100, description="more features to cover with the same swarm"
+        (), max_length=100, description="more features to cover"
     )
     altitudes_m: tuple[float, ...] = Field(
-        (), max_length=20, description="imaging altitudes to choose from; empty: the design's"
+        (), max_length=20, description="to choose from; empty: the design's"
     )
     times_of_flight_s: tuple[float, ...] = Field(
-        (), max_length=20, description="times of flight to choose from; empty: the design's"
+        (), max_length=20, description="to choose from; empty: the design's"
     )
     time_limit_s: float = Field(300.0, gt=0, description="when the exact solver stops without proof")
 

@@ -11,7 +11,7 @@ from swarm_mj.scenarios.loading import load_scenario
 
 from .scenes import eros_oracle, exact_view
 
-NARROW = ["camera.half_angle_deg=3", "observation.observer=faceid"]
+NARROW = ["camera.half_angle_deg=3", "observation.observer=faceid", "target.cell_size_m=auto"]
 
 
 def flown_views(plan, telemetry):
@@ -29,7 +29,7 @@ def flown_views(plan, telemetry):
 @pytest.mark.gl
 @pytest.mark.slow
 def test_accumulated_coverage_of_the_papers_flight_with_a_3_degree_camera_agrees_with_the_oracle():
-    plan = make_plan(load_scenario("eros-config1", NARROW))
+    plan = make_plan(load_scenario("eros-literal", NARROW))
     telemetry = simulate(plan)
     result = observe_flight(plan, telemetry)
     oracle = eros_oracle()

@@ -7,7 +7,7 @@ import yaml
 
 from swarm_mj.cli import main
 from swarm_mj.errors import ScenarioError
-from swarm_mj.scenarios.loading import load_scenario, packaged_names
+from swarm_mj.scenarios.loading import load_scenario, packaged_names, read_design
 from swarm_mj.scenarios.schema import Scenario
 
 
@@ -20,16 +20,40 @@ def test_all_packaged_scenarios_load_and_are_named_like_their_file():
 
 
 def test_the_papers_scenarios_hold_the_papers_parameters():
-    for name in ("eros-config1", "eros-config2"):
+    for name in ("eros-config1", "eros-config2", "eros-literal"):
         s = load_scenario(name)
         assert (s.target.latitude_deg, s.target.longitude_deg, s.target.half_angle_deg) == (0, 90, 20)
         assert s.design.imaging_altitude_m == 14e3
-        assert s.camera.half_angle_deg == 21.5
         assert s.design.time_of_flight_s == 600
         assert s.duration_s == 1200
         assert s.mothership.position_A_m == (0, 0, -30e3)
         assert s.spacecraft.mass_kg == 8
-        assert s.design.visiting_points == (7, 25, 31, 34, 38)
+    literal = load_scenario("eros-literal")
+    assert literal.camera.half_angle_deg == 21.5
+    assert literal.observation.criterion == "passage"
+    assert literal.design.visiting_points == (7, 25, 31, 34, 38)
+
+
+def test_the_packaged_configurations_name_their_design_and_say_which_reading_they_use():
+    for name in ("eros-config1", "eros-config2"):
+        s = load_scenario(name)
+        assert s.design.reference == "eros-visit"
+        assert list(s.design.visiting_points) == read_design("eros-visit")
+        assert len(s.design.visiting_points) == 5
+        assert "instant of the visit" in s.description
+
+
+def test_points_that_are_given_go_before_a_reference_and_a_broken_reference_is_a_clear_error(tmp_path):
+    assert load_scenario("eros-config1", ["design.visiting_points=[3]"]).design.visiting_points == (3,)
+    path = tmp_path / "design.json"
+    path.write_text('{"visiting_points": [4, 5]}')
+    assert load_scenario("eros-config1", [f"design.reference={path}"]).design.visiting_points == (4, 5)
+    for broken in ("", "[]", "{}", '{"visiting_points": "all"}', '{"visiting_points": [1.5]}', "[" * 100_000):
+        path.write_text(broken)
+        with pytest.raises(ScenarioError, match="design.reference"):
+            load_scenario("eros-config1", [f"design.reference={path}"])
+    with pytest.raises(ScenarioError, match="eros-visit"):
+        load_scenario("eros-config1", ["design.reference=nobody"])
 
 
 def test_overrides_change_nested_values_and_keep_the_rest():
