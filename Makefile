@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 RUN_ENV := MUJOCO_GL=egl
 
 .DEFAULT_GOAL := help
-.PHONY: help run test test-fast lint format types check wheel-test bench docs shape gl setup setup-dev clean
+.PHONY: help run test test-fast lint format types check wheel-test bench docs reproduction shape gl setup setup-dev clean
 
 help: ## list the targets
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -58,6 +58,9 @@ bench: setup-dev ## time the loop against raw mj_step, side by side
 
 docs: setup ## redraw the pictures of README and docs
 	@$(RUN_ENV) $(BIN)/python -m docs.images
+
+reproduction: setup ## rewrite docs/reproduction.md: the fewest observers under every reading
+	@$(RUN_ENV) $(BIN)/python -m docs.reproduction
 
 shape: setup ## rebuild assets/eros.obj from its harmonics
 	@$(BIN)/swarm-mj shape --out assets/eros.obj

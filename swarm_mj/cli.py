@@ -103,11 +103,18 @@ def _add_design(commands: argparse._SubParsersAction) -> None:
     design.add_argument("--out", type=Path, metavar="DIR", help=f"result folder (default: {DEFAULT_OUT}/NAME-design)")
     design.add_argument("--seed", type=int, metavar="N", help="seed of the genetic algorithm")
     design.add_argument(
-        "--set", action="append", default=[], dest="overrides", metavar="KEY=VALUE", help="change one value; may be repeated"
+        "--set",
+        action="append",
+        default=[],
+        dest="overrides",
+        metavar="KEY=VALUE",
+        help="change one value; may be repeated",
     )
     design.add_argument("--fold", type=int, metavar="K", help="every face must be seen by at least K spacecraft")
     design.add_argument("--pareto", action="store_true", help="trade spacecraft against delta-v and area too (NSGA-II)")
-    design.add_argument("--compare", action="store_true", help="print how the minimum grows with demands beyond the paper")
+    design.add_argument(
+        "--compare", action="store_true", help="print how the minimum grows with demands beyond the paper"
+    )
     design.add_argument("--workers", type=int, metavar="N", help="processes for the pictures (default: one per core)")
     design.add_argument("--no-figures", action="store_true", help="write no pictures")
     design.add_argument("--quiet", action="store_true", help="no progress bar")

@@ -107,7 +107,9 @@ def design_table(record: dict[str, Any]) -> Table:
             f"{result['seconds']:.2f}",
         )
     gap = record["gap"]
-    words = "the genetic algorithm covers too little" if gap < 0 else f"gap of the genetic algorithm to the proof: {gap}"
+    words = (
+        "the genetic algorithm covers too little" if gap < 0 else f"gap of the genetic algorithm to the proof: {gap}"
+    )
     table.caption = (
         f"{words}; selected: {record['n_observers']} observers by the {record['selected_by']}. Criterion: "
         f"{record['criterion']['criterion']}, {record['camera']['half_angle_deg']:g} deg half-angle"

@@ -21,6 +21,7 @@ from swarm_mj.design.genetic import GeneticResult, GeneticSettings, evolve
 from swarm_mj.design.pareto import ParetoFront, pareto_front
 from swarm_mj.design.problem import CoverProblem
 from swarm_mj.errors import MissionError
+from swarm_mj.scenarios.loading import scenario_from
 from swarm_mj.scenarios.schema import Scenario
 
 Ints = NDArray[np.int64]
@@ -174,7 +175,7 @@ def with_overrides(scenario: Scenario, overrides: dict[str, dict[str, Any]]) -> 
     data = scenario.model_dump()
     for section, values in overrides.items():
         data[section] = {**data[section], **values}
-    return Scenario.model_validate(data)
+    return scenario_from(data, f"{scenario.name} with {overrides}")
 
 
 def _grown(change: str, scenario: Scenario, workers: int | None) -> Growth:

@@ -27,6 +27,9 @@ Array = NDArray[np.float64]
 Shares = NDArray[np.float32]
 Progress = Callable[[float], None]
 
+#: With fewer pictures than these, starting processes takes longer than judging them here.
+MIN_PARALLEL = 1000
+
 #: Raise when the meaning of a stored picture changes.
 CACHE_VERSION = 1
 
@@ -109,8 +112,7 @@ def picture_numbers(flights: CandidateFlights, candidate: int, at: NDArray[np.bo
 def _compute(region: TargetRegion, viewer: Viewer, jobs: dict[int, tuple[Array, Array]], workers: int | None):  # type: ignore[no-untyped-def]
     """Judge candidates as they finish: pairs of candidate and shares."""
     workers = min(workers or os.cpu_count() or 1, len(jobs))
-    # A process takes a second or two to start; a few pictures are quicker here.
-    if workers <= 1 or sum(len(r) for r, _ in jobs.values()) < 1000:
+    if workers <= 1 or sum(len(r) for r, _ in jobs.values()) < MIN_PARALLEL:
         _open(region, viewer)
         try:
             for j, job in jobs.items():

@@ -17,6 +17,7 @@ from swarm_mj.observation.coverage import ObservationCriterion, within_limits
 from swarm_mj.observation.illumination import lit
 from swarm_mj.observation.raytracing import RayTracer
 from swarm_mj.planning import load_body_shape, target_from
+from swarm_mj.scenarios.loading import scenario_from
 from swarm_mj.scenarios.schema import Scenario
 
 Array = NDArray[np.float64]
@@ -122,11 +123,12 @@ def flight_variants(scenario: Scenario) -> list[Scenario]:
     altitudes = designer.altitudes_m or (design.imaging_altitude_m,)
     times = designer.times_of_flight_s or (design.time_of_flight_s,)
     return [
-        # Validated again, so that a time that does not fit the scenario is refused like one in the file.
-        Scenario.model_validate(
+        # Read again, so that a value that does not fit is refused like one in the file.
+        scenario_from(
             scenario.model_copy(
                 update={"design": design.model_copy(update={"imaging_altitude_m": h, "time_of_flight_s": t})}
-            ).model_dump()
+            ).model_dump(),
+            f"{scenario.name} with the designer's choices",
         )
         for h, t in product(altitudes, times)
     ]
