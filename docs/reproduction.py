@@ -1,4 +1,4 @@
-"""Write docs/reproduction.md: the fewest observers under every reading of the observation criterion (python -m docs.reproduction).
+"""Write docs/reproduction.md, the fewest observers under every reading of the criterion: python -m docs.reproduction.
 
 Every number in the page comes from the exact solver; pictures are cached, so that a second run takes seconds.
 """
@@ -194,10 +194,11 @@ sampling distance is that of an instrument that resolves 10 cm from 14 km straig
 
 No limit on emission angle or ground sampling distance gives five with 21.5 deg: as the limit tightens, the minimum rises to two
 or three, and then some faces cannot be seen from any point. A resolution of 10 cm including obliquity cannot be had anywhere
-near whole coverage from 14 km. What gives five is a footprint of about 2 km, a half-angle between 4 and 4.25 deg at the instant of
-the visit. `eros-config1` and `eros-config2` use 4.25 deg, which stays at five for the inscribed cone with whole faces and with
-faces cut to the footprint; `eros-literal` keeps the literal reading. Why the paper's 21.5 deg camera needed five cannot be told
-from its text; a genetic algorithm that stops above the minimum is one explanation, see below.
+near whole coverage from 14 km. What gives five is a narrower footprint at the instant of the visit: about 2 km wide where half a
+face suffices, 3.4 km where a face must be seen whole. `eros-config1` and `eros-config2` take the visit, after which the paper
+names its points, half a face, and 4.25 deg, which stays at five when the faces are cut finer; `eros-literal` keeps the literal
+reading. Why the paper's 21.5 deg camera needed five cannot be told from its text; a genetic algorithm that stops above the
+minimum is one explanation, see below.
 
 ## All readings
 {table}

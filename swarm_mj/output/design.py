@@ -68,13 +68,14 @@ def _genetic_record(result: GeneticResult) -> dict[str, Any]:
 def write_design(folder: Path, study: Study) -> dict[str, Any]:
     """Write everything but the pictures; returns the record in design.json."""
     seen = study.sightings
+    history = {f"history_{name}": np.column_stack(result.history) for name, result in study.genetic.items()}
     np.savez_compressed(
         folder / "sightings.npz",
         sees=seen.sees,
         area=seen.area,
         delta_v=seen.delta_v,
         candidates=np.array(seen.candidates),
-        **{f"history_{name}": np.column_stack(result.history) for name, result in study.genetic.items()},
+        **history,  # type: ignore[arg-type]
     )
     write_text(folder / "scenario.yaml", yaml.safe_dump(study.scenario.model_dump(mode="json"), sort_keys=False))
     if study.front is not None:

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
+from matplotlib.transforms import Bbox
 
 from swarm_mj.designer import Study
 from swarm_mj.output.figures.cells import angles, draw_cells
@@ -70,9 +71,7 @@ def compose_gene_map(study: Study) -> Figure:
     ax = figure.add_subplot()
     ax.set_axis_off()
     heads = ["observing\nspacecraft"] + [f"spacecraft {k + 1}\nvisits point" for k in range(len(shown))]
-    table = ax.table(
-        cellText=[heads, [str(len(points)), *map(str, shown)]], cellLoc="center", bbox=[0.0, 0.0, 1.0, 1.0]
-    )
+    table = ax.table(cellText=[heads, [str(len(points)), *map(str, shown)]], cellLoc="center", bbox=Bbox.unit())
     table.auto_set_font_size(False)
     table.set_fontsize(TICK_PT)
     for (row, _), cell in table.get_celld().items():
@@ -119,7 +118,7 @@ def _draw_points(ax: Axes, study: Study, target: int) -> None:
         text = ax.annotate(
             str(number), (east, north), xytext=(0, 8), textcoords="offset points", ha="center", fontweight="bold"
         )
-        text.set_path_effects(HALO)
+        text.set(path_effects=HALO)
 
 
 def compose_pareto(study: Study) -> Figure:
