@@ -183,8 +183,8 @@ centre, 21.5 deg half-angle, everything counts that is seen while inside the ima
 camera's footprint, 11 km wide, holds the whole target, 4 km wide. The paper does not write down its culling and clipping, at
 which instant a face counts, nor which part of a face must be seen. The tables give the fewest observers under each reading.
 
-In all of them the target is F_T of 170 faces on the 8,000-face mesh of this project, the 51 visiting points are its vertices
-at 14 km, flights and epoch are those of `eros-literal`, and |100 - P_TO| <= 0.1 %. *Cone in square* counts what a square camera
+In all of them the target is F_T of 170 faces on the 8,000-face mesh of this project, the 51 visiting points are its
+vertices at 14 km, flights and epoch are those of `eros-literal`, and |100 - P_TO| <= 0.1 %. *Cone in square* counts what a square camera
 sees under any rotation about its line of sight; *square* takes the rotation of a start along the inertial axes. The ground
 sampling distance is that of an instrument that resolves 10 cm from 14 km straight down, with range and obliquity.
 
@@ -192,8 +192,8 @@ sampling distance is that of an instrument that resolves 10 cm from 14 km straig
 
 {fives}
 
-No limit on emission angle or ground sampling distance gives five with 21.5 deg: as the limit tightens, the minimum rises to two
-or three, and then some faces cannot be seen from any point. A resolution of 10 cm including obliquity cannot be had anywhere
+No limit on emission angle or ground sampling distance gives five with 21.5 deg: as the limit tightens, the minimum rises to
+two or three, and then some faces cannot be seen from any point. A resolution of 10 cm including obliquity cannot be had anywhere
 near whole coverage from 14 km. What gives five is a narrower footprint at the instant of the visit: about 2 km wide where half a
 face suffices, 3.4 km where a face must be seen whole. `eros-config1` and `eros-config2` take the visit, after which the paper
 names its points, half a face, and 4.25 deg, which stays at five when the faces are cut finer; `eros-literal` keeps the literal
@@ -205,8 +205,8 @@ minimum is one explanation, see below.
 
 ## The genetic algorithm beside the proof
 
-For `eros-config1`. *Plain* is crossover and mutation on the gene map, as the paper describes; *repair* also completes and prunes
-designs.
+For `eros-config1`. *Plain* is crossover and mutation on the gene map, as the paper describes; *repair* also completes and
+prunes designs.
 
 | method | observers | designs explored |
 |---|---|---|
