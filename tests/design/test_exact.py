@@ -170,3 +170,11 @@ def test_reduction_leaves_a_smaller_problem(make_discs):
     reduced = reduce_problem(problem, np.ones(150))
     assert len(reduced.points) < 150 and len(reduced.weights) < problem.n_faces
     assert reduced.sees.shape == (len(reduced.points), len(reduced.weights))
+
+
+def test_faces_that_cannot_be_covered_are_taken_from_the_tolerance():
+    sees = np.array([[True, True, False], [False, True, False]])
+    problem = CoverProblem(sees=sees, area=np.array([50.0, 47.0, 3.0]), tolerance_percent=5.0)
+    reduced = reduce_problem(problem, np.ones(2))
+    assert reduced.slack / problem.total_weight == pytest.approx(0.02)
+    assert reduced.points.tolist() == [0]

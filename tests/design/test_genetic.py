@@ -40,7 +40,7 @@ def test_on_200_geometric_instances_evolution_never_beats_the_proof_and_equals_i
     assert all(50 <= problem.n_points <= 200 and 160 <= problem.n_faces <= 180 for _, problem, _ in instances)
     minima = {proof.n_observers for _, _, proof in instances}
     assert minima == set(range(4, 14))
-    gap = gaps(instances, patience=20)
+    gap = gaps(instances, patience=30)
     assert gap.min() >= 0
     assert np.mean(gap == 0) >= 0.95
 
@@ -112,6 +112,8 @@ def test_where_one_point_sees_everything_evolution_finds_it_and_stops_for_want_o
     )
     result = evolve(CoverProblem(sees=sees, area=np.ones(sees.shape[1])))
     assert result.genes.tolist() == [1, 61]
+    assert result.stopped_by == "no new designs"
+    assert result.explored < 10 * (result.generations + 1)  # repair turns every child into one of a few designs
 
 
 def test_a_single_visiting_point_is_a_design():
