@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from swarm_mj.candidates.pictures import Progress
 from swarm_mj.candidates.sightings import Candidate, Sightings, sightings
-from swarm_mj.design.exact import ExactResult, solve_exact
+from swarm_mj.design.exact import ExactResult, solve_budget, solve_exact
 from swarm_mj.design.genetic import GeneticResult, GeneticSettings, evolve
 from swarm_mj.design.pareto import ParetoFront, pareto_front
 from swarm_mj.design.problem import CoverProblem
@@ -117,7 +117,9 @@ def study_design(
     front = None
     if pareto:
         clock.begin("trade-off")
-        front = pareto_front(problem, seen.delta_v, known=[exact.points])
+        # The best coverage for each number of spacecraft, with proof, for evolution to start from.
+        known = [solve_budget(problem, n).points for n in range(1, exact.n_observers + 1)]
+        front = pareto_front(problem, seen.delta_v, known=known)
     clock.end()
     return Study(
         scenario=scenario,
