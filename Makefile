@@ -53,8 +53,9 @@ types: setup-dev ## check types
 
 check: test lint types ## tests, style and types
 
-bench: setup-dev ## time the loop against raw mj_step, side by side
+bench: setup-dev ## time the loop against raw mj_step, and the designer
 	@$(BIN)/python -m benchmarks.loop_overhead
+	@$(RUN_ENV) $(BIN)/python -m benchmarks.designer
 
 docs: setup ## redraw the pictures of README and docs
 	@$(RUN_ENV) $(BIN)/python -m docs.images
