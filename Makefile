@@ -3,7 +3,6 @@ PYTHON ?= $(shell for p in python3.13 python3.12 python3.11 python3 python; do \
 	command -v $$p >/dev/null 2>&1 && $$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo $$p && break; done)
 VENV ?= .venv
 BIN := $(VENV)/bin
-RUN_ENV := MUJOCO_GL=egl
 
 .DEFAULT_GOAL := help
 .PHONY: help run test test-fast lint format types check wheel-test bench docs reproduction shape gl setup setup-dev clean
@@ -13,7 +12,7 @@ help: ## list the targets
 
 $(BIN)/python:
 	@test -n "$(PYTHON)" || { echo "swarm_mj needs Python >= 3.11; none was found. Install it, or name it: make run PYTHON=/path/to/python"; exit 1; }
-	@$(PYTHON) -m venv $(VENV) || { rm -rf $(VENV); echo "The module venv is missing. On Debian and Ubuntu: apt-get install python3-venv"; exit 1; }
+	@sh scripts/make-venv.sh "$(PYTHON)" "$(VENV)"
 
 $(VENV)/.installed: pyproject.toml | $(BIN)/python
 	@echo "Installing swarm_mj into $(VENV) (once; about 850 MB) ..."
@@ -32,13 +31,13 @@ gl: ## install the OpenGL libraries for offscreen rendering, or say how
 	@sh scripts/install-gl.sh
 
 run: setup ## fly both configurations of the paper
-	@$(RUN_ENV) $(BIN)/swarm-mj run $(ARGS)
+	@$(BIN)/swarm-mj run $(ARGS)
 
 test: setup-dev ## run every test
-	@$(RUN_ENV) $(BIN)/python -m pytest $(ARGS)
+	@$(BIN)/python -m pytest $(ARGS)
 
 test-fast: setup-dev ## run the tests that take less than a few seconds
-	@$(RUN_ENV) $(BIN)/python -m pytest -m "not slow" $(ARGS)
+	@$(BIN)/python -m pytest -m "not slow" $(ARGS)
 
 lint: setup-dev ## check style
 	@$(BIN)/ruff check .
@@ -55,13 +54,13 @@ check: test lint types ## tests, style and types
 
 bench: setup-dev ## time the loop against raw mj_step, and the designer
 	@$(BIN)/python -m benchmarks.loop_overhead
-	@$(RUN_ENV) $(BIN)/python -m benchmarks.designer
+	@$(BIN)/python -m benchmarks.designer
 
 docs: setup ## redraw the pictures of README and docs
-	@$(RUN_ENV) $(BIN)/python -m docs.images
+	@$(BIN)/python -m docs.images
 
 reproduction: setup ## rewrite docs/reproduction.md: the fewest observers under every reading
-	@$(RUN_ENV) $(BIN)/python -m docs.reproduction
+	@$(BIN)/python -m docs.reproduction
 
 shape: setup ## rebuild assets/eros.obj from its harmonics
 	@$(BIN)/swarm-mj shape --out assets/eros.obj

@@ -1,1 +1,5 @@
-"""Reinforcement-learning environments of swarm_mj."""
+"""Reinforcement-learning environments of swarm_mj; importing this registers them with gymnasium."""
+
+from .registration import register_with_gymnasium
+
+register_with_gymnasium()

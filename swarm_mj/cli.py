@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import argparse
 import json
+import signal
 import sys
+import threading
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -18,6 +20,9 @@ DEFAULT_SCENARIOS = ("eros-config1", "eros-config2")
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit status: 0 done, 1 a named error, 130 interrupted."""
     arguments = _parser().parse_args(argv)
+    if threading.current_thread() is threading.main_thread():
+        # Whoever ends the program politely gets the same tidy end as Ctrl-C.
+        signal.signal(signal.SIGTERM, _interrupt)
     try:
         return int(arguments.command(arguments) or 0)
     except SwarmError as error:
@@ -28,6 +33,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 130
     except BrokenPipeError:
         return 0
+
+
+def _interrupt(number: int, frame: object) -> None:
+    raise KeyboardInterrupt
 
 
 def _parser() -> argparse.ArgumentParser:

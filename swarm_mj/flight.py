@@ -176,7 +176,7 @@ def observe_flight(plan: Plan, telemetry: xr.Dataset, progress: Progress | None 
             sun_A = C_AN[k] @ plan.environment.sun.at(times[k])
             seen = observe(observer, C_AN[k] @ r_BN_N[k, j], C_BN[k, j] @ C_AN[k].T, criterion, sun_A)
             passage.add(times[k], j, seen)
-            if times[k] == scenario.design.time_of_flight_s:
+            if k == visit_sample(scenario):
                 visit.add(times[k], j, seen)
             if progress is not None:
                 progress(count + 1)
@@ -191,6 +191,11 @@ def observe_flight(plan: Plan, telemetry: xr.Dataset, progress: Progress | None 
     )
 
 
+def visit_sample(scenario: Scenario) -> int:
+    """Number of the telemetry sample at the instant of the visit."""
+    return round(scenario.design.time_of_flight_s / scenario.telemetry.interval_s)
+
+
 def picture_count(plan: Plan, telemetry: xr.Dataset) -> int:
     """Number of pictures that `observe_flight` will judge."""
     return len(_pictures(plan, telemetry))
@@ -200,8 +205,7 @@ def _pictures(plan: Plan, telemetry: xr.Dataset) -> list[tuple[int, int]]:
     """Sample and spacecraft of every picture, in order of time."""
     scenario = plan.scenario
     every = round(scenario.observation.interval_s / scenario.telemetry.interval_s)
-    visit = round(scenario.design.time_of_flight_s / scenario.telemetry.interval_s)
-    samples = sorted({*range(0, telemetry.sizes["time"], every), visit})
+    samples = sorted({*range(0, telemetry.sizes["time"], every), visit_sample(scenario)})
     observing = np.isin(telemetry["mode"].values[:, : plan.n_observers], OBSERVING)
     return [(k, j) for k in samples for j in range(plan.n_observers) if observing[k, j]]
 

@@ -17,7 +17,6 @@ from swarm_mj.mission.safety import CloseApproach, close_approaches, find_impact
 from swarm_mj.mission.target import TargetRegion, automatic_cell_size, build_target, check_visiting_points
 from swarm_mj.mission.trajectories import Deployment, deploy, propagate
 from swarm_mj.scenarios.schema import Body, Scenario
-from swarm_mj.simulation.simulation import sample_times
 from swarm_mj.smallbody.environment import Environment, LinearMotion
 from swarm_mj.smallbody.ephemeris import Ephemeris, julian_date
 from swarm_mj.smallbody.kepler import OrbitalElements
@@ -25,12 +24,16 @@ from swarm_mj.smallbody.rotation import Rotation
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.smallbody.shape_harmonics import load_eros
 from swarm_mj.smallbody.shape_io import load_shape
+from swarm_mj.smallbody.solid_angle import points_inside
 from swarm_mj.spacecraft.model import spacecraft_names
 from swarm_mj.spacecraft.properties import RPM, SpacecraftProperties
 
 Array = NDArray[np.float64]
 
 PACKAGED_SHAPE = "eros"
+
+#: Time between the points at which a planned flight is checked for impact and near-collision [s], and how many at most.
+CHECK_INTERVAL_S, MAX_CHECKS = 1.0, 100_000
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,6 +103,7 @@ def make_plan(scenario: Scenario) -> Plan:
         n_observers,
         scenario.behavior.imaging_radius_m,
     )
+    _check_mothership(scenario, shape)
     deployment = deploy(
         environment,
         mothership_A=np.array(scenario.mothership.position_A_m),
@@ -180,6 +184,7 @@ def visiting_points(scenario: Scenario, shape: ShapeModel, region: TargetRegion)
 def environment_from(scenario: Scenario, shape: ShapeModel) -> Environment:
     """Everything that acts near the body, for the scenario's epoch."""
     body, perturbations = scenario.body, scenario.perturbations
+    _require_own_gravity(body)
     gravity = plugins.create(plugins.GRAVITY, body.gravity.model, body.gravity.parameters, shape)
     ephemeris, jd = ephemeris_from(body), julian_date(scenario.epoch)
     pressed = perturbations.srp_area_m2 / scenario.spacecraft.mass_kg if perturbations.solar_radiation_pressure else 0.0
@@ -210,6 +215,23 @@ def ephemeris_from(body: Body) -> Ephemeris:
     return Ephemeris(orbit=elements, rotation=Rotation(**body.rotation.model_dump()))
 
 
+#: What each built-in field takes from Eros where the scenario says nothing; a shape of one's own needs its own.
+OWN_GRAVITY = {
+    "point_mass": ("gm",),
+    "polyhedron": ("gm", "density_kg_m3"),
+    "spherical_harmonics": ("coefficients",),
+}
+
+
+def _require_own_gravity(body: Body) -> None:
+    needed = OWN_GRAVITY.get(body.gravity.model, ())
+    if body.shape != PACKAGED_SHAPE and needed and not set(needed) & set(body.gravity.parameters):
+        raise ScenarioError(
+            f"body.gravity.parameters = {body.gravity.parameters}: body.shape = {body.shape} would take the gravity of Eros; "
+            f"{body.gravity.model} needs {' or '.join(needed)} (check body.rotation and body.orbit too)"
+        )
+
+
 def antennas_from(scenario: Scenario) -> Antennas:
     """The scenario's antennas."""
     link = scenario.link
@@ -226,11 +248,20 @@ def _mothership_velocity(scenario: Scenario) -> str | Array:
     return velocity if isinstance(velocity, str) else np.array(velocity)
 
 
+def _check_mothership(scenario: Scenario, shape: ShapeModel) -> None:
+    position = np.array([scenario.mothership.position_A_m])
+    if points_inside(position, shape.vertices, shape.faces).any():
+        raise ScenarioError(f"mothership.position_A_m = {list(position[0])}: lies inside {shape.name}")
+
+
 def _check_flight(
     scenario: Scenario, shape: ShapeModel, environment: Environment, deployment: Deployment
 ) -> tuple[list[CloseApproach], Array]:
     """Fly the trajectories ahead; an impact is an error, a near-collision is reported."""
-    times = sample_times(scenario.duration_s, scenario.telemetry.interval_s)
+    # A grid of its own, so that what is found does not depend on how much telemetry is asked for.
+    times = np.linspace(
+        0.0, scenario.duration_s, 1 + min(MAX_CHECKS, max(1, round(scenario.duration_s / CHECK_INTERVAL_S)))
+    )
     starts = np.broadcast_to(deployment.r0_N, deployment.v0_N.shape)
     r_N, _ = propagate(environment.acceleration_N, starts, deployment.v0_N, times)
     C_AN = np.array([environment.C_AN(t) for t in times])

@@ -109,16 +109,42 @@ _ROWS: dict[str, Callable[[dict[str, Any]], str]] = {
     "pointing error before a switch, at most [deg]": lambda s: _worst(s["pointing_error_deg_before_switch"]),
     "pointing error at the end, at most [deg]": lambda s: _worst(s["pointing_error_deg_final"]),
     "wheel speed, at most [% of limit]": lambda s: f"{100 * s['max_wheel_speed_fraction']:.0f}",
+    "links closed at the end": lambda s: f"{s['links_closed_final']} of {s['spacecraft']}",
     "deployment delta-v, at most [m/s]": lambda s: f"{max(s['deployment_delta_v_m_s'].values()):.2f}",
     "measured by": lambda s: s["observer"],
     "wall time [s]": lambda s: f"{sum(s['wall_s'].values()):.1f}",
 }
 
 
+#: Pointing errors above this at the end or before a switch are worth a remark [deg].
+SETTLED_DEG = 0.1
+
+
+def remarks(summary: dict[str, Any]) -> list[str]:
+    """What a reader should know before believing a run's numbers."""
+    found = []
+    for when, key in (
+        ("at the end", "pointing_error_deg_final"),
+        ("before a switch", "pointing_error_deg_before_switch"),
+    ):
+        late = {name: error for name, error in summary[key].items() if error > SETTLED_DEG}
+        if late:
+            worst = max(late.values())
+            found.append(f"pointing had not settled {when}: {', '.join(late)}, up to {worst:.3g} deg")
+    cut = {name: seconds for name, seconds in summary["wheel_saturation_s"].items() if seconds > 0}
+    if cut:
+        found.append(
+            f"wheel limits cut the controller's torque: {', '.join(f'{n} for {s:g} s' for n, s in cut.items())}"
+        )
+    return found
+
+
 def _print_notes(console: Console, summary: dict[str, Any], folder: Path) -> None:
     console.print(f"{summary['scenario']}: {summary['description']}", soft_wrap=True, highlight=False, markup=False)
     if summary["observer"] != "faceid":
         console.print(f"{summary['scenario']}: {summary['observer_note']}", soft_wrap=True, highlight=False)
+    for remark in remarks(summary):
+        console.print(f"{summary['scenario']}: {remark}", soft_wrap=True, highlight=False, markup=False)
     for near in summary["near_collisions"]:
         first, second = near["spacecraft"]
         console.print(

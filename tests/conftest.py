@@ -1,10 +1,23 @@
 """Shared fixtures: the packaged body, a quick plan, and a summary of what was skipped."""
 
+import ctypes
 import os
 
 import pytest
 
-os.environ.setdefault("MUJOCO_GL", "egl")
+
+def _egl_loads():
+    try:
+        ctypes.CDLL("libEGL.so.1")
+        ctypes.CDLL("libGL.so.1")
+    except OSError:
+        return False
+    return True
+
+
+# MuJoCo fails on import when it is told to use a library that is not there.
+if _egl_loads():
+    os.environ.setdefault("MUJOCO_GL", "egl")
 
 
 @pytest.fixture(scope="session")

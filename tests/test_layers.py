@@ -23,6 +23,7 @@ ORDER = [
     ("candidates",),
     ("designer",),
     ("output",),
+    ("validation",),
     ("runner", "design_runner"),
     ("envs",),
     ("cli",),

@@ -1,8 +1,10 @@
 """The command `swarm-mj run` as a user meets it: files, numbers, and bad input without partial output."""
 
 import json
+import os
 import subprocess
 import sys
+import time
 
 import numpy as np
 import pytest
@@ -130,6 +132,56 @@ def test_without_gl_the_job_completes_on_the_ray_caster_and_says_so(tmp_path, ca
     assert "no libEGL.so.1 here" in capsys.readouterr().out
 
 
+def test_where_egl_finds_no_driver_the_job_completes_on_rays(tmp_path):
+    environment = {**os.environ, "__EGL_VENDOR_LIBRARY_FILENAMES": "/nonexistent", "LIBGL_DRIVERS_PATH": "/nonexistent"}
+    environment.pop("MUJOCO_GL", None)
+    command = [sys.executable, "-m", "swarm_mj.cli", *QUICK, "--out", str(tmp_path / "run")]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert json.loads((tmp_path / "run" / "summary.json").read_text())["observer"] == "raycast"
+    assert "ray casting" in done.stdout
+
+
+def test_the_visit_is_found_at_times_that_rounding_disturbs(tmp_path):
+    fine = ["control.period_s=0.1", "physics.timestep_s=0.1", "telemetry.interval_s=0.1", "design.time_of_flight_s=600.3",
+            "observation.interval_s=60", "duration_s=660", "observation.criterion=visit"]  # fmt: skip
+    arguments = [part for override in fine for part in ("--set", override)]
+    assert main([*QUICK, "--out", str(tmp_path / "run"), *arguments]) == 0
+    assert json.loads((tmp_path / "run" / "summary.json").read_text())["coverage_percent"] > 50
+
+
+def test_a_polite_end_leaves_nothing_half_written(tmp_path):
+    command = [sys.executable, "-m", "swarm_mj.cli", "run", "eros-config1", "--quiet", "--out", str(tmp_path / "run")]
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+    while process.poll() is None and not list(tmp_path.iterdir()):
+        time.sleep(0.02)
+    process.terminate()
+    assert process.wait(60) == 130
+    assert "interrupted" in process.stderr.read()
+    assert not list(tmp_path.iterdir())
+
+
+def test_pointing_that_did_not_settle_and_wheel_limits_are_remarked(tmp_path, capsys):
+    weak = ["--set", "spacecraft.wheel.max_torque_n_m=0.00001"]
+    assert main([*QUICK, "--out", str(tmp_path / "run"), *weak]) == 0
+    output = capsys.readouterr().out
+    assert "pointing had not settled" in output
+    assert "wheel limits cut" in output
+
+
+@pytest.mark.gl
+@pytest.mark.parametrize("name", ["eros-config1", "eros-config2", "eros-literal"])
+def test_the_papers_missions_see_the_whole_target(name, tmp_path):
+    out = tmp_path / name
+    assert main(["run", name, "--quiet", "--no-figures", "--out", str(out)]) == 0
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["coverage_percent"] == pytest.approx(100.0, abs=0.1)
+    assert summary["coverage_percent_passage"] == pytest.approx(100.0, abs=0.1)
+    assert max(summary["pointing_error_deg_before_switch"].values()) < 0.1
+    assert max(summary["pointing_error_deg_final"].values()) < 0.1
+    assert summary["max_wheel_speed_fraction"] <= 1.0
+
+
 def test_both_observers_agree_on_the_accumulated_area_of_a_narrow_camera(tmp_path):
     shares = {}
     for kind in ("raycast", "auto"):
@@ -147,6 +199,8 @@ def test_both_observers_agree_on_the_accumulated_area_of_a_narrow_camera(tmp_pat
 
 OPEN_MESH = "v 0 0 0\nv 9000 0 0\nv 0 9000 0\nv 0 0 9000\nf 1 3 2\nf 1 2 4\nf 1 4 3\n"
 INVERTED = "v -9000 -9000 -9000\nv 9000 0 0\nv 0 9000 0\nv 0 0 9000\nf 1 2 3\nf 1 4 2\nf 1 3 4\nf 2 4 3\n"
+TETRAHEDRON = "v -9000 -9000 -9000\nv 9000 0 0\nv 0 9000 0\nv 0 0 9000\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+SHIFTED = "v 90000 90000 90000\nv 99000 90000 90000\nv 90000 99000 90000\nv 90000 90000 99000\n" + TETRAHEDRON[-32:]
 KILOMETRES = "v -9 -9 -9\nv 9 0 0\nv 0 9 0\nv 0 0 9\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
 
 
@@ -165,6 +219,21 @@ KILOMETRES = "v -9 -9 -9\nv 9 0 0\nv 0 9 0\nv 0 0 9\nf 1 3 2\nf 1 2 4\nf 1 4 3\n
         (["camera.half_angle_deg=.nan"], None, ["camera.half_angle_deg", "nan"]),
         (["design.visiting_points=[7, 99]"], None, ["design.visiting_points", "99", "1 to 51"]),
         (["body.shape=/nowhere/mesh.obj"], None, ["/nowhere/mesh.obj"]),
+        (["mothership.position_A_m=[0, 0, 0]"], None, ["mothership.position_A_m", "inside"]),
+        (["mothership.position_A_m=[0, 0, -1e300]"], None, ["mothership.position_A_m", "1000000000"]),
+        (["mothership.velocity=[1e300, 0, 0]"], None, ["mothership.velocity", "1e+300"]),
+        (["spacecraft.wheel.spin_inertia_kg_m2=1e-300"], None, ["MuJoCo", "inertia"]),
+        (["camera.half_angle_deg=0.02"], None, ["target.cell_size_m"]),
+        (["target.cell_size_m=0.05"], None, ["target.cell_size_m"]),
+        (["body.gravity.parameters={coefficients: [[100000, 0, 0, 0]]}"], None, ["100000", "360"]),
+        (["body.gravity.parameters={coefficients: [[2, 0, 1, 0], [2, 0, 1, 0]]}"], None, ["twice"]),
+        (["body.gravity.parameters={coefficients: [[2]]}"], None, ["[n, m, C, S]"]),
+        (["body.gravity={model: polyhedron, parameters: {gm: 1, density_kg_m3: 1}}"], None, ["gm", "density_kg_m3"]),
+        (["link.hemispherical_boresight_B=[0, 0, 0]"], None, ["link.hemispherical_boresight_B", "zero"]),
+        (["body.radius_range_m=[2, 1]"], None, ["body.radius_range_m", "smaller one first"]),
+        (["body.rotation.w_rate_deg_per_day=1e15"], None, ["w_rate_deg_per_day", "1000000"]),
+        ([], TETRAHEDRON, ["body.gravity.parameters", "Eros"]),
+        (["body.gravity={model: point_mass, parameters: {gm: 4e5}}"], SHIFTED, ["mesh.obj"]),
         ([], OPEN_MESH, ["mesh.obj", "edge"]),
         ([], INVERTED, ["mesh.obj", "inward"]),
         ([], KILOMETRES, ["mesh.obj", "kilometres"]),

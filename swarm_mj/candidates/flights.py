@@ -79,7 +79,8 @@ def fly_candidates(scenario: Scenario) -> CandidateFlights:
 
 def _picture_times(scenario: Scenario) -> Array:
     times = sample_times(scenario.duration_s, scenario.observation.interval_s)
-    return np.unique(np.append(times, scenario.design.time_of_flight_s))
+    visit = scenario.design.time_of_flight_s
+    return np.sort(np.append(times[np.abs(times - visit) > 1e-6], visit))
 
 
 def _commanded(plan: Plan, times: Array, r_N: Array, v_N: Array) -> tuple[NDArray[np.bool_], Array, Array]:

@@ -154,7 +154,7 @@ def seen_cells(
     """Whether each candidate sees each cell of a region by the scenario's criterion, shape (n, cells)."""
     at = None
     if scenario.observation.criterion == "visit":
-        at = flights.times == scenario.design.time_of_flight_s
+        at = np.isclose(flights.times, scenario.design.time_of_flight_s, rtol=0.0, atol=1e-6)
     shares = visible_shares(flights, region, viewer, at=at, workers=workers, progress=progress)
     criterion = criterion_from(scenario)
     light = _light(flights, region, criterion)

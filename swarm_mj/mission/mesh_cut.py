@@ -9,9 +9,13 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from swarm_mj.errors import MissionError
+
 Vertices = NDArray[np.float64]
 Faces = NDArray[np.int32]
 
+#: A mesh of more faces than these takes longer to draw and judge than anybody waits.
+MAX_FACES = 400_000
 #: Distances to a cutting plane below this fraction of the mesh's radius count as zero, i.e. as rounding.
 ON_PLANE = 1e-12
 
@@ -50,6 +54,9 @@ def refine_mesh(
 
     Returns:
         Vertices, faces, and the given face that each came from.
+
+    Raises:
+        MissionError: The mesh would grow beyond `MAX_FACES`.
     """
     parent = np.arange(len(faces))
     while True:
@@ -61,6 +68,11 @@ def refine_mesh(
         marked = _is_one_of(keys, len(vertices))
         vertices, faces, origin = _split_edges(vertices, faces, marked, _midpoint)
         parent = parent[origin]
+        if len(faces) > MAX_FACES:
+            raise MissionError(
+                f"cells of {longest_edge:.3g} m would cut the mesh into more than {MAX_FACES:,} faces: set a larger "
+                "target.cell_size_m (with 'auto' it follows the camera's half-angle), or null for whole faces"
+            )
 
 
 def plane_distance(points: NDArray[np.float64], normal: NDArray[np.float64]) -> NDArray[np.float64]:

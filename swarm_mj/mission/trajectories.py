@@ -124,7 +124,10 @@ def solve_transfers(
         if np.linalg.norm(miss, axis=1).max() < SHOOTING_TOLERANCE_M:
             return v0, np.linalg.norm(miss, axis=1)
         jacobian = (arrivals[:, 1:] - arrivals[:, :1]).transpose(0, 2, 1) / VELOCITY_STEP
-        v0 = v0 - np.linalg.solve(jacobian, miss[..., None])[..., 0]
+        try:
+            v0 = v0 - np.linalg.solve(jacobian, miss[..., None])[..., 0]
+        except np.linalg.LinAlgError:
+            break
     worst = int(np.argmax(np.linalg.norm(miss, axis=1)))
     raise MissionError(
         f"sc{worst + 1}: no trajectory to its visiting point in {time_of_flight:g} s (miss "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import tempfile
@@ -11,8 +12,9 @@ from pathlib import Path
 
 from swarm_mj.errors import OutputError
 
-#: What marks a folder as a result of this program, which a new run may replace.
+#: The file that every result has, and what such a folder may hold besides; anything else is somebody's and never replaced.
 MARKER = "summary.json"
+KINDS = {".json", ".yaml", ".nc", ".npz", ".png", ".pdf", ".html", ".mp4", ".gif"}
 
 
 @contextmanager
@@ -24,7 +26,7 @@ def atomic_folder(destination: Path) -> Iterator[Path]:
     Raises:
         OutputError: The place cannot be written, or holds something that is not a result of this program.
     """
-    destination = destination.absolute()
+    destination = destination.resolve()
     _check_replaceable(destination)
     try:
         destination.parent.mkdir(parents=True, exist_ok=True)
@@ -51,12 +53,27 @@ def _check_replaceable(destination: Path) -> None:
             return
         if not destination.is_dir():
             raise OutputError(f"{destination}: is a file; --out must name a folder")
-        if any(destination.iterdir()) and not (destination / MARKER).exists():
+        if Path.cwd().is_relative_to(destination):
+            raise OutputError(f"{destination}: is the folder you are in, or holds it; choose another folder with --out")
+        entries = list(destination.iterdir())
+        foreign = [p.name for p in entries if p.suffix not in KINDS or p.is_dir()]
+        if entries and (foreign or not _is_result(destination)):
+            what = f"holds {foreign[0]}" if foreign else f"has no {MARKER} of swarm-mj"
             raise OutputError(
-                f"{destination}: exists and is not an earlier result (it has no {MARKER}); choose another folder with --out"
+                f"{destination}: exists and is not an earlier result ({what}); choose another folder with --out"
             )
     except OSError as error:
         raise OutputError(f"{destination}: cannot be read ({error.strerror})") from None
+
+
+def _is_result(folder: Path) -> bool:
+    try:
+        summary = json.loads((folder / MARKER).read_text("utf-8"))
+    except (OSError, ValueError, RecursionError):
+        return False
+    return (
+        isinstance(summary, dict) and "scenario" in summary and "swarm_mj" in {*summary, *summary.get("versions", {})}
+    )
 
 
 def _replace(partial: Path, destination: Path) -> None:

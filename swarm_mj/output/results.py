@@ -10,7 +10,6 @@ import numpy as np
 import xarray as xr
 import yaml
 
-from swarm_mj.errors import OutputError
 from swarm_mj.flight import ObservationResult
 from swarm_mj.output.folder import write_text
 from swarm_mj.planning import Plan
@@ -59,15 +58,3 @@ def write_coverage(path: Path, plan: Plan, result: ObservationResult) -> None:
         first_seen_s_passage=passage.first_seen_s,
         seen_by_passage=passage.seen_by,
     )
-
-
-def read_summary(folder: Path) -> dict[str, Any]:
-    """Read the summary of a run.
-
-    Raises:
-        OutputError: The folder is not a result.
-    """
-    try:
-        return json.loads((folder / "summary.json").read_text("utf-8"))
-    except (OSError, ValueError) as error:
-        raise OutputError(f"{folder}: is not a result folder of swarm-mj ({error})") from None

@@ -56,18 +56,20 @@ def summarise(plan: Plan, telemetry: xr.Dataset, result: ObservationResult, wall
                     "time_s": s["time_s"],
                     "from": s["from"],
                     "to": s["to"],
-                    "error_deg": _rounded(error_deg[s["sample"], j], 3),
+                    "error_before_deg": _rounded(error_deg[s["sample"] - 1, j], 9),
+                    "error_after_deg": _rounded(error_deg[s["sample"], j], 3),
                 }
                 for s in switches[name]
             ]
             for j, name in enumerate(names)
         },
         "max_wheel_speed_fraction": _rounded(
-            float(np.abs(telemetry["wheel_speed"].values).max()) / plan.properties.max_wheel_speed, 6
+            float(telemetry["wheel_speed_peak"].max()) / plan.properties.max_wheel_speed, 6
         ),
         "max_wheel_torque_fraction": _rounded(
-            float(np.abs(telemetry["wheel_torque"].values).max()) / plan.properties.max_wheel_torque, 6
+            float(telemetry["wheel_torque_peak"].max()) / plan.properties.max_wheel_torque, 6
         ),
+        "wheel_saturation_s": _by_name(names, telemetry["wheel_saturation_time"].values, 3),
         "deployment_delta_v_m_s": _by_name(names, plan.deployment.delta_v, 6),
         "transfer_miss_mm": _by_name(names, 1e3 * plan.deployment.miss_m, 6),
         "least_distance_to_centre_km": _by_name(names, plan.least_radius / 1e3, 3),
@@ -80,6 +82,7 @@ def summarise(plan: Plan, telemetry: xr.Dataset, result: ObservationResult, wall
             for a in plan.near_collisions
         ],
         "link_closed_percent": _by_name(names, 100.0 * telemetry["link_closed"].values.mean(axis=0), 2),
+        "links_closed_final": int(telemetry["link_closed"].values[-1].sum()),
         "wall_s": {stage: round(seconds, 3) for stage, seconds in wall_s.items()},
         "versions": {
             "swarm_mj": __version__,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import json
+import re
 from collections.abc import Iterable, Mapping
 from importlib import resources
 from pathlib import Path
@@ -53,6 +54,7 @@ def load_scenario(name_or_path: str | Path, overrides: Iterable[str] = ()) -> Sc
     """
     text, source = _read(name_or_path)
     data = _parse(text, source)
+    _resolve_paths(data, Path(source).parent)
     for override in overrides:
         _apply(data, override)
     _resolve_design(data)
@@ -65,6 +67,16 @@ def scenario_from(data: Mapping[str, Any], source: str = "scenario") -> Scenario
         return Scenario.model_validate(data)
     except ValidationError as error:
         raise ScenarioError(f"{source}:\n" + "\n".join(_explain(e) for e in error.errors())) from None
+
+
+def _resolve_paths(data: dict[str, Any], folder: Path) -> None:
+    """Read paths in a scenario file relative to that file; those of `--set` are relative to the current folder."""
+    for section, key in (("body", "shape"), ("design", "reference")):
+        values = data.get(section)
+        if isinstance(values, dict) and isinstance(values.get(key), str):
+            path = folder / values[key]
+            if _exists(path) and path.is_file():
+                values[key] = str(path.resolve())
 
 
 def read_design(reference: str) -> list[int]:
@@ -113,8 +125,10 @@ def _resolve_design(data: dict[str, Any]) -> None:
 
 def _read(name_or_path: str | Path) -> tuple[str, str]:
     path = Path(name_or_path)
-    if path.suffix in {".yaml", ".yml"} or path.exists():
+    if path.suffix in {".yaml", ".yml"} or _exists(path):
         try:
+            if path.exists() and not path.is_file():
+                raise ScenarioError(f"{path}: is no regular file")
             with path.open("rb") as file:
                 raw = file.read(MAX_BYTES + 1)
         except OSError as error:
@@ -128,12 +142,43 @@ def _read(name_or_path: str | Path) -> tuple[str, str]:
     return packaged_text(str(name_or_path)), str(name_or_path)
 
 
+def _exists(path: Path) -> bool:
+    try:
+        return path.exists()
+    except OSError:  # a name too long for any file
+        return False
+
+
+class _Loader(yaml.SafeLoader):
+    """Safe YAML that reads 1e-5 as a number, as YAML 1.2 does, and refuses keys that are given twice."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        """Build a mapping; a key given twice is a mistake, not a choice."""
+        mapping = super().construct_mapping(node, deep=deep)
+        if len(mapping) < len(node.value):
+            keys = [self.construct_object(key, deep=True) for key, _ in node.value]
+            twice = next(key for key in keys if keys.count(key) > 1)
+            raise yaml.YAMLError(f"key {twice!r} is given twice{node.start_mark}")
+        return mapping
+
+
+_Loader.add_implicit_resolver(
+    "tag:yaml.org,2002:float",
+    re.compile(r"^[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)$"),
+    list("-+.0123456789"),
+)
+
+
+def _yaml(text: str) -> Any:
+    return yaml.load(text, Loader=_Loader)
+
+
 def _parse(text: str, source: str) -> dict[str, Any]:
     try:
         # Aliases let a page of text unfold into gigabytes; no scenario needs them.
         if any(isinstance(token, yaml.AliasToken) for token in yaml.scan(text)):
             raise ScenarioError(f"{source}: YAML aliases (*name) are not allowed in scenarios")
-        data = yaml.safe_load(text)
+        data = _yaml(text)
     except (yaml.YAMLError, RecursionError, ValueError) as error:
         raise ScenarioError(f"{source}: not valid YAML: {error}") from None
     if not isinstance(data, dict):
@@ -146,8 +191,8 @@ def _apply(data: dict[str, Any], override: str) -> None:
     if not separator or not key.strip():
         raise ScenarioError(f"--set {override}: must read key=value, for example camera.half_angle_deg=3")
     try:
-        value = yaml.safe_load(text)
-    except yaml.YAMLError as error:
+        value = _yaml(text)
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise ScenarioError(f"--set {override}: the value is not valid YAML: {error}") from None
     *parents, last = key.strip().split(".")
     node = data

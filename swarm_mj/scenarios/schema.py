@@ -14,7 +14,8 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator, model_valida
 
 from swarm_mj import constants
 
-Vector3 = Annotated[tuple[float, float, float], Field(description="three components")]
+Component = Annotated[float, Field(ge=-1e9, le=1e9)]
+Vector3 = Annotated[tuple[Component, Component, Component], Field(description="three components")]
 Parameters = dict[str, Any]
 
 
@@ -44,13 +45,15 @@ class RotationState(Section):
     )
     pole_dec_deg: float = Field(constants.EROS_POLE_DEC_DEG, ge=-90, le=90, description="declination of the pole [deg]")
     w0_deg: float = Field(constants.EROS_W0_DEG, description="prime meridian angle at J2000 [deg]")
-    w_rate_deg_per_day: float = Field(constants.EROS_W_RATE_DEG_PER_DAY, description="rotation rate [deg/day]")
+    w_rate_deg_per_day: float = Field(
+        constants.EROS_W_RATE_DEG_PER_DAY, ge=-1e6, le=1e6, description="rotation rate [deg/day]"
+    )
 
 
 class HeliocentricOrbit(Section):
     """Keplerian elements in the ecliptic J2000 frame (default: 433 Eros, JPL Horizons, epoch 2019-05-02)."""
 
-    semi_major_axis_au: float = Field(1.458114857699829, gt=0)
+    semi_major_axis_au: float = Field(1.458114857699829, ge=0.01, le=1e4)
     eccentricity: float = Field(0.2227354414120954, ge=0, lt=1)
     inclination_deg: float = Field(10.82855904976882, ge=0, le=180)
     node_deg: float = 304.3061397028930
@@ -73,6 +76,13 @@ class Body(Section):
     gravity: GravityModel = Field(default_factory=GravityModel)
     rotation: RotationState = Field(default_factory=RotationState)
     orbit: HeliocentricOrbit = Field(default_factory=HeliocentricOrbit)
+
+    @field_validator("radius_range_m")
+    @classmethod
+    def _range_is_one(cls, value: tuple[float, float]) -> tuple[float, float]:
+        if not 0 < value[0] < value[1]:
+            raise ValueError(f"= {list(value)}: must be two positive numbers, the smaller one first")
+        return value
 
 
 class Perturbations(Section):
@@ -174,13 +184,13 @@ class Control(Section):
     parameters: Parameters = Field(
         default_factory=dict, description="gains of the plug-in; see docs/attitude_control.md"
     )
-    period_s: float = Field(0.5, gt=0, description="how long wheel torques and forces are held [s]")
+    period_s: float = Field(0.5, ge=1e-3, le=60, description="how long wheel torques and forces are held [s]")
 
 
 class Physics(Section):
     """Time integration by MuJoCo's RK4."""
 
-    timestep_s: float = Field(0.1, gt=0, le=1.0)
+    timestep_s: float = Field(0.1, ge=1e-3, le=1.0)
 
 
 class Behavior(Section):
@@ -276,6 +286,13 @@ class Link(Section):
     hemispherical_half_angle_deg: float = Field(90.0, gt=0, le=180)
     max_range_m: float = Field(50_000.0, gt=0, description="of an inter-satellite link")
 
+    @field_validator("hemispherical_boresight_B")
+    @classmethod
+    def _boresight_points_somewhere(cls, value: tuple[float, float, float]) -> tuple[float, float, float]:
+        if max(map(abs, value)) < 1e-9:
+            raise ValueError(f"= {list(value)}: must not be zero")
+        return value
+
 
 class Safety(Section):
     """Limits whose violation is reported."""
@@ -289,7 +306,7 @@ class Safety(Section):
 class Telemetry(Section):
     """What is written during the flight."""
 
-    interval_s: float = Field(1.0, gt=0)
+    interval_s: float = Field(1.0, ge=1e-3)
 
 
 class Scenario(Section):
@@ -362,5 +379,7 @@ class Scenario(Section):
 
 def is_multiple(value: float, unit: float) -> bool:
     """Whether `value` is a whole, positive multiple of `unit` to 1e-9 relative."""
+    if not unit > 1e-12 * value:
+        return False
     count = round(value / unit)
     return count >= 1 and abs(value - count * unit) <= 1e-9 * value

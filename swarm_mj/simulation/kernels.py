@@ -7,13 +7,15 @@ in B, three wheel speeds. `work` holds the loop's vectors, shape (len(Slot), n, 
 from __future__ import annotations
 
 from enum import IntEnum
-from math import cos, sin, sqrt
+from math import cos, sin
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from swarm_mj.attitude.guidance import attitude_error, pointing_error, track_line_of_sight
+from swarm_mj.attitude.algebra import put_vector, quaternion, rotate, vector
+from swarm_mj.attitude.guidance import attitude_error, track_line_of_sight
+from swarm_mj.smallbody.perturbations import gravity_gradient_torque
 from swarm_mj.smallbody.rotation import spin_dcm
 
 Array = NDArray[np.float64]
@@ -145,7 +147,7 @@ def guide(
     restart: NDArray[np.bool_],
     q_RN: Array,
     work: Array,
-) -> None:
+) -> bool:
     """From targets to references and tracking errors.
 
     Args:
@@ -161,8 +163,13 @@ def guide(
         restart: Scratch, shape (n,).
         q_RN: Reference attitudes, replaced by the present ones, shape (n, 4).
         work: See `Slot`.
+
+    Returns:
+        Whether the targets make sense: known kinds, and spacecraft that exist.
     """
     for j in range(kind.shape[0]):
+        if not 0 <= kind[j] <= 4 or (kind[j] == 1 and not 0 <= index[j] < kind.shape[0]):
+            return False
         restart[j] = kind[j] != aim[0, j] or index[j] != aim[1, j]
         aim[0, j], aim[1, j] = kind[j], index[j]
         for k in range(3):
@@ -200,6 +207,7 @@ def guide(
         work[_OMEGA_R_B],
         work[_DOMEGA_R_B],
     )
+    return True
 
 
 @njit(cache=True, error_model="numpy")
@@ -228,6 +236,7 @@ def actuate(
     max_speed: float,
     work: Array,
     ctrl: Array,
+    peaks: Array,
 ) -> None:
     """Turn body torques into motor torques within the wheels' limits.
 
@@ -239,37 +248,50 @@ def actuate(
         max_speed: [rad/s].
         work: See `Slot`.
         ctrl: Receives the motor torques, shape (3 n,) [N m].
+        peaks: Largest wheel speed [rad/s] and torque [N m] so far, and holds in which a limit cut a torque, shape (n, 3).
     """
     for j in range(torque_B.shape[0]):
+        cut = False
         for w in range(3):
             u = (
                 allocation[w, 0] * torque_B[j, 0]
                 + allocation[w, 1] * torque_B[j, 1]
                 + allocation[w, 2] * torque_B[j, 2]
             )
+            asked = u
             u = min(max_torque, max(-max_torque, u))
             # A torque that would carry the wheel past its top speed within the hold is cut to just reach it.
             speed = work[_WHEEL, j, w]
             u = min(max(0.0, (max_speed - speed) / speed_gain), max(min(0.0, (-max_speed - speed) / speed_gain), u))
             ctrl[3 * j + w] = u
+            cut = cut or u != asked
+            peaks[j, 0] = max(peaks[j, 0], abs(speed))
+            peaks[j, 1] = max(peaks[j, 1], abs(u))
+        if cut:
+            peaks[j, 2] += 1.0
 
 
 @njit(cache=True, error_model="numpy")
-def gradient_torque(q_BN: Array, gm: float, inertia: Array, C_mid: Array, hub: Ints, xfrc: Array, work: Array) -> None:
-    """Hold the gravity-gradient torque 3 GM/r^5 r x (J r) of the central field (Schaub and Junkins, sec. 4.4.3)."""
+def push_gradient(q_BN: Array, gm: float, inertia: Array, C_mid: Array, hub: Ints, xfrc: Array, work: Array) -> None:
+    """Hold the gravity-gradient torque of the central field.
+
+    Args:
+        q_BN: Attitudes, shape (n, 4).
+        gm: Gravitational parameter of the body [m^3/s^2].
+        inertia: Of every spacecraft in B, shape (n, 3, 3) [kg m^2].
+        C_mid: Rotation from N to A at the middle of the hold.
+        hub: Body ids of the hubs, shape (n,).
+        xfrc: MuJoCo's `xfrc_applied`; force and torque in N.
+        work: See `Slot`.
+    """
+    r_B = np.empty((hub.shape[0], 3))
     for j in range(hub.shape[0]):
-        w, x, y, z = q_BN[j, 0], q_BN[j, 1], q_BN[j, 2], q_BN[j, 3]
-        C = np.array(
-            [
-                [1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)],
-                [2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)],
-                [2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)],
-            ]
-        )
-        r_B = C @ (C_mid.T @ work[_R_A, j])
-        torque_N = C.T @ np.cross(r_B, inertia @ r_B) * (3.0 * gm / sqrt(r_B @ r_B) ** 5)
-        for k in range(3):
-            xfrc[hub[j], 3 + k] = torque_N[k]
+        r_N = C_mid.T @ work[_R_A, j]
+        w, x, y, z = quaternion(q_BN, j)
+        put_vector(r_B, j, rotate((w, -x, -y, -z), (r_N[0], r_N[1], r_N[2])))
+    torque_B = gravity_gradient_torque(r_B, inertia, gm)
+    for j in range(hub.shape[0]):
+        put_vector(xfrc[:, 3:], hub[j], rotate(quaternion(q_BN, j), vector(torque_B, j)))
 
 
 @njit(cache=True, error_model="numpy")
@@ -323,6 +345,3 @@ def record(
             vectors[row, 4, j, k] = work[_WHEEL, j, k]
             vectors[row, 5, j, k] = ctrl[3 * j + k]
             vectors[row, 6, j, k] = work[_LOS, j, k]
-
-
-__all__ = ["Slot", "actuate", "gradient_torque", "guide", "pointing_error", "push", "record", "sense", "turn_body"]

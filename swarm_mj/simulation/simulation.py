@@ -59,12 +59,15 @@ class Record:
         vectors: r, v, omega, sigma_BR, wheel speed, wheel torque, line of sight, shape (t, 7, n, 3).
         attitude: q_BN and q_RN, shape (t, 2, n, 4).
         aim: `TargetKind` values and the spacecraft tracked, counted from 0 (-1: none), shape (t, 2, n).
+        peaks: Over every control period, not only the samples: largest wheel speed [rad/s], largest motor torque [N m], and
+            the time in which a wheel limit cut a torque [s], shape (n, 3).
     """
 
     time: Array
     vectors: Array
     attitude: Array
     aim: NDArray[np.int16]
+    peaks: Array
 
 
 class Simulation:
@@ -113,6 +116,7 @@ class Simulation:
         self._C_AN, self._C_mid = np.zeros((3, 3)), np.zeros((3, 3))
         self._aim = np.zeros((2, n), np.int64)
         self._restart = np.zeros(n, np.bool_)
+        self._peaks = np.zeros((n, 3))
         self._hub = np.ascontiguousarray(self.model.hub_body, np.int64)
         self._axes = np.ascontiguousarray(axes)
         self._allocation = -np.linalg.pinv(axes.T)
@@ -151,6 +155,7 @@ class Simulation:
         qvel[:, :3], qvel[:, 3:6], qvel[:, 6:9] = initial.v_BN_N, initial.omega_BN_B, initial.wheel_speed
         self.tick = 0
         self._aim[:] = -1
+        self._peaks[:] = 0.0
         self._behavior_memory: Any = None
         self._controller_memory: Any = None
 
@@ -183,7 +188,7 @@ class Simulation:
         kernels.turn_body(self._q_P, phase, data.mocap_quat[self.model.asteroid_mocap])
         view = SwarmView(t, work[Slot.R], work[Slot.V], self._C_AN)
         targets, self._behavior_memory = self.behavior.targets(view, self._behavior_memory)
-        kernels.guide(
+        aimed = kernels.guide(
             targets.kind,
             targets.spacecraft,
             targets.vector,
@@ -197,6 +202,11 @@ class Simulation:
             self._q_RN,
             work,
         )
+        if not aimed:
+            raise PluginError(
+                f"the behaviour aims at what is not there: kinds {targets.kind.tolist()}, spacecraft "
+                f"{targets.spacecraft.tolist()} of {self.model.n}, counted from 0"
+            )
         torque_B, self._controller_memory = self.controller.torque(self._inputs, self._controller_memory)
         limits = self.properties
         kernels.actuate(
@@ -207,6 +217,7 @@ class Simulation:
             (1.0 - SPEED_MARGIN) * limits.max_wheel_speed,
             work,
             data.ctrl,
+            self._peaks,
         )
         return targets
 
@@ -219,8 +230,8 @@ class Simulation:
             a_A = a_A + self.environment.perturbing_acceleration_N(middle, r_N) @ self._C_mid.T
         kernels.push(a_A, self._C_mid, self.properties.mass, self._hub, data.xfrc_applied, work)
         if self._gradient_gm > 0.0:
-            inertia = self.properties.inertia_B
-            kernels.gradient_torque(
+            inertia = self._inputs.inertia_B
+            kernels.push_gradient(
                 self._q_BN, self._gradient_gm, inertia, self._C_mid, self._hub, data.xfrc_applied, work
             )
 
@@ -247,6 +258,7 @@ class Simulation:
             vectors=np.empty((samples, 7, n, 3)),
             attitude=np.empty((samples, 2, n, 4)),
             aim=np.empty((samples, 2, n), np.int16),
+            peaks=np.empty((n, 3)),
         )
         ticks = stride * (samples - 1)
         report_every = max(1, ticks // 100)
@@ -269,6 +281,7 @@ class Simulation:
                 self.advance()
             if progress is not None and k % report_every == 0:
                 progress(self.time)
+        record.peaks[:] = self._peaks * (1.0, 1.0, self.period)
         return record
 
     def _divergence(self) -> str:

@@ -76,7 +76,11 @@ def build_model(
         spec.attach(
             _cubesat(properties, timestep, camera_half_angle_deg), frame=spec.worldbody.add_frame(), prefix=f"{name}_"
         )
-    return _resolve(spec.compile(), spacecraft_names(n))
+    try:
+        compiled = spec.compile()
+    except ValueError as error:
+        raise MissionError(f"MuJoCo cannot build the spacecraft: {error}; check masses, sizes and inertias") from None
+    return _resolve(compiled, spacecraft_names(n))
 
 
 def _scene(shape: ShapeModel, timestep: float, sun_N: NDArray[np.float64]) -> mujoco.MjSpec:

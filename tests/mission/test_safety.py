@@ -57,7 +57,7 @@ def test_a_mission_that_hits_the_asteroid_is_refused_with_place_and_time(tmp_pat
     save_obj(build_eros(6), tmp_path / "coarse.obj")
     through = [
         f"body.shape={tmp_path / 'coarse.obj'}",
-        "body.gravity.model=polyhedron",
+        "body.gravity={model: polyhedron, parameters: {gm: 446275.472004}}",
         "mothership.position_A_m=[0, -30000, 0]",
         "design.visiting_points=[1, 2]",
     ]

@@ -1,6 +1,7 @@
 """Reading scenarios: good ones, and bad input with an error that helps."""
 
 import json
+import os
 
 import pytest
 import yaml
@@ -84,6 +85,10 @@ def test_overrides_change_nested_values_and_keep_the_rest():
         ("design.visiting_points=[]", ["design.visiting_points", "at least 1"]),
         ("body.radius_range_m=big", ["body.radius_range_m", "big"]),
         ("name=../../etc", ["name", "../../etc"]),
+        ("epoch=2018-13-45", ["epoch", "2018-13-45"]),
+        ("epoch=soon", ["epoch", "soon"]),
+        ("physics.timestep_s=1e-320", ["physics.timestep_s", "0.001"]),
+        ("body.orbit.semi_major_axis_au=1e-300", ["semi_major_axis_au", "0.01"]),
     ],
 )
 def test_a_wrong_value_is_refused_with_key_value_and_what_is_allowed(override, words):
@@ -93,7 +98,31 @@ def test_a_wrong_value_is_refused_with_key_value_and_what_is_allowed(override, w
         assert word in str(error.value)
 
 
-@pytest.mark.parametrize("override", ["camera", "=3", "camera.half_angle_deg.x=3", "camera=[", "seed.x=1"])
+def test_numbers_with_an_exponent_and_no_point_are_numbers():
+    scenario = load_scenario("eros-quick", ["control.parameters.disturbance_torque=1e-5", "spacecraft.mass_kg=8e0"])
+    assert scenario.control.parameters["disturbance_torque"] == 1e-5
+    assert scenario.spacecraft.mass_kg == 8.0
+
+
+def test_paths_in_a_file_are_relative_to_it(tmp_path, monkeypatch):
+    (tmp_path / "case").mkdir()
+    (tmp_path / "case" / "mesh.obj").write_text("")
+    (tmp_path / "case" / "mine.yaml").write_text("name: mine\nbody: {shape: mesh.obj}\n")
+    monkeypatch.chdir(tmp_path)
+    assert load_scenario("case/mine.yaml").body.shape == str(tmp_path / "case" / "mesh.obj")
+
+
+def test_a_pipe_and_an_endless_name_are_refused(tmp_path):
+    os.mkfifo(tmp_path / "pipe.yaml")
+    with pytest.raises(ScenarioError, match="no regular file"):
+        load_scenario(tmp_path / "pipe.yaml")
+    with pytest.raises(ScenarioError, match="no such scenario"):
+        load_scenario("x" * 5000)
+
+
+@pytest.mark.parametrize(
+    "override", ["seed=" + "[" * 3000, "camera", "=3", "camera.half_angle_deg.x=3", "camera=[", "seed.x=1"]
+)
 def test_a_malformed_override_is_refused(override):
     with pytest.raises(ScenarioError):
         load_scenario("eros-quick", [override])
@@ -110,6 +139,7 @@ def test_a_malformed_override_is_refused(override):
         b"a: &x [1]\nb: *x",
         b"[" * 3000,
         b"name: x\nepoch: 12:99",
+        b"name: x\nseed: 1\nseed: 2",
         b"x" * 2_000_000,
     ],
 )

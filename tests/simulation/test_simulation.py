@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from swarm_mj.attitude.controllers.base import ControlInput
-from swarm_mj.errors import SimulationError
+from swarm_mj.errors import PluginError, SimulationError
 from swarm_mj.flight import initial_state, make_simulation, simulate
-from swarm_mj.mission.behaviors import AdaptableRoles, DedicatedCommunications
+from swarm_mj.mission.behaviors import AdaptableRoles, DedicatedCommunications, Targets
 from swarm_mj.mission.trajectories import propagate
 from swarm_mj.planning import environment_from, load_body_shape, make_plan
 from swarm_mj.scenarios.loading import load_scenario
@@ -130,6 +130,34 @@ def test_no_wheel_passes_its_speed_or_torque_limit_however_hard_it_is_pushed(ero
     speed, torque = np.abs(record.vectors[:, 4]).max(), np.abs(record.vectors[:, 5]).max()
     assert 0.999 * properties.max_wheel_speed < speed <= properties.max_wheel_speed
     assert torque == pytest.approx(properties.max_wheel_torque)
+
+
+def test_peaks_and_saturation_are_kept_between_samples(eros):
+    class Pulse:
+        def torque(self, inputs, memory):
+            tick = memory or 0
+            torque = np.zeros_like(inputs.sigma_BR)
+            torque[:, 0] = {3: -1.0, 4: 0.002}.get(tick, 0.0)
+            return torque, tick + 1
+
+    record = tumbling(Pulse(), eros).run(50.0, 50.0)
+    properties = SpacecraftProperties()
+    assert record.peaks[:, 1] == pytest.approx(properties.max_wheel_torque)
+    assert record.peaks[:, 2] == pytest.approx(0.5)
+    assert (record.peaks[:, 0] > 0.9 * 0.5 * properties.max_wheel_torque / properties.wheel_spin_inertia).all()
+
+
+@pytest.mark.parametrize(("kind", "spacecraft"), [(1, 7), (1, -1), (9, 0)])
+def test_a_behavior_that_aims_at_what_is_not_there_is_refused(eros, kind, spacecraft):
+    class Wild(AdaptableRoles):
+        def targets(self, view, memory):
+            n = self.n_observers
+            return Targets(np.full(n, kind), np.full(n, spacecraft), np.zeros((n, 3))), memory
+
+    simulation = tumbling(NoTorque(), eros)
+    simulation.behavior = Wild(3, 35e3)
+    with pytest.raises(PluginError, match="aims at what is not there"):
+        simulation.run(1.0, 1.0)
 
 
 def test_same_seed_gives_bit_equal_telemetry_and_another_seed_does_not(quick_plan):

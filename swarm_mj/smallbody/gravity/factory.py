@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from swarm_mj import constants
+from swarm_mj.errors import ScenarioError
 from swarm_mj.smallbody.gravity.point_mass import PointMass
 from swarm_mj.smallbody.gravity.polyhedron import Polyhedron
 from swarm_mj.smallbody.gravity.spherical_harmonics import SphericalHarmonics
@@ -34,12 +35,26 @@ def spherical_harmonics(
         reference_radius_m: Reference radius of the coefficients [m].
         coefficients: Rows (n, m, C, S), fully normalised; None: degree 2 of NEAR15A for Eros.
     """
-    table = constants.EROS_DEGREE_2 if coefficients is None else {(n, m): (c, s) for n, m, c, s in coefficients}
+    table = constants.EROS_DEGREE_2 if coefficients is None else _table(coefficients)
     return SphericalHarmonics.from_coefficients(gm=gm, reference_radius=reference_radius_m, coefficients=table)
 
 
 def polyhedron(shape: ShapeModel, *, gm: float | None = None, density_kg_m3: float | None = None) -> Polyhedron:
     """Constant-density polyhedron of the shape; its mass from `gm` [m^3/s^2] (default: Eros) or the density."""
+    if density_kg_m3 is not None and gm is not None:
+        raise ScenarioError(f"polyhedron: give gm = {gm!r} or density_kg_m3 = {density_kg_m3!r}, not both")
     if density_kg_m3 is not None:
         return Polyhedron(shape, density=density_kg_m3)
     return Polyhedron(shape, gm=constants.EROS_GM if gm is None else gm)
+
+
+def _table(coefficients: Sequence[tuple[int, int, float, float]]) -> dict[tuple[int, int], tuple[float, float]]:
+    table: dict[tuple[int, int], tuple[float, float]] = {}
+    for row in coefficients:
+        if len(row) != 4 or not all(type(k) is int for k in row[:2]):
+            raise ScenarioError(f"gravity coefficients: {row!r} is no row [n, m, C, S] with whole n and m")
+        n, m, c, s = row
+        if (n, m) in table:
+            raise ScenarioError(f"gravity coefficients: (n, m) = ({n}, {m}) is given twice")
+        table[n, m] = (float(c), float(s))
+    return table

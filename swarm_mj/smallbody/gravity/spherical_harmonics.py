@@ -24,6 +24,9 @@ from swarm_mj import constants
 from swarm_mj.errors import ScenarioError
 from swarm_mj.smallbody.gravity.base import frozen, positions, positive
 
+#: Highest degree accepted; far beyond what any small body's field was measured to.
+MAX_DEGREE = 360
+
 
 @dataclass(frozen=True, eq=False)
 class SphericalHarmonics:
@@ -65,8 +68,12 @@ class SphericalHarmonics:
             ScenarioError: an order outside 0 <= m <= n, or a number that is not finite.
         """
         for n, m in coefficients:
-            if not 0 <= m <= n:
-                raise ScenarioError(f"gravity coefficient (n, m) = ({n}, {m}): needs 0 <= m <= n")
+            if not 0 <= m <= n <= MAX_DEGREE:
+                raise ScenarioError(f"gravity coefficient (n, m) = ({n}, {m}): needs 0 <= m <= n <= {MAX_DEGREE}")
+            if n == 0 and coefficients[n, m][0] == 0.0:
+                raise ScenarioError(
+                    "gravity coefficient (0, 0) = 0 switches gravity off: leave it out, or set a tiny gm"
+                )
         degree = max((n for n, _ in coefficients), default=0)
         c, s = np.zeros((2, degree + 1, degree + 1))
         c[0, 0] = 1.0

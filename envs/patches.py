@@ -1,0 +1,97 @@
+"""The target divided into a fixed number of patches: what an agent sees of the coverage, and what a role can aim at.
+
+The pyramid that bounds the target is divided into k x k equal parts along its east and north tangents, so that the number
+of patches depends neither on the mesh nor on the subdivision into cells. Frame A, metres.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import isqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarm_mj.errors import ScenarioError
+from swarm_mj.mission.target import TargetRegion
+from swarm_mj.observation.raytracing import RayTracer
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Patches:
+    """Groups of target cells, numbered row by row from the south-west, west to east.
+
+    Attributes:
+        of_cell: Patch of each cell, shape (n_cells,).
+        cell_area: Area of each cell [m^2], shape (n_cells,).
+        area: Area of each patch [m^2], shape (count,).
+        centre_A: Mean of each patch's surface in A [m], shape (count, 3).
+    """
+
+    of_cell: NDArray[np.intp]
+    cell_area: Array
+    area: Array
+    centre_A: Array
+
+    @property
+    def count(self) -> int:
+        """Number of patches."""
+        return len(self.area)
+
+    def seen_fraction(self, seen: NDArray[np.bool_]) -> Array:
+        """Share of each patch's area that was seen, from the cells that were, shape (count,)."""
+        return np.bincount(self.of_cell, self.cell_area * seen, self.count) / self.area
+
+
+def make_patches(region: TargetRegion, count: int) -> Patches:
+    """Divide a target.
+
+    Args:
+        region: The target.
+        count: Number of patches, a square number.
+
+    Raises:
+        ScenarioError: The count is no square number, or so large that a patch holds no cell.
+    """
+    k = isqrt(max(int(count), 0))
+    if k < 1 or k * k != count:
+        raise ScenarioError(f"patches = {count}: must be a square number such as 4, 9, 16 or 25")
+    column, row = np.clip(np.floor((tangents(region, region.centroid_A).T + 1.0) * (0.5 * k)), 0, k - 1).astype(int)
+    of_cell = k * row + column
+    area = np.bincount(of_cell, region.area, count)
+    if not area.all():
+        raise ScenarioError(
+            f"patches = {count}: patch {int(np.argmin(area))} holds no cell of this target ({region.n_cells} cells); "
+            "take fewer patches or a smaller target.cell_size_m"
+        )
+    moment = [np.bincount(of_cell, region.area * region.centroid_A[:, i], count) for i in range(3)]
+    return Patches(of_cell, region.area, area, np.column_stack(moment) / area[:, None])
+
+
+def tangents(region: TargetRegion, points_A: Array) -> Array:
+    """East and north tangents of points seen from the body's centre, -1 to 1 inside the pyramid, shape (n, 2)."""
+    east, north, out = (points_A @ region.axes_A.T).T
+    return np.column_stack([east / out, north / out]) / np.tan(region.side_half_angle)
+
+
+def surface_points(region: TargetRegion, tracer: RayTracer, tangent: Array) -> Array:
+    """Where rays from the body's centre with these tangents meet the surface first, the inverse of `tangents`.
+
+    Args:
+        region: The target.
+        tracer: Over the region's mesh.
+        tangent: East and north, in units of the pyramid's half width, shape (n, 2).
+
+    Returns:
+        Points in A [m], shape (n, 3).
+    """
+    ahead = np.column_stack([tangent * np.tan(region.side_half_angle), np.ones(len(tangent))]) @ region.axes_A
+    hit = tracer.first_hit(np.zeros(3), ahead)
+    normal, corner = region.mesh.face_normals[hit], region.vertices[region.faces[hit, 0]]
+    reach = np.einsum("ij,ij->i", normal, corner) / np.einsum("ij,ij->i", normal, ahead)
+    # A ray may slip through a seam, or the centre may lie outside: then the target's mean distance serves.
+    mean = np.linalg.norm(region.centroid_A, axis=1).mean() / np.linalg.norm(ahead, axis=1)
+    good = (hit >= 0) & np.isfinite(reach) & (reach > 0.0)
+    return ahead * np.where(good, reach, mean)[:, None]
