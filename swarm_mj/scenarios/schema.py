@@ -279,9 +279,9 @@ class Link(Section):
 
     dish_half_angle_deg: float = Field(5.0, gt=0, le=90, description="half the beam of the antenna along +z")
     hemispherical_boresight_B: Vector3 = Field(
-        (0.0, 0.0, 1.0),
-        description="axis of the inter-satellite antenna in B; a hemisphere cannot see the whole swarm from its middle, and "
-        "beside the dish it hears more of the paper's swarm than on the opposite face",
+        (0.0, 0.0, -1.0),
+        description="axis of the inter-satellite antenna in B: on the face opposite the dish, so that a relay on the Earthward "
+        "side looks back on the swarm; from the swarm's middle a hemisphere cannot hear all of it",
     )
     hemispherical_half_angle_deg: float = Field(90.0, gt=0, le=180)
     max_range_m: float = Field(50_000.0, gt=0, description="of an inter-satellite link")

@@ -119,7 +119,7 @@ EXPERIMENTS = (
         name="control-sliding-mode",
         what="attitude while slewing to and tracking Eros, 120 s",
         reference="the law, guidance and plant written anew, SciPy DOP853",
-        tolerance=1e-6,
+        tolerance=1e-7,
         unit="rad",
         measure=loop_error,
     ),

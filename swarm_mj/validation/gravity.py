@@ -130,7 +130,11 @@ def _relative(measured: Array, expected: Array) -> float:
     return float(np.max(np.linalg.norm(measured - expected, axis=1) / np.linalg.norm(expected, axis=1)))
 
 
-_FIELDS: dict[str, Callable[[Bench], Field]] = {"point-mass": point_mass, "harmonics": harmonics, "polyhedron": polyhedron}
+_FIELDS: dict[str, Callable[[Bench], Field]] = {
+    "point-mass": point_mass,
+    "harmonics": harmonics,
+    "polyhedron": polyhedron,
+}
 
 EXPERIMENTS = (
     *(

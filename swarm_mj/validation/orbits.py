@@ -79,7 +79,7 @@ EXPERIMENTS = (
         name="orbit-jacobi",
         what="Jacobi constant over the same 24 h, relative",
         reference="conservation in the rotating frame",
-        tolerance=1e-8,
+        tolerance=1e-9,
         unit="1",
         measure=jacobi_drift,
     ),

@@ -1,0 +1,201 @@
+"""Observation: both observers against each other, exact polygons, a sphere's closed form and Embree pixel by pixel."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarm_mj.mission.target import build_target
+from swarm_mj.observation.camera import CameraModel, CameraPose, look_at
+from swarm_mj.observation.faceid import FaceIdObserver
+from swarm_mj.observation.gl_context import gl_available
+from swarm_mj.observation.observer import Observer
+from swarm_mj.observation.raycast import RayCastObserver
+from swarm_mj.observation.raytracing import RayTracer
+from swarm_mj.validation.experiment import Bench, Experiment, NotRun
+from swarm_mj.validation.flights import ball
+from swarm_mj.validation.gravity import eros_shape
+from swarm_mj.validation.polygons import visible_areas
+from swarm_mj.validation.target import eros_target
+
+Array = NDArray[np.float64]
+
+HALF_ANGLE_DEG, RESOLUTION_PX, VIEWS = 10.0, 512, 6
+BALL_RADIUS_M, BALL_FREQUENCY, BALL_DISTANCE_M, BALL_HALF_ANGLE_DEG = 8e3, 30, 20e3, 10.0
+
+
+def camera() -> CameraModel:
+    """A square camera whose picture cuts the target."""
+    return CameraModel(half_angle_deg=HALF_ANGLE_DEG, resolution_px=RESOLUTION_PX)
+
+
+def views(bench: Bench) -> list[CameraPose]:
+    """Poses 19 to 24 km from the centre, up to 40 deg off the target's axis, aimed beside the centre, any roll."""
+    rng = np.random.default_rng(6)
+    poses = []
+    for _ in range(VIEWS):
+        tilt, azimuth = np.radians(rng.uniform(10.0, 40.0)), rng.uniform(0.0, 2.0 * np.pi)
+        out = np.array([np.sin(tilt) * np.cos(azimuth), np.cos(tilt), np.sin(tilt) * np.sin(azimuth)])
+        aim = rng.uniform(-3e3, 3e3, 3)
+        poses.append(look_at(rng.uniform(19e3, 24e3) * out, aim, roll=rng.uniform(0.0, 6.28)))
+    return poses
+
+
+def need_opengl() -> None:
+    """Give up where face-ID buffers cannot be drawn."""
+    available, reason = gl_available()
+    if not available:
+        raise NotRun(f"no OpenGL here ({reason})")
+
+
+def ray_areas(bench: Bench) -> Array:
+    """Area seen of each cell by ray casting, shape (views, n) [m^2]."""
+    region = bench.once(eros_target)
+    return _areas(RayCastObserver(region, camera(), samples=64), bench)
+
+
+def faceid_areas(bench: Bench) -> Array:
+    """Area seen of each cell by face-ID buffers, shape (views, n) [m^2]."""
+    need_opengl()
+    with FaceIdObserver(bench.once(eros_target), camera()) as observer:
+        return _areas(observer, bench)
+
+
+def _areas(observer: Observer, bench: Bench) -> Array:
+    poses = bench.once(views)
+    return np.array([observer.visible_fraction(p.r_A, p.C_CA) * observer.region.area for p in poses])
+
+
+def polygon_areas(bench: Bench) -> Array:
+    """Exact area of each cell in view, shape (views, n) [m^2]."""
+    region, shape = bench.once(eros_target), bench.once(eros_shape)
+    mesh = shape.vertices[shape.faces]
+    return np.array([visible_areas(region.corners_A, mesh, p.r_A, p.C_CA, HALF_ANGLE_DEG) for p in bench.once(views)])
+
+
+def observers_differ(bench: Bench) -> float:
+    """Largest area that the two observers judge differently in a picture, over the target's area [%]."""
+    return _worst_difference(bench, bench.once(faceid_areas), bench.once(ray_areas))
+
+
+def rays_against_polygons(bench: Bench) -> float:
+    """The same between ray casting and polygons [%]."""
+    return _worst_difference(bench, bench.once(ray_areas), bench.once(polygon_areas))
+
+
+def faceid_against_polygons(bench: Bench) -> float:
+    """The same between face-ID buffers and polygons [%]."""
+    return _worst_difference(bench, bench.once(faceid_areas), bench.once(polygon_areas))
+
+
+def _worst_difference(bench: Bench, first: Array, second: Array) -> float:
+    # The sum of the cells' differences, so that an error of place cannot hide behind a right total.
+    return 100.0 * float(np.abs(first - second).sum(axis=1).max()) / bench.once(eros_target).total_area
+
+
+def pixels_differ(bench: Bench) -> float:
+    """Share of the pixels in which a face-ID picture and a ray through the pixel's centre show another face [%]."""
+    need_opengl()
+    region, wrong = bench.once(eros_target), []
+    tracer = RayTracer(region.vertices, region.faces)
+    across = camera().tan_half_angle * ((np.arange(RESOLUTION_PX) + 0.5) * 2.0 / RESOLUTION_PX - 1.0)
+    right, up = np.meshgrid(across, across)
+    rays_C = np.stack([right, -up, np.ones_like(up)], axis=-1).reshape(-1, 3)
+    with FaceIdObserver(region, camera()) as observer:
+        for pose in bench.once(views)[:2]:
+            expected = tracer.first_hit(pose.r_A, rays_C @ pose.C_CA) + 1
+            wrong.append(float(np.mean(observer.face_ids(pose).ravel() != expected)))
+    return 100.0 * max(wrong)
+
+
+def footprint_error(kind: str, bench: Bench) -> float:
+    """Relative error of the area that a conical camera sees of a sphere, looking straight down."""
+    shape = ball(BALL_RADIUS_M, BALL_FREQUENCY)
+    region = build_target(shape, latitude_deg=30.0, longitude_deg=50.0, half_angle_deg=40.0, edges="side")
+    cone = CameraModel(half_angle_deg=BALL_HALF_ANGLE_DEG, shape="cone", resolution_px=1024)
+    pose = look_at(BALL_DISTANCE_M * region.axes_A[2], [0.0, 0.0, 0.0])
+    if kind == "raycast":
+        fraction = RayCastObserver(region, cone).visible_fraction(pose.r_A, pose.C_CA)
+    else:
+        need_opengl()
+        with FaceIdObserver(region, cone) as observer:
+            fraction = observer.visible_fraction(pose.r_A, pose.C_CA)
+    half = np.radians(BALL_HALF_ANGLE_DEG)
+    cap = np.arcsin(BALL_DISTANCE_M / BALL_RADIUS_M * np.sin(half)) - half
+    expected = 2.0 * np.pi * BALL_RADIUS_M**2 * (1.0 - np.cos(cap))
+    return abs(float(fraction @ region.area) / expected - 1.0)
+
+
+def horizon_error(bench: Bench) -> float:
+    """Relative error of the area of a sphere above the horizon, from half a radius above it."""
+    shape = ball(BALL_RADIUS_M, BALL_FREQUENCY)
+    region = build_target(shape, latitude_deg=-20.0, longitude_deg=200.0, half_angle_deg=75.0, edges="side")
+    wide = CameraModel(half_angle_deg=60.0)
+    pose = look_at(1.5 * BALL_RADIUS_M * region.axes_A[2], [0.0, 0.0, 0.0])
+    fraction = RayCastObserver(region, wide).visible_fraction(pose.r_A, pose.C_CA)
+    return abs(float(fraction @ region.area) / (2.0 * np.pi * BALL_RADIUS_M**2 * (1.0 - 1.0 / 1.5)) - 1.0)
+
+
+EXPERIMENTS = (
+    Experiment(
+        name="coverage-footprint-rays",
+        what="area in a conical picture of a sphere by ray casting, relative",
+        reference="closed form of the cap in the field of view",
+        tolerance=2e-3,
+        unit="1",
+        measure=partial(footprint_error, "raycast"),
+    ),
+    Experiment(
+        name="coverage-footprint-faceid",
+        what="the same by face-ID buffers",
+        reference="closed form of the cap in the field of view",
+        tolerance=5e-3,
+        unit="1",
+        measure=partial(footprint_error, "faceid"),
+    ),
+    Experiment(
+        name="coverage-horizon",
+        what="area of a sphere in view from half a radius above, relative",
+        reference="closed form of the cap above the horizon",
+        tolerance=2e-3,
+        unit="1",
+        measure=horizon_error,
+    ),
+    Experiment(
+        name="coverage-pixels",
+        what=f"pixels of face-ID pictures with another face, {RESOLUTION_PX} px",
+        reference="a ray through every pixel's centre, Embree",
+        tolerance=0.05,
+        unit="%",
+        measure=pixels_differ,
+        package="embreex",
+    ),
+    Experiment(
+        name="coverage-observers",
+        what=f"area judged differently in one of {VIEWS} pictures, face-ID buffers, of the target's area",
+        reference="ray casting, 64 rays to each face",
+        tolerance=1.0,
+        unit="%",
+        measure=observers_differ,
+    ),
+    Experiment(
+        name="coverage-polygons-rays",
+        what="the same, ray casting",
+        reference="exact polygon clipping with shapely",
+        tolerance=1.0,
+        unit="%",
+        measure=rays_against_polygons,
+        package="shapely",
+    ),
+    Experiment(
+        name="coverage-polygons-faceid",
+        what="the same, face-ID buffers",
+        reference="exact polygon clipping with shapely",
+        tolerance=1.0,
+        unit="%",
+        measure=faceid_against_polygons,
+        package="shapely",
+    ),
+)
