@@ -61,7 +61,7 @@ class Reading(NamedTuple):
 
 def readings() -> list[tuple[str, list[Reading]]]:
     """All readings, in groups."""
-    angles = (21.5, 10.75, 8.0, 6.0, 5.0, 4.5, 4.25, 4.0, 3.5, 3.0)
+    angles = (21.5, 10.75, 8.0, 6.0, 5.0, 4.5, 4.25, 4.1, 4.0, 3.5, 3.0)
     emissions = (60.0, 45.0, 40.0, 35.0, 34.0, 32.0, 30.0)
     resolutions = (15.0, 13.0, 12.5, 11.5, 11.25, 11.0, 10.0)
     scopes = ("passage", "visit")
@@ -79,15 +79,15 @@ def readings() -> list[tuple[str, list[Reading]]]:
         ),
         (
             "Part of a face that must be seen, at the visit",
-            [Reading("visit", a, part=p) for a in (7.5, 7.0, 6.0, 5.0, 4.25) for p in ("any pixel", "half", "whole")],
+            [Reading("visit", a, part=p) for a in (7.5, 7.0, 6.0, 5.0, 4.1) for p in ("any pixel", "half", "whole")],
         ),
         (
             "Field of view, at the visit",
-            [Reading("visit", a, field=f) for a in (5.0, 4.5, 4.25, 4.0) for f in ("square", "cone")],
+            [Reading("visit", a, field=f) for a in (5.0, 4.5, 4.25, 4.1, 4.0) for f in ("square", "cone")],
         ),
         (
             "Without occlusion, as the paper culls and clips",
-            [Reading(s, a, occlusion=False) for s in scopes for a in (21.5, 4.25)],
+            [Reading(s, a, occlusion=False) for s in scopes for a in (21.5, 4.1)],
         ),
     ]
 
@@ -196,8 +196,9 @@ No limit on emission angle or ground sampling distance gives five with 21.5 deg:
 two or three, and then some faces cannot be seen from any point. A resolution of 10 cm including obliquity cannot be had anywhere
 near whole coverage from 14 km. What gives five is a narrower footprint at the instant of the visit: about 2 km wide where half a
 face suffices, 3.4 km where a face must be seen whole. `eros-config1` and `eros-config2` take the visit, after which the paper
-names its points, half a face, and 4.25 deg, which stays at five when the faces are cut finer; `eros-literal` keeps the literal
-reading. Why the paper's 21.5 deg camera needed five cannot be told from its text; a genetic algorithm that stops above the
+names its points, half a face, and 4.1 deg, where face-ID buffers of any resolution and rays agree on five (at 4.25 deg, close to
+the step to four, coarse sampling says four); cut into cells of a sixth of the footprint, the target would need six there.
+`eros-literal` keeps the literal reading. Why the paper's 21.5 deg camera needed five cannot be told from its text; a genetic algorithm that stops above the
 minimum is one explanation, see below.
 
 ## All readings

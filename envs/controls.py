@@ -7,7 +7,7 @@ present step, which is the one thing these plug-ins remember by themselves.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from gymnasium import error, spaces
@@ -44,9 +44,9 @@ class HeldTorque:
     def __init__(self, n: int) -> None:
         self.torque_B = np.zeros((n, 3))
 
-    def torque(self, inputs: ControlInput, memory: None) -> tuple[Array, None]:
+    def torque(self, inputs: ControlInput, memory: Array | None) -> tuple[Array, Array | None]:
         """See `Controller`; nothing is remembered."""
-        return self.torque_B, None
+        return self.torque_B, memory
 
 
 class ControlLevel(ABC):
@@ -56,14 +56,15 @@ class ControlLevel(ABC):
         action_space: What the agent may choose.
         behavior: Who points at what, for the simulation.
         controller: The control law, for the simulation; it keeps the attitude error.
-        dedicated_communications: As `Behavior` asks.
+        dedicated_communications: Asked of every behaviour; the swarm is planned by then, so that nothing depends on it.
     """
 
     action_space: spaces.Space[Any]
     behavior: Behavior
     controller: RecordingController
-    dedicated_communications = False
+    dedicated_communications: ClassVar[bool] = False
 
+    @abstractmethod
     def reset(self) -> None:
         """Forget the previous action."""
 
@@ -192,7 +193,8 @@ def check_action(space: spaces.Space[Any], action: Any) -> Any:
     """
     try:
         given = np.asarray(action)
-        array = given.astype(space.dtype)
+        with np.errstate(invalid="ignore"):
+            array = given.astype(space.dtype)
         exact = space.dtype == np.float32 or np.array_equal(array, given)
     except (TypeError, ValueError):
         exact, array = False, action

@@ -25,7 +25,7 @@ class Radio:
     Attributes:
         bits_per_pixel: Of a picture, after compression.
         swarm_rate_bit_s: From a spacecraft to the one it tracks [bit/s].
-        earth_rate_bit_s: From a spacecraft that tracks Earth to Earth [bit/s].
+        earth_rate_bit_s: To Earth, which hears one spacecraft at a time [bit/s].
 
     Raises:
         ScenarioError: A value is not positive.
@@ -85,9 +85,15 @@ class Downlink:
             sent = min(self.stored[j], self._radio.swarm_rate_bit_s * duration)
             self.stored[j] -= sent
             self.stored[targets.spacecraft[j]] += sent
-        received = np.zeros_like(self.stored)
-        talks = self.closed & (targets.kind == TargetKind.EARTH)
-        received[talks] = np.minimum(self.stored[talks], self._radio.earth_rate_bit_s * duration)
-        self.stored -= received
-        self.delivered += float(received.sum())
-        return float(received.sum())
+        return self._send_to_earth(self.closed & (targets.kind == TargetKind.EARTH), duration)
+
+    def _send_to_earth(self, talks: NDArray[np.bool_], duration: float) -> float:
+        """Earth hears one spacecraft at a time, in gene order."""
+        budget = self._radio.earth_rate_bit_s * duration
+        received = 0.0
+        for j in np.flatnonzero(talks):
+            sent = min(float(self.stored[j]), budget - received)
+            self.stored[j] -= sent
+            received += sent
+        self.delivered += received
+        return received

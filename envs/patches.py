@@ -60,7 +60,7 @@ def make_patches(region: TargetRegion, count: int) -> Patches:
         raise ScenarioError(f"patches = {count}: must be a square number such as 4, 9, 16 or 25")
     column, row = np.clip(np.floor((tangents(region, region.centroid_A).T + 1.0) * (0.5 * k)), 0, k - 1).astype(int)
     of_cell = k * row + column
-    area = np.bincount(of_cell, region.area, count)
+    area = np.asarray(np.bincount(of_cell, region.area, count), dtype=np.float64)
     if not area.all():
         raise ScenarioError(
             f"patches = {count}: patch {int(np.argmin(area))} holds no cell of this target ({region.n_cells} cells); "

@@ -1,11 +1,11 @@
-"""SwarmObserve-v0: one flyby of a small body by a swarm, as a gymnasium environment on the simulation that `swarm-mj run` flies."""
+"""SwarmObserve-v0: one flyby of a small body by a swarm as a gymnasium environment, on the simulation of `swarm-mj run`."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -69,7 +69,7 @@ spacecraft 1..n (itself: hold); K+n+1: Earth; K+n+2: hold the direction of +z in
     | entries | name | meaning | divided by | bounds |
     |---|---|---|---|---|
     | 0-2 | position | r in A | imaging radius [m] (35 km) | -10, 10 |
-    | 3-5 | velocity | velocity relative to the turning body, in A | mothership's distance over time of flight (50 m/s) | -10, 10 |
+    | 3-5 | velocity | relative to the turning body, in A | mothership's distance over time of flight (50 m/s) | -10, 10 |
     | 6-8 | sigma_BR | attitude error, MRP, as the control law saw it last (one control period ago) | 1 | -1, 1 |
     | 9-11 | boresight | unit vector +z of B, in A | 1 | -1, 1 |
     | 12-14 | x_axis | unit vector +x of B, in A | 1 | -1, 1 |
@@ -100,7 +100,8 @@ spacecraft 1..n (itself: hold); K+n+1: Earth; K+n+2: hold the direction of +z in
     surface point); with the criterion `visit` only the visit counts. It adds data for each cell that nobody saw before: area
     over the foreshortened square of the ground sampling distance, times `bits_per_pixel`. A spacecraft that tracks another
     sends it what is aboard, one that tracks Earth sends to Earth, while the link is closed as in `swarm_mj.mission.links`:
-    dish within its beam, the other's antenna too, in range, the body not in between. The nominal volume is that of the whole
+    dish within its beam, the other's antenna too, in range, the body not in between. Earth hears one spacecraft at a time:
+    of several, the first in gene order until it has nothing left to send. The nominal volume is that of the whole
     target seen straight down from the imaging altitude.
 
     ## Starting state
@@ -129,7 +130,7 @@ spacecraft 1..n (itself: hold); K+n+1: Earth; K+n+2: hold the direction of +z in
     | reward_weights | None | mapping that replaces weights by name |
     | bits_per_pixel | 1.0 | data of a picture after compression |
     | swarm_rate_bit_s | 1e5 | from a spacecraft to the one it tracks |
-    | earth_rate_bit_s | 8e3 | to Earth; the rate of the MarCO CubeSats at Mars |
+    | earth_rate_bit_s | 8e3 | to Earth, all together; the rate of the MarCO CubeSats at Mars |
     | width, height | 640, 480 | of rendered pictures |
 
     ## Version history
@@ -137,7 +138,7 @@ spacecraft 1..n (itself: hold); K+n+1: Earth; K+n+2: hold the direction of +z in
     v0: first version.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array"], "render_fps": 10}
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 10}
 
     def __init__(
         self,
@@ -179,6 +180,11 @@ spacecraft 1..n (itself: hold); K+n+1: Earth; K+n+2: hold the direction of +z in
         self.readings = Readings(plan, patches)
         self.observation_space, self.action_space = self.readings.space, self._level.action_space
         self._running = False
+
+    @property
+    def reward_weights(self) -> dict[str, float]:
+        """Weight of each reward term."""
+        return dict(self._weights)
 
     @property
     def pictures(self) -> PictureTaker:
@@ -241,7 +247,7 @@ spacecraft 1..n (itself: hold); K+n+1: Earth; K+n+2: hold the direction of +z in
         )
         return self._result(measures, "impact" if hit.any() else "complete" if self._is_complete() else "", {})
 
-    def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
+    def render(self) -> NDArray[np.uint8] | None:
         """The overview as a picture, shape (height, width, 3), with `render_mode="rgb_array"`.
 
         Markers are blue where a spacecraft observes, orange where it talks, grey where it holds its attitude.
@@ -258,7 +264,7 @@ spacecraft 1..n (itself: hold); K+n+1: Earth; K+n+2: hold the direction of +z in
         if self._overview is None:
             from .drawing import Overview
 
-            self._overview = Overview(self.simulation, *self._size)
+            self._overview = Overview(self.plan, self.simulation, *self._size)
         kind = self._targets.kind
         talking = np.isin(kind, (TargetKind.SPACECRAFT, TargetKind.EARTH))
         return self._overview.draw(self.simulation, self._state, self._imaging(), talking)

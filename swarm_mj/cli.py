@@ -80,6 +80,9 @@ def _add_run(commands: argparse._SubParsersAction) -> None:
         metavar="KEY=VALUE",
         help="change one value, e.g. camera.half_angle_deg=3; may be repeated",
     )
+    run.add_argument(
+        "--design", metavar="DESIGN", help="fly this design: a design.json of `swarm-mj design`, or a packaged name"
+    )
     run.add_argument("--no-figures", action="store_true", help="write no pictures")
     run.add_argument("--quiet", action="store_true", help="no progress bar")
     run.set_defaults(command=_run)
@@ -87,11 +90,14 @@ def _add_run(commands: argparse._SubParsersAction) -> None:
 
 def _run(arguments: argparse.Namespace) -> int:
     from swarm_mj.runner import run_many
-    from swarm_mj.scenarios.loading import load_scenario
+    from swarm_mj.scenarios.loading import load_scenario, read_design
 
     overrides = list(arguments.overrides)
     if arguments.seed is not None:
         overrides.append(f"seed={arguments.seed}")
+    if arguments.design is not None:
+        points = read_design(arguments.design)
+        overrides += [f"design.reference={json.dumps(arguments.design)}", f"design.visiting_points={points}"]
     scenarios = [load_scenario(name, overrides) for name in arguments.scenario]
     single = arguments.out is not None and len(scenarios) == 1
     parent = arguments.out or DEFAULT_OUT

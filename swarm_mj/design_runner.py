@@ -46,7 +46,7 @@ def run_design(
         console.print(growth_table(rows))
     console.print(f"{scenario.name}: files in {folder}", soft_wrap=True, highlight=False)
     console.print(
-        f"To fly it: swarm-mj run {scenario.name} --set 'design.visiting_points={record['visiting_points']}'",
+        f"To fly it: swarm-mj run {scenario.name} --design {folder / 'design.json'}",
         soft_wrap=True,
         highlight=False,
         markup=False,

@@ -82,8 +82,12 @@ class Plan:
         return spacecraft_names(self.n)
 
 
-def make_plan(scenario: Scenario) -> Plan:
+def make_plan(scenario: Scenario, *, check_separation: bool = True) -> Plan:
     """Work out target, visiting points, trajectories and plug-ins.
+
+    Args:
+        scenario: What is asked for.
+        check_separation: Whether to look for near-collisions; candidates of a design do not fly together.
 
     Raises:
         SwarmError: Shape, target, plug-in or trajectory cannot be had; the message says why.
@@ -112,7 +116,7 @@ def make_plan(scenario: Scenario) -> Plan:
         time_of_flight=scenario.design.time_of_flight_s,
         with_communications=behavior.dedicated_communications,
     )
-    near_collisions, least_radius = _check_flight(scenario, shape, environment, deployment)
+    near_collisions, least_radius = _check_flight(scenario, shape, environment, deployment, check_separation)
     return Plan(
         scenario=scenario,
         shape=shape,
@@ -255,7 +259,7 @@ def _check_mothership(scenario: Scenario, shape: ShapeModel) -> None:
 
 
 def _check_flight(
-    scenario: Scenario, shape: ShapeModel, environment: Environment, deployment: Deployment
+    scenario: Scenario, shape: ShapeModel, environment: Environment, deployment: Deployment, check_separation: bool
 ) -> tuple[list[CloseApproach], Array]:
     """Fly the trajectories ahead; an impact is an error, a near-collision is reported."""
     # A grid of its own, so that what is found does not depend on how much telemetry is asked for.
@@ -275,6 +279,9 @@ def _check_flight(
             )
             + "; change design.visiting_points, design.imaging_altitude_m, design.time_of_flight_s or mothership.position_A_m"
         )
+    least_radius = np.linalg.norm(r_N, axis=2).min(axis=0)
+    if not check_separation:
+        return [], least_radius
     safety = scenario.safety
     near = close_approaches(times, r_N, closer_than=safety.min_separation_m, after=safety.separation_grace_s)
-    return near, np.linalg.norm(r_N, axis=2).min(axis=0)
+    return near, least_radius

@@ -9,6 +9,8 @@ from swarm_mj.cli import main
 from swarm_mj.design.exact import solve_exact
 from swarm_mj.design.problem import CoverProblem
 from swarm_mj.designer import study_design
+from swarm_mj.flight import observe_flight, simulate
+from swarm_mj.planning import make_plan
 from swarm_mj.scenarios.loading import load_scenario, read_design
 
 FAST = ["observation.criterion=visit", "observation.observer=raycast", "target.cell_size_m=null", "camera.half_angle_deg=6",
@@ -57,6 +59,35 @@ def test_the_record_is_consistent_with_its_matrix(folder):
     assert history[-1, 2] == record["genetic"]["repair"]["designs_explored"]
 
 
+def test_the_command_run_takes_a_design(folder, tmp_path):
+    sets = [part for override in FAST for part in ("--set", override)]
+    design = str(folder / "design.json")
+    assert (
+        main(
+            [
+                "run",
+                "eros-quick",
+                "--design",
+                design,
+                "--quiet",
+                "--no-figures",
+                "--out",
+                str(tmp_path / "o"),
+                *sets[:8],
+            ]
+        )
+        == 0
+    )
+    summary = json.loads((tmp_path / "o" / "summary.json").read_text())
+    record = json.loads((folder / "design.json").read_text())
+    assert summary["visiting_points"] == record["visiting_points"]
+    assert summary["coverage_percent"] >= 99.9
+    assert np.shape(record["visiting_points_A_m"]) == (record["n_observers"], 3)
+    assert len(record["delta_v_m_s"]) == record["n_observers"]
+    assert record["versions"]["pymoo"]
+    assert main(["run", "eros-quick", "--design", str(tmp_path / "none.json"), "--quiet"]) == 1
+
+
 def test_a_design_can_be_flown_by_reference_and_covers_the_target(folder, tmp_path):
     reference = [f"design.reference={folder / 'design.json'}", "target.cell_size_m=null"]
     (tmp_path / "flown.yaml").write_text(
@@ -81,6 +112,29 @@ def test_two_fold_coverage_survives_the_loss_of_any_one_spacecraft():
     for lost in range(len(points)):
         rest = np.delete(points, lost) - 1
         assert 100 * area[sees[rest].any(axis=0)].sum() / area.sum() >= 99.9
+
+
+def test_a_swarm_designed_for_two_fold_coverage_loses_any_one_in_flight_and_still_sees_the_whole_target():
+    demands = ["observation.criterion=visit", "observation.observer=raycast", "target.cell_size_m=null", "designer.fold=2",
+               "camera.half_angle_deg=6"]  # fmt: skip
+    study = study_design(load_scenario("eros-quick", demands))
+    points = [study.sightings.candidates[p - 1].point for p in study.selected]
+    plan = make_plan(load_scenario("eros-quick", [*demands, f"design.visiting_points={points}", "seed=5"]))
+    result = observe_flight(plan, simulate(plan))
+    area = plan.region.area
+    for lost in range(plan.n):
+        rest = np.delete(result.coverage.seen_by, lost, axis=0).any(axis=0)
+        assert 100 * area[rest].sum() / area.sum() >= 99.9
+
+
+def test_self_shadowing_and_the_sun_take_candidates_away():
+    # An hour of rotation after the default epoch the Sun still stands over the target's faces, but a lobe over the Sun.
+    low_sun = ["epoch=2018-01-01T04:15:00", "observation.max_incidence_deg=89", "designer.tolerance_percent=90"]
+    lit = study_design(load_scenario("eros-quick", [*FAST, *low_sun])).problem
+    shadowed = [*low_sun, "observation.shadows=true"]
+    for kind in ("raycast", "horizon"):
+        dark = study_design(load_scenario("eros-quick", [*FAST, *shadowed, f"observation.observer={kind}"])).problem
+        assert 60.0 < dark.coverable_percent < lit.coverable_percent - 20.0
 
 
 def test_the_trade_off_holds_the_proven_minimum_and_no_dominated_design(folder):

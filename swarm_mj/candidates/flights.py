@@ -61,7 +61,8 @@ def fly_candidates(scenario: Scenario) -> CandidateFlights:
         SwarmError: A point cannot be reached, or the flight to it hits the body.
     """
     probe = scenario.model_copy(update={"design": scenario.design.model_copy(update={"visiting_points": (1,)})})
-    plan = make_plan(all_points(scenario, make_plan(probe).region.n_visiting))
+    n_points = make_plan(probe, check_separation=False).region.n_visiting
+    plan = make_plan(all_points(scenario, n_points), check_separation=False)
     times = _picture_times(scenario)
     n = plan.n_observers
     starts = np.broadcast_to(plan.deployment.r0_N, plan.deployment.v0_N.shape)

@@ -7,17 +7,16 @@ on where it stopped.
 
 from __future__ import annotations
 
-import hashlib
 import multiprocessing
 import os
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from swarm_mj.cache import cache_folder, hash_of, load_array, store_array
 from swarm_mj.candidates.flights import CandidateFlights
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.camera import CameraModel
@@ -53,14 +52,6 @@ class Viewer:
         return make_observer(region, self.camera, kind=self.kind, occlusion=self.occlusion)
 
 
-def cache_folder() -> Path:
-    """Where pictures are kept: $SWARM_MJ_CACHE, else the user's cache folder."""
-    base = os.environ.get("SWARM_MJ_CACHE")
-    if base:
-        return Path(base)
-    return Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "swarm_mj"
-
-
 def visible_shares(
     flights: CandidateFlights,
     region: TargetRegion,
@@ -88,14 +79,14 @@ def visible_shares(
     for j in range(flights.n):
         k = picture_numbers(flights, j, at)
         jobs.append((flights.r_A[k, j], flights.C_CA[k, j]))
-    files = [folder / f"{_hash(*job)}.npy" for job in jobs]
-    shares = [_load(file, (len(job[0]), region.n_cells)) for file, job in zip(files, jobs, strict=True)]
+    files = [folder / f"{hash_of(*job)}.npy" for job in jobs]
+    shares = [load_array(file, (len(job[0]), region.n_cells)) for file, job in zip(files, jobs, strict=True)]
     missing = [j for j, share in enumerate(shares) if share is None]
     done = flights.n - len(missing)
     if progress is not None:
         progress(done)
     for j, share in _compute(region, viewer, {j: jobs[j] for j in missing}, workers):
-        _store(files[j], share)
+        store_array(files[j], share)
         shares[j] = share
         done += 1
         if progress is not None:
@@ -157,32 +148,4 @@ def _key(region: TargetRegion, viewer: Viewer) -> str:
         observer.close()
     camera = viewer.camera
     text = f"{CACHE_VERSION} {name} {viewer.occlusion} {camera.half_angle_deg!r} {camera.shape} {camera.resolution_px}"
-    return _hash(np.frombuffer(text.encode(), np.uint8), region.vertices, region.faces, region.target, region.parent)
-
-
-def _hash(*arrays: NDArray[np.generic]) -> str:
-    digest = hashlib.sha256()
-    for array in arrays:
-        digest.update(f"{array.dtype} {array.shape}".encode())
-        digest.update(np.ascontiguousarray(array).tobytes())
-    return digest.hexdigest()[:32]
-
-
-def _load(file: Path, shape: tuple[int, int]) -> Shares | None:
-    try:
-        share = np.load(file, allow_pickle=False)
-    except (OSError, ValueError, EOFError):
-        return None
-    return share if share.shape == shape and share.dtype == np.float32 else None
-
-
-def _store(file: Path, share: Shares) -> None:
-    """Keep a result; a cache that cannot be written only costs time."""
-    partial = file.with_name(f".{file.name}.{os.getpid()}.partial")
-    try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        with partial.open("wb") as out:
-            np.save(out, share)
-        os.replace(partial, file)
-    except OSError:
-        partial.unlink(missing_ok=True)
+    return hash_of(text, region.vertices, region.faces, region.target, region.parent)

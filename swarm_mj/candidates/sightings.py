@@ -14,6 +14,7 @@ from swarm_mj.candidates.pictures import Progress, Viewer, picture_numbers, visi
 from swarm_mj.flight import camera_from, criterion_from
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.coverage import ObservationCriterion, within_limits
+from swarm_mj.observation.horizon import HorizonObserver
 from swarm_mj.observation.illumination import lit
 from swarm_mj.observation.raytracing import RayTracer
 from swarm_mj.planning import load_body_shape, target_from
@@ -49,6 +50,7 @@ class Sightings:
         sees: Whether a candidate sees a cell, shape (n, cells).
         area: Of each cell, all targets one after another [m^2], shape (cells,).
         delta_v: Deployment speed of each candidate [m/s], shape (n,).
+        point_A: Where each candidate passes at its time of flight, in A [m], shape (n, 3).
         regions: The targets.
     """
 
@@ -56,6 +58,7 @@ class Sightings:
     sees: Bools
     area: Array
     delta_v: Array
+    point_A: Array
     regions: list[TargetRegion]
 
     @property
@@ -84,7 +87,7 @@ def sightings(scenario: Scenario, *, workers: int | None = None, progress: Progr
         for target, variant in enumerate(variants)
         for flight_variant in flight_variants(variant)
     ]
-    candidates, rows, delta_v = [], [], []
+    candidates, rows, delta_v, points = [], [], [], []
     steps = len(flown) * len(regions)
     for count, (target, variant, flights) in enumerate(flown):
         columns = []
@@ -98,6 +101,7 @@ def sightings(scenario: Scenario, *, workers: int | None = None, progress: Progr
             columns.append(seen_cells(variant, flights, region, viewer, workers=workers, progress=report))
         rows.append(np.hstack(columns))
         delta_v.append(flights.delta_v)
+        points.append(flights.plan.points_A)
         design = variant.design
         candidates += [
             Candidate(j + 1, target, design.imaging_altitude_m, design.time_of_flight_s) for j in range(flights.n)
@@ -107,6 +111,7 @@ def sightings(scenario: Scenario, *, workers: int | None = None, progress: Progr
         sees=np.vstack(rows),
         area=np.concatenate([region.area for region in regions]),
         delta_v=np.concatenate(delta_v),
+        point_A=np.concatenate(points),
         regions=regions,
     )
 
@@ -157,7 +162,7 @@ def seen_cells(
         at = np.isclose(flights.times, scenario.design.time_of_flight_s, rtol=0.0, atol=1e-6)
     shares = visible_shares(flights, region, viewer, at=at, workers=workers, progress=progress)
     criterion = criterion_from(scenario)
-    light = _light(flights, region, criterion)
+    light = _light(flights, region, criterion, viewer)
     seen = np.zeros((flights.n, region.n_cells), dtype=np.bool_)
     for j, share in enumerate(shares):
         for row, k in enumerate(picture_numbers(flights, j, at)):
@@ -167,7 +172,7 @@ def seen_cells(
     return seen
 
 
-def _light(flights: CandidateFlights, region: TargetRegion, criterion: ObservationCriterion) -> Bools:
+def _light(flights: CandidateFlights, region: TargetRegion, criterion: ObservationCriterion, viewer: Viewer) -> Bools:
     """Whether each cell is lit at each picture time, shape (t, cells)."""
     light = np.ones((len(flights.times), region.n_cells), dtype=np.bool_)
     if not criterion.needs_sun:
@@ -175,7 +180,11 @@ def _light(flights: CandidateFlights, region: TargetRegion, criterion: Observati
     environment = flights.plan.environment
     tracer = RayTracer(region.vertices, region.faces) if criterion.shadows else None
     limit = 90.0 if criterion.max_incidence_deg is None else criterion.max_incidence_deg
+    maps = HorizonObserver(region, viewer.camera).horizon if tracer is not None and viewer.kind == "horizon" else None
     for k, t in enumerate(flights.times):
         sun_A = environment.C_AN(float(t)) @ environment.sun.at(float(t))
-        light[k] = lit(region, sun_A, max_incidence_deg=limit, tracer=tracer)
+        if maps is not None:
+            light[k] = lit(region, sun_A, max_incidence_deg=limit) & (maps.open_to(sun_A).mean(axis=1) >= 0.5)
+        else:
+            light[k] = lit(region, sun_A, max_incidence_deg=limit, tracer=tracer)
     return light

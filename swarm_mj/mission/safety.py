@@ -7,6 +7,7 @@ from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from swarm_mj.smallbody.occultation import segments_blocked
 from swarm_mj.smallbody.rotation import sub_point
@@ -46,16 +47,33 @@ def find_impacts(shape: ShapeModel, times: Array, r_A: Array) -> list[Impact]:
         times: Shape (t,) [s].
         r_A: Positions in A, shape (t, n, 3) [m].
     """
+    near = _near_surface(shape, r_A)
     impacts = []
     for j in range(r_A.shape[1]):
         path = np.ascontiguousarray(r_A[:, j])
-        started_inside = points_inside(path[:1], shape.vertices, shape.faces)
-        crossing = segments_blocked(path[:-1], path[1:], shape.vertices, shape.faces, shape.max_radius)
-        hits = np.flatnonzero(np.concatenate((started_inside, crossing)))
-        if hits.size:
-            k = int(hits[0])
+        crossing = np.zeros(len(path), dtype=np.bool_)
+        crossing[:1] = points_inside(path[:1], shape.vertices, shape.faces)
+        legs = np.flatnonzero(near[:, j])
+        crossing[legs] |= segments_blocked(path[legs], path[legs + 1], shape.vertices, shape.faces, shape.max_radius)
+        if crossing.any():
+            k = int(np.argmax(crossing))
             impacts.append(Impact(j, float(times[k]), *sub_point(path[k], np.eye(3))))
     return impacts
+
+
+def _near_surface(shape: ShapeModel, r_A: Array) -> NDArray[np.bool_]:
+    """Which legs of the paths, shape (t - 1, n), may touch the surface.
+
+    No point of a triangle is farther from its nearest corner than its longest edge over the square root of 3; a leg whose
+    middle is farther from every vertex than that and half its length stays clear.
+    """
+    middle, half = 0.5 * (r_A[:-1] + r_A[1:]), 0.5 * np.linalg.norm(np.diff(r_A, axis=0), axis=2)
+    edges = shape.vertices[shape.faces] - shape.vertices[np.roll(shape.faces, 1, axis=1)]
+    reach = np.linalg.norm(edges, axis=2).max() / np.sqrt(3.0)
+    near = np.linalg.norm(middle, axis=2) <= shape.max_radius + half
+    distance, _ = cKDTree(shape.vertices).query(middle[near])
+    near[near] = distance <= reach + half[near]
+    return near
 
 
 def close_approaches(times: Array, r_BN_N: Array, *, closer_than: float, after: float) -> list[CloseApproach]:

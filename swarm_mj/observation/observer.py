@@ -10,7 +10,7 @@ from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.camera import CameraModel
 from swarm_mj.observation.raytracing import RayTracer
 
-ObserverKind = Literal["auto", "faceid", "raycast"]
+ObserverKind = Literal["auto", "faceid", "raycast", "horizon"]
 
 
 class Observer(Protocol):
@@ -61,7 +61,8 @@ def make_observer(
     Args:
         region: The target.
         camera: The camera.
-        kind: `faceid`, `raycast`, or `auto` for the first of the two that this machine offers; `note` says why.
+        kind: `faceid`, `raycast`, `horizon` (maps, constant time per picture), or `auto` for the first of faceid and
+            raycast that this machine offers; `note` says why.
         occlusion: Whether the body hides what lies behind it; without it sample points are culled and clipped, no buffer
             is drawn and `kind` plays no part.
 
@@ -69,18 +70,21 @@ def make_observer(
         ObserverError: The kind is unknown, or `faceid` was asked for and OpenGL cannot be loaded.
     """
     from swarm_mj.observation.faceid import FaceIdObserver
+    from swarm_mj.observation.horizon import HorizonObserver
     from swarm_mj.observation.raycast import RayCastObserver
 
     if not occlusion:
         return RayCastObserver(
             region, camera, occlusion=False, note="culling and clipping of sample points, no occlusion"
         )
+    if kind == "horizon":
+        return HorizonObserver(region, camera)
     if kind == "raycast":
         return RayCastObserver(region, camera)
     if kind == "faceid":
         return FaceIdObserver(region, camera)
     if kind != "auto":
-        raise ObserverError(f"unknown observer {kind!r}: use 'auto', 'faceid' or 'raycast'")
+        raise ObserverError(f"unknown observer {kind!r}: use 'auto', 'faceid', 'raycast' or 'horizon'")
     try:
         return FaceIdObserver(region, camera)
     except ObserverError as error:

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import yaml
 
-from swarm_mj import __version__
 from swarm_mj.design.genetic import GeneticResult
 from swarm_mj.designer import Growth, Study, describe
 from swarm_mj.output.folder import write_text
+from swarm_mj.output.summary import library_versions
 
 
 def design_record(study: Study) -> dict[str, Any]:
@@ -26,6 +26,8 @@ def design_record(study: Study) -> dict[str, Any]:
         "visiting_points": [candidate.point for candidate in chosen],
         "gene_map": [len(chosen), *(int(p) for p in study.selected)],
         "candidates": [describe(candidate, seen) for candidate in chosen],
+        "visiting_points_A_m": [[round(float(x), 3) for x in seen.point_A[p - 1]] for p in study.selected],
+        "delta_v_m_s": [round(float(seen.delta_v[p - 1]), 6) for p in study.selected],
         "covered_percent": round(study.problem.covered_percent(study.selected), 6),
         "selected_by": study.selected_by,
         "proof": {
@@ -48,7 +50,7 @@ def design_record(study: Study) -> dict[str, Any]:
         "target_cells": len(seen.area),
         "seed": scenario.seed,
         "wall_s": {name: round(seconds, 3) for name, seconds in study.wall_s.items()},
-        "swarm_mj": __version__,
+        "versions": library_versions(),
     }
 
 

@@ -15,7 +15,7 @@ from swarm_mj.planning import Plan
 from swarm_mj.simulation.telemetry import MODES
 
 #: Libraries whose versions decide the numbers.
-LIBRARIES = ("mujoco", "numpy", "scipy", "numba", "moderngl", "embreex")
+LIBRARIES = ("mujoco", "numpy", "scipy", "numba", "moderngl", "embreex", "pymoo")
 
 
 def summarise(plan: Plan, telemetry: xr.Dataset, result: ObservationResult, wall_s: dict[str, float]) -> dict[str, Any]:
@@ -84,11 +84,7 @@ def summarise(plan: Plan, telemetry: xr.Dataset, result: ObservationResult, wall
         "link_closed_percent": _by_name(names, 100.0 * telemetry["link_closed"].values.mean(axis=0), 2),
         "links_closed_final": int(telemetry["link_closed"].values[-1].sum()),
         "wall_s": {stage: round(seconds, 3) for stage, seconds in wall_s.items()},
-        "versions": {
-            "swarm_mj": __version__,
-            "python": platform.python_version(),
-            **{name: _version(name) for name in LIBRARIES},
-        },
+        "versions": library_versions(),
     }
 
 
@@ -109,6 +105,15 @@ def mode_switches(telemetry: xr.Dataset) -> dict[str, list[dict[str, Any]]]:
             for k in np.flatnonzero(changed[:, j])
         ]
     return switches
+
+
+def library_versions() -> dict[str, str]:
+    """Versions of this program, of Python and of the libraries that decide the numbers."""
+    return {
+        "swarm_mj": __version__,
+        "python": platform.python_version(),
+        **{name: _version(name) for name in LIBRARIES},
+    }
 
 
 def _version(name: str) -> str:

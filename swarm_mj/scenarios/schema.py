@@ -122,7 +122,7 @@ class Design(Section):
     visiting_points: tuple[int, ...] = Field(
         (7, 25, 31, 34, 38),
         min_length=1,
-        max_length=1000,
+        max_length=100_000,
         description="one point per observer, numbered from 1 in mesh order",
     )
     imaging_altitude_m: float = Field(14_000.0, gt=0)
@@ -225,8 +225,9 @@ class Camera(Section):
 class Observation(Section):
     """When a target face counts as observed."""
 
-    observer: Literal["auto", "faceid", "raycast"] = Field(
-        "auto", description="face-ID buffers on OpenGL, ray casting, or whichever this machine can"
+    observer: Literal["auto", "faceid", "raycast", "horizon"] = Field(
+        "auto",
+        description="face-ID buffers on OpenGL, ray casting, horizon maps; auto: the first that this machine can",
     )
     criterion: Literal["passage", "visit"] = Field(
         "passage", description="count the whole passage inside the imaging region, or only the instant of the visit"

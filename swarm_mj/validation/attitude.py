@@ -66,10 +66,14 @@ def momentum_drift(bench: Bench) -> float:
 
 
 def energy_drift(bench: Bench) -> float:
-    """Largest relative change of the rotational energy."""
+    """Largest change of the rotational energy over that of the body at the start.
+
+    The fast wheels hold a thousand times more, which hardly changes and would hide what the body does.
+    """
     flight = bench.once(tumbling)
     energy = gyrostat().energy(flight.omega_B, flight.wheels)
-    return float(np.abs(energy / energy[0] - 1.0).max())
+    body = gyrostat().energy(flight.omega_B[0], np.zeros(3))
+    return float(np.max(np.abs(energy - energy[0]) / body))
 
 
 def gyrostat_error(bench: Bench) -> float:
@@ -109,7 +113,7 @@ EXPERIMENTS = (
     Experiment(
         name="attitude-matrices",
         what="elements of C_BN from MRP of both sets",
-        reference="scipy.spatial.transform.Rotation",
+        reference="SciPy's Rotation",
         tolerance=1e-14,
         unit="1",
         measure=matrices_error,
@@ -132,15 +136,15 @@ EXPERIMENTS = (
     ),
     Experiment(
         name="attitude-energy",
-        what="rotational energy of body and wheels in the same flight, relative",
+        what="energy of body and wheels in 1,200 s of torque-free tumbling, over the body's",
         reference="conservation",
-        tolerance=1e-9,
+        tolerance=1e-7,
         unit="1",
         measure=energy_drift,
     ),
     Experiment(
         name="attitude-gyrostat",
-        what="attitude after the same flight, step 0.1 s",
+        what="attitude after 1,200 s of torque-free tumbling, step 0.1 s",
         reference="equations of a gyrostat by SciPy DOP853",
         tolerance=1e-6,
         unit="rad",

@@ -117,7 +117,7 @@ def footprint_error(kind: str, bench: Bench) -> float:
     cone = CameraModel(half_angle_deg=BALL_HALF_ANGLE_DEG, shape="cone", resolution_px=1024)
     pose = look_at(BALL_DISTANCE_M * region.axes_A[2], [0.0, 0.0, 0.0])
     if kind == "raycast":
-        fraction = RayCastObserver(region, cone).visible_fraction(pose.r_A, pose.C_CA)
+        fraction = RayCastObserver(region, cone, samples=64).visible_fraction(pose.r_A, pose.C_CA)
     else:
         need_opengl()
         with FaceIdObserver(region, cone) as observer:
@@ -138,18 +138,20 @@ def horizon_error(bench: Bench) -> float:
     return abs(float(fraction @ region.area) / (2.0 * np.pi * BALL_RADIUS_M**2 * (1.0 - 1.0 / 1.5)) - 1.0)
 
 
+_DIFFERENCE = f"share of the target's area judged differently, worst of {VIEWS} pictures,"
+
 EXPERIMENTS = (
     Experiment(
         name="coverage-footprint-rays",
         what="area in a conical picture of a sphere by ray casting, relative",
         reference="closed form of the cap in the field of view",
-        tolerance=2e-3,
+        tolerance=5e-3,
         unit="1",
         measure=partial(footprint_error, "raycast"),
     ),
     Experiment(
         name="coverage-footprint-faceid",
-        what="the same by face-ID buffers",
+        what="area in a conical picture of a sphere by face-ID buffers, relative",
         reference="closed form of the cap in the field of view",
         tolerance=5e-3,
         unit="1",
@@ -174,7 +176,7 @@ EXPERIMENTS = (
     ),
     Experiment(
         name="coverage-observers",
-        what=f"area judged differently in one of {VIEWS} pictures, face-ID buffers, of the target's area",
+        what=f"{_DIFFERENCE} face-ID buffers",
         reference="ray casting, 64 rays to each face",
         tolerance=1.0,
         unit="%",
@@ -182,7 +184,7 @@ EXPERIMENTS = (
     ),
     Experiment(
         name="coverage-polygons-rays",
-        what="the same, ray casting",
+        what=f"{_DIFFERENCE} ray casting",
         reference="exact polygon clipping with shapely",
         tolerance=1.0,
         unit="%",
@@ -191,7 +193,7 @@ EXPERIMENTS = (
     ),
     Experiment(
         name="coverage-polygons-faceid",
-        what="the same, face-ID buffers",
+        what=f"{_DIFFERENCE} face-ID buffers",
         reference="exact polygon clipping with shapely",
         tolerance=1.0,
         unit="%",

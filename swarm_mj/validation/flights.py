@@ -78,7 +78,7 @@ def environment(bench: Bench) -> Environment:
 def ball(radius: float, frequency: int) -> ShapeModel:
     """A geodesic sphere of 20 frequency^2 faces [m]."""
     directions, faces = geodesic_icosahedron(frequency)
-    return ShapeModel(radius * directions, faces, "sphere")
+    return ShapeModel(radius * directions, faces.astype(np.int32), "sphere")
 
 
 def gyrostat() -> Gyrostat:

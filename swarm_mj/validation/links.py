@@ -82,7 +82,7 @@ def clearance(a: Array, b: Array) -> Array:
 EXPERIMENTS = (
     Experiment(
         name="links-geometry",
-        what=f"wrong states among {2 * SAMPLES} links past a sphere, between spacecraft and to Earth",
+        what=f"wrong states among {2 * SAMPLES} links past a sphere, to spacecraft and Earth, grazing ones left out",
         reference="closed form of range, beams and occultation",
         tolerance=0.0,
         unit="1",

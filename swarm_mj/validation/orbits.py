@@ -77,7 +77,7 @@ EXPERIMENTS = (
     ),
     Experiment(
         name="orbit-jacobi",
-        what="Jacobi constant over the same 24 h, relative",
+        what="Jacobi constant in the same orbit over 24 h, relative",
         reference="conservation in the rotating frame",
         tolerance=1e-9,
         unit="1",

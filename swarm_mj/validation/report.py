@@ -24,7 +24,8 @@ _PAGE = """\
 # Validation
 
 Written by `swarm-mj validate --markdown docs/validation.md`. Every check compares what the installed program computes with
-something that shares no code with it; a check fails when the measured number leaves its tolerance.
+another way to the same number: a closed form, a conservation law, a published value, another integrator or another program.
+It fails when the measured number leaves its tolerance.
 
 | check | what is measured | independent reference | tolerance | measured | result |
 |---|---|---|---:|---:|---|
@@ -38,17 +39,17 @@ whose reference needs a package that is not installed are listed as not run.
 
 
 def table(checks: Sequence[Check]) -> Table:
-    """A table for the screen, a section for every group."""
+    """A table for the screen, a section for every group; fits a terminal of 80 columns."""
     result = Table(title="Validation", title_justify="left")
-    for column in ("check", "measured quantity", "independent reference"):
-        result.add_column(column, overflow="fold")
-    for column in ("tolerance", "measured"):
-        result.add_column(column, justify="right", no_wrap=True)
-    result.add_column("result")
+    result.add_column("check", min_width=max((len(check.name) for check in checks), default=0), ratio=3)
+    result.add_column("independent reference", ratio=2)
+    result.add_column("measured,\ntolerance", justify="right", no_wrap=True)
+    result.add_column("result", no_wrap=True)
     for _, group in groupby(checks, lambda check: check.name.split("-")[0]):
         for check in group:
-            cells = (check.name, check.what, check.reference, tolerance(check), measured(check))
-            result.add_row(*map(escape, cells), _coloured(check))
+            lines = (f"[bold]{check.name}[/]", escape(check.what), *([escape(check.note)] if check.note else ()))
+            numbers = escape(f"{measured(check)}\n{tolerance(check)}")
+            result.add_row("\n".join(lines), escape(check.reference), numbers, _coloured(check))
         result.add_section()
     return result
 
@@ -64,11 +65,8 @@ def measured(check: Check) -> str:
 
 
 def verdict(check: Check) -> str:
-    """Passed, FAILED or why it was not run."""
-    if check.passed is None:
-        return check.note
-    word = "passed" if check.passed else "FAILED"
-    return f"{word}: {check.note}" if check.note else word
+    """Passed, FAILED or not run."""
+    return {True: "passed", False: "FAILED", None: "not run"}[check.passed]
 
 
 def totals(checks: Sequence[Check]) -> str:
@@ -94,8 +92,7 @@ def write_markdown(path: Path, checks: Sequence[Check]) -> None:
         OutputError: The file cannot be written.
     """
     rows = "\n".join(
-        f"| `{c.name}` | {c.what} | {c.reference} | {tolerance(c)} | {measured(c)} | {verdict(c).replace('|', '/')} |"
-        for c in checks
+        f"| `{c.name}` | {c.what} | {c.reference} | {tolerance(c)} | {measured(c)} | {_explained(c)} |" for c in checks
     )
     stated = ", ".join(f"{name} {number}" for name, number in versions().items())
     _write(path, _PAGE.format(rows=rows, totals=totals(checks), versions=f"Versions: {stated}"))
@@ -115,6 +112,11 @@ def versions() -> dict[str, str]:
 def _with_unit(number: float, unit: str) -> str:
     text = "0" if number == 0.0 else f"{number:.2g}"
     return text if unit == "1" else f"{text} {unit}"
+
+
+def _explained(check: Check) -> str:
+    note = check.note.removeprefix("not run: ").replace("|", "/")
+    return f"{verdict(check)}: {' '.join(note.split())}" if note else verdict(check)
 
 
 def _coloured(check: Check) -> str:

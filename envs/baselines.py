@@ -1,0 +1,122 @@
+"""Scripted policies for the control level `role`: what a trained agent has to beat.
+
+Each is a function of environment and observation that returns an action. Inside the imaging radius a spacecraft looks at what
+the policy says; outside it talks to Earth, which hears the spacecraft one after another.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .swarm_observe import SwarmObserveEnv
+
+Array = NDArray[np.float64]
+Action = NDArray[np.int64]
+Policy = Callable[[SwarmObserveEnv, NDArray[np.float32]], Action]
+
+#: How long the sweep stays on a patch [s]: turning by a few degrees and settling takes about half of it.
+DWELL_S = 60.0
+
+#: Ground sampling distance up to which `greedy` turns to a patch, over the largest that counts; patches are not flat.
+REACH = 2
+
+
+class Outcome(NamedTuple):
+    """What an episode came to."""
+
+    total_reward: float
+    coverage_percent: float
+    delivered_bit: float
+    terms: dict[str, float]
+
+
+def body_centre(env: SwarmObserveEnv, observation: NDArray[np.float32]) -> Action:
+    """All look at the body's centre, as in the paper."""
+    return _talk_outside(env, observation, np.full(env.plan.n, env.patches.count))
+
+
+def target_centre(env: SwarmObserveEnv, observation: NDArray[np.float32]) -> Action:
+    """All look at the patch whose centre is nearest to the middle of the target."""
+    return _talk_outside(env, observation, np.full(env.plan.n, middle_patch(env)))
+
+
+def sweep(env: SwarmObserveEnv, observation: NDArray[np.float32]) -> Action:
+    """Everyone goes through the patches row by row, to and fro, each starting at another place."""
+    n, count = env.plan.n, env.patches.count
+    k = round(count**0.5)
+    order = np.arange(count).reshape(k, k)
+    order[1::2] = order[1::2, ::-1].copy()
+    elapsed = (1.0 - float(env.readings.split(observation)["time_left"])) * env.plan.scenario.duration_s
+    start = np.arange(n) * count // n
+    return _talk_outside(env, observation, order.ravel()[(start + int(elapsed / DWELL_S)) % count])
+
+
+def greedy(env: SwarmObserveEnv, observation: NDArray[np.float32]) -> Action:
+    """Everyone takes the unseen patch that it can picture best, each a different one; with none in reach, it talks."""
+    parts = env.readings.split(observation)
+    worth = _worth(env, parts)
+    choice = np.zeros(env.plan.n, np.int64)
+    for j in range(env.plan.n):
+        choice[j] = int(np.argmax(worth[j]))
+        worth[:, choice[j]] *= 1e-3  # others take it only when nothing else is left
+    receding = (parts["position"] * parts["velocity"]).sum(axis=1) > 0.0
+    done = (worth.max(axis=1) <= 0.0) & receding | (parts["seen"] >= 1.0)
+    return np.where(done, _earth(env), _talk_outside(env, observation, choice))
+
+
+def _worth(env: SwarmObserveEnv, parts: dict[str, NDArray[np.float32]]) -> Array:
+    """Unseen area of every patch for every spacecraft, zero where no picture of it would count, shape (n, count) [m^2]."""
+    patches, scenario = env.patches, env.plan.scenario
+    to_camera = positions_A(env, parts)[:, None] - patches.centre_A
+    distance = np.linalg.norm(to_camera, axis=2)
+    up = patches.centre_A / np.linalg.norm(patches.centre_A, axis=1, keepdims=True)
+    cosine = np.maximum(np.einsum("jki,ki->jk", to_camera, up) / distance, 1e-6)
+    gsd = distance * env.pictures.observer.camera.pixel_angle / cosine
+    limit = scenario.observation.max_gsd_m or np.inf
+    return (1.0 - parts["patches"]) * patches.area * (gsd <= REACH * limit)
+
+
+def positions_A(env: SwarmObserveEnv, parts: dict[str, NDArray[np.float32]]) -> Array:
+    """Positions in A, shape (n, 3) [m]."""
+    return parts["position"].astype(np.float64) * env.plan.scenario.behavior.imaging_radius_m
+
+
+POLICIES: dict[str, Policy] = {
+    "body centre": body_centre,
+    "target centre": target_centre,
+    "sweep": sweep,
+    "greedy": greedy,
+}
+
+
+def middle_patch(env: SwarmObserveEnv) -> int:
+    """The patch whose centre lies nearest to the axis of the target's pyramid."""
+    centre = env.patches.centre_A / np.linalg.norm(env.patches.centre_A, axis=1, keepdims=True)
+    return int(np.argmax(centre @ env.plan.region.axes_A[2]))
+
+
+def fly(env: SwarmObserveEnv, policy: Policy, seed: int) -> Outcome:
+    """One episode from `reset(seed=seed)`."""
+    observation, _ = env.reset(seed=seed)
+    total, terms, done = 0.0, dict.fromkeys(env.reward_weights, 0.0), False
+    while not done:
+        observation, reward, terminated, truncated, info = env.step(policy(env, observation))
+        total += reward
+        for name, value in info["reward_terms"].items():
+            terms[name] += value
+        done = terminated or truncated
+    return Outcome(total, info["coverage_percent"], info["delivered_bit"], terms)
+
+
+def _earth(env: SwarmObserveEnv) -> int:
+    return env.patches.count + env.plan.n + 1
+
+
+def _talk_outside(env: SwarmObserveEnv, observation: NDArray[np.float32], looking: NDArray[np.integer]) -> Action:
+    # Positions are given in imaging radii.
+    outside = np.linalg.norm(env.readings.split(observation)["position"], axis=1) > 1.0
+    return np.where(outside, _earth(env), looking).astype(np.int64)

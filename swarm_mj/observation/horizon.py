@@ -1,0 +1,219 @@
+"""The constant-time observer: horizon maps, computed once per target and kept on disk.
+
+Seen from a point on the surface, the body hides the sky up to a horizon that depends on azimuth. Outside the body's bounding
+sphere whether a camera (or the Sun) sees the point is a matter of direction alone: it does where it stands above that horizon.
+A look-up then answers in a time that does not depend on the number of faces. Inside the sphere, where a flyby can pass, a rise
+beyond the camera must not count: what the map shows is seen for certain, what it hides is asked again with a ray.
+
+The map of a cell holds the highest blocked elevation above the cell's own plane in each azimuth bin, at each of its sample
+points, found with rays: a coarse scan from the zenith down, then bisection. Between two azimuths the higher horizon counts, so
+that errors hide rather than show.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+from numba import njit
+from numpy.typing import ArrayLike, NDArray
+
+from swarm_mj.cache import cache_folder, hash_of, load_array, store_array
+from swarm_mj.mission.target import TargetRegion
+from swarm_mj.observation.camera import CameraModel, CameraPose, camera_pose
+from swarm_mj.observation.raytracing import RayTracer
+from swarm_mj.observation.sampling import barycentric_samples
+
+Array = NDArray[np.float64]
+
+#: Azimuth bins of a map; the widest gap between two is 2.8 deg.
+AZIMUTHS = 128
+#: Elevations of the coarse scan, and bisections after it: 90 deg / 8 / 2^6 is 0.2 deg.
+SCAN, BISECTIONS = 8, 6
+#: Sample points per cell by number of cells: the product, and with it time and memory of the maps, stays bounded.
+SAMPLES = ((3_000, 16), (12_000, 4), (10**9, 1))
+#: Rays start this far above the surface, relative to the body's largest radius.
+LIFT = 1e-7
+#: Rays traced at once; bounds the memory.
+BATCH = 400_000
+#: Raise when the meaning of a stored map changes.
+MAP_VERSION = 1
+
+
+class HorizonMap:
+    """The horizon of every sample point of a target.
+
+    Args:
+        region: The target.
+        samples: Points per cell, a square number.
+        tracer: Ray tracer over the region's mesh.
+    """
+
+    def __init__(self, region: TargetRegion, *, samples: int = 16, tracer: RayTracer) -> None:
+        self.region, self.tracer = region, tracer
+        self.points = barycentric_samples(samples) @ region.corners_A
+        self.axes = _local_axes(region.normal_A)
+        self.sine = self._sine()
+
+    def _sine(self) -> NDArray[np.float32]:
+        """Sine of the horizon's elevation, shape (n, samples, azimuths + 1); the last azimuth repeats the first."""
+        region, shape = self.region, (*self.points.shape[:2], AZIMUTHS + 1)
+        key = hash_of(f"{MAP_VERSION} {AZIMUTHS} {SCAN} {BISECTIONS}", self.points, region.vertices, region.faces)
+        file = cache_folder() / "horizons" / f"{key}.npy"
+        kept = load_array(file, shape)
+        if kept is not None:
+            return kept
+        sine = np.empty(shape, np.float32)
+        cells = max(1, BATCH // (shape[1] * AZIMUTHS))
+        for start in range(0, shape[0], cells):
+            part = slice(start, min(start + cells, shape[0]))
+            sine[part, :, :AZIMUTHS] = self._trace(part)
+        sine[..., AZIMUTHS] = sine[..., 0]
+        store_array(file, sine)
+        return sine
+
+    def _trace(self, part: slice) -> Array:
+        axes, points = self.axes[part], self.points[part]
+        azimuth = 2.0 * np.pi * np.arange(AZIMUTHS) / AZIMUTHS
+        level = np.cos(azimuth)[None, :, None] * axes[:, None, 0] + np.sin(azimuth)[None, :, None] * axes[:, None, 1]
+        start = points + LIFT * self.region.mesh.max_radius * axes[:, None, 2]
+        shape = (len(points), points.shape[1], AZIMUTHS)
+        origin = np.broadcast_to(start[:, :, None], (*shape, 3))
+        flat = np.broadcast_to(level[:, None], (*shape, 3))
+        zenith = np.broadcast_to(axes[:, None, None, 2], (*shape, 3))
+
+        def blocked(elevation: Array, where: NDArray[np.bool_]) -> NDArray[np.bool_]:
+            e = elevation[where][:, None]
+            return self.tracer.first_hit(origin[where], np.cos(e) * flat[where] + np.sin(e) * zenith[where]) >= 0
+
+        # From the zenith down to the first blocked level; what is open all the way has its horizon at the cell's own plane.
+        low, high = np.zeros(shape), np.full(shape, 0.5 * np.pi)
+        searching = np.ones(shape, np.bool_)
+        for k in range(SCAN - 1, -1, -1):
+            elevation = np.full(shape, 0.5 * np.pi * (k + 0.02) / SCAN)
+            hit = np.zeros(shape, np.bool_)
+            hit[searching] = blocked(elevation, searching)
+            low[hit] = elevation[hit]
+            searching &= ~hit
+            high[searching] = elevation[searching]
+        found = ~searching
+        for _ in range(BISECTIONS):
+            middle = 0.5 * (low + high)
+            hit = np.zeros(shape, np.bool_)
+            hit[found] = blocked(middle, found)
+            low[hit] = middle[hit]
+            high[found & ~hit] = middle[found & ~hit]
+        return np.where(found, np.sin(high), 0.0)
+
+    def open_to(self, direction_A: ArrayLike) -> NDArray[np.bool_]:
+        """Which sample points see a direction, such as the Sun's, shape (n, samples)."""
+        direction = np.asarray(direction_A, np.float64)
+        return _open_to(direction / np.linalg.norm(direction), self.axes, self.sine)
+
+
+class HorizonObserver:
+    """Share of each cell in view, by horizon maps.
+
+    Args:
+        region: The target.
+        camera: The camera; its resolution plays no part here.
+        samples: Points per cell, a square number; None takes 16, and fewer where the cells are many and therefore small.
+    """
+
+    name = "horizon"
+    note = "horizon maps, constant time per picture"
+
+    def __init__(self, region: TargetRegion, camera: CameraModel, *, samples: int | None = None) -> None:
+        self.region, self.camera = region, camera
+        if samples is None:
+            samples = next(samples for limit, samples in SAMPLES if region.n_cells <= limit)
+        self.horizon = HorizonMap(region, samples=samples, tracer=self.tracer)
+
+    @cached_property
+    def tracer(self) -> RayTracer:
+        """Ray tracer over the region's mesh, built at first use."""
+        return RayTracer(self.region.vertices, self.region.faces)
+
+    def visible_fraction(self, r_A: ArrayLike, C_CA: ArrayLike) -> Array:
+        """Share of each cell in view, see `Observer.visible_fraction`."""
+        pose, maps = camera_pose(r_A, C_CA), self.horizon
+        seen, doubtful = _look(
+            pose.r_A,
+            pose.C_CA,
+            self.camera.tan_half_angle,
+            self.camera.shape == "cone",
+            maps.points,
+            maps.axes,
+            maps.sine,
+        )
+        if float(pose.r_A @ pose.r_A) < self.region.mesh.max_radius**2 and doubtful.any():
+            seen[doubtful] = self._reached(pose, doubtful)
+        return seen.mean(axis=1)
+
+    def _reached(self, pose: CameraPose, doubtful: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Whether rays from the camera reach sample points that the map would hide."""
+        cell, _ = np.nonzero(doubtful)
+        hit = self.tracer.first_hit(pose.r_A, self.horizon.points[doubtful] - pose.r_A)
+        parent = self.region.parent
+        return (hit >= 0) & (parent[hit] == parent[self.region.target[cell]])
+
+    def close(self) -> None:
+        """Nothing to release."""
+
+
+def _local_axes(normal_A: Array) -> Array:
+    """Two tangents and the normal of every cell, as rows, shape (n, 3, 3)."""
+    helper = np.where(np.abs(normal_A[:, 2:]) < 0.9, [[0.0, 0.0, 1.0]], [[1.0, 0.0, 0.0]])
+    first = np.cross(helper, normal_A)
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    return np.ascontiguousarray(np.stack((first, np.cross(normal_A, first), normal_A), axis=1))
+
+
+@njit(cache=True, error_model="numpy")
+def _above(x: float, y: float, z: float, sine: NDArray[np.float32]) -> bool:
+    """Whether a unit direction in local components stands above a horizon; between two azimuths the higher one counts."""
+    if z <= 0.0:
+        return False
+    place = np.arctan2(y, x) / (2.0 * np.pi) * AZIMUTHS
+    if place < 0.0:
+        place += AZIMUTHS
+    k = min(int(place), AZIMUTHS - 1)
+    return z > max(sine[k], sine[k + 1])
+
+
+@njit(cache=True, error_model="numpy")
+def _open_to(d: Array, axes: Array, sine: NDArray[np.float32]) -> NDArray[np.bool_]:
+    out = np.zeros(sine.shape[:2], np.bool_)
+    for i in range(sine.shape[0]):
+        x, y, z = axes[i] @ d
+        for s in range(sine.shape[1]):
+            out[i, s] = _above(x, y, z, sine[i, s])
+    return out
+
+
+@njit(cache=True, error_model="numpy")
+def _look(
+    r: Array, C: Array, tan: float, cone: bool, points: Array, axes: Array, sine: NDArray[np.float32]
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Which sample points are in view by the map, and which are in the field of view and face the camera but are hidden."""
+    seen = np.zeros(sine.shape[:2], np.bool_)
+    doubtful = np.zeros(sine.shape[:2], np.bool_)
+    for i in range(sine.shape[0]):
+        for s in range(sine.shape[1]):
+            dx, dy, dz = r[0] - points[i, s, 0], r[1] - points[i, s, 1], r[2] - points[i, s, 2]
+            z = axes[i, 2, 0] * dx + axes[i, 2, 1] * dy + axes[i, 2, 2] * dz
+            if z <= 0.0:
+                continue
+            u = -(C[0, 0] * dx + C[0, 1] * dy + C[0, 2] * dz)
+            v = -(C[1, 0] * dx + C[1, 1] * dy + C[1, 2] * dz)
+            reach = -tan * (C[2, 0] * dx + C[2, 1] * dy + C[2, 2] * dz)
+            if reach <= 0.0 or (u * u + v * v > reach * reach if cone else max(abs(u), abs(v)) > reach):
+                continue
+            x = axes[i, 0, 0] * dx + axes[i, 0, 1] * dy + axes[i, 0, 2] * dz
+            y = axes[i, 1, 0] * dx + axes[i, 1, 1] * dy + axes[i, 1, 2] * dz
+            length = np.sqrt(dx * dx + dy * dy + dz * dz)
+            if _above(x / length, y / length, z / length, sine[i, s]):
+                seen[i, s] = True
+            else:
+                doubtful[i, s] = True
+    return seen, doubtful

@@ -1,0 +1,47 @@
+"""The scripted policies: legal actions, and a task in which decisions matter."""
+
+import gymnasium
+import numpy as np
+import pytest
+import swarm_mj.envs  # noqa: F401
+from swarm_mj.envs.baselines import POLICIES, fly, middle_patch
+
+
+@pytest.fixture(scope="module")
+def env():
+    env = gymnasium.make("SwarmObserve-v0").unwrapped
+    yield env
+    env.close()
+
+
+@pytest.fixture(scope="module")
+def outcomes(env):
+    return {name: [fly(env, policy, seed) for seed in (1, 2)] for name, policy in POLICIES.items()}
+
+
+def test_baselines_choose_legal_actions_and_repeat_themselves(env, outcomes):
+    for name, policy in POLICIES.items():
+        observation, _ = env.reset(seed=0)
+        assert env.action_space.contains(policy(env, observation)), name
+    assert fly(env, POLICIES["greedy"], 1) == outcomes["greedy"][0]
+
+
+def test_the_bodys_centre_does_not_suffice_and_looking_at_what_is_missing_pays(outcomes):
+    shares = {name: np.mean([o.coverage_percent for o in runs]) for name, runs in outcomes.items()}
+    assert shares["body centre"] < 50.0
+    assert shares["target centre"] < 50.0
+    assert shares["sweep"] > shares["body centre"] + 10.0
+    assert shares["greedy"] > shares["sweep"]
+    rewards = {name: np.mean([o.total_reward for o in runs]) for name, runs in outcomes.items()}
+    assert rewards["greedy"] == max(rewards.values())
+
+
+def test_rewards_of_an_episode_are_the_sum_of_its_terms(outcomes):
+    for runs in outcomes.values():
+        for outcome in runs:
+            assert outcome.total_reward == pytest.approx(sum(outcome.terms.values()), abs=1e-9)
+
+
+def test_the_middle_patch_lies_at_the_targets_middle(env):
+    row, column = divmod(middle_patch(env), 4)
+    assert row in (1, 2) and column in (1, 2)

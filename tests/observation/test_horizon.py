@@ -1,0 +1,103 @@
+"""Horizon maps: against exact polygons, against rays, inside the bounding sphere, and for the Sun."""
+
+import numpy as np
+import pytest
+
+from swarm_mj.observation.camera import CameraModel, look_at
+from swarm_mj.observation.coverage import ObservationCriterion, observe
+from swarm_mj.observation.horizon import HorizonObserver, _look
+from swarm_mj.observation.illumination import lit
+from swarm_mj.observation.observer import make_observer
+from swarm_mj.observation.raycast import RayCastObserver
+
+from .scenes import cell_oracle, eros_target, exact_seen_areas, exact_view, ground_with_plate, on_ground, random_views
+
+
+@pytest.fixture(scope="module", autouse=True)
+def own_cache(tmp_path_factory):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("SWARM_MJ_CACHE", str(tmp_path_factory.mktemp("cache")))
+        yield
+
+
+@pytest.fixture(scope="module")
+def observer():
+    return HorizonObserver(eros_target(), CameraModel())
+
+
+def test_seen_area_agrees_with_the_oracle_over_sixty_random_views(observer):
+    region = observer.region
+    error, share_error = [], []
+    exact_areas = exact_seen_areas(observer.camera, 60, seed=1)
+    for pose, exact in zip(random_views(60, seed=1), exact_areas, strict=True):
+        fraction = observer.visible_fraction(pose.r_A, pose.C_CA)
+        error.append((region.area[fraction >= 0.5].sum() - exact) / region.total_area)
+        share_error.append((region.area @ fraction - exact) / region.total_area)
+    assert np.sqrt(np.mean(np.square(error))) < 0.01
+    assert np.abs(error).max() < 0.04
+    assert np.sqrt(np.mean(np.square(share_error))) < 0.005
+
+
+@pytest.mark.parametrize("views", [dict(seed=5, spread_deg=95.0), dict(seed=2, off_deg=25.0)], ids=str)
+def test_no_hidden_cell_is_ever_seen(observer, views):
+    oracle = cell_oracle(observer.region)
+    for pose in random_views(15, **views):
+        exact = oracle.visible_area(exact_view(pose, observer.camera)) / observer.region.area
+        assert not observer.visible_fraction(pose.r_A, pose.C_CA)[exact < 1e-9].any()
+
+
+@pytest.mark.parametrize("altitude", [300.0, 1500.0])
+def test_inside_the_bounding_sphere_a_rise_beyond_the_camera_does_not_count(observer, altitude):
+    # Low over the target and looking sideways: for some cells a lobe of Eros stands behind the camera.
+    region = observer.region
+    rays = RayCastObserver(region, observer.camera)
+    rng = np.random.default_rng(3)
+    differ = saved = 0
+    for _ in range(25):
+        above, aim = rng.choice(region.n_cells, 2, replace=False)
+        pose = look_at(region.centroid_A[above] + altitude * region.normal_A[above], region.centroid_A[aim])
+        ours, theirs = (o.visible_fraction(pose.r_A, pose.C_CA) for o in (observer, rays))
+        differ += int((np.abs(ours - theirs) > 0.13).sum())
+        by_map, _ = _look(pose.r_A, pose.C_CA, observer.camera.tan_half_angle, False, observer.horizon.points,
+                          observer.horizon.axes, observer.horizon.sine)  # fmt: skip
+        saved += int((by_map.mean(axis=1) < ours).sum())
+    assert differ < 0.02 * 25 * region.n_cells
+    assert saved > 0
+
+
+def test_field_of_view_and_facing_are_those_of_the_ray_caster():
+    region = eros_target()
+    for camera in (CameraModel(half_angle_deg=4.0), CameraModel(half_angle_deg=4.0, shape="cone")):
+        maps, rays = HorizonObserver(region, camera), RayCastObserver(region, camera)
+        for pose in random_views(12, seed=8, spread_deg=30.0, off_deg=6.0):
+            ours, theirs = (o.visible_fraction(pose.r_A, pose.C_CA) for o in (maps, rays))
+            assert (np.abs(ours - theirs) > 0.07).mean() < 0.02
+
+
+def test_the_plate_hides_the_ground_beneath_it():
+    region = ground_with_plate(0.2)
+    pose = look_at([0.0, 7.0, 0.0], [0.0, 0.0, 0.0])
+    seen = HorizonObserver(region, CameraModel(half_angle_deg=60.0), samples=4).visible_fraction(pose.r_A, pose.C_CA)
+    hidden = on_ground(region) @ (region.area * (1 - seen))
+    assert hidden == pytest.approx((5 / 4) ** 2, rel=0.1)
+
+
+def test_the_sun_is_seen_where_rays_see_it(observer):
+    region, tracer = observer.region, observer.tracer
+    for sun in ([1.0, 0.6, 0.1], [-1.0, 0.4, 0.3], [0.2, 0.5, -1.0], [0.0, 1.0, 0.0]):
+        ours = lit(region, sun) & (observer.horizon.open_to(sun).mean(axis=1) >= 0.5)
+        theirs = lit(region, sun, tracer=tracer)
+        assert region.area[ours != theirs].sum() / region.total_area < 0.02
+
+
+def test_maps_are_kept_and_read_back(observer):
+    again = HorizonObserver(observer.region, observer.camera)
+    assert np.array_equal(again.horizon.sine, observer.horizon.sine)
+
+
+def test_the_observer_is_chosen_by_name_and_serves_the_criterion():
+    observer = make_observer(eros_target(), CameraModel(), kind="horizon")
+    pose = look_at([0.0, 21e3, 0.0], [0.0, 0.0, 0.0])
+    seen = observe(observer, pose.r_A, pose.C_CA, ObservationCriterion(shadows=True), sun_A=[0.6, 1.0, 0.2])
+    assert observer.name == "horizon"
+    assert 0 < seen.sum() <= observer.region.n_cells
