@@ -22,7 +22,7 @@ Policy = Callable[[SwarmObserveEnv, NDArray[np.float32]], Action]
 DWELL_S = 60.0
 
 #: Ground sampling distance up to which `greedy` turns to a patch, over the largest that counts; patches are not flat.
-REACH = 2
+REACH = 1.0
 
 
 class Outcome(NamedTuple):
