@@ -21,9 +21,6 @@ Policy = Callable[[SwarmObserveEnv, NDArray[np.float32]], Action]
 #: How long the sweep stays on a patch [s]: turning by a few degrees and settling takes about half of it.
 DWELL_S = 60.0
 
-#: Ground sampling distance up to which `greedy` turns to a patch, over the largest that counts; patches are not flat.
-REACH = 1.0
-
 
 class Outcome(NamedTuple):
     """What an episode came to."""
@@ -77,7 +74,7 @@ def _worth(env: SwarmObserveEnv, parts: dict[str, NDArray[np.float32]]) -> Array
     cosine = np.maximum(np.einsum("jki,ki->jk", to_camera, up) / distance, 1e-6)
     gsd = distance * env.pictures.observer.camera.pixel_angle / cosine
     limit = scenario.observation.max_gsd_m or np.inf
-    return (1.0 - parts["patches"]) * patches.area * (gsd <= REACH * limit)
+    return (1.0 - parts["patches"]) * patches.area * (gsd <= limit)
 
 
 def positions_A(env: SwarmObserveEnv, parts: dict[str, NDArray[np.float32]]) -> Array:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
 from swarm_mj import __version__
 from swarm_mj.flight import ObservationResult
@@ -20,9 +21,7 @@ LIBRARIES = ("mujoco", "numpy", "scipy", "numba", "moderngl", "embreex", "pymoo"
 
 def summarise(plan: Plan, telemetry: xr.Dataset, result: ObservationResult, wall_s: dict[str, float]) -> dict[str, Any]:
     """Collect the summary of a run; plain Python numbers, ready for JSON."""
-    scenario, names = plan.scenario, plan.names
-    error_deg = np.degrees(telemetry["pointing_error"].values)
-    switches = mode_switches(telemetry)
+    scenario = plan.scenario
     return {
         "scenario": scenario.name,
         "description": scenario.description,
@@ -31,45 +30,69 @@ def summarise(plan: Plan, telemetry: xr.Dataset, result: ObservationResult, wall
         "spacecraft": plan.n,
         "observers": plan.n_observers,
         "duration_s": scenario.duration_s,
-        "target_vertices": plan.region.n_visiting,
-        "target_faces": plan.region.n_faces,
-        "target_cells": plan.region.n_cells,
-        "target_area_km2": _rounded(plan.region.total_area / 1e6, 6),
+        **_observed(plan, result),
+        **_pointed(plan, telemetry),
+        **_flown(plan),
+        "link_closed_percent": _by_name(plan.names, 100.0 * telemetry["link_closed"].values.mean(axis=0), 2),
+        "links_closed_final": int(telemetry["link_closed"].values[-1].sum()),
+        "wall_s": {stage: round(seconds, 3) for stage, seconds in wall_s.items()},
+        "versions": library_versions(),
+    }
+
+
+def _observed(plan: Plan, result: ObservationResult) -> dict[str, Any]:
+    """The target and how much of it was seen."""
+    scenario, region = plan.scenario, plan.region
+    return {
+        "target_vertices": region.n_visiting,
+        "target_faces": region.n_faces,
+        "target_cells": region.n_cells,
+        "target_area_km2": _rounded(region.total_area / 1e6, 6),
         "visiting_points": list(scenario.design.visiting_points),
         "coverage_percent": _rounded(result.coverage.percent, 6),
         "coverage_percent_passage": _rounded(result.passage.percent, 6),
-        "coverage_percent_by_spacecraft": _by_name(names, result.coverage.percent_by_spacecraft, 4),
+        "coverage_percent_by_spacecraft": _by_name(plan.names, result.coverage.percent_by_spacecraft, 4),
         "criterion": scenario.observation.criterion,
         "camera_half_angle_deg": scenario.camera.half_angle_deg,
         "observer": result.observer,
         "observer_note": result.note,
         "images": result.images,
+    }
+
+
+def _pointed(plan: Plan, telemetry: xr.Dataset) -> dict[str, Any]:
+    """Pointing errors at the end and around every switch, and what the wheels did."""
+    names, limits = plan.names, plan.properties
+    error_deg = np.degrees(telemetry["pointing_error"].values)
+    switches = {
+        name: [_switch(switch, error_deg[:, j]) for switch in mode_switches(telemetry)[name]]
+        for j, name in enumerate(names)
+    }
+    return {
         "pointing_error_deg_final": _by_name(names, error_deg[-1], 9),
         "pointing_error_deg_before_switch": {
-            name: _rounded(max(error_deg[s["sample"] - 1, j] for s in switches[name]), 9)
-            for j, name in enumerate(names)
-            if switches[name]
+            name: max(switch["error_before_deg"] for switch in found) for name, found in switches.items() if found
         },
-        "mode_switches": {
-            name: [
-                {
-                    "time_s": s["time_s"],
-                    "from": s["from"],
-                    "to": s["to"],
-                    "error_before_deg": _rounded(error_deg[s["sample"] - 1, j], 9),
-                    "error_after_deg": _rounded(error_deg[s["sample"], j], 3),
-                }
-                for s in switches[name]
-            ]
-            for j, name in enumerate(names)
-        },
-        "max_wheel_speed_fraction": _rounded(
-            float(telemetry["wheel_speed_peak"].max()) / plan.properties.max_wheel_speed, 6
-        ),
-        "max_wheel_torque_fraction": _rounded(
-            float(telemetry["wheel_torque_peak"].max()) / plan.properties.max_wheel_torque, 6
-        ),
+        "mode_switches": switches,
+        "max_wheel_speed_fraction": _rounded(telemetry["wheel_speed_peak"].max() / limits.max_wheel_speed, 6),
+        "max_wheel_torque_fraction": _rounded(telemetry["wheel_torque_peak"].max() / limits.max_wheel_torque, 6),
         "wheel_saturation_s": _by_name(names, telemetry["wheel_saturation_time"].values, 3),
+    }
+
+
+def _switch(switch: dict[str, Any], error_deg: NDArray[np.float64]) -> dict[str, Any]:
+    sample = switch["sample"]
+    return {
+        **{key: switch[key] for key in ("time_s", "from", "to")},
+        "error_before_deg": _rounded(error_deg[sample - 1], 9),
+        "error_after_deg": _rounded(error_deg[sample], 3),
+    }
+
+
+def _flown(plan: Plan) -> dict[str, Any]:
+    """Deployment, trajectories and what came too close."""
+    names = plan.names
+    return {
         "deployment_delta_v_m_s": _by_name(names, plan.deployment.delta_v, 6),
         "transfer_miss_mm": _by_name(names, 1e3 * plan.deployment.miss_m, 6),
         "least_distance_to_centre_km": _by_name(names, plan.least_radius / 1e3, 3),
@@ -81,10 +104,6 @@ def summarise(plan: Plan, telemetry: xr.Dataset, result: ObservationResult, wall
             }
             for a in plan.near_collisions
         ],
-        "link_closed_percent": _by_name(names, 100.0 * telemetry["link_closed"].values.mean(axis=0), 2),
-        "links_closed_final": int(telemetry["link_closed"].values[-1].sum()),
-        "wall_s": {stage: round(seconds, 3) for stage, seconds in wall_s.items()},
-        "versions": library_versions(),
     }
 
 
