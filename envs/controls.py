@@ -18,9 +18,9 @@ from swarm_mj.errors import ScenarioError
 from swarm_mj.mission.behaviors import Behavior, SwarmView, TargetKind, Targets
 from swarm_mj.observation.raytracing import RayTracer
 from swarm_mj.planning import Plan
-from swarm_mj.simulation.telemetry import OBSERVING
 
 from .patches import Patches, surface_points
+from .pictures import IS_OBSERVING
 from .state import SwarmState
 
 Array = NDArray[np.float64]
@@ -113,7 +113,7 @@ class PointingLevel(ControlLevel):
     def targets(self, view: SwarmView, memory: Any) -> tuple[Targets, Any]:
         """See `Behavior`: the scenario's targets, but the asteroid is replaced by the point of the action."""
         targets, memory = self._inner.targets(view, memory)
-        observing = np.isin(targets.kind, OBSERVING)
+        observing = IS_OBSERVING[targets.kind]
         kind = np.where(observing, int(TargetKind.SURFACE), targets.kind)
         vector = np.where(observing[:, None], self._points_A, targets.vector)
         return Targets(kind, targets.spacecraft, vector), memory

@@ -71,7 +71,16 @@ class Downlink:
 
     def transmit(self, state: SwarmState, targets: Targets, duration: float) -> float:
         """Send for `duration` [s] over the links that are closed now; returns the bits that Earth received."""
-        self.closed = links_closed(
+        talking = (targets.kind == TargetKind.SPACECRAFT) | (targets.kind == TargetKind.EARTH)
+        self.closed = self._closed(state, targets) if talking.any() else np.zeros(self._plan.n, np.bool_)
+        for j in np.flatnonzero(self.closed & (targets.kind == TargetKind.SPACECRAFT)):
+            sent = min(self.stored[j], self._radio.swarm_rate_bit_s * duration)
+            self.stored[j] -= sent
+            self.stored[targets.spacecraft[j]] += sent
+        return self._send_to_earth(self.closed & (targets.kind == TargetKind.EARTH), duration)
+
+    def _closed(self, state: SwarmState, targets: Targets) -> NDArray[np.bool_]:
+        closed = links_closed(
             antennas=self._antennas,
             shape=self._plan.shape,
             mode=targets.kind[None].astype(np.int8),
@@ -80,12 +89,8 @@ class Downlink:
             C_BN=state.C_BN[None],
             C_AN=state.C_AN[None],
             earth_N=self._plan.environment.earth.at(state.t)[None],
-        )[0]
-        for j in np.flatnonzero(self.closed & (targets.kind == TargetKind.SPACECRAFT)):
-            sent = min(self.stored[j], self._radio.swarm_rate_bit_s * duration)
-            self.stored[j] -= sent
-            self.stored[targets.spacecraft[j]] += sent
-        return self._send_to_earth(self.closed & (targets.kind == TargetKind.EARTH), duration)
+        )
+        return np.asarray(closed[0])
 
     def _send_to_earth(self, talks: NDArray[np.bool_], duration: float) -> float:
         """Earth hears one spacecraft at a time, in gene order."""

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarm_mj.flight import camera_from, criterion_from
-from swarm_mj.mission.behaviors import Targets
+from swarm_mj.mission.behaviors import TargetKind, Targets
 from swarm_mj.observation.coverage import CoverageMap, observe
 from swarm_mj.observation.observer import ObserverKind, make_observer
 from swarm_mj.planning import Plan
@@ -15,6 +15,9 @@ from swarm_mj.simulation.telemetry import OBSERVING
 from .state import SwarmState
 
 Array = NDArray[np.float64]
+
+#: Whether a `TargetKind` means looking at the body.
+IS_OBSERVING = np.isin(np.arange(len(TargetKind)), OBSERVING)
 
 
 class PictureTaker:
@@ -27,6 +30,7 @@ class PictureTaker:
     Attributes:
         observer: Judges the pictures.
         coverage: What was seen in this episode, by the scenario's criterion.
+        percent: Its share of the target's area [%].
     """
 
     def __init__(self, plan: Plan, kind: ObserverKind) -> None:
@@ -44,6 +48,7 @@ class PictureTaker:
     def reset(self) -> None:
         """Forget what was seen."""
         self.coverage = CoverageMap(self._plan.region.area, self._plan.n)
+        self.percent = 0.0
         self._seen = np.zeros(self._plan.region.n_cells, np.bool_)
 
     @property
@@ -68,13 +73,15 @@ class PictureTaker:
         plan, r_A, C_BA = self._plan, state.r_A, state.C_BA
         sun_A = state.C_AN @ plan.environment.sun.at(state.t)
         area, pixels = 0.0, np.zeros(plan.n)
-        for j in np.flatnonzero(np.isin(targets.kind[: plan.n_observers], OBSERVING)):
+        for j in np.flatnonzero(IS_OBSERVING[targets.kind[: plan.n_observers]]):
             seen = observe(self.observer, r_A[j], C_BA[j], self._criterion, sun_A)
             new = seen & ~self._seen
             self.coverage.add(state.t, int(j), seen)
             self._seen |= new
             area += float(plan.region.area[new].sum())
             pixels[j] = self._pixels(r_A[j], new)
+        if area > 0.0:
+            self.percent = self.coverage.percent
         return area, pixels
 
     def _pixels(self, r_A: Array, cells: NDArray[np.bool_]) -> float:

@@ -19,13 +19,12 @@ from swarm_mj.observation.observer import ObserverKind
 from swarm_mj.planning import make_plan
 from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.scenarios.schema import Scenario, is_multiple
-from swarm_mj.simulation.telemetry import OBSERVING
 from swarm_mj.smallbody.occultation import segments_blocked
 
 from .controls import check_action, check_level, make_level
 from .downlink import Downlink, Radio
 from .patches import make_patches
-from .pictures import PictureTaker
+from .pictures import IS_OBSERVING, PictureTaker
 from .readings import Readings
 from .rewards import SATURATION_FROM, StepMeasures, checked_weights, reward_terms
 from .state import SwarmState, is_finite, read_state
@@ -179,6 +178,7 @@ spacecraft 1..n (itself: hold); K+n+1: Earth; K+n+2: hold the direction of +z in
         self._downlink = Downlink(plan, radio, pictures.observer.camera.pixel_angle)
         self.readings = Readings(plan, patches)
         self.observation_space, self.action_space = self.readings.space, self._level.action_space
+        self._pairs = np.triu_indices(plan.n, 1)
         self._running = False
 
     @property
@@ -283,11 +283,11 @@ spacecraft 1..n (itself: hold); K+n+1: Earth; K+n+2: hold the direction of +z in
         simulation, limit = self.simulation, self.plan.properties.max_wheel_torque
         for _ in range(self._ticks):
             area += self._decide()
-            effort += float(np.mean((simulation.data.ctrl / limit) ** 2))
+            effort += float(simulation.data.ctrl @ simulation.data.ctrl)
             simulation.advance()
         if simulation.tick == self._last_tick or not is_finite(simulation):
             area += self._decide()  # the last pictures of a flight; a state that is not finite raises
-        return area, effort / self._ticks
+        return area, effort / (self._ticks * 3 * self.plan.n * limit**2)
 
     def _decide(self) -> float:
         self._targets = self.simulation.decide()
@@ -307,22 +307,31 @@ spacecraft 1..n (itself: hold); K+n+1: Earth; K+n+2: hold the direction of +z in
             link=link.closed,
             stored=link.stored / link.nominal,
             patch_seen=self.patches.seen_fraction(seen),
-            seen=self.pictures.coverage.percent / 100.0,
+            seen=self.pictures.percent / 100.0,
             delivered=link.delivered / link.nominal,
         )
 
     def _imaging(self) -> NDArray[np.bool_]:
-        return np.isin(self._targets.kind, OBSERVING) & (np.arange(self.plan.n) < self.plan.n_observers)
+        imaging = IS_OBSERVING[self._targets.kind]
+        imaging[self.plan.n_observers :] = False
+        return imaging
 
     def _impacts(self, before: SwarmState) -> NDArray[np.bool_]:
         shape = self.plan.shape
         return segments_blocked(before.r_A, self._state.r_A, shape.vertices, shape.faces, shape.max_radius)
 
     def _close_pairs(self, before: SwarmState) -> float:
-        safety, n = self.plan.scenario.safety, self.plan.n
-        times, r_N = np.array([before.t, self._state.t]), np.stack([before.r_BN_N, self._state.r_BN_N])
+        """Share of the pairs that came too close; the exact test is made only where the triangle inequality allows it."""
+        safety, (i, j) = self.plan.scenario.safety, self._pairs
+        r_N = np.stack([before.r_BN_N, self._state.r_BN_N])
+        relative = r_N[:, j] - r_N[:, i]
+        step = relative[1] - relative[0]
+        ends, moved = np.sqrt((relative**2).sum(axis=2)), np.sqrt((step**2).sum(axis=1))
+        if (0.5 * (ends[0] + ends[1] - moved) > safety.min_separation_m).all():
+            return 0.0
+        times = np.array([before.t, self._state.t])
         near = close_approaches(times, r_N, closer_than=safety.min_separation_m, after=safety.separation_grace_s)
-        return len(near) / max(1, n * (n - 1) // 2)
+        return len(near) / max(1, len(i))
 
     def _saturation(self) -> float:
         fraction = np.abs(self._state.wheel_speed) / self.plan.properties.max_wheel_speed
@@ -330,7 +339,7 @@ spacecraft 1..n (itself: hold); K+n+1: Earth; K+n+2: hold the direction of +z in
 
     def _is_complete(self) -> bool:
         link = self._downlink
-        return self.pictures.coverage.percent >= self._complete and link.stored.sum() <= NOTHING_STORED * link.nominal
+        return self.pictures.percent >= self._complete and link.stored.sum() <= NOTHING_STORED * link.nominal
 
     def _result(
         self, measures: StepMeasures, end: str, more: dict[str, Any]
@@ -346,7 +355,7 @@ spacecraft 1..n (itself: hold); K+n+1: Earth; K+n+2: hold the direction of +z in
         link = self._downlink
         return {
             "time_s": self.simulation.time,
-            "coverage_percent": self.pictures.coverage.percent,
+            "coverage_percent": self.pictures.percent,
             "delivered_bit": float(link.delivered),
             "stored_bit": link.stored.tolist(),
         }

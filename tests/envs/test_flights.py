@@ -182,7 +182,7 @@ def test_a_target_seen_and_delivered_ends_the_episode():
     for k in range(150):
         action = np.full(5, 5)
         if k >= 52:
-            action = np.array([EARTH, 17, 17, 17, 17])
+            action = np.full(5, EARTH)
         *_, terminated, truncated, info = env.step(action)
         if terminated or truncated:
             break
