@@ -52,12 +52,14 @@ types: setup-dev ## check types
 
 check: test lint types ## tests, style and types
 
-bench: setup-dev ## time the loop against raw mj_step, and the designer
+bench: setup-dev ## time the loop against raw mj_step, the designer and the observers
 	@$(BIN)/python -m benchmarks.loop_overhead
 	@$(BIN)/python -m benchmarks.designer
+	@$(BIN)/python -m benchmarks.coverage
 
-docs: setup ## redraw the pictures of README and docs
+docs: setup-dev ## redraw the pictures and rerun the checks that README and docs show
 	@$(BIN)/python -m docs.images
+	@$(BIN)/swarm-mj validate --markdown docs/validation.md
 
 reproduction: setup ## rewrite docs/reproduction.md: the fewest observers under every reading
 	@$(BIN)/python -m docs.reproduction

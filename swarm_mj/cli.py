@@ -49,6 +49,7 @@ def _parser() -> argparse.ArgumentParser:
     _add_design(commands)
     _add_scenarios(commands)
     _add_shape(commands)
+    _add_validate(commands)
     return parser
 
 
@@ -216,6 +217,27 @@ def _shape(arguments: argparse.Namespace) -> int:
         save_obj(shape, arguments.out)
         print(f"wrote {arguments.out}")
     return 0
+
+
+def _add_validate(commands: argparse._SubParsersAction) -> None:
+    validate = commands.add_parser(
+        "validate",
+        help="run the physics checks on the installed program",
+        description="Compare the installed program with independent references; exit status 1 if a check fails.",
+    )
+    validate.add_argument(
+        "--only", action="append", default=[], metavar="NAME", help="run this check or group; may be repeated"
+    )
+    validate.add_argument("--json", type=Path, metavar="FILE", help="write the results as JSON")
+    validate.add_argument("--markdown", type=Path, metavar="FILE", help="write the results as a Markdown page")
+    validate.add_argument("--quiet", action="store_true", help="no progress bar")
+    validate.set_defaults(command=_validate)
+
+
+def _validate(arguments: argparse.Namespace) -> int:
+    from swarm_mj.validation.runner import run_validation
+
+    return run_validation(arguments.only, arguments.json, arguments.markdown, arguments.quiet)
 
 
 if __name__ == "__main__":
