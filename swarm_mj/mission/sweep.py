@@ -47,7 +47,7 @@ class TargetSweep:
     longitude_deg: float = 90.0
     half_angle_deg: float = 20.0
     rows: int = 4
-    dwell_s: float = 60.0
+    dwell_s: float = 30.0
     election: str = "first"
     dedicated_communications: ClassVar[bool] = False
 

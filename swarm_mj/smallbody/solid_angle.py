@@ -43,4 +43,7 @@ def points_inside(
     points_A: NDArray[np.float64], vertices: NDArray[np.float64], faces: NDArray[np.int32]
 ) -> NDArray[np.bool_]:
     """Whether points (n, 3) [m] lie inside a closed mesh, shape (n,); the surface itself counts as inside."""
-    return solid_angles(points_A, vertices, faces) > np.pi
+    inside = np.einsum("ij,ij->i", points_A, points_A) <= np.einsum("ij,ij->i", vertices, vertices).max()
+    # Only what is nearer than the farthest vertex needs the sum over all faces.
+    inside[inside] = solid_angles(points_A[inside], vertices, faces) > np.pi
+    return inside

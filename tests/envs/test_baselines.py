@@ -30,9 +30,10 @@ def test_the_bodys_centre_does_not_suffice_and_looking_at_what_is_missing_pays(o
     shares = {name: np.mean([o.coverage_percent for o in runs]) for name, runs in outcomes.items()}
     assert shares["body centre"] < 50.0
     assert shares["target centre"] < 50.0
-    assert shares["greedy"] > 20.0 + max(share for name, share in shares.items() if name != "greedy")
+    assert shares["sweep"] > shares["body centre"] + 10.0
+    assert shares["greedy"] > shares["sweep"] + 10.0
     rewards = {name: np.mean([o.total_reward for o in runs]) for name, runs in outcomes.items()}
-    assert rewards["greedy"] > 0.5 + max(reward for name, reward in rewards.items() if name != "greedy")
+    assert sorted(rewards, key=rewards.get) == ["target centre", "body centre", "sweep", "greedy"]
 
 
 def test_rewards_of_an_episode_are_the_sum_of_its_terms(outcomes):
