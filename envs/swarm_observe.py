@@ -11,16 +11,17 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from swarm_mj.errors import ScenarioError, SimulationError
+from swarm_mj.errors import SimulationError
 from swarm_mj.flight import initial_state, make_simulation
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.mission.safety import close_approaches
 from swarm_mj.observation.observer import ObserverKind
 from swarm_mj.planning import make_plan
 from swarm_mj.scenarios.loading import load_scenario
-from swarm_mj.scenarios.schema import Scenario, is_multiple
+from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.smallbody.occultation import segments_blocked
 
+from .arguments import checked_render_mode, checked_share, checked_step, flight_seed
 from .controls import check_action, check_level, make_level
 from .downlink import Downlink, Radio
 from .patches import make_patches
@@ -159,14 +160,14 @@ spacecraft 1..n (itself: hold); K+n+1: Earth; K+n+2: hold the direction of +z in
         self._pictures: PictureTaker | None = None
         self._overview: Any = None
         check_level(control)
-        self.render_mode, self._size = _checked_render_mode(render_mode), (width, height)
+        self.render_mode, self._size = checked_render_mode(render_mode, self.metadata["render_modes"]), (width, height)
         self._weights = checked_weights(reward_weights)
         radio = Radio(
             bits_per_pixel=bits_per_pixel, swarm_rate_bit_s=swarm_rate_bit_s, earth_rate_bit_s=earth_rate_bit_s
         )
-        self._complete = _checked_share(complete)
+        self._complete = checked_share(complete)
         given = scenario if isinstance(scenario, Scenario) else load_scenario(scenario)
-        self._ticks, self._last_tick = _checked_step(given, step_s)
+        self._ticks, self._last_tick = checked_step(given, step_s)
         self._step_s, self._share = step_s, step_s / given.duration_s
 
         plan = make_plan(given)
@@ -203,8 +204,8 @@ spacecraft 1..n (itself: hold); K+n+1: Earth; K+n+2: hold the direction of +z in
         """
         super().reset(seed=seed)
         drawn = int(self.np_random.integers(2**31))
-        flight_seed = _flight_seed(options, drawn)
-        scenario = self.plan.scenario.model_copy(update={"seed": flight_seed})
+        chosen = flight_seed(options, drawn)
+        scenario = self.plan.scenario.model_copy(update={"seed": chosen})
         start = initial_state(replace(self.plan, scenario=scenario))
         self._level.reset()
         self.pictures.reset()
@@ -216,7 +217,7 @@ spacecraft 1..n (itself: hold); K+n+1: Earth; K+n+2: hold the direction of +z in
         self._state = read_state(self.simulation)
         self._running = True
         self._observation = self._observe()
-        return self._observation.copy(), self._info() | {"flight_seed": flight_seed}
+        return self._observation.copy(), self._info() | {"flight_seed": chosen}
 
     def step(self, action: Any) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Fly on for one step with the action held.
@@ -359,37 +360,3 @@ spacecraft 1..n (itself: hold); K+n+1: Earth; K+n+2: hold the direction of +z in
             "delivered_bit": float(link.delivered),
             "stored_bit": link.stored.tolist(),
         }
-
-
-def _checked_render_mode(mode: str | None) -> str | None:
-    modes = SwarmObserveEnv.metadata["render_modes"]
-    if mode is not None and mode not in modes:
-        raise ScenarioError(f"render_mode = {mode!r}: must be None or one of {', '.join(modes)}")
-    return mode
-
-
-def _checked_share(percent: float) -> float:
-    if not 0.0 < percent <= 100.0:
-        raise ScenarioError(f"complete = {percent}: must be above 0 and at most 100 percent")
-    return percent
-
-
-def _checked_step(scenario: Scenario, step_s: float) -> tuple[int, int]:
-    """Control periods in a step and in the flight."""
-    period, duration = scenario.control.period_s, scenario.duration_s
-    if not step_s > 0.0 or not is_multiple(step_s, period) or not is_multiple(duration, step_s):
-        raise ScenarioError(
-            f"step_s = {step_s}: must be a whole multiple of control.period_s = {period:g} s and divide the scenario's "
-            f"duration_s = {duration:g} s"
-        )
-    return round(step_s / period), round(duration / period)
-
-
-def _flight_seed(options: dict[str, Any] | None, drawn: int) -> int:
-    given = dict(options or {})
-    seed = given.pop("flight_seed", drawn)
-    if given:
-        raise ScenarioError(f"reset options {sorted(given)}: unknown; allowed: flight_seed")
-    if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
-        raise ScenarioError(f"reset option flight_seed = {seed!r}: must be a whole number of at least 0")
-    return int(seed)

@@ -2,6 +2,7 @@
 
 import os
 import tempfile
+from importlib import import_module
 from pathlib import Path
 
 __version__ = "0.1.0"
@@ -16,3 +17,5 @@ def _give_numba_a_cache() -> None:
 
 
 _give_numba_a_cache()
+# Tells gymnasium the environments, at once or when it is imported; imports nothing heavy itself.
+import_module("swarm_mj.envs")

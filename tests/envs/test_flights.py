@@ -204,6 +204,18 @@ def test_the_visit_criterion_counts_only_the_instant_of_the_visit():
     env.close()
 
 
+def test_the_last_pictures_of_a_flight_count():
+    # The flight ends at the visit, so that the pictures of the last instant, and only these, are taken.
+    scenario = load_scenario("eros-observe", ["duration_s=600", "observation.criterion=visit", *RAYS])
+    env = gymnasium.make("SwarmObserve-v0", scenario=scenario).unwrapped
+    infos = fly(env, np.full(5, CENTRE))
+    plan = replace(make_plan(scenario), behavior=LookAt(TargetKind.ASTEROID))
+    result = observe_flight(plan, simulate(plan))
+    assert infos[-1]["coverage_percent"] == result.coverage.percent > 5.0
+    assert infos[-1]["reward_terms"]["seen"] == pytest.approx(result.coverage.percent / 100.0)
+    env.close()
+
+
 def test_the_observation_tells_time_positions_and_patches(roles):
     roles.reset(seed=0)
     for _ in range(60):

@@ -8,7 +8,7 @@ import pytest
 MADE = "assert env.unwrapped.__class__.__name__ == 'SwarmObserveEnv'; print('made')"
 
 
-@pytest.mark.parametrize("module", ["swarm_mj.envs"])
+@pytest.mark.parametrize("module", ["swarm_mj", "swarm_mj.envs"])
 @pytest.mark.parametrize(
     "code",
     [
