@@ -189,5 +189,5 @@ def test_with_gl_face_ids_come_first_and_name_their_renderer():
 
 
 def test_an_unknown_observer_is_refused():
-    with pytest.raises(ObserverError, match="'auto', 'faceid' or 'raycast'"):
+    with pytest.raises(ObserverError, match="'auto', 'faceid', 'raycast' or 'horizon'"):
         make_observer(eros_target(), CameraModel(), kind="telescope")
