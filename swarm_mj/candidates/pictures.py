@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import multiprocessing
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 
@@ -100,8 +100,12 @@ def picture_numbers(flights: CandidateFlights, candidate: int, at: NDArray[np.bo
     return np.flatnonzero(observing if at is None else observing & at)
 
 
-def _compute(region: TargetRegion, viewer: Viewer, jobs: dict[int, tuple[Array, Array]], workers: int | None):  # type: ignore[no-untyped-def]
-    """Judge candidates as they finish: pairs of candidate and shares."""
+def _compute(
+    region: TargetRegion, viewer: Viewer, jobs: dict[int, tuple[Array, Array]], workers: int | None
+) -> Iterator[tuple[int, Shares]]:
+    """Judge candidates: pairs of candidate and shares, as they finish."""
+    if not jobs:
+        return
     workers = min(workers or os.cpu_count() or 1, len(jobs))
     if workers <= 1 or sum(len(r) for r, _ in jobs.values()) < MIN_PARALLEL:
         _open(region, viewer)
