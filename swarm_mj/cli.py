@@ -72,8 +72,17 @@ def _add_run(commands: argparse._SubParsersAction) -> None:
         metavar="DIR",
         help=f"result folder (default: {DEFAULT_OUT}/NAME; of several scenarios: the folder that holds theirs)",
     )
-    run.add_argument("--seed", type=int, metavar="N", help="seed of the random initial attitudes")
     run.add_argument(
+        "--design", metavar="DESIGN", help="fly this design: a design.json of `swarm-mj design`, or a packaged name"
+    )
+    _add_common(run, seed_of="the random initial attitudes")
+    run.set_defaults(command=_run)
+
+
+def _add_common(command: argparse.ArgumentParser, *, seed_of: str) -> None:
+    """Arguments of every command that works on a scenario and writes a folder."""
+    command.add_argument("--seed", type=int, metavar="N", help=f"seed of {seed_of}")
+    command.add_argument(
         "--set",
         action="append",
         default=[],
@@ -81,21 +90,21 @@ def _add_run(commands: argparse._SubParsersAction) -> None:
         metavar="KEY=VALUE",
         help="change one value, e.g. camera.half_angle_deg=3; may be repeated",
     )
-    run.add_argument(
-        "--design", metavar="DESIGN", help="fly this design: a design.json of `swarm-mj design`, or a packaged name"
-    )
-    run.add_argument("--no-figures", action="store_true", help="write no pictures")
-    run.add_argument("--quiet", action="store_true", help="no progress bar")
-    run.set_defaults(command=_run)
+    command.add_argument("--no-figures", action="store_true", help="write no pictures")
+    command.add_argument("--quiet", action="store_true", help="no progress bar")
+
+
+def _overrides(arguments: argparse.Namespace) -> list[str]:
+    """What `--set` and `--seed` ask for."""
+    seed = [] if arguments.seed is None else [f"seed={arguments.seed}"]
+    return [*arguments.overrides, *seed]
 
 
 def _run(arguments: argparse.Namespace) -> int:
     from swarm_mj.runner import run_many
     from swarm_mj.scenarios.loading import load_scenario, read_design
 
-    overrides = list(arguments.overrides)
-    if arguments.seed is not None:
-        overrides.append(f"seed={arguments.seed}")
+    overrides = _overrides(arguments)
     if arguments.design is not None:
         points = read_design(arguments.design)
         overrides += [f"design.reference={json.dumps(arguments.design)}", f"design.visiting_points={points}"]
@@ -117,23 +126,13 @@ def _add_design(commands: argparse._SubParsersAction) -> None:
         "scenario", nargs="?", default=DEFAULT_SCENARIOS[0], metavar="NAME_OR_FILE", help="packaged name or YAML file"
     )
     design.add_argument("--out", type=Path, metavar="DIR", help=f"result folder (default: {DEFAULT_OUT}/NAME-design)")
-    design.add_argument("--seed", type=int, metavar="N", help="seed of the genetic algorithm")
-    design.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        dest="overrides",
-        metavar="KEY=VALUE",
-        help="change one value; may be repeated",
-    )
     design.add_argument("--fold", type=int, metavar="K", help="every face must be seen by at least K spacecraft")
     design.add_argument("--pareto", action="store_true", help="trade spacecraft against delta-v and area too (NSGA-II)")
     design.add_argument(
         "--compare", action="store_true", help="print how the minimum grows with demands beyond the paper"
     )
     design.add_argument("--workers", type=int, metavar="N", help="processes for the pictures (default: one per core)")
-    design.add_argument("--no-figures", action="store_true", help="write no pictures")
-    design.add_argument("--quiet", action="store_true", help="no progress bar")
+    _add_common(design, seed_of="the genetic algorithm")
     design.set_defaults(command=_design)
 
 
@@ -141,9 +140,7 @@ def _design(arguments: argparse.Namespace) -> int:
     from swarm_mj.design_runner import run_design
     from swarm_mj.scenarios.loading import load_scenario
 
-    overrides = list(arguments.overrides)
-    if arguments.seed is not None:
-        overrides.append(f"seed={arguments.seed}")
+    overrides = _overrides(arguments)
     if arguments.fold is not None:
         overrides.append(f"designer.fold={arguments.fold}")
     scenario = load_scenario(arguments.scenario, overrides)
