@@ -45,12 +45,12 @@ def run_design(
     if rows:
         console.print(growth_table(rows))
     console.print(f"{scenario.name}: files in {folder}", soft_wrap=True, highlight=False)
-    console.print(
-        f"To fly it: swarm-mj run {scenario.name} --design {folder / 'design.json'}",
-        soft_wrap=True,
-        highlight=False,
-        markup=False,
-    )
+    hint = f"To fly it: swarm-mj run {scenario.name} --design {folder / 'design.json'}"
+    if not record["flyable"]:
+        hint = (
+            "No single scenario flies this design: its points belong to several targets, altitudes or times of flight"
+        )
+    console.print(hint, soft_wrap=True, highlight=False, markup=False)
     return record
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from string import ascii_uppercase
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -64,6 +65,13 @@ class Study:
     def selected_by(self) -> str:
         """Which of the two found the design to fly."""
         return "genetic algorithm" if self.selected is self.genetic["repair"].points else "exact solver"
+
+    @property
+    def flyable(self) -> bool:
+        """Whether the points mean the same in the scenario itself: its own target, altitude and time of flight."""
+        design = self.scenario.design
+        own = (0, design.imaging_altitude_m, design.time_of_flight_s)
+        return all(self.sightings.candidates[p - 1][1:] == own for p in self.selected)
 
     @property
     def gap(self) -> int:
@@ -193,7 +201,7 @@ def describe(candidate: Candidate, seen: Sightings) -> str:
     """A candidate in a few words: its point, and what the designer was free to choose besides."""
     words = str(candidate.point)
     if len(seen.regions) > 1:
-        words = f"{'ABCDEFGHIJ'[candidate.target % 10]}{words}"
+        words = f"{ascii_uppercase[candidate.target]}{words}"
     if len({c.altitude_m for c in seen.candidates}) > 1:
         words += f" at {candidate.altitude_m / 1e3:g} km"
     if len({c.time_of_flight_s for c in seen.candidates}) > 1:

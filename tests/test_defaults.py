@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from swarm_mj.observation.illumination import incidence
 from swarm_mj.planning import make_plan
 from swarm_mj.scenarios.loading import load_scenario, packaged_names
 from swarm_mj.scenarios.schema import HeliocentricOrbit, RotationState, Scenario
@@ -47,7 +48,11 @@ def test_at_the_default_epoch_earth_is_never_occulted(config_flights, name):
         assert not segments_blocked(r_A, horizon, plan.shape.vertices, plan.shape.faces, plan.shape.max_radius).any()
 
 
-def test_at_the_epoch_of_the_elements_the_target_would_be_in_polar_night():
+def test_at_the_epoch_of_the_elements_the_sun_would_only_graze_the_target():
     plan = make_plan(load_scenario("eros-quick", ["epoch=2019-05-02T00:00:00"]))
-    latitude, _ = sub_point(plan.environment.sun.position, plan.environment.C_AN(0.0))
+    C_AN, sun = plan.environment.C_AN(0.0), plan.environment.sun.position
+    latitude, _ = sub_point(sun, C_AN)
+    angle = np.degrees(incidence(plan.region, C_AN @ sun))
     assert abs(latitude) > 80
+    assert np.average(angle, weights=plan.region.area) > 75
+    assert 0.1 < plan.region.area[angle > 90].sum() / plan.region.total_area < 0.3

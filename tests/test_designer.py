@@ -103,6 +103,23 @@ def test_a_design_can_be_flown_by_reference_and_covers_the_target(folder, tmp_pa
     assert summary["coverage_percent"] >= 99.9
 
 
+@pytest.mark.parametrize(
+    "freedom",
+    [
+        "designer.altitudes_m=[18000]",
+        "designer.extra_targets=[{latitude_deg: 0, longitude_deg: 60, half_angle_deg: 10}]",
+    ],
+)
+def test_a_design_that_no_single_scenario_flies_says_so_and_is_refused_by_run(tmp_path, capsys, freedom):
+    out = tmp_path / "o"
+    assert main(["design", "eros-quick", "--quiet", "--no-figures", "--out", str(out), *arguments(freedom)]) == 0
+    assert "No single scenario flies this design" in capsys.readouterr().out
+    assert (
+        main(["run", "eros-quick", "--quiet", "--design", str(out / "design.json"), "--out", str(tmp_path / "r")]) == 1
+    )
+    assert "several targets, altitudes or times" in capsys.readouterr().err
+
+
 def test_two_fold_coverage_survives_the_loss_of_any_one_spacecraft():
     single = study_design(load_scenario("eros-quick", FAST))
     study = study_design(load_scenario("eros-quick", [*FAST, "designer.fold=2"]))

@@ -10,10 +10,9 @@ Source: Schaub & Junkins, Analytical Mechanics of Space Systems, section 3.5.
 """
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 
-from swarm_mj.attitude.algebra import Floats, put_vector, quaternion, short_mrp
+from swarm_mj.attitude.algebra import Floats
 
 
 def mrp_from_quaternion(q_BN: ArrayLike) -> Floats:
@@ -123,18 +122,6 @@ def principal_angle(sigma: ArrayLike) -> Floats:
     """Return the principal rotation angle of MRPs of either set, taken the short way [rad], 0 to pi, shape (...)."""
     angle = 4.0 * np.arctan(np.linalg.norm(np.asarray(sigma, dtype=np.float64), axis=-1))
     return np.minimum(angle, 2.0 * np.pi - angle)
-
-
-@njit(cache=True, error_model="numpy")
-def write_mrp(q_BN: Floats, sigma_BN: Floats) -> None:
-    """Write the MRPs of unit quaternions into an array: the compiled twin of `mrp_from_quaternion`.
-
-    Args:
-        q_BN: Quaternions (w, x, y, z), shape (n, 4).
-        sigma_BN: Receives the MRPs with |sigma| <= 1, shape (n, 3).
-    """
-    for i in range(q_BN.shape[0]):
-        put_vector(sigma_BN, i, short_mrp(quaternion(q_BN, i)))
 
 
 def _product(a: Floats, b: Floats) -> Floats:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarm_mj.attitude.guidance import track_line_of_sight
+from swarm_mj.attitude.mrp import dcm, mrp_from_quaternion
 from swarm_mj.mission.behaviors import SwarmView, TargetKind
 from swarm_mj.mission.trajectories import propagate
 from swarm_mj.planning import Plan, make_plan
@@ -100,16 +101,5 @@ def _commanded(plan: Plan, times: Array, r_N: Array, v_N: Array) -> tuple[NDArra
         # Where nothing is observed the attitude does not matter; the body's centre serves.
         rho = -r_N[k] + np.where(surface[:, None], targets.vector @ C_AN[k], 0.0)
         track_line_of_sight(rho, zero, zero, base, np.full(n, k == 0), q_RN, zero.copy(), zero.copy(), los)
-        C_BN[k] = _dcm(q_RN)
+        C_BN[k] = dcm(mrp_from_quaternion(q_RN))
     return observing, C_BN, C_AN
-
-
-def _dcm(q_BN: Array) -> Array:
-    w, x, y, z = q_BN.T
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)],
-            [2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)],
-            [2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    ).transpose(2, 0, 1)

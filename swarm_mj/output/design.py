@@ -25,6 +25,7 @@ def design_record(study: Study) -> dict[str, Any]:
         "n_observers": len(chosen),
         "visiting_points": [candidate.point for candidate in chosen],
         "gene_map": [len(chosen), *(int(p) for p in study.selected)],
+        "flyable": study.flyable,
         "candidates": [describe(candidate, seen) for candidate in chosen],
         "visiting_points_A_m": [[round(float(x), 3) for x in seen.point_A[p - 1]] for p in study.selected],
         "delta_v_m_s": [round(float(seen.delta_v[p - 1]), 6) for p in study.selected],

@@ -64,9 +64,9 @@ def _pointed(plan: Plan, telemetry: xr.Dataset) -> dict[str, Any]:
     """Pointing errors at the end and around every switch, and what the wheels did."""
     names, limits = plan.names, plan.properties
     error_deg = np.degrees(telemetry["pointing_error"].values)
+    found_by_name = mode_switches(telemetry)
     switches = {
-        name: [_switch(switch, error_deg[:, j]) for switch in mode_switches(telemetry)[name]]
-        for j, name in enumerate(names)
+        name: [_switch(switch, error_deg[:, j]) for switch in found_by_name[name]] for j, name in enumerate(names)
     }
     return {
         "pointing_error_deg_final": _by_name(names, error_deg[-1], 9),

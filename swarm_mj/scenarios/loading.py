@@ -93,8 +93,8 @@ def read_design(reference: str) -> list[int]:
     try:
         with path.open("rb") as file:
             design = json.loads(file.read(MAX_BYTES).decode("utf-8"))
-        points = design["visiting_points"]
-    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
+        points, flyable = design["visiting_points"], design.get("flyable", True)
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise ScenarioError(
             f"design.reference = {reference}: no packaged design and no design.json ({type(error).__name__}: {error}). "
             f"Packaged: {', '.join(packaged_designs())}"
@@ -102,6 +102,11 @@ def read_design(reference: str) -> list[int]:
     if not isinstance(points, list) or not points or not all(type(p) is int for p in points):
         raise ScenarioError(
             f"design.reference = {reference}: its visiting_points are no list of numbers: {points!r}"[:300]
+        )
+    if not flyable:
+        raise ScenarioError(
+            f"design.reference = {reference}: its points belong to several targets, altitudes or times of flight, which no "
+            "single scenario flies"
         )
     return points
 

@@ -269,7 +269,7 @@ class Designer(Section):
     population: int = Field(100, ge=2)
     max_generations: int = Field(200, ge=1)
     patience: int = Field(50, ge=1, description="generations without a better design after which evolution stops")
-    extra_targets: tuple[ExtraTarget, ...] = Field((), max_length=100, description="more features to cover")
+    extra_targets: tuple[ExtraTarget, ...] = Field((), max_length=25, description="more features to cover")
     altitudes_m: tuple[float, ...] = Field((), max_length=20, description="to choose from; empty: the design's")
     times_of_flight_s: tuple[float, ...] = Field((), max_length=20, description="to choose from; empty: the design's")
     time_limit_s: float = Field(300.0, gt=0, description="when the exact solver stops without proof")

@@ -17,11 +17,10 @@ from swarm_mj.attitude.algebra import put_vector, quaternion, rotate, vector
 from swarm_mj.attitude.guidance import attitude_error, track_line_of_sight
 from swarm_mj.smallbody.perturbations import gravity_gradient_torque
 from swarm_mj.smallbody.rotation import spin_dcm
+from swarm_mj.spacecraft.model import NQ, NV
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
-
-NQ, NV = 10, 9
 
 
 class Slot(IntEnum):

@@ -57,11 +57,6 @@ class Rotation:
         """Unit vector of the pole (+z of A) in N, shape (3,)."""
         return self.C_PN[2].copy()
 
-    @property
-    def omega_AN_N(self) -> NDArray[np.float64]:
-        """Angular velocity of A relative to N, in N [rad/s], shape (3,)."""
-        return self.spin_rate * self.spin_axis_N
-
     @cached_property
     def C_PN(self) -> NDArray[np.float64]:
         """From N to the frame P of the pole (z) and the ascending node of the body's equator (x), shape (3, 3)."""

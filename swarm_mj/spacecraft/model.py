@@ -19,7 +19,7 @@ from swarm_mj.spacecraft.properties import WHEEL_STATIONS_M, SpacecraftPropertie
 
 WHEELS = ("wheel_x", "wheel_y", "wheel_z")
 #: qpos and qvel of one spacecraft: free joint (7, 6) and three wheels; the loop's kernels rely on this contiguous layout.
-NQ, NV, NU = 10, 9, 3
+NQ, NV = 10, 9
 
 
 @dataclass(frozen=True)

@@ -108,11 +108,9 @@ def test_principal_angle_is_the_rotation_angle(q: np.ndarray) -> None:
         assert mrp.principal_angle(mrp.shadow(sigma)) == pytest.approx(rotation(q).magnitude(), abs=1e-12)
 
 
-def test_compiled_twin_and_broadcasting_agree() -> None:
+def test_broadcasting_agrees_with_single_attitudes() -> None:
     q = np.random.default_rng(0).normal(size=(40, 4))
     q /= np.linalg.norm(q, axis=1, keepdims=True)
-    written = np.empty((40, 3))
-    mrp.write_mrp(q, written)
-    np.testing.assert_allclose(written, mrp.mrp_from_quaternion(q), rtol=1e-15)
+    flat = mrp.mrp_from_quaternion(q)
     grid = mrp.mrp_from_quaternion(q.reshape(8, 5, 4))
-    np.testing.assert_array_equal(mrp.dcm(grid)[3, 2], mrp.dcm(written[17]))
+    np.testing.assert_array_equal(mrp.dcm(grid)[3, 2], mrp.dcm(flat[17]))

@@ -86,7 +86,6 @@ def test_matrix_is_a_rotation_whose_rate_is_the_spin_about_the_pole():
     cross = -rate @ C.T
     expected = EROS.spin_rate * np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
     np.testing.assert_allclose(cross, expected, atol=1e-10)
-    np.testing.assert_allclose(EROS.rotation.omega_AN_N, EROS.spin_rate * EROS.spin_axis_N)
 
 
 def test_seconds_past_the_epoch_continue_the_julian_date():
