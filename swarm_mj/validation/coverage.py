@@ -158,7 +158,7 @@ EXPERIMENTS = (
         measure=partial(footprint_error, "faceid"),
     ),
     Experiment(
-        name="coverage-horizon",
+        name="coverage-limb",
         what="area of a sphere in view from half a radius above, relative",
         reference="closed form of the cap above the horizon",
         tolerance=2e-3,

@@ -176,7 +176,7 @@ FAULTS = {
     ),
     "camera that looks back": (turned_camera(), ["coverage-polygons-rays"]),
     "field of view": (square_cone(), ["coverage-footprint-rays"]),
-    "lost rays": (lost_rays(), ["coverage-horizon"]),
+    "lost rays": (lost_rays(), ["coverage-limb"]),
     "transparent body": (
         (program_links, "_blocked", lambda shape, C_AN, start, end: np.zeros(len(start), bool)),
         ["links-geometry"],
