@@ -43,7 +43,7 @@ COINCIDENCE_DISTANCE: Final = 1.0
 _OPPOSITE: Final = 1e-8
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def track_line_of_sight(
     rho_N: Floats,
     rho_dot_N: Floats,
@@ -90,7 +90,7 @@ def track_line_of_sight(
         put_vector(los_N, i, los)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def attitude_error(
     q_BN: Floats,
     omega_BN_B: Floats,
@@ -125,7 +125,7 @@ def attitude_error(
         put_vector(domega_RN_B, i, rotate(q_NB, vector(domega_RN_N, i)))
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def pointing_error(q_BN: Floats, los_N: Floats) -> Floats:
     """Return the angle between +z and the line of sight [rad], shape (n,), exact to rounding at 0 and pi too.
 
@@ -141,7 +141,7 @@ def pointing_error(q_BN: Floats, los_N: Floats) -> Floats:
     return angle
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def _shortest_to(los: Vector, q: Quaternion) -> Quaternion:
     """Return the attitude with +z on the line of sight that is closest to the unit quaternion q."""
     z = z_axis(q)
@@ -157,7 +157,7 @@ def _shortest_to(los: Vector, q: Quaternion) -> Quaternion:
     return normalised(product((dot(z, half), axis[0], axis[1], axis[2]), q))
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def _sight_rates(los: Vector, distance: float, rho_dot: Vector, rho_ddot: Vector) -> tuple[Vector, Vector]:
     """Return omega = l x rho_dot / r and its derivative l x l_ddot = (l x rho_ddot - 2 r_dot omega) / r."""
     omega = scaled(1.0 / distance, cross(los, rho_dot))

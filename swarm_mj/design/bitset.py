@@ -43,7 +43,7 @@ def weight_table(weights: Ints) -> Ints:
     return np.ascontiguousarray(padded.reshape(n_bytes, 8) @ bits.T)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def word_weight(word: np.uint64, w: int, table: Ints) -> np.int64:
     """Weight of the faces in one word standing at place w of its row."""
     total = np.int64(0)
@@ -55,7 +55,7 @@ def word_weight(word: np.uint64, w: int, table: Ints) -> np.int64:
     return total
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def set_weight(row: Words, table: Ints) -> np.int64:
     """Weight of a whole set of faces."""
     total = np.int64(0)
@@ -64,7 +64,7 @@ def set_weight(row: Words, table: Ints) -> np.int64:
     return total
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def add_to_layers(layers: Words, row: Words) -> None:
     """Count one more spacecraft that sees `row` in place; layers has shape (k, n_words)."""
     for w in range(row.shape[0]):
@@ -73,7 +73,7 @@ def add_to_layers(layers: Words, row: Words) -> None:
         layers[0, w] |= row[w]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def repeats_before(points: Ints, j: int) -> int:
     """How often point number j of a list already stood before it."""
     count = 0
@@ -83,7 +83,7 @@ def repeats_before(points: Ints, j: int) -> int:
     return count
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def covered_weights(rows: Words, table: Ints, genes: Ints, fold: int, max_visits: int) -> Ints:
     """Weight of the faces seen by at least `fold` spacecraft, for gene maps of shape (m, 1 + n_max), points from 1."""
     weights = np.zeros(genes.shape[0], dtype=np.int64)

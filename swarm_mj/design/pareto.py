@@ -131,7 +131,7 @@ def pareto_front(
     )
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def dominated(values: Array, others: Array) -> Bools:
     """Which designs are no better than some other in any respect and worse in one.
 

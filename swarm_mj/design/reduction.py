@@ -74,7 +74,7 @@ def reduce_problem(problem: CoverProblem, cost: Array) -> ReducedProblem:
             return ReducedProblem(points, sees, weights, mandatory, slack)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def implied(seers: Words, mandatory: Bools) -> Bools:
     """Which cells are covered by covering a mandatory one; of cells with equal seers the first stays."""
     n = seers.shape[0]
@@ -89,7 +89,7 @@ def implied(seers: Words, mandatory: Bools) -> Bools:
     return dropped
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def replaceable(rows: Words, cost: Array, fold: int, max_visits: int) -> Bools:
     """Which points can be dropped by step 4; equal points at equal cost stand in for each other in their order."""
     n = rows.shape[0]
@@ -107,7 +107,7 @@ def replaceable(rows: Words, cost: Array, fold: int, max_visits: int) -> Bools:
     return dropped
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def _within(small: Words, large: Words) -> bool:
     for w in range(small.shape[0]):
         if small[w] & ~large[w] != np.uint64(0):

@@ -132,7 +132,7 @@ def _empty(n: int) -> Targets:
     return Targets(np.zeros(n, np.int64), np.zeros(n, np.int64), np.zeros((n, 3)))
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def _track_inside(r: Array, radius: float, communications: int, kind: Ints, index: Ints) -> int:
     """Asteroid inside the radius; outside the communications spacecraft, and Earth for that one. Returns how many are out."""
     outside = 0

@@ -169,7 +169,7 @@ def _local_axes(normal_A: Array) -> Array:
     return np.ascontiguousarray(np.stack((first, np.cross(normal_A, first), normal_A), axis=1))
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def _above(x: float, y: float, z: float, sine: NDArray[np.float32]) -> bool:
     """Whether a unit direction in local components stands above a horizon; between two azimuths the higher one counts."""
     if z <= 0.0:
@@ -181,7 +181,7 @@ def _above(x: float, y: float, z: float, sine: NDArray[np.float32]) -> bool:
     return z > max(sine[k], sine[k + 1])
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def _open_to(d: Array, axes: Array, sine: NDArray[np.float32]) -> NDArray[np.bool_]:
     out = np.zeros(sine.shape[:2], np.bool_)
     for i in range(sine.shape[0]):
@@ -191,7 +191,7 @@ def _open_to(d: Array, axes: Array, sine: NDArray[np.float32]) -> NDArray[np.boo
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def _look(
     r: Array, C: Array, tan: float, cone: bool, points: Array, axes: Array, sine: NDArray[np.float32]
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:

@@ -53,7 +53,7 @@ def _embree_scene(corners: NDArray[np.float64]) -> Any:
     return scene
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def _first_hits(
     corners: NDArray[np.float64], origins: NDArray[np.float64], directions: NDArray[np.float64]
 ) -> NDArray[np.intp]:

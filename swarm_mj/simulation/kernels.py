@@ -53,7 +53,7 @@ _SIGMA_BR, _OMEGA_BR = int(Slot.SIGMA_BR), int(Slot.OMEGA_BR)
 _OMEGA_R_B, _DOMEGA_R_B = int(Slot.OMEGA_R_B), int(Slot.DOMEGA_R_B)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def sense(
     qpos: Array,
     qvel: Array,
@@ -113,7 +113,7 @@ def sense(
     return np.isfinite(total)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def push(a_A: Array, C_mid: Array, mass: float, hub: Ints, xfrc: Array, work: Array) -> None:
     """Turn accelerations from A to N and hold them as forces at the centres of mass.
 
@@ -132,7 +132,7 @@ def push(a_A: Array, C_mid: Array, mass: float, hub: Ints, xfrc: Array, work: Ar
             xfrc[hub[j], k] = mass * a
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def guide(
     kind: Ints,
     index: Ints,
@@ -209,7 +209,7 @@ def guide(
     return True
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def _add_surface_point(point_A: Array, C_AN: Array, w: Array, work: Array, j: int) -> None:
     x = C_AN[0, 0] * point_A[0] + C_AN[1, 0] * point_A[1] + C_AN[2, 0] * point_A[2]
     y = C_AN[0, 1] * point_A[0] + C_AN[1, 1] * point_A[1] + C_AN[2, 1] * point_A[2]
@@ -226,7 +226,7 @@ def _add_surface_point(point_A: Array, C_AN: Array, w: Array, work: Array, j: in
     work[_RHO_DDOT, j, 2] += w[0] * vy - w[1] * vx
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def actuate(
     torque_B: Array,
     allocation: Array,
@@ -270,7 +270,7 @@ def actuate(
             peaks[j, 2] += 1.0
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def push_gradient(q_BN: Array, gm: float, inertia: Array, C_mid: Array, hub: Ints, xfrc: Array, work: Array) -> None:
     """Hold the gravity-gradient torque of the central field.
 
@@ -293,7 +293,7 @@ def push_gradient(q_BN: Array, gm: float, inertia: Array, C_mid: Array, hub: Int
         put_vector(xfrc[:, 3:], hub[j], rotate(quaternion(q_BN, j), vector(torque_B, j)))
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def turn_body(q_P: Array, phase: float, mocap_quat: Array) -> None:
     """Write the attitude of A, the pole frame turned by `phase` [rad] about z, as MuJoCo's quaternion."""
     c, s = cos(0.5 * phase), sin(0.5 * phase)
@@ -303,7 +303,7 @@ def turn_body(q_P: Array, phase: float, mocap_quat: Array) -> None:
     mocap_quat[3] = q_P[3] * c + q_P[0] * s
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def record(
     row: int,
     kind: Ints,

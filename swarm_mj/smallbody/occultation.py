@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 _END_MARGIN = 1e-9
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def segments_blocked(
     start_A: Array, end_A: Array, vertices: Array, faces: NDArray[np.int32], radius: float
 ) -> NDArray[np.bool_]:
@@ -37,7 +37,7 @@ def segments_blocked(
     return blocked
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def _distance_to_origin(a: Array, b: Array) -> float:
     d = b - a
     along, whole = -(a @ d), d @ d
@@ -46,7 +46,7 @@ def _distance_to_origin(a: Array, b: Array) -> float:
     return sqrt(p @ p)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def _hits_any(o: Array, d: Array, vertices: Array, faces: NDArray[np.int32]) -> bool:
     # Moeller and Trumbore (1997), both sides of every face.
     for f in range(faces.shape[0]):

@@ -15,7 +15,7 @@ from swarm_mj.constants import AU, GM_SUN, SOLAR_IRRADIANCE, SPEED_OF_LIGHT
 SOLAR_PRESSURE_1AU = SOLAR_IRRADIANCE / SPEED_OF_LIGHT
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def solar_tide(r_N: NDArray[np.float64], r_sun_N: NDArray[np.float64], gm_sun: float = GM_SUN) -> NDArray[np.float64]:
     """Attraction of the Sun relative to that on the asteroid, gm ((s - r)/|s - r|^3 - s/|s|^3) with s the Sun.
 
@@ -45,7 +45,7 @@ def solar_tide(r_N: NDArray[np.float64], r_sun_N: NDArray[np.float64], gm_sun: f
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def solar_radiation_pressure(
     r_N: NDArray[np.float64], r_sun_N: NDArray[np.float64], area_m2: float, mass_kg: float, reflectivity: float
 ) -> NDArray[np.float64]:
@@ -75,7 +75,7 @@ def solar_radiation_pressure(
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def gravity_gradient_torque(
     r_BN_B: NDArray[np.float64], inertia_B: NDArray[np.float64], gm: float
 ) -> NDArray[np.float64]:

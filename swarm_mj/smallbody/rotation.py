@@ -77,7 +77,7 @@ class Rotation:
         return spin_dcm(self.C_PN, self.phase(jd, t_s))
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def spin_dcm(C_PN: NDArray[np.float64], phase: float) -> NDArray[np.float64]:
     """Turn the frame P about its z axis by the phase [rad]: C_AN, shape (3, 3). For compiled loops."""
     c, s = np.cos(phase), np.sin(phase)

@@ -5,7 +5,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def cast_rays(point: NDArray[np.float64], vertices: NDArray[np.float64], rays: NDArray[np.float64]) -> None:
     """Vectors from the point to the vertices and their lengths, shape (V, 4)."""
     for v in range(vertices.shape[0]):
@@ -14,7 +14,7 @@ def cast_rays(point: NDArray[np.float64], vertices: NDArray[np.float64], rays: N
         rays[v, 3] = np.sqrt(x * x + y * y + z * z)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def solid_angle(p: NDArray[np.float64], q: NDArray[np.float64], s: NDArray[np.float64]) -> float:
     """Signed solid angle of the triangle at the ends of three rays (Van Oosterom and Strackee 1983)."""
     cx, cy, cz = q[1] * s[2] - q[2] * s[1], q[2] * s[0] - q[0] * s[2], q[0] * s[1] - q[1] * s[0]
@@ -25,7 +25,7 @@ def solid_angle(p: NDArray[np.float64], q: NDArray[np.float64], s: NDArray[np.fl
     return 2.0 * np.arctan2(triple, p[3] * q[3] * s[3] + p[3] * qs + q[3] * sp + s[3] * pq)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def solid_angles(
     r_A: NDArray[np.float64], vertices: NDArray[np.float64], faces: NDArray[np.int32]
 ) -> NDArray[np.float64]:

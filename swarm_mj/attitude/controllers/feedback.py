@@ -104,7 +104,7 @@ class MrpFeedback:
         return torque_B, integral
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def _write_torque(
     sigma_BR: Floats,
     omega_BR_B: Floats,

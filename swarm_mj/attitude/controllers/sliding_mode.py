@@ -116,7 +116,7 @@ class MrpSlidingMode:
         return np.asarray(omega_BR_B, dtype=np.float64) + self.slope * sigma / np.sqrt(1.0 + steepness)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def _write_torque(
     sigma_BR: Floats,
     omega_BR_B: Floats,
@@ -156,7 +156,7 @@ def _write_torque(
     return fastest
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def _slew(sigma: Vector, omega_BR: Vector, slope: float, rate_limit: float) -> tuple[Vector, Vector]:
     """Return m(sigma) = slope sigma / sqrt(1 + (slope |sigma| / rate_limit)^2) [rad/s] and dm/dt [rad/s^2]."""
     square, along = dot(sigma, sigma), dot(sigma, omega_BR)
@@ -168,7 +168,7 @@ def _slew(sigma: Vector, omega_BR: Vector, slope: float, rate_limit: float) -> t
     return scaled(factor, sigma), combine(factor, sigma_dot, -bend, sigma)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def _model_error(j: int, J: Floats, J_eff: Floats, omega: Vector, on_manifold: float, uncertainty: float) -> float:
     """Return how much of the commanded acceleration of axis j a wrong inertia can spoil [rad/s^2].
 

@@ -34,7 +34,7 @@ class PointMass:
         return self.gm / np.linalg.norm(positions(r_A), axis=1)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def _acceleration(r_A: NDArray[np.float64], gm: float) -> NDArray[np.float64]:
     out = np.empty_like(r_A)
     for i in range(r_A.shape[0]):

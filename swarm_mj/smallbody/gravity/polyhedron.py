@@ -111,7 +111,7 @@ def _edge_dyads(shape: ShapeModel) -> tuple[NDArray[np.int64], NDArray[np.float6
     return directed[pairs[:, 0]], np.column_stack([components, lengths[pairs[:, 0]]])
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def _field(
     r_A: NDArray[np.float64],
     vertices: NDArray[np.float64],
@@ -133,7 +133,7 @@ def _field(
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def _add_edges(
     rays: NDArray[np.float64], edges: NDArray[np.int64], dyads: NDArray[np.float64], out: NDArray[np.float64]
 ) -> None:
@@ -157,7 +157,7 @@ def _add_edges(
         out[9] += zz
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def _add_faces(
     rays: NDArray[np.float64], faces: NDArray[np.int32], normals: NDArray[np.float64], out: NDArray[np.float64]
 ) -> None:
@@ -178,7 +178,7 @@ def _add_faces(
         out[9] -= nz * nz * angle
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def _wire(p: NDArray[np.float64], q: NDArray[np.float64], length: float) -> float:
     """L_e = ln((|p| + |q| + e) / (|p| + |q| - e)) for an edge of length e between the ends of the rays p and q."""
     # |p| + |q| - e = 2 (|p| |q| + p.q) / (|p| + |q| + e); near the edge this sum cancels, its conjugate does not.

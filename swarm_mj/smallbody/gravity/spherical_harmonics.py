@@ -216,7 +216,7 @@ def _add(target: NDArray[np.float64], axis: int, c: NDArray[np.float64], s: NDAr
     target[:, axis, 1] += s
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def _sum_series(
     r_A: NDArray[np.float64], radius: float, table: NDArray[np.float64], series: NDArray[np.float64]
 ) -> NDArray[np.float64]:
