@@ -72,7 +72,7 @@ def _worth(env: SwarmObserveEnv, parts: dict[str, NDArray[np.float32]]) -> Array
     distance = np.linalg.norm(to_camera, axis=2)
     up = patches.centre_A / np.linalg.norm(patches.centre_A, axis=1, keepdims=True)
     cosine = np.maximum(np.einsum("jki,ki->jk", to_camera, up) / distance, 1e-6)
-    gsd = distance * env.pictures.observer.camera.pixel_angle / cosine
+    gsd = distance * env.setting.observer.camera.pixel_angle / cosine
     limit = scenario.observation.max_gsd_m or np.inf
     return (1.0 - parts["patches"]) * patches.area * (gsd <= limit)
 

@@ -1,7 +1,7 @@
-"""The control levels: how an action reaches the simulation, through the same plug-in protocols as any behaviour or control law.
+"""The control levels: how the actions of many flights reach them, through the same plug-in protocols as in any other flight.
 
-`torque` takes the place of the control law, `pointing` and `role` that of the behaviour. Each level holds the action of the
-present step, which is the one thing these plug-ins remember by themselves.
+`torque` takes the place of the control law, `pointing` and `role` that of the behaviour. Each level holds the actions of the
+present step, which is the one thing that these plug-ins remember by themselves.
 """
 
 from __future__ import annotations
@@ -18,105 +18,158 @@ from swarm_mj.errors import ScenarioError
 from swarm_mj.mission.behaviors import Behavior, SwarmView, TargetKind, Targets
 from swarm_mj.observation.raytracing import RayTracer
 from swarm_mj.planning import Plan
+from swarm_mj.simulation.telemetry import OBSERVING
 
 from .patches import Patches, surface_points
-from .pictures import IS_OBSERVING
-from .state import SwarmState
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+#: Whether a `TargetKind` means looking at the body.
+IS_OBSERVING = np.isin(np.arange(len(TargetKind)), OBSERVING)
 
 
-class RecordingController:
-    """Hands everything to a control law and keeps the attitude error it was shown."""
+class HeldTargets:
+    """The behaviour of the level `role`: whatever the action says, in arrays that the level rewrites in place."""
 
-    def __init__(self, law: Controller, n: int) -> None:
-        self._law, self.sigma_BR = law, np.zeros((n, 3))
-
-    def torque(self, inputs: ControlInput, memory: Any) -> tuple[Array, Any]:
-        """See `Controller`."""
-        self.sigma_BR = inputs.sigma_BR.copy()
-        return self._law.torque(inputs, memory)
-
-
-class HeldTorque:
-    """The control law of the level `torque`: whatever the action says."""
-
-    def __init__(self, n: int) -> None:
-        self.torque_B = np.zeros((n, 3))
-
-    def torque(self, inputs: ControlInput, memory: Array | None) -> tuple[Array, Array | None]:
-        """See `Controller`; nothing is remembered."""
-        return self.torque_B, memory
-
-
-class ControlLevel(ABC):
-    """How actions become targets or torques.
-
-    Attributes:
-        action_space: What the agent may choose.
-        behavior: Who points at what, for the simulation.
-        controller: The control law, for the simulation; it keeps the attitude error.
-        dedicated_communications: Asked of every behaviour; the swarm is planned by then, so that nothing depends on it.
-    """
-
-    action_space: spaces.Space[Any]
-    behavior: Behavior
-    controller: RecordingController
     dedicated_communications: ClassVar[bool] = False
 
-    @abstractmethod
-    def reset(self) -> None:
-        """Forget the previous action."""
-
-    @abstractmethod
-    def hold(self, action: Any, state: SwarmState) -> None:
-        """Take an action for the step that begins; it lies in the action space."""
-
-
-class TorqueLevel(ControlLevel):
-    """Normalised motor torques; targets are those of the scenario's behaviour."""
-
-    def __init__(self, plan: Plan) -> None:
-        self._limit = plan.properties.max_wheel_torque
-        self._axes = plan.properties.wheel_axes_B
-        self._held = HeldTorque(plan.n)
-        self.behavior, self.controller = plan.behavior, RecordingController(self._held, plan.n)
-        self.action_space = _unit_box(3 * plan.n)
-
-    def reset(self) -> None:
-        """See `ControlLevel`."""
-        self._held.torque_B = np.zeros_like(self._held.torque_B)
-
-    def hold(self, action: Any, state: SwarmState) -> None:
-        """Motor torques u act on the wheels; the body feels L = -A^T u, with the wheel axes as rows of A."""
-        motor = self._limit * np.asarray(action, np.float64).reshape(-1, 3)
-        self._held.torque_B = -motor @ self._axes
-
-
-class PointingLevel(ControlLevel):
-    """Points of the target for the spacecraft that observe; who observes is the scenario's behaviour's choice."""
-
-    def __init__(self, plan: Plan, tracer: RayTracer) -> None:
-        self._region, self._tracer, self._inner, self._n = plan.region, tracer, plan.behavior, plan.n
-        self.behavior, self.controller = self, RecordingController(plan.controller, plan.n)
-        self.action_space = _unit_box(2 * plan.n)
-        self.reset()
-
-    def reset(self) -> None:
-        """See `ControlLevel`: the middle of the target."""
-        self._points_A = surface_points(self._region, self._tracer, np.zeros((self._n, 2)))
-
-    def hold(self, action: Any, state: SwarmState) -> None:
-        """See `ControlLevel`."""
-        self._points_A = surface_points(self._region, self._tracer, np.asarray(action, np.float64).reshape(-1, 2))
+    def __init__(self, kind: NDArray[np.int64], spacecraft: NDArray[np.int64], vector: Array) -> None:
+        self._targets = Targets(kind, spacecraft, vector)
 
     def targets(self, view: SwarmView, memory: Any) -> tuple[Targets, Any]:
-        """See `Behavior`: the scenario's targets, but the asteroid is replaced by the point of the action."""
+        """See `Behavior`; nothing is remembered between instants."""
+        return self._targets, memory
+
+
+class AimedAt:
+    """The behaviour of the level `pointing`: the scenario's, but the body is replaced by the points of the action."""
+
+    dedicated_communications: ClassVar[bool] = False
+
+    def __init__(self, inner: Behavior, points_A: Array) -> None:
+        self._inner, self._points_A = inner, points_A
+
+    def targets(self, view: SwarmView, memory: Any) -> tuple[Targets, Any]:
+        """See `Behavior`."""
         targets, memory = self._inner.targets(view, memory)
         observing = IS_OBSERVING[targets.kind]
         kind = np.where(observing, int(TargetKind.SURFACE), targets.kind)
         vector = np.where(observing[:, None], self._points_A, targets.vector)
         return Targets(kind, targets.spacecraft, vector), memory
+
+
+class HeldTorque:
+    """The control law of the level `torque`: whatever the action says, in an array that the level rewrites in place."""
+
+    def __init__(self, torque_B: Array) -> None:
+        self._torque_B = torque_B
+
+    def torque(self, inputs: ControlInput, memory: Array | None) -> tuple[Array, Array | None]:
+        """See `Controller`; nothing is remembered."""
+        return self._torque_B, memory
+
+
+class ControlLevel(ABC):
+    """How actions become targets or torques, for E flights.
+
+    Attributes:
+        action_space: What the agent of one flight may choose.
+        kind: Held targets, shape (E, n); None where a behaviour decides at every instant.
+        index: Spacecraft to follow, shape (E, n).
+        vector: Surface point in A [m] or direction in N, shape (E, n, 3).
+        torque_B: Held torques on the bodies, shape (E, n, 3) [N m]; None where the control law decides.
+    """
+
+    action_space: spaces.Space[Any]
+    kind: NDArray[np.int64] | None = None
+    index: NDArray[np.int64]
+    vector: Array
+    torque_B: Array | None = None
+
+    @abstractmethod
+    def behavior(self, e: int) -> Behavior:
+        """Who points at what in flight e."""
+
+    def controller(self, e: int, law: Controller) -> Controller:
+        """The control law of flight e."""
+        return law
+
+    @abstractmethod
+    def reset(self, e: int) -> None:
+        """Forget the previous action of flight e."""
+
+    @abstractmethod
+    def hold(self, actions: NDArray[Any], boresight_N: Array, live: Mask) -> None:
+        """Take actions for the step that begins.
+
+        Args:
+            actions: In the action space, shape (E, size).
+            boresight_N: Where +z looks in N, shape (E, n, 3).
+            live: Flights that fly this step, shape (E,); the actions of the others are ignored.
+        """
+
+
+class TorqueLevel(ControlLevel):
+    """Normalised motor torques; targets are those of the scenario's behaviour."""
+
+    torque_B: Array
+
+    def __init__(self, plan: Plan, count: int) -> None:
+        self._limit, self._axes, self._behavior = (
+            plan.properties.max_wheel_torque,
+            plan.properties.wheel_axes_B,
+            plan.behavior,
+        )
+        wheels = len(self._axes)
+        self._shape = (count, plan.n, wheels)
+        self.torque_B = np.zeros((count, plan.n, 3))
+        self.action_space = _unit_box(wheels * plan.n)
+
+    def behavior(self, e: int) -> Behavior:
+        """See `ControlLevel`: the scenario's own."""
+        return self._behavior
+
+    def controller(self, e: int, law: Controller) -> Controller:
+        """See `ControlLevel`."""
+        return HeldTorque(self.torque_B[e])
+
+    def reset(self, e: int) -> None:
+        """See `ControlLevel`."""
+        self.torque_B[e] = 0.0
+
+    def hold(self, actions: NDArray[Any], boresight_N: Array, live: Mask) -> None:
+        """Motor torques u act on the wheels; the body feels L = -A^T u, with the wheel axes as rows of A."""
+        motor = self._limit * np.asarray(actions, np.float64).reshape(self._shape)
+        # Summed wheel by wheel: a product of matrices would round differently with their number.
+        torque = -sum(motor[:, :, w, None] * self._axes[w] for w in range(self._shape[2]))
+        self.torque_B[live] = torque[live]
+
+
+class PointingLevel(ControlLevel):
+    """Points of the target for the spacecraft that observe; who observes is the scenario's behaviour's choice."""
+
+    def __init__(self, plan: Plan, count: int, tracer: RayTracer) -> None:
+        self._region, self._tracer, self._inner, self._n = plan.region, tracer, plan.behavior, plan.n
+        self.action_space = _unit_box(2 * plan.n)
+        self._middle = self._points(np.zeros(2 * plan.n))
+        self._points_A = np.tile(self._middle, (count, 1, 1))
+
+    def behavior(self, e: int) -> Behavior:
+        """See `ControlLevel`."""
+        return AimedAt(self._inner, self._points_A[e])
+
+    def reset(self, e: int) -> None:
+        """See `ControlLevel`: the middle of the target."""
+        self._points_A[e] = self._middle
+
+    def hold(self, actions: NDArray[Any], boresight_N: Array, live: Mask) -> None:
+        """See `ControlLevel`."""
+        for e in np.flatnonzero(live):
+            self._points_A[e] = self._points(actions[e])
+
+    def _points(self, action: NDArray[Any]) -> Array:
+        return surface_points(self._region, self._tracer, np.asarray(action, np.float64).reshape(-1, 2))
 
 
 class RoleLevel(ControlLevel):
@@ -125,54 +178,55 @@ class RoleLevel(ControlLevel):
     The choices, in this order: the patches of the target, the asteroid's centre, every spacecraft, Earth, hold.
     """
 
-    def __init__(self, plan: Plan, patches: Patches) -> None:
-        n, count = plan.n, patches.count
+    kind: NDArray[np.int64]
+
+    def __init__(self, plan: Plan, count: int, patches: Patches) -> None:
+        n, parts = plan.n, patches.count
         self._kinds = np.array(
-            [TargetKind.SURFACE] * count
+            [TargetKind.SURFACE] * parts
             + [TargetKind.ASTEROID]
             + [TargetKind.SPACECRAFT] * n
             + [TargetKind.EARTH, TargetKind.DIRECTION],
             np.int64,
         )
-        self._spacecraft = np.concatenate([np.zeros(count + 1), np.arange(n), [0, 0]]).astype(np.int64)
+        self._spacecraft = np.concatenate([np.zeros(parts + 1), np.arange(n), [0, 0]]).astype(np.int64)
         self._vectors = np.vstack([patches.centre_A, np.zeros((n + 3, 3))])
-        self._self = count + 1 + np.arange(n)
-        self._n, self._centre, self._hold = n, count, len(self._kinds) - 1
-        self.behavior, self.controller = self, RecordingController(plan.controller, n)
+        self._self = parts + 1 + np.arange(n)
+        self._centre, self._hold = parts, len(self._kinds) - 1
+        self.kind, self.index = np.zeros((count, n), np.int64), np.zeros((count, n), np.int64)
+        self.vector = np.zeros((count, n, 3))
         self.action_space = spaces.MultiDiscrete(np.full(n, len(self._kinds)))
-        self.reset()
 
-    def reset(self) -> None:
+    def behavior(self, e: int) -> Behavior:
+        """See `ControlLevel`."""
+        return HeldTargets(self.kind[e], self.index[e], self.vector[e])
+
+    def reset(self, e: int) -> None:
         """See `ControlLevel`: the asteroid's centre."""
-        self._choose(np.full(self._n, self._centre), np.zeros((self._n, 3)))
+        self.kind[e], self.index[e], self.vector[e] = self._kinds[self._centre], self._spacecraft[self._centre], 0.0
 
-    def hold(self, action: Any, state: SwarmState) -> None:
+    def hold(self, actions: NDArray[Any], boresight_N: Array, live: Mask) -> None:
         """See `ControlLevel`; a spacecraft told to look at itself holds its attitude."""
-        choice = np.array(action, np.int64)
+        choice = np.array(actions, np.int64).reshape(self.kind.shape)
         choice[choice == self._self] = self._hold
-        goes_on = (choice == self._hold) & (self._targets.kind == TargetKind.DIRECTION)
-        self._choose(choice, np.where(goes_on[:, None], self._targets.vector, state.boresight_N))
-
-    def _choose(self, choice: NDArray[np.int64], direction_N: Array) -> None:
-        kind, vector = self._kinds[choice], self._vectors[choice]
-        held = kind == TargetKind.DIRECTION
-        self._targets = Targets(kind, self._spacecraft[choice], np.where(held[:, None], direction_N, vector))
-
-    def targets(self, view: SwarmView, memory: Any) -> tuple[Targets, Any]:
-        """See `Behavior`; nothing is remembered between instants."""
-        return self._targets, memory
+        starts = (choice == self._hold) & (self.kind != TargetKind.DIRECTION)
+        goes_on = (choice == self._hold) & ~starts
+        vector = np.where(starts[..., None], boresight_N, self._vectors[choice])
+        vector = np.where(goes_on[..., None], self.vector, vector)
+        self.kind[live], self.index[live] = self._kinds[choice[live]], self._spacecraft[choice[live]]
+        self.vector[live] = vector[live]
 
 
 LEVELS = ("torque", "pointing", "role")
 
 
-def make_level(name: str, plan: Plan, patches: Patches, tracer: RayTracer) -> ControlLevel:
-    """The control level of that name; `check_level` has accepted it."""
+def make_level(name: str, plan: Plan, count: int, patches: Patches, tracer: RayTracer) -> ControlLevel:
+    """The control level of that name for that many flights; `check_level` has accepted it."""
     if name == "torque":
-        return TorqueLevel(plan)
+        return TorqueLevel(plan, count)
     if name == "pointing":
-        return PointingLevel(plan, tracer)
-    return RoleLevel(plan, patches)
+        return PointingLevel(plan, count, tracer)
+    return RoleLevel(plan, count, patches)
 
 
 def check_level(name: str) -> None:
@@ -185,7 +239,7 @@ def check_level(name: str) -> None:
         raise ScenarioError(f"control = {name!r}: must be one of {', '.join(LEVELS)}")
 
 
-def check_action(space: spaces.Space[Any], action: Any) -> Any:
+def check_action(space: spaces.Space[Any], action: Any) -> NDArray[Any]:
     """The action as an array of the space's own type.
 
     Raises:
@@ -200,7 +254,7 @@ def check_action(space: spaces.Space[Any], action: Any) -> Any:
         exact, array = False, action
     if not exact or not space.contains(array):
         raise error.InvalidAction(f"action {action!r} does not lie in the action space {space}")
-    return array
+    return np.asarray(array)
 
 
 def _unit_box(size: int) -> spaces.Box:

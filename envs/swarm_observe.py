@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,30 +10,18 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from swarm_mj.errors import SimulationError
-from swarm_mj.flight import initial_state, make_simulation
 from swarm_mj.mission.behaviors import TargetKind
-from swarm_mj.mission.safety import close_approaches
 from swarm_mj.observation.observer import ObserverKind
-from swarm_mj.planning import make_plan
-from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.scenarios.schema import Scenario
-from swarm_mj.smallbody.occultation import segments_blocked
 
-from .arguments import checked_render_mode, checked_share, checked_step, flight_seed
-from .controls import check_action, check_level, make_level
-from .downlink import Downlink, Radio
-from .patches import make_patches
-from .pictures import IS_OBSERVING, PictureTaker
-from .readings import Readings
-from .rewards import SATURATION_FROM, StepMeasures, checked_weights, reward_terms
-from .state import SwarmState, is_finite, read_state
+from .arguments import checked_render_mode, flight_seed
+from .controls import IS_OBSERVING, check_action
+from .flybys import ENDS, Flybys
+from .rewards import TERMS
+from .setting import Radio, Setting
+from .state import SwarmState, info_of, state_of
 
-Array = NDArray[np.float64]
 Observation = NDArray[np.float32]
-
-#: Data aboard below this share of the nominal volume count as delivered.
-NOTHING_STORED = 1e-9
 
 
 class SwarmObserveEnv(gymnasium.Env[Observation, Any]):
@@ -125,7 +112,7 @@ spacecraft 1..n (itself: hold); K+n+1: Earth; K+n+2: hold the direction of +z in
     | render_mode | None | None or `"rgb_array"`; for `"human"` gymnasium adds its own window |
     | step_s | 10.0 | length of a step [s]; a multiple of `control.period_s` that divides the duration |
     | patches | 16 | number of patches K, a square number |
-    | observer | `"raycast"` | who judges pictures: `raycast`, `faceid` (OpenGL) or `auto` |
+    | observer | `"horizon"` | who judges pictures: `horizon` (maps, constant time), `raycast`, `faceid` (OpenGL) or `auto` |
     | complete | 99.9 | seen share of the target that counts as complete [%] |
     | reward_weights | None | mapping that replaces weights by name |
     | bits_per_pixel | 1.0 | data of a picture after compression |
@@ -148,7 +135,7 @@ spacecraft 1..n (itself: hold); K+n+1: Earth; K+n+2: hold the direction of +z in
         *,
         step_s: float = 10.0,
         patches: int = 16,
-        observer: ObserverKind = "raycast",
+        observer: ObserverKind = "horizon",
         complete: float = 99.9,
         reward_weights: Mapping[str, float] | None = None,
         bits_per_pixel: float = 1.0,
@@ -157,42 +144,48 @@ spacecraft 1..n (itself: hold); K+n+1: Earth; K+n+2: hold the direction of +z in
         width: int = 640,
         height: int = 480,
     ) -> None:
-        self._pictures: PictureTaker | None = None
+        self._flybys: Flybys | None = None
         self._overview: Any = None
-        check_level(control)
         self.render_mode, self._size = checked_render_mode(render_mode, self.metadata["render_modes"]), (width, height)
-        self._weights = checked_weights(reward_weights)
         radio = Radio(
             bits_per_pixel=bits_per_pixel, swarm_rate_bit_s=swarm_rate_bit_s, earth_rate_bit_s=earth_rate_bit_s
         )
-        self._complete = checked_share(complete)
-        given = scenario if isinstance(scenario, Scenario) else load_scenario(scenario)
-        self._ticks, self._last_tick = checked_step(given, step_s)
-        self._step_s, self._share = step_s, step_s / given.duration_s
-
-        plan = make_plan(given)
-        self.patches = make_patches(plan.region, patches)
-        pictures = self._pictures = PictureTaker(plan, observer)
-        self._level = make_level(control, plan, self.patches, pictures.observer.tracer)
-        self.plan = replace(plan, behavior=self._level.behavior, controller=self._level.controller)
-        self.simulation = make_simulation(self.plan)
-        self._downlink = Downlink(plan, radio, pictures.observer.camera.pixel_angle)
-        self.readings = Readings(plan, patches)
-        self.observation_space, self.action_space = self.readings.space, self._level.action_space
-        self._pairs = np.triu_indices(plan.n, 1)
-        self._running = False
+        self.setting = Setting(
+            scenario=scenario,
+            control=control,
+            step_s=step_s,
+            n_patches=patches,
+            observer_kind=observer,
+            complete=complete,
+            reward_weights=reward_weights,
+            radio=radio,
+        )
+        self._flybys = Flybys(self.setting, 1)
+        self.plan, self.patches, self.readings = self.setting.plan, self.setting.patches, self.setting.readings
+        self.observation_space, self.action_space = self.readings.space, self._flybys.level.action_space
+        self._running = self._begun = False
 
     @property
     def reward_weights(self) -> dict[str, float]:
         """Weight of each reward term."""
-        return dict(self._weights)
+        return dict(self.setting.weights)
 
     @property
-    def pictures(self) -> PictureTaker:
-        """What the swarm has seen in this episode."""
-        if self._pictures is None:
+    def flybys(self) -> Flybys:
+        """The episode as the batch keeps it, one flight: state, books, targets."""
+        if self._flybys is None:
             raise gymnasium.error.ClosedEnvironmentError("SwarmObserve-v0 was closed; make it anew")
-        return self._pictures
+        return self._flybys
+
+    @property
+    def state(self) -> SwarmState:
+        """The swarm now."""
+        return state_of(self.flybys, 0)
+
+    @property
+    def first_seen_s(self) -> NDArray[np.float64]:
+        """When the swarm first saw each cell of the target in this episode, NaN for never, shape (n_cells,) [s]."""
+        return self.flybys.books.first_seen[0].copy()
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -205,19 +198,9 @@ spacecraft 1..n (itself: hold); K+n+1: Earth; K+n+2: hold the direction of +z in
         super().reset(seed=seed)
         drawn = int(self.np_random.integers(2**31))
         chosen = flight_seed(options, drawn)
-        scenario = self.plan.scenario.model_copy(update={"seed": chosen})
-        start = initial_state(replace(self.plan, scenario=scenario))
-        self._level.reset()
-        self.pictures.reset()
-        self._downlink.reset()
-        # The first decision shows the attitude error; the second reset undoes whatever it left behind.
-        self.simulation.reset(start)
-        self._targets = self.simulation.decide()
-        self.simulation.reset(start)
-        self._state = read_state(self.simulation)
-        self._running = True
-        self._observation = self._observe()
-        return self._observation.copy(), self._info() | {"flight_seed": chosen}
+        self.flybys.reset(0, chosen)
+        self._running = self._begun = True
+        return self.flybys.observation[0].copy(), self._info() | {"flight_seed": chosen}
 
     def step(self, action: Any) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Fly on for one step with the action held.
@@ -228,25 +211,17 @@ spacecraft 1..n (itself: hold); K+n+1: Earth; K+n+2: hold the direction of +z in
         """
         if not self._running:
             raise gymnasium.error.ResetNeeded("SwarmObserve-v0: the episode is over or has not begun; call reset first")
-        self._level.hold(check_action(self.action_space, action), self._state)
-        before = self._state
-        try:
-            area, effort = self._fly()
-        except SimulationError as error:
-            return self._result(StepMeasures(loss=1.0), "diverged", {"cause": str(error)})
-        self._state = read_state(self.simulation)
-        received = self._downlink.transmit(self._state, self._targets, self._step_s)
-        hit = self._impacts(before)
-        self._observation = self._observe()
-        measures = StepMeasures(
-            seen=area / self.plan.region.total_area,
-            delivered=received / self._downlink.nominal,
-            effort=self._share * effort,
-            saturation=self._share * self._saturation(),
-            approach=self._share * self._close_pairs(before),
-            loss=float(hit.any()),
-        )
-        return self._result(measures, "impact" if hit.any() else "complete" if self._is_complete() else "", {})
+        flybys = self.flybys
+        step = flybys.step(check_action(self.action_space, action)[None])
+        end = ENDS[step.end[0]]
+        terminated, truncated = bool(end), bool(step.truncated[0])
+        self._running = not (terminated or truncated)
+        info = self._info() | {"reward_terms": dict(zip(TERMS, step.terms[0].tolist(), strict=True))}
+        if end:
+            info["end"] = end
+        if end == "diverged":
+            info["cause"] = flybys.flights.causes[0]
+        return flybys.observation[0].copy(), float(step.reward[0]), terminated, truncated, info
 
     def render(self) -> NDArray[np.uint8] | None:
         """The overview as a picture, shape (height, width, 3), with `render_mode="rgb_array"`.
@@ -260,103 +235,28 @@ spacecraft 1..n (itself: hold); K+n+1: Earth; K+n+2: hold the direction of +z in
         if self.render_mode is None:
             gymnasium.logger.warn("render() draws nothing: make the environment with render_mode='rgb_array'")
             return None
-        if not hasattr(self, "_state"):
+        if not self._begun:
             raise gymnasium.error.ResetNeeded("SwarmObserve-v0: call reset before render")
         if self._overview is None:
             from .drawing import Overview
 
-            self._overview = Overview(self.plan, self.simulation, *self._size)
-        kind = self._targets.kind
+            self._overview = Overview(self.plan, self.setting.simulation, *self._size)
+        flybys = self.flybys
+        kind = flybys.flights.kind[0]
+        imaging = IS_OBSERVING[kind]
+        imaging[self.plan.n_observers :] = False
         talking = np.isin(kind, (TargetKind.SPACECRAFT, TargetKind.EARTH))
-        return self._overview.draw(self.simulation, self._state, self._imaging(), talking)
+        drawn = self.setting.simulation
+        drawn.data.qpos[:] = flybys.flights.qpos[0]
+        return self._overview.draw(drawn, self.state, imaging, talking)
 
     def close(self) -> None:
         """Release the observer and the OpenGL context; may be called again."""
         if self._overview is not None:
             self._overview.close()
-        if self._pictures is not None:
-            self._pictures.close()
-        self._overview, self._pictures, self._running = None, None, False
-
-    def _fly(self) -> tuple[float, float]:
-        """Fly one step; returns newly seen area [m^2] and the mean square of the torques over their limit."""
-        area = effort = 0.0
-        simulation, limit = self.simulation, self.plan.properties.max_wheel_torque
-        for _ in range(self._ticks):
-            area += self._decide()
-            effort += float(simulation.data.ctrl @ simulation.data.ctrl)
-            simulation.advance()
-        if simulation.tick == self._last_tick or not is_finite(simulation):
-            area += self._decide()  # the last pictures of a flight; a state that is not finite raises
-        return area, effort / (self._ticks * 3 * self.plan.n * limit**2)
-
-    def _decide(self) -> float:
-        self._targets = self.simulation.decide()
-        if not self.pictures.due(self.simulation.tick):
-            return 0.0
-        area, pixels = self.pictures.take(read_state(self.simulation), self._targets)
-        self._downlink.add_pictures(pixels)
-        return area
-
-    def _observe(self) -> Observation:
-        link, seen = self._downlink, self.pictures.seen
-        return self.readings.read(
-            self._state,
-            self._targets,
-            sigma_BR=self._level.controller.sigma_BR,
-            imaging=self._imaging(),
-            link=link.closed,
-            stored=link.stored / link.nominal,
-            patch_seen=self.patches.seen_fraction(seen),
-            seen=self.pictures.percent / 100.0,
-            delivered=link.delivered / link.nominal,
-        )
-
-    def _imaging(self) -> NDArray[np.bool_]:
-        imaging = IS_OBSERVING[self._targets.kind]
-        imaging[self.plan.n_observers :] = False
-        return imaging
-
-    def _impacts(self, before: SwarmState) -> NDArray[np.bool_]:
-        shape = self.plan.shape
-        return segments_blocked(before.r_A, self._state.r_A, shape.vertices, shape.faces, shape.max_radius)
-
-    def _close_pairs(self, before: SwarmState) -> float:
-        """Share of the pairs that came too close; the exact test is made only where the triangle inequality allows it."""
-        safety, (i, j) = self.plan.scenario.safety, self._pairs
-        r_N = np.stack([before.r_BN_N, self._state.r_BN_N])
-        relative = r_N[:, j] - r_N[:, i]
-        step = relative[1] - relative[0]
-        ends, moved = np.sqrt((relative**2).sum(axis=2)), np.sqrt((step**2).sum(axis=1))
-        if (0.5 * (ends[0] + ends[1] - moved) > safety.min_separation_m).all():
-            return 0.0
-        times = np.array([before.t, self._state.t])
-        near = close_approaches(times, r_N, closer_than=safety.min_separation_m, after=safety.separation_grace_s)
-        return len(near) / max(1, len(i))
-
-    def _saturation(self) -> float:
-        fraction = np.abs(self._state.wheel_speed) / self.plan.properties.max_wheel_speed
-        return float(np.clip((fraction - SATURATION_FROM) / (1.0 - SATURATION_FROM), 0.0, 1.0).mean())
-
-    def _is_complete(self) -> bool:
-        link = self._downlink
-        return self.pictures.percent >= self._complete and link.stored.sum() <= NOTHING_STORED * link.nominal
-
-    def _result(
-        self, measures: StepMeasures, end: str, more: dict[str, Any]
-    ) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        terms = reward_terms(measures, self._weights)
-        terminated = bool(end)
-        truncated = not terminated and self.simulation.tick >= self._last_tick
-        self._running = not (terminated or truncated)
-        info = self._info() | more | {"reward_terms": terms} | ({"end": end} if end else {})
-        return self._observation.copy(), float(sum(terms.values())), terminated, truncated, info
+        if self._flybys is not None:
+            self.setting.close()
+        self._overview, self._flybys, self._running = None, None, False
 
     def _info(self) -> dict[str, Any]:
-        link = self._downlink
-        return {
-            "time_s": self.simulation.time,
-            "coverage_percent": self.pictures.percent,
-            "delivered_bit": float(link.delivered),
-            "stored_bit": link.stored.tolist(),
-        }
+        return info_of(self.flybys, 0)

@@ -68,6 +68,7 @@ def make_simulation(plan: Plan) -> Simulation:
         timestep=scenario.physics.timestep_s,
         camera_half_angle_deg=scenario.camera.half_angle_deg,
         sun_N=plan.environment.sun.position.tolist(),
+        wheels=scenario.physics.wheels,
     )
     simulation = Simulation(
         model,

@@ -8,8 +8,10 @@ both antennas have the other end inside their beams, and the asteroid is not in 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import atan2, sqrt
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from swarm_mj.mission.behaviors import TargetKind
@@ -17,6 +19,8 @@ from swarm_mj.smallbody.occultation import segments_blocked
 from swarm_mj.smallbody.shape import ShapeModel
 
 Array = NDArray[np.float64]
+
+_SPACECRAFT, _EARTH = int(TargetKind.SPACECRAFT), int(TargetKind.EARTH)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,6 +38,12 @@ class Antennas:
     hemispherical_boresight_B: Array
     hemispherical_half_angle: float
     max_range: float
+
+    @property
+    def numbers(self) -> Array:
+        """Half the beams of dish and hemispherical antenna [rad], range [m], axis of the latter in B, for compiled loops."""
+        beams = [self.dish_half_angle, self.hemispherical_half_angle, self.max_range]
+        return np.concatenate([beams, unit(np.asarray(self.hemispherical_boresight_B, np.float64))])
 
 
 def links_closed(
@@ -62,25 +72,94 @@ def links_closed(
     Returns:
         Shape (t, n).
     """
-    closed = np.zeros(mode.shape, bool)
-    k, j = np.nonzero(mode == TargetKind.SPACECRAFT)
-    c = tracked[k, j]
-    to_relay = r_BN_N[k, c] - r_BN_N[k, j]
-    boresight = np.einsum("i,kij->kj", unit(antennas.hemispherical_boresight_B), C_BN[k, c])
-    heard = within(to_relay, C_BN[k, j, 2], antennas.dish_half_angle)
-    heard &= within(-to_relay, boresight, antennas.hemispherical_half_angle)
-    heard &= np.linalg.norm(to_relay, axis=1) <= antennas.max_range
-    closed[k, j] = heard & ~_blocked(shape, C_AN[k], r_BN_N[k, j], r_BN_N[k, c])
-
-    k, j = np.nonzero(mode == TargetKind.EARTH)
-    to_earth = earth_N[k] - r_BN_N[k, j]
-    # Beyond a few radii the body can hide nothing more; the full way to Earth would cost the test its precision.
-    horizon = (
-        r_BN_N[k, j] + unit(to_earth) * (4.0 * shape.max_radius + 2.0 * np.linalg.norm(r_BN_N[k, j], axis=1))[:, None]
-    )
-    heard = within(to_earth, C_BN[k, j, 2], antennas.dish_half_angle)
-    closed[k, j] = heard & ~_blocked(shape, C_AN[k], r_BN_N[k, j], horizon)
+    closed = np.zeros(mode.shape, np.bool_)
+    for k in range(len(mode)):
+        write_closed(
+            antennas.numbers,
+            shape.vertices,
+            shape.faces,
+            shape.max_radius,
+            mode[k].astype(np.int64),
+            tracked[k].astype(np.int64),
+            np.ascontiguousarray(r_BN_N[k], np.float64),
+            np.ascontiguousarray(C_BN[k], np.float64),
+            np.ascontiguousarray(C_AN[k], np.float64),
+            np.ascontiguousarray(earth_N[k], np.float64),
+            closed[k],
+        )
     return closed
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def write_closed(
+    antennas: Array,
+    vertices: Array,
+    faces: NDArray[np.int32],
+    radius: float,
+    mode: NDArray[np.int64],
+    tracked: NDArray[np.int64],
+    r_N: Array,
+    C_BN: Array,
+    C_AN: Array,
+    earth_N: Array,
+    closed: NDArray[np.bool_],
+) -> None:
+    """Which spacecraft have their link closed at one instant, compiled.
+
+    Args:
+        antennas: See `Antennas.numbers`.
+        vertices: The asteroid's mesh, shape (V, 3) [m].
+        faces: Shape (F, 3).
+        radius: Largest vertex radius [m].
+        mode: `TargetKind` values, shape (n,).
+        tracked: Spacecraft tracked, from 0, shape (n,).
+        r_N: Positions, shape (n, 3) [m].
+        C_BN: Attitudes, shape (n, 3, 3).
+        C_AN: Attitude of the asteroid.
+        earth_N: Position of Earth, shape (3,) [m].
+        closed: Receives the answer, shape (n,).
+    """
+    for j in range(mode.shape[0]):
+        closed[j] = False
+        if mode[j] == _SPACECRAFT:
+            c = tracked[j]
+            way = r_N[c] - r_N[j]
+            heard = _within(way, C_BN[j, 2], antennas[0])
+            boresight = antennas[3] * C_BN[c, 0] + antennas[4] * C_BN[c, 1] + antennas[5] * C_BN[c, 2]
+            heard = heard and _within(-way, boresight, antennas[1]) and _length(way) <= antennas[2]
+            end = r_N[c]
+        elif mode[j] == _EARTH:
+            way = earth_N - r_N[j]
+            heard = _within(way, C_BN[j, 2], antennas[0])
+            # Beyond a few radii the body can hide nothing more; the full way to Earth would cost the test its precision.
+            end = r_N[j] + way * ((4.0 * radius + 2.0 * _length(r_N[j])) / _length(way))
+        else:
+            continue
+        if heard:
+            start_A, end_A = _turned(C_AN, r_N[j]).reshape(1, 3), _turned(C_AN, end).reshape(1, 3)
+            closed[j] = not segments_blocked(start_A, end_A, vertices, faces, radius)[0]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _within(direction: Array, axis: Array, half_angle: float) -> bool:
+    x = direction[1] * axis[2] - direction[2] * axis[1]
+    y = direction[2] * axis[0] - direction[0] * axis[2]
+    z = direction[0] * axis[1] - direction[1] * axis[0]
+    along = direction[0] * axis[0] + direction[1] * axis[1] + direction[2] * axis[2]
+    return atan2(sqrt(x * x + y * y + z * z), along) <= half_angle
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _length(v: Array) -> float:
+    return sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _turned(C: Array, v: Array) -> Array:
+    out = np.empty(3)
+    for k in range(3):
+        out[k] = C[k, 0] * v[0] + C[k, 1] * v[1] + C[k, 2] * v[2]
+    return out
 
 
 def within(direction: Array, axis: Array, half_angle: float) -> NDArray[np.bool_]:
@@ -93,7 +172,3 @@ def unit(vectors: Array) -> Array:
     """Vectors scaled to unit length along the last axis."""
     return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
 
-
-def _blocked(shape: ShapeModel, C_AN: Array, start_N: Array, end_N: Array) -> NDArray[np.bool_]:
-    start, end = np.einsum("kij,kj->ki", C_AN, start_N), np.einsum("kij,kj->ki", C_AN, end_N)
-    return segments_blocked(start, end, shape.vertices, shape.faces, shape.max_radius)

@@ -170,7 +170,7 @@ def _local_axes(normal_A: Array) -> Array:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _above(x: float, y: float, z: float, sine: NDArray[np.float32]) -> bool:
+def above(x: float, y: float, z: float, sine: NDArray[np.float32]) -> bool:
     """Whether a unit direction in local components stands above a horizon; between two azimuths the higher one counts."""
     if z <= 0.0:
         return False
@@ -187,7 +187,7 @@ def _open_to(d: Array, axes: Array, sine: NDArray[np.float32]) -> NDArray[np.boo
     for i in range(sine.shape[0]):
         x, y, z = axes[i] @ d
         for s in range(sine.shape[1]):
-            out[i, s] = _above(x, y, z, sine[i, s])
+            out[i, s] = above(x, y, z, sine[i, s])
     return out
 
 
@@ -212,7 +212,7 @@ def _look(
             x = axes[i, 0, 0] * dx + axes[i, 0, 1] * dy + axes[i, 0, 2] * dz
             y = axes[i, 1, 0] * dx + axes[i, 1, 1] * dy + axes[i, 1, 2] * dz
             length = np.sqrt(dx * dx + dy * dy + dz * dz)
-            if _above(x / length, y / length, z / length, sine[i, s]):
+            if above(x / length, y / length, z / length, sine[i, s]):
                 seen[i, s] = True
             else:
                 doubtful[i, s] = True

@@ -4,13 +4,20 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import IO
 
 from swarm_mj.errors import OutputError
+
+try:
+    import fcntl
+except ImportError:  # only where POSIX is not: runs into one folder at once are then not told apart
+    fcntl = None  # type: ignore[assignment]
 
 #: The file that every result has, and what such a folder may hold besides; anything else is somebody's and never replaced.
 MARKER = "summary.json"
@@ -21,30 +28,106 @@ KINDS = {".json", ".yaml", ".nc", ".npz", ".png", ".pdf", ".html", ".mp4", ".gif
 def atomic_folder(destination: Path) -> Iterator[Path]:
     """Give a temporary folder beside `destination` that takes its place when the block ends without an error.
 
-    An earlier result is replaced only then; anything else that stands there is never touched.
+    An earlier result is replaced only then; anything else that stands there is never touched. While the block runs, a
+    second run into the same place is refused. What a killed run left behind is cleared by the next one.
 
     Raises:
-        OutputError: The place cannot be written, or holds something that is not a result of this program.
+        OutputError: The place cannot be written, holds something that is not a result of this program, or another run is
+            writing there.
     """
-    destination = destination.resolve()
+    destination = _resolved(destination)
     _check_replaceable(destination)
+    with _reserved(destination):
+        _clear_leftovers(destination)
+        try:
+            partial = Path(tempfile.mkdtemp(prefix=f".{destination.name}.", suffix=".partial", dir=destination.parent))
+            partial.chmod(0o755)
+        except OSError as error:
+            raise _unwritable(destination, error) from None
+        try:
+            yield partial
+            _replace(partial, destination)
+        except OSError as error:
+            raise OutputError(
+                f"{destination}: cannot be written ({error}); the earlier result, if any, is intact"
+            ) from error
+        finally:
+            shutil.rmtree(partial, ignore_errors=True)
+
+
+def _resolved(destination: Path) -> Path:
+    try:
+        return destination.resolve()
+    except (OSError, RuntimeError, ValueError) as error:  # a loop of links, a NUL
+        raise OutputError(
+            f"{str(destination)!r}: is no place for a result ({error}); choose another with --out"
+        ) from None
+
+
+def _unwritable(destination: Path, error: OSError) -> OutputError:
+    return OutputError(f"{destination}: cannot be written ({error.strerror}); choose another folder with --out")
+
+
+@contextmanager
+def _reserved(destination: Path) -> Iterator[None]:
+    """Hold the place for this run; the system lets go of it when the process ends, however it ends."""
+    lock = destination.with_name(f".{destination.name}.lock")
     try:
         destination.parent.mkdir(parents=True, exist_ok=True)
-        partial = Path(tempfile.mkdtemp(prefix=f".{destination.name}.", suffix=".partial", dir=destination.parent))
-        partial.chmod(0o755)
-    except OSError as error:
+        file = _locked(lock)
+    except BlockingIOError:
         raise OutputError(
-            f"{destination}: cannot be written ({error.strerror}); choose another folder with --out"
+            f"{destination}: another run is writing there ({_owner(lock)}); wait for it, or choose another folder with --out"
         ) from None
-    try:
-        yield partial
-        _replace(partial, destination)
     except OSError as error:
-        raise OutputError(
-            f"{destination}: cannot be written ({error}); the earlier result, if any, is intact"
-        ) from error
+        raise _unwritable(destination, error) from None
+    try:
+        yield
     finally:
-        shutil.rmtree(partial, ignore_errors=True)
+        # Removed before it is released: whoever opened it meanwhile finds it gone and makes a new one.
+        with suppress(OSError):
+            lock.unlink()
+        file.close()
+
+
+def _locked(lock: Path) -> IO[bytes]:
+    """Open and lock a file that is still in its place.
+
+    Raises:
+        BlockingIOError: Another run holds it.
+    """
+    while True:
+        file = lock.open("ab", buffering=0)
+        try:
+            if fcntl is not None:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if lock.exists() and os.path.samestat(os.fstat(file.fileno()), lock.stat()):
+                with suppress(OSError):  # a full disk; what is to be written there says so
+                    file.truncate(0)
+                    file.write(f"process {os.getpid()}".encode())
+                return file
+        except OSError:
+            file.close()
+            raise
+        file.close()
+
+
+def _owner(lock: Path) -> str:
+    with suppress(OSError, ValueError):
+        return lock.read_text("utf-8")[:40] or "unknown process"
+    return "unknown process"
+
+
+def _clear_leftovers(destination: Path) -> None:
+    """Put an earlier result back that a killed run had moved aside, and remove what such runs left half-written."""
+    ours = re.compile(rf"\.{re.escape(destination.name)}\.[a-z0-9_]{{8}}\.(partial|old)")
+    with suppress(OSError):
+        for leftover in sorted(destination.parent.iterdir()):
+            if ours.fullmatch(leftover.name):
+                if leftover.suffix == ".old" and not destination.exists():
+                    leftover.rename(destination)
+                else:
+                    shutil.rmtree(leftover, ignore_errors=True)
 
 
 def _check_replaceable(destination: Path) -> None:

@@ -1,8 +1,9 @@
-"""The files of a run: summary.json, scenario.yaml, telemetry.nc, coverage.npz."""
+"""The files of a run: summary.json, scenario.yaml, telemetry.nc, coverage.npz, and design.json of a design that was flown."""
 
 from __future__ import annotations
 
 import json
+from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,8 @@ import yaml
 from swarm_mj.flight import ObservationResult
 from swarm_mj.output.folder import write_text
 from swarm_mj.planning import Plan
+from swarm_mj.scenarios.loading import packaged_designs
+from swarm_mj.scenarios.schema import Scenario
 
 
 def write_results(folder: Path, plan: Plan, telemetry: xr.Dataset, result: ObservationResult) -> None:
@@ -20,6 +23,23 @@ def write_results(folder: Path, plan: Plan, telemetry: xr.Dataset, result: Obser
     write_text(folder / "scenario.yaml", yaml.safe_dump(plan.scenario.model_dump(mode="json"), sort_keys=False))
     write_telemetry(folder / "telemetry.nc", telemetry)
     write_coverage(folder / "coverage.npz", plan, result)
+    write_flown_design(folder / "design.json", plan.scenario)
+
+
+def write_flown_design(path: Path, scenario: Scenario) -> None:
+    """Keep the record of the design beside the flight, if it is its points that were flown and not others."""
+    reference = scenario.design.reference
+    if reference is None:
+        return
+    packaged = resources.files("swarm_mj.scenarios") / "designs" / f"{reference}.json"
+    source = packaged if reference in packaged_designs() else Path(reference)
+    try:
+        text = source.read_text(encoding="utf-8")
+        flown = json.loads(text)["visiting_points"] == list(scenario.design.visiting_points)
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        return  # points that are given outright fly without their design's record
+    if flown:
+        write_text(path, text)
 
 
 def write_summary(folder: Path, summary: dict[str, Any]) -> None:
@@ -39,11 +59,14 @@ def write_coverage(path: Path, plan: Plan, result: ObservationResult) -> None:
     """Write the clipped target mesh and what was seen of it.
 
     Arrays: `vertices` in A [m]; `faces`, the target's cells; `area` [m^2]; `seen`; `first_seen_s` (NaN: never); `seen_by`
-    (spacecraft x face); `face_of_cell`, the face of F_T each lies in; the same of the whole passage with suffix `_passage`.
+    (spacecraft x face); `first_seen_by_s`, the same with the time (NaN: never); `face_of_cell`, the face of F_T each lies
+    in; what was seen in the whole passage with suffix `_passage`; `body_vertices` and `body_faces`, the rest of the body.
     """
     region = plan.region
     corners = region.mesh.faces[region.target]
     used, faces = np.unique(corners, return_inverse=True)
+    rest = np.delete(region.mesh.faces, region.target, axis=0)
+    body_used, body_faces = np.unique(rest, return_inverse=True)
     coverage, passage = result.coverage, result.passage
     np.savez_compressed(
         path,
@@ -54,7 +77,11 @@ def write_coverage(path: Path, plan: Plan, result: ObservationResult) -> None:
         seen=coverage.seen,
         first_seen_s=coverage.first_seen_s,
         seen_by=coverage.seen_by,
+        first_seen_by_s=coverage.first_seen_by_s,
         seen_passage=passage.seen,
         first_seen_s_passage=passage.first_seen_s,
         seen_by_passage=passage.seen_by,
+        first_seen_by_s_passage=passage.first_seen_by_s,
+        body_vertices=region.mesh.vertices[body_used].astype(np.float32),
+        body_faces=body_faces.reshape(rest.shape).astype(np.int32),
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import json
 import re
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from importlib import resources
 from pathlib import Path
@@ -14,10 +15,13 @@ import yaml
 from pydantic import BaseModel, ValidationError
 
 from swarm_mj.errors import ScenarioError
+from swarm_mj.scenarios.limits import check_plain, check_work, shortened, shown
 from swarm_mj.scenarios.schema import Scenario
 
 #: A scenario is a page of text; anything larger is a mistake or an attack.
 MAX_BYTES = 1_000_000
+#: Mistakes that are listed at once.
+MAX_ERRORS = 20
 
 
 def packaged_names() -> list[str]:
@@ -37,7 +41,7 @@ def packaged_text(name: str) -> str:
         close = difflib.get_close_matches(name, known, n=1)
         hint = f" Did you mean {close[0]!r}?" if close else ""
         raise ScenarioError(
-            f"{name}: no such scenario.{hint} Packaged: {', '.join(known)}. The name of a file must end in .yaml"
+            f"{shortened(name)}: no such scenario.{hint} Packaged: {', '.join(known)}. The name of a file must end in .yaml"
         )
     return (resources.files("swarm_mj.scenarios") / f"{name}.yaml").read_text("utf-8")
 
@@ -62,11 +66,17 @@ def load_scenario(name_or_path: str | Path, overrides: Iterable[str] = ()) -> Sc
 
 
 def scenario_from(data: Mapping[str, Any], source: str = "scenario") -> Scenario:
-    """Check a mapping against the schema; `source` names its origin in errors."""
+    """Check a mapping against the schema and the limits; `source` names its origin in errors."""
+    check_plain(data, source)
     try:
-        return Scenario.model_validate(data)
+        scenario = Scenario.model_validate(data)
     except ValidationError as error:
-        raise ScenarioError(f"{source}:\n" + "\n".join(_explain(e) for e in error.errors())) from None
+        lines = [_explain(e) for e in error.errors()[:MAX_ERRORS]]
+        if error.error_count() > MAX_ERRORS:
+            lines.append(f"  and {error.error_count() - MAX_ERRORS} more mistakes")
+        raise ScenarioError(f"{source}:\n" + "\n".join(lines)) from None
+    check_work(scenario, source)
+    return scenario
 
 
 def _resolve_paths(data: dict[str, Any], folder: Path) -> None:
@@ -88,20 +98,26 @@ def read_design(reference: str) -> list[int]:
     Raises:
         ScenarioError: It cannot be read or holds no design.
     """
-    packaged = resources.files("swarm_mj.scenarios") / "designs" / f"{reference}.json"
-    path = packaged if _is_name(reference) and packaged.is_file() else Path(reference)
+    path = (
+        resources.files("swarm_mj.scenarios") / "designs" / f"{reference}.json"
+        if reference in packaged_designs()
+        else Path(reference)
+    )
     try:
+        if not path.is_file():
+            raise ValueError("no regular file")
         with path.open("rb") as file:
-            design = json.loads(file.read(MAX_BYTES).decode("utf-8"))
+            design = json.loads(_limited(file.read(MAX_BYTES + 1)).decode("utf-8"))
         points, flyable = design["visiting_points"], design.get("flyable", True)
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise ScenarioError(
-            f"design.reference = {reference}: no packaged design and no design.json ({type(error).__name__}: {error}). "
+            f"design.reference = {shortened(reference)}: no packaged design and no design.json "
+            f"({type(error).__name__}: {shortened(str(error))}). "
             f"Packaged: {', '.join(packaged_designs())}"
         ) from None
     if not isinstance(points, list) or not points or not all(type(p) is int for p in points):
         raise ScenarioError(
-            f"design.reference = {reference}: its visiting_points are no list of numbers: {points!r}"[:300]
+            f"design.reference = {shortened(reference)}: its visiting_points are no list of numbers: {shown(points)}"
         )
     if not flyable:
         raise ScenarioError(
@@ -117,8 +133,10 @@ def packaged_designs() -> list[str]:
     return sorted(p.name.removesuffix(".json") for p in folder.iterdir() if p.name.endswith(".json"))
 
 
-def _is_name(reference: str) -> bool:
-    return "/" not in reference and "\\" not in reference
+def _limited(raw: bytes) -> bytes:
+    if len(raw) > MAX_BYTES:
+        raise ValueError(f"larger than {MAX_BYTES} bytes")
+    return raw
 
 
 def _resolve_design(data: dict[str, Any]) -> None:
@@ -161,9 +179,8 @@ class _Loader(yaml.SafeLoader):
         """Build a mapping; a key given twice is a mistake, not a choice."""
         mapping = super().construct_mapping(node, deep=deep)
         if len(mapping) < len(node.value):
-            keys = [self.construct_object(key, deep=True) for key, _ in node.value]
-            twice = next(key for key in keys if keys.count(key) > 1)
-            raise yaml.YAMLError(f"key {twice!r} is given twice{node.start_mark}")
+            keys = Counter(self.construct_object(key, deep=True) for key, _ in node.value)
+            raise yaml.YAMLError(f"key {shown(keys.most_common(1)[0][0])} is given twice{node.start_mark}")
         return mapping
 
 
@@ -175,36 +192,49 @@ _Loader.add_implicit_resolver(
 
 
 def _yaml(text: str) -> Any:
-    return yaml.load(text, Loader=_Loader)
+    """Read YAML without aliases.
+
+    Raises:
+        ValueError: It is none.
+    """
+    try:
+        # Aliases let a page of text unfold into gigabytes, or contain itself; no scenario needs them.
+        if any(isinstance(token, yaml.AliasToken) for token in yaml.scan(text)):
+            raise ValueError("aliases (*name) are not allowed in scenarios")
+        return yaml.load(text, Loader=_Loader)
+    except yaml.YAMLError as error:
+        raise ValueError(shortened(str(error), 600)) from None
+    except (AttributeError, LookupError, TypeError, ArithmeticError) as error:
+        # What PyYAML's constructors trip over where a tag does not fit its value, as in `!!timestamp soon`.
+        raise ValueError(f"a tag (!!type) does not fit its value: {shortened(str(error))}") from None
 
 
 def _parse(text: str, source: str) -> dict[str, Any]:
     try:
-        # Aliases let a page of text unfold into gigabytes; no scenario needs them.
-        if any(isinstance(token, yaml.AliasToken) for token in yaml.scan(text)):
-            raise ScenarioError(f"{source}: YAML aliases (*name) are not allowed in scenarios")
         data = _yaml(text)
-    except (yaml.YAMLError, RecursionError, ValueError) as error:
+    except (ValueError, RecursionError) as error:
         raise ScenarioError(f"{source}: not valid YAML: {error}") from None
     if not isinstance(data, dict):
         raise ScenarioError(f"{source}: must be a mapping of keys to values, not {type(data).__name__}")
+    check_plain(data, source)
     return data
 
 
 def _apply(data: dict[str, Any], override: str) -> None:
     key, separator, text = override.partition("=")
     if not separator or not key.strip():
-        raise ScenarioError(f"--set {override}: must read key=value, for example camera.half_angle_deg=3")
+        raise ScenarioError(f"--set {shortened(override)}: must read key=value, for example camera.half_angle_deg=3")
     try:
         value = _yaml(text)
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
-        raise ScenarioError(f"--set {override}: the value is not valid YAML: {error}") from None
+    except (ValueError, RecursionError) as error:
+        raise ScenarioError(f"--set {shortened(override)}: the value is not valid YAML: {error}") from None
+    check_plain({"value": value}, f"--set {shortened(override)}")
     *parents, last = key.strip().split(".")
     node = data
     for name in parents:
         child = node.setdefault(name, {})
         if not isinstance(child, dict):
-            raise ScenarioError(f"--set {override}: {name} is a single value, it has no keys inside")
+            raise ScenarioError(f"--set {shortened(override)}: {name} is a single value, it has no keys inside")
         node = child
     node[last] = value
 
@@ -221,7 +251,7 @@ def _explain(error: Any) -> str:
     if error["type"] == "value_error":
         separator = "" if not keys else " " if message.startswith("=") else "."
         return f"  {key if keys else ''}{separator}{message}"
-    return f"  {key} = {error['input']!r}: {message[0].lower()}{message[1:]}"
+    return f"  {key} = {shown(error['input'])}: {message[0].lower()}{message[1:]}"
 
 
 def _is_union_branch(part: str | int) -> bool:

@@ -8,21 +8,15 @@ and a reason in their description; `swarm-mj scenarios --json-schema` prints the
 from __future__ import annotations
 
 from datetime import datetime
-from typing import Annotated, Any, Literal, Self
+from typing import Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from swarm_mj import constants
+from swarm_mj.scenarios.schema_faults import Dispersions, Fault
+from swarm_mj.scenarios.section import Section, Vector3
 
-Component = Annotated[float, Field(ge=-1e9, le=1e9)]
-Vector3 = Annotated[tuple[Component, Component, Component], Field(description="three components")]
 Parameters = dict[str, Any]
-
-
-class Section(BaseModel):
-    """Base of all sections: immutable, strict about unknown keys and non-finite numbers."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
 class GravityModel(Section):
@@ -191,6 +185,10 @@ class Physics(Section):
     """Time integration by MuJoCo's RK4."""
 
     timestep_s: float = Field(0.1, ge=1e-3, le=1.0)
+    wheels: Literal["bodies", "gyrostat"] = Field(
+        "bodies",
+        description="three bodies on hinges, or three momentum states of the spacecraft: the same motion, faster",
+    )
 
 
 class Behavior(Section):
@@ -337,6 +335,8 @@ class Scenario(Section):
     link: Link = Field(default_factory=Link)
     safety: Safety = Field(default_factory=Safety)
     telemetry: Telemetry = Field(default_factory=Telemetry)
+    faults: tuple[Fault, ...] = Field((), max_length=1000, description="what goes wrong in flight; docs/faults.md")
+    dispersions: Dispersions = Field(default_factory=Dispersions)
 
     @field_validator("epoch", mode="before")
     @classmethod

@@ -19,8 +19,10 @@ from swarm_mj.attitude.mrp import quaternion_from_mrp
 from swarm_mj.errors import PluginError, SimulationError
 from swarm_mj.mission.behaviors import Behavior, SwarmView, Targets
 from swarm_mj.simulation import kernels
+from swarm_mj.simulation.gyrostat import GyrostatIntegrator
 from swarm_mj.simulation.kernels import Slot
 from swarm_mj.smallbody.environment import Environment
+from swarm_mj.spacecraft.gyrostat import with_wheels
 from swarm_mj.spacecraft.model import NQ, NV, SwarmModel
 from swarm_mj.spacecraft.properties import SpacecraftProperties
 
@@ -100,6 +102,7 @@ class Simulation:
         self._hold = round(control_period / model.mjmodel.opt.timestep)
         self._gradient_gm = self._gm_of_field() if gravity_gradient_torque else 0.0
         self._allocate_arrays(model.n)
+        self._gyrostats = GyrostatIntegrator(model.mjmodel, self._axes) if model.wheels == "gyrostat" else None
         self.tick = 0
 
     def _gm_of_field(self) -> float:
@@ -117,6 +120,7 @@ class Simulation:
         self._aim = np.zeros((2, n), np.int64)
         self._restart = np.zeros(n, np.bool_)
         self._peaks = np.zeros((n, 3))
+        self._qpos, self._qvel = np.zeros(NQ * n), np.zeros(NV * n)
         self._hub = np.ascontiguousarray(self.model.hub_body, np.int64)
         self._axes = np.ascontiguousarray(axes)
         self._allocation = -np.linalg.pinv(axes.T)
@@ -150,9 +154,10 @@ class Simulation:
         """Put the swarm at its start and forget everything."""
         n = self.model.n
         mujoco.mj_resetData(self.model.mjmodel, self.data)
-        qpos, qvel = self.data.qpos.reshape(n, NQ), self.data.qvel.reshape(n, NV)
+        qpos, qvel = np.zeros((n, NQ)), np.empty((n, NV))
         qpos[:, :3], qpos[:, 3:7] = initial.r_BN_N, quaternion_from_mrp(initial.sigma_BN)
         qvel[:, :3], qvel[:, 3:6], qvel[:, 6:9] = initial.v_BN_N, initial.omega_BN_B, initial.wheel_speed
+        self.model.set_state(self.data, qpos, qvel)
         self.tick = 0
         self._aim[:] = -1
         self._peaks[:] = 0.0
@@ -168,9 +173,10 @@ class Simulation:
         data, work, environment, t = self.data, self._work, self.environment, self.time
         rate = environment.spin_rate
         phase = environment.phase0 + rate * t
+        qpos, qvel = self._state()
         finite = kernels.sense(
-            data.qpos,
-            data.qvel,
+            qpos,
+            qvel,
             self._C_PN,
             phase,
             0.5 * self.period * rate,
@@ -221,6 +227,14 @@ class Simulation:
         )
         return targets
 
+    def _state(self) -> tuple[Array, Array]:
+        data = self.data
+        if self._gyrostats is None:
+            return data.qpos, data.qvel
+        spin = self.properties.wheel_spin_inertia
+        with_wheels(data.qpos, data.qvel, data.act, spin, self._axes, self._qpos, self._qvel)
+        return self._qpos, self._qvel
+
     def _push(self, t: float) -> None:
         data, work = self.data, self._work
         a_A = self.environment.gravity.acceleration(work[Slot.R_A])
@@ -237,7 +251,10 @@ class Simulation:
 
     def advance(self) -> None:
         """Let MuJoCo integrate one control period with everything held."""
-        mujoco.mj_step(self.model.mjmodel, self.data, nstep=self._hold)
+        if self._gyrostats is None:
+            mujoco.mj_step(self.model.mjmodel, self.data, nstep=self._hold)
+        else:
+            self._gyrostats.step(self.data, self._hold)
         self.tick += 1
 
     def run(self, duration: float, interval: float, progress: Progress | None = None) -> Record:
@@ -285,8 +302,7 @@ class Simulation:
         return record
 
     def _divergence(self) -> str:
-        n = self.model.n
-        state = np.hstack((self.data.qpos.reshape(n, NQ), self.data.qvel.reshape(n, NV)))
+        state = np.hstack(self.model.state(self.data))
         bad = int(np.argmin(np.isfinite(state).all(axis=1)))
         cause = (
             "its torque or force was not finite"

@@ -13,6 +13,8 @@ from swarm_mj.errors import ShapeError
 
 #: A header longer than this is not one [bytes].
 MAX_HEADER_BYTES = 65_536
+#: First words of the lines of a header; the parser behind understands others too, so that a count could pass unseen.
+HEADER_WORDS = {b"ply", b"format", b"comment", b"obj_info", b"element", b"property"}
 
 
 def read_ply(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
@@ -23,7 +25,7 @@ def read_ply(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """
     _check_header(path)
     try:
-        mesh = trimesh.load_mesh(path, file_type="ply", process=False)
+        mesh = trimesh.load_mesh(path, file_type="ply", process=False, skip_materials=True)
         return np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int64)
     except Exception as error:  # trimesh raises whatever its parser trips over
         raise ShapeError(f"{path}: not a readable PLY mesh ({error}); it may be cut short, export it again") from error
@@ -34,12 +36,17 @@ def _check_header(path: Path) -> None:
         header, end, body = file.read(MAX_HEADER_BYTES).partition(b"end_header")
     if not header.startswith(b"ply") or not end:
         raise ShapeError(f"{path}: does not begin with a PLY header; export or download it again")
+    for line in header.splitlines():
+        if line.split()[:1] and line.split()[0] not in HEADER_WORDS:
+            raise ShapeError(f"{path}: header line {line[:60]!r} is no statement of PLY; export or download it again")
     available = path.stat().st_size - len(header) - len(end)
-    elements = {kind: int(count) for kind, count in re.findall(rb"^element\s+(\w+)\s+(\d+)", header, re.MULTILINE)}
-    for kind in (b"vertex", b"face"):
+    # Of an endless number its first digits say enough: they promise more than any file holds.
+    found = re.findall(rb"^[ \t]*element\s+(\S+)\s+(\d+)", header, re.MULTILINE)
+    elements = {kind.decode(errors="replace"): int(count[:18]) for kind, count in found}
+    for kind in ("vertex", "face"):
         if elements.get(kind, 0) == 0:
-            raise ShapeError(f"{path}: holds no {kind.decode()} elements; export it as a triangle mesh")
+            raise ShapeError(f"{path}: holds no {kind} elements; export it as a triangle mesh")
     for kind, count in elements.items():
         # Every element takes at least a byte: a count beyond that would only exhaust the memory.
         if count > available:
-            raise ShapeError(f"{path}: promises {count} {kind.decode()} elements in {available} bytes: it is cut short")
+            raise ShapeError(f"{path}: promises {count} {kind} elements in {available} bytes: it is cut short")

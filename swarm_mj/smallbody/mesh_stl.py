@@ -13,7 +13,9 @@ from swarm_mj.errors import ShapeError
 HEADER_BYTES = 84
 #: One triangle of a binary file: normal, three corners, attribute.
 TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
-_VERTEX = re.compile(rb"^\s*vertex\s+(.*)$", re.MULTILINE | re.IGNORECASE)
+#: Blanks of a line, not ends of lines: a pattern that may cross them takes hours on a file of empty lines.
+_VERTEX = re.compile(rb"^[ \t]*vertex[ \t]+(.*)$", re.MULTILINE | re.IGNORECASE)
+_END_OF_FACET = re.compile(rb"^[ \t]*endfacet", re.MULTILINE | re.IGNORECASE)
 
 
 def read_stl(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
@@ -61,7 +63,7 @@ def _text_corners(data: bytes, path: Path) -> NDArray[np.float64]:
     if not data.lstrip()[:5].lower() == b"solid" or b"\0" in data:
         raise ShapeError(f"{path}: not STL, or a binary STL cut short or with bytes added; export or download it again")
     rows = [row.split() for row in _VERTEX.findall(data)]
-    if len(rows) % 3 or len(rows) != 3 * len(re.findall(rb"^\s*endfacet", data, re.MULTILINE | re.IGNORECASE)):
+    if len(rows) % 3 or len(rows) != 3 * len(_END_OF_FACET.findall(data)):
         raise ShapeError(
             f"{path}: the last facet, {len(rows) // 3}, is incomplete: the file is cut short, export it again"
         )

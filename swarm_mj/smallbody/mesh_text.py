@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 
 from swarm_mj.errors import ShapeError
 
+#: Longest line [characters]: a polygon of ten thousand corners; a file that is one line would be split into gigabytes.
+MAX_LINE_CHARACTERS = 100_000
 #: Reads one index of a face, given the number of vertices met so far.
 IndexReader = Callable[[str, int], int]
 
@@ -40,7 +42,12 @@ def _read_lines(path: Path, read_index: IndexReader) -> tuple[NDArray[np.float64
     # Flat typed arrays hold a large mesh in a tenth of the memory of Python lists of numbers.
     vertices, faces = array("d"), array("q")
     with open(path, encoding="utf-8") as file:
-        for number, line in enumerate(file, start=1):
+        for number, line in enumerate(iter(lambda: file.readline(MAX_LINE_CHARACTERS + 1), ""), start=1):
+            if len(line) > MAX_LINE_CHARACTERS:
+                raise ShapeError(
+                    f"{path}: line {number} is longer than {MAX_LINE_CHARACTERS} characters (MAX_LINE_CHARACTERS); "
+                    "cut its polygon into triangles"
+                )
             words = line.partition("#")[0].split()
             if words and words[0] in ("v", "f"):
                 try:

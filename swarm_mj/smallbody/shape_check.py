@@ -22,6 +22,8 @@ MAX_BODY_RADIUS_M = 2.0e6
 BODY_RADIUS_RANGE_M = (MIN_BODY_RADIUS_M, MAX_BODY_RADIUS_M)
 #: Coordinates beyond this [m] are damage, not geometry; squared areas and volumes of larger ones would overflow.
 MAX_COORDINATE_M = 1e15
+#: Meshes of more faces are refused: far beyond what gravity and coverage can use, and checking them takes gigabytes.
+MAX_FACES = 10_000_000
 #: Largest distance of the centroid from the origin, as a fraction of the radius about the centroid.
 MAX_CENTROID_OFFSET = 0.5
 #: A face lower than this fraction of its longest edge has no area.
@@ -63,6 +65,10 @@ def check_surface(vertices: ArrayLike, faces: ArrayLike, name: str = "shape") ->
     corners = as_rows(vertices, np.float64, f"{name}: vertices")
     # Indices are compared as 64-bit integers: narrowing them first could wrap a huge one into range.
     triangles = as_rows(faces, np.int64, f"{name}: faces")
+    if len(triangles) > MAX_FACES:
+        raise ShapeError(
+            f"{name}: {len(triangles)} faces exceed {MAX_FACES} (MAX_FACES); reduce it with mesh.simplify_quadric_decimation"
+        )
     _check_vertices(corners, name)
     _check_indices(corners, triangles, name)
     shape = ShapeModel(corners, triangles.astype(np.int32), name)

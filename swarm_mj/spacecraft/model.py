@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import mujoco
 import numpy as np
@@ -15,11 +16,16 @@ from numpy.typing import NDArray
 from swarm_mj.errors import MissionError
 from swarm_mj.resources import asset_path
 from swarm_mj.smallbody.shape import ShapeModel
+from swarm_mj.spacecraft.gyrostat import NQ_FREE, NV_FREE, axial_momentum, with_wheels
 from swarm_mj.spacecraft.properties import WHEEL_STATIONS_M, SpacecraftProperties
 
 WHEELS = ("wheel_x", "wheel_y", "wheel_z")
 #: qpos and qvel of one spacecraft: free joint (7, 6) and three wheels; the loop's kernels rely on this contiguous layout.
+#: Where wheels are no bodies, `SwarmModel.state` gives the same layout.
 NQ, NV = 10, 9
+
+Array = NDArray[np.float64]
+WheelModel = Literal["bodies", "gyrostat"]
 
 
 @dataclass(frozen=True)
@@ -31,17 +37,45 @@ class SwarmModel:
         names: Prefix-free spacecraft names `sc1`, `sc2`, ..., in gene order.
         hub_body: Body ids of the hubs, shape (n,).
         asteroid_mocap: Mocap id of the asteroid.
+        properties: Mass properties and wheels of every spacecraft.
+        wheels: Whether wheels are bodies on hinges or momentum states; the latter need `GyrostatIntegrator` to step.
     """
 
     mjmodel: mujoco.MjModel
     names: tuple[str, ...]
     hub_body: NDArray[np.int64]
     asteroid_mocap: int
+    properties: SpacecraftProperties
+    wheels: WheelModel = "bodies"
 
     @property
     def n(self) -> int:
         """Number of spacecraft."""
         return len(self.names)
+
+    def state(self, data: mujoco.MjData) -> tuple[Array, Array]:
+        """Positions and velocities by spacecraft, wheels included, whichever way they are modelled.
+
+        Returns:
+            Position in N [m], quaternion, wheel angles, shape (n, 10), and velocity in N [m/s], body rate in B [rad/s], wheel
+            speeds relative to the hub [rad/s], shape (n, 9). Views of MuJoCo's arrays where wheels are bodies; copies, with
+            zero for the angles, where they are momentum states.
+        """
+        if self.wheels == "bodies":
+            return data.qpos.reshape(self.n, NQ), data.qvel.reshape(self.n, NV)
+        qpos, qvel = np.empty((self.n, NQ)), np.empty((self.n, NV))
+        spin, axes = self.properties.wheel_spin_inertia, self.properties.wheel_axes_B
+        with_wheels(data.qpos, data.qvel, data.act, spin, axes, qpos.reshape(-1), qvel.reshape(-1))
+        return qpos, qvel
+
+    def set_state(self, data: mujoco.MjData, qpos: Array, qvel: Array) -> None:
+        """Write positions, shape (n, 10), and velocities, shape (n, 9), as `state` gives them."""
+        if self.wheels == "bodies":
+            data.qpos[:], data.qvel[:] = qpos.ravel(), qvel.ravel()
+            return
+        data.qpos[:], data.qvel[:] = qpos[:, :NQ_FREE].ravel(), qvel[:, :NV_FREE].ravel()
+        spin, axes = self.properties.wheel_spin_inertia, self.properties.wheel_axes_B
+        data.act[:] = axial_momentum(qvel[:, 3:6], qvel[:, 6:9], spin, axes).ravel()
 
 
 def spacecraft_names(n: int) -> tuple[str, ...]:
@@ -57,6 +91,7 @@ def build_model(
     timestep: float = 0.1,
     camera_half_angle_deg: float = 21.5,
     sun_N: Sequence[float] = (1.0, 0.0, 0.0),
+    wheels: WheelModel = "bodies",
 ) -> SwarmModel:
     """Assemble and compile the model of n spacecraft around a body.
 
@@ -67,20 +102,22 @@ def build_model(
         timestep: Integration step [s].
         camera_half_angle_deg: Half of the drawn camera's vertical field of view [deg].
         sun_N: Direction to the Sun in N; lights the scene.
+        wheels: Bodies on hinges, or momentum states of gyrostats.
     """
     if n < 1:
         raise MissionError(f"a swarm needs at least one spacecraft, not {n}")
     properties = properties or SpacecraftProperties()
     spec = _scene(shape, timestep, np.asarray(sun_N, float))
     for name in spacecraft_names(n):
-        spec.attach(
-            _cubesat(properties, timestep, camera_half_angle_deg), frame=spec.worldbody.add_frame(), prefix=f"{name}_"
-        )
+        part = _cubesat(properties, timestep, camera_half_angle_deg)
+        if wheels == "gyrostat":
+            _replace_wheels(part, properties)
+        spec.attach(part, frame=spec.worldbody.add_frame(), prefix=f"{name}_")
     try:
         compiled = spec.compile()
     except ValueError as error:
         raise MissionError(f"MuJoCo cannot build the spacecraft: {error}; check masses, sizes and inertias") from None
-    return _resolve(compiled, spacecraft_names(n))
+    return _resolve(compiled, spacecraft_names(n), properties, wheels)
 
 
 def _scene(shape: ShapeModel, timestep: float, sun_N: NDArray[np.float64]) -> mujoco.MjSpec:
@@ -118,14 +155,35 @@ def _cubesat(properties: SpacecraftProperties, timestep: float, camera_half_angl
     return spec
 
 
-def _resolve(model: mujoco.MjModel, names: tuple[str, ...]) -> SwarmModel:
+def _replace_wheels(part: mujoco.MjSpec, properties: SpacecraftProperties) -> None:
+    for name, axis in zip(WHEELS, properties.wheel_axes_B, strict=True):
+        part.delete(part.body(name))
+        part.add_actuator(
+            name=name,
+            target="free",
+            trntype=mujoco.mjtTrn.mjTRN_JOINT,
+            gear=[0.0, 0.0, 0.0, *axis],
+            dyntype=mujoco.mjtDyn.mjDYN_INTEGRATOR,
+            gainprm=[0.0] * 10,
+            ctrlrange=[-properties.max_wheel_torque, properties.max_wheel_torque],
+        )
+    hub = part.body("cubesat")
+    hub.mass, hub.inertia = properties.mass, np.diag(properties.inertia_effective_B).tolist()
+
+
+def _resolve(
+    model: mujoco.MjModel, names: tuple[str, ...], properties: SpacecraftProperties, wheels: WheelModel
+) -> SwarmModel:
+    width = NQ if wheels == "bodies" else NQ_FREE
     hubs = [model.body(f"{name}_cubesat") for name in names]
     first = model.jnt_qposadr[[hub.jntadr[0] for hub in hubs]]
-    if not np.array_equal(first, NQ * np.arange(len(names))) or model.nq != NQ * len(names):
+    if not np.array_equal(first, width * np.arange(len(names))) or model.nq != width * len(names):
         raise MissionError("the compiled model does not hold the spacecraft contiguously; was the MJCF changed?")
     return SwarmModel(
         mjmodel=model,
         names=names,
         hub_body=np.array([hub.id for hub in hubs]),
         asteroid_mocap=int(model.body("asteroid").mocapid[0]),
+        properties=properties,
+        wheels=wheels,
     )

@@ -82,7 +82,7 @@ class MrpSlidingMode:
             ScenarioError: The control period is too long for the boundary layer, so that the loop would oscillate.
         """
         torque_B = np.empty_like(inputs.sigma_BR)
-        gain = _write_torque(
+        gain = write_torque(
             inputs.sigma_BR,
             inputs.omega_BR_B,
             inputs.omega_BN_B,
@@ -117,7 +117,7 @@ class MrpSlidingMode:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _write_torque(
+def write_torque(
     sigma_BR: Floats,
     omega_BR_B: Floats,
     omega_BN_B: Floats,

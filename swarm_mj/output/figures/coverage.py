@@ -14,15 +14,9 @@ from swarm_mj.observation.coverage import CoverageMap
 from swarm_mj.output.figures.panels import every, legend_below
 from swarm_mj.output.figures.style import (
     BLACK,
-    BLUE,
-    GREEN,
     GREY,
-    ORANGE,
-    PURPLE,
-    SKY_BLUE,
     SMALL_PT,
     TICK_PT,
-    VERMILLION,
     VISIT_DASHES,
     instant,
     label,
@@ -31,13 +25,12 @@ from swarm_mj.output.figures.style import (
     note_of_omission,
     show_time,
     shown_spacecraft,
+    spacecraft_colours,
     tidy,
     time_axis,
 )
 from swarm_mj.planning import Plan
 
-#: Colours of the observers, as long as they can be told apart.
-OBSERVERS = (BLUE, ORANGE, GREEN, VERMILLION, PURPLE, SKY_BLUE)
 CRITERION = {"passage": "whole passage", "visit": "instant of the visit only"}
 
 
@@ -52,7 +45,7 @@ def compose_coverage(plan: Plan, telemetry: xr.Dataset, result: ObservationResul
     _draw_bars(bars, plan, coverage, shown)
     handles = [
         Line2D([], [], color=BLACK, linewidth=3.4, label="whole swarm"),
-        Line2D([], [], color=_colours(len(shown))[0], linewidth=1.3, label="single spacecraft"),
+        Line2D([], [], color=spacecraft_colours(len(shown))[0], linewidth=1.3, label="single spacecraft"),
         Line2D([], [], color=GREY, linewidth=1.0, linestyle=VISIT_DASHES, label="visit"),
     ]
     legend_below(figure, handles)
@@ -70,7 +63,7 @@ def _draw_history(ax: Axes, plan: Plan, telemetry: xr.Dataset, coverage: Coverag
     times = telemetry["time"].values[every(telemetry.sizes["time"])]
     axis = time_axis(plan.scenario.duration_s)
     ax.step(times / axis.seconds, coverage.percent_over_time(times), where="post", color=BLACK, linewidth=3.4)
-    for j, colour in zip(shown, _colours(len(shown)), strict=True):
+    for j, colour in zip(shown, spacecraft_colours(len(shown)), strict=True):
         ax.step(times / axis.seconds, percent_over_time(coverage, j, times), where="post", color=colour, linewidth=1.3)
     visit = plan.scenario.design.time_of_flight_s
     ax.axvline(visit / axis.seconds, color=GREY, linewidth=1.0, linestyle=VISIT_DASHES, zorder=1.5)
@@ -90,7 +83,7 @@ def _draw_history(ax: Axes, plan: Plan, telemetry: xr.Dataset, coverage: Coverag
 def _draw_bars(ax: Axes, plan: Plan, coverage: CoverageMap, shown: NDArray[np.intp]) -> None:
     percent = coverage.percent_by_spacecraft[shown]
     rows = np.arange(len(shown))
-    ax.barh(rows, percent, color=_colours(len(shown)), height=0.7)
+    ax.barh(rows, percent, color=spacecraft_colours(len(shown)), height=0.7)
     for row, value in zip(rows, percent, strict=True):
         ax.text(value + 2.0, float(row), f"{value:.1f}", va="center", fontsize=SMALL_PT)
     ax.set_yticks(rows, [plan.names[j] for j in shown])
@@ -101,7 +94,3 @@ def _draw_bars(ax: Axes, plan: Plan, coverage: CoverageMap, shown: NDArray[np.in
     ax.grid(False, axis="y")
     label(ax, "share [%]")
     ax.set_title("each spacecraft, at the end", fontsize=TICK_PT, loc="left")
-
-
-def _colours(n: int) -> list[str]:
-    return list(OBSERVERS[:n]) if n <= len(OBSERVERS) else [SKY_BLUE] * n

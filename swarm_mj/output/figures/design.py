@@ -30,12 +30,16 @@ from swarm_mj.output.figures.style import (
     label,
     new_figure,
     plain,
-    save,
     tidy,
+    write,
 )
 
 #: Colour of a cell by how many of the chosen spacecraft see it; the last stands for all larger numbers.
 TIMES_SEEN = (ORANGE, SKY_BLUE, BLUE, "#00466E")
+#: More genes than these have no room in one row.
+MAX_GENES = 12
+#: Legend entries that have room above each other.
+MAX_ENTRIES = 16
 OPERATOR_COLOURS = {"repair": BLUE, "plain": VERMILLION}
 
 
@@ -53,6 +57,7 @@ def compose_history(study: Study) -> Figure:
     ax.axhline(study.exact.n_observers, color=BLACK, linewidth=0.9, linestyle="--", label="proven minimum")
     ax.axhspan(n_max + 1, n_max + 2, color=GREY, alpha=0.15, linewidth=0, label="target not covered")
     ax.set_ylim(0, n_max + 2)
+    ax.margins(x=0.0)
     ax.yaxis.set_major_locator(MaxNLocator(integer=True))
     ax.xaxis.set_major_locator(MaxNLocator(integer=True))
     tidy(ax)
@@ -62,25 +67,37 @@ def compose_history(study: Study) -> Figure:
 
 
 def compose_gene_map(study: Study) -> Figure:
-    """Figure 8: the selected design in the format of the gene map."""
+    """Figures 5 and 8: the gene map of a design, and the selected design in it."""
     points = [study.sightings.candidates[p - 1].point for p in study.selected]
-    shown = points[:12]
+    shown = points[:MAX_GENES]
     more = "" if len(shown) == len(points) else f" (first {len(shown)} of {len(points)} points)"
     title = f"Selected design: {plain(study.scenario.name)}{more}"
-    figure = new_figure(1.4, title, width_in=max(9.0, 1.15 * (len(shown) + 2)))
+    figure = new_figure(2.3, title, width_in=max(9.0, 1.15 * (len(shown) + 2)))
     ax = figure.add_subplot()
     ax.set_axis_off()
-    heads = ["observing\nspacecraft"] + [f"spacecraft {k + 1}\nvisits point" for k in range(len(shown))]
-    table = ax.table(cellText=[heads, [str(len(points)), *map(str, shown)]], cellLoc="center", bbox=Bbox.unit())
+    numbers = range(1, len(shown) + 1)
+    rows = [
+        ["observing\nspacecraft"] + [f"spacecraft {k}\nvisits point" for k in numbers],
+        ["$N_{Obs}$"] + [f"$p_{{{k}}}$" for k in numbers],
+        [f"1 to {study.problem.max_observers}"] + [f"1 to {_points_of(study)}"] * len(shown),
+        [str(len(points)), *map(str, shown)],
+    ]
+    heads = ["description", "symbol", "domain", "selected"]
+    table = ax.table(cellText=rows, rowLabels=heads, cellLoc="center", rowLoc="center", bbox=Bbox.unit())
     table.auto_set_font_size(False)
     table.set_fontsize(TICK_PT)
-    for (row, _), cell in table.get_celld().items():
+    for (row, column), cell in table.get_celld().items():
         cell.set_edgecolor(GREY)
-        if row == 0:
+        if row == 0 or column < 0:
             cell.set_facecolor("#EEF3F8")
-        else:
+        elif row == len(rows) - 1:
             cell.get_text().set_fontweight("bold")
     return figure
+
+
+def _points_of(study: Study) -> int:
+    """Highest number of a visiting point."""
+    return max(candidate.point for candidate in study.sightings.candidates)
 
 
 def compose_cover(study: Study) -> Figure:
@@ -148,7 +165,12 @@ def compose_pareto(study: Study) -> Figure:
     tidy(ax)
     label(ax, "deployment delta-v of all observers [m/s]", "observed share of the target [%]")
     figure.legend(
-        title="observers", loc="outside right center", fontsize=TICK_PT, frameon=False, title_fontsize=TICK_PT
+        title="observers",
+        loc="outside right center",
+        ncols=1 + (len(numbers) - 1) // MAX_ENTRIES,
+        fontsize=TICK_PT,
+        frameon=False,
+        title_fontsize=TICK_PT,
     )
     return figure
 
@@ -161,8 +183,8 @@ COMPOSERS: dict[str, Callable[[Study], Figure]] = {
 }
 
 
-def draw_all(folder: Path, study: Study) -> None:
-    """Write every picture of a design that it has the numbers for."""
+def draw_all(folder: Path, study: Study, *, pdf: bool = False) -> None:
+    """Write every picture of a design that it has the numbers for, and with `pdf` as PDF too."""
     for name, compose in COMPOSERS.items():
         if name != "pareto" or study.front is not None:
-            save(compose(study), folder / f"{name}.png")
+            write(compose(study), folder / f"{name}.png", pdf=pdf)

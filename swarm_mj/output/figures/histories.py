@@ -1,4 +1,4 @@
-"""Attitude over time, one panel per spacecraft: tracking error (AAS 19-144, Figures 9, 10), pointing error, wheel speed."""
+"""Attitude over time, one panel per spacecraft: tracking error (AAS 19-144, Figures 9, 10), pointing error, wheels."""
 
 from __future__ import annotations
 
@@ -13,14 +13,15 @@ from numpy.typing import NDArray
 
 from swarm_mj.flight import ObservationResult
 from swarm_mj.output.figures.panels import Panels, compose_panels, every
-from swarm_mj.output.figures.style import BLUE, COMPONENTS, VERMILLION, time_axis
+from swarm_mj.output.figures.style import BLACK, BLUE, COMPONENTS, ORANGE, VERMILLION, time_axis
 from swarm_mj.planning import Plan
-from swarm_mj.spacecraft.properties import RPM
+from swarm_mj.spacecraft.properties import RPM, SpacecraftProperties
 
 Array = NDArray[np.float64]
 
 #: Exponent of ten below which errors [deg] are rounding; zero has no place on a logarithmic axis.
 FLOOR = -8
+MILLI = 1e-3
 
 
 def compose_tracking_error(plan: Plan, telemetry: xr.Dataset, result: ObservationResult) -> Figure:
@@ -59,6 +60,47 @@ def compose_wheel_speed(plan: Plan, telemetry: xr.Dataset, result: ObservationRe
         handles=[*_handles([f"wheel {k}" for k in "xyz"]), bound],
     )
     return compose_panels(plan, telemetry, panels)
+
+
+def compose_wheel_momentum(plan: Plan, telemetry: xr.Dataset, result: ObservationResult) -> Figure:
+    """Angular momentum that the wheels hold, that of the turning body, and their sum, which only outer torques change."""
+    body, wheels = angular_momenta_B(telemetry, plan.properties)
+    parts = [np.linalg.norm(part, axis=-1) / MILLI for part in (body, wheels, body + wheels)]
+    limit = plan.properties.wheel_spin_inertia * plan.properties.max_wheel_speed / MILLI
+    some = every(telemetry.sizes["time"])
+    times = telemetry["time"].values[some] / time_axis(plan.scenario.duration_s).seconds
+
+    def draw(ax: Axes, j: int) -> None:
+        for values, handle in zip(parts, handles, strict=False):
+            (line,) = ax.plot(times, values[some, j])
+            line.update_from(handle)
+        ax.axhline(limit, color=VERMILLION, linewidth=1.1, linestyle=(0, (6, 2)))
+
+    handles = [
+        Line2D([], [], color=ORANGE, linewidth=1.2, label=r"body, $|J\omega|$"),
+        Line2D([], [], color=BLUE, linewidth=1.6, label="wheels, $|h_w|$"),
+        Line2D([], [], color=BLACK, linewidth=1.2, linestyle=(0, (2, 2)), label=r"sum, $|J\omega + h_w|$"),
+        Line2D([], [], color=VERMILLION, linewidth=1.1, linestyle=(0, (6, 2)), label="limit of one wheel"),
+    ]
+    panels = Panels(
+        title="Momentum of wheels and body",
+        y_label="angular momentum [mN m s]",
+        draw=draw,
+        limits=(0.0, 1.08 * max(limit, *(float(values.max()) for values in parts))),
+        handles=handles,
+    )
+    return compose_panels(plan, telemetry, panels)
+
+
+def angular_momenta_B(telemetry: xr.Dataset, properties: SpacecraftProperties) -> tuple[Array, Array]:
+    """Angular momentum about the centre of mass in B: of the body with locked wheels, J omega, and of the wheels' spin, h_w.
+
+    Returns:
+        Two arrays of shape (time, spacecraft, 3) [N m s].
+    """
+    body = telemetry["omega_BN_B"].values @ properties.inertia_B.T
+    wheels = properties.wheel_spin_inertia * telemetry["wheel_speed"].values @ properties.wheel_axes_B
+    return body, wheels
 
 
 def compose_pointing_error(plan: Plan, telemetry: xr.Dataset, result: ObservationResult) -> Figure:

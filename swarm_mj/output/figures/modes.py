@@ -11,7 +11,18 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from swarm_mj.output.figures.style import BLACK, GREY, HALO, SMALL_PT, VISIT_DASHES, TimeAxis
+from swarm_mj.output.figures.style import (
+    BLACK,
+    BLUE,
+    GREEN,
+    GREY,
+    HALO,
+    ORANGE,
+    SMALL_PT,
+    VERMILLION,
+    VISIT_DASHES,
+    TimeAxis,
+)
 
 
 class ModeLook(NamedTuple):
@@ -20,15 +31,16 @@ class ModeLook(NamedTuple):
     abbreviation: str
     meaning: str
     colour: str
+    line_colour: str
 
 
-#: In the order of the flag values of `mode`. Pale, so that curves read on top.
+#: In the order of the flag values of `mode`. Areas are pale, so that curves read on top.
 MODE_LOOKS = (
-    ModeLook("TO", "target observing", "#F6D9C4"),
-    ModeLook("CT", "communication tracking", "#CFE6F5"),
-    ModeLook("ET", "Earth tracking", "#CBE8DC"),
-    ModeLook("SO", "surface point observing", "#F3E6B8"),
-    ModeLook("DH", "direction hold", "#E3E3E3"),
+    ModeLook("TO", "target observing", "#F6D9C4", VERMILLION),
+    ModeLook("CT", "communication tracking", "#CFE6F5", BLUE),
+    ModeLook("ET", "Earth tracking", "#CBE8DC", GREEN),
+    ModeLook("SO", "surface point observing", "#F3E6B8", ORANGE),
+    ModeLook("DH", "direction hold", "#E3E3E3", GREY),
 )
 
 #: Share of a panel's height that the band with the abbreviations takes.

@@ -9,10 +9,10 @@ from __future__ import annotations
 import os
 import threading
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from matplotlib import patheffects
+from matplotlib import patheffects, rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
@@ -33,7 +33,12 @@ LIGHT_GREY = "#DDDDDD"
 #: The three components of a vector, in order.
 COMPONENTS = (BLUE, ORANGE, GREEN)
 
+#: Colours of single spacecraft, as long as they can be told apart.
+SPACECRAFT = (BLUE, ORANGE, GREEN, VERMILLION, PURPLE, SKY_BLUE)
+
 DPI = 150
+#: Of what a PDF cannot hold as lines: shaded bodies and maps.
+RASTER_DPI = 300
 WIDTH_IN = 9.0
 TITLE_PT = 12
 LABEL_PT = 10
@@ -125,18 +130,42 @@ def note_of_omission(n: int, shown: NDArray[np.intp]) -> str:
     return "" if len(shown) == n else f" ({len(shown)} of {n} spacecraft shown)"
 
 
+def spacecraft_colours(n: int) -> list[str]:
+    """A colour for each of n spacecraft: their own while they can be told apart, else one for all."""
+    return list(SPACECRAFT[:n]) if n <= len(SPACECRAFT) else [SKY_BLUE] * n
+
+
 def role(plan: Plan, j: int) -> str:
     """What spacecraft j was sent to do."""
     points = plan.scenario.design.visiting_points
     return f"visits point {points[j]}" if j < plan.n_observers else "communications"
 
 
+def write(figure: Figure, path: Path, *, pdf: bool) -> None:
+    """Write a PNG to `path`, and with `pdf` a PDF beside it."""
+    save(figure, path)
+    if pdf:
+        figure.set_layout_engine("none")  # the parts stay where the first rendering put them
+        save(figure, path.with_suffix(".pdf"))
+
+
 def save(figure: Figure, path: Path) -> None:
-    """Write a PNG under a temporary name, then rename it; equal figures give equal bytes."""
+    """Write a PNG or a PDF, as the path's suffix says, under a temporary name, then rename it.
+
+    Equal figures give equal bytes.
+    """
     partial = path.with_name(f".{path.name}.partial")
+    kind = path.suffix.removeprefix(".")
     try:
-        with _RENDERING:
-            figure.savefig(partial, format="png", dpi=DPI, metadata={"Software": None})
+        with _RENDERING, rc_context({"pdf.fonttype": 42}):  # fonts that other programs can edit
+            figure.savefig(partial, format=kind, **_FORMATS[kind])
         os.replace(partial, path)
     finally:
         partial.unlink(missing_ok=True)
+
+
+#: What `savefig` is told by format; dates and versions would make equal figures differ.
+_FORMATS: dict[str, dict[str, Any]] = {
+    "png": {"dpi": DPI, "metadata": {"Software": None}},
+    "pdf": {"dpi": RASTER_DPI, "metadata": {"CreationDate": None, "Creator": None, "Producer": None}},
+}

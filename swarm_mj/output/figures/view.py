@@ -119,7 +119,13 @@ def draw_body(ax: Axes, view: View, body: ShapeModel, colours: Array) -> None:
     corners = view.project(body.vertices[body.faces[front]])
     ax.add_collection(
         PolyCollection(
-            list(corners), facecolors=shaded, edgecolors=0.93 * shaded, linewidths=0.25, zorder=ZORDER_BODY, closed=True
+            list(corners),
+            facecolors=shaded,
+            edgecolors=0.93 * shaded,
+            linewidths=0.25,
+            zorder=ZORDER_BODY,
+            closed=True,
+            rasterized=True,
         ),
         autolim=False,
     )

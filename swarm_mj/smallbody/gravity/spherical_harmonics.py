@@ -93,17 +93,17 @@ class SphericalHarmonics:
 
     def acceleration(self, r_A: NDArray[np.float64]) -> NDArray[np.float64]:
         """Attraction in A [m/s^2], shape (n, 3), at positions in A [m], shape (n, 3)."""
-        return _sum_series(positions(r_A), self.reference_radius, self._table, self._acceleration_series)
+        return sum_series(positions(r_A), self.reference_radius, self._table, self._acceleration_series)
 
     def potential(self, r_A: NDArray[np.float64]) -> NDArray[np.float64]:
         """Potential [m^2/s^2], positive, shape (n,), at positions in A [m], shape (n, 3)."""
         series = self.gm / self.reference_radius * np.stack([self.c, self.s], axis=-1)[:, :, None]
-        return _sum_series(positions(r_A), self.reference_radius, self._table, series)[:, 0]
+        return sum_series(positions(r_A), self.reference_radius, self._table, series)[:, 0]
 
     def gradient(self, r_A: NDArray[np.float64]) -> NDArray[np.float64]:
         """Gradient of the acceleration [1/s^2], shape (n, 3, 3), at positions in A [m], shape (n, 3)."""
         series, table = self._gradient_series
-        return _sum_series(positions(r_A), self.reference_radius, table, series).reshape(-1, 3, 3)
+        return sum_series(positions(r_A), self.reference_radius, table, series).reshape(-1, 3, 3)
 
     @cached_property
     def _gradient_series(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -155,7 +155,7 @@ def _normalised_legendre(degree: int, sines: NDArray[np.float64]) -> NDArray[np.
     every = np.zeros((degree + 1, degree + 1, (degree + 1) ** 2, 2))
     n, m = np.divmod(np.arange((degree + 1) ** 2), degree + 1)
     every[n, m, np.arange(len(n)), 0] = 1.0
-    values = _sum_series(meridian, 1.0, recursion_table(degree), every)
+    values = sum_series(meridian, 1.0, recursion_table(degree), every)
     return values.T.reshape(degree + 1, degree + 1, -1)
 
 
@@ -217,7 +217,7 @@ def _add(target: NDArray[np.float64], axis: int, c: NDArray[np.float64], s: NDAr
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _sum_series(
+def sum_series(
     r_A: NDArray[np.float64], radius: float, table: NDArray[np.float64], series: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Sum k series of solid harmonics at n positions, shape (n, k), order by order so that no scratch is needed."""

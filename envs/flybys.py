@@ -1,0 +1,301 @@
+"""E episodes of one setting at once: what the single environment (E = 1), the vector one and the multi-agent one stand on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarm_mj.errors import SimulationError
+from swarm_mj.flight import initial_state, make_simulation
+from swarm_mj.observation.coverage import observe
+from swarm_mj.simulation.batch import BatchFlights, why_not_batched
+from swarm_mj.simulation.separate import SeparateFlights
+from swarm_mj.simulation.simulation import Simulation
+
+from . import step_kernels
+from .controls import IS_OBSERVING, ControlLevel, make_level
+from .rewards import TERMS
+from .setting import Setting
+from .step_kernels import Books, Now
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+#: Data aboard below this share of the nominal volume count as delivered.
+NOTHING_STORED = 1e-9
+
+#: How an episode can end by itself; 0 goes on.
+ENDS = ("", "complete", "impact", "diverged")
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """What a step of E flights brought.
+
+    Attributes:
+        terms: Weighted reward terms in the order of `TERMS`, shape (E, 6).
+        reward: Their sum, shape (E,).
+        end: Number in `ENDS`, shape (E,).
+        truncated: Whether the flight is over by its duration, shape (E,).
+        hit: Which spacecraft hit the body in this step, shape (E, n).
+    """
+
+    terms: Array
+    reward: Array
+    end: NDArray[np.int64]
+    truncated: Mask
+    hit: Mask
+
+
+class Flybys:
+    """E flights in one thread.
+
+    Args:
+        setting: What they share.
+        count: Number of flights E.
+        go_on_after_impact: Whether a flight goes on without the spacecraft that hit the body.
+
+    Attributes:
+        setting: What they share.
+        level: How actions reach them.
+        flights: The simulation.
+        batched: Whether that is the batch; else `why_separate` says why not.
+        books: What they have come to.
+        now: The instant between two steps.
+        observation: Of every flight, shape (E, F).
+        percent: Seen share of the target, shape (E,) [%].
+    """
+
+    def __init__(self, setting: Setting, count: int, *, go_on_after_impact: bool = False) -> None:
+        self.setting, self.count, self._go_on = setting, count, go_on_after_impact
+        plan, n = setting.plan, setting.plan.n
+        self.level: ControlLevel = make_level(
+            setting.control, plan, count, setting.patches, setting.observer.tracer
+        )
+        self.flights = self._make_flights()
+        cells, wheels = plan.region.n_cells, len(plan.properties.wheel_axes_B)
+        self.books = Books(
+            seen=np.zeros((count, cells), np.bool_),
+            first_seen=np.full((count, cells), np.nan),
+            area=np.zeros(count),
+            stored=np.zeros((count, n)),
+            delivered=np.zeros(count),
+            closed=np.zeros((count, n), np.bool_),
+            lost=np.zeros((count, n), np.bool_),
+        )
+        self._before, self.now, self._picture = (_moment(count, n, wheels) for _ in range(3))
+        space = setting.readings.space
+        self.observation = np.zeros((count, *space.shape), np.float32)
+        self._low, self._high = space.low, space.high
+        self.percent = np.zeros(count)
+        self._weights = np.array([setting.weights[name] for name in TERMS])
+
+    def _make_flights(self) -> BatchFlights | SeparateFlights:
+        setting, level = self.setting, self.level
+        law = None if level.torque_B is not None else setting.plan.controller
+        self.why_separate = why_not_batched(setting.simulation, law)
+        self.batched = not self.why_separate
+        if not self.batched:
+            return SeparateFlights([self._simulation(e) for e in range(self.count)])
+        behaviors = None if level.kind is not None else [level.behavior(e) for e in range(self.count)]
+        return BatchFlights(setting.simulation, self.count, law, behaviors)
+
+    def _simulation(self, e: int) -> Simulation:
+        plan = self.setting.plan
+        flown = replace(plan, behavior=self.level.behavior(e), controller=self.level.controller(e, plan.controller))
+        return make_simulation(flown)
+
+    def reset(self, e: int, flight_seed: int) -> None:
+        """Start flight e anew from the seed of its initial attitudes and rates."""
+        plan = self.setting.plan
+        scenario = plan.scenario.model_copy(update={"seed": flight_seed})
+        start = initial_state(replace(plan, scenario=scenario))
+        self.level.reset(e)
+        books = self.books
+        books.seen[e], books.first_seen[e], books.closed[e], books.lost[e] = False, np.nan, False, False
+        books.area[e], books.stored[e], books.delivered[e], self.percent[e] = 0.0, 0.0, 0.0, 0.0
+        live = np.arange(self.count) == e
+        self.flights.reset(e, start)
+        # The first decision shows the attitude error; the second reset undoes whatever it left behind.
+        self._decide(live)
+        if not self.flights.finite[e]:
+            raise SimulationError(self.flights.causes[e])
+        self.flights.reset(e, start)
+        self._look(self.now, live)
+        self._end_step(live, 0.0)
+
+    def step(self, actions: NDArray[np.generic], live: Mask | None = None) -> Step:
+        """Fly on for one step with the actions held.
+
+        Args:
+            actions: In the action space, shape (E, size).
+            live: Flights to fly, shape (E,); None for all. The others stay as they are.
+        """
+        setting, flights = self.setting, self.flights
+        live = np.ones(self.count, np.bool_) if live is None else live
+        self.level.hold(actions, self.now.C_BN[:, :, 2], live)
+        self._before, self.now = self.now, self._before
+        flights.effort[:] = 0.0
+        area, flying = np.zeros(self.count), live.copy()
+        ticks = flights.tick[None] + np.arange(setting.ticks + 1)[:, None]
+        due = setting.due(ticks) & live
+        any_due = due.any(axis=1)
+        for k in range(setting.ticks):
+            self._decide(flying)
+            if not flights.finite.all():
+                flying &= flights.finite
+            if any_due[k]:
+                self._take_pictures(due[k] & flying, area)
+            flights.advance(flying)
+        flying = self._finish(flying, due[-1], area)
+        return self._result(live, flying, area)
+
+    def _decide(self, live: Mask) -> None:
+        flights, level = self.flights, self.level
+        if self.batched:
+            if level.kind is not None:
+                flights.kind[:], flights.index[:], flights.vector[:] = level.kind, level.index, level.vector
+            if level.torque_B is not None:
+                flights.torque_B[:] = level.torque_B
+        flights.decide(live)
+
+    def _finish(self, flying: Mask, due: Mask, area: Array) -> Mask:
+        """The last pictures of a flight, and a look at the state at the end of the step."""
+        last = flying & (self.flights.tick >= self.setting.last_tick)
+        if last.any():
+            effort = self.flights.effort.copy()
+            self._decide(last)
+            self.flights.effort[:] = effort
+            flying = flying & self.flights.finite
+            self._take_pictures(due & last & flying, area)
+        fine = self._look(self.now, flying)
+        for e in np.flatnonzero(flying & ~fine):
+            # Deciding again names the spacecraft.
+            self.flights.decide(np.arange(self.count) == e)
+        return flying & fine
+
+    def _look(self, now: Now, live: Mask) -> Mask:
+        """Bring a moment up to date; returns which flights are finite."""
+        self.flights.read(now.r, now.v, now.q, now.omega, now.wheel)
+        now.t[:] = self.flights.tick * self.flights.period
+        fine = np.zeros(self.count, np.bool_)
+        step_kernels.orient(self.setting.mission, now, live, fine)
+        return fine
+
+    def _take_pictures(self, due: Mask, area: Array) -> None:
+        if not due.any():
+            return
+        setting, now = self.setting, self._picture
+        self._look(now, due)
+        kind, idle = self.flights.kind, self.books.lost
+        outside = due
+        if setting.scene is not None and not setting.criterion.needs_sun:
+            # Maps answer outside the body's bounding sphere; inside it, and for the other observers, pictures are judged singly.
+            near = (now.r_A**2).sum(axis=2).min(axis=1) < setting.plan.shape.max_radius**2
+            outside = due & ~near
+            step_kernels.take_pictures(setting.scene, setting.mission, now, self.books, kind, idle, outside, area)
+            due = due & near
+        for e in np.flatnonzero(due):
+            self._judge_singly(int(e), area)
+
+    def _judge_singly(self, e: int, area: Array) -> None:
+        setting, now, books = self.setting, self._picture, self.books
+        plan, C_AN = setting.plan, now.C_AN[e]
+        sun_A = C_AN @ plan.environment.sun.at(now.t[e])
+        for j in np.flatnonzero(IS_OBSERVING[self.flights.kind[e, : plan.n_observers]]):
+            if books.lost[e, j]:
+                continue
+            r_A = now.r_A[e, j]
+            seen = observe(setting.observer, r_A, now.C_BN[e, j] @ C_AN.T, setting.criterion, sun_A)
+            new = seen & ~books.seen[e]
+            gained = float(plan.region.area[new].sum())
+            pixels = _pixels(plan.region.centroid_A, plan.region.normal_A, plan.region.area, r_A, new, setting)
+            step_kernels.write_down(books, e, j, new, now.t[e], gained, pixels * setting.radio.bits_per_pixel)
+            area[e] += gained
+
+    def _end_step(self, live: Mask, step_s: float) -> tuple[Array, Mask]:
+        measures, hit = np.zeros((self.count, 3)), np.zeros(self.books.lost.shape, np.bool_)
+        step_kernels.end_step(
+            self.setting.mission,
+            self._before,
+            self.now,
+            self.books,
+            self.flights.kind,
+            self.flights.index,
+            np.ascontiguousarray(self.flights.sigma_BR),
+            live,
+            step_s,
+            self._low,
+            self._high,
+            measures,
+            hit,
+            self.observation,
+        )
+        return measures, hit
+
+    def _result(self, live: Mask, flying: Mask, area: Array) -> Step:
+        setting, flights, books = self.setting, self.flights, self.books
+        measures, hit = self._end_step(flying, setting.step_s)
+        share = setting.step_s / setting.plan.scenario.duration_s
+        limit = setting.plan.properties.max_wheel_torque
+        wheels = flights.ctrl.shape[1]
+        diverged = live & ~flying
+        any_hit = hit.any(axis=1)
+        raw = np.zeros((self.count, len(TERMS)))
+        raw[:, 0] = area / setting.plan.region.total_area
+        raw[:, 1] = measures[:, 0] / setting.nominal_bit
+        raw[:, 2] = share * (flights.effort / (setting.ticks * wheels * limit**2))
+        raw[:, 3], raw[:, 4] = share * measures[:, 1], share * measures[:, 2]
+        raw[:, 5] = hit.sum(axis=1) if self._go_on else any_hit
+        raw[~flying] = 0.0
+        raw[diverged, 5] = 1.0
+        if self._go_on:
+            books.lost[:] |= hit
+            any_hit = books.lost.all(axis=1)
+        terms = raw * self._weights
+        reward = np.zeros(self.count)
+        for k in range(len(TERMS)):
+            reward = reward + terms[:, k]
+        self._count_seen(area > 0.0)
+        complete = (self.percent >= setting.complete) & (books.stored.sum(axis=1) <= NOTHING_STORED * setting.nominal_bit)
+        end = np.where(flying & complete, 1, 0)
+        end = np.where(flying & any_hit, 2, end)
+        end = np.where(diverged, 3, end)
+        truncated = flying & (end == 0) & (flights.tick >= setting.last_tick)
+        return Step(terms, reward, end, truncated, hit)
+
+    def _count_seen(self, changed: Mask) -> None:
+        """Bring the seen share up to date; from the cells, so that their order of coming does not matter."""
+        area = self.setting.plan.region.area
+        for e in np.flatnonzero(changed):
+            self.percent[e] = 100.0 * float(area[self.books.seen[e]].sum() / area.sum())
+
+    @property
+    def time_s(self) -> Array:
+        """Seconds past the epoch, shape (E,)."""
+        return self.flights.tick * self.flights.period
+
+
+def _moment(count: int, n: int, wheels: int) -> Now:
+    return Now(
+        t=np.zeros(count),
+        r=np.zeros((count, n, 3)),
+        v=np.zeros((count, n, 3)),
+        q=np.zeros((count, n, 4)),
+        omega=np.zeros((count, n, 3)),
+        wheel=np.zeros((count, n, wheels)),
+        C_AN=np.zeros((count, 3, 3)),
+        r_A=np.zeros((count, n, 3)),
+        C_BN=np.zeros((count, n, 3, 3)),
+    )
+
+
+def _pixels(centroid: Array, normal: Array, area: Array, r_A: Array, cells: Mask, setting: Setting) -> float:
+    """Area over the square of the ground sampling distance, foreshortened: A cos(emission) / (range pixel angle)^2."""
+    to_camera = r_A - centroid[cells]
+    distance = np.linalg.norm(to_camera, axis=1)
+    cosine = np.einsum("ij,ij->i", to_camera, normal[cells]) / distance
+    footprint = (distance * setting.observer.camera.pixel_angle) ** 2
+    return float((area[cells] * cosine / footprint).sum())

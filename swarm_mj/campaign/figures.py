@@ -1,0 +1,212 @@
+"""The figures of a campaign, one PNG each; a figure without numbers to show is not drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from swarm_mj.campaign.loading import Resolved
+from swarm_mj.campaign.summary import SEED, by_scenario, column
+from swarm_mj.errors import OutputError
+from swarm_mj.output.figures.style import (
+    BLACK,
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    PURPLE,
+    SKY_BLUE,
+    SMALL_PT,
+    TICK_PT,
+    VERMILLION,
+    label,
+    new_figure,
+    plain,
+    save,
+    tidy,
+)
+
+Compose = Callable[[Resolved, pa.Table, dict[str, Any]], Figure | None]
+
+COLOURS = (BLUE, ORANGE, GREEN, VERMILLION, PURPLE, SKY_BLUE, BLACK, GREY)
+DASHES = ("-", "--", "-.", ":")
+#: Diagrams get too many lines or bars to read beyond these.
+MAX_SCENARIOS, MAX_BARS = 8, 12
+#: Pointing errors [deg] below this are rounding; zero has no place on a logarithmic axis.
+FLOOR_DEG = 1e-8
+
+
+def compose_coverage(resolved: Resolved, results: pa.Table, summary: dict[str, Any]) -> Figure | None:
+    """How often the whole target is seen, and how the observed area is distributed."""
+    parts = _flown(resolved, results, "coverage_percent")
+    if not parts:
+        return None
+    figure = new_figure(4.6, f"Observed area: {plain(resolved.campaign.name)}", width_in=11.0)
+    left, right = figure.subplots(1, 2, width_ratios=(1.0, 1.35))
+    _bars(left, {name: summary["scenarios"][name]["covered"] for name in parts})
+    for k, (name, values) in enumerate(parts.items()):
+        _cumulative(right, values, name, k)
+    right.set_ylim(0.0, 1.02)
+    tidy(right)
+    label(right, "observed share of the target [%]", "share of flights with at most that [-]")
+    right.legend(fontsize=TICK_PT, frameon=False, loc="upper left")
+    return figure
+
+
+def compose_pointing(resolved: Resolved, results: pa.Table, summary: dict[str, Any]) -> Figure | None:
+    """Distribution of the largest pointing error at the visit, on a logarithmic axis, with 95th percentiles."""
+    name = "pointing_error_deg_visit_max"
+    parts = _flown(resolved, results, name)
+    if not parts:
+        return None
+    figure = new_figure(4.4, f"Pointing error at the visit: {plain(resolved.campaign.name)}")
+    ax = figure.add_subplot()
+    for k, (scenario, values) in enumerate(parts.items()):
+        _cumulative(ax, np.maximum(values, FLOOR_DEG), scenario, k)
+        estimate = summary["scenarios"][scenario]["outcomes"][name]["quantiles"]["0.95"]
+        ends = [estimate[end] if estimate[end] is not None else estimate["value"] for end in ("low", "high")]
+        x = max(estimate["value"], FLOOR_DEG)
+        around = [[max(x - max(ends[0], FLOOR_DEG), 0.0)], [max(ends[1] - x, 0.0)]]
+        ax.errorbar([x], [0.95], xerr=around, fmt="o", color=COLOURS[k % len(COLOURS)], capsize=4, markersize=5)
+    ax.set_xscale("log")
+    ax.set_ylim(0.0, 1.02)
+    tidy(ax)
+    label(ax, "largest pointing error of an observer [deg]", "share of flights with at most that [-]")
+    ax.legend(fontsize=TICK_PT, frameon=False, loc="upper left", title="dot: 95th percentile", title_fontsize=SMALL_PT)
+    return figure
+
+
+def compose_sensitivity(resolved: Resolved, results: pa.Table, summary: dict[str, Any]) -> Figure | None:
+    """Spearman's rank correlation of the observed area with every drawn parameter."""
+    found = {name: s["spearman"].get("coverage_percent", {}) for name, s in summary["scenarios"].items()}
+    keys = _strongest(found, lambda entry: abs(entry["value"]))
+    return _tornado(
+        f"What moves the observed area: {plain(resolved.campaign.name)}",
+        "Spearman's rank correlation with the observed area [-]",
+        keys,
+        {name: {key: entry for key, entry in entries.items()} for name, entries in found.items() if entries},
+        (-1.05, 1.05),
+    )
+
+
+def compose_sobol(resolved: Resolved, results: pa.Table, summary: dict[str, Any]) -> Figure | None:
+    """Sobol' indices of the observed area: a factor alone, and with its interactions."""
+    found = {}
+    for name, scenario in summary["scenarios"].items():
+        entries = scenario.get("sobol", {}).get("coverage_percent", {})
+        for part in ("first", "total"):
+            if entries:
+                found[f"{name}, {'alone' if part == 'first' else 'with interactions'}"] = {
+                    ("seed (attitudes, faults)" if key == SEED else key): value[part] for key, value in entries.items()
+                }
+    keys = _strongest(found, lambda entry: entry["value"])
+    title = f"Shares of the variance of the observed area: {plain(resolved.campaign.name)}"
+    ends = [end for entries in found.values() for entry in entries.values() for end in (entry["low"], entry["high"])]
+    limits = (min(-0.05, *ends), max(1.05, *ends)) if ends else (0.0, 1.0)
+    return _tornado(title, "Sobol' index [-]", keys, found, limits)
+
+
+COMPOSERS: dict[str, Compose] = {
+    "coverage": compose_coverage,
+    "pointing": compose_pointing,
+    "sensitivity": compose_sensitivity,
+    "sobol": compose_sobol,
+}
+
+
+def draw_all(folder: Path, resolved: Resolved, results: pa.Table, summary: dict[str, Any]) -> None:
+    """Write every figure that there are numbers for.
+
+    Raises:
+        OutputError: The folder cannot be written.
+    """
+    for name, compose in COMPOSERS.items():
+        figure = compose(resolved, results, summary)
+        if figure is None:
+            continue
+        try:
+            save(figure, folder / f"{name}.png")
+        except OSError as error:
+            raise OutputError(
+                f"{folder}: {name}.png cannot be written ({error.strerror}); go on with --resume"
+            ) from None
+
+
+def _flown(resolved: Resolved, results: pa.Table, name: str) -> dict[str, NDArray[np.float64]]:
+    """Finite values of an outcome by scenario."""
+    if name not in results.schema.names:
+        return {}
+    parts = {}
+    for scenario, rows in by_scenario(resolved, results):
+        values = column(rows, name)
+        if np.isfinite(values).any() and len(parts) < MAX_SCENARIOS:
+            parts[scenario] = values[np.isfinite(values)]
+    return parts
+
+
+def _cumulative(ax: Axes, values: NDArray[np.float64], name: str, k: int) -> None:
+    ordered = np.sort(values)
+    share = np.arange(1, len(ordered) + 1) / len(ordered)
+    style = {"color": COLOURS[k % len(COLOURS)], "linestyle": DASHES[k % len(DASHES)]}
+    ax.step(np.r_[ordered[0], ordered], np.r_[0.0, share], where="post", linewidth=1.8, label=name, **style)
+
+
+def _bars(ax: Axes, covered: dict[str, dict[str, Any]]) -> None:
+    for k, entry in enumerate(covered.values()):
+        p, (low, high) = 100.0 * entry["probability"], (100.0 * end for end in entry["wilson"])
+        ax.bar(k, p, color=COLOURS[k % len(COLOURS)], width=0.65)
+        ax.errorbar(k, p, yerr=[[max(p - low, 0.0)], [max(high - p, 0.0)]], color=BLACK, capsize=5, linewidth=1.2)
+        ax.annotate(f"{p:.1f} %", (k, high), xytext=(0, 4), textcoords="offset points", ha="center", fontsize=TICK_PT)
+    ax.set_xticks(range(len(covered)), [_wrapped(name) for name in covered])
+    ax.set_ylim(0.0, 112.0)
+    ax.set_yticks(range(0, 101, 20))
+    tidy(ax)
+    ax.grid(False, axis="x")
+    label(ax, y="flights that see the whole target [%]\n(bars: 95 % Wilson interval)")
+
+
+def _strongest(found: dict[str, dict[str, Any]], size: Callable[[Any], float]) -> list[str]:
+    """Keys by falling size, as many as there is room for."""
+    largest: dict[str, float] = {}
+    for entries in found.values():
+        for key, entry in entries.items():
+            largest[key] = max(largest.get(key, 0.0), size(entry))
+    return sorted(largest, key=lambda key: -largest[key])[:MAX_BARS]
+
+
+def _tornado(
+    title: str, x_label: str, keys: list[str], found: dict[str, dict[str, Any]], limits: tuple[float, float]
+) -> Figure | None:
+    if not keys:
+        return None
+    shown = dict(list(found.items())[:MAX_SCENARIOS])
+    figure = new_figure(1.6 + 0.28 * len(keys) * max(1.5, len(shown)), title)
+    ax = figure.add_subplot()
+    height = 0.8 / len(shown)
+    for k, (name, entries) in enumerate(shown.items()):
+        there = [(i, entries[key]) for i, key in enumerate(keys) if key in entries]
+        y = np.array([i for i, _ in there]) + (k + 0.5) * height - 0.4
+        x = np.array([entry["value"] for _, entry in there])
+        around = np.maximum([x - [e["low"] for _, e in there], [e["high"] for _, e in there] - x], 0.0)
+        ax.barh(y, x, height=0.9 * height, color=COLOURS[k % len(COLOURS)], label=name)
+        ax.errorbar(x, y, xerr=around, fmt="none", color=BLACK, capsize=2.5, linewidth=0.9)
+    ax.axvline(0.0, color=BLACK, linewidth=0.8)
+    ax.set_yticks(range(len(keys)), [plain(key) for key in keys])
+    ax.invert_yaxis()
+    ax.set_xlim(*limits)
+    tidy(ax)
+    ax.grid(False, axis="y")
+    label(ax, f"{x_label}, bars: 95 % interval")
+    figure.legend(loc="outside lower center", ncols=min(len(shown), 3), fontsize=TICK_PT, frameon=False)
+    return figure
+
+
+def _wrapped(name: str) -> str:
+    return plain(name).replace(" ", "\n").replace("-", "-\n", 1) if len(name) > 8 else plain(name)

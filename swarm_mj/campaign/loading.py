@@ -1,0 +1,216 @@
+"""Reading campaigns: packaged ones by name, files by path."""
+
+from __future__ import annotations
+
+import difflib
+import json
+import os
+from collections.abc import Mapping
+from importlib import resources
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from pydantic import BaseModel, ValidationError
+
+from swarm_mj.cache import hash_of
+from swarm_mj.campaign.config import Base, Campaign
+from swarm_mj.campaign.sampling import Sample
+from swarm_mj.errors import ScenarioError
+from swarm_mj.planning import PACKAGED_SHAPE
+from swarm_mj.scenarios import loading
+from swarm_mj.scenarios.schema import Scenario
+
+
+class Resolved(NamedTuple):
+    """A campaign with all that its file refers to.
+
+    Attributes:
+        campaign: The file.
+        bases: The scenarios by name, in order, with every value filled in.
+        shapes: Hash of every shape file, by path.
+    """
+
+    campaign: Campaign
+    bases: dict[str, Scenario]
+    shapes: dict[str, str]
+
+    def dump(self) -> dict[str, Any]:
+        """Plain values, from which `restore` makes the same campaign in another process."""
+        return {
+            "campaign": self.campaign.model_dump(mode="json", by_alias=True),
+            "bases": {name: base.model_dump(mode="json") for name, base in self.bases.items()},
+            "shapes": self.shapes,
+        }
+
+    def dumps(self) -> str:
+        """The same as one line of JSON."""
+        return json.dumps(self.dump(), sort_keys=False)
+
+
+def restore(text: str) -> Resolved:
+    """A campaign from what `Resolved.dumps` gave."""
+    data = json.loads(text)
+    bases = {name: Scenario.model_validate(base) for name, base in data["bases"].items()}
+    return Resolved(Campaign.model_validate(data["campaign"]), bases, data["shapes"])
+
+
+def packaged_campaigns() -> list[str]:
+    """Names of the packaged campaigns, sorted."""
+    folder = resources.files("swarm_mj.scenarios") / "campaigns"
+    if not folder.is_dir():
+        return []
+    return sorted(p.name.removesuffix(".yaml") for p in folder.iterdir() if p.name.endswith(".yaml"))
+
+
+def load_campaign(name_or_path: str | Path, *, runs: int | None = None) -> Resolved:
+    """Read a campaign and the scenarios it flies.
+
+    Args:
+        name_or_path: A packaged name (see `packaged_campaigns`) or the path of a YAML file.
+        runs: Takes the place of the file's `runs`.
+
+    Raises:
+        ScenarioError: Missing, unreadable or invalid; the message names the key, the value and what is allowed.
+    """
+    text, source, folder = _read(str(name_or_path))
+    data = loading._parse(text, source)
+    if runs is not None:
+        data["runs"] = runs
+    try:
+        campaign = Campaign.model_validate(data)
+    except ValidationError as error:
+        raise ScenarioError(f"{source}:\n" + "\n".join(_explain(e) for e in error.errors())) from None
+    bases = {base.label: _load_base(base, campaign, folder) for base in campaign.scenarios}
+    shapes = {base.body.shape: _hash_of_file(base.body.shape) for base in bases.values()}
+    resolved = Resolved(campaign, bases, {path: h for path, h in shapes.items() if path != PACKAGED_SHAPE})
+    _try_one_of_each(resolved, source)
+    return resolved
+
+
+def scenario_of(base: Scenario, values: Mapping[str, Any], seed: int) -> Scenario:
+    """A base scenario with drawn values and the run's seed.
+
+    Raises:
+        ScenarioError: A key is unknown or a value not allowed.
+    """
+    data = base.model_dump(mode="json")
+    for key, value in values.items():
+        _put(data, key, value)
+    data["seed"] = seed
+    return loading.scenario_from(data, f"{base.name} with drawn parameters")
+
+
+def _put(data: dict[str, Any], key: str, value: Any) -> None:
+    *parents, last = key.split(".")
+    node: Any = data
+    for name in parents:
+        if isinstance(node, list):
+            node = node[_index(key, name, node)]
+        elif isinstance(node, dict):
+            node = node.setdefault(name, {})
+    if isinstance(node, list):
+        node[_index(key, last, node)] = value
+    elif isinstance(node, dict):
+        node[last] = value
+    else:
+        raise ScenarioError(f"parameters.{key}: {parents[-1]} is a single value, it has no keys inside")
+
+
+def _index(key: str, text: str, node: list[Any]) -> int:
+    if not text.isdecimal() or int(text) >= len(node):
+        raise ScenarioError(f"parameters.{key}: {text!r} must be a number from 0 to {len(node) - 1}")
+    return int(text)
+
+
+def _read(name_or_path: str) -> tuple[str, str, Path]:
+    path = Path(name_or_path)
+    if path.suffix in {".yaml", ".yml"} or os.sep in name_or_path:
+        try:
+            if path.exists() and not path.is_file():
+                raise ScenarioError(f"{path}: is no regular file")
+            with path.open("rb") as file:
+                raw = file.read(loading.MAX_BYTES + 1)
+        except (OSError, ValueError) as error:
+            raise ScenarioError(f"{path}: cannot be read ({getattr(error, 'strerror', error)})") from None
+        if len(raw) > loading.MAX_BYTES:
+            raise ScenarioError(f"{path}: larger than {loading.MAX_BYTES} bytes; this is not a campaign")
+        try:
+            return raw.decode("utf-8"), str(path), path.parent
+        except UnicodeDecodeError as error:
+            raise ScenarioError(f"{path}: byte {error.start} is not UTF-8 text") from None
+    known = packaged_campaigns()
+    if name_or_path not in known:
+        raise ScenarioError(
+            f"{name_or_path}: no such campaign. Packaged: {', '.join(known)}. The name of a file must end in .yaml"
+        )
+    text = (resources.files("swarm_mj.scenarios") / "campaigns" / f"{name_or_path}.yaml").read_text("utf-8")
+    return text, name_or_path, Path()
+
+
+def _load_base(base: Base, campaign: Campaign, folder: Path) -> Scenario:
+    beside = folder / base.scenario
+    source = str(beside) if beside.suffix in {".yaml", ".yml"} else base.scenario
+    overrides = {**campaign.overrides, **base.overrides}
+    try:
+        return loading.load_scenario(source, [f"{key}={json.dumps(value)}" for key, value in overrides.items()])
+    except ScenarioError as error:
+        raise ScenarioError(f"scenarios, {base.label}: {error}".replace("--set ", "set: ")) from None
+
+
+def _try_one_of_each(resolved: Resolved, source: str) -> None:
+    """Build the first run of every scenario, so that a wrong key is found before anything flies."""
+    sample = Sample(resolved.campaign)
+    for row in range(len(resolved.bases)):
+        trial = sample.trial(row)
+        try:
+            scenario_of(resolved.bases[trial.scenario], trial.values, trial.seed)
+        except ScenarioError as error:
+            raise ScenarioError(f"{source}: parameters: {error}") from None
+
+
+def _hash_of_file(path: str) -> str:
+    try:
+        return hash_of(Path(path).read_bytes().hex()) if path != PACKAGED_SHAPE else ""
+    except OSError as error:
+        raise ScenarioError(f"body.shape = {path}: cannot be read ({error.strerror})") from None
+
+
+def _explain(error: Any) -> str:
+    """One error in words: key, value, what is allowed."""
+    keys = [part for k, part in enumerate(error["loc"]) if not (k == 2 and error["loc"][0] == "parameters")]
+    key = ".".join(map(str, keys))
+    if error["type"] == "extra_forbidden":
+        allowed = _allowed(error["loc"])
+        close = difflib.get_close_matches(str(keys[-1]), allowed, n=1)
+        hint = f" Did you mean {close[0]!r}?" if close else ""
+        return f"  {key}: unknown key.{hint}" + (f" Allowed: {', '.join(allowed)}" if allowed else "")
+    if error["type"] == "missing":
+        return f"  {key}: missing, a value is required"
+    if error["type"] == "union_tag_not_found":
+        return f"  {key}.distribution: missing; allowed: {error_tags()}"
+    if error["type"] == "union_tag_invalid":
+        return f"  {key}.distribution = {error['ctx']['tag']!r}: unknown; allowed: {error_tags()}"
+    message = error["msg"].removeprefix("Value error, ")
+    if error["type"] == "value_error":
+        return f"  {key}{'' if message.startswith('.') or not key else '.'}{message}"
+    return f"  {key} = {error['input']!r}: {message[0].lower()}{message[1:]}"
+
+
+def error_tags() -> str:
+    """Names of the distributions."""
+    return ", ".join(_laws())
+
+
+def _laws() -> dict[str, type[BaseModel]]:
+    union = Campaign.model_fields["parameters"].annotation
+    members = union.__args__[1].__origin__.__args__  # type: ignore[union-attr]
+    return {member.model_fields["distribution"].annotation.__args__[0]: member for member in members}
+
+
+def _allowed(loc: tuple[Any, ...]) -> list[str]:
+    model: type[BaseModel] = Campaign
+    if len(loc) > 1 and loc[0] == "scenarios":
+        model = Base
+    if len(loc) > 3 and loc[0] == "parameters":
+        model = _laws().get(str(loc[2]), Campaign)
+    return [field.alias or name for name, field in model.model_fields.items()]

@@ -1,0 +1,124 @@
+"""What a sample of runs says, with intervals: probabilities, quantiles, means, sensitivities. All by scipy.stats.
+
+Intervals hold for independent runs (monte_carlo). Latin hypercubes and Sobol' sequences cover the parameters more evenly, so that
+theirs are, if anything, too wide.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+Array = NDArray[np.float64]
+
+#: Confidence level of all intervals.
+LEVEL = 0.95
+RESAMPLES = 999
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A number and its confidence interval; an end is NaN where the sample is too small to tell.
+
+    Attributes:
+        value: The estimate.
+        low: Lower end.
+        high: Upper end.
+    """
+
+    value: float
+    low: float
+    high: float
+
+
+def probability(successes: int, n: int, method: str = "wilson") -> Estimate:
+    """A probability from n trials.
+
+    Args:
+        successes: How many succeeded.
+        n: Number of trials.
+        method: `wilson` for the score interval of Wilson (1927), `exact` for that of Clopper and Pearson (1934).
+    """
+    if n == 0:
+        return Estimate(np.nan, 0.0, 1.0)
+    interval = stats.binomtest(successes, n).proportion_ci(LEVEL, method=method)
+    return Estimate(successes / n, float(interval.low), float(interval.high))
+
+
+def quantile(values: Array, p: float) -> Estimate:
+    """A quantile with the interval between two order statistics that holds for any continuous distribution.
+
+    Conover, Practical Nonparametric Statistics, 1999, section 3.2; NaN where the sample is too small for an end.
+    """
+    interval = stats.quantile_test(values, q=float(np.median(values)), p=p).confidence_interval(LEVEL)
+    return Estimate(float(np.quantile(values, p)), float(interval.low), float(interval.high))
+
+
+def mean(values: Array, rng: np.random.Generator) -> Estimate:
+    """The mean with a bootstrap interval (percentile method)."""
+    middle = float(values.mean())
+    if len(values) < 2 or np.ptp(values) == 0.0:
+        return Estimate(middle, middle if len(values) > 1 else np.nan, middle if len(values) > 1 else np.nan)
+    found = stats.bootstrap(
+        (values,), np.mean, confidence_level=LEVEL, n_resamples=RESAMPLES, method="percentile", rng=rng, batch=100
+    )
+    return Estimate(middle, float(found.confidence_interval.low), float(found.confidence_interval.high))
+
+
+def spearman(x: Array, y: Array) -> tuple[Estimate, float] | None:
+    """Rank correlation, its interval, and the p-value of none; None where a sample is constant or below 5 pairs.
+
+    The interval is Fisher's transform with the variance of Bonett and Wright (Psychometrika 65, 2000).
+    """
+    if len(x) < 5 or np.ptp(x) == 0.0 or np.ptp(y) == 0.0:
+        return None
+    found = stats.spearmanr(x, y)
+    rho = float(found.statistic)
+    if abs(rho) >= 1.0:
+        return Estimate(rho, rho, rho), float(found.pvalue)
+    half = stats.norm.ppf(0.5 + 0.5 * LEVEL) * np.sqrt((1.0 + 0.5 * rho**2) / (len(x) - 3))
+    z = np.arctanh(rho)
+    return Estimate(rho, float(np.tanh(z - half)), float(np.tanh(z + half))), float(found.pvalue)
+
+
+@dataclass(frozen=True)
+class SobolIndices:
+    """Shares of an outcome's variance, by factor.
+
+    Attributes:
+        first: Of each factor alone.
+        total: Of each factor with all its interactions.
+    """
+
+    first: list[Estimate]
+    total: list[Estimate]
+
+
+def sobol(members: Array, rng: np.random.Generator) -> SobolIndices | None:
+    """Sobol' indices with bootstrap intervals; None where the outcome does not vary.
+
+    Args:
+        members: Outcomes of the groups of a saltelli sample, shape (n, d + 2), n a power of 2: the point of A, that of B, and A
+            with each of the d factors from B.
+        rng: For the bootstrap over groups.
+    """
+    if np.ptp(members[:, :2]) == 0.0:
+        return None
+    n, width = members.shape
+    found = _indices(members)
+    draws = np.array([_indices(members[rng.integers(n, size=n)]) for _ in range(RESAMPLES)])
+    low, high = np.quantile(draws, (0.5 - 0.5 * LEVEL, 0.5 + 0.5 * LEVEL), axis=0)
+    first, total = (
+        [Estimate(float(found[k, i]), float(low[k, i]), float(high[k, i])) for i in range(width - 2)] for k in (0, 1)
+    )
+    return SobolIndices(first, total)
+
+
+def _indices(members: Array) -> Array:
+    """First-order and total indices, shape (2, d)."""
+    values = {"f_A": members[None, :, 0], "f_B": members[None, :, 1], "f_AB": members[:, 2:].T[:, None, :]}
+    found = stats.sobol_indices(func=values, n=len(members))
+    return np.array([np.ravel(found.first_order), np.ravel(found.total_order)])

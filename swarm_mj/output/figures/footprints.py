@@ -1,0 +1,240 @@
+"""Footprints of the pictures on a map, with the target outlined and what was observed of it."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from numpy.typing import NDArray
+
+from swarm_mj.attitude.mrp import dcm
+from swarm_mj.flight import ObservationResult, asteroid_attitudes, camera_from, visit_sample
+from swarm_mj.observation.camera import CameraModel, CameraPose
+from swarm_mj.observation.raytracing import RayTracer
+from swarm_mj.output.figures.ground_track import MAX_NUMBERED, number_places
+from swarm_mj.output.figures.maps import (
+    Ground,
+    Window,
+    draw_track,
+    latitude_longitude,
+    name_map,
+    paint,
+    survey,
+    target_outline,
+    whole_body,
+)
+from swarm_mj.output.figures.panels import legend_below
+from swarm_mj.output.figures.style import (
+    BLACK,
+    ORANGE,
+    SKY_BLUE,
+    SPACECRAFT,
+    TICK_PT,
+    instant,
+    new_figure,
+    note_of_omission,
+    shown_spacecraft,
+    spacecraft_colours,
+    time_axis,
+)
+from swarm_mj.output.figures.view import face_colours, unit
+from swarm_mj.planning import Plan
+from swarm_mj.simulation.telemetry import OBSERVING
+from swarm_mj.smallbody.shape import ShapeModel
+
+Array = NDArray[np.float64]
+
+#: Places along a parallel: of the painted ground, of the outlines, and when looking for what the map must hold.
+PAINTED_COLUMNS, OUTLINE_COLUMNS, SEARCH_COLUMNS = 540, 240, 120
+#: The pictures of a passage are thinned to so many; they overlap.
+MAX_PICTURES = 120
+#: Ground hidden by less than this share of the body's radius is not hidden: rays are traced in single precision.
+HIDING_DEPTH = 1e-4
+
+
+def compose_footprints(plan: Plan, telemetry: xr.Dataset, result: ObservationResult) -> Figure:
+    """What each picture holds at the visit, and what all pictures of the passage hold together."""
+    mesh, scenario = plan.region.mesh, plan.scenario
+    tracer, camera = RayTracer(mesh.vertices, mesh.faces), camera_from(scenario)
+    shown = shown_spacecraft(plan.n_observers)
+    visit = visit_sample(scenario)
+    poses = {int(j): _pose(telemetry, visit, int(j)) for j in shown if _observes(telemetry, visit, int(j))}
+    window = _window(plan, tracer, camera, list(poses.values()))
+    figure = new_figure(7.0, f"Footprints of the pictures: {scenario.name}{note_of_omission(plan.n_observers, shown)}")
+    ax = figure.subplots()
+    _paint_ground(ax, plan, result, tracer, window)
+    ground = survey(mesh, tracer, window, OUTLINE_COLUMNS)
+    if scenario.observation.criterion == "passage":
+        _draw_union(ax, _passage_poses(plan, telemetry), camera, mesh, tracer, ground)
+    draw_track(ax, target_outline(plan.region), window.centre_longitude, color=BLACK, linewidth=2.2, zorder=3)
+    colours = dict(zip(shown.tolist(), spacecraft_colours(len(shown)), strict=True))
+    for j, pose in poses.items():
+        margin = view_margin(camera, pose, ground, mesh, tracer)
+        _outline(ax, ground, margin, color=colours[j], linewidth=2.0 if len(shown) <= len(SPACECRAFT) else 1.0)
+    _number(ax, plan, poses, mesh, tracer, window, colours)
+    name_map(ax, window)
+    axis = time_axis(scenario.duration_s)
+    percent = result.coverage.percent
+    ax.set_title(
+        f"outlines: the visit, t = {instant(scenario.design.time_of_flight_s, axis)}; "
+        f"half-angle {camera.half_angle_deg:g}\N{DEGREE SIGN}; $P_{{TO}}$ = {percent:.2f} %",
+        fontsize=TICK_PT,
+        loc="left",
+    )
+    legend_below(figure, _handles(plan, colours))
+    return figure
+
+
+def view_margin(camera: CameraModel, pose: CameraPose, ground: Ground, body: ShapeModel, tracer: RayTracer) -> Array:
+    """How far inside a picture each place of a map lies: above zero where the picture holds it.
+
+    Args:
+        camera: The camera.
+        pose: Where it is.
+        ground: The places.
+        body: The mesh that hides some of them.
+        tracer: Rays against this mesh.
+
+    Returns:
+        The lesser of two measures that cross zero where a footprint ends, shape (r, c): the distance to the picture's edge
+        over half its width, and the cosine of the emission angle. Below zero too where other ground is in between.
+    """
+    points = ground.points_A
+    x, y, z = np.moveaxis(pose.to_camera(points), -1, 0)
+    across = np.hypot(x, y) if camera.shape == "cone" else np.maximum(np.abs(x), np.abs(y))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        edge = np.where(z > 0.0, 1.0 - across / (z * camera.tan_half_angle), -1.0)
+    away = points - pose.r_A
+    distance = np.linalg.norm(away, axis=-1)
+    facing = -np.einsum("...i,...i", away, body.face_normals[ground.face]) / distance
+    margin = np.nan_to_num(np.clip(np.minimum(edge, facing), -1.0, 1.0), nan=-1.0)
+    row, column = np.nonzero(margin > 0.0)
+    hit = tracer.first_hit(pose.r_A, away[row, column])
+    normal, corner = body.face_normals[hit], body.vertices[body.faces[hit, 0]]
+    along = np.einsum("ij,ij->i", normal, away[row, column]) / distance[row, column]
+    depth = np.einsum("ij,ij->i", normal, corner - pose.r_A) / along
+    hidden = (hit >= 0) & (depth < distance[row, column] - HIDING_DEPTH * body.max_radius)
+    margin[row[hidden], column[hidden]] *= -1.0
+    return margin
+
+
+def _observes(telemetry: xr.Dataset, k: int, j: int) -> bool:
+    return bool(np.isin(telemetry["mode"].values[k, j], OBSERVING))
+
+
+def _pose(telemetry: xr.Dataset, k: int, j: int) -> CameraPose:
+    sample = telemetry.isel(time=k)
+    C_AN = asteroid_attitudes(sample)
+    C_BN = dcm(sample["sigma_BN"].values[j])
+    return CameraPose(C_AN @ sample["r_BN_N"].values[j], C_BN @ C_AN.T)
+
+
+def _passage_poses(plan: Plan, telemetry: xr.Dataset) -> list[CameraPose]:
+    """Poses of the pictures of the whole passage, thinned."""
+    observation = plan.scenario.observation
+    every = round(observation.interval_s / plan.scenario.telemetry.interval_s)
+    pictures = [
+        (k, j)
+        for k in range(0, telemetry.sizes["time"], every)
+        for j in range(plan.n_observers)
+        if _observes(telemetry, k, j)
+    ]
+    return [_pose(telemetry, k, j) for k, j in pictures[:: 1 + len(pictures) // MAX_PICTURES]]
+
+
+def _window(plan: Plan, tracer: RayTracer, camera: CameraModel, poses: list[CameraPose]) -> Window:
+    """The target and the footprints of the visit, with some room around."""
+    mesh, centre = plan.region.mesh, plan.scenario.target.longitude_deg
+    coarse = survey(mesh, tracer, whole_body(centre), SEARCH_COLUMNS)
+    latitude, longitude = latitude_longitude(target_outline(plan.region), centre)
+    for pose in poses:
+        row, column = np.nonzero(view_margin(camera, pose, coarse, mesh, tracer) > 0.0)
+        latitude = np.append(latitude, coarse.latitudes[row])
+        longitude = np.append(longitude, coarse.longitudes[column])
+    room = 2.0 + 0.06 * max(float(np.ptp(latitude)), float(np.ptp(longitude)))
+    return Window(
+        west=max(float(longitude.min()) - room, centre - 180.0),
+        east=min(float(longitude.max()) + room, centre + 180.0),
+        south=max(float(latitude.min()) - room, -90.0),
+        north=min(float(latitude.max()) + room, 90.0),
+    )
+
+
+def _paint_ground(ax: Axes, plan: Plan, result: ObservationResult, tracer: RayTracer, window: Window) -> None:
+    region, seen = plan.region, result.coverage.seen
+    colours = face_colours(region.mesh, [(region.target, ORANGE), (region.target[seen], SKY_BLUE)])
+    east, north, _ = region.axes_A
+    lamp = unit(region.area @ region.normal_A) + 0.5 * north - 0.4 * east
+    paint(ax, survey(region.mesh, tracer, window, PAINTED_COLUMNS), region.mesh, colours, lamp)
+
+
+def _draw_union(
+    ax: Axes, poses: list[CameraPose], camera: CameraModel, mesh: ShapeModel, tracer: RayTracer, ground: Ground
+) -> None:
+    """Outline what the pictures of a passage hold together."""
+    union = np.full(ground.face.shape, -1.0)
+    for pose in poses:
+        np.maximum(union, view_margin(camera, pose, ground, mesh, tracer), out=union)
+    _outline(ax, ground, union, color=BLACK, linewidth=1.2, dashed=True)
+
+
+def _outline(ax: Axes, ground: Ground, margin: Array, *, color: str, linewidth: float, dashed: bool = False) -> None:
+    if margin.max() > 0.0 > margin.min():
+        style = "dashed" if dashed else "solid"
+        ax.contour(
+            ground.longitudes,
+            ground.latitudes,
+            margin,
+            levels=[0.0],
+            colors=color,
+            linewidths=linewidth,
+            linestyles=style,
+            zorder=4,
+        )
+
+
+def _number(
+    ax: Axes,
+    plan: Plan,
+    poses: dict[int, CameraPose],
+    body: ShapeModel,
+    tracer: RayTracer,
+    window: Window,
+    colours: dict[int, str],
+) -> None:
+    """Number each footprint where its line of sight meets the ground."""
+    if not poses or plan.n_observers > MAX_NUMBERED:
+        return
+    start = np.array([pose.r_A for pose in poses.values()])
+    ahead = np.array([pose.C_CA[2] for pose in poses.values()])
+    hit = tracer.first_hit(start, ahead)
+    met = hit >= 0
+    normal, corner = body.face_normals[hit], body.vertices[body.faces[hit, 0]]
+    depth = np.einsum("ij,ij->i", normal, corner - start) / np.einsum("ij,ij->i", normal, ahead)
+    if met.any():
+        chosen = [j for j, meets in zip(poses, met, strict=True) if meets]
+        number_places(
+            ax,
+            (start + depth[:, None] * ahead)[met],
+            window.centre_longitude,
+            [colours[j] for j in chosen],
+            numbers=chosen,
+        )
+
+
+def _handles(plan: Plan, colours: dict[int, str]) -> list[Line2D | Patch]:
+    handles: list[Line2D | Patch] = [
+        Patch(facecolor=SKY_BLUE, label="target, observed"),
+        Patch(facecolor=ORANGE, label="target, not observed"),
+        Line2D([], [], color=BLACK, linewidth=2.2, label="outline of the target"),
+    ]
+    if len(colours) <= len(SPACECRAFT):
+        handles += [Line2D([], [], color=c, linewidth=2.0, label=plan.names[j]) for j, c in colours.items()]
+    else:
+        handles.append(Line2D([], [], color=next(iter(colours.values())), label="each spacecraft"))
+    if plan.scenario.observation.criterion == "passage":
+        handles.append(Line2D([], [], color=BLACK, linewidth=1.2, linestyle="--", label="all pictures of the passage"))
+    return handles

@@ -1,0 +1,87 @@
+"""HTML in which every text is escaped unless it was built here."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from html import escape
+
+#: Elements without a closing tag.
+VOID = {"input", "meta", "br"}
+
+
+class Html(str):
+    """Text that is already HTML."""
+
+
+Content = str | float | None | Iterable["Content"]
+
+
+def tag(name: str, *content: Content, **attributes: str | float | bool | None) -> Html:
+    """Build an element.
+
+    Args:
+        name: Its tag.
+        content: Children; plain text is escaped, None left out, lists are joined.
+        attributes: `class_` and `for_` lose their underscore, other underscores become hyphens; None and False are left out.
+    """
+    opening = f"<{name}{''.join(_attribute(key, value) for key, value in attributes.items())}>"
+    return Html(opening if name in VOID else f"{opening}{join(content)}</{name}>")
+
+
+def join(content: Content) -> Html:
+    """Join texts and elements."""
+    if content is None:
+        return Html("")
+    if isinstance(content, Html):
+        return content
+    if isinstance(content, str | float | int):
+        return Html(escape(str(content)))
+    return Html("".join(join(part) for part in content))
+
+
+def _attribute(key: str, value: str | float | bool | None) -> str:
+    if value is None or value is False:
+        return ""
+    name = key.rstrip("_").replace("_", "-")
+    return f" {name}" if value is True else f' {name}="{escape(str(value))}"'
+
+
+def table(
+    head: Sequence[Content],
+    rows: Iterable[Sequence[Content]],
+    *,
+    caption: str,
+    numeric: bool = False,
+    row_classes: Sequence[str | None] = (),
+    row_ids: Sequence[str] = (),
+) -> Html:
+    """A table whose first column names the rows, in a box that scrolls when the page is narrow.
+
+    Args:
+        head: Column headings.
+        rows: Cells of each row.
+        caption: What it shows, also for screen readers.
+        numeric: Whether all columns but the first are set to the right.
+        row_classes: A class for each row, or none at all.
+        row_ids: An id for each row, or none at all.
+    """
+    body = []
+    for number, row in enumerate(rows):
+        name, *cells = row
+        body.append(
+            tag(
+                "tr",
+                tag("th", name, scope="row"),
+                [tag("td", cell) for cell in cells],
+                class_=row_classes[number] if row_classes else None,
+                id=row_ids[number] if row_ids else None,
+            )
+        )
+    grid = tag(
+        "table",
+        tag("caption", caption),
+        tag("thead", tag("tr", [tag("th", heading, scope="col") for heading in head])),
+        tag("tbody", body),
+        class_="numeric" if numeric else None,
+    )
+    return tag("div", grid, class_="scroll", tabindex=0, role="region", aria_label=caption)

@@ -1,0 +1,16 @@
+"""What the sections of a scenario are made of: an immutable model that refuses unknown keys, and bounded vectors."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field
+
+Component = Annotated[float, Field(ge=-1e9, le=1e9)]
+Vector3 = Annotated[tuple[Component, Component, Component], Field(description="three components")]
+
+
+class Section(BaseModel):
+    """Base of all sections: immutable, strict about unknown keys and non-finite numbers."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)

@@ -1,0 +1,235 @@
+"""Many flights of one swarm at once, on `mujoco.batch.Batch`: bit for bit what `Simulation` flies, at a fraction of the overhead.
+
+The flights share model, gravity and control law; each has its own state, time and targets. What `Simulation` can do and this
+cannot (other gravity fields and control laws, perturbations) is listed by `why_not_batched`; `SeparateFlights` then serves
+with the same interface.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import inf
+from typing import Any
+
+import mujoco
+import numpy as np
+from mujoco.batch import Batch
+from numpy.typing import NDArray
+
+from swarm_mj.attitude.controllers.base import ControlInput, Controller
+from swarm_mj.attitude.controllers.sliding_mode import MrpSlidingMode
+from swarm_mj.attitude.mrp import quaternion_from_mrp
+from swarm_mj.errors import PluginError
+from swarm_mj.mission.behaviors import Behavior, SwarmView
+from swarm_mj.simulation import batch_kernels
+from swarm_mj.simulation.batch_kernels import Flights, Number, World
+from swarm_mj.simulation.kernels import Slot
+from swarm_mj.simulation.simulation import SPEED_MARGIN, InitialState, Simulation
+from swarm_mj.smallbody.gravity.spherical_harmonics import SphericalHarmonics
+from swarm_mj.spacecraft.model import NQ, NV
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+#: Places in MuJoCo's state vector that the kernels read or write, in the order of `World.at`.
+_FIELDS = ("qpos", "qvel", "ctrl", "xfrc_applied", "mocap_quat")
+
+
+def why_not_batched(simulation: Simulation, controller: Controller | None) -> str:
+    """What of a simulation the batch does not know, in words; empty if it can fly it.
+
+    Args:
+        simulation: One flight, as it would fly alone.
+        controller: The control law; None where torques are held.
+    """
+    if controller is not None and type(controller) is not MrpSlidingMode:
+        return f"the control law {type(controller).__name__}"
+    if type(simulation.environment.gravity) is not SphericalHarmonics:
+        return f"the gravity field {type(simulation.environment.gravity).__name__}"
+    if simulation.environment.perturbed or simulation._gradient_gm > 0.0:
+        return "perturbations"
+    return ""
+
+
+class BatchFlights:
+    """E flights of one swarm.
+
+    Args:
+        simulation: One flight as it would fly alone: model, environment, spacecraft and control period are taken from it.
+        count: Number of flights E.
+        controller: The control law; None where torques are held, see `torque_B`.
+        behaviors: Who points at what in each flight; None where `kind`, `index` and `vector` are set from outside.
+
+    Attributes:
+        n: Number of spacecraft.
+        kind: `TargetKind` values, shape (E, n).
+        index: Spacecraft to follow, shape (E, n).
+        vector: Surface point in A [m] or direction in N, shape (E, n, 3).
+        torque_B: Torques on the bodies, shape (E, n, 3) [N m]; to be set where they are held.
+        tick: Control periods flown, shape (E,).
+        finite: False where the flight has diverged, shape (E,).
+        causes: Why, by flight.
+        effort: Sum of the squares of all motor torques since the caller last set it to zero, shape (E,) [N^2 m^2].
+    """
+
+    def __init__(
+        self,
+        simulation: Simulation,
+        count: int,
+        controller: Controller | None,
+        behaviors: Sequence[Behavior] | None = None,
+    ) -> None:
+        self.model, self.environment, self.period = simulation.model, simulation.environment, simulation.period
+        self.n, self.count = self.model.n, count
+        self._hold = round(self.period / self.model.mjmodel.opt.timestep)
+        self._batch = Batch(self.model.mjmodel, count, 1)
+        self._bound = {name: self._batch.bind(name) for name in _FIELDS}
+        self._q, self._v = self._by_spacecraft("qpos", NQ), self._by_spacecraft("qvel", NV)
+        self._behaviors, self._memory = behaviors, [None] * count
+        self._held = controller is None
+        if controller is not None:
+            _check_law(controller, simulation)
+        self._world = _world(simulation, controller, self._places())
+        self._flights = _flights(self._batch.state, count, self.n)
+        f = self._flights
+        self.kind, self.index, self.vector, self.torque_B = f.targets[:, 0], f.targets[:, 1], f.vector, f.torque_B
+        self.tick, self.finite, self.effort = f.tick, f.finite, f.effort
+        self.causes = [""] * count
+
+    def _by_spacecraft(self, name: str, size: int) -> Array:
+        """A live view of a bound field, shape (E, n, size)."""
+        array = self._bound[name]
+        strides = (array.strides[0], 8 * size, 8)
+        return np.lib.stride_tricks.as_strided(array, (self.count, self.n, size), strides)
+
+    def _places(self) -> NDArray[np.int64]:
+        start = self._batch.state.ctypes.data
+        return np.array([(array.ctypes.data - start) // 8 for array in self._bound.values()], np.int64)
+
+    @property
+    def qpos(self) -> Array:
+        """MuJoCo's positions, live, shape (E, nq)."""
+        return self._bound["qpos"]
+
+    @property
+    def qvel(self) -> Array:
+        """MuJoCo's velocities, live, shape (E, nv)."""
+        return self._bound["qvel"]
+
+    @property
+    def ctrl(self) -> Array:
+        """Motor torques, live, shape (E, 3 n) [N m]."""
+        return self._bound["ctrl"]
+
+    @property
+    def sigma_BR(self) -> Array:
+        """Attitude errors at the last decision, shape (E, n, 3)."""
+        return self._flights.work[:, Slot.SIGMA_BR]
+
+    def read(self, r: Array, v: Array, q: Array, omega: Array, wheel: Array) -> None:
+        """Copy positions and velocities in N [m, m/s], attitudes, body rates and wheel speeds [rad/s], shape (E, n, ...)."""
+        r[:], q[:] = self._q[:, :, :3], self._q[:, :, 3:7]
+        v[:], omega[:], wheel[:] = self._v[:, :, :3], self._v[:, :, 3:6], self._v[:, :, 6:]
+
+    def reset(self, e: int, initial: InitialState) -> None:
+        """Put one flight at its start and forget everything about it."""
+        f = self._flights
+        self._batch.reset(ids=[e], stage=mujoco.mjtStage.mjSTAGE_NONE)
+        qpos, qvel = self._q[e], self._v[e]
+        qpos[:, :3], qpos[:, 3:7] = initial.r_BN_N, quaternion_from_mrp(initial.sigma_BN)
+        qvel[:, :3], qvel[:, 3:6], qvel[:, 6:9] = initial.v_BN_N, initial.omega_BN_B, initial.wheel_speed
+        f.tick[e], f.targets[e, 2:], f.finite[e], f.effort[e], f.peaks[e] = 0, -1, True, 0.0, 0.0
+        self._memory[e], self.causes[e] = None, ""
+
+    def decide(self, live: Mask) -> None:
+        """Set forces and motor torques of the coming hold; a flight whose state is not finite is marked in `finite`.
+
+        Args:
+            live: Which flights, shape (E,).
+
+        Raises:
+            PluginError: A behaviour aims at what is not there.
+        """
+        if self._behaviors is not None:
+            self._ask_behaviors(live)
+        if not batch_kernels.decide(self._world, self._flights, live, self._held):
+            raise PluginError("the behaviour aims at what is not there: an unknown kind, or a spacecraft that is not")
+        if not self.finite.all():
+            for e in np.flatnonzero(live & ~self.finite):
+                self.causes[e] = self._divergence(int(e))
+
+    def _ask_behaviors(self, live: Mask) -> None:
+        assert self._behaviors is not None
+        for e in np.flatnonzero(live):
+            t = int(self.tick[e]) * self.period
+            view = SwarmView(t, self._q[e, :, :3].copy(), self._v[e, :, :3].copy(), self.environment.C_AN(t))
+            targets, self._memory[e] = self._behaviors[e].targets(view, self._memory[e])
+            self.kind[e], self.index[e], self.vector[e] = targets
+
+    def advance(self, live: Mask) -> None:
+        """Let MuJoCo integrate one control period of the live flights with everything held."""
+        if live.all():
+            self._batch.step(nstep=self._hold)
+            self.tick += 1
+        elif live.any():
+            self._batch.step(ids=np.flatnonzero(live), nstep=self._hold)
+            self.tick[live] += 1
+
+    def _divergence(self, e: int) -> str:
+        state = np.hstack((self._q[e], self._v[e]))
+        name = self.model.names[int(np.argmin(np.isfinite(state).all(axis=1)))]
+        return f"the flight diverged: {name} has a state that is not finite at t = {self.tick[e] * self.period:g} s"
+
+
+def _check_law(controller: Controller, simulation: Simulation) -> None:
+    """Let the law refuse a control period that is too long for it; the answer depends on nothing that changes in flight."""
+    inputs: ControlInput = simulation._inputs
+    controller.torque(inputs, None)
+
+
+def _world(simulation: Simulation, controller: Controller | None, at: NDArray[np.int64]) -> World:
+    environment, properties, gravity = simulation.environment, simulation.properties, simulation.environment.gravity
+    inputs = simulation._inputs
+    numbers = np.zeros(Number.LAW + 7)
+    numbers[Number.PHASE0], numbers[Number.SPIN_RATE] = environment.phase0, environment.spin_rate
+    numbers[Number.PERIOD], numbers[Number.MASS] = simulation.period, properties.mass
+    numbers[Number.WHEEL_INERTIA], numbers[Number.SPEED_GAIN] = properties.wheel_spin_inertia, simulation._speed_gain
+    numbers[Number.MAX_TORQUE] = properties.max_wheel_torque
+    numbers[Number.MAX_SPEED] = (1.0 - SPEED_MARGIN) * properties.max_wheel_speed
+    numbers[Number.RADIUS] = gravity.reference_radius  # type: ignore[attr-defined]
+    numbers[Number.Q_P : Number.Q_P + 4] = simulation._q_P
+    numbers[Number.LAW :] = _law(controller)
+    moving = [simulation._spin_N, environment.earth.position, environment.earth.velocity]
+    return World(
+        at=np.append(at, simulation.model.mjmodel.nbody),
+        hub=simulation._hub,
+        numbers=numbers,
+        frames=np.array([simulation._C_PN, simulation._axes, simulation._allocation, moving], np.float64),
+        inertia=np.array([inputs.inertia_B, inputs.inertia_effective_B]),
+        table=gravity._table,  # type: ignore[attr-defined]
+        series=gravity._acceleration_series,  # type: ignore[attr-defined]
+    )
+
+
+def _law(controller: Controller | None) -> Array:
+    if not isinstance(controller, MrpSlidingMode):
+        return np.zeros(7)
+    limit = inf if controller.rate_limit is None else controller.rate_limit
+    names = ("reaching_rate", "layer", "damping", "disturbance_torque", "inertia_uncertainty")
+    return np.array([controller.slope, limit, *(getattr(controller, name) for name in names)], np.float64)
+
+
+def _flights(state: Any, count: int, n: int) -> Flights:
+    return Flights(
+        state=np.asarray(state),
+        tick=np.zeros(count, np.int64),
+        finite=np.ones(count, np.bool_),
+        targets=np.full((count, 4, n), -1, np.int64),
+        vector=np.zeros((count, n, 3)),
+        q=np.zeros((count, 2, n, 4)),
+        C=np.zeros((count, 2, 3, 3)),
+        work=np.zeros((count, len(Slot), n, 3)),
+        torque_B=np.zeros((count, n, 3)),
+        peaks=np.zeros((count, n, 3)),
+        effort=np.zeros(count),
+    )

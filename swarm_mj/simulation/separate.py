@@ -1,0 +1,83 @@
+"""Many flights, each a `Simulation` of its own, behind the interface of `BatchFlights`: slower, but it flies whatever can be flown."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarm_mj.errors import SimulationError
+from swarm_mj.simulation.simulation import InitialState, Simulation
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+class SeparateFlights:
+    """E flights of one swarm; see `BatchFlights` for the attributes.
+
+    Args:
+        simulations: One for each flight; behaviour and control law are theirs.
+        renew: Makes the simulation of flight e for a seed, where faults or dispersions differ from flight to flight; None
+            flies the given ones again.
+    """
+
+    def __init__(
+        self, simulations: Sequence[Simulation], renew: Callable[[int, int], Simulation] | None = None
+    ) -> None:
+        self.simulations, self.renew = list(simulations), renew
+        first = self.simulations[0]
+        self.model, self.environment, self.period = first.model, first.environment, first.period
+        self.n, self.count = self.model.n, len(self.simulations)
+        count, n = self.count, self.n
+        self.kind, self.index = np.zeros((count, n), np.int64), np.zeros((count, n), np.int64)
+        self.vector, self.torque_B, self.sigma_BR = (np.zeros((count, n, 3)) for _ in range(3))
+        self.tick, self.finite, self.effort = np.zeros(count, np.int64), np.ones(count, np.bool_), np.zeros(count)
+        self.causes = [""] * count
+
+    @property
+    def qpos(self) -> Array:
+        """MuJoCo's positions, a copy, shape (E, nq)."""
+        return np.array([simulation.data.qpos for simulation in self.simulations])
+
+    @property
+    def qvel(self) -> Array:
+        """MuJoCo's velocities, a copy, shape (E, nv)."""
+        return np.array([simulation.data.qvel for simulation in self.simulations])
+
+    @property
+    def ctrl(self) -> Array:
+        """Motor torques, a copy, shape (E, 3 n) [N m]."""
+        return np.array([simulation.data.ctrl for simulation in self.simulations])
+
+    def read(self, r: Array, v: Array, q: Array, omega: Array, wheel: Array) -> None:
+        """Copy positions and velocities in N [m, m/s], attitudes, body rates and wheel speeds [rad/s], shape (E, n, ...)."""
+        for e, simulation in enumerate(self.simulations):
+            qpos, qvel = simulation.data.qpos.reshape(self.n, -1), simulation.data.qvel.reshape(self.n, -1)
+            r[e], q[e] = qpos[:, :3], qpos[:, 3:7]
+            v[e], omega[e], wheel[e] = qvel[:, :3], qvel[:, 3:6], qvel[:, 6:]
+
+    def reset(self, e: int, initial: InitialState) -> None:
+        """Put one flight at its start and forget everything about it."""
+        self.simulations[e].reset(initial)
+        self.tick[e], self.finite[e], self.effort[e], self.causes[e] = 0, True, 0.0, ""
+
+    def decide(self, live: Mask) -> None:
+        """Set forces and motor torques of the coming hold; see `BatchFlights.decide`."""
+        for e in np.flatnonzero(live):
+            simulation = self.simulations[e]
+            try:
+                targets = simulation.decide()
+            except SimulationError as error:
+                self.finite[e], self.causes[e] = False, str(error)
+                continue
+            self.kind[e], self.index[e], self.vector[e] = targets
+            self.sigma_BR[e] = simulation._inputs.sigma_BR
+            self.effort[e] += float((simulation.data.ctrl**2).sum())
+
+    def advance(self, live: Mask) -> None:
+        """Let MuJoCo integrate one control period of the live flights with everything held."""
+        for e in np.flatnonzero(live):
+            self.simulations[e].advance()
+            self.tick[e] += 1

@@ -1,0 +1,218 @@
+"""Any scenario, however wrong, ends in a result or in an error of the project's own."""
+
+import datetime
+import json
+import time
+
+import numpy as np
+import pytest
+import yaml
+from hypothesis import given
+from hypothesis import strategies as st
+
+from swarm_mj.errors import ScenarioError, SwarmError
+from swarm_mj.flight import add_coverage, observe_flight, simulate
+from swarm_mj.output.summary import summarise
+from swarm_mj.planning import make_plan
+from swarm_mj.scenarios import limits, loading
+from swarm_mj.scenarios.loading import load_scenario, read_design, scenario_from
+
+from .hostile_scenarios import BASE, JUNK, LEAVES, changed, overrides
+from .limits import bounded, examples
+
+pytestmark = pytest.mark.robust
+
+
+def flown(scenario):
+    """Everything that `swarm-mj run` does, but for files and figures."""
+    plan = make_plan(scenario)
+    telemetry = simulate(plan)
+    result = observe_flight(plan, telemetry)
+    add_coverage(telemetry, result)
+    return telemetry, summarise(plan, telemetry, result, {})
+
+
+@examples(60)
+@given(changes=overrides())
+def test_any_values_end_in_a_finite_result_or_a_clear_error(changes):
+    with bounded():
+        try:
+            telemetry, summary = flown(scenario_from(changed(BASE, changes)))
+        except SwarmError as error:
+            assert str(error).strip()
+            return
+    json.dumps(summary, allow_nan=False)
+    for name, variable in telemetry.data_vars.items():
+        assert np.isfinite(variable.values).all(), name
+
+
+@examples(150)
+@given(data=JUNK | st.dictionaries(st.sampled_from([path[0] for path, _, _ in LEAVES]), JUNK, max_size=6))
+def test_any_mapping_is_read_or_refused(data):
+    with bounded():
+        text = yaml.safe_dump(data, allow_unicode=True)
+        try:
+            scenario_from(loading._parse(text, "fuzzed"))
+        except ScenarioError as error:
+            assert "fuzzed" in str(error) or "scenario" in str(error)
+            assert len(str(error)) < 20_000
+
+
+@examples(100)
+@given(texts=st.lists(st.text(max_size=40) | st.builds("{}={}".format, st.sampled_from(
+    [".".join(path) for path, _, _ in LEAVES]), st.text(max_size=20) | st.integers() | st.floats()), max_size=3))  # fmt: skip
+def test_any_override_is_taken_or_refused(texts):
+    with bounded():
+        try:
+            load_scenario("eros-quick", texts)
+        except ScenarioError as error:
+            assert str(error).strip()
+
+
+@examples(150)
+@given(content=st.binary(max_size=300) | st.text(alphabet="{}[]&*!|>-:?,#'\"\n ax1<.", max_size=80).map(str.encode))
+def test_any_bytes_of_a_file_are_read_or_refused(tmp_path_factory, content):
+    path = tmp_path_factory.getbasetemp() / "fuzzed.yaml"
+    path.write_bytes(content)
+    with bounded(), pytest.raises(ScenarioError, match="fuzzed.yaml"):
+        load_scenario(path)
+
+
+@pytest.mark.parametrize(
+    "tag", ["timestamp soon", "bool maybe", "int ''", "float ''", "float x", "omap 3", "binary '#'"]
+)
+def test_a_tag_that_does_not_fit_its_value_is_refused(tmp_path, tag):
+    (tmp_path / "a.yaml").write_text(f"name: !!{tag}\n")
+    with pytest.raises(ScenarioError, match=r"a\.yaml"):
+        load_scenario(tmp_path / "a.yaml")
+    with pytest.raises(ScenarioError, match="name"):
+        load_scenario("eros-quick", [f"name=!!{tag}"])
+
+
+@pytest.mark.parametrize("override", ["control.parameters=&a {x: *a}", "camera=[&a [1, 1], &b [*a, *a], [*b, *b]]"])
+def test_aliases_are_refused_in_overrides_too(override):
+    with pytest.raises(ScenarioError, match="aliases"):
+        load_scenario("eros-quick", [override])
+
+
+def test_a_mapping_that_contains_itself_or_is_too_deep_is_refused():
+    endless = {}
+    endless["again"] = endless
+    deep = 1.0
+    for _ in range(100_000):
+        deep = {"a": deep}
+    for parameters in (endless, deep):
+        with pytest.raises(ScenarioError, match="MAX_DEPTH"):
+            scenario_from({**BASE, "control": {"parameters": parameters}})
+    with pytest.raises(ScenarioError, match="MAX_DEPTH"):
+        load_scenario("eros-quick", ["control.parameters." + "a." * 10_000 + "b=1"])
+
+
+def test_a_list_that_unfolds_into_millions_of_values_is_refused():
+    unfolding = [1] * 10
+    for _ in range(12):
+        unfolding = [unfolding] * 10
+    with bounded(), pytest.raises(ScenarioError, match="MAX_VALUES"):
+        scenario_from({**BASE, "design": {"visiting_points": unfolding}})
+
+
+@pytest.mark.parametrize(
+    "value", [10**400, 2**63, -(2**63), float("nan"), float("inf"), b"\xff", {1, 2}, 1j, "\ud800", "\x1b[2J"]
+)
+def test_values_that_no_scenario_can_hold_are_refused_wherever_they_stand(value):
+    for data in ({**BASE, "description": value}, {**BASE, "control": {"parameters": {"slope": value}}}):
+        with pytest.raises(ScenarioError, match=r"must|description"):
+            scenario_from(data)
+
+
+def test_keys_that_are_no_words_are_refused():
+    for key in (3, None, datetime.date(2020, 1, 1), "x" * 200, "a\0b"):
+        with pytest.raises(ScenarioError, match="is no word"):
+            scenario_from({**BASE, "control": {"parameters": {key: 1}}})
+
+
+def test_thousands_of_mistakes_make_a_message_of_a_screen(tmp_path):
+    (tmp_path / "many.yaml").write_text("".join(f"k{i}: 1\n" for i in range(3000)))
+    with pytest.raises(ScenarioError, match="and 2981 more mistakes") as error:
+        load_scenario(tmp_path / "many.yaml")
+    assert len(str(error.value)) < 10_000
+    with pytest.raises(ScenarioError) as error:
+        load_scenario("eros-quick", ["camera=[" + "[]," * 20_000 + "]"])
+    assert len(str(error.value)) < 1_000
+
+
+def test_a_key_given_twice_is_found_among_thousands_without_comparing_all_with_all():
+    def seconds(count):
+        text = "".join(f"k{i}: 1\n" for i in range(count)) + "z: 1\nz: 1\n"
+        start = time.process_time()
+        with pytest.raises(ScenarioError, match="'z' is given twice"):
+            loading._parse(text, "fuzzed")
+        return time.process_time() - start
+
+    seconds(100)
+    # Comparing all with all takes 16 times as long for four times as many keys.
+    assert seconds(16_000) < 10 * seconds(4_000)
+
+
+@pytest.mark.parametrize(
+    ("changes", "limit"),
+    [
+        ({"design.visiting_points": [1] * 6000}, "MAX_SPACECRAFT"),
+        ({"duration_s": 2_592_000, "physics.timestep_s": 0.001, "design.visiting_points": [1] * 10}, "MAX_SPACECRAFT_STEPS"),
+        ({"duration_s": 2_592_000, "telemetry.interval_s": 0.5}, "MAX_SPACECRAFT_SAMPLES"),
+        ({"designer.population": 10**9}, "MAX_POPULATION"),
+    ],
+)  # fmt: skip
+def test_a_flight_that_no_machine_can_hold_is_refused_before_it_begins(changes, limit):
+    data = changed(BASE, [(tuple(key.split(".")), value) for key, value in changes.items()])
+    with bounded(), pytest.raises(ScenarioError, match=limit) as error:
+        scenario_from(data)
+    assert f"{getattr(limits, limit):g}" in str(error.value) or str(getattr(limits, limit)) in str(error.value) \
+        or str(getattr(limits, limit) - 1) in str(error.value)  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ["a/b", "../up", "..", "/etc/x", "a\0b", "a\nb", "x\n", "", ".hidden", "C:\\x", "a b"])
+def test_a_name_that_would_leave_the_output_folder_is_refused(name):
+    with pytest.raises(ScenarioError, match="name"):
+        scenario_from({**BASE, "name": name})
+
+
+DESIGNS = {
+    "too large": b'{"visiting_points": [1], "x": "' + b"y" * 2_000_000 + b'"}',
+    "cut short": b'{"visiting_points": [1, 2',
+    "deep": b"[" * 200_000,
+    "not text": b"\xff\xfe{}",
+    "another thing": b'"all"',
+    "no numbers": b'{"visiting_points": ["1"]}',
+    "not a number": b'{"visiting_points": [NaN]}',
+    "endless number": b'{"visiting_points": [' + b"9" * 10_000 + b"]}",
+}
+
+
+@pytest.mark.parametrize("case", DESIGNS)
+def test_a_design_that_is_none_is_refused(tmp_path, case):
+    path = tmp_path / "design.json"
+    path.write_bytes(DESIGNS[case])
+    with bounded(), pytest.raises(ScenarioError, match="design.reference") as error:
+        read_design(str(path))
+    assert len(str(error.value)) < 2_000
+
+
+@pytest.mark.parametrize("reference", ["x" * 5000, "a\0b", "../eros-visit", "/", "/dev/zero", ".", ""])
+def test_a_reference_that_names_no_design_is_refused(reference):
+    with bounded(), pytest.raises(ScenarioError, match="design.reference"):
+        read_design(reference)
+
+
+@examples(100)
+@given(content=st.binary(max_size=200) | st.recursive(
+    st.none() | st.integers() | st.floats() | st.text(max_size=5), lambda inner: st.lists(inner, max_size=3) |
+    st.dictionaries(st.sampled_from(["visiting_points", "flyable", "x"]), inner, max_size=3)).map(lambda d: json.dumps(d).encode()))  # fmt: skip
+def test_any_design_file_is_read_or_refused(tmp_path_factory, content):
+    path = tmp_path_factory.getbasetemp() / "fuzzed.json"
+    path.write_bytes(content)
+    with bounded():
+        try:
+            assert all(type(point) is int for point in read_design(str(path)))
+        except ScenarioError as error:
+            assert "design.reference" in str(error)
