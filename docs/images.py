@@ -1,48 +1,74 @@
-"""Redraw the pictures of README and docs: fly both configurations of the paper and keep what the texts show.
+"""Redraw the pictures of README and docs with the program's own commands: `swarm-mj run` and `swarm-mj design`.
 
-Run as `python -m docs.images` or `make docs`. The same versions of the libraries give the same bytes.
+Run as `python -m docs.images` or `make docs-images`. The same versions of the libraries give the same bytes.
 """
 
 from __future__ import annotations
 
 import os
 import shutil
+import sys
 import tempfile
 from pathlib import Path
 
 IMAGES = Path(__file__).parent / "images"
 
-#: Scenario and figure of every picture; it is kept as SCENARIO-FIGURE.png.
+#: What is run for the pictures: name of the result folder and the command that makes it.
+COMMANDS = {
+    "eros-config1": ("run", "eros-config1"),
+    "eros-config2": ("run", "eros-config2"),
+    "eros-config1-design": ("design", "eros-config1", "--pareto"),
+}
+
+#: Result folder and figure of every picture; it is kept as FOLDER-FIGURE.png.
 PICTURES = (
+    ("eros-config1", "behaviors"),
+    ("eros-config1", "trajectories"),
     ("eros-config1", "target"),
-    ("eros-config1", "operation"),
     ("eros-config1", "tracking_error"),
     ("eros-config1", "pointing_error"),
+    ("eros-config1", "operation"),
     ("eros-config1", "coverage"),
+    ("eros-config1", "ground_track"),
+    ("eros-config1", "footprints"),
+    ("eros-config1", "illumination"),
     ("eros-config1", "wheel_speed"),
+    ("eros-config1", "wheel_momentum"),
     ("eros-config1", "links"),
-    ("eros-config2", "operation"),
+    ("eros-config2", "behaviors"),
     ("eros-config2", "tracking_error"),
+    ("eros-config2", "operation"),
     ("eros-config2", "links"),
+    ("eros-config1-design", "gene_map"),
+    ("eros-config1-design", "history"),
+    ("eros-config1-design", "cover"),
+    ("eros-config1-design", "pareto"),
 )
 
 
-def main() -> None:
-    """Fly, draw and copy."""
+def picture_name(folder: str, figure: str) -> str:
+    """File name of a picture in docs/images."""
+    return f"{folder}-{figure}.png"
+
+
+def main() -> int:
+    """Run the commands and copy the pictures; returns the exit status."""
     os.environ.setdefault("MUJOCO_GL", "egl")
-    from swarm_mj.runner import run_one
-    from swarm_mj.scenarios.loading import load_scenario
+    from swarm_mj.cli import main as swarm_mj
 
     IMAGES.mkdir(exist_ok=True)
-    with tempfile.TemporaryDirectory() as folder:
-        for name in dict.fromkeys(scenario for scenario, _ in PICTURES):
-            print(f"flying {name} ...", flush=True)
-            run_one(load_scenario(name), Path(folder) / name, figures=True)
-        for scenario, figure in PICTURES:
-            picture = IMAGES / f"{scenario}-{figure}.png"
-            shutil.copyfile(Path(folder) / scenario / f"{figure}.png", picture)
+    with tempfile.TemporaryDirectory() as results:
+        for folder, command in COMMANDS.items():
+            print(f"swarm-mj {' '.join(command)}", flush=True)
+            status = swarm_mj([*command, "--quiet", "--out", f"{results}/{folder}"])
+            if status:
+                return status
+        for folder, figure in PICTURES:
+            picture = IMAGES / picture_name(folder, figure)
+            shutil.copyfile(Path(results) / folder / f"{figure}.png", picture)
             print(f"wrote {picture}")
+    return 0
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

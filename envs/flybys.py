@@ -27,7 +27,7 @@ Mask = NDArray[np.bool_]
 NOTHING_STORED = 1e-9
 
 #: How an episode can end by itself; 0 goes on.
-ENDS = ("", "complete", "impact", "diverged")
+ENDS = ("", "complete", "impact", "lost", "diverged")
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,8 +119,8 @@ class Flybys:
         live = np.arange(self.count) == e
         self.flights.reset(e, start)
         # The first decision shows the attitude error; the second reset undoes whatever it left behind.
-        self._decide(live)
-        if not self.flights.finite[e]:
+        self._give_held()
+        if not self.flights.decide(live):
             raise SimulationError(self.flights.causes[e])
         self.flights.reset(e, start)
         self._look(self.now, live)
@@ -142,35 +142,39 @@ class Flybys:
         ticks = flights.tick[None] + np.arange(setting.ticks + 1)[:, None]
         due = setting.due(ticks) & live
         any_due = due.any(axis=1)
+        self._give_held()
+        everyone = None if flying.all() else flying
         for k in range(setting.ticks):
-            self._decide(flying)
-            if not flights.finite.all():
+            if not flights.decide(flying):
                 flying &= flights.finite
+                everyone = flying
             if any_due[k]:
                 self._take_pictures(due[k] & flying, area)
-            flights.advance(flying)
+            flights.advance(everyone)
         flying = self._finish(flying, due[-1], area)
         return self._result(live, flying, area)
 
-    def _decide(self, live: Mask) -> None:
+    def _give_held(self) -> None:
+        """Hand the batch what the level holds; separate simulations read it themselves."""
         flights, level = self.flights, self.level
-        if self.batched:
-            if level.kind is not None:
-                flights.kind[:], flights.index[:], flights.vector[:] = level.kind, level.index, level.vector
-            if level.torque_B is not None:
-                flights.torque_B[:] = level.torque_B
-        flights.decide(live)
+        if not self.batched:
+            return
+        if level.kind is not None:
+            flights.kind[:], flights.index[:], flights.vector[:] = level.kind, level.index, level.vector
+        if level.torque_B is not None:
+            flights.torque_B[:] = level.torque_B
 
     def _finish(self, flying: Mask, due: Mask, area: Array) -> Mask:
         """The last pictures of a flight, and a look at the state at the end of the step."""
         last = flying & (self.flights.tick >= self.setting.last_tick)
         if last.any():
             effort = self.flights.effort.copy()
-            self._decide(last)
+            self.flights.decide(last)
             self.flights.effort[:] = effort
             flying = flying & self.flights.finite
             self._take_pictures(due & last & flying, area)
-        fine = self._look(self.now, flying)
+        # Of all flights: the moments were exchanged for those that stayed behind, too.
+        fine = self._look(self.now, np.ones(self.count, np.bool_))
         for e in np.flatnonzero(flying & ~fine):
             # Deciding again names the spacecraft.
             self.flights.decide(np.arange(self.count) == e)
@@ -189,31 +193,39 @@ class Flybys:
             return
         setting, now = self.setting, self._picture
         self._look(now, due)
-        kind, idle = self.flights.kind, self.books.lost
-        outside = due
+        kind, books = self.flights.kind, self.books
         if setting.scene is not None and not setting.criterion.needs_sun:
-            # Maps answer outside the body's bounding sphere; inside it, and for the other observers, pictures are judged singly.
-            near = (now.r_A**2).sum(axis=2).min(axis=1) < setting.plan.shape.max_radius**2
-            outside = due & ~near
-            step_kernels.take_pictures(setting.scene, setting.mission, now, self.books, kind, idle, outside, area)
-            due = due & near
-        for e in np.flatnonzero(due):
-            self._judge_singly(int(e), area)
+            singly = np.zeros(kind.shape, np.bool_)
+            doubt = step_kernels.take_pictures(setting.scene, setting.mission, now, books, kind, due, area, singly)
+            if not doubt:
+                return
+        else:
+            singly = due[:, None] & IS_OBSERVING[kind] & ~books.lost
+            singly[:, setting.plan.n_observers :] = False
+        for e, j in zip(*np.nonzero(singly), strict=True):
+            self._judge_singly(int(e), int(j), area)
 
-    def _judge_singly(self, e: int, area: Array) -> None:
+    def _judge_singly(self, e: int, j: int, area: Array) -> None:
+        """One picture by the observer itself: of any kind, in light that matters, or where the maps are in doubt."""
         setting, now, books = self.setting, self._picture, self.books
-        plan, C_AN = setting.plan, now.C_AN[e]
+        plan, C_AN, r_A = setting.plan, now.C_AN[e], now.r_A[e, j]
         sun_A = C_AN @ plan.environment.sun.at(now.t[e])
-        for j in np.flatnonzero(IS_OBSERVING[self.flights.kind[e, : plan.n_observers]]):
-            if books.lost[e, j]:
-                continue
-            r_A = now.r_A[e, j]
-            seen = observe(setting.observer, r_A, now.C_BN[e, j] @ C_AN.T, setting.criterion, sun_A)
-            new = seen & ~books.seen[e]
+        seen = observe(setting.observer, r_A, now.C_BN[e, j] @ C_AN.T, setting.criterion, sun_A)
+        new = seen & ~books.seen[e]
+        if new.any():
             gained = float(plan.region.area[new].sum())
-            pixels = _pixels(plan.region.centroid_A, plan.region.normal_A, plan.region.area, r_A, new, setting)
-            step_kernels.write_down(books, e, j, new, now.t[e], gained, pixels * setting.radio.bits_per_pixel)
+            bits = self._pixels(r_A, new) * setting.radio.bits_per_pixel
+            step_kernels.write_down(books, e, j, new, now.t[e], gained, bits)
             area[e] += gained
+
+    def _pixels(self, r_A: Array, cells: Mask) -> float:
+        """Area over the square of the ground sampling distance, foreshortened: A cos(emission) / (range pixel angle)^2."""
+        region = self.setting.plan.region
+        to_camera = r_A - region.centroid_A[cells]
+        distance = np.linalg.norm(to_camera, axis=1)
+        cosine = np.einsum("ij,ij->i", to_camera, region.normal_A[cells]) / distance
+        footprint = (distance * self.setting.observer.camera.pixel_angle) ** 2
+        return float((region.area[cells] * cosine / footprint).sum())
 
     def _end_step(self, live: Mask, step_s: float) -> tuple[Array, Mask]:
         measures, hit = np.zeros((self.count, 3)), np.zeros(self.books.lost.shape, np.bool_)
@@ -237,6 +249,9 @@ class Flybys:
 
     def _result(self, live: Mask, flying: Mask, area: Array) -> Step:
         setting, flights, books = self.setting, self.flights, self.books
+        gone = flights.lost & ~books.lost & flying[:, None]
+        books.lost[:] |= gone
+        fallen = gone.sum(axis=1)
         measures, hit = self._end_step(flying, setting.step_s)
         share = setting.step_s / setting.plan.scenario.duration_s
         limit = setting.plan.properties.max_wheel_torque
@@ -248,12 +263,14 @@ class Flybys:
         raw[:, 1] = measures[:, 0] / setting.nominal_bit
         raw[:, 2] = share * (flights.effort / (setting.ticks * wheels * limit**2))
         raw[:, 3], raw[:, 4] = share * measures[:, 1], share * measures[:, 2]
-        raw[:, 5] = hit.sum(axis=1) if self._go_on else any_hit
+        raw[:, 5] = hit.sum(axis=1) + fallen if self._go_on else any_hit
         raw[~flying] = 0.0
         raw[diverged, 5] = 1.0
-        if self._go_on:
+        if self._go_on and any_hit.any():
             books.lost[:] |= hit
-            any_hit = books.lost.all(axis=1)
+            for e, j in zip(*np.nonzero(hit), strict=True):
+                flights.park(int(e), int(j))
+            any_hit = np.zeros(self.count, np.bool_)
         terms = raw * self._weights
         reward = np.zeros(self.count)
         for k in range(len(TERMS)):
@@ -262,7 +279,8 @@ class Flybys:
         complete = (self.percent >= setting.complete) & (books.stored.sum(axis=1) <= NOTHING_STORED * setting.nominal_bit)
         end = np.where(flying & complete, 1, 0)
         end = np.where(flying & any_hit, 2, end)
-        end = np.where(diverged, 3, end)
+        end = np.where(flying & (end == 0) & books.lost.all(axis=1), 3, end)
+        end = np.where(diverged, 4, end)
         truncated = flying & (end == 0) & (flights.tick >= setting.last_tick)
         return Step(terms, reward, end, truncated, hit)
 
@@ -291,11 +309,3 @@ def _moment(count: int, n: int, wheels: int) -> Now:
         C_BN=np.zeros((count, n, 3, 3)),
     )
 
-
-def _pixels(centroid: Array, normal: Array, area: Array, r_A: Array, cells: Mask, setting: Setting) -> float:
-    """Area over the square of the ground sampling distance, foreshortened: A cos(emission) / (range pixel angle)^2."""
-    to_camera = r_A - centroid[cells]
-    distance = np.linalg.norm(to_camera, axis=1)
-    cosine = np.einsum("ij,ij->i", to_camera, normal[cells]) / distance
-    footprint = (distance * setting.observer.camera.pixel_angle) ** 2
-    return float((area[cells] * cosine / footprint).sum())

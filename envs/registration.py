@@ -13,17 +13,19 @@ from importlib.machinery import ModuleSpec
 from importlib.util import find_spec
 from types import ModuleType
 
-#: Environments by name, and where their classes are.
-ENVIRONMENTS = {"SwarmObserve-v0": "swarm_mj.envs.swarm_observe:SwarmObserveEnv"}
+#: Environments by name, and where their classes are: the single one and the vector one.
+ENVIRONMENTS = {
+    "SwarmObserve-v0": ("swarm_mj.envs.swarm_observe:SwarmObserveEnv", "swarm_mj.envs.vector:SwarmObserveVectorEnv")
+}
 
 
 def register_environments() -> None:
     """Tell gymnasium the environments that it does not know yet; imports gymnasium."""
     import gymnasium
 
-    for name, entry_point in ENVIRONMENTS.items():
+    for name, (entry_point, vector) in ENVIRONMENTS.items():
         if name not in gymnasium.registry:
-            gymnasium.register(id=name, entry_point=entry_point)
+            gymnasium.register(id=name, entry_point=entry_point, vector_entry_point=vector)
 
 
 def register_with_gymnasium() -> None:

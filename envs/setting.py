@@ -145,3 +145,30 @@ class Setting:
     def close(self) -> None:
         """Release the observer."""
         self.observer.close()
+
+
+def make_setting(
+    scenario: str | Path | Scenario = "eros-observe",
+    control: str = "role",
+    *,
+    step_s: float = 10.0,
+    patches: int = 16,
+    observer: ObserverKind = "horizon",
+    complete: float = 99.9,
+    reward_weights: Mapping[str, float] | None = None,
+    bits_per_pixel: float = 1.0,
+    swarm_rate_bit_s: float = 1e5,
+    earth_rate_bit_s: float = 8e3,
+) -> Setting:
+    """The setting of an environment's arguments, which `SwarmObserveEnv` documents."""
+    radio = Radio(bits_per_pixel=bits_per_pixel, swarm_rate_bit_s=swarm_rate_bit_s, earth_rate_bit_s=earth_rate_bit_s)
+    return Setting(
+        scenario=scenario,
+        control=control,
+        step_s=step_s,
+        n_patches=patches,
+        observer_kind=observer,
+        complete=complete,
+        reward_weights=reward_weights,
+        radio=radio,
+    )

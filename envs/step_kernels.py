@@ -142,8 +142,8 @@ def _orient_one(mission: Mission, now: Now, e: int) -> bool:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def take_pictures(
-    scene: Scene, mission: Mission, now: Now, books: Books, kind: Ints, idle: Mask, due: Mask, area: Array
-) -> None:
+    scene: Scene, mission: Mission, now: Now, books: Books, kind: Ints, due: Mask, area: Array, doubt: Mask
+) -> bool:
     """Let every observer that looks at the body take its picture, one after another, and write down what is new.
 
     Args:
@@ -152,22 +152,31 @@ def take_pictures(
         now: At the instant of the pictures.
         books: Written to.
         kind: What each spacecraft tracks, shape (E, n).
-        idle: Spacecraft that take none, shape (E, n).
         due: Flights in which pictures are due, shape (E,).
         area: Receives in addition the newly seen area of each flight, shape (E,) [m^2].
+        doubt: Receives which pictures may show more than the maps could tell, shape (E, n).
+
+    Returns:
+        Whether there are such.
     """
+    any_doubt, radius = False, mission.numbers[0]
     new = np.empty(books.seen.shape[1], np.bool_)
     for e in range(due.shape[0]):
+        doubt[e] = False
         if not due[e]:
             continue
         for j in range(int(mission.numbers[13])):
-            if idle[e, j] or (kind[e, j] != _ASTEROID and kind[e, j] != _SURFACE):
+            if books.lost[e, j] or (kind[e, j] != _ASTEROID and kind[e, j] != _SURFACE):
                 continue
             C_CA = _dcm_BA(now, e, j)
-            gained, pixels = new_cells(scene, now.r_A[e, j], C_CA, books.seen[e], new)
+            r = now.r_A[e, j]
+            inside = r[0] * r[0] + r[1] * r[1] + r[2] * r[2] < radius * radius
+            gained, pixels, doubt[e, j] = new_cells(scene, r, C_CA, inside, books.seen[e], new)
+            any_doubt = any_doubt or doubt[e, j]
             if gained > 0.0:
                 write_down(books, e, j, new, now.t[e], gained, pixels * mission.numbers[3])
                 area[e] += gained
+    return any_doubt
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

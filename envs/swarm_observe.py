@@ -10,15 +10,15 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.observation.observer import ObserverKind
 from swarm_mj.scenarios.schema import Scenario
 
 from .arguments import checked_render_mode, flight_seed
-from .controls import IS_OBSERVING, check_action
+from .controls import check_action
 from .flybys import ENDS, Flybys
+from .overview import EpisodePicture
 from .rewards import TERMS
-from .setting import Radio, Setting
+from .setting import make_setting
 from .state import SwarmState, info_of, state_of
 
 Observation = NDArray[np.float32]
@@ -145,24 +145,23 @@ spacecraft 1..n (itself: hold); K+n+1: Earth; K+n+2: hold the direction of +z in
         height: int = 480,
     ) -> None:
         self._flybys: Flybys | None = None
-        self._overview: Any = None
-        self.render_mode, self._size = checked_render_mode(render_mode, self.metadata["render_modes"]), (width, height)
-        radio = Radio(
-            bits_per_pixel=bits_per_pixel, swarm_rate_bit_s=swarm_rate_bit_s, earth_rate_bit_s=earth_rate_bit_s
-        )
-        self.setting = Setting(
-            scenario=scenario,
-            control=control,
+        self.render_mode = checked_render_mode(render_mode, self.metadata["render_modes"])
+        self.setting = make_setting(
+            scenario,
+            control,
             step_s=step_s,
-            n_patches=patches,
-            observer_kind=observer,
+            patches=patches,
+            observer=observer,
             complete=complete,
             reward_weights=reward_weights,
-            radio=radio,
+            bits_per_pixel=bits_per_pixel,
+            swarm_rate_bit_s=swarm_rate_bit_s,
+            earth_rate_bit_s=earth_rate_bit_s,
         )
-        self._flybys = Flybys(self.setting, 1)
+        self._flybys = flybys = Flybys(self.setting, 1)
+        self._picture = EpisodePicture(flybys, width, height)
         self.plan, self.patches, self.readings = self.setting.plan, self.setting.patches, self.setting.readings
-        self.observation_space, self.action_space = self.readings.space, self._flybys.level.action_space
+        self.observation_space, self.action_space = self.readings.space, flybys.level.action_space
         self._running = self._begun = False
 
     @property
@@ -237,26 +236,15 @@ spacecraft 1..n (itself: hold); K+n+1: Earth; K+n+2: hold the direction of +z in
             return None
         if not self._begun:
             raise gymnasium.error.ResetNeeded("SwarmObserve-v0: call reset before render")
-        if self._overview is None:
-            from .drawing import Overview
-
-            self._overview = Overview(self.plan, self.setting.simulation, *self._size)
-        flybys = self.flybys
-        kind = flybys.flights.kind[0]
-        imaging = IS_OBSERVING[kind]
-        imaging[self.plan.n_observers :] = False
-        talking = np.isin(kind, (TargetKind.SPACECRAFT, TargetKind.EARTH))
-        drawn = self.setting.simulation
-        drawn.data.qpos[:] = flybys.flights.qpos[0]
-        return self._overview.draw(drawn, self.state, imaging, talking)
+        _ = self.flybys
+        return self._picture.draw()
 
     def close(self) -> None:
         """Release the observer and the OpenGL context; may be called again."""
-        if self._overview is not None:
-            self._overview.close()
         if self._flybys is not None:
+            self._picture.close()
             self.setting.close()
-        self._overview, self._flybys, self._running = None, None, False
+        self._flybys, self._running = None, False
 
     def _info(self) -> dict[str, Any]:
         return info_of(self.flybys, 0)

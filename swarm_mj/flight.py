@@ -2,20 +2,28 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
-from swarm_mj.attitude.mrp import dcm
+from swarm_mj.attitude.mrp import add_mrp, dcm, mrp_from_quaternion
+from swarm_mj.faults.deployment import deployed_velocities
+from swarm_mj.faults.dispersions import attitude_turns, extra_rates, velocity_errors
+from swarm_mj.faults.flight import Adversity
+from swarm_mj.faults.schedule import draw_schedule
+from swarm_mj.mission.behaviors import ELECTIONS
 from swarm_mj.mission.links import links_closed
 from swarm_mj.observation.camera import CameraModel
 from swarm_mj.observation.coverage import CoverageMap, ObservationCriterion, observe
 from swarm_mj.observation.observer import make_observer
 from swarm_mj.planning import Plan, antennas_from
 from swarm_mj.scenarios.schema import Scenario
+from swarm_mj.scenarios.schema_faults import Dispersions
 from swarm_mj.simulation.simulation import InitialState, Simulation
 from swarm_mj.simulation.telemetry import OBSERVING, dataset
 from swarm_mj.spacecraft.model import build_model
@@ -49,12 +57,50 @@ def initial_state(plan: Plan) -> InitialState:
     spacecraft, n = plan.scenario.spacecraft, plan.n
     rng = np.random.default_rng(plan.scenario.seed)
     rate = spacecraft.initial_rate_range_rpm * RPM
-    return InitialState(
+    start = InitialState(
         r_BN_N=np.broadcast_to(plan.deployment.r0_N, (n, 3)),
         v_BN_N=plan.deployment.v0_N,
         sigma_BN=rng.uniform(-spacecraft.initial_mrp_range, spacecraft.initial_mrp_range, (n, 3)),
         omega_BN_B=rng.uniform(-rate, rate, (n, 3)),
-        wheel_speed=np.zeros((n, 3)),
+        wheel_speed=np.zeros((n, plan.properties.n_wheels)),
+        seed=plan.scenario.seed,
+    )
+    return start if adversity_from(plan.scenario) is None else _deployed(plan, start)
+
+
+def _deployed(plan: Plan, planned: InitialState) -> InitialState:
+    """The start after faults and dispersions of the deployment."""
+    scenario, n, seed = plan.scenario, plan.n, plan.scenario.seed
+    given, sigma_BN = scenario.dispersions, planned.sigma_BN
+    schedule = draw_schedule(
+        scenario.faults, seed, n=n, n_wheels=plan.properties.n_wheels, duration_s=scenario.duration_s
+    )
+    velocity, events = deployed_velocities(
+        planned.v_BN_N, plan.deployment.mothership_velocity_N, schedule, velocity_errors(given, seed, n)
+    )
+    if given.attitude_deg > 0.0:
+        turns = Rotation.from_rotvec(attitude_turns(given, seed, n)).as_quat(scalar_first=True)
+        sigma_BN = add_mrp(mrp_from_quaternion(turns), sigma_BN)
+    return replace(
+        planned,
+        v_BN_N=velocity,
+        sigma_BN=sigma_BN,
+        omega_BN_B=planned.omega_BN_B + extra_rates(given, seed, n),
+        deployment=tuple(events),
+    )
+
+
+def adversity_from(scenario: Scenario) -> Adversity | None:
+    """What the scenario says may go wrong; None: nothing, all is as planned."""
+    if not scenario.faults and scenario.dispersions == Dispersions():
+        return None
+    # A behaviour that holds elections itself replaces a lost relay by its own rule.
+    election = scenario.behavior.parameters.get("election", "medoid")
+    return Adversity(
+        faults=scenario.faults,
+        dispersions=scenario.dispersions,
+        duration_s=scenario.duration_s,
+        election=election if election in ELECTIONS else "medoid",
     )
 
 
@@ -78,6 +124,8 @@ def make_simulation(plan: Plan) -> Simulation:
         controller=plan.controller,
         control_period=scenario.control.period_s,
         gravity_gradient_torque=scenario.perturbations.gravity_gradient_torque,
+        adversity=adversity_from(scenario),
+        shape=plan.shape,
     )
     simulation.reset(initial_state(plan))
     return simulation
@@ -103,6 +151,11 @@ def simulate(plan: Plan, progress: Progress | None = None) -> xr.Dataset:
         C_AN=asteroid_attitudes(telemetry),
         earth_N=np.array([plan.environment.earth.at(t) for t in record.time]),
     )
+    if record.faults is not None:
+        closed &= _both_work(telemetry)
+        telemetry.attrs["events"] = json.dumps(
+            [{**asdict(event), "spacecraft": plan.names[event.spacecraft]} for event in simulation.events]
+        )
     telemetry["link_closed"] = (
         ("time", "spacecraft"),
         closed.astype(np.int8),
@@ -115,6 +168,12 @@ def simulate(plan: Plan, progress: Progress | None = None) -> xr.Dataset:
         },
     )
     return telemetry
+
+
+def _both_work(telemetry: xr.Dataset) -> NDArray[np.bool_]:
+    """Whether a spacecraft and the one that it tracks are operational, shape (time, spacecraft)."""
+    works, tracked = telemetry["operational"].values == 1, telemetry["tracked_spacecraft"].values
+    return works & np.where(tracked < 0, True, np.take_along_axis(works, np.maximum(tracked, 0), axis=1))
 
 
 def asteroid_attitudes(telemetry: xr.Dataset) -> Array:
@@ -208,6 +267,8 @@ def _pictures(plan: Plan, telemetry: xr.Dataset) -> list[tuple[int, int]]:
     every = round(scenario.observation.interval_s / scenario.telemetry.interval_s)
     samples = sorted({*range(0, telemetry.sizes["time"], every), visit_sample(scenario)})
     observing = np.isin(telemetry["mode"].values[:, : plan.n_observers], OBSERVING)
+    if "camera_on" in telemetry:
+        observing &= telemetry["camera_on"].values[:, : plan.n_observers] == 1
     return [(k, j) for k in samples for j in range(plan.n_observers) if observing[k, j]]
 
 

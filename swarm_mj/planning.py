@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from swarm_mj import plugins
 from swarm_mj.attitude.controllers.base import Controller
 from swarm_mj.errors import MissionError, ScenarioError, ShapeError
+from swarm_mj.faults.dispersions import shifted_target, target_shift
+from swarm_mj.faults.schedule import check_faults
 from swarm_mj.mission.behaviors import Behavior
 from swarm_mj.mission.links import Antennas
 from swarm_mj.mission.safety import CloseApproach, close_approaches, find_impacts
@@ -98,6 +100,7 @@ def make_plan(scenario: Scenario, *, check_separation: bool = True) -> Plan:
     environment = environment_from(scenario, shape)
     region = target_from(scenario, shape)
     points_A = visiting_points(scenario, shape, region)
+    region = _true_target(scenario, shape, region)
     n_observers = len(points_A)
     # Whether a communications spacecraft is added is a property of the behaviour, which counts it.
     behavior = plugins.create(
@@ -116,6 +119,7 @@ def make_plan(scenario: Scenario, *, check_separation: bool = True) -> Plan:
         time_of_flight=scenario.design.time_of_flight_s,
         with_communications=behavior.dedicated_communications,
     )
+    check_faults(scenario.faults, n=len(deployment.v0_N), n_wheels=properties.n_wheels, duration_s=scenario.duration_s)
     near_collisions, least_radius = _check_flight(scenario, shape, environment, deployment, check_separation)
     return Plan(
         scenario=scenario,
@@ -153,6 +157,7 @@ def properties_from(scenario: Scenario) -> SpacecraftProperties:
         wheel_transverse_inertia=wheel.transverse_inertia_kg_m2,
         max_wheel_torque=wheel.max_torque_n_m,
         max_wheel_speed=wheel.max_speed_rpm * RPM,
+        wheel_layout=spacecraft.wheel_layout,
     )
 
 
@@ -170,6 +175,18 @@ def target_from(scenario: Scenario, shape: ShapeModel) -> TargetRegion:
         edges=target.edges,
         cell_size_m=cell_size,
     )
+
+
+def _true_target(scenario: Scenario, shape: ShapeModel, planned: TargetRegion) -> TargetRegion:
+    """The target where it really is: the visiting points were chosen for the planned one."""
+    east, north = target_shift(scenario.dispersions, scenario.seed)
+    if east == north == 0.0:
+        return planned
+    target = scenario.target
+    radius = float(np.linalg.norm(planned.centroid_A.mean(axis=0)))
+    latitude, longitude = shifted_target(target.latitude_deg, target.longitude_deg, east, north, radius)
+    moved = target.model_copy(update={"latitude_deg": latitude, "longitude_deg": longitude})
+    return target_from(scenario.model_copy(update={"target": moved}), shape)
 
 
 def visiting_points(scenario: Scenario, shape: ShapeModel, region: TargetRegion) -> Array:

@@ -1,4 +1,4 @@
-"""The main job: fly scenarios with a progress bar, write their results, print a short table."""
+"""The main job: fly scenarios with a progress bar, write their results and reports, print a short table."""
 
 from __future__ import annotations
 
@@ -16,10 +16,12 @@ from rich.table import Table
 from swarm_mj.errors import OutputError
 from swarm_mj.flight import add_coverage, observe_flight, picture_count, simulate
 from swarm_mj.output.folder import atomic_folder
+from swarm_mj.output.remarks import near_collision_remarks, remarks
 from swarm_mj.output.results import write_results, write_summary
 from swarm_mj.output.summary import summarise
 from swarm_mj.planning import make_plan
 from swarm_mj.progress import progress_bars
+from swarm_mj.report import REPORT_NAME
 from swarm_mj.scenarios.schema import Scenario
 
 
@@ -42,9 +44,14 @@ class Stages:
 
 
 def run_many(
-    scenarios: Sequence[Scenario], folders: Sequence[Path], *, figures: bool = True, quiet: bool = False
+    scenarios: Sequence[Scenario],
+    folders: Sequence[Path],
+    *,
+    figures: bool = True,
+    report: bool = True,
+    quiet: bool = False,
 ) -> None:
-    """Fly scenarios one after another and print a table of results.
+    """Fly scenarios one after another, print a table of results and where their reports are.
 
     Raises:
         SwarmError: One cannot be flown; results of those before it stay.
@@ -55,33 +62,42 @@ def run_many(
     summaries = []
     with progress_bars(console, quiet) as progress:
         for scenario, folder in zip(scenarios, folders, strict=True):
-            summaries.append(run_one(scenario, folder, figures=figures, progress=progress))
+            summaries.append(run_one(scenario, folder, figures=figures, report=report, progress=progress))
     console.print(results_table(summaries))
     for summary, folder in zip(summaries, folders, strict=True):
         _print_notes(console, summary, folder)
+    for summary, folder in zip(summaries, folders, strict=True) if report else ():
+        console.print(f"{summary['scenario']}: report in {folder / REPORT_NAME}", soft_wrap=True, highlight=False)
 
 
-def run_one(scenario: Scenario, folder: Path, *, figures: bool, progress: Progress | None = None) -> dict[str, Any]:
-    """Fly one scenario into a folder that appears only when all is done; returns its summary."""
+def run_one(
+    scenario: Scenario, folder: Path, *, figures: bool, report: bool = False, progress: Progress | None = None
+) -> dict[str, Any]:
+    """Fly one scenario into a folder that appears only when all is done, then report it; returns its summary."""
     stages = Stages(progress or Progress(disable=True), scenario.name)
     with atomic_folder(folder) as partial:
         with stages.stage("design", "trajectories (compiles on first use)"):
             plan = make_plan(scenario)
-        with stages.stage("simulate", "flight", scenario.duration_s) as report:
-            telemetry = simulate(plan, report)
-        with stages.stage("coverage", "images", picture_count(plan, telemetry)) as report:
-            result = observe_flight(plan, telemetry, report)
+        with stages.stage("simulate", "flight", scenario.duration_s) as done:
+            telemetry = simulate(plan, done)
+        with stages.stage("coverage", "images", picture_count(plan, telemetry)) as done:
+            result = observe_flight(plan, telemetry, done)
             add_coverage(telemetry, result)
         write_results(partial, plan, telemetry, result)
         if figures:
             from swarm_mj.output.figures import FIGURES
 
-            with stages.stage("figures", "figures", len(FIGURES)) as report:
+            with stages.stage("figures", "figures", len(FIGURES)) as done:
                 for count, (name, draw) in enumerate(FIGURES.items()):
                     draw(partial / f"{name}.png", plan, telemetry, result)
-                    report(count + 1)
+                    done(count + 1)
         summary = summarise(plan, telemetry, result, {"figures": 0.0, **stages.wall_s})
         write_summary(partial, summary)
+    if report:
+        from swarm_mj.report.page import write_report
+
+        with stages.stage("report", "report"):
+            write_report([folder])
     return summary
 
 
@@ -116,41 +132,10 @@ _ROWS: dict[str, Callable[[dict[str, Any]], str]] = {
 }
 
 
-#: Pointing errors above this at the end or before a switch are worth a remark [deg].
-SETTLED_DEG = 0.1
-
-
-def remarks(summary: dict[str, Any]) -> list[str]:
-    """What a reader should know before believing a run's numbers."""
-    found = []
-    for when, key in (
-        ("at the end", "pointing_error_deg_final"),
-        ("before a switch", "pointing_error_deg_before_switch"),
-    ):
-        late = {name: error for name, error in summary[key].items() if error > SETTLED_DEG}
-        if late:
-            worst = max(late.values())
-            found.append(f"pointing had not settled {when}: {', '.join(late)}, up to {worst:.3g} deg")
-    cut = {name: seconds for name, seconds in summary["wheel_saturation_s"].items() if seconds > 0}
-    if cut:
-        found.append(
-            f"wheel limits cut the controller's torque: {', '.join(f'{n} for {s:g} s' for n, s in cut.items())}"
-        )
-    return found
-
-
 def _print_notes(console: Console, summary: dict[str, Any], folder: Path) -> None:
     console.print(f"{summary['scenario']}: {summary['description']}", soft_wrap=True, highlight=False, markup=False)
     if summary["observer"] != "faceid":
         console.print(f"{summary['scenario']}: {summary['observer_note']}", soft_wrap=True, highlight=False)
-    for remark in remarks(summary):
+    for remark in [*remarks(summary), *near_collision_remarks(summary)]:
         console.print(f"{summary['scenario']}: {remark}", soft_wrap=True, highlight=False, markup=False)
-    for near in summary["near_collisions"]:
-        first, second = near["spacecraft"]
-        console.print(
-            f"{summary['scenario']}: near-collision of {first} and {second}, {near['distance_m']:.1f} m at "
-            f"t = {near['time_s']:.0f} s",
-            soft_wrap=True,
-            highlight=False,
-        )
     console.print(f"{summary['scenario']}: files in {folder}", soft_wrap=True, highlight=False)

@@ -24,6 +24,7 @@ RECORD = (
     "links_closed_final",
     "deployment_delta_v_m_s.max",
     "near_collisions",
+    "lost",
     "images",
 )
 

@@ -48,7 +48,8 @@ class DaskPool:
         self._sample = Sample(resolved.campaign)
         self._prefix = f"swarm_mj-{uuid.uuid4().hex}"
         self._threads, self._asked = 0, float("-inf")
-        logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what matters is said below, once
+        for name in ("distributed", "distributed.client", "distributed.comm", "distributed.core"):
+            logging.getLogger(name).setLevel(logging.CRITICAL)  # what matters is said below, once
         try:
             self._client: Any = Client(scheduler, timeout=CONNECT_S, set_as_default=False)
         except (OSError, ValueError) as error:
@@ -92,12 +93,13 @@ class DaskPool:
         from distributed import wait
 
         try:
-            done: Collection[Any] = wait(futures, timeout=ASK_S, return_when="FIRST_COMPLETED").done
+            with self._client.as_current():
+                done: Collection[Any] = wait(futures, timeout=ASK_S, return_when="FIRST_COMPLETED").done
         except TimeoutError:
             self._require_scheduler()
             return ()
-        except (CancelledError, OSError) as error:
-            raise self._gone(error) from None
+        except (CancelledError, OSError):
+            raise self._gone("the connection to the scheduler was lost") from None
         return done
 
     def _row(self, future: Any, row: int) -> Row:
@@ -118,8 +120,8 @@ class DaskPool:
 
     def _gone(self, reason: object) -> OutputError:
         return OutputError(
-            f"--scheduler {self._address}: the cluster is gone or cannot go on ({reason}); every finished run is kept: go on with "
-            "--resume"
+            f"--scheduler {self._address}: the cluster is gone or cannot go on ({reason}); every finished run is kept: "
+            "go on with --resume"
         )
 
     def close(self) -> None:

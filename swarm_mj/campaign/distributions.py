@@ -6,6 +6,7 @@ Every distribution has two methods: `draw`, the quantile function, and `levels`,
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cached_property
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
@@ -26,13 +27,14 @@ class Continuous(Section):
 
     steps: int = Field(5, ge=2, le=10_000, description="number of values where the method is `grid`")
 
+    @cached_property
     def frozen(self) -> Any:
         """The distribution of scipy.stats."""
         raise NotImplementedError
 
     def draw(self, u: float) -> Any:
         """Value at a point of the unit interval."""
-        return float(self.frozen().ppf(min(max(u, EDGE), 1.0 - EDGE)))
+        return float(self.frozen.ppf(min(max(u, EDGE), 1.0 - EDGE)))
 
     def levels(self) -> list[Any]:
         """Values of a grid: the middles of `steps` equally likely parts."""
@@ -51,6 +53,7 @@ class Uniform(Continuous):
         _require(self.low < self.high, f"high = {self.high:g}", f"must be above low = {self.low:g}")
         return self
 
+    @cached_property
     def frozen(self) -> Any:
         """See `Continuous.frozen`."""
         return stats.uniform(self.low, self.high - self.low)
@@ -72,6 +75,7 @@ class LogUniform(Continuous):
         _require(self.low < self.high, f"high = {self.high:g}", f"must be above low = {self.low:g}")
         return self
 
+    @cached_property
     def frozen(self) -> Any:
         """See `Continuous.frozen`."""
         return stats.loguniform(self.low, self.high)
@@ -88,6 +92,7 @@ class Normal(Continuous):
     mean: float
     std: float = Field(gt=0)
 
+    @cached_property
     def frozen(self) -> Any:
         """See `Continuous.frozen`."""
         return stats.norm(self.mean, self.std)
@@ -107,6 +112,7 @@ class TruncatedNormal(Continuous):
         _require(self.low < self.high, f"high = {self.high:g}", f"must be above low = {self.low:g}")
         return self
 
+    @cached_property
     def frozen(self) -> Any:
         """See `Continuous.frozen`."""
         low, high = (self.low - self.mean) / self.std, (self.high - self.mean) / self.std
@@ -120,6 +126,7 @@ class LogNormal(Continuous):
     median: float = Field(gt=0)
     sigma: float = Field(gt=0)
 
+    @cached_property
     def frozen(self) -> Any:
         """See `Continuous.frozen`."""
         return stats.lognorm(self.sigma, scale=self.median)
@@ -139,6 +146,7 @@ class Triangular(Continuous):
         _require(ordered, f"mode = {self.mode:g}", f"must lie between low = {self.low:g} and high = {self.high:g}")
         return self
 
+    @cached_property
     def frozen(self) -> Any:
         """See `Continuous.frozen`."""
         width = self.high - self.low
@@ -158,12 +166,13 @@ class OfScipy(Continuous):
         known = isinstance(found, stats.rv_continuous)
         _require(known, f"name = {self.name}", "must be a continuous distribution of scipy.stats, such as rayleigh")
         try:
-            middle = float(self.frozen().ppf(0.5))
+            middle = float(self.frozen.ppf(0.5))
         except (TypeError, ValueError) as error:
             raise ValueError(f"parameters = {self.parameters}: do not fit {self.name}: {error}") from None
         _require(np.isfinite(middle), f"parameters = {self.parameters}", f"are outside the domain of {self.name}")
         return self
 
+    @cached_property
     def frozen(self) -> Any:
         """See `Continuous.frozen`."""
         return getattr(stats, self.name)(**self.parameters)

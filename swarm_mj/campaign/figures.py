@@ -143,7 +143,7 @@ def _flown(resolved: Resolved, results: pa.Table, name: str) -> dict[str, NDArra
     """Finite values of an outcome by scenario."""
     if name not in results.schema.names:
         return {}
-    parts = {}
+    parts: dict[str, NDArray[np.float64]] = {}
     for scenario, rows in by_scenario(resolved, results):
         values = column(rows, name)
         if np.isfinite(values).any() and len(parts) < MAX_SCENARIOS:
@@ -154,8 +154,9 @@ def _flown(resolved: Resolved, results: pa.Table, name: str) -> dict[str, NDArra
 def _cumulative(ax: Axes, values: NDArray[np.float64], name: str, k: int) -> None:
     ordered = np.sort(values)
     share = np.arange(1, len(ordered) + 1) / len(ordered)
-    style = {"color": COLOURS[k % len(COLOURS)], "linestyle": DASHES[k % len(DASHES)]}
-    ax.step(np.r_[ordered[0], ordered], np.r_[0.0, share], where="post", linewidth=1.8, label=name, **style)
+    colour, dashes = COLOURS[k % len(COLOURS)], DASHES[k % len(DASHES)]
+    x, y = np.r_[ordered[0], ordered], np.r_[0.0, share]
+    ax.step(x, y, where="post", linewidth=1.8, label=plain(name), color=colour, linestyle=dashes)
 
 
 def _bars(ax: Axes, covered: dict[str, dict[str, Any]]) -> None:
@@ -165,6 +166,7 @@ def _bars(ax: Axes, covered: dict[str, dict[str, Any]]) -> None:
         ax.errorbar(k, p, yerr=[[max(p - low, 0.0)], [max(high - p, 0.0)]], color=BLACK, capsize=5, linewidth=1.2)
         ax.annotate(f"{p:.1f} %", (k, high), xytext=(0, 4), textcoords="offset points", ha="center", fontsize=TICK_PT)
     ax.set_xticks(range(len(covered)), [_wrapped(name) for name in covered])
+    ax.set_xlim(-0.7, max(len(covered), 3) - 0.3)
     ax.set_ylim(0.0, 112.0)
     ax.set_yticks(range(0, 101, 20))
     tidy(ax)

@@ -35,7 +35,6 @@ AFTER_PLANNING = (
     "designer",
     "link",
     "telemetry",
-    "faults",
     "spacecraft.initial_mrp_range",
     "spacecraft.initial_rate_range_rpm",
 )
@@ -121,6 +120,8 @@ def _identity(trial: Trial) -> Row:
 def _planning_key(scenario: Scenario) -> str:
     data = scenario.model_dump(mode="json")
     for key in AFTER_PLANNING:
+        if key == "seed" and scenario.dispersions.target_m > 0.0:
+            continue  # the target's true place is drawn with the plan
         section, _, value = key.partition(".")
         holder: Mapping[str, Any] = data.get(section, {}) if value else data
         if isinstance(holder, dict):

@@ -6,6 +6,8 @@ A name is a key of the summary (see `swarm_mj.output.summary`); where the key ho
 - `covered`: whether |100 - P_TO| is within `designer.tolerance_percent`, the paper's equation 4;
 - `pointing_error_deg_visit`: by observer, at the instant of the visit;
 - `pointing_error_deg_p95`: 95th percentile over the flight and all spacecraft, slews included.
+
+Pointing errors are those of spacecraft that work: while they do, and at the end.
 """
 
 from __future__ import annotations
@@ -42,7 +44,7 @@ def outcome(plan: Plan, telemetry: xr.Dataset, result: ObservationResult, record
         ScenarioError: A recorded name is not there; the message lists what is.
     """
     summary = summarise(plan, telemetry, result, {})
-    values = {**summary, **_pointed(plan, telemetry)}
+    values = _of_the_living({**summary, **_pointed(plan, telemetry)}, summary["lost"])
     tolerance = plan.scenario.designer.tolerance_percent
     return {
         "covered": bool(100.0 - result.coverage.percent <= tolerance),
@@ -90,8 +92,17 @@ def _names(values: Mapping[str, Any]) -> list[str]:
     return [*numbers, *by_craft]
 
 
+def _of_the_living(values: dict[str, Any], lost: Sequence[str]) -> dict[str, Any]:
+    """The same without the pointing errors of spacecraft that were lost before the end; at the visit they may have worked."""
+    for key in ("pointing_error_deg_final", "pointing_error_deg_before_switch"):
+        values[key] = {name: error for name, error in values[key].items() if name not in lost}
+    return values
+
+
 def _pointed(plan: Plan, telemetry: xr.Dataset) -> dict[str, Any]:
     error_deg = np.degrees(telemetry["pointing_error"].values)
+    if "operational" in telemetry:
+        error_deg = np.where(telemetry["operational"].values == 1, error_deg, np.nan)
     visit = error_deg[visit_sample(plan.scenario), : plan.n_observers]
     finite = error_deg[np.isfinite(error_deg)]
     return {

@@ -94,10 +94,8 @@ class LocalPool:
             worker.stop()
         elif not worker.pipe.poll():
             return None
-        try:
-            kind, value = ("dead", None) if overdue else worker.pipe.recv()
-        except (EOFError, OSError):
-            kind, value = "dead", None
+        heard: tuple[str, Any] = ("dead", None) if overdue else worker.hear()
+        kind, value = heard
         if kind == "ready":
             worker.ready, self._stillborn = True, 0
             return None
@@ -158,6 +156,13 @@ class _Worker:
             self.pipe.send(self.row)
         except OSError:
             pass  # it has died; its end of the pipe says so when it is listened to
+
+    def hear(self) -> tuple[str, Any]:
+        try:
+            kind, value = self.pipe.recv()
+        except (EOFError, OSError):
+            return "dead", None
+        return kind, value
 
     def overdue(self, limit: float | None) -> bool:
         return limit is not None and self.row is not None and time.monotonic() - self.started > limit

@@ -1,7 +1,7 @@
 """What a sample of runs says, with intervals: probabilities, quantiles, means, sensitivities. All by scipy.stats.
 
-Intervals hold for independent runs (monte_carlo). Latin hypercubes and Sobol' sequences cover the parameters more evenly, so that
-theirs are, if anything, too wide.
+Intervals hold for independent runs (monte_carlo). Latin hypercubes and Sobol' sequences cover the parameters more evenly, so
+that theirs are, if anything, too wide.
 """
 
 from __future__ import annotations

@@ -140,8 +140,8 @@ class Store:
             yield
         except OSError as error:
             raise OutputError(
-                f"{self.folder}: cannot be written ({error.strerror or error}); every finished run is kept: make room, then go on "
-                "with --resume"
+                f"{self.folder}: cannot be written ({error.strerror or error}); every finished run is kept: make room, then "
+                "go on with --resume"
             ) from None
 
 

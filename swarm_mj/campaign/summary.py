@@ -205,12 +205,8 @@ def _cell(outcome: dict[str, Any] | None, what: str) -> str:
     if outcome is None:
         return "-"
     estimate = outcome["mean"] if what == "mean" else outcome["quantiles"][what]
-    ends = (
-        ""
-        if estimate["low"] is None or estimate["high"] is None
-        else f" ({_short(estimate['low'])} to {_short(estimate['high'])})"
-    )
-    return f"{_short(estimate['value'])}{ends}"
+    low, value, high = (estimate[end] for end in ("low", "value", "high"))
+    return _short(value) + ("" if low is None or high is None else f" ({_short(low)} to {_short(high)})")
 
 
 def _short(value: float) -> str:

@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 #: Width of a border, on each side of an edge, over the side of a square as large as a mean face.
 BORDER = 0.035
 #: Width of a tile [texel] and of the whole picture at most; every OpenGL 3 driver takes the latter.
-TILE, MAX_WIDTH = 32, 4096
+TILE, MAX_WIDTH = 64, 4096
 #: Free texels along a tile's sides, which keep neighbours out of a filtered sample.
 MARGIN = 2.0
 

@@ -18,13 +18,15 @@ Array = NDArray[np.float64]
 
 OVERVIEW, CHASE, SPLIT = "overview", "chase", "split"
 #: Share of the picture that the flight may fill.
-FILL = 0.86
-#: The chase camera stands outside the swarm, this far over its radius, and at least this far over its distance to the body.
-CHASE_SPREAD, CHASE_LEAST = 2.6, 0.45
-#: How far the chase camera stands behind and above the line from the body through the swarm [rad].
+FILL = 0.9
+#: Angle of the chase camera to the line from the body through the swarm [rad].
 CHASE_ASIDE = 0.5
+#: Directions among which the overview's is chosen.
+DIRECTIONS = 400
+#: Steepest look along N's z axis, which stands upright in the picture: cosine of its angle to the line of sight.
+STEEPEST = 0.85
 #: A spacecraft's length over the distance of the camera that looks at it.
-APPARENT_LENGTH = 0.035
+APPARENT_LENGTH = 0.025
 
 
 @dataclass(frozen=True)
@@ -65,49 +67,68 @@ def spacecraft_number(name: str, n: int) -> int | None:
 
 
 def overview(plan: Plan, path_N: Array, aspect: float) -> FreeView:
-    """A fixed view across the plane of the flyby, from its sunlit side, that holds body and flight.
+    """A fixed view that holds body and flight.
 
     Args:
         plan: What is flown.
-        path_N: Positions over the flight, shape (m, n, 3) [m].
+        path_N: Positions over the flight, evenly spaced in time, shape (m, n, 3) [m].
         aspect: Width of the picture over its height.
     """
-    toward = view_direction(plan)
+    turned = [
+        plan.shape.vertices @ plan.environment.C_AN(share * plan.scenario.duration_s) for share in (0.0, 0.5, 1.0)
+    ]
+    return fit(np.vstack((path_N.reshape(-1, 3), *turned)), view_direction(plan, path_N), aspect)
+
+
+def chase(plan: Plan, instant: Instant, aspect: float) -> FreeView:
+    """A view from behind the swarm onto the target, a little aside, that moves with the swarm."""
+    outward = _unit(instant.r_BN_N.mean(axis=0))
+    sun_N = _unit(plan.environment.sun.position)
+    aside = sun_N - (sun_N @ outward) * outward
+    size = float(np.linalg.norm(aside))
+    toward = np.cos(CHASE_ASIDE) * outward + np.sin(CHASE_ASIDE) * (aside / size if size > 1e-9 else 0.0)
+    target = plan.region.corners_A.reshape(-1, 3) @ instant.C_AN
+    return fit(np.vstack((instant.r_BN_N, target)), _unit(toward), aspect)
+
+
+def fit(points_N: Array, toward: Array, aspect: float) -> FreeView:
+    """The nearest view from a direction that holds all points.
+
+    Args:
+        points_N: What is to be seen, shape (k, 3) [m].
+        toward: Unit vector to the camera, shape (3,).
+        aspect: Width of the picture over its height.
+    """
     right, up = _picture_axes(toward)
-    radius = plan.shape.max_radius
-    ball = radius * np.vstack((right, -right, up, -up, toward, -toward))
-    points = np.vstack((path_N.reshape(-1, 3), ball))
-    middle = sum(0.5 * (np.min(points @ axis) + np.max(points @ axis)) * axis for axis in (right, up))
+    middle = np.zeros(3)
+    for axis in (right, up):
+        middle += 0.5 * (np.min(points_N @ axis) + np.max(points_N @ axis)) * axis
     tangent = np.tan(np.radians(0.5 * FIELD_OF_VIEW_DEG)) * FILL
-    relative = points - middle
+    relative = points_N - middle
     across = np.maximum(np.abs(relative @ right) / aspect, np.abs(relative @ up)) / tangent
     return FreeView(middle, toward, float((across + relative @ toward).max()))
 
 
-def chase(plan: Plan, instant: Instant) -> FreeView:
-    """A view from behind the swarm onto the body, a little aside, that moves with the swarm."""
-    centre = instant.r_BN_N.mean(axis=0)
-    range_m = float(np.linalg.norm(centre))
-    outward = centre / range_m
-    aside = view_direction(plan)
-    aside = aside - (aside @ outward) * outward
-    size = float(np.linalg.norm(aside))
-    toward = np.cos(CHASE_ASIDE) * outward + np.sin(CHASE_ASIDE) * (aside / size if size > 1e-9 else 0.0)
-    spread = float(np.linalg.norm(instant.r_BN_N - centre, axis=1).max())
-    lookat = 0.75 * centre
-    distance = 0.25 * range_m + max(CHASE_LEAST * range_m, CHASE_SPREAD * spread)
-    return FreeView(lookat, toward / np.linalg.norm(toward), distance)
+def view_direction(plan: Plan, path_N: Array) -> Array:
+    """Unit vector in N to a camera that sees the target's day side, and the flight from the side.
 
-
-def view_direction(plan: Plan) -> Array:
-    """Unit vector across the plane of the flyby, to the side of the Sun; to the Sun if the flyby has no plane, in N."""
-    sun_N = plan.environment.sun.position / np.linalg.norm(plan.environment.sun.position)
-    start, velocity = plan.deployment.r0_N, plan.deployment.v0_N.mean(axis=0)
-    across = np.cross(start, velocity)
-    size = float(np.linalg.norm(across))
-    if size < 1e-6 * float(np.linalg.norm(start) * np.linalg.norm(velocity)):
-        return sun_N
-    return across / size * (1.0 if across @ sun_N >= 0.0 else -1.0)
+    Args:
+        plan: What is flown.
+        path_N: Positions over the flight, evenly spaced in time, shape (m, n, 3) [m].
+    """
+    region, environment = plan.region, plan.environment
+    normal_A = _unit(region.area @ region.normal_A)
+    times = (plan.scenario.design.time_of_flight_s, plan.scenario.duration_s)
+    normals = np.array([normal_A @ environment.C_AN(t) for t in times])
+    path = path_N.mean(axis=1)
+    directions = _sphere(DIRECTIONS)
+    directions = directions[np.abs(directions[:, 2]) <= STEEPEST]
+    facing = np.min(directions @ normals.T, axis=1)
+    turned = np.linalg.norm(np.cross(directions, _unit(path[-1] - path[0])), axis=1)
+    lit = directions @ _unit(environment.sun.position)
+    # Beyond these values more of one would be bought with too much of another.
+    merit = np.minimum(facing, 0.42) + np.minimum(turned, 0.85) + 0.5 * np.minimum(lit, 0.6)
+    return np.asarray(directions[np.argmax(merit)])
 
 
 def magnification_for(plan: Plan, distance: float) -> float:
@@ -115,6 +136,19 @@ def magnification_for(plan: Plan, distance: float) -> float:
     wanted = APPARENT_LENGTH * distance / max(plan.properties.size)
     decade = 10.0 ** np.floor(np.log10(max(wanted, 1.0)))
     return float(max(step * decade for step in (1.0, 2.0, 5.0) if step * decade <= max(wanted, 1.0)))
+
+
+def _unit(vector: Array) -> Array:
+    """The direction of a vector; that of x if it has none."""
+    size = float(np.linalg.norm(vector))
+    return vector / size if size > 0.0 else np.array([1.0, 0.0, 0.0])
+
+
+def _sphere(count: int) -> Array:
+    """Unit vectors spread evenly over the sphere (Fibonacci lattice), shape (count, 3)."""
+    z = 1.0 - (2.0 * np.arange(count) + 1.0) / count
+    angle = np.pi * (3.0 - np.sqrt(5.0)) * np.arange(count)
+    return np.stack((np.sqrt(1.0 - z**2) * np.cos(angle), np.sqrt(1.0 - z**2) * np.sin(angle), z), axis=1)
 
 
 def _picture_axes(toward: Array) -> tuple[Array, Array]:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import sys
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
@@ -55,6 +57,16 @@ class Projection(NamedTuple):
         return np.stack((x, y), axis=-1), inside
 
 
+def _gl_context(width: int, height: int) -> Any:
+    """An OpenGL context without a window: by EGL on Linux, unless MUJOCO_GL asks for another."""
+    if sys.platform == "linux" and not os.environ.get("MUJOCO_GL"):
+        # MuJoCo's own choice, made when it was imported, would be a hidden window, which needs a display.
+        from mujoco.egl import GLContext
+    else:
+        from mujoco import GLContext
+    return GLContext(width, height)
+
+
 class Canvas:
     """Draws a model; holds one OpenGL context until closed.
 
@@ -69,17 +81,17 @@ class Canvas:
 
     def __init__(self, model: DrawingModel, width: int, height: int) -> None:
         self.model, self.width, self.height = model, width, height
-        self._gl: mujoco.GLContext | None = None
-        self._context: mujoco.MjrContext | None = None
+        self._gl: Any = None
+        self._context: Any = None
         try:
-            self._gl = mujoco.GLContext(width, height)
+            self._gl = _gl_context(width, height)
             self._gl.make_current()
             self._context = mujoco.MjrContext(model.mjmodel, mujoco.mjtFontScale.mjFONTSCALE_100)
         except Exception as error:  # whatever the platform's OpenGL loader raises
             self.close()
             raise ObserverError(
                 f"pictures need OpenGL, which cannot be loaded here ({type(error).__name__}: {error}); "
-                "install libegl1 and set MUJOCO_GL=egl before starting Python"
+                "on Debian or Ubuntu install it with `apt-get install libegl1 libgl1`"
             ) from error
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._context)
         self._scene = mujoco.MjvScene(model.mjmodel, MAX_GEOMS)

@@ -39,12 +39,12 @@ def decorate(next_geom: NextGeom, model: DrawingModel, instant: Instant, width_s
         width_scale: Factor on the widths of lines, for large pictures.
     """
     radius = float(model.mjmodel.stat.extent)
+    length, tips = sights(instant, radius)
     half = np.tan(np.radians(0.5 * model.mjmodel.cam_fovy[model.cameras[0]]))
-    length = np.where(instant.sight_length > 0.0, instant.sight_length, FREE_SIGHT * radius)
     for j in range(instant.n):
         colour = MODES[TargetKind(int(instant.kind[j]))]
-        r, tip = instant.r_BN_N[j], instant.r_BN_N[j] + length[j] * instant.boresight_N[j]
-        for start, end in dashes(r, tip, DASH * radius):
+        r = instant.r_BN_N[j]
+        for start, end in dashes(r, tips[j], DASH * radius):
             _line(next_geom(), start, end, width_scale * SIGHT_WIDTH, rgba(colour))
         if instant.looks_at_body[j]:
             sides = length[j] * np.array([half, half, 1.0])
@@ -54,10 +54,16 @@ def decorate(next_geom: NextGeom, model: DrawingModel, instant: Instant, width_s
     for j in range(instant.n):
         for start, end in zip(instant.trail_N[:-1, j], instant.trail_N[1:, j], strict=True):
             _line(next_geom(), start, end, width_scale * TRAIL_WIDTH, rgba(TRAIL, TRAIL_ALPHA))
-    for j in np.flatnonzero(instant.looks_at_body):
+    for j in np.flatnonzero(instant.looks_at_body).tolist():
         colour = MODES[TargetKind(int(instant.kind[j]))]
         sides = length[j] * np.array([half, half, 1.0])
-        _pyramid(next_geom(), model.pyramid, instant.r_BN_N[j], instant.C_BN[j], sides, rgba(colour, PYRAMID_ALPHA))
+        _pyramid(next_geom(), model, instant.r_BN_N[j], sides[:, None] * instant.C_BN[j], rgba(colour, PYRAMID_ALPHA))
+
+
+def sights(instant: Instant, radius: float) -> tuple[Array, Array]:
+    """Lengths (n,) [m] and ends (n, 3) [m] in N of the lines of sight around a body of some radius [m]."""
+    length = np.where(instant.sight_length > 0.0, instant.sight_length, FREE_SIGHT * radius)
+    return length, instant.r_BN_N + length[:, None] * instant.boresight_N
 
 
 def dashes(start: Array, end: Array, length: float) -> list[tuple[Array, Array]]:
@@ -82,15 +88,18 @@ def _line(
 
 def _pyramid(
     geom: mujoco.MjvGeom | None,
-    mesh: int,
+    model: DrawingModel,
     r: Array,
-    C_BN: Array,
-    sides: Array,
+    stretched: Array,
     colour: tuple[float, float, float, float],
 ) -> None:
+    """Add a pyramid with its apex at `r`; the rows of `stretched` are its half sides and its height in N [m]."""
     if geom is not None:
-        kind = mujoco.mjtGeom.mjGEOM_MESH
-        mujoco.mjv_initGeom(geom, kind, _ZERO, r, _UNIT, np.array(colour, np.float32))
-        geom.mat[:] = C_BN.T * sides  # a mesh takes no size: the pyramid is stretched by its matrix
+        # MuJoCo moved the mesh into its inertial frame. A mesh takes no size: it is stretched by its matrix.
+        mesh, turn = model.pyramid, np.empty(9)
+        mujoco.mju_quat2Mat(turn, model.mjmodel.mesh_quat[mesh])
+        place = r + model.mjmodel.mesh_pos[mesh] @ stretched
+        mujoco.mjv_initGeom(geom, mujoco.mjtGeom.mjGEOM_MESH, _ZERO, place, _UNIT, np.array(colour, np.float32))
+        geom.mat[:] = stretched.T @ turn.reshape(3, 3)
         geom.dataid = 2 * mesh
         geom.emission = 1.0

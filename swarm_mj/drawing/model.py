@@ -141,7 +141,7 @@ def _add_body(spec: mujoco.MjSpec, plan: Plan, atlas: Atlas) -> None:
         name="asteroid",
         uservert=region.vertices.ravel(),
         userface=region.faces.ravel(),
-        usernormal=region.mesh.vertex_normals.ravel(),
+        usernormal=_normals(plan).ravel(),
         userfacenormal=region.faces.ravel(),
         usertexcoord=coordinates.ravel(),
         userfacetexcoord=index.ravel(),
@@ -162,6 +162,29 @@ def _add_body(spec: mujoco.MjSpec, plan: Plan, atlas: Atlas) -> None:
     )
 
 
+def _normals(plan: Plan) -> NDArray[np.float64]:
+    """Normals at the vertices of the cut mesh, shape (V, 3): those of the body, interpolated where it was cut.
+
+    The cut mesh's own would show every cut as a crease.
+    """
+    region, shape = plan.region, plan.shape
+    normals = np.empty_like(region.vertices)
+    normals[: len(shape.vertices)] = shape.vertex_normals
+    new = np.arange(len(shape.vertices), len(region.vertices))
+    face_of = np.empty(len(region.vertices), np.intp)
+    face_of[region.faces] = region.parent[:, None]
+    corner = shape.faces[face_of[new]]
+    a, b, c = np.moveaxis(shape.vertices[corner], 1, 0)
+    double = np.cross(b - a, c - a)
+    scale = np.einsum("ij,ij->i", double, double)
+    p = region.vertices[new]
+    second = np.einsum("ij,ij->i", np.cross(p - a, c - a), double) / scale
+    third = np.einsum("ij,ij->i", np.cross(b - a, p - a), double) / scale
+    shares = np.stack((1.0 - second - third, second, third), axis=1)
+    normals[new] = np.einsum("ij,ijk->ik", shares, shape.vertex_normals[corner])
+    return normals / np.linalg.norm(normals, axis=1, keepdims=True)
+
+
 def _add_spacecraft(spec: mujoco.MjSpec, name: str, plan: Plan, magnification: float) -> None:
     """A mocap body with the geoms of the CubeSat's hub, magnified, and its camera at true place."""
     part = mujoco.MjModel.from_xml_path(str(asset_path("mjcf/cubesat.xml")))
@@ -173,7 +196,9 @@ def _add_spacecraft(spec: mujoco.MjSpec, name: str, plan: Plan, magnification: f
         colour = part.mat_rgba[part.geom_matid[k]]
         body.add_geom(
             type=part.geom_type[k],
-            size=magnification * part.geom_size[k] * (stretch if part.geom_type[k] == mujoco.mjtGeom.mjGEOM_BOX else 1.0),
+            size=magnification
+            * part.geom_size[k]
+            * (stretch if part.geom_type[k] == mujoco.mjtGeom.mjGEOM_BOX else 1.0),
             pos=magnification * part.geom_pos[k] * stretch,
             quat=part.geom_quat[k],
             rgba=np.append(GLOW + (1.0 - GLOW) * colour[:3], 1.0),

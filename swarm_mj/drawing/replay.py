@@ -27,6 +27,11 @@ Array = NDArray[np.float64]
 TRAIL_POINTS, ALL_TRAIL_POINTS = 60, 600
 
 
+def trail_points(n: int) -> int:
+    """Corners of the trail of one of n spacecraft over a whole flight."""
+    return int(np.clip(ALL_TRAIL_POINTS // n, 8, TRAIL_POINTS))
+
+
 class Replay:
     """A flight to be drawn.
 
@@ -52,8 +57,7 @@ class Replay:
         self._kind = telemetry["mode"].values.astype(np.int64)
         self._tracked = telemetry["tracked_spacecraft"].values.astype(np.int64)
         self._link = telemetry["link_closed"].values.astype(bool) if "link_closed" in telemetry else None
-        points = int(np.clip(ALL_TRAIL_POINTS // plan.n, 8, TRAIL_POINTS))
-        self._trail_times = np.linspace(self.times[0], self.times[-1], points)
+        self._trail_times = np.linspace(self.times[0], self.times[-1], trail_points(plan.n))
         self._trail_N = self._position(self._trail_times)
 
     @property

@@ -107,6 +107,8 @@ def drive(
                 u = (wheels.stuck_speed[j, w] - turning) * J / period
                 u = min(max_torque, max(-max_torque, u))
                 bearing[j, w] = 0.0
+            elif wheels.coulomb[j, w] == 0.0 and wheels.viscous[j, w] == 0.0:
+                bearing[j, w] = 0.0
             else:
                 after = speed_after(turning, u, wheels.coulomb[j, w], wheels.viscous[j, w], J, period)
                 bearing[j, w] = J * (after - turning) / period - u

@@ -17,6 +17,9 @@ from swarm_mj.observation.coverage import ObservationCriterion
 from swarm_mj.observation.horizon import HorizonObserver, above
 
 Array = NDArray[np.float64]
+Vector = tuple[float, float, float]
+
+_HIDDEN, _SHOWN, _DOUBTFUL = 0, 1, 2
 
 
 class Scene(NamedTuple):
@@ -27,6 +30,7 @@ class Scene(NamedTuple):
         points: Sample points in A, shape (C, samples, 3) [m].
         axes: Tangents and normal of each cell as rows, shape (C, 3, 3).
         sine: Sine of the horizon's elevation, shape (C, samples, azimuths + 1).
+        highest: The largest of those, which spares the azimuth where the camera stands higher, shape (C, samples).
         limits: Least cosine of emission, largest range [m], largest ground sampling distance [m], pixel angle [rad], tangent
             of the field of view's half-angle, 1 for a cone or 0 for a square, least visible share, shape (7,).
     """
@@ -35,6 +39,7 @@ class Scene(NamedTuple):
     points: Array
     axes: Array
     sine: NDArray[np.float32]
+    highest: NDArray[np.float32]
     limits: Array
 
 
@@ -53,81 +58,101 @@ def make_scene(observer: HorizonObserver, criterion: ObservationCriterion) -> Sc
         points=np.ascontiguousarray(maps.points),
         axes=np.ascontiguousarray(maps.axes),
         sine=np.ascontiguousarray(maps.sine),
+        highest=np.ascontiguousarray(maps.sine.max(axis=2)),
         limits=np.array(limits),
     )
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def new_cells(scene: Scene, r: Array, C: Array, seen: NDArray[np.bool_], new: NDArray[np.bool_]) -> tuple[float, float]:
+def new_cells(
+    scene: Scene, r: Array, C: Array, inside: bool, seen: NDArray[np.bool_], new: NDArray[np.bool_]
+) -> tuple[float, float, bool]:
     """Find the cells that a picture shows and nobody saw before.
 
     Args:
         scene: See `Scene`.
-        r: Position of the camera in A, outside the body's bounding sphere, shape (3,) [m].
+        r: Position of the camera in A, shape (3,) [m].
         C: Rotation from A to the camera frame, shape (3, 3).
+        inside: Whether the camera is inside the body's bounding sphere, where the maps may hide what is in view.
         seen: Cells seen before, or otherwise of no interest, shape (C,).
         new: Receives the cells that are new, shape (C,).
 
     Returns:
-        Their area [m^2], and the pixels spent on them: area over the foreshortened square of the ground sampling distance.
+        Their area [m^2], the pixels spent on them (area over the foreshortened square of the ground sampling distance), and
+        whether some other cell is in doubt, because it may be in view although the maps hide it.
     """
+    cells, limits, points, axes = scene.cells, scene.limits, scene.points, scene.axes
+    sine, highest = scene.sine, scene.highest
+    pose = (r[0], r[1], r[2]), (C[0, 0], C[0, 1], C[0, 2]), (C[1, 0], C[1, 1], C[1, 2]), (C[2, 0], C[2, 1], C[2, 2])
+    (x, y, z), right, down, ahead = pose
+    least, farthest, gsd, pixel, tan, cone = limits[0], limits[1], limits[2], limits[3], limits[4], limits[5] == 1.0
     area = pixels = 0.0
+    doubt = False
     for i in range(seen.shape[0]):
         new[i] = False
-        if not seen[i] and _shows(scene, r, C, i):
+        if seen[i]:
+            continue
+        dx, dy, dz = x - cells[i, 0], y - cells[i, 1], z - cells[i, 2]
+        height = dx * cells[i, 3] + dy * cells[i, 4] + dz * cells[i, 5]
+        if height <= 0.0:
+            continue
+        # A cell is beside the field of view if the ball around it is.
+        u = abs(right[0] * dx + right[1] * dy + right[2] * dz)
+        v = abs(down[0] * dx + down[1] * dy + down[2] * dz)
+        depth = cells[i, 6] - (ahead[0] * dx + ahead[1] * dy + ahead[2] * dz)
+        across = np.sqrt(u * u + v * v) if cone else max(u, v)
+        if depth <= 0.0 or across - cells[i, 6] > tan * depth:
+            continue
+        distance = np.sqrt(dx * dx + dy * dy + dz * dz)
+        cosine = height / distance
+        if cosine < least or distance > farthest or distance * pixel > gsd * cosine:
+            continue
+        answer = _shows(points, axes, sine, highest, limits, pose, inside, i)
+        doubt = doubt or answer == _DOUBTFUL
+        if answer == _SHOWN:
             new[i] = True
-            cell = scene.cells[i]
-            dx, dy, dz = r[0] - cell[0], r[1] - cell[1], r[2] - cell[2]
-            distance = np.sqrt(dx * dx + dy * dy + dz * dz)
-            cosine = (dx * cell[3] + dy * cell[4] + dz * cell[5]) / distance
-            area += cell[7]
-            pixels += cell[7] * cosine / (distance * scene.limits[3]) ** 2
-    return area, pixels
+            area += cells[i, 7]
+            pixels += cells[i, 7] * cosine / (distance * pixel) ** 2
+    return area, pixels, doubt
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _shows(scene: Scene, r: Array, C: Array, i: int) -> bool:
-    cell, limits = scene.cells[i], scene.limits
-    dx, dy, dz = r[0] - cell[0], r[1] - cell[1], r[2] - cell[2]
-    height = dx * cell[3] + dy * cell[4] + dz * cell[5]
-    if height <= 0.0:
-        return False
-    distance = np.sqrt(dx * dx + dy * dy + dz * dz)
-    cosine = height / distance
-    if cosine < limits[0] or distance > limits[1] or distance * limits[3] > limits[2] * cosine:
-        return False
-    tan, cone = limits[4], limits[5] == 1.0
-    if _beside(C, dx, dy, dz, cell[6], tan, cone):
-        return False
-    count, samples = 0, scene.points.shape[1]
+def _shows(
+    points: Array,
+    axes: Array,
+    sine: NDArray[np.float32],
+    highest: NDArray[np.float32],
+    limits: Array,
+    pose: tuple[Vector, Vector, Vector, Vector],
+    inside: bool,
+    i: int,
+) -> int:
+    """Whether enough of a cell's sample points are in view; in doubt where they only may be, below the map's horizon."""
+    samples, tan, cone = points.shape[1], limits[4], limits[5] == 1.0
+    needed = max(1.0, limits[6] * samples)
+    (rx, ry, rz), right, down, ahead = pose
+    shown = blocked = 0
     for s in range(samples):
-        count += _sample_in_view(scene, r, C, i, s, tan, cone)
-    return count > 0 and count >= limits[6] * samples
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _beside(C: Array, dx: float, dy: float, dz: float, reach: float, tan: float, cone: bool) -> bool:
-    """Whether a ball of that radius around the point that the camera sees along -d lies outside the field of view."""
-    u = abs(C[0, 0] * dx + C[0, 1] * dy + C[0, 2] * dz)
-    v = abs(C[1, 0] * dx + C[1, 1] * dy + C[1, 2] * dz)
-    depth = reach - (C[2, 0] * dx + C[2, 1] * dy + C[2, 2] * dz)
-    across = np.sqrt(u * u + v * v) if cone else max(u, v)
-    return depth <= 0.0 or across - reach > tan * depth
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _sample_in_view(scene: Scene, r: Array, C: Array, i: int, s: int, tan: float, cone: bool) -> bool:
-    axes, point = scene.axes[i], scene.points[i, s]
-    dx, dy, dz = r[0] - point[0], r[1] - point[1], r[2] - point[2]
-    z = axes[2, 0] * dx + axes[2, 1] * dy + axes[2, 2] * dz
-    if z <= 0.0:
-        return False
-    u = -(C[0, 0] * dx + C[0, 1] * dy + C[0, 2] * dz)
-    v = -(C[1, 0] * dx + C[1, 1] * dy + C[1, 2] * dz)
-    reach = -tan * (C[2, 0] * dx + C[2, 1] * dy + C[2, 2] * dz)
-    if reach <= 0.0 or (u * u + v * v > reach * reach if cone else max(abs(u), abs(v)) > reach):
-        return False
-    x = axes[0, 0] * dx + axes[0, 1] * dy + axes[0, 2] * dz
-    y = axes[1, 0] * dx + axes[1, 1] * dy + axes[1, 2] * dz
-    length = np.sqrt(dx * dx + dy * dy + dz * dz)
-    return above(x / length, y / length, z / length, scene.sine[i, s])
+        left = samples - s
+        if shown + left + (blocked if inside else 0) < needed:
+            return _HIDDEN
+        dx, dy, dz = rx - points[i, s, 0], ry - points[i, s, 1], rz - points[i, s, 2]
+        z = axes[i, 2, 0] * dx + axes[i, 2, 1] * dy + axes[i, 2, 2] * dz
+        u = -(right[0] * dx + right[1] * dy + right[2] * dz)
+        v = -(down[0] * dx + down[1] * dy + down[2] * dz)
+        reach = -tan * (ahead[0] * dx + ahead[1] * dy + ahead[2] * dz)
+        if z <= 0.0 or reach <= 0.0 or (u * u + v * v > reach * reach if cone else max(abs(u), abs(v)) > reach):
+            continue
+        length = np.sqrt(dx * dx + dy * dy + dz * dz)
+        open_sky = z > highest[i, s] * length
+        if not open_sky:
+            x = axes[i, 0, 0] * dx + axes[i, 0, 1] * dy + axes[i, 0, 2] * dz
+            y = axes[i, 1, 0] * dx + axes[i, 1, 1] * dy + axes[i, 1, 2] * dz
+            open_sky = above(x / length, y / length, z / length, sine[i, s])
+        if open_sky:
+            shown += 1
+            if shown >= needed:
+                return _SHOWN
+        else:
+            blocked += 1
+    return _DOUBTFUL if inside and shown + blocked >= needed else _HIDDEN

@@ -6,16 +6,20 @@ from typing import Any
 
 #: Pointing errors above this at the end or before a switch are worth a remark [deg].
 SETTLED_DEG = 0.1
+#: Events that are listed one by one.
+MOST_EVENTS = 30
 
 
 def remarks(summary: dict[str, Any]) -> list[str]:
-    """Remarks on pointing that had not settled and wheels at their limits, one sentence each."""
+    """Remarks on what went wrong, pointing that had not settled and wheels at their limits, one sentence each."""
     found = []
     for when, key in (
         ("at the end", "pointing_error_deg_final"),
         ("before a switch", "pointing_error_deg_before_switch"),
     ):
-        late = {name: error for name, error in summary[key].items() if error > SETTLED_DEG}
+        late = {
+            n: error for n, error in summary[key].items() if error > SETTLED_DEG and n not in summary.get("lost", ())
+        }
         if late:
             worst = max(late.values())
             found.append(f"pointing had not settled {when}: {', '.join(late)}, up to {worst:.3g} deg")
@@ -24,7 +28,20 @@ def remarks(summary: dict[str, Any]) -> list[str]:
         found.append(
             f"wheel limits cut the controller's torque: {', '.join(f'{n} for {s:g} s' for n, s in cut.items())}"
         )
-    return found
+    return [*event_remarks(summary), *found]
+
+
+def event_remarks(summary: dict[str, Any]) -> list[str]:
+    """One sentence for each fault and what followed from it, the first `MOST_EVENTS`."""
+    events = summary.get("events", ())
+    found = [
+        f"t = {event['time_s']:g} s, {event['spacecraft']}: {event['kind'].replace('_', ' ')}"
+        + (f" ({event['detail']})" if event["detail"] else "")
+        for event in events[:MOST_EVENTS]
+    ]
+    return found + (
+        [f"and {len(events) - len(found)} more events, see summary.json"] if len(events) > len(found) else []
+    )
 
 
 def near_collision_remarks(summary: dict[str, Any]) -> list[str]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +10,11 @@ import numpy as np
 import xarray as xr
 import yaml
 
+from swarm_mj.errors import ScenarioError
 from swarm_mj.flight import ObservationResult
 from swarm_mj.output.folder import write_text
 from swarm_mj.planning import Plan
-from swarm_mj.scenarios.loading import packaged_designs
+from swarm_mj.scenarios.loading import design_record
 from swarm_mj.scenarios.schema import Scenario
 
 
@@ -31,15 +31,12 @@ def write_flown_design(path: Path, scenario: Scenario) -> None:
     reference = scenario.design.reference
     if reference is None:
         return
-    packaged = resources.files("swarm_mj.scenarios") / "designs" / f"{reference}.json"
-    source = packaged if reference in packaged_designs() else Path(reference)
     try:
-        text = source.read_text(encoding="utf-8")
-        flown = json.loads(text)["visiting_points"] == list(scenario.design.visiting_points)
-    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        record = design_record(reference)
+    except ScenarioError:
         return  # points that are given outright fly without their design's record
-    if flown:
-        write_text(path, text)
+    if record["visiting_points"] == list(scenario.design.visiting_points):
+        write_text(path, json.dumps(record, indent=2) + "\n")
 
 
 def write_summary(folder: Path, summary: dict[str, Any]) -> None:
@@ -52,7 +49,8 @@ def write_telemetry(path: Path, telemetry: xr.Dataset) -> None:
     encoding: dict[Any, dict[str, Any]] = {
         name: {"zlib": True, "complevel": 4} for name, variable in telemetry.data_vars.items() if variable.ndim
     }
-    telemetry.to_netcdf(path, engine="h5netcdf", encoding=encoding)
+    # In memory first: on a full disk HDF5 keeps a broken file open that crashes the interpreter when it ends.
+    path.write_bytes(telemetry.to_netcdf(engine="h5netcdf", encoding=encoding))
 
 
 def write_coverage(path: Path, plan: Plan, result: ObservationResult) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import platform
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
@@ -33,6 +34,7 @@ def summarise(plan: Plan, telemetry: xr.Dataset, result: ObservationResult, wall
         **_observed(plan, result),
         **_pointed(plan, telemetry),
         **_flown(plan),
+        **_went_wrong(plan, telemetry),
         "link_closed_percent": _by_name(plan.names, 100.0 * telemetry["link_closed"].values.mean(axis=0), 2),
         "links_closed_final": int(telemetry["link_closed"].values[-1].sum()),
         "wall_s": {stage: round(seconds, 3) for stage, seconds in wall_s.items()},
@@ -104,6 +106,15 @@ def _flown(plan: Plan) -> dict[str, Any]:
             }
             for a in plan.near_collisions
         ],
+    }
+
+
+def _went_wrong(plan: Plan, telemetry: xr.Dataset) -> dict[str, Any]:
+    """Faults and what followed, in order of time, and who no longer worked at the end."""
+    names, works = plan.names, telemetry.get("operational")
+    return {
+        "events": json.loads(telemetry.attrs.get("events", "[]")),
+        "lost": [] if works is None else [name for name, on in zip(names, works.values[-1], strict=True) if not on],
     }
 
 

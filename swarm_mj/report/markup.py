@@ -16,7 +16,7 @@ class Html(str):
 Content = str | float | None | Iterable["Content"]
 
 
-def tag(name: str, *content: Content, **attributes: str | float | bool | None) -> Html:
+def tag(name: str, /, *content: Content, **attributes: str | float | bool | None) -> Html:
     """Build an element.
 
     Args:
@@ -51,9 +51,9 @@ def table(
     rows: Iterable[Sequence[Content]],
     *,
     caption: str,
-    numeric: bool = False,
+    class_: str | None = None,
+    id_: str | None = None,
     row_classes: Sequence[str | None] = (),
-    row_ids: Sequence[str] = (),
 ) -> Html:
     """A table whose first column names the rows, in a box that scrolls when the page is narrow.
 
@@ -61,9 +61,9 @@ def table(
         head: Column headings.
         rows: Cells of each row.
         caption: What it shows, also for screen readers.
-        numeric: Whether all columns but the first are set to the right.
+        class_: Its class; `numeric` sets all columns but the first to the right.
+        id_: Its id.
         row_classes: A class for each row, or none at all.
-        row_ids: An id for each row, or none at all.
     """
     body = []
     for number, row in enumerate(rows):
@@ -74,7 +74,6 @@ def table(
                 tag("th", name, scope="row"),
                 [tag("td", cell) for cell in cells],
                 class_=row_classes[number] if row_classes else None,
-                id=row_ids[number] if row_ids else None,
             )
         )
     grid = tag(
@@ -82,6 +81,7 @@ def table(
         tag("caption", caption),
         tag("thead", tag("tr", [tag("th", heading, scope="col") for heading in head])),
         tag("tbody", body),
-        class_="numeric" if numeric else None,
+        class_=class_,
+        id=id_,
     )
     return tag("div", grid, class_="scroll", tabindex=0, role="region", aria_label=caption)

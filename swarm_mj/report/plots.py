@@ -25,15 +25,24 @@ MAX_CURVES = len(SPACECRAFT)
 #: More rows than these do not fit.
 MAX_ROWS = 20
 #: The page replaces this colour by one that stands out from its background.
-INK = "ink"
+INK = "#010203"
 COLOURS_OF_RUNS = (BLUE, VERMILLION)
+NAMES = (
+    "pointing error [deg]",
+    "fastest wheel [rpm]",
+    "observed share of the target P<sub>TO</sub> [%]",
+    "+z and links",
+)
+NAMES_OF_TWO = (
+    "largest pointing error of the swarm [deg]", "fastest wheel of the swarm [rpm]", NAMES[2], "closed links",
+)  # fmt: skip
 #: Heights of the rows, in shares.
 ROWS = (0.27, 0.2, 0.25, 0.28)
 
 
 def plot_run(run: RunRecord, replay: Replay) -> go.Figure:
     """All plots of one run."""
-    figure, axis = _frame(run), time_axis(float(run.times[-1]))
+    figure, axis = _frame(run, NAMES), time_axis(float(run.times[-1]))
     times = replay.times / axis.seconds
     if len(replay.shown) <= MAX_CURVES:
         colours = spacecraft_colours(len(replay.shown))
@@ -51,7 +60,7 @@ def plot_run(run: RunRecord, replay: Replay) -> go.Figure:
 def plot_two(runs: Sequence[RunRecord], replays: Sequence[Replay], labels: Sequence[str]) -> go.Figure:
     """The plots of two runs over each other: of each the worst of its swarm, its coverage and its closed links."""
     longest = max(runs, key=lambda run: run.times[-1])
-    figure, axis = _frame(longest), time_axis(float(longest.times[-1]))
+    figure, axis = _frame(longest, NAMES_OF_TWO), time_axis(float(longest.times[-1]))
     for run, replay, label, colour, dash in zip(runs, replays, labels, COLOURS_OF_RUNS, ("solid", "dash"), strict=True):
         times = replay.times / axis.seconds
         curves = (
@@ -65,18 +74,17 @@ def plot_two(runs: Sequence[RunRecord], replays: Sequence[Replay], labels: Seque
             _curve(figure, row, times, values, label, style, legend=row == 1)
     for run in runs:
         _wheel_limit(figure, run)
-    figure.update_yaxes(title_text="closed links", rangemode="tozero", row=4, col=1)
-    figure.update_yaxes(title_text="largest pointing<br>error [deg]", row=1, col=1)
+    figure.update_yaxes(rangemode="tozero", row=4, col=1)
     _limit_axes(figure, replays)
     return figure
 
 
-def _frame(run: RunRecord) -> go.Figure:
+def _frame(run: RunRecord, names: Sequence[str]) -> go.Figure:
+    """Four empty plots under each other, each with its name above it, so that narrow pages lose no room at the side."""
     axis = time_axis(float(run.times[-1]))
-    figure = make_subplots(rows=4, cols=1, shared_xaxes=True, vertical_spacing=0.045, row_heights=list(ROWS))
-    names = ("pointing<br>error [deg]", "fastest wheel<br>[rpm]", "observed share<br>P<sub>TO</sub> [%]", "")
+    figure = make_subplots(rows=4, cols=1, shared_xaxes=True, vertical_spacing=0.065, row_heights=list(ROWS))
     for row, name in enumerate(names, start=1):
-        figure.update_yaxes(title_text=name, row=row, col=1)
+        _headline(figure, row, name)
     figure.update_xaxes(title_text=f"time since deployment [{axis.unit}]", row=4, col=1)
     figure.update_xaxes(range=[0.0, float(run.times[-1]) / axis.seconds])
     figure.update_yaxes(type="log", exponentformat="power", dtick=2, row=1, col=1)
@@ -84,13 +92,19 @@ def _frame(run: RunRecord) -> go.Figure:
     figure.update_layout(
         hovermode="x",
         dragmode="zoom",
-        margin={"l": 72, "r": 12, "t": 44, "b": 44},
-        legend={"orientation": "h", "x": 0.0, "y": 1.01, "yanchor": "bottom"},
+        margin={"l": 46, "r": 10, "t": 64, "b": 44},
+        legend={"orientation": "h", "x": 0.0, "y": 1.03, "yanchor": "bottom"},
         height=760,
         uirevision="kept",
-        shapes=[_marker(0.0, INK, "solid"), _marker(run.scenario.design.time_of_flight_s / axis.seconds, GREY, "dash")],
+        shapes=[_marker(run.scenario.design.time_of_flight_s / axis.seconds, GREY, "dash")],
     )
     return figure
+
+
+def _headline(figure: go.Figure, row: int, text: str) -> None:
+    """Quantity and unit over the upper left corner of a plot."""
+    place = {"xref": "paper", "x": 0.0, "xanchor": "left", "yref": f"y{row if row > 1 else ''} domain", "y": 1.0}
+    figure.add_annotation(text=text, showarrow=False, yanchor="bottom", **place)
 
 
 def _marker(x: float, colour: str, dash: str) -> dict[str, Any]:
@@ -138,9 +152,7 @@ def _swarm_curves(figure: go.Figure, times: Array, replay: Replay) -> None:
 
 
 def _coverage_curves(figure: go.Figure, run: RunRecord, times: Array, replay: Replay) -> None:
-    _curve(
-        figure, 3, times, replay.percent, "whole swarm", {"color": INK, "width": 3, "shape": "hv"}, legend=True
-    )
+    _curve(figure, 3, times, replay.percent, "whole swarm", {"color": INK, "width": 3, "shape": "hv"}, legend=True)
     if run.scenario.observation.criterion == "visit":
         line = {"color": INK, "width": 1.5, "dash": "dot", "shape": "hv"}
         _curve(figure, 3, times, replay.percent_passage, "whole swarm, whole passage", line, legend=True)
@@ -163,7 +175,13 @@ def _timeline(figure: go.Figure, run: RunRecord, replay: Replay, axis: TimeAxis)
     _bars(figure, times, replay.link[:, :rows] == 1, 0.33, "link closed", INK, 4)
     names = [run.names[j] for j in replay.shown[:rows]]
     figure.update_yaxes(
-        tickvals=list(range(rows)), ticktext=names, range=[rows - 0.4, -0.6], showgrid=False, fixedrange=True, row=4, col=1
+        tickvals=list(range(rows)),
+        ticktext=names,
+        range=[rows - 0.4, -0.6],
+        showgrid=False,
+        fixedrange=True,
+        row=4,
+        col=1,
     )
 
 

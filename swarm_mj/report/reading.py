@@ -87,7 +87,9 @@ def read_run(folder: Path) -> RunRecord:
     _check_folder(folder)
     summary = _read_json(folder / "summary.json")
     if not isinstance(summary, dict) or (missing := [key for key in SUMMARY if key not in summary]):
-        what = "a design" if isinstance(summary, dict) and "proof" in summary else f"no run: {', '.join(missing)} missing"
+        what = (
+            "a design" if isinstance(summary, dict) and "proof" in summary else f"no run: {', '.join(missing)} missing"
+        )
         raise OutputError(f"{folder}: summary.json describes {what}; a report is made from a folder of `swarm-mj run`")
     design = folder / "design.json"
     return RunRecord(
@@ -144,7 +146,9 @@ def _read_telemetry(path: Path) -> xr.Dataset:
             telemetry = file.load()
     except Exception as error:  # the HDF5 library raises what it likes on a broken file
         raise _unreadable(path, error) from None
-    missing = [name for name in TELEMETRY if name not in telemetry] + [a for a in ATTRIBUTES if a not in telemetry.attrs]
+    missing = [name for name in TELEMETRY if name not in telemetry] + [
+        a for a in ATTRIBUTES if a not in telemetry.attrs
+    ]
     if missing:
         raise _unreadable(path, f"{', '.join(missing)} missing")
     if not telemetry.sizes["time"] or not telemetry.sizes["spacecraft"]:

@@ -47,7 +47,7 @@ class Limits:
     values: int = 100_000
     spacecraft: int = 800
     faces: int = 16_000
-    rays: int = 200_000
+    rays: int = 400_000
 
 
 @dataclass(frozen=True, kw_only=True)

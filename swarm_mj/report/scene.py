@@ -51,7 +51,12 @@ def scene_figure(run: RunRecord, replay: Replay) -> go.Figure:
                 marker={"symbol": "square", "size": 5, "color": INK},
                 hovertext=["mothership at deployment"],
             ),
-            _spots("directions", mode="text", textfont={"size": 13}, hoverinfo="skip"),
+            _lines("directions", color=INK, width=3).update(
+                mode="lines+text",
+                text=["", "Sun", "", "", "Earth"],
+                textposition=["top center"] * 3 + ["bottom center"] * 2,
+                textfont={"size": 13},
+            ),
             _spots(
                 "spacecraft",
                 mode="markers+text" if len(replay.shown) <= MAX_NAMED else "markers",

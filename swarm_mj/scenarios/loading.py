@@ -98,45 +98,46 @@ def read_design(reference: str) -> list[int]:
     Raises:
         ScenarioError: It cannot be read or holds no design.
     """
-    path = (
-        resources.files("swarm_mj.scenarios") / "designs" / f"{reference}.json"
-        if reference in packaged_designs()
-        else Path(reference)
-    )
+    design = design_record(reference)
+    points: list[int] = design["visiting_points"]
+    if not design.get("flyable", True):
+        raise ScenarioError(
+            f"design.reference = {shortened(reference)}: its points belong to several targets, altitudes or times of flight, "
+            "which no single scenario flies"
+        )
+    return points
+
+
+def design_record(reference: str) -> dict[str, Any]:
+    """The whole record of a design, with its `visiting_points` checked; args and errors as in `read_design`."""
+    known = packaged_designs()
+    packaged = resources.files("swarm_mj.scenarios") / "designs" / f"{reference}.json"
+    path = packaged if reference in known else Path(reference)
     try:
         if not path.is_file():
-            raise ValueError("no regular file")
+            raise ValueError("no such file")
         with path.open("rb") as file:
-            design = json.loads(_limited(file.read(MAX_BYTES + 1)).decode("utf-8"))
-        points, flyable = design["visiting_points"], design.get("flyable", True)
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+            raw = file.read(MAX_BYTES + 1)
+        if len(raw) > MAX_BYTES:
+            raise ValueError(f"larger than {MAX_BYTES} bytes")
+        design = json.loads(raw.decode("utf-8"))
+        points = design["visiting_points"]
+    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
         raise ScenarioError(
             f"design.reference = {shortened(reference)}: no packaged design and no design.json "
-            f"({type(error).__name__}: {shortened(str(error))}). "
-            f"Packaged: {', '.join(packaged_designs())}"
+            f"({type(error).__name__}: {shortened(str(error))}). Packaged: {', '.join(known)}"
         ) from None
     if not isinstance(points, list) or not points or not all(type(p) is int for p in points):
         raise ScenarioError(
             f"design.reference = {shortened(reference)}: its visiting_points are no list of numbers: {shown(points)}"
         )
-    if not flyable:
-        raise ScenarioError(
-            f"design.reference = {reference}: its points belong to several targets, altitudes or times of flight, which no "
-            "single scenario flies"
-        )
-    return points
+    return dict(design)
 
 
 def packaged_designs() -> list[str]:
     """Names of the packaged designs, sorted."""
     folder = resources.files("swarm_mj.scenarios") / "designs"
     return sorted(p.name.removesuffix(".json") for p in folder.iterdir() if p.name.endswith(".json"))
-
-
-def _limited(raw: bytes) -> bytes:
-    if len(raw) > MAX_BYTES:
-        raise ValueError(f"larger than {MAX_BYTES} bytes")
-    return raw
 
 
 def _resolve_design(data: dict[str, Any]) -> None:

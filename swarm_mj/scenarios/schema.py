@@ -157,6 +157,11 @@ class Spacecraft(Section):
     mass_kg: float = Field(8.0, gt=0)
     size_m: Vector3 = Field((0.1, 0.1, 0.34), description="a 3U CubeSat; the camera looks along the long axis +z")
     wheel: Wheel = Field(default_factory=Wheel)
+    wheel_layout: Literal["orthogonal", "orthogonal_and_skew", "pyramid"] = Field(
+        "orthogonal",
+        description="wheels along x, y, z; the same and a fourth along (1, 1, 1); four along (+-1, +-1, 1): with four, the "
+        "loss of any one leaves control about all axes",
+    )
     initial_mrp_range: float = Field(1.0, ge=0, description="each MRP component is uniform in [-range, range]")
     initial_rate_range_rpm: float = Field(
         0.2, ge=0, description="each body rate component is uniform in [-range, range] rpm"
@@ -166,8 +171,9 @@ class Spacecraft(Section):
     def _wheels_fit_inside(self) -> Self:
         if min(self.size_m) <= 0:
             raise ValueError(f"size_m = {list(self.size_m)}: every edge must be > 0")
-        if 3 * self.wheel.mass_kg >= self.mass_kg:
-            raise ValueError(f"mass_kg = {self.mass_kg}: must exceed the three wheels, {3 * self.wheel.mass_kg:g} kg")
+        count, word = (3, "three") if self.wheel_layout == "orthogonal" else (4, "four")
+        if count * self.wheel.mass_kg >= self.mass_kg:
+            raise ValueError(f"mass_kg = {self.mass_kg}: must exceed the {word} wheels, {count * self.wheel.mass_kg:g} kg")
         return self
 
 
@@ -351,6 +357,12 @@ class Scenario(Section):
         if not isinstance(moment, datetime) or moment.tzinfo is not None:
             raise ValueError(f"= {value!r}: must be a date and time in TDB without time zone, like 2018-01-15T00:00:00")
         return moment.isoformat()
+
+    @model_validator(mode="after")
+    def _wheels_are_modelled(self) -> Self:
+        if self.physics.wheels == "gyrostat" and self.spacecraft.wheel_layout != "orthogonal":
+            raise ValueError("physics.wheels = gyrostat: has three orthogonal wheels; use bodies for other layouts")
+        return self
 
     @model_validator(mode="after")
     def _times_fit_together(self) -> Self:

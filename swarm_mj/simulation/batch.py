@@ -31,6 +31,8 @@ from swarm_mj.spacecraft.model import NQ, NV
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
+#: Where lost spacecraft stand, times their number [m].
+PARKED = 1e7
 #: Places in MuJoCo's state vector that the kernels read or write, in the order of `World.at`.
 _FIELDS = ("qpos", "qvel", "ctrl", "xfrc_applied", "mocap_quat")
 
@@ -42,12 +44,16 @@ def why_not_batched(simulation: Simulation, controller: Controller | None) -> st
         simulation: One flight, as it would fly alone.
         controller: The control law; None where torques are held.
     """
+    if simulation._adverse is not None:
+        return "faults, dispersions or a fourth wheel"
     if controller is not None and type(controller) is not MrpSlidingMode:
         return f"the control law {type(controller).__name__}"
     if type(simulation.environment.gravity) is not SphericalHarmonics:
         return f"the gravity field {type(simulation.environment.gravity).__name__}"
     if simulation.environment.perturbed or simulation._gradient_gm > 0.0:
         return "perturbations"
+    if simulation.model.wheels == "gyrostat":
+        return "wheels as momentum states"
     return ""
 
 
@@ -69,6 +75,7 @@ class BatchFlights:
         tick: Control periods flown, shape (E,).
         finite: False where the flight has diverged, shape (E,).
         causes: Why, by flight.
+        lost: Spacecraft lost to faults, of which a batch knows none, shape (E, n).
         effort: Sum of the squares of all motor torques since the caller last set it to zero, shape (E,) [N^2 m^2].
     """
 
@@ -94,6 +101,7 @@ class BatchFlights:
         f = self._flights
         self.kind, self.index, self.vector, self.torque_B = f.targets[:, 0], f.targets[:, 1], f.vector, f.torque_B
         self.tick, self.finite, self.effort = f.tick, f.finite, f.effort
+        self.lost = np.zeros((count, self.n), np.bool_)
         self.causes = [""] * count
 
     def _by_spacecraft(self, name: str, size: int) -> Array:
@@ -141,22 +149,31 @@ class BatchFlights:
         f.tick[e], f.targets[e, 2:], f.finite[e], f.effort[e], f.peaks[e] = 0, -1, True, 0.0, 0.0
         self._memory[e], self.causes[e] = None, ""
 
-    def decide(self, live: Mask) -> None:
+    def park(self, e: int, j: int) -> None:
+        """Put a spacecraft that is no more where it disturbs nothing: far out, at rest."""
+        self._q[e, j, :3], self._v[e, j] = (PARKED * (1.0 + j), 0.0, 0.0), 0.0
+
+    def decide(self, live: Mask) -> bool:
         """Set forces and motor torques of the coming hold; a flight whose state is not finite is marked in `finite`.
 
         Args:
             live: Which flights, shape (E,).
+
+        Returns:
+            Whether all of them are finite.
 
         Raises:
             PluginError: A behaviour aims at what is not there.
         """
         if self._behaviors is not None:
             self._ask_behaviors(live)
-        if not batch_kernels.decide(self._world, self._flights, live, self._held):
+        answer = batch_kernels.decide(self._world, self._flights, live, self._held)
+        if answer == batch_kernels.SENSELESS:
             raise PluginError("the behaviour aims at what is not there: an unknown kind, or a spacecraft that is not")
-        if not self.finite.all():
+        if answer == batch_kernels.NOT_FINITE:
             for e in np.flatnonzero(live & ~self.finite):
                 self.causes[e] = self._divergence(int(e))
+        return bool(answer == batch_kernels.FINE)
 
     def _ask_behaviors(self, live: Mask) -> None:
         assert self._behaviors is not None
@@ -166,12 +183,12 @@ class BatchFlights:
             targets, self._memory[e] = self._behaviors[e].targets(view, self._memory[e])
             self.kind[e], self.index[e], self.vector[e] = targets
 
-    def advance(self, live: Mask) -> None:
-        """Let MuJoCo integrate one control period of the live flights with everything held."""
-        if live.all():
+    def advance(self, live: Mask | None) -> None:
+        """Let MuJoCo integrate one control period of the live flights, None for all, with everything held."""
+        if live is None:
             self._batch.step(nstep=self._hold)
             self.tick += 1
-        elif live.any():
+        else:
             self._batch.step(ids=np.flatnonzero(live), nstep=self._hold)
             self.tick[live] += 1
 

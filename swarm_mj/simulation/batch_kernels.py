@@ -95,6 +95,9 @@ class Flights(NamedTuple):
     effort: Array
 
 
+#: What `decide` answers.
+FINE, NOT_FINITE, SENSELESS = 0, 1, 2
+
 # Numba folds plain integers into the machine code; members of an IntEnum it looks up.
 _PHASE0, _SPIN_RATE, _PERIOD, _MASS = int(Number.PHASE0), int(Number.SPIN_RATE), int(Number.PERIOD), int(Number.MASS)
 _WHEEL_INERTIA, _SPEED_GAIN = int(Number.WHEEL_INERTIA), int(Number.SPEED_GAIN)
@@ -103,7 +106,7 @@ _Q_P, _LAW = int(Number.Q_P), int(Number.LAW)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def decide(world: World, flights: Flights, live: NDArray[np.bool_], held_torque: bool) -> bool:
+def decide(world: World, flights: Flights, live: NDArray[np.bool_], held_torque: bool) -> int:
     """Forces and motor torques of the coming hold for the flights that are live, as `Simulation.decide` sets them.
 
     Args:
@@ -113,17 +116,17 @@ def decide(world: World, flights: Flights, live: NDArray[np.bool_], held_torque:
         held_torque: Whether `torque_B` is given instead of coming from the control law.
 
     Returns:
-        Whether all targets make sense, see `guide`.
+        FINE, or what is wrong with some flight: SENSELESS targets (see `guide`) or a state that is NOT_FINITE.
     """
-    sensible = True
+    worst = FINE
     for e in range(live.shape[0]):
         if live[e]:
-            sensible &= _decide_one(world, flights, e, held_torque)
-    return sensible
+            worst = max(worst, _decide_one(world, flights, e, held_torque))
+    return worst
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _decide_one(world: World, flights: Flights, e: int, held_torque: bool) -> bool:
+def _decide_one(world: World, flights: Flights, e: int, held_torque: bool) -> int:
     n, at, numbers, row, work = world.hub.shape[0], world.at, world.numbers, flights.state[e], flights.work[e]
     period, spin_rate = numbers[_PERIOD], numbers[_SPIN_RATE]
     t = flights.tick[e] * period
@@ -144,7 +147,7 @@ def _decide_one(world: World, flights: Flights, e: int, held_torque: bool) -> bo
         C_mid,
     )
     if not flights.finite[e]:
-        return True
+        return NOT_FINITE
     a_A = sum_series(work[_R_A], numbers[_RADIUS], world.table, world.series)
     xfrc = row[at[3] : at[3] + 6 * at[5]].reshape(at[5], 6)
     push(a_A, C_mid, numbers[_MASS], world.hub, xfrc, work)
@@ -173,7 +176,7 @@ def _decide_one(world: World, flights: Flights, e: int, held_torque: bool) -> bo
     )
     for k in range(3 * n):
         flights.effort[e] += ctrl[k] * ctrl[k]
-    return sensible
+    return FINE if sensible else SENSELESS
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

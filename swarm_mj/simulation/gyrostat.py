@@ -1,16 +1,16 @@
 """Runge-Kutta integration of gyrostats: MuJoCo's method of fourth order around MuJoCo's own accelerations.
 
 The gyroscopic torque -omega x h of wheels that are no bodies depends on the state, so it must be evaluated at every stage to
-keep the method's order. An actuator cannot give it, for what actuators add is symmetric in the velocities; callbacks would act on
-every model in the process. So the stages are run here, in compiled code that calls MuJoCo's C functions. Attitudes are
+keep the method's order. An actuator cannot give it, for what actuators add is symmetric in the velocities; callbacks would act
+on every model in the process. So the stages are run here, in compiled code that calls MuJoCo's C functions. Attitudes are
 integrated as rotation vectors from the step's start (Munthe-Kaas, BIT Numerical Mathematics 38, 1998), as MuJoCo 4 does.
 """
 
 from __future__ import annotations
 
+import ctypes
 from pathlib import Path
 
-import llvmlite.binding as llvm
 import mujoco
 import numpy as np
 from numba import njit, types
@@ -67,7 +67,8 @@ def _load_mujoco() -> None:
     libraries = sorted((*folder.glob("libmujoco*"), *folder.glob("mujoco.dll")))
     if not libraries:
         raise SimulationError(f"physics.wheels: gyrostat needs MuJoCo's library, which is not in {folder}; use bodies")
-    llvm.load_library_permanently(str(libraries[0]))
+    # The compiled code finds C functions by name among the symbols that are global in the process.
+    ctypes.CDLL(str(libraries[0]), mode=ctypes.RTLD_GLOBAL)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -123,8 +124,8 @@ def _add(start: Array, factor: float, slope: Array, total: Array) -> None:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _rate_of_displacement(c: float, qvel: Array, rate: Array) -> None:
-    # `rate` holds that of the previous stage, by which this stage stands displaced for the time c. The rate of a rotation vector
-    # p is omega + p x omega / 2 + p x (p x omega) / 12, up to terms beyond fourth order.
+    # `rate` holds that of the previous stage, by which this stage stands displaced for the time c. The rate of a rotation
+    # vector p is omega + p x omega / 2 + p x (p x omega) / 12, up to terms beyond fourth order.
     for v in range(0, qvel.shape[0], NV_FREE):
         px, py, pz = c * rate[v + 3], c * rate[v + 4], c * rate[v + 5]
         x, y, z = qvel[v + 3], qvel[v + 4], qvel[v + 5]

@@ -34,6 +34,7 @@ class SeparateFlights:
         self.kind, self.index = np.zeros((count, n), np.int64), np.zeros((count, n), np.int64)
         self.vector, self.torque_B, self.sigma_BR = (np.zeros((count, n, 3)) for _ in range(3))
         self.tick, self.finite, self.effort = np.zeros(count, np.int64), np.ones(count, np.bool_), np.zeros(count)
+        self.lost = np.zeros((count, n), np.bool_)
         self.causes = [""] * count
 
     @property
@@ -54,7 +55,7 @@ class SeparateFlights:
     def read(self, r: Array, v: Array, q: Array, omega: Array, wheel: Array) -> None:
         """Copy positions and velocities in N [m, m/s], attitudes, body rates and wheel speeds [rad/s], shape (E, n, ...)."""
         for e, simulation in enumerate(self.simulations):
-            qpos, qvel = simulation.data.qpos.reshape(self.n, -1), simulation.data.qvel.reshape(self.n, -1)
+            qpos, qvel = simulation.model.state(simulation.data)
             r[e], q[e] = qpos[:, :3], qpos[:, 3:7]
             v[e], omega[e], wheel[e] = qvel[:, :3], qvel[:, 3:6], qvel[:, 6:]
 
@@ -63,7 +64,7 @@ class SeparateFlights:
         self.simulations[e].reset(initial)
         self.tick[e], self.finite[e], self.effort[e], self.causes[e] = 0, True, 0.0, ""
 
-    def decide(self, live: Mask) -> None:
+    def decide(self, live: Mask) -> bool:
         """Set forces and motor torques of the coming hold; see `BatchFlights.decide`."""
         for e in np.flatnonzero(live):
             simulation = self.simulations[e]
@@ -75,9 +76,10 @@ class SeparateFlights:
             self.kind[e], self.index[e], self.vector[e] = targets
             self.sigma_BR[e] = simulation._inputs.sigma_BR
             self.effort[e] += float((simulation.data.ctrl**2).sum())
+        return bool(self.finite[live].all())
 
-    def advance(self, live: Mask) -> None:
-        """Let MuJoCo integrate one control period of the live flights with everything held."""
-        for e in np.flatnonzero(live):
+    def advance(self, live: Mask | None) -> None:
+        """Let MuJoCo integrate one control period of the live flights, None for all, with everything held."""
+        for e in range(self.count) if live is None else np.flatnonzero(live):
             self.simulations[e].advance()
             self.tick[e] += 1

@@ -17,11 +17,18 @@ from numpy.typing import NDArray
 from swarm_mj.attitude.controllers.base import ControlInput, Controller
 from swarm_mj.attitude.mrp import quaternion_from_mrp
 from swarm_mj.errors import PluginError, SimulationError
+from swarm_mj.faults.flight import Adversity
+from swarm_mj.faults.impact import ImpactWatch
+from swarm_mj.faults.schedule import Event
+from swarm_mj.faults.telemetry import FaultRecord
 from swarm_mj.mission.behaviors import Behavior, SwarmView, Targets
 from swarm_mj.simulation import kernels
+from swarm_mj.simulation.adverse import NOTHING, AdverseLoop
 from swarm_mj.simulation.gyrostat import GyrostatIntegrator
 from swarm_mj.simulation.kernels import Slot
 from swarm_mj.smallbody.environment import Environment
+from swarm_mj.smallbody.rotation import sub_point
+from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.spacecraft.gyrostat import with_wheels
 from swarm_mj.spacecraft.model import NQ, NV, SwarmModel
 from swarm_mj.spacecraft.properties import SpacecraftProperties
@@ -42,7 +49,9 @@ class InitialState:
         v_BN_N: Velocities, shape (n, 3) [m/s].
         sigma_BN: Attitudes as MRP, shape (n, 3).
         omega_BN_B: Body rates, shape (n, 3) [rad/s].
-        wheel_speed: Shape (n, 3) [rad/s].
+        wheel_speed: Shape (n, w) [rad/s].
+        seed: Of faults and dispersions, where the simulation has any.
+        deployment: What went wrong on the way to this state.
     """
 
     r_BN_N: Array
@@ -50,6 +59,8 @@ class InitialState:
     sigma_BN: Array
     omega_BN_B: Array
     wheel_speed: Array
+    seed: int = 0
+    deployment: tuple[Event, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -63,6 +74,7 @@ class Record:
         aim: `TargetKind` values and the spacecraft tracked, counted from 0 (-1: none), shape (t, 2, n).
         peaks: Over every control period, not only the samples: largest wheel speed [rad/s], largest motor torque [N m], and
             the time in which a wheel limit cut a torque [s], shape (n, 3).
+        faults: What a flight with faults, dispersions or four wheels adds.
     """
 
     time: Array
@@ -70,6 +82,7 @@ class Record:
     attitude: Array
     aim: NDArray[np.int16]
     peaks: Array
+    faults: FaultRecord | None = None
 
 
 class Simulation:
@@ -83,6 +96,8 @@ class Simulation:
         controller: The attitude control law.
         control_period: How long torques and forces are held [s]; a whole multiple of the model's timestep.
         gravity_gradient_torque: Whether the torque of the central field acts; the field must know its `gm`.
+        adversity: What may go wrong; None: nothing, all is as planned.
+        shape: The body, to look for impacts while `run` flies; None: nobody looks.
     """
 
     def __init__(
@@ -95,6 +110,8 @@ class Simulation:
         controller: Controller,
         control_period: float = 0.5,
         gravity_gradient_torque: bool = False,
+        adversity: Adversity | None = None,
+        shape: ShapeModel | None = None,
     ) -> None:
         self.model, self.properties, self.environment = model, properties, environment
         self.behavior, self.controller, self.period = behavior, controller, control_period
@@ -102,6 +119,10 @@ class Simulation:
         self._hold = round(control_period / model.mjmodel.opt.timestep)
         self._gradient_gm = self._gm_of_field() if gravity_gradient_torque else 0.0
         self._allocate_arrays(model.n)
+        self._watch = None if shape is None else ImpactWatch(shape, environment, control_period)
+        if adversity is None and properties.n_wheels != 3:
+            adversity = NOTHING
+        self._adverse = None if adversity is None else AdverseLoop(self, adversity, SPEED_MARGIN)
         self._gyrostats = GyrostatIntegrator(model.mjmodel, self._axes) if model.wheels == "gyrostat" else None
         self.tick = 0
 
@@ -150,13 +171,32 @@ class Simulation:
         """Seconds past the epoch, counted in whole control periods."""
         return self.tick * self.period
 
+    @property
+    def lost(self) -> NDArray[np.bool_]:
+        """Spacecraft that no longer work, shape (n,); they drift on."""
+        return np.zeros(self.model.n, np.bool_) if self._adverse is None else self._adverse.flight.lost
+
+    @property
+    def camera_on(self) -> NDArray[np.bool_]:
+        """Spacecraft that can take pictures, shape (n,)."""
+        return ~self.lost if self._adverse is None else self._adverse.flight.camera_on & ~self.lost
+
+    @property
+    def events(self) -> list[Event]:
+        """What went wrong so far, in order of time."""
+        return [] if self._adverse is None else self._adverse.flight.events
+
     def reset(self, initial: InitialState) -> None:
-        """Put the swarm at its start and forget everything."""
-        n = self.model.n
+        """Put the swarm at its start and forget everything; faults and dispersions are drawn from the state's seed."""
+        n, w = self.model.n, self.properties.n_wheels
+        if self._adverse is not None:
+            self._adverse.reset(initial.seed, initial.deployment)
+        if self._watch is not None:
+            self._watch.reset()
         mujoco.mj_resetData(self.model.mjmodel, self.data)
-        qpos, qvel = np.zeros((n, NQ)), np.empty((n, NV))
+        qpos, qvel = np.zeros((n, NQ - 3 + w)), np.empty((n, NV - 3 + w))
         qpos[:, :3], qpos[:, 3:7] = initial.r_BN_N, quaternion_from_mrp(initial.sigma_BN)
-        qvel[:, :3], qvel[:, 3:6], qvel[:, 6:9] = initial.v_BN_N, initial.omega_BN_B, initial.wheel_speed
+        qvel[:, :3], qvel[:, 3:6], qvel[:, 6:] = initial.v_BN_N, initial.omega_BN_B, initial.wheel_speed
         self.model.set_state(self.data, qpos, qvel)
         self.tick = 0
         self._aim[:] = -1
@@ -171,29 +211,25 @@ class Simulation:
             SimulationError: The state is no longer finite.
         """
         data, work, environment, t = self.data, self._work, self.environment, self.time
-        rate = environment.spin_rate
-        phase = environment.phase0 + rate * t
-        qpos, qvel = self._state()
-        finite = kernels.sense(
-            qpos,
-            qvel,
-            self._C_PN,
-            phase,
-            0.5 * self.period * rate,
-            0.5 * self.period,
-            self.properties.wheel_spin_inertia,
-            self._axes,
-            work,
-            self._q_BN,
-            self._C_AN,
-            self._C_mid,
-        )
-        if not finite:
-            raise SimulationError(self._divergence())
+        phase = environment.phase0 + environment.spin_rate * t
+        adverse = self._adverse
+        if adverse is not None:
+            adverse.rest(environment.C_AN(t), data)
+        if not self._sense(phase):
+            if adverse is None:
+                raise SimulationError(self._divergence())
+            adverse.diverged(t, data)
+            self._sense(phase)
+        if adverse is not None:
+            adverse.begin(t, work)
         self._push(t)
         kernels.turn_body(self._q_P, phase, data.mocap_quat[self.model.asteroid_mocap])
         view = SwarmView(t, work[Slot.R], work[Slot.V], self._C_AN)
         targets, self._behavior_memory = self.behavior.targets(view, self._behavior_memory)
+        q_known = self._q_BN
+        if adverse is not None:
+            targets = adverse.flight.redirect(t, targets, work[Slot.R])
+            q_known = adverse.know(self.tick, self._q_BN, work)
         aimed = kernels.guide(
             targets.kind,
             targets.spacecraft,
@@ -202,7 +238,7 @@ class Simulation:
             environment.earth.velocity,
             self._spin_N,
             self._C_AN,
-            self._q_BN,
+            q_known,
             self._aim,
             self._restart,
             self._q_RN,
@@ -214,6 +250,10 @@ class Simulation:
                 f"{targets.spacecraft.tolist()} of {self.model.n}, counted from 0"
             )
         torque_B, self._controller_memory = self.controller.torque(self._inputs, self._controller_memory)
+        if adverse is not None:
+            adverse.actuate(torque_B, data.ctrl, self._peaks)
+            adverse.forget(work)
+            return targets
         limits = self.properties
         kernels.actuate(
             torque_B,
@@ -227,8 +267,28 @@ class Simulation:
         )
         return targets
 
+    def _sense(self, phase: float) -> bool:
+        """Read the state into the work arrays; whether every number is finite."""
+        qpos, qvel = self._state()
+        return kernels.sense(
+            qpos,
+            qvel,
+            self._C_PN,
+            phase,
+            0.5 * self.period * self.environment.spin_rate,
+            0.5 * self.period,
+            self.properties.wheel_spin_inertia,
+            self._axes,
+            self._work,
+            self._q_BN,
+            self._C_AN,
+            self._C_mid,
+        )
+
     def _state(self) -> tuple[Array, Array]:
         data = self.data
+        if self._adverse is not None:
+            return self._adverse.state(*self.model.state(data))
         if self._gyrostats is None:
             return data.qpos, data.qvel
         spin = self.properties.wheel_spin_inertia
@@ -243,8 +303,10 @@ class Simulation:
             r_N = work[Slot.R_A] @ self._C_mid
             a_A = a_A + self.environment.perturbing_acceleration_N(middle, r_N) @ self._C_mid.T
         kernels.push(a_A, self._C_mid, self.properties.mass, self._hub, data.xfrc_applied, work)
+        if self._adverse is not None:
+            self._adverse.weigh(data.xfrc_applied, self._hub)
         if self._gradient_gm > 0.0:
-            inertia = self._inputs.inertia_B
+            inertia = self._inputs.inertia_B if self._adverse is None else self._adverse.flight.inertia_B
             kernels.push_gradient(
                 self._q_BN, self._gradient_gm, inertia, self._C_mid, self._hub, data.xfrc_applied, work
             )
@@ -266,7 +328,8 @@ class Simulation:
             progress: Called with the time reached [s], about a hundred times.
 
         Raises:
-            SimulationError: The state is no longer finite; the message gives time and spacecraft.
+            SimulationError: A spacecraft hit the body or the state is no longer finite; the message gives time and spacecraft.
+                Where faults are flown, the spacecraft is lost instead and the others fly on.
         """
         n, stride = self.model.n, round(interval / self.period)
         samples = round(duration / interval) + 1
@@ -276,30 +339,56 @@ class Simulation:
             attitude=np.empty((samples, 2, n, 4)),
             aim=np.empty((samples, 2, n), np.int16),
             peaks=np.empty((n, 3)),
+            faults=None if self._adverse is None else FaultRecord(samples, n, self.properties.n_wheels),
         )
         ticks = stride * (samples - 1)
         report_every = max(1, ticks // 100)
         for k in range(ticks + 1):
             targets = self.decide()
+            if self._watch is not None and self.tick >= self._watch.due:
+                self._look_for_impacts(self._watch)
             if k % stride == 0:
-                kernels.record(
-                    k // stride,
-                    targets.kind,
-                    targets.spacecraft,
-                    self._q_BN,
-                    self._q_RN,
-                    self.data.ctrl,
-                    self._work,
-                    record.vectors,
-                    record.attitude,
-                    record.aim,
-                )
+                self._record(k // stride, targets, record)
             if k < ticks:
                 self.advance()
             if progress is not None and k % report_every == 0:
                 progress(self.time)
         record.peaks[:] = self._peaks * (1.0, 1.0, self.period)
         return record
+
+    def _record(self, row: int, targets: Targets, record: Record) -> None:
+        ctrl, adverse = self.data.ctrl, self._adverse
+        if adverse is not None and record.faults is not None:
+            record.faults.keep(row, adverse.flight, adverse.speed, self._q_BN)
+            ctrl = adverse.motor
+        kernels.record(
+            row,
+            targets.kind,
+            targets.spacecraft,
+            self._q_BN,
+            self._q_RN,
+            ctrl,
+            self._work,
+            record.vectors,
+            record.attitude,
+            record.aim,
+        )
+
+    def _look_for_impacts(self, watch: ImpactWatch) -> None:
+        work, t = self._work, self.time
+        flying = np.ones(self.model.n, np.bool_)
+        if self._adverse is not None:
+            flying[list(self._adverse.flight.resting)] = False
+        hit = watch.look(self.tick, work[Slot.R], work[Slot.V], work[Slot.A], flying)
+        for j in np.flatnonzero(hit):
+            r_A = self._C_AN @ work[Slot.R, j]
+            if self._adverse is None:
+                latitude, longitude = sub_point(r_A, np.eye(3))
+                raise SimulationError(
+                    f"{self.model.names[j]} hits the body at t = {t:g} s, latitude {latitude:.1f} deg, longitude "
+                    f"{longitude:.1f} deg: its path crosses the surface. Change the mission, or fly it with faults"
+                )
+            self._adverse.impact(t, int(j), r_A)
 
     def _divergence(self) -> str:
         state = np.hstack(self.model.state(self.data))

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from swarm_mj.attitude.guidance import pointing_error
-from swarm_mj.attitude.mrp import mrp_from_quaternion
+from swarm_mj.attitude.mrp import mrp_from_quaternion, subtract_mrp
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.simulation.simulation import Record
 from swarm_mj.smallbody.environment import Environment
@@ -45,6 +45,10 @@ def dataset(
     """
     q_BN, q_RN = record.attitude[:, 0], record.attitude[:, 1]
     r, v, omega, sigma_BR, speed, torque, los = np.moveaxis(record.vectors, 1, 0)
+    if record.faults is not None:
+        speed, torque = record.faults.wheels[:, 0], record.faults.wheels[:, 1]
+        # The controller may not know the true attitude; the data set does.
+        sigma_BR = subtract_mrp(mrp_from_quaternion(q_BN), mrp_from_quaternion(q_RN))
     vector, wheels = ("time", "spacecraft", "xyz"), ("time", "spacecraft", "wheel")
     variables = {
         "r_BN_N": _variable(vector, r, "m", "N", "position relative to the asteroid's centre"),
@@ -75,11 +79,14 @@ def dataset(
     }
     for k, (name, units, words) in enumerate(PEAKS):
         variables[name] = _variable(("spacecraft",), record.peaks[:, k], units, "B", words)
+    if record.faults is not None:
+        for name, variable in record.faults.variables().items():
+            variables[name] = xr.Variable(*variable)
     coordinates = {
         "time": ("time", record.time, {"units": "s", "long_name": "time past the epoch"}),
         "spacecraft": list(names),
         "xyz": ["x", "y", "z"],
-        "wheel": ["x", "y", "z"],
+        "wheel": ["x", "y", "z"] if properties.n_wheels == 3 else [str(k + 1) for k in range(properties.n_wheels)],
     }
     return xr.Dataset(variables, coordinates, attrs=_attributes(environment, properties))
 

@@ -89,8 +89,9 @@ def save_obj(shape: ShapeModel, path: str | os.PathLike[str]) -> None:
     lines += [f"f {i} {j} {k}" for i, j, k in (shape.faces + 1).tolist()]
     try:
         _write_atomically(path, "\n".join(lines) + "\n")
-    except OSError as error:
-        raise OutputError(f"{path}: cannot be written ({error.strerror or error}); choose another folder") from error
+    except (OSError, ValueError) as error:  # ValueError: an empty name, or one with a NUL
+        reason = getattr(error, "strerror", None) or error
+        raise OutputError(f"{path}: cannot be written ({reason}); choose another file") from error
 
 
 def _write_atomically(path: Path, text: str) -> None:

@@ -21,6 +21,7 @@ from swarm_mj.spacecraft.properties import WHEEL_STATIONS_M, SpacecraftPropertie
 
 WHEELS = ("wheel_x", "wheel_y", "wheel_z")
 #: qpos and qvel of one spacecraft: free joint (7, 6) and three wheels; the loop's kernels rely on this contiguous layout.
+#: With four wheels MuJoCo holds one number more of each, and `AdverseLoop` hands the kernels the first three.
 #: Where wheels are no bodies, `SwarmModel.state` gives the same layout.
 NQ, NV = 10, 9
 
@@ -57,19 +58,19 @@ class SwarmModel:
         """Positions and velocities by spacecraft, wheels included, whichever way they are modelled.
 
         Returns:
-            Position in N [m], quaternion, wheel angles, shape (n, 10), and velocity in N [m/s], body rate in B [rad/s], wheel
-            speeds relative to the hub [rad/s], shape (n, 9). Views of MuJoCo's arrays where wheels are bodies; copies, with
-            zero for the angles, where they are momentum states.
+            Position in N [m], quaternion, w wheel angles, shape (n, 7 + w), and velocity in N [m/s], body rate in B [rad/s],
+            wheel speeds relative to the hub [rad/s], shape (n, 6 + w). Views of MuJoCo's arrays where wheels are bodies;
+            copies, with zero for the angles, where they are momentum states.
         """
         if self.wheels == "bodies":
-            return data.qpos.reshape(self.n, NQ), data.qvel.reshape(self.n, NV)
+            return data.qpos.reshape(self.n, -1), data.qvel.reshape(self.n, -1)
         qpos, qvel = np.empty((self.n, NQ)), np.empty((self.n, NV))
         spin, axes = self.properties.wheel_spin_inertia, self.properties.wheel_axes_B
         with_wheels(data.qpos, data.qvel, data.act, spin, axes, qpos.reshape(-1), qvel.reshape(-1))
         return qpos, qvel
 
     def set_state(self, data: mujoco.MjData, qpos: Array, qvel: Array) -> None:
-        """Write positions, shape (n, 10), and velocities, shape (n, 9), as `state` gives them."""
+        """Write positions, shape (n, 7 + w), and velocities, shape (n, 6 + w), as `state` gives them."""
         if self.wheels == "bodies":
             data.qpos[:], data.qvel[:] = qpos.ravel(), qvel.ravel()
             return
@@ -112,6 +113,8 @@ def build_model(
         part = _cubesat(properties, timestep, camera_half_angle_deg)
         if wheels == "gyrostat":
             _replace_wheels(part, properties)
+        elif properties.wheel_layout != "orthogonal":
+            _lay_out_wheels(part, properties)
         spec.attach(part, frame=spec.worldbody.add_frame(), prefix=f"{name}_")
     try:
         compiled = spec.compile()
@@ -139,12 +142,13 @@ def _cubesat(properties: SpacecraftProperties, timestep: float, camera_half_angl
     spec.option.timestep = timestep  # attaching warns when parent and child differ
     hub = spec.body("cubesat")
     hub.mass, hub.inertia = properties.hub_mass, properties.hub_inertia.tolist()
-    if min(hub.inertia) <= 0 or 2 * max(hub.inertia) > sum(hub.inertia):
+    moments = np.linalg.eigvalsh(properties.inertia_B - properties.wheels_inertia_B)
+    if moments.min() <= 0 or 2 * moments.max() > moments.sum():
         raise MissionError(
-            f"spacecraft: the wheels leave the hub an impossible inertia {np.round(properties.hub_inertia, 6).tolist()} "
+            f"spacecraft: the wheels leave the hub an impossible inertia {np.round(moments, 6).tolist()} "
             "kg m^2; make the spacecraft heavier or larger, or the wheels smaller"
         )
-    for name, axis, z in zip(WHEELS, properties.wheel_axes_B, WHEEL_STATIONS_M, strict=True):
+    for name, axis, z in zip(WHEELS, np.eye(3), WHEEL_STATIONS_M, strict=True):
         wheel = spec.body(name)
         wheel.pos, wheel.mass = [0.0, 0.0, z], properties.wheel_mass
         spin, transverse = properties.wheel_spin_inertia, properties.wheel_transverse_inertia
@@ -153,6 +157,38 @@ def _cubesat(properties: SpacecraftProperties, timestep: float, camera_half_angl
     spec.geom("bus").size = [0.5 * edge for edge in properties.size]
     spec.camera("camera").fovy = 2.0 * camera_half_angle_deg
     return spec
+
+
+def _lay_out_wheels(part: mujoco.MjSpec, properties: SpacecraftProperties) -> None:
+    """Put wheels about any axes in the place of the three orthogonal ones."""
+    material, radius, half_height = _drawn_wheel(part)
+    for name in WHEELS:
+        part.delete(part.body(name))
+    hub = part.body("cubesat")
+    hub.mass, hub.fullinertia = properties.hub_mass, _six(properties.inertia_B - properties.wheels_inertia_B)
+    hub.inertia = [0.0] * 3
+    spin, transverse = properties.wheel_spin_inertia, properties.wheel_transverse_inertia
+    for number, (axis, z) in enumerate(zip(properties.wheel_axes_B, properties.wheel_stations_m, strict=True), 1):
+        name = f"wheel_{number}"
+        wheel = hub.add_body(name=name, pos=[0.0, 0.0, z], mass=properties.wheel_mass, explicitinertial=True)
+        wheel.ipos, wheel.fullinertia = (
+            [0.0, 0.0, 0.0],
+            _six(transverse * np.eye(3) + (spin - transverse) * np.outer(axis, axis)),
+        )
+        wheel.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=axis.tolist())
+        geom = wheel.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_CYLINDER, size=[radius, half_height, 0.0], mass=0.0)
+        geom.alt.zaxis, geom.material, geom.contype, geom.conaffinity, geom.group = axis.tolist(), material, 0, 0, 1
+        motor = part.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+        motor.ctrlrange = [-properties.max_wheel_torque, properties.max_wheel_torque]
+
+
+def _drawn_wheel(part: mujoco.MjSpec) -> tuple[str, float, float]:
+    geom = part.geom(WHEELS[0])
+    return geom.material, float(geom.size[0]), float(geom.size[1])
+
+
+def _six(tensor: Array) -> list[float]:
+    return [float(tensor[i, j]) for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
 
 
 def _replace_wheels(part: mujoco.MjSpec, properties: SpacecraftProperties) -> None:
@@ -174,7 +210,7 @@ def _replace_wheels(part: mujoco.MjSpec, properties: SpacecraftProperties) -> No
 def _resolve(
     model: mujoco.MjModel, names: tuple[str, ...], properties: SpacecraftProperties, wheels: WheelModel
 ) -> SwarmModel:
-    width = NQ if wheels == "bodies" else NQ_FREE
+    width = NQ_FREE + (properties.n_wheels if wheels == "bodies" else 0)
     hubs = [model.body(f"{name}_cubesat") for name in names]
     first = model.jnt_qposadr[[hub.jntadr[0] for hub in hubs]]
     if not np.array_equal(first, width * np.arange(len(names))) or model.nq != width * len(names):

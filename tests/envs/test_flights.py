@@ -16,7 +16,7 @@ from swarm_mj.scenarios.loading import load_scenario
 
 CENTRE, EARTH, HOLD = 16, 22, 23
 SEED = 12
-RAYS = ["observation.observer=raycast", f"seed={SEED}"]
+SEEN = ["observation.observer=horizon", f"seed={SEED}"]
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ def roles():
 @pytest.mark.parametrize("patch", [None, 5, 12])
 def test_a_held_role_flies_and_sees_what_the_command_line_does(roles, patch):
     fly(roles, np.full(5, CENTRE if patch is None else patch))
-    plan = make_plan(load_scenario("eros-observe", RAYS))
+    plan = make_plan(load_scenario("eros-observe", SEEN))
     if patch is None:
         behavior = LookAt(TargetKind.ASTEROID)
     else:
@@ -63,20 +63,18 @@ def test_a_held_role_flies_and_sees_what_the_command_line_does(roles, patch):
     plan = replace(plan, behavior=behavior)
     telemetry = simulate(plan)
     result = observe_flight(plan, telemetry)
-    final = roles.simulation.data.qpos.reshape(5, 10)
-    assert np.array_equal(final[:, :3], telemetry["r_BN_N"].values[-1])
-    assert np.array_equal(roles.simulation.data.qvel.reshape(5, 9)[:, 3:6], telemetry["omega_BN_B"].values[-1])
-    ours = roles.pictures.coverage.first_seen_by_s
-    assert np.array_equal(ours, result.coverage.first_seen_by_s, equal_nan=True)
-    assert roles.pictures.coverage.percent > 5.0
+    assert np.array_equal(roles.state.r_BN_N, telemetry["r_BN_N"].values[-1])
+    assert np.array_equal(roles.state.omega_BN_B, telemetry["omega_BN_B"].values[-1])
+    assert np.array_equal(roles.first_seen_s, result.coverage.first_seen_s, equal_nan=True)
+    assert roles.flybys.percent[0] == result.coverage.percent > 5.0
 
 
 def test_at_the_pointing_level_the_scenarios_behaviour_still_elects_and_talks():
     env = gymnasium.make("SwarmObserve-v0", control="pointing").unwrapped
     fly(env, np.zeros(10, np.float32))
-    telemetry = simulate(make_plan(load_scenario("eros-observe", RAYS)))
+    telemetry = simulate(make_plan(load_scenario("eros-observe", SEEN)))
     elected = np.flatnonzero(telemetry["mode"].values[-1] == TargetKind.EARTH)
-    roles = env.readings.split(env._observation)["role"]
+    roles = env.readings.split(env.flybys.observation[0])["role"]
     assert np.array_equal(np.flatnonzero(roles[:, TargetKind.EARTH]), elected)
     assert roles[:, TargetKind.SPACECRAFT].sum() == 4
     env.close()
@@ -109,14 +107,13 @@ def test_motor_torques_spin_the_wheels_up_by_the_commanded_momentum():
     inertia = env.plan.properties.wheel_spin_inertia
 
     def wheel_momentum():
-        v = env.simulation.data.qvel.reshape(5, 9)
-        return inertia * (v[:, 6:9] + v[:, 3:6])  # about its own axis, relative to N
+        return inertia * (env.state.wheel_speed + env.state.omega_BN_B)  # about its own axis, relative to N
 
     before = wheel_momentum()
     action = np.zeros((5, 3), np.float32)
     action[:, 0], action[2, 1] = [0.05, -0.05, 0.02, 0.0, 0.01], 0.04
     env.step(action.ravel())
-    assert np.allclose(env.simulation.data.ctrl.reshape(5, 3), 0.004 * action, rtol=1e-6, atol=1e-15)
+    assert np.allclose(env.flybys.flights.ctrl.reshape(5, 3), 0.004 * action, rtol=1e-6, atol=1e-15)
     gained = wheel_momentum() - before
     # A wheel's axial momentum changes by the motor torque plus the gyroscopic torque of a symmetric rotor, which is nil.
     assert np.allclose(gained, 0.004 * action * 10.0, atol=2e-7)
@@ -137,7 +134,7 @@ def test_rewards_sum_to_what_was_seen_and_delivered(roles):
         if terminated or truncated:
             break
     assert totals["seen"] == pytest.approx(info["coverage_percent"] / 100.0, abs=1e-12)
-    assert totals["delivered"] * roles._downlink.nominal == pytest.approx(info["delivered_bit"], rel=1e-9)
+    assert totals["delivered"] * roles.setting.nominal_bit == pytest.approx(info["delivered_bit"], rel=1e-9)
     assert info["delivered_bit"] > 1e5
     assert totals["effort"] < 0.0
     # Nothing is lost on the way: what is aboard plus what was delivered only grows, and stays while nobody takes pictures.
@@ -152,9 +149,9 @@ def test_earth_receives_at_its_rate_and_only_while_the_dish_points_there(roles):
         roles.step(np.array([5, 6, 9, 10, CENTRE]))
     open_steps = closed_steps = 0
     for _ in range(40):
-        stored, before = roles._downlink.stored.copy(), roles._downlink.delivered
+        stored, before = roles.flybys.books.stored[0].copy(), roles.flybys.books.delivered[0]
         *_, info = roles.step(np.array([EARTH, HOLD, HOLD, HOLD, HOLD]))
-        state = roles._state
+        state = roles.state
         to_earth = roles.plan.environment.earth.at(state.t) - state.r_BN_N[0]
         angle = np.degrees(np.arccos(np.clip(state.boresight_N[0] @ to_earth / np.linalg.norm(to_earth), -1, 1)))
         expected = min(stored[0], 8e3 * 10.0) if angle < 5.0 else 0.0
@@ -167,13 +164,13 @@ def test_a_spacecraft_told_to_hold_keeps_its_boresight(roles):
     roles.reset(seed=0)
     for _ in range(30):
         roles.step(np.full(5, CENTRE))
-    at_order = roles._state.boresight_N
+    at_order = roles.state.boresight_N
     sc2_to_itself = np.array([HOLD, CENTRE + 2, HOLD, HOLD, HOLD])
     for _ in range(20):
         roles.step(sc2_to_itself)
-    turned = np.degrees(np.arccos(np.clip((roles._state.boresight_N * at_order).sum(1), -1, 1)))
+    turned = np.degrees(np.arccos(np.clip((roles.state.boresight_N * at_order).sum(1), -1, 1)))
     assert turned.max() < 0.05
-    assert (roles._targets.kind == TargetKind.DIRECTION).all()
+    assert (roles.flybys.flights.kind == TargetKind.DIRECTION).all()
 
 
 def test_a_target_seen_and_delivered_ends_the_episode():
@@ -192,7 +189,7 @@ def test_a_target_seen_and_delivered_ends_the_episode():
 
 
 def test_the_visit_criterion_counts_only_the_instant_of_the_visit():
-    scenario = load_scenario("eros-observe", ["observation.criterion=visit", *RAYS])
+    scenario = load_scenario("eros-observe", ["observation.criterion=visit", *SEEN])
     env = gymnasium.make("SwarmObserve-v0", scenario=scenario).unwrapped
     infos = fly(env, np.full(5, CENTRE))
     gains = {i["time_s"] for i in infos if i["reward_terms"]["seen"] > 0}
@@ -206,7 +203,7 @@ def test_the_visit_criterion_counts_only_the_instant_of_the_visit():
 
 def test_the_last_pictures_of_a_flight_count():
     # The flight ends at the visit, so that the pictures of the last instant, and only these, are taken.
-    scenario = load_scenario("eros-observe", ["duration_s=600", "observation.criterion=visit", *RAYS])
+    scenario = load_scenario("eros-observe", ["duration_s=600", "observation.criterion=visit", *SEEN])
     env = gymnasium.make("SwarmObserve-v0", scenario=scenario).unwrapped
     infos = fly(env, np.full(5, CENTRE))
     plan = replace(make_plan(scenario), behavior=LookAt(TargetKind.ASTEROID))
@@ -229,7 +226,7 @@ def test_the_observation_tells_time_positions_and_patches(roles):
     # The body's centre is looked at: boresights run against positions.
     unit = parts["position"] / np.linalg.norm(parts["position"], axis=1, keepdims=True)
     assert ((parts["boresight"] * unit).sum(1) < -0.99999).all()
-    seen, area = roles.pictures.seen, roles.plan.region.area
+    seen, area = roles.flybys.books.seen[0], roles.plan.region.area
     assert parts["patches"] @ roles.patches.area / area.sum() == pytest.approx(parts["seen"], abs=1e-6)
     assert parts["seen"] == pytest.approx(area[seen].sum() / area.sum(), abs=1e-6)
 

@@ -138,4 +138,6 @@ def test_a_mounting_error_of_the_star_tracker_goes_straight_into_the_attitude():
     trial = Trial(50, speed=0.0)
     trial.sensors.star_tracker_offset[:] = (0.0, 1e-3, 0.0)
     trial.fly(400)
-    assert np.allclose(trial.errors[:, :3].mean(axis=0), (0.0, -1e-3, 0.0), atol=5 * NOISE["tracker"] / np.sqrt(50 * 10))
+    assert np.allclose(
+        trial.errors[:, :3].mean(axis=0), (0.0, -1e-3, 0.0), atol=5 * NOISE["tracker"] / np.sqrt(50 * 10)
+    )

@@ -204,10 +204,13 @@ def test_a_reference_that_names_no_design_is_refused(reference):
         read_design(reference)
 
 
+PARTS = st.none() | st.integers() | st.floats() | st.text(max_size=5)
+KEYS = st.sampled_from(["visiting_points", "flyable", "x"])
+RECORDS = st.recursive(PARTS, lambda inner: st.lists(inner, max_size=3) | st.dictionaries(KEYS, inner, max_size=3))
+
+
 @examples(100)
-@given(content=st.binary(max_size=200) | st.recursive(
-    st.none() | st.integers() | st.floats() | st.text(max_size=5), lambda inner: st.lists(inner, max_size=3) |
-    st.dictionaries(st.sampled_from(["visiting_points", "flyable", "x"]), inner, max_size=3)).map(lambda d: json.dumps(d).encode()))  # fmt: skip
+@given(content=st.binary(max_size=200) | RECORDS.map(lambda record: json.dumps(record).encode()))
 def test_any_design_file_is_read_or_refused(tmp_path_factory, content):
     path = tmp_path_factory.getbasetemp() / "fuzzed.json"
     path.write_bytes(content)

@@ -1,7 +1,6 @@
 """Attitude behaviours: what each spacecraft tracks inside and outside the imaging region (AAS 19-144, Figure 3).
 
-The picture looks across the flight path. In the body-fixed frame A the imaging region |r_j| <= R_im is a ball about the
-body's centre, as it is in the inertial frame.
+In the body-fixed frame A the imaging region |r_j| <= R_im is a ball about the body's centre, as it is in the inertial frame.
 """
 
 from __future__ import annotations
@@ -15,6 +14,7 @@ from matplotlib.patches import Circle
 from numpy.typing import NDArray
 
 from swarm_mj.flight import ObservationResult, visit_sample
+from swarm_mj.mission.target import TargetRegion
 from swarm_mj.output.figures.modes import MODE_LOOKS, Run, runs
 from swarm_mj.output.figures.panels import every, legend_below
 from swarm_mj.output.figures.scene import Scene, axis_tips, scene_from
@@ -34,7 +34,17 @@ from swarm_mj.output.figures.style import (
     tidy,
     time_axis,
 )
-from swarm_mj.output.figures.view import KM, View, draw_body, draw_line, draw_points, face_colours, straight, unit
+from swarm_mj.output.figures.view import (
+    KM,
+    View,
+    draw_body,
+    draw_line,
+    draw_points,
+    face_colours,
+    straight,
+    unit,
+    visible_share,
+)
 from swarm_mj.planning import Plan
 
 Array = NDArray[np.float64]
@@ -69,15 +79,19 @@ def compose_behaviors(plan: Plan, telemetry: xr.Dataset, result: ObservationResu
     return figure
 
 
-def flight_plane(scene: Scene, visit: int) -> View:
-    """The view across the mean flight path, which leads to the right, with the visit above the body's centre."""
+def flight_plane(region: TargetRegion, scene: Scene, visit: int) -> View:
+    """The view along the normal of the mean flight's plane, from the side that shows more of the target.
+
+    The path is level and the visit above the body's centre.
+    """
     path = scene.r_A.mean(axis=1)
     along = unit(path[-1] - path[0])
     above = path[visit] - (path[visit] @ along) * along
     if np.linalg.norm(above) < 1e-6 * np.linalg.norm(path[0]):  # a flight through the centre has no side
         above = np.cross(along, np.roll(along, 1) + [0.1, 0.2, 0.3])
     above = unit(above)
-    return View(np.array([along, above, np.cross(along, above)]))
+    sides = [View(np.array([right, above, np.cross(right, above)])) for right in (along, -along)]
+    return max(sides, key=lambda view: visible_share(view, region))
 
 
 def _words(mode: int) -> str:
@@ -87,7 +101,7 @@ def _words(mode: int) -> str:
 def _draw_across(ax: Axes, plan: Plan, telemetry: xr.Dataset, scene: Scene) -> None:
     region, radius = plan.region, plan.scenario.behavior.imaging_radius_m
     visit = visit_sample(plan.scenario)
-    view = flight_plane(scene, visit)
+    view = flight_plane(region, scene, visit)
     ax.add_patch(Circle((0.0, 0.0), radius / KM, facecolor="#F6F6F6", edgecolor=BLACK, linewidth=1.2, zorder=0))
     draw_body(ax, view, region.mesh, face_colours(region.mesh, [(region.target, ORANGE)]))
     width = 1.3 if plan.n <= MANY else 0.6
@@ -104,8 +118,11 @@ def _draw_across(ax: Axes, plan: Plan, telemetry: xr.Dataset, scene: Scene) -> N
     ax.set_ylim(low[1] - room, high[1] + room)
     ax.set_aspect("equal")
     tidy(ax)
+    path = scene.r_A.mean(axis=1)
+    if (path[-1] - path[0]) @ view.axes[0] < 0.0:  # the flight leads to the left, and still counts upwards
+        ax.xaxis.set_major_formatter(lambda x, _: f"{-x + 0.0:g}".replace("-", "\N{MINUS SIGN}"))
     label(ax, "along the flight path [km]", "across the flight path [km]")
-    ax.set_title("frame A, seen across the flight path", fontsize=TICK_PT, loc="left")
+    ax.set_title("frame A, looking along the normal of the flight plane", fontsize=TICK_PT, loc="left")
 
 
 def _samples(times: Array, run: Run) -> NDArray[np.intp]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import xarray as xr
+from matplotlib import patheffects
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -51,6 +52,8 @@ Array = NDArray[np.float64]
 PAINTED_COLUMNS, OUTLINE_COLUMNS, SEARCH_COLUMNS = 540, 240, 120
 #: The pictures of a passage are thinned to so many; they overlap.
 MAX_PICTURES = 120
+#: Width of an outline that has its own colour.
+SINGLE_PT = 2.0
 #: Ground hidden by less than this share of the body's radius is not hidden: rays are traced in single precision.
 HIDING_DEPTH = 1e-4
 
@@ -73,7 +76,7 @@ def compose_footprints(plan: Plan, telemetry: xr.Dataset, result: ObservationRes
     colours = dict(zip(shown.tolist(), spacecraft_colours(len(shown)), strict=True))
     for j, pose in poses.items():
         margin = view_margin(camera, pose, ground, mesh, tracer)
-        _outline(ax, ground, margin, color=colours[j], linewidth=2.0 if len(shown) <= len(SPACECRAFT) else 1.0)
+        _outline(ax, ground, margin, color=colours[j], linewidth=SINGLE_PT if len(shown) <= len(SPACECRAFT) else 0.8)
     _number(ax, plan, poses, mesh, tracer, window, colours)
     name_map(ax, window)
     axis = time_axis(scenario.duration_s)
@@ -154,7 +157,7 @@ def _window(plan: Plan, tracer: RayTracer, camera: CameraModel, poses: list[Came
         row, column = np.nonzero(view_margin(camera, pose, coarse, mesh, tracer) > 0.0)
         latitude = np.append(latitude, coarse.latitudes[row])
         longitude = np.append(longitude, coarse.longitudes[column])
-    room = 2.0 + 0.06 * max(float(np.ptp(latitude)), float(np.ptp(longitude)))
+    room = 2.0 + 0.06 * min(float(np.ptp(latitude)), float(np.ptp(longitude)))
     return Window(
         west=max(float(longitude.min()) - room, centre - 180.0),
         east=min(float(longitude.max()) + room, centre + 180.0),
@@ -168,7 +171,7 @@ def _paint_ground(ax: Axes, plan: Plan, result: ObservationResult, tracer: RayTr
     colours = face_colours(region.mesh, [(region.target, ORANGE), (region.target[seen], SKY_BLUE)])
     east, north, _ = region.axes_A
     lamp = unit(region.area @ region.normal_A) + 0.5 * north - 0.4 * east
-    paint(ax, survey(region.mesh, tracer, window, PAINTED_COLUMNS), region.mesh, colours, lamp)
+    paint(ax, survey(region.mesh, tracer, window, PAINTED_COLUMNS), region.mesh, colours, lamp, relief=0.0)
 
 
 def _draw_union(
@@ -182,18 +185,20 @@ def _draw_union(
 
 
 def _outline(ax: Axes, ground: Ground, margin: Array, *, color: str, linewidth: float, dashed: bool = False) -> None:
-    if margin.max() > 0.0 > margin.min():
-        style = "dashed" if dashed else "solid"
-        ax.contour(
-            ground.longitudes,
-            ground.latitudes,
-            margin,
-            levels=[0.0],
-            colors=color,
-            linewidths=linewidth,
-            linestyles=style,
-            zorder=4,
-        )
+    if not margin.max() > 0.0 > margin.min():
+        return
+    lines = ax.contour(
+        ground.longitudes,
+        ground.latitudes,
+        margin,
+        levels=[0.0],
+        colors=color,
+        linewidths=linewidth,
+        linestyles="dashed" if dashed else "solid",
+        zorder=4,
+    )
+    if linewidth >= SINGLE_PT:
+        lines.set(path_effects=[patheffects.withStroke(linewidth=linewidth + 1.0, foreground="white")])
 
 
 def _number(
@@ -232,7 +237,7 @@ def _handles(plan: Plan, colours: dict[int, str]) -> list[Line2D | Patch]:
         Line2D([], [], color=BLACK, linewidth=2.2, label="outline of the target"),
     ]
     if len(colours) <= len(SPACECRAFT):
-        handles += [Line2D([], [], color=c, linewidth=2.0, label=plan.names[j]) for j, c in colours.items()]
+        handles += [Line2D([], [], color=c, linewidth=SINGLE_PT, label=plan.names[j]) for j, c in colours.items()]
     else:
         handles.append(Line2D([], [], color=next(iter(colours.values())), label="each spacecraft"))
     if plan.scenario.observation.criterion == "passage":

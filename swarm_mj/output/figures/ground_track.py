@@ -31,7 +31,6 @@ from swarm_mj.output.figures.style import (
     GREEN,
     HALO,
     ORANGE,
-    SKY_BLUE,
     SPACECRAFT,
     TICK_PT,
     instant,
@@ -70,7 +69,7 @@ def compose_ground_track(plan: Plan, telemetry: xr.Dataset, result: ObservationR
     draw_places(ax, earth[None], window.centre_longitude, marker="P", markersize=9, color=GREEN, mec=BLACK, zorder=6)
     name_map(ax, window)
     ax.set_title(
-        f"numbers: the visit, t = {instant(time, axis)}; ground lit as at that time, without cast shadows",
+        f"circles and light: the visit, t = {instant(time, axis)}; without cast shadows",
         fontsize=TICK_PT,
         loc="left",
     )
@@ -134,7 +133,9 @@ def _handles(plan: Plan, step: str) -> list[Line2D]:
             for name, colour in zip(plan.names, spacecraft_colours(plan.n), strict=True)
         ]
     else:
-        tracks = [Line2D([], [], color=SKY_BLUE, linewidth=1.8, label=f"each of {plan.n} spacecraft")]
+        tracks = [
+            Line2D([], [], color=spacecraft_colours(plan.n)[0], linewidth=1.8, label=f"each of {plan.n} spacecraft")
+        ]
     return [
         *tracks,
         mark(f"every {step}", ".", 6),

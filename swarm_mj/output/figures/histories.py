@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -65,29 +66,36 @@ def compose_wheel_speed(plan: Plan, telemetry: xr.Dataset, result: ObservationRe
 def compose_wheel_momentum(plan: Plan, telemetry: xr.Dataset, result: ObservationResult) -> Figure:
     """Angular momentum that the wheels hold, that of the turning body, and their sum, which only outer torques change."""
     body, wheels = angular_momenta_B(telemetry, plan.properties)
-    parts = [np.linalg.norm(part, axis=-1) / MILLI for part in (body, wheels, body + wheels)]
     limit = plan.properties.wheel_spin_inertia * plan.properties.max_wheel_speed / MILLI
+    looks: list[tuple[Array, dict[str, Any]]] = [
+        (body, {"color": ORANGE, "linewidth": 1.2, "label": r"body, $|J\omega|$"}),
+        (wheels, {"color": BLUE, "linewidth": 1.6, "label": "wheels, $|h_w|$"}),
+        (
+            body + wheels,
+            {"color": BLACK, "linewidth": 1.2, "linestyle": (0, (2, 2)), "label": r"sum, $|J\omega + h_w|$"},
+        ),
+    ]
+    curves = [(np.linalg.norm(part, axis=-1) / MILLI, look) for part, look in looks]
     some = every(telemetry.sizes["time"])
     times = telemetry["time"].values[some] / time_axis(plan.scenario.duration_s).seconds
+    bound: dict[str, Any] = {
+        "color": VERMILLION,
+        "linewidth": 1.1,
+        "linestyle": (0, (6, 2)),
+        "label": "limit of one wheel",
+    }
 
     def draw(ax: Axes, j: int) -> None:
-        for values, handle in zip(parts, handles, strict=False):
-            (line,) = ax.plot(times, values[some, j])
-            line.update_from(handle)
-        ax.axhline(limit, color=VERMILLION, linewidth=1.1, linestyle=(0, (6, 2)))
+        for values, look in curves:
+            ax.plot(times, values[some, j], **look)
+        ax.axhline(limit, **bound)
 
-    handles = [
-        Line2D([], [], color=ORANGE, linewidth=1.2, label=r"body, $|J\omega|$"),
-        Line2D([], [], color=BLUE, linewidth=1.6, label="wheels, $|h_w|$"),
-        Line2D([], [], color=BLACK, linewidth=1.2, linestyle=(0, (2, 2)), label=r"sum, $|J\omega + h_w|$"),
-        Line2D([], [], color=VERMILLION, linewidth=1.1, linestyle=(0, (6, 2)), label="limit of one wheel"),
-    ]
     panels = Panels(
         title="Momentum of wheels and body",
         y_label="angular momentum [mN m s]",
         draw=draw,
-        limits=(0.0, 1.08 * max(limit, *(float(values.max()) for values in parts))),
-        handles=handles,
+        limits=(0.0, 1.08 * max(limit, *(float(values.max()) for values, _ in curves))),
+        handles=[Line2D([], [], **look) for look in (*(look for _, look in curves), bound)],
     )
     return compose_panels(plan, telemetry, panels)
 

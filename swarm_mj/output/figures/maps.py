@@ -116,15 +116,15 @@ def target_outline(region: TargetRegion, per_side: int = 60) -> Array:
     return np.column_stack((east, north, np.ones(len(share)))) @ region.axes_A
 
 
-def paint(ax: Axes, ground: Ground, body: ShapeModel, colours: Array, lamp_A: Array) -> None:
-    """Paint a map in the colours of the mesh's faces (F, 3), lit from a direction in A; slopes are darker, to show relief.
+def paint(ax: Axes, ground: Ground, body: ShapeModel, colours: Array, lamp_A: Array, *, relief: float = RELIEF) -> None:
+    """Paint a map in the colours of the mesh's faces (F, 3), lit from a direction in A.
 
-    Where the body has no ground the map stays white.
+    With `relief` slopes are darker, so that the night side shows its ground too. Where the body has none the map stays white.
     """
     outward = ground.points_A / np.linalg.norm(ground.points_A, axis=-1, keepdims=True)
     level = np.einsum("...i,...i", outward, body.face_normals[ground.face])
-    relief = (1.0 - RELIEF) + RELIEF * np.clip(level, 0.0, 1.0)
-    picture = shade(colours, body.face_normals, lamp_A, AMBIENT)[ground.face] * relief[..., None]
+    brightness = 1.0 - relief * (1.0 - np.clip(level, 0.0, 1.0))
+    picture = shade(colours, body.face_normals, lamp_A, AMBIENT)[ground.face] * brightness[..., None]
     half_x, half_y = (0.5 * (places[1] - places[0]) for places in (ground.longitudes, ground.latitudes))
     ax.imshow(
         np.nan_to_num(picture, nan=1.0),
@@ -159,9 +159,13 @@ def name_map(ax: Axes, window: Window) -> None:
     """Scales and names of a map's axes; longitudes from 0 to 360 deg."""
     ax.set_xlim(window.west, window.east)
     ax.set_ylim(window.south, window.north)
-    middle = 0.5 * (window.south + window.north)
-    ax.set_aspect(1.0 if window.east - window.west > 180.0 else 1.0 / max(0.2, float(np.cos(np.radians(middle)))))
-    wide = window.east - window.west > 90.0
+    width, height = window.east - window.west, window.north - window.south
+    middle = np.radians(0.5 * (window.south + window.north))
+    if width > 4.0 * height:  # a cap around a pole would be a thread
+        ax.set_aspect("auto")
+    else:
+        ax.set_aspect(1.0 if width > 90.0 else 1.0 / max(0.2, float(np.cos(middle))))
+    wide = width > 90.0
     for axis in (ax.xaxis, ax.yaxis):
         axis.set_major_locator(MaxNLocator(7, steps=[3, 4.5, 6, 9] if wide else [1, 2, 5, 10]))
     ax.xaxis.set_major_formatter(FuncFormatter(lambda longitude, _: f"{longitude % 360.0:g}"))

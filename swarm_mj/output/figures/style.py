@@ -132,7 +132,7 @@ def note_of_omission(n: int, shown: NDArray[np.intp]) -> str:
 
 def spacecraft_colours(n: int) -> list[str]:
     """A colour for each of n spacecraft: their own while they can be told apart, else one for all."""
-    return list(SPACECRAFT[:n]) if n <= len(SPACECRAFT) else [SKY_BLUE] * n
+    return list(SPACECRAFT[:n]) if n <= len(SPACECRAFT) else [BLUE] * n
 
 
 def role(plan: Plan, j: int) -> str:

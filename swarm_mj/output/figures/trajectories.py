@@ -128,7 +128,7 @@ def _draw_velocities(ax: Axes, plan: Plan, shown: NDArray[np.intp]) -> None:
     """Deployment delta-v as bars."""
     rows, delta_v = np.arange(len(shown)), plan.deployment.delta_v[shown]
     ax.barh(rows, delta_v, color=[_colour(plan, int(j)) for j in shown], height=0.7)
-    top = max(float(delta_v.max()), 1e-9)
+    top = float(delta_v.max()) if delta_v.max() > 1e-3 else 1.0
     for row, value in zip(rows, delta_v, strict=True):
         ax.text(value + 0.02 * top, float(row), f"{value:.2f}", va="center", fontsize=SMALL_PT)
     ax.set_yticks(rows, [f"{plan.names[j]}: {role(plan, int(j))}" for j in shown])

@@ -1,0 +1,105 @@
+"""The flight in swarm_mj: a behaviour and a control law of its own, everything else as in every run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import ClassVar
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from benchmarks.basilisk.problem import DURATION_S, K_N_M, LEG_S, P_N_M_S, PERIOD_S, Flight, Problem
+from swarm_mj.attitude.algebra import combine, cross, put_vector, times, vector
+from swarm_mj.attitude.controllers.base import ControlInput
+from swarm_mj.mission.behaviors import SwarmView, TargetKind, Targets
+from swarm_mj.simulation.simulation import Simulation
+from swarm_mj.spacecraft.model import WheelModel, build_model
+
+Array = NDArray[np.float64]
+
+
+class Legs:
+    """A new direction for every spacecraft at the start of every leg."""
+
+    dedicated_communications: ClassVar[bool] = False
+
+    def __init__(self, directions_N: Array) -> None:
+        n = directions_N.shape[1]
+        kind, none = np.full(n, int(TargetKind.DIRECTION)), np.zeros(n, np.int64)
+        self._legs = [Targets(kind, none, np.ascontiguousarray(leg)) for leg in directions_N]
+
+    def targets(self, view: SwarmView, memory: None) -> tuple[Targets, None]:
+        """The directions of this leg."""
+        return self._legs[min(int(view.t / LEG_S), len(self._legs) - 1)], None
+
+
+class ScalarFeedback:
+    """The law of the problem."""
+
+    def __init__(self, n: int) -> None:
+        self._torque_B = np.empty((n, 3))
+
+    def torque(self, inputs: ControlInput, memory: None) -> tuple[Array, None]:
+        """Torque on the bodies in B [N m]."""
+        _write_torque(
+            inputs.sigma_BR,
+            inputs.omega_BR_B,
+            inputs.omega_BN_B,
+            inputs.omega_RN_B,
+            inputs.domega_RN_B,
+            inputs.wheel_momentum_B,
+            inputs.inertia_B,
+            inputs.inertia_effective_B,
+            self._torque_B,
+        )
+        return self._torque_B, None
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _write_torque(
+    sigma_BR: Array,
+    omega_BR_B: Array,
+    omega_BN_B: Array,
+    omega_RN_B: Array,
+    domega_RN_B: Array,
+    wheel_momentum_B: Array,
+    inertia_B: Array,
+    inertia_effective_B: Array,
+    torque_B: Array,
+) -> None:
+    for j in range(sigma_BR.shape[0]):
+        omega = vector(omega_BN_B, j)
+        momentum = combine(1.0, times(inertia_B[j], omega), 1.0, vector(wheel_momentum_B, j))
+        following = combine(1.0, vector(domega_RN_B, j), -1.0, cross(omega, vector(omega_RN_B, j)))
+        feedback = combine(-K_N_M, vector(sigma_BR, j), -P_N_M_S, vector(omega_BR_B, j))
+        forward = combine(1.0, cross(omega, momentum), 1.0, times(inertia_effective_B[j], following))
+        put_vector(torque_B, j, combine(1.0, forward, 1.0, feedback))
+
+
+def make(problem: Problem, timestep: float, wheels: WheelModel) -> Simulation:
+    """The simulation at its start."""
+    simulation = Simulation(
+        build_model(
+            problem.n, shape=problem.plan.shape, properties=problem.properties, timestep=timestep, wheels=wheels
+        ),
+        properties=problem.properties,
+        environment=problem.environment,
+        behavior=Legs(problem.directions_N),
+        controller=ScalarFeedback(problem.n),
+        control_period=PERIOD_S,
+    )
+    simulation.reset(problem.initial)
+    return simulation
+
+
+def fly(problem: Problem, timestep: float, wheels: WheelModel = "bodies") -> Flight:
+    """Fly and record every control period."""
+    record = make(problem, timestep, wheels).run(DURATION_S, PERIOD_S)
+    return Flight(r_N=record.vectors[:, 0], attitude=record.attitude[:, 0], wheel_speed=record.vectors[:, 4])
+
+
+def ready(problem: Problem, timestep: float, wheels: WheelModel) -> Callable[[], object]:
+    """A function that flies the whole flight without recording it; set-up is done."""
+    simulation = make(problem, timestep, wheels)
+    return lambda: simulation.run(DURATION_S, DURATION_S)

@@ -1,0 +1,43 @@
+"""Results of a benchmark as JSON, with the machine they come from."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+FOLDER = Path(__file__).parent / "results"
+PACKAGES = ("mujoco", "numpy", "numba", "swarm_mj")
+
+
+def cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def machine() -> dict[str, Any]:
+    """Processor, cores, system and versions."""
+    model = platform.processor() or platform.machine()
+    info = Path("/proc/cpuinfo")
+    if info.exists():
+        names = [line.split(":", 1)[1].strip() for line in info.read_text().splitlines() if line.startswith("model name")]
+        model = names[0] if names else model
+    return {
+        "processor": model,
+        "cores": cores(),
+        "system": platform.system(),
+        "python": platform.python_version(),
+        **{name: version(name) for name in PACKAGES},
+    }
+
+
+def write_results(name: str, results: Any, folder: Path = FOLDER) -> Path:
+    """Write `results` to `<folder>/<name>.json`; returns the file."""
+    folder.mkdir(parents=True, exist_ok=True)
+    file, part = folder / f"{name}.json", folder / f".{name}.json.part"
+    part.write_text(json.dumps({"machine": machine(), "results": results}, indent=2) + "\n", encoding="utf-8")
+    part.replace(file)
+    return file

@@ -1,0 +1,215 @@
+"""SwarmObserve-v0 for many agents: each spacecraft decides for itself, through PettingZoo's ParallelEnv.
+
+    from swarm_mj.envs.multi_agent import swarm_observe_v0
+    env = swarm_observe_v0.parallel_env(control="role")
+"""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any, ClassVar
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+from gymnasium.utils import seeding
+from numpy.typing import NDArray
+
+from swarm_mj.errors import ScenarioError
+
+from .arguments import checked_render_mode, flight_seed
+from .controls import check_action
+from .flybys import ENDS, Flybys
+from .overview import EpisodePicture
+from .rewards import TERMS
+from .setting import make_setting
+from .state import info_of
+from .step_kernels import FEATURES
+
+try:
+    from pettingzoo import ParallelEnv
+except ImportError as error:
+    raise ImportError("the multi-agent environment needs PettingZoo: pip install 'swarm_mj[rl]'") from error
+
+#: Scale of the positions of the others relative to one's own [m], and their bound after scaling.
+NEIGHBOUR_SCALE_M, NEIGHBOUR_BOUND = 10_000.0, 10.0
+
+Observation = NDArray[np.float32]
+PerAgent = dict[str, Any]
+
+
+class SwarmObserveParallelEnv(ParallelEnv[str, Observation, Any]):
+    """One flyby in which each spacecraft is an agent: `sc1`, `sc2`, ... in gene order, a dedicated communications one last.
+
+    Task, dynamics, pictures, radio and episode ends are those of `SwarmObserveEnv`.
+
+    **Actions** of an agent, by control level: `torque` Box(-1, 1, (3,)), `pointing` Box(-1, 1, (2,)), `role` Discrete(K + n + 3)
+    with the meaning that `SwarmObserveEnv` gives one spacecraft's entries.
+
+    **Observation** of an agent, Box, float32: its own block of 29 numbers as in `SwarmObserveEnv`; then, for each other
+    spacecraft in order, its position relative to one's own in A over 10 km, its stored data over the nominal volume, whether
+    it images, and whether it is alive (6 numbers); then the seen share of the K patches, time left, seen share of the target and data
+    delivered. A swarm shares positions and coverage by radio (the paper's election needs as much); attitudes, rates, wheels
+    and link states of the others stay unknown.
+
+    **Reward**: the team's, the same for every agent, as in `SwarmObserveEnv`, with the weight of `loss` for each spacecraft
+    lost. `info[agent]["reward_terms"]` holds the terms.
+
+    **Ends**: a spacecraft that hits the body, or is lost to a fault, is terminated and leaves `agents`; the others go on. All
+    are terminated when the target is seen and delivered, the flight diverges or nobody is left, and truncated at the
+    scenario's duration.
+
+    Args:
+        scenario: See `SwarmObserveEnv`.
+        control: See `SwarmObserveEnv`.
+        render_mode: None or `"rgb_array"`.
+        arguments: The others of `SwarmObserveEnv`.
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {
+        "name": "swarm_observe_v0",
+        "render_modes": ["rgb_array"],
+        "render_fps": 10,
+        "is_parallelizable": True,
+    }
+
+    def __init__(
+        self, scenario: Any = "eros-observe", control: str = "role", render_mode: str | None = None, **arguments: Any
+    ) -> None:
+        self.render_mode = checked_render_mode(render_mode, self.metadata["render_modes"])
+        self.setting = make_setting(scenario, control, **arguments)
+        flybys = Flybys(self.setting, 1, go_on_after_impact=True)
+        self._flybys: Flybys | None = flybys
+        self._picture = EpisodePicture(flybys, 640, 480)
+        plan = self.setting.plan
+        self.possible_agents = list(plan.names)
+        self.agents: list[str] = []
+        self._number = {name: j for j, name in enumerate(self.possible_agents)}
+        whole = flybys.level.action_space
+        self._whole = whole
+        self.action_spaces = {name: _part(whole, j, plan.n) for name, j in self._number.items()}
+        self.observation_spaces = {name: _local_space(self.setting.readings.space, plan.n) for name in self._number}
+        self._random = seeding.np_random()[0]
+
+    @property
+    def flybys(self) -> Flybys:
+        """The episode; see `Flybys`."""
+        if self._flybys is None:
+            raise gymnasium.error.ClosedEnvironmentError("swarm_observe_v0 was closed; make it anew")
+        return self._flybys
+
+    def observation_space(self, agent: str) -> spaces.Box:
+        """Of one agent, always the same object."""
+        return self.observation_spaces[agent]
+
+    def action_space(self, agent: str) -> spaces.Space[Any]:
+        """Of one agent, always the same object."""
+        return self.action_spaces[agent]
+
+    def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[PerAgent, PerAgent]:
+        """Start a flyby with all spacecraft; `options` may hold `flight_seed`, and others are ignored, as PettingZoo asks."""
+        if seed is not None:
+            self._random = seeding.np_random(seed)[0]
+        known = {name: value for name, value in (options or {}).items() if name == "flight_seed"}
+        chosen = flight_seed(known, int(self._random.integers(2**31)))
+        self.flybys.reset(0, chosen)
+        self.agents = list(self.possible_agents)
+        info = info_of(self.flybys, 0) | {"flight_seed": chosen}
+        return self._observations(), {agent: dict(info) for agent in self.agents}
+
+    def step(self, actions: PerAgent) -> tuple[PerAgent, PerAgent, PerAgent, PerAgent, PerAgent]:
+        """Fly on for one step with the actions of the agents held.
+
+        Args:
+            actions: One for each agent in `agents`.
+
+        Raises:
+            gymnasium.error.ResetNeeded: The episode is over or has not begun.
+            gymnasium.error.InvalidAction: An action lies outside its space.
+            ScenarioError: An agent has no action, or there is an action of somebody else.
+        """
+        if not self.agents:
+            raise gymnasium.error.ResetNeeded("swarm_observe_v0: the episode is over or has not begun; call reset first")
+        flybys, flew = self.flybys, self.agents
+        step = flybys.step(self._joined(actions)[None])
+        lost, end = flybys.books.lost[0], ENDS[step.end[0]]
+        info = info_of(flybys, 0) | {"reward_terms": dict(zip(TERMS, step.terms[0].tolist(), strict=True))}
+        if end:
+            info["end"] = end
+        observations = self._observations()
+        rewards = dict.fromkeys(flew, float(step.reward[0]))
+        terminations = {agent: bool(end) or bool(lost[self._number[agent]]) for agent in flew}
+        truncations = {agent: bool(step.truncated[0]) and not terminations[agent] for agent in flew}
+        infos = {agent: dict(info) for agent in flew}
+        self.agents = [agent for agent in flew if not (terminations[agent] or truncations[agent])]
+        return observations, rewards, terminations, truncations, infos
+
+    def _joined(self, actions: PerAgent) -> NDArray[Any]:
+        missing, strange = set(self.agents) - set(actions), set(actions) - set(self.agents)
+        if missing or strange:
+            raise ScenarioError(
+                f"actions: missing for {sorted(missing) or 'nobody'}, not asked for {sorted(strange) or 'nobody'}; "
+                f"give one for each of {', '.join(self.agents)}"
+            )
+        size = self._whole.shape[0] // len(self.possible_agents)
+        joined = np.zeros(self._whole.shape, self._whole.dtype).reshape(-1, size)
+        for agent in self.agents:
+            joined[self._number[agent]] = check_action(self.action_spaces[agent], actions[agent])
+        return joined.ravel()
+
+    def _observations(self) -> PerAgent:
+        flybys, n = self.flybys, len(self.possible_agents)
+        whole = flybys.observation[0]
+        block, tail = whole[: FEATURES * n].reshape(n, FEATURES), whole[FEATURES * n :]
+        r_A, alive = flybys.now.r_A[0], ~flybys.books.lost[0]
+        known = np.column_stack([block[:, 23], block[:, 21], alive])
+        out = {}
+        for agent in self.agents:
+            j = self._number[agent]
+            others = np.arange(n) != j
+            away = np.clip((r_A - r_A[j]) / NEIGHBOUR_SCALE_M, -NEIGHBOUR_BOUND, NEIGHBOUR_BOUND)
+            neighbours = np.hstack([away, known])[others]
+            out[agent] = np.concatenate([block[j], neighbours.ravel(), tail]).astype(np.float32)
+        return out
+
+    def render(self) -> NDArray[np.uint8] | None:
+        """The overview as a picture with `render_mode="rgb_array"`; see `SwarmObserveEnv.render`."""
+        if self.render_mode is None:
+            gymnasium.logger.warn("render() draws nothing: make the environment with render_mode='rgb_array'")
+            return None
+        _ = self.flybys
+        return self._picture.draw()
+
+    def state(self) -> Observation:
+        """The observation of `SwarmObserveEnv`: everything, for critics that see it all."""
+        return self.flybys.observation[0].copy()
+
+    def close(self) -> None:
+        """Release observer and OpenGL context; may be called again."""
+        self._picture.close()
+        if self._flybys is not None:
+            self.setting.close()
+        self._flybys, self.agents = None, []
+
+
+def _part(whole: spaces.Space[Any], j: int, n: int) -> spaces.Space[Any]:
+    """One spacecraft's share of an action space."""
+    if isinstance(whole, spaces.MultiDiscrete):
+        return spaces.Discrete(int(whole.nvec[j]))
+    assert isinstance(whole, spaces.Box)
+    return spaces.Box(-1.0, 1.0, (whole.shape[0] // n,), np.float32)
+
+
+def _local_space(whole: spaces.Box, n: int) -> spaces.Box:
+    bound = np.array([NEIGHBOUR_BOUND] * 3 + [10.0, 1.0, 1.0], np.float32)
+    low = np.array([-NEIGHBOUR_BOUND] * 3 + [0.0, 0.0, 0.0], np.float32)
+    parts = [slice(0, FEATURES), slice(FEATURES * n, None)]
+    return spaces.Box(
+        np.concatenate([whole.low[parts[0]], np.tile(low, n - 1), whole.low[parts[1]]]),
+        np.concatenate([whole.high[parts[0]], np.tile(bound, n - 1), whole.high[parts[1]]]),
+        dtype=np.float32,
+    )
+
+
+#: PettingZoo's way to name an environment: `swarm_observe_v0.parallel_env(...)`.
+swarm_observe_v0 = SimpleNamespace(parallel_env=SwarmObserveParallelEnv)

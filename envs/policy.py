@@ -1,0 +1,176 @@
+"""Trained policies as arrays: a small file without pickle, evaluated in NumPy alone.
+
+A policy is one network shared by all spacecraft of the control level `role`. It does not read the observation itself but
+features of it, worked out here with the geometry of the patches, so that training (`examples/train_sb3.py`) and flying use the
+same numbers. For spacecraft j and patch k
+
+    h_j  = tanh(W2 tanh(W1 [own_j, all patch features of j] + b1) + b2)
+    p_jk = v . tanh(W3 [h_j, patch_jk] + b3)      logit of each patch
+    q_j  = W4 h_j + b4                            logits of the other choices
+
+and the action is the choice with the largest logit, for every spacecraft by itself.
+"""
+
+from __future__ import annotations
+
+import json
+import zipfile
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarm_mj.errors import ScenarioError
+
+from .readings import PER_SPACECRAFT
+from .setting import Setting
+from .step_kernels import FEATURES
+
+Array = NDArray[np.float64]
+Arrays = dict[str, NDArray[Any]]
+
+#: Raise when features or network change, so that an old file is refused instead of flown wrongly.
+FORMAT = 1
+#: Features of a spacecraft by itself and of a spacecraft with a patch; `PatchGeometry.features` says which.
+OWN, PER_PATCH = 26, 7
+#: Arrays of the network.
+WEIGHTS = ("W1", "b1", "W2", "b2", "W3", "b3", "v", "W4", "b4")
+
+_COLUMNS = dict(
+    zip(
+        (name for name, *_ in PER_SPACECRAFT),
+        np.split(np.arange(FEATURES), np.cumsum([size for _, size, *_ in PER_SPACECRAFT])[:-1]),
+        strict=True,
+    )
+)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PatchGeometry:
+    """What turns an observation into features: the patches in A and the scales.
+
+    Attributes:
+        centre_A: Middles of the patches, shape (K, 3) [m].
+        normal_A: Mean normals of the patches, shape (K, 3).
+        area: Shape (K,) [m^2].
+        position_scale: What positions in an observation are divided by [m].
+        pixel_angle: Of the camera [rad].
+        half_angle: Of the camera [rad].
+        max_gsd: Largest ground sampling distance that counts [m]; infinite for no limit.
+        nominal_gsd: Ground sampling distance straight down from the imaging altitude [m].
+    """
+
+    centre_A: Array
+    normal_A: Array
+    area: Array
+    position_scale: float
+    pixel_angle: float
+    half_angle: float
+    max_gsd: float
+    nominal_gsd: float
+
+    @property
+    def count(self) -> int:
+        """Number of patches K."""
+        return len(self.area)
+
+    def worth(self, position: Array, unseen: Array) -> tuple[Array, Array]:
+        """What a picture of each patch would bring, in nominal volumes of the whole target, and its sampling distance.
+
+        Args:
+            position: In the units of an observation, shape (E, n, 3).
+            unseen: Share of each patch nobody has seen, shape (E, K).
+
+        Returns:
+            Worth, zero where no picture would count, and ground sampling distance [m], shape (E, n, K).
+        """
+        to_camera = position[:, :, None] * self.position_scale - self.centre_A
+        distance = np.linalg.norm(to_camera, axis=3)
+        cosine = np.maximum((to_camera * self.normal_A).sum(axis=3) / distance, 1e-3)
+        across = distance * self.pixel_angle
+        gsd = across / cosine
+        brings = 1.0 + (self.nominal_gsd / across) ** 2 * cosine
+        return unseen[:, None] * (self.area / self.area.sum()) * brings * (gsd <= self.max_gsd), gsd
+
+    def features(self, observation: NDArray[np.floating]) -> Array:
+        """Features of E observations, shape (E, n, OWN + K PER_PATCH).
+
+        Of a spacecraft by itself: position, velocity, boresight and x axis in A, body rate in A, data aboard, imaging, link,
+        the five roles, time left, seen, delivered. With each patch, patch by patch: its unseen area, what a picture would
+        bring, that share among the spacecraft, ground sampling distance over the limit, angle from the boresight, how many
+        others look there, and whether the greedy rule would send the spacecraft there.
+        """
+        K = self.count
+        given = np.asarray(observation, np.float64)
+        n = (given.shape[1] - K - 3) // FEATURES
+        block = given[:, : n * FEATURES].reshape(len(given), n, FEATURES)
+        tail = given[:, n * FEATURES :]
+        part = {name: block[:, :, columns] for name, columns in _COLUMNS.items()}
+        boresight, x = part["boresight"], part["x_axis"]
+        axes = np.stack([x, np.cross(boresight, x), boresight], axis=3)
+        rate_A = (axes * part["rate"][:, :, None]).sum(axis=3)
+        common = np.repeat(tail[:, None, K:], n, axis=1)
+        own = [part["position"], part["velocity"], boresight, x, rate_A, part["stored"]]
+        own += [part["imaging"], part["link"], part["role"], common]
+        patch = self._with_patches(part, 1.0 - tail[:, :K])
+        return np.concatenate([*own, patch.reshape(len(given), n, K * PER_PATCH)], axis=2)
+
+    def _with_patches(self, part: Mapping[str, Array], unseen: Array) -> Array:
+        position, boresight = part["position"], part["boresight"]
+        worth, gsd = self.worth(position, unseen)
+        toward = self.centre_A - position[:, :, None] * self.position_scale
+        toward /= np.linalg.norm(toward, axis=3, keepdims=True)
+        cosine = (toward * boresight[:, :, None]).sum(axis=3)
+        angle = np.arccos(np.clip(cosine, -1.0, 1.0))
+        looks = np.exp(-((angle / self.half_angle) ** 2)) * part["imaging"]
+        limit = self.max_gsd if np.isfinite(self.max_gsd) else 2.0 * self.nominal_gsd
+        area = unseen * (self.area / self.area.mean())
+        greedy = assign(worth)
+        patch = [
+            np.broadcast_to(area[:, None], worth.shape),
+            10.0 * worth,
+            worth / np.maximum(worth.sum(axis=1, keepdims=True), 1e-9),
+            np.minimum(gsd / limit, 2.0),
+            np.minimum(angle, 1.5),
+            looks.sum(axis=1, keepdims=True) - looks,
+            (greedy[:, :, None] == np.arange(self.count)).astype(np.float64),
+        ]
+        return np.stack(patch, axis=3)
+
+
+def assign(worth: Array) -> NDArray[np.int64]:
+    """The greedy rule: one after another each spacecraft takes the patch worth most, a different one; -1 where none is.
+
+    Args:
+        worth: Of each patch for each spacecraft, shape (E, n, K).
+    """
+    left = worth.copy()
+    choice = np.zeros(worth.shape[:2], np.int64)
+    for j in range(worth.shape[1]):
+        choice[:, j] = left[:, j].argmax(axis=1)
+        # Others take it only when nothing else is left.
+        left[np.arange(len(left)), :, choice[:, j]] *= 1e-3
+    return np.where(worth.max(axis=2) > 0.0, choice, -1)
+
+
+def geometry_of(setting: Setting) -> PatchGeometry:
+    """The geometry of an environment's setting."""
+    region, patches, camera = setting.plan.region, setting.patches, setting.observer.camera
+    scenario = setting.plan.scenario
+    weighted = [
+        np.bincount(patches.of_cell, region.area * region.normal_A[:, i], patches.count) for i in range(3)
+    ]
+    normal = np.column_stack(weighted)
+    return PatchGeometry(
+        centre_A=patches.centre_A,
+        normal_A=normal / np.linalg.norm(normal, axis=1, keepdims=True),
+        area=patches.area,
+        position_scale=setting.readings.position_scale,
+        pixel_angle=float(camera.pixel_angle),
+        half_angle=float(np.arctan(camera.tan_half_angle)),
+        max_gsd=scenario.observation.max_gsd_m or float("inf"),
+        nominal_gsd=float(scenario.design.imaging_altitude_m * camera.pixel_angle),
+    )

@@ -1,0 +1,123 @@
+"""SwarmObserve-v0 as stable-baselines3's own VecEnv; needs the extra `rl`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from gymnasium.vector import AutoresetMode
+from numpy.typing import NDArray
+from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices, VecEnvObs, VecEnvStepReturn
+
+from swarm_mj.errors import ScenarioError
+
+from .vector import SwarmObserveVectorEnv
+
+
+class SwarmObserveVecEnv(VecEnv):
+    """`SwarmObserveVectorEnv` with the conventions of stable-baselines3.
+
+    A flight that ends is started anew at once. Its info then holds `terminal_observation`, `TimeLimit.truncated`, what the
+    end of the flight told, and `episode` with return `r`, length `l` and time `t` as stable-baselines3's `Monitor` gives
+    them. Rewards are float32.
+
+    Args:
+        num_envs: Number of flights.
+        threads: Lanes at most; None for the cores that this process may use.
+        arguments: Those of `SwarmObserveEnv`, except `render_mode`.
+    """
+
+    def __init__(self, num_envs: int = 1, *, threads: int | None = None, **arguments: Any) -> None:
+        self.vector = SwarmObserveVectorEnv(
+            num_envs, autoreset_mode=AutoresetMode.SAME_STEP, threads=threads, **arguments
+        )
+        self.render_mode = None
+        super().__init__(num_envs, self.vector.single_observation_space, self.vector.single_action_space)
+        self._actions: NDArray[Any] | None = None
+        self._return, self._length = np.zeros(num_envs), np.zeros(num_envs, np.int64)
+
+    def reset(self) -> VecEnvObs:
+        """Start all flights, from the seeds of `seed` if that was called since the last time."""
+        if any(self._options):
+            raise ScenarioError(f"options {self._options}: SwarmObserveVecEnv takes none; use the gymnasium environment")
+        observations, infos = self.vector.reset(seed=list(self._seeds))
+        self.reset_infos = [_of_flight(infos, e) for e in range(self.num_envs)]
+        self._return[:], self._length[:] = 0.0, 0
+        self._reset_seeds()
+        return observations
+
+    def step_async(self, actions: NDArray[Any]) -> None:
+        """Keep the actions for `step_wait`."""
+        self._actions = actions
+
+    def step_wait(self) -> VecEnvStepReturn:
+        """Fly on for one step."""
+        assert self._actions is not None, "call step_async first"
+        observations, rewards, terminated, truncated, infos = self.vector.step(self._actions)
+        done = terminated | truncated
+        self._return += rewards
+        self._length += 1
+        listed = [self._info(infos, e, bool(done[e]), bool(truncated[e] and not terminated[e])) for e in range(len(done))]
+        self._return[done], self._length[done] = 0.0, 0
+        return observations, rewards.astype(np.float32), done, listed
+
+    def _info(self, infos: dict[str, Any], e: int, done: bool, truncated: bool) -> dict[str, Any]:
+        if not done:
+            return _of_flight(infos, e)
+        info = _of_flight(infos["final_info"], e)
+        self.reset_infos[e] = {name: value for name, value in _of_flight(infos, e).items() if not name.startswith("final")}
+        episode = {"r": float(self._return[e]), "l": int(self._length[e]), "t": info["time_s"]}
+        return info | {
+            "terminal_observation": infos["final_obs"][e],
+            "TimeLimit.truncated": truncated,
+            "episode": episode,
+        }
+
+    def close(self) -> None:
+        """End the threads and release the observer; may be called again."""
+        self.vector.close()
+
+    def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
+        """An attribute of the vector environment, which all flights share; one entry for each flight asked for."""
+        value = getattr(self, attr_name) if attr_name == "render_mode" else getattr(self.vector, attr_name)
+        return [value for _ in self._get_indices(indices)]
+
+    def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
+        """Set an attribute of the vector environment.
+
+        Raises:
+            ScenarioError: Only some of the flights are meant; they share everything that can be set.
+        """
+        if len(list(self._get_indices(indices))) != self.num_envs:
+            raise ScenarioError(f"set_attr({attr_name!r}): flights share their attributes; leave indices out")
+        setattr(self.vector, attr_name, value)
+
+    def env_method(self, method_name: str, *args: Any, indices: VecEnvIndices = None, **kwargs: Any) -> list[Any]:
+        """Call a method of the vector environment once; its answer, for each flight asked for."""
+        answer = getattr(self.vector, method_name)(*args, **kwargs)
+        return [answer for _ in self._get_indices(indices)]
+
+    def env_is_wrapped(self, wrapper_class: type[Any], indices: VecEnvIndices = None) -> list[bool]:
+        """No flight is wrapped by itself; episodes are counted here, which is what `Monitor` is for."""
+        from stable_baselines3.common.monitor import Monitor
+
+        return [wrapper_class is Monitor for _ in self._get_indices(indices)]
+
+    def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
+        """Nothing is drawn: render a single environment."""
+        return [None] * self.num_envs
+
+
+def _of_flight(infos: dict[str, Any], e: int) -> dict[str, Any]:
+    """What the vector environment's infos say about one flight, as the single environment would say it."""
+    own: dict[str, Any] = {}
+    for name, values in infos.items():
+        if name.startswith("_") or not infos[f"_{name}"][e]:
+            continue
+        own[name] = {key: float(row[e]) for key, row in values.items()} if isinstance(values, dict) else _plain(values[e])
+    return own
+
+
+def _plain(value: Any) -> Any:
+    return value.tolist() if isinstance(value, (np.ndarray, np.generic)) else value

@@ -1,0 +1,212 @@
+"""SwarmObserve-v0 as gymnasium's vector environment: many flybys at once, bit for bit those of single environments."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium.utils import seeding
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
+
+from swarm_mj.errors import ScenarioError
+
+from .arguments import flight_seed
+from .controls import check_action
+from .flybys import ENDS, Step
+from .lanes import Lanes, default_threads
+from .rewards import TERMS
+from .setting import make_setting
+
+Mask = NDArray[np.bool_]
+Infos = dict[str, Any]
+
+
+class SwarmObserveVectorEnv(VectorEnv[NDArray[np.float32], NDArray[Any], NDArray[np.float64]]):
+    """`num_envs` flybys of one scenario on `mujoco.batch.Batch`; made by `gymnasium.make_vec("swarm_mj:SwarmObserve-v0", ...)`.
+
+    Spaces, rewards and episode ends are those of `SwarmObserveEnv`, which documents them, and so are the numbers: with the
+    same seeds every flight is bit for bit that of the single environment, whatever `num_envs` and `threads` are.
+
+    Infos hold arrays over the flights, with the mask of those to whom they apply under the same name with a leading
+    underscore: `time_s`, `coverage_percent`, `delivered_bit`, `stored_bit` (num_envs, n), `reward_terms` (a dict of arrays),
+    `flight_seed` where a flight began, `end` (text) where one ended by itself, and `cause` where one diverged.
+
+    Args:
+        num_envs: Number of flights.
+        autoreset_mode: `NextStep` (default, as gymnasium's own vector environments: a flight that ended is started anew by the
+            next call of `step`, which ignores its action and gives reward 0), `SameStep` (it is started at once; `final_obs`
+            and `final_info` hold the end) or `Disabled` (call `reset(options={"reset_mask": mask})`).
+        threads: Lanes at most; None for the cores that this process may use.
+        arguments: Those of `SwarmObserveEnv`, except `render_mode`, which must be None.
+    """
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        *,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        threads: int | None = None,
+        render_mode: None = None,
+        **arguments: Any,
+    ) -> None:
+        if num_envs < 1:
+            raise ScenarioError(f"num_envs = {num_envs}: must be at least 1")
+        if threads is not None and threads < 1:
+            raise ScenarioError(f"threads = {threads}: must be at least 1, or None")
+        if render_mode is not None:
+            raise ScenarioError(f"render_mode = {render_mode!r}: the vector environment draws nothing; render a single one")
+        self._lanes: Lanes | None = None
+        mode = AutoresetMode(autoreset_mode)
+        self.metadata = {"render_modes": [], "autoreset_mode": mode}
+        self._mode, self.num_envs = mode, num_envs
+        setting = make_setting(**arguments)
+        self._lanes = Lanes(setting, num_envs, default_threads() if threads is None else threads)
+        self.single_observation_space = setting.readings.space
+        self.single_action_space = self._lanes.lanes[0].level.action_space
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self._random = [seeding.np_random()[0] for _ in range(num_envs)]
+        self._over, self._begun = np.zeros(num_envs, np.bool_), False
+
+    @property
+    def lanes(self) -> Lanes:
+        """The flights.
+
+        Raises:
+            gymnasium.error.ClosedEnvironmentError: The environment was closed.
+        """
+        if self._lanes is None:
+            raise gymnasium.error.ClosedEnvironmentError("SwarmObserve-v0 was closed; make it anew")
+        return self._lanes
+
+    def reset(  # type: ignore[override]
+        self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[NDArray[np.float32], Infos]:
+        """Start all flights, or those of `options["reset_mask"]`.
+
+        Args:
+            seed: Of the first flight, the next ones follow; or one for each flight; None draws on.
+            options: `reset_mask`: bool, shape (num_envs,); `flight_seed`: of all flights, or one for each.
+
+        Raises:
+            ScenarioError: A seed or option is not allowed.
+        """
+        given = dict(options or {})
+        mask = _mask(given.pop("reset_mask", None), self.num_envs)
+        for e, own in enumerate(_seeds(seed, self.num_envs)):
+            if own is not None and mask[e]:
+                self._random[e] = seeding.np_random(own)[0]
+        wanted = given.pop("flight_seed", None)
+        chosen = np.broadcast_to(wanted, self.num_envs) if wanted is not None else [None] * self.num_envs
+        flights = {e: self._draw(e, given, chosen[e]) for e in np.flatnonzero(mask)}
+        self.lanes.reset(flights)
+        self._over[mask], self._begun = False, True
+        infos = self._infos(mask)
+        _put(infos, "flight_seed", flights, self.num_envs)
+        return self.lanes.observation, infos
+
+    def _draw(self, e: int, options: dict[str, Any], wanted: Any = None) -> int:
+        drawn = int(self._random[e].integers(2**31))
+        return flight_seed(options | ({} if wanted is None else {"flight_seed": wanted}), drawn)
+
+    def step(
+        self, actions: NDArray[Any]
+    ) -> tuple[NDArray[np.float32], NDArray[np.float64], Mask, Mask, Infos]:
+        """Fly on for one step with the actions held, shape (num_envs, ...).
+
+        Raises:
+            gymnasium.error.InvalidAction: The actions do not lie in the action space.
+            gymnasium.error.ResetNeeded: `reset` was never called, or with autoreset disabled a flight is over.
+        """
+        if not self._begun or (self._mode is AutoresetMode.DISABLED and self._over.any()):
+            raise gymnasium.error.ResetNeeded("SwarmObserve-v0: an episode is over or has not begun; call reset first")
+        array = check_action(self.action_space, actions)
+        began = self._restart() if self._mode is AutoresetMode.NEXT_STEP and self._over.any() else {}
+        live = np.ones(self.num_envs, np.bool_)
+        live[list(began)] = False
+        step = self.lanes.step(array, live)
+        terminated, truncated = (step.end > 0) & live, step.truncated & live
+        rewards = np.where(live, step.reward, 0.0)
+        infos = self._infos(np.ones(self.num_envs, np.bool_)) | self._ends(step, live)
+        self._over = terminated | truncated
+        observations = self.lanes.observation
+        if self._mode is AutoresetMode.SAME_STEP and self._over.any():
+            observations, infos, began = self._restart_at_once(observations, infos)
+        _put(infos, "flight_seed", began, self.num_envs)
+        return observations, rewards, terminated, truncated, infos
+
+    def _restart(self) -> dict[int, int]:
+        began = {int(e): self._draw(int(e), {}) for e in np.flatnonzero(self._over)}
+        self.lanes.reset(began)
+        return began
+
+    def _restart_at_once(
+        self, last: NDArray[np.float32], infos: Infos
+    ) -> tuple[NDArray[np.float32], Infos, dict[int, int]]:
+        over = self._over.copy()
+        began = self._restart()
+        final_obs = np.full(self.num_envs, None, dtype=object)
+        for e in np.flatnonzero(over):
+            final_obs[e] = last[e].copy()
+        fresh = self._infos(np.ones(self.num_envs, np.bool_))
+        fresh |= {"final_obs": final_obs, "_final_obs": over, "final_info": infos, "_final_info": over}
+        self._over[:] = False
+        return self.lanes.observation, fresh, began
+
+    def _infos(self, mask: Mask) -> Infos:
+        lanes = self.lanes
+        values = {
+            "time_s": lanes.gather(lambda lane: lane.time_s),
+            "coverage_percent": lanes.gather(lambda lane: lane.percent),
+            "delivered_bit": lanes.gather(lambda lane: lane.books.delivered),
+            "stored_bit": lanes.gather(lambda lane: lane.books.stored),
+        }
+        return values | {f"_{name}": mask.copy() for name in values}
+
+    def _ends(self, step: Step, live: Mask) -> Infos:
+        terms = {name: step.terms[:, k] for k, name in enumerate(TERMS)}
+        infos: Infos = {"reward_terms": terms, "_reward_terms": live}
+        ended = {int(e): ENDS[step.end[e]] for e in np.flatnonzero(live & (step.end > 0))}
+        _put(infos, "end", ended, self.num_envs)
+        causes = {e: self.lanes.cause(e) for e, end in ended.items() if end == "diverged"}
+        _put(infos, "cause", causes, self.num_envs)
+        return infos
+
+    def close_extras(self, **kwargs: Any) -> None:
+        """End the threads and release the observer."""
+        if self._lanes is not None:
+            self._lanes.close()
+        self._lanes = None
+
+
+def _put(infos: Infos, name: str, values: dict[int, Any], count: int) -> None:
+    """Add what applies to some flights only, with its mask."""
+    if values:
+        kind = np.int64 if isinstance(next(iter(values.values())), int) else object
+        array, mask = np.zeros(count, kind), np.zeros(count, np.bool_)
+        for e, value in values.items():
+            array[e], mask[e] = value, True
+        infos[name], infos[f"_{name}"] = array, mask
+
+
+def _mask(given: Any, count: int) -> Mask:
+    if given is None:
+        return np.ones(count, np.bool_)
+    mask = np.asarray(given)
+    if mask.shape != (count,) or mask.dtype != np.bool_ or not mask.any():
+        raise ScenarioError(f"reset option reset_mask: must be {count} booleans, at least one of them true, not {given!r}")
+    return mask
+
+
+def _seeds(seed: Any, count: int) -> list[int | None]:
+    if seed is None:
+        return [None] * count
+    if isinstance(seed, (int, np.integer)):
+        return [int(seed) + e for e in range(count)]
+    seeds = list(seed)
+    if len(seeds) != count:
+        raise ScenarioError(f"seed: {len(seeds)} values for {count} flights; give one number, or one for each")
+    return seeds

@@ -1,0 +1,92 @@
+"""Impact on the body, found at the control period in which it happens.
+
+The path within one period is taken as straight. Most periods are not tested at all: from the clearance to the nearest vertex
+and the speed follows for how long nothing can be hit.
+"""
+
+from __future__ import annotations
+
+from math import inf, sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from swarm_mj.smallbody.environment import Environment
+from swarm_mj.smallbody.occultation import segments_blocked
+from swarm_mj.smallbody.shape import ShapeModel
+from swarm_mj.smallbody.solid_angle import points_inside
+
+Array = NDArray[np.float64]
+
+#: Speeds and accelerations are taken this much larger than they are, for what gravity changes on the way.
+_CAUTION = 2.0
+
+
+class ImpactWatch:
+    """Looks for impacts of one flight.
+
+    Args:
+        shape: The body.
+        environment: Its rotation.
+        period: Time between two looks [s].
+    """
+
+    def __init__(self, shape: ShapeModel, environment: Environment, period: float) -> None:
+        self._shape, self._environment, self._period = shape, environment, period
+        self._tree = cKDTree(shape.vertices)
+        edges = shape.vertices[shape.faces] - shape.vertices[np.roll(shape.faces, 1, axis=1)]
+        # No point of a triangle is farther from its nearest corner than its longest edge over the square root of 3.
+        self._reach = float(np.linalg.norm(edges, axis=2).max() / sqrt(3.0))
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin a flight."""
+        self._before: Array | None = None
+        self.due = 0
+
+    def look(self, tick: int, r_BN_N: Array, v_BN_N: Array, a_N: Array, flying: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Which spacecraft hit the body in the period that ends now; to be called when `tick` has reached `due`.
+
+        Args:
+            tick: Control periods flown.
+            r_BN_N: Positions now, shape (n, 3) [m].
+            v_BN_N: Velocities, shape (n, 3) [m/s].
+            a_N: Accelerations, shape (n, 3) [m/s^2].
+            flying: Which spacecraft are to be looked at, shape (n,).
+
+        Returns:
+            Shape (n,).
+        """
+        shape = self._shape
+        r_A = r_BN_N @ self._environment.C_AN(tick * self._period).T
+        hit = np.zeros(len(r_A), np.bool_)
+        if not flying.any():
+            self.due = tick + 1_000_000
+            return hit
+        before = self._before
+        if before is None:
+            hit[flying] = points_inside(np.ascontiguousarray(r_A[flying]), shape.vertices, shape.faces)
+        else:
+            start = np.ascontiguousarray(before[flying])
+            hit[flying] = segments_blocked(start, r_A[flying], shape.vertices, shape.faces, shape.max_radius)
+        safe = self._safe_periods(r_A[flying], v_BN_N[flying], a_N[flying])
+        self.due = tick + max(1, safe)
+        # A leg of several periods is only left out where nothing can be hit; the next one starts where this one ends.
+        self._before = r_A
+        return hit
+
+    def _safe_periods(self, r_A: Array, v_N: Array, a_N: Array) -> int:
+        """For how many periods no spacecraft can touch the surface."""
+        outside = np.linalg.norm(r_A, axis=1) - self._shape.max_radius
+        near, _ = self._tree.query(r_A)
+        clearance = np.maximum(outside, near - self._reach)
+        speed = _CAUTION * (
+            np.linalg.norm(v_N, axis=1) + abs(self._environment.spin_rate) * np.linalg.norm(r_A, axis=1)
+        )
+        pull = _CAUTION * np.linalg.norm(a_N, axis=1)
+        least = inf
+        for c, v, a in zip(clearance, speed, pull, strict=True):
+            # c = v t + a t^2 / 2, solved without cancellation.
+            least = min(least, 2.0 * c / (v + sqrt(v * v + 2.0 * a * c) + 1e-12) if c > 0.0 else 0.0)
+        return int(min(least / self._period, 1e6))

@@ -1,0 +1,262 @@
+"""The parts of the page that are text: outcome, spacecraft, design, parameters, versions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from pydantic import BaseModel
+
+from swarm_mj.output.remarks import near_collision_remarks, remarks
+from swarm_mj.report.markup import Content, Html, join, table, tag
+from swarm_mj.report.reading import RunRecord
+from swarm_mj.scenarios.schema import Scenario
+
+P_TO = Html("observed area P<sub>TO</sub>")
+SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+CRITERION = {"passage": "in the whole passage", "visit": "at the instant of the visit"}
+
+
+def section(name: str, title: str, *content: Content) -> Html:
+    """A part of the page with a heading that links can point to."""
+    return tag("section", tag("h2", title, id=f"{name}-title"), *content, id=name, aria_labelledby=f"{name}-title")
+
+
+def summary_section(run: RunRecord) -> Html:
+    """The numbers a reader asks for first, and what to know before believing them."""
+    summary = run.summary
+    late = summary["pointing_error_deg_before_switch"]
+    numbers = [
+        (P_TO, f"{summary['coverage_percent']:.2f} %", CRITERION[summary["criterion"]]),
+        ("the same, whole passage", f"{summary['coverage_percent_passage']:.2f} %", f"{summary['images']} pictures"),
+        ("spacecraft", str(summary["spacecraft"]), f"{summary['observers']} of them observe"),
+        ("pointing error before a switch", degrees(max(late.values())) if late else "–", "largest of the swarm"),
+        ("fastest wheel", f"{100 * summary['max_wheel_speed_fraction']:.0f} %", "of its limit"),
+        ("links closed at the end", f"{summary['links_closed_final']} of {summary['spacecraft']}", "spacecraft"),
+        ("deployment Δv, at most", f"{max(summary['deployment_delta_v_m_s'].values()):.2f} m/s", "of one spacecraft"),
+        ("target", f"{summary['target_area_km2']:.2f} km²", f"{summary['target_faces']} faces"),
+    ]
+    cards = [tag("div", tag("dt", name), tag("dd", value, tag("small", note))) for name, value, note in numbers]
+    return section("summary", "Summary", tag("dl", cards, class_="numbers"), remark_list(run))
+
+
+def remark_list(run: RunRecord) -> Html | None:
+    """What limits the trust in a run's numbers."""
+    found = [*remarks(run.summary), *near_collision_remarks(run.summary)]
+    return tag("ul", [tag("li", text) for text in found], class_="remarks") if found else None
+
+
+def spacecraft_section(runs: Sequence[RunRecord], labels: Sequence[str]) -> Html:
+    """A table of the spacecraft of each run."""
+    return section("spacecraft", "Spacecraft", [_spacecraft_table(*pair) for pair in zip(runs, labels, strict=True)])
+
+
+def _spacecraft_table(run: RunRecord, label: str) -> Html:
+    summary = run.summary
+    head = (
+        "spacecraft", "sent to", "Δv [m/s]", "closest to centre [km]", "observed [%]", "error before switch [deg]",
+        "error at end [deg]", "wheels at limit [s]", "link closed [%]", "turns",
+    )  # fmt: skip
+    rows = []
+    for j, name in enumerate(run.names):
+        before = summary["pointing_error_deg_before_switch"].get(name)
+        rows.append(
+            (
+                name,
+                run.role(j),
+                f"{summary['deployment_delta_v_m_s'][name]:.2f}",
+                f"{summary['least_distance_to_centre_km'][name]:.2f}",
+                f"{summary['coverage_percent_by_spacecraft'][name]:.1f}" if j < run.n_observers else "–",
+                "–" if before is None else power(before),
+                power(summary["pointing_error_deg_final"][name]),
+                f"{summary['wheel_saturation_s'][name]:g}",
+                f"{summary['link_closed_percent'][name]:.1f}",
+                _switches(summary["mode_switches"][name]),
+            )
+        )
+    return table(head, rows, caption=f"Spacecraft of {label}", class_="numeric crew")
+
+
+def _switches(found: Sequence[dict[str, Any]]) -> str:
+    words = [f"{s['time_s']:g} s: {s['to'].replace('_', ' ')}" for s in found[:3]]
+    return "; ".join([*words, f"{len(found) - 3} more"] if len(found) > 3 else words) or "none"
+
+
+def design_section(runs: Sequence[RunRecord], labels: Sequence[str]) -> Html:
+    """Who visits which point, and why no smaller swarm would do."""
+    parts = []
+    for run, label in zip(runs, labels, strict=True):
+        parts += [tag("h3", label) if len(runs) > 1 else None, _design(run)]
+    return section("design", "Design", parts)
+
+
+def _design(run: RunRecord) -> Html:
+    design = run.scenario.design
+    points = ", ".join(map(str, design.visiting_points))
+    words = (
+        f"{len(design.visiting_points)} observers visit the points {points} of the target's "
+        f"{run.summary['target_vertices']}, {design.imaging_altitude_m / 1e3:g} km above them, "
+        f"{design.time_of_flight_s:g} s after deployment."
+    )
+    if run.design is None:
+        why = "These points were given; the run has no record of a design with a proof. The fewest are found by "
+        return join([tag("p", words), tag("p", why, tag("code", "swarm-mj design"), ".")])
+    return join([tag("p", words), _proof(run, run.design)])
+
+
+def _proof(run: RunRecord, record: dict[str, Any]) -> Html:
+    proof, scenario = record["proof"], run.scenario
+    each = f", each face by at least {record['fold']}," if record["fold"] > 1 else ""
+    task = (
+        f"{100 - record['tolerance_percent']:g} % of the target's area{each} from any of the {record['candidates_count']} "
+        "candidate points"
+    )
+    if proof["status"] == "optimal":
+        words = f"Proven: fewer than {proof['minimum']} observers cannot see {task}."
+    else:
+        words = f"Not proven to be the fewest: at least {proof['lower_bound']:g} observers are needed to see {task}."
+    names = {"repair": "genetic algorithm with repair", "plain": "genetic algorithm"}
+    rows = [
+        ("exact solver", proof["minimum"], proof["covered_percent"], proof["visiting_points"], None, proof["seconds"])
+    ]
+    for name, found in record["genetic"].items():
+        rows.append(
+            (names.get(name, name), found["n_observers"], found["covered_percent"], found["gene_map"][1:],
+             found["designs_explored"], found["seconds"])
+        )  # fmt: skip
+    cells = [
+        (
+            name,
+            str(n),
+            f"{covered:.2f}",
+            " ".join(map(str, points)),
+            "–" if explored is None else f"{explored:,}",
+            f"{s:.2f}",
+        )
+        for name, n, covered, points, explored, s in rows
+    ]
+    head = ("method", "observers", Html("P<sub>TO</sub> [%]"), "points", "designs explored", "time [s]")
+    flown = f"Flown: the design of the {record['selected_by']}."
+    return join(
+        [
+            tag("p", tag("strong", words), " ", flown),
+            _mismatch(record, scenario),
+            table(head, cells, caption="How the design was found", class_="numeric method"),
+        ]
+    )
+
+
+def _mismatch(record: dict[str, Any], scenario: Scenario) -> Html | None:
+    """Where the proof was made for other values than those flown."""
+    other = []
+    for part, flown in (("criterion", scenario.observation), ("camera", scenario.camera)):
+        name = "observation" if part == "criterion" else part
+        for key, value in flown.model_dump(mode="json").items():
+            if (
+                key in record[part]
+                and record[part][key] != value
+                and key not in ("observer", "interval_s", "resolution_px")
+            ):
+                other.append(f"{name}.{key}: {record[part][key]} there, {value} here")
+    if not other:
+        return None
+    return tag(
+        "p", f"The proof does not hold for this run, which differs from it: {'; '.join(other)}.", class_="warning"
+    )
+
+
+def flat_parameters(scenario: Scenario) -> dict[str, Any]:
+    """Every parameter by its dotted key."""
+    flat: dict[str, Any] = {}
+
+    def walk(prefix: str, value: Any) -> None:
+        if isinstance(value, dict) and value:
+            for key, child in value.items():
+                walk(f"{prefix}.{key}" if prefix else str(key), child)
+        else:
+            flat[prefix] = value
+
+    walk("", scenario.model_dump(mode="json"))
+    return flat
+
+
+def parameters_section(runs: Sequence[RunRecord], labels: Sequence[str]) -> Html:
+    """All parameters, by section; of two runs, those that differ first of all."""
+    flats = [flat_parameters(run.scenario) for run in runs]
+    keys = list(dict.fromkeys(key for flat in flats for key in flat))
+    if len(runs) == 1:
+        return section("parameters", "Parameters", _grouped(keys, flats[0]), _versions(runs, labels))
+    differing = [key for key in keys if flats[0].get(key) != flats[1].get(key)]
+    rows = [(key, *(_value(flat.get(key)) for flat in flats)) for key in keys]
+    classes = ["differs" if key in differing else "same" for key in keys]
+    box = tag("input", type="checkbox", id="only-differences", checked=True)
+    return section(
+        "parameters",
+        "Parameters",
+        tag("p", f"{len(differing)} of {len(keys)} parameters differ. ", tag("label", box, " show only these")),
+        table(("parameter", *labels), rows, caption="Parameters of the scenarios as flown", row_classes=classes),
+        _versions(runs, labels),
+    )
+
+
+def _grouped(keys: Sequence[str], flat: dict[str, Any]) -> list[Html]:
+    groups: dict[str, list[str]] = {}
+    for key in keys:
+        groups.setdefault(key.split(".")[0] if "." in key else "scenario", []).append(key)
+    return [
+        tag(
+            "details",
+            tag("summary", name),
+            table(
+                ("parameter", "value", "meaning"),
+                [(key, _value(flat[key]), meaning(key)) for key in members],
+                caption=f"Parameters of {name}",
+            ),
+        )
+        for name, members in groups.items()
+    ]
+
+
+def meaning(key: str) -> str:
+    """What the schema says of a parameter."""
+    model: type[BaseModel] | None = Scenario
+    words = ""
+    for part in key.split("."):
+        field = model.model_fields.get(part) if model else None
+        if field is None:
+            return words
+        words = field.description or ""
+        inner = field.annotation
+        model = inner if isinstance(inner, type) and issubclass(inner, BaseModel) else None
+    return words
+
+
+def _versions(runs: Sequence[RunRecord], labels: Sequence[str]) -> Html:
+    libraries = list(dict.fromkeys(name for run in runs for name in run.summary["versions"]))
+    rows = [(name, *(run.summary["versions"].get(name, "–") for run in runs)) for name in libraries]
+    classes = ["differs" if len(set(row[1:])) > 1 else None for row in rows]
+    content = table(
+        ("program or library", *labels), rows, caption="Versions that made the numbers", row_classes=classes
+    )
+    return tag("details", tag("summary", "versions"), content, open=len(runs) > 1)
+
+
+def _value(value: Any) -> str:
+    if value is None:
+        return "–"
+    if isinstance(value, list):
+        return ", ".join(map(str, value)) or "none"
+    return str(value) if value != {} else "none"
+
+
+def degrees(value: float) -> str:
+    """An angle [deg] in words."""
+    return f"{value:.2g}°" if value >= 0.01 else f"{power(value)}°"
+
+
+def power(value: float) -> str:
+    """A number of any size with two digits, like 1.2·10⁻⁵."""
+    if value == 0.0:
+        return "0"
+    mantissa, exponent = f"{value:.1e}".split("e")
+    return f"{mantissa}·10{str(int(exponent)).translate(SUPERSCRIPT)}"

@@ -1,0 +1,167 @@
+"""The command `swarm-mj view`: a flight in MuJoCo's own viewer, with speed, pause and the drawing of the videos.
+
+Where a display exists this is MuJoCo's native viewer, elsewhere its web viewer, which a browser on this machine opens.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+import mujoco
+from rich.console import Console
+
+from swarm_mj.drawing.cameras import magnification_for, overview
+from swarm_mj.drawing.decorations import decorate
+from swarm_mj.drawing.lettering import clock, roles
+from swarm_mj.drawing.live import SPEEDS, LiveFlight, Player, planned_path
+from swarm_mj.drawing.model import DrawingModel, build_drawing_model
+from swarm_mj.errors import ObserverError, OutputError
+from swarm_mj.planning import make_plan
+from swarm_mj.scenarios.schema import Scenario
+
+#: Pictures per second.
+RATE = 30.0
+#: Time that the window may take to close [s].
+CLOSING_S = 10.0
+#: Width of the window over its height, for which the first view is chosen.
+ASPECT = 1.5
+#: Keys of the native viewer, by GLFW's codes.
+PAUSE, FASTER, SLOWER, RESTART = (32,), (61, 334), (45, 333), (82,)
+HELP = "space pause, + and - speed, R restart, mouse turns and zooms, [ and ] cameras"
+
+
+def run_view(scenario: Scenario, *, speed: float = 10.0, web: bool = False, port: int = 0) -> None:
+    """Fly a scenario in a viewer until that is closed.
+
+    Args:
+        scenario: What to fly.
+        speed: Seconds of flight per second at the start.
+        web: Use the web viewer even where a display exists.
+        port: Of the web viewer; 0: the first free one from 8080.
+
+    Raises:
+        SwarmError: The scenario cannot be flown.
+        ObserverError: No viewer can be opened here.
+    """
+    if not SPEEDS[0] <= speed <= SPEEDS[-1]:
+        raise OutputError(f"speed {speed:g}: must be {SPEEDS[0]:g} to {SPEEDS[-1]:g} seconds of flight per second")
+    console = Console()
+    console.print(f"{scenario.name}: preparing the flight (compiles on first use)", markup=False, highlight=False)
+    plan = make_plan(scenario)
+    player = Player(LiveFlight(plan), speed)
+    view = overview(plan, planned_path(plan), ASPECT)
+    model = build_drawing_model(plan, magnification_for(plan, view.distance))
+    model.place(player.now)
+    if web or not has_display():
+        from swarm_mj.web_viewer import show_in_browser
+
+        show_in_browser(model, player, view, port)
+        return
+    console.print(HELP, markup=False, highlight=False)
+    show_in_window(model, player, view.camera())
+
+
+def has_display() -> bool:
+    """Whether a window can be opened; on macOS MuJoCo's needs its own launcher, mjpython."""
+    if sys.platform == "linux":
+        return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+    return sys.platform != "darwin" or "MJPYTHON_BIN" in os.environ
+
+
+def show_in_window(
+    model: DrawingModel, player: Player, camera: mujoco.MjvCamera, go_on: Callable[[], bool] = lambda: True
+) -> None:
+    """Show a flight in MuJoCo's native viewer until its window is closed.
+
+    Args:
+        model: What is drawn.
+        player: The flight.
+        camera: From where at first.
+        go_on: Asked before every picture; False closes the window.
+
+    Raises:
+        ObserverError: No window can be opened.
+    """
+    others = set(threading.enumerate())
+    try:
+        import mujoco.viewer
+
+        handle = mujoco.viewer.launch_passive(
+            model.mjmodel, model.data, key_callback=_keys(player), show_left_ui=False, show_right_ui=False
+        )
+    except Exception as error:  # GLFW and the display server raise each their own
+        raise ObserverError(
+            f"MuJoCo's viewer cannot open a window here ({type(error).__name__}: {error}); use the web viewer with --web"
+        ) from error
+    with handle:
+        with handle.lock():
+            handle.cam.lookat[:], handle.cam.distance = camera.lookat, camera.distance
+            handle.cam.azimuth, handle.cam.elevation = camera.azimuth, camera.elevation
+        last = time.perf_counter()
+        while handle.is_running() and go_on():
+            start = time.perf_counter()
+            player.advance(start - last, 0.5 / RATE)
+            last = start
+            _update(handle, model, player)
+            time.sleep(max(0.0, 1.0 / RATE - (time.perf_counter() - start)))
+    # The window's thread still uses the model; if that is freed before the thread ends, the process crashes.
+    for thread in set(threading.enumerate()) - others:
+        thread.join(CLOSING_S)
+
+
+def _keys(player: Player) -> Callable[[int], None]:
+    def pressed(key: int) -> None:
+        if key in PAUSE:
+            player.paused = not player.paused
+        elif key in FASTER:
+            player.change_speed(1)
+        elif key in SLOWER:
+            player.change_speed(-1)
+        elif key in RESTART:
+            player.restart_asked = True
+
+    return pressed
+
+
+def _update(handle: Any, model: DrawingModel, player: Player) -> None:
+    """Bring a window to what there is to draw now."""
+    now, scene = player.now, handle.user_scn
+    with handle.lock():
+        changed = model.place(now)
+        scene.ngeom = 0
+        geoms = scene.geoms
+
+        def next_geom() -> mujoco.MjvGeom | None:
+            if scene.ngeom >= scene.maxgeom:
+                return None
+            scene.ngeom += 1
+            return geoms[scene.ngeom - 1]
+
+        decorate(next_geom, model, now)
+    if changed:
+        handle.update_texture(model.texture)
+    left, right = status(model, player)
+    place, font = mujoco.mjtGridPos, mujoco.mjtFontScale.mjFONTSCALE_100
+    handle.set_texts(
+        [
+            (font, place.mjGRID_TOPLEFT, left, right),
+            (font, place.mjGRID_BOTTOMLEFT, HELP, ""),
+        ]
+    )
+    handle.sync()
+
+
+def status(model: DrawingModel, player: Player) -> tuple[str, str]:
+    """Two columns of lines: time, speed, observed share, and what each spacecraft does."""
+    now, plan = player.now, player.flight.plan
+    share = 100.0 * float(plan.region.area[now.seen].sum() / plan.region.total_area)
+    pace = "over" if player.flight.over else "paused" if player.paused else f"{player.speed:g} x"
+    rows = [("time", clock(now.t)), ("speed", pace), ("observed", f"{share:.1f} %")]
+    rows += [tuple(text.split(" ", 1)) for text, _ in roles(now, plan.names)]
+    rows.append(("drawn", f"{model.magnification:,.0f} times as large"))
+    return "\n".join(row[0] for row in rows), "\n".join(row[1] for row in rows)

@@ -1,0 +1,201 @@
+"""Pictures: where things stand in them, against ray casting and plain projection."""
+
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+import trimesh
+
+from swarm_mj.drawing import canvas as canvas_module
+from swarm_mj.drawing.cameras import overview, view_direction
+from swarm_mj.drawing.canvas import Box, Canvas
+from swarm_mj.drawing.decorations import dashes, decorate
+from swarm_mj.drawing.model import PYRAMID, build_drawing_model
+from swarm_mj.drawing.picture import Drawing
+from swarm_mj.errors import ObserverError, OutputError
+from swarm_mj.mission.behaviors import TargetKind
+
+pytestmark = [pytest.mark.gl, pytest.mark.usefixtures("gl")]
+
+
+@pytest.fixture(scope="module")
+def drawn(replay):
+    """Model and canvas of the quick flight."""
+    model = build_drawing_model(replay.plan, 5000.0, 400, 400)
+    canvas = Canvas(model, 400, 400)
+    yield model, canvas
+    canvas.close()
+
+
+def is_blue(pixels):
+    """Observed cells, filled or border: the only things on the body with more blue than red."""
+    return pixels[..., 2].astype(int) > pixels[..., 0].astype(int) + 25
+
+
+def camera(model, j):
+    view = mujoco.MjvCamera()
+    view.type, view.fixedcamid = mujoco.mjtCamera.mjCAMERA_FIXED, int(model.cameras[j])
+    return view
+
+
+@pytest.mark.parametrize("t", [430.0, 600.0, 700.0])
+def test_the_coloured_part_of_a_cameras_picture_is_where_rays_hit_observed_cells(replay, drawn, rng, t):
+    model, canvas = drawn
+    region, now = replay.plan.region, replay.at(t)
+    now = replace(now, seen=rng.random(region.n_cells) < 0.4)
+    if model.place(now):
+        canvas.upload()
+    canvas.clear()
+    canvas.view(camera(model, 0), Box(0, 0, 400, 400), spacecraft=False)
+    shown = is_blue(canvas.read())
+    half = np.tan(np.radians(replay.plan.scenario.camera.half_angle_deg))
+    across = half * (2.0 * (np.arange(400) + 0.5) / 400 - 1.0)
+    x, y = np.meshgrid(across, across)  # camera frame: x right, y down, z ahead
+    rays_N = np.stack((x, y, np.ones_like(x)), axis=-1).reshape(-1, 3) @ now.C_BN[0]
+    body = trimesh.Trimesh(region.vertices @ now.C_AN, region.faces, process=False)
+    start = np.broadcast_to(now.r_BN_N[0], rays_N.shape)
+    face = body.ray.intersects_first(start, rays_N)
+    of_face = np.zeros(len(region.faces) + 1, bool)
+    of_face[region.target] = now.seen
+    expected = of_face[face].reshape(400, 400)
+    assert expected.sum() > 300
+    assert abs(shown.sum() - expected.sum()) < 0.04 * expected.sum()
+    assert (shown & expected).sum() > 0.93 * expected.sum()
+
+
+def test_spacecraft_and_names_stand_where_the_projection_puts_them(replay, drawn):
+    model, canvas = drawn
+    now = replay.at(900.0)
+    model.place(now)
+    view = overview(replay.plan, replay.path_N, 1.0)
+    pictures = []
+    for spacecraft in (True, False):
+        canvas.clear()
+        projection = canvas.view(view.camera(), Box(0, 0, 400, 400), spacecraft=spacecraft)
+        pictures.append(canvas.read().astype(int))
+    rows, columns = np.nonzero(np.abs(pictures[0] - pictures[1]).max(axis=2) > 10)
+    places, inside = projection.place(now.r_BN_N)
+    assert inside.all()
+    found = np.stack((columns, rows), axis=1)
+    nearest = np.linalg.norm(found[:, None] + 0.5 - places, axis=2).min(axis=1)
+    size_px = 5000.0 * 0.34 / view.distance * projection.scale[0]
+    assert nearest.max() < 0.75 * size_px + 2.0
+    for place in places:
+        assert np.linalg.norm(found + 0.5 - place, axis=1).min() < 0.3 * size_px + 1.5
+
+
+def test_the_overview_holds_body_and_flight_and_sees_the_day_side_of_the_target(replay):
+    plan = replay.plan
+    view = overview(plan, replay.path_N, 4 / 3)
+    with Drawing(plan, replay.path_N, width=320, height=240):
+        pass
+    direction = view_direction(plan, replay.path_N)
+    normal_N = plan.region.axes_A[2] @ plan.environment.C_AN(plan.scenario.design.time_of_flight_s)
+    assert direction @ normal_N > 0.2
+    assert direction @ plan.environment.sun.position > 0.0
+    right = np.cross([0.0, 0.0, 1.0], direction)
+    right /= np.linalg.norm(right)
+    up = np.cross(direction, right)
+    relative = np.vstack((replay.path_N.reshape(-1, 3), plan.shape.vertices @ plan.environment.C_AN(0.0))) - view.lookat
+    depth = view.distance - relative @ direction
+    tangent = np.tan(np.radians(16.0))
+    assert (np.abs(relative @ up) < tangent * depth).all()
+    assert (np.abs(relative @ right) < 4 / 3 * tangent * depth).all()
+
+
+def test_fields_of_view_have_the_cameras_angle_and_reach_to_the_bodys_centre(replay, drawn):
+    model, _ = drawn
+    now = replay.at(500.0)
+    geoms = []
+
+    def next_geom():
+        geoms.append(mujoco.MjvGeom())
+        return geoms[-1]
+
+    decorate(next_geom, model, now)
+    pyramids = [g for g in geoms if g.type == mujoco.mjtGeom.mjGEOM_MESH]
+    assert len(pyramids) == now.n
+    start, count = model.mjmodel.mesh_vertadr[model.pyramid], model.mjmodel.mesh_vertnum[model.pyramid]
+    vertices = model.mjmodel.mesh_vert[start : start + count]
+    half = np.tan(np.radians(replay.plan.scenario.camera.half_angle_deg))
+    for j, geom in enumerate(pyramids):
+        corners = np.array(geom.pos) + vertices @ np.array(geom.mat).reshape(3, 3).T
+        length = np.linalg.norm(now.r_BN_N[j])
+        expected = now.r_BN_N[j] + (np.array(PYRAMID) * (half * length, half * length, length)) @ now.C_BN[j]
+        gaps = np.linalg.norm(corners[:, None] - expected, axis=2)
+        assert gaps.min(axis=0).max() < 1e-3 * length
+
+
+def test_every_kind_of_target_has_its_colour_and_dashes_cover_half_of_a_line(replay, drawn):
+    model, _ = drawn
+    colours = set()
+    for kind in TargetKind:
+        geoms = []
+
+        def next_geom(geoms=geoms):
+            geoms.append(mujoco.MjvGeom())
+            return geoms[-1]
+
+        decorate(next_geom, model, replace(replay.at(900.0), kind=np.full(2, kind), tracked=np.array([1, 0])))
+        lines = [g for g in geoms if g.type == mujoco.mjtGeom.mjGEOM_LINE]
+        colours.add(tuple(np.round(lines[0].rgba, 3)))
+    assert len(colours) == len(TargetKind) - 1  # the body's centre and a point of it share one
+    for distance in (10.0, 95.0, 1e5):
+        pieces = dashes(np.zeros(3), np.array([distance, 0.0, 0.0]), 10.0)
+        assert pieces[0][0][0] == 0.0 and np.isclose(pieces[-1][1][0], distance)
+        inked = sum(end[0] - start[0] for start, end in pieces)
+        assert len(pieces) == 1 or 0.5 <= inked / distance < 0.7
+
+
+@pytest.mark.parametrize("name", ["overview", "chase", "split", "sc2"])
+def test_every_camera_gives_a_picture_that_changes_with_time_and_nothing_depends_on_what_was_drawn_before(replay, name):
+    with Drawing(replay.plan, replay.path_N, camera=name, width=320, height=240) as drawing:
+        first, second = drawing.draw(replay.at(300.0)), drawing.draw(replay.at(700.0))
+        again = drawing.draw(replay.at(300.0))
+    assert first.shape == (240, 320, 3) and first.dtype == np.uint8
+    assert first.std() > 5.0 and not np.array_equal(first, second)
+    assert np.array_equal(first, again)
+
+
+def test_an_unknown_camera_and_an_impossible_size_are_clear_errors(replay):
+    with pytest.raises(OutputError, match="camera 'sc3' does not exist: use overview, chase, split or sc1 to sc2"):
+        Drawing(replay.plan, replay.path_N, camera="sc3")
+    with pytest.raises(OutputError, match="size 20x480: both sides must be 64 to 8192"):
+        Drawing(replay.plan, replay.path_N, width=20)
+
+
+def test_contexts_are_released_by_closing_and_by_failing(replay, monkeypatch):
+    alive = []
+    make = canvas_module._gl_context
+
+    class Counted:
+        def __init__(self, width, height):
+            self._context = make(width, height)
+            alive.append(self)
+
+        def make_current(self):
+            self._context.make_current()
+
+        def free(self):
+            self._context.free()
+            alive.remove(self)
+
+    monkeypatch.setattr(canvas_module, "_gl_context", Counted)
+    for _ in range(3):
+        drawing = Drawing(replay.plan, replay.path_N, width=64, height=64)
+        drawing.draw(replay.at(0.0))
+        assert len(alive) == 1
+        drawing.close()
+        drawing.close()
+        assert not alive
+    with pytest.raises(ObserverError, match="closed"):
+        drawing.draw(replay.at(0.0))
+
+    def refuse(*_):
+        raise mujoco.FatalError("no")
+
+    monkeypatch.setattr(canvas_module.mujoco, "MjrContext", refuse)
+    with pytest.raises(ObserverError, match="pictures need OpenGL.*FatalError: no"):
+        Drawing(replay.plan, replay.path_N, width=64, height=64)
+    assert not alive

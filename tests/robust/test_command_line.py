@@ -1,0 +1,112 @@
+"""Whatever stands on the command line: an exit status, and one message without a traceback."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from swarm_mj.cli import main
+
+from .limits import bounded, examples
+from .mesh_files import FORMS
+
+pytestmark = pytest.mark.robust
+
+#: argparse and the program itself refuse with these.
+REFUSED = {1, 2}
+LONG = "x" * 5000
+COMMANDS = {
+    "nothing": [],
+    "no such command": ["frobnicate"],
+    "no such option": ["run", "eros-quick", "--fast"],
+    "an empty name": ["run", ""],
+    "an endless name": ["run", LONG],
+    "a folder": ["run", "."],
+    "a device": ["run", "/dev/zero"],
+    "a seed that is none": ["run", "eros-quick", "--seed", "lucky"],
+    "a negative seed": ["run", "eros-quick", "--seed", "-1"],
+    "an endless seed": ["run", "eros-quick", "--seed", "9" * 5000],
+    "an override of nothing": ["run", "eros-quick", "--set", ""],
+    "an override with a bomb": ["run", "eros-quick", "--set", "camera=[&a [1], *a]"],
+    "a design that is a device": ["run", "eros-quick", "--design", "/dev/zero"],
+    "a design without end": ["run", "eros-quick", "--design", LONG],
+    "a folder that is the present one": ["run", "eros-quick", "--out", "."],
+    "a folder without end": ["run", "eros-quick", "--out", LONG],
+    "a folder inside a file": ["run", "eros-quick", "--out", os.path.join(__file__, "run")],
+    "two of one name": ["run", "eros-quick", "eros-quick"],
+    "a fold of none": ["design", "eros-quick", "--fold", "0"],
+    "a scenario above": ["scenarios", "../schema"],
+    "a shape that is a device": ["shape", "/dev/zero"],
+    "a shape that is a folder": ["shape", "."],
+    "a shape without end": ["shape", LONG + ".obj"],
+    "a mesh of no faces": ["shape", "--frequency", "0"],
+    "a mesh of too many faces": ["shape", "--frequency", "1000000"],
+    "a mesh that goes nowhere": ["shape", "--frequency", "2", "--out", ""],
+    "a mesh that goes into a folder": ["shape", "--frequency", "2", "--out", "."],
+    "a check that is none": ["validate", "--only", "nonsense"],
+}
+
+
+def ended(arguments):
+    with bounded():
+        try:
+            return main(arguments)
+        except SystemExit as exit:  # argparse
+            return exit.code
+
+
+@pytest.mark.parametrize("case", COMMANDS)
+def test_a_wrong_command_is_refused_with_one_message_and_no_file(case, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert ended(COMMANDS[case]) in REFUSED
+    message = capsys.readouterr().err
+    assert message.count("error:") == 1
+    assert "Traceback" not in message
+    assert not list(tmp_path.iterdir())
+
+
+KNOWN = """run design scenarios shape validate --seed --set --out --design --fold --workers --json-schema --quiet
+    --no-figures --only --unit km nobody -1 1e9 . .. -- -h a=b""".split()
+WORDS = st.sampled_from(["", *KNOWN]) | st.text(st.characters(exclude_characters="\0"), max_size=10)
+
+
+@examples(100)
+@given(words=st.lists(WORDS, max_size=5))
+def test_any_words_end_in_an_exit_status(words, tmp_path_factory, monkeypatch_module):
+    monkeypatch_module.chdir(tmp_path_factory.getbasetemp())
+    # A mistake at the end, so that nothing flies for minutes.
+    assert ended([*words, "--no-such-option"]) in {0, *REFUSED}
+    if not {"run", "design", "shape", "validate"} & set(words):
+        assert ended(words) in {0, *REFUSED}
+
+
+@pytest.fixture(scope="module")
+def monkeypatch_module():
+    with pytest.MonkeyPatch.context() as patch:
+        yield patch
+
+
+def test_a_mesh_is_not_written_where_it_must_not_be(tmp_path, monkeypatch, capsys):
+    (tmp_path / "ball.obj").write_bytes(FORMS["obj"][1])
+    (tmp_path / "folder").mkdir()
+    monkeypatch.chdir(tmp_path / "folder")
+    for place in ("", ".", "a/b/c.obj", "x" * 300):
+        assert main(["shape", str(tmp_path / "ball.obj"), "--out", place]) in REFUSED
+    assert not list((tmp_path / "folder").iterdir())
+    assert capsys.readouterr().err.count("cannot be written") == 4
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [(["run", "bad.yaml"], "bad.yaml: not valid YAML"), (["run", "eros-quick", "--set", b"description=\xff"], "--set")],
+)
+def test_the_program_itself_shows_no_traceback(tmp_path, arguments, words):
+    (tmp_path / "bad.yaml").write_bytes(b"name: !!timestamp soon\n")
+    command = [sys.executable, "-m", "swarm_mj.cli", *arguments]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120)
+    assert done.returncode in REFUSED
+    assert done.stderr.startswith(f"swarm-mj: error: {words}")
+    assert "Traceback" not in done.stderr

@@ -1,0 +1,120 @@
+"""No file that the program reads can run code, and none of its readers is one that could."""
+
+import ast
+import pickle
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from swarm_mj import cache
+from swarm_mj.cli import main
+from swarm_mj.errors import ScenarioError
+from swarm_mj.scenarios.loading import load_scenario
+
+pytestmark = pytest.mark.robust
+
+ROOT = Path(__file__).parents[2]
+SOURCES = sorted([*ROOT.glob("swarm_mj/**/*.py"), *ROOT.glob("envs/**/*.py")])
+#: Modules that run what they read.
+DANGEROUS_MODULES = {"pickle", "cPickle", "dill", "cloudpickle", "joblib", "shelve", "marshal"}
+DANGEROUS_CALLS = {
+    "eval",
+    "exec",
+    "compile",
+    "yaml.load",
+    "yaml.unsafe_load",
+    "yaml.full_load",
+    "os.system",
+    "os.popen",
+}
+
+
+class Trap:
+    """Writes a file when it is unpickled."""
+
+    def __init__(self, path):
+        self.path = path
+
+    def __reduce__(self):
+        return Path.touch, (self.path,)
+
+
+def name_of(function):
+    return ast.unparse(function)
+
+
+def calls(tree):
+    return [node for node in ast.walk(tree) if isinstance(node, ast.Call)]
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_no_module_reads_files_with_what_could_run_them(path):
+    tree = ast.parse(path.read_text("utf-8"))
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            assert not DANGEROUS_MODULES & {alias.name.split(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert (node.module or "").split(".")[0] not in DANGEROUS_MODULES
+    for call in calls(tree):
+        name, keywords = name_of(call.func), {keyword.arg: ast.unparse(keyword.value) for keyword in call.keywords}
+        if name == "yaml.load":
+            assert keywords.get("Loader") == "_Loader"  # a SafeLoader, see the test below
+            continue
+        assert name not in DANGEROUS_CALLS, f"line {call.lineno}"
+        if name.endswith(("np.load", "numpy.load", "read_array")):
+            assert keywords.get("allow_pickle", "False") == "False", f"line {call.lineno}"  # False is the default
+        assert keywords.get("shell") != "True", f"line {call.lineno}"
+
+
+def test_the_reader_of_scenarios_is_a_safe_one():
+    import yaml
+
+    from swarm_mj.scenarios.loading import _Loader
+
+    assert issubclass(_Loader, yaml.SafeLoader)
+
+
+@pytest.mark.parametrize(
+    "tag",
+    ["!!python/object/apply:pathlib.Path.touch", "!!python/object/new:os.system", "!!python/name:os.system",
+     "!!python/module:os", "!include", "!!python/tuple"],
+)  # fmt: skip
+def test_a_tag_that_would_run_code_is_refused(tmp_path, tag):
+    trap = tmp_path / "trap"
+    (tmp_path / "a.yaml").write_text(f"name: {tag} [{trap}]\n")
+    with pytest.raises(ScenarioError, match="not valid YAML"):
+        load_scenario(tmp_path / "a.yaml")
+    with pytest.raises(ScenarioError, match="not valid YAML"):
+        load_scenario("eros-quick", [f"name={tag} [{trap}]"])
+    assert not trap.exists()
+
+
+def test_a_cached_array_that_is_a_pickle_is_not_opened(tmp_path):
+    trap = tmp_path / "trap"
+    np.savez(tmp_path / "zip.npy", np.zeros(3, np.float32))
+    (tmp_path / "zip.npy.npz").rename(tmp_path / "zip.npy")
+    assert cache.load_array(tmp_path / "zip.npy", (3,)) is None
+    for name, content in (("pickle.npy", pickle.dumps(Trap(trap))), ("cut.npy", b"\x93NUMPY\x01"), ("empty.npy", b"")):
+        (tmp_path / name).write_bytes(content)
+        assert cache.load_array(tmp_path / name, (3,)) is None
+    np.save(tmp_path / "objects.npy", np.array([Trap(trap)], dtype=object), allow_pickle=True)
+    assert cache.load_array(tmp_path / "objects.npy", (1,)) is None
+    assert not trap.exists()
+
+
+def test_a_cached_array_that_promises_terabytes_is_not_believed(tmp_path):
+    header = b"{'descr': '<f4', 'fortran_order': False, 'shape': (1000000000000,), }"
+    header += b" " * (118 - len(header) - 1) + b"\n"
+    (tmp_path / "huge.npy").write_bytes(b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header + b"\0" * 64)
+    assert cache.load_array(tmp_path / "huge.npy", (1_000_000_000_000,)) is None
+
+
+@pytest.mark.parametrize("name", ["../escaped", "/tmp/escaped", "a/b", "..", "x" * 300])
+def test_a_scenario_cannot_choose_to_write_elsewhere(tmp_path, monkeypatch, name):
+    (tmp_path / "work").mkdir()
+    (tmp_path / "hostile.yaml").write_text(f"name: '{name}'\n")
+    monkeypatch.chdir(tmp_path / "work")
+    assert main(["run", str(tmp_path / "hostile.yaml"), "--quiet", "--no-figures"]) in {1, 2}
+    assert main(["design", str(tmp_path / "hostile.yaml"), "--quiet", "--no-figures"]) in {1, 2}
+    assert {p.name for p in tmp_path.rglob("*")} <= {"work", "hostile.yaml", "results"}
