@@ -15,9 +15,9 @@ from time import perf_counter, process_time
 import gymnasium
 import mujoco
 import numpy as np
+from swarm_mj.envs.swarm_observe import SwarmObserveEnv
 
 from benchmarks.record import cores, write_results
-from swarm_mj.envs.swarm_observe import SwarmObserveEnv
 
 TARGET_SINGLE, TARGET_VECTOR = 0.60, 0.80
 
@@ -112,7 +112,13 @@ def main() -> None:
         target = "" if name == "raw mj_step" else f">= {TARGET_VECTOR if vector else TARGET_SINGLE:.2f}"
         steps = float(np.median(rate[:, 0]))
         print(f"{name:26}{steps:>10.0f}{wall:>10.2f}{each:>10.2f}{processor:>13.2f}  {target}")
-        row = {"name": name, "steps_per_s": steps, "over_raw": wall, "per_core": each, "over_raw_by_cpu_time": processor}
+        row = {
+            "name": name,
+            "steps_per_s": steps,
+            "over_raw": wall,
+            "per_core": each,
+            "over_raw_by_cpu_time": processor,
+        }
         results.append({key: value if isinstance(value, str) else float(value) for key, value in row.items()})
     write_results("env_throughput", results)
 

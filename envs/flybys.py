@@ -71,9 +71,7 @@ class Flybys:
     def __init__(self, setting: Setting, count: int, *, go_on_after_impact: bool = False) -> None:
         self.setting, self.count, self._go_on = setting, count, go_on_after_impact
         plan, n = setting.plan, setting.plan.n
-        self.level: ControlLevel = make_level(
-            setting.control, plan, count, setting.patches, setting.observer.tracer
-        )
+        self.level: ControlLevel = make_level(setting.control, plan, count, setting.patches, setting.observer.tracer)
         self.flights = self._make_flights()
         cells, wheels = plan.region.n_cells, len(plan.properties.wheel_axes_B)
         self.books = Books(
@@ -140,8 +138,8 @@ class Flybys:
         flights.effort[:] = 0.0
         area, flying = np.zeros(self.count), live.copy()
         ticks = flights.tick[None] + np.arange(setting.ticks + 1)[:, None]
-        due = setting.due(ticks) & live
-        any_due = due.any(axis=1)
+        due: Mask = setting.due(ticks) & live
+        any_due: Mask = np.any(due, axis=1)
         self._give_held()
         everyone = None if flying.all() else flying
         for k in range(setting.ticks):
@@ -196,11 +194,13 @@ class Flybys:
         kind, books = self.flights.kind, self.books
         if setting.scene is not None and not setting.criterion.needs_sun:
             singly = np.zeros(kind.shape, np.bool_)
-            doubt = step_kernels.take_pictures(setting.scene, setting.mission, now, books, kind, due, area, singly)
+            doubt = step_kernels.take_pictures(
+                setting.scene, setting.mission, now, books, kind, self.flights.blind, due, area, singly
+            )
             if not doubt:
                 return
         else:
-            singly = due[:, None] & IS_OBSERVING[kind] & ~books.lost
+            singly = due[:, None] & IS_OBSERVING[kind] & ~books.lost & ~self.flights.blind
             singly[:, setting.plan.n_observers :] = False
         for e, j in zip(*np.nonzero(singly), strict=True):
             self._judge_singly(int(e), int(j), area)
@@ -276,7 +276,8 @@ class Flybys:
         for k in range(len(TERMS)):
             reward = reward + terms[:, k]
         self._count_seen(area > 0.0)
-        complete = (self.percent >= setting.complete) & (books.stored.sum(axis=1) <= NOTHING_STORED * setting.nominal_bit)
+        aboard = (books.stored * ~books.lost).sum(axis=1)
+        complete = (self.percent >= setting.complete) & (aboard <= NOTHING_STORED * setting.nominal_bit)
         end = np.where(flying & complete, 1, 0)
         end = np.where(flying & any_hit, 2, end)
         end = np.where(flying & (end == 0) & books.lost.all(axis=1), 3, end)
@@ -293,7 +294,7 @@ class Flybys:
     @property
     def time_s(self) -> Array:
         """Seconds past the epoch, shape (E,)."""
-        return self.flights.tick * self.flights.period
+        return np.asarray(self.flights.tick * self.flights.period, np.float64)
 
 
 def _moment(count: int, n: int, wheels: int) -> Now:
@@ -308,4 +309,3 @@ def _moment(count: int, n: int, wheels: int) -> Now:
         r_A=np.zeros((count, n, 3)),
         C_BN=np.zeros((count, n, 3, 3)),
     )
-

@@ -1,4 +1,4 @@
-"""E episodes spread over threads: each lane flies its own share on its own batch; all heavy work leaves the interpreter lock."""
+"""E episodes spread over threads: each lane flies its share on its own batch; the heavy work leaves the interpreter lock."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """SwarmObserve-v0 for many agents: each spacecraft decides for itself, through PettingZoo's ParallelEnv.
 
-    from swarm_mj.envs.multi_agent import swarm_observe_v0
-    env = swarm_observe_v0.parallel_env(control="role")
+from swarm_mj.envs.multi_agent import swarm_observe_v0
+env = swarm_observe_v0.parallel_env(control="role")
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from .arguments import checked_render_mode, flight_seed
 from .controls import check_action
 from .flybys import ENDS, Flybys
 from .overview import EpisodePicture
+from .readings import Readings
 from .rewards import TERMS
 from .setting import make_setting
 from .state import info_of
-from .step_kernels import FEATURES
 
 try:
     from pettingzoo import ParallelEnv
@@ -43,14 +43,14 @@ class SwarmObserveParallelEnv(ParallelEnv[str, Observation, Any]):
 
     Task, dynamics, pictures, radio and episode ends are those of `SwarmObserveEnv`.
 
-    **Actions** of an agent, by control level: `torque` Box(-1, 1, (3,)), `pointing` Box(-1, 1, (2,)), `role` Discrete(K + n + 3)
-    with the meaning that `SwarmObserveEnv` gives one spacecraft's entries.
+    **Actions** of an agent, by control level: `torque` Box(-1, 1, (3,)), `pointing` Box(-1, 1, (2,)), `role`
+    Discrete(K + n + 3), with the meaning that `SwarmObserveEnv` gives one spacecraft's entries.
 
     **Observation** of an agent, Box, float32: its own block of 29 numbers as in `SwarmObserveEnv`; then, for each other
     spacecraft in order, its position relative to one's own in A over 10 km, its stored data over the nominal volume, whether
-    it images, and whether it is alive (6 numbers); then the seen share of the K patches, time left, seen share of the target and data
-    delivered. A swarm shares positions and coverage by radio (the paper's election needs as much); attitudes, rates, wheels
-    and link states of the others stay unknown.
+    it images, and whether it is alive (6 numbers); then the seen share of the K patches, time left, seen share of the target
+    and data delivered. A swarm shares positions and coverage by radio (the paper's election needs as much); attitudes, rates,
+    wheels and link states of the others stay unknown.
 
     **Reward**: the team's, the same for every agent, as in `SwarmObserveEnv`, with the weight of `loss` for each spacecraft
     lost. `info[agent]["reward_terms"]` holds the terms.
@@ -88,7 +88,7 @@ class SwarmObserveParallelEnv(ParallelEnv[str, Observation, Any]):
         whole = flybys.level.action_space
         self._whole = whole
         self.action_spaces = {name: _part(whole, j, plan.n) for name, j in self._number.items()}
-        self.observation_spaces = {name: _local_space(self.setting.readings.space, plan.n) for name in self._number}
+        self.observation_spaces = {name: _local_space(self.setting.readings, plan.n) for name in self._number}
         self._random = seeding.np_random()[0]
 
     @property
@@ -129,7 +129,9 @@ class SwarmObserveParallelEnv(ParallelEnv[str, Observation, Any]):
             ScenarioError: An agent has no action, or there is an action of somebody else.
         """
         if not self.agents:
-            raise gymnasium.error.ResetNeeded("swarm_observe_v0: the episode is over or has not begun; call reset first")
+            raise gymnasium.error.ResetNeeded(
+                "swarm_observe_v0: the episode is over or has not begun; call reset first"
+            )
         flybys, flew = self.flybys, self.agents
         step = flybys.step(self._joined(actions)[None])
         lost, end = flybys.books.lost[0], ENDS[step.end[0]]
@@ -151,8 +153,7 @@ class SwarmObserveParallelEnv(ParallelEnv[str, Observation, Any]):
                 f"actions: missing for {sorted(missing) or 'nobody'}, not asked for {sorted(strange) or 'nobody'}; "
                 f"give one for each of {', '.join(self.agents)}"
             )
-        size = self._whole.shape[0] // len(self.possible_agents)
-        joined = np.zeros(self._whole.shape, self._whole.dtype).reshape(-1, size)
+        joined = np.zeros(self._whole.shape or (0,), self._whole.dtype or float).reshape(len(self.possible_agents), -1)
         for agent in self.agents:
             joined[self._number[agent]] = check_action(self.action_spaces[agent], actions[agent])
         return joined.ravel()
@@ -160,9 +161,10 @@ class SwarmObserveParallelEnv(ParallelEnv[str, Observation, Any]):
     def _observations(self) -> PerAgent:
         flybys, n = self.flybys, len(self.possible_agents)
         whole = flybys.observation[0]
-        block, tail = whole[: FEATURES * n].reshape(n, FEATURES), whole[FEATURES * n :]
+        readings = self.setting.readings
+        block, tail = whole[: readings.features * n].reshape(n, readings.features), whole[readings.features * n :]
         r_A, alive = flybys.now.r_A[0], ~flybys.books.lost[0]
-        known = np.column_stack([block[:, 23], block[:, 21], alive])
+        known = np.column_stack([*(block[:, readings.columns[name]] for name in ("stored", "imaging")), alive])
         out = {}
         for agent in self.agents:
             j = self._number[agent]
@@ -200,10 +202,11 @@ def _part(whole: spaces.Space[Any], j: int, n: int) -> spaces.Space[Any]:
     return spaces.Box(-1.0, 1.0, (whole.shape[0] // n,), np.float32)
 
 
-def _local_space(whole: spaces.Box, n: int) -> spaces.Box:
+def _local_space(readings: Readings, n: int) -> spaces.Box:
+    whole, features = readings.space, readings.features
     bound = np.array([NEIGHBOUR_BOUND] * 3 + [10.0, 1.0, 1.0], np.float32)
     low = np.array([-NEIGHBOUR_BOUND] * 3 + [0.0, 0.0, 0.0], np.float32)
-    parts = [slice(0, FEATURES), slice(FEATURES * n, None)]
+    parts = [slice(0, features), slice(features * n, None)]
     return spaces.Box(
         np.concatenate([whole.low[parts[0]], np.tile(low, n - 1), whole.low[parts[1]]]),
         np.concatenate([whole.high[parts[0]], np.tile(bound, n - 1), whole.high[parts[1]]]),

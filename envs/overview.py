@@ -42,8 +42,15 @@ class EpisodePicture:
         imaging = IS_OBSERVING[kind] & ~lost
         imaging[setting.plan.n_observers :] = False
         talking = np.isin(kind, (TargetKind.SPACECRAFT, TargetKind.EARTH)) & ~lost
-        setting.simulation.data.qpos[:] = flights.qpos[0]
-        picture: NDArray[np.uint8] = self._overview.draw(setting.simulation, state_of(self._flybys, 0), imaging, talking)
+        picture: NDArray[np.uint8] = self._overview.draw(
+            setting.simulation,
+            state_of(self._flybys, 0),
+            imaging,
+            talking,
+            kind=kind.copy(),
+            tracked=flights.index[0].copy(),
+            seen=self._flybys.books.seen[0],
+        )
         return picture
 
     def close(self) -> None:

@@ -160,9 +160,7 @@ def geometry_of(setting: Setting) -> PatchGeometry:
     """The geometry of an environment's setting."""
     region, patches, camera = setting.plan.region, setting.patches, setting.observer.camera
     scenario = setting.plan.scenario
-    weighted = [
-        np.bincount(patches.of_cell, region.area * region.normal_A[:, i], patches.count) for i in range(3)
-    ]
+    weighted = [np.bincount(patches.of_cell, region.area * region.normal_A[:, i], patches.count) for i in range(3)]
     normal = np.column_stack(weighted)
     return PatchGeometry(
         centre_A=patches.centre_A,
@@ -174,3 +172,96 @@ def geometry_of(setting: Setting) -> PatchGeometry:
         max_gsd=scenario.observation.max_gsd_m or float("inf"),
         nominal_gsd=float(scenario.design.imaging_altitude_m * camera.pixel_angle),
     )
+
+
+@dataclass(frozen=True, eq=False)
+class ArrayPolicy:
+    """A trained policy.
+
+    Attributes:
+        weights: Arrays of the network by name, see `WEIGHTS`.
+        geometry: Of the patches it was trained on.
+        about: What it is for: `scenario`, `control`, `step_s`, `spacecraft`, `choices`, and whatever training adds.
+    """
+
+    weights: Mapping[str, Array]
+    geometry: PatchGeometry
+    about: Mapping[str, Any]
+
+    def logits(self, features: Array) -> Array:
+        """Preference for each choice of each spacecraft, shape (E, n, K + n + 3)."""
+        w, K = self.weights, self.geometry.count
+        patch = features[:, :, OWN:].reshape(*features.shape[:2], K, PER_PATCH)
+        hidden = np.tanh(np.tanh(features @ w["W1"].T + w["b1"]) @ w["W2"].T + w["b2"])
+        size = hidden.shape[2]
+        context = hidden @ w["W3"][:, :size].T + w["b3"]
+        pointed = np.tanh(patch @ w["W3"][:, size:].T + context[:, :, None]) @ w["v"]
+        return np.concatenate([pointed, hidden @ w["W4"].T + w["b4"]], axis=2)
+
+    def act(self, observation: NDArray[np.floating]) -> NDArray[np.int64]:
+        """The actions of E observations, shape (E, n), or of one, shape (n,)."""
+        given = np.atleast_2d(observation)
+        # Flight by flight: products of matrices round differently with their number.
+        chosen = np.concatenate([self.logits(self.geometry.features(row[None])).argmax(axis=2) for row in given])
+        return chosen if np.ndim(observation) == 2 else chosen[0]
+
+    def check(self, setting: Setting) -> None:
+        """Refuse an environment whose spaces are not those of training.
+
+        Raises:
+            ScenarioError: The message names what differs.
+        """
+        plan = setting.plan
+        found = {"control": setting.control, "step_s": setting.step_s, "spacecraft": plan.n}
+        found["choices"] = setting.patches.count + plan.n + 3
+        for name, value in found.items():
+            if self.about.get(name) != value:
+                raise ScenarioError(f"policy: trained for {name} = {self.about.get(name)!r}, but it is {value!r} here")
+
+
+def describe(setting: Setting) -> dict[str, Any]:
+    """What a policy for a setting has to know about it."""
+    return {
+        "scenario": setting.plan.scenario.name,
+        "control": setting.control,
+        "step_s": setting.step_s,
+        "spacecraft": setting.plan.n,
+        "choices": setting.patches.count + setting.plan.n + 3,
+    }
+
+
+def save_policy(file: str | Path, policy: ArrayPolicy) -> None:
+    """Write a policy as `.npz` under a temporary name, then rename it."""
+    path = Path(file)
+    arrays: Arrays = {f"weight_{name}": np.asarray(policy.weights[name], np.float32) for name in WEIGHTS}
+    arrays |= {
+        f"geometry_{item.name}": np.asarray(getattr(policy.geometry, item.name)) for item in fields(PatchGeometry)
+    }
+    text = json.dumps({"format": FORMAT} | dict(policy.about), sort_keys=True)
+    partial = path.with_name(f".{path.name}.partial.npz")
+    np.savez_compressed(partial, about=np.array(text), **arrays)  # type: ignore[arg-type]
+    partial.replace(path)
+
+
+def load_policy(file: str | Path) -> ArrayPolicy:
+    """Read what `save_policy` wrote; nothing in the file is executed.
+
+    Raises:
+        ScenarioError: The file is missing, is no policy, or has another format.
+    """
+    path = Path(file)
+    try:
+        with np.load(path, allow_pickle=False) as data:
+            arrays = dict(data)
+        about = json.loads(str(arrays["about"]))
+        found = about.pop("format")
+        if found != FORMAT:
+            raise ScenarioError(f"policy {path}: has format {found}, this program reads {FORMAT}; train it anew")
+        weights = {name: arrays[f"weight_{name}"].astype(np.float64) for name in WEIGHTS}
+        given = {item.name: arrays[f"geometry_{item.name}"] for item in fields(PatchGeometry)}
+    except FileNotFoundError:
+        raise ScenarioError(f"policy {path}: no such file") from None
+    except (OSError, ValueError, KeyError, AttributeError, zipfile.BadZipFile) as error:
+        raise ScenarioError(f"policy {path}: is not a policy file: {error}") from None
+    geometry = PatchGeometry(**{name: value if value.ndim else float(value) for name, value in given.items()})
+    return ArrayPolicy(weights, geometry, about)

@@ -9,11 +9,10 @@ from numpy.typing import NDArray
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.planning import Plan
 
-from .step_kernels import FEATURES
-
 Array = NDArray[np.float64]
 
-#: Per spacecraft, in this order: name, size, bound of the absolute value, lower bound is its negative or zero.
+#: Per spacecraft, in this order: name, size (of the wheel speeds: with the usual three), bound of the absolute value, and
+#: whether it may be negative.
 PER_SPACECRAFT = (
     ("position", 3, 10.0, True),
     ("velocity", 3, 10.0, True),
@@ -27,7 +26,7 @@ PER_SPACECRAFT = (
     ("stored", 1, 10.0, False),
     ("role", len(TargetKind), 1.0, False),
 )
-assert sum(size for _, size, _, _ in PER_SPACECRAFT) == FEATURES
+
 
 class Readings:
     """Layout of the observation; `step_kernels` fills it.
@@ -38,6 +37,7 @@ class Readings:
 
     Attributes:
         space: The observation space.
+        features: Numbers for each spacecraft.
         position_scale: Positions are divided by this [m].
         velocity_scale: Velocities are divided by this [m/s].
         columns: Places of each per-spacecraft quantity within a spacecraft's block.
@@ -49,12 +49,14 @@ class Readings:
         self.velocity_scale = float(
             np.linalg.norm(plan.scenario.mothership.position_A_m) / plan.scenario.design.time_of_flight_s
         )
-        ends = np.cumsum([size for _, size, _, _ in PER_SPACECRAFT])
-        self.columns = {
-            name: slice(int(end) - size, int(end)) for (name, size, _, _), end in zip(PER_SPACECRAFT, ends, strict=True)
-        }
-        high = np.concatenate([np.full(size, bound) for _, size, bound, _ in PER_SPACECRAFT])
-        low = np.concatenate([np.full(size, -bound if signed else 0.0) for _, size, bound, signed in PER_SPACECRAFT])
+        wheels = len(plan.properties.wheel_axes_B)
+        sizes = [wheels if name == "wheel_speed" else size for name, size, _, _ in PER_SPACECRAFT]
+        self.features, end, self.columns = sum(sizes), 0, {}
+        high, low = np.empty(self.features), np.empty(self.features)
+        for (name, _, bound, signed), size in zip(PER_SPACECRAFT, sizes, strict=True):
+            part = self.columns[name] = slice(end, end + size)
+            high[part], low[part] = bound, -bound if signed else 0.0
+            end += size
         tail = np.ones(patches + 3)
         tail[-1] = 10.0
         self.space = spaces.Box(
@@ -65,7 +67,7 @@ class Readings:
 
     def split(self, observation: NDArray[np.float32]) -> dict[str, NDArray[np.float32]]:
         """The parts of an observation by name: per spacecraft shape (n, size), and patches, time_left, seen, delivered."""
-        block = observation[: self._n * FEATURES].reshape(self._n, FEATURES)
-        rest = observation[self._n * FEATURES :]
+        block = observation[: self._n * self.features].reshape(self._n, self.features)
+        rest = observation[self._n * self.features :]
         parts = {name: block[:, columns] for name, columns in self.columns.items()}
         return parts | {"patches": rest[:-3], "time_left": rest[-3], "seen": rest[-2], "delivered": rest[-1]}

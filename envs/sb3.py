@@ -40,7 +40,9 @@ class SwarmObserveVecEnv(VecEnv):
     def reset(self) -> VecEnvObs:
         """Start all flights, from the seeds of `seed` if that was called since the last time."""
         if any(self._options):
-            raise ScenarioError(f"options {self._options}: SwarmObserveVecEnv takes none; use the gymnasium environment")
+            raise ScenarioError(
+                f"options {self._options}: SwarmObserveVecEnv takes none; use the gymnasium environment"
+            )
         observations, infos = self.vector.reset(seed=list(self._seeds))
         self.reset_infos = [_of_flight(infos, e) for e in range(self.num_envs)]
         self._return[:], self._length[:] = 0.0, 0
@@ -58,7 +60,9 @@ class SwarmObserveVecEnv(VecEnv):
         done = terminated | truncated
         self._return += rewards
         self._length += 1
-        listed = [self._info(infos, e, bool(done[e]), bool(truncated[e] and not terminated[e])) for e in range(len(done))]
+        listed = [
+            self._info(infos, e, bool(done[e]), bool(truncated[e] and not terminated[e])) for e in range(len(done))
+        ]
         self._return[done], self._length[done] = 0.0, 0
         return observations, rewards.astype(np.float32), done, listed
 
@@ -66,7 +70,9 @@ class SwarmObserveVecEnv(VecEnv):
         if not done:
             return _of_flight(infos, e)
         info = _of_flight(infos["final_info"], e)
-        self.reset_infos[e] = {name: value for name, value in _of_flight(infos, e).items() if not name.startswith("final")}
+        self.reset_infos[e] = {
+            name: value for name, value in _of_flight(infos, e).items() if not name.startswith("final")
+        }
         episode = {"r": float(self._return[e]), "l": int(self._length[e]), "t": info["time_s"]}
         return info | {
             "terminal_observation": infos["final_obs"][e],
@@ -115,7 +121,9 @@ def _of_flight(infos: dict[str, Any], e: int) -> dict[str, Any]:
     for name, values in infos.items():
         if name.startswith("_") or not infos[f"_{name}"][e]:
             continue
-        own[name] = {key: float(row[e]) for key, row in values.items()} if isinstance(values, dict) else _plain(values[e])
+        own[name] = (
+            {key: float(row[e]) for key, row in values.items()} if isinstance(values, dict) else _plain(values[e])
+        )
     return own
 
 

@@ -26,8 +26,10 @@ _EARTH, _SURFACE = int(TargetKind.EARTH), int(TargetKind.SURFACE)
 
 #: Wheel speed over its limit from which on saturation costs.
 SATURATION_FROM = 0.9
-#: Numbers for each spacecraft in an observation.
-FEATURES = 29
+#: Numbers for each spacecraft in an observation, besides its wheel speeds.
+FEATURES_BUT_WHEELS = 26
+#: The same with the usual three wheels.
+FEATURES = FEATURES_BUT_WHEELS + 3
 #: Body rates are divided by this [rad/s].
 RATE_SCALE = 0.1
 
@@ -142,7 +144,7 @@ def _orient_one(mission: Mission, now: Now, e: int) -> bool:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def take_pictures(
-    scene: Scene, mission: Mission, now: Now, books: Books, kind: Ints, due: Mask, area: Array, doubt: Mask
+    scene: Scene, mission: Mission, now: Now, books: Books, kind: Ints, blind: Mask, due: Mask, area: Array, doubt: Mask
 ) -> bool:
     """Let every observer that looks at the body take its picture, one after another, and write down what is new.
 
@@ -152,6 +154,7 @@ def take_pictures(
         now: At the instant of the pictures.
         books: Written to.
         kind: What each spacecraft tracks, shape (E, n).
+        blind: Whose camera is off, shape (E, n).
         due: Flights in which pictures are due, shape (E,).
         area: Receives in addition the newly seen area of each flight, shape (E,) [m^2].
         doubt: Receives which pictures may show more than the maps could tell, shape (E, n).
@@ -166,7 +169,7 @@ def take_pictures(
         if not due[e]:
             continue
         for j in range(int(mission.numbers[13])):
-            if books.lost[e, j] or (kind[e, j] != _ASTEROID and kind[e, j] != _SURFACE):
+            if books.lost[e, j] or blind[e, j] or (kind[e, j] != _ASTEROID and kind[e, j] != _SURFACE):
                 continue
             C_CA = _dcm_BA(now, e, j)
             r = now.r_A[e, j]
@@ -242,9 +245,7 @@ def end_step(
             measures[e, 0] = _transmit(mission, now, books, kind[e], index[e], e, step_s)
             measures[e, 1] = _saturation(mission, now, e)
             measures[e, 2] = _close_pairs(mission, before, now, books.lost[e], e)
-            blocked = segments_blocked(
-                before.r_A[e], now.r_A[e], mission.vertices, mission.faces, mission.numbers[0]
-            )
+            blocked = segments_blocked(before.r_A[e], now.r_A[e], mission.vertices, mission.faces, mission.numbers[0])
             for j in range(blocked.shape[0]):
                 hit[e, j] = blocked[j] and not books.lost[e, j]
         _read(mission, now, books, kind[e], sigma_BR[e], e, observation[e])
@@ -323,10 +324,11 @@ def _close_pairs(mission: Mission, before: Now, now: Now, lost: Mask, e: int) ->
 def _read(
     mission: Mission, now: Now, books: Books, kind: Ints, sigma_BR: Array, e: int, out: NDArray[np.float32]
 ) -> None:
-    numbers, n, C_AN = mission.numbers, kind.shape[0], now.C_AN[e]
+    numbers, n, C_AN, wheels = mission.numbers, kind.shape[0], now.C_AN[e], now.wheel.shape[2]
+    features = FEATURES_BUT_WHEELS + wheels
     for j in range(n):
-        at, r_A, v, C_BN = FEATURES * j, now.r_A[e, j], now.v[e, j], now.C_BN[e, j]
-        out[at : at + FEATURES] = 0.0
+        at, r_A, v, C_BN = features * j, now.r_A[e, j], now.v[e, j], now.C_BN[e, j]
+        out[at : at + features] = 0.0
         # Velocity as seen by somebody who turns with the body.
         turning = (-numbers[9] * r_A[1], numbers[9] * r_A[0], 0.0)
         for k in range(3):
@@ -337,13 +339,15 @@ def _read(
             out[at + 9 + k] = C_BN[2, 0] * C_AN[k, 0] + C_BN[2, 1] * C_AN[k, 1] + C_BN[2, 2] * C_AN[k, 2]
             out[at + 12 + k] = C_BN[0, 0] * C_AN[k, 0] + C_BN[0, 1] * C_AN[k, 1] + C_BN[0, 2] * C_AN[k, 2]
             out[at + 15 + k] = now.omega[e, j, k] / RATE_SCALE
-            out[at + 18 + k] = now.wheel[e, j, k] / numbers[6]
+        for w in range(wheels):
+            out[at + 18 + w] = now.wheel[e, j, w] / numbers[6]
+        at += 18 + wheels
         looks = kind[j] == _ASTEROID or kind[j] == _SURFACE
-        out[at + 21] = 1.0 if looks and j < numbers[13] and not books.lost[e, j] else 0.0
-        out[at + 22] = 1.0 if books.closed[e, j] else 0.0
-        out[at + 23] = books.stored[e, j] / numbers[11]
-        out[at + 24 + kind[j]] = 1.0
-    tail = FEATURES * n
+        out[at] = 1.0 if looks and j < numbers[13] and not books.lost[e, j] else 0.0
+        out[at + 1] = 1.0 if books.closed[e, j] else 0.0
+        out[at + 2] = books.stored[e, j] / numbers[11]
+        out[at + 3 + kind[j]] = 1.0
+    tail = features * n
     patches = mission.patch_area.shape[0]
     share = np.zeros(patches)
     for i in range(mission.patch.shape[0]):

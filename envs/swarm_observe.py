@@ -20,6 +20,7 @@ from .overview import EpisodePicture
 from .rewards import TERMS
 from .setting import make_setting
 from .state import SwarmState, info_of, state_of
+from .window import Window
 
 Observation = NDArray[np.float32]
 
@@ -94,13 +95,15 @@ spacecraft 1..n (itself: hold); K+n+1: Earth; K+n+2: hold the direction of +z in
     ## Starting state
 
     The scenario's deployment: all at the mothership with solved velocities, wheels at rest, random attitudes and rates in
-    the scenario's ranges. They come from a flight seed that `reset` draws from `self.np_random` (or takes from
-    `options={"flight_seed": k}`) and gives in `info["flight_seed"]`: `swarm-mj run SCENARIO --set seed=k` starts the same.
+    the scenario's ranges. With the scenario's `faults` and `dispersions`, what goes wrong is drawn anew for every episode (but
+    the place of the target, which the scenario's own seed fixes). All of it comes from a flight seed that `reset` draws from
+    `self.np_random` (or takes from `options={"flight_seed": k}`) and gives in `info["flight_seed"]`: `swarm-mj run SCENARIO --set seed=k` starts the same.
 
     ## Episode end
 
-    Terminated: the target is seen to `complete` percent and all data are delivered; or a spacecraft hits the body; or the
-    flight diverges (the observation is then the last finite one). `info["end"]` says `complete`, `impact` or `diverged`.
+    Terminated: the target is seen to `complete` percent and all data are delivered; or a spacecraft hits the body; or all are
+    lost to faults; or the flight diverges (the observation is then the last finite one). `info["end"]` says `complete`,
+    `impact`, `lost` or `diverged`.
     Truncated: at the scenario's duration.
 
     ## Arguments
@@ -109,7 +112,7 @@ spacecraft 1..n (itself: hold); K+n+1: Earth; K+n+2: hold the direction of +z in
     |---|---|---|
     | scenario | `"eros-observe"` | packaged name, path of a YAML file, or a `Scenario` |
     | control | `"role"` | `torque`, `pointing` or `role` |
-    | render_mode | None | None or `"rgb_array"`; for `"human"` gymnasium adds its own window |
+    | render_mode | None | None, `"rgb_array"`, or `"human"` for a window, drawn at every reset and step (needs pygame) |
     | step_s | 10.0 | length of a step [s]; a multiple of `control.period_s` that divides the duration |
     | patches | 16 | number of patches K, a square number |
     | observer | `"horizon"` | who judges pictures: `horizon` (maps, constant time), `raycast`, `faceid` (OpenGL) or `auto` |
@@ -125,7 +128,7 @@ spacecraft 1..n (itself: hold); K+n+1: Earth; K+n+2: hold the direction of +z in
     v0: first version.
     """
 
-    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 10}
+    metadata: dict[str, Any] = {"render_modes": ["human", "rgb_array"], "render_fps": 10}
 
     def __init__(
         self,
@@ -145,6 +148,8 @@ spacecraft 1..n (itself: hold); K+n+1: Earth; K+n+2: hold the direction of +z in
         height: int = 480,
     ) -> None:
         self._flybys: Flybys | None = None
+        self._window: Window | None = None
+        self._size = (width, height)
         self.render_mode = checked_render_mode(render_mode, self.metadata["render_modes"])
         self.setting = make_setting(
             scenario,
@@ -199,6 +204,8 @@ spacecraft 1..n (itself: hold); K+n+1: Earth; K+n+2: hold the direction of +z in
         chosen = flight_seed(options, drawn)
         self.flybys.reset(0, chosen)
         self._running = self._begun = True
+        if self.render_mode == "human":
+            self.render()
         return self.flybys.observation[0].copy(), self._info() | {"flight_seed": chosen}
 
     def step(self, action: Any) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
@@ -220,15 +227,15 @@ spacecraft 1..n (itself: hold); K+n+1: Earth; K+n+2: hold the direction of +z in
             info["end"] = end
         if end == "diverged":
             info["cause"] = flybys.flights.causes[0]
+        if self.render_mode == "human":
+            self.render()
         return flybys.observation[0].copy(), float(step.reward[0]), terminated, truncated, info
 
     def render(self) -> NDArray[np.uint8] | None:
-        """The overview as a picture, shape (height, width, 3), with `render_mode="rgb_array"`.
-
-        Markers are blue where a spacecraft observes, orange where it talks, grey where it holds its attitude.
+        """The overview as a picture, shape (height, width, 3), with `render_mode="rgb_array"`; `"human"` shows it in a window.
 
         Raises:
-            ObserverError: OpenGL cannot be loaded.
+            ObserverError: OpenGL cannot be loaded, or there is no display for the window.
             gymnasium.error.ResetNeeded: There is nothing to draw before the first `reset`.
         """
         if self.render_mode is None:
@@ -237,14 +244,22 @@ spacecraft 1..n (itself: hold); K+n+1: Earth; K+n+2: hold the direction of +z in
         if not self._begun:
             raise gymnasium.error.ResetNeeded("SwarmObserve-v0: call reset before render")
         _ = self.flybys
-        return self._picture.draw()
+        picture = self._picture.draw()
+        if self.render_mode == "rgb_array":
+            return picture
+        if self._window is None:
+            self._window = Window(*self._size, self.metadata["render_fps"])
+        self._window.show(picture)
+        return None
 
     def close(self) -> None:
         """Release the observer and the OpenGL context; may be called again."""
         if self._flybys is not None:
             self._picture.close()
             self.setting.close()
-        self._flybys, self._running = None, False
+        if self._window is not None:
+            self._window.close()
+        self._flybys, self._window, self._running = None, None, False
 
     def _info(self) -> dict[str, Any]:
         return info_of(self.flybys, 0)

@@ -24,7 +24,7 @@ Mask = NDArray[np.bool_]
 Infos = dict[str, Any]
 
 
-class SwarmObserveVectorEnv(VectorEnv[NDArray[np.float32], NDArray[Any], NDArray[np.float64]]):
+class SwarmObserveVectorEnv(VectorEnv[Any, Any, Any]):
     """`num_envs` flybys of one scenario on `mujoco.batch.Batch`; made by `gymnasium.make_vec("swarm_mj:SwarmObserve-v0", ...)`.
 
     Spaces, rewards and episode ends are those of `SwarmObserveEnv`, which documents them, and so are the numbers: with the
@@ -57,7 +57,9 @@ class SwarmObserveVectorEnv(VectorEnv[NDArray[np.float32], NDArray[Any], NDArray
         if threads is not None and threads < 1:
             raise ScenarioError(f"threads = {threads}: must be at least 1, or None")
         if render_mode is not None:
-            raise ScenarioError(f"render_mode = {render_mode!r}: the vector environment draws nothing; render a single one")
+            raise ScenarioError(
+                f"render_mode = {render_mode!r}: the vector environment draws nothing; render a single one"
+            )
         self._lanes: Lanes | None = None
         mode = AutoresetMode(autoreset_mode)
         self.metadata = {"render_modes": [], "autoreset_mode": mode}
@@ -82,7 +84,7 @@ class SwarmObserveVectorEnv(VectorEnv[NDArray[np.float32], NDArray[Any], NDArray
             raise gymnasium.error.ClosedEnvironmentError("SwarmObserve-v0 was closed; make it anew")
         return self._lanes
 
-    def reset(  # type: ignore[override]
+    def reset(
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], Infos]:
         """Start all flights, or those of `options["reset_mask"]`.
@@ -101,7 +103,7 @@ class SwarmObserveVectorEnv(VectorEnv[NDArray[np.float32], NDArray[Any], NDArray
                 self._random[e] = seeding.np_random(own)[0]
         wanted = given.pop("flight_seed", None)
         chosen = np.broadcast_to(wanted, self.num_envs) if wanted is not None else [None] * self.num_envs
-        flights = {e: self._draw(e, given, chosen[e]) for e in np.flatnonzero(mask)}
+        flights = {int(e): self._draw(int(e), given, chosen[e]) for e in np.flatnonzero(mask)}
         self.lanes.reset(flights)
         self._over[mask], self._begun = False, True
         infos = self._infos(mask)
@@ -112,9 +114,7 @@ class SwarmObserveVectorEnv(VectorEnv[NDArray[np.float32], NDArray[Any], NDArray
         drawn = int(self._random[e].integers(2**31))
         return flight_seed(options | ({} if wanted is None else {"flight_seed": wanted}), drawn)
 
-    def step(
-        self, actions: NDArray[Any]
-    ) -> tuple[NDArray[np.float32], NDArray[np.float64], Mask, Mask, Infos]:
+    def step(self, actions: NDArray[Any]) -> tuple[NDArray[np.float32], NDArray[np.float64], Mask, Mask, Infos]:
         """Fly on for one step with the actions held, shape (num_envs, ...).
 
         Raises:
@@ -197,7 +197,9 @@ def _mask(given: Any, count: int) -> Mask:
         return np.ones(count, np.bool_)
     mask = np.asarray(given)
     if mask.shape != (count,) or mask.dtype != np.bool_ or not mask.any():
-        raise ScenarioError(f"reset option reset_mask: must be {count} booleans, at least one of them true, not {given!r}")
+        raise ScenarioError(
+            f"reset option reset_mask: must be {count} booleans, at least one of them true, not {given!r}"
+        )
     return mask
 
 

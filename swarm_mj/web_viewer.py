@@ -10,13 +10,11 @@ import time
 from collections.abc import Callable
 
 import mujoco
-import numpy as np
-from mujoco.studio import launch_web, messages, plugin, viewer_protocol
+from mujoco.studio import launch_web, messages, plugin, ux, viewer_protocol
 from mujoco.studio.dear_imgui import dear_imgui as gui
-from numpy.typing import NDArray
 
 from swarm_mj.drawing.cameras import FreeView
-from swarm_mj.drawing.decorations import decorate
+from swarm_mj.drawing.decorations import NextGeom, decorate, triangle
 from swarm_mj.drawing.instant import Instant
 from swarm_mj.drawing.lettering import clock, roles
 from swarm_mj.drawing.live import SPEEDS, Player
@@ -50,6 +48,7 @@ class FlightPanel(plugin.ViewerPlugin):
     def on_update(self, _: messages.UpdateEvent) -> None:
         """Before each picture: place the camera once, renew the geoms."""
         if not self._placed:
+            ux.setup_theme(ux.GuiTheme.DARK)  # the colours of the modes are made for a dark ground
             camera, first = self.viewer.camera, self._view.camera()
             camera.lookat[:], camera.distance = first.lookat, first.distance
             camera.azimuth, camera.elevation = first.azimuth, first.elevation
@@ -90,25 +89,11 @@ class FlightPanel(plugin.ViewerPlugin):
         gui.End()
 
 
-def paint_cells(next_geom: Callable[[], mujoco.MjvGeom | None], region: TargetRegion, now: Instant) -> None:
+def paint_cells(next_geom: NextGeom, region: TargetRegion, now: Instant) -> None:
     """Cover the observed cells with triangles, a little above the ground."""
     lift = LIFT * region.mesh.max_radius
-    corners_N = (region.corners_A + lift * region.normal_A[:, None]) @ now.C_AN
-    colour = np.array(rgba(SEEN), np.float32)
-    for corners in corners_N[now.seen]:
-        geom = next_geom()
-        if geom is not None:
-            _triangle(geom, corners, colour)
-
-
-def _triangle(geom: mujoco.MjvGeom, corners: NDArray[np.float64], colour: NDArray[np.float32]) -> None:
-    """MuJoCo's triangle has its corners at the origin and at the sizes along its x and y axes; the matrix shears it."""
-    first, second = corners[1] - corners[0], corners[2] - corners[0]
-    normal = np.cross(first, second)
-    normal /= np.linalg.norm(normal)
-    kind = mujoco.mjtGeom.mjGEOM_TRIANGLE
-    mujoco.mjv_initGeom(geom, kind, np.ones(3), corners[0], np.eye(3).ravel(), colour)
-    geom.mat[:] = np.stack((first, second, normal), axis=1)
+    for corners in ((region.corners_A + lift * region.normal_A[:, None]) @ now.C_AN)[now.seen]:
+        triangle(next_geom, corners, rgba(SEEN))
 
 
 def show_in_browser(

@@ -152,9 +152,7 @@ def add_software(peer: Peer, j: int, craft: Any, wheels: Any, wheel_message: Any
     navigation, guidance = simpleNav.SimpleNav(), inertial3D.inertial3D()
     error, law, motors = attTrackingError.attTrackingError(), mrpFeedback.mrpFeedback(), rwMotorTorque.rwMotorTorque()
     inertia = peer.problem.properties.inertia_effective_B
-    vehicle = messaging.VehicleConfigMsg().write(
-        messaging.VehicleConfigMsgPayload(ISCPntB_B=inertia.ravel().tolist())
-    )
+    vehicle = messaging.VehicleConfigMsg().write(messaging.VehicleConfigMsgPayload(ISCPntB_B=inertia.ravel().tolist()))
     navigation.scStateInMsg.subscribeTo(craft.scStateOutMsg)
     error.attNavInMsg.subscribeTo(navigation.attOutMsg)
     error.attRefInMsg.subscribeTo(guidance.attRefOutMsg)

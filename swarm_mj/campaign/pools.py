@@ -46,6 +46,11 @@ class Pool(Protocol):
         ...
 
 
+def usable_cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
 class LocalPool:
     """Processes of this machine, each with one run at a time.
 
@@ -61,7 +66,7 @@ class LocalPool:
     def __init__(self, resolved: Resolved, telemetry: str | None, workers: int | None = None) -> None:
         self._text, self._telemetry = resolved.dumps(), telemetry
         self._sample, self._limit = Sample(resolved.campaign), resolved.campaign.time_limit_s
-        self._size = workers or len(os.sched_getaffinity(0))
+        self._size = workers or usable_cores()
         # Spawned, not forked: a GL context does not survive a fork.
         self._context = multiprocessing.get_context("spawn")
         self._workers: list[_Worker] = []

@@ -67,12 +67,13 @@ class Store:
             return
         with self._told():
             end = os.lseek(self._journal, 0, os.SEEK_END)
+            self._pending.append(row)  # first, so that an interrupt during the writing does not lose it
             try:
                 _write_all(self._journal, _line(row))
             except OSError:
+                self._pending.pop()
                 os.ftruncate(self._journal, end)
                 raise
-            self._pending.append(row)
             self.done.add(row["row"])
             now = time.monotonic()
             if now - self._sealed > max(SEAL_S, SEAL_SHARE * (now - self._start)):

@@ -1,4 +1,4 @@
-"""Lines and pyramids around the spacecraft: trails, fields of view, dashed lines of sight."""
+"""Lines and fields of view around the spacecraft: trails, fields of view, dashed lines of sight."""
 
 from __future__ import annotations
 
@@ -22,42 +22,42 @@ LINE = mujoco.mjtGeom.mjGEOM_LINE
 #: Widths of lines [pixel].
 SIGHT_WIDTH, EDGE_WIDTH, TRAIL_WIDTH = 2.0, 1.0, 1.0
 #: Opacity of a field of view, of its edges and of trails.
-PYRAMID_ALPHA, EDGE_ALPHA, TRAIL_ALPHA = 0.10, 0.45, 0.55
+FIELD_ALPHA, EDGE_ALPHA, TRAIL_ALPHA = 0.10, 0.45, 0.55
 #: Dashes over the body's radius; in greater number they are longer.
 DASH, MAX_DASHES = 0.045, 40
+#: Fields of view with more corners are round and have no edges.
+MAX_EDGES = 4
 #: Length of a line of sight without end over the body's radius.
 FREE_SIGHT = 0.8
 
 
 def decorate(next_geom: NextGeom, model: DrawingModel, instant: Instant, width_scale: float = 1.0) -> None:
-    """Add the lines and pyramids of an instant to a scene.
+    """Add the lines and fields of view of an instant to a scene.
 
     Args:
         next_geom: Hands out the scene's free geoms.
-        model: The model whose meshes the scene knows.
+        model: The model that the scene shows.
         instant: What to draw.
         width_scale: Factor on the widths of lines, for large pictures.
     """
     radius = float(model.mjmodel.stat.extent)
     length, tips = sights(instant, radius)
-    half = np.tan(np.radians(0.5 * model.mjmodel.cam_fovy[model.cameras[0]]))
-    for j in range(instant.n):
-        colour = MODES[TargetKind(int(instant.kind[j]))]
-        r = instant.r_BN_N[j]
-        for start, end in dashes(r, tips[j], DASH * radius):
+    colours = [MODES[TargetKind(int(kind))] for kind in instant.kind]
+    for r, tip, colour in zip(instant.r_BN_N, tips, colours, strict=True):
+        for start, end in dashes(r, tip, DASH * radius):
             _line(next_geom(), start, end, width_scale * SIGHT_WIDTH, rgba(colour))
-        if instant.looks_at_body[j]:
-            sides = length[j] * np.array([half, half, 1.0])
-            for corner in ((-1, -1, 1), (1, -1, 1), (1, 1, 1), (-1, 1, 1)):
-                edge = r + (sides * corner) @ instant.C_BN[j]
-                _line(next_geom(), r, edge, width_scale * EDGE_WIDTH, rgba(colour, EDGE_ALPHA))
-    for j in range(instant.n):
-        for start, end in zip(instant.trail_N[:-1, j], instant.trail_N[1:, j], strict=True):
+    looking = np.flatnonzero(instant.looks_at_body).tolist()
+    rims = {j: instant.r_BN_N[j] + length[j] * model.rim_B @ instant.C_BN[j] for j in looking}
+    for j, rim in rims.items():
+        for corner in rim if len(rim) <= MAX_EDGES else ():
+            _line(next_geom(), instant.r_BN_N[j], corner, width_scale * EDGE_WIDTH, rgba(colours[j], EDGE_ALPHA))
+    for path in np.moveaxis(instant.trail_N, 1, 0):
+        for start, end in zip(path[:-1], path[1:], strict=True):
             _line(next_geom(), start, end, width_scale * TRAIL_WIDTH, rgba(TRAIL, TRAIL_ALPHA))
-    for j in np.flatnonzero(instant.looks_at_body).tolist():
-        colour = MODES[TargetKind(int(instant.kind[j]))]
-        sides = length[j] * np.array([half, half, 1.0])
-        _pyramid(next_geom(), model, instant.r_BN_N[j], sides[:, None] * instant.C_BN[j], rgba(colour, PYRAMID_ALPHA))
+    for j, rim in rims.items():
+        for first, second in zip(rim, np.roll(rim, -1, axis=0), strict=True):
+            corners = np.array([instant.r_BN_N[j], second, first])
+            triangle(next_geom, corners, rgba(colours[j], FIELD_ALPHA))
 
 
 def sights(instant: Instant, radius: float) -> tuple[Array, Array]:
@@ -74,7 +74,7 @@ def dashes(start: Array, end: Array, length: float) -> list[tuple[Array, Array]]
     return [(cuts[2 * k], cuts[2 * k + 1]) for k in range(count)]
 
 
-_ZERO, _UNIT = np.zeros(3), np.eye(3).ravel()
+_ZERO, _ONES, _UNIT = np.zeros(3), np.ones(3), np.eye(3).ravel()
 
 
 def _line(
@@ -86,20 +86,15 @@ def _line(
         geom.emission = 1.0
 
 
-def _pyramid(
-    geom: mujoco.MjvGeom | None,
-    model: DrawingModel,
-    r: Array,
-    stretched: Array,
-    colour: tuple[float, float, float, float],
-) -> None:
-    """Add a pyramid with its apex at `r`; the rows of `stretched` are its half sides and its height in N [m]."""
+def triangle(next_geom: NextGeom, corners: Array, colour: tuple[float, float, float, float]) -> None:
+    """Add a triangle with corners (3, 3) [m], seen from the side from which they run counter-clockwise."""
+    geom = next_geom()
     if geom is not None:
-        # MuJoCo moved the mesh into its inertial frame. A mesh takes no size: it is stretched by its matrix.
-        mesh, turn = model.pyramid, np.empty(9)
-        mujoco.mju_quat2Mat(turn, model.mjmodel.mesh_quat[mesh])
-        place = r + model.mjmodel.mesh_pos[mesh] @ stretched
-        mujoco.mjv_initGeom(geom, mujoco.mjtGeom.mjGEOM_MESH, _ZERO, place, _UNIT, np.array(colour, np.float32))
-        geom.mat[:] = stretched.T @ turn.reshape(3, 3)
-        geom.dataid = 2 * mesh
+        # MuJoCo's has its corners at the origin and at the sizes along its x and y axes: the matrix shears that.
+        first, second = corners[1] - corners[0], corners[2] - corners[0]
+        normal = np.cross(first, second)
+        normal /= max(float(np.linalg.norm(normal)), 1e-12)
+        kind = mujoco.mjtGeom.mjGEOM_TRIANGLE
+        mujoco.mjv_initGeom(geom, kind, _ONES, corners[0], _UNIT, np.array(colour, np.float32))
+        geom.mat[:] = np.stack((first, second, normal), axis=1)
         geom.emission = 1.0

@@ -14,11 +14,13 @@ from numpy.typing import NDArray
 
 from swarm_mj.drawing.atlas import Atlas
 from swarm_mj.drawing.instant import Instant
+from swarm_mj.flight import camera_from
+from swarm_mj.observation.camera import CameraModel
 from swarm_mj.planning import Plan
 from swarm_mj.resources import asset_path
 
 #: Groups of geoms, to be hidden in the view of a camera.
-BODY_GROUP, SPACECRAFT_GROUP, HIDDEN_GROUP = 0, 1, 5
+BODY_GROUP, SPACECRAFT_GROUP = 0, 1
 #: Light besides the Sun's, so that the night side and what is painted on it can be made out.
 AMBIENT = 0.24
 #: Light of the spacecraft themselves: their panels are dark.
@@ -29,9 +31,9 @@ FIELD_OF_VIEW_DEG = 32.0
 NEAR, FAR = 5e-4, 40.0
 #: Spacecraft in greater number are drawn as plain boxes.
 MAX_DETAILED = 60
-#: Unit pyramid of the field of view: apex, then the corners of the base at unit distance along +z.
-PYRAMID = ((0, 0, 0), (-1, -1, 1), (1, -1, 1), (1, 1, 1), (-1, 1, 1))
-PYRAMID_FACES = ((0, 2, 1), (0, 3, 2), (0, 4, 3), (0, 1, 4), (1, 2, 3), (1, 3, 4))
+#: Corners of a square field of view, and of what stands for a round one.
+SQUARE = ((-1, -1), (1, -1), (1, 1), (-1, 1))
+ROUND_CORNERS = 24
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,10 +45,11 @@ class DrawingModel:
         data: Its state.
         atlas: What is painted on the body.
         texture: Id of the texture that shows it.
-        pyramid: Id of the mesh of a field of view.
         body: Mocap id of the body.
         spacecraft: Mocap ids of the spacecraft, shape (n,).
         cameras: Ids of the spacecraft's cameras, shape (n,).
+        rim_B: Corners of the camera's field of view in B at unit distance along +z, counter-clockwise seen from the
+            spacecraft's far side, shape (k, 3).
         magnification: How many times larger than they are spacecraft are drawn.
     """
 
@@ -54,10 +57,10 @@ class DrawingModel:
     data: mujoco.MjData
     atlas: Atlas
     texture: int
-    pyramid: int
     body: int
     spacecraft: NDArray[np.int64]
     cameras: NDArray[np.int64]
+    rim_B: NDArray[np.float64]
     magnification: float
 
     def place(self, instant: Instant) -> bool:
@@ -90,12 +93,6 @@ def build_drawing_model(plan: Plan, magnification: float, width: int = 640, heig
     spec = mujoco.MjSpec()
     _look(spec, plan, width, height)
     _add_body(spec, plan, atlas)
-    pyramid = spec.add_mesh(name="field_of_view", uservert=np.ravel(PYRAMID), userface=np.ravel(PYRAMID_FACES))
-    pyramid.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
-    pyramid_body = spec.worldbody.add_body(name="field_of_view", mocap=True)
-    pyramid_body.add_geom(
-        type=mujoco.mjtGeom.mjGEOM_MESH, meshname="field_of_view", group=HIDDEN_GROUP, contype=0, conaffinity=0
-    )
     for name in plan.names:
         _add_spacecraft(spec, name, plan, magnification)
     model = spec.compile()
@@ -104,12 +101,19 @@ def build_drawing_model(plan: Plan, magnification: float, width: int = 640, heig
         data=mujoco.MjData(model),
         atlas=atlas,
         texture=model.texture("target").id,
-        pyramid=model.mesh("field_of_view").id,
         body=int(model.body("asteroid").mocapid[0]),
         spacecraft=np.array([model.body(name).mocapid[0] for name in plan.names]),
         cameras=np.array([model.camera(name).id for name in plan.names]),
+        rim_B=_rim(camera_from(plan.scenario)),
         magnification=magnification,
     )
+
+
+def _rim(camera: CameraModel) -> NDArray[np.float64]:
+    angle = 2.0 * np.pi * np.arange(ROUND_CORNERS) / ROUND_CORNERS
+    circle = np.stack((np.cos(angle), np.sin(angle)), axis=1)
+    flat = np.array(SQUARE, np.float64) if camera.shape == "square" else circle
+    return np.hstack((camera.tan_half_angle * flat, np.ones((len(flat), 1))))
 
 
 def _look(spec: mujoco.MjSpec, plan: Plan, width: int, height: int) -> None:

@@ -6,6 +6,7 @@ and the speed follows for how long nothing can be hit.
 
 from __future__ import annotations
 
+from functools import cached_property
 from math import inf, sqrt
 
 import numpy as np
@@ -34,11 +35,18 @@ class ImpactWatch:
 
     def __init__(self, shape: ShapeModel, environment: Environment, period: float) -> None:
         self._shape, self._environment, self._period = shape, environment, period
-        self._tree = cKDTree(shape.vertices)
-        edges = shape.vertices[shape.faces] - shape.vertices[np.roll(shape.faces, 1, axis=1)]
-        # No point of a triangle is farther from its nearest corner than its longest edge over the square root of 3.
-        self._reach = float(np.linalg.norm(edges, axis=2).max() / sqrt(3.0))
         self.reset()
+
+    @cached_property
+    def _tree(self) -> cKDTree:
+        return cKDTree(self._shape.vertices)
+
+    @cached_property
+    def _reach(self) -> float:
+        """How far the surface can lie from its nearest vertex [m]: at most the longest edge over the square root of 3."""
+        vertices, faces = self._shape.vertices, self._shape.faces
+        edges = vertices[faces] - vertices[np.roll(faces, 1, axis=1)]
+        return float(np.linalg.norm(edges, axis=2).max() / sqrt(3.0))
 
     def reset(self) -> None:
         """Begin a flight."""

@@ -22,6 +22,7 @@ class FaultRecord:
 
     Attributes:
         wheels: Speed [rad/s], motor torque and friction torque [N m], shape (t, 3, n, w).
+        imperfect_knowledge: Whether the controller was given anything else than the true attitude.
     """
 
     def __init__(self, samples: int, n: int, n_wheels: int) -> None:
@@ -29,7 +30,7 @@ class FaultRecord:
         self._flags = np.zeros((samples, 2, n), np.int8)
         self._knowledge = np.zeros((samples, n))
         self._bias = np.zeros((samples, 2, n, 3))
-        self._estimating = False
+        self._estimating = self.imperfect_knowledge = False
 
     def keep(self, row: int, flight: FaultyFlight, wheel_speed: Array, q_BN: Array) -> None:
         """Write one sample.
@@ -44,6 +45,7 @@ class FaultRecord:
         self._flags[row] = ~flight.lost, flight.camera_on & ~flight.lost
         self._estimating = flight.sensing.estimating
         if flight.sensing.active:
+            self.imperfect_knowledge = True
             self._knowledge[row] = flight.sensing.knowledge_error(q_BN)
         if self._estimating:
             self._bias[row] = flight.sensing.gyro_bias, flight.sensing.state.bias

@@ -172,10 +172,12 @@ function connectControls() {
   });
   find("play").addEventListener("click", () => setPlaying(!page.playing));
   find("theme").addEventListener("click", switchTheme);
-  find("views")?.addEventListener("change", (event) => {
-    for (const view of page.runs) view.scene.views = event.target.checked;
-    show(page.shown);
-  });
+  for (const part of ["views", "directions"]) {
+    find(part).addEventListener("change", (event) => {
+      for (const view of page.runs) view.scene[part] = event.target.checked;
+      show(page.shown);
+    });
+  }
   find("criterion")?.addEventListener("change", (event) => {
     for (const view of page.runs) view.scene.passage = event.target.value === "passage";
     show(page.shown);
@@ -247,9 +249,9 @@ function recolour() {
   const { ink } = colours();
   for (const view of page.runs) {
     const { scene } = view;
-    const at = (part) => [scene.parts.indexOf(part)];
+    const at = (...parts) => parts.map((part) => scene.parts.indexOf(part));
     Plotly.relayout(scene.div, { "font.color": ink });
-    Plotly.restyle(scene.div, { "line.color": ink }, at("views"));
+    Plotly.restyle(scene.div, { "line.color": ink }, at("views", "directions"));
     Plotly.restyle(scene.div, { "marker.color": ink }, at("mothership"));
   }
 }

@@ -225,7 +225,10 @@ def _time_bar(runs: Sequence[RunRecord]) -> Html:
 
 def _choices(runs: Sequence[RunRecord]) -> Html:
     """What the replay shows besides the flight."""
-    parts = [tag("label", tag("input", type="checkbox", id="views", checked=True), " borders of pictures")]
+    parts = [
+        tag("label", tag("input", type="checkbox", id="views", checked=True), " borders of pictures"),
+        tag("label", tag("input", type="checkbox", id="directions"), " Sun and Earth"),
+    ]
     if any(run.scenario.observation.criterion == "visit" for run in runs):
         options = [tag("option", "at the visit", value="visit"), tag("option", "in the whole passage", value="passage")]
         parts.append(tag("label", "faces count as observed ", tag("select", options, id="criterion")))

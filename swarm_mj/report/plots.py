@@ -36,6 +36,8 @@ NAMES = (
 NAMES_OF_TWO = (
     "largest pointing error of the swarm [deg]", "fastest wheel of the swarm [rpm]", NAMES[2], "closed links",
 )  # fmt: skip
+#: How far below its mode a closed link is drawn, in rows, times the number of rows.
+LINK_OFFSET = 0.055
 #: Heights of the rows, in shares.
 ROWS = (0.27, 0.2, 0.25, 0.28)
 
@@ -172,7 +174,7 @@ def _timeline(figure: go.Figure, run: RunRecord, replay: Replay, axis: TimeAxis)
         look = MODE_LOOKS[mode]
         flags = replay.mode[:, :rows] == mode
         _bars(figure, times, flags, 0.0, f"{look.abbreviation}: {look.meaning}", look.line_colour, 9)
-    _bars(figure, times, replay.link[:, :rows] == 1, 0.33, "link closed", INK, 4)
+    _bars(figure, times, replay.link[:, :rows] == 1, min(0.4, LINK_OFFSET * rows), "link closed", INK, 4)
     names = [run.names[j] for j in replay.shown[:rows]]
     figure.update_yaxes(
         tickvals=list(range(rows)),

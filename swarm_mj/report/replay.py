@@ -215,13 +215,13 @@ def border_rays(half_angle_deg: float, shape: str) -> Array:
 
 
 def _border_lengths(ground: _Ground, r_A: Array, C_BA: Array, rays: Array, mode: NDArray[np.int8]) -> Array:
-    """Length of every ray of the pictures' borders; where it misses the ground, the distance to the centre, (K, n, rays)."""
-    length = np.repeat(np.linalg.norm(r_A, axis=-1)[..., None], len(rays), axis=2)
+    """Length of every ray of the pictures' borders, NaN where it misses the ground, shape (K, n, rays) [m]."""
+    length = np.full((*r_A.shape[:2], len(rays)), np.nan)
     taken = np.isin(mode[:, : r_A.shape[1]], OBSERVING)
     directions = np.einsum("rb,mba->mra", rays, C_BA[taken]).reshape(-1, 3)
     origins = np.repeat(r_A[taken], len(rays), axis=0)
     distance = ground.distance(origins, directions).reshape(-1, len(rays))
-    length[taken] = np.where(np.isfinite(distance), distance, length[taken])
+    length[taken] = np.where(np.isfinite(distance), distance, np.nan)
     return length
 
 

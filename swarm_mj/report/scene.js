@@ -86,6 +86,7 @@ class SceneView {
     this.extent = packed.extent;
     this.passage = false;
     this.views = true;
+    this.directions = false;
     this.queue = Promise.resolve();
     this._frameBox();
   }
@@ -107,7 +108,7 @@ class SceneView {
     grow(this.r);
     for (let k = 0; k < this.count; k += 1) for (let j = 0; j < this.n; j += 1) grow(this.tip(k, j));
     this.centre = low.map((v, k) => (v + high[k]) / 2);
-    this.half = 1.05 * Math.max(...high.map((v, k) => (v - low[k]) / 2), 2.4 * this.bodyRadius);
+    this.half = 1.05 * Math.max(...high.map((v, k) => (v - low[k]) / 2), 1.75 * this.bodyRadius);
   }
 
   position(k, j) {
@@ -134,6 +135,7 @@ class SceneView {
     const from = this.position(k, j);
     return Array.from({ length: rays }, (_, ray) => {
       const length = 0.994 * this.ray_length[(k * watching + j) * rays + ray];
+      if (Number.isNaN(length)) return [null, null, null];
       return from.map((v, axis) => {
         let along = 0;
         for (let b = 0; b < 3; b += 1) along += this.C[turn + 3 * b + axis] * this.rays[3 * ray + b];
@@ -150,9 +152,9 @@ class SceneView {
     const colours = spots.map((_, j) => this.looks[this.mode[k * this.n + j]].colour);
     const sight = spots.flatMap((spot, j) => [spot, this.tip(k, j), [null, null, null]]);
     const signs = [
-      [sun, 2.3],
-      [earth, 2.15],
-    ].flatMap(([d, reach]) => [1.95, reach].map((share) => d.map((v) => share * this.bodyRadius * v)));
+      [sun, 1.7],
+      [earth, 1.5],
+    ].flatMap(([d, reach]) => [1.1, reach].map((share) => d.map((v) => share * this.bodyRadius * v)));
     signs.splice(2, 0, [null, null, null]);
     return {
       body: { intensity: Mesh.light(this.body.vertexNormals, sun) },
@@ -160,7 +162,7 @@ class SceneView {
       sight: { ...xyz(sight), "line.color": colours.flatMap((c) => [c, c, c]) },
       views: xyz(this.pictures(k)),
       spacecraft: { ...xyz(spots), "marker.color": colours, hovertext: spots.map((_, j) => this.describe(k, j)) },
-      directions: xyz(signs),
+      directions: xyz(this.directions ? signs : []),
     };
   }
 
@@ -255,9 +257,6 @@ class SceneView {
     const points = this.paths().filter((point) => point[0] !== null);
     for (let place = 0; place < this.body.vertices.length; place += 9) {
       points.push([...this.body.vertices.subarray(place, place + 3)]);
-    }
-    for (const signs of [this.sun, this.earth]) {
-      points.push([0, 1, 2].map((axis) => 2.4 * this.bodyRadius * signs[axis]));
     }
     return this.fit(this.side(), points);
   }

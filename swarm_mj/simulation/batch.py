@@ -76,6 +76,7 @@ class BatchFlights:
         finite: False where the flight has diverged, shape (E,).
         causes: Why, by flight.
         lost: Spacecraft lost to faults, of which a batch knows none, shape (E, n).
+        blind: Spacecraft whose camera is off or that are lost; none in a batch, shape (E, n).
         effort: Sum of the squares of all motor torques since the caller last set it to zero, shape (E,) [N^2 m^2].
     """
 
@@ -101,7 +102,7 @@ class BatchFlights:
         f = self._flights
         self.kind, self.index, self.vector, self.torque_B = f.targets[:, 0], f.targets[:, 1], f.vector, f.torque_B
         self.tick, self.finite, self.effort = f.tick, f.finite, f.effort
-        self.lost = np.zeros((count, self.n), np.bool_)
+        self.lost, self.blind = np.zeros((count, self.n), np.bool_), np.zeros((count, self.n), np.bool_)
         self.causes = [""] * count
 
     def _by_spacecraft(self, name: str, size: int) -> Array:
@@ -177,7 +178,7 @@ class BatchFlights:
 
     def _ask_behaviors(self, live: Mask) -> None:
         assert self._behaviors is not None
-        for e in np.flatnonzero(live):
+        for e in np.flatnonzero(live).tolist():
             t = int(self.tick[e]) * self.period
             view = SwarmView(t, self._q[e, :, :3].copy(), self._v[e, :, :3].copy(), self.environment.C_AN(t))
             targets, self._memory[e] = self._behaviors[e].targets(view, self._memory[e])

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swarm_mj.errors import SimulationError
+from swarm_mj.simulation.batch import PARKED
 from swarm_mj.simulation.simulation import InitialState, Simulation
 
 Array = NDArray[np.float64]
@@ -18,15 +19,11 @@ class SeparateFlights:
     """E flights of one swarm; see `BatchFlights` for the attributes.
 
     Args:
-        simulations: One for each flight; behaviour and control law are theirs.
-        renew: Makes the simulation of flight e for a seed, where faults or dispersions differ from flight to flight; None
-            flies the given ones again.
+        simulations: One for each flight; behaviour, control law and what may go wrong are theirs.
     """
 
-    def __init__(
-        self, simulations: Sequence[Simulation], renew: Callable[[int, int], Simulation] | None = None
-    ) -> None:
-        self.simulations, self.renew = list(simulations), renew
+    def __init__(self, simulations: Sequence[Simulation]) -> None:
+        self.simulations = list(simulations)
         first = self.simulations[0]
         self.model, self.environment, self.period = first.model, first.environment, first.period
         self.n, self.count = self.model.n, len(self.simulations)
@@ -34,7 +31,7 @@ class SeparateFlights:
         self.kind, self.index = np.zeros((count, n), np.int64), np.zeros((count, n), np.int64)
         self.vector, self.torque_B, self.sigma_BR = (np.zeros((count, n, 3)) for _ in range(3))
         self.tick, self.finite, self.effort = np.zeros(count, np.int64), np.ones(count, np.bool_), np.zeros(count)
-        self.lost = np.zeros((count, n), np.bool_)
+        self.lost, self.blind = np.zeros((count, n), np.bool_), np.zeros((count, n), np.bool_)
         self.causes = [""] * count
 
     @property
@@ -63,6 +60,14 @@ class SeparateFlights:
         """Put one flight at its start and forget everything about it."""
         self.simulations[e].reset(initial)
         self.tick[e], self.finite[e], self.effort[e], self.causes[e] = 0, True, 0.0, ""
+        self.lost[e], self.blind[e] = self.simulations[e].lost, False
+
+    def park(self, e: int, j: int) -> None:
+        """Put a spacecraft that is no more where it disturbs nothing: far out, at rest."""
+        simulation = self.simulations[e]
+        qpos, qvel = (part.reshape(self.n, -1).copy() for part in self.model.state(simulation.data))
+        qpos[j, :3], qvel[j] = (PARKED * (1.0 + j), 0.0, 0.0), 0.0
+        self.model.set_state(simulation.data, qpos, qvel)
 
     def decide(self, live: Mask) -> bool:
         """Set forces and motor torques of the coming hold; see `BatchFlights.decide`."""
@@ -74,6 +79,7 @@ class SeparateFlights:
                 self.finite[e], self.causes[e] = False, str(error)
                 continue
             self.kind[e], self.index[e], self.vector[e] = targets
+            self.lost[e], self.blind[e] = simulation.lost, ~simulation.camera_on
             self.sigma_BR[e] = simulation._inputs.sigma_BR
             self.effort[e] += float((simulation.data.ctrl**2).sum())
         return bool(self.finite[live].all())

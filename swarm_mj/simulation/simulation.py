@@ -7,7 +7,6 @@ targets, guidance turns them into references, the controller answers with torque
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import mujoco
@@ -26,6 +25,7 @@ from swarm_mj.simulation import kernels
 from swarm_mj.simulation.adverse import NOTHING, AdverseLoop
 from swarm_mj.simulation.gyrostat import GyrostatIntegrator
 from swarm_mj.simulation.kernels import Slot
+from swarm_mj.simulation.records import InitialState, Record, sample_times
 from swarm_mj.smallbody.environment import Environment
 from swarm_mj.smallbody.rotation import sub_point
 from swarm_mj.smallbody.shape import ShapeModel
@@ -38,51 +38,6 @@ Progress = Callable[[float], None]
 
 #: The wheel-speed limiter aims this far below the limit, for what the gyroscopic terms add within a hold.
 SPEED_MARGIN = 1e-4
-
-
-@dataclass(frozen=True, kw_only=True)
-class InitialState:
-    """Where and how the swarm starts.
-
-    Attributes:
-        r_BN_N: Positions, shape (n, 3) [m].
-        v_BN_N: Velocities, shape (n, 3) [m/s].
-        sigma_BN: Attitudes as MRP, shape (n, 3).
-        omega_BN_B: Body rates, shape (n, 3) [rad/s].
-        wheel_speed: Shape (n, w) [rad/s].
-        seed: Of faults and dispersions, where the simulation has any.
-        deployment: What went wrong on the way to this state.
-    """
-
-    r_BN_N: Array
-    v_BN_N: Array
-    sigma_BN: Array
-    omega_BN_B: Array
-    wheel_speed: Array
-    seed: int = 0
-    deployment: tuple[Event, ...] = ()
-
-
-@dataclass(frozen=True)
-class Record:
-    """Raw samples of a flight; `telemetry.dataset` names them.
-
-    Attributes:
-        time: Shape (t,) [s].
-        vectors: r, v, omega, sigma_BR, wheel speed, wheel torque, line of sight, shape (t, 7, n, 3).
-        attitude: q_BN and q_RN, shape (t, 2, n, 4).
-        aim: `TargetKind` values and the spacecraft tracked, counted from 0 (-1: none), shape (t, 2, n).
-        peaks: Over every control period, not only the samples: largest wheel speed [rad/s], largest motor torque [N m], and
-            the time in which a wheel limit cut a torque [s], shape (n, 3).
-        faults: What a flight with faults, dispersions or four wheels adds.
-    """
-
-    time: Array
-    vectors: Array
-    attitude: Array
-    aim: NDArray[np.int16]
-    peaks: Array
-    faults: FaultRecord | None = None
 
 
 class Simulation:
@@ -402,11 +357,6 @@ class Simulation:
             f"the flight diverged: {self.model.names[bad]} has a state that is not finite at t = {self.time:g} s; {cause}. "
             "Check gains, wheel limits and physics.timestep_s"
         )
-
-
-def sample_times(duration: float, interval: float) -> Array:
-    """Times from 0 to `duration` at every `interval` [s], both ends included."""
-    return np.asarray(interval * np.arange(round(duration / interval) + 1), dtype=np.float64)
 
 
 def _quaternion_of(C_PN: Array) -> Array:

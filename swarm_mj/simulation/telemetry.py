@@ -47,8 +47,9 @@ def dataset(
     r, v, omega, sigma_BR, speed, torque, los = np.moveaxis(record.vectors, 1, 0)
     if record.faults is not None:
         speed, torque = record.faults.wheels[:, 0], record.faults.wheels[:, 1]
-        # The controller may not know the true attitude; the data set does.
-        sigma_BR = subtract_mrp(mrp_from_quaternion(q_BN), mrp_from_quaternion(q_RN))
+        if record.faults.imperfect_knowledge:
+            # What was recorded is what the controller believed.
+            sigma_BR = subtract_mrp(mrp_from_quaternion(q_BN), mrp_from_quaternion(q_RN))
     vector, wheels = ("time", "spacecraft", "xyz"), ("time", "spacecraft", "wheel")
     variables = {
         "r_BN_N": _variable(vector, r, "m", "N", "position relative to the asteroid's centre"),

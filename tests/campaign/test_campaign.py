@@ -202,6 +202,25 @@ def test_a_run_that_takes_too_long_has_failed_and_the_others_go_on(write, tmp_pa
     assert sum(r["status"] == "ok" for r in found) == 8 - len(slow)
 
 
+def test_a_run_that_kills_its_worker_every_time_is_recorded_as_failed(write, start, tmp_path):
+    from swarm_mj.campaign.pools import MAX_DEATHS
+
+    path, out = (
+        write(runs=1, more="parameters: {physics.timestep_s: {distribution: choice, values: [0.001]}}"),
+        tmp_path,
+    )
+    process, killed = start(path, "--out", out / "out", "--workers", 1, "--no-figures"), set()
+    while len(killed) < MAX_DEATHS:
+        wait_for(lambda: set(children(process)) - killed, process)
+        victim = (set(children(process)) - killed).pop()
+        time.sleep(4.0)  # long enough to have started, far too short for a million steps
+        os.kill(victim, signal.SIGKILL)
+        killed.add(victim)
+    assert process.wait(60) == 0
+    (row,) = read_results(out / "out").to_pylist()
+    assert row["status"] == "failed" and row["error"] == "its process died 3 times, the last time by signal SIGKILL"
+
+
 def test_telemetry_is_kept_if_asked_for_and_figures_and_summary_are_written(write, tmp_path):
     import json
 

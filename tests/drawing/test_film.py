@@ -65,7 +65,10 @@ def test_a_gif_holds_every_picture_in_its_colours_and_repeats(tmp_path):
 @pytest.mark.parametrize("name", ["a.mp4", "a.gif"])
 def test_interrupted_work_leaves_the_earlier_film_and_nothing_else(tmp_path, name):
     (tmp_path / name).write_bytes(b"earlier")
-    with pytest.raises(KeyboardInterrupt), film(tmp_path / name, width=96, height=64, fps=25.0, sample=[picture(0)]) as reel:
+    with (
+        pytest.raises(KeyboardInterrupt),
+        film(tmp_path / name, width=96, height=64, fps=25.0, sample=[picture(0)]) as reel,
+    ):
         for k in range(40):
             reel.add(picture(k % 12))
         raise KeyboardInterrupt

@@ -6,12 +6,13 @@ import mujoco
 import numpy as np
 import pytest
 import trimesh
+from scipy.ndimage import binary_erosion
 
 from swarm_mj.drawing import canvas as canvas_module
 from swarm_mj.drawing.cameras import overview, view_direction
 from swarm_mj.drawing.canvas import Box, Canvas
 from swarm_mj.drawing.decorations import dashes, decorate
-from swarm_mj.drawing.model import PYRAMID, build_drawing_model
+from swarm_mj.drawing.model import build_drawing_model
 from swarm_mj.drawing.picture import Drawing
 from swarm_mj.errors import ObserverError, OutputError
 from swarm_mj.mission.behaviors import TargetKind
@@ -39,29 +40,41 @@ def camera(model, j):
     return view
 
 
-@pytest.mark.parametrize("t", [430.0, 600.0, 700.0])
-def test_the_coloured_part_of_a_cameras_picture_is_where_rays_hit_observed_cells(replay, drawn, rng, t):
-    model, canvas = drawn
-    region, now = replay.plan.region, replay.at(t)
-    now = replace(now, seen=rng.random(region.n_cells) < 0.4)
+def shown_and_expected(model, canvas, plan, now):
+    """Pixels painted as observed in spacecraft 1's camera, and those whose rays hit observed cells, shape (400, 400)."""
     if model.place(now):
         canvas.upload()
     canvas.clear()
     canvas.view(camera(model, 0), Box(0, 0, 400, 400), spacecraft=False)
-    shown = is_blue(canvas.read())
-    half = np.tan(np.radians(replay.plan.scenario.camera.half_angle_deg))
+    half = np.tan(np.radians(plan.scenario.camera.half_angle_deg))
     across = half * (2.0 * (np.arange(400) + 0.5) / 400 - 1.0)
     x, y = np.meshgrid(across, across)  # camera frame: x right, y down, z ahead
     rays_N = np.stack((x, y, np.ones_like(x)), axis=-1).reshape(-1, 3) @ now.C_BN[0]
+    region = plan.region
     body = trimesh.Trimesh(region.vertices @ now.C_AN, region.faces, process=False)
-    start = np.broadcast_to(now.r_BN_N[0], rays_N.shape)
-    face = body.ray.intersects_first(start, rays_N)
-    of_face = np.zeros(len(region.faces) + 1, bool)
+    face = body.ray.intersects_first(np.broadcast_to(now.r_BN_N[0], rays_N.shape), rays_N)
+    of_face = np.zeros(len(region.faces) + 1, bool)  # the last one for rays that miss, -1
     of_face[region.target] = now.seen
-    expected = of_face[face].reshape(400, 400)
-    assert expected.sum() > 300
-    assert abs(shown.sum() - expected.sum()) < 0.04 * expected.sum()
-    assert (shown & expected).sum() > 0.93 * expected.sum()
+    return is_blue(canvas.read()), of_face[face].reshape(400, 400)
+
+
+@pytest.mark.parametrize("t", [430.0, 600.0, 700.0])
+def test_the_coloured_area_is_the_projected_area_of_the_observed_cells(replay, drawn, t):
+    region = replay.plan.region
+    west = region.centroid_A @ region.axes_A[0] < 500.0
+    shown, expected = shown_and_expected(*drawn, replay.plan, replace(replay.at(t), seen=west))
+    assert expected.sum() > 2000
+    assert abs(shown.sum() - expected.sum()) < 0.02 * expected.sum()
+
+
+@pytest.mark.parametrize("t", [430.0, 600.0, 700.0])
+def test_each_cell_is_painted_where_rays_hit_it(replay, drawn, rng, t):
+    chosen = rng.random(replay.plan.region.n_cells) < 0.4
+    shown, expected = shown_and_expected(*drawn, replay.plan, replace(replay.at(t), seen=chosen))
+    inside, outside = binary_erosion(expected, iterations=2), binary_erosion(~expected, iterations=2)
+    assert inside.sum() > 500
+    assert shown[inside].mean() > 0.995
+    assert shown[outside].mean() < 0.001
 
 
 def test_spacecraft_and_names_stand_where_the_projection_puts_them(replay, drawn):
@@ -114,17 +127,18 @@ def test_fields_of_view_have_the_cameras_angle_and_reach_to_the_bodys_centre(rep
         return geoms[-1]
 
     decorate(next_geom, model, now)
-    pyramids = [g for g in geoms if g.type == mujoco.mjtGeom.mjGEOM_MESH]
-    assert len(pyramids) == now.n
-    start, count = model.mjmodel.mesh_vertadr[model.pyramid], model.mjmodel.mesh_vertnum[model.pyramid]
-    vertices = model.mjmodel.mesh_vert[start : start + count]
+    sides = [g for g in geoms if g.type == mujoco.mjtGeom.mjGEOM_TRIANGLE]
+    assert len(sides) == 4 * now.n
     half = np.tan(np.radians(replay.plan.scenario.camera.half_angle_deg))
-    for j, geom in enumerate(pyramids):
-        corners = np.array(geom.pos) + vertices @ np.array(geom.mat).reshape(3, 3).T
-        length = np.linalg.norm(now.r_BN_N[j])
-        expected = now.r_BN_N[j] + (np.array(PYRAMID) * (half * length, half * length, length)) @ now.C_BN[j]
-        gaps = np.linalg.norm(corners[:, None] - expected, axis=2)
-        assert gaps.min(axis=0).max() < 1e-3 * length
+    for k, geom in enumerate(sides):
+        j = k // 4
+        shear = np.array(geom.mat, float)
+        corners_N = np.array([geom.pos, geom.pos + geom.size[0] * shear[:, 0], geom.pos + geom.size[1] * shear[:, 1]])
+        corners_B = (corners_N - now.r_BN_N[j]) @ now.C_BN[j].T / np.linalg.norm(now.r_BN_N[j])
+        assert np.allclose(corners_B[0], 0.0, atol=1e-4)
+        assert np.allclose(np.abs(corners_B[1:]), (half, half, 1.0), atol=1e-3)
+        outward_B = np.cross(corners_B[1], corners_B[2])
+        assert outward_B @ (0.0, 0.0, 1.0) < 0.0  # its front looks away from the axis, and so backwards
 
 
 def test_every_kind_of_target_has_its_colour_and_dashes_cover_half_of_a_line(replay, drawn):

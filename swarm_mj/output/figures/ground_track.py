@@ -44,6 +44,8 @@ from swarm_mj.planning import Plan
 Array = NDArray[np.float64]
 
 COLUMNS = 720
+#: Corners of a track; a flyby bends little.
+TRACK_POINTS = 1000
 #: A track is marked at about so many instants.
 TIME_MARKS = 10
 #: More spacecraft than these are not numbered: the numbers would cover each other.
@@ -64,7 +66,8 @@ def compose_ground_track(plan: Plan, telemetry: xr.Dataset, result: ObservationR
     paint(ax, ground, mesh, face_colours(mesh, []), sun)
     draw_track(ax, target_outline(plan.region), window.centre_longitude, color=BLACK, linewidth=1.8)
     step = mark_interval(plan.scenario.duration_s)
-    _draw_tracks(ax, scene.r_A, np.flatnonzero(scene.times % step == 0.0), visit, window)
+    marks = np.searchsorted(scene.times, np.arange(0.0, scene.times[-1], step) - 1e-6)
+    _draw_tracks(ax, scene.r_A, marks, visit, window)
     draw_places(ax, sun[None], window.centre_longitude, marker="*", markersize=15, color=ORANGE, mec=BLACK, zorder=6)
     draw_places(ax, earth[None], window.centre_longitude, marker="P", markersize=9, color=GREEN, mec=BLACK, zorder=6)
     name_map(ax, window)
@@ -86,10 +89,11 @@ def mark_interval(duration_s: float) -> float:
 def _draw_tracks(ax: Axes, r_A: Array, marks: NDArray[np.intp], visit: int, window: Window) -> None:
     n = r_A.shape[1]
     many, centre = n > len(SPACECRAFT), window.centre_longitude
+    track = np.unique(np.linspace(0, len(r_A) - 1, TRACK_POINTS).astype(int))
     for j, colour in enumerate(spacecraft_colours(n)):
         style = {"color": colour, "zorder": 4}
         width = 0.8 if many else 1.8
-        draw_track(ax, r_A[:, j], centre, linewidth=width, path_effects=() if many else HALO, **style)
+        draw_track(ax, r_A[track, j], centre, linewidth=width, path_effects=() if many else HALO, **style)
         draw_places(ax, r_A[marks, j], centre, marker=".", markersize=3 if many else 6, **style)
         draw_places(ax, r_A[visit, j : j + 1], centre, marker="o", markersize=4 if many else 7, mec="white", **style)
         draw_places(ax, r_A[-1:, j], centre, marker="s", markersize=3 if many else 6, mec="white", **style)

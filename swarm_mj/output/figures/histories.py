@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from swarm_mj.flight import ObservationResult
 from swarm_mj.output.figures.panels import Panels, compose_panels, every
-from swarm_mj.output.figures.style import BLACK, BLUE, COMPONENTS, ORANGE, VERMILLION, time_axis
+from swarm_mj.output.figures.style import BLACK, BLUE, COMPONENTS, ORANGE, PURPLE, VERMILLION, time_axis
 from swarm_mj.planning import Plan
 from swarm_mj.spacecraft.properties import RPM, SpacecraftProperties
 
@@ -23,6 +23,8 @@ Array = NDArray[np.float64]
 #: Exponent of ten below which errors [deg] are rounding; zero has no place on a logarithmic axis.
 FLOOR = -8
 MILLI = 1e-3
+#: Of the components x, y, z, or of the wheels, of which there may be a fourth.
+COLOURS = (*COMPONENTS, PURPLE)
 
 
 def compose_tracking_error(plan: Plan, telemetry: xr.Dataset, result: ObservationResult) -> Figure:
@@ -41,7 +43,7 @@ def compose_tracking_error(plan: Plan, telemetry: xr.Dataset, result: Observatio
 
 
 def compose_wheel_speed(plan: Plan, telemetry: xr.Dataset, result: ObservationResult) -> Figure:
-    """Speeds of the three wheels of every spacecraft and their limit."""
+    """Speeds of the wheels of every spacecraft and their limit."""
     values = telemetry["wheel_speed"].values / RPM
     limit = plan.properties.max_wheel_speed / RPM
     curves = _components(plan, telemetry, values)
@@ -58,7 +60,7 @@ def compose_wheel_speed(plan: Plan, telemetry: xr.Dataset, result: ObservationRe
         y_label="wheel speed [rpm]",
         draw=draw,
         limits=(-reach, reach),
-        handles=[*_handles([f"wheel {k}" for k in "xyz"]), bound],
+        handles=[*_handles([f"wheel {k}" for k in telemetry["wheel"].values]), bound],
     )
     return compose_panels(plan, telemetry, panels)
 
@@ -134,19 +136,19 @@ def compose_pointing_error(plan: Plan, telemetry: xr.Dataset, result: Observatio
 
 
 def _components(plan: Plan, telemetry: xr.Dataset, values: Array) -> Callable[[Axes, int], None]:
-    """A function that draws the three components of one spacecraft; `values` has shape (time, spacecraft, 3)."""
+    """A function that draws the components of one spacecraft; `values` has shape (time, spacecraft, 3 or 4)."""
     some = every(len(values))
     times = telemetry["time"].values[some] / time_axis(plan.scenario.duration_s).seconds
 
     def draw(ax: Axes, j: int) -> None:
-        for k, colour in enumerate(COMPONENTS):
-            ax.plot(times, values[some, j, k], color=colour, linewidth=1.2)
+        for component, colour in zip(values[some, j].T, COLOURS, strict=False):
+            ax.plot(times, component, color=colour, linewidth=1.2)
 
     return draw
 
 
 def _handles(names: list[str]) -> list[Line2D]:
-    return [Line2D([], [], color=c, linewidth=1.6, label=name) for c, name in zip(COMPONENTS, names, strict=True)]
+    return [Line2D([], [], color=c, linewidth=1.6, label=name) for c, name in zip(COLOURS, names, strict=False)]
 
 
 def _reach(values: Array, *, at_least: float) -> float:

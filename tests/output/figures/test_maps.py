@@ -50,7 +50,8 @@ def test_ground_of_a_cube_lies_on_its_sides(cube, tracer):
     assert np.abs(ground.points_A).max(axis=-1) == pytest.approx(1.0, abs=1e-6)
     east = np.degrees(np.arctan2(ground.points_A[..., 1], ground.points_A[..., 0]))
     assert east == pytest.approx(np.broadcast_to(ground.longitudes, (40, 40)), abs=1e-6)
-    assert ground.latitudes[0] == pytest.approx(-39.0)  # southernmost first, in the middle of its row
+    # Southernmost and westernmost first, each in the middle of its row or column.
+    assert (ground.latitudes[0], ground.longitudes[0]) == pytest.approx((-39.0, -39.0))
 
 
 def test_places_without_ground_are_not_numbers(cube):
@@ -92,6 +93,17 @@ def test_footprint_ends_at_the_horizon(cube, tracer):
         CameraModel(half_angle_deg=60.0), look_at([9.0, 0.0, 0.0], [0.0, 0.0, 0.0]), ground, cube, tracer
     )
     assert ((margin > 0.0) == (cube.face_normals[ground.face][..., 0] > 0.5)).all()
+
+
+def test_margin_falls_to_zero_with_the_cosine_of_emission(cube, tracer):
+    ground = survey(cube, tracer, FRONT, 40)
+    pose = look_at([1.2, 0.0, 0.0], [0.0, 0.0, 0.0])
+    margin = view_margin(CameraModel(half_angle_deg=89.0), pose, ground, cube, tracer)
+    distance = np.linalg.norm(ground.points_A - pose.r_A, axis=-1)
+    x, y, z = np.moveaxis(ground.points_A, -1, 0)
+    oblique = (x > 1.0 - 1e-6) & (np.hypot(y, z) > 0.3)
+    assert oblique.any()
+    assert margin[oblique] == pytest.approx(0.2 / distance[oblique])
 
 
 def test_ground_in_front_hides_what_lies_behind(cube):
@@ -150,3 +162,18 @@ def test_marks_on_a_track_are_round_numbers_apart():
     assert mark_interval(1200.0) == 120.0
     assert mark_interval(100.0) == 10.0
     assert mark_interval(86_400.0) == 5 * 3600.0
+
+
+def test_ground_track_marks_the_places_below_the_spacecraft(flown, composed):
+    plan, telemetry, _ = flown
+    ax = composed["ground_track"].axes[0]
+    C_AN = dcm(telemetry["sigma_AN"].values)
+    times = telemetry["time"].values
+    for j in range(plan.n):
+        dots = [line for line in ax.lines if line.get_marker() == "."][j]
+        chosen = np.isin(times, np.arange(0.0, 1200.0, 120.0))
+        r_A = np.einsum("kij,kj->ki", C_AN[chosen], telemetry["r_BN_N"].values[chosen, j])
+        drawn = directions(dots.get_ydata(), dots.get_xdata())
+        away = ~np.isnan(drawn).any(axis=1)  # deployed above the south pole, where a longitude says nothing
+        assert away.sum() == 9
+        assert drawn[away] == pytest.approx((r_A / np.linalg.norm(r_A, axis=1, keepdims=True))[away], abs=1e-9)

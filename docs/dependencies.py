@@ -1,0 +1,186 @@
+"""Write docs/dependencies.md, what swarm_mj stands on and under which licences: python -m docs.dependencies.
+
+Requirements come from pyproject.toml, licences from the metadata of the packages that are installed. Run it where all extras
+are: pip install -e ".[all,rl,benchmark]".
+"""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Iterable
+from email.message import Message
+from importlib.metadata import PackageNotFoundError, metadata, requires
+from pathlib import Path
+
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
+
+from swarm_mj.output.folder import write_text
+
+PAGE = Path(__file__).with_name("dependencies.md")
+PROJECT = Path(__file__).parents[1] / "pyproject.toml"
+
+#: What each declared package is for.
+PURPOSE = {
+    "mujoco": "the physics engine",
+    "numpy": "arrays",
+    "scipy": "integrators, the exact solver (HiGHS), sparse matrices, sampling",
+    "numba": "compiled loops",
+    "trimesh": "the PLY reader",
+    "embreex": "ray casting (Embree)",
+    "moderngl": "face-ID buffers on OpenGL",
+    "gymnasium": "the environment's interface",
+    "matplotlib": "figures",
+    "pydantic": "checks of scenario files",
+    "pyyaml": "scenario files",
+    "xarray": "telemetry with units",
+    "h5netcdf": "telemetry.nc",
+    "h5py": "telemetry.nc",
+    "rich": "progress bars and tables",
+    "pymoo": "the genetic algorithm",
+    "pettingzoo": "the multi-agent environment's interface",
+    "av": "videos",
+    "plotly": "figures of the report page",
+    "stable-baselines3": "training of the baselines",
+    "tensorboard": "curves of the training",
+    "distributed": "campaigns on a Dask cluster",
+    "pyarrow": "tables of campaigns (Parquet)",
+    "bsk": "the comparison with Basilisk",
+    "pytest": "tests",
+    "pytest-xdist": "tests in parallel",
+    "hypothesis": "tests of properties and bad input",
+    "shapely": "tests: exact areas of polygons",
+    "astropy": "tests: ephemerides",
+    "polyhedral-gravity": "tests: gravity of polyhedra",
+    "ruff": "style",
+    "mypy": "types",
+    "pre-commit": "checks before a commit",
+    "build": "the wheel",
+    "types-pyyaml": "types",
+    "pip-audit": "known vulnerabilities",
+}
+GROUPS = {
+    "": "Always installed",
+    "rl": "Extra `rl`: reinforcement learning",
+    "cluster": "Extra `cluster`: campaigns on many machines",
+    "video": "Extra `video`: videos",
+    "report": "Extra `report`: the report page",
+    "benchmark": "Extra `benchmark`: comparison with peers",
+    "dev": "Extra `dev`: development only, never imported by a flight",
+}
+#: Licences that do not state their name, by a sentence of theirs.
+SENTENCES = {
+    "Redistribution and use in source and binary forms": "BSD",
+    "Permission is hereby granted, free of charge": "MIT",
+    "Apache License": "Apache-2.0",
+}
+INTRODUCTION = """# Dependencies
+
+Written by `python -m docs.dependencies` from `pyproject.toml` and the metadata of the installed packages. swarm_mj itself is
+under the MIT licence.
+
+Lower bounds are the oldest versions with what is used here. There are no upper bounds: they would keep security
+fixes away from users. Nothing asks for a network at run time; a test refuses every connection while it flies, draws and designs
+(`tests/robust/test_offline.py`).
+
+To look for known vulnerabilities, with access to pypi.org:
+
+```sh
+pip install pip-audit
+pip-audit --local
+```
+
+All of it may be used in closed programs. Two notes: `moocore`, which pymoo brings along, is under the LGPL and is used as it is, as
+a library; `polyhedral-gravity`, under the GPL, belongs to the tests, and `swarm-mj validate` uses it where somebody has installed it.
+"""
+
+
+def main() -> None:
+    """Write the page."""
+    write_text(PAGE, page())
+    print(f"wrote {PAGE}")
+
+
+def page() -> str:
+    """The whole page as Markdown."""
+    parts = [INTRODUCTION]
+    for group, requirements in declared().items():
+        if requirements:
+            parts.append(f"## {GROUPS.get(group, f'Extra `{group}`')}\n\n{_table(requirements)}")
+    direct = {canonicalize_name(r.name) for group in declared().values() for r in group}
+    parts.append(
+        "## What the always installed ones bring along\n\n"
+        "| package | licence |\n|---|---|\n"
+        + "\n".join(f"| {name} | {licence(name)} |" for name in sorted(brought_along(declared()[""]) - direct))
+        + "\n"
+    )
+    return "\n".join(parts)
+
+
+def declared() -> dict[str, list[Requirement]]:
+    """The requirements of pyproject.toml by extra; the empty name stands for those that are always installed."""
+    project = tomllib.loads(PROJECT.read_text("utf-8"))["project"]
+    groups = {"": project["dependencies"], **project["optional-dependencies"]}
+    own = canonicalize_name(project["name"])
+    return {
+        group: [r for r in map(Requirement, texts) if canonicalize_name(r.name) != own]
+        for group, texts in groups.items()
+    }
+
+
+def _table(requirements: Iterable[Requirement]) -> str:
+    rows = ["| package | versions | licence | what for |", "|---|---|---|---|"]
+    for r in requirements:
+        versions = f"{r.specifier or 'any'}" + (f", where {r.marker}" if r.marker else "")
+        purpose = PURPOSE.get(canonicalize_name(r.name))
+        if purpose is None:
+            raise SystemExit(f"{r.name}: say in PURPOSE of {Path(__file__).name} what it is for")
+        rows.append(f"| {r.name} | {versions} | {licence(r.name)} | {purpose} |")
+    return "\n".join(rows) + "\n"
+
+
+def licence(name: str) -> str:
+    """The licence that a package's metadata states."""
+    try:
+        data = metadata(name)
+    except PackageNotFoundError:
+        return "not installed where this page was written"
+    return _stated(data) or "not stated"
+
+
+def _stated(data: Message) -> str:
+    if data["License-Expression"]:
+        return str(data["License-Expression"])
+    classified = [
+        c.split(" :: ")[-1] for c in data.get_all("Classifier") or [] if c.startswith("License :: OSI Approved ::")
+    ]
+    if classified:
+        return ", ".join(classified)
+    text = str(data["License"] or "").strip()
+    if "\n" not in text:
+        return text
+    return next(
+        (name for sentence, name in SENTENCES.items() if sentence in re.sub(r"\s+", " ", text)), text.split("\n")[0]
+    )
+
+
+def brought_along(requirements: Iterable[Requirement]) -> set[str]:
+    """Names of the packages that installing these installs too, on this machine, the given ones included."""
+    found: set[str] = set()
+    waiting = list(requirements)
+    while waiting:
+        requirement = waiting.pop()
+        name = canonicalize_name(requirement.name)
+        if name in found or (requirement.marker and not requirement.marker.evaluate({"extra": ""})):
+            continue
+        try:
+            waiting.extend(map(Requirement, requires(name) or []))
+        except PackageNotFoundError:
+            continue
+        found.add(name)
+    return found
+
+
+if __name__ == "__main__":
+    main()

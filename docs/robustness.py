@@ -1,0 +1,352 @@
+"""Write docs/robustness.md, what is left of the observed area when things go wrong: python -m docs.robustness.
+
+Flies three packaged campaigns, `eros-losses`, `eros-sensitivity` and `eros-each-fault`, on all cores and compares the first
+with the exact answer that undisturbed flights give. An interrupted call goes on where it was. `--runs N` flies fewer.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from dataclasses import dataclass
+from itertools import combinations
+from math import comb
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from swarm_mj.campaign import statistics
+from swarm_mj.campaign.figures import COLOURS, compose_coverage, compose_pointing, compose_sobol
+from swarm_mj.campaign.loading import Resolved, load_campaign
+from swarm_mj.campaign.pools import usable_cores
+from swarm_mj.campaign.runner import run_campaign
+from swarm_mj.campaign.statistics import Estimate
+from swarm_mj.campaign.store import read_results
+from swarm_mj.campaign.summary import by_scenario
+from swarm_mj.flight import observe_flight, simulate
+from swarm_mj.output.figures.style import TICK_PT, label, new_figure, save, tidy
+from swarm_mj.output.folder import write_text
+from swarm_mj.planning import make_plan
+from swarm_mj.scenarios.schema import Scenario
+from swarm_mj.scenarios.schema_faults import Dispersions
+
+Array = NDArray[np.float64]
+
+HERE = Path(__file__).parent
+PAGE, IMAGES = HERE / "robustness.md", HERE / "images"
+LOSSES, SENSITIVITY, EACH = "eros-losses", "eros-sensitivity", "eros-each-fault"
+#: Chance of loss of each spacecraft in `eros-losses`.
+CHANCE = 0.1
+#: Numbers of lost observers that get a line or a point of their own.
+MOST = 5
+
+
+@dataclass(frozen=True)
+class Exact:
+    """What losses cost a flight that is otherwise as planned, over all subsets of lost observers.
+
+    Attributes:
+        coverage: Mean observed area by number of lost observers, shape (n + 1,) [%].
+        covered: Share of the subsets that leave the whole target seen, by the same.
+    """
+
+    coverage: Array
+    covered: Array
+
+    def expected(self, by_number: Array) -> float:
+        """Mean over the binomial number of losses."""
+        n = len(by_number) - 1
+        weights = [comb(n, k) * CHANCE**k * (1.0 - CHANCE) ** (n - k) for k in range(n + 1)]
+        return float(np.dot(weights, by_number))
+
+
+def exact_losses(scenario: Scenario) -> Exact:
+    """Fly once without faults and dispersions, then leave out every subset of the observers."""
+    plan = make_plan(scenario.model_copy(update={"faults": (), "dispersions": Dispersions()}))
+    coverage = observe_flight(plan, simulate(plan)).coverage
+    seen, area = coverage.seen_by[: plan.n_observers], coverage.area
+    n, tolerance = plan.n_observers, scenario.designer.tolerance_percent
+    found = [[], []]  # type: list[list[float]]
+    for lost in range(n + 1):
+        shares = np.array(
+            [100.0 * area[seen[list(left)].any(axis=0)].sum() / area.sum() for left in combinations(range(n), n - lost)]
+        )
+        found[0].append(float(shares.mean()))
+        found[1].append(float((100.0 - shares <= tolerance).mean()))
+    return Exact(np.array(found[0]), np.array(found[1]))
+
+
+def lost_observers(rows: list[dict[str, Any]], n_observers: int) -> NDArray[np.int64]:
+    """Observers lost in each flight; a lost communications spacecraft sees nothing anyway."""
+    observers = {f"sc{j + 1}" for j in range(n_observers)}
+    return np.array(
+        [
+            len({e["spacecraft"] for e in json.loads(row["events"]) if e["kind"] == "spacecraft_lost"} & observers)
+            for row in rows
+        ]
+    )
+
+
+@dataclass(frozen=True)
+class Degradation:
+    """Flights of one scenario by number of lost observers.
+
+    Attributes:
+        name: Of the scenario.
+        lost: Observers lost in each flight, shape (m,).
+        coverage: Observed area of each flight, shape (m,) [%].
+        covered: Whether the whole target was seen, shape (m,).
+        exact: See `Exact`.
+    """
+
+    name: str
+    lost: NDArray[np.int64]
+    coverage: Array
+    covered: NDArray[np.bool_]
+    exact: Exact
+
+    def mean_coverage(self, k: int) -> Estimate:
+        """Mean observed area with k losses [%]."""
+        return statistics.mean(self.coverage[self.lost == k], np.random.default_rng(k))
+
+    def probability(self, k: int | None = None) -> Estimate:
+        """Probability that the whole target is seen, with k losses or however many."""
+        chosen = self.covered if k is None else self.covered[self.lost == k]
+        return statistics.probability(int(chosen.sum()), len(chosen))
+
+
+def degradations(resolved: Resolved, results: pa.Table) -> list[Degradation]:
+    """Flights by losses, one entry per scenario."""
+    found = []
+    for name, table in by_scenario(resolved, results):
+        base = resolved.bases[name]
+        rows = [row for row in table.to_pylist() if row["status"] == "ok"]
+        found.append(
+            Degradation(
+                name,
+                lost_observers(rows, len(base.design.visiting_points)),
+                np.array([row["coverage_percent"] for row in rows]),
+                np.array([row["covered"] for row in rows]),
+                exact_losses(base),
+            )
+        )
+    return found
+
+
+def compose_losses(found: list[Degradation]) -> Figure:
+    """Observed area and chance of seeing all of it, by number of lost observers."""
+    figure = new_figure(4.8, "Losses: flown (dots, 95 % intervals) and exact (lines)", width_in=11.0)
+    left, right = figure.subplots(1, 2)
+    for k, entry in enumerate(found):
+        colour, shift = COLOURS[k % len(COLOURS)], 0.12 * (k - 0.5 * (len(found) - 1))
+        numbers = np.arange(min(MOST, len(entry.exact.coverage) - 1) + 1)
+        dashes = "--" if "two-fold" in entry.name else "-"
+        for ax, line, estimate, scale in (
+            (left, entry.exact.coverage, entry.mean_coverage, 1.0),
+            (right, 100.0 * entry.exact.covered, entry.probability, 100.0),
+        ):
+            ax.plot(numbers, line[numbers], color=colour, linestyle=dashes, linewidth=1.4, label=entry.name)
+            for n in numbers:
+                if (entry.lost == n).sum() >= 5:
+                    e = estimate(int(n))
+                    around = scale * np.array([[max(e.value - e.low, 0.0)], [max(e.high - e.value, 0.0)]])
+                    ax.errorbar(n + shift, scale * e.value, yerr=around, fmt="o", color=colour, markersize=4, capsize=3)
+    for ax in (left, right):
+        ax.set_xticks(range(MOST + 1))
+        tidy(ax)
+    left.set_ylim(None, 101.0)
+    right.set_ylim(-3.0, 103.0)
+    label(left, "observers lost before the visit [-]", "mean observed share of the target [%]")
+    label(right, "observers lost before the visit [-]", "flights that see the whole target [%]")
+    handles, names = left.get_legend_handles_labels()
+    figure.legend(handles, names, loc="outside lower center", ncols=4, fontsize=TICK_PT, frameon=False)
+    return figure
+
+
+def losses_table(found: list[Degradation]) -> list[str]:
+    """Flown against exact, by number of lost observers."""
+    lines = [
+        "| swarm | observers lost | flights | observed area, mean [%] | exact [%] | P(whole target seen) [%] | exact [%] |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    for entry in found:
+        for k in range(min(MOST, int(entry.lost.max())) + 1):
+            flights = int((entry.lost == k).sum())
+            if flights == 0:
+                continue
+            area, seen = entry.mean_coverage(k), entry.probability(k)
+            lines.append(
+                f"| {entry.name} | {k} | {flights} | {words(area, digits=2)} | {entry.exact.coverage[k]:.2f} | "
+                f"{words(seen, 100.0)} | {100 * entry.exact.covered[k]:.1f} |"
+            )
+    return lines
+
+
+def overall_table(found: list[Degradation], summary: dict[str, Any]) -> list[str]:
+    """One line per swarm."""
+    lines = [
+        "| swarm | spacecraft | flights (failed) | P(whole target seen) [%] | exact, without dispersions [%] | "
+        "observed area, mean [%] | exact [%] | 5th percentile [%] | pointing error at the visit, 95th percentile [deg] |",
+        "|---|---|---|---|---|---|---|---|---|",
+    ]
+    for entry in found:
+        part = summary["scenarios"][entry.name]
+        outcomes = part["outcomes"]
+        mean, fifth = outcomes["coverage_percent"]["mean"], outcomes["coverage_percent"]["quantiles"]["0.05"]
+        pointing = outcomes["pointing_error_deg_visit_max"]["quantiles"]["0.95"]
+        lines.append(
+            f"| {entry.name} | {part['spacecraft']} | {part['finished']} ({part['failed']}) | "
+            f"{words(entry.probability(), 100.0)} | "
+            f"{100 * entry.exact.expected(entry.exact.covered):.1f} | {spelled(mean, 2)} | "
+            f"{entry.exact.expected(entry.exact.coverage):.2f} | {spelled(fifth, 2)} | {spelled(pointing, 3)} |"
+        )
+    return lines
+
+
+def each_table(summary: dict[str, Any]) -> list[str]:
+    """One line per kind of fault."""
+    lines = [
+        "| fault | flights (failed) | observed area, mean [%] | least [%] | pointing error at the visit, worst [deg] | "
+        "at the end, worst [deg] | links closed at the end, mean |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    for name, part in summary["scenarios"].items():
+        outcomes = part["outcomes"]
+        area = outcomes["coverage_percent"]
+        visit, final = (outcomes.get(f"pointing_error_deg_{when}_max") for when in ("visit", "final"))
+        lines.append(
+            f"| {name} | {part['finished']} ({part['failed']}) | {area['mean']['value']:.2f} | {area['min']:.2f} | "
+            f"{short(visit)} | {short(final)} | {outcomes['links_closed_final']['mean']['value']:.2f} |"
+        )
+    return lines
+
+
+def sobol_table(summary: dict[str, Any]) -> list[str]:
+    """Sobol' indices of the observed area."""
+    lines = ["| factor | alone | with interactions |", "|---|---|---|"]
+    (part,) = summary["scenarios"].values()
+    for factor, indices in part["sobol"].get("coverage_percent", {}).items():
+        lines.append(f"| {factor} | {spelled(indices['first'], 2)} | {spelled(indices['total'], 2)} |")
+    return lines
+
+
+def short(outcome: dict[str, Any] | None) -> str:
+    """The largest value of an outcome."""
+    return "-" if outcome is None else f"{outcome['max']:.2g}"
+
+
+def words(estimate: Estimate, scale: float = 1.0, digits: int = 1) -> str:
+    """An estimate and its interval."""
+    return spelled({"value": estimate.value, "low": estimate.low, "high": estimate.high}, digits, scale)
+
+
+def spelled(estimate: dict[str, float | None], digits: int, scale: float = 1.0) -> str:
+    """The same from a summary; an end that the sample cannot tell is left open."""
+    value, low, high = (estimate[end] for end in ("value", "low", "high"))
+    ends = ["..." if end is None or not np.isfinite(end) else f"{scale * end:.{digits}f}" for end in (low, high)]
+    return f"{scale * (value or 0.0):.{digits}f} ({ends[0]} to {ends[1]})"
+
+
+def fly(name: str, folder: Path, runs: int | None) -> tuple[Resolved, pa.Table, dict[str, Any]]:
+    """Fly a packaged campaign, or go on with it."""
+    resolved = load_campaign(name, runs=runs)
+    summary = run_campaign(resolved, folder / name, resume=(folder / name / "campaign.json").exists(), figures=False)
+    return resolved, read_results(folder / name), summary
+
+
+def main() -> None:
+    """Fly, compute and write the page."""
+    parser = argparse.ArgumentParser(prog="python -m docs.robustness", description=__doc__)
+    parser.add_argument("--runs", type=int, metavar="N", help="flights of each swarm (default: 1,000)")
+    parser.add_argument(
+        "--out", type=Path, default=Path("results/robustness"), metavar="DIR", help="where the rows stand"
+    )
+    arguments = parser.parse_args()
+    start = time.perf_counter()
+    losses, rows, summary = fly(LOSSES, arguments.out, arguments.runs)
+    sensitivity, sensitive_rows, sensitive = fly(SENSITIVITY, arguments.out, None)
+    _, _, each = fly(EACH, arguments.out, None)
+    found = degradations(losses, rows)
+    for name, part in summary["scenarios"].items():
+        part["spacecraft"] = next(row["spacecraft"] for row in rows.to_pylist() if row["scenario"] == name)
+    save(compose_losses(found), IMAGES / "robustness-losses.png")
+    for name, figure in (
+        ("coverage", compose_coverage(losses, rows, summary)),
+        ("pointing", compose_pointing(losses, rows, summary)),
+        ("sobol", compose_sobol(sensitivity, sensitive_rows, sensitive)),
+    ):
+        if figure is not None:
+            save(figure, IMAGES / f"robustness-{name}.png")
+    flights = sum(part["finished"] for part in (summary, sensitive, each))
+    write_text(PAGE, TEXT.format(
+        runs=losses.campaign.runs,
+        overall="\n".join(overall_table(found, summary)),
+        losses="\n".join(losses_table(found)),
+        sobol="\n".join(sobol_table(sensitive)),
+        each="\n".join(each_table(each)),
+        flights=flights,
+        computing=sum(part["flight_s"] for part in (summary, sensitive, each)),
+        wall=(time.perf_counter() - start) / 60.0,
+        cores=usable_cores(),
+    ))  # fmt: skip
+    print(f"wrote {PAGE}")
+
+
+TEXT = """\
+# Robustness
+
+This page is generated by `python -m docs.robustness`: {flights:,} flights, {computing:.0f} s of computing in all; the last
+call took {wall:.1f} min on {cores} cores. Intervals are 95 % confidence intervals: Wilson's for probabilities, bootstrap
+for means, order statistics for percentiles. The rows are Parquet files below `results/robustness`; every one can be flown
+again alone (`swarm-mj campaign eros-losses --out results/robustness/eros-losses --replay ROW`).
+
+## The question
+
+The fewest observers that see the whole target leave nothing to spare. What is left of the observed area when spacecraft are
+lost on the way, and what does a design in which two spacecraft see every face gain? The packaged campaign `eros-losses`
+flies both configurations of the paper {runs:,} times each, with the minimal design (five observers) and with the two-fold
+one (eleven, the proven minimum of `swarm-mj design eros-config1 --fold 2`). Each spacecraft is lost with a chance of 10 %,
+at a random time before the visit. Masses, inertias, wheel friction, deployment velocities, gravity, gyros and star trackers
+are dispersed; the file gives the numbers. Steps are 0.5 s long, the observer is the one of constant time.
+
+## Losses
+
+{overall}
+
+*Exact* is the answer without dispersions: one undisturbed flight, all subsets of lost observers left out in turn, weighted
+by the binomial law. The whole target counts as seen within the tolerance of the design, 0.1 % of its area. The
+communications spacecraft of Configuration 1 takes no pictures, so its loss costs links, not area.
+
+![Observed area by number of lost observers](images/robustness-losses.png)
+
+{losses}
+
+![Distribution of the observed area](images/robustness-coverage.png)
+
+![Distribution of the pointing error at the visit](images/robustness-pointing.png)
+
+## What the observed area depends on
+
+Sobol' indices of the area that the minimal swarm of Configuration 2 sees without losses (campaign `eros-sensitivity`): the
+share of its variance that each factor makes alone, and with all its interactions. *seed* stands for what the campaign
+leaves to chance: initial attitudes and the noise of the sensors. Indices of a share that is capped at 100 % are rough.
+
+![Sobol' indices](images/robustness-sobol.png)
+
+{sobol}
+
+## One fault at a time
+
+Configuration 2 with the minimal design, 10 flights each (campaign `eros-each-fault`). A flight with a fault ends with its
+result and its list of events, whatever happens. Pointing errors are those of spacecraft that still work.
+
+{each}
+"""
+
+if __name__ == "__main__":
+    main()
