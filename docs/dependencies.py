@@ -91,8 +91,8 @@ pip install pip-audit
 pip-audit --local
 ```
 
-All of it may be used in closed programs. Two notes: `moocore`, which pymoo brings along, is under the LGPL and is used as it is, as
-a library; `polyhedral-gravity`, under the GPL, belongs to the tests, and `swarm-mj validate` uses it where somebody has installed it.
+Two licences ask for more than the others: `moocore`, which pymoo brings along, is under the LGPL and is used as it is, as a
+library; `polyhedral-gravity`, under the GPL, belongs to the tests, and `swarm-mj validate` uses it where it is installed.
 """
 
 

@@ -13,6 +13,7 @@ from swarm_mj.drawing.cameras import OVERVIEW, SPLIT
 from swarm_mj.drawing.film import check_film, film
 from swarm_mj.drawing.picture import Drawing
 from swarm_mj.drawing.replay import Replay, load_replay
+from swarm_mj.drawing.stills import write_stills
 from swarm_mj.errors import OutputError
 from swarm_mj.progress import progress_bars
 
@@ -44,7 +45,8 @@ def run_video(
         fps: Pictures per second of film.
         size: WIDTHxHEIGHT [pixel]; None: one that suits the camera.
         speed: Seconds of flight per second of film; None: so that the film lasts about half a minute.
-        out: File that ends in .mp4 or .gif; None: CAMERA.mp4 in the run's folder.
+        out: File that ends in .mp4 or .gif, or in .png for stills of the visit and the end; None: CAMERA.mp4 in the
+            run's folder.
         quiet: No progress bar.
 
     Raises:
@@ -53,6 +55,9 @@ def run_video(
     """
     path = out or folder / f"{camera}.mp4"
     width, height = parse_size(size) if size else DEFAULT_SPLIT_SIZE if camera == SPLIT else DEFAULT_SIZE
+    if path.suffix.lower() == ".png":
+        write_stills(path, load_replay(folder), camera=camera, width=width, height=height)
+        return path
     check_film(path, width, height, fps)
     replay = load_replay(folder)
     speed = speed if speed is not None else suitable_speed(replay.duration)

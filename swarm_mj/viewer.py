@@ -162,6 +162,8 @@ def status(model: DrawingModel, player: Player) -> tuple[str, str]:
     share = 100.0 * float(plan.region.area[now.seen].sum() / plan.region.total_area)
     pace = "over" if player.flight.over else "paused" if player.paused else f"{player.speed:g} x"
     rows = [("time", clock(now.t)), ("speed", pace), ("observed", f"{share:.1f} %")]
-    rows += [tuple(text.split(" ", 1)) for text, _ in roles(now, plan.names)]
+    for text, _ in roles(now, plan.names):
+        who, _, what = text.partition(" ")
+        rows.append((who, what))
     rows.append(("drawn", f"{model.magnification:,.0f} times as large"))
     return "\n".join(row[0] for row in rows), "\n".join(row[1] for row in rows)

@@ -28,7 +28,7 @@ RATE = 30.0
 #: Most geoms that the viewer sends besides the model.
 MAX_GEOMS = 1024
 #: Height of a painted cell above the ground over the body's radius, so that it is not hidden by that.
-LIFT = 1e-3
+LIFT = 4e-3
 
 
 class FlightPanel(plugin.ViewerPlugin):

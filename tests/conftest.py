@@ -46,6 +46,17 @@ def config_flights():
     return {name: (plan, simulate(plan)) for name, plan in plans.items()}
 
 
+#: Markers that whole folders of tests carry.
+FOLDER_MARKERS = {"envs": "env", "robust": "robust", "faults": "robust", "campaign": "robust"}
+
+
+def pytest_collection_modifyitems(items):
+    for item in items:
+        marker = FOLDER_MARKERS.get(item.path.parent.name)
+        if marker:
+            item.add_marker(marker)
+
+
 def pytest_terminal_summary(terminalreporter):
     reports = terminalreporter.stats.get("skipped", [])
     reasons = {}

@@ -8,9 +8,11 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 #: Distribution of a module where the names differ.
-DISTRIBUTION = {"yaml": "pyyaml", "mpl_toolkits": "matplotlib", "sb3": "stable-baselines3"}
+DISTRIBUTION = {"yaml": "pyyaml", "mpl_toolkits": "matplotlib", "PIL": "pillow"}
 #: Imported where present, with something else in their place where not.
 OPTIONAL = {"polyhedral_gravity", "astropy", "shapely"}
+#: Imported by what an extra brings: training, multi-agent, the window, campaigns on clusters.
+EXTRAS = {"stable_baselines3", "torch", "pettingzoo", "pygame", "distributed", "pyarrow"}
 
 
 def test_every_imported_package_is_a_declared_dependency():
@@ -23,7 +25,7 @@ def test_every_imported_package_is_a_declared_dependency():
                 imported |= {alias.name.split(".")[0] for alias in node.names}
             elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
                 imported.add(node.module.split(".")[0])
-    foreign = imported - set(sys.stdlib_module_names) - {"swarm_mj"} - OPTIONAL
+    foreign = imported - set(sys.stdlib_module_names) - {"swarm_mj"} - OPTIONAL - EXTRAS
     missing = {m for m in foreign if DISTRIBUTION.get(m, m).lower().replace("_", "-") not in declared}
     assert not missing
 

@@ -1,7 +1,7 @@
 """The flight in Basilisk: spacecraft with balanced wheels, spherical harmonics of a rotating planet, its own flight software.
 
-Modules per spacecraft: spacecraft, reactionWheelStateEffector; simpleNav without errors, inertial3D, attTrackingError, mrpFeedback,
-rwMotorTorque. Integrator: Basilisk's default, RK4. https://avslab.github.io/basilisk
+Modules per spacecraft: spacecraft, reactionWheelStateEffector; simpleNav without errors, inertial3D, attTrackingError,
+mrpFeedback, rwMotorTorque. Integrator: Basilisk's default, RK4. https://avslab.github.io/basilisk
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The flight by SciPy: the equations written anew, DOP853 from control period to control period, tolerance 1e-12.
 
-Neither program's code takes part but for constants: gravity in Cartesian form, rotation from the IAU's angles, the attitude as a
+Neither program takes part but for constants: gravity in Cartesian form, rotation from the IAU's angles, the attitude as a
 quaternion, wheels by their absolute momentum.
 """
 

@@ -22,7 +22,7 @@ LINE = mujoco.mjtGeom.mjGEOM_LINE
 #: Widths of lines [pixel].
 SIGHT_WIDTH, EDGE_WIDTH, TRAIL_WIDTH = 2.0, 1.0, 1.0
 #: Opacity of a field of view, of its edges and of trails.
-FIELD_ALPHA, EDGE_ALPHA, TRAIL_ALPHA = 0.10, 0.45, 0.55
+FIELD_ALPHA, EDGE_ALPHA, TRAIL_ALPHA = 0.07, 0.45, 0.55
 #: Dashes over the body's radius; in greater number they are longer.
 DASH, MAX_DASHES = 0.045, 40
 #: Fields of view with more corners are round and have no edges.

@@ -199,44 +199,106 @@ def _propagate(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _grow(P: Array, phi: Vector, period: float, assumed: Assumed, extra: float, biased: bool) -> None:
-    """Carry the covariance over one period in which the body turned by `phi`."""
-    F = np.eye(6)
-    rotation, jacobian = _rotation_and_jacobian(phi)
-    F[:3, :3] = rotation
-    # Without a gyro its bias has no part in the prediction.
-    if biased:
-        F[:3, 3:] = -period * jacobian
-    grown = F @ P @ F.T
+    """Carry the covariance over one period in which the body turned by `phi`.
+
+    With P in blocks A (attitude), B (attitude and bias), C (bias), and the transition R, G above: B' = R B + G C and
+    A' = (R A + G B^T) R^T + B' G^T.
+    """
+    A, B, C = P[:3, :3], P[:3, 3:], P[3:, 3:]
+    R, G, part = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    _transition(phi, -period if biased else 0.0, R, G)
     noise, walk = assumed.gyro_noise**2, assumed.bias_walk**2
-    for k in range(3):
-        grown[k, k] += noise * period + walk * period**3 / 3.0 + extra
-        grown[3 + k, 3 + k] += walk * period
+    for i in range(3):
+        for k in range(3):
+            part[i, k] = _row(R, i, A, k) + G[i, 0] * B[k, 0] + G[i, 1] * B[k, 1] + G[i, 2] * B[k, 2]
+    _replace_product(R, B, G, C)
+    for i in range(3):
+        for k in range(i + 1):
+            grown = part[i, 0] * R[k, 0] + part[i, 1] * R[k, 1] + part[i, 2] * R[k, 2]
+            grown += B[i, 0] * G[k, 0] + B[i, 1] * G[k, 1] + B[i, 2] * G[k, 2]
+            A[i, k] = A[k, i] = grown
+        A[i, i] += noise * period + walk * period**3 / 3.0 + extra
+        C[i, i] += walk * period
         if biased:
-            grown[k, 3 + k] -= 0.5 * walk * period**2
-            grown[3 + k, k] -= 0.5 * walk * period**2
-    P[:] = 0.5 * (grown + grown.T)
+            B[i, i] -= 0.5 * walk * period**2
+    P[3:, :3] = B.T
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _row(a: Array, i: int, b: Array, k: int) -> float:
+    """Element i, k of the product of two matrices of shape (3, 3)."""
+    return a[i, 0] * b[0, k] + a[i, 1] * b[1, k] + a[i, 2] * b[2, k]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _replace_product(R: Array, B: Array, G: Array, C: Array) -> None:
+    """Replace B by R B + G C."""
+    for k in range(3):
+        x, y, z = B[0, k], B[1, k], B[2, k]
+        for i in range(3):
+            B[i, k] = R[i, 0] * x + R[i, 1] * y + R[i, 2] * z + _row(G, i, C, k)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _update(j: int, seen: Quaternion, sigma: float, state: FilterState) -> None:
-    """Take a star tracker attitude in; Joseph's form keeps the covariance symmetric and positive."""
+    """Take a star tracker attitude in.
+
+    It measures theta itself with noise r = sigma^2 about each axis, so that with S = A + r I the gains are A S^-1 and
+    B^T S^-1, and A becomes r S^-1 A, B becomes r S^-1 B, C becomes C - B^T S^-1 B.
+    """
     P = state.covariance[j]
-    residual = rotation_vector(product(conjugate(quaternion(state.q_BN, j)), seen))
-    innovation = P[:3, :3].copy()
-    for k in range(3):
-        innovation[k, k] += sigma**2
-    gain = np.ascontiguousarray(P[:, :3]) @ np.linalg.inv(innovation)
-    keep = np.eye(6)
-    keep[:, :3] -= gain
-    updated = keep @ P @ keep.T + sigma**2 * (gain @ gain.T)
-    P[:] = 0.5 * (updated + updated.T)
-    correction = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
-    for k in range(6):
-        correction[k] = gain[k, 0] * residual[0] + gain[k, 1] * residual[1] + gain[k, 2] * residual[2]
-    theta = (correction[0], correction[1], correction[2])
-    change = (correction[3], correction[4], correction[5])
+    A, B, C = P[:3, :3], P[:3, 3:], P[3:, 3:]
+    z = rotation_vector(product(conjugate(quaternion(state.q_BN, j)), seen))
+    r = sigma**2
+    inverse, shrunk = np.empty((3, 3)), np.empty((3, 3))
+    _invert_sum(A, r, inverse)
+    # S^-1 times the residual gives all corrections.
+    w = np.empty(3)
+    for i in range(3):
+        w[i] = inverse[i, 0] * z[0] + inverse[i, 1] * z[1] + inverse[i, 2] * z[2]
+    theta = (_dot_row(A, 0, w), _dot_row(A, 1, w), _dot_row(A, 2, w))
+    change = (_dot_column(B, 0, w), _dot_column(B, 1, w), _dot_column(B, 2, w))
+    for i in range(3):
+        for k in range(3):
+            shrunk[i, k] = _row(inverse, i, B, k)
+    for i in range(3):
+        for k in range(i + 1):
+            C[i, k] -= B[0, i] * shrunk[0, k] + B[1, i] * shrunk[1, k] + B[2, i] * shrunk[2, k]
+            C[k, i] = C[i, k]
+    B[:] = r * shrunk
+    for i in range(3):
+        for k in range(3):
+            shrunk[i, k] = r * _row(inverse, i, A, k)
+    for i in range(3):
+        for k in range(3):
+            A[i, k] = 0.5 * (shrunk[i, k] + shrunk[k, i])
+    P[3:, :3] = B.T
     put_quaternion(state.q_BN, j, normalised(product(quaternion(state.q_BN, j), turn(theta))))
     put_vector(state.bias, j, combine(1.0, vector(state.bias, j), 1.0, change))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _dot_row(a: Array, i: int, v: Array) -> float:
+    return a[i, 0] * v[0] + a[i, 1] * v[1] + a[i, 2] * v[2]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _dot_column(a: Array, k: int, v: Array) -> float:
+    return a[0, k] * v[0] + a[1, k] * v[1] + a[2, k] * v[2]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _invert_sum(A: Array, r: float, inverse: Array) -> None:
+    """Write (A + r I)^-1 of a symmetric A, by cofactors."""
+    a, b, c = A[0, 0] + r, A[1, 1] + r, A[2, 2] + r
+    d, e, f = A[0, 1], A[0, 2], A[1, 2]
+    inverse[0, 0], inverse[1, 1], inverse[2, 2] = b * c - f * f, a * c - e * e, a * b - d * d
+    inverse[0, 1], inverse[0, 2], inverse[1, 2] = e * f - c * d, d * f - b * e, d * e - a * f
+    scale = 1.0 / (a * inverse[0, 0] + d * inverse[0, 1] + e * inverse[0, 2])
+    for i in range(3):
+        for k in range(i, 3):
+            inverse[i, k] *= scale
+            inverse[k, i] = inverse[i, k]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -257,8 +319,8 @@ def rotation_vector(q: Quaternion) -> Vector:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _rotation_and_jacobian(phi: Vector) -> tuple[Array, Array]:
-    """exp(-[phi x]) and the right Jacobian I - (1 - cos)/phi^2 [phi x] + (phi - sin)/phi^3 [phi x]^2."""
+def _transition(phi: Vector, factor: float, R: Array, G: Array) -> None:
+    """Write exp(-[phi x]) and `factor` times the right Jacobian I - (1 - cos)/p^2 [phi x] + (p - sin)/p^3 [phi x]^2, p = |phi|."""
     angle2 = phi[0] * phi[0] + phi[1] * phi[1] + phi[2] * phi[2]
     angle = sqrt(angle2)
     if angle < 1e-3:
@@ -266,8 +328,15 @@ def _rotation_and_jacobian(phi: Vector) -> tuple[Array, Array]:
     else:
         first, second = sin(angle) / angle, (1.0 - cos(angle)) / angle2
         third = (angle - sin(angle)) / (angle2 * angle)
-    K = np.zeros((3, 3))
-    K[0, 1], K[0, 2], K[1, 2] = -phi[2], phi[1], -phi[0]
-    K[1, 0], K[2, 0], K[2, 1] = phi[2], -phi[1], phi[0]
-    square = K @ K
-    return np.eye(3) - first * K + second * square, np.eye(3) - second * K + third * square
+    for i in range(3):
+        for k in range(3):
+            square = phi[i] * phi[k]
+            if i == k:
+                R[i, i] = 1.0 + second * (square - angle2)
+                G[i, i] = factor * (1.0 + third * (square - angle2))
+            else:
+                # [phi x] has +phi_m at the place of an odd permutation, -phi_m at that of an even one.
+                m = 3 - i - k
+                tilde = -phi[m] if (i + 1) % 3 == k else phi[m]
+                R[i, k] = second * square - first * tilde
+                G[i, k] = factor * (third * square - second * tilde)

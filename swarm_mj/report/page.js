@@ -221,8 +221,7 @@ function connectPlots() {
   page.plots.on("plotly_afterplot", moveCursor);
   new ResizeObserver(moveCursor).observe(page.plots);
   page.plots.on("plotly_hover", (event) => {
-    if (page.playing || !event.xvals) return;
-    show(sampleAt(page.ticks, event.xvals[0] * DATA.axis_seconds));
+    if (!page.playing) show(nearest(page.ticks, event.points[0].x * DATA.axis_seconds));
   });
   page.plots.on("plotly_unhover", () => {
     if (!page.playing) show(page.tick);
@@ -230,7 +229,7 @@ function connectPlots() {
   page.plots.on("plotly_click", (event) => {
     page.touched = true;
     setPlaying(false);
-    setTick(sampleAt(page.ticks, event.points[0].x * DATA.axis_seconds));
+    setTick(nearest(page.ticks, event.points[0].x * DATA.axis_seconds));
   });
 }
 

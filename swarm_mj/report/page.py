@@ -255,12 +255,12 @@ def page_data(runs: Sequence[RunRecord], replays: Sequence[Replay], labels: Sequ
 def _run_data(run: RunRecord, replay: Replay) -> dict[str, Any]:
     scene = dict(replay.scene)
     kept = scene.pop("target_kept")
-    scene["first_seen"] = f32(run.coverage["first_seen_s"][kept])
-    scene["first_seen_passage"] = f32(run.coverage["first_seen_s_passage"][kept])
+    scene["first_seen"] = packed(run.coverage["first_seen_s"][kept])
+    scene["first_seen_passage"] = packed(run.coverage["first_seen_s_passage"][kept])
     return {
         "names": [run.names[j] for j in replay.shown],
         "observers": run.n_observers,
-        "times": f32(replay.times),
+        "times": packed(replay.times),
         "pointing": f32(replay.pointing_deg),
         "wheel": f32(replay.wheel_rpm),
         "mode": packed(replay.mode),

@@ -175,6 +175,13 @@ def _timeline(figure: go.Figure, run: RunRecord, replay: Replay, axis: TimeAxis)
         flags = replay.mode[:, :rows] == mode
         _bars(figure, times, flags, 0.0, f"{look.abbreviation}: {look.meaning}", look.line_colour, 9)
     _bars(figure, times, replay.link[:, :rows] == 1, min(0.4, LINK_OFFSET * rows), "link closed", INK, 4)
+    feeler = {
+        "mode": "lines",
+        "opacity": 0.0,
+        "showlegend": False,
+        "hoverinfo": "none",
+    }  # bars have no point at most times
+    figure.add_trace(go.Scatter(x=times, y=np.full(len(times), (rows - 1) / 2), **feeler), row=4, col=1)
     names = [run.names[j] for j in replay.shown[:rows]]
     figure.update_yaxes(
         tickvals=list(range(rows)),

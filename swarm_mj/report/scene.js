@@ -12,7 +12,7 @@ const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 /** Decode {type, shape, data} to a typed array. */
 function unpack(packed) {
   const bytes = Uint8Array.from(atob(packed.data), (c) => c.charCodeAt(0));
-  const kinds = { f4: Float32Array, i4: Int32Array, i1: Int8Array };
+  const kinds = { f8: Float64Array, f4: Float32Array, i4: Int32Array, i1: Int8Array };
   return new kinds[packed.type](bytes.buffer);
 }
 
@@ -29,6 +29,12 @@ function sampleAt(times, t) {
     else high = middle - 1;
   }
   return low;
+}
+
+/** Number of the nearest of ascending times. */
+function nearest(times, t) {
+  const k = sampleAt(times, t);
+  return k + 1 < times.length && times[k + 1] - t < t - times[k] ? k + 1 : k;
 }
 
 class Mesh {

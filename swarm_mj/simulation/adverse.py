@@ -25,6 +25,8 @@ Array = NDArray[np.float64]
 
 #: Motors are limited before friction is added to their torque; MuJoCo shall not cut the sum.
 _NO_LIMIT = 1e3
+#: Numbers beyond this are no state of a spacecraft, whatever their unit; a sum of finite ones may overflow.
+_ABSURD = 1e100
 NOTHING = Adversity(faults=(), dispersions=Dispersions(), duration_s=0.0)
 
 
@@ -139,9 +141,7 @@ class AdverseLoop:
         n = self._simulation.model.n
         q, v = data.qpos.reshape(n, -1), data.qvel.reshape(n, -1)
         momentum = data.act.reshape(n, -1)
-        bad = np.flatnonzero(
-            ~(np.isfinite(q).all(axis=1) & np.isfinite(v).all(axis=1) & np.isfinite(momentum).all(axis=1))
-        )
+        bad = np.flatnonzero(~np.all([(np.abs(part) < _ABSURD).all(axis=1) for part in (q, v, momentum)], axis=0))
         if not len(bad):
             raise SimulationError(f"the flight diverged at t = {t:g} s: torques or forces are not finite")
         for j in bad:

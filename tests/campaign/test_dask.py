@@ -94,7 +94,7 @@ def test_when_the_scheduler_dies_nothing_finished_is_lost_and_the_campaign_goes_
 ):
     address, scheduler, worker = cluster
     worker()
-    path, out = write(runs=40), tmp_path / "out"
+    path, out = write(runs=20), tmp_path / "out"
     process = start(path, "--out", out, "--scheduler", address, "--no-figures")
     wait_for_rows(out, 3, process)
     os.kill(scheduler.pid, signal.SIGKILL)

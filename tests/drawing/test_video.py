@@ -3,6 +3,7 @@
 import av
 import numpy as np
 import pytest
+from PIL import Image
 
 from swarm_mj import video_runner
 from swarm_mj.errors import OutputError
@@ -80,3 +81,16 @@ def test_what_cannot_be_filmed_is_a_clear_error(run_folder, replay, tmp_path):
         run_video(tmp_path, quiet=True)
     assert parse_size("640X480") == (640, 480)
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.gl
+@pytest.mark.usefixtures("gl")
+def test_stills_show_the_visit_and_the_end_beside_each_other(run_folder, replay):
+    path = run_video(run_folder, size="320x240", out=run_folder / "stills.png", quiet=True)
+    with Image.open(path) as image:
+        strip = np.asarray(image)
+    assert strip.shape == (240, 648, 3)
+    with video_runner.Drawing(replay.plan, replay.path_N, width=320, height=240) as drawing:
+        assert np.array_equal(strip[:, :320], drawing.draw(replay.at(600.0)))
+        assert np.array_equal(strip[:, 328:], drawing.draw(replay.at(1200.0)))
+    assert sorted(p.suffix for p in run_folder.glob(".*")) == []

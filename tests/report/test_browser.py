@@ -113,7 +113,8 @@ def test_it_loads_without_errors_and_without_the_network(report):
 
 def test_the_3d_picture_and_the_plots_are_drawn(report):
     drawn = """
-        const canvas = document.querySelector('#scene-0 canvas'), gl = canvas.getContext('webgl') || canvas.getContext('webgl2');
+        const canvas = document.querySelector('#scene-0 canvas');
+        const gl = canvas.getContext('webgl') || canvas.getContext('webgl2');
         return [canvas.width, canvas.height, gl !== null, document.querySelectorAll('#plots .scatterlayer path.js-line').length]
     """
     width, height, has_gl, lines = report.execute_script(drawn)
@@ -161,17 +162,25 @@ def test_play_moves_time_on_and_pauses_and_ends(report):
     assert not errors(report)
 
 
-def test_pointing_at_a_plot_shows_its_time_everywhere_and_leaving_goes_back(report):
+@pytest.mark.parametrize("subplot", ["xy", "x2y2", "x3y3", "x4y4"])
+def test_pointing_at_a_plot_shows_its_time_everywhere_and_leaving_goes_back(report, subplot):
     kept = scrub(report, 1.0)
-    hover = "Plotly.Fx.hover(page.plots, {xval: 5}, ['xy'])"
-    report.execute_script(hover)
-    wait(report, lambda: text(report, "clock") == "5 min 00 s")
-    settled(report)
+    area = report.find_element(By.CSS_SELECTOR, f".nsewdrag[data-subplot={subplot}]")
+    report.execute_script("arguments[0].scrollIntoView({block: 'center'})", area)
+    quarter = -round(area.size["width"] / 4)
+    webdriver.ActionChains(report).move_to_element_with_offset(area, quarter, 0).perform()
+    wait(report, lambda: text(report, "clock").startswith(("4 min 5", "5 min 0")))
+    shown = settled(report)
+    assert report.execute_script("return page.tick") == kept
     box = "const b = (s) => document.querySelector(s).getBoundingClientRect();"
-    area = report.execute_script(box + "const a = b('.nsewdrag[data-subplot=xy]'); return [a.left, a.width]")
+    left, width = report.execute_script(box + "const a = b('.nsewdrag[data-subplot=xy]'); return [a.left, a.width]")
     cursor = report.execute_script(box + "const c = b('#cursor'); return c.left + c.width / 2")
-    assert cursor == pytest.approx(area[0] + area[1] * 5 / 20, abs=2.0)
-    report.execute_script("Plotly.Fx.unhover(page.plots); page.plots.emit('plotly_unhover', {})")
+    t = report.execute_script("return page.ticks[arguments[0]]", shown)
+    assert cursor == pytest.approx(left + width * t / 1200.0, abs=1.5)
+    row = report.find_element(By.CSS_SELECTOR, ".now tbody tr td:nth-of-type(2)").text
+    assert row == report.execute_script("return short(page.runs[0].pointing[page.runs[0].n * arguments[0]])", shown)
+    webdriver.ActionChains(report).move_to_element(report.find_element(By.ID, "play")).perform()
+    wait(report, lambda: text(report, "clock") == "20 min 00 s")
     assert settled(report) == kept
 
 
@@ -268,7 +277,7 @@ def test_text_is_readable_in_light_and_dark(report, name):
         const style = (selector) => getComputedStyle(document.querySelector(selector));
         return ['h1', 'nav a', 'p.soft', '.numbers dd', '.numbers dt', 'caption', 'td'].map((selector) =>
             [selector, rgb(style(selector).color), rgb(style('section').backgroundColor)]
-        ).concat([['plot', rgb(style('#plots .xtick text').fill), rgb(style('section').backgroundColor)]])
+        ).concat([['plot', rgb(style('#plots .ytick text').fill), rgb(style('section').backgroundColor)]])
     """
     wait(report, lambda: min(contrast(a, b) for _, a, b in report.execute_script(colours)) >= 4.5)
     dark = report.execute_script("return getComputedStyle(document.body).backgroundColor")
@@ -276,7 +285,7 @@ def test_text_is_readable_in_light_and_dark(report, name):
 
 
 def test_the_button_switches_the_theme_of_page_and_plots(report):
-    ink = "return getComputedStyle(document.querySelector('#plots .xtick text')).fill"
+    ink = "return getComputedStyle(document.querySelector('#plots .ytick text')).fill"
     before = report.execute_script(ink)
     report.find_element(By.ID, "theme").click()
     wait(report, lambda: report.execute_script(ink) != before)
@@ -294,6 +303,8 @@ def test_two_runs_share_one_slider(browser, comparison):
     assert len(shares) == 2 and shares[0] > shares[1]  # the narrower camera of the second sees less at the visit alone
     hidden = "return [...document.querySelectorAll('#parameters tr.same')].every((row) => row.offsetParent === null)"
     assert browser.execute_script(hidden)
-    browser.find_element(By.ID, "only-differences").click()
+    box = browser.find_element(By.ID, "only-differences")
+    browser.execute_script("arguments[0].scrollIntoView({block: 'center'})", box)
+    box.click()
     assert not browser.execute_script(hidden)
     assert not errors(browser)

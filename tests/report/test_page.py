@@ -117,9 +117,7 @@ def test_coverage_in_the_page_is_that_of_the_telemetry(page, folder):
         there = telemetry["coverage_percent"].sel(time=times, method="nearest").values
     assert np.allclose(percent, there, atol=1e-4)
     with np.load(folder / "coverage.npz") as coverage:
-        assert np.array_equal(
-            unpacked(run["scene"]["first_seen"]), coverage["first_seen_s"].astype(np.float32), equal_nan=True
-        )
+        assert np.array_equal(unpacked(run["scene"]["first_seen"]), coverage["first_seen_s"], equal_nan=True)
 
 
 def test_every_spacecraft_stands_in_the_table_with_its_delta_v(page, folder):

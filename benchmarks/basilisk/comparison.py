@@ -1,0 +1,113 @@
+"""Accuracy and cost of both programs on the problem."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from benchmarks.basilisk import ours, peer, reference
+from benchmarks.basilisk.problem import Flight, Problem, difference
+from swarm_mj.spacecraft.model import WheelModel
+
+WHEELS: dict[str, WheelModel] = {"bodies": "bodies", "gyrostat": "gyrostat"}
+PROGRAMS = ("basilisk", *WHEELS)
+#: Whole fractions of the control period, longest first.
+STEPS_S = (0.5, 0.25, 0.1, 0.05)
+#: What a step must keep to count as accurate enough.
+ATTITUDE_DEG, POSITION_M = 5e-4, 1e-3
+EQUAL_STEP_S = 0.1
+
+Results = dict[str, Any]
+
+
+def fly(program: str, problem: Problem, step: float) -> Flight:
+    """The flight by a program, recorded."""
+    return peer.fly(problem, step) if program == "basilisk" else ours.fly(problem, step, WHEELS[program])
+
+
+def ready(program: str, problem: Problem, step: float) -> Callable[[], object]:
+    """The flight by a program, set up and not recorded."""
+    if program == "basilisk":
+        return peer.ready(problem, step)
+    return ours.ready(problem, step, WHEELS[program])
+
+
+def agreement(problem: Problem, report: Callable[[str], None]) -> Results:
+    """Differences of every program and step from SciPy, and of the programs from each other at the equal step."""
+    report("SciPy DOP853, tolerance 1e-12")
+    truth = reference.fly(problem)
+    report("SciPy DOP853, tolerance 1e-10")
+    own = difference(reference.fly(problem, 1e-10), truth)
+    flights: dict[tuple[str, float], Flight] = {}
+    for step in STEPS_S:
+        for program in PROGRAMS:
+            report(f"{program}, step {step:g} s")
+            flights[program, step] = fly(program, problem, step)
+    others = [flights[program, EQUAL_STEP_S] for program in PROGRAMS]
+    return {
+        "reference_tolerance_1e-10": vars(own),
+        "steps": [
+            {"program": program, "step_s": step, **vars(difference(flight, truth))}
+            for (program, step), flight in flights.items()
+        ],
+        "between": [
+            {"program": program, "step_s": EQUAL_STEP_S, **vars(difference(other, others[0]))}
+            for program, other in zip(PROGRAMS[1:], others[1:], strict=True)
+        ],
+    }
+
+
+def cheapest_step(rows: list[Results], program: str) -> float:
+    """The longest step of a program that is accurate enough [s]."""
+    accurate = [
+        row["step_s"]
+        for row in rows
+        if row["program"] == program
+        and np.degrees(row["attitude_rad"]) < ATTITUDE_DEG
+        and row["position_m"] < POSITION_M
+    ]
+    return max(accurate)
+
+
+def timing(problem: Problem, rows: list[Results], rounds: int, report: Callable[[str], None]) -> list[Results]:
+    """Processor time of whole flights, interleaved, and Basilisk's over ours, medians of the rounds."""
+    chosen = [(EQUAL_STEP_S,) * 3, tuple(cheapest_step(rows, program) for program in PROGRAMS)]
+    cases = sorted({(program, step) for steps in chosen for program, step in zip(PROGRAMS, steps, strict=True)})
+    for program, step in cases:
+        ready(program, problem, step)()  # compiles
+    times: dict[tuple[str, float], list[tuple[float, float]]] = {case: [] for case in cases}
+    for k in range(rounds):
+        report(f"timing, round {k + 1} of {rounds}")
+        for case in cases:
+            times[case].append(seconds(partial(ready, case[0], problem, case[1])()))
+    table = []
+    for what, steps in zip(("equal step", "cheapest accurate step"), chosen, strict=True):
+        theirs = np.array(times[PROGRAMS[0], steps[0]])
+        for program, step in zip(PROGRAMS[1:], steps[1:], strict=True):
+            mine = np.array(times[program, step])
+            ratio, wall = np.median(theirs / mine, axis=0)
+            table.append(
+                {
+                    "what": what,
+                    "wheels": program,
+                    "basilisk_step_s": steps[0],
+                    "step_s": step,
+                    "basilisk_cpu_s": float(np.median(theirs[:, 0])),
+                    "cpu_s": float(np.median(mine[:, 0])),
+                    "ratio": float(ratio),
+                    "ratio_quartiles": np.quantile(theirs[:, 0] / mine[:, 0], [0.25, 0.75]).tolist(),
+                    "ratio_wall": float(wall),
+                }
+            )
+    return table
+
+
+def seconds(flight: Callable[[], object]) -> tuple[float, float]:
+    """Processor and wall-clock time of one flight [s]."""
+    wall, processor = time.perf_counter(), time.process_time()
+    flight()
+    return time.process_time() - processor, time.perf_counter() - wall
