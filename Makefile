@@ -5,7 +5,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 
 .DEFAULT_GOAL := help
-.PHONY: help run test test-fast lint format types check wheel-test bench docs reproduction shape gl setup setup-dev clean
+.PHONY: help run test test-fast lint format types check wheel-test bench docs docs-images reproduction shape gl setup setup-dev clean
 
 help: ## list the targets
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -52,13 +52,13 @@ types: setup-dev ## check types
 
 check: test lint types ## tests, style and types
 
-bench: setup-dev ## time the loop against raw mj_step, the designer and the observers
-	@$(BIN)/python -m benchmarks.loop_overhead
-	@$(BIN)/python -m benchmarks.designer
-	@$(BIN)/python -m benchmarks.coverage
+bench: setup ## measure how fast the program is on this machine
+	@$(BIN)/swarm-mj bench $(ARGS)
 
-docs: setup-dev ## redraw the pictures and rerun the checks that README and docs show
+docs-images: setup-dev ## redraw the pictures that README and docs show
 	@$(BIN)/python -m docs.images
+
+docs: docs-images ## the same, and rerun the checks that docs show
 	@$(BIN)/swarm-mj validate --markdown docs/validation.md
 
 reproduction: setup ## rewrite docs/reproduction.md: the fewest observers under every reading

@@ -40,7 +40,9 @@ PURPOSE = {
     "rich": "progress bars and tables",
     "pymoo": "the genetic algorithm",
     "pettingzoo": "the multi-agent environment's interface",
-    "av": "videos",
+    "av": "videos (FFmpeg)",
+    "pillow": "pictures and films",
+    "pygame": "the window of the environment",
     "plotly": "figures of the report page",
     "stable-baselines3": "training of the baselines",
     "tensorboard": "curves of the training",
@@ -91,8 +93,9 @@ pip install pip-audit
 pip-audit --local
 ```
 
-Two licences ask for more than the others: `moocore`, which pymoo brings along, is under the LGPL and is used as it is, as a
-library; `polyhedral-gravity`, under the GPL, belongs to the tests, and `swarm-mj validate` uses it where it is installed.
+Some licences ask for more than the others: `moocore`, which pymoo brings along, and `pygame`, which opens a window, are under
+the LGPL and are used as they are, as libraries; `polyhedral-gravity`, under the GPL, belongs to the tests, and `swarm-mj
+validate` uses it where it is installed.
 """
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from typing import Any
 
@@ -35,6 +36,7 @@ class SwarmObserveVecEnv(VecEnv):
         self.render_mode = None
         super().__init__(num_envs, self.vector.single_observation_space, self.vector.single_action_space)
         self._actions: NDArray[Any] | None = None
+        self._start = time.monotonic()
         self._return, self._length = np.zeros(num_envs), np.zeros(num_envs, np.int64)
 
     def reset(self) -> VecEnvObs:
@@ -70,10 +72,8 @@ class SwarmObserveVecEnv(VecEnv):
         if not done:
             return _of_flight(infos, e)
         info = _of_flight(infos["final_info"], e)
-        self.reset_infos[e] = {
-            name: value for name, value in _of_flight(infos, e).items() if not name.startswith("final")
-        }
-        episode = {"r": float(self._return[e]), "l": int(self._length[e]), "t": info["time_s"]}
+        self.reset_infos[e] = _of_flight({k: v for k, v in infos.items() if "final" not in k}, e)
+        episode = {"r": float(self._return[e]), "l": int(self._length[e]), "t": round(time.monotonic() - self._start, 6)}
         return info | {
             "terminal_observation": infos["final_obs"][e],
             "TimeLimit.truncated": truncated,

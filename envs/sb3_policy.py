@@ -70,6 +70,26 @@ class LearningView(VecEnvWrapper):
         return observation[:, _STORED : self._n * FEATURES : FEATURES].sum(axis=1, dtype=np.float64)
 
 
+def greedy_actions(features: NDArray[np.float32], geometry: PatchGeometry) -> NDArray[np.int64]:
+    """What the greedy rule says, looking ahead: with nothing in reach a spacecraft turns to what it will reach, or talks.
+
+    Args:
+        features: Shape (E, n, OWN + K PER_PATCH).
+        geometry: Of the patches.
+
+    Returns:
+        Actions of the control level `role`, shape (E, n).
+    """
+    patch = features[:, :, OWN:].reshape(*features.shape[:2], geometry.count, PER_PATCH)
+    area, gsd, chosen = patch[..., 0], patch[..., 3], patch[..., 6]
+    position, velocity = features[..., :3], features[..., 3:6]
+    ahead = (area / gsd).argmax(axis=2)
+    receding = (position * velocity).sum(axis=2) > 0.0
+    earth = geometry.count + features.shape[1] + 1
+    idle = np.where(receding, earth, ahead)
+    return np.where(chosen.any(axis=2), chosen.argmax(axis=2), idle).astype(np.int64)
+
+
 class SwarmNetwork(nn.Module):
     """The network of `ArrayPolicy`, which documents it, and a critic that averages over the spacecraft."""
 

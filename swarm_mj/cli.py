@@ -9,7 +9,7 @@ import threading
 from collections.abc import Sequence
 
 from swarm_mj import __version__
-from swarm_mj.commands import campaign, design, report, run, scenarios, shape, validate, video, view
+from swarm_mj.commands import bench, campaign, design, report, run, scenarios, shape, validate, video, view
 from swarm_mj.errors import SwarmError
 
 
@@ -41,7 +41,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"swarm-mj {__version__}")
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    for module in (run, design, campaign, video, report, view, scenarios, shape, validate):
+    for module in (run, design, campaign, video, report, view, scenarios, shape, validate, bench):
         module.add(commands)
     return parser
 

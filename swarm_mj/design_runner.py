@@ -25,6 +25,7 @@ def run_design(
     pareto: bool = False,
     compare: bool = False,
     figures: bool = True,
+    pdf: bool = False,
     quiet: bool = False,
     workers: int | None = None,
 ) -> dict[str, Any]:
@@ -40,7 +41,7 @@ def run_design(
         if figures:
             from swarm_mj.output.figures.design import draw_all
 
-            draw_all(partial, study)
+            draw_all(partial, study, pdf=pdf)
     console.print(design_table(record))
     if rows:
         console.print(growth_table(rows))

@@ -16,7 +16,7 @@ from swarm_mj.faults.deployment import deployed_velocities
 from swarm_mj.faults.dispersions import attitude_turns, extra_rates, velocity_errors
 from swarm_mj.faults.flight import Adversity
 from swarm_mj.faults.schedule import draw_schedule
-from swarm_mj.mission.behaviors import ELECTIONS
+from swarm_mj.mission.behaviors import ELECTIONS, MissionBehavior
 from swarm_mj.mission.links import links_closed
 from swarm_mj.observation.camera import CameraModel
 from swarm_mj.observation.coverage import CoverageMap, ObservationCriterion, observe
@@ -116,11 +116,12 @@ def make_simulation(plan: Plan) -> Simulation:
         sun_N=plan.environment.sun.position.tolist(),
         wheels=scenario.physics.wheels,
     )
+    behavior = plan.behavior
     simulation = Simulation(
         model,
         properties=plan.properties,
         environment=plan.environment,
-        behavior=plan.behavior,
+        behavior=behavior.for_flight(plan) if isinstance(behavior, MissionBehavior) else behavior,
         controller=plan.controller,
         control_period=scenario.control.period_s,
         gravity_gradient_torque=scenario.perturbations.gravity_gradient_torque,

@@ -19,6 +19,7 @@ from swarm_mj.mission.safety import CloseApproach, close_approaches, find_impact
 from swarm_mj.mission.target import TargetRegion, automatic_cell_size, build_target, check_visiting_points
 from swarm_mj.mission.trajectories import Deployment, deploy, propagate
 from swarm_mj.scenarios.schema import Body, Scenario
+from swarm_mj.scenarios.schema_faults import Dispersions
 from swarm_mj.smallbody.environment import Environment, LinearMotion
 from swarm_mj.smallbody.ephemeris import Ephemeris, julian_date
 from swarm_mj.smallbody.kepler import OrbitalElements
@@ -134,6 +135,11 @@ def make_plan(scenario: Scenario, *, check_separation: bool = True) -> Plan:
         near_collisions=near_collisions,
         least_radius=least_radius,
     )
+
+
+def as_planned(scenario: Scenario) -> Scenario:
+    """The scenario without faults and dispersions: all that a design can count on."""
+    return scenario.model_copy(update={"faults": (), "dispersions": Dispersions()})
 
 
 def load_body_shape(body: Body) -> ShapeModel:

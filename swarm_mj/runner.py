@@ -48,6 +48,7 @@ def run_many(
     folders: Sequence[Path],
     *,
     figures: bool = True,
+    pdf: bool = False,
     report: bool = True,
     quiet: bool = False,
 ) -> None:
@@ -62,7 +63,7 @@ def run_many(
     summaries = []
     with progress_bars(console, quiet) as progress:
         for scenario, folder in zip(scenarios, folders, strict=True):
-            summaries.append(run_one(scenario, folder, figures=figures, report=report, progress=progress))
+            summaries.append(run_one(scenario, folder, figures=figures, pdf=pdf, report=report, progress=progress))
     console.print(results_table(summaries))
     for summary, folder in zip(summaries, folders, strict=True):
         _print_notes(console, summary, folder)
@@ -71,7 +72,13 @@ def run_many(
 
 
 def run_one(
-    scenario: Scenario, folder: Path, *, figures: bool, report: bool = False, progress: Progress | None = None
+    scenario: Scenario,
+    folder: Path,
+    *,
+    figures: bool,
+    pdf: bool = False,
+    report: bool = False,
+    progress: Progress | None = None,
 ) -> dict[str, Any]:
     """Fly one scenario into a folder that appears only when all is done, then report it; returns its summary."""
     stages = Stages(progress or Progress(disable=True), scenario.name)
@@ -89,7 +96,7 @@ def run_one(
 
             with stages.stage("figures", "figures", len(FIGURES)) as done:
                 for count, (name, draw) in enumerate(FIGURES.items()):
-                    draw(partial / f"{name}.png", plan, telemetry, result)
+                    draw(partial / f"{name}.png", plan, telemetry, result, pdf=pdf)
                     done(count + 1)
         summary = summarise(plan, telemetry, result, {"figures": 0.0, **stages.wall_s})
         write_summary(partial, summary)

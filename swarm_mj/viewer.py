@@ -8,8 +8,9 @@ from __future__ import annotations
 import os
 import sys
 import threading
-import time
+import warnings
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 import mujoco
@@ -18,14 +19,12 @@ from rich.console import Console
 from swarm_mj.drawing.cameras import magnification_for, overview
 from swarm_mj.drawing.decorations import decorate
 from swarm_mj.drawing.lettering import clock, roles
-from swarm_mj.drawing.live import SPEEDS, LiveFlight, Player, planned_path
+from swarm_mj.drawing.live import SPEEDS, LiveFlight, Player, pace, planned_path
 from swarm_mj.drawing.model import DrawingModel, build_drawing_model
 from swarm_mj.errors import ObserverError, OutputError
 from swarm_mj.planning import make_plan
 from swarm_mj.scenarios.schema import Scenario
 
-#: Pictures per second.
-RATE = 30.0
 #: Time that the window may take to close [s].
 CLOSING_S = 10.0
 #: Width of the window over its height, for which the first view is chosen.
@@ -60,10 +59,12 @@ def run_view(scenario: Scenario, *, speed: float = 10.0, web: bool = False, port
     if web or not has_display():
         from swarm_mj.web_viewer import show_in_browser
 
-        show_in_browser(model, player, view, port)
+        with suppress(KeyboardInterrupt):  # the way to end it
+            show_in_browser(model, player, view, port)
         return
     console.print(HELP, markup=False, highlight=False)
-    show_in_window(model, player, view.camera())
+    with suppress(KeyboardInterrupt):
+        show_in_window(model, player, view.camera())
 
 
 def has_display() -> bool:
@@ -87,31 +88,38 @@ def show_in_window(
     Raises:
         ObserverError: No window can be opened.
     """
-    others = set(threading.enumerate())
-    try:
-        import mujoco.viewer
+    _check_window()
+    import mujoco.viewer
 
-        handle = mujoco.viewer.launch_passive(
-            model.mjmodel, model.data, key_callback=_keys(player), show_left_ui=False, show_right_ui=False
-        )
-    except Exception as error:  # GLFW and the display server raise each their own
-        raise ObserverError(
-            f"MuJoCo's viewer cannot open a window here ({type(error).__name__}: {error}); use the web viewer with --web"
-        ) from error
-    with handle:
-        with handle.lock():
-            handle.cam.lookat[:], handle.cam.distance = camera.lookat, camera.distance
-            handle.cam.azimuth, handle.cam.elevation = camera.azimuth, camera.elevation
-        last = time.perf_counter()
-        while handle.is_running() and go_on():
-            start = time.perf_counter()
-            player.advance(start - last, 0.5 / RATE)
-            last = start
-            _update(handle, model, player)
-            time.sleep(max(0.0, 1.0 / RATE - (time.perf_counter() - start)))
-    # The window's thread still uses the model; if that is freed before the thread ends, the process crashes.
-    for thread in set(threading.enumerate()) - others:
-        thread.join(CLOSING_S)
+    others = set(threading.enumerate())
+    handle = mujoco.viewer.launch_passive(
+        model.mjmodel, model.data, key_callback=_keys(player), show_left_ui=False, show_right_ui=False
+    )
+    try:
+        with handle:
+            with handle.lock():
+                handle.cam.lookat[:], handle.cam.distance = camera.lookat, camera.distance
+                handle.cam.azimuth, handle.cam.elevation = camera.azimuth, camera.elevation
+            pace(player, lambda: handle.is_running() and go_on(), lambda: _update(handle, model, player))
+    finally:
+        # The window's thread still uses the model; if that is freed before the thread ends, the process crashes.
+        for thread in set(threading.enumerate()) - others:
+            thread.join(CLOSING_S)
+
+
+def _check_window() -> None:
+    """Refuse where no window can be opened; MuJoCo's viewer would end the process instead."""
+    try:
+        import glfw
+
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            if glfw.init():
+                return
+        reason = f"DISPLAY={os.environ.get('DISPLAY', '')!r}"
+    except ImportError as error:
+        reason = str(error)
+    raise ObserverError(f"MuJoCo's viewer cannot open a window here ({reason}); use the web viewer with --web")
 
 
 def _keys(player: Player) -> Callable[[int], None]:

@@ -6,7 +6,6 @@ sent along as geoms; the controls stand in a panel of the viewer's own.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 
 import mujoco
@@ -17,14 +16,12 @@ from swarm_mj.drawing.cameras import FreeView
 from swarm_mj.drawing.decorations import NextGeom, decorate, triangle
 from swarm_mj.drawing.instant import Instant
 from swarm_mj.drawing.lettering import clock, roles
-from swarm_mj.drawing.live import SPEEDS, Player
+from swarm_mj.drawing.live import SPEEDS, Player, pace
 from swarm_mj.drawing.model import DrawingModel
 from swarm_mj.drawing.palette import SEEN, rgba
 from swarm_mj.errors import ObserverError
 from swarm_mj.mission.target import TargetRegion
 
-#: Pictures per second.
-RATE = 30.0
 #: Most geoms that the viewer sends besides the model.
 MAX_GEOMS = 1024
 #: Height of a painted cell above the ground over the body's radius, so that it is not hidden by that.
@@ -113,16 +110,13 @@ def show_in_browser(
     """
     config = viewer_protocol.ViewerConfig(title="swarm-mj", gfx="web", http_port=port, open_browser=True)
     mjmodel, data = model.mjmodel, model.data
+
+    def show() -> None:
+        model.place(player.now)
+        handle.sync(mjmodel, data)
+
     try:
-        handle = launch_web.launch(config, plugins=[FlightPanel(model, player, view)])
-    except Exception as error:
-        raise ObserverError(f"MuJoCo's web viewer cannot be started ({type(error).__name__}: {error})") from error
-    with handle:
-        last = time.perf_counter()
-        while handle.is_running() and go_on():
-            start = time.perf_counter()
-            player.advance(start - last, 0.5 / RATE)
-            last = start
-            model.place(player.now)
-            handle.sync(mjmodel, data)
-            time.sleep(max(0.0, 1.0 / RATE - (time.perf_counter() - start)))
+        with launch_web.launch(config, plugins=[FlightPanel(model, player, view)]) as handle:
+            pace(player, lambda: handle.is_running() and go_on(), show)
+    except (OSError, RuntimeError) as error:  # of the server's thread
+        raise ObserverError(f"MuJoCo's web viewer cannot be started: {error}") from error

@@ -29,6 +29,7 @@ ORDER = [
     ("runner", "design_runner", "video_runner", "web_viewer", "viewer"),
     ("campaign",),
     ("envs",),
+    ("bench",),
     ("commands",),
     ("cli",),
 ]

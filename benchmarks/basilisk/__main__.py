@@ -1,7 +1,7 @@
 """The same swarm in swarm_mj, in Basilisk and by SciPy: python -m benchmarks.basilisk.
 
-Five CubeSats with wheels pass Eros for 1,200 s and turn four times to new directions under the same MRP feedback law. Printed are
-the largest differences of position, attitude and wheel speed, for several steps, and the processor times. Needs Basilisk
+Five CubeSats with wheels pass Eros for 1,200 s and turn four times to new directions under the same MRP feedback law. Printed
+are the largest differences of position, attitude and wheel speed, for several steps, and the processor times. Needs Basilisk
 (pip install 'swarm_mj[benchmark]'); takes about two minutes.
 """
 
@@ -14,7 +14,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from benchmarks.basilisk.page import page
-from benchmarks.record import FOLDER, machine, write_results
+from swarm_mj.bench.record import FOLDER, machine, write_results
 
 ROUNDS = 15
 

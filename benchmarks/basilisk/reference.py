@@ -21,14 +21,15 @@ Array = NDArray[np.float64]
 R, V, Q, OMEGA, H = slice(0, 3), slice(3, 6), slice(6, 10), slice(10, 13), slice(13, 16)
 
 
-def fly(problem: Problem, tolerance: float = 1e-12) -> Flight:
-    """Fly and record every control period."""
+def fly(problem: Problem, longest_step: float = 0.25 * PERIOD_S) -> Flight:
+    """Fly and record every control period, with steps of `longest_step` [s] at most."""
     properties, start = problem.properties, problem.initial
     spin = properties.wheel_spin_inertia
     inertia = np.diag(properties.inertia_B) - spin
     attitude = Rotation.from_mrp(start.sigma_BN).as_quat(scalar_first=True)
     momentum = spin * (start.wheel_speed + start.omega_BN_B)
     states = [np.hstack((start.r_BN_N, start.v_BN_N, attitude, start.omega_BN_B, momentum))]
+    options = {"rtol": 1e-12, "atol": 1e-12, "first_step": longest_step, "max_step": longest_step}
     legs = [Rotation.concatenate(leg) for leg in problem.references]
     for k in range(round(DURATION_S / PERIOD_S)):
         state, t = states[-1], k * PERIOD_S
@@ -39,7 +40,7 @@ def fly(problem: Problem, tolerance: float = 1e-12) -> Flight:
             return derivative(t, y.reshape(-1, 16), motor, inertia).ravel()
 
         span = (t, t + PERIOD_S)
-        end = solve_ivp(rates, span, state.ravel(), "DOP853", rtol=tolerance, atol=tolerance, first_step=PERIOD_S).y
+        end = solve_ivp(rates, span, state.ravel(), "DOP853", **options).y
         after = end[:, -1].reshape(-1, 16)
         after[:, Q] /= np.linalg.norm(after[:, Q], axis=1, keepdims=True)
         states.append(after)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from textwrap import wrap
 from typing import Any
 
 import numpy as np
@@ -41,6 +42,8 @@ DASHES = ("-", "--", "-.", ":")
 MAX_SCENARIOS, MAX_BARS = 8, 12
 #: Pointing errors [deg] below this are rounding; zero has no place on a logarithmic axis.
 FLOOR_DEG = 1e-8
+#: An axis is logarithmic where the largest value is this many times the smallest.
+LOG_RATIO = 20.0
 
 
 def compose_coverage(resolved: Resolved, results: pa.Table, summary: dict[str, Any]) -> Figure | None:
@@ -61,7 +64,7 @@ def compose_coverage(resolved: Resolved, results: pa.Table, summary: dict[str, A
 
 
 def compose_pointing(resolved: Resolved, results: pa.Table, summary: dict[str, Any]) -> Figure | None:
-    """Distribution of the largest pointing error at the visit, on a logarithmic axis, with 95th percentiles."""
+    """Distribution of the largest pointing error at the visit, with 95th percentiles."""
     name = "pointing_error_deg_visit_max"
     parts = _flown(resolved, results, name)
     if not parts:
@@ -75,7 +78,9 @@ def compose_pointing(resolved: Resolved, results: pa.Table, summary: dict[str, A
         x = max(estimate["value"], FLOOR_DEG)
         around = [[max(x - max(ends[0], FLOOR_DEG), 0.0)], [max(ends[1] - x, 0.0)]]
         ax.errorbar([x], [0.95], xerr=around, fmt="o", color=COLOURS[k % len(COLOURS)], capsize=4, markersize=5)
-    ax.set_xscale("log")
+    every = np.concatenate(list(parts.values()))
+    if every.max() > LOG_RATIO * max(every.min(), FLOOR_DEG):
+        ax.set_xscale("log")
     ax.set_ylim(0.0, 1.02)
     tidy(ax)
     label(ax, "largest pointing error of an observer [deg]", "share of flights with at most that [-]")
@@ -211,4 +216,4 @@ def _tornado(
 
 
 def _wrapped(name: str) -> str:
-    return plain(name).replace(" ", "\n").replace("-", "-\n", 1) if len(name) > 8 else plain(name)
+    return plain("\n".join(wrap(name, 11, break_on_hyphens=False)))

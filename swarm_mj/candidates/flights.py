@@ -16,7 +16,7 @@ from swarm_mj.attitude.guidance import track_line_of_sight
 from swarm_mj.attitude.mrp import dcm, mrp_from_quaternion
 from swarm_mj.mission.behaviors import SwarmView, TargetKind
 from swarm_mj.mission.trajectories import propagate
-from swarm_mj.planning import Plan, make_plan
+from swarm_mj.planning import Plan, as_planned, make_plan
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.simulation.simulation import sample_times
 
@@ -61,6 +61,7 @@ def fly_candidates(scenario: Scenario) -> CandidateFlights:
     Raises:
         SwarmError: A point cannot be reached, or the flight to it hits the body.
     """
+    scenario = as_planned(scenario)
     probe = scenario.model_copy(update={"design": scenario.design.model_copy(update={"visiting_points": (1,)})})
     n_points = make_plan(probe, check_separation=False).region.n_visiting
     plan = make_plan(all_points(scenario, n_points), check_separation=False)

@@ -21,6 +21,7 @@ def add_common(command: argparse.ArgumentParser, *, seed_of: str) -> None:
         help="change one value, e.g. camera.half_angle_deg=3; may be repeated",
     )
     command.add_argument("--no-figures", action="store_true", help="write no pictures")
+    command.add_argument("--pdf", action="store_true", help="write every figure as PDF too")
     command.add_argument("--quiet", action="store_true", help="no progress bar")
 
 

@@ -43,6 +43,7 @@ def _design(arguments: argparse.Namespace) -> int:
         pareto=arguments.pareto,
         compare=arguments.compare,
         figures=not arguments.no_figures,
+        pdf=arguments.pdf,
         quiet=arguments.quiet,
         workers=arguments.workers,
     )

@@ -50,6 +50,11 @@ def _run(arguments: argparse.Namespace) -> int:
     parent = arguments.out or DEFAULT_OUT
     folders = [parent if single else parent / scenario.name for scenario in scenarios]
     run_many(
-        scenarios, folders, figures=not arguments.no_figures, report=not arguments.no_report, quiet=arguments.quiet
+        scenarios,
+        folders,
+        figures=not arguments.no_figures,
+        pdf=arguments.pdf,
+        report=not arguments.no_report,
+        quiet=arguments.quiet,
     )
     return 0

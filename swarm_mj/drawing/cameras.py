@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 OVERVIEW, CHASE, SPLIT = "overview", "chase", "split"
 #: Share of the picture that the flight may fill.
-FILL = 0.9
+FILL = 0.87
 #: Angle of the chase camera to the line from the body through the swarm [rad].
 CHASE_ASIDE = 0.5
 #: Directions among which the overview's is chosen.
@@ -77,7 +77,7 @@ def overview(plan: Plan, path_N: Array, aspect: float) -> FreeView:
     turned = [
         plan.shape.vertices @ plan.environment.C_AN(share * plan.scenario.duration_s) for share in (0.0, 0.5, 1.0)
     ]
-    return fit(np.vstack((path_N.reshape(-1, 3), *turned)), view_direction(plan, path_N), aspect)
+    return fit(np.vstack((path_N.reshape(-1, 3), *turned)), view_direction(plan, path_N, aspect), aspect)
 
 
 def chase(plan: Plan, instant: Instant, aspect: float) -> FreeView:
@@ -109,12 +109,13 @@ def fit(points_N: Array, toward: Array, aspect: float) -> FreeView:
     return FreeView(middle, toward, float((across + relative @ toward).max()))
 
 
-def view_direction(plan: Plan, path_N: Array) -> Array:
+def view_direction(plan: Plan, path_N: Array, aspect: float) -> Array:
     """Unit vector in N to a camera that sees the target's day side, and the flight from the side.
 
     Args:
         plan: What is flown.
         path_N: Positions over the flight, evenly spaced in time, shape (m, n, 3) [m].
+        aspect: Width of the picture over its height; a flight along the longer side is seen from nearer.
     """
     region, environment = plan.region, plan.environment
     normal_A = _unit(region.area @ region.normal_A)
@@ -124,10 +125,18 @@ def view_direction(plan: Plan, path_N: Array) -> Array:
     directions = _sphere(DIRECTIONS)
     directions = directions[np.abs(directions[:, 2]) <= STEEPEST]
     facing = np.min(directions @ normals.T, axis=1)
-    turned = np.linalg.norm(np.cross(directions, _unit(path[-1] - path[0])), axis=1)
+    along = _unit(path[-1] - path[0])
+    axes = np.array([_picture_axes(direction) for direction in directions])
+    flat = np.abs(axes @ along)
+    turned, reach = np.linalg.norm(flat, axis=1), np.maximum(flat[:, 0] / aspect, flat[:, 1])
+    # At the visit the swarm must not stand before the target.
+    visit = path[round((len(path) - 1) * times[0] / times[1])]
+    above = _unit(visit - region.area @ region.centroid_A / region.total_area @ environment.C_AN(times[0]))
+    clear = np.linalg.norm(np.cross(directions, above), axis=1)
     lit = directions @ _unit(environment.sun.position)
     # Beyond these values more of one would be bought with too much of another.
-    merit = np.minimum(facing, 0.42) + np.minimum(turned, 0.85) + 0.5 * np.minimum(lit, 0.6)
+    merit = np.minimum(facing, 0.35) + np.minimum(turned, 0.8) + np.minimum(clear, 0.9) + 0.5 * np.minimum(lit, 0.6)
+    merit -= 0.5 * reach
     return np.asarray(directions[np.argmax(merit)])
 
 

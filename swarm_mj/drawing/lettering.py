@@ -148,7 +148,7 @@ class Lettering:
         """What the colours on the body mean, and a note, along the lower edge of a view."""
         y = box.top + box.height - round(1.6 * self.size)
         x = box.left + self.size // 2
-        for colour, text, filled in ((SEEN, "observed", True), (UNSEEN_BORDER, "not yet", False)):
+        for colour, text, filled in ((SEEN, "observed", True), (UNSEEN_BORDER, "not yet observed", False)):
             side = self.size
             self._draw.rectangle(
                 (x, y + 1, x + side, y + 1 + side), fill=colour if filled else None, outline=colour, width=2

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from time import perf_counter
+from collections.abc import Callable
+from time import perf_counter, sleep
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +38,8 @@ def planned_path(plan: Plan) -> Array:
         return start + times[:, None, None] * plan.deployment.v0_N
 
 
+#: Pictures per second of a live view.
+RATE = 30.0
 #: Speeds to choose from: seconds of flight per second.
 SPEEDS = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
 
@@ -187,3 +190,20 @@ class Player:
         """Choose the next faster (1) or slower (-1) of the speeds."""
         nearest = min(range(len(SPEEDS)), key=lambda k: abs(SPEEDS[k] - self.speed))
         self.speed = SPEEDS[int(np.clip(nearest + steps, 0, len(SPEEDS) - 1))]
+
+
+def pace(player: Player, go_on: Callable[[], bool], show: Callable[[], None]) -> None:
+    """Fly and show pictures at an even rate.
+
+    Args:
+        player: The flight.
+        go_on: Asked before every picture; False ends it.
+        show: Shows what there is to draw now.
+    """
+    last = perf_counter()
+    while go_on():
+        start = perf_counter()
+        player.advance(start - last, 0.5 / RATE)
+        last = start
+        show()
+        sleep(max(0.0, 1.0 / RATE - (perf_counter() - start)))

@@ -320,7 +320,7 @@ def rotation_vector(q: Quaternion) -> Vector:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _transition(phi: Vector, factor: float, R: Array, G: Array) -> None:
-    """Write exp(-[phi x]) and `factor` times the right Jacobian I - (1 - cos)/p^2 [phi x] + (p - sin)/p^3 [phi x]^2, p = |phi|."""
+    """Write exp(-[phi x]) and `factor` times the right Jacobian, I - (1 - cos)/p^2 [phi x] + (p - sin)/p^3 [phi x]^2."""
     angle2 = phi[0] * phi[0] + phi[1] * phi[1] + phi[2] * phi[2]
     angle = sqrt(angle2)
     if angle < 1e-3:

@@ -115,7 +115,7 @@ class Sensing:
             noise = self._rng.standard_normal((len(q_BN), 9))
             attitude_filter.estimate(q_BN, omega_BN_B, self._period, noise, self._sensors, self._assumed, self.state)
             q, omega = self.state.q_BN, self.state.omega_BN_B
-        self._known = self._delayed(q, omega)
+        self._known = self._delayed(q, omega) if self._delay_possible else (q, omega)
         return self._known
 
     def _delayed(self, q: Array, omega: Array) -> tuple[Array, Array]:

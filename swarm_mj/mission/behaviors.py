@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Any, ClassVar, NamedTuple, Protocol
+from typing import Any, ClassVar, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numba import njit
@@ -39,12 +39,18 @@ class SwarmView(NamedTuple):
         r_BN_N: Positions, shape (n, 3) [m].
         v_BN_N: Velocities, shape (n, 3) [m/s].
         C_AN: Rotation from N to A, shape (3, 3).
+        q_BN: Attitudes, shape (n, 4); None where trajectories are looked at without attitudes, and so are the next two.
+        omega_BN_B: Body rates, shape (n, 3) [rad/s].
+        wheel_speed: Shape (n, w) [rad/s].
     """
 
     t: float
     r_BN_N: Array
     v_BN_N: Array
     C_AN: Array
+    q_BN: Array | None = None
+    omega_BN_B: Array | None = None
+    wheel_speed: Array | None = None
 
 
 class Targets(NamedTuple):
@@ -69,6 +75,15 @@ class Behavior(Protocol):
 
     def targets(self, view: SwarmView, memory: Any) -> tuple[Targets, Any]:
         """Targets at this instant and the memory for the next; the first memory is None."""
+        ...
+
+
+@runtime_checkable
+class MissionBehavior(Protocol):
+    """A behaviour that must know the mission; its `targets` serve only after `for_flight`."""
+
+    def for_flight(self, plan: Any) -> Behavior:
+        """The behaviour of one flight of a `swarm_mj.planning.Plan`."""
         ...
 
 

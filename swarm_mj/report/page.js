@@ -56,9 +56,11 @@ class RunView {
   constructor(run, number) {
     this.run = run;
     this.number = number;
-    for (const name of ["times", "pointing", "wheel", "mode", "link", "percent", "percent_passage", "percent_by"]) {
+    for (const name of ["times", "pointing", "wheel", "mode", "link"]) {
       this[name] = unpack(run[name]);
     }
+    this.swarmShare = { own: unpack(run.percent), passage: unpack(run.percent_passage) };
+    this.ownShare = { own: unpack(run.percent_by), passage: unpack(run.percent_by_passage) };
     this.n = run.names.length;
     this.scene = new SceneView(run, find(`scene-${number}`), DATA.modes);
     this.cells = this._table(find(`now-${number}`));
@@ -70,7 +72,12 @@ class RunView {
   }
 
   shareAt(k) {
-    return (this.scene.passage ? this.percent_passage : this.percent)[k];
+    return this.swarmShare[this.criterion][k];
+  }
+
+  /** By which pictures the faces shown count: the scenario's own, or those of the whole passage. */
+  get criterion() {
+    return this.scene.passage ? "passage" : "own";
   }
 
   fillTable(k) {
@@ -82,7 +89,7 @@ class RunView {
         `${short(this.pointing[place])}`,
         this.wheel[place].toFixed(0),
         this.link[place] ? "closed" : "open",
-        j < this.run.observers ? this.percent_by[place].toFixed(1) : "–",
+        j < this.run.observers ? this.ownShare[this.criterion][place].toFixed(1) : "–",
       ];
       values.forEach((text, column) => {
         if (cells[column + 1].textContent !== text) cells[column + 1].textContent = text;

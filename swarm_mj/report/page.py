@@ -73,7 +73,7 @@ def write_report(folders: Sequence[Path], out: Path | None = None) -> Path:
 
 def report_html(runs: Sequence[RunRecord]) -> str:
     """The whole page of one run or two."""
-    limits = Limits() if len(runs) == 1 else Limits(values=50_000, faces=10_000, spacecraft=400, rays=200_000)
+    limits = Limits() if len(runs) == 1 else Limits(values=40_000, faces=10_000, spacecraft=400, rays=200_000)
     replays = [make_replay(run, limits) for run in runs]
     labels = _labels(runs)
     title = labels[0] if len(runs) == 1 else f"{labels[0]} and {labels[1]}"
@@ -268,6 +268,7 @@ def _run_data(run: RunRecord, replay: Replay) -> dict[str, Any]:
         "percent": f32(replay.percent),
         "percent_passage": f32(replay.percent_passage),
         "percent_by": f32(replay.percent_by),
+        "percent_by_passage": f32(replay.percent_by_passage),
         "path_points": path_points(len(replay.times)).tolist(),
         "max_paths": MAX_PATHS,
         "figure": _plain(scene_figure(run, replay)),

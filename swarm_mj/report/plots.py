@@ -36,15 +36,16 @@ NAMES = (
 NAMES_OF_TWO = (
     "largest pointing error of the swarm [deg]", "fastest wheel of the swarm [rpm]", NAMES[2], "closed links",
 )  # fmt: skip
-#: How far below its mode a closed link is drawn, in rows, times the number of rows.
-LINK_OFFSET = 0.055
-#: Heights of the rows, in shares.
-ROWS = (0.27, 0.2, 0.25, 0.28)
+#: Heights of the upper three plots, of the lowest at least, and of its rows, and the room between plots [px].
+HEIGHTS_PX, LOWEST_PX, ROW_PX, GAP_PX = (170, 125, 165), 150, 22, 52
+MARGINS_PX = {"l": 46, "r": 10, "t": 64, "b": 44}
+#: How far below its mode a closed link is drawn [px].
+LINK_BELOW_PX = 9
 
 
 def plot_run(run: RunRecord, replay: Replay) -> go.Figure:
     """All plots of one run."""
-    figure, axis = _frame(run, NAMES), time_axis(float(run.times[-1]))
+    figure, axis = _frame(run, _names(run, replay), min(len(replay.shown), MAX_ROWS)), time_axis(float(run.times[-1]))
     times = replay.times / axis.seconds
     if len(replay.shown) <= MAX_CURVES:
         colours = spacecraft_colours(len(replay.shown))
@@ -62,7 +63,7 @@ def plot_run(run: RunRecord, replay: Replay) -> go.Figure:
 def plot_two(runs: Sequence[RunRecord], replays: Sequence[Replay], labels: Sequence[str]) -> go.Figure:
     """The plots of two runs over each other: of each the worst of its swarm, its coverage and its closed links."""
     longest = max(runs, key=lambda run: run.times[-1])
-    figure, axis = _frame(longest, NAMES_OF_TWO), time_axis(float(longest.times[-1]))
+    figure, axis = _frame(longest, NAMES_OF_TWO, 0), time_axis(float(longest.times[-1]))
     for run, replay, label, colour, dash in zip(runs, replays, labels, COLOURS_OF_RUNS, ("solid", "dash"), strict=True):
         times = replay.times / axis.seconds
         curves = (
@@ -81,26 +82,33 @@ def plot_two(runs: Sequence[RunRecord], replays: Sequence[Replay], labels: Seque
     return figure
 
 
-def _frame(run: RunRecord, names: Sequence[str]) -> go.Figure:
+def _frame(run: RunRecord, names: Sequence[str], timeline_rows: int) -> go.Figure:
     """Four empty plots under each other, each with its name above it, so that narrow pages lose no room at the side."""
     axis = time_axis(float(run.times[-1]))
-    figure = make_subplots(rows=4, cols=1, shared_xaxes=True, vertical_spacing=0.065, row_heights=list(ROWS))
+    heights = [*HEIGHTS_PX, max(LOWEST_PX, ROW_PX * timeline_rows)]
+    inside = sum(heights) + 3 * GAP_PX
+    figure = make_subplots(rows=4, cols=1, shared_xaxes=True, vertical_spacing=GAP_PX / inside, row_heights=heights)
     for row, name in enumerate(names, start=1):
         _headline(figure, row, name)
     figure.update_xaxes(title_text=f"time since deployment [{axis.unit}]", row=4, col=1)
-    figure.update_xaxes(range=[0.0, float(run.times[-1]) / axis.seconds])
+    figure.update_xaxes(hoverformat=".3~f", range=[0.0, float(run.times[-1]) / axis.seconds])
     figure.update_yaxes(type="log", exponentformat="power", dtick=2, row=1, col=1)
     figure.update_yaxes(range=[-4.0, 106.0], row=3, col=1)
     figure.update_layout(
         hovermode="x",
         dragmode="zoom",
-        margin={"l": 46, "r": 10, "t": 64, "b": 44},
+        margin=MARGINS_PX,
         legend={"orientation": "h", "x": 0.0, "y": 1.03, "yanchor": "bottom"},
-        height=760,
+        height=inside + MARGINS_PX["t"] + MARGINS_PX["b"],
         uirevision="kept",
         shapes=[_marker(run.scenario.design.time_of_flight_s / axis.seconds, GREY, "dash")],
     )
     return figure
+
+
+def _names(run: RunRecord, replay: Replay) -> tuple[str, ...]:
+    rows = min(len(replay.shown), MAX_ROWS)
+    return NAMES if rows == run.n else (*NAMES[:3], f"{NAMES[3]}, {rows} of {run.n} spacecraft")
 
 
 def _headline(figure: go.Figure, row: int, text: str) -> None:
@@ -127,7 +135,7 @@ def _curve(
             line=line,
             legendgroup=name,
             showlegend=legend,
-            hovertemplate="%{y:.4g}",
+            hovertemplate="%{y:.2e}" if row == 1 else "%{y:.4g}",
         ),
         row=row,
         col=1,
@@ -174,7 +182,8 @@ def _timeline(figure: go.Figure, run: RunRecord, replay: Replay, axis: TimeAxis)
         look = MODE_LOOKS[mode]
         flags = replay.mode[:, :rows] == mode
         _bars(figure, times, flags, 0.0, f"{look.abbreviation}: {look.meaning}", look.line_colour, 9)
-    _bars(figure, times, replay.link[:, :rows] == 1, min(0.4, LINK_OFFSET * rows), "link closed", INK, 4)
+    below = LINK_BELOW_PX * rows / max(LOWEST_PX, ROW_PX * rows)
+    _bars(figure, times, replay.link[:, :rows] == 1, below, "link closed", INK, 4)
     feeler = {
         "mode": "lines",
         "opacity": 0.0,

@@ -44,7 +44,7 @@ class Limits:
     """
 
     samples: int = 1_500
-    values: int = 100_000
+    values: int = 80_000
     spacecraft: int = 800
     faces: int = 16_000
     rays: int = 400_000
@@ -64,7 +64,8 @@ class Replay:
         link: Whether the link is closed, shape (K, n).
         percent: Observed share of the target by the scenario's criterion, shape (K,) [%].
         percent_passage: The same over the whole passage, shape (K,) [%].
-        percent_by: The same by spacecraft and the scenario's criterion, shape (K, n) [%].
+        percent_by: The share that each spacecraft observed by the scenario's criterion, shape (K, n) [%].
+        percent_by_passage: The same over the whole passage, shape (K, n) [%].
         scene: Arrays of the 3-D picture by name.
     """
 
@@ -78,6 +79,7 @@ class Replay:
     percent: Array
     percent_passage: Array
     percent_by: Array
+    percent_by_passage: Array
     scene: dict[str, Any]
 
 
@@ -99,7 +101,8 @@ def make_replay(run: RunRecord, limits: Limits) -> Replay:
         link=telemetry["link_closed"].values[np.ix_(samples, shown)].astype(np.int8),
         percent=swarm.percent_over_time(times),
         percent_passage=passage.percent_over_time(times),
-        percent_by=np.column_stack([_coverage(area, by[j : j + 1]).percent_over_time(times) for j in shown]),
+        percent_by=_shares(area, by[shown], times),
+        percent_by_passage=_shares(area, by_passage[shown], times),
         scene=_scene(run, samples, shown, mode, limits),
     )
 
@@ -116,6 +119,11 @@ def _coverage(area: Array, first_seen_by_s: Array) -> CoverageMap:
     coverage = CoverageMap(area, len(first_seen_by_s))
     coverage.first_seen_by_s = first_seen_by_s
     return coverage
+
+
+def _shares(area: Array, first_seen_by_s: Array, times: Array) -> Array:
+    """Share of the target that each spacecraft has observed by each time, shape (K, n) [%]."""
+    return np.column_stack([_coverage(area, row[None]).percent_over_time(times) for row in first_seen_by_s])
 
 
 def _peaks(values: Array, samples: NDArray[np.intp]) -> Array:
@@ -149,7 +157,7 @@ def _scene(
         "target_kept": target.kept,
         "extent": extent / KM,
         "r": f32(r_A[:, shown] / KM),
-        "C": f32(C_BA),
+        "z": f32(C_BA[..., 2, :]),
         "length": f32(length / KM),
         "sun": f32(_directions(C_AN, run.telemetry.attrs["sun_N_m"])),
         "earth": f32(_directions(C_AN, run.telemetry.attrs["earth_N_m"])),
@@ -157,6 +165,7 @@ def _scene(
     watching = shown[: min(run.n_observers, len(shown))]
     rays = border_rays(run.scenario.camera.half_angle_deg, run.scenario.camera.shape)
     if len(samples) * len(watching) * len(rays) <= limits.rays:
+        scene["C"] = f32(C_BA[:, watching])
         scene["rays"] = f32(rays)
         scene["ray_length"] = f32(_border_lengths(ground, r_A[:, watching], C_BA[:, watching], rays, mode) / KM)
     return scene

@@ -84,7 +84,7 @@ class SceneView {
     this.count = packed.r.shape[0];
     this.body = new Mesh(unpack(packed.body_vertices), unpack(packed.body_faces));
     this.target = new Mesh(unpack(packed.target_vertices), unpack(packed.target_faces));
-    for (const name of ["r", "C", "length", "sun", "earth", "rays", "ray_length", "first_seen", "first_seen_passage"]) {
+    for (const name of ["r", "z", "C", "length", "sun", "earth", "rays", "ray_length", "first_seen", "first_seen_passage"]) {
       if (packed[name]) this[name] = unpack(packed[name]);
     }
     this.mode = unpack(run.mode);
@@ -124,9 +124,8 @@ class SceneView {
 
   /** Where the line along +z of spacecraft j ends. */
   tip(k, j) {
-    const row = 9 * (k * this.n + j) + 6;
-    const length = this.length[k * this.n + j];
-    return this.position(k, j).map((v, axis) => v + length * this.C[row + axis]);
+    const place = k * this.n + j;
+    return this.position(k, j).map((v, axis) => v + this.length[place] * this.z[3 * place + axis]);
   }
 
   observing(k, j) {
@@ -137,7 +136,7 @@ class SceneView {
   border(k, j) {
     const rays = this.rays.length / 3;
     const watching = this.ray_length.length / (this.count * rays);
-    const turn = 9 * (k * this.n + j);
+    const turn = 9 * (k * watching + j);
     const from = this.position(k, j);
     return Array.from({ length: rays }, (_, ray) => {
       const length = 0.994 * this.ray_length[(k * watching + j) * rays + ray];

@@ -45,7 +45,7 @@ def scene_figure(run: RunRecord, replay: Replay) -> go.Figure:
             ),
             _lines("paths", color=GREY, width=2),
             _lines("views", color=INK, width=2),
-            _lines("sight", width=4, dash="dash"),
+            _lines("sight", width=3),
             _spots(
                 "mothership",
                 marker={"symbol": "square", "size": 5, "color": INK},

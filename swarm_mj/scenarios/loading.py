@@ -17,6 +17,7 @@ from pydantic import BaseModel, ValidationError
 from swarm_mj.errors import ScenarioError
 from swarm_mj.scenarios.limits import check_plain, check_work, shortened, shown
 from swarm_mj.scenarios.schema import Scenario
+from swarm_mj.scenarios.schema_faults import FAULT_KINDS
 
 #: A scenario is a page of text; anything larger is a mistake or an attack.
 MAX_BYTES = 1_000_000
@@ -257,13 +258,18 @@ def _explain(error: Any) -> str:
 
 def _is_union_branch(part: str | int) -> bool:
     return isinstance(part, str) and (
-        "[" in part or part in {"float", "int", "str", "tuple", "none", "literal", "constrained-float"}
+        "[" in part
+        or part in {"float", "int", "str", "tuple", "none", "literal", "constrained-float", "constrained-int"}
     )
 
 
 def _allowed_keys(keys: list[Any]) -> str:
     model: type[BaseModel] = Scenario
-    for key in keys[:-1]:
+    path = keys[:-1]
+    if len(path) > 2 and path[0] == "faults":
+        # Number in the list, then kind.
+        model, path = FAULT_KINDS[path[2]], path[3:]
+    for key in path:
         field = model.model_fields.get(str(key))
         if field is None or not isinstance(field.annotation, type) or not issubclass(field.annotation, BaseModel):
             return ""

@@ -173,7 +173,9 @@ class Spacecraft(Section):
             raise ValueError(f"size_m = {list(self.size_m)}: every edge must be > 0")
         count, word = (3, "three") if self.wheel_layout == "orthogonal" else (4, "four")
         if count * self.wheel.mass_kg >= self.mass_kg:
-            raise ValueError(f"mass_kg = {self.mass_kg}: must exceed the {word} wheels, {count * self.wheel.mass_kg:g} kg")
+            raise ValueError(
+                f"mass_kg = {self.mass_kg}: must exceed the {word} wheels, {count * self.wheel.mass_kg:g} kg"
+            )
         return self
 
 

@@ -5,7 +5,7 @@ Each fault is one entry of the list `faults`, told apart by its `kind`. docs/fau
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal, Self, get_args
 
 from pydantic import Field, model_validator
 
@@ -217,6 +217,12 @@ Fault = Annotated[
     | DeploymentVelocity,
     Field(discriminator="kind"),
 ]
+
+
+#: Every kind of fault and its parameters.
+FAULT_KINDS: dict[str, type[Section]] = {
+    get_args(fault.model_fields["kind"].annotation)[0]: fault for fault in get_args(get_args(Fault)[0])
+}
 
 
 class Dispersions(Section):

@@ -56,7 +56,7 @@ class AdverseLoop:
         model.mjmodel.actuator_ctrlrange[:] = -_NO_LIMIT, _NO_LIMIT
         given = adversity.dispersions
         self._disperses_mass = given.mass_percent > 0.0 or given.inertia_percent > 0.0
-        self._mass_ratio = np.ones((n, 1))
+        self._mass_ratio = np.ones((model.mjmodel.nbody, 1))
         self.speed = np.zeros((n, properties.n_wheels))
         self._qpos, self._qvel = np.zeros((n, 10)), np.zeros((n, 9))
         self._true_omega = np.zeros((n, 3))
@@ -68,7 +68,7 @@ class AdverseLoop:
         self.flight.reset(seed, deployment)
         simulation.environment = self.flight.environment
         if self._disperses_mass:
-            self._mass_ratio = self.flight.mass[:, None] / simulation.properties.mass
+            self._mass_ratio[simulation.model.hub_body, 0] = self.flight.mass / simulation.properties.mass
             write_masses(simulation, self.flight.mass, self.flight.inertia_B)
 
     def state(self, qpos: Array, qvel: Array) -> tuple[Array, Array]:
@@ -95,7 +95,7 @@ class AdverseLoop:
     def weigh(self, xfrc: Array, hub: NDArray[np.int64]) -> None:
         """Gravity pulls with the true masses, and what lies on the body is not pulled."""
         if self._disperses_mass:
-            xfrc[hub, :3] *= self._mass_ratio
+            xfrc[:, :3] *= self._mass_ratio
         for j in self.flight.resting:
             xfrc[hub[j]] = 0.0
 

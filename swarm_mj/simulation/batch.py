@@ -180,7 +180,8 @@ class BatchFlights:
         assert self._behaviors is not None
         for e in np.flatnonzero(live).tolist():
             t = int(self.tick[e]) * self.period
-            view = SwarmView(t, self._q[e, :, :3].copy(), self._v[e, :, :3].copy(), self.environment.C_AN(t))
+            q, v = self._q[e].copy(), self._v[e].copy()
+            view = SwarmView(t, q[:, :3], v[:, :3], self.environment.C_AN(t), q[:, 3:], v[:, 3:6], v[:, 6:])
             targets, self._memory[e] = self._behaviors[e].targets(view, self._memory[e])
             self.kind[e], self.index[e], self.vector[e] = targets
 

@@ -179,7 +179,8 @@ class Simulation:
             adverse.begin(t, work)
         self._push(t)
         kernels.turn_body(self._q_P, phase, data.mocap_quat[self.model.asteroid_mocap])
-        view = SwarmView(t, work[Slot.R], work[Slot.V], self._C_AN)
+        wheel_speed = work[Slot.WHEEL] if adverse is None else adverse.speed
+        view = SwarmView(t, work[Slot.R], work[Slot.V], self._C_AN, self._q_BN, work[Slot.OMEGA], wheel_speed)
         targets, self._behavior_memory = self.behavior.targets(view, self._behavior_memory)
         q_known = self._q_BN
         if adverse is not None:

@@ -21,7 +21,7 @@ DURATION_S, PERIOD_S = 120.0, 0.5
 R, V, Q, OMEGA, WHEELS = slice(0, 3), slice(3, 6), slice(6, 10), slice(10, 13), slice(13, 16)
 
 
-def slew(bench: Bench) -> Flight:
+def slew(bench: Bench, duration: float = DURATION_S) -> Flight:
     """A spacecraft that passes Eros and turns from a random attitude to track its centre."""
     initial = InitialState(
         r_BN_N=np.array([[24e3, -6e3, 5e3]]),
@@ -30,15 +30,15 @@ def slew(bench: Bench) -> Flight:
         omega_BN_B=np.array([[0.01, -0.02, 0.015]]),
         wheel_speed=np.array([[40.0, -30.0, 20.0]]),
     )
-    return fly(bench, initial, DURATION_S, PERIOD_S, timestep=0.1, controller=MrpSlidingMode())
+    return fly(bench, initial, duration, PERIOD_S, timestep=0.1, controller=MrpSlidingMode())
 
 
-def expected_states(start: Array) -> Array:
+def expected_states(start: Array, duration: float = DURATION_S) -> Array:
     """The same flight by the equations alone: state at every control period, shape (t, 16)."""
     body, states = gyrostat(), [start]
     base = Rotation.from_quat(start[Q], scalar_first=True)
     limit = SpacecraftProperties().max_wheel_torque
-    for k in range(round(DURATION_S / PERIOD_S)):
+    for k in range(round(duration / PERIOD_S)):
         state, t = states[-1], k * PERIOD_S
         base = aligned(base, -state[R])
         motor = np.clip(-law(state, t, base), -limit, limit)
@@ -107,9 +107,13 @@ def mrp_matrix(sigma: Array) -> Array:
 
 def loop_error(bench: Bench) -> float:
     """Largest angle between the two flights [rad]."""
-    flight = bench.once(slew)
+    return largest_angle(bench.once(slew), DURATION_S)
+
+
+def largest_angle(flight: Flight, duration: float) -> float:
+    """Largest angle between a flight and its equations [rad]."""
     start = np.concatenate((flight.r_N[0, 0], flight.v_N[0, 0], flight.rotational_state(0, 0)))
-    expected = Rotation.from_quat(expected_states(start)[:, Q], scalar_first=True)
+    expected = Rotation.from_quat(expected_states(start, duration)[:, Q], scalar_first=True)
     simulated = Rotation.from_quat(flight.q_BN[:, 0], scalar_first=True)
     return float((simulated * expected.inv()).magnitude().max())
 

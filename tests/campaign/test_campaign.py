@@ -2,6 +2,7 @@
 
 import os
 import signal
+import threading
 import time
 
 import pytest
@@ -202,23 +203,28 @@ def test_a_run_that_takes_too_long_has_failed_and_the_others_go_on(write, tmp_pa
     assert sum(r["status"] == "ok" for r in found) == 8 - len(slow)
 
 
-def test_a_run_that_kills_its_worker_every_time_is_recorded_as_failed(write, start, tmp_path):
-    from swarm_mj.campaign.pools import MAX_DEATHS
+def test_a_run_that_kills_its_worker_every_time_is_recorded_as_failed(write):
+    from swarm_mj.campaign.pools import MAX_DEATHS, LocalPool
 
-    path, out = (
-        write(runs=1, more="parameters: {physics.timestep_s: {distribution: choice, values: [0.001]}}"),
-        tmp_path,
-    )
-    process, killed = start(path, "--out", out / "out", "--workers", 1, "--no-figures"), set()
-    while len(killed) < MAX_DEATHS:
-        wait_for(lambda: set(children(process)) - killed, process)
-        victim = (set(children(process)) - killed).pop()
-        time.sleep(4.0)  # long enough to have started, far too short for a million steps
-        os.kill(victim, signal.SIGKILL)
-        killed.add(victim)
-    assert process.wait(60) == 0
-    (row,) = read_results(out / "out").to_pylist()
-    assert row["status"] == "failed" and row["error"] == "its process died 3 times, the last time by signal SIGKILL"
+    long = "parameters: {physics.timestep_s: {distribution: choice, values: [0.001]}}"  # a million steps
+    pool, killed = LocalPool(load_campaign(write(runs=1, more=long)), None, workers=1), set()
+
+    def kill():
+        while len(killed) < MAX_DEATHS:
+            for worker in list(pool._workers):
+                if worker.row == 0 and worker.process.pid not in killed:
+                    killed.add(worker.process.pid)
+                    os.kill(worker.process.pid, signal.SIGKILL)
+            time.sleep(0.01)
+
+    killer = threading.Thread(target=kill, daemon=True)
+    killer.start()
+    try:
+        (row,) = pool.results([0])
+    finally:
+        pool.close()
+    assert row["status"] == "failed"
+    assert row["error"] == "its process died 3 times, the last time by signal SIGKILL"
 
 
 def test_telemetry_is_kept_if_asked_for_and_figures_and_summary_are_written(write, tmp_path):

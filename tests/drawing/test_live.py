@@ -2,16 +2,25 @@
 
 import os
 import shutil
+import socket
 import subprocess
 import sys
+import urllib.error
+import urllib.request
+from contextlib import suppress
+from dataclasses import replace
 
+import mujoco
 import numpy as np
 import pytest
 
 from swarm_mj import viewer
+from swarm_mj.drawing.cameras import overview
 from swarm_mj.drawing.live import SPEEDS, LiveFlight, Player, Trail, planned_path
-from swarm_mj.errors import OutputError
+from swarm_mj.drawing.model import build_drawing_model
+from swarm_mj.errors import ObserverError, OutputError
 from swarm_mj.scenarios.loading import load_scenario
+from swarm_mj.web_viewer import paint_cells, show_in_browser
 
 WINDOW = """
 from swarm_mj.drawing.cameras import magnification_for, overview
@@ -115,6 +124,69 @@ def test_without_a_display_the_browser_is_used_and_bad_speeds_are_refused(monkey
     assert viewer.has_display()
     with pytest.raises(OutputError, match="speed 0.5: must be 1 to 100"):
         viewer.run_view(load_scenario("eros-quick"), speed=0.5)
+
+
+def test_a_display_that_cannot_be_opened_is_a_clear_error(flown, monkeypatch):
+    glfw = pytest.importorskip("glfw")
+    monkeypatch.setattr(glfw, "init", lambda: False)
+    monkeypatch.setenv("DISPLAY", ":4711")
+    with pytest.raises(ObserverError, match="cannot open a window here.*:4711.*--web"):
+        viewer.show_in_window(None, None, None)
+
+
+def browser_view(flown, port, go_on):
+    plan, _, _ = flown
+    player = Player(LiveFlight(plan), 100.0)
+    view = overview(plan, planned_path(plan), 1.5)
+    show_in_browser(build_drawing_model(plan, 5000.0), player, view, port, go_on)
+    return player
+
+
+def test_the_web_viewer_serves_its_page_while_the_flight_goes_on(flown):
+    with socket.socket() as probe:
+        probe.bind(("", 0))
+        port = probe.getsockname()[1]
+    pages = []
+
+    def go_on():
+        # The server starts in a thread of its own.
+        with suppress(urllib.error.URLError), urllib.request.urlopen(f"http://localhost:{port}/", timeout=20) as answer:
+            pages.append(answer.read())
+        return len(pages) < 5
+
+    player = browser_view(flown, port, go_on)
+    assert b"<html" in pages[0].lower()
+    assert player.now.t > 0.0
+
+
+def test_a_port_in_use_is_a_clear_error(flown):
+    with socket.socket(socket.AF_INET6) as taken:
+        taken.bind(("::", 0))
+        taken.listen()
+        with pytest.raises(ObserverError, match="web viewer cannot be started.*in use"):
+            browser_view(flown, taken.getsockname()[1], lambda: True)
+
+
+def test_observed_cells_are_painted_a_little_above_the_ground_facing_out(flown):
+    plan, _, _ = flown
+    now = replace(LiveFlight(plan).instant(), seen=np.arange(plan.region.n_cells) % 3 == 0)
+    geoms = []
+
+    def next_geom():
+        geoms.append(mujoco.MjvGeom())
+        return geoms[-1]
+
+    paint_cells(next_geom, plan.region, now)
+    assert len(geoms) == now.seen.sum()
+    for geom, corners, normal in zip(
+        geoms, plan.region.corners_A[now.seen], plan.region.normal_A[now.seen], strict=True
+    ):
+        shear, centre = np.array(geom.mat, float), corners.mean(axis=0) @ now.C_AN
+        middle = np.array(geom.pos, float) + (shear[:, 0] + shear[:, 1]) / 3.0
+        normal_N = normal @ now.C_AN
+        assert 0.0 < (middle - centre) @ normal_N < 200.0
+        front = np.cross(shear[:, 0], shear[:, 1])
+        assert front @ normal_N > 0.999 * np.linalg.norm(front)
 
 
 @pytest.mark.gl

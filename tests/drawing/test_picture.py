@@ -103,7 +103,7 @@ def test_the_overview_holds_body_and_flight_and_sees_the_day_side_of_the_target(
     view = overview(plan, replay.path_N, 4 / 3)
     with Drawing(plan, replay.path_N, width=320, height=240):
         pass
-    direction = view_direction(plan, replay.path_N)
+    direction = view_direction(plan, replay.path_N, 4 / 3)
     normal_N = plan.region.axes_A[2] @ plan.environment.C_AN(plan.scenario.design.time_of_flight_s)
     assert direction @ normal_N > 0.2
     assert direction @ plan.environment.sun.position > 0.0

@@ -241,3 +241,39 @@ def test_velocities_are_the_rate_of_the_positions_in_the_turning_frame(roles):
     # Single precision keeps 30 km to 2 mm, over 1 s.
     assert np.allclose((state_r[2] - state_r[0]) / 1.0, speed, atol=0.01)
     env.close()
+
+
+def test_what_goes_wrong_is_drawn_anew_for_every_episode_and_replays():
+    changes = ["mass_percent=5", "gyro_angular_random_walk_deg_sqrt_h=0.15", "attitude_deg=10", "wheel_coulomb_n_m=1e-5"]
+    scenario = load_scenario("eros-observe", [f"dispersions.{change}" for change in changes])
+    env = gymnasium.make("SwarmObserve-v0", scenario=scenario).unwrapped
+    assert not env.flybys.batched
+
+    def fly_some(seed):
+        env.reset(options={"flight_seed": seed})
+        return np.array([env.step(np.full(5, CENTRE))[0] for _ in range(20)])
+
+    first, again, other = fly_some(1), fly_some(1), fly_some(2)
+    assert np.array_equal(first, again)
+    assert not np.allclose(first[:, 6:9], other[:, 6:9], atol=1e-3)
+    env.close()
+
+
+def test_a_spacecraft_lost_to_a_fault_takes_no_more_pictures_and_the_others_go_on():
+    lost = '[{"kind": "spacecraft_lost", "spacecraft": "sc1", "at_s": 200}]'
+    env = gymnasium.make("SwarmObserve-v0", scenario=load_scenario("eros-observe", [f"faults={lost}"])).unwrapped
+    whole = gymnasium.make("SwarmObserve-v0").unwrapped
+    seen, terms = [], []
+    for each in (env, whole):
+        each.reset(options={"flight_seed": 3})
+        for k in range(80):
+            observation, _, terminated, truncated, info = each.step(np.array([5, 6, 9, 10, CENTRE]))
+            assert not (terminated or truncated)
+            terms.append(info["reward_terms"]["loss"])
+        seen.append(info["coverage_percent"])
+    assert env.flybys.books.lost[0].tolist() == [True, False, False, False, False]
+    assert 1.0 < seen[0] < seen[1]
+    imaging = env.readings.split(env.flybys.observation[0])["imaging"].ravel()
+    assert imaging.tolist() == [0.0, 1.0, 1.0, 1.0, 1.0]
+    assert set(terms) == {0.0}  # a fault is nobody's mistake
+    env.close()

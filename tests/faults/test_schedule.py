@@ -75,7 +75,7 @@ def test_a_fault_that_cannot_happen_to_this_swarm_is_refused(fault, words):
     [
         ("{kind: wheel_lst, spacecraft: sc1}", ["faults.0", "wheel_lst", "wheel_lost"]),
         ("{kind: camera_off, spacecraft: 7, at_s: 1}", ["spacecraft", "7"]),
-        ("{kind: camera_off, spacecraft: sc1, at: 1}", ["at", "unknown key"]),
+        ("{kind: camera_off, spacecraft: sc1, at: 1}", ["at", "unknown key", "Did you mean 'at_s'", "duration_s"]),
         ("{kind: camera_off, spacecraft: sc1, at_s: 1, between_s: [1, 2]}", ["at_s", "not both"]),
         ("{kind: camera_off, spacecraft: sc1, between_s: [2, 1]}", ["between_s", "earlier first"]),
         ("{kind: camera_off, spacecraft: sc1, probability: 1.5}", ["probability", "1.5"]),
@@ -92,3 +92,12 @@ def test_a_malformed_fault_is_refused_with_its_key(fault, words):
 def test_three_orthogonal_wheels_are_all_that_a_gyrostat_has():
     with pytest.raises(ScenarioError, match="physics.wheels = gyrostat"):
         load_scenario("eros-quick", ["physics.wheels=gyrostat", "spacecraft.wheel_layout=pyramid"])
+
+
+def test_a_design_counts_on_what_is_planned_and_does_not_mind_the_faults():
+    from swarm_mj.candidates.flights import fly_candidates
+
+    flights = fly_candidates(load_scenario("eros-faults", ["dispersions.target_m=300"]))
+    plain = fly_candidates(load_scenario("eros-faults", ["faults=[]", "dispersions={}"]))
+    assert np.array_equal(flights.r_A, plain.r_A)
+    assert np.array_equal(flights.plan.region.area, plain.plan.region.area)

@@ -16,6 +16,8 @@ FLAGS = (
     "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-dev-shm-usage",
 )  # fmt: skip
 PATIENCE_S = 90
+
+pytestmark = pytest.mark.browser
 LIGHT, DARK = "light", "dark"
 
 

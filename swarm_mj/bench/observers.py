@@ -1,4 +1,4 @@
-"""One picture by face-ID buffers and by rays to the target, against Embree per pixel: python -m benchmarks.coverage.
+"""One picture by face-ID buffers and by rays to the target, against Embree per pixel.
 
 The peer traces one ray through the centre of every pixel of the same picture and counts the pixels of every face: once with
 embreex alone, whose rays are ready in single precision before the clock starts, and once through trimesh, the usual way to
@@ -11,16 +11,10 @@ is no GPU, run on one core.
 
 from __future__ import annotations
 
-import argparse
-import json
-import os
-import platform
 import time
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from functools import partial
-from importlib.metadata import version
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import trimesh
@@ -28,56 +22,71 @@ from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 from trimesh.ray.ray_pyembree import RayMeshIntersector
 
+from swarm_mj.bench.measure import Row, in_turn, row
 from swarm_mj.mission.target import TargetRegion, build_target
 from swarm_mj.observation.camera import CameraModel, CameraPose, look_at
 from swarm_mj.observation.faceid import FaceIdObserver
 from swarm_mj.observation.gl_context import gl_available
+from swarm_mj.observation.horizon import HorizonObserver
 from swarm_mj.observation.raycast import RayCastObserver
 from swarm_mj.smallbody.shape_harmonics import build_eros
 
-RESULTS = Path(__file__).parent / "results" / "coverage.json"
 #: Frequencies of the geodesic mesh: 8, 32, 72 and 200 thousand faces.
 FREQUENCIES = (20, 40, 60, 100)
+#: embreex per pixel over face-ID, on the mesh that the paper's swarm is flown with.
+TARGET = ">= 25"
 ROUNDS, PICTURES, RESOLUTION_PX, HALF_ANGLE_DEG = 7, 6, 512, 21.5
 
 
-def main() -> None:
-    """Measure every mesh, print a table and write the results."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("frequencies", nargs="*", type=int, default=FREQUENCIES, help="meshes of 20 f^2 faces")
-    parser.add_argument("--rounds", type=int, default=ROUNDS)
-    parser.add_argument("--out", type=Path, default=RESULTS, help="JSON file (default: %(default)s)")
-    arguments = parser.parse_args()
+def rows(quick: bool) -> Iterator[Row]:
+    """All of it, and the constant-time observer on a swarm's pictures of one instant."""
     available, renderer = gl_available()
-    if not available:
-        parser.exit(1, f"face-ID buffers cannot be drawn here: {renderer}\n")
-    print("                    milliseconds per picture                    ratios")
-    print(
-        "   faces target   face-ID    rays  embreex  trimesh   embreex/face-ID  trimesh/face-ID  embreex/rays   agree [%]"
+    if available:
+        for frequency in FREQUENCIES[:1] if quick else FREQUENCIES:
+            yield from _picture_rows(frequency, 3 if quick else ROUNDS, renderer)
+    yield _instant_row(5 if quick else 15)
+
+
+def _picture_rows(frequency: int, rounds: int, renderer: str) -> Iterator[Row]:
+    found = measure(frequency, rounds)
+    mesh = f"{len(found.region.faces):,} faces"
+    note = f"{renderer}; same pixel in {found.agree_percent:.2f} %"
+    target = TARGET if frequency == FREQUENCIES[0] else ""
+    times = found.times_ms
+    yield row("observers", f"face-ID picture, {mesh}", times["face-ID"], "ms")
+    yield row(
+        "observers", f"embreex per pixel / face-ID, {mesh}", times["embreex"] / times["face-ID"], "ratio", target, note
     )
-    rows = []
-    for frequency in arguments.frequencies:
-        rows.append(measure(frequency, arguments.rounds))
-        print(
-            "{faces:8d} {target_faces:6d} {face_id_ms:9.2f} {rays_ms:7.2f} {embreex_per_pixel_ms:8.1f} "
-            "{trimesh_per_pixel_ms:8.1f} {embreex_over_face_id:17.1f} {trimesh_over_face_id:16.1f} "
-            "{embreex_over_rays:13.1f} {pixels_agree_percent:11.3f}".format(**rows[-1]),
-            flush=True,
-        )
-    content = {
-        "resolution_px": RESOLUTION_PX,
-        "rounds": arguments.rounds,
-        "pictures": PICTURES,
-        "machine": machine(renderer),
-        "rows": rows,
-    }
-    arguments.out.parent.mkdir(parents=True, exist_ok=True)
-    arguments.out.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
-    print(f"wrote {arguments.out}")
+    yield row("observers", f"embreex through trimesh / face-ID, {mesh}", times["trimesh"] / times["face-ID"], "ratio")
+    yield row("observers", f"embreex per pixel / 16 rays a face, {mesh}", times["embreex"] / times["rays"], "ratio")
 
 
-def measure(frequency: int, rounds: int) -> dict[str, Any]:
-    """Medians [ms] and medians of the rounds' ratios for one mesh."""
+def _instant_row(rounds: int) -> Row:
+    """A target-only observation by the fastest observer with occlusion: 72 faces, 6 spacecraft."""
+    region = build_target(build_eros(FREQUENCIES[0]), latitude_deg=0.0, longitude_deg=90.0, half_angle_deg=12.5)
+    observer = HorizonObserver(region, CameraModel(half_angle_deg=HALF_ANGLE_DEG, resolution_px=RESOLUTION_PX))
+    poses = next(rounds_of_poses(1))
+
+    def look() -> None:
+        for pose in poses:
+            observer.visible_fraction(pose.r_A, pose.C_CA)
+
+    times = in_turn({"look": look}, rounds, warm_up=2)["look"]
+    name = f"horizon maps, {region.n_cells} target faces, {len(poses)} spacecraft"
+    return row("observers", name, 1e3 * times, "ms", "<= 1")
+
+
+@dataclass(frozen=True)
+class Measured:
+    """Milliseconds of one picture in each round by method, the target, and how many pixels agree [%]."""
+
+    times_ms: dict[str, np.ndarray]
+    region: TargetRegion
+    agree_percent: float
+
+
+def measure(frequency: int, rounds: int) -> Measured:
+    """One mesh."""
     shape = build_eros(frequency)
     region = build_target(shape, latitude_deg=0.0, longitude_deg=90.0, half_angle_deg=20.0)
     camera = CameraModel(half_angle_deg=HALF_ANGLE_DEG, resolution_px=RESOLUTION_PX)
@@ -97,19 +106,8 @@ def measure(frequency: int, rounds: int) -> dict[str, Any]:
         agree.append(np.mean(faceid.face_ids(chosen[0]).ravel() == scene.run(*pixels[0]).astype(np.int64) + 1))
     faceid.close()
     timed = np.array(times[1:])  # the first round warms up
-    face_id_ms, rays_ms, embreex_ms, trimesh_ms = np.median(timed, axis=0)
-    return {
-        "faces": len(region.faces),
-        "target_faces": region.n_cells,
-        "face_id_ms": float(face_id_ms),
-        "rays_ms": float(rays_ms),
-        "embreex_per_pixel_ms": float(embreex_ms),
-        "trimesh_per_pixel_ms": float(trimesh_ms),
-        "embreex_over_face_id": float(np.median(timed[:, 2] / timed[:, 0])),
-        "trimesh_over_face_id": float(np.median(timed[:, 3] / timed[:, 0])),
-        "embreex_over_rays": float(np.median(timed[:, 2] / timed[:, 1])),
-        "pixels_agree_percent": 100.0 * float(np.mean(agree)),
-    }
+    names = ("face-ID", "rays", "embreex", "trimesh")
+    return Measured(dict(zip(names, timed.T, strict=True)), region, 100.0 * float(np.mean(agree)))
 
 
 def rounds_of_poses(rounds: int) -> Iterator[list[CameraPose]]:
@@ -158,27 +156,3 @@ def milliseconds(works: Sequence[Callable[[], object]]) -> float:
     for work in works:
         work()
     return 1e3 * (time.perf_counter() - start) / len(works)
-
-
-def machine(renderer: str) -> dict[str, Any]:
-    """What the numbers were measured on."""
-    return {
-        "processor": processor(),
-        "cores": os.cpu_count(),
-        "opengl": renderer,
-        "python": platform.python_version(),
-        **{name: version(name) for name in ("numpy", "moderngl", "embreex", "trimesh", "swarm_mj")},
-    }
-
-
-def processor() -> str:
-    """Name of the processor, where the system tells it."""
-    try:
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-    except OSError:
-        return platform.processor()
-    return next((line.split(":")[1].strip() for line in lines if line.startswith("model name")), platform.processor())
-
-
-if __name__ == "__main__":
-    main()

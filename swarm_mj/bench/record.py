@@ -9,7 +9,9 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-FOLDER = Path(__file__).parent / "results"
+#: Where the project's own benchmarks keep their results, below the folder they are run in.
+FOLDER = Path("benchmarks") / "results"
+#: Whose versions are told.
 PACKAGES = ("mujoco", "numpy", "numba", "swarm_mj")
 
 

@@ -1,0 +1,9 @@
+"""Everything that docs/performance.md shows: `python -m benchmarks.performance`; takes about ten minutes."""
+
+from pathlib import Path
+
+from swarm_mj.bench.record import FOLDER
+from swarm_mj.bench.runner import run_bench
+
+if __name__ == "__main__":
+    run_bench(quick=False, as_json=FOLDER / "performance.json", markdown=Path("docs") / "performance.md")

@@ -1,0 +1,237 @@
+"""Train a policy for SwarmObserve-v0 with PPO, and compare it with the untrained one.
+
+    python examples/train_sb3.py --minutes 2
+    python examples/train_sb3.py --minutes 30 --out runs/long
+    python examples/train_sb3.py --minutes 30 --out runs/long --resume
+
+The network first imitates the greedy rule for a few rounds (`--imitate 0` leaves that out), flying by itself while the rule
+says what it should have done; PPO then goes on from there. The folder holds `checkpoint.zip` (to resume), `policy.npz` (the
+best policy on the validation seeds so far, for NumPy and `swarm-mj run --policy`), `curve.csv` (the learning curve) and logs
+for TensorBoard. It may be interrupted at any time.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import json
+import time
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+from stable_baselines3 import PPO
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.logger import configure
+
+from swarm_mj.envs.evaluation import fly_seeds, interval
+from swarm_mj.envs.policy import ArrayPolicy, save_policy
+from swarm_mj.envs.sb3 import SwarmObserveVecEnv
+from swarm_mj.envs.sb3_policy import LearningView, SwarmActorCritic, exported, greedy_actions
+
+#: Discount; an episode has 150 steps, and the shaped reward comes at once.
+GAMMA = 0.99
+#: Seeds of the flights: training draws from the first on, validation and comparison have their own.
+TRAINING, VALIDATION, COMPARISON = 10_000, range(2_000, 2_016), range(1_000, 1_020)
+#: PPO updates between two validations.
+VALIDATE_EVERY = 8
+#: Passes over the data in a round of imitation.
+EPOCHS = 8
+#: From the first to the last update.
+LEARNING_RATE, ENTROPY = (3e-4, 3e-5), (3e-3, 3e-4)
+
+
+@dataclass
+class Done:
+    """What training has come to, kept beside the checkpoint."""
+
+    steps: int = 0
+    seconds: float = 0.0
+    best: float = -np.inf
+
+
+def main() -> None:
+    """Parse the command line and train."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--minutes", type=float, default=2.0, help="of training, comparison not included (default: 2)")
+    parser.add_argument("--out", type=Path, default=Path("runs/sb3"), metavar="DIR", help="default: runs/sb3")
+    parser.add_argument("--seed", type=int, default=0, help="of network, actions and flights (default: 0)")
+    parser.add_argument("--num-envs", type=int, default=32, help="flights at once (default: 32)")
+    parser.add_argument("--imitate", type=int, default=3, metavar="ROUNDS", help="of imitation (default: 3)")
+    parser.add_argument("--scenario", default="eros-observe", help="default: eros-observe")
+    parser.add_argument("--resume", action="store_true", help="go on from the checkpoint in the folder")
+    train(parser.parse_args())
+
+
+def train(arguments: argparse.Namespace) -> None:
+    """Train until the time is up, then compare."""
+    torch.set_num_threads(1)
+    folder: Path = arguments.out
+    folder.mkdir(parents=True, exist_ok=True)
+    venv = SwarmObserveVecEnv(arguments.num_envs, scenario=arguments.scenario)
+    view = LearningView(venv, GAMMA)
+    try:
+        model, done = begin(arguments, view)
+        untrained = fresh(arguments, view)
+        model.set_logger(configure(str(folder / "log"), ["tensorboard"]))
+        watch = Watch(folder, view, venv, done, 60.0 * arguments.minutes)
+        watch.init_callback(model)
+        try:
+            if done.steps == 0:
+                imitate(model, view, arguments.imitate, watch)
+            # Time ends training, not the number of steps.
+            model.learn(10**9, callback=watch, reset_num_timesteps=False)
+        except KeyboardInterrupt:
+            print("interrupted; the checkpoint of the last update stays")
+            return
+        watch.validate()
+        compare(exported(untrained.policy, venv, view.geometry), folder, arguments.scenario)
+    finally:
+        venv.close()
+
+
+def fresh(arguments: argparse.Namespace, view: LearningView) -> PPO:
+    """A learner that knows nothing."""
+    view.seed(TRAINING + 1_000_000 * arguments.seed)
+    return PPO(
+        SwarmActorCritic,
+        view,
+        n_steps=150,
+        batch_size=800,
+        n_epochs=5,
+        gamma=GAMMA,
+        gae_lambda=0.95,
+        clip_range=0.2,
+        learning_rate=LEARNING_RATE[0],
+        ent_coef=ENTROPY[0],
+        max_grad_norm=0.5,
+        target_kl=0.05,
+        seed=None if arguments.resume else arguments.seed,
+        device="cpu",
+    )
+
+
+def begin(arguments: argparse.Namespace, view: LearningView) -> tuple[PPO, Done]:
+    """A fresh learner, or that of the checkpoint."""
+    checkpoint, state = arguments.out / "checkpoint.zip", arguments.out / "state.json"
+    if not arguments.resume:
+        (arguments.out / "curve.csv").unlink(missing_ok=True)
+        return fresh(arguments, view), Done()
+    if not checkpoint.exists():
+        raise SystemExit(f"--resume: there is no {checkpoint}")
+    done = Done(**json.loads(state.read_text("utf-8")))
+    # Other flights than those of the first time.
+    view.seed(TRAINING + 1_000_000 * arguments.seed + done.steps)
+    return PPO.load(checkpoint, view, device="cpu"), done
+
+
+def imitate(model: PPO, view: LearningView, rounds: int, watch: Watch) -> None:
+    """Learn what the greedy rule would do where the learner itself gets to (DAgger, Ross, Gordon and Bagnell 2011)."""
+    policy = model.policy
+    optimizer = torch.optim.Adam(policy.parameters(), lr=1e-3)
+    seen: list[torch.Tensor] = []
+    wanted: list[torch.Tensor] = []
+    features = view.reset()
+    for turn in range(rounds):
+        for _ in range(150):
+            expert = greedy_actions(features, view.geometry)
+            seen.append(torch.as_tensor(features))
+            wanted.append(torch.as_tensor(expert))
+            action = expert if turn == 0 else model.predict(features, deterministic=False)[0]
+            features, *_ = view.step(action)
+        x, y = torch.cat(seen), torch.cat(wanted)
+        for _ in range(EPOCHS):
+            for rows in torch.randperm(len(x)).split(256):
+                loss = -policy.get_distribution(x[rows]).log_prob(y[rows]).mean()
+                optimizer.zero_grad()
+                loss.backward()
+                optimizer.step()
+        print(f"imitation {turn + 1} of {rounds}: loss {loss.item():.2f}", flush=True)
+    watch.validate()
+
+
+class Watch(BaseCallback):
+    """Ends training in time; prints, validates and keeps the learner after updates."""
+
+    def __init__(self, folder: Path, view: LearningView, venv: SwarmObserveVecEnv, done: Done, seconds: float) -> None:
+        super().__init__()
+        self._folder, self._view, self._venv, self.done = folder, view, venv, done
+        self._seconds, self._start, self._before = seconds, time.monotonic(), done.seconds
+        self._updates, self._returns = 0, np.zeros(0)
+
+    @property
+    def share(self) -> float:
+        """How much of the time is over."""
+        return min(1.0, (time.monotonic() - self._start) / self._seconds)
+
+    def _on_step(self) -> bool:
+        ended = [info["episode"]["r"] for info in self.locals["infos"] if "episode" in info]
+        self._returns = np.append(self._returns, ended)[-2 * self._venv.num_envs :]
+        return self.share < 1.0
+
+    def _on_rollout_start(self) -> None:
+        """An update is over, or the first one has not begun."""
+        left = 1.0 - self.share
+        rate = LEARNING_RATE[1] + left * (LEARNING_RATE[0] - LEARNING_RATE[1])
+        self.model.lr_schedule = lambda _: rate
+        self.model.ent_coef = ENTROPY[1] + left * (ENTROPY[0] - ENTROPY[1])
+        if self._updates:
+            self.keep()
+            mean = self._returns.mean() if len(self._returns) else float("nan")
+            print(f"{100 * self.share:5.1f} %  {self.num_timesteps:9d} steps  return {mean:.3f}", flush=True)
+            if self._updates % VALIDATE_EVERY == 0:
+                self.validate()
+        self._updates += 1
+
+    def keep(self) -> None:
+        """Write the checkpoint."""
+        self.done.steps = self.num_timesteps
+        self.done.seconds = self._before + time.monotonic() - self._start
+        partial = self._folder / ".checkpoint.partial.zip"
+        self.model.save(partial)
+        partial.replace(self._folder / "checkpoint.zip")
+        _write(self._folder / "state.json", json.dumps(asdict(self.done)))
+
+    def validate(self) -> None:
+        """Fly the validation seeds with the likeliest actions; the best policy so far is written."""
+        policy = exported(self.model.policy, self._venv, self._view.geometry, steps=self.model.num_timesteps)
+        scenario = self._venv.vector.lanes.setting.plan.scenario
+        flown = fly_seeds(policy.act, VALIDATION, scenario=scenario)
+        mean = float(flown.total.mean())
+        seconds = self._before + time.monotonic() - self._start
+        curve = self._folder / "curve.csv"
+        begins = not curve.exists()
+        with curve.open("a", newline="") as file:
+            writer = csv.writer(file)
+            if begins:
+                writer.writerow(["steps", "seconds", "sampled_return", "validation_return", "coverage_percent"])
+            sampled = self._returns.mean() if len(self._returns) else float("nan")
+            writer.writerow([self.model.num_timesteps, round(seconds, 1), sampled, mean, flown.coverage_percent.mean()])
+        print(f"validation: return {mean:.3f}, coverage {flown.coverage_percent.mean():.1f} %", flush=True)
+        if mean > self.done.best:
+            self.done.best = mean
+            save_policy(self._folder / "policy.npz", policy)
+
+
+def compare(untrained: ArrayPolicy, folder: Path, scenario: str) -> None:
+    """Fly the best policy and the untrained one from the same seeds."""
+    from swarm_mj.envs.policy import load_policy
+
+    best = load_policy(folder / "policy.npz")
+    totals = [fly_seeds(policy.act, COMPARISON, scenario=scenario).total for policy in (untrained, best)]
+    for name, values in zip(("untrained", "trained"), totals, strict=True):
+        mean, half = interval(values)
+        print(f"{name:10} return {mean:.3f} +- {half:.3f}")
+    mean, half = interval(totals[1] - totals[0])
+    print(f"difference on {len(COMPARISON)} paired seeds: {mean:.3f}, 95 % interval {mean - half:.3f} to {mean + half:.3f}")
+
+
+def _write(file: Path, text: str) -> None:
+    partial = file.with_suffix(".partial")
+    partial.write_text(text, "utf-8")
+    partial.replace(file)
+
+
+if __name__ == "__main__":
+    main()

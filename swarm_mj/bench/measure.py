@@ -1,0 +1,85 @@
+"""Paired timing: the works take turns in every round, and what counts are medians and the rounds' ratios."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
+from time import perf_counter, process_time
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """One line of a table.
+
+    Attributes:
+        group: Benchmark it belongs to.
+        name: What was measured.
+        value: Median.
+        unit: Of the value; "ratio" for a quotient of two medians of one run.
+        low: Lower quartile over the rounds.
+        high: Upper quartile.
+        target: What it shall be, as text such as ">= 4", or empty.
+        note: What a reader must know.
+    """
+
+    group: str
+    name: str
+    value: float
+    unit: str
+    low: float
+    high: float
+    target: str = ""
+    note: str = ""
+
+    @property
+    def met(self) -> bool | None:
+        """Whether the target is met; None without one."""
+        if not self.target:
+            return None
+        relation, bound = self.target.split()
+        return self.value <= float(bound) if relation == "<=" else self.value >= float(bound)
+
+    def as_json(self) -> dict[str, Any]:
+        """Everything, and whether the target is met."""
+        return asdict(self) | {"met": self.met}
+
+
+def row(group: str, name: str, samples: Array, unit: str, target: str = "", note: str = "") -> Row:
+    """A row from the samples of all rounds."""
+    low, value, high = np.percentile(samples, [25.0, 50.0, 75.0])
+    return Row(
+        group=group,
+        name=name,
+        value=float(value),
+        unit=unit,
+        low=float(low),
+        high=float(high),
+        target=target,
+        note=note,
+    )
+
+
+def in_turn(works: Mapping[str, Callable[[], object]], rounds: int, warm_up: int = 1) -> dict[str, Array]:
+    """Seconds of each work in each round, shape (rounds,); the rounds that warm up are not counted."""
+    times: dict[str, list[float]] = {name: [] for name in works}
+    for k in range(warm_up + rounds):
+        for name, work in works.items():
+            start = perf_counter()
+            work()
+            if k >= warm_up:
+                times[name].append(perf_counter() - start)
+    return {name: np.array(values) for name, values in times.items()}
+
+
+def rates(work: Callable[[], int], seconds: float) -> tuple[float, float]:
+    """Units of `work`, which returns how many it did, per second and per second of processor time over all threads."""
+    done, start, used = 0, perf_counter(), process_time()
+    while perf_counter() - start < seconds:
+        done += work()
+    return done / (perf_counter() - start), done / (process_time() - used)

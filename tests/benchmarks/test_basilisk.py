@@ -1,0 +1,139 @@
+"""The benchmark against Basilisk: both programs and SciPy fly the same flight."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).parents[2]
+sys.path.append(str(ROOT))  # the benchmarks are no part of the installed package
+
+from benchmarks.basilisk import ours, reference  # noqa: E402
+from benchmarks.basilisk.page import page  # noqa: E402
+from benchmarks.basilisk.problem import Flight, difference, make_problem  # noqa: E402
+
+PROGRAMS = ("bodies", "gyrostat", "basilisk")
+
+
+@pytest.fixture(scope="module")
+def problem():
+    return make_problem()
+
+
+@pytest.fixture(scope="module")
+def truth(problem):
+    return reference.fly(problem)
+
+
+@pytest.fixture(scope="module")
+def flights(problem):
+    made = {}
+
+    def fly(program):
+        if program not in made and program == "basilisk":
+            pytest.importorskip("Basilisk")
+            from benchmarks.basilisk import peer
+
+            made[program] = peer.fly(problem, 0.1)
+        elif program not in made:
+            made[program] = ours.fly(problem, 0.1, program)
+        return made[program]
+
+    return fly
+
+
+def assert_equal(one, other):
+    worst = difference(one, other)
+    assert worst.position_m < 0.01
+    assert worst.attitude_rad < 1e-6
+    assert worst.wheel_speed < 1e-6
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("wheels", ["bodies", "gyrostat"])
+def test_the_swarm_flies_in_basilisk_as_it_does_here(flights, wheels):
+    assert_equal(flights(wheels), flights("basilisk"))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("program", PROGRAMS)
+def test_every_program_flies_what_scipy_integrates(flights, truth, program):
+    assert_equal(flights(program), truth)
+
+
+@pytest.mark.slow
+def test_basilisk_turns_eros_as_we_do(problem):
+    pytest.importorskip("Basilisk")
+    from benchmarks.basilisk import peer
+
+    built = peer.make(problem, 0.5, record=False)
+    rotation = built.parts[1]
+    built.sim.ConfigureStopTime(int(1e9))
+    built.sim.ExecuteSimulation()
+    message = rotation.planetOutMsgs[0].read()
+    assert np.allclose(message.J20002Pfix, problem.environment.C_AN(1.0), rtol=0, atol=1e-12)
+
+
+@pytest.mark.slow
+def test_the_flight_is_no_trivial_one(truth, problem):
+    assert truth.attitude.shape == (2401, problem.n, 4)
+    turned = 2.0 * np.arccos(np.minimum(1.0, np.abs(np.sum(truth.attitude[0] * truth.attitude[599], axis=-1))))
+    assert turned.max() > 1.0
+    assert np.abs(np.diff(truth.wheel_speed, axis=0)).max() > 1.0
+
+
+def test_differences_are_angles_whatever_the_sign_of_the_quaternion():
+    still = np.zeros((1, 1, 3))
+    one = Flight(r_N=still, attitude=np.array([[[1.0, 0.0, 0.0, 0.0]]]), wheel_speed=still + 2.0)
+    half = 0.5e-7
+    other = Flight(
+        r_N=still + [[[3.0, 4.0, 0.0]]],
+        attitude=-np.array([[[np.cos(half), np.sin(half), 0, 0]]]),
+        wheel_speed=still + 4.0,
+    )
+    worst = difference(one, other)
+    assert worst.position_m == pytest.approx(5.0)
+    assert worst.attitude_rad == pytest.approx(1e-7, rel=1e-6)
+    assert worst.wheel_speed == pytest.approx(0.5)
+
+
+def test_without_basilisk_the_command_says_so_and_succeeds():
+    code = (
+        "import sys, runpy, importlib.util as u; find = u.find_spec; "
+        "u.find_spec = lambda name, *a: None if name == 'Basilisk' else find(name, *a); "
+        "sys.argv = ['basilisk']; runpy.run_module('benchmarks.basilisk', run_name='__main__')"
+    )
+    ended = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert ended.returncode == 0 and "pip install" in ended.stderr
+
+
+def test_the_page_shows_every_number():
+    numbers = {"position_m": 1.5e-5, "attitude_rad": 2.5e-7, "wheel_speed": 3.5e-8}
+    steps = [
+        {"program": program, "step_s": step, **numbers, "attitude_rad": 2.5e-7 * (2 * step) ** 4}
+        for step in (0.5, 0.25)
+        for program in PROGRAMS
+    ]
+    between = [{"program": program, "step_s": 0.1, **numbers} for program in PROGRAMS[:2]]
+    timing = [
+        {
+            "what": what,
+            "wheels": wheels,
+            "basilisk_step_s": 0.1,
+            "step_s": 0.1,
+            "basilisk_cpu_s": 0.8,
+            "cpu_s": 0.2,
+            "ratio": 4.1,
+            "ratio_quartiles": [4.0, 4.2],
+        }
+        for what in ("equal step", "cheapest accurate step")
+        for wheels in PROGRAMS[:2]
+    ]
+    drift = [{"speed_m_s": 40.0, "bodies": 3e-7, "gyrostat": 4e-11}]
+    agreement = {"reference_with_longer_steps": numbers, "steps": steps, "between": between, "drift": drift}
+    results = {"basilisk": "2.12.1", "rounds": 3, "agreement": agreement, "timing": timing}
+    text = page(results, {"processor": "a processor", "cores": 2, "python": "3.11", "mujoco": "4.0"})
+    for word in ("2.12.1", "a processor", "1.5e-05", "2.5e-07", "3.5e-08", "16 times", "4.1 (4.0 to 4.2)", "3e-07"):
+        assert word in text, word
