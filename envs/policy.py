@@ -39,13 +39,12 @@ OWN, PER_PATCH = 26, 7
 #: Arrays of the network.
 WEIGHTS = ("W1", "b1", "W2", "b2", "W3", "b3", "v", "W4", "b4")
 
-_COLUMNS = dict(
-    zip(
-        (name for name, *_ in PER_SPACECRAFT),
-        np.split(np.arange(FEATURES), np.cumsum([size for _, size, *_ in PER_SPACECRAFT])[:-1]),
-        strict=True,
-    )
-)
+_SIZES = [size for _, size, *_ in PER_SPACECRAFT]
+#: Places of each quantity in a spacecraft's block of an observation, with three wheels.
+COLUMNS = {
+    name: slice(end - size, end)
+    for (name, *_), size, end in zip(PER_SPACECRAFT, _SIZES, np.cumsum(_SIZES).tolist(), strict=True)
+}
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -108,7 +107,7 @@ class PatchGeometry:
         n = (given.shape[1] - K - 3) // FEATURES
         block = given[:, : n * FEATURES].reshape(len(given), n, FEATURES)
         tail = given[:, n * FEATURES :]
-        part = {name: block[:, :, columns] for name, columns in _COLUMNS.items()}
+        part = {name: block[:, :, columns] for name, columns in COLUMNS.items()}
         boresight, x = part["boresight"], part["x_axis"]
         axes = np.stack([x, np.cross(boresight, x), boresight], axis=3)
         rate_A = (axes * part["rate"][:, :, None]).sum(axis=3)
@@ -156,6 +155,26 @@ def assign(worth: Array) -> NDArray[np.int64]:
     return np.where(worth.max(axis=2) > 0.0, choice, -1)
 
 
+def greedy_actions(features: NDArray[np.floating], geometry: PatchGeometry) -> NDArray[np.int64]:
+    """What the greedy rule says, looking ahead: with nothing in reach a spacecraft turns to what it will reach, or talks.
+
+    Args:
+        features: Shape (E, n, OWN + K PER_PATCH).
+        geometry: Of the patches.
+
+    Returns:
+        Actions of the control level `role`, shape (E, n).
+    """
+    patch = features[:, :, OWN:].reshape(*features.shape[:2], geometry.count, PER_PATCH)
+    area, gsd, chosen = patch[..., 0], patch[..., 3], patch[..., 6]
+    position, velocity = features[..., :3], features[..., 3:6]
+    ahead = (area / gsd).argmax(axis=2)
+    receding = (position * velocity).sum(axis=2) > 0.0
+    earth = geometry.count + features.shape[1] + 1
+    idle = np.where(receding, earth, ahead)
+    return np.where(chosen.any(axis=2), chosen.argmax(axis=2), idle).astype(np.int64)
+
+
 def geometry_of(setting: Setting) -> PatchGeometry:
     """The geometry of an environment's setting."""
     region, patches, camera = setting.plan.region, setting.patches, setting.observer.camera
@@ -181,7 +200,7 @@ class ArrayPolicy:
     Attributes:
         weights: Arrays of the network by name, see `WEIGHTS`.
         geometry: Of the patches it was trained on.
-        about: What it is for: `scenario`, `control`, `step_s`, `spacecraft`, `choices`, and whatever training adds.
+        about: What it is for: see `describe`, and whatever training adds.
     """
 
     weights: Mapping[str, Array]
@@ -211,9 +230,8 @@ class ArrayPolicy:
         Raises:
             ScenarioError: The message names what differs.
         """
-        plan = setting.plan
-        found = {"control": setting.control, "step_s": setting.step_s, "spacecraft": plan.n}
-        found["choices"] = setting.patches.count + plan.n + 3
+        found = describe(setting)
+        del found["scenario"]
         for name, value in found.items():
             if self.about.get(name) != value:
                 raise ScenarioError(f"policy: trained for {name} = {self.about.get(name)!r}, but it is {value!r} here")
@@ -227,6 +245,7 @@ def describe(setting: Setting) -> dict[str, Any]:
         "step_s": setting.step_s,
         "spacecraft": setting.plan.n,
         "choices": setting.patches.count + setting.plan.n + 3,
+        "readings": setting.readings.space.shape[0],
     }
 
 

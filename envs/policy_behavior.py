@@ -176,7 +176,8 @@ class _Viewed:
 
     def __init__(self, setting: Setting) -> None:
         n = setting.plan.n
-        self.period, self.view = setting.plan.scenario.control.period_s, None
+        self.period = setting.plan.scenario.control.period_s
+        self.view: SwarmView | None = None
         self.tick = np.zeros(1, np.int64)
         self.kind, self.index = np.zeros((1, n), np.int64), np.zeros((1, n), np.int64)
         self.vector, self.sigma_BR = np.zeros((1, n, 3)), np.zeros((1, n, 3))
@@ -184,7 +185,7 @@ class _Viewed:
 
     def look_at(self, view: SwarmView) -> None:
         """Take the swarm as it is now."""
-        self.view: SwarmView | None = view
+        self.view = view
         self.tick[0] = round(view.t / self.period)
 
     def read(self, r: Array, v: Array, q: Array, omega: Array, wheel: Array) -> None:

@@ -15,13 +15,9 @@ from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs, VecEnvStepReturn, VecEnvWrapper
 from torch import Tensor, nn
 
-from .policy import OWN, PER_PATCH, ArrayPolicy, PatchGeometry, describe, geometry_of
-from .readings import PER_SPACECRAFT
+from .policy import COLUMNS, OWN, PER_PATCH, ArrayPolicy, PatchGeometry, describe, geometry_of
 from .sb3 import SwarmObserveVecEnv
 from .step_kernels import FEATURES
-
-_NAMES = [name for name, *_ in PER_SPACECRAFT]
-_STORED = int(np.cumsum([0, *(size for _, size, *_ in PER_SPACECRAFT)])[_NAMES.index("stored")])
 
 
 class LearningView(VecEnvWrapper):
@@ -67,27 +63,7 @@ class LearningView(VecEnvWrapper):
         return self.geometry.features(observation).astype(np.float32)
 
     def _stored(self, observation: NDArray[np.float32]) -> NDArray[np.float64]:
-        return observation[:, _STORED : self._n * FEATURES : FEATURES].sum(axis=1, dtype=np.float64)
-
-
-def greedy_actions(features: NDArray[np.float32], geometry: PatchGeometry) -> NDArray[np.int64]:
-    """What the greedy rule says, looking ahead: with nothing in reach a spacecraft turns to what it will reach, or talks.
-
-    Args:
-        features: Shape (E, n, OWN + K PER_PATCH).
-        geometry: Of the patches.
-
-    Returns:
-        Actions of the control level `role`, shape (E, n).
-    """
-    patch = features[:, :, OWN:].reshape(*features.shape[:2], geometry.count, PER_PATCH)
-    area, gsd, chosen = patch[..., 0], patch[..., 3], patch[..., 6]
-    position, velocity = features[..., :3], features[..., 3:6]
-    ahead = (area / gsd).argmax(axis=2)
-    receding = (position * velocity).sum(axis=2) > 0.0
-    earth = geometry.count + features.shape[1] + 1
-    idle = np.where(receding, earth, ahead)
-    return np.where(chosen.any(axis=2), chosen.argmax(axis=2), idle).astype(np.int64)
+        return observation[:, COLUMNS["stored"].start : self._n * FEATURES : FEATURES].sum(axis=1, dtype=np.float64)
 
 
 class SwarmNetwork(nn.Module):

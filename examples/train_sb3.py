@@ -24,11 +24,10 @@ import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import configure
-
 from swarm_mj.envs.evaluation import fly_seeds, interval
-from swarm_mj.envs.policy import ArrayPolicy, save_policy
+from swarm_mj.envs.policy import ArrayPolicy, greedy_actions, load_policy, save_policy
 from swarm_mj.envs.sb3 import SwarmObserveVecEnv
-from swarm_mj.envs.sb3_policy import LearningView, SwarmActorCritic, exported, greedy_actions
+from swarm_mj.envs.sb3_policy import LearningView, SwarmActorCritic, exported
 
 #: Discount; an episode has 150 steps, and the shaped reward comes at once.
 GAMMA = 0.99
@@ -216,15 +215,15 @@ class Watch(BaseCallback):
 
 def compare(untrained: ArrayPolicy, folder: Path, scenario: str) -> None:
     """Fly the best policy and the untrained one from the same seeds."""
-    from swarm_mj.envs.policy import load_policy
-
     best = load_policy(folder / "policy.npz")
     totals = [fly_seeds(policy.act, COMPARISON, scenario=scenario).total for policy in (untrained, best)]
     for name, values in zip(("untrained", "trained"), totals, strict=True):
         mean, half = interval(values)
         print(f"{name:10} return {mean:.3f} +- {half:.3f}")
     mean, half = interval(totals[1] - totals[0])
-    print(f"difference on {len(COMPARISON)} paired seeds: {mean:.3f}, 95 % interval {mean - half:.3f} to {mean + half:.3f}")
+    print(
+        f"difference on {len(COMPARISON)} paired seeds: {mean:.3f}, 95 % interval {mean - half:.3f} to {mean + half:.3f}"
+    )
 
 
 def _write(file: Path, text: str) -> None:

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from swarm_mj.drawing.instant import Instant
 from swarm_mj.drawing.model import DrawingModel
-from swarm_mj.drawing.palette import MODES, TRAIL, rgba
-from swarm_mj.mission.behaviors import TargetKind
+from swarm_mj.drawing.palette import TRAIL, rgba
 
 Array = NDArray[np.float64]
 
@@ -42,16 +41,16 @@ def decorate(next_geom: NextGeom, model: DrawingModel, instant: Instant, width_s
     """
     radius = float(model.mjmodel.stat.extent)
     length, tips = sights(instant, radius)
-    colours = [MODES[TargetKind(int(kind))] for kind in instant.kind]
-    for r, tip, colour in zip(instant.r_BN_N, tips, colours, strict=True):
-        for start, end in dashes(r, tip, DASH * radius):
-            _line(next_geom(), start, end, width_scale * SIGHT_WIDTH, rgba(colour))
+    colours, working = instant.colours, np.flatnonzero(instant.works).tolist()
+    for j in working:
+        for start, end in dashes(instant.r_BN_N[j], tips[j], DASH * radius):
+            _line(next_geom(), start, end, width_scale * SIGHT_WIDTH, rgba(colours[j]))
     looking = np.flatnonzero(instant.looks_at_body).tolist()
     rims = {j: instant.r_BN_N[j] + length[j] * model.rim_B @ instant.C_BN[j] for j in looking}
     for j, rim in rims.items():
         for corner in rim if len(rim) <= MAX_EDGES else ():
             _line(next_geom(), instant.r_BN_N[j], corner, width_scale * EDGE_WIDTH, rgba(colours[j], EDGE_ALPHA))
-    for path in np.moveaxis(instant.trail_N, 1, 0):
+    for path in np.moveaxis(instant.trail_N[:, working], 1, 0):
         for start, end in zip(path[:-1], path[1:], strict=True):
             _line(next_geom(), start, end, width_scale * TRAIL_WIDTH, rgba(TRAIL, TRAIL_ALPHA))
     for j, rim in rims.items():

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from swarm_mj.drawing.canvas import Box, Projection
-from swarm_mj.drawing.instant import Instant
+from swarm_mj.drawing.instant import LOOKS_AT_BODY, Instant
 from swarm_mj.drawing.palette import FAINT, MODES, SEEN, TEXT, UNSEEN_BORDER, Rgb
 from swarm_mj.mission.behaviors import TargetKind
 
@@ -170,16 +170,21 @@ class Lettering:
 def roles(instant: Instant, names: Sequence[str]) -> list[Line]:
     """Who does what, one line each, or how many do what in a large swarm."""
     if instant.n > MAX_NAMED:
-        counts = Counter(TargetKind(int(kind)) for kind in instant.kind)
-        return [(f"{count} x {DEEDS[kind]}", MODES[kind]) for kind, count in sorted(counts.items())]
-    return [
-        (f"{names[j]} {deed(instant, names, j)}", MODES[TargetKind(int(instant.kind[j]))]) for j in range(instant.n)
-    ]
+        working = instant.kind[instant.works]
+        counts = Counter(TargetKind(int(kind)) for kind in working)
+        lines = [(f"{count} x {DEEDS[kind]}", MODES[kind]) for kind, count in sorted(counts.items())]
+        lost = instant.n - len(working)
+        return [*lines, (f"{lost} x lost", FAINT)] if lost else lines
+    return [(f"{name} {deed(instant, names, j)}", instant.colours[j]) for j, name in enumerate(names)]
 
 
 def deed(instant: Instant, names: Sequence[str], j: int) -> str:
     """What spacecraft j does."""
     kind = TargetKind(int(instant.kind[j]))
+    if not instant.works[j]:
+        return "is lost"
+    if kind in LOOKS_AT_BODY and not instant.looks_at_body[j]:
+        return "has its camera off"
     if kind not in (TargetKind.SPACECRAFT, TargetKind.EARTH):
         return DEEDS[kind]
     other = "Earth" if kind is TargetKind.EARTH else names[int(instant.tracked[j])]

@@ -128,6 +128,8 @@ class LiveFlight:
             link=None,
             seen=self._coverage.seen,
             trail_N=self._trail.to(self.time, r_BN_N),
+            lost=self._simulation.lost.copy(),
+            blind=~self._simulation.camera_on,
         )
 
     def _decide(self) -> None:
@@ -139,8 +141,7 @@ class LiveFlight:
     def _take_pictures(self) -> None:
         now = self.instant()
         sun_A = now.C_AN @ self.plan.environment.sun.at(now.t)
-        looking = now.looks_at_body & ~self._simulation.lost
-        for j in np.flatnonzero(looking[: self.plan.n_observers]):
+        for j in np.flatnonzero(now.looks_at_body[: self.plan.n_observers]):
             seen = observe(self._observer, now.C_AN @ now.r_BN_N[j], now.C_BN[j] @ now.C_AN.T, self._criterion, sun_A)
             self._coverage.add(now.t, int(j), seen)
 

@@ -113,10 +113,10 @@ class Drawing:
         self, pixels: Pixels, instant: Instant, projection: Projection | None, cameras: dict[int, Projection]
     ) -> Pixels:
         lettering, names = Lettering(pixels), self._plan.names
-        labels = [(name, MODES[TargetKind(int(kind))]) for name, kind in zip(names, instant.kind, strict=True)]
+        labels = list(zip(names, instant.colours, strict=True))
         named = instant.n <= MAX_NAMED
         if projection is not None:
-            to_earth = np.flatnonzero(instant.kind == TargetKind.EARTH)
+            to_earth = np.flatnonzero((instant.kind == TargetKind.EARTH) & instant.works)
             tips = sights(instant, self._plan.shape.max_radius)[1][to_earth]
             if named:
                 points = np.vstack((instant.r_BN_N, tips))

@@ -56,7 +56,9 @@ class Replay:
         self._q_BN = quaternion_from_mrp(telemetry["sigma_BN"].values)
         self._kind = telemetry["mode"].values.astype(np.int64)
         self._tracked = telemetry["tracked_spacecraft"].values.astype(np.int64)
-        self._link = telemetry["link_closed"].values.astype(bool) if "link_closed" in telemetry else None
+        self._link = _flags(telemetry, "link_closed")
+        self._works = _flags(telemetry, "operational")
+        self._camera_on = _flags(telemetry, "camera_on")
         self._trail_times = np.linspace(self.times[0], self.times[-1], trail_points(plan.n))
         self._trail_N = self._position(self._trail_times)
 
@@ -85,6 +87,8 @@ class Replay:
             kind=self._kind[k],
             tracked=self._tracked[k],
             link=None if self._link is None else self._link[k],
+            lost=None if self._works is None else ~self._works[k],
+            blind=None if self._camera_on is None else ~self._camera_on[k],
             seen=seen,
             trail_N=np.concatenate((self._trail_N[self._trail_times < t], r_BN_N[None])),
         )
@@ -96,6 +100,11 @@ class Replay:
             turn = before.inv() * Rotation.from_quat(self._q_BN[k + 1], scalar_first=True)
             before = before * Rotation.from_rotvec(share * turn.as_rotvec())
         return before.as_matrix().transpose(0, 2, 1)
+
+
+def _flags(telemetry: xr.Dataset, name: str) -> NDArray[np.bool_] | None:
+    """A variable of flags, shape (t, n); None where the flight has none."""
+    return telemetry[name].values.astype(bool) if name in telemetry else None
 
 
 def load_replay(folder: Path) -> Replay:

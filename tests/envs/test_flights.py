@@ -260,7 +260,7 @@ def test_what_goes_wrong_is_drawn_anew_for_every_episode_and_replays():
 
 
 def test_a_spacecraft_lost_to_a_fault_takes_no_more_pictures_and_the_others_go_on():
-    lost = '[{"kind": "spacecraft_lost", "spacecraft": "sc1", "at_s": 200}]'
+    lost = '[{"kind": "spacecraft_lost", "spacecraft": "sc2", "at_s": 200}]'
     env = gymnasium.make("SwarmObserve-v0", scenario=load_scenario("eros-observe", [f"faults={lost}"])).unwrapped
     whole = gymnasium.make("SwarmObserve-v0").unwrapped
     seen, terms = [], []
@@ -271,9 +271,9 @@ def test_a_spacecraft_lost_to_a_fault_takes_no_more_pictures_and_the_others_go_o
             assert not (terminated or truncated)
             terms.append(info["reward_terms"]["loss"])
         seen.append(info["coverage_percent"])
-    assert env.flybys.books.lost[0].tolist() == [True, False, False, False, False]
+    assert env.flybys.books.lost[0].tolist() == [False, True, False, False, False]
     assert 1.0 < seen[0] < seen[1]
     imaging = env.readings.split(env.flybys.observation[0])["imaging"].ravel()
-    assert imaging.tolist() == [0.0, 1.0, 1.0, 1.0, 1.0]
+    assert imaging.tolist() == [1.0, 0.0, 1.0, 1.0, 1.0]
     assert set(terms) == {0.0}  # a fault is nobody's mistake
     env.close()
