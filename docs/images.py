@@ -17,6 +17,7 @@ IMAGES = Path(__file__).parent / "images"
 COMMANDS = {
     "eros-config1": ("run", "eros-config1"),
     "eros-config2": ("run", "eros-config2"),
+    "eros-faults": ("run", "eros-faults"),
     "eros-config1-design": ("design", "eros-config1", "--pareto"),
 }
 
@@ -39,6 +40,7 @@ PICTURES = (
     ("eros-config2", "tracking_error"),
     ("eros-config2", "operation"),
     ("eros-config2", "links"),
+    ("eros-faults", "pointing_error"),
     ("eros-config1-design", "gene_map"),
     ("eros-config1-design", "history"),
     ("eros-config1-design", "cover"),

@@ -42,6 +42,7 @@ class Overview:
         kind: NDArray[np.int64] | None = None,
         tracked: NDArray[np.int64] | None = None,
         seen: NDArray[np.bool_] | None = None,
+        lost: NDArray[np.bool_] | None = None,
     ) -> NDArray[np.uint8]:
         """A picture, shape (height, width, 3). The simulation is only read.
 
@@ -53,6 +54,7 @@ class Overview:
             kind: `TargetKind` of what each +z tracks, shape (n,); None: taken from the two above.
             tracked: Spacecraft tracked, from 0, shape (n,); given together with `kind`.
             seen: Cells observed so far, shape (n_cells,); None: not drawn.
+            lost: Spacecraft that no longer work, shape (n,); None: all work.
         """
         if kind is None or tracked is None:
             # Whom a spacecraft talks to is not known here; the line along its +z shows it.
@@ -69,6 +71,7 @@ class Overview:
             link=None,
             seen=np.zeros(self._plan.region.n_cells, np.bool_) if seen is None else seen,
             trail_N=self._trail.to(state.t, state.r_BN_N),
+            lost=lost,
         )
         return self._drawing.draw(instant)
 

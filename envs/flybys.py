@@ -16,7 +16,7 @@ from swarm_mj.simulation.simulation import Simulation
 
 from . import step_kernels
 from .controls import IS_OBSERVING, ControlLevel, make_level
-from .rewards import TERMS
+from .rewards import TERMS, settle
 from .setting import Setting
 from .step_kernels import Books, Now
 
@@ -25,9 +25,6 @@ Mask = NDArray[np.bool_]
 
 #: Data aboard below this share of the nominal volume count as delivered.
 NOTHING_STORED = 1e-9
-
-#: How an episode can end by itself; 0 goes on.
-ENDS = ("", "complete", "impact", "lost", "diverged")
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +85,8 @@ class Flybys:
         self.observation = np.zeros((count, *space.shape), np.float32)
         self._low, self._high = space.low, space.high
         self.percent = np.zeros(count)
-        self._weights = np.array([setting.weights[name] for name in TERMS])
+        self._prices = self._make_prices()
+        self._everyone = np.ones(count, np.bool_)
 
     def _make_flights(self) -> BatchFlights | SeparateFlights:
         setting, level = self.setting, self.level
@@ -132,25 +130,33 @@ class Flybys:
             live: Flights to fly, shape (E,); None for all. The others stay as they are.
         """
         setting, flights = self.setting, self.flights
-        live = np.ones(self.count, np.bool_) if live is None else live
+        live = self._everyone if live is None else live
         self.level.hold(actions, self.now.C_BN[:, :, 2], live)
         self._before, self.now = self.now, self._before
         flights.effort[:] = 0.0
         area, flying = np.zeros(self.count), live.copy()
-        ticks = flights.tick[None] + np.arange(setting.ticks + 1)[:, None]
-        due: Mask = setting.due(ticks) & live
-        any_due: Mask = np.any(due, axis=1)
+        due = self._due()
         self._give_held()
         everyone = None if flying.all() else flying
         for k in range(setting.ticks):
             if not flights.decide(flying):
                 flying &= flights.finite
                 everyone = flying
-            if any_due[k]:
+            if k in due:
                 self._take_pictures(due[k] & flying, area)
             flights.advance(everyone)
-        flying = self._finish(flying, due[-1], area)
+        flying = self._finish(flying, due.get(setting.ticks), area)
         return self._result(live, flying, area)
+
+    def _due(self) -> dict[int, Mask]:
+        """In which flights pictures are due, by control instant of this step, where there are any."""
+        setting, tick = self.setting, self.flights.tick
+        found: dict[int, Mask] = {}
+        for start in set(tick.tolist()):
+            for k in range(setting.ticks + 1):
+                if start + k <= setting.last_tick and setting.is_due[start + k]:
+                    found[k] = found.get(k, np.zeros(self.count, np.bool_)) | (tick == start)
+        return found
 
     def _give_held(self) -> None:
         """Hand the batch what the level holds; separate simulations read it themselves."""
@@ -162,7 +168,7 @@ class Flybys:
         if level.torque_B is not None:
             flights.torque_B[:] = level.torque_B
 
-    def _finish(self, flying: Mask, due: Mask, area: Array) -> Mask:
+    def _finish(self, flying: Mask, due: Mask | None, area: Array) -> Mask:
         """The last pictures of a flight, and a look at the state at the end of the step."""
         last = flying & (self.flights.tick >= self.setting.last_tick)
         if last.any():
@@ -170,12 +176,13 @@ class Flybys:
             self.flights.decide(last)
             self.flights.effort[:] = effort
             flying = flying & self.flights.finite
-            self._take_pictures(due & last & flying, area)
+            if due is not None:
+                self._take_pictures(due & last & flying, area)
         # Of all flights: the moments were exchanged for those that stayed behind, too.
-        fine = self._look(self.now, np.ones(self.count, np.bool_))
-        for e in np.flatnonzero(flying & ~fine):
+        fine = self._look(self.now, self._everyone)
+        if not fine.all():
             # Deciding again names the spacecraft.
-            self.flights.decide(np.arange(self.count) == e)
+            self.flights.decide(flying & ~fine)
         return flying & fine
 
     def _look(self, now: Now, live: Mask) -> Mask:
@@ -248,48 +255,51 @@ class Flybys:
         return measures, hit
 
     def _result(self, live: Mask, flying: Mask, area: Array) -> Step:
-        setting, flights, books = self.setting, self.flights, self.books
-        gone = flights.lost & ~books.lost & flying[:, None]
+        setting, flights, books, count = self.setting, self.flights, self.books, self.count
+        gone = flights.lost & ~books.lost
         books.lost[:] |= gone
-        fallen = gone.sum(axis=1)
         measures, hit = self._end_step(flying, setting.step_s)
-        share = setting.step_s / setting.plan.scenario.duration_s
-        limit = setting.plan.properties.max_wheel_torque
-        wheels = flights.ctrl.shape[1]
-        diverged = live & ~flying
-        any_hit = hit.any(axis=1)
-        raw = np.zeros((self.count, len(TERMS)))
-        raw[:, 0] = area / setting.plan.region.total_area
-        raw[:, 1] = measures[:, 0] / setting.nominal_bit
-        raw[:, 2] = share * (flights.effort / (setting.ticks * wheels * limit**2))
-        raw[:, 3], raw[:, 4] = share * measures[:, 1], share * measures[:, 2]
-        raw[:, 5] = hit.sum(axis=1) + fallen if self._go_on else any_hit
-        raw[~flying] = 0.0
-        raw[diverged, 5] = 1.0
-        if self._go_on and any_hit.any():
-            books.lost[:] |= hit
+        self._count_seen(area)
+        terms, reward = np.zeros((count, len(TERMS))), np.zeros(count)
+        end, truncated = np.zeros(count, np.int64), np.zeros(count, np.bool_)
+        settle(
+            self._prices,
+            flights.tick,
+            live,
+            flying,
+            area,
+            flights.effort,
+            measures,
+            hit,
+            gone,
+            books.lost,
+            books.stored,
+            self.percent,
+            terms,
+            reward,
+            end,
+            truncated,
+        )
+        if self._go_on and hit.any():
             for e, j in zip(*np.nonzero(hit), strict=True):
                 flights.park(int(e), int(j))
-            any_hit = np.zeros(self.count, np.bool_)
-        terms = raw * self._weights
-        reward = np.zeros(self.count)
-        for k in range(len(TERMS)):
-            reward = reward + terms[:, k]
-        self._count_seen(area > 0.0)
-        aboard = (books.stored * ~books.lost).sum(axis=1)
-        complete = (self.percent >= setting.complete) & (aboard <= NOTHING_STORED * setting.nominal_bit)
-        end = np.where(flying & complete, 1, 0)
-        end = np.where(flying & any_hit, 2, end)
-        end = np.where(flying & (end == 0) & books.lost.all(axis=1), 3, end)
-        end = np.where(diverged, 4, end)
-        truncated = flying & (end == 0) & (flights.tick >= setting.last_tick)
         return Step(terms, reward, end, truncated, hit)
 
-    def _count_seen(self, changed: Mask) -> None:
-        """Bring the seen share up to date; from the cells, so that their order of coming does not matter."""
-        area = self.setting.plan.region.area
-        for e in np.flatnonzero(changed):
-            self.percent[e] = 100.0 * float(area[self.books.seen[e]].sum() / area.sum())
+    def _make_prices(self) -> Array:
+        """See `settle`."""
+        setting, properties = self.setting, self.setting.plan.properties
+        share = setting.step_s / setting.plan.scenario.duration_s
+        torques = setting.ticks * setting.plan.n * len(properties.wheel_axes_B) * properties.max_wheel_torque**2
+        numbers = [setting.plan.region.total_area, setting.nominal_bit, share, torques, setting.complete]
+        numbers += [NOTHING_STORED * setting.nominal_bit, setting.last_tick, float(self._go_on)]
+        return np.array([*numbers, *(setting.weights[name] for name in TERMS)], np.float64)
+
+    def _count_seen(self, new: Array) -> None:
+        """Bring the seen share up to date where there is new area; from the cells, so that their order does not matter."""
+        if new.any():
+            area = self.setting.plan.region.area
+            for e in np.flatnonzero(new):
+                self.percent[e] = 100.0 * float(area[self.books.seen[e]].sum() / area.sum())
 
     @property
     def time_s(self) -> Array:

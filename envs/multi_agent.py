@@ -19,10 +19,10 @@ from swarm_mj.errors import ScenarioError
 
 from .arguments import checked_render_mode, flight_seed
 from .controls import check_action
-from .flybys import ENDS, Flybys
+from .flybys import Flybys
 from .overview import EpisodePicture
 from .readings import Readings
-from .rewards import TERMS
+from .rewards import ENDS, TERMS
 from .setting import make_setting
 from .state import info_of
 

@@ -39,6 +39,11 @@ class SwarmObserveVecEnv(VecEnv):
         self._start = time.monotonic()
         self._return, self._length = np.zeros(num_envs), np.zeros(num_envs, np.int64)
 
+    @property
+    def returns(self) -> NDArray[np.float64]:
+        """Sum of the rewards of each flight so far, a copy, shape (num_envs,)."""
+        return self._return.copy()
+
     def reset(self) -> VecEnvObs:
         """Start all flights, from the seeds of `seed` if that was called since the last time."""
         if any(self._options):
@@ -83,6 +88,14 @@ class SwarmObserveVecEnv(VecEnv):
             "TimeLimit.truncated": truncated,
             "episode": episode,
         }
+
+    def restart(self, mask: NDArray[np.bool_]) -> NDArray[np.float32]:
+        """Break off the flights of a mask, shape (num_envs,), and start them anew; the observations of all."""
+        observations, infos = self.vector.reset(options={"reset_mask": mask})
+        for e in np.flatnonzero(mask):
+            self.reset_infos[e] = _of_flight(infos, int(e))
+        self._return[mask], self._length[mask] = 0.0, 0
+        return observations
 
     def close(self) -> None:
         """End the threads and release the observer; may be called again."""

@@ -28,42 +28,58 @@ class LearningView(VecEnvWrapper):
     over the nominal volume and 0 at the end, which changes no optimal policy. The end of the flight by its duration is an
     end like any other: the time left is part of the observation, and nothing comes after it.
 
+    A flight can also be broken off after `horizon_s`, when all pictures are taken and only talking is left: the data aboard
+    then count as delivered, so that training spends its time where decisions matter.
+
     Args:
         venv: The environment.
         gamma: Discount of training.
+
+    Attributes:
+        geometry: Of the patches.
+        horizon_s: Flights are broken off at this time [s]; infinite for whole flights.
     """
+
+    venv: SwarmObserveVecEnv
 
     def __init__(self, venv: SwarmObserveVecEnv, gamma: float) -> None:
         setting = venv.vector.lanes.setting
         self.geometry, self._gamma, self._n = geometry_of(setting), gamma, setting.plan.n
+        self.horizon_s = float("inf")
         shape = (self._n, OWN + PER_PATCH * self.geometry.count)
         super().__init__(venv, observation_space=spaces.Box(-np.inf, np.inf, shape, np.float32))
         self._potential = np.zeros(venv.num_envs)
-        self.observation: NDArray[np.float32] = np.zeros((venv.num_envs, 0), np.float32)
 
     def reset(self) -> VecEnvObs:
         """Features at the start of all flights."""
         observation = np.asarray(self.venv.reset())
-        self.observation, self._potential = observation, self._stored(observation)
+        self._potential = self._stored(observation)
         return self._features(observation)
 
     def step_wait(self) -> VecEnvStepReturn:
         """Features and shaped rewards."""
-        given, rewards, done, infos = self.venv.step_wait()
-        observation = np.asarray(given)
+        observation, rewards, done, infos = self.venv.step_wait()
         after = self._stored(observation)
         shaped = rewards + self._gamma * np.where(done, 0.0, after) - self._potential
-        self.observation, self._potential = observation, after
         for e in np.flatnonzero(done):
             infos[e]["terminal_observation"] = self._features(infos[e]["terminal_observation"][None])[0]
             infos[e]["TimeLimit.truncated"] = False
-        return self._features(observation), shaped.astype(np.float32), done, infos
+        broken = ~done & np.array([info["time_s"] >= self.horizon_s for info in infos])
+        if broken.any():
+            for e in np.flatnonzero(broken):
+                infos[e]["episode"] = {"r": float(self.venv.returns[e] + after[e]), "l": 0, "t": 0.0}
+                infos[e]["terminal_observation"] = self._features(observation[e][None])[0]
+            observation = self.venv.restart(broken)
+            after = self._stored(observation)
+        self._potential = after
+        return self._features(observation), shaped.astype(np.float32), done | broken, infos
 
-    def _features(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
+    def _features(self, observation: Any) -> NDArray[np.float32]:
         return self.geometry.features(observation).astype(np.float32)
 
-    def _stored(self, observation: NDArray[np.float32]) -> NDArray[np.float64]:
-        return observation[:, COLUMNS["stored"].start : self._n * FEATURES : FEATURES].sum(axis=1, dtype=np.float64)
+    def _stored(self, observation: Any) -> NDArray[np.float64]:
+        first = COLUMNS["stored"].start
+        return observation[:, first : self._n * FEATURES : FEATURES].sum(axis=1, dtype=np.float64)
 
 
 class SwarmNetwork(nn.Module):

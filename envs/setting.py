@@ -64,6 +64,7 @@ class Setting:
         observer: Judges the pictures.
         scene: The same for the compiled look; None where pictures are judged one by one.
         ticks: Control periods in a step.
+        is_due: Whether pictures that count are taken, by control instant, counted from 0.
         last_tick: Of the flight.
         nominal_bit: Volume of the whole target seen straight down from the imaging altitude [bit].
         mission: Numbers for the compiled loops.
@@ -104,8 +105,9 @@ class Setting:
         self.picture_every = round(given.observation.interval_s / period)
         self.visit_tick = round(given.design.time_of_flight_s / period)
         self.visit_only = given.observation.criterion == "visit"
+        self.is_due: list[bool] = self._due(np.arange(self.last_tick + 1)).tolist()
 
-    def due(self, tick: NDArray[np.int64]) -> NDArray[np.bool_]:
+    def _due(self, tick: NDArray[np.int64]) -> NDArray[np.bool_]:
         """Whether pictures that count are taken at these control instants, counted from 0."""
         visit = tick == self.visit_tick
         return visit if self.visit_only else visit | (tick % self.picture_every == 0)

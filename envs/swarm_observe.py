@@ -15,9 +15,9 @@ from swarm_mj.scenarios.schema import Scenario
 
 from .arguments import checked_render_mode, flight_seed
 from .controls import check_action
-from .flybys import ENDS, Flybys
+from .flybys import Flybys
 from .overview import EpisodePicture
-from .rewards import TERMS
+from .rewards import ENDS, TERMS
 from .setting import make_setting
 from .state import SwarmState, info_of, state_of
 from .window import Window
@@ -97,7 +97,8 @@ spacecraft 1..n (itself: hold); K+n+1: Earth; K+n+2: hold the direction of +z in
     The scenario's deployment: all at the mothership with solved velocities, wheels at rest, random attitudes and rates in
     the scenario's ranges. With the scenario's `faults` and `dispersions`, what goes wrong is drawn anew for every episode (but
     the place of the target, which the scenario's own seed fixes). All of it comes from a flight seed that `reset` draws from
-    `self.np_random` (or takes from `options={"flight_seed": k}`) and gives in `info["flight_seed"]`: `swarm-mj run SCENARIO --set seed=k` starts the same.
+    `self.np_random` (or takes from `options={"flight_seed": k}`) and gives in `info["flight_seed"]`:
+    `swarm-mj run SCENARIO --set seed=k` starts the same.
 
     ## Episode end
 

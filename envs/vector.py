@@ -15,9 +15,9 @@ from swarm_mj.errors import ScenarioError
 
 from .arguments import flight_seed
 from .controls import check_action
-from .flybys import ENDS, Step
+from .flybys import Step
 from .lanes import Lanes, default_threads
-from .rewards import TERMS
+from .rewards import ENDS, TERMS
 from .setting import make_setting
 
 Mask = NDArray[np.bool_]

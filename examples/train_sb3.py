@@ -33,12 +33,15 @@ from swarm_mj.envs.sb3_policy import LearningView, SwarmActorCritic, exported
 GAMMA = 0.99
 #: Seeds of the flights: training draws from the first on, validation and comparison have their own.
 TRAINING, VALIDATION, COMPARISON = 10_000, range(2_000, 2_016), range(1_000, 1_020)
+#: Steps of a flight in a round of PPO: to the horizon [s], for after it no picture of `eros-observe` counts any more. In the
+#: last part of training, flights go on to their end.
+STEPS, HORIZON_S, WHOLE_FLIGHTS = 75, 750.0, 0.9
 #: PPO updates between two validations.
-VALIDATE_EVERY = 8
+VALIDATE_EVERY = 10
 #: Passes over the data in a round of imitation.
 EPOCHS = 8
 #: From the first to the last update.
-LEARNING_RATE, ENTROPY = (3e-4, 3e-5), (3e-3, 3e-4)
+LEARNING_RATE, ENTROPY = (1e-3, 1e-4), (6e-3, 3e-4)
 
 
 @dataclass
@@ -96,16 +99,16 @@ def fresh(arguments: argparse.Namespace, view: LearningView) -> PPO:
     return PPO(
         SwarmActorCritic,
         view,
-        n_steps=150,
-        batch_size=800,
-        n_epochs=5,
+        n_steps=STEPS,
+        batch_size=400,
+        n_epochs=6,
         gamma=GAMMA,
-        gae_lambda=0.95,
+        gae_lambda=0.9,
         clip_range=0.2,
         learning_rate=LEARNING_RATE[0],
         ent_coef=ENTROPY[0],
         max_grad_norm=0.5,
-        target_kl=0.05,
+        target_kl=0.04,
         seed=None if arguments.resume else arguments.seed,
         device="cpu",
     )
@@ -174,6 +177,7 @@ class Watch(BaseCallback):
         left = 1.0 - self.share
         rate = LEARNING_RATE[1] + left * (LEARNING_RATE[0] - LEARNING_RATE[1])
         self.model.lr_schedule = lambda _: rate
+        self._view.horizon_s = HORIZON_S if self.share < WHOLE_FLIGHTS else float("inf")
         self.model.ent_coef = ENTROPY[1] + left * (ENTROPY[0] - ENTROPY[1])
         if self._updates:
             self.keep()
@@ -185,7 +189,7 @@ class Watch(BaseCallback):
 
     def keep(self) -> None:
         """Write the checkpoint."""
-        self.done.steps = self.num_timesteps
+        self.done.steps = self.model.num_timesteps
         self.done.seconds = self._before + time.monotonic() - self._start
         partial = self._folder / ".checkpoint.partial.zip"
         self.model.save(partial)

@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
+from rich.progress import Progress
 
 from swarm_mj.drawing.cameras import OVERVIEW, SPLIT
-from swarm_mj.drawing.film import check_film, film
+from swarm_mj.drawing.film import Film, check_film, film
 from swarm_mj.drawing.picture import Drawing
 from swarm_mj.drawing.replay import Replay, load_replay
 from swarm_mj.drawing.stills import write_stills
@@ -61,17 +62,10 @@ def run_video(
     check_film(path, width, height, fps)
     replay = load_replay(folder)
     speed = speed if speed is not None else suitable_speed(replay.duration)
-    times = picture_times(replay, fps, speed)
-    console = Console()
-    with (
-        Drawing(replay.plan, replay.path_N, camera=camera, width=width, height=height, note=f"{speed:g} x") as drawing,
-        progress_bars(console, quiet) as progress,
-    ):
-        task = progress.add_task(f"{replay.plan.scenario.name}: video, {camera}", total=len(times))
+    times, console = picture_times(replay, fps, speed), Console()
+    with Drawing(replay.plan, replay.path_N, camera=camera, width=width, height=height, note=f"{speed:g} x") as drawing:
         with film(path, width=width, height=height, fps=fps, sample=_sample(drawing, replay, path)) as reel:
-            for t in times:
-                reel.add(drawing.draw(replay.at(t)))
-                progress.advance(task)
+            _shoot(reel, drawing, replay, times, progress_bars(console, quiet), camera)
     console.print(
         f"{path}: {len(times)} pictures of {width} x {height}, {len(times) / fps:.1f} s at {fps:g} a second, "
         f"{speed:g} times as fast as the flight",
@@ -80,6 +74,17 @@ def run_video(
         markup=False,
     )
     return path
+
+
+def _shoot(
+    reel: Film, drawing: Drawing, replay: Replay, times: NDArray[np.float64], progress: Progress, camera: str
+) -> None:
+    """Take the pictures of a film while a bar shows how far it is."""
+    with progress:
+        task = progress.add_task(f"{replay.plan.scenario.name}: video, {camera}", total=len(times))
+        for t in times:
+            reel.add(drawing.draw(replay.at(float(t))))
+            progress.advance(task)
 
 
 def parse_size(text: str) -> tuple[int, int]:

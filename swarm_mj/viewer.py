@@ -110,14 +110,14 @@ def show_in_window(
 def _check_window() -> None:
     """Refuse where no window can be opened; MuJoCo's viewer would end the process instead."""
     try:
-        import glfw
+        import mujoco.viewer
 
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            if glfw.init():
+            if mujoco.viewer.glfw.init():
                 return
         reason = f"DISPLAY={os.environ.get('DISPLAY', '')!r}"
-    except ImportError as error:
+    except (ImportError, RuntimeError) as error:
         reason = str(error)
     raise ObserverError(f"MuJoCo's viewer cannot open a window here ({reason}); use the web viewer with --web")
 

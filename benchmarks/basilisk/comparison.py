@@ -8,6 +8,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from benchmarks.basilisk import ours, peer, reference
 from benchmarks.basilisk.problem import PERIOD_S, Flight, Problem, difference
@@ -23,6 +24,7 @@ ATTITUDE_DEG, POSITION_M = 5e-4, 1e-3
 EQUAL_STEP_S = 0.1
 
 Results = dict[str, Any]
+Array = NDArray[np.float64]
 
 
 def fly(program: str, problem: Problem, step: float) -> Flight:
@@ -78,34 +80,46 @@ def cheapest_step(rows: list[Results], program: str) -> float:
 def timing(problem: Problem, rows: list[Results], rounds: int, report: Callable[[str], None]) -> list[Results]:
     """Processor time of whole flights, interleaved, and Basilisk's over ours, medians of the rounds."""
     chosen = [(EQUAL_STEP_S,) * 3, tuple(cheapest_step(rows, program) for program in PROGRAMS)]
-    cases = sorted({(program, step) for steps in chosen for program, step in zip(PROGRAMS, steps, strict=True)})
-    for program, step in cases:
-        ready(program, problem, step)()  # compiles
-    times: dict[tuple[str, float], list[tuple[float, float]]] = {case: [] for case in cases}
+    cases = {(program, step): partial(ready, program, problem, step) for program, step in _cases(chosen)}
+    for program, step in _cases(chosen):
+        if program in WHEELS:
+            cases[f"{program} stepping", step] = partial(ours.stepping, problem, step, WHEELS[program])
+    for case in cases.values():
+        case()()  # compiles
+    times: dict[tuple[str, float], list[tuple[float, float]]] = {key: [] for key in cases}
     for k in range(rounds):
         report(f"timing, round {k + 1} of {rounds}")
-        for case in cases:
-            times[case].append(seconds(partial(ready, case[0], problem, case[1])()))
-    table = []
-    for what, steps in zip(("equal step", "cheapest accurate step"), chosen, strict=True):
-        theirs = np.array(times[PROGRAMS[0], steps[0]])
-        for program, step in zip(PROGRAMS[1:], steps[1:], strict=True):
-            mine = np.array(times[program, step])
-            ratio, wall = np.median(theirs / mine, axis=0)
-            table.append(
-                {
-                    "what": what,
-                    "wheels": program,
-                    "basilisk_step_s": steps[0],
-                    "step_s": step,
-                    "basilisk_cpu_s": float(np.median(theirs[:, 0])),
-                    "cpu_s": float(np.median(mine[:, 0])),
-                    "ratio": float(ratio),
-                    "ratio_quartiles": np.quantile(theirs[:, 0] / mine[:, 0], [0.25, 0.75]).tolist(),
-                    "ratio_wall": float(wall),
-                }
-            )
-    return table
+        for key, case in cases.items():
+            times[key].append(seconds(case()))
+    measured = {key: np.array(values) for key, values in times.items()}
+    return [
+        _row(what, program, steps[0], step, measured)
+        for what, steps in zip(("equal step", "cheapest accurate step"), chosen, strict=True)
+        for program, step in zip(PROGRAMS[1:], steps[1:], strict=True)
+    ]
+
+
+def _cases(chosen: list[tuple[float, ...]]) -> list[tuple[str, float]]:
+    return sorted({(program, step) for steps in chosen for program, step in zip(PROGRAMS, steps, strict=True)})
+
+
+def _row(what: str, program: str, their_step: float, step: float, measured: dict[tuple[str, float], Array]) -> Results:
+    theirs, mine = measured[PROGRAMS[0], their_step], measured[program, step]
+    stepping = measured[f"{program} stepping", step]
+    ratios = theirs[:, 0] / mine[:, 0]
+    return {
+        "what": what,
+        "wheels": program,
+        "basilisk_step_s": their_step,
+        "step_s": step,
+        "basilisk_cpu_s": float(np.median(theirs[:, 0])),
+        "cpu_s": float(np.median(mine[:, 0])),
+        "ratio": float(np.median(ratios)),
+        "ratio_quartiles": np.quantile(ratios, [0.25, 0.75]).tolist(),
+        "ratio_wall": float(np.median(theirs[:, 1] / mine[:, 1])),
+        "stepping_cpu_s": float(np.median(stepping[:, 0])),
+        "ratio_of_stepping": float(np.median(theirs[:, 0] / stepping[:, 0])),
+    }
 
 
 def seconds(flight: Callable[[], object]) -> tuple[float, float]:

@@ -99,6 +99,19 @@ def fly(problem: Problem, timestep: float, wheels: WheelModel = "bodies") -> Fli
     return Flight(r_N=record.vectors[:, 0], attitude=record.attitude[:, 0], wheel_speed=record.vectors[:, 4])
 
 
+def stepping(problem: Problem, timestep: float, wheels: WheelModel) -> Callable[[], object]:
+    """A function that only lets MuJoCo integrate for the time of the flight, with the first forces and no torques held."""
+    simulation = make(problem, timestep, wheels)
+    simulation.decide()
+    simulation.data.ctrl[:] = 0.0
+
+    def step() -> None:
+        for _ in range(round(DURATION_S / PERIOD_S)):
+            simulation.advance()
+
+    return step
+
+
 def ready(problem: Problem, timestep: float, wheels: WheelModel) -> Callable[[], object]:
     """A function that flies the whole flight without recording it; set-up is done."""
     simulation = make(problem, timestep, wheels)

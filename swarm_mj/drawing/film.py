@@ -138,4 +138,4 @@ class _Gif(_Encoder):
 def _palette(sample: Iterable[Pixels]) -> Image.Image:
     """The colours that suit sample pictures, as an image that carries them."""
     stack = np.vstack(list(sample))
-    return Image.fromarray(stack).quantize(GIF_COLOURS, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
+    return Image.fromarray(stack).quantize(GIF_COLOURS, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)

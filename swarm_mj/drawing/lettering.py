@@ -134,14 +134,13 @@ class Lettering:
                 return
 
     def caption(self, text: str, box: Box, colour: Rgb) -> None:
-        """A name in the lower left corner of a camera's picture, and a frame around that."""
+        """A text in the lower left corner of a camera's picture, its first word where there is no room, and a frame."""
         self._draw.rectangle(
             (box.left, box.top, box.left + box.width - 1, box.top + box.height - 1), outline=colour, width=1
         )
         y = box.top + box.height - round(1.5 * self.size)
-        room = box.width - self.size // 2
-        while len(text) > 3 and self._font.getlength(text) > room:
-            text = text.rsplit(" ", 1)[0] if " " in text else text[:-1]
+        if self._font.getlength(text) > box.width - self.size // 2:
+            text = text.split(" ")[0]
         self._words(box.left + self.size // 3, y, text, colour)
 
     def legend(self, note: str, box: Box) -> None:

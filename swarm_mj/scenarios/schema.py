@@ -172,10 +172,8 @@ class Spacecraft(Section):
         if min(self.size_m) <= 0:
             raise ValueError(f"size_m = {list(self.size_m)}: every edge must be > 0")
         count, word = (3, "three") if self.wheel_layout == "orthogonal" else (4, "four")
-        if count * self.wheel.mass_kg >= self.mass_kg:
-            raise ValueError(
-                f"mass_kg = {self.mass_kg}: must exceed the {word} wheels, {count * self.wheel.mass_kg:g} kg"
-            )
+        if (wheels_kg := count * self.wheel.mass_kg) >= self.mass_kg:
+            raise ValueError(f"mass_kg = {self.mass_kg}: must exceed the {word} wheels, {wheels_kg:g} kg")
         return self
 
 

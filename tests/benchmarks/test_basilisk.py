@@ -127,6 +127,7 @@ def test_the_page_shows_every_number():
             "cpu_s": 0.2,
             "ratio": 4.1,
             "ratio_quartiles": [4.0, 4.2],
+            "ratio_of_stepping": 5.3,
         }
         for what in ("equal step", "cheapest accurate step")
         for wheels in PROGRAMS[:2]
@@ -135,5 +136,15 @@ def test_the_page_shows_every_number():
     agreement = {"reference_with_longer_steps": numbers, "steps": steps, "between": between, "drift": drift}
     results = {"basilisk": "2.12.1", "rounds": 3, "agreement": agreement, "timing": timing}
     text = page(results, {"processor": "a processor", "cores": 2, "python": "3.11", "mujoco": "4.0"})
-    for word in ("2.12.1", "a processor", "1.5e-05", "2.5e-07", "3.5e-08", "16 times", "4.1 (4.0 to 4.2)", "3e-07"):
+    for word in (
+        "2.12.1",
+        "a processor",
+        "1.5e-05",
+        "2.5e-07",
+        "3.5e-08",
+        "16 times",
+        "4.1 (4.0 to 4.2)",
+        "5.3",
+        "3e-07",
+    ):
         assert word in text, word

@@ -12,6 +12,7 @@ from swarm_mj.drawing import canvas as canvas_module
 from swarm_mj.drawing.cameras import overview, view_direction
 from swarm_mj.drawing.canvas import Box, Canvas
 from swarm_mj.drawing.decorations import dashes, decorate
+from swarm_mj.drawing.lettering import clock, roles
 from swarm_mj.drawing.model import build_drawing_model
 from swarm_mj.drawing.picture import Drawing
 from swarm_mj.errors import ObserverError, OutputError
@@ -162,6 +163,30 @@ def test_every_kind_of_target_has_its_colour_and_dashes_cover_half_of_a_line(rep
         assert len(pieces) == 1 or 0.5 <= inked / distance < 0.7
 
 
+def test_a_lost_spacecraft_is_said_to_be_lost_and_has_no_lines_and_a_blind_one_no_field_of_view(replay, drawn):
+    model, _ = drawn
+    counts = {}
+    for name, states in {
+        "all": {},
+        "lost": {"lost": np.array([True, False])},
+        "blind": {"blind": np.array([True, False])},
+    }.items():
+        now, geoms = replace(replay.at(500.0), **states), []
+
+        def next_geom(geoms=geoms):
+            geoms.append(mujoco.MjvGeom())
+            return geoms[-1]
+
+        decorate(next_geom, model, now)
+        kinds = [g.type for g in geoms]
+        triangles, lines = (kinds.count(k) for k in (mujoco.mjtGeom.mjGEOM_TRIANGLE, mujoco.mjtGeom.mjGEOM_LINE))
+        counts[name] = triangles, lines, roles(now, replay.plan.names)[0][0]
+    assert counts["lost"][0] == counts["blind"][0] == counts["all"][0] / 2 == 4
+    assert counts["lost"][1] < 0.6 * counts["all"][1]
+    assert counts["blind"][1] == counts["all"][1] - 4
+    assert [words for _, _, words in counts.values()] == ["sc1 observes", "sc1 is lost", "sc1 has its camera off"]
+
+
 @pytest.mark.parametrize("name", ["overview", "chase", "split", "sc2"])
 def test_every_camera_gives_a_picture_that_changes_with_time_and_nothing_depends_on_what_was_drawn_before(replay, name):
     with Drawing(replay.plan, replay.path_N, camera=name, width=320, height=240) as drawing:
@@ -213,3 +238,14 @@ def test_contexts_are_released_by_closing_and_by_failing(replay, monkeypatch):
     with pytest.raises(ObserverError, match="pictures need OpenGL.*FatalError: no"):
         Drawing(replay.plan, replay.path_N, width=64, height=64)
     assert not alive
+
+
+def test_the_clock_reads_minutes_and_hours():
+    assert [clock(t) for t in (0.0, 59.99, 600.0, 3599.0, 3661.0)] == ["00:00", "00:59", "10:00", "59:59", "1:01:01"]
+
+
+def test_a_large_swarm_is_counted_and_drawn(replay):
+    now = replay.at(500.0)
+    many = {name: np.repeat(getattr(now, name), 10, axis=0) for name in ("r_BN_N", "C_BN", "kind", "tracked")}
+    now = replace(now, **many, link=None, trail_N=np.repeat(now.trail_N, 10, axis=1))
+    assert [words for words, _ in roles(now, [f"sc{k}" for k in range(20)])] == ["20 x observes"]

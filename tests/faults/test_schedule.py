@@ -101,3 +101,21 @@ def test_a_design_counts_on_what_is_planned_and_does_not_mind_the_faults():
     plain = fly_candidates(load_scenario("eros-faults", ["faults=[]", "dispersions={}"]))
     assert np.array_equal(flights.r_A, plain.r_A)
     assert np.array_equal(flights.plan.region.area, plain.plan.region.area)
+
+
+def test_the_page_on_faults_lists_every_kind_of_fault_with_its_defaults_and_every_dispersion():
+    from pathlib import Path
+
+    from swarm_mj.scenarios.schema_faults import FAULT_KINDS, Dispersions
+
+    page = (Path(__file__).parents[2] / "docs" / "faults.md").read_text("utf-8")
+    rows = {line.split("`")[1]: line for line in page.splitlines() if line.startswith("| `")}
+    common = {"kind", "spacecraft", "wheel", "at_s", "between_s", "probability", "duration_s", "detection_s"}
+    for kind, model in FAULT_KINDS.items():
+        for key, field in model.model_fields.items():
+            assert key in common or key in rows[kind], (kind, key)
+            if key == "duration_s" and field.default is not None:
+                assert f"`duration_s` {field.default:g}" in rows[kind]
+            elif isinstance(field.default, float) and key not in common:
+                assert float(rows[kind].split(f"`{key}` ")[1].split()[0].strip(",")) == field.default, (kind, key)
+    assert all(f"`{key}`" in page for key in Dispersions.model_fields)

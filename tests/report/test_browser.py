@@ -17,7 +17,7 @@ FLAGS = (
 )  # fmt: skip
 PATIENCE_S = 90
 
-pytestmark = pytest.mark.browser
+pytestmark = [pytest.mark.browser, pytest.mark.slow]
 LIGHT, DARK = "light", "dark"
 
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from swarm_mj.cli import main
 from swarm_mj.errors import OutputError
 from swarm_mj.report.page import report_html, safe_json, write_report
 from swarm_mj.report.reading import read_run
@@ -239,6 +240,13 @@ def test_a_run_ends_with_the_path_of_its_report_unless_told_not_to(tmp_path, cap
     run_many([scenario], [tmp_path / "without"], figures=False, report=False, quiet=True)
     assert "report" not in capsys.readouterr().out
     assert not (tmp_path / "without" / "report.html").exists()
+
+
+def test_the_command_writes_where_it_is_told_and_ends_with_an_error_for_no_run(folder, tmp_path, capsys):
+    assert main(["report", str(folder), "--out", str(tmp_path / "deep" / "mine.html")]) == 0
+    assert (tmp_path / "deep" / "mine.html").read_text("utf-8").startswith("<!DOCTYPE html>")
+    assert main(["report", str(tmp_path / "nothing")]) == 1
+    assert "no such folder" in capsys.readouterr().err
 
 
 @pytest.mark.slow
