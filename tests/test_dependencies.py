@@ -10,7 +10,7 @@ ROOT = Path(__file__).parents[1]
 #: Distribution of a module where the names differ.
 DISTRIBUTION = {"yaml": "pyyaml", "mpl_toolkits": "matplotlib", "PIL": "pillow"}
 #: Imported where present, with something else in their place where not.
-OPTIONAL = {"polyhedral_gravity", "astropy", "shapely"}
+OPTIONAL = {"polyhedral_gravity", "astropy", "shapely", "glfw"}
 #: Imported by what an extra brings: training, multi-agent, the window, campaigns on clusters.
 EXTRAS = {"stable_baselines3", "torch", "pettingzoo", "pygame", "distributed", "pyarrow"}
 

@@ -36,13 +36,20 @@ class Peer:
             )
         except OSError as error:
             raise PeerMissing(f"{python}: {error.strerror}") from None
-        self.versions: dict[str, str] = self._answer()
+        try:
+            self.versions: dict[str, str] = self._answer()
+        except RuntimeError as error:
+            raise PeerMissing(f"{python}: {error}") from None
         if "missing" in self.versions:
             self.close()
             raise PeerMissing(f"{python}: {self.versions['missing']}")
 
     def measure(self, example: str, seconds: float) -> dict[str, float]:
-        """Step an example for `seconds`; see `peer.Timed.run`."""
+        """Step an example for `seconds`; see `peer.Timed.run`.
+
+        Raises:
+            RuntimeError: The process has ended.
+        """
         assert self._process.stdin is not None
         self._process.stdin.write(json.dumps({"example": example, "seconds": seconds}) + "\n")
         self._process.stdin.flush()
@@ -67,5 +74,7 @@ class Peer:
         assert self._process.stdout is not None
         line = self._process.stdout.readline()
         if not line:
-            raise PeerMissing(f"the process of bsk_rl ended with status {self._process.wait()}; its messages stand above")
+            raise RuntimeError(
+                f"the process of bsk_rl ended with status {self._process.wait()}; its messages stand above"
+            )
         return dict(json.loads(line))

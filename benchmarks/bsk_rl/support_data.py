@@ -11,8 +11,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import spiceypy
-from Basilisk.utilities.supportDataTools import dataFetcher
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
@@ -36,7 +34,7 @@ LEAP_SECONDS = (
     *((30, "1996-JAN-1"), (31, "1997-JUL-1"), (32, "1999-JAN-1"), (33, "2006-JAN-1"), (34, "2009-JAN-1")),
     *((35, "2012-JUL-1"), (36, "2015-JUL-1"), (37, "2017-JAN-1")),
 )
-#: Earth's field, fully normalised (EGM96, degree 2 to 4); terms that are not listed are zero and cost the same.
+#: Earth's field, fully normalised: the largest terms of EGM96; those that are not listed are zero and cost the same.
 EARTH_FIELD = {
     (2, 0): (-4.84165371736e-4, 0.0),
     (2, 2): (2.43914352398e-6, -1.40016683654e-6),
@@ -49,6 +47,9 @@ EARTH_RADIUS_M, EARTH_GM, DEGREE = 6_378_136.3, 3.986004415e14, 10
 
 def install(folder: Path) -> None:
     """Write all files below `folder` and make Basilisk take them from there, as it does in a checkout of its own."""
+    # Here and below: all but writing can be checked without the peer.
+    from Basilisk.utilities.supportDataTools import dataFetcher
+
     kernels, fields = folder / "EphemerisData", folder / "LocalGravData"
     kernels.mkdir(parents=True)
     fields.mkdir()
@@ -104,6 +105,8 @@ def gravity_field() -> str:
 
 def write_ephemeris(path: Path) -> None:
     """Sun, Earth-Moon barycentre and Earth as Chebyshev polynomials; the Moon is left out, the Sun stands at the barycentre."""
+    import spiceypy
+
     handle = spiceypy.spkopn(str(path), "two-body Earth", 0)
     for (body, centre), (days, terms) in SEGMENTS.items():
         records = int(np.ceil((LAST_DAY - FIRST_DAY) / days))
@@ -113,7 +116,18 @@ def write_ephemeris(path: Path) -> None:
         first, last = FIRST_DAY * DAY_S, (FIRST_DAY + records * days) * DAY_S
         name = f"{body} from {centre}"
         spiceypy.spkw02(
-            handle, body, centre, "J2000", first, last, name, days * DAY_S, records, terms - 1, coefficients.ravel(), first
+            handle,
+            body,
+            centre,
+            "J2000",
+            first,
+            last,
+            name,
+            days * DAY_S,
+            records,
+            terms - 1,
+            coefficients.ravel(),
+            first,
         )
     spiceypy.spkcls(handle)
 

@@ -114,7 +114,7 @@ def compose_sobol(resolved: Resolved, results: pa.Table, summary: dict[str, Any]
     keys = _strongest(found, lambda entry: entry["value"])
     title = f"Shares of the variance of the observed area: {plain(resolved.campaign.name)}"
     ends = [end for entries in found.values() for entry in entries.values() for end in (entry["low"], entry["high"])]
-    limits = (min(-0.05, *ends), max(1.05, *ends)) if ends else (0.0, 1.0)
+    limits = (min(-0.05, *ends) - 0.03, max(1.0, *ends) + 0.03) if ends else (0.0, 1.0)
     return _tornado(title, "Sobol' index [-]", keys, found, limits)
 
 

@@ -26,6 +26,7 @@ Wheel = Annotated[
 Detection = Annotated[
     float, Field(ge=0, description="after which the flight software or the swarm knows and reacts [s]")
 ]
+Speed = Annotated[float, Field(ge=-1e4, le=1e4)]
 
 
 class Timed(Section):
@@ -195,7 +196,7 @@ class DeploymentVelocity(Timed):
     factor: float = Field(
         1.0, ge=0, le=10, description="of the velocity relative to the mothership; below 1: a weak spring"
     )
-    error_m_s: Vector3 = Field((0.0, 0.0, 0.0), description="added, in N [m/s]")
+    error_m_s: tuple[Speed, Speed, Speed] = Field((0.0, 0.0, 0.0), description="added, in N [m/s]")
 
 
 Fault = Annotated[

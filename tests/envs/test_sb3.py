@@ -1,0 +1,173 @@
+"""The VecEnv of stable-baselines3: its conventions, and the same flights as everywhere else."""
+
+import gymnasium
+import numpy as np
+import pytest
+
+pytest.importorskip("stable_baselines3")
+from stable_baselines3.common.env_util import make_vec_env  # noqa: E402
+from stable_baselines3.common.monitor import Monitor  # noqa: E402
+from stable_baselines3.common.vec_env import VecMonitor, VecNormalize  # noqa: E402
+from swarm_mj.envs.sb3 import SwarmObserveVecEnv  # noqa: E402
+
+from swarm_mj.errors import ScenarioError  # noqa: E402
+
+STEPS = 150
+
+
+@pytest.fixture(scope="module")
+def venv():
+    venv = SwarmObserveVecEnv(3, threads=1)
+    yield venv
+    venv.close()
+
+
+@pytest.fixture(scope="module")
+def episode(venv):
+    """Every step of three flights and one step beyond, with random actions: (actions, start, answers)."""
+    venv.seed(5)
+    start = venv.reset()
+    actions = np.random.default_rng(0).integers(0, 24, (STEPS + 1, 3, 5))
+    return actions, start, [venv.step(action) for action in actions]
+
+
+def test_it_does_what_stable_baselines3s_own_wrapper_of_single_environments_does(episode):
+    actions, start, answers = episode
+    theirs = make_vec_env("swarm_mj:SwarmObserve-v0", n_envs=3, seed=5)
+    assert np.array_equal(theirs.reset(), start)
+    for action, (observations, rewards, dones, infos) in zip(actions, answers, strict=True):
+        expected = theirs.step(action)
+        assert np.array_equal(observations, expected[0])
+        assert rewards.dtype == expected[1].dtype and np.array_equal(rewards, expected[1])
+        assert np.array_equal(dones, expected[2])
+        for own, other in zip(infos, expected[3], strict=True):
+            assert own.keys() - {"TimeLimit.truncated"} == other.keys() - {"TimeLimit.truncated"}
+            assert own.get("TimeLimit.truncated", False) == other.get("TimeLimit.truncated", False)
+            assert own["reward_terms"] == other["reward_terms"]
+            assert own["time_s"] == other["time_s"] and own["stored_bit"] == other["stored_bit"]
+            if "episode" in own:
+                assert own["episode"]["r"] == pytest.approx(other["episode"]["r"], abs=1e-5)
+                assert own["episode"]["l"] == other["episode"]["l"] == STEPS
+                assert np.array_equal(own["terminal_observation"], other["terminal_observation"])
+    theirs.close()
+
+
+def test_a_flight_that_ends_starts_anew_at_once(episode):
+    _, _, answers = episode
+    observations, _, dones, infos = answers[STEPS - 1]
+    assert dones.all()
+    for e in range(3):
+        assert infos[e]["TimeLimit.truncated"]
+        assert infos[e]["time_s"] == 1500.0
+        assert not np.array_equal(infos[e]["terminal_observation"], observations[e])
+    assert answers[STEPS][3][0]["time_s"] == 10.0
+
+
+def test_seeds_repeat_flights_and_count_for_one_reset_only(venv, episode):
+    _, start, _ = episode
+    venv.seed(5)
+    assert np.array_equal(venv.reset(), start)
+    assert not np.array_equal(venv.reset(), start)
+
+
+def test_flights_can_be_broken_off(venv):
+    venv.reset()
+    venv.step(np.zeros((3, 5), np.int64))
+    observations = venv.restart(np.array([False, True, False]))
+    *_, infos = venv.step(np.zeros((3, 5), np.int64))
+    assert [info["time_s"] for info in infos] == [20.0, 10.0, 20.0]
+    assert observations.shape == (3, *venv.observation_space.shape)
+    assert venv.reset_infos[1]["flight_seed"] >= 0
+
+
+def test_attributes_and_methods_reach_the_vector_environment(venv):
+    assert venv.get_attr("num_envs", [0, 2]) == [3, 3]
+    assert venv.get_attr("render_mode") == [None] * 3
+    assert len(venv.env_method("reset", indices=[1])) == 1
+    venv.set_attr("mark", 7)
+    assert venv.get_attr("mark") == [7] * 3
+    with pytest.raises(ScenarioError, match="indices"):
+        venv.set_attr("mark", 7, [1])
+    assert venv.env_is_wrapped(Monitor) == [True] * 3
+    assert venv.env_is_wrapped(gymnasium.wrappers.TimeLimit) == [False] * 3
+    venv.set_options({"flight_seed": 1})
+    with pytest.raises(ScenarioError, match="options"):
+        venv.reset()
+    venv.set_options()
+
+
+def test_wrappers_of_stable_baselines3_take_it():
+    venv = VecNormalize(VecMonitor(SwarmObserveVecEnv(2, threads=1, control="pointing")))
+    venv.reset()
+    observations, rewards, dones, _ = venv.step(np.zeros((2, 10), np.float32))
+    assert np.isfinite(observations).all() and rewards.shape == dones.shape == (2,)
+    venv.close()
+
+
+def test_the_network_in_torch_and_the_policy_in_numpy_give_the_same_logits(tmp_path):
+    torch = pytest.importorskip("torch")
+    from stable_baselines3 import PPO
+    from swarm_mj.envs.policy import load_policy, save_policy
+    from swarm_mj.envs.sb3_policy import LearningView, SwarmActorCritic, exported
+
+    venv = SwarmObserveVecEnv(2, threads=1)
+    view = LearningView(venv, 0.99)
+    model = PPO(SwarmActorCritic, view, n_steps=8, batch_size=8, seed=1, device="cpu")
+    with torch.no_grad():
+        for weights in model.policy.parameters():
+            weights.add_(0.1 * torch.randn_like(weights))
+    save_policy(tmp_path / "p.npz", exported(model.policy, venv, view.geometry, note="a test"))
+    policy = load_policy(tmp_path / "p.npz")
+    features = view.reset()
+    with torch.no_grad():
+        expected = model.policy.mlp_extractor.forward_actor(torch.as_tensor(features)).numpy()
+    logits = policy.logits(features.astype(np.float64))
+    assert np.ptp(expected) > 0.1
+    assert np.allclose(logits.reshape(2, -1), expected, atol=1e-4)
+    action, _ = model.predict(features, deterministic=True)
+    assert np.array_equal(action, logits.argmax(axis=2))
+    venv.close()
+
+
+def test_shaping_changes_the_return_of_an_episode_by_nothing_but_the_discount():
+    pytest.importorskip("torch")
+    from swarm_mj.envs.sb3_policy import LearningView
+
+    venv = SwarmObserveVecEnv(2, threads=1)
+    view = LearningView(venv, 1.0)
+    view.seed(3)
+    view.reset()
+    total, done = np.zeros(2), np.zeros(2, bool)
+    while not done.all():
+        centre = np.full((2, 5), 16)
+        _, rewards, done, infos = view.step(centre)
+        total += rewards
+    # Pictures were taken, nothing was sent: with no discount the shaping adds up to zero.
+    assert sum(infos[0]["stored_bit"]) > 0.0 and infos[0]["delivered_bit"] == 0.0
+    assert np.allclose(total, [info["episode"]["r"] for info in infos], atol=1e-5)
+    assert infos[0]["terminal_observation"].shape == view.observation_space.shape
+    venv.close()
+
+
+def test_a_flight_broken_off_counts_its_data_as_delivered():
+    pytest.importorskip("torch")
+    from swarm_mj.envs.sb3_policy import LearningView
+
+    venv = SwarmObserveVecEnv(2, threads=1)
+    view = LearningView(venv, 1.0)
+    view.horizon_s = 600.0
+    view.seed(3)
+    view.reset()
+    total, done, steps = np.zeros(2), np.zeros(2, bool), 0
+    while not done.all():
+        _, rewards, done, infos = view.step(np.full((2, 5), 16))
+        total, steps = total + rewards, steps + 1
+    nominal = venv.vector.lanes.setting.nominal_bit
+    assert steps == 60
+    for e in range(2):
+        aboard = sum(infos[e]["stored_bit"]) / nominal
+        assert aboard > 0.0
+        seen = infos[e]["coverage_percent"] / 100.0
+        assert total[e] == pytest.approx(seen + aboard, abs=1e-3)
+        assert infos[e]["episode"]["r"] == pytest.approx(total[e], abs=1e-5)
+    venv.close()
