@@ -242,7 +242,7 @@ def sobol_table(summary: dict[str, Any]) -> list[str]:
 
 def short(outcome: dict[str, Any] | None) -> str:
     """The largest value of an outcome."""
-    return "-" if outcome is None else f"{outcome['max']:.2g}"
+    return "-" if outcome is None else f"{outcome['max']:.3g}"
 
 
 def words(estimate: Estimate, scale: float = 1.0, digits: int = 1) -> str:

@@ -165,9 +165,8 @@ class Followed(Flybys):
             self._end_step(everyone, 0.0 if begins else setting.step_s)
             self.level.hold(act(self.observation[0])[None], self.now.C_BN[:, :, 2], everyone)
             self._give_held()
-        area = np.zeros(1)
-        self._take_pictures(setting.due(self.flights.tick), area)
-        self._count_seen(area > 0.0)
+        if setting.is_due[tick]:
+            self._take_pictures(everyone, np.zeros(1))
         return Targets(self.level.kind[0].copy(), self.level.index[0].copy(), self.level.vector[0].copy())
 
 

@@ -1,6 +1,6 @@
 """Environment steps per second beside bsk_rl's examples with five satellites: python -m benchmarks.bsk_rl.
 
-bsk_rl pins versions that clash with this project's, so it runs in an environment of its own:
+bsk_rl pins a pytest too old for this project's tests, so it runs in an environment of its own:
 
     python -m venv peer && peer/bin/pip install bsk bsk_rl spiceypy
     python -m benchmarks.bsk_rl --peer-python peer/bin/python

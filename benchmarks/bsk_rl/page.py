@@ -22,16 +22,16 @@ DIFFERENCES = """## What is modelled
 | translation | Earth's field to degree 10, the Sun, drag | Eros's field to degree 2 |
 | attitude | rigid body, three wheels | rigid body, three wheels |
 | step of the dynamics | RK4, 1 s | RK4, 0.5 s |
-| flight software | every 1 s: pointing at nadir, Sun or a place on the ground; MRP feedback or steering | every 0.5 s: pointing \
-at the body, a place on it, a spacecraft or Earth; MRP sliding mode |
+| flight software | every 1 s: pointing at nadir, Sun or a place on the ground; MRP feedback or steering | every 0.5 s: \
+pointing at the body, a place on it, a spacecraft or Earth; MRP sliding mode |
 | power | panels, battery, eclipse, loads of instrument, radio and wheels | - |
 | wheels | speeds; thrusters to dump momentum, which these examples do not ask for | speeds and their limit |
 | data | storage, bits of instrument and radio | storage, radio links by beam, range and occultation |
-| pictures | `scanning`: while it points at nadir; `imaging`: 1,000 points, one at a time, by pointing and elevation | every 10 s, \
-of every cell of the target: field of view, horizon, sampling distance |
+| pictures | `scanning`: while it points at nadir; `imaging`: 1,000 points, one at a time, by pointing and elevation | every \
+10 s, of every cell of the target: field of view, horizon, sampling distance |
 | look-ahead | next eclipse; `imaging`: the next ten passages over targets, from an orbit computed ahead | - |
 | between spacecraft | `imaging`: what has been imaged, while in sight | data relayed to the one that talks to Earth |
-| loss | empty battery, full storage, low orbit | impact on the body, close approaches |
+| loss | empty battery, wheels too fast, orbit too low | impact on the body, close approaches |
 | an environment step ends | when the first satellite's action ends: after 60 s, 10 s, or when a picture is taken | after 10 s |
 | in one process | one environment, one thread | one, or 64 on all cores |
 
@@ -41,11 +41,11 @@ Neither is the other's task: the ratio says what a step costs to train on, not t
 
 METHOD = """## How it is measured
 
-- Random actions on both sides, {rounds} rounds after one to warm up. In a round every work runs for {seconds:g} s, one after the
-  other; bsk_rl in a process of its own, which sleeps meanwhile. Medians, in brackets the quartiles over the rounds; ratios are
-  those of each round. Other work ran on the machine at the same time, so that wall clock understates both; processor time
-  (over all threads) holds better, and compares one core with one core.
-- swarm_mj's resets are part of its rates. bsk_rl's are left out, in its favour: see the table.
+- Random actions on both sides, {rounds} rounds after one to warm up. In a round every work runs for {seconds:g} s, one
+  after the other; bsk_rl in a process of its own, which sleeps meanwhile. Medians, in brackets the quartiles over the rounds;
+  ratios are those of each round. Other work on the machine slows wall clock down on both sides; processor time, over all
+  threads, holds better, and compares one core with one core.
+- swarm_mj's resets are part of its rates. bsk_rl's are left out, in its favour; the table says what they take.
 - bsk_rl logs errors only, and writes no Vizard files.
 - bsk_rl needs SPICE kernels and a gravity field that are downloaded. The benchmark writes such files itself, with the types of
   segments, numbers of coefficients and degree of the originals: a step evaluates as many terms.

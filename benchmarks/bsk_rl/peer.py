@@ -1,7 +1,7 @@
 """bsk_rl's examples in a process of their own, timed on request: run by the interpreter of an environment that has bsk_rl.
 
-Every line of standard input asks {"example": name, "seconds": s}; every line of standard output answers. The first line tells the
-versions, or why there is no peer. Nothing of swarm_mj is imported: bsk_rl pins versions that clash with its tests'.
+Every line of standard input asks {"example": name, "seconds": s}; every line of standard output answers. The first line tells
+the versions, or why there is no peer. Nothing of swarm_mj is imported: bsk_rl pins a pytest too old for this project's tests.
 """
 
 from __future__ import annotations
@@ -95,6 +95,7 @@ def main() -> None:
 
             support_data.install(Path(folder) / "supportData")
             from Basilisk.architecture import bskLogging
+
             from benchmarks.bsk_rl.examples import EXAMPLES
         except ImportError as missing:
             answer({"missing": str(missing)})

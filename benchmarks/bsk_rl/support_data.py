@@ -1,4 +1,4 @@
-"""Data files that bsk_rl reads and no package brings: SPICE kernels and Earth's gravity field, written here from published values.
+"""Data files that bsk_rl reads and no package brings: SPICE kernels and Earth's gravity field, from published values.
 
 bsk_rl downloads 120 MB of them (de430.bsp, naif0012.tls, pck00010.tpc, de-403-masses.tpc, GGM03S.txt). What a step costs does
 not depend on the numbers in them, but on what is evaluated: so the kernels written here hold segments of the same type, with

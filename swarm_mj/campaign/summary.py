@@ -170,27 +170,40 @@ def _number(value: Any) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
+#: Lines of the table: words, outcome and what of it.
+LINES = {
+    "observed area, mean [%]": ("coverage_percent", "mean"),
+    "observed area, 5th percentile [%]": ("coverage_percent", "0.05"),
+    "pointing error at the visit, 95th percentile [deg]": ("pointing_error_deg_visit_max", "0.95"),
+    "wheel speed, 95th percentile [share of limit]": ("max_wheel_speed_fraction", "0.95"),
+}
+#: With more scenarios than these, each gets a line instead of a column.
+MAX_COLUMNS = 4
+
+
 def summary_table(summary: dict[str, Any]) -> Table:
-    """A short table: one column a scenario."""
-    table = Table(title=f"Campaign {summary['campaign']}", title_justify="left")
-    table.add_column("")
-    scenarios = summary["scenarios"]
-    for name in scenarios:
-        table.add_column(escape(name), justify="right")
-    table.add_row("flights (failed)", *(f"{s['finished']} ({s['failed']})" for s in scenarios.values()))
-    table.add_row(
-        escape("P(whole target seen) [%], 95 % interval"), *(_in_words(s["covered"]) for s in scenarios.values())
-    )
-    rows = {
-        "observed area, mean [%]": ("coverage_percent", "mean"),
-        "observed area, 5th percentile [%]": ("coverage_percent", "0.05"),
-        "pointing error at the visit, 95th percentile [deg]": ("pointing_error_deg_visit_max", "0.95"),
-        "wheel speed, 95th percentile [share of limit]": ("max_wheel_speed_fraction", "0.95"),
+    """A short table: one column a scenario, or one line where there are many."""
+    scenarios: dict[str, dict[str, Any]] = summary["scenarios"]
+    cells = {
+        "flights (failed)": [f"{s['finished']} ({s['failed']})" for s in scenarios.values()],
+        "P(whole target seen) [%], 95 % interval": [_in_words(s["covered"]) for s in scenarios.values()],
     }
-    for words, (outcome, what) in rows.items():
-        if any(outcome in s["outcomes"] for s in scenarios.values()):
-            table.add_row(escape(words), *(_cell(s["outcomes"].get(outcome), what) for s in scenarios.values()))
+    for words, (outcome, what) in LINES.items():
+        found = [s["outcomes"].get(outcome) for s in scenarios.values()]
+        if any(found):
+            cells[words] = [_cell(entry, what) for entry in found]
+    table = Table(title=f"Campaign {summary['campaign']}", title_justify="left")
     table.caption = f"{summary['flight_s']:.0f} s of computing in all"
+    by_line = len(scenarios) > MAX_COLUMNS
+    table.add_column("")
+    for heading in cells if by_line else scenarios:
+        table.add_column(escape(heading), justify="right")
+    if by_line:
+        for k, name in enumerate(scenarios):
+            table.add_row(escape(name), *(row[k] for row in cells.values()))
+    else:
+        for words, row in cells.items():
+            table.add_row(escape(words), *row)
     return table
 
 
