@@ -54,12 +54,14 @@ check: test lint types ## tests, style and types
 
 bench: setup ## measure how fast the program is on this machine
 	@$(BIN)/swarm-mj bench $(ARGS)
+	@$(BIN)/python -m benchmarks.basilisk
 
 docs-images: setup-dev ## redraw the pictures that README and docs show
 	@$(BIN)/python -m docs.images
 
 docs: docs-images ## the same, and rerun the checks that docs show
 	@$(BIN)/swarm-mj validate --markdown docs/validation.md
+	@$(BIN)/python -m docs.dependencies
 
 reproduction: setup ## rewrite docs/reproduction.md: the fewest observers under every reading
 	@$(BIN)/python -m docs.reproduction

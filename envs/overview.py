@@ -50,6 +50,7 @@ class EpisodePicture:
             kind=kind.copy(),
             tracked=flights.index[0].copy(),
             seen=self._flybys.books.seen[0],
+            lost=lost.copy(),
         )
         return picture
 

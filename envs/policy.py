@@ -274,13 +274,16 @@ def load_policy(file: str | Path) -> ArrayPolicy:
             arrays = dict(data)
         about = json.loads(str(arrays["about"]))
         found = about.pop("format")
-        if found != FORMAT:
-            raise ScenarioError(f"policy {path}: has format {found}, this program reads {FORMAT}; train it anew")
-        weights = {name: arrays[f"weight_{name}"].astype(np.float64) for name in WEIGHTS}
-        given = {item.name: arrays[f"geometry_{item.name}"] for item in fields(PatchGeometry)}
     except FileNotFoundError:
         raise ScenarioError(f"policy {path}: no such file") from None
     except (OSError, ValueError, KeyError, AttributeError, zipfile.BadZipFile) as error:
         raise ScenarioError(f"policy {path}: is not a policy file: {error}") from None
-    geometry = PatchGeometry(**{name: value if value.ndim else float(value) for name, value in given.items()})
-    return ArrayPolicy(weights, geometry, about)
+    if found != FORMAT:
+        raise ScenarioError(f"policy {path}: has format {found}, this program reads {FORMAT}; train it anew")
+    try:
+        weights = {name: arrays[f"weight_{name}"].astype(np.float64) for name in WEIGHTS}
+        given = {item.name: arrays[f"geometry_{item.name}"] for item in fields(PatchGeometry)}
+    except KeyError as error:
+        raise ScenarioError(f"policy {path}: holds no array {error}") from None
+    geometry: dict[str, Any] = {name: value if value.ndim else float(value) for name, value in given.items()}
+    return ArrayPolicy(weights, PatchGeometry(**geometry), about)

@@ -39,11 +39,6 @@ class SwarmObserveVecEnv(VecEnv):
         self._start = time.monotonic()
         self._return, self._length = np.zeros(num_envs), np.zeros(num_envs, np.int64)
 
-    @property
-    def returns(self) -> NDArray[np.float64]:
-        """Sum of the rewards of each flight so far, a copy, shape (num_envs,)."""
-        return self._return.copy()
-
     def reset(self) -> VecEnvObs:
         """Start all flights, from the seeds of `seed` if that was called since the last time."""
         if any(self._options):
@@ -86,8 +81,18 @@ class SwarmObserveVecEnv(VecEnv):
         return info | {
             "terminal_observation": infos["final_obs"][e],
             "TimeLimit.truncated": truncated,
-            "episode": episode,
+            "episode": self.episode(e),
         }
+
+    def episode(self, e: int, more: float = 0.0) -> dict[str, float]:
+        """What `Monitor` would tell of flight e if it ended now: return `r`, length `l`, seconds since the start `t`.
+
+        Args:
+            e: Number of the flight.
+            more: What a wrapper adds to the return.
+        """
+        since = round(time.monotonic() - self._start, 6)
+        return {"r": float(self._return[e]) + more, "l": int(self._length[e]), "t": since}
 
     def restart(self, mask: NDArray[np.bool_]) -> NDArray[np.float32]:
         """Break off the flights of a mask, shape (num_envs,), and start them anew; the observations of all."""

@@ -61,14 +61,15 @@ class LearningView(VecEnvWrapper):
         observation, rewards, done, infos = self.venv.step_wait()
         after = self._stored(observation)
         shaped = rewards + self._gamma * np.where(done, 0.0, after) - self._potential
-        for e in np.flatnonzero(done):
+        for e in np.flatnonzero(done).tolist():
             infos[e]["terminal_observation"] = self._features(infos[e]["terminal_observation"][None])[0]
             infos[e]["TimeLimit.truncated"] = False
         broken = ~done & np.array([info["time_s"] >= self.horizon_s for info in infos])
         if broken.any():
-            for e in np.flatnonzero(broken):
-                infos[e]["episode"] = {"r": float(self.venv.returns[e] + after[e]), "l": 0, "t": 0.0}
-                infos[e]["terminal_observation"] = self._features(observation[e][None])[0]
+            features = self._features(observation)
+            for e in np.flatnonzero(broken).tolist():
+                infos[e]["episode"] = self.venv.episode(e, after[e])
+                infos[e]["terminal_observation"] = features[e]
             observation = self.venv.restart(broken)
             after = self._stored(observation)
         self._potential = after
@@ -123,6 +124,7 @@ class SwarmActorCritic(ActorCriticPolicy):
     """stable-baselines3's policy around `SwarmNetwork`: its logits are those of the actions as they are."""
 
     def _build_mlp_extractor(self) -> None:
+        assert self.observation_space.shape is not None
         n, width = self.observation_space.shape
         self.mlp_extractor = SwarmNetwork(n, width)  # type: ignore[assignment]
 
@@ -130,7 +132,7 @@ class SwarmActorCritic(ActorCriticPolicy):
         self.ortho_init = False
         super()._build(lr_schedule)
         self.action_net = nn.Identity()
-        self.optimizer = self.optimizer_class(self.parameters(), lr=lr_schedule(1), **self.optimizer_kwargs)
+        self.optimizer = self.optimizer_class(self.parameters(), lr=lr_schedule(1), **self.optimizer_kwargs)  # type: ignore[call-arg]
 
     def arrays(self) -> dict[str, NDArray[np.float64]]:
         """The weights of the actor as `ArrayPolicy` names them."""

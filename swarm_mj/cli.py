@@ -14,7 +14,10 @@ from swarm_mj.errors import SwarmError
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command line; returns the exit status: 0 done, 1 a named error, 130 interrupted."""
+    """Run the command line; returns the exit status.
+
+    0: done; 1: a check failed; 2: bad input or another named error; 130: interrupted.
+    """
     arguments = _parser().parse_args(argv)
     if threading.current_thread() is threading.main_thread():
         # Whoever ends the program politely gets the same tidy end as Ctrl-C.
@@ -23,7 +26,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         return int(arguments.command(arguments) or 0)
     except SwarmError as error:
         print(f"swarm-mj: error: {error}", file=sys.stderr)
-        return 1
+        return 2
+    except MemoryError:
+        print("swarm-mj: error: not enough memory for this; ask for less", file=sys.stderr)
+        return 2
     except KeyboardInterrupt:
         print("\nswarm-mj: interrupted; nothing half-written was left behind", file=sys.stderr)
         return 130

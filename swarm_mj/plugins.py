@@ -50,5 +50,5 @@ def create(group: str, name: str, parameters: Mapping[str, Any], *context: Any) 
     factory = find(group, name)
     try:
         return factory(*context, **parameters)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, ArithmeticError) as error:
         raise PluginError(f"{name!r} of {group} with parameters {dict(parameters)}: {error}") from error

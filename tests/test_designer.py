@@ -85,7 +85,7 @@ def test_the_command_run_takes_a_design(folder, tmp_path):
     assert np.shape(record["visiting_points_A_m"]) == (record["n_observers"], 3)
     assert len(record["delta_v_m_s"]) == record["n_observers"]
     assert record["versions"]["pymoo"]
-    assert main(["run", "eros-quick", "--design", str(tmp_path / "none.json"), "--quiet"]) == 1
+    assert main(["run", "eros-quick", "--design", str(tmp_path / "none.json"), "--quiet"]) == 2
 
 
 def test_a_design_can_be_flown_by_reference_and_covers_the_target(folder, tmp_path):
@@ -115,7 +115,7 @@ def test_a_design_that_no_single_scenario_flies_says_so_and_is_refused_by_run(tm
     assert main(["design", "eros-quick", "--quiet", "--no-figures", "--out", str(out), *arguments(freedom)]) == 0
     assert "No single scenario flies this design" in capsys.readouterr().out
     assert (
-        main(["run", "eros-quick", "--quiet", "--design", str(out / "design.json"), "--out", str(tmp_path / "r")]) == 1
+        main(["run", "eros-quick", "--quiet", "--design", str(out / "design.json"), "--out", str(tmp_path / "r")]) == 2
     )
     assert "several targets, altitudes or times" in capsys.readouterr().err
 
@@ -191,7 +191,7 @@ def test_the_literal_reading_needs_one():
     ],
 )
 def test_a_design_that_cannot_be_is_a_clear_error_and_leaves_nothing(tmp_path, capsys, overrides, words):
-    assert main(["design", "eros-quick", "--quiet", "--out", str(tmp_path / "o"), *arguments(*overrides)]) == 1
+    assert main(["design", "eros-quick", "--quiet", "--out", str(tmp_path / "o"), *arguments(*overrides)]) == 2
     message = capsys.readouterr().err
     assert "Traceback" not in message
     for word in words:

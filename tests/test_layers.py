@@ -35,7 +35,7 @@ ORDER = [
 ]
 RANK = {name: rank for rank, layer in enumerate(ORDER) for name in layer}
 #: Pure physics takes arrays and returns arrays.
-WITHOUT_MUJOCO = ("smallbody", "attitude", "mission", "design", "observation", "scenarios")
+WITHOUT_MUJOCO = ("smallbody", "attitude", "mission", "design", "observation", "scenarios", "faults")
 
 
 def modules():

@@ -245,7 +245,7 @@ def test_bad_input_ends_in_a_clear_error_and_no_output(tmp_path, capsys, overrid
         (tmp_path / "mesh.obj").write_text(mesh)
         overrides = [*overrides, f"body.shape={tmp_path / 'mesh.obj'}"]
     arguments = [part for override in overrides for part in ("--set", override)]
-    assert main([*QUICK, "--out", str(out), *arguments]) == 1
+    assert main([*QUICK, "--out", str(out), *arguments]) == 2
     message = capsys.readouterr().err
     assert message.startswith("swarm-mj: error:")
     assert "Traceback" not in message
@@ -256,9 +256,9 @@ def test_bad_input_ends_in_a_clear_error_and_no_output(tmp_path, capsys, overrid
 
 
 def test_a_missing_scenario_and_an_unwritable_folder_are_clear_errors(tmp_path, capsys):
-    assert main(["run", str(tmp_path / "none.yaml")]) == 1
+    assert main(["run", str(tmp_path / "none.yaml")]) == 2
     assert "cannot be read" in capsys.readouterr().err
-    assert main([*QUICK, "--out", "/proc/nowhere/run"]) == 1
+    assert main([*QUICK, "--out", "/proc/nowhere/run"]) == 2
     assert "/proc/nowhere/run" in capsys.readouterr().err
 
 

@@ -69,7 +69,7 @@ def vector_steps(num_envs: int, **arguments: Any) -> Callable[[], int]:
 
 
 def rows(quick: bool, num_envs: int = 64) -> Iterator[Row]:
-    """All of it; by wall clock, and by processor time over all threads, which holds where the machine does other work beside."""
+    """All of it; by wall clock, and by processor time over all threads, which holds where the machine is shared."""
     works: dict[str, Callable[[], int]] = {
         "single, role": single_steps(),
         f"vector of {num_envs}, role": vector_steps(num_envs),

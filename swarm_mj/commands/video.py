@@ -22,7 +22,12 @@ def add(commands: argparse._SubParsersAction) -> None:
     video.add_argument(
         "--speed", type=float, metavar="X", help="seconds of flight per second of film (default: half a minute in all)"
     )
-    video.add_argument("--out", type=Path, metavar="FILE", help=".mp4 or .gif (default: RUN_DIR/CAMERA.mp4)")
+    video.add_argument(
+        "--out",
+        type=Path,
+        metavar="FILE",
+        help=".mp4 or .gif, or .png for stills of the visit and the end (default: RUN_DIR/CAMERA.mp4)",
+    )
     video.add_argument("--quiet", action="store_true", help="no progress bar")
     video.set_defaults(command=_video)
 

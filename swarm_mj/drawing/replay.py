@@ -113,7 +113,10 @@ def load_replay(folder: Path) -> Replay:
     Raises:
         OutputError: The folder is not a run's, or its files are damaged or of another version.
     """
-    missing = [name for name in ("scenario.yaml", "telemetry.nc", "coverage.npz") if not (folder / name).is_file()]
+    try:
+        missing = [name for name in ("scenario.yaml", "telemetry.nc", "coverage.npz") if not (folder / name).is_file()]
+    except OSError as error:
+        raise OutputError(f"{folder}: cannot be read ({error.strerror})") from None
     if missing:
         raise OutputError(
             f"{folder}: is not the result of a run ({missing[0]} is missing); give a folder that `swarm-mj run` wrote"
@@ -122,10 +125,10 @@ def load_replay(folder: Path) -> Replay:
         plan = make_plan(load_scenario(folder / "scenario.yaml"), check_separation=False)
         with xr.open_dataset(folder / "telemetry.nc", engine="h5netcdf") as file:
             telemetry = file.load()
-        with np.load(folder / "coverage.npz") as arrays:
+        with np.load(folder / "coverage.npz", allow_pickle=False) as arrays:
             first_seen_s = arrays["first_seen_s"]
         return Replay(plan, telemetry, first_seen_s)
     except SwarmError as error:
         raise OutputError(f"{folder}: {error}") from error
-    except (OSError, KeyError, ValueError) as error:
+    except Exception as error:  # HDF5, zipfile, zlib and numpy each have their own for a broken file
         raise OutputError(f"{folder}: cannot be read ({type(error).__name__}: {error}); fly it again") from error

@@ -171,4 +171,3 @@ def within(direction: Array, axis: Array, half_angle: float) -> NDArray[np.bool_
 def unit(vectors: Array) -> Array:
     """Vectors scaled to unit length along the last axis."""
     return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
-

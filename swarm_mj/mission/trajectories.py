@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import count
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,8 @@ SHOOTING_TOLERANCE_M = 1e-5
 MAX_ITERATIONS = 20
 #: Step of the start velocity for the Jacobian [m/s]: large against the integrator's noise, small against the curvature.
 VELOCITY_STEP = 1e-2
+#: Evaluations of the force after which an integration is given up, far beyond any flyby.
+MAX_EVALUATIONS = 200_000
 
 _REMEDY = (
     "a path through the body has no solution in a field that diverges there: change mothership.position_A_m, "
@@ -77,7 +80,14 @@ def propagate(
     """
     n = len(r0)
 
+    evaluations = count(1)
+
     def rhs(t: float, y: Array) -> Array:
+        if next(evaluations) > MAX_EVALUATIONS:
+            raise MissionError(
+                f"the trajectory cannot be integrated: after {MAX_EVALUATIONS} evaluations (MAX_EVALUATIONS) it has only "
+                f"come to t = {t:.6g} s; check body.gravity and the times of flight"
+            )
         r, v = y.reshape(2, n, 3)
         return np.concatenate((v.ravel(), acceleration(t, r).ravel()))
 

@@ -1,4 +1,4 @@
-"""Newly seen cells of a picture by horizon maps, compiled: the criterion of `observe` and the maps of `HorizonObserver` in one pass.
+"""Newly seen cells of a picture by horizon maps, compiled: the criterion of `observe` and `HorizonObserver` in one pass.
 
 A cell that was seen before, fails a limit, or lies beside the field of view costs a few nanoseconds, so that the time of a
 picture is that of the few cells that it may add.

@@ -1,4 +1,4 @@
-"""Many flights of one swarm at once, on `mujoco.batch.Batch`: bit for bit what `Simulation` flies, at a fraction of the overhead.
+"""Many flights of one swarm at once, on `mujoco.batch.Batch`: bit for bit what `Simulation` flies, with little overhead.
 
 The flights share model, gravity and control law; each has its own state, time and targets. What `Simulation` can do and this
 cannot (other gravity fields and control laws, perturbations) is listed by `why_not_batched`; `SeparateFlights` then serves

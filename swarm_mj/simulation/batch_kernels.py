@@ -171,9 +171,7 @@ def _decide_one(world: World, flights: Flights, e: int, held_torque: bool) -> in
         _control(world, work, flights.torque_B[e])
     ctrl = row[at[2] : at[2] + 3 * n]
     limits = numbers[_SPEED_GAIN : _MAX_SPEED + 1]
-    actuate(
-        flights.torque_B[e], world.frames[2], limits[0], limits[1], limits[2], work, ctrl, flights.peaks[e]
-    )
+    actuate(flights.torque_B[e], world.frames[2], limits[0], limits[1], limits[2], work, ctrl, flights.peaks[e])
     for k in range(3 * n):
         flights.effort[e] += ctrl[k] * ctrl[k]
     return FINE if sensible else SENSELESS

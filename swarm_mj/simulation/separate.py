@@ -1,4 +1,4 @@
-"""Many flights, each a `Simulation` of its own, behind the interface of `BatchFlights`: slower, but it flies whatever can be flown."""
+"""Many flights, each a `Simulation` of its own, behind the interface of `BatchFlights`: slower, but they fly everything."""
 
 from __future__ import annotations
 

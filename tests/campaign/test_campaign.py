@@ -109,7 +109,7 @@ def test_an_interrupted_campaign_goes_on_where_it_was(reference, start, tmp_path
     while any(map(alive, workers)):
         assert time.monotonic() < end, "workers outlive the campaign"
         time.sleep(0.1)
-    assert start(path, "--out", out, "--no-figures").wait(60) == 1
+    assert start(path, "--out", out, "--no-figures").wait(60) == 2
     again = start(path, "--out", out, "--resume", "--no-figures")
     assert again.wait(120) == 0, again.communicate()[1]
     assert rows(out).equals(expected)
@@ -140,7 +140,7 @@ def test_a_changed_campaign_is_not_resumed(reference, start, tmp_path, write):
     ):
         process = start(*arguments, "--out", out, "--resume", "--no-figures")
         _, errors = process.communicate(timeout=60)
-        assert process.returncode == 1 and words in errors, errors
+        assert process.returncode == 2 and words in errors, errors
 
 
 def test_of_two_campaigns_in_one_folder_one_wins_and_the_other_says_so(reference, start, tmp_path):

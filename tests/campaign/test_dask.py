@@ -99,7 +99,7 @@ def test_when_the_scheduler_dies_nothing_finished_is_lost_and_the_campaign_goes_
     wait_for_rows(out, 3, process)
     os.kill(scheduler.pid, signal.SIGKILL)
     _, errors = process.communicate(timeout=90)
-    assert process.returncode == 1
+    assert process.returncode == 2
     assert "connection to the scheduler was lost" in errors and "--resume" in errors and "Traceback" not in errors
     assert read_results(out).num_rows >= 3
     again = start(path, "--out", out, "--resume", "--no-figures")

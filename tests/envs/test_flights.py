@@ -244,7 +244,12 @@ def test_velocities_are_the_rate_of_the_positions_in_the_turning_frame(roles):
 
 
 def test_what_goes_wrong_is_drawn_anew_for_every_episode_and_replays():
-    changes = ["mass_percent=5", "gyro_angular_random_walk_deg_sqrt_h=0.15", "attitude_deg=10", "wheel_coulomb_n_m=1e-5"]
+    changes = [
+        "mass_percent=5",
+        "gyro_angular_random_walk_deg_sqrt_h=0.15",
+        "attitude_deg=10",
+        "wheel_coulomb_n_m=1e-5",
+    ]
     scenario = load_scenario("eros-observe", [f"dispersions.{change}" for change in changes])
     env = gymnasium.make("SwarmObserve-v0", scenario=scenario).unwrapped
     assert not env.flybys.batched
@@ -266,7 +271,7 @@ def test_a_spacecraft_lost_to_a_fault_takes_no_more_pictures_and_the_others_go_o
     seen, terms = [], []
     for each in (env, whole):
         each.reset(options={"flight_seed": 3})
-        for k in range(80):
+        for _ in range(80):
             observation, _, terminated, truncated, info = each.step(np.array([5, 6, 9, 10, CENTRE]))
             assert not (terminated or truncated)
             terms.append(info["reward_terms"]["loss"])

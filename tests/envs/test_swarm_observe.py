@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 import swarm_mj.envs  # noqa: F401
 from gymnasium.utils.env_checker import check_env
-
 from swarm_mj.envs.window import Window
+
 from swarm_mj.errors import ScenarioError, SwarmError
 from swarm_mj.observation.gl_context import gl_available
 from swarm_mj.scenarios.loading import load_scenario

@@ -25,13 +25,14 @@ FILES = ("summary.json", "scenario.yaml", "telemetry.nc", "coverage.npz")
 
 
 #: Who reads result folders.
-READERS = ["report"]
+READERS = ["report", "replay"]
 
 
 def readers():
+    from swarm_mj.drawing.replay import load_replay
     from swarm_mj.report.reading import read_run
 
-    return {"report": read_run}
+    return {"report": read_run, "replay": load_replay}
 
 
 @pytest.fixture(scope="module")

@@ -172,4 +172,4 @@ def test_the_command_lists_names_prints_files_and_the_schema(capsys):
     assert main(["scenarios", "--json-schema"]) == 0
     schema = json.loads(capsys.readouterr().out)
     assert "imaging_radius_m" in schema["$defs"]["Behavior"]["properties"]
-    assert main(["scenarios", "nothing"]) == 1
+    assert main(["scenarios", "nothing"]) == 2

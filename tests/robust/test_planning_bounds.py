@@ -1,0 +1,23 @@
+"""Numbers that no plan can hold end in a clear error, and soon."""
+
+import pytest
+
+from swarm_mj.errors import SwarmError
+from swarm_mj.planning import make_plan
+from swarm_mj.scenarios.loading import load_scenario
+
+from .limits import bounded
+
+pytestmark = pytest.mark.robust
+
+
+@pytest.mark.parametrize(
+    ("overrides", "words"),
+    [
+        (["body.gravity={model: point_mass, parameters: {gm: 1e15}}"], "MAX_EVALUATIONS"),
+        (["body.gravity.parameters.reference_radius_m=1e300"], "reference_radius_m"),
+    ],
+)
+def test_a_field_of_absurd_strength_is_refused(overrides, words):
+    with bounded(), pytest.raises(SwarmError, match=words):
+        make_plan(load_scenario("eros-quick", overrides))
