@@ -167,7 +167,8 @@ class Followed(Flybys):
             self._give_held()
         if setting.is_due[tick]:
             self._take_pictures(everyone, np.zeros(1))
-        return Targets(self.level.kind[0].copy(), self.level.index[0].copy(), self.level.vector[0].copy())
+        flights = self.flights
+        return Targets(flights.kind[0].copy(), flights.index[0].copy(), flights.vector[0].copy())
 
 
 class _Viewed:

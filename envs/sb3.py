@@ -73,11 +73,6 @@ class SwarmObserveVecEnv(VecEnv):
             return _of_flight(infos, e)
         info = _of_flight(infos["final_info"], e)
         self.reset_infos[e] = _of_flight({k: v for k, v in infos.items() if "final" not in k}, e)
-        episode = {
-            "r": float(self._return[e]),
-            "l": int(self._length[e]),
-            "t": round(time.monotonic() - self._start, 6),
-        }
         return info | {
             "terminal_observation": infos["final_obs"][e],
             "TimeLimit.truncated": truncated,

@@ -1,4 +1,4 @@
-"""`swarm-mj bench`: works take turns, rows compare themselves with targets, files hold what was printed; no test asserts a time."""
+"""`swarm-mj bench`: works take turns, rows compare themselves with targets, files hold what was printed."""
 
 import json
 

@@ -13,6 +13,8 @@ from swarm_mj.campaign.store import JOURNAL, PARTS, RESULTS, Store, read_journal
 from swarm_mj.campaign.table import schema_of
 from swarm_mj.errors import OutputError
 
+pytestmark = pytest.mark.robust
+
 CAMPAIGN = Campaign(
     name="c",
     scenarios=("s",),
