@@ -5,7 +5,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 
 .DEFAULT_GOAL := help
-.PHONY: help run test test-fast lint format types check wheel-test bench docs docs-images reproduction shape gl setup setup-dev clean
+.PHONY: help run test test-fast lint format types check wheel-test bench docs docs-images reproduction robustness shape gl setup setup-dev clean
 
 help: ## list the targets
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -65,6 +65,9 @@ docs: docs-images ## the same, and rerun the checks that docs show
 
 reproduction: setup ## rewrite docs/reproduction.md: the fewest observers under every reading
 	@$(BIN)/python -m docs.reproduction
+
+robustness: setup-dev ## rewrite docs/robustness.md: what losses and faults cost
+	@$(BIN)/python -m docs.robustness
 
 shape: setup ## rebuild assets/eros.obj from its harmonics
 	@$(BIN)/swarm-mj shape --out assets/eros.obj

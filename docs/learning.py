@@ -28,7 +28,7 @@ PAGE = Path(__file__).with_name("learning.md")
 PICTURE = Path(__file__).parent / "images" / "learning_curve.png"
 CURVES = Path(__file__).parent / "learning_curves"
 
-#: Training draws flights from seeds of 10,000 on, and picks the best policy on 2,000 to 2,015.
+#: Neither those of training nor those on which the best policy was picked.
 SEEDS = range(5_000, 5_100)
 TRAINED = "trained"
 #: Which curve is that of the packaged policy.
@@ -143,7 +143,7 @@ def shown(values: NDArray[np.float64], digits: int, *, signed: bool = False) -> 
 
 def tried_row(name: str, curve: Curve) -> str:
     """One line of the table of runs."""
-    best = int(np.argmax(curve["validation_return"]))
+    best = int(np.nanargmax(curve["validation_return"]))
     cells = [name, RUNS[name], f"{curve['steps'][-1] / 1e3:,.0f}", f"{curve['seconds'][-1] / 60:.0f}"]
     cells += [f"{curve['validation_return'][0]:.3f}", f"{curve['validation_return'][best]:.3f}"]
     return f"| {' | '.join(cells)} |"

@@ -126,13 +126,13 @@ class SwarmActorCritic(ActorCriticPolicy):
     def _build_mlp_extractor(self) -> None:
         assert self.observation_space.shape is not None
         n, width = self.observation_space.shape
-        self.mlp_extractor = SwarmNetwork(n, width)  # type: ignore[assignment]
+        self.mlp_extractor = SwarmNetwork(n, width)
 
     def _build(self, lr_schedule: Any) -> None:
         self.ortho_init = False
         super()._build(lr_schedule)
         self.action_net = nn.Identity()
-        self.optimizer = self.optimizer_class(self.parameters(), lr=lr_schedule(1), **self.optimizer_kwargs)  # type: ignore[call-arg]
+        self.optimizer = self.optimizer_class(self.parameters(), lr=lr_schedule(1), **self.optimizer_kwargs)
 
     def arrays(self) -> dict[str, NDArray[np.float64]]:
         """The weights of the actor as `ArrayPolicy` names them."""

@@ -134,6 +134,7 @@ class Setting:
         return Mission(
             vertices=plan.shape.vertices,
             faces=plan.shape.faces,
+            box=np.array([plan.shape.vertices.min(axis=0), plan.shape.vertices.max(axis=0)]),
             antennas=antennas_from(scenario).numbers,
             numbers=np.array(numbers, np.float64),
             earth=np.array([environment.earth.position, environment.earth.velocity], np.float64),

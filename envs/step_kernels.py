@@ -66,6 +66,7 @@ class Mission(NamedTuple):
     Attributes:
         vertices: The body's mesh in A, shape (V, 3) [m].
         faces: Shape (F, 3).
+        box: Least and largest coordinates of the mesh, shape (2, 3) [m].
         antennas: See `Antennas.numbers`.
         numbers: Largest vertex radius [m], rates to a spacecraft and to Earth [bit/s], bits per pixel, least separation [m],
             grace time [s], top wheel speed [rad/s], scales of position [m] and velocity [m/s], spin rate [rad/s], duration of
@@ -80,6 +81,7 @@ class Mission(NamedTuple):
 
     vertices: Array
     faces: NDArray[np.int32]
+    box: Array
     antennas: Array
     numbers: Array
     earth: Array
@@ -251,6 +253,16 @@ def end_step(
         _read(mission, now, books, kind[e], sigma_BR[e], e, observation[e])
         for i in range(low.shape[0]):
             observation[e, i] = min(max(observation[e, i], low[i]), high[i])
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _hits(mission: Mission, start_A: Array, end_A: Array) -> bool:
+    """Whether a straight way meets the body; a way that passes by the box around it needs no look at the faces."""
+    for k in range(3):
+        low, high = min(start_A[0, k], end_A[0, k]), max(start_A[0, k], end_A[0, k])
+        if low > mission.box[1, k] or high < mission.box[0, k]:
+            return False
+    return segments_blocked(start_A, end_A, mission.vertices, mission.faces, mission.numbers[0])[0]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -32,7 +32,7 @@ from swarm_mj.envs.sb3_policy import LearningView, SwarmActorCritic, exported
 #: Discount; an episode has 150 steps, and the shaped reward comes at once.
 GAMMA = 0.99
 #: Seeds of the flights: training draws from the first on, validation and comparison have their own.
-TRAINING, VALIDATION, COMPARISON = 10_000, range(2_000, 2_016), range(1_000, 1_020)
+TRAINING, VALIDATION, COMPARISON = 1_000_000, range(2_000, 2_016), range(1_000, 1_020)
 #: Steps of a flight in a round of PPO: to the horizon [s], for after it no picture of `eros-observe` counts any more. In the
 #: last part of training, flights go on to their end.
 STEPS, HORIZON_S, WHOLE_FLIGHTS = 75, 750.0, 0.9
@@ -74,8 +74,10 @@ def train(arguments: argparse.Namespace) -> None:
     venv = SwarmObserveVecEnv(arguments.num_envs, scenario=arguments.scenario)
     view = LearningView(venv, GAMMA)
     try:
+        untrained = exported(fresh(arguments, view).policy, venv, view.geometry)
         model, done = begin(arguments, view)
-        untrained = fresh(arguments, view)
+        # A learner seeds its flights like itself; these are no others' seeds, and other ones after a resume.
+        view.seed(TRAINING * (1 + arguments.seed) + done.steps)
         model.set_logger(configure(str(folder / "log"), ["tensorboard"]))
         watch = Watch(folder, view, venv, done, 60.0 * arguments.minutes)
         watch.init_callback(model)
@@ -88,14 +90,13 @@ def train(arguments: argparse.Namespace) -> None:
             print("interrupted; the checkpoint of the last update stays")
             return
         watch.validate()
-        compare(exported(untrained.policy, venv, view.geometry), folder, arguments.scenario)
+        compare(untrained, folder, arguments.scenario)
     finally:
         venv.close()
 
 
 def fresh(arguments: argparse.Namespace, view: LearningView) -> PPO:
     """A learner that knows nothing."""
-    view.seed(TRAINING + 1_000_000 * arguments.seed)
     return PPO(
         SwarmActorCritic,
         view,
@@ -109,7 +110,7 @@ def fresh(arguments: argparse.Namespace, view: LearningView) -> PPO:
         ent_coef=ENTROPY[0],
         max_grad_norm=0.5,
         target_kl=0.04,
-        seed=None if arguments.resume else arguments.seed,
+        seed=arguments.seed,
         device="cpu",
     )
 
@@ -123,8 +124,6 @@ def begin(arguments: argparse.Namespace, view: LearningView) -> tuple[PPO, Done]
     if not checkpoint.exists():
         raise SystemExit(f"--resume: there is no {checkpoint}")
     done = Done(**json.loads(state.read_text("utf-8")))
-    # Other flights than those of the first time.
-    view.seed(TRAINING + 1_000_000 * arguments.seed + done.steps)
     return PPO.load(checkpoint, view, device="cpu"), done
 
 
@@ -194,6 +193,7 @@ class Watch(BaseCallback):
         partial = self._folder / ".checkpoint.partial.zip"
         self.model.save(partial)
         partial.replace(self._folder / "checkpoint.zip")
+        self._write_down()
         _write(self._folder / "state.json", json.dumps(asdict(self.done)))
 
     def validate(self) -> None:
@@ -201,20 +201,25 @@ class Watch(BaseCallback):
         policy = exported(self.model.policy, self._venv, self._view.geometry, steps=self.model.num_timesteps)
         scenario = self._venv.vector.lanes.setting.plan.scenario
         flown = fly_seeds(policy.act, VALIDATION, scenario=scenario)
-        mean = float(flown.total.mean())
-        seconds = self._before + time.monotonic() - self._start
+        mean, coverage = float(flown.total.mean()), float(flown.coverage_percent.mean())
+        self._write_down(mean, coverage)
+        print(f"validation: return {mean:.3f}, coverage {coverage:.1f} %", flush=True)
+        if mean > self.done.best:
+            self.done.best = mean
+            save_policy(self._folder / "policy.npz", policy)
+
+    def _write_down(self, *validation: float) -> None:
+        """A line of the learning curve: after every update, with more after a validation."""
         curve = self._folder / "curve.csv"
         begins = not curve.exists()
+        sampled = round(float(self._returns.mean()), 4) if len(self._returns) else float("nan")
+        seconds = self._before + time.monotonic() - self._start
         with curve.open("a", newline="") as file:
             writer = csv.writer(file)
             if begins:
                 writer.writerow(["steps", "seconds", "sampled_return", "validation_return", "coverage_percent"])
-            sampled = self._returns.mean() if len(self._returns) else float("nan")
-            writer.writerow([self.model.num_timesteps, round(seconds, 1), sampled, mean, flown.coverage_percent.mean()])
-        print(f"validation: return {mean:.3f}, coverage {flown.coverage_percent.mean():.1f} %", flush=True)
-        if mean > self.done.best:
-            self.done.best = mean
-            save_policy(self._folder / "policy.npz", policy)
+            known = [round(value, 4) for value in validation] or [float("nan")] * 2
+            writer.writerow([self.model.num_timesteps, round(seconds, 1), sampled, *known])
 
 
 def compare(untrained: ArrayPolicy, folder: Path, scenario: str) -> None:

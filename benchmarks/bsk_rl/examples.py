@@ -19,7 +19,7 @@ SATELLITES = 5
 TIME_LIMIT_S = 5_700.0
 
 
-class Scanner(sats.AccessSatellite):  # type: ignore[misc]
+class Scanner(sats.AccessSatellite):
     """Scans the ground below or charges its batteries."""
 
     observation_spec = [
@@ -37,7 +37,7 @@ class ShortScanner(Scanner):
     action_spec = [act.Scan(duration=10.0), act.Charge(duration=10.0)]
 
 
-class Imager(sats.ImagingSatellite):  # type: ignore[misc]
+class Imager(sats.ImagingSatellite):
     """Turns to one of the ten next ground targets and takes its picture."""
 
     observation_spec = [

@@ -73,7 +73,7 @@ def load_campaign(name_or_path: str | Path, *, runs: int | None = None) -> Resol
         ScenarioError: Missing, unreadable or invalid; the message names the key, the value and what is allowed.
     """
     text, source, folder = _read(str(name_or_path))
-    data = loading._parse(text, source)
+    data = loading.parse_yaml(text, source)
     if runs is not None:
         data["runs"] = runs
     try:

@@ -58,7 +58,7 @@ def load_scenario(name_or_path: str | Path, overrides: Iterable[str] = ()) -> Sc
         ScenarioError: Missing, unreadable or invalid; the message names the key, the value and what is allowed.
     """
     text, source = _read(name_or_path)
-    data = _parse(text, source)
+    data = parse_yaml(text, source)
     _resolve_paths(data, Path(source).parent)
     for override in overrides:
         _apply(data, override)
@@ -211,7 +211,7 @@ def _yaml(text: str) -> Any:
         raise ValueError(f"a tag (!!type) does not fit its value: {shortened(str(error))}") from None
 
 
-def _parse(text: str, source: str) -> dict[str, Any]:
+def parse_yaml(text: str, source: str) -> dict[str, Any]:
     try:
         data = _yaml(text)
     except (ValueError, RecursionError) as error:

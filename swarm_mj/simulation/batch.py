@@ -246,7 +246,7 @@ def _flights(state: Any, count: int, n: int) -> Flights:
         targets=np.full((count, 4, n), -1, np.int64),
         vector=np.zeros((count, n, 3)),
         q=np.zeros((count, 2, n, 4)),
-        C=np.zeros((count, 2, 3, 3)),
+        C=np.zeros((count, 3, 3, 3)),
         work=np.zeros((count, len(Slot), n, 3)),
         torque_B=np.zeros((count, n, 3)),
         peaks=np.zeros((count, n, 3)),

@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 
 from swarm_mj.attitude.controllers.sliding_mode import write_torque
 from swarm_mj.simulation.kernels import Slot, actuate, guide, push, sense, turn_body
-from swarm_mj.smallbody.gravity.spherical_harmonics import sum_series
+from swarm_mj.smallbody.gravity.spherical_harmonics import write_series
 from swarm_mj.spacecraft.model import NQ, NV
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-_R_A, _MOMENTUM, _OMEGA = int(Slot.R_A), int(Slot.MOMENTUM), int(Slot.OMEGA)
+_R_A, _RHO, _MOMENTUM, _OMEGA = int(Slot.R_A), int(Slot.RHO), int(Slot.MOMENTUM), int(Slot.OMEGA)
 _SIGMA_BR, _OMEGA_BR = int(Slot.SIGMA_BR), int(Slot.OMEGA_BR)
 _OMEGA_R_B, _DOMEGA_R_B = int(Slot.OMEGA_R_B), int(Slot.DOMEGA_R_B)
 
@@ -75,7 +75,8 @@ class Flights(NamedTuple):
         targets: Kind (`TargetKind`) and spacecraft to follow, now and at the previous decision, shape (E, 4, n).
         vector: Surface point in A [m] or direction in N, shape (E, n, 3).
         q: Attitudes and references, shape (E, 2, n, 4).
-        C: Rotations from N to A now and at the middle of the hold, shape (E, 2, 3, 3).
+        C: Rotations from N to A now and at the middle of the hold, then position [m] and velocity [m/s] of Earth as rows,
+            shape (E, 3, 3, 3).
         work: See `Slot`, shape (E, slots, n, 3).
         torque_B: Torque on the bodies, given where it is held, shape (E, n, 3) [N m].
         peaks: See `actuate`, shape (E, n, 3).
@@ -148,17 +149,20 @@ def _decide_one(world: World, flights: Flights, e: int, held_torque: bool) -> in
     )
     if not flights.finite[e]:
         return NOT_FINITE
-    a_A = sum_series(work[_R_A], numbers[_RADIUS], world.table, world.series)
+    a_A = work[_RHO]  # free until guidance writes there
+    write_series(work[_R_A], numbers[_RADIUS], world.table, world.series, a_A)
     xfrc = row[at[3] : at[3] + 6 * at[5]].reshape(at[5], 6)
     push(a_A, C_mid, numbers[_MASS], world.hub, xfrc, work)
     turn_body(numbers[_Q_P : _Q_P + 4], phase, row[at[4] : at[4] + 4])
-    spin_N, earth, earth_velocity = world.frames[3]
+    spin_N, planet = world.frames[3, 0], flights.C[e, 2]
+    for k in range(3):
+        planet[0, k], planet[1, k] = world.frames[3, 1, k] + t * world.frames[3, 2, k], world.frames[3, 2, k]
     sensible = guide(
         targets[0],
         targets[1],
         flights.vector[e],
-        earth + t * earth_velocity,
-        earth_velocity,
+        planet[0],
+        planet[1],
         spin_N,
         C_AN,
         q_BN,

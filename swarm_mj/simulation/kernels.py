@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from swarm_mj.attitude.algebra import put_vector, quaternion, rotate, vector
 from swarm_mj.attitude.guidance import attitude_error, track_line_of_sight
 from swarm_mj.smallbody.perturbations import gravity_gradient_torque
-from swarm_mj.smallbody.rotation import spin_dcm
+from swarm_mj.smallbody.rotation import write_spin_dcm
 from swarm_mj.spacecraft.model import NQ, NV
 
 Array = NDArray[np.float64]
@@ -87,8 +87,8 @@ def sense(
     Returns:
         Whether every number is finite.
     """
-    C_AN[:] = spin_dcm(C_PN, phase)
-    C_mid[:] = spin_dcm(C_PN, phase + half_turn)
+    write_spin_dcm(C_PN, phase, C_AN)
+    write_spin_dcm(C_PN, phase + half_turn, C_mid)
     total = 0.0
     for j in range(q_BN.shape[0]):
         p, v = NQ * j, NV * j

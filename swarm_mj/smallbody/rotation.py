@@ -80,13 +80,19 @@ class Rotation:
 @njit(cache=True, nogil=True, error_model="numpy")
 def spin_dcm(C_PN: NDArray[np.float64], phase: float) -> NDArray[np.float64]:
     """Turn the frame P about its z axis by the phase [rad]: C_AN, shape (3, 3). For compiled loops."""
-    c, s = np.cos(phase), np.sin(phase)
     out = np.empty((3, 3))
+    write_spin_dcm(C_PN, phase, out)
+    return out
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def write_spin_dcm(C_PN: NDArray[np.float64], phase: float, out: NDArray[np.float64]) -> None:
+    """The same into an array of the caller, shape (3, 3)."""
+    c, s = np.cos(phase), np.sin(phase)
     for k in range(3):
         out[0, k] = c * C_PN[0, k] + s * C_PN[1, k]
         out[1, k] = c * C_PN[1, k] - s * C_PN[0, k]
         out[2, k] = C_PN[2, k]
-    return out
 
 
 def sub_point(direction_N: NDArray[np.float64], C_AN: NDArray[np.float64]) -> tuple[float, float]:

@@ -1,5 +1,10 @@
 """The VecEnv of stable-baselines3: its conventions, and the same flights as everywhere else."""
 
+import json
+import subprocess
+import sys
+from pathlib import Path
+
 import gymnasium
 import numpy as np
 import pytest
@@ -171,3 +176,25 @@ def test_a_flight_broken_off_counts_its_data_as_delivered():
         assert total[e] == pytest.approx(seen + aboard, abs=1e-3)
         assert infos[e]["episode"]["r"] == pytest.approx(total[e], abs=1e-5)
     venv.close()
+
+
+@pytest.mark.slow
+def test_training_goes_on_where_it_stopped_and_beats_the_untrained_policy(tmp_path):
+    pytest.importorskip("torch")
+    script = Path(__file__).parents[2] / "examples" / "train_sb3.py"
+
+    def train(*more):
+        command = [sys.executable, str(script), "--minutes", "0.3", "--num-envs", "8", "--out", str(tmp_path), *more]
+        return subprocess.run(command, capture_output=True, text=True, check=True).stdout
+
+    first = train()
+    steps = json.loads((tmp_path / "state.json").read_text())["steps"]
+    second = train("--resume")
+    assert json.loads((tmp_path / "state.json").read_text())["steps"] > steps > 0
+    for answer in (first, second):
+        low = float(answer.split("95 % interval ")[1].split(" to ")[0])
+        assert low > 0.0
+    assert "imitation" in first and "imitation" not in second
+    curve = (tmp_path / "curve.csv").read_text().splitlines()
+    assert curve[0].startswith("steps,seconds") and len(curve) > 4
+    assert list((tmp_path / "log").glob("events.out.tfevents.*"))

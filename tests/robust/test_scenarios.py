@@ -52,7 +52,7 @@ def test_any_mapping_is_read_or_refused(data):
     with bounded():
         text = yaml.safe_dump(data, allow_unicode=True)
         try:
-            scenario_from(loading._parse(text, "fuzzed"))
+            scenario_from(loading.parse_yaml(text, "fuzzed"))
         except ScenarioError as error:
             assert "fuzzed" in str(error) or "scenario" in str(error)
             assert len(str(error)) < 20_000
@@ -146,7 +146,7 @@ def test_a_key_given_twice_is_found_among_thousands_without_comparing_all_with_a
         text = "".join(f"k{i}: 1\n" for i in range(count)) + "z: 1\nz: 1\n"
         start = time.process_time()
         with pytest.raises(ScenarioError, match="'z' is given twice"):
-            loading._parse(text, "fuzzed")
+            loading.parse_yaml(text, "fuzzed")
         return time.process_time() - start
 
     seconds(100)

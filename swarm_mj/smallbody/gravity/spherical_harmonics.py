@@ -220,10 +220,25 @@ def _add(target: NDArray[np.float64], axis: int, c: NDArray[np.float64], s: NDAr
 def sum_series(
     r_A: NDArray[np.float64], radius: float, table: NDArray[np.float64], series: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Sum k series of solid harmonics at n positions, shape (n, k), order by order so that no scratch is needed."""
+    """Sum k series of solid harmonics at n positions, shape (n, k)."""
+    out = np.empty((r_A.shape[0], series.shape[2]))
+    write_series(r_A, radius, table, series, out)
+    return out
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def write_series(
+    r_A: NDArray[np.float64],
+    radius: float,
+    table: NDArray[np.float64],
+    series: NDArray[np.float64],
+    out: NDArray[np.float64],
+) -> None:
+    """The same into an array of the caller, order by order so that no scratch is needed."""
     size, count = series.shape[0], series.shape[2]
-    out = np.zeros((r_A.shape[0], count))
     for i in range(r_A.shape[0]):
+        for k in range(count):
+            out[i, k] = 0.0
         x, y, z = r_A[i, 0], r_A[i, 1], r_A[i, 2]
         inverse = radius / (x * x + y * y + z * z)
         x, y, z = x * inverse, y * inverse, z * inverse
@@ -241,7 +256,6 @@ def sum_series(
                     w, w_before = a * w - b * w_before, w
                 for k in range(count):
                     out[i, k] += series[n, m, k, 0] * v + series[n, m, k, 1] * w
-    return out
 
 
 def _check_coefficients(c: NDArray[np.float64], s: NDArray[np.float64]) -> None:
