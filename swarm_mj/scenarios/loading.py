@@ -212,6 +212,7 @@ def _yaml(text: str) -> Any:
 
 
 def parse_yaml(text: str, source: str) -> dict[str, Any]:
+    """A mapping from YAML text, read safely; `source` names its origin in errors."""
     try:
         data = _yaml(text)
     except (ValueError, RecursionError) as error:
