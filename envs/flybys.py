@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from swarm_mj.errors import SimulationError
 from swarm_mj.flight import initial_state, make_simulation
 from swarm_mj.observation.coverage import observe
-from swarm_mj.simulation.batch import BatchFlights, why_not_batched
+from swarm_mj.simulation.batch import BatchFlights, LoneFlight, why_not_batched
 from swarm_mj.simulation.separate import SeparateFlights
 from swarm_mj.simulation.simulation import Simulation
 
@@ -96,6 +96,8 @@ class Flybys:
         if not self.batched:
             return SeparateFlights([self._simulation(e) for e in range(self.count)])
         behaviors = None if level.kind is not None else [level.behavior(e) for e in range(self.count)]
+        if self.count == 1:
+            return LoneFlight(setting.simulation, law, behaviors[0] if behaviors else None)
         return BatchFlights(setting.simulation, self.count, law, behaviors)
 
     def _simulation(self, e: int) -> Simulation:
@@ -137,14 +139,18 @@ class Flybys:
         area, flying = np.zeros(self.count), live.copy()
         due = self._due()
         self._give_held()
-        everyone = None if flying.all() else flying
-        for k in range(setting.ticks):
-            if not flights.decide(flying):
+        k = 0
+        while k < setting.ticks:
+            stop = min((tick for tick in due if tick >= k), default=setting.ticks)
+            if stop > k and not flights.fly(min(stop, setting.ticks) - k, flying):
                 flying &= flights.finite
-                everyone = flying
-            if k in due:
+            k = stop
+            if k < setting.ticks:
+                if not flights.decide(flying):
+                    flying &= flights.finite
                 self._take_pictures(due[k] & flying, area)
-            flights.advance(everyone)
+                flights.advance(flying)
+                k += 1
         flying = self._finish(flying, due.get(setting.ticks), area)
         return self._result(live, flying, area)
 

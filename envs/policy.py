@@ -176,7 +176,14 @@ def greedy_actions(features: NDArray[np.floating], geometry: PatchGeometry) -> N
 
 
 def geometry_of(setting: Setting) -> PatchGeometry:
-    """The geometry of an environment's setting."""
+    """The geometry of an environment's setting.
+
+    Raises:
+        ScenarioError: The spacecraft have not three wheels, for which the places of the features are.
+    """
+    if setting.readings.features != FEATURES:
+        wheels = len(setting.plan.properties.wheel_axes_B)
+        raise ScenarioError(f"spacecraft.wheel_layout: features of policies are those of three wheels, not of {wheels}")
     region, patches, camera = setting.plan.region, setting.patches, setting.observer.camera
     scenario = setting.plan.scenario
     weighted = [np.bincount(patches.of_cell, region.area * region.normal_A[:, i], patches.count) for i in range(3)]

@@ -8,6 +8,7 @@ seed it decides as the policy does in the environment.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -34,6 +35,22 @@ Act = Callable[[NDArray[np.float32]], NDArray[np.int64]]
 PACKAGED = "policies/eros-observe.npz"
 
 
+#: Scripted policies by the names that a scenario knows.
+SCRIPTED = {name.replace(" ", "_"): policy for name, policy in POLICIES.items()}
+
+
+def policy_overrides(policy: str) -> list[str]:
+    """What has to be set in a scenario for a policy to fly it.
+
+    Args:
+        policy: A scripted one by name, `trained` for the packaged one, or a file of `swarm_mj.envs.policy`.
+    """
+    if policy in SCRIPTED:
+        return ["behavior.name=scripted_policy", f"behavior.parameters={json.dumps({'policy': policy})}"]
+    parameters = {} if policy == "trained" else {"file": policy}
+    return ["behavior.name=trained_policy", f"behavior.parameters={json.dumps(parameters)}"]
+
+
 @dataclass(frozen=True)
 class ScriptedPolicy:
     """One of the scripted policies of `swarm_mj.envs.baselines`.
@@ -56,15 +73,13 @@ class ScriptedPolicy:
 
     def __post_init__(self) -> None:
         """Refuse unknown policies."""
-        names = {name.replace(" ", "_"): name for name in POLICIES}
-        if self.policy not in names:
-            raise MissionError(f"behavior.parameters.policy = {self.policy!r}: must be one of {', '.join(names)}")
+        if self.policy not in SCRIPTED:
+            raise MissionError(f"behavior.parameters.policy = {self.policy!r}: must be one of {', '.join(SCRIPTED)}")
 
     def for_flight(self, plan: Plan) -> Behavior:
         """The behaviour of one flight."""
         setting = _setting(plan, self.step_s)
-        policy = POLICIES[self.policy.replace("_", " ")]
-        return PolicyFlight(setting, partial(policy, setting))
+        return PolicyFlight(setting, partial(SCRIPTED[self.policy], setting))
 
     def targets(self, view: SwarmView, memory: Any) -> tuple[Targets, Any]:
         """Not before `for_flight`.

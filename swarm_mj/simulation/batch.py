@@ -24,6 +24,7 @@ from swarm_mj.mission.behaviors import Behavior, SwarmView
 from swarm_mj.simulation import batch_kernels
 from swarm_mj.simulation.batch_kernels import Flights, Number, World
 from swarm_mj.simulation.kernels import Slot
+from swarm_mj.simulation.native import load_mujoco
 from swarm_mj.simulation.simulation import SPEED_MARGIN, InitialState, Simulation
 from swarm_mj.smallbody.gravity.spherical_harmonics import SphericalHarmonics
 from swarm_mj.spacecraft.model import NQ, NV
@@ -90,15 +91,14 @@ class BatchFlights:
         self.model, self.environment, self.period = simulation.model, simulation.environment, simulation.period
         self.n, self.count = self.model.n, count
         self._hold = round(self.period / self.model.mjmodel.opt.timestep)
-        self._batch = Batch(self.model.mjmodel, count, 1)
-        self._bound = {name: self._batch.bind(name) for name in _FIELDS}
+        state, self._bound = self._bind()
         self._q, self._v = self._by_spacecraft("qpos", NQ), self._by_spacecraft("qvel", NV)
         self._behaviors, self._memory = behaviors, [None] * count
         self._held = controller is None
         if controller is not None:
             _check_law(controller, simulation)
-        self._world = _world(simulation, controller, self._places())
-        self._flights = _flights(self._batch.state, count, self.n)
+        self._world = _world(simulation, controller, self._places(state))
+        self._flights = _flights(state, count, self.n)
         f = self._flights
         self.kind, self.index, self.vector, self.torque_B = f.targets[:, 0], f.targets[:, 1], f.vector, f.torque_B
         self.tick, self.finite, self.effort = f.tick, f.finite, f.effort
@@ -111,8 +111,16 @@ class BatchFlights:
         strides = (array.strides[0], 8 * size, 8)
         return np.lib.stride_tricks.as_strided(array, (self.count, self.n, size), strides)
 
-    def _places(self) -> NDArray[np.int64]:
-        start = self._batch.state.ctypes.data
+    def _bind(self) -> tuple[Array, dict[str, Array]]:
+        """State vectors of all flights, and live views of the fields that are read or written."""
+        self._batch = Batch(self.model.mjmodel, self.count, 1)
+        return np.asarray(self._batch.state), {name: self._batch.bind(name) for name in _FIELDS}
+
+    def _clear(self, e: int) -> None:
+        self._batch.reset(ids=[e], stage=mujoco.mjtStage.mjSTAGE_NONE)
+
+    def _places(self, state: Array) -> NDArray[np.int64]:
+        start = state.ctypes.data
         return np.array([(array.ctypes.data - start) // 8 for array in self._bound.values()], np.int64)
 
     @property
@@ -143,7 +151,7 @@ class BatchFlights:
     def reset(self, e: int, initial: InitialState) -> None:
         """Put one flight at its start and forget everything about it."""
         f = self._flights
-        self._batch.reset(ids=[e], stage=mujoco.mjtStage.mjSTAGE_NONE)
+        self._clear(e)
         qpos, qvel = self._q[e], self._v[e]
         qpos[:, :3], qpos[:, 3:7] = initial.r_BN_N, quaternion_from_mrp(initial.sigma_BN)
         qvel[:, :3], qvel[:, 3:6], qvel[:, 6:9] = initial.v_BN_N, initial.omega_BN_B, initial.wheel_speed
@@ -168,7 +176,12 @@ class BatchFlights:
         """
         if self._behaviors is not None:
             self._ask_behaviors(live)
-        answer = batch_kernels.decide(self._world, self._flights, live, self._held)
+        return self._judge(self._call(live), live)
+
+    def _call(self, live: Mask) -> int:
+        return int(batch_kernels.decide(self._world, self._flights, live, self._held))
+
+    def _judge(self, answer: int, live: Mask) -> bool:
         if answer == batch_kernels.SENSELESS:
             raise PluginError("the behaviour aims at what is not there: an unknown kind, or a spacecraft that is not")
         if answer == batch_kernels.NOT_FINITE:
@@ -184,6 +197,19 @@ class BatchFlights:
             view = SwarmView(t, q[:, :3], v[:, :3], self.environment.C_AN(t), q[:, 3:], v[:, 3:6], v[:, 6:])
             targets, self._memory[e] = self._behaviors[e].targets(view, self._memory[e])
             self.kind[e], self.index[e], self.vector[e] = targets
+
+    def fly(self, periods: int, live: Mask) -> bool:
+        """Decide and advance so many control periods of the live flights; one that is not finite stops.
+
+        Returns:
+            Whether all of them are finite.
+        """
+        flying, fine = live, True
+        for _ in range(periods):
+            if not self.decide(flying):
+                flying, fine = flying & self.finite, False
+            self.advance(None if fine and flying.all() else flying)
+        return fine
 
     def advance(self, live: Mask | None) -> None:
         """Let MuJoCo integrate one control period of the live flights, None for all, with everything held."""
@@ -252,3 +278,44 @@ def _flights(state: Any, count: int, n: int) -> Flights:
         peaks=np.zeros((count, n, 3)),
         effort=np.zeros(count),
     )
+
+
+class LoneFlight(BatchFlights):
+    """A batch of one, on an MjData of its own and without a thread pool: whole stretches are flown in compiled code."""
+
+    def __init__(self, simulation: Simulation, controller: Controller | None, behavior: Behavior | None = None) -> None:
+        load_mujoco()
+        model = simulation.model.mjmodel
+        self._data = mujoco.MjData(model)
+        super().__init__(simulation, 1, controller, None if behavior is None else [behavior])
+        data = self._data
+        mocap = data.mocap_quat[simulation.model.asteroid_mocap]
+        self._fields = (data.qpos, data.qvel, data.ctrl, data.xfrc_applied, mocap)
+        self._addresses = model._address, data._address
+
+    def _bind(self) -> tuple[Array, dict[str, Array]]:
+        bound = {name: getattr(self._data, name).reshape(1, -1) for name in _FIELDS}
+        return np.zeros((1, 1)), bound  # the kernel is given the fields themselves
+
+    def _clear(self, e: int) -> None:
+        mujoco.mj_resetData(self.model.mjmodel, self._data)
+
+    def _call(self, live: Mask, periods: int = 0) -> int:
+        model, data = self._addresses
+        return int(
+            batch_kernels.fly(self._world, self._flights, self._fields, model, data, self._held, self._hold, periods)
+        )
+
+    def fly(self, periods: int, live: Mask) -> bool:
+        """See `BatchFlights.fly`; compiled as a whole where no behaviour must be asked in between."""
+        if self._behaviors is not None:
+            return super().fly(periods, live)
+        if not (periods and live[0]):
+            return True
+        return self._judge(self._call(live, periods), live)
+
+    def advance(self, live: Mask | None) -> None:
+        """See `BatchFlights.advance`."""
+        if live is None or live[0]:
+            mujoco.mj_step(self.model.mjmodel, self._data, nstep=self._hold)
+            self.tick += 1

@@ -9,7 +9,7 @@ from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
+from numba import njit, types
 from numpy.typing import NDArray
 
 from swarm_mj.attitude.controllers.sliding_mode import write_torque
@@ -19,6 +19,10 @@ from swarm_mj.spacecraft.model import NQ, NV
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
+Fields = tuple[Array, Array, Array, Array, Array]
+
+#: MuJoCo's own function, found by name among the symbols that are global in the process, see `native.load_mujoco`.
+_mj_step = types.ExternalFunction("mj_step", types.void(types.intp, types.intp))
 
 _R_A, _RHO, _MOMENTUM, _OMEGA = int(Slot.R_A), int(Slot.RHO), int(Slot.MOMENTUM), int(Slot.OMEGA)
 _SIGMA_BR, _OMEGA_BR = int(Slot.SIGMA_BR), int(Slot.OMEGA_BR)
@@ -119,23 +123,63 @@ def decide(world: World, flights: Flights, live: NDArray[np.bool_], held_torque:
     Returns:
         FINE, or what is wrong with some flight: SENSELESS targets (see `guide`) or a state that is NOT_FINITE.
     """
-    worst = FINE
+    worst, at, n = FINE, world.at, world.hub.shape[0]
     for e in range(live.shape[0]):
         if live[e]:
-            worst = max(worst, _decide_one(world, flights, e, held_torque))
+            row = flights.state[e]
+            fields = (
+                row[at[0] : at[0] + NQ * n],
+                row[at[1] : at[1] + NV * n],
+                row[at[2] : at[2] + 3 * n],
+                row[at[3] : at[3] + 6 * at[5]].reshape(at[5], 6),
+                row[at[4] : at[4] + 4],
+            )
+            worst = max(worst, _decide_one(world, flights, fields, e, held_torque))
     return worst
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _decide_one(world: World, flights: Flights, e: int, held_torque: bool) -> int:
-    n, at, numbers, row, work = world.hub.shape[0], world.at, world.numbers, flights.state[e], flights.work[e]
+def fly(
+    world: World, flights: Flights, fields: Fields, model: int, data: int, held_torque: bool, hold: int, periods: int
+) -> int:
+    """Decide and integrate so many control periods of one flight, calling MuJoCo from compiled code.
+
+    Args:
+        world: See `World`.
+        flights: See `Flights`, of one flight.
+        fields: qpos, qvel, ctrl, xfrc_applied and the asteroid's mocap quaternion of its MjData.
+        model: Address of the MjModel.
+        data: Address of the MjData.
+        held_torque: See `decide`.
+        hold: Timesteps in a control period.
+        periods: Control periods; 0 decides once and integrates nothing.
+
+    Returns:
+        See `decide`; the flight stops where something is wrong.
+    """
+    if periods == 0:
+        return _decide_one(world, flights, fields, 0, held_torque)
+    for _ in range(periods):
+        answer = _decide_one(world, flights, fields, 0, held_torque)
+        if answer != FINE:
+            return answer
+        for _ in range(hold):
+            _mj_step(model, data)
+        flights.tick[0] += 1
+    return FINE
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _decide_one(world: World, flights: Flights, fields: Fields, e: int, held_torque: bool) -> int:
+    n, numbers, work = world.hub.shape[0], world.numbers, flights.work[e]
+    qpos, qvel, ctrl, xfrc, mocap_quat = fields
     period, spin_rate = numbers[_PERIOD], numbers[_SPIN_RATE]
     t = flights.tick[e] * period
     phase = numbers[_PHASE0] + spin_rate * t
     C_AN, C_mid, q_BN, targets = flights.C[e, 0], flights.C[e, 1], flights.q[e, 0], flights.targets[e]
     flights.finite[e] = sense(
-        row[at[0] : at[0] + NQ * n],
-        row[at[1] : at[1] + NV * n],
+        qpos,
+        qvel,
         world.frames[0],
         phase,
         0.5 * period * spin_rate,
@@ -151,9 +195,8 @@ def _decide_one(world: World, flights: Flights, e: int, held_torque: bool) -> in
         return NOT_FINITE
     a_A = work[_RHO]  # free until guidance writes there
     write_series(work[_R_A], numbers[_RADIUS], world.table, world.series, a_A)
-    xfrc = row[at[3] : at[3] + 6 * at[5]].reshape(at[5], 6)
     push(a_A, C_mid, numbers[_MASS], world.hub, xfrc, work)
-    turn_body(numbers[_Q_P : _Q_P + 4], phase, row[at[4] : at[4] + 4])
+    turn_body(numbers[_Q_P : _Q_P + 4], phase, mocap_quat)
     spin_N, planet = world.frames[3, 0], flights.C[e, 2]
     for k in range(3):
         planet[0, k], planet[1, k] = world.frames[3, 1, k] + t * world.frames[3, 2, k], world.frames[3, 2, k]
@@ -173,7 +216,6 @@ def _decide_one(world: World, flights: Flights, e: int, held_torque: bool) -> in
     )
     if not held_torque:
         _control(world, work, flights.torque_B[e])
-    ctrl = row[at[2] : at[2] + 3 * n]
     limits = numbers[_SPEED_GAIN : _MAX_SPEED + 1]
     actuate(flights.torque_B[e], world.frames[2], limits[0], limits[1], limits[2], work, ctrl, flights.peaks[e])
     for k in range(3 * n):

@@ -9,15 +9,12 @@ vectors from the step's start (Munthe-Kaas, BIT Numerical Mathematics 38, 1998),
 
 from __future__ import annotations
 
-import ctypes
-from pathlib import Path
-
 import mujoco
 import numpy as np
 from numba import njit, types
 from numpy.typing import NDArray
 
-from swarm_mj.errors import SimulationError
+from swarm_mj.simulation.native import load_mujoco
 from swarm_mj.spacecraft.gyrostat import NV_FREE
 
 Array = NDArray[np.float64]
@@ -43,7 +40,7 @@ class GyrostatIntegrator:
     """
 
     def __init__(self, model: mujoco.MjModel, axes: Array) -> None:
-        _load_mujoco()
+        load_mujoco()
         self._model, self._axes = model, np.ascontiguousarray(axes)
         self._limits = np.ascontiguousarray(model.actuator_ctrlrange)
         self._rates, self._start = np.zeros((4, model.nv)), np.zeros(model.nq)
@@ -69,15 +66,6 @@ class GyrostatIntegrator:
             self._start,
         )
         data.time += nstep * timestep
-
-
-def _load_mujoco() -> None:
-    folder = Path(mujoco.__file__).parent
-    libraries = sorted((*folder.glob("libmujoco*"), *folder.glob("mujoco.dll")))
-    if not libraries:
-        raise SimulationError(f"physics.wheels: gyrostat needs MuJoCo's library, which is not in {folder}; use bodies")
-    # The compiled code finds C functions by name among the symbols that are global in the process.
-    ctypes.CDLL(str(libraries[0]), mode=ctypes.RTLD_GLOBAL)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -84,6 +84,15 @@ class SeparateFlights:
             self.effort[e] += float((simulation.data.ctrl**2).sum())
         return bool(self.finite[live].all())
 
+    def fly(self, periods: int, live: Mask) -> bool:
+        """Decide and advance so many control periods of the live flights; one that is not finite stops."""
+        flying, fine = live, True
+        for _ in range(periods):
+            if not self.decide(flying):
+                flying, fine = flying & self.finite, False
+            self.advance(flying)
+        return fine
+
     def advance(self, live: Mask | None) -> None:
         """Let MuJoCo integrate one control period of the live flights, None for all, with everything held."""
         for e in range(self.count) if live is None else np.flatnonzero(live):

@@ -19,7 +19,7 @@ from swarm_mj.envs.policy import (
     load_policy,
     save_policy,
 )
-from swarm_mj.envs.policy_behavior import PACKAGED, ScriptedPolicy, TrainedPolicy
+from swarm_mj.envs.policy_behavior import PACKAGED, ScriptedPolicy, TrainedPolicy, policy_overrides
 
 from swarm_mj.errors import MissionError, ScenarioError
 from swarm_mj.flight import observe_flight, simulate
@@ -159,14 +159,34 @@ def test_a_trained_policy_flies_the_same_as_behaviour_and_in_the_environment(env
     check_alike(env, *fly_as_behavior(TrainedPolicy(5, 35_000.0, file=str(file))))
 
 
+@pytest.mark.parametrize("policy", ["greedy", "trained", "some/file.npz"])
+def test_overrides_make_a_scenario_that_flies_the_policy(policy):
+    behavior = load_scenario("eros-observe", policy_overrides(policy)).behavior
+    known = {"scripted_policy": ScriptedPolicy, "trained_policy": TrainedPolicy}
+    built = known[behavior.name](5, behavior.imaging_radius_m, **behavior.parameters)
+    expected = {"greedy": ("policy", "greedy"), "trained": ("file", "")}.get(policy, ("file", policy))
+    assert getattr(built, expected[0]) == expected[1]
+
+
+def test_a_lost_spacecraft_does_not_stop_the_policy():
+    fault = "faults=[{kind: spacecraft_lost, spacecraft: sc2, at_s: 450}]"
+    plan = make_plan(load_scenario("eros-observe", ["observation.observer=horizon", f"seed={SEED}", fault]))
+    plan = replace(plan, behavior=ScriptedPolicy(5, 35_000.0))
+    result = observe_flight(plan, simulate(plan))
+    assert 1.0 < result.coverage.percent < 50.0
+
+
 def test_a_policy_as_behaviour_says_why_it_cannot(random_policy, tmp_path):
     with pytest.raises(MissionError, match="'random': must be one of body_centre"):
         ScriptedPolicy(5, 35_000.0, policy="random")
     plan = make_plan(load_scenario("eros-observe", ["duration_s=1505"]))
-    with pytest.raises(MissionError, match="scripted_policy|step_s"):
+    with pytest.raises(MissionError, match="step_s"):
         ScriptedPolicy(5, 35_000.0).for_flight(plan)
     with pytest.raises(MissionError, match="no design can be made"):
         ScriptedPolicy(5, 35_000.0).targets(None, None)
+    four = make_plan(load_scenario("eros-observe", ["spacecraft.wheel_layout=pyramid"]))
+    with pytest.raises(ScenarioError, match="not of 4"):
+        simulate(replace(four, behavior=ScriptedPolicy(5, 35_000.0, policy="greedy_ahead")))
     file = tmp_path / "policy.npz"
     save_policy(file, replace(random_policy, about={**random_policy.about, "spacecraft": 4}))
     with pytest.raises(ScenarioError, match="spacecraft = 4"):
