@@ -5,7 +5,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 
 .DEFAULT_GOAL := help
-.PHONY: help run test test-fast lint format types check wheel-test bench docs docs-images reproduction robustness shape gl setup setup-dev clean
+.PHONY: help run test test-fast lint format types check wheel-test bench docs docs-images reproduction robustness learning shape gl setup setup-dev clean
 
 help: ## list the targets
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -68,6 +68,9 @@ reproduction: setup ## rewrite docs/reproduction.md: the fewest observers under 
 
 robustness: setup-dev ## rewrite docs/robustness.md: what losses and faults cost
 	@$(BIN)/python -m docs.robustness
+
+learning: setup ## fly the trained policy against the scripted ones and rewrite docs/learning.md
+	@$(BIN)/python -m docs.learning
 
 shape: setup ## rebuild assets/eros.obj from its harmonics
 	@$(BIN)/swarm-mj shape --out assets/eros.obj

@@ -87,8 +87,15 @@ def draw(curve: Curve, flown: dict[str, Returns]) -> None:
     ax.plot(
         steps, curve["sampled_return"], color=style.SKY_BLUE, linewidth=1.2, label="training flights, drawn actions"
     )
+    valid = np.isfinite(curve["validation_return"])
     ax.plot(
-        steps, curve["validation_return"], color=style.BLUE, linewidth=2, label="validation flights, likeliest actions"
+        steps[valid],
+        curve["validation_return"][valid],
+        color=style.BLUE,
+        linewidth=2,
+        marker="o",
+        markersize=4,
+        label="validation flights, likeliest actions",
     )
     for name, colour in zip(("greedy ahead", "greedy", "sweep"), (style.GREEN, style.ORANGE, style.GREY), strict=True):
         mean = float(flown[name].total.mean())
@@ -206,8 +213,8 @@ Return on the 16 validation seeds, after imitation and at its best.
 |---|---|---|---|---|---|
 {tried}
 
-The cautious run changed the policy too little per update for its time. The bold one first loses what it had imitated,
-because the critic knows nothing yet and the entropy bonus spreads the actions, and then passes it.
+The cautious run changed the policy too little per update for its time. The shipped one first loses what it had imitated,
+because its critic knows nothing yet and the entropy bonus spreads the actions, and then passes it.
 
 Greedy rules that weigh the angle to turn were tried too and lost: they stay on the leftovers of a patch. One spacecraft passes
 near enough to see nearly all of the target, for about five minutes, and the others see a part; what pays is the order in

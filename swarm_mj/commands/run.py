@@ -32,6 +32,12 @@ def add(commands: argparse._SubParsersAction) -> None:
     run.add_argument(
         "--design", metavar="DESIGN", help="fly this design: a design.json of `swarm-mj design`, or a packaged name"
     )
+    run.add_argument(
+        "--policy",
+        metavar="NAME_OR_FILE",
+        help="who points at what: a policy file of examples/train_sb3.py, trained (the packaged one), body_centre, "
+        "target_centre, sweep, greedy or greedy_ahead",
+    )
     add_common(run, seed_of="the random initial attitudes")
     run.add_argument("--no-report", action="store_true", help="write no report.html")
     run.set_defaults(command=_run)
@@ -42,6 +48,10 @@ def _run(arguments: argparse.Namespace) -> int:
     from swarm_mj.scenarios.loading import load_scenario, read_design
 
     overrides = overrides_of(arguments)
+    if arguments.policy is not None:
+        from swarm_mj.envs.policy_behavior import policy_overrides
+
+        overrides += policy_overrides(arguments.policy)
     if arguments.design is not None:
         points = read_design(arguments.design)
         overrides += [f"design.reference={json.dumps(arguments.design)}", f"design.visiting_points={points}"]

@@ -12,7 +12,7 @@ import pytest
 pytest.importorskip("stable_baselines3")
 from stable_baselines3.common.env_util import make_vec_env  # noqa: E402
 from stable_baselines3.common.monitor import Monitor  # noqa: E402
-from stable_baselines3.common.vec_env import VecMonitor, VecNormalize  # noqa: E402
+from stable_baselines3.common.vec_env import VecNormalize  # noqa: E402
 from swarm_mj.envs.sb3 import SwarmObserveVecEnv  # noqa: E402
 
 from swarm_mj.errors import ScenarioError  # noqa: E402
@@ -101,8 +101,8 @@ def test_attributes_and_methods_reach_the_vector_environment(venv):
     venv.set_options()
 
 
-def test_wrappers_of_stable_baselines3_take_it():
-    venv = VecNormalize(VecMonitor(SwarmObserveVecEnv(2, threads=1, control="pointing")))
+def test_a_wrapper_of_stable_baselines3_takes_it():
+    venv = VecNormalize(SwarmObserveVecEnv(2, threads=1, control="pointing"))
     venv.reset()
     observations, rewards, dones, _ = venv.step(np.zeros((2, 10), np.float32))
     assert np.isfinite(observations).all() and rewards.shape == dones.shape == (2,)
