@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+from importlib import import_module
 from pathlib import Path
 
 from swarm_mj.commands.common import DEFAULT_OUT, DEFAULT_SCENARIOS, add_common, overrides_of
@@ -49,9 +50,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
     overrides = overrides_of(arguments)
     if arguments.policy is not None:
-        from swarm_mj.envs.policy_behavior import policy_overrides
-
-        overrides += policy_overrides(arguments.policy)
+        overrides += import_module("swarm_mj.envs.policy_behavior").policy_overrides(arguments.policy)
     if arguments.design is not None:
         points = read_design(arguments.design)
         overrides += [f"design.reference={json.dumps(arguments.design)}", f"design.visiting_points={points}"]
