@@ -12,6 +12,7 @@ import json
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
@@ -44,7 +45,12 @@ def policy_overrides(policy: str) -> list[str]:
 
     Args:
         policy: A scripted one by name, `trained` for the packaged one, or a file of `swarm_mj.envs.policy`.
+
+    Raises:
+        MissionError: It is neither a name nor a file.
     """
+    if policy not in SCRIPTED and policy != "trained" and not Path(policy).is_file():
+        raise MissionError(f"--policy {policy!r}: no such file, and no name; names are trained, {', '.join(SCRIPTED)}")
     if policy in SCRIPTED:
         return ["behavior.name=scripted_policy", f"behavior.parameters={json.dumps({'policy': policy})}"]
     parameters = {} if policy == "trained" else {"file": policy}
