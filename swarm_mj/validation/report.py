@@ -41,7 +41,7 @@ every check, and see the check fail.
 
 def table(checks: Sequence[Check]) -> Table:
     """A table for the screen, a section for every group; fits a terminal of 80 columns."""
-    result = Table(title="Validation", title_justify="left")
+    result = Table(title="Validation", title_justify="left", expand=True)
     result.add_column("check", min_width=max((len(check.name) for check in checks), default=0), ratio=3)
     result.add_column("independent reference", ratio=2)
     result.add_column("measured,\ntolerance", justify="right", no_wrap=True)

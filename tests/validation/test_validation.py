@@ -178,7 +178,11 @@ FAULTS = {
     "field of view": (square_cone(), ["coverage-footprint-rays"]),
     "lost rays": (lost_rays(), ["coverage-limb"]),
     "transparent body": (
-        (program_links, "_blocked", lambda shape, C_AN, start, end: np.zeros(len(start), bool)),
+        (
+            program_links,
+            "write_closed",
+            lambda n, v, f, *rest, right=program_links.write_closed: right(n, v, f[:0], *rest),
+        ),
         ["links-geometry"],
     ),
 }
