@@ -52,6 +52,7 @@ PURPOSE = {
     "pytest": "tests",
     "pytest-xdist": "tests in parallel",
     "hypothesis": "tests of properties and bad input",
+    "selenium": "tests: the report in a browser",
     "shapely": "tests: exact areas of polygons",
     "astropy": "tests: ephemerides",
     "polyhedral-gravity": "tests: gravity of polyhedra",

@@ -15,7 +15,7 @@ from swarm_mj.attitude.algebra import quaternion, rotate
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.mission.links import write_closed
 from swarm_mj.observation.quick_look import Scene, new_cells
-from swarm_mj.smallbody.occultation import segments_blocked
+from swarm_mj.smallbody.occultation import way_blocked
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -247,22 +247,13 @@ def end_step(
             measures[e, 0] = _transmit(mission, now, books, kind[e], index[e], e, step_s)
             measures[e, 1] = _saturation(mission, now, e)
             measures[e, 2] = _close_pairs(mission, before, now, books.lost[e], e)
-            blocked = segments_blocked(before.r_A[e], now.r_A[e], mission.vertices, mission.faces, mission.numbers[0])
-            for j in range(blocked.shape[0]):
-                hit[e, j] = blocked[j] and not books.lost[e, j]
+            for j in range(kind.shape[1]):
+                hit[e, j] = not books.lost[e, j] and way_blocked(
+                    before.r_A[e, j], now.r_A[e, j], mission.vertices, mission.faces, mission.box
+                )
         _read(mission, now, books, kind[e], sigma_BR[e], e, observation[e])
         for i in range(low.shape[0]):
             observation[e, i] = min(max(observation[e, i], low[i]), high[i])
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _hits(mission: Mission, start_A: Array, end_A: Array) -> bool:
-    """Whether a straight way meets the body; a way that passes by the box around it needs no look at the faces."""
-    for k in range(3):
-        low, high = min(start_A[0, k], end_A[0, k]), max(start_A[0, k], end_A[0, k])
-        if low > mission.box[1, k] or high < mission.box[0, k]:
-            return False
-    return segments_blocked(start_A, end_A, mission.vertices, mission.faces, mission.numbers[0])[0]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -274,6 +265,7 @@ def _transmit(mission: Mission, now: Now, books: Books, kind: Ints, index: Ints,
         mission.antennas,
         mission.vertices,
         mission.faces,
+        mission.box,
         numbers[0],
         kind,
         index,

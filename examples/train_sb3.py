@@ -1,5 +1,6 @@
 """Train a policy for SwarmObserve-v0 with PPO, and compare it with the untrained one.
 
+    pip install 'swarm_mj[rl]'
     python examples/train_sb3.py --minutes 2
     python examples/train_sb3.py --minutes 30 --out runs/long
     python examples/train_sb3.py --minutes 30 --out runs/long --resume
@@ -20,10 +21,14 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
-import torch
-from stable_baselines3 import PPO
-from stable_baselines3.common.callbacks import BaseCallback
-from stable_baselines3.common.logger import configure
+
+try:
+    import torch
+    from stable_baselines3 import PPO
+    from stable_baselines3.common.callbacks import BaseCallback
+    from stable_baselines3.common.logger import configure
+except ImportError as error:
+    raise SystemExit(f"training needs the extra rl ({error}): pip install 'swarm_mj[rl]'") from None
 from swarm_mj.envs.evaluation import fly_seeds, interval
 from swarm_mj.envs.policy import ArrayPolicy, greedy_actions, load_policy, save_policy
 from swarm_mj.envs.sb3 import SwarmObserveVecEnv

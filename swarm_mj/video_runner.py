@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import Progress
 
-from swarm_mj.drawing.cameras import OVERVIEW, SPLIT
+from swarm_mj.drawing.cameras import CHASE, OVERVIEW, SPLIT
 from swarm_mj.drawing.film import Film, check_film, film
 from swarm_mj.drawing.picture import Drawing
 from swarm_mj.drawing.replay import Replay, load_replay
@@ -25,7 +25,7 @@ MAX_PICTURES = 200_000
 #: Pictures from which the colours of a GIF are chosen.
 SAMPLES = 6
 #: Pictures' sizes where none is given [pixel].
-DEFAULT_SIZE, DEFAULT_SPLIT_SIZE = (960, 540), (1280, 720)
+DEFAULT_SIZE, DEFAULT_SPLIT_SIZE, DEFAULT_CAMERA_SIZE = (960, 540), (1280, 720), (720, 720)
 
 
 def run_video(
@@ -55,7 +55,7 @@ def run_video(
         ObserverError: OpenGL cannot be loaded here.
     """
     path = out or folder / f"{camera}.mp4"
-    width, height = parse_size(size) if size else DEFAULT_SPLIT_SIZE if camera == SPLIT else DEFAULT_SIZE
+    width, height = parse_size(size) if size else _default_size(camera)
     if path.suffix.lower() == ".png":
         write_stills(path, load_replay(folder), camera=camera, width=width, height=height)
         return path
@@ -85,6 +85,13 @@ def _shoot(
         for t in times:
             reel.add(drawing.draw(replay.at(float(t))))
             progress.advance(task)
+
+
+def _default_size(camera: str) -> tuple[int, int]:
+    if camera == SPLIT:
+        return DEFAULT_SPLIT_SIZE
+    # A spacecraft's camera has a square picture.
+    return DEFAULT_SIZE if camera in (OVERVIEW, CHASE) else DEFAULT_CAMERA_SIZE
 
 
 def parse_size(text: str) -> tuple[int, int]:

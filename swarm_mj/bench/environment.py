@@ -18,12 +18,15 @@ TARGET_SINGLE, TARGET_VECTOR = ">= 0.60", ">= 0.80"
 
 
 def raw_steps() -> Callable[[], int]:
-    """Ten times as many raw steps as one environment step takes."""
+    """Ten times as many raw steps as one environment step takes; forces and torques held, as in the raw row of the loop."""
     env: Any = gymnasium.make(ID).unwrapped
-    env.reset(seed=0)
     simulation, ticks = env.setting.simulation, env.setting.ticks
+    simulation.decide()
+    start = simulation.data.qpos.copy(), simulation.data.qvel.copy()
 
     def work() -> int:
+        # Held torques would spin the wheels up without end.
+        simulation.data.qpos[:], simulation.data.qvel[:] = start
         for _ in range(10):
             mujoco.mj_step(simulation.model.mjmodel, simulation.data, nstep=ticks)
         return 10

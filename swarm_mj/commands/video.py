@@ -18,9 +18,14 @@ def add(commands: argparse._SubParsersAction) -> None:
         "--camera", default="overview", metavar="NAME", help="overview (default), chase, split, or sc1, sc2, ..."
     )
     video.add_argument("--fps", type=float, default=25.0, metavar="N", help="pictures per second of film (default 25)")
-    video.add_argument("--size", metavar="WIDTHxHEIGHT", help="of the picture (default 960x540, split 1280x720)")
     video.add_argument(
-        "--speed", type=float, metavar="X", help="seconds of flight per second of film (default: half a minute in all)"
+        "--size", metavar="WIDTHxHEIGHT", help="of the picture (default 960x540, split 1280x720, sc1, sc2, ... 720x720)"
+    )
+    video.add_argument(
+        "--speed",
+        type=float,
+        metavar="X",
+        help="seconds of flight per second of film (default: so that it lasts about half a minute)",
     )
     video.add_argument(
         "--out",

@@ -15,7 +15,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from swarm_mj.mission.behaviors import TargetKind
-from swarm_mj.smallbody.occultation import segments_blocked
+from swarm_mj.smallbody.occultation import way_blocked
 from swarm_mj.smallbody.shape import ShapeModel
 
 Array = NDArray[np.float64]
@@ -73,11 +73,13 @@ def links_closed(
         Shape (t, n).
     """
     closed = np.zeros(mode.shape, np.bool_)
+    box = np.array([shape.vertices.min(axis=0), shape.vertices.max(axis=0)])
     for k in range(len(mode)):
         write_closed(
             antennas.numbers,
             shape.vertices,
             shape.faces,
+            box,
             shape.max_radius,
             mode[k].astype(np.int64),
             tracked[k].astype(np.int64),
@@ -95,6 +97,7 @@ def write_closed(
     antennas: Array,
     vertices: Array,
     faces: NDArray[np.int32],
+    box: Array,
     radius: float,
     mode: NDArray[np.int64],
     tracked: NDArray[np.int64],
@@ -110,6 +113,7 @@ def write_closed(
         antennas: See `Antennas.numbers`.
         vertices: The asteroid's mesh, shape (V, 3) [m].
         faces: Shape (F, 3).
+        box: Least and largest coordinates of the mesh, shape (2, 3) [m].
         radius: Largest vertex radius [m].
         mode: `TargetKind` values, shape (n,).
         tracked: Spacecraft tracked, from 0, shape (n,).
@@ -136,8 +140,7 @@ def write_closed(
         else:
             continue
         if heard:
-            start_A, end_A = _turned(C_AN, r_N[j]).reshape(1, 3), _turned(C_AN, end).reshape(1, 3)
-            closed[j] = not segments_blocked(start_A, end_A, vertices, faces, radius)[0]
+            closed[j] = not way_blocked(_turned(C_AN, r_N[j]), _turned(C_AN, end), vertices, faces, box)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -139,8 +139,8 @@ def _proof(run: RunRecord, record: dict[str, Any]) -> Html:
     flown = f"Flown: the design of the {record['selected_by']}."
     return join(
         [
-            tag("p", tag("strong", words), " ", flown),
             _mismatch(record, scenario),
+            tag("p", tag("strong", words), " ", flown),
             table(head, cells, caption="How the design was found", class_="numeric method"),
         ]
     )

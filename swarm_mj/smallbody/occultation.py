@@ -38,6 +38,21 @@ def segments_blocked(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def way_blocked(start_A: Array, end_A: Array, vertices: Array, faces: NDArray[np.int32], box: Array) -> bool:
+    """The same for one segment; `box` is the one around the mesh, which most ways miss, as two corners, shape (2, 3) [m]."""
+    first, last = 0.0, 1.0
+    for k in range(3):
+        step = end_A[k] - start_A[k]
+        if step == 0.0:
+            if start_A[k] < box[0, k] or start_A[k] > box[1, k]:
+                return False
+            continue
+        one, other = (box[0, k] - start_A[k]) / step, (box[1, k] - start_A[k]) / step
+        first, last = max(first, min(one, other)), min(last, max(one, other))
+    return first <= last and _hits_any(start_A, end_A - start_A, vertices, faces)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def _distance_to_origin(a: Array, b: Array) -> float:
     d = b - a
     along, whole = -(a @ d), d @ d

@@ -245,7 +245,7 @@ def test_a_run_ends_with_the_path_of_its_report_unless_told_not_to(tmp_path, cap
 def test_the_command_writes_where_it_is_told_and_ends_with_an_error_for_no_run(folder, tmp_path, capsys):
     assert main(["report", str(folder), "--out", str(tmp_path / "deep" / "mine.html")]) == 0
     assert (tmp_path / "deep" / "mine.html").read_text("utf-8").startswith("<!DOCTYPE html>")
-    assert main(["report", str(tmp_path / "nothing")]) == 1
+    assert main(["report", str(tmp_path / "nothing")]) == 2
     assert "no such folder" in capsys.readouterr().err
 
 
