@@ -36,8 +36,8 @@ def atomic_folder(destination: Path) -> Iterator[Path]:
             writing there.
     """
     destination = _resolved(destination)
-    _check_replaceable(destination)
     with _reserved(destination):
+        _check_replaceable(destination)  # held: no other run is exchanging what stands there
         _clear_leftovers(destination)
         try:
             partial = Path(tempfile.mkdtemp(prefix=f".{destination.name}.", suffix=".partial", dir=destination.parent))

@@ -1,6 +1,7 @@
 """Small campaigns of quick flights, and how to run one as a user does."""
 
 import os
+import signal
 import subprocess
 import sys
 import textwrap
@@ -60,6 +61,8 @@ def start():
             stderr=subprocess.PIPE,
             text=True,
             start_new_session=True,
+            # A shell starts what it puts in the background deaf to Ctrl-C, and the tests with it.
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
             env={**os.environ, "COLUMNS": "200"},
             **options,
         )

@@ -160,7 +160,10 @@ def test_a_trained_policy_flies_the_same_as_behaviour_and_in_the_environment(env
 
 
 @pytest.mark.parametrize("policy", ["greedy", "trained", "some/file.npz"])
-def test_overrides_make_a_scenario_that_flies_the_policy(policy):
+def test_overrides_make_a_scenario_that_flies_the_policy(policy, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "some").mkdir()
+    (tmp_path / "some" / "file.npz").touch()
     behavior = load_scenario("eros-observe", policy_overrides(policy)).behavior
     known = {"scripted_policy": ScriptedPolicy, "trained_policy": TrainedPolicy}
     built = known[behavior.name](5, behavior.imaging_radius_m, **behavior.parameters)
