@@ -100,7 +100,7 @@ def picture_rows() -> Iterable[str]:
     """Seen share by face-ID pictures of growing size, and by the observers that need none, on whole faces and on cells."""
     telemetry = flown([NARROW])[1]
     kinds = [("faceid", px) for px in RESOLUTIONS_PX] if gl_available()[0] else []
-    for kind, px in [*kinds, ("raycast", 512), ("horizon", 512)]:
+    for kind, px in [*kinds, ("raster", 512), ("raycast", 512), ("horizon", 512)]:
         shares = []
         for cell in ("null", "300"):
             overrides = [
@@ -110,9 +110,8 @@ def picture_rows() -> Iterable[str]:
                 f"target.cell_size_m={cell}",
             ]
             shares.append(observe_flight(make_plan(load_scenario(SCENARIO, overrides)), telemetry).coverage.percent)
-        name = (
-            f"face-ID, {px} px" if kind == "faceid" else {"raycast": "rays, 16 a cell", "horizon": "horizon maps"}[kind]
-        )
+        names = {"raster": f"face-ID, {px} px, compiled", "raycast": "rays, 16 a cell", "horizon": "horizon maps"}
+        name = names.get(kind, f"face-ID, {px} px")
         yield f"| {name} | {shares[0]:.2f} | {shares[1]:.2f} |"
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from swarm_mj.attitude.controllers.base import ControlInput, Controller
 from swarm_mj.errors import ScenarioError
-from swarm_mj.mission.behaviors import Behavior, SwarmView, TargetKind, Targets
+from swarm_mj.mission.behaviors import Behavior, SteadyBehavior, SwarmView, TargetKind, Targets
 from swarm_mj.observation.raytracing import RayTracer
 from swarm_mj.planning import Plan
 from swarm_mj.simulation.telemetry import OBSERVING
@@ -49,6 +49,7 @@ class AimedAt:
 
     def __init__(self, inner: Behavior, points_A: Array) -> None:
         self._inner, self._points_A = inner, points_A
+        self._steady = inner if isinstance(inner, SteadyBehavior) else None
 
     def targets(self, view: SwarmView, memory: Any) -> tuple[Targets, Any]:
         """See `Behavior`."""
@@ -57,6 +58,10 @@ class AimedAt:
         kind = np.where(observing, int(TargetKind.SURFACE), targets.kind)
         vector = np.where(observing[:, None], self._points_A, targets.vector)
         return Targets(kind, targets.spacecraft, vector), memory
+
+    def steady_for(self, view: SwarmView, memory: Any) -> float:
+        """See `SteadyBehavior`: as long as the scenario's, and until the next action."""
+        return 0.0 if self._steady is None else self._steady.steady_for(view, memory)
 
 
 class HeldTorque:

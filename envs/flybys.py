@@ -167,8 +167,9 @@ class Flybys:
     def _give_held(self) -> None:
         """Hand the batch what the level holds; separate simulations read it themselves."""
         flights, level = self.flights, self.level
-        if not self.batched:
+        if not isinstance(flights, BatchFlights):
             return
+        flights.ask_again()
         if level.kind is not None:
             flights.kind[:], flights.index[:], flights.vector[:] = level.kind, level.index, level.vector
         if level.torque_B is not None:

@@ -116,7 +116,7 @@ spacecraft 1..n (itself: hold); K+n+1: Earth; K+n+2: hold the direction of +z in
     | render_mode | None | None, `"rgb_array"`, or `"human"` for a window, drawn at every reset and step (needs pygame) |
     | step_s | 10.0 | length of a step [s]; a multiple of `control.period_s` that divides the duration |
     | patches | 16 | number of patches K, a square number |
-    | observer | `"horizon"` | who judges pictures: `horizon` (maps, constant time), `raycast`, `faceid` (OpenGL) or `auto` |
+    | observer | `"horizon"` | the judge of pictures: `horizon` (maps, constant time), `raycast`, `faceid`, `raster` or `auto` |
     | complete | 99.9 | seen share of the target that counts as complete [%] |
     | reward_weights | None | mapping that replaces weights by name |
     | bits_per_pixel | 1.0 | data of a picture after compression |

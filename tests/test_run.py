@@ -117,29 +117,29 @@ def test_the_visit_alone_sees_less_than_the_passage(tmp_path):
     assert 0 < summary["coverage_percent"] < summary["coverage_percent_passage"] < 100
 
 
-def test_without_gl_the_job_completes_on_the_ray_caster_and_says_so(tmp_path, capsys, monkeypatch):
+def test_without_gl_the_job_completes_on_compiled_drawing_and_says_so(tmp_path, capsys, monkeypatch):
     from swarm_mj.errors import ObserverError
     from swarm_mj.observation import faceid
 
     def broken(*args, **keys):
         raise ObserverError("no libEGL.so.1 here")
 
-    monkeypatch.setattr(faceid.FaceIdObserver, "__init__", broken)
+    monkeypatch.setattr(faceid.OpenGlFaces, "__init__", broken)
     assert main([*QUICK, "--out", str(tmp_path / "run")]) == 0
     summary = json.loads((tmp_path / "run" / "summary.json").read_text())
-    assert summary["observer"] == "raycast"
+    assert summary["observer"] == "raster"
     assert summary["coverage_percent"] == pytest.approx(100.0, abs=0.1)
     assert "no libEGL.so.1 here" in capsys.readouterr().out
 
 
-def test_where_egl_finds_no_driver_the_job_completes_on_rays(tmp_path):
+def test_where_egl_finds_no_driver_the_job_completes_on_compiled_drawing(tmp_path):
     environment = {**os.environ, "__EGL_VENDOR_LIBRARY_FILENAMES": "/nonexistent", "LIBGL_DRIVERS_PATH": "/nonexistent"}
     environment.pop("MUJOCO_GL", None)
     command = [sys.executable, "-m", "swarm_mj.cli", *QUICK, "--out", str(tmp_path / "run")]
     done = subprocess.run(command, env=environment, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    assert json.loads((tmp_path / "run" / "summary.json").read_text())["observer"] == "raycast"
-    assert "ray casting" in done.stdout
+    assert json.loads((tmp_path / "run" / "summary.json").read_text())["observer"] == "raster"
+    assert "drawn by compiled code" in done.stdout
 
 
 def test_the_visit_is_found_at_times_that_rounding_disturbs(tmp_path):

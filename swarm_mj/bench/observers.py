@@ -2,11 +2,11 @@
 
 The peer traces one ray through the centre of every pixel of the same picture and counts the pixels of every face: once with
 embreex alone, whose rays are ready in single precision before the clock starts, and once through trimesh, the usual way to
-embreex in Python. The face-ID observer draws the whole picture (no cropping), so that all three fill the same pixels; the
-share of pixels in which they agree is reported. The ray observer sends 16 rays to each face of the target and needs no
-picture. In every round each of them takes the same pictures in turn, as many at a stretch as a spacecraft takes in a minute.
-Building meshes, buffers and scenes is not counted. All but the face-ID observer, which draws with Mesa's threads where there
-is no GPU, run on one core.
+embreex in Python. The face-ID observers, drawn by OpenGL and by compiled code, draw the whole picture (no cropping), so that
+all fill the same pixels; the share of pixels in which they agree is reported. The ray observer sends 16 rays to each face of
+the target and needs no picture. In every round each of them takes the same pictures in turn, as many at a stretch as a
+spacecraft takes in a minute. Building meshes, buffers and scenes is not counted. All run on one core but OpenGL, which draws
+on the GPU or with Mesa's threads.
 """
 
 from __future__ import annotations
@@ -25,9 +25,10 @@ from trimesh.ray.ray_pyembree import RayMeshIntersector
 from swarm_mj.bench.measure import Row, in_turn, row
 from swarm_mj.mission.target import TargetRegion, build_target
 from swarm_mj.observation.camera import CameraModel, CameraPose, look_at
-from swarm_mj.observation.faceid import FaceIdObserver
+from swarm_mj.observation.faceid import Drawing, FaceIdObserver
 from swarm_mj.observation.gl_context import gl_available
 from swarm_mj.observation.horizon import HorizonObserver
+from swarm_mj.observation.observer import Observer
 from swarm_mj.observation.raycast import RayCastObserver
 from swarm_mj.smallbody.shape_harmonics import build_eros
 
@@ -35,29 +36,32 @@ from swarm_mj.smallbody.shape_harmonics import build_eros
 FREQUENCIES = (20, 40, 60, 100)
 #: embreex per pixel over face-ID, on the mesh that the paper's swarm is flown with.
 TARGET = ">= 25"
+#: How the ways of drawing are called.
+DRAWINGS: dict[Drawing, str] = {"opengl": "OpenGL", "compiled": "compiled code"}
 ROUNDS, PICTURES, RESOLUTION_PX, HALF_ANGLE_DEG = 7, 6, 512, 21.5
 
 
 def rows(quick: bool) -> Iterator[Row]:
     """All of it, and the constant-time observer on a swarm's pictures of one instant."""
-    available, renderer = gl_available()
-    if available:
-        for frequency in FREQUENCIES[:1] if quick else FREQUENCIES:
-            yield from _picture_rows(frequency, 3 if quick else ROUNDS, renderer)
+    for frequency in FREQUENCIES[:1] if quick else FREQUENCIES:
+        yield from _picture_rows(frequency, 3 if quick else ROUNDS)
     yield _instant_row(5 if quick else 15)
 
 
-def _picture_rows(frequency: int, rounds: int, renderer: str) -> Iterator[Row]:
+def _picture_rows(frequency: int, rounds: int) -> Iterator[Row]:
     found = measure(frequency, rounds)
     mesh = f"{len(found.region.faces):,} faces"
-    note = f"{renderer}; same pixel in {found.agree_percent:.2f} %"
     target = TARGET if frequency == FREQUENCIES[0] else ""
     times = found.times_ms
-    yield row("observers", f"face-ID picture, {mesh}", times["face-ID"], "ms")
-    yield row(
-        "observers", f"embreex per pixel / face-ID, {mesh}", times["embreex"] / times["face-ID"], "ratio", target, note
-    )
-    yield row("observers", f"embreex through trimesh / face-ID, {mesh}", times["trimesh"] / times["face-ID"], "ratio")
+    for drawing, agree_percent in found.agree_percent.items():
+        name = f"face-ID by {DRAWINGS[drawing]}"
+        by = gl_available()[1] if drawing == "opengl" else "one core"
+        note = f"{by}; same pixel in {agree_percent:.2f} %"
+        yield row("observers", f"{name}, {mesh}", times[drawing], "ms")
+        yield row(
+            "observers", f"embreex per pixel / {name}, {mesh}", times["embreex"] / times[drawing], "ratio", target, note
+        )
+        yield row("observers", f"embreex through trimesh / {name}, {mesh}", times["trimesh"] / times[drawing], "ratio")
     yield row("observers", f"embreex per pixel / 16 rays a face, {mesh}", times["embreex"] / times["rays"], "ratio")
 
 
@@ -78,11 +82,11 @@ def _instant_row(rounds: int) -> Row:
 
 @dataclass(frozen=True)
 class Measured:
-    """Milliseconds of one picture in each round by method, the target, and how many pixels agree [%]."""
+    """Milliseconds of one picture in each round by method, the target, and how many pixels agree by drawing [%]."""
 
     times_ms: dict[str, np.ndarray]
     region: TargetRegion
-    agree_percent: float
+    agree_percent: dict[Drawing, float]
 
 
 def measure(frequency: int, rounds: int) -> Measured:
@@ -90,24 +94,31 @@ def measure(frequency: int, rounds: int) -> Measured:
     shape = build_eros(frequency)
     region = build_target(shape, latitude_deg=0.0, longitude_deg=90.0, half_angle_deg=20.0)
     camera = CameraModel(half_angle_deg=HALF_ANGLE_DEG, resolution_px=RESOLUTION_PX)
-    faceid, rays = FaceIdObserver(region, camera, crop=False), RayCastObserver(region, camera)
+    drawings: list[Drawing] = ["opengl", "compiled"] if gl_available()[0] else ["compiled"]
+    drawn = {d: FaceIdObserver(region, camera, crop=False, drawing=d) for d in drawings}
+    observers: dict[str, Observer] = {"rays": RayCastObserver(region, camera)}
+    observers.update({drawing: drawn[drawing] for drawing in drawings})
     scene = embree_scene(region)
     usual = RayMeshIntersector(trimesh.Trimesh(region.vertices, region.faces, process=False))
-    times, agree = [], []
+    times: dict[str, list[float]] = {name: [] for name in (*observers, "embreex", "trimesh")}
+    agree: dict[Drawing, list[float]] = {drawing: [] for drawing in drawings}
     for chosen in rounds_of_poses(rounds + 1):
         pixels = [pixel_rays(pose, camera) for pose in chosen]
-        works = (
-            [partial(faceid.visible_fraction, pose.r_A, pose.C_CA) for pose in chosen],
-            [partial(rays.visible_fraction, pose.r_A, pose.C_CA) for pose in chosen],
-            [partial(count_pixels, scene.run, *each, region) for each in pixels],
-            [partial(count_pixels, usual.intersects_first, *each, region) for each in pixels],
-        )
-        times.append([milliseconds(work) for work in works])
-        agree.append(np.mean(faceid.face_ids(chosen[0]).ravel() == scene.run(*pixels[0]).astype(np.int64) + 1))
-    faceid.close()
-    timed = np.array(times[1:])  # the first round warms up
-    names = ("face-ID", "rays", "embreex", "trimesh")
-    return Measured(dict(zip(names, timed.T, strict=True)), region, 100.0 * float(np.mean(agree)))
+        for name, observer in observers.items():
+            times[name].append(milliseconds([partial(observer.visible_fraction, p.r_A, p.C_CA) for p in chosen]))
+        for name, cast in (("embreex", scene.run), ("trimesh", usual.intersects_first)):
+            times[name].append(milliseconds([partial(count_pixels, cast, *each, region) for each in pixels]))
+        hit = scene.run(*pixels[0]).astype(np.int64) + 1
+        for drawing, observer in drawn.items():
+            agree[drawing].append(float(np.mean(observer.face_ids(chosen[0]).ravel() == hit)))
+    for observer in observers.values():
+        observer.close()
+    # The first round warms up.
+    return Measured(
+        {name: np.array(found[1:]) for name, found in times.items()},
+        region,
+        {drawing: 100.0 * float(np.mean(found)) for drawing, found in agree.items()},
+    )
 
 
 def rounds_of_poses(rounds: int) -> Iterator[list[CameraPose]]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
+from math import inf, sqrt
 from typing import Any, ClassVar, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
@@ -19,6 +20,9 @@ from swarm_mj.errors import MissionError
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
+
+#: More than any small body pulls at its surface (Ceres 0.3, Eros 0.006) [m/s^2].
+STRONGEST_PULL = 1.0
 
 
 class TargetKind(IntEnum):
@@ -79,11 +83,34 @@ class Behavior(Protocol):
 
 
 @runtime_checkable
+class SteadyBehavior(Protocol):
+    """A behaviour that knows how long its answer lasts, so that it need not be asked at every instant."""
+
+    def steady_for(self, view: SwarmView, memory: Any) -> float:
+        """Time [s] from the view's instant on within which `targets`, given `memory`, answers the same and gives it back.
+
+        Args:
+            view: The instant at which `targets` was last asked.
+            memory: What it gave back.
+        """
+        ...
+
+
+@runtime_checkable
 class MissionBehavior(Protocol):
     """A behaviour that must know the mission; its `targets` serve only after `for_flight`."""
 
     def for_flight(self, plan: Any) -> Behavior:
         """The behaviour of one flight of a `swarm_mj.planning.Plan`."""
+        ...
+
+
+@runtime_checkable
+class SelectiveBehavior(Protocol):
+    """A behaviour that cannot fly every scenario, and says so before anything is planned."""
+
+    def check_scenario(self, scenario: Any) -> None:
+        """Refuse a `swarm_mj.scenarios.schema.Scenario` by a `SwarmError` that names key, value and what is allowed."""
         ...
 
 
@@ -106,6 +133,10 @@ class DedicatedCommunications:
         _track_inside(view.r_BN_N, self.imaging_radius_m, relay, targets.kind, targets.spacecraft)
         targets.kind[relay] = TargetKind.EARTH
         return targets, None
+
+    def steady_for(self, view: SwarmView, memory: None) -> float:
+        """See `SteadyBehavior`."""
+        return _time_to_sphere(view.r_BN_N, view.v_BN_N, self.imaging_radius_m)
 
 
 @dataclass(frozen=True)
@@ -142,6 +173,10 @@ class AdaptableRoles:
             _track_inside(view.r_BN_N, self.imaging_radius_m, memory, targets.kind, targets.spacecraft)
         return targets, memory
 
+    def steady_for(self, view: SwarmView, memory: int | None) -> float:
+        """See `SteadyBehavior`."""
+        return _time_to_sphere(view.r_BN_N, view.v_BN_N, self.imaging_radius_m)
+
 
 def _empty(n: int) -> Targets:
     return Targets(np.zeros(n, np.int64), np.zeros(n, np.int64), np.zeros((n, 3)))
@@ -160,6 +195,19 @@ def _track_inside(r: Array, radius: float, communications: int, kind: Ints, inde
         kind[j] = 2 if j == communications else 1
         index[j] = 0 if j == communications else communications
     return outside
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _time_to_sphere(r: Array, v: Array, radius: float) -> float:
+    """Time before which no spacecraft can cross the sphere about the body's centre [s], however the body pulls."""
+    shortest = inf
+    for j in range(r.shape[0]):
+        distance = sqrt(r[j, 0] ** 2 + r[j, 1] ** 2 + r[j, 2] ** 2)
+        speed = sqrt(v[j, 0] ** 2 + v[j, 1] ** 2 + v[j, 2] ** 2)
+        # gap = speed t + pull t^2 / 2
+        gap = abs(distance - radius)
+        shortest = min(shortest, (sqrt(speed * speed + 2.0 * STRONGEST_PULL * gap) - speed) / STRONGEST_PULL)
+    return shortest
 
 
 def elect_first(r_BN_N: Array) -> int:

@@ -10,14 +10,14 @@ from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.camera import CameraModel
 from swarm_mj.observation.raytracing import RayTracer
 
-ObserverKind = Literal["auto", "faceid", "raycast", "horizon"]
+ObserverKind = Literal["auto", "faceid", "raster", "raycast", "horizon"]
 
 
 class Observer(Protocol):
     """Looks at a target through a camera.
 
     Attributes:
-        name: `faceid` or `raycast`.
+        name: `faceid`, `raster`, `raycast` or `horizon`.
         note: Why this one was chosen, or what it runs on; one line for the reader of a run.
         region: The target whose cells are judged.
         camera: The camera through which they are seen.
@@ -56,13 +56,14 @@ class Observer(Protocol):
 def make_observer(
     region: TargetRegion, camera: CameraModel, *, kind: ObserverKind = "auto", occlusion: bool = True
 ) -> Observer:
-    """Make an observer: face-ID buffers where OpenGL loads, else ray casting.
+    """Make an observer: face-ID buffers drawn by OpenGL where it loads, else by compiled code.
 
     Args:
         region: The target.
         camera: The camera.
-        kind: `faceid`, `raycast`, `horizon` (maps, constant time per picture), or `auto` for the first of faceid and
-            raycast that this machine offers; `note` says why.
+        kind: `faceid` (face-ID buffers by OpenGL), `raster` (the same by compiled code), `raycast` (rays to sample points),
+            `horizon` (maps, constant time per picture), or `auto` for the first of faceid and raster that this machine
+            offers; `note` says why.
         occlusion: Whether the body hides what lies behind it; without it sample points are culled and clipped, no buffer
             is drawn and `kind` plays no part.
 
@@ -83,9 +84,11 @@ def make_observer(
         return RayCastObserver(region, camera)
     if kind == "faceid":
         return FaceIdObserver(region, camera)
+    if kind == "raster":
+        return FaceIdObserver(region, camera, drawing="compiled")
     if kind != "auto":
-        raise ObserverError(f"unknown observer {kind!r}: use 'auto', 'faceid', 'raycast' or 'horizon'")
+        raise ObserverError(f"unknown observer {kind!r}: use 'auto', 'faceid', 'raster', 'raycast' or 'horizon'")
     try:
         return FaceIdObserver(region, camera)
     except ObserverError as error:
-        return RayCastObserver(region, camera, note=f"ray casting, since face-ID buffers are not available: {error}")
+        return FaceIdObserver(region, camera, drawing="compiled", why=f", since OpenGL is not available: {error}")

@@ -229,9 +229,10 @@ class Camera(Section):
 class Observation(Section):
     """When a target face counts as observed."""
 
-    observer: Literal["auto", "faceid", "raycast", "horizon"] = Field(
+    observer: Literal["auto", "faceid", "raster", "raycast", "horizon"] = Field(
         "auto",
-        description="face-ID buffers on OpenGL, ray casting, horizon maps; auto: the first that this machine can",
+        description="face-ID buffers by OpenGL, the same by compiled code, ray casting, horizon maps; auto: the first that "
+        "this machine can",
     )
     criterion: Literal["passage", "visit"] = Field(
         "passage", description="count the whole passage inside the imaging region, or only the instant of the visit"

@@ -20,7 +20,7 @@ from swarm_mj.attitude.controllers.base import ControlInput, Controller
 from swarm_mj.attitude.controllers.sliding_mode import MrpSlidingMode
 from swarm_mj.attitude.mrp import quaternion_from_mrp
 from swarm_mj.errors import PluginError
-from swarm_mj.mission.behaviors import Behavior, SwarmView
+from swarm_mj.mission.behaviors import Behavior, SteadyBehavior, SwarmView
 from swarm_mj.simulation import batch_kernels
 from swarm_mj.simulation.batch_kernels import Flights, Number, World
 from swarm_mj.simulation.kernels import Slot
@@ -34,6 +34,8 @@ Mask = NDArray[np.bool_]
 
 #: Where lost spacecraft stand, times their number [m].
 PARKED = 1e7
+#: Most control periods for which a behaviour is not asked.
+LONGEST_REST = 1_000_000
 #: Places in MuJoCo's state vector that the kernels read or write, in the order of `World.at`.
 _FIELDS = ("qpos", "qvel", "ctrl", "xfrc_applied", "mocap_quat")
 
@@ -94,6 +96,8 @@ class BatchFlights:
         state, self._bound = self._bind()
         self._q, self._v = self._by_spacecraft("qpos", NQ), self._by_spacecraft("qvel", NV)
         self._behaviors, self._memory = behaviors, [None] * count
+        self._steady_for = [b.steady_for if isinstance(b, SteadyBehavior) else _no_time for b in behaviors or ()]
+        self._ask_at = np.zeros(count, np.int64)  # tick at which the behaviour must be asked again
         self._held = controller is None
         if controller is not None:
             _check_law(controller, simulation)
@@ -156,11 +160,16 @@ class BatchFlights:
         qpos[:, :3], qpos[:, 3:7] = initial.r_BN_N, quaternion_from_mrp(initial.sigma_BN)
         qvel[:, :3], qvel[:, 3:6], qvel[:, 6:9] = initial.v_BN_N, initial.omega_BN_B, initial.wheel_speed
         f.tick[e], f.targets[e, 2:], f.finite[e], f.effort[e], f.peaks[e] = 0, -1, True, 0.0, 0.0
-        self._memory[e], self.causes[e] = None, ""
+        self._memory[e], self._ask_at[e], self.causes[e] = None, 0, ""
 
     def park(self, e: int, j: int) -> None:
         """Put a spacecraft that is no more where it disturbs nothing: far out, at rest."""
         self._q[e, j, :3], self._v[e, j] = (PARKED * (1.0 + j), 0.0, 0.0), 0.0
+        self._ask_at[e] = 0
+
+    def ask_again(self) -> None:
+        """Have all behaviours asked at the next decision, because they have been told something new."""
+        self._ask_at[:] = 0
 
     def decide(self, live: Mask) -> bool:
         """Set forces and motor torques of the coming hold; a flight whose state is not finite is marked in `finite`.
@@ -191,12 +200,14 @@ class BatchFlights:
 
     def _ask_behaviors(self, live: Mask) -> None:
         assert self._behaviors is not None
-        for e in np.flatnonzero(live).tolist():
+        for e in np.flatnonzero(live & (self.tick >= self._ask_at)).tolist():
             t = int(self.tick[e]) * self.period
             q, v = self._q[e].copy(), self._v[e].copy()
             view = SwarmView(t, q[:, :3], v[:, :3], self.environment.C_AN(t), q[:, 3:], v[:, 3:6], v[:, 6:])
             targets, self._memory[e] = self._behaviors[e].targets(view, self._memory[e])
             self.kind[e], self.index[e], self.vector[e] = targets
+            rest = self._steady_for[e](view, self._memory[e]) / self.period
+            self._ask_at[e] = self.tick[e] + max(1, int(min(rest, LONGEST_REST)))
 
     def fly(self, periods: int, live: Mask) -> bool:
         """Decide and advance so many control periods of the live flights; one that is not finite stops.
@@ -224,6 +235,10 @@ class BatchFlights:
         state = np.hstack((self._q[e], self._v[e]))
         name = self.model.names[int(np.argmin(np.isfinite(state).all(axis=1)))]
         return f"the flight diverged: {name} has a state that is not finite at t = {self.tick[e] * self.period:g} s"
+
+
+def _no_time(view: SwarmView, memory: Any) -> float:
+    return 0.0
 
 
 def _check_law(controller: Controller, simulation: Simulation) -> None:
@@ -307,12 +322,18 @@ class LoneFlight(BatchFlights):
         )
 
     def fly(self, periods: int, live: Mask) -> bool:
-        """See `BatchFlights.fly`; compiled as a whole where no behaviour must be asked in between."""
-        if self._behaviors is not None:
-            return super().fly(periods, live)
-        if not (periods and live[0]):
+        """See `BatchFlights.fly`; compiled as a whole from one question to a behaviour to the next."""
+        if not live[0]:
             return True
-        return self._judge(self._call(live, periods), live)
+        fine = True
+        while periods and fine:
+            stretch = periods
+            if self._behaviors is not None:
+                self._ask_behaviors(live)
+                stretch = min(periods, int(self._ask_at[0] - self.tick[0]))
+            fine = self._judge(self._call(live, stretch), live)
+            periods -= stretch
+        return fine
 
     def advance(self, live: Mask | None) -> None:
         """See `BatchFlights.advance`."""

@@ -1,4 +1,4 @@
-"""Observation: both observers against each other, exact polygons, a sphere's closed form and Embree pixel by pixel."""
+"""Observation: the observers against each other, exact polygons, a sphere's closed form and Embree pixel by pixel."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from swarm_mj.mission.target import build_target
+from swarm_mj.mission.target import TargetRegion, build_target
 from swarm_mj.observation.camera import CameraModel, CameraPose, look_at
-from swarm_mj.observation.faceid import FaceIdObserver
+from swarm_mj.observation.faceid import Drawing, FaceIdObserver
 from swarm_mj.observation.gl_context import gl_available
 from swarm_mj.observation.observer import Observer
 from swarm_mj.observation.raycast import RayCastObserver
@@ -43,11 +43,12 @@ def views(bench: Bench) -> list[CameraPose]:
     return poses
 
 
-def need_opengl() -> None:
-    """Give up where face-ID buffers cannot be drawn."""
-    available, reason = gl_available()
+def draw_with(drawing: Drawing, region: TargetRegion, camera: CameraModel) -> FaceIdObserver:
+    """Make a face-ID observer, or give up where OpenGL shall draw and cannot."""
+    available, reason = gl_available() if drawing == "opengl" else (True, "")
     if not available:
         raise NotRun(f"no OpenGL here ({reason})")
+    return FaceIdObserver(region, camera, drawing=drawing)
 
 
 def ray_areas(bench: Bench) -> Array:
@@ -56,10 +57,15 @@ def ray_areas(bench: Bench) -> Array:
     return _areas(RayCastObserver(region, camera(), samples=64), bench)
 
 
-def faceid_areas(bench: Bench) -> Array:
-    """Area seen of each cell by face-ID buffers, shape (views, n) [m^2]."""
-    need_opengl()
-    with FaceIdObserver(bench.once(eros_target), camera()) as observer:
+def opengl_areas(bench: Bench) -> Array:
+    """Area seen of each cell by face-ID buffers of OpenGL, shape (views, n) [m^2]."""
+    with draw_with("opengl", bench.once(eros_target), camera()) as observer:
+        return _areas(observer, bench)
+
+
+def compiled_areas(bench: Bench) -> Array:
+    """The same of compiled code."""
+    with draw_with("compiled", bench.once(eros_target), camera()) as observer:
         return _areas(observer, bench)
 
 
@@ -76,8 +82,8 @@ def polygon_areas(bench: Bench) -> Array:
 
 
 def observers_differ(bench: Bench) -> float:
-    """Largest area that the two observers judge differently in a picture, over the target's area [%]."""
-    return _worst_difference(bench, bench.once(faceid_areas), bench.once(ray_areas))
+    """Largest area that face-ID buffers and rays judge differently in a picture, over the target's area [%]."""
+    return _worst_difference(bench, bench.once(opengl_areas), bench.once(ray_areas))
 
 
 def rays_against_polygons(bench: Bench) -> float:
@@ -85,9 +91,14 @@ def rays_against_polygons(bench: Bench) -> float:
     return _worst_difference(bench, bench.once(ray_areas), bench.once(polygon_areas))
 
 
-def faceid_against_polygons(bench: Bench) -> float:
-    """The same between face-ID buffers and polygons [%]."""
-    return _worst_difference(bench, bench.once(faceid_areas), bench.once(polygon_areas))
+def opengl_against_polygons(bench: Bench) -> float:
+    """The same between face-ID buffers of OpenGL and polygons [%]."""
+    return _worst_difference(bench, bench.once(opengl_areas), bench.once(polygon_areas))
+
+
+def compiled_against_polygons(bench: Bench) -> float:
+    """The same between face-ID buffers of compiled code and polygons [%]."""
+    return _worst_difference(bench, bench.once(compiled_areas), bench.once(polygon_areas))
 
 
 def _worst_difference(bench: Bench, first: Array, second: Array) -> float:
@@ -95,15 +106,14 @@ def _worst_difference(bench: Bench, first: Array, second: Array) -> float:
     return 100.0 * float(np.abs(first - second).sum(axis=1).max()) / bench.once(eros_target).total_area
 
 
-def pixels_differ(bench: Bench) -> float:
+def pixels_differ(drawing: Drawing, bench: Bench) -> float:
     """Share of the pixels in which a face-ID picture and a ray through the pixel's centre show another face [%]."""
-    need_opengl()
     region, wrong = bench.once(eros_target), []
     tracer = RayTracer(region.vertices, region.faces)
     across = camera().tan_half_angle * ((np.arange(RESOLUTION_PX) + 0.5) * 2.0 / RESOLUTION_PX - 1.0)
     right, up = np.meshgrid(across, across)
     rays_C = np.stack([right, -up, np.ones_like(up)], axis=-1).reshape(-1, 3)
-    with FaceIdObserver(region, camera()) as observer:
+    with draw_with(drawing, region, camera()) as observer:
         for pose in bench.once(views)[:2]:
             expected = tracer.first_hit(pose.r_A, rays_C @ pose.C_CA) + 1
             wrong.append(float(np.mean(observer.face_ids(pose).ravel() != expected)))
@@ -119,8 +129,7 @@ def footprint_error(kind: str, bench: Bench) -> float:
     if kind == "raycast":
         fraction = RayCastObserver(region, cone, samples=64).visible_fraction(pose.r_A, pose.C_CA)
     else:
-        need_opengl()
-        with FaceIdObserver(region, cone) as observer:
+        with draw_with("opengl" if kind == "faceid" else "compiled", region, cone) as observer:
             fraction = observer.visible_fraction(pose.r_A, pose.C_CA)
     half = np.radians(BALL_HALF_ANGLE_DEG)
     cap = np.arcsin(BALL_DISTANCE_M / BALL_RADIUS_M * np.sin(half)) - half
@@ -151,11 +160,19 @@ EXPERIMENTS = (
     ),
     Experiment(
         name="coverage-footprint-faceid",
-        what="area in a conical picture of a sphere by face-ID buffers, relative",
+        what="area in a conical picture of a sphere by face-ID buffers of OpenGL, relative",
         reference="closed form of the cap in the field of view",
         tolerance=5e-3,
         unit="1",
         measure=partial(footprint_error, "faceid"),
+    ),
+    Experiment(
+        name="coverage-footprint-raster",
+        what="area in a conical picture of a sphere by face-ID buffers of compiled code, relative",
+        reference="closed form of the cap in the field of view",
+        tolerance=5e-3,
+        unit="1",
+        measure=partial(footprint_error, "raster"),
     ),
     Experiment(
         name="coverage-limb",
@@ -167,11 +184,20 @@ EXPERIMENTS = (
     ),
     Experiment(
         name="coverage-pixels",
-        what=f"pixels of face-ID pictures with another face, {RESOLUTION_PX} px",
+        what=f"pixels of OpenGL's face-ID pictures with another face, {RESOLUTION_PX} px",
         reference="a ray through every pixel's centre, Embree",
         tolerance=0.05,
         unit="%",
-        measure=pixels_differ,
+        measure=partial(pixels_differ, "opengl"),
+        package="embreex",
+    ),
+    Experiment(
+        name="coverage-pixels-raster",
+        what=f"pixels of compiled face-ID pictures with another face, {RESOLUTION_PX} px",
+        reference="a ray through every pixel's centre, Embree",
+        tolerance=0.01,
+        unit="%",
+        measure=partial(pixels_differ, "compiled"),
         package="embreex",
     ),
     Experiment(
@@ -193,11 +219,20 @@ EXPERIMENTS = (
     ),
     Experiment(
         name="coverage-polygons-faceid",
-        what=f"{_DIFFERENCE} face-ID buffers",
+        what=f"{_DIFFERENCE} face-ID buffers of OpenGL",
         reference="exact polygon clipping with shapely",
         tolerance=1.0,
         unit="%",
-        measure=faceid_against_polygons,
+        measure=opengl_against_polygons,
+        package="shapely",
+    ),
+    Experiment(
+        name="coverage-polygons-raster",
+        what=f"{_DIFFERENCE} face-ID buffers of compiled code",
+        reference="exact polygon clipping with shapely",
+        tolerance=1.0,
+        unit="%",
+        measure=compiled_against_polygons,
         package="shapely",
     ),
 )

@@ -76,13 +76,25 @@ def test_a_perturbed_flight_which_the_batch_does_not_know_is_the_same_too():
     vector.close()
 
 
-def test_separate_simulations_fly_bit_for_bit_what_the_batch_flies(monkeypatch):
+@pytest.mark.parametrize("control", ["role", "pointing", "torque"])
+def test_separate_simulations_fly_bit_for_bit_what_the_batch_flies(control, monkeypatch):
+    """Among others: the batch asks behaviours seldom, separate simulations at every instant."""
+
     def fly():
-        env = gymnasium.make(ID).unwrapped
+        env = gymnasium.make(ID, control=control).unwrapped
         env.reset(seed=3)
-        rows = [env.step(action)[0] for action in actions_of(env.action_space, 60)]
+        rows, aims, over = [], set(), False
+        for action in actions_of(env.action_space, 200):
+            if over:
+                break
+            row, _, *ends, _ = env.step(action)
+            over = any(ends)
+            rows.append(row)
+            if env.flybys.batched:
+                aims.add(tuple(env.flybys.flights.kind[0].tolist()))
         batched = env.flybys.batched
         env.close()
+        assert not batched or len(aims) > 1
         return batched, np.array(rows)
 
     batched, rows = fly()

@@ -5,7 +5,14 @@ import pytest
 
 from swarm_mj import plugins
 from swarm_mj.errors import MissionError, PluginError
-from swarm_mj.mission.behaviors import AdaptableRoles, DedicatedCommunications, SwarmView, TargetKind, elect_medoid
+from swarm_mj.mission.behaviors import (
+    STRONGEST_PULL,
+    AdaptableRoles,
+    DedicatedCommunications,
+    SwarmView,
+    TargetKind,
+    elect_medoid,
+)
 
 INSIDE, OUTSIDE = 30e3, 40e3
 
@@ -76,3 +83,31 @@ def test_an_unknown_election_and_an_unknown_behavior_name_what_exists():
         plugins.find(plugins.BEHAVIORS, "nobody")
     with pytest.raises(PluginError, match="volume"):
         plugins.create(plugins.BEHAVIORS, "adaptable_roles", {"volume": 3}, 5, 35e3)
+
+
+@pytest.mark.parametrize("kind", [DedicatedCommunications, AdaptableRoles])
+def test_an_answer_lasts_as_long_as_the_behavior_says(kind):
+    """Straight and strongly pulled passages: the first change comes after the time given, and not long after it."""
+    rng = np.random.default_rng(4)
+    behavior, n = kind(3, 20e3), 4 if kind is DedicatedCommunications else 3
+    tight = []
+    for _ in range(200):
+        r, v = rng.normal(0, 15e3, (n, 3)), rng.normal(0, 30.0, (n, 3))
+        pull = rng.normal(0, 1, (n, 3))
+        pull *= rng.uniform(0, STRONGEST_PULL, (n, 1)) / np.linalg.norm(pull, axis=1, keepdims=True)
+        start = SwarmView(0.0, r, v, np.eye(3))
+        before, memory = behavior.targets(start, None)
+        lasts = behavior.steady_for(start, memory)
+        assert lasts >= 0
+        times = np.linspace(0.0, 6.0 * lasts + 1e-3, 300)
+        changed = []
+        for t in times:
+            then = SwarmView(t, r + t * v + 0.5 * t * t * pull, v + t * pull, np.eye(3))
+            after, kept = behavior.targets(then, memory)
+            same = kept == memory and all(np.array_equal(a, b) for a, b in zip(before, after, strict=True))
+            assert same or t >= lasts
+            changed.append(not same)
+        if any(changed):
+            tight.append(lasts / times[np.argmax(changed)])
+    assert len(tight) > 20
+    assert max(tight) > 0.5

@@ -165,13 +165,13 @@ def no_gl(monkeypatch):
         monkeypatch.setattr(gl_context._Slot, name, None)
 
 
-def test_without_gl_the_rays_take_over_and_say_why(no_gl):
+def test_without_gl_compiled_drawing_takes_over_and_says_why(no_gl):
     available, reason = gl_available()
     assert not available
     assert "libEGL.so.1" in reason
     assert "apt-get install libegl1 libgl1" in reason
     observer = make_observer(eros_target(), CameraModel())
-    assert observer.name == "raycast"
+    assert observer.name == "raster"
     assert "libEGL.so.1" in observer.note
 
 
@@ -189,5 +189,5 @@ def test_with_gl_face_ids_come_first_and_name_their_renderer():
 
 
 def test_an_unknown_observer_is_refused():
-    with pytest.raises(ObserverError, match="'auto', 'faceid', 'raycast' or 'horizon'"):
+    with pytest.raises(ObserverError, match="'auto', 'faceid', 'raster', 'raycast' or 'horizon'"):
         make_observer(eros_target(), CameraModel(), kind="telescope")

@@ -129,7 +129,7 @@ def test_rendered_episodes_share_one_context():
 
 
 @pytest.mark.gl
-@pytest.mark.parametrize("count", [8, pytest.param(100, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [16, pytest.param(100, marks=pytest.mark.slow)])
 def test_environments_that_are_closed_give_their_context_back(count):
     before, memory = None, []
     for seed in range(count):

@@ -16,7 +16,8 @@ from swarm_mj.attitude.controllers import MrpSlidingMode
 from swarm_mj.errors import OutputError, SwarmError
 from swarm_mj.mission import links as program_links
 from swarm_mj.observation.camera import CameraModel, CameraPose
-from swarm_mj.observation.faceid import FaceIdObserver
+from swarm_mj.observation.compiled_faces import CompiledFaces
+from swarm_mj.observation.gl_faces import OpenGlFaces
 from swarm_mj.observation.raytracing import RayTracer
 from swarm_mj.smallbody.ephemeris import Ephemeris
 from swarm_mj.smallbody.gravity import PointMass, Polyhedron, SphericalHarmonics
@@ -104,13 +105,23 @@ def turned_camera():
 
 
 def mirrored_picture():
-    right = FaceIdObserver._picture_from_mesh
-    return FaceIdObserver, "_picture_from_mesh", lambda self, pose: np.diag([1.0, -1.0, 1.0, 1.0]) @ right(self, pose)
+    right = OpenGlFaces._picture_from_mesh
+    return OpenGlFaces, "_picture_from_mesh", lambda self, pose: np.diag([1.0, -1.0, 1.0, 1.0]) @ right(self, pose)
 
 
 def narrower_picture():
-    right = FaceIdObserver._picture_from_mesh
-    return FaceIdObserver, "_picture_from_mesh", lambda self, pose: np.diag([1.1, 1.1, 1.0, 1.0]) @ right(self, pose)
+    right = OpenGlFaces._picture_from_mesh
+    return OpenGlFaces, "_picture_from_mesh", lambda self, pose: np.diag([1.1, 1.1, 1.0, 1.0]) @ right(self, pose)
+
+
+def mirrored_compiled_picture():
+    right = CompiledFaces._picture_from_body
+    return CompiledFaces, "_picture_from_body", lambda self, pose: np.diag([1.0, -1.0, 1.0]) @ right(self, pose)
+
+
+def narrower_compiled_picture():
+    right = CompiledFaces._picture_from_body
+    return CompiledFaces, "_picture_from_body", lambda self, pose: np.diag([1.1, 1.1, 1.0]) @ right(self, pose)
 
 
 def square_cone():
@@ -185,6 +196,8 @@ FAULTS = {
         ),
         ["links-geometry"],
     ),
+    "mirrored drawing": (mirrored_compiled_picture(), ["coverage-pixels-raster", "coverage-polygons-raster"]),
+    "scale of the drawing": (narrower_compiled_picture(), ["coverage-footprint-raster"]),
 }
 FAULTS_OF_PICTURES = {
     "mirrored buffer": (mirrored_picture(), ["coverage-pixels", "coverage-observers", "coverage-polygons-faceid"]),
