@@ -170,11 +170,10 @@ class PointingLevel(ControlLevel):
 
     def hold(self, actions: NDArray[Any], boresight_N: Array, live: Mask) -> None:
         """See `ControlLevel`."""
-        for e in np.flatnonzero(live):
-            self._points_A[e] = self._points(actions[e])
+        self._points_A[live] = self._points(np.asarray(actions)[live]).reshape(-1, self._n, 3)
 
-    def _points(self, action: NDArray[Any]) -> Array:
-        return surface_points(self._region, self._tracer, np.asarray(action, np.float64).reshape(-1, 2))
+    def _points(self, actions: NDArray[Any]) -> Array:
+        return surface_points(self._region, self._tracer, np.asarray(actions, np.float64).reshape(-1, 2))
 
 
 class RoleLevel(ControlLevel):

@@ -87,11 +87,21 @@ def surface_points(region: TargetRegion, tracer: RayTracer, tangent: Array) -> A
     Returns:
         Points in A [m], shape (n, 3).
     """
-    ahead = np.column_stack([tangent * np.tan(region.side_half_angle), np.ones(len(tangent))]) @ region.axes_A
+    # Sums written out: products of matrices and norms may round differently with the number of points.
+    east, north, out = region.axes_A
+    wide = tangent * np.tan(region.side_half_angle)
+    ahead = wide[:, :1] * east + wide[:, 1:] * north + out
     hit = tracer.first_hit(np.zeros(3), ahead)
     normal, corner = region.mesh.face_normals[hit], region.vertices[region.faces[hit, 0]]
-    reach = np.einsum("ij,ij->i", normal, corner) / np.einsum("ij,ij->i", normal, ahead)
-    # A ray may slip through a seam, or the centre may lie outside: then the target's mean distance serves.
-    mean = np.linalg.norm(region.centroid_A, axis=1).mean() / np.linalg.norm(ahead, axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        reach = _dot(normal, corner) / _dot(normal, ahead)
     good = (hit >= 0) & np.isfinite(reach) & (reach > 0.0)
-    return ahead * np.where(good, reach, mean)[:, None]
+    if not good.all():
+        # A ray may slip through a seam, or the centre may lie outside: then the target's mean distance serves.
+        mean = np.linalg.norm(region.centroid_A, axis=1).mean() / np.sqrt(_dot(ahead, ahead))
+        reach = np.where(good, reach, mean)
+    return ahead * reach[:, None]
+
+
+def _dot(a: Array, b: Array) -> Array:
+    return np.asarray(a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1] + a[:, 2] * b[:, 2])
