@@ -6,6 +6,8 @@ from importlib import import_module
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import brentq
+from scipy.spatial.transform import Rotation
 
 from swarm_mj.constants import AU, DAY, JD_J2000
 from swarm_mj.smallbody.ephemeris import Ephemeris, julian_date
@@ -30,6 +32,17 @@ ABERRATION_DEG, PRECESSION_DEG = 20.49552 / 3600.0, 50.290966 / 3600.0
 EARTH_PERIHELION_AU, EARTH_PERIHELION_DATE = 0.9832436, "2020-01-05T07:48"
 #: Sidereal period of Eros [d] (JPL Small-Body Database); osculating elements of other dates change it by tenths.
 EROS_PERIOD_D = 643.2
+#: Osculating elements of Eros on 2004-10-22 (JPL Small-Body Database, as printed at the time): semi-major axis [au],
+#: eccentricity, inclination, node, argument of perihelion, mean anomaly [deg].
+EROS_ELEMENTS_JD, EROS_ELEMENTS = 2453300.5, (1.458, 0.223, 10.829, 304.401, 178.664, 320.215)
+#: Distance of Eros from Earth [Gm]: NEAR's pictures of 12 January 2000 and landing (NASA, PIA03142), the approach of 2012 and
+#: the opposition of 2018 (BBC Sky at Night Magazine, November 2018).
+EROS_FROM_EARTH_GM = {
+    "2000-01-12T12:00": 274.0,
+    "2001-02-12T20:01": 316.0,
+    "2012-01-31T11:00": 26.7,
+    "2018-12-07T00:00": 40.5,
+}
 #: One comparison with astropy in each, wandering through the seasons.
 ASTROPY_YEARS = range(2005, 2045)
 
@@ -60,6 +73,26 @@ def period_error(bench: Bench) -> float:
     nearest = days[int(np.argmin(distance))]
     r, v = position_velocity(EROS_ORBIT, EPOCH_JD + nearest)
     return abs(float(nearest + (start - r) @ v / (v @ v) / DAY) - EROS_PERIOD_D)
+
+
+def place_error(bench: Bench) -> float:
+    """Angle between the directions from the Sun to Eros, ours and that of elements of another date [deg]."""
+    axis_au, e, inclination, node, argument, mean = EROS_ELEMENTS
+    anomaly = brentq(lambda x: x - e * np.sin(x) - np.radians(mean), 0.0, 2.0 * np.pi)
+    in_plane = axis_au * np.array([np.cos(anomaly) - e, np.sqrt(1.0 - e * e) * np.sin(anomaly), 0.0])
+    turn = Rotation.from_euler("ZXZ", [node, inclination, argument], degrees=True)
+    expected, ours = turn.apply(in_plane), position_velocity(EROS_ORBIT, EROS_ELEMENTS_JD)[0]
+    return float(np.degrees(np.arctan2(np.linalg.norm(np.cross(ours, expected)), ours @ expected)))
+
+
+def distance_error(bench: Bench) -> float:
+    """Largest error of the distance from Earth to Eros [Gm]."""
+    errors = []
+    for date, expected in EROS_FROM_EARTH_GM.items():
+        jd = julian_date(date)
+        between = position_velocity(EROS_ORBIT, jd)[0] - position_velocity(EARTH_ORBIT, jd)[0]
+        errors.append(abs(1e-9 * float(np.linalg.norm(between)) - expected))
+    return max(errors)
 
 
 def velocity_error(bench: Bench) -> float:
@@ -134,6 +167,22 @@ EXPERIMENTS = (
         tolerance=0.5,
         unit="d",
         measure=period_error,
+    ),
+    Experiment(
+        name="ephemeris-eros-place",
+        what="direction from the Sun to Eros on 2004-10-22",
+        reference="published elements of that date, by SciPy",
+        tolerance=0.5,
+        unit="deg",
+        measure=place_error,
+    ),
+    Experiment(
+        name="ephemeris-eros-distance",
+        what="distance from Earth to Eros, worst of 4 dates, 2000 to 2018",
+        reference="published distances: 274, 316, 26.7 and 40.5 Gm",
+        tolerance=1.0,
+        unit="Gm",
+        measure=distance_error,
     ),
     Experiment(
         name="ephemeris-velocity",

@@ -87,7 +87,7 @@ class Experiment:
     def run(self, bench: Bench) -> Check:
         """Measure and judge; a breakdown of the program counts as a failure, not as the end of the validation."""
         if self.package is not None and importlib.util.find_spec(self.package) is None:
-            return self._check(None, None, f"not run: package {self.package} is not installed")
+            return self._check(None, None, f"not run: package {self.package} is not installed; the extra dev brings it")
         try:
             measured = float(self.measure(bench))
         except NotRun as reason:

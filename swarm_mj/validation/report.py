@@ -34,8 +34,8 @@ It fails when the measured number leaves its tolerance.
 {totals}. {versions}.
 
 Run it yourself with `swarm-mj validate`; `--only NAME` runs one check or group, `--json FILE` writes the numbers. Checks
-whose reference needs a package that is not installed are listed as not run. The tests break the program on purpose, once for
-every check, and see the check fail.
+against astropy, shapely and polyhedral_gravity need `pip install 'swarm_mj[dev]'` and are listed as not run without it. The
+tests break the program on purpose, once for every check, and see the check fail.
 """
 
 

@@ -142,6 +142,11 @@ def lost_rays():
 
 LATE_EARTH = replace(ephemerides.EARTH_ORBIT, perihelion_jd=ephemerides.EARTH_ORBIT.perihelion_jd + 0.05)
 WIDE_EARTH = replace(ephemerides.EARTH_ORBIT, semi_major_axis_au=1.0003)
+EROS = ephemerides.EROS_ORBIT
+LATE_EROS = replace(EROS, perihelion_jd=EROS.perihelion_jd + 3.0)
+TURNED_EROS = replace(EROS, node_deg=EROS.node_deg + 1.0)
+TILTED_EROS = replace(EROS, inclination_deg=EROS.inclination_deg + 1.0)
+LONG_EROS = replace(EROS, eccentricity=EROS.eccentricity + 0.01)
 WIDE_EROS = replace(ephemerides.EROS_ORBIT, semi_major_axis_au=1.46)
 TURNED = partial(Ephemeris, rotation=Rotation(w0_deg=326.08001))
 
@@ -171,6 +176,13 @@ FAULTS = {
     "torque of the law": (scaled(MrpSlidingMode, "torque", 1.001), ["control-sliding-mode"]),
     "phase of Earth": ((ephemerides, "EARTH_ORBIT", LATE_EARTH), ["ephemeris-seasons", "ephemeris-astropy"]),
     "size of Earth's orbit": ((ephemerides, "EARTH_ORBIT", WIDE_EARTH), ["ephemeris-perihelion"]),
+    "Eros late": ((ephemerides, "EROS_ORBIT", LATE_EROS), ["ephemeris-eros-place", "ephemeris-eros-distance"]),
+    "Eros's node": ((ephemerides, "EROS_ORBIT", TURNED_EROS), ["ephemeris-eros-place", "ephemeris-eros-distance"]),
+    "Eros's inclination": ((ephemerides, "EROS_ORBIT", TILTED_EROS), ["ephemeris-eros-place"]),
+    "Eros's eccentricity": (
+        (ephemerides, "EROS_ORBIT", LONG_EROS),
+        ["ephemeris-eros-place", "ephemeris-eros-distance"],
+    ),
     "size of Eros's orbit": ((ephemerides, "EROS_ORBIT", WIDE_EROS), ["ephemeris-eros-period"]),
     "velocities": (
         (
@@ -292,7 +304,8 @@ def test_a_missing_package_is_named_and_does_not_fail(monkeypatch, capsys):
     assert run_validation(quiet=True) == 0
     assert "0 passed, 0 failed, 1 not run" in capsys.readouterr().out
     assert (
-        experiment(package="no_such_package").run(Bench()).note == "not run: package no_such_package is not installed"
+        experiment(package="no_such_package").run(Bench()).note
+        == "not run: package no_such_package is not installed; the extra dev brings it"
     )
 
 
