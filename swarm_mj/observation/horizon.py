@@ -30,8 +30,9 @@ Array = NDArray[np.float64]
 AZIMUTHS = 128
 #: Elevations of the coarse scan, and bisections after it: 90 deg / 8 / 2^6 is 0.2 deg.
 SCAN, BISECTIONS = 8, 6
-#: Sample points per cell by number of cells: the product, and with it time and memory of the maps, stays bounded.
-SAMPLES = ((3_000, 16), (12_000, 4), (10**9, 1))
+#: Sample points per cell by number of cells: the product, and with it time and memory of the maps, stays bounded. Odd numbers,
+#: because "half of them" is then neither met by less than half of the cell nor missed by more: no bias where half decides.
+SAMPLES = ((3_000, 25), (12_000, 9), (10**9, 1))
 #: Rays start this far above the surface, relative to the body's largest radius.
 LIFT = 1e-7
 #: Rays traced at once; bounds the memory.
@@ -117,7 +118,7 @@ class HorizonObserver:
     Args:
         region: The target.
         camera: The camera; its resolution plays no part here.
-        samples: Points per cell, a square number; None takes 16, and fewer where the cells are many and therefore small.
+        samples: Points per cell, a square number; None takes 25, and fewer where the cells are many and therefore small.
     """
 
     name = "horizon"

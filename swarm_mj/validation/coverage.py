@@ -11,6 +11,7 @@ from swarm_mj.mission.target import TargetRegion, build_target
 from swarm_mj.observation.camera import CameraModel, CameraPose, look_at
 from swarm_mj.observation.faceid import Drawing, FaceIdObserver
 from swarm_mj.observation.gl_context import gl_available
+from swarm_mj.observation.horizon import HorizonObserver
 from swarm_mj.observation.observer import Observer
 from swarm_mj.observation.raycast import RayCastObserver
 from swarm_mj.observation.raytracing import RayTracer
@@ -69,6 +70,11 @@ def compiled_areas(bench: Bench) -> Array:
         return _areas(observer, bench)
 
 
+def horizon_areas(bench: Bench) -> Array:
+    """The same of horizon maps."""
+    return _areas(HorizonObserver(bench.once(eros_target), camera()), bench)
+
+
 def _areas(observer: Observer, bench: Bench) -> Array:
     poses = bench.once(views)
     return np.array([observer.visible_fraction(p.r_A, p.C_CA) * observer.region.area for p in poses])
@@ -99,6 +105,11 @@ def opengl_against_polygons(bench: Bench) -> float:
 def compiled_against_polygons(bench: Bench) -> float:
     """The same between face-ID buffers of compiled code and polygons [%]."""
     return _worst_difference(bench, bench.once(compiled_areas), bench.once(polygon_areas))
+
+
+def horizon_against_polygons(bench: Bench) -> float:
+    """The same between horizon maps and polygons [%]."""
+    return _worst_difference(bench, bench.once(horizon_areas), bench.once(polygon_areas))
 
 
 def _worst_difference(bench: Bench, first: Array, second: Array) -> float:
@@ -233,6 +244,15 @@ EXPERIMENTS = (
         tolerance=1.0,
         unit="%",
         measure=compiled_against_polygons,
+        package="shapely",
+    ),
+    Experiment(
+        name="coverage-polygons-horizon",
+        what=f"{_DIFFERENCE} horizon maps",
+        reference="exact polygon clipping with shapely",
+        tolerance=1.0,
+        unit="%",
+        measure=horizon_against_polygons,
         package="shapely",
     ),
 )

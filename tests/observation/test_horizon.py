@@ -68,10 +68,11 @@ def test_inside_the_bounding_sphere_a_rise_beyond_the_camera_does_not_count(obse
 def test_field_of_view_and_facing_are_those_of_the_ray_caster():
     region = eros_target()
     for camera in (CameraModel(half_angle_deg=4.0), CameraModel(half_angle_deg=4.0, shape="cone")):
-        maps, rays = HorizonObserver(region, camera), RayCastObserver(region, camera)
+        maps = HorizonObserver(region, camera)
+        rays = RayCastObserver(region, camera, samples=maps.horizon.points.shape[1])  # the same points
         for pose in random_views(12, seed=8, spread_deg=30.0, off_deg=6.0):
             ours, theirs = (o.visible_fraction(pose.r_A, pose.C_CA) for o in (maps, rays))
-            assert (np.abs(ours - theirs) > 0.07).mean() < 0.02
+            assert (np.abs(ours - theirs) > 0.05).mean() < 0.02
 
 
 def test_the_plate_hides_the_ground_beneath_it():
