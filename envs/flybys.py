@@ -11,14 +11,16 @@ from swarm_mj.errors import SimulationError
 from swarm_mj.flight import initial_state, make_simulation
 from swarm_mj.observation.coverage import observe
 from swarm_mj.simulation.batch import BatchFlights, LoneFlight, why_not_batched
+from swarm_mj.simulation.gyrostat_flights import GyrostatFlights
 from swarm_mj.simulation.separate import SeparateFlights
 from swarm_mj.simulation.simulation import Simulation
 
 from . import step_kernels
 from .controls import IS_OBSERVING, ControlLevel, make_level
+from .moments import Known, Now, turn
 from .rewards import TERMS, settle
 from .setting import Setting
-from .step_kernels import Books, Now
+from .step_kernels import Books
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -60,7 +62,8 @@ class Flybys:
         flights: The simulation.
         batched: Whether that is the batch; else `why_separate` says why not.
         books: What they have come to.
-        now: The instant between two steps.
+        now: The instant between two steps, in truth.
+        known: Attitudes and rates at that instant as the flight software has them.
         observation: Of every flight, shape (E, F).
         percent: Seen share of the target, shape (E,) [%].
     """
@@ -81,6 +84,7 @@ class Flybys:
             lost=np.zeros((count, n), np.bool_),
         )
         self._before, self.now, self._picture = (_moment(count, n, wheels) for _ in range(3))
+        self.known = Known(np.zeros((count, n, 4)), np.zeros((count, n, 3)), np.zeros((count, n, 3, 3)))
         space = setting.readings.space
         self.observation = np.zeros((count, *space.shape), np.float32)
         self._low, self._high = space.low, space.high
@@ -96,6 +100,8 @@ class Flybys:
         if not self.batched:
             return SeparateFlights([self._simulation(e) for e in range(self.count)])
         behaviors = None if level.kind is not None else [level.behavior(e) for e in range(self.count)]
+        if setting.simulation.model.wheels == "gyrostat":
+            return GyrostatFlights(setting.simulation, self.count, law, behaviors)
         if self.count == 1:
             return LoneFlight(setting.simulation, law, behaviors[0] if behaviors else None)
         return BatchFlights(setting.simulation, self.count, law, behaviors)
@@ -133,7 +139,7 @@ class Flybys:
         """
         setting, flights = self.setting, self.flights
         live = self._everyone if live is None else live
-        self.level.hold(actions, self.now.C_BN[:, :, 2], live)
+        self.level.hold(actions, self.known.C_BN[:, :, 2], live)
         self._before, self.now = self.now, self._before
         flights.effort[:] = 0.0
         area, flying = np.zeros(self.count), live.copy()
@@ -167,7 +173,7 @@ class Flybys:
     def _give_held(self) -> None:
         """Hand the batch what the level holds; separate simulations read it themselves."""
         flights, level = self.flights, self.level
-        if not isinstance(flights, BatchFlights):
+        if isinstance(flights, SeparateFlights):
             return
         flights.ask_again()
         if level.kind is not None:
@@ -199,6 +205,13 @@ class Flybys:
         fine = np.zeros(self.count, np.bool_)
         step_kernels.orient(self.setting.mission, now, live, fine)
         return fine
+
+    def _know(self, live: Mask) -> None:
+        """Bring up to date what the flight software knows: bit for bit the truth where sensors are perfect."""
+        now, known = self.now, self.known
+        known.q[live], known.omega[live], known.C_BN[live] = now.q[live], now.omega[live], now.C_BN[live]
+        if isinstance(self.flights, SeparateFlights):
+            turn(known, self.flights.know(live, known.q, known.omega))
 
     def _take_pictures(self, due: Mask, area: Array) -> None:
         if not due.any():
@@ -243,10 +256,12 @@ class Flybys:
 
     def _end_step(self, live: Mask, step_s: float) -> tuple[Array, Mask]:
         measures, hit = np.zeros((self.count, 3)), np.zeros(self.books.lost.shape, np.bool_)
+        self._know(live)
         step_kernels.end_step(
             self.setting.mission,
             self._before,
             self.now,
+            self.known,
             self.books,
             self.flights.kind,
             self.flights.index,

@@ -11,11 +11,14 @@ from numpy.typing import NDArray
 from benchmarks.bsk_rl.link import Peer
 from swarm_mj.bench.environment import single_steps, vector_steps
 from swarm_mj.bench.measure import Row, rates, row
+from swarm_mj.scenarios.loading import load_scenario
 
 Array = NDArray[np.float64]
 
 #: Names in `examples.EXAMPLES`.
 EXAMPLES = ("scanning", "scanning_10s", "imaging")
+#: Those of them that are bsk_rl's own, as its documentation shows them.
+DOCUMENTED = ("scanning", "imaging")
 NUM_ENVS, STEP_S = 64, 10.0
 TARGET = ">= 30"
 #: What is compared, and its unit.
@@ -27,6 +30,9 @@ MEASURES = {STEPS: "steps/s", STEPS_CPU: "steps/s", SIMULATED: "s/s", SIMULATED_
 def compare(peer: Peer, rounds: int, seconds: float, report: Callable[[str], None]) -> dict[str, Any]:
     """Measure everything; each work takes `seconds` of wall clock in every round."""
     works = {"single": single_steps(), f"vector of {NUM_ENVS}": vector_steps(NUM_ENVS)}
+    gyrostats = load_scenario("eros-observe", ["physics.wheels=gyrostat"])
+    works["single, gyrostats"] = single_steps(scenario=gyrostats)
+    works[f"vector of {NUM_ENVS}, gyrostats"] = vector_steps(NUM_ENVS, scenario=gyrostats)
     ours: dict[str, list[dict[str, float]]] = {name: [] for name in works}
     theirs: dict[str, list[dict[str, float]]] = {name: [] for name in EXAMPLES}
     answers: dict[str, list[dict[str, float]]] = {name: [] for name in EXAMPLES}
@@ -77,9 +83,9 @@ def rows(ours: dict[str, list[dict[str, float]]], theirs: dict[str, list[dict[st
         for name, samples in (*ours.items(), *theirs.items()):
             yield row(measure, name, of(measure, samples), unit)
     for measure in MEASURES:
-        target = TARGET if measure == STEPS else ""
         for one, mine in ours.items():
             for other, peers in theirs.items():
+                target = TARGET if measure == STEPS and other in DOCUMENTED else ""
                 ratio = of(measure, mine) / of(measure, peers)
                 yield row(measure, f"{one} / {other}", ratio, "ratio", target)
 

@@ -107,6 +107,24 @@ class AdverseLoop:
         q_known, work[Slot.OMEGA] = self.flight.sensing.know(tick, q_BN, self._true_omega)
         return q_known
 
+    def known_now(self, t: float, tick: int, qpos: Array, qvel: Array) -> tuple[Array, Array] | None:
+        """What `know` gives at this instant, asked ahead of the decision: the same sensors are read, and only once.
+
+        Args:
+            t: Time of the control period that is about to begin [s].
+            tick: Its number.
+            qpos: Positions, shape (n, 7 + w).
+            qvel: Velocities, shape (n, 6 + w).
+
+        Returns:
+            Attitudes (n, 4) and rates (n, 3) [rad/s]; None where they are the truth.
+        """
+        if not self.flight.sensing.active:
+            return None
+        # A sensor that fails at this instant has failed before it is read.
+        self.flight.happen(t, qvel[:, 6:])
+        return self.flight.sensing.know(tick, qpos[:, 3:7], qvel[:, 3:6])
+
     def forget(self, work: Array) -> None:
         """Put the true rates back."""
         work[Slot.OMEGA] = self._true_omega

@@ -55,8 +55,6 @@ def why_not_batched(simulation: Simulation, controller: Controller | None) -> st
         return f"the gravity field {type(simulation.environment.gravity).__name__}"
     if simulation.environment.perturbed or simulation._gradient_gm > 0.0:
         return "perturbations"
-    if simulation.model.wheels == "gyrostat":
-        return "wheels as momentum states"
     return ""
 
 

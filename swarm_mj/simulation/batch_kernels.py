@@ -13,8 +13,10 @@ from numba import njit, types
 from numpy.typing import NDArray
 
 from swarm_mj.attitude.controllers.sliding_mode import write_torque
+from swarm_mj.simulation.gyrostat import integrate
 from swarm_mj.simulation.kernels import Slot, actuate, guide, push, sense, turn_body
 from swarm_mj.smallbody.gravity.spherical_harmonics import write_series
+from swarm_mj.spacecraft.gyrostat import with_wheels
 from swarm_mj.spacecraft.model import NQ, NV
 
 Array = NDArray[np.float64]
@@ -100,6 +102,32 @@ class Flights(NamedTuple):
     effort: Array
 
 
+class Free(NamedTuple):
+    """Arrays of the MjData of a swarm of gyrostats.
+
+    Attributes:
+        qpos: Positions, shape (7 n,).
+        qvel: Velocities, shape (6 n,).
+        act: Axial momenta of the wheels, shape (3 n,) [kg m^2/s].
+        qacc: `qacc_smooth`, shape (6 n,).
+        bias: `qfrc_bias`, shape (6 n,).
+        torque: `qfrc_applied`, shape (6 n,).
+        limits: Lower and upper limits of the motor torques, shape (3 n, 2) [N m].
+        rates: Scratch, shape (4, 6 n).
+        start: Scratch, shape (7 n,).
+    """
+
+    qpos: Array
+    qvel: Array
+    act: Array
+    qacc: Array
+    bias: Array
+    torque: Array
+    limits: Array
+    rates: Array
+    start: Array
+
+
 #: What `decide` answers.
 FINE, NOT_FINITE, SENSELESS = 0, 1, 2
 
@@ -167,6 +195,70 @@ def fly(
             _mj_step(model, data)
         flights.tick[0] += 1
     return FINE
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def fly_gyrostats(
+    world: World,
+    flights: Flights,
+    e: int,
+    fields: Fields,
+    free: Free,
+    model: int,
+    data: int,
+    held_torque: bool,
+    hold: int,
+    timestep: float,
+    periods: int,
+) -> int:
+    """The same for flight `e` of spacecraft whose wheels are momentum states.
+
+    Args:
+        world: See `World`.
+        flights: See `Flights`.
+        e: Which flight.
+        fields: As for `fly`, with qpos and qvel laid out as if the wheels were joints.
+        free: MuJoCo's own arrays, see `Free`.
+        model: Address of the MjModel.
+        data: Address of the MjData.
+        held_torque: See `decide`.
+        hold: Timesteps in a control period.
+        timestep: [s].
+        periods: Control periods; 0 decides once and integrates nothing.
+    """
+    if periods == 0:
+        return _decide_one(world, flights, fields, e, held_torque)
+    for _ in range(periods):
+        answer = _decide_one(world, flights, fields, e, held_torque)
+        if answer != FINE:
+            return answer
+        hold_gyrostats(world, fields, free, model, data, hold, timestep)
+        flights.tick[e] += 1
+    return FINE
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def hold_gyrostats(world: World, fields: Fields, free: Free, model: int, data: int, hold: int, timestep: float) -> None:
+    """Integrate one control period of one flight with everything held; see `fly_gyrostats`."""
+    axes = world.frames[1]
+    integrate(
+        model,
+        data,
+        hold,
+        timestep,
+        free.qpos,
+        free.qvel,
+        free.act,
+        free.qacc,
+        free.bias,
+        fields[2],
+        free.limits,
+        axes,
+        free.torque,
+        free.rates,
+        free.start,
+    )
+    with_wheels(free.qpos, free.qvel, free.act, world.numbers[_WHEEL_INERTIA], axes, fields[0], fields[1])
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

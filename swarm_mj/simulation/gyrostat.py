@@ -48,7 +48,7 @@ class GyrostatIntegrator:
     def step(self, data: mujoco.MjData, nstep: int) -> None:
         """Integrate `nstep` timesteps with controls and applied forces held."""
         timestep = float(self._model.opt.timestep)
-        _integrate(
+        integrate(
             self._model._address,
             data._address,
             nstep,
@@ -69,7 +69,7 @@ class GyrostatIntegrator:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _integrate(
+def integrate(
     model: int,
     data: int,
     nstep: int,
@@ -86,6 +86,25 @@ def _integrate(
     rates: Array,
     q0: Array,
 ) -> None:
+    """Integrate `nstep` timesteps with controls and applied forces held.
+
+    Args:
+        model: Address of the model.
+        data: Address of the data.
+        nstep: Number of timesteps.
+        dt: Timestep [s].
+        qpos: The data's positions, shape (7 n,).
+        qvel: The data's velocities, shape (6 n,).
+        act: Axial momenta, shape (3 n,) [kg m^2/s].
+        qacc: The data's `qacc_smooth`, shape (6 n,).
+        bias: The data's `qfrc_bias`, shape (6 n,).
+        ctrl: Motor torques, shape (3 n,) [N m].
+        limits: Their lower and upper limits, shape (3 n, 2) [N m].
+        axes: Wheel axes as rows, in B, shape (3, 3).
+        torque: The data's `qfrc_applied`, shape (6 n,).
+        rates: Scratch, shape (4, 6 n).
+        q0: Scratch, shape (7 n,).
+    """
     # rates: velocity at the step's start, rate of displacement of the stage and in the mean, mean acceleration.
     v0, rate, mean_rate, mean_acceleration = rates[0], rates[1], rates[2], rates[3]
     motor, h0 = np.empty_like(act), np.empty_like(act)

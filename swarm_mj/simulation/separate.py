@@ -56,6 +56,24 @@ class SeparateFlights:
             r[e], q[e] = qpos[:, :3], qpos[:, 3:7]
             v[e], omega[e], wheel[e] = qvel[:, :3], qvel[:, 3:6], qvel[:, 6:]
 
+    def know(self, live: Mask, q: Array, omega: Array) -> Mask:
+        """Put what the flight software has of attitudes and rates in the place of the truth, where sensors are not perfect.
+
+        Args:
+            live: Which flights, shape (E,); their states must be finite.
+            q: Attitudes q_BN, shape (E, n, 4).
+            omega: Body rates, shape (E, n, 3) [rad/s].
+
+        Returns:
+            Flights whose sensors are not perfect, shape (E,).
+        """
+        imperfect = np.zeros(self.count, np.bool_)
+        for e in np.flatnonzero(live):
+            known = self.simulations[e].known()
+            if known is not None:
+                q[e], omega[e], imperfect[e] = *known, True
+        return imperfect
+
     def reset(self, e: int, initial: InitialState) -> None:
         """Put one flight at its start and forget everything about it."""
         self.simulations[e].reset(initial)
@@ -81,7 +99,7 @@ class SeparateFlights:
             self.kind[e], self.index[e], self.vector[e] = targets
             self.lost[e], self.blind[e] = simulation.lost, ~simulation.camera_on
             self.sigma_BR[e] = simulation._inputs.sigma_BR
-            self.effort[e] += float((simulation.data.ctrl**2).sum())
+            self.effort[e] += float((simulation.motor_torque**2).sum())
         return bool(self.finite[live].all())
 
     def fly(self, periods: int, live: Mask) -> bool:

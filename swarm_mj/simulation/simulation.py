@@ -141,6 +141,20 @@ class Simulation:
         """What went wrong so far, in order of time."""
         return [] if self._adverse is None else self._adverse.flight.events
 
+    @property
+    def motor_torque(self) -> Array:
+        """Torques of the motors, without friction in the bearings, of all wheels in order, shape (n w,) [N m]."""
+        return self.data.ctrl if self._adverse is None else self._adverse.flight.wheels.motor.ravel()
+
+    def known(self) -> tuple[Array, Array] | None:
+        """Attitudes (n, 4) and body rates (n, 3) [rad/s] as the flight software has them now; None where it has the truth.
+
+        The controller is given the same by the decision that follows; asking ahead of it changes nothing in the flight.
+        """
+        if self._adverse is None:
+            return None
+        return self._adverse.known_now(self.time, self.tick, *self.model.state(self.data))
+
     def reset(self, initial: InitialState) -> None:
         """Put the swarm at its start and forget everything; faults and dispersions are drawn from the state's seed."""
         n, w = self.model.n, self.properties.n_wheels

@@ -5,6 +5,7 @@ Dimensions time, spacecraft, xyz and wheel; every variable carries `units`, `fra
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -90,6 +91,13 @@ def dataset(
         "wheel": ["x", "y", "z"] if properties.n_wheels == 3 else [str(k + 1) for k in range(properties.n_wheels)],
     }
     return xr.Dataset(variables, coordinates, attrs=_attributes(environment, properties))
+
+
+def read_telemetry(path: Path) -> xr.Dataset:
+    """Read a file of telemetry into memory; raises what the HDF5 library raises on a broken one."""
+    # Said outright, since xarray warns of its default where a foreign file has dimensions without a name.
+    with xr.open_dataset(path, engine="h5netcdf", phony_dims="access") as file:
+        return file.load()
 
 
 def _variable(dims: tuple[str, ...], values: NDArray[Any], units: str, frame: str, long_name: str) -> xr.Variable:
