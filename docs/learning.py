@@ -79,6 +79,14 @@ def read_curve(file: Path) -> Curve:
     return {name: np.array([float(row[name]) for row in rows]) for name in rows[0]}
 
 
+def passing(curve: Curve) -> tuple[int, float, float]:
+    """When PPO first passes on the validation seeds what was imitated: steps, minutes; and minutes that imitation took."""
+    valid = np.flatnonzero(np.isfinite(curve["validation_return"]))
+    better = valid[curve["validation_return"][valid] > curve["validation_return"][0]][0]
+    minutes = curve["seconds"] / 60.0
+    return int(curve["steps"][better]), float(minutes[better]), float(minutes[0])
+
+
 def draw(curve: Curve, flown: dict[str, Returns]) -> None:
     """The learning curve of the packaged policy, with the scripted ones as lines."""
     figure = style.new_figure(4.2, "Learning SwarmObserve-v0: return of an episode")
@@ -118,7 +126,12 @@ def page(flown: dict[str, Returns], curves: dict[str, Curve]) -> str:
     verdict = "beats" if mean > half else "does not beat"
     tried = "\n".join(tried_row(name, curve) for name, curve in curves.items())
     policy = load_policy(asset_path(PACKAGED))
+    passed, passed_min, imitated_min = passing(curves[SHIPPED])
     return TEXT.format(
+        passed=f"{passed:,}",
+        passed_min=f"{passed_min:.1f}",
+        imitated_min=f"{imitated_min:.1f}",
+        imitated=f"{curves[SHIPPED]['validation_return'][0]:.3f}",
         seeds=f"{SEEDS[0]:,} to {SEEDS[-1]:,}",
         table="\n".join(rows),
         verdict=verdict,
@@ -173,7 +186,9 @@ in {minutes} minutes. It is an array file of {size} kB, read without pickle and 
     swarm-mj run eros-observe --policy runs/sb3/policy.npz
     swarm-mj run eros-observe --policy greedy
 
-The behaviour decides as the policy does in the environment: with the same seed both see the same cells at the same times.
+The behaviour decides as the policy does in the environment: with the same seed both see the same cells at the same times. It
+flies the same swarm, too: the dedicated communications spacecraft of a scenario such as `eros-config1` flies along, takes no
+pictures and is told by the policy where to look, like the others.
 
 ## Does it beat the scripted policies?
 
@@ -197,7 +212,10 @@ intervals are therefore narrow. They say nothing about other scenarios, for whic
 - **Network.** One small network for all spacecraft. It gives every patch a score from the features of that patch (what is
   unseen, what a picture would bring, range and angle, who else looks there) and of the spacecraft, and scores the other
   choices from the spacecraft alone. `envs/policy.py` has the equations and the features.
-- **Imitation.** Three rounds of DAgger: the network flies, *greedy ahead* says what it would have done.
+- **Imitation.** Three rounds of DAgger: the network flies, *greedy ahead* says what it would have done. On two shared cores
+  that took {imitated_min} minutes and brought the return from about 0 to {imitated}; PPO passed it after {passed} steps, at
+  {passed_min} minutes. With `--minutes 2`, the default, nearly all of the gain that the script prints there is therefore of
+  imitation, not of PPO; its last line says how many steps and updates PPO had, and the return before and after them.
 - **PPO** of stable-baselines3 goes on from there, with a critic that averages over the spacecraft, discount 0.99, learning rate
   and entropy bonus falling linearly.
 - **Reward.** Data count when Earth has them, hundreds of seconds after the picture. Potential-based shaping with the data

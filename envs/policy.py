@@ -182,8 +182,11 @@ def geometry_of(setting: Setting) -> PatchGeometry:
         ScenarioError: The spacecraft have not three wheels, for which the places of the features are.
     """
     if setting.readings.features != FEATURES:
-        wheels = len(setting.plan.properties.wheel_axes_B)
-        raise ScenarioError(f"spacecraft.wheel_layout: features of policies are those of three wheels, not of {wheels}")
+        wheels, layout = len(setting.plan.properties.wheel_axes_B), setting.plan.scenario.spacecraft.wheel_layout
+        raise ScenarioError(
+            f"spacecraft.wheel_layout = {layout!r}: features of policies are those of three wheels, not of {wheels}; must be "
+            "orthogonal"
+        )
     region, patches, camera = setting.plan.region, setting.patches, setting.observer.camera
     scenario = setting.plan.scenario
     weighted = [np.bincount(patches.of_cell, region.area * region.normal_A[:, i], patches.count) for i in range(3)]

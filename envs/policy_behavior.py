@@ -4,6 +4,9 @@ A policy must know what has been seen and sent so far, which no `SwarmView` tell
 with the same code as the environment: at every control instant it looks at the attitudes it is given, judges the pictures that
 are due with the scenario's camera and the horizon maps, and every `step_s` reads its observation and decides. For the same
 seed it decides as the policy does in the environment.
+
+The swarm is the environment's, too: where the scenario's own behaviour brings a dedicated communications spacecraft, that one
+flies along and the policy decides for it as for the others. It takes no pictures.
 """
 
 from __future__ import annotations
@@ -13,20 +16,22 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swarm_mj.errors import MissionError, ScenarioError
 from swarm_mj.mission.behaviors import Behavior, SwarmView, Targets
-from swarm_mj.planning import Plan
+from swarm_mj.planning import Plan, unchecked_behavior
 from swarm_mj.resources import asset_path
+from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.simulation.batch import BatchFlights
 
+from .arguments import checked_step
 from .baselines import POLICIES
 from .flybys import Flybys
-from .policy import load_policy
+from .policy import ArrayPolicy, load_policy
 from .setting import Setting, make_setting
 
 Array = NDArray[np.float64]
@@ -35,26 +40,30 @@ Act = Callable[[NDArray[np.float32]], NDArray[np.int64]]
 #: The trained policy that travels with the package.
 PACKAGED = "policies/eros-observe.npz"
 
-
 #: Scripted policies by the names that a scenario knows.
 SCRIPTED = {name.replace(" ", "_"): policy for name, policy in POLICIES.items()}
 
 
-def policy_overrides(policy: str) -> list[str]:
-    """What has to be set in a scenario for a policy to fly it.
+def policy_overrides(policy: str, scenario: Scenario) -> list[str]:
+    """What has to be set in a scenario for a policy to fly it, with the same swarm as the scenario's own behaviour.
 
     Args:
         policy: A scripted one by name, `trained` for the packaged one, or a file of `swarm_mj.envs.policy`.
+        scenario: As it is without the policy.
 
     Raises:
         MissionError: It is neither a name nor a file.
+        PluginError: The scenario's own behaviour, which says what the swarm is, cannot be had.
     """
     if policy not in SCRIPTED and policy != "trained" and not Path(policy).is_file():
         raise MissionError(f"--policy {policy!r}: no such file, and no name; names are trained, {', '.join(SCRIPTED)}")
-    if policy in SCRIPTED:
-        return ["behavior.name=scripted_policy", f"behavior.parameters={json.dumps({'policy': policy})}"]
-    parameters = {} if policy == "trained" else {"file": policy}
-    return ["behavior.name=trained_policy", f"behavior.parameters={json.dumps(parameters)}"]
+    name = "scripted_policy" if policy in SCRIPTED else "trained_policy"
+    parameters: dict[str, Any] = {}
+    if policy != "trained":
+        parameters["policy" if policy in SCRIPTED else "file"] = policy
+    if unchecked_behavior(scenario).dedicated_communications:
+        parameters["dedicated_communications"] = True
+    return [f"behavior.name={name}", f"behavior.parameters={json.dumps(parameters)}"]
 
 
 @dataclass(frozen=True)
@@ -62,25 +71,31 @@ class ScriptedPolicy:
     """One of the scripted policies of `swarm_mj.envs.baselines`.
 
     Attributes:
-        n_observers: Number of spacecraft.
+        n_observers: Number of spacecraft that observe.
         imaging_radius_m: R_im [m].
         policy: `body_centre`, `target_centre`, `sweep`, `greedy` or `greedy_ahead`.
         step_s: Time between decisions [s].
+        dedicated_communications: Whether one more spacecraft flies along, which takes no pictures.
 
     Raises:
-        MissionError: The policy is unknown.
+        MissionError: The policy is unknown, or `dedicated_communications` is neither true nor false.
     """
 
     n_observers: int
     imaging_radius_m: float
     policy: str = "greedy"
     step_s: float = 10.0
-    dedicated_communications: ClassVar[bool] = False
+    dedicated_communications: bool = False
 
     def __post_init__(self) -> None:
         """Refuse unknown policies."""
         if self.policy not in SCRIPTED:
             raise MissionError(f"behavior.parameters.policy = {self.policy!r}: must be one of {', '.join(SCRIPTED)}")
+        _check_dedicated(self.dedicated_communications)
+
+    def check_scenario(self, scenario: Scenario) -> None:
+        """Refuse a scenario whose times do not fit the policy's step."""
+        _check_step(scenario, self.step_s)
 
     def for_flight(self, plan: Plan) -> Behavior:
         """The behaviour of one flight."""
@@ -101,15 +116,47 @@ class TrainedPolicy:
     """A policy from a file of `swarm_mj.envs.policy`.
 
     Attributes:
-        n_observers: Number of spacecraft.
+        n_observers: Number of spacecraft that observe.
         imaging_radius_m: R_im [m].
         file: The file; empty for the one that travels with the package, trained for `eros-observe`.
+        dedicated_communications: Whether one more spacecraft flies along, which takes no pictures.
+
+    Raises:
+        MissionError: `dedicated_communications` is neither true nor false.
     """
 
     n_observers: int
     imaging_radius_m: float
     file: str = ""
-    dedicated_communications: ClassVar[bool] = False
+    dedicated_communications: bool = False
+
+    def __post_init__(self) -> None:
+        """Refuse what is no answer to a yes-or-no question."""
+        _check_dedicated(self.dedicated_communications)
+
+    def check_scenario(self, scenario: Scenario) -> None:
+        """Refuse a scenario with another number of spacecraft than trained for, or whose times do not fit the policy's step.
+
+        Raises:
+            ScenarioError: So it is, or the file cannot be read.
+            MissionError: The times do not fit.
+        """
+        about = self._policy().about
+        trained = about.get("spacecraft")
+        if trained != self.n_observers + self.dedicated_communications:
+            message = (
+                f"behavior.name = 'trained_policy': trained for {trained} spacecraft, but design.visiting_points of "
+                f"{scenario.name} gives {self.n_observers}"
+            )
+            if self.dedicated_communications:
+                message += " and behavior.parameters.dedicated_communications = true one more"
+            elif trained == self.n_observers + 1:
+                message += "; behavior.parameters.dedicated_communications = true would add one"
+            raise ScenarioError(message)
+        _check_step(scenario, float(about["step_s"]))
+
+    def _policy(self) -> ArrayPolicy:
+        return load_policy(self.file or str(asset_path(PACKAGED)))
 
     def for_flight(self, plan: Plan) -> Behavior:
         """The behaviour of one flight.
@@ -117,7 +164,7 @@ class TrainedPolicy:
         Raises:
             ScenarioError: The file cannot be read, or was trained for another swarm or target grid.
         """
-        policy = load_policy(self.file or str(asset_path(PACKAGED)))
+        policy = self._policy()
         setting = _setting(plan, float(policy.about["step_s"]), policy.geometry.count)
         policy.check(setting)
         return PolicyFlight(setting, policy.act)
@@ -139,10 +186,13 @@ class PolicyFlight:
         act: From an observation to an action.
     """
 
-    dedicated_communications: ClassVar[bool] = False
-
     def __init__(self, setting: Setting, act: Act) -> None:
         self.setting, self._act = setting, act
+
+    @property
+    def dedicated_communications(self) -> bool:
+        """See `Behavior`."""
+        return self.setting.plan.behavior.dedicated_communications
 
     def targets(self, view: SwarmView, memory: Followed | None) -> tuple[Targets, Followed]:
         """See `Behavior`; the memory is the books of the flight, brought up to date in place.
@@ -209,6 +259,9 @@ class _Viewed:
         self.view = view
         self.tick[0] = round(view.t / self.period)
 
+    def ask_again(self) -> None:
+        """See `BatchFlights`; nothing is kept here from one instant to the next."""
+
     def read(self, r: Array, v: Array, q: Array, omega: Array, wheel: Array) -> None:
         """See `BatchFlights`."""
         assert self.view is not None
@@ -219,12 +272,26 @@ class _Viewed:
 def _setting(plan: Plan, step_s: float, patches: int = 16) -> Setting:
     """The setting of an environment that flies the same mission."""
     given = plan.scenario
-    # The level `role` asks no behaviour, and one that needs a setting must not ask for another.
-    behavior = given.behavior.model_copy(update={"name": "adaptable_roles", "parameters": {}})
+    # The level `role` asks no behaviour, but the behaviour says whether one more spacecraft flies along; one that needs a
+    # setting must not ask for another.
+    name = "dedicated_communications" if plan.n > plan.n_observers else "adaptable_roles"
+    behavior = given.behavior.model_copy(update={"name": name, "parameters": {}})
     try:
         return make_setting(given.model_copy(update={"behavior": behavior}), step_s=step_s, patches=patches)
     except ScenarioError as error:
         raise MissionError(f"behavior.name = {given.behavior.name!r}: {error}") from None
+
+
+def _check_step(scenario: Scenario, step_s: float) -> None:
+    try:
+        checked_step(scenario, step_s)
+    except ScenarioError as error:
+        raise MissionError(f"behavior.name = {scenario.behavior.name!r}: {error}") from None
+
+
+def _check_dedicated(given: Any) -> None:
+    if not isinstance(given, bool):
+        raise MissionError(f"behavior.parameters.dedicated_communications = {given!r}: must be true or false")
 
 
 def _needs_a_flight(name: str) -> MissionError:

@@ -13,7 +13,7 @@ from swarm_mj.attitude.controllers.base import Controller
 from swarm_mj.errors import MissionError, ScenarioError, ShapeError
 from swarm_mj.faults.dispersions import shifted_target, target_shift
 from swarm_mj.faults.schedule import check_faults
-from swarm_mj.mission.behaviors import Behavior
+from swarm_mj.mission.behaviors import Behavior, SelectiveBehavior
 from swarm_mj.mission.links import Antennas
 from swarm_mj.mission.safety import CloseApproach, close_approaches, find_impacts
 from swarm_mj.mission.target import TargetRegion, automatic_cell_size, build_target, check_visiting_points
@@ -96,21 +96,13 @@ def make_plan(scenario: Scenario, *, check_separation: bool = True) -> Plan:
         SwarmError: Shape, target, plug-in or trajectory cannot be had; the message says why.
     """
     controller = plugins.create(plugins.CONTROLLERS, scenario.control.controller, scenario.control.parameters)
+    behavior = behavior_from(scenario)
     properties = properties_from(scenario)
     shape = load_body_shape(scenario.body)
     environment = environment_from(scenario, shape)
     region = target_from(scenario, shape)
     points_A = visiting_points(scenario, shape, region)
-    region = _true_target(scenario, shape, region)
-    n_observers = len(points_A)
-    # Whether a communications spacecraft is added is a property of the behaviour, which counts it.
-    behavior = plugins.create(
-        plugins.BEHAVIORS,
-        scenario.behavior.name,
-        scenario.behavior.parameters,
-        n_observers,
-        scenario.behavior.imaging_radius_m,
-    )
+    region = true_target(scenario, shape, region)
     _check_mothership(scenario, shape)
     deployment = deploy(
         environment,
@@ -118,6 +110,7 @@ def make_plan(scenario: Scenario, *, check_separation: bool = True) -> Plan:
         mothership_velocity=_mothership_velocity(scenario),
         points_A=points_A,
         time_of_flight=scenario.design.time_of_flight_s,
+        # Whether a communications spacecraft is added is a property of the behaviour, which counts it.
         with_communications=behavior.dedicated_communications,
     )
     check_faults(scenario.faults, n=len(deployment.v0_N), n_wheels=properties.n_wheels, duration_s=scenario.duration_s)
@@ -152,6 +145,34 @@ def load_body_shape(body: Body) -> ShapeModel:
         raise ShapeError(f"body.shape = {body.shape} (with body.shape_unit, body.radius_range_m): {error}") from None
 
 
+def behavior_from(scenario: Scenario) -> Behavior:
+    """The scenario's behaviour, which may refuse the scenario.
+
+    Raises:
+        SwarmError: There is none of that name, its parameters do not fit, or it cannot fly this scenario.
+    """
+    behavior = unchecked_behavior(scenario)
+    if isinstance(behavior, SelectiveBehavior):
+        behavior.check_scenario(scenario)
+    return behavior
+
+
+def unchecked_behavior(scenario: Scenario) -> Behavior:
+    """The scenario's behaviour, whether it can fly the scenario or not.
+
+    Raises:
+        SwarmError: There is none of that name, or its parameters do not fit.
+    """
+    behavior: Behavior = plugins.create(
+        plugins.BEHAVIORS,
+        scenario.behavior.name,
+        scenario.behavior.parameters,
+        len(scenario.design.visiting_points),
+        scenario.behavior.imaging_radius_m,
+    )
+    return behavior
+
+
 def properties_from(scenario: Scenario) -> SpacecraftProperties:
     """Mass properties and wheel limits of the scenario's spacecraft."""
     spacecraft, wheel = scenario.spacecraft, scenario.spacecraft.wheel
@@ -183,7 +204,7 @@ def target_from(scenario: Scenario, shape: ShapeModel) -> TargetRegion:
     )
 
 
-def _true_target(scenario: Scenario, shape: ShapeModel, planned: TargetRegion) -> TargetRegion:
+def true_target(scenario: Scenario, shape: ShapeModel, planned: TargetRegion) -> TargetRegion:
     """The target where it really is: the visiting points were chosen for the planned one."""
     east, north = target_shift(scenario.dispersions, scenario.seed)
     if east == north == 0.0:

@@ -18,8 +18,8 @@ from swarm_mj.flight import add_coverage, observe_flight, picture_count, simulat
 from swarm_mj.output.folder import atomic_folder
 from swarm_mj.output.remarks import near_collision_remarks, remarks
 from swarm_mj.output.results import write_results, write_summary
-from swarm_mj.output.summary import summarise
-from swarm_mj.planning import make_plan
+from swarm_mj.output.summary import summarise, working
+from swarm_mj.planning import behavior_from, make_plan
 from swarm_mj.progress import progress_bars
 from swarm_mj.report import REPORT_NAME
 from swarm_mj.scenarios.schema import Scenario
@@ -59,6 +59,8 @@ def run_many(
     """
     if len(set(folders)) < len(folders):
         raise OutputError("two scenarios have the same name; give them folders of their own with --out, one call each")
+    for scenario in scenarios:
+        behavior_from(scenario)  # what refuses its scenario does so before another one is flown
     console = Console()
     summaries = []
     with progress_bars(console, quiet) as progress:
@@ -120,17 +122,22 @@ def results_table(summaries: Sequence[dict[str, Any]]) -> Table:
 
 
 def _worst(errors: dict[str, float]) -> str:
-    return f"{max(errors.values()):.1e}" if errors else "-"
+    return f"{max(errors.values()):.3g}" if errors else "-"
+
+
+def _crew(summary: dict[str, Any]) -> str:
+    lost = f", {len(summary['lost'])} lost" if summary["lost"] else ""
+    return f"{summary['spacecraft']} ({summary['observers']}){lost}"
 
 
 _ROWS: dict[str, Callable[[dict[str, Any]], str]] = {
-    "spacecraft (of them observers)": lambda s: f"{s['spacecraft']} ({s['observers']})",
+    "spacecraft (of them observers)": _crew,
     "target faces": lambda s: str(s["target_faces"]),
     "criterion, camera half-angle": lambda s: f"{s['criterion']}, {s['camera_half_angle_deg']:g} deg",
     "observed area P_TO [%]": lambda s: f"{s['coverage_percent']:.2f}",
     "the same, whole passage [%]": lambda s: f"{s['coverage_percent_passage']:.2f}",
     "pointing error before a switch, at most [deg]": lambda s: _worst(s["pointing_error_deg_before_switch"]),
-    "pointing error at the end, at most [deg]": lambda s: _worst(s["pointing_error_deg_final"]),
+    "pointing error at the end, at most [deg]": lambda s: _worst(working(s, "pointing_error_deg_final")),
     "wheel speed, at most [% of limit]": lambda s: f"{100 * s['max_wheel_speed_fraction']:.0f}",
     "links closed at the end": lambda s: f"{s['links_closed_final']} of {s['spacecraft']}",
     "deployment delta-v, at most [m/s]": lambda s: f"{max(s['deployment_delta_v_m_s'].values()):.2f}",

@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 
 from swarm_mj.attitude.guidance import track_line_of_sight
 from swarm_mj.attitude.mrp import dcm, mrp_from_quaternion
-from swarm_mj.mission.behaviors import SwarmView, TargetKind
+from swarm_mj.errors import MissionError
+from swarm_mj.mission.behaviors import MissionBehavior, SwarmView, TargetKind
 from swarm_mj.mission.trajectories import propagate
-from swarm_mj.planning import Plan, as_planned, make_plan
+from swarm_mj.planning import Plan, as_planned, behavior_from, make_plan
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.simulation.simulation import sample_times
 
@@ -59,9 +60,13 @@ def fly_candidates(scenario: Scenario) -> CandidateFlights:
     """Fly to every visiting point of the scenario's target.
 
     Raises:
-        SwarmError: A point cannot be reached, or the flight to it hits the body.
+        SwarmError: A point cannot be reached, the flight to it hits the body, or the behaviour must know the mission.
     """
     scenario = as_planned(scenario)
+    if isinstance(behavior_from(scenario), MissionBehavior):
+        raise MissionError(
+            f"behavior.name = {scenario.behavior.name!r}: it can fly, but no design can be made with it: it needs the mission"
+        )
     probe = scenario.model_copy(update={"design": scenario.design.model_copy(update={"visiting_points": (1,)})})
     n_points = make_plan(probe, check_separation=False).region.n_visiting
     plan = make_plan(all_points(scenario, n_points), check_separation=False)

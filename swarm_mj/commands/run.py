@@ -49,12 +49,16 @@ def _run(arguments: argparse.Namespace) -> int:
     from swarm_mj.scenarios.loading import load_scenario, read_design
 
     overrides = overrides_of(arguments)
-    if arguments.policy is not None:
-        overrides += import_module("swarm_mj.envs.policy_behavior").policy_overrides(arguments.policy)
     if arguments.design is not None:
         points = read_design(arguments.design)
         overrides += [f"design.reference={json.dumps(arguments.design)}", f"design.visiting_points={points}"]
     scenarios = [load_scenario(name, overrides) for name in arguments.scenario]
+    if arguments.policy is not None:
+        overrides_for = import_module("swarm_mj.envs.policy_behavior").policy_overrides
+        scenarios = [
+            load_scenario(name, overrides + overrides_for(arguments.policy, scenario))
+            for name, scenario in zip(arguments.scenario, scenarios, strict=True)
+        ]
     single = arguments.out is not None and len(scenarios) == 1
     parent = arguments.out or DEFAULT_OUT
     folders = [parent if single else parent / scenario.name for scenario in scenarios]

@@ -74,8 +74,10 @@ class Targets(NamedTuple):
 class Behavior(Protocol):
     """A rule that points the swarm; a plug-in is built with (n_observers, imaging_radius_m, **parameters)."""
 
-    #: Whether one more spacecraft than the observers flies along and only communicates.
-    dedicated_communications: ClassVar[bool]
+    @property
+    def dedicated_communications(self) -> bool:
+        """Whether one more spacecraft than the observers flies along and only communicates; a class may just say so."""
+        ...
 
     def targets(self, view: SwarmView, memory: Any) -> tuple[Targets, Any]:
         """Targets at this instant and the memory for the next; the first memory is None."""

@@ -1,5 +1,6 @@
 """Policies as arrays: features against plain geometry, files that hold no code, and the same decisions in `swarm-mj run`."""
 
+import json
 from dataclasses import replace
 
 import gymnasium
@@ -21,6 +22,7 @@ from swarm_mj.envs.policy import (
 )
 from swarm_mj.envs.policy_behavior import PACKAGED, ScriptedPolicy, TrainedPolicy, policy_overrides
 
+from swarm_mj.cli import main
 from swarm_mj.errors import MissionError, ScenarioError
 from swarm_mj.flight import observe_flight, simulate
 from swarm_mj.planning import make_plan
@@ -40,11 +42,15 @@ def env():
 @pytest.fixture(scope="module")
 def random_policy(env):
     """A network that prefers everything now and then."""
-    rng, width, n, hidden, pointer = np.random.default_rng(3), OWN + 16 * PER_PATCH, 5, 8, 6
+    return random_network(env.setting)
+
+
+def random_network(setting):
+    rng, width, n, hidden, pointer = np.random.default_rng(3), OWN + 16 * PER_PATCH, setting.plan.n, 8, 6
     shapes = [(hidden, width), (hidden,), (hidden, hidden), (hidden,), (pointer, hidden + PER_PATCH), (pointer,)]
     shapes += [(pointer,), (n + 3, hidden), (n + 3,)]
     weights = {name: rng.normal(0.0, 0.7, shape) for name, shape in zip(WEIGHTS, shapes, strict=True)}
-    return ArrayPolicy(weights, geometry_of(env.setting), describe(env.setting))
+    return ArrayPolicy(weights, geometry_of(setting), describe(setting))
 
 
 def test_features_hold_angles_distances_and_shares_as_plain_geometry_gives_them(env):
@@ -126,11 +132,12 @@ def test_a_policy_for_another_swarm_is_refused(env, random_policy):
 
 
 def fly_in_environment(env, act):
-    observation, _ = env.reset(seed=0, options={"flight_seed": SEED})
+    observation, info = env.reset(seed=0, options={"flight_seed": SEED})
     done = False
     while not done:
-        observation, _, terminated, truncated, _ = env.step(act(observation))
+        observation, _, terminated, truncated, info = env.step(act(observation))
         done = terminated or truncated
+    return info
 
 
 def fly_as_behavior(behavior):
@@ -159,16 +166,65 @@ def test_a_trained_policy_flies_the_same_as_behaviour_and_in_the_environment(env
     check_alike(env, *fly_as_behavior(TrainedPolicy(5, 35_000.0, file=str(file))))
 
 
+@pytest.fixture(scope="module")
+def relayed():
+    """The environment of a scenario whose behaviour brings a dedicated communications spacecraft."""
+    env = gymnasium.make("SwarmObserve-v0", scenario="eros-config1").unwrapped
+    yield env
+    env.close()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["trained", "scripted"])
+def test_run_flies_the_swarm_of_the_environment_with_its_communications_spacecraft(
+    kind, relayed, tmp_path, monkeypatch
+):
+    assert relayed.setting.plan.n == 6 and relayed.setting.plan.n_observers == 5
+    name, act = "greedy", lambda observation: POLICIES["greedy"](relayed.setting, observation)
+    read = []
+    if kind == "trained":
+        name = str(tmp_path / "policy.npz")
+        # Turned to what the greedy rule says, so that there is something to compare; for the rest at random.
+        network = random_network(relayed.setting)
+        network.weights["W3"][:, -1] += 9.0
+        network.weights["v"][:] = 3.0
+        save_policy(name, network)
+        act = load_policy(name).act
+        logits = ArrayPolicy.logits
+        monkeypatch.setattr(
+            ArrayPolicy, "logits", lambda policy, features: (read.append(features), logits(policy, features))[1]
+        )
+    covered = fly_in_environment(relayed, act)["coverage_percent"]
+    here, read[:] = list(read), []
+    out = tmp_path / "out"
+    command = ["run", "eros-config1", "--policy", name, "--quiet", "--no-figures", "--no-report", "--out", str(out)]
+    assert main([*command, "--set", "observation.observer=horizon", "--set", f"seed={SEED}"]) == 0
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["spacecraft"] == 6
+    # As many digits as the summary has; the cells themselves and their times are the same.
+    assert summary["coverage_percent"] == round(covered, 5) > 5.0
+    with np.load(out / "coverage.npz") as cells:
+        assert np.array_equal(cells["first_seen_s"], relayed.first_seen_s, equal_nan=True)
+    assert len(here) == len(read) == (120 if kind == "trained" else 0)
+    assert all(np.array_equal(a, b) for a, b in zip(here, read, strict=True))
+
+
 @pytest.mark.parametrize("policy", ["greedy", "trained", "some/file.npz"])
-def test_overrides_make_a_scenario_that_flies_the_policy(policy, tmp_path, monkeypatch):
+@pytest.mark.parametrize(("name", "dedicated"), [("eros-observe", False), ("eros-config1", True)])
+def test_overrides_make_a_scenario_that_flies_the_policy(policy, name, dedicated, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "some").mkdir()
     (tmp_path / "some" / "file.npz").touch()
-    behavior = load_scenario("eros-observe", policy_overrides(policy)).behavior
+    overrides = policy_overrides(policy, load_scenario(name))
+    flown = load_scenario(name, overrides)
+    behavior = flown.behavior
     known = {"scripted_policy": ScriptedPolicy, "trained_policy": TrainedPolicy}
     built = known[behavior.name](5, behavior.imaging_radius_m, **behavior.parameters)
     expected = {"greedy": ("policy", "greedy"), "trained": ("file", "")}.get(policy, ("file", policy))
     assert getattr(built, expected[0]) == expected[1]
+    assert built.dedicated_communications is dedicated
+    # A scenario that a policy flies already keeps its swarm.
+    assert policy_overrides(policy, flown) == overrides
 
 
 def test_a_lost_spacecraft_does_not_stop_the_policy():
@@ -182,15 +238,21 @@ def test_a_lost_spacecraft_does_not_stop_the_policy():
 def test_a_policy_as_behaviour_says_why_it_cannot(random_policy, tmp_path):
     with pytest.raises(MissionError, match="'random': must be one of body_centre"):
         ScriptedPolicy(5, 35_000.0, policy="random")
+    for behavior in (ScriptedPolicy, TrainedPolicy):
+        with pytest.raises(MissionError, match="dedicated_communications = 'no': must be true or false"):
+            behavior(5, 35_000.0, dedicated_communications="no")
     plan = make_plan(load_scenario("eros-observe", ["duration_s=1505"]))
     with pytest.raises(MissionError, match="step_s"):
         ScriptedPolicy(5, 35_000.0).for_flight(plan)
     with pytest.raises(MissionError, match="no design can be made"):
         ScriptedPolicy(5, 35_000.0).targets(None, None)
     four = make_plan(load_scenario("eros-observe", ["spacecraft.wheel_layout=pyramid"]))
-    with pytest.raises(ScenarioError, match="not of 4"):
+    with pytest.raises(ScenarioError, match="spacecraft.wheel_layout = 'pyramid': .* not of 4; must be orthogonal"):
         simulate(replace(four, behavior=ScriptedPolicy(5, 35_000.0, policy="greedy_ahead")))
     file = tmp_path / "policy.npz"
+    save_policy(file, replace(random_policy, about={**random_policy.about, "spacecraft": 6}))
+    with pytest.raises(ScenarioError, match="gives 5; behavior.parameters.dedicated_communications = true would add"):
+        TrainedPolicy(5, 35_000.0, file=str(file)).check_scenario(load_scenario("eros-observe"))
     save_policy(file, replace(random_policy, about={**random_policy.about, "spacecraft": 4}))
     with pytest.raises(ScenarioError, match="spacecraft = 4"):
         TrainedPolicy(5, 35_000.0, file=str(file)).for_flight(make_plan(load_scenario("eros-observe")))
