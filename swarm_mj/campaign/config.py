@@ -49,7 +49,7 @@ class Base(Section):
 
     @property
     def label(self) -> str:
-        """What results call it."""
+        """What results call it; until the scenario is read, by its file where the campaign gives no name."""
         return self.name or PurePath(self.scenario).stem
 
 
@@ -98,10 +98,6 @@ class Campaign(Section):
 
     @model_validator(mode="after")
     def _numbers_fit_together(self) -> Self:
-        labels = [base.label for base in self.scenarios]
-        for label in labels:
-            if labels.count(label) > 1:
-                raise ValueError(f"scenarios: two are called {label!r}; give each a name")
         if self.method in ("sobol", "saltelli") and self.runs & (self.runs - 1):
             raise ValueError(f"runs = {self.runs}: must be a power of 2 where method = {self.method}")
         if self.method in ("grid", "saltelli") and not self.parameters:

@@ -13,11 +13,13 @@ from typing import Any, NamedTuple
 from pydantic import BaseModel, ValidationError
 
 from swarm_mj.cache import hash_of
+from swarm_mj.campaign import maps
 from swarm_mj.campaign.config import Base, Campaign
 from swarm_mj.campaign.sampling import Sample
 from swarm_mj.errors import ScenarioError
 from swarm_mj.planning import PACKAGED_SHAPE
 from swarm_mj.scenarios import loading
+from swarm_mj.scenarios.limits import shown
 from swarm_mj.scenarios.schema import Scenario
 
 
@@ -28,11 +30,14 @@ class Resolved(NamedTuple):
         campaign: The file.
         bases: The scenarios by name, in order, with every value filled in.
         shapes: Hash of every shape file, by path.
+        without_maps: Scenarios that ask for horizon maps which would serve one run each; they are observed by face-ID
+            buffers instead. Empty in a campaign that was restored.
     """
 
     campaign: Campaign
     bases: dict[str, Scenario]
     shapes: dict[str, str]
+    without_maps: tuple[str, ...] = ()
 
     def dump(self) -> dict[str, Any]:
         """Plain values, from which `restore` makes the same campaign in another process."""
@@ -80,11 +85,13 @@ def load_campaign(name_or_path: str | Path, *, runs: int | None = None) -> Resol
         campaign = Campaign.model_validate(data)
     except ValidationError as error:
         raise ScenarioError(f"{source}:\n" + "\n".join(_explain(e) for e in error.errors())) from None
-    bases = {base.label: _load_base(base, campaign, folder) for base in campaign.scenarios}
+    scenarios = [_load_base(base, campaign, folder) for base in campaign.scenarios]
+    campaign = _with_labels(campaign, scenarios, source)
+    bases = dict(zip((base.label for base in campaign.scenarios), scenarios, strict=True))
     shapes = {base.body.shape: _hash_of_file(base.body.shape) for base in bases.values()}
     resolved = Resolved(campaign, bases, {path: h for path, h in shapes.items() if path != PACKAGED_SHAPE})
     _try_one_of_each(resolved, source)
-    return resolved
+    return _without_single_maps(resolved)
 
 
 def scenario_of(base: Scenario, values: Mapping[str, Any], seed: int) -> Scenario:
@@ -147,6 +154,19 @@ def _read(name_or_path: str) -> tuple[str, str, Path]:
     return text, name_or_path, Path()
 
 
+def _with_labels(campaign: Campaign, scenarios: list[Scenario], source: str) -> Campaign:
+    """The campaign with a label for every scenario: its own name where the campaign gives none."""
+    bases = tuple(
+        base if base.name else base.model_copy(update={"name": scenario.name})
+        for base, scenario in zip(campaign.scenarios, scenarios, strict=True)
+    )
+    labels = [base.label for base in bases]
+    for label in labels:
+        if labels.count(label) > 1:
+            raise ScenarioError(f"{source}: scenarios: two are called {label!r}; give each a name")
+    return campaign.model_copy(update={"scenarios": bases})
+
+
 def _load_base(base: Base, campaign: Campaign, folder: Path) -> Scenario:
     beside = folder / base.scenario
     source = str(beside) if beside.suffix in {".yaml", ".yml"} else base.scenario
@@ -166,6 +186,14 @@ def _try_one_of_each(resolved: Resolved, source: str) -> None:
             scenario_of(resolved.bases[trial.scenario], trial.values, trial.seed)
         except ScenarioError as error:
             raise ScenarioError(f"{source}: parameters: {error}") from None
+
+
+def _without_single_maps(resolved: Resolved) -> Resolved:
+    """The campaign with face-ID buffers in place of horizon maps that would serve one run each."""
+    campaign, bases = resolved.campaign, resolved.bases
+    single = tuple(label for label, base in bases.items() if maps.serve_once(campaign, label, base, scenario_of))
+    replaced = {label: maps.observed_by_buffers(bases[label]) for label in single}
+    return resolved._replace(bases={**bases, **replaced}, without_maps=single)
 
 
 def _hash_of_file(path: str) -> str:
@@ -189,11 +217,11 @@ def _explain(error: Any) -> str:
     if error["type"] == "union_tag_not_found":
         return f"  {key}.distribution: missing; allowed: {error_tags()}"
     if error["type"] == "union_tag_invalid":
-        return f"  {key}.distribution = {error['ctx']['tag']!r}: unknown; allowed: {error_tags()}"
+        return f"  {key}.distribution = {shown(error['ctx']['tag'])}: unknown; allowed: {error_tags()}"
     message = error["msg"].removeprefix("Value error, ")
     if error["type"] == "value_error":
         return f"  {key}{'' if message.startswith('.') or not key else '.'}{message}"
-    return f"  {key} = {error['input']!r}: {message[0].lower()}{message[1:]}"
+    return f"  {key} = {shown(error['input'])}: {message[0].lower()}{message[1:]}"
 
 
 def error_tags() -> str:

@@ -25,6 +25,12 @@ def add(commands: argparse._SubParsersAction) -> None:
         "--port", type=int, default=0, metavar="N", help="of the browser's page (default: the first free)"
     )
     view.add_argument(
+        "--host",
+        metavar="ADDRESS",
+        help="that the browser's page is served on (default 127.0.0.1: this machine alone; 0.0.0.0: everybody, without "
+        "password or encryption)",
+    )
+    view.add_argument(
         "--set", action="append", default=[], dest="overrides", metavar="KEY=VALUE", help="change one value"
     )
     view.set_defaults(command=_view)
@@ -35,5 +41,5 @@ def _view(arguments: argparse.Namespace) -> int:
     from swarm_mj.viewer import run_view
 
     scenario = load_scenario(arguments.scenario, arguments.overrides)
-    run_view(scenario, speed=arguments.speed, web=arguments.web, port=arguments.port)
+    run_view(scenario, speed=arguments.speed, web=arguments.web, port=arguments.port, host=arguments.host)
     return 0

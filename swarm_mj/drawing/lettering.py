@@ -15,6 +15,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from swarm_mj.drawing.canvas import Box, Projection
 from swarm_mj.drawing.instant import LOOKS_AT_BODY, Instant
+from swarm_mj.drawing.labels import Rect, groups, place_label
 from swarm_mj.drawing.palette import FAINT, MODES, SEEN, TEXT, UNSEEN_BORDER, Rgb
 from swarm_mj.mission.behaviors import TargetKind
 
@@ -26,10 +27,20 @@ Line = tuple[str, Rgb]
 LETTER, LEAST_LETTER = 0.026, 12
 #: More spacecraft than these are counted, not named.
 MAX_NAMED = 12
+#: Points coincide that are nearer than this over the height of letters, and so, for their label, do ends of like lines.
+SAME_PLACE, SAME_END = 0.6, 5.0
+#: Names side by side in the label of points that coincide.
+WORDS_IN_A_ROW = 6
+#: Spread of the brightness in a place, of 255, at which it is too busy for words.
+BUSY = 36.0
+#: Places on a line at which its label may stand.
+ALONG_A_LINE = 101
 #: The words that change most from picture to picture, at their widest.
 WIDEST = "100.0 % observed"
 #: Opacity of the ground behind words, of 255.
 GROUND_ALPHA = 150
+#: Opacity of the lines from labels to what they name, of 255.
+LEADER_ALPHA = 200
 #: What a spacecraft does, by what its +z tracks.
 DEEDS: dict[TargetKind, str] = {
     TargetKind.ASTEROID: "observes",
@@ -48,7 +59,7 @@ class Corner(NamedTuple):
 
 
 class Lettering:
-    """Writes on one picture.
+    """Writes on one picture; labels keep clear of each other and of what was written before them.
 
     Args:
         pixels: The picture, shape (height, width, 3).
@@ -59,6 +70,8 @@ class Lettering:
         self._draw = ImageDraw.Draw(self._image, "RGBA")
         self.size = max(LEAST_LETTER, round(LETTER * pixels.shape[0]))
         self._font = _font(self.size)
+        self._taken: list[Rect] = []
+        self._drawn = pixels
 
     @property
     def pixels(self) -> Pixels:
@@ -84,6 +97,7 @@ class Lettering:
     def panel(self, lines: Sequence[Line], box: Box, corner: Corner, share: float) -> None:
         """Lines of text on a dark ground in a corner of a view; under the second a bar filled to a share from 0 to 1."""
         left, top, width, height = self.panel_box(lines, box, corner)
+        self._taken.append(Rect(left, top, left + width, top + height))
         step = self._step
         self._draw.rectangle((left, top, left + width, top + height), (0, 0, 0, GROUND_ALPHA))
         x, y = left + self.size // 2, top + self.size // 4
@@ -100,7 +114,7 @@ class Lettering:
             self._draw.rectangle((left, top, left + round(share * width), top + height), (*SEEN, 255))
 
     def names(self, points_N: Array, labels: Sequence[Line], projection: Projection, *, dots: bool = False) -> None:
-        """Write beside points what they are; leave out what would overlap.
+        """Write beside points what they are: in one label where they coincide, on a leader where it is crowded.
 
         Args:
             points_N: Shape (k, 3) [m].
@@ -109,29 +123,72 @@ class Lettering:
             dots: Whether to mark the points too.
         """
         places, inside = projection.place(points_N)
-        taken: list[tuple[float, float, float, float]] = []
-        for k in np.flatnonzero(inside).tolist():
-            text, colour = labels[k]
-            if dots:
-                x, y = places[k]
-                self._draw.ellipse((x - 2, y - 2, x + 2, y + 2), fill=colour)
-            self._label(text, places[k], colour, projection.box, taken)
+        shown = np.flatnonzero(inside)
+        for k in shown.tolist() if dots else ():
+            x, y = places[k]
+            self._draw.ellipse((x - 2, y - 2, x + 2, y + 2), fill=labels[k][1])
+        nobody = np.empty((0, 2))
+        self._write_labels(
+            places[shown], [labels[k] for k in shown.tolist()], SAME_PLACE * self.size, projection, nobody
+        )
 
-    def _label(
-        self, text: str, place: Array, colour: Rgb, box: Box, taken: list[tuple[float, float, float, float]]
+    def line_names(self, starts_N: Array, ends_N: Array, label: Line, projection: Projection, others_N: Array) -> None:
+        """Write what lines are where they end, or where they leave what can be seen of the view.
+
+        Args:
+            starts_N: Shape (k, 3) [m].
+            ends_N: Shape (k, 3) [m].
+            label: Of each of them.
+            projection: The view they stand in.
+            others_N: Points that the label must not be taken to name, shape (m, 3) [m].
+        """
+        box, edge = projection.box, 1.5 * self.size
+        view = Rect(box.left + edge, box.top + edge, box.left + box.width - edge, box.top + box.height - edge)
+        anchors = []
+        for start, end in zip(starts_N, ends_N, strict=True):
+            places, inside = projection.place(end + np.linspace(0.0, 1.0, ALONG_A_LINE)[:, None] * (start - end))
+            for x, y in places[inside].tolist():
+                point = Rect(x, y, x, y)
+                if point.within(view) and not any(point.overlaps(rect) for rect in self._taken):
+                    anchors.append((x, y))
+                    break
+        others, shown = projection.place(others_N)
+        points = np.array(anchors).reshape(-1, 2)
+        self._write_labels(points, [label] * len(points), SAME_END * self.size, projection, others[shown])
+
+    def _write_labels(
+        self, places: Array, labels: Sequence[Line], reach: float, projection: Projection, others: Array
     ) -> None:
-        width, height, away = self._font.getlength(text), 1.2 * self.size, 1.1 * self.size
-        for dx, dy in ((away, -height), (-away - width, -height), (away, 0.1), (-away - width, 0.1)):
-            left, top = float(place[0] + dx), float(place[1] + dy)
-            right, bottom = left + width, top + height
-            free = all(right < a or c < left or bottom < b or d < top for a, b, c, d in taken)
-            within = (
-                left > box.left and right < box.left + box.width and top > box.top and bottom < box.top + box.height
-            )
-            if free and within:
-                taken.append((left, top, right, bottom))
-                self._words(left, top, text, colour)
-                return
+        """Labels of points in the picture, one for those within a reach; none must be taken to name `others`."""
+        box, height = projection.box, 1.2 * self.size
+        view = Rect(box.left, box.top, box.left + box.width, box.top + box.height)
+        for group in groups(places, reach):
+            words = list(dict.fromkeys(labels[k] for k in group))
+            rows = [words[k : k + WORDS_IN_A_ROW] for k in range(0, len(words), WORDS_IN_A_ROW)]
+            point = places[group[0]]
+            apart = np.vstack((np.delete(places, group, axis=0), others))
+            width = max(self._font.getlength(", ".join(text for text, _ in row)) for row in rows)
+            place = place_label(point, width, height * len(rows), self.size, view, self._taken, apart, self._is_calm)
+            if place is None:
+                continue
+            self._taken.append(place.rect)
+            if place.leader:
+                end = place.rect.nearest(*point)
+                self._draw.line((*point, *end), fill=(*words[0][1], LEADER_ALPHA), width=max(1, self.size // 12))
+            for k, row in enumerate(rows):
+                self._row(place.rect.left, place.rect.top + k * height, row, ends=k == len(rows) - 1)
+
+    def _is_calm(self, rect: Rect) -> bool:
+        """Whether what was drawn in a place does not distract from words on it."""
+        left, top, right, bottom = (round(edge) for edge in rect)
+        return float(self._drawn[top:bottom, left:right].mean(axis=2).std()) < BUSY
+
+    def _row(self, x: float, y: float, words: Sequence[Line], *, ends: bool) -> None:
+        """Words in their colours with commas between them, and after them unless the row ends the label."""
+        for k, (text, colour) in enumerate(words):
+            more = text + ("" if ends and k == len(words) - 1 else ", ")
+            self._words(x, y, more, colour)
+            x += self._font.getlength(more)
 
     def caption(self, text: str, box: Box, colour: Rgb) -> None:
         """A text in the lower left corner of a camera's picture, its first word where there is no room, and a frame."""
@@ -141,12 +198,14 @@ class Lettering:
         y = box.top + box.height - round(1.5 * self.size)
         if self._font.getlength(text) > box.width - self.size // 2:
             text = text.split(" ")[0]
+        self._taken.append(Rect(box.left, y, box.left + self.size + self._font.getlength(text), box.top + box.height))
         self._words(box.left + self.size // 3, y, text, colour)
 
     def legend(self, note: str, box: Box) -> None:
         """What the colours on the body mean, and a note, along the lower edge of a view."""
         y = box.top + box.height - round(1.6 * self.size)
         x = box.left + self.size // 2
+        self._taken.append(Rect(box.left, y, box.left + box.width, box.top + box.height))
         for colour, text, filled in ((SEEN, "observed", True), (UNSEEN_BORDER, "not yet observed", False)):
             side = self.size
             self._draw.rectangle(

@@ -114,23 +114,28 @@ class Drawing:
     ) -> Pixels:
         lettering, names = Lettering(pixels), self._plan.names
         labels = list(zip(names, instant.colours, strict=True))
-        named = instant.n <= MAX_NAMED
-        if projection is not None:
-            to_earth = np.flatnonzero((instant.kind == TargetKind.EARTH) & instant.works)
-            tips = sights(instant, self._plan.shape.max_radius)[1][to_earth]
-            if named:
-                points = np.vstack((instant.r_BN_N, tips))
-                lettering.names(points, labels + [("to Earth", MODES[TargetKind.EARTH])] * len(tips), projection)
-            lettering.legend(f"spacecraft drawn {self._model.magnification:,.0f} times as large", projection.box)
-        for j, view in cameras.items():
-            if named:
-                others = np.delete(np.arange(instant.n), j)
-                lettering.names(instant.r_BN_N[others], [labels[k] for k in others], view, dots=True)
-            lettering.caption(f"{names[j]} {deed(instant, names, j)}", view.box, labels[j][1])
         lines, share = self._lines(instant), self._share(instant)
         box = Box(0, 0, pixels.shape[1], pixels.shape[0]) if projection is None else projection.box
         lettering.panel(lines, box, self._corner(lettering, lines, projection), share)
+        if projection is not None:
+            lettering.legend(f"spacecraft drawn {self._model.magnification:,.0f} times as large", projection.box)
+            if instant.n <= MAX_NAMED:
+                lettering.names(instant.r_BN_N, labels, projection)
+            self._name_sights(lettering, instant, projection)
+        for j, view in cameras.items():
+            lettering.caption(f"{names[j]} {deed(instant, names, j)}", view.box, labels[j][1])
+            if instant.n <= MAX_NAMED:
+                others = np.delete(np.arange(instant.n), j)
+                lettering.names(instant.r_BN_N[others], [labels[k] for k in others], view, dots=True)
         return lettering.pixels
+
+    def _name_sights(self, lettering: Lettering, instant: Instant, projection: Projection) -> None:
+        """Say of lines of sight that end at nothing in the picture where they lead: those to Earth."""
+        to_earth = (instant.kind == TargetKind.EARTH) & instant.works
+        if instant.n <= MAX_NAMED and to_earth.any():
+            starts, tips = instant.r_BN_N[to_earth], sights(instant, self._plan.shape.max_radius)[1][to_earth]
+            label = ("to Earth", MODES[TargetKind.EARTH])
+            lettering.line_names(starts, tips, label, projection, instant.r_BN_N)
 
     def _corner(self, lettering: Lettering, lines: list[Line], projection: Projection | None) -> Corner:
         """Where the panel hides least of the flight: a fixed corner of the view, the upper left one at best."""

@@ -20,6 +20,7 @@ from swarm_mj.drawing.instant import Instant
 from swarm_mj.errors import OutputError, SwarmError
 from swarm_mj.planning import Plan, make_plan
 from swarm_mj.scenarios.loading import load_scenario
+from swarm_mj.simulation.telemetry import read_telemetry
 
 Array = NDArray[np.float64]
 
@@ -123,8 +124,7 @@ def load_replay(folder: Path) -> Replay:
         )
     try:
         plan = make_plan(load_scenario(folder / "scenario.yaml"), check_separation=False)
-        with xr.open_dataset(folder / "telemetry.nc", engine="h5netcdf") as file:
-            telemetry = file.load()
+        telemetry = read_telemetry(folder / "telemetry.nc")
         with np.load(folder / "coverage.npz", allow_pickle=False) as arrays:
             first_seen_s = arrays["first_seen_s"]
         return Replay(plan, telemetry, first_seen_s)

@@ -2,33 +2,73 @@
 
 from __future__ import annotations
 
-from typing import Any
+from math import inf
+from typing import Any, NamedTuple
 
 #: Pointing errors above this at the end or before a switch are worth a remark [deg].
 SETTLED_DEG = 0.1
+#: A turn takes about as long; who changes targets sooner cannot have settled, and need not mean to [s].
+SETTLING_S = 120.0
 #: Events that are listed one by one.
 MOST_EVENTS = 30
 
 
+class Late(NamedTuple):
+    """A pointing error [deg] that is worth a remark: whose, and how long the target had been held [s]."""
+
+    name: str
+    error_deg: float
+    held_s: float
+
+
 def remarks(summary: dict[str, Any]) -> list[str]:
     """Remarks on what went wrong, pointing that had not settled and wheels at their limits, one sentence each."""
-    found = []
-    for when, key in (
-        ("at the end", "pointing_error_deg_final"),
-        ("before a switch", "pointing_error_deg_before_switch"),
-    ):
-        late = {
-            n: error for n, error in summary[key].items() if error > SETTLED_DEG and n not in summary.get("lost", ())
-        }
-        if late:
-            worst = max(late.values())
-            found.append(f"pointing had not settled {when}: {', '.join(late)}, up to {worst:.3g} deg")
+    found = [
+        *_pointing_remarks(_at_the_end(summary), "at the end", "the flight ended"),
+        *_pointing_remarks(_before_switches(summary), "before a switch", "targets were switched again"),
+    ]
     cut = {name: seconds for name, seconds in summary["wheel_saturation_s"].items() if seconds > 0}
     if cut:
         found.append(
             f"wheel limits cut the controller's torque: {', '.join(f'{n} for {s:g} s' for n, s in cut.items())}"
         )
     return [*event_remarks(summary), *found]
+
+
+def _at_the_end(summary: dict[str, Any]) -> list[Late]:
+    held = summary.get("target_held_s_final", {})
+    return [
+        Late(name, error, held.get(name, inf))
+        for name, error in summary["pointing_error_deg_final"].items()
+        if error > SETTLED_DEG and name not in summary.get("lost", ())
+    ]
+
+
+def _before_switches(summary: dict[str, Any]) -> list[Late]:
+    return [
+        Late(name, switch["error_before_deg"], switch.get("target_held_s", inf))
+        for name, switches in summary["mode_switches"].items()
+        for switch in switches
+        if switch["error_before_deg"] > SETTLED_DEG and name not in summary.get("lost", ())
+    ]
+
+
+def _pointing_remarks(late: list[Late], when: str, short: str) -> list[str]:
+    """One sentence on pointing that should have settled, one on targets that were held too briefly for that."""
+    slow, brief = ([one for one in late if (one.held_s >= SETTLING_S) is so] for so in (True, False))
+    found = []
+    if slow:
+        found.append(f"pointing had not settled {when}: {_who(slow)}")
+    if brief:
+        found.append(
+            f"{short} less than {SETTLING_S:g} s after a target was chosen, while still turning: {_who(brief)}"
+        )
+    return found
+
+
+def _who(late: list[Late]) -> str:
+    names = ", ".join(dict.fromkeys(one.name for one in late))
+    return f"{names}, up to {max(one.error_deg for one in late):.3g} deg"
 
 
 def event_remarks(summary: dict[str, Any]) -> list[str]:

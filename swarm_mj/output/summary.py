@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from swarm_mj import __version__
 from swarm_mj.flight import ObservationResult
+from swarm_mj.output.holding import held_s
 from swarm_mj.planning import Plan
 from swarm_mj.simulation.telemetry import MODES
 
@@ -66,15 +67,17 @@ def _pointed(plan: Plan, telemetry: xr.Dataset) -> dict[str, Any]:
     """Pointing errors at the end and around every switch, and what the wheels did."""
     names, limits = plan.names, plan.properties
     error_deg = np.degrees(telemetry["pointing_error"].values)
-    found_by_name = mode_switches(telemetry)
+    found_by_name, held = mode_switches(telemetry), held_s(telemetry)
     switches = {
-        name: [_switch(switch, error_deg[:, j]) for switch in found_by_name[name]] for j, name in enumerate(names)
+        name: [_switch(switch, error_deg[:, j], held[:, j]) for switch in found_by_name[name]]
+        for j, name in enumerate(names)
     }
     return {
         "pointing_error_deg_final": _by_name(names, error_deg[-1], 9),
         "pointing_error_deg_before_switch": {
             name: max(switch["error_before_deg"] for switch in found) for name, found in switches.items() if found
         },
+        "target_held_s_final": _by_name(names, held[-1], 3),
         "mode_switches": switches,
         "max_wheel_speed_fraction": _rounded(telemetry["wheel_speed_peak"].max() / limits.max_wheel_speed, 6),
         "max_wheel_torque_fraction": _rounded(telemetry["wheel_torque_peak"].max() / limits.max_wheel_torque, 6),
@@ -82,12 +85,13 @@ def _pointed(plan: Plan, telemetry: xr.Dataset) -> dict[str, Any]:
     }
 
 
-def _switch(switch: dict[str, Any], error_deg: NDArray[np.float64]) -> dict[str, Any]:
+def _switch(switch: dict[str, Any], error_deg: NDArray[np.float64], held: NDArray[np.float64]) -> dict[str, Any]:
     sample = switch["sample"]
     return {
         **{key: switch[key] for key in ("time_s", "from", "to")},
         "error_before_deg": _rounded(error_deg[sample - 1], 9),
         "error_after_deg": _rounded(error_deg[sample], 3),
+        "target_held_s": _rounded(held[sample - 1], 3),
     }
 
 
@@ -116,6 +120,11 @@ def _went_wrong(plan: Plan, telemetry: xr.Dataset) -> dict[str, Any]:
         "events": json.loads(telemetry.attrs.get("events", "[]")),
         "lost": [] if works is None else [name for name, on in zip(names, works.values[-1], strict=True) if not on],
     }
+
+
+def working(summary: dict[str, Any], key: str) -> dict[str, float]:
+    """Numbers by name, without those of spacecraft that no longer work at the end."""
+    return {name: value for name, value in summary[key].items() if name not in summary.get("lost", ())}
 
 
 def mode_switches(telemetry: xr.Dataset) -> dict[str, list[dict[str, Any]]]:

@@ -14,8 +14,11 @@ import yaml
 from numpy.typing import NDArray
 
 from swarm_mj.errors import OutputError, ScenarioError
+from swarm_mj.mission.behaviors import TargetKind
+from swarm_mj.output.figures.modes import LOST, MODE_LOOKS, modes_shown, runs
 from swarm_mj.scenarios.loading import scenario_from
 from swarm_mj.scenarios.schema import Scenario
+from swarm_mj.simulation.telemetry import read_telemetry
 
 Array = NDArray[np.float64]
 
@@ -70,6 +73,27 @@ class RunRecord:
     def times(self) -> Array:
         """Times of the samples [s]."""
         return np.asarray(self.telemetry["time"].values, dtype=np.float64)
+
+    @cached_property
+    def mode(self) -> NDArray[np.int8]:
+        """What each spacecraft tracks, or that it is lost, as `modes_shown` tells, shape (t, n)."""
+        return modes_shown(self.telemetry)
+
+    def turns(self, j: int) -> list[tuple[float, str]]:
+        """When spacecraft j chose another target [s], or was lost, and in words what came then."""
+        found = []
+        for run in runs(self.telemetry, j)[1:]:
+            k = int(np.searchsorted(self.times, run.start))
+            whom = int(self.telemetry["tracked_spacecraft"].values[k, j])
+            by_name = run.mode == TargetKind.SPACECRAFT and whom >= 0
+            words = MODE_LOOKS[run.mode].meaning + (f" with {self.names[whom]}" if by_name else "")
+            found.append((run.start, words))
+        return found
+
+    def lost_at(self, j: int) -> float | None:
+        """When spacecraft j was lost [s]; None if it still works at the end."""
+        lost = self.mode[:, j] == LOST
+        return float(self.times[np.argmax(lost)]) if lost[-1] else None
 
     def role(self, j: int) -> str:
         """What spacecraft j was sent to do."""
@@ -142,8 +166,7 @@ def _read_scenario(path: Path) -> Scenario:
 
 def _read_telemetry(path: Path) -> xr.Dataset:
     try:
-        with xr.open_dataset(path, engine="h5netcdf") as file:
-            telemetry = file.load()
+        telemetry = read_telemetry(path)
     except Exception as error:  # the HDF5 library raises what it likes on a broken file
         raise _unreadable(path, error) from None
     missing = [name for name in TELEMETRY if name not in telemetry] + [

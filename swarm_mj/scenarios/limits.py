@@ -25,6 +25,10 @@ MAX_DEPTH = 20
 MAX_VALUES = 200_000
 #: Whole numbers of this size and more fit no machine integer.
 MAX_INTEGER = 2**63
+#: An integer's characters in a file, in any notation: room for values that are refused by name for their size.
+MAX_INTEGER_CHARACTERS = 1_000
+#: Larger integers are described in messages, not written [bits].
+MAX_SHOWN_BITS = 10_000
 #: A key is a word.
 MAX_KEY_CHARACTERS = 100
 #: A flight of more spacecraft: the model is compiled for hours.
@@ -123,7 +127,16 @@ def check_work(scenario: Scenario, source: str) -> None:
         )
 
 
-_REPR = reprlib.Repr()
+class _Short(reprlib.Repr):
+    """Beginnings of values; an integer that Python would refuse to write in digits (sys.set_int_max_str_digits) is described."""
+
+    def repr_int(self, x: int, level: int) -> str:
+        if x.bit_length() > MAX_SHOWN_BITS:
+            return f"{'-' if x < 0 else ''}(an integer of {x.bit_length()} bits)"
+        return super().repr_int(x, level)
+
+
+_REPR = _Short()
 _REPR.maxlevel, _REPR.maxdict, _REPR.maxlist, _REPR.maxtuple = 4, 8, 12, 12
 _REPR.maxstring, _REPR.maxother, _REPR.maxlong = 120, 120, 60
 

@@ -15,7 +15,7 @@ import yaml
 from pydantic import BaseModel, ValidationError
 
 from swarm_mj.errors import ScenarioError
-from swarm_mj.scenarios.limits import check_plain, check_work, shortened, shown
+from swarm_mj.scenarios.limits import MAX_DEPTH, MAX_INTEGER_CHARACTERS, check_plain, check_work, shortened, shown
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.scenarios.schema_faults import FAULT_KINDS
 
@@ -23,6 +23,14 @@ from swarm_mj.scenarios.schema_faults import FAULT_KINDS
 MAX_BYTES = 1_000_000
 #: Mistakes that are listed at once.
 MAX_ERRORS = 20
+
+_OPENING = (
+    yaml.BlockSequenceStartToken,
+    yaml.BlockMappingStartToken,
+    yaml.FlowSequenceStartToken,
+    yaml.FlowMappingStartToken,
+)
+_CLOSING = (yaml.BlockEndToken, yaml.FlowSequenceEndToken, yaml.FlowMappingEndToken)
 
 
 def packaged_names() -> list[str]:
@@ -51,15 +59,17 @@ def load_scenario(name_or_path: str | Path, overrides: Iterable[str] = ()) -> Sc
     """Read a scenario and apply overrides.
 
     Args:
-        name_or_path: A packaged name (see `packaged_names`) or the path of a YAML file.
+        name_or_path: A packaged name (see `packaged_names`), whatever stands in the current folder, or the path of a YAML
+            file.
         overrides: Texts `key=value` with dotted keys, e.g. `camera.half_angle_deg=3`; the value is YAML.
 
     Raises:
         ScenarioError: Missing, unreadable or invalid; the message names the key, the value and what is allowed.
     """
-    text, source = _read(name_or_path)
+    text, source, folder = _read(name_or_path)
     data = parse_yaml(text, source)
-    _resolve_paths(data, Path(source).parent)
+    if folder is not None:
+        _resolve_paths(data, folder)
     for override in overrides:
         _apply(data, override)
     _resolve_design(data)
@@ -148,9 +158,11 @@ def _resolve_design(data: dict[str, Any]) -> None:
         design["visiting_points"] = read_design(design["reference"])
 
 
-def _read(name_or_path: str | Path) -> tuple[str, str]:
+def _read(name_or_path: str | Path) -> tuple[str, str, Path | None]:
+    """Text, origin for errors, and the folder of a file; None for what is packaged."""
     path = Path(name_or_path)
-    if path.suffix in {".yaml", ".yml"} or _exists(path):
+    packaged = str(name_or_path) in packaged_names()
+    if path.suffix in {".yaml", ".yml"} or (not packaged and _exists(path)):
         try:
             if path.exists() and not path.is_file():
                 raise ScenarioError(f"{path}: is no regular file")
@@ -161,10 +173,10 @@ def _read(name_or_path: str | Path) -> tuple[str, str]:
         if len(raw) > MAX_BYTES:
             raise ScenarioError(f"{path}: larger than {MAX_BYTES} bytes; this is not a scenario")
         try:
-            return raw.decode("utf-8"), str(path)
+            return raw.decode("utf-8"), str(path), path.parent
         except UnicodeDecodeError as error:
             raise ScenarioError(f"{path}: byte {error.start} is not UTF-8 text") from None
-    return packaged_text(str(name_or_path)), str(name_or_path)
+    return packaged_text(str(name_or_path)), str(name_or_path), None
 
 
 def _exists(path: Path) -> bool:
@@ -186,6 +198,17 @@ class _Loader(yaml.SafeLoader):
         return mapping
 
 
+    def construct_integer(self, node: yaml.ScalarNode) -> int:
+        """Build an integer; in hexadecimal, binary, octal or to the base 60 it could be larger than Python can write."""
+        if isinstance(node, yaml.ScalarNode) and len(node.value) > MAX_INTEGER_CHARACTERS:
+            raise yaml.YAMLError(
+                f"{shortened(node.value, 40)}: an integer has at most {MAX_INTEGER_CHARACTERS} characters "
+                f"(MAX_INTEGER_CHARACTERS){node.start_mark}"
+            )
+        return int(self.construct_yaml_int(node))
+
+
+_Loader.add_constructor("tag:yaml.org,2002:int", _Loader.construct_integer)
 _Loader.add_implicit_resolver(
     "tag:yaml.org,2002:float",
     re.compile(r"^[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)$"),
@@ -200,15 +223,30 @@ def _yaml(text: str) -> Any:
         ValueError: It is none.
     """
     try:
-        # Aliases let a page of text unfold into gigabytes, or contain itself; no scenario needs them.
-        if any(isinstance(token, yaml.AliasToken) for token in yaml.scan(text)):
-            raise ValueError("aliases (*name) are not allowed in scenarios")
+        _check_tokens(text)
         return yaml.load(text, Loader=_Loader)
     except yaml.YAMLError as error:
         raise ValueError(shortened(str(error), 600)) from None
     except (AttributeError, LookupError, TypeError, ArithmeticError) as error:
         # What PyYAML's constructors trip over where a tag does not fit its value, as in `!!timestamp soon`.
         raise ValueError(f"a tag (!!type) does not fit its value: {shortened(str(error))}") from None
+
+
+def _check_tokens(text: str) -> None:
+    """Look through YAML before anything is built of it.
+
+    Raises:
+        ValueError: It holds an alias, or is deeper than a scenario may be.
+    """
+    depth = 0
+    for token in yaml.scan(text):
+        # Aliases let a page of text unfold into gigabytes, or contain itself; no scenario needs them.
+        if isinstance(token, yaml.AliasToken):
+            raise ValueError("aliases (*name) are not allowed in scenarios")
+        depth += isinstance(token, _OPENING) - isinstance(token, _CLOSING)
+        # The parser's time grows with the square of the depth. The outermost level holds the keys and does not count.
+        if depth > MAX_DEPTH + 1:
+            raise ValueError(f"more than {MAX_DEPTH} levels deep (MAX_DEPTH){token.start_mark}")
 
 
 def parse_yaml(text: str, source: str) -> dict[str, Any]:

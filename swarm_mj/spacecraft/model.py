@@ -25,6 +25,9 @@ WHEELS = ("wheel_x", "wheel_y", "wheel_z")
 #: Where wheels are no bodies, `SwarmModel.state` gives the same layout.
 NQ, NV = 10, 9
 
+#: The log file that MuJoCo writes into the current folder unless told otherwise.
+DEFAULT_LOG = "MUJOCO_LOG.TXT"
+
 Array = NDArray[np.float64]
 WheelModel = Literal["bodies", "gyrostat"]
 
@@ -107,6 +110,7 @@ def build_model(
     """
     if n < 1:
         raise MissionError(f"a swarm needs at least one spacecraft, not {n}")
+    _keep_warnings_off_disk()
     properties = properties or SpacecraftProperties()
     spec = _scene(shape, timestep, np.asarray(sun_N, float))
     for name in spacecraft_names(n):
@@ -121,6 +125,14 @@ def build_model(
     except ValueError as error:
         raise MissionError(f"MuJoCo cannot build the spacecraft: {error}; check masses, sizes and inertias") from None
     return _resolve(compiled, spacecraft_names(n), properties, wheels)
+
+
+def _keep_warnings_off_disk() -> None:
+    """Let MuJoCo warn on the console alone, unless somebody named a log file: it would write MUJOCO_LOG.TXT where one is."""
+    log = mujoco.MjLogConfig.get()
+    if log.logto_file and log.logfile == DEFAULT_LOG:
+        log.logto_file = False
+        log.set()
 
 
 def _scene(shape: ShapeModel, timestep: float, sun_N: NDArray[np.float64]) -> mujoco.MjSpec:

@@ -3,6 +3,7 @@
 import pytest
 
 from swarm_mj.campaign.loading import load_campaign, restore, scenario_of
+from swarm_mj.campaign.sampling import Sample
 from swarm_mj.errors import ScenarioError
 
 CASES = {
@@ -82,6 +83,18 @@ def test_a_file_that_is_no_campaign_is_refused(tmp_path, content):
 def test_a_scenario_file_is_looked_for_beside_the_campaign(write, tmp_path):
     (tmp_path / "mine.yaml").write_text("name: mine\nduration_s: 600\n")
     assert load_campaign(write("name: x\nscenarios: [mine.yaml]\n")).bases["mine"].duration_s == 600.0
+
+
+def test_a_scenario_is_called_by_its_own_name_unless_the_campaign_gives_another(write, tmp_path):
+    for folder, name in (("a", "first"), ("b", "second")):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "case.yaml").write_text(f"name: {name}\nduration_s: 600\n")
+    resolved = load_campaign(
+        write("name: x\nscenarios: [a/case.yaml, b/case.yaml, {{name: third, scenario: a/case.yaml}}]\n")
+    )
+    assert list(resolved.bases) == ["first", "second", "third"]
+    assert Sample(resolved.campaign).names == ["first", "second", "third"]
+    assert restore(resolved.dumps()) == resolved
 
 
 def test_drawn_values_reach_the_scenario_and_nothing_else_changes(write):

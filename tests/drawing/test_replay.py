@@ -1,5 +1,8 @@
 """What is drawn between two samples of telemetry, against denser flights and closed forms."""
 
+import warnings
+
+import h5py
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -10,6 +13,7 @@ from swarm_mj.errors import OutputError
 from swarm_mj.flight import simulate
 from swarm_mj.planning import make_plan
 from swarm_mj.scenarios.loading import load_scenario
+from swarm_mj.simulation.telemetry import read_telemetry
 
 
 def test_positions_and_attitudes_between_samples_are_those_of_a_ten_times_denser_recording(replay):
@@ -66,6 +70,15 @@ def test_lines_of_sight_end_at_what_is_tracked(replay):
     assert (miss < 1e-3 * np.linalg.norm(reached - late.r_BN_N[talkers], axis=1)).all()
     early = replay.at(500.0)
     assert np.allclose(early.sight_length, np.linalg.norm(early.r_BN_N, axis=1))
+
+
+def test_a_foreign_file_is_read_without_a_warning(tmp_path):
+    path = tmp_path / "telemetry.nc"
+    with h5py.File(path, "w") as file:
+        file["nameless"] = np.arange(3.0)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert list(read_telemetry(path)) == ["nameless"]
 
 
 def test_a_folder_that_is_no_run_and_cells_that_do_not_fit_are_clear_errors(flown, tmp_path):

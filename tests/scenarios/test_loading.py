@@ -112,6 +112,18 @@ def test_paths_in_a_file_are_relative_to_it(tmp_path, monkeypatch):
     assert load_scenario("case/mine.yaml").body.shape == str(tmp_path / "case" / "mesh.obj")
 
 
+def test_a_packaged_name_means_the_packaged_scenario_whatever_stands_in_the_current_folder(tmp_path, monkeypatch):
+    expected = load_scenario("eros-config2")
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "eros-config2").mkdir()
+    for name in ("eros-quick", "eros", "eros-visit"):  # a scenario, a shape and a design
+        (tmp_path / name).write_text("name: other")
+    assert load_scenario("eros-config2") == expected
+    assert load_scenario("eros-quick").name == "eros-quick"
+    (tmp_path / "eros-config2.yaml").write_text("name: mine")
+    assert load_scenario("eros-config2.yaml").name == "mine"
+
+
 def test_a_pipe_and_an_endless_name_are_refused(tmp_path):
     os.mkfifo(tmp_path / "pipe.yaml")
     with pytest.raises(ScenarioError, match="no regular file"):

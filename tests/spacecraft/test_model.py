@@ -1,5 +1,8 @@
 """The compiled model: names, masses, inertia, wheels, and the asteroid as drawn."""
 
+import subprocess
+import sys
+
 import mujoco
 import numpy as np
 import pytest
@@ -22,6 +25,34 @@ def data(swarm):
     data = mujoco.MjData(swarm.mjmodel)
     mujoco.mj_forward(swarm.mjmodel, data)
     return data
+
+
+def test_a_warning_of_mujoco_reaches_the_console_and_writes_no_file(tmp_path):
+    code = (
+        "import mujoco, numpy as np\n"
+        "from swarm_mj.smallbody.shape_harmonics import load_eros\n"
+        "from swarm_mj.spacecraft.model import build_model\n"
+        "model = build_model(1, shape=load_eros()).mjmodel\n"
+        "data = mujoco.MjData(model)\n"
+        "data.qvel[0] = np.nan\n"
+        "mujoco.mj_step(model, data)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert "Nan, Inf or huge value" in done.stdout + done.stderr
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_log_file_that_somebody_named_is_kept(tmp_path, eros):
+    log = mujoco.MjLogConfig.get()
+    kept = (log.logto_file, log.logfile)
+    try:
+        log.logto_file, log.logfile = True, str(tmp_path / "mine.txt")
+        log.set()
+        build_model(1, shape=eros)
+        assert mujoco.MjLogConfig.get().logto_file
+    finally:
+        log.logto_file, log.logfile = kept
+        log.set()
 
 
 def test_every_element_is_named(swarm):
