@@ -1,4 +1,4 @@
-"""Everything that docs/performance.md shows: `python -m benchmarks.performance`; takes about ten minutes."""
+"""Everything that docs/performance.md shows: `python -m benchmarks.performance`; takes about fifteen minutes."""
 
 from pathlib import Path
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -11,17 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.basilisk import ours, peer, reference
-from benchmarks.basilisk.problem import PERIOD_S, Flight, Problem, difference
+from benchmarks.basilisk.clock import seconds
+from benchmarks.basilisk.problem import EQUAL_STEP_S, PERIOD_S, PROGRAMS, WHEELS, Flight, Problem, difference
 from benchmarks.basilisk.rounding import drift
-from swarm_mj.spacecraft.model import WheelModel
 
-WHEELS: dict[str, WheelModel] = {"bodies": "bodies", "gyrostat": "gyrostat"}
-PROGRAMS = ("basilisk", *WHEELS)
 #: Whole fractions of the control period, longest first.
 STEPS_S = (0.5, 0.25, 0.1, 0.05)
 #: What a step must keep to count as accurate enough.
 ATTITUDE_DEG, POSITION_M = 5e-4, 1e-3
-EQUAL_STEP_S = 0.1
 
 Results = dict[str, Any]
 Array = NDArray[np.float64]
@@ -120,10 +116,3 @@ def _row(what: str, program: str, their_step: float, step: float, measured: dict
         "stepping_cpu_s": float(np.median(stepping[:, 0])),
         "ratio_of_stepping": float(np.median(theirs[:, 0] / stepping[:, 0])),
     }
-
-
-def seconds(flight: Callable[[], object]) -> tuple[float, float]:
-    """Processor and wall-clock time of one flight [s]."""
-    wall, processor = time.perf_counter(), time.process_time()
-    flight()
-    return time.process_time() - processor, time.perf_counter() - wall

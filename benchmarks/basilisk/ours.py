@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -75,6 +76,27 @@ def _write_torque(
         feedback = combine(-K_N_M, vector(sigma_BR, j), -P_N_M_S, vector(omega_BR_B, j))
         forward = combine(1.0, cross(omega, momentum), 1.0, times(inertia_effective_B[j], following))
         put_vector(torque_B, j, combine(1.0, forward, 1.0, feedback))
+
+
+@dataclass
+class Swarm:
+    """The flight in swarm_mj, flown stretch by stretch as `Simulation.run` does, without its records."""
+
+    simulation: Simulation
+
+    def fly_to(self, end: float) -> None:
+        """Fly on until `end` [s]."""
+        simulation = self.simulation
+        for _ in range(round(end / PERIOD_S) - simulation.tick):
+            simulation.decide()
+            simulation.advance()
+
+    def state(self) -> Flight:
+        """Where the swarm is now, a flight of one sample."""
+        qpos, qvel = self.simulation.model.state(self.simulation.data)
+        return Flight(
+            r_N=qpos[None, :, :3].copy(), attitude=qpos[None, :, 3:7].copy(), wheel_speed=qvel[None, :, 6:9].copy()
+        )
 
 
 def make(problem: Problem, timestep: float, wheels: WheelModel) -> Simulation:

@@ -40,6 +40,10 @@ class Peer:
 
     Attributes:
         sim: Basilisk's simulation.
+        legs: MRPs of the reference attitudes, shape (legs, n, 3).
+        leg: The one that is flown.
+        crafts: The spacecraft.
+        wheels: Their wheels.
         guidance: The modules that hold the reference attitudes, one per spacecraft.
         states: Recorders of the spacecraft's states, empty where nothing is recorded.
         speeds: Recorders of wheel speeds.
@@ -48,20 +52,41 @@ class Peer:
 
     sim: Any
     problem: Problem
+    legs: list[list[list[float]]]
+    leg: int = 0
+    crafts: list[Any] = field(default_factory=list)
+    wheels: list[Any] = field(default_factory=list)
     guidance: list[Any] = field(default_factory=list)
     states: list[Any] = field(default_factory=list)
     speeds: list[Any] = field(default_factory=list)
     parts: list[Any] = field(default_factory=list)
 
-    def run(self) -> None:
-        """Fly the whole flight; every leg ends one control period early, so that its last command stands when it ends."""
-        legs = self.problem.references
-        for k, leg in enumerate(legs):
-            for module, attitude in zip(self.guidance, leg, strict=True):
-                module.sigma_R0N = attitude.as_mrp().tolist()
-            end = DURATION_S if k == len(legs) - 1 else (k + 1) * LEG_S - PERIOD_S
-            self.sim.ConfigureStopTime(macros.sec2nano(end))
-            self.sim.ExecuteSimulation()
+    def fly_to(self, end: float) -> None:
+        """Fly on until `end` [s]; every leg ends one control period early, so that its last command stands when it ends."""
+        while self.leg + 1 < len(self.legs) and end >= (self.leg + 1) * LEG_S:
+            self._execute((self.leg + 1) * LEG_S - PERIOD_S)
+            self.leg += 1
+            self.aim()
+        self._execute(end)
+
+    def aim(self) -> None:
+        """Give the references of this leg to the guidance."""
+        for module, attitude in zip(self.guidance, self.legs[self.leg], strict=True):
+            module.sigma_R0N = attitude
+
+    def _execute(self, end: float) -> None:
+        self.sim.ConfigureStopTime(macros.sec2nano(end))
+        self.sim.ExecuteSimulation()
+
+    def state(self) -> Flight:
+        """Where the swarm is now, a flight of one sample."""
+        messages = [craft.scStateOutMsg.read() for craft in self.crafts]
+        attitude = Rotation.from_mrp([message.sigma_BN for message in messages]).as_quat(scalar_first=True)
+        return Flight(
+            r_N=np.array([[message.r_CN_N for message in messages]]),
+            attitude=attitude[None],
+            wheel_speed=np.array([[wheel.rwSpeedOutMsg.read().wheelSpeeds[:3] for wheel in self.wheels]]),
+        )
 
 
 def make(problem: Problem, timestep: float, record: bool) -> Peer:
@@ -71,13 +96,14 @@ def make(problem: Problem, timestep: float, record: bool) -> Peer:
     process = sim.CreateNewProcess("process")
     process.addTask(sim.CreateNewTask(DYNAMICS, macros.sec2nano(timestep)))
     process.addTask(sim.CreateNewTask(SOFTWARE, macros.sec2nano(PERIOD_S)))
-    peer = Peer(sim, problem)
+    peer = Peer(sim, problem, [[attitude.as_mrp().tolist() for attitude in leg] for leg in problem.references])
     planet, rotation = eros(problem)
     sim.AddModelToTask(DYNAMICS, rotation, 300)
     peer.parts += [planet, rotation]
     for j in range(problem.n):
         add_spacecraft(peer, j, planet, record)
     sim.InitializeSimulation()
+    peer.aim()
     return peer
 
 
@@ -144,7 +170,9 @@ def add_spacecraft(peer: Peer, j: int, planet: Any, record: bool) -> None:
         for recorders, message in ((peer.states, craft.scStateOutMsg), (peer.speeds, wheels.rwSpeedOutMsg)):
             recorders.append(message.recorder(macros.sec2nano(PERIOD_S)))
             sim.AddModelToTask(DYNAMICS, recorders[-1], 1)
-    peer.parts += [craft, wheels, factory]
+    peer.crafts.append(craft)
+    peer.wheels.append(wheels)
+    peer.parts.append(factory)
 
 
 def add_software(peer: Peer, j: int, craft: Any, wheels: Any, wheel_message: Any) -> None:
@@ -180,7 +208,7 @@ def column(values: Array) -> list[list[float]]:
 def fly(problem: Problem, timestep: float) -> Flight:
     """Fly and record every control period."""
     peer = make(problem, timestep, record=True)
-    peer.run()
+    peer.fly_to(DURATION_S)
     sigma = np.array([log.sigma_BN for log in peer.states])
     attitude = Rotation.from_mrp(sigma.reshape(-1, 3)).as_quat(scalar_first=True)
     return Flight(
@@ -192,4 +220,5 @@ def fly(problem: Problem, timestep: float) -> Flight:
 
 def ready(problem: Problem, timestep: float) -> Callable[[], object]:
     """A function that flies the whole flight without recording it; set-up is done."""
-    return make(problem, timestep, record=False).run
+    peer = make(problem, timestep, record=False)
+    return lambda: peer.fly_to(DURATION_S)

@@ -22,6 +22,7 @@ from swarm_mj.planning import Plan, make_plan
 from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.simulation.simulation import InitialState
 from swarm_mj.smallbody.environment import Environment
+from swarm_mj.spacecraft.model import WheelModel
 from swarm_mj.spacecraft.properties import SpacecraftProperties
 from swarm_mj.validation.control import aligned
 
@@ -32,6 +33,11 @@ DURATION_S, PERIOD_S, LEG_S = 1200.0, 0.5, 300.0
 K_N_M, P_N_M_S = 1e-3, 2e-2
 WHEEL_SPEED_RAD_S = 100.0
 SEED = 7
+#: The peer, and how our program models the wheels.
+WHEELS: dict[str, WheelModel] = {"bodies": "bodies", "gyrostat": "gyrostat"}
+PROGRAMS = ("basilisk", *WHEELS)
+#: The step [s] at which costs are compared, the same in both programs.
+EQUAL_STEP_S = 0.1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,7 +45,7 @@ class Problem:
     """One flight.
 
     Attributes:
-        plan: The scenario `eros-config2`, for gravity, rotation, mass properties and start.
+        plan: The scenario `eros-config2`, for gravity, rotation, mass properties and start; with as many spacecraft as asked.
         initial: Start of the swarm; wheels already turn.
         directions_N: What +z points at in each leg, unit vectors, shape (legs, n, 3).
     """
@@ -103,9 +109,13 @@ class Difference:
     wheel_speed: float
 
 
-def make_problem() -> Problem:
-    """The flight, the same on every call."""
-    plan = make_plan(load_scenario("eros-config2"))
+def make_problem(n: int | None = None) -> Problem:
+    """The flight, the same on every call.
+
+    Args:
+        n: Number of spacecraft, which pass the visiting points 1, 2, ... and again; None: the scenario's own five.
+    """
+    plan = make_plan(load_scenario("eros-config2")) if n is None else _plan_of(n)
     start = initial_state(plan)
     rng = np.random.default_rng(SEED)
     directions = rng.normal(size=(round(DURATION_S / LEG_S), plan.n, 3))
@@ -119,6 +129,14 @@ def make_problem() -> Problem:
         wheel_speed=wheels,
     )
     return Problem(plan=plan, initial=initial, directions_N=directions)
+
+
+def _plan_of(n: int) -> Plan:
+    n_points = make_plan(load_scenario("eros-config2")).region.n_visiting
+    points = [1 + j % n_points for j in range(n)]
+    scenario = load_scenario("eros-config2", [f"design.visiting_points={points}"])
+    # Spacecraft with a common point fly one orbit; only attitudes, directions and wheels tell them apart.
+    return make_plan(scenario, check_separation=False)
 
 
 def difference(one: Flight, other: Flight) -> Difference:

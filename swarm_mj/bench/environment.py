@@ -82,6 +82,7 @@ def rows(quick: bool, num_envs: int = 64) -> Iterator[Row]:
             "single, pointing": single_steps(control="pointing"),
             "single, torque": single_steps(control="torque"),
             f"vector of {num_envs}, pointing": vector_steps(num_envs, control="pointing"),
+            f"vector of {num_envs}, torque": vector_steps(num_envs, control="torque"),
         }
     raw = raw_steps()
     for work in (raw, *works.values()):

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import resource
+import sys
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from time import perf_counter, process_time
 from typing import Any
 
@@ -11,6 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+
+#: Where Linux tells what a process needs.
+STATUS = Path("/proc/self/status")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,3 +89,14 @@ def rates(work: Callable[[], int], seconds: float) -> tuple[float, float]:
     while perf_counter() - start < seconds:
         done += work()
     return done / (perf_counter() - start), done / (process_time() - used)
+
+
+def peak_memory_mib() -> float:
+    """Largest resident memory of this process so far [MiB]."""
+    if STATUS.exists():
+        # Not ru_maxrss: Linux hands that of the parent down to what it starts.
+        fields = dict(line.split(":", 1) for line in STATUS.read_text().splitlines())
+        if "VmHWM" in fields:
+            return float(fields["VmHWM"].split()[0]) / 1024
+    unit = 1024**2 if sys.platform == "darwin" else 1024
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / unit

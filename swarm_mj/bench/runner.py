@@ -12,6 +12,7 @@ from rich.console import Console
 from swarm_mj.bench.measure import Row
 from swarm_mj.bench.record import machine
 from swarm_mj.errors import OutputError
+from swarm_mj.observation.gl_context import gl_available
 from swarm_mj.output.folder import write_text
 
 #: Benchmarks by name, in the order in which they run.
@@ -21,8 +22,14 @@ GROUPS = {
     "observers": "swarm_mj.bench.observers",
     "designer": "swarm_mj.bench.designer",
     "environment": "swarm_mj.bench.environment",
+    "pictures": "swarm_mj.bench.pictures",
     "job": "swarm_mj.bench.job",
 }
+
+#: What a GPU may change.
+GPU_GROUPS = ("observers", "pictures", "environment")
+#: Words in the names of OpenGL renderers that draw without a GPU.
+SOFTWARE = ("llvmpipe", "softpipe", "swrast", "software", "swiftshader")
 
 
 def run_bench(
@@ -66,7 +73,8 @@ def run_bench(
 
 def _line(line: Row) -> str:
     verdict = "" if line.met is None else f"  {line.target} {'met' if line.met else 'MISSED'}"
-    return f"  {line.name:58} {_number(line.value):>9} {line.unit:10} [{_number(line.low)} to {_number(line.high)}]{verdict}"
+    spread, note = f"[{_number(line.low)} to {_number(line.high)}]", f"  ({line.note})" if line.note else ""
+    return f"  {line.name:68} {_number(line.value):>9} {line.unit:10} {spread}{verdict}{note}"
 
 
 def _number(value: float) -> str:
@@ -84,6 +92,8 @@ def page(rows: Sequence[Row]) -> str:
         "are not counted, except where a row says cold. Absolute numbers hold for the machine below and no other.",
         "",
         f"Machine: {described}.",
+        "",
+        on_gpu(*gl_available()),
     ]
     group = ""
     for line in rows:
@@ -104,6 +114,18 @@ def page(rows: Sequence[Row]) -> str:
             f"| {line.target} | {met} |"
         )
     return "\n".join(lines) + "\n"
+
+
+def on_gpu(available: bool, renderer: str) -> str:
+    """What the page says of a GPU, by whether OpenGL loads and what it draws with, or why it does not."""
+    if available and not any(word in renderer.lower() for word in SOFTWARE):
+        return f"GPU: OpenGL draws on {renderer}; rows of pictures by OpenGL are measured there, all others on the processor."
+    drawn = f"OpenGL draws on the processor, with {renderer}" if available else "OpenGL does not load"
+    command = f"swarm-mj bench --full {' '.join(f'--only {name}' for name in GPU_GROUPS)} --markdown gpu.md"
+    return (
+        f"GPU: none was at hand ({drawn}), so nothing was measured on one. Where there is one,\n"
+        f"`{command}`\nmeasures the renderer and the vector environment and writes them to a page of their own."
+    )
 
 
 def _write(path: Path, text: str) -> None:

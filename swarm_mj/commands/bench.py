@@ -11,14 +11,14 @@ def add(commands: argparse._SubParsersAction) -> None:
     bench = commands.add_parser(
         "bench",
         help="measure how fast the program is on this machine",
-        description="Measure ratios side by side: loop against raw MuJoCo, observers, designer, environment, main job.",
+        description="Measure ratios side by side: loop against raw MuJoCo, observers, designer, environment, films and reports, main job.",
     )
     bench.add_argument(
         "--only",
         action="append",
         default=[],
         metavar="NAME",
-        help="start, loop, observers, designer, environment or job; may be repeated",
+        help="start, loop, observers, designer, environment, pictures or job; may be repeated",
     )
     bench.add_argument("--full", action="store_true", help="more rounds and large cases, as in docs/performance.md")
     bench.add_argument("--json", type=Path, metavar="FILE", help="write the results as JSON")

@@ -14,7 +14,6 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import sph_legendre_p
 
 from swarm_mj.errors import ShapeError
 from swarm_mj.resources import asset_path
@@ -30,6 +29,8 @@ SEMI_AXES_M = (16_000.0, 8_000.0, 6_000.0)
 FREQUENCY = 20
 #: Vertices are rounded to this many decimals of a metre, far below the fit, so that every build gives the same file.
 DECIMALS = 4
+#: Directions whose harmonics are summed at once; they stay in the processor's cache.
+BLOCK = 4096
 
 
 def build_eros(frequency: int = FREQUENCY, *, harmonics_path: str | os.PathLike[str] | None = None) -> ShapeModel:
@@ -95,13 +96,35 @@ def radius_factor(directions: NDArray[np.float64], harmonics: NDArray[np.float64
     Returns:
         Dimensionless rho, shape (n,).
     """
-    colatitude = np.arccos(np.clip(directions[:, 2], -1.0, 1.0))
+    order = harmonics[:, :2].astype(int)
+    cosines, sines = np.zeros((2, *(order.max(axis=0) + 1)))
+    np.add.at(cosines, tuple(order.T), harmonics[:, 2])
+    np.add.at(sines, tuple(order.T), harmonics[:, 3])
+    rho = np.empty(len(directions))
+    for start in range(0, len(directions), BLOCK):
+        block = slice(start, start + BLOCK)
+        rho[block] = _sum_harmonics(directions[block], cosines, sines)
+    return rho
+
+
+def _sum_harmonics(
+    directions: NDArray[np.float64], cosines: NDArray[np.float64], sines: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """The sum with coefficients a[l, m], b[l, m], by the recurrence in l of Legendre functions orthonormal on the sphere."""
+    z, sine = directions[:, 2], np.hypot(directions[:, 0], directions[:, 1])
     longitude = np.arctan2(directions[:, 1], directions[:, 0])
-    rho = np.zeros(len(directions))
-    for m in np.unique(harmonics[:, 1]).astype(int):
-        degree, _, a, b = harmonics[harmonics[:, 1] == m].T
-        # Orthonormal on the sphere, with the Condon-Shortley phase, as the coefficients are.
-        legendre = np.asarray(sph_legendre_p(degree.astype(int)[:, None], m, colatitude)).reshape(len(a), -1)
-        wave = np.outer(a, np.cos(m * longitude)) + np.outer(b, np.sin(m * longitude))
-        rho += (np.sqrt(2.0) if m else 1.0) * np.einsum("ij,ij->j", legendre, wave)
+    rho, sectoral = np.zeros(len(z)), np.full(len(z), 0.5 / np.sqrt(np.pi))
+    for m in range(cosines.shape[1]):
+        if m:
+            # With the Condon-Shortley phase, as the coefficients are.
+            sectoral = -np.sqrt((2 * m + 1) / (2 * m)) * sine * sectoral
+        legendre, before = sectoral, np.zeros(len(z))
+        even, odd = cosines[m, m] * legendre, sines[m, m] * legendre
+        for degree in range(m + 1, len(cosines)):
+            gain = np.sqrt((4 * degree**2 - 1) / (degree**2 - m**2))
+            lag = np.sqrt(((degree - 1) ** 2 - m**2) / (4 * (degree - 1) ** 2 - 1))
+            legendre, before = gain * (z * legendre - lag * before), legendre
+            even += cosines[degree, m] * legendre
+            odd += sines[degree, m] * legendre
+        rho += (np.sqrt(2.0) if m else 1.0) * (even * np.cos(m * longitude) + odd * np.sin(m * longitude))
     return rho

@@ -1,12 +1,16 @@
 """`swarm-mj bench`: works take turns, rows compare themselves with targets, files hold what was printed."""
 
 import json
+import os
+import subprocess
+import sys
 
 import numpy as np
 import pytest
 
-from swarm_mj.bench.measure import in_turn, rates, row
-from swarm_mj.bench.runner import GROUPS, page, run_bench
+from swarm_mj.bench import environment, job, loop, observers
+from swarm_mj.bench.measure import STATUS, in_turn, rates, row
+from swarm_mj.bench.runner import GROUPS, on_gpu, page, run_bench
 from swarm_mj.cli import main
 from swarm_mj.errors import OutputError
 
@@ -55,6 +59,77 @@ def test_unknown_benchmarks_and_unwritable_files_are_clear_errors(tmp_path, caps
         run_bench(["start"], as_json=tmp_path / "file" / "x.json")
     assert main(["bench", "--only", "speed"]) == 2
     assert "speed" in capsys.readouterr().err
+
+
+@pytest.mark.skipif(not STATUS.exists(), reason="other systems do not hand the memory of the parent down")
+def test_the_memory_of_a_process_is_not_that_of_its_parent():
+    ballast = np.ones(60_000_000)
+    code = "from swarm_mj.bench.measure import peak_memory_mib; print(peak_memory_mib())"
+    told = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True).stdout
+    assert 5.0 < float(told) < 300.0 < ballast.nbytes / 2**20
+
+
+@pytest.mark.parametrize(("quick", "sizes"), [(True, (1, 6, 20)), (False, (1, 6, 20, 100, 1000))])
+def test_memory_is_told_for_every_number_of_spacecraft(monkeypatch, quick, sizes):
+    monkeypatch.setattr(loop, "loop_rows", lambda n, rounds: [row("loop", f"ratio, {n}", np.ones(1), "ratio")])
+    monkeypatch.setattr(loop, "memory_row", lambda n: row("loop", f"memory, {n}", np.ones(1), "MiB"))
+    assert [r.name for r in loop.rows(quick) if r.unit == "MiB"] == [f"memory, {n}" for n in sizes]
+
+
+def test_pictures_go_from_eight_thousand_to_a_million_faces():
+    faces = [20 * frequency**2 for frequency in observers.FREQUENCIES]
+    assert faces[0] == 8_000 and faces[-1] >= 1_000_000
+
+
+def test_the_full_run_measures_every_level_of_control_single_and_vector(monkeypatch):
+    for name in ("raw_steps", "single_steps", "vector_steps"):
+        monkeypatch.setattr(environment, name, lambda *a, **k: lambda: 1)
+    monkeypatch.setattr(environment, "rates", lambda work, seconds: (1.0, 1.0))
+    names = {r.name for r in environment.rows(quick=False)}
+    for level in ("role", "pointing", "torque"):
+        assert {f"single, {level}", f"vector of 64, {level}"} <= names
+
+
+def write_run(folder, wall_s, report_s):
+    folder.mkdir(parents=True)
+    (folder / "summary.json").write_text(json.dumps({"wall_s": wall_s}))
+    (folder / "report.html").write_text("")
+    for name, t in (("summary.json", 1_000), ("report.html", 1_000 + report_s)):
+        os.utime(folder / name, (t, t))
+
+
+def test_the_stages_of_the_job_sum_to_the_whole(tmp_path):
+    write_run(tmp_path / "a", {"figures": 2.0, "design": 1.0}, 3)
+    write_run(tmp_path / "b", {"design": 0.5, "figures": 1.0}, 1)
+    found = job.stages(tmp_path, 10.0)
+    assert list(found.items()) == [("design", 1.5), ("figures", 3.0), ("report", 4.0), (job.REST, 1.5)]
+
+
+def test_only_a_job_that_was_run_before_is_called_warm(monkeypatch):
+    calls = []
+
+    def run(scenarios, out, caches):
+        calls.append((out.name, caches))
+        return 3.0, {"design": 2.0, job.REST: 1.0}
+
+    monkeypatch.setattr(job, "run", run)
+    quick = [r.name for r in job.rows(quick=True)]
+    assert calls == [("once", {})] and quick[0] == "eros-quick, once, caches as found"
+    assert not [name for name in quick if "warm" in name or "cold" in name]
+    full = [r.name for r in job.rows(quick=False)]
+    assert [name for name, _ in calls[1:]] == ["cold", "warm"] and calls[1][1] == calls[2][1] != {}
+    assert [name for name in full if name.startswith("eros")] == [
+        f"eros-config1 and eros-config2, {name}" for name in ("cold", "warm")
+    ]
+
+
+def test_the_page_says_whether_a_gpu_was_measured():
+    for found in ((True, "llvmpipe (LLVM 15.0.6, 256 bits)"), (False, "OpenGL 3.3 cannot be loaded")):
+        text = on_gpu(*found)
+        assert "none was at hand" in text and "nothing was measured on one" in text
+        assert "swarm-mj bench --full --only observers --only pictures --only environment" in text
+    assert "draws on Some GPU/PCIe/SSE2" in on_gpu(True, "Some GPU/PCIe/SSE2")
+    assert "GPU: " in page([])
 
 
 @pytest.mark.slow

@@ -12,7 +12,8 @@ sys.path.append(str(ROOT))  # the benchmarks are no part of the installed packag
 
 from benchmarks.basilisk import ours, reference  # noqa: E402
 from benchmarks.basilisk.page import page  # noqa: E402
-from benchmarks.basilisk.problem import Flight, difference, make_problem  # noqa: E402
+from benchmarks.basilisk.problem import DURATION_S, LEG_S, PERIOD_S, Flight, difference, make_problem  # noqa: E402
+from benchmarks.basilisk.scale import SIZES, memory, scaling, stretch  # noqa: E402
 
 PROGRAMS = ("bodies", "gyrostat", "basilisk")
 
@@ -61,6 +62,67 @@ def test_the_swarm_flies_in_basilisk_as_it_does_here(flights, wheels):
 @pytest.mark.parametrize("program", PROGRAMS)
 def test_every_program_flies_what_scipy_integrates(flights, truth, program):
     assert_equal(flights(program), truth)
+
+
+#: Stretches that end before, at and after the end of a leg.
+ENDS = (10.0, LEG_S - PERIOD_S, LEG_S, LEG_S + 10.0, 2.0 * LEG_S + 5.0)
+
+
+def assert_is_sample(state, flight, t):
+    row = round(t / PERIOD_S)
+    assert np.allclose(state.r_N[0], flight.r_N[row], rtol=0, atol=1e-9)
+    assert np.allclose(np.abs(np.sum(state.attitude[0] * flight.attitude[row], axis=-1)), 1.0, rtol=0, atol=1e-14)
+    assert np.allclose(state.wheel_speed[0], flight.wheel_speed[row], rtol=0, atol=1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("program", PROGRAMS)
+def test_a_flight_in_stretches_is_the_whole_flight(problem, flights, program):
+    whole = flights(program)
+    if program == "basilisk":
+        from benchmarks.basilisk import peer
+
+        swarm = peer.make(problem, 0.1, record=False)
+    else:
+        swarm = ours.Swarm(ours.make(problem, 0.1, program))
+    for t in ENDS:
+        swarm.fly_to(t)
+        assert_is_sample(swarm.state(), whole, t)
+
+
+def test_the_problem_has_as_many_spacecraft_as_asked_and_is_the_same_on_every_call():
+    one, other = make_problem(53), make_problem(53)
+    assert one.n == 53 and one.directions_N.shape == (4, 53, 3) and one.initial.wheel_speed.shape == (53, 3)
+    for name in ("r_BN_N", "v_BN_N", "sigma_BN", "omega_BN_B", "wheel_speed"):
+        assert np.array_equal(getattr(one.initial, name), getattr(other.initial, name)), name
+    # There are 51 points: the last two fly to the first two, turned otherwise.
+    assert np.allclose(one.initial.v_BN_N[51:], one.initial.v_BN_N[:2])
+    assert not np.allclose(one.initial.sigma_BN[51:], one.initial.sigma_BN[:2])
+
+
+@pytest.mark.parametrize("rounds", [1, 9, 15, 50])
+def test_all_rounds_fit_into_the_flight_and_many_spacecraft_fly_shorter(rounds):
+    flown = [stretch(n, rounds) for n in SIZES]
+    assert flown == sorted(flown, reverse=True) and flown[-1] >= 5
+    assert all((rounds + 1) * seconds <= DURATION_S for seconds in flown)
+
+
+@pytest.mark.slow
+def test_cost_and_memory_are_told_for_every_number_of_spacecraft():
+    pytest.importorskip("Basilisk")
+    rows = scaling(1, lambda what: None, sizes=(2,))
+    assert [(row["spacecraft"], row["wheels"]) for row in rows] == [(2, wheels) for wheels in PROGRAMS[:2]]
+    for row in rows:
+        assert row["ratio"] > 0.0 and row["faster_than_flight"] > 0.0 and row["basilisk_faster_than_flight"] > 0.0
+        assert row["memory"]["peak_mib"] >= row["memory"]["before_mib"] > 0.0
+        worst = row["difference"]
+        assert worst["position_m"] < 0.01 and worst["attitude_rad"] < 1e-6 and worst["wheel_speed"] < 1e-6
+
+
+@pytest.mark.slow
+def test_memory_is_that_of_a_process_of_its_own(problem):
+    ballast = np.ones(100_000_000)
+    assert memory("gyrostat", problem)["before_mib"] < 600.0 < ballast.nbytes / 2**20
 
 
 @pytest.mark.slow
@@ -132,9 +194,26 @@ def test_the_page_shows_every_number():
         for what in ("equal step", "cheapest accurate step")
         for wheels in PROGRAMS[:2]
     ]
+    scale = [
+        {
+            "spacecraft": 1000,
+            "wheels": wheels,
+            "flown_s": 5,
+            "basilisk_cpu_s": 1.25,
+            "cpu_s": 0.25,
+            "ratio": 5.1,
+            "ratio_quartiles": [5.0, 5.2],
+            "basilisk_faster_than_flight": 3.9,
+            "faster_than_flight": 12345.0,
+            "basilisk_memory": {"peak_mib": 480.0, "before_mib": 229.0},
+            "memory": {"peak_mib": 450.0, "before_mib": 228.0},
+            "difference": {"position_m": 6e-7, "attitude_rad": 7e-11, "wheel_speed": 8e-9},
+        }
+        for wheels in PROGRAMS[:2]
+    ]
     drift = [{"speed_m_s": 40.0, "bodies": 3e-7, "gyrostat": 4e-11}]
     agreement = {"reference_with_longer_steps": numbers, "steps": steps, "between": between, "drift": drift}
-    results = {"basilisk": "2.12.1", "rounds": 3, "agreement": agreement, "timing": timing}
+    results = {"basilisk": "2.12.1", "rounds": 3, "agreement": agreement, "timing": timing, "scale": scale}
     text = page(results, {"processor": "a processor", "cores": 2, "python": "3.11", "mujoco": "4.0"})
     for word in (
         "2.12.1",
@@ -146,5 +225,11 @@ def test_the_page_shows_every_number():
         "4.1 (4.0 to 4.2)",
         "5.3",
         "3e-07",
+        "1,000",
+        "5.1 (5.0 to 5.2)",
+        "4 / 12,345",
+        "480 / 450",
+        "228 to 229 MiB",
+        "6e-07 m, 7e-11 rad and 8e-09",
     ):
         assert word in text, word
