@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from swarm_mj.errors import ScenarioError
+from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.scenarios.schema import Scenario, is_multiple
 
 
@@ -18,30 +20,107 @@ def checked_render_mode(mode: str | None, modes: Sequence[str]) -> str | None:
     return mode
 
 
+def is_number(value: Any) -> bool:
+    """Whether it is a finite number, not a text that looks like one nor a truth value."""
+    return (
+        isinstance(value, (int, float, np.integer, np.floating))
+        and not isinstance(value, bool)
+        and bool(np.isfinite(value))
+    )
+
+
+def is_whole(value: Any) -> bool:
+    """Whether it is a whole number by type, not a truth value."""
+    return isinstance(value, (int, np.integer)) and not isinstance(value, bool)
+
+
+def checked_count(name: str, value: Any, otherwise: str = "") -> int:
+    """A number of things, at least 1.
+
+    Args:
+        name: Of the argument.
+        value: As given.
+        otherwise: What else is allowed, for the message.
+    """
+    if not is_whole(value) or value < 1:
+        raise ScenarioError(f"{name} = {value!r}: must be a whole number of at least 1{otherwise}")
+    return int(value)
+
+
 def checked_share(percent: float) -> float:
     """The share of the target that counts as complete [%]."""
-    if not 0.0 < percent <= 100.0:
-        raise ScenarioError(f"complete = {percent}: must be above 0 and at most 100 percent")
+    if not is_number(percent) or not 0.0 < percent <= 100.0:
+        raise ScenarioError(f"complete = {percent!r}: must be a number above 0 and at most 100 percent")
     return percent
 
 
 def checked_step(scenario: Scenario, step_s: float) -> tuple[int, int]:
     """Control periods in a step of that length [s] and in the flight."""
     period, duration = scenario.control.period_s, scenario.duration_s
-    if not step_s > 0.0 or not is_multiple(step_s, period) or not is_multiple(duration, step_s):
+    if (
+        not is_number(step_s)
+        or not step_s > 0.0
+        or not is_multiple(step_s, period)
+        or not is_multiple(duration, step_s)
+    ):
         raise ScenarioError(
-            f"step_s = {step_s}: must be a whole multiple of control.period_s = {period:g} s and divide the scenario's "
-            f"duration_s = {duration:g} s"
+            f"step_s = {step_s!r}: must be a number, a whole multiple of control.period_s = {period:g} s, and divide the "
+            f"scenario's duration_s = {duration:g} s"
         )
     return round(step_s / period), round(duration / period)
 
 
+def checked_scenario(scenario: Any) -> Scenario:
+    """The scenario of that name or file, or as it was given."""
+    if isinstance(scenario, Scenario):
+        return scenario
+    if not isinstance(scenario, (str, Path)):
+        raise ScenarioError(f"scenario = {scenario!r}: must be a packaged name, the path of a YAML file, or a Scenario")
+    return load_scenario(scenario)
+
+
+def checked_options(options: Any) -> dict[str, Any]:
+    """The options of `reset` as a dict of one's own."""
+    if options is not None and not isinstance(options, Mapping):
+        raise ScenarioError(f"reset options = {options!r}: must be a mapping from names to values, or None")
+    return dict(options or {})
+
+
 def flight_seed(options: dict[str, Any] | None, drawn: int) -> int:
     """The seed that `reset` options ask for, else the one drawn."""
-    given = dict(options or {})
+    given = checked_options(options)
     seed = given.pop("flight_seed", drawn)
     if given:
         raise ScenarioError(f"reset options {sorted(given)}: unknown; allowed: flight_seed")
-    if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
+    if not is_whole(seed) or seed < 0:
         raise ScenarioError(f"reset option flight_seed = {seed!r}: must be a whole number of at least 0")
     return int(seed)
+
+
+def flight_seeds(wanted: Any, count: int) -> list[Any]:
+    """The `reset` option `flight_seed` by flight, None where a seed is to be drawn; `flight_seed` checks each."""
+    if isinstance(wanted, np.ndarray):
+        wanted = wanted.tolist()
+    if not isinstance(wanted, (list, tuple)):
+        return [wanted] * count
+    if len(wanted) != count:
+        raise ScenarioError(
+            f"reset option flight_seed = {wanted!r}: must be a whole number of at least 0, or one for each of the {count} "
+            f"flights, not {len(wanted)}"
+        )
+    return list(wanted)
+
+
+def first_seeds(seed: Any, count: int) -> list[int | None]:
+    """The `seed` of `reset` by flight, None where the flight's own random numbers go on."""
+    if seed is None:
+        return [None] * count
+    if is_whole(seed) and seed >= 0:
+        return [int(seed) + e for e in range(count)]
+    seeds = list(seed) if isinstance(seed, (list, tuple, np.ndarray)) and np.ndim(seed) == 1 else [seed] * count
+    if len(seeds) != count:
+        raise ScenarioError(f"seed: {len(seeds)} values for {count} flights; give one number, or one for each")
+    for own in seeds:
+        if own is not None and (not is_whole(own) or own < 0):
+            raise ScenarioError(f"seed = {own!r}: must be a whole number of at least 0, a list of them, or None")
+    return [None if own is None else int(own) for own in seeds]

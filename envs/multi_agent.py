@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from swarm_mj.errors import ScenarioError
 
-from .arguments import checked_render_mode, flight_seed
+from .arguments import checked_options, checked_render_mode, flight_seed
 from .controls import check_action
 from .flybys import Flybys
 from .overview import EpisodePicture
@@ -43,14 +43,15 @@ class SwarmObserveParallelEnv(ParallelEnv[str, Observation, Any]):
 
     Task, dynamics, pictures, radio and episode ends are those of `SwarmObserveEnv`.
 
-    **Actions** of an agent, by control level: `torque` Box(-1, 1, (3,)), `pointing` Box(-1, 1, (2,)), `role`
-    Discrete(K + n + 3), with the meaning that `SwarmObserveEnv` gives one spacecraft's entries.
+    **Actions** of an agent, by control level: `torque` Box(-1, 1, (w,)) with w the number of its wheels, `pointing`
+    Box(-1, 1, (2,)), `role` Discrete(K + n + 3), with the meaning that `SwarmObserveEnv` gives one spacecraft's entries.
 
-    **Observation** of an agent, Box, float32: its own block of 29 numbers as in `SwarmObserveEnv`; then, for each other
-    spacecraft in order, its position relative to one's own in A over 10 km, its stored data over the nominal volume, whether
-    it images, and whether it is alive (6 numbers); then the seen share of the K patches, time left, seen share of the target
-    and data delivered. A swarm shares positions and coverage by radio (the paper's election needs as much); attitudes, rates,
-    wheels and link states of the others stay unknown.
+    **Observation** of an agent, Box, float32: its own block of 26 + w numbers (29 with the usual three wheels) as in
+    `SwarmObserveEnv`; then, for each other spacecraft in order, its position relative to one's own in A over 10 km, its stored
+    data over the nominal volume, whether it images, and whether it is alive (6 numbers); then the seen share of the K patches,
+    time left, seen share of the target and data delivered. A swarm shares positions and coverage by radio (the paper's election
+    needs as much); attitudes, rates, wheels and link states of the others stay unknown. `state()` is the observation of
+    `SwarmObserveEnv`, of all spacecraft together, and lies in `state_space`.
 
     **Reward**: the team's, the same for every agent, as in `SwarmObserveEnv`, with the weight of `loss` for each spacecraft
     lost. `info[agent]["reward_terms"]` holds the terms.
@@ -89,6 +90,7 @@ class SwarmObserveParallelEnv(ParallelEnv[str, Observation, Any]):
         self._whole = whole
         self.action_spaces = {name: _part(whole, j, plan.n) for name, j in self._number.items()}
         self.observation_spaces = {name: _local_space(self.setting.readings, plan.n) for name in self._number}
+        self.state_space: spaces.Box = self.setting.readings.space
         self._random = seeding.np_random()[0]
 
     @property
@@ -110,7 +112,7 @@ class SwarmObserveParallelEnv(ParallelEnv[str, Observation, Any]):
         """Start a flyby with all spacecraft; `options` may hold `flight_seed`, and others are ignored, as PettingZoo asks."""
         if seed is not None:
             self._random = seeding.np_random(seed)[0]
-        known = {name: value for name, value in (options or {}).items() if name == "flight_seed"}
+        known = {name: value for name, value in checked_options(options).items() if name == "flight_seed"}
         chosen = flight_seed(known, int(self._random.integers(2**31)))
         self.flybys.reset(0, chosen)
         self.agents = list(self.possible_agents)

@@ -16,6 +16,8 @@ from swarm_mj.errors import ScenarioError
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.raytracing import RayTracer
 
+from .arguments import is_whole
+
 Array = NDArray[np.float64]
 
 
@@ -55,9 +57,9 @@ def make_patches(region: TargetRegion, count: int) -> Patches:
     Raises:
         ScenarioError: The count is no square number, or so large that a patch holds no cell.
     """
-    k = isqrt(max(int(count), 0))
+    k = isqrt(max(count, 0)) if is_whole(count) else 0
     if k < 1 or k * k != count:
-        raise ScenarioError(f"patches = {count}: must be a square number such as 4, 9, 16 or 25")
+        raise ScenarioError(f"patches = {count!r}: must be a whole square number such as 4, 9, 16 or 25")
     column, row = np.clip(np.floor((tangents(region, region.centroid_A).T + 1.0) * (0.5 * k)), 0, k - 1).astype(int)
     of_cell = k * row + column
     area = np.asarray(np.bincount(of_cell, region.area, count), dtype=np.float64)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import isfinite
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from swarm_mj.errors import ScenarioError
+
+from .arguments import is_number
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -25,13 +26,17 @@ def checked_weights(given: Mapping[str, float] | None) -> dict[str, float]:
     """All weights, with those given in place of the defaults.
 
     Raises:
-        ScenarioError: A name is unknown or a weight is not a finite number.
+        ScenarioError: It is no mapping, a name is unknown or a weight is not a finite number.
     """
     weights = dict(DEFAULT_WEIGHTS)
+    if given is not None and not isinstance(given, Mapping):
+        raise ScenarioError(
+            f"reward_weights = {given!r}: must be a mapping from terms to numbers; terms are {', '.join(weights)}"
+        )
     for name, value in (given or {}).items():
         if name not in weights:
             raise ScenarioError(f"reward_weights: unknown term {name!r}; there are {', '.join(weights)}")
-        if not isinstance(value, (int, float)) or not isfinite(value):
+        if not is_number(value):
             raise ScenarioError(f"reward_weights[{name!r}] = {value!r}: must be a finite number")
         weights[name] = float(value)
     return weights

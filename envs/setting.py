@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from math import isfinite
 from pathlib import Path
 
 import numpy as np
@@ -17,11 +16,10 @@ from swarm_mj.observation.horizon import HorizonObserver
 from swarm_mj.observation.observer import Observer, ObserverKind, make_observer
 from swarm_mj.observation.quick_look import Scene, make_scene
 from swarm_mj.planning import Plan, antennas_from, make_plan
-from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.simulation.simulation import Simulation
 
-from .arguments import checked_share, checked_step
+from .arguments import checked_scenario, checked_share, checked_step, is_number
 from .controls import check_level
 from .patches import Patches, make_patches
 from .readings import Readings
@@ -49,8 +47,8 @@ class Radio:
     def __post_init__(self) -> None:
         """Refuse impossible rates."""
         for name, value in vars(self).items():
-            if not (isfinite(value) and value > 0.0):
-                raise ScenarioError(f"{name} = {value}: must be a positive number")
+            if not (is_number(value) and value > 0.0):
+                raise ScenarioError(f"{name} = {value!r}: must be a positive number")
 
 
 @dataclass(eq=False, kw_only=True)
@@ -85,7 +83,7 @@ class Setting:
         check_level(self.control)
         self.weights = checked_weights(self.reward_weights)
         checked_share(self.complete)
-        given = self.scenario if isinstance(self.scenario, Scenario) else load_scenario(self.scenario)
+        given = checked_scenario(self.scenario)
         self.ticks, self.last_tick = checked_step(given, self.step_s)
         self.plan: Plan = make_plan(given)
         self.patches: Patches = make_patches(self.plan.region, self.n_patches)

@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class SwarmState:
-    """Copies, not views.
+    """The swarm in truth, whatever its sensors say; copies, not views.
 
     Attributes:
         t: Time past the epoch [s].

@@ -11,11 +11,13 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from swarm_mj.attitude.algebra import quaternion, rotate
+from swarm_mj.attitude.algebra import quaternion
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.mission.links import write_closed
 from swarm_mj.observation.quick_look import Scene, new_cells
 from swarm_mj.smallbody.occultation import way_blocked
+
+from .moments import Known, Now, write_dcm
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -32,32 +34,6 @@ FEATURES_BUT_WHEELS = 26
 FEATURES = FEATURES_BUT_WHEELS + 3
 #: Body rates are divided by this [rad/s].
 RATE_SCALE = 0.1
-
-
-class Now(NamedTuple):
-    """The flights at one instant.
-
-    Attributes:
-        t: Seconds past the epoch, shape (E,).
-        r: Positions in N, shape (E, n, 3) [m].
-        v: Velocities in N, shape (E, n, 3) [m/s].
-        q: Attitudes q_BN, shape (E, n, 4).
-        omega: Body rates in B, shape (E, n, 3) [rad/s].
-        wheel: Wheel speeds, shape (E, n, w) [rad/s].
-        C_AN: Rotations from N to A, shape (E, 3, 3).
-        r_A: Positions in A, shape (E, n, 3) [m].
-        C_BN: Shape (E, n, 3, 3).
-    """
-
-    t: Array
-    r: Array
-    v: Array
-    q: Array
-    omega: Array
-    wheel: Array
-    C_AN: Array
-    r_A: Array
-    C_BN: Array
 
 
 class Mission(NamedTuple):
@@ -132,13 +108,10 @@ def _orient_one(mission: Mission, now: Now, e: int) -> bool:
     for j in range(now.r.shape[1]):
         r = now.r[e, j]
         q = quaternion(now.q[e], j)
-        inverse = (q[0], -q[1], -q[2], -q[3])
+        write_dcm(q, now.C_BN[e, j])
         for k in range(3):
             now.r_A[e, j, k] = C[k, 0] * r[0] + C[k, 1] * r[1] + C[k, 2] * r[2]
-            column = rotate(inverse, (1.0 if k == 0 else 0.0, 1.0 if k == 1 else 0.0, 1.0 if k == 2 else 0.0))
-            for i in range(3):
-                now.C_BN[e, j, i, k] = column[i]
-            total += now.r_A[e, j, k] + now.v[e, j, k] + now.omega[e, j, k] + q[0] + column[k]
+            total += now.r_A[e, j, k] + now.v[e, j, k] + now.omega[e, j, k] + q[0] + now.C_BN[e, j, k, k]
         for w in range(now.wheel.shape[2]):
             total += now.wheel[e, j, w]
     return np.isfinite(total)
@@ -210,6 +183,7 @@ def end_step(
     mission: Mission,
     before: Now,
     now: Now,
+    known: Known,
     books: Books,
     kind: Ints,
     index: Ints,
@@ -228,6 +202,7 @@ def end_step(
         mission: See `Mission`.
         before: At the beginning of the step.
         now: At its end.
+        known: The same as the flight software has it, for the readings.
         books: Written to.
         kind: What each spacecraft tracks, shape (E, n).
         index: Whom, where that is a spacecraft, shape (E, n).
@@ -251,7 +226,7 @@ def end_step(
                 hit[e, j] = not books.lost[e, j] and way_blocked(
                     before.r_A[e, j], now.r_A[e, j], mission.vertices, mission.faces, mission.box
                 )
-        _read(mission, now, books, kind[e], sigma_BR[e], e, observation[e])
+        _read(mission, now, known, books, kind[e], sigma_BR[e], e, observation[e])
         for i in range(low.shape[0]):
             observation[e, i] = min(max(observation[e, i], low[i]), high[i])
 
@@ -326,12 +301,19 @@ def _close_pairs(mission: Mission, before: Now, now: Now, lost: Mask, e: int) ->
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _read(
-    mission: Mission, now: Now, books: Books, kind: Ints, sigma_BR: Array, e: int, out: NDArray[np.float32]
+    mission: Mission,
+    now: Now,
+    known: Known,
+    books: Books,
+    kind: Ints,
+    sigma_BR: Array,
+    e: int,
+    out: NDArray[np.float32],
 ) -> None:
     numbers, n, C_AN, wheels = mission.numbers, kind.shape[0], now.C_AN[e], now.wheel.shape[2]
     features = FEATURES_BUT_WHEELS + wheels
     for j in range(n):
-        at, r_A, v, C_BN = features * j, now.r_A[e, j], now.v[e, j], now.C_BN[e, j]
+        at, r_A, v, C_BN = features * j, now.r_A[e, j], now.v[e, j], known.C_BN[e, j]
         out[at : at + features] = 0.0
         # Velocity as seen by somebody who turns with the body.
         turning = (-numbers[9] * r_A[1], numbers[9] * r_A[0], 0.0)
@@ -342,7 +324,7 @@ def _read(
             out[at + 6 + k] = sigma_BR[j, k]
             out[at + 9 + k] = C_BN[2, 0] * C_AN[k, 0] + C_BN[2, 1] * C_AN[k, 1] + C_BN[2, 2] * C_AN[k, 2]
             out[at + 12 + k] = C_BN[0, 0] * C_AN[k, 0] + C_BN[0, 1] * C_AN[k, 1] + C_BN[0, 2] * C_AN[k, 2]
-            out[at + 15 + k] = now.omega[e, j, k] / RATE_SCALE
+            out[at + 15 + k] = known.omega[e, j, k] / RATE_SCALE
         for w in range(wheels):
             out[at + 18 + w] = now.wheel[e, j, w] / numbers[6]
         at += 18 + wheels

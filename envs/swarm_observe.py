@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from swarm_mj.observation.observer import ObserverKind
 from swarm_mj.scenarios.schema import Scenario
 
-from .arguments import checked_render_mode, flight_seed
+from .arguments import checked_count, checked_render_mode, flight_seed
 from .controls import check_action
 from .flybys import Flybys
 from .overview import EpisodePicture
@@ -31,7 +31,8 @@ class SwarmObserveEnv(gymnasium.Env[Observation, Any]):
     One episode is one flyby of a scenario, flown by the same `Simulation`, plug-ins, observers and criteria as
     `swarm-mj run`. Only attitudes are controlled: the trajectories follow from the deployment. Frames: N inertial, A fixed in
     the body, B the spacecraft, camera and dish along its +z (docs/theory.md). n counts the observers and, where the
-    scenario's behaviour asks for one, a dedicated communications spacecraft, which comes last.
+    scenario's behaviour asks for one, a dedicated communications spacecraft, which comes last. w counts the reaction wheels of
+    a spacecraft: 3, or 4 with `spacecraft.wheel_layout: pyramid` as in `eros-faults`.
 
     ## Action space
 
@@ -39,8 +40,8 @@ class SwarmObserveEnv(gymnasium.Env[Observation, Any]):
 
     | control | space | meaning for spacecraft j |
     |---|---|---|
-    | `torque` | Box(-1, 1, (3n,)) | entries 3j..3j+2: motor torques of its wheels over their limit (4 mN m by default); the \
-scenario's behaviour still decides who observes and who talks, and gives `sigma_BR` |
+    | `torque` | Box(-1, 1, (w n,)) | entries w j..w j + w - 1: motor torques of its wheels over their limit (4 mN m by \
+default); the scenario's behaviour still decides who observes and who talks, and gives `sigma_BR` |
     | `pointing` | Box(-1, 1, (2n,)) | entries 2j, 2j+1: east and north tangent, seen from the body's centre, of the surface \
 point to look at, over the half width of the target's pyramid: (0, 0) is the target's middle, (-1, -1) its south-west corner. \
 It is tracked, turning with the body, by the scenario's control law while the scenario's behaviour has spacecraft j observe, \
@@ -48,11 +49,16 @@ and ignored while that has it talk |
     | `role` | MultiDiscrete([K + n + 3] * n) | 0..K-1: centre of a patch of the target; K: the body's centre; K+1..K+n: \
 spacecraft 1..n (itself: hold); K+n+1: Earth; K+n+2: hold the direction of +z in N. Tracked by the scenario's control law |
 
+    With four wheels, or where faults have put wheels out, the torque on the body that these motor torques would exert is shared
+    anew by the wheels that work, with the least sum of squares; three healthy wheels get what the action says. Wheels at their
+    top speed get no more.
+
     K is the number of patches (16): a square grid on the target's pyramid, row by row from its south-west corner, west to east.
 
     ## Observation space
 
-    Box, float32, finite; values beyond the bounds are clipped. First a block of 29 numbers for each spacecraft:
+    Box, float32, finite; values beyond the bounds are clipped. First a block of 26 + w numbers for each spacecraft, 29 with the
+    usual three wheels:
 
     | entries | name | meaning | divided by | bounds |
     |---|---|---|---|---|
@@ -62,14 +68,20 @@ spacecraft 1..n (itself: hold); K+n+1: Earth; K+n+2: hold the direction of +z in
     | 9-11 | boresight | unit vector +z of B, in A | 1 | -1, 1 |
     | 12-14 | x_axis | unit vector +x of B, in A | 1 | -1, 1 |
     | 15-17 | rate | omega_BN in B | 0.1 rad/s | -10, 10 |
-    | 18-20 | wheel_speed | of the three wheels | top speed | -1, 1 |
-    | 21 | imaging | 1 if it is an observer that looks at the body | 1 | 0, 1 |
-    | 22 | link | 1 if its radio link was closed at the end of the step | 1 | 0, 1 |
-    | 23 | stored | data aboard | nominal volume | 0, 10 |
-    | 24-28 | role | one of: body's centre, spacecraft, Earth, surface point, held direction | 1 | 0, 1 |
+    | 18 to 17+w | wheel_speed | of the w wheels | top speed | -1, 1 |
+    | 18+w | imaging | 1 if it is an observer that looks at the body | 1 | 0, 1 |
+    | 19+w | link | 1 if its radio link was closed at the end of the step | 1 | 0, 1 |
+    | 20+w | stored | data aboard | nominal volume | 0, 10 |
+    | 21+w to 25+w | role | one of: body's centre, spacecraft, Earth, surface point, held direction | 1 | 0, 1 |
 
     then seen share of each of the K patches (0, 1), time left over the duration (0, 1), seen share of the target (0, 1) and
     data delivered over the nominal volume (0, 10). `env.unwrapped.readings.split(observation)` gives them by name.
+
+    The agent is given what the spacecraft knows. Where the scenario flies noise or delay of the sensors (its `faults` and
+    `dispersions`), boresight, x_axis and rate are those of the estimated attitude and the measured rate that the flight
+    software has at the end of the step, sigma_BR is the error by its estimate, and "hold" holds where it believes +z to point.
+    Positions, velocities and wheel speeds are the truth, since no errors of navigation and tachometers are modelled. Pictures,
+    links, rewards, `state`, `info` and rendering follow the truth. Without noise and delay estimate and truth are the same.
 
     ## Reward
 
@@ -79,9 +91,11 @@ spacecraft 1..n (itself: hold); K+n+1: Earth; K+n+2: hold the direction of +z in
     |---|---|---|
     | seen | 1 | newly seen area over the target's area |
     | delivered | 1 | data that Earth received over the nominal volume |
-    | effort | -0.02 | mean of (motor torque / limit)^2, times step over duration |
-    | saturation | -0.1 | mean over wheels of (speed / top speed - 0.9) / 0.1 within 0 to 1, times step over duration |
-    | approach | -0.1 | share of pairs closer than `safety.min_separation_m` after the grace time, times step over duration |
+    | effort | -0.02 | mean of (motor torque / limit)^2 over wheels and control periods, times step over duration |
+    | saturation | -0.1 | mean over wheels of (abs(speed) / top speed - 0.9) / 0.1 within 0 to 1, at the end of the step, \
+times step over duration |
+    | approach | -0.1 | share of pairs that come closer than `safety.min_separation_m` in the step, if it begins at or after \
+`safety.separation_grace_s`; the motion within it is taken as straight; times step over duration |
     | loss | -1 | 1 at an impact on the body or divergence |
 
     A picture is taken every `observation.interval_s`, and at the visit, by each observer that looks at the body (centre or
@@ -95,10 +109,15 @@ spacecraft 1..n (itself: hold); K+n+1: Earth; K+n+2: hold the direction of +z in
     ## Starting state
 
     The scenario's deployment: all at the mothership with solved velocities, wheels at rest, random attitudes and rates in
-    the scenario's ranges. With the scenario's `faults` and `dispersions`, what goes wrong is drawn anew for every episode (but
-    the place of the target, which the scenario's own seed fixes). All of it comes from a flight seed that `reset` draws from
-    `self.np_random` (or takes from `options={"flight_seed": k}`) and gives in `info["flight_seed"]`:
-    `swarm-mj run SCENARIO --set seed=k` starts the same.
+    the scenario's ranges. With the scenario's `faults` and `dispersions`, what goes wrong is drawn anew for every episode. All
+    of it comes from a flight seed that `reset` draws from `self.np_random` (or takes from `options={"flight_seed": k}`) and
+    gives in `info["flight_seed"]`: `swarm-mj run SCENARIO --set seed=k` starts the same.
+
+    One thing is not drawn anew: the true place of the target. `dispersions.target_m` shifts it once for each environment, by
+    the scenario's own `seed`, since patches, cells and horizon maps belong to the place (about 10 s of one core to work out).
+    To train over many places, make one environment for each, with another scenario seed:
+    `scenario=load_scenario("eros-observe", ["dispersions.target_m=300", "seed=7"])`. With `target_m` above zero
+    `swarm-mj run` shifts the target by k, too, so that it starts the same only where k is the scenario's seed.
 
     ## Episode end
 
@@ -150,7 +169,7 @@ spacecraft 1..n (itself: hold); K+n+1: Earth; K+n+2: hold the direction of +z in
     ) -> None:
         self._flybys: Flybys | None = None
         self._window: Window | None = None
-        self._size = (width, height)
+        self._size = width, height = checked_count("width", width), checked_count("height", height)
         self.render_mode = checked_render_mode(render_mode, self.metadata["render_modes"])
         self.setting = make_setting(
             scenario,

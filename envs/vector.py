@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from swarm_mj.errors import ScenarioError
 
-from .arguments import flight_seed
+from .arguments import checked_count, checked_options, first_seeds, flight_seed, flight_seeds
 from .controls import check_action
 from .flybys import Step
 from .lanes import Lanes, default_threads
@@ -52,16 +52,15 @@ class SwarmObserveVectorEnv(VectorEnv[Any, Any, Any]):
         render_mode: None = None,
         **arguments: Any,
     ) -> None:
-        if num_envs < 1:
-            raise ScenarioError(f"num_envs = {num_envs}: must be at least 1")
-        if threads is not None and threads < 1:
-            raise ScenarioError(f"threads = {threads}: must be at least 1, or None")
+        num_envs = checked_count("num_envs", num_envs)
+        if threads is not None:
+            threads = checked_count("threads", threads, ", or None")
         if render_mode is not None:
             raise ScenarioError(
                 f"render_mode = {render_mode!r}: the vector environment draws nothing; render a single one"
             )
         self._lanes: Lanes | None = None
-        mode = AutoresetMode(autoreset_mode)
+        mode = _checked_mode(autoreset_mode)
         self.metadata = {"render_modes": [], "autoreset_mode": mode}
         self._mode, self.num_envs = mode, num_envs
         setting = make_setting(**arguments)
@@ -96,13 +95,12 @@ class SwarmObserveVectorEnv(VectorEnv[Any, Any, Any]):
         Raises:
             ScenarioError: A seed or option is not allowed.
         """
-        given = dict(options or {})
+        given = checked_options(options)
         mask = _mask(given.pop("reset_mask", None), self.num_envs)
-        for e, own in enumerate(_seeds(seed, self.num_envs)):
+        for e, own in enumerate(first_seeds(seed, self.num_envs)):
             if own is not None and mask[e]:
                 self._random[e] = seeding.np_random(own)[0]
-        wanted = given.pop("flight_seed", None)
-        chosen = np.broadcast_to(wanted, self.num_envs) if wanted is not None else [None] * self.num_envs
+        chosen = flight_seeds(given.pop("flight_seed", None), self.num_envs)
         flights = {int(e): self._draw(int(e), given, chosen[e]) for e in np.flatnonzero(mask)}
         self.lanes.reset(flights)
         self._over[mask], self._begun = False, True
@@ -192,6 +190,14 @@ def _put(infos: Infos, name: str, values: dict[int, Any], count: int) -> None:
         infos[name], infos[f"_{name}"] = array, mask
 
 
+def _checked_mode(given: Any) -> AutoresetMode:
+    try:
+        return AutoresetMode(given)
+    except ValueError:
+        modes = ", ".join(mode.value for mode in AutoresetMode)
+        raise ScenarioError(f"autoreset_mode = {given!r}: must be one of {modes}") from None
+
+
 def _mask(given: Any, count: int) -> Mask:
     if given is None:
         return np.ones(count, np.bool_)
@@ -201,14 +207,3 @@ def _mask(given: Any, count: int) -> Mask:
             f"reset option reset_mask: must be {count} booleans, at least one of them true, not {given!r}"
         )
     return mask
-
-
-def _seeds(seed: Any, count: int) -> list[int | None]:
-    if seed is None:
-        return [None] * count
-    if isinstance(seed, (int, np.integer)):
-        return [int(seed) + e for e in range(count)]
-    seeds = list(seed)
-    if len(seeds) != count:
-        raise ScenarioError(f"seed: {len(seeds)} values for {count} flights; give one number, or one for each")
-    return seeds

@@ -1,0 +1,94 @@
+"""A single environment, or a vector of three flights on two threads, behind the same calls; and plain geometry of its own."""
+
+import gymnasium
+import numpy as np
+
+ID = "swarm_mj:SwarmObserve-v0"
+#: Choices of a spacecraft of `eros-observe` at the level `role`, with 16 patches and five spacecraft.
+CENTRE, SC1, EARTH, HOLD = 16, 17, 22, 23
+
+
+class Flights:
+    """Flights of one environment, E = 1 if `kind` is "single", else 3."""
+
+    def __init__(self, kind, **arguments):
+        self.count = 1 if kind == "single" else 3
+        if kind == "single":
+            self.env = gymnasium.make(ID, **arguments).unwrapped
+            self.lanes = [self.env.flybys]
+        else:
+            self.env = gymnasium.make_vec(ID, num_envs=3, threads=2, **arguments)
+            self.lanes = self.env.lanes.lanes
+            assert len(self.lanes) == (2 if arguments.get("observer", "horizon") == "horizon" else 1)
+        self.setting = self.lanes[0].setting
+        self.plan = self.setting.plan
+        self.t = 0.0
+
+    def reset(self, *flight_seeds):
+        """Start with these flight seeds; the single environment takes the first."""
+        wanted = flight_seeds[0] if self.count == 1 else list(flight_seeds)
+        observation, _ = self.env.reset(seed=0, options={"flight_seed": wanted})
+        self.t = 0.0
+        return np.atleast_2d(observation)
+
+    def step(self, action):
+        """The same action in every flight, or one for each; observations (E, F), terms by name (E,), infos."""
+        actions = np.broadcast_to(action, (self.count, np.shape(action)[-1]))
+        if self.count == 1:
+            observation, _, terminated, truncated, infos = self.env.step(actions[0])
+            terms = {name: np.array([value]) for name, value in infos["reward_terms"].items()}
+        else:
+            observation, _, terminated, truncated, infos = self.env.step(np.array(actions))
+            terms = infos["reward_terms"]
+        assert not np.any(terminated)
+        assert not np.any(truncated)
+        self.t += self.setting.step_s
+        return np.atleast_2d(observation), terms, infos
+
+    def gather(self, pick):
+        """Of all flights, by lane."""
+        return np.concatenate([np.array(pick(lane)) for lane in self.lanes])
+
+    def parts(self, observations):
+        """Readings by name, shape (E, n, size)."""
+        rows = [self.setting.readings.split(row) for row in observations]
+        return {name: np.array([row[name] for row in rows]) for name in rows[0]}
+
+    @property
+    def r_N(self):
+        """Positions, shape (E, n, 3) [m]."""
+        return self._qpos[..., :3]
+
+    @property
+    def C_BN(self):
+        """Rotations from N to B, shape (E, n, 3, 3)."""
+        return rotation(self._qpos[..., 3:7]).swapaxes(-1, -2)
+
+    @property
+    def wheel_speed(self):
+        """Shape (E, n, w) [rad/s]."""
+        return self.gather(lambda lane: lane.flights.qvel).reshape(self.count, self.plan.n, -1)[..., 6:]
+
+    @property
+    def _qpos(self):
+        return self.gather(lambda lane: lane.flights.qpos).reshape(self.count, self.plan.n, -1)
+
+    def close(self):
+        """Close the environment."""
+        self.env.close()
+
+
+def rotation(q):
+    """Matrices that carry components in B to N, of quaternions (w, x, y, z), shape (..., 3, 3)."""
+    w, x, y, z = np.moveaxis(q / np.linalg.norm(q, axis=-1, keepdims=True), -1, 0)
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
+
+
+def angle_deg(a, b):
+    """Between two vectors [deg]."""
+    return np.degrees(np.arctan2(np.linalg.norm(np.cross(a, b)), np.dot(a, b)))

@@ -1,0 +1,82 @@
+"""Arguments and options that are no such thing: the project's own error, with key, value and what is allowed."""
+
+import gymnasium
+import numpy as np
+import pytest
+
+from swarm_mj.errors import ScenarioError, SwarmError
+
+from .flights import ID
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"reward_weights": [1]}, ["reward_weights = [1]", "mapping", "seen, delivered, effort"]),
+        ({"reward_weights": {"seen": "1"}}, ["reward_weights['seen'] = '1'", "finite number"]),
+        ({"step_s": "10"}, ["step_s = '10'", "number", "control.period_s = 0.5"]),
+        ({"step_s": None}, ["step_s = None", "number"]),
+        ({"patches": 4.0}, ["patches = 4.0", "whole square number such as 4, 9"]),
+        ({"patches": "16"}, ["patches = '16'", "whole square number"]),
+        ({"patches": True}, ["patches = True"]),
+        ({"complete": "99"}, ["complete = '99'", "number above 0 and at most 100"]),
+        ({"bits_per_pixel": "1"}, ["bits_per_pixel = '1'", "positive number"]),
+        ({"scenario": 3}, ["scenario = 3", "packaged name", "YAML"]),
+        ({"width": "640"}, ["width = '640'", "whole number of at least 1"]),
+        ({"height": 0}, ["height = 0", "whole number of at least 1"]),
+    ],
+)
+def test_arguments(arguments, words):
+    with pytest.raises(SwarmError) as caught:
+        gymnasium.make(ID, **arguments)
+    for word in words:
+        assert word in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"num_envs": 2.5}, ["num_envs = 2.5", "whole number of at least 1"]),
+        ({"num_envs": "2"}, ["num_envs = '2'", "whole number of at least 1"]),
+        ({"num_envs": 2, "threads": 1.5}, ["threads = 1.5", "whole number of at least 1, or None"]),
+        ({"num_envs": 2, "autoreset_mode": "nextstep"}, ["'nextstep'", "NextStep, SameStep, Disabled"]),
+        ({"num_envs": 2, "autoreset_mode": None}, ["autoreset_mode = None", "NextStep, SameStep, Disabled"]),
+    ],
+)
+def test_arguments_of_the_vector_environment(arguments, words):
+    with pytest.raises(ScenarioError) as caught:
+        gymnasium.make_vec(ID, **arguments)
+    for word in words:
+        assert word in str(caught.value)
+
+
+def test_options_and_seeds_of_the_vector_environment():
+    vector = gymnasium.make_vec(ID, num_envs=2)
+    bad = [
+        ({"options": {"flight_seed": [1, 2, 3]}}, r"flight_seed = \[1, 2, 3\].*each of the 2 flights, not 3"),
+        ({"options": {"flight_seed": [1]}}, r"flight_seed = \[1\].*each of the 2 flights, not 1"),
+        ({"options": {"flight_seed": [1, 2.5]}}, r"flight_seed = 2.5: must be a whole number"),
+        ({"options": {"flight_seed": "a"}}, r"flight_seed = 'a': must be a whole number"),
+        ({"options": [1]}, r"reset options = \[1\]: must be a mapping"),
+        ({"seed": 2.5}, r"seed = 2.5: must be a whole number"),
+        ({"seed": [1, "b"]}, r"seed = 'b': must be a whole number"),
+        ({"seed": -1}, r"seed = -1: must be a whole number of at least 0"),
+    ]
+    for arguments, words in bad:
+        with pytest.raises(ScenarioError, match=words):
+            vector.reset(**arguments)
+    for given in (7, np.int64(7), np.array(7), [7, 7], (7, 7), np.array([7, 7])):
+        assert vector.reset(options={"flight_seed": given})[1]["flight_seed"].tolist() == [7, 7]
+    _, infos = vector.reset(options={"flight_seed": [None, 7]}, seed=np.array([3, 4]))
+    again, _ = vector.reset(seed=3)
+    assert infos["flight_seed"][1] == 7
+    assert np.array_equal(again[0], vector.reset(options={"flight_seed": int(infos["flight_seed"][0])})[0][0])
+    vector.close()
+
+
+@pytest.mark.parametrize("options", [[1], "flight_seed", 3])
+def test_options_of_the_single_environment(options):
+    env = gymnasium.make(ID).unwrapped
+    with pytest.raises(ScenarioError, match=r"reset options = .*must be a mapping"):
+        env.reset(options=options)
+    env.close()
