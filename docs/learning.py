@@ -186,7 +186,8 @@ in {minutes} minutes. It is an array file of {size} kB, read without pickle and 
     swarm-mj run eros-observe --policy runs/sb3/policy.npz
     swarm-mj run eros-observe --policy greedy
 
-The behaviour decides as the policy does in the environment: with the same seed both see the same cells at the same times. It
+The behaviour decides as the policy does in the environment: with the same seed both see the same cells at the same times,
+as long as no sensor noise or delay is flown (behaviours are given true attitudes, agents what the spacecraft knows). It
 flies the same swarm, too: the dedicated communications spacecraft of a scenario such as `eros-config1` flies along, takes no
 pictures and is told by the policy where to look, like the others.
 
