@@ -34,7 +34,9 @@ PAUSE, FASTER, SLOWER, RESTART = (32,), (61, 334), (45, 333), (82,)
 HELP = "space pause, + and - speed, R restart, mouse turns and zooms, [ and ] cameras"
 
 
-def run_view(scenario: Scenario, *, speed: float = 10.0, web: bool = False, port: int = 0) -> None:
+def run_view(
+    scenario: Scenario, *, speed: float = 10.0, web: bool = False, port: int = 0, host: str | None = None
+) -> None:
     """Fly a scenario in a viewer until that is closed.
 
     Args:
@@ -42,6 +44,7 @@ def run_view(scenario: Scenario, *, speed: float = 10.0, web: bool = False, port
         speed: Seconds of flight per second at the start.
         web: Use the web viewer even where a display exists.
         port: Of the web viewer; 0: the first free one from 8080.
+        host: Address on which the web viewer listens; None: 127.0.0.1, for browsers on this machine alone.
 
     Raises:
         SwarmError: The scenario cannot be flown.
@@ -57,10 +60,10 @@ def run_view(scenario: Scenario, *, speed: float = 10.0, web: bool = False, port
     model = build_drawing_model(plan, magnification_for(plan, view.distance))
     model.place(player.now)
     if web or not has_display():
-        from swarm_mj.web_viewer import show_in_browser
+        from swarm_mj.web_viewer import LOOPBACK, show_in_browser
 
         with suppress(KeyboardInterrupt):  # the way to end it
-            show_in_browser(model, player, view, port)
+            show_in_browser(model, player, view, port, host or LOOPBACK)
         return
     console.print(HELP, markup=False, highlight=False)
     with suppress(KeyboardInterrupt):

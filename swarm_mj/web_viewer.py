@@ -6,26 +6,41 @@ sent along as geoms; the controls stand in a panel of the viewer's own.
 
 from __future__ import annotations
 
+import copy
+import socket
 from collections.abc import Callable
+from typing import Any
 
 import mujoco
-from mujoco.studio import launch_web, messages, plugin, ux, viewer_protocol
+import numpy as np
+from mujoco.studio import endpoints, launch_thread, messages, plugin, ux, viewer_protocol
 from mujoco.studio.dear_imgui import dear_imgui as gui
+from numpy.typing import NDArray
 
 from swarm_mj.drawing.cameras import FreeView
 from swarm_mj.drawing.decorations import NextGeom, decorate, triangle
 from swarm_mj.drawing.instant import Instant
 from swarm_mj.drawing.lettering import clock, roles
-from swarm_mj.drawing.live import SPEEDS, Player, pace
+from swarm_mj.drawing.live import SPEEDS, Player, pace, planned_path
 from swarm_mj.drawing.model import DrawingModel
 from swarm_mj.drawing.palette import SEEN, rgba
 from swarm_mj.errors import ObserverError
 from swarm_mj.mission.target import TargetRegion
 
+Array = NDArray[np.float64]
+
 #: Most geoms that the viewer sends besides the model.
 MAX_GEOMS = 1024
 #: Height of a painted cell above the ground over the body's radius, so that it is not hidden by that.
 LIFT = 4e-3
+#: Near clipping plane over the body's radius: a browser's depth buffer is too coarse for a nearer one.
+NEAR = 1e-2
+#: Distance of MuJoCo's own first camera over the extent of a model.
+FIRST_DISTANCE = 1.5
+#: Size of the panel, and its distance from the window's edge [pixel].
+PANEL, MARGIN = (330.0, 330.0), 12.0
+#: Only browsers on this machine can connect.
+LOOPBACK = "127.0.0.1"
 
 
 class FlightPanel(plugin.ViewerPlugin):
@@ -39,17 +54,21 @@ class FlightPanel(plugin.ViewerPlugin):
 
     def __init__(self, model: DrawingModel, player: Player, view: FreeView) -> None:
         self._model, self._player, self._view = model, player, view
-        self._placed = False
+        self._updates, self._width = 0, 0.0
+        self._on_the_right = _is_busier_on_the_left(view, planned_path(player.flight.plan))
 
     @messages.handler
     def on_update(self, _: messages.UpdateEvent) -> None:
-        """Before each picture: place the camera once, renew the geoms."""
-        if not self._placed:
+        """Before each picture: place the camera at the start, renew the geoms."""
+        if self._updates == 0:
             ux.setup_theme(ux.GuiTheme.DARK)  # the colours of the modes are made for a dark ground
+        elif self._updates == 1:
+            # Only what the program changes between two pictures is its camera; before that, the first camera that a page
+            # sends, also one that was loaded anew, counts as chosen by hand.
             camera, first = self.viewer.camera, self._view.camera()
             camera.lookat[:], camera.distance = first.lookat, first.distance
             camera.azimuth, camera.elevation = first.azimuth, first.elevation
-            self._placed = True
+        self._updates += 1
         geoms: list[mujoco.MjvGeom] = []
 
         def next_geom() -> mujoco.MjvGeom | None:
@@ -68,8 +87,13 @@ class FlightPanel(plugin.ViewerPlugin):
         """The panel: time, observed share, who does what, pause, speed, restart."""
         player = self._player
         now, plan = player.now, player.flight.plan
-        gui.SetNextWindowPos(gui.Vec2(12, 12), int(gui.Cond.FirstUseEver))
-        gui.SetNextWindowSize(gui.Vec2(330, 330), int(gui.Cond.FirstUseEver))
+        width = float(gui.GetIO().DisplaySize.x)
+        left = width - PANEL[0] - MARGIN if self._on_the_right else MARGIN
+        # A page tells its size only after the first pictures, and anew when it changes.
+        when = gui.Cond.FirstUseEver if width == self._width else gui.Cond.Always
+        self._width = width
+        gui.SetNextWindowPos(gui.Vec2(left, MARGIN), int(when))
+        gui.SetNextWindowSize(gui.Vec2(*PANEL), int(gui.Cond.FirstUseEver))
         if gui.Begin("Flight")[0]:
             share = float(plan.region.area[now.seen].sum() / plan.region.total_area)
             gui.TextUnformatted(f"{plan.scenario.name}   {clock(now.t)}{'   over' if player.flight.over else ''}")
@@ -86,6 +110,21 @@ class FlightPanel(plugin.ViewerPlugin):
         gui.End()
 
 
+def _is_busier_on_the_left(view: FreeView, path_N: Array) -> bool:
+    """Whether more of a flight, shape (m, n, 3) [m], is in the upper left of a view than in the upper right."""
+    right, up = view.offsets(path_N.reshape(-1, 3)).T
+    return bool(((right < 0.0) & (up > 0.0)).sum() > ((right > 0.0) & (up > 0.0)).sum())
+
+
+def model_for_browser(model: DrawingModel, view: FreeView) -> mujoco.MjModel:
+    """A copy of the model whose own first camera, which a page shows until it hears from the program, is a view."""
+    shown, radius, camera = copy.deepcopy(model.mjmodel), float(model.mjmodel.stat.extent), view.camera()
+    shown.stat.center[:], shown.stat.extent = camera.lookat, camera.distance / FIRST_DISTANCE
+    shown.vis.global_.azimuth, shown.vis.global_.elevation = camera.azimuth, camera.elevation
+    shown.vis.map.znear = NEAR * radius / shown.stat.extent
+    return shown
+
+
 def paint_cells(next_geom: NextGeom, region: TargetRegion, now: Instant) -> None:
     """Cover the observed cells with triangles, a little above the ground."""
     lift = LIFT * region.mesh.max_radius
@@ -94,7 +133,12 @@ def paint_cells(next_geom: NextGeom, region: TargetRegion, now: Instant) -> None
 
 
 def show_in_browser(
-    model: DrawingModel, player: Player, view: FreeView, port: int, go_on: Callable[[], bool] = lambda: True
+    model: DrawingModel,
+    player: Player,
+    view: FreeView,
+    port: int,
+    host: str = LOOPBACK,
+    go_on: Callable[[], bool] = lambda: True,
 ) -> None:
     """Show a flight in MuJoCo's web viewer until interrupted.
 
@@ -103,20 +147,59 @@ def show_in_browser(
         player: The flight.
         view: From where at first.
         port: 0: the first free one from 8080.
+        host: Address of this machine to listen on; by default nobody else can connect.
         go_on: Asked before every picture; False closes the viewer.
 
     Raises:
         ObserverError: The viewer cannot be started.
     """
+    _check_host(host)
     config = viewer_protocol.ViewerConfig(title="swarm-mj", gfx="web", http_port=port, open_browser=True)
-    mjmodel, data = model.mjmodel, model.data
+    mjmodel, data = model_for_browser(model, view), model.data
 
     def show() -> None:
         model.place(player.now)
         handle.sync(mjmodel, data)
 
     try:
-        with launch_web.launch(config, plugins=[FlightPanel(model, player, view)]) as handle:
+        with _launch(config, host, FlightPanel(model, player, view)) as handle:
             pace(player, lambda: handle.is_running() and go_on(), show)
     except (OSError, RuntimeError) as error:  # of the server's thread
         raise ObserverError(f"MuJoCo's web viewer cannot be started: {error}") from error
+
+
+def _check_host(host: str) -> None:
+    """Refuse an address that is not this machine's; MuJoCo would say that the port is in use."""
+    try:
+        with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET) as probe:
+            probe.bind((host, 0))
+    except (OSError, UnicodeError) as error:
+        raise ObserverError(
+            f"--host {host!r}: cannot be listened on ({error}); give {LOOPBACK} for browsers on this machine, 0.0.0.0 for "
+            "everybody, or an address of this machine"
+        ) from None
+
+
+def _launch(config: viewer_protocol.ViewerConfig, host: str, panel: FlightPanel) -> Any:
+    """As MuJoCo's `launch_web.launch`, but listening on one address; that listens on all."""
+
+    def serve(endpoint: endpoints.ViewerEndpoint) -> None:
+        viewer_protocol.run_viewer_loop(_viewer_on(host)(config, endpoint, plugins=[panel]))
+
+    return launch_thread.launch_thread(serve, sim_plugins=[])
+
+
+def _viewer_on(host: str) -> Any:
+    """MuJoCo's web viewer with an address of our choice; it sets its own and then binds to it."""
+    from mujoco.studio import web_viewer
+
+    class Viewer(web_viewer.WebViewer):
+        @property
+        def _host(self) -> str:
+            return host
+
+        @_host.setter
+        def _host(self, _: str) -> None:
+            pass
+
+    return Viewer

@@ -42,6 +42,8 @@ DASHES = ("-", "--", "-.", ":")
 MAX_SCENARIOS, MAX_BARS = 8, 12
 #: Pointing errors [deg] below this are rounding; zero has no place on a logarithmic axis.
 FLOOR_DEG = 1e-8
+#: In place of the bar of an index that a sample cannot tell.
+NOT_TOLD = "the sample does not allow it"
 #: An axis is logarithmic where the largest value is this many times the smallest.
 LOG_RATIO = 20.0
 
@@ -102,7 +104,7 @@ def compose_sensitivity(resolved: Resolved, results: pa.Table, summary: dict[str
 
 
 def compose_sobol(resolved: Resolved, results: pa.Table, summary: dict[str, Any]) -> Figure | None:
-    """Sobol' indices of the observed area: a factor alone, and with its interactions."""
+    """Sobol' indices of the observed area: a factor alone, and with its interactions; in words where the sample tells none."""
     found = {}
     for name, scenario in summary["scenarios"].items():
         entries = scenario.get("sobol", {}).get("coverage_percent", {})
@@ -111,10 +113,11 @@ def compose_sobol(resolved: Resolved, results: pa.Table, summary: dict[str, Any]
                 found[f"{name}, {'alone' if part == 'first' else 'with interactions'}"] = {
                     ("seed (attitudes, faults)" if key == SEED else key): value[part] for key, value in entries.items()
                 }
-    keys = _strongest(found, lambda entry: entry["value"])
+    keys = _strongest(found, lambda entry: entry["value"] if entry["told"] else 0.0)
     title = f"Shares of the variance of the observed area: {plain(resolved.campaign.name)}"
-    ends = [end for entries in found.values() for entry in entries.values() for end in (entry["low"], entry["high"])]
-    limits = (min(-0.05, *ends) - 0.03, max(1.0, *ends) + 0.03) if ends else (0.0, 1.0)
+    told = [entry for entries in found.values() for entry in entries.values() if entry["told"]]
+    ends = [entry[end] for entry in told for end in ("low", "high")]
+    limits = (min([-0.05, *ends]) - 0.03, max([1.0, *ends]) + 0.03)
     return _tornado(title, "Sobol' index [-]", keys, found, limits)
 
 
@@ -169,7 +172,15 @@ def _bars(ax: Axes, covered: dict[str, dict[str, Any]]) -> None:
         p, (low, high) = 100.0 * entry["probability"], (100.0 * end for end in entry["wilson"])
         ax.bar(k, p, color=COLOURS[k % len(COLOURS)], width=0.65)
         ax.errorbar(k, p, yerr=[[max(p - low, 0.0)], [max(high - p, 0.0)]], color=BLACK, capsize=5, linewidth=1.2)
-        ax.annotate(f"{p:.1f} %", (k, high), xytext=(0, 4), textcoords="offset points", ha="center", fontsize=TICK_PT)
+        ax.annotate(
+            f"{p:.1f} %",
+            (k, high),
+            xytext=(0, 5),
+            textcoords="offset points",
+            ha="center",
+            fontsize=TICK_PT,
+            bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.5},  # a grid line may run there
+        )
     ax.set_xticks(range(len(covered)), [_wrapped(name) for name in covered])
     ax.set_xlim(-0.7, max(len(covered), 3) - 0.3)
     ax.set_ylim(0.0, 112.0)
@@ -198,15 +209,20 @@ def _tornado(
     ax = figure.add_subplot()
     height = 0.8 / len(shown)
     for k, (name, entries) in enumerate(shown.items()):
-        there = [(i, entries[key]) for i, key in enumerate(keys) if key in entries]
-        y = np.array([i for i, _ in there]) + (k + 0.5) * height - 0.4
+        offset = (k + 0.5) * height - 0.4
+        for i in (i for i, key in enumerate(keys) if key in entries and not entries[key].get("told", True)):
+            ax.annotate(
+                NOT_TOLD, (0.0, i + offset), xytext=(4, 0), textcoords="offset points", va="center", fontsize=SMALL_PT
+            )
+        there = [(i, entries[key]) for i, key in enumerate(keys) if key in entries and entries[key].get("told", True)]
+        y = np.array([i for i, _ in there]) + offset
         x = np.array([entry["value"] for _, entry in there])
         around = np.maximum([x - [e["low"] for _, e in there], [e["high"] for _, e in there] - x], 0.0)
         ax.barh(y, x, height=0.9 * height, color=COLOURS[k % len(COLOURS)], label=name)
         ax.errorbar(x, y, xerr=around, fmt="none", color=BLACK, capsize=2.5, linewidth=0.9)
     ax.axvline(0.0, color=BLACK, linewidth=0.8)
     ax.set_yticks(range(len(keys)), [plain(key) for key in keys])
-    ax.invert_yaxis()
+    ax.set_ylim(len(keys) - 0.5, -0.5)
     ax.set_xlim(*limits)
     tidy(ax)
     ax.grid(False, axis="y")

@@ -11,7 +11,7 @@ def add(commands: argparse._SubParsersAction) -> None:
     bench = commands.add_parser(
         "bench",
         help="measure how fast the program is on this machine",
-        description="Measure ratios side by side: loop against raw MuJoCo, observers, designer, environment, films and reports, main job.",
+        description="Measure ratios side by side: loop against raw MuJoCo, observers, designer, environment, films, main job.",
     )
     bench.add_argument(
         "--only",

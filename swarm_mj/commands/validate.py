@@ -11,7 +11,8 @@ def add(commands: argparse._SubParsersAction) -> None:
     validate = commands.add_parser(
         "validate",
         help="run the physics checks on the installed program",
-        description="Compare the installed program with independent references; exit status 1 if a check fails.",
+        description="Compare the installed program with independent references; exit status 1 if a check fails. Those that are "
+        "other programs come with the extra dev; without it their checks are not run.",
     )
     validate.add_argument(
         "--only", action="append", default=[], metavar="NAME", help="run this check or group; may be repeated"

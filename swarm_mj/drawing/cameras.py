@@ -51,6 +51,10 @@ class FreeView:
         camera.azimuth, camera.elevation = np.degrees([np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))])
         return camera
 
+    def offsets(self, points_N: Array) -> Array:
+        """How far points (k, 3) lie to the right of and above the line of sight, shape (k, 2) [m]."""
+        return np.asarray((points_N - self.lookat) @ np.stack(_picture_axes(self.toward), axis=1))
+
 
 def spacecraft_number(name: str, n: int) -> int | None:
     """Which spacecraft, from 0, a camera's name means; None for the cameras of the whole swarm.

@@ -11,6 +11,8 @@ from swarm_mj.drawing.canvas import Box
 
 #: Share of a split picture that the overview takes.
 OVERVIEW_SHARE = 0.62
+#: What is left beside the square picture of one camera holds the overview from this share of the square's side on.
+LEAST_BESIDE = 0.3
 #: More cameras than these are too small to see anything in.
 MAX_TILES = 12
 #: Free pixels between the pictures of the cameras.
@@ -36,7 +38,7 @@ def layout_of(camera: str, n: int, n_observers: int, width: int, height: int) ->
     """The parts of a picture for a camera's name.
 
     Args:
-        camera: `overview`, `chase`, `split`, or `sc1`, `sc2`, ...
+        camera: `overview`, `chase`, `split`, or `sc1`, `sc2`, ..., each with the overview beside it if there is room.
         n: Number of spacecraft.
         n_observers: Number of those that have a camera's picture to show in `split`.
         width: Of the picture [pixel].
@@ -50,7 +52,9 @@ def layout_of(camera: str, n: int, n_observers: int, width: int, height: int) ->
         return Layout(Box(0, 0, width, height), camera == CHASE, {})
     if number is not None:
         side = min(width, height)
-        return Layout(None, False, {number: Box(width - side, (height - side) // 2, side, side)})
+        beside = Box(0, 0, width - side, height) if width > height else Box(0, 0, width, height - side)
+        main = beside if min(beside.width, beside.height) >= LEAST_BESIDE * side else None
+        return Layout(main, False, {number: Box(width - side, height - side, side, side)})
     assert camera == SPLIT
     left = round(OVERVIEW_SHARE * width)
     boxes = _tiles(min(n_observers, MAX_TILES), left, width - left, height)

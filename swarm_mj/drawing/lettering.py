@@ -83,20 +83,20 @@ class Lettering:
         widest = max(self._font.getlength(text) for text in (WIDEST, *(text for text, _ in lines)))
         return round(widest) + self.size, self._step * len(lines) + self._step // 2 + self.size // 2
 
-    def panel_box(self, lines: Sequence[Line], box: Box, corner: Corner) -> Box:
-        """Where a panel stands in a corner of a view, above the legend."""
+    def panel_box(self, lines: Sequence[Line], box: Box, corner: Corner, legend: int) -> Box:
+        """Where a panel stands in a corner of a view, above a legend of some height [pixel]."""
         width, height = self.panel_size(lines)
         left = box.left + (box.width - width if corner.right else 0)
-        top = box.top + (box.height - height - 3 * self.size if corner.below else 0)
+        top = box.top + (box.height - height - legend - self.size if corner.below else 0)
         return Box(left, top, width, height)
 
     @property
     def _step(self) -> int:
         return round(1.32 * self.size)
 
-    def panel(self, lines: Sequence[Line], box: Box, corner: Corner, share: float) -> None:
+    def panel(self, lines: Sequence[Line], box: Box, corner: Corner, share: float, legend: int = 0) -> None:
         """Lines of text on a dark ground in a corner of a view; under the second a bar filled to a share from 0 to 1."""
-        left, top, width, height = self.panel_box(lines, box, corner)
+        left, top, width, height = self.panel_box(lines, box, corner, legend)
         self._taken.append(Rect(left, top, left + width, top + height))
         step = self._step
         self._draw.rectangle((left, top, left + width, top + height), (0, 0, 0, GROUND_ALPHA))
@@ -202,23 +202,57 @@ class Lettering:
         self._words(box.left + self.size // 3, y, text, colour)
 
     def legend(self, note: str, box: Box) -> None:
-        """What the colours on the body mean, and a note, along the lower edge of a view."""
-        y = box.top + box.height - round(1.6 * self.size)
-        x = box.left + self.size // 2
-        self._taken.append(Rect(box.left, y, box.left + box.width, box.top + box.height))
-        for colour, text, filled in ((SEEN, "observed", True), (UNSEEN_BORDER, "not yet observed", False)):
-            side = self.size
-            self._draw.rectangle(
-                (x, y + 1, x + side, y + 1 + side), fill=colour if filled else None, outline=colour, width=2
-            )
-            self._words(x + 1.4 * side, y, text, TEXT)
-            x += round(2.4 * side + self._font.getlength(text))
-        width = self._font.getlength(note)
-        right = box.left + box.width - self.size // 2
-        if right - width > x:
-            self._words(right - width, y, note, FAINT)
-        else:
-            self._words(box.left + self.size // 2, y - 1.4 * self.size, note, FAINT)
+        """What the colours on the body mean, and a note, along the lower edge of a view, in as many rows as they need."""
+        side = self.size
+        rows = self._legend_rows(note, box)
+        height = round(1.4 * side)
+        top = box.top + box.height - round(0.2 * side) - height * len(rows)
+        self._taken.append(Rect(box.left, top, box.left + box.width, box.top + box.height))
+        for row in rows:
+            x = box.left + side // 2
+            for text, colour in row:
+                if colour is None:
+                    last = row is rows[-1] and len(rows) == 1
+                    at = box.left + box.width - side // 2 - self._font.getlength(text) if last else x
+                    self._words(at, top, text, FAINT)
+                    continue
+                filled = colour if colour == SEEN else None
+                self._draw.rectangle((x, top + 1, x + side, top + 1 + side), fill=filled, outline=colour, width=2)
+                self._words(x + 1.4 * side, top, text, TEXT)
+                x += round(2.4 * side + self._font.getlength(text))
+            top += height
+
+    def legend_height(self, note: str, box: Box) -> int:
+        """How much of the lower edge of a view its legend takes [pixel]."""
+        return round(1.4 * self.size) * len(self._legend_rows(note, box)) + round(0.2 * self.size)
+
+    def _legend_rows(self, note: str, box: Box) -> list[list[tuple[str, Rgb | None]]]:
+        """Rows of entries with their colours; the note has none."""
+        entries: list[tuple[str, Rgb | None]] = [("observed", SEEN), ("not yet observed", UNSEEN_BORDER)]
+        room = box.width - self.size
+        widths = [2.4 * self.size + self._font.getlength(text) for text, _ in entries]
+        if sum(widths) + self._font.getlength(note) <= room:
+            return [[*entries, (note, None)]]
+        notes: list[list[tuple[str, Rgb | None]]] = [[(line, None)] for line in self._wrapped(note, room)]
+        return [*notes, entries] if sum(widths) - self.size <= room else [*notes, *([entry] for entry in entries)]
+
+    def _wrapped(self, text: str, room: float) -> list[str]:
+        """A text in lines that fit, if its words do."""
+        lines: list[str] = []
+        for word in text.split():
+            if lines and self._font.getlength(f"{lines[-1]} {word}") <= room:
+                lines[-1] += f" {word}"
+            else:
+                lines.append(word)
+        return lines
+
+    def remark(self, text: str, box: Box) -> None:
+        """A faint text in the middle of a view, in as many lines as it needs."""
+        lines = self._wrapped(text, box.width - self.size)
+        y = box.top + 0.5 * box.height - 0.5 * self._step * len(lines)
+        for line in lines:
+            self._words(box.left + 0.5 * (box.width - self._font.getlength(line)), y, line, FAINT)
+            y += self._step
 
     def _words(self, x: float, y: float, text: str, colour: Rgb) -> None:
         """Text that reads on any ground."""

@@ -29,6 +29,8 @@ Pixels = NDArray[np.uint8]
 LEAST_SIDE, MOST_SIDE = 64, 8192
 #: Height of a picture in which lines have their nominal width [pixel].
 NOMINAL_HEIGHT = 600
+#: Brightness, of 255, of what a camera sees at least where it sees anything.
+DARK = 8
 #: Distance at which the chase camera's magnification is taken, over the swarm's median distance to the body.
 CHASE_SCALE = 0.7
 
@@ -116,17 +118,20 @@ class Drawing:
         labels = list(zip(names, instant.colours, strict=True))
         lines, share = self._lines(instant), self._share(instant)
         box = Box(0, 0, pixels.shape[1], pixels.shape[0]) if projection is None else projection.box
-        lettering.panel(lines, box, self._corner(lettering, lines, projection), share)
+        legend = lettering.legend_height(self._scale, box)
+        lettering.panel(lines, box, self._corner(lettering, lines, projection, legend), share, legend)
         if projection is not None:
-            lettering.legend(f"spacecraft drawn {self._model.magnification:,.0f} times as large", projection.box)
+            lettering.legend(self._scale, projection.box)
             if instant.n <= MAX_NAMED:
                 lettering.names(instant.r_BN_N, labels, projection)
             self._name_sights(lettering, instant, projection)
         for j, view in cameras.items():
             lettering.caption(f"{names[j]} {deed(instant, names, j)}", view.box, labels[j][1])
+            others = np.delete(np.arange(instant.n), j)
             if instant.n <= MAX_NAMED:
-                others = np.delete(np.arange(instant.n), j)
                 lettering.names(instant.r_BN_N[others], [labels[k] for k in others], view, dots=True)
+            if _is_dark(pixels, view.box) and not view.place(instant.r_BN_N[others])[1].any():
+                lettering.remark("nothing in view", view.box)
         return lettering.pixels
 
     def _name_sights(self, lettering: Lettering, instant: Instant, projection: Projection) -> None:
@@ -137,7 +142,7 @@ class Drawing:
             label = ("to Earth", MODES[TargetKind.EARTH])
             lettering.line_names(starts, tips, label, projection, instant.r_BN_N)
 
-    def _corner(self, lettering: Lettering, lines: list[Line], projection: Projection | None) -> Corner:
+    def _corner(self, lettering: Lettering, lines: list[Line], projection: Projection | None, legend: int) -> Corner:
         """Where the panel hides least of the flight: a fixed corner of the view, the upper left one at best."""
         if projection is None or self._layout.chase:
             return Corner()
@@ -146,12 +151,16 @@ class Drawing:
             places, _ = view.place(np.vstack((self._path_N.reshape(-1, 3), self._plan.shape.vertices)))
 
             def hidden(corner: Corner) -> int:
-                box = lettering.panel_box(lines, view.box, corner)
+                box = lettering.panel_box(lines, view.box, corner, legend)
                 inside = (places >= (box.left, box.top)) & (places < (box.left + box.width, box.top + box.height))
                 return int(inside.all(axis=1).sum())
 
             self._panel = min((Corner(right, below) for below in (False, True) for right in (False, True)), key=hidden)
         return self._panel
+
+    @property
+    def _scale(self) -> str:
+        return f"spacecraft drawn {self._model.magnification:,.0f} times as large"
 
     def _share(self, instant: Instant) -> float:
         region = self._plan.region
@@ -163,3 +172,8 @@ class Drawing:
         if self._layout.main is not None:
             lines += roles(instant, self._plan.names)
         return lines
+
+
+def _is_dark(pixels: Pixels, box: Box) -> bool:
+    """Whether a part of a picture shows nothing but the sky."""
+    return int(pixels[box.top : box.top + box.height, box.left : box.left + box.width].max()) < DARK

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -12,7 +11,7 @@ from PIL import Image
 from swarm_mj.drawing.cameras import OVERVIEW
 from swarm_mj.drawing.picture import Drawing
 from swarm_mj.drawing.replay import Replay
-from swarm_mj.errors import OutputError
+from swarm_mj.output.file import atomic_file
 
 #: Free pixels between two pictures.
 GAP = 8
@@ -47,11 +46,5 @@ def write_stills(
         pictures = [drawing.draw(replay.at(t)) for t in times]
     gap = np.full((height, GAP, 3), 255, np.uint8)
     strip = [part for picture in pictures for part in (gap, picture)][1:]
-    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
-    try:
+    with atomic_file(path) as partial:
         Image.fromarray(np.hstack(strip)).save(partial, format="PNG")
-        os.replace(partial, path)
-    except OSError as error:
-        raise OutputError(f"{path}: cannot be written ({error.strerror or error})") from error
-    finally:
-        partial.unlink(missing_ok=True)

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
+from swarm_mj.output.summary import working
 from swarm_mj.report.markup import Html, table, tag
 from swarm_mj.report.reading import RunRecord
-from swarm_mj.report.sections import P_TO, power, remark_list, section
+from swarm_mj.report.sections import P_TO, remark_list, section, short
 
 
 class Outcome(NamedTuple):
@@ -21,11 +22,16 @@ class Outcome(NamedTuple):
         """A value as it is written; `e` is the form of numbers of any size."""
         if value is None:
             return "–"
-        return power(value) if self.form == "e" else format(value, self.form)
+        return short(value) if self.form == "e" else format(value, self.form)
 
 
 def _largest(key: str) -> Callable[[dict[str, Any]], float | None]:
     return lambda summary: max(summary[key].values(), default=None)
+
+
+def _largest_at_end(summary: dict[str, Any]) -> float | None:
+    """The largest pointing error of the spacecraft that still work at the end [deg]."""
+    return max(working(summary, "pointing_error_deg_final").values(), default=None)
 
 
 OUTCOMES = (
@@ -34,7 +40,8 @@ OUTCOMES = (
     Outcome(Html(f"{P_TO} [%]"), lambda s: s["coverage_percent"], ".2f"),
     Outcome("the same, whole passage [%]", lambda s: s["coverage_percent_passage"], ".2f"),
     Outcome("pointing error before a switch, largest [deg]", _largest("pointing_error_deg_before_switch"), "e"),
-    Outcome("pointing error at the end, largest [deg]", _largest("pointing_error_deg_final"), "e"),
+    Outcome("pointing error at the end, largest [deg]", _largest_at_end, "e"),
+    Outcome("spacecraft lost by the end", lambda s: len(s.get("lost", ())), "g"),
     Outcome("fastest wheel [% of limit]", lambda s: 100.0 * s["max_wheel_speed_fraction"], ".1f"),
     Outcome("largest wheel torque [% of limit]", lambda s: 100.0 * s["max_wheel_torque_fraction"], ".1f"),
     Outcome("wheels at their limits, longest [s]", _largest("wheel_saturation_s"), "g"),

@@ -47,6 +47,7 @@ function clockText(t) {
 
 /** A number as in the tables: small ones with their power of ten. */
 function short(value) {
+  if (Number.isNaN(value)) return "–";
   if (value === 0 || value >= 0.01) return String(Number(value.toPrecision(3)));
   const [mantissa, exponent] = value.toExponential(1).split("e");
   return `${mantissa}·10${[...exponent].map((c) => "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"["-0123456789".indexOf(c)]).join("")}`;

@@ -19,7 +19,7 @@ from plotly.offline import get_plotlyjs
 
 from swarm_mj import __version__
 from swarm_mj.errors import OutputError
-from swarm_mj.output.figures.modes import MODE_LOOKS
+from swarm_mj.output.figures.modes import LOST, MODE_LOOKS
 from swarm_mj.output.figures.style import ORANGE, SKY_BLUE, time_axis
 from swarm_mj.output.folder import write_text
 from swarm_mj.report import COMPARISON_NAME, REPORT_NAME
@@ -195,7 +195,10 @@ def _looks(number: int) -> Html:
 
 def _key(replay: Replay) -> Html:
     entries = [(SKY_BLUE, "", "target, observed so far"), (ORANGE, "", "target, not yet observed")]
-    entries += [(MODE_LOOKS[m].line_colour, "line", f"+z: {MODE_LOOKS[m].meaning}") for m in np.unique(replay.mode)]
+    entries += [
+        (MODE_LOOKS[m].line_colour, "line", f"{'' if m == LOST else '+z: '}{MODE_LOOKS[m].meaning}")
+        for m in np.unique(replay.mode)
+    ]
     spots = [tag("li", tag("i", class_=kind or None, style=f"--colour:{c}"), text) for c, kind, text in entries]
     return tag("ul", spots, class_="key", aria_label="Colours")
 

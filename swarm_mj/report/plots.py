@@ -31,14 +31,14 @@ NAMES = (
     "pointing error [deg]",
     "fastest wheel [rpm]",
     "observed share of the target P<sub>TO</sub> [%]",
-    "+z and links",
+    "+z and links (colours below)",
 )
 NAMES_OF_TWO = (
     "largest pointing error of the swarm [deg]", "fastest wheel of the swarm [rpm]", NAMES[2], "closed links",
 )  # fmt: skip
 #: Heights of the upper three plots, of the lowest at least, and of its rows, and the room between plots [px].
 HEIGHTS_PX, LOWEST_PX, ROW_PX, GAP_PX = (170, 125, 165), 150, 22, 52
-MARGINS_PX = {"l": 46, "r": 10, "t": 64, "b": 44}
+MARGINS_PX = {"l": 46, "r": 10, "t": 64, "b": 92}
 #: How far below its mode a closed link is drawn [px].
 LINK_BELOW_PX = 9
 
@@ -67,7 +67,7 @@ def plot_two(runs: Sequence[RunRecord], replays: Sequence[Replay], labels: Seque
     for run, replay, label, colour, dash in zip(runs, replays, labels, COLOURS_OF_RUNS, ("solid", "dash"), strict=True):
         times = replay.times / axis.seconds
         curves = (
-            np.maximum(replay.pointing_deg.max(axis=1), 10.0**FLOOR),
+            np.maximum(np.fmax.reduce(replay.pointing_deg, axis=1), 10.0**FLOOR),
             replay.wheel_rpm.max(axis=1),
             replay.percent,
             run.telemetry["link_closed"].values[replay.samples].sum(axis=1),
@@ -99,6 +99,7 @@ def _frame(run: RunRecord, names: Sequence[str], timeline_rows: int) -> go.Figur
         dragmode="zoom",
         margin=MARGINS_PX,
         legend={"orientation": "h", "x": 0.0, "y": 1.03, "yanchor": "bottom"},
+        legend2={"orientation": "h", "x": 0.0, "y": 0.0, "yref": "container", "yanchor": "bottom"},
         height=inside + MARGINS_PX["t"] + MARGINS_PX["b"],
         uirevision="kept",
         shapes=[_marker(run.scenario.design.time_of_flight_s / axis.seconds, GREY, "dash")],
@@ -154,11 +155,16 @@ def _spacecraft_curves(
 
 def _swarm_curves(figure: go.Figure, times: Array, replay: Replay) -> None:
     """Largest and median of a swarm that is too large for single curves."""
-    for word, reduce, dash in (("largest", np.max, "solid"), ("median", np.median, "dot")):
+    for word, reduce, dash in (("largest", np.fmax.reduce, "solid"), ("median", _median, "dot")):
         line = {"color": BLUE, "width": 1.8, "dash": dash}
         error = np.maximum(reduce(replay.pointing_deg, axis=1), 10.0**FLOOR)
         _curve(figure, 1, times, error, f"{word} of the swarm", line, legend=True)
         _curve(figure, 2, times, reduce(replay.wheel_rpm, axis=1), f"{word} of the swarm", line)
+
+
+def _median(values: Array, axis: int) -> Array:
+    """The median of what is not NaN; NaN where all is."""
+    return np.asarray(np.ma.median(np.ma.masked_invalid(values), axis=axis).filled(np.nan))
 
 
 def _coverage_curves(figure: go.Figure, run: RunRecord, times: Array, replay: Replay) -> None:
@@ -181,7 +187,7 @@ def _timeline(figure: go.Figure, run: RunRecord, replay: Replay, axis: TimeAxis)
     for mode in np.unique(replay.mode[:, :rows]):
         look = MODE_LOOKS[mode]
         flags = replay.mode[:, :rows] == mode
-        _bars(figure, times, flags, 0.0, f"{look.abbreviation}: {look.meaning}", look.line_colour, 9)
+        _bars(figure, times, flags, 0.0, look.words, look.line_colour, 9)
     below = LINK_BELOW_PX * rows / max(LOWEST_PX, ROW_PX * rows)
     _bars(figure, times, replay.link[:, :rows] == 1, below, "link closed", INK, 4)
     feeler = {
@@ -215,7 +221,7 @@ def _bars(
             y += [row + offset, row + offset, None]
     figure.add_trace(
         go.Scatter(x=x, y=y, mode="lines", name=name, line={"color": colour, "width": width}, hoverinfo="skip",
-                   legendgroup=name, showlegend=bool(x)),
+                   legend="legend2", legendgroup=f"row {name}", showlegend=bool(x)),
         row=4, col=1,
     )  # fmt: skip
 
@@ -223,6 +229,6 @@ def _bars(
 def _limit_axes(figure: go.Figure, replays: Sequence[Replay]) -> None:
     """Round limits of the logarithmic axis, and a wheel axis that shows the limit or, far below it, the curves."""
     errors = [np.maximum(replay.pointing_deg, 10.0**FLOOR) for replay in replays]
-    low, high = min(e.min() for e in errors), max(e.max() for e in errors)
+    low, high = min(np.nanmin(e) for e in errors), max(np.nanmax(e) for e in errors)
     figure.update_yaxes(range=[np.floor(np.log10(low)) - 0.3, np.ceil(np.log10(high)) + 0.3], row=1, col=1)
     figure.update_yaxes(rangemode="tozero", row=2, col=1)

@@ -17,6 +17,7 @@ from swarm_mj.flight import asteroid_attitudes
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.observation.coverage import CoverageMap
 from swarm_mj.observation.raytracing import RayTracer
+from swarm_mj.output.figures.modes import LOST
 from swarm_mj.report.reading import RunRecord
 from swarm_mj.report.simplify import simplify
 from swarm_mj.simulation.telemetry import OBSERVING
@@ -58,9 +59,9 @@ class Replay:
         samples: Numbers of the telemetry's samples, shape (K,).
         times: Their times, shape (K,) [s].
         shown: Numbers of the spacecraft, shape (n,).
-        pointing_deg: Pointing error, the largest since the instant before, shape (K, n) [deg].
+        pointing_deg: Pointing error, the largest since the instant before, NaN once lost, shape (K, n) [deg].
         wheel_rpm: Speed of the fastest of three wheels, the same, shape (K, n) [rpm].
-        mode: What +z tracks, shape (K, n).
+        mode: What +z tracks, or that the spacecraft is lost, as `modes_shown` tells, shape (K, n).
         link: Whether the link is closed, shape (K, n).
         percent: Observed share of the target by the scenario's criterion, shape (K,) [%].
         percent_passage: The same over the whole passage, shape (K,) [%].
@@ -88,14 +89,15 @@ def make_replay(run: RunRecord, limits: Limits) -> Replay:
     shown = np.arange(min(run.n, limits.spacecraft))
     samples = choose_samples(run, min(limits.samples, max(60, limits.values // len(shown))))
     telemetry, times = run.telemetry, run.times[samples]
-    mode = telemetry["mode"].values[np.ix_(samples, shown)].astype(np.int8)
+    mode = run.mode[np.ix_(samples, shown)]
+    pointing_deg = _peaks(np.degrees(telemetry["pointing_error"].values), samples)[:, shown]
     area, by, by_passage = (run.coverage[k] for k in ("area", "first_seen_by_s", "first_seen_by_s_passage"))
     swarm, passage = _coverage(area, by), _coverage(area, by_passage)
     return Replay(
         samples=samples,
         times=times,
         shown=shown,
-        pointing_deg=_peaks(np.degrees(telemetry["pointing_error"].values), samples)[:, shown],
+        pointing_deg=np.where(mode == LOST, np.nan, pointing_deg),
         wheel_rpm=_peaks(np.abs(telemetry["wheel_speed"].values / RPM).max(axis=2), samples)[:, shown],
         mode=mode,
         link=telemetry["link_closed"].values[np.ix_(samples, shown)].astype(np.int8),
@@ -197,9 +199,12 @@ def _lengths(
     tracked: NDArray[Any],
     free: float,
 ) -> Array:
-    """How far to draw each line along +z: to the ground, as far as the spacecraft tracked, or `free` [m], shape (K, n)."""
+    """How far to draw each line along +z: to the ground, as far as the spacecraft tracked, or `free` [m], shape (K, n).
+
+    Those of lost spacecraft have no length.
+    """
     r, z_A = r_A[:, shown], C_BA[..., 2, :]
-    length = np.full(mode.shape, free)
+    length = np.where(mode == LOST, 0.0, free)
     down = np.isin(mode, OBSERVING)
     distance = ground.distance(r[down], z_A[down])
     length[down] = np.where(np.isfinite(distance), distance, np.linalg.norm(r[down], axis=-1))

@@ -2,6 +2,9 @@
 "use strict";
 
 const FIELD_OF_VIEW = 0.414; // tangent of half of plotly's vertical field of view
+/** Size of a letter of a name, distance of a name from its marker, and room between names [px]. */
+const LETTER = { width: 7, height: 13, away: 7, room: 4 };
+const PLACES = ["top center", "top right", "middle right", "bottom right", "bottom center", "bottom left", "middle left", "top left"];
 const unit = (v) => {
   const length = Math.hypot(...v) || 1;
   return v.map((c) => c / length);
@@ -166,9 +169,75 @@ class SceneView {
       target: { intensity: this.cells(k, sun) },
       sight: { ...xyz(sight), "line.color": colours.flatMap((c) => [c, c, c]) },
       views: xyz(this.pictures(k)),
-      spacecraft: { ...xyz(spots), "marker.color": colours, hovertext: spots.map((_, j) => this.describe(k, j)) },
+      spacecraft: {
+        ...xyz(spots),
+        "marker.color": colours,
+        hovertext: spots.map((_, j) => this.describe(k, j)),
+        ...this.names(k, spots),
+      },
       directions: xyz(this.directions ? signs : []),
     };
+  }
+
+  /** Pixels right and down from the picture's middle; none of points beside or behind the camera. */
+  flat(points) {
+    const numbers = ({ x, y, z }) => [x, y, z];
+    const [eye, to] = [numbers(this.view.eye), numbers(this.view.center)];
+    const forward = unit(to.map((v, k) => v - eye[k]));
+    const right = unit(cross(forward, [0, 0, 1]));
+    const up = cross(right, forward);
+    const scale = this.div.clientHeight / 2 / FIELD_OF_VIEW;
+    return points.map((point) => {
+      const arm = point.map((v, k) => (v - this.centre[k]) / (2 * this.half) - eye[k]);
+      const ahead = dot(arm, forward);
+      return ahead > 0 ? [(scale * dot(arm, right)) / ahead, (-scale * dot(arm, up)) / ahead] : null;
+    });
+  }
+
+  /** Names beside the spacecraft, each where it covers least; one for those that stand too close for two. */
+  names(k, spots) {
+    if (!this.named) return {};
+    const places = this.flat(spots);
+    const sights = spots.flatMap((spot, j) => this.flat(between(spot, this.tip(k, j))));
+    const lines = [...this.flat(this.pathsAbout(k)), ...sights].filter(Boolean);
+    let found = null;
+    for (let reach = LETTER.away; !found; reach *= 1.6) found = this.nameCrowds(crowds(places, reach), places, lines);
+    const text = spots.map(() => "");
+    const textposition = spots.map(() => PLACES[0]);
+    for (const { j, word, place } of found) {
+      text[j] = word;
+      textposition[j] = place;
+    }
+    this.last = new Set(found.map(({ j, place }) => `${j} ${place}`));
+    return { text, textposition };
+  }
+
+  /** Where the names of groups of spacecraft stand; null if two of several would cover each other or a marker. */
+  nameCrowds(groups, places, lines) {
+    const found = [];
+    for (const group of groups) {
+      const word = group.map((j) => this.run.names[j]).join(" ");
+      const others = places.filter((spot, j) => spot && !group.includes(j));
+      let best = null;
+      for (const j of group) {
+        for (const place of PLACES) {
+          const box = boxOf(places[j], word, place);
+          const clash = !this.holds(box) || others.some(inside(box)) || found.some((other) => overlap(box, other.box));
+          const kept = this.last?.has(`${j} ${place}`) ? 2 : 0; // else names would jump about
+          const cost = lines.filter(inside(box)).length + (clash ? 1000 : 0) - kept;
+          if (!best || cost < best.cost) best = { cost, j, place, box, word };
+        }
+      }
+      if (best.cost > 900 && groups.length > 1) return null;
+      found.push(best);
+    }
+    return found;
+  }
+
+  /** Whether a box lies in the picture. */
+  holds([left, top, right, bottom]) {
+    const [wide, tall] = [this.div.clientWidth / 2, this.div.clientHeight / 2];
+    return left > -wide && right < wide && top > -tall && bottom < tall;
   }
 
   cells(k, sun) {
@@ -200,6 +269,9 @@ class SceneView {
   async start(figure, k) {
     this.parts = figure.data.map((trace) => trace.meta);
     const trace = (part) => figure.data[this.parts.indexOf(part)];
+    this.named = trace("spacecraft").mode.includes("text");
+    this.view = this.overview();
+    this.shown = k;
     this.body.fill(trace("body"));
     this.target.fill(trace("target"));
     Object.assign(trace("paths"), xyz(this.paths()));
@@ -216,9 +288,14 @@ class SceneView {
       scene[axis].range = [this.centre[place] - this.half, this.centre[place] + this.half];
     });
     scene.aspectmode = "cube";
-    scene.camera = this.overview();
+    scene.camera = this.view;
     const config = { displayModeBar: false, responsive: true };
     await Plotly.newPlot(this.div, figure.data, figure.layout, config);
+    this.div.on("plotly_relayout", (changes) => {
+      if (!changes["scene.camera"]) return;
+      this.view = changes["scene.camera"];
+      this.show(this.shown);
+    });
   }
 
   paths() {
@@ -231,8 +308,15 @@ class SceneView {
     return points;
   }
 
+  /** Points on the paths that are nearer in time to sample k than a tenth of all samples. */
+  pathsAbout(k) {
+    const near = this.run.path_points.filter((point) => Math.abs(point - k) < this.count / 10);
+    return near.flatMap((point) => Array.from({ length: this.n }, (_, j) => this.position(point, j)));
+  }
+
   /** Show sample k; a picture that is still being drawn is waited for. */
   show(k) {
+    this.shown = k;
     const changes = this.frame(k);
     const keys = new Set(Object.values(changes).flatMap(Object.keys));
     const update = {};
@@ -341,6 +425,41 @@ class SceneView {
     return this.look({ center: base, eye: next, up: { x: 0, y: 0, z: 1 } });
   }
 }
+
+/** Points on the way from one point to another. */
+const between = (start, end) =>
+  Array.from({ length: 40 }, (_, n) => start.map((v, axis) => v + ((n + 1) / 40) * (end[axis] - v)));
+
+/** Groups of places that are nearer to each other than a reach [px]; places out of sight are left out. */
+function crowds(places, reach) {
+  const left = places.map((_, j) => j).filter((j) => places[j]);
+  const groups = [];
+  while (left.length) {
+    const group = [left.shift()];
+    for (const j of group) {
+      const near = left.filter((m) => Math.hypot(places[m][0] - places[j][0], places[m][1] - places[j][1]) < reach);
+      group.push(...near);
+      for (const m of near) left.splice(left.indexOf(m), 1);
+    }
+    groups.push(group.sort((a, b) => a - b));
+  }
+  return groups;
+}
+
+/** Left, top, right and bottom of a word at a place beside a marker [px]. */
+function boxOf([x, y], word, place) {
+  const [wide, away] = [LETTER.width * word.length, LETTER.away];
+  const [row, column] = place.split(" ");
+  const left = x + { left: -away - wide, center: -wide / 2, right: away }[column];
+  const gap = column === "center" ? away : 0;
+  const top = y + { top: -gap - LETTER.height, middle: -LETTER.height / 2, bottom: gap }[row];
+  return [left, top, left + wide, top + LETTER.height];
+}
+
+const inside = ([left, top, right, bottom]) => ([x, y]) => x > left && x < right && y > top && y < bottom;
+
+const overlap = (a, b) =>
+  a[0] < b[2] + LETTER.room && b[0] < a[2] + LETTER.room && a[1] < b[3] + LETTER.room && b[1] < a[3] + LETTER.room;
 
 /** Lists of x, y and z from points. */
 function xyz(points) {

@@ -29,8 +29,8 @@ def summary_section(run: RunRecord) -> Html:
     numbers = [
         (P_TO, f"{summary['coverage_percent']:.2f} %", CRITERION[summary["criterion"]]),
         ("the same, whole passage", f"{summary['coverage_percent_passage']:.2f} %", f"{summary['images']} pictures"),
-        ("spacecraft", str(summary["spacecraft"]), f"{summary['observers']} of them observe"),
-        ("pointing error before a switch", degrees(max(late.values())) if late else "–", "largest of the swarm"),
+        ("spacecraft", str(summary["spacecraft"]), f"{summary['observers']} of them observe{_lost_words(summary)}"),
+        ("pointing error before a switch", f"{short(max(late.values()))}°" if late else "–", "largest of the swarm"),
         ("fastest wheel", f"{100 * summary['max_wheel_speed_fraction']:.0f} %", "of its limit"),
         ("links closed at the end", f"{summary['links_closed_final']} of {summary['spacecraft']}", "spacecraft"),
         ("deployment Δv, at most", f"{max(summary['deployment_delta_v_m_s'].values()):.2f} m/s", "of one spacecraft"),
@@ -38,6 +38,11 @@ def summary_section(run: RunRecord) -> Html:
     ]
     cards = [tag("div", tag("dt", name), tag("dd", value, tag("small", note))) for name, value, note in numbers]
     return section("summary", "Summary", tag("dl", cards, class_="numbers"), remark_list(run))
+
+
+def _lost_words(summary: dict[str, Any]) -> str:
+    lost = len(summary.get("lost", ()))
+    return f", {lost} lost by the end" if lost else ""
 
 
 def remark_list(run: RunRecord) -> Html | None:
@@ -59,26 +64,26 @@ def _spacecraft_table(run: RunRecord, label: str) -> Html:
     )  # fmt: skip
     rows = []
     for j, name in enumerate(run.names):
-        before = summary["pointing_error_deg_before_switch"].get(name)
+        before, lost_at = summary["pointing_error_deg_before_switch"].get(name), run.lost_at(j)
         rows.append(
             (
                 name,
-                run.role(j),
+                run.role(j) + ("" if lost_at is None else f"; lost at {lost_at:g} s"),
                 f"{summary['deployment_delta_v_m_s'][name]:.2f}",
                 f"{summary['least_distance_to_centre_km'][name]:.2f}",
                 f"{summary['coverage_percent_by_spacecraft'][name]:.1f}" if j < run.n_observers else "–",
-                "–" if before is None else power(before),
-                power(summary["pointing_error_deg_final"][name]),
+                "–" if before is None else short(before),
+                short(summary["pointing_error_deg_final"][name]) if lost_at is None else "lost",
                 f"{summary['wheel_saturation_s'][name]:g}",
                 f"{summary['link_closed_percent'][name]:.1f}",
-                _switches(summary["mode_switches"][name]),
+                _turns(run.turns(j)),
             )
         )
     return table(head, rows, caption=f"Spacecraft of {label}", class_="numeric crew")
 
 
-def _switches(found: Sequence[dict[str, Any]]) -> str:
-    words = [f"{s['time_s']:g} s: {s['to'].replace('_', ' ')}" for s in found[:3]]
+def _turns(found: Sequence[tuple[float, str]]) -> str:
+    words = [f"{t:g} s: {what}" for t, what in found[:3]]
     return "; ".join([*words, f"{len(found) - 3} more"] if len(found) > 3 else words) or "none"
 
 
@@ -249,14 +254,9 @@ def _value(value: Any) -> str:
     return str(value) if value != {} else "none"
 
 
-def degrees(value: float) -> str:
-    """An angle [deg] in words."""
-    return f"{value:.2g}°" if value >= 0.01 else f"{power(value)}°"
-
-
-def power(value: float) -> str:
-    """A number of any size with two digits, like 1.2·10⁻⁵."""
-    if value == 0.0:
-        return "0"
+def short(value: float) -> str:
+    """A number of any size as the page's script writes it: 3 digits, below 0.01 two and a power of ten, like 1.2·10⁻⁵."""
+    if value == 0.0 or abs(value) >= 0.01:
+        return f"{float(f'{value:.3g}'):.15g}"
     mantissa, exponent = f"{value:.1e}".split("e")
     return f"{mantissa}·10{str(int(exponent)).translate(SUPERSCRIPT)}"

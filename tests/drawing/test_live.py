@@ -1,5 +1,6 @@
 """The live view: the flight in it is the flight of `swarm-mj run`, and its window opens and closes."""
 
+import json
 import os
 import shutil
 import socket
@@ -9,10 +10,12 @@ import urllib.error
 import urllib.request
 from contextlib import suppress
 from dataclasses import replace
+from types import SimpleNamespace
 
 import mujoco
 import numpy as np
 import pytest
+from mujoco.studio import messages
 
 from swarm_mj import viewer
 from swarm_mj.drawing.cameras import overview
@@ -20,7 +23,7 @@ from swarm_mj.drawing.live import SPEEDS, LiveFlight, Player, Trail, planned_pat
 from swarm_mj.drawing.model import build_drawing_model
 from swarm_mj.errors import ObserverError, OutputError
 from swarm_mj.scenarios.loading import load_scenario
-from swarm_mj.web_viewer import paint_cells, show_in_browser
+from swarm_mj.web_viewer import LIFT, FlightPanel, model_for_browser, paint_cells, show_in_browser
 
 WINDOW = """
 from swarm_mj.drawing.cameras import magnification_for, overview
@@ -134,19 +137,22 @@ def test_a_display_that_cannot_be_opened_is_a_clear_error(flown, monkeypatch):
         viewer.show_in_window(None, None, None)
 
 
-def browser_view(flown, port, go_on):
+def browser_view(flown, port, go_on, **where):
     plan, _, _ = flown
     player = Player(LiveFlight(plan), 100.0)
     view = overview(plan, planned_path(plan), 1.5)
-    show_in_browser(build_drawing_model(plan, 5000.0), player, view, port, go_on)
+    show_in_browser(build_drawing_model(plan, 5000.0), player, view, port, go_on=go_on, **where)
     return player
 
 
-def test_the_web_viewer_serves_its_page_while_the_flight_goes_on(flown):
+def free_port():
     with socket.socket() as probe:
         probe.bind(("", 0))
-        port = probe.getsockname()[1]
-    pages = []
+        return probe.getsockname()[1]
+
+
+def test_the_web_viewer_serves_its_page_while_the_flight_goes_on(flown):
+    port, pages = free_port(), []
 
     def go_on():
         # The server starts in a thread of its own.
@@ -157,6 +163,88 @@ def test_the_web_viewer_serves_its_page_while_the_flight_goes_on(flown):
     player = browser_view(flown, port, go_on)
     assert b"<html" in pages[0].lower()
     assert player.now.t > 0.0
+
+
+def lies_at(camera, view):
+    wanted = view.camera()
+    return np.allclose([*camera.lookat, camera.distance], [*wanted.lookat, wanted.distance], rtol=1e-6) and np.allclose(
+        [camera.azimuth, camera.elevation], [wanted.azimuth, wanted.elevation], atol=1e-4
+    )
+
+
+def test_a_page_that_is_loaded_anew_does_not_move_the_web_viewers_camera(flown):
+    client_camera = pytest.importorskip("mujoco.studio.web.client_camera")
+    state_payload = pytest.importorskip("mujoco.studio.web.state_payload")
+    plan, _, _ = flown
+    view, player = overview(plan, planned_path(plan), 1.5), Player(LiveFlight(plan), 10.0)
+    panel = FlightPanel(build_drawing_model(plan, 5000.0), player, view)
+    panel.viewer = SimpleNamespace(camera=mujoco.MjvCamera(), extra_geoms=[])
+    pages = client_camera.ClientCameraSync()
+    for _ in range(3):
+        panel.on_update(messages.UpdateEvent())
+        pages.update_generation(panel.viewer.camera)
+    assert lies_at(panel.viewer.camera, view)
+    # A page begins with the first camera of the model and with the number 0 for changes that it has heard of.
+    own = mujoco.MjvCamera()
+    own.distance = 20_000.0
+    assert not pages.apply(panel.viewer.camera, state_payload.serialize_client_camera(own, 0))
+    assert lies_at(panel.viewer.camera, view)
+
+
+def test_the_web_viewers_first_picture_is_the_overview_and_cells_clear_its_depth_buffer(flown):
+    plan, _, _ = flown
+    view = overview(plan, planned_path(plan), 1.5)
+    model = build_drawing_model(plan, 5000.0)
+    shown, first = model_for_browser(model, view), mujoco.MjvCamera()
+    mujoco.mjv_defaultFreeCamera(shown, first)
+    assert lies_at(first, view)
+    near = shown.vis.map.znear * shown.stat.extent
+    far_side = view.distance + plan.shape.max_radius
+    assert far_side**2 / (near * 2**24) < 0.1 * LIFT * plan.shape.max_radius
+    assert model.mjmodel.stat.extent == plan.shape.max_radius  # lines are drawn to this scale
+
+
+#: Shows a flight and prints whether another address of this machine answered. MuJoCo's web viewer can be opened once a process.
+LISTENING = """
+import json, socket, sys
+from contextlib import suppress
+from swarm_mj.drawing.cameras import overview
+from swarm_mj.drawing.live import LiveFlight, Player, planned_path
+from swarm_mj.drawing.model import build_drawing_model
+from swarm_mj.planning import make_plan
+from swarm_mj.scenarios.loading import load_scenario
+from swarm_mj.web_viewer import show_in_browser
+
+port, where = int(sys.argv[1]), json.loads(sys.argv[2])
+plan, answers = make_plan(load_scenario("eros-quick", ["observation.observer=raycast"])), []
+
+def answered(address):
+    with suppress(OSError), socket.create_connection((address, port), timeout=5):
+        return True
+    return False
+
+def go_on():
+    if answered("127.0.0.1"):
+        answers.append(answered("127.0.0.2"))
+    return len(answers) < 3
+
+view = overview(plan, planned_path(plan), 1.5)
+show_in_browser(build_drawing_model(plan, 5000.0), Player(LiveFlight(plan), 100.0), view, port, go_on=go_on, **where)
+print("answered", *answers)
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other addresses of the loopback are not set up elsewhere")
+@pytest.mark.parametrize(("where", "reached"), [({}, False), ({"host": "0.0.0.0"}, True)])
+def test_the_web_viewer_listens_on_this_machine_alone_unless_asked_for_more(where, reached):
+    command = [sys.executable, "-c", LISTENING, str(free_port()), json.dumps(where)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    assert f"answered {reached} {reached} {reached}" in done.stdout, done.stderr
+
+
+def test_an_address_of_another_machine_is_refused_by_name(flown):
+    with pytest.raises(ObserverError, match="--host '192.0.2.1': cannot be listened on.*127.0.0.1"):
+        browser_view(flown, 0, lambda: False, host="192.0.2.1")
 
 
 def test_a_port_in_use_is_a_clear_error(flown):

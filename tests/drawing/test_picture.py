@@ -12,7 +12,8 @@ from swarm_mj.drawing import canvas as canvas_module
 from swarm_mj.drawing.cameras import overview, view_direction
 from swarm_mj.drawing.canvas import Box, Canvas
 from swarm_mj.drawing.decorations import dashes, decorate
-from swarm_mj.drawing.lettering import clock, roles
+from swarm_mj.drawing.layout import layout_of
+from swarm_mj.drawing.lettering import Lettering, clock, roles
 from swarm_mj.drawing.model import build_drawing_model
 from swarm_mj.drawing.picture import Drawing
 from swarm_mj.errors import ObserverError, OutputError
@@ -195,6 +196,47 @@ def test_every_camera_gives_a_picture_that_changes_with_time_and_nothing_depends
     assert first.shape == (240, 320, 3) and first.dtype == np.uint8
     assert first.std() > 5.0 and not np.array_equal(first, second)
     assert np.array_equal(first, again)
+
+
+@pytest.mark.parametrize(("width", "height", "beside"), [(640, 480, True), (480, 640, True), (480, 480, False)])
+def test_beside_the_square_picture_of_a_camera_stands_the_overview(width, height, beside):
+    layout = layout_of("sc1", 2, 2, width, height)
+    picture = layout.cameras[0]
+    assert picture.width == picture.height == min(width, height)
+    assert (layout.main is not None) == beside
+    if layout.main is not None:
+        covered = np.zeros((height, width), int)
+        for box in (picture, layout.main):
+            covered[box.top : box.top + box.height, box.left : box.left + box.width] += 1
+        assert (covered == 1).all()
+
+
+def test_the_column_beside_a_cameras_picture_is_not_empty(replay):
+    with Drawing(replay.plan, replay.path_N, camera="sc1", width=640, height=480) as drawing:
+        column = drawing.draw(replay.at(600.0))[:, :160]
+    assert (column[200:400].max(axis=2) > 30).mean() > 0.05  # the body
+
+
+def test_a_camera_that_looks_into_space_says_so_and_one_that_sees_something_does_not(replay):
+    plan = replay.plan
+    sees = replay.at(600.0)
+    away = replace(sees, C_BN=np.diag([1.0, -1.0, -1.0]) @ sees.C_BN)
+    with Drawing(plan, replay.path_N, camera="sc1", width=400, height=400) as drawing:
+        shown = [drawing.draw(now)[150:250, 100:300].astype(int) for now in (sees, away)]
+    grey = (np.ptp(shown[1], axis=2) <= 2) & (shown[1].max(axis=2) > 100)
+    assert 0.005 < grey.mean() < 0.2 and (shown[1][~grey].max() <= 150)
+    assert not np.array_equal(shown[0], shown[1])
+
+
+def test_a_narrow_legend_takes_more_rows_and_none_runs_out_of_its_view():
+    pixels = np.zeros((480, 640, 3), np.uint8)
+    for width in (160, 250, 640):
+        lettering = Lettering(pixels)
+        box = Box(0, 0, width, 480)
+        lettering.legend("spacecraft drawn 5,000 times as large", box)
+        height = lettering.legend_height("spacecraft drawn 5,000 times as large", box)
+        ink = lettering.pixels.max(axis=2) > 0
+        assert ink[:, :width].any() and not ink[:, width:].any() and not ink[: 480 - height - 2].any()
 
 
 def test_an_unknown_camera_and_an_impossible_size_are_clear_errors(replay):

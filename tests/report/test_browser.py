@@ -124,6 +124,30 @@ def test_the_3d_picture_and_the_plots_are_drawn(report):
     assert lines >= 9  # two spacecraft in three plots, the swarm, modes and links
 
 
+NAMES = """
+    const scene = page.runs[0].scene;
+    const k = sampleAt(scene.times, page.ticks[page.shown]);
+    const trace = scene.div.data.find((trace) => trace.meta === "spacecraft");
+    const places = scene.flat(Array.from({ length: scene.n }, (_, j) => scene.position(k, j)));
+    const boxes = places.map((at, j) => (trace.text[j] ? [...boxOf(at, trace.text[j], trace.textposition[j])] : null));
+    return [[...trace.text], places, boxes.filter(Boolean), scene.div.clientWidth, scene.div.clientHeight];
+"""
+
+
+@pytest.mark.parametrize("width", [1280, 400])
+@pytest.mark.parametrize("share", [0.1, 0.5, 1.0])
+def test_names_in_the_3d_picture_cover_neither_each_other_nor_a_marker(browser, folder, width, share):
+    load(browser, folder / "report.html", width=width)
+    scrub(browser, share)
+    words, places, boxes, wide, tall = browser.execute_script(NAMES)
+    assert sorted(" ".join(words).split()) == ["sc1", "sc2"]
+    for number, (left, top, right, bottom) in enumerate(boxes):
+        assert -wide / 2 < left < right < wide / 2 and -tall / 2 < top < bottom < tall / 2
+        assert not any(left < x < right and top < y < bottom for x, y in places)
+        for a, b, c, d in boxes[number + 1 :]:
+            assert right < a or c < left or bottom < b or d < top
+
+
 def test_the_slider_changes_the_coverage_shown(report):
     scrub(report, 0.0)
     start = text(report, "clock"), text(report, "share"), cells_seen(report)

@@ -14,7 +14,7 @@ from swarm_mj.cli import main
 from swarm_mj.errors import OutputError
 from swarm_mj.report.page import report_html, safe_json, write_report
 from swarm_mj.report.reading import read_run
-from swarm_mj.report.sections import flat_parameters
+from swarm_mj.report.sections import flat_parameters, short
 from swarm_mj.runner import run_many, run_one
 from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.smallbody.geodesic import geodesic_icosahedron
@@ -54,6 +54,19 @@ class Page(HTMLParser):
 
 def unpacked(array):
     return np.frombuffer(base64.b64decode(array["data"]), array["type"]).reshape(array["shape"])
+
+
+@pytest.fixture(scope="module")
+def crippled(folder):
+    """The run, but spacecraft 1 is lost at 1000 s."""
+    run = read_run(folder)
+    works = np.ones(run.telemetry["mode"].shape, np.int8)
+    works[run.times >= 1000.0, 0] = 0
+    telemetry = run.telemetry.assign(operational=(("time", "spacecraft"), works))
+    errors = {**run.summary["pointing_error_deg_final"], "sc1": 5.28}
+    return replace(
+        run, telemetry=telemetry, summary={**run.summary, "lost": ["sc1"], "pointing_error_deg_final": errors}
+    )
 
 
 @pytest.fixture(scope="module")
@@ -126,6 +139,44 @@ def test_every_spacecraft_stands_in_the_table_with_its_delta_v(page, folder):
     for name, delta_v in summary["deployment_delta_v_m_s"].items():
         assert name in page.text
         assert f"{delta_v:.2f}" in page.text
+
+
+def test_a_lost_spacecraft_is_lost_everywhere_in_the_report(crippled):
+    page = Page(report_html([crippled]))
+    run, modes = page.data()["runs"][0], page.data()["modes"]
+    late = unpacked(run["times"]) >= 1000.0
+    shown = unpacked(run["mode"])
+    assert {modes[mode]["meaning"] for mode in shown[late, 0]} == {"lost"}
+    assert "lost" not in {modes[mode]["meaning"] for mode in shown[~late].ravel()}
+    assert np.isnan(unpacked(run["pointing"])[late, 0]).all() and not np.isnan(unpacked(run["pointing"])[:, 1]).any()
+    assert (unpacked(run["scene"]["length"])[late, 0] == 0.0).all()
+    assert "; lost at 1000 s" in page.text
+    assert "1 lost by the end" in page.text and "1000 s: lost" in page.text
+    assert "lost" in {trace.get("name") for trace in page.data()["plots"]["data"]}
+
+
+def test_a_comparison_leaves_lost_spacecraft_out_of_the_pointing_error_and_counts_them(crippled, folder):
+    text = report_html([crippled, read_run(folder)])
+    rows = {row.split('scope="row">')[1].split("<")[0]: row for row in text.split("<tr")[1:] if 'scope="row"' in row}
+    assert ">5.28<" not in rows["pointing error at the end, largest [deg]"]
+    assert ">1<" in rows["spacecraft lost by the end"]
+
+
+def test_turns_say_to_what_and_modes_have_their_own_colours_and_legend(page):
+    assert "communication tracking with sc1" in page.text
+    assert "Earth tracking" in page.text and "earth tracking" not in page.text
+    curves = [trace for trace in page.data()["plots"]["data"] if trace.get("showlegend")]
+    of_modes = [trace for trace in curves if trace["yaxis"] == "y4"]
+    assert of_modes and all(trace["legend"] == "legend2" for trace in of_modes)
+    assert not any("legend" in trace for trace in curves if trace["yaxis"] != "y4")
+
+
+@pytest.mark.parametrize(
+    ("value", "words"),
+    [(112.34, "112"), (5.2789, "5.28"), (0.0123, "0.0123"), (1.1e-5, "1.1·10⁻⁵"), (0.0, "0"), (1234.5, "1230")],
+)
+def test_numbers_are_written_alike_everywhere(value, words):
+    assert short(value) == words
 
 
 def test_all_parameters_and_versions_are_listed(page, folder):

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from swarm_mj.flight import ObservationResult, visit_sample
 from swarm_mj.mission.target import TargetRegion
-from swarm_mj.output.figures.modes import MODE_LOOKS, Run, runs
+from swarm_mj.output.figures.modes import LOST, MODE_LOOKS, Run, modes_shown, runs
 from swarm_mj.output.figures.panels import every, legend_below
 from swarm_mj.output.figures.scene import Scene, axis_tips, scene_from
 from swarm_mj.output.figures.style import (
@@ -53,6 +53,8 @@ Array = NDArray[np.float64]
 PATH_POINTS = 120
 #: Length of a +z axis that points at nothing near, as a share of the imaging radius.
 FREE_AXIS = 0.35
+#: Half the width of the text that tells an instant, over that of the axes.
+HALF_TEXT = 0.06
 #: More spacecraft than these are drawn thin.
 MANY = 12
 DASHES = (0, (4, 2.5))
@@ -65,8 +67,8 @@ def compose_behaviors(plan: Plan, telemetry: xr.Dataset, result: ObservationResu
     across, distance = figure.subplots(1, 2, width_ratios=(1.3, 1.0))
     _draw_across(across, plan, telemetry, scene)
     _draw_distances(distance, plan, telemetry, scene)
-    shown = np.unique(telemetry["mode"].values)
-    handles = [Line2D([], [], color=MODE_LOOKS[m].line_colour, linewidth=2.0, label=_words(int(m))) for m in shown]
+    shown = np.unique(modes_shown(telemetry))
+    handles = [Line2D([], [], color=MODE_LOOKS[m].line_colour, linewidth=2.0, label=MODE_LOOKS[m].words) for m in shown]
     legend_below(
         figure,
         [
@@ -94,10 +96,6 @@ def flight_plane(region: TargetRegion, scene: Scene, visit: int) -> View:
     return max(sides, key=lambda view: visible_share(view, region))
 
 
-def _words(mode: int) -> str:
-    return f"{MODE_LOOKS[mode].abbreviation}: {MODE_LOOKS[mode].meaning}"
-
-
 def _draw_across(ax: Axes, plan: Plan, telemetry: xr.Dataset, scene: Scene) -> None:
     region, radius = plan.region, plan.scenario.behavior.imaging_radius_m
     visit = visit_sample(plan.scenario)
@@ -109,14 +107,14 @@ def _draw_across(ax: Axes, plan: Plan, telemetry: xr.Dataset, scene: Scene) -> N
         for run in runs(telemetry, j):
             path = scene.r_A[_samples(scene.times, run), j]
             draw_line(ax, view, region.mesh, path, color=MODE_LOOKS[run.mode].line_colour, linewidth=width)
-    for k in (visit, len(scene.times) - 1):
-        _draw_axes(ax, plan, telemetry, scene, view, k, width)
     places = view.project(np.vstack((region.mesh.vertices, scene.r_A.reshape(-1, 3))))
     low, high = places.min(axis=0), places.max(axis=0)
     room = 0.12 * float((high - low).max())
     ax.set_xlim(low[0] - room, high[0] + room)
     ax.set_ylim(low[1] - room, high[1] + room)
     ax.set_aspect("equal")
+    for k in (visit, len(scene.times) - 1):
+        _draw_axes(ax, plan, telemetry, scene, view, k, width)
     tidy(ax)
     path = scene.r_A.mean(axis=1)
     if (path[-1] - path[0]) @ view.axes[0] < 0.0:  # the flight leads to the left, and still counts upwards
@@ -133,10 +131,11 @@ def _samples(times: Array, run: Run) -> NDArray[np.intp]:
 def _draw_axes(ax: Axes, plan: Plan, telemetry: xr.Dataset, scene: Scene, view: View, k: int, width: float) -> None:
     mesh = plan.region.mesh
     tips = axis_tips(telemetry, scene, mesh, k, FREE_AXIS * plan.scenario.behavior.imaging_radius_m)
-    for j in range(plan.n):
-        look = MODE_LOOKS[int(telemetry["mode"].values[k, j])]
-        line = straight(scene.r_A[k, j], tips[j])
-        draw_line(ax, view, mesh, line, color=look.line_colour, linewidth=0.9 * width, linestyle=DASHES)
+    for j, mode in enumerate(modes_shown(telemetry)[k]):
+        look = MODE_LOOKS[mode]
+        if mode != LOST:
+            line = straight(scene.r_A[k, j], tips[j])
+            draw_line(ax, view, mesh, line, color=look.line_colour, linewidth=0.9 * width, linestyle=DASHES)
         draw_points(
             ax,
             view,
@@ -148,10 +147,10 @@ def _draw_axes(ax: Axes, plan: Plan, telemetry: xr.Dataset, scene: Scene, view: 
             mec="white",
         )
     when = instant(scene.times[k], time_axis(plan.scenario.duration_s))
-    flat = view.project(scene.r_A[k])
+    lines = np.vstack([straight(r_A, tip) for r_A, tip in zip(scene.r_A[k], tips, strict=True)])
     ax.annotate(
         when,
-        (float(flat[:, 0].mean()), float(flat[:, 1].max())),
+        _above(ax, view.project(scene.r_A[k]), view.project(np.vstack((lines, scene.r_A.reshape(-1, 3))))),
         xytext=(0.0, 10.0),
         textcoords="offset points",
         ha="center",
@@ -159,6 +158,14 @@ def _draw_axes(ax: Axes, plan: Plan, telemetry: xr.Dataset, scene: Scene, view: 
         path_effects=HALO,
         zorder=7,
     )
+
+
+def _above(ax: Axes, points: Array, lines: Array) -> tuple[float, float]:
+    """Where a short text stands above points and clear of lines, both in the axes' units, shape (n, 2)."""
+    left, right = ax.get_xlim()
+    x = float(points[:, 0].mean())
+    crossing = lines[np.abs(lines[:, 0] - x) < HALF_TEXT * (right - left)]
+    return x, float(np.max(np.concatenate((points, crossing))[:, 1]))
 
 
 def _draw_distances(ax: Axes, plan: Plan, telemetry: xr.Dataset, scene: Scene) -> None:

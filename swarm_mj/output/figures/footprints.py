@@ -27,6 +27,7 @@ from swarm_mj.output.figures.maps import (
     target_outline,
     whole_body,
 )
+from swarm_mj.output.figures.modes import modes_shown
 from swarm_mj.output.figures.panels import legend_below
 from swarm_mj.output.figures.style import (
     BLACK,
@@ -74,11 +75,13 @@ def compose_footprints(plan: Plan, telemetry: xr.Dataset, result: ObservationRes
         _draw_union(ax, _passage_poses(plan, telemetry), camera, mesh, tracer, ground)
     draw_track(ax, target_outline(plan.region), window.centre_longitude, color=BLACK, linewidth=2.2, zorder=3)
     colours = dict(zip(shown.tolist(), spacecraft_colours(len(shown)), strict=True))
+    outlines: list[Array] = []
     for j, pose in poses.items():
         margin = view_margin(camera, pose, ground, mesh, tracer)
-        _outline(ax, ground, margin, color=colours[j], linewidth=SINGLE_PT if len(shown) <= len(SPACECRAFT) else 0.8)
-    _number(ax, plan, poses, mesh, tracer, window, colours)
+        width = SINGLE_PT if len(shown) <= len(SPACECRAFT) else 0.8
+        outlines += _outline(ax, ground, margin, color=colours[j], linewidth=width)
     name_map(ax, window)
+    _number(ax, plan, poses, mesh, tracer, window, colours, outlines)
     axis = time_axis(scenario.duration_s)
     percent = result.coverage.percent
     ax.set_title(
@@ -125,7 +128,8 @@ def view_margin(camera: CameraModel, pose: CameraPose, ground: Ground, body: Sha
 
 
 def _observes(telemetry: xr.Dataset, k: int, j: int) -> bool:
-    return bool(np.isin(telemetry["mode"].values[k, j], OBSERVING))
+    on = "camera_on" not in telemetry or telemetry["camera_on"].values[k, j] == 1
+    return bool(on and np.isin(modes_shown(telemetry)[k, j], OBSERVING))
 
 
 def _pose(telemetry: xr.Dataset, k: int, j: int) -> CameraPose:
@@ -184,9 +188,12 @@ def _draw_union(
     _outline(ax, ground, union, color=BLACK, linewidth=1.2, dashed=True)
 
 
-def _outline(ax: Axes, ground: Ground, margin: Array, *, color: str, linewidth: float, dashed: bool = False) -> None:
+def _outline(
+    ax: Axes, ground: Ground, margin: Array, *, color: str, linewidth: float, dashed: bool = False
+) -> list[Array]:
+    """Draw where a margin is zero; returns the lines, each of shape (n, 2) [deg]."""
     if not margin.max() > 0.0 > margin.min():
-        return
+        return []
     lines = ax.contour(
         ground.longitudes,
         ground.latitudes,
@@ -199,6 +206,7 @@ def _outline(ax: Axes, ground: Ground, margin: Array, *, color: str, linewidth: 
     )
     if linewidth >= SINGLE_PT:
         lines.set(path_effects=[patheffects.withStroke(linewidth=linewidth + 1.0, foreground="white")])
+    return [line for line in lines.allsegs[0] if len(line)]
 
 
 def _number(
@@ -209,8 +217,9 @@ def _number(
     tracer: RayTracer,
     window: Window,
     colours: dict[int, str],
+    outlines: list[Array],
 ) -> None:
-    """Number each footprint where its line of sight meets the ground."""
+    """Number each footprint where its line of sight meets the ground, clear of outlines."""
     if not poses or plan.n_observers > MAX_NUMBERED:
         return
     start = np.array([pose.r_A for pose in poses.values()])
@@ -227,6 +236,11 @@ def _number(
             window.centre_longitude,
             [colours[j] for j in chosen],
             numbers=chosen,
+            lines=[
+                *outlines,
+                np.stack(latitude_longitude(target_outline(plan.region), window.centre_longitude)[::-1], axis=1),
+            ],
+            marked=False,
         )
 
 

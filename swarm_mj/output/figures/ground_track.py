@@ -24,6 +24,7 @@ from swarm_mj.output.figures.maps import (
     target_outline,
     whole_body,
 )
+from swarm_mj.output.figures.numbering import number_beside
 from swarm_mj.output.figures.panels import legend_below
 from swarm_mj.output.figures.scene import scene_from
 from swarm_mj.output.figures.style import (
@@ -98,33 +99,23 @@ def _draw_tracks(ax: Axes, r_A: Array, marks: NDArray[np.intp], visit: int, wind
         draw_places(ax, r_A[visit, j : j + 1], centre, marker="o", markersize=4 if many else 7, mec="white", **style)
         draw_places(ax, r_A[-1:, j], centre, marker="s", markersize=3 if many else 6, mec="white", **style)
     if n <= MAX_NUMBERED:
-        number_places(ax, r_A[visit], centre, spacecraft_colours(n))
+        tracks = [np.stack(latitude_longitude(r_A[track, j], centre)[::-1], axis=1) for j in range(n)]
+        number_places(ax, r_A[visit], centre, spacecraft_colours(n), lines=tracks)
 
 
 def number_places(
-    ax: Axes, points_A: Array, centre_longitude: float, colours: list[str], numbers: Sequence[int] | None = None
+    ax: Axes,
+    points_A: Array,
+    centre_longitude: float,
+    colours: list[str],
+    *,
+    numbers: Sequence[int] | None = None,
+    lines: Sequence[Array] = (),
+    marked: bool = True,
 ) -> None:
-    """Put the number of each spacecraft, counted from 0 and written from 1, beside its place (n, 3), away from the others."""
+    """Put the number of each spacecraft beside its place (n, 3) on a map, as `number_beside` does."""
     latitude, longitude = latitude_longitude(points_A, centre_longitude)
-    flat = np.column_stack((longitude, latitude))
-    away = flat - flat.mean(axis=0)
-    length = np.linalg.norm(away, axis=1, keepdims=True)
-    away = np.where(length > 1e-9, away / np.maximum(length, 1e-9), (0.0, 1.0))
-    order = range(len(flat)) if numbers is None else numbers
-    for j, place, offset, colour in zip(order, flat, 12.0 * away, colours, strict=True):
-        ax.annotate(
-            str(j + 1),
-            (float(place[0]), float(place[1])),
-            xytext=(float(offset[0]), float(offset[1])),
-            textcoords="offset points",
-            ha="center",
-            va="center",
-            fontsize=TICK_PT + 1,
-            fontweight="bold",
-            color=colour,
-            path_effects=HALO,
-            zorder=7,
-        )
+    number_beside(ax, np.column_stack((longitude, latitude)), colours, numbers=numbers, lines=lines, marked=marked)
 
 
 def _handles(plan: Plan, step: str) -> list[Line2D]:

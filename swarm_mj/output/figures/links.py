@@ -11,7 +11,7 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from swarm_mj.flight import ObservationResult
-from swarm_mj.output.figures.modes import MIN_LABELLED, MODE_LOOKS, intervals, mode_handles, name_mode, runs
+from swarm_mj.output.figures.modes import MODE_LOOKS, Run, has_room, intervals, mode_handles, name_mode, runs
 from swarm_mj.output.figures.panels import legend_below
 from swarm_mj.output.figures.style import (
     BLACK,
@@ -30,6 +30,8 @@ from swarm_mj.output.figures.style import (
 )
 from swarm_mj.planning import Plan
 
+#: Share of the flight's length that half a mode's name takes at most.
+NAME_SHARE = 0.03
 #: Height of a row's two bars, in rows.
 MODE_HEIGHT = 0.46
 LINK_HEIGHT = 0.22
@@ -45,7 +47,7 @@ def compose_links(plan: Plan, telemetry: xr.Dataset, result: ObservationResult) 
     )
     ax = figure.subplots()
     for row, j in enumerate(shown):
-        _draw_row(ax, telemetry, int(j), row, axis)
+        _draw_row(ax, telemetry, int(j), row, axis, plan.scenario.design.time_of_flight_s)
     visit = plan.scenario.design.time_of_flight_s / axis.seconds
     ax.axvline(visit, color=BLACK, linewidth=1.0, linestyle=VISIT_DASHES)
     tidy(ax)
@@ -62,18 +64,26 @@ def compose_links(plan: Plan, telemetry: xr.Dataset, result: ObservationResult) 
     return figure
 
 
-def _draw_row(ax: Axes, telemetry: xr.Dataset, j: int, row: int, axis: TimeAxis) -> None:
+def _draw_row(ax: Axes, telemetry: xr.Dataset, j: int, row: int, axis: TimeAxis, visit_s: float) -> None:
     stretches = runs(telemetry, j)
     whole = stretches[-1].end - stretches[0].start
     for run in stretches:
         look, length = MODE_LOOKS[run.mode], run.end - run.start
         bar = [(run.start / axis.seconds, length / axis.seconds)]
         ax.broken_barh(bar, (row - 0.36, MODE_HEIGHT), facecolor=look.colour, edgecolor="white", linewidth=1.0)
-        if length >= MIN_LABELLED * whole:
-            name_mode(ax, run, axis, row - 0.36 + MODE_HEIGHT / 2)
+        if has_room(ax, run, whole):
+            name_mode(ax, _beside(run, visit_s, whole), axis, row - 0.36 + MODE_HEIGHT / 2)
     closed = intervals(telemetry["link_closed"].values[:, j] == 1, telemetry["time"].values)
     bars = [(start / axis.seconds, length / axis.seconds) for start, length in closed]
     ax.broken_barh(bars, (row - 0.36 + MODE_HEIGHT, LINK_HEIGHT), facecolor=BLUE, linewidth=0)
+
+
+def _beside(run: Run, mark_s: float, whole: float) -> Run:
+    """The longer part of a stretch before or after a mark that would go through its name, else all of it."""
+    if abs(0.5 * (run.start + run.end) - mark_s) > NAME_SHARE * whole:
+        return run
+    before, after = Run(run.start, mark_s, run.mode), Run(mark_s, run.end, run.mode)
+    return before if mark_s - run.start > run.end - mark_s else after
 
 
 def _draw_totals(ax: Axes, telemetry: xr.Dataset, shown: NDArray[np.intp], axis: TimeAxis) -> None:

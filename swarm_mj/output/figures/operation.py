@@ -18,6 +18,8 @@ from swarm_mj.flight import ObservationResult
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.output.figures.box import box_around, draw_box
 from swarm_mj.output.figures.cells import draw_cells
+from swarm_mj.output.figures.modes import LOST, MODE_LOOKS
+from swarm_mj.output.figures.numbering import number_beside
 from swarm_mj.output.figures.panels import legend_below
 from swarm_mj.output.figures.scene import FREE_AXIS, Scene, axis_tips, best_view, scene_from
 from swarm_mj.output.figures.style import (
@@ -76,18 +78,23 @@ def _draw_instant(
     draw_body(ax, view, body, face_colours(body, [(region.target, ORANGE), (region.target[seen], SKY_BLUE)]))
     faint = 0.55 if plan.n <= MAX_NUMBERED else 0.3
     for j in range(plan.n):
-        colour = _colour(scene, j)
+        colour = _colour(scene, j, k)
         draw_line(ax, view, body, scene.r_A[trail, j], color=colour, linewidth=0.9, alpha=faint)
+        if scene.mode[k, j] == LOST:
+            continue
         draw_line(ax, view, body, straight(scene.r_A[k, j], tips[j]), color=colour, linewidth=1.0, linestyle=DASHES)
     draw_points(ax, view, body, scene.r_A[0, :1], marker="s", markersize=6, color=BLACK)
     for j in range(plan.n):
         draw_points(
-            ax, view, body, scene.r_A[k, j : j + 1], marker="o", markersize=6.5, color=_colour(scene, j), mec="white"
+            ax, view, body, scene.r_A[k, j : j + 1], marker="o", markersize=6.5, color=_colour(scene, j, k), mec="white"
         )
-    for relay in np.flatnonzero(telemetry["mode"].values[k] == TargetKind.EARTH):
+    for relay in np.flatnonzero(scene.mode[k] == TargetKind.EARTH):
         _name_earth(ax, view.project(scene.r_A[k, relay]), view.project(tips[relay]))
     if plan.n <= MAX_NUMBERED:
-        _number_spacecraft(ax, view.project(scene.r_A[k]), scene)
+        flown = [view.project(scene.r_A[trail, j]) for j in range(plan.n)]
+        sights = [view.project(np.stack(ends)) for ends in zip(scene.r_A[k], tips, strict=True)]
+        colours = [_colour(scene, j, k) for j in range(plan.n)]
+        number_beside(ax, view.project(scene.r_A[k]), colours, lines=[*flown, *sights])
     axis = time_axis(plan.scenario.duration_s)
     percent = 100.0 * region.area[seen].sum() / region.total_area
     ax.set_title(f"t = {instant(scene.times[k], axis)}, $P_{{TO}}$ = {percent:.2f} %", fontsize=TICK_PT + 1, loc="left")
@@ -103,29 +110,11 @@ def _draw_target(ax: Axes, plan: Plan, seen: NDArray[np.bool_]) -> None:
     ax.set_title("target, seen from the body's centre", fontsize=TICK_PT)
 
 
-def _colour(scene: Scene, j: int) -> str:
+def _colour(scene: Scene, j: int, k: int) -> str:
+    """Colour of spacecraft j at sample k."""
+    if scene.mode[k, j] == LOST:
+        return MODE_LOOKS[LOST].line_colour
     return BLUE if scene.relays[j] else VERMILLION
-
-
-def _number_spacecraft(ax: Axes, flat: Array, scene: Scene) -> None:
-    """Put each number outside the swarm, as seen in the picture."""
-    away = flat - flat.mean(axis=0)
-    length = np.linalg.norm(away, axis=1, keepdims=True)
-    away = np.where(length > 0.0, away / np.maximum(length, 1e-12), (0.0, 1.0))
-    for j, (place, offset) in enumerate(zip(flat, 11.0 * away, strict=True)):
-        ax.annotate(
-            str(j + 1),
-            (float(place[0]), float(place[1])),
-            xytext=(float(offset[0]), float(offset[1])),
-            textcoords="offset points",
-            ha="center",
-            va="center",
-            fontsize=TICK_PT,
-            fontweight="bold",
-            color=_colour(scene, j),
-            path_effects=HALO,
-            zorder=7,
-        )
 
 
 def _name_earth(ax: Axes, start: Array, tip: Array) -> None:
@@ -154,6 +143,8 @@ def _handles(scene: Scene) -> list[Line2D | Patch]:
         handles.append(_spot("observing spacecraft", VERMILLION, "o"))
     if scene.relays.any():
         handles.append(_spot("communications spacecraft", BLUE, "o"))
+    if (scene.mode[-1] == LOST).any():
+        handles.append(_spot("lost spacecraft", MODE_LOOKS[LOST].line_colour, "o"))
     return [
         *handles,
         Line2D([], [], color=GREY, linewidth=1.0, linestyle=DASHES, label="spacecraft +z axis"),

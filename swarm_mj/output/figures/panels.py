@@ -78,8 +78,7 @@ def compose_panels(plan: Plan, telemetry: xr.Dataset, panels: Panels) -> Figure:
     for column in range(columns):  # an incomplete last row leaves the panel above it as the lowest
         lowest = grid[(len(shown) - 1 - column) // columns, column]
         lowest.tick_params(labelbottom=True)
-    for ax in grid[-1, : len(shown) - columns * (rows - 1)]:
-        name_time(ax, axis, brief=columns > 3)
+        name_time(lowest, axis, brief=columns > 3)
     figure.supylabel(panels.y_label, fontsize=LABEL_PT)
     legend_below(figure, [*panels.handles, *mark_handles(telemetry, plan.n), *mode_handles(telemetry)])
     return figure

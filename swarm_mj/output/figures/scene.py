@@ -13,6 +13,7 @@ from swarm_mj.attitude.mrp import dcm
 from swarm_mj.flight import asteroid_attitudes
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.mission.target import TargetRegion
+from swarm_mj.output.figures.modes import LOST, modes_shown
 from swarm_mj.output.figures.view import KM, View, first_hits, unit, views_of, visible_share
 from swarm_mj.planning import Plan
 from swarm_mj.smallbody.shape import ShapeModel
@@ -32,35 +33,41 @@ class Scene:
         r_A: Positions, shape (t, n, 3) [m].
         z_A: Directions of +z, shape (t, n, 3).
         relays: Whether each spacecraft is, or at some time becomes, the communications spacecraft, shape (n,).
+        mode: What each tracks, or that it is lost, as `modes_shown` tells, shape (t, n).
     """
 
     times: Array
     r_A: Array
     z_A: Array
     relays: NDArray[np.bool_]
+    mode: NDArray[np.int8]
 
 
 def scene_from(plan: Plan, telemetry: xr.Dataset) -> Scene:
     """Turn telemetry into A."""
     C_AN = asteroid_attitudes(telemetry)
     z_N = dcm(telemetry["sigma_BN"].values)[..., 2, :]
-    ever_earth = (telemetry["mode"].values == TargetKind.EARTH).any(axis=0)
+    mode = modes_shown(telemetry)
+    ever_earth = (mode == TargetKind.EARTH).any(axis=0)
     return Scene(
         times=telemetry["time"].values,
         r_A=np.einsum("kij,knj->kni", C_AN, telemetry["r_BN_N"].values),
         z_A=np.einsum("kij,knj->kni", C_AN, z_N),
         relays=ever_earth | (np.arange(plan.n) >= plan.n_observers),
+        mode=mode,
     )
 
 
 def axis_tips(telemetry: xr.Dataset, scene: Scene, body: ShapeModel, k: int, free: float) -> Array:
     """Where to end the line along each +z: at the ground, as far as the spacecraft tracked, or after `free` [m].
 
+    Those of lost spacecraft end where they begin.
+
     Returns:
         Shape (n, 3) [m].
     """
-    r, mode, tracked = scene.r_A[k], telemetry["mode"].values[k], telemetry["tracked_spacecraft"].values[k]
-    length = np.full(len(r), free)
+    r, mode, tracked = scene.r_A[k], scene.mode[k], telemetry["tracked_spacecraft"].values[k]
+    length = np.where(mode == LOST, 0.0, free)
     asteroid, other = mode == TargetKind.ASTEROID, mode == TargetKind.SPACECRAFT
     length[asteroid] = first_hits(r[asteroid], scene.z_A[k, asteroid], np.linalg.norm(r[asteroid], axis=1), body)
     length[other] = np.linalg.norm(r[other] - r[tracked[other]], axis=1)

@@ -28,6 +28,7 @@ BLUE = "#0072B2"
 VERMILLION = "#D55E00"
 PURPLE = "#CC79A7"
 GREY = "#8A8A8A"
+DARK_GREY = "#6B6B6B"
 LIGHT_GREY = "#DDDDDD"
 
 #: The three components of a vector, in order.

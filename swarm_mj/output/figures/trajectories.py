@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from swarm_mj.flight import ObservationResult, visit_sample
 from swarm_mj.output.figures.box import box_around, draw_box
+from swarm_mj.output.figures.numbering import number_beside
 from swarm_mj.output.figures.operation import MAX_NUMBERED, TRAIL_POINTS
 from swarm_mj.output.figures.panels import legend_below
 from swarm_mj.output.figures.scene import Scene, best_view, scene_from
@@ -95,17 +96,11 @@ def _draw_flight(ax: Axes, plan: Plan, scene: Scene) -> None:
     draw_points(ax, view, mesh, scene.r_A[0, :1], marker="s", markersize=7, color=BLACK)
     _note(ax, view.project(scene.r_A[0, 0]), "$r_0$", (13.0, -5.0), BLACK)
     if plan.n <= MAX_NUMBERED:
-        _number(ax, plan, view.project(scene.r_A[visit]))
+        ways = [view.project(scene.r_A[samples, j]) for samples in (before, after) for j in range(plan.n)]
+        colours = [_colour(plan, j) for j in range(plan.n)]
+        number_beside(ax, view.project(scene.r_A[visit]), colours, lines=ways)
     time = instant(plan.scenario.design.time_of_flight_s, time_axis(plan.scenario.duration_s))
     ax.set_title(f"frame A; time of flight $t_f$ = {time}", fontsize=TICK_PT, loc="left")
-
-
-def _number(ax: Axes, plan: Plan, flat: Array) -> None:
-    away = flat - flat.mean(axis=0)
-    length = np.linalg.norm(away, axis=1, keepdims=True)
-    away = np.where(length > 0.0, away / np.maximum(length, 1e-12), (0.0, 1.0))
-    for j, (place, offset) in enumerate(zip(flat, 11.0 * away, strict=True)):
-        _note(ax, place, str(j + 1), (float(offset[0]), float(offset[1])), _colour(plan, j))
 
 
 def _note(ax: Axes, place: Array, text: str, offset_pt: tuple[float, float], colour: str) -> None:

@@ -25,6 +25,20 @@ def test_each_spacecraft_has_a_panel_up_to_twenty(flown, n, panels):
     assert ("of 25 spacecraft" in figure.get_suptitle()) == (n > panels)
 
 
+@pytest.mark.parametrize("n", [1, 2, 5, 7, 13])
+def test_the_lowest_panel_of_every_column_names_its_time_axis(flown, n):
+    figure = COMPOSERS["pointing_error"](*swarm_of(flown, n))
+    assert_nothing_is_cut_off(figure)
+    lowest = {}
+    for ax in (ax for ax in figure.axes if ax.get_visible()):
+        place = ax.get_subplotspec()
+        lowest[place.colspan.start] = max(
+            lowest.get(place.colspan.start, (-1, "")), (place.rowspan.start, ax.get_xlabel())
+        )
+    assert all(words.startswith("time") for _, words in lowest.values())
+    assert sum(bool(ax.get_xlabel()) for ax in figure.axes) == len(lowest)
+
+
 def test_tracking_errors_are_those_of_the_telemetry(flown, composed):
     plan, telemetry, _ = flown
     for j, ax in enumerate(composed["tracking_error"].axes[: plan.n]):

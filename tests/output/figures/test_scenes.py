@@ -89,6 +89,29 @@ def test_flight_plane_holds_the_mean_path_and_the_body(flown):
     assert path[VISIT] @ view.axes[1] > 0.0
 
 
+def test_no_path_and_no_axis_crosses_the_words_for_an_instant(flown):
+    plan, telemetry, result = flown
+    telemetry = telemetry.copy(deep=True)
+    at_earth = telemetry["mode"].values == 2
+    telemetry["mode"].values[at_earth.any(axis=1)] = 2  # all turn to Earth when the first one does
+    telemetry["tracked_spacecraft"].values[at_earth.any(axis=1)] = -1
+    telemetry["sigma_BN"].values[-1] = telemetry["sigma_BN"].values[-1, np.flatnonzero(at_earth[-1])[0]]
+    figure = COMPOSERS["behaviors"](plan, telemetry, result)
+    figure.draw_without_rendering()
+    ax = figure.axes[0]
+    words = [text for text in ax.texts if text.get_text().endswith("min")]
+    assert len(words) == 2
+    lines = [ax.transData.transform(np.column_stack(line.get_data())) for line in ax.lines]
+    for box in (text.get_window_extent() for text in words):
+        for line in lines:
+            steps = [
+                start + np.linspace(0, 1, 50)[:, None] * (end - start)
+                for start, end in zip(line, line[1:], strict=False)
+            ]
+            fine = np.vstack([line, *steps])
+            assert not ((fine > (box.x0, box.y0)) & (fine < (box.x1, box.y1))).all(axis=1).any()
+
+
 def test_distances_switch_colour_at_the_imaging_radius(flown, composed):
     plan, telemetry, _ = flown
     ax = composed["behaviors"].axes[1]
