@@ -39,6 +39,9 @@ from swarm_mj.planning import Plan
 
 Array = NDArray[np.float64]
 
+#: Misses below this are not told apart [mm].
+LEAST_MISS_MM = 1e-3
+
 
 def compose_trajectories(plan: Plan, telemetry: xr.Dataset, result: ObservationResult) -> Figure:
     """The way of each spacecraft to its visiting point, and the velocity change that starts it."""
@@ -133,4 +136,5 @@ def _draw_velocities(ax: Axes, plan: Plan, shown: NDArray[np.intp]) -> None:
     ax.grid(False, axis="y")
     label(ax, "deployment delta-v [m/s]")
     miss = 1e3 * float(plan.deployment.miss_m.max())
-    ax.set_title(f"from the mothership; points missed by {miss:.1g} mm at most", fontsize=TICK_PT, loc="left")
+    missed = f"{miss:.1g} mm at most" if miss >= LEAST_MISS_MM else f"less than {LEAST_MISS_MM:g} mm"
+    ax.set_title(f"from the mothership; points missed by {missed}", fontsize=TICK_PT, loc="left")
