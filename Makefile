@@ -5,7 +5,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 
 .DEFAULT_GOAL := help
-.PHONY: help run test test-fast lint format types check wheel-test bench docs docs-images reproduction robustness learning shape gl setup setup-dev clean
+.PHONY: help run test test-fast lint format types check wheel-test bench docs docs-images reproduction robustness learning audit shape gl setup setup-dev clean
 
 help: ## list the targets
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -51,6 +51,9 @@ types: setup-dev ## check types
 	@$(BIN)/mypy
 
 check: test lint types ## tests, style and types
+
+audit: setup-dev ## look for known vulnerabilities of what is installed, where an advisory service can be reached
+	@sh scripts/audit.sh $(BIN)
 
 bench: setup ## measure how fast the program is on this machine
 	@$(BIN)/swarm-mj bench $(ARGS)

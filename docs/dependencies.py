@@ -87,12 +87,9 @@ Lower bounds are the oldest versions with what is used here. There are no upper 
 fixes away from users. Nothing asks for a network at run time; a test refuses every connection while it flies, draws and designs
 (`tests/robust/test_offline.py`).
 
-To look for known vulnerabilities, with access to pypi.org:
-
-```sh
-pip install pip-audit
-pip-audit --local
-```
+`make audit` looks for known vulnerabilities of everything that is installed: it runs `pip-audit`, which it installs into the
+virtual environment, against pypi.org or, failing that, api.osv.dev. Where neither can be reached it says that nothing was
+checked and ends with an error; the tests and the other checks do without.
 
 Some licences ask for more than the others: `moocore`, which pymoo brings along, and `pygame`, which opens a window, are under
 the LGPL and are used as they are, as libraries; `polyhedral-gravity`, under the GPL, belongs to the tests, and `swarm-mj

@@ -1,14 +1,23 @@
-"""Where computed things are kept between runs, and how: keyed by a hash of what they depend on, written whole or not at all."""
+"""Where computed things are kept between runs, and how: keyed by a hash of what they depend on, written whole or not at all.
+
+A folder may be bounded: what was used longest ago then makes room for what is new. Any number of processes may do so at once,
+since a file that one removes while another reads it stays whole for the reader, and is computed again when it is missed.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import os
+import time
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+#: Half-written files of this age [s] belong to processes that were killed.
+ABANDONED_S = 3600.0
 
 
 def cache_folder() -> Path:
@@ -36,11 +45,22 @@ def load_array(file: Path, shape: tuple[int, ...]) -> NDArray[np.float32] | None
             array = np.lib.format.read_array(kept, allow_pickle=False)
     except (OSError, ValueError, EOFError, MemoryError):  # MemoryError: a header that promises terabytes
         return None
-    return array if array.shape == shape and array.dtype == np.float32 else None
+    if array.shape != shape or array.dtype != np.float32:
+        return None
+    with suppress(OSError):  # a cache that only others may write
+        os.utime(file)  # used now, whatever the file system does about times of access
+    return array
 
 
-def store_array(file: Path, array: NDArray[np.float32]) -> None:
-    """Keep an array; a cache that cannot be written only costs time."""
+def store_array(file: Path, array: NDArray[np.float32], *, folder_bytes: int | None = None) -> None:
+    """Keep an array; a cache that cannot be written only costs time.
+
+    Args:
+        file: Where.
+        array: What.
+        folder_bytes: What all files of the folder may hold together; those used longest ago are removed, never this one.
+            None: any amount.
+    """
     partial = file.with_name(f".{file.name}.{os.getpid()}.partial")
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
@@ -48,4 +68,29 @@ def store_array(file: Path, array: NDArray[np.float32]) -> None:
             np.save(out, array)
         os.replace(partial, file)
     except OSError:
-        partial.unlink(missing_ok=True)
+        with suppress(OSError):
+            partial.unlink(missing_ok=True)
+        return
+    if folder_bytes is not None:
+        with suppress(OSError):  # the folder itself may be cleared meanwhile
+            _make_room(file, folder_bytes)
+
+
+def _make_room(newest: Path, limit: int) -> None:
+    """Remove arrays beside `newest`, those used longest ago first, until all together hold at most `limit` bytes."""
+    kept: list[tuple[float, int, Path]] = []
+    for path in newest.parent.iterdir():
+        with suppress(OSError):  # another process was faster
+            state = path.stat()
+            if path.suffix == ".npy":
+                kept.append((state.st_mtime, state.st_size, path))
+            elif path.suffix == ".partial" and time.time() - state.st_mtime > ABANDONED_S:
+                path.unlink()
+    excess = sum(size for _, size, _ in kept) - limit
+    for _, size, path in sorted(kept):
+        if excess <= 0:
+            return
+        if path != newest:
+            with suppress(OSError):
+                path.unlink(missing_ok=True)
+            excess -= size

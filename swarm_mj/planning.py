@@ -299,7 +299,7 @@ def _mothership_velocity(scenario: Scenario) -> str | Array:
 def _check_mothership(scenario: Scenario, shape: ShapeModel) -> None:
     position = np.array([scenario.mothership.position_A_m])
     if points_inside(position, shape.vertices, shape.faces).any():
-        raise ScenarioError(f"mothership.position_A_m = {list(position[0])}: lies inside {shape.name}")
+        raise ScenarioError(f"mothership.position_A_m = {position[0].tolist()}: lies inside {shape.name}")
 
 
 def _check_flight(

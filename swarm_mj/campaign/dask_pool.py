@@ -6,11 +6,12 @@ scheduler goes, the campaign stops with what is finished.
 
 from __future__ import annotations
 
+import asyncio
 import logging
 import time
 import uuid
 from collections.abc import Collection, Iterator, Sequence
-from concurrent.futures import CancelledError
+from concurrent.futures import CancelledError, ThreadPoolExecutor
 from contextlib import suppress
 from itertools import islice
 from typing import Any
@@ -20,6 +21,7 @@ from swarm_mj.campaign.loading import Resolved
 from swarm_mj.campaign.sampling import Sample
 from swarm_mj.errors import OutputError, SwarmError
 from swarm_mj.output.summary import library_versions
+from swarm_mj.scenarios.limits import shortened
 
 #: Runs that the cluster knows of at a time, per thread of its workers.
 AHEAD = 3
@@ -51,9 +53,13 @@ class DaskPool:
         for name in ("distributed", "distributed.client", "distributed.comm", "distributed.core"):
             logging.getLogger(name).setLevel(logging.CRITICAL)  # what matters is said below, once
         try:
+            _knock(scheduler)
             self._client: Any = Client(scheduler, timeout=CONNECT_S, set_as_default=False)
-        except (OSError, ValueError) as error:
-            raise OutputError(f"--scheduler {scheduler}: no Dask scheduler answers ({error})") from None
+        except Exception as error:  # of whatever kind Dask finds fit for an address
+            raise OutputError(
+                f"--scheduler {shortened(scheduler)}: no Dask scheduler answers ({shortened(str(error))}); "
+                "give its address, such as tcp://host:8786"
+            ) from None
         self._check_versions()
 
     def _check_versions(self) -> None:
@@ -128,3 +134,17 @@ class DaskPool:
         """See `Pool.close`."""
         with suppress(Exception):  # whatever state the cluster is in, there is nothing left to lose
             self._client.close(timeout=1.0)
+
+
+def _knock(scheduler: str) -> None:
+    """Connect to an address and hang up: a client that is made for a bad one stays and cannot be closed."""
+    from distributed import Security
+    from distributed.comm import connect
+
+    async def connect_once() -> None:
+        comm = await connect(scheduler, timeout=CONNECT_S, **Security().get_connection_args("client"))
+        await comm.close()
+
+    # In a thread of its own: notebooks run an event loop in this one.
+    with ThreadPoolExecutor(1) as thread:
+        thread.submit(asyncio.run, connect_once()).result()

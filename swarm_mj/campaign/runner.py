@@ -52,16 +52,16 @@ def run_campaign(
     """
     _require_parquet()
     from swarm_mj.campaign.store import Store, read_results
-    from swarm_mj.campaign.summary import summary_table, write_summary
+    from swarm_mj.campaign.summary import sobol_remarks, summary_table, write_summary
     from swarm_mj.campaign.table import schema_of
 
     console = Console()
-    folder = folder.resolve()
     with only_one(folder):
         _take_over(resolved, folder, resume)
         store = Store(folder, schema_of(resolved.campaign))
         for name in store.torn:
             console.print(f"{folder / name}: was damaged; its runs are flown again", soft_wrap=True, highlight=False)
+        _print_observers(console, resolved)
         telemetry = _telemetry_folder(resolved, folder)
         try:
             _fly_missing(resolved, store, console, telemetry, workers=workers, scheduler=scheduler, quiet=quiet)
@@ -73,6 +73,8 @@ def run_campaign(
 
             draw_all(folder, resolved, read_results(folder, store.schema), summary)
     console.print(summary_table(summary))
+    for remark in sobol_remarks(summary):
+        console.print(remark, soft_wrap=True, highlight=False, markup=False)
     _print_failures(console, resolved, folder)
     console.print(f"{resolved.campaign.name}: files in {folder}", soft_wrap=True, highlight=False)
     return summary
@@ -154,10 +156,11 @@ def _read_manifest(path: Path) -> dict[str, Any]:
 
 
 def _require_same(theirs: dict[str, Any], ours: dict[str, Any], folder: Path) -> None:
+    then, now = _without_descriptions(theirs), _without_descriptions(ours)
     changed = [
-        f"{path} = {now!r}, was {then!r}"
+        f"{path} = {after!r}, was {before!r}"
         for section in ("campaign", "bases", "shapes", "versions")
-        for path, then, now in _differences(theirs.get(section), ours[section], section)
+        for path, before, after in _differences(then.get(section), now[section], section)
     ]
     if changed:
         more = f" and {len(changed) - 5} more" if len(changed) > 5 else ""
@@ -165,6 +168,23 @@ def _require_same(theirs: dict[str, Any], ours: dict[str, Any], folder: Path) ->
             f"{folder}: --resume: the campaign or the program has changed since it began: {'; '.join(changed[:5])}{more}. "
             "Rows of both would not belong together: change it back, or choose another folder with --out"
         )
+
+
+def _without_descriptions(manifest: dict[str, Any]) -> dict[str, Any]:
+    """A manifest without the words for its reader, on which no row depends: of the campaign, of its scenarios and in `set`."""
+
+    def plain(value: Any) -> Any:
+        return {k: v for k, v in value.items() if k != "description"} if isinstance(value, dict) else value
+
+    def settled(value: Any) -> Any:
+        return {**plain(value), "set": plain(value.get("set"))} if isinstance(value, dict) else value
+
+    campaign, bases = settled(manifest.get("campaign")), manifest.get("bases")
+    if isinstance(campaign, dict) and isinstance(campaign.get("scenarios"), list):
+        campaign["scenarios"] = [settled(base) for base in campaign["scenarios"]]
+    if isinstance(bases, dict):
+        bases = {name: plain(base) for name, base in bases.items()}
+    return {**manifest, "campaign": campaign, "bases": bases}
 
 
 def _differences(then: Any, now: Any, path: str) -> list[tuple[str, Any, Any]]:
@@ -181,7 +201,7 @@ def _telemetry_folder(resolved: Resolved, folder: Path) -> str | None:
     if not resolved.campaign.telemetry:
         return None
     (folder / TELEMETRY).mkdir(exist_ok=True)
-    return str(folder / TELEMETRY)
+    return str((folder / TELEMETRY).resolve())  # workers may have another current folder
 
 
 def _fly_missing(
@@ -257,6 +277,18 @@ def _print_failures(console: Console, resolved: Resolved, folder: Path) -> None:
     if failed:
         console.print(
             f"{len(failed)} failed; replay one with --replay {failed[0]['row']}", soft_wrap=True, highlight=False
+        )
+
+
+def _print_observers(console: Console, resolved: Resolved) -> None:
+    """Say where the campaign's observer differs from the one that its file asks for."""
+    if resolved.without_maps:
+        console.print(
+            f"{', '.join(resolved.without_maps)}: the target's cells differ from run to run, so that each horizon map would "
+            "serve one run; observed by compiled face-ID buffers (observation.observer: raster) instead",
+            soft_wrap=True,
+            highlight=False,
+            markup=False,
         )
 
 

@@ -17,6 +17,8 @@ Array = NDArray[np.float64]
 #: Confidence level of all intervals.
 LEVEL = 0.95
 RESAMPLES = 999
+#: Widest interval of a Sobol' index that still says something about a share of the variance.
+WIDEST_INDEX = 0.5
 
 
 @dataclass(frozen=True)
@@ -32,6 +34,11 @@ class Estimate:
     value: float
     low: float
     high: float
+
+
+def index_told(index: Estimate) -> bool:
+    """Whether a sample allows a Sobol' index: its interval is known and no wider than `WIDEST_INDEX`."""
+    return bool(index.high - index.low <= WIDEST_INDEX)  # False for NaN
 
 
 def probability(successes: int, n: int, method: str = "wilson") -> Estimate:

@@ -60,7 +60,10 @@ def summarise_campaign(resolved: Resolved, results: pa.Table) -> dict[str, Any]:
         "finished": len(results),
         "failed": int((status == "failed").sum()),
         "confidence_level": statistics.LEVEL,
-        "scenarios": {name: _scenario(resolved, part) for name, part in by_scenario(resolved, results)},
+        "scenarios": {
+            name: {"observer": resolved.bases[name].observation.observer, **_scenario(resolved, part)}
+            for name, part in by_scenario(resolved, results)
+        },
         "flight_s": round(float(np.sum(wall)), 3),
         "versions": library_versions(),
     }
@@ -156,10 +159,28 @@ def _sobol(resolved: Resolved, rows: pa.Table, columns: dict[str, Array], rng: n
         indices = statistics.sobol(values.reshape(-1, width), rng)
         if indices is not None:
             found[name] = {
-                factor: {"first": _estimate(indices.first[k]), "total": _estimate(indices.total[k])}
+                factor: {"first": _index(indices.first[k]), "total": _index(indices.total[k])}
                 for k, factor in enumerate(factors)
             }
     return found
+
+
+def _index(index: Estimate) -> dict[str, Any]:
+    return {**_estimate(index), "told": statistics.index_told(index)}
+
+
+def sobol_remarks(summary: dict[str, Any]) -> list[str]:
+    """One line per scenario with indices of the observed area that its sample does not allow."""
+    remarks = []
+    for name, scenario in summary["scenarios"].items():
+        indices = scenario.get("sobol", {}).get("coverage_percent", {})
+        vague = [factor for factor, parts in indices.items() if not all(part["told"] for part in parts.values())]
+        if vague:
+            remarks.append(
+                f"{name}: Sobol' indices of the observed area: the sample does not allow those of {', '.join(vague)} "
+                f"(intervals wider than {statistics.WIDEST_INDEX:g}); raise runs"
+            )
+    return remarks
 
 
 def _estimate(estimate: Estimate) -> dict[str, Any]:
@@ -175,8 +196,10 @@ LINES = {
     "observed area, mean [%]": ("coverage_percent", "mean"),
     "observed area, 5th percentile [%]": ("coverage_percent", "0.05"),
     "pointing error at the visit, 95th percentile [deg]": ("pointing_error_deg_visit_max", "0.95"),
-    "wheel speed, 95th percentile [share of limit]": ("max_wheel_speed_fraction", "0.95"),
+    "wheel speed, 95th percentile [% of limit]": ("max_wheel_speed_fraction", "0.95"),
 }
+#: Outcomes that the table gives in percent, as that of a single run does.
+IN_PERCENT = {"max_wheel_speed_fraction"}
 #: With more scenarios than these, each gets a line instead of a column.
 MAX_COLUMNS = 4
 
@@ -191,7 +214,8 @@ def summary_table(summary: dict[str, Any]) -> Table:
     for words, (outcome, what) in LINES.items():
         found = [s["outcomes"].get(outcome) for s in scenarios.values()]
         if any(found):
-            cells[words] = [_cell(entry, what) for entry in found]
+            scale = 100.0 if outcome in IN_PERCENT else 1.0
+            cells[words] = [_cell(entry, what, scale) for entry in found]
     table = Table(title=f"Campaign {summary['campaign']}", title_justify="left")
     table.caption = f"{summary['flight_s']:.0f} s of computing in all"
     by_line = len(scenarios) > MAX_COLUMNS
@@ -214,12 +238,13 @@ def _in_words(covered: dict[str, Any]) -> str:
     return f"{100 * covered['probability']:.1f} ({100 * low:.1f} to {100 * high:.1f})"
 
 
-def _cell(outcome: dict[str, Any] | None, what: str) -> str:
+def _cell(outcome: dict[str, Any] | None, what: str, scale: float) -> str:
     if outcome is None:
         return "-"
     estimate = outcome["mean"] if what == "mean" else outcome["quantiles"][what]
-    low, value, high = (estimate[end] for end in ("low", "value", "high"))
-    return _short(value) + ("" if low is None or high is None else f" ({_short(low)} to {_short(high)})")
+    low, high = estimate["low"], estimate["high"]
+    words = _short(scale * estimate["value"])
+    return words + ("" if low is None or high is None else f" ({_short(scale * low)} to {_short(scale * high)})")
 
 
 def _short(value: float) -> str:

@@ -15,7 +15,10 @@ def add(commands: argparse._SubParsersAction) -> None:
     )
     video.add_argument("run", type=Path, metavar="RUN_DIR", help="result folder of `swarm-mj run`")
     video.add_argument(
-        "--camera", default="overview", metavar="NAME", help="overview (default), chase, split, or sc1, sc2, ..."
+        "--camera",
+        default="overview",
+        metavar="NAME",
+        help="overview (default), chase, split, or sc1, sc2, ... beside an overview",
     )
     video.add_argument("--fps", type=float, default=25.0, metavar="N", help="pictures per second of film (default 25)")
     video.add_argument(

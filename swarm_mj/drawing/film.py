@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from fractions import Fraction
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from swarm_mj.errors import OutputError
+from swarm_mj.output.file import atomic_file
 
 Pixels = NDArray[np.uint8]
 
@@ -50,7 +50,7 @@ def check_film(path: Path, width: int, height: int, fps: float) -> None:
 
 @contextmanager
 def film(path: Path, *, width: int, height: int, fps: float, sample: Iterable[Pixels] = ()) -> Iterator[Film]:
-    """A film that appears whole or not at all.
+    """A film that appears whole or not at all; one process at a time may make it.
 
     Args:
         path: Where; its ending chooses the kind.
@@ -63,8 +63,7 @@ def film(path: Path, *, width: int, height: int, fps: float, sample: Iterable[Pi
         OutputError: The film cannot be encoded as asked, or the file cannot be written.
     """
     check_film(path, width, height, fps)
-    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
-    try:
+    with atomic_file(path) as partial:
         writer: _Mp4 | _Gif
         writer = (
             _Mp4(partial, width, height, fps)
@@ -76,11 +75,6 @@ def film(path: Path, *, width: int, height: int, fps: float, sample: Iterable[Pi
             writer.finish()
         finally:
             writer.close()
-        os.replace(partial, path)
-    except OSError as error:
-        raise OutputError(f"{path}: cannot be written ({error.strerror or error})") from error
-    finally:
-        partial.unlink(missing_ok=True)
 
 
 class _Encoder:

@@ -1,4 +1,4 @@
-"""The constant-time observer: horizon maps, computed once per target and kept on disk.
+"""The constant-time observer: horizon maps, computed once per target and kept on disk, up to a bound.
 
 Seen from a point on the surface, the body hides the sky up to a horizon that depends on azimuth. Outside the body's bounding
 sphere whether a camera (or the Sun) sees the point is a matter of direction alone: it does where it stands above that horizon.
@@ -37,6 +37,8 @@ SAMPLES = ((3_000, 25), (12_000, 9), (10**9, 1))
 LIFT = 1e-7
 #: Rays traced at once; bounds the memory.
 BATCH = 400_000
+#: Maps of all targets that are kept on disk together, those used last [bytes].
+MAX_CACHE_BYTES = 512 * 2**20
 #: Raise when the meaning of a stored map changes.
 MAP_VERSION = 1
 
@@ -70,7 +72,7 @@ class HorizonMap:
             part = slice(start, min(start + cells, shape[0]))
             sine[part, :, :AZIMUTHS] = self._trace(part)
         sine[..., AZIMUTHS] = sine[..., 0]
-        store_array(file, sine)
+        store_array(file, sine, folder_bytes=MAX_CACHE_BYTES)
         return sine
 
     def _trace(self, part: slice) -> Array:

@@ -10,14 +10,9 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import IO
 
 from swarm_mj.errors import OutputError
-
-try:
-    import fcntl
-except ImportError:  # only where POSIX is not: runs into one folder at once are then not told apart
-    fcntl = None  # type: ignore[assignment]
+from swarm_mj.output.place import reserved, unwritable
 
 #: The file that every result has, and what such a folder may hold besides; anything else is somebody's and never replaced.
 MARKER = "summary.json"
@@ -36,14 +31,18 @@ def atomic_folder(destination: Path) -> Iterator[Path]:
             writing there.
     """
     destination = _resolved(destination)
-    with _reserved(destination):
+    try:
+        destination.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise unwritable(destination, error) from None
+    with reserved(destination):
         _check_replaceable(destination)  # held: no other run is exchanging what stands there
         _clear_leftovers(destination)
         try:
             partial = Path(tempfile.mkdtemp(prefix=f".{destination.name}.", suffix=".partial", dir=destination.parent))
             partial.chmod(0o755)
         except OSError as error:
-            raise _unwritable(destination, error) from None
+            raise unwritable(destination, error) from None
         try:
             yield partial
             _replace(partial, destination)
@@ -62,60 +61,6 @@ def _resolved(destination: Path) -> Path:
         raise OutputError(
             f"{str(destination)!r}: is no place for a result ({error}); choose another with --out"
         ) from None
-
-
-def _unwritable(destination: Path, error: OSError) -> OutputError:
-    return OutputError(f"{destination}: cannot be written ({error.strerror}); choose another folder with --out")
-
-
-@contextmanager
-def _reserved(destination: Path) -> Iterator[None]:
-    """Hold the place for this run; the system lets go of it when the process ends, however it ends."""
-    lock = destination.with_name(f".{destination.name}.lock")
-    try:
-        destination.parent.mkdir(parents=True, exist_ok=True)
-        file = _locked(lock)
-    except BlockingIOError:
-        raise OutputError(
-            f"{destination}: another run is writing there ({_owner(lock)}); wait for it, or choose another folder with --out"
-        ) from None
-    except OSError as error:
-        raise _unwritable(destination, error) from None
-    try:
-        yield
-    finally:
-        # Removed before it is released: whoever opened it meanwhile finds it gone and makes a new one.
-        with suppress(OSError):
-            lock.unlink()
-        file.close()
-
-
-def _locked(lock: Path) -> IO[bytes]:
-    """Open and lock a file that is still in its place.
-
-    Raises:
-        BlockingIOError: Another run holds it.
-    """
-    while True:
-        file = lock.open("ab", buffering=0)
-        try:
-            if fcntl is not None:
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            if lock.exists() and os.path.samestat(os.fstat(file.fileno()), lock.stat()):
-                with suppress(OSError):  # a full disk; what is to be written there says so
-                    file.truncate(0)
-                    file.write(f"process {os.getpid()}".encode())
-                return file
-        except OSError:
-            file.close()
-            raise
-        file.close()
-
-
-def _owner(lock: Path) -> str:
-    with suppress(OSError, ValueError):
-        return lock.read_text("utf-8")[:40] or "unknown process"
-    return "unknown process"
 
 
 def _clear_leftovers(destination: Path) -> None:

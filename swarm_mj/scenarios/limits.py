@@ -128,7 +128,7 @@ def check_work(scenario: Scenario, source: str) -> None:
 
 
 class _Short(reprlib.Repr):
-    """Beginnings of values; an integer that Python would refuse to write in digits (sys.set_int_max_str_digits) is described."""
+    """Beginnings of values; integers that Python refuses to write (sys.set_int_max_str_digits) are described."""
 
     def repr_int(self, x: int, level: int) -> str:
         if x.bit_length() > MAX_SHOWN_BITS:

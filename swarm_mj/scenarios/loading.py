@@ -197,7 +197,6 @@ class _Loader(yaml.SafeLoader):
             raise yaml.YAMLError(f"key {shown(keys.most_common(1)[0][0])} is given twice{node.start_mark}")
         return mapping
 
-
     def construct_integer(self, node: yaml.ScalarNode) -> int:
         """Build an integer; in hexadecimal, binary, octal or to the base 60 it could be larger than Python can write."""
         if isinstance(node, yaml.ScalarNode) and len(node.value) > MAX_INTEGER_CHARACTERS:

@@ -4,6 +4,7 @@ import os
 import signal
 import threading
 import time
+from pathlib import Path
 
 import pytest
 
@@ -243,6 +244,17 @@ def test_a_run_that_kills_its_worker_every_time_is_recorded_as_failed(write):
         pool.close()
     assert row["status"] == "failed"
     assert row["error"] == "its process died 3 times, the last time by signal SIGKILL"
+
+
+def test_the_folder_is_printed_as_it_was_given_and_wheels_in_percent_as_of_a_run(write, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "200")
+    summary = run_campaign(load_campaign(write(runs=1)), Path("out"), workers=1, quiet=True, figures=False)
+    printed = capsys.readouterr().out
+    assert "plain: files in out\n" in printed
+    (line,) = [line for line in printed.splitlines() if "wheel speed" in line]
+    fastest = summary["scenarios"]["eros-quick"]["outcomes"]["max_wheel_speed_fraction"]["quantiles"]["0.95"]["value"]
+    assert "[% of limit]" in line and f" {100 * fastest:.4g} " in line
 
 
 def test_telemetry_is_kept_if_asked_for_and_figures_and_summary_are_written(write, tmp_path):

@@ -41,6 +41,16 @@ def test_nobody_at_the_address_is_a_clear_error(write, tmp_path, monkeypatch):
         run_campaign(load_campaign(write()), tmp_path / "out", scheduler="tcp://127.0.0.1:9", quiet=True)
 
 
+@pytest.mark.parametrize("address", ["garbage", "foo://x", "tls://127.0.0.1:9", ""])
+def test_an_address_that_is_none_ends_the_program_at_once_and_cleanly(write, start, tmp_path, address):
+    process = start(write(), "--out", tmp_path / "out", "--scheduler", address, "--no-figures")
+    out, errors = process.communicate(timeout=35)  # nearly all of it for the start; Dask alone would wait for 40 s more
+    assert process.returncode == 2
+    assert "no Dask scheduler answers" in errors and "tcp://host:8786" in errors
+    assert "Traceback" not in out + errors and "ignored" not in out + errors
+    assert len((out + errors).strip().splitlines()) == 1
+
+
 @pytest.fixture
 def cluster(tmp_path):
     """A scheduler and two workers in processes of their own; gives address, scheduler and a way to start workers."""

@@ -56,7 +56,7 @@ def test_a_run_that_fails_is_a_row_with_its_error_and_seed(write):
     bad = next(t for t in trials if t.values["mothership.position_A_m.2"] == -500.0)
     row = flyer.fly(bad.row)
     assert row["status"] == "failed" and row["seed"] == bad.seed
-    assert row["error"].startswith("ScenarioError: mothership.position_A_m") and "lies inside" in row["error"]
+    assert row["error"].startswith("ScenarioError: mothership.position_A_m = [0.0, 0.0, -500.0]: lies inside")
     assert "coverage_percent" not in row
 
 

@@ -80,3 +80,10 @@ def test_sobol_indices_of_the_ishigami_function_are_the_analytic_ones():
 
 def test_a_constant_outcome_has_no_sobol_indices():
     assert statistics.sobol(np.ones((8, 4)), np.random.default_rng(0)) is None
+
+
+def test_an_index_is_told_where_its_interval_is_narrow():
+    told = statistics.index_told
+    assert told(statistics.Estimate(0.2, 0.0, 0.5)) and told(statistics.Estimate(0.0, 0.0, 0.0))
+    assert not told(statistics.Estimate(0.81, 0.09, 1.58))
+    assert not told(statistics.Estimate(0.3, np.nan, np.nan))

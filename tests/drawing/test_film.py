@@ -1,5 +1,9 @@
 """Films: what a decoder finds in them, and that they appear whole or not at all."""
 
+import signal
+import subprocess
+import sys
+import textwrap
 from fractions import Fraction
 
 import av
@@ -86,3 +90,60 @@ def test_what_cannot_be_encoded_or_written_is_a_clear_error(tmp_path):
     with pytest.raises(OutputError, match="nowhere.*cannot be written"):
         write(tmp_path / "nowhere" / "a.mp4")
     assert not list(tmp_path.iterdir())
+
+
+#: Begins a film, says so, and never ends it.
+ENDLESS = """
+    import sys, time
+    from pathlib import Path
+    import numpy as np
+    from swarm_mj.drawing.film import film
+    with film(Path(sys.argv[1]), width=96, height=64, fps=25.0, sample=[np.zeros((64, 96, 3), np.uint8)]) as reel:
+        for k in range(50):
+            reel.add(np.full((64, 96, 3), k, np.uint8))
+        print("filming", flush=True)
+        time.sleep(600)
+"""
+
+
+@pytest.fixture
+def filming():
+    """Start a film in a process of its own that is still at it; it is killed at the end."""
+    started = []
+
+    def begin(path):
+        command = [sys.executable, "-c", textwrap.dedent(ENDLESS), str(path)]
+        started.append(subprocess.Popen(command, stdout=subprocess.PIPE, text=True))
+        assert started[-1].stdout.readline().strip() == "filming"
+        return started[-1]
+
+    yield begin
+    for process in started:
+        process.kill()
+        process.communicate()
+
+
+@pytest.mark.robust
+@pytest.mark.parametrize("name", ["a.mp4", "a.gif"])
+def test_what_a_killed_process_left_behind_is_cleared_by_the_next_film_of_that_name(tmp_path, filming, name):
+    process = filming(tmp_path / name)
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    assert (tmp_path / f".{name}.{process.pid}.partial").exists()
+    (tmp_path / ".b.mp4.123.partial").write_bytes(b"of another film")
+    write(tmp_path / name)
+    assert sorted(p.name for p in tmp_path.iterdir()) == [".b.mp4.123.partial", name]
+    assert decoded(tmp_path / name)[1]
+
+
+@pytest.mark.robust
+def test_of_two_films_into_one_file_one_is_made_and_the_other_says_so(tmp_path, filming):
+    process = filming(tmp_path / "a.mp4")
+    with pytest.raises(OutputError, match=rf"a\.mp4: another run is writing there \(process {process.pid}\); .*--out"):
+        write(tmp_path / "a.mp4")
+    write(tmp_path / "b.mp4")
+    assert (tmp_path / f".a.mp4.{process.pid}.partial").exists() and not (tmp_path / "a.mp4").exists()
+    process.kill()
+    process.wait()
+    write(tmp_path / "a.mp4")
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.mp4", "b.mp4"]

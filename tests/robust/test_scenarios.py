@@ -219,3 +219,76 @@ def test_any_design_file_is_read_or_refused(tmp_path_factory, content):
             assert all(type(point) is int for point in read_design(str(path)))
         except ScenarioError as error:
             assert "design.reference" in str(error)
+
+
+LONG_INTEGERS = {
+    "binary": "0b" + "1" * 20_000,
+    "octal": "0" + "7" * 20_000,
+    "hexadecimal": "0x" + "f" * 20_000,
+    "base 60": ":".join(["59"] * 20_000),
+    "decimal": "9" * 20_000,
+    "tagged": "!!int '0x" + "f" * 20_000 + "'",
+}
+
+
+@pytest.mark.parametrize("notation", LONG_INTEGERS)
+def test_an_integer_too_long_to_be_written_is_refused_in_any_notation(tmp_path, notation):
+    text = LONG_INTEGERS[notation]
+    (tmp_path / "long.yaml").write_text(f"name: long\nduration_s: {text}\n")
+    with bounded(10), pytest.raises(ScenarioError, match=r"long\.yaml.*MAX_INTEGER_CHARACTERS") as error:
+        load_scenario(tmp_path / "long.yaml")
+    assert len(str(error.value)) < 1_000
+    with bounded(10), pytest.raises(ScenarioError, match=r"--set duration_s=.*MAX_INTEGER_CHARACTERS"):
+        load_scenario("eros-quick", [f"duration_s={text}"])
+    with pytest.raises(ScenarioError, match="MAX_INTEGER_CHARACTERS"):
+        loading.parse_yaml(f"? {text}\n: 1\n", "key")
+
+
+@pytest.mark.parametrize("value", ["0x" + "f" * 900, "0b" + "1" * 900, ":".join(["59"] * 300)])
+def test_an_integer_that_fits_no_machine_is_refused_by_name(value):
+    with pytest.raises(ScenarioError, match=r"value = \d+\.\.\.\d+: must be less than"):
+        load_scenario("eros-quick", [f"duration_s={value}"])
+
+
+def test_a_message_shows_integers_of_any_size():
+    for value in (10**5000, -(10**5000), [1 << 100_000], {"a": -(1 << 100_000)}):
+        assert "bits" in limits.shown(value)
+        with pytest.raises(ScenarioError, match="bits"):
+            scenario_from({**BASE, "duration_s": value if isinstance(value, int) else 1 << 100_000})
+
+
+DEEP = ["[", "{", "- ", "? ", "{a: ", "[\n  ", ": ", "[? "]
+
+
+@pytest.mark.parametrize("opening", DEEP)
+def test_depth_is_refused_in_a_time_that_does_not_depend_on_it(tmp_path, opening):
+    text = ("x: " if opening[0] in "[{" else "") + opening * (980_000 // len(opening))
+    (tmp_path / "deep.yaml").write_text(text)
+    start = time.process_time()
+    with bounded(), pytest.raises(ScenarioError, match="MAX_DEPTH"):
+        load_scenario(tmp_path / "deep.yaml")
+    with bounded(), pytest.raises(ScenarioError, match="MAX_DEPTH"):
+        load_scenario("eros-quick", [f"name={opening * 40_000}"])
+    assert time.process_time() - start < 3.0  # a fraction of a second; 150 s where time grows with the square
+
+
+@examples(60)
+@given(
+    opening=st.lists(st.sampled_from([*DEEP, "a: ", "[]", "\n"]), min_size=1, max_size=6), count=st.integers(1, 3_000)
+)
+def test_any_nesting_is_read_or_refused_soon(opening, count):
+    start = time.process_time()
+    with bounded(20):
+        try:
+            loading.parse_yaml("".join(opening) * count, "nested")
+        except ScenarioError as error:
+            assert "nested" in str(error)
+    assert time.process_time() - start < 10.0
+
+
+def test_the_deepest_mapping_that_a_scenario_may_hold_is_still_read():
+    text = "{a: " * (limits.MAX_DEPTH + 1) + "{b: 1}" + "}" * (limits.MAX_DEPTH + 1)
+    with pytest.raises(ScenarioError, match="MAX_DEPTH"):
+        loading.parse_yaml(text, "deep")
+    text = "{a: " * (limits.MAX_DEPTH - 1) + "{b: 1}" + "}" * (limits.MAX_DEPTH - 1)
+    assert loading.parse_yaml(text, "deep")["a"]["a"]

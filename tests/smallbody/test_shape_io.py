@@ -138,6 +138,31 @@ def test_obj_decorations_negative_indices_and_polygons_are_understood(tmp_path):
     assert shape.volume == pytest.approx(8e6)
 
 
+@pytest.mark.parametrize("end", ["\n", "\r\n"])
+def test_an_obj_line_goes_on_after_a_backslash(tmp_path, end):
+    shape = potato()
+    lines = [f"v {x!r} \\{end} {y!r}\\{end} {z!r}" for x, y, z in shape.vertices.tolist()]
+    lines += [f"f {i} {j} \\{end}{k}" for i, j, k in shape.faces + 1]
+    (tmp_path / "a.obj").write_bytes(end.join(["# a comment that \\", "goes on", "g a \\", "b", *lines, ""]).encode())
+    read = load_shape(tmp_path / "a.obj")
+    np.testing.assert_array_equal(read.vertices, shape.vertices)
+    np.testing.assert_array_equal(read.faces, shape.faces)
+    (tmp_path / "b.obj").write_text("v 1 2 3\nv 1 \\\n2 \\\nx\n")
+    with pytest.raises(ShapeError, match="line 2, "):
+        load_shape(tmp_path / "b.obj")
+
+
+def test_plate_tables_may_begin_with_the_numbers_of_vertices_and_faces(tmp_path):
+    shape = potato()
+    path = write(shape, tmp_path, "tab")
+    text = path.read_text()
+    path.write_text(f"# plates\n {len(shape.vertices)} {len(shape.faces)}\n{text}")
+    np.testing.assert_array_equal(load_shape(path).faces, shape.faces)
+    path.write_text(f"{len(shape.vertices) + 1} {len(shape.faces)}\n{text}")
+    with pytest.raises(ShapeError, match=f"promises {len(shape.vertices) + 1} vertices and .* but holds"):
+        load_shape(path)
+
+
 BAD_TEXT = {
     "no such file": ("obj", None, "no such file"),
     "unknown ending": ("glb", b"x", r"ending '.glb' is unknown; use one of .obj, .ply, .stl, .tab"),
@@ -147,6 +172,16 @@ BAD_TEXT = {
     "utf-16": ("tab", "v 1 2 3".encode("utf-16"), "not UTF-8"),
     "number": ("obj", b"v 1 2 3\nv 1 x 3\n", "line 2, 'v 1 x 3'"),
     "short vertex": ("tab", b"v 1 2\n", "line 1, .*three coordinates, this one has 2"),
+    "tab of words": ("tab", b"hello\n", "line 1, 'hello': neither a vertex .v x y z. nor a face .f i j k."),
+    "tab of two words": ("tab", b"hello world\n", "line 1, 'hello world': neither"),
+    "tab without letters": ("tab", b"4 4\n1 0.1 0.2 0.3\n", "line 2, '1 0.1 0.2 0.3': neither a vertex"),
+    "tab of numbers alone": ("tab", b"4 4\n", "no vertices .* and no faces"),
+    "tab with numbers twice": ("tab", b"4 4\n4 4\nv 1 2 3\n", "line 2, '4 4': neither"),
+    "tab with wrong numbers": ("tab", b"4 4\nv 1 2 3\nf 0 0 0\n", "promises 4 vertices and 4 faces, but holds 1 and 1"),
+    "obj of words": ("obj", b"hello\n", "no vertices .* and no faces .* so this is no shape model"),
+    "points": ("obj", b"v 1 2 3\n", "no faces; the file may be a point cloud"),
+    "short continued face": ("obj", b"v 1 2 3\nf 1 \\\n 1\n", "line 2, .*at least three vertices, this one has 2"),
+    "endless continuation": ("obj", b"v 1 \\\n" + b"\\\n" * 100_001, "line 1 is longer than 100000"),
     "short face": ("obj", b"v 1 2 3\nf 1 1\n", "line 2, .*at least three vertices, this one has 2"),
     "zero index": ("obj", b"v 1 2 3\nf 0 1 2\n", "counts vertices from 1"),
     "huge index": ("obj", b"v 1 2 3\nf 1 2 99999999999999999999\n", "line 2"),
