@@ -10,13 +10,12 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-import yaml
 from numpy.typing import NDArray
 
 from swarm_mj.errors import OutputError, ScenarioError
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.output.figures.modes import LOST, MODE_LOOKS, modes_shown, runs
-from swarm_mj.scenarios.loading import scenario_from
+from swarm_mj.scenarios.loading import parse_yaml, scenario_from
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.simulation.telemetry import read_telemetry
 
@@ -153,14 +152,8 @@ def _read_json(path: Path) -> Any:
 
 def _read_scenario(path: Path) -> Scenario:
     try:
-        data = yaml.safe_load(path.read_text("utf-8"))
-    except (OSError, ValueError, yaml.YAMLError, RecursionError) as error:
-        raise _unreadable(path, error) from None
-    if not isinstance(data, dict):
-        raise _unreadable(path, "it holds no mapping")
-    try:
-        return scenario_from(data, str(path))
-    except ScenarioError as error:
+        return scenario_from(parse_yaml(path.read_text("utf-8"), str(path)), str(path))
+    except (OSError, ValueError, ScenarioError) as error:
         raise _unreadable(path, error) from None
 
 
