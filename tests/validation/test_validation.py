@@ -15,6 +15,7 @@ from swarm_mj.attitude import mrp
 from swarm_mj.attitude.controllers import MrpSlidingMode
 from swarm_mj.errors import OutputError, SwarmError
 from swarm_mj.mission import links as program_links
+from swarm_mj.observation import horizon
 from swarm_mj.observation.camera import CameraModel, CameraPose
 from swarm_mj.observation.compiled_faces import CompiledFaces
 from swarm_mj.observation.gl_faces import OpenGlFaces
@@ -124,6 +125,11 @@ def narrower_compiled_picture():
     return CompiledFaces, "_picture_from_body", lambda self, pose: np.diag([1.1, 1.1, 1.0]) @ right(self, pose)
 
 
+def wider_maps():
+    right = horizon._look
+    return horizon, "_look", lambda r, C, tan, *rest: right(r, C, 1.1 * tan, *rest)
+
+
 def square_cone():
     right = CameraModel.contains
     return CameraModel, "contains", lambda self, points: right(replace(self, shape="square"), points)
@@ -208,6 +214,7 @@ FAULTS = {
         ),
         ["links-geometry"],
     ),
+    "field of view of the maps": (wider_maps(), ["coverage-polygons-horizon"]),
     "mirrored drawing": (mirrored_compiled_picture(), ["coverage-pixels-raster", "coverage-polygons-raster"]),
     "scale of the drawing": (narrower_compiled_picture(), ["coverage-footprint-raster"]),
 }
