@@ -46,7 +46,7 @@ def rows(quick: bool) -> Iterator[Row]:
     scenario = "eros-quick" if quick else "eros-config1"
     with tempfile.TemporaryDirectory() as folder:
         run = Path(folder) / "run"
-        command = [sys.executable, "-m", "swarm_mj.cli", "run", scenario, "--quiet", "--out", str(run)]
+        command = [sys.executable, "-m", "swarm_mj.cli", "run", scenario, "--quiet", "--no-figures", "--out", str(run)]
         subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
         if gl_available()[0]:
             for camera in CAMERAS[:1] if quick else CAMERAS:
