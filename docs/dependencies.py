@@ -27,6 +27,7 @@ PURPOSE = {
     "numpy": "arrays",
     "scipy": "integrators, the exact solver (HiGHS), sparse matrices, sampling",
     "numba": "compiled loops",
+    "llvmlite": "calls of compiled control laws by address, in numba's own terms",
     "trimesh": "the PLY reader",
     "embreex": "ray casting (Embree)",
     "moderngl": "face-ID buffers on OpenGL",

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from swarm_mj.errors import SimulationError
 from swarm_mj.flight import initial_state, make_simulation
 from swarm_mj.observation.coverage import observe
-from swarm_mj.simulation.batch import BatchFlights, LoneFlight, why_not_batched
-from swarm_mj.simulation.gyrostat_flights import GyrostatFlights
+from swarm_mj.simulation.batch import BatchFlights
+from swarm_mj.simulation.compiled import why_not_compiled
 from swarm_mj.simulation.separate import SeparateFlights
 from swarm_mj.simulation.simulation import Simulation
 
@@ -95,15 +95,11 @@ class Flybys:
     def _make_flights(self) -> BatchFlights | SeparateFlights:
         setting, level = self.setting, self.level
         law = None if level.torque_B is not None else setting.plan.controller
-        self.why_separate = why_not_batched(setting.simulation, law)
+        self.why_separate = why_not_compiled(setting.simulation, law)
         self.batched = not self.why_separate
         if not self.batched:
             return SeparateFlights([self._simulation(e) for e in range(self.count)])
         behaviors = None if level.kind is not None else [level.behavior(e) for e in range(self.count)]
-        if setting.simulation.model.wheels == "gyrostat":
-            return GyrostatFlights(setting.simulation, self.count, law, behaviors)
-        if self.count == 1:
-            return LoneFlight(setting.simulation, law, behaviors[0] if behaviors else None)
         return BatchFlights(setting.simulation, self.count, law, behaviors)
 
     def _simulation(self, e: int) -> Simulation:
@@ -173,9 +169,9 @@ class Flybys:
     def _give_held(self) -> None:
         """Hand the batch what the level holds; separate simulations read it themselves."""
         flights, level = self.flights, self.level
+        flights.ask_again()
         if isinstance(flights, SeparateFlights):
             return
-        flights.ask_again()
         if level.kind is not None:
             flights.kind[:], flights.index[:], flights.vector[:] = level.kind, level.index, level.vector
         if level.torque_B is not None:

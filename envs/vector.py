@@ -25,7 +25,7 @@ Infos = dict[str, Any]
 
 
 class SwarmObserveVectorEnv(VectorEnv[Any, Any, Any]):
-    """`num_envs` flybys of one scenario on `mujoco.batch.Batch`; made by `gymnasium.make_vec("swarm_mj:SwarmObserve-v0", ...)`.
+    """`num_envs` flybys of one scenario; made by `gymnasium.make_vec("swarm_mj:SwarmObserve-v0", ...)`.
 
     Spaces, rewards and episode ends are those of `SwarmObserveEnv`, which documents them, and so are the numbers: with the
     same seeds every flight is bit for bit that of the single environment, whatever `num_envs` and `threads` are.

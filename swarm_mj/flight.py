@@ -104,8 +104,14 @@ def adversity_from(scenario: Scenario) -> Adversity | None:
     )
 
 
-def make_simulation(plan: Plan) -> Simulation:
-    """The simulation of a plan, at its start."""
+def make_simulation(plan: Plan, *, geometry: bool = False) -> Simulation:
+    """The simulation of a plan, at its start.
+
+    Args:
+        plan: What to fly.
+        geometry: Whether the model holds shapes, cameras and light as well, for MuJoCo's own viewers and renderer; flying needs
+            none of them, and the pictures of swarm_mj are drawn from a model of their own.
+    """
     scenario = plan.scenario
     model = build_model(
         plan.n,
@@ -115,6 +121,7 @@ def make_simulation(plan: Plan) -> Simulation:
         camera_half_angle_deg=scenario.camera.half_angle_deg,
         sun_N=plan.environment.sun.position.tolist(),
         wheels=scenario.physics.wheels,
+        geometry=geometry,
     )
     behavior = plan.behavior
     simulation = Simulation(

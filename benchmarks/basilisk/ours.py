@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
+from math import inf
 from typing import ClassVar
 
 import numpy as np
@@ -13,7 +15,9 @@ from numpy.typing import NDArray
 from benchmarks.basilisk.problem import DURATION_S, K_N_M, LEG_S, P_N_M_S, PERIOD_S, Flight, Problem
 from swarm_mj.attitude.algebra import combine, cross, put_vector, times, vector
 from swarm_mj.attitude.controllers.base import ControlInput
+from swarm_mj.attitude.controllers.compiled import CompiledLaw
 from swarm_mj.mission.behaviors import SwarmView, TargetKind, Targets
+from swarm_mj.simulation.integrator import Integrator
 from swarm_mj.simulation.simulation import Simulation
 from swarm_mj.spacecraft.model import WheelModel, build_model
 
@@ -32,29 +36,29 @@ class Legs:
 
     def targets(self, view: SwarmView, memory: None) -> tuple[Targets, None]:
         """The directions of this leg."""
-        return self._legs[min(int(view.t / LEG_S), len(self._legs) - 1)], None
+        return self._legs[self._leg(view.t)], None
+
+    def steady_for(self, view: SwarmView, memory: None) -> float:
+        """Until the next leg [s]."""
+        leg = self._leg(view.t)
+        return inf if leg + 1 == len(self._legs) else (leg + 1) * LEG_S - view.t
+
+    def _leg(self, t: float) -> int:
+        return min(int(t / LEG_S), len(self._legs) - 1)
 
 
 class ScalarFeedback:
     """The law of the problem."""
 
-    def __init__(self, n: int) -> None:
-        self._torque_B = np.empty((n, 3))
-
     def torque(self, inputs: ControlInput, memory: None) -> tuple[Array, None]:
         """Torque on the bodies in B [N m]."""
-        _write_torque(
-            inputs.sigma_BR,
-            inputs.omega_BR_B,
-            inputs.omega_BN_B,
-            inputs.omega_RN_B,
-            inputs.domega_RN_B,
-            inputs.wheel_momentum_B,
-            inputs.inertia_B,
-            inputs.inertia_effective_B,
-            self._torque_B,
-        )
-        return self._torque_B, None
+        torque_B = np.empty_like(inputs.sigma_BR)
+        _write_torque(*inputs[:8], np.array([K_N_M, P_N_M_S]), torque_B)
+        return torque_B, None
+
+    def compiled(self) -> CompiledLaw:
+        """The same for compiled code."""
+        return CompiledLaw(_write_torque, np.array([K_N_M, P_N_M_S]))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -67,13 +71,14 @@ def _write_torque(
     wheel_momentum_B: Array,
     inertia_B: Array,
     inertia_effective_B: Array,
+    numbers: Array,
     torque_B: Array,
 ) -> None:
     for j in range(sigma_BR.shape[0]):
         omega = vector(omega_BN_B, j)
         momentum = combine(1.0, times(inertia_B[j], omega), 1.0, vector(wheel_momentum_B, j))
         following = combine(1.0, vector(domega_RN_B, j), -1.0, cross(omega, vector(omega_RN_B, j)))
-        feedback = combine(-K_N_M, vector(sigma_BR, j), -P_N_M_S, vector(omega_BR_B, j))
+        feedback = combine(-numbers[0], vector(sigma_BR, j), -numbers[1], vector(omega_BR_B, j))
         forward = combine(1.0, cross(omega, momentum), 1.0, times(inertia_effective_B[j], following))
         put_vector(torque_B, j, combine(1.0, forward, 1.0, feedback))
 
@@ -86,10 +91,7 @@ class Swarm:
 
     def fly_to(self, end: float) -> None:
         """Fly on until `end` [s]."""
-        simulation = self.simulation
-        for _ in range(round(end / PERIOD_S) - simulation.tick):
-            simulation.decide()
-            simulation.advance()
+        self.simulation.fly(round(end / PERIOD_S) - self.simulation.tick)
 
     def state(self) -> Flight:
         """Where the swarm is now, a flight of one sample."""
@@ -103,12 +105,17 @@ def make(problem: Problem, timestep: float, wheels: WheelModel) -> Simulation:
     """The simulation at its start."""
     simulation = Simulation(
         build_model(
-            problem.n, shape=problem.plan.shape, properties=problem.properties, timestep=timestep, wheels=wheels
+            problem.n,
+            shape=problem.plan.shape,
+            properties=problem.properties,
+            timestep=timestep,
+            wheels=wheels,
+            geometry=False,
         ),
         properties=problem.properties,
         environment=problem.environment,
         behavior=Legs(problem.directions_N),
-        controller=ScalarFeedback(problem.n),
+        controller=ScalarFeedback(),
         control_period=PERIOD_S,
     )
     simulation.reset(problem.initial)
@@ -122,16 +129,11 @@ def fly(problem: Problem, timestep: float, wheels: WheelModel = "bodies") -> Fli
 
 
 def stepping(problem: Problem, timestep: float, wheels: WheelModel) -> Callable[[], object]:
-    """A function that only lets MuJoCo integrate for the time of the flight, with the first forces and no torques held."""
+    """A function that only steps for the time of the flight, with the first forces and no torques held."""
     simulation = make(problem, timestep, wheels)
     simulation.decide()
     simulation.data.ctrl[:] = 0.0
-
-    def step() -> None:
-        for _ in range(round(DURATION_S / PERIOD_S)):
-            simulation.advance()
-
-    return step
+    return partial(Integrator(simulation.model, simulation.data).step, round(DURATION_S / timestep))
 
 
 def ready(problem: Problem, timestep: float, wheels: WheelModel) -> Callable[[], object]:

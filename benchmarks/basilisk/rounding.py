@@ -13,7 +13,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from benchmarks.basilisk.problem import Problem
-from swarm_mj.simulation.gyrostat import GyrostatIntegrator
+from swarm_mj.simulation.integrator import Integrator
 from swarm_mj.spacecraft.model import WheelModel, build_model
 from swarm_mj.validation.reference import Gyrostat
 
@@ -44,11 +44,7 @@ def tumble(problem: Problem, speed: float, wheels: WheelModel) -> np.ndarray:
     qpos = np.zeros((1, 10))
     qpos[0, 3] = 1.0
     built.set_state(data, qpos, np.concatenate((speed * HEADING, ROTATION))[None])
-    steps = round(DURATION_S / STEP_S)
-    if wheels == "bodies":
-        mujoco.mj_step(built.mjmodel, data, nstep=steps)
-    else:
-        GyrostatIntegrator(built.mjmodel, problem.properties.wheel_axes_B).step(data, steps)
+    Integrator(built, data).step(round(DURATION_S / STEP_S))
     return built.state(data)[0][0, 3:7].copy()
 
 

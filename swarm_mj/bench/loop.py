@@ -42,9 +42,7 @@ def loop_rows(n: int, rounds: int) -> list[Row]:
     simulation.run(5.0, 1.0)  # compiles
 
     def whole() -> None:
-        for _ in range(periods):
-            simulation.decide()
-            simulation.advance()
+        simulation.fly(periods)
 
     def raw() -> None:
         mujoco.mj_step(simulation.model.mjmodel, simulation.data, nstep=hold * periods)

@@ -19,7 +19,7 @@ from swarm_mj.mission.behaviors import MissionBehavior, SwarmView, TargetKind
 from swarm_mj.mission.trajectories import propagate
 from swarm_mj.planning import Plan, as_planned, behavior_from, make_plan
 from swarm_mj.scenarios.schema import Scenario
-from swarm_mj.simulation.simulation import sample_times
+from swarm_mj.simulation.records import sample_times
 
 Array = NDArray[np.float64]
 

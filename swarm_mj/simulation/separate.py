@@ -82,10 +82,19 @@ class SeparateFlights:
 
     def park(self, e: int, j: int) -> None:
         """Put a spacecraft that is no more where it disturbs nothing: far out, at rest."""
-        simulation = self.simulations[e]
-        qpos, qvel = (part.reshape(self.n, -1).copy() for part in self.model.state(simulation.data))
+        qpos, qvel = (part.reshape(self.n, -1).copy() for part in self.model.state(self.simulations[e].data))
         qpos[j, :3], qvel[j] = (PARKED * (1.0 + j), 0.0, 0.0), 0.0
-        self.model.set_state(simulation.data, qpos, qvel)
+        self.place(e, qpos, qvel)
+
+    def place(self, e: int, qpos: Array, qvel: Array) -> None:
+        """Put one flight into a state, shape (n, 7 + w) and (n, 6 + w); see `SwarmModel.state`."""
+        self.model.set_state(self.simulations[e].data, qpos, qvel)
+        self.simulations[e].ask_again()
+
+    def ask_again(self) -> None:
+        """Have all behaviours asked at the next decision, because they have been told something new."""
+        for simulation in self.simulations:
+            simulation.ask_again()
 
     def decide(self, live: Mask) -> bool:
         """Set forces and motor torques of the coming hold; see `BatchFlights.decide`."""

@@ -2,12 +2,11 @@
 
 Every control period the state is read, the forces of the coming hold are evaluated at its middle, the behaviour names the
 targets, guidance turns them into references, the controller answers with torques, and MuJoCo steps on with all of it held.
+Where `why_not_compiled` finds nothing against it, compiled code does all of this from one question to the behaviour to the
+next; else it is done here call by call, from the same kernels and to the same bits.
 """
 
 from __future__ import annotations
-
-from collections.abc import Callable
-from typing import Any
 
 import mujoco
 import numpy as np
@@ -19,25 +18,23 @@ from swarm_mj.errors import PluginError, SimulationError
 from swarm_mj.faults.flight import Adversity
 from swarm_mj.faults.impact import ImpactWatch
 from swarm_mj.faults.schedule import Event
-from swarm_mj.faults.telemetry import FaultRecord
 from swarm_mj.mission.behaviors import Behavior, SwarmView, Targets
-from swarm_mj.simulation import kernels
+from swarm_mj.simulation import flight_kernels, kernels
 from swarm_mj.simulation.adverse import NOTHING, AdverseLoop
-from swarm_mj.simulation.gyrostat import GyrostatIntegrator
+from swarm_mj.simulation.asking import Asking
+from swarm_mj.simulation.compiled import SPEED_MARGIN, make_world, why_not_compiled
+from swarm_mj.simulation.flight_kernels import World, no_flights
+from swarm_mj.simulation.integrator import Integrator
 from swarm_mj.simulation.kernels import Slot
-from swarm_mj.simulation.records import InitialState, Record, sample_times
+from swarm_mj.simulation.recording import Progress, Recorder
+from swarm_mj.simulation.records import InitialState, Record
 from swarm_mj.smallbody.environment import Environment
-from swarm_mj.smallbody.rotation import sub_point
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.spacecraft.gyrostat import with_wheels
 from swarm_mj.spacecraft.model import NQ, NV, SwarmModel
 from swarm_mj.spacecraft.properties import SpacecraftProperties
 
 Array = NDArray[np.float64]
-Progress = Callable[[float], None]
-
-#: The wheel-speed limiter aims this far below the limit, for what the gyroscopic terms add within a hold.
-SPEED_MARGIN = 1e-4
 
 
 class Simulation:
@@ -53,6 +50,7 @@ class Simulation:
         gravity_gradient_torque: Whether the torque of the central field acts; the field must know its `gm`.
         adversity: What may go wrong; None: nothing, all is as planned.
         shape: The body, to look for impacts while `run` flies; None: nobody looks.
+        compiled: Whether compiled code flies what it can; if not, every decision is made in Python, where it can be followed.
     """
 
     def __init__(
@@ -67,9 +65,10 @@ class Simulation:
         gravity_gradient_torque: bool = False,
         adversity: Adversity | None = None,
         shape: ShapeModel | None = None,
+        compiled: bool = True,
     ) -> None:
         self.model, self.properties, self.environment = model, properties, environment
-        self.behavior, self.controller, self.period = behavior, controller, control_period
+        self.period, self._controller = control_period, controller
         self.data = mujoco.MjData(model.mjmodel)
         self._hold = round(control_period / model.mjmodel.opt.timestep)
         self._gradient_gm = self._gm_of_field() if gravity_gradient_torque else 0.0
@@ -78,8 +77,13 @@ class Simulation:
         if adversity is None and properties.n_wheels != 3:
             adversity = NOTHING
         self._adverse = None if adversity is None else AdverseLoop(self, adversity, SPEED_MARGIN)
-        self._gyrostats = GyrostatIntegrator(model.mjmodel, self._axes) if model.wheels == "gyrostat" else None
-        self.tick = 0
+        self._integrator = Integrator(model, self.data)
+        self._asking = Asking(behavior, control_period)
+        self._compiled = compiled
+        self._world: World | None = None
+        self._controller_memory: Array | None = None
+        kind, index = self._flight.targets[0, :2]
+        self._targets = Targets(kind, index, self._flight.vector[0])  # none yet
 
     def _gm_of_field(self) -> float:
         gm = getattr(self.environment.gravity, "gm", None)
@@ -90,13 +94,11 @@ class Simulation:
     def _allocate_arrays(self, n: int) -> None:
         properties, environment = self.properties, self.environment
         axes = properties.wheel_axes_B
-        self._work = np.zeros((len(Slot), n, 3))
-        self._q_BN, self._q_RN = np.zeros((n, 4)), np.zeros((n, 4))
-        self._C_AN, self._C_mid = np.zeros((3, 3)), np.zeros((3, 3))
-        self._aim = np.zeros((2, n), np.int64)
+        self._flight = f = no_flights(1, n)
+        self._work, self._peaks, self._aim = f.work[0], f.peaks[0], f.targets[0, 2:]
+        self._qpos, self._qvel = f.qpos[0], f.qvel[0]
+        self._q_BN, self._q_RN, self._C_AN, self._C_mid = f.q[0, 0], f.q[0, 1], f.C[0, 0], f.C[0, 1]
         self._restart = np.zeros(n, np.bool_)
-        self._peaks = np.zeros((n, 3))
-        self._qpos, self._qvel = np.zeros(NQ * n), np.zeros(NV * n)
         self._hub = np.ascontiguousarray(self.model.hub_body, np.int64)
         self._axes = np.ascontiguousarray(axes)
         self._allocation = -np.linalg.pinv(axes.T)
@@ -120,6 +122,31 @@ class Simulation:
             inertia_effective_B=np.repeat(self.properties.inertia_effective_B[None], n, axis=0),
             period=self.period,
         )
+
+    @property
+    def behavior(self) -> Behavior:
+        """Who points at what; another one may take over in flight, without memory."""
+        return self._asking.behavior
+
+    @behavior.setter
+    def behavior(self, behavior: Behavior) -> None:
+        self._asking = Asking(behavior, self.period)
+
+    @property
+    def controller(self) -> Controller:
+        """The attitude control law; another one may take over in flight, without memory."""
+        return self._controller
+
+    @controller.setter
+    def controller(self, controller: Controller) -> None:
+        self._controller, self._controller_memory = controller, None
+        fit = self._compiled and not why_not_compiled(self, controller)
+        self._world = make_world(self, controller) if fit else None
+
+    @property
+    def tick(self) -> int:
+        """Control periods flown."""
+        return int(self._flight.tick[0])
 
     @property
     def time(self) -> float:
@@ -167,11 +194,13 @@ class Simulation:
         qpos[:, :3], qpos[:, 3:7] = initial.r_BN_N, quaternion_from_mrp(initial.sigma_BN)
         qvel[:, :3], qvel[:, 3:6], qvel[:, 6:] = initial.v_BN_N, initial.omega_BN_B, initial.wheel_speed
         self.model.set_state(self.data, qpos, qvel)
-        self.tick = 0
-        self._aim[:] = -1
-        self._peaks[:] = 0.0
-        self._behavior_memory: Any = None
-        self._controller_memory: Any = None
+        self._flight.tick[0], self._aim[:], self._peaks[:] = 0, -1, 0.0
+        self._asking.reset()
+        self.controller = self._controller
+
+    def ask_again(self) -> None:
+        """Have the behaviour asked at the next decision, because it or the state has been told something new."""
+        self._asking.due = 0
 
     def decide(self) -> Targets:
         """Read the state and set forces and motor torques for the coming hold.
@@ -179,6 +208,10 @@ class Simulation:
         Raises:
             SimulationError: The state is no longer finite.
         """
+        if self._world is not None:
+            self._ask()
+            self._call(self._world, 0)
+            return self._targets
         data, work, environment, t = self.data, self._work, self.environment, self.time
         phase = environment.phase0 + environment.spin_rate * t
         adverse = self._adverse
@@ -195,7 +228,7 @@ class Simulation:
         kernels.turn_body(self._q_P, phase, data.mocap_quat[self.model.asteroid_mocap])
         wheel_speed = work[Slot.WHEEL] if adverse is None else adverse.speed
         view = SwarmView(t, work[Slot.R], work[Slot.V], self._C_AN, self._q_BN, work[Slot.OMEGA], wheel_speed)
-        targets, self._behavior_memory = self.behavior.targets(view, self._behavior_memory)
+        targets = self._asking.ask(view, self.tick)
         q_known = self._q_BN
         if adverse is not None:
             targets = adverse.flight.redirect(t, targets, work[Slot.R])
@@ -215,10 +248,7 @@ class Simulation:
             work,
         )
         if not aimed:
-            raise PluginError(
-                f"the behaviour aims at what is not there: kinds {targets.kind.tolist()}, spacecraft "
-                f"{targets.spacecraft.tolist()} of {self.model.n}, counted from 0"
-            )
+            raise PluginError(self._aims_at_nothing(targets))
         torque_B, self._controller_memory = self.controller.torque(self._inputs, self._controller_memory)
         if adverse is not None:
             adverse.actuate(torque_B, data.ctrl, self._peaks)
@@ -259,7 +289,7 @@ class Simulation:
         data = self.data
         if self._adverse is not None:
             return self._adverse.state(*self.model.state(data))
-        if self._gyrostats is None:
+        if self.model.wheels == "bodies":
             return data.qpos, data.qvel
         spin = self.properties.wheel_spin_inertia
         with_wheels(data.qpos, data.qvel, data.act, spin, self._axes, self._qpos, self._qvel)
@@ -283,11 +313,46 @@ class Simulation:
 
     def advance(self) -> None:
         """Let MuJoCo integrate one control period with everything held."""
-        if self._gyrostats is None:
-            mujoco.mj_step(self.model.mjmodel, self.data, nstep=self._hold)
-        else:
-            self._gyrostats.step(self.data, self._hold)
-        self.tick += 1
+        self._integrator.step(self._hold)
+        self._flight.tick[0] += 1
+
+    def fly(self, periods: int) -> None:
+        """Decide and advance so many control periods: the same as calling `decide` and `advance` in turn, but faster.
+
+        Raises:
+            SimulationError: The state is no longer finite.
+        """
+        end = self.tick + periods
+        while self.tick < end:
+            if self._world is None:
+                self.decide()
+                self.advance()
+            else:
+                self._ask()
+                self._call(self._world, min(end, self._asking.due) - self.tick)
+
+    def _ask(self) -> None:
+        """Ask the behaviour if that is due, and set the targets that compiled code flies."""
+        if self.tick < self._asking.due:
+            return
+        t, (q, v) = self.time, self.model.state(self.data)
+        if not (np.isfinite(q).all() and np.isfinite(v).all()):
+            raise SimulationError(self._divergence())
+        q, v = q.copy(), v.copy()
+        view = SwarmView(t, q[:, :3], v[:, :3], self.environment.C_AN(t), q[:, 3:7], v[:, 3:6], v[:, 6:])
+        self._targets = targets = self._asking.ask(view, self.tick)
+        kind, index = self._flight.targets[0, :2]
+        kind[:], index[:], self._flight.vector[0] = targets
+
+    def _call(self, world: World, periods: int) -> None:
+        data, motion = self.data, self._integrator.motion
+        asteroid = data.mocap_quat[self.model.asteroid_mocap]
+        answer = flight_kernels.fly(world, self._flight, 0, motion, data.xfrc_applied, asteroid, self._hold, periods)
+        data.time = self.time
+        if answer == flight_kernels.SENSELESS:
+            raise PluginError(self._aims_at_nothing(self._targets))
+        if answer == flight_kernels.NOT_FINITE:
+            raise SimulationError(self._divergence())
 
     def run(self, duration: float, interval: float, progress: Progress | None = None) -> Record:
         """Fly from the present state and sample.
@@ -301,64 +366,13 @@ class Simulation:
             SimulationError: A spacecraft hit the body or the state is no longer finite; the message gives time and spacecraft.
                 Where faults are flown, the spacecraft is lost instead and the others fly on.
         """
-        n, stride = self.model.n, round(interval / self.period)
-        samples = round(duration / interval) + 1
-        record = Record(
-            time=sample_times(duration, interval) + self.time,
-            vectors=np.empty((samples, 7, n, 3)),
-            attitude=np.empty((samples, 2, n, 4)),
-            aim=np.empty((samples, 2, n), np.int16),
-            peaks=np.empty((n, 3)),
-            faults=None if self._adverse is None else FaultRecord(samples, n, self.properties.n_wheels),
-        )
-        ticks = stride * (samples - 1)
-        report_every = max(1, ticks // 100)
-        for k in range(ticks + 1):
-            targets = self.decide()
-            if self._watch is not None and self.tick >= self._watch.due:
-                self._look_for_impacts(self._watch)
-            if k % stride == 0:
-                self._record(k // stride, targets, record)
-            if k < ticks:
-                self.advance()
-            if progress is not None and k % report_every == 0:
-                progress(self.time)
-        record.peaks[:] = self._peaks * (1.0, 1.0, self.period)
-        return record
+        return Recorder(self, duration, interval, progress).fly()
 
-    def _record(self, row: int, targets: Targets, record: Record) -> None:
-        ctrl, adverse = self.data.ctrl, self._adverse
-        if adverse is not None and record.faults is not None:
-            record.faults.keep(row, adverse.flight, adverse.speed, self._q_BN)
-            ctrl = adverse.motor
-        kernels.record(
-            row,
-            targets.kind,
-            targets.spacecraft,
-            self._q_BN,
-            self._q_RN,
-            ctrl,
-            self._work,
-            record.vectors,
-            record.attitude,
-            record.aim,
+    def _aims_at_nothing(self, targets: Targets) -> str:
+        return (
+            f"the behaviour aims at what is not there: kinds {targets.kind.tolist()}, spacecraft "
+            f"{targets.spacecraft.tolist()} of {self.model.n}, counted from 0"
         )
-
-    def _look_for_impacts(self, watch: ImpactWatch) -> None:
-        work, t = self._work, self.time
-        flying = np.ones(self.model.n, np.bool_)
-        if self._adverse is not None:
-            flying[list(self._adverse.flight.resting)] = False
-        hit = watch.look(self.tick, work[Slot.R], work[Slot.V], work[Slot.A], flying)
-        for j in np.flatnonzero(hit):
-            r_A = self._C_AN @ work[Slot.R, j]
-            if self._adverse is None:
-                latitude, longitude = sub_point(r_A, np.eye(3))
-                raise SimulationError(
-                    f"{self.model.names[j]} hits the body at t = {t:g} s, latitude {latitude:.1f} deg, longitude "
-                    f"{longitude:.1f} deg: its path crosses the surface. Change the mission, or fly it with faults"
-                )
-            self._adverse.impact(t, int(j), r_A)
 
     def _divergence(self) -> str:
         state = np.hstack(self.model.state(self.data))

@@ -42,7 +42,7 @@ class SwarmModel:
         hub_body: Body ids of the hubs, shape (n,).
         asteroid_mocap: Mocap id of the asteroid.
         properties: Mass properties and wheels of every spacecraft.
-        wheels: Whether wheels are bodies on hinges or momentum states; the latter need `GyrostatIntegrator` to step.
+        wheels: Whether wheels are bodies on hinges or momentum states; `Integrator` steps both, `mj_step` the former.
     """
 
     mjmodel: mujoco.MjModel
@@ -96,6 +96,7 @@ def build_model(
     camera_half_angle_deg: float = 21.5,
     sun_N: Sequence[float] = (1.0, 0.0, 0.0),
     wheels: WheelModel = "bodies",
+    geometry: bool = True,
 ) -> SwarmModel:
     """Assemble and compile the model of n spacecraft around a body.
 
@@ -107,6 +108,8 @@ def build_model(
         camera_half_angle_deg: Half of the drawn camera's vertical field of view [deg].
         sun_N: Direction to the Sun in N; lights the scene.
         wheels: Bodies on hinges, or momentum states of gyrostats.
+        geometry: Whether the model holds what can be seen (the body's mesh, the spacecraft's boxes, cameras, light) and what
+            is measured (sites, sensors). None of it moves anything; without it, a step takes about a fifth less time.
     """
     if n < 1:
         raise MissionError(f"a swarm needs at least one spacecraft, not {n}")
@@ -120,6 +123,8 @@ def build_model(
         elif properties.wheel_layout != "orthogonal":
             _lay_out_wheels(part, properties)
         spec.attach(part, frame=spec.worldbody.add_frame(), prefix=f"{name}_")
+    if not geometry:
+        _strip(spec)
     try:
         compiled = spec.compile()
     except ValueError as error:
@@ -169,6 +174,13 @@ def _cubesat(properties: SpacecraftProperties, timestep: float, camera_half_angl
     spec.geom("bus").size = [0.5 * edge for edge in properties.size]
     spec.camera("camera").fovy = 2.0 * camera_half_angle_deg
     return spec
+
+
+def _strip(spec: mujoco.MjSpec) -> None:
+    """Take away everything that moves nothing."""
+    for parts in (spec.sensors, spec.geoms, spec.sites, spec.cameras, spec.lights, spec.meshes, spec.materials):
+        for part in list(parts):
+            spec.delete(part)
 
 
 def _lay_out_wheels(part: mujoco.MjSpec, properties: SpacecraftProperties) -> None:

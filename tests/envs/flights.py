@@ -2,10 +2,25 @@
 
 import gymnasium
 import numpy as np
+import pytest
 
 ID = "swarm_mj:SwarmObserve-v0"
 #: Choices of a spacecraft of `eros-observe` at the level `role`, with 16 patches and five spacecraft.
 CENTRE, SC1, EARTH, HOLD = 16, 17, 22, 23
+#: A test that runs with either kind of flights.
+BOTH = pytest.mark.parametrize("kind", ["single", "vector"])
+
+
+def place(flights, e, j, *, position=None, velocity=None, rate=None):
+    """Put spacecraft j of flight e elsewhere, or let it move otherwise: in N [m, m/s], body rate [rad/s]."""
+    qpos, qvel = flights.qpos[e].reshape(flights.n, -1).copy(), flights.qvel[e].reshape(flights.n, -1).copy()
+    if position is not None:
+        qpos[j, :3] = position
+    if velocity is not None:
+        qvel[j, :3] = velocity
+    if rate is not None:
+        qvel[j, 3:6] = rate
+    flights.place(e, qpos, qvel)
 
 
 class Flights:

@@ -6,18 +6,16 @@ import trimesh
 
 from swarm_mj.scenarios.loading import load_scenario
 
-from .flights import CENTRE, EARTH, HOLD, SC1, Flights, angle_deg
+from .flights import BOTH, CENTRE, EARTH, HOLD, SC1, angle_deg
 
 #: Ground sampling distance over range of the scenario's camera: 2.5 deg half-angle, 512 pixels.
 PIXEL = 2.0 * np.tan(np.radians(2.5)) / 512.0
-BOTH = pytest.mark.parametrize("kind", ["single", "vector"])
 
 
 @BOTH
 @pytest.mark.parametrize("observer", ["horizon", "raycast"])
-def test_a_picture_adds_the_imaged_area_over_the_foreshortened_ground_sampling_distance(kind, observer):
-    flights = Flights(kind, observer=observer, bits_per_pixel=2.5)
-    flights.reset(1, 2, 3)
+def test_a_picture_adds_the_imaged_area_over_the_foreshortened_ground_sampling_distance(begin, kind, observer):
+    flights = begin(kind, observer=observer, bits_per_pixel=2.5)
     region, plan = flights.plan.region, flights.plan
     corners = region.vertices[region.faces[region.target]]
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -40,13 +38,11 @@ def test_a_picture_adds_the_imaged_area_over_the_foreshortened_ground_sampling_d
         assert (stored[:, 1:] == 0.0).all()
         assert flights.parts(observations)["stored"][:, 0, 0] == pytest.approx(expected / nominal, rel=1e-6)
     assert (expected > 0.005 * nominal).all()
-    flights.close()
 
 
 @BOTH
-def test_data_delivered_count_by_the_nominal_volume(kind):
-    flights = Flights(kind)
-    flights.reset(1, 2, 3)
+def test_data_delivered_count_by_the_nominal_volume(begin, kind):
+    flights = begin(kind)
     nominal = flights.plan.region.area.sum() / (14_000.0 * PIXEL) ** 2
     for _ in range(60):
         flights.step(np.array([5, HOLD, HOLD, HOLD, HOLD]))
@@ -58,16 +54,14 @@ def test_data_delivered_count_by_the_nominal_volume(kind):
         assert flights.parts(observations)["delivered"] == pytest.approx(delivered / nominal, rel=1e-6)
         got, before = got + terms["delivered"], delivered
     assert got.max() > 1e-3
-    flights.close()
 
 
 @BOTH
-def test_the_reading_link_tells_where_dish_antenna_range_and_body_leave_the_way_open(kind):
+def test_the_reading_link_tells_where_dish_antenna_range_and_body_leave_the_way_open(begin, kind):
     # Narrower and shorter than usual, so that both matter.
     half_angle, reach = 88.0, 2500.0
     changes = [f"link.max_range_m={reach}", f"link.hemispherical_half_angle_deg={half_angle}"]
-    flights = Flights(kind, scenario=load_scenario("eros-observe", changes))
-    flights.reset(1, 2, 3)
+    flights = begin(kind, scenario=load_scenario("eros-observe", changes))
     body = trimesh.Trimesh(flights.plan.shape.vertices, flights.plan.shape.faces, process=False)
     told, why = [], {"dish": 0, "antenna": 0, "range": 0}
     for k in range(60):
@@ -97,4 +91,3 @@ def test_the_reading_link_tells_where_dish_antenna_range_and_body_leave_the_way_
                 told.append(closed)
     assert 0.1 < np.mean(told) < 0.9
     assert min(why.values()) > 0, why
-    flights.close()

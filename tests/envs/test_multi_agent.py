@@ -12,6 +12,8 @@ from swarm_mj.envs.multi_agent import swarm_observe_v0  # noqa: E402
 
 from swarm_mj.errors import ScenarioError  # noqa: E402
 
+from .flights import place  # noqa: E402
+
 LEVELS = ("role", "pointing", "torque")
 CENTRE = 16
 
@@ -70,7 +72,7 @@ def test_an_agent_that_hits_the_body_leaves_and_the_others_go_on(env):
     flybys = env.flybys
     above = flybys.setting.plan.points_A[1]
     above_N = above @ flybys.setting.plan.environment.C_AN(0.0)
-    flybys.flights.qpos[0, 10:13], flybys.flights.qvel[0, 9:12] = above_N, -above_N / 5.0
+    place(flybys.flights, 0, 1, position=above_N, velocity=-above_N / 5.0)
     flybys.now.r_A[0, 1] = above
     _, rewards, terminations, truncations, infos = env.step(dict.fromkeys(env.agents, CENTRE))
     assert terminations == {"sc1": False, "sc2": True, "sc3": False, "sc4": False, "sc5": False}

@@ -11,11 +11,10 @@ from swarm_mj.mission.behaviors import TargetKind, Targets
 from swarm_mj.planning import make_plan
 from swarm_mj.scenarios.loading import load_scenario
 
-from .flights import CENTRE, Flights
+from .flights import BOTH, CENTRE, place
 
 MAX_TORQUE, TOP_SPEED = 0.004, 6000.0 * 2.0 * np.pi / 60.0
 SHARE = 10.0 / 1500.0  # of a step in the flight
-BOTH = pytest.mark.parametrize("kind", ["single", "vector"])
 
 
 @dataclass(frozen=True)
@@ -31,9 +30,8 @@ class LookAtTheCentre:
 
 
 @BOTH
-def test_effort_is_the_mean_square_of_the_torques_that_an_action_asks_for(kind):
-    flights, rng = Flights(kind, control="torque"), np.random.default_rng(0)
-    flights.reset(1, 2, 3)
+def test_effort_is_the_mean_square_of_the_torques_that_an_action_asks_for(begin, kind):
+    flights, rng = begin(kind, control="torque"), np.random.default_rng(0)
     for sign in (1.0, -1.0) * 4:
         if sign > 0.0:
             action = rng.uniform(-0.25, 0.25, (flights.count, 15)).astype(np.float32)
@@ -41,14 +39,12 @@ def test_effort_is_the_mean_square_of_the_torques_that_an_action_asks_for(kind):
         assert np.abs(flights.wheel_speed).max() < 0.9 * TOP_SPEED  # nothing is cut by a limit
         expected = -0.02 * SHARE * (action.astype(float) ** 2).mean(axis=1)
         assert terms["effort"] == pytest.approx(expected, rel=1e-12)
-    flights.close()
 
 
 @BOTH
-def test_effort_is_the_mean_square_of_the_torques_of_the_same_flight_on_the_command_line(kind):
+def test_effort_is_the_mean_square_of_the_torques_of_the_same_flight_on_the_command_line(begin, kind):
     seeds = (12, 13, 14)
-    flights = Flights(kind)
-    flights.reset(*seeds)
+    flights = begin(kind, seeds=seeds)
     terms = np.array([flights.step(np.full(5, CENTRE))[1]["effort"] for _ in range(40)]).T
     for e in range(flights.count):
         plan = make_plan(load_scenario("eros-observe", [f"seed={seeds[e]}", "telemetry.interval_s=0.5"]))
@@ -56,24 +52,20 @@ def test_effort_is_the_mean_square_of_the_torques_of_the_same_flight_on_the_comm
         expected = -0.02 * SHARE * ((torque / MAX_TORQUE) ** 2).reshape(40, 20 * 5 * 3).mean(axis=1)
         assert terms[e] == pytest.approx(expected, rel=1e-9)
     assert terms[:, 0].max() < -1e-6  # the first slew takes torque
-    flights.close()
 
 
-def test_friction_in_the_bearings_is_no_effort_of_the_motors():
+def test_friction_in_the_bearings_is_no_effort_of_the_motors(begin):
     scenario = load_scenario("eros-observe", ["dispersions.wheel_coulomb_n_m=1e-3"])
-    flights = Flights("single", control="torque", scenario=scenario)
-    flights.reset(1)
+    flights = begin("single", control="torque", scenario=scenario)
     action = np.full(15, 0.2, np.float32)
     _, terms, _ = flights.step(action)
     slowed = np.abs(flights.wheel_speed).min() < 0.8 * np.abs(flights.wheel_speed).max()
     assert slowed and terms["effort"][0] == pytest.approx(-0.02 * SHARE * float(action[0]) ** 2, rel=1e-12)
-    flights.close()
 
 
 @BOTH
-def test_saturation_is_the_mean_of_the_last_tenth_below_top_speed(kind):
-    flights = Flights(kind, control="torque")
-    flights.reset(1, 2, 3)
+def test_saturation_is_the_mean_of_the_last_tenth_below_top_speed(begin, kind):
+    flights = begin(kind, control="torque")
     # Wheels reach their top speed, 15 mN m s, at different times and in both directions; a third of them never does.
     action = np.random.default_rng(1).uniform(0.1, 0.14, 15) * np.tile([1.0, -1.0, 0.0], 5)
     seen = []
@@ -86,15 +78,13 @@ def test_saturation_is_the_mean_of_the_last_tenth_below_top_speed(kind):
     assert (seen[0] == 0.0).all()
     assert ((seen > 0.05) & (seen < 0.95)).any()
     assert (seen[-1] > 0.99).mean() > 0.5
-    flights.close()
 
 
 @BOTH
-def test_approach_is_the_share_of_pairs_that_come_too_close_after_the_grace_time(kind):
+def test_approach_is_the_share_of_pairs_that_come_too_close_after_the_grace_time(begin, kind):
     least, grace = 500.0, 50.0
     changes = [f"safety.min_separation_m={least}", f"safety.separation_grace_s={grace}"]
-    flights = Flights(kind, scenario=load_scenario("eros-observe", changes))
-    flights.reset(1, 2, 3)
+    flights = begin(kind, scenario=load_scenario("eros-observe", changes))
     pairs, along, shares = np.triu_indices(5, 1), np.linspace(0.0, 1.0, 1001)[:, None, None, None], []
     for k in range(70):
         before = flights.r_N
@@ -107,21 +97,18 @@ def test_approach_is_the_share_of_pairs_that_come_too_close_after_the_grace_time
         shares.append(share[0])
     assert shares[:5] == [0.0] * 5 and shares[5] > 0.0  # all come from one place, but that is excused
     assert len(set(shares)) >= 3
-    flights.close()
 
 
-def test_a_pair_that_passes_within_a_step_counts_though_it_is_far_apart_at_both_ends():
-    flights = Flights("single")
-    flights.reset(1)
+def test_a_pair_that_passes_within_a_step_counts_though_it_is_far_apart_at_both_ends(begin):
+    flights = begin("single")
     for _ in range(10):
         _, terms, _ = flights.step(np.full(5, CENTRE))
         assert terms["approach"][0] == 0.0
     inner = flights.lanes[0].flights
     qpos, qvel = inner.qpos.reshape(5, 10), inner.qvel.reshape(5, 9)
-    qpos[1, :3], qvel[1, :3] = qpos[0, :3] + (1500.0, 0.0, 0.0), qvel[0, :3] - (100.0, 0.0, 0.0)
+    place(inner, 0, 1, position=qpos[0, :3] + (1500.0, 0.0, 0.0), velocity=qvel[0, :3] - (100.0, 0.0, 0.0))
     flights.step(np.full(5, CENTRE))
     apart = np.linalg.norm(qpos[1, :3] - qpos[0, :3])
     _, terms, _ = flights.step(np.full(5, CENTRE))
     assert apart > 400.0 and np.linalg.norm(qpos[1, :3] - qpos[0, :3]) > 400.0
     assert terms["approach"][0] == pytest.approx(-0.1 * SHARE / 10.0, rel=1e-9)
-    flights.close()

@@ -18,6 +18,8 @@ from swarm_mj.observation.gl_context import gl_available
 from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.simulation.simulation import Simulation
 
+from .flights import place
+
 LEVELS = ("torque", "pointing", "role")
 
 
@@ -184,7 +186,7 @@ def test_a_flight_ends_by_truncation_at_the_scenarios_duration_and_asks_for_a_re
 def test_a_diverged_flight_terminates_with_the_last_finite_observation(roles):
     roles.reset(seed=0)
     before, *_ = roles.step(np.full(5, 16))
-    roles.flybys.flights.qvel[0, 3] = np.nan
+    place(roles.flybys.flights, 0, 0, rate=np.nan)
     observation, reward, terminated, truncated, info = roles.step(np.full(5, 16))
     assert (terminated, truncated, info["end"]) == (True, False, "diverged")
     assert "sc1" in info["cause"]
@@ -198,7 +200,7 @@ def test_a_spacecraft_that_hits_the_body_ends_the_episode(roles):
     roles.reset(seed=0)
     above = roles.plan.points_A[0] @ roles.plan.environment.C_AN(0.0)
     flybys = roles.flybys
-    flybys.flights.qpos[0, :3], flybys.flights.qvel[0, :3] = above, -above / 5.0
+    place(flybys.flights, 0, 0, position=above, velocity=-above / 5.0)
     flybys.now.r_A[0, 0] = roles.plan.points_A[0]
     *_, terminated, truncated, info = roles.step(np.full(5, 16))
     assert (terminated, truncated, info["end"]) == (True, False, "impact")

@@ -11,6 +11,8 @@ from gymnasium.vector import AutoresetMode
 from swarm_mj.errors import ScenarioError
 from swarm_mj.scenarios.loading import load_scenario
 
+from .flights import place
+
 ID = "swarm_mj:SwarmObserve-v0"
 
 
@@ -100,7 +102,7 @@ def test_separate_simulations_fly_bit_for_bit_what_the_batch_flies(control, whee
         return batched, np.array(rows)
 
     batched, rows = fly()
-    monkeypatch.setattr("swarm_mj.envs.flybys.why_not_batched", lambda *_: "the test says so")
+    monkeypatch.setattr("swarm_mj.envs.flybys.why_not_compiled", lambda *_: "the test says so")
     separate, others = fly()
     assert (batched, separate) == (True, False)
     assert np.array_equal(rows, others)
@@ -204,7 +206,7 @@ def test_a_diverged_flight_ends_alone_with_its_cause():
     vector = gymnasium.make_vec(ID, num_envs=3, threads=1)
     vector.reset(seed=0)
     vector.step(np.full((3, 5), 16))
-    vector.lanes.lanes[0].flights.qvel[1, 9] = np.nan
+    place(vector.lanes.lanes[0].flights, 1, 1, velocity=np.nan)
     _, rewards, terminated, _, infos = vector.step(np.full((3, 5), 16))
     assert terminated.tolist() == [False, True, False]
     assert rewards[1] == -1.0

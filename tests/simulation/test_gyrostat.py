@@ -10,7 +10,7 @@ from swarm_mj.errors import SimulationError
 from swarm_mj.flight import make_simulation
 from swarm_mj.planning import make_plan
 from swarm_mj.scenarios.loading import load_scenario
-from swarm_mj.simulation.gyrostat import GyrostatIntegrator, accelerate
+from swarm_mj.simulation.integrator import Integrator, accelerate
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.spacecraft.model import build_model
 from swarm_mj.spacecraft.properties import SpacecraftProperties
@@ -40,8 +40,7 @@ def spinning(shape, wheels, timestep=0.1):
 
 
 def fly(model, data, duration):
-    integrator = GyrostatIntegrator(model.mjmodel, PROPERTIES.wheel_axes_B)
-    integrator.step(data, round(duration / model.mjmodel.opt.timestep))
+    Integrator(model, data).step(round(duration / model.mjmodel.opt.timestep))
     return model.state(data)
 
 
@@ -165,7 +164,7 @@ def test_accelerations_are_those_of_mj_forward_to_the_bit(tetrahedron):
     model, data = spinning(tetrahedron, "gyrostat")
     data.xfrc_applied[model.hub_body] = np.random.default_rng(4).normal(size=(N, 6))
     data.qfrc_applied[:] = np.random.default_rng(5).normal(size=6 * N)
-    accelerate(model.mjmodel._address, data._address, data.qfrc_bias)
+    accelerate(Integrator(model, data).motion, True)
     quick = data.qacc_smooth.copy()
     mujoco.mj_forward(model.mjmodel, data)
     assert np.array_equal(quick, data.qacc)

@@ -19,6 +19,7 @@ from numba import njit
 
 from swarm_mj.attitude.algebra import Floats, combine, cross, put_vector, times, vector
 from swarm_mj.attitude.controllers.base import ControlInput, require_above
+from swarm_mj.attitude.controllers.compiled import CompiledLaw
 from swarm_mj.errors import ScenarioError
 
 
@@ -102,6 +103,41 @@ class MrpFeedback:
             torque_B,
         )
         return torque_B, integral
+
+    def compiled(self) -> CompiledLaw | None:
+        """See `CompiledController`; None with the integral term, which needs memory."""
+        if self.integral_gain > 0.0:
+            return None
+        return CompiledLaw(_write_law, np.array([self.attitude_gain, self.rate_gain]))
+
+
+def _write_law(
+    sigma_BR: Floats,
+    omega_BR_B: Floats,
+    omega_BN_B: Floats,
+    omega_RN_B: Floats,
+    domega_RN_B: Floats,
+    wheel_momentum_B: Floats,
+    inertia_B: Floats,
+    inertia_effective_B: Floats,
+    numbers: Floats,
+    torque_B: Floats,
+) -> None:
+    _write_torque(
+        sigma_BR,
+        omega_BR_B,
+        omega_BN_B,
+        omega_RN_B,
+        domega_RN_B,
+        wheel_momentum_B,
+        inertia_B,
+        inertia_effective_B,
+        sigma_BR,
+        numbers[0],
+        numbers[1],
+        0.0,
+        torque_B,
+    )
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -25,6 +25,7 @@ from numpy.typing import ArrayLike
 
 from swarm_mj.attitude.algebra import Floats, Vector, combine, cross, dot, put_vector, scaled, times, vector
 from swarm_mj.attitude.controllers.base import ControlInput, require_above
+from swarm_mj.attitude.controllers.compiled import CompiledLaw
 from swarm_mj.errors import ScenarioError
 
 #: A loop whose torque is held over a period is unstable when its rate gain times the period reaches this value.
@@ -91,13 +92,7 @@ class MrpSlidingMode:
             inputs.wheel_momentum_B,
             inputs.inertia_B,
             inputs.inertia_effective_B,
-            self.slope,
-            inf if self.rate_limit is None else self.rate_limit,
-            self.reaching_rate,
-            self.layer,
-            self.damping,
-            self.disturbance_torque,
-            self.inertia_uncertainty,
+            *self._numbers,
             torque_B,
         )
         if gain * inputs.period >= _STABILITY_LIMIT:
@@ -107,6 +102,24 @@ class MrpSlidingMode:
                 f"{_STABILITY_LIMIT / gain:.2g} s, widen the layer, or lower reaching_rate or disturbance_torque."
             )
         return torque_B, memory
+
+    def compiled(self) -> CompiledLaw:
+        """See `CompiledController`."""
+        return CompiledLaw(_write_law, np.array(self._numbers))
+
+    @property
+    def _numbers(self) -> tuple[float, ...]:
+        """Parameters in the order of `write_torque`."""
+        limit = inf if self.rate_limit is None else self.rate_limit
+        return (
+            self.slope,
+            limit,
+            self.reaching_rate,
+            self.layer,
+            self.damping,
+            self.disturbance_torque,
+            self.inertia_uncertainty,
+        )
 
     def sliding_variable(self, sigma_BR: ArrayLike, omega_BR_B: ArrayLike) -> Floats:
         """Return s [rad/s], shape (..., 3), of attitude errors (|sigma| <= 1) and rate errors [rad/s], (..., 3)."""
@@ -154,6 +167,38 @@ def write_torque(
         inertial = times(J_eff, vector(torque_B, i))
         put_vector(torque_B, i, combine(1.0, cross(omega, momentum), 1.0, inertial))
     return fastest
+
+
+def _write_law(
+    sigma_BR: Floats,
+    omega_BR_B: Floats,
+    omega_BN_B: Floats,
+    omega_RN_B: Floats,
+    domega_RN_B: Floats,
+    wheel_momentum_B: Floats,
+    inertia_B: Floats,
+    inertia_effective_B: Floats,
+    numbers: Floats,
+    torque_B: Floats,
+) -> None:
+    write_torque(
+        sigma_BR,
+        omega_BR_B,
+        omega_BN_B,
+        omega_RN_B,
+        domega_RN_B,
+        wheel_momentum_B,
+        inertia_B,
+        inertia_effective_B,
+        numbers[0],
+        numbers[1],
+        numbers[2],
+        numbers[3],
+        numbers[4],
+        numbers[5],
+        numbers[6],
+        torque_B,
+    )
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
