@@ -3,7 +3,8 @@
 A policy must know what has been seen and sent so far, which no `SwarmView` tells. The behaviour keeps these books by itself,
 with the same code as the environment: at every control instant it looks at the attitudes it is given, judges the pictures that
 are due with the scenario's camera and the horizon maps, and every `step_s` reads its observation and decides. For the same
-seed it decides as the policy does in the environment.
+seed it decides as the policy does in the environment, unless sensor noise or delay is flown: behaviours are given true
+attitudes.
 
 The swarm is the environment's, too: where the scenario's own behaviour brings a dedicated communications spacecraft, that one
 flies along and the policy decides for it as for the others. It takes no pictures.

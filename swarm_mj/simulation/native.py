@@ -2,26 +2,32 @@
 
 from __future__ import annotations
 
-import ctypes
+import sys
 from functools import cache
 from pathlib import Path
 
 import mujoco
+from llvmlite import binding
 
 from swarm_mj.errors import SimulationError
 
 
 @cache
 def load_mujoco() -> None:
-    """Make MuJoCo's symbols global in the process, where compiled code finds them by name.
+    """Make MuJoCo's symbols known to compiled code, which finds them by name.
 
     Raises:
-        SimulationError: MuJoCo's library is not where the package is.
+        SimulationError: MuJoCo's library is not where a package manager puts it.
     """
-    folder = Path(mujoco.__file__).parent
-    libraries = sorted((*folder.glob("libmujoco*"), *folder.glob("mujoco.dll")))
-    if not libraries:
-        raise SimulationError(
-            f"compiled code needs MuJoCo's library, which is not in {folder}; use physics.wheels: bodies"
+    prefix = Path(sys.prefix)
+    folders = (Path(mujoco.__file__).parent, prefix / "lib", prefix / "Library/bin")
+    for folder in folders:
+        libraries = sorted(
+            (*folder.glob("libmujoco*.so*"), *folder.glob("libmujoco*.dylib"), *folder.glob("mujoco.dll"))
         )
-    ctypes.CDLL(str(libraries[0]), mode=ctypes.RTLD_GLOBAL)
+        if libraries:
+            binding.load_library_permanently(str(libraries[0]))
+            return
+    raise SimulationError(
+        f"compiled code needs MuJoCo's library, which is in none of {', '.join(map(str, folders))}; install mujoco anew"
+    )

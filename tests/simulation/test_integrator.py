@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from swarm_mj.errors import SimulationError
+from swarm_mj.simulation import native
 from swarm_mj.simulation.integrator import STAGES, STEADY, WHOLE, Integrator
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.spacecraft import model as swarm_model
@@ -156,3 +157,14 @@ def test_a_model_without_geometry_moves_the_same(tetrahedron):
         assert bare.mjmodel.ngeom == bare.mjmodel.ncam == bare.mjmodel.nsensor == bare.mjmodel.nmesh == 0
         one, other = stepped(seen, 20), stepped(bare, 20)
         assert np.array_equal(one.qpos, other.qpos) and np.array_equal(one.qvel, other.qvel)
+
+
+def test_a_missing_library_is_named_with_where_it_was_looked_for(tmp_path, monkeypatch):
+    monkeypatch.setattr(native.mujoco, "__file__", str(tmp_path / "mujoco/__init__.py"))
+    monkeypatch.setattr(native.sys, "prefix", str(tmp_path / "prefix"))
+    with pytest.raises(SimulationError, match=r"MuJoCo's library.*mujoco.*prefix/lib"):
+        native.load_mujoco.__wrapped__()
+    (tmp_path / "prefix/lib").mkdir(parents=True)
+    (tmp_path / "prefix/lib/libmujoco.so.4").write_text("not a library")
+    with pytest.raises(RuntimeError):
+        native.load_mujoco.__wrapped__()
