@@ -28,7 +28,8 @@ RECORD = (
     "images",
 )
 
-Key = str
+#: Columns of the results that every campaign has; see `swarm_mj.campaign.table`.
+FIXED_COLUMNS = ("row", "run", "scenario", "seed", "status", "error", "covered", "spacecraft", "events", "wall_s")
 
 
 class Base(Section):
@@ -40,7 +41,7 @@ class Base(Section):
         "", pattern=r"^[A-Za-z0-9][A-Za-z0-9 ._-]*$|^$", description="in results; default: the scenario's"
     )
     scenario: str = Field(description="packaged name, or path of a scenario file relative to the campaign file")
-    overrides: dict[Key, Any] = Field(default_factory=dict, alias="set", description="values by dotted key")
+    overrides: dict[str, Any] = Field(default_factory=dict, alias="set", description="values by dotted key")
 
     @model_validator(mode="before")
     @classmethod
@@ -73,10 +74,10 @@ class Campaign(Section):
         "Sobol' indices need: runs x (parameters + 3) flights",
     )
     scenarios: tuple[Base, ...] = Field(min_length=1, max_length=1000)
-    overrides: dict[Key, Any] = Field(
+    overrides: dict[str, Any] = Field(
         default_factory=dict, alias="set", description="values by dotted key, in all scenarios"
     )
-    parameters: dict[Key, Distribution] = Field(
+    parameters: dict[str, Distribution] = Field(
         default_factory=dict,
         description="what is drawn: dotted key of the scenario (components by number), distribution",
     )
@@ -89,11 +90,18 @@ class Campaign(Section):
     @field_validator("parameters")
     @classmethod
     def _keys_may_be_drawn(cls, value: dict[str, Any]) -> dict[str, Any]:
-        for key in value:
+        for key, law in value.items():
             if key in ("seed", "name", "description"):
                 raise ValueError(f".{key}: cannot be drawn; every run gets a seed of its own from the campaign's seed")
-            if key.startswith("design.reference"):
-                raise ValueError(f".{key}: cannot be drawn; list one scenario per design instead")
+            if key in FIXED_COLUMNS:
+                raise ValueError(
+                    f".{key}: cannot be drawn as a whole, for a column of the results has that name; draw values inside it"
+                )
+            designs = getattr(law, "values", ()) if key == "design" else ()
+            if key == "design.reference" or any(isinstance(one, dict) and "reference" in one for one in designs):
+                raise ValueError(
+                    f".{key}: a design cannot be drawn by its reference; list one scenario per design instead"
+                )
         return value
 
     @model_validator(mode="after")

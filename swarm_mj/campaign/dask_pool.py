@@ -38,7 +38,7 @@ class DaskPool:
         scheduler: Its address, such as tcp://host:8786.
 
     Raises:
-        OutputError: Nobody answers there, or its workers run other versions.
+        OutputError: Nobody answers there, or its workers lack swarm_mj or run other versions.
     """
 
     def __init__(self, resolved: Resolved, telemetry: str | None, scheduler: str) -> None:
@@ -64,7 +64,15 @@ class DaskPool:
 
     def _check_versions(self) -> None:
         ours = library_versions()
-        for worker, theirs in self._client.run(library_versions).items():
+        try:
+            answers = self._client.run(library_versions)
+        except Exception as error:  # of whatever kind a worker fails with
+            self.close()
+            raise OutputError(
+                f"--scheduler {self._address}: a worker does not say which swarm_mj it has ({shortened(str(error))}); "
+                f"install version {ours['swarm_mj']} there"
+            ) from None
+        for worker, theirs in answers.items():
             other = {name: (theirs.get(name), own) for name, own in ours.items() if theirs.get(name) != own}
             if other:
                 self.close()

@@ -1,6 +1,6 @@
 """Distributions of a drawn parameter, by name: points of the unit interval become values through scipy.stats.
 
-Every distribution has two methods: `draw`, the quantile function, and `levels`, the values of a grid.
+Every distribution has `draw`, the quantile function, and `levels`, the values of a grid, with their number, `count`.
 """
 
 from __future__ import annotations
@@ -35,6 +35,11 @@ class Continuous(Section):
     def draw(self, u: float) -> Any:
         """Value at a point of the unit interval."""
         return float(self.frozen.ppf(min(max(u, EDGE), 1.0 - EDGE)))
+
+    @property
+    def count(self) -> int:
+        """Number of levels."""
+        return self.steps
 
     def levels(self) -> list[Any]:
         """Values of a grid: the middles of `steps` equally likely parts."""
@@ -194,6 +199,11 @@ class Integer(Section):
         """Value at a point of the unit interval."""
         return int(stats.randint(self.low, self.high + 1).ppf(min(max(u, EDGE), 1.0 - EDGE)))
 
+    @property
+    def count(self) -> int:
+        """Number of levels."""
+        return self.high - self.low + 1
+
     def levels(self) -> list[Any]:
         """All of them."""
         return list(range(self.low, self.high + 1))
@@ -208,6 +218,11 @@ class Bernoulli(Section):
     def draw(self, u: float) -> bool:
         """Value at a point of the unit interval."""
         return u >= 1.0 - self.probability
+
+    @property
+    def count(self) -> int:
+        """Number of levels."""
+        return 2
 
     def levels(self) -> list[Any]:
         """Both."""
@@ -235,6 +250,11 @@ class Choice(Section):
         # The last value with a weight takes what rounding leaves over.
         last = int(np.flatnonzero(weights)[-1])
         return self.values[min(int(np.searchsorted(ends, u, side="right")), last)]
+
+    @property
+    def count(self) -> int:
+        """Number of levels."""
+        return len(self.values)
 
     def levels(self) -> list[Any]:
         """All of them."""

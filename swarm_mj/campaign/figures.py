@@ -98,7 +98,7 @@ def compose_sensitivity(resolved: Resolved, results: pa.Table, summary: dict[str
         f"What moves the observed area: {plain(resolved.campaign.name)}",
         "Spearman's rank correlation with the observed area [-]",
         keys,
-        {name: {key: entry for key, entry in entries.items()} for name, entries in found.items() if entries},
+        {name: entries for name, entries in found.items() if entries},
         (-1.05, 1.05),
     )
 
@@ -218,7 +218,7 @@ def _tornado(
         y = np.array([i for i, _ in there]) + offset
         x = np.array([entry["value"] for _, entry in there])
         around = np.maximum([x - [e["low"] for _, e in there], [e["high"] for _, e in there] - x], 0.0)
-        ax.barh(y, x, height=0.9 * height, color=COLOURS[k % len(COLOURS)], label=name)
+        ax.barh(y, x, height=0.9 * height, color=COLOURS[k % len(COLOURS)], label=plain(name))
         ax.errorbar(x, y, xerr=around, fmt="none", color=BLACK, capsize=2.5, linewidth=0.9)
     ax.axvline(0.0, color=BLACK, linewidth=0.8)
     ax.set_yticks(range(len(keys)), [plain(key) for key in keys])

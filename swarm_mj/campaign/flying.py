@@ -15,7 +15,7 @@ from typing import Any
 import xarray as xr
 
 from swarm_mj.campaign.loading import Resolved, restore, scenario_of
-from swarm_mj.campaign.outcome import outcome
+from swarm_mj.campaign.outcome import outcome, recorded
 from swarm_mj.campaign.sampling import Sample, Trial
 from swarm_mj.errors import OutputError
 from swarm_mj.flight import ObservationResult, observe_flight, simulate
@@ -50,7 +50,7 @@ class Flyer:
 
     def __init__(self, resolved: Resolved, telemetry: Path | None = None) -> None:
         self.resolved, self.sample = resolved, Sample(resolved.campaign)
-        self._telemetry = telemetry
+        self._telemetry, self._record = telemetry, recorded(resolved.campaign)
         self._plans: dict[str, tuple[str, Plan]] = {}
         # Plans are kept between runs, and a GL context belongs to one thread: one run at a time.
         self._lock = Lock()
@@ -74,7 +74,7 @@ class Flyer:
         except Exception as error:  # whatever a run does, the campaign goes on and the row tells
             return failed_row(trial, f"{type(error).__name__}: {error}")
         row = {**_identity(trial), "status": "ok", "error": None}
-        row |= outcome(plan, telemetry, result, self.resolved.campaign.record)
+        row |= outcome(plan, telemetry, result, self._record)
         if self._telemetry is not None:
             _keep(self._telemetry / f"{trial.row:06d}.nc", telemetry)
         return row
@@ -97,15 +97,21 @@ class Flyer:
         return replace(plan, scenario=scenario)
 
 
+#: The threads of a Dask worker share one flyer, whichever of them asks for it first.
+_MAKING = Lock()
+
+
 @lru_cache(maxsize=1)
-def flyer_of(text: str, telemetry: str | None) -> Flyer:
-    """The flyer of a campaign, made once per process; `text` is what `Resolved.dumps` gave."""
+def _flyer_of(text: str, telemetry: str | None) -> Flyer:
+    """The flyer of a campaign, kept until another campaign is flown; `text` is what `Resolved.dumps` gave."""
     return Flyer(restore(text), None if telemetry is None else Path(telemetry))
 
 
 def fly_row(text: str, telemetry: str | None, row: int) -> Row:
     """Fly one run of a campaign; what pools send to their workers."""
-    return flyer_of(text, telemetry).fly(row)
+    with _MAKING:
+        flyer = _flyer_of(text, telemetry)
+    return flyer.fly(row)
 
 
 def failed_row(trial: Trial, error: str) -> Row:

@@ -8,19 +8,23 @@ import os
 from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, get_args
 
 from pydantic import BaseModel, ValidationError
 
 from swarm_mj.cache import hash_of
 from swarm_mj.campaign import maps
 from swarm_mj.campaign.config import Base, Campaign
+from swarm_mj.campaign.distributions import Distribution
 from swarm_mj.campaign.sampling import Sample
 from swarm_mj.errors import ScenarioError
 from swarm_mj.planning import PACKAGED_SHAPE
 from swarm_mj.scenarios import loading
-from swarm_mj.scenarios.limits import shown
+from swarm_mj.scenarios.limits import shortened, shown
 from swarm_mj.scenarios.schema import Scenario
+
+#: Flights of a campaign: a year of computing at three seconds each.
+MAX_ROWS = 10_000_000
 
 
 class Resolved(NamedTuple):
@@ -49,7 +53,7 @@ class Resolved(NamedTuple):
 
     def dumps(self) -> str:
         """The same as one line of JSON."""
-        return json.dumps(self.dump(), sort_keys=False)
+        return json.dumps(self.dump())
 
 
 def restore(text: str) -> Resolved:
@@ -78,13 +82,11 @@ def load_campaign(name_or_path: str | Path, *, runs: int | None = None) -> Resol
         ScenarioError: Missing, unreadable or invalid; the message names the key, the value and what is allowed.
     """
     text, source, folder = _read(str(name_or_path))
-    data = loading.parse_yaml(text, source)
+    # YAML reads an unquoted date as one; here it stays text, which workers and results are told.
+    data = json.loads(json.dumps(loading.parse_yaml(text, source), default=lambda moment: moment.isoformat()))
     if runs is not None:
         data["runs"] = runs
-    try:
-        campaign = Campaign.model_validate(data)
-    except ValidationError as error:
-        raise ScenarioError(f"{source}:\n" + "\n".join(_explain(e) for e in error.errors())) from None
+    campaign = _validated(data, source)
     scenarios = [_load_base(base, campaign, folder) for base in campaign.scenarios]
     campaign = _with_labels(campaign, scenarios, source)
     bases = dict(zip((base.label for base in campaign.scenarios), scenarios, strict=True))
@@ -92,6 +94,21 @@ def load_campaign(name_or_path: str | Path, *, runs: int | None = None) -> Resol
     resolved = Resolved(campaign, bases, {path: h for path, h in shapes.items() if path != PACKAGED_SHAPE})
     _try_one_of_each(resolved, source)
     return _without_single_maps(resolved)
+
+
+def _validated(data: dict[str, Any], source: str) -> Campaign:
+    """The campaign of a file, of a size that can be flown."""
+    try:
+        campaign = Campaign.model_validate(data)
+    except ValidationError as error:
+        raise ScenarioError(f"{source}:\n{loading.listed(error, _explain)}") from None
+    rows = Sample(campaign).rows
+    if rows > MAX_ROWS:
+        raise ScenarioError(
+            f"{source}:\n  runs = {campaign.runs}: with method = {campaign.method}, {len(campaign.parameters)} parameters and "
+            f"{len(campaign.scenarios)} scenarios these are {rows} flights: at most {MAX_ROWS} (MAX_ROWS)"
+        )
+    return campaign
 
 
 def scenario_of(base: Scenario, values: Mapping[str, Any], seed: int) -> Scenario:
@@ -108,47 +125,34 @@ def scenario_of(base: Scenario, values: Mapping[str, Any], seed: int) -> Scenari
 
 
 def _put(data: dict[str, Any], key: str, value: Any) -> None:
-    *parents, last = key.split(".")
     node: Any = data
-    for name in parents:
-        if isinstance(node, list):
-            node = node[_index(key, name, node)]
-        elif isinstance(node, dict):
-            node = node.setdefault(name, {})
-    if isinstance(node, list):
-        node[_index(key, last, node)] = value
-    elif isinstance(node, dict):
-        node[last] = value
-    else:
-        raise ScenarioError(f"parameters.{key}: {parents[-1]} is a single value, it has no keys inside")
+    *parents, last = key.split(".")
+    for level, name in enumerate(parents):
+        node = node[_index(key, name, node)] if isinstance(node, list) else node.setdefault(name, {})
+        if not isinstance(node, (dict, list)):
+            raise ScenarioError(
+                f"parameters.{key}: {'.'.join(parents[: level + 1])} is a single value, it has no keys inside"
+            )
+    node[_index(key, last, node) if isinstance(node, list) else last] = value
 
 
 def _index(key: str, text: str, node: list[Any]) -> int:
+    if not node:
+        raise ScenarioError(f"parameters.{key}: {text!r} names an entry of a list that is empty")
     if not text.isdecimal() or int(text) >= len(node):
         raise ScenarioError(f"parameters.{key}: {text!r} must be a number from 0 to {len(node) - 1}")
     return int(text)
 
 
 def _read(name_or_path: str) -> tuple[str, str, Path]:
+    """Text, origin for errors, and the folder that paths in it are relative to."""
     path = Path(name_or_path)
     if path.suffix in {".yaml", ".yml"} or os.sep in name_or_path:
-        try:
-            if path.exists() and not path.is_file():
-                raise ScenarioError(f"{path}: is no regular file")
-            with path.open("rb") as file:
-                raw = file.read(loading.MAX_BYTES + 1)
-        except (OSError, ValueError) as error:
-            raise ScenarioError(f"{path}: cannot be read ({getattr(error, 'strerror', error)})") from None
-        if len(raw) > loading.MAX_BYTES:
-            raise ScenarioError(f"{path}: larger than {loading.MAX_BYTES} bytes; this is not a campaign")
-        try:
-            return raw.decode("utf-8"), str(path), path.parent
-        except UnicodeDecodeError as error:
-            raise ScenarioError(f"{path}: byte {error.start} is not UTF-8 text") from None
+        return loading.file_text(path, "campaign"), str(path), path.parent
     known = packaged_campaigns()
     if name_or_path not in known:
         raise ScenarioError(
-            f"{name_or_path}: no such campaign. Packaged: {', '.join(known)}. The name of a file must end in .yaml"
+            f"{shortened(name_or_path)}: no such campaign. Packaged: {', '.join(known)}. The name of a file must end in .yaml"
         )
     text = (resources.files("swarm_mj.scenarios") / "campaigns" / f"{name_or_path}.yaml").read_text("utf-8")
     return text, name_or_path, Path()
@@ -172,7 +176,9 @@ def _load_base(base: Base, campaign: Campaign, folder: Path) -> Scenario:
     source = str(beside) if beside.suffix in {".yaml", ".yml"} else base.scenario
     overrides = {**campaign.overrides, **base.overrides}
     try:
-        return loading.load_scenario(source, [f"{key}={json.dumps(value)}" for key, value in overrides.items()])
+        return loading.load_scenario(
+            source, [f"{key}={json.dumps(value, ensure_ascii=False)}" for key, value in overrides.items()]
+        )
     except ScenarioError as error:
         raise ScenarioError(f"scenarios, {base.label}: {error}".replace("--set ", "set: ")) from None
 
@@ -185,7 +191,7 @@ def _try_one_of_each(resolved: Resolved, source: str) -> None:
         try:
             scenario_of(resolved.bases[trial.scenario], trial.values, trial.seed)
         except ScenarioError as error:
-            raise ScenarioError(f"{source}: parameters: {error}") from None
+            raise ScenarioError(f"{source}: {error}") from None
 
 
 def _without_single_maps(resolved: Resolved) -> Resolved:
@@ -215,24 +221,19 @@ def _explain(error: Any) -> str:
     if error["type"] == "missing":
         return f"  {key}: missing, a value is required"
     if error["type"] == "union_tag_not_found":
-        return f"  {key}.distribution: missing; allowed: {error_tags()}"
+        return f"  {key}.distribution: missing; allowed: {', '.join(_laws())}"
     if error["type"] == "union_tag_invalid":
-        return f"  {key}.distribution = {shown(error['ctx']['tag'])}: unknown; allowed: {error_tags()}"
+        return f"  {key}.distribution = {shown(error['ctx']['tag'])}: unknown; allowed: {', '.join(_laws())}"
     message = error["msg"].removeprefix("Value error, ")
     if error["type"] == "value_error":
         return f"  {key}{'' if message.startswith('.') or not key else '.'}{message}"
     return f"  {key} = {shown(error['input'])}: {message[0].lower()}{message[1:]}"
 
 
-def error_tags() -> str:
-    """Names of the distributions."""
-    return ", ".join(_laws())
-
-
 def _laws() -> dict[str, type[BaseModel]]:
-    union = Campaign.model_fields["parameters"].annotation
-    members = union.__args__[1].__origin__.__args__  # type: ignore[union-attr]
-    return {member.model_fields["distribution"].annotation.__args__[0]: member for member in members}
+    """The distributions by name."""
+    members = get_args(get_args(Distribution)[0])
+    return {get_args(member.model_fields["distribution"].annotation)[0]: member for member in members}
 
 
 def _allowed(loc: tuple[Any, ...]) -> list[str]:

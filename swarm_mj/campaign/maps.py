@@ -65,7 +65,8 @@ def _is_drawn(key: str, campaign: Campaign) -> bool:
 
 def _targets(campaign: Campaign, label: str, base: Scenario, build: Build) -> Iterator[str]:
     """Hashes of the targets of some runs; runs whose values allow none are left out."""
-    sample, shapes = Sample(campaign), {}  # type: Sample, dict[str, ShapeModel]
+    sample = Sample(campaign)
+    shapes: dict[str, ShapeModel] = {}
     place, scenarios = sample.names.index(label), len(sample.names)
     for run in np.unique(np.linspace(0, sample.runs - 1, PROBES).astype(int)):
         trial = sample.trial(int(run) * scenarios + place)

@@ -3,11 +3,11 @@
 A name is a key of the summary (see `swarm_mj.output.summary`); where the key holds one number per spacecraft, `.max`, `.min`,
 `.mean` or `.sum` reduces them, and a spacecraft's name takes its own. A list counts. Besides the summary there are
 
-- `covered`: whether |100 - P_TO| is within `designer.tolerance_percent`, the paper's equation 4;
 - `pointing_error_deg_visit`: by observer, at the instant of the visit;
 - `pointing_error_deg_p95`: 95th percentile over the flight and all spacecraft, slews included.
 
-Pointing errors are those of spacecraft that work: while they do, and at the end.
+Pointing errors are those of spacecraft that work: while they do, and at the end. Always kept is `covered`: whether
+|100 - P_TO| is within `designer.tolerance_percent`, the paper's equation 4.
 """
 
 from __future__ import annotations
@@ -17,69 +17,91 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
+from swarm_mj.campaign.config import FIXED_COLUMNS, Campaign
 from swarm_mj.errors import ScenarioError
 from swarm_mj.flight import ObservationResult, visit_sample
-from swarm_mj.output.summary import summarise
+from swarm_mj.output.summary import summarise, working
 from swarm_mj.planning import Plan
+from swarm_mj.scenarios.limits import shown
 
-REDUCTIONS: dict[str, Callable[[NDArray[np.float64]], Any]] = {
+REDUCTIONS: dict[str, Callable[[list[float]], Any]] = {
     "max": np.max,
     "min": np.min,
     "mean": np.mean,
     "sum": np.sum,
 }
+#: Numbers by spacecraft that mean nothing of one that was lost before the end; at the visit it may have worked.
+LOST_WITH_THEIR_SPACECRAFT = ("pointing_error_deg_final", "pointing_error_deg_before_switch")
 
 
-def column_of(name: str) -> str:
-    """Column of a recorded name; dots stand only in parameters' columns."""
-    return name.replace(".", "_")
+def recorded(campaign: Campaign) -> dict[str, str]:
+    """What is recorded of every run, by column: each once, and nothing that has a column already.
+
+    Dots stand only in the columns of parameters.
+    """
+    taken = {*FIXED_COLUMNS, *campaign.parameters}
+    columns = {name.replace(".", "_"): name for name in campaign.record}
+    return {column: name for column, name in columns.items() if column not in taken}
 
 
-def outcome(plan: Plan, telemetry: xr.Dataset, result: ObservationResult, record: Sequence[str]) -> dict[str, Any]:
+def outcome(plan: Plan, telemetry: xr.Dataset, result: ObservationResult, record: Mapping[str, str]) -> dict[str, Any]:
     """The recorded numbers of a run, by column, with `covered`, `spacecraft` and `events`.
+
+    Args:
+        plan: What was flown.
+        telemetry: Of the flight.
+        result: What was seen.
+        record: Names by column, from `recorded`.
 
     Raises:
         ScenarioError: A recorded name is not there; the message lists what is.
     """
     summary = summarise(plan, telemetry, result, {})
-    values = _of_the_living({**summary, **_pointed(plan, telemetry)}, summary["lost"])
-    tolerance = plan.scenario.designer.tolerance_percent
+    of_the_living = {key: working(summary, key) for key in LOST_WITH_THEIR_SPACECRAFT}
+    values = {**summary, **of_the_living, **_pointed(plan, telemetry)}
     return {
-        "covered": bool(100.0 - result.coverage.percent <= tolerance),
+        "covered": bool(100.0 - result.coverage.percent <= plan.scenario.designer.tolerance_percent),
         "spacecraft": plan.n,
-        **{column_of(name): pick(values, name) for name in record},
-        "events": summary.get("events", []),
+        **{column: pick(values, name, plan.names) for column, name in record.items()},
+        "events": summary["events"],
     }
 
 
-def pick(values: Mapping[str, Any], name: str) -> float | None:
+def pick(values: Mapping[str, Any], name: str, spacecraft: Sequence[str]) -> float | None:
     """One number by name; None where a run has none.
 
+    Args:
+        values: Numbers, lists, or either by spacecraft.
+        name: Which one.
+        spacecraft: All of the run, whether or not each has a number.
+
     Raises:
-        ScenarioError: The name is not there.
+        ScenarioError: The name is not there, or is no number's.
     """
     key, _, part = name.partition(".")
     if key not in values:
         raise ScenarioError(f"record: {name}: is not recorded; there are {', '.join(_names(values))}")
     value = values[key]
-    if isinstance(value, list) and not part:
+    if not isinstance(value, Mapping):
+        if part:
+            raise ScenarioError(f"record: {name}: {key} needs no part after it")
+        return _number(name, value)
+    if part in REDUCTIONS:
+        numbers = [_number(name, inner) for inner in value.values()]
+        there = [number for number in numbers if number is not None]
+        return _number(name, REDUCTIONS[part](there)) if there else None
+    if part not in value and part not in spacecraft:
+        raise ScenarioError(f"record: {name}: {key} needs one of {', '.join(REDUCTIONS)} or a spacecraft after it")
+    return _number(name, value.get(part))
+
+
+def _number(name: str, value: Any) -> float | None:
+    """A number, or how long a list is; None for what is unknown."""
+    if isinstance(value, list):
         return float(len(value))
-    if isinstance(value, Mapping) and (part in REDUCTIONS or part in value):
-        return _finite(value[part]) if part in value else _reduced(value, part)
-    if part or isinstance(value, bool) or not isinstance(value, (int, float, type(None))):
-        parts = f"one of {', '.join(REDUCTIONS)} or a spacecraft" if isinstance(value, Mapping) else "no part"
-        raise ScenarioError(f"record: {name}: {key} needs {parts} after it")
-    return _finite(value)
-
-
-def _reduced(value: Mapping[str, Any], part: str) -> float | None:
-    numbers = np.array([v for v in value.values() if v is not None], np.float64)
-    return _finite(REDUCTIONS[part](numbers)) if len(numbers) else None
-
-
-def _finite(value: Any) -> float | None:
+    if value is not None and not isinstance(value, (int, float)):
+        raise ScenarioError(f"record: {name}: is {shown(value)}, no number")
     return float(value) if value is not None and np.isfinite(value) else None
 
 
@@ -87,16 +109,9 @@ def _names(values: Mapping[str, Any]) -> list[str]:
     numbers = [key for key, value in values.items() if isinstance(value, (int, float, list))]
     by_craft = [
         f"{key}.max" for key, v in values.items()
-        if isinstance(v, Mapping) and all(isinstance(x, (int, float)) for x in v.values())
+        if isinstance(v, Mapping) and all(isinstance(x, (int, float, list)) for x in v.values())
     ]  # fmt: skip
     return [*numbers, *by_craft]
-
-
-def _of_the_living(values: dict[str, Any], lost: Sequence[str]) -> dict[str, Any]:
-    """The same without the pointing errors of spacecraft that were lost before the end; at the visit they may have worked."""
-    for key in ("pointing_error_deg_final", "pointing_error_deg_before_switch"):
-        values[key] = {name: error for name, error in values[key].items() if name not in lost}
-    return values
 
 
 def _pointed(plan: Plan, telemetry: xr.Dataset) -> dict[str, Any]:

@@ -94,13 +94,9 @@ class LocalPool:
 
     def _hear(self, worker: _Worker, waiting: deque[int], deaths: dict[int, int]) -> Row | None:
         """What a worker has to say: a row, or nothing yet."""
-        overdue = worker.overdue(self._limit)
-        if overdue:
-            worker.stop()
-        elif not worker.pipe.poll():
-            return None
-        heard: tuple[str, Any] = ("dead", None) if overdue else worker.hear()
-        kind, value = heard
+        if not worker.pipe.poll():  # what is finished counts, however late it is heard
+            return self._bury(worker, True, waiting, deaths) if worker.overdue(self._limit) else None
+        kind, value = worker.hear()
         if kind == "ready":
             worker.ready, self._stillborn = True, 0
             return None
@@ -109,7 +105,7 @@ class LocalPool:
             return dict(value)
         if kind == "error":
             raise value
-        return self._bury(worker, overdue, waiting, deaths)
+        return self._bury(worker, False, waiting, deaths)
 
     def _bury(self, worker: _Worker, overdue: bool, waiting: deque[int], deaths: dict[int, int]) -> Row | None:
         worker.stop()
@@ -153,7 +149,8 @@ class _Worker:
         self.process: BaseProcess = context.Process(target=_work, args=(theirs, text, telemetry), daemon=True)
         self.process.start()
         theirs.close()
-        self.ready, self.row, self.started = False, None, 0.0  # type: bool, int | None, float
+        self.ready, self.started = False, 0.0
+        self.row: int | None = None
 
     def send(self, waiting: deque[int]) -> None:
         self.row, self.started = waiting.popleft(), time.monotonic()

@@ -67,15 +67,16 @@ def run_campaign(
             _fly_missing(resolved, store, console, telemetry, workers=workers, scheduler=scheduler, quiet=quiet)
         finally:
             store.close()
-        summary = write_summary(folder, resolved, read_results(folder, store.schema))
+        results = read_results(folder, store.schema)
+        summary = write_summary(folder, resolved, results)
         if figures:
             from swarm_mj.campaign.figures import draw_all
 
-            draw_all(folder, resolved, read_results(folder, store.schema), summary)
+            draw_all(folder, resolved, results, summary)
     console.print(summary_table(summary))
     for remark in sobol_remarks(summary):
         console.print(remark, soft_wrap=True, highlight=False, markup=False)
-    _print_failures(console, resolved, folder)
+    _print_failures(console, results.to_pylist())
     console.print(f"{resolved.campaign.name}: files in {folder}", soft_wrap=True, highlight=False)
     return summary
 
@@ -263,10 +264,8 @@ def _label(resolved: Resolved, done: int, total: int, failed: int) -> str:
     return f"{resolved.campaign.name}: {done} of {total} runs" + (f", {failed} failed" if failed else "")
 
 
-def _print_failures(console: Console, resolved: Resolved, folder: Path) -> None:
-    from swarm_mj.campaign.store import read_results
-
-    failed = [row for row in read_results(folder).to_pylist() if row["status"] == "failed"]
+def _print_failures(console: Console, rows: list[dict[str, Any]]) -> None:
+    failed = [row for row in rows if row["status"] == "failed"]
     for row in failed[:5]:
         console.print(
             f"row {row['row']} ({row['scenario']}, seed {row['seed']}) failed: {row['error']}",

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import product
 from math import prod
 from typing import Any
 
@@ -62,7 +61,7 @@ class Sample:
         """Runs of each scenario."""
         campaign = self.campaign
         if campaign.method == "grid":
-            return campaign.runs * prod(len(law.levels()) for law in campaign.parameters.values())
+            return campaign.runs * prod(self._counts)
         return campaign.runs * (self.group if campaign.method == "saltelli" else 1)
 
     @property
@@ -94,7 +93,8 @@ class Sample:
                 u = np.random.default_rng(self._child(PARAMETERS, row)).random(self.dimensions)
                 return self._seed(row), draw_all(parameters, u)
             case "grid":
-                levels = self._grid[run // self.campaign.runs]
+                place = np.unravel_index(run // self.campaign.runs, self._counts)
+                levels = (values[int(k)] for values, k in zip(self._levels, place, strict=True))
                 return self._seed(row), dict(zip(parameters, levels, strict=True))
             case "saltelli":
                 k, member = divmod(run, self.group)
@@ -128,9 +128,14 @@ class Sample:
         width = 2 * d if campaign.method == "saltelli" else d
         return np.asarray(qmc.Sobol(width, rng=rng).random(campaign.runs))
 
+    @property
+    def _counts(self) -> list[int]:
+        """Number of levels of each parameter on a grid; the last one varies fastest."""
+        return [law.count for law in self.campaign.parameters.values()]
+
     @cached_property
-    def _grid(self) -> list[tuple[Any, ...]]:
-        return list(product(*(law.levels() for law in self.campaign.parameters.values())))
+    def _levels(self) -> list[list[Any]]:
+        return [law.levels() for law in self.campaign.parameters.values()]
 
     def _child(self, *name: int) -> np.random.SeedSequence:
         return np.random.SeedSequence(self.campaign.seed, spawn_key=name)

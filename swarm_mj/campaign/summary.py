@@ -15,9 +15,10 @@ from rich.table import Table
 
 from swarm_mj.campaign import statistics
 from swarm_mj.campaign.loading import Resolved
+from swarm_mj.campaign.outcome import recorded
 from swarm_mj.campaign.sampling import Sample
 from swarm_mj.campaign.statistics import Estimate
-from swarm_mj.campaign.table import WALL, recorded
+from swarm_mj.campaign.table import WALL
 from swarm_mj.errors import OutputError
 from swarm_mj.output.folder import write_text
 from swarm_mj.output.summary import library_versions

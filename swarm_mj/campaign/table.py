@@ -1,7 +1,7 @@
 """The columns of a campaign's results, and rows as an Arrow table.
 
-`row`, `run`, `scenario`, `seed`; the drawn parameters by dotted key; `status`, `error`; what is recorded; `covered`,
-`spacecraft`, `events`; and last `wall_s`, the only column that differs when a run is flown again.
+`row`, `run`, `scenario`, `seed`; the drawn parameters by dotted key; `status`, `error`, `covered`, `spacecraft`; what is
+recorded; `events`; and last `wall_s`, the only column that differs when a run is flown again.
 """
 
 from __future__ import annotations
@@ -14,10 +14,8 @@ import pyarrow as pa
 
 from swarm_mj.campaign.config import Campaign
 from swarm_mj.campaign.distributions import Bernoulli, Choice, Integer
-from swarm_mj.campaign.outcome import column_of
+from swarm_mj.campaign.outcome import recorded
 
-#: Columns that say which run a row is and how it went.
-IDENTITY = ("row", "run", "scenario", "seed")
 #: The column that is not the same when a run is flown again.
 WALL = "wall_s"
 
@@ -30,12 +28,6 @@ def schema_of(campaign: Campaign) -> pa.Schema:
     fields += [(column, pa.float64()) for column in recorded(campaign)]
     fields += [("events", pa.string()), (WALL, pa.float64())]
     return pa.schema(fields)
-
-
-def recorded(campaign: Campaign) -> list[str]:
-    """Columns of what is recorded, each once."""
-    fixed = {"covered", "spacecraft", "events"}
-    return [column for column in dict.fromkeys(map(column_of, campaign.record)) if column not in fixed]
 
 
 def table_of(rows: Sequence[dict[str, Any]], schema: pa.Schema) -> pa.Table:

@@ -34,6 +34,15 @@ scenarios: [eros-quick]
 set: {{observation.observer: raycast, telemetry.interval_s: 10}}
 {more}
 """
+#: One scenario, called one; what is added comes last.
+ONE = """\
+name: alone
+seed: 5
+runs: {runs}
+method: {method}
+scenarios: [{{scenario: eros-quick, name: one}}]
+{more}
+"""
 
 
 @pytest.fixture

@@ -2,6 +2,8 @@
 
 import os
 import signal
+import subprocess
+import sys
 import threading
 import time
 from pathlib import Path
@@ -172,10 +174,25 @@ def test_of_two_campaigns_in_one_folder_one_wins_and_the_other_says_so(reference
     assert rows(tmp_path / "out").equals(expected)
 
 
-def test_a_lock_does_not_outlive_a_killed_process(tmp_path, start):
-    with only_one(tmp_path / "out"):
-        with pytest.raises(OutputError, match=f"process {os.getpid()} on"), only_one(tmp_path / "out"):
+HOLD = """
+import sys, time
+from pathlib import Path
+from swarm_mj.campaign.lock import only_one
+with only_one(Path(sys.argv[1])):
+    print("held", flush=True)
+    time.sleep(120)
+"""
+
+
+def test_a_lock_does_not_outlive_a_killed_process(tmp_path):
+    holder = subprocess.Popen([sys.executable, "-c", HOLD, str(tmp_path / "out")], stdout=subprocess.PIPE, text=True)
+    try:
+        assert holder.stdout.readline() == "held\n"
+        with pytest.raises(OutputError, match=f"process {holder.pid} on"), only_one(tmp_path / "out"):
             pass
+    finally:
+        holder.kill()
+        holder.communicate()
     with only_one(tmp_path / "out"):
         pass
 
@@ -191,12 +208,10 @@ def test_every_row_replays_bit_for_bit_and_a_forged_one_is_told_apart(reference,
     path, expected = reference
     out = tmp_path / "out"
     assert start(path, "--out", out, "--runs", 3, "--no-figures").wait(90) == 0
-    process = start(path, "--out", out, "--runs", 3, "--replay", 2)
-    assert process.communicate(timeout=60) is not None and process.returncode == 0
+    assert start(path, "--out", out, "--runs", 3, "--replay", 2).wait(60) == 0
     assert {"scenario.yaml", "telemetry.nc", "coverage.npz"} <= {p.name for p in (out / "replays" / "2").iterdir()}
-    forged = start(path, "--out", out, "--runs", 4, "--replay", 2)  # the same row: monte_carlo draws are its own
-    forged.communicate(timeout=60)
-    assert forged.returncode == 0
+    # The same row of a longer campaign: monte_carlo draws are its own.
+    assert start(path, "--out", out, "--runs", 4, "--replay", 2).wait(60) == 0
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -205,9 +220,7 @@ def test_every_row_replays_bit_for_bit_and_a_forged_one_is_told_apart(reference,
     values = table["coverage_percent"].to_pylist()
     values[2] = values[2] * (1 - 2**-52)
     pq.write_table(table.set_column(column, "coverage_percent", pa.array(values)), out / RESULTS)
-    process = start(path, "--out", out, "--runs", 3, "--replay", 2)
-    process.communicate(timeout=60)
-    assert process.returncode == 1
+    assert start(path, "--out", out, "--runs", 3, "--replay", 2).wait(60) == 1
 
 
 def test_a_run_that_takes_too_long_has_failed_and_the_others_go_on(write, tmp_path):

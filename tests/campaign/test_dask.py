@@ -10,6 +10,7 @@ import pytest
 
 pytest.importorskip("distributed")
 
+from swarm_mj.campaign.dask_pool import DaskPool  # noqa: E402
 from swarm_mj.campaign.loading import load_campaign  # noqa: E402
 from swarm_mj.campaign.runner import run_campaign  # noqa: E402
 from swarm_mj.campaign.store import read_results  # noqa: E402
@@ -49,6 +50,28 @@ def test_an_address_that_is_none_ends_the_program_at_once_and_cleanly(write, sta
     assert "no Dask scheduler answers" in errors and "tcp://host:8786" in errors
     assert "Traceback" not in out + errors and "ignored" not in out + errors
     assert len((out + errors).strip().splitlines()) == 1
+
+
+def test_a_worker_that_lacks_this_program_is_a_clear_error(write, monkeypatch):
+    class Client:
+        closed = False
+
+        def __init__(self, *_, **__):
+            pass
+
+        def run(self, function):
+            raise ModuleNotFoundError("No module named 'swarm_mj'")
+
+        def close(self, timeout):
+            Client.closed = True
+
+    monkeypatch.setattr("distributed.Client", Client)
+    monkeypatch.setattr("swarm_mj.campaign.dask_pool._knock", lambda scheduler: None)
+    with pytest.raises(
+        OutputError, match="tcp://there:1: a worker does not say which .*No module named 'swarm_mj'.; install"
+    ):
+        DaskPool(load_campaign(write()), None, "tcp://there:1")
+    assert Client.closed
 
 
 @pytest.fixture

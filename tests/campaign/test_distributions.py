@@ -42,6 +42,12 @@ def test_a_truncated_normal_keeps_its_bounds_and_its_shape_in_between():
     assert law_.draw((stats.norm.cdf(0.7) - stats.norm.cdf(-1.0)) / inside) == pytest.approx(0.7)
 
 
+@pytest.mark.parametrize("name", LAWS)
+def test_levels_are_as_many_as_is_said_before_they_are_made(name):
+    law_ = law(name, **LAWS[name][0])
+    assert law_.count == len(law_.levels())
+
+
 @pytest.mark.parametrize("u", [0.0, 1.0])
 def test_no_tail_becomes_infinite(u):
     assert np.isfinite(law("normal", mean=0.0, std=1.0).draw(u))

@@ -2,12 +2,19 @@
 
 import json
 import math
+import time
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 
 import pytest
 
+from swarm_mj.campaign import flying
+from swarm_mj.campaign.config import FIXED_COLUMNS
 from swarm_mj.campaign.flying import Flyer
 from swarm_mj.campaign.loading import load_campaign
 from swarm_mj.campaign.runner import replay
+from swarm_mj.campaign.summary import summarise_campaign
+from swarm_mj.campaign.table import schema_of, table_of
 from swarm_mj.errors import ScenarioError
 
 #: Values below 1 km put the mothership inside the body.
@@ -82,7 +89,10 @@ def test_a_row_that_is_not_there_cannot_be_replayed(write, tmp_path):
         ("link_closed_percent", "needs one of max, min, mean, sum or a spacecraft"),
         ("coverage_percent.max", "needs no part"),
         ("link_closed_percent.sc9", "needs one of"),
-        ("observer", "needs no part"),
+        ("observer", "record: observer: is 'raycast', no number"),
+        ("observer.max", "needs no part"),
+        ("versions.python", "record: versions.python: is '3.*, no number"),
+        ("versions.max", "record: versions.max: is '.*, no number"),
     ],
 )
 def test_what_cannot_be_recorded_ends_the_campaign_with_words(write, name, words):
@@ -90,8 +100,51 @@ def test_what_cannot_be_recorded_ends_the_campaign_with_words(write, name, words
         Flyer(load_campaign(write(more=f"record: [{name}]"))).fly(0)
 
 
+def test_a_spacecraft_without_a_number_in_a_run_has_none_there(write):
+    names = "pointing_error_deg_final.sc2, pointing_error_deg_final.sc1, pointing_error_deg_before_switch.sc2"
+    lost = f"""
+    record: [{names}]
+    parameters: {{faults: {{distribution: choice, values: [[{{kind: spacecraft_lost, spacecraft: sc2, at_s: 100}}]]}}}}
+    """
+    row = Flyer(load_campaign(write(runs=1, more=lost))).fly(0)
+    assert row["status"] == "ok", row["error"]
+    assert row["pointing_error_deg_final_sc2"] is None and row["pointing_error_deg_before_switch_sc2"] is None
+    assert 0.0 <= row["pointing_error_deg_final_sc1"] < 180.0
+
+
+def test_what_has_a_column_already_is_not_recorded_twice(write):
+    taken = "[seed, spacecraft, covered, scenario, events, wall_s, duration_s, images]"
+    more = f"record: {taken}\nparameters: {{duration_s: {{distribution: choice, values: [1200, 1300]}}}}"
+    resolved = load_campaign(write(runs=2, more=more))
+    flyer, schema = Flyer(resolved), schema_of(resolved.campaign)
+    table = table_of([flyer.fly(row) for row in range(2)], schema)
+    assert schema.names == [*FIXED_COLUMNS[:4], "duration_s", *FIXED_COLUMNS[4:8], "images", *FIXED_COLUMNS[8:]]
+    assert table["seed"].to_pylist() == [flyer.sample.trial(row).seed for row in range(2)]
+    assert summarise_campaign(resolved, table)["scenarios"]["eros-quick"]["outcomes"].keys() == {"images"}
+
+
+def test_threads_that_begin_together_share_one_flyer(write, monkeypatch):
+    made = []
+
+    class Slow(Flyer):
+        def __init__(self, *arguments):
+            made.append(arguments)
+            time.sleep(0.3)
+            super().__init__(*arguments)
+
+        def fly(self, row):
+            return {"row": row}
+
+    monkeypatch.setattr(flying, "Flyer", Slow)
+    text = load_campaign(write(runs=977)).dumps()
+    with ThreadPoolExecutor(2) as threads:
+        assert list(threads.map(partial(flying.fly_row, text, None), range(2))) == [{"row": 0}, {"row": 1}]
+    assert len(made) == 1
+
+
 def test_spacecraft_and_lists_can_be_recorded(write):
-    row = Flyer(load_campaign(write(more="record: [link_closed_percent.sc2, near_collisions, target_area_km2]"))).fly(0)
+    record = "record: [link_closed_percent.sc2, near_collisions, mode_switches.sc1, target_area_km2]"
+    row = Flyer(load_campaign(write(more=record))).fly(0)
     assert row["near_collisions"] == 0.0 and 0.0 <= row["link_closed_percent_sc2"] <= 100.0
-    assert row["target_area_km2"] > 1.0
+    assert row["target_area_km2"] > 1.0 and row["mode_switches_sc1"] >= 1.0
     json.dumps(row, allow_nan=False)

@@ -2,9 +2,13 @@
 
 import pytest
 
+from swarm_mj.campaign.flying import failed_row
 from swarm_mj.campaign.loading import load_campaign, restore, scenario_of
 from swarm_mj.campaign.sampling import Sample
+from swarm_mj.campaign.table import schema_of, table_of
 from swarm_mj.errors import ScenarioError
+
+from .conftest import ONE
 
 CASES = {
     "unknown key": ("nmae: x\n", "nmae: unknown key. Did you mean 'name'"),
@@ -42,6 +46,26 @@ CASES = {
         "parameters: {camera.half_angle_deg: {distribution: uniform, low: 94, high: 95}}",
         "camera.half_angle_deg = 94",
     ),
+    "a parameter deep inside a number": (
+        "parameters: {duration_s.x.y: {distribution: uniform, low: 4, high: 5}}",
+        "parameters.duration_s.x.y: duration_s is a single value",
+    ),
+    "an entry of an empty list": (
+        "parameters: {faults.0.probability: {distribution: uniform, low: 0, high: 1}}",
+        "parameters.faults.0.probability: '0' names an entry of a list that is empty",
+    ),
+    "a section with a column's name": (
+        "parameters: {spacecraft: {distribution: choice, values: [{mass_kg: 8}, {mass_kg: 9}]}}",
+        "parameters.spacecraft: cannot be drawn as a whole",
+    ),
+    "a design by reference": (
+        "parameters: {design: {distribution: choice, values: [{reference: eros-visit}]}}",
+        "parameters.design: a design cannot be drawn by its reference",
+    ),
+    "an endless grid": (
+        "method: grid\nparameters: {seed2: {distribution: integer, low: 1, high: 1000000000000}}",
+        "runs = 3: with method = grid, 1 parameters and 1 scenarios these are 3000000000000 flights: at most 10000000",
+    ),
     "the seed": ("parameters: {seed: {distribution: integer, low: 1, high: 5}}", "seed: cannot be drawn"),
     "unknown method": ("method: random", "method = 'random'"),
     "no power of 2": ("method: sobol", "runs = 3: must be a power of 2 where method = sobol"),
@@ -73,11 +97,34 @@ def test_a_scenario_that_is_not_there_is_named(write):
         load_campaign(write("name: x\nscenarios: [nowhere]\n"))
 
 
-@pytest.mark.parametrize("content", [b"\xff\xfe", b"x" * 1_000_001, b"- a\n- b\n"])
-def test_a_file_that_is_no_campaign_is_refused(tmp_path, content):
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"\xff\xfe", "byte 0 is not UTF-8"),
+        (b"x" * 1_000_001, "this is not a campaign"),
+        (b"- a\n- b\n", "must be a mapping"),
+        (b"".join(b"k%d: 1\n" % k for k in range(100)), "and 82 more mistakes"),
+    ],
+)
+def test_a_file_that_is_no_campaign_is_refused(tmp_path, content, words):
     (tmp_path / "c.yaml").write_bytes(content)
-    with pytest.raises(ScenarioError):
+    with pytest.raises(ScenarioError, match=rf"c\.yaml(.|\n)*{words}"):
         load_campaign(tmp_path / "c.yaml")
+
+
+def test_dates_without_quotes_and_any_letters_may_be_set_and_drawn(write):
+    more = """
+    set: {epoch: 2018-01-15T00:00:00, description: "☄ 🛰"}
+    parameters: {epoch: {distribution: choice, values: [2018-02-01T00:00:00]}}
+    """
+    resolved = load_campaign(write(ONE, more=more))
+    base, trial = resolved.bases["one"], Sample(resolved.campaign).trial(0)
+    assert (base.epoch, base.description) == ("2018-01-15T00:00:00", "☄ 🛰")
+    assert scenario_of(base, trial.values, 1).epoch == "2018-02-01T00:00:00"
+    assert table_of([failed_row(trial, "")], schema_of(resolved.campaign))["epoch"].to_pylist() == [
+        "2018-02-01T00:00:00"
+    ]
+    assert restore(resolved.dumps()) == resolved
 
 
 def test_a_scenario_file_is_looked_for_beside_the_campaign(write, tmp_path):

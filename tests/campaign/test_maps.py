@@ -6,15 +6,9 @@ from swarm_mj.campaign.flying import Flyer
 from swarm_mj.campaign.loading import load_campaign, restore
 from swarm_mj.campaign.runner import run_campaign
 
-MAPPED = """\
-name: mapped
-seed: 5
-runs: {runs}
-method: {method}
-scenarios: [{{scenario: eros-quick, name: one}}]
-set: {{observation.observer: horizon, telemetry.interval_s: 10, design.visiting_points: [12, 20]}}
-{more}
-"""
+from .conftest import ONE
+
+MAPPED = ONE + "set: {{observation.observer: horizon, telemetry.interval_s: 10, design.visiting_points: [12, 20]}}\n"
 LATITUDE = "parameters: {target.latitude_deg: {distribution: uniform, low: -57, high: -56}}"
 
 

@@ -82,6 +82,22 @@ def test_a_grid_has_every_combination_as_often_as_asked():
     assert set(times) == {2}
 
 
+def test_on_a_grid_the_last_parameter_varies_fastest_and_only_levels_are_kept():
+    laws = {
+        "x": {**UNIT, "steps": 3000},
+        "y": {"distribution": "choice", "values": ["p", "q"]},
+        "z": {**UNIT, "steps": 1000},
+    }
+    sample_ = sample("grid", runs=1, laws=laws, scenarios=("a",))
+    assert sample_.rows == 6_000_000
+    last = 1.0
+    assert sample_.trial(0).values == {"x": 0.0, "y": "p", "z": 0.0}
+    assert sample_.trial(999).values == {"x": 0.0, "y": "p", "z": last}
+    assert sample_.trial(1000).values == {"x": 0.0, "y": "q", "z": 0.0}
+    assert sample_.trial(2000).values == {"x": pytest.approx(1.0 / 2999.0), "y": "p", "z": 0.0}
+    assert sample_.trial(5_999_999).values == {"x": last, "y": "q", "z": last}
+
+
 def test_a_saltelli_group_changes_one_factor_at_a_time_and_the_seed_last():
     sample_ = sample("saltelli", runs=4, d=2, scenarios=("a",))
     assert sample_.rows == 4 * 5

@@ -11,17 +11,14 @@ from swarm_mj.campaign.sampling import Sample
 from swarm_mj.campaign.summary import sobol_remarks, summarise_campaign
 from swarm_mj.campaign.table import schema_of, table_of
 
-SENSITIVE = """\
-name: sensitive
-seed: 5
-runs: {runs}
-method: {method}
-scenarios: [{{scenario: eros-quick, name: one}}]
+from .conftest import ONE
+
+#: Two drawn parameters, and runs in groups of a sample for Sobol' indices.
+DRAWN = """
 parameters:
-  camera.half_angle_deg: {{distribution: uniform, low: 15, high: 16}}
-  mothership.position_A_m.2: {{distribution: uniform, low: -31000, high: -30000}}
+  camera.half_angle_deg: {distribution: uniform, low: 15, high: 16}
+  mothership.position_A_m.2: {distribution: uniform, low: -31000, high: -30000}
 record: [coverage_percent]
-{more}
 """
 
 
@@ -48,7 +45,7 @@ def smooth(angle, seed):
 
 @pytest.fixture
 def resolved(write):
-    return load_campaign(write(SENSITIVE, runs=16, method="saltelli"))
+    return load_campaign(write(ONE, runs=16, method="saltelli", more=DRAWN))
 
 
 def indices(summary):
@@ -77,7 +74,7 @@ def test_indices_that_a_sample_does_not_allow_are_not_shown(resolved):
 
 
 def test_indices_that_a_sample_allows_are_shown_without_remarks(write):
-    resolved = load_campaign(write(SENSITIVE, runs=256, method="saltelli"))
+    resolved = load_campaign(write(ONE, runs=256, method="saltelli", more=DRAWN))
     table = results(resolved, smooth)
     summary = summarise_campaign(resolved, table)
     assert all(part["told"] for entry in indices(summary).values() for part in entry.values())
