@@ -99,9 +99,10 @@ def _is_result(folder: Path) -> bool:
         summary = json.loads((folder / MARKER).read_text("utf-8"))
     except (OSError, ValueError, RecursionError):
         return False
-    return (
-        isinstance(summary, dict) and "scenario" in summary and "swarm_mj" in {*summary, *summary.get("versions", {})}
-    )
+    if not isinstance(summary, dict) or "scenario" not in summary:
+        return False
+    versions = summary.get("versions")
+    return "swarm_mj" in summary or (isinstance(versions, dict) and "swarm_mj" in versions)
 
 
 def _replace(partial: Path, destination: Path) -> None:

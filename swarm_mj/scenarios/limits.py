@@ -78,9 +78,8 @@ def _inside(key: str, value: Mapping[Any, Any] | list[Any] | tuple[Any, ...], so
         return
     for name, inner in value.items():
         if not isinstance(name, str) or len(name) > MAX_KEY_CHARACTERS or not name.isprintable():
-            raise ScenarioError(
-                f"{source}: {shortened(key)}: key {shown(name)} is no word of at most {MAX_KEY_CHARACTERS} characters"
-            )
+            where = f"{source}: {shortened(key)}" if key else source
+            raise ScenarioError(f"{where}: key {shown(name)} is no word of at most {MAX_KEY_CHARACTERS} characters")
         # Only the start of a deep path is ever shown; the whole of it would grow with the square of the depth.
         yield f"{key}.{name}"[:1000] if key else name, inner
 

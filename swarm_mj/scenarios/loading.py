@@ -6,17 +6,17 @@ import difflib
 import json
 import re
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from importlib import resources
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import yaml
 from pydantic import BaseModel, ValidationError
 
 from swarm_mj.errors import ScenarioError
 from swarm_mj.scenarios.limits import MAX_DEPTH, MAX_INTEGER_CHARACTERS, check_plain, check_work, shortened, shown
-from swarm_mj.scenarios.schema import Scenario
+from swarm_mj.scenarios.schema import Body, Scenario
 from swarm_mj.scenarios.schema_faults import FAULT_KINDS
 
 #: A scenario is a page of text; anything larger is a mistake or an attack.
@@ -82,19 +82,20 @@ def scenario_from(data: Mapping[str, Any], source: str = "scenario") -> Scenario
     try:
         scenario = Scenario.model_validate(data)
     except ValidationError as error:
-        lines = [_explain(e) for e in error.errors()[:MAX_ERRORS]]
-        if error.error_count() > MAX_ERRORS:
-            lines.append(f"  and {error.error_count() - MAX_ERRORS} more mistakes")
-        raise ScenarioError(f"{source}:\n" + "\n".join(lines)) from None
+        raise ScenarioError(f"{source}:\n{listed(error, _explain)}") from None
     check_work(scenario, source)
     return scenario
 
 
 def _resolve_paths(data: dict[str, Any], folder: Path) -> None:
-    """Read paths in a scenario file relative to that file; those of `--set` are relative to the current folder."""
-    for section, key in (("body", "shape"), ("design", "reference")):
+    """Read paths in a scenario file relative to that file; those of `--set` are relative to the current folder.
+
+    What is packaged is meant by its name, whatever stands beside the file.
+    """
+    packaged_shapes = [Body.model_fields["shape"].default]
+    for section, key, packaged in (("body", "shape", packaged_shapes), ("design", "reference", packaged_designs())):
         values = data.get(section)
-        if isinstance(values, dict) and isinstance(values.get(key), str):
+        if isinstance(values, dict) and isinstance(values.get(key), str) and values[key] not in packaged:
             path = folder / values[key]
             if _exists(path) and path.is_file():
                 values[key] = str(path.resolve())
@@ -163,20 +164,30 @@ def _read(name_or_path: str | Path) -> tuple[str, str, Path | None]:
     path = Path(name_or_path)
     packaged = str(name_or_path) in packaged_names()
     if path.suffix in {".yaml", ".yml"} or (not packaged and _exists(path)):
-        try:
-            if path.exists() and not path.is_file():
-                raise ScenarioError(f"{path}: is no regular file")
-            with path.open("rb") as file:
-                raw = file.read(MAX_BYTES + 1)
-        except OSError as error:
-            raise ScenarioError(f"{path}: cannot be read ({error.strerror})") from None
-        if len(raw) > MAX_BYTES:
-            raise ScenarioError(f"{path}: larger than {MAX_BYTES} bytes; this is not a scenario")
-        try:
-            return raw.decode("utf-8"), str(path), path.parent
-        except UnicodeDecodeError as error:
-            raise ScenarioError(f"{path}: byte {error.start} is not UTF-8 text") from None
+        return file_text(path, "scenario"), str(path), path.parent
     return packaged_text(str(name_or_path)), str(name_or_path), None
+
+
+def file_text(path: Path, what: str) -> str:
+    """Text of a file that the user names; `what` it should be, for errors.
+
+    Raises:
+        ScenarioError: It cannot be read, is too large or no text.
+    """
+    try:
+        if path.exists() and not path.is_file():
+            raise ScenarioError(f"{path}: is no regular file")
+        with path.open("rb") as file:
+            raw = file.read(MAX_BYTES + 1)
+    except (OSError, ValueError) as error:  # ValueError: a name with a NUL
+        reason = getattr(error, "strerror", None) or error
+        raise ScenarioError(f"{shortened(str(path))}: cannot be read ({reason})") from None
+    if len(raw) > MAX_BYTES:
+        raise ScenarioError(f"{path}: larger than {MAX_BYTES} bytes; this is not a {what}")
+    try:
+        return raw.decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise ScenarioError(f"{path}: byte {error.start} is not UTF-8 text") from None
 
 
 def _exists(path: Path) -> bool:
@@ -226,6 +237,8 @@ def _yaml(text: str) -> Any:
         return yaml.load(text, Loader=_Loader)
     except yaml.YAMLError as error:
         raise ValueError(shortened(str(error), 600)) from None
+    except ValueError as error:  # a date or a number that is none
+        raise ValueError(shortened(str(error))) from None
     except (AttributeError, LookupError, TypeError, ArithmeticError) as error:
         # What PyYAML's constructors trip over where a tag does not fit its value, as in `!!timestamp soon`.
         raise ValueError(f"a tag (!!type) does not fit its value: {shortened(str(error))}") from None
@@ -235,17 +248,17 @@ def _check_tokens(text: str) -> None:
     """Look through YAML before anything is built of it.
 
     Raises:
-        ValueError: It holds an alias, or is deeper than a scenario may be.
+        yaml.YAMLError: It is none, holds an alias, or is deeper than a scenario may be.
     """
     depth = 0
     for token in yaml.scan(text):
         # Aliases let a page of text unfold into gigabytes, or contain itself; no scenario needs them.
         if isinstance(token, yaml.AliasToken):
-            raise ValueError("aliases (*name) are not allowed in scenarios")
+            raise yaml.YAMLError("aliases (*name) are not allowed in scenarios")
         depth += isinstance(token, _OPENING) - isinstance(token, _CLOSING)
         # The parser's time grows with the square of the depth. The outermost level holds the keys and does not count.
         if depth > MAX_DEPTH + 1:
-            raise ValueError(f"more than {MAX_DEPTH} levels deep (MAX_DEPTH){token.start_mark}")
+            raise yaml.YAMLError(f"more than {MAX_DEPTH} levels deep (MAX_DEPTH){token.start_mark}")
 
 
 def parse_yaml(text: str, source: str) -> dict[str, Any]:
@@ -271,20 +284,37 @@ def _apply(data: dict[str, Any], override: str) -> None:
     check_plain({"value": value}, f"--set {shortened(override)}")
     *parents, last = key.strip().split(".")
     node = data
-    for name in parents:
+    for level, name in enumerate(parents, start=1):
         child = node.setdefault(name, {})
         if not isinstance(child, dict):
-            raise ScenarioError(f"--set {shortened(override)}: {name} is a single value, it has no keys inside")
+            what = (
+                "a list: give the whole of it" if isinstance(child, list) else "a single value: it has no keys inside"
+            )
+            raise ScenarioError(f"--set {shortened(override)}: {'.'.join(parents[:level])} is {what}")
         node = child
     node[last] = value
 
 
+def listed(error: ValidationError, explain: Callable[[Any], str]) -> str:
+    """The mistakes that a schema found, one a line, the first `MAX_ERRORS` in the words of `explain`."""
+    lines = [explain(e) for e in error.errors()[:MAX_ERRORS]]
+    if error.error_count() > MAX_ERRORS:
+        lines.append(f"  and {error.error_count() - MAX_ERRORS} more mistakes")
+    return "\n".join(lines)
+
+
 def _explain(error: Any) -> str:
-    # Locations of unions hold type names besides keys; keep what leads through the schema.
-    keys = [part for part in error["loc"] if not _is_union_branch(part)]
+    unknown = error["loc"][-1:] if error["type"] == "extra_forbidden" else ()
+    # Locations of unions hold type names besides keys; keep what leads through the schema. An unknown key may be any word.
+    path = [part for part in error["loc"][: len(error["loc"]) - len(unknown)] if not _is_union_branch(part)]
+    keys = [*path, *unknown]
     key = ".".join(str(part) for part in keys) or "(whole)"
-    if error["type"] == "extra_forbidden":
-        return f"  {key}: unknown key. {_allowed_keys(keys)}"
+    if unknown:
+        return f"  {key}: unknown key. {_allowed_keys(path, str(unknown[0]))}"
+    if error["type"] == "union_tag_not_found":
+        return f"  {key}.kind: missing; allowed: {', '.join(FAULT_KINDS)}"
+    if error["type"] == "union_tag_invalid":
+        return f"  {key}.kind = {shown(error['ctx']['tag'])}: unknown; allowed: {', '.join(FAULT_KINDS)}"
     if error["type"] == "missing":
         return f"  {key}: missing, a value is required"
     message = error["msg"].removeprefix("Value error, ")
@@ -301,18 +331,23 @@ def _is_union_branch(part: str | int) -> bool:
     )
 
 
-def _allowed_keys(keys: list[Any]) -> str:
+def _allowed_keys(path: list[Any], unknown: str) -> str:
+    """The keys of the section at a path, and the one that an unknown key may have been meant for."""
     model: type[BaseModel] = Scenario
-    path = keys[:-1]
     if len(path) > 2 and path[0] == "faults":
         # Number in the list, then kind.
         model, path = FAULT_KINDS[path[2]], path[3:]
     for key in path:
-        field = model.model_fields.get(str(key))
-        if field is None or not isinstance(field.annotation, type) or not issubclass(field.annotation, BaseModel):
-            return ""
-        model = field.annotation
+        if isinstance(key, str):  # else the number of a section in a list
+            model = _section(model.model_fields[key].annotation)
     allowed = list(model.model_fields)
-    close = difflib.get_close_matches(str(keys[-1]), allowed, n=1)
+    close = difflib.get_close_matches(unknown, allowed, n=1)
     hint = f"Did you mean {close[0]!r}? " if close else ""
     return f"{hint}Allowed: {', '.join(allowed)}"
+
+
+def _section(annotation: Any) -> type[BaseModel]:
+    """The section that a field holds, alone or in a list."""
+    return next(
+        kind for kind in (annotation, *get_args(annotation)) if isinstance(kind, type) and issubclass(kind, BaseModel)
+    )

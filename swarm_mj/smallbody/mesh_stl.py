@@ -60,7 +60,7 @@ def _binary_corners(data: bytes) -> NDArray[np.float64]:
 
 
 def _text_corners(data: bytes, path: Path) -> NDArray[np.float64]:
-    if not data.lstrip()[:5].lower() == b"solid" or b"\0" in data:
+    if data.lstrip()[:5].lower() != b"solid" or b"\0" in data:
         raise ShapeError(f"{path}: not STL, or a binary STL cut short or with bytes added; export or download it again")
     rows = [row.split() for row in _VERTEX.findall(data)]
     if len(rows) % 3 or len(rows) != 3 * len(_END_OF_FACET.findall(data)):

@@ -47,7 +47,7 @@ def _read_lines(
     vertices, faces = array("d"), array("q")
     promised: tuple[int, ...] | None = None
     statements = 0
-    with open(path, encoding="utf-8") as file:
+    with open(path, encoding="utf-8-sig") as file:  # some programs begin a text with a mark of byte order
         for number, line in _logical_lines(path, file, wavefront):
             words = line.partition("#")[0].split()
             if not words or (wavefront and words[0] not in ("v", "f")):

@@ -31,6 +31,8 @@ FREQUENCY = 20
 DECIMALS = 4
 #: Directions whose harmonics are summed at once; they stay in the processor's cache.
 BLOCK = 4096
+#: A table may go up to this degree; the coefficients take memory with its square.
+MAX_DEGREE = 1000
 
 
 def build_eros(frequency: int = FREQUENCY, *, harmonics_path: str | os.PathLike[str] | None = None) -> ShapeModel:
@@ -67,7 +69,7 @@ def read_harmonics(path: str | os.PathLike[str] | None = None) -> NDArray[np.flo
         The rows, shape (n, 4), dimensionless.
 
     Raises:
-        ShapeError: the file cannot be read, or a row is not `l,m,a,b` with 0 <= m <= l and finite coefficients.
+        ShapeError: the file cannot be read, or a row is not `l,m,a,b` with 0 <= m <= l <= `MAX_DEGREE` and finite a, b.
     """
     source = asset_path("eros_shape_harmonics.csv") if path is None else Path(path)
     try:
@@ -78,10 +80,11 @@ def read_harmonics(path: str | os.PathLike[str] | None = None) -> NDArray[np.flo
     if rows.ndim != 2 or rows.shape[1] != 4:
         raise ShapeError(f"{source}: rows must be l,m,a,b; restore the file from the repository")
     order, bad = rows[:, :2], ~np.isfinite(rows).all(axis=1)
-    bad |= (order[:, 1] < 0) | (order[:, 1] > order[:, 0]) | (order % 1 != 0).any(axis=1)
+    bad |= (order[:, 1] < 0) | (order[:, 1] > order[:, 0]) | (order[:, 0] > MAX_DEGREE) | (order % 1 != 0).any(axis=1)
     if bad.any():
         raise ShapeError(
-            f"{source}: row {lines[int(bad.argmax())]!r} is not l,m,a,b with whole 0 <= m <= l; correct it"
+            f"{source}: row {lines[int(bad.argmax())]!r} is not l,m,a,b with whole 0 <= m <= l <= {MAX_DEGREE} (MAX_DEGREE) "
+            "and finite a, b; correct it"
         )
     return rows
 

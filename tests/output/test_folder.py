@@ -54,7 +54,15 @@ def test_a_folder_that_is_no_result_is_never_touched(tmp_path):
 
 @pytest.mark.parametrize(
     ("name", "content"),
-    [("summary.json", "{}"), ("summary.json", '{"scenario": "a"}'), ("thesis.txt", ""), ("notes.json", "{}")],
+    [
+        ("summary.json", "{}"),
+        ("summary.json", '{"scenario": "a"}'),
+        ("summary.json", '{"scenario": "a", "versions": null}'),
+        ("summary.json", '{"scenario": "a", "versions": 3}'),
+        ("summary.json", '{"scenario": "a", "versions": ["swarm_mj"]}'),
+        ("thesis.txt", ""),
+        ("notes.json", "{}"),
+    ],
 )
 def test_a_folder_that_only_looks_like_a_result_is_not_replaced(tmp_path, name, content):
     run = tmp_path / "run"

@@ -2,13 +2,14 @@
 
 import json
 import os
+import re
 
 import pytest
 import yaml
 
 from swarm_mj.cli import main
 from swarm_mj.errors import ScenarioError
-from swarm_mj.scenarios.loading import load_scenario, packaged_names, read_design
+from swarm_mj.scenarios.loading import load_scenario, packaged_names, parse_yaml, read_design, scenario_from
 from swarm_mj.scenarios.schema import Scenario
 
 
@@ -124,20 +125,79 @@ def test_a_packaged_name_means_the_packaged_scenario_whatever_stands_in_the_curr
     assert load_scenario("eros-config2.yaml").name == "mine"
 
 
+def test_a_packaged_shape_and_design_are_meant_by_their_names_whatever_stands_beside_the_file(tmp_path):
+    (tmp_path / "mine.yaml").write_text("name: mine\nbody: {shape: eros}\ndesign: {reference: eros-visit}\n")
+    expected = load_scenario(tmp_path / "mine.yaml")
+    for name in ("eros", "eros-visit"):
+        (tmp_path / name).write_text('{"visiting_points": [1]}')
+    assert load_scenario(tmp_path / "mine.yaml") == expected
+    assert expected.body.shape == "eros" and list(expected.design.visiting_points) == read_design("eros-visit")
+
+
 def test_a_pipe_and_an_endless_name_are_refused(tmp_path):
     os.mkfifo(tmp_path / "pipe.yaml")
     with pytest.raises(ScenarioError, match="no regular file"):
         load_scenario(tmp_path / "pipe.yaml")
+    for name in ("x" * 5000 + ".yaml", "a\0.yaml"):
+        with pytest.raises(ScenarioError, match="cannot be read") as error:
+            load_scenario(name)
+        assert len(str(error.value)) < 500
     with pytest.raises(ScenarioError, match="no such scenario"):
         load_scenario("x" * 5000)
 
 
 @pytest.mark.parametrize(
-    "override", ["seed=" + "[" * 3000, "camera", "=3", "camera.half_angle_deg.x=3", "camera=[", "seed.x=1"]
+    ("override", "words"),
+    [
+        ("seed=" + "[" * 3000, "more than 20 levels deep"),
+        ("camera", "must read key=value"),
+        ("=3", "must read key=value"),
+        ("camera.half_angle_deg.x=3", "camera.half_angle_deg = {'x': 3}: input should be a valid number"),
+        ("camera.resolution_px.x.y=3", "camera.resolution_px is a single value"),
+        ("design.visiting_points.0=3", "design.visiting_points is a list: give the whole of it"),
+        ("camera=[", "not valid YAML"),
+        ("seed.x=1", r"seed = {'x': 1}: input should be a valid integer"),
+    ],
 )
-def test_a_malformed_override_is_refused(override):
-    with pytest.raises(ScenarioError):
+def test_a_malformed_override_is_refused(override, words):
+    with pytest.raises(ScenarioError, match=words):
         load_scenario("eros-quick", [override])
+
+
+@pytest.mark.parametrize("word", ["float", "str", "none", "tuple", "a[b", "[0]"])
+def test_an_unknown_key_may_be_any_word_and_is_named_with_what_is_allowed(word):
+    with pytest.raises(ScenarioError, match=re.escape(f"  {word}: unknown key. Allowed: name, description, seed")):
+        scenario_from({"name": "x", word: 1})
+    with pytest.raises(ScenarioError, match=re.escape(f"  camera.{word}: unknown key. Allowed: half_angle_deg, shape")):
+        scenario_from({"name": "x", "camera": {word: 1}})
+
+
+@pytest.mark.parametrize(
+    ("override", "words"),
+    [
+        (
+            "designer.extra_targets=[{latitude_deg: 1, longitude: 2}]",
+            "extra_targets.0.longitude: unknown key. Did you mean 'longitude_deg'? Allowed: latitude_deg, longitude_deg, half",
+        ),
+        ("faults=[{kind: nobody}]", "faults.0.kind = 'nobody': unknown; allowed: spacecraft_lost, communications_lost"),
+        ("faults=[{at_s: 3}]", "faults.0.kind: missing; allowed: spacecraft_lost, communications_lost"),
+        ("faults=[{kind: camera_off, spacecraft: sc1, at: 3}]", "at: unknown key. Did you mean 'at_s'? Allowed: probability"),
+    ],
+)  # fmt: skip
+def test_a_wrong_entry_of_a_list_is_told_what_is_allowed(override, words):
+    with pytest.raises(ScenarioError, match=re.escape(words)):
+        load_scenario("eros-quick", [override])
+
+
+def test_a_key_that_is_no_word_is_told_after_its_source():
+    with pytest.raises(ScenarioError, match="^file: key 3 is no word"):
+        parse_yaml("3: 1", "file")
+
+
+def test_a_tag_on_a_long_text_makes_a_short_message():
+    with pytest.raises(ScenarioError, match="file: not valid YAML: could not convert string to float: 'xxx") as error:
+        parse_yaml(f"name: !!float {'x' * 100_000}", "file")
+    assert len(str(error.value)) < 1_000
 
 
 @pytest.mark.parametrize(

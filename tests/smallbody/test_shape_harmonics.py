@@ -98,6 +98,10 @@ def test_mesh_and_near_plate_model_enclose_the_same_body(eros):
         ("l,m,a,b\n", "rows must be"),
         ("l,m,a,b\n0,0,3,0\n1,2,0.1,0\n", "row '1,2,0.1,0'"),
         ("l,m,a,b\n0,0,nan,0\n", "row '0,0,nan,0'"),
+        (
+            "l,m,a,b\n0,0,3,0\n1000000000,0,0.1,0\n",
+            "row '1000000000,0,0.1,0' is not .* <= 1000 .MAX_DEGREE. and finite a, b",
+        ),
         (None, "No such file"),
     ],
 )

@@ -152,6 +152,15 @@ def test_an_obj_line_goes_on_after_a_backslash(tmp_path, end):
         load_shape(tmp_path / "b.obj")
 
 
+@pytest.mark.parametrize("form", ["obj", "tab"])
+def test_a_mark_of_byte_order_before_the_first_line_hides_nothing(tmp_path, form):
+    shape = potato()
+    path = write(shape, tmp_path, form)
+    lines = [line for line in path.read_bytes().splitlines(keepends=True) if line[:1] in b"vf"]
+    path.write_bytes(b"\xef\xbb\xbf" + b"".join(lines))
+    np.testing.assert_array_equal(load_shape(path).faces, shape.faces)
+
+
 def test_plate_tables_may_begin_with_the_numbers_of_vertices_and_faces(tmp_path):
     shape = potato()
     path = write(shape, tmp_path, "tab")
