@@ -47,6 +47,16 @@ ENDS = ("", "complete", "impact", "lost", "diverged")
 _COMPLETE, _IMPACT, _LOST, _DIVERGED = 1, 2, 3, 4
 
 
+@njit(cache=True, nogil=True)
+def _end(impact: bool, complete: bool, lost: bool) -> int:
+    """The number in `ENDS` of how a flight with a finite state ends, 0 if it goes on."""
+    if impact:
+        return _IMPACT
+    if complete:
+        return _COMPLETE
+    return _LOST if lost else 0
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
 def settle(
     prices: Array,
@@ -114,10 +124,6 @@ def settle(
         terms[e, 5] = prices[13] * (losses if go_on else min(1, hits))
         for k in range(6):
             reward[e] += terms[e, k]
-        if hits > 0 and not go_on:
-            end[e] = _IMPACT
-        elif percent[e] >= prices[4] and aboard <= prices[5]:
-            end[e] = _COMPLETE
-        elif alive == 0:
-            end[e] = _LOST
+        complete = percent[e] >= prices[4] and aboard <= prices[5]
+        end[e] = _end(hits > 0 and not go_on, complete, alive == 0)
         truncated[e] = end[e] == 0 and tick[e] >= prices[6]

@@ -49,6 +49,8 @@ TRAINING, VALIDATION, COMPARISON = 1_000_000, range(2_000, 2_016), range(1_000, 
 #: Steps of a flight in a round of PPO: to the horizon [s], for after it no picture of `eros-observe` counts any more. In the
 #: last part of training, flights go on to their end.
 STEPS, HORIZON_S, WHOLE_FLIGHTS = 75, 750.0, 0.9
+#: Largest seed that stable-baselines3 can give to NumPy.
+MAX_SEED = 2**32 - 1
 #: PPO updates between two validations.
 VALIDATE_EVERY = 10
 #: Passes over the data in a round of imitation.
@@ -84,9 +86,11 @@ def main(argv: list[str] | None = None) -> int:
         "--minutes", type=_minutes, default=2.0, help="of training, comparison not included (default: 2)"
     )
     parser.add_argument("--out", type=Path, default=Path("runs/sb3"), metavar="DIR", help="default: runs/sb3")
-    parser.add_argument("--seed", type=_at_least(0), default=0, help="of network, actions and flights (default: 0)")
-    parser.add_argument("--num-envs", type=_at_least(1), default=32, help="flights at once (default: 32)")
-    parser.add_argument("--imitate", type=_at_least(0), default=3, metavar="ROUNDS", help="of imitation (default: 3)")
+    parser.add_argument(
+        "--seed", type=_whole(0, MAX_SEED), default=0, help="of network, actions and flights (default: 0)"
+    )
+    parser.add_argument("--num-envs", type=_whole(1), default=32, help="flights at once (default: 32)")
+    parser.add_argument("--imitate", type=_whole(0), default=3, metavar="ROUNDS", help="of imitation (default: 3)")
     parser.add_argument(
         "--scenario", default="eros-observe", help="of spacecraft with three wheels each (default: eros-observe)"
     )
@@ -98,7 +102,10 @@ def main(argv: list[str] | None = None) -> int:
         print(f"train_sb3: error: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
-        print("interrupted; what was kept last stays: --resume goes on from there")
+        kept = (arguments.out / "checkpoint.zip").exists()
+        print(
+            f"interrupted; {'what was kept last stays: --resume goes on from there' if kept else 'nothing was kept yet'}"
+        )
         return 130
     return 0
 
@@ -317,10 +324,11 @@ def _minutes(text: str) -> float:
     return value
 
 
-def _at_least(least: int) -> Callable[[str], int]:
+def _whole(least: int, most: int | None = None) -> Callable[[str], int]:
     def whole(text: str) -> int:
-        if not text.isdecimal() or int(text) < least:
-            raise argparse.ArgumentTypeError(f"{text!r}: must be a whole number of at least {least}")
+        if not text.isdecimal() or int(text) < least or (most is not None and int(text) > most):
+            limits = f"at least {least}" + ("" if most is None else f" and at most {most}")
+            raise argparse.ArgumentTypeError(f"{text!r}: must be a whole number of {limits}")
         return int(text)
 
     return whole

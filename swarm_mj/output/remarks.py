@@ -5,6 +5,8 @@ from __future__ import annotations
 from math import inf
 from typing import Any, NamedTuple
 
+from swarm_mj.output.summary import working
+
 #: Pointing errors above this at the end or before a switch are worth a remark [deg].
 SETTLED_DEG = 0.1
 #: A turn takes about as long; who changes targets sooner cannot have settled, and need not mean to [s].
@@ -39,17 +41,17 @@ def _at_the_end(summary: dict[str, Any]) -> list[Late]:
     held = summary.get("target_held_s_final", {})
     return [
         Late(name, error, held.get(name, inf))
-        for name, error in summary["pointing_error_deg_final"].items()
-        if error > SETTLED_DEG and name not in summary.get("lost", ())
+        for name, error in working(summary, "pointing_error_deg_final").items()
+        if error > SETTLED_DEG
     ]
 
 
 def _before_switches(summary: dict[str, Any]) -> list[Late]:
     return [
         Late(name, switch["error_before_deg"], switch.get("target_held_s", inf))
-        for name, switches in summary["mode_switches"].items()
+        for name, switches in working(summary, "mode_switches").items()
         for switch in switches
-        if switch["error_before_deg"] > SETTLED_DEG and name not in summary.get("lost", ())
+        if switch["error_before_deg"] > SETTLED_DEG
     ]
 
 

@@ -122,8 +122,8 @@ def _went_wrong(plan: Plan, telemetry: xr.Dataset) -> dict[str, Any]:
     }
 
 
-def working(summary: dict[str, Any], key: str) -> dict[str, float]:
-    """Numbers by name, without those of spacecraft that no longer work at the end."""
+def working(summary: dict[str, Any], key: str) -> dict[str, Any]:
+    """What a summary tells of each spacecraft, without those that no longer work at the end."""
     return {name: value for name, value in summary[key].items() if name not in summary.get("lost", ())}
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
@@ -22,6 +23,8 @@ from swarm_mj.validation.polygons import visible_areas
 from swarm_mj.validation.target import eros_target
 
 Array = NDArray[np.float64]
+#: Gives the area seen of each cell in every view, shape (views, n) [m^2].
+Areas = Callable[[Bench], Array]
 
 HALF_ANGLE_DEG, RESOLUTION_PX, VIEWS = 10.0, 512, 6
 BALL_RADIUS_M, BALL_FREQUENCY, BALL_DISTANCE_M, BALL_HALF_ANGLE_DEG = 8e3, 30, 20e3, 10.0
@@ -87,34 +90,11 @@ def polygon_areas(bench: Bench) -> Array:
     return np.array([visible_areas(region.corners_A, mesh, p.r_A, p.C_CA, HALF_ANGLE_DEG) for p in bench.once(views)])
 
 
-def observers_differ(bench: Bench) -> float:
-    """Largest area that face-ID buffers and rays judge differently in a picture, over the target's area [%]."""
-    return _worst_difference(bench, bench.once(opengl_areas), bench.once(ray_areas))
-
-
-def rays_against_polygons(bench: Bench) -> float:
-    """The same between ray casting and polygons [%]."""
-    return _worst_difference(bench, bench.once(ray_areas), bench.once(polygon_areas))
-
-
-def opengl_against_polygons(bench: Bench) -> float:
-    """The same between face-ID buffers of OpenGL and polygons [%]."""
-    return _worst_difference(bench, bench.once(opengl_areas), bench.once(polygon_areas))
-
-
-def compiled_against_polygons(bench: Bench) -> float:
-    """The same between face-ID buffers of compiled code and polygons [%]."""
-    return _worst_difference(bench, bench.once(compiled_areas), bench.once(polygon_areas))
-
-
-def horizon_against_polygons(bench: Bench) -> float:
-    """The same between horizon maps and polygons [%]."""
-    return _worst_difference(bench, bench.once(horizon_areas), bench.once(polygon_areas))
-
-
-def _worst_difference(bench: Bench, first: Array, second: Array) -> float:
+def areas_differ(first: Areas, second: Areas, bench: Bench) -> float:
+    """Largest area that two observers judge differently in a picture, over the target's area [%]."""
     # The sum of the cells' differences, so that an error of place cannot hide behind a right total.
-    return 100.0 * float(np.abs(first - second).sum(axis=1).max()) / bench.once(eros_target).total_area
+    differing = np.abs(bench.once(first) - bench.once(second)).sum(axis=1)
+    return 100.0 * float(differing.max()) / bench.once(eros_target).total_area
 
 
 def pixels_differ(drawing: Drawing, bench: Bench) -> float:
@@ -131,17 +111,17 @@ def pixels_differ(drawing: Drawing, bench: Bench) -> float:
     return 100.0 * max(wrong)
 
 
-def footprint_error(kind: str, bench: Bench) -> float:
+def footprint_error(observer: str, bench: Bench) -> float:
     """Relative error of the area that a conical camera sees of a sphere, looking straight down."""
     shape = ball(BALL_RADIUS_M, BALL_FREQUENCY)
     region = build_target(shape, latitude_deg=30.0, longitude_deg=50.0, half_angle_deg=40.0, edges="side")
     cone = CameraModel(half_angle_deg=BALL_HALF_ANGLE_DEG, shape="cone", resolution_px=1024)
     pose = look_at(BALL_DISTANCE_M * region.axes_A[2], [0.0, 0.0, 0.0])
-    if kind == "raycast":
+    if observer == "rays":
         fraction = RayCastObserver(region, cone, samples=64).visible_fraction(pose.r_A, pose.C_CA)
     else:
-        with draw_with("opengl" if kind == "faceid" else "compiled", region, cone) as observer:
-            fraction = observer.visible_fraction(pose.r_A, pose.C_CA)
+        with draw_with("opengl" if observer == "faceid" else "compiled", region, cone) as buffers:
+            fraction = buffers.visible_fraction(pose.r_A, pose.C_CA)
     half = np.radians(BALL_HALF_ANGLE_DEG)
     cap = np.arcsin(BALL_DISTANCE_M / BALL_RADIUS_M * np.sin(half)) - half
     expected = 2.0 * np.pi * BALL_RADIUS_M**2 * (1.0 - np.cos(cap))
@@ -158,33 +138,52 @@ def horizon_error(bench: Bench) -> float:
     return abs(float(fraction @ region.area) / (2.0 * np.pi * BALL_RADIUS_M**2 * (1.0 - 1.0 / 1.5)) - 1.0)
 
 
-_DIFFERENCE = f"share of the target's area judged differently, worst of {VIEWS} pictures,"
+#: Area that each observer sees, by the last word of the checks' names, and what it is called in them.
+OBSERVERS: dict[str, tuple[Areas, str]] = {
+    "rays": (ray_areas, "ray casting"),
+    "faceid": (opengl_areas, "face-ID buffers of OpenGL"),
+    "raster": (compiled_areas, "face-ID buffers of compiled code"),
+    "horizon": (horizon_areas, "horizon maps"),
+}
+
+
+def _footprint(observer: str) -> Experiment:
+    return Experiment(
+        name=f"coverage-footprint-{observer}",
+        what=f"area in a conical picture of a sphere by {OBSERVERS[observer][1]}, relative",
+        reference="closed form of the cap in the field of view",
+        tolerance=5e-3,
+        unit="1",
+        measure=partial(footprint_error, observer),
+    )
+
+
+def _pixels(name: str, what: str, tolerance: float, drawing: Drawing) -> Experiment:
+    return Experiment(
+        name=name,
+        what=f"pixels of {what} with another face, {RESOLUTION_PX} px",
+        reference="a ray through every pixel's centre, Embree",
+        tolerance=tolerance,
+        unit="%",
+        measure=partial(pixels_differ, drawing),
+        package="embreex",
+    )
+
+
+def _difference(name: str, what: str, reference: str, areas: tuple[Areas, Areas], package: str | None) -> Experiment:
+    return Experiment(
+        name=name,
+        what=f"share of the target's area judged differently, worst of {VIEWS} pictures, {what}",
+        reference=reference,
+        tolerance=1.0,
+        unit="%",
+        measure=partial(areas_differ, *areas),
+        package=package,
+    )
+
 
 EXPERIMENTS = (
-    Experiment(
-        name="coverage-footprint-rays",
-        what="area in a conical picture of a sphere by ray casting, relative",
-        reference="closed form of the cap in the field of view",
-        tolerance=5e-3,
-        unit="1",
-        measure=partial(footprint_error, "raycast"),
-    ),
-    Experiment(
-        name="coverage-footprint-faceid",
-        what="area in a conical picture of a sphere by face-ID buffers of OpenGL, relative",
-        reference="closed form of the cap in the field of view",
-        tolerance=5e-3,
-        unit="1",
-        measure=partial(footprint_error, "faceid"),
-    ),
-    Experiment(
-        name="coverage-footprint-raster",
-        what="area in a conical picture of a sphere by face-ID buffers of compiled code, relative",
-        reference="closed form of the cap in the field of view",
-        tolerance=5e-3,
-        unit="1",
-        measure=partial(footprint_error, "raster"),
-    ),
+    *map(_footprint, ("rays", "faceid", "raster")),
     Experiment(
         name="coverage-limb",
         what="area of a sphere in view from half a radius above, relative",
@@ -193,66 +192,15 @@ EXPERIMENTS = (
         unit="1",
         measure=horizon_error,
     ),
-    Experiment(
-        name="coverage-pixels",
-        what=f"pixels of OpenGL's face-ID pictures with another face, {RESOLUTION_PX} px",
-        reference="a ray through every pixel's centre, Embree",
-        tolerance=0.05,
-        unit="%",
-        measure=partial(pixels_differ, "opengl"),
-        package="embreex",
+    _pixels("coverage-pixels", "OpenGL's face-ID pictures", 0.05, "opengl"),
+    _pixels("coverage-pixels-raster", "compiled face-ID pictures", 0.01, "compiled"),
+    _difference(
+        "coverage-observers", "face-ID buffers", "ray casting, 64 rays to each face", (opengl_areas, ray_areas), None
     ),
-    Experiment(
-        name="coverage-pixels-raster",
-        what=f"pixels of compiled face-ID pictures with another face, {RESOLUTION_PX} px",
-        reference="a ray through every pixel's centre, Embree",
-        tolerance=0.01,
-        unit="%",
-        measure=partial(pixels_differ, "compiled"),
-        package="embreex",
-    ),
-    Experiment(
-        name="coverage-observers",
-        what=f"{_DIFFERENCE} face-ID buffers",
-        reference="ray casting, 64 rays to each face",
-        tolerance=1.0,
-        unit="%",
-        measure=observers_differ,
-    ),
-    Experiment(
-        name="coverage-polygons-rays",
-        what=f"{_DIFFERENCE} ray casting",
-        reference="exact polygon clipping with shapely",
-        tolerance=1.0,
-        unit="%",
-        measure=rays_against_polygons,
-        package="shapely",
-    ),
-    Experiment(
-        name="coverage-polygons-faceid",
-        what=f"{_DIFFERENCE} face-ID buffers of OpenGL",
-        reference="exact polygon clipping with shapely",
-        tolerance=1.0,
-        unit="%",
-        measure=opengl_against_polygons,
-        package="shapely",
-    ),
-    Experiment(
-        name="coverage-polygons-raster",
-        what=f"{_DIFFERENCE} face-ID buffers of compiled code",
-        reference="exact polygon clipping with shapely",
-        tolerance=1.0,
-        unit="%",
-        measure=compiled_against_polygons,
-        package="shapely",
-    ),
-    Experiment(
-        name="coverage-polygons-horizon",
-        what=f"{_DIFFERENCE} horizon maps",
-        reference="exact polygon clipping with shapely",
-        tolerance=1.0,
-        unit="%",
-        measure=horizon_against_polygons,
-        package="shapely",
+    *(
+        _difference(
+            f"coverage-polygons-{name}", what, "exact polygon clipping with shapely", (areas, polygon_areas), "shapely"
+        )
+        for name, (areas, what) in OBSERVERS.items()
     ),
 )

@@ -276,6 +276,10 @@ def test_what_was_imitated_is_kept_when_training_is_interrupted(training, tmp_pa
     def interrupted(*_, **__):
         raise KeyboardInterrupt
 
+    with monkeypatch.context() as patch:
+        patch.setattr(training, "imitate", interrupted)
+        assert training.main([*SHORT, str(tmp_path / "none")]) == 130
+        assert "interrupted; nothing was kept yet" in capsys.readouterr().out
     training.returns[:] = [1.0]
     monkeypatch.setattr(training.PPO, "learn", interrupted)
     assert training.main([*SHORT, str(tmp_path)]) == 130
@@ -314,6 +318,7 @@ def test_training_refuses_what_it_cannot_do_in_one_line(training, tmp_path, caps
         ("--minutes", "long", "a positive number"),
         ("--num-envs", "0", "at least 1"),
         ("--imitate", "-1", "at least 0"),
+        ("--seed", "4294967296", "at most 4294967295"),
     ):
         with pytest.raises(SystemExit) as ended:
             training.main([option, value])

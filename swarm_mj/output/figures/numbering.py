@@ -47,20 +47,42 @@ def number_beside(
     """
     order = range(len(places)) if numbers is None else numbers
     for j, place, offset, colour in zip(order, places, _offsets(ax, places, lines, marked), colours, strict=True):
-        ax.annotate(
-            str(j + 1),
-            (float(place[0]), float(place[1])),
-            xytext=(float(offset[0]), float(offset[1])),
-            textcoords="offset points",
-            ha="center",
-            va="center",
-            fontsize=TICK_PT + 1,
-            fontweight="bold",
-            color=colour,
-            path_effects=HALO,
-            zorder=7,
-            arrowprops=_leader(colour) if marked and np.linalg.norm(offset) > LEADER_PT else None,
-        )
+        led = marked and np.linalg.norm(offset) > LEADER_PT
+        name_beside(ax, place, str(j + 1), offset, colour, _leader(colour) if led else None)
+
+
+def name_beside(
+    ax: Axes,
+    place: Array,
+    text: str,
+    offset_pt: Sequence[float] | Array,
+    colour: str,
+    leader: dict[str, Any] | None = None,
+) -> None:
+    """Write a short text beside a place, bold and in front of what is drawn.
+
+    Args:
+        ax: Where to draw.
+        place: In the axes' units, shape (2,).
+        text: What to write.
+        offset_pt: Of the text's middle from the place, right and up [pt].
+        colour: Of the text.
+        leader: Properties of the line that joins the text to its place; None: no line.
+    """
+    ax.annotate(
+        text,
+        (float(place[0]), float(place[1])),
+        xytext=(float(offset_pt[0]), float(offset_pt[1])),
+        textcoords="offset points",
+        ha="center",
+        va="center",
+        fontsize=TICK_PT + 1,
+        fontweight="bold",
+        color=colour,
+        path_effects=HALO,
+        zorder=7,
+        arrowprops=leader,
+    )
 
 
 def _leader(colour: str) -> dict[str, Any]:

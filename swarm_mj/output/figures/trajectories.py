@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from swarm_mj.flight import ObservationResult, visit_sample
 from swarm_mj.output.figures.box import box_around, draw_box
-from swarm_mj.output.figures.numbering import number_beside
+from swarm_mj.output.figures.numbering import name_beside, number_beside
 from swarm_mj.output.figures.operation import MAX_NUMBERED, TRAIL_POINTS
 from swarm_mj.output.figures.panels import legend_below
 from swarm_mj.output.figures.scene import Scene, best_view, scene_from
@@ -20,7 +20,6 @@ from swarm_mj.output.figures.style import (
     BLACK,
     BLUE,
     GREY,
-    HALO,
     ORANGE,
     SMALL_PT,
     TICK_PT,
@@ -36,8 +35,6 @@ from swarm_mj.output.figures.style import (
 )
 from swarm_mj.output.figures.view import draw_body, draw_line, draw_points, face_colours
 from swarm_mj.planning import Plan
-
-Array = NDArray[np.float64]
 
 #: Misses below this are not told apart [mm].
 LEAST_MISS_MM = 1e-3
@@ -97,29 +94,13 @@ def _draw_flight(ax: Axes, plan: Plan, scene: Scene) -> None:
         size = 6.5 if plan.n <= MAX_NUMBERED else 3.0
         draw_points(ax, view, mesh, scene.r_A[visit, j : j + 1], marker="o", markersize=size, color=colour, mec="white")
     draw_points(ax, view, mesh, scene.r_A[0, :1], marker="s", markersize=7, color=BLACK)
-    _note(ax, view.project(scene.r_A[0, 0]), "$r_0$", (13.0, -5.0), BLACK)
+    name_beside(ax, view.project(scene.r_A[0, 0]), "$r_0$", (13.0, -5.0), BLACK)
     if plan.n <= MAX_NUMBERED:
         ways = [view.project(scene.r_A[samples, j]) for samples in (before, after) for j in range(plan.n)]
         colours = [_colour(plan, j) for j in range(plan.n)]
         number_beside(ax, view.project(scene.r_A[visit]), colours, lines=ways)
     time = instant(plan.scenario.design.time_of_flight_s, time_axis(plan.scenario.duration_s))
     ax.set_title(f"frame A; time of flight $t_f$ = {time}", fontsize=TICK_PT, loc="left")
-
-
-def _note(ax: Axes, place: Array, text: str, offset_pt: tuple[float, float], colour: str) -> None:
-    ax.annotate(
-        text,
-        (float(place[0]), float(place[1])),
-        xytext=offset_pt,
-        textcoords="offset points",
-        ha="center",
-        va="center",
-        fontsize=TICK_PT + 1,
-        fontweight="bold",
-        color=colour,
-        path_effects=HALO,
-        zorder=7,
-    )
 
 
 def _draw_velocities(ax: Axes, plan: Plan, shown: NDArray[np.intp]) -> None:
