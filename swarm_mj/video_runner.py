@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.progress import Progress
 
 from swarm_mj.drawing.cameras import CHASE, OVERVIEW, SPLIT
-from swarm_mj.drawing.film import Film, check_film, film
+from swarm_mj.drawing.film import SUFFIXES, Film, check_film, film
 from swarm_mj.drawing.picture import Drawing
 from swarm_mj.drawing.replay import Replay, load_replay
 from swarm_mj.drawing.stills import write_stills
@@ -59,6 +59,8 @@ def run_video(
     if path.suffix.lower() == ".png":
         write_stills(path, load_replay(folder), camera=camera, width=width, height=height)
         return path
+    if path.suffix.lower() not in SUFFIXES:
+        raise OutputError(f"--out {path}: must end in {' or '.join(SUFFIXES)}, or in .png for stills")
     check_film(path, width, height, fps)
     replay = load_replay(folder)
     speed = speed if speed is not None else suitable_speed(replay.duration)

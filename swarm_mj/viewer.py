@@ -49,9 +49,14 @@ def run_view(
     Raises:
         SwarmError: The scenario cannot be flown.
         ObserverError: No viewer can be opened here.
+        OutputError: The speed or the port is out of range.
     """
     if not SPEEDS[0] <= speed <= SPEEDS[-1]:
         raise OutputError(f"speed {speed:g}: must be {SPEEDS[0]:g} to {SPEEDS[-1]:g} seconds of flight per second")
+    if in_browser := web or not has_display():
+        from swarm_mj.web_viewer import LOOPBACK, check_address, show_in_browser
+
+        check_address(host or LOOPBACK, port)
     console = Console()
     console.print(f"{scenario.name}: preparing the flight (compiles on first use)", markup=False, highlight=False)
     plan = make_plan(scenario)
@@ -59,9 +64,7 @@ def run_view(
     view = overview(plan, planned_path(plan), ASPECT)
     model = build_drawing_model(plan, magnification_for(plan, view.distance))
     model.place(player.now)
-    if web or not has_display():
-        from swarm_mj.web_viewer import LOOPBACK, show_in_browser
-
+    if in_browser:
         with suppress(KeyboardInterrupt):  # the way to end it
             show_in_browser(model, player, view, port, host or LOOPBACK)
         return

@@ -24,7 +24,7 @@ from swarm_mj.drawing.lettering import clock, roles
 from swarm_mj.drawing.live import SPEEDS, Player, pace, planned_path
 from swarm_mj.drawing.model import DrawingModel
 from swarm_mj.drawing.palette import SEEN, rgba
-from swarm_mj.errors import ObserverError
+from swarm_mj.errors import ObserverError, OutputError
 from swarm_mj.mission.target import TargetRegion
 
 Array = NDArray[np.float64]
@@ -41,6 +41,8 @@ FIRST_DISTANCE = 1.5
 PANEL, MARGIN = (330.0, 330.0), 12.0
 #: Only browsers on this machine can connect.
 LOOPBACK = "127.0.0.1"
+#: Highest number of a TCP port.
+LAST_PORT = 65_535
 
 
 class FlightPanel(plugin.ViewerPlugin):
@@ -55,6 +57,8 @@ class FlightPanel(plugin.ViewerPlugin):
     def __init__(self, model: DrawingModel, player: Player, view: FreeView) -> None:
         self._model, self._player, self._view = model, player, view
         self._updates, self._width = 0, 0.0
+        self._seen: NDArray[np.bool_] | None = None
+        self._patches: Array = np.empty((0, 3, 3))
         self._on_the_right = _is_busier_on_the_left(view, planned_path(player.flight.plan))
 
     @messages.handler
@@ -78,8 +82,11 @@ class FlightPanel(plugin.ViewerPlugin):
             return geoms[-1]
 
         now = self._player.now
-        paint_cells(next_geom, self._player.flight.plan.region, now)
         decorate(next_geom, self._model, now)
+        if self._seen is None or not np.array_equal(now.seen, self._seen):
+            self._seen = now.seen.copy()
+            self._patches = observed_patches(self._player.flight.plan.region, now.seen)
+        paint_cells(next_geom, self._patches, now)
         self.viewer.extra_geoms[:] = geoms
 
     @messages.handler
@@ -125,11 +132,34 @@ def model_for_browser(model: DrawingModel, view: FreeView) -> mujoco.MjModel:
     return shown
 
 
-def paint_cells(next_geom: NextGeom, region: TargetRegion, now: Instant) -> None:
-    """Cover the observed cells with triangles, a little above the ground."""
-    lift = LIFT * region.mesh.max_radius
-    for corners in ((region.corners_A + lift * region.normal_A[:, None]) @ now.C_AN)[now.seen]:
+def paint_cells(next_geom: NextGeom, patches_A: Array, now: Instant) -> None:
+    """Cover the observed cells with triangles, corners in A, shape (k, 3, 3) [m]."""
+    for corners in patches_A @ now.C_AN:
         triangle(next_geom, corners, rgba(SEEN))
+
+
+def observed_patches(region: TargetRegion, seen: NDArray[np.bool_]) -> Array:
+    """Triangles above the observed cells, one for a face of which all cells are, corners in A, shape (k, 3, 3) [m].
+
+    A viewer takes few geoms, a target may have more cells.
+    """
+    whole = np.bincount(region.group, ~seen) == 0
+    single = seen & ~whole[region.group]
+    first = np.searchsorted(region.group, np.flatnonzero(whole))
+    corners = np.concatenate(([face_corners(region, int(cell)) for cell in first], region.corners_A[single]), axis=None)
+    normals = np.vstack((region.normal_A[first], region.normal_A[single]))
+    return np.asarray(corners.reshape(-1, 3, 3) + LIFT * region.mesh.max_radius * normals[:, None])
+
+
+def face_corners(region: TargetRegion, cell: int) -> Array:
+    """Corners in A of the face of F_T that a cell lies in, counter-clockwise seen from outside, shape (3, 3) [m]."""
+    points = region.corners_A[region.group == region.group[cell]].reshape(-1, 3)
+    first = points[np.argmax(np.linalg.norm(points - points.mean(axis=0), axis=1))]
+    second = points[np.argmax(np.linalg.norm(points - first, axis=1))]
+    normals = np.cross(second - first, points - first)
+    place = int(np.argmax(np.linalg.norm(normals, axis=1)))
+    order = (first, second, points[place])
+    return np.array(order if normals[place] @ region.normal_A[cell] > 0.0 else (order[1], order[0], order[2]))
 
 
 def show_in_browser(
@@ -152,8 +182,9 @@ def show_in_browser(
 
     Raises:
         ObserverError: The viewer cannot be started.
+        OutputError: There is no such port.
     """
-    _check_host(host)
+    check_address(host, port)
     config = viewer_protocol.ViewerConfig(title="swarm-mj", gfx="web", http_port=port, open_browser=True)
     mjmodel, data = model_for_browser(model, view), model.data
 
@@ -168,8 +199,15 @@ def show_in_browser(
         raise ObserverError(f"MuJoCo's web viewer cannot be started: {error}") from error
 
 
-def _check_host(host: str) -> None:
-    """Refuse an address that is not this machine's; MuJoCo would say that the port is in use."""
+def check_address(host: str, port: int) -> None:
+    """Refuse an address that is not this machine's and a port that does not exist; MuJoCo would say that it is in use.
+
+    Raises:
+        OutputError: There is no such port.
+        ObserverError: Nothing can be served on the address.
+    """
+    if not 0 <= port <= LAST_PORT:
+        raise OutputError(f"--port {port}: must be 0, for the first free one from 8080, to {LAST_PORT}")
     try:
         with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET) as probe:
             probe.bind((host, 0))

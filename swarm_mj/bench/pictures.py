@@ -9,7 +9,7 @@ import tempfile
 from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
-from time import perf_counter
+from time import perf_counter, sleep
 
 import numpy as np
 
@@ -26,6 +26,8 @@ SIZE, CAMERAS = (640, 480), ("overview", "chase")
 PICTURES, ROUNDS, OPENINGS = 60, 7, 5
 #: Longest wait for a page [s].
 PATIENCE_S = 60.0
+#: Time between two questions whether it is ready [s]; without a pause they would keep a core busy that the browser needs.
+BETWEEN_QUESTIONS_S = 0.05
 _BROWSER = (
     "--headless",
     "--no-sandbox",
@@ -98,6 +100,7 @@ def _page_rows(page: Path, openings: int) -> Iterator[Row]:
             start, ready = perf_counter(), None
             while ready is None and perf_counter() - start < PATIENCE_S:
                 ready = window.execute_script("return document.body.dataset.ready || null")
+                sleep(BETWEEN_QUESTIONS_S)
             times.append(float(ready) / 1e3 if ready is not None else PATIENCE_S)
         finally:
             window.quit()

@@ -6,6 +6,8 @@ has the same width in metres everywhere. All other ground shares one bare tile.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -68,16 +70,31 @@ class Atlas:
 
 
 def _borders(region: TargetRegion, tile: int) -> NDArray[np.bool_]:
-    """Texels of each cell's tile that belong to the border of a face, shape (n, tile, tile)."""
-    corners = region.corners_A
-    sides = np.linalg.norm(np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1), axis=2)  # facing each corner
-    heights = 2.0 * region.area[:, None] / sides
+    """Texels of each cell's tile that are near to a border of its face, shape (n, tile, tile)."""
     texel = (np.arange(tile) + 0.5 - MARGIN) / (tile - 2.0 * MARGIN)
     second, third = np.meshgrid(texel, texel)  # shares of the second corner to the right, of the third downwards
     shares = np.stack((1.0 - second - third, second, third))
     width = BORDER * np.sqrt(region.total_area / region.n_faces)
-    near = shares[None] * heights[:, :, None, None] < width
-    return np.asarray((near & _on_border(region)[:, :, None, None]).any(axis=1))
+    near = np.empty((region.n_cells, tile, tile), np.bool_)
+    for cell, heights in enumerate(_heights(region)):
+        # Distances to a line are linear on a cell: where no corner is near to it, nothing is.
+        close = heights[(heights < width).any(axis=1)]
+        near[cell] = (np.tensordot(close, shares, axes=1) < width).any(axis=0)
+    return near
+
+
+def _heights(region: TargetRegion) -> Iterator[Array]:
+    """Of each cell, how far its corners are from the lines that bound its face, shape (k, 3) [m].
+
+    A cell may touch such a line with one corner alone, and still a part of the border's width lies in it.
+    """
+    cell, side = np.nonzero(_on_border(region))
+    corners, group = region.corners_A, region.group[cell]
+    start, end = corners[cell, side - 2], corners[cell, side - 1]
+    along = (end - start) / np.linalg.norm(end - start, axis=1, keepdims=True)
+    for own, points in zip(region.group, corners, strict=True):
+        lines = group == own
+        yield np.linalg.norm(np.cross(points - start[lines, None], along[lines, None]), axis=2)
 
 
 def _on_border(region: TargetRegion) -> NDArray[np.bool_]:

@@ -35,8 +35,8 @@ WORDS_IN_A_ROW = 6
 BUSY = 36.0
 #: Places on a line at which its label may stand.
 ALONG_A_LINE = 101
-#: The words that change most from picture to picture, at their widest.
-WIDEST = "100.0 % observed"
+#: The words that change most from picture to picture, at their widest: with room for them a panel does not jump about.
+WIDEST, WIDEST_DEED = "100.0 % observed", "linked to Earth"
 #: Opacity of the ground behind words, of 255.
 GROUND_ALPHA = 150
 #: Opacity of the lines from labels to what they name, of 255.
@@ -79,8 +79,10 @@ class Lettering:
         return np.array(self._image)
 
     def panel_size(self, lines: Sequence[Line]) -> tuple[int, int]:
-        """Width and height of a panel with these lines [pixel]."""
-        widest = max(self._font.getlength(text) for text in (WIDEST, *(text for text, _ in lines)))
+        """Width and height of a panel with these lines, from the third on of who does what [pixel]."""
+        texts = [text for text, _ in lines]
+        likely = [f"{text.split()[0]} {WIDEST_DEED}" for text in texts[2:]]
+        widest = max(self._font.getlength(text) for text in (WIDEST, *texts, *likely))
         return round(widest) + self.size, self._step * len(lines) + self._step // 2 + self.size // 2
 
     def panel_box(self, lines: Sequence[Line], box: Box, corner: Corner, legend: int) -> Box:

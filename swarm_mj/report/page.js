@@ -63,7 +63,7 @@ class RunView {
     this.swarmShare = { own: unpack(run.percent), passage: unpack(run.percent_passage) };
     this.ownShare = { own: unpack(run.percent_by), passage: unpack(run.percent_by_passage) };
     this.n = run.names.length;
-    this.scene = new SceneView(run, find(`scene-${number}`), DATA.modes);
+    this.scene = new SceneView(run, find(`scene-${number}`), find(`labels-${number}`), DATA.modes);
     this.cells = this._table(find(`now-${number}`));
   }
 
@@ -100,8 +100,8 @@ class RunView {
   }
 }
 
-/** Show one instant everywhere. */
-async function show(tick) {
+/** Write the numbers of one instant. */
+function tell(tick) {
   const t = page.ticks[tick];
   page.shown = tick;
   const shares = page.runs.map((view) => {
@@ -114,6 +114,11 @@ async function show(tick) {
   find("share").textContent = share;
   const slider = find("slider");
   slider.setAttribute("aria-valuetext", `${clockText(t)}, observed ${share}`);
+}
+
+/** Show one instant everywhere. */
+async function show(tick) {
+  tell(tick);
   if (page.busy) return;
   page.busy = true;
   let drawn = -1;
@@ -257,7 +262,6 @@ function recolour() {
   for (const view of page.runs) {
     const { scene } = view;
     const at = (...parts) => parts.map((part) => scene.parts.indexOf(part));
-    Plotly.relayout(scene.div, { "font.color": ink });
     Plotly.restyle(scene.div, { "line.color": ink }, at("views", "directions"));
     Plotly.restyle(scene.div, { "marker.color": ink }, at("mothership"));
   }
@@ -269,23 +273,41 @@ function fitPlots(layout) {
   layout.font.size = narrow ? 11 : 12;
 }
 
+/** Run plotly's script, which the page holds compressed. */
+async function loadPlotly() {
+  const packed = new Blob([bytesOf(find("plotly").textContent)]);
+  const script = document.createElement("script");
+  script.textContent = await new Response(packed.stream().pipeThrough(new DecompressionStream("deflate"))).text();
+  document.head.append(script);
+}
+
 async function start() {
+  const loaded = loadPlotly();
   page.runs = DATA.runs.map((run, number) => new RunView(run, number));
   page.ticks = page.runs.reduce((a, b) => (b.times.at(-1) > a.times.at(-1) ? b : a)).times;
   page.tick = page.shown = sampleAt(page.ticks, DATA.visit_s);
   find("slider").max = page.ticks.length - 1;
   find("slider").value = page.tick;
-  const plots = themed(DATA.plots);
-  fitPlots(plots.layout);
-  await Plotly.newPlot(page.plots, plots.data, plots.layout, { displayModeBar: false, responsive: true });
+  tell(page.tick);
+  await loaded;
   for (const view of page.runs) {
     await view.scene.start(themed(view.run.figure), sampleAt(view.times, page.ticks[page.tick]));
   }
+  const plots = themed(DATA.plots);
+  fitPlots(plots.layout);
+  await Plotly.newPlot(page.plots, plots.data, plots.layout, { displayModeBar: false, responsive: true });
   connectControls();
   connectPlots();
   LIGHT.addEventListener("change", recolour);
-  await show(page.tick);
+  placeCursor(page.ticks[page.tick] / DATA.axis_seconds);
+  document.body.dataset.shown = String(page.tick);
   document.body.dataset.ready = String(Math.round(performance.now()));
 }
 
-start();
+start().catch((error) => {
+  const words = document.createElement("p");
+  words.className = "warning";
+  words.textContent = `The replay and the plots cannot be drawn in this browser (${error.message}); the tables can be read.`;
+  find("replay").append(words);
+  throw error;
+});

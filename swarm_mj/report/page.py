@@ -1,13 +1,16 @@
 """The page: everything that a report shows, in one HTML file that fetches nothing.
 
-plotly's own script is part of the file, so that it opens without a network; a content security policy forbids every
-connection.
+plotly's own script is part of the file, compressed, so that it opens without a network; a content security policy forbids
+every connection.
 """
 
 from __future__ import annotations
 
+import base64
 import json
+import zlib
 from collections.abc import Sequence
+from functools import cache
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -28,15 +31,18 @@ from swarm_mj.report.markup import Content, Html, join, table, tag
 from swarm_mj.report.plots import INK, MAX_ROWS, plot_run, plot_two
 from swarm_mj.report.reading import RunRecord, read_run
 from swarm_mj.report.replay import Limits, Replay, f32, make_replay, packed
-from swarm_mj.report.scene import MAX_PATHS, path_points, scene_figure
+from swarm_mj.report.scene import MAX_NAMED, MAX_PATHS, path_points, scene_figure
 from swarm_mj.report.sections import design_section, parameters_section, section, spacecraft_section, summary_section
 from swarm_mj.simulation.telemetry import OBSERVING
 
 #: Files of the page's own style and behaviour, in order.
-STYLE, SCRIPTS = "page.css", ("scene.js", "page.js")
+STYLE, SCRIPTS = "page.css", ("mesh.js", "names.js", "scene.js", "page.js")
 POLICY = (
     "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:; font-src data:"
 )
+#: Where plotly's script hands its outermost function over, and how that begins.
+FUNCTION = "() => {"
+HANDED_OVER = f"? self : this, {FUNCTION}"
 #: How much faster than the flight the replay may run.
 SPEEDS = (1, 10, 30, 60, 120, 300, 1000, 3000, 10000)
 #: How long a whole replay takes at the speed chosen at first, about [s].
@@ -94,12 +100,27 @@ def report_html(runs: Sequence[RunRecord]) -> str:
             tag("main", _sections(runs, replays, labels)),
             _time_bar(runs),
             tag("script", Html(safe_json(page_data(runs, replays, labels))), type="application/json", id="report-data"),
-            tag("script", Html(get_plotlyjs())),
+            tag("script", Html(packed_plotly()), type="application/zlib", id="plotly"),
             [tag("script", Html(script)) for script in scripts],
         ),
         lang="en",
     )
     return f"<!DOCTYPE html>\n{page}\n"
+
+
+@cache
+def packed_plotly() -> str:
+    """The script of plotly, compressed (zlib) and in base64: the page is smaller by 40 % and ready sooner.
+
+    Its outermost function gets parentheses. Browsers put off the parsing of a function that is only handed over, and so
+    would parse nearly the whole script twice.
+    """
+    script = get_plotlyjs()
+    start, end = script.find(HANDED_OVER), script.rfind("}));")
+    if 0 <= start < end:
+        head = start + len(HANDED_OVER) - len(FUNCTION)
+        script = f"{script[:head]}({script[head : end + 1]}){script[end + 1 :]}"
+    return base64.b64encode(zlib.compress(script.encode())).decode("ascii")
 
 
 def _own(name: str) -> str:
@@ -169,7 +190,9 @@ def _scene_box(number: int, replay: Replay, label: str, two: bool) -> Html:
         aria_label=f"3-D replay of {label}. Arrow keys turn it, plus and minus zoom.",
         data_scene=number,
     )
-    return tag("figure", tag("h3", label) if two else None, picture, _looks(number), _key(replay))
+    labels = tag("div", id=f"labels-{number}", class_="labels", aria_hidden="true")
+    view = tag("div", picture, labels, class_="view3d")
+    return tag("figure", tag("h3", label) if two else None, view, _looks(number), _key(replay))
 
 
 LOOKS = (
@@ -232,8 +255,10 @@ def _choices(runs: Sequence[RunRecord]) -> Html:
         tag("label", tag("input", type="checkbox", id="views", checked=True), " borders of pictures"),
         tag("label", tag("input", type="checkbox", id="directions"), " Sun and Earth"),
     ]
-    if any(run.scenario.observation.criterion == "visit" for run in runs):
-        options = [tag("option", "at the visit", value="visit"), tag("option", "in the whole passage", value="passage")]
+    visit = [run.scenario.observation.criterion == "visit" for run in runs]
+    if any(visit):
+        own = "at the visit" if all(visit) else "as each run counts"
+        options = [tag("option", own, value="own"), tag("option", "in the whole passage", value="passage")]
         parts.append(tag("label", "faces count as observed ", tag("select", options, id="criterion")))
     return tag("div", parts, class_="choices")
 
@@ -274,6 +299,7 @@ def _run_data(run: RunRecord, replay: Replay) -> dict[str, Any]:
         "percent_by_passage": f32(replay.percent_by_passage),
         "path_points": path_points(len(replay.times)).tolist(),
         "max_paths": MAX_PATHS,
+        "max_named": MAX_NAMED,
         "figure": _plain(scene_figure(run, replay)),
         "scene": scene,
     }

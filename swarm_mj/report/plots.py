@@ -39,6 +39,8 @@ NAMES_OF_TWO = (
 #: Heights of the upper three plots, of the lowest at least, and of its rows, and the room between plots [px].
 HEIGHTS_PX, LOWEST_PX, ROW_PX, GAP_PX = (170, 125, 165), 150, 22, 52
 MARGINS_PX = {"l": 46, "r": 10, "t": 64, "b": 92}
+#: Size of letters at powers of ten, which plotly draws larger than other numbers by a quarter [px].
+POWER_PX = 9.6
 #: How far below its mode a closed link is drawn [px].
 LINK_BELOW_PX = 9
 
@@ -92,7 +94,7 @@ def _frame(run: RunRecord, names: Sequence[str], timeline_rows: int) -> go.Figur
         _headline(figure, row, name)
     figure.update_xaxes(title_text=f"time since deployment [{axis.unit}]", row=4, col=1)
     figure.update_xaxes(hoverformat=".3~f", range=[0.0, float(run.times[-1]) / axis.seconds])
-    figure.update_yaxes(type="log", exponentformat="power", dtick=2, row=1, col=1)
+    figure.update_yaxes(type="log", exponentformat="power", dtick=2, tickfont={"size": POWER_PX}, row=1, col=1)
     figure.update_yaxes(range=[-4.0, 106.0], row=3, col=1)
     figure.update_layout(
         hovermode="x",

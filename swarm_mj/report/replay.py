@@ -157,7 +157,6 @@ def _scene(
         "target_vertices": f32(target.vertices / KM),
         "target_faces": packed(target.faces.astype(np.int32)),
         "target_kept": target.kept,
-        "extent": extent / KM,
         "r": f32(r_A[:, shown] / KM),
         "z": f32(C_BA[..., 2, :]),
         "length": f32(length / KM),
@@ -169,7 +168,10 @@ def _scene(
     if len(samples) * len(watching) * len(rays) <= limits.rays:
         scene["C"] = f32(C_BA[:, watching])
         scene["rays"] = f32(rays)
-        scene["ray_length"] = f32(_border_lengths(ground, r_A[:, watching], C_BA[:, watching], rays, mode) / KM)
+        taken = np.isin(mode[:, : len(watching)], OBSERVING)
+        if "camera_on" in telemetry:
+            taken &= telemetry["camera_on"].values[:, watching].astype(bool)
+        scene["ray_length"] = f32(_border_lengths(ground, r_A[:, watching], C_BA[:, watching], rays, taken) / KM)
     return scene
 
 
@@ -228,10 +230,9 @@ def border_rays(half_angle_deg: float, shape: str) -> Array:
     return rays / np.linalg.norm(rays, axis=1, keepdims=True)
 
 
-def _border_lengths(ground: _Ground, r_A: Array, C_BA: Array, rays: Array, mode: NDArray[np.int8]) -> Array:
-    """Length of every ray of the pictures' borders, NaN where it misses the ground, shape (K, n, rays) [m]."""
+def _border_lengths(ground: _Ground, r_A: Array, C_BA: Array, rays: Array, taken: NDArray[np.bool_]) -> Array:
+    """Length of every ray of the borders of pictures that are taken, else or where it misses NaN, shape (K, n, rays) [m]."""
     length = np.full((*r_A.shape[:2], len(rays)), np.nan)
-    taken = np.isin(mode[:, : r_A.shape[1]], OBSERVING)
     directions = np.einsum("rb,mba->mra", rays, C_BA[taken]).reshape(-1, 3)
     origins = np.repeat(r_A[taken], len(rays), axis=0)
     distance = ground.distance(origins, directions).reshape(-1, len(rays))

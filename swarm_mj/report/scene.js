@@ -2,85 +2,14 @@
 "use strict";
 
 const FIELD_OF_VIEW = 0.414; // tangent of half of plotly's vertical field of view
-/** Size of a letter of a name, distance of a name from its marker, and room between names [px]. */
-const LETTER = { width: 7, height: 13, away: 7, room: 4 };
-const PLACES = ["top center", "top right", "middle right", "bottom right", "bottom center", "bottom left", "middle left", "top left"];
-const unit = (v) => {
-  const length = Math.hypot(...v) || 1;
-  return v.map((c) => c / length);
-};
-const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
-const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-
-/** Decode {type, shape, data} to a typed array. */
-function unpack(packed) {
-  const bytes = Uint8Array.from(atob(packed.data), (c) => c.charCodeAt(0));
-  const kinds = { f8: Float64Array, f4: Float32Array, i4: Int32Array, i1: Int8Array };
-  return new kinds[packed.type](bytes.buffer);
-}
-
-/** Columns x, y, z of rows of three. */
-const columns = (rows) => [0, 1, 2].map((axis) => rows.filter((_, place) => place % 3 === axis));
-
-/** Number of the last of ascending times that is not after t. */
-function sampleAt(times, t) {
-  let low = 0;
-  let high = times.length - 1;
-  while (low < high) {
-    const middle = (low + high + 1) >> 1;
-    if (times[middle] <= t + 1e-6) low = middle;
-    else high = middle - 1;
-  }
-  return low;
-}
-
-/** Number of the nearest of ascending times. */
-function nearest(times, t) {
-  const k = sampleAt(times, t);
-  return k + 1 < times.length && times[k + 1] - t < t - times[k] ? k + 1 : k;
-}
-
-class Mesh {
-  constructor(vertices, faces) {
-    this.vertices = vertices;
-    this.faces = faces;
-    const faceCount = faces.length / 3;
-    this.faceNormals = new Float32Array(faces.length);
-    this.vertexNormals = new Float32Array(vertices.length);
-    const corner = (place) => [0, 1, 2].map((axis) => vertices[3 * faces[place] + axis]);
-    for (let face = 0; face < faceCount; face += 1) {
-      const [a, b, c] = [corner(3 * face), corner(3 * face + 1), corner(3 * face + 2)];
-      const normal = cross(b.map((v, k) => v - a[k]), c.map((v, k) => v - a[k]));
-      this.faceNormals.set(unit(normal), 3 * face);
-      for (let k = 0; k < 3; k += 1) {
-        for (let axis = 0; axis < 3; axis += 1) this.vertexNormals[3 * faces[3 * face + k] + axis] += normal[axis];
-      }
-    }
-    for (let place = 0; place < vertices.length; place += 3) {
-      this.vertexNormals.set(unit([...this.vertexNormals.subarray(place, place + 3)]), place);
-    }
-  }
-
-  /** Light from 0 to 1 on each normal under a distant Sun. */
-  static light(normals, sun) {
-    const light = new Float32Array(normals.length / 3);
-    for (let n = 0; n < light.length; n += 1) {
-      const cosine = normals[3 * n] * sun[0] + normals[3 * n + 1] * sun[1] + normals[3 * n + 2] * sun[2];
-      light[n] = Math.max(0, cosine);
-    }
-    return light;
-  }
-
-  fill(trace) {
-    [trace.x, trace.y, trace.z] = columns(this.vertices);
-    [trace.i, trace.j, trace.k] = columns(this.faces);
-  }
-}
+/** After so many pictures without a change the camera rests. */
+const CALM_FRAMES = 20;
 
 class SceneView {
-  constructor(run, div, looks) {
+  constructor(run, div, labels, looks) {
     this.run = run;
     this.div = div;
+    this.names = new Names(this, labels);
     this.looks = looks;
     const packed = run.scene;
     this.n = packed.r.shape[1];
@@ -92,10 +21,11 @@ class SceneView {
     }
     this.mode = unpack(run.mode);
     this.times = unpack(run.times);
-    this.extent = packed.extent;
     this.passage = false;
     this.views = true;
     this.directions = false;
+    this.held = false;
+    this.still = CALM_FRAMES;
     this.queue = Promise.resolve();
     this._frameBox();
   }
@@ -155,15 +85,10 @@ class SceneView {
   /** What changes with time, by part of the picture. */
   frame(k) {
     const sun = [...this.sun.subarray(3 * k, 3 * k + 3)];
-    const earth = [...this.earth.subarray(3 * k, 3 * k + 3)];
     const spots = Array.from({ length: this.n }, (_, j) => this.position(k, j));
     const colours = spots.map((_, j) => this.looks[this.mode[k * this.n + j]].colour);
     const sight = spots.flatMap((spot, j) => [spot, this.tip(k, j), [null, null, null]]);
-    const signs = [
-      [sun, 1.7],
-      [earth, 1.5],
-    ].flatMap(([d, reach]) => [1.1, reach].map((share) => d.map((v) => share * this.bodyRadius * v)));
-    signs.splice(2, 0, [null, null, null]);
+    const signs = this.signs(k).flatMap(({ from, to }) => [from, to, [null, null, null]]);
     return {
       body: { intensity: Mesh.light(this.body.vertexNormals, sun) },
       target: { intensity: this.cells(k, sun) },
@@ -173,18 +98,29 @@ class SceneView {
         ...xyz(spots),
         "marker.color": colours,
         hovertext: spots.map((_, j) => this.describe(k, j)),
-        ...this.names(k, spots),
       },
-      directions: xyz(this.directions ? signs : []),
+      directions: xyz(signs),
     };
+  }
+
+  /** Lines off the body towards Sun and Earth, and what they are called. */
+  signs(k) {
+    if (!this.directions) return [];
+    return [
+      ["Sun", this.sun, 1.7],
+      ["Earth", this.earth, 1.5],
+    ].map(([word, directions, reach]) => {
+      const at = (share) => Array.from(directions.subarray(3 * k, 3 * k + 3), (v) => share * this.bodyRadius * v);
+      return { word, from: at(1.1), to: at(reach) };
+    });
   }
 
   /** Pixels right and down from the picture's middle; none of points beside or behind the camera. */
   flat(points) {
     const numbers = ({ x, y, z }) => [x, y, z];
-    const [eye, to] = [numbers(this.view.eye), numbers(this.view.center)];
+    const [eye, to, upward] = [this.view.eye, this.view.center, this.view.up].map(numbers);
     const forward = unit(to.map((v, k) => v - eye[k]));
-    const right = unit(cross(forward, [0, 0, 1]));
+    const right = unit(cross(forward, upward));
     const up = cross(right, forward);
     const scale = this.div.clientHeight / 2 / FIELD_OF_VIEW;
     return points.map((point) => {
@@ -194,50 +130,11 @@ class SceneView {
     });
   }
 
-  /** Names beside the spacecraft, each where it covers least; one for those that stand too close for two. */
-  names(k, spots) {
-    if (!this.named) return {};
-    const places = this.flat(spots);
-    const sights = spots.flatMap((spot, j) => this.flat(between(spot, this.tip(k, j))));
-    const lines = [...this.flat(this.pathsAbout(k)), ...sights].filter(Boolean);
-    let found = null;
-    for (let reach = LETTER.away; !found; reach *= 1.6) found = this.nameCrowds(crowds(places, reach), places, lines);
-    const text = spots.map(() => "");
-    const textposition = spots.map(() => PLACES[0]);
-    for (const { j, word, place } of found) {
-      text[j] = word;
-      textposition[j] = place;
-    }
-    this.last = new Set(found.map(({ j, place }) => `${j} ${place}`));
-    return { text, textposition };
-  }
-
-  /** Where the names of groups of spacecraft stand; null if two of several would cover each other or a marker. */
-  nameCrowds(groups, places, lines) {
-    const found = [];
-    for (const group of groups) {
-      const word = group.map((j) => this.run.names[j]).join(" ");
-      const others = places.filter((spot, j) => spot && !group.includes(j));
-      let best = null;
-      for (const j of group) {
-        for (const place of PLACES) {
-          const box = boxOf(places[j], word, place);
-          const clash = !this.holds(box) || others.some(inside(box)) || found.some((other) => overlap(box, other.box));
-          const kept = this.last?.has(`${j} ${place}`) ? 2 : 0; // else names would jump about
-          const cost = lines.filter(inside(box)).length + (clash ? 1000 : 0) - kept;
-          if (!best || cost < best.cost) best = { cost, j, place, box, word };
-        }
-      }
-      if (best.cost > 900 && groups.length > 1) return null;
-      found.push(best);
-    }
-    return found;
-  }
-
-  /** Whether a box lies in the picture. */
-  holds([left, top, right, bottom]) {
-    const [wide, tall] = [this.div.clientWidth / 2, this.div.clientHeight / 2];
-    return left > -wide && right < wide && top > -tall && bottom < tall;
+  /** As `flat`, but none of points behind the body. */
+  seen(points) {
+    const eye = [this.view.eye.x, this.view.eye.y, this.view.eye.z].map((v, k) => this.centre[k] + 2 * this.half * v);
+    const covered = (point) => [this.body, this.target].some((mesh) => mesh.stands(eye, point));
+    return this.flat(points).map((place, j) => (place && covered(points[j]) ? null : place));
   }
 
   cells(k, sun) {
@@ -269,7 +166,6 @@ class SceneView {
   async start(figure, k) {
     this.parts = figure.data.map((trace) => trace.meta);
     const trace = (part) => figure.data[this.parts.indexOf(part)];
-    this.named = trace("spacecraft").mode.includes("text");
     this.view = this.overview();
     this.shown = k;
     this.body.fill(trace("body"));
@@ -291,11 +187,37 @@ class SceneView {
     scene.camera = this.view;
     const config = { displayModeBar: false, responsive: true };
     await Plotly.newPlot(this.div, figure.data, figure.layout, config);
+    this.names.write();
     this.div.on("plotly_relayout", (changes) => {
       if (!changes["scene.camera"]) return;
       this.view = changes["scene.camera"];
-      this.show(this.shown);
+      this.names.write();
     });
+    const holds = { pointerdown: true, pointerup: false, pointercancel: false, wheel: false };
+    for (const [event, held] of Object.entries(holds)) {
+      window.addEventListener(event, ({ target }) => {
+        this.held = held;
+        if (this.div.contains(target)) this._follow();
+      }, { capture: true, passive: true });
+    }
+    new ResizeObserver(() => this.names.write()).observe(this.div);
+  }
+
+  /** Keep the names at the spacecraft while a pointer turns the picture: plotly tells of it too late. */
+  _follow() {
+    if (this.still < CALM_FRAMES) return;
+    this.still = 0;
+    const step = () => {
+      const view = this.div._fullLayout.scene._scene.getCamera();
+      this.still = JSON.stringify(view) === JSON.stringify(this.view) ? this.still + 1 : 0;
+      if (!this.still) {
+        this.view = view;
+        this.names.write();
+      }
+      if (this.held) this.still = 0;
+      if (this.still < CALM_FRAMES) requestAnimationFrame(step);
+    };
+    requestAnimationFrame(step);
   }
 
   paths() {
@@ -324,6 +246,7 @@ class SceneView {
     for (const key of keys) update[key] = parts.map((part) => changes[part][key]);
     const traces = parts.map((part) => this.parts.indexOf(part));
     this.queue = this.queue.then(() => Plotly.restyle(this.div, update, traces));
+    this.names.write();
     return this.queue;
   }
 
@@ -425,41 +348,6 @@ class SceneView {
     return this.look({ center: base, eye: next, up: { x: 0, y: 0, z: 1 } });
   }
 }
-
-/** Points on the way from one point to another. */
-const between = (start, end) =>
-  Array.from({ length: 40 }, (_, n) => start.map((v, axis) => v + ((n + 1) / 40) * (end[axis] - v)));
-
-/** Groups of places that are nearer to each other than a reach [px]; places out of sight are left out. */
-function crowds(places, reach) {
-  const left = places.map((_, j) => j).filter((j) => places[j]);
-  const groups = [];
-  while (left.length) {
-    const group = [left.shift()];
-    for (const j of group) {
-      const near = left.filter((m) => Math.hypot(places[m][0] - places[j][0], places[m][1] - places[j][1]) < reach);
-      group.push(...near);
-      for (const m of near) left.splice(left.indexOf(m), 1);
-    }
-    groups.push(group.sort((a, b) => a - b));
-  }
-  return groups;
-}
-
-/** Left, top, right and bottom of a word at a place beside a marker [px]. */
-function boxOf([x, y], word, place) {
-  const [wide, away] = [LETTER.width * word.length, LETTER.away];
-  const [row, column] = place.split(" ");
-  const left = x + { left: -away - wide, center: -wide / 2, right: away }[column];
-  const gap = column === "center" ? away : 0;
-  const top = y + { top: -gap - LETTER.height, middle: -LETTER.height / 2, bottom: gap }[row];
-  return [left, top, left + wide, top + LETTER.height];
-}
-
-const inside = ([left, top, right, bottom]) => ([x, y]) => x > left && x < right && y > top && y < bottom;
-
-const overlap = (a, b) =>
-  a[0] < b[2] + LETTER.room && b[0] < a[2] + LETTER.room && a[1] < b[3] + LETTER.room && b[1] < a[3] + LETTER.room;
 
 /** Lists of x, y and z from points. */
 function xyz(points) {

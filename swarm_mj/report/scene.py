@@ -23,6 +23,17 @@ MAX_NAMED = 12
 PATH_POINTS = 150
 #: Paths of more spacecraft than these hide everything else.
 MAX_PATHS = 60
+#: An axis of which nothing is drawn. One with `visible` false still has its letter and its numbers made into meshes of glyphs,
+#: which takes half a second.
+NO_AXIS: dict[str, Any] = {
+    "title": {"text": ""},
+    "tickvals": [],
+    "showticklabels": False,
+    "showgrid": False,
+    "zeroline": False,
+    "showspikes": False,
+    "showbackground": False,
+}
 #: Light is computed here and in the script, so plotly adds none.
 UNLIT = {"ambient": 1.0, "diffuse": 0.0, "specular": 0.0, "fresnel": 0.0, "roughness": 1.0}
 
@@ -51,30 +62,19 @@ def scene_figure(run: RunRecord, replay: Replay) -> go.Figure:
                 marker={"symbol": "square", "size": 5, "color": INK},
                 hovertext=["mothership at deployment"],
             ),
-            _lines("directions", color=INK, width=3).update(
-                mode="lines+text",
-                text=["", "Sun", "", "", "Earth"],
-                textposition=["top center"] * 3 + ["bottom center"] * 2,
-                textfont={"size": 13},
-            ),
+            _lines("directions", color=INK, width=3),
             _spots(
                 "spacecraft",
-                mode="markers+text" if len(replay.shown) <= MAX_NAMED else "markers",
-                text=[run.names[j] for j in replay.shown],
-                textposition="top center",
                 marker={"size": 7, "line": {"width": 1, "color": "white"}},
                 hovertemplate="%{hovertext}<extra></extra>",
             ),
         ]
     )
-    hidden: dict[str, Any] = {"visible": False, "showspikes": False}
     figure.update_layout(
         showlegend=False,
         margin={"l": 0, "r": 0, "t": 0, "b": 0},
         scene={
-            "xaxis": hidden,
-            "yaxis": hidden,
-            "zaxis": hidden,
+            **{axis: NO_AXIS for axis in ("xaxis", "yaxis", "zaxis")},
             "aspectmode": "data",
             "dragmode": "orbit",
             "camera": {"projection": {"type": "perspective"}},

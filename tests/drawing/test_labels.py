@@ -9,7 +9,7 @@ import pytest
 from swarm_mj.drawing import picture
 from swarm_mj.drawing.canvas import Box
 from swarm_mj.drawing.labels import Rect, groups, place_label
-from swarm_mj.drawing.lettering import Lettering
+from swarm_mj.drawing.lettering import Corner, Lettering
 from swarm_mj.drawing.picture import Drawing
 from swarm_mj.mission.behaviors import TargetKind
 
@@ -134,3 +134,11 @@ def test_like_ends_of_lines_share_a_label_and_the_panel_is_kept_clear():
     lettering.line_names(starts, ends, ("to Earth", ORANGE), projection, starts)
     assert lettering.written == ["to Earth"] * 2
     assert not any(a.overlaps(b) for a, b in combinations(lettering._taken, 2))
+
+
+def test_the_panel_stays_where_it_is_while_what_spacecraft_do_changes():
+    lettering, view = Lettering(np.zeros((480, 640, 3), np.uint8)), Box(0, 0, 640, 480)
+    head = [("10:00   50 x", ORANGE), ("5.0 % observed", ORANGE)]
+    deeds = ("observes", "turns to sc2", "linked to sc2", "turns to Earth", "linked to Earth", "is lost")
+    panels = {lettering.panel_box([*head, (f"sc1 {deed}", ORANGE)], view, Corner(right=True), 20) for deed in deeds}
+    assert len(panels) == 1

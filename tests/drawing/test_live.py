@@ -19,11 +19,21 @@ from mujoco.studio import messages
 
 from swarm_mj import viewer
 from swarm_mj.drawing.cameras import overview
+from swarm_mj.drawing.decorations import decorate
 from swarm_mj.drawing.live import SPEEDS, LiveFlight, Player, Trail, planned_path
 from swarm_mj.drawing.model import build_drawing_model
 from swarm_mj.errors import ObserverError, OutputError
+from swarm_mj.planning import make_plan
 from swarm_mj.scenarios.loading import load_scenario
-from swarm_mj.web_viewer import LIFT, FlightPanel, model_for_browser, paint_cells, show_in_browser
+from swarm_mj.web_viewer import (
+    LIFT,
+    MAX_GEOMS,
+    FlightPanel,
+    model_for_browser,
+    observed_patches,
+    paint_cells,
+    show_in_browser,
+)
 
 WINDOW = """
 from swarm_mj.drawing.cameras import magnification_for, overview
@@ -247,12 +257,56 @@ def test_an_address_of_another_machine_is_refused_by_name(flown):
         browser_view(flown, 0, lambda: False, host="192.0.2.1")
 
 
+@pytest.mark.parametrize("port", [-5, 65_536])
+def test_a_port_that_does_not_exist_is_refused_before_the_flight_is_prepared(port, monkeypatch):
+    monkeypatch.setattr("swarm_mj.viewer.make_plan", lambda _: pytest.fail("the flight was prepared"))
+    with pytest.raises(OutputError, match=f"--port {port}: must be 0.* to 65535"):
+        viewer.run_view(load_scenario("eros-quick"), web=True, port=port)
+
+
+def test_an_address_of_another_machine_is_refused_before_the_flight_is_prepared(monkeypatch):
+    monkeypatch.setattr("swarm_mj.viewer.make_plan", lambda _: pytest.fail("the flight was prepared"))
+    with pytest.raises(ObserverError, match="--host '192.0.2.1'"):
+        viewer.run_view(load_scenario("eros-quick"), web=True, host="192.0.2.1")
+
+
 def test_a_port_in_use_is_a_clear_error(flown):
     with socket.socket(socket.AF_INET6) as taken:
         taken.bind(("::", 0))
         taken.listen()
         with pytest.raises(ObserverError, match="web viewer cannot be started.*in use"):
             browser_view(flown, taken.getsockname()[1], lambda: True)
+
+
+def test_a_target_of_many_cells_leaves_room_for_the_lines_and_shows_all_that_was_observed():
+    plan = make_plan(load_scenario("eros-faults"))
+    region, flight = plan.region, LiveFlight(plan)
+    assert region.n_cells > MAX_GEOMS
+    player = Player(flight, 10.0)
+    player.now = replace(flight.instant(), seen=np.ones(region.n_cells, bool))
+    model = build_drawing_model(plan, 5000.0)
+    panel = FlightPanel(model, player, overview(plan, planned_path(plan), 1.5))
+    panel.viewer = SimpleNamespace(camera=mujoco.MjvCamera(), extra_geoms=[])
+    panel.on_update(messages.UpdateEvent())
+    geoms, lines = panel.viewer.extra_geoms, []
+    decorate(lambda: lines.append(mujoco.MjvGeom()) or lines[-1], model, player.now)
+    kinds = [geom.type for geom in geoms]
+    assert (
+        kinds.count(mujoco.mjtGeom.mjGEOM_LINE) == [geom.type for geom in lines].count(mujoco.mjtGeom.mjGEOM_LINE) > 0
+    )
+    patches = geoms[len(lines) :]
+    area = sum(0.5 * np.linalg.norm(np.cross(*np.array(geom.mat, float).T[:2])) for geom in patches)
+    assert len(patches) == region.n_faces and area == pytest.approx(region.total_area, rel=1e-5)
+
+
+def test_patches_cover_just_the_observed_cells_outward(rng):
+    region = make_plan(load_scenario("eros-quick", ["target.cell_size_m=600"])).region
+    seen = rng.random(region.n_cells) < 0.8
+    patches = observed_patches(region, seen)
+    double = np.cross(patches[:, 1] - patches[:, 0], patches[:, 2] - patches[:, 0])
+    assert len(patches) < seen.sum()
+    assert 0.5 * np.linalg.norm(double, axis=1).sum() == pytest.approx(region.area[seen].sum(), rel=1e-9)
+    assert (np.einsum("ij,ij->i", double, patches.mean(axis=1)) > 0.0).mean() > 0.95  # few faces lean inwards
 
 
 def test_observed_cells_are_painted_a_little_above_the_ground_facing_out(flown):
@@ -264,7 +318,7 @@ def test_observed_cells_are_painted_a_little_above_the_ground_facing_out(flown):
         geoms.append(mujoco.MjvGeom())
         return geoms[-1]
 
-    paint_cells(next_geom, plan.region, now)
+    paint_cells(next_geom, observed_patches(plan.region, now.seen), now)
     assert len(geoms) == now.seen.sum()
     for geom, corners, normal in zip(
         geoms, plan.region.corners_A[now.seen], plan.region.normal_A[now.seen], strict=True

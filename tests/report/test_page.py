@@ -3,16 +3,18 @@
 import base64
 import json
 import shutil
+import zlib
 from dataclasses import replace
 from html.parser import HTMLParser
 
 import numpy as np
 import pytest
 import xarray as xr
+from plotly.offline import get_plotlyjs
 
 from swarm_mj.cli import main
 from swarm_mj.errors import OutputError
-from swarm_mj.report.page import report_html, safe_json, write_report
+from swarm_mj.report.page import SCRIPTS, report_html, safe_json, write_report
 from swarm_mj.report.reading import read_run
 from swarm_mj.report.sections import flat_parameters, short
 from swarm_mj.runner import run_many, run_one
@@ -103,9 +105,19 @@ def test_the_page_is_below_15_megabytes(folder, comparison):
     assert comparison.stat().st_size < 15 * MEGABYTES
 
 
+def test_plotly_stands_in_the_page_as_it_came_but_for_parentheses(page, folder):
+    attributes = [attrs for tag, attrs in page.tags if tag in ("script", "style")]
+    packed = next(text for attrs, text in zip(attributes, page.scripts, strict=True) if attrs.get("id") == "plotly")
+    script, original = zlib.decompress(base64.b64decode(packed)).decode(), get_plotlyjs()
+    opening = next(place for place, (there, here) in enumerate(zip(original, script, strict=False)) if there != here)
+    closing = script.rindex("})));") + 1
+    assert script[opening] == "(" and original[opening - 1 :].startswith("() => {")
+    assert script[:opening] + script[opening + 1 : closing] + script[closing + 1 :] == original
+
+
 def test_text_of_a_scenario_is_shown_and_never_run(page, folder, hostile):
     assert hostile in page.text
-    assert [tag for tag, _ in page.tags].count("script") == 4
+    assert [tag for tag, _ in page.tags].count("script") == 2 + len(SCRIPTS)
     assert not [attrs for _, attrs in page.tags if "onerror" in attrs]
     assert hostile not in (folder / "report.html").read_text("utf-8")
 
@@ -202,6 +214,15 @@ def test_a_comparison_marks_exactly_the_parameters_that_differ(comparison, folde
         assert rows[key] == (flats[0].get(key) != flats[1].get(key)), key
     assert rows["camera.half_angle_deg"] and rows["control.controller"] and not rows["epoch"]
     assert {"scene-0", "scene-1", "now-0", "now-1"} <= page.ids()
+
+
+def test_the_choice_of_pictures_that_count_says_so_where_two_runs_count_differently(comparison, folder, other_folder):
+    runs = [read_run(place) for place in (folder, other_folder)]
+    assert [run.scenario.observation.criterion for run in runs] == ["passage", "visit"]
+    assert ">as each run counts</option>" in comparison.read_text("utf-8")
+    both = report_html([runs[1], runs[1]])
+    assert ">at the visit</option>" in both and "as each run counts" not in both
+    assert ">at the visit</option>" not in report_html([runs[0]])
 
 
 def test_a_run_beside_itself_differs_in_nothing(folder):

@@ -1,6 +1,7 @@
 """What the replay shows agrees with the flight: positions, lines of sight, borders of pictures, thinning, small meshes."""
 
 import base64
+import dataclasses
 
 import numpy as np
 import pytest
@@ -86,6 +87,17 @@ def test_rays_of_the_picture_border_end_on_the_ground_where_they_meet_it(replay,
     assert met.any() and not met.all()
     every = max(1, met.sum() // 300)
     assert_on_the_ground(body, end[met][::every], (end - r[:, :, None])[met][::every])
+
+
+def test_a_camera_that_is_off_takes_no_picture(run, replay):
+    on = np.ones(run.telemetry["mode"].shape, np.int8)
+    on[run.times >= 300.0, 0] = 0
+    faulty = dataclasses.replace(run, telemetry=run.telemetry.assign(camera_on=(("time", "spacecraft"), on)))
+    before, after = (unpacked(flight.scene["ray_length"]) for flight in (replay, make_replay(faulty, Limits())))
+    off = replay.times >= 300.0
+    assert np.isfinite(before[off, 0]).any() and np.isnan(after[off, 0]).all()
+    assert np.array_equal(after[~off], before[~off], equal_nan=True)
+    assert np.array_equal(after[:, 1], before[:, 1], equal_nan=True)
 
 
 def test_corners_of_a_square_picture_and_the_rim_of_a_cone_are_as_wide_as_the_camera():
