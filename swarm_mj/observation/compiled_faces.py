@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from swarm_mj.observation.camera import CameraModel, CameraPose
 from swarm_mj.observation.projection import Window
-from swarm_mj.observation.rasterizer import draw_faces
+from swarm_mj.observation.rasterizer import LANES, draw_faces
 
 #: Nearest depth drawn, over the extent of the body.
 NEAREST = 1e-7
@@ -29,15 +29,19 @@ class CompiledFaces:
         self._vertices = np.ascontiguousarray(vertices, np.float64)
         self._faces = np.ascontiguousarray(faces, np.int32)
         self._near = NEAREST * float(np.ptp(vertices, axis=0).max())
+        self._picture_from_camera = np.array([[1.0 / camera.tan_half_angle], [1.0 / camera.tan_half_angle], [1.0]])
         size = camera.resolution_px
         self._projected = np.empty_like(self._vertices)
-        self._depth = np.empty((size, size), np.float32)
-        self._row_span = np.empty((size, 2), np.int32)
-        self._picture = np.empty((size, size), np.uint32)
+        self._chosen = np.empty(len(faces) + 1, np.int32)
+        self._row_span = np.full((size, 2), (0, size - 1), np.int32)
+        self._depth = np.empty(size**2 + LANES, np.float32)
+        self._pixels = np.empty(size**2 + LANES, np.uint32)
+        self._picture = self._pixels[: size**2].reshape(size, size)
 
     def draw(self, pose: CameraPose, window: Window) -> NDArray[np.uint32]:
         """Draw a window of the picture, see `FaceDrawer.draw`."""
-        self._find_spans(window)
+        if self.camera.shape == "cone":
+            self._find_spans(window)
         draw_faces(
             self._vertices,
             self._faces,
@@ -46,14 +50,15 @@ class CompiledFaces:
             self._near,
             self._row_span,
             self._projected,
+            self._chosen,
             self._depth,
-            self._picture,
+            self._pixels,
         )
         return self._picture
 
     def _picture_from_body(self, pose: CameraPose) -> NDArray[np.float64]:
         """Homogeneous picture coordinates, (x, y) = (X, Y) / Z, of positions relative to the camera in A."""
-        return np.diag([1.0 / self.camera.tan_half_angle, 1.0 / self.camera.tan_half_angle, 1.0]) @ pose.C_CA
+        return self._picture_from_camera * pose.C_CA
 
     def _pixel_from_picture(self, window: Window) -> NDArray[np.float64]:
         """Columns and rows (upwards) from homogeneous picture coordinates (y down)."""
@@ -61,11 +66,8 @@ class CompiledFaces:
         return np.array([[across, 0.0, -across * window.low[0]], [0.0, -down, down * window.high[1]], [0.0, 0.0, 1.0]])
 
     def _find_spans(self, window: Window) -> None:
-        """Write the first and last column of each row whose centre is in the field of view."""
+        """Write the first and last column of each row whose centre is in a cone."""
         size = self.camera.resolution_px
-        if self.camera.shape == "square":
-            self._row_span[:] = 0, size - 1
-            return
         across, down = (window.high - window.low) / size
         y = window.high[1] - (np.arange(size) + 0.5) * down
         reach = np.sqrt(np.maximum(1.0 - y**2, 0.0))

@@ -25,7 +25,7 @@ from swarm_mj.observation.camera import CameraModel, CameraPose, camera_pose
 from swarm_mj.observation.compiled_faces import CompiledFaces
 from swarm_mj.observation.gl_faces import OpenGlFaces
 from swarm_mj.observation.projection import WHOLE_PICTURE, Window, project
-from swarm_mj.observation.rasterizer import count_pixels
+from swarm_mj.observation.rasterizer import box_pixels, count_pixels
 from swarm_mj.observation.raytracing import RayTracer
 from swarm_mj.observation.sampling import faces_camera, sampled_fraction
 
@@ -33,6 +33,9 @@ Drawing = Literal["opengl", "compiled"]
 
 #: Radius of the inscribed circle [px] from which pixel counts decide, see above.
 MIN_INRADIUS_PX = 2.0
+#: Pixels to look through for the counted cells, over those of the picture, from which the whole picture is counted instead:
+#: thin cells askew have boxes far larger than themselves.
+MAX_BOX_PIXELS = 8.0
 #: Rays to each cell that is too small for that.
 SLIVER_SAMPLES = 16
 
@@ -83,7 +86,6 @@ class FaceIdObserver:
         draw = OpenGlFaces if drawing == "opengl" else CompiledFaces
         self._drawer: FaceDrawer | None = draw(region.vertices, region.faces, camera)
         self.note = self._drawer.note + why
-        self._counts = np.empty(len(region.faces) + 1, np.int64)
 
     @cached_property
     def tracer(self) -> RayTracer:
@@ -103,13 +105,23 @@ class FaceIdObserver:
         area, inradius = cells.pixels(window, self.camera.resolution_px)
         countable = candidate & cells.ahead & (inradius >= MIN_INRADIUS_PX)
         if countable.any():
-            count_pixels(self.face_ids(pose, window), self._counts)
-            found = self._counts[1:][self.region.target[countable]]
+            found = self._count(self.face_ids(pose, window), cells.boxes(window, self.camera.resolution_px), countable)
             fraction[countable] = np.minimum(found / area[countable], 1.0)
         slivers = np.flatnonzero(candidate & ~countable)
         if len(slivers):
             fraction[slivers] = sampled_fraction(self.tracer, self.region, slivers, self.camera, pose, SLIVER_SAMPLES)
         return fraction
+
+    def _count(
+        self, picture: NDArray[np.uint32], boxes: NDArray[np.int32], cells: NDArray[np.bool_]
+    ) -> NDArray[np.int64]:
+        """Count the pixels of some cells, looking for each only in the box that it may cover."""
+        numbers, boxes = self.region.target[cells] + 1, boxes[cells]
+        if box_pixels(boxes) > MAX_BOX_PIXELS * picture.size:
+            return np.bincount(picture.ravel(), minlength=len(self.region.faces) + 1)[numbers]
+        counts = np.empty(len(numbers), np.int64)
+        count_pixels(picture, numbers.astype(np.uint32), boxes, counts)
+        return counts
 
     def face_ids(self, pose: CameraPose, window: Window = WHOLE_PICTURE) -> NDArray[np.uint32]:
         """Draw the face under each pixel of a window of the picture.

@@ -5,11 +5,20 @@ Picture coordinates: x to the right, y down, in units of half the picture's widt
 """
 
 from dataclasses import dataclass
+from math import floor, sqrt
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from swarm_mj.observation.camera import CameraModel
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+Boxes = NDArray[np.int32]
+
+#: Keeps the radius of a cell that is a point from being no number.
+TINY = float(np.finfo(float).tiny)
 
 
 @dataclass(frozen=True)
@@ -47,18 +56,80 @@ class PictureCells:
 
     def pixels(self, window: Window, resolution_px: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Area [px^2] and radius of the inscribed circle [px] of each cell when `window` fills a square picture."""
-        corners = self.corners * (resolution_px / (window.high - window.low))
-        a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-        area = 0.5 * np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
-        perimeter = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).sum(axis=1)
-        return area, 2.0 * area / np.maximum(perimeter, np.finfo(float).tiny)
+        across, down = resolution_px / (window.high - window.low)
+        return _measure(self.corners, across, down)
+
+    def boxes(self, window: Window, resolution_px: int) -> NDArray[np.int32]:
+        """Pixels that each cell may cover when `window` fills a square picture, with a margin of one.
+
+        Returns:
+            First column and row and last column and row, rows counted upwards, shape (n, 4); the first is beyond the last
+            where there are none.
+        """
+        across, down = resolution_px / (window.high - window.low)
+        left, top = window.low
+        return _boxes(self.corners, left, top, across, down, resolution_px)
 
 
 def project(corners_C: NDArray[np.float64], camera: CameraModel) -> PictureCells:
     """Project triangles, shape (n, 3, 3), given in the camera frame [m]."""
-    depth = corners_C[..., 2]
-    ahead = np.asarray(np.all(depth > 0.0, axis=1))
-    safe = np.where(ahead[:, None], depth, 1.0)
-    corners = corners_C[..., :2] / (safe * camera.tan_half_angle)[..., None]
-    overlaps = np.all((corners.min(axis=1) < 1.0) & (corners.max(axis=1) > -1.0), axis=1)
-    return PictureCells(corners, ahead, np.asarray((ahead & overlaps) | (~ahead & np.any(depth > 0.0, axis=1))))
+    return PictureCells(*_project(np.ascontiguousarray(corners_C), camera.tan_half_angle))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _project(corners_C: Floats, tan_half_angle: float) -> tuple[Floats, Bools, Bools]:
+    """Corners on the picture, whether all lie ahead, and whether the cell may reach into the field of view."""
+    n = corners_C.shape[0]
+    corners, ahead, in_picture = np.empty((n, 3, 2)), np.empty(n, np.bool_), np.empty(n, np.bool_)
+    for i in range(n):
+        before = 0
+        for k in range(3):
+            before += corners_C[i, k, 2] > 0.0
+        ahead[i], in_picture[i] = before == 3, before > 0
+        for k in range(3):
+            reach = (corners_C[i, k, 2] if ahead[i] else 1.0) * tan_half_angle
+            corners[i, k, 0], corners[i, k, 1] = corners_C[i, k, 0] / reach, corners_C[i, k, 1] / reach
+        for axis in range(2 if ahead[i] else 0):
+            low, high = _extent(corners, i, axis)
+            in_picture[i] &= low < 1.0 and high > -1.0
+    return corners, ahead, in_picture
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _extent(corners: Floats, i: int, axis: int) -> tuple[float, float]:
+    a, b, c = corners[i, 0, axis], corners[i, 1, axis], corners[i, 2, axis]
+    return min(a, b, c), max(a, b, c)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _measure(corners: Floats, across: float, down: float) -> tuple[Floats, Floats]:
+    """Area and radius of the inscribed circle [px], with `across` and `down` pixels to a unit of the picture."""
+    n = corners.shape[0]
+    area, inradius = np.empty(n), np.empty(n)
+    for i in range(n):
+        ax, ay = corners[i, 0, 0] * across, corners[i, 0, 1] * down
+        bx, by = corners[i, 1, 0] * across, corners[i, 1, 1] * down
+        cx, cy = corners[i, 2, 0] * across, corners[i, 2, 1] * down
+        area[i] = 0.5 * abs((bx - ax) * (cy - ay) - (by - ay) * (cx - ax))
+        perimeter = sqrt((bx - ax) ** 2 + (by - ay) ** 2)
+        perimeter += sqrt((cx - bx) ** 2 + (cy - by) ** 2)
+        perimeter += sqrt((ax - cx) ** 2 + (ay - cy) ** 2)
+        inradius[i] = 2.0 * area[i] / max(perimeter, TINY)
+    return area, inradius
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _boxes(corners: Floats, left: float, top: float, across: float, down: float, size: int) -> Boxes:
+    """See `PictureCells.boxes`; the picture's corner at `left` and `top` is that of the first column and the last row."""
+    boxes = np.empty((corners.shape[0], 4), np.int32)
+    for i in range(corners.shape[0]):
+        low, high = _extent(corners, i, 0)
+        boxes[i, 0], boxes[i, 2] = _inside((low - left) * across - 1.0, (high - left) * across + 1.0, size)
+        low, high = _extent(corners, i, 1)
+        boxes[i, 1], boxes[i, 3] = _inside(size - (high - top) * down - 1.0, size - (low - top) * down + 1.0, size)
+    return boxes
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _inside(low: float, high: float, size: int) -> tuple[int, int]:
+    return int(min(max(low, 0.0), float(size))), int(floor(max(min(high, size - 1.0), -1.0)))

@@ -4,6 +4,10 @@ Each triangle that turns its outer side to the camera is filled row by row: its 
 them, and a depth buffer keeps the nearest. Everything is done in double precision but the depth that is kept, 1/Z in single
 precision (1 mm at 20 km), and on one core. Two triangles compute the edge they share from the same two corners in the same
 order, so that no pixel between them is lost.
+
+A triangle of a body seen whole covers some ten rows of some ten pixels: too few for loops whose ends a processor cannot
+foresee. So decisions are replaced by arithmetic that the compiler turns into vector instructions: whole groups of `LANES`
+pixels and of `ROWS` rows are computed, and what lies beyond the end of a span is written back as it was.
 """
 
 from __future__ import annotations
@@ -16,7 +20,15 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
+Depth = NDArray[np.float32]
 Picture = NDArray[np.uint32]
+#: Column, row and 1/Z.
+Corner = tuple[float, float, float]
+
+#: Pixels of a row that are computed at once. Groups may begin at any pixel: buffers are longer than the picture by as much.
+LANES = 16
+#: Rows of a triangle that are computed at once, likewise.
+ROWS = 8
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -28,7 +40,8 @@ def draw_faces(
     near: float,
     row_span: Ints,
     projected: Floats,
-    depth: NDArray[np.float32],
+    chosen: Ints,
+    depth: Depth,
     picture: Picture,
 ) -> None:
     """Draw a mesh.
@@ -40,11 +53,14 @@ def draw_faces(
         pixel_from_A: Maps a position relative to the camera to (column Z, row Z, Z), with Z the distance along the line of
             sight, shape (3, 3); columns count to the right and rows upwards, pixel i covers i to i + 1.
         near: Smallest Z drawn [m]; what is nearer is cut off.
-        row_span: First and last column of each row that are in the field of view, shape (rows, 2).
+        row_span: First and last column of each row that are in the field of view, shape (size, 2).
         projected: Scratch, shape (v, 3).
-        depth: Scratch, shape (rows, columns).
-        picture: Receives the face plus one, 0 for the sky, shape (rows, columns).
+        chosen: Scratch, shape (f + 1,).
+        depth: Scratch, shape (size^2 + LANES,).
+        picture: Receives the face plus one, 0 for the sky; row by row, shape (size^2 + LANES,).
     """
+    size = row_span.shape[0]
+    spans = np.empty((3, size + ROWS))
     depth[:] = 0.0
     picture[:] = 0
     for v in range(vertices.shape[0]):
@@ -52,22 +68,64 @@ def draw_faces(
         ahead = z >= near
         projected[v, 2] = 1.0 / z if ahead else 0.0
         projected[v, 0], projected[v, 1] = x * projected[v, 2], y * projected[v, 2]
-    for f in range(faces.shape[0]):
-        a, b, c = projected[faces[f, 0]], projected[faces[f, 1]], projected[faces[f, 2]]
+    for i in range(_choose(faces, projected, size, chosen)):
+        f = chosen[i]
+        a, b, c = _corner(projected, faces[f, 0]), _corner(projected, faces[f, 1]), _corner(projected, faces[f, 2])
         if a[2] > 0.0 and b[2] > 0.0 and c[2] > 0.0:
-            _fill(a[0], a[1], a[2], b[0], b[1], b[2], c[0], c[1], c[2], f, row_span, depth, picture)
-        elif a[2] > 0.0 or b[2] > 0.0 or c[2] > 0.0:
-            _fill_beyond(vertices, faces[f], r_A, pixel_from_A, near, f, row_span, depth, picture)
+            _fill(a, b, c, f, size, spans, depth, picture)
+        else:
+            _fill_beyond(vertices, faces[f], r_A, pixel_from_A, near, f, size, spans, depth, picture)
+    # Cut off at the end, once, what lies beside a round field of view.
+    for row in range(size):
+        picture[row * size : row * size + row_span[row, 0]] = 0
+        picture[row * size + row_span[row, 1] + 1 : (row + 1) * size] = 0
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _to_pixels(vertices: Floats, v: int, r_A: Floats, m: Floats) -> tuple[float, float, float]:
+def _to_pixels(vertices: Floats, v: int, r_A: Floats, m: Floats) -> Corner:
     x, y, z = vertices[v, 0] - r_A[0], vertices[v, 1] - r_A[1], vertices[v, 2] - r_A[2]
     return (
         m[0, 0] * x + m[0, 1] * y + m[0, 2] * z,
         m[1, 0] * x + m[1, 1] * y + m[1, 2] * z,
         m[2, 0] * x + m[2, 1] * y + m[2, 2] * z,
     )
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _corner(projected: Floats, v: int) -> Corner:
+    return projected[v, 0], projected[v, 1], projected[v, 2]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _twice_area(a: Corner, b: Corner, c: Corner) -> float:
+    """Twice the area on the picture [px^2], positive when the outer side is seen."""
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _rows(a: Corner, b: Corner, c: Corner, size: int) -> tuple[int, int]:
+    """First and last row whose centre line crosses a triangle; the first is above the last when there is none."""
+    low, high = max(min(a[1], b[1], c[1]), 0.0), min(max(a[1], b[1], c[1]), float(size))
+    return int(ceil(min(low, float(size)) - 0.5)), int(floor(max(high, 0.0) - 0.5))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _choose(faces: Ints, projected: Floats, size: int, chosen: Ints) -> int:
+    """Write which triangles may have pixels, in their order, and return how many they are.
+
+    Half of the faces look away, and a processor cannot foresee which. So each is written, and stays if the count moves on.
+    """
+    n = 0
+    for f in range(faces.shape[0]):
+        a, b, c = _corner(projected, faces[f, 0]), _corner(projected, faces[f, 1]), _corner(projected, faces[f, 2])
+        ahead = (a[2] > 0.0) & (b[2] > 0.0) & (c[2] > 0.0)
+        across = (min(a[0], b[0], c[0]) <= size) & (max(a[0], b[0], c[0]) >= 0.0)
+        bottom, top = _rows(a, b, c, size)
+        seen = ahead & across & (bottom <= top) & (_twice_area(a, b, c) > 0.0)
+        cut = (not ahead) & ((a[2] > 0.0) | (b[2] > 0.0) | (c[2] > 0.0))
+        chosen[n] = f
+        n += seen | cut
+    return n
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -78,8 +136,9 @@ def _fill_beyond(
     pixel_from_A: Floats,
     near: float,
     f: int,
-    row_span: Ints,
-    depth: NDArray[np.float32],
+    size: int,
+    spans: Floats,
+    depth: Depth,
     picture: Picture,
 ) -> None:
     """Fill the part of a triangle that lies beyond `near`: a triangle or a quadrangle."""
@@ -94,79 +153,84 @@ def _fill_beyond(
             share = (near - za) / (zb - za)
             cut[count] = (xa + share * (xb - xa)) / near, (ya + share * (yb - ya)) / near, 1.0 / near
             count += 1
-    a = cut[0]
     for corner in range(2, count):
-        b, c = cut[corner - 1], cut[corner]
-        _fill(a[0], a[1], a[2], b[0], b[1], b[2], c[0], c[1], c[2], f, row_span, depth, picture)
+        _fill(_corner(cut, 0), _corner(cut, corner - 1), _corner(cut, corner), f, size, spans, depth, picture)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _fill(
-    xa: float,
-    ya: float,
-    za: float,
-    xb: float,
-    yb: float,
-    zb: float,
-    xc: float,
-    yc: float,
-    zc: float,
-    f: int,
-    row_span: Ints,
-    depth: NDArray[np.float32],
-    picture: Picture,
-) -> None:
-    """Fill one triangle, corners as column, row and 1/Z."""
-    area = (xb - xa) * (yc - ya) - (yb - ya) * (xc - xa)
-    rows, columns = picture.shape
-    if not area > 0.0 or min(xa, xb, xc) > columns or max(xa, xb, xc) < 0.0:
-        return
-    low, high = max(min(ya, yb, yc), 0.0), min(max(ya, yb, yc), float(rows))
-    if not low <= high:
+def _fill(a: Corner, b: Corner, c: Corner, f: int, size: int, spans: Floats, depth: Depth, picture: Picture) -> None:
+    """Fill one triangle; `spans` is scratch for the first and last column of each row and 1/Z at the first."""
+    (xa, ya, za), (xb, yb, zb), (xc, yc, zc) = a, b, c
+    area, (bottom, top) = _twice_area(a, b, c), _rows(a, b, c, size)
+    if not area > 0.0:
         return
     z_x = ((zb - za) * (yc - ya) - (zc - za) * (yb - ya)) / area
     z_y = ((zc - za) * (xb - xa) - (zb - za) * (xc - xa)) / area
     left_ab, right_ab, slope_ab = _edge(xa, ya, xb, yb)
     left_bc, right_bc, slope_bc = _edge(xb, yb, xc, yc)
     left_ca, right_ca, slope_ca = _edge(xc, yc, xa, ya)
-    number = np.uint32(f + 1)
-    for row in range(int(ceil(low - 0.5)), int(floor(high - 0.5)) + 1):
-        y = row + 0.5
+    for i in range((top - bottom + ROWS) // ROWS * ROWS):
+        y = bottom + i + 0.5
         left = max(left_ab + slope_ab * y, left_bc + slope_bc * y, left_ca + slope_ca * y, 0.0)
-        right = min(right_ab + slope_ab * y, right_bc + slope_bc * y, right_ca + slope_ca * y, float(columns))
-        first = max(int(ceil(left - 0.5)), row_span[row, 0])
-        last = min(int(floor(right - 0.5)), row_span[row, 1])
-        if first > last:
-            continue
-        z = za + z_y * (y - ya) + z_x * (first + 0.5 - xa)
-        nearest, drawn = depth[row, first : last + 1], picture[row, first : last + 1]
-        for k in range(nearest.shape[0]):
-            nearness = np.float32(z + z_x * k)
-            if nearness > nearest[k]:
-                nearest[k] = nearness
-                drawn[k] = number
+        right = min(right_ab + slope_ab * y, right_bc + slope_bc * y, right_ca + slope_ca * y, float(size))
+        # Within the picture on the other side too, and were they no numbers, lest an index leads beyond the buffers.
+        first = ceil((left if left < size else float(size)) - 0.5)
+        spans[0, i] = first
+        spans[1, i] = floor((right if right > 0.0 else 0.0) - 0.5)
+        spans[2, i] = za + z_y * (y - ya) + z_x * (first + 0.5 - xa)
+    number, narrow = np.uint32(f + 1), max(xa, xb, xc) - min(xa, xb, xc) < LANES - 1
+    for i in range(top - bottom + 1):
+        first = int(spans[0, i])
+        count = int(spans[1, i]) - first + 1
+        # One group whatever the row, where that is enough: a row without a pixel is not left out, but changes nothing.
+        computed = LANES if narrow else max(count + LANES - 1, 0) // LANES * LANES
+        # Unsigned, since indices that might be negative would each be tested for it.
+        start, z = np.uintp((bottom + i) * size + first), spans[2, i]
+        for k in range(np.uintp(computed)):
+            nearness = np.float32(z + z_x * np.int32(k))
+            # Nothing is farther than 1/Z = 0, so that what lies beyond the span stays as it is.
+            nearness = nearness if np.int32(k) < count else np.float32(0.0)
+            picture[start + k] = number if nearness > depth[start + k] else picture[start + k]
+            depth[start + k] = max(depth[start + k], nearness)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _edge(xa: float, ya: float, xb: float, yb: float) -> tuple[float, float, float]:
     """Where an edge bounds a row on the left and on the right, x + slope y; +-1e300: not at all."""
-    if ya == yb:
-        return -1e300, 1e300, 0.0
-    slope = (xb - xa) / (yb - ya)
-    if yb > ya:
-        return -1e300, xa - slope * ya, slope
-    return xb - slope * yb, 1e300, slope
+    up, down = yb > ya, yb < ya
+    slope = (xb - xa) / (yb - ya) if up or down else 0.0
+    x = (xa if up else xb) - slope * (ya if up else yb)
+    return (x if down else -1e300), (x if up else 1e300), slope
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def count_pixels(picture: Picture, counts: NDArray[np.int64]) -> None:
-    """Count the pixels of each face, run by run; `counts`, shape (faces + 1,), begins with the sky."""
-    counts[:] = 0
-    face, run = np.uint32(0), 0
-    for number in picture.ravel():
-        if number == face:
-            run += 1
-        else:
-            counts[face] += run
-            face, run = number, 1
-    counts[face] += run
+def count_pixels(picture: Picture, numbers: Picture, boxes: Ints, counts: NDArray[np.int64]) -> None:
+    """Count the pixels of some faces, looking for each only where it can be.
+
+    Args:
+        picture: Face plus one of each pixel, shape (size, size).
+        numbers: Face plus one of those that are counted, shape (n,).
+        boxes: First column and row that a face may have pixels in, and last, within the picture, shape (n, 4).
+        counts: Receives the number of pixels of each, shape (n,).
+    """
+    size, pixels = picture.shape[1], picture.ravel()
+    in_column = np.zeros(size + LANES, np.int32)
+    for i in range(numbers.shape[0]):
+        # Whole groups of columns, which are counted side by side: a wider box holds no other pixel of the face.
+        first, stop = boxes[i, 0] // LANES * LANES, min((boxes[i, 2] // LANES + 1) * LANES, size)
+        found = in_column[: max(stop - first, 0)]
+        found[:] = 0
+        for row in range(boxes[i, 1], boxes[i, 3] + 1):
+            part = pixels[row * size + first : row * size + stop]
+            for k in range(part.shape[0]):
+                found[k] += np.int32(part[k] == numbers[i])
+        counts[i] = found.sum()
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def box_pixels(boxes: Ints) -> int:
+    """Sum of the pixels in all boxes, see `count_pixels`."""
+    pixels = 0
+    for i in range(boxes.shape[0]):
+        pixels += max(boxes[i, 2] - boxes[i, 0] + 1, 0) * max(boxes[i, 3] - boxes[i, 1] + 1, 0)
+    return pixels

@@ -5,15 +5,19 @@ share of area.
 """
 
 from functools import lru_cache
-from math import isqrt
+from math import hypot, isqrt
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from swarm_mj.errors import MissionError
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.camera import CameraModel, CameraPose
 from swarm_mj.observation.raytracing import RayTracer
+
+Floats = NDArray[np.float64]
+Indices = NDArray[np.intp]
 
 
 @lru_cache(maxsize=8)
@@ -35,33 +39,79 @@ def barycentric_samples(samples: int) -> NDArray[np.float64]:
 def sampled_fraction(
     tracer: RayTracer | None,
     region: TargetRegion,
-    cells: NDArray[np.intp],
+    cells: Indices,
     camera: CameraModel,
     pose: CameraPose,
     samples: int,
 ) -> NDArray[np.float64]:
-    """Share of each given cell in view, 0 to 1, shape (len(cells),).
+    """Share of each given cell in view, 0 to 1, shape (len(cells),); no cell may be given twice.
 
     A sample counts when it lies in the field of view and nothing is hit before the original mesh face under it; the
     original face, because a sample on a sliver is within rounding of the other pieces of the same flat face. Cells that
     face away count as hidden, so that no rounding at the limb can show them. Without a tracer nothing hides a cell but its
     own back: culling and clipping.
     """
-    fraction = np.zeros(len(cells))
-    facing = np.flatnonzero(faces_camera(region, pose)[cells])
-    points = barycentric_samples(samples) @ region.corners_A[cells[facing]]
-    row, column = np.nonzero(camera.contains(pose.to_camera(points)))
-    if not len(row):
-        return fraction
-    reached = np.ones(len(row), dtype=np.bool_)
-    if tracer is not None:
-        hit = tracer.first_hit(pose.r_A, points[row, column] - pose.r_A)
-        wanted = region.parent[region.target[cells[facing[row]]]]
-        reached = (hit >= 0) & (region.parent[hit] == wanted)
-    fraction[facing] = np.bincount(row[reached], minlength=len(facing)) / samples
-    return fraction
+    seen = cells[faces_camera(region, pose)[cells]]
+    weights, cone = barycentric_samples(samples), camera.shape == "cone"
+    C_CA, tan_half_angle = np.ascontiguousarray(pose.C_CA), camera.tan_half_angle
+    rays, of = _rays_in_view(weights, region.corners_A, seen, pose.r_A, C_CA, tan_half_angle, cone)
+    if tracer is not None and len(of):
+        hit = tracer.first_hit(pose.r_A, rays)
+        of = of[(hit >= 0) & (region.parent[hit] == region.parent[region.target[of]])]
+    return np.bincount(of, minlength=region.n_cells)[cells] / samples
 
 
 def faces_camera(region: TargetRegion, pose: CameraPose) -> NDArray[np.bool_]:
     """Tell which cells turn their outer side to the camera, shape (n,)."""
-    return np.einsum("ij,ij->i", pose.r_A - region.centroid_A, region.normal_A) > 0.0
+    return _turned_to(pose.r_A, region.centroid_A, region.normal_A)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _turned_to(r_A: Floats, centroid_A: Floats, normal_A: Floats) -> NDArray[np.bool_]:
+    turned = np.empty(len(centroid_A), np.bool_)
+    for i in range(len(centroid_A)):
+        out = 0.0
+        for axis in range(3):
+            out += (r_A[axis] - centroid_A[i, axis]) * normal_A[i, axis]
+        turned[i] = out > 0.0
+    return turned
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _rays_in_view(
+    weights: Floats,
+    corners_A: Floats,
+    cells: Indices,
+    r_A: Floats,
+    C_CA: Floats,
+    tan_half_angle: float,
+    cone: bool,
+) -> tuple[Floats, Indices]:
+    """Rays [m] from the camera to those samples that `CameraModel.contains`, and the cell of each.
+
+    Args:
+        weights: Barycentric coordinates of the samples, shape (samples, 3).
+        corners_A: Of all cells in A [m], shape (n, 3, 3).
+        cells: Those to sample.
+        r_A: Camera position in A [m], shape (3,).
+        C_CA: Rotation from A to C, shape (3, 3).
+        tan_half_angle: Half the width of the picture at unit distance.
+        cone: Whether the field of view is the cone inscribed in the square pyramid.
+    """
+    most = len(cells) * len(weights)
+    rays, of, count = np.empty((most, 3)), np.empty(most, np.intp), 0
+    for cell in cells:
+        for sample in range(len(weights)):
+            a, b, c = weights[sample]
+            for axis in range(3):
+                point = a * corners_A[cell, 0, axis] + b * corners_A[cell, 1, axis] + c * corners_A[cell, 2, axis]
+                rays[count, axis] = point - r_A[axis]
+            of[count] = cell
+            u, v, w = rays[count]
+            x = C_CA[0, 0] * u + C_CA[0, 1] * v + C_CA[0, 2] * w
+            y = C_CA[1, 0] * u + C_CA[1, 1] * v + C_CA[1, 2] * w
+            z = C_CA[2, 0] * u + C_CA[2, 1] * v + C_CA[2, 2] * w
+            off = hypot(x, y) if cone else max(abs(x), abs(y))
+            # A sample that is out of view is overwritten by the next one.
+            count += z > 0.0 and off <= z * tan_half_angle
+    return rays[:count], of[:count]
