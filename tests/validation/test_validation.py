@@ -15,8 +15,7 @@ from swarm_mj.attitude import mrp
 from swarm_mj.attitude.controllers import MrpSlidingMode
 from swarm_mj.errors import OutputError, SwarmError
 from swarm_mj.mission import links as program_links
-from swarm_mj.observation import horizon
-from swarm_mj.observation.camera import CameraModel, CameraPose
+from swarm_mj.observation import horizon, raycast
 from swarm_mj.observation.compiled_faces import CompiledFaces
 from swarm_mj.observation.gl_faces import OpenGlFaces
 from swarm_mj.observation.raytracing import RayTracer
@@ -100,9 +99,14 @@ def late_arrival():
     return planning, "deploy", deploy
 
 
+def steeper_law():
+    right = MrpSlidingMode._numbers.fget
+    return MrpSlidingMode, "_numbers", property(lambda self: (1.001 * right(self)[0], *right(self)[1:]))
+
+
 def turned_camera():
-    right = CameraPose.to_camera
-    return CameraPose, "to_camera", lambda self, points: right(self, points) * [1.0, -1.0, -1.0]
+    right = raycast.camera_pose
+    return raycast, "camera_pose", lambda r_A, C_CA: right(r_A, np.diag([1.0, -1.0, -1.0]) @ C_CA)
 
 
 def mirrored_picture():
@@ -131,8 +135,12 @@ def wider_maps():
 
 
 def square_cone():
-    right = CameraModel.contains
-    return CameraModel, "contains", lambda self, points: right(replace(self, shape="square"), points)
+    right = raycast.sampled_fraction
+
+    def sampled_fraction(tracer, region, cells, camera, *rest):
+        return right(tracer, region, cells, replace(camera, shape="square"), *rest)
+
+    return raycast, "sampled_fraction", sampled_fraction
 
 
 def lost_rays():
@@ -179,7 +187,7 @@ FAULTS = {
     ),
     "inertia of the body": (made_of(size=(0.1, 0.1, 0.3401)), ["attitude-energy", "attitude-momentum"]),
     "integrator": (with_model(first_order), ["attitude-order"]),
-    "torque of the law": (scaled(MrpSlidingMode, "torque", 1.001), ["control-sliding-mode"]),
+    "slope of the law": (steeper_law(), ["control-sliding-mode"]),
     "phase of Earth": ((ephemerides, "EARTH_ORBIT", LATE_EARTH), ["ephemeris-seasons", "ephemeris-astropy"]),
     "size of Earth's orbit": ((ephemerides, "EARTH_ORBIT", WIDE_EARTH), ["ephemeris-perihelion"]),
     "Eros late": ((ephemerides, "EROS_ORBIT", LATE_EROS), ["ephemeris-eros-place", "ephemeris-eros-distance"]),
