@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from swarm_mj.attitude.mrp import dcm, mrp_rate
+from swarm_mj.attitude.mrp import dcm, mrp_rate, quaternion_from_mrp
+from swarm_mj.simulation.integrator import Integrator
 from swarm_mj.simulation.simulation import InitialState
+from swarm_mj.spacecraft.model import build_model
 from swarm_mj.validation.experiment import Bench, Experiment
-from swarm_mj.validation.flights import Flight, fly, gyrostat
+from swarm_mj.validation.flights import Flight, ball, fly, gyrostat
 
 Array = NDArray[np.float64]
 
@@ -90,6 +93,23 @@ def order_gain(bench: Bench) -> float:
     return coarse / fine
 
 
+def step_error(bench: Bench) -> float:
+    """Largest difference of body rates after 4 s from `mj_step`, with motors, forces and torques held [rad/s]."""
+    start, rng = tumbling_start(), np.random.default_rng(6)
+    swarm = build_model(SPACECRAFT, shape=ball(16e3, 2))
+    model, ours, theirs = swarm.mjmodel, mujoco.MjData(swarm.mjmodel), mujoco.MjData(swarm.mjmodel)
+    qpos = np.hstack((start.r_BN_N, quaternion_from_mrp(start.sigma_BN), np.zeros((SPACECRAFT, 3))))
+    qvel = np.hstack((rng.uniform(-20.0, 20.0, (SPACECRAFT, 3)), start.omega_BN_B, start.wheel_speed))
+    torques, forces = rng.uniform(-6e-3, 6e-3, model.nu), rng.uniform(-1e-3, 1e-3, (SPACECRAFT, 6))
+    for data in (ours, theirs):
+        swarm.set_state(data, qpos, qvel)
+        data.ctrl[:], data.xfrc_applied[swarm.hub_body] = torques, forces
+    Integrator(swarm, ours).step(40)
+    mujoco.mj_step(model, theirs, nstep=40)
+    rates = [swarm.state(data)[1][:, 3:6] for data in (ours, theirs)]
+    return float(np.abs(rates[0] - rates[1]).max())
+
+
 def attitude_error(flight: Flight) -> float:
     """Largest angle at the end of a torque-free flight from the attitude that SciPy finds [rad]."""
     body, end = gyrostat(), float(flight.time[-1])
@@ -158,5 +178,13 @@ EXPERIMENTS = (
         at_least=True,
         unit="1",
         measure=order_gain,
+    ),
+    Experiment(
+        name="attitude-step",
+        what="body rates after 4 s, motors, forces and torques held, by the stages that free bodies need",
+        reference="MuJoCo's mj_step",
+        tolerance=1e-9,
+        unit="rad/s",
+        measure=step_error,
     ),
 )

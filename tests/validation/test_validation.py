@@ -99,6 +99,17 @@ def late_arrival():
     return planning, "deploy", deploy
 
 
+def stronger_motors():
+    right = attitude.Integrator
+
+    class Stronger(right):
+        def __init__(self, swarm, data):
+            super().__init__(swarm, data)
+            data.ctrl[:] *= 1.001
+
+    return attitude, "Integrator", Stronger
+
+
 def steeper_law():
     right = MrpSlidingMode._numbers.fget
     return MrpSlidingMode, "_numbers", property(lambda self: (1.001 * right(self)[0], *right(self)[1:]))
@@ -187,6 +198,7 @@ FAULTS = {
     ),
     "inertia of the body": (made_of(size=(0.1, 0.1, 0.3401)), ["attitude-energy", "attitude-momentum"]),
     "integrator": (with_model(first_order), ["attitude-order"]),
+    "torque of the motors": (stronger_motors(), ["attitude-step"]),
     "slope of the law": (steeper_law(), ["control-sliding-mode"]),
     "phase of Earth": ((ephemerides, "EARTH_ORBIT", LATE_EARTH), ["ephemeris-seasons", "ephemeris-astropy"]),
     "size of Earth's orbit": ((ephemerides, "EARTH_ORBIT", WIDE_EARTH), ["ephemeris-perihelion"]),
