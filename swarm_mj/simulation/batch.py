@@ -70,8 +70,11 @@ class BatchFlights:
         self._hold = round(self.period / self.model.mjmodel.opt.timestep)
         self._world = make_world(simulation, controller)
         self._datas = [mujoco.MjData(self.model.mjmodel) for _ in range(count)]
-        self._motions = [Integrator(self.model, data).motion for data in self._datas]
+        self._integrator = Integrator(self.model, *self._datas)
         self._askings = None if behaviors is None else [Asking(behavior, self.period) for behavior in behaviors]
+        # Tick at which a behaviour must be asked again.
+        self._due = np.full(count, 0 if behaviors else flight_kernels.NEVER, np.int64)
+        self._everyone = np.ones(count, np.bool_)
         self._flights = f = flight_kernels.no_flights(count, self.n)
         self.qpos, self.qvel = f.qpos, f.qvel
         self._q, self._v = f.qpos.reshape(count, self.n, NQ), f.qvel.reshape(count, self.n, NV)
@@ -106,6 +109,7 @@ class BatchFlights:
         self.causes[e] = ""
         if self._askings is not None:
             self._askings[e].reset()
+            self._due[e] = 0
 
     def park(self, e: int, j: int) -> None:
         """Put a spacecraft that is no more where it disturbs nothing: far out, at rest."""
@@ -119,12 +123,12 @@ class BatchFlights:
         # Read back, as rounding leaves it where wheels are momentum states.
         self._q[e], self._v[e] = self.model.state(self._datas[e])
         if self._askings is not None:
-            self._askings[e].due = 0
+            self._due[e] = 0
 
     def ask_again(self) -> None:
         """Have all behaviours asked at the next decision, because they have been told something new."""
-        for asking in self._askings or ():
-            asking.due = 0
+        if self._askings is not None:
+            self._due[:] = 0
 
     def decide(self, live: Mask) -> bool:
         """Set forces and motor torques of the coming hold; a flight whose state is not finite is marked in `finite`.
@@ -138,11 +142,8 @@ class BatchFlights:
         Raises:
             PluginError: A behaviour aims at what is not there.
         """
-        fine = True
-        for e in np.flatnonzero(live).tolist():
-            self._ask(e)
-            fine &= self._call(e, 0)
-        return fine
+        self._ask(live)
+        return self._judge(flight_kernels.decide(self._world, self._flights, self._integrator.swarms, live), live)
 
     def fly(self, periods: int, live: Mask) -> bool:
         """Decide and advance so many control periods of the live flights; one that is not finite stops.
@@ -150,46 +151,37 @@ class BatchFlights:
         Returns:
             Whether all of them are finite.
         """
-        fine = True
-        for e in np.flatnonzero(live).tolist():
-            end, going = int(self.tick[e]) + periods, True
-            while going and self.tick[e] < end:
-                going = self._call(e, min(end, self._ask(e)) - int(self.tick[e]))
-            fine &= going
+        end, flying, fine = self.tick + periods, live.copy(), True
+        while flying.any():
+            self._ask(flying)
+            until = np.where(flying, np.minimum(end, self._due), 0)
+            answer = flight_kernels.fly(self._world, self._flights, self._integrator.swarms, self._hold, until)
+            fine &= self._judge(answer, flying)
+            flying &= self.finite & (self.tick < end)
         return fine
 
     def advance(self, live: Mask | None) -> None:
         """Let MuJoCo integrate one control period of the live flights, None for all, with everything held."""
-        for e in range(self.count) if live is None else np.flatnonzero(live).tolist():
-            flight_kernels.advance(self._flights, e, self._motions[e], self._hold)
+        everyone = self._everyone if live is None else live
+        flight_kernels.advance(self._flights, self._integrator.swarms, self._hold, everyone)
 
-    def _ask(self, e: int) -> int:
-        """Ask a flight's behaviour if that is due; until which tick the answer holds."""
+    def _ask(self, live: Mask) -> None:
+        """Ask the behaviours of live flights whose answers may not hold any more."""
         if self._askings is None:
-            return flight_kernels.NEVER
-        asking, tick = self._askings[e], int(self.tick[e])
-        if tick >= asking.due:
+            return
+        for e in np.flatnonzero(live & (self.tick >= self._due)).tolist():
+            tick = int(self.tick[e])
             t, q, v = tick * self.period, self._q[e].copy(), self._v[e].copy()
-            view = SwarmView(t, q[:, :3], v[:, :3], self.environment.C_AN(t), q[:, 3:], v[:, 3:6], v[:, 6:])
-            self.kind[e], self.index[e], self.vector[e] = asking.ask(view, tick)
-        return asking.due
+            view = SwarmView(t, q[:, :3], v[:, :3], self.environment.C_AN(t), q[:, 3:7], v[:, 3:6], v[:, 6:])
+            self.kind[e], self.index[e], self.vector[e] = self._askings[e].ask(view, tick)
+            self._due[e] = self._askings[e].due
 
-    def _call(self, e: int, periods: int) -> bool:
-        data, asteroid = self._datas[e], self.model.asteroid_mocap
-        answer = flight_kernels.fly(
-            self._world,
-            self._flights,
-            e,
-            self._motions[e],
-            data.xfrc_applied,
-            data.mocap_quat[asteroid],
-            self._hold,
-            periods,
-        )
+    def _judge(self, answer: int, live: Mask) -> bool:
         if answer == flight_kernels.SENSELESS:
             raise PluginError("the behaviour aims at what is not there: an unknown kind, or a spacecraft that is not")
         if answer == flight_kernels.NOT_FINITE:
-            self.causes[e] = self._divergence(e)
+            for e in np.flatnonzero(live & ~self.finite):
+                self.causes[e] = self._divergence(int(e))
         return bool(answer == flight_kernels.FINE)
 
     def _divergence(self, e: int) -> str:

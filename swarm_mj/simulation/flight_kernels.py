@@ -13,7 +13,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from swarm_mj.attitude.controllers.compiled import call_law
-from swarm_mj.simulation.integrator import Motion, integrate, lay_out
+from swarm_mj.simulation.integrator import Motion, Swarms, integrate, lay_out, motion_of
 from swarm_mj.simulation.kernels import Slot, actuate, guide, push, sense, turn_body
 from swarm_mj.smallbody.gravity.spherical_harmonics import write_series
 from swarm_mj.spacecraft.model import NQ, NV
@@ -73,6 +73,7 @@ class Flights(NamedTuple):
         qvel: Velocities in N, body rates and wheel speeds, shape (E, 9 n).
         tick: Control periods flown, shape (E,).
         finite: False from the instant at which a number was not, shape (E,).
+        answer: What came of the last decision, shape (E,): FINE, SENSELESS targets (see `guide`) or a state NOT_FINITE.
         targets: Kind (`TargetKind`) and spacecraft to follow, now and at the previous decision, shape (E, 4, n).
         vector: Surface point in A [m] or direction in N, shape (E, n, 3).
         q: Attitudes and references, shape (E, 2, n, 4).
@@ -88,6 +89,7 @@ class Flights(NamedTuple):
     qvel: Array
     tick: Ints
     finite: NDArray[np.bool_]
+    answer: Ints
     targets: Ints
     vector: Array
     q: Array
@@ -105,6 +107,7 @@ def no_flights(count: int, n: int) -> Flights:
         qvel=np.zeros((count, NV * n)),
         tick=np.zeros(count, np.int64),
         finite=np.ones(count, np.bool_),
+        answer=np.zeros(count, np.int64),
         targets=np.full((count, 4, n), -1, np.int64),
         vector=np.zeros((count, n, 3)),
         q=np.zeros((count, 2, n, 4)),
@@ -118,7 +121,7 @@ def no_flights(count: int, n: int) -> Flights:
 
 #: A tick that no flight reaches.
 NEVER = 2**62
-#: What `fly` answers.
+#: What came of a decision, the worst last.
 FINE, NOT_FINITE, SENSELESS = 0, 1, 2
 
 # Numba folds plain integers into the machine code; members of an IntEnum it looks up.
@@ -129,46 +132,65 @@ _Q_P, _LAW = int(Number.Q_P), int(Number.LAW)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def fly(
-    world: World, flights: Flights, e: int, motion: Motion, xfrc: Array, mocap_quat: Array, hold: int, periods: int
-) -> int:
-    """Decide and integrate so many control periods of one flight.
+def fly(world: World, flights: Flights, swarms: Swarms, hold: int, until: Ints) -> int:
+    """Decide and integrate, one flight after the other, until each has reached a tick or something is wrong with it.
 
     Args:
         world: See `World`.
-        flights: See `Flights`.
-        e: Which of them.
-        motion: Its MjModel and MjData.
-        xfrc: Its `xfrc_applied`.
-        mocap_quat: The asteroid's attitude in its MjData.
+        flights: See `Flights`; `answer` tells what came of each that was flown.
+        swarms: Their MjData.
         hold: Timesteps in a control period.
-        periods: Control periods; 0 decides once and integrates nothing.
+        until: Ticks, shape (E,); a flight that has reached its own is left alone.
 
     Returns:
-        FINE, or what is wrong: SENSELESS targets (see `guide`) or a state that is NOT_FINITE; the flight stops there.
+        The worst answer.
     """
-    lay_out(motion, flights.qpos[e], flights.qvel[e])
-    if periods == 0:
-        return _decide(world, flights, e, motion.ctrl, xfrc, mocap_quat)
-    for _ in range(periods):
-        answer = _decide(world, flights, e, motion.ctrl, xfrc, mocap_quat)
-        if answer != FINE:
-            return answer
-        advance(flights, e, motion, hold)
-    return FINE
+    worst = FINE
+    for e in range(until.shape[0]):
+        if flights.tick[e] >= until[e]:
+            continue
+        motion = motion_of(swarms, e)
+        lay_out(motion, flights.qpos[e], flights.qvel[e])
+        while flights.tick[e] < until[e]:
+            flights.answer[e] = _decide(world, flights, e, motion)
+            if flights.answer[e] != FINE:
+                break
+            _hold(flights, e, motion, hold)
+        worst = max(worst, flights.answer[e])
+    return worst
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def advance(flights: Flights, e: int, motion: Motion, hold: int) -> None:
-    """Integrate one control period of one flight with everything held; see `fly`."""
+def decide(world: World, flights: Flights, swarms: Swarms, live: NDArray[np.bool_]) -> int:
+    """Forces and motor torques of the coming hold, of the flights that are live, shape (E,); see `fly`."""
+    worst = FINE
+    for e in range(live.shape[0]):
+        if live[e]:
+            motion = motion_of(swarms, e)
+            lay_out(motion, flights.qpos[e], flights.qvel[e])
+            flights.answer[e] = _decide(world, flights, e, motion)
+            worst = max(worst, flights.answer[e])
+    return worst
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def advance(flights: Flights, swarms: Swarms, hold: int, live: NDArray[np.bool_]) -> None:
+    """Integrate one control period of the flights that are live, shape (E,), with everything held; see `fly`."""
+    for e in range(live.shape[0]):
+        if live[e]:
+            _hold(flights, e, motion_of(swarms, e), hold)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _hold(flights: Flights, e: int, motion: Motion, hold: int) -> None:
     integrate(motion, hold)
     lay_out(motion, flights.qpos[e], flights.qvel[e])
     flights.tick[e] += 1
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _decide(world: World, flights: Flights, e: int, ctrl: Array, xfrc: Array, mocap_quat: Array) -> int:
-    numbers, work = world.numbers, flights.work[e]
+def _decide(world: World, flights: Flights, e: int, motion: Motion) -> int:
+    numbers, work, ctrl = world.numbers, flights.work[e], motion.ctrl
     period, spin_rate = numbers[_PERIOD], numbers[_SPIN_RATE]
     phase = numbers[_PHASE0] + spin_rate * (flights.tick[e] * period)
     flights.finite[e] = sense(
@@ -189,8 +211,8 @@ def _decide(world: World, flights: Flights, e: int, ctrl: Array, xfrc: Array, mo
         return NOT_FINITE
     a_A = work[_RHO]  # free until guidance writes there
     write_series(work[_R_A], numbers[_RADIUS], world.table, world.series, a_A)
-    push(a_A, flights.C[e, 1], numbers[_MASS], world.hub, xfrc, work)
-    turn_body(numbers[_Q_P : _Q_P + 4], phase, mocap_quat)
+    push(a_A, flights.C[e, 1], numbers[_MASS], world.hub, motion.force, work)
+    turn_body(numbers[_Q_P : _Q_P + 4], phase, motion.asteroid)
     if not _guide(world, flights, e):
         return SENSELESS
     if world.law != 0:

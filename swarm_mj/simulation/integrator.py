@@ -17,11 +17,13 @@ MuJoCo 4 does.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from enum import IntEnum
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
-from numba import njit, types
+from numba import carray, njit, types
+from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from swarm_mj.errors import SimulationError
@@ -30,6 +32,7 @@ from swarm_mj.spacecraft.gyrostat import NV_FREE, with_wheels
 from swarm_mj.spacecraft.model import SwarmModel
 
 Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 _POINTER = types.intp
 _STAGE = types.void(_POINTER, _POINTER)
@@ -51,8 +54,60 @@ WHOLE, STAGES, STEADY = 0, 1, 2
 _ROUNDING = 1e-12
 
 
+class Place(IntEnum):
+    """Columns of `Swarms.places`: addresses, and what sizes the arrays at them."""
+
+    MODEL = 0
+    DATA = 1
+    METHOD = 2
+    N = 3
+    NQ = 4
+    NV = 5
+    NA = 6
+    NU = 7
+    NBODY = 8
+    QPOS = 9
+    QVEL = 10
+    ACT = 11
+    QACC = 12
+    BIAS = 13
+    APPLIED = 14
+    CTRL = 15
+    FORCE = 16
+    ASTEROID = 17
+
+
+# Numba folds plain integers into the machine code; members of an IntEnum it looks up.
+_MODEL, _DATA, _METHOD, _N, _NQ, _NV, _NA, _NU, _NBODY = (int(place) for place in list(Place)[: Place.QPOS])
+_QPOS, _QVEL, _ACT, _QACC, _BIAS, _APPLIED, _CTRL, _FORCE, _ASTEROID = (
+    int(place) for place in list(Place)[Place.QPOS :]
+)
+
+
+class Swarms(NamedTuple):
+    """E MjData of one MjModel, for compiled code; a handful of arrays, because each one costs a call a tenth of a microsecond.
+
+    Attributes:
+        places: See `Place`, shape (E, 18).
+        numbers: Timestep [s] and spin inertia of a wheel [kg m^2], shape (2,).
+        limits: Lower and upper limits of the motor torques, shape (n w, 2) [N m].
+        axes: Wheel axes as rows, in B, shape (w, 3).
+        rates: Scratch, shape (4, nv).
+        momenta: Scratch, shape (2, na).
+        start: Scratch, shape (nq,).
+    """
+
+    places: Ints
+    numbers: Array
+    limits: Array
+    axes: Array
+    rates: Array
+    momenta: Array
+    start: Array
+
+
 class Motion(NamedTuple):
-    """What compiled code needs of one swarm's MjModel and MjData, whose arrays these are.
+    """One of `Swarms` as arrays, which are those of its MjData.
 
     Attributes:
         model: Address of the MjModel.
@@ -68,11 +123,9 @@ class Motion(NamedTuple):
         bias: `qfrc_bias`.
         applied: `qfrc_applied`.
         ctrl: Motor torques [N m].
-        limits: Their lower and upper limits, shape (n w, 2) [N m].
-        axes: Wheel axes as rows, in B, shape (w, 3).
-        rates: Scratch, shape (4, nv).
-        momenta: Scratch, shape (2, 3 n).
-        start: Scratch, shape (nq,).
+        force: `xfrc_applied`, shape (bodies, 6).
+        asteroid: Attitude of the asteroid's mocap body, shape (4,).
+        limits: See `Swarms`, and so for the rest.
     """
 
     model: int
@@ -88,6 +141,8 @@ class Motion(NamedTuple):
     bias: Array
     applied: Array
     ctrl: Array
+    force: Array
+    asteroid: Array
     limits: Array
     axes: Array
     rates: Array
@@ -96,42 +151,31 @@ class Motion(NamedTuple):
 
 
 class Integrator:
-    """Steps one MjData of a swarm; callbacks that are set later than it is made are not called.
+    """Steps E MjData of a swarm; callbacks that are set later than it is made are not called.
 
     Args:
         swarm: The compiled swarm.
-        data: Its state.
+        datas: Their states.
 
     Attributes:
-        motion: For compiled code that steps it.
+        swarms: For compiled code that steps them; valid as long as this object lives.
 
     Raises:
         SimulationError: Wheels are momentum states, and something else acts in the model as well.
     """
 
-    def __init__(self, swarm: SwarmModel, data: mujoco.MjData) -> None:
+    def __init__(self, swarm: SwarmModel, *datas: mujoco.MjData) -> None:
         load_mujoco()
-        model, self._data = swarm.mjmodel, data
+        model, self._datas = swarm.mjmodel, datas
         method = _choose_method(model, swarm.n)
         if method == WHOLE and swarm.wheels == "gyrostat":
             raise SimulationError(
                 "physics.wheels = gyrostat flies free bodies alone, and this model has springs, dampers, tendons, contacts, "
                 "another integrator or callbacks; use physics.wheels: bodies"
             )
-        self.motion = Motion(
-            model=model._address,
-            data=data._address,
-            method=method,
-            width=model.nv // swarm.n,
-            timestep=float(model.opt.timestep),
-            spin_inertia=swarm.properties.wheel_spin_inertia,
-            qpos=data.qpos,
-            qvel=data.qvel,
-            act=data.act,
-            qacc=data.qacc_smooth,
-            bias=data.qfrc_bias,
-            applied=data.qfrc_applied,
-            ctrl=data.ctrl,
+        self.swarms = Swarms(
+            places=np.array([_places(swarm, data, method) for data in datas], np.int64),
+            numbers=np.array([model.opt.timestep, swarm.properties.wheel_spin_inertia]),
             limits=np.ascontiguousarray(model.actuator_ctrlrange),
             axes=np.ascontiguousarray(swarm.properties.wheel_axes_B),
             rates=np.zeros((4, model.nv)),
@@ -141,9 +185,18 @@ class Integrator:
 
     def step(self, nstep: int) -> None:
         """Integrate `nstep` timesteps with controls and applied forces held."""
-        integrate(self.motion, nstep)
-        if self.motion.method != WHOLE:
-            self._data.time += nstep * self.motion.timestep
+        for e, data in enumerate(self._datas):
+            step(self.swarms, e, nstep)
+            if self.swarms.places[e, Place.METHOD] != WHOLE:
+                data.time += nstep * self.swarms.numbers[0]
+
+
+def _places(swarm: SwarmModel, data: mujoco.MjData, method: int) -> list[int]:
+    model = swarm.mjmodel
+    arrays = [data.qpos, data.qvel, data.act, data.qacc_smooth, data.qfrc_bias, data.qfrc_applied, data.ctrl]
+    arrays += [data.xfrc_applied, data.mocap_quat[swarm.asteroid_mocap]]
+    sizes = [model.nq, model.nv, model.na, model.nu, model.nbody]
+    return [model._address, data._address, method, swarm.n, *sizes, *(array.ctypes.data for array in arrays)]
 
 
 def _choose_method(model: mujoco.MjModel, n: int) -> int:
@@ -187,9 +240,51 @@ def _inertia_is_steady(model: mujoco.MjModel) -> bool:
     return all((np.abs(matrix - found[0]) <= _ROUNDING * scale).all() for matrix in found)
 
 
+@intrinsic
+def _pointer(typing_context: Any, address: Any) -> tuple[Any, Any]:
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.inttoptr(arguments[0], context.get_value_type(signature.return_type))
+
+    return types.CPointer(types.float64)(types.int64), generate
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def motion_of(swarms: Swarms, e: int) -> Motion:
+    """One swarm as arrays, which cost nothing in compiled code."""
+    at = swarms.places[e]
+    return Motion(
+        at[_MODEL],
+        at[_DATA],
+        at[_METHOD],
+        at[_NV] // at[_N],
+        swarms.numbers[0],
+        swarms.numbers[1],
+        carray(_pointer(at[_QPOS]), at[_NQ]),
+        carray(_pointer(at[_QVEL]), at[_NV]),
+        carray(_pointer(at[_ACT]), at[_NA]),
+        carray(_pointer(at[_QACC]), at[_NV]),
+        carray(_pointer(at[_BIAS]), at[_NV]),
+        carray(_pointer(at[_APPLIED]), at[_NV]),
+        carray(_pointer(at[_CTRL]), at[_NU]),
+        carray(_pointer(at[_FORCE]), (at[_NBODY], 6)),
+        carray(_pointer(at[_ASTEROID]), 4),
+        swarms.limits,
+        swarms.axes,
+        swarms.rates,
+        swarms.momenta,
+        swarms.start,
+    )
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def step(swarms: Swarms, e: int, nstep: int) -> None:
+    """Integrate `nstep` timesteps of one swarm with controls and applied forces held; the data's time is left alone."""
+    integrate(motion_of(swarms, e), nstep)
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
 def integrate(motion: Motion, nstep: int) -> None:
-    """Integrate `nstep` timesteps with controls and applied forces held; the data's time is left alone."""
+    """The same for a `Motion`."""
     m = motion
     if m.method == WHOLE:
         for _ in range(nstep):

@@ -36,6 +36,9 @@ from swarm_mj.spacecraft.properties import SpacecraftProperties
 
 Array = NDArray[np.float64]
 
+#: The only flight of a simulation.
+_THE_ONE = np.ones(1, np.bool_)
+
 
 class Simulation:
     """A swarm in flight.
@@ -210,7 +213,7 @@ class Simulation:
         """
         if self._world is not None:
             self._ask()
-            self._call(self._world, 0)
+            self._judge(flight_kernels.decide(self._world, self._flight, self._integrator.swarms, _THE_ONE))
             return self._targets
         data, work, environment, t = self.data, self._work, self.environment, self.time
         phase = environment.phase0 + environment.spin_rate * t
@@ -329,7 +332,8 @@ class Simulation:
                 self.advance()
             else:
                 self._ask()
-                self._call(self._world, min(end, self._asking.due) - self.tick)
+                until = np.array([min(end, self._asking.due)])
+                self._judge(flight_kernels.fly(self._world, self._flight, self._integrator.swarms, self._hold, until))
 
     def _ask(self) -> None:
         """Ask the behaviour if that is due, and set the targets that compiled code flies."""
@@ -344,11 +348,8 @@ class Simulation:
         kind, index = self._flight.targets[0, :2]
         kind[:], index[:], self._flight.vector[0] = targets
 
-    def _call(self, world: World, periods: int) -> None:
-        data, motion = self.data, self._integrator.motion
-        asteroid = data.mocap_quat[self.model.asteroid_mocap]
-        answer = flight_kernels.fly(world, self._flight, 0, motion, data.xfrc_applied, asteroid, self._hold, periods)
-        data.time = self.time
+    def _judge(self, answer: int) -> None:
+        self.data.time = self.time
         if answer == flight_kernels.SENSELESS:
             raise PluginError(self._aims_at_nothing(self._targets))
         if answer == flight_kernels.NOT_FINITE:

@@ -10,7 +10,7 @@ from swarm_mj.errors import SimulationError
 from swarm_mj.flight import make_simulation
 from swarm_mj.planning import make_plan
 from swarm_mj.scenarios.loading import load_scenario
-from swarm_mj.simulation.integrator import Integrator, accelerate
+from swarm_mj.simulation.integrator import Integrator, accelerate, motion_of
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.spacecraft.model import build_model
 from swarm_mj.spacecraft.properties import SpacecraftProperties
@@ -164,7 +164,7 @@ def test_accelerations_are_those_of_mj_forward_to_the_bit(tetrahedron):
     model, data = spinning(tetrahedron, "gyrostat")
     data.xfrc_applied[model.hub_body] = np.random.default_rng(4).normal(size=(N, 6))
     data.qfrc_applied[:] = np.random.default_rng(5).normal(size=6 * N)
-    accelerate(Integrator(model, data).motion, True)
+    accelerate(motion_of(Integrator(model, data).swarms, 0), True)
     quick = data.qacc_smooth.copy()
     mujoco.mj_forward(model.mjmodel, data)
     assert np.array_equal(quick, data.qacc)

@@ -6,7 +6,7 @@ import pytest
 
 from swarm_mj.errors import SimulationError
 from swarm_mj.simulation import native
-from swarm_mj.simulation.integrator import STAGES, STEADY, WHOLE, Integrator
+from swarm_mj.simulation.integrator import STAGES, STEADY, WHOLE, Integrator, Place
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.spacecraft import model as swarm_model
 from swarm_mj.spacecraft.model import build_model
@@ -35,11 +35,16 @@ def tumbling(swarm):
     return data
 
 
+def method_of(swarm):
+    """How a swarm is stepped."""
+    return Integrator(swarm, mujoco.MjData(swarm.mjmodel)).swarms.places[0, Place.METHOD]
+
+
 def stepped(swarm, steps, method=None):
     data = tumbling(swarm)
     integrator = Integrator(swarm, data)
     if method is not None:
-        integrator.motion = integrator.motion._replace(method=method)
+        integrator.swarms.places[:, Place.METHOD] = method
     integrator.step(steps)
     return data
 
@@ -55,7 +60,7 @@ def largest_difference(swarm, ours, theirs):
 @pytest.mark.parametrize("layout", ["orthogonal", "pyramid"])
 def test_the_step_is_that_of_mj_step_to_rounding(tetrahedron, layout, method):
     swarm = build_model(N, shape=tetrahedron, properties=SpacecraftProperties(wheel_layout=layout))
-    assert Integrator(swarm, mujoco.MjData(swarm.mjmodel)).motion.method == STEADY
+    assert method_of(swarm) == STEADY
     theirs = tumbling(swarm)
     mujoco.mj_step(swarm.mjmodel, theirs, nstep=40)
     ours = stepped(swarm, 40, method)
@@ -85,7 +90,7 @@ def test_an_inertia_that_depends_on_the_state_is_found_anew_at_every_stage(tetra
 
     monkeypatch.setattr(swarm_model, "_cubesat", made)
     swarm = build_model(N, shape=tetrahedron)
-    assert Integrator(swarm, mujoco.MjData(swarm.mjmodel)).motion.method == STAGES
+    assert method_of(swarm) == STAGES
     theirs = tumbling(swarm)
     mujoco.mj_step(swarm.mjmodel, theirs, nstep=40)
     assert largest_difference(swarm, stepped(swarm, 40), theirs)[0] < 1e-9
@@ -124,7 +129,7 @@ def test_a_model_in_which_anything_else_acts_is_stepped_by_mj_step(tetrahedron, 
     swarm = build_model(N, shape=tetrahedron)
     plain = stepped(swarm, 40).qvel.copy()
     add(swarm.mjmodel)
-    assert Integrator(swarm, mujoco.MjData(swarm.mjmodel)).motion.method == WHOLE
+    assert method_of(swarm) == WHOLE
     theirs = tumbling(swarm)
     mujoco.mj_step(swarm.mjmodel, theirs, nstep=40)
     ours = stepped(swarm, 40)
