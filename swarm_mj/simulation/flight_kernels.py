@@ -13,8 +13,9 @@ from numba import njit
 from numpy.typing import NDArray
 
 from swarm_mj.attitude.controllers.compiled import call_law
-from swarm_mj.simulation.integrator import Motion, Swarms, integrate, lay_out, motion_of
+from swarm_mj.simulation.integrator import integrate, lay_out
 from swarm_mj.simulation.kernels import Slot, actuate, guide, push, sense, turn_body
+from swarm_mj.simulation.motion import Motion, Swarms, motion_of
 from swarm_mj.smallbody.gravity.spherical_harmonics import write_series
 from swarm_mj.spacecraft.model import NQ, NV
 

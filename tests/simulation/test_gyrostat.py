@@ -10,7 +10,8 @@ from swarm_mj.errors import SimulationError
 from swarm_mj.flight import make_simulation
 from swarm_mj.planning import make_plan
 from swarm_mj.scenarios.loading import load_scenario
-from swarm_mj.simulation.integrator import Integrator, accelerate, motion_of
+from swarm_mj.simulation.integrator import Integrator, accelerate
+from swarm_mj.simulation.motion import motion_of
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.spacecraft.model import build_model
 from swarm_mj.spacecraft.properties import SpacecraftProperties

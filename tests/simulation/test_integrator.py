@@ -6,7 +6,8 @@ import pytest
 
 from swarm_mj.errors import SimulationError
 from swarm_mj.simulation import native
-from swarm_mj.simulation.integrator import STAGES, STEADY, WHOLE, Integrator, Place
+from swarm_mj.simulation.integrator import Integrator
+from swarm_mj.simulation.motion import STAGES, STEADY, WHOLE, Place
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.spacecraft import model as swarm_model
 from swarm_mj.spacecraft.model import build_model
