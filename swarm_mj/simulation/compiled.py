@@ -5,17 +5,38 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
-from swarm_mj.attitude.controllers.base import Controller
+from swarm_mj.attitude.controllers.base import ControlInput, Controller
 from swarm_mj.attitude.controllers.compiled import CompiledController, CompiledLaw, address_of, numbers_of
 from swarm_mj.simulation.flight_kernels import Number, World
+from swarm_mj.simulation.kernels import Slot
 from swarm_mj.smallbody.gravity.spherical_harmonics import SphericalHarmonics
+from swarm_mj.spacecraft.properties import SpacecraftProperties
 
 if TYPE_CHECKING:
     from swarm_mj.simulation.simulation import Simulation
 
+Array = NDArray[np.float64]
+
 #: The wheel-speed limiter aims this far below the limit, for what the gyroscopic terms add within a hold.
 SPEED_MARGIN = 1e-4
+
+
+def control_inputs(work: Array, properties: SpacecraftProperties, period: float) -> ControlInput:
+    """What control laws are given, as views of the loop's work array, see `Slot`."""
+    n = work.shape[1]
+    return ControlInput(
+        sigma_BR=work[Slot.SIGMA_BR],
+        omega_BR_B=work[Slot.OMEGA_BR],
+        omega_BN_B=work[Slot.OMEGA],
+        omega_RN_B=work[Slot.OMEGA_R_B],
+        domega_RN_B=work[Slot.DOMEGA_R_B],
+        wheel_momentum_B=work[Slot.MOMENTUM],
+        inertia_B=np.repeat(properties.inertia_B[None], n, axis=0),
+        inertia_effective_B=np.repeat(properties.inertia_effective_B[None], n, axis=0),
+        period=period,
+    )
 
 
 def law_of(controller: Controller | None) -> CompiledLaw | None:

@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from swarm_mj.attitude.controllers.base import ControlInput, Controller
+from swarm_mj.attitude.controllers.base import Controller
 from swarm_mj.attitude.mrp import quaternion_from_mrp
 from swarm_mj.errors import PluginError, SimulationError
 from swarm_mj.faults.flight import Adversity
@@ -22,7 +22,7 @@ from swarm_mj.mission.behaviors import Behavior, SwarmView, Targets
 from swarm_mj.simulation import flight_kernels, kernels
 from swarm_mj.simulation.adverse import NOTHING, AdverseLoop
 from swarm_mj.simulation.asking import Asking
-from swarm_mj.simulation.compiled import SPEED_MARGIN, make_world, why_not_compiled
+from swarm_mj.simulation.compiled import SPEED_MARGIN, control_inputs, make_world, why_not_compiled
 from swarm_mj.simulation.flight_kernels import World, no_flights
 from swarm_mj.simulation.integrator import Integrator
 from swarm_mj.simulation.kernels import Slot
@@ -110,21 +110,7 @@ class Simulation:
         self._spin_N = environment.spin_N
         self._C_PN = np.ascontiguousarray(environment.C_PN)
         self._q_P = _quaternion_of(self._C_PN)
-        self._inputs = self._control_inputs(n)
-
-    def _control_inputs(self, n: int) -> ControlInput:
-        w = self._work
-        return ControlInput(
-            sigma_BR=w[Slot.SIGMA_BR],
-            omega_BR_B=w[Slot.OMEGA_BR],
-            omega_BN_B=w[Slot.OMEGA],
-            omega_RN_B=w[Slot.OMEGA_R_B],
-            domega_RN_B=w[Slot.DOMEGA_R_B],
-            wheel_momentum_B=w[Slot.MOMENTUM],
-            inertia_B=np.repeat(self.properties.inertia_B[None], n, axis=0),
-            inertia_effective_B=np.repeat(self.properties.inertia_effective_B[None], n, axis=0),
-            period=self.period,
-        )
+        self._inputs = control_inputs(self._work, properties, self.period)
 
     @property
     def behavior(self) -> Behavior:
@@ -215,6 +201,10 @@ class Simulation:
             self._ask()
             self._judge(flight_kernels.decide(self._world, self._flight, self._integrator.swarms, _THE_ONE))
             return self._targets
+        return self._decide_here()
+
+    def _decide_here(self) -> Targets:
+        """The same call by call, with all that compiled code does not know."""
         data, work, environment, t = self.data, self._work, self.environment, self.time
         phase = environment.phase0 + environment.spin_rate * t
         adverse = self._adverse
@@ -236,27 +226,34 @@ class Simulation:
         if adverse is not None:
             targets = adverse.flight.redirect(t, targets, work[Slot.R])
             q_known = adverse.know(self.tick, self._q_BN, work)
+        self._guide(t, targets, q_known)
+        torque_B, self._controller_memory = self.controller.torque(self._inputs, self._controller_memory)
+        if adverse is not None:
+            adverse.actuate(torque_B, data.ctrl, self._peaks)
+            adverse.forget(work)
+            return targets
+        self._actuate(torque_B)
+        return targets
+
+    def _guide(self, t: float, targets: Targets, q_known: Array) -> None:
         aimed = kernels.guide(
             targets.kind,
             targets.spacecraft,
             targets.vector,
-            environment.earth.at(t),
-            environment.earth.velocity,
+            self.environment.earth.at(t),
+            self.environment.earth.velocity,
             self._spin_N,
             self._C_AN,
             q_known,
             self._aim,
             self._restart,
             self._q_RN,
-            work,
+            self._work,
         )
         if not aimed:
             raise PluginError(self._aims_at_nothing(targets))
-        torque_B, self._controller_memory = self.controller.torque(self._inputs, self._controller_memory)
-        if adverse is not None:
-            adverse.actuate(torque_B, data.ctrl, self._peaks)
-            adverse.forget(work)
-            return targets
+
+    def _actuate(self, torque_B: Array) -> None:
         limits = self.properties
         kernels.actuate(
             torque_B,
@@ -264,11 +261,10 @@ class Simulation:
             self._speed_gain,
             limits.max_wheel_torque,
             (1.0 - SPEED_MARGIN) * limits.max_wheel_speed,
-            work,
-            data.ctrl,
+            self._work,
+            self.data.ctrl,
             self._peaks,
         )
-        return targets
 
     def _sense(self, phase: float) -> bool:
         """Read the state into the work arrays; whether every number is finite."""
