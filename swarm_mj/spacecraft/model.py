@@ -116,15 +116,17 @@ def build_model(
     _keep_warnings_off_disk()
     properties = properties or SpacecraftProperties()
     spec = _scene(shape, timestep, np.asarray(sun_N, float))
+    if not geometry:
+        _strip(spec)
     for name in spacecraft_names(n):
         part = _cubesat(properties, timestep, camera_half_angle_deg)
         if wheels == "gyrostat":
             _replace_wheels(part, properties)
         elif properties.wheel_layout != "orthogonal":
             _lay_out_wheels(part, properties)
+        if not geometry:
+            _strip(part)
         spec.attach(part, frame=spec.worldbody.add_frame(), prefix=f"{name}_")
-    if not geometry:
-        _strip(spec)
     try:
         compiled = spec.compile()
     except ValueError as error:
