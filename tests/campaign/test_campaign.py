@@ -164,12 +164,17 @@ def test_of_two_campaigns_in_one_folder_one_wins_and_the_other_says_so(reference
     path, expected = reference
     first = start(path, "--out", tmp_path / "out", "--workers", 1, "--no-figures")
     wait_for(lambda: finished(tmp_path / "out") >= 1, first)
-    for more in ((), ("--resume",)):
-        second = start(path, "--out", tmp_path / "out", "--workers", 1, "--no-figures", *more)
-        _, errors = second.communicate(timeout=90)
-        if first.poll() is None:  # else this machine was too slow to start the second in time
+    # Held where it is, lest it finishes before the second one asks.
+    first.send_signal(signal.SIGSTOP)
+    try:
+        assert finished(tmp_path / "out") < len(expected)
+        for more in ((), ("--resume",)):
+            second = start(path, "--out", tmp_path / "out", "--workers", 1, "--no-figures", *more)
+            _, errors = second.communicate(timeout=90)
             assert second.returncode == 2
             assert f"another campaign is writing here (process {first.pid}" in errors
+    finally:
+        first.send_signal(signal.SIGCONT)
     assert first.wait(120) == 0, first.communicate()[1]
     assert rows(tmp_path / "out").equals(expected)
 
