@@ -1,8 +1,12 @@
-"""Asks a behaviour for targets, and not again before its answer may have changed."""
+"""Asks behaviours for targets, and not again before their answers may have changed."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from swarm_mj.mission.behaviors import Behavior, SteadyBehavior, SwarmView, Targets
 
@@ -11,30 +15,37 @@ LONGEST_REST = 1_000_000
 
 
 class Asking:
-    """One flight's behaviour, its memory and the tick at which it must be asked again.
+    """The behaviours of E flights, their memories and the ticks at which they must be asked again.
 
     Args:
-        behavior: Who points at what.
+        behaviors: Who points at what, one for each flight.
         period: Time between two decisions [s].
 
     Attributes:
-        behavior: The behaviour.
-        due: Tick from which on the last answer is not known to hold.
+        behaviors: The behaviours.
+        due: Ticks from which on the last answers are not known to hold, shape (E,).
     """
 
-    def __init__(self, behavior: Behavior, period: float) -> None:
-        self.behavior, self._period = behavior, period
-        self._steady = behavior if isinstance(behavior, SteadyBehavior) else None
-        self.reset()
+    def __init__(self, behaviors: Sequence[Behavior], period: float) -> None:
+        self.behaviors, self._period = list(behaviors), period
+        self._steady = [each if isinstance(each, SteadyBehavior) else None for each in self.behaviors]
+        self._memories: list[Any] = [None] * len(self.behaviors)
+        self.due = np.zeros(len(self.behaviors), np.int64)
 
-    def reset(self) -> None:
-        """Forget everything: a new flight begins."""
-        self._memory: Any = None
-        self.due = 0
+    def reset(self, e: int) -> None:
+        """Forget everything about a flight: a new one begins."""
+        self._memories[e], self.due[e] = None, 0
 
-    def ask(self, view: SwarmView, tick: int) -> Targets:
-        """Targets at the instant of a view."""
-        targets, self._memory = self.behavior.targets(view, self._memory)
-        rest = 0.0 if self._steady is None else self._steady.steady_for(view, self._memory) / self._period
-        self.due = tick + max(1, int(min(rest, LONGEST_REST)))
+    def ask(self, e: int, view: SwarmView, tick: int) -> Targets:
+        """Targets of a flight at the instant of a view."""
+        targets, memory = self.behaviors[e].targets(view, self._memories[e])
+        steady, self._memories[e] = self._steady[e], memory
+        rest = 0.0 if steady is None else steady.steady_for(view, memory) / self._period
+        self.due[e] = tick + max(1, int(min(rest, LONGEST_REST)))
         return targets
+
+
+def view_of(t: float, C_AN: NDArray[np.float64], q: NDArray[np.float64], v: NDArray[np.float64]) -> SwarmView:
+    """What a behaviour is shown of a state, see `SwarmModel.state`; copied, for it may be kept."""
+    q, v = q.copy(), v.copy()
+    return SwarmView(t, q[:, :3], v[:, :3], C_AN, q[:, 3:7], v[:, 3:6], v[:, 6:])

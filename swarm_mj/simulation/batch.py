@@ -17,10 +17,11 @@ from numpy.typing import NDArray
 from swarm_mj.attitude.controllers.base import Controller
 from swarm_mj.attitude.mrp import quaternion_from_mrp
 from swarm_mj.errors import PluginError
-from swarm_mj.mission.behaviors import Behavior, SwarmView
+from swarm_mj.mission.behaviors import Behavior
 from swarm_mj.simulation import flight_kernels
-from swarm_mj.simulation.asking import Asking
+from swarm_mj.simulation.asking import Asking, view_of
 from swarm_mj.simulation.compiled import make_world
+from swarm_mj.simulation.flight_kernels import ADVANCE, DECIDE, FINE, NEVER, NOT_FINITE, SENSELESS, WHOLE, no_flights
 from swarm_mj.simulation.integrator import Integrator
 from swarm_mj.simulation.kernels import Slot
 from swarm_mj.simulation.simulation import InitialState, Simulation
@@ -71,11 +72,9 @@ class BatchFlights:
         self._world = make_world(simulation, controller)
         self._datas = [mujoco.MjData(self.model.mjmodel) for _ in range(count)]
         self._integrator = Integrator(self.model, *self._datas)
-        self._askings = None if behaviors is None else [Asking(behavior, self.period) for behavior in behaviors]
-        # Tick at which a behaviour must be asked again.
-        self._due = np.full(count, 0 if behaviors else flight_kernels.NEVER, np.int64)
-        self._everyone = np.ones(count, np.bool_)
-        self._flights = f = flight_kernels.no_flights(count, self.n)
+        self._asking = None if behaviors is None else Asking(behaviors, self.period)
+        self._everyone, self._never = np.ones(count, np.bool_), np.full(count, NEVER, np.int64)
+        self._flights = f = no_flights(count, self.n)
         self.qpos, self.qvel = f.qpos, f.qvel
         self._q, self._v = f.qpos.reshape(count, self.n, NQ), f.qvel.reshape(count, self.n, NV)
         self.kind, self.index, self.vector, self.torque_B = f.targets[:, 0], f.targets[:, 1], f.vector, f.torque_B
@@ -107,9 +106,8 @@ class BatchFlights:
         self.place(e, qpos, qvel)
         f.tick[e], f.targets[e, 2:], f.finite[e], f.effort[e], f.peaks[e] = 0, -1, True, 0.0, 0.0
         self.causes[e] = ""
-        if self._askings is not None:
-            self._askings[e].reset()
-            self._due[e] = 0
+        if self._asking is not None:
+            self._asking.reset(e)
 
     def park(self, e: int, j: int) -> None:
         """Put a spacecraft that is no more where it disturbs nothing: far out, at rest."""
@@ -122,13 +120,13 @@ class BatchFlights:
         self.model.set_state(self._datas[e], qpos, qvel)
         # Read back, as rounding leaves it where wheels are momentum states.
         self._q[e], self._v[e] = self.model.state(self._datas[e])
-        if self._askings is not None:
-            self._due[e] = 0
+        if self._asking is not None:
+            self._asking.due[e] = 0
 
     def ask_again(self) -> None:
         """Have all behaviours asked at the next decision, because they have been told something new."""
-        if self._askings is not None:
-            self._due[:] = 0
+        if self._asking is not None:
+            self._asking.due[:] = 0
 
     def decide(self, live: Mask) -> bool:
         """Set forces and motor torques of the coming hold; a flight whose state is not finite is marked in `finite`.
@@ -143,7 +141,7 @@ class BatchFlights:
             PluginError: A behaviour aims at what is not there.
         """
         self._ask(live)
-        return self._judge(flight_kernels.decide(self._world, self._flights, self._integrator.swarms, live), live)
+        return self._judge(self._fly(DECIDE, live, self._never), live)
 
     def fly(self, periods: int, live: Mask) -> bool:
         """Decide and advance so many control periods of the live flights; one that is not finite stops.
@@ -154,35 +152,35 @@ class BatchFlights:
         end, flying, fine = self.tick + periods, live.copy(), True
         while flying.any():
             self._ask(flying)
-            until = np.where(flying, np.minimum(end, self._due), 0)
-            answer = flight_kernels.fly(self._world, self._flights, self._integrator.swarms, self._hold, until)
-            fine &= self._judge(answer, flying)
+            until = end if self._asking is None else np.minimum(end, self._asking.due)
+            fine &= self._judge(self._fly(WHOLE, flying, until), flying)
             flying &= self.finite & (self.tick < end)
         return fine
 
     def advance(self, live: Mask | None) -> None:
         """Let MuJoCo integrate one control period of the live flights, None for all, with everything held."""
-        everyone = self._everyone if live is None else live
-        flight_kernels.advance(self._flights, self._integrator.swarms, self._hold, everyone)
+        self._fly(ADVANCE, self._everyone if live is None else live, self._never)
+
+    def _fly(self, part: int, live: Mask, until: NDArray[np.int64]) -> int:
+        return flight_kernels.fly(self._world, self._flights, self._integrator.swarms, self._hold, part, live, until)
 
     def _ask(self, live: Mask) -> None:
         """Ask the behaviours of live flights whose answers may not hold any more."""
-        if self._askings is None:
+        if self._asking is None:
             return
-        for e in np.flatnonzero(live & (self.tick >= self._due)).tolist():
+        for e in np.flatnonzero(live & (self.tick >= self._asking.due)).tolist():
             tick = int(self.tick[e])
-            t, q, v = tick * self.period, self._q[e].copy(), self._v[e].copy()
-            view = SwarmView(t, q[:, :3], v[:, :3], self.environment.C_AN(t), q[:, 3:7], v[:, 3:6], v[:, 6:])
-            self.kind[e], self.index[e], self.vector[e] = self._askings[e].ask(view, tick)
-            self._due[e] = self._askings[e].due
+            t = tick * self.period
+            view = view_of(t, self.environment.C_AN(t), self._q[e], self._v[e])
+            self.kind[e], self.index[e], self.vector[e] = self._asking.ask(e, view, tick)
 
     def _judge(self, answer: int, live: Mask) -> bool:
-        if answer == flight_kernels.SENSELESS:
+        if answer == SENSELESS:
             raise PluginError("the behaviour aims at what is not there: an unknown kind, or a spacecraft that is not")
-        if answer == flight_kernels.NOT_FINITE:
+        if answer == NOT_FINITE:
             for e in np.flatnonzero(live & ~self.finite):
                 self.causes[e] = self._divergence(int(e))
-        return bool(answer == flight_kernels.FINE)
+        return bool(answer == FINE)
 
     def _divergence(self, e: int) -> str:
         state = np.hstack((self._q[e], self._v[e]))

@@ -21,6 +21,7 @@ from swarm_mj.spacecraft.model import NQ, NV
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
+Mask = NDArray[np.bool_]
 
 _R_A, _RHO, _MOMENTUM, _OMEGA = int(Slot.R_A), int(Slot.RHO), int(Slot.MOMENTUM), int(Slot.OMEGA)
 _SIGMA_BR, _OMEGA_BR = int(Slot.SIGMA_BR), int(Slot.OMEGA_BR)
@@ -74,7 +75,6 @@ class Flights(NamedTuple):
         qvel: Velocities in N, body rates and wheel speeds, shape (E, 9 n).
         tick: Control periods flown, shape (E,).
         finite: False from the instant at which a number was not, shape (E,).
-        answer: What came of the last decision, shape (E,): FINE, SENSELESS targets (see `guide`) or a state NOT_FINITE.
         targets: Kind (`TargetKind`) and spacecraft to follow, now and at the previous decision, shape (E, 4, n).
         vector: Surface point in A [m] or direction in N, shape (E, n, 3).
         q: Attitudes and references, shape (E, 2, n, 4).
@@ -89,8 +89,7 @@ class Flights(NamedTuple):
     qpos: Array
     qvel: Array
     tick: Ints
-    finite: NDArray[np.bool_]
-    answer: Ints
+    finite: Mask
     targets: Ints
     vector: Array
     q: Array
@@ -108,7 +107,6 @@ def no_flights(count: int, n: int) -> Flights:
         qvel=np.zeros((count, NV * n)),
         tick=np.zeros(count, np.int64),
         finite=np.ones(count, np.bool_),
-        answer=np.zeros(count, np.int64),
         targets=np.full((count, 4, n), -1, np.int64),
         vector=np.zeros((count, n, 3)),
         q=np.zeros((count, 2, n, 4)),
@@ -124,6 +122,9 @@ def no_flights(count: int, n: int) -> Flights:
 NEVER = 2**62
 #: What came of a decision, the worst last.
 FINE, NOT_FINITE, SENSELESS = 0, 1, 2
+#: What to do of a control period.
+DECIDE, ADVANCE = 1, 2
+WHOLE = DECIDE | ADVANCE
 
 # Numba folds plain integers into the machine code; members of an IntEnum it looks up.
 _PHASE0, _SPIN_RATE, _PERIOD, _MASS = int(Number.PHASE0), int(Number.SPIN_RATE), int(Number.PERIOD), int(Number.MASS)
@@ -133,60 +134,42 @@ _Q_P, _LAW = int(Number.Q_P), int(Number.LAW)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def fly(world: World, flights: Flights, swarms: Swarms, hold: int, until: Ints) -> int:
+def fly(world: World, flights: Flights, swarms: Swarms, hold: int, part: int, live: Mask, until: Ints) -> int:
     """Decide and integrate, one flight after the other, until each has reached a tick or something is wrong with it.
+
+    One function for whole periods and for their parts, because each entry point is compiled with all it calls.
 
     Args:
         world: See `World`.
-        flights: See `Flights`; `answer` tells what came of each that was flown.
+        flights: See `Flights`.
         swarms: Their MjData.
         hold: Timesteps in a control period.
+        part: WHOLE periods; or once DECIDE, set forces and motor torques of the coming hold, or ADVANCE, integrate it.
+        live: Which flights, shape (E,).
         until: Ticks, shape (E,); a flight that has reached its own is left alone.
 
     Returns:
-        The worst answer.
+        FINE, SENSELESS (targets, see `guide`) or NOT_FINITE (a state): the worst that came of a decision.
     """
     worst = FINE
-    for e in range(until.shape[0]):
-        if flights.tick[e] >= until[e]:
+    for e in range(live.shape[0]):
+        if not live[e] or flights.tick[e] >= until[e]:
             continue
         motion = motion_of(swarms, e)
         lay_out(motion, flights.qpos[e], flights.qvel[e])
         while flights.tick[e] < until[e]:
-            flights.answer[e] = _decide(world, flights, e, motion)
-            if flights.answer[e] != FINE:
+            if part & DECIDE:
+                answer = _decide(world, flights, e, motion)
+                worst = max(worst, answer)
+                if answer != FINE:
+                    break
+            if part & ADVANCE:
+                integrate(motion, hold)
+                lay_out(motion, flights.qpos[e], flights.qvel[e])
+                flights.tick[e] += 1
+            if part != WHOLE:
                 break
-            _hold(flights, e, motion, hold)
-        worst = max(worst, flights.answer[e])
     return worst
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def decide(world: World, flights: Flights, swarms: Swarms, live: NDArray[np.bool_]) -> int:
-    """Forces and motor torques of the coming hold, of the flights that are live, shape (E,); see `fly`."""
-    worst = FINE
-    for e in range(live.shape[0]):
-        if live[e]:
-            motion = motion_of(swarms, e)
-            lay_out(motion, flights.qpos[e], flights.qvel[e])
-            flights.answer[e] = _decide(world, flights, e, motion)
-            worst = max(worst, flights.answer[e])
-    return worst
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def advance(flights: Flights, swarms: Swarms, hold: int, live: NDArray[np.bool_]) -> None:
-    """Integrate one control period of the flights that are live, shape (E,), with everything held; see `fly`."""
-    for e in range(live.shape[0]):
-        if live[e]:
-            _hold(flights, e, motion_of(swarms, e), hold)
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _hold(flights: Flights, e: int, motion: Motion, hold: int) -> None:
-    integrate(motion, hold)
-    lay_out(motion, flights.qpos[e], flights.qvel[e])
-    flights.tick[e] += 1
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

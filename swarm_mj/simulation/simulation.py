@@ -21,9 +21,9 @@ from swarm_mj.faults.schedule import Event
 from swarm_mj.mission.behaviors import Behavior, SwarmView, Targets
 from swarm_mj.simulation import flight_kernels, kernels
 from swarm_mj.simulation.adverse import NOTHING, AdverseLoop
-from swarm_mj.simulation.asking import Asking
+from swarm_mj.simulation.asking import Asking, view_of
 from swarm_mj.simulation.compiled import SPEED_MARGIN, control_inputs, make_world, why_not_compiled
-from swarm_mj.simulation.flight_kernels import World, no_flights
+from swarm_mj.simulation.flight_kernels import ADVANCE, DECIDE, NEVER, NOT_FINITE, SENSELESS, WHOLE, World, no_flights
 from swarm_mj.simulation.integrator import Integrator
 from swarm_mj.simulation.kernels import Slot
 from swarm_mj.simulation.recording import Progress, Recorder
@@ -81,7 +81,7 @@ class Simulation:
             adversity = NOTHING
         self._adverse = None if adversity is None else AdverseLoop(self, adversity, SPEED_MARGIN)
         self._integrator = Integrator(model, self.data)
-        self._asking = Asking(behavior, control_period)
+        self._asking = Asking([behavior], control_period)
         self._compiled = compiled
         self._world: World | None = None
         self._controller_memory: Array | None = None
@@ -115,11 +115,11 @@ class Simulation:
     @property
     def behavior(self) -> Behavior:
         """Who points at what; another one may take over in flight, without memory."""
-        return self._asking.behavior
+        return self._asking.behaviors[0]
 
     @behavior.setter
     def behavior(self, behavior: Behavior) -> None:
-        self._asking = Asking(behavior, self.period)
+        self._asking = Asking([behavior], self.period)
 
     @property
     def controller(self) -> Controller:
@@ -184,12 +184,12 @@ class Simulation:
         qvel[:, :3], qvel[:, 3:6], qvel[:, 6:] = initial.v_BN_N, initial.omega_BN_B, initial.wheel_speed
         self.model.set_state(self.data, qpos, qvel)
         self._flight.tick[0], self._aim[:], self._peaks[:] = 0, -1, 0.0
-        self._asking.reset()
+        self._asking.reset(0)
         self.controller = self._controller
 
     def ask_again(self) -> None:
         """Have the behaviour asked at the next decision, because it or the state has been told something new."""
-        self._asking.due = 0
+        self._asking.due[0] = 0
 
     def decide(self) -> Targets:
         """Read the state and set forces and motor torques for the coming hold.
@@ -199,7 +199,7 @@ class Simulation:
         """
         if self._world is not None:
             self._ask()
-            self._judge(flight_kernels.decide(self._world, self._flight, self._integrator.swarms, _THE_ONE))
+            self._fly(DECIDE, NEVER)
             return self._targets
         return self._decide_here()
 
@@ -221,7 +221,7 @@ class Simulation:
         kernels.turn_body(self._q_P, phase, data.mocap_quat[self.model.asteroid_mocap])
         wheel_speed = work[Slot.WHEEL] if adverse is None else adverse.speed
         view = SwarmView(t, work[Slot.R], work[Slot.V], self._C_AN, self._q_BN, work[Slot.OMEGA], wheel_speed)
-        targets = self._asking.ask(view, self.tick)
+        targets = self._asking.ask(0, view, self.tick)
         q_known = self._q_BN
         if adverse is not None:
             targets = adverse.flight.redirect(t, targets, work[Slot.R])
@@ -312,8 +312,11 @@ class Simulation:
 
     def advance(self) -> None:
         """Let MuJoCo integrate one control period with everything held."""
-        self._integrator.step(self._hold)
-        self._flight.tick[0] += 1
+        if self._world is not None:
+            self._fly(ADVANCE, NEVER)
+        else:
+            self._integrator.step(self._hold)
+            self._flight.tick[0] += 1
 
     def fly(self, periods: int) -> None:
         """Decide and advance so many control periods: the same as calling `decide` and `advance` in turn, but faster.
@@ -328,27 +331,28 @@ class Simulation:
                 self.advance()
             else:
                 self._ask()
-                until = np.array([min(end, self._asking.due)])
-                self._judge(flight_kernels.fly(self._world, self._flight, self._integrator.swarms, self._hold, until))
+                self._fly(WHOLE, min(end, int(self._asking.due[0])))
 
     def _ask(self) -> None:
         """Ask the behaviour if that is due, and set the targets that compiled code flies."""
-        if self.tick < self._asking.due:
+        if self.tick < self._asking.due[0]:
             return
         t, (q, v) = self.time, self.model.state(self.data)
         if not (np.isfinite(q).all() and np.isfinite(v).all()):
             raise SimulationError(self._divergence())
-        q, v = q.copy(), v.copy()
-        view = SwarmView(t, q[:, :3], v[:, :3], self.environment.C_AN(t), q[:, 3:7], v[:, 3:6], v[:, 6:])
-        self._targets = targets = self._asking.ask(view, self.tick)
+        view = view_of(t, self.environment.C_AN(t), q, v)
+        self._targets = targets = self._asking.ask(0, view, self.tick)
         kind, index = self._flight.targets[0, :2]
         kind[:], index[:], self._flight.vector[0] = targets
 
-    def _judge(self, answer: int) -> None:
+    def _fly(self, part: int, until: int) -> None:
+        """Let compiled code do what it is asked to, see `flight_kernels.fly`."""
+        swarms, ticks = self._integrator.swarms, np.array([until])
+        answer = flight_kernels.fly(self._world, self._flight, swarms, self._hold, part, _THE_ONE, ticks)
         self.data.time = self.time
-        if answer == flight_kernels.SENSELESS:
+        if answer == SENSELESS:
             raise PluginError(self._aims_at_nothing(self._targets))
-        if answer == flight_kernels.NOT_FINITE:
+        if answer == NOT_FINITE:
             raise SimulationError(self._divergence())
 
     def run(self, duration: float, interval: float, progress: Progress | None = None) -> Record:

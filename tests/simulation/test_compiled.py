@@ -203,18 +203,7 @@ def of_two(sigma_BR, torque_B):
     torque_B[:] = sigma_BR
 
 
-def of_what_numba_lacks(
-    sigma_BR,
-    omega_BR_B,
-    omega_BN_B,
-    omega_RN_B,
-    domega_RN_B,
-    wheel_momentum_B,
-    inertia_B,
-    inertia_effective_B,
-    numbers,
-    torque_B,
-):
+def of_what_numba_lacks(a, b, c, d, e, f, g, h, numbers, torque_B):
     torque_B.flags_of_its_own()
 
 

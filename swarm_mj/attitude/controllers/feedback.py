@@ -12,6 +12,7 @@ Source: Schaub & Junkins, Analytical Mechanics of Space Systems, sections 8.4 an
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
@@ -83,35 +84,27 @@ class MrpFeedback:
                 f"rad/s and damping_ratio = {self.damping_ratio:g}: the loop would oscillate. Shorten the period below "
                 f"{self.longest_period:.2g} s or lower the frequency."
             )
-        integral = None
-        if self.integral_gain > 0.0:
-            integral = inputs.period * inputs.sigma_BR + (0.0 if memory is None else memory)
         torque_B = np.empty_like(inputs.sigma_BR)
-        _write_torque(
-            inputs.sigma_BR,
-            inputs.omega_BR_B,
-            inputs.omega_BN_B,
-            inputs.omega_RN_B,
-            inputs.domega_RN_B,
-            inputs.wheel_momentum_B,
-            inputs.inertia_B,
-            inputs.inertia_effective_B,
-            inputs.sigma_BR if integral is None else integral,
-            self.attitude_gain,
-            self.rate_gain,
-            self.integral_gain,
-            torque_B,
-        )
+        write_torque(*inputs[:8], self._numbers, torque_B)
+        if self.integral_gain == 0.0:
+            return torque_B, None
+        integral = inputs.period * inputs.sigma_BR + (0.0 if memory is None else memory)
+        z = self.attitude_gain * integral + inputs.omega_BR_B
+        torque_B -= self.rate_gain * self.integral_gain * (inputs.inertia_effective_B @ z[..., None])[..., 0]
         return torque_B, integral
 
     def compiled(self) -> CompiledLaw | None:
         """See `CompiledController`; None with the integral term, which needs memory."""
-        if self.integral_gain > 0.0:
-            return None
-        return CompiledLaw(_write_law, np.array([self.attitude_gain, self.rate_gain]))
+        return CompiledLaw(write_torque, self._numbers) if self.integral_gain == 0.0 else None
+
+    @cached_property
+    def _numbers(self) -> Floats:
+        """Gains in the order in which compiled code takes them."""
+        return np.array((self.attitude_gain, self.rate_gain))
 
 
-def _write_law(
+@njit(cache=True, nogil=True, error_model="numpy")
+def write_torque(
     sigma_BR: Floats,
     omega_BR_B: Floats,
     omega_BN_B: Floats,
@@ -123,44 +116,11 @@ def _write_law(
     numbers: Floats,
     torque_B: Floats,
 ) -> None:
-    _write_torque(
-        sigma_BR,
-        omega_BR_B,
-        omega_BN_B,
-        omega_RN_B,
-        domega_RN_B,
-        wheel_momentum_B,
-        inertia_B,
-        inertia_effective_B,
-        sigma_BR,
-        numbers[0],
-        numbers[1],
-        0.0,
-        torque_B,
-    )
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _write_torque(
-    sigma_BR: Floats,
-    omega_BR_B: Floats,
-    omega_BN_B: Floats,
-    omega_RN_B: Floats,
-    domega_RN_B: Floats,
-    wheel_momentum_B: Floats,
-    inertia_B: Floats,
-    inertia_effective_B: Floats,
-    integral: Floats,
-    attitude_gain: float,
-    rate_gain: float,
-    integral_gain: float,
-    torque_B: Floats,
-) -> None:
+    """Write the torques without the integral term; see `CompiledLaw`."""
+    attitude_gain, rate_gain = numbers[0], numbers[1]
     for i in range(sigma_BR.shape[0]):
         omega, error = vector(omega_BN_B, i), vector(omega_BR_B, i)
-        z = combine(attitude_gain, vector(integral, i), 1.0, error)
         restoring = combine(-attitude_gain, vector(sigma_BR, i), -rate_gain, error)
-        restoring = combine(1.0, restoring, -rate_gain * integral_gain, z)
         following = combine(1.0, vector(domega_RN_B, i), -1.0, cross(omega, vector(omega_RN_B, i)))
         inertial = times(inertia_effective_B[i], combine(1.0, following, 1.0, restoring))
         momentum = combine(1.0, times(inertia_B[i], omega), 1.0, vector(wheel_momentum_B, i))

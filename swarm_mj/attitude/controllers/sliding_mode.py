@@ -16,6 +16,7 @@ Applied Nonlinear Control, chapter 7 (boundary layer, gain under uncertainty); S
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from math import inf, sqrt
 from typing import ClassVar
 
@@ -82,44 +83,27 @@ class MrpSlidingMode:
         Raises:
             ScenarioError: The control period is too long for the boundary layer, so that the loop would oscillate.
         """
-        torque_B = np.empty_like(inputs.sigma_BR)
-        gain = write_torque(
-            inputs.sigma_BR,
-            inputs.omega_BR_B,
-            inputs.omega_BN_B,
-            inputs.omega_RN_B,
-            inputs.domega_RN_B,
-            inputs.wheel_momentum_B,
-            inputs.inertia_B,
-            inputs.inertia_effective_B,
-            *self._numbers,
-            torque_B,
-        )
+        gain = _fastest_gain(inputs.inertia_effective_B, self._numbers)
         if gain * inputs.period >= _STABILITY_LIMIT:
             raise ScenarioError(
                 f"{self.name}: a control period of {inputs.period:g} s is too long for layer = {self.layer:g} rad/s: "
                 f"the loop, with a rate gain of {gain:.3g} 1/s, would oscillate. Shorten the period below "
                 f"{_STABILITY_LIMIT / gain:.2g} s, widen the layer, or lower reaching_rate or disturbance_torque."
             )
+        torque_B = np.empty_like(inputs.sigma_BR)
+        write_torque(*inputs[:8], self._numbers, torque_B)
         return torque_B, memory
 
     def compiled(self) -> CompiledLaw:
         """See `CompiledController`."""
-        return CompiledLaw(_write_law, np.array(self._numbers))
+        return CompiledLaw(write_torque, self._numbers)
 
-    @property
-    def _numbers(self) -> tuple[float, ...]:
-        """Parameters in the order of `write_torque`."""
+    @cached_property
+    def _numbers(self) -> Floats:
+        """Parameters in the order in which compiled code takes them."""
         limit = inf if self.rate_limit is None else self.rate_limit
-        return (
-            self.slope,
-            limit,
-            self.reaching_rate,
-            self.layer,
-            self.damping,
-            self.disturbance_torque,
-            self.inertia_uncertainty,
-        )
+        gains = (self.slope, limit, self.reaching_rate, self.layer, self.damping)
+        return np.array((*gains, self.disturbance_torque, self.inertia_uncertainty))
 
     def sliding_variable(self, sigma_BR: ArrayLike, omega_BR_B: ArrayLike) -> Floats:
         """Return s [rad/s], shape (..., 3), of attitude errors (|sigma| <= 1) and rate errors [rad/s], (..., 3)."""
@@ -139,17 +123,11 @@ def write_torque(
     wheel_momentum_B: Floats,
     inertia_B: Floats,
     inertia_effective_B: Floats,
-    slope: float,
-    rate_limit: float,
-    reaching_rate: float,
-    layer: float,
-    damping: float,
-    disturbance: float,
-    uncertainty: float,
+    numbers: Floats,
     torque_B: Floats,
-) -> float:
-    """Write the torques and return the largest gain from rate to acceleration of an axis at rest in its layer [1/s]."""
-    fastest = 0.0
+) -> None:
+    """Write the torques; see `CompiledLaw`."""
+    slope, rate_limit, layer, damping, uncertainty = numbers[0], numbers[1], numbers[3], numbers[4], numbers[6]
     for i in range(sigma_BR.shape[0]):
         J, J_eff = inertia_B[i], inertia_effective_B[i]
         omega, error = vector(omega_BN_B, i), vector(omega_BR_B, i)
@@ -158,47 +136,32 @@ def write_torque(
         on_manifold = combine(1.0, combine(1.0, vector(domega_RN_B, i), -1.0, turning), -1.0, slew_dot)
         for j in range(3):
             s = error[j] + slew[j]
-            at_rest = (reaching_rate + (1.0 + uncertainty) * disturbance / J_eff[j, j]) / (1.0 - uncertainty)
+            at_rest = _gain_at_rest(J_eff[j, j], numbers)
             in_motion = _model_error(j, J, J_eff, omega, on_manifold[j], uncertainty) / (1.0 - uncertainty)
             saturation = min(1.0, max(-1.0, s / layer))
             torque_B[i, j] = on_manifold[j] - (at_rest + in_motion) * saturation - damping * s
-            fastest = max(fastest, (1.0 + uncertainty) * (at_rest / layer + damping + 0.25 * slope))
         momentum = combine(1.0, times(J, omega), 1.0, vector(wheel_momentum_B, i))
         inertial = times(J_eff, vector(torque_B, i))
         put_vector(torque_B, i, combine(1.0, cross(omega, momentum), 1.0, inertial))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _gain_at_rest(J_eff: float, numbers: Floats) -> float:
+    """Return the acceleration that drives s to its layer where nothing turns [rad/s^2]."""
+    reaching_rate, disturbance, uncertainty = numbers[2], numbers[5], numbers[6]
+    return float((reaching_rate + (1.0 + uncertainty) * disturbance / J_eff) / (1.0 - uncertainty))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _fastest_gain(J_eff: Floats, numbers: Floats) -> float:
+    """Return the largest gain from rate to acceleration of an axis at rest in its layer [1/s]."""
+    slope, layer, damping, uncertainty = numbers[0], numbers[3], numbers[4], numbers[6]
+    fastest = 0.0
+    for i in range(J_eff.shape[0]):
+        for j in range(3):
+            at_rest = _gain_at_rest(J_eff[i, j, j], numbers)
+            fastest = max(fastest, (1.0 + uncertainty) * (at_rest / layer + damping + 0.25 * slope))
     return fastest
-
-
-def _write_law(
-    sigma_BR: Floats,
-    omega_BR_B: Floats,
-    omega_BN_B: Floats,
-    omega_RN_B: Floats,
-    domega_RN_B: Floats,
-    wheel_momentum_B: Floats,
-    inertia_B: Floats,
-    inertia_effective_B: Floats,
-    numbers: Floats,
-    torque_B: Floats,
-) -> None:
-    write_torque(
-        sigma_BR,
-        omega_BR_B,
-        omega_BN_B,
-        omega_RN_B,
-        domega_RN_B,
-        wheel_momentum_B,
-        inertia_B,
-        inertia_effective_B,
-        numbers[0],
-        numbers[1],
-        numbers[2],
-        numbers[3],
-        numbers[4],
-        numbers[5],
-        numbers[6],
-        torque_B,
-    )
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
