@@ -19,6 +19,10 @@ FieldOfView = Literal["square", "cone"]
 #: Largest picture that every OpenGL 4 driver renders [pixel].
 MAX_RESOLUTION = 8192
 
+_UNIT = np.eye(3)
+#: How far C_CA C_CA^T may be from that: attitudes come rounded, from files or single precision.
+_ROUNDING = 1e-6 + 1e-5 * _UNIT
+
 
 @dataclass(frozen=True, kw_only=True)
 class CameraModel:
@@ -96,7 +100,7 @@ def camera_pose(r_A: ArrayLike, C_CA: ArrayLike) -> CameraPose:
     position, matrix = np.asarray(r_A, dtype=np.float64), np.asarray(C_CA, dtype=np.float64)
     if position.shape != (3,) or not all(isfinite(x) for x in position):
         raise MissionError(f"camera position must be three finite numbers in metres, got {position}")
-    if matrix.shape != (3, 3) or not np.allclose(matrix @ matrix.T, np.eye(3), atol=1e-6):
+    if matrix.shape != (3, 3) or not (np.abs(matrix @ matrix.T - _UNIT) <= _ROUNDING).all():
         raise MissionError(f"camera attitude C_CA must be a 3 x 3 rotation matrix, got {matrix.tolist()}")
     if np.linalg.det(matrix) < 0.0:
         raise MissionError("camera attitude C_CA mirrors the scene: its determinant must be +1, not -1")

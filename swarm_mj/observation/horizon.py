@@ -50,6 +50,13 @@ class HorizonMap:
         region: The target.
         samples: Points per cell, a square number.
         tracer: Ray tracer over the region's mesh.
+
+    Attributes:
+        region: The target.
+        points: Sample points in A, shape (n, samples, 3) [m].
+        axes: Two tangents and the normal of every cell in A, as rows, shape (n, 3, 3).
+        sine: Sine of the horizon's elevation by azimuth, shape (n, samples, azimuths + 1); the last repeats the first.
+        highest: The largest of those, shape (n, samples).
     """
 
     def __init__(self, region: TargetRegion, *, samples: int = 16, tracer: RayTracer) -> None:
@@ -57,9 +64,10 @@ class HorizonMap:
         self.points = barycentric_samples(samples) @ region.corners_A
         self.axes = _local_axes(region.normal_A)
         self.sine = self._sine()
+        self.highest = self.sine.max(axis=2)
 
     def _sine(self) -> NDArray[np.float32]:
-        """Sine of the horizon's elevation, shape (n, samples, azimuths + 1); the last azimuth repeats the first."""
+        """Trace `sine`, or find it on disk."""
         region, shape = self.region, (*self.points.shape[:2], AZIMUTHS + 1)
         key = hash_of(f"{MAP_VERSION} {AZIMUTHS} {SCAN} {BISECTIONS}", self.points, region.vertices, region.faces)
         file = cache_folder() / "horizons" / f"{key}.npy"
@@ -111,7 +119,7 @@ class HorizonMap:
     def open_to(self, direction_A: ArrayLike) -> NDArray[np.bool_]:
         """Which sample points see a direction, such as the Sun's, shape (n, samples)."""
         direction = np.asarray(direction_A, np.float64)
-        return _open_to(direction / np.linalg.norm(direction), self.axes, self.sine)
+        return _open_to(direction, self.axes, self.sine, self.highest)
 
 
 class HorizonObserver:
@@ -148,6 +156,7 @@ class HorizonObserver:
             maps.points,
             maps.axes,
             maps.sine,
+            maps.highest,
         )
         if float(pose.r_A @ pose.r_A) < self.region.mesh.max_radius**2 and doubtful.any():
             seen[doubtful] = self._reached(pose, doubtful)
@@ -173,30 +182,53 @@ def _local_axes(normal_A: Array) -> Array:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def above(x: float, y: float, z: float, sine: NDArray[np.float32]) -> bool:
-    """Whether a unit direction in local components stands above a horizon; between two azimuths the higher one counts."""
-    if z <= 0.0:
-        return False
+def stands_clear(
+    axes: Array, dx: float, dy: float, dz: float, z: float, sine: NDArray[np.float32], highest: float
+) -> bool:
+    """Whether a direction stands above a horizon; between two azimuths the higher one counts.
+
+    Args:
+        axes: Tangents and normal of the cell as rows, shape (3, 3).
+        dx: The direction in A, of any length, as are dy and dz.
+        dy: See dx.
+        dz: See dx.
+        z: Its component along the normal, above 0.
+        sine: Sine of the horizon's elevation by azimuth, shape (azimuths + 1,).
+        highest: The largest of those, which spares the azimuth where the direction stands higher.
+    """
+    length = np.sqrt(dx * dx + dy * dy + dz * dz)
+    if z > highest * length:
+        return True
+    x = axes[0, 0] * dx + axes[0, 1] * dy + axes[0, 2] * dz
+    y = axes[1, 0] * dx + axes[1, 1] * dy + axes[1, 2] * dz
     place = np.arctan2(y, x) / (2.0 * np.pi) * AZIMUTHS
     if place < 0.0:
         place += AZIMUTHS
     k = min(int(place), AZIMUTHS - 1)
-    return z > max(sine[k], sine[k + 1])
+    return bool(z > max(sine[k], sine[k + 1]) * length)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _open_to(d: Array, axes: Array, sine: NDArray[np.float32]) -> NDArray[np.bool_]:
+def _open_to(d: Array, axes: Array, sine: NDArray[np.float32], highest: NDArray[np.float32]) -> NDArray[np.bool_]:
     out = np.zeros(sine.shape[:2], np.bool_)
     for i in range(sine.shape[0]):
-        x, y, z = axes[i] @ d
-        for s in range(sine.shape[1]):
-            out[i, s] = above(x, y, z, sine[i, s])
+        z = axes[i, 2, 0] * d[0] + axes[i, 2, 1] * d[1] + axes[i, 2, 2] * d[2]
+        if z > 0.0:
+            for s in range(sine.shape[1]):
+                out[i, s] = stands_clear(axes[i], d[0], d[1], d[2], z, sine[i, s], highest[i, s])
     return out
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _look(
-    r: Array, C: Array, tan: float, cone: bool, points: Array, axes: Array, sine: NDArray[np.float32]
+    r: Array,
+    C: Array,
+    tan: float,
+    cone: bool,
+    points: Array,
+    axes: Array,
+    sine: NDArray[np.float32],
+    highest: NDArray[np.float32],
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Which sample points are in view by the map, and which are in the field of view and face the camera but are hidden."""
     seen = np.zeros(sine.shape[:2], np.bool_)
@@ -212,10 +244,7 @@ def _look(
             reach = -tan * (C[2, 0] * dx + C[2, 1] * dy + C[2, 2] * dz)
             if reach <= 0.0 or (u * u + v * v > reach * reach if cone else max(abs(u), abs(v)) > reach):
                 continue
-            x = axes[i, 0, 0] * dx + axes[i, 0, 1] * dy + axes[i, 0, 2] * dz
-            y = axes[i, 1, 0] * dx + axes[i, 1, 1] * dy + axes[i, 1, 2] * dz
-            length = np.sqrt(dx * dx + dy * dy + dz * dz)
-            if above(x / length, y / length, z / length, sine[i, s]):
+            if stands_clear(axes[i], dx, dy, dz, z, sine[i, s], highest[i, s]):
                 seen[i, s] = True
             else:
                 doubtful[i, s] = True

@@ -14,7 +14,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from swarm_mj.observation.coverage import ObservationCriterion
-from swarm_mj.observation.horizon import HorizonObserver, above
+from swarm_mj.observation.horizon import HorizonObserver, stands_clear
 
 Array = NDArray[np.float64]
 Vector = tuple[float, float, float]
@@ -30,7 +30,7 @@ class Scene(NamedTuple):
         points: Sample points in A, shape (C, samples, 3) [m].
         axes: Tangents and normal of each cell as rows, shape (C, 3, 3).
         sine: Sine of the horizon's elevation, shape (C, samples, azimuths + 1).
-        highest: The largest of those, which spares the azimuth where the camera stands higher, shape (C, samples).
+        highest: The largest of those, shape (C, samples).
         limits: Least cosine of emission, largest range [m], largest ground sampling distance [m], pixel angle [rad], tangent
             of the field of view's half-angle, 1 for a cone or 0 for a square, least visible share, shape (7,).
     """
@@ -58,7 +58,7 @@ def make_scene(observer: HorizonObserver, criterion: ObservationCriterion) -> Sc
         points=np.ascontiguousarray(maps.points),
         axes=np.ascontiguousarray(maps.axes),
         sine=np.ascontiguousarray(maps.sine),
-        highest=np.ascontiguousarray(maps.sine.max(axis=2)),
+        highest=maps.highest,
         limits=np.array(limits),
     )
 
@@ -143,13 +143,7 @@ def _shows(
         reach = -tan * (ahead[0] * dx + ahead[1] * dy + ahead[2] * dz)
         if z <= 0.0 or reach <= 0.0 or (u * u + v * v > reach * reach if cone else max(abs(u), abs(v)) > reach):
             continue
-        length = np.sqrt(dx * dx + dy * dy + dz * dz)
-        open_sky = z > highest[i, s] * length
-        if not open_sky:
-            x = axes[i, 0, 0] * dx + axes[i, 0, 1] * dy + axes[i, 0, 2] * dz
-            y = axes[i, 1, 0] * dx + axes[i, 1, 1] * dy + axes[i, 1, 2] * dz
-            open_sky = above(x / length, y / length, z / length, sine[i, s])
-        if open_sky:
+        if stands_clear(axes[i], dx, dy, dz, z, sine[i, s], highest[i, s]):
             shown += 1
             if shown >= needed:
                 return _SHOWN

@@ -59,7 +59,7 @@ def test_inside_the_bounding_sphere_a_rise_beyond_the_camera_does_not_count(obse
         ours, theirs = (o.visible_fraction(pose.r_A, pose.C_CA) for o in (observer, rays))
         differ += int((np.abs(ours - theirs) > 0.13).sum())
         by_map, _ = _look(pose.r_A, pose.C_CA, observer.camera.tan_half_angle, False, observer.horizon.points,
-                          observer.horizon.axes, observer.horizon.sine)  # fmt: skip
+                          observer.horizon.axes, observer.horizon.sine, observer.horizon.highest)  # fmt: skip
         saved += int((by_map.mean(axis=1) < ours).sum())
     assert differ < 0.02 * 25 * region.n_cells
     assert saved > 0
