@@ -80,16 +80,12 @@ class ControlLevel(ABC):
 
     Attributes:
         action_space: What the agent of one flight may choose.
-        kind: Held targets, shape (E, n); None where a behaviour decides at every instant.
-        index: Spacecraft to follow, shape (E, n).
-        vector: Surface point in A [m] or direction in N, shape (E, n, 3).
+        held: Targets that hold for the step, shape (E, n, ...); None where a behaviour decides at every instant.
         torque_B: Held torques on the bodies, shape (E, n, 3) [N m]; None where the control law decides.
     """
 
     action_space: spaces.Space[Any]
-    kind: NDArray[np.int64] | None = None
-    index: NDArray[np.int64]
-    vector: Array
+    held: Targets | None = None
     torque_B: Array | None = None
 
     @abstractmethod
@@ -182,7 +178,7 @@ class RoleLevel(ControlLevel):
     The choices, in this order: the patches of the target, the asteroid's centre, every spacecraft, Earth, hold.
     """
 
-    kind: NDArray[np.int64]
+    held: Targets
 
     def __init__(self, plan: Plan, count: int, patches: Patches) -> None:
         n, parts = plan.n, patches.count
@@ -197,28 +193,32 @@ class RoleLevel(ControlLevel):
         self._vectors = np.vstack([patches.centre_A, np.zeros((n + 3, 3))])
         self._self = parts + 1 + np.arange(n)
         self._centre, self._hold = parts, len(self._kinds) - 1
-        self.kind, self.index = np.zeros((count, n), np.int64), np.zeros((count, n), np.int64)
-        self.vector = np.zeros((count, n, 3))
+        self.held = Targets(np.zeros((count, n), np.int64), np.zeros((count, n), np.int64), np.zeros((count, n, 3)))
         self.action_space = spaces.MultiDiscrete(np.full(n, len(self._kinds)))
 
     def behavior(self, e: int) -> Behavior:
         """See `ControlLevel`."""
-        return HeldTargets(self.kind[e], self.index[e], self.vector[e])
+        return HeldTargets(*(part[e] for part in self.held))
 
     def reset(self, e: int) -> None:
         """See `ControlLevel`: the asteroid's centre."""
-        self.kind[e], self.index[e], self.vector[e] = self._kinds[self._centre], self._spacecraft[self._centre], 0.0
+        kind, spacecraft, vector = self.held
+        kind[e], spacecraft[e], vector[e] = self._kinds[self._centre], self._spacecraft[self._centre], 0.0
 
     def hold(self, actions: NDArray[Any], boresight_N: Array, live: Mask) -> None:
         """See `ControlLevel`; a spacecraft told to look at itself holds its attitude."""
-        choice = np.array(actions, np.int64).reshape(self.kind.shape)
+        kind, spacecraft, vector = self.held
+        choice = np.array(actions, np.int64).reshape(kind.shape)
         choice[choice == self._self] = self._hold
-        starts = (choice == self._hold) & (self.kind != TargetKind.DIRECTION)
+        starts = (choice == self._hold) & (kind != TargetKind.DIRECTION)
         goes_on = (choice == self._hold) & ~starts
-        vector = np.where(starts[..., None], boresight_N, self._vectors[choice])
-        vector = np.where(goes_on[..., None], self.vector, vector)
-        self.kind[live], self.index[live] = self._kinds[choice[live]], self._spacecraft[choice[live]]
-        self.vector[live] = vector[live]
+        aims = np.where(starts[..., None], boresight_N, self._vectors[choice])
+        aims = np.where(goes_on[..., None], vector, aims)
+        kind[live], spacecraft[live], vector[live] = (
+            self._kinds[choice[live]],
+            self._spacecraft[choice[live]],
+            aims[live],
+        )
 
 
 LEVELS = ("torque", "pointing", "role")

@@ -27,15 +27,16 @@ from swarm_mj.mission.behaviors import Behavior, SwarmView, Targets
 from swarm_mj.planning import Plan, unchecked_behavior
 from swarm_mj.resources import asset_path
 from swarm_mj.scenarios.schema import Scenario
-from swarm_mj.simulation.batch import BatchFlights
 
 from .arguments import checked_step
 from .baselines import POLICIES
-from .flybys import Flybys
+from .controls import RoleLevel
+from .ledger import Ledger
 from .policy import ArrayPolicy, load_policy
 from .setting import Setting, make_setting
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 Act = Callable[[NDArray[np.float32]], NDArray[np.int64]]
 
 #: The trained policy that travels with the package.
@@ -207,23 +208,20 @@ class PolicyFlight:
         return followed.follow(view, self._act), followed
 
 
-class Followed(Flybys):
-    """The books of one flight that something else flies.
+class Followed(Ledger):
+    """The books of one flight that something else flies, and what a policy decides in it.
 
     Args:
         setting: Of an environment of the same mission, at the control level `role`.
     """
 
-    flights: Any
+    flights: _Viewed
 
     def __init__(self, setting: Setting) -> None:
-        super().__init__(setting, 1)
-        self.level.reset(0)
-        self._give_held()
-
-    def _make_flights(self) -> BatchFlights:
-        self.batched, self.why_separate = True, ""
-        return _Viewed(self.setting)  # type: ignore[return-value]
+        plan = setting.plan
+        self._level = RoleLevel(plan, 1, setting.patches)
+        self._level.reset(0)
+        super().__init__(setting, _Viewed(plan.n, plan.scenario.control.period_s, self._level.held))
 
     def follow(self, view: SwarmView, act: Act) -> Targets:
         """Bring the books up to this instant; the targets that hold from now on."""
@@ -235,24 +233,27 @@ class Followed(Flybys):
             self._before, self.now = self.now, self._before
             self._look(self.now, everyone)
             self._end_step(everyone, 0.0 if begins else setting.step_s)
-            self.level.hold(act(self.observation[0])[None], self.now.C_BN[:, :, 2], everyone)
-            self._give_held()
+            self._level.hold(act(self.observation[0])[None], self.now.C_BN[:, :, 2], everyone)
         if setting.is_due[tick]:
             self._take_pictures(everyone, np.zeros(1))
-        flights = self.flights
-        return Targets(flights.kind[0].copy(), flights.index[0].copy(), flights.vector[0].copy())
+        return Targets(*(part[0].copy() for part in self._level.held))
 
 
 class _Viewed:
-    """What `Flybys` reads of a simulation, taken from a `SwarmView`; attitude errors, losses and blindness are not known."""
+    """What a `Ledger` reads, taken from a `SwarmView`; attitude errors, losses and blindness are not known.
 
-    def __init__(self, setting: Setting) -> None:
-        n = setting.plan.n
-        self.period = setting.plan.scenario.control.period_s
+    Args:
+        n: Number of spacecraft.
+        period: Time between two decisions [s].
+        held: Targets, rewritten in place by who decides, shape (1, n, ...).
+    """
+
+    def __init__(self, n: int, period: float, held: Targets) -> None:
+        self.count, self.period = 1, period
         self.view: SwarmView | None = None
         self.tick = np.zeros(1, np.int64)
-        self.kind, self.index = np.zeros((1, n), np.int64), np.zeros((1, n), np.int64)
-        self.vector, self.sigma_BR = np.zeros((1, n, 3)), np.zeros((1, n, 3))
+        self.kind, self.index, _ = held
+        self.sigma_BR = np.zeros((1, n, 3))
         self.lost, self.blind = np.zeros((1, n), np.bool_), np.zeros((1, n), np.bool_)
 
     def look_at(self, view: SwarmView) -> None:
@@ -260,14 +261,15 @@ class _Viewed:
         self.view = view
         self.tick[0] = round(view.t / self.period)
 
-    def ask_again(self) -> None:
-        """See `BatchFlights`; nothing is kept here from one instant to the next."""
-
     def read(self, r: Array, v: Array, q: Array, omega: Array, wheel: Array) -> None:
         """See `BatchFlights`."""
         assert self.view is not None
         r[0], v[0], q[0] = self.view.r_BN_N, self.view.v_BN_N, self.view.q_BN
         omega[0], wheel[0] = self.view.omega_BN_B, self.view.wheel_speed
+
+    def know(self, live: Mask, q: Array, omega: Array) -> Mask:
+        """See `BatchFlights`: what is shown is taken for the truth."""
+        return np.zeros(1, np.bool_)
 
 
 def _setting(plan: Plan, step_s: float, patches: int = 16) -> Setting:

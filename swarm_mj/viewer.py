@@ -42,7 +42,7 @@ def run_view(
     Args:
         scenario: What to fly.
         speed: Seconds of flight per second at the start.
-        web: Use the web viewer even where a display exists.
+        web: Use the web viewer even where a display exists; so does a port or a host.
         port: Of the web viewer; 0: the first free one from 8080.
         host: Address on which the web viewer listens; None: 127.0.0.1, for browsers on this machine alone.
 
@@ -53,7 +53,7 @@ def run_view(
     """
     if not SPEEDS[0] <= speed <= SPEEDS[-1]:
         raise OutputError(f"speed {speed:g}: must be {SPEEDS[0]:g} to {SPEEDS[-1]:g} seconds of flight per second")
-    if in_browser := web or not has_display():
+    if in_browser := web or port != 0 or host is not None or not has_display():
         from swarm_mj.web_viewer import LOOPBACK, check_address, show_in_browser
 
         check_address(host or LOOPBACK, port)

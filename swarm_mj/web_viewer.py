@@ -52,11 +52,14 @@ class FlightPanel(plugin.ViewerPlugin):
         model: What is drawn.
         player: The flight.
         view: From where at first.
+
+    Attributes:
+        unpainted: Observed faces for which there is no room.
     """
 
     def __init__(self, model: DrawingModel, player: Player, view: FreeView) -> None:
         self._model, self._player, self._view = model, player, view
-        self._updates, self._width = 0, 0.0
+        self._updates, self._width, self.unpainted = 0, 0.0, 0
         self._seen: NDArray[np.bool_] | None = None
         self._patches: Array = np.empty((0, 3, 3))
         self._on_the_right = _is_busier_on_the_left(view, planned_path(player.flight.plan))
@@ -86,6 +89,7 @@ class FlightPanel(plugin.ViewerPlugin):
         if self._seen is None or not np.array_equal(now.seen, self._seen):
             self._seen = now.seen.copy()
             self._patches = observed_patches(self._player.flight.plan.region, now.seen)
+        self.unpainted = max(0, len(self._patches) - (MAX_GEOMS - len(geoms)))
         paint_cells(next_geom, self._patches, now)
         self.viewer.extra_geoms[:] = geoms
 
@@ -114,6 +118,8 @@ class FlightPanel(plugin.ViewerPlugin):
             for text, colour in roles(now, plan.names):
                 gui.TextColored(gui.Vec4(*rgba(colour)), text)
             gui.TextUnformatted(f"spacecraft drawn {self._model.magnification:,.0f} times as large")
+            if self.unpainted:
+                gui.TextUnformatted(f"{self.unpainted:,} observed faces not painted: too many for a browser")
         gui.End()
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 from textwrap import wrap
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import pyarrow as pa
@@ -34,6 +34,7 @@ from swarm_mj.output.figures.style import (
     tidy,
 )
 
+T = TypeVar("T")
 Compose = Callable[[Resolved, pa.Table, dict[str, Any]], Figure | None]
 
 COLOURS = (BLUE, ORANGE, GREEN, VERMILLION, PURPLE, SKY_BLUE, BLACK, GREY)
@@ -53,7 +54,8 @@ def compose_coverage(resolved: Resolved, results: pa.Table, summary: dict[str, A
     parts = _flown(resolved, results, "coverage_percent")
     if not parts:
         return None
-    figure = new_figure(4.6, f"Observed area: {plain(resolved.campaign.name)}", width_in=11.0)
+    parts, title = _shown(parts, f"Observed area: {plain(resolved.campaign.name)}")
+    figure = new_figure(4.6, title, width_in=11.0)
     left, right = figure.subplots(1, 2, width_ratios=(1.0, 1.35))
     _bars(left, {name: summary["scenarios"][name]["covered"] for name in parts})
     for k, (name, values) in enumerate(parts.items()):
@@ -71,7 +73,8 @@ def compose_pointing(resolved: Resolved, results: pa.Table, summary: dict[str, A
     parts = _flown(resolved, results, name)
     if not parts:
         return None
-    figure = new_figure(4.4, f"Pointing error at the visit: {plain(resolved.campaign.name)}")
+    parts, title = _shown(parts, f"Pointing error at the visit: {plain(resolved.campaign.name)}")
+    figure = new_figure(4.4, title)
     ax = figure.add_subplot()
     for k, (scenario, values) in enumerate(parts.items()):
         _cumulative(ax, np.maximum(values, FLOOR_DEG), scenario, k)
@@ -154,9 +157,16 @@ def _flown(resolved: Resolved, results: pa.Table, name: str) -> dict[str, NDArra
     parts: dict[str, NDArray[np.float64]] = {}
     for scenario, rows in by_scenario(resolved, results):
         values = column(rows, name)
-        if np.isfinite(values).any() and len(parts) < MAX_SCENARIOS:
+        if np.isfinite(values).any():
             parts[scenario] = values[np.isfinite(values)]
     return parts
+
+
+def _shown(parts: dict[str, T], title: str) -> tuple[dict[str, T], str]:
+    """As many scenarios as a diagram can show, and a title that says so where there are more."""
+    if len(parts) <= MAX_SCENARIOS:
+        return parts, title
+    return dict(list(parts.items())[:MAX_SCENARIOS]), f"{title}, {MAX_SCENARIOS} of {len(parts)}"
 
 
 def _cumulative(ax: Axes, values: NDArray[np.float64], name: str, k: int) -> None:
@@ -204,7 +214,7 @@ def _tornado(
 ) -> Figure | None:
     if not keys:
         return None
-    shown = dict(list(found.items())[:MAX_SCENARIOS])
+    shown, title = _shown(found, title)
     figure = new_figure(1.6 + 0.28 * len(keys) * max(1.5, len(shown)), title)
     ax = figure.add_subplot()
     height = 0.8 / len(shown)

@@ -12,7 +12,7 @@ from rich.progress import Progress, TaskID
 
 from swarm_mj.cache import hash_of
 from swarm_mj.campaign.flying import Flyer
-from swarm_mj.campaign.loading import Resolved
+from swarm_mj.campaign.loading import MANIFEST, Resolved
 from swarm_mj.campaign.lock import LOCK, only_one
 from swarm_mj.campaign.pools import LocalPool, Pool
 from swarm_mj.campaign.sampling import Sample
@@ -21,7 +21,6 @@ from swarm_mj.output.folder import write_text
 from swarm_mj.output.summary import library_versions
 from swarm_mj.progress import progress_bars
 
-MANIFEST = "campaign.json"
 TELEMETRY = "telemetry"
 
 

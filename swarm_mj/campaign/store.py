@@ -1,5 +1,6 @@
 """Results on disk that survive a crash: a journal, sealed part by part into Parquet, compacted at the end.
 
+    campaign.json      what is flown, written by who starts the campaign
     journal.jsonl      rows that are not in a part yet; each line carries its own checksum
     parts/*.parquet    sealed parts, written under a temporary name, then renamed; pages carry checksums
     results.parquet    all rows, sorted, at the end; parts and journal are then removed
@@ -23,7 +24,9 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from swarm_mj.campaign.table import table_of
+from swarm_mj.campaign.config import Campaign
+from swarm_mj.campaign.loading import MANIFEST
+from swarm_mj.campaign.table import schema_of, table_of
 from swarm_mj.errors import OutputError
 
 RESULTS, JOURNAL, PARTS = "results.parquet", "journal.jsonl", "parts"
@@ -151,7 +154,7 @@ def read_results(folder: Path, schema: pa.Schema | None = None) -> pa.Table:
 
     Args:
         folder: The campaign's folder.
-        schema: Columns; default: those found.
+        schema: Columns; default: those of the campaign in the folder.
 
     Raises:
         OutputError: There are none, or a file is torn.
@@ -166,15 +169,24 @@ def read_results(folder: Path, schema: pa.Schema | None = None) -> pa.Table:
             continue
         except (pa.ArrowException, OSError) as error:
             raise OutputError(f"{path}: is torn or no Parquet file ({error}); --resume flies its runs again") from None
-    schema = schema or (tables[0].schema if tables else None)
     if schema is None:
-        raise OutputError(f"{folder}: holds no finished run")
+        if not (tables or journal):
+            raise OutputError(f"{folder}: holds no finished run")
+        schema = tables[0].schema if tables else _schema_in(folder)
     if journal:
         tables.append(table_of(journal, schema))
     whole = pa.concat_tables([*tables, schema.empty_table()]).sort_by("row")
     numbers = whole["row"].to_pylist()
     first = [k for k, number in enumerate(numbers) if k == 0 or number != numbers[k - 1]]
     return whole.take(first).combine_chunks()
+
+
+def _schema_in(folder: Path) -> pa.Schema:
+    try:
+        manifest = json.loads((folder / MANIFEST).read_text("utf-8"))
+        return schema_of(Campaign.model_validate(manifest["campaign"]))
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise OutputError(f"{folder / MANIFEST}: describes no campaign ({error})") from None
 
 
 def read_journal(path: Path) -> tuple[list[Row], int]:

@@ -22,13 +22,17 @@ def add(commands: argparse._SubParsersAction) -> None:
     )
     view.add_argument("--web", action="store_true", help="use the browser even where there is a display")
     view.add_argument(
-        "--port", type=int, default=0, metavar="N", help="of the browser's page (default: the first free)"
+        "--port",
+        type=int,
+        default=0,
+        metavar="N",
+        help="of the browser's page (default: the first free); implies --web",
     )
     view.add_argument(
         "--host",
         metavar="ADDRESS",
         help="that the browser's page is served on (default 127.0.0.1: this machine alone; 0.0.0.0: everybody, without "
-        "password or encryption)",
+        "password or encryption); implies --web",
     )
     view.add_argument(
         "--set", action="append", default=[], dest="overrides", metavar="KEY=VALUE", help="change one value"

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from swarm_mj.attitude.controllers.base import Controller
 from swarm_mj.attitude.mrp import quaternion_from_mrp
 from swarm_mj.errors import PluginError
-from swarm_mj.mission.behaviors import Behavior
+from swarm_mj.mission.behaviors import Behavior, Targets
 from swarm_mj.simulation import flight_kernels
 from swarm_mj.simulation.asking import Asking, view_of
 from swarm_mj.simulation.compiled import make_world
@@ -40,8 +40,8 @@ class BatchFlights:
     Args:
         simulation: One flight as it would fly alone: model, environment, spacecraft and control period are taken from it.
         count: Number of flights E.
-        controller: The control law; None where torques are held, see `torque_B`.
-        behaviors: Who points at what in each flight; None where `kind`, `index` and `vector` are set from outside.
+        controller: The control law; None where torques are held, see `hold`.
+        behaviors: Who points at what in each flight; None where targets are held, see `hold`.
 
     Attributes:
         n: Number of spacecraft.
@@ -50,7 +50,7 @@ class BatchFlights:
         kind: `TargetKind` values, shape (E, n).
         index: Spacecraft to follow, shape (E, n).
         vector: Surface point in A [m] or direction in N, shape (E, n, 3).
-        torque_B: Torques on the bodies, shape (E, n, 3) [N m]; to be set where they are held.
+        torque_B: Torques on the bodies, shape (E, n, 3) [N m].
         tick: Control periods flown, shape (E,).
         finite: False where the flight has diverged, shape (E,).
         causes: Why, by flight.
@@ -73,7 +73,8 @@ class BatchFlights:
         self._datas = [mujoco.MjData(self.model.mjmodel) for _ in range(count)]
         self._integrator = Integrator(self.model, *self._datas)
         self._asking = None if behaviors is None else Asking(behaviors, self.period)
-        self._everyone, self._never = np.ones(count, np.bool_), np.full(count, NEVER, np.int64)
+        self._everyone, self._nobody = np.ones(count, np.bool_), np.zeros(count, np.bool_)
+        self._never = np.full(count, NEVER, np.int64)
         self._flights = f = no_flights(count, self.n)
         self.qpos, self.qvel = f.qpos, f.qvel
         self._q, self._v = f.qpos.reshape(count, self.n, NQ), f.qvel.reshape(count, self.n, NV)
@@ -123,10 +124,21 @@ class BatchFlights:
         if self._asking is not None:
             self._asking.due[e] = 0
 
-    def ask_again(self) -> None:
-        """Have all behaviours asked at the next decision, because they have been told something new."""
+    def hold(self, targets: Targets | None, torque_B: Array | None) -> None:
+        """Let targets, shape (E, n, ...), and torques [N m], shape (E, n, 3), hold where no behaviour and no law decides.
+
+        Behaviours, where there are any, are asked again, because they have been told something new.
+        """
         if self._asking is not None:
             self._asking.due[:] = 0
+        if targets is not None:
+            self.kind[:], self.index[:], self.vector[:] = targets
+        if torque_B is not None:
+            self.torque_B[:] = torque_B
+
+    def know(self, live: Mask, q: Array, omega: Array) -> Mask:
+        """Put what the flight software has of attitudes in the place of the truth: in a batch they are the same."""
+        return self._nobody
 
     def decide(self, live: Mask) -> bool:
         """Set forces and motor torques of the coming hold; a flight whose state is not finite is marked in `finite`.

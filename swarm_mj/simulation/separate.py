@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarm_mj.errors import SimulationError
+from swarm_mj.mission.behaviors import Targets
 from swarm_mj.simulation.batch import PARKED
 from swarm_mj.simulation.simulation import InitialState, Simulation
 
@@ -91,8 +92,8 @@ class SeparateFlights:
         self.model.set_state(self.simulations[e].data, qpos, qvel)
         self.simulations[e].ask_again()
 
-    def ask_again(self) -> None:
-        """Have all behaviours asked at the next decision, because they have been told something new."""
+    def hold(self, targets: Targets | None, torque_B: Array | None) -> None:
+        """Have all behaviours asked at the next decision; what holds they and the control laws are told by others."""
         for simulation in self.simulations:
             simulation.ask_again()
 

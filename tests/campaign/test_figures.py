@@ -3,7 +3,7 @@
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
-from swarm_mj.campaign.figures import _bars
+from swarm_mj.campaign.figures import MAX_SCENARIOS, _bars, _shown
 
 
 def test_no_grid_line_runs_through_the_chance_over_a_bar():
@@ -17,3 +17,9 @@ def test_no_grid_line_runs_through_the_chance_over_a_bar():
     box = ground.get_window_extent()
     assert box.x0 <= words.x0 and box.y0 <= words.y0 and box.x1 >= words.x1 and box.y1 >= words.y1
     assert text.get_zorder() > max(line.get_zorder() for line in ax.get_ygridlines())
+
+
+def test_a_diagram_that_cannot_show_every_scenario_says_so():
+    few, many = ({f"s{k}": k for k in range(count)} for count in (MAX_SCENARIOS, MAX_SCENARIOS + 3))
+    assert _shown(few, "Observed area") == (few, "Observed area")
+    assert _shown(many, "Observed area") == (few, "Observed area, 8 of 11")

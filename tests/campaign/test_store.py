@@ -1,5 +1,6 @@
 """Results on disk survive crashes, torn files and full disks; no row is lost, none is there twice."""
 
+import json
 import os
 import resource
 import shutil
@@ -9,6 +10,7 @@ import sys
 import pytest
 
 from swarm_mj.campaign.config import Campaign
+from swarm_mj.campaign.loading import MANIFEST
 from swarm_mj.campaign.store import JOURNAL, PARTS, RESULTS, Store, read_journal, read_results
 from swarm_mj.campaign.table import schema_of
 from swarm_mj.errors import OutputError
@@ -48,6 +50,18 @@ def test_rows_are_there_as_soon_as_they_are_added_and_keep_every_bit(tmp_path):
     assert [r["row"] for r in found] == [1, 2, 3]
     assert [r["coverage_percent"] for r in found] == [1.0 / (n + 3.0) for n in (1, 2, 3)]
     assert [r["seed"] for r in found] == [2**62 + n for n in (1, 2, 3)]
+
+
+def test_rows_that_stand_in_the_journal_alone_are_read_by_anybody(tmp_path):
+    with pytest.raises(OutputError, match="holds no finished run"):
+        read_results(tmp_path)
+    store = filled(tmp_path, [2])
+    with pytest.raises(OutputError, match=r"campaign\.json: describes no campaign"):
+        read_results(tmp_path)
+    (tmp_path / MANIFEST).write_text(json.dumps({"campaign": CAMPAIGN.model_dump(mode="json", by_alias=True)}))
+    assert not list((tmp_path / PARTS).iterdir())
+    assert read_results(tmp_path).equals(read_results(tmp_path, SCHEMA)) and numbers(tmp_path) == [2]
+    store.close()
 
 
 def test_a_store_that_was_never_closed_is_taken_over_whole(tmp_path):

@@ -182,13 +182,14 @@ def lies_at(camera, view):
     )
 
 
-def test_a_page_that_is_loaded_anew_does_not_move_the_web_viewers_camera(flown):
+def test_a_page_that_is_loaded_anew_does_not_move_the_web_viewers_camera(flown, monkeypatch):
     client_camera = pytest.importorskip("mujoco.studio.web.client_camera")
     state_payload = pytest.importorskip("mujoco.studio.web.state_payload")
     plan, _, _ = flown
     view, player = overview(plan, planned_path(plan), 1.5), Player(LiveFlight(plan), 10.0)
     panel = FlightPanel(build_drawing_model(plan, 5000.0), player, view)
     panel.viewer = SimpleNamespace(camera=mujoco.MjvCamera(), extra_geoms=[])
+    monkeypatch.setattr("swarm_mj.web_viewer.ux.setup_theme", lambda _: None)  # crashes without a window
     pages = client_camera.ClientCameraSync()
     for _ in range(3):
         panel.on_update(messages.UpdateEvent())
@@ -270,6 +271,16 @@ def test_an_address_of_another_machine_is_refused_before_the_flight_is_prepared(
         viewer.run_view(load_scenario("eros-quick"), web=True, host="192.0.2.1")
 
 
+@pytest.mark.parametrize("where", [{"port": 8123}, {"host": "127.0.0.1"}])
+def test_an_address_for_the_browser_asks_for_the_browser(where, flown, monkeypatch):
+    shown, plan = [], flown[0]
+    monkeypatch.setenv("DISPLAY", ":1")
+    monkeypatch.setattr("swarm_mj.viewer.make_plan", lambda _: plan)
+    monkeypatch.setattr("swarm_mj.web_viewer.show_in_browser", lambda *given: shown.append(given[3:]))
+    viewer.run_view(plan.scenario, **where)
+    assert shown == [(where.get("port", 0), "127.0.0.1")]
+
+
 def test_a_port_in_use_is_a_clear_error(flown):
     with socket.socket(socket.AF_INET6) as taken:
         taken.bind(("::", 0))
@@ -278,7 +289,7 @@ def test_a_port_in_use_is_a_clear_error(flown):
             browser_view(flown, taken.getsockname()[1], lambda: True)
 
 
-def test_a_target_of_many_cells_leaves_room_for_the_lines_and_shows_all_that_was_observed():
+def test_a_target_of_many_cells_leaves_room_for_the_lines_and_shows_all_that_was_observed(monkeypatch):
     plan = make_plan(load_scenario("eros-faults"))
     region, flight = plan.region, LiveFlight(plan)
     assert region.n_cells > MAX_GEOMS
@@ -287,6 +298,7 @@ def test_a_target_of_many_cells_leaves_room_for_the_lines_and_shows_all_that_was
     model = build_drawing_model(plan, 5000.0)
     panel = FlightPanel(model, player, overview(plan, planned_path(plan), 1.5))
     panel.viewer = SimpleNamespace(camera=mujoco.MjvCamera(), extra_geoms=[])
+    monkeypatch.setattr("swarm_mj.web_viewer.ux.setup_theme", lambda _: None)  # crashes without a window
     panel.on_update(messages.UpdateEvent())
     geoms, lines = panel.viewer.extra_geoms, []
     decorate(lambda: lines.append(mujoco.MjvGeom()) or lines[-1], model, player.now)
@@ -297,6 +309,12 @@ def test_a_target_of_many_cells_leaves_room_for_the_lines_and_shows_all_that_was
     patches = geoms[len(lines) :]
     area = sum(0.5 * np.linalg.norm(np.cross(*np.array(geom.mat, float).T[:2])) for geom in patches)
     assert len(patches) == region.n_faces and area == pytest.approx(region.total_area, rel=1e-5)
+    # Where there is no room for all, the panel says how many are missing.
+    assert panel.unpainted == 0
+    panel._patches = np.tile(panel._patches, (1 + 2 * MAX_GEOMS // len(patches), 1, 1))
+    panel.on_update(messages.UpdateEvent())
+    assert len(panel.viewer.extra_geoms) == MAX_GEOMS
+    assert panel.unpainted == len(panel._patches) - (MAX_GEOMS - len(lines)) > 0
 
 
 def test_patches_cover_just_the_observed_cells_outward(rng):

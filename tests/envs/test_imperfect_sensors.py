@@ -141,7 +141,7 @@ def test_hold_holds_where_the_spacecraft_believes_to_look():
     believed = env.readings.split(observation)["boresight"] @ env.state.C_AN
     env.step(np.full(5, HOLD))
     assert (env.flybys.flights.kind == TargetKind.DIRECTION).all()
-    assert env.flybys.level.vector[0] == pytest.approx(believed, abs=1e-6)
+    assert env.flybys.level.held.vector[0] == pytest.approx(believed, abs=1e-6)
     env.close()
 
 

@@ -36,3 +36,20 @@ def other_folder(tmp_path_factory):
 @pytest.fixture(scope="session")
 def comparison(folder, other_folder, tmp_path_factory):
     return write_report([folder, other_folder], tmp_path_factory.mktemp("report") / "two.html")
+
+
+@pytest.fixture(scope="session")
+def browser(tmp_path_factory):
+    from .browser import start
+
+    window = start(tmp_path_factory.mktemp("profile"))
+    yield window
+    window.quit()
+
+
+@pytest.fixture
+def report(browser, folder):
+    from .browser import load
+
+    load(browser, folder / "report.html")
+    return browser
