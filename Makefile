@@ -34,10 +34,10 @@ run: setup ## fly both configurations of the paper
 	@$(BIN)/swarm-mj run $(ARGS)
 
 test: setup-dev ## run every test
-	@$(BIN)/python -m pytest --numprocesses auto --dist loadfile $(ARGS)
+	@$(BIN)/python -m pytest --numprocesses auto --dist loadfile --no-loadscope-reorder $(ARGS)
 
 test-fast: setup-dev ## run the tests that take less than a few seconds
-	@$(BIN)/python -m pytest --numprocesses auto --dist loadfile -m "not slow" $(ARGS)
+	@$(BIN)/python -m pytest --numprocesses auto --dist loadfile --no-loadscope-reorder -m "not slow" $(ARGS)
 
 lint: setup-dev ## check style
 	@$(BIN)/ruff check .

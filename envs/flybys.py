@@ -69,20 +69,18 @@ class Flybys(Ledger):
         law = None if self.level.torque_B is not None else setting.plan.controller
         self.why_separate = why_not_compiled(setting.simulation, law)
         self.batched = not self.why_separate
-        super().__init__(setting, self._make_batch(count, law) if self.batched else self._make_separate(count))
+        super().__init__(setting, self._batch(setting, count, law) if self.batched else self._separate(setting, count))
         self._prices = self._make_prices()
 
-    def _make_batch(self, count: int, law: Controller | None) -> BatchFlights:
+    def _batch(self, setting: Setting, count: int, law: Controller | None) -> BatchFlights:
         level = self.level
         behaviors = None if level.held is not None else [level.behavior(e) for e in range(count)]
-        return BatchFlights(self.setting.simulation, count, law, behaviors)
+        return BatchFlights(setting.simulation, count, law, behaviors)
 
-    def _make_separate(self, count: int) -> SeparateFlights:
-        plan, level = self.setting.plan, self.level
-        plans = (
-            replace(plan, behavior=level.behavior(e), controller=level.controller(e, plan.controller))
-            for e in range(count)
-        )
+    def _separate(self, setting: Setting, count: int) -> SeparateFlights:
+        plan, level = setting.plan, self.level
+        laws = [level.controller(e, plan.controller) for e in range(count)]
+        plans = [replace(plan, behavior=level.behavior(e), controller=law) for e, law in enumerate(laws)]
         return SeparateFlights([make_simulation(flown) for flown in plans])
 
     def reset(self, e: int, flight_seed: int) -> None:
