@@ -11,6 +11,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 from gymnasium import error, spaces
+from numba import njit
 from numpy.typing import NDArray
 
 from swarm_mj.attitude.controllers.base import ControlInput, Controller
@@ -23,6 +24,7 @@ from swarm_mj.simulation.telemetry import OBSERVING
 from .patches import Patches, surface_points
 
 Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
 #: Whether a `TargetKind` means looking at the body.
@@ -192,7 +194,7 @@ class RoleLevel(ControlLevel):
         self._spacecraft = np.concatenate([np.zeros(parts + 1), np.arange(n), [0, 0]]).astype(np.int64)
         self._vectors = np.vstack([patches.centre_A, np.zeros((n + 3, 3))])
         self._self = parts + 1 + np.arange(n)
-        self._centre, self._hold = parts, len(self._kinds) - 1
+        self._centre = parts
         self.held = Targets(np.zeros((count, n), np.int64), np.zeros((count, n), np.int64), np.zeros((count, n, 3)))
         self.action_space = spaces.MultiDiscrete(np.full(n, len(self._kinds)))
 
@@ -207,18 +209,32 @@ class RoleLevel(ControlLevel):
 
     def hold(self, actions: NDArray[Any], boresight_N: Array, live: Mask) -> None:
         """See `ControlLevel`; a spacecraft told to look at itself holds its attitude."""
-        kind, spacecraft, vector = self.held
-        choice = np.array(actions, np.int64).reshape(kind.shape)
-        choice[choice == self._self] = self._hold
-        starts = (choice == self._hold) & (kind != TargetKind.DIRECTION)
-        goes_on = (choice == self._hold) & ~starts
-        aims = np.where(starts[..., None], boresight_N, self._vectors[choice])
-        aims = np.where(goes_on[..., None], vector, aims)
-        kind[live], spacecraft[live], vector[live] = (
-            self._kinds[choice[live]],
-            self._spacecraft[choice[live]],
-            aims[live],
-        )
+        choice = np.array(actions, np.int64).reshape(self.held.kind.shape)
+        _choose(choice, self._self, self._kinds, self._spacecraft, self._vectors, boresight_N, live, self.held)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _choose(
+    choice: Ints,
+    itself: Ints,
+    kinds: Ints,
+    spacecraft: Ints,
+    vectors: Array,
+    boresight_N: Array,
+    live: Mask,
+    held: Targets,
+) -> None:
+    last = kinds.shape[0] - 1  # to hold the attitude
+    for e in range(choice.shape[0]):
+        if not live[e]:
+            continue
+        for j in range(choice.shape[1]):
+            c = last if choice[e, j] == itself[j] else choice[e, j]
+            goes_on = c == last and held.kind[e, j] == kinds[last]
+            held.kind[e, j], held.spacecraft[e, j] = kinds[c], spacecraft[c]
+            if not goes_on:
+                for k in range(3):
+                    held.vector[e, j, k] = boresight_N[e, j, k] if c == last else vectors[c, k]
 
 
 LEVELS = ("torque", "pointing", "role")
@@ -252,8 +268,8 @@ def check_action(space: spaces.Space[Any], action: Any) -> NDArray[Any]:
     try:
         given = np.asarray(action)
         with np.errstate(invalid="ignore"):
-            array = given.astype(space.dtype)
-        exact = space.dtype == np.float32 or np.array_equal(array, given)
+            array = given.astype(space.dtype, copy=False)
+        exact = array is given or space.dtype == np.float32 or np.array_equal(array, given)
     except (TypeError, ValueError):
         exact, array = False, action
     if not exact or not space.contains(array):

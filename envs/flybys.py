@@ -137,9 +137,8 @@ class Flybys(Ledger):
         setting, tick = self.setting, self.flights.tick
         found: dict[int, Mask] = {}
         for start in set(tick.tolist()):
-            for k in range(setting.ticks + 1):
-                if start + k <= setting.last_tick and setting.is_due[start + k]:
-                    found[k] = found.get(k, np.zeros(self.count, np.bool_)) | (tick == start)
+            for k in np.flatnonzero(setting.is_due[start : start + setting.ticks + 1]).tolist():
+                found[k] = found.get(k, np.zeros(self.count, np.bool_)) | (tick == start)
         return found
 
     def _finish(self, flying: Mask, due: Mask | None, area: Array) -> Mask:

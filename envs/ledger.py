@@ -11,7 +11,7 @@ from swarm_mj.observation.coverage import observe
 
 from . import step_kernels
 from .controls import IS_OBSERVING
-from .moments import Known, Now, turn
+from .moments import Known, Now, learn, turn
 from .setting import Setting
 from .step_kernels import Books
 
@@ -94,11 +94,10 @@ class Ledger:
 
     def _know(self, live: Mask) -> None:
         """Bring up to date what the flight software knows: bit for bit the truth where sensors are perfect."""
-        now, known = self.now, self.known
-        known.q[live], known.omega[live], known.C_BN[live] = now.q[live], now.omega[live], now.C_BN[live]
-        imperfect = self.flights.know(live, known.q, known.omega)
+        learn(self.now, self.known, live)
+        imperfect = self.flights.know(live, self.known.q, self.known.omega)
         if imperfect.any():
-            turn(known, imperfect)
+            turn(self.known, imperfect)
 
     def _take_pictures(self, due: Mask, area: Array) -> None:
         if not due.any():

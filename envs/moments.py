@@ -55,6 +55,20 @@ class Known(NamedTuple):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def learn(now: Now, known: Known, flights: Mask) -> None:
+    """Take the truth for what these flights, shape (E,), know."""
+    for e in range(flights.shape[0]):
+        if flights[e]:
+            for j in range(known.q.shape[1]):
+                for k in range(4):
+                    known.q[e, j, k] = now.q[e, j, k]
+                for k in range(3):
+                    known.omega[e, j, k] = now.omega[e, j, k]
+                    for m in range(3):
+                        known.C_BN[e, j, k, m] = now.C_BN[e, j, k, m]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def turn(known: Known, flights: Mask) -> None:
     """Work out C_BN of these flights, shape (E,), from the attitudes."""
     for e in range(flights.shape[0]):

@@ -103,7 +103,7 @@ class Setting:
         self.picture_every = round(given.observation.interval_s / period)
         self.visit_tick = round(given.design.time_of_flight_s / period)
         self.visit_only = given.observation.criterion == "visit"
-        self.is_due: list[bool] = self.due(np.arange(self.last_tick + 1)).tolist()
+        self.is_due = self.due(np.arange(self.last_tick + 1))
 
     def due(self, tick: NDArray[np.int64]) -> NDArray[np.bool_]:
         """Whether pictures that count are taken at these control instants, counted from 0."""

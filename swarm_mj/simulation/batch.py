@@ -95,8 +95,7 @@ class BatchFlights:
 
     def read(self, r: Array, v: Array, q: Array, omega: Array, wheel: Array) -> None:
         """Copy positions and velocities in N [m, m/s], attitudes, body rates and wheel speeds [rad/s], shape (E, n, ...)."""
-        r[:], q[:] = self._q[:, :, :3], self._q[:, :, 3:7]
-        v[:], omega[:], wheel[:] = self._v[:, :, :3], self._v[:, :, 3:6], self._v[:, :, 6:]
+        flight_kernels.read(self._q, self._v, r, v, q, omega, wheel)
 
     def reset(self, e: int, initial: InitialState) -> None:
         """Put one flight at its start and forget everything about it."""

@@ -244,3 +244,15 @@ def _control(world: World, work: Array, torque_B: Array) -> None:
         world.numbers[_LAW:],
         torque_B,
     )
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def read(qpos: Array, qvel: Array, r: Array, v: Array, q: Array, omega: Array, wheel: Array) -> None:
+    """Copy states, shape (E, n, 10) and (E, n, 9), to positions, velocities, attitudes, rates and wheel speeds."""
+    for e in range(qpos.shape[0]):
+        for j in range(qpos.shape[1]):
+            for k in range(3):
+                r[e, j, k], v[e, j, k] = qpos[e, j, k], qvel[e, j, k]
+                omega[e, j, k], wheel[e, j, k] = qvel[e, j, 3 + k], qvel[e, j, 6 + k]
+            for k in range(4):
+                q[e, j, k] = qpos[e, j, 3 + k]
