@@ -8,9 +8,13 @@ from typing import Any
 
 import numpy as np
 
+from swarm_mj.drawing.layout import LEAST_SIDE, MOST_SIDE
 from swarm_mj.errors import ScenarioError
 from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.scenarios.schema import Scenario, is_multiple
+
+#: Largest seed of a flight; infos hold seeds as 64-bit integers.
+MAX_SEED = 2**63 - 1
 
 
 def checked_render_mode(mode: str | None, modes: Sequence[str]) -> str | None:
@@ -44,6 +48,14 @@ def checked_count(name: str, value: Any, otherwise: str = "") -> int:
     """
     if not is_whole(value) or value < 1:
         raise ScenarioError(f"{name} = {value!r}: must be a whole number of at least 1{otherwise}")
+    return int(value)
+
+
+def checked_size(name: str, value: Any) -> int:
+    """Width or height of a picture [px]."""
+    low, high = LEAST_SIDE, MOST_SIDE
+    if not is_whole(value) or not low <= value <= high:
+        raise ScenarioError(f"{name} = {value!r}: must be a whole number of pixels from {low} to {high}")
     return int(value)
 
 
@@ -91,9 +103,9 @@ def flight_seed(options: dict[str, Any] | None, drawn: int) -> int:
     given = checked_options(options)
     seed = given.pop("flight_seed", drawn)
     if given:
-        raise ScenarioError(f"reset options {sorted(given)}: unknown; allowed: flight_seed")
-    if not is_whole(seed) or seed < 0:
-        raise ScenarioError(f"reset option flight_seed = {seed!r}: must be a whole number of at least 0")
+        raise ScenarioError(f"reset options {sorted(map(str, given))}: unknown; allowed: flight_seed")
+    if not is_whole(seed) or not 0 <= seed <= MAX_SEED:
+        raise ScenarioError(f"reset option flight_seed = {seed!r}: must be a whole number from 0 to {MAX_SEED}")
     return int(seed)
 
 
@@ -105,8 +117,8 @@ def flight_seeds(wanted: Any, count: int) -> list[Any]:
         return [wanted] * count
     if len(wanted) != count:
         raise ScenarioError(
-            f"reset option flight_seed = {wanted!r}: must be a whole number of at least 0, or one for each of the {count} "
-            f"flights, not {len(wanted)}"
+            f"reset option flight_seed = {wanted!r}: must be a whole number from 0 to {MAX_SEED}, or one for each of the "
+            f"{count} flights, not {len(wanted)}"
         )
     return list(wanted)
 

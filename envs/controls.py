@@ -210,7 +210,8 @@ class RoleLevel(ControlLevel):
     def hold(self, actions: NDArray[Any], boresight_N: Array, live: Mask) -> None:
         """See `ControlLevel`; a spacecraft told to look at itself holds its attitude."""
         choice = np.array(actions, np.int64).reshape(self.held.kind.shape)
-        _choose(choice, self._self, self._kinds, self._spacecraft, self._vectors, boresight_N, live, self.held)
+        if not _choose(choice, self._self, self._kinds, self._spacecraft, self._vectors, boresight_N, live, self.held):
+            raise error.InvalidAction(f"choices {choice.tolist()}: must be 0 to {len(self._kinds) - 1}")
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -223,8 +224,11 @@ def _choose(
     boresight_N: Array,
     live: Mask,
     held: Targets,
-) -> None:
+) -> bool:
     last = kinds.shape[0] - 1  # to hold the attitude
+    for c in choice.flat:
+        if c < 0 or c > last:
+            return False
     for e in range(choice.shape[0]):
         if not live[e]:
             continue
@@ -235,6 +239,7 @@ def _choose(
             if not goes_on:
                 for k in range(3):
                     held.vector[e, j, k] = boresight_N[e, j, k] if c == last else vectors[c, k]
+    return True
 
 
 LEVELS = ("torque", "pointing", "role")
@@ -267,10 +272,12 @@ def check_action(space: spaces.Space[Any], action: Any) -> NDArray[Any]:
     """
     try:
         given = np.asarray(action)
+        if given.dtype.kind not in "biuf":
+            raise TypeError
         with np.errstate(invalid="ignore"):
             array = given.astype(space.dtype, copy=False)
         exact = array is given or space.dtype == np.float32 or np.array_equal(array, given)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         exact, array = False, action
     if not exact or not space.contains(array):
         raise error.InvalidAction(f"action {action!r} does not lie in the action space {space}")

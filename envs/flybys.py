@@ -112,7 +112,7 @@ class Flybys(Ledger):
         setting, flights = self.setting, self.flights
         live = self._everyone if live is None else live
         self.level.hold(actions, self.known.C_BN[:, :, 2], live)
-        self._before, self.now = self.now, self._before
+        self.before, self.now = self.now, self.before
         flights.effort[:] = 0.0
         area, flying = np.zeros(self.count), live.copy()
         due = self._due()

@@ -58,6 +58,7 @@ class Ledger:
         count: Number of flights E.
         books: What they have come to.
         now: The instant between two steps, in truth.
+        before: The one a step earlier.
         known: Attitudes and rates at that instant as the flight software has them.
         observation: Of every flight, shape (E, F).
         percent: Seen share of the target, shape (E,) [%].
@@ -76,7 +77,7 @@ class Ledger:
             closed=np.zeros((count, n), np.bool_),
             lost=np.zeros((count, n), np.bool_),
         )
-        self._before, self.now, self._picture = (_moment(count, n, wheels) for _ in range(3))
+        self.before, self.now, self._picture = (_moment(count, n, wheels) for _ in range(3))
         self.known = Known(np.zeros((count, n, 4)), np.zeros((count, n, 3)), np.zeros((count, n, 3, 3)))
         space = setting.readings.space
         self.observation = np.zeros((count, *space.shape), np.float32)
@@ -145,7 +146,7 @@ class Ledger:
         self._know(live)
         step_kernels.end_step(
             self.setting.mission,
-            self._before,
+            self.before,
             self.now,
             self.known,
             self.books,

@@ -6,6 +6,7 @@ env = swarm_observe_v0.parallel_env(control="role")
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from types import SimpleNamespace
 from typing import Any, ClassVar
 
@@ -92,6 +93,7 @@ class SwarmObserveParallelEnv(ParallelEnv[str, Observation, Any]):
         self.observation_spaces = {name: _local_space(self.setting.readings, plan.n) for name in self._number}
         self.state_space: spaces.Box = self.setting.readings.space
         self._random = seeding.np_random()[0]
+        self._begun = False
 
     @property
     def flybys(self) -> Flybys:
@@ -115,6 +117,7 @@ class SwarmObserveParallelEnv(ParallelEnv[str, Observation, Any]):
         known = {name: value for name, value in checked_options(options).items() if name == "flight_seed"}
         chosen = flight_seed(known, int(self._random.integers(2**31)))
         self.flybys.reset(0, chosen)
+        self._begun = True
         self.agents = list(self.possible_agents)
         info = info_of(self.flybys, 0) | {"flight_seed": chosen}
         return self._observations(), {agent: dict(info) for agent in self.agents}
@@ -140,6 +143,8 @@ class SwarmObserveParallelEnv(ParallelEnv[str, Observation, Any]):
         info = info_of(flybys, 0) | {"reward_terms": dict(zip(TERMS, step.terms[0].tolist(), strict=True))}
         if end:
             info["end"] = end
+        if end == "diverged":
+            info["cause"] = flybys.flights.causes[0]
         observations = self._observations()
         rewards = dict.fromkeys(flew, float(step.reward[0]))
         terminations = {agent: bool(end) or bool(lost[self._number[agent]]) for agent in flew}
@@ -149,6 +154,8 @@ class SwarmObserveParallelEnv(ParallelEnv[str, Observation, Any]):
         return observations, rewards, terminations, truncations, infos
 
     def _joined(self, actions: PerAgent) -> NDArray[Any]:
+        if not isinstance(actions, Mapping):
+            raise ScenarioError(f"actions = {actions!r}: must be a mapping from agents to actions")
         missing, strange = set(self.agents) - set(actions), set(actions) - set(self.agents)
         if missing or strange:
             raise ScenarioError(
@@ -165,7 +172,9 @@ class SwarmObserveParallelEnv(ParallelEnv[str, Observation, Any]):
         whole = flybys.observation[0]
         readings = self.setting.readings
         block, tail = whole[: readings.features * n].reshape(n, readings.features), whole[readings.features * n :]
-        r_A, alive = flybys.now.r_A[0], ~flybys.books.lost[0]
+        # As the other readings, those of a flight that has diverged are the last that were finite.
+        now = flybys.now if flybys.flights.finite[0] else flybys.before
+        r_A, alive = now.r_A[0], ~flybys.books.lost[0]
         known = np.column_stack([*(block[:, readings.columns[name]] for name in ("stored", "imaging")), alive])
         out = {}
         for agent in self.agents:
@@ -182,6 +191,8 @@ class SwarmObserveParallelEnv(ParallelEnv[str, Observation, Any]):
             gymnasium.logger.warn("render() draws nothing: make the environment with render_mode='rgb_array'")
             return None
         _ = self.flybys
+        if not self._begun:
+            raise gymnasium.error.ResetNeeded("swarm_observe_v0: there is nothing to draw before the first reset")
         return self._picture.draw()
 
     def state(self) -> Observation:

@@ -58,8 +58,11 @@ def make_patches(region: TargetRegion, count: int) -> Patches:
         ScenarioError: The count is no square number, or so large that a patch holds no cell.
     """
     k = isqrt(max(count, 0)) if is_whole(count) else 0
-    if k < 1 or k * k != count:
-        raise ScenarioError(f"patches = {count!r}: must be a whole square number such as 4, 9, 16 or 25")
+    if k < 1 or k * k != count or count > region.n_cells:
+        raise ScenarioError(
+            f"patches = {count!r}: must be a whole square number such as 4, 9, 16 or 25, and at most the number of "
+            f"cells of this target, {region.n_cells}"
+        )
     column, row = np.clip(np.floor((tangents(region, region.centroid_A).T + 1.0) * (0.5 * k)), 0, k - 1).astype(int)
     of_cell = k * row + column
     area = np.asarray(np.bincount(of_cell, region.area, count), dtype=np.float64)

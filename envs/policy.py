@@ -245,6 +245,14 @@ class ArrayPolicy:
         for name, value in found.items():
             if self.about.get(name) != value:
                 raise ScenarioError(f"policy: trained for {name} = {self.about.get(name)!r}, but it is {value!r} here")
+        # A choice that does not exist must not reach the flight.
+        offered = self.geometry.count, self.weights["W4"].shape[0], self.weights["b4"].shape[0]
+        asked = setting.patches.count, setting.plan.n + 3, setting.plan.n + 3
+        if offered != asked:
+            raise ScenarioError(
+                f"policy: its arrays offer {offered[0]} patches and {offered[1]} (W4) or {offered[2]} (b4) further choices, "
+                f"but here are {asked[0]} and {asked[1]}"
+            )
 
 
 def describe(setting: Setting) -> dict[str, Any]:

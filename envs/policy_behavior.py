@@ -230,7 +230,7 @@ class Followed(Ledger):
         tick, everyone = int(self.flights.tick[0]), np.ones(1, np.bool_)
         # Nothing is decided at the end of a flight: the last picture is that of the last step.
         if begins or (tick % setting.ticks == 0 and tick < setting.last_tick):
-            self._before, self.now = self.now, self._before
+            self.before, self.now = self.now, self.before
             self._look(self.now, everyone)
             self._end_step(everyone, 0.0 if begins else setting.step_s)
             self._level.hold(act(self.observation[0])[None], self.now.C_BN[:, :, 2], everyone)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from swarm_mj.observation.observer import ObserverKind
 from swarm_mj.scenarios.schema import Scenario
 
-from .arguments import checked_count, checked_render_mode, flight_seed
+from .arguments import checked_render_mode, checked_size, flight_seed
 from .controls import check_action
 from .flybys import Flybys
 from .overview import EpisodePicture
@@ -169,7 +169,7 @@ times step over duration |
     ) -> None:
         self._flybys: Flybys | None = None
         self._window: Window | None = None
-        self._size = width, height = checked_count("width", width), checked_count("height", height)
+        self._size = width, height = checked_size("width", width), checked_size("height", height)
         self.render_mode = checked_render_mode(render_mode, self.metadata["render_modes"])
         self.setting = make_setting(
             scenario,

@@ -70,7 +70,7 @@ class SwarmObserveVectorEnv(VectorEnv[Any, Any, Any]):
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._random = [seeding.np_random()[0] for _ in range(num_envs)]
-        self._over, self._begun = np.zeros(num_envs, np.bool_), False
+        self._over, self._begun = np.zeros(num_envs, np.bool_), np.zeros(num_envs, np.bool_)
 
     @property
     def lanes(self) -> Lanes:
@@ -103,7 +103,7 @@ class SwarmObserveVectorEnv(VectorEnv[Any, Any, Any]):
         chosen = flight_seeds(given.pop("flight_seed", None), self.num_envs)
         flights = {int(e): self._draw(int(e), given, chosen[e]) for e in np.flatnonzero(mask)}
         self.lanes.reset(flights)
-        self._over[mask], self._begun = False, True
+        self._over[mask], self._begun[mask] = False, True
         infos = self._infos(mask)
         _put(infos, "flight_seed", flights, self.num_envs)
         return self.lanes.observation, infos
@@ -117,9 +117,9 @@ class SwarmObserveVectorEnv(VectorEnv[Any, Any, Any]):
 
         Raises:
             gymnasium.error.InvalidAction: The actions do not lie in the action space.
-            gymnasium.error.ResetNeeded: `reset` was never called, or with autoreset disabled a flight is over.
+            gymnasium.error.ResetNeeded: A flight was never begun, or with autoreset disabled one is over.
         """
-        if not self._begun or (self._mode is AutoresetMode.DISABLED and self._over.any()):
+        if not self._begun.all() or (self._mode is AutoresetMode.DISABLED and self._over.any()):
             raise gymnasium.error.ResetNeeded("SwarmObserve-v0: an episode is over or has not begun; call reset first")
         array = check_action(self.action_space, actions)
         began = self._restart() if self._mode is AutoresetMode.NEXT_STEP and self._over.any() else {}
@@ -150,6 +150,7 @@ class SwarmObserveVectorEnv(VectorEnv[Any, Any, Any]):
         for e in np.flatnonzero(over):
             final_obs[e] = last[e].copy()
         fresh = self._infos(np.ones(self.num_envs, np.bool_))
+        fresh |= {"reward_terms": infos["reward_terms"], "_reward_terms": infos["_reward_terms"] & ~over}
         fresh |= {"final_obs": final_obs, "_final_obs": over, "final_info": infos, "_final_info": over}
         self._over[:] = False
         return self.lanes.observation, fresh, began
@@ -201,7 +202,10 @@ def _checked_mode(given: Any) -> AutoresetMode:
 def _mask(given: Any, count: int) -> Mask:
     if given is None:
         return np.ones(count, np.bool_)
-    mask = np.asarray(given)
+    try:
+        mask = np.asarray(given)
+    except ValueError:  # rows of different lengths
+        mask = np.zeros(0)
     if mask.shape != (count,) or mask.dtype != np.bool_ or not mask.any():
         raise ScenarioError(
             f"reset option reset_mask: must be {count} booleans, at least one of them true, not {given!r}"

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from swarm_mj.drawing.decorations import NextGeom
 from swarm_mj.drawing.model import BODY_GROUP, SPACECRAFT_GROUP, DrawingModel
 from swarm_mj.errors import ObserverError
+from swarm_mj.observation.gl_context import check_fork, own_context
 
 Array = NDArray[np.float64]
 
@@ -76,15 +77,17 @@ class Canvas:
         height: Of the whole picture [pixel].
 
     Raises:
-        ObserverError: OpenGL cannot be loaded here.
+        ObserverError: OpenGL cannot be loaded here, or this process was forked from one that has used it.
     """
 
     def __init__(self, model: DrawingModel, width: int, height: int) -> None:
         self.model, self.width, self.height = model, width, height
         self._gl: Any = None
         self._context: Any = None
+        check_fork()
         try:
             self._gl = _gl_context(width, height)
+            self._owner = own_context()
             self._gl.make_current()
             self._context = mujoco.MjrContext(model.mjmodel, mujoco.mjtFontScale.mjFONTSCALE_100)
         except Exception as error:  # whatever the platform's OpenGL loader raises
@@ -144,11 +147,11 @@ class Canvas:
         return np.ascontiguousarray(self._pixels[::-1])
 
     def close(self) -> None:
-        """Release the OpenGL context; may be called again."""
-        if self._context is not None:
-            self._make_current()
-            self._context.free()
-        if self._gl is not None:
+        """Release the OpenGL context; may be called again. In another thread or process the end of the owner does so."""
+        if self._gl is not None and self._owner.is_here():
+            if self._context is not None:
+                self._make_current()
+                self._context.free()
             self._gl.free()
         self._context = self._gl = None
 
@@ -156,6 +159,7 @@ class Canvas:
         # Other contexts of this thread (face-ID buffers) may have been used since.
         if self._gl is None:
             raise ObserverError("this drawing was closed; make a new one")
+        self._owner.check()
         self._gl.make_current()
 
     def _next_geom(self) -> mujoco.MjvGeom | None:

@@ -9,6 +9,8 @@ import numpy as np
 from swarm_mj.drawing.cameras import CHASE, OVERVIEW, SPLIT, spacecraft_number
 from swarm_mj.drawing.canvas import Box
 
+#: Sizes that can be drawn and encoded [pixel].
+LEAST_SIDE, MOST_SIDE = 64, 8192
 #: Share of a split picture that the overview takes.
 OVERVIEW_SHARE = 0.62
 #: What is left beside the square picture of one camera holds the overview from this share of the square's side on.

@@ -14,7 +14,7 @@ from swarm_mj.drawing.cameras import OVERVIEW, FreeView, chase, magnification_fo
 from swarm_mj.drawing.canvas import Box, Canvas, Projection
 from swarm_mj.drawing.decorations import decorate, sights
 from swarm_mj.drawing.instant import Instant
-from swarm_mj.drawing.layout import layout_of
+from swarm_mj.drawing.layout import LEAST_SIDE, MOST_SIDE, layout_of
 from swarm_mj.drawing.lettering import MAX_NAMED, Corner, Lettering, Line, clock, deed, roles
 from swarm_mj.drawing.model import build_drawing_model
 from swarm_mj.drawing.palette import MODES, TEXT
@@ -25,8 +25,6 @@ from swarm_mj.planning import Plan
 Array = NDArray[np.float64]
 Pixels = NDArray[np.uint8]
 
-#: Sizes that can be drawn and encoded [pixel].
-LEAST_SIDE, MOST_SIDE = 64, 8192
 #: Height of a picture in which lines have their nominal width [pixel].
 NOMINAL_HEIGHT = 600
 #: Brightness, of 255, of what a camera sees at least where it sees anything.

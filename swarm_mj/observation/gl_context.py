@@ -21,31 +21,59 @@ _INSTALL_HINT: Final = "on Debian or Ubuntu install it with `apt-get install lib
 
 
 @dataclass(frozen=True)
-class _Owner:
-    """The process and thread that a context belongs to."""
+class ContextOwner:
+    """The process and thread that an OpenGL context belongs to."""
 
     pid: int = field(default_factory=os.getpid)
     thread: int = field(default_factory=threading.get_ident)
 
     def check(self) -> None:
+        """Raise an `ObserverError` in any other process or thread."""
+        self.check_process()
+        if self.thread != threading.get_ident():
+            raise ObserverError(
+                "the OpenGL context belongs to another thread of this process: observe and draw from the thread that did "
+                "so first, use one process per worker (spawn), or use the raycast observer"
+            )
+
+    def check_process(self) -> None:
+        """Raise an `ObserverError` in a forked child."""
         if self.pid != os.getpid():
             raise ObserverError(
                 f"process {os.getpid()} was forked from {self.pid} after that made its OpenGL context, which a fork "
                 "cannot share: start workers with multiprocessing.get_context('spawn'), or use the raycast observer"
             )
-        if self.thread != threading.get_ident():
-            raise ObserverError(
-                "the OpenGL context belongs to another thread of this process: observe from the thread that made the "
-                "first face-ID observer, use one process per worker (spawn), or use the raycast observer"
-            )
+
+    def is_here(self) -> bool:
+        """Whether the caller may use the context."""
+        return self.pid == os.getpid() and self.thread == threading.get_ident()
 
 
 class _Slot:
     """The one place where the process keeps its context; OpenGL itself leaves no choice but a global."""
 
     context: Any = None
-    owner: _Owner | None = None
+    owner: ContextOwner | None = None
     failure: str | None = None
+    #: Who made the first context of any kind in this process or in one that it was forked from.
+    first: ContextOwner | None = None
+
+
+def check_fork() -> None:
+    """Refuse to make an OpenGL context in a forked child of a process that has made one: the driver would hang.
+
+    Raises:
+        ObserverError: This is such a child.
+    """
+    if _Slot.first is not None:
+        _Slot.first.check_process()
+
+
+def own_context() -> ContextOwner:
+    """To be called when an OpenGL context has been made: its owner."""
+    owner = ContextOwner()
+    _Slot.first = _Slot.first or owner
+    return owner
 
 
 def current_context() -> Any:
@@ -54,6 +82,7 @@ def current_context() -> Any:
     Raises:
         ObserverError: OpenGL cannot be loaded, or the caller is a forked child or another thread.
     """
+    check_fork()
     if _Slot.owner is not None:
         _Slot.owner.check()
     if _Slot.context is None:
@@ -80,11 +109,7 @@ def may_release(context: Any) -> bool:
     """Whether GL objects of `context` can be deleted by the caller; elsewhere their process's end frees them."""
     if sys.is_finalizing() or _Slot.owner is None or context is not _Slot.context:
         return False
-    try:
-        _Slot.owner.check()
-    except ObserverError:
-        return False
-    return True
+    return _Slot.owner.is_here()
 
 
 def _create() -> None:
@@ -96,4 +121,4 @@ def _create() -> None:
         reason = str(error).strip() or type(error).__name__
         _Slot.failure = f"OpenGL 3.3 cannot be loaded ({reason}); {_INSTALL_HINT}, or use the raycast observer"
         return
-    _Slot.context, _Slot.owner = context, _Owner()
+    _Slot.context, _Slot.owner = context, own_context()

@@ -1,5 +1,8 @@
 """Pictures: where things stand in them, against ray casting and plain projection."""
 
+import os
+import subprocess
+import sys
 from dataclasses import replace
 
 import mujoco
@@ -280,6 +283,48 @@ def test_contexts_are_released_by_closing_and_by_failing(replay, monkeypatch):
     with pytest.raises(ObserverError, match="pictures need OpenGL.*FatalError: no"):
         Drawing(replay.plan, replay.path_N, width=64, height=64)
     assert not alive
+
+
+FOREIGN = """
+import os, threading
+from swarm_mj.drawing.live import planned_path
+from swarm_mj.drawing.picture import Drawing
+from swarm_mj.errors import ObserverError
+from swarm_mj.planning import make_plan
+from swarm_mj.scenarios.loading import load_scenario
+
+plan = make_plan(load_scenario("eros-quick", ["observation.observer=raycast"]))
+make = lambda: Drawing(plan, planned_path(plan), width=64, height=64)
+drawing, found = make(), []
+
+def tried(word, attempt):
+    try:
+        attempt()
+        found.append("nothing")
+    except ObserverError as error:
+        found.append(word if word in str(error) else error)
+
+thread = threading.Thread(target=tried, args=("thread", drawing._canvas.clear))
+thread.start()
+thread.join()
+child = os.fork()
+if child == 0:
+    tried("forked", make)
+    tried("forked", drawing._canvas.clear)
+    drawing.close()
+    print(*found, flush=True)
+    os._exit(0)
+os.waitpid(child, 0)
+drawing._canvas.clear()
+drawing.close()
+print("parent")
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="this system does not fork")
+def test_a_drawing_is_no_use_in_a_forked_child_or_another_thread_and_says_so(gl):
+    done = subprocess.run([sys.executable, "-c", FOREIGN], capture_output=True, text=True, timeout=120)
+    assert done.stdout.splitlines() == ["thread forked forked", "parent"], done.stderr
 
 
 def test_the_clock_reads_minutes_and_hours():

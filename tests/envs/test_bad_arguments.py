@@ -22,8 +22,10 @@ from .flights import ID
         ({"complete": "99"}, ["complete = '99'", "number above 0 and at most 100"]),
         ({"bits_per_pixel": "1"}, ["bits_per_pixel = '1'", "positive number"]),
         ({"scenario": 3}, ["scenario = 3", "packaged name", "YAML"]),
-        ({"width": "640"}, ["width = '640'", "whole number of at least 1"]),
-        ({"height": 0}, ["height = 0", "whole number of at least 1"]),
+        ({"patches": 2**70}, ["patches = 1180591620717411303424", "number of cells of this target, 552"]),
+        ({"width": "640"}, ["width = '640'", "whole number of pixels from 64 to 8192"]),
+        ({"height": 0}, ["height = 0", "whole number of pixels from 64 to 8192"]),
+        ({"height": 100_000}, ["height = 100000", "from 64 to 8192"]),
     ],
 )
 def test_arguments(arguments, words):
@@ -57,6 +59,9 @@ def test_options_and_seeds_of_the_vector_environment():
         ({"options": {"flight_seed": [1]}}, r"flight_seed = \[1\].*each of the 2 flights, not 1"),
         ({"options": {"flight_seed": [1, 2.5]}}, r"flight_seed = 2.5: must be a whole number"),
         ({"options": {"flight_seed": "a"}}, r"flight_seed = 'a': must be a whole number"),
+        ({"options": {"flight_seed": 2**63}}, r"flight_seed = 9223372036854775808: must be .* to 9223372036854775807"),
+        ({"options": {"foo": 1, 3: 2}}, r"reset options \['3', 'foo'\]: unknown; allowed: flight_seed"),
+        ({"options": {"reset_mask": [True, [False]]}}, r"reset_mask: must be 2 booleans"),
         ({"options": [1]}, r"reset options = \[1\]: must be a mapping"),
         ({"seed": 2.5}, r"seed = 2.5: must be a whole number"),
         ({"seed": [1, "b"]}, r"seed = 'b': must be a whole number"),
@@ -79,4 +84,17 @@ def test_options_of_the_single_environment(options):
     env = gymnasium.make(ID).unwrapped
     with pytest.raises(ScenarioError, match=r"reset options = .*must be a mapping"):
         env.reset(options=options)
+    env.close()
+
+
+@pytest.mark.parametrize("control", ["role", "pointing", "torque"])
+def test_actions_that_are_no_numbers_or_none_of_this_size_are_refused_and_the_environment_goes_on(control):
+    env = gymnasium.make(ID, control=control, disable_env_checker=True).unwrapped
+    env.reset(seed=0)
+    size = env.action_space.shape[0]
+    strange = [["0.5"] * size, [0.5 + 1j] * size, [10**400] * size, [2**70] * size, [None] * size]
+    for action in [*strange, np.zeros(size, "m8[s]"), [b"0"] * size]:
+        with pytest.raises(gymnasium.error.InvalidAction, match="does not lie in the action space"):
+            env.step(action)
+    assert np.isfinite(env.step(env.action_space.sample())[0]).all()
     env.close()

@@ -89,6 +89,24 @@ def test_an_agent_that_hits_the_body_leaves_and_the_others_go_on(env):
     assert np.isfinite(env.state()).all()
 
 
+@pytest.mark.parametrize("what", ["position", "velocity"])
+def test_a_flight_that_diverges_ends_with_its_cause_and_its_last_finite_readings(env, what):
+    env.reset(seed=0)
+    before, *_ = env.step(dict.fromkeys(env.agents, CENTRE))
+    place(env.flybys.flights, 0, 0, **{what: [np.nan] * 3})
+    observations, _, terminations, _, infos = env.step(dict.fromkeys(env.agents, CENTRE))
+    assert all(terminations.values()) and infos["sc1"]["end"] == "diverged" and "sc1" in infos["sc1"]["cause"]
+    assert all(observations[name] in env.observation_space(name) for name in observations)
+    assert np.array_equal(observations["sc2"], before["sc2"])
+
+
+def test_there_is_nothing_to_draw_before_the_first_reset():
+    env = swarm_observe_v0.parallel_env(render_mode="rgb_array")
+    with pytest.raises(gymnasium.error.ResetNeeded):
+        env.render()
+    env.close()
+
+
 def test_missing_strange_and_impossible_actions_are_clear_errors(env):
     with pytest.raises(gymnasium.error.ResetNeeded):
         env.step({})
@@ -99,3 +117,5 @@ def test_missing_strange_and_impossible_actions_are_clear_errors(env):
         env.step(dict.fromkeys([*env.agents, "sc9"], CENTRE))
     with pytest.raises(gymnasium.error.InvalidAction):
         env.step(dict.fromkeys(env.agents, 99))
+    with pytest.raises(ScenarioError, match="actions = None: must be a mapping"):
+        env.step(None)

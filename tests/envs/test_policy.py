@@ -131,6 +131,25 @@ def test_a_policy_for_another_swarm_is_refused(env, random_policy):
         other.check(env.setting)
 
 
+@pytest.mark.parametrize("rows", [-1, 100])
+def test_a_policy_whose_arrays_give_other_choices_than_it_says_is_refused(rows, env, random_policy):
+    weights = dict(random_policy.weights)
+    size = weights["W4"].shape[0] + rows
+    for name in ("W4", "b4"):
+        weights[name] = np.resize(weights[name], (size, *weights[name].shape[1:]))
+    for given in (weights, {**weights, "W4": random_policy.weights["W4"]}):
+        with pytest.raises(ScenarioError, match=r"arrays offer 16 patches and .* but here are 16 and 8"):
+            replace(random_policy, weights=given).check(env.setting)
+
+
+def test_a_choice_that_does_not_exist_is_refused_whoever_makes_it(env):
+    env.reset(seed=0)
+    for choice in (-1, 24, 10**12):
+        with pytest.raises(gymnasium.error.InvalidAction, match="choices .* must be 0 to 23"):
+            env.flybys.step(np.full((1, 5), choice))
+    env.flybys.step(np.full((1, 5), 23))
+
+
 def fly_in_environment(env, act):
     observation, info = env.reset(seed=0, options={"flight_seed": SEED})
     done = False

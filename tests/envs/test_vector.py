@@ -176,6 +176,32 @@ def test_same_step_mode_gives_the_end_in_final_obs_and_goes_on(scenario):
     vector.close()
 
 
+def test_same_step_mode_tells_the_reward_terms_of_the_flights_that_go_on(scenario):
+    vector = gymnasium.make_vec(ID, num_envs=2, scenario=scenario, autoreset_mode="SameStep")
+    vector.reset(seed=5)
+    action = np.full((2, 5), 16)
+    for _ in range(5):
+        vector.step(action)
+    vector.reset(options={"reset_mask": np.array([True, False])})
+    for _ in range(7):
+        _, rewards, _, truncated, infos = vector.step(action)
+    assert truncated.tolist() == [False, True] and infos["_reward_terms"].tolist() == [True, False]
+    assert sum(term[0] for term in infos["reward_terms"].values()) == pytest.approx(rewards[0], abs=1e-12)
+    vector.close()
+
+
+@pytest.mark.parametrize("mode", ["NextStep", "SameStep", "Disabled"])
+def test_flights_that_were_never_begun_are_not_flown(mode):
+    vector = gymnasium.make_vec(ID, num_envs=2, autoreset_mode=mode)
+    vector.reset(seed=0, options={"reset_mask": np.array([True, False])})
+    with pytest.raises(gymnasium.error.ResetNeeded):
+        vector.step(np.full((2, 5), 16))
+    vector.reset(options={"reset_mask": np.array([False, True])})
+    _, _, terminated, _, _ = vector.step(np.full((2, 5), 16))
+    assert not terminated.any()
+    vector.close()
+
+
 def test_disabled_mode_asks_for_a_reset_of_the_flights_that_ended(scenario):
     vector = gymnasium.make_vec(ID, num_envs=3, scenario=scenario, autoreset_mode="Disabled")
     vector.reset(seed=0)

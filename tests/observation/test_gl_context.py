@@ -161,7 +161,7 @@ def no_gl(monkeypatch):
         raise OSError("libEGL.so.1: cannot open shared object file")
 
     monkeypatch.setattr("moderngl.create_context", fail)
-    for name in ("context", "owner", "failure"):
+    for name in ("context", "owner", "failure", "first"):
         monkeypatch.setattr(gl_context._Slot, name, None)
 
 
