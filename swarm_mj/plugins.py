@@ -12,13 +12,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from importlib.metadata import entry_points
+from pathlib import Path
+from traceback import extract_tb
 from typing import Any
 
-from swarm_mj.errors import PluginError
+import numpy as np
+from numpy.typing import NDArray
+
+from swarm_mj.errors import PluginError, SwarmError
 
 CONTROLLERS = "swarm_mj.controllers"
 GRAVITY = "swarm_mj.gravity"
 BEHAVIORS = "swarm_mj.behaviors"
+#: What a plug-in of each group must have.
+MEMBERS = {CONTROLLERS: ("torque",), GRAVITY: ("acceleration",), BEHAVIORS: ("targets", "dedicated_communications")}
 
 
 def names(group: str) -> list[str]:
@@ -49,6 +56,65 @@ def create(group: str, name: str, parameters: Mapping[str, Any], *context: Any) 
     """
     factory = find(group, name)
     try:
-        return factory(*context, **parameters)
-    except (TypeError, ValueError, ArithmeticError) as error:
-        raise PluginError(f"{name!r} of {group} with parameters {dict(parameters)}: {error}") from error
+        plugin = factory(*context, **parameters)
+    except SwarmError:
+        raise
+    except Exception as error:
+        raise PluginError(f"{name!r} of {group} with parameters {dict(parameters)}: {in_words(error)}") from error
+    missing = [member for member in MEMBERS[group] if not hasattr(plugin, member)]
+    if missing:
+        raise PluginError(
+            f"{name!r} of {group}: {name_of(plugin)} has no {missing[0]}, which every one of them must have"
+        )
+    return plugin
+
+
+def as_array(given: Any, shape: tuple[int, ...], kind: type, what: str) -> NDArray[Any]:
+    """Numbers as an array for compiled code.
+
+    Args:
+        given: What a plug-in gave.
+        shape: What it must have.
+        kind: `np.float64` or `np.int64`.
+        what: Stands before "has shape ..." in the error.
+
+    Raises:
+        PluginError: It is no such array.
+    """
+    if type(given) is np.ndarray and given.dtype == kind and given.shape == shape and given.flags.c_contiguous:
+        return given
+    try:
+        array = np.asarray(given)
+    except ValueError:  # rows of different lengths
+        raise PluginError(f"{what} is {shown(given)}: must be an array of shape {shape}") from None
+    if array.shape != shape:
+        raise PluginError(f"{what} has shape {array.shape}: must be {shape}")
+    if array.dtype.kind not in ("biuf" if kind is np.float64 else "iu"):
+        numbers = "numbers" if kind is np.float64 else "whole numbers"
+        raise PluginError(f"{what} holds {array.dtype}: must be {numbers}")
+    return np.ascontiguousarray(array, kind)
+
+
+def failure_of(plugin: object, role: str, method: str, error: Exception) -> PluginError:
+    """The project's error for what a plug-in raised: whose it is, and where."""
+    last = extract_tb(error.__traceback__)[-1]
+    return PluginError(
+        f"the {role} {name_of(plugin)} failed in {method}: {type(error).__name__}: {in_words(error)} "
+        f"({Path(last.filename).name}, line {last.lineno})"
+    )
+
+
+def name_of(plugin: object) -> str:
+    """Module and class of a plug-in."""
+    return f"{type(plugin).__module__}.{type(plugin).__qualname__}"
+
+
+def in_words(error: Exception) -> str:
+    """What an error says, in one line of bounded length."""
+    return " ".join(str(error).split())[:300] or type(error).__name__
+
+
+def shown(value: Any) -> str:
+    """A value in one line of bounded length."""
+    text = " ".join(repr(value).split())
+    return text if len(text) <= 80 else f"{text[:77]}..."

@@ -168,6 +168,13 @@ class AdverseLoop:
             self.flight.rest(t, int(j), "diverged", "its state was not finite; held where it was", None)
         data.qacc_warmstart[:] = 0.0
 
+    def without_torque(self, t: float, torque_B: Array) -> Array:
+        """Give up the spacecraft whose control law gives no finite torque; the torques of the others, shape (n, 3) [N m]."""
+        bad = np.asarray(~np.isfinite(torque_B).all(axis=1))
+        for j in np.flatnonzero(bad & ~self.flight.lost):
+            self.flight.rest(t, int(j), "diverged", "its control law gave no finite torque; held where it was", None)
+        return np.where(bad[:, None], 0.0, torque_B)
+
     def impact(self, t: float, j: int, r_A: Array) -> None:
         """Record an impact; the spacecraft lies where it hit."""
         latitude, longitude = sub_point(r_A, np.eye(3))

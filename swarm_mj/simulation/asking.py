@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarm_mj.mission.behaviors import Behavior, SteadyBehavior, SwarmView, Targets
+from swarm_mj.simulation.answers import ask_for_targets, ask_how_long
 
 #: Most control periods for which a behaviour is not asked.
 LONGEST_REST = 1_000_000
@@ -37,10 +38,14 @@ class Asking:
         self._memories[e], self.due[e] = None, 0
 
     def ask(self, e: int, view: SwarmView, tick: int) -> Targets:
-        """Targets of a flight at the instant of a view."""
-        targets, memory = self.behaviors[e].targets(view, self._memories[e])
+        """Targets of a flight at the instant of a view.
+
+        Raises:
+            PluginError: The behaviour fails, or answers something else than its protocol says.
+        """
+        targets, memory = ask_for_targets(self.behaviors[e], view, self._memories[e])
         steady, self._memories[e] = self._steady[e], memory
-        rest = 0.0 if steady is None else steady.steady_for(view, memory) / self._period
+        rest = 0.0 if steady is None else ask_how_long(steady, view, memory) / self._period
         self.due[e] = tick + max(1, int(min(rest, LONGEST_REST)))
         return targets
 

@@ -16,13 +16,14 @@ from numpy.typing import NDArray
 
 from swarm_mj.attitude.controllers.base import Controller
 from swarm_mj.attitude.mrp import quaternion_from_mrp
-from swarm_mj.errors import PluginError
+from swarm_mj.errors import PluginError, SimulationError
 from swarm_mj.mission.behaviors import Behavior, Targets
 from swarm_mj.simulation import flight_kernels
+from swarm_mj.simulation.answers import divergence_of
 from swarm_mj.simulation.asking import Asking, view_of
-from swarm_mj.simulation.compiled import make_world
+from swarm_mj.simulation.compiled import make_world, why_not_compiled
 from swarm_mj.simulation.flight_kernels import ADVANCE, DECIDE, FINE, NEVER, NOT_FINITE, SENSELESS, WHOLE, no_flights
-from swarm_mj.simulation.integrator import Integrator
+from swarm_mj.simulation.integrator import Integrator, timesteps_in
 from swarm_mj.simulation.kernels import Slot
 from swarm_mj.simulation.simulation import InitialState, Simulation
 from swarm_mj.spacecraft.model import NQ, NV
@@ -57,6 +58,9 @@ class BatchFlights:
         lost: Spacecraft lost to faults, of which a batch knows none, shape (E, n).
         blind: Spacecraft whose camera is off or that are lost; none in a batch, shape (E, n).
         effort: Sum of the squares of all motor torques since the caller last set it to zero, shape (E,) [N^2 m^2].
+
+    Raises:
+        SimulationError: Compiled code cannot fly this, see `why_not_compiled`.
     """
 
     def __init__(
@@ -68,7 +72,9 @@ class BatchFlights:
     ) -> None:
         self.model, self.environment, self.period = simulation.model, simulation.environment, simulation.period
         self.n, self.count = self.model.n, count
-        self._hold = round(self.period / self.model.mjmodel.opt.timestep)
+        if why := why_not_compiled(simulation, controller):
+            raise SimulationError(f"a batch of flights knows nothing of {why}; use SeparateFlights")
+        self._hold, self._controller = timesteps_in(self.period, self.model), controller
         self._world = make_world(simulation, controller)
         self._datas = [mujoco.MjData(self.model.mjmodel) for _ in range(count)]
         self._integrator = Integrator(self.model, *self._datas)
@@ -194,6 +200,5 @@ class BatchFlights:
         return bool(answer == FINE)
 
     def _divergence(self, e: int) -> str:
-        state = np.hstack((self._q[e], self._v[e]))
-        name = self.model.names[int(np.argmin(np.isfinite(state).all(axis=1)))]
-        return f"the flight diverged: {name} has a state that is not finite at t = {self.tick[e] * self.period:g} s"
+        state, t = np.hstack((self._q[e], self._v[e])), float(self.tick[e] * self.period)
+        return divergence_of(state, self.torque_B[e], self._controller, self.model.names, t)

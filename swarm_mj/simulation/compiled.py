@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,6 +10,9 @@ from numpy.typing import NDArray
 
 from swarm_mj.attitude.controllers.base import ControlInput, Controller
 from swarm_mj.attitude.controllers.compiled import CompiledController, CompiledLaw, address_of, numbers_of
+from swarm_mj.errors import PluginError
+from swarm_mj.plugins import failure_of, name_of, shown
+from swarm_mj.simulation.answers import ask_for_torque
 from swarm_mj.simulation.flight_kernels import Number, World
 from swarm_mj.simulation.kernels import Slot
 from swarm_mj.smallbody.gravity.spherical_harmonics import SphericalHarmonics
@@ -19,29 +23,42 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+#: Spacecraft for which a compiled law is compared with what it stands for.
+MOST_COMPARED = 8
 #: The wheel-speed limiter aims this far below the limit, for what the gyroscopic terms add within a hold.
 SPEED_MARGIN = 1e-4
+
+
+#: What a control law is given of the loop's work array, in the order of `ControlInput`.
+LAW_SLOTS = [Slot.SIGMA_BR, Slot.OMEGA_BR, Slot.OMEGA, Slot.OMEGA_R_B, Slot.DOMEGA_R_B, Slot.MOMENTUM]
 
 
 def control_inputs(work: Array, properties: SpacecraftProperties, period: float) -> ControlInput:
     """What control laws are given, as views of the loop's work array, see `Slot`."""
     n = work.shape[1]
-    return ControlInput(
-        sigma_BR=work[Slot.SIGMA_BR],
-        omega_BR_B=work[Slot.OMEGA_BR],
-        omega_BN_B=work[Slot.OMEGA],
-        omega_RN_B=work[Slot.OMEGA_R_B],
-        domega_RN_B=work[Slot.DOMEGA_R_B],
-        wheel_momentum_B=work[Slot.MOMENTUM],
-        inertia_B=np.repeat(properties.inertia_B[None], n, axis=0),
-        inertia_effective_B=np.repeat(properties.inertia_effective_B[None], n, axis=0),
-        period=period,
-    )
+    inertia_B = np.repeat(properties.inertia_B[None], n, axis=0)
+    inertia_effective_B = np.repeat(properties.inertia_effective_B[None], n, axis=0)
+    return inputs_from([work[slot] for slot in LAW_SLOTS], inertia_B, inertia_effective_B, period)
+
+
+def inputs_from(
+    vectors: Sequence[Array] | Array, inertia_B: Array, inertia_effective_B: Array, period: float
+) -> ControlInput:
+    """What control laws are given, from vectors in the order of `LAW_SLOTS`, shape (6, n, 3)."""
+    sigma_BR, omega_BR, omega, omega_R, domega_R, momentum = vectors
+    return ControlInput(sigma_BR, omega_BR, omega, omega_R, domega_R, momentum, inertia_B, inertia_effective_B, period)
 
 
 def law_of(controller: Controller | None) -> CompiledLaw | None:
     """The compiled law of a controller; None where it has none."""
-    return controller.compiled() if isinstance(controller, CompiledController) else None
+    if not isinstance(controller, CompiledController):
+        return None
+    law = controller.compiled()
+    if law is not None and not (isinstance(law, CompiledLaw) and callable(law.write_torque)):
+        raise PluginError(
+            f"the control law {name_of(controller)}: compiled must return a CompiledLaw or None, not {shown(law)}"
+        )
+    return law
 
 
 def why_not_compiled(simulation: Simulation, controller: Controller | None) -> str:
@@ -73,7 +90,10 @@ def make_world(simulation: Simulation, controller: Controller | None) -> World:
     assert isinstance(gravity, SphericalHarmonics)
     inputs, law = simulation._inputs, law_of(controller)
     if controller is not None:
-        controller.torque(inputs, None)  # refuses a control period that is too long, whatever the state
+        ask_for_torque(controller, inputs, None)  # refuses a control period that is too long, whatever the state
+    address = 0 if law is None else address_of(law)
+    if controller is not None and law is not None:
+        _compare(controller, law, inputs)
     numbers = np.zeros(int(Number.LAW))
     numbers[Number.PHASE0], numbers[Number.SPIN_RATE] = environment.phase0, environment.spin_rate
     numbers[Number.PERIOD], numbers[Number.MASS] = simulation.period, properties.mass
@@ -84,7 +104,7 @@ def make_world(simulation: Simulation, controller: Controller | None) -> World:
     numbers[Number.Q_P : Number.Q_P + 4] = simulation._q_P
     moving = [environment.spin_N, environment.earth.position, environment.earth.velocity]
     return World(
-        law=0 if law is None else address_of(law),
+        law=address,
         hub=np.ascontiguousarray(simulation.model.hub_body, np.int64),
         numbers=numbers if law is None else np.append(numbers, numbers_of(law)),
         frames=np.array([environment.C_PN, properties.wheel_axes_B, simulation._allocation, moving], np.float64),
@@ -92,3 +112,26 @@ def make_world(simulation: Simulation, controller: Controller | None) -> World:
         table=gravity._table,
         series=gravity._acceleration_series,
     )
+
+
+def _compare(controller: Controller, law: CompiledLaw, like: ControlInput) -> None:
+    """Try a compiled law on made-up errors, in Python, where it is seen to fail and to look beyond an array's end.
+
+    Raises:
+        PluginError: It fails, or gives other torques than `Controller.torque`.
+    """
+    n = min(len(like.sigma_BR), MOST_COMPARED)
+    made_up = 0.01 * np.random.default_rng(0).standard_normal((len(LAW_SLOTS), n, 3))
+    inputs = inputs_from(made_up, like.inertia_B[:n], like.inertia_effective_B[:n], like.period)
+    expected, _ = ask_for_torque(controller, inputs, None)
+    found = np.full((n, 3), np.nan)
+    try:
+        getattr(law.write_torque, "py_func", law.write_torque)(*inputs[:8], numbers_of(law), found)
+    except Exception as error:
+        raise failure_of(controller, "control law", "CompiledLaw.write_torque", error) from error
+    if not np.allclose(found, expected, rtol=1e-6, atol=1e-12):
+        j = int(np.argmax(~np.isclose(found, expected, rtol=1e-6, atol=1e-12).all(axis=1)))
+        raise PluginError(
+            f"the control law {name_of(controller)}: its CompiledLaw gives the torque {found[j].tolist()} N m where torque "
+            f"gives {expected[j].tolist()}"
+        )

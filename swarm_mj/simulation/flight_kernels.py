@@ -74,7 +74,7 @@ class Flights(NamedTuple):
         qpos: Positions, attitudes and wheel angles, shape (E, 10 n).
         qvel: Velocities in N, body rates and wheel speeds, shape (E, 9 n).
         tick: Control periods flown, shape (E,).
-        finite: False from the instant at which a number was not, shape (E,).
+        finite: False from the instant at which a number of the state or a torque was not, shape (E,).
         targets: Kind (`TargetKind`) and spacecraft to follow, now and at the previous decision, shape (E, 4, n).
         vector: Surface point in A [m] or direction in N, shape (E, n, 3).
         q: Attitudes and references, shape (E, 2, n, 4).
@@ -149,7 +149,7 @@ def fly(world: World, flights: Flights, swarms: Swarms, hold: int, part: int, li
         until: Ticks, shape (E,); a flight that has reached its own is left alone.
 
     Returns:
-        FINE, SENSELESS (targets, see `guide`) or NOT_FINITE (a state): the worst that came of a decision.
+        FINE, SENSELESS (targets, see `guide`) or NOT_FINITE (a state or a torque): the worst that came of a decision.
     """
     worst = FINE
     for e in range(live.shape[0]):
@@ -201,6 +201,12 @@ def _decide(world: World, flights: Flights, e: int, motion: Motion) -> int:
         return SENSELESS
     if world.law != 0:
         _control(world, work, flights.torque_B[e])
+    total = 0.0
+    for j in range(world.hub.shape[0]):
+        total += flights.torque_B[e, j, 0] + flights.torque_B[e, j, 1] + flights.torque_B[e, j, 2]
+    if not np.isfinite(total):
+        flights.finite[e] = False
+        return NOT_FINITE
     limits = numbers[_SPEED_GAIN : _MAX_SPEED + 1]
     actuate(flights.torque_B[e], world.frames[2], limits[0], limits[1], limits[2], work, ctrl, flights.peaks[e])
     for k in range(ctrl.shape[0]):

@@ -22,7 +22,8 @@ import numpy as np
 from numba import njit, types
 from numpy.typing import NDArray
 
-from swarm_mj.errors import SimulationError
+from swarm_mj.errors import ScenarioError, SimulationError
+from swarm_mj.scenarios.schema import is_multiple
 from swarm_mj.simulation.motion import STAGES, STEADY, WHOLE, Motion, Place, Swarms, motion_of, places_of
 from swarm_mj.simulation.native import load_mujoco
 from swarm_mj.spacecraft.gyrostat import NV_FREE, with_wheels
@@ -81,12 +82,33 @@ class Integrator:
             start=np.zeros(model.nq),
         )
 
+    def __reduce__(self) -> str:
+        """Refuse to be copied or pickled, and so every simulation: states stand in MuJoCo's memory and are known by address."""
+        raise TypeError(
+            "a simulation cannot be copied or pickled; make another one, reset it and set the state of its MjData (see "
+            "SwarmModel.set_state)"
+        )
+
     def step(self, nstep: int) -> None:
         """Integrate `nstep` timesteps with controls and applied forces held."""
         for e, data in enumerate(self._datas):
             step(self.swarms, e, nstep)
             if self.swarms.places[e, Place.METHOD] != WHOLE:
                 data.time += nstep * self.swarms.numbers[0]
+
+
+def timesteps_in(control_period: float, swarm: SwarmModel) -> int:
+    """Timesteps of a swarm's model in a control period [s].
+
+    Raises:
+        ScenarioError: It is no whole multiple of the timestep.
+    """
+    timestep = float(swarm.mjmodel.opt.timestep)
+    if not (control_period > 0.0 and is_multiple(control_period, timestep)):
+        raise ScenarioError(
+            f"control.period_s = {control_period:g}: must be a whole multiple of the model's timestep, {timestep:g} s"
+        )
+    return round(control_period / timestep)
 
 
 def _choose_method(model: mujoco.MjModel, n: int) -> int:

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from swarm_mj.errors import SimulationError
+from swarm_mj.errors import ScenarioError, SimulationError
 from swarm_mj.faults.telemetry import FaultRecord
 from swarm_mj.mission.behaviors import Targets
+from swarm_mj.scenarios.schema import is_multiple
 from swarm_mj.simulation import kernels
 from swarm_mj.simulation.flight_kernels import NEVER
 from swarm_mj.simulation.kernels import Slot
@@ -33,9 +34,17 @@ class Recorder:
         duration: [s], a whole multiple of `interval`.
         interval: Time between samples [s], a whole multiple of the control period.
         progress: Called with the time reached [s], about a hundred times.
+
+    Raises:
+        ScenarioError: One is no multiple of the other.
     """
 
     def __init__(self, simulation: Simulation, duration: float, interval: float, progress: Progress | None) -> None:
+        if not (interval > 0.0 and is_multiple(interval, simulation.period) and is_multiple(duration, interval)):
+            raise ScenarioError(
+                f"duration {duration:g} s, interval {interval:g} s: the duration must be a whole multiple of the interval, and "
+                f"that one of the control period, {simulation.period:g} s"
+            )
         n, samples = simulation.model.n, round(duration / interval) + 1
         self._simulation, self._progress = simulation, progress
         self._stride = round(interval / simulation.period)

@@ -3,10 +3,13 @@
 Every control period the state is read, the forces of the coming hold are evaluated at its middle, the behaviour names the
 targets, guidance turns them into references, the controller answers with torques, and MuJoCo steps on with all of it held.
 Where `why_not_compiled` finds nothing against it, compiled code does all of this from one question to the behaviour to the
-next; else it is done here call by call, from the same kernels and to the same bits.
+next; else `deciding` does it call by call, from the same kernels and to the same bits.
 """
 
 from __future__ import annotations
+
+from copy import copy
+from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -18,19 +21,19 @@ from swarm_mj.errors import PluginError, SimulationError
 from swarm_mj.faults.flight import Adversity
 from swarm_mj.faults.impact import ImpactWatch
 from swarm_mj.faults.schedule import Event
-from swarm_mj.mission.behaviors import Behavior, SwarmView, Targets
-from swarm_mj.simulation import flight_kernels, kernels
+from swarm_mj.mission.behaviors import Behavior, Targets
+from swarm_mj.simulation import flight_kernels
 from swarm_mj.simulation.adverse import NOTHING, AdverseLoop
+from swarm_mj.simulation.answers import divergence_of
 from swarm_mj.simulation.asking import Asking, view_of
 from swarm_mj.simulation.compiled import SPEED_MARGIN, control_inputs, make_world, why_not_compiled
+from swarm_mj.simulation.deciding import decide
 from swarm_mj.simulation.flight_kernels import ADVANCE, DECIDE, NEVER, NOT_FINITE, SENSELESS, WHOLE, World, no_flights
-from swarm_mj.simulation.integrator import Integrator
-from swarm_mj.simulation.kernels import Slot
+from swarm_mj.simulation.integrator import Integrator, timesteps_in
 from swarm_mj.simulation.recording import Progress, Recorder
 from swarm_mj.simulation.records import InitialState, Record
 from swarm_mj.smallbody.environment import Environment
 from swarm_mj.smallbody.shape import ShapeModel
-from swarm_mj.spacecraft.gyrostat import with_wheels
 from swarm_mj.spacecraft.model import NQ, NV, SwarmModel
 from swarm_mj.spacecraft.properties import SpacecraftProperties
 
@@ -54,6 +57,10 @@ class Simulation:
         adversity: What may go wrong; None: nothing, all is as planned.
         shape: The body, to look for impacts while `run` flies; None: nobody looks.
         compiled: Whether compiled code flies what it can; if not, every decision is made in Python, where it can be followed.
+
+    Raises:
+        ScenarioError: The control period is no whole multiple of the timestep.
+        PluginError: A plug-in does not fit what is asked of it.
     """
 
     def __init__(
@@ -70,15 +77,18 @@ class Simulation:
         shape: ShapeModel | None = None,
         compiled: bool = True,
     ) -> None:
+        if adversity is None and properties.n_wheels != 3:
+            adversity = NOTHING
+        if adversity is not None:
+            # Masses and limits are drawn for this flight alone.
+            model = replace(model, mjmodel=copy(model.mjmodel))
         self.model, self.properties, self.environment = model, properties, environment
         self.period, self._controller = control_period, controller
         self.data = mujoco.MjData(model.mjmodel)
-        self._hold = round(control_period / model.mjmodel.opt.timestep)
+        self._hold = timesteps_in(control_period, model)
         self._gradient_gm = self._gm_of_field() if gravity_gradient_torque else 0.0
         self._allocate_arrays(model.n)
         self._watch = None if shape is None else ImpactWatch(shape, environment, control_period)
-        if adversity is None and properties.n_wheels != 3:
-            adversity = NOTHING
         self._adverse = None if adversity is None else AdverseLoop(self, adversity, SPEED_MARGIN)
         self._integrator = Integrator(model, self.data)
         self._asking = Asking([behavior], control_period)
@@ -201,114 +211,7 @@ class Simulation:
             self._ask()
             self._fly(DECIDE, NEVER)
             return self._targets
-        return self._decide_here()
-
-    def _decide_here(self) -> Targets:
-        """The same call by call, with all that compiled code does not know."""
-        data, work, environment, t = self.data, self._work, self.environment, self.time
-        phase = environment.phase0 + environment.spin_rate * t
-        adverse = self._adverse
-        if adverse is not None:
-            adverse.rest(environment.C_AN(t), data)
-        if not self._sense(phase):
-            if adverse is None:
-                raise SimulationError(self._divergence())
-            adverse.diverged(t, data)
-            self._sense(phase)
-        if adverse is not None:
-            adverse.begin(t, work)
-        self._push(t)
-        kernels.turn_body(self._q_P, phase, data.mocap_quat[self.model.asteroid_mocap])
-        wheel_speed = work[Slot.WHEEL] if adverse is None else adverse.speed
-        view = SwarmView(t, work[Slot.R], work[Slot.V], self._C_AN, self._q_BN, work[Slot.OMEGA], wheel_speed)
-        targets = self._asking.ask(0, view, self.tick)
-        q_known = self._q_BN
-        if adverse is not None:
-            targets = adverse.flight.redirect(t, targets, work[Slot.R])
-            q_known = adverse.know(self.tick, self._q_BN, work)
-        self._guide(t, targets, q_known)
-        torque_B, self._controller_memory = self.controller.torque(self._inputs, self._controller_memory)
-        if adverse is not None:
-            adverse.actuate(torque_B, data.ctrl, self._peaks)
-            adverse.forget(work)
-            return targets
-        self._actuate(torque_B)
-        return targets
-
-    def _guide(self, t: float, targets: Targets, q_known: Array) -> None:
-        aimed = kernels.guide(
-            targets.kind,
-            targets.spacecraft,
-            targets.vector,
-            self.environment.earth.at(t),
-            self.environment.earth.velocity,
-            self._spin_N,
-            self._C_AN,
-            q_known,
-            self._aim,
-            self._restart,
-            self._q_RN,
-            self._work,
-        )
-        if not aimed:
-            raise PluginError(self._aims_at_nothing(targets))
-
-    def _actuate(self, torque_B: Array) -> None:
-        limits = self.properties
-        kernels.actuate(
-            torque_B,
-            self._allocation,
-            self._speed_gain,
-            limits.max_wheel_torque,
-            (1.0 - SPEED_MARGIN) * limits.max_wheel_speed,
-            self._work,
-            self.data.ctrl,
-            self._peaks,
-        )
-
-    def _sense(self, phase: float) -> bool:
-        """Read the state into the work arrays; whether every number is finite."""
-        qpos, qvel = self._state()
-        return kernels.sense(
-            qpos,
-            qvel,
-            self._C_PN,
-            phase,
-            0.5 * self.period * self.environment.spin_rate,
-            0.5 * self.period,
-            self.properties.wheel_spin_inertia,
-            self._axes,
-            self._work,
-            self._q_BN,
-            self._C_AN,
-            self._C_mid,
-        )
-
-    def _state(self) -> tuple[Array, Array]:
-        data = self.data
-        if self._adverse is not None:
-            return self._adverse.state(*self.model.state(data))
-        if self.model.wheels == "bodies":
-            return data.qpos, data.qvel
-        spin = self.properties.wheel_spin_inertia
-        with_wheels(data.qpos, data.qvel, data.act, spin, self._axes, self._qpos, self._qvel)
-        return self._qpos, self._qvel
-
-    def _push(self, t: float) -> None:
-        data, work = self.data, self._work
-        a_A = self.environment.gravity.acceleration(work[Slot.R_A])
-        if self.environment.perturbed:
-            middle = t + 0.5 * self.period
-            r_N = work[Slot.R_A] @ self._C_mid
-            a_A = a_A + self.environment.perturbing_acceleration_N(middle, r_N) @ self._C_mid.T
-        kernels.push(a_A, self._C_mid, self.properties.mass, self._hub, data.xfrc_applied, work)
-        if self._adverse is not None:
-            self._adverse.weigh(data.xfrc_applied, self._hub)
-        if self._gradient_gm > 0.0:
-            inertia = self._inputs.inertia_B if self._adverse is None else self._adverse.flight.inertia_B
-            kernels.push_gradient(
-                self._q_BN, self._gradient_gm, inertia, self._C_mid, self._hub, data.xfrc_applied, work
-            )
+        return decide(self)
 
     def advance(self) -> None:
         """Let MuJoCo integrate one control period with everything held."""
@@ -376,17 +279,8 @@ class Simulation:
         )
 
     def _divergence(self) -> str:
-        state = np.hstack(self.model.state(self.data))
-        bad = int(np.argmin(np.isfinite(state).all(axis=1)))
-        cause = (
-            "its torque or force was not finite"
-            if not np.isfinite(self.data.ctrl).all()
-            else "the integration diverged"
-        )
-        return (
-            f"the flight diverged: {self.model.names[bad]} has a state that is not finite at t = {self.time:g} s; {cause}. "
-            "Check gains, wheel limits and physics.timestep_s"
-        )
+        state, torque_B = np.hstack(self.model.state(self.data)), self._flight.torque_B[0]
+        return divergence_of(state, torque_B, self.controller, self.model.names, self.time)
 
 
 def _quaternion_of(C_PN: Array) -> Array:

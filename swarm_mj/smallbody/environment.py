@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarm_mj import constants
+from swarm_mj.errors import SwarmError
+from swarm_mj.plugins import as_array, failure_of, name_of
 from swarm_mj.smallbody.gravity.base import Gravity
 from swarm_mj.smallbody.perturbations import solar_radiation_pressure, solar_tide
 from swarm_mj.smallbody.rotation import spin_dcm
@@ -73,7 +75,22 @@ class Environment:
     def acceleration_N(self, t: float, r_BN_N: Array) -> Array:
         """Acceleration of bodies at `r_BN_N`, shape (n, 3) [m], in N [m/s^2]."""
         C_AN = self.C_AN(t)
-        return self.gravity.acceleration(r_BN_N @ C_AN.T) @ C_AN + self.perturbing_acceleration_N(t, r_BN_N)
+        return self.attraction_A(r_BN_N @ C_AN.T) @ C_AN + self.perturbing_acceleration_N(t, r_BN_N)
+
+    def attraction_A(self, r_A: Array) -> Array:
+        """Acceleration by the body's own gravity at `r_A`, shape (n, 3) [m], in A [m/s^2].
+
+        Raises:
+            PluginError: The field fails, or answers something else than its protocol says.
+        """
+        try:
+            answer = self.gravity.acceleration(r_A)
+        except SwarmError:
+            raise
+        except Exception as error:
+            raise failure_of(self.gravity, "gravity field", "acceleration", error) from error
+        what = f"the gravity field {name_of(self.gravity)} answers an acceleration that"
+        return as_array(answer, r_A.shape, np.float64, what)
 
     @property
     def perturbed(self) -> bool:

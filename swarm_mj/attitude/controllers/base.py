@@ -17,7 +17,7 @@ from swarm_mj.errors import ScenarioError
 
 
 class ControlInput(NamedTuple):
-    """What n spacecraft know when they compute their torques; all components in B.
+    """What n spacecraft know when they compute their torques; all components in B. Inertias are not to be changed.
 
     Attributes:
         sigma_BR: Attitude error, MRP with |sigma| <= 1, shape (n, 3).

@@ -33,6 +33,7 @@ class CompiledLaw(NamedTuple):
         write_torque: Function in the subset of Python that Numba compiles, of `sigma_BR`, `omega_BR_B`, `omega_BN_B`,
             `omega_RN_B`, `domega_RN_B`, `wheel_momentum_B`, `inertia_B`, `inertia_effective_B` as in `ControlInput`,
             `numbers`, and `torque_B`, shape (n, 3) [N m], into which it writes the torques that `Controller.torque` returns.
+            It must not raise: nobody would hear of it in compiled code.
         numbers: The law's parameters, shape (any,).
     """
 
@@ -105,7 +106,10 @@ def numbers_of(law: CompiledLaw) -> Floats:
     Raises:
         PluginError: They are not a row of numbers.
     """
-    numbers = np.ascontiguousarray(law.numbers, np.float64)
-    if numbers.ndim != 1:
-        raise PluginError(f"CompiledLaw.numbers has shape {numbers.shape}: give a row of numbers")
+    try:
+        numbers = np.ascontiguousarray(law.numbers, np.float64)
+    except (TypeError, ValueError):
+        raise PluginError(f"CompiledLaw.numbers = {law.numbers!r}: give a row of numbers") from None
+    if np.ndim(law.numbers) != 1:
+        raise PluginError(f"CompiledLaw.numbers has shape {np.shape(law.numbers)}: give a row of numbers")
     return numbers
