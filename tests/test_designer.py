@@ -1,6 +1,7 @@
 """The command `swarm-mj design`: proof and evolution on flown candidates, files, and bad input."""
 
 import json
+import shlex
 
 import numpy as np
 import pytest
@@ -86,6 +87,34 @@ def test_the_command_run_takes_a_design(folder, tmp_path):
     assert len(record["delta_v_m_s"]) == record["n_observers"]
     assert record["versions"]["pymoo"]
     assert main(["run", "eros-quick", "--design", str(tmp_path / "none.json"), "--quiet"]) == 2
+
+
+def test_the_record_tells_what_the_design_was_made_for_and_run_says_where_that_is_another_case(
+    folder, tmp_path, capsys
+):
+    made = json.loads((folder / "design.json").read_text())["made_for"]
+    assert made["body.volume_m3"] == pytest.approx(2.518e12, rel=1e-3) and made["target.longitude_deg"] == 90.0
+    flight = ["--design", str(folder / "design.json"), "--quiet", "--no-figures", "--no-report", *arguments()]
+    assert main(["run", "eros-quick", "--out", str(tmp_path / "same"), *flight]) == 0
+    assert "does not hold" not in capsys.readouterr().out
+    other = ["--set", "target.longitude_deg=95", "--set", "body.rotation.w_rate_deg_per_day=1000"]
+    assert main(["run", "eros-quick", "--out", str(tmp_path / "other"), *flight, *other]) == 0
+    said = capsys.readouterr().out
+    assert "does not hold for this run: body.rotation.w_rate_deg_per_day: 1639.389232 there, 1000.0 here" in said
+    assert "target.longitude_deg: 90.0 there, 95.0 here" in said and "its visiting points lie elsewhere" in said
+
+
+def test_the_hint_at_the_end_repeats_what_was_typed(tmp_path, capsys):
+    file, out = tmp_path / "mine too.yaml", tmp_path / "o"
+    file.write_text("name: mybody\nphysics: {timestep_s: 0.5}\nbehavior: {name: adaptable_roles}\n")
+    typed = ["--quiet", "--no-figures", "--out", str(out), *arguments("camera.half_angle_deg=12")]
+    assert main(["design", str(file), *typed]) == 0
+    hint = next(line for line in capsys.readouterr().out.splitlines() if line.startswith("To fly it: "))
+    words = shlex.split(hint.removeprefix("To fly it: "))
+    assert words[:3] == ["swarm-mj", "run", str(file)] and "camera.half_angle_deg=12" in words
+    assert words[-2:] == ["--design", str(out / "design.json")]
+    assert main([*words[1:], "--quiet", "--no-figures", "--no-report", "--out", str(tmp_path / "flown")]) == 0
+    assert "does not hold" not in capsys.readouterr().out
 
 
 def test_a_design_can_be_flown_by_reference_and_covers_the_target(folder, tmp_path):

@@ -45,6 +45,8 @@ MAX_SCENARIOS, MAX_BARS = 8, 12
 FLOOR_DEG = 1e-8
 #: In place of the bar of an index that a sample cannot tell.
 NOT_TOLD = "the sample does not allow it"
+#: Height of the 95th percentile, and between the intervals of two scenarios there, which lie around it, of the whole axis.
+PERCENTILE, SPREAD = 0.95, 0.025
 #: An axis is logarithmic where the largest value is this many times the smallest.
 LOG_RATIO = 20.0
 
@@ -68,7 +70,7 @@ def compose_coverage(resolved: Resolved, results: pa.Table, summary: dict[str, A
 
 
 def compose_pointing(resolved: Resolved, results: pa.Table, summary: dict[str, Any]) -> Figure | None:
-    """Distribution of the largest pointing error at the visit, with 95th percentiles."""
+    """Distribution of the largest pointing error at the visit, with 95th percentiles and their intervals."""
     name = "pointing_error_deg_visit_max"
     parts = _flown(resolved, results, name)
     if not parts:
@@ -78,18 +80,16 @@ def compose_pointing(resolved: Resolved, results: pa.Table, summary: dict[str, A
     ax = figure.add_subplot()
     for k, (scenario, values) in enumerate(parts.items()):
         _cumulative(ax, np.maximum(values, FLOOR_DEG), scenario, k)
-        estimate = summary["scenarios"][scenario]["outcomes"][name]["quantiles"]["0.95"]
-        ends = [estimate[end] if estimate[end] is not None else estimate["value"] for end in ("low", "high")]
-        x = max(estimate["value"], FLOOR_DEG)
-        around = [[max(x - max(ends[0], FLOOR_DEG), 0.0)], [max(ends[1] - x, 0.0)]]
-        ax.errorbar([x], [0.95], xerr=around, fmt="o", color=COLOURS[k % len(COLOURS)], capsize=4, markersize=5)
+        estimate = summary["scenarios"][scenario]["outcomes"][name]["quantiles"][f"{PERCENTILE:g}"]
+        _percentile(ax, estimate, PERCENTILE + SPREAD * (0.5 * (len(parts) - 1) - k), k)
     every = np.concatenate(list(parts.values()))
     if every.max() > LOG_RATIO * max(every.min(), FLOOR_DEG):
         ax.set_xscale("log")
-    ax.set_ylim(0.0, 1.02)
+    ax.set_ylim(0.0, max(1.02, PERCENTILE + 0.5 * SPREAD * len(parts)))
     tidy(ax)
     label(ax, "largest pointing error of an observer [deg]", "share of flights with at most that [-]")
-    ax.legend(fontsize=TICK_PT, frameon=False, loc="upper left", title="dot: 95th percentile", title_fontsize=SMALL_PT)
+    title = "dot: 95th percentile, bar: its 95 % interval\n(heights differ only to tell them apart)"
+    ax.legend(fontsize=TICK_PT, frameon=False, loc="upper left", title=title, title_fontsize=SMALL_PT)
     return figure
 
 
@@ -175,6 +175,14 @@ def _cumulative(ax: Axes, values: NDArray[np.float64], name: str, k: int) -> Non
     colour, dashes = COLOURS[k % len(COLOURS)], DASHES[k % len(DASHES)]
     x, y = np.r_[ordered[0], ordered], np.r_[0.0, share]
     ax.step(x, y, where="post", linewidth=1.8, label=plain(name), color=colour, linestyle=dashes)
+
+
+def _percentile(ax: Axes, estimate: dict[str, Any], y: float, k: int) -> None:
+    """The estimate of a percentile [deg] as a dot and its interval as a bar, at a height."""
+    ends = [estimate[end] if estimate[end] is not None else estimate["value"] for end in ("low", "high")]
+    x = max(estimate["value"], FLOOR_DEG)
+    around = [[max(x - max(ends[0], FLOOR_DEG), 0.0)], [max(ends[1] - x, 0.0)]]
+    ax.errorbar([x], [y], xerr=around, fmt="o", color=COLOURS[k % len(COLOURS)], capsize=3, markersize=4)
 
 
 def _bars(ax: Axes, covered: dict[str, dict[str, Any]]) -> None:

@@ -74,6 +74,17 @@ def packaged_campaigns() -> list[str]:
     return sorted(p.name.removesuffix(".yaml") for p in folder.iterdir() if p.name.endswith(".yaml"))
 
 
+def packaged_descriptions() -> dict[str, str]:
+    """What the packaged campaigns are for, by name."""
+    return {
+        name: loading.parse_yaml(_packaged_text(name), name).get("description", "") for name in packaged_campaigns()
+    }
+
+
+def _packaged_text(name: str) -> str:
+    return (resources.files("swarm_mj.scenarios") / "campaigns" / f"{name}.yaml").read_text("utf-8")
+
+
 def load_campaign(name_or_path: str | Path, *, runs: int | None = None) -> Resolved:
     """Read a campaign and the scenarios it flies.
 
@@ -87,6 +98,8 @@ def load_campaign(name_or_path: str | Path, *, runs: int | None = None) -> Resol
     text, source, folder = _read(str(name_or_path))
     # YAML reads an unquoted date as one; here it stays text, which workers and results are told.
     data = json.loads(json.dumps(loading.parse_yaml(text, source), default=lambda moment: moment.isoformat()))
+    if _is_scenario(data):
+        raise _scenario_instead(source)
     if runs is not None:
         data["runs"] = runs
     campaign = _validated(data, source)
@@ -97,6 +110,16 @@ def load_campaign(name_or_path: str | Path, *, runs: int | None = None) -> Resol
     resolved = Resolved(campaign, bases, {path: h for path, h in shapes.items() if path != PACKAGED_SHAPE})
     _try_one_of_each(resolved, source)
     return _without_single_maps(resolved)
+
+
+def _is_scenario(data: Mapping[str, Any]) -> bool:
+    """Whether a mapping has keys of a scenario alone, and none of a campaign alone."""
+    ours, theirs = set(_allowed(())), set(Scenario.model_fields)
+    return bool(data.keys() & (theirs - ours)) and not data.keys() & (ours - theirs)
+
+
+def _scenario_instead(source: str) -> ScenarioError:
+    return ScenarioError(f"{shortened(source)}: this is a scenario; fly it with `swarm-mj run`")
 
 
 def _validated(data: dict[str, Any], source: str) -> Campaign:
@@ -154,11 +177,12 @@ def _read(name_or_path: str) -> tuple[str, str, Path]:
         return loading.file_text(path, "campaign"), str(path), path.parent
     known = packaged_campaigns()
     if name_or_path not in known:
+        if name_or_path in loading.packaged_names():
+            raise _scenario_instead(name_or_path)
         raise ScenarioError(
             f"{shortened(name_or_path)}: no such campaign. Packaged: {', '.join(known)}. The name of a file must end in .yaml"
         )
-    text = (resources.files("swarm_mj.scenarios") / "campaigns" / f"{name_or_path}.yaml").read_text("utf-8")
-    return text, name_or_path, Path()
+    return _packaged_text(name_or_path), name_or_path, Path()
 
 
 def _with_labels(campaign: Campaign, scenarios: list[Scenario], source: str) -> Campaign:

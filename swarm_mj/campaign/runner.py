@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-import json
 import traceback
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
 from rich.console import Console
 from rich.progress import Progress, TaskID
 
-from swarm_mj.cache import hash_of
 from swarm_mj.campaign.flying import Flyer
-from swarm_mj.campaign.loading import MANIFEST, Resolved
-from swarm_mj.campaign.lock import LOCK, only_one
+from swarm_mj.campaign.loading import Resolved
+from swarm_mj.campaign.lock import only_one
+from swarm_mj.campaign.manifest import REPLAYS, require_place, take_over
 from swarm_mj.campaign.pools import LocalPool, Pool
 from swarm_mj.campaign.sampling import Sample
 from swarm_mj.errors import OutputError, ScenarioError
 from swarm_mj.output.folder import write_text
-from swarm_mj.output.summary import library_versions
 from swarm_mj.progress import progress_bars
 
 TELEMETRY = "telemetry"
@@ -33,6 +32,7 @@ def run_campaign(
     resume: bool = False,
     quiet: bool = False,
     figures: bool = True,
+    going_on: str | None = None,
 ) -> dict[str, Any]:
     """Fly a campaign into a folder, or go on with one; returns its summary.
 
@@ -44,6 +44,7 @@ def run_campaign(
         resume: Go on with the campaign in the folder.
         quiet: No progress bar.
         figures: Whether to draw.
+        going_on: The command that goes on with this campaign, which is told when it is interrupted.
 
     Raises:
         SwarmError: The campaign cannot be flown or written; every finished run is kept.
@@ -55,15 +56,16 @@ def run_campaign(
     from swarm_mj.campaign.table import schema_of
 
     console = Console()
-    with only_one(folder):
-        _take_over(resolved, folder, resume)
+    # Both before anything is written, so that what is refused leaves no trace.
+    require_place(folder, resume=resume)
+    with closing(_pool(resolved, folder, workers, scheduler)) as pool, only_one(folder):
+        take_over(resolved, folder, resume=resume)
         store = Store(folder, schema_of(resolved.campaign))
         for name in store.torn:
             console.print(f"{folder / name}: was damaged; its runs are flown again", soft_wrap=True, highlight=False)
         _print_observers(console, resolved)
-        telemetry = _telemetry_folder(resolved, folder)
         try:
-            _fly_missing(resolved, store, console, telemetry, workers=workers, scheduler=scheduler, quiet=quiet)
+            _fly_missing(resolved, store, pool, console, quiet=quiet, going_on=going_on)
         finally:
             store.close()
         results = read_results(folder, store.schema)
@@ -90,8 +92,10 @@ def replay(resolved: Resolved, row: int, folder: Path, *, quiet: bool = False) -
 
     Raises:
         ScenarioError: There is no such row.
+        OutputError: The folder holds something else than a campaign, or cannot be written.
     """
     _require_parquet()
+    require_place(folder)
     from swarm_mj.campaign.table import WALL, schema_of, table_of
 
     flyer, console = Flyer(resolved), Console(quiet=quiet)
@@ -99,7 +103,7 @@ def replay(resolved: Resolved, row: int, folder: Path, *, quiet: bool = False) -
         raise ScenarioError(f"--replay {row}: must be a row of this campaign, 0 to {flyer.sample.rows - 1}")
     trial = flyer.sample.trial(row)
     flown = table_of([flyer.fly(row)], schema_of(resolved.campaign)).to_pylist()[0]
-    _write_replay(flyer, row, folder / "replays" / str(row), flown)
+    _write_replay(flyer, row, folder / REPLAYS / str(row), flown)
     for name in ("scenario", "seed", *trial.values, "status", "error", "covered", "coverage_percent"):
         if flown.get(name) is not None:
             console.print(f"{name}: {flown[name]}", soft_wrap=True, highlight=False, markup=False)
@@ -120,121 +124,33 @@ def _require_parquet() -> None:
         raise OutputError("campaigns write Parquet: pip install 'swarm_mj[cluster]'") from None
 
 
-def _take_over(resolved: Resolved, folder: Path, resume: bool) -> None:
-    """Start a campaign in an empty folder, or check that the one there is this one."""
-    manifest = folder / MANIFEST
-    ours = {"campaign": resolved.campaign.name, **_fingerprint(resolved), **resolved.dump()}
-    if not manifest.exists():
-        # The shape of a campaign's name is checked, so what else stands here was put here by somebody else.
-        foreign = [p.name for p in folder.iterdir() if p.name not in (LOCK, f".{MANIFEST}.partial", "replays")]
-        if foreign:
-            raise OutputError(f"{folder}: holds {foreign[0]} and no campaign; choose another folder with --out")
-        try:
-            write_text(manifest, json.dumps(ours, indent=2) + "\n")
-        except OSError as error:
-            raise OutputError(f"{folder}: cannot be written ({error.strerror})") from None
-        return
-    if not resume:
-        raise OutputError(
-            f"{folder}: holds a campaign already; go on with --resume, or choose another folder with --out"
-        )
-    _require_same(_read_manifest(manifest), ours, folder)
-
-
-def _fingerprint(resolved: Resolved) -> dict[str, Any]:
-    return {"fingerprint": hash_of(resolved.dumps()), "versions": library_versions()}
-
-
-def _read_manifest(path: Path) -> dict[str, Any]:
-    try:
-        manifest = json.loads(path.read_text("utf-8"))
-    except (OSError, ValueError, RecursionError) as error:
-        raise OutputError(f"{path}: cannot be read ({error}); choose another folder with --out") from None
-    if not isinstance(manifest, dict) or "fingerprint" not in manifest:
-        raise OutputError(f"{path}: describes no campaign; choose another folder with --out")
-    return manifest
-
-
-def _require_same(theirs: dict[str, Any], ours: dict[str, Any], folder: Path) -> None:
-    then, now = _without_descriptions(theirs), _without_descriptions(ours)
-    changed = [
-        f"{path} = {after!r}, was {before!r}"
-        for section in ("campaign", "bases", "shapes", "versions")
-        for path, before, after in _differences(then.get(section), now[section], section)
-    ]
-    if changed:
-        more = f" and {len(changed) - 5} more" if len(changed) > 5 else ""
-        raise OutputError(
-            f"{folder}: --resume: the campaign or the program has changed since it began: {'; '.join(changed[:5])}{more}. "
-            "Rows of both would not belong together: change it back, or choose another folder with --out"
-        )
-
-
-def _without_descriptions(manifest: dict[str, Any]) -> dict[str, Any]:
-    """A manifest without the words for its reader, on which no row depends: of the campaign, of its scenarios and in `set`."""
-
-    def plain(value: Any) -> Any:
-        return {k: v for k, v in value.items() if k != "description"} if isinstance(value, dict) else value
-
-    def settled(value: Any) -> Any:
-        return {**plain(value), "set": plain(value.get("set"))} if isinstance(value, dict) else value
-
-    campaign, bases = settled(manifest.get("campaign")), manifest.get("bases")
-    if isinstance(campaign, dict) and isinstance(campaign.get("scenarios"), list):
-        campaign["scenarios"] = [settled(base) for base in campaign["scenarios"]]
-    if isinstance(bases, dict):
-        bases = {name: plain(base) for name, base in bases.items()}
-    return {**manifest, "campaign": campaign, "bases": bases}
-
-
-def _differences(then: Any, now: Any, path: str) -> list[tuple[str, Any, Any]]:
-    if isinstance(then, dict) and isinstance(now, dict):
-        return [
-            found
-            for key in dict.fromkeys((*then, *now))
-            for found in _differences(then.get(key), now.get(key), f"{path}.{key}")
-        ]
-    return [] if then == now else [(path, then, now)]
-
-
-def _telemetry_folder(resolved: Resolved, folder: Path) -> str | None:
-    if not resolved.campaign.telemetry:
-        return None
-    (folder / TELEMETRY).mkdir(exist_ok=True)
-    return str((folder / TELEMETRY).resolve())  # workers may have another current folder
-
-
 def _fly_missing(
-    resolved: Resolved,
-    store: Any,
-    console: Console,
-    telemetry: str | None,
-    *,
-    workers: int | None,
-    scheduler: str | None,
-    quiet: bool,
+    resolved: Resolved, store: Any, pool: Pool, console: Console, *, quiet: bool, going_on: str | None
 ) -> None:
     total = Sample(resolved.campaign).rows
     missing = [row for row in range(total) if row not in store.done]
     if not missing:
         store.compact()
         return
+    if resolved.campaign.telemetry:
+        (store.folder / TELEMETRY).mkdir(exist_ok=True)
     with progress_bars(console, quiet) as bars:
         task = bars.add_task(
             _label(resolved, total - len(missing), total, 0), total=total, completed=total - len(missing)
         )
-        pool = _pool(resolved, telemetry, workers, scheduler)
         try:
             _collect(pool, missing, store, bars, task, resolved, total)
         except KeyboardInterrupt:
             console.print(
-                f"{resolved.campaign.name}: {len(store.done)} of {total} runs are kept in {store.folder}; go on with --resume",
+                f"{resolved.campaign.name}: {len(store.done)} of {total} runs are kept in {store.folder}; "
+                f"go on with {going_on or '--resume'}",
                 soft_wrap=True,
                 highlight=False,
+                markup=False,
             )
             raise
         finally:
-            pool.close()
+            pool.close()  # workers are gone before the rest is written
     store.compact()
 
 
@@ -251,7 +167,9 @@ def _collect(
         store.seal()
 
 
-def _pool(resolved: Resolved, telemetry: str | None, workers: int | None, scheduler: str | None) -> Pool:
+def _pool(resolved: Resolved, folder: Path, workers: int | None, scheduler: str | None) -> Pool:
+    # Resolved: workers may have another current folder.
+    telemetry = str((folder / TELEMETRY).resolve()) if resolved.campaign.telemetry else None
     if scheduler is None:
         return LocalPool(resolved, telemetry, workers)
     from swarm_mj.campaign.dask_pool import DaskPool

@@ -17,7 +17,7 @@ import os
 import time
 import zlib
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -105,8 +105,13 @@ class Store:
                 part.unlink()
 
     def close(self) -> None:
-        """Let go of the journal; its rows stay in it."""
+        """Let go of the journal; its rows stay in it, and what is empty is removed."""
+        if os.fstat(self._journal).st_size == 0:
+            with suppress(OSError):
+                (self.folder / JOURNAL).unlink()
         os.close(self._journal)
+        with suppress(OSError):  # parts that are not compacted yet
+            (self.folder / PARTS).rmdir()
 
     def _files(self) -> list[Path]:
         return [p for p in (self.folder / RESULTS, *sorted((self.folder / PARTS).glob("*.parquet"))) if p.exists()]
@@ -149,7 +154,7 @@ class Store:
             ) from None
 
 
-def read_results(folder: Path, schema: pa.Schema | None = None) -> pa.Table:
+def read_results(folder: str | os.PathLike[str], schema: pa.Schema | None = None) -> pa.Table:
     """All finished rows of a campaign, sorted by row, each once; also while it runs, from any process.
 
     Args:
@@ -159,6 +164,7 @@ def read_results(folder: Path, schema: pa.Schema | None = None) -> pa.Table:
     Raises:
         OutputError: There are none, or a file is torn.
     """
+    folder = Path(folder)
     tables: list[pa.Table] = []
     # Whoever writes moves rows from the journal to parts, then to the results: read in that order, nothing is missed.
     journal, _ = read_journal(folder / JOURNAL)

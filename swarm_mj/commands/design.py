@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 from pathlib import Path
 
 from swarm_mj.commands.common import DEFAULT_OUT, DEFAULT_SCENARIOS, add_common, overrides_of
@@ -16,7 +17,11 @@ def add(commands: argparse._SubParsersAction) -> None:
         description="Design a swarm: the fewest observers that see the whole target, by genetic algorithm and with proof.",
     )
     design.add_argument(
-        "scenario", nargs="?", default=DEFAULT_SCENARIOS[0], metavar="NAME_OR_FILE", help="packaged name or YAML file"
+        "scenario",
+        nargs="?",
+        default=DEFAULT_SCENARIOS[0],
+        metavar="NAME_OR_FILE",
+        help=f"packaged name or YAML file (default: {DEFAULT_SCENARIOS[0]})",
     )
     design.add_argument("--out", type=Path, metavar="DIR", help=f"result folder (default: {DEFAULT_OUT}/NAME-design)")
     design.add_argument("--fold", type=int, metavar="K", help="every face must be seen by at least K spacecraft")
@@ -31,8 +36,11 @@ def add(commands: argparse._SubParsersAction) -> None:
 
 def _design(arguments: argparse.Namespace) -> int:
     from swarm_mj.design_runner import run_design
+    from swarm_mj.errors import OutputError
     from swarm_mj.scenarios.loading import load_scenario
 
+    if arguments.workers is not None and arguments.workers < 1:
+        raise OutputError(f"--workers {arguments.workers}: must be at least 1")
     overrides = overrides_of(arguments)
     if arguments.fold is not None:
         overrides.append(f"designer.fold={arguments.fold}")
@@ -46,5 +54,6 @@ def _design(arguments: argparse.Namespace) -> int:
         pdf=arguments.pdf,
         quiet=arguments.quiet,
         workers=arguments.workers,
+        asked_as=shlex.join([arguments.scenario, *(word for text in arguments.overrides for word in ("--set", text))]),
     )
     return 0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
 
@@ -70,4 +71,16 @@ def _run(arguments: argparse.Namespace) -> int:
         report=not arguments.no_report,
         quiet=arguments.quiet,
     )
+    _print_remarks(folders)
     return 0
+
+
+def _print_remarks(folders: Sequence[Path]) -> None:
+    """Say what the summary alone does not tell, as the report does."""
+    from swarm_mj.report.reading import read_run
+    from swarm_mj.report.sections import run_remarks
+
+    for folder in folders:
+        run = read_run(folder)
+        for remark in run_remarks(run):
+            print(f"{run.summary['scenario']}: {remark}")

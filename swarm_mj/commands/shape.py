@@ -4,6 +4,12 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+from swarm_mj.errors import ShapeError
+
+if TYPE_CHECKING:
+    from swarm_mj.smallbody.shape import ShapeModel
 
 
 def add(commands: argparse._SubParsersAction) -> None:
@@ -16,6 +22,13 @@ def add(commands: argparse._SubParsersAction) -> None:
     shape.add_argument("file", nargs="?", type=Path, metavar="FILE", help="OBJ, PLY, STL or PDS .tab to check")
     shape.add_argument("--unit", choices=("m", "km"), help="unit of FILE (default: m, but km for .tab)")
     shape.add_argument(
+        "--radius-range",
+        nargs=2,
+        type=float,
+        metavar=("LOW", "HIGH"),
+        help="largest vertex radius of FILE that is believed [m] (default: 50 to 2e6); a scenario's body.radius_range_m",
+    )
+    shape.add_argument(
         "--frequency", type=int, default=20, metavar="N", help="of the geodesic mesh: 20 N^2 faces (default 20)"
     )
     shape.add_argument("--out", type=Path, metavar="OBJ", help="write the mesh here, in metres")
@@ -23,19 +36,33 @@ def add(commands: argparse._SubParsersAction) -> None:
 
 
 def _shape(arguments: argparse.Namespace) -> int:
+    from swarm_mj.smallbody.shape_check import shown_size
     from swarm_mj.smallbody.shape_harmonics import build_eros
-    from swarm_mj.smallbody.shape_io import load_shape, save_obj
+    from swarm_mj.smallbody.shape_io import save_obj
 
     if arguments.file:
-        shape = load_shape(arguments.file, unit=arguments.unit)
+        shape = _read(arguments)
     else:
         shape = build_eros(arguments.frequency)
     print(
         f"{shape.name}: {len(shape.vertices)} vertices, {len(shape.faces)} faces, closed, normals outward; "
-        f"volume {shape.volume / 1e9:.1f} km^3, area {shape.surface_area / 1e6:.1f} km^2, "
-        f"radius up to {shape.max_radius / 1e3:.3f} km"
+        f"volume {shown_size(shape.volume, 3)}, area {shown_size(shape.surface_area, 2)}, "
+        f"radius up to {shown_size(shape.max_radius, 1)}"
     )
     if arguments.out:
         save_obj(shape, arguments.out)
         print(f"wrote {arguments.out}")
     return 0
+
+
+def _read(arguments: argparse.Namespace) -> ShapeModel:
+    from swarm_mj.smallbody.shape_check import BODY_RADIUS_RANGE_M, BodySizeError
+    from swarm_mj.smallbody.shape_io import load_shape
+
+    low, high = arguments.radius_range or BODY_RADIUS_RANGE_M
+    if not 0.0 < low < high:
+        raise ShapeError(f"--radius-range {low:g} {high:g}: must be two numbers above 0 [m], the smaller one first")
+    try:
+        return load_shape(arguments.file, unit=arguments.unit, expect_radius_m=(low, high))
+    except BodySizeError as error:
+        raise ShapeError(error.advised("give --unit {unit}", "give --radius-range LOW HIGH (m)")) from None

@@ -15,7 +15,11 @@ def add(commands: argparse._SubParsersAction) -> None:
         description="Fly a scenario in MuJoCo's viewer, or in the browser where there is no display.",
     )
     view.add_argument(
-        "scenario", nargs="?", default=DEFAULT_SCENARIOS[0], metavar="NAME_OR_FILE", help="packaged name or YAML file"
+        "scenario",
+        nargs="?",
+        default=DEFAULT_SCENARIOS[0],
+        metavar="NAME_OR_FILE",
+        help=f"packaged name or YAML file (default: {DEFAULT_SCENARIOS[0]})",
     )
     view.add_argument(
         "--speed", type=float, default=10.0, metavar="X", help="seconds of flight per second at the start (default 10)"

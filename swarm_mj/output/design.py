@@ -1,4 +1,4 @@
-"""The files of a design: design.json, sightings.npz and pictures."""
+"""The files of a design: design.json, sightings.npz and pictures; and for which runs a design's proof holds."""
 
 from __future__ import annotations
 
@@ -9,11 +9,36 @@ from typing import Any
 
 import numpy as np
 import yaml
+from numpy.typing import NDArray
 
 from swarm_mj.design.genetic import GeneticResult
 from swarm_mj.designer import Growth, Study, describe
 from swarm_mj.output.folder import write_text
 from swarm_mj.output.summary import library_versions
+from swarm_mj.scenarios.schema import Scenario
+from swarm_mj.smallbody.shape_check import shown_size
+
+Array = NDArray[np.float64]
+
+#: What decides where the candidates fly, how they are turned and how the body moves beneath them, besides its mesh. How
+#: finely the target's area is measured is left out, and so is what moves a flight by less than a metre.
+DECIDING = {
+    "body": ("gravity", "rotation", "orbit"),
+    "target": ("latitude_deg", "longitude_deg", "half_angle_deg", "edges"),
+    "design": ("imaging_altitude_m", "projection", "time_of_flight_s"),
+    "mothership": ("position_A_m", "velocity"),
+    "behavior": ("name", "parameters", "imaging_radius_m"),
+}
+#: Powers of a length in the keys that tell a mesh from another, whatever its file is called.
+MESH_KEYS = {"body.volume_m3": 3, "body.area_m2": 2}
+#: Largest relative difference of the volumes and areas of one mesh, once in double and once in single precision.
+SAME_MESH = 1e-5
+#: Behaviours whose observers look at the body's centre inside the imaging radius, and so see the same.
+ALIKE = {"dedicated_communications", "adaptable_roles"}
+#: Parts of `observation` and `camera` that do not change what a candidate sees, or hardly.
+SEEN_ALIKE = ("observer", "interval_s", "resolution_px")
+#: Farthest that a visiting point may lie from the design's, as a fraction of the imaging altitude.
+SAME_POINT = 1e-3
 
 
 def design_record(study: Study) -> dict[str, Any]:
@@ -46,6 +71,7 @@ def design_record(study: Study) -> dict[str, Any]:
         "any_roll": scenario.designer.any_roll,
         "criterion": scenario.observation.model_dump(mode="json"),
         "camera": scenario.camera.model_dump(mode="json"),
+        "made_for": made_for(scenario, seen.regions[0].mesh.vertices[seen.regions[0].mesh.faces]),
         "candidates_count": len(seen.candidates),
         "target_faces": seen.n_target_faces,
         "target_cells": len(seen.area),
@@ -53,6 +79,81 @@ def design_record(study: Study) -> dict[str, Any]:
         "wall_s": {name: round(seconds, 3) for name, seconds in study.wall_s.items()},
         "versions": library_versions(),
     }
+
+
+def made_for(scenario: Scenario, corners_A: Array) -> dict[str, Any]:
+    """What decides a scenario's candidates, by dotted key; `corners_A`: the body's faces in A [m], shape (f, 3, 3)."""
+    a, b, c = np.moveaxis(np.asarray(corners_A, dtype=np.float64), 1, 0)
+    normals = np.cross(b - a, c - a)
+    data = scenario.model_dump(mode="json")
+    found: dict[str, Any] = {
+        "body.volume_m3": float(np.einsum("fi,fi->", a, normals) / 6.0),
+        "body.area_m2": float(np.linalg.norm(normals, axis=1).sum() / 2.0),
+        "epoch": data["epoch"],
+        "duration_s": data["duration_s"],
+    }
+    for section, keys in DECIDING.items():
+        for key in keys:
+            value = data[section][key]
+            inner = value if isinstance(value, dict) and key != "parameters" else {"": value}
+            found |= {f"{section}.{key}.{name}".rstrip("."): part for name, part in inner.items()}
+    return found
+
+
+def design_differences(
+    record: dict[str, Any], scenario: Scenario, corners_A: Array, points_A: Array | None = None
+) -> list[str]:
+    """How a run differs from what a design was made for, in words; what the record does not tell is not compared.
+
+    Args:
+        record: The design, from `design_record` or an earlier version of it.
+        scenario: What was flown.
+        corners_A: Faces of the body that was flown past in A [m], shape (f, 3, 3).
+        points_A: Where the observers were at the visit, in A [m], shape (n_obs, 3); None where that is not the plan.
+    """
+    there, here = record.get("made_for", {}), made_for(scenario, corners_A)
+    found = []
+    for key in here.keys() & there.keys() - _without_effect(scenario, there):
+        if (power := MESH_KEYS.get(key)) is not None:
+            if not np.isclose(there[key], here[key], rtol=SAME_MESH, atol=0.0):
+                found.append(
+                    f"{key.rpartition('_')[0]}: {shown_size(there[key], power)} there, {shown_size(here[key], power)} here"
+                )
+        elif there[key] != here[key]:
+            found.append(f"{key}: {there[key]} there, {here[key]} here")
+    return [*_seeing_differences(record, scenario), *sorted(found), *_point_differences(record, scenario, points_A)]
+
+
+def _without_effect(scenario: Scenario, there: dict[str, Any]) -> set[str]:
+    """Keys that do not matter to what the candidates of this scenario see."""
+    observation = scenario.observation
+    keys = set()
+    if observation.criterion == "visit":
+        keys |= {"duration_s", "body.gravity.model", "body.gravity.parameters"}
+    if observation.max_incidence_deg is None and not observation.shadows:
+        keys |= {key for key in there if key.startswith("body.orbit.")}
+    if {scenario.behavior.name, there.get("behavior.name")} <= ALIKE:
+        keys |= {"behavior.name", "behavior.parameters"}
+    return keys
+
+
+def _seeing_differences(record: dict[str, Any], scenario: Scenario) -> list[str]:
+    return [
+        f"{section}.{key}: {record[part][key]} there, {value} here"
+        for part, section in (("criterion", "observation"), ("camera", "camera"))
+        for key, value in getattr(scenario, section).model_dump(mode="json").items()
+        if key in record.get(part, {}) and record[part][key] != value and key not in SEEN_ALIKE
+    ]
+
+
+def _point_differences(record: dict[str, Any], scenario: Scenario, points_A: Array | None) -> list[str]:
+    there = np.array(record.get("visiting_points_A_m", []), dtype=np.float64)
+    if points_A is None or there.shape != np.shape(points_A):
+        return []
+    farthest = float(np.linalg.norm(there - points_A, axis=1).max())
+    if farthest <= SAME_POINT * scenario.design.imaging_altitude_m:
+        return []
+    return [f"its visiting points lie elsewhere, up to {shown_size(farthest, 1)} away"]
 
 
 def _genetic_record(result: GeneticResult) -> dict[str, Any]:

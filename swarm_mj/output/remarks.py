@@ -6,6 +6,8 @@ from math import inf
 from typing import Any, NamedTuple
 
 from swarm_mj.output.summary import working
+from swarm_mj.planning import PACKAGED_SHAPE
+from swarm_mj.scenarios.schema import Body, Scenario
 
 #: Pointing errors above this at the end or before a switch are worth a remark [deg].
 SETTLED_DEG = 0.1
@@ -13,6 +15,8 @@ SETTLED_DEG = 0.1
 SETTLING_S = 120.0
 #: Events that are listed one by one.
 MOST_EVENTS = 30
+#: Spacecraft that are named one by one.
+MOST_NAMES = 10
 
 
 class Late(NamedTuple):
@@ -93,3 +97,42 @@ def near_collision_remarks(summary: dict[str, Any]) -> list[str]:
         f"t = {near['time_s']:.0f} s"
         for near in summary["near_collisions"]
     ]
+
+
+def imaging_remarks(scenario: Scenario, summary: dict[str, Any]) -> list[str]:
+    """One sentence on observers that never came inside the imaging radius, where pictures are taken."""
+    radius_km = scenario.behavior.imaging_radius_m / 1e3
+    distances = list(summary["least_distance_to_centre_km"].items())[: summary["observers"]]
+    outside = {name: distance for name, distance in distances if distance > radius_km}
+    if not outside:
+        return []
+    nothing = "no picture was taken: " if not summary["images"] else ""
+    names = ", ".join(outside) if len(outside) <= MOST_NAMES else f"{len(outside)} spacecraft"
+    who = "no observer ever came" if len(outside) == len(distances) else f"{names} never came"
+    return [
+        f"{nothing}{who} inside behavior.imaging_radius_m = {radius_km:g} km of the body's centre; "
+        f"the closest approach was {min(outside.values()):g} km"
+    ]
+
+
+def borrowed_remarks(scenario: Scenario) -> list[str]:
+    """One sentence on what a body of one's own takes from Eros.
+
+    Values are compared, not keys that were given: a scenario that a run wrote gives all of them.
+    """
+    body = scenario.body
+    if body.shape == PACKAGED_SHAPE:
+        return []
+    found = []
+    for section, effect in (("rotation", "pole and spin"), ("orbit", "where the Sun and the Earth stand")):
+        values, eros = getattr(body, section), getattr(Body(), section)
+        same = [key for key in type(values).model_fields if getattr(values, key) == getattr(eros, key)]
+        if len(same) == len(type(values).model_fields):
+            found.append(f"body.{section} ({effect})")
+        elif same:
+            found += [f"body.{section}.{key}" for key in same]
+    if not found:
+        return []
+    if scenario.epoch == Scenario.model_fields["epoch"].default:
+        found.append("epoch (daylight on Eros's target)")
+    return [f"body.shape is {body.shape}, but these are the values of 433 Eros: {', '.join(found)}"]

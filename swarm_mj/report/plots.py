@@ -38,7 +38,9 @@ NAMES_OF_TWO = (
 )  # fmt: skip
 #: Heights of the upper three plots, of the lowest at least, and of its rows, and the room between plots [px].
 HEIGHTS_PX, LOWEST_PX, ROW_PX, GAP_PX = (170, 125, 165), 150, 22, 52
-MARGINS_PX = {"l": 46, "r": 10, "t": 64, "b": 92}
+MARGINS_PX = {"l": 46, "r": 10, "t": 64, "b": 108}
+#: How far below the last plot its legend begins, and its axis title below the numbers [px].
+LEGEND_BELOW_PX, TITLE_BELOW_PX = 40, 4
 #: Size of letters at powers of ten, which plotly draws larger than other numbers by a quarter [px].
 POWER_PX = 9.6
 #: How far below its mode a closed link is drawn [px].
@@ -92,7 +94,8 @@ def _frame(run: RunRecord, names: Sequence[str], timeline_rows: int) -> go.Figur
     figure = make_subplots(rows=4, cols=1, shared_xaxes=True, vertical_spacing=GAP_PX / inside, row_heights=heights)
     for row, name in enumerate(names, start=1):
         _headline(figure, row, name)
-    figure.update_xaxes(title_text=f"time since deployment [{axis.unit}]", row=4, col=1)
+    title = {"text": f"time since deployment [{axis.unit}]", "standoff": TITLE_BELOW_PX}
+    figure.update_xaxes(title=title, row=4, col=1)
     figure.update_xaxes(hoverformat=".3~f", range=[0.0, float(run.times[-1]) / axis.seconds])
     figure.update_yaxes(type="log", exponentformat="power", dtick=2, tickfont={"size": POWER_PX}, row=1, col=1)
     figure.update_yaxes(range=[-4.0, 106.0], row=3, col=1)
@@ -101,7 +104,8 @@ def _frame(run: RunRecord, names: Sequence[str], timeline_rows: int) -> go.Figur
         dragmode="zoom",
         margin=MARGINS_PX,
         legend={"orientation": "h", "x": 0.0, "y": 1.03, "yanchor": "bottom"},
-        legend2={"orientation": "h", "x": 0.0, "y": 0.0, "yref": "container", "yanchor": "bottom"},
+        # Hung below the title: standing on the page's bottom it would push the title up where it has several lines.
+        legend2={"orientation": "h", "x": 0.0, "y": -LEGEND_BELOW_PX / inside, "yanchor": "top"},
         height=inside + MARGINS_PX["t"] + MARGINS_PX["b"],
         uirevision="kept",
         shapes=[_marker(run.scenario.design.time_of_flight_s / axis.seconds, GREY, "dash")],

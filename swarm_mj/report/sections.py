@@ -5,12 +5,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import BaseModel
 
-from swarm_mj.output.remarks import near_collision_remarks, remarks
+from swarm_mj.attitude.mrp import dcm
+from swarm_mj.output.design import design_differences
+from swarm_mj.output.remarks import borrowed_remarks, imaging_remarks, near_collision_remarks, remarks
+from swarm_mj.planning import as_planned
 from swarm_mj.report.markup import Content, Html, join, table, tag
 from swarm_mj.report.reading import RunRecord
 from swarm_mj.scenarios.schema import Scenario
+from swarm_mj.smallbody.shape_check import shown_size
 
 P_TO = Html("observed area P<sub>TO</sub>")
 SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -34,7 +40,11 @@ def summary_section(run: RunRecord) -> Html:
         ("fastest wheel", f"{100 * summary['max_wheel_speed_fraction']:.0f} %", "of its limit"),
         ("links closed at the end", f"{summary['links_closed_final']} of {summary['spacecraft']}", "spacecraft"),
         ("deployment Δv, at most", f"{max(summary['deployment_delta_v_m_s'].values()):.2f} m/s", "of one spacecraft"),
-        ("target", f"{summary['target_area_km2']:.2f} km²", f"{summary['target_faces']} faces"),
+        (
+            "target",
+            shown_size(1e6 * summary["target_area_km2"], 2).replace("^2", "²"),
+            f"{summary['target_faces']} faces",
+        ),
     ]
     cards = [tag("div", tag("dt", name), tag("dd", value, tag("small", note))) for name, value, note in numbers]
     return section("summary", "Summary", tag("dl", cards, class_="numbers"), remark_list(run))
@@ -47,8 +57,36 @@ def _lost_words(summary: dict[str, Any]) -> str:
 
 def remark_list(run: RunRecord) -> Html | None:
     """What limits the trust in a run's numbers."""
-    found = [*remarks(run.summary), *near_collision_remarks(run.summary)]
+    found = [*remarks(run.summary), *near_collision_remarks(run.summary), *run_remarks(run)]
     return tag("ul", [tag("li", text) for text in found], class_="remarks") if found else None
+
+
+def run_remarks(run: RunRecord) -> list[str]:
+    """Remarks that need more than the summary: pictures that could not be, values of Eros, and a proof for another case."""
+    found = [*imaging_remarks(run.scenario, run.summary), *borrowed_remarks(run.scenario)]
+    if other := proof_differences(run):
+        found.append(
+            f"the proof of design {run.scenario.design.reference} does not hold for this run: {'; '.join(other)}"
+        )
+    return found
+
+
+def proof_differences(run: RunRecord) -> list[str]:
+    """How the run differs from what its design was made for, in words; nothing where it has no design."""
+    if run.design is None or "proof" not in run.design:
+        return []
+    parts = (("vertices", "faces"), ("body_vertices", "body_faces"))
+    corners_A = np.concatenate([run.coverage[vertices][run.coverage[faces]] for vertices, faces in parts])
+    return design_differences(run.design, run.scenario, corners_A, _visited_A(run))
+
+
+def _visited_A(run: RunRecord) -> NDArray[np.float64] | None:
+    """Where the observers were at the visit, in A [m], shape (n_obs, 3); None where faults or dispersions moved them."""
+    if as_planned(run.scenario) != run.scenario:
+        return None
+    k = int(np.argmin(np.abs(run.times - run.scenario.design.time_of_flight_s)))
+    C_AN = dcm(np.asarray(run.telemetry["sigma_AN"].values[k], dtype=np.float64))
+    return np.asarray(run.telemetry["r_BN_N"].values[k, : run.n_observers] @ C_AN.T)
 
 
 def spacecraft_section(runs: Sequence[RunRecord], labels: Sequence[str]) -> Html:
@@ -70,7 +108,7 @@ def _spacecraft_table(run: RunRecord, label: str) -> Html:
                 name,
                 run.role(j) + ("" if lost_at is None else f"; lost at {lost_at:g} s"),
                 f"{summary['deployment_delta_v_m_s'][name]:.2f}",
-                f"{summary['least_distance_to_centre_km'][name]:.2f}",
+                f"{summary['least_distance_to_centre_km'][name]:.4g}",
                 f"{summary['coverage_percent_by_spacecraft'][name]:.1f}" if j < run.n_observers else "–",
                 "–" if before is None else short(before),
                 short(summary["pointing_error_deg_final"][name]) if lost_at is None else "lost",
@@ -103,21 +141,22 @@ def _design(run: RunRecord) -> Html:
         f"{run.summary['target_vertices']}, {design.imaging_altitude_m / 1e3:g} km above them, "
         f"{design.time_of_flight_s:g} s after deployment."
     )
-    if run.design is None:
+    if run.design is None or "proof" not in run.design:
         why = "These points were given; the run has no record of a design with a proof. The fewest are found by "
         return join([tag("p", words), tag("p", why, tag("code", "swarm-mj design"), ".")])
     return join([tag("p", words), _proof(run, run.design)])
 
 
 def _proof(run: RunRecord, record: dict[str, Any]) -> Html:
-    proof, scenario = record["proof"], run.scenario
+    proof, other = record["proof"], proof_differences(run)
     each = f", each face by at least {record['fold']}," if record["fold"] > 1 else ""
     task = (
         f"{100 - record['tolerance_percent']:g} % of the target's area{each} from any of the {record['candidates_count']} "
         "candidate points"
     )
     if proof["status"] == "optimal":
-        words = f"Proven: fewer than {proof['minimum']} observers cannot see {task}."
+        proven = "Proven for what the design was made for" if other else "Proven"
+        words = f"{proven}: fewer than {proof['minimum']} observers cannot see {task}."
     else:
         words = f"Not proven to be the fewest: at least {proof['lower_bound']:g} observers are needed to see {task}."
     names = {"repair": "genetic algorithm with repair", "plain": "genetic algorithm"}
@@ -144,30 +183,21 @@ def _proof(run: RunRecord, record: dict[str, Any]) -> Html:
     flown = f"Flown: the design of the {record['selected_by']}."
     return join(
         [
-            _mismatch(record, scenario),
+            _withdrawal(other),
             tag("p", tag("strong", words), " ", flown),
             table(head, cells, caption="How the design was found", class_="numeric method"),
         ]
     )
 
 
-def _mismatch(record: dict[str, Any], scenario: Scenario) -> Html | None:
-    """Where the proof was made for other values than those flown."""
-    other = []
-    for part, flown in (("criterion", scenario.observation), ("camera", scenario.camera)):
-        name = "observation" if part == "criterion" else part
-        for key, value in flown.model_dump(mode="json").items():
-            if (
-                key in record[part]
-                and record[part][key] != value
-                and key not in ("observer", "interval_s", "resolution_px")
-            ):
-                other.append(f"{name}.{key}: {record[part][key]} there, {value} here")
+def _withdrawal(other: Sequence[str]) -> Html | None:
+    """What a reader must know where the proof was made for another case than the one flown."""
     if not other:
         return None
-    return tag(
-        "p", f"The proof does not hold for this run, which differs from it: {'; '.join(other)}.", class_="warning"
+    words = (
+        f"The proof does not hold for this run, which differs from what the design was made for: {'; '.join(other)}."
     )
+    return tag("p", words, class_="warning")
 
 
 def flat_parameters(scenario: Scenario) -> dict[str, Any]:

@@ -28,6 +28,42 @@ MAX_FACES = 10_000_000
 MAX_CENTROID_OFFSET = 0.5
 #: A face lower than this fraction of its longest edge has no area.
 MIN_RELATIVE_HEIGHT = 1e-9
+#: Lengths, areas and volumes from here on are said in km, km^2 and km^3 [m, m^2, m^3].
+LEAST_IN_KM = {1: 1e3, 2: 1e4, 3: 1e6}
+
+
+class BodySizeError(ShapeError):
+    """A body of a size that is not believed; whoever read the mesh knows how its user can say otherwise.
+
+    Attributes:
+        found: What is wrong.
+        unit: Unit that the file may have been meant in, "m" or "km".
+    """
+
+    def __init__(self, found: str, unit: str) -> None:
+        super().__init__(found, unit)
+        self.found, self.unit = found, unit
+
+    def __str__(self) -> str:
+        """The message in terms of the arguments of `check_shape` and `load_shape`."""
+        return self.advised('pass unit="{unit}"', "pass expect_radius_m=(lowest, highest)")
+
+    def advised(self, unit_advice: str, range_advice: str) -> str:
+        """The message in other terms; `unit_advice` says how to give the unit, which takes the place of `{unit}`."""
+        taken, scale = (
+            ("kilometres taken for metres", 1000) if self.unit == "km" else ("metres taken for kilometres", 0.001)
+        )
+        return (
+            f"{self.found}; it looks like {taken}: {unit_advice.format(unit=self.unit)}, or scale the mesh by {scale:g}. "
+            f"For a body that is really of this size {range_advice}"
+        )
+
+
+def shown_size(value: float, power: int) -> str:
+    """A length, area or volume [m, m^2, m^3] by its power of a length, to four digits, in m or km, whichever fits."""
+    scale, unit = (1e3, "km") if value >= LEAST_IN_KM[power] else (1.0, "m")
+    number = float(f"{value / scale**power:.4g}")
+    return f"{number:,.15g} {unit}{f'^{power}' if power > 1 else ''}"
 
 
 def check_shape(
@@ -188,13 +224,10 @@ def _check_size(shape: ShapeModel, expect_radius_m: tuple[float, float]) -> None
     if low <= shape.max_radius <= high:
         return
     vertex = int(np.linalg.norm(shape.vertices, axis=1).argmax())
-    if shape.max_radius < low:
-        advice = 'it looks like kilometres taken for metres: pass unit="km", or scale the mesh by 1000'
-    else:
-        advice = 'it looks like metres taken for kilometres: pass unit="m", or scale the mesh by 0.001'
-    raise ShapeError(
+    raise BodySizeError(
         f"{shape.name}: the farthest vertex, {vertex}, lies {shape.max_radius:.4g} m from the origin, expected {low:g} "
-        f"to {high:g} m; {advice}. For a body that is really of this size pass expect_radius_m=(lowest, highest)"
+        f"to {high:g} m",
+        "km" if shape.max_radius < low else "m",
     )
 
 

@@ -172,3 +172,19 @@ def test_a_control_period_beyond_stability_is_refused(law: Controller) -> None:
     law.torque(inputs._replace(period=1.0), None)
     with pytest.raises(ScenarioError, match="control period of 30 s is too long"):
         law.torque(inputs._replace(period=30.0), None)
+
+
+UNIFORM = np.diag([0.0837, 0.0837, 0.0133])
+
+
+@pytest.mark.parametrize(
+    "law", [MrpSlidingMode(), MrpSlidingMode(layer=0.013), MrpFeedback(frequency=0.67), MrpFeedback(frequency=160.0)]
+)
+def test_a_period_that_follows_the_message_is_accepted(law: Controller) -> None:
+    inputs = Moment(seed=6).inputs(UNIFORM)
+    with pytest.raises(ScenarioError, match="below") as refused:
+        law.torque(inputs._replace(period=30.0), None)
+    longest = float(str(refused.value).split("Shorten the period below ")[1].split(" s")[0])
+    law.torque(inputs._replace(period=0.9999 * longest), None)
+    with pytest.raises(ScenarioError):
+        law.torque(inputs._replace(period=1.01 * longest), None)

@@ -12,7 +12,7 @@ import pytest
 
 from swarm_mj.campaign.loading import load_campaign
 from swarm_mj.campaign.lock import only_one
-from swarm_mj.campaign.runner import run_campaign
+from swarm_mj.campaign.runner import replay, run_campaign
 from swarm_mj.campaign.store import RESULTS, read_results
 from swarm_mj.errors import OutputError
 
@@ -152,7 +152,7 @@ def test_a_changed_campaign_is_not_resumed(reference, start, tmp_path, write):
     few = start(path, "--out", out, "--runs", 2, "--no-figures")
     assert few.wait(90) == 0
     for arguments, words in (
-        ([path], "campaign.runs = 16, was 2"),
+        ([path, "--runs", 16], "campaign.runs = 16, was 2"),
         ([changed, "--runs", 2], "telemetry.interval_s = 5"),
     ):
         process = start(*arguments, "--out", out, "--resume", "--no-figures")
@@ -207,6 +207,9 @@ def test_a_foreign_folder_is_not_written_to(write, tmp_path):
     (tmp_path / "mine" / "thesis.tex").write_text("years")
     with pytest.raises(OutputError, match="holds thesis.tex and no campaign"):
         run_campaign(load_campaign(write()), tmp_path / "mine", quiet=True)
+    with pytest.raises(OutputError, match="holds thesis.tex and no campaign"):
+        replay(load_campaign(write()), 0, tmp_path / "mine", quiet=True)
+    assert [p.name for p in (tmp_path / "mine").iterdir()] == ["thesis.tex"]
 
 
 def test_every_row_replays_bit_for_bit_and_a_forged_one_is_told_apart(reference, start, tmp_path):

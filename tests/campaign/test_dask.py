@@ -40,6 +40,7 @@ def test_nobody_at_the_address_is_a_clear_error(write, tmp_path, monkeypatch):
     monkeypatch.setattr("swarm_mj.campaign.dask_pool.CONNECT_S", 1.0)
     with pytest.raises(OutputError, match="no Dask scheduler answers"):
         run_campaign(load_campaign(write()), tmp_path / "out", scheduler="tcp://127.0.0.1:9", quiet=True)
+    assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize("address", ["garbage", "foo://x", "tls://127.0.0.1:9", ""])
@@ -50,6 +51,7 @@ def test_an_address_that_is_none_ends_the_program_at_once_and_cleanly(write, sta
     assert "no Dask scheduler answers" in errors and "tcp://host:8786" in errors
     assert "Traceback" not in out + errors and "ignored" not in out + errors
     assert len((out + errors).strip().splitlines()) == 1
+    assert not (tmp_path / "out").exists()
 
 
 def test_a_worker_that_lacks_this_program_is_a_clear_error(write, monkeypatch):

@@ -86,6 +86,16 @@ def test_a_wrong_file_is_explained(write, case):
     assert words in str(told.value)
 
 
+def test_a_scenario_is_told_from_a_campaign_in_one_line(write, tmp_path):
+    path = write("name: mine\nseed: 3\nduration_s: 600\ncamera: {{half_angle_deg: 5}}\ncamra: 1\n")
+    for source in (path, "eros-quick"):
+        with pytest.raises(ScenarioError) as told:
+            load_campaign(source)
+        assert str(told.value) == f"{source}: this is a scenario; fly it with `swarm-mj run`"
+    with pytest.raises(ScenarioError, match="camera: unknown key"):
+        load_campaign(write("name: mine\nruns: 3\ncamera: {{half_angle_deg: 5}}\n"))
+
+
 def test_two_scenarios_of_one_name_are_refused(write):
     path = write("name: x\nscenarios: [eros-quick, eros-quick]\n")
     with pytest.raises(ScenarioError, match="two are called 'eros-quick'"):

@@ -3,7 +3,8 @@
 import pytest
 
 from swarm_mj.campaign.loading import load_campaign
-from swarm_mj.campaign.runner import _require_same, run_campaign
+from swarm_mj.campaign.manifest import require_same
+from swarm_mj.campaign.runner import run_campaign
 from swarm_mj.campaign.store import read_results
 from swarm_mj.errors import OutputError
 
@@ -57,12 +58,12 @@ def test_a_parameter_that_is_called_description_is_compared(tmp_path):
         return {"campaign": {"scenarios": []}, "bases": {"one": base}, "shapes": {}, "versions": {}}
 
     with pytest.raises(OutputError, match=r"began: bases\.one\.control\.parameters\.description = 'b', was 'a'\. "):
-        _require_same(manifest("a"), manifest("b"), tmp_path)
-    _require_same(manifest("a"), manifest("a"), tmp_path)
+        require_same(manifest("a"), manifest("b"), tmp_path)
+    require_same(manifest("a"), manifest("a"), tmp_path)
 
 
 @pytest.mark.parametrize("broken", [{}, {"campaign": 3, "bases": [1]}, {"campaign": {"scenarios": [1], "set": 2}}])
 def test_a_manifest_that_is_damaged_is_not_taken_for_this_campaign(tmp_path, broken):
     ours = {"campaign": {"set": {}, "scenarios": []}, "bases": {"one": {}}, "shapes": {}, "versions": {"numpy": "2"}}
     with pytest.raises(OutputError, match="has changed since it began"):
-        _require_same(broken, ours, tmp_path)
+        require_same(broken, ours, tmp_path)

@@ -61,6 +61,7 @@ def test_rows_that_stand_in_the_journal_alone_are_read_by_anybody(tmp_path):
     (tmp_path / MANIFEST).write_text(json.dumps({"campaign": CAMPAIGN.model_dump(mode="json", by_alias=True)}))
     assert not list((tmp_path / PARTS).iterdir())
     assert read_results(tmp_path).equals(read_results(tmp_path, SCHEMA)) and numbers(tmp_path) == [2]
+    assert read_results(str(tmp_path)).equals(read_results(tmp_path))
     store.close()
 
 
@@ -82,6 +83,16 @@ def test_compaction_gives_one_sorted_file_and_a_second_one_changes_nothing(tmp_p
     again.add(row(2))
     again.compact()
     assert numbers(tmp_path) == [0, 1, 2, 3, 4]
+
+
+def test_what_is_empty_at_the_end_is_removed_and_what_holds_rows_stays(tmp_path):
+    store = filled(tmp_path, [0, 1], seal_after=[0])
+    store.close()
+    assert {p.name for p in tmp_path.iterdir()} == {JOURNAL, PARTS} and numbers(tmp_path) == [0, 1]
+    store = Store(tmp_path, SCHEMA)
+    store.compact()
+    store.close()
+    assert {p.name for p in tmp_path.iterdir()} == {RESULTS} and numbers(tmp_path) == [0, 1]
 
 
 def test_a_row_is_not_counted_twice(tmp_path):

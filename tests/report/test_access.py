@@ -26,6 +26,25 @@ def test_no_page_is_wider_than_its_window(browser, folder, comparison, width):
         assert browser.execute_script(outside) == []
 
 
+@pytest.mark.parametrize("width", [400, 1280])
+def test_the_title_of_the_time_axis_lies_clear_of_its_numbers_bars_and_legend(browser, folder, comparison, width):
+    for path in (folder / "report.html", comparison):
+        load(browser, path, width)
+        boxes = """
+            const box = (e) => {
+                const {left, top, right, bottom} = e.getBoundingClientRect(); return [left, top, right, bottom];
+            };
+            const all = (selector) => [...document.querySelectorAll(selector)].map(box);
+            return [all('#plots .g-x4title'), all('#plots .x4tick'), all('#plots .nsewdrag[data-subplot="x4y4"]'),
+                    all('#plots .legend, #plots .legend2')];
+        """
+        (title,), ticks, areas, legends = browser.execute_script(boxes)
+        assert len(ticks) >= 3 and len(areas) == 1 and legends, path.name
+        for other in (*ticks, *areas, *legends):
+            apart = (title[0] >= other[2], title[2] <= other[0], title[1] >= other[3], title[3] <= other[1])
+            assert any(apart), (path.name, title, other)
+
+
 def test_the_arrow_keys_move_the_slider_and_space_plays(report):
     scrub(report, 0.5)
     slider = report.find_element(By.ID, "slider")

@@ -12,6 +12,7 @@ Source: Schaub & Junkins, Analytical Mechanics of Space Systems, sections 8.4 an
 """
 
 from dataclasses import dataclass
+from decimal import ROUND_DOWN, Context
 from functools import cached_property
 from typing import ClassVar
 
@@ -22,6 +23,9 @@ from swarm_mj.attitude.algebra import Floats, combine, cross, put_vector, times,
 from swarm_mj.attitude.controllers.base import ControlInput, require_above
 from swarm_mj.attitude.controllers.compiled import CompiledLaw
 from swarm_mj.errors import ScenarioError
+
+#: How a message gives the longest period: rounded up, a period that obeys it could still be refused.
+_DOWN = Context(prec=3, rounding=ROUND_DOWN)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,10 +83,11 @@ class MrpFeedback:
             ScenarioError: The control period is too long for the gains, so that the loop would oscillate.
         """
         if inputs.period >= self.longest_period:
+            longest = float(_DOWN.create_decimal_from_float(self.longest_period))
             raise ScenarioError(
                 f"{self.name}: a control period of {inputs.period:g} s is too long for frequency = {self.frequency:g} "
                 f"rad/s and damping_ratio = {self.damping_ratio:g}: the loop would oscillate. Shorten the period below "
-                f"{self.longest_period:.2g} s or lower the frequency."
+                f"{longest:g} s or lower the frequency."
             )
         torque_B = np.empty_like(inputs.sigma_BR)
         write_torque(*inputs[:8], self._numbers, torque_B)

@@ -16,6 +16,7 @@ Applied Nonlinear Control, chapter 7 (boundary layer, gain under uncertainty); S
 """
 
 from dataclasses import dataclass
+from decimal import ROUND_DOWN, Context
 from functools import cached_property
 from math import inf, sqrt
 from typing import ClassVar
@@ -31,6 +32,8 @@ from swarm_mj.errors import ScenarioError
 
 #: A loop whose torque is held over a period is unstable when its rate gain times the period reaches this value.
 _STABILITY_LIMIT = 2.0
+#: How a message gives the longest period: rounded up, a period that obeys it could still be refused.
+_DOWN = Context(prec=3, rounding=ROUND_DOWN)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,10 +88,11 @@ class MrpSlidingMode:
         """
         gain = _fastest_gain(inputs.inertia_effective_B, self._numbers)
         if gain * inputs.period >= _STABILITY_LIMIT:
+            longest = float(_DOWN.create_decimal_from_float(_STABILITY_LIMIT / gain))
             raise ScenarioError(
                 f"{self.name}: a control period of {inputs.period:g} s is too long for layer = {self.layer:g} rad/s: "
-                f"the loop, with a rate gain of {gain:.3g} 1/s, would oscillate. Shorten the period below "
-                f"{_STABILITY_LIMIT / gain:.2g} s, widen the layer, or lower reaching_rate or disturbance_torque."
+                f"the loop, with a rate gain of {gain:.3g} 1/s, would oscillate. Shorten the period below {longest:g} s, "
+                "widen the layer, or lower reaching_rate or disturbance_torque."
             )
         torque_B = np.empty_like(inputs.sigma_BR)
         write_torque(*inputs[:8], self._numbers, torque_B)

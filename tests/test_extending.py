@@ -1,0 +1,95 @@
+"""The page on bodies and plug-ins of one's own: its files are written, its commands are typed, its plug-ins fly."""
+
+import importlib
+import json
+import shlex
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from swarm_mj.cli import main
+from swarm_mj.output.remarks import borrowed_remarks
+from swarm_mj.scenarios.loading import load_scenario
+from swarm_mj.simulation.telemetry import MODES, read_telemetry
+
+PAGE = (Path(__file__).parents[1] / "docs/extending.md").read_text("utf-8")
+
+
+def snippets(language):
+    return [part.split("```")[0] for part in PAGE.split(f"```{language}\n")[1:]]
+
+
+def install(folder, pyproject):
+    """What `pip install -e .` leaves behind of a project that has modules and entry points."""
+    project = tomllib.loads(pyproject)["project"]
+    lines = [
+        line
+        for group, names in project["entry-points"].items()
+        for line in (f"[{group}]", *(f"{name} = {place}" for name, place in names.items()))
+    ]
+    info = folder / f"{project['name'].replace('-', '_')}-{project['version']}.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {project['name']}\nVersion: {project['version']}\n")
+    (info / "entry_points.txt").write_text("\n".join(lines) + "\n")
+
+
+@pytest.fixture(scope="module")
+def desk(tmp_path_factory):
+    """A folder with the page's files in it, the current one, with its plug-ins installed."""
+    folder = tmp_path_factory.mktemp("extending")
+    mesh, module = snippets("python")
+    (folder / "my_asteroid.yaml").write_text(snippets("yaml")[0])
+    (folder / "my_flyby.py").write_text(module)
+    install(folder, snippets("toml")[0])
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        patch.syspath_prepend(folder)
+        exec(compile(mesh, "the page's mesh", "exec"), {})
+        yield folder
+
+
+def typed(text):
+    for line in text.strip().replace("\\\n", " ").splitlines():
+        assert (
+            main([*shlex.split(line)[1:], *([] if line.split()[1] == "shape" else ["--quiet", "--no-figures"])]) == 0
+        ), line
+
+
+def test_the_body_of_the_page_is_checked_flown_designed_for_and_flown_again(desk, capsys):
+    typed(snippets("sh")[0])
+    said = capsys.readouterr().out
+    assert "radius up to 300 m" in said and "433 Eros" not in said and "does not hold" not in said
+    results = desk / "results"
+    first, last = (
+        json.loads((results / name / "summary.json").read_text()) for name in ("my_asteroid", "my_asteroid-designed")
+    )
+    design = json.loads((results / "my_asteroid-design" / "design.json").read_text())
+    assert last["visiting_points"] == design["visiting_points"] != first["visiting_points"] == [3, 9, 14]
+    assert last["coverage_percent"] > 99.0 and first["coverage_percent"] > 0.0
+    assert borrowed_remarks(load_scenario(desk / "my_asteroid.yaml")) == []
+
+
+def test_the_plug_ins_of_the_page_fly_and_do_what_they_say(desk):
+    typed(snippets("sh")[1])
+    telemetry = read_telemetry(desk / "results" / "plug-ins" / "telemetry.nc")
+    times, mode = telemetry["time"].values, telemetry["mode"].values
+    near = np.linalg.norm(telemetry["r_BN_N"].values, axis=2) < 4990.0
+    before, after = near & (times < 690.0)[:, None], times > 710.0
+    assert (
+        before.any()
+        and (mode[before] == MODES.index("asteroid_observation")).all()
+        and (mode[after] == MODES.index("earth_tracking")).all()
+    )
+    error = telemetry["pointing_error"].values
+    assert error[0].max() > 0.1 and error[-1].max() < 0.01
+
+
+def test_the_gravity_of_the_page_is_that_of_its_two_masses(desk):
+    field = importlib.import_module("my_flyby").TwoLobes(None, gm=8.0, distance_m=300.0)
+    far = field.acceleration(np.array([[0.0, 0.0, 1e6]]))
+    assert far[0] == pytest.approx([0.0, 0.0, -8.0 / 1e12], rel=1e-6)
+    # On the x axis, 150 m beyond a lobe: GM/2 at 150 m and GM/2 at 450 m.
+    near = field.acceleration(np.array([[300.0, 0.0, 0.0]]))
+    assert near[0] == pytest.approx([-4.0 / 150.0**2 - 4.0 / 450.0**2, 0.0, 0.0])
