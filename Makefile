@@ -15,7 +15,7 @@ $(BIN)/python:
 	@sh scripts/make-venv.sh "$(PYTHON)" "$(VENV)"
 
 $(VENV)/.installed: pyproject.toml | $(BIN)/python
-	@echo "Installing swarm_mj into $(VENV) (once; about 850 MB) ..."
+	@echo "Installing swarm_mj into $(VENV) (once; about 1.1 GB) ..."
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable .
 	@touch $@
 
