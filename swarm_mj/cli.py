@@ -1,16 +1,21 @@
-"""The command line `swarm-mj`. Heavy modules are imported by the commands that need them, so that help is quick."""
+"""The command line `swarm-mj`.
+
+Commands are imported when the parser is built, after Ctrl-C has a handler, and heavy modules by the commands that need them,
+so that help is quick.
+"""
 
 from __future__ import annotations
 
-import argparse
-import signal
 import sys
-import threading
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from swarm_mj import __version__
-from swarm_mj.commands import bench, campaign, design, report, run, scenarios, shape, validate, video, view
 from swarm_mj.errors import SwarmError
+from swarm_mj.interruption import handled
+
+if TYPE_CHECKING:
+    import argparse
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -18,30 +23,33 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     0: done; 1: a check failed; 2: bad input or another named error; 130: interrupted.
     """
-    arguments = _parser().parse_args(argv)
-    if threading.current_thread() is threading.main_thread():
-        # Whoever ends the program politely gets the same tidy end as Ctrl-C.
-        signal.signal(signal.SIGTERM, _interrupt)
-    try:
-        return int(arguments.command(arguments) or 0)
-    except SwarmError as error:
-        print(f"swarm-mj: error: {error}", file=sys.stderr)
-        return 2
-    except MemoryError:
-        print("swarm-mj: error: not enough memory for this; ask for less", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print("\nswarm-mj: interrupted; nothing half-written was left behind", file=sys.stderr)
-        return 130
-    except BrokenPipeError:
-        return 0
+    with handled() as interruption:
+        try:
+            arguments = _parser().parse_args(argv)
+            return int(arguments.command(arguments) or 0)
+        except BaseException as error:
+            # What was asked to end may end in any error: Ctrl-C in the middle of a library is often turned into another one.
+            if interruption.asked or isinstance(error, KeyboardInterrupt):
+                return _report(130, "\nswarm-mj: interrupted; nothing half-written was left behind")
+            if isinstance(error, SwarmError):
+                return _report(2, f"swarm-mj: error: {error}")
+            if isinstance(error, MemoryError):
+                return _report(2, "swarm-mj: error: not enough memory for this; ask for less")
+            if isinstance(error, BrokenPipeError):
+                return 0
+            raise
 
 
-def _interrupt(number: int, frame: object) -> None:
-    raise KeyboardInterrupt
+def _report(status: int, words: str) -> int:
+    print(words, file=sys.stderr)
+    return status
 
 
 def _parser() -> argparse.ArgumentParser:
+    import argparse
+
+    from swarm_mj.commands import bench, campaign, design, report, run, scenarios, shape, validate, video, view
+
     parser = argparse.ArgumentParser(
         prog="swarm-mj", description="Fly CubeSat swarms past small bodies and measure what their cameras see."
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,8 @@ from rich.table import Table
 
 from swarm_mj.designer import EXTENSIONS, Growth, Study, growth, study_design
 from swarm_mj.output.design import write_design, write_growth
-from swarm_mj.output.folder import atomic_folder
+from swarm_mj.output.folder import Result, atomic_folder
+from swarm_mj.planning import check_plugins
 from swarm_mj.progress import progress_bars
 from swarm_mj.scenarios.schema import Scenario
 
@@ -28,10 +30,20 @@ def run_design(
     pdf: bool = False,
     quiet: bool = False,
     workers: int | None = None,
+    asked_as: str | None = None,
 ) -> dict[str, Any]:
-    """Design a swarm for a scenario into a folder that appears only when all is done; returns the record."""
+    """Design a swarm for a scenario into a folder that appears only when all is done; returns the record.
+
+    `asked_as` is what leads `swarm-mj run` to the same scenario, for the hint at the end; default: its name.
+    """
     console = Console()
-    with atomic_folder(folder) as partial:
+    check_plugins(scenario)
+
+    def tell_kept(names: Sequence[str]) -> None:
+        words = f"{scenario.name}: kept in {folder}, but of the earlier design, not this one: {', '.join(names)}"
+        console.print(words, soft_wrap=True, highlight=False, markup=False)
+
+    with atomic_folder(folder, Result("design", scenario.name), tell_kept) as partial:
         with progress_bars(console, quiet) as bars:
             study = _solve(scenario, bars, pareto, workers)
             rows = _compare(scenario, bars, workers) if compare else []
@@ -46,7 +58,8 @@ def run_design(
     if rows:
         console.print(growth_table(rows))
     console.print(f"{scenario.name}: files in {folder}", soft_wrap=True, highlight=False)
-    hint = f"To fly it: swarm-mj run {scenario.name} --design {folder / 'design.json'}"
+    design = shlex.quote(str(folder / "design.json"))
+    hint = f"To fly it: swarm-mj run {asked_as or scenario.name} --design {design}"
     if not record["flyable"]:
         hint = (
             "No single scenario flies this design: its points belong to several targets, altitudes or times of flight"
@@ -112,7 +125,7 @@ def design_table(record: dict[str, Any]) -> Table:
         "the genetic algorithm covers too little" if gap < 0 else f"gap of the genetic algorithm to the proof: {gap}"
     )
     table.caption = (
-        f"{words}; selected: {record['n_observers']} observers by the {record['selected_by']}. Criterion: "
+        f"{words}; selected: {_observers(record['n_observers'])} by the {record['selected_by']}. Criterion: "
         f"{record['criterion']['criterion']}, {record['camera']['half_angle_deg']:g} deg half-angle"
     )
     return table
@@ -126,6 +139,10 @@ def growth_table(rows: Sequence[Growth]) -> Table:
     for row in rows:
         table.add_row(escape(row.change), "-" if row.n_observers is None else str(row.n_observers), escape(row.note))
     return table
+
+
+def _observers(count: int) -> str:
+    return f"{count} observer" if count == 1 else f"{count} observers"
 
 
 def _numbers(points: Sequence[int]) -> str:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from math import radians
 
@@ -10,7 +12,7 @@ from numpy.typing import NDArray
 
 from swarm_mj import plugins
 from swarm_mj.attitude.controllers.base import Controller
-from swarm_mj.errors import MissionError, ScenarioError, ShapeError
+from swarm_mj.errors import MissionError, PluginError, ScenarioError, ShapeError
 from swarm_mj.faults.dispersions import shifted_target, target_shift
 from swarm_mj.faults.schedule import check_faults
 from swarm_mj.mission.behaviors import Behavior, SelectiveBehavior
@@ -25,6 +27,7 @@ from swarm_mj.smallbody.ephemeris import Ephemeris, julian_date
 from swarm_mj.smallbody.kepler import OrbitalElements
 from swarm_mj.smallbody.rotation import Rotation
 from swarm_mj.smallbody.shape import ShapeModel
+from swarm_mj.smallbody.shape_check import BodySizeError
 from swarm_mj.smallbody.shape_harmonics import load_eros
 from swarm_mj.smallbody.shape_io import load_shape
 from swarm_mj.smallbody.solid_angle import points_inside
@@ -95,7 +98,7 @@ def make_plan(scenario: Scenario, *, check_separation: bool = True) -> Plan:
     Raises:
         SwarmError: Shape, target, plug-in or trajectory cannot be had; the message says why.
     """
-    controller = plugins.create(plugins.CONTROLLERS, scenario.control.controller, scenario.control.parameters)
+    controller = controller_from(scenario)
     behavior = behavior_from(scenario)
     properties = properties_from(scenario)
     shape = load_body_shape(scenario.body)
@@ -130,6 +133,40 @@ def make_plan(scenario: Scenario, *, check_separation: bool = True) -> Plan:
     )
 
 
+def check_plugins(scenario: Scenario) -> None:
+    """See that the scenario's plug-ins are there and take its parameters, as far as that shows before anything is built.
+
+    Raises:
+        PluginError: One is not, or does not; the message names the key.
+    """
+    controller_from(scenario)
+    unchecked_behavior(scenario)
+    with _named("body.gravity.model"):
+        plugins.find(plugins.GRAVITY, scenario.body.gravity.model)
+
+
+@contextmanager
+def _named(key: str) -> Iterator[None]:
+    """Put the scenario's key before what is wrong with a plug-in."""
+    try:
+        yield
+    except PluginError as error:
+        raise PluginError(f"{key} = {error}") from error
+
+
+def controller_from(scenario: Scenario) -> Controller:
+    """The scenario's attitude control law.
+
+    Raises:
+        PluginError: There is none of that name, or its parameters do not fit.
+    """
+    with _named("control.controller"):
+        controller: Controller = plugins.create(
+            plugins.CONTROLLERS, scenario.control.controller, scenario.control.parameters
+        )
+    return controller
+
+
 def as_planned(scenario: Scenario) -> Scenario:
     """The scenario without faults and dispersions: all that a design can count on."""
     return scenario.model_copy(update={"faults": (), "dispersions": Dispersions()})
@@ -141,6 +178,9 @@ def load_body_shape(body: Body) -> ShapeModel:
         return load_eros()
     try:
         return load_shape(body.shape, unit=body.shape_unit, name=body.name, expect_radius_m=body.radius_range_m)
+    except BodySizeError as error:
+        advice = error.advised("give body.shape_unit: {unit}", "give body.radius_range_m: [LOWEST, HIGHEST]")
+        raise ShapeError(f"body.shape = {body.shape}: {advice}") from None
     except ShapeError as error:
         raise ShapeError(f"body.shape = {body.shape} (with body.shape_unit, body.radius_range_m): {error}") from None
 
@@ -163,13 +203,14 @@ def unchecked_behavior(scenario: Scenario) -> Behavior:
     Raises:
         SwarmError: There is none of that name, or its parameters do not fit.
     """
-    behavior: Behavior = plugins.create(
-        plugins.BEHAVIORS,
-        scenario.behavior.name,
-        scenario.behavior.parameters,
-        len(scenario.design.visiting_points),
-        scenario.behavior.imaging_radius_m,
-    )
+    with _named("behavior.name"):
+        behavior: Behavior = plugins.create(
+            plugins.BEHAVIORS,
+            scenario.behavior.name,
+            scenario.behavior.parameters,
+            len(scenario.design.visiting_points),
+            scenario.behavior.imaging_radius_m,
+        )
     return behavior
 
 
@@ -233,7 +274,8 @@ def environment_from(scenario: Scenario, shape: ShapeModel) -> Environment:
     """Everything that acts near the body, for the scenario's epoch."""
     body, perturbations = scenario.body, scenario.perturbations
     _require_own_gravity(body)
-    gravity = plugins.create(plugins.GRAVITY, body.gravity.model, body.gravity.parameters, shape)
+    with _named("body.gravity.model"):
+        gravity = plugins.create(plugins.GRAVITY, body.gravity.model, body.gravity.parameters, shape)
     ephemeris, jd = ephemeris_from(body), julian_date(scenario.epoch)
     pressed = perturbations.srp_area_m2 / scenario.spacecraft.mass_kg if perturbations.solar_radiation_pressure else 0.0
     return Environment(
@@ -263,21 +305,26 @@ def ephemeris_from(body: Body) -> Ephemeris:
     return Ephemeris(orbit=elements, rotation=Rotation(**body.rotation.model_dump()))
 
 
-#: What each built-in field takes from Eros where the scenario says nothing; a shape of one's own needs its own.
+#: What each built-in field takes from Eros where the scenario says nothing: a shape of one's own needs all of one choice.
 OWN_GRAVITY = {
-    "point_mass": ("gm",),
-    "polyhedron": ("gm", "density_kg_m3"),
-    "spherical_harmonics": ("coefficients",),
+    "point_mass": (("gm",),),
+    "polyhedron": (("gm",), ("density_kg_m3",)),
+    "spherical_harmonics": (("gm", "reference_radius_m", "coefficients"),),
 }
 
 
 def _require_own_gravity(body: Body) -> None:
-    needed = OWN_GRAVITY.get(body.gravity.model, ())
-    if body.shape != PACKAGED_SHAPE and needed and not set(needed) & set(body.gravity.parameters):
+    given = {key for key, value in body.gravity.parameters.items() if value is not None}
+    choices = OWN_GRAVITY.get(body.gravity.model, ())
+    if body.shape != PACKAGED_SHAPE and choices and not any(given.issuperset(choice) for choice in choices):
         raise ScenarioError(
             f"body.gravity.parameters = {body.gravity.parameters}: body.shape = {body.shape} would take the gravity of Eros; "
-            f"{body.gravity.model} needs {' or '.join(needed)} (check body.rotation and body.orbit too)"
+            f"{body.gravity.model} needs {' or '.join(map(_enumerated, choices))} (check body.rotation and body.orbit too)"
         )
+
+
+def _enumerated(words: Sequence[str]) -> str:
+    return " and ".join(filter(None, (", ".join(words[:-1]), words[-1])))
 
 
 def antennas_from(scenario: Scenario) -> Antennas:

@@ -15,11 +15,11 @@ from rich.table import Table
 
 from swarm_mj.errors import OutputError
 from swarm_mj.flight import add_coverage, observe_flight, picture_count, simulate
-from swarm_mj.output.folder import atomic_folder
+from swarm_mj.output.folder import Result, atomic_folder, check_place
 from swarm_mj.output.remarks import near_collision_remarks, remarks
 from swarm_mj.output.results import write_results, write_summary
 from swarm_mj.output.summary import summarise, working
-from swarm_mj.planning import behavior_from, make_plan
+from swarm_mj.planning import behavior_from, check_plugins, make_plan
 from swarm_mj.progress import progress_bars
 from swarm_mj.report import REPORT_NAME
 from swarm_mj.scenarios.schema import Scenario
@@ -59,8 +59,11 @@ def run_many(
     """
     if len(set(folders)) < len(folders):
         raise OutputError("two scenarios have the same name; give them folders of their own with --out, one call each")
-    for scenario in scenarios:
-        behavior_from(scenario)  # what refuses its scenario does so before another one is flown
+    for scenario, folder in zip(scenarios, folders, strict=True):
+        # What is refused is so before another one is flown.
+        check_plugins(scenario)
+        behavior_from(scenario)
+        check_place(folder, Result("run", scenario.name))
     console = Console()
     summaries = []
     with progress_bars(console, quiet) as progress:
@@ -83,8 +86,14 @@ def run_one(
     progress: Progress | None = None,
 ) -> dict[str, Any]:
     """Fly one scenario into a folder that appears only when all is done, then report it; returns its summary."""
-    stages = Stages(progress or Progress(disable=True), scenario.name)
-    with atomic_folder(folder) as partial:
+    progress = progress or progress_bars(Console(), quiet=True)
+    stages = Stages(progress, scenario.name)
+
+    def tell_kept(names: Sequence[str]) -> None:
+        words = f"{scenario.name}: kept in {folder}, but of the earlier run, not this one: {', '.join(names)}"
+        progress.console.print(words, soft_wrap=True, highlight=False, markup=False)
+
+    with atomic_folder(folder, Result("run", scenario.name), tell_kept) as partial:
         with stages.stage("design", "trajectories (compiles on first use)"):
             plan = make_plan(scenario)
         with stages.stage("simulate", "flight", scenario.duration_s) as done:

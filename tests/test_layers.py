@@ -9,7 +9,7 @@ ROOT = Path(__file__).parents[1]
 
 #: The order of the layers; a module may import from its own layer and from earlier ones.
 ORDER = [
-    ("errors", "constants", "resources", "plugins", "progress", "cache", "assets"),
+    ("errors", "constants", "resources", "interruption", "plugins", "progress", "cache", "assets"),
     ("scenarios",),
     ("smallbody",),
     ("attitude",),

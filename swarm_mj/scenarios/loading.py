@@ -6,23 +6,26 @@ import difflib
 import json
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from importlib import resources
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 import yaml
-from pydantic import BaseModel, ValidationError
+from pydantic import ValidationError
 
 from swarm_mj.errors import ScenarioError
+from swarm_mj.scenarios.explaining import explained, listed
 from swarm_mj.scenarios.limits import MAX_DEPTH, MAX_INTEGER_CHARACTERS, check_plain, check_work, shortened, shown
 from swarm_mj.scenarios.schema import Body, Scenario
-from swarm_mj.scenarios.schema_faults import FAULT_KINDS
 
 #: A scenario is a page of text; anything larger is a mistake or an attack.
 MAX_BYTES = 1_000_000
-#: Mistakes that are listed at once.
-MAX_ERRORS = 20
+
+#: What a record of a design holds in any case: its points, and what a report says of it.
+DESIGN_KEYS = ("visiting_points", "proof", "proof.minimum", "proof.lower_bound", "proof.status", "proof.visiting_points",
+               "proof.covered_percent", "proof.seconds", "genetic", "selected_by", "candidates_count", "tolerance_percent",
+               "fold")  # fmt: skip
 
 _OPENING = (
     yaml.BlockSequenceStartToken,
@@ -47,12 +50,23 @@ def packaged_text(name: str) -> str:
     """
     known = packaged_names()
     if name not in known:
+        if f"{name}.yaml" in _packaged_campaigns():
+            raise ScenarioError(_is_campaign(name))
         close = difflib.get_close_matches(name, known, n=1)
         hint = f" Did you mean {close[0]!r}?" if close else ""
         raise ScenarioError(
             f"{shortened(name)}: no such scenario.{hint} Packaged: {', '.join(known)}. The name of a file must end in .yaml"
         )
     return (resources.files("swarm_mj.scenarios") / f"{name}.yaml").read_text("utf-8")
+
+
+def _packaged_campaigns() -> list[str]:
+    folder = resources.files("swarm_mj.scenarios") / "campaigns"
+    return [p.name for p in folder.iterdir()] if folder.is_dir() else []
+
+
+def _is_campaign(source: str) -> str:
+    return f"{source}: this is a campaign; fly it with `swarm-mj campaign {source}`"
 
 
 def load_scenario(name_or_path: str | Path, overrides: Iterable[str] = ()) -> Scenario:
@@ -68,6 +82,8 @@ def load_scenario(name_or_path: str | Path, overrides: Iterable[str] = ()) -> Sc
     """
     text, source, folder = _read(name_or_path)
     data = parse_yaml(text, source)
+    if "scenarios" in data:
+        raise ScenarioError(_is_campaign(source))
     if folder is not None:
         _resolve_paths(data, folder)
     for override in overrides:
@@ -82,7 +98,7 @@ def scenario_from(data: Mapping[str, Any], source: str = "scenario") -> Scenario
     try:
         scenario = Scenario.model_validate(data)
     except ValidationError as error:
-        raise ScenarioError(f"{source}:\n{listed(error, _explain)}") from None
+        raise ScenarioError(f"{source}:\n{listed(error, explained)}") from None
     check_work(scenario, source)
     return scenario
 
@@ -125,6 +141,7 @@ def design_record(reference: str) -> dict[str, Any]:
     known = packaged_designs()
     packaged = resources.files("swarm_mj.scenarios") / "designs" / f"{reference}.json"
     path = packaged if reference in known else Path(reference)
+    asked = f"design.reference (--design) = {shortened(reference)}"
     try:
         if not path.is_file():
             raise ValueError("no such file")
@@ -133,17 +150,25 @@ def design_record(reference: str) -> dict[str, Any]:
         if len(raw) > MAX_BYTES:
             raise ValueError(f"larger than {MAX_BYTES} bytes")
         design = json.loads(raw.decode("utf-8"))
-        points = design["visiting_points"]
-    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
+    except (OSError, ValueError, RecursionError) as error:
+        reason = "no JSON" if isinstance(error, (json.JSONDecodeError, UnicodeDecodeError, RecursionError)) else error
         raise ScenarioError(
-            f"design.reference = {shortened(reference)}: no packaged design and no design.json "
-            f"({type(error).__name__}: {shortened(str(error))}). Packaged: {', '.join(known)}"
+            f"{asked}: neither a packaged design ({', '.join(known)}) nor a design.json of `swarm-mj design` "
+            f"({shortened(str(getattr(error, 'strerror', None) or reason))})"
         ) from None
+    if missing := [key for key in DESIGN_KEYS if not _holds(design, key)]:
+        what = f"{missing[0]} is missing" if isinstance(design, dict) else f"it holds {shown(design)}"
+        raise ScenarioError(f"{asked}: is no design.json of `swarm-mj design` ({what})")
+    points = design["visiting_points"]
     if not isinstance(points, list) or not points or not all(type(p) is int for p in points):
-        raise ScenarioError(
-            f"design.reference = {shortened(reference)}: its visiting_points are no list of numbers: {shown(points)}"
-        )
+        raise ScenarioError(f"{asked}: its visiting_points are no list of numbers: {shown(points)}")
     return dict(design)
+
+
+def _holds(record: Any, key: str) -> bool:
+    """Whether a record has a dotted key."""
+    first, _, rest = key.partition(".")
+    return isinstance(record, dict) and first in record and (not rest or _holds(record[first], rest))
 
 
 def packaged_designs() -> list[str]:
@@ -293,61 +318,3 @@ def _apply(data: dict[str, Any], override: str) -> None:
             raise ScenarioError(f"--set {shortened(override)}: {'.'.join(parents[:level])} is {what}")
         node = child
     node[last] = value
-
-
-def listed(error: ValidationError, explain: Callable[[Any], str]) -> str:
-    """The mistakes that a schema found, one a line, the first `MAX_ERRORS` in the words of `explain`."""
-    lines = [explain(e) for e in error.errors()[:MAX_ERRORS]]
-    if error.error_count() > MAX_ERRORS:
-        lines.append(f"  and {error.error_count() - MAX_ERRORS} more mistakes")
-    return "\n".join(lines)
-
-
-def _explain(error: Any) -> str:
-    unknown = error["loc"][-1:] if error["type"] == "extra_forbidden" else ()
-    # Locations of unions hold type names besides keys; keep what leads through the schema. An unknown key may be any word.
-    path = [part for part in error["loc"][: len(error["loc"]) - len(unknown)] if not _is_union_branch(part)]
-    keys = [*path, *unknown]
-    key = ".".join(str(part) for part in keys) or "(whole)"
-    if unknown:
-        return f"  {key}: unknown key. {_allowed_keys(path, str(unknown[0]))}"
-    if error["type"] == "union_tag_not_found":
-        return f"  {key}.kind: missing; allowed: {', '.join(FAULT_KINDS)}"
-    if error["type"] == "union_tag_invalid":
-        return f"  {key}.kind = {shown(error['ctx']['tag'])}: unknown; allowed: {', '.join(FAULT_KINDS)}"
-    if error["type"] == "missing":
-        return f"  {key}: missing, a value is required"
-    message = error["msg"].removeprefix("Value error, ")
-    if error["type"] == "value_error":
-        separator = "" if not keys else " " if message.startswith("=") else "."
-        return f"  {key if keys else ''}{separator}{message}"
-    return f"  {key} = {shown(error['input'])}: {message[0].lower()}{message[1:]}"
-
-
-def _is_union_branch(part: str | int) -> bool:
-    return isinstance(part, str) and (
-        "[" in part
-        or part in {"float", "int", "str", "tuple", "none", "literal", "constrained-float", "constrained-int"}
-    )
-
-
-def _allowed_keys(path: list[Any], unknown: str) -> str:
-    """The keys of the section at a path, and the one that an unknown key may have been meant for."""
-    model: type[BaseModel] = Scenario
-    if len(path) > 2 and path[0] == "faults":
-        # Number in the list, then kind.
-        model, path = FAULT_KINDS[path[2]], path[3:]
-    for key in path:
-        if isinstance(key, str):  # else the number of a section in a list
-            model = _section(model.model_fields[key].annotation)
-    allowed = list(model.model_fields)
-    close = difflib.get_close_matches(unknown, allowed, n=1)
-    hint = f"Did you mean {close[0]!r}? " if close else ""
-    return f"{hint}Allowed: {', '.join(allowed)}"
-
-
-def _section(annotation: Any) -> type[BaseModel]:
-    """The section that a field holds, alone or in a list."""
-    return next(
-        kind for kind in (annotation, *get_args(annotation)) if isinstance(kind, type) and issubclass(kind, BaseModel)
-    )

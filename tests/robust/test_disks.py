@@ -34,7 +34,8 @@ def command(*arguments):
 
 
 def result(text):
-    return json.dumps({"scenario": text, "versions": {"swarm_mj": "0"}})
+    """A summary of eros-quick, which a run of that scenario may replace."""
+    return json.dumps({"scenario": "eros-quick", "description": text, "versions": {"swarm_mj": "0"}})
 
 
 def put(folder, text):
@@ -43,7 +44,7 @@ def put(folder, text):
 
 
 def read(folder):
-    return json.loads((folder / MARKER).read_text())["scenario"]
+    return json.loads((folder / MARKER).read_text())["description"]
 
 
 @contextmanager
@@ -107,6 +108,7 @@ def test_a_read_only_disk_is_a_clear_error(tmp_path, capsys):
 def test_a_disk_that_fills_up_at_any_file_keeps_the_earlier_result(tmp_path, monkeypatch, stage, capsys):
     """The same without a process of its own: the write of one file fails."""
     put(tmp_path / "run", "earlier")
+    (tmp_path / "run" / "overview.mp4").write_text("a film")
     opened = Path.open
 
     def full(path, *arguments, **keywords):
@@ -120,6 +122,7 @@ def test_a_disk_that_fills_up_at_any_file_keeps_the_earlier_result(tmp_path, mon
     assert main([*QUICK, "--set", "duration_s=600", "--out", str(tmp_path / "run")]) in {1, 2}
     assert "No space left on device" in capsys.readouterr().err
     assert read(tmp_path / "run") == "earlier"
+    assert (tmp_path / "run" / "overview.mp4").read_text() == "a film"
     assert [p.name for p in tmp_path.iterdir()] == ["run"]
 
 
@@ -133,7 +136,7 @@ def test_of_two_runs_into_one_folder_one_wins_and_the_other_says_so(tmp_path, ca
     assert "another run is writing there" in message
     assert f"process {first.pid}" in message
     assert first.wait(300) == 0, first.stderr.read()
-    assert read(tmp_path / "run") == "eros-quick"
+    assert read(tmp_path / "run").startswith("Two adaptable spacecraft")
     assert [p.name for p in tmp_path.iterdir()] == ["run"]
     assert main([*QUICK, "--out", str(tmp_path / "run")]) == 0
 

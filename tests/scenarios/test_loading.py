@@ -9,7 +9,15 @@ import yaml
 
 from swarm_mj.cli import main
 from swarm_mj.errors import ScenarioError
-from swarm_mj.scenarios.loading import load_scenario, packaged_names, parse_yaml, read_design, scenario_from
+from swarm_mj.scenarios.loading import (
+    DESIGN_KEYS,
+    design_record,
+    load_scenario,
+    packaged_names,
+    parse_yaml,
+    read_design,
+    scenario_from,
+)
 from swarm_mj.scenarios.schema import Scenario
 
 
@@ -48,14 +56,89 @@ def test_the_packaged_configurations_name_their_design_and_say_which_reading_the
 def test_points_that_are_given_go_before_a_reference_and_a_broken_reference_is_a_clear_error(tmp_path):
     assert load_scenario("eros-config1", ["design.visiting_points=[3]"]).design.visiting_points == (3,)
     path = tmp_path / "design.json"
-    path.write_text('{"visiting_points": [4, 5]}')
+    path.write_text(json.dumps({**design_record("eros-visit"), "visiting_points": [4, 5]}))
     assert load_scenario("eros-config1", [f"design.reference={path}"]).design.visiting_points == (4, 5)
-    for broken in ("", "[]", "{}", '{"visiting_points": "all"}', '{"visiting_points": [1.5]}', "[" * 100_000):
+    wrong = [
+        json.dumps({**design_record("eros-visit"), "visiting_points": points}) for points in ("all", [1.5], [], None)
+    ]
+    for broken in ("", "[]", "{}", '{"visiting_points": [4, 5]}', *wrong, "[" * 100_000):
         path.write_text(broken)
         with pytest.raises(ScenarioError, match="design.reference"):
             load_scenario("eros-config1", [f"design.reference={path}"])
     with pytest.raises(ScenarioError, match="eros-visit"):
         load_scenario("eros-config1", ["design.reference=nobody"])
+
+
+@pytest.mark.parametrize("key", DESIGN_KEYS)
+def test_a_design_that_lacks_what_a_report_says_of_it_is_refused_and_what_lacks_is_named(tmp_path, key):
+    record = json.loads(json.dumps(design_record("eros-visit")))
+    *parents, last = key.split(".")
+    inner = record
+    for parent in parents:
+        inner = inner[parent]
+    del inner[last]
+    path = tmp_path / "design.json"
+    path.write_text(json.dumps(record))
+    with pytest.raises(ScenarioError, match=re.escape(f"is no design.json of `swarm-mj design` ({key} is missing)")):
+        read_design(str(path))
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [(None, "(no such file)"), ("a: 1", "(no JSON)"), (b"\xff\xfe", "(no JSON)"), ("[3]", "(it holds [3])")],
+)
+def test_a_file_that_is_no_design_is_told_in_words_and_with_the_option(tmp_path, content, words):
+    path = tmp_path / "design.json"
+    if content is not None:
+        path.write_bytes(content.encode() if isinstance(content, str) else content)
+    with pytest.raises(ScenarioError, match="^design.reference \\(--design\\) = ") as error:
+        read_design(str(path))
+    assert words in str(error.value)
+    assert "Error" not in str(error.value)
+
+
+def test_a_campaign_is_told_from_a_scenario(tmp_path):
+    path = tmp_path / "cam.yaml"
+    path.write_text("name: cam\nruns: 3\nscenarios: [eros-quick]\nparameters: {}\n")
+    for name in (str(path), "eros-losses"):
+        with pytest.raises(ScenarioError) as error:
+            load_scenario(name)
+        assert str(error.value) == f"{name}: this is a campaign; fly it with `swarm-mj campaign {name}`"
+
+
+@pytest.mark.parametrize(
+    ("override", "line"),
+    [
+        ("camera=3", "camera = 3: must be a section with the keys half_angle_deg, shape, resolution_px, detector_ifov_rad"),
+        ("camera=null", "camera = None: must be a section with the keys half_angle_deg, shape, "),
+        ("body.orbit=[1]", "body.orbit = [1]: must be a section with the keys semi_major_axis_au, "),
+        ("designer.extra_targets=[3]",
+         "designer.extra_targets.0 = 3: must be a section with the keys latitude_deg, longitude_deg, half_angle_deg"),
+        ("faults=3", "faults = 3: must be a list, in brackets"),
+        ("faults=[3]", "faults.0 = 3: must be a section with the key kind: spacecraft_lost, "),
+        ("spacecraft.size_m=[1]", "spacecraft.size_m = [1]: must be a list of 3, not 1"),
+        ("spacecraft.size_m=[1, 2, 3, 4]", "spacecraft.size_m = [1, 2, 3, 4]: must be a list of at most 3, not 4"),
+        ("body.radius_range_m=[1]", "body.radius_range_m = [1]: must be a list of 2, not 1"),
+        ("mothership.velocity=[1, 2]", "mothership.velocity = [1, 2]: must be 'mean' or 'rest' or a list of 3, not 2"),
+        ("mothership.velocity=3", "mothership.velocity = 3: must be 'mean' or 'rest' or a list, in brackets"),
+        ("target.cell_size_m=x", "target.cell_size_m = 'x': must be a number or 'auto'"),
+        ("control.parameters=3", "control.parameters = 3: must be a section of keys and values"),
+        ("design.visiting_points=[a]", "design.visiting_points.0 = 'a': must be a whole number"),
+        ("design.visiting_points=[]", "design.visiting_points = []: must be a list of at least 1, not 0"),
+        ("seed=1.5", "seed = 1.5: must be a whole number"),
+        ("duration_s=long", "duration_s = 'long': must be a number"),
+        ("observation.any_pixel=maybe", "observation.any_pixel = 'maybe': must be true or false"),
+        ("description=3", "description = 3: must be a text; put it in quotes"),
+        ("camera.shape=3", "camera.shape = 3: must be 'square' or 'cone'"),
+    ],
+)  # fmt: skip
+def test_a_value_of_the_wrong_kind_is_told_in_one_line_of_plain_words(override, line):
+    with pytest.raises(ScenarioError) as error:
+        load_scenario("eros-quick", [override])
+    first, *rest = str(error.value).splitlines()
+    assert first == "eros-quick:" and len(rest) == 1
+    assert rest[0].startswith(f"  {line}")
+    assert not re.search("(?i)tuple|dictionary|instance|input|valid", rest[0])
 
 
 def test_overrides_change_nested_values_and_keep_the_rest():
@@ -152,11 +235,11 @@ def test_a_pipe_and_an_endless_name_are_refused(tmp_path):
         ("seed=" + "[" * 3000, "more than 20 levels deep"),
         ("camera", "must read key=value"),
         ("=3", "must read key=value"),
-        ("camera.half_angle_deg.x=3", "camera.half_angle_deg = {'x': 3}: input should be a valid number"),
+        ("camera.half_angle_deg.x=3", "camera.half_angle_deg = {'x': 3}: must be a number"),
         ("camera.resolution_px.x.y=3", "camera.resolution_px is a single value"),
         ("design.visiting_points.0=3", "design.visiting_points is a list: give the whole of it"),
         ("camera=[", "not valid YAML"),
-        ("seed.x=1", r"seed = {'x': 1}: input should be a valid integer"),
+        ("seed.x=1", r"seed = {'x': 1}: must be a whole number"),
     ],
 )
 def test_a_malformed_override_is_refused(override, words):
