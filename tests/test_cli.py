@@ -21,6 +21,14 @@ SUMMARY = '{"scenario": "a", "versions": {"swarm_mj": "0"}}'
 SAID = "\nswarm-mj: interrupted; nothing half-written was left behind\n"
 
 
+@pytest.fixture(autouse=True)
+def ctrl_c():
+    """Ctrl-C as a terminal's programs hear it; those in the background of a script are born deaf to it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 @pytest.fixture
 def command(monkeypatch):
     """Makes a function what every command does; the function runs in `main`, between its handlers."""

@@ -111,8 +111,8 @@ def stronger_motors():
 
 
 def steeper_law():
-    right = MrpSlidingMode._numbers.fget
-    return MrpSlidingMode, "_numbers", property(lambda self: (1.001 * right(self)[0], *right(self)[1:]))
+    right = MrpSlidingMode._numbers.func
+    return MrpSlidingMode, "_numbers", property(lambda self: right(self) * (1.001, 1, 1, 1, 1, 1, 1))
 
 
 def turned_camera():
