@@ -69,20 +69,37 @@ def create(group: str, name: str, parameters: Mapping[str, Any], *context: Any) 
     return plugin
 
 
-def as_array(given: Any, shape: tuple[int, ...], kind: type, what: str) -> NDArray[Any]:
-    """Numbers as an array for compiled code.
+def call(plugin: object, role: str, method: str, *arguments: Any) -> Any:
+    """Call a method of a plug-in.
+
+    Raises:
+        PluginError: It raised something; the error names the plug-in by its role, the method and the line.
+        SwarmError: What it refused by an error of the project itself.
+    """
+    try:
+        return getattr(plugin, method)(*arguments)
+    except SwarmError:
+        raise
+    except Exception as error:
+        raise failure_of(plugin, role, method, error) from error
+
+
+def as_array(given: Any, shape: tuple[int, ...], kind: type, plugin: object, what: str) -> NDArray[Any]:
+    """Numbers that a plug-in gave, as an array for compiled code.
 
     Args:
-        given: What a plug-in gave.
+        given: The numbers.
         shape: What it must have.
         kind: `np.float64` or `np.int64`.
-        what: Stands before "has shape ..." in the error.
+        plugin: Who gave it.
+        what: Stands before "has shape ..." in the error, with {} for the plug-in's name.
 
     Raises:
         PluginError: It is no such array.
     """
     if type(given) is np.ndarray and given.dtype == kind and given.shape == shape and given.flags.c_contiguous:
         return given
+    what = what.format(name_of(plugin))
     try:
         array = np.asarray(given)
     except ValueError:  # rows of different lengths

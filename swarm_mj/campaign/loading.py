@@ -26,9 +26,6 @@ from swarm_mj.scenarios.schema import Scenario
 #: Flights of a campaign: a year of computing at three seconds each.
 MAX_ROWS = 10_000_000
 
-#: Where a campaign's folder says what it flies: `Resolved.dump` and what it was flown with.
-MANIFEST = "campaign.json"
-
 
 class Resolved(NamedTuple):
     """A campaign with all that its file refers to.

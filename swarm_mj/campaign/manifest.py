@@ -9,12 +9,14 @@ from typing import Any
 
 from swarm_mj.cache import hash_of
 from swarm_mj.campaign.config import Campaign
-from swarm_mj.campaign.loading import MANIFEST, Resolved
+from swarm_mj.campaign.loading import Resolved
 from swarm_mj.campaign.lock import LOCK
 from swarm_mj.errors import OutputError
 from swarm_mj.output.folder import write_text
 from swarm_mj.output.summary import library_versions
 
+#: Where a campaign's folder says what it flies: `Resolved.dump` and what it was flown with.
+MANIFEST = "campaign.json"
 #: Where replayed rows go.
 REPLAYS = "replays"
 #: What a folder without a campaign may hold: what a campaign that ended before it began leaves, and replays.
@@ -79,6 +81,19 @@ def kept_runs(folder: Path, campaign: Campaign) -> int | None:
         return None
     runs = kept.get("runs")
     return runs if type(runs) is int else None
+
+
+def campaign_in(folder: Path) -> Campaign:
+    """The campaign of a folder.
+
+    Raises:
+        OutputError: It describes none.
+    """
+    path = folder / MANIFEST
+    try:
+        return Campaign.model_validate(_read_manifest(path).get("campaign"))
+    except ValueError as error:
+        raise OutputError(f"{path}: describes no campaign ({error})") from None
 
 
 def _fingerprint(resolved: Resolved) -> dict[str, Any]:

@@ -24,8 +24,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from swarm_mj.campaign.config import Campaign
-from swarm_mj.campaign.loading import MANIFEST
+from swarm_mj.campaign.manifest import campaign_in
 from swarm_mj.campaign.table import schema_of, table_of
 from swarm_mj.errors import OutputError
 
@@ -178,21 +177,13 @@ def read_results(folder: str | os.PathLike[str], schema: pa.Schema | None = None
     if schema is None:
         if not (tables or journal):
             raise OutputError(f"{folder}: holds no finished run")
-        schema = tables[0].schema if tables else _schema_in(folder)
+        schema = tables[0].schema if tables else schema_of(campaign_in(folder))
     if journal:
         tables.append(table_of(journal, schema))
     whole = pa.concat_tables([*tables, schema.empty_table()]).sort_by("row")
     numbers = whole["row"].to_pylist()
     first = [k for k, number in enumerate(numbers) if k == 0 or number != numbers[k - 1]]
     return whole.take(first).combine_chunks()
-
-
-def _schema_in(folder: Path) -> pa.Schema:
-    try:
-        manifest = json.loads((folder / MANIFEST).read_text("utf-8"))
-        return schema_of(Campaign.model_validate(manifest["campaign"]))
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise OutputError(f"{folder / MANIFEST}: describes no campaign ({error})") from None
 
 
 def read_journal(path: Path) -> tuple[list[Row], int]:

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarm_mj.attitude.controllers.base import ControlInput, Controller
-from swarm_mj.errors import PluginError, SwarmError
+from swarm_mj.errors import PluginError
 from swarm_mj.mission.behaviors import Behavior, SteadyBehavior, SwarmView, TargetKind, Targets
-from swarm_mj.plugins import as_array, failure_of, name_of, shown
+from swarm_mj.plugins import as_array, call, name_of, shown
 
 Array = NDArray[np.float64]
 
@@ -25,29 +25,27 @@ def ask_for_targets(behavior: Behavior, view: SwarmView, memory: Any) -> tuple[T
     Raises:
         PluginError: It fails, or answers something else than its protocol says.
     """
-    try:
-        answer = behavior.targets(view, memory)
-    except SwarmError:
-        raise
-    except Exception as error:
-        raise failure_of(behavior, "behaviour", "targets", error) from error
+    answer = call(behavior, "behaviour", "targets", view, memory)
     try:
         (kind, spacecraft, vector), memory = answer
     except (TypeError, ValueError):
         raise PluginError(
             f"the behaviour {name_of(behavior)} answers {shown(answer)}: targets must return (Targets, memory)"
         ) from None
-    what, n = f"the behaviour {name_of(behavior)} answers targets whose", len(view.r_BN_N)
+    n = len(view.r_BN_N)
     targets = Targets(
-        as_array(kind, (n,), np.int64, f"{what} kind"),
-        as_array(spacecraft, (n,), np.int64, f"{what} spacecraft"),
-        as_array(vector, (n, 3), np.float64, f"{what} vector"),
+        as_array(kind, (n,), np.int64, behavior, "the behaviour {} answers targets whose kind"),
+        as_array(spacecraft, (n,), np.int64, behavior, "the behaviour {} answers targets whose spacecraft"),
+        as_array(vector, (n, 3), np.float64, behavior, "the behaviour {} answers targets whose vector"),
     )
     if not np.isfinite(targets.vector).all():
         bad = np.isin(targets.kind, _WITH_VECTOR) & ~np.isfinite(targets.vector).all(axis=1)
         if bad.any():
             j = int(np.argmax(bad))
-            raise PluginError(f"{what} vector is {targets.vector[j].tolist()} for spacecraft {j}, counted from 0")
+            raise PluginError(
+                f"the behaviour {name_of(behavior)} answers targets whose vector is {targets.vector[j].tolist()} for "
+                f"spacecraft {j}, counted from 0"
+            )
     return targets, memory
 
 
@@ -57,12 +55,7 @@ def ask_how_long(behavior: SteadyBehavior, view: SwarmView, memory: Any) -> floa
     Raises:
         PluginError: It fails, or answers no number.
     """
-    try:
-        answer = behavior.steady_for(view, memory)
-    except SwarmError:
-        raise
-    except Exception as error:
-        raise failure_of(behavior, "behaviour", "steady_for", error) from error
+    answer = call(behavior, "behaviour", "steady_for", view, memory)
     try:
         seconds = float(answer)
     except (TypeError, ValueError):
@@ -81,20 +74,15 @@ def ask_for_torque(controller: Controller, inputs: ControlInput, memory: Any) ->
         PluginError: It fails, or answers something else than its protocol says.
         SwarmError: What the law itself refuses, such as a control period that is too long.
     """
-    try:
-        answer = controller.torque(inputs, memory)
-    except SwarmError:
-        raise
-    except Exception as error:
-        raise failure_of(controller, "control law", "torque", error) from error
+    answer = call(controller, "control law", "torque", inputs, memory)
     try:
         torque_B, memory = answer
     except (TypeError, ValueError):
         raise PluginError(
             f"the control law {name_of(controller)} answers {shown(answer)}: torque must return (torque_B, memory)"
         ) from None
-    what = f"the control law {name_of(controller)} answers a torque that"
-    return as_array(torque_B, inputs.sigma_BR.shape, np.float64, what), memory
+    what = "the control law {} answers a torque that"
+    return as_array(torque_B, inputs.sigma_BR.shape, np.float64, controller, what), memory
 
 
 def divergence_of(state: Array, torque_B: Array, controller: Controller | None, names: Sequence[str], t: float) -> str:

@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarm_mj import constants
-from swarm_mj.errors import SwarmError
-from swarm_mj.plugins import as_array, failure_of, name_of
+from swarm_mj.plugins import as_array, call
 from swarm_mj.smallbody.gravity.base import Gravity
 from swarm_mj.smallbody.perturbations import solar_radiation_pressure, solar_tide
 from swarm_mj.smallbody.rotation import spin_dcm
@@ -83,14 +82,9 @@ class Environment:
         Raises:
             PluginError: The field fails, or answers something else than its protocol says.
         """
-        try:
-            answer = self.gravity.acceleration(r_A)
-        except SwarmError:
-            raise
-        except Exception as error:
-            raise failure_of(self.gravity, "gravity field", "acceleration", error) from error
-        what = f"the gravity field {name_of(self.gravity)} answers an acceleration that"
-        return as_array(answer, r_A.shape, np.float64, what)
+        answer = call(self.gravity, "gravity field", "acceleration", r_A)
+        what = "the gravity field {} answers an acceleration that"
+        return as_array(answer, r_A.shape, np.float64, self.gravity, what)
 
     @property
     def perturbed(self) -> bool:

@@ -10,7 +10,7 @@ import sys
 import pytest
 
 from swarm_mj.campaign.config import Campaign
-from swarm_mj.campaign.loading import MANIFEST
+from swarm_mj.campaign.manifest import MANIFEST
 from swarm_mj.campaign.store import JOURNAL, PARTS, RESULTS, Store, read_journal, read_results
 from swarm_mj.campaign.table import schema_of
 from swarm_mj.errors import OutputError
@@ -56,9 +56,11 @@ def test_rows_that_stand_in_the_journal_alone_are_read_by_anybody(tmp_path):
     with pytest.raises(OutputError, match="holds no finished run"):
         read_results(tmp_path)
     store = filled(tmp_path, [2])
-    with pytest.raises(OutputError, match=r"campaign\.json: describes no campaign"):
+    with pytest.raises(OutputError, match=r"campaign\.json: cannot be read"):
         read_results(tmp_path)
-    (tmp_path / MANIFEST).write_text(json.dumps({"campaign": CAMPAIGN.model_dump(mode="json", by_alias=True)}))
+    (tmp_path / MANIFEST).write_text(
+        json.dumps({"campaign": CAMPAIGN.model_dump(mode="json", by_alias=True), "fingerprint": ""})
+    )
     assert not list((tmp_path / PARTS).iterdir())
     assert read_results(tmp_path).equals(read_results(tmp_path, SCHEMA)) and numbers(tmp_path) == [2]
     assert read_results(str(tmp_path)).equals(read_results(tmp_path))
