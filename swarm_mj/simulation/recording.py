@@ -71,7 +71,9 @@ class Recorder:
             if row > 0:
                 simulation.advance()
                 self._fly_on(self._stride - 1)
+            cut = simulation._peaks[:, 2].copy()
             self._keep(row, self._decide())
+        simulation._peaks[:, 2] = cut  # the hold of the last decision is not flown
         record.peaks[:] = simulation._peaks * (1.0, 1.0, simulation.period)
         return record
 

@@ -1,5 +1,7 @@
 """The loop against other integrators, conservation laws and itself."""
 
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 import pytest
@@ -282,3 +284,14 @@ def test_both_behaviors_count_their_spacecraft():
 
 def test_the_packaged_body_is_the_default():
     assert load_body_shape(load_scenario("eros-quick").body).name
+
+
+def test_limits_cut_torques_for_no_longer_than_the_flight(quick_plan):
+    class Strong:
+        def torque(self, inputs, memory):
+            return np.full_like(inputs.sigma_BR, 1.0), memory
+
+    whole, parts = (make_simulation(replace(quick_plan, controller=Strong())) for _ in range(2))
+    assert whole.run(60.0, 10.0).peaks[:, 2].tolist() == [60.0] * quick_plan.n
+    parts.run(20.0, 10.0)
+    assert parts.run(40.0, 10.0).peaks[:, 2].tolist() == [60.0] * quick_plan.n
