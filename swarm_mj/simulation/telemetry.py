@@ -26,9 +26,14 @@ Array = NDArray[np.float64]
 MODES = ("asteroid_observation", "communication_tracking", "earth_tracking", "surface_observation", "direction_hold")
 #: What is kept of every control period, in the order of `Record.peaks`.
 PEAKS = (
-    ("wheel_speed_peak", "rad s-1", "largest wheel speed of the whole flight, between samples too"),
-    ("wheel_torque_peak", "N m", "largest motor torque of the whole flight, between samples too"),
-    ("wheel_saturation_time", "s", "time in which a limit of torque or speed cut what the controller asked for"),
+    ("wheel_speed_peak", "rad s-1", "B", "largest wheel speed of the whole flight, between samples too"),
+    ("wheel_torque_peak", "N m", "B", "largest motor torque of the whole flight, between samples too"),
+    (
+        "wheel_saturation_time",
+        "s",
+        "none",
+        "time in which a limit of torque or speed cut what the controller asked for",
+    ),
 )
 OBSERVING = (TargetKind.ASTEROID, TargetKind.SURFACE)
 
@@ -79,8 +84,8 @@ def dataset(
             ("time", "xyz"), _asteroid_mrp(record.time, environment), "1", "A relative to N", "asteroid attitude (MRP)"
         ),
     }
-    for k, (name, units, words) in enumerate(PEAKS):
-        variables[name] = _variable(("spacecraft",), record.peaks[:, k], units, "B", words)
+    for k, (name, units, frame, words) in enumerate(PEAKS):
+        variables[name] = _variable(("spacecraft",), record.peaks[:, k], units, frame, words)
     if record.faults is not None:
         for name, variable in record.faults.variables().items():
             variables[name] = xr.Variable(*variable)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from swarm_mj.flight import ObservationResult
 from swarm_mj.output.figures.panels import Panels, compose_panels, every
-from swarm_mj.output.figures.style import BLACK, BLUE, COMPONENTS, ORANGE, PURPLE, VERMILLION, time_axis
+from swarm_mj.output.figures.style import BLACK, BLUE, COMPONENTS, ORANGE, SKY_BLUE, VERMILLION, time_axis
 from swarm_mj.planning import Plan
 from swarm_mj.spacecraft.properties import RPM, SpacecraftProperties
 
@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 FLOOR = -8
 MILLI = 1e-3
 #: Of the components x, y, z, or of the wheels, of which there may be a fourth.
-COLOURS = (*COMPONENTS, PURPLE)
+COLOURS = (*COMPONENTS, SKY_BLUE)
 
 
 def compose_tracking_error(plan: Plan, telemetry: xr.Dataset, result: ObservationResult) -> Figure:
