@@ -2,7 +2,7 @@
 
 import argparse
 
-from swarm_mj.bench.runner import run_bench
+from swarm_mj.verification.performance.runner import run_bench
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from swarm_mj.bench.record import FOLDER
-from swarm_mj.bench.runner import run_bench
+from swarm_mj.verification.performance.record import FOLDER
+from swarm_mj.verification.performance.runner import run_bench
 
 if __name__ == "__main__":
     run_bench(quick=False, as_json=FOLDER / "performance.json", markdown=Path("docs") / "performance.md")

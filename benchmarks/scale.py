@@ -24,20 +24,20 @@ CASES = ((20, 11.0, 4.1), (20, 20.0, 4.1), (71, 20.0, 4.1), (224, 3.5, 1.0), (22
 
 def run_case(frequency: int, target: float, camera: float) -> dict[str, Any]:
     """Build and solve one case; times in seconds, memory in MiB."""
-    from swarm_mj import constants
-    from swarm_mj.candidates.flights import fly_candidates
-    from swarm_mj.candidates.sightings import seen_cells, viewer_from
-    from swarm_mj.design.exact import solve_exact
-    from swarm_mj.design.genetic import GeneticSettings, evolve
-    from swarm_mj.design.problem import CoverProblem
+    from swarm_mj.designer.candidates.flights import fly_candidates
+    from swarm_mj.designer.candidates.visibility import imaging_model_from, seen_cells
+    from swarm_mj.designer.exact import solve_exact
+    from swarm_mj.designer.genetic import GeneticSettings, evolve
+    from swarm_mj.designer.problem import CoverProblem
     from swarm_mj.observation.horizon import HorizonObserver
+    from swarm_mj.scenarios import constants
     from swarm_mj.scenarios.loading import load_scenario
     from swarm_mj.smallbody.shape_harmonics import build_eros
     from swarm_mj.smallbody.shape_io import save_obj
 
     warm = load_scenario("eros-quick", ["observation.criterion=visit", "observation.observer=horizon"])
     flights = fly_candidates(warm)
-    sees = seen_cells(warm, flights, flights.plan.region, viewer_from(warm), workers=1)
+    sees = seen_cells(warm, flights, flights.plan.region, imaging_model_from(warm), workers=1)
     small = CoverProblem(sees=sees, area=flights.plan.region.area)
     solve_exact(small)
     evolve(small, GeneticSettings(max_generations=2))
@@ -64,11 +64,11 @@ def run_case(frequency: int, target: float, camera: float) -> dict[str, Any]:
         )
         start = time.perf_counter()
         flights = fly_candidates(scenario)
-        region, viewer = flights.plan.region, viewer_from(scenario)
+        region, imaging_model = flights.plan.region, imaging_model_from(scenario)
         start = lap("flights", start)
-        HorizonObserver(region, viewer.camera)  # kept on disk from here on
+        HorizonObserver(region, imaging_model.camera)  # kept on disk from here on
         start = lap("maps", start)
-        sees = seen_cells(scenario, flights, region, viewer, workers=1)
+        sees = seen_cells(scenario, flights, region, imaging_model, workers=1)
         start = lap("pictures", start)
     problem = CoverProblem(sees=sees, area=region.area)
     evolved = evolve(problem, GeneticSettings(max_generations=67, patience=1000))

@@ -11,21 +11,21 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from swarm_mj import constants
-from swarm_mj.attitude.mrp import dcm
-from swarm_mj.candidates.sightings import sightings
-from swarm_mj.design.exact import ExactResult, solve_exact
-from swarm_mj.design.problem import CoverProblem
-from swarm_mj.designer import cover_problem
+from swarm_mj.designer.candidates.visibility import visibility
+from swarm_mj.designer.exact import ExactResult, solve_exact
+from swarm_mj.designer.problem import CoverProblem
+from swarm_mj.designer.study import cover_problem
 from swarm_mj.errors import ScenarioError
-from swarm_mj.flight import observe_flight, simulate, visit_sample
+from swarm_mj.flight.plan import Plan, make_plan, target_from
+from swarm_mj.flight.simulate import observe_flight, simulate, visit_sample
+from swarm_mj.io.atomic import write_text
 from swarm_mj.observation.gl_context import gl_available
-from swarm_mj.output.folder import write_text
-from swarm_mj.planning import Plan, make_plan, target_from
+from swarm_mj.scenarios import constants
 from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.smallbody.shape_harmonics import build_eros
 from swarm_mj.smallbody.shape_io import save_obj
+from swarm_mj.spacecraft.attitude.mrp import dcm
 
 PAGE = Path(__file__).with_name("convergence.md")
 SCENARIO = "eros-config1"
@@ -80,7 +80,7 @@ def pointing_error_at_visit(plan: Plan, telemetry: xr.Dataset) -> str:
 def fewest_observers(overrides: Sequence[str]) -> tuple[CoverProblem, ExactResult]:
     """The design problem with the scenario's own camera, and its proven answer."""
     scenario = load_scenario(SCENARIO, list(overrides))
-    problem = cover_problem(scenario, sightings(scenario))
+    problem = cover_problem(scenario, visibility(scenario))
     return problem, solve_exact(problem)
 
 

@@ -16,7 +16,7 @@ from pathlib import Path
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
-from swarm_mj.output.folder import write_text
+from swarm_mj.io.atomic import write_text
 
 PAGE = Path(__file__).with_name("dependencies.md")
 PROJECT = Path(__file__).parents[1] / "pyproject.toml"

@@ -56,7 +56,7 @@ def picture_name(folder: str, figure: str) -> str:
 def main() -> int:
     """Run the commands and copy the pictures; returns the exit status."""
     os.environ.setdefault("MUJOCO_GL", "egl")
-    from swarm_mj.cli import main as swarm_mj
+    from swarm_mj.cli.main import main as swarm_mj
 
     IMAGES.mkdir(exist_ok=True)
     with tempfile.TemporaryDirectory() as results:

@@ -14,15 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
 from swarm_mj.envs.baselines import POLICIES
+from swarm_mj.envs.config import make_setting
 from swarm_mj.envs.evaluation import Returns, fly_seeds, interval
 from swarm_mj.envs.policy import load_policy
 from swarm_mj.envs.policy_behavior import PACKAGED
-from swarm_mj.envs.setting import make_setting
 
-from swarm_mj.output.figures import style
-from swarm_mj.output.folder import write_text
-from swarm_mj.progress import progress_bars
-from swarm_mj.resources import asset_path
+from swarm_mj.io.atomic import write_text
+from swarm_mj.io.progress import progress_bars
+from swarm_mj.io.resources import asset_path
+from swarm_mj.results.figures import style
 
 PAGE = Path(__file__).with_name("learning.md")
 PICTURE = Path(__file__).parent / "images" / "learning_curve.png"

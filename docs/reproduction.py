@@ -11,13 +11,13 @@ from typing import Any, NamedTuple
 
 from rich.console import Console
 
-from swarm_mj.candidates.sightings import sightings
-from swarm_mj.design.exact import solve_exact
-from swarm_mj.design.genetic import GeneticSettings, evolve
-from swarm_mj.designer import cover_problem, growth, with_overrides
+from swarm_mj.designer.candidates.visibility import visibility
+from swarm_mj.designer.exact import solve_exact
+from swarm_mj.designer.genetic import GeneticSettings, evolve
+from swarm_mj.designer.study import cover_problem, growth, with_overrides
 from swarm_mj.errors import MissionError
-from swarm_mj.output.folder import write_text
-from swarm_mj.progress import progress_bars
+from swarm_mj.io.atomic import write_text
+from swarm_mj.io.progress import progress_bars
 from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.scenarios.schema import Scenario
 
@@ -94,7 +94,7 @@ def readings() -> list[tuple[str, list[Reading]]]:
 
 def minimum(scenario: Scenario) -> str:
     """The proven minimum in words."""
-    seen = sightings(scenario)
+    seen = visibility(scenario)
     try:
         result = solve_exact(cover_problem(scenario, seen), scenario.designer.time_limit_s)
     except MissionError as error:
@@ -124,7 +124,7 @@ def row(reading: Reading, answer: str) -> str:
 
 def evolution(scenario: Scenario) -> list[str]:
     """What the genetic algorithm finds beside the proof."""
-    problem = cover_problem(scenario, sightings(scenario))
+    problem = cover_problem(scenario, visibility(scenario))
     lines = [
         f"| exact solver | {solve_exact(problem).n_observers} | - |",
     ]

@@ -20,18 +20,18 @@ import pyarrow as pa
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from swarm_mj.campaign import statistics
-from swarm_mj.campaign.figures import COLOURS, NOT_TOLD, compose_coverage, compose_pointing, compose_sobol
-from swarm_mj.campaign.loading import Resolved, load_campaign
-from swarm_mj.campaign.pools import usable_cores
-from swarm_mj.campaign.runner import run_campaign
-from swarm_mj.campaign.statistics import Estimate
-from swarm_mj.campaign.store import read_results
-from swarm_mj.campaign.summary import by_scenario
-from swarm_mj.flight import observe_flight, simulate
-from swarm_mj.output.figures.style import GREY, TICK_PT, label, new_figure, save, tidy
-from swarm_mj.output.folder import write_text
-from swarm_mj.planning import make_plan
+from swarm_mj.campaigns import statistics
+from swarm_mj.campaigns.figures import COLOURS, NOT_TOLD, compose_coverage, compose_pointing, compose_sobol
+from swarm_mj.campaigns.loading import Resolved, load_campaign
+from swarm_mj.campaigns.pools import usable_cores
+from swarm_mj.campaigns.runner import run_campaign
+from swarm_mj.campaigns.statistics import Estimate
+from swarm_mj.campaigns.store import read_results
+from swarm_mj.campaigns.summary import by_scenario
+from swarm_mj.flight.plan import make_plan
+from swarm_mj.flight.simulate import observe_flight, simulate
+from swarm_mj.io.atomic import write_text
+from swarm_mj.results.figures.style import GREY, TICK_PT, label, new_figure, save, tidy
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.scenarios.schema_faults import Dispersions
 

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from swarm_mj.drawing.layout import LEAST_SIDE, MOST_SIDE
 from swarm_mj.errors import ScenarioError
+from swarm_mj.rendering.layout import LEAST_SIDE, MOST_SIDE
 from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.scenarios.schema import Scenario, is_multiple
 

@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from .config import Setting
 from .policy import geometry_of, greedy_actions
-from .setting import Setting
 from .swarm_observe import SwarmObserveEnv
 
 Array = NDArray[np.float64]

@@ -18,13 +18,13 @@ from numpy.typing import NDArray
 
 from swarm_mj.errors import ScenarioError
 
+from .actions import check_action
 from .arguments import checked_options, checked_render_mode, flight_seed
-from .controls import check_action
-from .flybys import Flybys
+from .batch import Flybys
+from .config import make_setting
+from .observations import Readings
 from .overview import EpisodePicture
-from .readings import Readings
 from .rewards import ENDS, TERMS
-from .setting import make_setting
 from .state import info_of
 
 try:

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from swarm_mj.mission.behaviors import TargetKind
 
-from .controls import IS_OBSERVING
-from .flybys import Flybys
+from .actions import IS_OBSERVING
+from .batch import Flybys
 from .state import state_of
 
 
@@ -35,7 +35,7 @@ class EpisodePicture:
         """
         setting, flights = self._flybys.setting, self._flybys.flights
         if self._overview is None:
-            from .drawing import Overview
+            from .rendering import Overview
 
             self._overview = Overview(setting.plan, setting.simulation, *self._size)
         kind, lost = flights.kind[0], self._flybys.books.lost[0]

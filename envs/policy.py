@@ -25,8 +25,8 @@ from numpy.typing import NDArray
 
 from swarm_mj.errors import ScenarioError
 
-from .readings import PER_SPACECRAFT
-from .setting import Setting
+from .config import Setting
+from .observations import PER_SPACECRAFT
 from .step_kernels import FEATURES
 
 Array = NDArray[np.float64]

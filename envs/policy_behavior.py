@@ -23,17 +23,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarm_mj.errors import MissionError, ScenarioError
+from swarm_mj.flight.plan import Plan, unchecked_behavior
+from swarm_mj.io.resources import asset_path
 from swarm_mj.mission.behaviors import Behavior, SwarmView, Targets
-from swarm_mj.planning import Plan, unchecked_behavior
-from swarm_mj.resources import asset_path
 from swarm_mj.scenarios.schema import Scenario
 
+from .actions import RoleLevel
 from .arguments import checked_step
 from .baselines import POLICIES
-from .controls import RoleLevel
-from .ledger import Ledger
+from .config import Setting, make_setting
+from .episode_state import Ledger
 from .policy import ArrayPolicy, load_policy
-from .setting import Setting, make_setting
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -262,13 +262,13 @@ class _Viewed:
         self.tick[0] = round(view.t / self.period)
 
     def read(self, r: Array, v: Array, q: Array, omega: Array, wheel: Array) -> None:
-        """See `BatchFlights`."""
+        """See `CompiledBatch`."""
         assert self.view is not None
         r[0], v[0], q[0] = self.view.r_BN_N, self.view.v_BN_N, self.view.q_BN
         omega[0], wheel[0] = self.view.omega_BN_B, self.view.wheel_speed
 
     def know(self, live: Mask, q: Array, omega: Array) -> Mask:
-        """See `BatchFlights`: what is shown is taken for the truth."""
+        """See `CompiledBatch`: what is shown is taken for the truth."""
         return np.zeros(1, np.bool_)
 
 

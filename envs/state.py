@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .flybys import Flybys
+from .batch import Flybys
 
 Array = NDArray[np.float64]
 

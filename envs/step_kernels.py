@@ -11,13 +11,13 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from swarm_mj.attitude.algebra import quaternion
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.mission.links import write_closed
-from swarm_mj.observation.quick_look import Scene, new_cells
+from swarm_mj.observation.horizon_kernels import Scene, new_cells
 from swarm_mj.smallbody.occultation import way_blocked
+from swarm_mj.spacecraft.attitude.algebra import quaternion
 
-from .moments import Known, Now, write_dcm
+from .kinematics import Known, Now, write_dcm
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -68,7 +68,7 @@ class Mission(NamedTuple):
     patch_area: Array
 
 
-class Books(NamedTuple):
+class EpisodeTotals(NamedTuple):
     """What the flights have come to.
 
     Attributes:
@@ -119,7 +119,15 @@ def _orient_one(mission: Mission, now: Now, e: int) -> bool:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def take_pictures(
-    scene: Scene, mission: Mission, now: Now, books: Books, kind: Ints, blind: Mask, due: Mask, area: Array, doubt: Mask
+    scene: Scene,
+    mission: Mission,
+    now: Now,
+    books: EpisodeTotals,
+    kind: Ints,
+    blind: Mask,
+    due: Mask,
+    area: Array,
+    doubt: Mask,
 ) -> bool:
     """Let every observer that looks at the body take its picture, one after another, and write down what is new.
 
@@ -158,7 +166,7 @@ def take_pictures(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def write_down(books: Books, e: int, j: int, new: Mask, t: float, area: float, bits: float) -> None:
+def write_down(books: EpisodeTotals, e: int, j: int, new: Mask, t: float, area: float, bits: float) -> None:
     """Enter newly seen cells and the data they brought."""
     for i in range(new.shape[0]):
         if new[i]:
@@ -184,7 +192,7 @@ def end_step(
     before: Now,
     now: Now,
     known: Known,
-    books: Books,
+    books: EpisodeTotals,
     kind: Ints,
     index: Ints,
     sigma_BR: Array,
@@ -232,7 +240,9 @@ def end_step(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _transmit(mission: Mission, now: Now, books: Books, kind: Ints, index: Ints, e: int, step_s: float) -> float:
+def _transmit(
+    mission: Mission, now: Now, books: EpisodeTotals, kind: Ints, index: Ints, e: int, step_s: float
+) -> float:
     """Send over the links that are closed now, taken to be so for the whole step; returns the bits that Earth received."""
     numbers, closed, stored = mission.numbers, books.closed[e], books.stored[e]
     earth = mission.earth[0] + now.t[e] * mission.earth[1]
@@ -304,7 +314,7 @@ def _read(
     mission: Mission,
     now: Now,
     known: Known,
-    books: Books,
+    books: EpisodeTotals,
     kind: Ints,
     sigma_BR: Array,
     e: int,

@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 from swarm_mj.observation.observer import ObserverKind
 from swarm_mj.scenarios.schema import Scenario
 
+from .actions import check_action
 from .arguments import checked_render_mode, checked_size, flight_seed
-from .controls import check_action
-from .flybys import Flybys
+from .batch import Flybys
+from .config import make_setting
 from .overview import EpisodePicture
 from .rewards import ENDS, TERMS
-from .setting import make_setting
 from .state import SwarmState, info_of, state_of
 from .window import Window
 

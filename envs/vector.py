@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 from swarm_mj.errors import ScenarioError
 
+from .actions import check_action
 from .arguments import checked_count, checked_options, first_seeds, flight_seed, flight_seeds
-from .controls import check_action
-from .flybys import Step
-from .lanes import Lanes, default_threads
+from .batch import Step
+from .config import make_setting
 from .rewards import ENDS, TERMS
-from .setting import make_setting
+from .threads import Lanes, default_threads
 
 Mask = NDArray[np.bool_]
 Infos = dict[str, Any]

@@ -29,7 +29,7 @@ def eros():
 
 @pytest.fixture(scope="session")
 def quick_plan():
-    from swarm_mj.planning import make_plan
+    from swarm_mj.flight.plan import make_plan
     from swarm_mj.scenarios.loading import load_scenario
 
     return make_plan(load_scenario("eros-quick"))
@@ -38,8 +38,8 @@ def quick_plan():
 @pytest.fixture(scope="session")
 def config_flights():
     """Both configurations of the paper, flown once: name -> (plan, telemetry)."""
-    from swarm_mj.flight import simulate
-    from swarm_mj.planning import make_plan
+    from swarm_mj.flight.plan import make_plan
+    from swarm_mj.flight.simulate import simulate
     from swarm_mj.scenarios.loading import load_scenario
 
     plans = {name: make_plan(load_scenario(name)) for name in ("eros-config1", "eros-config2")}
@@ -47,7 +47,7 @@ def config_flights():
 
 
 #: Markers that whole folders of tests carry.
-FOLDER_MARKERS = {"envs": "env", "robust": "robust", "faults": "robust", "campaign": "robust"}
+FOLDER_MARKERS = {"envs": "env", "robust": "robust", "faults": "robust", "campaigns": "robust"}
 
 
 def pytest_collection_modifyitems(items):

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from swarm_mj.flight.plan import make_plan
 from swarm_mj.observation.illumination import incidence
-from swarm_mj.planning import make_plan
 from swarm_mj.scenarios.loading import load_scenario, packaged_names
 from swarm_mj.scenarios.schema import HeliocentricOrbit, RotationState, Scenario
 from swarm_mj.smallbody.ephemeris import DEFAULT_EPOCH

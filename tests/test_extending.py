@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from swarm_mj.cli import main
-from swarm_mj.output.remarks import borrowed_remarks
+from swarm_mj.cli.main import main
+from swarm_mj.results.findings import borrowed_remarks
 from swarm_mj.scenarios.loading import load_scenario
-from swarm_mj.simulation.telemetry import MODES, read_telemetry
+from swarm_mj.simulator.telemetry import MODES, read_telemetry
 
 PAGE = (Path(__file__).parents[1] / "docs/extending.md").read_text("utf-8")
 

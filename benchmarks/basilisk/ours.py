@@ -13,12 +13,12 @@ from numba import njit
 from numpy.typing import NDArray
 
 from benchmarks.basilisk.problem import DURATION_S, K_N_M, LEG_S, P_N_M_S, PERIOD_S, Flight, Problem
-from swarm_mj.attitude.algebra import combine, cross, put_vector, times, vector
-from swarm_mj.attitude.controllers.base import ControlInput
-from swarm_mj.attitude.controllers.compiled import CompiledLaw
 from swarm_mj.mission.behaviors import SwarmView, TargetKind, Targets
-from swarm_mj.simulation.integrator import Integrator
-from swarm_mj.simulation.simulation import Simulation
+from swarm_mj.simulator.fast.integrator import Integrator
+from swarm_mj.simulator.simulation import Simulation
+from swarm_mj.spacecraft.attitude.algebra import combine, cross, put_vector, times, vector
+from swarm_mj.spacecraft.control.base import ControlInput
+from swarm_mj.spacecraft.control.compiled import CompiledLaw
 from swarm_mj.spacecraft.model import WheelModel, build_model
 
 Array = NDArray[np.float64]

@@ -17,14 +17,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from swarm_mj.flight import initial_state
-from swarm_mj.planning import Plan, make_plan
+from swarm_mj.flight.plan import Plan, make_plan
+from swarm_mj.flight.simulate import initial_state
 from swarm_mj.scenarios.loading import load_scenario
-from swarm_mj.simulation.simulation import InitialState
+from swarm_mj.simulator.simulation import InitialState
 from swarm_mj.smallbody.environment import Environment
 from swarm_mj.spacecraft.model import WheelModel
 from swarm_mj.spacecraft.properties import SpacecraftProperties
-from swarm_mj.validation.control import aligned
+from swarm_mj.verification.physics.control import aligned
 
 Array = NDArray[np.float64]
 

@@ -13,9 +13,9 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from benchmarks.basilisk.problem import Problem
-from swarm_mj.simulation.integrator import Integrator
+from swarm_mj.simulator.fast.integrator import Integrator
 from swarm_mj.spacecraft.model import WheelModel, build_model
-from swarm_mj.validation.reference import Gyrostat
+from swarm_mj.verification.physics.reference import Gyrostat
 
 SPEEDS_M_S = (0.0, 10.0, 40.0)
 DURATION_S, STEP_S = 600.0, 0.05

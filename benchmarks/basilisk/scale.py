@@ -30,7 +30,7 @@ from benchmarks.basilisk.problem import (
     difference,
     make_problem,
 )
-from swarm_mj.bench.measure import peak_memory_mib
+from swarm_mj.verification.performance.measure import peak_memory_mib
 
 SIZES = (1, 6, 20, 100, 1000)
 #: Spacecraft times seconds that are flown in a round at most, and seconds at least.

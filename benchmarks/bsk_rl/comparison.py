@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.bsk_rl.link import Peer
-from swarm_mj.bench.environment import single_steps, vector_steps
-from swarm_mj.bench.measure import Row, rates, row
 from swarm_mj.scenarios.loading import load_scenario
+from swarm_mj.verification.performance.environment import single_steps, vector_steps
+from swarm_mj.verification.performance.measure import Row, rates, row
 
 Array = NDArray[np.float64]
 

@@ -103,7 +103,7 @@ class MissionBehavior(Protocol):
     """A behaviour that must know the mission; its `targets` serve only after `for_flight`."""
 
     def for_flight(self, plan: Any) -> Behavior:
-        """The behaviour of one flight of a `swarm_mj.planning.Plan`."""
+        """The behaviour of one flight of a `swarm_mj.flight.plan.Plan`."""
         ...
 
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from swarm_mj.observation.camera import CameraModel, CameraPose
 from swarm_mj.observation.projection import Window
-from swarm_mj.observation.rasterizer import LANES, draw_faces
+from swarm_mj.observation.raster import LANES, draw_faces
 
 #: Nearest depth drawn, over the extent of the body.
 NEAREST = 1e-7

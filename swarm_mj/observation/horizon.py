@@ -18,7 +18,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
-from swarm_mj.cache import cache_folder, hash_of, load_array, store_array
+from swarm_mj.io.cache import cache_folder, hash_of, load_array, store_array
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.camera import CameraModel, CameraPose, camera_pose
 from swarm_mj.observation.raytracing import RayTracer

@@ -12,7 +12,7 @@ from typing import Any, Literal, Self
 
 from pydantic import Field, field_validator, model_validator
 
-from swarm_mj import constants
+from swarm_mj.scenarios import constants
 from swarm_mj.scenarios.schema_faults import Dispersions, Fault
 from swarm_mj.scenarios.section import Section, Vector3
 

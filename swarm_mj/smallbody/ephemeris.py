@@ -13,8 +13,8 @@ from datetime import datetime
 import numpy as np
 from numpy.typing import NDArray
 
-from swarm_mj.constants import DAY
 from swarm_mj.errors import ScenarioError
+from swarm_mj.scenarios.constants import DAY
 from swarm_mj.smallbody.kepler import EARTH_ORBIT, EROS_ORBIT, OrbitalElements, position_velocity
 from swarm_mj.smallbody.rotation import Rotation
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from swarm_mj.constants import AU, DAY, GM_SUN, JD_J2000
 from swarm_mj.errors import ScenarioError
+from swarm_mj.scenarios.constants import AU, DAY, GM_SUN, JD_J2000
 
 DAYS_PER_CENTURY = 36_525.0
 #: Newton steps on Kepler's equation end below this change of the eccentric anomaly, relative above 1 rad.

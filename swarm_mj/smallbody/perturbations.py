@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from swarm_mj.constants import AU, GM_SUN, SOLAR_IRRADIANCE, SPEED_OF_LIGHT
+from swarm_mj.scenarios.constants import AU, GM_SUN, SOLAR_IRRADIANCE, SPEED_OF_LIGHT
 
 #: Pressure of sunlight on a black surface that faces the Sun at 1 au [N/m^2].
 SOLAR_PRESSURE_1AU = SOLAR_IRRADIANCE / SPEED_OF_LIGHT

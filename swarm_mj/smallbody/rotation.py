@@ -15,8 +15,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from swarm_mj import constants
 from swarm_mj.errors import ScenarioError
+from swarm_mj.scenarios import constants
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarm_mj.errors import ShapeError
-from swarm_mj.resources import asset_path
+from swarm_mj.io.resources import asset_path
 from swarm_mj.smallbody.geodesic import geodesic_icosahedron
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.smallbody.shape_check import check_shape

@@ -14,14 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarm_mj.errors import MissionError
-from swarm_mj.resources import asset_path
+from swarm_mj.io.resources import asset_path
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.spacecraft.gyrostat import NQ_FREE, NV_FREE, axial_momentum, with_wheels
 from swarm_mj.spacecraft.properties import WHEEL_STATIONS_M, SpacecraftProperties
 
 WHEELS = ("wheel_x", "wheel_y", "wheel_z")
 #: qpos and qvel of one spacecraft: free joint (7, 6) and three wheels; the loop's kernels rely on this contiguous layout.
-#: With four wheels MuJoCo holds one number more of each, and `AdverseLoop` hands the kernels the first three.
+#: With four wheels MuJoCo holds one number more of each, and `FaultInjection` hands the kernels the first three.
 #: Where wheels are no bodies, `SwarmModel.state` gives the same layout.
 NQ, NV = 10, 9
 

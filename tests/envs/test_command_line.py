@@ -4,8 +4,8 @@ import json
 
 import pytest
 
-from swarm_mj import planning
-from swarm_mj.cli import main
+from swarm_mj.cli.main import main
+from swarm_mj.flight import plan as planning
 
 RUN = ["run", "eros-observe", "--quiet", "--no-figures", "--no-report", "--set", "observation.observer=horizon"]
 

@@ -7,9 +7,9 @@ import gymnasium
 import numpy as np
 import pytest
 
-from swarm_mj.flight import initial_state, make_simulation
+from swarm_mj.flight.plan import make_plan
+from swarm_mj.flight.simulate import initial_state, make_simulation
 from swarm_mj.mission.behaviors import TargetKind
-from swarm_mj.planning import make_plan
 from swarm_mj.scenarios.loading import load_scenario
 
 from .flights import CENTRE, HOLD, ID, Flights, rotation

@@ -22,11 +22,11 @@ from swarm_mj.envs.policy import (
 )
 from swarm_mj.envs.policy_behavior import PACKAGED, ScriptedPolicy, TrainedPolicy, policy_overrides
 
-from swarm_mj.cli import main
+from swarm_mj.cli.main import main
 from swarm_mj.errors import MissionError, ScenarioError
-from swarm_mj.flight import observe_flight, simulate
-from swarm_mj.planning import make_plan
-from swarm_mj.resources import asset_path
+from swarm_mj.flight.plan import make_plan
+from swarm_mj.flight.simulate import observe_flight, simulate
+from swarm_mj.io.resources import asset_path
 from swarm_mj.scenarios.loading import load_scenario
 
 SEED = 12

@@ -6,9 +6,9 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from swarm_mj.flight import simulate
+from swarm_mj.flight.plan import make_plan
+from swarm_mj.flight.simulate import simulate
 from swarm_mj.mission.behaviors import TargetKind, Targets
-from swarm_mj.planning import make_plan
 from swarm_mj.scenarios.loading import load_scenario
 
 from .flights import BOTH, CENTRE, place

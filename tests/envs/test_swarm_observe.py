@@ -16,7 +16,7 @@ from swarm_mj.envs.window import Window
 from swarm_mj.errors import ScenarioError, SwarmError
 from swarm_mj.observation.gl_context import gl_available
 from swarm_mj.scenarios.loading import load_scenario
-from swarm_mj.simulation.simulation import Simulation
+from swarm_mj.simulator.simulation import Simulation
 
 from .flights import place
 

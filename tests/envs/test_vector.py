@@ -102,7 +102,7 @@ def test_separate_simulations_fly_bit_for_bit_what_the_batch_flies(control, whee
         return batched, np.array(rows)
 
     batched, rows = fly()
-    monkeypatch.setattr("swarm_mj.envs.flybys.why_not_compiled", lambda *_: "the test says so")
+    monkeypatch.setattr("swarm_mj.envs.batch.why_not_compiled", lambda *_: "the test says so")
     separate, others = fly()
     assert (batched, separate) == (True, False)
     assert np.array_equal(rows, others)

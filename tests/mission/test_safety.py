@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from swarm_mj.errors import MissionError
+from swarm_mj.flight.plan import make_plan
 from swarm_mj.mission.safety import close_approaches, find_impacts
-from swarm_mj.planning import make_plan
 from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.smallbody.shape_harmonics import build_eros
 from swarm_mj.smallbody.shape_io import save_obj

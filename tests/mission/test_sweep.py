@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from swarm_mj.attitude.mrp import dcm
 from swarm_mj.errors import MissionError
-from swarm_mj.flight import simulate
+from swarm_mj.flight.plan import make_plan
+from swarm_mj.flight.simulate import simulate
 from swarm_mj.mission.behaviors import AdaptableRoles, SwarmView, TargetKind
 from swarm_mj.mission.sweep import TargetSweep
-from swarm_mj.planning import make_plan
 from swarm_mj.scenarios.loading import load_scenario
+from swarm_mj.spacecraft.attitude.mrp import dcm
 
 
 def latitude_longitude(points):

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from swarm_mj import constants
 from swarm_mj.errors import MissionError
+from swarm_mj.flight.plan import make_plan
 from swarm_mj.mission.trajectories import propagate, solve_transfers
-from swarm_mj.planning import make_plan
+from swarm_mj.scenarios import constants
 from swarm_mj.scenarios.loading import load_scenario
 
 GM = constants.EROS_GM

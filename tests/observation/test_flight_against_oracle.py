@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from swarm_mj.attitude.mrp import dcm
-from swarm_mj.flight import observe_flight, simulate
+from swarm_mj.flight.plan import make_plan
+from swarm_mj.flight.simulate import observe_flight, simulate
 from swarm_mj.observation.camera import CameraModel, CameraPose
-from swarm_mj.planning import make_plan
 from swarm_mj.scenarios.loading import load_scenario
+from swarm_mj.spacecraft.attitude.mrp import dcm
 
 from .scenes import eros_oracle, exact_view
 

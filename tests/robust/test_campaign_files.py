@@ -8,7 +8,7 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from swarm_mj.campaign.loading import load_campaign
+from swarm_mj.campaigns.loading import load_campaign
 from swarm_mj.errors import SwarmError
 
 from .hostile_scenarios import EXTREME, JUNK

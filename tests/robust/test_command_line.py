@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from swarm_mj.cli import main
+from swarm_mj.cli.main import main
 
 from .limits import bounded, examples
 from .mesh_files import FORMS
@@ -105,7 +105,7 @@ def test_a_mesh_is_not_written_where_it_must_not_be(tmp_path, monkeypatch, capsy
 )
 def test_the_program_itself_shows_no_traceback(tmp_path, arguments, words):
     (tmp_path / "bad.yaml").write_bytes(b"name: !!timestamp soon\n")
-    command = [sys.executable, "-m", "swarm_mj.cli", *arguments]
+    command = [sys.executable, "-m", "swarm_mj.cli.main", *arguments]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120)
     assert done.returncode in REFUSED
     assert done.stderr.startswith(f"swarm-mj: error: {words}")

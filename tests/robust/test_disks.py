@@ -13,9 +13,9 @@ from pathlib import Path
 
 import pytest
 
-from swarm_mj.cli import main
+from swarm_mj.cli.main import main
 from swarm_mj.errors import OutputError
-from swarm_mj.output.folder import MARKER, atomic_folder
+from swarm_mj.io.atomic import MARKER, atomic_folder
 
 pytestmark = pytest.mark.robust
 
@@ -24,13 +24,13 @@ QUICK = ["run", "eros-quick", "--quiet", "--no-figures"]
 LIMITED = """
 import resource, sys
 resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[1]), resource.RLIM_INFINITY))
-from swarm_mj.cli import main
+from swarm_mj.cli.main import main
 sys.exit(main(sys.argv[2:]))
 """
 
 
 def command(*arguments):
-    return [sys.executable, "-m", "swarm_mj.cli", *map(str, arguments)]
+    return [sys.executable, "-m", "swarm_mj.cli.main", *map(str, arguments)]
 
 
 def result(text):
@@ -171,7 +171,7 @@ def test_runs_one_after_another_from_many_processes_never_mix(tmp_path):
     """Whoever comes while the place is taken is refused; what stands there at the end is whole and of one run."""
     code = (
         "import sys, json\nfrom pathlib import Path\nfrom swarm_mj.errors import OutputError\n"
-        "from swarm_mj.output.folder import atomic_folder\nwins = 0\n"
+        "from swarm_mj.io.atomic import atomic_folder\nwins = 0\n"
         "for k in range(40):\n"
         "    try:\n"
         "        with atomic_folder(Path(sys.argv[1])) as partial:\n"
@@ -196,7 +196,7 @@ def test_runs_one_after_another_from_many_processes_never_mix(tmp_path):
 
 def test_what_a_killed_run_left_behind_is_cleared_by_the_next(tmp_path):
     code = (
-        "import sys, time\nfrom pathlib import Path\nfrom swarm_mj.output.folder import atomic_folder\n"
+        "import sys, time\nfrom pathlib import Path\nfrom swarm_mj.io.atomic import atomic_folder\n"
         "with atomic_folder(Path(sys.argv[1])) as partial:\n"
         "    (partial / 'summary.json').write_text('half')\n    print(partial, flush=True)\n    time.sleep(600)\n"
     )

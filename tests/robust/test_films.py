@@ -2,7 +2,7 @@
 
 import pytest
 
-from swarm_mj.cli import main
+from swarm_mj.cli.main import main
 
 from .test_long import held, resident
 
@@ -18,7 +18,7 @@ FILMS = 100
 @pytest.mark.slow
 def test_a_hundred_films_leave_nothing_behind(tmp_path):
     pytest.importorskip("av")
-    from swarm_mj.video_runner import run_video
+    from swarm_mj.cli.video_runner import run_video
 
     run = tmp_path / "run"
     short = ["--set", "telemetry.interval_s=10", "--quiet", "--no-figures"]

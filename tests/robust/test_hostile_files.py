@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from swarm_mj import cache
-from swarm_mj.cli import main
+from swarm_mj.cli.main import main
 from swarm_mj.errors import ScenarioError
+from swarm_mj.io import cache
 from swarm_mj.scenarios.loading import load_scenario
 
 pytestmark = pytest.mark.robust

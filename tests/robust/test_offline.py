@@ -56,7 +56,7 @@ def test_the_guard_refuses_the_network_in_this_process_and_its_children(offline,
 
 
 def test_a_flight_with_figures_needs_no_network(offline, tmp_path):
-    done = run(["-m", "swarm_mj.cli", "run", "eros-quick", "--quiet", "--out", "run"], offline, tmp_path)
+    done = run(["-m", "swarm_mj.cli.main", "run", "eros-quick", "--quiet", "--out", "run"], offline, tmp_path)
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "run" / "operation.png").stat().st_size > 1000
 
@@ -75,10 +75,10 @@ def test_a_design_and_the_flight_of_it_need_no_network(offline, tmp_path):
         "--set",
         "designer.max_generations=5",
     ]
-    done = run(["-m", "swarm_mj.cli", *design], environment, tmp_path)
+    done = run(["-m", "swarm_mj.cli.main", *design], environment, tmp_path)
     assert done.returncode == 0, done.stderr
     flight = ["run", "eros-quick", "--quiet", "--no-figures", "--design", "found/design.json", "--out", "flown"]
-    done = run(["-m", "swarm_mj.cli", *flight], environment, tmp_path)
+    done = run(["-m", "swarm_mj.cli.main", *flight], environment, tmp_path)
     assert done.returncode == 0, done.stderr
     found = json.loads((tmp_path / "found" / "design.json").read_text())
     assert json.loads((tmp_path / "flown" / "summary.json").read_text())["observers"] == found["n_observers"]

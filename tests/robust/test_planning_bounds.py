@@ -3,7 +3,7 @@
 import pytest
 
 from swarm_mj.errors import SwarmError
-from swarm_mj.planning import make_plan
+from swarm_mj.flight.plan import make_plan
 from swarm_mj.scenarios.loading import load_scenario
 
 from .limits import bounded

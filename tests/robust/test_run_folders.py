@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from swarm_mj.cli import main
+from swarm_mj.cli.main import main
 from swarm_mj.errors import SwarmError
 
 from .limits import bounded, examples
@@ -29,8 +29,8 @@ READERS = ["report", "replay"]
 
 
 def readers():
-    from swarm_mj.drawing.replay import load_replay
-    from swarm_mj.report.reading import read_run
+    from swarm_mj.rendering.replay import load_replay
+    from swarm_mj.results.report.reading import read_run
 
     return {"report": read_run, "replay": load_replay}
 

@@ -11,9 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from swarm_mj.errors import ScenarioError, SwarmError
-from swarm_mj.flight import add_coverage, observe_flight, simulate
-from swarm_mj.output.summary import summarise
-from swarm_mj.planning import make_plan
+from swarm_mj.flight.plan import make_plan
+from swarm_mj.flight.simulate import add_coverage, observe_flight, simulate
+from swarm_mj.results.summary import summarise
 from swarm_mj.scenarios import limits, loading
 from swarm_mj.scenarios.loading import load_scenario, read_design, scenario_from
 

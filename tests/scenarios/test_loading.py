@@ -7,7 +7,7 @@ import re
 import pytest
 import yaml
 
-from swarm_mj.cli import main
+from swarm_mj.cli.main import main
 from swarm_mj.errors import ScenarioError
 from swarm_mj.scenarios.loading import (
     DESIGN_KEYS,

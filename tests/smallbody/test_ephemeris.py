@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from swarm_mj.constants import AU, JD_J2000
 from swarm_mj.errors import ScenarioError
+from swarm_mj.scenarios.constants import AU, JD_J2000
 from swarm_mj.smallbody.ephemeris import DEFAULT_EPOCH, Ephemeris, julian_date
 from swarm_mj.smallbody.kepler import EROS_ORBIT, position_velocity
 from swarm_mj.smallbody.rotation import Rotation, spin_dcm, sub_point

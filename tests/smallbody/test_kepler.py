@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from swarm_mj.constants import AU, DAY, GM_SUN, JD_J2000
 from swarm_mj.errors import ScenarioError
+from swarm_mj.scenarios.constants import AU, DAY, GM_SUN, JD_J2000
 from swarm_mj.smallbody.kepler import EARTH_ORBIT, EROS_ORBIT, OrbitalElements, eccentric_anomaly, position_velocity
 
 

@@ -5,7 +5,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from swarm_mj.constants import AU, EROS_GM, GM_SUN
+from swarm_mj.scenarios.constants import AU, EROS_GM, GM_SUN
 from swarm_mj.smallbody.gravity import PointMass
 from swarm_mj.smallbody.perturbations import gravity_gradient_torque, solar_radiation_pressure, solar_tide
 

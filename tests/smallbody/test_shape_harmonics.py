@@ -7,7 +7,7 @@ import pytest
 from scipy.special import sph_harm_y
 
 from swarm_mj.errors import ShapeError
-from swarm_mj.resources import asset_path
+from swarm_mj.io.resources import asset_path
 from swarm_mj.smallbody.geodesic import geodesic_icosahedron
 from swarm_mj.smallbody.shape_harmonics import SEMI_AXES_M, build_eros, load_eros, radius_factor, read_harmonics
 from swarm_mj.smallbody.shape_io import load_shape, save_obj

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from swarm_mj.errors import MissionError
-from swarm_mj.resources import asset_path
+from swarm_mj.io.resources import asset_path
 from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.scenarios.schema import Spacecraft
 from swarm_mj.spacecraft.model import build_model
@@ -101,7 +101,7 @@ def test_the_mjcf_part_equals_the_defaults_of_the_scenario(eros):
 
 
 def test_the_defaults_of_scenario_and_properties_agree():
-    from swarm_mj.planning import properties_from
+    from swarm_mj.flight.plan import properties_from
 
     assert properties_from(load_scenario("eros-quick")) == SpacecraftProperties()
     assert Spacecraft().mass_kg == SpacecraftProperties().mass

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from swarm_mj import constants
 from swarm_mj.errors import ScenarioError
+from swarm_mj.scenarios import constants
 from swarm_mj.smallbody.gravity.point_mass import PointMass
 from swarm_mj.smallbody.gravity.polyhedron import Polyhedron
 from swarm_mj.smallbody.gravity.spherical_harmonics import SphericalHarmonics

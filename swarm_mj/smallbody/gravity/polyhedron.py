@@ -19,8 +19,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from swarm_mj.constants import GRAVITATIONAL_CONSTANT
 from swarm_mj.errors import ScenarioError
+from swarm_mj.scenarios.constants import GRAVITATIONAL_CONSTANT
 from swarm_mj.smallbody.gravity.base import frozen, positions, positive
 from swarm_mj.smallbody.shape import ShapeModel, directed_edges
 from swarm_mj.smallbody.shape_check import check_surface

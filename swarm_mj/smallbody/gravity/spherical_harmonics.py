@@ -20,8 +20,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from swarm_mj import constants
 from swarm_mj.errors import ScenarioError
+from swarm_mj.scenarios import constants
 from swarm_mj.smallbody.gravity.base import frozen, positions, positive
 
 #: Highest degree accepted; far beyond what any small body's field was measured to.

@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from swarm_mj import constants
 from swarm_mj.errors import ScenarioError
+from swarm_mj.scenarios import constants
 from swarm_mj.smallbody.gravity import Gravity, PointMass, Polyhedron, SphericalHarmonics
 from swarm_mj.smallbody.shape_harmonics import build_eros
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from swarm_mj import constants
-from swarm_mj.constants import GRAVITATIONAL_CONSTANT as G
 from swarm_mj.errors import ScenarioError, ShapeError
+from swarm_mj.scenarios import constants
+from swarm_mj.scenarios.constants import GRAVITATIONAL_CONSTANT as G
 from swarm_mj.smallbody.geodesic import geodesic_icosahedron
 from swarm_mj.smallbody.gravity import PointMass, Polyhedron
 from swarm_mj.smallbody.shape import ShapeModel

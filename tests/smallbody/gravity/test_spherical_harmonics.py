@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.special import sph_legendre_p
 
-from swarm_mj import constants
 from swarm_mj.errors import ScenarioError
+from swarm_mj.scenarios import constants
 from swarm_mj.smallbody.gravity import PointMass, Polyhedron, SphericalHarmonics, fit_harmonics
 from swarm_mj.smallbody.shape_harmonics import load_eros
 from swarm_mj.smallbody.shape_io import load_shape

@@ -1,0 +1,288 @@
+"""The control levels: how the actions of many flights reach them, through the same plug-in protocols as in any other flight.
+
+`torque` takes the place of the control law, `pointing` and `role` that of the behaviour. Each level holds the actions of the
+present step, which is the one thing that these plug-ins remember by themselves.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import Any, ClassVar
+
+import numpy as np
+from gymnasium import error, spaces
+from numba import njit
+from numpy.typing import NDArray
+
+from swarm_mj.errors import ScenarioError
+from swarm_mj.flight.plan import Plan
+from swarm_mj.mission.behaviors import Behavior, SteadyBehavior, SwarmView, TargetKind, Targets
+from swarm_mj.observation.raytracing import RayTracer
+from swarm_mj.simulator.telemetry import OBSERVING
+from swarm_mj.spacecraft.control.base import ControlInput, Controller
+
+from .patches import Patches, surface_points
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Mask = NDArray[np.bool_]
+
+#: Whether a `TargetKind` means looking at the body.
+IS_OBSERVING = np.isin(np.arange(len(TargetKind)), OBSERVING)
+
+
+class HeldTargets:
+    """The behaviour of the level `role`: whatever the action says, in arrays that the level rewrites in place."""
+
+    dedicated_communications: ClassVar[bool] = False
+
+    def __init__(self, kind: NDArray[np.int64], spacecraft: NDArray[np.int64], vector: Array) -> None:
+        self._targets = Targets(kind, spacecraft, vector)
+
+    def targets(self, view: SwarmView, memory: Any) -> tuple[Targets, Any]:
+        """See `Behavior`; nothing is remembered between instants."""
+        return self._targets, memory
+
+
+class AimedAt:
+    """The behaviour of the level `pointing`: the scenario's, but the body is replaced by the points of the action."""
+
+    dedicated_communications: ClassVar[bool] = False
+
+    def __init__(self, inner: Behavior, points_A: Array) -> None:
+        self._inner, self._points_A = inner, points_A
+        self._steady = inner if isinstance(inner, SteadyBehavior) else None
+
+    def targets(self, view: SwarmView, memory: Any) -> tuple[Targets, Any]:
+        """See `Behavior`."""
+        targets, memory = self._inner.targets(view, memory)
+        observing = IS_OBSERVING[targets.kind]
+        kind = np.where(observing, int(TargetKind.SURFACE), targets.kind)
+        vector = np.where(observing[:, None], self._points_A, targets.vector)
+        return Targets(kind, targets.spacecraft, vector), memory
+
+    def steady_for(self, view: SwarmView, memory: Any) -> float:
+        """See `SteadyBehavior`: as long as the scenario's, and until the next action."""
+        return 0.0 if self._steady is None else self._steady.steady_for(view, memory)
+
+
+class HeldTorque:
+    """The control law of the level `torque`: whatever the action says, in an array that the level rewrites in place."""
+
+    def __init__(self, torque_B: Array) -> None:
+        self._torque_B = torque_B
+
+    def torque(self, inputs: ControlInput, memory: Array | None) -> tuple[Array, Array | None]:
+        """See `Controller`; nothing is remembered."""
+        return self._torque_B, memory
+
+
+class ControlLevel(ABC):
+    """How actions become targets or torques, for E flights.
+
+    Attributes:
+        action_space: What the agent of one flight may choose.
+        held: Targets that hold for the step, shape (E, n, ...); None where a behaviour decides at every instant.
+        torque_B: Held torques on the bodies, shape (E, n, 3) [N m]; None where the control law decides.
+    """
+
+    action_space: spaces.Space[Any]
+    held: Targets | None = None
+    torque_B: Array | None = None
+
+    @abstractmethod
+    def behavior(self, e: int) -> Behavior:
+        """Who points at what in flight e."""
+
+    def controller(self, e: int, law: Controller) -> Controller:
+        """The control law of flight e."""
+        return law
+
+    @abstractmethod
+    def reset(self, e: int) -> None:
+        """Forget the previous action of flight e."""
+
+    @abstractmethod
+    def hold(self, actions: NDArray[Any], boresight_N: Array, live: Mask) -> None:
+        """Take actions for the step that begins.
+
+        Args:
+            actions: In the action space, shape (E, size).
+            boresight_N: Where +z looks in N, shape (E, n, 3).
+            live: Flights that fly this step, shape (E,); the actions of the others are ignored.
+        """
+
+
+class TorqueLevel(ControlLevel):
+    """Normalised motor torques; targets are those of the scenario's behaviour."""
+
+    torque_B: Array
+
+    def __init__(self, plan: Plan, count: int) -> None:
+        self._limit, self._axes, self._behavior = (
+            plan.properties.max_wheel_torque,
+            plan.properties.wheel_axes_B,
+            plan.behavior,
+        )
+        wheels = len(self._axes)
+        self._shape = (count, plan.n, wheels)
+        self.torque_B = np.zeros((count, plan.n, 3))
+        self.action_space = _unit_box(wheels * plan.n)
+
+    def behavior(self, e: int) -> Behavior:
+        """See `ControlLevel`: the scenario's own."""
+        return self._behavior
+
+    def controller(self, e: int, law: Controller) -> Controller:
+        """See `ControlLevel`."""
+        return HeldTorque(self.torque_B[e])
+
+    def reset(self, e: int) -> None:
+        """See `ControlLevel`."""
+        self.torque_B[e] = 0.0
+
+    def hold(self, actions: NDArray[Any], boresight_N: Array, live: Mask) -> None:
+        """Motor torques u act on the wheels; the body feels L = -A^T u, with the wheel axes as rows of A."""
+        motor = self._limit * np.asarray(actions, np.float64).reshape(self._shape)
+        # Summed wheel by wheel: a product of matrices would round differently with their number.
+        torque = -sum(motor[:, :, w, None] * self._axes[w] for w in range(self._shape[2]))
+        self.torque_B[live] = torque[live]
+
+
+class PointingLevel(ControlLevel):
+    """Points of the target for the spacecraft that observe; who observes is the scenario's behaviour's choice."""
+
+    def __init__(self, plan: Plan, count: int, tracer: RayTracer) -> None:
+        self._region, self._tracer, self._inner, self._n = plan.region, tracer, plan.behavior, plan.n
+        self.action_space = _unit_box(2 * plan.n)
+        self._middle = self._points(np.zeros(2 * plan.n))
+        self._points_A = np.tile(self._middle, (count, 1, 1))
+
+    def behavior(self, e: int) -> Behavior:
+        """See `ControlLevel`."""
+        return AimedAt(self._inner, self._points_A[e])
+
+    def reset(self, e: int) -> None:
+        """See `ControlLevel`: the middle of the target."""
+        self._points_A[e] = self._middle
+
+    def hold(self, actions: NDArray[Any], boresight_N: Array, live: Mask) -> None:
+        """See `ControlLevel`."""
+        self._points_A[live] = self._points(np.asarray(actions)[live]).reshape(-1, self._n, 3)
+
+    def _points(self, actions: NDArray[Any]) -> Array:
+        return surface_points(self._region, self._tracer, np.asarray(actions, np.float64).reshape(-1, 2))
+
+
+class RoleLevel(ControlLevel):
+    """One of a list of things to look at; the agent decides everything.
+
+    The choices, in this order: the patches of the target, the asteroid's centre, every spacecraft, Earth, hold.
+    """
+
+    held: Targets
+
+    def __init__(self, plan: Plan, count: int, patches: Patches) -> None:
+        n, parts = plan.n, patches.count
+        self._kinds = np.array(
+            [TargetKind.SURFACE] * parts
+            + [TargetKind.ASTEROID]
+            + [TargetKind.SPACECRAFT] * n
+            + [TargetKind.EARTH, TargetKind.DIRECTION],
+            np.int64,
+        )
+        self._spacecraft = np.concatenate([np.zeros(parts + 1), np.arange(n), [0, 0]]).astype(np.int64)
+        self._vectors = np.vstack([patches.centre_A, np.zeros((n + 3, 3))])
+        self._self = parts + 1 + np.arange(n)
+        self._centre = parts
+        self.held = Targets(np.zeros((count, n), np.int64), np.zeros((count, n), np.int64), np.zeros((count, n, 3)))
+        self.action_space = spaces.MultiDiscrete(np.full(n, len(self._kinds)))
+
+    def behavior(self, e: int) -> Behavior:
+        """See `ControlLevel`."""
+        return HeldTargets(*(part[e] for part in self.held))
+
+    def reset(self, e: int) -> None:
+        """See `ControlLevel`: the asteroid's centre."""
+        kind, spacecraft, vector = self.held
+        kind[e], spacecraft[e], vector[e] = self._kinds[self._centre], self._spacecraft[self._centre], 0.0
+
+    def hold(self, actions: NDArray[Any], boresight_N: Array, live: Mask) -> None:
+        """See `ControlLevel`; a spacecraft told to look at itself holds its attitude."""
+        choice = np.array(actions, np.int64).reshape(self.held.kind.shape)
+        if not _choose(choice, self._self, self._kinds, self._spacecraft, self._vectors, boresight_N, live, self.held):
+            raise error.InvalidAction(f"choices {choice.tolist()}: must be 0 to {len(self._kinds) - 1}")
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _choose(
+    choice: Ints,
+    itself: Ints,
+    kinds: Ints,
+    spacecraft: Ints,
+    vectors: Array,
+    boresight_N: Array,
+    live: Mask,
+    held: Targets,
+) -> bool:
+    last = kinds.shape[0] - 1  # to hold the attitude
+    for c in choice.flat:
+        if c < 0 or c > last:
+            return False
+    for e in range(choice.shape[0]):
+        if not live[e]:
+            continue
+        for j in range(choice.shape[1]):
+            c = last if choice[e, j] == itself[j] else choice[e, j]
+            goes_on = c == last and held.kind[e, j] == kinds[last]
+            held.kind[e, j], held.spacecraft[e, j] = kinds[c], spacecraft[c]
+            if not goes_on:
+                for k in range(3):
+                    held.vector[e, j, k] = boresight_N[e, j, k] if c == last else vectors[c, k]
+    return True
+
+
+LEVELS = ("torque", "pointing", "role")
+
+
+def make_level(name: str, plan: Plan, count: int, patches: Patches, tracer: RayTracer) -> ControlLevel:
+    """The control level of that name for that many flights; `check_level` has accepted it."""
+    if name == "torque":
+        return TorqueLevel(plan, count)
+    if name == "pointing":
+        return PointingLevel(plan, count, tracer)
+    return RoleLevel(plan, count, patches)
+
+
+def check_level(name: str) -> None:
+    """Refuse unknown control levels.
+
+    Raises:
+        ScenarioError: The message lists those that exist.
+    """
+    if name not in LEVELS:
+        raise ScenarioError(f"control = {name!r}: must be one of {', '.join(LEVELS)}")
+
+
+def check_action(space: spaces.Space[Any], action: Any) -> NDArray[Any]:
+    """The action as an array of the space's own type.
+
+    Raises:
+        gymnasium.error.InvalidAction: It does not lie in the space.
+    """
+    try:
+        given = np.asarray(action)
+        if given.dtype.kind not in "biuf":
+            raise TypeError
+        with np.errstate(invalid="ignore"):
+            array = given.astype(space.dtype, copy=False)
+        exact = array is given or space.dtype == np.float32 or np.array_equal(array, given)
+    except (TypeError, ValueError, OverflowError):
+        exact, array = False, action
+    if not exact or not space.contains(array):
+        raise error.InvalidAction(f"action {action!r} does not lie in the action space {space}")
+    return np.asarray(array)
+
+
+def _unit_box(size: int) -> spaces.Box:
+    return spaces.Box(-1.0, 1.0, (size,), np.float32)

@@ -1,0 +1,190 @@
+"""The books of E flights: what their cameras have seen and their radios sent, and what their software knows."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarm_mj.observation.coverage import observe
+
+from . import step_kernels
+from .actions import IS_OBSERVING
+from .config import Setting
+from .kinematics import Known, Now, learn, turn
+from .step_kernels import EpisodeTotals
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Mask = NDArray[np.bool_]
+
+
+class Watched(Protocol):
+    """E flights as the books need to see them; `CompiledBatch` says what each member is."""
+
+    count: int
+    period: float
+    tick: Ints
+    kind: Ints
+    index: Ints
+    lost: Mask
+    blind: Mask
+
+    @property
+    def sigma_BR(self) -> Array:
+        """Attitude errors at the last decision."""
+        ...
+
+    def read(self, r: Array, v: Array, q: Array, omega: Array, wheel: Array) -> None:
+        """Copy the states."""
+        ...
+
+    def know(self, live: Mask, q: Array, omega: Array) -> Mask:
+        """Put what the flight software has in the place of the truth; returns where that is not the same."""
+        ...
+
+
+class Ledger:
+    """The books of E flights that something else flies.
+
+    Args:
+        setting: What they share.
+        flights: Who flies them.
+
+    Attributes:
+        setting: What they share.
+        flights: Who flies them.
+        count: Number of flights E.
+        books: What they have come to.
+        now: The instant between two steps, in truth.
+        before: The one a step earlier.
+        known: Attitudes and rates at that instant as the flight software has them.
+        observation: Of every flight, shape (E, F).
+        percent: Seen share of the target, shape (E,) [%].
+    """
+
+    def __init__(self, setting: Setting, flights: Watched) -> None:
+        self.setting, self.flights, self.count = setting, flights, flights.count
+        plan, count, n = setting.plan, flights.count, setting.plan.n
+        cells, wheels = plan.region.n_cells, len(plan.properties.wheel_axes_B)
+        self.books = EpisodeTotals(
+            seen=np.zeros((count, cells), np.bool_),
+            first_seen=np.full((count, cells), np.nan),
+            area=np.zeros(count),
+            stored=np.zeros((count, n)),
+            delivered=np.zeros(count),
+            closed=np.zeros((count, n), np.bool_),
+            lost=np.zeros((count, n), np.bool_),
+        )
+        self.before, self.now, self._picture = (_moment(count, n, wheels) for _ in range(3))
+        self.known = Known(np.zeros((count, n, 4)), np.zeros((count, n, 3)), np.zeros((count, n, 3, 3)))
+        space = setting.readings.space
+        self.observation = np.zeros((count, *space.shape), np.float32)
+        self._low, self._high = space.low, space.high
+        self.percent = np.zeros(count)
+        self._everyone = np.ones(count, np.bool_)
+
+    def _look(self, now: Now, live: Mask) -> Mask:
+        """Bring a moment up to date; returns which flights are finite."""
+        self.flights.read(now.r, now.v, now.q, now.omega, now.wheel)
+        now.t[:] = self.flights.tick * self.flights.period
+        fine = np.zeros(self.count, np.bool_)
+        step_kernels.orient(self.setting.mission, now, live, fine)
+        return fine
+
+    def _know(self, live: Mask) -> None:
+        """Bring up to date what the flight software knows: bit for bit the truth where sensors are perfect."""
+        learn(self.now, self.known, live)
+        imperfect = self.flights.know(live, self.known.q, self.known.omega)
+        if imperfect.any():
+            turn(self.known, imperfect)
+
+    def _take_pictures(self, due: Mask, area: Array) -> None:
+        if not due.any():
+            return
+        setting, now = self.setting, self._picture
+        self._look(now, due)
+        kind, books = self.flights.kind, self.books
+        if setting.scene is not None and not setting.criterion.needs_sun:
+            singly = np.zeros(kind.shape, np.bool_)
+            doubt = step_kernels.take_pictures(
+                setting.scene, setting.mission, now, books, kind, self.flights.blind, due, area, singly
+            )
+            if not doubt:
+                return
+        else:
+            singly = due[:, None] & IS_OBSERVING[kind] & ~books.lost & ~self.flights.blind
+            singly[:, setting.plan.n_observers :] = False
+        for e, j in zip(*np.nonzero(singly), strict=True):
+            self._judge_singly(int(e), int(j), area)
+
+    def _judge_singly(self, e: int, j: int, area: Array) -> None:
+        """One picture by the observer itself: of any kind, in light that matters, or where the maps are in doubt."""
+        setting, now, books = self.setting, self._picture, self.books
+        plan, C_AN, r_A = setting.plan, now.C_AN[e], now.r_A[e, j]
+        sun_A = C_AN @ plan.environment.sun.at(now.t[e])
+        seen = observe(setting.observer, r_A, now.C_BN[e, j] @ C_AN.T, setting.criterion, sun_A)
+        new = seen & ~books.seen[e]
+        if new.any():
+            gained = float(plan.region.area[new].sum())
+            bits = self._pixels(r_A, new) * setting.radio.bits_per_pixel
+            step_kernels.write_down(books, e, j, new, now.t[e], gained, bits)
+            area[e] += gained
+
+    def _pixels(self, r_A: Array, cells: Mask) -> float:
+        """Area over the square of the ground sampling distance, foreshortened: A cos(emission) / (range pixel angle)^2."""
+        region = self.setting.plan.region
+        to_camera = r_A - region.centroid_A[cells]
+        distance = np.linalg.norm(to_camera, axis=1)
+        cosine = np.einsum("ij,ij->i", to_camera, region.normal_A[cells]) / distance
+        footprint = (distance * self.setting.observer.camera.pixel_angle) ** 2
+        return float((region.area[cells] * cosine / footprint).sum())
+
+    def _end_step(self, live: Mask, step_s: float) -> tuple[Array, Mask]:
+        measures, hit = np.zeros((self.count, 3)), np.zeros(self.books.lost.shape, np.bool_)
+        self._know(live)
+        step_kernels.end_step(
+            self.setting.mission,
+            self.before,
+            self.now,
+            self.known,
+            self.books,
+            self.flights.kind,
+            self.flights.index,
+            np.ascontiguousarray(self.flights.sigma_BR),
+            live,
+            step_s,
+            self._low,
+            self._high,
+            measures,
+            hit,
+            self.observation,
+        )
+        return measures, hit
+
+    def _count_seen(self, new: Array) -> None:
+        """Bring the seen share up to date where there is new area; from the cells, so that their order does not matter."""
+        if new.any():
+            area = self.setting.plan.region.area
+            for e in np.flatnonzero(new):
+                self.percent[e] = 100.0 * float(area[self.books.seen[e]].sum() / area.sum())
+
+    @property
+    def time_s(self) -> Array:
+        """Seconds past the epoch, shape (E,)."""
+        return np.asarray(self.flights.tick * self.flights.period, np.float64)
+
+
+def _moment(count: int, n: int, wheels: int) -> Now:
+    return Now(
+        t=np.zeros(count),
+        r=np.zeros((count, n, 3)),
+        v=np.zeros((count, n, 3)),
+        q=np.zeros((count, n, 4)),
+        omega=np.zeros((count, n, 3)),
+        wheel=np.zeros((count, n, wheels)),
+        C_AN=np.zeros((count, 3, 3)),
+        r_A=np.zeros((count, n, 3)),
+        C_BN=np.zeros((count, n, 3, 3)),
+    )

@@ -1,0 +1,253 @@
+"""The figures of a campaign, one PNG each; a figure without numbers to show is not drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from textwrap import wrap
+from typing import Any, TypeVar
+
+import numpy as np
+import pyarrow as pa
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from swarm_mj.campaigns.loading import Resolved
+from swarm_mj.campaigns.summary import SEED, by_scenario, column
+from swarm_mj.errors import OutputError
+from swarm_mj.results.figures.style import (
+    BLACK,
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    PURPLE,
+    SKY_BLUE,
+    SMALL_PT,
+    TICK_PT,
+    VERMILLION,
+    label,
+    new_figure,
+    plain,
+    save,
+    tidy,
+)
+
+T = TypeVar("T")
+Compose = Callable[[Resolved, pa.Table, dict[str, Any]], Figure | None]
+
+COLOURS = (BLUE, ORANGE, GREEN, VERMILLION, PURPLE, SKY_BLUE, BLACK, GREY)
+DASHES = ("-", "--", "-.", ":")
+#: Diagrams get too many lines or bars to read beyond these.
+MAX_SCENARIOS, MAX_BARS = 8, 12
+#: Pointing errors [deg] below this are rounding; zero has no place on a logarithmic axis.
+FLOOR_DEG = 1e-8
+#: In place of the bar of an index that a sample cannot tell.
+NOT_TOLD = "the sample does not allow it"
+#: Height of the 95th percentile, and between the intervals of two scenarios there, which lie around it, of the whole axis.
+PERCENTILE, SPREAD = 0.95, 0.025
+#: An axis is logarithmic where the largest value is this many times the smallest.
+LOG_RATIO = 20.0
+
+
+def compose_coverage(resolved: Resolved, results: pa.Table, summary: dict[str, Any]) -> Figure | None:
+    """How often the whole target is seen, and how the observed area is distributed."""
+    parts = _flown(resolved, results, "coverage_percent")
+    if not parts:
+        return None
+    parts, title = _shown(parts, f"Observed area: {plain(resolved.campaign.name)}")
+    figure = new_figure(4.6, title, width_in=11.0)
+    left, right = figure.subplots(1, 2, width_ratios=(1.0, 1.35))
+    _bars(left, {name: summary["scenarios"][name]["covered"] for name in parts})
+    for k, (name, values) in enumerate(parts.items()):
+        _cumulative(right, values, name, k)
+    right.set_ylim(0.0, 1.02)
+    tidy(right)
+    label(right, "observed share of the target [%]", "share of flights with at most that [-]")
+    right.legend(fontsize=TICK_PT, frameon=False, loc="upper left")
+    return figure
+
+
+def compose_pointing(resolved: Resolved, results: pa.Table, summary: dict[str, Any]) -> Figure | None:
+    """Distribution of the largest pointing error at the visit, with 95th percentiles and their intervals."""
+    name = "pointing_error_deg_visit_max"
+    parts = _flown(resolved, results, name)
+    if not parts:
+        return None
+    parts, title = _shown(parts, f"Pointing error at the visit: {plain(resolved.campaign.name)}")
+    figure = new_figure(4.4, title)
+    ax = figure.add_subplot()
+    for k, (scenario, values) in enumerate(parts.items()):
+        _cumulative(ax, np.maximum(values, FLOOR_DEG), scenario, k)
+        estimate = summary["scenarios"][scenario]["outcomes"][name]["quantiles"][f"{PERCENTILE:g}"]
+        _percentile(ax, estimate, PERCENTILE + SPREAD * (0.5 * (len(parts) - 1) - k), k)
+    every = np.concatenate(list(parts.values()))
+    if every.max() > LOG_RATIO * max(every.min(), FLOOR_DEG):
+        ax.set_xscale("log")
+    ax.set_ylim(0.0, max(1.02, PERCENTILE + 0.5 * SPREAD * len(parts)))
+    tidy(ax)
+    label(ax, "largest pointing error of an observer [deg]", "share of flights with at most that [-]")
+    title = "dot: 95th percentile, bar: its 95 % interval\n(heights differ only to tell them apart)"
+    ax.legend(fontsize=TICK_PT, frameon=False, loc="upper left", title=title, title_fontsize=SMALL_PT)
+    return figure
+
+
+def compose_sensitivity(resolved: Resolved, results: pa.Table, summary: dict[str, Any]) -> Figure | None:
+    """Spearman's rank correlation of the observed area with every drawn parameter."""
+    found = {name: s["spearman"].get("coverage_percent", {}) for name, s in summary["scenarios"].items()}
+    keys = _strongest(found, lambda entry: abs(entry["value"]))
+    return _tornado(
+        f"What moves the observed area: {plain(resolved.campaign.name)}",
+        "Spearman's rank correlation with the observed area [-]",
+        keys,
+        {name: entries for name, entries in found.items() if entries},
+        (-1.05, 1.05),
+    )
+
+
+def compose_sobol(resolved: Resolved, results: pa.Table, summary: dict[str, Any]) -> Figure | None:
+    """Sobol' indices of the observed area: a factor alone, and with its interactions; in words where the sample tells none."""
+    found = {}
+    for name, scenario in summary["scenarios"].items():
+        entries = scenario.get("sobol", {}).get("coverage_percent", {})
+        for part in ("first", "total"):
+            if entries:
+                found[f"{name}, {'alone' if part == 'first' else 'with interactions'}"] = {
+                    ("seed (attitudes, faults)" if key == SEED else key): value[part] for key, value in entries.items()
+                }
+    keys = _strongest(found, lambda entry: entry["value"] if entry["told"] else 0.0)
+    title = f"Shares of the variance of the observed area: {plain(resolved.campaign.name)}"
+    told = [entry for entries in found.values() for entry in entries.values() if entry["told"]]
+    ends = [entry[end] for entry in told for end in ("low", "high")]
+    limits = (min([-0.05, *ends]) - 0.03, max([1.0, *ends]) + 0.03)
+    return _tornado(title, "Sobol' index [-]", keys, found, limits)
+
+
+COMPOSERS: dict[str, Compose] = {
+    "coverage": compose_coverage,
+    "pointing": compose_pointing,
+    "sensitivity": compose_sensitivity,
+    "sobol": compose_sobol,
+}
+
+
+def draw_all(folder: Path, resolved: Resolved, results: pa.Table, summary: dict[str, Any]) -> None:
+    """Write every figure that there are numbers for.
+
+    Raises:
+        OutputError: The folder cannot be written.
+    """
+    for name, compose in COMPOSERS.items():
+        figure = compose(resolved, results, summary)
+        if figure is None:
+            continue
+        try:
+            save(figure, folder / f"{name}.png")
+        except OSError as error:
+            raise OutputError(
+                f"{folder}: {name}.png cannot be written ({error.strerror}); go on with --resume"
+            ) from None
+
+
+def _flown(resolved: Resolved, results: pa.Table, name: str) -> dict[str, NDArray[np.float64]]:
+    """Finite values of an outcome by scenario."""
+    if name not in results.schema.names:
+        return {}
+    parts: dict[str, NDArray[np.float64]] = {}
+    for scenario, rows in by_scenario(resolved, results):
+        values = column(rows, name)
+        if np.isfinite(values).any():
+            parts[scenario] = values[np.isfinite(values)]
+    return parts
+
+
+def _shown(parts: dict[str, T], title: str) -> tuple[dict[str, T], str]:
+    """As many scenarios as a diagram can show, and a title that says so where there are more."""
+    if len(parts) <= MAX_SCENARIOS:
+        return parts, title
+    return dict(list(parts.items())[:MAX_SCENARIOS]), f"{title}, {MAX_SCENARIOS} of {len(parts)}"
+
+
+def _cumulative(ax: Axes, values: NDArray[np.float64], name: str, k: int) -> None:
+    ordered = np.sort(values)
+    share = np.arange(1, len(ordered) + 1) / len(ordered)
+    colour, dashes = COLOURS[k % len(COLOURS)], DASHES[k % len(DASHES)]
+    x, y = np.r_[ordered[0], ordered], np.r_[0.0, share]
+    ax.step(x, y, where="post", linewidth=1.8, label=plain(name), color=colour, linestyle=dashes)
+
+
+def _percentile(ax: Axes, estimate: dict[str, Any], y: float, k: int) -> None:
+    """The estimate of a percentile [deg] as a dot and its interval as a bar, at a height."""
+    ends = [estimate[end] if estimate[end] is not None else estimate["value"] for end in ("low", "high")]
+    x = max(estimate["value"], FLOOR_DEG)
+    around = [[max(x - max(ends[0], FLOOR_DEG), 0.0)], [max(ends[1] - x, 0.0)]]
+    ax.errorbar([x], [y], xerr=around, fmt="o", color=COLOURS[k % len(COLOURS)], capsize=3, markersize=4)
+
+
+def _bars(ax: Axes, covered: dict[str, dict[str, Any]]) -> None:
+    for k, entry in enumerate(covered.values()):
+        p, (low, high) = 100.0 * entry["probability"], (100.0 * end for end in entry["wilson"])
+        ax.bar(k, p, color=COLOURS[k % len(COLOURS)], width=0.65)
+        ax.errorbar(k, p, yerr=[[max(p - low, 0.0)], [max(high - p, 0.0)]], color=BLACK, capsize=5, linewidth=1.2)
+        ax.annotate(
+            f"{p:.1f} %",
+            (k, high),
+            xytext=(0, 5),
+            textcoords="offset points",
+            ha="center",
+            fontsize=TICK_PT,
+            bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.5},  # a grid line may run there
+        )
+    ax.set_xticks(range(len(covered)), [_wrapped(name) for name in covered])
+    ax.set_xlim(-0.7, max(len(covered), 3) - 0.3)
+    ax.set_ylim(0.0, 112.0)
+    ax.set_yticks(range(0, 101, 20))
+    tidy(ax)
+    ax.grid(False, axis="x")
+    label(ax, y="flights that see the whole target [%]\n(bars: 95 % Wilson interval)")
+
+
+def _strongest(found: dict[str, dict[str, Any]], size: Callable[[Any], float]) -> list[str]:
+    """Keys by falling size, as many as there is room for."""
+    largest: dict[str, float] = {}
+    for entries in found.values():
+        for key, entry in entries.items():
+            largest[key] = max(largest.get(key, 0.0), size(entry))
+    return sorted(largest, key=lambda key: -largest[key])[:MAX_BARS]
+
+
+def _tornado(
+    title: str, x_label: str, keys: list[str], found: dict[str, dict[str, Any]], limits: tuple[float, float]
+) -> Figure | None:
+    if not keys:
+        return None
+    shown, title = _shown(found, title)
+    figure = new_figure(1.6 + 0.28 * len(keys) * max(1.5, len(shown)), title)
+    ax = figure.add_subplot()
+    height = 0.8 / len(shown)
+    for k, (name, entries) in enumerate(shown.items()):
+        offset = (k + 0.5) * height - 0.4
+        for i in (i for i, key in enumerate(keys) if key in entries and not entries[key].get("told", True)):
+            ax.annotate(
+                NOT_TOLD, (0.0, i + offset), xytext=(4, 0), textcoords="offset points", va="center", fontsize=SMALL_PT
+            )
+        there = [(i, entries[key]) for i, key in enumerate(keys) if key in entries and entries[key].get("told", True)]
+        y = np.array([i for i, _ in there]) + offset
+        x = np.array([entry["value"] for _, entry in there])
+        around = np.maximum([x - [e["low"] for _, e in there], [e["high"] for _, e in there] - x], 0.0)
+        ax.barh(y, x, height=0.9 * height, color=COLOURS[k % len(COLOURS)], label=plain(name))
+        ax.errorbar(x, y, xerr=around, fmt="none", color=BLACK, capsize=2.5, linewidth=0.9)
+    ax.axvline(0.0, color=BLACK, linewidth=0.8)
+    ax.set_yticks(range(len(keys)), [plain(key) for key in keys])
+    ax.set_ylim(len(keys) - 0.5, -0.5)
+    ax.set_xlim(*limits)
+    tidy(ax)
+    ax.grid(False, axis="y")
+    label(ax, f"{x_label}, bars: 95 % interval")
+    figure.legend(loc="outside lower center", ncols=min(len(shown), 3), fontsize=TICK_PT, frameon=False)
+    return figure
+
+
+def _wrapped(name: str) -> str:
+    return plain("\n".join(wrap(name, 11, break_on_hyphens=False)))

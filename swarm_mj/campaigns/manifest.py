@@ -1,0 +1,157 @@
+"""What stands in the folder of a campaign: whether it may be flown there, and whether it is the one that began there."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+from swarm_mj.campaigns.config import Campaign
+from swarm_mj.campaigns.loading import Resolved
+from swarm_mj.campaigns.lock import LOCK
+from swarm_mj.errors import OutputError
+from swarm_mj.io.atomic import write_text
+from swarm_mj.io.cache import hash_of
+from swarm_mj.results.summary import library_versions
+
+#: Where a campaign's folder says what it flies: `Resolved.dump` and what it was flown with.
+MANIFEST = "campaign.json"
+#: Where replayed rows go.
+REPLAYS = "replays"
+#: What a folder without a campaign may hold: what a campaign that ended before it began leaves, and replays.
+_OURS = (LOCK, f".{MANIFEST}.partial", REPLAYS)
+
+
+def require_place(folder: Path, *, resume: bool = False) -> None:
+    """Check that a folder is absent, empty or a campaign's; nothing is written.
+
+    Args:
+        folder: Where a campaign's results stand or will stand.
+        resume: A campaign must stand there.
+
+    Raises:
+        OutputError: It is not.
+    """
+    try:
+        names = os.listdir(folder) if folder.exists() else []
+        # Asked last: a campaign that begins meanwhile writes its manifest before all else.
+        if (folder / MANIFEST).exists():
+            return
+    except NotADirectoryError:
+        raise OutputError(f"{folder}: is a file; --out must name a folder") from None
+    except OSError as error:
+        raise OutputError(f"{folder}: cannot be read ({error.strerror}); choose another folder with --out") from None
+    if resume:
+        raise OutputError(f"{folder}: holds no campaign to go on with; start one without --resume")
+    foreign = sorted(name for name in names if name not in _OURS)
+    if foreign:
+        raise OutputError(f"{folder}: holds {foreign[0]} and no campaign; choose another folder with --out")
+
+
+def take_over(resolved: Resolved, folder: Path, *, resume: bool) -> None:
+    """Start a campaign in an empty folder, or check that the one there is this one; under the folder's lock.
+
+    Raises:
+        OutputError: The folder holds something else, or cannot be written.
+    """
+    require_place(folder, resume=resume)
+    manifest = folder / MANIFEST
+    ours = {"campaign": resolved.campaign.name, **_fingerprint(resolved), **resolved.dump()}
+    if not manifest.exists():
+        try:
+            write_text(manifest, json.dumps(ours, indent=2) + "\n")
+        except OSError as error:
+            raise OutputError(f"{folder}: cannot be written ({error.strerror})") from None
+        return
+    if not resume:
+        raise OutputError(
+            f"{folder}: holds a campaign already; go on with --resume, or choose another folder with --out"
+        )
+    require_same(_read_manifest(manifest), ours, folder)
+
+
+def kept_runs(folder: Path, campaign: Campaign) -> int | None:
+    """The `runs` with which a campaign of this name and method began in a folder; None where there is no such campaign."""
+    try:
+        kept = _read_manifest(folder / MANIFEST).get("campaign")
+    except OutputError:
+        return None
+    if not isinstance(kept, dict) or (kept.get("name"), kept.get("method")) != (campaign.name, campaign.method):
+        return None
+    runs = kept.get("runs")
+    return runs if type(runs) is int else None
+
+
+def campaign_in(folder: Path) -> Campaign:
+    """The campaign of a folder.
+
+    Raises:
+        OutputError: It describes none.
+    """
+    path = folder / MANIFEST
+    try:
+        return Campaign.model_validate(_read_manifest(path).get("campaign"))
+    except ValueError as error:
+        raise OutputError(f"{path}: describes no campaign ({error})") from None
+
+
+def _fingerprint(resolved: Resolved) -> dict[str, Any]:
+    return {"fingerprint": hash_of(resolved.dumps()), "versions": library_versions()}
+
+
+def _read_manifest(path: Path) -> dict[str, Any]:
+    try:
+        manifest = json.loads(path.read_text("utf-8"))
+    except (OSError, ValueError, RecursionError) as error:
+        raise OutputError(f"{path}: cannot be read ({error}); choose another folder with --out") from None
+    if not isinstance(manifest, dict) or "fingerprint" not in manifest:
+        raise OutputError(f"{path}: describes no campaign; choose another folder with --out")
+    return manifest
+
+
+def require_same(theirs: dict[str, Any], ours: dict[str, Any], folder: Path) -> None:
+    """Check that two manifests describe one campaign, flown by one program.
+
+    Raises:
+        OutputError: They do not; the message names what differs.
+    """
+    then, now = _without_descriptions(theirs), _without_descriptions(ours)
+    changed = [
+        f"{path} = {after!r}, was {before!r}"
+        for section in ("campaign", "bases", "shapes", "versions")
+        for path, before, after in _differences(then.get(section), now[section], section)
+    ]
+    if changed:
+        more = f" and {len(changed) - 5} more" if len(changed) > 5 else ""
+        raise OutputError(
+            f"{folder}: --resume: the campaign or the program has changed since it began: {'; '.join(changed[:5])}{more}. "
+            "Rows of both would not belong together: change it back, or choose another folder with --out"
+        )
+
+
+def _without_descriptions(manifest: dict[str, Any]) -> dict[str, Any]:
+    """A manifest without the words for its reader, on which no row depends: of the campaign, of its scenarios and in `set`."""
+
+    def plain(value: Any) -> Any:
+        return {k: v for k, v in value.items() if k != "description"} if isinstance(value, dict) else value
+
+    def settled(value: Any) -> Any:
+        return {**plain(value), "set": plain(value.get("set"))} if isinstance(value, dict) else value
+
+    campaign, bases = settled(manifest.get("campaign")), manifest.get("bases")
+    if isinstance(campaign, dict) and isinstance(campaign.get("scenarios"), list):
+        campaign["scenarios"] = [settled(base) for base in campaign["scenarios"]]
+    if isinstance(bases, dict):
+        bases = {name: plain(base) for name, base in bases.items()}
+    return {**manifest, "campaign": campaign, "bases": bases}
+
+
+def _differences(then: Any, now: Any, path: str) -> list[tuple[str, Any, Any]]:
+    if isinstance(then, dict) and isinstance(now, dict):
+        return [
+            found
+            for key in dict.fromkeys((*then, *now))
+            for found in _differences(then.get(key), now.get(key), f"{path}.{key}")
+        ]
+    return [] if then == now else [(path, then, now)]

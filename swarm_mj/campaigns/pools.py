@@ -1,0 +1,210 @@
+"""Who flies the runs: processes of this machine, or the workers of a Dask cluster.
+
+A pool takes row numbers and gives rows in the order in which they finish. Every worker is told the campaign, never results;
+only the process that started the campaign writes.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import time
+from collections import deque
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from multiprocessing.connection import Connection, wait
+from multiprocessing.process import BaseProcess
+from typing import Any, Protocol
+
+from swarm_mj.campaigns.flying import Row, failed_row, fly_row
+from swarm_mj.campaigns.loading import Resolved
+from swarm_mj.campaigns.sampling import Sample
+from swarm_mj.errors import OutputError, SwarmError
+
+#: A run during which this many workers died is recorded as failed.
+MAX_DEATHS = 3
+#: Workers that die before their first run, one after another, before the campaign gives up.
+MAX_STILLBORN = 5
+#: Libraries must not start threads of their own in every worker; cores are shared by run.
+ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+
+
+class Pool(Protocol):
+    """Flies runs somewhere."""
+
+    def results(self, rows: Sequence[int]) -> Iterator[Row]:
+        """Rows as they finish.
+
+        Raises:
+            SwarmError: The campaign cannot go on.
+        """
+        ...
+
+    def close(self) -> None:
+        """Stop; runs that have not finished are given up."""
+        ...
+
+
+def usable_cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+class LocalPool:
+    """Processes of this machine, each with one run at a time.
+
+    A process that dies takes only its own run with it: the run is flown again, and recorded as failed when it has cost
+    `MAX_DEATHS` processes.
+
+    Args:
+        resolved: The campaign.
+        telemetry: Folder for telemetry, or None.
+        workers: Number of processes; None takes one per core.
+    """
+
+    def __init__(self, resolved: Resolved, telemetry: str | None, workers: int | None = None) -> None:
+        self._text, self._telemetry = resolved.dumps(), telemetry
+        self._sample, self._limit = Sample(resolved.campaign), resolved.campaign.time_limit_s
+        self._size = workers or usable_cores()
+        # Spawned, not forked: a GL context does not survive a fork.
+        self._context = multiprocessing.get_context("spawn")
+        self._workers: list[_Worker] = []
+        self._stillborn = 0
+
+    def results(self, rows: Sequence[int]) -> Iterator[Row]:
+        """See `Pool.results`."""
+        waiting, deaths = deque(rows), dict.fromkeys(rows, 0)
+        while waiting or any(worker.row is not None for worker in self._workers):
+            self._keep_busy(waiting)
+            wait([w.pipe for w in self._workers], timeout=self._patience())
+            for worker in list(self._workers):
+                row = self._hear(worker, waiting, deaths)
+                if row is not None:
+                    yield row
+
+    def _keep_busy(self, waiting: deque[int]) -> None:
+        busy = sum(worker.row is not None for worker in self._workers)
+        while len(self._workers) < min(self._size, busy + len(waiting)):
+            with _one_thread():
+                self._workers.append(_Worker(self._context, self._text, self._telemetry))
+        for worker in self._workers:
+            if worker.ready and worker.row is None and waiting:
+                worker.send(waiting)
+
+    def _hear(self, worker: _Worker, waiting: deque[int], deaths: dict[int, int]) -> Row | None:
+        """What a worker has to say: a row, or nothing yet."""
+        if not worker.pipe.poll():  # what is finished counts, however late it is heard
+            return self._bury(worker, True, waiting, deaths) if worker.overdue(self._limit) else None
+        kind, value = worker.hear()
+        if kind == "ready":
+            worker.ready, self._stillborn = True, 0
+            return None
+        if kind == "row":
+            worker.row = None
+            return dict(value)
+        if kind == "error":
+            raise value
+        return self._bury(worker, False, waiting, deaths)
+
+    def _bury(self, worker: _Worker, overdue: bool, waiting: deque[int], deaths: dict[int, int]) -> Row | None:
+        worker.stop()
+        self._workers.remove(worker)
+        if not worker.ready:
+            self._stillborn += 1
+            if self._stillborn >= MAX_STILLBORN:
+                raise OutputError(
+                    f"worker processes end before they start ({worker.last_words}); see the messages above"
+                )
+        if worker.row is None:
+            return None
+        if overdue:
+            return failed_row(self._sample.trial(worker.row), f"took longer than time_limit_s = {self._limit:g}")
+        deaths[worker.row] += 1
+        if deaths[worker.row] < MAX_DEATHS:
+            waiting.appendleft(worker.row)
+            return None
+        return failed_row(
+            self._sample.trial(worker.row), f"its process died {MAX_DEATHS} times, the last time {worker.last_words}"
+        )
+
+    def _patience(self) -> float | None:
+        if self._limit is None:
+            return None
+        starts = [worker.started for worker in self._workers if worker.row is not None]
+        return max(0.0, min(starts) + self._limit - time.monotonic()) + 0.01 if starts else None
+
+    def close(self) -> None:
+        """See `Pool.close`."""
+        for worker in self._workers:
+            worker.stop()
+        self._workers.clear()
+
+
+class _Worker:
+    """One process and the pipe to it."""
+
+    def __init__(self, context: Any, text: str, telemetry: str | None) -> None:
+        self.pipe, theirs = context.Pipe()
+        self.process: BaseProcess = context.Process(target=_work, args=(theirs, text, telemetry), daemon=True)
+        self.process.start()
+        theirs.close()
+        self.ready, self.started = False, 0.0
+        self.row: int | None = None
+
+    def send(self, waiting: deque[int]) -> None:
+        self.row, self.started = waiting.popleft(), time.monotonic()
+        try:
+            self.pipe.send(self.row)
+        except OSError:
+            pass  # it has died; its end of the pipe says so when it is listened to
+
+    def hear(self) -> tuple[str, Any]:
+        try:
+            kind, value = self.pipe.recv()
+        except (EOFError, OSError):
+            return "dead", None
+        return kind, value
+
+    def overdue(self, limit: float | None) -> bool:
+        return limit is not None and self.row is not None and time.monotonic() - self.started > limit
+
+    def stop(self) -> None:
+        self.process.kill()
+        self.process.join()
+        self.pipe.close()
+
+    @property
+    def last_words(self) -> str:
+        code = self.process.exitcode or 0
+        return f"by signal {signal.Signals(-code).name}" if code < 0 else f"with exit status {code}"
+
+
+def _work(pipe: Connection, text: str, telemetry: str | None) -> None:
+    """A worker's life: rows in, results out, until nobody listens any more."""
+    # Ctrl-C reaches the whole group of processes; the one that started the campaign decides what it means.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        pipe.send(("ready", None))
+        while True:
+            row = pipe.recv()
+            try:
+                pipe.send(("row", fly_row(text, telemetry, row)))
+            except SwarmError as error:
+                pipe.send(("error", error))
+    except (EOFError, OSError):
+        pass
+
+
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    before = {name: os.environ.get(name) for name in ONE_THREAD}
+    os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value

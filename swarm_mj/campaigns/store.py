@@ -1,0 +1,235 @@
+"""Results on disk that survive a crash: a journal, sealed part by part into Parquet, compacted at the end.
+
+    campaign.json      what is flown, written by who starts the campaign
+    journal.jsonl      rows that are not in a part yet; each line carries its own checksum
+    parts/*.parquet    sealed parts, written under a temporary name, then renamed; pages carry checksums
+    results.parquet    all rows, sorted, at the end; parts and journal are then removed
+
+A row is in the operating system's hands before the next one is asked for, so that no death of a process loses it. A crash
+between two steps leaves a row in two places at most, and reading takes each row once. What is torn is set aside and its rows
+are flown again.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from swarm_mj.campaigns.manifest import campaign_in
+from swarm_mj.campaigns.table import schema_of, table_of
+from swarm_mj.errors import OutputError
+
+RESULTS, JOURNAL, PARTS = "results.parquet", "journal.jsonl", "parts"
+
+#: The journal is sealed after this time [s], or this share of the time since the start, so that parts stay few.
+SEAL_S, SEAL_SHARE = 2.0, 0.02
+
+Row = dict[str, Any]
+
+
+class Store:
+    """The results of a campaign, for the one process that writes them; open it under the folder's lock.
+
+    Args:
+        folder: The campaign's folder.
+        schema: Columns.
+
+    Raises:
+        OutputError: The folder cannot be read or written.
+    """
+
+    def __init__(self, folder: Path, schema: pa.Schema) -> None:
+        self.folder, self.schema = folder, schema
+        self.torn: list[str] = []
+        self._pending: list[Row] = []
+        with self._told():
+            (folder / PARTS).mkdir(exist_ok=True)
+            self._clean()
+            self.done = {row for path in self._files() for row in self._rows_in(path)}
+            self._journal = os.open(folder / JOURNAL, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+            self._recover()
+        self._start = self._sealed = time.monotonic()
+
+    def add(self, row: Row) -> None:
+        """Keep a row; a row that is there already is not counted again.
+
+        Raises:
+            OutputError: It cannot be written, as on a full disk; all earlier rows are kept.
+        """
+        if row["row"] in self.done:
+            return
+        with self._told():
+            end = os.lseek(self._journal, 0, os.SEEK_END)
+            self._pending.append(row)  # first, so that an interrupt during the writing does not lose it
+            try:
+                _write_all(self._journal, _line(row))
+            except OSError:
+                self._pending.pop()
+                os.ftruncate(self._journal, end)
+                raise
+            self.done.add(row["row"])
+            now = time.monotonic()
+            if now - self._sealed > max(SEAL_S, SEAL_SHARE * (now - self._start)):
+                self.seal()
+
+    def seal(self) -> None:
+        """Move the journal's rows into a part."""
+        if not self._pending:
+            return
+        with self._told():
+            numbers = [row["row"] for row in self._pending]
+            name = f"{min(numbers):09d}-{max(numbers):09d}-{len(numbers)}.parquet"
+            _write_parquet(self.folder / PARTS / name, table_of(self._pending, self.schema))
+            os.ftruncate(self._journal, 0)
+            self._pending.clear()
+            self._sealed = time.monotonic()
+
+    def compact(self) -> None:
+        """Put all rows into one file, sorted."""
+        self.seal()
+        with self._told():
+            if not any((self.folder / PARTS).iterdir()):
+                return
+            _write_parquet(self.folder / RESULTS, read_results(self.folder, self.schema))
+            for part in (self.folder / PARTS).iterdir():
+                part.unlink()
+
+    def close(self) -> None:
+        """Let go of the journal; its rows stay in it, and what is empty is removed."""
+        if os.fstat(self._journal).st_size == 0:
+            with suppress(OSError):
+                (self.folder / JOURNAL).unlink()
+        os.close(self._journal)
+        with suppress(OSError):  # parts that are not compacted yet
+            (self.folder / PARTS).rmdir()
+
+    def _files(self) -> list[Path]:
+        return [p for p in (self.folder / RESULTS, *sorted((self.folder / PARTS).glob("*.parquet"))) if p.exists()]
+
+    def _clean(self) -> None:
+        for left in [*self.folder.glob(".*.partial"), *(self.folder / PARTS).glob(".*.partial")]:
+            left.unlink()
+
+    def _rows_in(self, path: Path) -> list[int]:
+        try:
+            table = _read_parquet(path)
+            if table.schema.equals(self.schema):
+                return list(table["row"].to_pylist())
+        except (pa.ArrowException, OSError):
+            pass
+        path.rename(path.with_name(f"{path.name}.torn"))
+        self.torn.append(path.name)
+        return []
+
+    def _recover(self) -> None:
+        """Take over what an interrupted campaign left in the journal."""
+        rows, damaged = read_journal(self.folder / JOURNAL)
+        if damaged:
+            self.torn.append(f"{JOURNAL} ({damaged} line{'s' if damaged > 1 else ''})")
+        self._pending = list({row["row"]: row for row in rows if row["row"] not in self.done}.values())
+        self.done |= {row["row"] for row in self._pending}
+        if self._pending:
+            self.seal()
+        else:
+            os.ftruncate(self._journal, 0)
+
+    @contextmanager
+    def _told(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            raise OutputError(
+                f"{self.folder}: cannot be written ({error.strerror or error}); every finished run is kept: make room, then "
+                "go on with --resume"
+            ) from None
+
+
+def read_results(folder: str | os.PathLike[str], schema: pa.Schema | None = None) -> pa.Table:
+    """All finished rows of a campaign, sorted by row, each once; also while it runs, from any process.
+
+    Args:
+        folder: The campaign's folder.
+        schema: Columns; default: those of the campaign in the folder.
+
+    Raises:
+        OutputError: There are none, or a file is torn.
+    """
+    folder = Path(folder)
+    tables: list[pa.Table] = []
+    # Whoever writes moves rows from the journal to parts, then to the results: read in that order, nothing is missed.
+    journal, _ = read_journal(folder / JOURNAL)
+    for path in (*sorted((folder / PARTS).glob("*.parquet")), folder / RESULTS):
+        try:
+            tables.append(_read_parquet(path))
+        except FileNotFoundError:
+            continue
+        except (pa.ArrowException, OSError) as error:
+            raise OutputError(f"{path}: is torn or no Parquet file ({error}); --resume flies its runs again") from None
+    if schema is None:
+        if not (tables or journal):
+            raise OutputError(f"{folder}: holds no finished run")
+        schema = tables[0].schema if tables else schema_of(campaign_in(folder))
+    if journal:
+        tables.append(table_of(journal, schema))
+    whole = pa.concat_tables([*tables, schema.empty_table()]).sort_by("row")
+    numbers = whole["row"].to_pylist()
+    first = [k for k, number in enumerate(numbers) if k == 0 or number != numbers[k - 1]]
+    return whole.take(first).combine_chunks()
+
+
+def read_journal(path: Path) -> tuple[list[Row], int]:
+    """Rows of a journal, and how many of its lines are damaged."""
+    try:
+        lines = path.read_bytes().splitlines(keepends=True)
+    except FileNotFoundError:
+        return [], 0
+    rows = [row for line in lines if (row := _parse(line)) is not None]
+    return rows, len(lines) - len(rows)
+
+
+def _line(row: Row) -> bytes:
+    text = json.dumps(row, allow_nan=False).encode()
+    return b"%08x %s\n" % (zlib.crc32(text), text)
+
+
+def _parse(line: bytes) -> Row | None:
+    text = line[9:-1]
+    if not line.endswith(b"\n") or line[:9] != b"%08x " % zlib.crc32(text):
+        return None
+    row = json.loads(text)
+    return row if isinstance(row, dict) and isinstance(row.get("row"), int) else None
+
+
+def _write_all(handle: int, data: bytes) -> None:
+    while data:
+        data = data[os.write(handle, data) :]
+
+
+def _write_parquet(path: Path, table: pa.Table) -> None:
+    partial = path.with_name(f".{path.name}.partial")
+    try:
+        with partial.open("wb") as file:
+            pq.write_table(table, file, write_page_checksum=True)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(partial, path)
+        folder = os.open(path.parent, os.O_RDONLY)
+        try:
+            os.fsync(folder)
+        finally:
+            os.close(folder)
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def _read_parquet(path: Path) -> pa.Table:
+    return pq.read_table(path, page_checksum_verification=True, memory_map=False)

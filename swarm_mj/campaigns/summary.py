@@ -1,0 +1,252 @@
+"""The summary of a campaign, `summary.json`, and its table on the screen."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+from rich.markup import escape
+from rich.table import Table
+
+from swarm_mj.campaigns import statistics
+from swarm_mj.campaigns.loading import Resolved
+from swarm_mj.campaigns.outcome import recorded
+from swarm_mj.campaigns.sampling import Sample
+from swarm_mj.campaigns.statistics import Estimate
+from swarm_mj.campaigns.table import WALL
+from swarm_mj.errors import OutputError
+from swarm_mj.io.atomic import write_text
+from swarm_mj.results.summary import library_versions
+
+Array = NDArray[np.float64]
+
+SUMMARY = "summary.json"
+QUANTILES = (0.05, 0.5, 0.95, 0.99)
+#: Name of the seed among the factors of Sobol' indices.
+SEED = "seed"
+#: First number in the names of the children of the campaign's seed: for resampling.
+RESAMPLING = 2
+
+
+def write_summary(folder: Path, resolved: Resolved, results: pa.Table) -> dict[str, Any]:
+    """Sum up and write `summary.json`.
+
+    Raises:
+        OutputError: It cannot be written.
+    """
+    summary = summarise_campaign(resolved, results)
+    try:
+        write_text(folder / SUMMARY, json.dumps(summary, indent=2, allow_nan=False) + "\n")
+    except OSError as error:
+        raise OutputError(f"{folder / SUMMARY}: cannot be written ({error.strerror}); go on with --resume") from None
+    return summary
+
+
+def summarise_campaign(resolved: Resolved, results: pa.Table) -> dict[str, Any]:
+    """The summary of all finished runs: plain values, ready for JSON; what cannot be told is null."""
+    campaign = resolved.campaign
+    status = column(results, "status")
+    wall = [seconds for seconds in results[WALL].to_pylist() if seconds is not None]
+    return {
+        "campaign": campaign.name,
+        "description": campaign.description,
+        "method": campaign.method,
+        "seed": campaign.seed,
+        "runs": Sample(campaign).rows,
+        "finished": len(results),
+        "failed": int((status == "failed").sum()),
+        "confidence_level": statistics.LEVEL,
+        "scenarios": {
+            name: {"observer": resolved.bases[name].observation.observer, **_scenario(resolved, part)}
+            for name, part in by_scenario(resolved, results)
+        },
+        "flight_s": round(float(np.sum(wall)), 3),
+        "versions": library_versions(),
+    }
+
+
+def by_scenario(resolved: Resolved, results: pa.Table) -> Iterator[tuple[str, pa.Table]]:
+    """The rows of each scenario, in the order of the campaign."""
+    of = column(results, "scenario")
+    for name in resolved.bases:
+        yield name, results.filter(pa.array(of == name))
+
+
+def column(results: pa.Table, name: str) -> NDArray[Any]:
+    """A column as an array; numbers are floats, NaN where null."""
+    kind = results.schema.field(name).type
+    values = results[name].to_pylist()
+    if kind == pa.string():
+        return np.array(values, dtype=object)
+    return np.array([np.nan if value is None else value for value in values], np.float64)
+
+
+def numeric_parameters(resolved: Resolved, results: pa.Table) -> list[str]:
+    """Drawn parameters that are numbers."""
+    return [key for key in resolved.campaign.parameters if results.schema.field(key).type != pa.string()]
+
+
+def _scenario(resolved: Resolved, rows: pa.Table) -> dict[str, Any]:
+    ok = rows.filter(pa.array(column(rows, "status") == "ok"))
+    columns = {name: column(ok, name) for name in ("covered", *recorded(resolved.campaign))}
+    rng = np.random.default_rng(np.random.SeedSequence(resolved.campaign.seed, spawn_key=(RESAMPLING,)))
+    outcomes = {}
+    for name, values in columns.items():
+        finite = values[np.isfinite(values)]
+        if name != "covered" and len(finite):
+            outcomes[name] = _outcome(finite, rng)
+    summary = {
+        "finished": len(rows),
+        "failed": len(rows) - len(ok),
+        "covered": _covered(columns["covered"]),
+        "outcomes": outcomes,
+        "spearman": _correlations(resolved, ok, columns),
+    }
+    if resolved.campaign.method == "saltelli":
+        summary["sobol"] = _sobol(resolved, rows, columns, rng)
+    return summary
+
+
+def _covered(covered: Array) -> dict[str, Any]:
+    """How probable it is that the whole target is seen, among flights that did not fail."""
+    n, successes = len(covered), int(covered.sum())
+    wilson, exact = (statistics.probability(successes, n, method) for method in ("wilson", "exact"))
+    return {
+        "flights": n,
+        "covered": successes,
+        "probability": _number(wilson.value),
+        "wilson": [wilson.low, wilson.high],
+        "clopper_pearson": [exact.low, exact.high],
+    }
+
+
+def _outcome(values: Array, rng: np.random.Generator) -> dict[str, Any]:
+    return {
+        "flights": len(values),
+        "mean": _estimate(statistics.mean(values, rng)),
+        "std": _number(values.std(ddof=1)) if len(values) > 1 else None,
+        "min": float(values.min()),
+        "max": float(values.max()),
+        "quantiles": {f"{p:g}": _estimate(statistics.quantile(values, p)) for p in QUANTILES},
+    }
+
+
+def _correlations(resolved: Resolved, ok: pa.Table, columns: dict[str, Array]) -> dict[str, Any]:
+    """Spearman's rank correlation of every outcome with every drawn number."""
+    drawn = {key: column(ok, key) for key in numeric_parameters(resolved, ok)}
+    found: dict[str, dict[str, Any]] = {}
+    for name, values in columns.items():
+        there = np.isfinite(values)
+        for key, x in drawn.items():
+            answer = statistics.spearman(x[there], values[there])
+            if answer is not None:
+                found.setdefault(name, {})[key] = {**_estimate(answer[0]), "p_value": answer[1]}
+    return found
+
+
+def _sobol(resolved: Resolved, rows: pa.Table, columns: dict[str, Array], rng: np.random.Generator) -> dict[str, Any]:
+    """Sobol' indices of every outcome; a failed run leaves a hole in the sample, and then there are none."""
+    width = Sample(resolved.campaign).group
+    factors = [*resolved.campaign.parameters, SEED]
+    found = {}
+    for name, values in columns.items():
+        if len(values) != len(rows) or len(values) % width or not np.isfinite(values).all():
+            continue
+        indices = statistics.sobol(values.reshape(-1, width), rng)
+        if indices is not None:
+            found[name] = {
+                factor: {"first": _index(indices.first[k]), "total": _index(indices.total[k])}
+                for k, factor in enumerate(factors)
+            }
+    return found
+
+
+def _index(index: Estimate) -> dict[str, Any]:
+    return {**_estimate(index), "told": statistics.index_told(index)}
+
+
+def sobol_remarks(summary: dict[str, Any]) -> list[str]:
+    """One line per scenario with indices of the observed area that its sample does not allow."""
+    remarks = []
+    for name, scenario in summary["scenarios"].items():
+        indices = scenario.get("sobol", {}).get("coverage_percent", {})
+        vague = [factor for factor, parts in indices.items() if not all(part["told"] for part in parts.values())]
+        if vague:
+            remarks.append(
+                f"{name}: Sobol' indices of the observed area: the sample does not allow those of {', '.join(vague)} "
+                f"(intervals wider than {statistics.WIDEST_INDEX:g}); raise runs"
+            )
+    return remarks
+
+
+def _estimate(estimate: Estimate) -> dict[str, Any]:
+    return {"value": _number(estimate.value), "low": _number(estimate.low), "high": _number(estimate.high)}
+
+
+def _number(value: Any) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+#: Lines of the table: words, outcome and what of it.
+LINES = {
+    "observed area, mean [%]": ("coverage_percent", "mean"),
+    "observed area, 5th percentile [%]": ("coverage_percent", "0.05"),
+    "pointing error at the visit, 95th percentile [deg]": ("pointing_error_deg_visit_max", "0.95"),
+    "wheel speed, 95th percentile [% of limit]": ("max_wheel_speed_fraction", "0.95"),
+}
+#: Outcomes that the table gives in percent, as that of a single run does.
+IN_PERCENT = {"max_wheel_speed_fraction"}
+#: With more scenarios than these, each gets a line instead of a column.
+MAX_COLUMNS = 4
+
+
+def summary_table(summary: dict[str, Any]) -> Table:
+    """A short table: one column a scenario, or one line where there are many."""
+    scenarios: dict[str, dict[str, Any]] = summary["scenarios"]
+    cells = {
+        "flights (failed)": [f"{s['finished']} ({s['failed']})" for s in scenarios.values()],
+        "P(whole target seen) [%], 95 % interval": [_in_words(s["covered"]) for s in scenarios.values()],
+    }
+    for words, (outcome, what) in LINES.items():
+        found = [s["outcomes"].get(outcome) for s in scenarios.values()]
+        if any(found):
+            scale = 100.0 if outcome in IN_PERCENT else 1.0
+            cells[words] = [_cell(entry, what, scale) for entry in found]
+    table = Table(title=f"Campaign {summary['campaign']}", title_justify="left")
+    table.caption = f"{summary['flight_s']:.0f} s of computing in all"
+    by_line = len(scenarios) > MAX_COLUMNS
+    table.add_column("")
+    for heading in cells if by_line else scenarios:
+        table.add_column(escape(heading), justify="right")
+    if by_line:
+        for k, name in enumerate(scenarios):
+            table.add_row(escape(name), *(row[k] for row in cells.values()))
+    else:
+        for words, row in cells.items():
+            table.add_row(escape(words), *row)
+    return table
+
+
+def _in_words(covered: dict[str, Any]) -> str:
+    if covered["probability"] is None:
+        return "-"
+    low, high = covered["wilson"]
+    return f"{100 * covered['probability']:.1f} ({100 * low:.1f} to {100 * high:.1f})"
+
+
+def _cell(outcome: dict[str, Any] | None, what: str, scale: float) -> str:
+    if outcome is None:
+        return "-"
+    estimate = outcome["mean"] if what == "mean" else outcome["quantiles"][what]
+    low, high = estimate["low"], estimate["high"]
+    words = _short(scale * estimate["value"])
+    return words + ("" if low is None or high is None else f" ({_short(scale * low)} to {_short(scale * high)})")
+
+
+def _short(value: float) -> str:
+    return f"{value:.4g}"

@@ -1,0 +1,110 @@
+"""The command `campaign`."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from swarm_mj.cli.common import DEFAULT_OUT
+
+if TYPE_CHECKING:
+    from swarm_mj.campaigns.loading import Resolved
+
+
+def add(commands: argparse._SubParsersAction) -> None:
+    """Add the command to the parser."""
+    campaign = commands.add_parser(
+        "campaign",
+        help="fly many runs with drawn parameters, on all cores or a Dask cluster; list the packaged campaigns",
+        description="Fly a campaign: scenarios with drawn parameters, one row of results a run, and what they say in sum. "
+        "An interrupted campaign goes on with --resume. Without a FILE, list the packaged campaigns.",
+    )
+    campaign.add_argument(
+        "file",
+        nargs="?",
+        metavar="FILE",
+        help="YAML file of the campaign, or the name of a packaged one (none: list them)",
+    )
+    campaign.add_argument("--out", type=Path, metavar="DIR", help=f"result folder (default: {DEFAULT_OUT}/NAME)")
+    campaign.add_argument(
+        "--runs",
+        type=int,
+        metavar="N",
+        help="flights of each scenario, instead of the file's runs (with --resume and --replay: the folder's); of each point "
+        "of a grid; of the two base samples of saltelli",
+    )
+    campaign.add_argument("--workers", type=int, metavar="N", help="processes (default: one per core)")
+    campaign.add_argument("--scheduler", metavar="ADDRESS", help="fly on the Dask cluster there, e.g. tcp://host:8786")
+    campaign.add_argument("--resume", action="store_true", help="go on with the campaign in the result folder")
+    campaign.add_argument("--replay", type=int, metavar="ROW", help="fly this row again, alone, and compare")
+    campaign.add_argument("--no-figures", action="store_true", help="write no pictures")
+    campaign.add_argument("--quiet", action="store_true", help="no progress bar")
+    campaign.set_defaults(command=_campaign)
+
+
+def _campaign(arguments: argparse.Namespace) -> int:
+    from swarm_mj.campaigns.runner import replay, run_campaign
+    from swarm_mj.errors import OutputError
+
+    if arguments.file is None:
+        return _list(arguments)
+    if arguments.workers is not None and arguments.workers < 1:
+        raise OutputError(f"--workers {arguments.workers}: must be at least 1")
+    resolved, folder = _loaded(arguments)
+    if arguments.replay is not None:
+        return 0 if replay(resolved, arguments.replay, folder, quiet=arguments.quiet) else 1
+    run_campaign(
+        resolved,
+        folder,
+        workers=arguments.workers,
+        scheduler=arguments.scheduler,
+        resume=arguments.resume,
+        quiet=arguments.quiet,
+        figures=not arguments.no_figures,
+        going_on=_going_on(arguments),
+    )
+    return 0
+
+
+def _list(arguments: argparse.Namespace) -> int:
+    from swarm_mj.campaigns.loading import packaged_descriptions
+    from swarm_mj.errors import ScenarioError
+
+    found = packaged_descriptions()
+    given = (arguments.out, arguments.runs, arguments.workers, arguments.scheduler, arguments.replay)
+    if arguments.resume or any(value is not None for value in given):
+        raise ScenarioError(f"name the campaign: a YAML file, or a packaged one: {', '.join(found)}")
+    width = max(map(len, found))
+    for name, description in found.items():
+        print(f"{name:{width}}  {' '.join(description.split())}")
+    return 0
+
+
+def _loaded(arguments: argparse.Namespace) -> tuple[Resolved, Path]:
+    """The campaign and its folder; what goes on or is replayed has as many runs as when it began, unless --runs says else."""
+    from swarm_mj.campaigns.loading import load_campaign
+    from swarm_mj.campaigns.manifest import kept_runs
+
+    resolved = load_campaign(arguments.file, runs=arguments.runs)
+    campaign = resolved.campaign
+    folder = arguments.out or DEFAULT_OUT / campaign.name
+    if arguments.runs is None and (arguments.resume or arguments.replay is not None):
+        runs = kept_runs(folder, campaign)
+        if runs is not None and runs != campaign.runs:
+            print(f"{campaign.name}: runs = {runs}, with which it began in {folder}; the file says {campaign.runs}")
+            resolved = load_campaign(arguments.file, runs=runs)
+    return resolved, folder
+
+
+def _going_on(arguments: argparse.Namespace) -> str:
+    """The command that goes on with what this one began; the number of runs stands in the folder."""
+    words = ["swarm-mj", "campaign", arguments.file]
+    for option in ("out", "workers", "scheduler"):
+        value = getattr(arguments, option)
+        if value is not None:
+            words += [f"--{option}", str(value)]
+    words += ["--no-figures"] if arguments.no_figures else []
+    words += ["--quiet"] if arguments.quiet else []
+    return shlex.join([*words, "--resume"])

@@ -1,0 +1,64 @@
+"""The command line `swarm-mj`.
+
+Commands are imported when the parser is built, after Ctrl-C has a handler, and heavy modules by the commands that need them,
+so that help is quick.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from swarm_mj import __version__
+from swarm_mj.errors import SwarmError
+from swarm_mj.io.interruption import handled
+
+if TYPE_CHECKING:
+    import argparse
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command line; returns the exit status.
+
+    0: done; 1: a check failed; 2: bad input or another named error; 130: interrupted.
+    """
+    with handled() as interruption:
+        try:
+            arguments = _parser().parse_args(argv)
+            return int(arguments.command(arguments) or 0)
+        except BaseException as error:
+            # What was asked to end may end in any error: Ctrl-C in the middle of a library is often turned into another one.
+            if interruption.asked or isinstance(error, KeyboardInterrupt):
+                return _report(130, "\nswarm-mj: interrupted; nothing half-written was left behind")
+            if isinstance(error, SwarmError):
+                return _report(2, f"swarm-mj: error: {error}")
+            if isinstance(error, MemoryError):
+                return _report(2, "swarm-mj: error: not enough memory for this; ask for less")
+            if isinstance(error, BrokenPipeError):
+                return 0
+            raise
+
+
+def _report(status: int, words: str) -> int:
+    print(words, file=sys.stderr)
+    return status
+
+
+def _parser() -> argparse.ArgumentParser:
+    import argparse
+
+    from swarm_mj.cli import bench, campaign, design, report, run, scenarios, shape, validate, video, view
+
+    parser = argparse.ArgumentParser(
+        prog="swarm-mj", description="Fly CubeSat swarms past small bodies and measure what their cameras see."
+    )
+    parser.add_argument("--version", action="version", version=f"swarm-mj {__version__}")
+    commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
+    for module in (run, design, campaign, video, report, view, scenarios, shape, validate, bench):
+        module.add(commands)
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())

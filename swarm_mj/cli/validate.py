@@ -1,0 +1,29 @@
+"""The command `validate`."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+
+def add(commands: argparse._SubParsersAction) -> None:
+    """Add the command to the parser."""
+    validate = commands.add_parser(
+        "validate",
+        help="run the physics checks on the installed program",
+        description="Compare the installed program with independent references; exit status 1 if a check fails. Those that are "
+        "other programs come with the extra dev; without it their checks are not run.",
+    )
+    validate.add_argument(
+        "--only", action="append", default=[], metavar="NAME", help="run this check or group; may be repeated"
+    )
+    validate.add_argument("--json", type=Path, metavar="FILE", help="write the results as JSON")
+    validate.add_argument("--markdown", type=Path, metavar="FILE", help="write the results as a Markdown page")
+    validate.add_argument("--quiet", action="store_true", help="no progress bar")
+    validate.set_defaults(command=_validate)
+
+
+def _validate(arguments: argparse.Namespace) -> int:
+    from swarm_mj.verification.physics.runner import run_validation
+
+    return run_validation(arguments.only, arguments.json, arguments.markdown, arguments.quiet)

@@ -1,0 +1,155 @@
+"""What each candidate's pictures show of the target, computed in parallel and kept on disk.
+
+The visible share of every cell in every picture depends on the mesh, the target, the camera, the observer and the poses, and
+on nothing else; its cache is keyed by a hash of just these. One file holds one candidate, so an interrupted computation goes
+on where it stopped.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarm_mj.designer.candidates.flights import CandidateFlights
+from swarm_mj.io.cache import cache_folder, hash_of, load_array, store_array
+from swarm_mj.mission.target import TargetRegion
+from swarm_mj.observation.camera import CameraModel
+from swarm_mj.observation.observer import Observer, ObserverKind, make_observer
+
+Array = NDArray[np.float64]
+Shares = NDArray[np.float32]
+Progress = Callable[[float], None]
+
+#: With fewer pictures than these, starting processes takes longer than judging them here.
+MIN_PARALLEL = 1000
+
+#: Raise when the meaning of a stored picture changes.
+CACHE_VERSION = 1
+
+
+@dataclass(frozen=True, kw_only=True)
+class ImagingModel:
+    """How pictures are judged.
+
+    Attributes:
+        camera: The camera.
+        kind: Which observer.
+        occlusion: Whether the body hides what lies behind it.
+    """
+
+    camera: CameraModel
+    kind: ObserverKind = "auto"
+    occlusion: bool = True
+
+    def open(self, region: TargetRegion) -> Observer:
+        """An observer of the region; close it after use."""
+        return make_observer(region, self.camera, kind=self.kind, occlusion=self.occlusion)
+
+
+def visible_shares(
+    flights: CandidateFlights,
+    region: TargetRegion,
+    imaging_model: ImagingModel,
+    *,
+    at: NDArray[np.bool_] | None = None,
+    workers: int | None = None,
+    progress: Progress | None = None,
+) -> list[Shares]:
+    """Visible share of every cell in every picture of every candidate.
+
+    Args:
+        flights: The candidates.
+        region: The target whose cells are judged; need not be the one that the candidates visit.
+        imaging_model: How pictures are judged.
+        at: Which of the flights' times to take, shape (t,); default: all.
+        workers: Processes; default: one per core. One runs in this process.
+        progress: Called with the number of candidates done.
+
+    Returns:
+        One array (pictures, cells) per candidate, its pictures being those of `picture_numbers`.
+    """
+    folder = cache_folder() / "pictures" / _key(region, imaging_model)
+    jobs = []
+    for j in range(flights.n):
+        k = picture_numbers(flights, j, at)
+        jobs.append((flights.r_A[k, j], flights.C_CA[k, j]))
+    files = [folder / f"{hash_of(*job)}.npy" for job in jobs]
+    shares = [load_array(file, (len(job[0]), region.n_cells)) for file, job in zip(files, jobs, strict=True)]
+    missing = [j for j, share in enumerate(shares) if share is None]
+    done = flights.n - len(missing)
+    if progress is not None:
+        progress(done)
+    for j, share in _compute(region, imaging_model, {j: jobs[j] for j in missing}, workers):
+        store_array(files[j], share)
+        shares[j] = share
+        done += 1
+        if progress is not None:
+            progress(done)
+    return [share for share in shares if share is not None]
+
+
+def picture_numbers(flights: CandidateFlights, candidate: int, at: NDArray[np.bool_] | None = None) -> NDArray[np.intp]:
+    """The times, by number, at which a candidate takes a picture."""
+    observing = flights.observing[:, candidate]
+    return np.flatnonzero(observing if at is None else observing & at)
+
+
+def _compute(
+    region: TargetRegion, imaging_model: ImagingModel, jobs: dict[int, tuple[Array, Array]], workers: int | None
+) -> Iterator[tuple[int, Shares]]:
+    """Judge candidates: pairs of candidate and shares, as they finish."""
+    if not jobs:
+        return
+    workers = min(workers or os.cpu_count() or 1, len(jobs))
+    if workers <= 1 or sum(len(r) for r, _ in jobs.values()) < MIN_PARALLEL:
+        _open(region, imaging_model)
+        try:
+            for j, job in jobs.items():
+                yield j, _judge(*job)
+        finally:
+            _close()
+        return
+    # Spawned, not forked: a GL context does not survive a fork.
+    context = multiprocessing.get_context("spawn")
+    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_open, initargs=(region, imaging_model))
+    try:
+        futures = {pool.submit(_judge, *job): j for j, job in jobs.items()}
+        for future in as_completed(futures):
+            yield futures[future], future.result()
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+
+
+_observer: list[Observer] = []  # one per process, opened when the process starts
+
+
+def _open(region: TargetRegion, imaging_model: ImagingModel) -> None:
+    _observer.append(imaging_model.open(region))
+
+
+def _close() -> None:
+    _observer.pop().close()
+
+
+def _judge(r_A: Array, C_CA: Array) -> Shares:
+    shares = np.empty((len(r_A), _observer[-1].region.n_cells), np.float32)
+    for k in range(len(r_A)):
+        shares[k] = _observer[-1].visible_fraction(r_A[k], C_CA[k])
+    return shares
+
+
+def _key(region: TargetRegion, imaging_model: ImagingModel) -> str:
+    observer = imaging_model.open(region)
+    try:
+        name = observer.name
+    finally:
+        observer.close()
+    camera = imaging_model.camera
+    text = f"{CACHE_VERSION} {name} {imaging_model.occlusion} {camera.half_angle_deg!r} {camera.shape} {camera.resolution_px}"
+    return hash_of(text, region.vertices, region.faces, region.target, region.parent)

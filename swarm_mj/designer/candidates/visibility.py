@@ -1,0 +1,198 @@
+"""Who sees what: the matrix that the designer's problem is made of, by the scenario's reading of the observation criterion."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarm_mj.designer.candidates.flights import CandidateFlights, fly_candidates
+from swarm_mj.designer.candidates.pictures import ImagingModel, Progress, picture_numbers, visible_shares
+from swarm_mj.flight.plan import load_body_shape, target_from
+from swarm_mj.flight.simulate import camera_from, criterion_from
+from swarm_mj.mission.target import TargetRegion
+from swarm_mj.observation.coverage import ObservationCriterion, within_limits
+from swarm_mj.observation.horizon import HorizonObserver
+from swarm_mj.observation.illumination import lit
+from swarm_mj.observation.raytracing import RayTracer
+from swarm_mj.scenarios.loading import scenario_from
+from swarm_mj.scenarios.schema import Scenario
+
+Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+
+class Candidate(NamedTuple):
+    """What a gene stands for.
+
+    Attributes:
+        point: Visiting point of its target, numbered from 1.
+        target: Which target the point belongs to, from 0.
+        altitude_m: Imaging altitude [m].
+        time_of_flight_s: [s].
+    """
+
+    point: int
+    target: int
+    altitude_m: float
+    time_of_flight_s: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Visibility:
+    """What every candidate sees.
+
+    Attributes:
+        candidates: Meaning of each row, shape (n,).
+        sees: Whether a candidate sees a cell, shape (n, cells).
+        area: Of each cell, all targets one after another [m^2], shape (cells,).
+        delta_v: Deployment speed of each candidate [m/s], shape (n,).
+        point_A: Where each candidate passes at its time of flight, in A [m], shape (n, 3).
+        regions: The targets.
+    """
+
+    candidates: list[Candidate]
+    sees: Bools
+    area: Array
+    delta_v: Array
+    point_A: Array
+    regions: list[TargetRegion]
+
+    @property
+    def n_target_faces(self) -> int:
+        """Faces of F_T, all targets."""
+        return sum(region.n_faces for region in self.regions)
+
+
+def visibility(scenario: Scenario, *, workers: int | None = None, progress: Progress | None = None) -> Visibility:
+    """Fly every candidate and judge its pictures.
+
+    Args:
+        scenario: Says what counts as observed, and with `designer` which altitudes, times and targets there are.
+        workers: Processes; default: one per core.
+        progress: Called with the share done, 0 to 1.
+
+    Raises:
+        SwarmError: A candidate cannot be flown.
+    """
+    shape = load_body_shape(scenario.body)
+    variants = target_variants(scenario)
+    regions = [target_from(variant, shape) for variant in variants]
+    imaging_model = imaging_model_from(scenario)
+    flown = [
+        (target, flight_variant, fly_candidates(flight_variant))
+        for target, variant in enumerate(variants)
+        for flight_variant in flight_variants(variant)
+    ]
+    candidates, rows, delta_v, points = [], [], [], []
+    steps = len(flown) * len(regions)
+    for count, (target, variant, flights) in enumerate(flown):
+        columns = []
+        for k, region in enumerate(regions):
+            step = count * len(regions) + k
+
+            def report(done: float, step: int = step, n: int = flights.n) -> None:
+                if progress is not None:
+                    progress((step + done / n) / steps)
+
+            columns.append(seen_cells(variant, flights, region, imaging_model, workers=workers, progress=report))
+        rows.append(np.hstack(columns))
+        delta_v.append(flights.delta_v)
+        points.append(flights.plan.points_A)
+        design = variant.design
+        candidates += [
+            Candidate(j + 1, target, design.imaging_altitude_m, design.time_of_flight_s) for j in range(flights.n)
+        ]
+    return Visibility(
+        candidates=candidates,
+        sees=np.vstack(rows),
+        area=np.concatenate([region.area for region in regions]),
+        delta_v=np.concatenate(delta_v),
+        point_A=np.concatenate(points),
+        regions=regions,
+    )
+
+
+def target_variants(scenario: Scenario) -> list[Scenario]:
+    """The scenario with each of its targets."""
+    extra = [scenario.target.model_copy(update=target.model_dump()) for target in scenario.designer.extra_targets]
+    return [scenario.model_copy(update={"target": target}) for target in (scenario.target, *extra)]
+
+
+def flight_variants(scenario: Scenario) -> list[Scenario]:
+    """The scenario with each of the altitudes and times of flight that the designer may choose from."""
+    design, designer = scenario.design, scenario.designer
+    altitudes = designer.altitudes_m or (design.imaging_altitude_m,)
+    times = designer.times_of_flight_s or (design.time_of_flight_s,)
+    return [
+        # Read again, so that a value that does not fit is refused like one in the file.
+        scenario_from(
+            scenario.model_copy(
+                update={"design": design.model_copy(update={"imaging_altitude_m": h, "time_of_flight_s": t})}
+            ).model_dump(),
+            f"{scenario.name} with the designer's choices",
+        )
+        for h, t in product(altitudes, times)
+    ]
+
+
+def imaging_model_from(scenario: Scenario) -> ImagingModel:
+    """The camera with which candidates are judged; any rotation of a square sees what its inscribed cone sees."""
+    camera = camera_from(scenario)
+    if scenario.designer.any_roll:
+        camera = replace(camera, shape="cone")
+    return ImagingModel(camera=camera, kind=scenario.observation.observer, occlusion=scenario.observation.occlusion)
+
+
+def seen_cells(
+    scenario: Scenario,
+    flights: CandidateFlights,
+    region: TargetRegion,
+    imaging_model: ImagingModel,
+    *,
+    workers: int | None = None,
+    progress: Progress | None = None,
+) -> Bools:
+    """Whether each candidate sees each cell of a region by the scenario's criterion, shape (n, cells)."""
+    at = None
+    if scenario.observation.criterion == "visit":
+        at = np.isclose(flights.times, scenario.design.time_of_flight_s, rtol=0.0, atol=1e-6)
+    shares = visible_shares(flights, region, imaging_model, at=at, workers=workers, progress=progress)
+    criterion = criterion_from(scenario)
+    light = _light(flights, region, criterion, imaging_model)
+    seen = np.zeros((flights.n, region.n_cells), dtype=np.bool_)
+    for j, share in enumerate(shares):
+        for row, k in enumerate(picture_numbers(flights, j, at)):
+            visible = share[row] > 0.0 if criterion.any_pixel else share[row] >= criterion.min_fraction
+            if visible.any():
+                seen[j] |= (
+                    visible & within_limits(region, imaging_model.camera, flights.r_A[k, j], criterion) & light[k]
+                )
+    return seen
+
+
+def _light(
+    flights: CandidateFlights, region: TargetRegion, criterion: ObservationCriterion, imaging_model: ImagingModel
+) -> Bools:
+    """Whether each cell is lit at each picture time, shape (t, cells)."""
+    light = np.ones((len(flights.times), region.n_cells), dtype=np.bool_)
+    if not criterion.needs_sun:
+        return light
+    environment = flights.plan.environment
+    tracer = RayTracer(region.vertices, region.faces) if criterion.shadows else None
+    limit = 90.0 if criterion.max_incidence_deg is None else criterion.max_incidence_deg
+    maps = (
+        HorizonObserver(region, imaging_model.camera).horizon
+        if tracer is not None and imaging_model.kind == "horizon"
+        else None
+    )
+    for k, t in enumerate(flights.times):
+        sun_A = environment.C_AN(float(t)) @ environment.sun.at(float(t))
+        if maps is not None:
+            light[k] = lit(region, sun_A, max_incidence_deg=limit) & (maps.open_to(sun_A).mean(axis=1) >= 0.5)
+        else:
+            light[k] = lit(region, sun_A, max_incidence_deg=limit, tracer=tracer)
+    return light

@@ -1,0 +1,232 @@
+"""The design problem of AAS 19-144, equations 3 to 6, on a matrix of who sees what.
+
+    minimise N_obs   subject to   |100 - P_TO| <= tolerance,   1 <= N_obs <= N_max,   1 <= p_j <= n_T
+
+P_TO is the share of the target's area that the chosen spacecraft cover. With `fold` k a face counts as covered only where at
+least k of them see it, so that the loss of any k - 1 spacecraft uncovers nothing.
+
+A design is written as the gene map of the paper's Figure 5, [N_obs, p_1 ... p_Nmax]: N_obs genes are read and the rest are
+carried along unread; points are numbered from 1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarm_mj.designer.bitset import Bools, Ints, Words, add_to_layers, covered_weights, pack, set_weight, weight_table
+from swarm_mj.errors import MissionError
+
+Array = NDArray[np.float64]
+
+#: The whole target in units of area: fine enough that rounding every face to a unit is far below any tolerance.
+AREA_UNITS = 2**50
+
+
+class Evaluation(NamedTuple):
+    """What a set of designs is worth, one entry per design.
+
+    Attributes:
+        n_observers: N_obs.
+        covered_percent: P_TO, counting only faces seen by at least `fold` spacecraft.
+        feasible: Whether |100 - P_TO| is within the tolerance.
+        fitness: N_obs where feasible. Elsewhere N_max + 1 plus the share of the area missing beyond the tolerance, so that
+            every feasible design is fitter than every infeasible one and those are ordered by how much they miss (after
+            Deb, "An efficient constraint handling method for genetic algorithms", 2000; MATLAB's `ga` does likewise).
+    """
+
+    n_observers: Ints
+    covered_percent: Array
+    feasible: Bools
+    fitness: Array
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CoverProblem:
+    """Which points to visit so that the fewest spacecraft cover the target.
+
+    Attributes:
+        sees: Whether a spacecraft that visits a point sees a face, shape (n_points, n_faces).
+        area: Area of each face [m^2 or any unit], shape (n_faces,).
+        tolerance_percent: Largest |100 - P_TO| allowed [%].
+        max_observers: N_max.
+        fold: How many spacecraft must see a face for it to count.
+        max_visits: How many spacecraft may visit one point. One by default: two at the same place and time would collide,
+            and would share whatever spoils the view. More matters only where fold > 1.
+
+    Raises:
+        MissionError: The arrays or numbers make no problem.
+    """
+
+    sees: Bools
+    area: Array
+    tolerance_percent: float = 0.1
+    max_observers: int = 20
+    fold: int = 1
+    max_visits: int = 1
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "sees", np.ascontiguousarray(self.sees, dtype=np.bool_))
+        object.__setattr__(self, "area", np.ascontiguousarray(self.area, dtype=np.float64))
+        _check_arrays(self.sees, self.area)
+        if not 0.0 <= self.tolerance_percent < 100.0:
+            raise MissionError(f"tolerance_percent = {self.tolerance_percent}: must be at least 0 and below 100")
+        for name in ("max_observers", "fold", "max_visits"):
+            if getattr(self, name) < 1:
+                raise MissionError(f"{name} = {getattr(self, name)}: must be at least 1")
+
+    @property
+    def n_points(self) -> int:
+        """Number of visiting points, n_T."""
+        return self.sees.shape[0]
+
+    @property
+    def n_faces(self) -> int:
+        """Number of target faces."""
+        return self.sees.shape[1]
+
+    @cached_property
+    def weights(self) -> Ints:
+        """Areas as whole `AREA_UNITS`, shape (n_faces,)."""
+        return np.rint(self.area / self.area.sum() * AREA_UNITS).astype(np.int64)
+
+    @cached_property
+    def total_weight(self) -> int:
+        """Weight of the whole target."""
+        return int(self.weights.sum())
+
+    @property
+    def slack(self) -> int:
+        """Largest weight that may stay uncovered; a design exactly at the tolerance, up to rounding, is inside it."""
+        return int(self.tolerance_percent / 100.0 * AREA_UNITS) + self.n_faces // 2 + 1
+
+    @cached_property
+    def rows(self) -> Words:
+        """`sees`, packed, shape (n_points, n_words)."""
+        return pack(self.sees)
+
+    @cached_property
+    def table(self) -> Ints:
+        """Byte-wise weights for `rows`."""
+        return weight_table(self.weights)
+
+    @cached_property
+    def coverable(self) -> Bools:
+        """Which faces are covered if every point is visited as often as allowed, shape (n_faces,)."""
+        return self.sees.sum(axis=0) * self.max_visits >= self.fold
+
+    @cached_property
+    def coverable_percent(self) -> float:
+        """P_TO if every point were visited as often as allowed."""
+        return self.percent(int(self.weights[self.coverable].sum()))
+
+    def percent(self, covered_weight: int) -> float:
+        """P_TO of a covered weight."""
+        return 100.0 - 100.0 * (self.total_weight - covered_weight) / self.total_weight
+
+    def is_enough(self, covered_weight: int) -> bool:
+        """Whether a covered weight satisfies equation 4."""
+        return self.total_weight - covered_weight <= self.slack
+
+    def covered_weight(self, points: Sequence[int] | Ints) -> int:
+        """Weight that visits to these points, numbered from 1, cover; a point counts at most `max_visits` times."""
+        layers = np.zeros((self.fold, self.rows.shape[1]), dtype=np.uint64)
+        numbers, visits = np.unique(np.asarray(points, dtype=np.int64), return_counts=True)
+        for number, n in zip(numbers, visits, strict=True):
+            for _ in range(min(int(n), self.max_visits)):
+                add_to_layers(layers, self.rows[number - 1])
+        return int(set_weight(layers[-1], self.table))
+
+    def covered_percent(self, points: Sequence[int] | Ints) -> float:
+        """P_TO of visits to these points, numbered from 1."""
+        return self.percent(self.covered_weight(points))
+
+    def evaluate(self, genes: Ints) -> Evaluation:
+        """Value of many designs at once.
+
+        Args:
+            genes: Gene maps [N_obs, p_1 ... p_Nmax], shape (m, 1 + max_observers).
+
+        Raises:
+            MissionError: A gene is outside its domain.
+        """
+        genes = np.ascontiguousarray(genes, dtype=np.int64)
+        _check_genes(genes, self.max_observers, self.n_points)
+        missing = self.total_weight - covered_weights(self.rows, self.table, genes, self.fold, self.max_visits)
+        feasible = missing <= self.slack
+        too_much = np.maximum(missing - self.slack, 0) / self.total_weight
+        fitness = np.where(feasible, genes[:, 0], self.max_observers + 1.0 + too_much)
+        return Evaluation(genes[:, 0], 100.0 - 100.0 * missing / self.total_weight, feasible, fitness)
+
+    def require_coverable(self) -> None:
+        """Check that visiting every point would be enough.
+
+        Raises:
+            MissionError: It would not; the message says how much can be seen and what would make it feasible.
+        """
+        if not self.is_enough(int(self.weights[self.coverable].sum())):
+            raise MissionError(_uncoverable(self))
+
+
+def gene_map(points: Sequence[int] | Ints, max_observers: int) -> Ints:
+    """Gene map of a list of points, numbered from 1: they are sorted, and repeated in the genes that are not read.
+
+    Raises:
+        MissionError: No point, or more than max_observers.
+    """
+    ordered = np.sort(np.asarray(points, dtype=np.int64))
+    if not 1 <= len(ordered) <= max_observers:
+        raise MissionError(f"a design visits {len(ordered)} points: must be 1 to max_observers = {max_observers}")
+    return np.concatenate([[len(ordered)], np.resize(ordered, max_observers)])
+
+
+def check_cost(problem: CoverProblem, cost: Array) -> Array:
+    """Cost of a visit to each point as an array of floats, shape (n_points,).
+
+    Raises:
+        MissionError: The shape is another, or a cost is negative or not finite.
+    """
+    cost = np.asarray(cost, dtype=np.float64)
+    if cost.shape != (problem.n_points,):
+        raise MissionError(f"cost has shape {cost.shape}: must be ({problem.n_points},), one per visiting point")
+    if not np.all(np.isfinite(cost)) or cost.min() < 0.0:
+        raise MissionError(
+            "cost: must be finite and not negative; leave points that cannot be reached out of the problem"
+        )
+    return cost
+
+
+def _check_arrays(sees: Bools, area: Array) -> None:
+    if sees.ndim != 2 or 0 in sees.shape:
+        raise MissionError(f"sees has shape {sees.shape}: must be (points, faces), neither empty")
+    if area.shape != (sees.shape[1],):
+        raise MissionError(f"area has shape {area.shape}: must be ({sees.shape[1]},), one per column of sees")
+    if not np.all(np.isfinite(area)) or area.min() < 0.0 or area.sum() <= 0.0:
+        raise MissionError("area: must be finite, not negative, and more than zero in all")
+
+
+def _check_genes(genes: Ints, max_observers: int, n_points: int) -> None:
+    if genes.ndim != 2 or genes.shape[1] != 1 + max_observers:
+        raise MissionError(f"genes have shape {genes.shape}: must be (m, {1 + max_observers}), [N_obs, p_1 ... p_Nmax]")
+    if genes.size and (genes[:, 0].min() < 1 or genes[:, 0].max() > max_observers):
+        raise MissionError(f"genes: N_obs must be 1 to {max_observers}")
+    if genes.size and (genes[:, 1:].min() < 1 or genes[:, 1:].max() > n_points):
+        raise MissionError(f"genes: points must be 1 to {n_points}")
+
+
+def _uncoverable(problem: CoverProblem) -> str:
+    best = problem.coverable_percent
+    unseen = int((~problem.coverable).sum())
+    times = "" if problem.fold == 1 else f" {problem.fold} times"
+    advice = f"allow a tolerance of at least {np.ceil((100.0 - best) * 100) / 100:.2f} %, or add visiting points"
+    if problem.fold > 1:
+        advice += ", or ask for a lower fold"
+    return (
+        f"the target cannot be covered: visiting all {problem.n_points} points sees {best:.2f} % of its area{times}, "
+        f"{100.0 - problem.tolerance_percent:g} % is asked for, {unseen} of {problem.n_faces} faces fall short; {advice}"
+    )

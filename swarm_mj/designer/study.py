@@ -1,0 +1,239 @@
+"""The automated swarm designer: the fewest spacecraft that see the whole target, by evolution and with proof.
+
+AAS 19-144, equations 3 to 6, on the candidates of a scenario. The genetic algorithm and the exact solver work on the same
+matrix; the first shows what the paper did, the second what the minimum is.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from string import ascii_uppercase
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarm_mj.designer.candidates.pictures import Progress
+from swarm_mj.designer.candidates.visibility import Candidate, Visibility, visibility
+from swarm_mj.designer.exact import ExactResult, solve_budget, solve_exact
+from swarm_mj.designer.genetic import GeneticResult, GeneticSettings, evolve
+from swarm_mj.designer.pareto import ParetoFront, pareto_front
+from swarm_mj.designer.problem import CoverProblem
+from swarm_mj.errors import MissionError
+from swarm_mj.scenarios.loading import scenario_from
+from swarm_mj.scenarios.schema import Scenario
+
+Ints = NDArray[np.int64]
+Stage = Callable[[str], None]
+
+#: Of the two sets of operators: repaired and pruned designs, and plain crossover and mutation as in the paper.
+OPERATORS = ("repair", "plain")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Study:
+    """A design problem and its answers.
+
+    Attributes:
+        scenario: What was asked for.
+        visibility: Who sees what.
+        problem: The matrix as a covering problem.
+        exact: The proven minimum.
+        genetic: Result of the genetic algorithm by set of operators.
+        front: Designs that trade spacecraft, delta-v and area; None if not asked for.
+        wall_s: Seconds by stage.
+    """
+
+    scenario: Scenario
+    visibility: Visibility
+    problem: CoverProblem
+    exact: ExactResult
+    genetic: dict[str, GeneticResult]
+    front: ParetoFront | None
+    wall_s: dict[str, float]
+
+    @property
+    def selected(self) -> Ints:
+        """The design to fly, as gene numbers from 1: the genetic algorithm's where it is as small as the proof's."""
+        evolved = self.genetic["repair"]
+        as_small = evolved.feasible and evolved.n_observers <= self.exact.n_observers
+        return evolved.points if as_small else self.exact.points
+
+    @property
+    def selected_by(self) -> str:
+        """Which of the two found the design to fly."""
+        return "genetic algorithm" if self.selected is self.genetic["repair"].points else "exact solver"
+
+    @property
+    def flyable(self) -> bool:
+        """Whether the points mean the same in the scenario itself: its own target, altitude and time of flight."""
+        design = self.scenario.design
+        own = (0, design.imaging_altitude_m, design.time_of_flight_s)
+        return all(self.visibility.candidates[p - 1][1:] == own for p in self.selected)
+
+    @property
+    def gap(self) -> int:
+        """How many spacecraft the genetic algorithm's design has more than the proven minimum; -1 if it covers too little."""
+        evolved = self.genetic["repair"]
+        return evolved.n_observers - self.exact.n_observers if evolved.feasible else -1
+
+
+def cover_problem(scenario: Scenario, seen: Visibility) -> CoverProblem:
+    """The scenario's covering problem on a matrix of visibility."""
+    designer = scenario.designer
+    return CoverProblem(
+        sees=seen.sees,
+        area=seen.area,
+        tolerance_percent=designer.tolerance_percent,
+        max_observers=designer.max_observers,
+        fold=designer.fold,
+    )
+
+
+def study_design(
+    scenario: Scenario,
+    *,
+    pareto: bool = False,
+    workers: int | None = None,
+    progress: Progress | None = None,
+    stage: Stage | None = None,
+) -> Study:
+    """Solve a scenario's design problem both ways.
+
+    Args:
+        scenario: The problem; `designer` and `observation` say how it is read.
+        pareto: Whether to trade spacecraft against delta-v and area too.
+        workers: Processes for the candidates' pictures; default: one per core.
+        progress: Called with the share of pictures done, 0 to 1.
+        stage: Called with the name of each stage as it begins.
+
+    Raises:
+        MissionError: No design covers the target; the message says how much can be seen.
+    """
+    clock = _Clock(stage)
+    clock.begin("candidates")
+    seen = visibility(scenario, workers=workers, progress=progress)
+    problem = cover_problem(scenario, seen)
+    clock.begin("proof")
+    exact = solve_exact(problem, scenario.designer.time_limit_s)
+    genetic = {}
+    for operators in OPERATORS:
+        clock.begin(f"evolution, {operators}")
+        genetic[operators] = evolve(problem, _settings(scenario, operators))
+    front = None
+    if pareto:
+        clock.begin("trade-off")
+        # The best coverage for each number of spacecraft, with proof, for evolution to start from.
+        known = [solve_budget(problem, n).points for n in range(1, exact.n_observers + 1)]
+        front = pareto_front(problem, seen.delta_v, known=known)
+    clock.end()
+    return Study(
+        scenario=scenario,
+        visibility=seen,
+        problem=problem,
+        exact=exact,
+        genetic=genetic,
+        front=front,
+        wall_s=clock.wall_s,
+    )
+
+
+class Growth(NamedTuple):
+    """The proven minimum under one more demand or freedom.
+
+    Attributes:
+        change: What was changed, in words.
+        n_observers: Proven minimum; None where the target cannot be covered.
+        note: Why not, or what the design chose.
+    """
+
+    change: str
+    n_observers: int | None
+    note: str
+
+
+#: Demands and freedoms beyond the paper, as overrides of the scenario.
+EXTENSIONS: dict[str, dict[str, dict[str, Any]]] = {
+    "as asked": {},
+    "every face seen by 2": {"designer": {"fold": 2}},
+    "every face seen by 3": {"designer": {"fold": 3}},
+    "only sunlit faces count, incidence up to 70 deg, with shadows": {
+        "observation": {"max_incidence_deg": 70.0, "shadows": True}
+    },
+    "a second target at 0 N, 60 E, 15 deg": {
+        "designer": {"extra_targets": [{"latitude_deg": 0.0, "longitude_deg": 60.0, "half_angle_deg": 15.0}]}
+    },
+    "altitude free among 10, 14 and 18 km": {"designer": {"altitudes_m": [10e3, 14e3, 18e3]}},
+    "time of flight free among 480, 600 and 720 s": {"designer": {"times_of_flight_s": [480.0, 600.0, 720.0]}},
+}
+
+
+def growth(scenario: Scenario, *, workers: int | None = None, stage: Stage | None = None) -> list[Growth]:
+    """The proven minimum under each of `EXTENSIONS`."""
+    rows = []
+    for change, overrides in EXTENSIONS.items():
+        if stage is not None:
+            stage(change)
+        rows.append(_grown(change, with_overrides(scenario, overrides), workers))
+    return rows
+
+
+def with_overrides(scenario: Scenario, overrides: dict[str, dict[str, Any]]) -> Scenario:
+    """A scenario with some values of its sections changed, validated again."""
+    data = scenario.model_dump()
+    for section, values in overrides.items():
+        data[section] = {**data[section], **values}
+    return scenario_from(data, f"{scenario.name} with {overrides}")
+
+
+def _grown(change: str, scenario: Scenario, workers: int | None) -> Growth:
+    try:
+        seen = visibility(scenario, workers=workers)
+        exact = solve_exact(cover_problem(scenario, seen), scenario.designer.time_limit_s)
+    except MissionError as error:
+        return Growth(change, None, str(error))
+    return Growth(change, exact.n_observers, ", ".join(describe(seen.candidates[p - 1], seen) for p in exact.points))
+
+
+def describe(candidate: Candidate, seen: Visibility) -> str:
+    """A candidate in a few words: its point, and what the designer was free to choose besides."""
+    words = str(candidate.point)
+    if len(seen.regions) > 1:
+        words = f"{ascii_uppercase[candidate.target]}{words}"
+    if len({c.altitude_m for c in seen.candidates}) > 1:
+        words += f" at {candidate.altitude_m / 1e3:g} km"
+    if len({c.time_of_flight_s for c in seen.candidates}) > 1:
+        words += f" in {candidate.time_of_flight_s:g} s"
+    return words
+
+
+def _settings(scenario: Scenario, operators: str) -> GeneticSettings:
+    designer = scenario.designer
+    return GeneticSettings(
+        operators=operators,  # type: ignore[arg-type]
+        population=designer.population,
+        max_generations=designer.max_generations,
+        patience=designer.patience,
+        seed=scenario.seed,
+    )
+
+
+class _Clock:
+    """Wall-clock seconds by stage."""
+
+    def __init__(self, stage: Stage | None) -> None:
+        self.wall_s: dict[str, float] = {}
+        self._stage, self._name, self._start = stage, "", 0.0
+
+    def begin(self, name: str) -> None:
+        self.end()
+        self._name, self._start = name, time.perf_counter()
+        if self._stage is not None:
+            self._stage(name)
+
+    def end(self) -> None:
+        if self._name:
+            self.wall_s[self._name] = time.perf_counter() - self._start
+        self._name = ""

@@ -1,0 +1,1 @@
+"""A scenario flown: planned, simulated, observed."""

@@ -1,0 +1,378 @@
+"""From a scenario to a plan: everything that is fixed before the swarm is released."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from math import radians
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarm_mj import plugins
+from swarm_mj.errors import MissionError, PluginError, ScenarioError, ShapeError
+from swarm_mj.mission.behaviors import Behavior, SelectiveBehavior
+from swarm_mj.mission.links import Antennas
+from swarm_mj.mission.safety import CloseApproach, close_approaches, find_impacts
+from swarm_mj.mission.target import TargetRegion, automatic_cell_size, build_target, check_visiting_points
+from swarm_mj.mission.trajectories import Deployment, deploy, propagate
+from swarm_mj.scenarios.schema import Body, Scenario
+from swarm_mj.scenarios.schema_faults import Dispersions
+from swarm_mj.simulator.faults.dispersions import shifted_target, target_shift
+from swarm_mj.simulator.faults.schedule import check_faults
+from swarm_mj.smallbody.environment import Environment, LinearMotion
+from swarm_mj.smallbody.ephemeris import Ephemeris, julian_date
+from swarm_mj.smallbody.kepler import OrbitalElements
+from swarm_mj.smallbody.rotation import Rotation
+from swarm_mj.smallbody.shape import ShapeModel
+from swarm_mj.smallbody.shape_check import BodySizeError
+from swarm_mj.smallbody.shape_harmonics import load_eros
+from swarm_mj.smallbody.shape_io import load_shape
+from swarm_mj.smallbody.solid_angle import points_inside
+from swarm_mj.spacecraft.control.base import Controller
+from swarm_mj.spacecraft.model import spacecraft_names
+from swarm_mj.spacecraft.properties import RPM, SpacecraftProperties
+
+Array = NDArray[np.float64]
+
+PACKAGED_SHAPE = "eros"
+
+#: Time between the points at which a planned flight is checked for impact and near-collision [s], and how many at most.
+CHECK_INTERVAL_S, MAX_CHECKS = 1.0, 100_000
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """A mission that is ready to fly.
+
+    Attributes:
+        scenario: What was asked for.
+        shape: The body's mesh in A [m].
+        environment: Gravity, rotation, Sun and Earth.
+        region: The target, cut out of the mesh.
+        points_A: The observers' visiting points, shape (n_obs, 3) [m].
+        deployment: How the swarm leaves the mothership.
+        behavior: Who points at what.
+        controller: The attitude control law.
+        properties: Of every spacecraft.
+        near_collisions: Pairs that come closer than the scenario allows.
+        least_radius: Least distance of each spacecraft to the body's centre, shape (n,) [m].
+    """
+
+    scenario: Scenario
+    shape: ShapeModel
+    environment: Environment
+    region: TargetRegion
+    points_A: Array
+    deployment: Deployment
+    behavior: Behavior
+    controller: Controller
+    properties: SpacecraftProperties
+    near_collisions: list[CloseApproach]
+    least_radius: Array
+
+    @property
+    def n(self) -> int:
+        """Number of spacecraft."""
+        return len(self.deployment.v0_N)
+
+    @property
+    def n_observers(self) -> int:
+        """Number of spacecraft that observe; they come first."""
+        return len(self.points_A)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the spacecraft in gene order."""
+        return spacecraft_names(self.n)
+
+
+def make_plan(scenario: Scenario, *, check_separation: bool = True) -> Plan:
+    """Work out target, visiting points, trajectories and plug-ins.
+
+    Args:
+        scenario: What is asked for.
+        check_separation: Whether to look for near-collisions; candidates of a design do not fly together.
+
+    Raises:
+        SwarmError: Shape, target, plug-in or trajectory cannot be had; the message says why.
+    """
+    controller = controller_from(scenario)
+    behavior = behavior_from(scenario)
+    properties = properties_from(scenario)
+    shape = load_body_shape(scenario.body)
+    environment = environment_from(scenario, shape)
+    region = target_from(scenario, shape)
+    points_A = visiting_points(scenario, shape, region)
+    region = true_target(scenario, shape, region)
+    _check_mothership(scenario, shape)
+    deployment = deploy(
+        environment,
+        mothership_A=np.array(scenario.mothership.position_A_m),
+        mothership_velocity=_mothership_velocity(scenario),
+        points_A=points_A,
+        time_of_flight=scenario.design.time_of_flight_s,
+        # Whether a communications spacecraft is added is a property of the behaviour, which counts it.
+        with_communications=behavior.dedicated_communications,
+    )
+    check_faults(scenario.faults, n=len(deployment.v0_N), n_wheels=properties.n_wheels, duration_s=scenario.duration_s)
+    near_collisions, least_radius = _check_flight(scenario, shape, environment, deployment, check_separation)
+    return Plan(
+        scenario=scenario,
+        shape=shape,
+        environment=environment,
+        region=region,
+        points_A=points_A,
+        deployment=deployment,
+        behavior=behavior,
+        controller=controller,
+        properties=properties,
+        near_collisions=near_collisions,
+        least_radius=least_radius,
+    )
+
+
+def check_plugins(scenario: Scenario) -> None:
+    """See that the scenario's plug-ins are there and take its parameters, as far as that shows before anything is built.
+
+    Raises:
+        PluginError: One is not, or does not; the message names the key.
+    """
+    controller_from(scenario)
+    unchecked_behavior(scenario)
+    with _named("body.gravity.model"):
+        plugins.find(plugins.GRAVITY, scenario.body.gravity.model)
+
+
+@contextmanager
+def _named(key: str) -> Iterator[None]:
+    """Put the scenario's key before what is wrong with a plug-in."""
+    try:
+        yield
+    except PluginError as error:
+        raise PluginError(f"{key} = {error}") from error
+
+
+def controller_from(scenario: Scenario) -> Controller:
+    """The scenario's attitude control law.
+
+    Raises:
+        PluginError: There is none of that name, or its parameters do not fit.
+    """
+    with _named("control.controller"):
+        controller: Controller = plugins.create(
+            plugins.CONTROLLERS, scenario.control.controller, scenario.control.parameters
+        )
+    return controller
+
+
+def as_planned(scenario: Scenario) -> Scenario:
+    """The scenario without faults and dispersions: all that a design can count on."""
+    return scenario.model_copy(update={"faults": (), "dispersions": Dispersions()})
+
+
+def load_body_shape(body: Body) -> ShapeModel:
+    """The body's mesh: packaged or from a file."""
+    if body.shape == PACKAGED_SHAPE:
+        return load_eros()
+    try:
+        return load_shape(body.shape, unit=body.shape_unit, name=body.name, expect_radius_m=body.radius_range_m)
+    except BodySizeError as error:
+        advice = error.advised("give body.shape_unit: {unit}", "give body.radius_range_m: [LOWEST, HIGHEST]")
+        raise ShapeError(f"body.shape = {body.shape}: {advice}") from None
+    except ShapeError as error:
+        raise ShapeError(f"body.shape = {body.shape} (with body.shape_unit, body.radius_range_m): {error}") from None
+
+
+def behavior_from(scenario: Scenario) -> Behavior:
+    """The scenario's behaviour, which may refuse the scenario.
+
+    Raises:
+        SwarmError: There is none of that name, its parameters do not fit, or it cannot fly this scenario.
+    """
+    behavior = unchecked_behavior(scenario)
+    if isinstance(behavior, SelectiveBehavior):
+        behavior.check_scenario(scenario)
+    return behavior
+
+
+def unchecked_behavior(scenario: Scenario) -> Behavior:
+    """The scenario's behaviour, whether it can fly the scenario or not.
+
+    Raises:
+        SwarmError: There is none of that name, or its parameters do not fit.
+    """
+    with _named("behavior.name"):
+        behavior: Behavior = plugins.create(
+            plugins.BEHAVIORS,
+            scenario.behavior.name,
+            scenario.behavior.parameters,
+            len(scenario.design.visiting_points),
+            scenario.behavior.imaging_radius_m,
+        )
+    return behavior
+
+
+def properties_from(scenario: Scenario) -> SpacecraftProperties:
+    """Mass properties and wheel limits of the scenario's spacecraft."""
+    spacecraft, wheel = scenario.spacecraft, scenario.spacecraft.wheel
+    return SpacecraftProperties(
+        mass=spacecraft.mass_kg,
+        size=spacecraft.size_m,
+        wheel_mass=wheel.mass_kg,
+        wheel_spin_inertia=wheel.spin_inertia_kg_m2,
+        wheel_transverse_inertia=wheel.transverse_inertia_kg_m2,
+        max_wheel_torque=wheel.max_torque_n_m,
+        max_wheel_speed=wheel.max_speed_rpm * RPM,
+        wheel_layout=spacecraft.wheel_layout,
+    )
+
+
+def target_from(scenario: Scenario, shape: ShapeModel) -> TargetRegion:
+    """The scenario's target region, subdivided where its camera asks for it."""
+    target = scenario.target
+    cell_size = target.cell_size_m
+    if cell_size == "auto":
+        cell_size = automatic_cell_size(scenario.design.imaging_altitude_m, scenario.camera.half_angle_deg)
+    return build_target(
+        shape,
+        latitude_deg=target.latitude_deg,
+        longitude_deg=target.longitude_deg,
+        half_angle_deg=target.half_angle_deg,
+        edges=target.edges,
+        cell_size_m=cell_size,
+    )
+
+
+def true_target(scenario: Scenario, shape: ShapeModel, planned: TargetRegion) -> TargetRegion:
+    """The target where it really is: the visiting points were chosen for the planned one."""
+    east, north = target_shift(scenario.dispersions, scenario.seed)
+    if east == north == 0.0:
+        return planned
+    target = scenario.target
+    radius = float(np.linalg.norm(planned.centroid_A.mean(axis=0)))
+    latitude, longitude = shifted_target(target.latitude_deg, target.longitude_deg, east, north, radius)
+    moved = target.model_copy(update={"latitude_deg": latitude, "longitude_deg": longitude})
+    return target_from(scenario.model_copy(update={"target": moved}), shape)
+
+
+def visiting_points(scenario: Scenario, shape: ShapeModel, region: TargetRegion) -> Array:
+    """The observers' visiting points in A, shape (n_obs, 3) [m]."""
+    design = scenario.design
+    available = region.n_visiting
+    for number in design.visiting_points:
+        if not 1 <= number <= available:
+            raise ScenarioError(f"design.visiting_points: {number} is not one of the target's points, 1 to {available}")
+    points = region.visiting_points_A(design.imaging_altitude_m, projection=design.projection)
+    chosen = points[np.array(design.visiting_points) - 1]
+    check_visiting_points(shape, chosen)
+    return chosen
+
+
+def environment_from(scenario: Scenario, shape: ShapeModel) -> Environment:
+    """Everything that acts near the body, for the scenario's epoch."""
+    body, perturbations = scenario.body, scenario.perturbations
+    _require_own_gravity(body)
+    with _named("body.gravity.model"):
+        gravity = plugins.create(plugins.GRAVITY, body.gravity.model, body.gravity.parameters, shape)
+    ephemeris, jd = ephemeris_from(body), julian_date(scenario.epoch)
+    pressed = perturbations.srp_area_m2 / scenario.spacecraft.mass_kg if perturbations.solar_radiation_pressure else 0.0
+    return Environment(
+        gravity=gravity,
+        C_PN=ephemeris.rotation.C_PN,
+        phase0=ephemeris.rotation.phase(jd),
+        spin_rate=ephemeris.spin_rate,
+        sun=LinearMotion(*ephemeris.sun_state_N(jd)),
+        earth=LinearMotion(*ephemeris.earth_state_N(jd)),
+        solar_tide=perturbations.solar_tide,
+        srp_area_per_mass=pressed,
+        srp_reflectivity=perturbations.srp_reflectivity,
+    )
+
+
+def ephemeris_from(body: Body) -> Ephemeris:
+    """Where the Sun and Earth stand as seen from the scenario's body."""
+    orbit = body.orbit
+    elements = OrbitalElements(
+        semi_major_axis_au=orbit.semi_major_axis_au,
+        eccentricity=orbit.eccentricity,
+        inclination_deg=orbit.inclination_deg,
+        node_deg=orbit.node_deg,
+        argument_of_perihelion_deg=orbit.argument_of_perihelion_deg,
+        perihelion_jd=orbit.perihelion_jd,
+    )
+    return Ephemeris(orbit=elements, rotation=Rotation(**body.rotation.model_dump()))
+
+
+#: What each built-in field takes from Eros where the scenario says nothing: a shape of one's own needs all of one choice.
+OWN_GRAVITY = {
+    "point_mass": (("gm",),),
+    "polyhedron": (("gm",), ("density_kg_m3",)),
+    "spherical_harmonics": (("gm", "reference_radius_m", "coefficients"),),
+}
+
+
+def _require_own_gravity(body: Body) -> None:
+    given = {key for key, value in body.gravity.parameters.items() if value is not None}
+    choices = OWN_GRAVITY.get(body.gravity.model, ())
+    if body.shape != PACKAGED_SHAPE and choices and not any(given.issuperset(choice) for choice in choices):
+        raise ScenarioError(
+            f"body.gravity.parameters = {body.gravity.parameters}: body.shape = {body.shape} would take the gravity of Eros; "
+            f"{body.gravity.model} needs {' or '.join(map(_enumerated, choices))} (check body.rotation and body.orbit too)"
+        )
+
+
+def _enumerated(words: Sequence[str]) -> str:
+    return " and ".join(filter(None, (", ".join(words[:-1]), words[-1])))
+
+
+def antennas_from(scenario: Scenario) -> Antennas:
+    """The scenario's antennas."""
+    link = scenario.link
+    return Antennas(
+        dish_half_angle=radians(link.dish_half_angle_deg),
+        hemispherical_boresight_B=np.array(link.hemispherical_boresight_B),
+        hemispherical_half_angle=radians(link.hemispherical_half_angle_deg),
+        max_range=link.max_range_m,
+    )
+
+
+def _mothership_velocity(scenario: Scenario) -> str | Array:
+    velocity = scenario.mothership.velocity
+    return velocity if isinstance(velocity, str) else np.array(velocity)
+
+
+def _check_mothership(scenario: Scenario, shape: ShapeModel) -> None:
+    position = np.array([scenario.mothership.position_A_m])
+    if points_inside(position, shape.vertices, shape.faces).any():
+        raise ScenarioError(f"mothership.position_A_m = {position[0].tolist()}: lies inside {shape.name}")
+
+
+def _check_flight(
+    scenario: Scenario, shape: ShapeModel, environment: Environment, deployment: Deployment, check_separation: bool
+) -> tuple[list[CloseApproach], Array]:
+    """Fly the trajectories ahead; an impact is an error, a near-collision is reported."""
+    # A grid of its own, so that what is found does not depend on how much telemetry is asked for.
+    times = np.linspace(
+        0.0, scenario.duration_s, 1 + min(MAX_CHECKS, max(1, round(scenario.duration_s / CHECK_INTERVAL_S)))
+    )
+    starts = np.broadcast_to(deployment.r0_N, deployment.v0_N.shape)
+    r_N, _ = propagate(environment.acceleration_N, starts, deployment.v0_N, times)
+    C_AN = np.array([environment.C_AN(t) for t in times])
+    impacts = find_impacts(shape, times, np.einsum("kij,knj->kni", C_AN, r_N))
+    if impacts:
+        raise MissionError(
+            "; ".join(
+                f"sc{i.spacecraft + 1} hits {scenario.body.name} at t = {i.time:g} s, latitude {i.latitude_deg:.1f} deg, "
+                f"longitude {i.longitude_deg:.1f} deg"
+                for i in impacts
+            )
+            + "; change design.visiting_points, design.imaging_altitude_m, design.time_of_flight_s or mothership.position_A_m"
+        )
+    least_radius = np.linalg.norm(r_N, axis=2).min(axis=0)
+    if not check_separation:
+        return [], least_radius
+    safety = scenario.safety
+    near = close_approaches(times, r_N, closer_than=safety.min_separation_m, after=safety.separation_grace_s)
+    return near, least_radius

@@ -1,0 +1,289 @@
+"""Flying a plan: simulation, radio links and observation."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from swarm_mj.flight.plan import Plan, antennas_from
+from swarm_mj.mission.behaviors import ELECTIONS, MissionBehavior
+from swarm_mj.mission.links import links_closed
+from swarm_mj.observation.camera import CameraModel
+from swarm_mj.observation.coverage import CoverageMap, ObservationCriterion, observe
+from swarm_mj.observation.observer import make_observer
+from swarm_mj.scenarios.schema import Scenario
+from swarm_mj.scenarios.schema_faults import Dispersions
+from swarm_mj.simulator.faults.deployment import deployed_velocities
+from swarm_mj.simulator.faults.dispersions import attitude_turns, extra_rates, velocity_errors
+from swarm_mj.simulator.faults.schedule import draw_schedule
+from swarm_mj.simulator.faults.state import FaultModel
+from swarm_mj.simulator.simulation import InitialState, Simulation
+from swarm_mj.simulator.telemetry import OBSERVING, dataset
+from swarm_mj.spacecraft.attitude.mrp import add_mrp, dcm, mrp_from_quaternion
+from swarm_mj.spacecraft.model import build_model
+from swarm_mj.spacecraft.properties import RPM
+
+Array = NDArray[np.float64]
+Progress = Callable[[float], None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ObservationResult:
+    """What the swarm saw.
+
+    Attributes:
+        coverage: By the scenario's criterion.
+        passage: Over the whole passage inside the imaging region.
+        observer: Name of the observer that measured it.
+        note: Why that one.
+        images: Number of pictures judged.
+    """
+
+    coverage: CoverageMap
+    passage: CoverageMap
+    observer: str
+    note: str
+    images: int
+
+
+def initial_state(plan: Plan) -> InitialState:
+    """The swarm at its release: one point, solved velocities, random attitudes and rates from the scenario's seed."""
+    spacecraft, n = plan.scenario.spacecraft, plan.n
+    rng = np.random.default_rng(plan.scenario.seed)
+    rate = spacecraft.initial_rate_range_rpm * RPM
+    start = InitialState(
+        r_BN_N=np.broadcast_to(plan.deployment.r0_N, (n, 3)),
+        v_BN_N=plan.deployment.v0_N,
+        sigma_BN=rng.uniform(-spacecraft.initial_mrp_range, spacecraft.initial_mrp_range, (n, 3)),
+        omega_BN_B=rng.uniform(-rate, rate, (n, 3)),
+        wheel_speed=np.zeros((n, plan.properties.n_wheels)),
+        seed=plan.scenario.seed,
+    )
+    return start if fault_model_from(plan.scenario) is None else _deployed(plan, start)
+
+
+def _deployed(plan: Plan, planned: InitialState) -> InitialState:
+    """The start after faults and dispersions of the deployment."""
+    scenario, n, seed = plan.scenario, plan.n, plan.scenario.seed
+    given, sigma_BN = scenario.dispersions, planned.sigma_BN
+    schedule = draw_schedule(
+        scenario.faults, seed, n=n, n_wheels=plan.properties.n_wheels, duration_s=scenario.duration_s
+    )
+    velocity, events = deployed_velocities(
+        planned.v_BN_N, plan.deployment.mothership_velocity_N, schedule, velocity_errors(given, seed, n)
+    )
+    if given.attitude_deg > 0.0:
+        turns = Rotation.from_rotvec(attitude_turns(given, seed, n)).as_quat(scalar_first=True)
+        sigma_BN = add_mrp(mrp_from_quaternion(turns), sigma_BN)
+    return replace(
+        planned,
+        v_BN_N=velocity,
+        sigma_BN=sigma_BN,
+        omega_BN_B=planned.omega_BN_B + extra_rates(given, seed, n),
+        deployment=tuple(events),
+    )
+
+
+def fault_model_from(scenario: Scenario) -> FaultModel | None:
+    """What the scenario says may go wrong; None: nothing, all is as planned."""
+    if not scenario.faults and scenario.dispersions == Dispersions():
+        return None
+    # A behaviour that holds elections itself replaces a lost relay by its own rule.
+    election = scenario.behavior.parameters.get("election", "medoid")
+    return FaultModel(
+        faults=scenario.faults,
+        dispersions=scenario.dispersions,
+        duration_s=scenario.duration_s,
+        election=election if election in ELECTIONS else "medoid",
+    )
+
+
+def make_simulation(plan: Plan, *, geometry: bool = False) -> Simulation:
+    """The simulation of a plan, at its start.
+
+    Args:
+        plan: What to fly.
+        geometry: Whether the model holds shapes, cameras and light as well, for MuJoCo's own viewers and renderer; flying needs
+            none of them, and the pictures of swarm_mj are drawn from a model of their own.
+    """
+    scenario = plan.scenario
+    model = build_model(
+        plan.n,
+        shape=plan.shape,
+        properties=plan.properties,
+        timestep=scenario.physics.timestep_s,
+        camera_half_angle_deg=scenario.camera.half_angle_deg,
+        sun_N=plan.environment.sun.position.tolist(),
+        wheels=scenario.physics.wheels,
+        geometry=geometry,
+    )
+    behavior = plan.behavior
+    simulation = Simulation(
+        model,
+        properties=plan.properties,
+        environment=plan.environment,
+        behavior=behavior.for_flight(plan) if isinstance(behavior, MissionBehavior) else behavior,
+        controller=plan.controller,
+        control_period=scenario.control.period_s,
+        gravity_gradient_torque=scenario.perturbations.gravity_gradient_torque,
+        fault_model=fault_model_from(scenario),
+        shape=plan.shape,
+    )
+    simulation.reset(initial_state(plan))
+    return simulation
+
+
+def simulate(plan: Plan, progress: Progress | None = None) -> xr.Dataset:
+    """Fly the plan; returns telemetry with radio links.
+
+    Raises:
+        SimulationError: The flight diverged.
+    """
+    scenario = plan.scenario
+    simulation = make_simulation(plan)
+    record = simulation.run(scenario.duration_s, scenario.telemetry.interval_s, progress)
+    telemetry = dataset(record, plan.names, plan.environment, plan.properties)
+    closed = links_closed(
+        antennas=antennas_from(scenario),
+        shape=plan.shape,
+        mode=telemetry["mode"].values,
+        tracked=telemetry["tracked_spacecraft"].values,
+        r_BN_N=telemetry["r_BN_N"].values,
+        C_BN=dcm(telemetry["sigma_BN"].values),
+        C_AN=asteroid_attitudes(telemetry),
+        earth_N=np.array([plan.environment.earth.at(t) for t in record.time]),
+    )
+    if record.faults is not None:
+        closed &= _both_work(telemetry)
+        telemetry.attrs["events"] = json.dumps(
+            [{**asdict(event), "spacecraft": plan.names[event.spacecraft]} for event in simulation.events]
+        )
+    telemetry["link_closed"] = (
+        ("time", "spacecraft"),
+        closed.astype(np.int8),
+        {
+            "units": "1",
+            "frame": "none",
+            "long_name": "radio link closed",
+            "flag_values": np.array([0, 1], np.int8),
+            "flag_meanings": "open closed",
+        },
+    )
+    return telemetry
+
+
+def _both_work(telemetry: xr.Dataset) -> NDArray[np.bool_]:
+    """Whether a spacecraft and the one that it tracks are operational, shape (time, spacecraft)."""
+    works, tracked = telemetry["operational"].values == 1, telemetry["tracked_spacecraft"].values
+    return works & np.where(tracked < 0, True, np.take_along_axis(works, np.maximum(tracked, 0), axis=1))
+
+
+def asteroid_attitudes(telemetry: xr.Dataset) -> Array:
+    """Rotations from N to A at every sample, shape (time, 3, 3)."""
+    return dcm(telemetry["sigma_AN"].values)
+
+
+def camera_from(scenario: Scenario) -> CameraModel:
+    """The scenario's camera."""
+    camera = scenario.camera
+    return CameraModel(
+        half_angle_deg=camera.half_angle_deg,
+        shape=camera.shape,
+        resolution_px=camera.resolution_px,
+        detector_ifov=camera.detector_ifov_rad,
+    )
+
+
+def criterion_from(scenario: Scenario) -> ObservationCriterion:
+    """When a face counts as observed, by the scenario."""
+    observation = scenario.observation
+    return ObservationCriterion(
+        min_fraction=observation.min_fraction,
+        any_pixel=observation.any_pixel,
+        max_emission_deg=observation.max_emission_deg,
+        max_range_m=observation.max_range_m,
+        max_gsd_m=observation.max_gsd_m,
+        max_incidence_deg=observation.max_incidence_deg,
+        shadows=observation.shadows,
+    )
+
+
+def observe_flight(plan: Plan, telemetry: xr.Dataset, progress: Progress | None = None) -> ObservationResult:
+    """Measure what the observers' cameras saw during a flight.
+
+    A spacecraft takes a picture every `observation.interval_s` while it tracks the asteroid, and one at the instant of the
+    visit. A dedicated communications spacecraft takes none.
+
+    Args:
+        plan: The plan that was flown.
+        telemetry: Its telemetry.
+        progress: Called with the number of pictures judged.
+
+    Raises:
+        ObserverError: The requested observer is not available here.
+    """
+    scenario = plan.scenario
+    criterion = criterion_from(scenario)
+    passage = CoverageMap(plan.region.area, plan.n)
+    visit = CoverageMap(plan.region.area, plan.n)
+    pictures = _pictures(plan, telemetry)
+    r_BN_N, C_BN, C_AN = telemetry["r_BN_N"].values, dcm(telemetry["sigma_BN"].values), asteroid_attitudes(telemetry)
+    times = telemetry["time"].values
+    observation = scenario.observation
+    observer = make_observer(
+        plan.region, camera_from(scenario), kind=observation.observer, occlusion=observation.occlusion
+    )
+    try:
+        for count, (k, j) in enumerate(pictures):
+            sun_A = C_AN[k] @ plan.environment.sun.at(times[k])
+            seen = observe(observer, C_AN[k] @ r_BN_N[k, j], C_BN[k, j] @ C_AN[k].T, criterion, sun_A)
+            passage.add(times[k], j, seen)
+            if k == visit_sample(scenario):
+                visit.add(times[k], j, seen)
+            if progress is not None:
+                progress(count + 1)
+    finally:
+        observer.close()
+    return ObservationResult(
+        coverage=passage if scenario.observation.criterion == "passage" else visit,
+        passage=passage,
+        observer=observer.name,
+        note=observer.note,
+        images=len(pictures),
+    )
+
+
+def visit_sample(scenario: Scenario) -> int:
+    """Number of the telemetry sample at the instant of the visit."""
+    return round(scenario.design.time_of_flight_s / scenario.telemetry.interval_s)
+
+
+def picture_count(plan: Plan, telemetry: xr.Dataset) -> int:
+    """Number of pictures that `observe_flight` will judge."""
+    return len(_pictures(plan, telemetry))
+
+
+def _pictures(plan: Plan, telemetry: xr.Dataset) -> list[tuple[int, int]]:
+    """Sample and spacecraft of every picture, in order of time."""
+    scenario = plan.scenario
+    every = round(scenario.observation.interval_s / scenario.telemetry.interval_s)
+    samples = sorted({*range(0, telemetry.sizes["time"], every), visit_sample(scenario)})
+    observing = np.isin(telemetry["mode"].values[:, : plan.n_observers], OBSERVING)
+    if "camera_on" in telemetry:
+        observing &= telemetry["camera_on"].values[:, : plan.n_observers] == 1
+    return [(k, j) for k in samples for j in range(plan.n_observers) if observing[k, j]]
+
+
+def add_coverage(telemetry: xr.Dataset, result: ObservationResult) -> None:
+    """Add the observed share of the target over time to the telemetry."""
+    telemetry["coverage_percent"] = (
+        "time",
+        result.coverage.percent_over_time(telemetry["time"].values),
+        {"units": "percent", "frame": "none", "long_name": "observed share of the target's area, P_TO, whole swarm"},
+    )

@@ -1,0 +1,1 @@
+"""Files, folders, locks, caches, progress and interruption: what the other rooms stand on; nothing of the physics."""

@@ -1,0 +1,84 @@
+"""What there is to draw at one instant."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarm_mj.mission.behaviors import TargetKind
+from swarm_mj.rendering.palette import FAINT, MODES, Rgb
+
+Array = NDArray[np.float64]
+
+#: Kinds of targets at which a camera looks.
+LOOKS_AT_BODY = (TargetKind.ASTEROID, TargetKind.SURFACE)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Instant:
+    """State of a flight at one time.
+
+    Attributes:
+        t: Time past the epoch [s].
+        r_BN_N: Positions, shape (n, 3) [m].
+        C_BN: Rotations from N to B, shape (n, 3, 3).
+        C_AN: Rotation from N to A, shape (3, 3).
+        kind: `TargetKind` of what each +z tracks, shape (n,).
+        tracked: Spacecraft tracked, from 0, where kind is SPACECRAFT, shape (n,).
+        link: Whether each radio link is closed, shape (n,); None: not known.
+        seen: Cells of the target observed so far, shape (n_cells,).
+        trail_N: Positions so far, evenly spaced in time, the last at `t`, shape (m, n, 3) [m].
+        lost: Spacecraft that no longer work, shape (n,); None: all work.
+        blind: Spacecraft whose cameras are off, shape (n,); None: none.
+    """
+
+    t: float
+    r_BN_N: Array
+    C_BN: Array
+    C_AN: Array
+    kind: NDArray[np.int64]
+    tracked: NDArray[np.int64]
+    link: NDArray[np.bool_] | None
+    seen: NDArray[np.bool_]
+    trail_N: Array
+    lost: NDArray[np.bool_] | None = None
+    blind: NDArray[np.bool_] | None = None
+
+    @property
+    def n(self) -> int:
+        """Number of spacecraft."""
+        return len(self.r_BN_N)
+
+    @property
+    def boresight_N(self) -> Array:
+        """Where +z looks in N, shape (n, 3)."""
+        return self.C_BN[:, 2]
+
+    @property
+    def works(self) -> NDArray[np.bool_]:
+        """Whether each spacecraft works, shape (n,)."""
+        return np.ones(self.n, np.bool_) if self.lost is None else ~self.lost
+
+    @property
+    def looks_at_body(self) -> NDArray[np.bool_]:
+        """Whether each spacecraft points a camera that is on at the body, shape (n,)."""
+        looks = np.isin(self.kind, LOOKS_AT_BODY) & self.works
+        return looks if self.blind is None else looks & ~self.blind
+
+    @property
+    def colours(self) -> list[Rgb]:
+        """Colour of each spacecraft's name and line of sight."""
+        return [
+            MODES[TargetKind(int(kind))] if works else FAINT for kind, works in zip(self.kind, self.works, strict=True)
+        ]
+
+    @property
+    def sight_length(self) -> Array:
+        """How far each line of sight is drawn [m]: to the body's centre, to the spacecraft tracked; 0: without end."""
+        length = np.where(np.isin(self.kind, LOOKS_AT_BODY), np.linalg.norm(self.r_BN_N, axis=1), 0.0)
+        to_other = self.kind == TargetKind.SPACECRAFT
+        other = self.tracked[to_other]
+        length[to_other] = np.linalg.norm(self.r_BN_N[to_other] - self.r_BN_N[other], axis=1)
+        return length

@@ -1,0 +1,210 @@
+"""A flight that is still under way: what a running simulation shows, and what its cameras have seen so far."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from time import perf_counter, sleep
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarm_mj.errors import MissionError
+from swarm_mj.flight.plan import Plan
+from swarm_mj.flight.simulate import camera_from, criterion_from, make_simulation
+from swarm_mj.mission.behaviors import Targets
+from swarm_mj.mission.trajectories import propagate
+from swarm_mj.observation.coverage import CoverageMap, observe
+from swarm_mj.observation.raycast import RayCastObserver
+from swarm_mj.rendering.frame import Instant
+from swarm_mj.rendering.replay import trail_points
+from swarm_mj.spacecraft.attitude.mrp import dcm, mrp_from_quaternion
+
+Array = NDArray[np.float64]
+
+#: Tolerance of the path that only serves to frame a picture.
+PATH_RTOL = 1e-6
+
+
+def planned_path(plan: Plan) -> Array:
+    """Positions in N over the whole flight as planned, evenly spaced in time, shape (m, n, 3) [m].
+
+    Straight lines where the trajectory cannot be integrated to its end.
+    """
+    times = np.linspace(0.0, plan.scenario.duration_s, trail_points(plan.n))
+    start = np.broadcast_to(plan.deployment.r0_N, plan.deployment.v0_N.shape)
+    try:
+        return propagate(plan.environment.acceleration_N, start, plan.deployment.v0_N, times, rtol=PATH_RTOL)[0]
+    except MissionError:
+        return start + times[:, None, None] * plan.deployment.v0_N
+
+
+#: Pictures per second of a live view.
+RATE = 30.0
+#: Speeds to choose from: seconds of flight per second.
+SPEEDS = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
+
+
+class Trail:
+    """Positions passed so far, at even steps of the flight."""
+
+    def __init__(self, plan: Plan) -> None:
+        self._step = plan.scenario.duration_s / trail_points(plan.n)
+        self._times: list[float] = []
+        self._points: list[Array] = []
+
+    def to(self, t: float, r_BN_N: Array) -> Array:
+        """The trail that ends at `r_BN_N` (n, 3) [m] at time `t` [s], shape (m, n, 3); forgets what lies after `t`."""
+        while self._times and self._times[-1] >= t:
+            self._times.pop()
+            self._points.pop()
+        past = [*self._points, r_BN_N]
+        if not self._times or t - self._times[-1] >= self._step:
+            self._times.append(t)
+            self._points.append(r_BN_N.copy())
+        return np.array(past)
+
+
+class LiveFlight:
+    """A simulation that is flown while one looks on.
+
+    Pictures are judged by ray casting, by the scenario's criterion, at the times of `swarm_mj.flight.simulate.observe_flight`.
+
+    Args:
+        plan: What to fly.
+    """
+
+    def __init__(self, plan: Plan) -> None:
+        self.plan = plan
+        self._observer = RayCastObserver(plan.region, camera_from(plan.scenario))
+        self._criterion = criterion_from(plan.scenario)
+        self._every = round(plan.scenario.observation.interval_s / plan.scenario.control.period_s)
+        self._visit = round(plan.scenario.design.time_of_flight_s / plan.scenario.control.period_s)
+        self._last = round(plan.scenario.duration_s / plan.scenario.control.period_s)
+        self.restart()
+
+    def restart(self) -> None:
+        """Go back to the deployment."""
+        self._simulation = make_simulation(self.plan)
+        self._coverage = CoverageMap(self.plan.region.area, self.plan.n)
+        self._trail = Trail(self.plan)
+        self._decide()
+
+    @property
+    def over(self) -> bool:
+        """Whether the flight has reached its end."""
+        return self._simulation.tick >= self._last
+
+    @property
+    def time(self) -> float:
+        """Time past the epoch [s]."""
+        return self._simulation.time
+
+    @property
+    def period(self) -> float:
+        """Time of one step [s]."""
+        return self._simulation.period
+
+    def step(self) -> None:
+        """Fly one control period on; nothing happens after the end.
+
+        Raises:
+            SimulationError: The flight diverged.
+        """
+        if not self.over:
+            self._simulation.advance()
+            self._decide()
+
+    def instant(self) -> Instant:
+        """What there is to draw now."""
+        state, _ = self._simulation.model.state(self._simulation.data)
+        r_BN_N = state[:, :3].copy()
+        return Instant(
+            t=self.time,
+            r_BN_N=r_BN_N,
+            C_BN=dcm(mrp_from_quaternion(state[:, 3:7])),
+            C_AN=self.plan.environment.C_AN(self.time),
+            kind=self._targets.kind.copy(),
+            tracked=self._targets.spacecraft.copy(),
+            link=None,
+            seen=self._coverage.seen,
+            trail_N=self._trail.to(self.time, r_BN_N),
+            lost=self._simulation.lost.copy(),
+            blind=~self._simulation.camera_on,
+        )
+
+    def _decide(self) -> None:
+        self._targets: Targets = self._simulation.decide()
+        tick, visit_only = self._simulation.tick, self.plan.scenario.observation.criterion == "visit"
+        if tick == self._visit or (not visit_only and tick % self._every == 0):
+            self._take_pictures()
+
+    def _take_pictures(self) -> None:
+        now = self.instant()
+        sun_A = now.C_AN @ self.plan.environment.sun.at(now.t)
+        for j in np.flatnonzero(now.looks_at_body[: self.plan.n_observers]):
+            seen = observe(self._observer, now.C_AN @ now.r_BN_N[j], now.C_BN[j] @ now.C_AN.T, self._criterion, sun_A)
+            self._coverage.add(now.t, int(j), seen)
+
+
+class Player:
+    """Flies a live flight at a chosen speed; what is shown is taken from `now`.
+
+    Args:
+        flight: What to fly.
+        speed: Seconds of flight per second.
+
+    Attributes:
+        paused: Whether the flight stands still.
+        speed: Seconds of flight per second.
+        restart_asked: Whether to begin again at the next step.
+        now: What there is to draw; replaced as a whole, so that other threads may read it.
+    """
+
+    def __init__(self, flight: LiveFlight, speed: float) -> None:
+        self.flight, self.speed, self.paused, self.restart_asked = flight, speed, False, False
+        self.now = flight.instant()
+        self._due = 0.0
+
+    def advance(self, elapsed: float, budget: float) -> None:
+        """Fly on by the time that passed.
+
+        Args:
+            elapsed: Time since the last call [s].
+            budget: Time to spend at most [s]; a machine too slow for the speed flies slower.
+
+        Raises:
+            SimulationError: The flight diverged.
+        """
+        if self.restart_asked:
+            self.restart_asked, self._due = False, 0.0
+            self.flight.restart()
+        if not self.paused:
+            self._due += elapsed * self.speed
+            give_up = perf_counter() + budget
+            while self._due >= self.flight.period and not self.flight.over and perf_counter() < give_up:
+                self.flight.step()
+                self._due -= self.flight.period
+            self._due = min(self._due, self.flight.period)
+        self.now = self.flight.instant()
+
+    def change_speed(self, steps: int) -> None:
+        """Choose the next faster (1) or slower (-1) of the speeds."""
+        nearest = min(range(len(SPEEDS)), key=lambda k: abs(SPEEDS[k] - self.speed))
+        self.speed = SPEEDS[int(np.clip(nearest + steps, 0, len(SPEEDS) - 1))]
+
+
+def pace(player: Player, go_on: Callable[[], bool], show: Callable[[], None]) -> None:
+    """Fly and show pictures at an even rate.
+
+    Args:
+        player: The flight.
+        go_on: Asked before every picture; False ends it.
+        show: Shows what there is to draw now.
+    """
+    last = perf_counter()
+    while go_on():
+        start = perf_counter()
+        player.advance(start - last, 0.5 / RATE)
+        last = start
+        show()
+        sleep(max(0.0, 1.0 / RATE - (perf_counter() - start)))

@@ -1,0 +1,213 @@
+"""The model that is drawn: the body with its painted target, magnified spacecraft, the Sun's light; nothing moves by itself.
+
+World frame N, metres. Everything hangs on mocap bodies: `place` puts them where an instant says. Spacecraft are the parts
+of the CubeSat's MJCF, magnified, since at true size they would be far smaller than a pixel.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from swarm_mj.flight.plan import Plan
+from swarm_mj.flight.simulate import camera_from
+from swarm_mj.io.resources import asset_path
+from swarm_mj.observation.camera import CameraModel
+from swarm_mj.rendering.atlas import Atlas
+from swarm_mj.rendering.frame import Instant
+
+#: Groups of geoms, to be hidden in the view of a camera.
+BODY_GROUP, SPACECRAFT_GROUP = 0, 1
+#: Light besides the Sun's, so that the night side and what is painted on it can be made out.
+AMBIENT = 0.24
+#: Light of the spacecraft themselves: their panels are dark.
+GLOW = 0.35
+#: Vertical field of view of the overview and the chase camera [deg].
+FIELD_OF_VIEW_DEG = 32.0
+#: Clipping planes over the body's radius. The first camera to be cut off would be one that skims the ground.
+NEAR, FAR = 5e-4, 40.0
+#: Spacecraft in greater number are drawn as plain boxes.
+MAX_DETAILED = 60
+#: Corners of a square field of view, and of what stands for a round one.
+SQUARE = ((-1, -1), (1, -1), (1, 1), (-1, 1))
+ROUND_CORNERS = 24
+
+
+@dataclass(frozen=True, eq=False)
+class DrawingModel:
+    """A compiled model and the places of its parts.
+
+    Attributes:
+        mjmodel: The model.
+        data: Its state.
+        atlas: What is painted on the body.
+        texture: Id of the texture that shows it.
+        body: Mocap id of the body.
+        spacecraft: Mocap ids of the spacecraft, shape (n,).
+        cameras: Ids of the spacecraft's cameras, shape (n,).
+        rim_B: Corners of the camera's field of view in B at unit distance along +z, counter-clockwise seen from the
+            spacecraft's far side, shape (k, 3).
+        magnification: How many times larger than they are spacecraft are drawn.
+    """
+
+    mjmodel: mujoco.MjModel
+    data: mujoco.MjData
+    atlas: Atlas
+    texture: int
+    body: int
+    spacecraft: NDArray[np.int64]
+    cameras: NDArray[np.int64]
+    rim_B: NDArray[np.float64]
+    magnification: float
+
+    def place(self, instant: Instant) -> bool:
+        """Move everything to an instant; tells whether the texture has to be uploaded again."""
+        data = self.data
+        mujoco.mju_mat2Quat(data.mocap_quat[self.body], np.ascontiguousarray(instant.C_AN.T).ravel())
+        data.mocap_pos[self.spacecraft] = instant.r_BN_N
+        for mocap, C_BN in zip(self.spacecraft, instant.C_BN, strict=True):
+            mujoco.mju_mat2Quat(data.mocap_quat[mocap], np.ascontiguousarray(C_BN.T).ravel())
+        data.time = instant.t
+        mujoco.mj_kinematics(self.mjmodel, data)
+        mujoco.mj_camlight(self.mjmodel, data)
+        changed = self.atlas.show(instant.seen)
+        if changed:
+            start = self.mjmodel.tex_adr[self.texture]
+            self.mjmodel.tex_data[start : start + self.atlas.image.size] = self.atlas.image.reshape(-1)
+        return changed
+
+
+def build_drawing_model(plan: Plan, magnification: float, width: int = 640, height: int = 480) -> DrawingModel:
+    """Compile the model of a plan.
+
+    Args:
+        plan: Body, target, Sun and spacecraft.
+        magnification: How many times larger than they are spacecraft are drawn.
+        width: Of the largest picture [pixel].
+        height: Of the largest picture [pixel].
+    """
+    atlas = Atlas(plan.region)
+    spec = mujoco.MjSpec()
+    _look(spec, plan, width, height)
+    _add_body(spec, plan, atlas)
+    for name in plan.names:
+        _add_spacecraft(spec, name, plan, magnification)
+    model = spec.compile()
+    return DrawingModel(
+        mjmodel=model,
+        data=mujoco.MjData(model),
+        atlas=atlas,
+        texture=model.texture("target").id,
+        body=int(model.body("asteroid").mocapid[0]),
+        spacecraft=np.array([model.body(name).mocapid[0] for name in plan.names]),
+        cameras=np.array([model.camera(name).id for name in plan.names]),
+        rim_B=_rim(camera_from(plan.scenario)),
+        magnification=magnification,
+    )
+
+
+def _rim(camera: CameraModel) -> NDArray[np.float64]:
+    angle = 2.0 * np.pi * np.arange(ROUND_CORNERS) / ROUND_CORNERS
+    circle = np.stack((np.cos(angle), np.sin(angle)), axis=1)
+    flat = np.array(SQUARE, np.float64) if camera.shape == "square" else circle
+    return np.hstack((camera.tan_half_angle * flat, np.ones((len(flat), 1))))
+
+
+def _look(spec: mujoco.MjSpec, plan: Plan, width: int, height: int) -> None:
+    visual, radius = spec.visual, plan.shape.max_radius
+    spec.stat.extent, spec.stat.center = radius, np.zeros(3)
+    visual.map.znear, visual.map.zfar = NEAR, FAR
+    visual.global_.offwidth, visual.global_.offheight = width, height
+    visual.global_.fovy = FIELD_OF_VIEW_DEG
+    visual.quality.shadowsize, visual.quality.offsamples = 0, 4
+    visual.headlight.ambient, visual.headlight.diffuse = np.full(3, AMBIENT), np.zeros(3)
+    visual.headlight.specular = np.zeros(3)
+    sun_N = plan.environment.sun.position / np.linalg.norm(plan.environment.sun.position)
+    spec.worldbody.add_light(
+        name="sun",
+        type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
+        dir=-sun_N,
+        pos=3.0 * radius * sun_N,
+        ambient=np.zeros(3),
+        diffuse=np.full(3, 0.9),
+        specular=np.full(3, 0.1),
+        castshadow=False,
+    )
+
+
+def _add_body(spec: mujoco.MjSpec, plan: Plan, atlas: Atlas) -> None:
+    region = plan.region
+    coordinates, index = atlas.coordinates(region)
+    spec.add_mesh(
+        name="asteroid",
+        uservert=region.vertices.ravel(),
+        userface=region.faces.ravel(),
+        usernormal=_normals(plan).ravel(),
+        userfacenormal=region.faces.ravel(),
+        usertexcoord=coordinates.ravel(),
+        userfacetexcoord=index.ravel(),
+    ).inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
+    texture = spec.add_texture(name="target", type=mujoco.mjtTexture.mjTEXTURE_2D)
+    texture.width, texture.height, texture.nchannel = atlas.width, atlas.width, 3
+    texture.data = atlas.image.tobytes()
+    material = spec.add_material(name="asteroid", rgba=[1, 1, 1, 1], specular=0.0, shininess=0.0)
+    material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "target"
+    spec.worldbody.add_body(name="asteroid", mocap=True).add_geom(
+        name="asteroid",
+        type=mujoco.mjtGeom.mjGEOM_MESH,
+        meshname="asteroid",
+        material="asteroid",
+        group=BODY_GROUP,
+        contype=0,
+        conaffinity=0,
+    )
+
+
+def _normals(plan: Plan) -> NDArray[np.float64]:
+    """Normals at the vertices of the cut mesh, shape (V, 3): those of the body, interpolated where it was cut.
+
+    The cut mesh's own would show every cut as a crease.
+    """
+    region, shape = plan.region, plan.shape
+    normals = np.empty_like(region.vertices)
+    normals[: len(shape.vertices)] = shape.vertex_normals
+    new = np.arange(len(shape.vertices), len(region.vertices))
+    face_of = np.empty(len(region.vertices), np.intp)
+    face_of[region.faces] = region.parent[:, None]
+    corner = shape.faces[face_of[new]]
+    a, b, c = np.moveaxis(shape.vertices[corner], 1, 0)
+    double = np.cross(b - a, c - a)
+    scale = np.einsum("ij,ij->i", double, double)
+    p = region.vertices[new]
+    second = np.einsum("ij,ij->i", np.cross(p - a, c - a), double) / scale
+    third = np.einsum("ij,ij->i", np.cross(b - a, p - a), double) / scale
+    shares = np.stack((1.0 - second - third, second, third), axis=1)
+    normals[new] = np.einsum("ij,ijk->ik", shares, shape.vertex_normals[corner])
+    return normals / np.linalg.norm(normals, axis=1, keepdims=True)
+
+
+def _add_spacecraft(spec: mujoco.MjSpec, name: str, plan: Plan, magnification: float) -> None:
+    """A mocap body with the geoms of the CubeSat's hub, magnified, and its camera at true place."""
+    part = mujoco.MjModel.from_xml_path(str(asset_path("mjcf/cubesat.xml")))
+    stretch = np.array(plan.properties.size) / (2.0 * part.geom("bus").size)
+    body = spec.worldbody.add_body(name=name, mocap=True)
+    for k in np.flatnonzero(part.geom_bodyid == part.body("cubesat").id):
+        if plan.n > MAX_DETAILED and k != part.geom("bus").id:
+            continue
+        colour = part.mat_rgba[part.geom_matid[k]]
+        body.add_geom(
+            type=part.geom_type[k],
+            size=magnification
+            * part.geom_size[k]
+            * (stretch if part.geom_type[k] == mujoco.mjtGeom.mjGEOM_BOX else 1.0),
+            pos=magnification * part.geom_pos[k] * stretch,
+            quat=part.geom_quat[k],
+            rgba=np.append(GLOW + (1.0 - GLOW) * colour[:3], 1.0),
+            group=SPACECRAFT_GROUP,
+            contype=0,
+            conaffinity=0,
+        )
+    body.add_camera(name=name, quat=[0, 1, 0, 0], fovy=2.0 * plan.scenario.camera.half_angle_deg)

@@ -1,0 +1,177 @@
+"""Pictures of a flight: one instant through one of the cameras, with words."""
+
+from __future__ import annotations
+
+from functools import partial
+from types import TracebackType
+from typing import Self
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from swarm_mj.errors import OutputError
+from swarm_mj.flight.plan import Plan
+from swarm_mj.mission.behaviors import TargetKind
+from swarm_mj.rendering.cameras import OVERVIEW, FreeView, chase, magnification_for, overview
+from swarm_mj.rendering.canvas import Box, Canvas, Projection
+from swarm_mj.rendering.decorations import decorate, sights
+from swarm_mj.rendering.frame import Instant
+from swarm_mj.rendering.layout import LEAST_SIDE, MOST_SIDE, layout_of
+from swarm_mj.rendering.model import build_drawing_model
+from swarm_mj.rendering.overlay import MAX_NAMED, Corner, Lettering, Line, clock, deed, roles
+from swarm_mj.rendering.palette import MODES, TEXT
+
+Array = NDArray[np.float64]
+Pixels = NDArray[np.uint8]
+
+#: Height of a picture in which lines have their nominal width [pixel].
+NOMINAL_HEIGHT = 600
+#: Brightness, of 255, of what a camera sees at least where it sees anything.
+DARK = 8
+#: Distance at which the chase camera's magnification is taken, over the swarm's median distance to the body.
+CHASE_SCALE = 0.7
+
+
+class Drawing:
+    """Draws instants of one flight; holds one OpenGL context until closed. A context manager.
+
+    Args:
+        plan: What is flown.
+        path_N: Positions over the whole flight, which the overview holds, shape (m, n, 3) [m].
+        camera: `overview`, `chase`, `split`, or `sc1`, `sc2`, ...
+        width: [pixel].
+        height: [pixel].
+        note: Stands beside the time.
+
+    Raises:
+        OutputError: There is no camera of that name, or the size is out of range.
+        ObserverError: OpenGL cannot be loaded here.
+    """
+
+    def __init__(
+        self, plan: Plan, path_N: Array, *, camera: str = OVERVIEW, width: int = 640, height: int = 480, note: str = ""
+    ) -> None:
+        if not (LEAST_SIDE <= width <= MOST_SIDE and LEAST_SIDE <= height <= MOST_SIDE):
+            raise OutputError(f"size {width}x{height}: both sides must be {LEAST_SIDE} to {MOST_SIDE} pixels")
+        self._plan, self._path_N = plan, path_N
+        self._layout = layout_of(camera, plan.n, plan.n_observers, width, height)
+        main = self._layout.main
+        self._overview = None if main is None else overview(plan, path_N, main.width / main.height)
+        self._note = note
+        self._model = build_drawing_model(plan, self._magnification(), width, height)
+        self._canvas = Canvas(self._model, width, height)
+        self._panel: Corner | None = None
+        self._line_scale = max(1.0, height / NOMINAL_HEIGHT)
+
+    def draw(self, instant: Instant) -> Pixels:
+        """A picture of an instant, shape (height, width, 3)."""
+        if self._model.place(instant):
+            self._canvas.upload()
+        self._canvas.clear()
+        projection = None if self._layout.main is None else self._draw_swarm(instant, self._layout.main)
+        cameras = {
+            j: self._canvas.view(self._camera_of(j), box, spacecraft=False) for j, box in self._layout.cameras.items()
+        }
+        return self._write(self._canvas.read(), instant, projection, cameras)
+
+    def close(self) -> None:
+        """Release the OpenGL context; may be called again."""
+        self._canvas.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _magnification(self) -> float:
+        if self._overview is None:
+            return 1.0
+        if not self._layout.chase:
+            return magnification_for(self._plan, self._overview.distance)
+        return magnification_for(self._plan, CHASE_SCALE * float(np.median(np.linalg.norm(self._path_N, axis=2))))
+
+    def _draw_swarm(self, instant: Instant, box: Box) -> Projection:
+        view = self._view(instant, box)
+        lines = partial(decorate, model=self._model, instant=instant, width_scale=self._line_scale)
+        return self._canvas.view(view.camera(), box, decorate=lambda next_geom: lines(next_geom))
+
+    def _view(self, instant: Instant, box: Box) -> FreeView:
+        if self._overview is None or self._layout.chase:
+            return chase(self._plan, instant, box.width / box.height)
+        return self._overview
+
+    def _camera_of(self, j: int) -> mujoco.MjvCamera:
+        camera = mujoco.MjvCamera()
+        camera.type, camera.fixedcamid = mujoco.mjtCamera.mjCAMERA_FIXED, int(self._model.cameras[j])
+        return camera
+
+    def _write(
+        self, pixels: Pixels, instant: Instant, projection: Projection | None, cameras: dict[int, Projection]
+    ) -> Pixels:
+        lettering, names = Lettering(pixels), self._plan.names
+        labels = list(zip(names, instant.colours, strict=True))
+        lines, share = self._lines(instant), self._share(instant)
+        box = Box(0, 0, pixels.shape[1], pixels.shape[0]) if projection is None else projection.box
+        legend = lettering.legend_height(self._scale, box)
+        lettering.panel(lines, box, self._corner(lettering, lines, projection, legend), share, legend)
+        if projection is not None:
+            lettering.legend(self._scale, projection.box)
+            if instant.n <= MAX_NAMED:
+                lettering.names(instant.r_BN_N, labels, projection)
+            self._name_sights(lettering, instant, projection)
+        for j, view in cameras.items():
+            lettering.caption(f"{names[j]} {deed(instant, names, j)}", view.box, labels[j][1])
+            others = np.delete(np.arange(instant.n), j)
+            if instant.n <= MAX_NAMED:
+                lettering.names(instant.r_BN_N[others], [labels[k] for k in others], view, dots=True)
+            if _is_dark(pixels, view.box) and not view.place(instant.r_BN_N[others])[1].any():
+                lettering.remark("nothing in view", view.box)
+        return lettering.pixels
+
+    def _name_sights(self, lettering: Lettering, instant: Instant, projection: Projection) -> None:
+        """Say of lines of sight that end at nothing in the picture where they lead: those to Earth."""
+        to_earth = (instant.kind == TargetKind.EARTH) & instant.works
+        if instant.n <= MAX_NAMED and to_earth.any():
+            starts, tips = instant.r_BN_N[to_earth], sights(instant, self._plan.shape.max_radius)[1][to_earth]
+            label = ("to Earth", MODES[TargetKind.EARTH])
+            lettering.line_names(starts, tips, label, projection, instant.r_BN_N)
+
+    def _corner(self, lettering: Lettering, lines: list[Line], projection: Projection | None, legend: int) -> Corner:
+        """Where the panel hides least of the flight: a fixed corner of the view, the upper left one at best."""
+        if projection is None or self._layout.chase:
+            return Corner()
+        if self._panel is None:
+            view = projection
+            places, _ = view.place(np.vstack((self._path_N.reshape(-1, 3), self._plan.shape.vertices)))
+
+            def hidden(corner: Corner) -> int:
+                box = lettering.panel_box(lines, view.box, corner, legend)
+                inside = (places >= (box.left, box.top)) & (places < (box.left + box.width, box.top + box.height))
+                return int(inside.all(axis=1).sum())
+
+            self._panel = min((Corner(right, below) for below in (False, True) for right in (False, True)), key=hidden)
+        return self._panel
+
+    @property
+    def _scale(self) -> str:
+        return f"spacecraft drawn {self._model.magnification:,.0f} times as large"
+
+    def _share(self, instant: Instant) -> float:
+        region = self._plan.region
+        return float(region.area[instant.seen].sum() / region.total_area)
+
+    def _lines(self, instant: Instant) -> list[Line]:
+        title = f"{clock(instant.t)}   {self._note}"
+        lines: list[Line] = [(title, TEXT), (f"{100.0 * self._share(instant):.1f} % observed", TEXT)]
+        if self._layout.main is not None:
+            lines += roles(instant, self._plan.names)
+        return lines
+
+
+def _is_dark(pixels: Pixels, box: Box) -> bool:
+    """Whether a part of a picture shows nothing but the sky."""
+    return int(pixels[box.top : box.top + box.height, box.left : box.left + box.width].max()) < DARK

@@ -1,0 +1,134 @@
+"""A recorded flight at any time: what lies between two samples of telemetry is interpolated.
+
+Positions follow the cubic through both samples' positions and velocities, attitudes the shortest turn at constant rate
+(slerp), the body its rotation law. Modes and links hold from one sample to the next. Cells fill at the times at which the
+run first observed them.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+from scipy.interpolate import CubicHermiteSpline
+from scipy.spatial.transform import Rotation
+
+from swarm_mj.errors import OutputError, SwarmError
+from swarm_mj.flight.plan import Plan, make_plan
+from swarm_mj.rendering.frame import Instant
+from swarm_mj.scenarios.loading import load_scenario
+from swarm_mj.simulator.telemetry import read_telemetry
+from swarm_mj.spacecraft.attitude.mrp import quaternion_from_mrp
+
+Array = NDArray[np.float64]
+
+#: Corners of a trail, and of all trails together; a flyby bends little.
+TRAIL_POINTS, ALL_TRAIL_POINTS = 60, 600
+
+
+def trail_points(n: int) -> int:
+    """Corners of the trail of one of n spacecraft over a whole flight."""
+    return int(np.clip(ALL_TRAIL_POINTS // n, 8, TRAIL_POINTS))
+
+
+class Replay:
+    """A flight to be drawn.
+
+    Args:
+        plan: The plan that was flown.
+        telemetry: Its telemetry.
+        first_seen_s: Time at which each cell was first observed [s], NaN for never, shape (n_cells,).
+
+    Raises:
+        OutputError: The telemetry or the cells are not those of the plan.
+    """
+
+    def __init__(self, plan: Plan, telemetry: xr.Dataset, first_seen_s: Array) -> None:
+        if telemetry.sizes["spacecraft"] != plan.n or len(first_seen_s) != plan.region.n_cells:
+            raise OutputError(
+                f"{telemetry.sizes['spacecraft']} spacecraft and {len(first_seen_s)} target cells were recorded, but the "
+                f"scenario now gives {plan.n} and {plan.region.n_cells}: fly it again with this version"
+            )
+        self.plan, self.times = plan, telemetry["time"].values
+        self._first_seen_s = first_seen_s
+        self._position = CubicHermiteSpline(self.times, telemetry["r_BN_N"].values, telemetry["v_BN_N"].values)
+        self._q_BN = quaternion_from_mrp(telemetry["sigma_BN"].values)
+        self._kind = telemetry["mode"].values.astype(np.int64)
+        self._tracked = telemetry["tracked_spacecraft"].values.astype(np.int64)
+        self._link = _flags(telemetry, "link_closed")
+        self._works = _flags(telemetry, "operational")
+        self._camera_on = _flags(telemetry, "camera_on")
+        self._trail_times = np.linspace(self.times[0], self.times[-1], trail_points(plan.n))
+        self._trail_N = self._position(self._trail_times)
+
+    @property
+    def duration(self) -> float:
+        """Time from the first sample to the last [s]."""
+        return float(self.times[-1] - self.times[0])
+
+    @property
+    def path_N(self) -> Array:
+        """Positions over the whole flight, shape (m, n, 3) [m]."""
+        return self._trail_N
+
+    def at(self, t: float) -> Instant:
+        """The flight at time `t` [s], held at its ends."""
+        t = float(np.clip(t, self.times[0], self.times[-1]))
+        k = int(np.clip(np.searchsorted(self.times, t, side="right") - 1, 0, len(self.times) - 1))
+        r_BN_N = self._position(t)
+        with np.errstate(invalid="ignore"):
+            seen = self._first_seen_s <= t
+        return Instant(
+            t=t,
+            r_BN_N=r_BN_N,
+            C_BN=self._attitudes(t, k),
+            C_AN=self.plan.environment.C_AN(t),
+            kind=self._kind[k],
+            tracked=self._tracked[k],
+            link=None if self._link is None else self._link[k],
+            lost=None if self._works is None else ~self._works[k],
+            blind=None if self._camera_on is None else ~self._camera_on[k],
+            seen=seen,
+            trail_N=np.concatenate((self._trail_N[self._trail_times < t], r_BN_N[None])),
+        )
+
+    def _attitudes(self, t: float, k: int) -> Array:
+        before = Rotation.from_quat(self._q_BN[k], scalar_first=True)
+        if k + 1 < len(self.times):
+            share = (t - self.times[k]) / (self.times[k + 1] - self.times[k])
+            turn = before.inv() * Rotation.from_quat(self._q_BN[k + 1], scalar_first=True)
+            before = before * Rotation.from_rotvec(share * turn.as_rotvec())
+        return before.as_matrix().transpose(0, 2, 1)
+
+
+def _flags(telemetry: xr.Dataset, name: str) -> NDArray[np.bool_] | None:
+    """A variable of flags, shape (t, n); None where the flight has none."""
+    return telemetry[name].values.astype(bool) if name in telemetry else None
+
+
+def load_replay(folder: Path) -> Replay:
+    """The flight recorded in a result folder of `swarm-mj run`.
+
+    Raises:
+        OutputError: The folder is not a run's, or its files are damaged or of another version.
+    """
+    try:
+        missing = [name for name in ("scenario.yaml", "telemetry.nc", "coverage.npz") if not (folder / name).is_file()]
+    except OSError as error:
+        raise OutputError(f"{folder}: cannot be read ({error.strerror})") from None
+    if missing:
+        raise OutputError(
+            f"{folder}: is not the result of a run ({missing[0]} is missing); give a folder that `swarm-mj run` wrote"
+        )
+    try:
+        plan = make_plan(load_scenario(folder / "scenario.yaml"), check_separation=False)
+        telemetry = read_telemetry(folder / "telemetry.nc")
+        with np.load(folder / "coverage.npz", allow_pickle=False) as arrays:
+            first_seen_s = arrays["first_seen_s"]
+        return Replay(plan, telemetry, first_seen_s)
+    except SwarmError as error:
+        raise OutputError(f"{folder}: {error}") from error
+    except Exception as error:  # HDF5, zipfile, zlib and numpy each have their own for a broken file
+        raise OutputError(f"{folder}: cannot be read ({type(error).__name__}: {error}); fly it again") from error

@@ -1,0 +1,183 @@
+"""The command `swarm-mj view`: a flight in MuJoCo's own viewer, with speed, pause and the drawing of the videos.
+
+Where a display exists this is MuJoCo's native viewer, elsewhere its web viewer, which a browser on this machine opens.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import threading
+import warnings
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any
+
+import mujoco
+from rich.console import Console
+
+from swarm_mj.errors import ObserverError, OutputError
+from swarm_mj.flight.plan import make_plan
+from swarm_mj.rendering.cameras import magnification_for, overview
+from swarm_mj.rendering.decorations import decorate
+from swarm_mj.rendering.live import SPEEDS, LiveFlight, Player, pace, planned_path
+from swarm_mj.rendering.model import DrawingModel, build_drawing_model
+from swarm_mj.rendering.overlay import clock, roles
+from swarm_mj.scenarios.schema import Scenario
+
+#: Time that the window may take to close [s].
+CLOSING_S = 10.0
+#: Width of the window over its height, for which the first view is chosen.
+ASPECT = 1.5
+#: Keys of the native viewer, by GLFW's codes.
+PAUSE, FASTER, SLOWER, RESTART = (32,), (61, 334), (45, 333), (82,)
+HELP = "space pause, + and - speed, R restart, mouse turns and zooms, [ and ] cameras"
+
+
+def run_view(
+    scenario: Scenario, *, speed: float = 10.0, web: bool = False, port: int = 0, host: str | None = None
+) -> None:
+    """Fly a scenario in a viewer until that is closed.
+
+    Args:
+        scenario: What to fly.
+        speed: Seconds of flight per second at the start.
+        web: Use the web viewer even where a display exists; so does a port or a host.
+        port: Of the web viewer; 0: the first free one from 8080.
+        host: Address on which the web viewer listens; None: 127.0.0.1, for browsers on this machine alone.
+
+    Raises:
+        SwarmError: The scenario cannot be flown.
+        ObserverError: No viewer can be opened here.
+        OutputError: The speed or the port is out of range.
+    """
+    if not SPEEDS[0] <= speed <= SPEEDS[-1]:
+        raise OutputError(f"speed {speed:g}: must be {SPEEDS[0]:g} to {SPEEDS[-1]:g} seconds of flight per second")
+    if in_browser := web or port != 0 or host is not None or not has_display():
+        from swarm_mj.rendering.web_viewer import LOOPBACK, check_address, show_in_browser
+
+        check_address(host or LOOPBACK, port)
+    console = Console()
+    console.print(f"{scenario.name}: preparing the flight (compiles on first use)", markup=False, highlight=False)
+    plan = make_plan(scenario)
+    player = Player(LiveFlight(plan), speed)
+    view = overview(plan, planned_path(plan), ASPECT)
+    model = build_drawing_model(plan, magnification_for(plan, view.distance))
+    model.place(player.now)
+    if in_browser:
+        with suppress(KeyboardInterrupt):  # the way to end it
+            show_in_browser(model, player, view, port, host or LOOPBACK)
+        return
+    console.print(HELP, markup=False, highlight=False)
+    with suppress(KeyboardInterrupt):
+        show_in_window(model, player, view.camera())
+
+
+def has_display() -> bool:
+    """Whether a window can be opened; on macOS MuJoCo's needs its own launcher, mjpython."""
+    if sys.platform == "linux":
+        return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+    return sys.platform != "darwin" or "MJPYTHON_BIN" in os.environ
+
+
+def show_in_window(
+    model: DrawingModel, player: Player, camera: mujoco.MjvCamera, go_on: Callable[[], bool] = lambda: True
+) -> None:
+    """Show a flight in MuJoCo's native viewer until its window is closed.
+
+    Args:
+        model: What is drawn.
+        player: The flight.
+        camera: From where at first.
+        go_on: Asked before every picture; False closes the window.
+
+    Raises:
+        ObserverError: No window can be opened.
+    """
+    _check_window()
+    import mujoco.viewer
+
+    others = set(threading.enumerate())
+    handle = mujoco.viewer.launch_passive(
+        model.mjmodel, model.data, key_callback=_keys(player), show_left_ui=False, show_right_ui=False
+    )
+    try:
+        with handle:
+            with handle.lock():
+                handle.cam.lookat[:], handle.cam.distance = camera.lookat, camera.distance
+                handle.cam.azimuth, handle.cam.elevation = camera.azimuth, camera.elevation
+            pace(player, lambda: handle.is_running() and go_on(), lambda: _update(handle, model, player))
+    finally:
+        # The window's thread still uses the model; if that is freed before the thread ends, the process crashes.
+        for thread in set(threading.enumerate()) - others:
+            thread.join(CLOSING_S)
+
+
+def _check_window() -> None:
+    """Refuse where no window can be opened; MuJoCo's viewer would end the process instead."""
+    try:
+        import mujoco.viewer
+
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            if mujoco.viewer.glfw.init():
+                return
+        reason = f"DISPLAY={os.environ.get('DISPLAY', '')!r}"
+    except (ImportError, RuntimeError) as error:
+        reason = str(error)
+    raise ObserverError(f"MuJoCo's viewer cannot open a window here ({reason}); use the web viewer with --web")
+
+
+def _keys(player: Player) -> Callable[[int], None]:
+    def pressed(key: int) -> None:
+        if key in PAUSE:
+            player.paused = not player.paused
+        elif key in FASTER:
+            player.change_speed(1)
+        elif key in SLOWER:
+            player.change_speed(-1)
+        elif key in RESTART:
+            player.restart_asked = True
+
+    return pressed
+
+
+def _update(handle: Any, model: DrawingModel, player: Player) -> None:
+    """Bring a window to what there is to draw now."""
+    now, scene = player.now, handle.user_scn
+    with handle.lock():
+        changed = model.place(now)
+        scene.ngeom = 0
+        geoms = scene.geoms
+
+        def next_geom() -> mujoco.MjvGeom | None:
+            if scene.ngeom >= scene.maxgeom:
+                return None
+            scene.ngeom += 1
+            return geoms[scene.ngeom - 1]
+
+        decorate(next_geom, model, now)
+    if changed:
+        handle.update_texture(model.texture)
+    left, right = status(model, player)
+    place, font = mujoco.mjtGridPos, mujoco.mjtFontScale.mjFONTSCALE_100
+    handle.set_texts(
+        [
+            (font, place.mjGRID_TOPLEFT, left, right),
+            (font, place.mjGRID_BOTTOMLEFT, HELP, ""),
+        ]
+    )
+    handle.sync()
+
+
+def status(model: DrawingModel, player: Player) -> tuple[str, str]:
+    """Two columns of lines: time, speed, observed share, and what each spacecraft does."""
+    now, plan = player.now, player.flight.plan
+    share = 100.0 * float(plan.region.area[now.seen].sum() / plan.region.total_area)
+    pace = "over" if player.flight.over else "paused" if player.paused else f"{player.speed:g} x"
+    rows = [("time", clock(now.t)), ("speed", pace), ("observed", f"{share:.1f} %")]
+    for text, _ in roles(now, plan.names):
+        who, _, what = text.partition(" ")
+        rows.append((who, what))
+    rows.append(("drawn", f"{model.magnification:,.0f} times as large"))
+    return "\n".join(row[0] for row in rows), "\n".join(row[1] for row in rows)

@@ -1,0 +1,74 @@
+"""The figures of a run, one PNG each, and a PDF of each where asked for.
+
+Every picture is composed by a function `compose_NAME(plan, telemetry, result) -> Figure` and saved under `NAME.png`. They
+use Matplotlib's Figure objects directly: no display, no global state, so that figures can be drawn in threads.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Protocol
+
+import xarray as xr
+from matplotlib.figure import Figure
+
+from swarm_mj.flight.plan import Plan
+from swarm_mj.flight.simulate import ObservationResult
+from swarm_mj.results.figures.behaviors import compose_behaviors
+from swarm_mj.results.figures.coverage import compose_coverage
+from swarm_mj.results.figures.footprints import compose_footprints
+from swarm_mj.results.figures.ground_track import compose_ground_track
+from swarm_mj.results.figures.histories import (
+    compose_pointing_error,
+    compose_tracking_error,
+    compose_wheel_momentum,
+    compose_wheel_speed,
+)
+from swarm_mj.results.figures.illumination import compose_illumination
+from swarm_mj.results.figures.links import compose_links
+from swarm_mj.results.figures.operation import compose_operation
+from swarm_mj.results.figures.style import write
+from swarm_mj.results.figures.target import compose_target
+from swarm_mj.results.figures.trajectories import compose_trajectories
+
+Compose = Callable[[Plan, xr.Dataset, ObservationResult], Figure]
+
+
+class Draw(Protocol):
+    """Writes one figure of a run."""
+
+    def __call__(
+        self, path: Path, plan: Plan, telemetry: xr.Dataset, result: ObservationResult, *, pdf: bool = False
+    ) -> None:
+        """Write the figure to `path` as PNG, and with `pdf` as PDF beside it."""
+        ...
+
+
+#: File stem of every figure and what composes it.
+COMPOSERS: dict[str, Compose] = {
+    "behaviors": compose_behaviors,
+    "trajectories": compose_trajectories,
+    "target": compose_target,
+    "tracking_error": compose_tracking_error,
+    "pointing_error": compose_pointing_error,
+    "operation": compose_operation,
+    "coverage": compose_coverage,
+    "ground_track": compose_ground_track,
+    "footprints": compose_footprints,
+    "illumination": compose_illumination,
+    "wheel_speed": compose_wheel_speed,
+    "wheel_momentum": compose_wheel_momentum,
+    "links": compose_links,
+}
+
+
+def _writer(compose: Compose) -> Draw:
+    def draw(path: Path, plan: Plan, telemetry: xr.Dataset, result: ObservationResult, *, pdf: bool = False) -> None:
+        write(compose(plan, telemetry, result), path, pdf=pdf)
+
+    return draw
+
+
+#: File stem of every figure and the function that writes it to a path, and on request beside it as PDF.
+FIGURES: dict[str, Draw] = {name: _writer(compose) for name, compose in COMPOSERS.items()}

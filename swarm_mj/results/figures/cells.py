@@ -1,0 +1,47 @@
+"""The target's cells in the plane, as seen from the body's centre: angles east and north of the target's axis."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
+from numpy.typing import NDArray
+
+from swarm_mj.mission.target import TargetRegion
+from swarm_mj.results.figures.view import shade, unit
+
+Array = NDArray[np.float64]
+
+#: More than on the whole body: here the colour tells what was seen.
+AMBIENT = 0.6
+#: With more cells than these, borders would cover the cells.
+MAX_BORDERED = 1000
+
+
+def angles(points_A: Array, axes_A: Array) -> Array:
+    """Directions of points (..., 3) as angles east and north of the target's axis, shape (..., 2) [deg].
+
+    The pyramid's side planes become the sides of a square.
+    """
+    east, north, up = np.moveaxis(points_A @ axes_A.T, -1, 0)
+    return np.degrees(np.stack((np.arctan2(east, up), np.arctan2(north, up)), axis=-1))
+
+
+def draw_cells(ax: Axes, region: TargetRegion, colours: Array) -> None:
+    """Paint the cells in given colours (n, 3), lit from the north-west so that relief shows."""
+    east, north, _ = region.axes_A
+    lamp = unit(region.area @ region.normal_A) + 0.5 * north - 0.4 * east
+    shaded = shade(colours, region.normal_A, lamp, AMBIENT)
+    bordered = region.n_cells <= MAX_BORDERED
+    ax.add_collection(
+        PolyCollection(
+            list(angles(region.corners_A, region.axes_A)),
+            facecolors=shaded,
+            edgecolors="white" if bordered else shaded,
+            linewidths=0.5 if bordered else 0.2,
+            zorder=1,
+        )
+    )
+    ax.set_aspect("equal")
+    ax.autoscale_view()
+    ax.margins(0.07)

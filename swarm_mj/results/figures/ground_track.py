@@ -1,0 +1,142 @@
+"""Ground track: the places below each spacecraft on a map of the whole body."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from numpy.typing import NDArray
+
+from swarm_mj.flight.plan import Plan
+from swarm_mj.flight.simulate import ObservationResult, visit_sample
+from swarm_mj.observation.raytracing import RayTracer
+from swarm_mj.results.figures.maps import (
+    Window,
+    draw_places,
+    draw_track,
+    latitude_longitude,
+    name_map,
+    paint,
+    survey,
+    target_outline,
+    whole_body,
+)
+from swarm_mj.results.figures.numbering import number_beside
+from swarm_mj.results.figures.panels import legend_below
+from swarm_mj.results.figures.scene import scene_from
+from swarm_mj.results.figures.style import (
+    BLACK,
+    GREEN,
+    HALO,
+    ORANGE,
+    SPACECRAFT,
+    TICK_PT,
+    instant,
+    new_figure,
+    spacecraft_colours,
+    time_axis,
+)
+from swarm_mj.results.figures.view import face_colours, unit
+
+Array = NDArray[np.float64]
+
+COLUMNS = 720
+#: Corners of a track; a flyby bends little.
+TRACK_POINTS = 1000
+#: A track is marked at about so many instants.
+TIME_MARKS = 10
+#: More spacecraft than these are not numbered: the numbers would cover each other.
+MAX_NUMBERED = 12
+
+
+def compose_ground_track(plan: Plan, telemetry: xr.Dataset, result: ObservationResult) -> Figure:
+    """The places below each spacecraft, with the target and the ground in the light of the visit."""
+    scene, mesh = scene_from(plan, telemetry), plan.region.mesh
+    visit = visit_sample(plan.scenario)
+    time, axis = scene.times[visit], time_axis(plan.scenario.duration_s)
+    figure = new_figure(5.7, f"Ground track: {plan.scenario.name}")
+    ax = figure.subplots()
+    window = whole_body(plan.scenario.target.longitude_deg)
+    C_AN = plan.environment.C_AN(time)
+    sun, earth = (unit(C_AN @ motion.at(time)) for motion in (plan.environment.sun, plan.environment.earth))
+    ground = survey(mesh, RayTracer(mesh.vertices, mesh.faces), window, COLUMNS)
+    paint(ax, ground, mesh, face_colours(mesh, []), sun)
+    draw_track(ax, target_outline(plan.region), window.centre_longitude, color=BLACK, linewidth=1.8)
+    step = mark_interval(plan.scenario.duration_s)
+    marks = np.searchsorted(scene.times, np.arange(0.0, scene.times[-1], step) - 1e-6)
+    _draw_tracks(ax, scene.r_A, marks, visit, window)
+    draw_places(ax, sun[None], window.centre_longitude, marker="*", markersize=15, color=ORANGE, mec=BLACK, zorder=6)
+    draw_places(ax, earth[None], window.centre_longitude, marker="P", markersize=9, color=GREEN, mec=BLACK, zorder=6)
+    name_map(ax, window)
+    ax.set_title(
+        f"circles and light: the visit, t = {instant(time, axis)}; without cast shadows",
+        fontsize=TICK_PT,
+        loc="left",
+    )
+    legend_below(figure, _handles(plan, instant(step, axis)))
+    return figure
+
+
+def mark_interval(duration_s: float) -> float:
+    """A round number of seconds or minutes between marks on a track [s]."""
+    steps = [m * unit_s for unit_s in (1.0, 60.0, 3600.0, 86_400.0) for m in (1, 2, 5, 10, 20, 30)]
+    return float(next((step for step in steps if step * TIME_MARKS >= duration_s), steps[-1]))
+
+
+def _draw_tracks(ax: Axes, r_A: Array, marks: NDArray[np.intp], visit: int, window: Window) -> None:
+    n = r_A.shape[1]
+    many, centre = n > len(SPACECRAFT), window.centre_longitude
+    track = np.unique(np.linspace(0, len(r_A) - 1, TRACK_POINTS).astype(int))
+    for j, colour in enumerate(spacecraft_colours(n)):
+        style = {"color": colour, "zorder": 4}
+        width = 0.8 if many else 1.8
+        draw_track(ax, r_A[track, j], centre, linewidth=width, path_effects=() if many else HALO, **style)
+        draw_places(ax, r_A[marks, j], centre, marker=".", markersize=3 if many else 6, **style)
+        draw_places(ax, r_A[visit, j : j + 1], centre, marker="o", markersize=4 if many else 7, mec="white", **style)
+        draw_places(ax, r_A[-1:, j], centre, marker="s", markersize=3 if many else 6, mec="white", **style)
+    if n <= MAX_NUMBERED:
+        tracks = [np.stack(latitude_longitude(r_A[track, j], centre)[::-1], axis=1) for j in range(n)]
+        number_places(ax, r_A[visit], centre, spacecraft_colours(n), lines=tracks)
+
+
+def number_places(
+    ax: Axes,
+    points_A: Array,
+    centre_longitude: float,
+    colours: list[str],
+    *,
+    numbers: Sequence[int] | None = None,
+    lines: Sequence[Array] = (),
+    marked: bool = True,
+) -> None:
+    """Put the number of each spacecraft beside its place (n, 3) on a map, as `number_beside` does."""
+    latitude, longitude = latitude_longitude(points_A, centre_longitude)
+    number_beside(ax, np.column_stack((longitude, latitude)), colours, numbers=numbers, lines=lines, marked=marked)
+
+
+def _handles(plan: Plan, step: str) -> list[Line2D]:
+    def mark(name: str, marker: str, size: float, colour: str = BLACK, edge: str | None = None) -> Line2D:
+        return Line2D([], [], color=colour, marker=marker, markersize=size, mec=edge, linestyle="none", label=name)
+
+    if plan.n <= len(SPACECRAFT):
+        tracks = [
+            Line2D([], [], color=colour, linewidth=1.8, label=name)
+            for name, colour in zip(plan.names, spacecraft_colours(plan.n), strict=True)
+        ]
+    else:
+        tracks = [
+            Line2D([], [], color=spacecraft_colours(plan.n)[0], linewidth=1.8, label=f"each of {plan.n} spacecraft")
+        ]
+    return [
+        *tracks,
+        mark(f"every {step}", ".", 6),
+        mark("visit", "o", 7, edge="white"),
+        mark("end", "s", 6, edge="white"),
+        Line2D([], [], color=BLACK, linewidth=1.8, label="target"),
+        mark("subsolar point", "*", 13, ORANGE, BLACK),
+        mark("sub-Earth point", "P", 8, GREEN, BLACK),
+    ]

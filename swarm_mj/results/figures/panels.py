@@ -1,0 +1,128 @@
+"""Small multiples: one panel per spacecraft over time, axes shared, modes marked, one legend below."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from math import ceil
+
+import xarray as xr
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import NullLocator
+
+from swarm_mj.flight.plan import Plan
+from swarm_mj.results.figures.modes import BAND, draw_modes, mark_handles, mode_handles
+from swarm_mj.results.figures.style import (
+    LABEL_PT,
+    SMALL_PT,
+    TICK_PT,
+    name_time,
+    new_figure,
+    note_of_omission,
+    role,
+    show_time,
+    shown_spacecraft,
+    tidy,
+    time_axis,
+)
+
+#: Samples beyond this number differ by less than a pixel.
+MAX_SAMPLES = 20_000
+
+
+@dataclass(frozen=True, kw_only=True)
+class Panels:
+    """What a figure of small multiples shows.
+
+    Attributes:
+        title: Of the figure.
+        y_label: Quantity and unit.
+        draw: Draws the curves of one spacecraft: (axes, its number from 0).
+        limits: Of the vertical axis; above them there is room for the band that names the modes.
+        handles: Legend entries of the curves.
+        log: Whether the vertical axis is logarithmic.
+    """
+
+    title: str
+    y_label: str
+    draw: Callable[[Axes, int], None]
+    limits: tuple[float, float]
+    handles: Sequence[Line2D]
+    log: bool = False
+
+
+def compose_panels(plan: Plan, telemetry: xr.Dataset, panels: Panels) -> Figure:
+    """Build a figure of small multiples."""
+    shown = shown_spacecraft(plan.n)
+    columns = _columns(len(shown))
+    rows = ceil(len(shown) / columns)
+    figure = new_figure(_height(rows), f"{panels.title}: {plan.scenario.name}{note_of_omission(plan.n, shown)}")
+    grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
+    engine = figure.get_layout_engine()
+    if engine is not None:
+        engine.set(w_pad=0.09)  # type: ignore[call-arg]
+    axis = time_axis(plan.scenario.duration_s)
+    for ax, j in zip(grid.flat, shown, strict=False):
+        panels.draw(ax, int(j))
+        draw_modes(ax, telemetry, int(j), axis, plan.scenario.design.time_of_flight_s)
+        tidy(ax)
+        ax.set_title(f"{plan.names[j]}: {role(plan, int(j))}", fontsize=TICK_PT, loc="left", pad=3)
+    first = grid[0, 0]
+    show_time(first, axis, plan.scenario.duration_s)
+    _scale(first, panels)
+    for ax in list(grid.flat)[len(shown) :]:
+        ax.set_visible(False)
+    for column in range(columns):  # an incomplete last row leaves the panel above it as the lowest
+        lowest = grid[(len(shown) - 1 - column) // columns, column]
+        lowest.tick_params(labelbottom=True)
+        name_time(lowest, axis, brief=columns > 3)
+    figure.supylabel(panels.y_label, fontsize=LABEL_PT)
+    legend_below(figure, [*panels.handles, *mark_handles(telemetry, plan.n), *mode_handles(telemetry)])
+    return figure
+
+
+def _scale(ax: Axes, panels: Panels) -> None:
+    """Set the vertical axis so that the curves keep clear of the band on top, which carries no ticks."""
+    low, high = panels.limits
+    if panels.log:
+        ax.set_yscale("log")
+        ax.set_ylim(low, low * (high / low) ** (1.0 / (1.0 - BAND)))
+        ax.yaxis.set_minor_locator(NullLocator())
+    else:
+        ax.set_ylim(low, low + (high - low) / (1.0 - BAND))
+    ax.set_yticks([tick for tick in ax.get_yticks() if low <= tick <= high])
+
+
+def every(n_samples: int) -> slice:
+    """The samples worth drawing."""
+    return slice(None, None, max(1, n_samples // MAX_SAMPLES))
+
+
+def legend_below(figure: Figure, handles: Sequence[Artist]) -> None:
+    """One legend for the whole figure, under everything else."""
+    figure.legend(
+        handles=handles,
+        loc="outside lower center",
+        ncols=_legend_columns(figure, handles),
+        fontsize=SMALL_PT + 1,
+        frameon=False,
+        handlelength=2.2,
+        columnspacing=1.8,
+    )
+
+
+def _legend_columns(figure: Figure, handles: Sequence[Artist]) -> int:
+    """As many columns as fit side by side; all get the width of the longest label at 0.075 in a letter."""
+    longest = max(len(str(handle.get_label())) for handle in handles)
+    return max(1, min(len(handles), int(figure.get_figwidth() / (0.6 + 0.075 * longest))))
+
+
+def _columns(n: int) -> int:
+    return 1 if n == 1 else 2 if n <= 4 else 3 if n <= 9 else 4
+
+
+def _height(rows: int) -> float:
+    return 1.5 + (2.6 if rows == 1 else 1.75 * rows)

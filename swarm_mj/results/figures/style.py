@@ -1,0 +1,172 @@
+"""The common look: colours, sizes, time axes, saving.
+
+Colours are those of Okabe and Ito (2008), which readers with any common colour blindness tell apart. Sizes hold when a
+picture is shown at half its size.
+"""
+
+from __future__ import annotations
+
+import os
+import threading
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib import patheffects, rc_context
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
+
+from swarm_mj.flight.plan import Plan
+
+BLACK = "#000000"
+ORANGE = "#E69F00"
+SKY_BLUE = "#56B4E9"
+GREEN = "#009E73"
+BLUE = "#0072B2"
+VERMILLION = "#D55E00"
+PURPLE = "#CC79A7"
+GREY = "#8A8A8A"
+DARK_GREY = "#6B6B6B"
+LIGHT_GREY = "#DDDDDD"
+
+#: The three components of a vector, in order.
+COMPONENTS = (BLUE, ORANGE, GREEN)
+
+#: Colours of single spacecraft, as long as they can be told apart.
+SPACECRAFT = (BLUE, ORANGE, GREEN, VERMILLION, PURPLE, SKY_BLUE)
+
+DPI = 150
+#: Of what a PDF cannot hold as lines: shaded bodies and maps.
+RASTER_DPI = 300
+WIDTH_IN = 9.0
+TITLE_PT = 12
+LABEL_PT = 10
+TICK_PT = 9
+SMALL_PT = 8
+
+#: Lets text read on any ground.
+HALO = [patheffects.withStroke(linewidth=2.5, foreground="white")]
+#: How the instant of the visit is marked.
+VISIT_DASHES = (0, (4, 2))
+
+#: More panels or rows than these no longer read on one page.
+MAX_PANELS = 20
+
+
+#: All figures of a process share Matplotlib's parser of formulas, which is not made for threads.
+_RENDERING = threading.Lock()
+
+
+class TimeAxis(NamedTuple):
+    """Unit of a time axis: seconds per unit, and its name."""
+
+    seconds: float
+    unit: str
+
+
+def time_axis(duration_s: float) -> TimeAxis:
+    """The unit in which a flight's time reads best."""
+    if duration_s < 300.0:
+        return TimeAxis(1.0, "s")
+    return TimeAxis(60.0, "min") if duration_s < 4 * 3600.0 else TimeAxis(3600.0, "h")
+
+
+def instant(t: float, axis: TimeAxis) -> str:
+    """A time [s] in words, in the unit of an axis."""
+    return f"{t / axis.seconds:.4g} {axis.unit}"
+
+
+def new_figure(height_in: float, title: str, *, width_in: float = WIDTH_IN) -> Figure:
+    """An empty figure whose parts arrange themselves."""
+    figure = Figure(figsize=(width_in, height_in), dpi=DPI, layout="constrained", facecolor="white")
+    room_pt = 72.0 * width_in / (0.68 * len(title))  # a bold letter is about 0.68 of its size wide
+    figure.suptitle(plain(title), fontsize=min(TITLE_PT, room_pt), fontweight="bold")
+    return figure
+
+
+def show_time(ax: Axes, axis: TimeAxis, duration_s: float) -> None:
+    """Let the horizontal axis of a diagram span the flight, in round numbers."""
+    ax.set_xlim(0.0, duration_s / axis.seconds)
+    ax.xaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 5, 10]))
+
+
+def name_time(ax: Axes, axis: TimeAxis, *, brief: bool = False) -> None:
+    """Name a horizontal axis of time; briefly where there is little room."""
+    label(ax, x=f"time [{axis.unit}]" if brief else f"time since deployment [{axis.unit}]")
+
+
+def plain(text: str) -> str:
+    """Text in which Matplotlib finds no formula."""
+    return text.replace("$", r"\$")
+
+
+def tidy(ax: Axes) -> None:
+    """Common look of a plain diagram."""
+    ax.tick_params(labelsize=TICK_PT, color=GREY, length=3)
+    ax.grid(True, color=LIGHT_GREY, linewidth=0.6)
+    ax.set_axisbelow(True)
+    for side in ("top", "right"):
+        ax.spines[side].set_visible(False)
+    for side in ("left", "bottom"):
+        ax.spines[side].set_color(GREY)
+
+
+def label(ax: Axes, x: str | None = None, y: str | None = None) -> None:
+    """Name the axes; every name carries its unit."""
+    if x is not None:
+        ax.set_xlabel(x, fontsize=LABEL_PT)
+    if y is not None:
+        ax.set_ylabel(y, fontsize=LABEL_PT)
+
+
+def shown_spacecraft(n: int, limit: int = MAX_PANELS) -> NDArray[np.intp]:
+    """Spacecraft that a picture has room for: all, or the first ones and the last, which may be the relay."""
+    return np.arange(n) if n <= limit else np.append(np.arange(limit - 1), n - 1)
+
+
+def note_of_omission(n: int, shown: NDArray[np.intp]) -> str:
+    """Words for the title when not all spacecraft are shown."""
+    return "" if len(shown) == n else f" ({len(shown)} of {n} spacecraft shown)"
+
+
+def spacecraft_colours(n: int) -> list[str]:
+    """A colour for each of n spacecraft: their own while they can be told apart, else one for all."""
+    return list(SPACECRAFT[:n]) if n <= len(SPACECRAFT) else [BLUE] * n
+
+
+def role(plan: Plan, j: int) -> str:
+    """What spacecraft j was sent to do."""
+    points = plan.scenario.design.visiting_points
+    return f"visits point {points[j]}" if j < plan.n_observers else "communications"
+
+
+def write(figure: Figure, path: Path, *, pdf: bool) -> None:
+    """Write a PNG to `path`, and with `pdf` a PDF beside it."""
+    save(figure, path)
+    if pdf:
+        figure.set_layout_engine("none")  # the parts stay where the first rendering put them
+        save(figure, path.with_suffix(".pdf"))
+
+
+def save(figure: Figure, path: Path) -> None:
+    """Write a PNG or a PDF, as the path's suffix says, under a temporary name, then rename it.
+
+    Equal figures give equal bytes.
+    """
+    partial = path.with_name(f".{path.name}.partial")
+    kind = path.suffix.removeprefix(".")
+    try:
+        with _RENDERING, rc_context({"pdf.fonttype": 42}):  # fonts that other programs can edit
+            figure.savefig(partial, format=kind, **_FORMATS[kind])
+        os.replace(partial, path)
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+#: What `savefig` is told by format; dates and versions would make equal figures differ.
+_FORMATS: dict[str, dict[str, Any]] = {
+    "png": {"dpi": DPI, "metadata": {"Software": None}},
+    "pdf": {"dpi": RASTER_DPI, "metadata": {"CreationDate": None, "Creator": None, "Producer": None}},
+}

@@ -1,0 +1,121 @@
+"""Trajectory finding: from the mothership to each visiting point in the time of flight (AAS 19-144, Figure 4)."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from numpy.typing import NDArray
+
+from swarm_mj.flight.plan import Plan
+from swarm_mj.flight.simulate import ObservationResult, visit_sample
+from swarm_mj.results.figures.box import box_around, draw_box
+from swarm_mj.results.figures.numbering import name_beside, number_beside
+from swarm_mj.results.figures.operation import MAX_NUMBERED, TRAIL_POINTS
+from swarm_mj.results.figures.panels import legend_below
+from swarm_mj.results.figures.scene import Scene, best_view, scene_from
+from swarm_mj.results.figures.style import (
+    BLACK,
+    BLUE,
+    GREY,
+    ORANGE,
+    SMALL_PT,
+    TICK_PT,
+    VERMILLION,
+    instant,
+    label,
+    new_figure,
+    note_of_omission,
+    role,
+    shown_spacecraft,
+    tidy,
+    time_axis,
+)
+from swarm_mj.results.figures.view import draw_body, draw_line, draw_points, face_colours
+
+#: Misses below this are not told apart [mm].
+LEAST_MISS_MM = 1e-3
+
+
+def compose_trajectories(plan: Plan, telemetry: xr.Dataset, result: ObservationResult) -> Figure:
+    """The way of each spacecraft to its visiting point, and the velocity change that starts it."""
+    scene = scene_from(plan, telemetry)
+    shown = shown_spacecraft(plan.n)
+    figure = new_figure(5.4, f"Trajectories: {plan.scenario.name}{note_of_omission(plan.n, shown)}", width_in=11.0)
+    space, bars = figure.subplots(1, 2, width_ratios=(1.35, 1.0))
+    _draw_flight(space, plan, scene)
+    _draw_velocities(bars, plan, shown)
+    handles: list[Line2D | Patch] = [
+        Line2D(
+            [], [], color=BLACK, marker="s", markersize=7, linestyle="none", label="mothership at deployment, $r_0$"
+        ),
+        Line2D(
+            [],
+            [],
+            color=VERMILLION,
+            marker="o",
+            markersize=7,
+            linestyle="none",
+            label="observers at visiting points, $r_f$",
+        ),
+    ]
+    if plan.n > plan.n_observers:
+        mean = "communications spacecraft, mean of the points"
+        handles.append(Line2D([], [], color=BLUE, marker="o", markersize=7, linestyle="none", label=mean))
+    handles += [
+        Line2D([], [], color=GREY, linewidth=1.6, label="until the visit, $t_f$"),
+        Line2D([], [], color=GREY, linewidth=1.1, linestyle=":", label="afterwards"),
+        Patch(facecolor=ORANGE, label="target"),
+    ]
+    legend_below(figure, handles)
+    return figure
+
+
+def _colour(plan: Plan, j: int) -> str:
+    return VERMILLION if j < plan.n_observers else BLUE
+
+
+def _draw_flight(ax: Axes, plan: Plan, scene: Scene) -> None:
+    mesh, region, visit = plan.region.mesh, plan.region, visit_sample(plan.scenario)
+    last = len(scene.times) - 1
+    view = best_view(region, scene, (visit, last))
+    before = np.unique(np.linspace(0, visit, TRAIL_POINTS).astype(int))
+    after = np.unique(np.linspace(visit, last, TRAIL_POINTS).astype(int))
+    draw_box(ax, view, box_around(np.vstack((mesh.vertices, scene.r_A[[0, visit, last]].reshape(-1, 3)))))
+    draw_body(ax, view, mesh, face_colours(mesh, [(region.target, ORANGE)]))
+    width = 1.4 if plan.n <= MAX_NUMBERED else 0.5
+    for j in range(plan.n):
+        colour = _colour(plan, j)
+        draw_line(ax, view, mesh, scene.r_A[before, j], color=colour, linewidth=width)
+        draw_line(ax, view, mesh, scene.r_A[after, j], color=colour, linewidth=0.8 * width, linestyle=":")
+        size = 6.5 if plan.n <= MAX_NUMBERED else 3.0
+        draw_points(ax, view, mesh, scene.r_A[visit, j : j + 1], marker="o", markersize=size, color=colour, mec="white")
+    draw_points(ax, view, mesh, scene.r_A[0, :1], marker="s", markersize=7, color=BLACK)
+    name_beside(ax, view.project(scene.r_A[0, 0]), "$r_0$", (13.0, -5.0), BLACK)
+    if plan.n <= MAX_NUMBERED:
+        ways = [view.project(scene.r_A[samples, j]) for samples in (before, after) for j in range(plan.n)]
+        colours = [_colour(plan, j) for j in range(plan.n)]
+        number_beside(ax, view.project(scene.r_A[visit]), colours, lines=ways)
+    time = instant(plan.scenario.design.time_of_flight_s, time_axis(plan.scenario.duration_s))
+    ax.set_title(f"frame A; time of flight $t_f$ = {time}", fontsize=TICK_PT, loc="left")
+
+
+def _draw_velocities(ax: Axes, plan: Plan, shown: NDArray[np.intp]) -> None:
+    """Deployment delta-v as bars."""
+    rows, delta_v = np.arange(len(shown)), plan.deployment.delta_v[shown]
+    ax.barh(rows, delta_v, color=[_colour(plan, int(j)) for j in shown], height=0.7)
+    top = float(delta_v.max()) if delta_v.max() > 1e-3 else 1.0
+    for row, value in zip(rows, delta_v, strict=True):
+        ax.text(value + 0.02 * top, float(row), f"{value:.2f}", va="center", fontsize=SMALL_PT)
+    ax.set_yticks(rows, [f"{plan.names[j]}: {role(plan, int(j))}" for j in shown])
+    ax.set_ylim(len(shown) - 0.4, -0.6)
+    ax.set_xlim(0.0, 1.2 * top)
+    tidy(ax)
+    ax.grid(False, axis="y")
+    label(ax, "deployment delta-v [m/s]")
+    miss = 1e3 * float(plan.deployment.miss_m.max())
+    missed = f"{miss:.1g} mm at most" if miss >= LEAST_MISS_MM else f"less than {LEAST_MISS_MM:g} mm"
+    ax.set_title(f"from the mothership; points missed by {missed}", fontsize=TICK_PT, loc="left")

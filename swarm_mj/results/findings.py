@@ -1,0 +1,138 @@
+"""What a reader should know before believing a run's numbers."""
+
+from __future__ import annotations
+
+from math import inf
+from typing import Any, NamedTuple
+
+from swarm_mj.flight.plan import PACKAGED_SHAPE
+from swarm_mj.results.summary import working
+from swarm_mj.scenarios.schema import Body, Scenario
+
+#: Pointing errors above this at the end or before a switch are worth a remark [deg].
+SETTLED_DEG = 0.1
+#: A turn takes about as long; who changes targets sooner cannot have settled, and need not mean to [s].
+SETTLING_S = 120.0
+#: Events that are listed one by one.
+MOST_EVENTS = 30
+#: Spacecraft that are named one by one.
+MOST_NAMES = 10
+
+
+class Late(NamedTuple):
+    """A pointing error [deg] that is worth a remark: whose, and how long the target had been held [s]."""
+
+    name: str
+    error_deg: float
+    held_s: float
+
+
+def remarks(summary: dict[str, Any]) -> list[str]:
+    """Remarks on what went wrong, pointing that had not settled and wheels at their limits, one sentence each."""
+    found = [
+        *_pointing_remarks(_at_the_end(summary), "at the end", "the flight ended"),
+        *_pointing_remarks(_before_switches(summary), "before a switch", "targets were switched again"),
+    ]
+    cut = {name: seconds for name, seconds in summary["wheel_saturation_s"].items() if seconds > 0}
+    if cut:
+        found.append(
+            f"wheel limits cut the controller's torque: {', '.join(f'{n} for {s:g} s' for n, s in cut.items())}"
+        )
+    return [*event_remarks(summary), *found]
+
+
+def _at_the_end(summary: dict[str, Any]) -> list[Late]:
+    held = summary.get("target_held_s_final", {})
+    return [
+        Late(name, error, held.get(name, inf))
+        for name, error in working(summary, "pointing_error_deg_final").items()
+        if error > SETTLED_DEG
+    ]
+
+
+def _before_switches(summary: dict[str, Any]) -> list[Late]:
+    return [
+        Late(name, switch["error_before_deg"], switch.get("target_held_s", inf))
+        for name, switches in working(summary, "mode_switches").items()
+        for switch in switches
+        if switch["error_before_deg"] > SETTLED_DEG
+    ]
+
+
+def _pointing_remarks(late: list[Late], when: str, short: str) -> list[str]:
+    """One sentence on pointing that should have settled, one on targets that were held too briefly for that."""
+    slow, brief = ([one for one in late if (one.held_s >= SETTLING_S) is so] for so in (True, False))
+    found = []
+    if slow:
+        found.append(f"pointing had not settled {when}: {_who(slow)}")
+    if brief:
+        found.append(
+            f"{short} less than {SETTLING_S:g} s after a target was chosen, while still turning: {_who(brief)}"
+        )
+    return found
+
+
+def _who(late: list[Late]) -> str:
+    names = ", ".join(dict.fromkeys(one.name for one in late))
+    return f"{names}, up to {max(one.error_deg for one in late):.3g} deg"
+
+
+def event_remarks(summary: dict[str, Any]) -> list[str]:
+    """One sentence for each fault and what followed from it, the first `MOST_EVENTS`."""
+    events = summary.get("events", ())
+    found = [
+        f"t = {event['time_s']:g} s, {event['spacecraft']}: {event['kind'].replace('_', ' ')}"
+        + (f" ({event['detail']})" if event["detail"] else "")
+        for event in events[:MOST_EVENTS]
+    ]
+    return found + (
+        [f"and {len(events) - len(found)} more events, see summary.json"] if len(events) > len(found) else []
+    )
+
+
+def near_collision_remarks(summary: dict[str, Any]) -> list[str]:
+    """One sentence for each pair that came too close."""
+    return [
+        f"near-collision of {near['spacecraft'][0]} and {near['spacecraft'][1]}, {near['distance_m']:.1f} m at "
+        f"t = {near['time_s']:.0f} s"
+        for near in summary["near_collisions"]
+    ]
+
+
+def imaging_remarks(scenario: Scenario, summary: dict[str, Any]) -> list[str]:
+    """One sentence on observers that never came inside the imaging radius, where pictures are taken."""
+    radius_km = scenario.behavior.imaging_radius_m / 1e3
+    distances = list(summary["least_distance_to_centre_km"].items())[: summary["observers"]]
+    outside = {name: distance for name, distance in distances if distance > radius_km}
+    if not outside:
+        return []
+    nothing = "no picture was taken: " if not summary["images"] else ""
+    names = ", ".join(outside) if len(outside) <= MOST_NAMES else f"{len(outside)} spacecraft"
+    who = "no observer ever came" if len(outside) == len(distances) else f"{names} never came"
+    return [
+        f"{nothing}{who} inside behavior.imaging_radius_m = {radius_km:g} km of the body's centre; "
+        f"the closest approach was {min(outside.values()):g} km"
+    ]
+
+
+def borrowed_remarks(scenario: Scenario) -> list[str]:
+    """One sentence on what a body of one's own takes from Eros.
+
+    Values are compared, not keys that were given: a scenario that a run wrote gives all of them.
+    """
+    body = scenario.body
+    if body.shape == PACKAGED_SHAPE:
+        return []
+    found = []
+    for section, effect in (("rotation", "pole and spin"), ("orbit", "where the Sun and the Earth stand")):
+        values, eros = getattr(body, section), getattr(Body(), section)
+        same = [key for key in type(values).model_fields if getattr(values, key) == getattr(eros, key)]
+        if len(same) == len(type(values).model_fields):
+            found.append(f"body.{section} ({effect})")
+        elif same:
+            found += [f"body.{section}.{key}" for key in same]
+    if not found:
+        return []
+    if scenario.epoch == Scenario.model_fields["epoch"].default:
+        found.append("epoch (daylight on Eros's target)")
+    return [f"body.shape is {body.shape}, but these are the values of 433 Eros: {', '.join(found)}"]

@@ -1,0 +1,170 @@
+"""The summary of a run: one JSON object with the numbers a reader asks for first."""
+
+from __future__ import annotations
+
+import json
+import platform
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from swarm_mj import __version__
+from swarm_mj.flight.plan import Plan
+from swarm_mj.flight.simulate import ObservationResult
+from swarm_mj.results.target_dwell import held_s
+from swarm_mj.simulator.telemetry import MODES
+
+#: Libraries whose versions decide the numbers.
+LIBRARIES = ("mujoco", "numpy", "scipy", "numba", "moderngl", "embreex", "pymoo")
+
+
+def summarise(plan: Plan, telemetry: xr.Dataset, result: ObservationResult, wall_s: dict[str, float]) -> dict[str, Any]:
+    """Collect the summary of a run; plain Python numbers, ready for JSON."""
+    scenario = plan.scenario
+    return {
+        "scenario": scenario.name,
+        "description": scenario.description,
+        "seed": scenario.seed,
+        "epoch_tdb": scenario.epoch,
+        "spacecraft": plan.n,
+        "observers": plan.n_observers,
+        "duration_s": scenario.duration_s,
+        **_observed(plan, result),
+        **_pointed(plan, telemetry),
+        **_flown(plan),
+        **_went_wrong(plan, telemetry),
+        "link_closed_percent": _by_name(plan.names, 100.0 * telemetry["link_closed"].values.mean(axis=0), 2),
+        "links_closed_final": int(telemetry["link_closed"].values[-1].sum()),
+        "wall_s": {stage: round(seconds, 3) for stage, seconds in wall_s.items()},
+        "versions": library_versions(),
+    }
+
+
+def _observed(plan: Plan, result: ObservationResult) -> dict[str, Any]:
+    """The target and how much of it was seen."""
+    scenario, region = plan.scenario, plan.region
+    return {
+        "target_vertices": region.n_visiting,
+        "target_faces": region.n_faces,
+        "target_cells": region.n_cells,
+        "target_area_km2": _rounded(region.total_area / 1e6, 6),
+        "visiting_points": list(scenario.design.visiting_points),
+        "coverage_percent": _rounded(result.coverage.percent, 6),
+        "coverage_percent_passage": _rounded(result.passage.percent, 6),
+        "coverage_percent_by_spacecraft": _by_name(plan.names, result.coverage.percent_by_spacecraft, 4),
+        "criterion": scenario.observation.criterion,
+        "camera_half_angle_deg": scenario.camera.half_angle_deg,
+        "observer": result.observer,
+        "observer_note": result.note,
+        "images": result.images,
+    }
+
+
+def _pointed(plan: Plan, telemetry: xr.Dataset) -> dict[str, Any]:
+    """Pointing errors at the end and around every switch, and what the wheels did."""
+    names, limits = plan.names, plan.properties
+    error_deg = np.degrees(telemetry["pointing_error"].values)
+    found_by_name, held = mode_switches(telemetry), held_s(telemetry)
+    switches = {
+        name: [_switch(switch, error_deg[:, j], held[:, j]) for switch in found_by_name[name]]
+        for j, name in enumerate(names)
+    }
+    return {
+        "pointing_error_deg_final": _by_name(names, error_deg[-1], 9),
+        "pointing_error_deg_before_switch": {
+            name: max(switch["error_before_deg"] for switch in found) for name, found in switches.items() if found
+        },
+        "target_held_s_final": _by_name(names, held[-1], 3),
+        "mode_switches": switches,
+        "max_wheel_speed_fraction": _rounded(telemetry["wheel_speed_peak"].max() / limits.max_wheel_speed, 6),
+        "max_wheel_torque_fraction": _rounded(telemetry["wheel_torque_peak"].max() / limits.max_wheel_torque, 6),
+        "wheel_saturation_s": _by_name(names, telemetry["wheel_saturation_time"].values, 3),
+    }
+
+
+def _switch(switch: dict[str, Any], error_deg: NDArray[np.float64], held: NDArray[np.float64]) -> dict[str, Any]:
+    sample = switch["sample"]
+    return {
+        **{key: switch[key] for key in ("time_s", "from", "to")},
+        "error_before_deg": _rounded(error_deg[sample - 1], 9),
+        "error_after_deg": _rounded(error_deg[sample], 3),
+        "target_held_s": _rounded(held[sample - 1], 3),
+    }
+
+
+def _flown(plan: Plan) -> dict[str, Any]:
+    """Deployment, trajectories and what came too close."""
+    names = plan.names
+    return {
+        "deployment_delta_v_m_s": _by_name(names, plan.deployment.delta_v, 6),
+        "transfer_miss_mm": _by_name(names, 1e3 * plan.deployment.miss_m, 6),
+        "least_distance_to_centre_km": _by_name(names, plan.least_radius / 1e3, 3),
+        "near_collisions": [
+            {
+                "spacecraft": [names[a.first], names[a.second]],
+                "time_s": _rounded(a.time, 3),
+                "distance_m": _rounded(a.distance, 3),
+            }
+            for a in plan.near_collisions
+        ],
+    }
+
+
+def _went_wrong(plan: Plan, telemetry: xr.Dataset) -> dict[str, Any]:
+    """Faults and what followed, in order of time, and who no longer worked at the end."""
+    names, works = plan.names, telemetry.get("operational")
+    return {
+        "events": json.loads(telemetry.attrs.get("events", "[]")),
+        "lost": [] if works is None else [name for name, on in zip(names, works.values[-1], strict=True) if not on],
+    }
+
+
+def working(summary: dict[str, Any], key: str) -> dict[str, Any]:
+    """What a summary tells of each spacecraft, without those that no longer work at the end."""
+    return {name: value for name, value in summary[key].items() if name not in summary.get("lost", ())}
+
+
+def mode_switches(telemetry: xr.Dataset) -> dict[str, list[dict[str, Any]]]:
+    """Every change of target: per spacecraft a list of sample, time and the two modes."""
+    mode, times = telemetry["mode"].values, telemetry["time"].values
+    tracked = telemetry["tracked_spacecraft"].values
+    changed = (np.diff(mode, axis=0) != 0) | (np.diff(tracked, axis=0) != 0)
+    switches: dict[str, list[dict[str, Any]]] = {}
+    for j, name in enumerate(telemetry["spacecraft"].values):
+        switches[str(name)] = [
+            {
+                "sample": int(k) + 1,
+                "time_s": float(times[k + 1]),
+                "from": MODES[mode[k, j]],
+                "to": MODES[mode[k + 1, j]],
+            }
+            for k in np.flatnonzero(changed[:, j])
+        ]
+    return switches
+
+
+def library_versions() -> dict[str, str]:
+    """Versions of this program, of Python and of the libraries that decide the numbers."""
+    return {
+        "swarm_mj": __version__,
+        "python": platform.python_version(),
+        **{name: _version(name) for name in LIBRARIES},
+    }
+
+
+def _version(name: str) -> str:
+    try:
+        return version(name)
+    except PackageNotFoundError:  # embreex has no wheels for some machines
+        return "not installed"
+
+
+def _by_name(names: tuple[str, ...], values: Any, digits: int) -> dict[str, float]:
+    return {name: _rounded(value, digits) for name, value in zip(names, values, strict=True)}
+
+
+def _rounded(value: Any, digits: int) -> float:
+    return round(float(value), digits)

@@ -1,0 +1,226 @@
+"""The loop's part that deals with faults, dispersions and more than three wheels; a flight without them never comes here.
+
+It stands between `Simulation` and `FaultState`: what goes wrong is decided there, what it does to MuJoCo's arrays here.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from swarm_mj.errors import SimulationError
+from swarm_mj.scenarios.schema_faults import Dispersions
+from swarm_mj.simulator.fast.kernels import Slot
+from swarm_mj.simulator.faults.schedule import Event
+from swarm_mj.simulator.faults.state import FaultModel, FaultState
+from swarm_mj.smallbody.rotation import sub_point
+
+if TYPE_CHECKING:
+    from swarm_mj.simulator.simulation import Simulation
+
+Array = NDArray[np.float64]
+
+#: Motors are limited before friction is added to their torque; MuJoCo shall not cut the sum.
+_NO_LIMIT = 1e3
+#: Numbers beyond this are no state of a spacecraft, whatever their unit; a sum of finite ones may overflow.
+_ABSURD = 1e100
+NOTHING = FaultModel(faults=(), dispersions=Dispersions(), duration_s=0.0)
+
+
+class FaultInjection:
+    """Faults of one simulation.
+
+    Args:
+        simulation: Whose arrays are changed.
+        fault_model: What may go wrong.
+        speed_margin: How far below their limit wheels are kept, relative.
+
+    Attributes:
+        flight: What goes wrong.
+    """
+
+    def __init__(self, simulation: Simulation, fault_model: FaultModel, speed_margin: float) -> None:
+        model, properties = simulation.model, simulation.properties
+        self._simulation, n = simulation, model.n
+        self.flight = FaultState(
+            fault_model,
+            properties=properties,
+            environment=simulation.environment,
+            n=n,
+            period=simulation.period,
+            speed_margin=speed_margin,
+        )
+        model.mjmodel.actuator_ctrlrange[:] = -_NO_LIMIT, _NO_LIMIT
+        given = fault_model.dispersions
+        self._disperses_mass = given.mass_percent > 0.0 or given.inertia_percent > 0.0
+        self._mass_ratio = np.ones((model.mjmodel.nbody, 1))
+        self.speed = np.zeros((n, properties.n_wheels))
+        self._qpos, self._qvel = np.zeros((n, 10)), np.zeros((n, 9))
+        self._true_omega = np.zeros((n, 3))
+        self._last_r = np.zeros((n, 3))
+
+    def reset(self, seed: int, deployment: tuple[Event, ...]) -> None:
+        """Begin a flight: draw from the seed what will happen and what the spacecraft are like."""
+        simulation = self._simulation
+        self.flight.reset(seed, deployment)
+        simulation.environment = self.flight.environment
+        if self._disperses_mass:
+            self._mass_ratio[simulation.model.hub_body, 0] = self.flight.mass / simulation.properties.mass
+            write_masses(simulation, self.flight.mass, self.flight.inertia_B)
+
+    def state(self, qpos: Array, qvel: Array) -> tuple[Array, Array]:
+        """The state in the layout of three wheels that the kernels read, and `speed` of all wheels.
+
+        Args:
+            qpos: Positions, shape (n, 7 + w).
+            qvel: Velocities, shape (n, 6 + w).
+        """
+        self.speed[:] = qvel[:, 6:]
+        if self.speed.shape[1] == 3:
+            return qpos.reshape(-1), qvel.reshape(-1)
+        self._qpos[:, :7], self._qvel[:, :9] = qpos[:, :7], qvel[:, :9]
+        return self._qpos.reshape(-1), self._qvel.reshape(-1)
+
+    def begin(self, t: float, work: Array) -> None:
+        """Let happen what is due; the state has been read."""
+        properties = self._simulation.properties
+        if self.speed.shape[1] != 3:
+            work[Slot.MOMENTUM] = properties.wheel_spin_inertia * self.speed @ properties.wheel_axes_B
+        self._last_r[:] = work[Slot.R]
+        self.flight.happen(t, self.speed)
+
+    def weigh(self, xfrc: Array, hub: NDArray[np.int64]) -> None:
+        """Gravity pulls with the true masses, and what lies on the body is not pulled."""
+        if self._disperses_mass:
+            xfrc[:, :3] *= self._mass_ratio
+        for j in self.flight.resting:
+            xfrc[hub[j]] = 0.0
+
+    def know(self, tick: int, q_BN: Array, work: Array) -> Array:
+        """Attitudes that the controller is given; its rates are put into `work` until `forget`."""
+        self._true_omega[:] = work[Slot.OMEGA]
+        if not self.flight.sensing.active:
+            return q_BN
+        q_known, work[Slot.OMEGA] = self.flight.sensing.know(tick, q_BN, self._true_omega)
+        return q_known
+
+    def known_now(self, t: float, tick: int, qpos: Array, qvel: Array) -> tuple[Array, Array] | None:
+        """What `know` gives at this instant, asked ahead of the decision: the same sensors are read, and only once.
+
+        Args:
+            t: Time of the control period that is about to begin [s].
+            tick: Its number.
+            qpos: Positions, shape (n, 7 + w).
+            qvel: Velocities, shape (n, 6 + w).
+
+        Returns:
+            Attitudes (n, 4) and rates (n, 3) [rad/s]; None where they are the truth.
+        """
+        if not self.flight.sensing.active:
+            return None
+        # A sensor that fails at this instant has failed before it is read.
+        self.flight.happen(t, qvel[:, 6:])
+        return self.flight.sensing.know(tick, qpos[:, 3:7], qvel[:, 3:6])
+
+    def forget(self, work: Array) -> None:
+        """Put the true rates back."""
+        work[Slot.OMEGA] = self._true_omega
+
+    def actuate(self, torque_B: Array, ctrl: Array, peaks: Array) -> None:
+        """Set the torque of every wheel."""
+        flight = self.flight
+        total = flight.wheels.drive(torque_B, self.speed, self._simulation.period, flight.lost, peaks)
+        ctrl[:] = total.ravel()
+
+    @property
+    def motor(self) -> Array:
+        """Motor torques of the first three wheels, shape (3 n,) [N m]."""
+        return self.flight.wheels.motor[:, :3].ravel()
+
+    def rest(self, C_AN: Array, data: mujoco.MjData) -> None:
+        """Hold the spacecraft whose flight is over: at its place on the turning body, or where it diverged."""
+        simulation = self._simulation
+        for j, r_A in self.flight.resting.items():
+            qpos, qvel = self._rows(data, j)
+            qvel[:] = 0.0
+            if r_A is not None:
+                qpos[:3] = r_A @ C_AN
+                qvel[:3] = np.cross(simulation.environment.spin_N, qpos[:3])
+
+    def diverged(self, t: float, data: mujoco.MjData) -> None:
+        """Give up the spacecraft whose state is not finite, so that the others fly on.
+
+        Raises:
+            SimulationError: It is not a spacecraft's state that is not finite.
+        """
+        n = self._simulation.model.n
+        q, v = data.qpos.reshape(n, -1), data.qvel.reshape(n, -1)
+        momentum = data.act.reshape(n, -1)
+        bad = np.flatnonzero(~np.all([(np.abs(part) < _ABSURD).all(axis=1) for part in (q, v, momentum)], axis=0))
+        if not len(bad):
+            raise SimulationError(f"the flight diverged at t = {t:g} s: torques or forces are not finite")
+        for j in bad:
+            q[j], v[j], momentum[j] = 0.0, 0.0, 0.0
+            q[j, :3], q[j, 3] = self._last_r[j], 1.0
+            self.flight.rest(t, int(j), "diverged", "its state was not finite; held where it was", None)
+        data.qacc_warmstart[:] = 0.0
+
+    def without_torque(self, t: float, torque_B: Array) -> Array:
+        """Give up the spacecraft whose control law gives no finite torque; the torques of the others, shape (n, 3) [N m]."""
+        bad = np.asarray(~np.isfinite(torque_B).all(axis=1))
+        for j in np.flatnonzero(bad & ~self.flight.lost):
+            self.flight.rest(t, int(j), "diverged", "its control law gave no finite torque; held where it was", None)
+        return np.where(bad[:, None], 0.0, torque_B)
+
+    def impact(self, t: float, j: int, r_A: Array) -> None:
+        """Record an impact; the spacecraft lies where it hit."""
+        latitude, longitude = sub_point(r_A, np.eye(3))
+        self.flight.rest(t, j, "impact", f"latitude {latitude:.2f} deg, longitude {longitude:.2f} deg", r_A)
+
+    def _rows(self, data: mujoco.MjData, j: int) -> tuple[Array, Array]:
+        n = self._simulation.model.n
+        return data.qpos.reshape(n, -1)[j], data.qvel.reshape(n, -1)[j]
+
+
+def write_masses(simulation: Simulation, mass: Array, inertia_B: Array) -> None:
+    """Give every spacecraft of the compiled model its own mass and inertia.
+
+    Args:
+        simulation: Whose model and data are changed.
+        mass: With wheels, shape (n,) [kg].
+        inertia_B: With wheels, about the centre of mass, shape (n, 3, 3) [kg m^2].
+
+    Raises:
+        SimulationError: The wheels leave a hub an impossible inertia.
+    """
+    model, properties = simulation.model.mjmodel, simulation.properties
+    axes, spin = properties.wheel_axes_B, properties.wheel_spin_inertia
+    bodies = simulation.model.wheels == "bodies"
+    wheels_mass = properties.n_wheels * properties.wheel_mass if bodies else 0.0
+    wheels_inertia = properties.wheels_inertia_B if bodies else spin * axes.T @ axes
+    for j, hub in enumerate(simulation.model.hub_body):
+        moments, turn = principal_axes(inertia_B[j] - wheels_inertia)
+        if mass[j] <= wheels_mass or moments.min() <= 0.0 or 2.0 * moments.max() > moments.sum():
+            raise SimulationError(
+                f"{simulation.model.names[j]}: dispersions leave the hub {mass[j] - wheels_mass:.3g} kg and "
+                f"{np.round(moments, 6).tolist()} kg m^2, which no body has; make dispersions.inertia_percent smaller"
+            )
+        model.body_mass[hub], model.body_inertia[hub], model.body_iquat[hub] = mass[j] - wheels_mass, moments, turn
+    extent, centre = model.stat.extent, model.stat.center.copy()
+    mujoco.mj_setConst(model, simulation.data)
+    model.stat.extent, model.stat.center[:] = extent, centre
+
+
+def principal_axes(inertia_B: Array) -> tuple[Array, Array]:
+    """Principal moments (3,) and the quaternion of their axes in B; in the order x, y, z where the tensor is diagonal."""
+    if np.allclose(inertia_B, np.diag(np.diag(inertia_B)), rtol=0.0, atol=1e-15):
+        return np.diag(inertia_B).copy(), np.array([1.0, 0.0, 0.0, 0.0])
+    moments, vectors = np.linalg.eigh(inertia_B)
+    if np.linalg.det(vectors) < 0.0:
+        vectors[:, 2] *= -1.0
+    quaternion = np.empty(4)
+    mujoco.mju_mat2Quat(quaternion, vectors.ravel())
+    return moments, quaternion

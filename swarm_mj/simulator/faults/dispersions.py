@@ -1,0 +1,179 @@
+"""Drawing how far one flight lies from its plan: mass, inertia, wheels, deployment, attitude, gravity, target, sensors.
+
+Means are zero, distributions normal unless the scenario says otherwise; what must stay positive is cut at three sigma.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import radians
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarm_mj.errors import ScenarioError
+from swarm_mj.scenarios.schema_faults import Dispersions
+from swarm_mj.simulator.faults.random_streams import Stream, stream
+from swarm_mj.smallbody.environment import Environment
+from swarm_mj.smallbody.gravity.base import Gravity
+from swarm_mj.smallbody.gravity.spherical_harmonics import SphericalHarmonics
+
+Array = NDArray[np.float64]
+
+DEG_PER_HOUR = radians(1.0) / 3600.0  #: [rad/s]
+DEG_PER_SQRT_HOUR = radians(1.0) / 60.0  #: [rad/sqrt(s)]
+ARCSEC = radians(1.0 / 3600.0)  #: [rad]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Dispersed:
+    """What one seed gives the spacecraft.
+
+    Attributes:
+        mass_ratio: True over planned mass, shape (n,).
+        second_moment_ratio: The same of the mass's second moments about x, y, z of B, shape (n, 3).
+        coulomb: Friction of each wheel, shape (n, w) [N m].
+        viscous: Shape (n, w) [N m s/rad].
+        gyro_bias: At the start, shape (n, 3) [rad/s].
+        star_tracker_bias: Rotation of the mounting, shape (n, 3) [rad].
+        delay_ticks: Control periods by which sensors are late, shape (n,).
+    """
+
+    mass_ratio: Array
+    second_moment_ratio: Array
+    coulomb: Array
+    viscous: Array
+    gyro_bias: Array
+    star_tracker_bias: Array
+    delay_ticks: NDArray[np.int64]
+
+
+def draw_spacecraft(given: Dispersions, seed: int, *, n: int, n_wheels: int, period_s: float) -> Dispersed:
+    """Draw the spacecraft of one flight.
+
+    Args:
+        given: The scenario's dispersions.
+        seed: Of the scenario.
+        n: Number of spacecraft.
+        n_wheels: Of each spacecraft.
+        period_s: Control period [s].
+    """
+    wheels = (n, n_wheels)
+    most = int(given.delay_s / period_s + 1e-9)
+    return Dispersed(
+        mass_ratio=1.0 + 0.01 * given.mass_percent * _cut(stream(seed, Stream.MASS), (n,)),
+        second_moment_ratio=1.0 + 0.01 * given.inertia_percent * _cut(stream(seed, Stream.INERTIA), (n, 3)),
+        coulomb=given.wheel_coulomb_n_m * stream(seed, Stream.COULOMB).random(wheels),
+        viscous=given.wheel_viscous_n_m_s * stream(seed, Stream.VISCOUS).random(wheels),
+        gyro_bias=given.gyro_bias_deg_h * DEG_PER_HOUR * stream(seed, Stream.GYRO_BIAS).standard_normal((n, 3)),
+        star_tracker_bias=given.star_tracker_bias_arcsec
+        * ARCSEC
+        * stream(seed, Stream.STAR_TRACKER_BIAS).standard_normal((n, 3)),
+        delay_ticks=stream(seed, Stream.DELAY).integers(0, most, n, endpoint=True),
+    )
+
+
+def attitude_turns(given: Dispersions, seed: int, n: int) -> Array:
+    """Extra initial rotations as rotation vectors in B, shape (n, 3) [rad]."""
+    return radians(given.attitude_deg) * stream(seed, Stream.ATTITUDE).standard_normal((n, 3))
+
+
+def extra_rates(given: Dispersions, seed: int, n: int) -> Array:
+    """Extra initial body rates in B, shape (n, 3) [rad/s]."""
+    return radians(given.rate_deg_s) * stream(seed, Stream.RATE).standard_normal((n, 3))
+
+
+def velocity_errors(given: Dispersions, seed: int, n: int) -> Array:
+    """Errors of the deployment velocity in N, shape (n, 3) [m/s]."""
+    return given.deployment_velocity_m_s * stream(seed, Stream.DEPLOYMENT).standard_normal((n, 3))
+
+
+def dispersed_inertia(inertia_B: Array, ratio: Array) -> Array:
+    """Inertia with dispersed second moments of the mass, shape (n, 3, 3) [kg m^2].
+
+    Any positive second moments belong to some body, whereas freely scaled moments of inertia may break the triangle
+    inequality; a long CubeSat is close to it.
+
+    Args:
+        inertia_B: Planned, about the centre of mass, diagonal, shape (3, 3) [kg m^2].
+        ratio: Of the second moments int x^2 dm, int y^2 dm, int z^2 dm, shape (n, 3).
+    """
+    principal = np.diag(inertia_B)
+    moments = (0.5 * principal.sum() - principal) * ratio
+    return (moments.sum(axis=1, keepdims=True) - moments)[:, :, None] * np.eye(3)
+
+
+def disperse_environment(environment: Environment, given: Dispersions, seed: int) -> Environment:
+    """The surroundings in truth; the same object where gravity is not dispersed.
+
+    Raises:
+        ScenarioError: Coefficients are to be dispersed of a field that has none.
+    """
+    gravity = environment.gravity
+    if given.harmonics_percent > 0.0:
+        if not isinstance(gravity, SphericalHarmonics):
+            raise ScenarioError(
+                f"dispersions.harmonics_percent = {given.harmonics_percent:g}: needs body.gravity.model: spherical_harmonics"
+            )
+        gravity = _with_dispersed_coefficients(gravity, given.harmonics_percent, stream(seed, Stream.HARMONICS))
+    if given.gravity_percent > 0.0:
+        factor = 1.0 + 0.01 * given.gravity_percent * float(_cut(stream(seed, Stream.GRAVITY), (1,))[0])
+        gravity = ScaledGravity(gravity, factor)
+    return environment if gravity is environment.gravity else replace(environment, gravity=gravity)
+
+
+@dataclass(frozen=True)
+class ScaledGravity:
+    """A field times a factor: the same shape of field of a heavier or lighter body."""
+
+    field: Gravity
+    factor: float
+
+    @property
+    def gm(self) -> float:
+        """Gravitational parameter [m^3/s^2], where the field has one."""
+        return self.factor * float(self.field.gm)  # type: ignore[attr-defined]
+
+    def acceleration(self, r_A: Array) -> Array:
+        """Attraction in A [m/s^2], shape (n, 3), at positions in A [m], shape (n, 3)."""
+        return self.factor * self.field.acceleration(r_A)
+
+
+def target_shift(given: Dispersions, seed: int) -> tuple[float, float]:
+    """How far east and north of its planned place the target lies [m]."""
+    east, north = given.target_m * stream(seed, Stream.TARGET).standard_normal(2)
+    return float(east), float(north)
+
+
+def shifted_target(
+    latitude_deg: float, longitude_deg: float, east: float, north: float, radius: float
+) -> tuple[float, float]:
+    """Latitude and longitude [deg] of a place that lies `east` and `north` [m] of another, on a sphere of `radius` [m].
+
+    The way is taken along the great circle, so that it is right at the poles too.
+    """
+    distance = float(np.hypot(east, north))
+    if distance == 0.0:
+        return latitude_deg, longitude_deg
+    latitude, longitude = radians(latitude_deg), radians(longitude_deg)
+    up = np.array([np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude), np.sin(latitude)])
+    to_east = np.array([-np.sin(longitude), np.cos(longitude), 0.0])
+    way = (east * to_east + north * np.cross(up, to_east)) / distance
+    x, y, z = np.cos(distance / radius) * up + np.sin(distance / radius) * way
+    return float(np.degrees(np.arctan2(z, np.hypot(x, y)))), float(np.degrees(np.arctan2(y, x)))
+
+
+def _with_dispersed_coefficients(
+    field: SphericalHarmonics, percent: float, rng: np.random.Generator
+) -> SphericalHarmonics:
+    errors = 1.0 + 0.01 * percent * rng.standard_normal((2, *field.c.shape))
+    errors[:, 0] = 1.0
+    return SphericalHarmonics(field.gm, field.reference_radius, field.c * errors[0], field.s * errors[1])
+
+
+def _cut(rng: np.random.Generator, shape: tuple[int, ...]) -> Array:
+    """Normal numbers, those beyond three sigma drawn anew."""
+    values = rng.standard_normal(shape)
+    while (beyond := np.abs(values) > 3.0).any():
+        values[beyond] = rng.standard_normal(int(beyond.sum()))
+    return values

@@ -1,0 +1,130 @@
+"""Which fault happens to which spacecraft at what time: the scenario's list, with its chances and random times drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import inf
+from typing import Any
+
+import numpy as np
+
+from swarm_mj.errors import ScenarioError
+from swarm_mj.scenarios.schema_faults import Fault
+from swarm_mj.simulator.faults.random_streams import Stream, stream
+
+#: Faults of the deployment: they change how the flight begins and have no time.
+AT_DEPLOYMENT = ("missed_deployment", "deployment_velocity")
+#: Stands for the spacecraft that relays to Earth when the time has come.
+RELAY = -1
+
+
+@dataclass(frozen=True)
+class Event:
+    """Something that went wrong in flight, was found out, or was answered.
+
+    Attributes:
+        time_s: Past the epoch [s].
+        spacecraft: Number, counted from 0.
+        kind: A kind of fault, or what followed: `impact`, `diverged`, `elected`, `detected`, `over`.
+        detail: In words.
+    """
+
+    time_s: float
+    spacecraft: int
+    kind: str
+    detail: str = ""
+
+
+@dataclass(frozen=True)
+class ScheduledFault:
+    """A fault that will happen.
+
+    Attributes:
+        time_s: When [s]; 0 at deployment.
+        spacecraft: To whom, counted from 0, or `RELAY`.
+        wheels: To which wheels, counted from 0; empty where the fault is of no wheel.
+        over_s: When it is over [s]; infinite: never.
+        detected_s: When the flight software or the swarm knows [s].
+        fault: Its parameters.
+    """
+
+    time_s: float
+    spacecraft: int
+    wheels: tuple[int, ...]
+    over_s: float
+    detected_s: float
+    fault: Fault
+
+
+def draw_schedule(
+    faults: Sequence[Fault], seed: int, *, n: int, n_wheels: int, duration_s: float
+) -> tuple[ScheduledFault, ...]:
+    """Draw what happens in one flight.
+
+    Args:
+        faults: The scenario's list.
+        seed: Of the scenario; the same seed gives the same schedule.
+        n: Number of spacecraft.
+        n_wheels: Of each spacecraft.
+        duration_s: Of the flight [s]; random times fall into it.
+
+    Returns:
+        The faults that happen, in order of time; of equal times in the order of the list.
+    """
+    found = []
+    for number, fault in enumerate(faults):
+        for j in _victims(fault, stream(seed, Stream.FAULT, number), n):
+            rng = stream(seed, Stream.FAULT, number, j + 1)
+            # All are drawn whether they are used or not, so that a changed probability moves no time.
+            chance, moment, which = rng.random(3)
+            if chance < fault.probability:
+                found.append(_scheduled(fault, j, moment, which, n_wheels, duration_s))
+    return tuple(sorted(found, key=lambda f: f.time_s))
+
+
+def check_faults(faults: Sequence[Fault], *, n: int, n_wheels: int, duration_s: float) -> None:
+    """Refuse faults that cannot happen to this swarm.
+
+    Raises:
+        ScenarioError: A spacecraft or wheel does not exist, or a time lies outside the flight; the message names the key.
+    """
+    for number, fault in enumerate(faults):
+        name, wheel = getattr(fault, "spacecraft", "any"), getattr(fault, "wheel", "any")
+        if name.startswith("sc") and int(name[2:]) > n:
+            raise ScenarioError(f"faults.{number}.spacecraft = {name}: must be one of sc1 to sc{n}, all or any")
+        if isinstance(wheel, int) and wheel > n_wheels:
+            raise ScenarioError(f"faults.{number}.wheel = {wheel}: must be 1 to {n_wheels}, all or any")
+        latest = max(getattr(fault, "at_s", None) or 0.0, *(getattr(fault, "between_s", None) or (0.0,)), 0.0)
+        if latest > duration_s:
+            raise ScenarioError(f"faults.{number}: {latest:g} s lies after the end, duration_s = {duration_s:g}")
+
+
+def _victims(fault: Any, rng: np.random.Generator, n: int) -> list[int]:
+    name = getattr(fault, "spacecraft", None)
+    if name is None:
+        return [RELAY]
+    if name == "all":
+        return list(range(n))
+    return [int(rng.integers(n)) if name == "any" else int(name[2:]) - 1]
+
+
+def _scheduled(fault: Any, j: int, moment: float, which: float, n_wheels: int, duration_s: float) -> ScheduledFault:
+    time = 0.0
+    if fault.kind not in AT_DEPLOYMENT:
+        first, last = fault.between_s or (0.0, duration_s)
+        time = first + moment * (last - first) if fault.at_s is None else fault.at_s
+    lasts = getattr(fault, "duration_s", None)
+    wheel = getattr(fault, "wheel", None)
+    wheels: tuple[int, ...] = ()
+    if wheel is not None:
+        drawn = min(int(which * n_wheels), n_wheels - 1)
+        wheels = tuple(range(n_wheels)) if wheel == "all" else (drawn if wheel == "any" else wheel - 1,)
+    return ScheduledFault(
+        time_s=time,
+        spacecraft=j,
+        wheels=wheels,
+        over_s=inf if lasts is None else time + lasts,
+        detected_s=time + getattr(fault, "detection_s", 0.0),
+        fault=fault,
+    )

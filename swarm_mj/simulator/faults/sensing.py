@@ -1,0 +1,179 @@
+"""What the flight software knows of its attitude: sensors with dispersions and faults, the filter, and the delay of it all."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarm_mj.scenarios.schema_faults import (
+    Dispersions,
+    GyroBias,
+    GyroDropout,
+    GyroNoise,
+    SensorDelay,
+    StarTrackerBias,
+    StarTrackerDropout,
+    StarTrackerNoise,
+)
+from swarm_mj.simulator.faults import attitude_filter
+from swarm_mj.simulator.faults.attitude_filter import Assumed, Sensors
+from swarm_mj.simulator.faults.dispersions import ARCSEC, DEG_PER_HOUR, DEG_PER_SQRT_HOUR, Dispersed
+from swarm_mj.simulator.faults.random_streams import Stream, stream
+from swarm_mj.simulator.faults.schedule import ScheduledFault
+
+Array = NDArray[np.float64]
+
+#: Below these the filter believes no sensor, lest it trust one alone: noise of a good gyro and star tracker.
+LEAST_GYRO_NOISE = 0.01 * DEG_PER_SQRT_HOUR
+LEAST_STAR_TRACKER_NOISE = 1.0 * ARCSEC
+LEAST_BIAS = 1.0 * DEG_PER_HOUR
+#: Bias walk that lets the filter follow a jump of the gyro's bias within minutes [rad/s/sqrt(s)].
+LEAST_BIAS_WALK = 0.05 * DEG_PER_HOUR
+
+SENSOR_FAULTS = (GyroNoise, GyroBias, GyroDropout, StarTrackerNoise, StarTrackerBias, StarTrackerDropout)
+
+
+class Sensing:
+    """Attitude sensors and filters of one flight.
+
+    Args:
+        given: The scenario's dispersions.
+        drawn: What the seed made of them.
+        schedule: What will happen.
+        seed: Of the noise.
+        period: Control period [s]; sensors are read once in each.
+
+    Attributes:
+        estimating: Whether sensors are imperfect, so that a filter runs.
+        active: Whether the controller knows anything else than the truth.
+    """
+
+    def __init__(
+        self, given: Dispersions, drawn: Dispersed, schedule: Sequence[ScheduledFault], seed: int, period: float
+    ) -> None:
+        n = len(drawn.mass_ratio)
+        walk = given.gyro_rate_random_walk_deg_h_sqrt_h * DEG_PER_HOUR / 60.0
+        noise = given.gyro_angular_random_walk_deg_sqrt_h * DEG_PER_SQRT_HOUR
+        tracker = given.star_tracker_noise_arcsec * ARCSEC
+        faulty = [isinstance(entry.fault, SENSOR_FAULTS) for entry in schedule]
+        dispersed = max(noise, walk, tracker, given.gyro_bias_deg_h, given.star_tracker_bias_arcsec) > 0.0
+        self.estimating = dispersed or any(faulty)
+        self._normal = (noise, tracker)
+        self._sensors = Sensors(
+            np.full(n, noise),
+            np.full(n, walk),
+            np.full(n, tracker),
+            np.zeros((n, 3)),
+            drawn.star_tracker_bias.copy(),
+            np.ones(n, np.bool_),
+            np.ones(n, np.bool_),
+        )
+        self._assumed = Assumed(
+            max(noise, LEAST_GYRO_NOISE),
+            max(walk, LEAST_BIAS_WALK) if any(faulty) else walk,
+            max(tracker, LEAST_STAR_TRACKER_NOISE),
+            max(given.gyro_bias_deg_h * DEG_PER_HOUR, LEAST_BIAS),
+        )
+        self.state = attitude_filter.first_state(drawn.gyro_bias)
+        self._rng, self._period = stream(seed, Stream.SENSOR_NOISE), period
+        self._delay = drawn.delay_ticks.copy()
+        self._own_delay = drawn.delay_ticks
+        self._make_memory(schedule, n)
+        self.active = self.estimating or self._delay_possible
+
+    def _make_memory(self, schedule: Sequence[ScheduledFault], n: int) -> None:
+        later = [self._ticks(entry.fault.delay_s) for entry in schedule if isinstance(entry.fault, SensorDelay)]
+        size = 1 + max([int(self._delay.max(initial=0)), *later])
+        self._delay_possible = size > 1
+        self._q_past, self._omega_past = np.zeros((size, n, 4)), np.zeros((size, n, 3))
+        self._count, self._last_tick = 0, -1
+        self._known: tuple[Array, Array] | None = None
+
+    def _ticks(self, delay_s: float) -> int:
+        return round(delay_s / self._period)
+
+    @property
+    def gyro_bias(self) -> Array:
+        """True biases with what faults add, shape (n, 3) [rad/s]."""
+        return self.state.true_bias + self._sensors.gyro_offset
+
+    def know(self, tick: int, q_BN: Array, omega_BN_B: Array) -> tuple[Array, Array]:
+        """Attitudes (n, 4) and rates (n, 3) [rad/s] that the controller is given; asked twice at a tick, the same again.
+
+        Args:
+            tick: Control periods flown.
+            q_BN: True attitudes, shape (n, 4).
+            omega_BN_B: True rates, shape (n, 3) [rad/s].
+        """
+        if self._known is not None and tick == self._last_tick:
+            return self._known
+        self._last_tick = tick
+        q, omega = q_BN, omega_BN_B
+        if self.estimating:
+            noise = self._rng.standard_normal((len(q_BN), 9))
+            attitude_filter.estimate(q_BN, omega_BN_B, self._period, noise, self._sensors, self._assumed, self.state)
+            q, omega = self.state.q_BN, self.state.omega_BN_B
+        self._known = self._delayed(q, omega) if self._delay_possible else (q, omega)
+        return self._known
+
+    def _delayed(self, q: Array, omega: Array) -> tuple[Array, Array]:
+        size = len(self._q_past)
+        place = self._count % size
+        self._q_past[place], self._omega_past[place] = q, omega
+        # Before anything has arrived, the first reading stands.
+        which = (self._count - np.minimum(self._delay, self._count)) % size
+        self._count += 1
+        each = np.arange(len(q))
+        return self._q_past[which, each], self._omega_past[which, each]
+
+    def knowledge_error(self, q_BN: Array) -> Array:
+        """Angle between the true attitude and what the controller was given last, shape (n,) [rad]."""
+        if self._known is None:
+            return np.zeros(len(q_BN))
+        along = np.abs(np.einsum("nk,nk->n", q_BN, self._known[0]))
+        return 2.0 * np.arccos(np.minimum(1.0, along))
+
+    def fail(self, j: int, fault: object) -> str:
+        """Let a fault of a sensor happen; returns it in words."""
+        sensors = self._sensors
+        if isinstance(fault, GyroNoise):
+            sensors.gyro_noise[j] = fault.angular_random_walk_deg_sqrt_h * DEG_PER_SQRT_HOUR
+            return f"{fault.angular_random_walk_deg_sqrt_h:g} deg/sqrt(h)"
+        if isinstance(fault, GyroBias):
+            sensors.gyro_offset[j] += DEG_PER_HOUR * np.array(fault.bias_deg_h)
+            return f"{list(fault.bias_deg_h)} deg/h added"
+        if isinstance(fault, GyroDropout):
+            sensors.gyro_works[j] = False
+            return "no rates"
+        if isinstance(fault, StarTrackerNoise):
+            sensors.star_tracker_noise[j] = fault.sigma_arcsec * ARCSEC
+            return f"{fault.sigma_arcsec:g} arcsec"
+        if isinstance(fault, StarTrackerBias):
+            sensors.star_tracker_offset[j] += ARCSEC * np.array(fault.bias_arcsec)
+            return f"{list(fault.bias_arcsec)} arcsec added"
+        if isinstance(fault, StarTrackerDropout):
+            sensors.star_tracker_works[j] = False
+            return "no attitudes"
+        assert isinstance(fault, SensorDelay)
+        self._delay[j] = self._ticks(fault.delay_s)
+        return f"{self._delay[j] * self._period:g} s"
+
+    def recover(self, j: int, fault: object) -> None:
+        """End a fault of a sensor."""
+        sensors = self._sensors
+        if isinstance(fault, GyroNoise):
+            sensors.gyro_noise[j] = self._normal[0]
+        elif isinstance(fault, GyroBias):
+            sensors.gyro_offset[j] -= DEG_PER_HOUR * np.array(fault.bias_deg_h)
+        elif isinstance(fault, GyroDropout):
+            sensors.gyro_works[j] = True
+        elif isinstance(fault, StarTrackerNoise):
+            sensors.star_tracker_noise[j] = self._normal[1]
+        elif isinstance(fault, StarTrackerBias):
+            sensors.star_tracker_offset[j] -= ARCSEC * np.array(fault.bias_arcsec)
+        elif isinstance(fault, StarTrackerDropout):
+            sensors.star_tracker_works[j] = True
+        elif isinstance(fault, SensorDelay):
+            self._delay[j] = self._own_delay[j]

@@ -1,0 +1,149 @@
+"""Telemetry as a labelled data set: what a stranger needs to check the flight from the file alone.
+
+Dimensions time, spacecraft, xyz and wheel; every variable carries `units`, `frame` and `long_name`.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from swarm_mj.mission.behaviors import TargetKind
+from swarm_mj.simulator.simulation import Record
+from swarm_mj.smallbody.environment import Environment
+from swarm_mj.spacecraft.attitude.guidance import pointing_error
+from swarm_mj.spacecraft.attitude.mrp import mrp_from_quaternion, subtract_mrp
+from swarm_mj.spacecraft.properties import SpacecraftProperties
+
+Array = NDArray[np.float64]
+
+#: Meaning of the flag values of `mode`, in the order of `TargetKind`.
+MODES = ("asteroid_observation", "communication_tracking", "earth_tracking", "surface_observation", "direction_hold")
+#: What is kept of every control period, in the order of `Record.peaks`.
+PEAKS = (
+    ("wheel_speed_peak", "rad s-1", "B", "largest wheel speed of the whole flight, between samples too"),
+    ("wheel_torque_peak", "N m", "B", "largest motor torque of the whole flight, between samples too"),
+    (
+        "wheel_saturation_time",
+        "s",
+        "none",
+        "time in which a limit of torque or speed cut what the controller asked for",
+    ),
+)
+OBSERVING = (TargetKind.ASTEROID, TargetKind.SURFACE)
+
+
+def dataset(
+    record: Record, names: tuple[str, ...], environment: Environment, properties: SpacecraftProperties
+) -> xr.Dataset:
+    """Name and describe the samples of a flight.
+
+    Args:
+        record: Raw samples.
+        names: Spacecraft names in gene order.
+        environment: For the asteroid's attitude and the attributes.
+        properties: For the attributes: mass, inertia, wheels.
+    """
+    q_BN, q_RN = record.attitude[:, 0], record.attitude[:, 1]
+    r, v, omega, sigma_BR, speed, torque, los = np.moveaxis(record.vectors, 1, 0)
+    if record.faults is not None:
+        speed, torque = record.faults.wheels[:, 0], record.faults.wheels[:, 1]
+        if record.faults.imperfect_knowledge:
+            # What was recorded is what the controller believed.
+            sigma_BR = subtract_mrp(mrp_from_quaternion(q_BN), mrp_from_quaternion(q_RN))
+    vector, wheels = ("time", "spacecraft", "xyz"), ("time", "spacecraft", "wheel")
+    variables = {
+        "r_BN_N": _variable(vector, r, "m", "N", "position relative to the asteroid's centre"),
+        "v_BN_N": _variable(vector, v, "m s-1", "N", "velocity relative to the asteroid's centre"),
+        "sigma_BN": _variable(vector, mrp_from_quaternion(q_BN), "1", "B relative to N", "attitude (MRP, short set)"),
+        "omega_BN_B": _variable(vector, omega, "rad s-1", "B", "angular velocity of B relative to N"),
+        "sigma_RN": _variable(
+            vector, mrp_from_quaternion(q_RN), "1", "R relative to N", "reference attitude (MRP, short set)"
+        ),
+        "sigma_BR": _variable(vector, sigma_BR, "1", "B relative to R", "attitude tracking error (MRP, short set)"),
+        "line_of_sight_N": _variable(vector, los, "1", "N", "unit vector to the target"),
+        "pointing_error": _variable(
+            ("time", "spacecraft"), _pointing_error(q_BN, los), "rad", "none", "angle between +z and the line of sight"
+        ),
+        "mode": _mode(record.aim[:, 0].astype(np.int8)),
+        "tracked_spacecraft": _variable(
+            ("time", "spacecraft"),
+            record.aim[:, 1],
+            "1",
+            "none",
+            "number of the spacecraft tracked, counted from 0; -1: none",
+        ),
+        "wheel_speed": _variable(wheels, speed, "rad s-1", "B", "wheel speed relative to the hub"),
+        "wheel_torque": _variable(wheels, torque, "N m", "B", "motor torque on the wheel, held from this sample on"),
+        "sigma_AN": _variable(
+            ("time", "xyz"), _asteroid_mrp(record.time, environment), "1", "A relative to N", "asteroid attitude (MRP)"
+        ),
+    }
+    for k, (name, units, frame, words) in enumerate(PEAKS):
+        variables[name] = _variable(("spacecraft",), record.peaks[:, k], units, frame, words)
+    if record.faults is not None:
+        for name, variable in record.faults.variables().items():
+            variables[name] = xr.Variable(*variable)
+    coordinates = {
+        "time": ("time", record.time, {"units": "s", "long_name": "time past the epoch"}),
+        "spacecraft": list(names),
+        "xyz": ["x", "y", "z"],
+        "wheel": ["x", "y", "z"] if properties.n_wheels == 3 else [str(k + 1) for k in range(properties.n_wheels)],
+    }
+    return xr.Dataset(variables, coordinates, attrs=_attributes(environment, properties))
+
+
+def read_telemetry(path: Path) -> xr.Dataset:
+    """Read a file of telemetry into memory; raises what the HDF5 library raises on a broken one."""
+    # Said outright, since xarray warns of its default where a foreign file has dimensions without a name.
+    with xr.open_dataset(path, engine="h5netcdf", phony_dims="access") as file:
+        return file.load()
+
+
+def _variable(dims: tuple[str, ...], values: NDArray[Any], units: str, frame: str, long_name: str) -> xr.Variable:
+    return xr.Variable(dims, values, {"units": units, "frame": frame, "long_name": long_name})
+
+
+def _mode(mode: NDArray[np.int8]) -> xr.Variable:
+    flags = {
+        "units": "1",
+        "frame": "none",
+        "long_name": "what +z tracks",
+        "flag_values": np.arange(len(MODES), dtype=np.int8),
+        "flag_meanings": " ".join(MODES),
+    }
+    return xr.Variable(("time", "spacecraft"), mode, flags)
+
+
+def _pointing_error(q_BN: Array, los: Array) -> Array:
+    flat = pointing_error(np.ascontiguousarray(q_BN.reshape(-1, 4)), np.ascontiguousarray(los.reshape(-1, 3)))
+    return flat.reshape(q_BN.shape[:2])
+
+
+def _asteroid_mrp(times: Array, environment: Environment) -> Array:
+    matrices = np.array([environment.C_AN(t).T for t in times])
+    return mrp_from_quaternion(Rotation.from_matrix(matrices).as_quat(scalar_first=True))
+
+
+def _attributes(environment: Environment, properties: SpacecraftProperties) -> dict[str, Any]:
+    return {
+        "frames": "N: inertial, origin at the asteroid's centre of mass, axes of the ecliptic J2000; A: fixed in the asteroid, "
+        "z along the spin axis; B: spacecraft, camera and dish along +z; R: reference attitude",
+        "attitude_convention": "MRP as in Schaub and Junkins; C_BN maps components in N to components in B",
+        "mass_kg": properties.mass,
+        "inertia_B_kg_m2": properties.inertia_B.ravel(),
+        "inertia_note": "hub and wheels together about their centre of mass, row-major, wheels locked",
+        "wheel_axes_B": properties.wheel_axes_B.ravel(),
+        "wheel_spin_inertia_kg_m2": properties.wheel_spin_inertia,
+        "wheel_max_speed_rad_s": properties.max_wheel_speed,
+        "wheel_max_torque_n_m": properties.max_wheel_torque,
+        "spin_rate_rad_s": environment.spin_rate,
+        "spin_axis_N": environment.C_PN[2],
+        "sun_N_m": environment.sun.position,
+        "earth_N_m": environment.earth.position,
+    }

@@ -1,0 +1,166 @@
+"""Guidance: the reference attitude R that keeps +z on a moving line of sight, in inertial components.
+
+One rule fixes the rotation about the line of sight, which pointing leaves free: R is reached by the shortest rotation
+from a base attitude. The base is the present body attitude when the target changes, so that no slew is longer than
+the pointing needs, and the previous reference afterwards, so that R is carried along without turning about the line of
+sight (parallel transport). With the unit vector l on the line of sight this gives
+
+    omega_RN = l x l_dot,    d omega_RN / dt = l x l_ddot.
+
+Everything is compiled, loops over spacecraft and writes into arrays of the caller. See docs/attitude_control.md.
+"""
+
+from math import atan2, sqrt
+from typing import Final
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from swarm_mj.spacecraft.attitude.algebra import (
+    Floats,
+    Quaternion,
+    Vector,
+    combine,
+    conjugate,
+    cross,
+    dot,
+    normalised,
+    product,
+    put_quaternion,
+    put_vector,
+    quaternion,
+    rotate,
+    scaled,
+    short_mrp,
+    vector,
+    z_axis,
+)
+
+#: Bodies closer than this [m] have no line of sight: spacecraft leave the mothership from one point.
+COINCIDENCE_DISTANCE: Final = 1.0
+#: Below this |z + l| (0.01 microradian from opposite) the axis of the shortest rotation is taken as undefined.
+_OPPOSITE: Final = 1e-8
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def track_line_of_sight(
+    rho_N: Floats,
+    rho_dot_N: Floats,
+    rho_ddot_N: Floats,
+    q_BN: Floats,
+    restart: NDArray[np.bool_],
+    q_RN: Floats,
+    omega_RN_N: Floats,
+    domega_RN_N: Floats,
+    los_N: Floats,
+) -> None:
+    """Carry the references of n spacecraft to the present line of sight.
+
+    A fixed direction is one with zero derivatives. Closer than `COINCIDENCE_DISTANCE` the base attitude is held at zero
+    rate and the line of sight is its +z axis. When the line of sight is opposite to the base's +z axis, the shortest
+    rotation is taken about the base's x axis.
+
+    Args:
+        rho_N: Position of the target minus position of the spacecraft [m], shape (n, 3).
+        rho_dot_N: Its first time derivative [m/s], shape (n, 3).
+        rho_ddot_N: Its second time derivative [m/s^2], shape (n, 3).
+        q_BN: Present body attitudes (w, x, y, z), shape (n, 4); read only where `restart` is set.
+        restart: Whether the target is new, so that the body attitude becomes the base, shape (n,).
+        q_RN: Previous references, replaced by the present ones, shape (n, 4).
+        omega_RN_N: Receives the angular velocity of R [rad/s], shape (n, 3).
+        domega_RN_N: Receives its inertial time derivative [rad/s^2], shape (n, 3).
+        los_N: Receives the unit line of sight, shape (n, 3).
+    """
+    still = (0.0, 0.0, 0.0)
+    for i in range(rho_N.shape[0]):
+        q = normalised(quaternion(q_BN, i) if restart[i] else quaternion(q_RN, i))
+        rho = vector(rho_N, i)
+        distance = sqrt(dot(rho, rho))
+        if distance < COINCIDENCE_DISTANCE:
+            los, omega, domega = z_axis(q), still, still
+        else:
+            los = (rho[0] / distance, rho[1] / distance, rho[2] / distance)
+            # The first turn is ill-conditioned when it is near half a turn; the second takes out what rounding left.
+            q = _shortest_to(los, _shortest_to(los, q))
+            omega, domega = _sight_rates(los, distance, vector(rho_dot_N, i), vector(rho_ddot_N, i))
+        put_quaternion(q_RN, i, q)
+        put_vector(omega_RN_N, i, omega)
+        put_vector(domega_RN_N, i, domega)
+        put_vector(los_N, i, los)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def attitude_error(
+    q_BN: Floats,
+    omega_BN_B: Floats,
+    q_RN: Floats,
+    omega_RN_N: Floats,
+    domega_RN_N: Floats,
+    sigma_BR: Floats,
+    omega_BR_B: Floats,
+    omega_RN_B: Floats,
+    domega_RN_B: Floats,
+) -> None:
+    """Compare n bodies with their references, in body components.
+
+    Args:
+        q_BN: Body attitudes (w, x, y, z), shape (n, 4).
+        omega_BN_B: Body rates in B [rad/s], shape (n, 3).
+        q_RN: Reference attitudes, shape (n, 4).
+        omega_RN_N: Reference rates in N [rad/s], shape (n, 3).
+        domega_RN_N: Inertial derivative of the reference rates, in N [rad/s^2], shape (n, 3).
+        sigma_BR: Receives the attitude error with |sigma| <= 1, shape (n, 3).
+        omega_BR_B: Receives the rate error in B [rad/s], shape (n, 3).
+        omega_RN_B: Receives the reference rates in B [rad/s], shape (n, 3).
+        domega_RN_B: Receives the inertial derivative of the reference rates, in B [rad/s^2], shape (n, 3).
+    """
+    for i in range(q_BN.shape[0]):
+        q_B = quaternion(q_BN, i)
+        q_NB = conjugate(q_B)
+        omega_RN = rotate(q_NB, vector(omega_RN_N, i))
+        put_vector(sigma_BR, i, short_mrp(product(conjugate(quaternion(q_RN, i)), q_B)))
+        put_vector(omega_RN_B, i, omega_RN)
+        put_vector(omega_BR_B, i, combine(1.0, vector(omega_BN_B, i), -1.0, omega_RN))
+        put_vector(domega_RN_B, i, rotate(q_NB, vector(domega_RN_N, i)))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def pointing_error(q_BN: Floats, los_N: Floats) -> Floats:
+    """Return the angle between +z and the line of sight [rad], shape (n,), exact to rounding at 0 and pi too.
+
+    Args:
+        q_BN: Body attitudes (w, x, y, z), shape (n, 4).
+        los_N: Unit lines of sight in N, shape (n, 3).
+    """
+    angle = np.empty(q_BN.shape[0])
+    for i in range(q_BN.shape[0]):
+        z, los = z_axis(quaternion(q_BN, i)), vector(los_N, i)
+        sine = cross(z, los)
+        angle[i] = atan2(sqrt(dot(sine, sine)), dot(z, los))
+    return angle
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _shortest_to(los: Vector, q: Quaternion) -> Quaternion:
+    """Return the attitude with +z on the line of sight that is closest to the unit quaternion q."""
+    z = z_axis(q)
+    half = combine(1.0, z, 1.0, los)
+    if sqrt(dot(half, half)) < _OPPOSITE:
+        # Half a turn about the attitude's own x axis; what then remains is tiny and well defined.
+        q = (-q[1], q[0], q[3], -q[2])
+        z = scaled(-1.0, z)
+        half = combine(1.0, z, 1.0, los)
+    half = scaled(1.0 / sqrt(dot(half, half)), half)
+    # The rotation from z to a direction, with the unit vector h halfway between them, is the quaternion (z.h, z x h).
+    axis = cross(z, half)
+    return normalised(product((dot(z, half), axis[0], axis[1], axis[2]), q))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _sight_rates(los: Vector, distance: float, rho_dot: Vector, rho_ddot: Vector) -> tuple[Vector, Vector]:
+    """Return omega = l x rho_dot / r and its derivative l x l_ddot = (l x rho_ddot - 2 r_dot omega) / r."""
+    omega = scaled(1.0 / distance, cross(los, rho_dot))
+    closing = dot(los, rho_dot)
+    domega = combine(1.0 / distance, cross(los, rho_ddot), -2.0 * closing / distance, omega)
+    return omega, domega

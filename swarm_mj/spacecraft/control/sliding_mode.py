@@ -1,0 +1,192 @@
+"""Sliding mode attitude tracking with reaction wheels, in Modified Rodrigues Parameters.
+
+The sliding variable compares the rate error with the rate at which the attitude error shall be removed,
+
+    s = omega_BR + m(sigma_BR),    m(sigma) = slope sigma / sqrt(1 + (slope |sigma| / rate_limit)^2),
+
+and the torque drives every component of s into the boundary layer |s_i| <= layer no later than |s_i(0)| /
+reaching_rate, whatever the inertia error and disturbance within the stated bounds, and holds it there:
+
+    L = omega x (J omega + h_w) + J_eff (domega_RN - omega x omega_RN - dm/dt - v),
+    v_i = rho_i sat(s_i / layer) + damping s_i.
+
+Inside the layer the law is linear, which keeps the sampled loop free of chatter. Derivation, proof and the reasons for
+the gains: docs/attitude_control.md. Sources: Kowalchuk & Hall, AIAA 2008-6260 (sliding mode with wheels); Slotine & Li,
+Applied Nonlinear Control, chapter 7 (boundary layer, gain under uncertainty); Schaub & Junkins, chapters 3, 4 and 8.
+"""
+
+from dataclasses import dataclass
+from decimal import ROUND_DOWN, Context
+from functools import cached_property
+from math import inf, sqrt
+from typing import ClassVar
+
+import numpy as np
+from numba import njit
+from numpy.typing import ArrayLike
+
+from swarm_mj.errors import ScenarioError
+from swarm_mj.spacecraft.attitude.algebra import Floats, Vector, combine, cross, dot, put_vector, scaled, times, vector
+from swarm_mj.spacecraft.control.base import ControlInput, require_above
+from swarm_mj.spacecraft.control.compiled import CompiledLaw
+
+#: A loop whose torque is held over a period is unstable when its rate gain times the period reaches this value.
+_STABILITY_LIMIT = 2.0
+#: How a message gives the longest period: rounded up, a period that obeys it could still be refused.
+_DOWN = Context(prec=3, rounding=ROUND_DOWN)
+
+
+@dataclass(frozen=True, kw_only=True)
+class MrpSlidingMode:
+    """The sliding mode law; the defaults suit an 8 kg 3U CubeSat with wheels of 15 mN m s and 4 mN m.
+
+    Attributes:
+        slope: Rate commanded per unit of MRP near zero [rad/s]; small errors decay as exp(-slope t / 4).
+        rate_limit: Largest slew rate commanded [rad/s], or None for no limit; keeps the wheels below their top speed.
+        reaching_rate: Guaranteed approach of each component of s to its layer [rad/s^2] (eta).
+        layer: Half-width of the boundary layer [rad/s] (phi).
+        damping: Extra linear decay of s [1/s]; quickens the approach from afar without widening the layer.
+        disturbance_torque: Largest external torque about each axis for which the guarantee holds [N m].
+        inertia_uncertainty: Largest relative error of the principal moments of inertia given to the law, below 1.
+
+    Raises:
+        ScenarioError: A parameter is outside its range.
+    """
+
+    slope: float = 0.4
+    rate_limit: float | None = 0.1
+    reaching_rate: float = 4e-3
+    layer: float = 0.02
+    damping: float = 0.2
+    disturbance_torque: float = 1e-4
+    inertia_uncertainty: float = 0.2
+
+    name: ClassVar[str] = "mrp_sliding_mode"
+
+    def __post_init__(self) -> None:
+        """Check the ranges of the parameters."""
+        for key in ("slope", "reaching_rate", "layer"):
+            require_above(self.name, key, getattr(self, key), 0.0)
+        for key in ("damping", "disturbance_torque", "inertia_uncertainty"):
+            require_above(self.name, key, getattr(self, key), 0.0, allow_low=True)
+        if self.rate_limit is not None:
+            require_above(self.name, "rate_limit", self.rate_limit, 0.0)
+        if self.inertia_uncertainty >= 1.0:
+            raise ScenarioError(
+                f"{self.name}: inertia_uncertainty = {self.inertia_uncertainty} is not allowed; give a number below 1."
+            )
+
+    def torque(self, inputs: ControlInput, memory: Floats | None) -> tuple[Floats, Floats | None]:
+        """Return the torque on the bodies L_B [N m], shape (n, 3), and the memory unchanged: the law has none.
+
+        Args:
+            inputs: Errors, references and mass properties of n spacecraft.
+            memory: Passed through.
+
+        Raises:
+            ScenarioError: The control period is too long for the boundary layer, so that the loop would oscillate.
+        """
+        gain = _fastest_gain(inputs.inertia_effective_B, self._numbers)
+        if gain * inputs.period >= _STABILITY_LIMIT:
+            longest = float(_DOWN.create_decimal_from_float(_STABILITY_LIMIT / gain))
+            raise ScenarioError(
+                f"{self.name}: a control period of {inputs.period:g} s is too long for layer = {self.layer:g} rad/s: "
+                f"the loop, with a rate gain of {gain:.3g} 1/s, would oscillate. Shorten the period below {longest:g} s, "
+                "widen the layer, or lower reaching_rate or disturbance_torque."
+            )
+        torque_B = np.empty_like(inputs.sigma_BR)
+        write_torque(*inputs[:8], self._numbers, torque_B)
+        return torque_B, memory
+
+    def compiled(self) -> CompiledLaw:
+        """See `CompiledController`."""
+        return CompiledLaw(write_torque, self._numbers)
+
+    @cached_property
+    def _numbers(self) -> Floats:
+        """Parameters in the order in which compiled code takes them."""
+        limit = inf if self.rate_limit is None else self.rate_limit
+        gains = (self.slope, limit, self.reaching_rate, self.layer, self.damping)
+        return np.array((*gains, self.disturbance_torque, self.inertia_uncertainty))
+
+    def sliding_variable(self, sigma_BR: ArrayLike, omega_BR_B: ArrayLike) -> Floats:
+        """Return s [rad/s], shape (..., 3), of attitude errors (|sigma| <= 1) and rate errors [rad/s], (..., 3)."""
+        sigma = np.asarray(sigma_BR, dtype=np.float64)
+        limit = inf if self.rate_limit is None else self.rate_limit
+        steepness = (self.slope / limit) ** 2 * np.sum(sigma * sigma, axis=-1, keepdims=True)
+        return np.asarray(omega_BR_B, dtype=np.float64) + self.slope * sigma / np.sqrt(1.0 + steepness)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def write_torque(
+    sigma_BR: Floats,
+    omega_BR_B: Floats,
+    omega_BN_B: Floats,
+    omega_RN_B: Floats,
+    domega_RN_B: Floats,
+    wheel_momentum_B: Floats,
+    inertia_B: Floats,
+    inertia_effective_B: Floats,
+    numbers: Floats,
+    torque_B: Floats,
+) -> None:
+    """Write the torques; see `CompiledLaw`."""
+    slope, rate_limit, layer, damping, uncertainty = numbers[0], numbers[1], numbers[3], numbers[4], numbers[6]
+    for i in range(sigma_BR.shape[0]):
+        J, J_eff = inertia_B[i], inertia_effective_B[i]
+        omega, error = vector(omega_BN_B, i), vector(omega_BR_B, i)
+        slew, slew_dot = _slew(vector(sigma_BR, i), error, slope, rate_limit)
+        turning = cross(omega, vector(omega_RN_B, i))
+        on_manifold = combine(1.0, combine(1.0, vector(domega_RN_B, i), -1.0, turning), -1.0, slew_dot)
+        for j in range(3):
+            s = error[j] + slew[j]
+            at_rest = _gain_at_rest(J_eff[j, j], numbers)
+            in_motion = _model_error(j, J, J_eff, omega, on_manifold[j], uncertainty) / (1.0 - uncertainty)
+            saturation = min(1.0, max(-1.0, s / layer))
+            torque_B[i, j] = on_manifold[j] - (at_rest + in_motion) * saturation - damping * s
+        momentum = combine(1.0, times(J, omega), 1.0, vector(wheel_momentum_B, i))
+        inertial = times(J_eff, vector(torque_B, i))
+        put_vector(torque_B, i, combine(1.0, cross(omega, momentum), 1.0, inertial))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _gain_at_rest(J_eff: float, numbers: Floats) -> float:
+    """Return the acceleration that drives s to its layer where nothing turns [rad/s^2]."""
+    reaching_rate, disturbance, uncertainty = numbers[2], numbers[5], numbers[6]
+    return float((reaching_rate + (1.0 + uncertainty) * disturbance / J_eff) / (1.0 - uncertainty))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _fastest_gain(J_eff: Floats, numbers: Floats) -> float:
+    """Return the largest gain from rate to acceleration of an axis at rest in its layer [1/s]."""
+    slope, layer, damping, uncertainty = numbers[0], numbers[3], numbers[4], numbers[6]
+    fastest = 0.0
+    for i in range(J_eff.shape[0]):
+        for j in range(3):
+            at_rest = _gain_at_rest(J_eff[i, j, j], numbers)
+            fastest = max(fastest, (1.0 + uncertainty) * (at_rest / layer + damping + 0.25 * slope))
+    return fastest
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _slew(sigma: Vector, omega_BR: Vector, slope: float, rate_limit: float) -> tuple[Vector, Vector]:
+    """Return m(sigma) = slope sigma / sqrt(1 + (slope |sigma| / rate_limit)^2) [rad/s] and dm/dt [rad/s^2]."""
+    square, along = dot(sigma, sigma), dot(sigma, omega_BR)
+    sigma_dot = combine(0.25 * (1.0 - square), omega_BR, 0.5, cross(sigma, omega_BR))
+    sigma_dot = combine(1.0, sigma_dot, 0.5 * along, sigma)
+    steepness = (slope / rate_limit) ** 2
+    factor = slope / sqrt(1.0 + steepness * square)
+    bend = factor * steepness * dot(sigma, sigma_dot) / (1.0 + steepness * square)
+    return scaled(factor, sigma), combine(factor, sigma_dot, -bend, sigma)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _model_error(j: int, J: Floats, J_eff: Floats, omega: Vector, on_manifold: float, uncertainty: float) -> float:
+    """Return how much of the commanded acceleration of axis j a wrong inertia can spoil [rad/s^2].
+
+    The gyroscopic torque of axis j is omega_k omega_l (J_l - J_k), and each true moment of inertia is at most
+    1 / (1 - uncertainty) of the one given; dividing by the true J_eff costs at most a factor 1 + uncertainty.
+    """
+    k, m = (j + 1) % 3, (j + 2) % 3
+    gyroscopic = abs(omega[k] * omega[m]) * (J[k, k] + J[m, m]) / J_eff[j, j]
+    return uncertainty * (abs(on_manifold) + (1.0 + uncertainty) / (1.0 - uncertainty) * gyroscopic)

@@ -1,0 +1,104 @@
+"""Environment steps against raw `mj_step` of the same model: 10 s of flight of 5 spacecraft, coverage and reward included."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import gymnasium
+import mujoco
+import numpy as np
+
+import swarm_mj  # noqa: F401  (registers the environment)
+from swarm_mj.verification.performance.measure import Row, rates, row
+from swarm_mj.verification.performance.record import cores
+
+ID = "swarm_mj:SwarmObserve-v0"
+TARGET_SINGLE, TARGET_VECTOR = ">= 0.60", ">= 0.80"
+
+
+def raw_steps() -> Callable[[], int]:
+    """Ten times as many raw steps as one environment step takes; forces and torques held, as in the raw row of the loop."""
+    env: Any = gymnasium.make(ID).unwrapped
+    simulation, ticks = env.setting.simulation, env.setting.ticks
+    simulation.decide()
+    start = simulation.data.qpos.copy(), simulation.data.qvel.copy()
+
+    def work() -> int:
+        # Held torques would spin the wheels up without end.
+        simulation.data.qpos[:], simulation.data.qvel[:] = start
+        for _ in range(10):
+            mujoco.mj_step(simulation.model.mjmodel, simulation.data, nstep=ticks)
+        return 10
+
+    return work
+
+
+def single_steps(**arguments: Any) -> Callable[[], int]:
+    """Ten steps of the single environment, started anew when an episode ends."""
+    env: Any = gymnasium.make(ID, **arguments).unwrapped
+    env.reset(seed=0)
+    env.action_space.seed(0)
+    actions = [env.action_space.sample() for _ in range(64)]
+    count = 0
+
+    def work() -> int:
+        nonlocal count
+        for _ in range(10):
+            count += 1
+            _, _, terminated, truncated, _ = env.step(actions[count % 64])
+            if terminated or truncated:
+                env.reset()
+        return 10
+
+    return work
+
+
+def vector_steps(num_envs: int, **arguments: Any) -> Callable[[], int]:
+    """One step of the vector environment."""
+    envs = gymnasium.make_vec(ID, num_envs=num_envs, **arguments)
+    envs.reset(seed=0)
+    envs.action_space.seed(0)
+    actions = [envs.action_space.sample() for _ in range(16)]
+    count = 0
+
+    def work() -> int:
+        nonlocal count
+        count += 1
+        envs.step(actions[count % 16])
+        return num_envs
+
+    return work
+
+
+def rows(quick: bool, num_envs: int = 64) -> Iterator[Row]:
+    """All of it; by wall clock, and by processor time over all threads, which holds where the machine is shared."""
+    works: dict[str, Callable[[], int]] = {
+        "single, role": single_steps(),
+        f"vector of {num_envs}, role": vector_steps(num_envs),
+    }
+    if not quick:
+        works |= {
+            "single, pointing": single_steps(control="pointing"),
+            "single, torque": single_steps(control="torque"),
+            f"vector of {num_envs}, pointing": vector_steps(num_envs, control="pointing"),
+            f"vector of {num_envs}, torque": vector_steps(num_envs, control="torque"),
+        }
+    raw = raw_steps()
+    for work in (raw, *works.values()):
+        work()
+    rounds, seconds = (5, 0.4) if quick else (9, 1.0)
+    measured: dict[str, list[tuple[float, float]]] = {name: [] for name in ("raw", *works)}
+    for _ in range(rounds):
+        measured["raw"].append(rates(raw, seconds))
+        for name, work in works.items():
+            measured[name].append(rates(work, seconds))
+    base = np.array(measured.pop("raw"))
+    yield row("environment", "raw mj_step, one thread", base[:, 0], "steps/s")
+    for name, values in measured.items():
+        rate, vector = np.array(values), name.startswith("vector")
+        target = TARGET_VECTOR if vector else TARGET_SINGLE
+        per_core = rate[:, 0] / base[:, 0] / (cores() if vector else 1)
+        yield row("environment", name, rate[:, 0], "steps/s")
+        yield row("environment", f"{name} / raw, per core", per_core, "ratio", target)
+        yield row("environment", f"{name} / raw, by processor time", rate[:, 1] / base[:, 1], "ratio")

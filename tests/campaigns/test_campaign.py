@@ -1,0 +1,298 @@
+"""Whole campaigns as a user starts them: any number of workers, any order, and whatever kills them."""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+from swarm_mj.campaigns.loading import load_campaign
+from swarm_mj.campaigns.lock import only_one
+from swarm_mj.campaigns.runner import replay, run_campaign
+from swarm_mj.campaigns.store import RESULTS, read_results
+from swarm_mj.errors import OutputError
+
+from .conftest import QUICK
+
+pytestmark = [pytest.mark.slow, pytest.mark.robust]
+
+
+def rows(folder):
+    return read_results(folder).drop(["wall_s"])
+
+
+def finished(folder):
+    try:
+        return read_results(folder).num_rows
+    except OutputError:
+        return 0
+
+
+def wait_for(condition, process, seconds=90.0):
+    end = time.monotonic() + seconds
+    while not condition():
+        assert process.poll() is None, process.communicate()[1]
+        assert time.monotonic() < end, "nothing happened"
+        time.sleep(0.01)
+
+
+def interrupted(begin, folder, done, signalled):
+    """A campaign that was signalled after `done` runs, its answer and its workers; begun anew if it ended before that."""
+    for attempt in range(8):
+        process = begin(folder / str(attempt))
+        wait_for(lambda out=folder / str(attempt): finished(out) >= done, process)
+        workers = children(process)
+        signalled(process)
+        said = process.communicate(timeout=60)
+        if process.returncode != 0:
+            return folder / str(attempt), process, said, workers
+    raise AssertionError("the campaign was always over before the signal came")
+
+
+def children(process):
+    """Spawned workers of a process: direct children that are no resource tracker."""
+    found = []
+    for pid in filter(str.isdecimal, os.listdir("/proc")):
+        try:
+            stat = open(f"/proc/{pid}/stat").read().rsplit(")", 1)[1].split()
+            command = open(f"/proc/{pid}/cmdline").read()
+        except OSError:
+            continue
+        if int(stat[1]) == process.pid and "spawn_main" in command:
+            found.append(int(pid))
+    return found
+
+
+def alive(pid):
+    try:
+        return open(f"/proc/{pid}/stat").read().rsplit(")", 1)[1].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+@pytest.fixture(scope="module")
+def reference(tmp_path_factory):
+    """A campaign of 16 plain runs that nothing disturbed."""
+    from .conftest import PLAIN
+
+    folder = tmp_path_factory.mktemp("reference")
+    path = folder / "campaign.yaml"
+    path.write_text(PLAIN.format(runs=16, more=""))
+    run_campaign(load_campaign(path), folder / "out", workers=2, quiet=True, figures=False)
+    return path, rows(folder / "out")
+
+
+@pytest.mark.parametrize("method", ["monte_carlo", "latin_hypercube"])
+def test_results_do_not_depend_on_the_number_of_workers(write, tmp_path, method):
+    resolved = load_campaign(write(QUICK, runs=5, method=method))
+    for workers in (1, 3):
+        run_campaign(resolved, tmp_path / str(workers), workers=workers, quiet=True, figures=False)
+    one, three = rows(tmp_path / "1"), rows(tmp_path / "3")
+    assert one.equals(three)
+    assert one["row"].to_pylist() == list(range(10))
+    assert set(one["status"].to_pylist()) == {"ok"}
+
+
+def test_a_killed_worker_costs_nothing(reference, start, tmp_path):
+    path, expected = reference
+    process = start(path, "--out", tmp_path / "out", "--workers", 2, "--no-figures")
+    for done in (2, 8):
+        wait_for(lambda done=done: finished(tmp_path / "out") >= done, process)
+        os.kill(children(process)[0], signal.SIGKILL)
+    assert process.wait(120) == 0, process.communicate()[1]
+    assert rows(tmp_path / "out").equals(expected)
+
+
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+def test_an_interrupted_campaign_goes_on_where_it_was(reference, start, tmp_path, how):
+    path, expected = reference
+    out, process, (said, _), workers = interrupted(
+        lambda out: start(path, "--out", out, "--workers", 2, "--no-figures"),
+        tmp_path,
+        5,
+        lambda process: os.kill(process.pid, how),
+    )
+    assert process.returncode == (-9 if how == signal.SIGKILL else 130)
+    kept = finished(out)
+    assert kept >= 5
+    if how != signal.SIGKILL:
+        assert f"{kept} of 16 runs are kept" in said and "--resume" in said
+    end = time.monotonic() + 30.0
+    while any(map(alive, workers)):
+        assert time.monotonic() < end, "workers outlive the campaign"
+        time.sleep(0.1)
+    assert start(path, "--out", out, "--no-figures").wait(60) == 2
+    again = start(path, "--out", out, "--resume", "--no-figures")
+    assert again.wait(120) == 0, again.communicate()[1]
+    assert rows(out).equals(expected)
+    assert (out / RESULTS).exists()
+
+
+def test_ctrl_c_reaches_the_whole_group_as_a_terminal_sends_it(reference, start, tmp_path):
+    path, _ = reference
+    _, process, (_, errors), _ = interrupted(
+        lambda out: start(path, "--out", out, "--workers", 2, "--no-figures"),
+        tmp_path,
+        3,
+        lambda process: os.killpg(process.pid, signal.SIGINT),
+    )
+    assert process.returncode == 130
+    assert "Traceback" not in errors
+
+
+def test_a_changed_campaign_is_not_resumed(reference, start, tmp_path, write):
+    path, _ = reference
+    out = tmp_path / "out"
+    changed = tmp_path / "changed.yaml"
+    changed.write_text(path.read_text().replace("telemetry.interval_s: 10", "telemetry.interval_s: 5"))
+    few = start(path, "--out", out, "--runs", 2, "--no-figures")
+    assert few.wait(90) == 0
+    for arguments, words in (
+        ([path, "--runs", 16], "campaign.runs = 16, was 2"),
+        ([changed, "--runs", 2], "telemetry.interval_s = 5"),
+    ):
+        process = start(*arguments, "--out", out, "--resume", "--no-figures")
+        _, errors = process.communicate(timeout=60)
+        assert process.returncode == 2 and words in errors, errors
+
+
+def test_of_two_campaigns_in_one_folder_one_wins_and_the_other_says_so(reference, start, tmp_path):
+    path, expected = reference
+    first = start(path, "--out", tmp_path / "out", "--workers", 1, "--no-figures")
+    wait_for(lambda: finished(tmp_path / "out") >= 1, first)
+    # Held where it is, lest it finishes before the second one asks.
+    first.send_signal(signal.SIGSTOP)
+    try:
+        assert finished(tmp_path / "out") < len(expected)
+        for more in ((), ("--resume",)):
+            second = start(path, "--out", tmp_path / "out", "--workers", 1, "--no-figures", *more)
+            _, errors = second.communicate(timeout=90)
+            assert second.returncode == 2
+            assert f"another campaign is writing here (process {first.pid}" in errors
+    finally:
+        first.send_signal(signal.SIGCONT)
+    assert first.wait(120) == 0, first.communicate()[1]
+    assert rows(tmp_path / "out").equals(expected)
+
+
+HOLD = """
+import sys, time
+from pathlib import Path
+from swarm_mj.campaigns.lock import only_one
+with only_one(Path(sys.argv[1])):
+    print("held", flush=True)
+    time.sleep(120)
+"""
+
+
+def test_a_lock_does_not_outlive_a_killed_process(tmp_path):
+    holder = subprocess.Popen([sys.executable, "-c", HOLD, str(tmp_path / "out")], stdout=subprocess.PIPE, text=True)
+    try:
+        assert holder.stdout.readline() == "held\n"
+        with pytest.raises(OutputError, match=f"process {holder.pid} on"), only_one(tmp_path / "out"):
+            pass
+    finally:
+        holder.kill()
+        holder.communicate()
+    with only_one(tmp_path / "out"):
+        pass
+
+
+def test_a_foreign_folder_is_not_written_to(write, tmp_path):
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "thesis.tex").write_text("years")
+    with pytest.raises(OutputError, match="holds thesis.tex and no campaign"):
+        run_campaign(load_campaign(write()), tmp_path / "mine", quiet=True)
+    with pytest.raises(OutputError, match="holds thesis.tex and no campaign"):
+        replay(load_campaign(write()), 0, tmp_path / "mine", quiet=True)
+    assert [p.name for p in (tmp_path / "mine").iterdir()] == ["thesis.tex"]
+
+
+def test_every_row_replays_bit_for_bit_and_a_forged_one_is_told_apart(reference, start, tmp_path):
+    path, expected = reference
+    out = tmp_path / "out"
+    assert start(path, "--out", out, "--runs", 3, "--no-figures").wait(90) == 0
+    assert start(path, "--out", out, "--runs", 3, "--replay", 2).wait(60) == 0
+    assert {"scenario.yaml", "telemetry.nc", "coverage.npz"} <= {p.name for p in (out / "replays" / "2").iterdir()}
+    # The same row of a longer campaign: monte_carlo draws are its own.
+    assert start(path, "--out", out, "--runs", 4, "--replay", 2).wait(60) == 0
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    table = read_results(out)
+    column = table.schema.get_field_index("coverage_percent")
+    values = table["coverage_percent"].to_pylist()
+    values[2] = values[2] * (1 - 2**-52)
+    pq.write_table(table.set_column(column, "coverage_percent", pa.array(values)), out / RESULTS)
+    assert start(path, "--out", out, "--runs", 3, "--replay", 2).wait(60) == 1
+
+
+def test_a_run_that_takes_too_long_has_failed_and_the_others_go_on(write, tmp_path):
+    steps = "{distribution: choice, values: [0.5, 0.001], weights: [0.8, 0.2]}"
+    more = f"parameters: {{physics.timestep_s: {steps}}}\ntime_limit_s: 6"
+    resolved = load_campaign(write(runs=8, more=more))
+    run_campaign(resolved, tmp_path / "out", workers=2, quiet=True, figures=False)
+    found = read_results(tmp_path / "out").to_pylist()
+    assert len(found) == 8
+    slow = [r for r in found if r["physics.timestep_s"] == 0.001]
+    assert slow and all(r["status"] == "failed" and "time_limit_s = 6" in r["error"] for r in slow)
+    assert sum(r["status"] == "ok" for r in found) == 8 - len(slow)
+
+
+def test_a_run_that_kills_its_worker_every_time_is_recorded_as_failed(write):
+    from swarm_mj.campaigns.pools import MAX_DEATHS, LocalPool
+
+    long = "parameters: {physics.timestep_s: {distribution: choice, values: [0.001]}}"  # a million steps
+    pool, killed = LocalPool(load_campaign(write(runs=1, more=long)), None, workers=1), set()
+
+    def kill():
+        while len(killed) < MAX_DEATHS:
+            for worker in list(pool._workers):
+                if worker.row == 0 and worker.process.pid not in killed:
+                    killed.add(worker.process.pid)
+                    os.kill(worker.process.pid, signal.SIGKILL)
+            time.sleep(0.01)
+
+    killer = threading.Thread(target=kill, daemon=True)
+    killer.start()
+    try:
+        (row,) = pool.results([0])
+    finally:
+        pool.close()
+    assert row["status"] == "failed"
+    assert row["error"] == "its process died 3 times, the last time by signal SIGKILL"
+
+
+def test_the_folder_is_printed_as_it_was_given_and_wheels_in_percent_as_of_a_run(write, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "200")
+    summary = run_campaign(load_campaign(write(runs=1)), Path("out"), workers=1, quiet=True, figures=False)
+    printed = capsys.readouterr().out
+    assert "plain: files in out\n" in printed
+    (line,) = [line for line in printed.splitlines() if "wheel speed" in line]
+    fastest = summary["scenarios"]["eros-quick"]["outcomes"]["max_wheel_speed_fraction"]["quantiles"]["0.95"]["value"]
+    assert "[% of limit]" in line and f" {100 * fastest:.4g} " in line
+
+
+def test_telemetry_is_kept_if_asked_for_and_figures_and_summary_are_written(write, tmp_path):
+    import json
+
+    import xarray as xr
+
+    resolved = load_campaign(write(QUICK, runs=6, more="telemetry: true"))
+    run_campaign(resolved, tmp_path / "out", workers=2, quiet=True)
+    names = {p.name for p in (tmp_path / "out").iterdir()}
+    assert {RESULTS, "summary.json", "campaign.json", "coverage.png", "pointing.png"} <= names
+    assert len(list((tmp_path / "out" / "telemetry").iterdir())) == 12
+    with xr.open_dataset(tmp_path / "out" / "telemetry" / "000003.nc", engine="h5netcdf") as telemetry:
+        assert telemetry.sizes["time"] == 121
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert summary["finished"] == 12 and summary["failed"] == 0
+    one = summary["scenarios"]["one"]
+    assert one["covered"]["flights"] == 6
+    low, high = one["covered"]["clopper_pearson"]
+    assert low <= one["covered"]["probability"] <= high

@@ -1,0 +1,220 @@
+"""Results on disk survive crashes, torn files and full disks; no row is lost, none is there twice."""
+
+import json
+import os
+import resource
+import shutil
+import subprocess
+import sys
+
+import pytest
+
+from swarm_mj.campaigns.config import Campaign
+from swarm_mj.campaigns.manifest import MANIFEST
+from swarm_mj.campaigns.store import JOURNAL, PARTS, RESULTS, Store, read_journal, read_results
+from swarm_mj.campaigns.table import schema_of
+from swarm_mj.errors import OutputError
+
+pytestmark = pytest.mark.robust
+
+CAMPAIGN = Campaign(
+    name="c",
+    scenarios=("s",),
+    parameters={"x": {"distribution": "normal", "mean": 0.0, "std": 1.0}},
+    record=("coverage_percent",),
+)
+SCHEMA = schema_of(CAMPAIGN)
+
+
+def row(number, **values):
+    plain = {"row": number, "run": number, "scenario": "s", "seed": 2**62 + number, "x": 0.1 * number, "status": "ok"}
+    return {**plain, "coverage_percent": 1.0 / (number + 3.0), "events": [], "wall_s": 0.5, **values}
+
+
+def filled(folder, numbers, *, seal_after=()):
+    store = Store(folder, SCHEMA)
+    for number in numbers:
+        store.add(row(number))
+        if number in seal_after:
+            store.seal()
+    return store
+
+
+def numbers(folder):
+    return read_results(folder, SCHEMA)["row"].to_pylist()
+
+
+def test_rows_are_there_as_soon_as_they_are_added_and_keep_every_bit(tmp_path):
+    filled(tmp_path, [3, 1, 2], seal_after=[1])
+    found = read_results(tmp_path).to_pylist()
+    assert [r["row"] for r in found] == [1, 2, 3]
+    assert [r["coverage_percent"] for r in found] == [1.0 / (n + 3.0) for n in (1, 2, 3)]
+    assert [r["seed"] for r in found] == [2**62 + n for n in (1, 2, 3)]
+
+
+def test_rows_that_stand_in_the_journal_alone_are_read_by_anybody(tmp_path):
+    with pytest.raises(OutputError, match="holds no finished run"):
+        read_results(tmp_path)
+    store = filled(tmp_path, [2])
+    with pytest.raises(OutputError, match=r"campaign\.json: cannot be read"):
+        read_results(tmp_path)
+    (tmp_path / MANIFEST).write_text(
+        json.dumps({"campaign": CAMPAIGN.model_dump(mode="json", by_alias=True), "fingerprint": ""})
+    )
+    assert not list((tmp_path / PARTS).iterdir())
+    assert read_results(tmp_path).equals(read_results(tmp_path, SCHEMA)) and numbers(tmp_path) == [2]
+    assert read_results(str(tmp_path)).equals(read_results(tmp_path))
+    store.close()
+
+
+def test_a_store_that_was_never_closed_is_taken_over_whole(tmp_path):
+    filled(tmp_path, range(5), seal_after=[2])
+    store = Store(tmp_path, SCHEMA)
+    assert store.done == set(range(5)) and store.torn == []
+    assert read_journal(tmp_path / JOURNAL) == ([], 0)
+    assert numbers(tmp_path) == list(range(5))
+
+
+def test_compaction_gives_one_sorted_file_and_a_second_one_changes_nothing(tmp_path):
+    filled(tmp_path, [4, 0, 3, 1], seal_after=[0]).compact()
+    assert not list((tmp_path / PARTS).iterdir())
+    first = (tmp_path / RESULTS).read_bytes()
+    again = Store(tmp_path, SCHEMA)
+    again.compact()
+    assert (tmp_path / RESULTS).read_bytes() == first
+    again.add(row(2))
+    again.compact()
+    assert numbers(tmp_path) == [0, 1, 2, 3, 4]
+
+
+def test_what_is_empty_at_the_end_is_removed_and_what_holds_rows_stays(tmp_path):
+    store = filled(tmp_path, [0, 1], seal_after=[0])
+    store.close()
+    assert {p.name for p in tmp_path.iterdir()} == {JOURNAL, PARTS} and numbers(tmp_path) == [0, 1]
+    store = Store(tmp_path, SCHEMA)
+    store.compact()
+    store.close()
+    assert {p.name for p in tmp_path.iterdir()} == {RESULTS} and numbers(tmp_path) == [0, 1]
+
+
+def test_a_row_is_not_counted_twice(tmp_path):
+    store = filled(tmp_path, [0, 1, 0])
+    store.add(row(1, coverage_percent=9.0))
+    store.seal()
+    found = read_results(tmp_path)
+    assert found["row"].to_pylist() == [0, 1] and 9.0 not in found["coverage_percent"].to_pylist()
+
+
+def test_a_crash_between_sealing_and_emptying_the_journal_doubles_nothing(tmp_path):
+    store = filled(tmp_path, [0, 1])
+    journal = (tmp_path / JOURNAL).read_bytes()
+    store.seal()
+    (tmp_path / JOURNAL).write_bytes(journal)
+    assert numbers(tmp_path) == [0, 1]
+    assert Store(tmp_path, SCHEMA).done == {0, 1}
+    assert numbers(tmp_path) == [0, 1]
+
+
+def test_a_crash_between_compaction_and_clearing_doubles_nothing(tmp_path):
+    store = filled(tmp_path, [0, 1], seal_after=[1])
+    shutil.copytree(tmp_path / PARTS, tmp_path / "kept")
+    store.compact()
+    shutil.copytree(tmp_path / "kept", tmp_path / PARTS, dirs_exist_ok=True)
+    assert numbers(tmp_path) == [0, 1]
+
+
+@pytest.mark.parametrize("cut", [1, 10, 60])
+def test_a_torn_last_line_of_the_journal_costs_only_its_own_row(tmp_path, cut):
+    filled(tmp_path, [0, 1, 2])
+    with (tmp_path / JOURNAL).open("rb+") as file:
+        file.truncate(os.path.getsize(file.name) - cut)
+    store = Store(tmp_path, SCHEMA)
+    assert store.done == {0, 1} and len(store.torn) == 1
+    store.add(row(2))
+    store.compact()
+    assert numbers(tmp_path) == [0, 1, 2]
+
+
+def test_a_flipped_bit_in_the_journal_costs_only_its_own_row(tmp_path):
+    filled(tmp_path, [0, 1, 2])
+    lines = (tmp_path / JOURNAL).read_bytes().splitlines(keepends=True)
+    lines[1] = lines[1].replace(b"0.25", b"0.75")
+    (tmp_path / JOURNAL).write_bytes(b"".join(lines))
+    assert Store(tmp_path, SCHEMA).done == {0, 2}
+
+
+@pytest.mark.parametrize("damage", ["cut", "emptied", "flipped", "replaced"])
+def test_a_torn_part_is_set_aside_and_its_rows_are_missing(tmp_path, damage):
+    filled(tmp_path, range(40), seal_after=[19, 39])
+    part = sorted((tmp_path / PARTS).iterdir())[0]
+    data = bytearray(part.read_bytes())
+    if damage == "flipped":
+        where = data.index(b"PAR1") + 60
+        data[where] ^= 0x40
+    part.write_bytes({"cut": bytes(data[:-40]), "emptied": b"", "flipped": bytes(data), "replaced": b"hello"}[damage])
+    with pytest.raises(OutputError, match="torn"):
+        read_results(tmp_path)
+    store = Store(tmp_path, SCHEMA)
+    assert store.done == set(range(20, 40)) and store.torn == [part.name]
+    assert part.with_name(part.name + ".torn").exists()
+
+
+def test_what_a_killed_writer_left_half_written_is_cleared(tmp_path):
+    filled(tmp_path, [0])
+    (tmp_path / PARTS / ".000.parquet.partial").write_bytes(b"half")
+    (tmp_path / ".results.parquet.partial").write_bytes(b"half")
+    assert Store(tmp_path, SCHEMA).done == {0}
+    assert not [p for p in tmp_path.rglob("*.partial")]
+
+
+FILL = """
+import resource, signal, sys
+from pathlib import Path
+sys.path.insert(0, {tests!r})
+from test_store import SCHEMA, row
+from swarm_mj.campaigns.store import Store
+from swarm_mj.errors import OutputError
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+{limit}
+store, added = Store(Path({folder!r}), SCHEMA), 0
+try:
+    for number in range(100_000):
+        store.add(row(number, events=["x" * 100]))
+        added += 1
+except OutputError as error:
+    print(added, error)
+    sys.exit(0)
+sys.exit("the disk never filled")
+"""
+
+
+def fill(folder, limit=""):
+    code = FILL.format(tests=os.path.dirname(__file__), folder=str(folder), limit=limit)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    added, _, words = done.stdout.partition(" ")
+    return int(added), words
+
+
+def test_a_file_that_may_not_grow_stops_the_campaign_with_every_added_row_kept(tmp_path):
+    added, words = fill(tmp_path, f"resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, {resource.RLIM_INFINITY}))")
+    assert "go on with --resume" in words and added > 20
+    store = Store(tmp_path, SCHEMA)
+    assert store.done >= set(range(added)) and store.torn == []
+
+
+@pytest.mark.skipif(os.geteuid() != 0 or shutil.which("mount") is None, reason="only root can make a small disk")
+def test_a_full_disk_stops_the_campaign_with_every_added_row_kept(tmp_path):
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    if subprocess.run(["mount", "-t", "tmpfs", "-o", "size=256k", "tmpfs", disk], capture_output=True).returncode:
+        pytest.skip("this root may not mount")
+    try:
+        added, words = fill(disk)
+        assert "No space left on device" in words and added > 20
+        roomy = tmp_path / "roomy"
+        shutil.copytree(disk, roomy)
+        store = Store(roomy, SCHEMA)
+        assert store.done >= set(range(added)) and store.torn == []
+    finally:
+        subprocess.run(["umount", disk], check=True)

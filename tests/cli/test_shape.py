@@ -1,0 +1,65 @@
+"""The command `swarm-mj shape`: sizes that small bodies keep, and advice in its own words."""
+
+import pickle
+
+import pytest
+
+from swarm_mj.cli.main import main
+from swarm_mj.smallbody.geodesic import geodesic_icosahedron
+from swarm_mj.smallbody.shape import ShapeModel
+from swarm_mj.smallbody.shape_check import BodySizeError, shown_size
+from swarm_mj.smallbody.shape_io import save_obj
+
+
+def ellipsoid(folder, *semi_axes_m):
+    directions, faces = geodesic_icosahedron(6)
+    save_obj(ShapeModel(directions * semi_axes_m, faces), folder / "body.obj")
+    return str(folder / "body.obj")
+
+
+@pytest.mark.parametrize(
+    ("semi_axes_m", "words"),
+    [
+        ((300.0, 250.0, 200.0), ["0.06187 km^3", "0.7747 km^2", "300 m"]),
+        ((88.0, 87.0, 58.0), ["0.001832 km^3", "0.07485 km^2", "88 m"]),
+        ((17e3, 6e3, 5e3), ["2,104 km^3", "17 km"]),
+    ],
+)
+def test_small_bodies_are_not_rounded_away(tmp_path, capsys, semi_axes_m, words):
+    assert main(["shape", ellipsoid(tmp_path, *semi_axes_m)]) == 0
+    said = capsys.readouterr().out
+    assert all(word in said for word in words), said
+
+
+@pytest.mark.parametrize(
+    ("value", "power", "words"),
+    [
+        (23.4, 1, "23.4 m"),
+        (1234.56, 1, "1.235 km"),
+        (5140.2, 2, "5,140 m^2"),
+        (15.5e3, 2, "0.0155 km^2"),
+        (34149.6, 3, "34,150 m^3"),
+        (62.7e6, 3, "0.0627 km^3"),
+        (2.518154e12, 3, "2,518 km^3"),
+    ],
+)
+def test_sizes_keep_four_digits_in_the_unit_that_fits(value, power, words):
+    assert shown_size(value, power) == words
+
+
+def test_a_body_of_23_m_is_refused_in_the_words_of_the_command_and_taken_when_told(tmp_path, capsys):
+    file = ellipsoid(tmp_path, 23.0, 20.0, 18.0)
+    assert main(["shape", file]) == 2
+    said = capsys.readouterr().err
+    assert "--unit km" in said and "--radius-range LOW HIGH" in said and "expect_radius_m" not in said
+    assert main(["shape", file, "--radius-range", "10", "40"]) == 0
+    assert "34,150 m^3" in capsys.readouterr().out
+    for wrong in (["40", "10"], ["nan", "40"], ["0", "40"]):
+        assert main(["shape", file, "--radius-range", *wrong]) == 2
+        assert "--radius-range" in capsys.readouterr().err
+
+
+def test_a_size_error_survives_the_way_between_processes():
+    error = BodySizeError("it lies 23 m from the origin", "km")
+    assert str(pickle.loads(pickle.dumps(error))) == str(error)
+    assert 'pass unit="km"' in str(error) and "1000" in str(error)

@@ -1,0 +1,185 @@
+"""Candidates: flown where and pointed how the real flight is, judged as its pictures are, and kept on disk."""
+
+import os
+
+import numpy as np
+import pytest
+
+from swarm_mj.designer.candidates import pictures
+from swarm_mj.designer.candidates.flights import fly_candidates
+from swarm_mj.designer.candidates.pictures import picture_numbers, visible_shares
+from swarm_mj.designer.candidates.visibility import imaging_model_from, visibility
+from swarm_mj.errors import ScenarioError
+from swarm_mj.flight.plan import make_plan
+from swarm_mj.flight.simulate import observe_flight, simulate
+from swarm_mj.scenarios.loading import load_scenario
+from swarm_mj.spacecraft.attitude.mrp import dcm
+
+#: Visits only, few cells, rays: quick enough for tests.
+FAST = [
+    "observation.criterion=visit",
+    "observation.observer=raycast",
+    "target.cell_size_m=null",
+    "camera.half_angle_deg=6",
+]
+
+
+def scenario(*overrides):
+    return load_scenario("eros-quick", [*FAST, *overrides])
+
+
+@pytest.fixture(autouse=True)
+def own_cache(tmp_path, monkeypatch):
+    monkeypatch.setenv("SWARM_MJ_CACHE", str(tmp_path / "cache"))
+    return tmp_path / "cache"
+
+
+@pytest.fixture(scope="module")
+def flights():
+    return fly_candidates(scenario())
+
+
+def test_every_visiting_point_has_a_candidate_that_is_there_at_the_time_of_flight(flights):
+    k = int(np.flatnonzero(flights.times == 600.0)[0])
+    points = flights.plan.region.visiting_points_A(14e3)
+    assert flights.n == 51
+    assert np.linalg.norm(flights.r_A[k] - points, axis=1).max() < 1e-3
+
+
+def test_candidates_look_at_the_centre_while_inside_the_imaging_radius(flights):
+    radius = np.linalg.norm(flights.r_A, axis=2)
+    assert np.array_equal(flights.observing, radius <= 35e3)
+    z = flights.C_CA[..., 2, :]
+    cosine = np.einsum("knj,knj->kn", z, -flights.r_A) / radius
+    assert np.allclose(cosine[flights.observing], 1.0, atol=1e-12)
+    identity = np.einsum("knij,knlj->knil", flights.C_CA, flights.C_CA)
+    assert np.allclose(identity, np.eye(3), atol=1e-12)
+
+
+def test_candidates_fly_as_the_simulation_does():
+    points = [5, 30]
+    plan = make_plan(scenario(f"design.visiting_points={points}"))
+    telemetry = simulate(plan)
+    candidates = fly_candidates(scenario())
+    for k, t in enumerate(candidates.times):
+        C_AN = dcm(telemetry["sigma_AN"].sel(time=t).values)
+        for j, point in enumerate(points):
+            flown = C_AN @ telemetry["r_BN_N"].sel(time=t).values[j]
+            assert np.linalg.norm(flown - candidates.r_A[k, point - 1]) < 2e-3
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_what_a_flight_sees_contains_what_its_candidates_promise_whatever_the_roll(seed):
+    seen = visibility(scenario())
+    points = [8, 40]
+    plan = make_plan(scenario(f"design.visiting_points={points}", f"seed={seed}"))
+    result = observe_flight(plan, simulate(plan))
+    for j, point in enumerate(points):
+        promised, flown = seen.sees[point - 1], result.coverage.seen_by[j]
+        assert promised.any()
+        assert not (promised & ~flown).any()
+        assert flown.sum() > promised.sum()
+
+
+def test_pictures_are_kept_and_an_interrupted_computation_goes_on(flights, own_cache, monkeypatch):
+    region, imaging_model = flights.plan.region, imaging_model_from(scenario())
+    at = flights.times == 600.0
+    done = []
+    judged = []
+    real = pictures._judge
+
+    def interrupted(r_A, C_CA):
+        if len(judged) == 20:
+            raise KeyboardInterrupt
+        judged.append(r_A)
+        return real(r_A, C_CA)
+
+    monkeypatch.setattr(pictures, "_judge", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        visible_shares(flights, region, imaging_model, at=at)
+    assert len(list(own_cache.rglob("*.npy"))) == 20
+    monkeypatch.setattr(pictures, "_judge", lambda r, C: judged.append(r) or real(r, C))
+    shares = visible_shares(flights, region, imaging_model, at=at, progress=done.append)
+    assert len(judged) == 51
+    assert done[0] == 20 and done[-1] == 51
+    # A third time everything is read.
+    again = visible_shares(flights, region, imaging_model, at=at)
+    assert len(judged) == 51
+    assert all(np.array_equal(a, b) for a, b in zip(shares, again, strict=True))
+    assert not list(own_cache.rglob("*.partial"))
+
+
+def test_a_damaged_file_in_the_cache_is_computed_again(flights, own_cache):
+    region, imaging_model = flights.plan.region, imaging_model_from(scenario())
+    at = flights.times == 600.0
+    shares = visible_shares(flights, region, imaging_model, at=at)
+    for k, file in enumerate(sorted(own_cache.rglob("*.npy"))[:4]):
+        file.write_bytes([b"", b"junk", file.read_bytes()[:100], b"\x80\x04." * 50][k])
+    again = visible_shares(flights, region, imaging_model, at=at)
+    assert all(np.array_equal(a, b) for a, b in zip(shares, again, strict=True))
+
+
+def test_the_cache_tells_cameras_observers_and_targets_apart(flights, own_cache):
+    region = flights.plan.region
+    at = flights.times == 600.0
+    for count, overrides in enumerate(
+        ([], ["camera.half_angle_deg=5"], ["observation.occlusion=false"], ["designer.any_roll=false"]), start=1
+    ):
+        visible_shares(flights, region, imaging_model_from(scenario(*overrides)), at=at)
+        assert len(list((own_cache / "pictures").iterdir())) == count
+
+
+def test_a_cache_that_cannot_be_written_only_costs_time(flights, monkeypatch):
+    monkeypatch.setenv("SWARM_MJ_CACHE", "/proc/nowhere")
+    at = flights.times == 600.0
+    shares = visible_shares(flights, flights.plan.region, imaging_model_from(scenario()), at=at)
+    assert len(shares) == 51
+
+
+def test_processes_give_the_same_as_one(flights, monkeypatch):
+    region, imaging_model = flights.plan.region, imaging_model_from(scenario())
+    few = flights.times % 240 == 0
+    one = visible_shares(flights, region, imaging_model, at=few, workers=1)
+    monkeypatch.setenv("SWARM_MJ_CACHE", os.environ["SWARM_MJ_CACHE"] + "2")
+    monkeypatch.setattr(pictures, "MIN_PARALLEL", 1)
+    two = visible_shares(flights, region, imaging_model, at=few, workers=2)
+    assert all(np.array_equal(a, b) for a, b in zip(one, two, strict=True))
+    assert sum(len(picture_numbers(flights, j, few)) for j in range(flights.n)) == sum(len(a) for a in one)
+
+
+def test_the_passage_sees_more_than_the_visit_and_limits_see_less():
+    visit = visibility(scenario()).sees
+    passage = visibility(scenario("observation.criterion=passage")).sees
+    assert (passage | ~visit).all() and passage.sum() > visit.sum()
+    for limit in ("max_emission_deg=30", "max_range_m=14000", "max_incidence_deg=30", "max_gsd_m=6"):
+        limited = visibility(scenario(f"observation.{limit}")).sees
+        assert not (limited & ~visit).any()
+        assert limited.sum() < visit.sum(), limit
+
+
+def test_night_hides_the_target_from_every_candidate():
+    # Half a turn of Eros after the default epoch.
+    assert not visibility(scenario("epoch=2018-01-01T05:53:00", "observation.max_incidence_deg=80")).sees.any()
+
+
+def test_several_targets_altitudes_and_times_make_more_candidates_with_their_own_meaning():
+    extra = "designer.extra_targets=[{latitude_deg: 0, longitude_deg: 60, half_angle_deg: 10}]"
+    seen = visibility(scenario(extra))
+    first, second = seen.regions
+    assert seen.sees.shape == (first.n_visiting + second.n_visiting, first.n_cells + second.n_cells)
+    assert {c.target for c in seen.candidates} == {0, 1}
+    own = seen.sees[first.n_visiting :, first.n_cells :]
+    assert own.any(axis=1).all()
+
+    free = visibility(scenario("designer.altitudes_m=[10000, 14000]", "designer.times_of_flight_s=[480, 600]"))
+    assert len(free.candidates) == 4 * 51
+    assert {(c.altitude_m, c.time_of_flight_s) for c in free.candidates} == {
+        (h, t) for h in (10e3, 14e3) for t in (480, 600)
+    }
+    low, high = (np.array([c.altitude_m == h for c in free.candidates]) for h in (10e3, 14e3))
+    assert free.sees[low].sum() < free.sees[high].sum()
+
+
+def test_a_time_of_flight_that_does_not_fit_the_scenario_is_refused():
+    with pytest.raises(ScenarioError, match="time_of_flight_s"):
+        visibility(scenario("designer.times_of_flight_s=[5000]"))

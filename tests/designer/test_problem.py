@@ -1,0 +1,143 @@
+import numpy as np
+import pytest
+
+from swarm_mj.designer.bitset import pack, set_weight, unpack, weight_table
+from swarm_mj.designer.problem import CoverProblem, gene_map
+from swarm_mj.designer.repair import refill_designs, repair_designs
+from swarm_mj.errors import MissionError
+
+
+def covered_area(problem, points):
+    """Area seen at least `fold` times, by counting in plain NumPy."""
+    visits = np.minimum(np.bincount(np.asarray(points) - 1, minlength=problem.n_points), problem.max_visits)
+    return problem.area[visits @ problem.sees >= problem.fold].sum()
+
+
+def random_genes(problem, rng, m):
+    high = np.concatenate([[problem.max_observers], np.full(problem.max_observers, problem.n_points)])
+    return rng.integers(1, high + 1, size=(m, 1 + problem.max_observers))
+
+
+def two_faces(**parameters):
+    return CoverProblem(sees=np.array([[True, False], [False, True]]), area=np.array([1.0, 9.0]), **parameters)
+
+
+@pytest.mark.parametrize("n_faces", [1, 63, 64, 65, 170])
+def test_packing_a_matrix_and_unpacking_it_returns_it(rng, n_faces):
+    sees = rng.random((7, n_faces)) < 0.5
+    assert np.array_equal(unpack(pack(sees), n_faces), sees)
+
+
+def test_the_weight_of_a_packed_set_is_the_sum_of_its_weights(rng):
+    weights = rng.integers(0, 2**45, 170)
+    rows = rng.random((20, 170)) < 0.5
+    assert [set_weight(row, weight_table(weights)) for row in pack(rows)] == (rows @ weights).tolist()
+
+
+@pytest.mark.parametrize(("fold", "max_visits"), [(1, 1), (2, 1), (3, 1), (2, 2), (3, 2), (5, 3)])
+def test_coverage_of_many_designs_equals_counting_them_one_by_one(make_discs, rng, fold, max_visits):
+    problem = make_discs(1, n_points=25, radius=0.35, fold=fold, max_visits=max_visits)
+    genes = random_genes(problem, rng, 200)
+    expected = [100.0 * covered_area(problem, g[1 : 1 + g[0]]) / problem.area.sum() for g in genes]
+    assert problem.evaluate(genes).covered_percent == pytest.approx(expected, abs=1e-9)
+    assert [problem.covered_percent(g[1 : 1 + g[0]]) for g in genes] == pytest.approx(expected, abs=1e-9)
+
+
+def test_only_the_first_genes_are_read(make_discs):
+    problem = make_discs(1, max_observers=4)
+    value = problem.evaluate(np.array([[2, 5, 9, 1, 1], [2, 9, 5, 30, 40]]))
+    assert value.covered_percent[0] == value.covered_percent[1]
+    assert value.n_observers.tolist() == [2, 2]
+
+
+def test_a_point_visited_twice_counts_once_unless_two_visits_are_allowed():
+    design = np.array([[2, 2, 2] + [1] * 18])
+    assert two_faces(fold=2).evaluate(design).covered_percent[0] == 0.0
+    assert two_faces(fold=2, max_visits=2).evaluate(design).covered_percent[0] == pytest.approx(90.0, abs=1e-12)
+
+
+def test_the_tolerance_is_of_area_and_not_of_the_number_of_faces():
+    design = np.array([[1, 2] + [1] * 19])
+    assert two_faces(tolerance_percent=10.0).evaluate(design).feasible[0]
+    assert not two_faces(tolerance_percent=9.999).evaluate(design).feasible[0]
+
+
+def test_a_design_exactly_at_the_tolerance_is_feasible():
+    thousand = CoverProblem(sees=np.eye(1000, dtype=bool), area=np.full(1000, 0.1), tolerance_percent=0.1)
+    assert thousand.is_enough(thousand.covered_weight(np.arange(1, 1000)))
+    assert not thousand.is_enough(thousand.covered_weight(np.arange(1, 999)))
+
+
+def test_every_feasible_design_is_fitter_than_every_infeasible_one(make_discs, rng):
+    problem = make_discs(3, radius=0.5)
+    value = problem.evaluate(random_genes(problem, rng, 2000))
+    assert 0 < value.feasible.sum() < 2000
+    assert value.fitness[value.feasible].max() < value.fitness[~value.feasible].min()
+    assert np.array_equal(value.fitness[value.feasible], value.n_observers[value.feasible])
+    missing = np.argsort(value.covered_percent[~value.feasible], kind="stable")
+    assert np.all(np.diff(value.fitness[~value.feasible][missing]) <= 0.0)
+
+
+def test_a_gene_map_holds_the_sorted_points_and_repeats_them():
+    assert gene_map([9, 4, 7], 7).tolist() == [3, 4, 7, 9, 4, 7, 9, 4]
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.9])
+@pytest.mark.parametrize("fold", [1, 2])
+def test_a_repaired_design_covers_and_no_spacecraft_can_be_taken_from_it(make_discs, rng, noise, fold):
+    problem = make_discs(5, radius=0.4, tolerance_percent=1.0, fold=fold, max_observers=30)
+    repaired = repair_designs(problem, random_genes(problem, rng, 100), noise * rng.random((100, problem.n_points)))
+    assert problem.evaluate(repaired).feasible.all()
+    for design in repaired:
+        points = design[1 : 1 + design[0]]
+        for j in range(len(points)):
+            assert not problem.is_enough(problem.covered_weight(np.delete(points, j)))
+
+
+def test_repair_without_room_returns_a_valid_design_that_misses(make_discs, rng):
+    problem = make_discs(5, radius=0.2, max_observers=3)
+    repaired = repair_designs(problem, random_genes(problem, rng, 50), np.zeros((50, problem.n_points)))
+    value = problem.evaluate(repaired)
+    assert not value.feasible.any()
+    assert value.n_observers.max() == 3
+
+
+def test_a_refilled_design_is_no_larger_and_covers_no_less(make_discs, rng):
+    problem = make_discs(5, radius=0.25)
+    genes = random_genes(problem, rng, 100)
+    before = problem.evaluate(genes)
+    after = problem.evaluate(refill_designs(problem, genes, np.zeros((100, problem.n_points))))
+    assert np.all(after.n_observers <= before.n_observers)
+    assert np.all(after.covered_percent >= before.covered_percent - 1e-9)
+
+
+def test_an_uncoverable_target_says_how_much_can_be_seen_and_what_would_do():
+    sees = np.array([[True, False, True], [False, False, True]])
+    problem = CoverProblem(sees=sees, area=np.array([1.0, 1.0, 2.0]))
+    with pytest.raises(MissionError, match=r"sees 75\.00 %.*1 of 3 faces.*tolerance of at least 25\.00 %"):
+        problem.require_coverable()
+    CoverProblem(sees=sees, area=problem.area, tolerance_percent=25.0).require_coverable()
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"area": np.ones(3)}, "area has shape"),
+        ({"area": np.array([1.0, -1.0])}, "not negative"),
+        ({"area": np.zeros(2)}, "more than zero"),
+        ({"sees": np.zeros((0, 2), dtype=bool)}, "neither empty"),
+        ({"tolerance_percent": -1.0}, "tolerance_percent"),
+        ({"tolerance_percent": 100.0}, "tolerance_percent"),
+        ({"max_observers": 0}, "max_observers"),
+        ({"fold": 0}, "fold"),
+    ],
+)
+def test_what_makes_no_problem_is_named(change, message):
+    with pytest.raises(MissionError, match=message):
+        CoverProblem(**{"sees": np.eye(2, dtype=bool), "area": np.ones(2), **change})
+
+
+@pytest.mark.parametrize("design", [[0, 1, 1], [3, 1, 1], [1, 0, 1], [1, 1, 3], [1, 1]])
+def test_genes_outside_their_domain_are_refused(design):
+    with pytest.raises(MissionError, match="genes"):
+        two_faces(max_observers=2).evaluate(np.array([design]))

@@ -1,0 +1,55 @@
+import pytest
+
+from swarm_mj.cli.runner import run_one
+from swarm_mj.results.report.page import write_report
+from swarm_mj.scenarios.loading import load_scenario
+
+#: Text that would run if it were not escaped.
+HOSTILE = "</script><script>document.title='hacked'</script><img src=x onerror=alert(1)> & \"quoted\""
+
+
+@pytest.fixture(scope="session")
+def hostile():
+    return HOSTILE
+
+
+@pytest.fixture(scope="session")
+def folder(tmp_path_factory):
+    """A finished run with its report; its description would do harm if a page took it for HTML."""
+    out = tmp_path_factory.mktemp("report") / "quick"
+    scenario = load_scenario("eros-quick", ["observation.criterion=passage"]).model_copy(
+        update={"description": HOSTILE}
+    )
+    run_one(scenario, out, figures=False, report=True)
+    return out
+
+
+@pytest.fixture(scope="session")
+def other_folder(tmp_path_factory):
+    """The same flight with another camera and control law."""
+    out = tmp_path_factory.mktemp("report") / "other"
+    changes = ["camera.half_angle_deg=6", "control.controller=mrp_feedback", "observation.criterion=visit"]
+    run_one(load_scenario("eros-quick", changes), out, figures=False)
+    return out
+
+
+@pytest.fixture(scope="session")
+def comparison(folder, other_folder, tmp_path_factory):
+    return write_report([folder, other_folder], tmp_path_factory.mktemp("report") / "two.html")
+
+
+@pytest.fixture(scope="session")
+def browser(tmp_path_factory):
+    from .browser import start
+
+    window = start(tmp_path_factory.mktemp("profile"))
+    yield window
+    window.quit()
+
+
+@pytest.fixture
+def report(browser, folder):
+    from .browser import load
+
+    load(browser, folder / "report.html")
+    return browser

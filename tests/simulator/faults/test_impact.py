@@ -1,0 +1,67 @@
+"""The impact watch against a test of every period, and that it seldom looks."""
+
+import numpy as np
+import pytest
+
+from swarm_mj.flight.plan import environment_from
+from swarm_mj.scenarios.loading import load_scenario
+from swarm_mj.simulator.faults.impact import ImpactWatch
+from swarm_mj.smallbody.solid_angle import points_inside
+
+PERIOD = 0.5
+
+
+@pytest.fixture(scope="module")
+def environment(eros):
+    return environment_from(load_scenario("eros-quick"), eros)
+
+
+def fly_straight(eros, environment, start_A, speed, ticks=4000):
+    """Ticks of impact, of those looked at, for straight flights in N towards the body's centre, passing it off centre."""
+    watch = ImpactWatch(eros, environment, PERIOD)
+    r0 = start_A @ environment.C_AN(0.0)
+    ahead = np.cross(r0, [0.3, -0.5, 0.8])
+    ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
+    velocity = speed * (-r0 / np.linalg.norm(r0, axis=1, keepdims=True) + 0.3 * ahead)
+    flying, hits, looks = np.ones(len(r0), bool), np.full(len(r0), -1), []
+    still = np.zeros_like(r0)
+    for tick in range(ticks):
+        r = r0 + PERIOD * tick * velocity
+        if tick >= watch.due:
+            looks.append(tick)
+            hit = watch.look(tick, r, velocity, still, flying)
+            hits[hit] = tick
+            flying &= ~hit
+    return hits, looks, r0, velocity
+
+
+def test_impacts_are_found_at_the_period_in_which_they_happen_and_misses_are_none(eros, environment):
+    rng = np.random.default_rng(8)
+    directions = rng.normal(size=(12, 3))
+    start = 26e3 * directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    hits, looks, r0, velocity = fly_straight(eros, environment, start, 20.0)
+    assert (hits >= 0).sum() >= 2
+    assert (hits < 0).sum() >= 2
+    ticks = np.arange(4000)
+    for j in range(len(start)):
+        path = r0[j] + PERIOD * ticks[:, None] * velocity[j]
+        path_A = np.array([environment.C_AN(PERIOD * k) @ p for k, p in enumerate(path)])
+        inside = points_inside(path_A, eros.vertices, eros.faces)
+        first = int(np.argmax(inside)) if inside.any() else -1
+        # A crossing of less than a period leaves no point inside; none of these grazes.
+        assert hits[j] == first
+    assert len(looks) < 1500
+
+
+def test_far_away_nobody_looks(eros, environment):
+    hits, looks, _, _ = fly_straight(eros, environment, np.array([[1e6, 0.0, 0.0]]), 20.0)
+    assert hits[0] == -1
+    assert len(looks) < 5
+
+
+def test_who_starts_inside_has_hit(eros, environment):
+    watch = ImpactWatch(eros, environment, PERIOD)
+    hit = watch.look(
+        0, np.array([[100.0, 0.0, 0.0], [4e4, 0.0, 0.0]]), np.zeros((2, 3)), np.zeros((2, 3)), np.ones(2, bool)
+    )
+    assert hit.tolist() == [True, False]

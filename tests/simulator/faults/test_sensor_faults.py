@@ -1,0 +1,119 @@
+"""Imperfect sensors in flight: what the controller believes, and how well the spacecraft points then."""
+
+import numpy as np
+import pytest
+
+from swarm_mj.scenarios.schema import Scenario
+from swarm_mj.simulator.faults.dispersions import ARCSEC, DEG_PER_HOUR, draw_spacecraft
+from swarm_mj.simulator.faults.schedule import draw_schedule
+from swarm_mj.simulator.faults.sensing import Sensing
+
+from .flying import events_of, fault, fly
+
+SENSORS = (
+    "dispersions.gyro_angular_random_walk_deg_sqrt_h=0.15",
+    "dispersions.gyro_bias_deg_h=20",
+    "dispersions.star_tracker_noise_arcsec=10",
+)
+
+
+def sensing(n=2, faults=(), period=0.5, **dispersions):
+    checked = Scenario.model_validate({"name": "x", "faults": list(faults), "dispersions": dispersions})
+    schedule = draw_schedule(checked.faults, 0, n=n, n_wheels=3, duration_s=100.0)
+    drawn = draw_spacecraft(checked.dispersions, 0, n=n, n_wheels=3, period_s=period)
+    return Sensing(checked.dispersions, drawn, schedule, 0, period), schedule
+
+
+def turning(tick, n=2):
+    """Attitudes and rates of a turn about z at 0.02 rad/s."""
+    angle = 0.02 * 0.5 * tick
+    return np.tile([np.cos(angle / 2), 0, 0, np.sin(angle / 2)], (n, 1)), np.tile([0, 0, 0.02], (n, 1))
+
+
+def test_with_perfect_sensors_the_controller_knows_the_truth_itself():
+    perfect, _ = sensing()
+    assert not perfect.active
+
+
+def test_the_filter_finds_the_bias_of_the_gyro_in_flight_and_the_spacecraft_points_as_well_as_it_knows():
+    _, telemetry = fly(*SENSORS)
+    error = np.abs(telemetry["gyro_bias"] - telemetry["gyro_bias_estimate"]).values.max(axis=2)
+    assert error[0].min() > 3 * DEG_PER_HOUR
+    assert error[110:120].max() < 0.35 * error[0].min()
+    known = telemetry["attitude_knowledge_error"].values[20:170]
+    assert 1 * ARCSEC < np.median(known) < 20 * ARCSEC
+    pointing = telemetry["pointing_error"].values[40:120]
+    assert np.median(pointing) < 30 * np.median(known)
+    assert np.degrees(pointing).max() < 0.1
+
+
+def test_a_dropout_of_the_star_tracker_lets_the_attitude_drift_and_its_return_ends_that():
+    _, telemetry = fly(*SENSORS, fault("{kind: star_tracker_dropout, spacecraft: sc1, at_s: 300, duration_s: 200}"))
+    known = telemetry["attitude_knowledge_error"].values
+    before, during, after = known[40:60].max(axis=0), known[95:100].max(axis=0), known[104:140].max(axis=0)
+    assert during[0] > 2 * before[0]
+    assert after[0] < 0.5 * during[0]
+    assert [e["kind"] for e in events_of(telemetry)] == ["star_tracker_dropout", "over"]
+    assert np.array_equal(telemetry["gyro_bias"].values[:, 1], fly(*SENSORS)[1]["gyro_bias"].values[:, 1])
+
+
+def test_without_a_gyro_the_spacecraft_still_points_by_its_star_tracker():
+    _, telemetry = fly(*SENSORS, fault("{kind: gyro_dropout, spacecraft: sc1, at_s: 200, duration_s: 500}"))
+    pointing = np.degrees(telemetry["pointing_error"].values[45:139])
+    assert pointing[:, 0].max() < 0.5
+    # It knows its attitude no better than a single reading, the other one better.
+    known = np.median(telemetry["attitude_knowledge_error"].values[45:139], axis=0)
+    assert known[0] > 1.2 * known[1]
+
+
+def test_a_noisy_gyro_spoils_the_pointing_and_a_noisy_star_tracker_the_knowledge_of_it():
+    noisy = "{kind: gyro_noise, spacecraft: sc1, at_s: 200}, {kind: star_tracker_noise, spacecraft: sc2, at_s: 200}"
+    _, telemetry = fly(*SENSORS, fault(noisy))
+    _, plain = fly(*SENSORS)
+    for name, j in (("pointing_error", 0), ("attitude_knowledge_error", 1)):
+        noisy_rms, plain_rms = (np.sqrt((t[name].values[45:170, j] ** 2).mean()) for t in (telemetry, plain))
+        assert noisy_rms > 3 * plain_rms
+
+
+def test_a_shifted_star_tracker_turns_the_spacecraft_by_its_angle():
+    shift = fault("{kind: star_tracker_bias, spacecraft: sc1, at_s: 0, bias_arcsec: [1800, 0, 0]}")
+    _, telemetry = fly("dispersions.star_tracker_noise_arcsec=1", shift)
+    assert np.degrees(telemetry["pointing_error"].values[60:120, 0]) == pytest.approx(0.5, abs=0.02)
+
+
+def test_a_jump_of_the_gyro_bias_shows_in_the_pointing_until_the_filter_has_found_it():
+    _, telemetry = fly(*SENSORS, fault("{kind: gyro_bias, spacecraft: sc1, at_s: 300, bias_deg_h: [600, 600, 0]}"))
+    error = np.degrees(telemetry["attitude_knowledge_error"].values[:, 0])
+    assert error[61:80].max() > 5 * error[40:60].max()
+    assert error[140:170].max() < 0.5 * error[61:80].max()
+
+
+def test_a_delayed_controller_is_given_what_was_true_so_many_periods_ago():
+    delay = {"kind": "sensor_delay", "spacecraft": "sc2", "at_s": 0, "delay_s": 1.5}
+    late, (entry,) = sensing(faults=[delay])
+    assert late.active and not late.estimating
+    late.fail(1, entry.fault)
+    for tick in range(10):
+        q, omega = late.know(tick, *turning(tick))
+    assert np.array_equal(q[0], turning(9)[0][0])
+    assert np.array_equal(q[1], turning(6)[0][1])
+    assert late.knowledge_error(turning(9)[0])[1] == pytest.approx(0.02 * 1.5, rel=1e-6)
+    late.recover(1, entry.fault)
+    assert np.array_equal(late.know(10, *turning(10))[0][1], turning(10)[0][1])
+
+
+def test_what_is_asked_twice_at_a_tick_is_measured_once():
+    noisy, _ = sensing(star_tracker_noise_arcsec=10)
+    first = [a.copy() for a in noisy.know(0, *turning(0))]
+    again = noisy.know(0, *turning(0))
+    assert all(np.array_equal(a, b) for a, b in zip(first, again, strict=True))
+
+
+def test_dispersed_delays_are_whole_periods_up_to_the_given_one_and_a_late_loop_still_settles():
+    drawn = draw_spacecraft(
+        Scenario(name="x", dispersions={"delay_s": 2.0}).dispersions, 1, n=400, n_wheels=3, period_s=0.5
+    )
+    assert set(drawn.delay_ticks) == {0, 1, 2, 3, 4}
+    _, telemetry = fly("dispersions.delay_s=0.5")
+    assert telemetry["attitude_knowledge_error"].values[1:10].max() > 1e-3
+    assert np.degrees(telemetry["pointing_error"].values[60:120]).max() < 0.5

@@ -1,0 +1,98 @@
+"""Friction against the differential equation, allocation against linear algebra, motors against their limits."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from swarm_mj.simulator.faults.wheels import WheelState, allocate, drive, speed_after
+
+J = 2.4e-5
+
+
+def integrate(speed, motor, coulomb, viscous, time):
+    """Friction that is smooth within 1e-4 rad/s of rest, by an implicit integrator."""
+    right = lambda _, w: (motor - coulomb * np.tanh(w / 1e-4) - viscous * w) / J  # noqa: E731
+    return solve_ivp(right, (0, time), [speed], method="Radau", rtol=1e-9, atol=1e-9).y[0, -1]
+
+
+@pytest.mark.parametrize(
+    ("speed", "motor", "coulomb", "viscous"),
+    [
+        (300.0, 0.0, 2e-4, 0.0),
+        (300.0, 0.0, 0.0, 1e-5),
+        (-300.0, 0.0, 2e-4, 1e-5),
+        (2.0, 0.0, 2e-4, 1e-6),
+        (5.0, -1e-3, 2e-4, 1e-6),
+        (-5.0, 1e-3, 2e-4, 0.0),
+        (0.0, 1e-3, 2e-4, 1e-5),
+        (0.0, 1e-4, 2e-4, 1e-5),
+        (100.0, 3e-3, 2e-4, 1e-5),
+        (1.0, 1e-4, 2e-4, 1e-6),
+    ],
+)
+def test_wheel_speed_under_friction_is_that_of_the_differential_equation(speed, motor, coulomb, viscous):
+    expected = integrate(speed, motor, coulomb, viscous, 0.5)
+    assert speed_after(speed, motor, coulomb, viscous, J, 0.5) == pytest.approx(expected, abs=2e-4, rel=1e-7)
+
+
+def test_without_friction_a_wheel_keeps_its_speed_and_many_short_holds_give_what_one_long_hold_gives():
+    assert speed_after(100.0, 0.0, 0.0, 0.0, J, 10.0) == 100.0
+    speed = 100.0
+    for _ in range(100):
+        speed = speed_after(speed, 1e-5, 3e-5, 1e-6, J, 0.5)
+    assert speed == pytest.approx(speed_after(100.0, 1e-5, 3e-5, 1e-6, J, 50.0), rel=1e-9)
+
+
+PYRAMID = np.array([[1, 1, 1], [-1, 1, 1], [-1, -1, 1], [1, -1, 1]]) / np.sqrt(3)
+SKEWED = np.vstack((np.eye(3), np.ones(3) / np.sqrt(3)))
+
+
+@pytest.mark.parametrize("axes", [PYRAMID, SKEWED])
+@pytest.mark.parametrize("lost", range(4))
+def test_any_three_of_four_wheels_give_every_torque_and_the_lost_one_nothing(axes, lost):
+    healthy = np.arange(4) != lost
+    allocation = allocate(axes, healthy)
+    assert (allocation[lost] == 0).all()
+    assert np.allclose(-axes.T @ allocation, np.eye(3), atol=1e-12)
+
+
+def test_four_wheels_share_a_torque_with_the_least_sum_of_squares():
+    rng, torque = np.random.default_rng(1), np.array([1.0, -2.0, 0.5])
+    best = allocate(PYRAMID, np.ones(4, bool)) @ torque
+    null = np.linalg.svd(PYRAMID.T)[2][3]
+    assert np.allclose(-PYRAMID.T @ best, torque)
+    assert all(np.linalg.norm(best) < np.linalg.norm(best + k * null) for k in rng.normal(size=5))
+
+
+def test_with_two_wheels_the_torque_they_span_is_as_asked_and_with_none_nothing_is():
+    allocation = allocate(np.eye(3), np.array([True, False, True]))
+    assert np.allclose(-np.eye(3) @ allocation @ [1.0, 2.0, 3.0], [1.0, 0.0, 3.0])
+    assert not allocate(np.eye(3), np.zeros(3, bool)).any()
+
+
+def driven(torque, speed, **changes):
+    n, w = speed.shape
+    none, allocation = np.zeros((n, w)), -np.tile(np.eye(3), (n, 1, 1))
+    wheels = WheelState(none + 1.0, none > 0, none, none, none, allocation)._replace(**changes)
+    motor, bearing, peaks = np.empty((n, w)), np.empty((n, w)), np.zeros((n, 3))
+    drive(torque, wheels, speed, np.full((n, w), J), 0.5, 4e-3, 600.0, np.zeros(n, bool), motor, bearing, peaks)
+    return motor, bearing
+
+
+def test_a_healthy_wheel_gives_what_is_asked_a_weakened_one_its_part_a_lost_one_nothing():
+    motor, bearing = driven(np.full((1, 3), 1e-3), np.zeros((1, 3)), effectiveness=np.array([[1.0, 0.3, 0.0]]))
+    assert np.allclose(motor, [[-1e-3, -3e-4, 0.0]])
+    assert np.allclose(bearing, 0.0)
+
+
+def test_no_motor_passes_its_limits_and_a_full_wheel_is_not_pushed_further():
+    motor, _ = driven(np.array([[1.0, -1.0, 1e-3]]), np.array([[0.0, 0.0, -600.0]]))
+    assert np.allclose(motor, [[-4e-3, 4e-3, 0.0]])
+
+
+def test_a_stuck_wheel_ignores_its_command_and_is_brought_back_to_its_speed():
+    stuck, held = np.array([[True, False, False]]), np.array([[250.0, 0.0, 0.0]])
+    motor, _ = driven(np.full((1, 3), 1e-3), np.array([[250.0, 0.0, 0.0]]), stuck=stuck, stuck_speed=held)
+    assert motor[0, 0] == 0.0
+    motor, _ = driven(np.full((1, 3), 1e-3), np.array([[249.0, 0.0, 0.0]]), stuck=stuck, stuck_speed=held)
+    assert 249.0 + motor[0, 0] * 0.5 / J == pytest.approx(250.0)

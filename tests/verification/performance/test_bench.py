@@ -1,0 +1,140 @@
+"""`swarm-mj bench`: works take turns, rows compare themselves with targets, files hold what was printed."""
+
+import json
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from swarm_mj.cli.main import main
+from swarm_mj.errors import OutputError
+from swarm_mj.verification.performance import environment, job, loop, observers
+from swarm_mj.verification.performance.measure import STATUS, in_turn, rates, row
+from swarm_mj.verification.performance.runner import GROUPS, on_gpu, page, run_bench
+
+
+def test_the_works_take_turns_and_the_warm_up_is_not_counted():
+    calls = []
+    times = in_turn({"a": lambda: calls.append("a"), "b": lambda: calls.append("b")}, rounds=3, warm_up=2)
+    assert calls == ["a", "b"] * 5
+    assert {name: len(values) for name, values in times.items()} == {"a": 3, "b": 3}
+
+
+def test_rates_count_what_the_work_says_it_did():
+    done = []
+    per_second, _ = rates(lambda: done.append(1) or 7, 0.01)
+    assert per_second > 0 and len(done) >= 1
+
+
+@pytest.mark.parametrize(
+    ("values", "target", "met"),
+    [
+        ([1.0, 1.1, 9.0], "<= 1.15", True),
+        ([1.2, 1.3, 1.0], "<= 1.15", False),
+        ([30.0], ">= 25", True),
+        ([3.0], "", None),
+    ],
+)
+def test_a_row_compares_its_median_with_its_target(values, target, met):
+    assert row("group", "name", np.array(values), "ratio", target).met is met
+
+
+def test_the_files_hold_the_rows_and_the_machine(tmp_path):
+    rows = run_bench(["start"], as_json=tmp_path / "a" / "b.json", markdown=tmp_path / "p.md")
+    content = json.loads((tmp_path / "a" / "b.json").read_text())
+    assert [r["name"] for r in content["rows"]] == [r.name for r in rows]
+    assert content["machine"]["mujoco"] and all(r["value"] > 0 for r in content["rows"])
+    text = (tmp_path / "p.md").read_text()
+    assert all(r.name in text for r in rows) and "## Start" in text
+    assert page(rows) == text
+
+
+def test_unknown_benchmarks_and_unwritable_files_are_clear_errors(tmp_path, capsys):
+    with pytest.raises(OutputError, match="'speed' is unknown; there are start, loop"):
+        run_bench(["speed"])
+    (tmp_path / "file").write_text("")
+    with pytest.raises(OutputError, match="cannot be written"):
+        run_bench(["start"], as_json=tmp_path / "file" / "x.json")
+    assert main(["bench", "--only", "speed"]) == 2
+    assert "speed" in capsys.readouterr().err
+
+
+@pytest.mark.skipif(not STATUS.exists(), reason="other systems do not hand the memory of the parent down")
+def test_the_memory_of_a_process_is_not_that_of_its_parent():
+    ballast = np.ones(60_000_000)
+    code = "from swarm_mj.verification.performance.measure import peak_memory_mib; print(peak_memory_mib())"
+    told = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True).stdout
+    assert 5.0 < float(told) < 300.0 < ballast.nbytes / 2**20
+
+
+@pytest.mark.parametrize(("quick", "sizes"), [(True, (1, 6, 20)), (False, (1, 6, 20, 100, 1000))])
+def test_memory_is_told_for_every_number_of_spacecraft(monkeypatch, quick, sizes):
+    monkeypatch.setattr(loop, "loop_rows", lambda n, rounds: [row("loop", f"ratio, {n}", np.ones(1), "ratio")])
+    monkeypatch.setattr(loop, "memory_row", lambda n: row("loop", f"memory, {n}", np.ones(1), "MiB"))
+    assert [r.name for r in loop.rows(quick) if r.unit == "MiB"] == [f"memory, {n}" for n in sizes]
+
+
+def test_pictures_go_from_eight_thousand_to_a_million_faces():
+    faces = [20 * frequency**2 for frequency in observers.FREQUENCIES]
+    assert faces[0] == 8_000 and faces[-1] >= 1_000_000
+
+
+def test_the_full_run_measures_every_level_of_control_single_and_vector(monkeypatch):
+    for name in ("raw_steps", "single_steps", "vector_steps"):
+        monkeypatch.setattr(environment, name, lambda *a, **k: lambda: 1)
+    monkeypatch.setattr(environment, "rates", lambda work, seconds: (1.0, 1.0))
+    names = {r.name for r in environment.rows(quick=False)}
+    for level in ("role", "pointing", "torque"):
+        assert {f"single, {level}", f"vector of 64, {level}"} <= names
+
+
+def write_run(folder, wall_s, report_s):
+    folder.mkdir(parents=True)
+    (folder / "summary.json").write_text(json.dumps({"wall_s": wall_s}))
+    (folder / "report.html").write_text("")
+    for name, t in (("summary.json", 1_000), ("report.html", 1_000 + report_s)):
+        os.utime(folder / name, (t, t))
+
+
+def test_the_stages_of_the_job_sum_to_the_whole(tmp_path):
+    write_run(tmp_path / "a", {"figures": 2.0, "design": 1.0}, 3)
+    write_run(tmp_path / "b", {"design": 0.5, "figures": 1.0}, 1)
+    found = job.stages(tmp_path, 10.0)
+    assert list(found.items()) == [("design", 1.5), ("figures", 3.0), ("report", 4.0), (job.REST, 1.5)]
+
+
+def test_only_a_job_that_was_run_before_is_called_warm(monkeypatch):
+    calls = []
+
+    def run(scenarios, out, caches):
+        calls.append((out.name, caches))
+        return 3.0, {"design": 2.0, job.REST: 1.0}
+
+    monkeypatch.setattr(job, "run", run)
+    quick = [r.name for r in job.rows(quick=True)]
+    assert calls == [("once", {})] and quick[0] == "eros-quick, once, caches as found"
+    assert not [name for name in quick if "warm" in name or "cold" in name]
+    full = [r.name for r in job.rows(quick=False)]
+    assert [name for name, _ in calls[1:]] == ["cold", "warm"] and calls[1][1] == calls[2][1] != {}
+    assert [name for name in full if name.startswith("eros")] == [
+        f"eros-config1 and eros-config2, {name}" for name in ("cold", "warm")
+    ]
+
+
+def test_the_page_says_whether_a_gpu_was_measured():
+    for found in ((True, "llvmpipe (LLVM 15.0.6, 256 bits)"), (False, "OpenGL 3.3 cannot be loaded")):
+        text = on_gpu(*found)
+        assert "none was at hand" in text and "nothing was measured on one" in text
+        assert "swarm-mj bench --full --only observers --only pictures --only environment" in text
+    assert "draws on Some GPU/PCIe/SSE2" in on_gpu(True, "Some GPU/PCIe/SSE2")
+    assert "GPU: " in page([])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [name for name in GROUPS if name not in ("start", "job")])
+def test_every_benchmark_runs_in_its_quick_version(name):
+    rows = run_bench([name])
+    assert rows and all(np.isfinite(r.value) and r.group for r in rows)
+    assert all(r.low <= r.value <= r.high for r in rows)
