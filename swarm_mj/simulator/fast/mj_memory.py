@@ -122,11 +122,11 @@ class MjView(NamedTuple):
 
 def places_of(swarm: SwarmModel, data: mujoco.MjData, method: int) -> list[int]:
     """The row of `MjBatch.places` of an MjData, valid as long as that lives."""
-    model = swarm.mjmodel
+    mjmodel = swarm.mjmodel
     arrays = [data.qpos, data.qvel, data.act, data.qacc_smooth, data.qfrc_bias, data.qfrc_applied, data.ctrl]
     arrays += [data.xfrc_applied, data.mocap_quat[swarm.asteroid_mocap]]
-    sizes = [model.nq, model.nv, model.na, model.nu, model.nbody]
-    return [model._address, data._address, method, swarm.n, *sizes, *(array.ctypes.data for array in arrays)]
+    sizes = [mjmodel.nq, mjmodel.nv, mjmodel.na, mjmodel.nu, mjmodel.nbody]
+    return [mjmodel._address, data._address, method, swarm.n, *sizes, *(array.ctypes.data for array in arrays)]
 
 
 @intrinsic
