@@ -16,8 +16,9 @@ from swarm_mj.designer.exact import ExactResult, solve_exact
 from swarm_mj.designer.problem import CoverProblem
 from swarm_mj.designer.study import cover_problem
 from swarm_mj.errors import ScenarioError
+from swarm_mj.flight.fly import simulate
+from swarm_mj.flight.observe import observe_flight, visit_sample
 from swarm_mj.flight.plan import Plan, make_plan, target_from
-from swarm_mj.flight.simulate import observe_flight, simulate, visit_sample
 from swarm_mj.io.atomic import write_text
 from swarm_mj.observation.gl_context import gl_available
 from swarm_mj.scenarios import constants

@@ -28,8 +28,9 @@ from swarm_mj.campaigns.runner import run_campaign
 from swarm_mj.campaigns.statistics import Estimate
 from swarm_mj.campaigns.store import read_results
 from swarm_mj.campaigns.summary import by_scenario
+from swarm_mj.flight.fly import simulate
+from swarm_mj.flight.observe import observe_flight
 from swarm_mj.flight.plan import make_plan
-from swarm_mj.flight.simulate import observe_flight, simulate
 from swarm_mj.io.atomic import write_text
 from swarm_mj.results.figures.style import GREY, TICK_PT, label, new_figure, save, tidy
 from swarm_mj.scenarios.schema import Scenario

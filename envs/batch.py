@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarm_mj.errors import SimulationError
-from swarm_mj.flight.simulate import initial_state, make_simulation
+from swarm_mj.flight.fly import initial_state, make_simulation
 from swarm_mj.simulator.compiled_batch import CompiledBatch
 from swarm_mj.simulator.fast.world import why_not_compiled
 from swarm_mj.simulator.python_batch import PythonBatch

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarm_mj.errors import ScenarioError
+from swarm_mj.flight.fly import make_simulation
+from swarm_mj.flight.observe import camera_from, criterion_from
 from swarm_mj.flight.plan import Plan, antennas_from, make_plan
-from swarm_mj.flight.simulate import camera_from, criterion_from, make_simulation
 from swarm_mj.observation.coverage import ObservationCriterion
 from swarm_mj.observation.horizon import HorizonObserver
 from swarm_mj.observation.horizon_kernels import Scene, make_scene

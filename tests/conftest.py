@@ -38,8 +38,8 @@ def quick_plan():
 @pytest.fixture(scope="session")
 def config_flights():
     """Both configurations of the paper, flown once: name -> (plan, telemetry)."""
+    from swarm_mj.flight.fly import simulate
     from swarm_mj.flight.plan import make_plan
-    from swarm_mj.flight.simulate import simulate
     from swarm_mj.scenarios.loading import load_scenario
 
     plans = {name: make_plan(load_scenario(name)) for name in ("eros-config1", "eros-config2")}

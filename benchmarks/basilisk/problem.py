@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from swarm_mj.flight.fly import initial_state
 from swarm_mj.flight.plan import Plan, make_plan
-from swarm_mj.flight.simulate import initial_state
 from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.simulator.simulation import InitialState
 from swarm_mj.smallbody.environment import Environment

@@ -18,8 +18,9 @@ from swarm_mj.campaigns.loading import Resolved, restore, scenario_of
 from swarm_mj.campaigns.outcome import outcome, recorded
 from swarm_mj.campaigns.sampling import Sample, Trial
 from swarm_mj.errors import OutputError
+from swarm_mj.flight.fly import simulate
+from swarm_mj.flight.observe import ObservationResult, observe_flight
 from swarm_mj.flight.plan import Plan, make_plan
-from swarm_mj.flight.simulate import ObservationResult, observe_flight, simulate
 from swarm_mj.results.run_files import write_telemetry
 from swarm_mj.scenarios.schema import Scenario
 

@@ -20,8 +20,8 @@ import xarray as xr
 
 from swarm_mj.campaigns.config import FIXED_COLUMNS, Campaign
 from swarm_mj.errors import ScenarioError
+from swarm_mj.flight.observe import ObservationResult, visit_sample
 from swarm_mj.flight.plan import Plan
-from swarm_mj.flight.simulate import ObservationResult, visit_sample
 from swarm_mj.results.summary import summarise, working
 from swarm_mj.scenarios.limits import shown
 

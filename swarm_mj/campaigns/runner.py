@@ -221,7 +221,7 @@ def _kept_row(folder: Path, row: int) -> dict[str, Any] | None:
 def _write_replay(flyer: Flyer, row: int, folder: Path, flown: dict[str, Any]) -> None:
     import yaml
 
-    from swarm_mj.flight.simulate import add_coverage
+    from swarm_mj.flight.observe import add_coverage
     from swarm_mj.results.run_files import write_results
 
     trial = flyer.sample.trial(row)

@@ -14,8 +14,9 @@ from rich.progress import Progress, TaskID
 from rich.table import Table
 
 from swarm_mj.errors import OutputError
+from swarm_mj.flight.fly import simulate
+from swarm_mj.flight.observe import add_coverage, observe_flight, picture_count
 from swarm_mj.flight.plan import behavior_from, check_plugins, make_plan
-from swarm_mj.flight.simulate import add_coverage, observe_flight, picture_count, simulate
 from swarm_mj.io.atomic import Result, atomic_folder, check_place
 from swarm_mj.io.progress import progress_bars
 from swarm_mj.results.findings import near_collision_remarks, remarks

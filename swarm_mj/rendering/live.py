@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarm_mj.errors import MissionError
+from swarm_mj.flight.fly import make_simulation
+from swarm_mj.flight.observe import camera_from, criterion_from
 from swarm_mj.flight.plan import Plan
-from swarm_mj.flight.simulate import camera_from, criterion_from, make_simulation
 from swarm_mj.mission.behaviors import Targets
 from swarm_mj.mission.trajectories import propagate
 from swarm_mj.observation.coverage import CoverageMap, observe
@@ -67,7 +68,7 @@ class Trail:
 class LiveFlight:
     """A simulation that is flown while one looks on.
 
-    Pictures are judged by ray casting, by the scenario's criterion, at the times of `swarm_mj.flight.simulate.observe_flight`.
+    Pictures are judged by ray casting, by the scenario's criterion, at the times of `swarm_mj.flight.observe.observe_flight`.
 
     Args:
         plan: What to fly.

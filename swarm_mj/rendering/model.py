@@ -12,8 +12,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from swarm_mj.flight.observe import camera_from
 from swarm_mj.flight.plan import Plan
-from swarm_mj.flight.simulate import camera_from
 from swarm_mj.io.resources import asset_path
 from swarm_mj.observation.camera import CameraModel
 from swarm_mj.rendering.atlas import Atlas

@@ -11,8 +11,8 @@ import xarray as xr
 import yaml
 
 from swarm_mj.errors import ScenarioError
+from swarm_mj.flight.observe import ObservationResult
 from swarm_mj.flight.plan import Plan
-from swarm_mj.flight.simulate import ObservationResult
 from swarm_mj.io.atomic import write_text
 from swarm_mj.scenarios.loading import design_record
 from swarm_mj.scenarios.schema import Scenario

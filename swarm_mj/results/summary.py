@@ -12,8 +12,8 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from swarm_mj import __version__
+from swarm_mj.flight.observe import ObservationResult
 from swarm_mj.flight.plan import Plan
-from swarm_mj.flight.simulate import ObservationResult
 from swarm_mj.results.target_dwell import held_s
 from swarm_mj.simulator.telemetry import MODES
 

@@ -38,8 +38,9 @@ def test_the_same_row_is_the_same_whether_the_plan_is_fresh_or_kept(write):
 
 
 def test_a_row_agrees_with_the_flight_of_its_own_scenario(write):
+    from swarm_mj.flight.fly import simulate
+    from swarm_mj.flight.observe import observe_flight
     from swarm_mj.flight.plan import make_plan
-    from swarm_mj.flight.simulate import observe_flight, simulate
     from swarm_mj.results.summary import summarise
 
     flyer = Flyer(load_campaign(write(runs=2)))

@@ -22,8 +22,9 @@ def test_a_packaged_campaign_flies_its_first_run_without_opengl(name):
 
 
 def test_without_losses_the_two_fold_design_sees_every_face_twice():
+    from swarm_mj.flight.fly import simulate
+    from swarm_mj.flight.observe import observe_flight
     from swarm_mj.flight.plan import make_plan
-    from swarm_mj.flight.simulate import observe_flight, simulate
 
     base = load_campaign("eros-losses").bases["config 2 two-fold"]
     plan = make_plan(base.model_copy(update={"faults": ()}))

@@ -10,8 +10,9 @@ from swarm_mj.cli.main import main
 from swarm_mj.designer.exact import solve_exact
 from swarm_mj.designer.problem import CoverProblem
 from swarm_mj.designer.study import study_design
+from swarm_mj.flight.fly import simulate
+from swarm_mj.flight.observe import observe_flight
 from swarm_mj.flight.plan import make_plan
-from swarm_mj.flight.simulate import observe_flight, simulate
 from swarm_mj.scenarios.loading import load_scenario, read_design
 
 FAST = ["observation.criterion=visit", "observation.observer=raycast", "target.cell_size_m=null", "camera.half_angle_deg=6",

@@ -9,8 +9,9 @@ import pytest
 import swarm_mj.envs  # noqa: F401
 import trimesh
 
+from swarm_mj.flight.fly import simulate
+from swarm_mj.flight.observe import observe_flight
 from swarm_mj.flight.plan import make_plan
-from swarm_mj.flight.simulate import observe_flight, simulate
 from swarm_mj.mission.behaviors import TargetKind, Targets
 from swarm_mj.scenarios.loading import load_scenario
 

@@ -24,8 +24,9 @@ from swarm_mj.envs.policy_behavior import PACKAGED, ScriptedPolicy, TrainedPolic
 
 from swarm_mj.cli.main import main
 from swarm_mj.errors import MissionError, ScenarioError
+from swarm_mj.flight.fly import simulate
+from swarm_mj.flight.observe import observe_flight
 from swarm_mj.flight.plan import make_plan
-from swarm_mj.flight.simulate import observe_flight, simulate
 from swarm_mj.io.resources import asset_path
 from swarm_mj.scenarios.loading import load_scenario
 

@@ -6,8 +6,8 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
+from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.plan import make_plan
-from swarm_mj.flight.simulate import simulate
 from swarm_mj.mission.behaviors import TargetKind, Targets
 from swarm_mj.scenarios.loading import load_scenario
 

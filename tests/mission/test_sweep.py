@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from swarm_mj.errors import MissionError
+from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.plan import make_plan
-from swarm_mj.flight.simulate import simulate
 from swarm_mj.mission.behaviors import AdaptableRoles, SwarmView, TargetKind
 from swarm_mj.mission.sweep import TargetSweep
 from swarm_mj.scenarios.loading import load_scenario

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from swarm_mj.flight.fly import simulate
+from swarm_mj.flight.observe import observe_flight
 from swarm_mj.flight.plan import make_plan
-from swarm_mj.flight.simulate import observe_flight, simulate
 from swarm_mj.observation.camera import CameraModel, CameraPose
 from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.spacecraft.attitude.mrp import dcm

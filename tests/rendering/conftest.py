@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
 
+from swarm_mj.flight.fly import simulate
+from swarm_mj.flight.observe import observe_flight
 from swarm_mj.flight.plan import make_plan
-from swarm_mj.flight.simulate import observe_flight, simulate
 from swarm_mj.observation.gl_context import gl_available
 from swarm_mj.rendering.replay import Replay
 from swarm_mj.scenarios.loading import load_scenario

@@ -8,8 +8,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from swarm_mj.errors import OutputError
+from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.plan import make_plan
-from swarm_mj.flight.simulate import simulate
 from swarm_mj.rendering.replay import Replay, load_replay
 from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.simulator.telemetry import read_telemetry

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.plan import make_plan
-from swarm_mj.flight.simulate import simulate
 from swarm_mj.results.findings import borrowed_remarks, imaging_remarks, remarks
 from swarm_mj.results.target_dwell import held_s
 from swarm_mj.scenarios.loading import load_scenario, scenario_from

@@ -11,8 +11,8 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
+from swarm_mj.flight.fly import make_simulation
 from swarm_mj.flight.plan import make_plan
-from swarm_mj.flight.simulate import make_simulation
 from swarm_mj.io.atomic import MARKER, atomic_folder
 from swarm_mj.scenarios.loading import load_scenario
 
@@ -147,7 +147,8 @@ def test_environments_that_are_closed_give_their_context_back():
 
 @pytest.mark.gl
 def test_flights_that_are_judged_give_their_context_back(quick_plan):
-    from swarm_mj.flight.simulate import observe_flight, simulate
+    from swarm_mj.flight.fly import simulate
+    from swarm_mj.flight.observe import observe_flight
 
     telemetry = simulate(quick_plan)
     before, memory = None, []

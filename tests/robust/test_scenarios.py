@@ -11,8 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from swarm_mj.errors import ScenarioError, SwarmError
+from swarm_mj.flight.fly import simulate
+from swarm_mj.flight.observe import add_coverage, observe_flight
 from swarm_mj.flight.plan import make_plan
-from swarm_mj.flight.simulate import add_coverage, observe_flight, simulate
 from swarm_mj.results.summary import summarise
 from swarm_mj.scenarios import limits, loading
 from swarm_mj.scenarios.loading import load_scenario, read_design, scenario_from

@@ -6,8 +6,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from swarm_mj.errors import SimulationError
+from swarm_mj.flight.fly import make_simulation
 from swarm_mj.flight.plan import make_plan
-from swarm_mj.flight.simulate import make_simulation
 from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.simulator.fast.integrator import Integrator, accelerate
 from swarm_mj.simulator.fast.mj_memory import mj_view

@@ -9,7 +9,7 @@ import pytest
 
 from swarm_mj import plugins
 from swarm_mj.errors import PluginError, ScenarioError, SimulationError
-from swarm_mj.flight.simulate import initial_state, make_simulation
+from swarm_mj.flight.fly import initial_state, make_simulation
 from swarm_mj.mission.behaviors import AdaptableRoles, Targets
 from swarm_mj.simulator.compiled_batch import CompiledBatch
 from swarm_mj.simulator.simulation import Simulation

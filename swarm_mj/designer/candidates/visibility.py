@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from swarm_mj.designer.candidates.flights import CandidateFlights, fly_candidates
 from swarm_mj.designer.candidates.pictures import ImagingModel, Progress, picture_numbers, visible_shares
+from swarm_mj.flight.observe import camera_from, criterion_from
 from swarm_mj.flight.plan import load_body_shape, target_from
-from swarm_mj.flight.simulate import camera_from, criterion_from
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.coverage import ObservationCriterion, within_limits
 from swarm_mj.observation.horizon import HorizonObserver

@@ -13,8 +13,8 @@ from typing import Protocol
 import xarray as xr
 from matplotlib.figure import Figure
 
+from swarm_mj.flight.observe import ObservationResult
 from swarm_mj.flight.plan import Plan
-from swarm_mj.flight.simulate import ObservationResult
 from swarm_mj.results.figures.behaviors import compose_behaviors
 from swarm_mj.results.figures.coverage import compose_coverage
 from swarm_mj.results.figures.footprints import compose_footprints

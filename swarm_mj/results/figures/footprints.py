@@ -11,8 +11,9 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
+from swarm_mj.flight.fly import asteroid_attitudes
+from swarm_mj.flight.observe import ObservationResult, camera_from, visit_sample
 from swarm_mj.flight.plan import Plan
-from swarm_mj.flight.simulate import ObservationResult, asteroid_attitudes, camera_from, visit_sample
 from swarm_mj.observation.camera import CameraModel, CameraPose
 from swarm_mj.observation.raytracing import RayTracer
 from swarm_mj.results.figures.ground_track import MAX_NUMBERED, number_places

@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
+from swarm_mj.flight.observe import ObservationResult, visit_sample
 from swarm_mj.flight.plan import Plan
-from swarm_mj.flight.simulate import ObservationResult, visit_sample
 from swarm_mj.observation.raytracing import RayTracer
 from swarm_mj.results.figures.maps import (
     Window,

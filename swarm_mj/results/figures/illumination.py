@@ -17,8 +17,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
+from swarm_mj.flight.observe import ObservationResult, visit_sample
 from swarm_mj.flight.plan import Plan
-from swarm_mj.flight.simulate import ObservationResult, visit_sample
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.results.figures.cells import angles
 from swarm_mj.results.figures.panels import legend_below

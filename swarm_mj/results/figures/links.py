@@ -10,8 +10,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
+from swarm_mj.flight.observe import ObservationResult
 from swarm_mj.flight.plan import Plan
-from swarm_mj.flight.simulate import ObservationResult
 from swarm_mj.results.figures.modes import MODE_LOOKS, Run, has_room, intervals, mode_handles, name_mode, runs
 from swarm_mj.results.figures.panels import legend_below
 from swarm_mj.results.figures.style import (

@@ -9,8 +9,8 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from swarm_mj.flight.fly import asteroid_attitudes
 from swarm_mj.flight.plan import Plan
-from swarm_mj.flight.simulate import asteroid_attitudes
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.results.figures.modes import LOST, modes_shown

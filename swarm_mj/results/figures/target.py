@@ -13,8 +13,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
+from swarm_mj.flight.observe import ObservationResult
 from swarm_mj.flight.plan import Plan
-from swarm_mj.flight.simulate import ObservationResult
 from swarm_mj.results.figures.box import box_around, draw_box
 from swarm_mj.results.figures.cells import angles, draw_cells
 from swarm_mj.results.figures.panels import legend_below

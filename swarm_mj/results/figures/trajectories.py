@@ -10,8 +10,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
+from swarm_mj.flight.observe import ObservationResult, visit_sample
 from swarm_mj.flight.plan import Plan
-from swarm_mj.flight.simulate import ObservationResult, visit_sample
 from swarm_mj.results.figures.box import box_around, draw_box
 from swarm_mj.results.figures.numbering import name_beside, number_beside
 from swarm_mj.results.figures.operation import MAX_NUMBERED, TRAIL_POINTS

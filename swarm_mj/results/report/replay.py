@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swarm_mj.flight.simulate import asteroid_attitudes
+from swarm_mj.flight.fly import asteroid_attitudes
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.observation.coverage import CoverageMap
 from swarm_mj.observation.raytracing import RayTracer

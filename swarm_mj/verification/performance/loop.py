@@ -10,8 +10,8 @@ from collections.abc import Iterator
 import mujoco
 import numpy as np
 
+from swarm_mj.flight.fly import make_simulation
 from swarm_mj.flight.plan import make_plan
-from swarm_mj.flight.simulate import make_simulation
 from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.simulator.simulation import Simulation
 from swarm_mj.verification.performance.measure import Row, in_turn, peak_memory_mib, row

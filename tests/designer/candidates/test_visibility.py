@@ -10,8 +10,9 @@ from swarm_mj.designer.candidates.flights import fly_candidates
 from swarm_mj.designer.candidates.pictures import picture_numbers, visible_shares
 from swarm_mj.designer.candidates.visibility import imaging_model_from, visibility
 from swarm_mj.errors import ScenarioError
+from swarm_mj.flight.fly import simulate
+from swarm_mj.flight.observe import observe_flight
 from swarm_mj.flight.plan import make_plan
-from swarm_mj.flight.simulate import observe_flight, simulate
 from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.spacecraft.attitude.mrp import dcm
 

@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from swarm_mj.flight.simulate import add_coverage, observe_flight, simulate
+from swarm_mj.flight.fly import simulate
+from swarm_mj.flight.observe import add_coverage, observe_flight
 from swarm_mj.results.figures import COMPOSERS, FIGURES
 from swarm_mj.smallbody.shape import ShapeModel
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.plan import make_plan
-from swarm_mj.flight.simulate import simulate
 from swarm_mj.results.figures import COMPOSERS
 from swarm_mj.results.figures.coverage import percent_over_time
 from swarm_mj.results.figures.histories import angular_momenta_B

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from swarm_mj.errors import PluginError, ScenarioError, SimulationError
+from swarm_mj.flight.fly import initial_state, make_simulation
 from swarm_mj.flight.plan import make_plan
-from swarm_mj.flight.simulate import initial_state, make_simulation
 from swarm_mj.mission.behaviors import AdaptableRoles
 from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.simulator.simulation import Simulation

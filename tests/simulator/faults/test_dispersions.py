@@ -93,7 +93,7 @@ def test_a_torque_turns_a_dispersed_spacecraft_by_its_true_inertia_and_momentum_
 def test_a_new_seed_gives_other_masses_to_the_same_simulation():
     from dataclasses import replace
 
-    from swarm_mj.flight.simulate import initial_state, make_simulation
+    from swarm_mj.flight.fly import initial_state, make_simulation
 
     plan = plan_of("eros-quick", ("dispersions.mass_percent=3", "dispersions.gravity_percent=3"))
     simulation = make_simulation(plan)
@@ -159,7 +159,7 @@ def test_a_target_that_lies_elsewhere_moves_the_region_and_not_the_visiting_poin
 
 
 def test_dispersed_initial_attitudes_turn_by_the_drawn_angle_about_the_planned_one():
-    from swarm_mj.flight.simulate import initial_state
+    from swarm_mj.flight.fly import initial_state
     from swarm_mj.spacecraft.attitude.mrp import principal_angle, subtract_mrp
 
     plan = plan_of("eros-quick", ("dispersions.attitude_deg=3", "dispersions.rate_deg_s=0.1"))

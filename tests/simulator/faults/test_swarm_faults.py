@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from swarm_mj.errors import SimulationError
-from swarm_mj.flight.simulate import make_simulation, observe_flight, picture_count, simulate
+from swarm_mj.flight.fly import make_simulation, simulate
+from swarm_mj.flight.observe import observe_flight, picture_count
 from swarm_mj.mission.behaviors import TargetKind, Targets
 from swarm_mj.mission.trajectories import propagate
 from swarm_mj.simulator.faults.relay_election import Succession, relay_of
@@ -206,7 +207,7 @@ def test_a_flight_with_faults_replays_bit_by_bit_and_another_seed_is_another_fli
 
 def test_a_simulation_that_is_reset_flies_the_same_faults_again():
     plan, _ = fly(fault("{kind: wheel_stuck, spacecraft: sc1, wheel: 1, at_s: 20}"), "dispersions.inertia_percent=3")
-    from swarm_mj.flight.simulate import initial_state
+    from swarm_mj.flight.fly import initial_state
 
     simulation = make_simulation(plan)
     first, events = simulation.run(60.0, 5.0), list(simulation.events)

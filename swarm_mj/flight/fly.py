@@ -1,10 +1,10 @@
-"""Flying a plan: simulation, radio links and observation."""
+"""A plan flown: initial states, simulation, telemetry with radio links."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 
 import numpy as np
 import xarray as xr
@@ -14,9 +14,6 @@ from scipy.spatial.transform import Rotation
 from swarm_mj.flight.plan import Plan, antennas_from
 from swarm_mj.mission.behaviors import ELECTIONS, MissionBehavior
 from swarm_mj.mission.links import links_closed
-from swarm_mj.observation.camera import CameraModel
-from swarm_mj.observation.coverage import CoverageMap, ObservationCriterion, observe
-from swarm_mj.observation.observer import make_observer
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.scenarios.schema_faults import Dispersions
 from swarm_mj.simulator.faults.deployment import deployed_velocities
@@ -24,32 +21,13 @@ from swarm_mj.simulator.faults.dispersions import attitude_turns, extra_rates, v
 from swarm_mj.simulator.faults.schedule import draw_schedule
 from swarm_mj.simulator.faults.state import FaultModel
 from swarm_mj.simulator.simulation import InitialState, Simulation
-from swarm_mj.simulator.telemetry import OBSERVING, dataset
+from swarm_mj.simulator.telemetry import dataset
 from swarm_mj.spacecraft.attitude.mrp import add_mrp, dcm, mrp_from_quaternion
 from swarm_mj.spacecraft.model import build_model
 from swarm_mj.spacecraft.properties import RPM
 
 Array = NDArray[np.float64]
 Progress = Callable[[float], None]
-
-
-@dataclass(frozen=True, kw_only=True)
-class ObservationResult:
-    """What the swarm saw.
-
-    Attributes:
-        coverage: By the scenario's criterion.
-        passage: Over the whole passage inside the imaging region.
-        observer: Name of the observer that measured it.
-        note: Why that one.
-        images: Number of pictures judged.
-    """
-
-    coverage: CoverageMap
-    passage: CoverageMap
-    observer: str
-    note: str
-    images: int
 
 
 def initial_state(plan: Plan) -> InitialState:
@@ -187,103 +165,3 @@ def _both_work(telemetry: xr.Dataset) -> NDArray[np.bool_]:
 def asteroid_attitudes(telemetry: xr.Dataset) -> Array:
     """Rotations from N to A at every sample, shape (time, 3, 3)."""
     return dcm(telemetry["sigma_AN"].values)
-
-
-def camera_from(scenario: Scenario) -> CameraModel:
-    """The scenario's camera."""
-    camera = scenario.camera
-    return CameraModel(
-        half_angle_deg=camera.half_angle_deg,
-        shape=camera.shape,
-        resolution_px=camera.resolution_px,
-        detector_ifov=camera.detector_ifov_rad,
-    )
-
-
-def criterion_from(scenario: Scenario) -> ObservationCriterion:
-    """When a face counts as observed, by the scenario."""
-    observation = scenario.observation
-    return ObservationCriterion(
-        min_fraction=observation.min_fraction,
-        any_pixel=observation.any_pixel,
-        max_emission_deg=observation.max_emission_deg,
-        max_range_m=observation.max_range_m,
-        max_gsd_m=observation.max_gsd_m,
-        max_incidence_deg=observation.max_incidence_deg,
-        shadows=observation.shadows,
-    )
-
-
-def observe_flight(plan: Plan, telemetry: xr.Dataset, progress: Progress | None = None) -> ObservationResult:
-    """Measure what the observers' cameras saw during a flight.
-
-    A spacecraft takes a picture every `observation.interval_s` while it tracks the asteroid, and one at the instant of the
-    visit. A dedicated communications spacecraft takes none.
-
-    Args:
-        plan: The plan that was flown.
-        telemetry: Its telemetry.
-        progress: Called with the number of pictures judged.
-
-    Raises:
-        ObserverError: The requested observer is not available here.
-    """
-    scenario = plan.scenario
-    criterion = criterion_from(scenario)
-    passage = CoverageMap(plan.region.area, plan.n)
-    visit = CoverageMap(plan.region.area, plan.n)
-    pictures = _pictures(plan, telemetry)
-    r_BN_N, C_BN, C_AN = telemetry["r_BN_N"].values, dcm(telemetry["sigma_BN"].values), asteroid_attitudes(telemetry)
-    times = telemetry["time"].values
-    observation = scenario.observation
-    observer = make_observer(
-        plan.region, camera_from(scenario), kind=observation.observer, occlusion=observation.occlusion
-    )
-    try:
-        for count, (k, j) in enumerate(pictures):
-            sun_A = C_AN[k] @ plan.environment.sun.at(times[k])
-            seen = observe(observer, C_AN[k] @ r_BN_N[k, j], C_BN[k, j] @ C_AN[k].T, criterion, sun_A)
-            passage.add(times[k], j, seen)
-            if k == visit_sample(scenario):
-                visit.add(times[k], j, seen)
-            if progress is not None:
-                progress(count + 1)
-    finally:
-        observer.close()
-    return ObservationResult(
-        coverage=passage if scenario.observation.criterion == "passage" else visit,
-        passage=passage,
-        observer=observer.name,
-        note=observer.note,
-        images=len(pictures),
-    )
-
-
-def visit_sample(scenario: Scenario) -> int:
-    """Number of the telemetry sample at the instant of the visit."""
-    return round(scenario.design.time_of_flight_s / scenario.telemetry.interval_s)
-
-
-def picture_count(plan: Plan, telemetry: xr.Dataset) -> int:
-    """Number of pictures that `observe_flight` will judge."""
-    return len(_pictures(plan, telemetry))
-
-
-def _pictures(plan: Plan, telemetry: xr.Dataset) -> list[tuple[int, int]]:
-    """Sample and spacecraft of every picture, in order of time."""
-    scenario = plan.scenario
-    every = round(scenario.observation.interval_s / scenario.telemetry.interval_s)
-    samples = sorted({*range(0, telemetry.sizes["time"], every), visit_sample(scenario)})
-    observing = np.isin(telemetry["mode"].values[:, : plan.n_observers], OBSERVING)
-    if "camera_on" in telemetry:
-        observing &= telemetry["camera_on"].values[:, : plan.n_observers] == 1
-    return [(k, j) for k in samples for j in range(plan.n_observers) if observing[k, j]]
-
-
-def add_coverage(telemetry: xr.Dataset, result: ObservationResult) -> None:
-    """Add the observed share of the target over time to the telemetry."""
-    telemetry["coverage_percent"] = (
-        "time",
-        result.coverage.percent_over_time(telemetry["time"].values),
-        {"units": "percent", "frame": "none", "long_name": "observed share of the target's area, P_TO, whole swarm"},
-    )
