@@ -11,7 +11,6 @@ from typing import Any, ClassVar
 
 import numpy as np
 from gymnasium import error, spaces
-from numba import njit
 from numpy.typing import NDArray
 
 from swarm_mj.errors import ScenarioError
@@ -20,12 +19,9 @@ from swarm_mj.mission.behaviors import Behavior, SteadyBehavior, SwarmView, Targ
 from swarm_mj.observation.raytracing import RayTracer
 from swarm_mj.simulator.telemetry import OBSERVING
 from swarm_mj.spacecraft.control.base import ControlInput, Controller
+from swarm_mj.typing import Array, Ints, Mask, kernel
 
 from .patches import Patches, surface_points
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Mask = NDArray[np.bool_]
 
 #: Whether a `TargetKind` means looking at the body.
 IS_OBSERVING = np.isin(np.arange(len(TargetKind)), OBSERVING)
@@ -36,7 +32,7 @@ class HeldTargets:
 
     dedicated_communications: ClassVar[bool] = False
 
-    def __init__(self, kind: NDArray[np.int64], spacecraft: NDArray[np.int64], vector: Array) -> None:
+    def __init__(self, kind: Ints, spacecraft: Ints, vector: Array) -> None:
         self._targets = Targets(kind, spacecraft, vector)
 
     def targets(self, view: SwarmView, memory: Any) -> tuple[Targets, Any]:
@@ -214,7 +210,7 @@ class RoleLevel(ControlLevel):
             raise error.InvalidAction(f"choices {choice.tolist()}: must be 0 to {len(self._kinds) - 1}")
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _choose(
     choice: Ints,
     itself: Ints,

@@ -12,13 +12,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from swarm_mj.typing import Array, Array32, Ints
+
 from .config import Setting
 from .policy import geometry_of, greedy_actions
 from .swarm_observe import SwarmObserveEnv
 
-Array = NDArray[np.float64]
-Action = NDArray[np.int64]
-Policy = Callable[[Setting, NDArray[np.float32]], Action]
+Action = Ints
+Policy = Callable[[Setting, Array32], Action]
 
 #: How long the sweep stays on a patch [s]: on `eros-observe` 30 s sees more than 60 s.
 DWELL_S = 30.0
@@ -33,17 +34,17 @@ class Outcome(NamedTuple):
     terms: dict[str, float]
 
 
-def body_centre(setting: Setting, observation: NDArray[np.float32]) -> Action:
+def body_centre(setting: Setting, observation: Array32) -> Action:
     """All look at the body's centre, as in the paper."""
     return _talk_outside(setting, observation, np.full(setting.plan.n, setting.patches.count))
 
 
-def target_centre(setting: Setting, observation: NDArray[np.float32]) -> Action:
+def target_centre(setting: Setting, observation: Array32) -> Action:
     """All look at the patch whose centre is nearest to the middle of the target."""
     return _talk_outside(setting, observation, np.full(setting.plan.n, middle_patch(setting)))
 
 
-def sweep(setting: Setting, observation: NDArray[np.float32]) -> Action:
+def sweep(setting: Setting, observation: Array32) -> Action:
     """Everyone goes through the patches row by row, to and fro, each starting at another place."""
     n, count = setting.plan.n, setting.patches.count
     k = round(count**0.5)
@@ -54,7 +55,7 @@ def sweep(setting: Setting, observation: NDArray[np.float32]) -> Action:
     return _talk_outside(setting, observation, order.ravel()[(start + int(elapsed / DWELL_S)) % count])
 
 
-def greedy(setting: Setting, observation: NDArray[np.float32]) -> Action:
+def greedy(setting: Setting, observation: Array32) -> Action:
     """Everyone takes the unseen patch that it can picture best, each a different one; with none in reach, it talks."""
     parts = setting.readings.split(observation)
     worth = _worth(setting, parts)
@@ -67,13 +68,13 @@ def greedy(setting: Setting, observation: NDArray[np.float32]) -> Action:
     return np.where(done, _earth(setting), _talk_outside(setting, observation, choice))
 
 
-def greedy_ahead(setting: Setting, observation: NDArray[np.float32]) -> Action:
+def greedy_ahead(setting: Setting, observation: Array32) -> Action:
     """The greedy rule by worth of the pictures, area and data; while nothing is in reach, everyone turns to what will be."""
     geometry = geometry_of(setting)
     return greedy_actions(geometry.features(observation[None]), geometry)[0]
 
 
-def _worth(setting: Setting, parts: dict[str, NDArray[np.float32]]) -> Array:
+def _worth(setting: Setting, parts: dict[str, Array32]) -> Array:
     """Unseen area of every patch for every spacecraft, zero where no picture of it would count, shape (n, count) [m^2]."""
     patches, scenario = setting.patches, setting.plan.scenario
     to_camera = positions_A(setting, parts)[:, None] - patches.centre_A
@@ -85,7 +86,7 @@ def _worth(setting: Setting, parts: dict[str, NDArray[np.float32]]) -> Array:
     return (1.0 - parts["patches"]) * patches.area * (gsd <= limit)
 
 
-def positions_A(setting: Setting, parts: dict[str, NDArray[np.float32]]) -> Array:
+def positions_A(setting: Setting, parts: dict[str, Array32]) -> Array:
     """Positions in A, shape (n, 3) [m]."""
     return parts["position"].astype(np.float64) * setting.plan.scenario.behavior.imaging_radius_m
 
@@ -122,7 +123,7 @@ def _earth(setting: Setting) -> int:
     return setting.patches.count + setting.plan.n + 1
 
 
-def _talk_outside(setting: Setting, observation: NDArray[np.float32], looking: NDArray[np.integer]) -> Action:
+def _talk_outside(setting: Setting, observation: Array32, looking: NDArray[np.integer]) -> Action:
     # Positions are given in imaging radii.
     outside = np.linalg.norm(setting.readings.split(observation)["position"], axis=1) > 1.0
     return np.where(outside, _earth(setting), looking).astype(np.int64)

@@ -13,14 +13,12 @@ from swarm_mj.simulator.compiled_batch import CompiledBatch
 from swarm_mj.simulator.fast.world import why_not_compiled
 from swarm_mj.simulator.python_batch import PythonBatch
 from swarm_mj.spacecraft.control.base import Controller
+from swarm_mj.typing import Array, Ints, Mask
 
 from .actions import ControlLevel, make_level
 from .config import Setting
 from .episode_state import Ledger
 from .rewards import TERMS, settle
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 #: Data aboard below this share of the nominal volume count as delivered.
 NOTHING_STORED = 1e-9
@@ -40,7 +38,7 @@ class Step:
 
     terms: Array
     reward: Array
-    end: NDArray[np.int64]
+    end: Ints
     truncated: Mask
     hit: Mask
 

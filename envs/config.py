@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swarm_mj.errors import ScenarioError
 from swarm_mj.flight.fly import make_simulation
@@ -19,6 +18,7 @@ from swarm_mj.observation.horizon_kernels import Scene, make_scene
 from swarm_mj.observation.observer import Observer, ObserverKind, make_observer
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.simulator.simulation import Simulation
+from swarm_mj.typing import Ints, Mask
 
 from .actions import check_level
 from .arguments import checked_scenario, checked_share, checked_step, is_number
@@ -106,7 +106,7 @@ class Setting:
         self.visit_only = given.observation.criterion == "visit"
         self.is_due = self.due(np.arange(self.last_tick + 1))
 
-    def due(self, tick: NDArray[np.int64]) -> NDArray[np.bool_]:
+    def due(self, tick: Ints) -> Mask:
         """Whether pictures that count are taken at these control instants, counted from 0."""
         visit = tick == self.visit_tick
         return visit if self.visit_only else visit | (tick % self.picture_every == 0)

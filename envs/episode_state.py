@@ -5,19 +5,15 @@ from __future__ import annotations
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swarm_mj.observation.coverage import observe
+from swarm_mj.typing import Array, Ints, Mask
 
 from . import step_kernels
 from .actions import IS_OBSERVING
 from .config import Setting
 from .kinematics import Known, Now, learn, turn
 from .step_kernels import EpisodeTotals
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Mask = NDArray[np.bool_]
 
 
 class Watched(Protocol):

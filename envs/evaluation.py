@@ -7,14 +7,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from gymnasium.vector import AutoresetMode
-from numpy.typing import NDArray
 from scipy.stats import t as student
+
+from swarm_mj.typing import Array, Array32, Ints
 
 from .vector import SwarmObserveVectorEnv
 
-Array = NDArray[np.float64]
 #: From observations, shape (E, F), to actions, shape (E, n).
-VectorPolicy = Callable[[NDArray[np.float32]], NDArray[np.int64]]
+VectorPolicy = Callable[[Array32], Ints]
 Progress = Callable[[int], None]
 
 #: Flights at once.

@@ -4,14 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-from numba import njit
-from numpy.typing import NDArray
-
 from swarm_mj.spacecraft.attitude.algebra import Quaternion, quaternion, rotate
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from swarm_mj.typing import Array, Mask, kernel
 
 
 class Now(NamedTuple):
@@ -54,7 +48,7 @@ class Known(NamedTuple):
     C_BN: Array
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def learn(now: Now, known: Known, flights: Mask) -> None:
     """Take the truth for what these flights, shape (E,), know."""
     for e in range(flights.shape[0]):
@@ -68,7 +62,7 @@ def learn(now: Now, known: Known, flights: Mask) -> None:
                         known.C_BN[e, j, k, m] = now.C_BN[e, j, k, m]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def turn(known: Known, flights: Mask) -> None:
     """Work out C_BN of these flights, shape (E,), from the attitudes."""
     for e in range(flights.shape[0]):
@@ -77,7 +71,7 @@ def turn(known: Known, flights: Mask) -> None:
                 write_dcm(quaternion(known.q[e], j), known.C_BN[e, j])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def write_dcm(q: Quaternion, C: Array) -> None:
     """Write the rotation from N to B, shape (3, 3), of an attitude q_BN."""
     inverse = (q[0], -q[1], -q[2], -q[3])

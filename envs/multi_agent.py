@@ -17,6 +17,7 @@ from gymnasium.utils import seeding
 from numpy.typing import NDArray
 
 from swarm_mj.errors import ScenarioError
+from swarm_mj.typing import Array32, Pixels
 
 from .actions import check_action
 from .arguments import checked_options, checked_render_mode, flight_seed
@@ -35,7 +36,7 @@ except ImportError as error:
 #: Scale of the positions of the others relative to one's own [m], and their bound after scaling.
 NEIGHBOUR_SCALE_M, NEIGHBOUR_BOUND = 10_000.0, 10.0
 
-Observation = NDArray[np.float32]
+Observation = Array32
 PerAgent = dict[str, Any]
 
 
@@ -185,7 +186,7 @@ class SwarmObserveParallelEnv(ParallelEnv[str, Observation, Any]):
             out[agent] = np.concatenate([block[j], neighbours.ravel(), tail]).astype(np.float32)
         return out
 
-    def render(self) -> NDArray[np.uint8] | None:
+    def render(self) -> Pixels | None:
         """The overview as a picture with `render_mode="rgb_array"`; see `SwarmObserveEnv.render`."""
         if self.render_mode is None:
             gymnasium.logger.warn("render() draws nothing: make the environment with render_mode='rgb_array'")

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 from gymnasium import spaces
-from numpy.typing import NDArray
 
 from swarm_mj.flight.plan import Plan
 from swarm_mj.mission.behaviors import TargetKind
-
-Array = NDArray[np.float64]
+from swarm_mj.typing import Array32
 
 #: Per spacecraft, in this order: name, size (of the wheel speeds: with the usual three), bound of the absolute value, and
 #: whether it may be negative.
@@ -65,7 +63,7 @@ class Readings:
             dtype=np.float32,
         )
 
-    def split(self, observation: NDArray[np.float32]) -> dict[str, NDArray[np.float32]]:
+    def split(self, observation: Array32) -> dict[str, Array32]:
         """The parts of an observation by name: per spacecraft shape (n, size), and patches, time_left, seen, delivered."""
         block = observation[: self._n * self.features].reshape(self._n, self.features)
         rest = observation[self._n * self.features :]

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swarm_mj.mission.behaviors import TargetKind
+from swarm_mj.typing import Pixels
 
 from .actions import IS_OBSERVING
 from .batch import Flybys
@@ -27,7 +27,7 @@ class EpisodePicture:
         self._flybys, self._size = flybys, (width, height)
         self._overview: Any = None
 
-    def draw(self) -> NDArray[np.uint8]:
+    def draw(self) -> Pixels:
         """The overview, shape (height, width, 3); the flights are only read.
 
         Raises:
@@ -42,7 +42,7 @@ class EpisodePicture:
         imaging = IS_OBSERVING[kind] & ~lost
         imaging[setting.plan.n_observers :] = False
         talking = np.isin(kind, (TargetKind.SPACECRAFT, TargetKind.EARTH)) & ~lost
-        picture: NDArray[np.uint8] = self._overview.draw(
+        picture: Pixels = self._overview.draw(
             setting.simulation,
             state_of(self._flybys, 0),
             imaging,

@@ -10,15 +10,13 @@ from dataclasses import dataclass
 from math import isqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swarm_mj.errors import ScenarioError
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.raytracing import RayTracer
+from swarm_mj.typing import Array, Indices, Mask
 
 from .arguments import is_whole
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +30,7 @@ class Patches:
         centre_A: Mean of each patch's surface in A [m], shape (count, 3).
     """
 
-    of_cell: NDArray[np.intp]
+    of_cell: Indices
     cell_area: Array
     area: Array
     centre_A: Array
@@ -42,7 +40,7 @@ class Patches:
         """Number of patches."""
         return len(self.area)
 
-    def seen_fraction(self, seen: NDArray[np.bool_]) -> Array:
+    def seen_fraction(self, seen: Mask) -> Array:
         """Share of each patch's area that was seen, from the cells that were, shape (count,)."""
         return np.bincount(self.of_cell, self.cell_area * seen, self.count) / self.area
 

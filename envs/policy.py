@@ -24,12 +24,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarm_mj.errors import ScenarioError
+from swarm_mj.typing import Array, Ints
 
 from .config import Setting
 from .observations import PER_SPACECRAFT
 from .step_kernels import FEATURES
 
-Array = NDArray[np.float64]
 Arrays = dict[str, NDArray[Any]]
 
 #: Raise when features or network change, so that an old file is refused instead of flown wrongly.
@@ -140,7 +140,7 @@ class PatchGeometry:
         return np.stack(patch, axis=3)
 
 
-def assign(worth: Array) -> NDArray[np.int64]:
+def assign(worth: Array) -> Ints:
     """The greedy rule: one after another each spacecraft takes the patch worth most, a different one; -1 where none is.
 
     Args:
@@ -155,7 +155,7 @@ def assign(worth: Array) -> NDArray[np.int64]:
     return np.where(worth.max(axis=2) > 0.0, choice, -1)
 
 
-def greedy_actions(features: NDArray[np.floating], geometry: PatchGeometry) -> NDArray[np.int64]:
+def greedy_actions(features: NDArray[np.floating], geometry: PatchGeometry) -> Ints:
     """What the greedy rule says, looking ahead: with nothing in reach a spacecraft turns to what it will reach, or talks.
 
     Args:
@@ -227,7 +227,7 @@ class ArrayPolicy:
         pointed = np.tanh(patch @ w["W3"][:, size:].T + context[:, :, None]) @ w["v"]
         return np.concatenate([pointed, hidden @ w["W4"].T + w["b4"]], axis=2)
 
-    def act(self, observation: NDArray[np.floating]) -> NDArray[np.int64]:
+    def act(self, observation: NDArray[np.floating]) -> Ints:
         """The actions of E observations, shape (E, n), or of one, shape (n,)."""
         given = np.atleast_2d(observation)
         # Flight by flight: products of matrices round differently with their number.

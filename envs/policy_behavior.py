@@ -20,13 +20,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swarm_mj.errors import MissionError, ScenarioError
 from swarm_mj.flight.plan import Plan, unchecked_behavior
 from swarm_mj.io.resources import asset_path
 from swarm_mj.mission.behaviors import Behavior, SwarmView, Targets
 from swarm_mj.scenarios.schema import Scenario
+from swarm_mj.typing import Array, Array32, Ints, Mask
 
 from .actions import RoleLevel
 from .arguments import checked_step
@@ -35,9 +35,7 @@ from .config import Setting, make_setting
 from .episode_state import Ledger
 from .policy import ArrayPolicy, load_policy
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
-Act = Callable[[NDArray[np.float32]], NDArray[np.int64]]
+Act = Callable[[Array32], Ints]
 
 #: The trained policy that travels with the package.
 PACKAGED = "policies/eros-observe.npz"

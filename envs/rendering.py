@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swarm_mj.flight.plan import Plan
 from swarm_mj.mission.behaviors import TargetKind
@@ -11,6 +10,7 @@ from swarm_mj.rendering.frame import Instant
 from swarm_mj.rendering.live import Trail, planned_path
 from swarm_mj.rendering.picture import Drawing
 from swarm_mj.simulator.simulation import Simulation
+from swarm_mj.typing import Ints, Mask, Pixels
 
 from .state import SwarmState
 
@@ -36,14 +36,14 @@ class Overview:
         self,
         simulation: Simulation,
         state: SwarmState,
-        observing: NDArray[np.bool_],
-        talking: NDArray[np.bool_],
+        observing: Mask,
+        talking: Mask,
         *,
-        kind: NDArray[np.int64] | None = None,
-        tracked: NDArray[np.int64] | None = None,
-        seen: NDArray[np.bool_] | None = None,
-        lost: NDArray[np.bool_] | None = None,
-    ) -> NDArray[np.uint8]:
+        kind: Ints | None = None,
+        tracked: Ints | None = None,
+        seen: Mask | None = None,
+        lost: Mask | None = None,
+    ) -> Pixels:
         """A picture, shape (height, width, 3). The simulation is only read.
 
         Args:

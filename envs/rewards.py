@@ -4,16 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-import numpy as np
-from numba import njit
-from numpy.typing import NDArray
-
 from swarm_mj.errors import ScenarioError
+from swarm_mj.typing import Array, Ints, Mask, kernel
 
 from .arguments import is_number
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 #: Weight of each term. The first two reach 1 each when the whole target is seen and delivered at nominal volume.
 DEFAULT_WEIGHTS = {"seen": 1.0, "delivered": 1.0, "effort": -0.02, "saturation": -0.1, "approach": -0.1, "loss": -1.0}
@@ -47,7 +41,7 @@ ENDS = ("", "complete", "impact", "lost", "diverged")
 _COMPLETE, _IMPACT, _LOST, _DIVERGED = 1, 2, 3, 4
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _end(impact: bool, complete: bool, lost: bool) -> int:
     """The number in `ENDS` of how a flight with a finite state ends, 0 if it goes on."""
     if impact:
@@ -57,10 +51,10 @@ def _end(impact: bool, complete: bool, lost: bool) -> int:
     return _LOST if lost else 0
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def settle(
     prices: Array,
-    tick: NDArray[np.int64],
+    tick: Ints,
     live: Mask,
     flying: Mask,
     area: Array,
@@ -73,7 +67,7 @@ def settle(
     percent: Array,
     terms: Array,
     reward: Array,
-    end: NDArray[np.int64],
+    end: Ints,
     truncated: Mask,
 ) -> None:
     """Rewards and ends of a step, flight by flight.

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices, VecEnvObs, VecEnvStepReturn
 
 from swarm_mj.errors import ScenarioError
+from swarm_mj.typing import Array32, Mask, Pixels
 
 from .vector import SwarmObserveVectorEnv
 
@@ -89,7 +90,7 @@ class SwarmObserveVecEnv(VecEnv):
         since = round(time.monotonic() - self._start, 6)
         return {"r": float(self._return[e]) + more, "l": int(self._length[e]), "t": since}
 
-    def restart(self, mask: NDArray[np.bool_]) -> NDArray[np.float32]:
+    def restart(self, mask: Mask) -> Array32:
         """Break off the flights of a mask, shape (num_envs,), and start them anew; the observations of all."""
         observations, infos = self.vector.reset(options={"reset_mask": mask})
         for e in np.flatnonzero(mask):
@@ -127,7 +128,7 @@ class SwarmObserveVecEnv(VecEnv):
 
         return [wrapper_class is Monitor for _ in self._get_indices(indices)]
 
-    def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
+    def get_images(self) -> Sequence[Pixels | None]:
         """Nothing is drawn: render a single environment."""
         return [None] * self.num_envs
 

@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 import torch
 from gymnasium import spaces
-from numpy.typing import NDArray
 from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs, VecEnvStepReturn, VecEnvWrapper
 from torch import Tensor, nn
+
+from swarm_mj.typing import Array, Array32
 
 from .policy import COLUMNS, OWN, PER_PATCH, ArrayPolicy, PatchGeometry, describe, geometry_of
 from .sb3 import SwarmObserveVecEnv
@@ -75,10 +76,10 @@ class LearningView(VecEnvWrapper):
         self._potential = after
         return self._features(observation), shaped.astype(np.float32), done | broken, infos
 
-    def _features(self, observation: Any) -> NDArray[np.float32]:
+    def _features(self, observation: Any) -> Array32:
         return self.geometry.features(observation).astype(np.float32)
 
-    def _stored(self, observation: Any) -> NDArray[np.float64]:
+    def _stored(self, observation: Any) -> Array:
         first = COLUMNS["stored"].start
         return observation[:, first : self._n * FEATURES : FEATURES].sum(axis=1, dtype=np.float64)
 
@@ -134,7 +135,7 @@ class SwarmActorCritic(ActorCriticPolicy):
         self.action_net = nn.Identity()
         self.optimizer = self.optimizer_class(self.parameters(), lr=lr_schedule(1), **self.optimizer_kwargs)
 
-    def arrays(self) -> dict[str, NDArray[np.float64]]:
+    def arrays(self) -> dict[str, Array]:
         """The weights of the actor as `ArrayPolicy` names them."""
         net = self.mlp_extractor
         assert isinstance(net, SwarmNetwork)

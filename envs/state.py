@@ -5,12 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
+from swarm_mj.typing import Array
 
 from .batch import Flybys
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

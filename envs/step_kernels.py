@@ -8,20 +8,15 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
-from numpy.typing import NDArray
 
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.mission.links import write_closed
 from swarm_mj.observation.horizon_kernels import Scene, new_cells
 from swarm_mj.smallbody.occultation import way_blocked
 from swarm_mj.spacecraft.attitude.algebra import quaternion
+from swarm_mj.typing import Array, Array32, Ints, Ints32, Mask, kernel
 
 from .kinematics import Known, Now, write_dcm
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Mask = NDArray[np.bool_]
 
 _ASTEROID, _SPACECRAFT = int(TargetKind.ASTEROID), int(TargetKind.SPACECRAFT)
 _EARTH, _SURFACE = int(TargetKind.EARTH), int(TargetKind.SURFACE)
@@ -56,7 +51,7 @@ class Mission(NamedTuple):
     """
 
     vertices: Array
-    faces: NDArray[np.int32]
+    faces: Ints32
     box: Array
     antennas: Array
     numbers: Array
@@ -90,14 +85,14 @@ class EpisodeTotals(NamedTuple):
     lost: Mask
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def orient(mission: Mission, now: Now, live: Mask, finite: Mask) -> None:
     """Work out C_AN, r_A and C_BN of the live flights from time, positions and attitudes, and whether all is finite."""
     for e in range(live.shape[0]):
         finite[e] = live[e] and _orient_one(mission, now, e)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _orient_one(mission: Mission, now: Now, e: int) -> bool:
     phase = mission.phase0 + mission.numbers[9] * now.t[e]
     c, s = np.cos(phase), np.sin(phase)
@@ -117,7 +112,7 @@ def _orient_one(mission: Mission, now: Now, e: int) -> bool:
     return np.isfinite(total)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def take_pictures(
     scene: Scene,
     mission: Mission,
@@ -165,7 +160,7 @@ def take_pictures(
     return any_doubt
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def write_down(books: EpisodeTotals, e: int, j: int, new: Mask, t: float, area: float, bits: float) -> None:
     """Enter newly seen cells and the data they brought."""
     for i in range(new.shape[0]):
@@ -176,7 +171,7 @@ def write_down(books: EpisodeTotals, e: int, j: int, new: Mask, t: float, area: 
     books.stored[e, j] += bits
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _dcm_BA(now: Now, e: int, j: int) -> Array:
     out = np.empty((3, 3))
     B, A = now.C_BN[e, j], now.C_AN[e]
@@ -186,7 +181,7 @@ def _dcm_BA(now: Now, e: int, j: int) -> Array:
     return out
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def end_step(
     mission: Mission,
     before: Now,
@@ -198,11 +193,11 @@ def end_step(
     sigma_BR: Array,
     live: Mask,
     step_s: float,
-    low: NDArray[np.float32],
-    high: NDArray[np.float32],
+    low: Array32,
+    high: Array32,
     measures: Array,
     hit: Mask,
-    observation: NDArray[np.float32],
+    observation: Array32,
 ) -> None:
     """Radio, dangers and readings at the end of a step.
 
@@ -239,7 +234,7 @@ def end_step(
             observation[e, i] = min(max(observation[e, i], low[i]), high[i])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _transmit(
     mission: Mission, now: Now, books: EpisodeTotals, kind: Ints, index: Ints, e: int, step_s: float
 ) -> float:
@@ -277,7 +272,7 @@ def _transmit(
     return received
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _saturation(mission: Mission, now: Now, e: int) -> float:
     total, n, wheels = 0.0, now.wheel.shape[1], now.wheel.shape[2]
     for j in range(n):
@@ -287,7 +282,7 @@ def _saturation(mission: Mission, now: Now, e: int) -> float:
     return total / (n * wheels)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _close_pairs(mission: Mission, before: Now, now: Now, lost: Mask, e: int) -> float:
     """Share of the pairs that came too close; the relative motion within the step is taken as straight."""
     n, least = now.r.shape[1], mission.numbers[4]
@@ -309,7 +304,7 @@ def _close_pairs(mission: Mission, before: Now, now: Now, lost: Mask, e: int) ->
     return near / (n * (n - 1) / 2)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _read(
     mission: Mission,
     now: Now,
@@ -318,7 +313,7 @@ def _read(
     kind: Ints,
     sigma_BR: Array,
     e: int,
-    out: NDArray[np.float32],
+    out: Array32,
 ) -> None:
     numbers, n, C_AN, wheels = mission.numbers, kind.shape[0], now.C_AN[e], now.wheel.shape[2]
     features = FEATURES_BUT_WHEELS + wheels

@@ -7,11 +7,10 @@ from pathlib import Path
 from typing import Any
 
 import gymnasium
-import numpy as np
-from numpy.typing import NDArray
 
 from swarm_mj.observation.observer import ObserverKind
 from swarm_mj.scenarios.schema import Scenario
+from swarm_mj.typing import Array, Array32, Pixels
 
 from .actions import check_action
 from .arguments import checked_render_mode, checked_size, flight_seed
@@ -22,7 +21,7 @@ from .rewards import ENDS, TERMS
 from .state import SwarmState, info_of, state_of
 from .window import Window
 
-Observation = NDArray[np.float32]
+Observation = Array32
 
 
 class SwarmObserveEnv(gymnasium.Env[Observation, Any]):
@@ -207,7 +206,7 @@ times step over duration |
         return state_of(self.flybys, 0)
 
     @property
-    def first_seen_s(self) -> NDArray[np.float64]:
+    def first_seen_s(self) -> Array:
         """When the swarm first saw each cell of the target in this episode, NaN for never, shape (n_cells,) [s]."""
         return self.flybys.books.first_seen[0].copy()
 
@@ -251,7 +250,7 @@ times step over duration |
             self.render()
         return flybys.observation[0].copy(), float(step.reward[0]), terminated, truncated, info
 
-    def render(self) -> NDArray[np.uint8] | None:
+    def render(self) -> Pixels | None:
         """The overview as a picture, shape (height, width, 3), with `render_mode="rgb_array"`; `"human"` shows it in a window.
 
         Raises:

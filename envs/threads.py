@@ -9,11 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from swarm_mj.typing import Array32, Mask
+
 from .batch import Flybys, Step
 from .config import Setting
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 
 def default_threads() -> int:
@@ -68,7 +67,7 @@ class Lanes:
         return np.concatenate([np.asarray(pick(lane)) for lane in self.lanes])
 
     @property
-    def observation(self) -> NDArray[np.float32]:
+    def observation(self) -> Array32:
         """Of all flights, a copy, shape (E, F)."""
         return self.gather(lambda lane: lane.observation)
 

@@ -12,6 +12,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from swarm_mj.errors import ScenarioError
+from swarm_mj.typing import Array, Array32, Mask
 
 from .actions import check_action
 from .arguments import checked_count, checked_options, first_seeds, flight_seed, flight_seeds
@@ -20,7 +21,6 @@ from .config import make_setting
 from .rewards import ENDS, TERMS
 from .threads import Lanes, default_threads
 
-Mask = NDArray[np.bool_]
 Infos = dict[str, Any]
 
 
@@ -85,7 +85,7 @@ class SwarmObserveVectorEnv(VectorEnv[Any, Any, Any]):
 
     def reset(
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[NDArray[np.float32], Infos]:
+    ) -> tuple[Array32, Infos]:
         """Start all flights, or those of `options["reset_mask"]`.
 
         Args:
@@ -112,7 +112,7 @@ class SwarmObserveVectorEnv(VectorEnv[Any, Any, Any]):
         drawn = int(self._random[e].integers(2**31))
         return flight_seed(options | ({} if wanted is None else {"flight_seed": wanted}), drawn)
 
-    def step(self, actions: NDArray[Any]) -> tuple[NDArray[np.float32], NDArray[np.float64], Mask, Mask, Infos]:
+    def step(self, actions: NDArray[Any]) -> tuple[Array32, Array, Mask, Mask, Infos]:
         """Fly on for one step with the actions held, shape (num_envs, ...).
 
         Raises:
@@ -141,9 +141,7 @@ class SwarmObserveVectorEnv(VectorEnv[Any, Any, Any]):
         self.lanes.reset(began)
         return began
 
-    def _restart_at_once(
-        self, last: NDArray[np.float32], infos: Infos
-    ) -> tuple[NDArray[np.float32], Infos, dict[int, int]]:
+    def _restart_at_once(self, last: Array32, infos: Infos) -> tuple[Array32, Infos, dict[int, int]]:
         over = self._over.copy()
         began = self._restart()
         final_obs = np.full(self.num_envs, None, dtype=object)

@@ -6,10 +6,8 @@ import os
 import sys
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from swarm_mj.errors import ObserverError
+from swarm_mj.typing import Pixels
 
 
 def _display_exists() -> bool:
@@ -51,7 +49,7 @@ class Window:
         pygame.display.set_caption("SwarmObserve-v0")
         self._clock, self._fps = pygame.time.Clock(), fps
 
-    def show(self, picture: NDArray[np.uint8]) -> None:
+    def show(self, picture: Pixels) -> None:
         """Show a picture, shape (height, width, 3)."""
         self._pygame.event.pump()
         self._pygame.surfarray.blit_array(self._surface, picture.swapaxes(0, 1))

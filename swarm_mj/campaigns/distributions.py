@@ -10,13 +10,11 @@ from functools import cached_property
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, model_validator
 from scipy import stats
 
 from swarm_mj.scenarios.schema import Section
-
-Array = NDArray[np.float64]
+from swarm_mj.typing import Array
 
 #: Quantiles are asked for at least this far from 0 and 1, so that no tail becomes infinite.
 EDGE = 2.0**-53

@@ -11,7 +11,6 @@ import numpy as np
 import pyarrow as pa
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from swarm_mj.campaigns.loading import Resolved
 from swarm_mj.campaigns.summary import SEED, by_scenario, column
@@ -33,6 +32,7 @@ from swarm_mj.results.figures.style import (
     save,
     tidy,
 )
+from swarm_mj.typing import Array
 
 T = TypeVar("T")
 Compose = Callable[[Resolved, pa.Table, dict[str, Any]], Figure | None]
@@ -150,11 +150,11 @@ def draw_all(folder: Path, resolved: Resolved, results: pa.Table, summary: dict[
             ) from None
 
 
-def _flown(resolved: Resolved, results: pa.Table, name: str) -> dict[str, NDArray[np.float64]]:
+def _flown(resolved: Resolved, results: pa.Table, name: str) -> dict[str, Array]:
     """Finite values of an outcome by scenario."""
     if name not in results.schema.names:
         return {}
-    parts: dict[str, NDArray[np.float64]] = {}
+    parts: dict[str, Array] = {}
     for scenario, rows in by_scenario(resolved, results):
         values = column(rows, name)
         if np.isfinite(values).any():
@@ -169,7 +169,7 @@ def _shown(parts: dict[str, T], title: str) -> tuple[dict[str, T], str]:
     return dict(list(parts.items())[:MAX_SCENARIOS]), f"{title}, {MAX_SCENARIOS} of {len(parts)}"
 
 
-def _cumulative(ax: Axes, values: NDArray[np.float64], name: str, k: int) -> None:
+def _cumulative(ax: Axes, values: Array, name: str, k: int) -> None:
     ordered = np.sort(values)
     share = np.arange(1, len(ordered) + 1) / len(ordered)
     colour, dashes = COLOURS[k % len(COLOURS)], DASHES[k % len(DASHES)]

@@ -17,13 +17,11 @@ from math import prod
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from swarm_mj.campaigns.config import Campaign
 from swarm_mj.campaigns.distributions import draw_all
-
-Array = NDArray[np.float64]
+from swarm_mj.typing import Array
 
 #: First number in the names of the children of the campaign's seed: for parameters, for the runs' seeds.
 PARAMETERS, SEEDS = 0, 1

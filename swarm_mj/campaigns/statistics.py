@@ -9,10 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import stats
 
-Array = NDArray[np.float64]
+from swarm_mj.typing import Array
 
 #: Confidence level of all intervals.
 LEVEL = 0.95

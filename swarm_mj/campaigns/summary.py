@@ -22,8 +22,7 @@ from swarm_mj.campaigns.table import WALL
 from swarm_mj.errors import OutputError
 from swarm_mj.io.atomic import write_text
 from swarm_mj.results.summary import library_versions
-
-Array = NDArray[np.float64]
+from swarm_mj.typing import Array
 
 SUMMARY = "summary.json"
 QUANTILES = (0.05, 0.5, 0.95, 0.99)

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import Progress
 
@@ -17,6 +16,7 @@ from swarm_mj.rendering.picture import Drawing
 from swarm_mj.rendering.replay import Replay, load_replay
 from swarm_mj.rendering.stills import write_stills
 from swarm_mj.rendering.video import SUFFIXES, Film, check_film, film
+from swarm_mj.typing import Array, Pixels
 
 #: Length of a film whose speed is not given [s].
 LENGTH_S = 30.0
@@ -78,9 +78,7 @@ def run_video(
     return path
 
 
-def _shoot(
-    reel: Film, drawing: Drawing, replay: Replay, times: NDArray[np.float64], progress: Progress, camera: str
-) -> None:
+def _shoot(reel: Film, drawing: Drawing, replay: Replay, times: Array, progress: Progress, camera: str) -> None:
     """Take the pictures of a film while a bar shows how far it is."""
     with progress:
         task = progress.add_task(f"{replay.plan.scenario.name}: video, {camera}", total=len(times))
@@ -115,7 +113,7 @@ def suitable_speed(duration: float) -> float:
     return min(steps, key=lambda step: abs(np.log(step / wanted)))
 
 
-def picture_times(replay: Replay, fps: float, speed: float) -> NDArray[np.float64]:
+def picture_times(replay: Replay, fps: float, speed: float) -> Array:
     """Times of the flight at which pictures are taken [s]; both its ends are among them.
 
     Raises:
@@ -129,7 +127,7 @@ def picture_times(replay: Replay, fps: float, speed: float) -> NDArray[np.float6
     return np.asarray(np.linspace(replay.times[0], replay.times[-1], max(count, 2)))
 
 
-def _sample(drawing: Drawing, replay: Replay, path: Path) -> Iterator[NDArray[np.uint8]]:
+def _sample(drawing: Drawing, replay: Replay, path: Path) -> Iterator[Pixels]:
     """Pictures from all over the flight, where the colours of a film have to be chosen beforehand."""
     if path.suffix.lower() == ".gif":
         for t in np.linspace(replay.times[0], replay.times[-1], SAMPLES):

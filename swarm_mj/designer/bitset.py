@@ -8,18 +8,17 @@ sums are exact and do not depend on their order.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from swarm_mj.typing import Ints, Mask, kernel
+
 Words = NDArray[np.uint64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 
 WORD = 64
 BYTES_PER_WORD = 8
 
 
-def pack(sees: Bools) -> Words:
+def pack(sees: Mask) -> Words:
     """Rows of booleans, shape (n, n_faces), as words, shape (n, ceil(n_faces / 64)); bit j of word w is face 64 w + j."""
     n, n_faces = sees.shape
     n_words = -(-n_faces // WORD)
@@ -28,7 +27,7 @@ def pack(sees: Bools) -> Words:
     return np.packbits(padded, axis=1, bitorder="little").view("<u8").astype(np.uint64)
 
 
-def unpack(words: Words, n_faces: int) -> Bools:
+def unpack(words: Words, n_faces: int) -> Mask:
     """Inverse of `pack`, for rows of shape (n, n_words)."""
     as_bytes = np.ascontiguousarray(words).astype("<u8").view(np.uint8)
     return np.unpackbits(as_bytes, axis=1, bitorder="little", count=n_faces).astype(np.bool_)
@@ -43,7 +42,7 @@ def weight_table(weights: Ints) -> Ints:
     return np.ascontiguousarray(padded.reshape(n_bytes, 8) @ bits.T)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def word_weight(word: np.uint64, w: int, table: Ints) -> np.int64:
     """Weight of the faces in one word standing at place w of its row."""
     total = np.int64(0)
@@ -55,7 +54,7 @@ def word_weight(word: np.uint64, w: int, table: Ints) -> np.int64:
     return total
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def set_weight(row: Words, table: Ints) -> np.int64:
     """Weight of a whole set of faces."""
     total = np.int64(0)
@@ -64,7 +63,7 @@ def set_weight(row: Words, table: Ints) -> np.int64:
     return total
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def add_to_layers(layers: Words, row: Words) -> None:
     """Count one more spacecraft that sees `row` in place; layers has shape (k, n_words)."""
     for w in range(row.shape[0]):
@@ -73,7 +72,7 @@ def add_to_layers(layers: Words, row: Words) -> None:
         layers[0, w] |= row[w]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def repeats_before(points: Ints, j: int) -> int:
     """How often point number j of a list already stood before it."""
     count = 0
@@ -83,7 +82,7 @@ def repeats_before(points: Ints, j: int) -> int:
     return count
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def covered_weights(rows: Words, table: Ints, genes: Ints, fold: int, max_visits: int) -> Ints:
     """Weight of the faces seen by at least `fold` spacecraft, for gene maps of shape (m, 1 + n_max), points from 1."""
     weights = np.zeros(genes.shape[0], dtype=np.int64)

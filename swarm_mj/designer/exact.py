@@ -17,17 +17,14 @@ import time
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import Bounds, LinearConstraint, milp
 from scipy.sparse import coo_array, csr_array, hstack, vstack
 
-from swarm_mj.designer.bitset import Ints
 from swarm_mj.designer.problem import CoverProblem, check_cost
 from swarm_mj.designer.reduction import ReducedProblem, merge_cells, reduce_problem
 from swarm_mj.designer.repair import repair_designs
 from swarm_mj.errors import MissionError
-
-Array = NDArray[np.float64]
+from swarm_mj.typing import Array, Ints
 
 #: HiGHS accepts constraints violated by this much; the tolerance is loosened by it so that no true design is lost.
 FEASIBILITY_TOLERANCE = 1e-6

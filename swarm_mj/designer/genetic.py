@@ -17,7 +17,6 @@ from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 from pymoo.algorithms.soo.nonconvex.ga import GA
 from pymoo.core.callback import Callback
 from pymoo.core.mating import Mating
@@ -27,7 +26,6 @@ from pymoo.operators.crossover.ux import UX
 from pymoo.operators.mutation.pm import PM
 from pymoo.operators.repair.rounding import RoundingRepair
 
-from swarm_mj.designer.bitset import Ints
 from swarm_mj.designer.operators import (
     MATING_ATTEMPTS,
     CoverRepair,
@@ -39,8 +37,8 @@ from swarm_mj.designer.operators import (
 )
 from swarm_mj.designer.problem import CoverProblem, gene_map
 from swarm_mj.errors import MissionError
+from swarm_mj.typing import Array, Ints
 
-Array = NDArray[np.float64]
 Operators = Literal["plain", "repair"]
 
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pymoo.core.duplicate import DuplicateElimination
 from pymoo.core.mutation import Mutation
 from pymoo.core.population import Population
@@ -18,11 +17,9 @@ from pymoo.core.repair import Repair
 from pymoo.core.sampling import Sampling
 from pymoo.core.selection import Selection
 
-from swarm_mj.designer.bitset import Bools, Ints
 from swarm_mj.designer.problem import CoverProblem
 from swarm_mj.designer.repair import repair_designs
-
-Array = NDArray[np.float64]
+from swarm_mj.typing import Ints, Mask
 
 #: How often mating is repeated to replace children that already exist before a generation stays smaller.
 MATING_ATTEMPTS = 5
@@ -109,7 +106,7 @@ class CoverRepair(Repair):
 class UniqueDesigns(DuplicateElimination):
     """Drop designs whose spacecraft visit the same points as those of a design already there, in whatever order."""
 
-    def _do(self, pop: Population, other: Population | None, is_duplicate: Bools) -> Bools:
+    def _do(self, pop: Population, other: Population | None, is_duplicate: Mask) -> Mask:
         known = set() if other is None else set(_keys(other))
         for i, key in enumerate(_keys(pop)):
             is_duplicate[i] = key in known

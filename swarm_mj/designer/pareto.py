@@ -14,8 +14,6 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
-from numpy.typing import NDArray
 from pymoo.algorithms.moo.nsga2 import NSGA2, binary_tournament
 from pymoo.core.callback import Callback
 from pymoo.core.mating import Mating
@@ -26,13 +24,11 @@ from pymoo.operators.crossover.ux import UX
 from pymoo.operators.selection.tournament import TournamentSelection
 from pymoo.termination.max_gen import MaximumGenerationTermination
 
-from swarm_mj.designer.bitset import Bools, Ints
 from swarm_mj.designer.operators import MATING_ATTEMPTS, GeneMapProblem, RandomGeneMaps, UniqueDesigns
 from swarm_mj.designer.problem import CoverProblem, check_cost, gene_map
 from swarm_mj.designer.repair import refill_designs
 from swarm_mj.errors import MissionError
-
-Array = NDArray[np.float64]
+from swarm_mj.typing import Array, Ints, Mask, kernel
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -131,8 +127,8 @@ def pareto_front(
     )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def dominated(values: Array, others: Array) -> Bools:
+@kernel
+def dominated(values: Array, others: Array) -> Mask:
     """Which designs are no better than some other in any respect and worse in one.
 
     Args:
@@ -231,7 +227,7 @@ class _Archive(Callback):
         self.values = np.concatenate([self.values[kept], values[new]])
 
 
-def _first_of_equals(values: Array, known: Array) -> Bools:
+def _first_of_equals(values: Array, known: Array) -> Mask:
     """Which rows stand neither among the known nor earlier among themselves."""
     met, first = {row.tobytes() for row in known}, np.ones(len(values), dtype=np.bool_)
     for i, row in enumerate(values):

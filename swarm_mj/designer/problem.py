@@ -17,12 +17,10 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from swarm_mj.designer.bitset import Bools, Ints, Words, add_to_layers, covered_weights, pack, set_weight, weight_table
+from swarm_mj.designer.bitset import Words, add_to_layers, covered_weights, pack, set_weight, weight_table
 from swarm_mj.errors import MissionError
-
-Array = NDArray[np.float64]
+from swarm_mj.typing import Array, Ints, Mask
 
 #: The whole target in units of area: fine enough that rounding every face to a unit is far below any tolerance.
 AREA_UNITS = 2**50
@@ -42,7 +40,7 @@ class Evaluation(NamedTuple):
 
     n_observers: Ints
     covered_percent: Array
-    feasible: Bools
+    feasible: Mask
     fitness: Array
 
 
@@ -63,7 +61,7 @@ class CoverProblem:
         MissionError: The arrays or numbers make no problem.
     """
 
-    sees: Bools
+    sees: Mask
     area: Array
     tolerance_percent: float = 0.1
     max_observers: int = 20
@@ -116,7 +114,7 @@ class CoverProblem:
         return weight_table(self.weights)
 
     @cached_property
-    def coverable(self) -> Bools:
+    def coverable(self) -> Mask:
         """Which faces are covered if every point is visited as often as allowed, shape (n_faces,)."""
         return self.sees.sum(axis=0) * self.max_visits >= self.fold
 
@@ -201,7 +199,7 @@ def check_cost(problem: CoverProblem, cost: Array) -> Array:
     return cost
 
 
-def _check_arrays(sees: Bools, area: Array) -> None:
+def _check_arrays(sees: Mask, area: Array) -> None:
     if sees.ndim != 2 or 0 in sees.shape:
         raise MissionError(f"sees has shape {sees.shape}: must be (points, faces), neither empty")
     if area.shape != (sees.shape[1],):

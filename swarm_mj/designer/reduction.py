@@ -16,13 +16,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
-from numpy.typing import NDArray
 
-from swarm_mj.designer.bitset import Bools, Ints, Words, pack
+from swarm_mj.designer.bitset import Words, pack
 from swarm_mj.designer.problem import CoverProblem
-
-Array = NDArray[np.float64]
+from swarm_mj.typing import Array, Ints, Mask, kernel
 
 
 class ReducedProblem(NamedTuple):
@@ -37,13 +34,13 @@ class ReducedProblem(NamedTuple):
     """
 
     points: Ints
-    sees: Bools
+    sees: Mask
     weights: Ints
-    mandatory: Bools
+    mandatory: Mask
     slack: int
 
 
-def merge_cells(problem: CoverProblem) -> tuple[Bools, Ints]:
+def merge_cells(problem: CoverProblem) -> tuple[Mask, Ints]:
     """Steps 1 and 2: coverable cells as (sees, shape (n_points, n_cells); weights, shape (n_cells,))."""
     coverable = problem.coverable
     seers = pack(problem.sees.T[coverable])
@@ -74,8 +71,8 @@ def reduce_problem(problem: CoverProblem, cost: Array) -> ReducedProblem:
             return ReducedProblem(points, sees, weights, mandatory, slack)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def implied(seers: Words, mandatory: Bools) -> Bools:
+@kernel
+def implied(seers: Words, mandatory: Mask) -> Mask:
     """Which cells are covered by covering a mandatory one; of cells with equal seers the first stays."""
     n = seers.shape[0]
     dropped = np.zeros(n, dtype=np.bool_)
@@ -89,8 +86,8 @@ def implied(seers: Words, mandatory: Bools) -> Bools:
     return dropped
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def replaceable(rows: Words, cost: Array, fold: int, max_visits: int) -> Bools:
+@kernel
+def replaceable(rows: Words, cost: Array, fold: int, max_visits: int) -> Mask:
     """Which points can be dropped by step 4; equal points at equal cost stand in for each other in their order."""
     n = rows.shape[0]
     dropped = np.zeros(n, dtype=np.bool_)
@@ -107,7 +104,7 @@ def replaceable(rows: Words, cost: Array, fold: int, max_visits: int) -> Bools:
     return dropped
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _within(small: Words, large: Words) -> bool:
     for w in range(small.shape[0]):
         if small[w] & ~large[w] != np.uint64(0):

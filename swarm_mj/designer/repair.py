@@ -10,13 +10,10 @@ parents do not always have equal children.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
-from numpy.typing import NDArray
 
-from swarm_mj.designer.bitset import Ints, Words, add_to_layers, repeats_before, set_weight, word_weight
+from swarm_mj.designer.bitset import Words, add_to_layers, repeats_before, set_weight, word_weight
 from swarm_mj.designer.problem import CoverProblem
-
-Array = NDArray[np.float64]
+from swarm_mj.typing import Array, Ints, kernel
 
 
 def repair_designs(problem: CoverProblem, genes: Ints, noise: Array) -> Ints:
@@ -50,7 +47,7 @@ def _repaired(problem: CoverProblem, genes: Ints, noise: Array, enough: int, kee
     return repaired
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _repair_all(
     rows: Words, table: Ints, fold: int, max_visits: int, enough: int, keep_size: bool, noise: Array, genes: Ints
 ) -> None:
@@ -73,7 +70,7 @@ def _repair_all(
             points[j] = points[j - n]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _drop_excess(points: Ints, n: int, max_visits: int) -> int:
     """Close up the list in place without visits beyond the allowed number; returns its new length."""
     kept = 0
@@ -85,7 +82,7 @@ def _drop_excess(points: Ints, n: int, max_visits: int) -> int:
     return kept
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _count(rows: Words, points: Ints, n: int, layers: Words) -> None:
     """Layers of the first n points, afresh."""
     layers[:] = np.uint64(0)
@@ -93,7 +90,7 @@ def _count(rows: Words, points: Ints, n: int, layers: Words) -> None:
         add_to_layers(layers, rows[points[j] - 1])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _complete(
     rows: Words,
     table: Ints,
@@ -123,7 +120,7 @@ def _complete(
     return n
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _gain(row: Words, covered: Words, table: Ints) -> np.int64:
     """Weight of the faces that a point sees and that are not yet covered often enough."""
     gain = np.int64(0)
@@ -134,7 +131,7 @@ def _gain(row: Words, covered: Words, table: Ints) -> np.int64:
     return gain
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _prune(rows: Words, table: Ints, noise: Array, enough: int, points: Ints, n: int, layers: Words) -> int:
     """Take away points while the rest still covers enough, or else as much as before; returns the new length."""
     fold = layers.shape[0] - 1
@@ -155,7 +152,7 @@ def _prune(rows: Words, table: Ints, noise: Array, enough: int, points: Ints, n:
     return n
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _loss(row: Words, enough_times: Words, once_more: Words, table: Ints) -> np.int64:
     """Weight of the faces that are covered no more often than needed and that this point sees."""
     loss = np.int64(0)

@@ -12,9 +12,6 @@ from dataclasses import dataclass
 from string import ascii_uppercase
 from typing import Any, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from swarm_mj.designer.candidates.pictures import Progress
 from swarm_mj.designer.candidates.visibility import Candidate, Visibility, visibility
 from swarm_mj.designer.exact import ExactResult, solve_budget, solve_exact
@@ -24,8 +21,8 @@ from swarm_mj.designer.problem import CoverProblem
 from swarm_mj.errors import MissionError
 from swarm_mj.scenarios.loading import scenario_from
 from swarm_mj.scenarios.schema import Scenario
+from swarm_mj.typing import Ints
 
-Ints = NDArray[np.int64]
 Stage = Callable[[str], None]
 
 #: Of the two sets of operators: repaired and pruned designs, and plain crossover and mutation as in the paper.

@@ -8,7 +8,6 @@ from dataclasses import asdict, replace
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from swarm_mj.flight.plan import Plan, antennas_from
@@ -25,8 +24,8 @@ from swarm_mj.simulator.telemetry import dataset
 from swarm_mj.spacecraft.attitude.mrp import add_mrp, dcm, mrp_from_quaternion
 from swarm_mj.spacecraft.model import build_model
 from swarm_mj.spacecraft.properties import RPM
+from swarm_mj.typing import Array, Mask
 
-Array = NDArray[np.float64]
 Progress = Callable[[float], None]
 
 
@@ -156,7 +155,7 @@ def simulate(plan: Plan, progress: Progress | None = None) -> xr.Dataset:
     return telemetry
 
 
-def _both_work(telemetry: xr.Dataset) -> NDArray[np.bool_]:
+def _both_work(telemetry: xr.Dataset) -> Mask:
     """Whether a spacecraft and the one that it tracks are operational, shape (time, spacecraft)."""
     works, tracked = telemetry["operational"].values == 1, telemetry["tracked_spacecraft"].values
     return works & np.where(tracked < 0, True, np.take_along_axis(works, np.maximum(tracked, 0), axis=1))

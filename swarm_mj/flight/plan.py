@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from math import radians
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swarm_mj import plugins
 from swarm_mj.errors import MissionError, PluginError, ScenarioError, ShapeError
@@ -33,8 +32,7 @@ from swarm_mj.smallbody.solid_angle import points_inside
 from swarm_mj.spacecraft.control.base import Controller
 from swarm_mj.spacecraft.model import spacecraft_names
 from swarm_mj.spacecraft.properties import RPM, SpacecraftProperties
-
-Array = NDArray[np.float64]
+from swarm_mj.typing import Array
 
 PACKAGED_SHAPE = "eros"
 

@@ -16,6 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from swarm_mj.typing import Array32
+
 #: Half-written files of this age [s] belong to processes that were killed.
 ABANDONED_S = 3600.0
 
@@ -38,7 +40,7 @@ def hash_of(*parts: NDArray[Any] | str) -> str:
     return digest.hexdigest()[:32]
 
 
-def load_array(file: Path, shape: tuple[int, ...]) -> NDArray[np.float32] | None:
+def load_array(file: Path, shape: tuple[int, ...]) -> Array32 | None:
     """A kept array, or None if it is missing, damaged or of another shape."""
     try:
         with file.open("rb") as kept:
@@ -52,7 +54,7 @@ def load_array(file: Path, shape: tuple[int, ...]) -> NDArray[np.float32] | None
     return array
 
 
-def store_array(file: Path, array: NDArray[np.float32], *, folder_bytes: int | None = None) -> None:
+def store_array(file: Path, array: Array32, *, folder_bytes: int | None = None) -> None:
     """Keep an array; a cache that cannot be written only costs time.
 
     Args:

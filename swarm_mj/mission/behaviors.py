@@ -13,13 +13,9 @@ from math import inf, sqrt
 from typing import Any, ClassVar, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
-from numba import njit
-from numpy.typing import NDArray
 
 from swarm_mj.errors import MissionError
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from swarm_mj.typing import Array, Ints, kernel
 
 #: More than any small body pulls at its surface (Ceres 0.3, Eros 0.006) [m/s^2].
 STRONGEST_PULL = 1.0
@@ -184,7 +180,7 @@ def _empty(n: int) -> Targets:
     return Targets(np.zeros(n, np.int64), np.zeros(n, np.int64), np.zeros((n, 3)))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _track_inside(r: Array, radius: float, communications: int, kind: Ints, index: Ints) -> int:
     """Asteroid inside the radius; outside the communications spacecraft, and Earth for that one. Returns how many are out."""
     outside = 0
@@ -199,7 +195,7 @@ def _track_inside(r: Array, radius: float, communications: int, kind: Ints, inde
     return outside
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _time_to_sphere(r: Array, v: Array, radius: float) -> float:
     """Time before which no spacecraft can cross the sphere about the body's centre [s], however the body pulls."""
     shortest = inf

@@ -11,14 +11,12 @@ from dataclasses import dataclass
 from math import atan2, sqrt
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.smallbody.occultation import way_blocked
 from swarm_mj.smallbody.shape import ShapeModel
-
-Array = NDArray[np.float64]
+from swarm_mj.typing import Array, Ints, Ints32, Mask, kernel
 
 _SPACECRAFT, _EARTH = int(TargetKind.SPACECRAFT), int(TargetKind.EARTH)
 
@@ -56,7 +54,7 @@ def links_closed(
     C_BN: Array,
     C_AN: Array,
     earth_N: Array,
-) -> NDArray[np.bool_]:
+) -> Mask:
     """Which spacecraft have their link closed.
 
     Args:
@@ -92,20 +90,20 @@ def links_closed(
     return closed
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def write_closed(
     antennas: Array,
     vertices: Array,
-    faces: NDArray[np.int32],
+    faces: Ints32,
     box: Array,
     radius: float,
-    mode: NDArray[np.int64],
-    tracked: NDArray[np.int64],
+    mode: Ints,
+    tracked: Ints,
     r_N: Array,
     C_BN: Array,
     C_AN: Array,
     earth_N: Array,
-    closed: NDArray[np.bool_],
+    closed: Mask,
 ) -> None:
     """Which spacecraft have their link closed at one instant, compiled.
 
@@ -143,7 +141,7 @@ def write_closed(
             closed[j] = not way_blocked(_turned(C_AN, r_N[j]), _turned(C_AN, end), vertices, faces, box)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _within(direction: Array, axis: Array, half_angle: float) -> bool:
     x = direction[1] * axis[2] - direction[2] * axis[1]
     y = direction[2] * axis[0] - direction[0] * axis[2]
@@ -152,12 +150,12 @@ def _within(direction: Array, axis: Array, half_angle: float) -> bool:
     return atan2(sqrt(x * x + y * y + z * z), along) <= half_angle
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _length(v: Array) -> float:
     return sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _turned(C: Array, v: Array) -> Array:
     out = np.empty(3)
     for k in range(3):
@@ -165,7 +163,7 @@ def _turned(C: Array, v: Array) -> Array:
     return out
 
 
-def within(direction: Array, axis: Array, half_angle: float) -> NDArray[np.bool_]:
+def within(direction: Array, axis: Array, half_angle: float) -> Mask:
     """Whether directions (m, 3) lie within `half_angle` [rad] of axes (m, 3); a zero direction counts as inside."""
     cross = np.linalg.norm(np.cross(direction, axis), axis=-1)
     return np.arctan2(cross, np.einsum("...i,...i", direction, axis)) <= half_angle

@@ -7,12 +7,12 @@ mesh stays closed and no pixel or ray can slip through a T-junction. Lengths are
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swarm_mj.errors import MissionError
+from swarm_mj.typing import Array, Indices, Ints, Ints32, Mask
 
-Vertices = NDArray[np.float64]
-Faces = NDArray[np.int32]
+Vertices = Array
+Faces = Ints32
 
 #: A mesh of more faces than these takes longer to draw and judge than anybody waits.
 MAX_FACES = 400_000
@@ -20,9 +20,7 @@ MAX_FACES = 400_000
 ON_PLANE = 1e-12
 
 
-def cut_mesh(
-    vertices: Vertices, faces: Faces, normals: NDArray[np.float64]
-) -> tuple[Vertices, Faces, NDArray[np.intp]]:
+def cut_mesh(vertices: Vertices, faces: Faces, normals: Array) -> tuple[Vertices, Faces, Indices]:
     """Cut a mesh along planes through the origin, keeping all of it.
 
     Args:
@@ -41,9 +39,7 @@ def cut_mesh(
     return vertices, faces, parent
 
 
-def refine_mesh(
-    vertices: Vertices, faces: Faces, chosen: NDArray[np.bool_], longest_edge: float
-) -> tuple[Vertices, Faces, NDArray[np.intp]]:
+def refine_mesh(vertices: Vertices, faces: Faces, chosen: Mask, longest_edge: float) -> tuple[Vertices, Faces, Indices]:
     """Bisect the edges of chosen faces until none is longer than `longest_edge`.
 
     Args:
@@ -75,24 +71,24 @@ def refine_mesh(
             )
 
 
-def plane_distance(points: NDArray[np.float64], normal: NDArray[np.float64]) -> NDArray[np.float64]:
+def plane_distance(points: Array, normal: Array) -> Array:
     """Signed distance [m], shape (n,), to a plane through the origin; mere rounding is returned as exactly zero."""
     distance = points @ normal
     distance[np.abs(distance) <= ON_PLANE * np.linalg.norm(points, axis=1).max(initial=0.0)] = 0.0
     return distance
 
 
-_EdgeTest = Callable[[NDArray[np.int32]], NDArray[np.bool_]]
-_EdgePoint = Callable[[Vertices, NDArray[np.int32]], Vertices]
+_EdgeTest = Callable[[Ints32], Mask]
+_EdgePoint = Callable[[Vertices, Ints32], Vertices]
 
 
-def _crosses(distance: NDArray[np.float64]) -> _EdgeTest:
+def _crosses(distance: Array) -> _EdgeTest:
     sign = np.sign(distance)
     return lambda edges: sign[edges[:, 0]] * sign[edges[:, 1]] < 0
 
 
-def _crossing_point(distance: NDArray[np.float64]) -> _EdgePoint:
-    def point(vertices: Vertices, edges: NDArray[np.int32]) -> Vertices:
+def _crossing_point(distance: Array) -> _EdgePoint:
+    def point(vertices: Vertices, edges: Ints32) -> Vertices:
         start, end = edges.T
         share = (distance[start] / (distance[start] - distance[end]))[:, None]
         return vertices[start] + share * (vertices[end] - vertices[start])
@@ -100,26 +96,26 @@ def _crossing_point(distance: NDArray[np.float64]) -> _EdgePoint:
     return point
 
 
-def _is_one_of(keys: NDArray[np.int64], n_vertices: int) -> _EdgeTest:
+def _is_one_of(keys: Ints, n_vertices: int) -> _EdgeTest:
     return lambda edges: np.isin(_edge_keys(edges, n_vertices), keys)
 
 
-def _midpoint(vertices: Vertices, edges: NDArray[np.int32]) -> Vertices:
+def _midpoint(vertices: Vertices, edges: Ints32) -> Vertices:
     return 0.5 * (vertices[edges[:, 0]] + vertices[edges[:, 1]])
 
 
-def _edges(faces: Faces) -> NDArray[np.int32]:
+def _edges(faces: Faces) -> Ints32:
     """Edge k of a face runs from its vertex k to the next; shape (F, 3, 2), each edge with the lower index first."""
     return np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=2), axis=2)
 
 
-def _edge_keys(edges: NDArray[np.int32], n_vertices: int) -> NDArray[np.int64]:
+def _edge_keys(edges: Ints32, n_vertices: int) -> Ints:
     return edges[:, 0].astype(np.int64) * n_vertices + edges[:, 1]
 
 
 def _split_edges(
     vertices: Vertices, faces: Faces, marked: _EdgeTest, point: _EdgePoint
-) -> tuple[Vertices, Faces, NDArray[np.intp]]:
+) -> tuple[Vertices, Faces, Indices]:
     """Insert one vertex on each marked edge and split the faces at it; also returns the face each came from."""
     edges = _edges(faces).reshape(-1, 2)
     chosen = marked(edges)
@@ -132,7 +128,7 @@ def _split_edges(
     return vertices, *_split_faces(vertices, faces, inserted.reshape(-1, 3))
 
 
-def _split_faces(vertices: Vertices, faces: Faces, inserted: Faces) -> tuple[Faces, NDArray[np.intp]]:
+def _split_faces(vertices: Vertices, faces: Faces, inserted: Faces) -> tuple[Faces, Indices]:
     """Split each face at the vertices inserted on its edges (-1: none), without changing its orientation."""
     count = (inserted >= 0).sum(axis=1)
     whole = np.flatnonzero(count == 0)

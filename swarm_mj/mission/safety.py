@@ -6,15 +6,13 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from swarm_mj.smallbody.occultation import segments_blocked
 from swarm_mj.smallbody.rotation import sub_point
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.smallbody.solid_angle import points_inside
-
-Array = NDArray[np.float64]
+from swarm_mj.typing import Array, Mask
 
 
 @dataclass(frozen=True)
@@ -61,7 +59,7 @@ def find_impacts(shape: ShapeModel, times: Array, r_A: Array) -> list[Impact]:
     return impacts
 
 
-def _near_surface(shape: ShapeModel, r_A: Array) -> NDArray[np.bool_]:
+def _near_surface(shape: ShapeModel, r_A: Array) -> Mask:
     """Which legs of the paths, shape (t - 1, n), may touch the surface.
 
     No point of a triangle is farther from its nearest corner than its longest edge over the square root of 3; a leg whose

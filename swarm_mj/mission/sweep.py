@@ -13,12 +13,10 @@ from math import cos, isfinite, radians, sin, tan
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swarm_mj.errors import MissionError
 from swarm_mj.mission.behaviors import AdaptableRoles, SwarmView, TargetKind, Targets
-
-Array = NDArray[np.float64]
+from swarm_mj.typing import Array
 
 
 @dataclass(frozen=True)

@@ -15,12 +15,12 @@ from math import isfinite, sqrt
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swarm_mj.errors import MissionError
 from swarm_mj.mission.mesh_cut import cut_mesh, plane_distance, refine_mesh
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.smallbody.solid_angle import points_inside
+from swarm_mj.typing import Array, Indices, Ints32, Mask
 
 Edges = Literal["corner", "side"]
 Projection = Literal["radial", "normal"]
@@ -49,41 +49,41 @@ class TargetRegion:
     """
 
     mesh: ShapeModel
-    parent: NDArray[np.intp]
-    target: NDArray[np.intp]
-    group: NDArray[np.intp]
-    visiting_vertex: NDArray[np.intp]
-    visiting_normal_A: NDArray[np.float64]
-    axes_A: NDArray[np.float64]
+    parent: Indices
+    target: Indices
+    group: Indices
+    visiting_vertex: Indices
+    visiting_normal_A: Array
+    axes_A: Array
     side_half_angle: float
 
     @property
-    def vertices(self) -> NDArray[np.float64]:
+    def vertices(self) -> Array:
         """Vertices of the cut mesh in A [m], shape (V, 3)."""
         return self.mesh.vertices
 
     @property
-    def faces(self) -> NDArray[np.int32]:
+    def faces(self) -> Ints32:
         """Faces of the cut mesh, outward, shape (F, 3)."""
         return self.mesh.faces
 
     @cached_property
-    def corners_A(self) -> NDArray[np.float64]:
+    def corners_A(self) -> Array:
         """Corners of each cell in A [m], shape (n, 3, 3)."""
         return self.vertices[self.faces[self.target]]
 
     @cached_property
-    def centroid_A(self) -> NDArray[np.float64]:
+    def centroid_A(self) -> Array:
         """Centroid of each cell in A [m], shape (n, 3)."""
         return self.mesh.face_centroids[self.target]
 
     @cached_property
-    def normal_A(self) -> NDArray[np.float64]:
+    def normal_A(self) -> Array:
         """Outward unit normal of each cell in A, shape (n, 3)."""
         return self.mesh.face_normals[self.target]
 
     @cached_property
-    def area(self) -> NDArray[np.float64]:
+    def area(self) -> Array:
         """Area of each cell [m^2], shape (n,)."""
         return self.mesh.face_areas[self.target]
 
@@ -118,7 +118,7 @@ class TargetRegion:
         """Number of visiting points, n_T."""
         return len(self.visiting_vertex)
 
-    def visiting_points_A(self, altitude: float, *, projection: Projection = "radial") -> NDArray[np.float64]:
+    def visiting_points_A(self, altitude: float, *, projection: Projection = "radial") -> Array:
         """Lift the visiting vertices off the surface.
 
         Args:
@@ -213,7 +213,7 @@ def automatic_cell_size(altitude_m: float, half_angle_deg: float) -> float:
     return 2.0 * altitude_m * float(np.tan(np.radians(half_angle_deg))) / CELLS_ACROSS_FOOTPRINT
 
 
-def check_visiting_points(shape: ShapeModel, points_A: NDArray[np.float64]) -> None:
+def check_visiting_points(shape: ShapeModel, points_A: Array) -> None:
     """Make sure that every visiting point lies outside the body.
 
     Args:
@@ -231,7 +231,7 @@ def check_visiting_points(shape: ShapeModel, points_A: NDArray[np.float64]) -> N
         )
 
 
-def local_axes(latitude_deg: float, longitude_deg: float) -> NDArray[np.float64]:
+def local_axes(latitude_deg: float, longitude_deg: float) -> Array:
     """Unit vectors east, north and up at a planetocentric latitude and longitude, as rows in A, shape (3, 3)."""
     lat, lon = np.radians(latitude_deg), np.radians(longitude_deg)
     up = np.array([np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)])
@@ -249,7 +249,7 @@ def _side_slope(half_angle_deg: float, edges: Edges) -> float:
     raise MissionError(f"unknown pyramid edges {edges!r}: use 'corner' or 'side'")
 
 
-def _side_normals(axes_A: NDArray[np.float64], slope: float) -> NDArray[np.float64]:
+def _side_normals(axes_A: Array, slope: float) -> Array:
     """Inward unit normals of the pyramid's four sides, shape (4, 3)."""
     east, north, up = axes_A
     normals = slope * up + np.array([east, -east, north, -north])
@@ -260,19 +260,19 @@ def _side_normals(axes_A: NDArray[np.float64], slope: float) -> NDArray[np.float
 class _Inside:
     """Sides of the four planes on which the vertices lie: 1 inside, 0 on the plane, -1 outside, shape (4, V)."""
 
-    side: NDArray[np.float64]
+    side: Array
 
     @property
-    def points(self) -> NDArray[np.bool_]:
+    def points(self) -> Mask:
         """Vertices inside the pyramid or on its surface, shape (V,)."""
         return np.asarray(np.all(self.side >= 0, axis=0) & np.any(self.side, axis=0))
 
-    def faces(self, faces: NDArray[np.int32]) -> NDArray[np.bool_]:
+    def faces(self, faces: Ints32) -> Mask:
         """Faces inside the pyramid; none may cross a plane, shape (F,)."""
         return np.asarray(np.all(self.side[:, faces].sum(axis=2) > 0, axis=0))
 
 
-def _inside(vertices: NDArray[np.float64], normals: NDArray[np.float64]) -> _Inside:
+def _inside(vertices: Array, normals: Array) -> _Inside:
     return _Inside(np.array([np.sign(plane_distance(vertices, normal)) for normal in normals]))
 
 

@@ -13,13 +13,12 @@ from dataclasses import dataclass
 from itertools import count
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from swarm_mj.errors import MissionError
 from swarm_mj.smallbody.environment import Environment
+from swarm_mj.typing import Array
 
-Array = NDArray[np.float64]
 AccelerationN = Callable[[float, Array], Array]
 
 #: A miss below this ends the shooting [m].

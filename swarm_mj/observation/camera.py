@@ -10,9 +10,10 @@ from math import isfinite
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from swarm_mj.errors import MissionError
+from swarm_mj.typing import Array, Mask
 
 FieldOfView = Literal["square", "cone"]
 
@@ -65,7 +66,7 @@ class CameraModel:
             return self.detector_ifov
         return 2.0 * self.tan_half_angle / self.resolution_px
 
-    def contains(self, points_C: NDArray[np.float64]) -> NDArray[np.bool_]:
+    def contains(self, points_C: Array) -> Mask:
         """Tell which points lie in the field of view, occlusion aside; `points_C` [m] has shape (..., 3)."""
         x, y, z = np.moveaxis(points_C, -1, 0)
         reach = z * self.tan_half_angle
@@ -83,10 +84,10 @@ class CameraPose:
         C_CA: Rotation from A to C, shape (3, 3).
     """
 
-    r_A: NDArray[np.float64]
-    C_CA: NDArray[np.float64]
+    r_A: Array
+    C_CA: Array
 
-    def to_camera(self, points_A: NDArray[np.float64]) -> NDArray[np.float64]:
+    def to_camera(self, points_A: Array) -> Array:
         """Points in A [m], shape (..., 3), as components in C [m] relative to the camera."""
         return (points_A - self.r_A) @ self.C_CA.T
 

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from swarm_mj.observation.camera import CameraModel, CameraPose
 from swarm_mj.observation.projection import Window
 from swarm_mj.observation.raster import LANES, draw_faces
+from swarm_mj.typing import Array
 
 #: Nearest depth drawn, over the extent of the body.
 NEAREST = 1e-7
@@ -24,7 +25,7 @@ class CompiledFaces:
 
     note = "face-ID buffers drawn by compiled code"
 
-    def __init__(self, vertices: NDArray[np.float64], faces: NDArray[np.integer], camera: CameraModel) -> None:
+    def __init__(self, vertices: Array, faces: NDArray[np.integer], camera: CameraModel) -> None:
         self.camera = camera
         self._vertices = np.ascontiguousarray(vertices, np.float64)
         self._faces = np.ascontiguousarray(faces, np.int32)
@@ -56,11 +57,11 @@ class CompiledFaces:
         )
         return self._picture
 
-    def _picture_from_body(self, pose: CameraPose) -> NDArray[np.float64]:
+    def _picture_from_body(self, pose: CameraPose) -> Array:
         """Homogeneous picture coordinates, (x, y) = (X, Y) / Z, of positions relative to the camera in A."""
         return self._picture_from_camera * pose.C_CA
 
-    def _pixel_from_picture(self, window: Window) -> NDArray[np.float64]:
+    def _pixel_from_picture(self, window: Window) -> Array:
         """Columns and rows (upwards) from homogeneous picture coordinates (y down)."""
         across, down = self.camera.resolution_px / (window.high - window.low)
         return np.array([[across, 0.0, -across * window.low[0]], [0.0, -down, down * window.high[1]], [0.0, 0.0, 1.0]])

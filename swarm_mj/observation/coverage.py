@@ -7,13 +7,14 @@ P_TO = 100 A(F_TO) / A(F_T).
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from swarm_mj.errors import MissionError
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.camera import CameraModel
 from swarm_mj.observation.illumination import lit
 from swarm_mj.observation.observer import Observer
+from swarm_mj.typing import Array, Mask
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,7 +63,7 @@ def observe(
     C_CA: ArrayLike,
     criterion: ObservationCriterion,
     sun_A: ArrayLike | None = None,
-) -> NDArray[np.bool_]:
+) -> Mask:
     """Take one picture and tell which cells count as observed in it, shape (n,).
 
     Args:
@@ -84,9 +85,7 @@ def observe(
     return seen & (fraction > 0.0 if criterion.any_pixel else fraction >= criterion.min_fraction)
 
 
-def within_limits(
-    region: TargetRegion, camera: CameraModel, r_A: NDArray[np.float64], criterion: ObservationCriterion
-) -> NDArray[np.bool_]:
+def within_limits(region: TargetRegion, camera: CameraModel, r_A: Array, criterion: ObservationCriterion) -> Mask:
     """Cells that keep the limits of emission angle, range and ground sampling distance, shape (n,)."""
     to_camera = r_A - region.centroid_A
     distance = np.linalg.norm(to_camera, axis=1)
@@ -101,7 +100,7 @@ def within_limits(
     return allowed
 
 
-def _lit(observer: Observer, criterion: ObservationCriterion, sun_A: ArrayLike | None) -> NDArray[np.bool_]:
+def _lit(observer: Observer, criterion: ObservationCriterion, sun_A: ArrayLike | None) -> Mask:
     if sun_A is None:
         raise MissionError("the observation criterion asks for sunlight: pass the direction to the Sun, sun_A")
     limit = 90.0 if criterion.max_incidence_deg is None else criterion.max_incidence_deg
@@ -119,15 +118,15 @@ class CoverageMap:
         first_seen_by_s: First time [s] at which each spacecraft observed each cell, NaN for never, shape (N, n).
     """
 
-    area: NDArray[np.float64]
+    area: Array
     n_spacecraft: int
-    first_seen_by_s: NDArray[np.float64] = field(init=False)
+    first_seen_by_s: Array = field(init=False)
 
     def __post_init__(self) -> None:
         """Start with nothing observed."""
         self.first_seen_by_s = np.full((self.n_spacecraft, len(self.area)), np.nan)
 
-    def add(self, t: float, spacecraft: int, seen: NDArray[np.bool_]) -> None:
+    def add(self, t: float, spacecraft: int, seen: Mask) -> None:
         """Add one picture, in any order of time.
 
         Args:
@@ -146,17 +145,17 @@ class CoverageMap:
         row[seen] = np.fmin(row[seen], t)
 
     @property
-    def seen_by(self) -> NDArray[np.bool_]:
+    def seen_by(self) -> Mask:
         """Cells that each spacecraft observed, shape (N, n)."""
         return ~np.isnan(self.first_seen_by_s)
 
     @property
-    def seen(self) -> NDArray[np.bool_]:
+    def seen(self) -> Mask:
         """Cells that the swarm observed, F_TO, shape (n,)."""
         return np.asarray(np.any(self.seen_by, axis=0))
 
     @property
-    def first_seen_s(self) -> NDArray[np.float64]:
+    def first_seen_s(self) -> Array:
         """Time [s] at which each cell was first observed, NaN for never, shape (n,)."""
         return np.fmin.reduce(self.first_seen_by_s, axis=0, initial=np.nan)
 
@@ -166,11 +165,11 @@ class CoverageMap:
         return self._percent(self.seen)
 
     @property
-    def percent_by_spacecraft(self) -> NDArray[np.float64]:
+    def percent_by_spacecraft(self) -> Array:
         """Share of the target that each spacecraft observed [%], shape (N,)."""
         return np.array([self._percent(seen) for seen in self.seen_by])
 
-    def percent_over_time(self, times: ArrayLike) -> NDArray[np.float64]:
+    def percent_over_time(self, times: ArrayLike) -> Array:
         """P_TO [%] at given times [s], pictures taken at that very time included; same shape as `times`."""
         seen = self.seen
         order = np.argsort(self.first_seen_s[seen])
@@ -179,5 +178,5 @@ class CoverageMap:
         count = np.searchsorted(self.first_seen_s[seen][order], np.asarray(times, dtype=np.float64), side="right")
         return 100.0 * (total[count] / self.area.sum())
 
-    def _percent(self, seen: NDArray[np.bool_]) -> float:
+    def _percent(self, seen: Mask) -> float:
         return 100.0 * float(self.area[seen].sum() / self.area.sum())

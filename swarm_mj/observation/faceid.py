@@ -28,6 +28,7 @@ from swarm_mj.observation.projection import WHOLE_PICTURE, Window, project
 from swarm_mj.observation.raster import box_pixels, count_pixels
 from swarm_mj.observation.raytracing import RayTracer
 from swarm_mj.observation.sampling import faces_camera, sampled_fraction
+from swarm_mj.typing import Array, Ints, Ints32, Mask
 
 Drawing = Literal["opengl", "compiled"]
 
@@ -92,7 +93,7 @@ class FaceIdObserver:
         """Ray tracer over the region's mesh, built at first use."""
         return RayTracer(self.region.vertices, self.region.faces)
 
-    def visible_fraction(self, r_A: ArrayLike, C_CA: ArrayLike) -> NDArray[np.float64]:
+    def visible_fraction(self, r_A: ArrayLike, C_CA: ArrayLike) -> Array:
         """Share of each cell in view, see `Observer.visible_fraction`."""
         self._open_drawer()
         pose = camera_pose(r_A, C_CA)
@@ -112,9 +113,7 @@ class FaceIdObserver:
             fraction[slivers] = sampled_fraction(self.tracer, self.region, slivers, self.camera, pose, SLIVER_SAMPLES)
         return fraction
 
-    def _count(
-        self, picture: NDArray[np.uint32], boxes: NDArray[np.int32], cells: NDArray[np.bool_]
-    ) -> NDArray[np.int64]:
+    def _count(self, picture: NDArray[np.uint32], boxes: Ints32, cells: Mask) -> Ints:
         """Count the pixels of some cells, looking for each only in the box that it may cover."""
         numbers, boxes = self.region.target[cells] + 1, boxes[cells]
         if box_pixels(boxes) > MAX_BOX_PIXELS * picture.size:

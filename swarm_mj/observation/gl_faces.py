@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from swarm_mj.observation.camera import CameraModel, CameraPose
 from swarm_mj.observation.gl_context import current_context, may_release
 from swarm_mj.observation.projection import Window
+from swarm_mj.typing import Array
 
 #: Nearest depth drawn over the farthest; bounds the loss of depth precision (24 bits) close to the body.
 MIN_DEPTH_RATIO = 1e-3
@@ -68,7 +69,7 @@ class OpenGlFaces:
         ObserverError: OpenGL cannot be loaded, or this is a forked child or another thread.
     """
 
-    def __init__(self, vertices: NDArray[np.float64], faces: NDArray[np.integer], camera: CameraModel) -> None:
+    def __init__(self, vertices: Array, faces: NDArray[np.integer], camera: CameraModel) -> None:
         self.vertices, self.camera = vertices, camera
         self._context: Any = current_context()
         self.note = f"face-ID buffers on {self._context.info['GL_RENDERER']}"
@@ -111,7 +112,7 @@ class OpenGlFaces:
         parts["buffer"].read_into(self._picture, components=1, dtype="u4")
         return self._picture
 
-    def _picture_from_mesh(self, pose: CameraPose) -> NDArray[np.float64]:
+    def _picture_from_mesh(self, pose: CameraPose) -> Array:
         """Homogeneous picture coordinates, (x, y) = (X, Y) / Z, of mesh positions relative to the centre."""
         scale = np.diag([1.0 / self.camera.tan_half_angle, 1.0 / self.camera.tan_half_angle, 1.0])
         matrix = np.eye(4)
@@ -137,7 +138,7 @@ class OpenGlFaces:
                 resource.release()
 
 
-def _clip_from_picture(window: Window, near: float, far: float) -> NDArray[np.float64]:
+def _clip_from_picture(window: Window, near: float, far: float) -> Array:
     """OpenGL clip coordinates (y up) from homogeneous picture coordinates (y down)."""
     centre, half = 0.5 * (window.high + window.low), 0.5 * (window.high - window.low)
     return np.array(
@@ -150,5 +151,5 @@ def _clip_from_picture(window: Window, near: float, far: float) -> NDArray[np.fl
     )
 
 
-def _longest_edge(corners: NDArray[np.float64]) -> float:
+def _longest_edge(corners: Array) -> float:
     return float(np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).max())

@@ -15,16 +15,14 @@ from __future__ import annotations
 from functools import cached_property
 
 import numpy as np
-from numba import njit
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from swarm_mj.io.cache import cache_folder, hash_of, load_array, store_array
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.camera import CameraModel, CameraPose, camera_pose
 from swarm_mj.observation.raytracing import RayTracer
 from swarm_mj.observation.sampling import barycentric_samples
-
-Array = NDArray[np.float64]
+from swarm_mj.typing import Array, Array32, Mask, kernel
 
 #: Azimuth bins of a map; the widest gap between two is 2.8 deg.
 AZIMUTHS = 128
@@ -66,7 +64,7 @@ class HorizonMap:
         self.sine = self._sine()
         self.highest = self.sine.max(axis=2)
 
-    def _sine(self) -> NDArray[np.float32]:
+    def _sine(self) -> Array32:
         """Trace `sine`, or find it on disk."""
         region, shape = self.region, (*self.points.shape[:2], AZIMUTHS + 1)
         key = hash_of(f"{MAP_VERSION} {AZIMUTHS} {SCAN} {BISECTIONS}", self.points, region.vertices, region.faces)
@@ -93,7 +91,7 @@ class HorizonMap:
         flat = np.broadcast_to(level[:, None], (*shape, 3))
         zenith = np.broadcast_to(axes[:, None, None, 2], (*shape, 3))
 
-        def blocked(elevation: Array, where: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        def blocked(elevation: Array, where: Mask) -> Mask:
             e = elevation[where][:, None]
             return self.tracer.first_hit(origin[where], np.cos(e) * flat[where] + np.sin(e) * zenith[where]) >= 0
 
@@ -116,7 +114,7 @@ class HorizonMap:
             high[found & ~hit] = middle[found & ~hit]
         return np.where(found, np.sin(high), 0.0)
 
-    def open_to(self, direction_A: ArrayLike) -> NDArray[np.bool_]:
+    def open_to(self, direction_A: ArrayLike) -> Mask:
         """Which sample points see a direction, such as the Sun's, shape (n, samples)."""
         direction = np.asarray(direction_A, np.float64)
         return _open_to(direction, self.axes, self.sine, self.highest)
@@ -162,7 +160,7 @@ class HorizonObserver:
             seen[doubtful] = self._reached(pose, doubtful)
         return seen.mean(axis=1)
 
-    def _reached(self, pose: CameraPose, doubtful: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    def _reached(self, pose: CameraPose, doubtful: Mask) -> Mask:
         """Whether rays from the camera reach sample points that the map would hide."""
         cell, _ = np.nonzero(doubtful)
         hit = self.tracer.first_hit(pose.r_A, self.horizon.points[doubtful] - pose.r_A)
@@ -181,10 +179,8 @@ def _local_axes(normal_A: Array) -> Array:
     return np.ascontiguousarray(np.stack((first, np.cross(normal_A, first), normal_A), axis=1))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def stands_clear(
-    axes: Array, dx: float, dy: float, dz: float, z: float, sine: NDArray[np.float32], highest: float
-) -> bool:
+@kernel
+def stands_clear(axes: Array, dx: float, dy: float, dz: float, z: float, sine: Array32, highest: float) -> bool:
     """Whether a direction stands above a horizon; between two azimuths the higher one counts.
 
     Args:
@@ -208,8 +204,8 @@ def stands_clear(
     return bool(z > max(sine[k], sine[k + 1]) * length)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _open_to(d: Array, axes: Array, sine: NDArray[np.float32], highest: NDArray[np.float32]) -> NDArray[np.bool_]:
+@kernel
+def _open_to(d: Array, axes: Array, sine: Array32, highest: Array32) -> Mask:
     out = np.zeros(sine.shape[:2], np.bool_)
     for i in range(sine.shape[0]):
         z = axes[i, 2, 0] * d[0] + axes[i, 2, 1] * d[1] + axes[i, 2, 2] * d[2]
@@ -219,7 +215,7 @@ def _open_to(d: Array, axes: Array, sine: NDArray[np.float32], highest: NDArray[
     return out
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _look(
     r: Array,
     C: Array,
@@ -227,9 +223,9 @@ def _look(
     cone: bool,
     points: Array,
     axes: Array,
-    sine: NDArray[np.float32],
-    highest: NDArray[np.float32],
-) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    sine: Array32,
+    highest: Array32,
+) -> tuple[Mask, Mask]:
     """Which sample points are in view by the map, and which are in the field of view and face the camera but are hidden."""
     seen = np.zeros(sine.shape[:2], np.bool_)
     doubtful = np.zeros(sine.shape[:2], np.bool_)

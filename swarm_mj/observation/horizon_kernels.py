@@ -10,13 +10,11 @@ from math import inf, radians
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
-from numpy.typing import NDArray
 
 from swarm_mj.observation.coverage import ObservationCriterion
 from swarm_mj.observation.horizon import HorizonObserver, stands_clear
+from swarm_mj.typing import Array, Array32, Mask, kernel
 
-Array = NDArray[np.float64]
 Vector = tuple[float, float, float]
 
 _HIDDEN, _SHOWN, _DOUBTFUL = 0, 1, 2
@@ -38,8 +36,8 @@ class Scene(NamedTuple):
     cells: Array
     points: Array
     axes: Array
-    sine: NDArray[np.float32]
-    highest: NDArray[np.float32]
+    sine: Array32
+    highest: Array32
     limits: Array
 
 
@@ -63,10 +61,8 @@ def make_scene(observer: HorizonObserver, criterion: ObservationCriterion) -> Sc
     )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def new_cells(
-    scene: Scene, r: Array, C: Array, inside: bool, seen: NDArray[np.bool_], new: NDArray[np.bool_]
-) -> tuple[float, float, bool]:
+@kernel
+def new_cells(scene: Scene, r: Array, C: Array, inside: bool, seen: Mask, new: Mask) -> tuple[float, float, bool]:
     """Find the cells that a picture shows and nobody saw before.
 
     Args:
@@ -116,12 +112,12 @@ def new_cells(
     return area, pixels, doubt
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _shows(
     points: Array,
     axes: Array,
-    sine: NDArray[np.float32],
-    highest: NDArray[np.float32],
+    sine: Array32,
+    highest: Array32,
     limits: Array,
     pose: tuple[Vector, Vector, Vector, Vector],
     inside: bool,

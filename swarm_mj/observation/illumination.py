@@ -1,18 +1,19 @@
 """Which cells the Sun lights, frame A. The Sun is a point at infinity; only the body itself casts shadows."""
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from swarm_mj.errors import MissionError
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.raytracing import RayTracer
 from swarm_mj.observation.sampling import barycentric_samples
+from swarm_mj.typing import Array, Mask
 
 #: Shadow rays start this far off the surface, over the body's largest radius, so as not to meet the cell itself.
 LIFT = 1e-5
 
 
-def incidence(region: TargetRegion, sun_A: ArrayLike) -> NDArray[np.float64]:
+def incidence(region: TargetRegion, sun_A: ArrayLike) -> Array:
     """Angle between each cell's normal and the direction to the Sun [rad], shape (n,).
 
     Args:
@@ -32,7 +33,7 @@ def lit(
     max_incidence_deg: float = 90.0,
     tracer: RayTracer | None = None,
     samples: int = 16,
-) -> NDArray[np.bool_]:
+) -> Mask:
     """Tell which cells are lit, shape (n,).
 
     Args:
@@ -59,7 +60,7 @@ def lit(
     return result
 
 
-def _unit(sun_A: ArrayLike) -> NDArray[np.float64]:
+def _unit(sun_A: ArrayLike) -> Array:
     sun = np.asarray(sun_A, dtype=np.float64)
     if sun.shape != (3,) or not np.isfinite(sun).all() or not sun.any():
         raise MissionError(f"direction to the Sun must be three finite numbers, not all zero, got {sun_A!r}")

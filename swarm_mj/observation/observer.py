@@ -2,13 +2,13 @@
 
 from typing import Literal, Protocol
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from swarm_mj.errors import ObserverError
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.camera import CameraModel
 from swarm_mj.observation.raytracing import RayTracer
+from swarm_mj.typing import Array
 
 ObserverKind = Literal["auto", "faceid", "raster", "raycast", "horizon"]
 
@@ -33,7 +33,7 @@ class Observer(Protocol):
         """Ray tracer over the region's mesh."""
         ...
 
-    def visible_fraction(self, r_A: ArrayLike, C_CA: ArrayLike) -> NDArray[np.float64]:
+    def visible_fraction(self, r_A: ArrayLike, C_CA: ArrayLike) -> Array:
         """Share of each cell that is in the picture, neither hidden nor outside the field of view.
 
         Args:

@@ -8,14 +8,11 @@ from dataclasses import dataclass
 from math import floor, sqrt
 
 import numpy as np
-from numba import njit
-from numpy.typing import NDArray
 
 from swarm_mj.observation.camera import CameraModel
+from swarm_mj.typing import Array, Ints32, Mask, kernel
 
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
-Boxes = NDArray[np.int32]
+Boxes = Ints32
 
 #: Keeps the radius of a cell that is a point from being no number.
 TINY = float(np.finfo(float).tiny)
@@ -25,8 +22,8 @@ TINY = float(np.finfo(float).tiny)
 class Window:
     """A rectangle of the picture: `low` and `high` corners in picture coordinates, shape (2,)."""
 
-    low: NDArray[np.float64]
-    high: NDArray[np.float64]
+    low: Array
+    high: Array
 
 
 WHOLE_PICTURE = Window(np.array([-1.0, -1.0]), np.array([1.0, 1.0]))
@@ -42,11 +39,11 @@ class PictureCells:
         in_picture: Cells that may reach into the field of view, shape (n,).
     """
 
-    corners: NDArray[np.float64]
-    ahead: NDArray[np.bool_]
-    in_picture: NDArray[np.bool_]
+    corners: Array
+    ahead: Mask
+    in_picture: Mask
 
-    def window(self, chosen: NDArray[np.bool_]) -> Window:
+    def window(self, chosen: Mask) -> Window:
         """Smallest window that holds the chosen cells, as far as they are in the picture."""
         if not self.ahead[chosen].all():
             return WHOLE_PICTURE
@@ -54,12 +51,12 @@ class PictureCells:
         window = Window(np.maximum(points.min(axis=0), -1.0), np.minimum(points.max(axis=0), 1.0))
         return window if (window.high > window.low).all() else WHOLE_PICTURE
 
-    def pixels(self, window: Window, resolution_px: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def pixels(self, window: Window, resolution_px: int) -> tuple[Array, Array]:
         """Area [px^2] and radius of the inscribed circle [px] of each cell when `window` fills a square picture."""
         across, down = resolution_px / (window.high - window.low)
         return _measure(self.corners, across, down)
 
-    def boxes(self, window: Window, resolution_px: int) -> NDArray[np.int32]:
+    def boxes(self, window: Window, resolution_px: int) -> Ints32:
         """Pixels that each cell may cover when `window` fills a square picture, with a margin of one.
 
         Returns:
@@ -71,13 +68,13 @@ class PictureCells:
         return _boxes(self.corners, left, top, across, down, resolution_px)
 
 
-def project(corners_C: NDArray[np.float64], camera: CameraModel) -> PictureCells:
+def project(corners_C: Array, camera: CameraModel) -> PictureCells:
     """Project triangles, shape (n, 3, 3), given in the camera frame [m]."""
     return PictureCells(*_project(np.ascontiguousarray(corners_C), camera.tan_half_angle))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _project(corners_C: Floats, tan_half_angle: float) -> tuple[Floats, Bools, Bools]:
+@kernel
+def _project(corners_C: Array, tan_half_angle: float) -> tuple[Array, Mask, Mask]:
     """Corners on the picture, whether all lie ahead, and whether the cell may reach into the field of view."""
     n = corners_C.shape[0]
     corners, ahead, in_picture = np.empty((n, 3, 2)), np.empty(n, np.bool_), np.empty(n, np.bool_)
@@ -95,14 +92,14 @@ def _project(corners_C: Floats, tan_half_angle: float) -> tuple[Floats, Bools, B
     return corners, ahead, in_picture
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _extent(corners: Floats, i: int, axis: int) -> tuple[float, float]:
+@kernel
+def _extent(corners: Array, i: int, axis: int) -> tuple[float, float]:
     a, b, c = corners[i, 0, axis], corners[i, 1, axis], corners[i, 2, axis]
     return min(a, b, c), max(a, b, c)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _measure(corners: Floats, across: float, down: float) -> tuple[Floats, Floats]:
+@kernel
+def _measure(corners: Array, across: float, down: float) -> tuple[Array, Array]:
     """Area and radius of the inscribed circle [px], with `across` and `down` pixels to a unit of the picture."""
     n = corners.shape[0]
     area, inradius = np.empty(n), np.empty(n)
@@ -118,8 +115,8 @@ def _measure(corners: Floats, across: float, down: float) -> tuple[Floats, Float
     return area, inradius
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _boxes(corners: Floats, left: float, top: float, across: float, down: float, size: int) -> Boxes:
+@kernel
+def _boxes(corners: Array, left: float, top: float, across: float, down: float, size: int) -> Boxes:
     """See `PictureCells.boxes`; the picture's corner at `left` and `top` is that of the first column and the last row."""
     boxes = np.empty((corners.shape[0], 4), np.int32)
     for i in range(corners.shape[0]):
@@ -130,6 +127,6 @@ def _boxes(corners: Floats, left: float, top: float, across: float, down: float,
     return boxes
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _inside(low: float, high: float, size: int) -> tuple[int, int]:
     return int(min(max(low, 0.0), float(size))), int(floor(max(min(high, size - 1.0), -1.0)))

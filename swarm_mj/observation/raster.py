@@ -15,12 +15,11 @@ from __future__ import annotations
 from math import ceil, floor
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int32]
-Depth = NDArray[np.float32]
+from swarm_mj.typing import Array, Array32, Ints, Ints32, kernel
+
+Depth = Array32
 Picture = NDArray[np.uint32]
 #: Column, row and 1/Z.
 Corner = tuple[float, float, float]
@@ -31,16 +30,16 @@ LANES = 16
 ROWS = 8
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def draw_faces(
-    vertices: Floats,
-    faces: Ints,
-    r_A: Floats,
-    pixel_from_A: Floats,
+    vertices: Array,
+    faces: Ints32,
+    r_A: Array,
+    pixel_from_A: Array,
     near: float,
-    row_span: Ints,
-    projected: Floats,
-    chosen: Ints,
+    row_span: Ints32,
+    projected: Array,
+    chosen: Ints32,
     depth: Depth,
     picture: Picture,
 ) -> None:
@@ -81,8 +80,8 @@ def draw_faces(
         picture[row * size + row_span[row, 1] + 1 : (row + 1) * size] = 0
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _to_pixels(vertices: Floats, v: int, r_A: Floats, m: Floats) -> Corner:
+@kernel
+def _to_pixels(vertices: Array, v: int, r_A: Array, m: Array) -> Corner:
     x, y, z = vertices[v, 0] - r_A[0], vertices[v, 1] - r_A[1], vertices[v, 2] - r_A[2]
     return (
         m[0, 0] * x + m[0, 1] * y + m[0, 2] * z,
@@ -91,26 +90,26 @@ def _to_pixels(vertices: Floats, v: int, r_A: Floats, m: Floats) -> Corner:
     )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _corner(projected: Floats, v: int) -> Corner:
+@kernel
+def _corner(projected: Array, v: int) -> Corner:
     return projected[v, 0], projected[v, 1], projected[v, 2]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _twice_area(a: Corner, b: Corner, c: Corner) -> float:
     """Twice the area on the picture [px^2], positive when the outer side is seen."""
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _rows(a: Corner, b: Corner, c: Corner, size: int) -> tuple[int, int]:
     """First and last row whose centre line crosses a triangle; the first is above the last when there is none."""
     low, high = max(min(a[1], b[1], c[1]), 0.0), min(max(a[1], b[1], c[1]), float(size))
     return int(ceil(min(low, float(size)) - 0.5)), int(floor(max(high, 0.0) - 0.5))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _choose(faces: Ints, projected: Floats, size: int, chosen: Ints) -> int:
+@kernel
+def _choose(faces: Ints32, projected: Array, size: int, chosen: Ints32) -> int:
     """Write which triangles may have pixels, in their order, and return how many they are.
 
     Half of the faces look away, and a processor cannot foresee which. So each is written, and stays if the count moves on.
@@ -128,16 +127,16 @@ def _choose(faces: Ints, projected: Floats, size: int, chosen: Ints) -> int:
     return n
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _fill_beyond(
-    vertices: Floats,
-    face: Ints,
-    r_A: Floats,
-    pixel_from_A: Floats,
+    vertices: Array,
+    face: Ints32,
+    r_A: Array,
+    pixel_from_A: Array,
     near: float,
     f: int,
     size: int,
-    spans: Floats,
+    spans: Array,
     depth: Depth,
     picture: Picture,
 ) -> None:
@@ -157,8 +156,8 @@ def _fill_beyond(
         _fill(_corner(cut, 0), _corner(cut, corner - 1), _corner(cut, corner), f, size, spans, depth, picture)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _fill(a: Corner, b: Corner, c: Corner, f: int, size: int, spans: Floats, depth: Depth, picture: Picture) -> None:
+@kernel
+def _fill(a: Corner, b: Corner, c: Corner, f: int, size: int, spans: Array, depth: Depth, picture: Picture) -> None:
     """Fill one triangle; `spans` is scratch for the first and last column of each row and 1/Z at the first."""
     (xa, ya, za), (xb, yb, zb), (xc, yc, zc) = a, b, c
     area, (bottom, top) = _twice_area(a, b, c), _rows(a, b, c, size)
@@ -194,7 +193,7 @@ def _fill(a: Corner, b: Corner, c: Corner, f: int, size: int, spans: Floats, dep
             depth[start + k] = max(depth[start + k], nearness)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _edge(xa: float, ya: float, xb: float, yb: float) -> tuple[float, float, float]:
     """Where an edge bounds a row on the left and on the right, x + slope y; +-1e300: not at all."""
     up, down = yb > ya, yb < ya
@@ -203,8 +202,8 @@ def _edge(xa: float, ya: float, xb: float, yb: float) -> tuple[float, float, flo
     return (x if down else -1e300), (x if up else 1e300), slope
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def count_pixels(picture: Picture, numbers: Picture, boxes: Ints, counts: NDArray[np.int64]) -> None:
+@kernel
+def count_pixels(picture: Picture, numbers: Picture, boxes: Ints32, counts: Ints) -> None:
     """Count the pixels of some faces, looking for each only where it can be.
 
     Args:
@@ -227,8 +226,8 @@ def count_pixels(picture: Picture, numbers: Picture, boxes: Ints, counts: NDArra
         counts[i] = found.sum()
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def box_pixels(boxes: Ints) -> int:
+@kernel
+def box_pixels(boxes: Ints32) -> int:
     """Sum of the pixels in all boxes, see `count_pixels`."""
     pixels = 0
     for i in range(boxes.shape[0]):

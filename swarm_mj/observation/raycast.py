@@ -3,12 +3,13 @@
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.camera import CameraModel, camera_pose
 from swarm_mj.observation.raytracing import RayTracer
 from swarm_mj.observation.sampling import barycentric_samples, sampled_fraction
+from swarm_mj.typing import Array
 
 
 class RayCastObserver:
@@ -45,7 +46,7 @@ class RayCastObserver:
         """Ray tracer over the region's mesh, built at first use."""
         return RayTracer(self.region.vertices, self.region.faces)
 
-    def visible_fraction(self, r_A: ArrayLike, C_CA: ArrayLike) -> NDArray[np.float64]:
+    def visible_fraction(self, r_A: ArrayLike, C_CA: ArrayLike) -> Array:
         """Share of each cell in view, see `Observer.visible_fraction`."""
         pose = camera_pose(r_A, C_CA)
         tracer = self.tracer if self.occlusion else None

@@ -6,8 +6,8 @@ Frame A, metres. Embree works in single precision: 1 to 2 mm at the size of Eros
 from typing import Any
 
 import numpy as np
-from numba import njit
-from numpy.typing import NDArray
+
+from swarm_mj.typing import Array, Indices, Ints32, kernel
 
 
 class RayTracer:
@@ -19,7 +19,7 @@ class RayTracer:
         use_embree: False forces the compiled loop; True falls back to it when embreex is not installed.
     """
 
-    def __init__(self, vertices: NDArray[np.float64], faces: NDArray[np.int32], *, use_embree: bool = True) -> None:
+    def __init__(self, vertices: Array, faces: Ints32, *, use_embree: bool = True) -> None:
         self._corners = np.ascontiguousarray(vertices[faces])
         self._scene = _embree_scene(self._corners) if use_embree else None
 
@@ -28,7 +28,7 @@ class RayTracer:
         """`embree` or `numba`."""
         return "numba" if self._scene is None else "embree"
 
-    def first_hit(self, origins_A: NDArray[np.float64], directions_A: NDArray[np.float64]) -> NDArray[np.intp]:
+    def first_hit(self, origins_A: Array, directions_A: Array) -> Indices:
         """Face that each ray meets first, -1 for none; either side of a face stops a ray.
 
         Args:
@@ -42,7 +42,7 @@ class RayTracer:
         return np.asarray(hits, dtype=np.intp)
 
 
-def _embree_scene(corners: NDArray[np.float64]) -> Any:
+def _embree_scene(corners: Array) -> Any:
     try:
         from embreex.mesh_construction import TriangleMesh
         from embreex.rtcore_scene import EmbreeScene
@@ -53,10 +53,8 @@ def _embree_scene(corners: NDArray[np.float64]) -> Any:
     return scene
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _first_hits(
-    corners: NDArray[np.float64], origins: NDArray[np.float64], directions: NDArray[np.float64]
-) -> NDArray[np.intp]:
+@kernel
+def _first_hits(corners: Array, origins: Array, directions: Array) -> Indices:
     """Moeller and Trumbore (1997) over every face, double precision."""
     hits = np.full(len(origins), -1, dtype=np.intp)
     for i in range(len(origins)):

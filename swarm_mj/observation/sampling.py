@@ -8,20 +8,16 @@ from functools import lru_cache
 from math import hypot, isqrt
 
 import numpy as np
-from numba import njit
-from numpy.typing import NDArray
 
 from swarm_mj.errors import MissionError
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.camera import CameraModel, CameraPose
 from swarm_mj.observation.raytracing import RayTracer
-
-Floats = NDArray[np.float64]
-Indices = NDArray[np.intp]
+from swarm_mj.typing import Array, Indices, Mask, kernel
 
 
 @lru_cache(maxsize=8)
-def barycentric_samples(samples: int) -> NDArray[np.float64]:
+def barycentric_samples(samples: int) -> Array:
     """Barycentric coordinates of the samples of a triangle, shape (samples, 3), rows summing to one.
 
     Raises:
@@ -43,7 +39,7 @@ def sampled_fraction(
     camera: CameraModel,
     pose: CameraPose,
     samples: int,
-) -> NDArray[np.float64]:
+) -> Array:
     """Share of each given cell in view, 0 to 1, shape (len(cells),); no cell may be given twice.
 
     A sample counts when it lies in the field of view and nothing is hit before the original mesh face under it; the
@@ -61,13 +57,13 @@ def sampled_fraction(
     return np.bincount(of, minlength=region.n_cells)[cells] / samples
 
 
-def faces_camera(region: TargetRegion, pose: CameraPose) -> NDArray[np.bool_]:
+def faces_camera(region: TargetRegion, pose: CameraPose) -> Mask:
     """Tell which cells turn their outer side to the camera, shape (n,)."""
     return _turned_to(pose.r_A, region.centroid_A, region.normal_A)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _turned_to(r_A: Floats, centroid_A: Floats, normal_A: Floats) -> NDArray[np.bool_]:
+@kernel
+def _turned_to(r_A: Array, centroid_A: Array, normal_A: Array) -> Mask:
     turned = np.empty(len(centroid_A), np.bool_)
     for i in range(len(centroid_A)):
         out = 0.0
@@ -77,16 +73,16 @@ def _turned_to(r_A: Floats, centroid_A: Floats, normal_A: Floats) -> NDArray[np.
     return turned
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _rays_in_view(
-    weights: Floats,
-    corners_A: Floats,
+    weights: Array,
+    corners_A: Array,
     cells: Indices,
-    r_A: Floats,
-    C_CA: Floats,
+    r_A: Array,
+    C_CA: Array,
     tan_half_angle: float,
     cone: bool,
-) -> tuple[Floats, Indices]:
+) -> tuple[Array, Indices]:
     """Rays [m] from the camera to those samples that `CameraModel.contains`, and the cell of each.
 
     Args:

@@ -9,12 +9,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.rendering.palette import GROUND, SEEN, SEEN_BORDER, UNSEEN_BORDER
-
-Array = NDArray[np.float64]
+from swarm_mj.typing import Array, Indices, Ints32, Mask
 
 #: Width of a border, on each side of an edge, over the side of a square as large as a mean face.
 BORDER = 0.035
@@ -41,14 +39,14 @@ class Atlas:
         self.image[:] = GROUND
         self._paint(np.arange(region.n_cells))
 
-    def show(self, seen: NDArray[np.bool_]) -> bool:
+    def show(self, seen: Mask) -> bool:
         """Paint the cells observed so far, shape (n_cells,); tells whether the picture changed."""
         changed = np.flatnonzero(seen != self._seen)
         self._seen[changed] = seen[changed]
         self._paint(changed)
         return changed.size > 0
 
-    def coordinates(self, region: TargetRegion) -> tuple[Array, NDArray[np.int32]]:
+    def coordinates(self, region: TargetRegion) -> tuple[Array, Ints32]:
         """Texture coordinates, shape (k, 2), and which of them each corner of the body's faces takes, shape (F, 3)."""
         n, tile = region.n_cells, self._tile
         corner = np.array([(MARGIN, MARGIN), (tile - MARGIN, MARGIN), (MARGIN, tile - MARGIN)])
@@ -60,7 +58,7 @@ class Atlas:
         index[region.target] = np.arange(3 * n).reshape(n, 3)
         return np.vstack((cells, bare)) / self.width, index
 
-    def _paint(self, cells: NDArray[np.intp]) -> None:
+    def _paint(self, cells: Indices) -> None:
         for cell in cells:
             row, column = divmod(int(cell), self._columns)
             fill, line = (SEEN, SEEN_BORDER) if self._seen[cell] else (GROUND, UNSEEN_BORDER)
@@ -69,7 +67,7 @@ class Atlas:
             self.image[top : top + self._tile, left : left + self._tile] = tile
 
 
-def _borders(region: TargetRegion, tile: int) -> NDArray[np.bool_]:
+def _borders(region: TargetRegion, tile: int) -> Mask:
     """Texels of each cell's tile that are near to a border of its face, shape (n, tile, tile)."""
     texel = (np.arange(tile) + 0.5 - MARGIN) / (tile - 2.0 * MARGIN)
     second, third = np.meshgrid(texel, texel)  # shares of the second corner to the right, of the third downwards
@@ -97,7 +95,7 @@ def _heights(region: TargetRegion) -> Iterator[Array]:
         yield np.linalg.norm(np.cross(points - start[lines, None], along[lines, None]), axis=2)
 
 
-def _on_border(region: TargetRegion) -> NDArray[np.bool_]:
+def _on_border(region: TargetRegion) -> Mask:
     """Whether the side of each cell that faces each corner bounds a face of F_T, shape (n, 3)."""
     faces = region.faces[region.target]
     sides = np.sort(np.stack((np.roll(faces, -1, axis=1), np.roll(faces, -2, axis=1)), axis=2), axis=2).reshape(-1, 2)

@@ -7,14 +7,12 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from swarm_mj.errors import OutputError
 from swarm_mj.flight.plan import Plan
 from swarm_mj.rendering.frame import Instant
 from swarm_mj.rendering.model import FIELD_OF_VIEW_DEG
-
-Array = NDArray[np.float64]
+from swarm_mj.typing import Array
 
 OVERVIEW, CHASE, SPLIT = "overview", "chase", "split"
 #: Share of the picture that the flight may fill.

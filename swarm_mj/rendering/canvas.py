@@ -9,14 +9,12 @@ from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from swarm_mj.errors import ObserverError
 from swarm_mj.observation.gl_context import check_fork, own_context
 from swarm_mj.rendering.decorations import NextGeom
 from swarm_mj.rendering.model import BODY_GROUP, SPACECRAFT_GROUP, DrawingModel
-
-Array = NDArray[np.float64]
+from swarm_mj.typing import Array, Mask, Pixels
 
 #: Most geoms in a scene; what is beyond is left out.
 MAX_GEOMS = 20_000
@@ -46,7 +44,7 @@ class Projection(NamedTuple):
     scale: Array
     box: Box
 
-    def place(self, points_N: Array) -> tuple[Array, NDArray[np.bool_]]:
+    def place(self, points_N: Array) -> tuple[Array, Mask]:
         """Pixels (right, down) of points (n, 3) [m], shape (n, 2), and which lie inside the view, shape (n,)."""
         right, up, forward = np.moveaxis((points_N - self.position) @ self.axes.T, -1, 0)
         ahead = np.where(forward > 0.0, forward, np.nan)
@@ -141,7 +139,7 @@ class Canvas:
         mujoco.mjr_render(rect, self._scene, self._context)
         return self._projection(box)
 
-    def read(self) -> NDArray[np.uint8]:
+    def read(self) -> Pixels:
         """The picture, shape (height, width, 3)."""
         mujoco.mjr_readPixels(self._pixels, None, mujoco.MjrRect(0, 0, self.width, self.height), self._context)
         return np.ascontiguousarray(self._pixels[::-1])

@@ -6,13 +6,11 @@ from collections.abc import Callable
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from swarm_mj.rendering.frame import Instant
 from swarm_mj.rendering.model import DrawingModel
 from swarm_mj.rendering.palette import TRAIL, rgba
-
-Array = NDArray[np.float64]
+from swarm_mj.typing import Array
 
 #: Next free geom of a scene, None when it is full.
 NextGeom = Callable[[], mujoco.MjvGeom | None]

@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.rendering.palette import FAINT, MODES, Rgb
-
-Array = NDArray[np.float64]
+from swarm_mj.typing import Array, Ints, Mask
 
 #: Kinds of targets at which a camera looks.
 LOOKS_AT_BODY = (TargetKind.ASTEROID, TargetKind.SURFACE)
@@ -38,13 +36,13 @@ class Instant:
     r_BN_N: Array
     C_BN: Array
     C_AN: Array
-    kind: NDArray[np.int64]
-    tracked: NDArray[np.int64]
-    link: NDArray[np.bool_] | None
-    seen: NDArray[np.bool_]
+    kind: Ints
+    tracked: Ints
+    link: Mask | None
+    seen: Mask
     trail_N: Array
-    lost: NDArray[np.bool_] | None = None
-    blind: NDArray[np.bool_] | None = None
+    lost: Mask | None = None
+    blind: Mask | None = None
 
     @property
     def n(self) -> int:
@@ -57,12 +55,12 @@ class Instant:
         return self.C_BN[:, 2]
 
     @property
-    def works(self) -> NDArray[np.bool_]:
+    def works(self) -> Mask:
         """Whether each spacecraft works, shape (n,)."""
         return np.ones(self.n, np.bool_) if self.lost is None else ~self.lost
 
     @property
-    def looks_at_body(self) -> NDArray[np.bool_]:
+    def looks_at_body(self) -> Mask:
         """Whether each spacecraft points a camera that is on at the body, shape (n,)."""
         looks = np.isin(self.kind, LOOKS_AT_BODY) & self.works
         return looks if self.blind is None else looks & ~self.blind

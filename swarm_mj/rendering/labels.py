@@ -9,9 +9,8 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from swarm_mj.typing import Array
 
 #: Distances from a crowded point to a label on a leader, over the height of letters, and directions that are tried.
 REACHES = (2.0, 3.5, 5.0, 7.0, 9.0, 12.0, 16.0, 20.0)

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from time import perf_counter, sleep
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swarm_mj.errors import MissionError
 from swarm_mj.flight.fly import make_simulation
@@ -19,8 +18,7 @@ from swarm_mj.observation.raycast import RayCastObserver
 from swarm_mj.rendering.frame import Instant
 from swarm_mj.rendering.replay import trail_points
 from swarm_mj.spacecraft.attitude.mrp import dcm, mrp_from_quaternion
-
-Array = NDArray[np.float64]
+from swarm_mj.typing import Array
 
 #: Tolerance of the path that only serves to frame a picture.
 PATH_RTOL = 1e-6

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from swarm_mj.flight.observe import camera_from
 from swarm_mj.flight.plan import Plan
@@ -18,6 +17,7 @@ from swarm_mj.io.resources import asset_path
 from swarm_mj.observation.camera import CameraModel
 from swarm_mj.rendering.atlas import Atlas
 from swarm_mj.rendering.frame import Instant
+from swarm_mj.typing import Array, Ints
 
 #: Groups of geoms, to be hidden in the view of a camera.
 BODY_GROUP, SPACECRAFT_GROUP = 0, 1
@@ -58,9 +58,9 @@ class DrawingModel:
     atlas: Atlas
     texture: int
     body: int
-    spacecraft: NDArray[np.int64]
-    cameras: NDArray[np.int64]
-    rim_B: NDArray[np.float64]
+    spacecraft: Ints
+    cameras: Ints
+    rim_B: Array
     magnification: float
 
     def place(self, instant: Instant) -> bool:
@@ -109,7 +109,7 @@ def build_drawing_model(plan: Plan, magnification: float, width: int = 640, heig
     )
 
 
-def _rim(camera: CameraModel) -> NDArray[np.float64]:
+def _rim(camera: CameraModel) -> Array:
     angle = 2.0 * np.pi * np.arange(ROUND_CORNERS) / ROUND_CORNERS
     circle = np.stack((np.cos(angle), np.sin(angle)), axis=1)
     flat = np.array(SQUARE, np.float64) if camera.shape == "square" else circle
@@ -166,7 +166,7 @@ def _add_body(spec: mujoco.MjSpec, plan: Plan, atlas: Atlas) -> None:
     )
 
 
-def _normals(plan: Plan) -> NDArray[np.float64]:
+def _normals(plan: Plan) -> Array:
     """Normals at the vertices of the cut mesh, shape (V, 3): those of the body, interpolated where it was cut.
 
     The cut mesh's own would show every cut as a crease.

@@ -10,7 +10,6 @@ from typing import NamedTuple
 
 import matplotlib
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from swarm_mj.mission.behaviors import TargetKind
@@ -18,9 +17,8 @@ from swarm_mj.rendering.canvas import Box, Projection
 from swarm_mj.rendering.frame import LOOKS_AT_BODY, Instant
 from swarm_mj.rendering.labels import Rect, groups, place_label
 from swarm_mj.rendering.palette import FAINT, MODES, SEEN, TEXT, UNSEEN_BORDER, Rgb
+from swarm_mj.typing import Array, Pixels
 
-Array = NDArray[np.float64]
-Pixels = NDArray[np.uint8]
 Line = tuple[str, Rgb]
 
 #: Height of letters over the height of the picture, and least [pixel].

@@ -8,7 +8,6 @@ from typing import Self
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from swarm_mj.errors import OutputError
 from swarm_mj.flight.plan import Plan
@@ -21,9 +20,7 @@ from swarm_mj.rendering.layout import LEAST_SIDE, MOST_SIDE, layout_of
 from swarm_mj.rendering.model import build_drawing_model
 from swarm_mj.rendering.overlay import MAX_NAMED, Corner, Lettering, Line, clock, deed, roles
 from swarm_mj.rendering.palette import MODES, TEXT
-
-Array = NDArray[np.float64]
-Pixels = NDArray[np.uint8]
+from swarm_mj.typing import Array, Pixels
 
 #: Height of a picture in which lines have their nominal width [pixel].
 NOMINAL_HEIGHT = 600

@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial.transform import Rotation
 
@@ -21,8 +20,7 @@ from swarm_mj.rendering.frame import Instant
 from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.simulator.telemetry import read_telemetry
 from swarm_mj.spacecraft.attitude.mrp import quaternion_from_mrp
-
-Array = NDArray[np.float64]
+from swarm_mj.typing import Array, Mask
 
 #: Corners of a trail, and of all trails together; a flyby bends little.
 TRAIL_POINTS, ALL_TRAIL_POINTS = 60, 600
@@ -103,7 +101,7 @@ class Replay:
         return before.as_matrix().transpose(0, 2, 1)
 
 
-def _flags(telemetry: xr.Dataset, name: str) -> NDArray[np.bool_] | None:
+def _flags(telemetry: xr.Dataset, name: str) -> Mask | None:
     """A variable of flags, shape (t, n); None where the flight has none."""
     return telemetry[name].values.astype(bool) if name in telemetry else None
 

@@ -9,13 +9,11 @@ from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 
 from swarm_mj.errors import OutputError
 from swarm_mj.results.file import atomic_file
-
-Pixels = NDArray[np.uint8]
+from swarm_mj.typing import Pixels
 
 #: Kinds of film by the file's ending.
 SUFFIXES = (".mp4", ".gif")

@@ -15,7 +15,6 @@ import mujoco
 import numpy as np
 from mujoco.studio import endpoints, launch_thread, messages, plugin, ux, viewer_protocol
 from mujoco.studio.dear_imgui import dear_imgui as gui
-from numpy.typing import NDArray
 
 from swarm_mj.errors import ObserverError, OutputError
 from swarm_mj.mission.target import TargetRegion
@@ -26,8 +25,7 @@ from swarm_mj.rendering.live import SPEEDS, Player, pace, planned_path
 from swarm_mj.rendering.model import DrawingModel
 from swarm_mj.rendering.overlay import clock, roles
 from swarm_mj.rendering.palette import SEEN, rgba
-
-Array = NDArray[np.float64]
+from swarm_mj.typing import Array, Mask
 
 #: Most geoms that the viewer sends besides the model.
 MAX_GEOMS = 1024
@@ -60,7 +58,7 @@ class FlightPanel(plugin.ViewerPlugin):
     def __init__(self, model: DrawingModel, player: Player, view: FreeView) -> None:
         self._model, self._player, self._view = model, player, view
         self._updates, self._width, self.unpainted = 0, 0.0, 0
-        self._seen: NDArray[np.bool_] | None = None
+        self._seen: Mask | None = None
         self._patches: Array = np.empty((0, 3, 3))
         self._on_the_right = _is_busier_on_the_left(view, planned_path(player.flight.plan))
 
@@ -144,7 +142,7 @@ def paint_cells(next_geom: NextGeom, patches_A: Array, now: Instant) -> None:
         triangle(next_geom, corners, rgba(SEEN))
 
 
-def observed_patches(region: TargetRegion, seen: NDArray[np.bool_]) -> Array:
+def observed_patches(region: TargetRegion, seen: Mask) -> Array:
     """Triangles above the observed cells, one for a face of which all cells are, corners in A, shape (k, 3, 3) [m].
 
     A viewer takes few geoms, a target may have more cells.

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import yaml
-from numpy.typing import NDArray
 
 from swarm_mj.designer.genetic import GeneticResult
 from swarm_mj.designer.study import Growth, Study, describe
@@ -17,8 +16,7 @@ from swarm_mj.io.atomic import write_text
 from swarm_mj.results.summary import library_versions
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.smallbody.shape_check import shown_size
-
-Array = NDArray[np.float64]
+from swarm_mj.typing import Array
 
 #: What decides where the candidates fly, how they are turned and how the body moves beneath them, besides its mesh. How
 #: finely the target's area is measured is left out, and so is what moves a flight by less than a metre.

@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from swarm_mj import __version__
 from swarm_mj.flight.observe import ObservationResult
 from swarm_mj.flight.plan import Plan
 from swarm_mj.results.target_dwell import held_s
 from swarm_mj.simulator.telemetry import MODES
+from swarm_mj.typing import Array
 
 #: Libraries whose versions decide the numbers.
 LIBRARIES = ("mujoco", "numpy", "scipy", "numba", "moderngl", "embreex", "pymoo")
@@ -85,7 +85,7 @@ def _pointed(plan: Plan, telemetry: xr.Dataset) -> dict[str, Any]:
     }
 
 
-def _switch(switch: dict[str, Any], error_deg: NDArray[np.float64], held: NDArray[np.float64]) -> dict[str, Any]:
+def _switch(switch: dict[str, Any], error_deg: Array, held: Array) -> dict[str, Any]:
     sample = switch["sample"]
     return {
         **{key: switch[key] for key in ("time_s", "from", "to")},

@@ -8,12 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.spacecraft.attitude.mrp import dcm
-
-Array = NDArray[np.float64]
+from swarm_mj.typing import Array, Mask
 
 #: Lines of sight to one point of the body pass each other by no more than this [m]; they are recorded far more finely.
 SAME_POINT_M = 1e-3
@@ -29,7 +27,7 @@ def held_s(telemetry: xr.Dataset) -> Array:
     return np.asarray(times[:, None] - since)
 
 
-def _new_target(telemetry: xr.Dataset) -> NDArray[np.bool_]:
+def _new_target(telemetry: xr.Dataset) -> Mask:
     """Whether the target differs from that of the sample before, shape (time - 1, spacecraft)."""
     mode, tracked = telemetry["mode"].values, telemetry["tracked_spacecraft"].values
     r_N, sight_N = telemetry["r_BN_N"].values, telemetry["line_of_sight_N"].values

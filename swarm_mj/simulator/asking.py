@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swarm_mj.mission.behaviors import Behavior, SteadyBehavior, SwarmView, Targets
 from swarm_mj.simulator.plugin_calls import ask_for_targets, ask_how_long
+from swarm_mj.typing import Array
 
 #: Most control periods for which a behaviour is not asked.
 LONGEST_REST = 1_000_000
@@ -50,7 +50,7 @@ class Asking:
         return targets
 
 
-def view_of(t: float, C_AN: NDArray[np.float64], q: NDArray[np.float64], v: NDArray[np.float64]) -> SwarmView:
+def view_of(t: float, C_AN: Array, q: Array, v: Array) -> SwarmView:
     """What a behaviour is shown of a state, see `SwarmModel.state`; copied, for it may be kept."""
     q, v = q.copy(), v.copy()
     return SwarmView(t, q[:, :3], v[:, :3], C_AN, q[:, 3:7], v[:, 3:6], v[:, 6:])

@@ -12,7 +12,6 @@ from collections.abc import Sequence
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from swarm_mj.errors import PluginError, SimulationError
 from swarm_mj.mission.behaviors import Behavior, Targets
@@ -36,9 +35,7 @@ from swarm_mj.simulator.simulation import InitialState, Simulation
 from swarm_mj.spacecraft.attitude.mrp import quaternion_from_mrp
 from swarm_mj.spacecraft.control.base import Controller
 from swarm_mj.spacecraft.model import NQ, NV
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from swarm_mj.typing import Array, Ints, Mask
 
 #: Where lost spacecraft stand, times their number [m].
 PARKED = 1e7
@@ -187,7 +184,7 @@ class CompiledBatch:
         """Let MuJoCo integrate one control period of the live flights, None for all, with everything held."""
         self._fly(ADVANCE, self._everyone if live is None else live, self._never)
 
-    def _fly(self, part: int, live: Mask, until: NDArray[np.int64]) -> int:
+    def _fly(self, part: int, live: Mask, until: Ints) -> int:
         return flight_kernels.fly(self._world, self._flights, self._integrator.swarms, self._hold, part, live, until)
 
     def _ask(self, live: Mask) -> None:

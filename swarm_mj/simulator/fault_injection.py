@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from swarm_mj.errors import SimulationError
 from swarm_mj.scenarios.schema_faults import Dispersions
@@ -17,11 +16,11 @@ from swarm_mj.simulator.fast.kernels import Slot
 from swarm_mj.simulator.faults.schedule import Event
 from swarm_mj.simulator.faults.state import FaultModel, FaultState
 from swarm_mj.smallbody.rotation import sub_point
+from swarm_mj.typing import Array, Ints
 
 if TYPE_CHECKING:
     from swarm_mj.simulator.simulation import Simulation
 
-Array = NDArray[np.float64]
 
 #: Motors are limited before friction is added to their torque; MuJoCo shall not cut the sum.
 _NO_LIMIT = 1e3
@@ -92,7 +91,7 @@ class FaultInjection:
         self._last_r[:] = work[Slot.R]
         self.flight.happen(t, self.speed)
 
-    def weigh(self, xfrc: Array, hub: NDArray[np.int64]) -> None:
+    def weigh(self, xfrc: Array, hub: Ints) -> None:
         """Gravity pulls with the true masses, and what lies on the body is not pulled."""
         if self._disperses_mass:
             xfrc[:, :3] *= self._mass_ratio

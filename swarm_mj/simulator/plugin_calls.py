@@ -6,14 +6,12 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swarm_mj.errors import PluginError
 from swarm_mj.mission.behaviors import Behavior, SteadyBehavior, SwarmView, TargetKind, Targets
 from swarm_mj.plugins import as_array, call, name_of, shown
 from swarm_mj.spacecraft.control.base import ControlInput, Controller
-
-Array = NDArray[np.float64]
+from swarm_mj.typing import Array
 
 #: Kinds of targets whose vector is used.
 _WITH_VECTOR = (int(TargetKind.SURFACE), int(TargetKind.DIRECTION))

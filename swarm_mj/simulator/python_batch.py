@@ -5,15 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swarm_mj.errors import SimulationError
 from swarm_mj.mission.behaviors import Targets
 from swarm_mj.simulator.compiled_batch import PARKED
 from swarm_mj.simulator.simulation import InitialState, Simulation
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from swarm_mj.typing import Array, Mask
 
 
 class PythonBatch:

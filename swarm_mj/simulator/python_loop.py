@@ -9,7 +9,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swarm_mj.errors import PluginError, SimulationError
 from swarm_mj.mission.behaviors import Targets
@@ -19,11 +18,10 @@ from swarm_mj.simulator.fast.kernels import Slot
 from swarm_mj.simulator.fast.world import LAW_SLOTS, SPEED_MARGIN, inputs_from
 from swarm_mj.simulator.plugin_calls import ask_for_torque
 from swarm_mj.spacecraft.gyrostat import with_wheels
+from swarm_mj.typing import Array
 
 if TYPE_CHECKING:
     from swarm_mj.simulator.simulation import Simulation
-
-Array = NDArray[np.float64]
 
 
 def decide(s: Simulation) -> Targets:

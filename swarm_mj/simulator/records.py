@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from swarm_mj.simulator.faults.schedule import Event
 from swarm_mj.simulator.faults.telemetry import FaultRecord
-
-Array = NDArray[np.float64]
+from swarm_mj.typing import Array
 
 
 @dataclass(frozen=True, kw_only=True)

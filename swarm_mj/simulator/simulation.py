@@ -13,7 +13,6 @@ from dataclasses import replace
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from swarm_mj.errors import PluginError, SimulationError
 from swarm_mj.mission.behaviors import Behavior, Targets
@@ -45,8 +44,7 @@ from swarm_mj.spacecraft.attitude.mrp import quaternion_from_mrp
 from swarm_mj.spacecraft.control.base import Controller
 from swarm_mj.spacecraft.model import NQ, NV, SwarmModel
 from swarm_mj.spacecraft.properties import SpacecraftProperties
-
-Array = NDArray[np.float64]
+from swarm_mj.typing import Array, Mask
 
 #: The only flight of a simulation.
 _THE_ONE = np.ones(1, np.bool_)
@@ -162,12 +160,12 @@ class Simulation:
         return self.tick * self.period
 
     @property
-    def lost(self) -> NDArray[np.bool_]:
+    def lost(self) -> Mask:
         """Spacecraft that no longer work, shape (n,); they drift on."""
         return np.zeros(self.model.n, np.bool_) if self._adverse is None else self._adverse.flight.lost
 
     @property
-    def camera_on(self) -> NDArray[np.bool_]:
+    def camera_on(self) -> Mask:
         """Spacecraft that can take pictures, shape (n,)."""
         return ~self.lost if self._adverse is None else self._adverse.flight.camera_on & ~self.lost
 

@@ -19,8 +19,7 @@ from swarm_mj.smallbody.environment import Environment
 from swarm_mj.spacecraft.attitude.guidance import pointing_error
 from swarm_mj.spacecraft.attitude.mrp import mrp_from_quaternion, subtract_mrp
 from swarm_mj.spacecraft.properties import SpacecraftProperties
-
-Array = NDArray[np.float64]
+from swarm_mj.typing import Array
 
 #: Meaning of the flag values of `mode`, in the order of `TargetKind`.
 MODES = ("asteroid_observation", "communication_tracking", "earth_tracking", "surface_observation", "direction_hold")

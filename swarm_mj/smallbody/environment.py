@@ -8,15 +8,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swarm_mj.plugins import as_array, call
 from swarm_mj.scenarios import constants
 from swarm_mj.smallbody.gravity.base import Gravity
 from swarm_mj.smallbody.perturbations import solar_radiation_pressure, solar_tide
 from swarm_mj.smallbody.rotation import spin_dcm
-
-Array = NDArray[np.float64]
+from swarm_mj.typing import Array
 
 
 @dataclass(frozen=True)

@@ -11,12 +11,12 @@ from dataclasses import dataclass, field
 from datetime import datetime
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swarm_mj.errors import ScenarioError
 from swarm_mj.scenarios.constants import DAY
 from swarm_mj.smallbody.kepler import EARTH_ORBIT, EROS_ORBIT, OrbitalElements, position_velocity
 from swarm_mj.smallbody.rotation import Rotation
+from swarm_mj.typing import Array
 
 #: Start of the paper's two configurations with Eros as it really was. In January 2018 Sun and Earth stand near its
 #: equator, at latitudes 12 and 10 deg and 3 deg apart. At this minute they stand over 62 and 61 deg east 600 s later,
@@ -26,7 +26,7 @@ from swarm_mj.smallbody.rotation import Rotation
 #: latitude 88 deg.
 DEFAULT_EPOCH = "2018-01-01T03:15:00"
 
-Vector = NDArray[np.float64]
+Vector = Array
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,7 +61,7 @@ class Ephemeris:
         """Position of the Earth relative to the asteroid, in N [m], shape (3,)."""
         return self.earth_state_N(jd)[0]
 
-    def C_AN(self, jd: float, t_s: float = 0.0) -> NDArray[np.float64]:
+    def C_AN(self, jd: float, t_s: float = 0.0) -> Array:
         """From components in N to components in A, shape (3, 3), `t_s` seconds after a Julian date (TDB)."""
         return self.rotation.C_AN(jd, t_s)
 

@@ -7,16 +7,16 @@ sphere (class I of Coxeter's scheme), which gives 10 f^2 + 2 vertices and 20 f^2
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swarm_mj.errors import ShapeError
+from swarm_mj.typing import Array, Ints
 
 #: Five million faces: more than any use of the mesh bears.
 MAX_FREQUENCY = 500
 GOLDEN_RATIO = (1.0 + 5.0**0.5) / 2.0
 
 
-def geodesic_icosahedron(frequency: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def geodesic_icosahedron(frequency: int) -> tuple[Array, Ints]:
     """Triangulate the unit sphere.
 
     Args:
@@ -39,7 +39,7 @@ def geodesic_icosahedron(frequency: int) -> tuple[NDArray[np.float64], NDArray[n
     return _numbered(points, faces)
 
 
-def _icosahedron() -> NDArray[np.float64]:
+def _icosahedron() -> Array:
     """Corners of the faces of the icosahedron with vertices (0, +-1, +-phi) and cyclic, shape (20, 3, 3)."""
     rectangle = np.array([[0.0, s, t * GOLDEN_RATIO] for s in (-1, 1) for t in (-1, 1)])
     vertices = np.concatenate([np.roll(rectangle, shift, axis=1) for shift in range(3)])
@@ -53,7 +53,7 @@ def _icosahedron() -> NDArray[np.float64]:
     return vertices[faces]
 
 
-def _subdivision(frequency: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def _subdivision(frequency: int) -> tuple[Array, Ints]:
     """Barycentric weights of a triangle's grid points (k, 3) and the small triangles between them (f^2, 3)."""
     grid = [(i, j) for i in range(frequency + 1) for j in range(frequency + 1 - i)]
     index = {point: k for k, point in enumerate(grid)}
@@ -64,7 +64,7 @@ def _subdivision(frequency: int) -> tuple[NDArray[np.float64], NDArray[np.int64]
     return weights, np.array(upright + inverted)
 
 
-def _numbered(points: NDArray[np.float64], faces: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def _numbered(points: Array, faces: Ints) -> tuple[Array, Ints]:
     """Weld the points that neighbouring faces share and number everything from north to south and east."""
     # Rounding hides differences in the last bits, so that numbers do not depend on the machine.
     x, y, z = np.round(points, 9).T + 0.0

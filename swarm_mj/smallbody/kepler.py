@@ -6,10 +6,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swarm_mj.errors import ScenarioError
 from swarm_mj.scenarios.constants import AU, DAY, GM_SUN, JD_J2000
+from swarm_mj.typing import Array
 
 DAYS_PER_CENTURY = 36_525.0
 #: Newton steps on Kepler's equation end below this change of the eccentric anomaly, relative above 1 rad.
@@ -110,7 +110,7 @@ EARTH_ORBIT = OrbitalElements(
 )
 
 
-def position_velocity(elements: OrbitalElements, jd: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def position_velocity(elements: OrbitalElements, jd: float) -> tuple[Array, Array]:
     """Position and velocity relative to the Sun at a Julian date (TDB).
 
     Args:
@@ -164,9 +164,7 @@ def _elements_at(elements: OrbitalElements, jd: float) -> tuple[float, float, fl
     return a, e, inclination, node, argument
 
 
-def _perifocal_axes(
-    inclination: float, node: float, argument: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _perifocal_axes(inclination: float, node: float, argument: float) -> tuple[Array, Array]:
     """Unit vectors towards perihelion and 90 deg ahead of it, Montenbruck and Gill (2000), eq. 2.58."""
     ci, si = math.cos(inclination), math.sin(inclination)
     cn, sn = math.cos(node), math.sin(node)

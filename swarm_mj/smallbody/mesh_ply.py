@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
 
 from swarm_mj.errors import ShapeError
+from swarm_mj.typing import Array, Ints
 
 #: A header longer than this is not one [bytes].
 MAX_HEADER_BYTES = 65_536
@@ -17,7 +17,7 @@ MAX_HEADER_BYTES = 65_536
 HEADER_WORDS = {b"ply", b"format", b"comment", b"obj_info", b"element", b"property"}
 
 
-def read_ply(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def read_ply(path: Path) -> tuple[Array, Ints]:
     """Read vertices (V, 3) in the file's unit and triangles (F, 3) counted from 0.
 
     Raises:

@@ -6,9 +6,9 @@ import re
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swarm_mj.errors import ShapeError
+from swarm_mj.typing import Array, Ints
 
 HEADER_BYTES = 84
 #: One triangle of a binary file: normal, three corners, attribute.
@@ -18,7 +18,7 @@ _VERTEX = re.compile(rb"^[ \t]*vertex[ \t]+(.*)$", re.MULTILINE | re.IGNORECASE)
 _END_OF_FACET = re.compile(rb"^[ \t]*endfacet", re.MULTILINE | re.IGNORECASE)
 
 
-def read_stl(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def read_stl(path: Path) -> tuple[Array, Ints]:
     """Read vertices (V, 3) in the file's unit and triangles (F, 3); vertices stand in the order they are first met.
 
     Raises:
@@ -30,7 +30,7 @@ def read_stl(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     return weld(corners)
 
 
-def weld(corners: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def weld(corners: Array) -> tuple[Array, Ints]:
     """Merge exactly equal corners.
 
     Args:
@@ -54,12 +54,12 @@ def _is_binary(data: bytes) -> bool:
     return len(data) == HEADER_BYTES + count * TRIANGLE.itemsize
 
 
-def _binary_corners(data: bytes) -> NDArray[np.float64]:
+def _binary_corners(data: bytes) -> Array:
     triangles = np.frombuffer(data, dtype=TRIANGLE, offset=HEADER_BYTES)
     return triangles["corners"].reshape(-1, 3).astype(np.float64)
 
 
-def _text_corners(data: bytes, path: Path) -> NDArray[np.float64]:
+def _text_corners(data: bytes, path: Path) -> Array:
     if data.lstrip()[:5].lower() != b"solid" or b"\0" in data:
         raise ShapeError(f"{path}: not STL, or a binary STL cut short or with bytes added; export or download it again")
     rows = [row.split() for row in _VERTEX.findall(data)]

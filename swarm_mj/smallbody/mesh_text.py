@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import TextIO
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swarm_mj.errors import ShapeError
+from swarm_mj.typing import Array, Ints
 
 #: Longest line [characters]: a polygon of ten thousand corners; a file that is one line would be split into gigabytes.
 MAX_LINE_CHARACTERS = 100_000
@@ -23,7 +23,7 @@ MAX_LINE_CHARACTERS = 100_000
 IndexReader = Callable[[str, int], int]
 
 
-def read_obj(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def read_obj(path: Path) -> tuple[Array, Ints]:
     """Read vertices (V, 3) in the file's unit and triangles (F, 3) counted from 0; other OBJ statements are skipped.
 
     Raises:
@@ -33,16 +33,14 @@ def read_obj(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     return _read_lines(path, _obj_index, wavefront=True)
 
 
-def read_tab(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def read_tab(path: Path) -> tuple[Array, Ints]:
     """Read a PDS plate table, in which every line is a vertex, a face, a comment or, at first, their numbers; as `read_obj`."""
     vertices, faces = _read_lines(path, lambda word, count: int(word), wavefront=False)
     first = 1 if faces.size and faces.min() >= 1 else 0
     return vertices, faces - first
 
 
-def _read_lines(
-    path: Path, read_index: IndexReader, *, wavefront: bool
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def _read_lines(path: Path, read_index: IndexReader, *, wavefront: bool) -> tuple[Array, Ints]:
     # Flat typed arrays hold a large mesh in a tenth of the memory of Python lists of numbers.
     vertices, faces = array("d"), array("q")
     promised: tuple[int, ...] | None = None

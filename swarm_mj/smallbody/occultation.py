@@ -5,19 +5,15 @@ from __future__ import annotations
 from math import sqrt
 
 import numpy as np
-from numba import njit
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from swarm_mj.typing import Array, Ints32, Mask, kernel
 
 #: Hits closer than this to a segment's ends do not count, relative to its length: a spacecraft does not hide itself.
 _END_MARGIN = 1e-9
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def segments_blocked(
-    start_A: Array, end_A: Array, vertices: Array, faces: NDArray[np.int32], radius: float
-) -> NDArray[np.bool_]:
+@kernel
+def segments_blocked(start_A: Array, end_A: Array, vertices: Array, faces: Ints32, radius: float) -> Mask:
     """Whether the body stands between the ends of segments.
 
     Args:
@@ -37,8 +33,8 @@ def segments_blocked(
     return blocked
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def way_blocked(start_A: Array, end_A: Array, vertices: Array, faces: NDArray[np.int32], box: Array) -> bool:
+@kernel
+def way_blocked(start_A: Array, end_A: Array, vertices: Array, faces: Ints32, box: Array) -> bool:
     """The same for one segment; `box` is the one around the mesh, which most ways miss, as two corners, shape (2, 3) [m]."""
     first, last = 0.0, 1.0
     for k in range(3):
@@ -52,7 +48,7 @@ def way_blocked(start_A: Array, end_A: Array, vertices: Array, faces: NDArray[np
     return first <= last and _hits_any(start_A, end_A - start_A, vertices, faces)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _distance_to_origin(a: Array, b: Array) -> float:
     d = b - a
     along, whole = -(a @ d), d @ d
@@ -61,8 +57,8 @@ def _distance_to_origin(a: Array, b: Array) -> float:
     return sqrt(p @ p)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _hits_any(o: Array, d: Array, vertices: Array, faces: NDArray[np.int32]) -> bool:
+@kernel
+def _hits_any(o: Array, d: Array, vertices: Array, faces: Ints32) -> bool:
     # Moeller and Trumbore (1997), both sides of every face.
     for f in range(faces.shape[0]):
         ax, ay, az = vertices[faces[f, 0], 0], vertices[faces[f, 0], 1], vertices[faces[f, 0], 2]

@@ -6,17 +6,16 @@ Each function takes all spacecraft at once and is compiled, so that the simulati
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
-from numpy.typing import NDArray
 
 from swarm_mj.scenarios.constants import AU, GM_SUN, SOLAR_IRRADIANCE, SPEED_OF_LIGHT
+from swarm_mj.typing import Array, kernel
 
 #: Pressure of sunlight on a black surface that faces the Sun at 1 au [N/m^2].
 SOLAR_PRESSURE_1AU = SOLAR_IRRADIANCE / SPEED_OF_LIGHT
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def solar_tide(r_N: NDArray[np.float64], r_sun_N: NDArray[np.float64], gm_sun: float = GM_SUN) -> NDArray[np.float64]:
+@kernel
+def solar_tide(r_N: Array, r_sun_N: Array, gm_sun: float = GM_SUN) -> Array:
     """Attraction of the Sun relative to that on the asteroid, gm ((s - r)/|s - r|^3 - s/|s|^3) with s the Sun.
 
     Evaluated as -gm/|s - r|^3 (r + f(q) s), q = r.(r - 2 s)/s.s, f = q (3 + 3 q + q^2)/(1 + (1 + q)^(3/2)), which does
@@ -45,10 +44,8 @@ def solar_tide(r_N: NDArray[np.float64], r_sun_N: NDArray[np.float64], gm_sun: f
     return out
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def solar_radiation_pressure(
-    r_N: NDArray[np.float64], r_sun_N: NDArray[np.float64], area_m2: float, mass_kg: float, reflectivity: float
-) -> NDArray[np.float64]:
+@kernel
+def solar_radiation_pressure(r_N: Array, r_sun_N: Array, area_m2: float, mass_kg: float, reflectivity: float) -> Array:
     """Push of sunlight on a sphere-like spacecraft (cannonball model), away from the Sun, without eclipses.
 
     a = C_R (A/m) (irradiance at 1 au / c) (1 au / d)^2, Montenbruck and Gill (2000), eq. 3.75.
@@ -75,10 +72,8 @@ def solar_radiation_pressure(
     return out
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def gravity_gradient_torque(
-    r_BN_B: NDArray[np.float64], inertia_B: NDArray[np.float64], gm: float
-) -> NDArray[np.float64]:
+@kernel
+def gravity_gradient_torque(r_BN_B: Array, inertia_B: Array, gm: float) -> Array:
     """Torque of the asteroid's central field about each centre of mass, 3 gm/r^5 r x (I r).
 
     Schaub and Junkins (2018), Analytical Mechanics of Space Systems, eq. 4.154.

@@ -12,11 +12,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numba import njit
-from numpy.typing import NDArray
 
 from swarm_mj.errors import ScenarioError
 from swarm_mj.scenarios import constants
+from swarm_mj.typing import Array, kernel
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,12 +52,12 @@ class Rotation:
         return math.radians(self.w_rate_deg_per_day) / constants.DAY
 
     @property
-    def spin_axis_N(self) -> NDArray[np.float64]:
+    def spin_axis_N(self) -> Array:
         """Unit vector of the pole (+z of A) in N, shape (3,)."""
         return self.C_PN[2].copy()
 
     @cached_property
-    def C_PN(self) -> NDArray[np.float64]:
+    def C_PN(self) -> Array:
         """From N to the frame P of the pole (z) and the ascending node of the body's equator (x), shape (3, 3)."""
         tilt = math.radians(90.0 - self.pole_dec_deg)
         node = math.radians(90.0 + self.pole_ra_deg)
@@ -72,21 +71,21 @@ class Rotation:
         turned = self.w_rate_deg_per_day * (jd - constants.JD_J2000)
         return math.radians((self.w0_deg + turned) % 360.0) + self.spin_rate * t_s
 
-    def C_AN(self, jd: float, t_s: float = 0.0) -> NDArray[np.float64]:
+    def C_AN(self, jd: float, t_s: float = 0.0) -> Array:
         """From components in N to components in A, shape (3, 3), `t_s` seconds after a Julian date (TDB)."""
         return spin_dcm(self.C_PN, self.phase(jd, t_s))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def spin_dcm(C_PN: NDArray[np.float64], phase: float) -> NDArray[np.float64]:
+@kernel
+def spin_dcm(C_PN: Array, phase: float) -> Array:
     """Turn the frame P about its z axis by the phase [rad]: C_AN, shape (3, 3). For compiled loops."""
     out = np.empty((3, 3))
     write_spin_dcm(C_PN, phase, out)
     return out
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def write_spin_dcm(C_PN: NDArray[np.float64], phase: float, out: NDArray[np.float64]) -> None:
+@kernel
+def write_spin_dcm(C_PN: Array, phase: float, out: Array) -> None:
     """The same into an array of the caller, shape (3, 3)."""
     c, s = np.cos(phase), np.sin(phase)
     for k in range(3):
@@ -95,17 +94,17 @@ def write_spin_dcm(C_PN: NDArray[np.float64], phase: float, out: NDArray[np.floa
         out[2, k] = C_PN[2, k]
 
 
-def sub_point(direction_N: NDArray[np.float64], C_AN: NDArray[np.float64]) -> tuple[float, float]:
+def sub_point(direction_N: Array, C_AN: Array) -> tuple[float, float]:
     """Planetocentric latitude [-90, 90] and east longitude [0, 360) of a direction from the centre [deg]."""
     x, y, z = C_AN @ direction_N
     return math.degrees(math.atan2(z, math.hypot(x, y))), math.degrees(math.atan2(y, x)) % 360.0
 
 
-def _rotation_1(angle: float) -> NDArray[np.float64]:
+def _rotation_1(angle: float) -> Array:
     c, s = math.cos(angle), math.sin(angle)
     return np.array([[1.0, 0.0, 0.0], [0.0, c, s], [0.0, -s, c]])
 
 
-def _rotation_3(angle: float) -> NDArray[np.float64]:
+def _rotation_3(angle: float) -> Array:
     c, s = math.cos(angle), math.sin(angle)
     return np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])

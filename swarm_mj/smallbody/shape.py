@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from swarm_mj.errors import ShapeError
+from swarm_mj.typing import Array, Ints32
 
 T = TypeVar("T", bound=np.generic)
 
@@ -25,8 +26,8 @@ class ShapeModel:
         name: what messages call this body.
     """
 
-    vertices: NDArray[np.float64]
-    faces: NDArray[np.int32]
+    vertices: Array
+    faces: Ints32
     name: str = "shape"
 
     def __post_init__(self) -> None:
@@ -35,28 +36,28 @@ class ShapeModel:
         object.__setattr__(self, "faces", _frozen(as_rows(self.faces, np.int32, f"{self.name}: faces")))
 
     @cached_property
-    def _area_vectors(self) -> NDArray[np.float64]:
+    def _area_vectors(self) -> Array:
         """Outward normal of each face times its area [m^2], shape (F, 3)."""
         a, b, c = (self.vertices[self.faces[:, k]] for k in range(3))
         return 0.5 * np.cross(b - a, c - a)
 
     @cached_property
-    def face_areas(self) -> NDArray[np.float64]:
+    def face_areas(self) -> Array:
         """Area of each face [m^2], shape (F,)."""
         return _frozen(np.linalg.norm(self._area_vectors, axis=1))
 
     @cached_property
-    def face_normals(self) -> NDArray[np.float64]:
+    def face_normals(self) -> Array:
         """Outward unit normal of each face in A, shape (F, 3)."""
         return _frozen(self._area_vectors / self.face_areas[:, None])
 
     @cached_property
-    def face_centroids(self) -> NDArray[np.float64]:
+    def face_centroids(self) -> Array:
         """Centroid of each face in A [m], shape (F, 3)."""
         return _frozen(self.vertices[self.faces].mean(axis=1))
 
     @cached_property
-    def vertex_normals(self) -> NDArray[np.float64]:
+    def vertex_normals(self) -> Array:
         """Outward unit normal at each vertex in A: area-weighted mean of its faces, shape (V, 3)."""
         normals = np.zeros_like(self.vertices)
         for corner in range(3):
@@ -64,7 +65,7 @@ class ShapeModel:
         return _frozen(normals / np.linalg.norm(normals, axis=1, keepdims=True))
 
     @cached_property
-    def edges(self) -> NDArray[np.int32]:
+    def edges(self) -> Ints32:
         """Unique undirected edges as vertex index pairs (low, high), sorted, shape (E, 2)."""
         return _frozen(np.unique(np.sort(directed_edges(self.faces), axis=1), axis=0))
 
@@ -74,7 +75,7 @@ class ShapeModel:
         return float(self.face_areas.sum())
 
     @cached_property
-    def _cones(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    def _cones(self) -> tuple[Array, Array, Array]:
         """Apex near the body, signed volumes of the cones face-to-apex (F,) and their centroids (F, 3)."""
         apex = self.vertices.mean(axis=0)
         volumes = np.einsum("ij,ij->i", self._area_vectors, self.face_centroids - apex) / 3.0
@@ -86,7 +87,7 @@ class ShapeModel:
         return float(self._cones[1].sum())
 
     @cached_property
-    def centroid(self) -> NDArray[np.float64]:
+    def centroid(self) -> Array:
         """Centroid of the enclosed volume in A [m], shape (3,)."""
         apex, volumes, centroids = self._cones
         return _frozen(apex + volumes @ (centroids - apex) / volumes.sum())
@@ -97,7 +98,7 @@ class ShapeModel:
         return float(np.linalg.norm(self.vertices, axis=1).max())
 
 
-def directed_edges(faces: NDArray[np.int32]) -> NDArray[np.int32]:
+def directed_edges(faces: Ints32) -> Ints32:
     """Edges of each face in its own direction, shape (3 F, 2); rows 3 f, 3 f + 1, 3 f + 2 belong to face f."""
     return faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
 

@@ -7,12 +7,13 @@ these properties: an open or inside-out mesh gives plausible but wrong numbers, 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from swarm_mj.errors import ShapeError
 from swarm_mj.smallbody.shape import ShapeModel, as_rows, directed_edges
+from swarm_mj.typing import Array, Ints
 
 #: Smallest body [m] believed without being told: most asteroids given in kilometres, read as metres, stay below it.
 MIN_BODY_RADIUS_M = 50.0
@@ -115,7 +116,7 @@ def check_surface(vertices: ArrayLike, faces: ArrayLike, name: str = "shape") ->
     return shape
 
 
-def _check_vertices(vertices: NDArray[np.float64], name: str) -> None:
+def _check_vertices(vertices: Array, name: str) -> None:
     bad = np.flatnonzero(~np.isfinite(vertices).all(axis=1))
     if bad.size:
         raise ShapeError(
@@ -129,7 +130,7 @@ def _check_vertices(vertices: NDArray[np.float64], name: str) -> None:
         )
 
 
-def _check_indices(vertices: NDArray[np.float64], faces: NDArray[np.int64], name: str) -> None:
+def _check_indices(vertices: Array, faces: Ints, name: str) -> None:
     if len(faces) == 0:
         raise ShapeError(f"{name}: no faces; the file may be a point cloud, export it as a triangle mesh")
     bad = np.flatnonzero(((faces < 0) | (faces >= len(vertices))).any(axis=1))
@@ -157,7 +158,7 @@ def _check_areas(shape: ShapeModel) -> None:
         )
 
 
-def _check_edges(shape: ShapeModel) -> NDArray[np.int64]:
+def _check_edges(shape: ShapeModel) -> Ints:
     """Pair the directed edges: returns rows (i, j) of `directed_edges` that lie on the same edge, shape (E, 2)."""
     directed = directed_edges(shape.faces).astype(np.int64)
     keys = directed.min(axis=1) * len(shape.vertices) + directed.max(axis=1)
@@ -179,7 +180,7 @@ def _check_edges(shape: ShapeModel) -> NDArray[np.int64]:
     return order.reshape(-1, 2)
 
 
-def _check_orientation(shape: ShapeModel, partners: NDArray[np.int64]) -> None:
+def _check_orientation(shape: ShapeModel, partners: Ints) -> None:
     directed = directed_edges(shape.faces)
     same_way = directed[partners[:, 0], 0] == directed[partners[:, 1], 0]
     if same_way.any():
@@ -196,7 +197,7 @@ def _check_orientation(shape: ShapeModel, partners: NDArray[np.int64]) -> None:
         )
 
 
-def _check_one_piece(shape: ShapeModel, partners: NDArray[np.int64]) -> None:
+def _check_one_piece(shape: ShapeModel, partners: Ints) -> None:
     i, j = (partners // 3).T
     links = coo_array((np.ones(len(i), dtype=np.int8), (i, j)), shape=(len(shape.faces),) * 2)
     pieces, labels = connected_components(links, directed=False)
@@ -231,5 +232,5 @@ def _check_size(shape: ShapeModel, expect_radius_m: tuple[float, float]) -> None
     )
 
 
-def _point(position: NDArray[np.float64]) -> str:
+def _point(position: Array) -> str:
     return "(" + ", ".join(f"{x:.6g}" for x in position) + ")"

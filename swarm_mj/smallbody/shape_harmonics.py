@@ -13,7 +13,6 @@ import os
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swarm_mj.errors import ShapeError
 from swarm_mj.io.resources import asset_path
@@ -21,6 +20,7 @@ from swarm_mj.smallbody.geodesic import geodesic_icosahedron
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.smallbody.shape_check import check_shape
 from swarm_mj.smallbody.shape_io import load_shape
+from swarm_mj.typing import Array
 
 NAME = "433 Eros"
 #: Semi-axes of the ellipsoid that the dimensionless radius scales [m].
@@ -59,7 +59,7 @@ def load_eros() -> ShapeModel:
     return load_shape(str(asset_path("eros.obj")), name=NAME)
 
 
-def read_harmonics(path: str | os.PathLike[str] | None = None) -> NDArray[np.float64]:
+def read_harmonics(path: str | os.PathLike[str] | None = None) -> Array:
     """Read rows l, m, a_lm, b_lm.
 
     Args:
@@ -89,7 +89,7 @@ def read_harmonics(path: str | os.PathLike[str] | None = None) -> NDArray[np.flo
     return rows
 
 
-def radius_factor(directions: NDArray[np.float64], harmonics: NDArray[np.float64]) -> NDArray[np.float64]:
+def radius_factor(directions: Array, harmonics: Array) -> Array:
     """Evaluate rho = sum_l P_l0 a_l0 + sqrt(2) sum_{l, m > 0} P_lm (a_lm cos m lambda + b_lm sin m lambda).
 
     Args:
@@ -110,9 +110,7 @@ def radius_factor(directions: NDArray[np.float64], harmonics: NDArray[np.float64
     return rho
 
 
-def _sum_harmonics(
-    directions: NDArray[np.float64], cosines: NDArray[np.float64], sines: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _sum_harmonics(directions: Array, cosines: Array, sines: Array) -> Array:
     """The sum with coefficients a[l, m], b[l, m], by the recurrence in l of Legendre functions orthonormal on the sphere."""
     z, sine = directions[:, 2], np.hypot(directions[:, 0], directions[:, 1])
     longitude = np.arctan2(directions[:, 1], directions[:, 0])

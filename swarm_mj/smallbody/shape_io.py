@@ -12,18 +12,16 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
 from swarm_mj.errors import OutputError, ShapeError
 from swarm_mj.smallbody.mesh_ply import read_ply
 from swarm_mj.smallbody.mesh_stl import read_stl
 from swarm_mj.smallbody.mesh_text import read_obj, read_tab
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.smallbody.shape_check import BODY_RADIUS_RANGE_M, check_shape
+from swarm_mj.typing import Array, Ints
 
 Unit = Literal["m", "km"]
-Mesh = tuple[NDArray[np.float64], NDArray[np.int64]]
+Mesh = tuple[Array, Ints]
 
 #: Metres per unit of length.
 METRES = {"m": 1.0, "km": 1000.0}

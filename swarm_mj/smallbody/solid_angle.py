@@ -1,12 +1,12 @@
 """Solid angles of triangles and closed meshes seen from points, compiled (Van Oosterom and Strackee 1983). Frame A, metres."""
 
 import numpy as np
-from numba import njit
-from numpy.typing import NDArray
+
+from swarm_mj.typing import Array, Ints32, Mask, kernel
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def cast_rays(point: NDArray[np.float64], vertices: NDArray[np.float64], rays: NDArray[np.float64]) -> None:
+@kernel
+def cast_rays(point: Array, vertices: Array, rays: Array) -> None:
     """Vectors from the point to the vertices and their lengths, shape (V, 4)."""
     for v in range(vertices.shape[0]):
         x, y, z = vertices[v, 0] - point[0], vertices[v, 1] - point[1], vertices[v, 2] - point[2]
@@ -14,8 +14,8 @@ def cast_rays(point: NDArray[np.float64], vertices: NDArray[np.float64], rays: N
         rays[v, 3] = np.sqrt(x * x + y * y + z * z)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def solid_angle(p: NDArray[np.float64], q: NDArray[np.float64], s: NDArray[np.float64]) -> float:
+@kernel
+def solid_angle(p: Array, q: Array, s: Array) -> float:
     """Signed solid angle of the triangle at the ends of three rays (Van Oosterom and Strackee 1983)."""
     cx, cy, cz = q[1] * s[2] - q[2] * s[1], q[2] * s[0] - q[0] * s[2], q[0] * s[1] - q[1] * s[0]
     triple = p[0] * cx + p[1] * cy + p[2] * cz
@@ -25,10 +25,8 @@ def solid_angle(p: NDArray[np.float64], q: NDArray[np.float64], s: NDArray[np.fl
     return 2.0 * np.arctan2(triple, p[3] * q[3] * s[3] + p[3] * qs + q[3] * sp + s[3] * pq)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def solid_angles(
-    r_A: NDArray[np.float64], vertices: NDArray[np.float64], faces: NDArray[np.int32]
-) -> NDArray[np.float64]:
+@kernel
+def solid_angles(r_A: Array, vertices: Array, faces: Ints32) -> Array:
     """Solid angle of the whole surface seen from each point: 0 outside, 4 pi inside."""
     out = np.zeros(r_A.shape[0])
     rays = np.empty((vertices.shape[0], 4))
@@ -39,9 +37,7 @@ def solid_angles(
     return out
 
 
-def points_inside(
-    points_A: NDArray[np.float64], vertices: NDArray[np.float64], faces: NDArray[np.int32]
-) -> NDArray[np.bool_]:
+def points_inside(points_A: Array, vertices: Array, faces: Ints32) -> Mask:
     """Whether points (n, 3) [m] lie inside a closed mesh, shape (n,); the surface itself counts as inside."""
     inside = np.einsum("ij,ij->i", points_A, points_A) <= np.einsum("ij,ij->i", vertices, vertices).max()
     # Only what is nearer than the farthest vertex needs the sum over all faces.

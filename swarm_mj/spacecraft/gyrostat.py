@@ -8,17 +8,13 @@ the equations of Schaub and Junkins, Analytical Mechanics of Space Systems, sect
 
 from __future__ import annotations
 
-import numpy as np
-from numba import njit
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
+from swarm_mj.typing import Array, kernel
 
 #: qpos and qvel of one spacecraft without wheel joints: a free joint.
 NQ_FREE, NV_FREE = 7, 6
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def with_wheels(
     qpos: Array, qvel: Array, momentum: Array, spin_inertia: float, axes: Array, qpos_wheels: Array, qvel_wheels: Array
 ) -> None:

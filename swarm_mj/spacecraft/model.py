@@ -11,13 +11,13 @@ from typing import Literal
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from swarm_mj.errors import MissionError
 from swarm_mj.io.resources import asset_path
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.spacecraft.gyrostat import NQ_FREE, NV_FREE, axial_momentum, with_wheels
 from swarm_mj.spacecraft.properties import WHEEL_STATIONS_M, SpacecraftProperties
+from swarm_mj.typing import Array, Ints
 
 WHEELS = ("wheel_x", "wheel_y", "wheel_z")
 #: qpos and qvel of one spacecraft: free joint (7, 6) and three wheels; the loop's kernels rely on this contiguous layout.
@@ -28,7 +28,6 @@ NQ, NV = 10, 9
 #: The log file that MuJoCo writes into the current folder unless told otherwise.
 DEFAULT_LOG = "MUJOCO_LOG.TXT"
 
-Array = NDArray[np.float64]
 WheelModel = Literal["bodies", "gyrostat"]
 
 
@@ -47,7 +46,7 @@ class SwarmModel:
 
     mjmodel: mujoco.MjModel
     names: tuple[str, ...]
-    hub_body: NDArray[np.int64]
+    hub_body: Ints
     asteroid_mocap: int
     properties: SpacecraftProperties
     wheels: WheelModel = "bodies"
@@ -142,7 +141,7 @@ def _keep_warnings_off_disk() -> None:
         log.set()
 
 
-def _scene(shape: ShapeModel, timestep: float, sun_N: NDArray[np.float64]) -> mujoco.MjSpec:
+def _scene(shape: ShapeModel, timestep: float, sun_N: Array) -> mujoco.MjSpec:
     spec = mujoco.MjSpec.from_file(str(asset_path("mjcf/scene.xml")))
     spec.option.timestep = timestep
     spec.stat.extent = max(1.0, 1.13 * shape.max_radius)

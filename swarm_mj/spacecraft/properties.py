@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
+
+from swarm_mj.typing import Array
 
 #: The three wheels stand on the z axis, one third below, at and above the centre of mass, so that theirs is there too.
 WHEEL_STATIONS_M = (-0.05, 0.0, 0.05)
@@ -19,8 +20,6 @@ WHEEL_AXES = {
 }
 
 RPM = 2.0 * np.pi / 60.0
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swarm_mj.errors import MissionError
 from swarm_mj.flight.plan import Plan, as_planned, behavior_from, make_plan
@@ -20,8 +19,7 @@ from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.simulator.records import sample_times
 from swarm_mj.spacecraft.attitude.guidance import track_line_of_sight
 from swarm_mj.spacecraft.attitude.mrp import dcm, mrp_from_quaternion
-
-Array = NDArray[np.float64]
+from swarm_mj.typing import Array, Mask
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,7 +37,7 @@ class CandidateFlights:
 
     plan: Plan
     times: Array
-    observing: NDArray[np.bool_]
+    observing: Mask
     r_A: Array
     C_CA: Array
     delta_v: Array
@@ -91,7 +89,7 @@ def _picture_times(scenario: Scenario) -> Array:
     return np.sort(np.append(times[np.abs(times - visit) > 1e-6], visit))
 
 
-def _commanded(plan: Plan, times: Array, r_N: Array, v_N: Array) -> tuple[NDArray[np.bool_], Array, Array]:
+def _commanded(plan: Plan, times: Array, r_N: Array, v_N: Array) -> tuple[Mask, Array, Array]:
     """Whether each spacecraft observes, its commanded attitude C_BN, and the body's C_AN, at every time."""
     n = plan.n
     q_RN = np.tile([1.0, 0.0, 0.0, 0.0], (n, 1))

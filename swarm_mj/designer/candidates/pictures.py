@@ -14,16 +14,15 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swarm_mj.designer.candidates.flights import CandidateFlights
 from swarm_mj.io.cache import cache_folder, hash_of, load_array, store_array
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.camera import CameraModel
 from swarm_mj.observation.observer import Observer, ObserverKind, make_observer
+from swarm_mj.typing import Array, Array32, Indices, Mask
 
-Array = NDArray[np.float64]
-Shares = NDArray[np.float32]
+Shares = Array32
 Progress = Callable[[float], None]
 
 #: With fewer pictures than these, starting processes takes longer than judging them here.
@@ -57,7 +56,7 @@ def visible_shares(
     region: TargetRegion,
     imaging_model: ImagingModel,
     *,
-    at: NDArray[np.bool_] | None = None,
+    at: Mask | None = None,
     workers: int | None = None,
     progress: Progress | None = None,
 ) -> list[Shares]:
@@ -94,7 +93,7 @@ def visible_shares(
     return [share for share in shares if share is not None]
 
 
-def picture_numbers(flights: CandidateFlights, candidate: int, at: NDArray[np.bool_] | None = None) -> NDArray[np.intp]:
+def picture_numbers(flights: CandidateFlights, candidate: int, at: Mask | None = None) -> Indices:
     """The times, by number, at which a candidate takes a picture."""
     observing = flights.observing[:, candidate]
     return np.flatnonzero(observing if at is None else observing & at)

@@ -7,7 +7,6 @@ from itertools import product
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swarm_mj.designer.candidates.flights import CandidateFlights, fly_candidates
 from swarm_mj.designer.candidates.pictures import ImagingModel, Progress, picture_numbers, visible_shares
@@ -20,9 +19,7 @@ from swarm_mj.observation.illumination import lit
 from swarm_mj.observation.raytracing import RayTracer
 from swarm_mj.scenarios.loading import scenario_from
 from swarm_mj.scenarios.schema import Scenario
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
+from swarm_mj.typing import Array, Mask
 
 
 class Candidate(NamedTuple):
@@ -55,7 +52,7 @@ class Visibility:
     """
 
     candidates: list[Candidate]
-    sees: Bools
+    sees: Mask
     area: Array
     delta_v: Array
     point_A: Array
@@ -155,7 +152,7 @@ def seen_cells(
     *,
     workers: int | None = None,
     progress: Progress | None = None,
-) -> Bools:
+) -> Mask:
     """Whether each candidate sees each cell of a region by the scenario's criterion, shape (n, cells)."""
     at = None
     if scenario.observation.criterion == "visit":
@@ -176,7 +173,7 @@ def seen_cells(
 
 def _light(
     flights: CandidateFlights, region: TargetRegion, criterion: ObservationCriterion, imaging_model: ImagingModel
-) -> Bools:
+) -> Mask:
     """Whether each cell is lit at each picture time, shape (t, cells)."""
     light = np.ones((len(flights.times), region.n_cells), dtype=np.bool_)
     if not criterion.needs_sun:

@@ -11,7 +11,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
-from numpy.typing import NDArray
 
 from swarm_mj.flight.observe import ObservationResult, visit_sample
 from swarm_mj.flight.plan import Plan
@@ -46,8 +45,7 @@ from swarm_mj.results.figures.view import (
     unit,
     visible_share,
 )
-
-Array = NDArray[np.float64]
+from swarm_mj.typing import Array, Indices
 
 #: Corners of a path; a flyby bends little.
 PATH_POINTS = 120
@@ -123,7 +121,7 @@ def _draw_across(ax: Axes, plan: Plan, telemetry: xr.Dataset, scene: Scene) -> N
     ax.set_title("frame A, looking along the normal of the flight plane", fontsize=TICK_PT, loc="left")
 
 
-def _samples(times: Array, run: Run) -> NDArray[np.intp]:
+def _samples(times: Array, run: Run) -> Indices:
     first, last = np.searchsorted(times, (run.start, run.end))
     return np.unique(np.linspace(first, last, PATH_POINTS).astype(int))
 

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from swarm_mj.results.figures.style import GREY, LABEL_PT, LIGHT_GREY, SMALL_PT
 from swarm_mj.results.figures.view import KM, View
-
-Array = NDArray[np.float64]
+from swarm_mj.typing import Array
 
 #: Ticks along the longest edge, about.
 TICKS = 6

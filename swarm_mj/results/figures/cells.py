@@ -5,12 +5,10 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
-from numpy.typing import NDArray
 
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.results.figures.view import shade, unit
-
-Array = NDArray[np.float64]
+from swarm_mj.typing import Array
 
 #: More than on the whole body: here the colour tells what was seen.
 AMBIENT = 0.6

@@ -7,7 +7,6 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from numpy.typing import NDArray
 
 from swarm_mj.flight.observe import ObservationResult
 from swarm_mj.flight.plan import Plan
@@ -30,6 +29,7 @@ from swarm_mj.results.figures.style import (
     tidy,
     time_axis,
 )
+from swarm_mj.typing import Array, Indices
 
 CRITERION = {"passage": "whole passage", "visit": "instant of the visit only"}
 
@@ -52,14 +52,14 @@ def compose_coverage(plan: Plan, telemetry: xr.Dataset, result: ObservationResul
     return figure
 
 
-def percent_over_time(coverage: CoverageMap, j: int, times: NDArray[np.float64]) -> NDArray[np.float64]:
+def percent_over_time(coverage: CoverageMap, j: int, times: Array) -> Array:
     """Share of the target that spacecraft j has observed [%], shape of `times`."""
     own = CoverageMap(coverage.area, 1)
     own.first_seen_by_s[0] = coverage.first_seen_by_s[j]
     return own.percent_over_time(times)
 
 
-def _draw_history(ax: Axes, plan: Plan, telemetry: xr.Dataset, coverage: CoverageMap, shown: NDArray[np.intp]) -> None:
+def _draw_history(ax: Axes, plan: Plan, telemetry: xr.Dataset, coverage: CoverageMap, shown: Indices) -> None:
     times = telemetry["time"].values[every(telemetry.sizes["time"])]
     axis = time_axis(plan.scenario.duration_s)
     ax.step(times / axis.seconds, coverage.percent_over_time(times), where="post", color=BLACK, linewidth=3.4)
@@ -80,7 +80,7 @@ def _draw_history(ax: Axes, plan: Plan, telemetry: xr.Dataset, coverage: Coverag
     )
 
 
-def _draw_bars(ax: Axes, plan: Plan, coverage: CoverageMap, shown: NDArray[np.intp]) -> None:
+def _draw_bars(ax: Axes, plan: Plan, coverage: CoverageMap, shown: Indices) -> None:
     percent = coverage.percent_by_spacecraft[shown]
     rows = np.arange(len(shown))
     ax.barh(rows, percent, color=spacecraft_colours(len(shown)), height=0.7)

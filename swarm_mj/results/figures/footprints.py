@@ -9,7 +9,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from numpy.typing import NDArray
 
 from swarm_mj.flight.fly import asteroid_attitudes
 from swarm_mj.flight.observe import ObservationResult, camera_from, visit_sample
@@ -47,8 +46,7 @@ from swarm_mj.results.figures.view import face_colours, unit
 from swarm_mj.simulator.telemetry import OBSERVING
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.spacecraft.attitude.mrp import dcm
-
-Array = NDArray[np.float64]
+from swarm_mj.typing import Array
 
 #: Places along a parallel: of the painted ground, of the outlines, and when looking for what the map must hold.
 PAINTED_COLUMNS, OUTLINE_COLUMNS, SEARCH_COLUMNS = 540, 240, 120

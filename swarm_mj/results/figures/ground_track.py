@@ -9,7 +9,6 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from numpy.typing import NDArray
 
 from swarm_mj.flight.observe import ObservationResult, visit_sample
 from swarm_mj.flight.plan import Plan
@@ -41,8 +40,7 @@ from swarm_mj.results.figures.style import (
     time_axis,
 )
 from swarm_mj.results.figures.view import face_colours, unit
-
-Array = NDArray[np.float64]
+from swarm_mj.typing import Array, Indices
 
 COLUMNS = 720
 #: Corners of a track; a flyby bends little.
@@ -87,7 +85,7 @@ def mark_interval(duration_s: float) -> float:
     return float(next((step for step in steps if step * TIME_MARKS >= duration_s), steps[-1]))
 
 
-def _draw_tracks(ax: Axes, r_A: Array, marks: NDArray[np.intp], visit: int, window: Window) -> None:
+def _draw_tracks(ax: Axes, r_A: Array, marks: Indices, visit: int, window: Window) -> None:
     n = r_A.shape[1]
     many, centre = n > len(SPACECRAFT), window.centre_longitude
     track = np.unique(np.linspace(0, len(r_A) - 1, TRACK_POINTS).astype(int))

@@ -10,15 +10,13 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from numpy.typing import NDArray
 
 from swarm_mj.flight.observe import ObservationResult
 from swarm_mj.flight.plan import Plan
 from swarm_mj.results.figures.panels import Panels, compose_panels, every
 from swarm_mj.results.figures.style import BLACK, BLUE, COMPONENTS, ORANGE, SKY_BLUE, VERMILLION, time_axis
 from swarm_mj.spacecraft.properties import RPM, SpacecraftProperties
-
-Array = NDArray[np.float64]
+from swarm_mj.typing import Array
 
 #: Exponent of ten below which errors [deg] are rounding; zero has no place on a logarithmic axis.
 FLOOR = -8

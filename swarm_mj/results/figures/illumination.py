@@ -43,8 +43,7 @@ from swarm_mj.results.figures.style import (
     tidy,
     time_axis,
 )
-
-Array = NDArray[np.float64]
+from swarm_mj.typing import Array, Indices
 
 #: Instants in a history; the angles change slowly.
 MAX_INSTANTS = 240
@@ -121,7 +120,7 @@ def _sun_A(plan: Plan, t: float) -> Array:
     return plan.environment.C_AN(t) @ plan.environment.sun.at(t)
 
 
-def _draw_histories(row: NDArray[np.object_], plan: Plan, telemetry: xr.Dataset, shown: NDArray[np.intp]) -> None:
+def _draw_histories(row: NDArray[np.object_], plan: Plan, telemetry: xr.Dataset, shown: Indices) -> None:
     scene, region, axis = scene_from(plan, telemetry), plan.region, time_axis(plan.scenario.duration_s)
     some = np.unique(np.linspace(0, len(scene.times) - 1, MAX_INSTANTS).astype(int))
     cells = slice(None, None, 1 + region.n_cells // MAX_CELLS)

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from numpy.typing import NDArray
 
 from swarm_mj.flight.observe import ObservationResult
 from swarm_mj.flight.plan import Plan
@@ -29,6 +27,7 @@ from swarm_mj.results.figures.style import (
     tidy,
     time_axis,
 )
+from swarm_mj.typing import Indices
 
 #: Share of the flight's length that half a mode's name takes at most.
 NAME_SHARE = 0.03
@@ -86,7 +85,7 @@ def _beside(run: Run, mark_s: float, whole: float) -> Run:
     return before if mark_s - run.start > run.end - mark_s else after
 
 
-def _draw_totals(ax: Axes, telemetry: xr.Dataset, shown: NDArray[np.intp], axis: TimeAxis) -> None:
+def _draw_totals(ax: Axes, telemetry: xr.Dataset, shown: Indices, axis: TimeAxis) -> None:
     """How long each link was closed, at the right of its row."""
     times = telemetry["time"].values
     right = ax.secondary_yaxis("right")

@@ -12,15 +12,13 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import FuncFormatter, MaxNLocator
-from numpy.typing import NDArray
 
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.raytracing import RayTracer
 from swarm_mj.results.figures.style import label, tidy
 from swarm_mj.results.figures.view import AMBIENT, shade
 from swarm_mj.smallbody.shape import ShapeModel
-
-Array = NDArray[np.float64]
+from swarm_mj.typing import Array, Indices
 
 #: Rays that one map may cost: Embree traces them at once, the compiled loop visits every face for each.
 MAX_RAYS = {"embree": 300_000, "numba": 12_000}
@@ -59,7 +57,7 @@ class Ground:
 
     longitudes: Array
     latitudes: Array
-    face: NDArray[np.intp]
+    face: Indices
     points_A: Array
 
 

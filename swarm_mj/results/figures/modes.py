@@ -29,6 +29,7 @@ from swarm_mj.results.figures.style import (
     VISIT_DASHES,
     TimeAxis,
 )
+from swarm_mj.typing import Array, Mask
 
 
 class ModeLook(NamedTuple):
@@ -98,7 +99,7 @@ def runs(telemetry: xr.Dataset, j: int) -> list[Run]:
     return [Run(float(times[k]), float(end), int(mode[k])) for k, end in zip(first, ends, strict=True)]
 
 
-def intervals(flag: NDArray[np.bool_], times: NDArray[np.float64]) -> list[tuple[float, float]]:
+def intervals(flag: Mask, times: Array) -> list[tuple[float, float]]:
     """Start and length [s] of the stretches in which a flag holds; each sample stands until the next."""
     edges = np.flatnonzero(np.diff(np.concatenate(([False], flag, [False])).astype(np.int8)))
     until = np.append(times, times[-1])

@@ -7,11 +7,9 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from numpy.typing import NDArray
 
 from swarm_mj.results.figures.style import HALO, TICK_PT
-
-Array = NDArray[np.float64]
+from swarm_mj.typing import Array
 
 #: Distances between a place and its number that are tried [pt], and directions.
 REACHES_PT, DIRECTIONS = (11.0, 14.0, 18.0, 23.0), 16

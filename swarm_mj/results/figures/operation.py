@@ -12,7 +12,6 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from numpy.typing import NDArray
 
 from swarm_mj.flight.observe import ObservationResult
 from swarm_mj.flight.plan import Plan
@@ -40,8 +39,7 @@ from swarm_mj.results.figures.style import (
     time_axis,
 )
 from swarm_mj.results.figures.view import View, draw_body, draw_line, draw_points, face_colours, straight, unit
-
-Array = NDArray[np.float64]
+from swarm_mj.typing import Array, Mask
 
 #: Corners of a trail; a flyby bends little.
 TRAIL_POINTS = 120
@@ -65,9 +63,7 @@ def compose_operation(plan: Plan, telemetry: xr.Dataset, result: ObservationResu
     return figure
 
 
-def _draw_instant(
-    ax: Axes, plan: Plan, telemetry: xr.Dataset, seen: NDArray[np.bool_], scene: Scene, view: View, k: int
-) -> None:
+def _draw_instant(ax: Axes, plan: Plan, telemetry: xr.Dataset, seen: Mask, scene: Scene, view: View, k: int) -> None:
     body, region = plan.region.mesh, plan.region
     trail = np.unique(np.linspace(0, k, TRAIL_POINTS).astype(int))
     inside = np.vstack((body.vertices, scene.r_A[trail].reshape(-1, 3)))
@@ -100,7 +96,7 @@ def _draw_instant(
     ax.set_title(f"t = {instant(scene.times[k], axis)}, $P_{{TO}}$ = {percent:.2f} %", fontsize=TICK_PT + 1, loc="left")
 
 
-def _draw_target(ax: Axes, plan: Plan, seen: NDArray[np.bool_]) -> None:
+def _draw_target(ax: Axes, plan: Plan, seen: Mask) -> None:
     """The target alone, so that what was observed of it can be made out."""
     region = plan.region
     draw_cells(ax, region, np.where(seen[:, None], to_rgb(SKY_BLUE), to_rgb(ORANGE)))

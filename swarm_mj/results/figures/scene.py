@@ -17,8 +17,7 @@ from swarm_mj.results.figures.modes import LOST, modes_shown
 from swarm_mj.results.figures.view import KM, View, first_hits, unit, views_of, visible_share
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.spacecraft.attitude.mrp import dcm
-
-Array = NDArray[np.float64]
+from swarm_mj.typing import Array, Mask
 
 #: Length of a +z axis that points at nothing near, as a share of the picture.
 FREE_AXIS = 0.4
@@ -39,7 +38,7 @@ class Scene:
     times: Array
     r_A: Array
     z_A: Array
-    relays: NDArray[np.bool_]
+    relays: Mask
     mode: NDArray[np.int8]
 
 

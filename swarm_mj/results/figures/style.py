@@ -16,9 +16,9 @@ from matplotlib import patheffects, rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
-from numpy.typing import NDArray
 
 from swarm_mj.flight.plan import Plan
+from swarm_mj.typing import Indices
 
 BLACK = "#000000"
 ORANGE = "#E69F00"
@@ -121,12 +121,12 @@ def label(ax: Axes, x: str | None = None, y: str | None = None) -> None:
         ax.set_ylabel(y, fontsize=LABEL_PT)
 
 
-def shown_spacecraft(n: int, limit: int = MAX_PANELS) -> NDArray[np.intp]:
+def shown_spacecraft(n: int, limit: int = MAX_PANELS) -> Indices:
     """Spacecraft that a picture has room for: all, or the first ones and the last, which may be the relay."""
     return np.arange(n) if n <= limit else np.append(np.arange(limit - 1), n - 1)
 
 
-def note_of_omission(n: int, shown: NDArray[np.intp]) -> str:
+def note_of_omission(n: int, shown: Indices) -> str:
     """Words for the title when not all spacecraft are shown."""
     return "" if len(shown) == n else f" ({len(shown)} of {n} spacecraft shown)"
 

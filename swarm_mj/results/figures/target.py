@@ -11,7 +11,6 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from numpy.typing import NDArray
 
 from swarm_mj.flight.observe import ObservationResult
 from swarm_mj.flight.plan import Plan
@@ -31,8 +30,7 @@ from swarm_mj.results.figures.style import (
     tidy,
 )
 from swarm_mj.results.figures.view import draw_body, draw_line, draw_points, face_colours, views_of, visible_share
-
-Array = NDArray[np.float64]
+from swarm_mj.typing import Array
 
 #: More points than these are not numbered: the numbers would cover each other.
 MAX_NUMBERED = 150

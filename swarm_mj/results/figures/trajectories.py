@@ -8,7 +8,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from numpy.typing import NDArray
 
 from swarm_mj.flight.observe import ObservationResult, visit_sample
 from swarm_mj.flight.plan import Plan
@@ -35,6 +34,7 @@ from swarm_mj.results.figures.style import (
     time_axis,
 )
 from swarm_mj.results.figures.view import draw_body, draw_line, draw_points, face_colours
+from swarm_mj.typing import Indices
 
 #: Misses below this are not told apart [mm].
 LEAST_MISS_MM = 1e-3
@@ -103,7 +103,7 @@ def _draw_flight(ax: Axes, plan: Plan, scene: Scene) -> None:
     ax.set_title(f"frame A; time of flight $t_f$ = {time}", fontsize=TICK_PT, loc="left")
 
 
-def _draw_velocities(ax: Axes, plan: Plan, shown: NDArray[np.intp]) -> None:
+def _draw_velocities(ax: Axes, plan: Plan, shown: Indices) -> None:
     """Deployment delta-v as bars."""
     rows, delta_v = np.arange(len(shown)), plan.deployment.delta_v[shown]
     ax.barh(rows, delta_v, color=[_colour(plan, int(j)) for j in shown], height=0.7)

@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.smallbody.occultation import segments_blocked
 from swarm_mj.smallbody.shape import ShapeModel
-
-Array = NDArray[np.float64]
+from swarm_mj.typing import Array, Mask
 
 KM = 1e3
 #: Colour of bare ground.
@@ -60,16 +59,16 @@ class View:
         """Place points (..., 3) [m] in the picture, shape (..., 2) [km]."""
         return points @ self.axes[:2].T / KM
 
-    def hidden(self, points: Array, body: ShapeModel) -> NDArray[np.bool_]:
+    def hidden(self, points: Array, body: ShapeModel) -> Mask:
         """Whether the body stands between points (n, 3) [m] and the viewer, shape (n,)."""
         return _meets(points, self.toward, body)
 
-    def before(self, points: Array, body: ShapeModel) -> NDArray[np.bool_]:
+    def before(self, points: Array, body: ShapeModel) -> Mask:
         """Whether points (n, 3) [m] cover part of the body in the picture, shape (n,)."""
         return _meets(points, -self.toward, body)
 
 
-def _meets(points: Array, direction: Array, body: ShapeModel) -> NDArray[np.bool_]:
+def _meets(points: Array, direction: Array, body: ShapeModel) -> Mask:
     """Whether rays from points (n, 3) [m] in one direction meet the body, shape (n,)."""
     reach = 2.0 * (body.max_radius + np.linalg.norm(points, axis=1).max())
     start = points + 1e-4 * body.max_radius * direction  # a point on the surface does not hide itself

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
-from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
 from swarm_mj.results.figures.modes import MODE_LOOKS
@@ -15,8 +14,7 @@ from swarm_mj.results.figures.style import BLUE, GREY, SPACECRAFT, VERMILLION, T
 from swarm_mj.results.report.reading import RunRecord
 from swarm_mj.results.report.replay import Replay
 from swarm_mj.spacecraft.properties import RPM
-
-Array = NDArray[np.float64]
+from swarm_mj.typing import Array, Mask
 
 #: Exponent of ten below which pointing errors [deg] are rounding; zero has no place on a logarithmic axis.
 FLOOR = -8
@@ -215,9 +213,7 @@ def _timeline(figure: go.Figure, run: RunRecord, replay: Replay, axis: TimeAxis)
     )
 
 
-def _bars(
-    figure: go.Figure, times: Array, flags: NDArray[np.bool_], offset: float, name: str, colour: str, width: int
-) -> None:
+def _bars(figure: go.Figure, times: Array, flags: Mask, offset: float, name: str, colour: str, width: int) -> None:
     """Thick lines where a flag (K, rows) holds; each sample stands until the next."""
     until, x, y = np.append(times, times[-1]), [], []
     for row in range(flags.shape[1]):

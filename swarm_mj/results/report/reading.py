@@ -18,8 +18,7 @@ from swarm_mj.results.figures.modes import LOST, MODE_LOOKS, modes_shown, runs
 from swarm_mj.scenarios.loading import parse_yaml, scenario_from
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.simulator.telemetry import read_telemetry
-
-Array = NDArray[np.float64]
+from swarm_mj.typing import Array
 
 #: Arrays of coverage.npz and variables of telemetry.nc that a report shows.
 COVERAGE = (

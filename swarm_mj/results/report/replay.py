@@ -22,8 +22,7 @@ from swarm_mj.results.report.simplify import simplify
 from swarm_mj.simulator.telemetry import OBSERVING
 from swarm_mj.spacecraft.attitude.mrp import dcm
 from swarm_mj.spacecraft.properties import RPM
-
-Array = NDArray[np.float64]
+from swarm_mj.typing import Array, Indices, Ints, Mask
 
 KM = 1e3
 #: Length of a line of sight that ends at nothing near, as a share of the scene.
@@ -70,9 +69,9 @@ class Replay:
         scene: Arrays of the 3-D picture by name.
     """
 
-    samples: NDArray[np.intp]
+    samples: Indices
     times: Array
-    shown: NDArray[np.intp]
+    shown: Indices
     pointing_deg: Array
     wheel_rpm: Array
     mode: NDArray[np.int8]
@@ -109,7 +108,7 @@ def make_replay(run: RunRecord, limits: Limits) -> Replay:
     )
 
 
-def choose_samples(run: RunRecord, count: int) -> NDArray[np.intp]:
+def choose_samples(run: RunRecord, count: int) -> Indices:
     """Numbers of at most about `count` samples, evenly spaced, with the visit and the last one among them."""
     total = len(run.times)
     visit = int(np.argmin(np.abs(run.times - run.scenario.design.time_of_flight_s)))
@@ -128,15 +127,13 @@ def _shares(area: Array, first_seen_by_s: Array, times: Array) -> Array:
     return np.column_stack([_coverage(area, row[None]).percent_over_time(times) for row in first_seen_by_s])
 
 
-def _peaks(values: Array, samples: NDArray[np.intp]) -> Array:
+def _peaks(values: Array, samples: Indices) -> Array:
     """Largest value since the chosen sample before, so that thinning hides no peak."""
     starts = np.append(0, samples[:-1] + 1)
     return np.asarray(np.maximum.reduceat(values, starts, axis=0))
 
 
-def _scene(
-    run: RunRecord, samples: NDArray[np.intp], shown: NDArray[np.intp], mode: NDArray[np.int8], limits: Limits
-) -> dict[str, Any]:
+def _scene(run: RunRecord, samples: Indices, shown: Indices, mode: NDArray[np.int8], limits: Limits) -> dict[str, Any]:
     """Meshes, positions, attitudes, line lengths and directions to Sun and Earth, all in A."""
     coverage, telemetry = run.coverage, run.telemetry.isel(time=samples)
     target = simplify(coverage["vertices"], coverage["faces"], limits.faces)
@@ -178,7 +175,7 @@ def _scene(
 class _Ground:
     """The drawn body, for finding where lines of sight end."""
 
-    def __init__(self, vertices: Array, faces: NDArray[np.int64]) -> None:
+    def __init__(self, vertices: Array, faces: Ints) -> None:
         self._tracer = RayTracer(vertices, faces.astype(np.int32))
         self._origin = vertices[faces[:, 0]]
         edges = vertices[faces[:, 1]] - self._origin, vertices[faces[:, 2]] - self._origin
@@ -195,7 +192,7 @@ class _Ground:
 def _lengths(
     ground: _Ground,
     r_A: Array,
-    shown: NDArray[np.intp],
+    shown: Indices,
     C_BA: Array,
     mode: NDArray[np.int8],
     tracked: NDArray[Any],
@@ -230,7 +227,7 @@ def border_rays(half_angle_deg: float, shape: str) -> Array:
     return rays / np.linalg.norm(rays, axis=1, keepdims=True)
 
 
-def _border_lengths(ground: _Ground, r_A: Array, C_BA: Array, rays: Array, taken: NDArray[np.bool_]) -> Array:
+def _border_lengths(ground: _Ground, r_A: Array, C_BA: Array, rays: Array, taken: Mask) -> Array:
     """Length of every ray of the borders of pictures that are taken, else or where it misses NaN, shape (K, n, rays) [m]."""
     length = np.full((*r_A.shape[:2], len(rays)), np.nan)
     directions = np.einsum("rb,mba->mra", rays, C_BA[taken]).reshape(-1, 3)

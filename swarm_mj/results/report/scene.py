@@ -7,15 +7,13 @@ from typing import Any
 import numpy as np
 import plotly.graph_objects as go
 from matplotlib.colors import to_rgb
-from numpy.typing import NDArray
 
 from swarm_mj.results.figures.style import GREY, ORANGE, SKY_BLUE, time_axis
 from swarm_mj.results.figures.view import AMBIENT, GROUND
 from swarm_mj.results.report.plots import INK
 from swarm_mj.results.report.reading import RunRecord
 from swarm_mj.results.report.replay import Replay
-
-Array = NDArray[np.float64]
+from swarm_mj.typing import Array, Indices, Ints
 
 #: More spacecraft than these are not named in the picture: the names would cover each other.
 MAX_NAMED = 12
@@ -84,12 +82,12 @@ def scene_figure(run: RunRecord, replay: Replay) -> go.Figure:
     return figure
 
 
-def path_points(count: int) -> NDArray[np.intp]:
+def path_points(count: int) -> Indices:
     """Instants at which a path has a corner."""
     return np.unique(np.linspace(0, count - 1, min(count, PATH_POINTS)).astype(np.intp))
 
 
-def cell_texts(run: RunRecord, kept: NDArray[np.int64]) -> list[str]:
+def cell_texts(run: RunRecord, kept: Ints) -> list[str]:
     """What a cell of the target says when it is pointed at."""
     coverage, axis = run.coverage, time_axis(float(run.times[-1]))
     by, area = coverage["first_seen_by_s"][:, kept], coverage["area"][kept]

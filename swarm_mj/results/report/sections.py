@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import BaseModel
 
 from swarm_mj.flight.plan import as_planned
@@ -17,6 +16,7 @@ from swarm_mj.results.report.reading import RunRecord
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.smallbody.shape_check import shown_size
 from swarm_mj.spacecraft.attitude.mrp import dcm
+from swarm_mj.typing import Array
 
 P_TO = Html("observed area P<sub>TO</sub>")
 SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -80,7 +80,7 @@ def proof_differences(run: RunRecord) -> list[str]:
     return design_differences(run.design, run.scenario, corners_A, _visited_A(run))
 
 
-def _visited_A(run: RunRecord) -> NDArray[np.float64] | None:
+def _visited_A(run: RunRecord) -> Array | None:
     """Where the observers were at the visit, in A [m], shape (n_obs, 3); None where faults or dispersions moved them."""
     if as_planned(run.scenario) != run.scenario:
         return None

@@ -8,10 +8,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from swarm_mj.typing import Array, Ints, Mask
 
 
 class Simplified(NamedTuple):
@@ -51,7 +49,7 @@ def simplify(vertices: Array, faces: Ints, limit: int, fixed: Array | None = Non
     return best
 
 
-def _on(vertices: Array, fixed: Array | None) -> NDArray[np.bool_]:
+def _on(vertices: Array, fixed: Array | None) -> Mask:
     """Which vertices lie at one of the fixed positions, to the millimetre."""
     if fixed is None:
         return np.zeros(len(vertices), bool)
@@ -59,7 +57,7 @@ def _on(vertices: Array, fixed: Array | None) -> NDArray[np.bool_]:
     return np.array([tuple(key) in keys for key in np.round(vertices, 2)], bool)
 
 
-def _cluster(vertices: Array, faces: Ints, held: NDArray[np.bool_], edge: float) -> Simplified:
+def _cluster(vertices: Array, faces: Ints, held: Mask, edge: float) -> Simplified:
     boxes = np.floor((vertices - vertices.min(axis=0)) / edge).astype(np.int64)
     labels = np.column_stack((boxes, np.where(held, np.arange(len(vertices)) + 1, 0)))
     _, cluster = np.unique(labels, axis=0, return_inverse=True)

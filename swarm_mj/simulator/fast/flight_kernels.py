@@ -9,8 +9,6 @@ from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
-from numpy.typing import NDArray
 
 from swarm_mj.simulator.fast.integrator import integrate, lay_out
 from swarm_mj.simulator.fast.kernels import Slot, actuate, guide, push, sense, turn_body
@@ -18,10 +16,7 @@ from swarm_mj.simulator.fast.mj_memory import MjBatch, MjView, mj_view
 from swarm_mj.smallbody.gravity.spherical_harmonics import write_series
 from swarm_mj.spacecraft.control.compiled import call_law
 from swarm_mj.spacecraft.model import NQ, NV
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Mask = NDArray[np.bool_]
+from swarm_mj.typing import Array, Ints, Mask, kernel
 
 _R_A, _RHO, _MOMENTUM, _OMEGA = int(Slot.R_A), int(Slot.RHO), int(Slot.MOMENTUM), int(Slot.OMEGA)
 _SIGMA_BR, _OMEGA_BR = int(Slot.SIGMA_BR), int(Slot.OMEGA_BR)
@@ -133,7 +128,7 @@ _MAX_TORQUE, _MAX_SPEED, _RADIUS = int(Number.MAX_TORQUE), int(Number.MAX_SPEED)
 _Q_P, _LAW = int(Number.Q_P), int(Number.LAW)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def fly(world: World, flights: Flights, swarms: MjBatch, hold: int, part: int, live: Mask, until: Ints) -> int:
     """Decide and integrate, one flight after the other, until each has reached a tick or something is wrong with it.
 
@@ -172,7 +167,7 @@ def fly(world: World, flights: Flights, swarms: MjBatch, hold: int, part: int, l
     return worst
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _decide(world: World, flights: Flights, e: int, motion: MjView) -> int:
     numbers, work, ctrl = world.numbers, flights.work[e], motion.ctrl
     period, spin_rate = numbers[_PERIOD], numbers[_SPIN_RATE]
@@ -214,7 +209,7 @@ def _decide(world: World, flights: Flights, e: int, motion: MjView) -> int:
     return FINE
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _guide(world: World, flights: Flights, e: int) -> bool:
     targets, earth, t = flights.targets[e], flights.C[e, 2], flights.tick[e] * world.numbers[_PERIOD]
     for k in range(3):
@@ -235,7 +230,7 @@ def _guide(world: World, flights: Flights, e: int) -> bool:
     )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _control(world: World, work: Array, torque_B: Array) -> None:
     call_law(
         world.law,
@@ -252,7 +247,7 @@ def _control(world: World, work: Array, torque_B: Array) -> None:
     )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def read(qpos: Array, qvel: Array, r: Array, v: Array, q: Array, omega: Array, wheel: Array) -> None:
     """Copy states, shape (E, n, 10) and (E, n, 9), to positions, velocities, attitudes, rates and wheel speeds."""
     for e in range(qpos.shape[0]):

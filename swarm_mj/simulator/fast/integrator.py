@@ -19,8 +19,7 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
-from numba import njit, types
-from numpy.typing import NDArray
+from numba import types
 
 from swarm_mj.errors import ScenarioError, SimulationError
 from swarm_mj.scenarios.schema import is_multiple
@@ -37,8 +36,7 @@ from swarm_mj.simulator.fast.mj_memory import (
 from swarm_mj.simulator.fast.native import load_mujoco
 from swarm_mj.spacecraft.gyrostat import NV_FREE, with_wheels
 from swarm_mj.spacecraft.model import SwarmModel
-
-Array = NDArray[np.float64]
+from swarm_mj.typing import Array, kernel
 
 _POINTER = types.intp
 _STAGE = types.void(_POINTER, _POINTER)
@@ -161,13 +159,13 @@ def _inertia_is_steady(model: mujoco.MjModel) -> bool:
     return all((np.abs(matrix - found[0]) <= _ROUNDING * scale).all() for matrix in found)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def step(swarms: MjBatch, e: int, nstep: int) -> None:
     """Integrate `nstep` timesteps of one swarm with controls and applied forces held; the data's time is left alone."""
     integrate(mj_view(swarms, e), nstep)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def integrate(motion: MjView, nstep: int) -> None:
     """The same for a `MjView`."""
     m = motion
@@ -185,7 +183,7 @@ def integrate(motion: MjView, nstep: int) -> None:
         _step(m, step == 0)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _step(m: MjView, first: bool) -> None:
     dt, motor, q0, h0 = m.timestep, m.momenta[0], m.start, m.momenta[1]
     # Velocity at the step's start, rate of displacement of the stage and in the mean, mean acceleration.
@@ -216,7 +214,7 @@ def _step(m: MjView, first: bool) -> None:
     _add(h0, dt, motor, m.act)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def accelerate(motion: MjView, weigh: bool) -> None:
     """Evaluate `qacc_smooth` of free bodies at the present state, with the forces and torques applied.
 
@@ -235,7 +233,7 @@ def accelerate(motion: MjView, weigh: bool) -> None:
     _accelerate(model, data)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def lay_out(motion: MjView, qpos: Array, qvel: Array) -> None:
     """Copy the state with three wheels per spacecraft, shape (10 n,) and (9 n,), whichever way wheels are modelled."""
     if motion.act.shape[0] > 0:
@@ -245,20 +243,20 @@ def lay_out(motion: MjView, qpos: Array, qvel: Array) -> None:
         _copy(motion.qvel, qvel)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _copy(source: Array, target: Array) -> None:
     # A loop compiles in a tenth of the time of a slice, whose shapes numba checks with a message of its own.
     for i in range(source.shape[0]):
         target[i] = source[i]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _add(start: Array, factor: float, slope: Array, total: Array) -> None:
     for i in range(start.shape[0]):
         total[i] = start[i] + factor * slope[i]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _rate_of_displacement(c: float, width: int, qvel: Array, rate: Array) -> None:
     # `rate` holds that of the previous stage, by which this stage stands displaced for the time c. The rate of a rotation
     # vector p is omega + p x omega / 2 + p x (p x omega) / 12, up to terms beyond fourth order.
@@ -273,7 +271,7 @@ def _rate_of_displacement(c: float, width: int, qvel: Array, rate: Array) -> Non
         rate[v + 5] = z + 0.5 * az + (px * ay - py * ax) / 12.0
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def gyrostat_torque(qvel: Array, momentum: Array, motor: Array, axes: Array, torque: Array) -> None:
     """What the wheels exert on their bodies: the motors' reaction and -omega x h.
 

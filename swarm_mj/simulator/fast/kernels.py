@@ -10,7 +10,6 @@ from enum import IntEnum
 from math import cos, sin
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from swarm_mj.smallbody.perturbations import gravity_gradient_torque
@@ -18,9 +17,7 @@ from swarm_mj.smallbody.rotation import write_spin_dcm
 from swarm_mj.spacecraft.attitude.algebra import put_vector, quaternion, rotate, vector
 from swarm_mj.spacecraft.attitude.guidance import attitude_error, track_line_of_sight
 from swarm_mj.spacecraft.model import NQ, NV
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from swarm_mj.typing import Array, Ints, Mask, kernel
 
 
 class Slot(IntEnum):
@@ -53,7 +50,7 @@ _SIGMA_BR, _OMEGA_BR = int(Slot.SIGMA_BR), int(Slot.OMEGA_BR)
 _OMEGA_R_B, _DOMEGA_R_B = int(Slot.OMEGA_R_B), int(Slot.DOMEGA_R_B)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def sense(
     qpos: Array,
     qvel: Array,
@@ -113,7 +110,7 @@ def sense(
     return np.isfinite(total)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def push(a_A: Array, C_mid: Array, mass: float, hub: Ints, xfrc: Array, work: Array) -> None:
     """Turn accelerations from A to N and hold them as forces at the centres of mass.
 
@@ -132,7 +129,7 @@ def push(a_A: Array, C_mid: Array, mass: float, hub: Ints, xfrc: Array, work: Ar
             xfrc[hub[j], k] = mass * a
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def guide(
     kind: Ints,
     index: Ints,
@@ -143,7 +140,7 @@ def guide(
     C_AN: Array,
     q_BN: Array,
     aim: Ints,
-    restart: NDArray[np.bool_],
+    restart: Mask,
     q_RN: Array,
     work: Array,
 ) -> bool:
@@ -209,7 +206,7 @@ def guide(
     return True
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _add_surface_point(point_A: Array, C_AN: Array, w: Array, work: Array, j: int) -> None:
     x = C_AN[0, 0] * point_A[0] + C_AN[1, 0] * point_A[1] + C_AN[2, 0] * point_A[2]
     y = C_AN[0, 1] * point_A[0] + C_AN[1, 1] * point_A[1] + C_AN[2, 1] * point_A[2]
@@ -226,7 +223,7 @@ def _add_surface_point(point_A: Array, C_AN: Array, w: Array, work: Array, j: in
     work[_RHO_DDOT, j, 2] += w[0] * vy - w[1] * vx
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def actuate(
     torque_B: Array,
     allocation: Array,
@@ -270,7 +267,7 @@ def actuate(
             peaks[j, 2] += 1.0
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def push_gradient(q_BN: Array, gm: float, inertia: Array, C_mid: Array, hub: Ints, xfrc: Array, work: Array) -> None:
     """Hold the gravity-gradient torque of the central field.
 
@@ -293,7 +290,7 @@ def push_gradient(q_BN: Array, gm: float, inertia: Array, C_mid: Array, hub: Int
         put_vector(xfrc[:, 3:], hub[j], rotate(quaternion(q_BN, j), vector(torque_B, j)))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def turn_body(q_P: Array, phase: float, mocap_quat: Array) -> None:
     """Write the attitude of A, the pole frame turned by `phase` [rad] about z, as MuJoCo's quaternion."""
     c, s = cos(0.5 * phase), sin(0.5 * phase)
@@ -303,7 +300,7 @@ def turn_body(q_P: Array, phase: float, mocap_quat: Array) -> None:
     mocap_quat[3] = q_P[3] * c + q_P[0] * s
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def record(
     row: int,
     kind: Ints,

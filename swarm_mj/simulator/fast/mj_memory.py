@@ -10,15 +10,11 @@ from enum import IntEnum
 from typing import Any, NamedTuple
 
 import mujoco
-import numpy as np
-from numba import carray, njit, types
+from numba import carray, types
 from numba.extending import intrinsic
-from numpy.typing import NDArray
 
 from swarm_mj.spacecraft.model import SwarmModel
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from swarm_mj.typing import Array, Ints, kernel
 
 #: How a model is stepped: by `mj_step`; stage by stage; stage by stage with one inertia matrix for the whole hold.
 MJ_STEP, STAGED, STAGED_CONSTANT_INERTIA = 0, 1, 2
@@ -137,7 +133,7 @@ def _pointer(typing_context: Any, address: Any) -> tuple[Any, Any]:
     return types.CPointer(types.float64)(types.int64), generate
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def mj_view(swarms: MjBatch, e: int) -> MjView:
     """One swarm as arrays, which cost nothing in compiled code."""
     at = swarms.places[e]

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swarm_mj.errors import PluginError
 from swarm_mj.plugins import failure_of, name_of, shown
@@ -17,11 +16,11 @@ from swarm_mj.smallbody.gravity.spherical_harmonics import SphericalHarmonics
 from swarm_mj.spacecraft.control.base import ControlInput, Controller
 from swarm_mj.spacecraft.control.compiled import CompiledController, CompiledLaw, address_of, numbers_of
 from swarm_mj.spacecraft.properties import SpacecraftProperties
+from swarm_mj.typing import Array
 
 if TYPE_CHECKING:
     from swarm_mj.simulator.simulation import Simulation
 
-Array = NDArray[np.float64]
 
 #: Spacecraft for which a compiled law is compared with what it stands for.
 MOST_COMPARED = 8

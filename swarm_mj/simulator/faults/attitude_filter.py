@@ -16,8 +16,6 @@ from math import atan2, cos, sin, sqrt
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
-from numpy.typing import NDArray
 
 from swarm_mj.spacecraft.attitude.algebra import (
     Quaternion,
@@ -32,9 +30,7 @@ from swarm_mj.spacecraft.attitude.algebra import (
     scaled,
     vector,
 )
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
+from swarm_mj.typing import Array, Mask, kernel
 
 #: Angular acceleration that the filter allows for where it has no gyro [rad/s^2]: a slewing CubeSat with 4 mN m wheels.
 _UNMEASURED_ACCELERATION = 0.03
@@ -58,8 +54,8 @@ class Sensors(NamedTuple):
     star_tracker_noise: Array
     gyro_offset: Array
     star_tracker_offset: Array
-    gyro_works: Flags
-    star_tracker_works: Flags
+    gyro_works: Mask
+    star_tracker_works: Mask
 
 
 class Assumed(NamedTuple):
@@ -100,8 +96,8 @@ class FilterState(NamedTuple):
     true_bias: Array
     q_before: Array
     q_tracked: Array
-    tracked: Flags
-    started: Flags
+    tracked: Mask
+    started: Mask
 
 
 def first_state(true_bias: Array) -> FilterState:
@@ -119,7 +115,7 @@ def first_state(true_bias: Array) -> FilterState:
     )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def estimate(
     q_BN: Array, omega_BN_B: Array, period: float, noise: Array, sensors: Sensors, assumed: Assumed, state: FilterState
 ) -> None:
@@ -153,7 +149,7 @@ def estimate(
         put_quaternion(state.q_before, j, q)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _start(j: int, seen: Quaternion, omega: Vector, assumed: Assumed, state: FilterState) -> None:
     put_quaternion(state.q_BN, j, seen)
     put_vector(state.omega_BN_B, j, omega)
@@ -163,7 +159,7 @@ def _start(j: int, seen: Quaternion, omega: Vector, assumed: Assumed, state: Fil
     state.started[j] = True
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _propagate(
     j: int,
     q: Quaternion,
@@ -197,7 +193,7 @@ def _propagate(
     _grow(state.covariance[j], phi, period, assumed, extra, sensors.gyro_works[j])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _grow(P: Array, phi: Vector, period: float, assumed: Assumed, extra: float, biased: bool) -> None:
     """Carry the covariance over one period in which the body turned by `phi`.
 
@@ -224,13 +220,13 @@ def _grow(P: Array, phi: Vector, period: float, assumed: Assumed, extra: float, 
     P[3:, :3] = B.T
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _row(a: Array, i: int, b: Array, k: int) -> float:
     """Element i, k of the product of two matrices of shape (3, 3)."""
     return a[i, 0] * b[0, k] + a[i, 1] * b[1, k] + a[i, 2] * b[2, k]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _replace_product(R: Array, B: Array, G: Array, C: Array) -> None:
     """Replace B by R B + G C."""
     for k in range(3):
@@ -239,7 +235,7 @@ def _replace_product(R: Array, B: Array, G: Array, C: Array) -> None:
             B[i, k] = R[i, 0] * x + R[i, 1] * y + R[i, 2] * z + _row(G, i, C, k)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _update(j: int, seen: Quaternion, sigma: float, state: FilterState) -> None:
     """Take a star tracker attitude in.
 
@@ -277,17 +273,17 @@ def _update(j: int, seen: Quaternion, sigma: float, state: FilterState) -> None:
     put_vector(state.bias, j, combine(1.0, vector(state.bias, j), 1.0, change))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _dot_row(a: Array, i: int, v: Array) -> float:
     return a[i, 0] * v[0] + a[i, 1] * v[1] + a[i, 2] * v[2]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _dot_column(a: Array, k: int, v: Array) -> float:
     return a[0, k] * v[0] + a[1, k] * v[1] + a[2, k] * v[2]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _invert_sum(A: Array, r: float, inverse: Array) -> None:
     """Write (A + r I)^-1 of a symmetric A, by cofactors."""
     a, b, c = A[0, 0] + r, A[1, 1] + r, A[2, 2] + r
@@ -301,7 +297,7 @@ def _invert_sum(A: Array, r: float, inverse: Array) -> None:
             inverse[k, i] = inverse[i, k]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def turn(phi: Vector) -> Quaternion:
     """The quaternion of a rotation vector [rad]."""
     angle = sqrt(phi[0] * phi[0] + phi[1] * phi[1] + phi[2] * phi[2])
@@ -309,7 +305,7 @@ def turn(phi: Vector) -> Quaternion:
     return cos(0.5 * angle), scale * phi[0], scale * phi[1], scale * phi[2]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def rotation_vector(q: Quaternion) -> Vector:
     """The rotation vector of a unit quaternion, taken the short way [rad]."""
     sign = -1.0 if q[0] < 0.0 else 1.0
@@ -318,7 +314,7 @@ def rotation_vector(q: Quaternion) -> Vector:
     return scale * q[1], scale * q[2], scale * q[3]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _transition(phi: Vector, factor: float, R: Array, G: Array) -> None:
     """Write exp(-[phi x]) and `factor` times the right Jacobian, I - (1 - cos)/p^2 [phi x] + (p - sin)/p^3 [phi x]^2."""
     angle2 = phi[0] * phi[0] + phi[1] * phi[1] + phi[2] * phi[2]

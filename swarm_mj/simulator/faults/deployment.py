@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swarm_mj.scenarios.schema_faults import DeploymentVelocity, MissedDeployment
 from swarm_mj.simulator.faults.schedule import AT_DEPLOYMENT, Event, ScheduledFault
-
-Array = NDArray[np.float64]
+from swarm_mj.typing import Array
 
 
 def deployed_velocities(

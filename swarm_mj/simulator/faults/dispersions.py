@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 from math import radians
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swarm_mj.errors import ScenarioError
 from swarm_mj.scenarios.schema_faults import Dispersions
@@ -17,8 +16,7 @@ from swarm_mj.simulator.faults.random_streams import Stream, stream
 from swarm_mj.smallbody.environment import Environment
 from swarm_mj.smallbody.gravity.base import Gravity
 from swarm_mj.smallbody.gravity.spherical_harmonics import SphericalHarmonics
-
-Array = NDArray[np.float64]
+from swarm_mj.typing import Array, Ints
 
 DEG_PER_HOUR = radians(1.0) / 3600.0  #: [rad/s]
 DEG_PER_SQRT_HOUR = radians(1.0) / 60.0  #: [rad/sqrt(s)]
@@ -45,7 +43,7 @@ class Dispersed:
     viscous: Array
     gyro_bias: Array
     star_tracker_bias: Array
-    delay_ticks: NDArray[np.int64]
+    delay_ticks: Ints
 
 
 def draw_spacecraft(given: Dispersions, seed: int, *, n: int, n_wheels: int, period_s: float) -> Dispersed:

@@ -10,15 +10,13 @@ from functools import cached_property
 from math import inf, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from swarm_mj.smallbody.environment import Environment
 from swarm_mj.smallbody.occultation import segments_blocked
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.smallbody.solid_angle import points_inside
-
-Array = NDArray[np.float64]
+from swarm_mj.typing import Array, Mask
 
 #: Speeds and accelerations are taken this much larger than they are, for what gravity changes on the way.
 _CAUTION = 2.0
@@ -53,7 +51,7 @@ class ImpactWatch:
         self._before: Array | None = None
         self.due = 0
 
-    def look(self, tick: int, r_BN_N: Array, v_BN_N: Array, a_N: Array, flying: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    def look(self, tick: int, r_BN_N: Array, v_BN_N: Array, a_N: Array, flying: Mask) -> Mask:
         """Which spacecraft hit the body in the period that ends now; to be called when `tick` has reached `due`.
 
         Args:

@@ -9,12 +9,9 @@ region and relays outside.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swarm_mj.mission.behaviors import ELECTIONS, TargetKind, Targets
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
+from swarm_mj.typing import Array, Mask
 
 
 class Succession:
@@ -32,7 +29,7 @@ class Succession:
         """Forget all elections."""
         self._successor.clear()
 
-    def redirect(self, targets: Targets, r_BN_N: Array, lost: Flags) -> tuple[Targets, list[tuple[int, int]]]:
+    def redirect(self, targets: Targets, r_BN_N: Array, lost: Mask) -> tuple[Targets, list[tuple[int, int]]]:
         """Targets without lost spacecraft, as far as anybody is left.
 
         Args:
@@ -59,12 +56,12 @@ class Succession:
                 index[j] = successor
         return Targets(kind, index, targets.vector), elected
 
-    def _vote(self, r_BN_N: Array, lost: Flags) -> int:
+    def _vote(self, r_BN_N: Array, lost: Mask) -> int:
         left = np.flatnonzero(~lost)
         return int(left[self._elect(r_BN_N[left])])
 
 
-def relay_of(targets: Targets, lost: Flags) -> int | None:
+def relay_of(targets: Targets, lost: Mask) -> int | None:
     """The spacecraft that relays to Earth now: one that tracks Earth, or one that others track; None: there is none.
 
     Args:

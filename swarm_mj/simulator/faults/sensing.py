@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swarm_mj.scenarios.schema_faults import (
     Dispersions,
@@ -22,8 +21,7 @@ from swarm_mj.simulator.faults.attitude_filter import Assumed, Sensors
 from swarm_mj.simulator.faults.dispersions import ARCSEC, DEG_PER_HOUR, DEG_PER_SQRT_HOUR, Dispersed
 from swarm_mj.simulator.faults.random_streams import Stream, stream
 from swarm_mj.simulator.faults.schedule import ScheduledFault
-
-Array = NDArray[np.float64]
+from swarm_mj.typing import Array
 
 #: Below these the filter believes no sensor, lest it trust one alone: noise of a good gyro and star tracker.
 LEAST_GYRO_NOISE = 0.01 * DEG_PER_SQRT_HOUR

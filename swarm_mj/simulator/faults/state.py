@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swarm_mj.mission.behaviors import Targets
 from swarm_mj.scenarios.schema_faults import (
@@ -33,9 +32,7 @@ from swarm_mj.simulator.faults.sensing import SENSOR_FAULTS, Sensing
 from swarm_mj.simulator.faults.wheel_set import WheelSet
 from swarm_mj.smallbody.environment import Environment
 from swarm_mj.spacecraft.properties import SpacecraftProperties
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
+from swarm_mj.typing import Array
 
 WHEEL_FAULTS = (WheelLost, WheelStuck, WheelWeakened, WheelFriction)
 

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarm_mj.simulator.faults.state import FaultState
-
-Array = NDArray[np.float64]
+from swarm_mj.typing import Array
 
 
 class FaultRecord:

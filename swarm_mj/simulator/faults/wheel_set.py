@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swarm_mj.scenarios.schema_faults import WheelFriction, WheelLost, WheelStuck, WheelWeakened
 from swarm_mj.simulator.faults.schedule import ScheduledFault
 from swarm_mj.simulator.faults.wheels import WheelState, allocate, drive
 from swarm_mj.spacecraft.properties import RPM, SpacecraftProperties
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
+from swarm_mj.typing import Array, Mask
 
 
 class WheelSet:
@@ -48,7 +45,7 @@ class WheelSet:
         self._inertia = relative_inertia(properties, inertia_B)
         self.motor, self.bearing = np.zeros((n, w)), np.zeros((n, w))
 
-    def drive(self, torque_B: Array, speed: Array, period: float, dead: Flags, peaks: Array) -> Array:
+    def drive(self, torque_B: Array, speed: Array, period: float, dead: Mask, peaks: Array) -> Array:
         """Torque on every wheel about its axis, motor and bearing together, shape (n, w) [N m].
 
         Args:

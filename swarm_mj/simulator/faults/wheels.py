@@ -15,11 +15,8 @@ from math import copysign, exp, log
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
+from swarm_mj.typing import Array, Mask, kernel
 
 #: A decay of less than this over one hold is treated as none: the closed form would lose its digits.
 _NO_DECAY = 1e-9
@@ -38,14 +35,14 @@ class WheelState(NamedTuple):
     """
 
     effectiveness: Array
-    stuck: Flags
+    stuck: Mask
     stuck_speed: Array
     coulomb: Array
     viscous: Array
     allocation: Array
 
 
-def allocate(axes_B: Array, healthy: Flags) -> Array:
+def allocate(axes_B: Array, healthy: Mask) -> Array:
     """The map from a body torque to motor torques of the least sum of squares, over healthy wheels alone.
 
     Args:
@@ -62,7 +59,7 @@ def allocate(axes_B: Array, healthy: Flags) -> Array:
     return allocation
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def drive(
     torque_B: Array,
     wheels: WheelState,
@@ -71,7 +68,7 @@ def drive(
     period: float,
     max_torque: float,
     max_speed: float,
-    dead: Flags,
+    dead: Mask,
     motor: Array,
     bearing: Array,
     peaks: Array,
@@ -119,7 +116,7 @@ def drive(
             peaks[j, 2] += 1.0
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def speed_after(speed: float, motor: float, coulomb: float, viscous: float, inertia: float, time: float) -> float:
     """Wheel speed [rad/s] after `time` [s] under a constant motor torque and friction.
 
@@ -146,7 +143,7 @@ def speed_after(speed: float, motor: float, coulomb: float, viscous: float, iner
     return _coast(0.0, motor - copysign(coulomb, motor), viscous, inertia, time)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _coast(speed: float, force: float, viscous: float, inertia: float, time: float) -> float:
     decay = viscous * time / inertia
     if decay < _NO_DECAY:
@@ -155,7 +152,7 @@ def _coast(speed: float, force: float, viscous: float, inertia: float, time: flo
     return final + (speed - final) * exp(-decay)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _time_to_rest(speed: float, force: float, viscous: float, inertia: float) -> float:
     """When a wheel under a constant force and viscous friction first stands still [s]; infinite: never."""
     if force * speed >= 0.0:

@@ -6,16 +6,16 @@ import math
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swarm_mj.errors import ScenarioError
+from swarm_mj.typing import Array
 
 
 @runtime_checkable
 class Gravity(Protocol):
     """A gravity field fixed to the body; the extension point `swarm_mj.gravity`."""
 
-    def acceleration(self, r_A: NDArray[np.float64]) -> NDArray[np.float64]:
+    def acceleration(self, r_A: Array) -> Array:
         """Attraction of the body alone, without centrifugal or Coriolis terms.
 
         Args:
@@ -39,7 +39,7 @@ def positive(value: float, what: str) -> float:
     return number
 
 
-def positions(r_A: NDArray[np.float64]) -> NDArray[np.float64]:
+def positions(r_A: Array) -> Array:
     """View positions as the C-contiguous float64 (n, 3) array that the compiled kernels take.
 
     Raises:
@@ -51,7 +51,7 @@ def positions(r_A: NDArray[np.float64]) -> NDArray[np.float64]:
     return rows
 
 
-def frozen(array: NDArray[np.float64]) -> NDArray[np.float64]:
+def frozen(array: Array) -> Array:
     """Make an array read-only and return it."""
     array.setflags(write=False)
     return array

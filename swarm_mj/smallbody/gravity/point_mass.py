@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
-from numpy.typing import NDArray
 
 from swarm_mj.smallbody.gravity.base import positions, positive
+from swarm_mj.typing import Array, kernel
 
 
 @dataclass(frozen=True)
@@ -25,17 +24,17 @@ class PointMass:
         """Check the gravitational parameter."""
         object.__setattr__(self, "gm", positive(self.gm, "gravity.gm"))
 
-    def acceleration(self, r_A: NDArray[np.float64]) -> NDArray[np.float64]:
+    def acceleration(self, r_A: Array) -> Array:
         """Attraction in A [m/s^2], shape (n, 3), at positions in A [m], shape (n, 3)."""
         return _acceleration(positions(r_A), self.gm)
 
-    def potential(self, r_A: NDArray[np.float64]) -> NDArray[np.float64]:
+    def potential(self, r_A: Array) -> Array:
         """Potential [m^2/s^2], positive, shape (n,), at positions in A [m], shape (n, 3)."""
         return self.gm / np.linalg.norm(positions(r_A), axis=1)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _acceleration(r_A: NDArray[np.float64], gm: float) -> NDArray[np.float64]:
+@kernel
+def _acceleration(r_A: Array, gm: float) -> Array:
     out = np.empty_like(r_A)
     for i in range(r_A.shape[0]):
         x, y, z = r_A[i, 0], r_A[i, 1], r_A[i, 2]

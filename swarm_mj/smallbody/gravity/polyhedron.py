@@ -16,8 +16,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numba import njit
-from numpy.typing import NDArray
 
 from swarm_mj.errors import ScenarioError
 from swarm_mj.scenarios.constants import GRAVITATIONAL_CONSTANT
@@ -25,6 +23,7 @@ from swarm_mj.smallbody.gravity.base import frozen, positions, positive
 from swarm_mj.smallbody.shape import ShapeModel, directed_edges
 from swarm_mj.smallbody.shape_check import check_surface
 from swarm_mj.smallbody.solid_angle import cast_rays, solid_angle, solid_angles
+from swarm_mj.typing import Array, Ints, Ints32, kernel
 
 #: Bound on the argument of the wire's logarithm: keeps 0 times infinity at 0 for points on an edge.
 MIN_WIRE_GAP = 1e-300
@@ -46,8 +45,8 @@ class Polyhedron:
     shape: ShapeModel
     density: float
     gm: float
-    _edges: NDArray[np.int64] = field(repr=False)
-    _edge_dyads: NDArray[np.float64] = field(repr=False)
+    _edges: Ints = field(repr=False)
+    _edge_dyads: Array = field(repr=False)
 
     def __init__(self, shape: ShapeModel, density: float | None = None, gm: float | None = None) -> None:
         """Check the surface, complete density and gm, and form the dyads of the edges.
@@ -70,24 +69,24 @@ class Polyhedron:
         object.__setattr__(self, "_edges", edges)
         object.__setattr__(self, "_edge_dyads", frozen(dyads))
 
-    def acceleration(self, r_A: NDArray[np.float64]) -> NDArray[np.float64]:
+    def acceleration(self, r_A: Array) -> Array:
         """Attraction in A [m/s^2], shape (n, 3), at positions in A [m], shape (n, 3)."""
         return np.ascontiguousarray(self._sums(r_A)[:, 1:4])
 
-    def potential(self, r_A: NDArray[np.float64]) -> NDArray[np.float64]:
+    def potential(self, r_A: Array) -> Array:
         """Potential [m^2/s^2], positive, shape (n,), at positions in A [m], shape (n, 3)."""
         return self._sums(r_A)[:, 0]
 
-    def gradient(self, r_A: NDArray[np.float64]) -> NDArray[np.float64]:
+    def gradient(self, r_A: Array) -> Array:
         """Gradient of the acceleration [1/s^2], shape (n, 3, 3), at positions in A [m], shape (n, 3)."""
         return self._sums(r_A)[:, [4, 5, 6, 5, 7, 8, 6, 8, 9]].reshape(-1, 3, 3)
 
-    def laplacian(self, r_A: NDArray[np.float64]) -> NDArray[np.float64]:
+    def laplacian(self, r_A: Array) -> Array:
         """Laplacian of the potential [1/s^2], shape (n,): 0 outside, -4 pi G rho inside."""
         solid_angle = solid_angles(positions(r_A), self.shape.vertices, self.shape.faces)
         return -GRAVITATIONAL_CONSTANT * self.density * solid_angle
 
-    def _sums(self, r_A: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _sums(self, r_A: Array) -> Array:
         shape = self.shape
         return _field(
             positions(r_A), shape.vertices, shape.faces, shape.face_normals, self._edges, self._edge_dyads,
@@ -95,7 +94,7 @@ class Polyhedron:
         )  # fmt: skip
 
 
-def _edge_dyads(shape: ShapeModel) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+def _edge_dyads(shape: ShapeModel) -> tuple[Ints, Array]:
     """Edges (E, 2); and E = n_A n_A^12 + n_B n_B^21 as xx, xy, xz, yy, yz, zz with the edge's length, shape (E, 7)."""
     directed = directed_edges(shape.faces).astype(np.int64)
     along = shape.vertices[directed[:, 1]] - shape.vertices[directed[:, 0]]
@@ -111,16 +110,16 @@ def _edge_dyads(shape: ShapeModel) -> tuple[NDArray[np.int64], NDArray[np.float6
     return directed[pairs[:, 0]], np.column_stack([components, lengths[pairs[:, 0]]])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _field(
-    r_A: NDArray[np.float64],
-    vertices: NDArray[np.float64],
-    faces: NDArray[np.int32],
-    normals: NDArray[np.float64],
-    edges: NDArray[np.int64],
-    dyads: NDArray[np.float64],
+    r_A: Array,
+    vertices: Array,
+    faces: Ints32,
+    normals: Array,
+    edges: Ints,
+    dyads: Array,
     scale: float,
-) -> NDArray[np.float64]:
+) -> Array:
     """Potential, attraction and the six components of the gradient, shape (n, 10)."""
     out = np.zeros((r_A.shape[0], 10))
     rays = np.empty((vertices.shape[0], 4))
@@ -133,10 +132,8 @@ def _field(
     return out
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _add_edges(
-    rays: NDArray[np.float64], edges: NDArray[np.int64], dyads: NDArray[np.float64], out: NDArray[np.float64]
-) -> None:
+@kernel
+def _add_edges(rays: Array, edges: Ints, dyads: Array, out: Array) -> None:
     for e in range(edges.shape[0]):
         p, q = rays[edges[e, 0]], rays[edges[e, 1]]
         wire = _wire(p, q, dyads[e, 6])
@@ -157,10 +154,8 @@ def _add_edges(
         out[9] += zz
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _add_faces(
-    rays: NDArray[np.float64], faces: NDArray[np.int32], normals: NDArray[np.float64], out: NDArray[np.float64]
-) -> None:
+@kernel
+def _add_faces(rays: Array, faces: Ints32, normals: Array, out: Array) -> None:
     for f in range(faces.shape[0]):
         p = rays[faces[f, 0]]
         angle = solid_angle(p, rays[faces[f, 1]], rays[faces[f, 2]])
@@ -178,8 +173,8 @@ def _add_faces(
         out[9] -= nz * nz * angle
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _wire(p: NDArray[np.float64], q: NDArray[np.float64], length: float) -> float:
+@kernel
+def _wire(p: Array, q: Array, length: float) -> float:
     """L_e = ln((|p| + |q| + e) / (|p| + |q| - e)) for an edge of length e between the ends of the rays p and q."""
     # |p| + |q| - e = 2 (|p| |q| + p.q) / (|p| + |q| + e); near the edge this sum cancels, its conjugate does not.
     dot = p[0] * q[0] + p[1] * q[1] + p[2] * q[2]

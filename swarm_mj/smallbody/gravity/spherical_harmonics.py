@@ -17,12 +17,11 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from numba import njit
-from numpy.typing import NDArray
 
 from swarm_mj.errors import ScenarioError
 from swarm_mj.scenarios import constants
 from swarm_mj.smallbody.gravity.base import frozen, positions, positive
+from swarm_mj.typing import Array, kernel
 
 #: Highest degree accepted; far beyond what any small body's field was measured to.
 MAX_DEGREE = 360
@@ -41,10 +40,10 @@ class SphericalHarmonics:
 
     gm: float
     reference_radius: float
-    c: NDArray[np.float64] = field(repr=False)
-    s: NDArray[np.float64] = field(repr=False)
-    _acceleration_series: NDArray[np.float64] = field(init=False, repr=False)
-    _table: NDArray[np.float64] = field(init=False, repr=False)
+    c: Array = field(repr=False)
+    s: Array = field(repr=False)
+    _acceleration_series: Array = field(init=False, repr=False)
+    _table: Array = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         """Check and freeze the coefficients, and prepare the series of the acceleration."""
@@ -91,28 +90,28 @@ class SphericalHarmonics:
         """Highest degree N."""
         return len(self.c) - 1
 
-    def acceleration(self, r_A: NDArray[np.float64]) -> NDArray[np.float64]:
+    def acceleration(self, r_A: Array) -> Array:
         """Attraction in A [m/s^2], shape (n, 3), at positions in A [m], shape (n, 3)."""
         return sum_series(positions(r_A), self.reference_radius, self._table, self._acceleration_series)
 
-    def potential(self, r_A: NDArray[np.float64]) -> NDArray[np.float64]:
+    def potential(self, r_A: Array) -> Array:
         """Potential [m^2/s^2], positive, shape (n,), at positions in A [m], shape (n, 3)."""
         series = self.gm / self.reference_radius * np.stack([self.c, self.s], axis=-1)[:, :, None]
         return sum_series(positions(r_A), self.reference_radius, self._table, series)[:, 0]
 
-    def gradient(self, r_A: NDArray[np.float64]) -> NDArray[np.float64]:
+    def gradient(self, r_A: Array) -> Array:
         """Gradient of the acceleration [1/s^2], shape (n, 3, 3), at positions in A [m], shape (n, 3)."""
         series, table = self._gradient_series
         return sum_series(positions(r_A), self.reference_radius, table, series).reshape(-1, 3, 3)
 
     @cached_property
-    def _gradient_series(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _gradient_series(self) -> tuple[Array, Array]:
         series = differentiate(self._acceleration_series) / self.reference_radius
         return series, recursion_table(self.degree + 2)
 
 
 def fit_harmonics(
-    gravity_potential: Callable[[NDArray[np.float64]], NDArray[np.float64]],
+    gravity_potential: Callable[[Array], Array],
     gm: float,
     reference_radius: float,
     degree: int,
@@ -149,7 +148,7 @@ def fit_harmonics(
     return SphericalHarmonics(gm, reference_radius, moments.real, 0.0 - moments.imag)
 
 
-def _normalised_legendre(degree: int, sines: NDArray[np.float64]) -> NDArray[np.float64]:
+def _normalised_legendre(degree: int, sines: Array) -> Array:
     """Fully normalised associated Legendre functions P[n, m] at sines of latitude, shape (N + 1, N + 1, k)."""
     meridian = np.column_stack([np.sqrt(1.0 - sines**2), np.zeros_like(sines), sines])
     every = np.zeros((degree + 1, degree + 1, (degree + 1) ** 2, 2))
@@ -159,7 +158,7 @@ def _normalised_legendre(degree: int, sines: NDArray[np.float64]) -> NDArray[np.
     return values.T.reshape(degree + 1, degree + 1, -1)
 
 
-def recursion_table(degree: int) -> NDArray[np.float64]:
+def recursion_table(degree: int) -> Array:
     """Factors of the normalised recursions up to a degree, shape (N + 1, N + 1, 2), indexed [n, m].
 
     Off the diagonal a and b of V_nm = a (z R / r^2) V_(n-1)m - b (R/r)^2 V_(n-2)m; on it, first, the factor that takes
@@ -179,7 +178,7 @@ def recursion_table(degree: int) -> NDArray[np.float64]:
     return table
 
 
-def differentiate(series: NDArray[np.float64]) -> NDArray[np.float64]:
+def differentiate(series: Array) -> Array:
     """Coefficients of R times the gradient of series of normalised solid harmonics.
 
     Args:
@@ -211,28 +210,26 @@ def differentiate(series: NDArray[np.float64]) -> NDArray[np.float64]:
     return out.reshape(size + 1, size + 1, 3 * count, 2)
 
 
-def _add(target: NDArray[np.float64], axis: int, c: NDArray[np.float64], s: NDArray[np.float64]) -> None:
+def _add(target: Array, axis: int, c: Array, s: Array) -> None:
     target[:, axis, 0] += c
     target[:, axis, 1] += s
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def sum_series(
-    r_A: NDArray[np.float64], radius: float, table: NDArray[np.float64], series: NDArray[np.float64]
-) -> NDArray[np.float64]:
+@kernel
+def sum_series(r_A: Array, radius: float, table: Array, series: Array) -> Array:
     """Sum k series of solid harmonics at n positions, shape (n, k)."""
     out = np.empty((r_A.shape[0], series.shape[2]))
     write_series(r_A, radius, table, series, out)
     return out
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def write_series(
-    r_A: NDArray[np.float64],
+    r_A: Array,
     radius: float,
-    table: NDArray[np.float64],
-    series: NDArray[np.float64],
-    out: NDArray[np.float64],
+    table: Array,
+    series: Array,
+    out: Array,
 ) -> None:
     """The same into an array of the caller, order by order so that no scratch is needed."""
     size, count = series.shape[0], series.shape[2]
@@ -258,7 +255,7 @@ def write_series(
                     out[i, k] += series[n, m, k, 0] * v + series[n, m, k, 1] * w
 
 
-def _check_coefficients(c: NDArray[np.float64], s: NDArray[np.float64]) -> None:
+def _check_coefficients(c: Array, s: Array) -> None:
     if c.ndim != 2 or c.shape[0] != c.shape[1] or c.shape != s.shape or c.size == 0:
         raise ScenarioError(f"gravity coefficients C {c.shape} and S {s.shape}: need two square tables of one size")
     bad = np.argwhere(~np.isfinite(c) | ~np.isfinite(s))

@@ -7,65 +7,62 @@ nothing is allocated. Quaternions are (w, x, y, z) with MuJoCo's meaning, v_N = 
 from math import sqrt
 from typing import TypeAlias
 
-import numpy as np
-from numba import njit
-from numpy.typing import NDArray
+from swarm_mj.typing import Array, kernel
 
-Floats: TypeAlias = NDArray[np.float64]
 Vector: TypeAlias = tuple[float, float, float]
 Quaternion: TypeAlias = tuple[float, float, float, float]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def vector(rows: Floats, i: int) -> Vector:
+@kernel
+def vector(rows: Array, i: int) -> Vector:
     """Return row i of an array of shape (n, 3)."""
     return rows[i, 0], rows[i, 1], rows[i, 2]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def quaternion(rows: Floats, i: int) -> Quaternion:
+@kernel
+def quaternion(rows: Array, i: int) -> Quaternion:
     """Return row i of an array of shape (n, 4)."""
     return rows[i, 0], rows[i, 1], rows[i, 2], rows[i, 3]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def put_vector(rows: Floats, i: int, v: Vector) -> None:
+@kernel
+def put_vector(rows: Array, i: int, v: Vector) -> None:
     """Write row i of an array of shape (n, 3)."""
     rows[i, 0], rows[i, 1], rows[i, 2] = v
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def put_quaternion(rows: Floats, i: int, q: Quaternion) -> None:
+@kernel
+def put_quaternion(rows: Array, i: int, q: Quaternion) -> None:
     """Write row i of an array of shape (n, 4)."""
     rows[i, 0], rows[i, 1], rows[i, 2], rows[i, 3] = q
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def dot(a: Vector, b: Vector) -> float:
     """Return a . b."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def cross(a: Vector, b: Vector) -> Vector:
     """Return a x b."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def scaled(p: float, a: Vector) -> Vector:
     """Return p a."""
     return p * a[0], p * a[1], p * a[2]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def combine(p: float, a: Vector, r: float, b: Vector) -> Vector:
     """Return p a + r b."""
     return p * a[0] + r * b[0], p * a[1] + r * b[1], p * a[2] + r * b[2]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def times(matrix: Floats, v: Vector) -> Vector:
+@kernel
+def times(matrix: Array, v: Vector) -> Vector:
     """Return the product of a matrix of shape (3, 3) with v."""
     return (
         matrix[0, 0] * v[0] + matrix[0, 1] * v[1] + matrix[0, 2] * v[2],
@@ -74,20 +71,20 @@ def times(matrix: Floats, v: Vector) -> Vector:
     )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def normalised(q: Quaternion) -> Quaternion:
     """Return the quaternion scaled to unit length."""
     scale = 1.0 / sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
     return scale * q[0], scale * q[1], scale * q[2], scale * q[3]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def conjugate(q: Quaternion) -> Quaternion:
     """Return the quaternion of the opposite rotation."""
     return q[0], -q[1], -q[2], -q[3]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def product(a: Quaternion, b: Quaternion) -> Quaternion:
     """Return Hamilton's product a b, which turns by b first and by a afterwards: R(a b) = R(a) R(b)."""
     return (
@@ -98,7 +95,7 @@ def product(a: Quaternion, b: Quaternion) -> Quaternion:
     )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def rotate(q: Quaternion, v: Vector) -> Vector:
     """Return R(q) v: with q_BN, components in B to components in N."""
     axis = (q[1], q[2], q[3])
@@ -107,14 +104,14 @@ def rotate(q: Quaternion, v: Vector) -> Vector:
     return v[0] + 2.0 * (q[0] * t[0] + u[0]), v[1] + 2.0 * (q[0] * t[1] + u[1]), v[2] + 2.0 * (q[0] * t[2] + u[2])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def z_axis(q: Quaternion) -> Vector:
     """Return R(q) (0, 0, 1): with q_BN, the direction of the body's +z axis in N."""
     w, x, y, z = q
     return 2.0 * (x * z + w * y), 2.0 * (y * z - w * x), (w * w - x * x) + (z * z - y * y)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def short_mrp(q: Quaternion) -> Vector:
     """Return the MRP of a unit quaternion, of the set with |sigma| <= 1."""
     scale = 1.0 / (1.0 + q[0]) if q[0] >= 0.0 else -1.0 / (1.0 - q[0])

@@ -14,11 +14,8 @@ from math import atan2, sqrt
 from typing import Final
 
 import numpy as np
-from numba import njit
-from numpy.typing import NDArray
 
 from swarm_mj.spacecraft.attitude.algebra import (
-    Floats,
     Quaternion,
     Vector,
     combine,
@@ -36,6 +33,7 @@ from swarm_mj.spacecraft.attitude.algebra import (
     vector,
     z_axis,
 )
+from swarm_mj.typing import Array, Mask, kernel
 
 #: Bodies closer than this [m] have no line of sight: spacecraft leave the mothership from one point.
 COINCIDENCE_DISTANCE: Final = 1.0
@@ -43,17 +41,17 @@ COINCIDENCE_DISTANCE: Final = 1.0
 _OPPOSITE: Final = 1e-8
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def track_line_of_sight(
-    rho_N: Floats,
-    rho_dot_N: Floats,
-    rho_ddot_N: Floats,
-    q_BN: Floats,
-    restart: NDArray[np.bool_],
-    q_RN: Floats,
-    omega_RN_N: Floats,
-    domega_RN_N: Floats,
-    los_N: Floats,
+    rho_N: Array,
+    rho_dot_N: Array,
+    rho_ddot_N: Array,
+    q_BN: Array,
+    restart: Mask,
+    q_RN: Array,
+    omega_RN_N: Array,
+    domega_RN_N: Array,
+    los_N: Array,
 ) -> None:
     """Carry the references of n spacecraft to the present line of sight.
 
@@ -90,17 +88,17 @@ def track_line_of_sight(
         put_vector(los_N, i, los)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def attitude_error(
-    q_BN: Floats,
-    omega_BN_B: Floats,
-    q_RN: Floats,
-    omega_RN_N: Floats,
-    domega_RN_N: Floats,
-    sigma_BR: Floats,
-    omega_BR_B: Floats,
-    omega_RN_B: Floats,
-    domega_RN_B: Floats,
+    q_BN: Array,
+    omega_BN_B: Array,
+    q_RN: Array,
+    omega_RN_N: Array,
+    domega_RN_N: Array,
+    sigma_BR: Array,
+    omega_BR_B: Array,
+    omega_RN_B: Array,
+    domega_RN_B: Array,
 ) -> None:
     """Compare n bodies with their references, in body components.
 
@@ -125,8 +123,8 @@ def attitude_error(
         put_vector(domega_RN_B, i, rotate(q_NB, vector(domega_RN_N, i)))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def pointing_error(q_BN: Floats, los_N: Floats) -> Floats:
+@kernel
+def pointing_error(q_BN: Array, los_N: Array) -> Array:
     """Return the angle between +z and the line of sight [rad], shape (n,), exact to rounding at 0 and pi too.
 
     Args:
@@ -141,7 +139,7 @@ def pointing_error(q_BN: Floats, los_N: Floats) -> Floats:
     return angle
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _shortest_to(los: Vector, q: Quaternion) -> Quaternion:
     """Return the attitude with +z on the line of sight that is closest to the unit quaternion q."""
     z = z_axis(q)
@@ -157,7 +155,7 @@ def _shortest_to(los: Vector, q: Quaternion) -> Quaternion:
     return normalised(product((dot(z, half), axis[0], axis[1], axis[2]), q))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _sight_rates(los: Vector, distance: float, rho_dot: Vector, rho_ddot: Vector) -> tuple[Vector, Vector]:
     """Return omega = l x rho_dot / r and its derivative l x l_ddot = (l x rho_ddot - 2 r_dot omega) / r."""
     omega = scaled(1.0 / distance, cross(los, rho_dot))

@@ -12,10 +12,10 @@ Source: Schaub & Junkins, Analytical Mechanics of Space Systems, section 3.5.
 import numpy as np
 from numpy.typing import ArrayLike
 
-from swarm_mj.spacecraft.attitude.algebra import Floats
+from swarm_mj.typing import Array
 
 
-def mrp_from_quaternion(q_BN: ArrayLike) -> Floats:
+def mrp_from_quaternion(q_BN: ArrayLike) -> Array:
     """Convert unit quaternions to MRPs.
 
     Args:
@@ -29,7 +29,7 @@ def mrp_from_quaternion(q_BN: ArrayLike) -> Floats:
     return np.where(scalar < 0.0, -1.0, 1.0) * q[..., 1:] / (1.0 + np.abs(scalar))
 
 
-def quaternion_from_mrp(sigma_BN: ArrayLike) -> Floats:
+def quaternion_from_mrp(sigma_BN: ArrayLike) -> Array:
     """Convert MRPs of either set to unit quaternions.
 
     Args:
@@ -43,20 +43,20 @@ def quaternion_from_mrp(sigma_BN: ArrayLike) -> Floats:
     return np.concatenate([1.0 - square, 2.0 * sigma], axis=-1) / (1.0 + square)
 
 
-def shadow(sigma: ArrayLike) -> Floats:
+def shadow(sigma: ArrayLike) -> Array:
     """Return the other MRP of the same attitude, -sigma / |sigma|^2 (infinite for sigma = 0), shape (..., 3)."""
     sigma = np.asarray(sigma, dtype=np.float64)
     return -sigma / np.sum(sigma * sigma, axis=-1, keepdims=True)
 
 
-def switch_to_short(sigma: ArrayLike) -> Floats:
+def switch_to_short(sigma: ArrayLike) -> Array:
     """Return the MRP of the same attitude with |sigma| <= 1, the rotation by at most 180 deg, shape (..., 3)."""
     sigma = np.asarray(sigma, dtype=np.float64)
     square = np.sum(sigma * sigma, axis=-1, keepdims=True)
     return np.where(square > 1.0, -sigma / np.maximum(square, 1.0), sigma)
 
 
-def dcm(sigma_BN: ArrayLike) -> Floats:
+def dcm(sigma_BN: ArrayLike) -> Array:
     """Return the direction cosine matrices C_BN (v_B = C_BN v_N) of MRPs of either set.
 
     Args:
@@ -71,7 +71,7 @@ def dcm(sigma_BN: ArrayLike) -> Floats:
     return np.eye(3) + (8.0 * tilde @ tilde - 4.0 * (1.0 - square) * tilde) / (1.0 + square) ** 2
 
 
-def cross_matrix(vector: ArrayLike) -> Floats:
+def cross_matrix(vector: ArrayLike) -> Array:
     """Return [v x], shape (..., 3, 3), so that [v x] u = v x u."""
     v = np.asarray(vector, dtype=np.float64)
     tilde = np.zeros((*v.shape, 3))
@@ -79,7 +79,7 @@ def cross_matrix(vector: ArrayLike) -> Floats:
     return tilde - np.swapaxes(tilde, -1, -2)
 
 
-def add_mrp(sigma_BR: ArrayLike, sigma_RN: ArrayLike) -> Floats:
+def add_mrp(sigma_BR: ArrayLike, sigma_RN: ArrayLike) -> Array:
     """Return sigma_BN of C_BN = C_BR C_RN, shape (..., 3).
 
     The composition runs through quaternions, so that it has none of the singularities of the direct MRP formula.
@@ -87,13 +87,13 @@ def add_mrp(sigma_BR: ArrayLike, sigma_RN: ArrayLike) -> Floats:
     return mrp_from_quaternion(_product(quaternion_from_mrp(sigma_RN), quaternion_from_mrp(sigma_BR)))
 
 
-def subtract_mrp(sigma_BN: ArrayLike, sigma_RN: ArrayLike) -> Floats:
+def subtract_mrp(sigma_BN: ArrayLike, sigma_RN: ArrayLike) -> Array:
     """Return the relative attitude sigma_BR of C_BR = C_BN C_RN^T, shape (..., 3), without singularities."""
     q_NR = quaternion_from_mrp(-np.asarray(sigma_RN, dtype=np.float64))
     return mrp_from_quaternion(_product(q_NR, quaternion_from_mrp(sigma_BN)))
 
 
-def mrp_rate(sigma_BN: ArrayLike, omega_BN_B: ArrayLike) -> Floats:
+def mrp_rate(sigma_BN: ArrayLike, omega_BN_B: ArrayLike) -> Array:
     """Return the kinematics sigma_dot = B(sigma) omega / 4.
 
     Args:
@@ -109,7 +109,7 @@ def mrp_rate(sigma_BN: ArrayLike, omega_BN_B: ArrayLike) -> Floats:
     return 0.25 * ((1.0 - square) * omega + 2.0 * np.cross(sigma, omega) + 2.0 * along * sigma)
 
 
-def omega_from_mrp_rate(sigma_BN: ArrayLike, sigma_dot: ArrayLike) -> Floats:
+def omega_from_mrp_rate(sigma_BN: ArrayLike, sigma_dot: ArrayLike) -> Array:
     """Return omega_BN_B [rad/s], shape (..., 3), of MRPs that change at `sigma_dot` [1/s]; inverse of `mrp_rate`."""
     sigma, rate = np.asarray(sigma_BN, dtype=np.float64), np.asarray(sigma_dot, dtype=np.float64)
     square = np.sum(sigma * sigma, axis=-1, keepdims=True)
@@ -118,13 +118,13 @@ def omega_from_mrp_rate(sigma_BN: ArrayLike, sigma_dot: ArrayLike) -> Floats:
     return 4.0 * transposed / (1.0 + square) ** 2
 
 
-def principal_angle(sigma: ArrayLike) -> Floats:
+def principal_angle(sigma: ArrayLike) -> Array:
     """Return the principal rotation angle of MRPs of either set, taken the short way [rad], 0 to pi, shape (...)."""
     angle = 4.0 * np.arctan(np.linalg.norm(np.asarray(sigma, dtype=np.float64), axis=-1))
     return np.minimum(angle, 2.0 * np.pi - angle)
 
 
-def _product(a: Floats, b: Floats) -> Floats:
+def _product(a: Array, b: Array) -> Array:
     """Return the Hamilton product a b, shape (..., 4)."""
     scalar = a[..., :1] * b[..., :1] - np.sum(a[..., 1:] * b[..., 1:], axis=-1, keepdims=True)
     vector = a[..., :1] * b[..., 1:] + b[..., :1] * a[..., 1:] + np.cross(a[..., 1:], b[..., 1:])

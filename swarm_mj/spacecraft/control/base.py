@@ -13,7 +13,7 @@ from math import isfinite
 from typing import NamedTuple, Protocol, runtime_checkable
 
 from swarm_mj.errors import ScenarioError
-from swarm_mj.spacecraft.attitude.algebra import Floats
+from swarm_mj.typing import Array
 
 
 class ControlInput(NamedTuple):
@@ -31,14 +31,14 @@ class ControlInput(NamedTuple):
         period: Time for which the torque will be held [s].
     """
 
-    sigma_BR: Floats
-    omega_BR_B: Floats
-    omega_BN_B: Floats
-    omega_RN_B: Floats
-    domega_RN_B: Floats
-    wheel_momentum_B: Floats
-    inertia_B: Floats
-    inertia_effective_B: Floats
+    sigma_BR: Array
+    omega_BR_B: Array
+    omega_BN_B: Array
+    omega_RN_B: Array
+    domega_RN_B: Array
+    wheel_momentum_B: Array
+    inertia_B: Array
+    inertia_effective_B: Array
     period: float
 
 
@@ -46,7 +46,7 @@ class ControlInput(NamedTuple):
 class Controller(Protocol):
     """A control law; state goes in and comes out, so that the same inputs always give the same torques."""
 
-    def torque(self, inputs: ControlInput, memory: Floats | None) -> tuple[Floats, Floats | None]:
+    def torque(self, inputs: ControlInput, memory: Array | None) -> tuple[Array, Array | None]:
         """Return the torque on the bodies and what the law must remember.
 
         Args:

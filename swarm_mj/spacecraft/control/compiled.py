@@ -20,7 +20,7 @@ from numba.core.errors import NumbaError
 from numba.extending import intrinsic
 
 from swarm_mj.errors import PluginError
-from swarm_mj.spacecraft.attitude.algebra import Floats
+from swarm_mj.typing import Array
 
 _numbers, _vectors, _tensors = (types.Array(types.float64, dimensions, "C") for dimensions in (1, 2, 3))
 _SIGNATURE = types.void(*[_vectors] * 6, *[_tensors] * 2, _numbers, _vectors)
@@ -38,7 +38,7 @@ class CompiledLaw(NamedTuple):
     """
 
     write_torque: Callable[..., Any]
-    numbers: Floats
+    numbers: Array
 
 
 @runtime_checkable
@@ -100,7 +100,7 @@ def address_of(law: CompiledLaw) -> int:
     return int(compile_law(law.write_torque).address)
 
 
-def numbers_of(law: CompiledLaw) -> Floats:
+def numbers_of(law: CompiledLaw) -> Array:
     """The law's parameters as the kernels take them.
 
     Raises:

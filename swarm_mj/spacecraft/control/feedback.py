@@ -17,12 +17,12 @@ from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
-from numba import njit
 
 from swarm_mj.errors import ScenarioError
-from swarm_mj.spacecraft.attitude.algebra import Floats, combine, cross, put_vector, times, vector
+from swarm_mj.spacecraft.attitude.algebra import combine, cross, put_vector, times, vector
 from swarm_mj.spacecraft.control.base import ControlInput, require_above
 from swarm_mj.spacecraft.control.compiled import CompiledLaw
+from swarm_mj.typing import Array, kernel
 
 #: How a message gives the longest period: rounded up, a period that obeys it could still be refused.
 _DOWN = Context(prec=3, rounding=ROUND_DOWN)
@@ -69,7 +69,7 @@ class MrpFeedback:
         """Control period at which the loop with held torque becomes unstable [s], the integral term being off."""
         return min(1.0 / self.damping_ratio, 4.0 * self.damping_ratio) / self.frequency
 
-    def torque(self, inputs: ControlInput, memory: Floats | None) -> tuple[Floats, Floats | None]:
+    def torque(self, inputs: ControlInput, memory: Array | None) -> tuple[Array, Array | None]:
         """Return the torque on the bodies and the integral of the attitude error.
 
         Args:
@@ -103,23 +103,23 @@ class MrpFeedback:
         return CompiledLaw(write_torque, self._numbers) if self.integral_gain == 0.0 else None
 
     @cached_property
-    def _numbers(self) -> Floats:
+    def _numbers(self) -> Array:
         """Gains in the order in which compiled code takes them."""
         return np.array((self.attitude_gain, self.rate_gain))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def write_torque(
-    sigma_BR: Floats,
-    omega_BR_B: Floats,
-    omega_BN_B: Floats,
-    omega_RN_B: Floats,
-    domega_RN_B: Floats,
-    wheel_momentum_B: Floats,
-    inertia_B: Floats,
-    inertia_effective_B: Floats,
-    numbers: Floats,
-    torque_B: Floats,
+    sigma_BR: Array,
+    omega_BR_B: Array,
+    omega_BN_B: Array,
+    omega_RN_B: Array,
+    domega_RN_B: Array,
+    wheel_momentum_B: Array,
+    inertia_B: Array,
+    inertia_effective_B: Array,
+    numbers: Array,
+    torque_B: Array,
 ) -> None:
     """Write the torques without the integral term; see `CompiledLaw`."""
     attitude_gain, rate_gain = numbers[0], numbers[1]

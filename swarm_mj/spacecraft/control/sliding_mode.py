@@ -22,13 +22,13 @@ from math import inf, sqrt
 from typing import ClassVar
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 
 from swarm_mj.errors import ScenarioError
-from swarm_mj.spacecraft.attitude.algebra import Floats, Vector, combine, cross, dot, put_vector, scaled, times, vector
+from swarm_mj.spacecraft.attitude.algebra import Vector, combine, cross, dot, put_vector, scaled, times, vector
 from swarm_mj.spacecraft.control.base import ControlInput, require_above
 from swarm_mj.spacecraft.control.compiled import CompiledLaw
+from swarm_mj.typing import Array, kernel
 
 #: A loop whose torque is held over a period is unstable when its rate gain times the period reaches this value.
 _STABILITY_LIMIT = 2.0
@@ -76,7 +76,7 @@ class MrpSlidingMode:
                 f"{self.name}: inertia_uncertainty = {self.inertia_uncertainty} is not allowed; give a number below 1."
             )
 
-    def torque(self, inputs: ControlInput, memory: Floats | None) -> tuple[Floats, Floats | None]:
+    def torque(self, inputs: ControlInput, memory: Array | None) -> tuple[Array, Array | None]:
         """Return the torque on the bodies L_B [N m], shape (n, 3), and the memory unchanged: the law has none.
 
         Args:
@@ -103,13 +103,13 @@ class MrpSlidingMode:
         return CompiledLaw(write_torque, self._numbers)
 
     @cached_property
-    def _numbers(self) -> Floats:
+    def _numbers(self) -> Array:
         """Parameters in the order in which compiled code takes them."""
         limit = inf if self.rate_limit is None else self.rate_limit
         gains = (self.slope, limit, self.reaching_rate, self.layer, self.damping)
         return np.array((*gains, self.disturbance_torque, self.inertia_uncertainty))
 
-    def sliding_variable(self, sigma_BR: ArrayLike, omega_BR_B: ArrayLike) -> Floats:
+    def sliding_variable(self, sigma_BR: ArrayLike, omega_BR_B: ArrayLike) -> Array:
         """Return s [rad/s], shape (..., 3), of attitude errors (|sigma| <= 1) and rate errors [rad/s], (..., 3)."""
         sigma = np.asarray(sigma_BR, dtype=np.float64)
         limit = inf if self.rate_limit is None else self.rate_limit
@@ -117,18 +117,18 @@ class MrpSlidingMode:
         return np.asarray(omega_BR_B, dtype=np.float64) + self.slope * sigma / np.sqrt(1.0 + steepness)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def write_torque(
-    sigma_BR: Floats,
-    omega_BR_B: Floats,
-    omega_BN_B: Floats,
-    omega_RN_B: Floats,
-    domega_RN_B: Floats,
-    wheel_momentum_B: Floats,
-    inertia_B: Floats,
-    inertia_effective_B: Floats,
-    numbers: Floats,
-    torque_B: Floats,
+    sigma_BR: Array,
+    omega_BR_B: Array,
+    omega_BN_B: Array,
+    omega_RN_B: Array,
+    domega_RN_B: Array,
+    wheel_momentum_B: Array,
+    inertia_B: Array,
+    inertia_effective_B: Array,
+    numbers: Array,
+    torque_B: Array,
 ) -> None:
     """Write the torques; see `CompiledLaw`."""
     slope, rate_limit, layer, damping, uncertainty = numbers[0], numbers[1], numbers[3], numbers[4], numbers[6]
@@ -149,15 +149,15 @@ def write_torque(
         put_vector(torque_B, i, combine(1.0, cross(omega, momentum), 1.0, inertial))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _gain_at_rest(J_eff: float, numbers: Floats) -> float:
+@kernel
+def _gain_at_rest(J_eff: float, numbers: Array) -> float:
     """Return the acceleration that drives s to its layer where nothing turns [rad/s^2]."""
     reaching_rate, disturbance, uncertainty = numbers[2], numbers[5], numbers[6]
     return float((reaching_rate + (1.0 + uncertainty) * disturbance / J_eff) / (1.0 - uncertainty))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _fastest_gain(J_eff: Floats, numbers: Floats) -> float:
+@kernel
+def _fastest_gain(J_eff: Array, numbers: Array) -> float:
     """Return the largest gain from rate to acceleration of an axis at rest in its layer [1/s]."""
     slope, layer, damping, uncertainty = numbers[0], numbers[3], numbers[4], numbers[6]
     fastest = 0.0
@@ -168,7 +168,7 @@ def _fastest_gain(J_eff: Floats, numbers: Floats) -> float:
     return fastest
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _slew(sigma: Vector, omega_BR: Vector, slope: float, rate_limit: float) -> tuple[Vector, Vector]:
     """Return m(sigma) = slope sigma / sqrt(1 + (slope |sigma| / rate_limit)^2) [rad/s] and dm/dt [rad/s^2]."""
     square, along = dot(sigma, sigma), dot(sigma, omega_BR)
@@ -180,8 +180,8 @@ def _slew(sigma: Vector, omega_BR: Vector, slope: float, rate_limit: float) -> t
     return scaled(factor, sigma), combine(factor, sigma_dot, -bend, sigma)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _model_error(j: int, J: Floats, J_eff: Floats, omega: Vector, on_manifold: float, uncertainty: float) -> float:
+@kernel
+def _model_error(j: int, J: Array, J_eff: Array, omega: Vector, on_manifold: float, uncertainty: float) -> float:
     """Return how much of the commanded acceleration of axis j a wrong inertia can spoil [rad/s^2].
 
     The gyroscopic torque of axis j is omega_k omega_l (J_l - J_k), and each true moment of inertia is at most

@@ -11,9 +11,8 @@ from time import perf_counter, process_time
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from swarm_mj.typing import Array
 
 #: Where Linux tells what a process needs.
 STATUS = Path("/proc/self/status")

@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from importlib.util import find_spec
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.camera import CameraModel, CameraPose
@@ -20,9 +19,8 @@ from swarm_mj.observation.projection import WHOLE_PICTURE, project
 from swarm_mj.observation.raycast import RayCastObserver
 from swarm_mj.observation.sampling import faces_camera
 from swarm_mj.smallbody.shape import ShapeModel
+from swarm_mj.typing import Array, Ints
 from swarm_mj.verification.physics.polygons import visible_areas
-
-Array = NDArray[np.float64]
 
 #: Faces of a mesh that polygons are clipped on at most; it takes some seconds.
 CLIPPED_FACES = 40_000
@@ -37,7 +35,7 @@ def judged(observer: Observer, poses: Sequence[CameraPose]) -> Array:
 
 
 def shares_by_pixels(
-    counts: Sequence[NDArray[np.int64]], region: TargetRegion, camera: CameraModel, poses: Sequence[CameraPose]
+    counts: Sequence[Ints], region: TargetRegion, camera: CameraModel, poses: Sequence[CameraPose]
 ) -> Array:
     """Seen share in each picture, shape (pictures,), by the pixels of each cell: they stand for their part of its projection.
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
@@ -14,8 +13,6 @@ from swarm_mj.spacecraft.attitude.mrp import dcm, mrp_rate, quaternion_from_mrp
 from swarm_mj.spacecraft.model import build_model
 from swarm_mj.verification.physics.experiment import Bench, Experiment
 from swarm_mj.verification.physics.flights import Flight, ball, fly, gyrostat
-
-Array = NDArray[np.float64]
 
 TUMBLING_S, STUDY_S, STUDY_STEP_S = 1200.0, 300.0, 1.0
 SPACECRAFT = 4

@@ -10,11 +10,10 @@ from scipy.spatial.transform import Rotation
 from swarm_mj.simulator.simulation import InitialState
 from swarm_mj.spacecraft.control import MrpSlidingMode
 from swarm_mj.spacecraft.properties import SpacecraftProperties
+from swarm_mj.typing import Array
 from swarm_mj.verification.physics.experiment import Bench, Experiment
 from swarm_mj.verification.physics.flights import Flight, fly, gyrostat
 from swarm_mj.verification.physics.reference import eros_acceleration, eros_attitude
-
-Array = NDArray[np.float64]
 
 DURATION_S, PERIOD_S = 120.0, 0.5
 #: State of the reference: position, velocity, attitude (w, x, y, z), body rate, wheel speeds.

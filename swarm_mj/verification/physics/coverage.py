@@ -6,7 +6,6 @@ from collections.abc import Callable
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swarm_mj.mission.target import TargetRegion, build_target
 from swarm_mj.observation.camera import CameraModel, CameraPose, look_at
@@ -16,13 +15,13 @@ from swarm_mj.observation.horizon import HorizonObserver
 from swarm_mj.observation.observer import Observer
 from swarm_mj.observation.raycast import RayCastObserver
 from swarm_mj.observation.raytracing import RayTracer
+from swarm_mj.typing import Array
 from swarm_mj.verification.physics.experiment import Bench, Experiment, NotRun
 from swarm_mj.verification.physics.flights import ball
 from swarm_mj.verification.physics.gravity import eros_shape
 from swarm_mj.verification.physics.polygons import visible_areas
 from swarm_mj.verification.physics.target import eros_target
 
-Array = NDArray[np.float64]
 #: Gives the area seen of each cell in every view, shape (views, n) [m^2].
 Areas = Callable[[Bench], Array]
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from importlib import import_module
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
@@ -14,8 +13,6 @@ from swarm_mj.smallbody.ephemeris import Ephemeris, julian_date
 from swarm_mj.smallbody.kepler import EARTH_ORBIT, EROS_ORBIT, position_velocity
 from swarm_mj.verification.physics.experiment import Bench, Experiment
 from swarm_mj.verification.physics.reference import EPOCH_JD, ecliptic, eros_attitude
-
-Array = NDArray[np.float64]
 
 #: Equinoxes and solstices of the year 2000 (UTC; US Naval Observatory) and the Sun's apparent longitude then [deg].
 SEASONS_2000 = {

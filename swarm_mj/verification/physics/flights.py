@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swarm_mj.flight.plan import environment_from
 from swarm_mj.mission.behaviors import SwarmView, Targets
@@ -19,10 +18,9 @@ from swarm_mj.smallbody.shape_harmonics import load_eros
 from swarm_mj.spacecraft.control.base import ControlInput, Controller
 from swarm_mj.spacecraft.model import build_model
 from swarm_mj.spacecraft.properties import SpacecraftProperties
+from swarm_mj.typing import Array
 from swarm_mj.verification.physics.experiment import Bench
 from swarm_mj.verification.physics.reference import Gyrostat
-
-Array = NDArray[np.float64]
 
 
 class NoTorque:

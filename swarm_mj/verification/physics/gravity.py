@@ -8,15 +8,13 @@ from importlib import import_module
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swarm_mj.scenarios import constants
 from swarm_mj.smallbody.gravity import PointMass, Polyhedron, SphericalHarmonics, fit_harmonics
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.smallbody.shape_harmonics import load_eros
+from swarm_mj.typing import Array
 from swarm_mj.verification.physics.experiment import Bench, Experiment
-
-Array = NDArray[np.float64]
 
 #: Weights of the fourth-order central difference at -2, -1, 1 and 2 steps.
 STENCIL = np.array([1.0, -8.0, 8.0, -1.0]) / 12.0

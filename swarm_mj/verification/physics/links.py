@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.mission.links import Antennas, links_closed
+from swarm_mj.typing import Array
 from swarm_mj.verification.physics.experiment import Bench, Experiment
 from swarm_mj.verification.physics.flights import ball
-
-Array = NDArray[np.float64]
 
 RADIUS_M, SAMPLES, EARTH_M = 8e3, 4000, 1.5e11
 DISH, HEMISPHERE, RANGE_M = np.radians(25.0), np.radians(80.0), 35e3

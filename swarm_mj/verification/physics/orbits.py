@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from swarm_mj.scenarios.constants import EROS_GM
 from swarm_mj.simulator.simulation import InitialState
+from swarm_mj.typing import Array
 from swarm_mj.verification.physics.experiment import Bench, Experiment
 from swarm_mj.verification.physics.flights import Flight, fly
 from swarm_mj.verification.physics.reference import SPIN_RATE, eros_acceleration, eros_attitude, eros_potential
-
-Array = NDArray[np.float64]
 
 DAY_S, INTERVAL_S = 86_400.0, 600.0
 PERIAPSIS_M, APOAPSIS_M, INCLINATION = 35e3, 60e3, np.radians(60.0)

@@ -10,9 +10,8 @@ from importlib import import_module
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from swarm_mj.typing import Array, Mask
 
 #: Picture coordinates are rounded to this, 20 nm at 20 km; unrounded, GEOS confuses triangles with a common edge.
 GRID = 1e-12
@@ -82,7 +81,7 @@ def _normal(triangles: Array) -> Array:
     return np.cross(triangles[..., 1, :] - triangles[..., 0, :], triangles[..., 2, :] - triangles[..., 0, :])
 
 
-def _turned_to_camera(triangles: Array) -> NDArray[np.bool_]:
+def _turned_to_camera(triangles: Array) -> Mask:
     return np.asarray(np.einsum("...i,...i", _normal(triangles), triangles[..., 0, :]) < 0.0)
 
 

@@ -9,11 +9,9 @@ from dataclasses import dataclass
 from math import cos, radians, sin, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swarm_mj.scenarios import constants
-
-Array = NDArray[np.float64]
+from swarm_mj.typing import Array
 
 #: 2018-01-01 03:15 TDB, the epoch of the packaged scenarios, as a Julian date.
 EPOCH_JD = 2_458_119.5 + 3.25 / 24.0

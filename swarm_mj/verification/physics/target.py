@@ -5,13 +5,11 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swarm_mj.mission.target import TargetRegion, build_target
+from swarm_mj.typing import Array
 from swarm_mj.verification.physics.experiment import Bench, Experiment
 from swarm_mj.verification.physics.gravity import eros_shape
-
-Array = NDArray[np.float64]
 
 #: The paper's target: a pyramid about 0 N, 90 E whose corner edges stand at 20 deg.
 HALF_ANGLE_DEG = 20.0

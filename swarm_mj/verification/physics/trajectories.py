@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from swarm_mj.flight.plan import Plan, make_plan
 from swarm_mj.scenarios.loading import load_scenario
+from swarm_mj.typing import Array
 from swarm_mj.verification.physics.experiment import Bench, Experiment
 from swarm_mj.verification.physics.reference import eros_acceleration, eros_attitude
-
-Array = NDArray[np.float64]
 
 
 def quick_plan(bench: Bench) -> Plan:

@@ -1,0 +1,31 @@
+"""Types of arrays by their elements, and the decorator of compiled functions.
+
+Shapes, units and frames are no part of a type; the docstrings say them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array: TypeAlias = NDArray[np.float64]
+Array32: TypeAlias = NDArray[np.float32]
+Ints: TypeAlias = NDArray[np.int64]
+Ints32: TypeAlias = NDArray[np.int32]
+Indices: TypeAlias = NDArray[np.intp]
+Mask: TypeAlias = NDArray[np.bool_]
+Pixels: TypeAlias = NDArray[np.uint8]
+
+
+def kernel(function: Callable[..., Any]) -> Any:
+    """Compile a function by Numba when it is first called, and keep the machine code on disk beside the function's own file.
+
+    It runs without Python's global lock, and divides as NumPy does: by zero to inf or nan instead of an exception. Numba is
+    imported here, so that modules which only name types do not pay for it.
+    """
+    from numba import njit
+
+    return njit(cache=True, nogil=True, error_model="numpy")(function)
