@@ -1,5 +1,5 @@
 """Reinforcement-learning environments of swarm_mj; importing this registers them with gymnasium."""
 
-from .registration import register_with_gymnasium
+from .registration import register_environments
 
-register_with_gymnasium()
+register_environments()

@@ -1,6 +1,7 @@
 """swarm_mj: CubeSat swarms that fly past small bodies and image their surface, in MuJoCo."""
 
 import os
+import sys
 import tempfile
 from importlib import import_module
 from pathlib import Path
@@ -17,5 +18,5 @@ def _give_numba_a_cache() -> None:
 
 
 _give_numba_a_cache()
-# Tells gymnasium the environments, at once or when it is imported; imports nothing heavy itself.
-import_module("swarm_mj.envs")
+if "gymnasium" in sys.modules:  # as in gymnasium.make("swarm_mj:SwarmObserve-v0"); it then learns the environments
+    import_module("swarm_mj.envs")

@@ -4,7 +4,7 @@ import gymnasium
 import numpy as np
 import pytest
 
-ID = "swarm_mj:SwarmObserve-v0"
+ID = "swarm_mj.envs:SwarmObserve-v0"
 #: Choices of a spacecraft of `eros-observe` at the level `role`, with 16 patches and five spacecraft.
 CENTRE, SC1, EARTH, HOLD = 16, 17, 22, 23
 #: A test that runs with either kind of flights.

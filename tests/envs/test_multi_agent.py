@@ -40,7 +40,7 @@ def test_pettingzoos_seed_test_has_no_complaint(control):
 
 
 def test_all_agents_together_fly_what_the_single_environment_flies(env):
-    single = gymnasium.make("swarm_mj:SwarmObserve-v0").unwrapped
+    single = gymnasium.make("swarm_mj.envs:SwarmObserve-v0").unwrapped
     env.reset(seed=3)
     single.reset(seed=3)
     rng = np.random.default_rng(0)

@@ -6,7 +6,7 @@ import pytest
 import swarm_mj.envs  # noqa: F401
 from swarm_mj.envs.baselines import POLICIES
 
-ID = "swarm_mj:SwarmObserve-v0"
+ID = "swarm_mj.envs:SwarmObserve-v0"
 
 
 def seen_share(observer, seed, given=None):

@@ -41,7 +41,7 @@ def episode(venv):
 
 def test_it_does_what_stable_baselines3s_own_wrapper_of_single_environments_does(episode):
     actions, start, answers = episode
-    theirs = make_vec_env("swarm_mj:SwarmObserve-v0", n_envs=3, seed=5)
+    theirs = make_vec_env("swarm_mj.envs:SwarmObserve-v0", n_envs=3, seed=5)
     assert np.array_equal(theirs.reset(), start)
     for action, (observations, rewards, dones, infos) in zip(actions, answers, strict=True):
         expected = theirs.step(action)

@@ -13,7 +13,7 @@ from swarm_mj.scenarios.loading import load_scenario
 
 from .flights import place
 
-ID = "swarm_mj:SwarmObserve-v0"
+ID = "swarm_mj.envs:SwarmObserve-v0"
 
 
 def single_twins(count, seed, **arguments):

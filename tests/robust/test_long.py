@@ -79,7 +79,7 @@ def test_python_objects_do_not_grow_with_the_time_of_flight(quick_plan):
 
 
 def test_ten_thousand_resets_keep_memory_and_files_flat():
-    env = gym.make("swarm_mj:SwarmObserve-v0")
+    env = gym.make("swarm_mj.envs:SwarmObserve-v0")
     try:
         for seed in range(500):
             env.reset(seed=seed)
@@ -94,7 +94,7 @@ def test_ten_thousand_resets_keep_memory_and_files_flat():
 
 
 def test_resets_with_steps_between_keep_memory_flat():
-    env = gym.make("swarm_mj:SwarmObserve-v0")
+    env = gym.make("swarm_mj.envs:SwarmObserve-v0")
     env.action_space.seed(0)
     try:
         memory = None
@@ -113,7 +113,7 @@ def test_resets_with_steps_between_keep_memory_flat():
 
 @pytest.mark.gl
 def test_rendered_episodes_share_one_context():
-    env = gym.make("swarm_mj:SwarmObserve-v0", render_mode="rgb_array")
+    env = gym.make("swarm_mj.envs:SwarmObserve-v0", render_mode="rgb_array")
     try:
         for seed in range(20):
             env.reset(seed=seed)
@@ -133,7 +133,7 @@ def test_rendered_episodes_share_one_context():
 def test_environments_that_are_closed_give_their_context_back():
     before, memory, count = None, [], 40
     for seed in range(count):
-        env = gym.make("swarm_mj:SwarmObserve-v0", render_mode="rgb_array")
+        env = gym.make("swarm_mj.envs:SwarmObserve-v0", render_mode="rgb_array")
         env.reset(seed=seed)
         env.render()
         env.close()

@@ -9,11 +9,10 @@ import gymnasium
 import mujoco
 import numpy as np
 
-import swarm_mj  # noqa: F401  (registers the environment)
 from swarm_mj.verification.performance.measure import Row, rates, row
 from swarm_mj.verification.performance.record import cores
 
-ID = "swarm_mj:SwarmObserve-v0"
+ID = "swarm_mj.envs:SwarmObserve-v0"
 TARGET_SINGLE, TARGET_VECTOR = ">= 0.60", ">= 0.80"
 
 
