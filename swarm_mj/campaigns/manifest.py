@@ -9,10 +9,10 @@ from typing import Any
 
 from swarm_mj.campaigns.config import Campaign
 from swarm_mj.campaigns.loading import Resolved
-from swarm_mj.campaigns.lock import LOCK
 from swarm_mj.errors import OutputError
 from swarm_mj.io.atomic import write_text
 from swarm_mj.io.cache import hash_of
+from swarm_mj.io.lock import LOCK
 from swarm_mj.results.summary import library_versions
 
 #: Where a campaign's folder says what it flies: `Resolved.dump` and what it was flown with.

@@ -12,12 +12,12 @@ from rich.progress import Progress, TaskID
 
 from swarm_mj.campaigns.flying import Flyer
 from swarm_mj.campaigns.loading import Resolved
-from swarm_mj.campaigns.lock import only_one
 from swarm_mj.campaigns.manifest import REPLAYS, require_place, take_over
 from swarm_mj.campaigns.pools import LocalPool, Pool
 from swarm_mj.campaigns.sampling import Sample
 from swarm_mj.errors import OutputError, ScenarioError
 from swarm_mj.io.atomic import write_text
+from swarm_mj.io.lock import only_one
 from swarm_mj.io.progress import progress_bars
 
 TELEMETRY = "telemetry"

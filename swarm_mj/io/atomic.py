@@ -1,4 +1,4 @@
-"""A result folder that appears whole or not at all, and takes the place of no other result than its own."""
+"""Files and result folders that appear whole or not at all, and take the place of no other result than their own."""
 
 from __future__ import annotations
 
@@ -234,3 +234,35 @@ def write_text(path: Path, text: str) -> None:
     partial = path.with_name(f".{path.name}.partial")
     partial.write_text(text, encoding="utf-8")
     os.replace(partial, path)
+
+
+@contextmanager
+def atomic_file(path: Path) -> Iterator[Path]:
+    """Give a temporary name beside `path` whose file takes that place when the block ends without an error.
+
+    While the block runs, a second process that would write the same file is refused. What a killed one left behind is
+    cleared by the next.
+
+    Raises:
+        OutputError: The file cannot be written, or another process is writing it.
+    """
+    with reserved(path, "file"):
+        _clear_partial_files(path)
+        partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
+        try:
+            yield partial
+            os.replace(partial, path)
+        except OSError as error:
+            raise OutputError(f"{path}: cannot be written ({error.strerror or error})") from error
+        finally:
+            with suppress(OSError):
+                partial.unlink(missing_ok=True)
+
+
+def _clear_partial_files(path: Path) -> None:
+    """Remove what killed processes left half-written; the place is held, so none of them is at work."""
+    ours = re.compile(rf"\.{re.escape(path.name)}\.\d+\.partial")
+    with suppress(OSError):
+        for leftover in path.parent.iterdir():
+            if ours.fullmatch(leftover.name):
+                leftover.unlink()

@@ -1,12 +1,16 @@
-"""A place for results that one process at a time may write to."""
+"""A place for results that one process at a time may write to: an advisory lock that the system drops with the process.
+
+The lock is a file beside a result (`reserved`) or inside a folder that several commands share (`only_one`); none stays behind.
+"""
 
 from __future__ import annotations
 
 import os
+import platform
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import IO, Literal
+from typing import Literal
 
 from swarm_mj.errors import OutputError
 
@@ -16,6 +20,9 @@ except ImportError:  # only where POSIX is not: two that write into one place at
     fcntl = None  # type: ignore[assignment]
 
 Kind = Literal["folder", "file"]
+
+#: Name of the lock inside a folder that is held by `only_one`.
+LOCK = ".lock"
 
 
 @contextmanager
@@ -29,22 +36,19 @@ def reserved(destination: Path, kind: Kind = "folder") -> Iterator[None]:
     Raises:
         OutputError: Another process holds it, or nothing can be written beside it.
     """
-    lock = destination.with_name(f".{destination.name}.lock")
-    try:
-        file = _locked(lock)
-    except BlockingIOError:
-        raise OutputError(
-            f"{destination}: another run is writing there ({_owner(lock)}); wait for it, or choose another {kind} with --out"
-        ) from None
-    except OSError as error:
-        raise unwritable(destination, error, kind) from None
-    try:
+    with _held(destination.with_name(f".{destination.name}.lock"), destination, kind, "another run is writing there"):
         yield
-    finally:
-        # Removed before it is released: whoever opened it meanwhile finds it gone and makes a new one.
-        with suppress(OSError):
-            lock.unlink()
-        file.close()
+
+
+@contextmanager
+def only_one(folder: Path) -> Iterator[None]:
+    """Hold a campaign's folder, which is made if need be.
+
+    Raises:
+        OutputError: Another process holds it; the message names that process. Or the folder cannot be written.
+    """
+    with _held(folder / LOCK, folder, "folder", "another campaign is writing here"):
+        yield
 
 
 def unwritable(destination: Path, error: OSError, kind: Kind = "folder") -> OutputError:
@@ -52,29 +56,64 @@ def unwritable(destination: Path, error: OSError, kind: Kind = "folder") -> Outp
     return OutputError(f"{destination}: cannot be written ({error.strerror}); choose another {kind} with --out")
 
 
-def _locked(lock: Path) -> IO[bytes]:
-    """Open and lock a file that is still in its place.
+@contextmanager
+def _held(lock: Path, destination: Path, kind: Kind, taken: str) -> Iterator[None]:
+    """Hold a lock file while the block runs; `taken` says what another holder means."""
+    try:
+        handle = _locked(lock)
+    except BlockingIOError:
+        raise OutputError(
+            f"{destination}: {taken} ({_holder(lock)}); wait for it, or choose another {kind} with --out"
+        ) from None
+    except OSError as error:
+        raise unwritable(destination, error, kind) from None
+    try:
+        _sign(handle)
+        yield
+    finally:
+        # Removed while it is held: whoever opened it meanwhile finds, once it has the lock, another file or none in its place.
+        with suppress(OSError):
+            if _in_place(handle, lock):
+                lock.unlink()
+        os.close(handle)
+
+
+def _locked(lock: Path) -> int:
+    """Handle of the lock file, locked and still in its place.
 
     Raises:
-        BlockingIOError: Another run holds it.
+        BlockingIOError: Another process holds it.
     """
     while True:
-        file = lock.open("ab", buffering=0)
+        lock.parent.mkdir(parents=True, exist_ok=True)
+        # A link is not followed: what it names belongs to somebody else.
+        handle = os.open(lock, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o644)
         try:
             if fcntl is not None:
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            if lock.exists() and os.path.samestat(os.fstat(file.fileno()), lock.stat()):
-                with suppress(OSError):  # a full disk; what is to be written there says so
-                    file.truncate(0)
-                    file.write(f"process {os.getpid()}".encode())
-                return file
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if _in_place(handle, lock):
+                return handle
         except OSError:
-            file.close()
+            os.close(handle)
             raise
-        file.close()
+        os.close(handle)  # its last holder removed it between the opening and the lock: the next one is in its place
 
 
-def _owner(lock: Path) -> str:
-    with suppress(OSError, ValueError):
-        return lock.read_text("utf-8")[:40] or "unknown process"
+def _in_place(handle: int, lock: Path) -> bool:
+    """Whether the open file is the one that processes to come will open."""
+    try:
+        return os.path.samestat(os.fstat(handle), os.stat(lock, follow_symlinks=False))
+    except FileNotFoundError:
+        return False
+
+
+def _sign(handle: int) -> None:
+    with suppress(OSError):  # a full disk: what is to be written there says so; only the holder's name is lost
+        os.ftruncate(handle, 0)
+        os.pwrite(handle, f"process {os.getpid()} on {platform.node()}\n".encode(), 0)
+
+
+def _holder(lock: Path) -> str:
+    with suppress(OSError):
+        return lock.read_bytes()[:200].decode("utf-8", "replace").strip() or "unknown process"
     return "unknown process"

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
+from swarm_mj.io.atomic import atomic_file
 from swarm_mj.rendering.cameras import OVERVIEW
 from swarm_mj.rendering.picture import Drawing
 from swarm_mj.rendering.replay import Replay
-from swarm_mj.results.file import atomic_file
 
 #: Free pixels between two pictures.
 GAP = 8

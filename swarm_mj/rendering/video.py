@@ -12,7 +12,7 @@ import numpy as np
 from PIL import Image
 
 from swarm_mj.errors import OutputError
-from swarm_mj.results.file import atomic_file
+from swarm_mj.io.atomic import atomic_file
 from swarm_mj.typing import Pixels
 
 #: Kinds of film by the file's ending.

@@ -11,10 +11,10 @@ from pathlib import Path
 import pytest
 
 from swarm_mj.campaigns.loading import load_campaign
-from swarm_mj.campaigns.lock import only_one
 from swarm_mj.campaigns.runner import replay, run_campaign
 from swarm_mj.campaigns.store import RESULTS, read_results
 from swarm_mj.errors import OutputError
+from swarm_mj.io.lock import only_one
 
 from .conftest import QUICK
 
@@ -182,7 +182,7 @@ def test_of_two_campaigns_in_one_folder_one_wins_and_the_other_says_so(reference
 HOLD = """
 import sys, time
 from pathlib import Path
-from swarm_mj.campaigns.lock import only_one
+from swarm_mj.io.lock import only_one
 with only_one(Path(sys.argv[1])):
     print("held", flush=True)
     time.sleep(120)

@@ -6,11 +6,11 @@ import pytest
 
 from swarm_mj.campaigns import runner
 from swarm_mj.campaigns.loading import load_campaign, packaged_campaigns, packaged_descriptions
-from swarm_mj.campaigns.lock import only_one
 from swarm_mj.campaigns.manifest import kept_runs, take_over
 from swarm_mj.campaigns.store import read_results
 from swarm_mj.cli.main import main
 from swarm_mj.io.atomic import atomic_folder
+from swarm_mj.io.lock import only_one
 
 from .conftest import ONE
 

@@ -6,9 +6,9 @@ import sys
 
 import pytest
 
-from swarm_mj.campaigns import lock
-from swarm_mj.campaigns.lock import LOCK, only_one
 from swarm_mj.errors import OutputError
+from swarm_mj.io import lock
+from swarm_mj.io.lock import LOCK, only_one
 
 pytestmark = pytest.mark.robust
 
@@ -75,7 +75,7 @@ def test_a_link_in_place_of_the_lock_is_not_followed(tmp_path):
 TAKE_TURNS = """
 import os, sys
 from pathlib import Path
-from swarm_mj.campaigns.lock import only_one
+from swarm_mj.io.lock import only_one
 from swarm_mj.errors import OutputError
 folder, turns = Path(sys.argv[1]), 400
 while turns:
