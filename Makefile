@@ -5,7 +5,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 
 .DEFAULT_GOAL := help
-.PHONY: help run test test-fast lint format types check wheel-test bench docs docs-images reproduction robustness learning audit shape gl setup setup-dev clean
+.PHONY: help run test test-fast lint format types check wheel-test bench docs docs-serve images pages convergence reproduction robustness learning audit shape gl setup setup-dev clean
 
 help: ## list the targets
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -59,24 +59,33 @@ bench: setup ## measure how fast the program is on this machine
 	@$(BIN)/swarm-mj bench $(ARGS)
 	@$(BIN)/python -m benchmarks.basilisk
 
-docs-images: setup-dev ## redraw the pictures that README and docs show
-	@$(BIN)/python -m docs.images
+docs: setup-dev ## build the site into site/: offline, warnings are errors
+	@$(BIN)/python -m mkdocs build --strict $(ARGS)
 
-docs: docs-images ## the same, and rerun the checks that docs show
-	@$(BIN)/swarm-mj validate --markdown docs/validation.md
-	@$(BIN)/python -m docs.dependencies
+docs-serve: setup-dev ## show the site while it is written, at http://127.0.0.1:8000
+	@$(BIN)/python -m mkdocs serve $(ARGS)
 
-reproduction: setup ## rewrite docs/reproduction.md: the fewest observers under every reading
-	@$(BIN)/python -m docs.reproduction
+images: setup-dev ## redraw the pictures that README and the site show
+	@$(BIN)/python -m scripts.pages.images
 
-robustness: setup-dev ## rewrite docs/robustness.md: what losses and faults cost
-	@$(BIN)/python -m docs.robustness
+pages: images ## the same, and rewrite the measured pages that take minutes: validation, dependencies
+	@$(BIN)/swarm-mj validate --markdown docs/results/validation.md
+	@$(BIN)/python -m scripts.pages.dependencies
 
-learning: setup ## fly the trained policy against the scripted ones and rewrite docs/learning.md
-	@$(BIN)/python -m docs.learning
+convergence: setup ## rewrite docs/results/convergence.md: how answers depend on steps, picture and mesh
+	@$(BIN)/python -m scripts.pages.convergence
+
+reproduction: setup ## rewrite docs/results/reproduction.md: the fewest observers under every reading
+	@$(BIN)/python -m scripts.pages.reproduction
+
+robustness: setup-dev ## rewrite docs/results/robustness.md: what losses and faults cost
+	@$(BIN)/python -m scripts.pages.robustness
+
+learning: setup ## fly the trained policy against the scripted ones and rewrite docs/results/learning.md
+	@$(BIN)/python -m scripts.pages.learning
 
 shape: setup ## rebuild assets/eros.obj from its harmonics
 	@$(BIN)/swarm-mj shape --out assets/eros.obj
 
 clean: ## remove what the targets made
-	rm -rf $(VENV) build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache results
+	rm -rf $(VENV) build dist site *.egg-info .pytest_cache .mypy_cache .ruff_cache results

@@ -29,7 +29,7 @@ class SwarmObserveEnv(gymnasium.Env[Observation, Any]):
 
     One episode is one flyby of a scenario, flown by the same `Simulation`, plug-ins, observers and criteria as
     `swarm-mj run`. Only attitudes are controlled: the trajectories follow from the deployment. Frames: N inertial, A fixed in
-    the body, B the spacecraft, camera and dish along its +z (docs/theory.md). n counts the observers and, where the
+    the body, B the spacecraft, camera and dish along its +z (docs/theory/overview.md). n counts the observers and, where the
     scenario's behaviour asks for one, a dedicated communications spacecraft, which comes last. w counts the reaction wheels of
     a spacecraft: 3, or 4 with `spacecraft.wheel_layout: pyramid` as in `eros-faults`.
 

@@ -14,7 +14,7 @@ from swarm_mj.results.findings import borrowed_remarks
 from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.simulator.telemetry import MODES, read_telemetry
 
-PAGE = (Path(__file__).parents[1] / "docs/extending.md").read_text("utf-8")
+PAGE = (Path(__file__).parents[1] / "docs/how-to/body_and_plug_ins.md").read_text("utf-8")
 
 
 def snippets(language):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-COMMAND = "python -m benchmarks.bsk_rl --peer-python peer/bin/python --markdown docs/bsk_rl.md"
+COMMAND = "python -m benchmarks.bsk_rl --peer-python peer/bin/python --markdown docs/results/bsk_rl.md"
 EXAMPLES = {
     "scanning": "Getting Started, five satellites",
     "scanning_10s": "the same, actions of 10 s",

@@ -20,7 +20,9 @@ def add(commands: argparse._SubParsersAction) -> None:
         metavar="NAME",
         help="start, loop, observers, designer, environment, pictures or job; may be repeated",
     )
-    bench.add_argument("--full", action="store_true", help="more rounds and large cases, as in docs/performance.md")
+    bench.add_argument(
+        "--full", action="store_true", help="more rounds and large cases, as in docs/results/performance.md"
+    )
     bench.add_argument("--json", type=Path, metavar="FILE", help="write the results as JSON")
     bench.add_argument("--markdown", type=Path, metavar="FILE", help="write the results as a Markdown page")
     bench.set_defaults(command=_bench)

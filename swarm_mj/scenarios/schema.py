@@ -182,7 +182,7 @@ class Control(Section):
 
     controller: str = Field("mrp_sliding_mode", description="plug-in: mrp_sliding_mode, mrp_feedback or your own")
     parameters: Parameters = Field(
-        default_factory=dict, description="gains of the plug-in; see docs/attitude_control.md"
+        default_factory=dict, description="gains of the plug-in; see docs/theory/attitude_control.md"
     )
     period_s: float = Field(0.5, ge=1e-3, le=60, description="how long wheel torques and forces are held [s]")
 
@@ -342,7 +342,9 @@ class Scenario(Section):
     link: Link = Field(default_factory=Link)
     safety: Safety = Field(default_factory=Safety)
     telemetry: Telemetry = Field(default_factory=Telemetry)
-    faults: tuple[Fault, ...] = Field((), max_length=1000, description="what goes wrong in flight; docs/faults.md")
+    faults: tuple[Fault, ...] = Field(
+        (), max_length=1000, description="what goes wrong in flight; docs/how-to/faults.md"
+    )
     dispersions: Dispersions = Field(default_factory=Dispersions)
 
     @field_validator("epoch", mode="before")

@@ -1,6 +1,6 @@
 """Faults in flight and dispersions of a scenario: what may go wrong, when, and by how much. All of it is off by default.
 
-Each fault is one entry of the list `faults`, told apart by its `kind`. docs/faults.md gives the model behind each number.
+Each fault is one entry of the list `faults`, told apart by its `kind`. The model behind each number: docs/how-to/faults.md.
 """
 
 from __future__ import annotations

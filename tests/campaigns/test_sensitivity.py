@@ -84,7 +84,7 @@ def test_indices_that_a_sample_allows_are_shown_without_remarks(write):
 
 
 def test_the_page_on_robustness_says_it_in_its_table():
-    page = pytest.importorskip("docs.robustness")
+    page = pytest.importorskip("scripts.pages.robustness")
     entries = {
         "first": {"value": 0.81, "low": 0.09, "high": 1.58, "told": False},
         "total": {"value": 0.2, "low": 0.1, "high": 0.3, "told": True},
@@ -94,7 +94,7 @@ def test_the_page_on_robustness_says_it_in_its_table():
 
 
 def test_the_page_on_robustness_gives_the_time_that_it_needed_itself(monkeypatch):
-    page = pytest.importorskip("docs.robustness")
+    page = pytest.importorskip("scripts.pages.robustness")
     monkeypatch.setattr(page, "usable_cores", lambda: 2)
     assert "It needed 9 min on 2 cores" in page.time_needed(540.0, went_on=False)
     assert "It needed 1.5 min" in page.time_needed(90.0, went_on=False)

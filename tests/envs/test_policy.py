@@ -297,7 +297,7 @@ def test_the_interval_covers_the_true_mean_nineteen_times_in_twenty():
 
 
 def test_the_packaged_policy_beats_every_scripted_one(env):
-    """On two seeds; docs/learning.md has a hundred."""
+    """On two seeds; docs/results/learning.md has a hundred."""
     policy = load_policy(asset_path(PACKAGED))
     policy.check(env.setting)
     trained = fly_seeds(policy.act, [77, 78], threads=2).total

@@ -1,4 +1,4 @@
-"""docs/dependencies.md lists every declared dependency with its bound and its licence."""
+"""docs/results/dependencies.md lists every declared dependency with its bound and its licence."""
 
 import re
 import tomllib
@@ -15,7 +15,7 @@ DECLARED = [
     for text in [*PROJECT["dependencies"], *(d for group in PROJECT["optional-dependencies"].values() for d in group)]
     if not text.startswith("swarm_mj")
 ]
-PAGE = (ROOT / "docs" / "dependencies.md").read_text("utf-8")
+PAGE = (ROOT / "docs" / "results" / "dependencies.md").read_text("utf-8")
 
 
 def parts(text):
@@ -32,7 +32,7 @@ def test_every_dependency_has_a_lower_bound(text):
 def test_every_dependency_stands_on_the_page_with_bound_licence_and_purpose(text):
     name, bound = parts(text)
     row = next((line for line in PAGE.splitlines() if line.startswith(f"| {name} |")), None)
-    assert row, f"{name} is missing: run python -m docs.dependencies"
+    assert row, f"{name} is missing: run python -m scripts.pages.dependencies"
     _, _, versions, licence, purpose, _ = (cell.strip() for cell in row.split("|"))
     assert versions.startswith(bound)
     assert licence not in {"", "not stated"}

@@ -7,7 +7,7 @@ sight (parallel transport). With the unit vector l on the line of sight this giv
 
     omega_RN = l x l_dot,    d omega_RN / dt = l x l_ddot.
 
-Everything is compiled, loops over spacecraft and writes into arrays of the caller. See docs/attitude_control.md.
+Everything is compiled, loops over spacecraft and writes into arrays of the caller. See docs/theory/attitude_control.md.
 """
 
 from math import atan2, sqrt

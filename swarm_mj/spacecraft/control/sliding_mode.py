@@ -11,7 +11,7 @@ reaching_rate, whatever the inertia error and disturbance within the stated boun
     v_i = rho_i sat(s_i / layer) + damping s_i.
 
 Inside the layer the law is linear, which keeps the sampled loop free of chatter. Derivation, proof and the reasons for
-the gains: docs/attitude_control.md. Sources: Kowalchuk & Hall, AIAA 2008-6260 (sliding mode with wheels); Slotine & Li,
+the gains: docs/theory/attitude_control.md. Sources: Kowalchuk & Hall, AIAA 2008-6260 (sliding mode with wheels); Slotine & Li,
 Applied Nonlinear Control, chapter 7 (boundary layer, gain under uncertainty); Schaub & Junkins, chapters 3, 4 and 8.
 """
 

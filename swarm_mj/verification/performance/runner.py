@@ -39,7 +39,7 @@ def run_bench(
 
     Args:
         only: Names in `GROUPS`; empty: all.
-        quick: A few rounds, small cases; else what docs/performance.md shows.
+        quick: A few rounds, small cases; else what docs/results/performance.md shows.
         as_json: Write machine and rows here.
         markdown: Write a page here.
 

@@ -66,7 +66,7 @@ def aligned(attitude: Rotation, direction_N: Array) -> Rotation:
 
 
 def law(state: Array, t: float, reference: Rotation) -> Array:
-    """Torque on the body in B [N m], shape (3,), by the equations of docs/attitude_control.md."""
+    """Torque on the body in B [N m], shape (3,), by the equations of docs/theory/attitude_control.md."""
     p, body = MrpSlidingMode(), gyrostat()
     attitude, omega = Rotation.from_quat(state[Q], scalar_first=True), state[OMEGA]
     rho, rho_dot, rho_ddot = -state[R], -state[V], -attraction(t, state[R])

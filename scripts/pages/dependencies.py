@@ -1,4 +1,4 @@
-"""Write docs/dependencies.md, what swarm_mj stands on and under which licences: python -m docs.dependencies.
+"""Write docs/results/dependencies.md, what swarm_mj stands on and under which licences: python -m scripts.pages.dependencies.
 
 Requirements come from pyproject.toml, licences from the metadata of the packages that are installed. Run it where all extras
 are: pip install -e ".[all,rl,benchmark]".
@@ -16,10 +16,11 @@ from pathlib import Path
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
+from scripts.pages import RESULTS, ROOT
 from swarm_mj.io.atomic import write_text
 
-PAGE = Path(__file__).with_name("dependencies.md")
-PROJECT = Path(__file__).parents[1] / "pyproject.toml"
+PAGE = RESULTS / "dependencies.md"
+PROJECT = ROOT / "pyproject.toml"
 
 #: What each declared package is for.
 PURPOSE = {
@@ -81,8 +82,8 @@ SENTENCES = {
 }
 INTRODUCTION = """# Dependencies
 
-Written by `python -m docs.dependencies` from `pyproject.toml` and the metadata of the installed packages. swarm_mj itself is
-under the MIT licence.
+Written by `python -m scripts.pages.dependencies` from `pyproject.toml` and the metadata of the installed packages. swarm_mj
+itself is under the MIT licence.
 
 Lower bounds are the oldest versions with what is used here. There are no upper bounds: they would keep security
 fixes away from users. Nothing asks for a network at run time; a test refuses every connection while it flies, draws and designs

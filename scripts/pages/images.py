@@ -1,6 +1,6 @@
 """Redraw the pictures of README and docs with the program's own commands: `swarm-mj run` and `swarm-mj design`.
 
-Run as `python -m docs.images` or `make docs-images`. The same versions of the libraries give the same bytes.
+Run as `python -m scripts.pages.images` or `make images`. The same versions of the libraries give the same bytes.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-IMAGES = Path(__file__).parent / "images"
+from scripts.pages import IMAGES
 
 #: What is run for the pictures: name of the result folder and the command that makes it.
 COMMANDS = {

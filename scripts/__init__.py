@@ -1,0 +1,1 @@
+"""What maintainers run: the measured pages of docs/ and what builds the site."""
