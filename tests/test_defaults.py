@@ -6,7 +6,8 @@ import pytest
 from swarm_mj.flight.plan import make_plan
 from swarm_mj.observation.illumination import incidence
 from swarm_mj.scenarios.loading import load_scenario, packaged_names
-from swarm_mj.scenarios.schema import HeliocentricOrbit, RotationState, Scenario
+from swarm_mj.scenarios.schema import Scenario
+from swarm_mj.scenarios.schema_body import HeliocentricOrbit, RotationState
 from swarm_mj.smallbody.ephemeris import DEFAULT_EPOCH
 from swarm_mj.smallbody.kepler import EROS_ORBIT
 from swarm_mj.smallbody.occultation import segments_blocked

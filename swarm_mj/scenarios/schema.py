@@ -12,89 +12,17 @@ from typing import Any, Literal, Self
 
 from pydantic import Field, field_validator, model_validator
 
-from swarm_mj.scenarios import constants
+from swarm_mj.scenarios.schema_body import Body, Perturbations
 from swarm_mj.scenarios.schema_faults import Dispersions, Fault
-from swarm_mj.scenarios.section import Section, Vector3
-
-Parameters = dict[str, Any]
-
-
-class GravityModel(Section):
-    """Which gravity field acts, by plug-in name."""
-
-    model: str = Field(
-        "spherical_harmonics", description="plug-in: spherical_harmonics, point_mass, polyhedron or your own"
-    )
-    parameters: Parameters = Field(
-        default_factory=dict,
-        description="arguments of the plug-in, e.g. gm [m^3/s^2]; empty: the measured NEAR15A field of Eros",
-    )
-
-
-class RotationState(Section):
-    """Pole and spin of the body (defaults: 433 Eros, label of PDS NEAR-A-5-COLLECTED-MODELS-V1.0)."""
-
-    pole_ra_deg: float = Field(
-        constants.EROS_POLE_RA_DEG, description="right ascension of the pole, J2000 equatorial [deg]"
-    )
-    pole_dec_deg: float = Field(constants.EROS_POLE_DEC_DEG, ge=-90, le=90, description="declination of the pole [deg]")
-    w0_deg: float = Field(constants.EROS_W0_DEG, description="prime meridian angle at J2000 [deg]")
-    w_rate_deg_per_day: float = Field(
-        constants.EROS_W_RATE_DEG_PER_DAY, ge=-1e6, le=1e6, description="rotation rate [deg/day]"
-    )
-
-
-class HeliocentricOrbit(Section):
-    """Keplerian elements in the ecliptic J2000 frame (default: 433 Eros, JPL Horizons, epoch 2019-05-02)."""
-
-    semi_major_axis_au: float = Field(1.458114857699829, ge=0.01, le=1e4)
-    eccentricity: float = Field(0.2227354414120954, ge=0, lt=1)
-    inclination_deg: float = Field(10.82855904976882, ge=0, le=180)
-    node_deg: float = 304.3061397028930
-    argument_of_perihelion_deg: float = 178.8220606936718
-    perihelion_jd: float = Field(2458516.111275572, gt=0, description="Julian date of perihelion passage (TDB)")
-
-
-class Body(Section):
-    """The small body: shape, gravity, rotation and heliocentric orbit."""
-
-    name: str = "433 Eros"
-    shape: str = Field("eros", description="'eros' (packaged) or the path of an OBJ, PLY, STL or PDS .tab file")
-    shape_unit: Literal["m", "km"] | None = Field(
-        None, description="unit of the vertices in the file; null: metres, but kilometres for .tab"
-    )
-    radius_range_m: tuple[float, float] = Field(
-        (50.0, 2.0e6),
-        description="largest vertex radius that is believed [m]; guards against kilometres taken for metres",
-    )
-    gravity: GravityModel = Field(default_factory=GravityModel)
-    rotation: RotationState = Field(default_factory=RotationState)
-    orbit: HeliocentricOrbit = Field(default_factory=HeliocentricOrbit)
-
-    @field_validator("radius_range_m")
-    @classmethod
-    def _range_is_one(cls, value: tuple[float, float]) -> tuple[float, float]:
-        if not 0 < value[0] < value[1]:
-            raise ValueError(f"= {list(value)}: must be two positive numbers, the smaller one first")
-        return value
-
-
-class Perturbations(Section):
-    """Optional perturbations; all off, as in the paper."""
-
-    solar_tide: bool = Field(False, description="third-body tide of the Sun")
-    solar_radiation_pressure: bool = Field(False, description="cannonball model, without eclipses")
-    gravity_gradient_torque: bool = Field(False, description="torque of the body's central field")
-    srp_area_m2: float = Field(0.034, gt=0, description="sunlit area [m^2]; default: the 0.1 m x 0.34 m side")
-    srp_reflectivity: float = Field(1.3, ge=1, le=2, description="coefficient C_R: 1 absorbs, 2 mirrors")
+from swarm_mj.scenarios.section import Parameters, Section, Vector3
 
 
 class Target(Section):
     """The surface feature: the part of the body inside a pyramid from its centre."""
 
-    latitude_deg: float = Field(0.0, ge=-90, le=90)
+    latitude_deg: float = Field(0.0, ge=-90, le=90, description="planetocentric latitude of the axis [deg]")
     longitude_deg: float = Field(90.0, ge=-360, le=360, description="east longitude [deg]")
-    half_angle_deg: float = Field(20.0, gt=0, lt=90)
+    half_angle_deg: float = Field(20.0, gt=0, lt=90, description="of the pyramid about its axis [deg]; see edges")
     edges: Literal["corner", "side"] = Field(
         "corner", description="whether the half-angle is measured to the pyramid's corner edges or to its side planes"
     )
@@ -119,8 +47,10 @@ class Design(Section):
         max_length=100_000,
         description="one point per observer, numbered from 1 in mesh order",
     )
-    imaging_altitude_m: float = Field(14_000.0, gt=0)
-    projection: Literal["radial", "normal"] = "radial"
+    imaging_altitude_m: float = Field(14_000.0, gt=0, description="of a visiting point above its mesh vertex [m]")
+    projection: Literal["radial", "normal"] = Field(
+        "radial", description="whether points are lifted away from the body's centre or along the vertex normal"
+    )
     time_of_flight_s: float = Field(600.0, gt=0, description="from the mothership to the visiting point [s]")
 
 
@@ -140,21 +70,21 @@ class Mothership(Section):
 class Wheel(Section):
     """A reaction wheel; default: the class of the Blue Canyon RWP015 (15 mN m s, 4 mN m, 0.13 kg, 42 x 42 x 19 mm)."""
 
-    mass_kg: float = Field(0.13, gt=0)
+    mass_kg: float = Field(0.13, gt=0, description="of one wheel [kg]; counted inside the spacecraft's")
     spin_inertia_kg_m2: float = Field(
         2.387e-5, gt=0, description="about the spin axis; 15 mN m s at 6,000 rpm gives 2.387e-5 kg m^2"
     )
     transverse_inertia_kg_m2: float = Field(
         1.545e-5, gt=0, description="of a disc of that mass and spin inertia (38 mm across), 18 mm high"
     )
-    max_torque_n_m: float = Field(0.004, gt=0)
-    max_speed_rpm: float = Field(6000.0, gt=0)
+    max_torque_n_m: float = Field(0.004, gt=0, description="limit of the motor [N m]")
+    max_speed_rpm: float = Field(6000.0, gt=0, description="limit of the speed relative to the hub [rpm]")
 
 
 class Spacecraft(Section):
     """The CubeSat: a uniform box with three orthogonal wheels counted inside its mass and inertia."""
 
-    mass_kg: float = Field(8.0, gt=0)
+    mass_kg: float = Field(8.0, gt=0, description="of the whole spacecraft, wheels included [kg]")
     size_m: Vector3 = Field((0.1, 0.1, 0.34), description="a 3U CubeSat; the camera looks along the long axis +z")
     wheel: Wheel = Field(default_factory=Wheel)
     wheel_layout: Literal["orthogonal", "orthogonal_and_skew", "pyramid"] = Field(
@@ -162,9 +92,11 @@ class Spacecraft(Section):
         description="wheels along x, y, z; the same and a fourth along (1, 1, 1); four along (+-1, +-1, 1): with four, the "
         "loss of any one leaves control about all axes",
     )
-    initial_mrp_range: float = Field(1.0, ge=0, description="each MRP component is uniform in [-range, range]")
+    initial_mrp_range: float = Field(
+        1.0, ge=0, description="each component of the initial attitude (MRP) is uniform in [-range, range] [-]"
+    )
     initial_rate_range_rpm: float = Field(
-        0.2, ge=0, description="each body rate component is uniform in [-range, range] rpm"
+        0.2, ge=0, description="each component of the initial body rate is uniform in [-range, range] [rpm]"
     )
 
     @model_validator(mode="after")
@@ -190,7 +122,9 @@ class Control(Section):
 class Physics(Section):
     """Time integration by MuJoCo's RK4."""
 
-    timestep_s: float = Field(0.1, ge=1e-3, le=1.0)
+    timestep_s: float = Field(
+        0.1, ge=1e-3, le=1.0, description="step of RK4 [s]; control.period_s is a whole multiple of it"
+    )
     wheels: Literal["bodies", "gyrostat"] = Field(
         "bodies",
         description="three bodies on hinges, or three momentum states of the spacecraft: the same motion, faster",
@@ -201,13 +135,16 @@ class Behavior(Section):
     """Who points at what, by plug-in name."""
 
     name: str = Field(
-        "dedicated_communications", description="plug-in: dedicated_communications, adaptable_roles or your own"
+        "dedicated_communications",
+        description="plug-in: dedicated_communications, adaptable_roles, target_sweep, scripted_policy, trained_policy or "
+        "your own",
     )
-    parameters: Parameters = Field(default_factory=dict)
+    parameters: Parameters = Field(default_factory=dict, description="arguments of the plug-in")
     imaging_radius_m: float = Field(
         35_000.0,
         gt=0,
-        description="R_im, not given by the paper; with 35 km all spacecraft are inside at 0 and 10 min and outside at 20 min",
+        description="R_im, inside which the body is imaged [m]; not given by the paper: with 35 km all "
+        "spacecraft are inside at 0 and 10 min and outside at 20 min",
     )
 
 
@@ -215,9 +152,9 @@ class Camera(Section):
     """The camera along +z."""
 
     half_angle_deg: float = Field(
-        21.5, gt=0, lt=90, description="to the sides of a square field of view, or of the cone"
+        21.5, gt=0, lt=90, description="to the sides of a square field of view, or of the cone [deg]"
     )
-    shape: Literal["square", "cone"] = "square"
+    shape: Literal["square", "cone"] = Field("square", description="of the field of view")
     resolution_px: int = Field(512, ge=16, le=8192, description="pixels along one side")
     detector_ifov_rad: float | None = Field(
         None,
@@ -238,14 +175,18 @@ class Observation(Section):
         "passage", description="count the whole passage inside the imaging region, or only the instant of the visit"
     )
     interval_s: float = Field(10.0, gt=0, description="time between two images of a spacecraft [s]")
-    min_fraction: float = Field(0.5, gt=0, le=1, description="part of a face's expected pixels that must be found")
+    min_fraction: float = Field(0.5, gt=0, le=1, description="part of a face's expected pixels that must be found [-]")
     any_pixel: bool = Field(False, description="let any pixel of a face suffice instead; overstates the area")
     max_emission_deg: float | None = Field(
-        None, gt=0, le=90, description="largest angle between face normal and camera"
+        None, gt=0, le=90, description="largest angle between face normal and camera [deg]; null: any"
     )
-    max_range_m: float | None = Field(None, gt=0)
-    max_gsd_m: float | None = Field(None, gt=0, description="largest ground sampling distance, obliquity included [m]")
-    max_incidence_deg: float | None = Field(None, gt=0, le=90, description="largest angle between face normal and Sun")
+    max_range_m: float | None = Field(None, gt=0, description="largest distance between face and camera [m]; null: any")
+    max_gsd_m: float | None = Field(
+        None, gt=0, description="largest ground sampling distance, obliquity included [m]; null: any"
+    )
+    max_incidence_deg: float | None = Field(
+        None, gt=0, le=90, description="largest angle between face normal and Sun [deg]; null: any"
+    )
     occlusion: bool = Field(True, description="whether the body hides faces behind it; the paper culls and clips only")
     shadows: bool = Field(False, description="faces shadowed by the body itself do not count")
 
@@ -253,16 +194,16 @@ class Observation(Section):
 class ExtraTarget(Section):
     """One more surface feature that the designer has to cover."""
 
-    latitude_deg: float = Field(ge=-90, le=90)
-    longitude_deg: float = Field(ge=-360, le=360)
-    half_angle_deg: float = Field(20.0, gt=0, lt=90)
+    latitude_deg: float = Field(ge=-90, le=90, description="planetocentric latitude of the axis [deg]")
+    longitude_deg: float = Field(ge=-360, le=360, description="east longitude of the axis [deg]")
+    half_angle_deg: float = Field(20.0, gt=0, lt=90, description="of the pyramid about its axis [deg]")
 
 
 class Designer(Section):
     """How `swarm-mj design` looks for the fewest spacecraft (AAS 19-144, equations 3 to 6)."""
 
-    max_observers: int = Field(20, ge=1, le=1000, description="N_max")
-    tolerance_percent: float = Field(0.1, ge=0, lt=100, description="epsilon: largest |100 - P_TO|")
+    max_observers: int = Field(20, ge=1, le=1000, description="N_max, the most observers a design may have")
+    tolerance_percent: float = Field(0.1, ge=0, lt=100, description="epsilon, the largest |100 - P_TO| of a design [%]")
     fold: int = Field(
         1, ge=1, description="every face must be seen by this many: the loss of fold - 1 then loses nothing"
     )
@@ -271,26 +212,32 @@ class Designer(Section):
         description="count only what every rotation about the line of sight sees (the cone inscribed in a square field of "
         "view), because that rotation comes from the random initial attitude; false: the rotation of an inertial start",
     )
-    population: int = Field(100, ge=2)
-    max_generations: int = Field(200, ge=1)
+    population: int = Field(100, ge=2, description="designs in a generation of the genetic algorithm")
+    max_generations: int = Field(200, ge=1, description="after which evolution stops in any case")
     patience: int = Field(50, ge=1, description="generations without a better design after which evolution stops")
     extra_targets: tuple[ExtraTarget, ...] = Field((), max_length=25, description="more features to cover")
-    altitudes_m: tuple[float, ...] = Field((), max_length=20, description="to choose from; empty: the design's")
-    times_of_flight_s: tuple[float, ...] = Field((), max_length=20, description="to choose from; empty: the design's")
-    time_limit_s: float = Field(300.0, gt=0, description="when the exact solver stops without proof")
+    altitudes_m: tuple[float, ...] = Field(
+        (), max_length=20, description="imaging altitudes to choose from [m]; empty: the design's"
+    )
+    times_of_flight_s: tuple[float, ...] = Field(
+        (), max_length=20, description="times of flight to choose from [s]; empty: the design's"
+    )
+    time_limit_s: float = Field(300.0, gt=0, description="after which the exact solver stops without proof [s]")
 
 
 class Link(Section):
     """Radio links: a directional antenna along +z and a hemispherical inter-satellite antenna."""
 
-    dish_half_angle_deg: float = Field(5.0, gt=0, le=90, description="half the beam of the antenna along +z")
+    dish_half_angle_deg: float = Field(5.0, gt=0, le=90, description="half the beam of the antenna along +z [deg]")
     hemispherical_boresight_B: Vector3 = Field(
         (0.0, 0.0, -1.0),
-        description="axis of the inter-satellite antenna in B: on the face opposite the dish, so that a relay on the Earthward "
-        "side looks back on the swarm; from the swarm's middle a hemisphere cannot hear all of it",
+        description="axis of the inter-satellite antenna in B [-]: on the face opposite the dish, so that a relay on the "
+        "Earthward side looks back on the swarm; from the swarm's middle a hemisphere cannot hear all of it",
     )
-    hemispherical_half_angle_deg: float = Field(90.0, gt=0, le=180)
-    max_range_m: float = Field(50_000.0, gt=0, description="of an inter-satellite link")
+    hemispherical_half_angle_deg: float = Field(
+        90.0, gt=0, le=180, description="half the beam of the inter-satellite antenna [deg]; 180: two back to back"
+    )
+    max_range_m: float = Field(50_000.0, gt=0, description="of an inter-satellite link [m]")
 
     @field_validator("hemispherical_boresight_B")
     @classmethod
@@ -304,29 +251,42 @@ class Safety(Section):
     """Limits whose violation is reported."""
 
     min_separation_m: float = Field(
-        10.0, ge=0, description="closer than this, after the grace time, is a near-collision"
+        10.0, ge=0, description="closer than this [m], after the grace time, is a near-collision"
     )
-    separation_grace_s: float = Field(60.0, ge=0, description="all spacecraft leave the mothership from one point [s]")
+    separation_grace_s: float = Field(
+        60.0,
+        ge=0,
+        description="time past the epoch from which closeness counts [s]: all leave the mothership from one point",
+    )
 
 
 class Telemetry(Section):
     """What is written during the flight."""
 
-    interval_s: float = Field(1.0, ge=1e-3)
+    interval_s: float = Field(1.0, ge=1e-3, description="between two samples [s]; a whole multiple of control.period_s")
 
 
 class Scenario(Section):
     """A whole mission."""
 
-    name: str = Field(min_length=1, pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")
-    description: str = ""
-    seed: int = Field(0, ge=0, lt=2**63, description="of the random initial attitudes")
+    name: str = Field(
+        min_length=1, pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$", description="what results and their folder are called"
+    )
+    description: str = Field("", description="one line on what the scenario is; shown in lists and reports")
+    seed: int = Field(
+        0,
+        ge=0,
+        lt=2**63,
+        description="of every random number: initial attitudes and rates, faults, dispersions, evolution",
+    )
     epoch: str = Field(
         "2018-01-01T03:15:00",
         description="time at which the swarm is deployed, ISO 8601, TDB; by default the paper's target is sunlit and Earth in "
         "view during the imaging (numbers beside DEFAULT_EPOCH in swarm_mj.smallbody.ephemeris)",
     )
-    duration_s: float = Field(1200.0, gt=0, le=30 * 86_400.0)
+    duration_s: float = Field(
+        1200.0, gt=0, le=30 * 86_400.0, description="of the flight [s]; a whole multiple of control.period_s"
+    )
     body: Body = Field(default_factory=Body)
     perturbations: Perturbations = Field(default_factory=Perturbations)
     target: Target = Field(default_factory=Target)

@@ -32,7 +32,7 @@ Speed = Annotated[float, Field(ge=-1e4, le=1e4)]
 class Timed(Section):
     """What all faults share: whether they happen."""
 
-    probability: float = Field(1.0, ge=0, le=1, description="with which it happens, for each spacecraft by itself")
+    probability: float = Field(1.0, ge=0, le=1, description="with which it happens [-], for each spacecraft by itself")
 
 
 class InFlight(Timed):
@@ -93,7 +93,9 @@ class WheelStuck(InFlight):
     kind: Literal["wheel_stuck"]
     spacecraft: Spacecraft
     wheel: Wheel
-    speed_rpm: float | None = Field(None, ge=-1e6, le=1e6, description="at which it sticks; null: the present speed")
+    speed_rpm: float | None = Field(
+        None, ge=-1e6, le=1e6, description="speed at which it sticks [rpm]; null: the present one"
+    )
     detection_s: Detection = 0.0
 
 
@@ -103,7 +105,7 @@ class WheelWeakened(InFlight):
     kind: Literal["wheel_weakened"]
     spacecraft: Spacecraft
     wheel: Wheel
-    factor: float = Field(0.5, ge=0, le=1, description="part of the torque that is left")
+    factor: float = Field(0.5, ge=0, le=1, description="part of the torque that is left [-]")
     duration_s: Duration = None
 
 
@@ -113,9 +115,14 @@ class WheelFriction(InFlight):
     kind: Literal["wheel_friction"]
     spacecraft: Spacecraft
     wheel: Wheel
-    coulomb_n_m: float = Field(2e-4, ge=0, le=1, description="5 % of the torque of the default wheel [N m]")
+    coulomb_n_m: float = Field(
+        2e-4, ge=0, le=1, description="Coulomb friction [N m]; default: 5 % of the torque of the default wheel"
+    )
     viscous_n_m_s: float = Field(
-        1e-6, ge=0, le=1, description="16 % of the torque of the default wheel at its top speed [N m s/rad]"
+        1e-6,
+        ge=0,
+        le=1,
+        description="viscous friction [N m s/rad]; default: 16 % of the torque of the default wheel at its top speed",
     )
     duration_s: Duration = None
 
@@ -125,7 +132,9 @@ class GyroNoise(InFlight):
 
     kind: Literal["gyro_noise"]
     spacecraft: Spacecraft
-    angular_random_walk_deg_sqrt_h: float = Field(1.5, ge=0, le=1e3, description="ten times that of a good MEMS gyro")
+    angular_random_walk_deg_sqrt_h: float = Field(
+        1.5, ge=0, le=1e3, description="noise of the rate [deg/sqrt(h)]; ten times that of a good MEMS gyro"
+    )
     duration_s: Duration = None
 
 
@@ -151,7 +160,7 @@ class StarTrackerNoise(InFlight):
 
     kind: Literal["star_tracker_noise"]
     spacecraft: Spacecraft
-    sigma_arcsec: float = Field(100.0, ge=0, le=36_000, description="one sigma about each axis")
+    sigma_arcsec: float = Field(100.0, ge=0, le=36_000, description="1 sigma about each axis [arcsec]")
     duration_s: Duration = None
 
 
@@ -160,7 +169,7 @@ class StarTrackerBias(InFlight):
 
     kind: Literal["star_tracker_bias"]
     spacecraft: Spacecraft
-    bias_arcsec: Vector3 = Field((60.0, 60.0, 60.0), description="rotation added about x, y, z of B")
+    bias_arcsec: Vector3 = Field((60.0, 60.0, 60.0), description="rotation added about x, y, z of B [arcsec]")
     duration_s: Duration = None
 
 
@@ -177,7 +186,7 @@ class SensorDelay(InFlight):
 
     kind: Literal["sensor_delay"]
     spacecraft: Spacecraft
-    delay_s: float = Field(0.5, gt=0, le=60, description="rounded to whole control periods")
+    delay_s: float = Field(0.5, gt=0, le=60, description="how late [s], rounded to whole control periods")
     duration_s: Duration = None
 
 
@@ -194,9 +203,9 @@ class DeploymentVelocity(Timed):
     kind: Literal["deployment_velocity"]
     spacecraft: Spacecraft
     factor: float = Field(
-        1.0, ge=0, le=10, description="of the velocity relative to the mothership; below 1: a weak spring"
+        1.0, ge=0, le=10, description="of the velocity relative to the mothership [-]; below 1: a weak spring"
     )
-    error_m_s: tuple[Speed, Speed, Speed] = Field((0.0, 0.0, 0.0), description="added, in N [m/s]")
+    error_m_s: tuple[Speed, Speed, Speed] = Field((0.0, 0.0, 0.0), description="velocity added, in N [m/s]")
 
 
 Fault = Annotated[
@@ -230,18 +239,22 @@ class Dispersions(Section):
     """How far truth lies from what the mission was planned with; zero switches each off. Drawn from the scenario's seed."""
 
     attitude_deg: float = Field(
-        0.0, ge=0, le=180, description="1 sigma of an extra initial rotation about each axis of B"
+        0.0, ge=0, le=180, description="1 sigma of an extra initial rotation about each axis of B [deg]"
     )
     rate_deg_s: float = Field(0.0, ge=0, le=60, description="1 sigma of each initial body rate, added [deg/s]")
     deployment_velocity_m_s: float = Field(0.0, ge=0, le=100, description="1 sigma of each component in N [m/s]")
-    mass_percent: float = Field(0.0, ge=0, le=10, description="1 sigma, cut at 3 sigma")
+    mass_percent: float = Field(
+        0.0, ge=0, le=10, description="1 sigma of the mass, cut at 3 sigma; inertia grows with it"
+    )
     inertia_percent: float = Field(
         0.0, ge=0, le=10, description="1 sigma of each second moment of the mass (int x^2 dm, ...), cut at 3 sigma"
     )
     wheel_coulomb_n_m: float = Field(
-        0.0, ge=0, le=1, description="each wheel's friction is uniform from 0 to this [N m]"
+        0.0, ge=0, le=1, description="each wheel's Coulomb friction is uniform from 0 to this [N m]"
     )
-    wheel_viscous_n_m_s: float = Field(0.0, ge=0, le=1, description="uniform from 0 to this [N m s/rad]")
+    wheel_viscous_n_m_s: float = Field(
+        0.0, ge=0, le=1, description="each wheel's viscous friction is uniform from 0 to this [N m s/rad]"
+    )
     gravity_percent: float = Field(0.0, ge=0, le=30, description="1 sigma of the field as a whole (GM), cut at 3 sigma")
     harmonics_percent: float = Field(
         0.0, ge=0, le=100, description="1 sigma of each coefficient C_nm, S_nm of n >= 1 of a field in harmonics"
@@ -256,13 +269,15 @@ class Dispersions(Section):
     gyro_rate_random_walk_deg_h_sqrt_h: float = Field(
         0.0, ge=0, le=1e5, description="random walk of the bias [deg/h/sqrt(h)]"
     )
-    star_tracker_noise_arcsec: float = Field(0.0, ge=0, le=36_000, description="1 sigma about each axis")
+    star_tracker_noise_arcsec: float = Field(
+        0.0, ge=0, le=36_000, description="1 sigma about each axis, at every control period [arcsec]"
+    )
     star_tracker_bias_arcsec: float = Field(
-        0.0, ge=0, le=36_000, description="1 sigma of the mounting error about each axis"
+        0.0, ge=0, le=36_000, description="1 sigma of the mounting error about each axis [arcsec]"
     )
     delay_s: float = Field(
         0.0,
         ge=0,
         le=60,
-        description="each spacecraft's sensors are late by a whole number of control periods up to this",
+        description="each spacecraft's sensors are late by a whole number of control periods up to this [s]",
     )

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
 Component = Annotated[float, Field(ge=-1e9, le=1e9)]
 Vector3 = Annotated[tuple[Component, Component, Component], Field(description="three components")]
+#: Arguments of a plug-in by name.
+Parameters = dict[str, Any]
 
 
 class Section(BaseModel):

@@ -1,0 +1,80 @@
+"""The small body of a scenario: shape, gravity, rotation, heliocentric orbit, and what perturbs flights past it."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import Field, field_validator
+
+from swarm_mj.scenarios import constants
+from swarm_mj.scenarios.section import Parameters, Section
+
+
+class GravityModel(Section):
+    """Which gravity field acts, by plug-in name."""
+
+    model: str = Field(
+        "spherical_harmonics", description="plug-in: spherical_harmonics, point_mass, polyhedron or your own"
+    )
+    parameters: Parameters = Field(
+        default_factory=dict,
+        description="arguments of the plug-in, e.g. gm [m^3/s^2]; empty: the measured NEAR15A field of Eros",
+    )
+
+
+class RotationState(Section):
+    """Pole and spin of the body (defaults: 433 Eros, label of PDS NEAR-A-5-COLLECTED-MODELS-V1.0)."""
+
+    pole_ra_deg: float = Field(
+        constants.EROS_POLE_RA_DEG, description="right ascension of the pole, J2000 equatorial [deg]"
+    )
+    pole_dec_deg: float = Field(constants.EROS_POLE_DEC_DEG, ge=-90, le=90, description="declination of the pole [deg]")
+    w0_deg: float = Field(constants.EROS_W0_DEG, description="prime meridian angle at J2000 [deg]")
+    w_rate_deg_per_day: float = Field(
+        constants.EROS_W_RATE_DEG_PER_DAY, ge=-1e6, le=1e6, description="rotation rate [deg/day]"
+    )
+
+
+class HeliocentricOrbit(Section):
+    """Keplerian elements in the ecliptic J2000 frame (default: 433 Eros, JPL Horizons, epoch 2019-05-02)."""
+
+    semi_major_axis_au: float = Field(1.458114857699829, ge=0.01, le=1e4, description="semi-major axis [au]")
+    eccentricity: float = Field(0.2227354414120954, ge=0, lt=1, description="eccentricity [-]; closed orbits only")
+    inclination_deg: float = Field(10.82855904976882, ge=0, le=180, description="inclination to the ecliptic [deg]")
+    node_deg: float = Field(304.3061397028930, description="longitude of the ascending node [deg]")
+    argument_of_perihelion_deg: float = Field(178.8220606936718, description="argument of perihelion [deg]")
+    perihelion_jd: float = Field(2458516.111275572, gt=0, description="Julian date of perihelion passage (TDB)")
+
+
+class Body(Section):
+    """The small body: shape, gravity, rotation and heliocentric orbit."""
+
+    name: str = Field("433 Eros", description="of the body, for figures and reports")
+    shape: str = Field("eros", description="'eros' (packaged) or the path of an OBJ, PLY, STL or PDS .tab file")
+    shape_unit: Literal["m", "km"] | None = Field(
+        None, description="unit of the vertices in the file; null: metres, but kilometres for .tab"
+    )
+    radius_range_m: tuple[float, float] = Field(
+        (50.0, 2.0e6),
+        description="between which the largest vertex radius is believed [m]; guards against kilometres taken for metres",
+    )
+    gravity: GravityModel = Field(default_factory=GravityModel)
+    rotation: RotationState = Field(default_factory=RotationState)
+    orbit: HeliocentricOrbit = Field(default_factory=HeliocentricOrbit)
+
+    @field_validator("radius_range_m")
+    @classmethod
+    def _range_is_one(cls, value: tuple[float, float]) -> tuple[float, float]:
+        if not 0 < value[0] < value[1]:
+            raise ValueError(f"= {list(value)}: must be two positive numbers, the smaller one first")
+        return value
+
+
+class Perturbations(Section):
+    """Optional perturbations; all off, as in the paper."""
+
+    solar_tide: bool = Field(False, description="third-body tide of the Sun")
+    solar_radiation_pressure: bool = Field(False, description="cannonball model, without eclipses")
+    gravity_gradient_torque: bool = Field(False, description="torque of the body's central field")
+    srp_area_m2: float = Field(0.034, gt=0, description="sunlit area [m^2]; default: the 0.1 m x 0.34 m side")
+    srp_reflectivity: float = Field(1.3, ge=1, le=2, description="coefficient C_R [-]: 1 absorbs, 2 mirrors")
