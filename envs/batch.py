@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from swarm_mj.errors import SimulationError
 from swarm_mj.flight.fly import initial_state, make_simulation
 from swarm_mj.simulator.compiled_batch import CompiledBatch
-from swarm_mj.simulator.fast.world import why_not_compiled
 from swarm_mj.simulator.python_batch import PythonBatch
 from swarm_mj.spacecraft.control.base import Controller
 from swarm_mj.typing import Array, Ints, Mask
@@ -65,7 +64,7 @@ class Flybys(Ledger):
             setting.control, setting.plan, count, setting.patches, setting.observer.tracer
         )
         law = None if self.level.torque_B is not None else setting.plan.controller
-        self.why_separate = why_not_compiled(setting.simulation, law)
+        self.why_separate = setting.simulation.why_not_compiled(law)
         self.batched = not self.why_separate
         super().__init__(setting, self._batch(setting, count, law) if self.batched else self._separate(setting, count))
         self._prices = self._make_prices()

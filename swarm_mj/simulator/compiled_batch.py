@@ -2,8 +2,8 @@
 
 The flights share model, gravity and control law; each has its own MjData, time and targets, and is flown as far as it goes
 before the next one is: its data stays in the processor's cache. What compiled code cannot fly (other gravity fields, control
-laws without compiled arithmetic, perturbations) is listed by `why_not_compiled`; `PythonBatch` then serves with the same
-interface.
+laws without compiled arithmetic, perturbations) is named by `Simulation.why_not_compiled`; `PythonBatch` serves for it, with
+the same interface.
 """
 
 from __future__ import annotations
@@ -15,24 +15,23 @@ import numpy as np
 
 from swarm_mj.errors import PluginError, SimulationError
 from swarm_mj.mission.behaviors import Behavior, Targets
-from swarm_mj.simulator.asking import Asking, view_of
 from swarm_mj.simulator.fast import flight_kernels
 from swarm_mj.simulator.fast.flight_kernels import (
     ADVANCE,
     DECIDE,
     FINE,
     NEVER,
+    NO_SUCH_TARGET,
     NOT_FINITE,
-    SENSELESS,
     WHOLE,
-    no_flights,
+    allocate_flights,
 )
 from swarm_mj.simulator.fast.integrator import Integrator, timesteps_in
 from swarm_mj.simulator.fast.kernels import Slot
-from swarm_mj.simulator.fast.world import make_world, why_not_compiled
-from swarm_mj.simulator.plugin_calls import divergence_of
-from swarm_mj.simulator.simulation import InitialState, Simulation
-from swarm_mj.spacecraft.attitude.mrp import quaternion_from_mrp
+from swarm_mj.simulator.fast.world import make_world
+from swarm_mj.simulator.loop_state import InitialState
+from swarm_mj.simulator.plugin_calls import BehaviorCalls, divergence_of, view_of
+from swarm_mj.simulator.simulation import Simulation
 from swarm_mj.spacecraft.control.base import Controller
 from swarm_mj.spacecraft.model import NQ, NV
 from swarm_mj.typing import Array, Ints, Mask
@@ -66,7 +65,7 @@ class CompiledBatch:
         effort: Sum of the squares of all motor torques since the caller last set it to zero, shape (E,) [N^2 m^2].
 
     Raises:
-        SimulationError: Compiled code cannot fly this, see `why_not_compiled`.
+        SimulationError: Compiled code cannot fly this, see `Simulation.why_not_compiled`.
     """
 
     def __init__(
@@ -78,16 +77,16 @@ class CompiledBatch:
     ) -> None:
         self.model, self.environment, self.period = simulation.model, simulation.environment, simulation.period
         self.n, self.count = self.model.n, count
-        if why := why_not_compiled(simulation, controller):
+        if why := simulation.why_not_compiled(controller):
             raise SimulationError(f"a batch of flights knows nothing of {why}; use PythonBatch")
         self._hold, self._controller = timesteps_in(self.period, self.model), controller
-        self._world = make_world(simulation, controller)
+        self._world = make_world(simulation.state, controller)
         self._datas = [mujoco.MjData(self.model.mjmodel) for _ in range(count)]
         self._integrator = Integrator(self.model, *self._datas)
-        self._asking = None if behaviors is None else Asking(behaviors, self.period)
+        self._behaviors = None if behaviors is None else BehaviorCalls(behaviors, self.period)
         self._everyone, self._nobody = np.ones(count, np.bool_), np.zeros(count, np.bool_)
         self._never = np.full(count, NEVER, np.int64)
-        self._flights = f = no_flights(count, self.n)
+        self._flights = f = allocate_flights(count, self.n)
         self.qpos, self.qvel = f.qpos, f.qvel
         self._q, self._v = f.qpos.reshape(count, self.n, NQ), f.qvel.reshape(count, self.n, NV)
         self.kind, self.index, self.vector, self.torque_B = f.targets[:, 0], f.targets[:, 1], f.vector, f.torque_B
@@ -111,15 +110,13 @@ class CompiledBatch:
 
     def reset(self, e: int, initial: InitialState) -> None:
         """Put one flight at its start and forget everything about it."""
-        f, qpos, qvel = self._flights, np.zeros((self.n, NQ)), np.empty((self.n, NV))
+        f = self._flights
         mujoco.mj_resetData(self.model.mjmodel, self._datas[e])
-        qpos[:, :3], qpos[:, 3:7] = initial.r_BN_N, quaternion_from_mrp(initial.sigma_BN)
-        qvel[:, :3], qvel[:, 3:6], qvel[:, 6:] = initial.v_BN_N, initial.omega_BN_B, initial.wheel_speed
-        self.place(e, qpos, qvel)
+        self.place(e, *initial.rows(3))
         f.tick[e], f.targets[e, 2:], f.finite[e], f.effort[e], f.peaks[e] = 0, -1, True, 0.0, 0.0
         self.causes[e] = ""
-        if self._asking is not None:
-            self._asking.reset(e)
+        if self._behaviors is not None:
+            self._behaviors.reset(e)
 
     def park(self, e: int, j: int) -> None:
         """Put a spacecraft that is no more where it disturbs nothing: far out, at rest."""
@@ -132,16 +129,16 @@ class CompiledBatch:
         self.model.set_state(self._datas[e], qpos, qvel)
         # Read back, as rounding leaves it where wheels are momentum states.
         self._q[e], self._v[e] = self.model.state(self._datas[e])
-        if self._asking is not None:
-            self._asking.due[e] = 0
+        if self._behaviors is not None:
+            self._behaviors.due[e] = 0
 
     def hold(self, targets: Targets | None, torque_B: Array | None) -> None:
         """Let targets, shape (E, n, ...), and torques [N m], shape (E, n, 3), hold where no behaviour and no law decides.
 
         Behaviours, where there are any, are asked again, because they have been told something new.
         """
-        if self._asking is not None:
-            self._asking.due[:] = 0
+        if self._behaviors is not None:
+            self._behaviors.due[:] = 0
         if targets is not None:
             self.kind[:], self.index[:], self.vector[:] = targets
         if torque_B is not None:
@@ -175,7 +172,7 @@ class CompiledBatch:
         end, flying, fine = self.tick + periods, live.copy(), True
         while flying.any():
             self._ask(flying)
-            until = end if self._asking is None else np.minimum(end, self._asking.due)
+            until = end if self._behaviors is None else np.minimum(end, self._behaviors.due)
             fine &= self._judge(self._fly(WHOLE, flying, until), flying)
             flying &= self.finite & (self.tick < end)
         return fine
@@ -189,16 +186,16 @@ class CompiledBatch:
 
     def _ask(self, live: Mask) -> None:
         """Ask the behaviours of live flights whose answers may not hold any more."""
-        if self._asking is None:
+        if self._behaviors is None:
             return
-        for e in np.flatnonzero(live & (self.tick >= self._asking.due)).tolist():
+        for e in np.flatnonzero(live & (self.tick >= self._behaviors.due)).tolist():
             tick = int(self.tick[e])
             t = tick * self.period
             view = view_of(t, self.environment.C_AN(t), self._q[e], self._v[e])
-            self.kind[e], self.index[e], self.vector[e] = self._asking.ask(e, view, tick)
+            self.kind[e], self.index[e], self.vector[e] = self._behaviors.ask(e, view, tick)
 
     def _judge(self, answer: int, live: Mask) -> bool:
-        if answer == SENSELESS:
+        if answer == NO_SUCH_TARGET:
             raise PluginError("the behaviour aims at what is not there: an unknown kind, or a spacecraft that is not")
         if answer == NOT_FINITE:
             for e in np.flatnonzero(live & ~self.finite):

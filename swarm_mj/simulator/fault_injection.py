@@ -1,11 +1,9 @@
 """The loop's part that deals with faults, dispersions and more than three wheels; a flight without them never comes here.
 
-It stands between `Simulation` and `FaultState`: what goes wrong is decided there, what it does to MuJoCo's arrays here.
+What goes wrong is decided by `FaultState`; what that does to the arrays of the loop and of MuJoCo is done here.
 """
 
 from __future__ import annotations
-
-from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
@@ -15,12 +13,9 @@ from swarm_mj.scenarios.schema_faults import Dispersions
 from swarm_mj.simulator.fast.kernels import Slot
 from swarm_mj.simulator.faults.schedule import Event
 from swarm_mj.simulator.faults.state import FaultModel, FaultState
+from swarm_mj.simulator.loop_state import SPEED_MARGIN, LoopState
 from swarm_mj.smallbody.rotation import sub_point
-from swarm_mj.typing import Array, Ints
-
-if TYPE_CHECKING:
-    from swarm_mj.simulator.simulation import Simulation
-
+from swarm_mj.typing import Array
 
 #: Motors are limited before friction is added to their torque; MuJoCo shall not cut the sum.
 _NO_LIMIT = 1e3
@@ -30,80 +25,80 @@ NOTHING = FaultModel(faults=(), dispersions=Dispersions(), duration_s=0.0)
 
 
 class FaultInjection:
-    """Faults of one simulation.
+    """Faults of one flight.
 
     Args:
-        simulation: Whose arrays are changed.
+        state: Of the flight; its model is changed, and must be its own.
         fault_model: What may go wrong.
-        speed_margin: How far below their limit wheels are kept, relative.
 
     Attributes:
-        flight: What goes wrong.
+        faults: What goes wrong.
+        wheel_speed: Of all wheels at the last decision, shape (n, w) [rad/s].
     """
 
-    def __init__(self, simulation: Simulation, fault_model: FaultModel, speed_margin: float) -> None:
-        model, properties = simulation.model, simulation.properties
-        self._simulation, n = simulation, model.n
-        self.flight = FaultState(
+    def __init__(self, state: LoopState, fault_model: FaultModel) -> None:
+        model, properties = state.model, state.properties
+        self._state, n = state, model.n
+        self.faults = FaultState(
             fault_model,
             properties=properties,
-            environment=simulation.environment,
+            environment=state.environment,
             n=n,
-            period=simulation.period,
-            speed_margin=speed_margin,
+            period=state.period,
+            speed_margin=SPEED_MARGIN,
         )
         model.mjmodel.actuator_ctrlrange[:] = -_NO_LIMIT, _NO_LIMIT
         given = fault_model.dispersions
         self._disperses_mass = given.mass_percent > 0.0 or given.inertia_percent > 0.0
         self._mass_ratio = np.ones((model.mjmodel.nbody, 1))
-        self.speed = np.zeros((n, properties.n_wheels))
+        self.wheel_speed = np.zeros((n, properties.n_wheels))
         self._qpos, self._qvel = np.zeros((n, 10)), np.zeros((n, 9))
         self._true_omega = np.zeros((n, 3))
         self._last_r = np.zeros((n, 3))
 
     def reset(self, seed: int, deployment: tuple[Event, ...]) -> None:
         """Begin a flight: draw from the seed what will happen and what the spacecraft are like."""
-        simulation = self._simulation
-        self.flight.reset(seed, deployment)
-        simulation.environment = self.flight.environment
+        state = self._state
+        self.faults.reset(seed, deployment)
+        state.environment = self.faults.environment
         if self._disperses_mass:
-            self._mass_ratio[simulation.model.hub_body, 0] = self.flight.mass / simulation.properties.mass
-            write_masses(simulation, self.flight.mass, self.flight.inertia_B)
+            self._mass_ratio[state.hub, 0] = self.faults.mass / state.properties.mass
+            write_masses(state, self.faults.mass, self.faults.inertia_B)
 
-    def state(self, qpos: Array, qvel: Array) -> tuple[Array, Array]:
-        """The state in the layout of three wheels that the kernels read, and `speed` of all wheels.
+    def read_wheels(self, qpos: Array, qvel: Array) -> tuple[Array, Array]:
+        """The state in the layout of three wheels that the kernels read, and the speeds of all wheels in `wheel_speed`.
 
         Args:
             qpos: Positions, shape (n, 7 + w).
             qvel: Velocities, shape (n, 6 + w).
         """
-        self.speed[:] = qvel[:, 6:]
-        if self.speed.shape[1] == 3:
+        self.wheel_speed[:] = qvel[:, 6:]
+        if self.wheel_speed.shape[1] == 3:
             return qpos.reshape(-1), qvel.reshape(-1)
         self._qpos[:, :7], self._qvel[:, :9] = qpos[:, :7], qvel[:, :9]
         return self._qpos.reshape(-1), self._qvel.reshape(-1)
 
     def begin(self, t: float, work: Array) -> None:
         """Let happen what is due; the state has been read."""
-        properties = self._simulation.properties
-        if self.speed.shape[1] != 3:
-            work[Slot.MOMENTUM] = properties.wheel_spin_inertia * self.speed @ properties.wheel_axes_B
+        properties = self._state.properties
+        if self.wheel_speed.shape[1] != 3:
+            work[Slot.MOMENTUM] = properties.wheel_spin_inertia * self.wheel_speed @ properties.wheel_axes_B
         self._last_r[:] = work[Slot.R]
-        self.flight.happen(t, self.speed)
+        self.faults.happen(t, self.wheel_speed)
 
-    def weigh(self, xfrc: Array, hub: Ints) -> None:
-        """Gravity pulls with the true masses, and what lies on the body is not pulled."""
+    def weigh(self, forces: Array) -> None:
+        """Gravity pulls with the true masses, and what lies on the body is not pulled; see MuJoCo's `xfrc_applied`."""
         if self._disperses_mass:
-            xfrc[:, :3] *= self._mass_ratio
-        for j in self.flight.resting:
-            xfrc[hub[j]] = 0.0
+            forces[:, :3] *= self._mass_ratio
+        for j in self.faults.resting:
+            forces[self._state.hub[j]] = 0.0
 
     def know(self, tick: int, q_BN: Array, work: Array) -> Array:
         """Attitudes that the controller is given; its rates are put into `work` until `forget`."""
         self._true_omega[:] = work[Slot.OMEGA]
-        if not self.flight.sensing.active:
+        if not self.faults.sensing.active:
             return q_BN
-        q_known, work[Slot.OMEGA] = self.flight.sensing.know(tick, q_BN, self._true_omega)
+        q_known, work[Slot.OMEGA] = self.faults.sensing.know(tick, q_BN, self._true_omega)
         return q_known
 
     def known_now(self, t: float, tick: int, qpos: Array, qvel: Array) -> tuple[Array, Array] | None:
@@ -118,11 +113,11 @@ class FaultInjection:
         Returns:
             Attitudes (n, 4) and rates (n, 3) [rad/s]; None where they are the truth.
         """
-        if not self.flight.sensing.active:
+        if not self.faults.sensing.active:
             return None
         # A sensor that fails at this instant has failed before it is read.
-        self.flight.happen(t, qvel[:, 6:])
-        return self.flight.sensing.know(tick, qpos[:, 3:7], qvel[:, 3:6])
+        self.faults.happen(t, qvel[:, 6:])
+        return self.faults.sensing.know(tick, qpos[:, 3:7], qvel[:, 3:6])
 
     def forget(self, work: Array) -> None:
         """Put the true rates back."""
@@ -130,32 +125,32 @@ class FaultInjection:
 
     def actuate(self, torque_B: Array, ctrl: Array, peaks: Array) -> None:
         """Set the torque of every wheel."""
-        flight = self.flight
-        total = flight.wheels.drive(torque_B, self.speed, self._simulation.period, flight.lost, peaks)
+        faults = self.faults
+        total = faults.wheels.drive(torque_B, self.wheel_speed, self._state.period, faults.lost, peaks)
         ctrl[:] = total.ravel()
 
     @property
     def motor(self) -> Array:
         """Motor torques of the first three wheels, shape (3 n,) [N m]."""
-        return self.flight.wheels.motor[:, :3].ravel()
+        return self.faults.wheels.motor[:, :3].ravel()
 
-    def rest(self, C_AN: Array, data: mujoco.MjData) -> None:
+    def rest(self, C_AN: Array) -> None:
         """Hold the spacecraft whose flight is over: at its place on the turning body, or where it diverged."""
-        simulation = self._simulation
-        for j, r_A in self.flight.resting.items():
-            qpos, qvel = self._rows(data, j)
+        n, data = self._state.model.n, self._state.data
+        for j, r_A in self.faults.resting.items():
+            qpos, qvel = data.qpos.reshape(n, -1)[j], data.qvel.reshape(n, -1)[j]
             qvel[:] = 0.0
             if r_A is not None:
                 qpos[:3] = r_A @ C_AN
-                qvel[:3] = np.cross(simulation.environment.spin_N, qpos[:3])
+                qvel[:3] = np.cross(self._state.environment.spin_N, qpos[:3])
 
-    def diverged(self, t: float, data: mujoco.MjData) -> None:
+    def diverged(self, t: float) -> None:
         """Give up the spacecraft whose state is not finite, so that the others fly on.
 
         Raises:
             SimulationError: It is not a spacecraft's state that is not finite.
         """
-        n = self._simulation.model.n
+        n, data = self._state.model.n, self._state.data
         q, v = data.qpos.reshape(n, -1), data.qvel.reshape(n, -1)
         momentum = data.act.reshape(n, -1)
         bad = np.flatnonzero(~np.all([(np.abs(part) < _ABSURD).all(axis=1) for part in (q, v, momentum)], axis=0))
@@ -164,52 +159,48 @@ class FaultInjection:
         for j in bad:
             q[j], v[j], momentum[j] = 0.0, 0.0, 0.0
             q[j, :3], q[j, 3] = self._last_r[j], 1.0
-            self.flight.rest(t, int(j), "diverged", "its state was not finite; held where it was", None)
+            self.faults.rest(t, int(j), "diverged", "its state was not finite; held where it was", None)
         data.qacc_warmstart[:] = 0.0
 
     def without_torque(self, t: float, torque_B: Array) -> Array:
         """Give up the spacecraft whose control law gives no finite torque; the torques of the others, shape (n, 3) [N m]."""
         bad = np.asarray(~np.isfinite(torque_B).all(axis=1))
-        for j in np.flatnonzero(bad & ~self.flight.lost):
-            self.flight.rest(t, int(j), "diverged", "its control law gave no finite torque; held where it was", None)
+        for j in np.flatnonzero(bad & ~self.faults.lost):
+            self.faults.rest(t, int(j), "diverged", "its control law gave no finite torque; held where it was", None)
         return np.where(bad[:, None], 0.0, torque_B)
 
     def impact(self, t: float, j: int, r_A: Array) -> None:
         """Record an impact; the spacecraft lies where it hit."""
         latitude, longitude = sub_point(r_A, np.eye(3))
-        self.flight.rest(t, j, "impact", f"latitude {latitude:.2f} deg, longitude {longitude:.2f} deg", r_A)
-
-    def _rows(self, data: mujoco.MjData, j: int) -> tuple[Array, Array]:
-        n = self._simulation.model.n
-        return data.qpos.reshape(n, -1)[j], data.qvel.reshape(n, -1)[j]
+        self.faults.rest(t, j, "impact", f"latitude {latitude:.2f} deg, longitude {longitude:.2f} deg", r_A)
 
 
-def write_masses(simulation: Simulation, mass: Array, inertia_B: Array) -> None:
+def write_masses(state: LoopState, mass: Array, inertia_B: Array) -> None:
     """Give every spacecraft of the compiled model its own mass and inertia.
 
     Args:
-        simulation: Whose model and data are changed.
+        state: Whose model and data are changed.
         mass: With wheels, shape (n,) [kg].
         inertia_B: With wheels, about the centre of mass, shape (n, 3, 3) [kg m^2].
 
     Raises:
         SimulationError: The wheels leave a hub an impossible inertia.
     """
-    model, properties = simulation.model.mjmodel, simulation.properties
+    model, properties = state.model.mjmodel, state.properties
     axes, spin = properties.wheel_axes_B, properties.wheel_spin_inertia
-    bodies = simulation.model.wheels == "bodies"
+    bodies = state.model.wheels == "bodies"
     wheels_mass = properties.n_wheels * properties.wheel_mass if bodies else 0.0
     wheels_inertia = properties.wheels_inertia_B if bodies else spin * axes.T @ axes
-    for j, hub in enumerate(simulation.model.hub_body):
+    for j, hub in enumerate(state.hub):
         moments, turn = principal_axes(inertia_B[j] - wheels_inertia)
         if mass[j] <= wheels_mass or moments.min() <= 0.0 or 2.0 * moments.max() > moments.sum():
             raise SimulationError(
-                f"{simulation.model.names[j]}: dispersions leave the hub {mass[j] - wheels_mass:.3g} kg and "
+                f"{state.model.names[j]}: dispersions leave the hub {mass[j] - wheels_mass:.3g} kg and "
                 f"{np.round(moments, 6).tolist()} kg m^2, which no body has; make dispersions.inertia_percent smaller"
             )
         model.body_mass[hub], model.body_inertia[hub], model.body_iquat[hub] = mass[j] - wheels_mass, moments, turn
     extent, centre = model.stat.extent, model.stat.center.copy()
-    mujoco.mj_setConst(model, simulation.data)
+    mujoco.mj_setConst(model, state.data)
     model.stat.extent, model.stat.center[:] = extent, centre
 
 

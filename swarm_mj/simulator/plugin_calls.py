@@ -1,4 +1,7 @@
-"""What plug-ins answer, looked at before compiled code takes it, which does not see where an array ends."""
+"""The calls of plug-ins: behaviours and control laws, their memories, and a look at what they answer.
+
+Answers are checked before compiled code takes them, which does not see where an array ends.
+"""
 
 from __future__ import annotations
 
@@ -13,8 +16,71 @@ from swarm_mj.plugins import as_array, call, name_of, shown
 from swarm_mj.spacecraft.control.base import ControlInput, Controller
 from swarm_mj.typing import Array
 
+#: Most control periods for which a behaviour is not asked.
+LONGEST_REST = 1_000_000
 #: Kinds of targets whose vector is used.
 _WITH_VECTOR = (int(TargetKind.SURFACE), int(TargetKind.DIRECTION))
+
+
+class BehaviorCalls:
+    """The behaviours of E flights, their memories, and from when on each must be asked again.
+
+    Args:
+        behaviors: Who points at what, one for each flight.
+        period: Time between two decisions [s].
+
+    Attributes:
+        behaviors: The behaviours.
+        due: Ticks from which on the last answers are not known to hold, shape (E,).
+    """
+
+    def __init__(self, behaviors: Sequence[Behavior], period: float) -> None:
+        self.behaviors, self._period = list(behaviors), period
+        self._steady = [each if isinstance(each, SteadyBehavior) else None for each in self.behaviors]
+        self._memories: list[Any] = [None] * len(self.behaviors)
+        self.due = np.zeros(len(self.behaviors), np.int64)
+
+    def reset(self, e: int) -> None:
+        """Forget everything about a flight: a new one begins."""
+        self._memories[e], self.due[e] = None, 0
+
+    def ask(self, e: int, view: SwarmView, tick: int) -> Targets:
+        """Targets of a flight at the instant of a view.
+
+        Raises:
+            PluginError: The behaviour fails, or answers something else than its protocol says.
+        """
+        targets, memory = ask_for_targets(self.behaviors[e], view, self._memories[e])
+        steady, self._memories[e] = self._steady[e], memory
+        rest = 0.0 if steady is None else ask_how_long(steady, view, memory) / self._period
+        self.due[e] = tick + max(1, int(min(rest, LONGEST_REST)))
+        return targets
+
+
+class ControllerCalls:
+    """The control law of a flight and what it remembers.
+
+    Args:
+        controller: The law.
+
+    Attributes:
+        controller: The law.
+    """
+
+    def __init__(self, controller: Controller) -> None:
+        self.controller = controller
+        self._memory: Array | None = None
+
+    def ask(self, inputs: ControlInput) -> Array:
+        """Torques on the bodies, shape (n, 3) [N m]; see `ask_for_torque`."""
+        torque_B, self._memory = ask_for_torque(self.controller, inputs, self._memory)
+        return torque_B
+
+
+def view_of(t: float, C_AN: Array, q: Array, v: Array) -> SwarmView:
+    """What a behaviour is shown of a state, see `SwarmModel.state`; copied, for it may be kept."""
+    q, v = q.copy(), v.copy()
+    return SwarmView(t, q[:, :3], v[:, :3], C_AN, q[:, 3:7], v[:, 3:6], v[:, 6:])
 
 
 def ask_for_targets(behavior: Behavior, view: SwarmView, memory: Any) -> tuple[Targets, Any]:
@@ -81,6 +147,14 @@ def ask_for_torque(controller: Controller, inputs: ControlInput, memory: Any) ->
         ) from None
     what = "the control law {} answers a torque that"
     return as_array(torque_B, inputs.sigma_BR.shape, np.float64, controller, what), memory
+
+
+def no_such_target(targets: Targets) -> str:
+    """In words, that targets cannot be aimed at; see `kernels.guide`."""
+    return (
+        f"the behaviour aims at what is not there: kinds {targets.kind.tolist()}, spacecraft "
+        f"{targets.spacecraft.tolist()} of {len(targets.kind)}, counted from 0"
+    )
 
 
 def divergence_of(state: Array, torque_B: Array, controller: Controller | None, names: Sequence[str], t: float) -> str:

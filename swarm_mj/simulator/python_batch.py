@@ -9,7 +9,8 @@ import numpy as np
 from swarm_mj.errors import SimulationError
 from swarm_mj.mission.behaviors import Targets
 from swarm_mj.simulator.compiled_batch import PARKED
-from swarm_mj.simulator.simulation import InitialState, Simulation
+from swarm_mj.simulator.loop_state import InitialState
+from swarm_mj.simulator.simulation import Simulation
 from swarm_mj.typing import Array, Mask
 
 
@@ -105,7 +106,7 @@ class PythonBatch:
                 continue
             self.kind[e], self.index[e], self.vector[e] = targets
             self.lost[e], self.blind[e] = simulation.lost, ~simulation.camera_on
-            self.sigma_BR[e] = simulation._inputs.sigma_BR
+            self.sigma_BR[e] = simulation.state.inputs.sigma_BR
             self.effort[e] += float((simulation.motor_torque**2).sum())
         return bool(self.finite[live].all())
 

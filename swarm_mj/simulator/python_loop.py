@@ -6,141 +6,165 @@ motor torques in MuJoCo's arrays; from the same kernels and to the same bits as 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from swarm_mj.errors import PluginError, SimulationError
 from swarm_mj.mission.behaviors import Targets
-from swarm_mj.simulator.asking import view_of
 from swarm_mj.simulator.fast import kernels
 from swarm_mj.simulator.fast.kernels import Slot
-from swarm_mj.simulator.fast.world import LAW_SLOTS, SPEED_MARGIN, inputs_from
-from swarm_mj.simulator.plugin_calls import ask_for_torque
+from swarm_mj.simulator.fault_injection import FaultInjection
+from swarm_mj.simulator.loop_state import LAW_SLOTS, LoopState, control_input
+from swarm_mj.simulator.plugin_calls import (
+    BehaviorCalls,
+    ControllerCalls,
+    divergence_of,
+    no_such_target,
+    view_of,
+)
+from swarm_mj.spacecraft.control.base import Controller
 from swarm_mj.spacecraft.gyrostat import with_wheels
 from swarm_mj.typing import Array
 
-if TYPE_CHECKING:
-    from swarm_mj.simulator.simulation import Simulation
+
+def decide(
+    state: LoopState, behaviors: BehaviorCalls, law: ControllerCalls, injection: FaultInjection | None
+) -> Targets:
+    """Set forces and motor torques of the coming hold.
+
+    Args:
+        state: Of the flight; left with what was decided.
+        behaviors: The behaviour of the flight.
+        law: Its control law.
+        injection: Its faults, dispersions and fourth wheels; None: it has none.
+
+    Raises:
+        SimulationError: The state is no longer finite.
+        PluginError: A plug-in fails, answers something else than its protocol says, or aims at what is not there.
+    """
+    _read_state(state, law.controller, injection)
+    if injection is not None:
+        injection.begin(state.time, state.work)
+    _hold_forces(state, injection)
+    view = view_of(state.time, state.C_AN.copy(), *state.rows())
+    state.targets, q_known = behaviors.ask(0, view, state.tick), state.q_BN
+    if injection is not None:
+        state.targets = injection.faults.redirect(state.time, state.targets, state.work[Slot.R])
+        q_known = injection.know(state.tick, state.q_BN, state.work)
+    _guide(state, q_known)
+    torque_B = _torque(state, law, injection)
+    if injection is not None:
+        injection.actuate(torque_B, state.data.ctrl, state.peaks)
+        injection.forget(state.work)
+    else:
+        _actuate(state, torque_B)
+    return state.targets
 
 
-def decide(s: Simulation) -> Targets:
-    """Set forces and motor torques of the coming hold; see `Simulation.decide`."""
-    data, work, environment, t = s.data, s._work, s.environment, s.time
-    phase = environment.phase0 + environment.spin_rate * t
-    adverse = s._adverse
-    if adverse is not None:
-        adverse.rest(environment.C_AN(t), data)
-    if not _sense(s, phase):
-        if adverse is None:
-            raise SimulationError(s._divergence())
-        adverse.diverged(t, data)
-        _sense(s, phase)
-    if adverse is not None:
-        adverse.begin(t, work)
-    _push(s, t)
-    kernels.turn_body(s._q_P, phase, data.mocap_quat[s.model.asteroid_mocap])
-    targets = s._asking.ask(0, view_of(t, s._C_AN.copy(), *s.model.state(data)), s.tick)
-    q_known = s._q_BN
-    if adverse is not None:
-        targets = adverse.flight.redirect(t, targets, work[Slot.R])
-        q_known = adverse.know(s.tick, s._q_BN, work)
-    _guide(s, t, targets, q_known)
-    torque_B = _ask_for_torque(s)
-    if adverse is not None:
-        adverse.actuate(torque_B, data.ctrl, s._peaks)
-        adverse.forget(work)
-        return targets
-    _actuate(s, torque_B)
-    return targets
+def divergence(state: LoopState, controller: Controller) -> str:
+    """In words, why a flight cannot go on."""
+    return divergence_of(np.hstack(state.rows()), state.torque_B, controller, state.model.names, state.time)
 
 
-def _ask_for_torque(s: Simulation) -> Array:
-    # Copied, for a law may keep what it is given.
-    like = s._inputs
-    inputs = inputs_from(s._work[LAW_SLOTS], like.inertia_B, like.inertia_effective_B, like.period)
-    torque_B, s._controller_memory = ask_for_torque(s.controller, inputs, s._controller_memory)
-    if not np.isfinite(torque_B).all():
-        s._flight.torque_B[0] = torque_B
-        if s._adverse is None:
-            raise SimulationError(s._divergence())
-        torque_B = s._adverse.without_torque(s.time, torque_B)
-    return torque_B
+def _read_state(state: LoopState, controller: Controller, injection: FaultInjection | None) -> None:
+    """Read the state into the work arrays, and turn the body that is drawn."""
+    environment = state.environment
+    phase = environment.phase0 + environment.spin_rate * state.time
+    if injection is not None:
+        injection.rest(environment.C_AN(state.time))
+    if not _sense(state, phase, injection):
+        if injection is None:
+            raise SimulationError(divergence(state, controller))
+        injection.diverged(state.time)
+        _sense(state, phase, injection)
+    kernels.turn_body(state.q_P, phase, state.data.mocap_quat[state.model.asteroid_mocap])
 
 
-def _guide(s: Simulation, t: float, targets: Targets, q_known: Array) -> None:
+def _sense(state: LoopState, phase: float, injection: FaultInjection | None) -> bool:
+    qpos, qvel = _rows_of_three_wheels(state, injection)
+    return kernels.sense(
+        qpos,
+        qvel,
+        state.C_PN,
+        phase,
+        0.5 * state.period * state.environment.spin_rate,
+        0.5 * state.period,
+        state.properties.wheel_spin_inertia,
+        state.wheel_axes_B,
+        state.work,
+        state.q_BN,
+        state.C_AN,
+        state.C_mid,
+    )
+
+
+def _rows_of_three_wheels(state: LoopState, injection: FaultInjection | None) -> tuple[Array, Array]:
+    data = state.data
+    if injection is not None:
+        return injection.read_wheels(*state.rows())
+    if state.model.wheels == "bodies":
+        return data.qpos, data.qvel
+    spin, axes = state.properties.wheel_spin_inertia, state.wheel_axes_B
+    with_wheels(data.qpos, data.qvel, data.act, spin, axes, state.qpos, state.qvel)
+    return state.qpos, state.qvel
+
+
+def _hold_forces(state: LoopState, injection: FaultInjection | None) -> None:
+    """Hold gravity and perturbations at the middle of the hold, and the gravity-gradient torque."""
+    work, forces, C_mid, environment = state.work, state.data.xfrc_applied, state.C_mid, state.environment
+    a_A = environment.attraction_A(work[Slot.R_A])
+    if environment.perturbed:
+        middle = state.time + 0.5 * state.period
+        r_N = work[Slot.R_A] @ C_mid
+        a_A = a_A + environment.perturbing_acceleration_N(middle, r_N) @ C_mid.T
+    kernels.push(a_A, C_mid, state.properties.mass, state.hub, forces, work)
+    if injection is not None:
+        injection.weigh(forces)
+    if state.gradient_gm > 0.0:
+        inertia_B = state.inputs.inertia_B if injection is None else injection.faults.inertia_B
+        kernels.push_gradient(state.q_BN, state.gradient_gm, inertia_B, C_mid, state.hub, forces, work)
+
+
+def _guide(state: LoopState, q_known: Array) -> None:
+    targets, earth = state.targets, state.environment.earth
     aimed = kernels.guide(
         targets.kind,
         targets.spacecraft,
         targets.vector,
-        s.environment.earth.at(t),
-        s.environment.earth.velocity,
-        s._spin_N,
-        s._C_AN,
+        earth.at(state.time),
+        earth.velocity,
+        state.spin_N,
+        state.C_AN,
         q_known,
-        s._aim,
-        s._restart,
-        s._q_RN,
-        s._work,
+        state.aim,
+        state.restart,
+        state.q_RN,
+        state.work,
     )
     if not aimed:
-        raise PluginError(s._aims_at_nothing(targets))
+        raise PluginError(no_such_target(targets))
 
 
-def _actuate(s: Simulation, torque_B: Array) -> None:
-    limits = s.properties
+def _torque(state: LoopState, law: ControllerCalls, injection: FaultInjection | None) -> Array:
+    like = state.inputs
+    # Copied, for a law may keep what it is given.
+    inputs = control_input(state.work[LAW_SLOTS], like.inertia_B, like.inertia_effective_B, like.period)
+    torque_B = law.ask(inputs)
+    if not np.isfinite(torque_B).all():
+        state.torque_B[:] = torque_B
+        if injection is None:
+            raise SimulationError(divergence(state, law.controller))
+        torque_B = injection.without_torque(state.time, torque_B)
+    return torque_B
+
+
+def _actuate(state: LoopState, torque_B: Array) -> None:
     kernels.actuate(
         torque_B,
-        s._allocation,
-        s._speed_gain,
-        limits.max_wheel_torque,
-        (1.0 - SPEED_MARGIN) * limits.max_wheel_speed,
-        s._work,
-        s.data.ctrl,
-        s._peaks,
+        state.allocation,
+        state.speed_gain,
+        state.properties.max_wheel_torque,
+        state.max_wheel_speed,
+        state.work,
+        state.data.ctrl,
+        state.peaks,
     )
-
-
-def _sense(s: Simulation, phase: float) -> bool:
-    """Read the state into the work arrays; whether every number is finite."""
-    qpos, qvel = _state(s)
-    return kernels.sense(
-        qpos,
-        qvel,
-        s._C_PN,
-        phase,
-        0.5 * s.period * s.environment.spin_rate,
-        0.5 * s.period,
-        s.properties.wheel_spin_inertia,
-        s._axes,
-        s._work,
-        s._q_BN,
-        s._C_AN,
-        s._C_mid,
-    )
-
-
-def _state(s: Simulation) -> tuple[Array, Array]:
-    data = s.data
-    if s._adverse is not None:
-        return s._adverse.state(*s.model.state(data))
-    if s.model.wheels == "bodies":
-        return data.qpos, data.qvel
-    spin = s.properties.wheel_spin_inertia
-    with_wheels(data.qpos, data.qvel, data.act, spin, s._axes, s._qpos, s._qvel)
-    return s._qpos, s._qvel
-
-
-def _push(s: Simulation, t: float) -> None:
-    data, work = s.data, s._work
-    a_A = s.environment.attraction_A(work[Slot.R_A])
-    if s.environment.perturbed:
-        middle = t + 0.5 * s.period
-        r_N = work[Slot.R_A] @ s._C_mid
-        a_A = a_A + s.environment.perturbing_acceleration_N(middle, r_N) @ s._C_mid.T
-    kernels.push(a_A, s._C_mid, s.properties.mass, s._hub, data.xfrc_applied, work)
-    if s._adverse is not None:
-        s._adverse.weigh(data.xfrc_applied, s._hub)
-    if s._gradient_gm > 0.0:
-        inertia = s._inputs.inertia_B if s._adverse is None else s._adverse.flight.inertia_B
-        kernels.push_gradient(s._q_BN, s._gradient_gm, inertia, s._C_mid, s._hub, data.xfrc_applied, work)

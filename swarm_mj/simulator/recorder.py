@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from swarm_mj.errors import ScenarioError, SimulationError
 from swarm_mj.mission.behaviors import Targets
@@ -13,12 +15,12 @@ from swarm_mj.scenarios.schema import is_multiple
 from swarm_mj.simulator.fast import kernels
 from swarm_mj.simulator.fast.flight_kernels import NEVER
 from swarm_mj.simulator.fast.kernels import Slot
+from swarm_mj.simulator.fault_injection import FaultInjection
+from swarm_mj.simulator.faults.impact import ImpactWatch
 from swarm_mj.simulator.faults.telemetry import FaultRecord
-from swarm_mj.simulator.records import Record, sample_times
+from swarm_mj.simulator.loop_state import LoopState
 from swarm_mj.smallbody.rotation import sub_point
-
-if TYPE_CHECKING:
-    from swarm_mj.simulator.simulation import Simulation
+from swarm_mj.typing import Array
 
 Progress = Callable[[float], None]
 
@@ -26,11 +28,59 @@ Progress = Callable[[float], None]
 NEWS = 100
 
 
+@dataclass(frozen=True)
+class Record:
+    """Raw samples of a flight; `telemetry.dataset` names them.
+
+    Attributes:
+        time: Shape (t,) [s].
+        vectors: r, v, omega, sigma_BR, wheel speed, wheel torque, line of sight, shape (t, 7, n, 3).
+        attitude: q_BN and q_RN, shape (t, 2, n, 4).
+        aim: `TargetKind` values and the spacecraft tracked, counted from 0 (-1: none), shape (t, 2, n).
+        peaks: Over every control period, not only the samples: largest wheel speed [rad/s], largest motor torque [N m], and
+            the time in which a wheel limit cut a torque [s], shape (n, 3).
+        faults: What a flight with faults, dispersions or four wheels adds.
+    """
+
+    time: Array
+    vectors: Array
+    attitude: Array
+    aim: NDArray[np.int16]
+    peaks: Array
+    faults: FaultRecord | None = None
+
+
+class Loop(Protocol):
+    """What a recorder flies: `Simulation`."""
+
+    @property
+    def state(self) -> LoopState:
+        """The arrays of the flight."""
+
+    @property
+    def injection(self) -> FaultInjection | None:
+        """Its faults; None: it has none."""
+
+    @property
+    def impact_watch(self) -> ImpactWatch | None:
+        """Who looks for impacts; None: nobody."""
+
+    def decide(self) -> Targets:
+        """Set forces and motor torques of the coming hold."""
+        ...
+
+    def advance(self) -> None:
+        """Integrate it."""
+
+    def fly(self, periods: int) -> None:
+        """Decide and advance in turn."""
+
+
 class Recorder:
     """Flies a simulation on from its present state; see `Simulation.run`.
 
     Args:
-        simulation: What is flown.
+        loop: What is flown.
         duration: [s], a whole multiple of `interval`.
         interval: Time between samples [s], a whole multiple of the control period.
         progress: Called with the time reached [s], about a hundred times.
@@ -39,25 +89,25 @@ class Recorder:
         ScenarioError: One is no multiple of the other.
     """
 
-    def __init__(self, simulation: Simulation, duration: float, interval: float, progress: Progress | None) -> None:
-        if not (interval > 0.0 and is_multiple(interval, simulation.period) and is_multiple(duration, interval)):
+    def __init__(self, loop: Loop, duration: float, interval: float, progress: Progress | None) -> None:
+        self._loop, self._state, self._progress = loop, loop.state, progress
+        period, n = self._state.period, self._state.model.n
+        if not (interval > 0.0 and is_multiple(interval, period) and is_multiple(duration, interval)):
             raise ScenarioError(
                 f"duration {duration:g} s, interval {interval:g} s: the duration must be a whole multiple of the interval, and "
-                f"that one of the control period, {simulation.period:g} s"
+                f"that one of the control period, {period:g} s"
             )
-        n, samples = simulation.model.n, round(duration / interval) + 1
-        self._simulation, self._progress = simulation, progress
-        self._stride = round(interval / simulation.period)
+        samples = round(duration / interval) + 1
+        self._stride = round(interval / period)
         self._news_every = max(1, self._stride * (samples - 1) // NEWS)
         self._news_due = NEVER if progress is None else 0
-        faulty = simulation._adverse is not None
         self._record = Record(
-            time=sample_times(duration, interval) + simulation.time,
+            time=sample_times(duration, interval) + self._state.time,
             vectors=np.empty((samples, 7, n, 3)),
             attitude=np.empty((samples, 2, n, 4)),
             aim=np.empty((samples, 2, n), np.int16),
             peaks=np.empty((n, 3)),
-            faults=FaultRecord(samples, n, simulation.properties.n_wheels) if faulty else None,
+            faults=None if loop.injection is None else FaultRecord(samples, n, self._state.properties.n_wheels),
         )
 
     def fly(self) -> Record:
@@ -66,72 +116,75 @@ class Recorder:
         Raises:
             SimulationError: See `Simulation.run`.
         """
-        simulation, record = self._simulation, self._record
+        state, record = self._state, self._record
         for row in range(len(record.time)):
             if row > 0:
-                simulation.advance()
+                self._loop.advance()
                 self._fly_on(self._stride - 1)
-            cut = simulation._peaks[:, 2].copy()
+            cut = state.peaks[:, 2].copy()
             self._keep(row, self._decide())
-        simulation._peaks[:, 2] = cut  # the hold of the last decision is not flown
-        record.peaks[:] = simulation._peaks * (1.0, 1.0, simulation.period)
+        state.peaks[:, 2] = cut  # the hold of the last decision is not flown
+        record.peaks[:] = state.peaks * (1.0, 1.0, state.period)
         return record
 
     def _fly_on(self, periods: int) -> None:
         """Fly between two samples, stopping where impacts are looked for and progress is told of."""
-        simulation, watch = self._simulation, self._simulation._watch
-        end = simulation.tick + periods
-        while simulation.tick < end:
+        state, watch = self._state, self._loop.impact_watch
+        end = state.tick + periods
+        while state.tick < end:
             stop = min(end, self._news_due, end if watch is None else watch.due)
-            if stop > simulation.tick:
-                simulation.fly(stop - simulation.tick)
+            if stop > state.tick:
+                self._loop.fly(stop - state.tick)
             else:
                 self._decide()
-                simulation.advance()
+                self._loop.advance()
 
     def _decide(self) -> Targets:
-        simulation, watch = self._simulation, self._simulation._watch
-        targets = simulation.decide()
-        if watch is not None and simulation.tick >= watch.due:
-            self._look_for_impacts()
-        if self._progress is not None and simulation.tick >= self._news_due:
-            self._news_due = simulation.tick + self._news_every
-            self._progress(simulation.time)
+        state, watch = self._state, self._loop.impact_watch
+        targets = self._loop.decide()
+        if watch is not None and state.tick >= watch.due:
+            self._look_for_impacts(watch)
+        if self._progress is not None and state.tick >= self._news_due:
+            self._news_due = state.tick + self._news_every
+            self._progress(state.time)
         return targets
 
-    def _look_for_impacts(self) -> None:
-        simulation, t = self._simulation, self._simulation.time
-        work, adverse, watch = simulation._work, simulation._adverse, simulation._watch
-        assert watch is not None
-        flying = np.ones(simulation.model.n, np.bool_)
-        if adverse is not None:
-            flying[list(adverse.flight.resting)] = False
-        hit = watch.look(simulation.tick, work[Slot.R], work[Slot.V], work[Slot.A], flying)
+    def _look_for_impacts(self, watch: ImpactWatch) -> None:
+        state, injection, work = self._state, self._loop.injection, self._state.work
+        flying = np.ones(state.model.n, np.bool_)
+        if injection is not None:
+            flying[list(injection.faults.resting)] = False
+        hit = watch.look(state.tick, work[Slot.R], work[Slot.V], work[Slot.A], flying)
         for j in np.flatnonzero(hit):
-            r_A = simulation._C_AN @ work[Slot.R, j]
-            if adverse is None:
+            r_A = state.C_AN @ work[Slot.R, j]
+            if injection is None:
                 latitude, longitude = sub_point(r_A, np.eye(3))
                 raise SimulationError(
-                    f"{simulation.model.names[j]} hits the body at t = {t:g} s, latitude {latitude:.1f} deg, longitude "
+                    f"{state.model.names[j]} hits the body at t = {state.time:g} s, latitude {latitude:.1f} deg, longitude "
                     f"{longitude:.1f} deg: its path crosses the surface. Change the mission, or fly it with faults"
                 )
-            adverse.impact(t, int(j), r_A)
+            injection.impact(state.time, int(j), r_A)
 
     def _keep(self, row: int, targets: Targets) -> None:
-        simulation, record = self._simulation, self._record
-        ctrl, adverse = simulation.data.ctrl, simulation._adverse
-        if adverse is not None and record.faults is not None:
-            record.faults.keep(row, adverse.flight, adverse.speed, simulation._q_BN)
-            ctrl = adverse.motor
+        state, record, injection = self._state, self._record, self._loop.injection
+        ctrl = state.data.ctrl
+        if injection is not None and record.faults is not None:
+            record.faults.keep(row, injection.faults, injection.wheel_speed, state.q_BN)
+            ctrl = injection.motor
         kernels.record(
             row,
             targets.kind,
             targets.spacecraft,
-            simulation._q_BN,
-            simulation._q_RN,
+            state.q_BN,
+            state.q_RN,
             ctrl,
-            simulation._work,
+            state.work,
             record.vectors,
             record.attitude,
             record.aim,
         )
+
+
+def sample_times(duration: float, interval: float) -> Array:
+    """Times from 0 to `duration` at every `interval` [s], both ends included."""
+    return np.asarray(interval * np.arange(round(duration / interval) + 1), dtype=np.float64)

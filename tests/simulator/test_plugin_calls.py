@@ -81,13 +81,13 @@ LAWS = [
     (lambda s: None, r"has shape \(\)"),
     (lambda s: 1j * s, "holds complex128: must be numbers"),
     (lambda s: [[0.0], [0.0, 1.0, 2.0]], r"must be an array of shape \(2, 3\)"),
-    (fail, r"failed in torque: KeyError: 'boom' \(test_answers.py, line \d+\)"),
+    (fail, r"failed in torque: KeyError: 'boom' \(test_plugin_calls.py, line \d+\)"),
 ]
 
 
 @pytest.mark.parametrize(("answer", "words"), LAWS)
 def test_a_law_that_answers_no_torques_is_named(answer, words, quick_plan):
-    with pytest.raises(PluginError, match=rf"the control law tests.*test_answers\.Law .*{words}"):
+    with pytest.raises(PluginError, match=rf"the control law tests.*test_plugin_calls\.Law .*{words}"):
         fly(quick_plan, controller=Law(answer))
 
 
@@ -231,7 +231,7 @@ class Late(Compiled):
 
 @pytest.mark.parametrize("compiled", [True, False])
 def test_a_torque_that_is_not_finite_ends_the_flight_by_name_instead_of_turning_the_motors_up(compiled, quick_plan):
-    with pytest.raises(SimulationError, match=r"test_answers\.Late gives sc2 the torque \[.*nan\] N m at t = 0 s"):
+    with pytest.raises(SimulationError, match=r"test_plugin_calls\.Late gives sc2 the torque \[.*nan\] N m at t = 0 s"):
         fly(quick_plan, controller=Late(), compiled=compiled)
 
 

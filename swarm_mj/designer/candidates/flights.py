@@ -16,7 +16,7 @@ from swarm_mj.flight.plan import Plan, as_planned, behavior_from, make_plan
 from swarm_mj.mission.behaviors import MissionBehavior, SwarmView, TargetKind
 from swarm_mj.mission.trajectories import propagate
 from swarm_mj.scenarios.schema import Scenario
-from swarm_mj.simulator.records import sample_times
+from swarm_mj.simulator.recorder import sample_times
 from swarm_mj.spacecraft.attitude.guidance import track_line_of_sight
 from swarm_mj.spacecraft.attitude.mrp import dcm, mrp_from_quaternion
 from swarm_mj.typing import Array, Mask

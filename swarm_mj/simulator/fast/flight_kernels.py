@@ -95,7 +95,7 @@ class Flights(NamedTuple):
     effort: Array
 
 
-def no_flights(count: int, n: int) -> Flights:
+def allocate_flights(count: int, n: int) -> Flights:
     """E flights of n spacecraft before their start."""
     return Flights(
         qpos=np.zeros((count, NQ * n)),
@@ -116,7 +116,7 @@ def no_flights(count: int, n: int) -> Flights:
 #: A tick that no flight reaches.
 NEVER = 2**62
 #: What came of a decision, the worst last.
-FINE, NOT_FINITE, SENSELESS = 0, 1, 2
+FINE, NOT_FINITE, NO_SUCH_TARGET = 0, 1, 2
 #: What to do of a control period.
 DECIDE, ADVANCE = 1, 2
 WHOLE = DECIDE | ADVANCE
@@ -144,7 +144,7 @@ def fly(world: World, flights: Flights, swarms: MjBatch, hold: int, part: int, l
         until: Ticks, shape (E,); a flight that has reached its own is left alone.
 
     Returns:
-        FINE, SENSELESS (targets, see `guide`) or NOT_FINITE (a state or a torque): the worst that came of a decision.
+        FINE, NO_SUCH_TARGET (targets, see `guide`) or NOT_FINITE (a state or a torque): the worst that came of a decision.
     """
     worst = FINE
     for e in range(live.shape[0]):
@@ -193,7 +193,7 @@ def _decide(world: World, flights: Flights, e: int, motion: MjView) -> int:
     push(a_A, flights.C[e, 1], numbers[_MASS], world.hub, motion.force, work)
     turn_body(numbers[_Q_P : _Q_P + 4], phase, motion.asteroid)
     if not _guide(world, flights, e):
-        return SENSELESS
+        return NO_SUCH_TARGET
     if world.law != 0:
         _control(world, work, flights.torque_B[e])
     total = 0.0

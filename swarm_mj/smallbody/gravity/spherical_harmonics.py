@@ -36,14 +36,16 @@ class SphericalHarmonics:
         reference_radius: radius R to which the coefficients refer [m].
         c: cosine coefficients C[n, m], shape (N + 1, N + 1); C[0, 0] = 1 gives the central field.
         s: sine coefficients S[n, m], same shape.
+        acceleration_series: coefficients of the acceleration's three components, for `sum_series`; follows from the above.
+        recursion: the factors of its recursion, see `recursion_table`; the same.
     """
 
     gm: float
     reference_radius: float
     c: Array = field(repr=False)
     s: Array = field(repr=False)
-    _acceleration_series: Array = field(init=False, repr=False)
-    _table: Array = field(init=False, repr=False)
+    acceleration_series: Array = field(init=False, repr=False)
+    recursion: Array = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         """Check and freeze the coefficients, and prepare the series of the acceleration."""
@@ -54,8 +56,8 @@ class SphericalHarmonics:
         object.__setattr__(self, "c", c)
         object.__setattr__(self, "s", s)
         scale = self.gm / self.reference_radius**2
-        object.__setattr__(self, "_acceleration_series", scale * differentiate(np.stack([c, s], axis=-1)[:, :, None]))
-        object.__setattr__(self, "_table", recursion_table(self.degree + 1))
+        object.__setattr__(self, "acceleration_series", scale * differentiate(np.stack([c, s], axis=-1)[:, :, None]))
+        object.__setattr__(self, "recursion", recursion_table(self.degree + 1))
 
     @classmethod
     def from_coefficients(
@@ -92,12 +94,12 @@ class SphericalHarmonics:
 
     def acceleration(self, r_A: Array) -> Array:
         """Attraction in A [m/s^2], shape (n, 3), at positions in A [m], shape (n, 3)."""
-        return sum_series(positions(r_A), self.reference_radius, self._table, self._acceleration_series)
+        return sum_series(positions(r_A), self.reference_radius, self.recursion, self.acceleration_series)
 
     def potential(self, r_A: Array) -> Array:
         """Potential [m^2/s^2], positive, shape (n,), at positions in A [m], shape (n, 3)."""
         series = self.gm / self.reference_radius * np.stack([self.c, self.s], axis=-1)[:, :, None]
-        return sum_series(positions(r_A), self.reference_radius, self._table, series)[:, 0]
+        return sum_series(positions(r_A), self.reference_radius, self.recursion, series)[:, 0]
 
     def gradient(self, r_A: Array) -> Array:
         """Gradient of the acceleration [1/s^2], shape (n, 3, 3), at positions in A [m], shape (n, 3)."""
@@ -106,7 +108,7 @@ class SphericalHarmonics:
 
     @cached_property
     def _gradient_series(self) -> tuple[Array, Array]:
-        series = differentiate(self._acceleration_series) / self.reference_radius
+        series = differentiate(self.acceleration_series) / self.reference_radius
         return series, recursion_table(self.degree + 2)
 
 

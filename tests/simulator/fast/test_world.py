@@ -211,7 +211,7 @@ def of_what_numba_lacks(a, b, c, d, e, f, g, h, numbers, torque_B):
     ("function", "reason"), [(of_two, "takes 2 arguments"), (of_what_numba_lacks, "flags_of_its_own")]
 )
 def test_a_law_that_cannot_be_compiled_is_refused_with_the_reason(function, reason):
-    with pytest.raises(PluginError, match=rf"test_compiled\.{function.__name__} cannot be compiled.*{reason}"):
+    with pytest.raises(PluginError, match=rf"test_world\.{function.__name__} cannot be compiled.*{reason}"):
         twin(plan_of(), compiled=True, controller=Offering(function))
 
 
@@ -244,3 +244,15 @@ def test_the_law_of_the_documentation_flies_as_it_stands_there(tmp_path, monkeyp
     # It does what it is for: errors of attitude die out.
     error = np.linalg.norm(one.vectors[:, 3], axis=-1).max(axis=-1)
     assert error[0] > 0.2 and error[-1] < 0.02
+
+
+def test_a_compiled_law_that_takes_over_from_one_in_python_aims_where_that_one_aimed():
+    plan = plan_of()
+    one, other = (
+        twin(plan, compiled=compiled, controller=MrpFeedback(integral_gain=0.01)) for compiled in (True, False)
+    )
+    for simulation in (one, other):
+        simulation.fly(5)
+        simulation.controller = MrpFeedback()
+        simulation.fly(5)
+    assert one._world is not None and np.array_equal(one.data.qvel, other.data.qvel)

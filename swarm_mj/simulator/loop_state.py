@@ -1,0 +1,204 @@
+"""The state of one flight between two decisions: what the loop reads and writes, with names, shapes, units and frames.
+
+Whoever takes part in a flight (the simulation, the Python loop, fault injection, the recorder, compiled code) is handed one
+`LoopState` and works on the same arrays; none of them knows another one's inside.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from swarm_mj.errors import PluginError
+from swarm_mj.mission.behaviors import Targets
+from swarm_mj.simulator.fast.flight_kernels import allocate_flights
+from swarm_mj.simulator.fast.integrator import timesteps_in
+from swarm_mj.simulator.fast.kernels import Slot
+from swarm_mj.simulator.faults.schedule import Event
+from swarm_mj.smallbody.environment import Environment
+from swarm_mj.spacecraft.attitude.mrp import quaternion_from_mrp
+from swarm_mj.spacecraft.control.base import ControlInput
+from swarm_mj.spacecraft.model import NQ, NV, SwarmModel
+from swarm_mj.spacecraft.properties import SpacecraftProperties
+from swarm_mj.typing import Array
+
+#: The wheel-speed limiter aims this far below the limit, for what the gyroscopic terms add within a hold.
+SPEED_MARGIN = 1e-4
+#: What a control law is given of the work array, in the order of `ControlInput`.
+LAW_SLOTS = [Slot.SIGMA_BR, Slot.OMEGA_BR, Slot.OMEGA, Slot.OMEGA_R_B, Slot.DOMEGA_R_B, Slot.MOMENTUM]
+
+
+@dataclass(frozen=True, kw_only=True)
+class InitialState:
+    """Where and how the swarm starts.
+
+    Attributes:
+        r_BN_N: Positions, shape (n, 3) [m].
+        v_BN_N: Velocities, shape (n, 3) [m/s].
+        sigma_BN: Attitudes as MRP, shape (n, 3).
+        omega_BN_B: Body rates, shape (n, 3) [rad/s].
+        wheel_speed: Relative to the hub, shape (n, w) [rad/s].
+        seed: Of faults and dispersions, where the simulation has any.
+        deployment: What went wrong on the way to this state.
+    """
+
+    r_BN_N: Array
+    v_BN_N: Array
+    sigma_BN: Array
+    omega_BN_B: Array
+    wheel_speed: Array
+    seed: int = 0
+    deployment: tuple[Event, ...] = ()
+
+    def rows(self, w: int) -> tuple[Array, Array]:
+        """The state as `SwarmModel.set_state` takes it for w wheels, shape (n, 7 + w) and (n, 6 + w); their angles are zero."""
+        n = len(self.r_BN_N)
+        qpos, qvel = np.zeros((n, NQ - 3 + w)), np.empty((n, NV - 3 + w))
+        qpos[:, :3], qpos[:, 3:7] = self.r_BN_N, quaternion_from_mrp(self.sigma_BN)
+        qvel[:, :3], qvel[:, 3:6], qvel[:, 6:] = self.v_BN_N, self.omega_BN_B, self.wheel_speed
+        return qpos, qvel
+
+
+class LoopState:
+    """One flight of a swarm of n spacecraft.
+
+    Args:
+        model: The compiled swarm.
+        properties: Mass properties and wheel limits of every spacecraft, as planned.
+        environment: Gravity, rotation, Sun and Earth.
+        period: Control period [s], a whole multiple of the model's timestep.
+        gravity_gradient: Whether the torque of the central field acts; the field must know its `gm`.
+
+    Attributes:
+        model: As given.
+        properties: As given.
+        environment: As given; fault injection replaces it at the start of a flight whose gravity is dispersed.
+        period: As given.
+        timesteps: Of MuJoCo in a control period.
+        gradient_gm: Gravitational parameter whose gradient turns the spacecraft [m^3/s^2]; 0: none does.
+        data: MuJoCo's own state.
+        flights: The arrays below as compiled code takes them, with one more axis in front, of length 1.
+        qpos: The state in the layout of three wheels, see `kernels`, where MuJoCo does not hold it so, shape (10 n,).
+        qvel: The same of the velocities, shape (9 n,).
+        work: Vectors of the present decision, see `Slot`, shape (slots, n, 3).
+        q_BN: Attitudes, shape (n, 4).
+        q_RN: Reference attitudes, shape (n, 4).
+        C_AN: Rotation from N to A at the decision, shape (3, 3).
+        C_mid: The same at the middle of the hold, where forces are evaluated, shape (3, 3).
+        aim: Kind and spacecraft tracked of every spacecraft at the last decision, shape (2, n); -1: none yet.
+        restart: Whose target is another one than at the decision before, shape (n,).
+        torque_B: What the control law asked of the wheels when compiled code or a diverging flight asked it, (n, 3) [N m].
+        peaks: Largest wheel speed [rad/s], largest motor torque [N m], holds in which a limit cut a torque, shape (n, 3).
+        targets: What the behaviour answered last.
+        inputs: What control laws are given, as views of `work`.
+        hub: Body ids of the hubs, shape (n,).
+        wheel_axes_B: Rows, shape (w, 3).
+        allocation: Maps a body torque to motor torques: minus the pseudo-inverse of the axes, shape (w, 3).
+        speed_gain: Change of wheel speed in one hold per motor torque, at most [rad/s per N m].
+        max_wheel_speed: At which the motors stop to accelerate a wheel, a little below the limit [rad/s].
+        spin_N: Angular velocity of A in N, shape (3,) [rad/s].
+        C_PN: Rotation from N to the pole frame, shape (3, 3).
+        q_P: Attitude of the pole frame as MuJoCo's quaternion, shape (4,).
+
+    Raises:
+        ScenarioError: The control period is no whole multiple of the timestep.
+        PluginError: The field does not know its gravitational parameter, and the gradient needs it.
+    """
+
+    def __init__(
+        self,
+        model: SwarmModel,
+        *,
+        properties: SpacecraftProperties,
+        environment: Environment,
+        period: float,
+        gravity_gradient: bool = False,
+    ) -> None:
+        self.model, self.properties, self.environment, self.period = model, properties, environment, period
+        self.data = mujoco.MjData(model.mjmodel)
+        self.timesteps = timesteps_in(period, model)
+        self.gradient_gm = _gm_of_field(environment) if gravity_gradient else 0.0
+        self._allocate()
+        self._derive_constants()
+        kind, spacecraft = self.flights.targets[0, :2]
+        self.targets = Targets(kind, spacecraft, self.flights.vector[0])  # none yet
+
+    def _allocate(self) -> None:
+        self.flights = f = allocate_flights(1, self.model.n)
+        self.qpos, self.qvel = f.qpos[0], f.qvel[0]
+        self.work, self.peaks, self.aim, self.torque_B = f.work[0], f.peaks[0], f.targets[0, 2:], f.torque_B[0]
+        self.q_BN, self.q_RN, self.C_AN, self.C_mid = f.q[0, 0], f.q[0, 1], f.C[0, 0], f.C[0, 1]
+        self.restart = np.zeros(self.model.n, np.bool_)
+
+    def _derive_constants(self) -> None:
+        properties, environment, n = self.properties, self.environment, self.model.n
+        self.hub = np.ascontiguousarray(self.model.hub_body, np.int64)
+        self.wheel_axes_B = np.ascontiguousarray(properties.wheel_axes_B)
+        self.allocation = -np.linalg.pinv(properties.wheel_axes_B.T)
+        gain = 1.0 / properties.wheel_spin_inertia + (1.0 / np.diag(properties.inertia_effective_B)).max()
+        self.speed_gain = self.period * float(gain)
+        self.max_wheel_speed = (1.0 - SPEED_MARGIN) * properties.max_wheel_speed
+        self.spin_N, self.C_PN = environment.spin_N, np.ascontiguousarray(environment.C_PN)
+        self.q_P = _quaternion_of(self.C_PN)
+        inertia_B = np.repeat(properties.inertia_B[None], n, axis=0)
+        inertia_effective_B = np.repeat(properties.inertia_effective_B[None], n, axis=0)
+        vectors = [self.work[slot] for slot in LAW_SLOTS]
+        self.inputs = control_input(vectors, inertia_B, inertia_effective_B, self.period)
+
+    @property
+    def tick(self) -> int:
+        """Control periods flown."""
+        return int(self.flights.tick[0])
+
+    @tick.setter
+    def tick(self, tick: int) -> None:
+        self.flights.tick[0] = tick
+
+    @property
+    def time(self) -> float:
+        """Seconds past the epoch, counted in whole control periods."""
+        return self.tick * self.period
+
+    def rows(self) -> tuple[Array, Array]:
+        """Positions and velocities by spacecraft, see `SwarmModel.state`."""
+        return self.model.state(self.data)
+
+    def set_rows(self, qpos: Array, qvel: Array) -> None:
+        """Write what `rows` gives."""
+        self.model.set_state(self.data, qpos, qvel)
+
+    def set_targets(self, targets: Targets) -> None:
+        """Aim at other targets from the next decision on that compiled code makes."""
+        self.targets = targets
+        kind, index = self.flights.targets[0, :2]
+        kind[:], index[:], self.flights.vector[0] = targets
+
+    def reset(self, initial: InitialState) -> None:
+        """Put the swarm at its start."""
+        mujoco.mj_resetData(self.model.mjmodel, self.data)
+        self.set_rows(*initial.rows(self.properties.n_wheels))
+        self.tick, self.aim[:], self.peaks[:] = 0, -1, 0.0
+
+
+def control_input(
+    vectors: Sequence[Array] | Array, inertia_B: Array, inertia_effective_B: Array, period: float
+) -> ControlInput:
+    """What control laws are given, from vectors in the order of `LAW_SLOTS`, shape (6, n, 3)."""
+    sigma_BR, omega_BR, omega, omega_R, domega_R, momentum = vectors
+    return ControlInput(sigma_BR, omega_BR, omega, omega_R, domega_R, momentum, inertia_B, inertia_effective_B, period)
+
+
+def _gm_of_field(environment: Environment) -> float:
+    gm = getattr(environment.gravity, "gm", None)
+    if gm is None:
+        raise PluginError("the gravity-gradient torque needs a gravity field with an attribute gm [m^3/s^2]")
+    return float(gm)
+
+
+def _quaternion_of(C_PN: Array) -> Array:
+    quaternion = np.empty(4)
+    mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(C_PN.T).ravel())
+    return quaternion
