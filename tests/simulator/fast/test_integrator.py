@@ -90,6 +90,7 @@ def test_an_inertia_that_depends_on_the_state_is_found_anew_at_every_stage(tetra
         return part
 
     monkeypatch.setattr(swarm_model, "_cubesat", made)
+    monkeypatch.setattr(swarm_model, "examine_spacecraft", lambda *arguments: [])  # the guard refuses such a spacecraft
     swarm = build_model(N, shape=tetrahedron)
     assert method_of(swarm) == STAGED
     theirs = tumbling(swarm)
