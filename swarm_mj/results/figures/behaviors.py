@@ -26,6 +26,7 @@ from swarm_mj.results.figures.style import (
     SMALL_PT,
     TICK_PT,
     VISIT_DASHES,
+    caption,
     instant,
     label,
     name_time,
@@ -118,7 +119,7 @@ def _draw_across(ax: Axes, plan: Plan, telemetry: xr.Dataset, scene: Scene) -> N
     if (path[-1] - path[0]) @ view.axes[0] < 0.0:  # the flight leads to the left, and still counts upwards
         ax.xaxis.set_major_formatter(lambda x, _: f"{-x + 0.0:g}".replace("-", "\N{MINUS SIGN}"))
     label(ax, "along the flight path [km]", "across the flight path [km]")
-    ax.set_title("frame A, looking along the normal of the flight plane", fontsize=TICK_PT, loc="left")
+    caption(ax, "frame A, looking along the normal of the flight plane")
 
 
 def _samples(times: Array, run: Run) -> Indices:

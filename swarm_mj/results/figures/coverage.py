@@ -16,8 +16,8 @@ from swarm_mj.results.figures.style import (
     BLACK,
     GREY,
     SMALL_PT,
-    TICK_PT,
     VISIT_DASHES,
+    caption,
     instant,
     label,
     name_time,
@@ -72,11 +72,10 @@ def _draw_history(ax: Axes, plan: Plan, telemetry: xr.Dataset, coverage: Coverag
     tidy(ax)
     name_time(ax, axis)
     label(ax, y=r"observed share of the target $P_{TO}$ [%]")
-    ax.set_title(
+    caption(
+        ax,
         f"$P_{{TO}}$ = {coverage.percent:.2f} % at the end, "
         f"{float(coverage.percent_over_time(visit)):.2f} % at the visit, t = {instant(visit, axis)}",
-        fontsize=TICK_PT,
-        loc="left",
     )
 
 
@@ -93,4 +92,4 @@ def _draw_bars(ax: Axes, plan: Plan, coverage: CoverageMap, shown: Indices) -> N
     tidy(ax)
     ax.grid(False, axis="y")
     label(ax, "share [%]")
-    ax.set_title("each spacecraft, at the end", fontsize=TICK_PT, loc="left")
+    caption(ax, "each spacecraft, at the end")

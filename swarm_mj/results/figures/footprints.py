@@ -14,7 +14,6 @@ from swarm_mj.flight.fly import asteroid_attitudes
 from swarm_mj.flight.observe import ObservationResult, camera_from, visit_sample
 from swarm_mj.flight.plan import Plan
 from swarm_mj.observation.camera import CameraModel, CameraPose
-from swarm_mj.observation.raytracing import RayTracer
 from swarm_mj.results.figures.ground_track import MAX_NUMBERED, number_places
 from swarm_mj.results.figures.maps import (
     Ground,
@@ -34,7 +33,7 @@ from swarm_mj.results.figures.style import (
     ORANGE,
     SKY_BLUE,
     SPACECRAFT,
-    TICK_PT,
+    caption,
     instant,
     new_figure,
     note_of_omission,
@@ -42,7 +41,7 @@ from swarm_mj.results.figures.style import (
     spacecraft_colours,
     time_axis,
 )
-from swarm_mj.results.figures.view import face_colours, unit
+from swarm_mj.results.figures.view import HIDING_DEPTH, depth_of, face_colours, tracer_of, unit
 from swarm_mj.simulator.telemetry import OBSERVING
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.spacecraft.attitude.mrp import dcm
@@ -54,46 +53,43 @@ PAINTED_COLUMNS, OUTLINE_COLUMNS, SEARCH_COLUMNS = 540, 240, 120
 MAX_PICTURES = 120
 #: Width of an outline that has its own colour.
 SINGLE_PT = 2.0
-#: Ground hidden by less than this share of the body's radius is not hidden: rays are traced in single precision.
-HIDING_DEPTH = 1e-4
 
 
 def compose_footprints(plan: Plan, telemetry: xr.Dataset, result: ObservationResult) -> Figure:
     """What each picture holds at the visit, and what all pictures of the passage hold together."""
     mesh, scenario = plan.region.mesh, plan.scenario
-    tracer, camera = RayTracer(mesh.vertices, mesh.faces), camera_from(scenario)
+    camera = camera_from(scenario)
     shown = shown_spacecraft(plan.n_observers)
     visit = visit_sample(scenario)
     poses = {int(j): _pose(telemetry, visit, int(j)) for j in shown if _observes(telemetry, visit, int(j))}
-    window = _window(plan, tracer, camera, list(poses.values()))
+    window = _window(plan, camera, list(poses.values()))
     figure = new_figure(7.0, f"Footprints of the pictures: {scenario.name}{note_of_omission(plan.n_observers, shown)}")
     ax = figure.subplots()
-    _paint_ground(ax, plan, result, tracer, window)
-    ground = survey(mesh, tracer, window, OUTLINE_COLUMNS)
+    _paint_ground(ax, plan, result, window)
+    ground = survey(mesh, window, OUTLINE_COLUMNS)
     if scenario.observation.criterion == "passage":
-        _draw_union(ax, _passage_poses(plan, telemetry), camera, mesh, tracer, ground)
+        _draw_union(ax, _passage_poses(plan, telemetry), camera, mesh, ground)
     draw_track(ax, target_outline(plan.region), window.centre_longitude, color=BLACK, linewidth=2.2, zorder=3)
     colours = dict(zip(shown.tolist(), spacecraft_colours(len(shown)), strict=True))
     outlines: list[Array] = []
     for j, pose in poses.items():
-        margin = view_margin(camera, pose, ground, mesh, tracer)
+        margin = view_margin(camera, pose, ground, mesh)
         width = SINGLE_PT if len(shown) <= len(SPACECRAFT) else 0.8
         outlines += _outline(ax, ground, margin, color=colours[j], linewidth=width)
     name_map(ax, window)
-    _number(ax, plan, poses, mesh, tracer, window, colours, outlines)
+    _number(ax, plan, poses, mesh, window, colours, outlines)
     axis = time_axis(scenario.duration_s)
     percent = result.coverage.percent
-    ax.set_title(
+    caption(
+        ax,
         f"outlines: the visit, t = {instant(scenario.design.time_of_flight_s, axis)}; "
         f"half-angle {camera.half_angle_deg:g}\N{DEGREE SIGN}; $P_{{TO}}$ = {percent:.2f} %",
-        fontsize=TICK_PT,
-        loc="left",
     )
     legend_below(figure, _handles(plan, colours))
     return figure
 
 
-def view_margin(camera: CameraModel, pose: CameraPose, ground: Ground, body: ShapeModel, tracer: RayTracer) -> Array:
+def view_margin(camera: CameraModel, pose: CameraPose, ground: Ground, body: ShapeModel) -> Array:
     """How far inside a picture each place of a map lies: above zero where the picture holds it.
 
     Args:
@@ -101,7 +97,6 @@ def view_margin(camera: CameraModel, pose: CameraPose, ground: Ground, body: Sha
         pose: Where it is.
         ground: The places.
         body: The mesh that hides some of them.
-        tracer: Rays against this mesh.
 
     Returns:
         The lesser of two measures that cross zero where a footprint ends, shape (r, c): the distance to the picture's edge
@@ -117,10 +112,8 @@ def view_margin(camera: CameraModel, pose: CameraPose, ground: Ground, body: Sha
     facing = -np.einsum("...i,...i", away, body.face_normals[ground.face]) / distance
     margin = np.nan_to_num(np.clip(np.minimum(edge, facing), -1.0, 1.0), nan=-1.0)
     row, column = np.nonzero(margin > 0.0)
-    hit = tracer.first_hit(pose.r_A, away[row, column])
-    normal, corner = body.face_normals[hit], body.vertices[body.faces[hit, 0]]
-    along = np.einsum("ij,ij->i", normal, away[row, column]) / distance[row, column]
-    depth = np.einsum("ij,ij->i", normal, corner - pose.r_A) / along
+    hit = tracer_of(body).first_hit(pose.r_A, away[row, column])
+    depth = distance[row, column] * depth_of(hit, pose.r_A, away[row, column], body)
     hidden = (hit >= 0) & (depth < distance[row, column] - HIDING_DEPTH * body.max_radius)
     margin[row[hidden], column[hidden]] *= -1.0
     return margin
@@ -151,13 +144,13 @@ def _passage_poses(plan: Plan, telemetry: xr.Dataset) -> list[CameraPose]:
     return [_pose(telemetry, k, j) for k, j in pictures[:: 1 + len(pictures) // MAX_PICTURES]]
 
 
-def _window(plan: Plan, tracer: RayTracer, camera: CameraModel, poses: list[CameraPose]) -> Window:
+def _window(plan: Plan, camera: CameraModel, poses: list[CameraPose]) -> Window:
     """The target and the footprints of the visit, with some room around."""
     mesh, centre = plan.region.mesh, plan.scenario.target.longitude_deg
-    coarse = survey(mesh, tracer, whole_body(centre), SEARCH_COLUMNS)
+    coarse = survey(mesh, whole_body(centre), SEARCH_COLUMNS)
     latitude, longitude = latitude_longitude(target_outline(plan.region), centre)
     for pose in poses:
-        row, column = np.nonzero(view_margin(camera, pose, coarse, mesh, tracer) > 0.0)
+        row, column = np.nonzero(view_margin(camera, pose, coarse, mesh) > 0.0)
         latitude = np.append(latitude, coarse.latitudes[row])
         longitude = np.append(longitude, coarse.longitudes[column])
     room = 2.0 + 0.06 * min(float(np.ptp(latitude)), float(np.ptp(longitude)))
@@ -169,21 +162,19 @@ def _window(plan: Plan, tracer: RayTracer, camera: CameraModel, poses: list[Came
     )
 
 
-def _paint_ground(ax: Axes, plan: Plan, result: ObservationResult, tracer: RayTracer, window: Window) -> None:
+def _paint_ground(ax: Axes, plan: Plan, result: ObservationResult, window: Window) -> None:
     region, seen = plan.region, result.coverage.seen
     colours = face_colours(region.mesh, [(region.target, ORANGE), (region.target[seen], SKY_BLUE)])
     east, north, _ = region.axes_A
     lamp = unit(region.area @ region.normal_A) + 0.5 * north - 0.4 * east
-    paint(ax, survey(region.mesh, tracer, window, PAINTED_COLUMNS), region.mesh, colours, lamp, relief=0.0)
+    paint(ax, survey(region.mesh, window, PAINTED_COLUMNS), region.mesh, colours, lamp, relief=0.0)
 
 
-def _draw_union(
-    ax: Axes, poses: list[CameraPose], camera: CameraModel, mesh: ShapeModel, tracer: RayTracer, ground: Ground
-) -> None:
+def _draw_union(ax: Axes, poses: list[CameraPose], camera: CameraModel, mesh: ShapeModel, ground: Ground) -> None:
     """Outline what the pictures of a passage hold together."""
     union = np.full(ground.face.shape, -1.0)
     for pose in poses:
-        np.maximum(union, view_margin(camera, pose, ground, mesh, tracer), out=union)
+        np.maximum(union, view_margin(camera, pose, ground, mesh), out=union)
     _outline(ax, ground, union, color=BLACK, linewidth=1.2, dashed=True)
 
 
@@ -213,7 +204,6 @@ def _number(
     plan: Plan,
     poses: dict[int, CameraPose],
     body: ShapeModel,
-    tracer: RayTracer,
     window: Window,
     colours: dict[int, str],
     outlines: list[Array],
@@ -223,10 +213,8 @@ def _number(
         return
     start = np.array([pose.r_A for pose in poses.values()])
     ahead = np.array([pose.C_CA[2] for pose in poses.values()])
-    hit = tracer.first_hit(start, ahead)
-    met = hit >= 0
-    normal, corner = body.face_normals[hit], body.vertices[body.faces[hit, 0]]
-    depth = np.einsum("ij,ij->i", normal, corner - start) / np.einsum("ij,ij->i", normal, ahead)
+    hit = tracer_of(body).first_hit(start, ahead)
+    met, depth = hit >= 0, depth_of(hit, start, ahead, body)
     if met.any():
         chosen = [j for j, meets in zip(poses, met, strict=True) if meets]
         number_places(

@@ -12,7 +12,6 @@ from matplotlib.lines import Line2D
 
 from swarm_mj.flight.observe import ObservationResult, visit_sample
 from swarm_mj.flight.plan import Plan
-from swarm_mj.observation.raytracing import RayTracer
 from swarm_mj.results.figures.maps import (
     Window,
     draw_places,
@@ -33,7 +32,7 @@ from swarm_mj.results.figures.style import (
     HALO,
     ORANGE,
     SPACECRAFT,
-    TICK_PT,
+    caption,
     instant,
     new_figure,
     spacecraft_colours,
@@ -61,7 +60,7 @@ def compose_ground_track(plan: Plan, telemetry: xr.Dataset, result: ObservationR
     window = whole_body(plan.scenario.target.longitude_deg)
     C_AN = plan.environment.C_AN(time)
     sun, earth = (unit(C_AN @ motion.at(time)) for motion in (plan.environment.sun, plan.environment.earth))
-    ground = survey(mesh, RayTracer(mesh.vertices, mesh.faces), window, COLUMNS)
+    ground = survey(mesh, window, COLUMNS)
     paint(ax, ground, mesh, face_colours(mesh, []), sun)
     draw_track(ax, target_outline(plan.region), window.centre_longitude, color=BLACK, linewidth=1.8)
     step = mark_interval(plan.scenario.duration_s)
@@ -70,10 +69,9 @@ def compose_ground_track(plan: Plan, telemetry: xr.Dataset, result: ObservationR
     draw_places(ax, sun[None], window.centre_longitude, marker="*", markersize=15, color=ORANGE, mec=BLACK, zorder=6)
     draw_places(ax, earth[None], window.centre_longitude, marker="P", markersize=9, color=GREEN, mec=BLACK, zorder=6)
     name_map(ax, window)
-    ax.set_title(
+    caption(
+        ax,
         f"circles and light: the visit, t = {instant(time, axis)}; without cast shadows",
-        fontsize=TICK_PT,
-        loc="left",
     )
     legend_below(figure, _handles(plan, instant(step, axis)))
     return figure

@@ -32,6 +32,7 @@ from swarm_mj.results.figures.style import (
     TICK_PT,
     VISIT_DASHES,
     TimeAxis,
+    caption,
     instant,
     label,
     name_time,
@@ -148,7 +149,7 @@ def _finish_history(ax: Axes, name: str, plan: Plan, axis: TimeAxis) -> None:
     name_time(ax, axis)
     label(ax, y=f"{name} [deg]")
     unseen = {"incidence": "above 90\N{DEGREE SIGN}: night", "emission": "above 90\N{DEGREE SIGN}: out of sight"}
-    ax.set_title(f"{name} by time" + (f" ({unseen[name]})" if name in unseen else ""), fontsize=TICK_PT, loc="left")
+    caption(ax, f"{name} by time" + (f" ({unseen[name]})" if name in unseen else ""))
 
 
 def _draw_maps(figure: Figure, row: NDArray[np.object_], plan: Plan, telemetry: xr.Dataset) -> None:
@@ -168,7 +169,7 @@ def _draw_maps(figure: Figure, row: NDArray[np.object_], plan: Plan, telemetry: 
         ax.grid(False)
         label(ax, "angle east [deg]", "angle north [deg]")
         mean = float(np.average(values, weights=region.area))
-        ax.set_title(f"{name}\nt = {when}, mean {mean:.1f}\N{DEGREE SIGN}", fontsize=TICK_PT, loc="left")
+        caption(ax, f"{name}\nt = {when}, mean {mean:.1f}\N{DEGREE SIGN}")
         bar = figure.colorbar(cells, cax=ax.inset_axes((1.03, 0.0, 0.05, 1.0)))
         bar.ax.tick_params(labelsize=SMALL_PT, color=GREY, length=3)
         bar.set_label("[deg]", fontsize=TICK_PT)

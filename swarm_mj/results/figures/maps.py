@@ -14,9 +14,8 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from swarm_mj.mission.target import TargetRegion
-from swarm_mj.observation.raytracing import RayTracer
 from swarm_mj.results.figures.style import label, tidy
-from swarm_mj.results.figures.view import AMBIENT, shade
+from swarm_mj.results.figures.view import AMBIENT, depth_of, shade, tracer_of
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.typing import Array, Indices
 
@@ -66,15 +65,15 @@ def whole_body(centre_longitude: float) -> Window:
     return Window(west=centre_longitude - 180.0, east=centre_longitude + 180.0, south=-90.0, north=90.0)
 
 
-def survey(body: ShapeModel, tracer: RayTracer, window: Window, columns: int) -> Ground:
+def survey(body: ShapeModel, window: Window, columns: int) -> Ground:
     """Find the ground below a grid of places, by rays from outside towards the body's centre.
 
     Args:
         body: The mesh in A [m].
-        tracer: Rays against this mesh.
         window: What to cover.
         columns: Places along a parallel; as many along a meridian as keep the spacing in degrees.
     """
+    tracer = tracer_of(body)
     width, height = window.east - window.west, window.north - window.south
     columns = min(columns, int(np.sqrt(MAX_RAYS[tracer.engine] * width / height)))
     rows = max(2, round(columns * height / width))
@@ -83,9 +82,7 @@ def survey(body: ShapeModel, tracer: RayTracer, window: Window, columns: int) ->
     outward = directions(*np.meshgrid(latitudes, longitudes, indexing="ij"))
     start = 1.5 * body.max_radius * outward
     face = tracer.first_hit(start.reshape(-1, 3), -outward.reshape(-1, 3)).reshape(rows, columns)
-    normal = body.face_normals[face]
-    along = np.einsum("...i,...i", normal, -outward)
-    depth = np.einsum("...i,...i", normal, body.vertices[body.faces[face, 0]] - start) / along
+    depth = depth_of(face, start, -outward, body)
     points = np.where(face[..., None] >= 0, start - depth[..., None] * outward, np.nan)
     return Ground(longitudes=longitudes, latitudes=latitudes, face=face, points_A=points)
 

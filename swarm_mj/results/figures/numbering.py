@@ -13,6 +13,10 @@ from swarm_mj.typing import Array
 
 #: Distances between a place and its number that are tried [pt], and directions.
 REACHES_PT, DIRECTIONS = (11.0, 14.0, 18.0, 23.0), 16
+#: The offsets that are tried, nearest first, shape (t, 2), and how long each is, shape (t,) [pt].
+TRIAL_REACHES_PT = np.repeat(REACHES_PT, DIRECTIONS)
+_ANGLES = np.tile(2.0 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS, len(REACHES_PT))
+TRIALS_PT = TRIAL_REACHES_PT[:, None] * np.column_stack((np.cos(_ANGLES), np.sin(_ANGLES)))
 #: Least distances of a number's middle from markers and other numbers, and from lines [pt].
 CLEAR_PT, LINE_PT = 10.5, 6.0
 #: A number could be taken for that of another place, if that is nearer than this over the distance of its own.
@@ -97,28 +101,25 @@ def _offsets(ax: Axes, places: Array, lines: Sequence[Array], marked: bool) -> A
     spots = scale * ax.transData.transform(places)
     path = np.vstack([np.empty((0, 2)), *(_dense(scale * ax.transData.transform(line)) for line in lines)])
     outward = spots - spots.mean(axis=0)
-    angles = 2.0 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
-    unit = np.column_stack((np.cos(angles), np.sin(angles)))
+    solid = spots if marked else np.empty((0, 2))
     offsets: list[Array] = []
-    taken: list[Array] = []
     for spot, away in zip(spots, outward, strict=True):
+        middles = spot + TRIALS_PT
+        cost = COVERED * (_distances(middles, solid) < CLEAR_PT).sum(axis=1)
+        cost += CROSSED * (_distances(middles, path) < LINE_PT).any(axis=1)
+        own = np.linalg.norm(middles - spot, axis=1, keepdims=True)
+        cost += MISTAKEN * ((_distances(middles, spots) < NEARER * own).sum(axis=1) > 1)
         size = float(np.linalg.norm(away))
-        turn = unit @ (away / size if size > 1e-9 else np.array([0.0, 1.0]))
-        best, least = unit[0], np.inf
-        for reach in REACHES_PT:
-            for direction, along in zip(unit, turn, strict=True):
-                middle = spot + reach * direction
-                solid = np.vstack((spots if marked else np.empty((0, 2)), *taken))
-                cost = COVERED * float((np.linalg.norm(solid - middle, axis=1) < CLEAR_PT).sum())
-                cost += CROSSED * float((np.linalg.norm(path - middle, axis=1) < LINE_PT).any())
-                own = float(np.linalg.norm(middle - spot))
-                cost += MISTAKEN * float((np.linalg.norm(spots - middle, axis=1) < NEARER * own).sum() > 1)
-                cost += FARTHER * reach + 0.5 * TURNED * (1.0 - float(along))
-                if cost < least:
-                    best, least = reach * direction, cost
-        offsets.append(best)
-        taken.append((spot + best)[None])
+        along = TRIALS_PT @ (away / size if size > 1e-9 else np.array([0.0, 1.0])) / TRIAL_REACHES_PT
+        cost += FARTHER * TRIAL_REACHES_PT + 0.5 * TURNED * (1.0 - along)
+        offsets.append(TRIALS_PT[np.argmin(cost)])
+        solid = np.vstack((solid, spot + offsets[-1]))
     return np.array(offsets).reshape(-1, 2)
+
+
+def _distances(places: Array, others: Array) -> Array:
+    """From each of n places to each of m others, shape (n, m)."""
+    return np.asarray(np.linalg.norm(places[:, None] - others, axis=2))
 
 
 def _dense(line: Array) -> Array:
@@ -126,8 +127,8 @@ def _dense(line: Array) -> Array:
     whole = np.asarray(np.isfinite(line).all(axis=1))
     joined = whole[:-1] & whole[1:]
     parts = [line[whole]]
-    for start, end in zip(line[:-1][joined], line[1:][joined], strict=True):
-        count = int(np.linalg.norm(end - start) / LINE_PT)
-        if count:
-            parts.append(start + np.linspace(0.0, 1.0, count + 2)[1:-1, None] * (end - start))
+    starts, steps = line[:-1][joined], np.diff(line, axis=0)[joined]
+    counts = (np.linalg.norm(steps, axis=1) / LINE_PT).astype(int)
+    for k in np.flatnonzero(counts):
+        parts.append(starts[k] + np.linspace(0.0, 1.0, counts[k] + 2)[1:-1, None] * steps[k])
     return np.vstack(parts)

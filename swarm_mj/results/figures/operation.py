@@ -32,6 +32,7 @@ from swarm_mj.results.figures.style import (
     SMALL_PT,
     TICK_PT,
     VERMILLION,
+    caption,
     instant,
     label,
     new_figure,
@@ -93,7 +94,7 @@ def _draw_instant(ax: Axes, plan: Plan, telemetry: xr.Dataset, seen: Mask, scene
         number_beside(ax, view.project(scene.r_A[k]), colours, lines=[*flown, *sights])
     axis = time_axis(plan.scenario.duration_s)
     percent = 100.0 * region.area[seen].sum() / region.total_area
-    ax.set_title(f"t = {instant(scene.times[k], axis)}, $P_{{TO}}$ = {percent:.2f} %", fontsize=TICK_PT + 1, loc="left")
+    caption(ax, f"t = {instant(scene.times[k], axis)}, $P_{{TO}}$ = {percent:.2f} %", size=TICK_PT + 1)
 
 
 def _draw_target(ax: Axes, plan: Plan, seen: Mask) -> None:

@@ -6,19 +6,21 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import ceil
 
+import numpy as np
 import xarray as xr
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import NullLocator
+from numpy.typing import NDArray
 
 from swarm_mj.flight.plan import Plan
 from swarm_mj.results.figures.modes import BAND, draw_modes, mark_handles, mode_handles
 from swarm_mj.results.figures.style import (
     LABEL_PT,
     SMALL_PT,
-    TICK_PT,
+    caption,
     name_time,
     new_figure,
     note_of_omission,
@@ -69,7 +71,7 @@ def compose_panels(plan: Plan, telemetry: xr.Dataset, panels: Panels) -> Figure:
         panels.draw(ax, int(j))
         draw_modes(ax, telemetry, int(j), axis, plan.scenario.design.time_of_flight_s)
         tidy(ax)
-        ax.set_title(f"{plan.names[j]}: {role(plan, int(j))}", fontsize=TICK_PT, loc="left", pad=3)
+        caption(ax, f"{plan.names[j]}: {role(plan, int(j))}", pad=3.0)
     first = grid[0, 0]
     show_time(first, axis, plan.scenario.duration_s)
     _scale(first, panels)
@@ -79,6 +81,7 @@ def compose_panels(plan: Plan, telemetry: xr.Dataset, panels: Panels) -> Figure:
         lowest = grid[(len(shown) - 1 - column) // columns, column]
         lowest.tick_params(labelbottom=True)
         name_time(lowest, axis, brief=columns > 3)
+    _leave_out_bare_axes(grid)
     figure.supylabel(panels.y_label, fontsize=LABEL_PT)
     legend_below(figure, [*panels.handles, *mark_handles(telemetry, plan.n), *mode_handles(telemetry)])
     return figure
@@ -94,6 +97,15 @@ def _scale(ax: Axes, panels: Panels) -> None:
     else:
         ax.set_ylim(low, low + (high - low) / (1.0 - BAND))
     ax.set_yticks([tick for tick in ax.get_yticks() if low <= tick <= high])
+
+
+def _leave_out_bare_axes(grid: NDArray[np.object_]) -> None:
+    """Keep axes without numbers and names out of the search for room, which measures every one of them several times."""
+    for ax in grid.flat:
+        for axis, side in ((ax.xaxis, "labelbottom"), (ax.yaxis, "labelleft")):
+            if not axis.get_tick_params()[side]:
+                axis.set_in_layout(False)
+                axis.set_label_coords(0.0, 0.0)
 
 
 def every(n_samples: int) -> slice:

@@ -9,13 +9,15 @@ from __future__ import annotations
 import os
 import threading
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib import patheffects, rc_context
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
+from PIL import Image
 
 from swarm_mj.flight.plan import Plan
 from swarm_mj.typing import Indices
@@ -40,6 +42,8 @@ SPACECRAFT = (BLUE, ORANGE, GREEN, VERMILLION, PURPLE, SKY_BLUE)
 DPI = 150
 #: Of what a PDF cannot hold as lines: shaded bodies and maps.
 RASTER_DPI = 300
+#: Of PNGs: a third of the time of Pillow's own choice, and files no larger than with transparency.
+COMPRESSION = 3
 WIDTH_IN = 9.0
 TITLE_PT = 12
 LABEL_PT = 10
@@ -121,6 +125,11 @@ def label(ax: Axes, x: str | None = None, y: str | None = None) -> None:
         ax.set_ylabel(y, fontsize=LABEL_PT)
 
 
+def caption(ax: Axes, text: str, *, size: float = TICK_PT, pad: float | None = None) -> None:
+    """A line of text over the left end of axes above which no ticks or scales stand."""
+    ax.set_title(text, fontsize=size, loc="left", pad=pad, y=1.0)  # where it is put: no search for a free height
+
+
 def shown_spacecraft(n: int, limit: int = MAX_PANELS) -> Indices:
     """Spacecraft that a picture has room for: all, or the first ones and the last, which may be the relay."""
     return np.arange(n) if n <= limit else np.append(np.arange(limit - 1), n - 1)
@@ -156,17 +165,23 @@ def save(figure: Figure, path: Path) -> None:
     Equal figures give equal bytes.
     """
     partial = path.with_name(f".{path.name}.partial")
-    kind = path.suffix.removeprefix(".")
     try:
-        with _RENDERING, rc_context({"pdf.fonttype": 42}):  # fonts that other programs can edit
-            figure.savefig(partial, format=kind, **_FORMATS[kind])
+        with _RENDERING:
+            (_save_pdf if path.suffix == ".pdf" else _save_png)(figure, partial)
         os.replace(partial, path)
     finally:
         partial.unlink(missing_ok=True)
 
 
-#: What `savefig` is told by format; dates and versions would make equal figures differ.
-_FORMATS: dict[str, dict[str, Any]] = {
-    "png": {"dpi": DPI, "metadata": {"Software": None}},
-    "pdf": {"dpi": RASTER_DPI, "metadata": {"CreationDate": None, "Creator": None, "Producer": None}},
-}
+def _save_png(figure: Figure, path: Path) -> None:
+    """Draw once: `savefig` draws twice where the parts arrange themselves."""
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    picture = Image.frombuffer("RGBA", canvas.get_width_height(), canvas.buffer_rgba(), "raw", "RGBA", 0, 1)
+    picture.convert("RGB").save(path, format="png", dpi=(DPI, DPI), compress_level=COMPRESSION)
+
+
+def _save_pdf(figure: Figure, path: Path) -> None:
+    nothing = {"CreationDate": None, "Creator": None, "Producer": None}  # they would make equal figures differ
+    with rc_context({"pdf.fonttype": 42}):  # fonts that other programs can edit
+        figure.savefig(path, format="pdf", dpi=RASTER_DPI, metadata=nothing)

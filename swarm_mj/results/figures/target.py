@@ -24,6 +24,7 @@ from swarm_mj.results.figures.style import (
     SMALL_PT,
     TICK_PT,
     VERMILLION,
+    caption,
     label,
     new_figure,
     plain,
@@ -79,12 +80,11 @@ def _draw_overview(ax: Axes, plan: Plan) -> None:
         ax, view, region.mesh, points[chosen], marker="o", markersize=6, color=VERMILLION, markeredgecolor="white"
     )
     design, target = plan.scenario.design, plan.scenario.target
-    ax.set_title(
+    caption(
+        ax,
         f"{plain(shorten(plan.scenario.body.name, 30))}; target at {geographic(target.latitude_deg, target.longitude_deg)}, "
         f"half-angle {target.half_angle_deg:g}\N{DEGREE SIGN}\n{region.n_faces} faces, "
         f"{region.total_area / 1e6:.4g} km\N{SUPERSCRIPT TWO}; imaging altitude {design.imaging_altitude_m / 1e3:g} km",
-        fontsize=TICK_PT,
-        loc="left",
     )
 
 
@@ -102,7 +102,7 @@ def _draw_close_up(ax: Axes, plan: Plan) -> None:
     tidy(ax)
     ax.grid(False)
     label(ax, "angle east of the target's centre [deg]", "angle north of the target's centre [deg]")
-    ax.set_title(f"the {region.n_visiting} visiting points, seen from the body's centre", fontsize=TICK_PT, loc="left")
+    caption(ax, f"the {region.n_visiting} visiting points, seen from the body's centre")
 
 
 def _number(ax: Axes, number: int, place: Array, *, bold: bool) -> None:

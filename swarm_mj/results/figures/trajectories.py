@@ -22,8 +22,8 @@ from swarm_mj.results.figures.style import (
     GREY,
     ORANGE,
     SMALL_PT,
-    TICK_PT,
     VERMILLION,
+    caption,
     instant,
     label,
     new_figure,
@@ -100,7 +100,7 @@ def _draw_flight(ax: Axes, plan: Plan, scene: Scene) -> None:
         colours = [_colour(plan, j) for j in range(plan.n)]
         number_beside(ax, view.project(scene.r_A[visit]), colours, lines=ways)
     time = instant(plan.scenario.design.time_of_flight_s, time_axis(plan.scenario.duration_s))
-    ax.set_title(f"frame A; time of flight $t_f$ = {time}", fontsize=TICK_PT, loc="left")
+    caption(ax, f"frame A; time of flight $t_f$ = {time}")
 
 
 def _draw_velocities(ax: Axes, plan: Plan, shown: Indices) -> None:
@@ -118,4 +118,4 @@ def _draw_velocities(ax: Axes, plan: Plan, shown: Indices) -> None:
     label(ax, "deployment delta-v [m/s]")
     miss = 1e3 * float(plan.deployment.miss_m.max())
     missed = f"{miss:.1g} mm at most" if miss >= LEAST_MISS_MM else f"less than {LEAST_MISS_MM:g} mm"
-    ax.set_title(f"from the mothership; points missed by {missed}", fontsize=TICK_PT, loc="left")
+    caption(ax, f"from the mothership; points missed by {missed}")

@@ -8,6 +8,7 @@ body-fixed frame in metres; the plane of the picture is in kilometres.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -17,9 +18,9 @@ from matplotlib.colors import to_rgb
 from numpy.typing import NDArray
 
 from swarm_mj.mission.target import TargetRegion
-from swarm_mj.smallbody.occultation import segments_blocked
+from swarm_mj.observation.raytracing import RayTracer
 from swarm_mj.smallbody.shape import ShapeModel
-from swarm_mj.typing import Array, Mask
+from swarm_mj.typing import Array, Indices, Mask
 
 KM = 1e3
 #: Colour of bare ground.
@@ -28,6 +29,8 @@ GROUND = "#C9C4BC"
 AMBIENT = 0.42
 #: Opacity of what lies behind the body.
 HIDDEN_ALPHA = 0.22
+#: Ground hidden by less than this share of the body's radius is not hidden: rays are traced in single precision.
+HIDING_DEPTH = 1e-4
 
 ZORDER_BODY, ZORDER_LINES, ZORDER_POINTS = 3.0, 4.0, 5.0
 
@@ -68,11 +71,18 @@ class View:
         return _meets(points, -self.toward, body)
 
 
+@lru_cache(maxsize=4)
+def tracer_of(body: ShapeModel) -> RayTracer:
+    """Rays against a body's mesh; the figures of a flight share it."""
+    return RayTracer(body.vertices, body.faces)
+
+
 def _meets(points: Array, direction: Array, body: ShapeModel) -> Mask:
-    """Whether rays from points (n, 3) [m] in one direction meet the body, shape (n,)."""
-    reach = 2.0 * (body.max_radius + np.linalg.norm(points, axis=1).max())
-    start = points + 1e-4 * body.max_radius * direction  # a point on the surface does not hide itself
-    return segments_blocked(start, start + reach * direction, body.vertices, body.faces, body.max_radius)
+    """Whether rays from points (n, 3) [m] in one unit direction meet the body, shape (n,)."""
+    # A point on the surface does not hide itself; one far away starts where it nears the body, in reach of single precision.
+    ahead = np.maximum(HIDING_DEPTH * body.max_radius, -points @ direction - 1.01 * body.max_radius)
+    start = points + ahead[:, None] * direction
+    return tracer_of(body).first_hit(start, np.broadcast_to(direction, start.shape)) >= 0
 
 
 def views_of(region: TargetRegion) -> list[View]:
@@ -118,7 +128,7 @@ def draw_body(ax: Axes, view: View, body: ShapeModel, colours: Array) -> None:
     corners = view.project(body.vertices[body.faces[front]])
     ax.add_collection(
         PolyCollection(
-            list(corners),
+            corners,
             facecolors=shaded,
             edgecolors=0.93 * shaded,
             linewidths=0.25,
@@ -155,16 +165,19 @@ def draw_points(ax: Axes, view: View, body: ShapeModel, points: Array, **style: 
 
 
 def first_hits(start: Array, direction: Array, length: Array, body: ShapeModel) -> Array:
-    """How far rays go before they meet the body, at most `length`, by bisection; all of shape (n, ...) [m]."""
-    free, blocked = np.zeros(len(start)), np.array(length, float)
-    hit = segments_blocked(start, start + blocked[:, None] * direction, body.vertices, body.faces, body.max_radius)
-    for _ in range(24):  # to 1e-7 of the length
-        middle = 0.5 * (free + blocked)
-        stopped = segments_blocked(
-            start, start + middle[:, None] * direction, body.vertices, body.faces, body.max_radius
-        )
-        free, blocked = np.where(stopped, free, middle), np.where(stopped, middle, blocked)
-    return np.where(hit, free, length)
+    """How far rays go before they meet the body, at most `length`; unit directions, all of shape (n, ...) [m]."""
+    face = tracer_of(body).first_hit(start, direction)
+    met = face >= 0
+    reach = np.array(length, float)
+    reach[met] = np.minimum(reach[met], depth_of(face[met], start[met], direction[met], body))
+    return reach
+
+
+def depth_of(face: Indices, start: Array, direction: Array, body: ShapeModel) -> Array:
+    """How far rays go before they meet the planes of faces, in lengths of their directions, shape (...)."""
+    normal, corner = body.face_normals[face], body.vertices[body.faces[face, 0]]
+    with np.errstate(invalid="ignore", divide="ignore"):  # of rays without a face, which are left out later
+        return np.asarray(np.einsum("...i,...i", normal, corner - start) / np.einsum("...i,...i", normal, direction))
 
 
 def straight(start: Array, end: Array, count: int = 80) -> Array:

@@ -23,11 +23,6 @@ from swarm_mj.spacecraft.attitude.mrp import dcm
 FRONT = Window(west=-40.0, east=40.0, south=-40.0, north=40.0)
 
 
-@pytest.fixture(scope="module")
-def tracer(cube):
-    return RayTracer(cube.vertices, cube.faces)
-
-
 def test_directions_and_their_places_are_inverse():
     latitude, longitude = np.array([-70.0, 0.0, 35.0]), np.array([10.0, 179.0, -120.0])
     back = latitude_longitude(5.0 * directions(latitude, longitude))
@@ -44,8 +39,8 @@ def test_longitudes_stay_within_half_a_turn_of_the_maps_centre(centre):
     assert np.cos(np.radians(found - longitude)) == pytest.approx(1.0)
 
 
-def test_ground_of_a_cube_lies_on_its_sides(cube, tracer):
-    ground = survey(cube, tracer, FRONT, 40)
+def test_ground_of_a_cube_lies_on_its_sides(cube):
+    ground = survey(cube, FRONT, 40)
     assert ground.points_A.shape == (40, 40, 3)
     assert np.abs(ground.points_A).max(axis=-1) == pytest.approx(1.0, abs=1e-6)
     east = np.degrees(np.arctan2(ground.points_A[..., 1], ground.points_A[..., 0]))
@@ -56,7 +51,7 @@ def test_ground_of_a_cube_lies_on_its_sides(cube, tracer):
 
 def test_places_without_ground_are_not_numbers(cube):
     moved = type(cube)(cube.vertices + [5.0, 0.0, 0.0], cube.faces, "elsewhere")
-    ground = survey(moved, RayTracer(moved.vertices, moved.faces), whole_body(0.0), 36)
+    ground = survey(moved, whole_body(0.0), 36)
     missing = np.isnan(ground.points_A).any(axis=-1)
     assert (missing == (ground.face < 0)).all()
     assert 0.5 < missing.mean() < 1.0
@@ -69,36 +64,34 @@ def test_outline_of_the_target_lies_on_the_pyramids_sides(quick_plan):
     assert (east[0], north[0]) == pytest.approx((east[-1], north[-1]))
 
 
-def test_footprint_on_a_flat_side_is_the_square_of_the_pinhole(cube, tracer):
+def test_footprint_on_a_flat_side_is_the_square_of_the_pinhole(cube):
     camera, height = CameraModel(half_angle_deg=5.0), 4.0
-    ground = survey(cube, tracer, FRONT, 120)
-    margin = view_margin(camera, look_at([1.0 + height, 0.0, 0.0], [0.0, 0.0, 0.0]), ground, cube, tracer)
+    ground = survey(cube, FRONT, 120)
+    margin = view_margin(camera, look_at([1.0 + height, 0.0, 0.0], [0.0, 0.0, 0.0]), ground, cube)
     half = height * np.tan(np.radians(5.0))
     y, z = ground.points_A[..., 1], ground.points_A[..., 2]
     assert ((margin > 0.0) == (np.maximum(np.abs(y), np.abs(z)) < half)).all()
     assert (margin > 0.0).any()
 
 
-def test_round_field_of_view_leaves_a_round_footprint(cube, tracer):
+def test_round_field_of_view_leaves_a_round_footprint(cube):
     camera = CameraModel(half_angle_deg=6.0, shape="cone")
-    ground = survey(cube, tracer, FRONT, 120)
-    margin = view_margin(camera, look_at([5.0, 0.0, 0.0], [0.0, 0.0, 0.0]), ground, cube, tracer)
+    ground = survey(cube, FRONT, 120)
+    margin = view_margin(camera, look_at([5.0, 0.0, 0.0], [0.0, 0.0, 0.0]), ground, cube)
     distance = np.hypot(ground.points_A[..., 1], ground.points_A[..., 2])
     assert ((margin > 0.0) == (distance < 4.0 * np.tan(np.radians(6.0)))).all()
 
 
-def test_footprint_ends_at_the_horizon(cube, tracer):
-    ground = survey(cube, tracer, whole_body(0.0), 90)
-    margin = view_margin(
-        CameraModel(half_angle_deg=60.0), look_at([9.0, 0.0, 0.0], [0.0, 0.0, 0.0]), ground, cube, tracer
-    )
+def test_footprint_ends_at_the_horizon(cube):
+    ground = survey(cube, whole_body(0.0), 90)
+    margin = view_margin(CameraModel(half_angle_deg=60.0), look_at([9.0, 0.0, 0.0], [0.0, 0.0, 0.0]), ground, cube)
     assert ((margin > 0.0) == (cube.face_normals[ground.face][..., 0] > 0.5)).all()
 
 
-def test_margin_falls_to_zero_with_the_cosine_of_emission(cube, tracer):
-    ground = survey(cube, tracer, FRONT, 40)
+def test_margin_falls_to_zero_with_the_cosine_of_emission(cube):
+    ground = survey(cube, FRONT, 40)
     pose = look_at([1.2, 0.0, 0.0], [0.0, 0.0, 0.0])
-    margin = view_margin(CameraModel(half_angle_deg=89.0), pose, ground, cube, tracer)
+    margin = view_margin(CameraModel(half_angle_deg=89.0), pose, ground, cube)
     distance = np.linalg.norm(ground.points_A - pose.r_A, axis=-1)
     x, y, z = np.moveaxis(ground.points_A, -1, 0)
     oblique = (x > 1.0 - 1e-6) & (np.hypot(y, z) > 0.3)
@@ -109,10 +102,9 @@ def test_margin_falls_to_zero_with_the_cosine_of_emission(cube, tracer):
 def test_ground_in_front_hides_what_lies_behind(cube):
     tower = cube.vertices * [0.2, 0.2, 0.2] + [1.1, 0.6, 0.0]
     both = type(cube)(np.vstack((cube.vertices, tower)), np.vstack((cube.faces, cube.faces + 8)), "with a tower")
-    rays = RayTracer(both.vertices, both.faces)
-    ground = survey(both, rays, FRONT, 80)
+    ground = survey(both, FRONT, 80)
     pose = look_at([4.0, 6.0, 0.0], [1.0, 0.0, 0.0])
-    margin = view_margin(CameraModel(half_angle_deg=40.0), pose, ground, both, rays)
+    margin = view_margin(CameraModel(half_angle_deg=40.0), pose, ground, both)
     floor = (ground.points_A[..., 0] < 1.0 + 1e-6) & (np.abs(ground.points_A[..., 2]) < 0.1)
     shadow = floor & (ground.points_A[..., 1] < 0.35) & (ground.points_A[..., 1] > 0.2)
     free = floor & (ground.points_A[..., 1] < -0.3)
@@ -129,8 +121,8 @@ def test_cells_that_a_picture_shows_lie_in_its_footprint(flown):
     pose = look_at(C_AN @ sample["r_BN_N"].values[0], region.centroid_A.mean(axis=0))
     camera = CameraModel(half_angle_deg=3.0)
     rays = RayTracer(region.mesh.vertices, region.mesh.faces)
-    ground = survey(region.mesh, rays, Window(west=70.0, east=110.0, south=-20.0, north=20.0), 200)
-    held = view_margin(camera, pose, ground, region.mesh, rays) > 0.0
+    ground = survey(region.mesh, Window(west=70.0, east=110.0, south=-20.0, north=20.0), 200)
+    held = view_margin(camera, pose, ground, region.mesh) > 0.0
     hit = rays.first_hit(pose.r_A, region.centroid_A - pose.r_A)
     shown = camera.contains(pose.to_camera(region.centroid_A)) & (hit == region.target)
     latitude, longitude = latitude_longitude(region.centroid_A, 90.0)
