@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.collections import PolyCollection
 
 from swarm_mj.mission.target import TargetRegion
-from swarm_mj.results.figures.view import shade, unit
+from swarm_mj.results.figures.view import shade, triangles, unit
 from swarm_mj.typing import Array
 
 #: More than on the whole body: here the colour tells what was seen.
@@ -32,8 +31,8 @@ def draw_cells(ax: Axes, region: TargetRegion, colours: Array) -> None:
     shaded = shade(colours, region.normal_A, lamp, AMBIENT)
     bordered = region.n_cells <= MAX_BORDERED
     ax.add_collection(
-        PolyCollection(
-            list(angles(region.corners_A, region.axes_A)),
+        triangles(
+            angles(region.corners_A, region.axes_A),
             facecolors=shaded,
             edgecolors="white" if bordered else shaded,
             linewidths=0.5 if bordered else 0.2,

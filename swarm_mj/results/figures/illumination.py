@@ -11,7 +11,6 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
-from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
@@ -44,6 +43,7 @@ from swarm_mj.results.figures.style import (
     tidy,
     time_axis,
 )
+from swarm_mj.results.figures.view import triangles
 from swarm_mj.typing import Array, Indices
 
 #: Instants in a history; the angles change slowly.
@@ -157,11 +157,11 @@ def _draw_maps(figure: Figure, row: NDArray[np.object_], plan: Plan, telemetry: 
     scene = scene_from(plan, telemetry.isel(time=[visit]))
     time = float(scene.times[0])
     found = best_angles(region, _sun_A(plan, time), scene.r_A[0, : plan.n_observers])
-    corners = list(angles(region.corners_A, region.axes_A))
+    corners = angles(region.corners_A, region.axes_A)
     when = instant(time, time_axis(plan.scenario.duration_s))
     words = ("incidence", "least emission of the swarm", "phase, same spacecraft")
     for ax, values, name in zip(row, found, words, strict=True):
-        cells = PolyCollection(corners, array=values, cmap=PALETTE, edgecolors="face", linewidths=0.2, rasterized=True)
+        cells = triangles(corners, array=values, cmap=PALETTE, edgecolors="face", linewidths=0.2, rasterized=True)
         ax.add_collection(cells)
         ax.set_aspect("equal")
         ax.autoscale_view()

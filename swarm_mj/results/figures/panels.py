@@ -6,14 +6,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import ceil
 
-import numpy as np
 import xarray as xr
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import NullLocator
-from numpy.typing import NDArray
 
 from swarm_mj.flight.plan import Plan
 from swarm_mj.results.figures.modes import BAND, draw_modes, mark_handles, mode_handles
@@ -81,7 +79,7 @@ def compose_panels(plan: Plan, telemetry: xr.Dataset, panels: Panels) -> Figure:
         lowest = grid[(len(shown) - 1 - column) // columns, column]
         lowest.tick_params(labelbottom=True)
         name_time(lowest, axis, brief=columns > 3)
-    _leave_out_bare_axes(grid)
+    _leave_out_bare_axes(figure.axes)
     figure.supylabel(panels.y_label, fontsize=LABEL_PT)
     legend_below(figure, [*panels.handles, *mark_handles(telemetry, plan.n), *mode_handles(telemetry)])
     return figure
@@ -99,9 +97,9 @@ def _scale(ax: Axes, panels: Panels) -> None:
     ax.set_yticks([tick for tick in ax.get_yticks() if low <= tick <= high])
 
 
-def _leave_out_bare_axes(grid: NDArray[np.object_]) -> None:
+def _leave_out_bare_axes(panels: Sequence[Axes]) -> None:
     """Keep axes without numbers and names out of the search for room, which measures every one of them several times."""
-    for ax in grid.flat:
+    for ax in panels:
         for axis, side in ((ax.xaxis, "labelbottom"), (ax.yaxis, "labelleft")):
             if not axis.get_tick_params()[side]:
                 axis.set_in_layout(False)

@@ -127,7 +127,7 @@ def draw_body(ax: Axes, view: View, body: ShapeModel, colours: Array) -> None:
     shaded = shade(colours[front], body.face_normals[front], lamp)
     corners = view.project(body.vertices[body.faces[front]])
     ax.add_collection(
-        PolyCollection(
+        triangles(
             corners,
             facecolors=shaded,
             edgecolors=0.93 * shaded,
@@ -138,6 +138,12 @@ def draw_body(ax: Axes, view: View, body: ShapeModel, colours: Array) -> None:
         ),
         autolim=False,
     )
+
+
+def triangles(corners: Array, **look: Any) -> PolyCollection:
+    """Triangles (n, 3, 2) as one collection."""
+    together: Any = corners  # an array is taken at once, a list face by face
+    return PolyCollection(together, **look)
 
 
 def draw_line(ax: Axes, view: View, body: ShapeModel, points: Array, **style: Any) -> None:
