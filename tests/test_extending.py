@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from swarm_mj.cli.main import main
-from swarm_mj.results.findings import borrowed_remarks
+from swarm_mj.results.findings import borrowed_findings
 from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.simulator.telemetry import MODES, read_telemetry
 
@@ -68,7 +68,7 @@ def test_the_body_of_the_page_is_checked_flown_designed_for_and_flown_again(desk
     design = json.loads((results / "my_asteroid-design" / "design.json").read_text())
     assert last["visiting_points"] == design["visiting_points"] != first["visiting_points"] == [3, 9, 14]
     assert last["coverage_percent"] > 99.0 and first["coverage_percent"] > 0.0
-    assert borrowed_remarks(load_scenario(desk / "my_asteroid.yaml")) == []
+    assert borrowed_findings(load_scenario(desk / "my_asteroid.yaml")) == []
 
 
 def test_the_plug_ins_of_the_page_fly_and_do_what_they_say(desk):

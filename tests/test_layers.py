@@ -24,6 +24,7 @@ ORDER = (
     ("campaigns",),
     ("envs",),
     ("verification",),
+    ("api",),
     ("cli",),
     ("__main__",),
 )

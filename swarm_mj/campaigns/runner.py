@@ -52,7 +52,7 @@ def run_campaign(
     """
     _require_parquet()
     from swarm_mj.campaigns.store import Store, read_results
-    from swarm_mj.campaigns.summary import sobol_remarks, summary_table, write_summary
+    from swarm_mj.campaigns.summary import sobol_findings, summary_table, write_summary
     from swarm_mj.campaigns.table import schema_of
 
     console = Console()
@@ -75,7 +75,7 @@ def run_campaign(
 
             draw_all(folder, resolved, results, summary)
     console.print(summary_table(summary))
-    for remark in sobol_remarks(summary):
+    for remark in sobol_findings(summary):
         console.print(remark, soft_wrap=True, highlight=False, markup=False)
     _print_failures(console, results.to_pylist())
     console.print(f"{resolved.campaign.name}: files in {folder}", soft_wrap=True, highlight=False)
@@ -222,7 +222,7 @@ def _write_replay(flyer: Flyer, row: int, folder: Path, flown: dict[str, Any]) -
     import yaml
 
     from swarm_mj.flight.observe import add_coverage
-    from swarm_mj.results.run_files import write_results
+    from swarm_mj.results.run_files import flown_design, write_results
 
     trial = flyer.sample.trial(row)
     try:
@@ -235,6 +235,6 @@ def _write_replay(flyer: Flyer, row: int, folder: Path, flown: dict[str, Any]) -
             write_text(folder / "error.txt", traceback.format_exc())
             return
         add_coverage(telemetry, result)
-        write_results(folder, plan, telemetry, result)
+        write_results(folder, plan, telemetry, result, flown_design(plan.scenario))
     except OSError as error:
         raise OutputError(f"{folder}: cannot be written ({error.strerror})") from None

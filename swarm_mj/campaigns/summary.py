@@ -169,7 +169,7 @@ def _index(index: Estimate) -> dict[str, Any]:
     return {**_estimate(index), "told": statistics.index_told(index)}
 
 
-def sobol_remarks(summary: dict[str, Any]) -> list[str]:
+def sobol_findings(summary: dict[str, Any]) -> list[str]:
     """One line per scenario with indices of the observed area that its sample does not allow."""
     remarks = []
     for name, scenario in summary["scenarios"].items():

@@ -71,16 +71,16 @@ def _run(arguments: argparse.Namespace) -> int:
         report=not arguments.no_report,
         quiet=arguments.quiet,
     )
-    _print_remarks(folders)
+    _print_findings(folders)
     return 0
 
 
-def _print_remarks(folders: Sequence[Path]) -> None:
+def _print_findings(folders: Sequence[Path]) -> None:
     """Say what the summary alone does not tell, as the report does."""
-    from swarm_mj.results.report.reading import read_run
-    from swarm_mj.results.report.sections import run_remarks
+    from swarm_mj.results.report.sections import run_findings
+    from swarm_mj.results.run_record import read_run
 
     for folder in folders:
         run = read_run(folder)
-        for remark in run_remarks(run):
+        for remark in run_findings(run):
             print(f"{run.summary['scenario']}: {remark}")

@@ -19,7 +19,7 @@ from swarm_mj.flight.observe import add_coverage, observe_flight, picture_count
 from swarm_mj.flight.plan import behavior_from, check_plugins, make_plan
 from swarm_mj.io.atomic import Result, atomic_folder, check_place
 from swarm_mj.io.progress import progress_bars
-from swarm_mj.results.findings import near_collision_remarks, remarks
+from swarm_mj.results.findings import near_collision_findings, remarks
 from swarm_mj.results.report import REPORT_NAME
 from swarm_mj.results.run_files import write_results, write_summary
 from swarm_mj.results.summary import summarise, working
@@ -160,6 +160,6 @@ def _print_notes(console: Console, summary: dict[str, Any], folder: Path) -> Non
     console.print(f"{summary['scenario']}: {summary['description']}", soft_wrap=True, highlight=False, markup=False)
     if summary["observer"] != "faceid":
         console.print(f"{summary['scenario']}: {summary['observer_note']}", soft_wrap=True, highlight=False)
-    for remark in [*remarks(summary), *near_collision_remarks(summary)]:
+    for remark in [*remarks(summary), *near_collision_findings(summary)]:
         console.print(f"{summary['scenario']}: {remark}", soft_wrap=True, highlight=False, markup=False)
     console.print(f"{summary['scenario']}: files in {folder}", soft_wrap=True, highlight=False)

@@ -1,5 +1,11 @@
-"""The progress bars of long work."""
+"""The progress bars of long work, and how long its stages took."""
 
+from __future__ import annotations
+
+import time
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from rich.console import Console
@@ -54,3 +60,51 @@ def progress_bars(console: Console, quiet: bool = False) -> Progress:
         console=console,
         disable=quiet,
     )
+
+
+@contextmanager
+def using_bars(progress: bool | Progress) -> Iterator[Progress | None]:
+    """Bars that stand while the block runs: new ones if asked for, those that are given, or none."""
+    if isinstance(progress, Progress):
+        yield progress
+    elif progress:
+        with progress_bars(Console()) as bars:
+            yield bars
+    else:
+        yield None
+
+
+class Stages:
+    """Wall-clock seconds by stage of one piece of work, and a progress bar for each.
+
+    Args:
+        name: Whose work it is, before the label of each bar.
+        bars: Where the bars stand; None: there are none.
+
+    Attributes:
+        wall_s: Seconds by stage.
+    """
+
+    def __init__(self, name: str, bars: Progress | None = None) -> None:
+        self.wall_s: dict[str, float] = {}
+        self._name, self._bars = name, bars
+
+    @contextmanager
+    def stage(self, name: str, label: str, total: float | None = None) -> Iterator[Callable[[float], None]]:
+        """Time a stage; gives the function that reports how much of `total` is done."""
+        start, bars = time.perf_counter(), self._bars
+        if bars is None:
+            yield lambda done: interruption.check()
+        else:
+            task: TaskID = bars.add_task(f"{self._name}: {label}", total=total)
+            yield lambda done: bars.update(task, completed=done)
+            size = total or 1.0
+            bars.update(task, total=size, completed=size)
+        self.wall_s[name] = time.perf_counter() - start
+
+    def say(self, words: str) -> None:
+        """Tell the user something that is no error: above the bars, or as a warning where there are none."""
+        if self._bars is None:
+            warnings.warn(f"{self._name}: {words}", stacklevel=3)
+        else:
+            self._bars.console.print(f"{self._name}: {words}", soft_wrap=True, highlight=False, markup=False)

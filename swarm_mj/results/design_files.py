@@ -12,7 +12,9 @@ import yaml
 
 from swarm_mj.designer.genetic import GeneticResult
 from swarm_mj.designer.study import Growth, Study, describe
+from swarm_mj.errors import OutputError
 from swarm_mj.io.atomic import write_text
+from swarm_mj.results.run_record import read_json, read_scenario
 from swarm_mj.results.summary import library_versions
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.smallbody.shape_check import shown_size
@@ -208,3 +210,17 @@ def _front_record(study: Study) -> list[dict[str, Any]]:
 def write_growth(folder: Path, rows: Sequence[Growth]) -> None:
     """Write the proven minimum under each extension as JSON."""
     write_text(folder / "growth.json", json.dumps([row._asdict() for row in rows], indent=2) + "\n")
+
+
+def read_design_folder(folder: Path) -> tuple[Scenario, dict[str, Any], list[Growth]]:
+    """The scenario of a design, its record, and the proven minimum under each extension where that was asked for.
+
+    Raises:
+        OutputError: The folder holds no finished design.
+    """
+    record = read_json(folder / "design.json")
+    if not isinstance(record, dict) or "proof" not in record:
+        raise OutputError(f"{folder}: holds no design of `swarm-mj design`")
+    compared = folder / "growth.json"
+    rows = [Growth(**row) for row in read_json(compared)] if compared.is_file() else []
+    return read_scenario(folder / "scenario.yaml"), record, rows

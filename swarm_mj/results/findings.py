@@ -5,9 +5,15 @@ from __future__ import annotations
 from math import inf
 from typing import Any, NamedTuple
 
-from swarm_mj.flight.plan import PACKAGED_SHAPE
+import numpy as np
+
+from swarm_mj.flight.plan import PACKAGED_SHAPE, as_planned
+from swarm_mj.results.design_files import design_differences
+from swarm_mj.results.run_record import RunRecord
 from swarm_mj.results.summary import working
 from swarm_mj.scenarios.schema import Body, Scenario
+from swarm_mj.spacecraft.attitude.mrp import dcm
+from swarm_mj.typing import Array
 
 #: Pointing errors above this at the end or before a switch are worth a remark [deg].
 SETTLED_DEG = 0.1
@@ -27,18 +33,18 @@ class Late(NamedTuple):
     held_s: float
 
 
-def remarks(summary: dict[str, Any]) -> list[str]:
+def summary_findings(summary: dict[str, Any]) -> list[str]:
     """Remarks on what went wrong, pointing that had not settled and wheels at their limits, one sentence each."""
     found = [
-        *_pointing_remarks(_at_the_end(summary), "at the end", "the flight ended"),
-        *_pointing_remarks(_before_switches(summary), "before a switch", "targets were switched again"),
+        *_pointing_findings(_at_the_end(summary), "at the end", "the flight ended"),
+        *_pointing_findings(_before_switches(summary), "before a switch", "targets were switched again"),
     ]
     cut = {name: seconds for name, seconds in summary["wheel_saturation_s"].items() if seconds > 0}
     if cut:
         found.append(
             f"wheel limits cut the controller's torque: {', '.join(f'{n} for {s:g} s' for n, s in cut.items())}"
         )
-    return [*event_remarks(summary), *found]
+    return [*event_findings(summary), *found]
 
 
 def _at_the_end(summary: dict[str, Any]) -> list[Late]:
@@ -59,7 +65,7 @@ def _before_switches(summary: dict[str, Any]) -> list[Late]:
     ]
 
 
-def _pointing_remarks(late: list[Late], when: str, short: str) -> list[str]:
+def _pointing_findings(late: list[Late], when: str, short: str) -> list[str]:
     """One sentence on pointing that should have settled, one on targets that were held too briefly for that."""
     slow, brief = ([one for one in late if (one.held_s >= SETTLING_S) is so] for so in (True, False))
     found = []
@@ -77,7 +83,7 @@ def _who(late: list[Late]) -> str:
     return f"{names}, up to {max(one.error_deg for one in late):.3g} deg"
 
 
-def event_remarks(summary: dict[str, Any]) -> list[str]:
+def event_findings(summary: dict[str, Any]) -> list[str]:
     """One sentence for each fault and what followed from it, the first `MOST_EVENTS`."""
     events = summary.get("events", ())
     found = [
@@ -90,7 +96,7 @@ def event_remarks(summary: dict[str, Any]) -> list[str]:
     )
 
 
-def near_collision_remarks(summary: dict[str, Any]) -> list[str]:
+def near_collision_findings(summary: dict[str, Any]) -> list[str]:
     """One sentence for each pair that came too close."""
     return [
         f"near-collision of {near['spacecraft'][0]} and {near['spacecraft'][1]}, {near['distance_m']:.1f} m at "
@@ -99,7 +105,7 @@ def near_collision_remarks(summary: dict[str, Any]) -> list[str]:
     ]
 
 
-def imaging_remarks(scenario: Scenario, summary: dict[str, Any]) -> list[str]:
+def imaging_findings(scenario: Scenario, summary: dict[str, Any]) -> list[str]:
     """One sentence on observers that never came inside the imaging radius, where pictures are taken."""
     radius_km = scenario.behavior.imaging_radius_m / 1e3
     distances = list(summary["least_distance_to_centre_km"].items())[: summary["observers"]]
@@ -115,7 +121,7 @@ def imaging_remarks(scenario: Scenario, summary: dict[str, Any]) -> list[str]:
     ]
 
 
-def borrowed_remarks(scenario: Scenario) -> list[str]:
+def borrowed_findings(scenario: Scenario) -> list[str]:
     """One sentence on what a body of one's own takes from Eros.
 
     Values are compared, not keys that were given: a scenario that a run wrote gives all of them.
@@ -136,3 +142,36 @@ def borrowed_remarks(scenario: Scenario) -> list[str]:
     if scenario.epoch == Scenario.model_fields["epoch"].default:
         found.append("epoch (daylight on Eros's target)")
     return [f"body.shape is {body.shape}, but these are the values of 433 Eros: {', '.join(found)}"]
+
+
+def findings(run: RunRecord) -> list[str]:
+    """Everything that a reader should know of a run, one sentence each; see the functions that find it."""
+    return [*summary_findings(run.summary), *near_collision_findings(run.summary), *run_findings(run)]
+
+
+def run_findings(run: RunRecord) -> list[str]:
+    """Remarks that need more than the summary: pictures that could not be, values of Eros, and a proof for another case."""
+    found = [*imaging_findings(run.scenario, run.summary), *borrowed_findings(run.scenario)]
+    if other := proof_differences(run):
+        found.append(
+            f"the proof of design {run.scenario.design.reference} does not hold for this run: {'; '.join(other)}"
+        )
+    return found
+
+
+def proof_differences(run: RunRecord) -> list[str]:
+    """How the run differs from what its design was made for, in words; nothing where it has no design."""
+    if run.design is None or "proof" not in run.design:
+        return []
+    parts = (("vertices", "faces"), ("body_vertices", "body_faces"))
+    corners_A = np.concatenate([run.coverage[vertices][run.coverage[faces]] for vertices, faces in parts])
+    return design_differences(run.design, run.scenario, corners_A, _visited_A(run))
+
+
+def _visited_A(run: RunRecord) -> Array | None:
+    """Where the observers were at the visit, in A [m], shape (n_obs, 3); None where faults or dispersions moved them."""
+    if as_planned(run.scenario) != run.scenario:
+        return None
+    k = int(np.argmin(np.abs(run.times - run.scenario.design.time_of_flight_s)))
+    C_AN = dcm(np.asarray(run.telemetry["sigma_AN"].values[k], dtype=np.float64))
+    return np.asarray(run.telemetry["r_BN_N"].values[k, : run.n_observers] @ C_AN.T)

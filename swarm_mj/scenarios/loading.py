@@ -7,6 +7,7 @@ import json
 import re
 from collections import Counter
 from collections.abc import Iterable, Mapping
+from copy import deepcopy
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -69,27 +70,36 @@ def _is_campaign(source: str) -> str:
     return f"{source}: this is a campaign; fly it with `swarm-mj campaign {source}`"
 
 
-def load_scenario(name_or_path: str | Path, overrides: Iterable[str] = ()) -> Scenario:
+def load_scenario(source: str | Path | Mapping[str, Any], overrides: Iterable[str] = ()) -> Scenario:
     """Read a scenario and apply overrides.
 
     Args:
-        name_or_path: A packaged name (see `packaged_names`), whatever stands in the current folder, or the path of a YAML
-            file.
+        source: A packaged name (see `packaged_names`), whatever stands in the current folder; the path of a YAML file; or what
+            such a file holds, as a mapping, whose paths are relative to the current folder.
         overrides: Texts `key=value` with dotted keys, e.g. `camera.half_angle_deg=3`; the value is YAML.
 
     Raises:
         ScenarioError: Missing, unreadable or invalid; the message names the key, the value and what is allowed.
     """
-    text, source, folder = _read(name_or_path)
-    data = parse_yaml(text, source)
+    data, origin = _mapping_of(source)
     if "scenarios" in data:
-        raise ScenarioError(_is_campaign(source))
-    if folder is not None:
-        _resolve_paths(data, folder)
+        raise ScenarioError(_is_campaign(origin))
     for override in overrides:
         _apply(data, override)
     _resolve_design(data)
-    return scenario_from(data, source)
+    return scenario_from(data, origin)
+
+
+def _mapping_of(source: str | Path | Mapping[str, Any]) -> tuple[dict[str, Any], str]:
+    """What a scenario holds, paths resolved, and its origin for errors."""
+    if isinstance(source, Mapping):
+        check_plain(source, "scenario")
+        return deepcopy(dict(source)), "scenario"
+    text, origin, folder = _read(source)
+    data = parse_yaml(text, origin)
+    if folder is not None:
+        _resolve_paths(data, folder)
+    return data, origin
 
 
 def scenario_from(data: Mapping[str, Any], source: str = "scenario") -> Scenario:

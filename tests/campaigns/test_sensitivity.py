@@ -8,7 +8,7 @@ import pytest
 from swarm_mj.campaigns.figures import NOT_TOLD, compose_sobol
 from swarm_mj.campaigns.loading import load_campaign
 from swarm_mj.campaigns.sampling import Sample
-from swarm_mj.campaigns.summary import sobol_remarks, summarise_campaign
+from swarm_mj.campaigns.summary import sobol_findings, summarise_campaign
 from swarm_mj.campaigns.table import schema_of, table_of
 
 from .conftest import ONE
@@ -62,7 +62,7 @@ def test_indices_that_a_sample_does_not_allow_are_not_shown(resolved):
     seed = indices(summary)["seed"]
     assert not seed["first"]["told"] and seed["first"]["high"] - seed["first"]["low"] > 0.5
     assert indices(summary)["camera.half_angle_deg"]["first"]["told"]
-    (remark,) = sobol_remarks(summary)
+    (remark,) = sobol_findings(summary)
     assert "does not allow those of seed" in remark and "raise runs" in remark
     figure = compose_sobol(resolved, table, summary)
     assert NOT_TOLD in texts(figure)
@@ -79,7 +79,7 @@ def test_indices_that_a_sample_allows_are_shown_without_remarks(write):
     summary = summarise_campaign(resolved, table)
     assert all(part["told"] for entry in indices(summary).values() for part in entry.values())
     assert indices(summary)["camera.half_angle_deg"]["total"]["value"] == pytest.approx(1.0, abs=0.05)
-    assert sobol_remarks(summary) == []
+    assert sobol_findings(summary) == []
     assert NOT_TOLD not in texts(compose_sobol(resolved, table, summary))
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.plan import make_plan
-from swarm_mj.results.findings import borrowed_remarks, imaging_remarks, remarks
+from swarm_mj.results.findings import borrowed_findings, imaging_findings, summary_findings
 from swarm_mj.results.target_dwell import held_s
 from swarm_mj.scenarios.loading import load_scenario, scenario_from
 
@@ -51,22 +51,22 @@ def summary(error_deg, held_s, **more):
 
 
 def test_pointing_that_had_time_and_did_not_settle_is_told_from_targets_that_were_switched_soon():
-    assert remarks(summary(1.5, 300.0)) == [
+    assert summary_findings(summary(1.5, 300.0)) == [
         "pointing had not settled at the end: sc2, up to 1.5 deg",
         "pointing had not settled before a switch: sc1, up to 1.5 deg",
     ]
-    assert remarks(summary(1.5, 30.0)) == [
+    assert summary_findings(summary(1.5, 30.0)) == [
         "the flight ended less than 120 s after a target was chosen, while still turning: sc2, up to 1.5 deg",
         "targets were switched again less than 120 s after a target was chosen, while still turning: sc1, up to 1.5 deg",
     ]
-    assert remarks(summary(0.01, 30.0)) == []
-    assert len(remarks(summary(1.5, 300.0, lost=["sc1", "sc2"]))) == 0
+    assert summary_findings(summary(0.01, 30.0)) == []
+    assert len(summary_findings(summary(1.5, 300.0, lost=["sc1", "sc2"]))) == 0
 
 
 def test_a_summary_of_an_earlier_version_tells_nothing_of_targets_and_is_read():
     old = summary(1.5, 300.0)
     del old["target_held_s_final"], old["mode_switches"]["sc1"][0]["target_held_s"]
-    assert len(remarks(old)) == 2
+    assert len(summary_findings(old)) == 2
 
 
 def flown(images, **distances_km):
@@ -75,31 +75,31 @@ def flown(images, **distances_km):
 
 def test_an_imaging_radius_below_the_closest_approach_is_told_with_both_numbers():
     scenario = load_scenario("eros-quick", ["behavior.imaging_radius_m=9000"])
-    assert imaging_remarks(scenario, flown(0, sc1=15.63, sc2=16.2, sc3=5.0)) == [
+    assert imaging_findings(scenario, flown(0, sc1=15.63, sc2=16.2, sc3=5.0)) == [
         "no picture was taken: no observer ever came inside behavior.imaging_radius_m = 9 km of the body's centre; "
         "the closest approach was 15.63 km"
     ]
-    assert imaging_remarks(scenario, flown(7, sc1=15.63, sc2=8.0)) == [
+    assert imaging_findings(scenario, flown(7, sc1=15.63, sc2=8.0)) == [
         "sc1 never came inside behavior.imaging_radius_m = 9 km of the body's centre; the closest approach was 15.63 km"
     ]
-    assert imaging_remarks(scenario, flown(7, sc1=8.9, sc2=8.0, sc3=20.0)) == []
+    assert imaging_findings(scenario, flown(7, sc1=8.9, sc2=8.0, sc3=20.0)) == []
 
 
 def test_what_a_body_of_its_own_takes_from_eros_is_told_key_by_key():
     own, epoch = "body.shape=mine.obj", "epoch=2030-01-01T00:00:00"
-    (remark,) = borrowed_remarks(load_scenario("eros-quick", [own]))
+    (remark,) = borrowed_findings(load_scenario("eros-quick", [own]))
     assert "mine.obj" in remark and "body.rotation (pole and spin), body.orbit (where" in remark and "epoch" in remark
     spinning = [own, epoch, "body.rotation={pole_ra_deg: 0, pole_dec_deg: 90, w0_deg: 0, w_rate_deg_per_day: 4000}"]
-    (remark,) = borrowed_remarks(load_scenario("eros-quick", spinning))
+    (remark,) = borrowed_findings(load_scenario("eros-quick", spinning))
     assert "body.orbit (" in remark and "rotation" not in remark and "epoch" not in remark
-    (remark,) = borrowed_remarks(load_scenario("eros-quick", [own, epoch, "body.rotation.w_rate_deg_per_day=4000"]))
+    (remark,) = borrowed_findings(load_scenario("eros-quick", [own, epoch, "body.rotation.w_rate_deg_per_day=4000"]))
     assert "body.rotation.pole_ra_deg" in remark and "w_rate" not in remark
     orbit = "body.orbit={semi_major_axis_au: 2, eccentricity: 0.1, inclination_deg: 3, node_deg: 4, " \
             "argument_of_perihelion_deg: 5, perihelion_jd: 2450000}"  # fmt: skip
-    assert borrowed_remarks(load_scenario("eros-quick", [*spinning, orbit])) == []
-    assert borrowed_remarks(load_scenario("eros-quick")) == []
+    assert borrowed_findings(load_scenario("eros-quick", [*spinning, orbit])) == []
+    assert borrowed_findings(load_scenario("eros-quick")) == []
 
 
 def test_a_scenario_that_a_run_wrote_tells_the_same():
     scenario = load_scenario("eros-quick", ["body.shape=mine.obj"])
-    assert borrowed_remarks(scenario_from(scenario.model_dump(mode="json"))) == borrowed_remarks(scenario) != []
+    assert borrowed_findings(scenario_from(scenario.model_dump(mode="json"))) == borrowed_findings(scenario) != []

@@ -30,7 +30,7 @@ READERS = ["report", "replay"]
 
 def readers():
     from swarm_mj.rendering.replay import load_replay
-    from swarm_mj.results.report.reading import read_run
+    from swarm_mj.results.run_record import read_run
 
     return {"report": read_run, "replay": load_replay}
 

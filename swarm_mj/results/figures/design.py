@@ -183,8 +183,12 @@ COMPOSERS: dict[str, Callable[[Study], Figure]] = {
 }
 
 
+def composers(study: Study) -> dict[str, Callable[[Study], Figure]]:
+    """What composes the pictures that a design has the numbers for, by file stem."""
+    return {name: compose for name, compose in COMPOSERS.items() if name != "pareto" or study.front is not None}
+
+
 def draw_all(folder: Path, study: Study, *, pdf: bool = False) -> None:
     """Write every picture of a design that it has the numbers for, and with `pdf` as PDF too."""
-    for name, compose in COMPOSERS.items():
-        if name != "pareto" or study.front is not None:
-            write(compose(study), folder / f"{name}.png", pdf=pdf)
+    for name, compose in composers(study).items():
+        write(compose(study), folder / f"{name}.png", pdf=pdf)

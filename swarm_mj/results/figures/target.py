@@ -39,6 +39,11 @@ MAX_NUMBERED = 150
 
 def compose_target(plan: Plan, telemetry: xr.Dataset, result: ObservationResult) -> Figure:
     """The body with target and visiting points, and the target as seen from the body's centre."""
+    return draw_target(plan)
+
+
+def draw_target(plan: Plan) -> Figure:
+    """The same of a plan, before it is flown."""
     figure = new_figure(5.2, f"Target region and visiting points: {plan.scenario.name}", width_in=10.5)
     overview, close_up = figure.subplots(1, 2, width_ratios=(1.25, 1.0))
     _draw_overview(overview, plan)

@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 from swarm_mj.results.report.markup import Html, table, tag
-from swarm_mj.results.report.reading import RunRecord
-from swarm_mj.results.report.sections import P_TO, remark_list, section, short
+from swarm_mj.results.report.sections import P_TO, findings_list, section, short
+from swarm_mj.results.run_record import RunRecord
 from swarm_mj.results.summary import working
 
 
@@ -65,7 +65,7 @@ def comparison_section(runs: Sequence[RunRecord], labels: Sequence[str]) -> Html
     notes = [
         [tag("h3", label), found]
         for run, label in zip(runs, labels, strict=True)
-        if (found := remark_list(run)) is not None
+        if (found := findings_list(run)) is not None
     ]
     caption = "Outcome; lines that differ are marked with ≠"
     return section(

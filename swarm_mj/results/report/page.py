@@ -29,7 +29,6 @@ from swarm_mj.results.report import COMPARISON_NAME, REPORT_NAME
 from swarm_mj.results.report.compare import comparison_section
 from swarm_mj.results.report.markup import Content, Html, join, table, tag
 from swarm_mj.results.report.plots import INK, MAX_ROWS, plot_run, plot_two
-from swarm_mj.results.report.reading import RunRecord, read_run
 from swarm_mj.results.report.replay import Limits, Replay, f32, make_replay, packed
 from swarm_mj.results.report.scene import MAX_NAMED, MAX_PATHS, path_points, scene_figure
 from swarm_mj.results.report.sections import (
@@ -39,6 +38,7 @@ from swarm_mj.results.report.sections import (
     spacecraft_section,
     summary_section,
 )
+from swarm_mj.results.run_record import RunRecord
 from swarm_mj.simulator.telemetry import OBSERVING
 
 #: Files of the page's own style and behaviour, in order.
@@ -55,22 +55,21 @@ SPEEDS = (1, 10, 30, 60, 120, 300, 1000, 3000, 10000)
 REPLAY_S = 30.0
 
 
-def write_report(folders: Sequence[Path], out: Path | None = None) -> Path:
+def write_report(runs: Sequence[RunRecord], out: Path | None = None) -> Path:
     """Write the report of a run, or of two side by side.
 
     Args:
-        folders: One or two result folders of `swarm-mj run`.
-        out: Where to write it; by default report.html in the folder, or comparison.html in the first of two.
+        runs: One or two runs, see `read_run`.
+        out: Where to write it; by default report.html in the run's folder, or comparison.html in the first of two.
 
     Returns:
         The path of the file.
 
     Raises:
-        OutputError: A folder is no finished run, or the file cannot be written.
+        OutputError: They are more than two, or the file cannot be written.
     """
-    if not 1 <= len(folders) <= 2:
-        raise OutputError(f"a report shows one run or two side by side, not {len(folders)}")
-    runs = [read_run(folder) for folder in folders]
+    if not 1 <= len(runs) <= 2:
+        raise OutputError(f"a report shows one run or two side by side, not {len(runs)}")
     path = out or runs[0].folder / (REPORT_NAME if len(runs) == 1 else COMPARISON_NAME)
     if path.is_dir():
         raise OutputError(f"{path}: is a folder; --out must name a file")

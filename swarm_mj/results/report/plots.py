@@ -11,8 +11,8 @@ from plotly.subplots import make_subplots
 
 from swarm_mj.results.figures.modes import MODE_LOOKS
 from swarm_mj.results.figures.style import BLUE, GREY, SPACECRAFT, VERMILLION, TimeAxis, spacecraft_colours, time_axis
-from swarm_mj.results.report.reading import RunRecord
 from swarm_mj.results.report.replay import Replay
+from swarm_mj.results.run_record import RunRecord
 from swarm_mj.spacecraft.properties import RPM
 from swarm_mj.typing import Array, Mask
 

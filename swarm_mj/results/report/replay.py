@@ -17,8 +17,8 @@ from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.observation.coverage import CoverageMap
 from swarm_mj.observation.raytracing import RayTracer
 from swarm_mj.results.figures.modes import LOST
-from swarm_mj.results.report.reading import RunRecord
 from swarm_mj.results.report.simplify import simplify
+from swarm_mj.results.run_record import RunRecord
 from swarm_mj.simulator.telemetry import OBSERVING
 from swarm_mj.spacecraft.attitude.mrp import dcm
 from swarm_mj.spacecraft.properties import RPM

@@ -11,8 +11,8 @@ from matplotlib.colors import to_rgb
 from swarm_mj.results.figures.style import GREY, ORANGE, SKY_BLUE, time_axis
 from swarm_mj.results.figures.view import AMBIENT, GROUND
 from swarm_mj.results.report.plots import INK
-from swarm_mj.results.report.reading import RunRecord
 from swarm_mj.results.report.replay import Replay
+from swarm_mj.results.run_record import RunRecord
 from swarm_mj.typing import Array, Indices, Ints
 
 #: More spacecraft than these are not named in the picture: the names would cover each other.

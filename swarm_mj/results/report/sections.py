@@ -5,18 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
 from pydantic import BaseModel
 
-from swarm_mj.flight.plan import as_planned
-from swarm_mj.results.design_files import design_differences
-from swarm_mj.results.findings import borrowed_remarks, imaging_remarks, near_collision_remarks, remarks
+from swarm_mj.results.findings import findings, proof_differences
 from swarm_mj.results.report.markup import Content, Html, join, table, tag
-from swarm_mj.results.report.reading import RunRecord
+from swarm_mj.results.run_record import RunRecord
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.smallbody.shape_check import shown_size
-from swarm_mj.spacecraft.attitude.mrp import dcm
-from swarm_mj.typing import Array
 
 P_TO = Html("observed area P<sub>TO</sub>")
 SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -47,7 +42,7 @@ def summary_section(run: RunRecord) -> Html:
         ),
     ]
     cards = [tag("div", tag("dt", name), tag("dd", value, tag("small", note))) for name, value, note in numbers]
-    return section("summary", "Summary", tag("dl", cards, class_="numbers"), remark_list(run))
+    return section("summary", "Summary", tag("dl", cards, class_="numbers"), findings_list(run))
 
 
 def _lost_words(summary: dict[str, Any]) -> str:
@@ -55,38 +50,10 @@ def _lost_words(summary: dict[str, Any]) -> str:
     return f", {lost} lost by the end" if lost else ""
 
 
-def remark_list(run: RunRecord) -> Html | None:
+def findings_list(run: RunRecord) -> Html | None:
     """What limits the trust in a run's numbers."""
-    found = [*remarks(run.summary), *near_collision_remarks(run.summary), *run_remarks(run)]
-    return tag("ul", [tag("li", text) for text in found], class_="remarks") if found else None
-
-
-def run_remarks(run: RunRecord) -> list[str]:
-    """Remarks that need more than the summary: pictures that could not be, values of Eros, and a proof for another case."""
-    found = [*imaging_remarks(run.scenario, run.summary), *borrowed_remarks(run.scenario)]
-    if other := proof_differences(run):
-        found.append(
-            f"the proof of design {run.scenario.design.reference} does not hold for this run: {'; '.join(other)}"
-        )
-    return found
-
-
-def proof_differences(run: RunRecord) -> list[str]:
-    """How the run differs from what its design was made for, in words; nothing where it has no design."""
-    if run.design is None or "proof" not in run.design:
-        return []
-    parts = (("vertices", "faces"), ("body_vertices", "body_faces"))
-    corners_A = np.concatenate([run.coverage[vertices][run.coverage[faces]] for vertices, faces in parts])
-    return design_differences(run.design, run.scenario, corners_A, _visited_A(run))
-
-
-def _visited_A(run: RunRecord) -> Array | None:
-    """Where the observers were at the visit, in A [m], shape (n_obs, 3); None where faults or dispersions moved them."""
-    if as_planned(run.scenario) != run.scenario:
-        return None
-    k = int(np.argmin(np.abs(run.times - run.scenario.design.time_of_flight_s)))
-    C_AN = dcm(np.asarray(run.telemetry["sigma_AN"].values[k], dtype=np.float64))
-    return np.asarray(run.telemetry["r_BN_N"].values[k, : run.n_observers] @ C_AN.T)
+    found = [tag("li", text) for text in findings(run)]
+    return tag("ul", found, class_="remarks") if found else None
 
 
 def spacecraft_section(runs: Sequence[RunRecord], labels: Sequence[str]) -> Html:

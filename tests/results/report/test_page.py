@@ -16,8 +16,8 @@ from swarm_mj.cli.main import main
 from swarm_mj.cli.runner import run_many
 from swarm_mj.errors import OutputError
 from swarm_mj.results.report.page import SCRIPTS, report_html, safe_json, write_report
-from swarm_mj.results.report.reading import read_run
 from swarm_mj.results.report.sections import flat_parameters, short
+from swarm_mj.results.run_record import read_run
 from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.smallbody.geodesic import geodesic_icosahedron
 

@@ -7,7 +7,7 @@ import numpy as np
 from swarm_mj.cli.runner import run_one
 from swarm_mj.results.design_files import design_differences, made_for
 from swarm_mj.results.report.page import report_html
-from swarm_mj.results.report.reading import read_run
+from swarm_mj.results.run_record import read_run
 from swarm_mj.scenarios.loading import load_scenario
 
 

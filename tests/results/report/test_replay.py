@@ -9,9 +9,9 @@ import trimesh
 import xarray as xr
 
 from swarm_mj.results.report.plots import FLOOR, plot_run
-from swarm_mj.results.report.reading import read_run
 from swarm_mj.results.report.replay import Limits, border_rays, choose_samples, make_replay
 from swarm_mj.results.report.simplify import simplify
+from swarm_mj.results.run_record import read_run
 from swarm_mj.smallbody.geodesic import geodesic_icosahedron
 from swarm_mj.smallbody.solid_angle import points_inside
 

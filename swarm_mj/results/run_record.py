@@ -1,4 +1,4 @@
-"""What a report is made from: the folder that `swarm-mj run` wrote, and nothing else."""
+"""A finished run as plain data, from its folder or from memory: what reports and findings are made of."""
 
 from __future__ import annotations
 
@@ -13,7 +13,10 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from swarm_mj.errors import OutputError, ScenarioError
+from swarm_mj.flight.observe import ObservationResult
+from swarm_mj.flight.plan import Plan
 from swarm_mj.mission.behaviors import TargetKind
+from swarm_mj.observation.coverage import CoverageMap
 from swarm_mj.results.figures.modes import LOST, MODE_LOOKS, modes_shown, runs
 from swarm_mj.scenarios.loading import parse_yaml, scenario_from
 from swarm_mj.scenarios.schema import Scenario
@@ -34,10 +37,10 @@ SUMMARY = ("scenario", "spacecraft", "observers", "coverage_percent", "versions"
 
 @dataclass(frozen=True, kw_only=True)
 class RunRecord:
-    """A finished run as it lies on disk.
+    """A finished run as it lies on disk, or would.
 
     Attributes:
-        folder: Where it lies.
+        folder: Where it lies; the current folder where it does not.
         summary: summary.json.
         scenario: scenario.yaml, as it was flown.
         telemetry: telemetry.nc.
@@ -107,7 +110,7 @@ def read_run(folder: Path) -> RunRecord:
     """
     folder = Path(folder)
     _check_folder(folder)
-    summary = _read_json(folder / "summary.json")
+    summary = read_json(folder / "summary.json")
     if not isinstance(summary, dict) or (missing := [key for key in SUMMARY if key not in summary]):
         what = (
             "a design" if isinstance(summary, dict) and "proof" in summary else f"no run: {', '.join(missing)} missing"
@@ -117,10 +120,37 @@ def read_run(folder: Path) -> RunRecord:
     return RunRecord(
         folder=folder,
         summary=summary,
-        scenario=_read_scenario(folder / "scenario.yaml"),
+        scenario=read_scenario(folder / "scenario.yaml"),
         telemetry=_read_telemetry(folder / "telemetry.nc"),
         coverage=_read_coverage(folder / "coverage.npz"),
-        design=_read_json(design) if design.is_file() else None,
+        design=read_json(design) if design.is_file() else None,
+    )
+
+
+def observation_of(record: RunRecord, plan: Plan) -> ObservationResult:
+    """What the cameras saw, from a record and the plan made again.
+
+    Raises:
+        OutputError: The plan's target has other cells than were recorded.
+    """
+    cells = len(record.coverage["area"])
+    if plan.n != record.n or plan.region.n_cells != cells:
+        raise OutputError(
+            f"{record.folder}: {record.n} spacecraft and {cells} target cells were recorded, but the scenario now gives "
+            f"{plan.n} and {plan.region.n_cells}: fly it again with this version"
+        )
+    maps = []
+    for suffix in ("", "_passage"):
+        seen = CoverageMap(plan.region.area, plan.n)
+        seen.first_seen_by_s[:] = record.coverage[f"first_seen_by_s{suffix}"]
+        maps.append(seen)
+    summary = record.summary
+    return ObservationResult(
+        coverage=maps[0],
+        passage=maps[1],
+        observer=summary["observer"],
+        note=summary["observer_note"],
+        images=summary["images"],
     )
 
 
@@ -138,36 +168,47 @@ def _check_folder(folder: Path) -> None:
         raise OutputError(f"{folder}: cannot be read ({error.strerror})") from None
 
 
-def _unreadable(path: Path, why: object) -> OutputError:
+def unreadable(path: Path, why: object) -> OutputError:
+    """The error that says that a file of a result cannot be read."""
     return OutputError(f"{path}: cannot be read ({why}); fly the scenario again with `swarm-mj run`")
 
 
-def _read_json(path: Path) -> Any:
+def read_json(path: Path) -> Any:
+    """What a JSON file of a result holds.
+
+    Raises:
+        OutputError: It cannot be read.
+    """
     try:
         return json.loads(path.read_text("utf-8"))
     except (OSError, ValueError, RecursionError) as error:
-        raise _unreadable(path, error) from None
+        raise unreadable(path, error) from None
 
 
-def _read_scenario(path: Path) -> Scenario:
+def read_scenario(path: Path) -> Scenario:
+    """The scenario of a result as it was flown or designed for.
+
+    Raises:
+        OutputError: It cannot be read.
+    """
     try:
         return scenario_from(parse_yaml(path.read_text("utf-8"), str(path)), str(path))
     except (OSError, ValueError, ScenarioError) as error:
-        raise _unreadable(path, error) from None
+        raise unreadable(path, error) from None
 
 
 def _read_telemetry(path: Path) -> xr.Dataset:
     try:
         telemetry = read_telemetry(path)
     except Exception as error:  # the HDF5 library raises what it likes on a broken file
-        raise _unreadable(path, error) from None
+        raise unreadable(path, error) from None
     missing = [name for name in TELEMETRY if name not in telemetry] + [
         a for a in ATTRIBUTES if a not in telemetry.attrs
     ]
     if missing:
-        raise _unreadable(path, f"{', '.join(missing)} missing")
+        raise unreadable(path, f"{', '.join(missing)} missing")
     if not telemetry.sizes["time"] or not telemetry.sizes["spacecraft"]:
-        raise _unreadable(path, "it is empty")
+        raise unreadable(path, "it is empty")
     return telemetry
 
 
@@ -176,9 +217,9 @@ def _read_coverage(path: Path) -> dict[str, NDArray[Any]]:
         with np.load(path) as file:
             missing = [name for name in COVERAGE if name not in file]
             if missing:
-                raise _unreadable(path, f"{', '.join(missing)} missing: written by an earlier version")
+                raise unreadable(path, f"{', '.join(missing)} missing: written by an earlier version")
             return {name: file[name] for name in COVERAGE}
     except OutputError:
         raise
     except Exception as error:  # zipfile, zlib and numpy each have their own
-        raise _unreadable(path, error) from None
+        raise unreadable(path, error) from None

@@ -1,19 +1,19 @@
-"""The command `swarm-mj video`: a film of a recorded flight."""
+"""Making a film of a recorded flight: which pictures, how fast, how large, and in what file."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
-from rich.console import Console
 from rich.progress import Progress
 
 from swarm_mj.errors import OutputError
-from swarm_mj.io.progress import progress_bars
+from swarm_mj.io import interruption
 from swarm_mj.rendering.cameras import CHASE, OVERVIEW, SPLIT
 from swarm_mj.rendering.picture import Drawing
-from swarm_mj.rendering.replay import Replay, load_replay
+from swarm_mj.rendering.replay import Replay
 from swarm_mj.rendering.stills import write_stills
 from swarm_mj.rendering.video import SUFFIXES, Film, check_film, film
 from swarm_mj.typing import Array, Pixels
@@ -28,63 +28,84 @@ SAMPLES = 6
 DEFAULT_SIZE, DEFAULT_SPLIT_SIZE, DEFAULT_CAMERA_SIZE = (960, 540), (1280, 720), (720, 720)
 
 
-def run_video(
-    folder: Path,
+class FilmFacts(NamedTuple):
+    """A film that was made.
+
+    Attributes:
+        path: Its file.
+        pictures: Their number.
+        width: Of a picture [pixel].
+        height: Of a picture [pixel].
+        fps: Pictures per second.
+        speed: Seconds of flight per second of film; of stills 0.
+    """
+
+    path: Path
+    pictures: int
+    width: int
+    height: int
+    fps: float
+    speed: float
+
+    def __str__(self) -> str:
+        """One sentence."""
+        if self.speed == 0.0:
+            return f"{self.path}: {self.pictures} stills of {self.width} x {self.height}"
+        return (
+            f"{self.path}: {self.pictures} pictures of {self.width} x {self.height}, {self.pictures / self.fps:.1f} s at "
+            f"{self.fps:g} a second, {self.speed:g} times as fast as the flight"
+        )
+
+
+def make_film(
+    replay: Replay,
+    path: Path,
     *,
     camera: str = OVERVIEW,
     fps: float = 25.0,
-    size: str | None = None,
+    size: tuple[int, int] | None = None,
     speed: float | None = None,
-    out: Path | None = None,
-    quiet: bool = False,
-) -> Path:
-    """Make a film of a run with a progress bar; returns where it lies.
+    bars: Progress | None = None,
+) -> FilmFacts:
+    """Make a film of a flight, or stills of its visit and end.
 
     Args:
-        folder: Result folder of a run.
+        replay: The flight.
+        path: File that ends in .mp4 or .gif, or in .png for stills.
         camera: `overview`, `chase`, `split`, or `sc1`, `sc2`, ...
         fps: Pictures per second of film.
-        size: WIDTHxHEIGHT [pixel]; None: one that suits the camera.
+        size: Width and height [pixel]; None: one that suits the camera.
         speed: Seconds of flight per second of film; None: so that the film lasts about half a minute.
-        out: File that ends in .mp4 or .gif, or in .png for stills of the visit and the end; None: CAMERA.mp4 in the
-            run's folder.
-        quiet: No progress bar.
+        bars: Where to show how far it is; None: nowhere.
 
     Raises:
-        OutputError: The folder is no run's, the camera does not exist, or the film cannot be encoded or written.
+        OutputError: The camera does not exist, or the film cannot be encoded or written.
         ObserverError: OpenGL cannot be loaded here.
     """
-    path = out or folder / f"{camera}.mp4"
-    width, height = parse_size(size) if size else _default_size(camera)
+    width, height = size or _default_size(camera)
     if path.suffix.lower() == ".png":
-        write_stills(path, load_replay(folder), camera=camera, width=width, height=height)
-        return path
+        write_stills(path, replay, camera=camera, width=width, height=height)
+        return FilmFacts(path, 2, width, height, fps, 0.0)
     if path.suffix.lower() not in SUFFIXES:
         raise OutputError(f"--out {path}: must end in {' or '.join(SUFFIXES)}, or in .png for stills")
     check_film(path, width, height, fps)
-    replay = load_replay(folder)
     speed = speed if speed is not None else suitable_speed(replay.duration)
-    times, console = picture_times(replay, fps, speed), Console()
+    times = picture_times(replay, fps, speed)
     with Drawing(replay.plan, replay.path_N, camera=camera, width=width, height=height, note=f"{speed:g} x") as drawing:
         with film(path, width=width, height=height, fps=fps, sample=_sample(drawing, replay, path)) as reel:
-            _shoot(reel, drawing, replay, times, progress_bars(console, quiet), camera)
-    console.print(
-        f"{path}: {len(times)} pictures of {width} x {height}, {len(times) / fps:.1f} s at {fps:g} a second, "
-        f"{speed:g} times as fast as the flight",
-        soft_wrap=True,
-        highlight=False,
-        markup=False,
-    )
-    return path
+            _shoot(reel, drawing, replay, times, bars, camera)
+    return FilmFacts(path, len(times), width, height, fps, speed)
 
 
-def _shoot(reel: Film, drawing: Drawing, replay: Replay, times: Array, progress: Progress, camera: str) -> None:
-    """Take the pictures of a film while a bar shows how far it is."""
-    with progress:
-        task = progress.add_task(f"{replay.plan.scenario.name}: video, {camera}", total=len(times))
-        for t in times:
-            reel.add(drawing.draw(replay.at(float(t))))
-            progress.advance(task)
+def _shoot(reel: Film, drawing: Drawing, replay: Replay, times: Array, bars: Progress | None, camera: str) -> None:
+    """Take the pictures of a film while a bar, if there is one, shows how far it is."""
+    label = f"{replay.plan.scenario.name}: video, {camera}"
+    task = None if bars is None else bars.add_task(label, total=len(times))
+    for t in times:
+        reel.add(drawing.draw(replay.at(float(t))))
+        interruption.check()
+        if bars is not None and task is not None:
+            bars.advance(task)
 
 
 def _default_size(camera: str) -> tuple[int, int]:

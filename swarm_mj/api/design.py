@@ -1,0 +1,305 @@
+"""A scenario's swarm designed: `design` makes a `Design`, the fewest observers that see the whole target, with proof."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import AbstractContextManager, nullcontext
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+from rich.progress import Progress
+
+from swarm_mj.api.notebook import figure_html, png_html, rows_html
+from swarm_mj.api.plots import Plots
+from swarm_mj.api.scenario import Scenario, quoted
+from swarm_mj.designer.study import EXTENSIONS, Growth, Study, growth, study_design
+from swarm_mj.errors import MissionError, OutputError
+from swarm_mj.flight.plan import check_plugins
+from swarm_mj.io.atomic import Result, atomic_folder
+from swarm_mj.io.progress import Stages, using_bars
+from swarm_mj.results.design_files import design_record, read_design_folder, write_design, write_growth
+from swarm_mj.scenarios import schema
+
+#: The methods of a design in words, by their keys in its record.
+METHODS = {"repair": "genetic algorithm, repair", "plain": "genetic algorithm, plain"}
+
+
+class Design:
+    """The fewest observers that see a target, and what proves it.
+
+    Attributes:
+        record: Everything as plain numbers, as in design.json.
+        study: The problem and its answers as objects; None where the design was read from its folder.
+        folder: Where it is saved; None: nowhere yet.
+    """
+
+    def __init__(
+        self,
+        scenario: schema.Scenario,
+        record: dict[str, Any],
+        *,
+        study: Study | None = None,
+        compared: Sequence[Growth] = (),
+        folder: Path | None = None,
+    ) -> None:
+        self._scenario, self.record, self.study, self.folder = scenario, record, study, folder
+        self._compared = list(compared)
+
+    @property
+    def scenario(self) -> Scenario:
+        """The scenario that was designed for."""
+        return Scenario.of(self._scenario)
+
+    @property
+    def points(self) -> list[int]:
+        """The visiting points of the selected design, by their numbers from 1."""
+        return list(self.record["visiting_points"])
+
+    @property
+    def n_observers(self) -> int:
+        """Number of observers of the selected design."""
+        return int(self.record["n_observers"])
+
+    @property
+    def bound(self) -> float:
+        """No design that covers the target has fewer observers than this: the dual bound of the integer program."""
+        return float(self.record["proof"]["lower_bound"])
+
+    @property
+    def proven(self) -> bool:
+        """Whether the selected design is proven to be minimal."""
+        return self.record["proof"]["status"] == "optimal" and self.n_observers == self.record["proof"]["minimum"]
+
+    @property
+    def covered_percent(self) -> float:
+        """Share of the target's area that the selected design sees [%]."""
+        return float(self.record["covered_percent"])
+
+    @property
+    def flyable(self) -> bool:
+        """Whether one scenario flies the design: its points share a target, an altitude and a time of flight."""
+        return bool(self.record["flyable"])
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """The answers side by side: proof and genetic algorithm with observers, covered share [%], points, time [s]."""
+        proof = self.record["proof"]
+        rows = {"proof": (proof["minimum"], proof["covered_percent"], proof["visiting_points"], None, proof["seconds"])}
+        for name, found in self.record["genetic"].items():
+            points = found["gene_map"][1:]
+            rows[METHODS[name]] = (
+                found["n_observers"], found["covered_percent"], points, found["designs_explored"], found["seconds"]
+            )  # fmt: skip
+        columns = ["observers", "covered_percent", "points", "designs_explored", "seconds"]
+        table = pd.DataFrame.from_dict(rows, orient="index", columns=columns)
+        return table.astype({"designs_explored": "Int64"}).rename_axis("method")
+
+    @property
+    def front(self) -> pd.DataFrame:
+        """The trade-off of spacecraft, delta-v [m/s] and covered share [%].
+
+        Raises:
+            OutputError: It was not asked for; design with `pareto=True`.
+        """
+        front = self._studied("front").front
+        if front is None:
+            raise OutputError("the trade-off was not computed; design with pareto=True")
+        return pd.DataFrame(
+            {
+                "observers": front.n_observers,
+                "delta_v_m_s": front.delta_v,
+                "covered_percent": 100.0 - front.uncovered_percent,
+                "points": [list(map(int, points)) for points in front.points],
+            }
+        )
+
+    @property
+    def compared(self) -> pd.DataFrame:
+        """The proven minimum under demands and freedoms beyond the paper.
+
+        Raises:
+            OutputError: They were not asked for; design with `compare=True`.
+        """
+        if not self._compared:
+            raise OutputError("nothing was compared; design with compare=True")
+        rows = [(row.change, row.n_observers, row.note) for row in self._compared]
+        table = pd.DataFrame(rows, columns=["change", "observers", "points_or_why_not"])
+        return table.astype({"observers": "Int64"}).set_index("change")
+
+    @property
+    def plot(self) -> Plots:
+        """The pictures of the design by name, e.g. `design.plot.history()`; each returns its Matplotlib axes."""
+        from swarm_mj.results.figures.design import composers
+
+        return Plots({name: partial(compose, self._studied("plot")) for name, compose in composers(self.study).items()})
+
+    def to_scenario(self) -> Scenario:
+        """The scenario with the selected points, ready for `swarm_mj.fly`; it names the design's record where that is saved.
+
+        Raises:
+            MissionError: No single scenario flies the design.
+        """
+        if not self.flyable:
+            raise MissionError(
+                "no single scenario flies this design: its points belong to several targets, altitudes or times of flight"
+            )
+        overrides = [f"design.visiting_points={self.points}"]
+        if self.folder is not None:
+            overrides.append(f"design.reference={quoted((self.folder / 'design.json').resolve())}")
+        return self.scenario.changed(*overrides)
+
+    def save(
+        self, folder: str | Path, *, figures: bool = True, pdf: bool = False, progress: bool | Progress = False
+    ) -> Path:
+        """Write the design into a folder that appears only when all is done.
+
+        Args:
+            folder: Where; an earlier design of the same scenario is replaced, anything else is refused.
+            figures: Whether to write the pictures as PNG, and with `pdf` as PDF too.
+            pdf: See `figures`.
+            progress: Whether to show progress bars, or the bars to use.
+
+        Raises:
+            OutputError: The folder cannot be written or holds something else.
+        """
+        self._studied("save")
+        with using_bars(progress) as bars:
+            with _design_folder(Path(folder), self._scenario, Stages(self._scenario.name, bars)) as partial_folder:
+                self.write(partial_folder, figures=figures, pdf=pdf)
+        self.folder = Path(folder)
+        return self.folder
+
+    def write(self, folder: Path, *, figures: bool = True, pdf: bool = False) -> None:
+        """Write the files into a folder that is there, whatever it holds; see `save`."""
+        study = self._studied("save")
+        write_design(folder, study)
+        if self._compared:
+            write_growth(folder, self._compared)
+        if figures:
+            from swarm_mj.results.figures.design import draw_all
+
+            draw_all(folder, study, pdf=pdf)
+
+    def _studied(self, what: str) -> Study:
+        if self.study is None:
+            raise OutputError(f"{self.folder}: a design that is read back has no {what}; its files are in that folder")
+        return self.study
+
+    def __repr__(self) -> str:
+        """One line: how many observers, and what is proven."""
+        proof = "proven minimal" if self.proven else f"at least {self.bound:g} are needed"
+        return f"Design({self._scenario.name!r}, {self.n_observers} observers at points {self.points}, {proof})"
+
+    def _repr_html_(self) -> str:
+        """For notebooks: the answers and who covers what."""
+        rows = [
+            ("observers", str(self.n_observers)),
+            ("visiting points", ", ".join(map(str, self.points))),
+            ("proof", "minimal" if self.proven else f"at least {self.bound:g} are needed"),
+            ("covered", f"{self.covered_percent:.2f} %"),
+        ]
+        table = rows_html(f"Design for {self._scenario.name}", self._scenario.description, rows)
+        if self.study is None:
+            picture = (self.folder or Path()) / "cover.png"
+            return table + (png_html(picture.read_bytes()) if picture.is_file() else "")
+        from swarm_mj.results.figures.design import composers
+
+        return table + figure_html(partial(composers(self.study)["cover"], self.study))
+
+
+def design(
+    scenario: schema.Scenario,
+    *,
+    out: str | Path | None = None,
+    pareto: bool = False,
+    compare: bool = False,
+    workers: int | None = None,
+    figures: bool = True,
+    pdf: bool = False,
+    progress: bool | Progress = False,
+) -> Design:
+    """Find the fewest observers that see the whole target, by genetic algorithm and with proof.
+
+    Args:
+        scenario: The problem; its sections `designer` and `observation` say how it is read.
+        out: Folder for the results, which appears only when all is done; None: nothing is written, see `Design.save`.
+        pareto: Whether to trade spacecraft against delta-v and area too (NSGA-II).
+        compare: Whether to find the minimum under demands and freedoms beyond the paper too.
+        workers: Processes for the candidates' pictures; None: one per core.
+        figures: Whether to write the pictures into the folder as PNG, and with `pdf` as PDF too.
+        pdf: See `figures`.
+        progress: Whether to show progress bars, or the bars to use.
+
+    Raises:
+        MissionError: No design covers the target; the message says how much can be seen.
+        SwarmError: The scenario cannot be flown or the folder cannot be written.
+    """
+    check_plugins(scenario)
+    if workers is not None and workers < 1:
+        raise OutputError(f"workers = {workers}: must be at least 1")
+    with using_bars(progress) as bars:
+        stages = Stages(scenario.name, bars)
+        with nullcontext() if out is None else _design_folder(Path(out), scenario, stages) as folder:
+            study = _solved(scenario, bars, pareto, workers)
+            compared = _compared(scenario, bars, workers) if compare else []
+            found = Design(scenario, design_record(study), study=study, compared=compared)
+            if folder is not None:
+                found.write(folder, figures=figures, pdf=pdf)
+        found.folder = None if out is None else Path(out)
+        return found
+
+
+def _design_folder(folder: Path, scenario: schema.Scenario, stages: Stages) -> AbstractContextManager[Path]:
+    """The temporary folder of a design's results, which takes the place of `folder` in the end."""
+
+    def tell_kept(names: Sequence[str]) -> None:
+        stages.say(f"kept in {folder}, but of the earlier design, not this one: {', '.join(names)}")
+
+    return atomic_folder(folder, Result("design", scenario.name), tell_kept)
+
+
+def _solved(scenario: schema.Scenario, bars: Progress | None, pareto: bool, workers: int | None) -> Study:
+    if bars is None:
+        return study_design(scenario, pareto=pareto, workers=workers)
+    task = bars.add_task(f"{scenario.name}: candidates' pictures", total=1.0)
+
+    def stage(name: str) -> None:
+        if name != "candidates":
+            bars.update(task, completed=1.0, description=f"{scenario.name}: {name}")
+
+    study = study_design(
+        scenario,
+        pareto=pareto,
+        workers=workers,
+        progress=lambda share: bars.update(task, completed=share),
+        stage=stage,
+    )
+    bars.update(task, description=f"{scenario.name}: solved")
+    return study
+
+
+def _compared(scenario: schema.Scenario, bars: Progress | None, workers: int | None) -> list[Growth]:
+    if bars is None:
+        return growth(scenario, workers=workers)
+    task = bars.add_task("beyond the paper", total=len(EXTENSIONS))
+    started: list[str] = []
+
+    def stage(name: str) -> None:
+        bars.update(task, completed=len(started), description=f"beyond the paper: {name}")
+        started.append(name)
+
+    rows = growth(scenario, workers=workers, stage=stage)
+    bars.update(task, completed=len(EXTENSIONS), description="beyond the paper")
+    return rows
+
+
+def read_design(folder: Path) -> Design:
+    """The design in a folder of `Design.save` or `swarm-mj design`.
+
+    Raises:
+        OutputError: It is no finished design.
+    """
+    scenario, record, compared = read_design_folder(folder)
+    return Design(scenario, record, compared=compared, folder=folder)

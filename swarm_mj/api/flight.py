@@ -1,0 +1,332 @@
+"""A scenario flown: `fly` makes a `Flight`, which shows, films, saves and reports itself; `read_flight` reads one back."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import xarray as xr
+from matplotlib.figure import Figure
+from rich.progress import Progress
+
+from swarm_mj.api.notebook import figure_html, rows_html
+from swarm_mj.api.plots import Plots
+from swarm_mj.api.scenario import Scenario
+from swarm_mj.flight.fly import simulate
+from swarm_mj.flight.observe import ObservationResult, add_coverage, observe_flight, picture_count
+from swarm_mj.flight.plan import Plan, behavior_from, check_plugins, make_plan
+from swarm_mj.io.atomic import Result, atomic_folder, check_place
+from swarm_mj.io.progress import Stages, using_bars
+from swarm_mj.observation.coverage import CoverageMap
+from swarm_mj.results.run_files import coverage_arrays, flown_design, write_results, write_summary
+from swarm_mj.results.run_record import RunRecord, observation_of, read_run
+from swarm_mj.results.summary import summarise
+from swarm_mj.scenarios import schema
+
+
+class Flight:
+    """What a swarm did and saw.
+
+    Attributes:
+        plan: Target, trajectories and plug-ins that were flown.
+        telemetry: Samples of the whole flight, an `xarray.Dataset` with `units` and `frame` on every variable.
+        result: What the cameras saw, by the scenario's criterion and over the whole passage.
+        summary: The numbers a reader asks for first, as in summary.json.
+        design: The record of the design that was flown; None: the points are nobody's design.
+        folder: Where it is saved; None: nowhere yet.
+    """
+
+    def __init__(
+        self,
+        plan: Plan,
+        telemetry: xr.Dataset,
+        result: ObservationResult,
+        summary: dict[str, Any],
+        *,
+        design: dict[str, Any] | None = None,
+        folder: Path | None = None,
+    ) -> None:
+        self.plan, self.telemetry, self.result, self.summary = plan, telemetry, result, summary
+        self.design, self.folder = design, folder
+
+    @property
+    def scenario(self) -> Scenario:
+        """The scenario that was flown."""
+        return Scenario.of(self.plan.scenario)
+
+    @property
+    def coverage(self) -> CoverageMap:
+        """What was observed by the scenario's criterion: `.percent`, `.seen`, `.first_seen_s`, `.seen_by`."""
+        return self.result.coverage
+
+    @property
+    def passage(self) -> CoverageMap:
+        """What was observed over the whole passage inside the imaging region."""
+        return self.result.passage
+
+    @property
+    def spacecraft(self) -> pd.DataFrame:
+        """One row a spacecraft: what it visits, its share of the target [%], delta-v [m/s], pointing error at the end [deg]."""
+        summary, points = self.summary, self.summary["visiting_points"]
+        table = pd.DataFrame(
+            {
+                "visits_point": pd.Series(dict(zip(self.plan.names, points, strict=False)), dtype="Int64"),
+                "observed_percent": summary["coverage_percent_by_spacecraft"],
+                "delta_v_m_s": summary["deployment_delta_v_m_s"],
+                "pointing_error_deg": summary["pointing_error_deg_final"],
+                "link_closed_percent": summary["link_closed_percent"],
+            },
+            index=list(self.plan.names),
+        )
+        return table.assign(lost=[name in summary["lost"] for name in table.index]).rename_axis("spacecraft")
+
+    @property
+    def cells(self) -> pd.DataFrame:
+        """One row a cell of the target: its face in F_T, area [m^2], whether and when it was first observed [s], by how many."""
+        region, coverage = self.plan.region, self.coverage
+        columns = {
+            "face": region.group,
+            "area_m2": region.area,
+            "seen": coverage.seen,
+            "first_seen_s": coverage.first_seen_s,
+            "observers": coverage.seen_by.sum(axis=0),
+        }
+        return pd.DataFrame(columns).rename_axis("cell")
+
+    @property
+    def events(self) -> pd.DataFrame:
+        """What went wrong, in order of time: faults, losses, impacts; empty where nothing did."""
+        return pd.DataFrame(self.summary["events"])
+
+    @property
+    def findings(self) -> list[str]:
+        """What to know before believing the numbers, one sentence each."""
+        from swarm_mj.results.findings import findings
+
+        return findings(self.record)
+
+    @property
+    def record(self) -> RunRecord:
+        """The flight as plain data: what reports are made of."""
+        return RunRecord(
+            folder=self.folder or Path(),
+            summary=self.summary,
+            scenario=self.plan.scenario,
+            telemetry=self.telemetry,
+            coverage=coverage_arrays(self.plan, self.result),
+            design=self.design,
+        )
+
+    @property
+    def plot(self) -> Plots:
+        """The figures of the flight by name, e.g. `flight.plot.coverage()`; each returns its Matplotlib axes."""
+        from swarm_mj.results.figures import COMPOSERS
+
+        return Plots({name: partial(compose, self.plan, self.telemetry, self.result) for name, compose in COMPOSERS.items()})
+
+    def save(
+        self,
+        folder: str | Path,
+        *,
+        figures: bool = True,
+        pdf: bool = False,
+        report: bool = True,
+        progress: bool | Progress = False,
+    ) -> Path:
+        """Write the flight into a folder that appears only when all is done.
+
+        Args:
+            folder: Where; an earlier flight of the same scenario is replaced, anything else is refused.
+            figures: Whether to write the figures as PNG, and with `pdf` as PDF too.
+            pdf: See `figures`.
+            report: Whether to write report.html.
+            progress: Whether to show progress bars, or the bars to use.
+
+        Returns:
+            The folder.
+
+        Raises:
+            OutputError: The folder cannot be written or holds something else.
+        """
+        with using_bars(progress) as bars:
+            stages = Stages(self.plan.scenario.name, bars)
+            stages.wall_s = dict(self.summary["wall_s"])
+            with _run_folder(Path(folder), self.plan.scenario, stages) as partial_folder:
+                _write(partial_folder, self, stages, figures=figures, pdf=pdf)
+            self.folder = Path(folder)
+            if report:
+                _write_report(self.folder, stages)
+        return self.folder
+
+    def report(self, path: str | Path, *, beside: Flight | None = None) -> Path:
+        """Write the flight, or two side by side, as one HTML file that opens in any browser without a network.
+
+        Raises:
+            OutputError: The file cannot be written.
+        """
+        from swarm_mj.results.report.page import write_report
+
+        return write_report([self.record, *([] if beside is None else [beside.record])], Path(path))
+
+    def video(
+        self,
+        path: str | Path,
+        *,
+        camera: str = "overview",
+        fps: float = 25.0,
+        size: tuple[int, int] | None = None,
+        speed: float | None = None,
+        progress: bool | Progress = False,
+    ) -> Path:
+        """Make a film of the flight, or stills of its visit and end.
+
+        Args:
+            path: File that ends in .mp4 or .gif, or in .png for stills.
+            camera: `overview`, `chase`, `split`, or `sc1`, `sc2`, ... beside an overview.
+            fps: Pictures per second of film.
+            size: Width and height [pixel]; None: one that suits the camera.
+            speed: Seconds of flight per second of film; None: so that the film lasts about half a minute.
+            progress: Whether to show progress bars, or the bars to use.
+
+        Raises:
+            OutputError: The camera does not exist, or the film cannot be encoded or written.
+            ObserverError: OpenGL cannot be loaded here.
+        """
+        from swarm_mj.rendering.film import make_film
+        from swarm_mj.rendering.replay import Replay
+
+        replay = Replay(self.plan, self.telemetry, self.coverage.first_seen_s)
+        with using_bars(progress) as bars:
+            return make_film(replay, Path(path), camera=camera, fps=fps, size=size, speed=speed, bars=bars).path
+
+    def __repr__(self) -> str:
+        """One line: what was flown and what it saw."""
+        share = f"{self.coverage.percent:.2f} % of the target observed"
+        return f"Flight({self.plan.scenario.name!r}, {self.plan.n} spacecraft, {share} in the {self.summary['criterion']})"
+
+    def _repr_html_(self) -> str:
+        """For notebooks: a short table and the picture of the operation."""
+        plan, summary = self.plan, self.summary
+        rows = [
+            (f"observed area, in the {summary['criterion']}", f"{self.coverage.percent:.2f} %"),
+            ("the same, whole passage", f"{self.passage.percent:.2f} %"),
+            ("spacecraft, of them observers", f"{plan.n}, {plan.n_observers}"),
+            ("deployment delta-v, at most", f"{max(summary['deployment_delta_v_m_s'].values()):.2f} m/s"),
+            ("wheel speed, at most", f"{100 * summary['max_wheel_speed_fraction']:.0f} % of the limit"),
+            *[("note", words) for words in self.findings],
+        ]
+        picture = figure_html(lambda: composed("operation", self))
+        return rows_html(f"Flight of {plan.scenario.name}", plan.scenario.description, rows) + picture
+
+
+def composed(name: str, flight: Flight) -> Figure:
+    """A figure of a flight by its name."""
+    from swarm_mj.results.figures import COMPOSERS
+
+    return COMPOSERS[name](flight.plan, flight.telemetry, flight.result)
+
+
+def fly(
+    scenario: schema.Scenario,
+    *,
+    out: str | Path | None = None,
+    figures: bool = True,
+    pdf: bool = False,
+    report: bool = True,
+    progress: bool | Progress = False,
+) -> Flight:
+    """Fly a scenario and judge what its cameras saw.
+
+    Args:
+        scenario: What to fly, see `load`.
+        out: Folder for the results, which is held while the flight is under way and appears only when all is done; None: nothing
+            is written, see `Flight.save`.
+        figures: Whether to write the figures into the folder as PNG, and with `pdf` as PDF too.
+        pdf: See `figures`.
+        report: Whether to write report.html into the folder.
+        progress: Whether to show progress bars, or the bars to use.
+
+    Raises:
+        SwarmError: The scenario cannot be flown or the folder cannot be written.
+    """
+    check(scenario, out)
+    with using_bars(progress) as bars:
+        stages = Stages(scenario.name, bars)
+        if out is None:
+            return _fly(scenario, stages)
+        with _run_folder(Path(out), scenario, stages) as partial_folder:
+            flight = _fly(scenario, stages)
+            _write(partial_folder, flight, stages, figures=figures, pdf=pdf)
+        flight.folder = Path(out)
+        if report:
+            _write_report(flight.folder, stages)
+        return flight
+
+
+def check(scenario: schema.Scenario, out: str | Path | None = None) -> None:
+    """See that a scenario's plug-ins are there and that its results may be written, before anything is flown.
+
+    Raises:
+        SwarmError: Something is refused; the message says what and how to mend it.
+    """
+    check_plugins(scenario)
+    behavior_from(scenario)
+    if out is not None:
+        check_place(Path(out), Result("run", scenario.name))
+
+
+def _fly(scenario: schema.Scenario, stages: Stages) -> Flight:
+    with stages.stage("design", "trajectories (compiles on first use)"):
+        plan = make_plan(scenario)
+    with stages.stage("simulate", "flight", scenario.duration_s) as done:
+        telemetry = simulate(plan, done)
+    with stages.stage("coverage", "images", picture_count(plan, telemetry)) as done:
+        result = observe_flight(plan, telemetry, done)
+        add_coverage(telemetry, result)
+    summary = summarise(plan, telemetry, result, {"figures": 0.0, **stages.wall_s})
+    return Flight(plan, telemetry, result, summary, design=flown_design(scenario))
+
+
+def _run_folder(folder: Path, scenario: schema.Scenario, stages: Stages) -> AbstractContextManager[Path]:
+    """The temporary folder of a run's results, which takes the place of `folder` in the end."""
+
+    def tell_kept(names: Sequence[str]) -> None:
+        stages.say(f"kept in {folder}, but of the earlier run, not this one: {', '.join(names)}")
+
+    return atomic_folder(folder, Result("run", scenario.name), tell_kept)
+
+
+def _write(folder: Path, flight: Flight, stages: Stages, *, figures: bool, pdf: bool) -> None:
+    write_results(folder, flight.plan, flight.telemetry, flight.result, flight.design)
+    if figures:
+        from swarm_mj.results.figures import FIGURES
+
+        with stages.stage("figures", "figures", len(FIGURES)) as done:
+            for count, draw in enumerate(FIGURES.items()):
+                draw[1](folder / f"{draw[0]}.png", flight.plan, flight.telemetry, flight.result, pdf=pdf)
+                done(count + 1)
+    flight.summary["wall_s"] |= {stage: round(seconds, 3) for stage, seconds in stages.wall_s.items()}
+    write_summary(folder, flight.summary)
+
+
+def _write_report(folder: Path, stages: Stages) -> None:
+    from swarm_mj.results.report.page import write_report
+
+    with stages.stage("report", "report"):
+        write_report([read_run(folder)])
+
+
+def read_flight(folder: Path) -> Flight:
+    """The flight in a folder of `Flight.save` or `swarm-mj run`.
+
+    Raises:
+        OutputError: It is no finished run, or was written by another version whose target differs.
+    """
+    record = read_run(folder)
+    plan = make_plan(record.scenario)
+    result = observation_of(record, plan)
+    return Flight(plan, record.telemetry, result, record.summary, design=record.design, folder=folder)

@@ -1,0 +1,64 @@
+"""Figures by name: `flight.plot.coverage()`, `design.plot.history()`.
+
+Every method composes the figure that the command line writes and returns its Matplotlib axes: one Axes, or an array of them.
+In a notebook, and where a program has imported `matplotlib.pyplot`, the figure is one of pyplot's as well, so that it is shown.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+
+class Plots:
+    """Figures of one result, a method for each.
+
+    Args:
+        composers: What makes each figure, by its name.
+    """
+
+    def __init__(self, composers: Mapping[str, Callable[[], Figure]]) -> None:
+        self._composers = dict(composers)
+
+    def __getattr__(self, name: str) -> Callable[[], Axes | NDArray[Any]]:
+        """The method that composes a figure.
+
+        Raises:
+            AttributeError: There is no such figure; the message lists the names.
+        """
+        compose = self.__dict__.get("_composers", {}).get(name)
+        if compose is None:
+            raise AttributeError(f"no figure {name!r}; there are {', '.join(dir(self))}")
+        return lambda: axes_of(shown(compose()))
+
+    def __dir__(self) -> list[str]:
+        """The figures' names, for completion."""
+        return list(self._composers)
+
+    def __repr__(self) -> str:
+        """The figures' names."""
+        return f"figures: {', '.join(self._composers)}"
+
+
+def axes_of(figure: Figure) -> Axes | NDArray[Any]:
+    """The axes of a figure: itself if there is one, else an array."""
+    axes = np.array(figure.axes, dtype=object)
+    return axes[0] if len(axes) == 1 else axes
+
+
+def shown(figure: Figure) -> Figure:
+    """Hand a figure to pyplot where it is in use, which shows it in notebooks and by `plt.show()`."""
+    pyplot = sys.modules.get("matplotlib.pyplot")
+    if pyplot is None and "ipykernel" in sys.modules:
+        from matplotlib import pyplot
+    if pyplot is not None:
+        with suppress(ValueError):  # Matplotlib before 3.11 takes no figure that it has not made
+            pyplot.figure(figure)
+    return figure

@@ -1,0 +1,128 @@
+"""Scenarios as users meet them: read by name, path or mapping, shown in notebooks, and listed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from swarm_mj.api.notebook import figure_html, rows_html
+from swarm_mj.envs.policy_behavior import policy_overrides
+from swarm_mj.flight.plan import Plan, make_plan
+from swarm_mj.scenarios import schema
+from swarm_mj.scenarios.loading import load_scenario, packaged_names, read_design
+
+#: What the short table of a scenario shows, by its words.
+SHOWN: dict[str, Callable[[schema.Scenario], str]] = {
+    "body": lambda s: f"{s.body.name}, gravity by {s.body.gravity.model}",
+    "target": lambda s: f"{s.target.latitude_deg:g}° N, {s.target.longitude_deg:g}° E, half-angle {s.target.half_angle_deg:g}°",
+    "observers visit points": lambda s: ", ".join(map(str, s.design.visiting_points)),
+    "imaging altitude": lambda s: f"{s.design.imaging_altitude_m / 1e3:g} km",
+    "visit": lambda s: f"after {s.design.time_of_flight_s:g} s of {s.duration_s:g} s",
+    "camera": lambda s: f"half-angle {s.camera.half_angle_deg:g}°, {s.camera.resolution_px} px",
+    "counts as observed": lambda s: f"in the {s.observation.criterion}",
+    "behaviour": lambda s: s.behavior.name,
+    "control law": lambda s: s.control.controller,
+    "seed": lambda s: str(s.seed),
+}
+
+
+class Scenario(schema.Scenario):
+    """Every number of a mission, checked on reading; immutable. `load` reads one, `swarm_mj.fly` flies it.
+
+    Attributes are the sections of a scenario file (`body`, `target`, `design`, `camera`, ...), each with its keys; see the
+    reference of scenario keys for units, defaults and allowed values.
+    """
+
+    @classmethod
+    def of(cls, scenario: schema.Scenario) -> Scenario:
+        """The same scenario with what this class adds."""
+        if isinstance(scenario, cls):
+            return scenario
+        return cls.model_construct(_fields_set=scenario.model_fields_set, **dict(scenario))
+
+    def changed(self, *overrides: str) -> Scenario:
+        """A scenario with some values changed.
+
+        Args:
+            overrides: Texts `key=value` with dotted keys, e.g. `camera.half_angle_deg=6`; the value is YAML.
+
+        Raises:
+            ScenarioError: A key does not exist or a value is not allowed.
+        """
+        return load(self.model_dump(mode="json"), overrides)
+
+    def plan(self) -> Plan:
+        """Target, visiting points and trajectories, ready to fly; what `swarm_mj.fly` begins with.
+
+        Raises:
+            SwarmError: Shape, target, plug-in or trajectory cannot be had.
+        """
+        return make_plan(self)
+
+    def __repr__(self) -> str:
+        """One line: what it is, without its numbers."""
+        return f"Scenario({self.name!r}, {len(self.design.visiting_points)} observers past {self.body.name})"
+
+    __str__ = __repr__
+
+    def _repr_html_(self) -> str:
+        """For notebooks: a short table and the target with its visiting points."""
+        from swarm_mj.results.figures.target import draw_target
+
+        rows = [(words, look(self)) for words, look in SHOWN.items()]
+        return rows_html(self.name, self.description, rows) + figure_html(lambda: draw_target(self.plan()))
+
+
+def load(
+    source: str | Path | Mapping[str, Any],
+    overrides: Iterable[str] = (),
+    *,
+    seed: int | None = None,
+    design: str | Path | None = None,
+    policy: str | None = None,
+) -> Scenario:
+    """Read a scenario.
+
+    Args:
+        source: A packaged name (see `available`), the path of a YAML file, or what such a file holds as a mapping.
+        overrides: Texts `key=value` with dotted keys, e.g. `camera.half_angle_deg=6`; the value is YAML.
+        seed: Of the random initial attitudes, faults and dispersions; None: the scenario's.
+        design: A design.json of `swarm_mj.design`, or the name of a packaged design, whose points are visited.
+        policy: Who points at what instead of the scenario's behaviour: a policy file, `trained`, or the name of a scripted one.
+
+    Raises:
+        ScenarioError: Missing, unreadable or invalid; the message names the key, the value and what is allowed.
+        MissionError: There is no such policy.
+
+    Examples:
+        >>> load("eros-config2", ["camera.half_angle_deg=6"]).camera.half_angle_deg
+        6.0
+    """
+    asked = [overrides] if isinstance(overrides, str) else list(overrides)
+    if seed is not None:
+        asked.append(f"seed={seed}")
+    if design is not None:
+        asked += [f"design.reference={quoted(design)}", f"design.visiting_points={read_design(str(design))}"]
+    scenario = load_scenario(source, asked)
+    if policy is not None:
+        scenario = load_scenario(source, [*asked, *policy_overrides(policy, scenario)])
+    return Scenario.of(scenario)
+
+
+def quoted(path: str | Path) -> str:
+    """A path as a YAML string."""
+    return "'" + str(path).replace("'", "''") + "'"
+
+
+def available() -> pd.DataFrame:
+    """What is packaged: scenarios for `load` and campaigns for `campaign`, by name, with kind and description."""
+    from swarm_mj.campaigns.loading import packaged_descriptions
+
+    rows = [("scenario", name, load_scenario(name).description) for name in packaged_names()]
+    rows += [("campaign", name, words) for name, words in packaged_descriptions().items()]
+    table = pd.DataFrame(rows, columns=["kind", "name", "description"])
+    table["description"] = [" ".join(words.split()) for words in table["description"]]
+    return table.set_index("name")
