@@ -9,7 +9,7 @@ ROOT = Path(__file__).parents[1]
 
 #: The rooms in the order in which they build on each other; a module may import from its own room and from earlier ones.
 ORDER = (
-    ("errors", "typing", "plugins", "assets"),
+    ("errors", "moved", "typing", "plugins", "assets"),
     ("io",),
     ("scenarios",),
     ("smallbody",),

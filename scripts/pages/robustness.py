@@ -19,6 +19,7 @@ import numpy as np
 import pyarrow as pa
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
+from rich.console import Console
 
 from scripts.pages import IMAGES, RESULTS
 from swarm_mj.campaigns import statistics
@@ -33,6 +34,7 @@ from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.observe import observe_flight
 from swarm_mj.flight.plan import make_plan
 from swarm_mj.io.atomic import write_text
+from swarm_mj.io.progress import progress_bars
 from swarm_mj.results.figures.style import GREY, TICK_PT, label, new_figure, save, tidy
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.scenarios.schema_faults import Dispersions
@@ -266,7 +268,9 @@ def spelled(estimate: dict[str, float | None], digits: int, scale: float = 1.0) 
 def fly(name: str, folder: Path, runs: int | None) -> tuple[Resolved, pa.Table, dict[str, Any]]:
     """Fly a packaged campaign, or go on with it."""
     resolved = load_campaign(name, runs=runs)
-    summary = run_campaign(resolved, folder / name, resume=(folder / name / "campaign.json").exists(), figures=False)
+    with progress_bars(Console()) as bars:
+        begun = (folder / name / "campaign.json").exists()
+        summary = run_campaign(resolved, folder / name, resume=begun, bars=bars, figures=False).summary
     return resolved, read_results(folder / name), summary
 
 

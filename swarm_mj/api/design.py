@@ -133,7 +133,8 @@ class Design:
         """The pictures of the design by name, e.g. `design.plot.history()`; each returns its Matplotlib axes."""
         from swarm_mj.results.figures.design import composers
 
-        return Plots({name: partial(compose, self._studied("plot")) for name, compose in composers(self.study).items()})
+        study = self._studied("plot")
+        return Plots({name: partial(compose, study) for name, compose in composers(study).items()})
 
     def to_scenario(self) -> Scenario:
         """The scenario with the selected points, ready for `swarm_mj.fly`; it names the design's record where that is saved.

@@ -86,7 +86,7 @@ class Flight:
 
     @property
     def cells(self) -> pd.DataFrame:
-        """One row a cell of the target: its face in F_T, area [m^2], whether and when it was first observed [s], by how many."""
+        """One row a cell of the target: its face in F_T, area [m^2], whether, when [s] and by how many it was observed."""
         region, coverage = self.plan.region, self.coverage
         columns = {
             "face": region.group,
@@ -126,7 +126,9 @@ class Flight:
         """The figures of the flight by name, e.g. `flight.plot.coverage()`; each returns its Matplotlib axes."""
         from swarm_mj.results.figures import COMPOSERS
 
-        return Plots({name: partial(compose, self.plan, self.telemetry, self.result) for name, compose in COMPOSERS.items()})
+        return Plots(
+            {name: partial(compose, self.plan, self.telemetry, self.result) for name, compose in COMPOSERS.items()}
+        )
 
     def save(
         self,
@@ -206,7 +208,9 @@ class Flight:
     def __repr__(self) -> str:
         """One line: what was flown and what it saw."""
         share = f"{self.coverage.percent:.2f} % of the target observed"
-        return f"Flight({self.plan.scenario.name!r}, {self.plan.n} spacecraft, {share} in the {self.summary['criterion']})"
+        return (
+            f"Flight({self.plan.scenario.name!r}, {self.plan.n} spacecraft, {share} in the {self.summary['criterion']})"
+        )
 
     def _repr_html_(self) -> str:
         """For notebooks: a short table and the picture of the operation."""
@@ -243,8 +247,8 @@ def fly(
 
     Args:
         scenario: What to fly, see `load`.
-        out: Folder for the results, which is held while the flight is under way and appears only when all is done; None: nothing
-            is written, see `Flight.save`.
+        out: Folder for the results, held while the flight is under way, which appears only when all is done; None: nothing is
+            written, see `Flight.save`.
         figures: Whether to write the figures into the folder as PNG, and with `pdf` as PDF too.
         pdf: See `figures`.
         report: Whether to write report.html into the folder.

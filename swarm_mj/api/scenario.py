@@ -17,7 +17,9 @@ from swarm_mj.scenarios.loading import load_scenario, packaged_names, read_desig
 #: What the short table of a scenario shows, by its words.
 SHOWN: dict[str, Callable[[schema.Scenario], str]] = {
     "body": lambda s: f"{s.body.name}, gravity by {s.body.gravity.model}",
-    "target": lambda s: f"{s.target.latitude_deg:g}° N, {s.target.longitude_deg:g}° E, half-angle {s.target.half_angle_deg:g}°",
+    "target": lambda s: (
+        f"{s.target.latitude_deg:g}° N, {s.target.longitude_deg:g}° E, half-angle {s.target.half_angle_deg:g}°"
+    ),
     "observers visit points": lambda s: ", ".join(map(str, s.design.visiting_points)),
     "imaging altitude": lambda s: f"{s.design.imaging_altitude_m / 1e3:g} km",
     "visit": lambda s: f"after {s.design.time_of_flight_s:g} s of {s.duration_s:g} s",

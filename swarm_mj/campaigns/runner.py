@@ -1,14 +1,15 @@
-"""The command `campaign`: fly what is missing, keep every result as it comes, then sum up."""
+"""Flying a campaign: fly what is missing, keep every result as it comes, then sum up; and one row again."""
 
 from __future__ import annotations
 
 import traceback
+import warnings
+from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-from rich.console import Console
-from rich.progress import Progress, TaskID
+from rich.progress import Progress
 
 from swarm_mj.campaigns.flying import Flyer
 from swarm_mj.campaigns.loading import Resolved
@@ -16,11 +17,37 @@ from swarm_mj.campaigns.manifest import REPLAYS, require_place, take_over
 from swarm_mj.campaigns.pools import LocalPool, Pool
 from swarm_mj.campaigns.sampling import Sample
 from swarm_mj.errors import OutputError, ScenarioError
+from swarm_mj.io import interruption
 from swarm_mj.io.atomic import write_text
 from swarm_mj.io.lock import only_one
-from swarm_mj.io.progress import progress_bars
 
 TELEMETRY = "telemetry"
+
+
+class FlownCampaign(NamedTuple):
+    """A campaign that is finished.
+
+    Attributes:
+        summary: As in `summary.json`.
+        results: One row a run, an Arrow table.
+    """
+
+    summary: dict[str, Any]
+    results: Any
+
+
+class Replayed(NamedTuple):
+    """A row that was flown again.
+
+    Attributes:
+        row: What the run gave this time.
+        values: Names of the drawn values in it.
+        differs: Names of what differs from the row that the folder keeps; None: it keeps none.
+    """
+
+    row: dict[str, Any]
+    values: tuple[str, ...]
+    differs: list[str] | None
 
 
 def run_campaign(
@@ -30,11 +57,12 @@ def run_campaign(
     workers: int | None = None,
     scheduler: str | None = None,
     resume: bool = False,
-    quiet: bool = False,
+    bars: Progress | None = None,
+    say: Callable[[str], None] = warnings.warn,
     figures: bool = True,
     going_on: str | None = None,
-) -> dict[str, Any]:
-    """Fly a campaign into a folder, or go on with one; returns its summary.
+) -> FlownCampaign:
+    """Fly a campaign into a folder, or go on with one.
 
     Args:
         resolved: The campaign.
@@ -42,7 +70,8 @@ def run_campaign(
         workers: Local processes; None takes one per core.
         scheduler: Address of a Dask scheduler whose workers fly instead.
         resume: Go on with the campaign in the folder.
-        quiet: No progress bar.
+        bars: Where to show how far it is; None: nowhere.
+        say: Told what the user should know on the way: damaged parts that are flown again, another observer, an interruption.
         figures: Whether to draw.
         going_on: The command that goes on with this campaign, which is told when it is interrupted.
 
@@ -52,20 +81,19 @@ def run_campaign(
     """
     _require_parquet()
     from swarm_mj.campaigns.store import Store, read_results
-    from swarm_mj.campaigns.summary import sobol_findings, summary_table, write_summary
+    from swarm_mj.campaigns.summary import write_summary
     from swarm_mj.campaigns.table import schema_of
 
-    console = Console()
     # Both before anything is written, so that what is refused leaves no trace.
     require_place(folder, resume=resume)
     with closing(_pool(resolved, folder, workers, scheduler)) as pool, only_one(folder):
         take_over(resolved, folder, resume=resume)
         store = Store(folder, schema_of(resolved.campaign))
         for name in store.torn:
-            console.print(f"{folder / name}: was damaged; its runs are flown again", soft_wrap=True, highlight=False)
-        _print_observers(console, resolved)
+            say(f"{folder / name}: was damaged; its runs are flown again")
+        _tell_observers(resolved, say)
         try:
-            _fly_missing(resolved, store, pool, console, quiet=quiet, going_on=going_on)
+            _fly_missing(resolved, store, pool, bars, say, going_on)
         finally:
             store.close()
         results = read_results(folder, store.schema)
@@ -74,21 +102,13 @@ def run_campaign(
             from swarm_mj.campaigns.figures import draw_all
 
             draw_all(folder, resolved, results, summary)
-    console.print(summary_table(summary))
-    for remark in sobol_findings(summary):
-        console.print(remark, soft_wrap=True, highlight=False, markup=False)
-    _print_failures(console, results.to_pylist())
-    console.print(f"{resolved.campaign.name}: files in {folder}", soft_wrap=True, highlight=False)
-    return summary
+    return FlownCampaign(summary, results)
 
 
-def replay(resolved: Resolved, row: int, folder: Path, *, quiet: bool = False) -> bool:
+def replay(resolved: Resolved, row: int, folder: Path) -> Replayed:
     """Fly one row again, here and alone, and compare it with what the folder holds of it.
 
     The flight's scenario, and its telemetry and coverage or the traceback of its failure, go to `folder/replays/ROW`.
-
-    Returns:
-        Whether the row is the same, bit for bit; True where there is none to compare with.
 
     Raises:
         ScenarioError: There is no such row.
@@ -98,23 +118,15 @@ def replay(resolved: Resolved, row: int, folder: Path, *, quiet: bool = False) -
     require_place(folder)
     from swarm_mj.campaigns.table import WALL, schema_of, table_of
 
-    flyer, console = Flyer(resolved), Console(quiet=quiet)
+    flyer = Flyer(resolved)
     if not 0 <= row < flyer.sample.rows:
         raise ScenarioError(f"--replay {row}: must be a row of this campaign, 0 to {flyer.sample.rows - 1}")
     trial = flyer.sample.trial(row)
     flown = table_of([flyer.fly(row)], schema_of(resolved.campaign)).to_pylist()[0]
     _write_replay(flyer, row, folder / REPLAYS / str(row), flown)
-    for name in ("scenario", "seed", *trial.values, "status", "error", "covered", "coverage_percent"):
-        if flown.get(name) is not None:
-            console.print(f"{name}: {flown[name]}", soft_wrap=True, highlight=False, markup=False)
     kept = _kept_row(folder, row)
-    if kept is None:
-        console.print(f"{folder} holds no row {row} to compare with", soft_wrap=True, highlight=False)
-        return True
-    differ = [name for name in flown if name != WALL and flown[name] != kept.get(name)]
-    words = f"differs in {', '.join(differ)}" if differ else "is the same, bit for bit"
-    console.print(f"row {row} of {folder} {words}", soft_wrap=True, highlight=False, markup=False)
-    return not differ
+    differs = None if kept is None else [name for name in flown if name != WALL and flown[name] != kept.get(name)]
+    return Replayed(flown, tuple(trial.values), differs)
 
 
 def _require_parquet() -> None:
@@ -125,28 +137,19 @@ def _require_parquet() -> None:
 
 
 def _fly_missing(
-    resolved: Resolved, store: Any, pool: Pool, console: Console, *, quiet: bool, going_on: str | None
+    resolved: Resolved, store: Any, pool: Pool, bars: Progress | None, say: Callable[[str], None], going_on: str | None
 ) -> None:
     total = Sample(resolved.campaign).rows
     missing = [row for row in range(total) if row not in store.done]
-    if not missing:
-        store.compact()
-        return
-    if resolved.campaign.telemetry:
-        (store.folder / TELEMETRY).mkdir(exist_ok=True)
-    with progress_bars(console, quiet) as bars:
-        task = bars.add_task(
-            _label(resolved, total - len(missing), total, 0), total=total, completed=total - len(missing)
-        )
+    if missing:
+        if resolved.campaign.telemetry:
+            (store.folder / TELEMETRY).mkdir(exist_ok=True)
         try:
-            _collect(pool, missing, store, bars, task, resolved, total)
+            _collect(pool, missing, store, _Counter(resolved.campaign.name, total, bars, len(store.done)))
         except KeyboardInterrupt:
-            console.print(
+            say(
                 f"{resolved.campaign.name}: {len(store.done)} of {total} runs are kept in {store.folder}; "
-                f"go on with {going_on or '--resume'}",
-                soft_wrap=True,
-                highlight=False,
-                markup=False,
+                f"go on with {going_on or '--resume'}"
             )
             raise
         finally:
@@ -154,15 +157,30 @@ def _fly_missing(
     store.compact()
 
 
-def _collect(
-    pool: Pool, missing: list[int], store: Any, bars: Progress, task: TaskID, resolved: Resolved, total: int
-) -> None:
-    failed = 0
+class _Counter:
+    """Counts finished runs, on a bar where there is one."""
+
+    def __init__(self, name: str, total: int, bars: Progress | None, done: int) -> None:
+        self._name, self._total, self._bars, self._failed = name, total, bars, 0
+        self._task = None if bars is None else bars.add_task(self._label(done), total=total, completed=done)
+
+    def count(self, done: int, failed: bool) -> None:
+        """One more has come; so many are there."""
+        self._failed += failed
+        interruption.check()
+        if self._bars is not None and self._task is not None:
+            self._bars.update(self._task, completed=done, description=self._label(done))
+
+    def _label(self, done: int) -> str:
+        failed = f", {self._failed} failed" if self._failed else ""
+        return f"{self._name}: {done} of {self._total} runs{failed}"
+
+
+def _collect(pool: Pool, missing: list[int], store: Any, counter: _Counter) -> None:
     try:
         for row in pool.results(missing):
             store.add(row)
-            failed += row["status"] == "failed"
-            bars.update(task, completed=len(store.done), description=_label(resolved, len(store.done), total, failed))
+            counter.count(len(store.done), row["status"] == "failed")
     finally:
         store.seal()
 
@@ -177,34 +195,12 @@ def _pool(resolved: Resolved, folder: Path, workers: int | None, scheduler: str 
     return DaskPool(resolved, telemetry, scheduler)
 
 
-def _label(resolved: Resolved, done: int, total: int, failed: int) -> str:
-    return f"{resolved.campaign.name}: {done} of {total} runs" + (f", {failed} failed" if failed else "")
-
-
-def _print_failures(console: Console, rows: list[dict[str, Any]]) -> None:
-    failed = [row for row in rows if row["status"] == "failed"]
-    for row in failed[:5]:
-        console.print(
-            f"row {row['row']} ({row['scenario']}, seed {row['seed']}) failed: {row['error']}",
-            soft_wrap=True,
-            highlight=False,
-            markup=False,
-        )
-    if failed:
-        console.print(
-            f"{len(failed)} failed; replay one with --replay {failed[0]['row']}", soft_wrap=True, highlight=False
-        )
-
-
-def _print_observers(console: Console, resolved: Resolved) -> None:
+def _tell_observers(resolved: Resolved, say: Callable[[str], None]) -> None:
     """Say where the campaign's observer differs from the one that its file asks for."""
     if resolved.without_maps:
-        console.print(
+        say(
             f"{', '.join(resolved.without_maps)}: the target's cells differ from run to run, so that each horizon map would "
-            "serve one run; observed by compiled face-ID buffers (observation.observer: raster) instead",
-            soft_wrap=True,
-            highlight=False,
-            markup=False,
+            "serve one run; observed by compiled face-ID buffers (observation.observer: raster) instead"
         )
 
 

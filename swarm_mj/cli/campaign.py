@@ -5,9 +5,10 @@ from __future__ import annotations
 import argparse
 import shlex
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from swarm_mj.cli.common import DEFAULT_OUT
+from swarm_mj.errors import OutputError, ScenarioError
 
 if TYPE_CHECKING:
     from swarm_mj.campaigns.loading import Resolved
@@ -45,32 +46,71 @@ def add(commands: argparse._SubParsersAction) -> None:
 
 
 def _campaign(arguments: argparse.Namespace) -> int:
-    from swarm_mj.campaigns.runner import replay, run_campaign
-    from swarm_mj.errors import OutputError
-
     if arguments.file is None:
         return _list(arguments)
     if arguments.workers is not None and arguments.workers < 1:
         raise OutputError(f"--workers {arguments.workers}: must be at least 1")
     resolved, folder = _loaded(arguments)
-    if arguments.replay is not None:
-        return 0 if replay(resolved, arguments.replay, folder, quiet=arguments.quiet) else 1
-    run_campaign(
-        resolved,
-        folder,
-        workers=arguments.workers,
-        scheduler=arguments.scheduler,
-        resume=arguments.resume,
-        quiet=arguments.quiet,
-        figures=not arguments.no_figures,
-        going_on=_going_on(arguments),
-    )
+    return _replay(arguments, resolved, folder) if arguments.replay is not None else _fly(arguments, resolved, folder)
+
+
+def _fly(arguments: argparse.Namespace, resolved: Resolved, folder: Path) -> int:
+    from rich.console import Console
+
+    from swarm_mj.campaigns.runner import run_campaign
+    from swarm_mj.io.progress import progress_bars
+
+    console = Console()
+
+    def say(words: str) -> None:
+        console.print(words, soft_wrap=True, highlight=False, markup=False)
+
+    with progress_bars(console, arguments.quiet) as bars:
+        flown = run_campaign(
+            resolved,
+            folder,
+            workers=arguments.workers,
+            scheduler=arguments.scheduler,
+            resume=arguments.resume,
+            bars=bars,
+            say=say,
+            figures=not arguments.no_figures,
+            going_on=_going_on(arguments),
+        )
+    from swarm_mj.campaigns.summary import sobol_findings, summary_table
+
+    console.print(summary_table(flown.summary))
+    failed = [row for row in flown.results.to_pylist() if row["status"] == "failed"]
+    for words in [*sobol_findings(flown.summary), *map(_failure, failed[:5])]:
+        say(words)
+    if failed:
+        say(f"{len(failed)} failed; replay one with --replay {failed[0]['row']}")
+    say(f"{resolved.campaign.name}: files in {folder}")
     return 0
+
+
+def _failure(row: dict[str, Any]) -> str:
+    return f"row {row['row']} ({row['scenario']}, seed {row['seed']}) failed: {row['error']}"
+
+
+def _replay(arguments: argparse.Namespace, resolved: Resolved, folder: Path) -> int:
+    from swarm_mj.campaigns.runner import replay
+
+    again = replay(resolved, arguments.replay, folder)
+    shown = ("scenario", "seed", *again.values, "status", "error", "covered", "coverage_percent")
+    told = [f"{name}: {again.row[name]}" for name in shown if again.row.get(name) is not None]
+    if again.differs is None:
+        told.append(f"{folder} holds no row {arguments.replay} to compare with")
+    else:
+        words = f"differs in {', '.join(again.differs)}" if again.differs else "is the same, bit for bit"
+        told.append(f"row {arguments.replay} of {folder} {words}")
+    if not arguments.quiet:
+        print("\n".join(told))
+    return 1 if again.differs else 0
 
 
 def _list(arguments: argparse.Namespace) -> int:
     from swarm_mj.campaigns.loading import packaged_descriptions
-    from swarm_mj.errors import ScenarioError
 
     found = packaged_descriptions()
     given = (arguments.out, arguments.runs, arguments.workers, arguments.scheduler, arguments.replay)

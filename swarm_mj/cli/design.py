@@ -7,6 +7,7 @@ import shlex
 from pathlib import Path
 
 from swarm_mj.cli.common import DEFAULT_OUT, DEFAULT_SCENARIOS, add_common, overrides_of
+from swarm_mj.errors import OutputError
 
 
 def add(commands: argparse._SubParsersAction) -> None:
@@ -35,25 +36,44 @@ def add(commands: argparse._SubParsersAction) -> None:
 
 
 def _design(arguments: argparse.Namespace) -> int:
-    from swarm_mj.cli.design_runner import run_design
-    from swarm_mj.errors import OutputError
-    from swarm_mj.scenarios.loading import load_scenario
+    from rich.console import Console
+
+    from swarm_mj.api.design import design
+    from swarm_mj.api.scenario import load
+    from swarm_mj.cli.tables import design_table, growth_table
+    from swarm_mj.io.progress import progress_bars
 
     if arguments.workers is not None and arguments.workers < 1:
         raise OutputError(f"--workers {arguments.workers}: must be at least 1")
     overrides = overrides_of(arguments)
     if arguments.fold is not None:
         overrides.append(f"designer.fold={arguments.fold}")
-    scenario = load_scenario(arguments.scenario, overrides)
-    run_design(
-        scenario,
-        arguments.out or DEFAULT_OUT / f"{scenario.name}-design",
-        pareto=arguments.pareto,
-        compare=arguments.compare,
-        figures=not arguments.no_figures,
-        pdf=arguments.pdf,
-        quiet=arguments.quiet,
-        workers=arguments.workers,
-        asked_as=shlex.join([arguments.scenario, *(word for text in arguments.overrides for word in ("--set", text))]),
-    )
+    scenario, console = load(arguments.scenario, overrides), Console()
+    folder = arguments.out or DEFAULT_OUT / f"{scenario.name}-design"
+    with progress_bars(console, arguments.quiet) as bars:
+        found = design(
+            scenario,
+            out=folder,
+            pareto=arguments.pareto,
+            compare=arguments.compare,
+            workers=arguments.workers,
+            figures=not arguments.no_figures,
+            pdf=arguments.pdf,
+            progress=bars,
+        )
+    console.print(design_table(found.record))
+    if arguments.compare:
+        console.print(growth_table(found.compared))
+    console.print(f"{scenario.name}: files in {folder}", soft_wrap=True, highlight=False)
+    console.print(_hint(arguments, found.flyable, folder), soft_wrap=True, highlight=False, markup=False)
     return 0
+
+
+def _hint(arguments: argparse.Namespace, flyable: bool, folder: Path) -> str:
+    """How to fly the design."""
+    if not flyable:
+        return (
+            "No single scenario flies this design: its points belong to several targets, altitudes or times of flight"
+        )
+    asked = shlex.join([arguments.scenario, *(word for text in arguments.overrides for word in ("--set", text))])
+    return f"To fly it: swarm-mj run {asked} --design {shlex.quote(str(folder / 'design.json'))}"

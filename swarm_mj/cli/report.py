@@ -26,7 +26,7 @@ def add(commands: argparse._SubParsersAction) -> None:
 
 
 def _report(arguments: argparse.Namespace) -> int:
-    from swarm_mj.results.report.page import write_report
+    from swarm_mj.api.results import report
 
-    print(f"wrote {write_report(arguments.runs, arguments.out)}")
+    print(f"wrote {report(arguments.runs, arguments.out)}")
     return 0

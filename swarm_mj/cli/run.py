@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import argparse
-import json
 from collections.abc import Sequence
-from importlib import import_module
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from swarm_mj.cli.common import DEFAULT_OUT, DEFAULT_SCENARIOS, add_common, overrides_of
+from swarm_mj.errors import OutputError
+
+if TYPE_CHECKING:
+    from rich.console import Console
 
 
 def add(commands: argparse._SubParsersAction) -> None:
@@ -46,41 +49,49 @@ def add(commands: argparse._SubParsersAction) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from swarm_mj.cli.runner import run_many
-    from swarm_mj.scenarios.loading import load_scenario, read_design
+    from rich.console import Console
+
+    from swarm_mj.api.flight import check, fly
+    from swarm_mj.api.scenario import load
+    from swarm_mj.cli.tables import results_table
+    from swarm_mj.io.progress import progress_bars
 
     overrides = overrides_of(arguments)
-    if arguments.design is not None:
-        points = read_design(arguments.design)
-        overrides += [f"design.reference={json.dumps(arguments.design)}", f"design.visiting_points={points}"]
-    scenarios = [load_scenario(name, overrides) for name in arguments.scenario]
-    if arguments.policy is not None:
-        overrides_for = import_module("swarm_mj.envs.policy_behavior").policy_overrides
-        scenarios = [
-            load_scenario(name, overrides + overrides_for(arguments.policy, scenario))
-            for name, scenario in zip(arguments.scenario, scenarios, strict=True)
-        ]
-    single = arguments.out is not None and len(scenarios) == 1
-    parent = arguments.out or DEFAULT_OUT
-    folders = [parent if single else parent / scenario.name for scenario in scenarios]
-    run_many(
-        scenarios,
-        folders,
-        figures=not arguments.no_figures,
-        pdf=arguments.pdf,
-        report=not arguments.no_report,
-        quiet=arguments.quiet,
-    )
-    _print_findings(folders)
+    scenarios = [load(name, overrides, design=arguments.design, policy=arguments.policy) for name in arguments.scenario]
+    folders = _folders(arguments.out, [scenario.name for scenario in scenarios])
+    for scenario, folder in zip(scenarios, folders, strict=True):
+        check(scenario, folder)  # what is refused is so before another one is flown
+    console, report = Console(), not arguments.no_report
+    flown = []
+    with progress_bars(console, arguments.quiet) as bars:
+        for scenario, folder in zip(scenarios, folders, strict=True):
+            flight = fly(
+                scenario, out=folder, figures=not arguments.no_figures, pdf=arguments.pdf, report=report, progress=bars
+            )
+            flown.append((folder, flight.summary, flight.findings))
+    console.print(results_table([summary for _, summary, _ in flown]))
+    for folder, summary, findings in flown:
+        _print_notes(console, summary, findings, folder)
+    for folder, summary, _ in flown if report else ():
+        console.print(f"{summary['scenario']}: report in {folder / 'report.html'}", soft_wrap=True, highlight=False)
     return 0
 
 
-def _print_findings(folders: Sequence[Path]) -> None:
-    """Say what the summary alone does not tell, as the report does."""
-    from swarm_mj.results.report.sections import run_findings
-    from swarm_mj.results.run_record import read_run
+def _folders(out: Path | None, names: Sequence[str]) -> list[Path]:
+    """Where the results go.
 
-    for folder in folders:
-        run = read_run(folder)
-        for remark in run_findings(run):
-            print(f"{run.summary['scenario']}: {remark}")
+    Raises:
+        OutputError: Two scenarios have the same name.
+    """
+    if out is not None and len(names) == 1:
+        return [out]
+    if len(set(names)) < len(names):
+        raise OutputError("two scenarios have the same name; give them folders of their own with --out, one call each")
+    return [(out or DEFAULT_OUT) / name for name in names]
+
+
+def _print_notes(console: Console, summary: dict[str, Any], findings: Sequence[str], folder: Path) -> None:
+    notes = [summary["description"]]
+    notes += [summary["observer_note"]] if summary["observer"] != "faceid" else []
+    for words in [*notes, *findings, f"files in {folder}"]:
+        console.print(f"{summary['scenario']}: {words}", soft_wrap=True, highlight=False, markup=False)

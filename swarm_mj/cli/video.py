@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from swarm_mj.errors import OutputError
+
 
 def add(commands: argparse._SubParsersAction) -> None:
     """Add the command to the parser."""
@@ -41,15 +43,35 @@ def add(commands: argparse._SubParsersAction) -> None:
 
 
 def _video(arguments: argparse.Namespace) -> int:
-    from swarm_mj.cli.video_runner import run_video
+    from rich.console import Console
 
-    run_video(
-        arguments.run,
-        camera=arguments.camera,
-        fps=arguments.fps,
-        size=arguments.size,
-        speed=arguments.speed,
-        out=arguments.out,
-        quiet=arguments.quiet,
-    )
+    from swarm_mj.io.progress import progress_bars
+    from swarm_mj.rendering.film import make_film
+    from swarm_mj.rendering.replay import load_replay
+
+    console, path = Console(), arguments.out or arguments.run / f"{arguments.camera}.mp4"
+    size = None if arguments.size is None else parse_size(arguments.size)
+    with progress_bars(console, arguments.quiet) as bars:
+        film = make_film(
+            load_replay(arguments.run),
+            path,
+            camera=arguments.camera,
+            fps=arguments.fps,
+            size=size,
+            speed=arguments.speed,
+            bars=bars,
+        )
+    console.print(str(film), soft_wrap=True, highlight=False, markup=False)
     return 0
+
+
+def parse_size(text: str) -> tuple[int, int]:
+    """Width and height from WIDTHxHEIGHT.
+
+    Raises:
+        OutputError: It is not of that form.
+    """
+    parts = text.lower().split("x")
+    if len(parts) != 2 or not all(part.isascii() and part.isdigit() for part in parts):
+        raise OutputError(f"size {text!r}: give WIDTHxHEIGHT in pixels, e.g. 640x480")
+    return int(parts[0]), int(parts[1])

@@ -45,9 +45,9 @@ def add(commands: argparse._SubParsersAction) -> None:
 
 
 def _view(arguments: argparse.Namespace) -> int:
-    from swarm_mj.rendering.viewer import run_view
-    from swarm_mj.scenarios.loading import load_scenario
+    from swarm_mj.api.scenario import load
+    from swarm_mj.api.simulation import view
 
-    scenario = load_scenario(arguments.scenario, arguments.overrides)
-    run_view(scenario, speed=arguments.speed, web=arguments.web, port=arguments.port, host=arguments.host)
+    scenario = load(arguments.scenario, arguments.overrides)
+    view(scenario, speed=arguments.speed, web=arguments.web, port=arguments.port, host=arguments.host)
     return 0

@@ -115,18 +115,6 @@ def _default_size(camera: str) -> tuple[int, int]:
     return DEFAULT_SIZE if camera in (OVERVIEW, CHASE) else DEFAULT_CAMERA_SIZE
 
 
-def parse_size(text: str) -> tuple[int, int]:
-    """Width and height from WIDTHxHEIGHT.
-
-    Raises:
-        OutputError: It is not of that form.
-    """
-    parts = text.lower().split("x")
-    if len(parts) != 2 or not all(part.isascii() and part.isdigit() for part in parts):
-        raise OutputError(f"size {text!r}: give WIDTHxHEIGHT in pixels, e.g. 640x480")
-    return int(parts[0]), int(parts[1])
-
-
 def suitable_speed(duration: float) -> float:
     """A round speed at which a flight [s] lasts about half a minute: 1, 2, 3 or 5 times a power of ten, at least 1."""
     wanted = max(duration / LENGTH_S, 1.0)

@@ -220,6 +220,14 @@ class Simulation:
             self._integrator.step(self.state.timesteps)
             self.state.tick += 1
 
+    def step(self) -> None:
+        """Fly one control period: decide and advance.
+
+        Raises:
+            SimulationError: The state is no longer finite.
+        """
+        self.fly(1)
+
     def fly(self, periods: int) -> None:
         """Decide and advance so many control periods: the same as calling `decide` and `advance` in turn, but faster.
 

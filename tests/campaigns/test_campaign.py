@@ -1,5 +1,6 @@
 """Whole campaigns as a user starts them: any number of workers, any order, and whatever kills them."""
 
+import json
 import os
 import signal
 import subprocess
@@ -13,6 +14,7 @@ import pytest
 from swarm_mj.campaigns.loading import load_campaign
 from swarm_mj.campaigns.runner import replay, run_campaign
 from swarm_mj.campaigns.store import RESULTS, read_results
+from swarm_mj.cli.main import main
 from swarm_mj.errors import OutputError
 from swarm_mj.io.lock import only_one
 
@@ -82,7 +84,7 @@ def reference(tmp_path_factory):
     folder = tmp_path_factory.mktemp("reference")
     path = folder / "campaign.yaml"
     path.write_text(PLAIN.format(runs=16, more=""))
-    run_campaign(load_campaign(path), folder / "out", workers=2, quiet=True, figures=False)
+    run_campaign(load_campaign(path), folder / "out", workers=2, figures=False)
     return path, rows(folder / "out")
 
 
@@ -90,7 +92,7 @@ def reference(tmp_path_factory):
 def test_results_do_not_depend_on_the_number_of_workers(write, tmp_path, method):
     resolved = load_campaign(write(QUICK, runs=5, method=method))
     for workers in (1, 3):
-        run_campaign(resolved, tmp_path / str(workers), workers=workers, quiet=True, figures=False)
+        run_campaign(resolved, tmp_path / str(workers), workers=workers, figures=False)
     one, three = rows(tmp_path / "1"), rows(tmp_path / "3")
     assert one.equals(three)
     assert one["row"].to_pylist() == list(range(10))
@@ -206,9 +208,9 @@ def test_a_foreign_folder_is_not_written_to(write, tmp_path):
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "thesis.tex").write_text("years")
     with pytest.raises(OutputError, match="holds thesis.tex and no campaign"):
-        run_campaign(load_campaign(write()), tmp_path / "mine", quiet=True)
+        run_campaign(load_campaign(write()), tmp_path / "mine")
     with pytest.raises(OutputError, match="holds thesis.tex and no campaign"):
-        replay(load_campaign(write()), 0, tmp_path / "mine", quiet=True)
+        replay(load_campaign(write()), 0, tmp_path / "mine")
     assert [p.name for p in (tmp_path / "mine").iterdir()] == ["thesis.tex"]
 
 
@@ -235,7 +237,7 @@ def test_a_run_that_takes_too_long_has_failed_and_the_others_go_on(write, tmp_pa
     steps = "{distribution: choice, values: [0.5, 0.001], weights: [0.8, 0.2]}"
     more = f"parameters: {{physics.timestep_s: {steps}}}\ntime_limit_s: 6"
     resolved = load_campaign(write(runs=8, more=more))
-    run_campaign(resolved, tmp_path / "out", workers=2, quiet=True, figures=False)
+    run_campaign(resolved, tmp_path / "out", workers=2, figures=False)
     found = read_results(tmp_path / "out").to_pylist()
     assert len(found) == 8
     slow = [r for r in found if r["physics.timestep_s"] == 0.001]
@@ -270,8 +272,8 @@ def test_a_run_that_kills_its_worker_every_time_is_recorded_as_failed(write):
 def test_the_folder_is_printed_as_it_was_given_and_wheels_in_percent_as_of_a_run(write, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "200")
-    summary = run_campaign(load_campaign(write(runs=1)), Path("out"), workers=1, quiet=True, figures=False)
-    printed = capsys.readouterr().out
+    assert main(["campaign", str(write(runs=1)), "--out", "out", "--workers", "1", "--quiet", "--no-figures"]) == 0
+    printed, summary = capsys.readouterr().out, json.loads(Path("out/summary.json").read_text())
     assert "plain: files in out\n" in printed
     (line,) = [line for line in printed.splitlines() if "wheel speed" in line]
     fastest = summary["scenarios"]["eros-quick"]["outcomes"]["max_wheel_speed_fraction"]["quantiles"]["0.95"]["value"]
@@ -279,12 +281,10 @@ def test_the_folder_is_printed_as_it_was_given_and_wheels_in_percent_as_of_a_run
 
 
 def test_telemetry_is_kept_if_asked_for_and_figures_and_summary_are_written(write, tmp_path):
-    import json
-
     import xarray as xr
 
     resolved = load_campaign(write(QUICK, runs=6, more="telemetry: true"))
-    run_campaign(resolved, tmp_path / "out", workers=2, quiet=True)
+    run_campaign(resolved, tmp_path / "out", workers=2)
     names = {p.name for p in (tmp_path / "out").iterdir()}
     assert {RESULTS, "summary.json", "campaign.json", "coverage.png", "pointing.png"} <= names
     assert len(list((tmp_path / "out" / "telemetry").iterdir())) == 12

@@ -29,17 +29,17 @@ def test_a_local_cluster_gives_the_same_bits_as_local_processes(write, tmp_path)
     from distributed import LocalCluster
 
     resolved = load_campaign(write(QUICK, runs=4))
-    run_campaign(resolved, tmp_path / "here", workers=1, quiet=True, figures=False)
+    run_campaign(resolved, tmp_path / "here", workers=1, figures=False)
     with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
         address = cluster.scheduler_address
-        run_campaign(resolved, tmp_path / "there", scheduler=address, quiet=True, figures=False)
+        run_campaign(resolved, tmp_path / "there", scheduler=address, figures=False)
     assert rows(tmp_path / "here").equals(rows(tmp_path / "there"))
 
 
 def test_nobody_at_the_address_is_a_clear_error(write, tmp_path, monkeypatch):
     monkeypatch.setattr("swarm_mj.campaigns.dask_pool.CONNECT_S", 1.0)
     with pytest.raises(OutputError, match="no Dask scheduler answers"):
-        run_campaign(load_campaign(write()), tmp_path / "out", scheduler="tcp://127.0.0.1:9", quiet=True)
+        run_campaign(load_campaign(write()), tmp_path / "out", scheduler="tcp://127.0.0.1:9")
     assert not (tmp_path / "out").exists()
 
 
@@ -115,7 +115,7 @@ def test_a_worker_that_dies_and_one_that_joins_change_nothing(write, start, clus
     address, _, worker = cluster
     first = worker()
     path, out = write(runs=24), tmp_path / "out"
-    run_campaign(load_campaign(path), tmp_path / "here", workers=2, quiet=True, figures=False)
+    run_campaign(load_campaign(path), tmp_path / "here", workers=2, figures=False)
     process = start(path, "--out", out, "--scheduler", address, "--no-figures")
     wait_for_rows(out, 3, process)
     worker()
@@ -139,7 +139,7 @@ def test_when_the_scheduler_dies_nothing_finished_is_lost_and_the_campaign_goes_
     assert read_results(out).num_rows >= 3
     again = start(path, "--out", out, "--resume", "--no-figures")
     assert again.wait(120) == 0, again.communicate()[1]
-    run_campaign(load_campaign(path), tmp_path / "here", workers=2, quiet=True, figures=False)
+    run_campaign(load_campaign(path), tmp_path / "here", workers=2, figures=False)
     assert rows(out).equals(rows(tmp_path / "here"))
 
 

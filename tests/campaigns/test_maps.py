@@ -52,11 +52,12 @@ def test_where_runs_share_their_maps_or_draw_their_observer_it_stays(write, more
     assert observer(write(MAPPED, more=more, runs=runs)) == ("horizon", ())
 
 
-def test_the_replacement_leaves_no_maps_and_is_said(write, tmp_path, monkeypatch, capsys):
+def test_the_replacement_leaves_no_maps_and_is_said(write, tmp_path, monkeypatch):
     monkeypatch.setenv("SWARM_MJ_CACHE", str(tmp_path / "cache"))
     resolved = load_campaign(write(MAPPED, runs=2, more=LATITUDE))
-    summary = run_campaign(resolved, tmp_path / "out", workers=1, quiet=True, figures=False)
-    said = capsys.readouterr().out
+    told: list[str] = []
+    summary = run_campaign(resolved, tmp_path / "out", workers=1, say=told.append, figures=False).summary
+    (said,) = told
     assert "one: the target's cells differ from run to run" in said and "observation.observer: raster" in said
     assert summary["scenarios"]["one"]["observer"] == "raster"
     assert summary["failed"] == 0

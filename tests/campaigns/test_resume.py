@@ -37,7 +37,7 @@ def fly(tmp_path):
         (tmp_path / "words.yaml").write_text(FILE.format(**words))
         resolved = load_campaign(tmp_path / "words.yaml")
         begun = (tmp_path / "out").exists()
-        return run_campaign(resolved, tmp_path / "out", workers=1, resume=begun, quiet=True, figures=False)
+        return run_campaign(resolved, tmp_path / "out", workers=1, resume=begun, figures=False).summary
 
     return fly
 

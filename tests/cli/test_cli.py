@@ -229,7 +229,7 @@ def test_ctrl_c_while_the_command_is_imported_is_one_line_too(module):
 
 
 def test_a_second_scenarios_interruption_leaves_the_first_ones_result(tmp_path, monkeypatch):
-    from swarm_mj.cli import runner
+    from swarm_mj.api import flight as runner
 
     simulate = runner.simulate
     (tmp_path / "second.yaml").write_text(
@@ -283,7 +283,7 @@ def test_an_unknown_plug_in_is_told_with_its_key_before_anything_is_shown(
 def test_a_summary_is_no_design_and_that_is_said_before_the_flight(tmp_path, capsys, monkeypatch):
     assert main([*QUICK, "--out", str(tmp_path / "run")]) == 0
     capsys.readouterr()
-    monkeypatch.setattr("swarm_mj.cli.runner.make_plan", lambda scenario: pytest.fail("was flown"))
+    monkeypatch.setattr("swarm_mj.api.flight.make_plan", lambda scenario: pytest.fail("was flown"))
     wrong = str(tmp_path / "run" / "summary.json")
     assert main([*QUICK, "--design", wrong, "--out", str(tmp_path / "again")]) == 2
     said = capsys.readouterr()
@@ -293,7 +293,7 @@ def test_a_summary_is_no_design_and_that_is_said_before_the_flight(tmp_path, cap
 
 
 def test_one_observer_is_one():
-    from swarm_mj.cli.design_runner import design_table
+    from swarm_mj.cli.tables import design_table
 
     record = {
         "proof": {"status": "optimal", "minimum": 1, "covered_percent": 100.0, "visiting_points": [3], "seconds": 0.1},

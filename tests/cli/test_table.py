@@ -1,6 +1,6 @@
 """The table that `swarm-mj run` ends with."""
 
-from swarm_mj.cli.runner import _ROWS
+from swarm_mj.cli.tables import _ROWS
 
 SUMMARY = {
     "spacecraft": 5,

@@ -5,9 +5,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from swarm_mj.cli import video_runner
-from swarm_mj.cli.video_runner import parse_size, picture_times, run_video, suitable_speed
+from swarm_mj.cli.main import main
+from swarm_mj.cli.video import parse_size
 from swarm_mj.errors import OutputError
+from swarm_mj.rendering import film as film_module
+from swarm_mj.rendering.film import make_film, picture_times, suitable_speed
+from swarm_mj.rendering.picture import Drawing
 from swarm_mj.results.run_files import write_results
 
 
@@ -27,17 +30,17 @@ def frames_of(path):
 @pytest.mark.usefixtures("gl")
 @pytest.mark.parametrize("camera", ["overview", "chase", "sc1", "split"])
 def test_a_film_lasts_the_flight_over_the_speed_at_the_asked_size(run_folder, camera):
-    path = run_video(run_folder, camera=camera, fps=5.0, size="320x240", speed=200.0, quiet=True)
-    assert path == run_folder / f"{camera}.mp4"
-    frames = frames_of(path)
+    asked = ["--camera", camera, "--fps", "5", "--size", "320x240", "--speed", "200", "--quiet"]
+    assert main(["video", str(run_folder), *asked]) == 0
+    frames = frames_of(run_folder / f"{camera}.mp4")
     assert len(frames) == 31 and frames[0].shape == (240, 320, 3)
     assert all(frame.std() > 5.0 for frame in frames)
 
 
 @pytest.mark.gl
 @pytest.mark.usefixtures("gl")
-def test_an_interrupted_film_leaves_nothing(run_folder, monkeypatch, tmp_path):
-    class Stopped(video_runner.Drawing):
+def test_an_interrupted_film_leaves_nothing(replay, monkeypatch, tmp_path):
+    class Stopped(Drawing):
         drawn = 0
 
         def draw(self, instant):
@@ -46,11 +49,11 @@ def test_an_interrupted_film_leaves_nothing(run_folder, monkeypatch, tmp_path):
                 raise KeyboardInterrupt
             return super().draw(instant)
 
-    monkeypatch.setattr(video_runner, "Drawing", Stopped)
+    monkeypatch.setattr(film_module, "Drawing", Stopped)
     for name in ("a.mp4", "a.gif"):
         Stopped.drawn = 0
         with pytest.raises(KeyboardInterrupt):
-            run_video(run_folder, fps=5.0, size="128x96", speed=100.0, out=tmp_path / name, quiet=True)
+            make_film(replay, tmp_path / name, fps=5.0, size=(128, 96), speed=100.0)
     assert not list(tmp_path.iterdir())
 
 
@@ -66,31 +69,33 @@ def test_an_unset_speed_gives_a_film_of_about_half_a_minute():
     assert suitable_speed(5.0) == 1.0
 
 
-def test_what_cannot_be_filmed_is_a_clear_error(run_folder, replay, tmp_path):
+def test_what_cannot_be_filmed_is_a_clear_error(run_folder, tmp_path, capsys):
     for arguments, words in (
-        (dict(camera="sc7"), "camera 'sc7' does not exist: use overview, chase, split or sc1 to sc2"),
-        (dict(size="640"), "size '640': give WIDTHxHEIGHT"),
-        (dict(size="641x480"), "size 641x480: both sides of an MP4 must be even"),
-        (dict(speed=0.0), "speed 0: must be above 0"),
-        (dict(speed=1e-9), "the film would have"),
-        (dict(out=tmp_path / "a.webm"), r"must end in \.mp4 or \.gif"),
+        (["--camera", "sc7"], "camera 'sc7' does not exist: use overview, chase, split or sc1 to sc2"),
+        (["--size", "640"], "size '640': give WIDTHxHEIGHT"),
+        (["--size", "641x480"], "size 641x480: both sides of an MP4 must be even"),
+        (["--speed", "0"], "speed 0: must be above 0"),
+        (["--speed", "1e-9"], "the film would have"),
+        (["--out", str(tmp_path / "a.webm")], "must end in .mp4 or .gif"),
     ):
-        with pytest.raises(OutputError, match=words):
-            run_video(run_folder, quiet=True, **arguments)
-    with pytest.raises(OutputError, match="is not the result of a run"):
-        run_video(tmp_path, quiet=True)
+        assert main(["video", str(run_folder), "--quiet", *arguments]) == 2
+        assert words in capsys.readouterr().err
+    assert main(["video", str(tmp_path), "--quiet"]) == 2
+    assert "is not the result of a run" in capsys.readouterr().err
     assert parse_size("640X480") == (640, 480)
+    with pytest.raises(OutputError):
+        parse_size("640x-480")
     assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.gl
 @pytest.mark.usefixtures("gl")
 def test_stills_show_the_visit_and_the_end_beside_each_other(run_folder, replay):
-    path = run_video(run_folder, size="320x240", out=run_folder / "stills.png", quiet=True)
+    path = make_film(replay, run_folder / "stills.png", size=(320, 240)).path
     with Image.open(path) as image:
         strip = np.asarray(image)
     assert strip.shape == (240, 648, 3)
-    with video_runner.Drawing(replay.plan, replay.path_N, width=320, height=240) as drawing:
+    with Drawing(replay.plan, replay.path_N, width=320, height=240) as drawing:
         assert np.array_equal(strip[:, :320], drawing.draw(replay.at(600.0)))
         assert np.array_equal(strip[:, 328:], drawing.draw(replay.at(1200.0)))
     assert sorted(p.suffix for p in run_folder.glob(".*")) == []

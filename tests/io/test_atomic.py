@@ -294,8 +294,8 @@ def test_the_command_keeps_films_and_says_which(tmp_path, capsys):
 def test_the_command_refuses_the_place_of_another_result_before_anything_is_flown(tmp_path, capsys, monkeypatch):
     shutil.rmtree(tmp_path)
     put(tmp_path / "eros-config2", RESULTS[0], ["report.html"])
-    monkeypatch.setattr("swarm_mj.cli.runner.make_plan", lambda scenario: pytest.fail("was flown"))
-    monkeypatch.setattr("swarm_mj.cli.design_runner.study_design", lambda *a, **k: pytest.fail("was designed"))
+    monkeypatch.setattr("swarm_mj.api.flight.make_plan", lambda scenario: pytest.fail("was flown"))
+    monkeypatch.setattr("swarm_mj.api.design.study_design", lambda *a, **k: pytest.fail("was designed"))
     # The first of two would have its place.
     assert main(["run", "eros-quick", "eros-config2", "--out", str(tmp_path)]) == 2
     assert "holds a run of a, which a run of eros-config2 does not replace" in capsys.readouterr().err

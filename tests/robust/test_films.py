@@ -18,14 +18,15 @@ FILMS = 100
 @pytest.mark.slow
 def test_a_hundred_films_leave_nothing_behind(tmp_path):
     pytest.importorskip("av")
-    from swarm_mj.cli.video_runner import run_video
+    from swarm_mj.rendering.film import make_film
+    from swarm_mj.rendering.replay import load_replay
 
     run = tmp_path / "run"
     short = ["--set", "telemetry.interval_s=10", "--quiet", "--no-figures"]
     assert main(["run", "eros-quick", *short, "--out", str(run)]) == 0
     memory, before = [], None
     for k in range(FILMS):
-        path = run_video(run, fps=5.0, size="160x120", speed=600.0, quiet=True, out=tmp_path / "film.mp4")
+        path = make_film(load_replay(run), tmp_path / "film.mp4", fps=5.0, size=(160, 120), speed=600.0).path
         assert path.stat().st_size > 1000
         memory.append(resident())
         before = held() if k == WARM else before

@@ -18,6 +18,7 @@ from swarm_mj.rendering.picture import Drawing
 from swarm_mj.rendering.replay import load_replay
 from swarm_mj.rendering.video import film
 from swarm_mj.results.report.page import write_report
+from swarm_mj.results.run_record import read_run
 from swarm_mj.verification.performance.measure import Row, row
 
 GROUP = "pictures"
@@ -64,7 +65,7 @@ def rows(quick: bool) -> Iterator[Row]:
             for camera in CAMERAS[:1] if quick else CAMERAS:
                 yield _film_row(run, camera, 3 if quick else ROUNDS)
         start = perf_counter()
-        page = write_report([run], Path(folder) / "report.html")
+        page = write_report([read_run(run)], Path(folder) / "report.html")
         yield row(GROUP, "a report is written in", np.array([perf_counter() - start]), "s")
         yield row(GROUP, "its size", np.array([page.stat().st_size / 2**20]), "MiB", "<= 15")
         yield from _page_rows(page, 2 if quick else OPENINGS)

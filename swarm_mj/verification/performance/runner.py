@@ -46,20 +46,15 @@ def run_bench(
     Raises:
         OutputError: A name is unknown, or a file cannot be written.
     """
-    unknown = sorted(set(only) - set(GROUPS))
-    if unknown:
-        raise OutputError(f"benchmark {unknown[0]!r} is unknown; there are {', '.join(GROUPS)}")
+    rows = measured(
+        only, quick=quick, begin=lambda name: console.print(f"{name}: measuring", style="dim", highlight=False)
+    )
     console, found = Console(), []
     described = machine()
     console.print(", ".join(f"{key} {value}" for key, value in described.items()), highlight=False, soft_wrap=True)
-    for name, module in GROUPS.items():
-        if only and name not in only:
-            continue
-        rows: Callable[[bool], Iterator[Row]] = import_module(module).rows
-        console.print(f"{name}: measuring", style="dim", highlight=False)
-        for line in rows(quick):
-            found.append(line)
-            console.print(_line(line), highlight=False, markup=False, soft_wrap=True)
+    for line in rows:
+        found.append(line)
+        console.print(_line(line), highlight=False, markup=False, soft_wrap=True)
     console.print(
         "Medians; in brackets the quartiles over the rounds. Other work on the machine disturbs them.", style="dim"
     )
@@ -69,6 +64,33 @@ def run_bench(
     if markdown is not None:
         _write(markdown, page(found))
     return found
+
+
+def measured(
+    only: Sequence[str] = (), *, quick: bool = True, begin: Callable[[str], None] | None = None
+) -> Iterator[Row]:
+    """Run benchmarks one after another and give their rows as they come.
+
+    Args:
+        only: Names in `GROUPS`; empty: all.
+        quick: A few rounds, small cases.
+        begin: Told the name of each benchmark before it is run.
+
+    Raises:
+        OutputError: A name is unknown.
+    """
+    unknown = sorted(set(only) - set(GROUPS))
+    if unknown:
+        raise OutputError(f"benchmark {unknown[0]!r} is unknown; there are {', '.join(GROUPS)}")
+    return _measured([name for name in GROUPS if not only or name in only], quick, begin)
+
+
+def _measured(names: Sequence[str], quick: bool, begin: Callable[[str], None] | None) -> Iterator[Row]:
+    for name in names:
+        if begin is not None:
+            begin(name)
+        rows: Callable[[bool], Iterator[Row]] = import_module(GROUPS[name]).rows
+        yield from rows(quick)
 
 
 def _line(line: Row) -> str:

@@ -7,7 +7,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from rich.console import Console
+from rich.progress import Progress
 
+from swarm_mj.io import interruption
 from swarm_mj.io.progress import progress_bars
 from swarm_mj.verification.physics import report
 from swarm_mj.verification.physics.experiment import Bench, Check, Experiment
@@ -35,7 +37,8 @@ def run_validation(
         SwarmError: A name is unknown, or a file cannot be written.
     """
     console, start = Console(), time.perf_counter()
-    checks = run_experiments(choose(only), console, quiet)
+    with progress_bars(console, quiet) as bars:
+        checks = run_experiments(choose(only), bars)
     console.print(report.table(checks))
     console.print(f"{report.totals(checks)}; {time.perf_counter() - start:.1f} s", highlight=False)
     if json_path is not None:
@@ -45,14 +48,15 @@ def run_validation(
     return int(any(check.passed is False for check in checks))
 
 
-def run_experiments(experiments: Sequence[Experiment], console: Console, quiet: bool = False) -> list[Check]:
-    """Run checks one after another on a common bench."""
-    bench, checks = Bench(), []
-    with progress_bars(console, quiet) as progress:
-        task = progress.add_task("validate", total=len(experiments))
-        for experiment in experiments:
-            progress.update(task, description=f"validate: {experiment.name}")
-            checks.append(experiment.run(bench))
-            progress.advance(task)
-        progress.update(task, description="validate")
+def run_experiments(experiments: Sequence[Experiment], bars: Progress | None = None) -> list[Check]:
+    """Run checks one after another on a common bench; `bars` shows how far it is."""
+    bench, checks = Bench(), list[Check]()
+    task = None if bars is None else bars.add_task("validate", total=len(experiments))
+    for experiment in experiments:
+        if bars is not None and task is not None:
+            bars.update(task, completed=len(checks), description=f"validate: {experiment.name}")
+        checks.append(experiment.run(bench))
+        interruption.check()
+    if bars is not None and task is not None:
+        bars.update(task, completed=len(checks), description="validate")
     return checks

@@ -1,7 +1,8 @@
 import pytest
 
-from swarm_mj.cli.runner import run_one
+from swarm_mj.api.flight import fly
 from swarm_mj.results.report.page import write_report
+from swarm_mj.results.run_record import read_run
 from swarm_mj.scenarios.loading import load_scenario
 
 #: Text that would run if it were not escaped.
@@ -20,7 +21,7 @@ def folder(tmp_path_factory):
     scenario = load_scenario("eros-quick", ["observation.criterion=passage"]).model_copy(
         update={"description": HOSTILE}
     )
-    run_one(scenario, out, figures=False, report=True)
+    fly(scenario, out=out, figures=False)
     return out
 
 
@@ -29,13 +30,13 @@ def other_folder(tmp_path_factory):
     """The same flight with another camera and control law."""
     out = tmp_path_factory.mktemp("report") / "other"
     changes = ["camera.half_angle_deg=6", "control.controller=mrp_feedback", "observation.criterion=visit"]
-    run_one(load_scenario("eros-quick", changes), out, figures=False)
+    fly(load_scenario("eros-quick", changes), out=out, figures=False, report=False)
     return out
 
 
 @pytest.fixture(scope="session")
 def comparison(folder, other_folder, tmp_path_factory):
-    return write_report([folder, other_folder], tmp_path_factory.mktemp("report") / "two.html")
+    return write_report([read_run(folder), read_run(other_folder)], tmp_path_factory.mktemp("report") / "two.html")
 
 
 @pytest.fixture(scope="session")

@@ -12,13 +12,12 @@ import pytest
 import xarray as xr
 from plotly.offline import get_plotlyjs
 
+from swarm_mj.api.results import report
 from swarm_mj.cli.main import main
-from swarm_mj.cli.runner import run_many
 from swarm_mj.errors import OutputError
-from swarm_mj.results.report.page import SCRIPTS, report_html, safe_json, write_report
+from swarm_mj.results.report.page import SCRIPTS, report_html, safe_json
 from swarm_mj.results.report.sections import flat_parameters, short
 from swarm_mj.results.run_record import read_run
-from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.smallbody.geodesic import geodesic_icosahedron
 
 MEGABYTES = 1e6
@@ -255,17 +254,17 @@ def test_bad_input_is_named(folder, tmp_path, spoil, words):
     shutil.copytree(folder, copy)
     spoil(copy)
     with pytest.raises(OutputError, match=words):
-        write_report([copy], tmp_path / "report.html")
+        report([copy], tmp_path / "report.html")
     assert not (tmp_path / "report.html").exists()
 
 
 def test_a_file_and_three_runs_are_refused(folder, tmp_path):
     with pytest.raises(OutputError, match="is a file"):
-        write_report([folder / "summary.json"])
+        report([folder / "summary.json"])
     with pytest.raises(OutputError, match="not 3"):
-        write_report([folder] * 3)
+        report([folder] * 3)
     with pytest.raises(OutputError, match="is a folder"):
-        write_report([folder], tmp_path)
+        report([folder], tmp_path)
 
 
 def test_a_report_that_cannot_be_finished_leaves_the_earlier_one(folder, tmp_path, monkeypatch):
@@ -277,16 +276,17 @@ def test_a_report_that_cannot_be_finished_leaves_the_earlier_one(folder, tmp_pat
 
     monkeypatch.setattr("swarm_mj.io.atomic.os.replace", full)
     with pytest.raises(OutputError, match="No space left"):
-        write_report([folder], path)
+        report([folder], path)
     assert path.read_text() == "earlier"
 
 
 def test_a_run_ends_with_the_path_of_its_report_unless_told_not_to(tmp_path, capsys):
-    scenario = load_scenario("eros-quick", ["duration_s=600", "telemetry.interval_s=60", "observation.interval_s=600"])
-    run_many([scenario], [tmp_path / "with"], figures=False, quiet=True)
+    short = ["duration_s=600", "telemetry.interval_s=60", "observation.interval_s=600"]
+    command = ["run", "eros-quick", "--no-figures", "--quiet", *(part for key in short for part in ("--set", key))]
+    assert main([*command, "--out", str(tmp_path / "with")]) == 0
     assert capsys.readouterr().out.strip().endswith(str(tmp_path / "with" / "report.html"))
     assert (tmp_path / "with" / "report.html").is_file()
-    run_many([scenario], [tmp_path / "without"], figures=False, report=False, quiet=True)
+    assert main([*command, "--no-report", "--out", str(tmp_path / "without")]) == 0
     assert "report" not in capsys.readouterr().out
     assert not (tmp_path / "without" / "report.html").exists()
 

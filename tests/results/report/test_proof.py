@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from swarm_mj.cli.runner import run_one
+from swarm_mj.api.flight import fly
 from swarm_mj.results.design_files import design_differences, made_for
 from swarm_mj.results.report.page import report_html
 from swarm_mj.results.run_record import read_run
@@ -24,7 +24,7 @@ def test_the_proof_is_shown_with_its_design_and_withdrawn_for_another_camera(tmp
         "physics.timestep_s=0.5",
     ]
     scenario = load_scenario("eros-config1", [*changes, *common])
-    run_one(scenario, tmp_path / "fits", figures=False)
+    fly(scenario, out=tmp_path / "fits", figures=False, report=False)
     fits = report_html([read_run(tmp_path / "fits")])
     assert "Proven: fewer than 5 observers cannot see 99.9 %" in fits
     assert "does not hold" not in fits

@@ -1,0 +1,99 @@
+"""Short tables for the screen: what came out of runs and designs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import pandas as pd
+from rich.markup import escape
+from rich.table import Table
+
+from swarm_mj.results.summary import working
+
+
+def results_table(summaries: Sequence[dict[str, Any]]) -> Table:
+    """A short table: one column a run."""
+    table = Table(title="Results", title_justify="left")
+    table.add_column("")
+    for summary in summaries:
+        table.add_column(summary["scenario"], justify="right")
+    for label, cell in _ROWS.items():
+        table.add_row(escape(label), *(cell(summary) for summary in summaries))
+    return table
+
+
+def _worst(errors: dict[str, float]) -> str:
+    return f"{max(errors.values()):.3g}" if errors else "-"
+
+
+def _crew(summary: dict[str, Any]) -> str:
+    lost = f", {len(summary['lost'])} lost" if summary["lost"] else ""
+    return f"{summary['spacecraft']} ({summary['observers']}){lost}"
+
+
+_ROWS: dict[str, Callable[[dict[str, Any]], str]] = {
+    "spacecraft (of them observers)": _crew,
+    "target faces": lambda s: str(s["target_faces"]),
+    "criterion, camera half-angle": lambda s: f"{s['criterion']}, {s['camera_half_angle_deg']:g} deg",
+    "observed area P_TO [%]": lambda s: f"{s['coverage_percent']:.2f}",
+    "the same, whole passage [%]": lambda s: f"{s['coverage_percent_passage']:.2f}",
+    "pointing error before a switch, at most [deg]": lambda s: _worst(s["pointing_error_deg_before_switch"]),
+    "pointing error at the end, at most [deg]": lambda s: _worst(working(s, "pointing_error_deg_final")),
+    "wheel speed, at most [% of limit]": lambda s: f"{100 * s['max_wheel_speed_fraction']:.0f}",
+    "links closed at the end": lambda s: f"{s['links_closed_final']} of {s['spacecraft']}",
+    "deployment delta-v, at most [m/s]": lambda s: f"{max(s['deployment_delta_v_m_s'].values()):.2f}",
+    "measured by": lambda s: s["observer"],
+    "wall time [s]": lambda s: f"{sum(s['wall_s'].values()):.1f}",
+}
+
+
+def design_table(record: dict[str, Any]) -> Table:
+    """The proof and the genetic algorithm side by side, from a design's record."""
+    table = Table(title="Design", title_justify="left")
+    for heading in ("", "observers", "P_TO [%]", "points", "explored", "seconds"):
+        table.add_column(escape(heading), justify="left" if heading in ("", "points") else "right")
+    proof = record["proof"]
+    proven = "proven" if proof["status"] == "optimal" else f"at least {proof['lower_bound']:g}"
+    table.add_row(
+        proven, str(proof["minimum"]), f"{proof['covered_percent']:.2f}", _numbers(proof["visiting_points"]), "-",
+        f"{proof['seconds']:.2f}",
+    )  # fmt: skip
+    names = {"repair": "GA, repair", "plain": "GA, plain"}
+    for name, result in record["genetic"].items():
+        table.add_row(
+            names[name],
+            str(result["n_observers"]),
+            f"{result['covered_percent']:.2f}" + ("" if result["feasible"] else " (too little)"),
+            _numbers(result["gene_map"][1:]),
+            f"{result['designs_explored']:,}",
+            f"{result['seconds']:.2f}",
+        )
+    gap = record["gap"]
+    words = (
+        "the genetic algorithm covers too little" if gap < 0 else f"gap of the genetic algorithm to the proof: {gap}"
+    )
+    table.caption = (
+        f"{words}; selected: {_observers(record['n_observers'])} by the {record['selected_by']}. Criterion: "
+        f"{record['criterion']['criterion']}, {record['camera']['half_angle_deg']:g} deg half-angle"
+    )
+    return table
+
+
+def growth_table(compared: pd.DataFrame) -> Table:
+    """The proven minimum under each extension, see `Design.compared`."""
+    table = Table(title="Beyond the paper: the proven minimum", title_justify="left")
+    for heading in ("change", "observers", "points, or why not"):
+        table.add_column(heading, justify="right" if heading == "observers" else "left")
+    for change, row in compared.iterrows():
+        count = "-" if pd.isna(row["observers"]) else str(row["observers"])
+        table.add_row(escape(str(change)), count, escape(row["points_or_why_not"]))
+    return table
+
+
+def _observers(count: int) -> str:
+    return f"{count} observer" if count == 1 else f"{count} observers"
+
+
+def _numbers(points: Sequence[int]) -> str:
+    return " ".join(map(str, points))

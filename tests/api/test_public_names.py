@@ -1,0 +1,69 @@
+"""The door of the package: every public name is there, documented, and imported only when it is used."""
+
+import inspect
+import subprocess
+import sys
+import warnings
+
+import pytest
+
+import swarm_mj as sm
+
+
+@pytest.mark.parametrize("name", sm.__all__)
+def test_every_public_name_is_there_and_documented(name):
+    assert inspect.getdoc(getattr(sm, name))
+    assert name in dir(sm)
+
+
+def test_an_unknown_name_is_told_what_there_is():
+    with pytest.raises(AttributeError, match="it offers .*campaign, design, fly, load"):
+        _ = sm.flly
+
+
+def test_the_import_alone_loads_nothing_heavy():
+    code = "import sys, swarm_mj; print({'numpy', 'pandas', 'mujoco', 'numba', 'gymnasium'} & set(sys.modules) or [])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.stdout.strip() == "[]", done.stderr
+
+
+@pytest.mark.parametrize("name", sm.__all__)
+def test_no_room_takes_the_place_of_a_public_name(name):
+    """A submodule of that name would overwrite the function when it is imported."""
+    assert not inspect.ismodule(getattr(sm, name))
+    with pytest.raises(ModuleNotFoundError):
+        __import__(f"swarm_mj.{name}.nothing")
+
+
+OLD = [
+    ("swarm_mj.planning", "make_plan"),
+    ("swarm_mj.flight", "simulate"),
+    ("swarm_mj.flight", "observe_flight"),
+    ("swarm_mj.attitude.controllers.base", "ControlInput"),
+    ("swarm_mj.attitude.controllers.compiled", "CompiledLaw"),
+    ("swarm_mj.attitude.mrp", "dcm"),
+    ("swarm_mj.campaign.store", "read_results"),
+]
+
+
+@pytest.mark.parametrize(("module", "name"), OLD)
+def test_documented_paths_of_the_last_version_work_and_warn(module, name):
+    code = f"import swarm_mj as sm\nfrom {module} import {name}\nprint({name}.__module__, callable(sm.campaign))"
+    done = subprocess.run([sys.executable, "-W", "always", "-c", code], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    where, callable_still = done.stdout.split()
+    assert (
+        not where.startswith(("swarm_mj.planning", "swarm_mj.attitude", "swarm_mj.campaign."))
+        and callable_still == "True"
+    )
+    assert "DeprecationWarning" in done.stderr and "the old path goes with version 0.3" in done.stderr
+    assert "<string>:2" in done.stderr, "the warning points at the import"
+
+
+def test_what_never_was_is_not_found():
+    with pytest.raises(ImportError), warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        from swarm_mj.flight import nothing_of_this_name  # noqa: F401
+    with pytest.raises(ModuleNotFoundError), warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        import swarm_mj.attitude.nothing  # noqa: F401
