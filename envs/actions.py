@@ -15,16 +15,12 @@ from numpy.typing import NDArray
 
 from swarm_mj.errors import ScenarioError
 from swarm_mj.flight.plan import Plan
-from swarm_mj.mission.behaviors import Behavior, SteadyBehavior, SwarmView, TargetKind, Targets
+from swarm_mj.mission.behaviors import Behavior, SteadyBehavior, SwarmView, TargetKind, Targets, looks_at_body
 from swarm_mj.observation.raytracing import RayTracer
-from swarm_mj.simulator.telemetry import OBSERVING
 from swarm_mj.spacecraft.control.base import ControlInput, Controller
 from swarm_mj.typing import Array, Ints, Mask, kernel
 
 from .patches import Patches, surface_points
-
-#: Whether a `TargetKind` means looking at the body.
-IS_OBSERVING = np.isin(np.arange(len(TargetKind)), OBSERVING)
 
 
 class HeldTargets:
@@ -52,7 +48,7 @@ class AimedAt:
     def targets(self, view: SwarmView, memory: Any) -> tuple[Targets, Any]:
         """See `Behavior`."""
         targets, memory = self._inner.targets(view, memory)
-        observing = IS_OBSERVING[targets.kind]
+        observing = looks_at_body(targets.kind)
         kind = np.where(observing, int(TargetKind.SURFACE), targets.kind)
         vector = np.where(observing[:, None], self._points_A, targets.vector)
         return Targets(kind, targets.spacecraft, vector), memory

@@ -10,15 +10,15 @@ import numpy as np
 
 from swarm_mj.errors import ScenarioError
 from swarm_mj.flight.fly import make_simulation
-from swarm_mj.flight.observe import camera_from, criterion_from
+from swarm_mj.flight.observe import camera_from, criterion_from, schedule_from
 from swarm_mj.flight.plan import Plan, antennas_from, make_plan
-from swarm_mj.observation.coverage import ObservationCriterion
+from swarm_mj.observation.capture import ObservationCriterion
 from swarm_mj.observation.horizon import HorizonObserver
 from swarm_mj.observation.horizon_kernels import Scene, make_scene
 from swarm_mj.observation.observer import Observer, ObserverKind, make_observer
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.simulator.simulation import Simulation
-from swarm_mj.typing import Ints, Mask
+from swarm_mj.typing import Mask
 
 from .actions import check_level
 from .arguments import checked_scenario, checked_share, checked_step, is_number
@@ -100,16 +100,7 @@ class Setting:
         self.nominal_bit = self.plan.region.total_area / footprint * self.radio.bits_per_pixel
         self.simulation: Simulation = make_simulation(self.plan)
         self.mission = self._mission()
-        period = given.control.period_s
-        self.picture_every = round(given.observation.interval_s / period)
-        self.visit_tick = round(given.design.time_of_flight_s / period)
-        self.visit_only = given.observation.criterion == "visit"
-        self.is_due = self.due(np.arange(self.last_tick + 1))
-
-    def due(self, tick: Ints) -> Mask:
-        """Whether pictures that count are taken at these control instants, counted from 0."""
-        visit = tick == self.visit_tick
-        return visit if self.visit_only else visit | (tick % self.picture_every == 0)
+        self.is_due: Mask = schedule_from(given, given.control.period_s).due(np.arange(self.last_tick + 1))
 
     def _mission(self) -> Mission:
         plan, radio, environment = self.plan, self.radio, self.plan.environment

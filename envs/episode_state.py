@@ -6,11 +6,10 @@ from typing import Protocol
 
 import numpy as np
 
-from swarm_mj.observation.coverage import observe
+from swarm_mj.observation.capture import Picture, observe, pictures, pixels_on, sight, watching
 from swarm_mj.typing import Array, Ints, Mask
 
 from . import step_kernels
-from .actions import IS_OBSERVING
 from .config import Setting
 from .kinematics import Known, Now, learn, turn
 from .step_kernels import EpisodeTotals
@@ -110,32 +109,30 @@ class Ledger:
             if not doubt:
                 return
         else:
-            singly = due[:, None] & IS_OBSERVING[kind] & ~books.lost & ~self.flights.blind
-            singly[:, setting.plan.n_observers :] = False
-        for e, j in zip(*np.nonzero(singly), strict=True):
-            self._judge_singly(int(e), int(j), area)
+            camera_on = ~(books.lost | self.flights.blind)
+            singly = due[:, None] & watching(setting.plan.n_observers, kind, camera_on)
+        sun = setting.plan.environment.sun
+        for e in np.flatnonzero(singly.any(axis=1)):
+            t = float(now.t[e])
+            for picture in pictures(t, singly[e], now.r[e], now.C_BN[e], now.C_AN[e], sun.at(t)):
+                area[e] += self._judge_singly(int(e), picture)
 
-    def _judge_singly(self, e: int, j: int, area: Array) -> None:
-        """One picture by the observer itself: of any kind, in light that matters, or where the maps are in doubt."""
-        setting, now, books = self.setting, self._picture, self.books
-        plan, C_AN, r_A = setting.plan, now.C_AN[e], now.r_A[e, j]
-        sun_A = C_AN @ plan.environment.sun.at(now.t[e])
-        seen = observe(setting.observer, r_A, now.C_BN[e, j] @ C_AN.T, setting.criterion, sun_A)
+    def _judge_singly(self, e: int, picture: Picture) -> float:
+        """Enter what a picture adds by the observer itself: of any kind, in light that matters, or where the maps are in doubt.
+
+        Returns:
+            Newly seen area [m^2].
+        """
+        setting, books, region = self.setting, self.books, self.setting.plan.region
+        seen = observe(setting.observer, picture.r_A, picture.C_CA, setting.criterion, picture.sun_A)
         new = seen & ~books.seen[e]
-        if new.any():
-            gained = float(plan.region.area[new].sum())
-            bits = self._pixels(r_A, new) * setting.radio.bits_per_pixel
-            step_kernels.write_down(books, e, j, new, now.t[e], gained, bits)
-            area[e] += gained
-
-    def _pixels(self, r_A: Array, cells: Mask) -> float:
-        """Area over the square of the ground sampling distance, foreshortened: A cos(emission) / (range pixel angle)^2."""
-        region = self.setting.plan.region
-        to_camera = r_A - region.centroid_A[cells]
-        distance = np.linalg.norm(to_camera, axis=1)
-        cosine = np.einsum("ij,ij->i", to_camera, region.normal_A[cells]) / distance
-        footprint = (distance * self.setting.observer.camera.pixel_angle) ** 2
-        return float((region.area[cells] * cosine / footprint).sum())
+        gained = float(region.area[new].sum())
+        if gained > 0.0:
+            limits = setting.criterion.limits(setting.observer.camera)
+            pixels = pixels_on(limits, region.area[new], *sight(region, picture.r_A, new)).sum()
+            bits = float(pixels) * setting.radio.bits_per_pixel
+            step_kernels.write_down(books, e, picture.spacecraft, new, picture.t, gained, bits)
+        return gained
 
     def _end_step(self, live: Mask, step_s: float) -> tuple[Array, Mask]:
         measures, hit = np.zeros((self.count, 3)), np.zeros(self.books.lost.shape, np.bool_)

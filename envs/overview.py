@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from swarm_mj.mission.behaviors import TargetKind
+from swarm_mj.observation.capture import watching
 from swarm_mj.typing import Pixels
 
-from .actions import IS_OBSERVING
 from .batch import Flybys
 from .state import state_of
 
@@ -39,8 +39,7 @@ class EpisodePicture:
 
             self._overview = Overview(setting.plan, setting.simulation, *self._size)
         kind, lost = flights.kind[0], self._flybys.books.lost[0]
-        imaging = IS_OBSERVING[kind] & ~lost
-        imaging[setting.plan.n_observers :] = False
+        imaging = watching(setting.plan.n_observers, kind, ~(lost | flights.blind[0]))
         talking = np.isin(kind, (TargetKind.SPACECRAFT, TargetKind.EARTH)) & ~lost
         picture: Pixels = self._overview.draw(
             setting.simulation,

@@ -11,15 +11,15 @@ import numpy as np
 
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.mission.links import write_closed
+from swarm_mj.observation.capture import takes_picture
 from swarm_mj.observation.horizon_kernels import Scene, new_cells
 from swarm_mj.smallbody.occultation import way_blocked
-from swarm_mj.spacecraft.attitude.algebra import quaternion
+from swarm_mj.spacecraft.attitude.algebra import quaternion, relative_dcm
 from swarm_mj.typing import Array, Array32, Ints, Ints32, Mask, kernel
 
 from .kinematics import Known, Now, write_dcm
 
-_ASTEROID, _SPACECRAFT = int(TargetKind.ASTEROID), int(TargetKind.SPACECRAFT)
-_EARTH, _SURFACE = int(TargetKind.EARTH), int(TargetKind.SURFACE)
+_SPACECRAFT, _EARTH = int(TargetKind.SPACECRAFT), int(TargetKind.EARTH)
 
 #: Wheel speed over its limit from which on saturation costs.
 SATURATION_FROM = 0.9
@@ -141,15 +141,15 @@ def take_pictures(
         Whether there are such.
     """
     any_doubt, radius = False, mission.numbers[0]
-    new = np.empty(books.seen.shape[1], np.bool_)
+    new, C_CA, observers = np.empty(books.seen.shape[1], np.bool_), np.empty((3, 3)), int(mission.numbers[13])
     for e in range(due.shape[0]):
         doubt[e] = False
         if not due[e]:
             continue
-        for j in range(int(mission.numbers[13])):
-            if books.lost[e, j] or blind[e, j] or (kind[e, j] != _ASTEROID and kind[e, j] != _SURFACE):
+        for j in range(observers):
+            if not takes_picture(j, observers, kind[e, j], not (books.lost[e, j] or blind[e, j])):
                 continue
-            C_CA = _dcm_BA(now, e, j)
+            relative_dcm(now.C_BN[e, j], now.C_AN[e], C_CA)
             r = now.r_A[e, j]
             inside = r[0] * r[0] + r[1] * r[1] + r[2] * r[2] < radius * radius
             gained, pixels, doubt[e, j] = new_cells(scene, r, C_CA, inside, books.seen[e], new)
@@ -169,16 +169,6 @@ def write_down(books: EpisodeTotals, e: int, j: int, new: Mask, t: float, area: 
             books.first_seen[e, i] = t
     books.area[e] += area
     books.stored[e, j] += bits
-
-
-@kernel
-def _dcm_BA(now: Now, e: int, j: int) -> Array:
-    out = np.empty((3, 3))
-    B, A = now.C_BN[e, j], now.C_AN[e]
-    for i in range(3):
-        for k in range(3):
-            out[i, k] = B[i, 0] * A[k, 0] + B[i, 1] * A[k, 1] + B[i, 2] * A[k, 2]
-    return out
 
 
 @kernel
@@ -333,8 +323,7 @@ def _read(
         for w in range(wheels):
             out[at + 18 + w] = now.wheel[e, j, w] / numbers[6]
         at += 18 + wheels
-        looks = kind[j] == _ASTEROID or kind[j] == _SURFACE
-        out[at] = 1.0 if looks and j < numbers[13] and not books.lost[e, j] else 0.0
+        out[at] = 1.0 if takes_picture(j, numbers[13], kind[j], not books.lost[e, j]) else 0.0
         out[at + 1] = 1.0 if books.closed[e, j] else 0.0
         out[at + 2] = books.stored[e, j] / numbers[11]
         out[at + 3 + kind[j]] = 1.0

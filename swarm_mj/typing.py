@@ -6,7 +6,7 @@ Shapes, units and frames are no part of a type; the docstrings say them.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,8 @@ Indices: TypeAlias = NDArray[np.intp]
 Mask: TypeAlias = NDArray[np.bool_]
 Pixels: TypeAlias = NDArray[np.uint8]
 
+_Function = TypeVar("_Function", bound=Callable[..., Any])
+
 
 def kernel(function: Callable[..., Any]) -> Any:
     """Compile a function by Numba when it is first called, and keep the machine code on disk beside the function's own file.
@@ -29,3 +31,14 @@ def kernel(function: Callable[..., Any]) -> Any:
     from numba import njit
 
     return njit(cache=True, nogil=True, error_model="numpy")(function)
+
+
+def jittable(function: _Function) -> _Function:
+    """Let compiled code call a plain function as well, so that one statement of a rule serves arrays and kernels alike.
+
+    In Python it stays what it is and takes NumPy's arrays; a kernel that calls it gets it compiled for numbers. Its body must
+    therefore be valid for both: `&` and `|` instead of `and` and `or`.
+    """
+    from numba.extending import register_jitable
+
+    return register_jitable(error_model="numpy")(function)

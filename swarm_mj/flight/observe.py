@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 
-import numpy as np
 import xarray as xr
 
-from swarm_mj.flight.fly import asteroid_attitudes
 from swarm_mj.flight.plan import Plan
+from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.camera import CameraModel
-from swarm_mj.observation.coverage import CoverageMap, ObservationCriterion, observe
-from swarm_mj.observation.observer import make_observer
+from swarm_mj.observation.capture import (
+    ObservationCriterion,
+    Picture,
+    PictureSchedule,
+    observe,
+    pictures,
+    watching,
+)
+from swarm_mj.observation.coverage import CoverageMap
+from swarm_mj.observation.observer import Observer, make_observer
 from swarm_mj.scenarios.schema import Scenario
-from swarm_mj.simulator.telemetry import OBSERVING
 from swarm_mj.spacecraft.attitude.mrp import dcm
+from swarm_mj.typing import Ints, Mask
 
 Progress = Callable[[float], None]
 
@@ -64,6 +71,26 @@ def criterion_from(scenario: Scenario) -> ObservationCriterion:
     )
 
 
+def schedule_from(scenario: Scenario, period_s: float) -> PictureSchedule:
+    """When pictures that count are taken, by the scenario, in instants of a clock with this period [s]."""
+    return PictureSchedule.by_clock(
+        period_s,
+        interval_s=scenario.observation.interval_s,
+        visit_s=scenario.design.time_of_flight_s,
+        visit_only=scenario.observation.criterion == "visit",
+    )
+
+
+def observer_from(scenario: Scenario, region: TargetRegion) -> Observer:
+    """The scenario's observer of a target; close it after use.
+
+    Raises:
+        ObserverError: It is not available here.
+    """
+    observation = scenario.observation
+    return make_observer(region, camera_from(scenario), kind=observation.observer, occlusion=observation.occlusion)
+
+
 def observe_flight(plan: Plan, telemetry: xr.Dataset, progress: Progress | None = None) -> ObservationResult:
     """Measure what the observers' cameras saw during a flight.
 
@@ -80,24 +107,19 @@ def observe_flight(plan: Plan, telemetry: xr.Dataset, progress: Progress | None 
     """
     scenario = plan.scenario
     criterion = criterion_from(scenario)
-    passage = CoverageMap(plan.region.area, plan.n)
-    visit = CoverageMap(plan.region.area, plan.n)
-    pictures = _pictures(plan, telemetry)
-    r_BN_N, C_BN, C_AN = telemetry["r_BN_N"].values, dcm(telemetry["sigma_BN"].values), asteroid_attitudes(telemetry)
-    times = telemetry["time"].values
-    observation = scenario.observation
-    observer = make_observer(
-        plan.region, camera_from(scenario), kind=observation.observer, occlusion=observation.occlusion
-    )
+    passage, visit = (CoverageMap(plan.region.area, plan.n) for _ in range(2))
+    visit_s = telemetry["time"].values[visit_sample(scenario)]
+    observer = observer_from(scenario, plan.region)
+    images = 0
     try:
-        for count, (k, j) in enumerate(pictures):
-            sun_A = C_AN[k] @ plan.environment.sun.at(times[k])
-            seen = observe(observer, C_AN[k] @ r_BN_N[k, j], C_BN[k, j] @ C_AN[k].T, criterion, sun_A)
-            passage.add(times[k], j, seen)
-            if k == visit_sample(scenario):
-                visit.add(times[k], j, seen)
+        for picture in flight_pictures(plan, telemetry):
+            seen = observe(observer, picture.r_A, picture.C_CA, criterion, picture.sun_A)
+            passage.add(picture.t, picture.spacecraft, seen)
+            if picture.t == visit_s:
+                visit.add(picture.t, picture.spacecraft, seen)
+            images += 1
             if progress is not None:
-                progress(count + 1)
+                progress(images)
     finally:
         observer.close()
     return ObservationResult(
@@ -105,29 +127,40 @@ def observe_flight(plan: Plan, telemetry: xr.Dataset, progress: Progress | None 
         passage=passage,
         observer=observer.name,
         note=observer.note,
-        images=len(pictures),
+        images=images,
     )
 
 
-def visit_sample(scenario: Scenario) -> int:
-    """Number of the telemetry sample at the instant of the visit."""
-    return round(scenario.design.time_of_flight_s / scenario.telemetry.interval_s)
+def flight_pictures(plan: Plan, telemetry: xr.Dataset) -> Iterator[Picture]:
+    """All pictures of a flight, in order of time."""
+    who, environment = watching_in(telemetry, plan.n_observers), plan.environment
+    r_BN_N, C_BN = telemetry["r_BN_N"].values, dcm(telemetry["sigma_BN"].values)
+    for k in _picture_samples(plan.scenario, telemetry):
+        t = float(telemetry["time"].values[k])
+        yield from pictures(t, who[k], r_BN_N[k], C_BN[k], environment.C_AN(t), environment.sun.at(t))
 
 
 def picture_count(plan: Plan, telemetry: xr.Dataset) -> int:
     """Number of pictures that `observe_flight` will judge."""
-    return len(_pictures(plan, telemetry))
+    who = watching_in(telemetry, plan.n_observers)
+    return int(who[_picture_samples(plan.scenario, telemetry)].sum())
 
 
-def _pictures(plan: Plan, telemetry: xr.Dataset) -> list[tuple[int, int]]:
-    """Sample and spacecraft of every picture, in order of time."""
-    scenario = plan.scenario
-    every = round(scenario.observation.interval_s / scenario.telemetry.interval_s)
-    samples = sorted({*range(0, telemetry.sizes["time"], every), visit_sample(scenario)})
-    observing = np.isin(telemetry["mode"].values[:, : plan.n_observers], OBSERVING)
-    if "camera_on" in telemetry:
-        observing &= telemetry["camera_on"].values[:, : plan.n_observers] == 1
-    return [(k, j) for k in samples for j in range(plan.n_observers) if observing[k, j]]
+def watching_in(telemetry: xr.Dataset, n_observers: int) -> Mask:
+    """Who would take a picture at each sample, shape (time, n)."""
+    camera_on = telemetry["camera_on"].values == 1 if "camera_on" in telemetry else True
+    return watching(n_observers, telemetry["mode"].values, camera_on)
+
+
+def visit_sample(scenario: Scenario) -> int:
+    """Number of the telemetry sample at the instant of the visit."""
+    return schedule_from(scenario, scenario.telemetry.interval_s).visit
+
+
+def _picture_samples(scenario: Scenario, telemetry: xr.Dataset) -> Ints:
+    """Samples at which pictures are taken during the whole passage."""
+    schedule = replace(schedule_from(scenario, scenario.telemetry.interval_s), visit_only=False)
+    return schedule.ticks(telemetry.sizes["time"] - 1)
 
 
 def add_coverage(telemetry: xr.Dataset, result: ObservationResult) -> None:

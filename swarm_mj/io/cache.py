@@ -16,8 +16,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swarm_mj.typing import Array32
-
 #: Half-written files of this age [s] belong to processes that were killed.
 ABANDONED_S = 3600.0
 
@@ -40,21 +38,21 @@ def hash_of(*parts: NDArray[Any] | str) -> str:
     return digest.hexdigest()[:32]
 
 
-def load_array(file: Path, shape: tuple[int, ...]) -> Array32 | None:
-    """A kept array, or None if it is missing, damaged or of another shape."""
+def load_array(file: Path, shape: tuple[int, ...], dtype: type[np.floating[Any]] = np.float32) -> NDArray[Any] | None:
+    """A kept array, or None if it is missing, damaged, or of another shape or type."""
     try:
         with file.open("rb") as kept:
             array = np.lib.format.read_array(kept, allow_pickle=False)
     except (OSError, ValueError, EOFError, MemoryError):  # MemoryError: a header that promises terabytes
         return None
-    if array.shape != shape or array.dtype != np.float32:
+    if array.shape != shape or array.dtype != dtype:
         return None
     with suppress(OSError):  # a cache that only others may write
         os.utime(file)  # used now, whatever the file system does about times of access
     return array
 
 
-def store_array(file: Path, array: Array32, *, folder_bytes: int | None = None) -> None:
+def store_array(file: Path, array: NDArray[Any], *, folder_bytes: int | None = None) -> None:
     """Keep an array; a cache that cannot be written only costs time.
 
     Args:

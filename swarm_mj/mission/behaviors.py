@@ -15,7 +15,7 @@ from typing import Any, ClassVar, NamedTuple, Protocol, runtime_checkable
 import numpy as np
 
 from swarm_mj.errors import MissionError
-from swarm_mj.typing import Array, Ints, kernel
+from swarm_mj.typing import Array, Ints, jittable, kernel
 
 #: More than any small body pulls at its surface (Ceres 0.3, Eros 0.006) [m/s^2].
 STRONGEST_PULL = 1.0
@@ -29,6 +29,15 @@ class TargetKind(IntEnum):
     EARTH = 2
     SURFACE = 3  #: a point fixed in A
     DIRECTION = 4  #: a direction fixed in N
+
+
+_ASTEROID, _SURFACE = int(TargetKind.ASTEROID), int(TargetKind.SURFACE)
+
+
+@jittable
+def looks_at_body(kind: Any) -> Any:
+    """Whether lines of sight of these kinds, a number or an array of them, go to the body, so that its camera sees it."""
+    return (kind == _ASTEROID) | (kind == _SURFACE)
 
 
 class SwarmView(NamedTuple):

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from swarm_mj.observation.coverage import ObservationCriterion
+from swarm_mj.observation.capture import ObservationCriterion
 from swarm_mj.observation.horizon import HorizonObserver, stands_clear
 from swarm_mj.typing import Array, Array32, Mask, kernel
 

@@ -6,12 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from swarm_mj.mission.behaviors import TargetKind
+from swarm_mj.mission.behaviors import TargetKind, looks_at_body
 from swarm_mj.rendering.palette import FAINT, MODES, Rgb
 from swarm_mj.typing import Array, Ints, Mask
-
-#: Kinds of targets at which a camera looks.
-LOOKS_AT_BODY = (TargetKind.ASTEROID, TargetKind.SURFACE)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -62,7 +59,7 @@ class Instant:
     @property
     def looks_at_body(self) -> Mask:
         """Whether each spacecraft points a camera that is on at the body, shape (n,)."""
-        looks = np.isin(self.kind, LOOKS_AT_BODY) & self.works
+        looks: Mask = looks_at_body(self.kind) & self.works
         return looks if self.blind is None else looks & ~self.blind
 
     @property
@@ -75,7 +72,7 @@ class Instant:
     @property
     def sight_length(self) -> Array:
         """How far each line of sight is drawn [m]: to the body's centre, to the spacecraft tracked; 0: without end."""
-        length = np.where(np.isin(self.kind, LOOKS_AT_BODY), np.linalg.norm(self.r_BN_N, axis=1), 0.0)
+        length = np.where(looks_at_body(self.kind), np.linalg.norm(self.r_BN_N, axis=1), 0.0)
         to_other = self.kind == TargetKind.SPACECRAFT
         other = self.tracked[to_other]
         length[to_other] = np.linalg.norm(self.r_BN_N[to_other] - self.r_BN_N[other], axis=1)

@@ -9,12 +9,12 @@ import numpy as np
 
 from swarm_mj.errors import MissionError
 from swarm_mj.flight.fly import make_simulation
-from swarm_mj.flight.observe import camera_from, criterion_from
+from swarm_mj.flight.observe import criterion_from, observer_from, schedule_from
 from swarm_mj.flight.plan import Plan
 from swarm_mj.mission.behaviors import Targets
 from swarm_mj.mission.trajectories import propagate
-from swarm_mj.observation.coverage import CoverageMap, observe
-from swarm_mj.observation.raycast import RayCastObserver
+from swarm_mj.observation.capture import observe, pictures, watching
+from swarm_mj.observation.coverage import CoverageMap
 from swarm_mj.rendering.frame import Instant
 from swarm_mj.rendering.replay import trail_points
 from swarm_mj.spacecraft.attitude.mrp import dcm, mrp_from_quaternion
@@ -66,19 +66,24 @@ class Trail:
 class LiveFlight:
     """A simulation that is flown while one looks on.
 
-    Pictures are judged by ray casting, by the scenario's criterion, at the times of `swarm_mj.flight.observe.observe_flight`.
+    Its pictures are those of `swarm_mj.flight.observe.observe_flight`, taken at the same times and judged by the same observer,
+    as far as they count by the scenario's criterion. An observer that draws with OpenGL must be used in one thread: make, fly
+    and close the flight in the same one.
 
     Args:
         plan: What to fly.
+
+    Raises:
+        ObserverError: The scenario's observer is not available here.
     """
 
     def __init__(self, plan: Plan) -> None:
         self.plan = plan
-        self._observer = RayCastObserver(plan.region, camera_from(plan.scenario))
+        period = plan.scenario.control.period_s
+        self._observer = observer_from(plan.scenario, plan.region)
         self._criterion = criterion_from(plan.scenario)
-        self._every = round(plan.scenario.observation.interval_s / plan.scenario.control.period_s)
-        self._visit = round(plan.scenario.design.time_of_flight_s / plan.scenario.control.period_s)
-        self._last = round(plan.scenario.duration_s / plan.scenario.control.period_s)
+        self._schedule = schedule_from(plan.scenario, period)
+        self._last = round(plan.scenario.duration_s / period)
         self.restart()
 
     def restart(self) -> None:
@@ -113,6 +118,15 @@ class LiveFlight:
             self._simulation.advance()
             self._decide()
 
+    @property
+    def coverage(self) -> CoverageMap:
+        """What the swarm has observed so far, by the scenario's criterion."""
+        return self._coverage
+
+    def close(self) -> None:
+        """Release the observer; the flight cannot go on."""
+        self._observer.close()
+
     def instant(self) -> Instant:
         """What there is to draw now."""
         state, _ = self._simulation.model.state(self._simulation.data)
@@ -133,16 +147,15 @@ class LiveFlight:
 
     def _decide(self) -> None:
         self._targets: Targets = self._simulation.decide()
-        tick, visit_only = self._simulation.tick, self.plan.scenario.observation.criterion == "visit"
-        if tick == self._visit or (not visit_only and tick % self._every == 0):
+        if self._schedule.due(self._simulation.tick):
             self._take_pictures()
 
     def _take_pictures(self) -> None:
-        now = self.instant()
-        sun_A = now.C_AN @ self.plan.environment.sun.at(now.t)
-        for j in np.flatnonzero(now.looks_at_body[: self.plan.n_observers]):
-            seen = observe(self._observer, now.C_AN @ now.r_BN_N[j], now.C_BN[j] @ now.C_AN.T, self._criterion, sun_A)
-            self._coverage.add(now.t, int(j), seen)
+        now, sun = self.instant(), self.plan.environment.sun
+        who = watching(self.plan.n_observers, now.kind, self._simulation.camera_on)
+        for picture in pictures(now.t, who, now.r_BN_N, now.C_BN, now.C_AN, sun.at(now.t)):
+            seen = observe(self._observer, picture.r_A, picture.C_CA, self._criterion, picture.sun_A)
+            self._coverage.add(picture.t, picture.spacecraft, seen)
 
 
 class Player:

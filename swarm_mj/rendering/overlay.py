@@ -12,9 +12,9 @@ import matplotlib
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from swarm_mj.mission.behaviors import TargetKind
+from swarm_mj.mission.behaviors import TargetKind, looks_at_body
 from swarm_mj.rendering.canvas import Box, Projection
-from swarm_mj.rendering.frame import LOOKS_AT_BODY, Instant
+from swarm_mj.rendering.frame import Instant
 from swarm_mj.rendering.labels import Rect, groups, place_label
 from swarm_mj.rendering.palette import FAINT, MODES, SEEN, TEXT, UNSEEN_BORDER, Rgb
 from swarm_mj.typing import Array, Pixels
@@ -275,7 +275,7 @@ def deed(instant: Instant, names: Sequence[str], j: int) -> str:
     kind = TargetKind(int(instant.kind[j]))
     if not instant.works[j]:
         return "is lost"
-    if kind in LOOKS_AT_BODY and not instant.looks_at_body[j]:
+    if looks_at_body(kind) and not instant.looks_at_body[j]:
         return "has its camera off"
     if kind not in (TargetKind.SPACECRAFT, TargetKind.EARTH):
         return DEEDS[kind]

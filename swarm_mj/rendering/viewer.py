@@ -10,7 +10,7 @@ import sys
 import threading
 import warnings
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import closing, suppress
 from typing import Any
 
 import mujoco
@@ -60,17 +60,16 @@ def run_view(
     console = Console()
     console.print(f"{scenario.name}: preparing the flight (compiles on first use)", markup=False, highlight=False)
     plan = make_plan(scenario)
-    player = Player(LiveFlight(plan), speed)
     view = overview(plan, planned_path(plan), ASPECT)
     model = build_drawing_model(plan, magnification_for(plan, view.distance))
-    model.place(player.now)
-    if in_browser:
-        with suppress(KeyboardInterrupt):  # the way to end it
+    with closing(LiveFlight(plan)) as flight, suppress(KeyboardInterrupt):  # the way to end it in a browser
+        player = Player(flight, speed)
+        model.place(player.now)
+        if in_browser:
             show_in_browser(model, player, view, port, host or LOOPBACK)
-        return
-    console.print(HELP, markup=False, highlight=False)
-    with suppress(KeyboardInterrupt):
-        show_in_window(model, player, view.camera())
+        else:
+            console.print(HELP, markup=False, highlight=False)
+            show_in_window(model, player, view.camera())
 
 
 def has_display() -> bool:

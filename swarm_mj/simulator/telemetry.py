@@ -13,7 +13,6 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.simulator.recorder import Record
 from swarm_mj.smallbody.environment import Environment
 from swarm_mj.spacecraft.attitude.guidance import pointing_error
@@ -34,7 +33,6 @@ PEAKS = (
         "time in which a limit of torque or speed cut what the controller asked for",
     ),
 )
-OBSERVING = (TargetKind.ASTEROID, TargetKind.SURFACE)
 
 
 def dataset(

@@ -8,7 +8,8 @@ import pytest
 from swarm_mj.errors import MissionError
 from swarm_mj.mission.target import automatic_cell_size, build_target
 from swarm_mj.observation.camera import CameraModel, look_at
-from swarm_mj.observation.coverage import CoverageMap, ObservationCriterion, observe
+from swarm_mj.observation.capture import ObservationCriterion, observe
+from swarm_mj.observation.coverage import CoverageMap
 from swarm_mj.observation.observer import make_observer
 from swarm_mj.observation.raycast import RayCastObserver
 from swarm_mj.smallbody.geodesic import geodesic_icosahedron

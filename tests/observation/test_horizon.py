@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from swarm_mj.observation.camera import CameraModel, look_at
-from swarm_mj.observation.coverage import ObservationCriterion, observe
+from swarm_mj.observation.capture import ObservationCriterion, observe
 from swarm_mj.observation.horizon import HorizonObserver, _look
 from swarm_mj.observation.illumination import lit
 from swarm_mj.observation.observer import make_observer

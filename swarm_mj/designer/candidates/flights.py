@@ -7,14 +7,16 @@ any rotation sees is counted, which for a square field of view is what its inscr
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from swarm_mj.errors import MissionError
+from swarm_mj.flight.observe import schedule_from
 from swarm_mj.flight.plan import Plan, as_planned, behavior_from, make_plan
 from swarm_mj.mission.behaviors import MissionBehavior, SwarmView, TargetKind
 from swarm_mj.mission.trajectories import propagate
+from swarm_mj.observation.capture import camera_poses, watching
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.simulator.recorder import sample_times
 from swarm_mj.spacecraft.attitude.guidance import track_line_of_sight
@@ -29,6 +31,7 @@ class CandidateFlights:
     Attributes:
         plan: The plan in which every visiting point has an observer.
         times: Times of pictures past the epoch, shape (t,) [s].
+        counts: Whether the scenario counts the pictures of that time, shape (t,).
         observing: Whether a candidate takes a picture then, shape (t, n).
         r_A: Positions in A, shape (t, n, 3) [m].
         C_CA: Commanded camera attitudes, shape (t, n, 3, 3).
@@ -37,6 +40,7 @@ class CandidateFlights:
 
     plan: Plan
     times: Array
+    counts: Mask
     observing: Mask
     r_A: Array
     C_CA: Array
@@ -68,42 +72,45 @@ def fly_candidates(scenario: Scenario) -> CandidateFlights:
     probe = scenario.model_copy(update={"design": scenario.design.model_copy(update={"visiting_points": (1,)})})
     n_points = make_plan(probe, check_separation=False).region.n_visiting
     plan = make_plan(all_points(scenario, n_points), check_separation=False)
-    times = _picture_times(scenario)
+    times, counts = _picture_times(scenario)
     n = plan.n_observers
     starts = np.broadcast_to(plan.deployment.r0_N, plan.deployment.v0_N.shape)
     r_N, v_N = propagate(plan.environment.acceleration_N, starts, plan.deployment.v0_N, times)
-    observing, C_BN, C_AN = _commanded(plan, times, r_N, v_N)
+    observing, r_A, C_CA = _commanded(plan, times, r_N, v_N)
     return CandidateFlights(
         plan=plan,
         times=times,
+        counts=counts,
         observing=observing[:, :n],
-        r_A=np.einsum("kij,knj->kni", C_AN, r_N)[:, :n],
-        C_CA=np.einsum("knij,klj->knil", C_BN, C_AN)[:, :n],
+        r_A=r_A[:, :n],
+        C_CA=C_CA[:, :n],
         delta_v=plan.deployment.delta_v[:n],
     )
 
 
-def _picture_times(scenario: Scenario) -> Array:
-    times = sample_times(scenario.duration_s, scenario.observation.interval_s)
-    visit = scenario.design.time_of_flight_s
-    return np.sort(np.append(times[np.abs(times - visit) > 1e-6], visit))
+def _picture_times(scenario: Scenario) -> tuple[Array, Mask]:
+    """Times of all pictures of the passage [s], and which of them count."""
+    times = sample_times(scenario.duration_s, scenario.telemetry.interval_s)
+    schedule = schedule_from(scenario, scenario.telemetry.interval_s)
+    ticks = replace(schedule, visit_only=False).ticks(len(times) - 1)
+    return times[ticks], schedule.due(ticks)
 
 
 def _commanded(plan: Plan, times: Array, r_N: Array, v_N: Array) -> tuple[Mask, Array, Array]:
-    """Whether each spacecraft observes, its commanded attitude C_BN, and the body's C_AN, at every time."""
+    """Whether each spacecraft takes a picture, where its camera is and how it is commanded to turn, at every time."""
     n = plan.n
     q_RN = np.tile([1.0, 0.0, 0.0, 0.0], (n, 1))
     base = q_RN.copy()
     observing = np.zeros((len(times), n), dtype=np.bool_)
-    C_BN, C_AN = np.empty((len(times), n, 3, 3)), np.empty((len(times), 3, 3))
+    r_A, C_CA = np.empty((len(times), n, 3)), np.empty((len(times), n, 3, 3))
     memory, zero, los = None, np.zeros((n, 3)), np.empty((n, 3))
     for k, t in enumerate(times):
-        C_AN[k] = plan.environment.C_AN(t)
-        targets, memory = plan.behavior.targets(SwarmView(float(t), r_N[k], v_N[k], C_AN[k]), memory)
+        C_AN = plan.environment.C_AN(t)
+        targets, memory = plan.behavior.targets(SwarmView(float(t), r_N[k], v_N[k], C_AN), memory)
         surface = targets.kind == TargetKind.SURFACE
-        observing[k] = surface | (targets.kind == TargetKind.ASTEROID)
+        observing[k] = watching(plan.n_observers, targets.kind)
         # Where nothing is observed the attitude does not matter; the body's centre serves.
-        rho = -r_N[k] + np.where(surface[:, None], targets.vector @ C_AN[k], 0.0)
+        rho = -r_N[k] + np.where(surface[:, None], targets.vector @ C_AN, 0.0)
         track_line_of_sight(rho, zero, zero, base, np.full(n, k == 0), q_RN, zero.copy(), zero.copy(), los)
-        C_BN[k] = dcm(mrp_from_quaternion(q_RN))
-    return observing, C_BN, C_AN
+        r_A[k], C_CA[k] = camera_poses(r_N[k], dcm(mrp_from_quaternion(q_RN)), C_AN)
+    return observing, r_A, C_CA

@@ -20,16 +20,15 @@ from swarm_mj.io.cache import cache_folder, hash_of, load_array, store_array
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.camera import CameraModel
 from swarm_mj.observation.observer import Observer, ObserverKind, make_observer
-from swarm_mj.typing import Array, Array32, Indices, Mask
+from swarm_mj.typing import Array, Indices, Mask
 
-Shares = Array32
 Progress = Callable[[float], None]
 
 #: With fewer pictures than these, starting processes takes longer than judging them here.
 MIN_PARALLEL = 1000
 
 #: Raise when the meaning of a stored picture changes.
-CACHE_VERSION = 1
+CACHE_VERSION = 2
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,7 +58,7 @@ def visible_shares(
     at: Mask | None = None,
     workers: int | None = None,
     progress: Progress | None = None,
-) -> list[Shares]:
+) -> list[Array]:
     """Visible share of every cell in every picture of every candidate.
 
     Args:
@@ -79,7 +78,9 @@ def visible_shares(
         k = picture_numbers(flights, j, at)
         jobs.append((flights.r_A[k, j], flights.C_CA[k, j]))
     files = [folder / f"{hash_of(*job)}.npy" for job in jobs]
-    shares = [load_array(file, (len(job[0]), region.n_cells)) for file, job in zip(files, jobs, strict=True)]
+    shares = [
+        load_array(file, (len(job[0]), region.n_cells), np.float64) for file, job in zip(files, jobs, strict=True)
+    ]
     missing = [j for j, share in enumerate(shares) if share is None]
     done = flights.n - len(missing)
     if progress is not None:
@@ -101,7 +102,7 @@ def picture_numbers(flights: CandidateFlights, candidate: int, at: Mask | None =
 
 def _compute(
     region: TargetRegion, imaging_model: ImagingModel, jobs: dict[int, tuple[Array, Array]], workers: int | None
-) -> Iterator[tuple[int, Shares]]:
+) -> Iterator[tuple[int, Array]]:
     """Judge candidates: pairs of candidate and shares, as they finish."""
     if not jobs:
         return
@@ -136,8 +137,8 @@ def _close() -> None:
     _observer.pop().close()
 
 
-def _judge(r_A: Array, C_CA: Array) -> Shares:
-    shares = np.empty((len(r_A), _observer[-1].region.n_cells), np.float32)
+def _judge(r_A: Array, C_CA: Array) -> Array:
+    shares = np.empty((len(r_A), _observer[-1].region.n_cells))
     for k in range(len(r_A)):
         shares[k] = _observer[-1].visible_fraction(r_A[k], C_CA[k])
     return shares

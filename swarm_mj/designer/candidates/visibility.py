@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from contextlib import closing
 from dataclasses import dataclass, replace
+from functools import cache, partial
 from itertools import product
 from typing import NamedTuple
 
@@ -13,10 +16,8 @@ from swarm_mj.designer.candidates.pictures import ImagingModel, Progress, pictur
 from swarm_mj.flight.observe import camera_from, criterion_from
 from swarm_mj.flight.plan import load_body_shape, target_from
 from swarm_mj.mission.target import TargetRegion
-from swarm_mj.observation.coverage import ObservationCriterion, within_limits
-from swarm_mj.observation.horizon import HorizonObserver
-from swarm_mj.observation.illumination import lit
-from swarm_mj.observation.raytracing import RayTracer
+from swarm_mj.observation.capture import ObservationCriterion, cells_that_count, lit_cells
+from swarm_mj.observation.observer import Observer
 from swarm_mj.scenarios.loading import scenario_from
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.typing import Array, Mask
@@ -154,42 +155,28 @@ def seen_cells(
     progress: Progress | None = None,
 ) -> Mask:
     """Whether each candidate sees each cell of a region by the scenario's criterion, shape (n, cells)."""
-    at = None
-    if scenario.observation.criterion == "visit":
-        at = np.isclose(flights.times, scenario.design.time_of_flight_s, rtol=0.0, atol=1e-6)
-    shares = visible_shares(flights, region, imaging_model, at=at, workers=workers, progress=progress)
+    shares = visible_shares(flights, region, imaging_model, at=flights.counts, workers=workers, progress=progress)
     criterion = criterion_from(scenario)
-    light = _light(flights, region, criterion, imaging_model)
     seen = np.zeros((flights.n, region.n_cells), dtype=np.bool_)
-    for j, share in enumerate(shares):
-        for row, k in enumerate(picture_numbers(flights, j, at)):
-            visible = share[row] > 0.0 if criterion.any_pixel else share[row] >= criterion.min_fraction
-            if visible.any():
-                seen[j] |= (
-                    visible & within_limits(region, imaging_model.camera, flights.r_A[k, j], criterion) & light[k]
+    with closing(imaging_model.open(region)) as observer:
+        light = _light_by_time(flights, observer, criterion)
+        for j, share in enumerate(shares):
+            for row, k in enumerate(picture_numbers(flights, j, flights.counts)):
+                seen[j] |= cells_that_count(
+                    observer, criterion, flights.r_A[k, j], partial(light, int(k)), partial(share.__getitem__, row)
                 )
     return seen
 
 
-def _light(
-    flights: CandidateFlights, region: TargetRegion, criterion: ObservationCriterion, imaging_model: ImagingModel
-) -> Mask:
-    """Whether each cell is lit at each picture time, shape (t, cells)."""
-    light = np.ones((len(flights.times), region.n_cells), dtype=np.bool_)
-    if not criterion.needs_sun:
-        return light
+def _light_by_time(
+    flights: CandidateFlights, observer: Observer, criterion: ObservationCriterion
+) -> Callable[[int], Mask]:
+    """Gives which cells are lit at one of the flights' times, worked out once for all candidates."""
     environment = flights.plan.environment
-    tracer = RayTracer(region.vertices, region.faces) if criterion.shadows else None
-    limit = 90.0 if criterion.max_incidence_deg is None else criterion.max_incidence_deg
-    maps = (
-        HorizonObserver(region, imaging_model.camera).horizon
-        if tracer is not None and imaging_model.kind == "horizon"
-        else None
-    )
-    for k, t in enumerate(flights.times):
-        sun_A = environment.C_AN(float(t)) @ environment.sun.at(float(t))
-        if maps is not None:
-            light[k] = lit(region, sun_A, max_incidence_deg=limit) & (maps.open_to(sun_A).mean(axis=1) >= 0.5)
-        else:
-            light[k] = lit(region, sun_A, max_incidence_deg=limit, tracer=tracer)
+
+    @cache
+    def light(k: int) -> Mask:
+        t = float(flights.times[k])
+        return lit_cells(observer, criterion, environment.C_AN(t) @ environment.sun.at(t))
+
     return light

@@ -10,8 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from swarm_mj.flight.fly import asteroid_attitudes
-from swarm_mj.flight.observe import ObservationResult, camera_from, visit_sample
+from swarm_mj.flight.observe import ObservationResult, camera_from, flight_pictures, visit_sample
 from swarm_mj.flight.plan import Plan
 from swarm_mj.observation.camera import CameraModel, CameraPose
 from swarm_mj.results.figures.ground_track import MAX_NUMBERED, number_places
@@ -26,7 +25,6 @@ from swarm_mj.results.figures.maps import (
     target_outline,
     whole_body,
 )
-from swarm_mj.results.figures.modes import modes_shown
 from swarm_mj.results.figures.panels import legend_below
 from swarm_mj.results.figures.style import (
     BLACK,
@@ -42,9 +40,7 @@ from swarm_mj.results.figures.style import (
     time_axis,
 )
 from swarm_mj.results.figures.view import HIDING_DEPTH, depth_of, face_colours, tracer_of, unit
-from swarm_mj.simulator.telemetry import OBSERVING
 from swarm_mj.smallbody.shape import ShapeModel
-from swarm_mj.spacecraft.attitude.mrp import dcm
 from swarm_mj.typing import Array
 
 #: Places along a parallel: of the painted ground, of the outlines, and when looking for what the map must hold.
@@ -60,15 +56,19 @@ def compose_footprints(plan: Plan, telemetry: xr.Dataset, result: ObservationRes
     mesh, scenario = plan.region.mesh, plan.scenario
     camera = camera_from(scenario)
     shown = shown_spacecraft(plan.n_observers)
-    visit = visit_sample(scenario)
-    poses = {int(j): _pose(telemetry, visit, int(j)) for j in shown if _observes(telemetry, visit, int(j))}
+    visit_s = telemetry["time"].values[visit_sample(scenario)]
+    taken = list(flight_pictures(plan, telemetry))
+    poses = {
+        picture.spacecraft: picture.pose for picture in taken if picture.t == visit_s and picture.spacecraft in shown
+    }
     window = _window(plan, camera, list(poses.values()))
     figure = new_figure(7.0, f"Footprints of the pictures: {scenario.name}{note_of_omission(plan.n_observers, shown)}")
     ax = figure.subplots()
     _paint_ground(ax, plan, result, window)
     ground = survey(mesh, window, OUTLINE_COLUMNS)
     if scenario.observation.criterion == "passage":
-        _draw_union(ax, _passage_poses(plan, telemetry), camera, mesh, ground)
+        passage = [picture.pose for picture in taken[:: 1 + len(taken) // MAX_PICTURES]]
+        _draw_union(ax, passage, camera, mesh, ground)
     draw_track(ax, target_outline(plan.region), window.centre_longitude, color=BLACK, linewidth=2.2, zorder=3)
     colours = dict(zip(shown.tolist(), spacecraft_colours(len(shown)), strict=True))
     outlines: list[Array] = []
@@ -117,31 +117,6 @@ def view_margin(camera: CameraModel, pose: CameraPose, ground: Ground, body: Sha
     hidden = (hit >= 0) & (depth < distance[row, column] - HIDING_DEPTH * body.max_radius)
     margin[row[hidden], column[hidden]] *= -1.0
     return margin
-
-
-def _observes(telemetry: xr.Dataset, k: int, j: int) -> bool:
-    on = "camera_on" not in telemetry or telemetry["camera_on"].values[k, j] == 1
-    return bool(on and np.isin(modes_shown(telemetry)[k, j], OBSERVING))
-
-
-def _pose(telemetry: xr.Dataset, k: int, j: int) -> CameraPose:
-    sample = telemetry.isel(time=k)
-    C_AN = asteroid_attitudes(sample)
-    C_BN = dcm(sample["sigma_BN"].values[j])
-    return CameraPose(C_AN @ sample["r_BN_N"].values[j], C_BN @ C_AN.T)
-
-
-def _passage_poses(plan: Plan, telemetry: xr.Dataset) -> list[CameraPose]:
-    """Poses of the pictures of the whole passage, thinned."""
-    observation = plan.scenario.observation
-    every = round(observation.interval_s / plan.scenario.telemetry.interval_s)
-    pictures = [
-        (k, j)
-        for k in range(0, telemetry.sizes["time"], every)
-        for j in range(plan.n_observers)
-        if _observes(telemetry, k, j)
-    ]
-    return [_pose(telemetry, k, j) for k, j in pictures[:: 1 + len(pictures) // MAX_PICTURES]]
 
 
 def _window(plan: Plan, camera: CameraModel, poses: list[CameraPose]) -> Window:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from swarm_mj.flight.fly import asteroid_attitudes
 from swarm_mj.flight.plan import Plan
-from swarm_mj.mission.behaviors import TargetKind
+from swarm_mj.mission.behaviors import TargetKind, looks_at_body
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.results.figures.modes import LOST, modes_shown
 from swarm_mj.results.figures.view import KM, View, first_hits, unit, views_of, visible_share
@@ -67,8 +67,8 @@ def axis_tips(telemetry: xr.Dataset, scene: Scene, body: ShapeModel, k: int, fre
     """
     r, mode, tracked = scene.r_A[k], scene.mode[k], telemetry["tracked_spacecraft"].values[k]
     length = np.where(mode == LOST, 0.0, free)
-    asteroid, other = mode == TargetKind.ASTEROID, mode == TargetKind.SPACECRAFT
-    length[asteroid] = first_hits(r[asteroid], scene.z_A[k, asteroid], np.linalg.norm(r[asteroid], axis=1), body)
+    down, other = looks_at_body(mode), mode == TargetKind.SPACECRAFT
+    length[down] = first_hits(r[down], scene.z_A[k, down], np.linalg.norm(r[down], axis=1), body)
     length[other] = np.linalg.norm(r[other] - r[tracked[other]], axis=1)
     return r + length[:, None] * scene.z_A[k]
 

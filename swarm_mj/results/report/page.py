@@ -23,6 +23,7 @@ from plotly.offline import get_plotlyjs
 from swarm_mj import __version__
 from swarm_mj.errors import OutputError
 from swarm_mj.io.atomic import write_text
+from swarm_mj.mission.behaviors import looks_at_body
 from swarm_mj.results.figures.modes import LOST, MODE_LOOKS
 from swarm_mj.results.figures.style import ORANGE, SKY_BLUE, time_axis
 from swarm_mj.results.report import COMPARISON_NAME, REPORT_NAME
@@ -39,7 +40,6 @@ from swarm_mj.results.report.sections import (
     summary_section,
 )
 from swarm_mj.results.run_record import RunRecord
-from swarm_mj.simulator.telemetry import OBSERVING
 
 #: Files of the page's own style and behaviour, in order.
 STYLE, SCRIPTS = "page.css", ("mesh.js", "names.js", "scene.js", "page.js")
@@ -277,7 +277,7 @@ def page_data(runs: Sequence[RunRecord], replays: Sequence[Replay], labels: Sequ
         "axis_seconds": time_axis(longest).seconds,
         "visit_s": runs[0].scenario.design.time_of_flight_s,
         "modes": [
-            {"meaning": look.meaning, "colour": look.line_colour, "observing": mode in OBSERVING}
+            {"meaning": look.meaning, "colour": look.line_colour, "observing": bool(looks_at_body(mode))}
             for mode, look in enumerate(MODE_LOOKS)
         ],
         "plots": _plain(figure),

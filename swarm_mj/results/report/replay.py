@@ -13,13 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarm_mj.flight.fly import asteroid_attitudes
-from swarm_mj.mission.behaviors import TargetKind
+from swarm_mj.flight.observe import watching_in
+from swarm_mj.mission.behaviors import TargetKind, looks_at_body
 from swarm_mj.observation.coverage import CoverageMap
 from swarm_mj.observation.raytracing import RayTracer
 from swarm_mj.results.figures.modes import LOST
 from swarm_mj.results.report.simplify import simplify
 from swarm_mj.results.run_record import RunRecord
-from swarm_mj.simulator.telemetry import OBSERVING
 from swarm_mj.spacecraft.attitude.mrp import dcm
 from swarm_mj.spacecraft.properties import RPM
 from swarm_mj.typing import Array, Indices, Ints, Mask
@@ -160,15 +160,13 @@ def _scene(run: RunRecord, samples: Indices, shown: Indices, mode: NDArray[np.in
         "sun": f32(_directions(C_AN, run.telemetry.attrs["sun_N_m"])),
         "earth": f32(_directions(C_AN, run.telemetry.attrs["earth_N_m"])),
     }
-    watching = shown[: min(run.n_observers, len(shown))]
+    observers = shown[: min(run.n_observers, len(shown))]
     rays = border_rays(run.scenario.camera.half_angle_deg, run.scenario.camera.shape)
-    if len(samples) * len(watching) * len(rays) <= limits.rays:
-        scene["C"] = f32(C_BA[:, watching])
+    if len(samples) * len(observers) * len(rays) <= limits.rays:
+        scene["C"] = f32(C_BA[:, observers])
         scene["rays"] = f32(rays)
-        taken = np.isin(mode[:, : len(watching)], OBSERVING)
-        if "camera_on" in telemetry:
-            taken &= telemetry["camera_on"].values[:, watching].astype(bool)
-        scene["ray_length"] = f32(_border_lengths(ground, r_A[:, watching], C_BA[:, watching], rays, taken) / KM)
+        taken = watching_in(telemetry, run.n_observers)[:, observers]
+        scene["ray_length"] = f32(_border_lengths(ground, r_A[:, observers], C_BA[:, observers], rays, taken) / KM)
     return scene
 
 
@@ -204,7 +202,7 @@ def _lengths(
     """
     r, z_A = r_A[:, shown], C_BA[..., 2, :]
     length = np.where(mode == LOST, 0.0, free)
-    down = np.isin(mode, OBSERVING)
+    down = looks_at_body(mode)
     distance = ground.distance(r[down], z_A[down])
     length[down] = np.where(np.isfinite(distance), distance, np.linalg.norm(r[down], axis=-1))
     sample, j = np.nonzero((mode == TargetKind.SPACECRAFT) & (tracked >= 0))

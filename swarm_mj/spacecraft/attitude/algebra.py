@@ -5,9 +5,9 @@ nothing is allocated. Quaternions are (w, x, y, z) with MuJoCo's meaning, v_N = 
 """
 
 from math import sqrt
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
-from swarm_mj.typing import Array, kernel
+from swarm_mj.typing import Array, jittable, kernel
 
 Vector: TypeAlias = tuple[float, float, float]
 Quaternion: TypeAlias = tuple[float, float, float, float]
@@ -37,9 +37,9 @@ def put_quaternion(rows: Array, i: int, q: Quaternion) -> None:
     rows[i, 0], rows[i, 1], rows[i, 2], rows[i, 3] = q
 
 
-@kernel
-def dot(a: Vector, b: Vector) -> float:
-    """Return a . b."""
+@jittable
+def dot(a: Any, b: Any) -> Any:
+    """Return a . b of vectors whose components are numbers, or arrays of them."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
@@ -61,14 +61,22 @@ def combine(p: float, a: Vector, r: float, b: Vector) -> Vector:
     return p * a[0] + r * b[0], p * a[1] + r * b[1], p * a[2] + r * b[2]
 
 
-@kernel
-def times(matrix: Array, v: Vector) -> Vector:
-    """Return the product of a matrix of shape (3, 3) with v."""
+@jittable
+def times(matrix: Array, v: Any) -> Any:
+    """Return the product of a matrix of shape (3, 3) with v, whose components are numbers, or arrays of them."""
     return (
         matrix[0, 0] * v[0] + matrix[0, 1] * v[1] + matrix[0, 2] * v[2],
         matrix[1, 0] * v[0] + matrix[1, 1] * v[1] + matrix[1, 2] * v[2],
         matrix[2, 0] * v[0] + matrix[2, 1] * v[1] + matrix[2, 2] * v[2],
     )
+
+
+@jittable
+def relative_dcm(C_BN: Array, C_AN: Array, C_BA: Array) -> None:
+    """Write C_BA = C_BN C_AN^T, the rotation from A to B, shape (3, 3); further axes at the end are so many rotations."""
+    for i in range(3):
+        for k in range(3):
+            C_BA[i, k] = C_BN[i, 0] * C_AN[k, 0] + C_BN[i, 1] * C_AN[k, 1] + C_BN[i, 2] * C_AN[k, 2]
 
 
 @kernel

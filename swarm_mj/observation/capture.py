@@ -1,0 +1,297 @@
+"""Taking pictures and judging them: who takes one when, from where, and which cells of the target count as observed in it.
+
+The picture loop: at even times and at the visit (`PictureSchedule`), each observer that looks at the body with a working camera
+(`takes_picture`) takes one picture from where it is (`pictures`). The criterion: a cell counts when it keeps the limits
+(`keeps_limits`), is lit (`lit_cells`) and shows enough of itself (`shows_enough`), see `cells_that_count`.
+
+A recorded flight, one watched live, the designer's candidates and the environment of reinforcement learning all come here.
+What is marked `jittable` takes arrays in NumPy and numbers in compiled kernels: one statement, one arithmetic.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from math import cos, inf, radians
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from swarm_mj.errors import MissionError
+from swarm_mj.mission.behaviors import looks_at_body
+from swarm_mj.mission.target import TargetRegion
+from swarm_mj.observation.camera import CameraModel, CameraPose
+from swarm_mj.observation.illumination import lit
+from swarm_mj.observation.observer import Observer
+from swarm_mj.spacecraft.attitude.algebra import dot, relative_dcm, times
+from swarm_mj.typing import Array, Ints, Mask, jittable
+
+#: Least share of a cell that is any part of it at all: the least number above nothing.
+ANY_PART = float(np.nextafter(0.0, 1.0))
+
+
+@dataclass(frozen=True, kw_only=True)
+class PictureSchedule:
+    """When pictures are taken, in instants of a clock that counts from 0 at the epoch.
+
+    Attributes:
+        every: Instants from one picture to the next.
+        visit: The instant of the visit, at which there is always one.
+        visit_only: Whether there is none besides.
+    """
+
+    every: int
+    visit: int
+    visit_only: bool = False
+
+    @classmethod
+    def by_clock(
+        cls, period_s: float, *, interval_s: float, visit_s: float, visit_only: bool = False
+    ) -> PictureSchedule:
+        """The schedule of pictures every `interval_s` and at `visit_s` [s], both whole multiples of the clock's period [s]."""
+        return cls(every=round(interval_s / period_s), visit=round(visit_s / period_s), visit_only=visit_only)
+
+    def due(self, tick: Any) -> Any:
+        """Whether pictures are due at an instant, or an array of them."""
+        return (tick == self.visit) | ((not self.visit_only) & (tick % self.every == 0))
+
+    def ticks(self, last: int) -> Ints:
+        """All instants up to `last` at which pictures are due, in order."""
+        return np.flatnonzero(self.due(np.arange(last + 1)))
+
+
+@jittable
+def takes_picture(spacecraft: Any, n_observers: Any, kind: Any, camera_on: Any) -> Any:
+    """Whether spacecraft take a picture when one is due.
+
+    Args:
+        spacecraft: Number, from 0; those from `n_observers` on are there for communications only.
+        n_observers: Number of observers.
+        kind: `TargetKind` of what its +z tracks.
+        camera_on: Whether the spacecraft and its camera work.
+    """
+    return (spacecraft < n_observers) & looks_at_body(kind) & camera_on
+
+
+def watching(n_observers: int, kind: Any, camera_on: Any = True) -> Mask:
+    """The same for all spacecraft, which are the last axis of `kind` and `camera_on`, shape (..., n)."""
+    return np.asarray(takes_picture(np.arange(np.shape(kind)[-1]), n_observers, kind, camera_on))
+
+
+class Picture(NamedTuple):
+    """One picture.
+
+    Attributes:
+        t: Time past the epoch [s].
+        spacecraft: Who takes it, from 0.
+        r_A: Position of the camera in A [m], shape (3,).
+        C_CA: Rotation from A to the camera frame, which is the spacecraft's B, shape (3, 3).
+        sun_A: Direction to the Sun in A, of any length, shape (3,).
+    """
+
+    t: float
+    spacecraft: int
+    r_A: Array
+    C_CA: Array
+    sun_A: Array
+
+    @property
+    def pose(self) -> CameraPose:
+        """Of the camera, in A."""
+        return CameraPose(self.r_A, self.C_CA)
+
+
+def pictures(t: float, who: Mask, r_BN_N: Array, C_BN: Array, C_AN: Array, sun_N: Array) -> Iterator[Picture]:
+    """The pictures of one instant, in order of the spacecraft.
+
+    Args:
+        t: Time past the epoch [s].
+        who: Who takes one, see `watching`, shape (n,).
+        r_BN_N: Positions [m], shape (n, 3).
+        C_BN: Rotations from N to B, shape (n, 3, 3).
+        C_AN: Rotation from N to A, shape (3, 3).
+        sun_N: Position of the Sun relative to the body [m], shape (3,).
+    """
+    j = np.flatnonzero(who)
+    sun_A = np.array(times(C_AN, sun_N))
+    for spacecraft, r_A, C_CA in zip(j, *camera_poses(r_BN_N[j], C_BN[j], C_AN), strict=True):
+        yield Picture(t, int(spacecraft), r_A, C_CA, sun_A)
+
+
+def camera_poses(r_BN_N: Array, C_BN: Array, C_AN: Array) -> tuple[Array, Array]:
+    """Positions in A [m], shape (n, 3), and rotations C_CA from A to the camera frames, shape (n, 3, 3), of n cameras.
+
+    Args:
+        r_BN_N: Positions of the spacecraft [m], shape (n, 3).
+        C_BN: Rotations from N to B, shape (n, 3, 3); a camera's frame is B.
+        C_AN: Rotation from N to A, shape (3, 3).
+    """
+    C_CA = np.empty(C_BN.shape)
+    relative_dcm(C_BN.transpose(1, 2, 0), C_AN, C_CA.transpose(1, 2, 0))
+    return np.column_stack(times(C_AN, r_BN_N.T)), C_CA
+
+
+@dataclass(frozen=True, kw_only=True)
+class ObservationCriterion:
+    """What a picture must show of a cell. Limits are taken at the cell's centroid; None means no limit.
+
+    Attributes:
+        min_fraction: Least visible share of the cell, above 0 to 1.
+        any_pixel: Take any visible part instead; overstates the area by the border of each picture.
+        max_emission_deg: Largest angle between the cell's normal and the direction to the camera [deg].
+        max_range_m: Largest distance to the camera [m].
+        max_gsd_m: Largest ground sampling distance [m]: range times pixel angle over the cosine of emission.
+        max_incidence_deg: Largest angle between the cell's normal and the Sun [deg]; 90 asks for daylight.
+        shadows: Let the body's own shadow hide cells; asks for daylight too.
+
+    Raises:
+        MissionError: A value is out of its range.
+    """
+
+    min_fraction: float = 0.5
+    any_pixel: bool = False
+    max_emission_deg: float | None = None
+    max_range_m: float | None = None
+    max_gsd_m: float | None = None
+    max_incidence_deg: float | None = None
+    shadows: bool = False
+
+    def __post_init__(self) -> None:
+        """Refuse impossible limits."""
+        if not 0.0 < self.min_fraction <= 1.0:
+            raise MissionError(f"min_fraction {self.min_fraction} must be above 0 and at most 1")
+        for name in ("max_emission_deg", "max_range_m", "max_gsd_m", "max_incidence_deg"):
+            value = getattr(self, name)
+            if value is not None and not value > 0.0:
+                raise MissionError(f"{name} {value} must be positive, or None for no limit")
+
+    @property
+    def needs_sun(self) -> bool:
+        """Whether the direction to the Sun matters."""
+        return self.shadows or self.max_incidence_deg is not None
+
+    def limits(self, camera: CameraModel) -> Limits:
+        """The criterion in numbers, for pictures of one camera."""
+        emission = 90.0 if self.max_emission_deg is None else min(self.max_emission_deg, 90.0)
+        return Limits(
+            min_cos_emission=cos(radians(emission)) if emission < 90.0 else 0.0,
+            max_range=self.max_range_m or inf,
+            max_gsd=self.max_gsd_m or inf,
+            pixel_angle=camera.pixel_angle,
+            min_share=ANY_PART if self.any_pixel else self.min_fraction,
+        )
+
+
+class Limits(NamedTuple):
+    """An `ObservationCriterion`, but for the light, and a camera in numbers.
+
+    Attributes:
+        min_cos_emission: Least cosine of the emission angle.
+        max_range: [m].
+        max_gsd: Largest ground sampling distance [m].
+        pixel_angle: Width of a pixel at unit distance [rad].
+        min_share: Least visible share of a cell.
+    """
+
+    min_cos_emission: float
+    max_range: float
+    max_gsd: float
+    pixel_angle: float
+    min_share: float
+
+
+@jittable
+def keeps_limits(limits: Limits, distance: Any, height: Any) -> Any:
+    """Whether cells keep the limits of emission angle, range and ground sampling distance.
+
+    Args:
+        limits: In numbers.
+        distance: From the cell's centroid to the camera [m].
+        height: Of the camera above the plane of the cell [m].
+    """
+    cos_emission = height / distance
+    return (
+        (cos_emission > 0.0)
+        & (cos_emission >= limits.min_cos_emission)
+        & (distance <= limits.max_range)
+        & (distance * limits.pixel_angle <= limits.max_gsd * cos_emission)
+    )
+
+
+@jittable
+def shows_enough(limits: Limits, share: Any) -> Any:
+    """Whether the visible share of cells suffices."""
+    return share >= limits.min_share
+
+
+@jittable
+def pixels_on(limits: Limits, area: Any, distance: Any, height: Any) -> Any:
+    """Pixels that cells of some area [m^2] take up: over the square of the ground sampling distance, foreshortened."""
+    return area * (height / distance) / (distance * limits.pixel_angle) ** 2
+
+
+def sight(region: TargetRegion, r_A: Array, cells: Any = slice(None)) -> tuple[Array, Array]:
+    """Distance of a camera at `r_A` [m] from the centroids of cells, and its height above their planes [m]."""
+    to_camera = tuple((r_A - region.centroid_A[cells]).T)
+    return np.sqrt(dot(to_camera, to_camera)), dot(to_camera, tuple(region.normal_A[cells].T))
+
+
+def lit_cells(observer: Observer, criterion: ObservationCriterion, sun_A: ArrayLike) -> Mask:
+    """Cells that are lit as the criterion asks, shape (n,)."""
+    limit = 90.0 if criterion.max_incidence_deg is None else criterion.max_incidence_deg
+    return lit(observer.region, sun_A, max_incidence_deg=limit, tracer=observer.tracer if criterion.shadows else None)
+
+
+def cells_that_count(
+    observer: Observer,
+    criterion: ObservationCriterion,
+    r_A: Array,
+    light: Callable[[], Mask],
+    share: Callable[[], Array],
+) -> Mask:
+    """Cells that count as observed in a picture, shape (n,).
+
+    Args:
+        observer: Who looks, at which target, through which camera.
+        criterion: What counts.
+        r_A: Camera position in A [m], shape (3,).
+        light: Gives which cells are lit, see `lit_cells`; asked only where light matters and something is left to light.
+        share: Gives the visible share of every cell; asked only where something is left to see.
+    """
+    limits = criterion.limits(observer.camera)
+    counts: Mask = keeps_limits(limits, *sight(observer.region, r_A))
+    if criterion.needs_sun and counts.any():
+        counts &= light()
+    return counts & shows_enough(limits, share()) if counts.any() else counts
+
+
+def observe(
+    observer: Observer,
+    r_A: ArrayLike,
+    C_CA: ArrayLike,
+    criterion: ObservationCriterion,
+    sun_A: ArrayLike | None = None,
+) -> Mask:
+    """Take one picture and tell which cells count as observed in it, shape (n,).
+
+    Args:
+        observer: Who looks, at which target, through which camera.
+        r_A: Camera position in A [m], shape (3,).
+        C_CA: Rotation from A to the camera frame, shape (3, 3).
+        criterion: What counts.
+        sun_A: Direction to the Sun in A, of any length, shape (3,); needed if the criterion asks for light.
+
+    Raises:
+        MissionError: The pose is impossible, or light is asked for without a Sun.
+    """
+
+    def light() -> Mask:
+        if sun_A is None:
+            raise MissionError("the observation criterion asks for sunlight: pass the direction to the Sun, sun_A")
+        return lit_cells(observer, criterion, sun_A)
+
+    def share() -> Array:
+        return observer.visible_fraction(r_A, C_CA)
+
+    return cells_that_count(observer, criterion, np.asarray(r_A, dtype=np.float64), light, share)
