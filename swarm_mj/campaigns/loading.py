@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from importlib import resources
 from pathlib import Path
 from typing import Any, NamedTuple, get_args
@@ -33,7 +33,7 @@ class Resolved(NamedTuple):
     Attributes:
         campaign: The file.
         bases: The scenarios by name, in order, with every value filled in.
-        shapes: Hash of every shape file, by path.
+        shapes: Hash of every file of a shape or a spacecraft, by path.
         without_maps: Scenarios that ask for horizon maps which would serve one run each; they are observed by face-ID
             buffers instead. Empty in a campaign that was restored.
     """
@@ -103,8 +103,7 @@ def load_campaign(name_or_path: str | Path, *, runs: int | None = None) -> Resol
     scenarios = [_load_base(base, campaign, folder) for base in campaign.scenarios]
     campaign = _with_labels(campaign, scenarios, source)
     bases = dict(zip((base.label for base in campaign.scenarios), scenarios, strict=True))
-    shapes = {base.body.shape: _hash_of_file(base.body.shape) for base in bases.values()}
-    resolved = Resolved(campaign, bases, {path: h for path, h in shapes.items() if path != PACKAGED_SHAPE})
+    resolved = Resolved(campaign, bases, dict(_hashes(bases.values())))
     _try_one_of_each(resolved, source)
     return _without_single_maps(resolved)
 
@@ -226,11 +225,20 @@ def _without_single_maps(resolved: Resolved) -> Resolved:
     return resolved._replace(bases={**bases, **replaced}, without_maps=single)
 
 
-def _hash_of_file(path: str) -> str:
+def _hashes(scenarios: Iterable[Scenario]) -> Iterator[tuple[str, str]]:
+    """Path and hash of every file that scenarios read besides their own."""
+    for scenario in scenarios:
+        if scenario.body.shape != PACKAGED_SHAPE:
+            yield scenario.body.shape, _hash_of_file("body.shape", scenario.body.shape)
+        if scenario.spacecraft.mjcf is not None:
+            yield scenario.spacecraft.mjcf, _hash_of_file("spacecraft.mjcf", scenario.spacecraft.mjcf)
+
+
+def _hash_of_file(key: str, path: str) -> str:
     try:
-        return hash_of(Path(path).read_bytes().hex()) if path != PACKAGED_SHAPE else ""
+        return hash_of(Path(path).read_bytes().hex())
     except OSError as error:
-        raise ScenarioError(f"body.shape = {path}: cannot be read ({error.strerror})") from None
+        raise ScenarioError(f"{key} = {path}: cannot be read ({error.strerror})") from None
 
 
 def _explain(error: Any) -> str:

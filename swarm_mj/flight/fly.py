@@ -22,7 +22,8 @@ from swarm_mj.simulator.faults.state import FaultModel
 from swarm_mj.simulator.simulation import InitialState, Simulation
 from swarm_mj.simulator.telemetry import dataset
 from swarm_mj.spacecraft.attitude.mrp import add_mrp, dcm, mrp_from_quaternion
-from swarm_mj.spacecraft.model import build_model
+from swarm_mj.spacecraft.model import SwarmModel, build_model
+from swarm_mj.spacecraft.own_model import build_own_model
 from swarm_mj.spacecraft.properties import RPM
 from swarm_mj.typing import Array, Mask
 
@@ -87,19 +88,10 @@ def make_simulation(plan: Plan, *, geometry: bool = False) -> Simulation:
     Args:
         plan: What to fly.
         geometry: Whether the model holds shapes, cameras and light as well, for MuJoCo's own viewers and renderer; flying needs
-            none of them, and the pictures of swarm_mj are drawn from a model of their own.
+            none of them, and the pictures of swarm_mj are drawn from a model of their own. A spacecraft from a file keeps
+            all of it in any case.
     """
-    scenario = plan.scenario
-    model = build_model(
-        plan.n,
-        shape=plan.shape,
-        properties=plan.properties,
-        timestep=scenario.physics.timestep_s,
-        camera_half_angle_deg=scenario.camera.half_angle_deg,
-        sun_N=plan.environment.sun.position.tolist(),
-        wheels=scenario.physics.wheels,
-        geometry=geometry,
-    )
+    scenario, model = plan.scenario, _model_of(plan, geometry)
     behavior = plan.behavior
     simulation = Simulation(
         model,
@@ -116,6 +108,24 @@ def make_simulation(plan: Plan, *, geometry: bool = False) -> Simulation:
     return simulation
 
 
+def _model_of(plan: Plan, geometry: bool) -> SwarmModel:
+    scenario, sun_N = plan.scenario, plan.environment.sun.position.tolist()
+    timestep = scenario.physics.timestep_s
+    if plan.own is not None:
+        return build_own_model(plan.n, plan.own, shape=plan.shape, timestep=timestep, sun_N=sun_N)
+    return build_model(
+        plan.n,
+        shape=plan.shape,
+        properties=plan.properties,
+        timestep=timestep,
+        camera_half_angle_deg=scenario.camera.half_angle_deg,
+        sun_N=sun_N,
+        wheels=scenario.physics.wheels,
+        geometry=geometry,
+        stepper=scenario.physics.stepper,
+    )
+
+
 def simulate(plan: Plan, progress: Progress | None = None) -> xr.Dataset:
     """Fly the plan; returns telemetry with radio links.
 
@@ -126,6 +136,7 @@ def simulate(plan: Plan, progress: Progress | None = None) -> xr.Dataset:
     simulation = make_simulation(plan)
     record = simulation.run(scenario.duration_s, scenario.telemetry.interval_s, progress)
     telemetry = dataset(record, plan.names, plan.environment, plan.properties)
+    telemetry.attrs |= {"stepper": simulation.stepper, "stepper_note": simulation.why_mj_step}
     closed = links_closed(
         antennas=antennas_from(scenario),
         shape=plan.shape,

@@ -11,6 +11,7 @@ import numpy as np
 
 from swarm_mj import plugins
 from swarm_mj.errors import MissionError, PluginError, ScenarioError, ShapeError
+from swarm_mj.flight.spacecraft import own_spacecraft_from, properties_from
 from swarm_mj.mission.behaviors import Behavior, SelectiveBehavior
 from swarm_mj.mission.links import Antennas
 from swarm_mj.mission.safety import CloseApproach, close_approaches, find_impacts
@@ -31,7 +32,8 @@ from swarm_mj.smallbody.shape_io import load_shape
 from swarm_mj.smallbody.solid_angle import points_inside
 from swarm_mj.spacecraft.control.base import Controller
 from swarm_mj.spacecraft.model import spacecraft_names
-from swarm_mj.spacecraft.properties import RPM, SpacecraftProperties
+from swarm_mj.spacecraft.own_spacecraft import OwnSpacecraft
+from swarm_mj.spacecraft.properties import SpacecraftProperties
 from swarm_mj.typing import Array
 
 PACKAGED_SHAPE = "eros"
@@ -54,6 +56,7 @@ class Plan:
         behavior: Who points at what.
         controller: The attitude control law.
         properties: Of every spacecraft.
+        own: What was read of a spacecraft's file; None: the packaged CubeSat flies.
         near_collisions: Pairs that come closer than the scenario allows.
         least_radius: Least distance of each spacecraft to the body's centre, shape (n,) [m].
     """
@@ -67,6 +70,7 @@ class Plan:
     behavior: Behavior
     controller: Controller
     properties: SpacecraftProperties
+    own: OwnSpacecraft | None
     near_collisions: list[CloseApproach]
     least_radius: Array
 
@@ -98,9 +102,10 @@ def make_plan(scenario: Scenario, *, check_separation: bool = True) -> Plan:
     """
     controller = controller_from(scenario)
     behavior = behavior_from(scenario)
-    properties = properties_from(scenario)
+    own = own_spacecraft_from(scenario)
+    properties = properties_from(scenario) if own is None else own.properties
     shape = load_body_shape(scenario.body)
-    environment = environment_from(scenario, shape)
+    environment = environment_from(scenario, shape, properties.mass)
     region = target_from(scenario, shape)
     points_A = visiting_points(scenario, shape, region)
     region = true_target(scenario, shape, region)
@@ -126,6 +131,7 @@ def make_plan(scenario: Scenario, *, check_separation: bool = True) -> Plan:
         behavior=behavior,
         controller=controller,
         properties=properties,
+        own=own,
         near_collisions=near_collisions,
         least_radius=least_radius,
     )
@@ -134,9 +140,13 @@ def make_plan(scenario: Scenario, *, check_separation: bool = True) -> Plan:
 def check_plugins(scenario: Scenario) -> None:
     """See that the scenario's plug-ins are there and take its parameters, as far as that shows before anything is built.
 
+    The file of a spacecraft is read as well.
+
     Raises:
         PluginError: One is not, or does not; the message names the key.
+        ScenarioError: The file holds no spacecraft that can be flown.
     """
+    own_spacecraft_from(scenario)
     controller_from(scenario)
     unchecked_behavior(scenario)
     with _named("body.gravity.model"):
@@ -212,21 +222,6 @@ def unchecked_behavior(scenario: Scenario) -> Behavior:
     return behavior
 
 
-def properties_from(scenario: Scenario) -> SpacecraftProperties:
-    """Mass properties and wheel limits of the scenario's spacecraft."""
-    spacecraft, wheel = scenario.spacecraft, scenario.spacecraft.wheel
-    return SpacecraftProperties(
-        mass=spacecraft.mass_kg,
-        size=spacecraft.size_m,
-        wheel_mass=wheel.mass_kg,
-        wheel_spin_inertia=wheel.spin_inertia_kg_m2,
-        wheel_transverse_inertia=wheel.transverse_inertia_kg_m2,
-        max_wheel_torque=wheel.max_torque_n_m,
-        max_wheel_speed=wheel.max_speed_rpm * RPM,
-        wheel_layout=spacecraft.wheel_layout,
-    )
-
-
 def target_from(scenario: Scenario, shape: ShapeModel) -> TargetRegion:
     """The scenario's target region, subdivided where its camera asks for it."""
     target = scenario.target
@@ -268,14 +263,20 @@ def visiting_points(scenario: Scenario, shape: ShapeModel, region: TargetRegion)
     return chosen
 
 
-def environment_from(scenario: Scenario, shape: ShapeModel) -> Environment:
-    """Everything that acts near the body, for the scenario's epoch."""
+def environment_from(scenario: Scenario, shape: ShapeModel, mass: float | None = None) -> Environment:
+    """Everything that acts near the body, for the scenario's epoch.
+
+    Args:
+        scenario: What is asked for.
+        shape: The body's mesh in A [m].
+        mass: Of a spacecraft, which radiation pressure accelerates [kg]; None: the scenario's.
+    """
     body, perturbations = scenario.body, scenario.perturbations
     _require_own_gravity(body)
     with _named("body.gravity.model"):
         gravity = plugins.create(plugins.GRAVITY, body.gravity.model, body.gravity.parameters, shape)
     ephemeris, jd = ephemeris_from(body), julian_date(scenario.epoch)
-    pressed = perturbations.srp_area_m2 / scenario.spacecraft.mass_kg if perturbations.solar_radiation_pressure else 0.0
+    area_per_mass = perturbations.srp_area_m2 / (mass or scenario.spacecraft.mass_kg)
     return Environment(
         gravity=gravity,
         C_PN=ephemeris.rotation.C_PN,
@@ -284,7 +285,7 @@ def environment_from(scenario: Scenario, shape: ShapeModel) -> Environment:
         sun=LinearMotion(*ephemeris.sun_state_N(jd)),
         earth=LinearMotion(*ephemeris.earth_state_N(jd)),
         solar_tide=perturbations.solar_tide,
-        srp_area_per_mass=pressed,
+        srp_area_per_mass=area_per_mass if perturbations.solar_radiation_pressure else 0.0,
         srp_reflectivity=perturbations.srp_reflectivity,
     )
 

@@ -44,7 +44,13 @@ def summary_findings(summary: dict[str, Any]) -> list[str]:
         found.append(
             f"wheel limits cut the controller's torque: {', '.join(f'{n} for {s:g} s' for n, s in cut.items())}"
         )
-    return [*event_findings(summary), *found]
+    return [*event_findings(summary), *found, *spacecraft_findings(summary)]
+
+
+def spacecraft_findings(summary: dict[str, Any]) -> list[str]:
+    """Why a flight was stepped by `mj_step`, and what of a spacecraft's file is not as one may think."""
+    found = [f"stepped by mj_step: {note}"] if (note := summary.get("stepper_note")) else []
+    return [*found, *(f"{summary['spacecraft_file']}: {note}" for note in summary.get("spacecraft_notes", ()))]
 
 
 def _at_the_end(summary: dict[str, Any]) -> list[Late]:

@@ -13,6 +13,7 @@ import xarray as xr
 from swarm_mj import __version__
 from swarm_mj.flight.observe import ObservationResult
 from swarm_mj.flight.plan import Plan
+from swarm_mj.flight.spacecraft import unused_keys
 from swarm_mj.results.target_dwell import held_s
 from swarm_mj.simulator.telemetry import MODES
 from swarm_mj.typing import Array
@@ -35,6 +36,7 @@ def summarise(plan: Plan, telemetry: xr.Dataset, result: ObservationResult, wall
         **_observed(plan, result),
         **_pointed(plan, telemetry),
         **_flown(plan),
+        **_stepped(plan, telemetry),
         **_went_wrong(plan, telemetry),
         "link_closed_percent": _by_name(plan.names, 100.0 * telemetry["link_closed"].values.mean(axis=0), 2),
         "links_closed_final": int(telemetry["link_closed"].values[-1].sum()),
@@ -110,6 +112,17 @@ def _flown(plan: Plan) -> dict[str, Any]:
             }
             for a in plan.near_collisions
         ],
+    }
+
+
+def _stepped(plan: Plan, telemetry: xr.Dataset) -> dict[str, Any]:
+    """How the flight was stepped and why, and what a reader of a spacecraft's own file should know."""
+    own = plan.own
+    return {
+        "stepper": telemetry.attrs.get("stepper", ""),
+        "stepper_note": telemetry.attrs.get("stepper_note", ""),
+        "spacecraft_file": None if own is None else str(own.path),
+        "spacecraft_notes": [] if own is None else [*own.remarks, *unused_keys(plan.scenario, own)],
     }
 
 

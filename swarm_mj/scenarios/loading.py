@@ -119,7 +119,11 @@ def _resolve_paths(data: dict[str, Any], folder: Path) -> None:
     What is packaged is meant by its name, whatever stands beside the file.
     """
     packaged_shapes = [Body.model_fields["shape"].default]
-    for section, key, packaged in (("body", "shape", packaged_shapes), ("design", "reference", packaged_designs())):
+    for section, key, packaged in (
+        ("body", "shape", packaged_shapes),
+        ("design", "reference", packaged_designs()),
+        ("spacecraft", "mjcf", []),
+    ):
         values = data.get(section)
         if isinstance(values, dict) and isinstance(values.get(key), str) and values[key] not in packaged:
             path = folder / values[key]

@@ -82,8 +82,14 @@ class Wheel(Section):
 
 
 class Spacecraft(Section):
-    """The CubeSat: a uniform box with three orthogonal wheels counted inside its mass and inertia."""
+    """The CubeSat: a uniform box with three orthogonal wheels counted inside its mass and inertia; or one from a file."""
 
+    mjcf: str | None = Field(
+        None,
+        description="path of an MJCF file with a spacecraft of your own, relative to the scenario's file: panels on hinges, "
+        "sloshing masses, sensors; masses, wheels and torque limit are then the file's, and mj_step flies it; null: the box "
+        "below; see docs/how-to/spacecraft.md",
+    )
     mass_kg: float = Field(8.0, gt=0, description="of the whole spacecraft, wheels included [kg]")
     size_m: Vector3 = Field((0.1, 0.1, 0.34), description="a 3U CubeSat; the camera looks along the long axis +z")
     wheel: Wheel = Field(default_factory=Wheel)
@@ -128,6 +134,11 @@ class Physics(Section):
     wheels: Literal["bodies", "gyrostat"] = Field(
         "bodies",
         description="three bodies on hinges, or three momentum states of the spacecraft: the same motion, faster",
+    )
+    stepper: Literal["auto", "fast", "mj_step"] = Field(
+        "auto",
+        description="compiled code around MuJoCo's accelerations, or MuJoCo's own mj_step, which flies anything; auto: fast "
+        "where the model holds nothing else than it knows; summary.json says which and why",
     )
 
 
@@ -325,6 +336,21 @@ class Scenario(Section):
     def _wheels_are_modelled(self) -> Self:
         if self.physics.wheels == "gyrostat" and self.spacecraft.wheel_layout != "orthogonal":
             raise ValueError("physics.wheels = gyrostat: has three orthogonal wheels; use bodies for other layouts")
+        if self.physics.wheels == "gyrostat" and self.physics.stepper == "mj_step":
+            raise ValueError("physics.stepper = mj_step: knows wheels that are bodies; use physics.wheels: bodies")
+        return self
+
+    @model_validator(mode="after")
+    def _own_spacecraft_can_fly(self) -> Self:
+        if self.spacecraft.mjcf is None:
+            return self
+        if self.physics.wheels == "gyrostat":
+            raise ValueError("physics.wheels = gyrostat: the wheels of spacecraft.mjcf are bodies; must be 'bodies'")
+        for key in ("mass_percent", "inertia_percent"):
+            if value := getattr(self.dispersions, key):
+                raise ValueError(
+                    f"dispersions.{key} = {value:g}: the masses of spacecraft.mjcf are the file's; must be 0"
+                )
         return self
 
     @model_validator(mode="after")

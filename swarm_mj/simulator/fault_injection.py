@@ -47,7 +47,9 @@ class FaultInjection:
             period=state.period,
             speed_margin=SPEED_MARGIN,
         )
-        model.mjmodel.actuator_ctrlrange[:] = -_NO_LIMIT, _NO_LIMIT
+        motors = model.layout.actuators.ravel()
+        model.mjmodel.actuator_ctrlrange[motors] = -_NO_LIMIT, _NO_LIMIT
+        model.mjmodel.actuator_forcelimited[motors] = False
         given = fault_model.dispersions
         self._disperses_mass = given.mass_percent > 0.0 or given.inertia_percent > 0.0
         self._mass_ratio = np.ones((model.mjmodel.nbody, 1))
@@ -91,7 +93,7 @@ class FaultInjection:
         if self._disperses_mass:
             forces[:, :3] *= self._mass_ratio
         for j in self.faults.resting:
-            forces[self._state.hub[j]] = 0.0
+            forces[self._state.model.layout.bodies[j]] = 0.0
 
     def know(self, tick: int, q_BN: Array, work: Array) -> Array:
         """Attitudes that the controller is given; its rates are put into `work` until `forget`."""
@@ -136,13 +138,13 @@ class FaultInjection:
 
     def rest(self, C_AN: Array) -> None:
         """Hold the spacecraft whose flight is over: at its place on the turning body, or where it diverged."""
-        n, data = self._state.model.n, self._state.data
+        data, layout = self._state.data, self._state.model.layout
         for j, r_A in self.faults.resting.items():
-            qpos, qvel = data.qpos.reshape(n, -1)[j], data.qvel.reshape(n, -1)[j]
-            qvel[:] = 0.0
+            data.qvel[layout.all_qvel[j]] = 0.0
             if r_A is not None:
-                qpos[:3] = r_A @ C_AN
-                qvel[:3] = np.cross(self._state.environment.spin_N, qpos[:3])
+                r_N = r_A @ C_AN
+                data.qpos[layout.qpos[j, :3]] = r_N
+                data.qvel[layout.qvel[j, :3]] = np.cross(self._state.environment.spin_N, r_N)
 
     def diverged(self, t: float) -> None:
         """Give up the spacecraft whose state is not finite, so that the others fly on.
@@ -150,15 +152,16 @@ class FaultInjection:
         Raises:
             SimulationError: It is not a spacecraft's state that is not finite.
         """
-        n, data = self._state.model.n, self._state.data
-        q, v = data.qpos.reshape(n, -1), data.qvel.reshape(n, -1)
-        momentum = data.act.reshape(n, -1)
-        bad = np.flatnonzero(~np.all([(np.abs(part) < _ABSURD).all(axis=1) for part in (q, v, momentum)], axis=0))
+        model, data = self._state.model, self._state.data
+        layout, momentum = model.layout, data.act.reshape(model.n, -1)
+        parts = data.qpos[layout.all_qpos], data.qvel[layout.all_qvel], momentum
+        bad = np.flatnonzero(~np.all([(np.abs(part) < _ABSURD).all(axis=1) for part in parts], axis=0))
         if not len(bad):
             raise SimulationError(f"the flight diverged at t = {t:g} s: torques or forces are not finite")
         for j in bad:
-            q[j], v[j], momentum[j] = 0.0, 0.0, 0.0
-            q[j, :3], q[j, 3] = self._last_r[j], 1.0
+            data.qpos[layout.all_qpos[j]] = model.mjmodel.qpos0[layout.all_qpos[j]]
+            data.qpos[layout.qpos[j, :7]] = *self._last_r[j], 1.0, 0.0, 0.0, 0.0
+            data.qvel[layout.all_qvel[j]], momentum[j] = 0.0, 0.0
             self.faults.rest(t, int(j), "diverged", "its state was not finite; held where it was", None)
         data.qacc_warmstart[:] = 0.0
 

@@ -94,6 +94,7 @@ class LoopState:
         peaks: Largest wheel speed [rad/s], largest motor torque [N m], holds in which a limit cut a torque, shape (n, 3).
         targets: What the behaviour answered last.
         inputs: What control laws are given, as views of `work`.
+        motor_torque: Of the wheels in order, shape (n w,) [N m]; MuJoCo's own `ctrl` where that holds nothing else.
         hub: Body ids of the hubs, shape (n,).
         wheel_axes_B: Rows, shape (w, 3).
         allocation: Maps a body torque to motor torques: minus the pseudo-inverse of the axes, shape (w, 3).
@@ -132,6 +133,8 @@ class LoopState:
         self.work, self.peaks, self.aim, self.torque_B = f.work[0], f.peaks[0], f.targets[0, 2:], f.torque_B[0]
         self.q_BN, self.q_RN, self.C_AN, self.C_mid = f.q[0, 0], f.q[0, 1], f.C[0, 0], f.C[0, 1]
         self.restart = np.zeros(self.model.n, np.bool_)
+        own = self.model.own is not None
+        self.motor_torque = np.zeros(self.model.layout.ctrl.size) if own else self.data.ctrl
 
     def _derive_constants(self) -> None:
         properties, environment, n = self.properties, self.environment, self.model.n
@@ -170,6 +173,11 @@ class LoopState:
         """Write what `rows` gives."""
         self.model.set_state(self.data, qpos, qvel)
 
+    def command_motors(self) -> None:
+        """Hand `motor_torque` to MuJoCo, where that is another array."""
+        if self.model.own is not None:
+            self.data.ctrl[self.model.layout.ctrl.ravel()] = self.motor_torque
+
     def set_targets(self, targets: Targets) -> None:
         """Aim at other targets from the next decision on that compiled code makes."""
         self.targets = targets
@@ -179,7 +187,7 @@ class LoopState:
     def reset(self, initial: InitialState) -> None:
         """Put the swarm at its start."""
         mujoco.mj_resetData(self.model.mjmodel, self.data)
-        self.set_rows(*initial.rows(self.properties.n_wheels))
+        self.model.start(self.data, *initial.rows(self.properties.n_wheels))
         self.tick, self.aim[:], self.peaks[:] = 0, -1, 0.0
 
 

@@ -46,7 +46,7 @@ class PythonBatch:
     @property
     def ctrl(self) -> Array:
         """Motor torques, a copy, shape (E, 3 n) [N m]."""
-        return np.array([simulation.data.ctrl for simulation in self.simulations])
+        return np.array([simulation.state.motor_torque for simulation in self.simulations])
 
     def read(self, r: Array, v: Array, q: Array, omega: Array, wheel: Array) -> None:
         """Copy positions and velocities in N [m, m/s], attitudes, body rates and wheel speeds [rad/s], shape (E, n, ...)."""

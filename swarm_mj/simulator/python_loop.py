@@ -10,6 +10,7 @@ import numpy as np
 
 from swarm_mj.errors import PluginError, SimulationError
 from swarm_mj.mission.behaviors import Targets
+from swarm_mj.simulator import multibody
 from swarm_mj.simulator.fast import kernels
 from swarm_mj.simulator.fast.kernels import Slot
 from swarm_mj.simulator.fault_injection import FaultInjection
@@ -53,10 +54,11 @@ def decide(
     _guide(state, q_known)
     torque_B = _torque(state, law, injection)
     if injection is not None:
-        injection.actuate(torque_B, state.data.ctrl, state.peaks)
+        injection.actuate(torque_B, state.motor_torque, state.peaks)
         injection.forget(state.work)
     else:
         _actuate(state, torque_B)
+    state.command_motors()
     return state.targets
 
 
@@ -101,6 +103,9 @@ def _rows_of_three_wheels(state: LoopState, injection: FaultInjection | None) ->
     data = state.data
     if injection is not None:
         return injection.read_wheels(*state.rows())
+    if state.model.own is not None:
+        qpos_rows, qvel_rows = state.rows()
+        return qpos_rows.reshape(-1), qvel_rows.reshape(-1)
     if state.model.wheels == "bodies":
         return data.qpos, data.qvel
     spin, axes = state.properties.wheel_spin_inertia, state.wheel_axes_B
@@ -111,15 +116,19 @@ def _rows_of_three_wheels(state: LoopState, injection: FaultInjection | None) ->
 def _hold_forces(state: LoopState, injection: FaultInjection | None) -> None:
     """Hold gravity and perturbations at the middle of the hold, and the gravity-gradient torque."""
     work, forces, C_mid, environment = state.work, state.data.xfrc_applied, state.C_mid, state.environment
+    if state.model.own is not None:
+        multibody.evaluate_at_centres(state)
     a_A = environment.attraction_A(work[Slot.R_A])
     if environment.perturbed:
         middle = state.time + 0.5 * state.period
         r_N = work[Slot.R_A] @ C_mid
         a_A = a_A + environment.perturbing_acceleration_N(middle, r_N) @ C_mid.T
     kernels.push(a_A, C_mid, state.properties.mass, state.hub, forces, work)
+    if state.model.own is not None:
+        multibody.weigh_bodies(state)
     if injection is not None:
         injection.weigh(forces)
-    if state.gradient_gm > 0.0:
+    if state.gradient_gm > 0.0 and state.model.own is None:
         inertia_B = state.inputs.inertia_B if injection is None else injection.faults.inertia_B
         kernels.push_gradient(state.q_BN, state.gradient_gm, inertia_B, C_mid, state.hub, forces, work)
 
@@ -165,6 +174,6 @@ def _actuate(state: LoopState, torque_B: Array) -> None:
         state.properties.max_wheel_torque,
         state.max_wheel_speed,
         state.work,
-        state.data.ctrl,
+        state.motor_torque,
         state.peaks,
     )

@@ -18,6 +18,7 @@ from swarm_mj.simulator.fast.kernels import Slot
 from swarm_mj.simulator.fault_injection import FaultInjection
 from swarm_mj.simulator.faults.impact import ImpactWatch
 from swarm_mj.simulator.faults.telemetry import FaultRecord
+from swarm_mj.simulator.instruments import Instruments
 from swarm_mj.simulator.loop_state import LoopState
 from swarm_mj.smallbody.rotation import sub_point
 from swarm_mj.typing import Array
@@ -40,6 +41,7 @@ class Record:
         peaks: Over every control period, not only the samples: largest wheel speed [rad/s], largest motor torque [N m], and
             the time in which a wheel limit cut a torque [s], shape (n, 3).
         faults: What a flight with faults, dispersions or four wheels adds.
+        instruments: What spacecraft from a file add: sensors and joints.
     """
 
     time: Array
@@ -48,6 +50,7 @@ class Record:
     aim: NDArray[np.int16]
     peaks: Array
     faults: FaultRecord | None = None
+    instruments: Instruments | None = None
 
 
 class Loop(Protocol):
@@ -108,6 +111,7 @@ class Recorder:
             aim=np.empty((samples, 2, n), np.int16),
             peaks=np.empty((n, 3)),
             faults=None if loop.injection is None else FaultRecord(samples, n, self._state.properties.n_wheels),
+            instruments=None if self._state.model.own is None else Instruments(self._state, samples),
         )
 
     def fly(self) -> Record:
@@ -167,7 +171,9 @@ class Recorder:
 
     def _keep(self, row: int, targets: Targets) -> None:
         state, record, injection = self._state, self._record, self._loop.injection
-        ctrl = state.data.ctrl
+        ctrl = state.motor_torque
+        if record.instruments is not None:
+            record.instruments.keep(row)
         if injection is not None and record.faults is not None:
             record.faults.keep(row, injection.faults, injection.wheel_speed, state.q_BN)
             ctrl = injection.motor

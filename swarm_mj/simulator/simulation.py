@@ -143,6 +143,8 @@ class Simulation:
         Args:
             controller: The control law; None where torques are held.
         """
+        if self.model.own is not None:
+            return f"a spacecraft of its own file, {self.model.own.path.name}"
         if self.injection is not None:
             return "faults, dispersions or a fourth wheel"
         return world.why_not_compiled(self.state, controller)
@@ -175,7 +177,17 @@ class Simulation:
     @property
     def motor_torque(self) -> Array:
         """Torques of the motors, without friction in the bearings, of all wheels in order, shape (n w,) [N m]."""
-        return self.data.ctrl if self.injection is None else self.injection.faults.wheels.motor.ravel()
+        return self.state.motor_torque if self.injection is None else self.injection.faults.wheels.motor.ravel()
+
+    @property
+    def stepper(self) -> str:
+        """How the flight is stepped: fast, or mj_step."""
+        return self._integrator.stepper
+
+    @property
+    def why_mj_step(self) -> str:
+        """Why the flight is stepped by `mj_step`; empty where it is not."""
+        return self._integrator.why
 
     def known(self) -> tuple[Array, Array] | None:
         """Attitudes (n, 4) and body rates (n, 3) [rad/s] as the flight software has them now; None where it has the truth.

@@ -33,6 +33,8 @@ PEAKS = (
         "time in which a limit of torque or speed cut what the controller asked for",
     ),
 )
+#: Names that are given to what is added once the flight is over.
+LATER = ("link_closed", "coverage_percent", "time", "spacecraft", "xyz", "wheel")
 
 
 def dataset(
@@ -86,11 +88,14 @@ def dataset(
     if record.faults is not None:
         for name, variable in record.faults.variables().items():
             variables[name] = xr.Variable(*variable)
+    if record.instruments is not None:
+        for name, variable in record.instruments.variables({*variables, *LATER}).items():
+            variables[name] = xr.Variable(*variable)
     coordinates = {
         "time": ("time", record.time, {"units": "s", "long_name": "time past the epoch"}),
         "spacecraft": list(names),
         "xyz": ["x", "y", "z"],
-        "wheel": ["x", "y", "z"] if properties.n_wheels == 3 else [str(k + 1) for k in range(properties.n_wheels)],
+        "wheel": list(properties.wheel_labels),
     }
     return xr.Dataset(variables, coordinates, attrs=_attributes(environment, properties))
 

@@ -94,8 +94,10 @@ class Environment:
         total = np.zeros_like(r_BN_N)
         if self.solar_tide:
             total += solar_tide(r_BN_N, self.sun.at(t), constants.GM_SUN)
-        if self.srp_area_per_mass > 0.0:
-            total += solar_radiation_pressure(
-                r_BN_N, self.sun.at(t), self.srp_area_per_mass, 1.0, self.srp_reflectivity
-            )
-        return total
+        return total + self.pressure_acceleration_N(t, r_BN_N)
+
+    def pressure_acceleration_N(self, t: float, r_BN_N: Array) -> Array:
+        """Radiation pressure alone at `r_BN_N`, shape (n, 3) [m], in N [m/s^2]; zero where it is off."""
+        if not self.srp_area_per_mass > 0.0:
+            return np.zeros_like(r_BN_N)
+        return solar_radiation_pressure(r_BN_N, self.sun.at(t), self.srp_area_per_mass, 1.0, self.srp_reflectivity)

@@ -91,6 +91,35 @@ class SwarmModel:
         with_wheels(data.qpos, data.qvel, data.act, spin, axes, qpos.reshape(-1), qvel.reshape(-1))
         return qpos, qvel
 
+    def start(self, data: mujoco.MjData, qpos: Array, qvel: Array) -> None:
+        """Put a flight at its start, see `set_state`: of a spacecraft of one's own the centre of mass stands and moves so.
+
+        Its other joints stand as its file says.
+        """
+        own, layout = self.own, self.layout
+        if own is None:
+            self.set_state(data, qpos, qvel)
+            return
+        data.qpos[layout.all_qpos], data.qvel[layout.all_qvel] = own.start_qpos, own.start_qvel
+        data.ctrl[:] = np.tile(own.start_ctrl, self.n)
+        self.set_state(data, qpos, qvel)
+        centre, velocity = self.centres_of_mass(data)
+        moved_q, moved_v = qpos.copy(), qvel.copy()
+        moved_q[:, :3] -= centre - qpos[:, :3]
+        moved_v[:, :3] -= velocity - qvel[:, :3]
+        self.set_state(data, moved_q, moved_v)
+
+    def centres_of_mass(self, data: mujoco.MjData) -> tuple[Array, Array]:
+        """Positions and velocities in N of the centres of mass of the spacecraft, shape (n, 3) [m] and (n, 3) [m/s].
+
+        Kinematics are found anew, for `mj_step` leaves those of its last stage.
+        """
+        mujoco.mj_kinematics(self.mjmodel, data)
+        mujoco.mj_comPos(self.mjmodel, data)
+        mujoco.mj_comVel(self.mjmodel, data)
+        mujoco.mj_subtreeVel(self.mjmodel, data)
+        return data.subtree_com[self.hub_body], data.subtree_linvel[self.hub_body]
+
     def set_state(self, data: mujoco.MjData, qpos: Array, qvel: Array) -> None:
         """Write positions, shape (n, 7 + w), and velocities, shape (n, 6 + w), as `state` gives them; other joints stay."""
         if self.own is not None:

@@ -13,9 +13,9 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
-from swarm_mj.spacecraft.elements import joint_kind, name_of, qvel_places, subtree_of, title_of
+from swarm_mj.spacecraft.elements import joint_kind, name_of, subtree_of, title_of
 from swarm_mj.spacecraft.properties import SpacecraftProperties
-from swarm_mj.typing import Array
+from swarm_mj.typing import Array, Mask
 
 #: Sensors of the packaged spacecraft, whose readings the telemetry holds under names of its own.
 KNOWN_SENSORS = ("attitude", "rates", "wheel_x_speed", "wheel_y_speed", "wheel_z_speed")
@@ -70,7 +70,7 @@ def _strangers(model: mujoco.MjModel, hub: str, wheels: Sequence[str]) -> Iterat
     """Bodies, joints and actuators that are none of the spacecraft's, or that it lacks."""
     known = {"body": {"world", hub, *wheels}, "joint": {"free", *wheels}, "actuator": set(wheels)}
     counts = {"body": model.nbody, "joint": model.njnt, "actuator": model.nactuator}
-    allowed = f"the hub {hub}, its free joint, and the wheels {', '.join(wheels)} with a motor each"
+    allowed = f"{hub}, its free joint, and {', '.join(wheels)} with a motor each"
     for kind, count in counts.items():
         names = [name_of(model, kind, i) for i in range(count)]
         for i, name in enumerate(names):
@@ -93,7 +93,7 @@ def _sensors(model: mujoco.MjModel) -> Iterator[Finding]:
     for i in range(model.nsensor):
         if name_of(model, "sensor", i) not in KNOWN_SENSORS:
             kind = mujoco.mjtSensor(model.sensor_type[i]).name.removeprefix("mjSENS_").lower()
-            yield Finding(title_of(model, "sensor", i), f"a {kind} that nothing would read", "those it came with")
+            yield Finding(title_of(model, "sensor", i), f"{kind}, which nothing would read", "those it came with")
 
 
 def _contacts(model: mujoco.MjModel) -> Iterator[Finding]:
@@ -141,41 +141,46 @@ def swarm_options(model: mujoco.MjModel) -> list[Finding]:
 
 def _passive(model: mujoco.MjModel) -> Iterator[Finding]:
     """Springs, dampers, friction and limits of joints."""
-    for j in range(model.njnt):
-        dofs = list(qvel_places(model, j))
-        facts = {
-            "a spring": model.jnt_stiffness[j] or model.jnt_stiffnesspoly[j].any() or model.jnt_plasticadr[j] >= 0,
-            "a damper": model.dof_damping[dofs].any() or model.dof_dampingpoly[dofs].any(),
-            "dry friction": model.dof_frictionloss[dofs].any(),
-            "a limit": model.jnt_limited[j] or model.jnt_actfrclimited[j],
-            "an armature": model.dof_armature[dofs].any(),
-        }
-        what = " and ".join(word for word, true in facts.items() if true)
-        if what:
-            yield Finding(title_of(model, "joint", j), what, "joints that turn freely")
+    of_joints = {
+        "a spring": (model.jnt_stiffness != 0.0) | model.jnt_stiffnesspoly.any(axis=1) | (model.jnt_plasticadr >= 0),
+        "a limit": (model.jnt_limited != 0) | (model.jnt_actfrclimited != 0),
+    }
+    of_dofs = {
+        "a damper": (model.dof_damping != 0.0) | model.dof_dampingpoly.any(axis=1),
+        "dry friction": model.dof_frictionloss != 0.0,
+        "an armature": model.dof_armature != 0.0,
+    }
+    for word, dofs in of_dofs.items():
+        of_joints[word] = np.isin(np.arange(model.njnt), model.dof_jntid[dofs])
+    for joint, what in _flagged(of_joints):
+        yield Finding(title_of(model, "joint", joint), what, "joints that turn freely")
 
 
 def _drives(model: mujoco.MjModel, gyrostat: bool) -> Iterator[Finding]:
     """Actuators that are more than torques on their joints."""
-    for i in range(model.nactuator):
-        if what := _drive(model, i, gyrostat):
-            yield Finding(title_of(model, "actuator", i), what, "motors of constant torque")
+    for actuator, what in _flagged(_drive_facts(model, gyrostat)):
+        yield Finding(title_of(model, "actuator", actuator), what, "motors of constant torque")
 
 
-def _drive(model: mujoco.MjModel, i: int, gyrostat: bool) -> str:
-    """How an actuator differs from a motor that turns its control into torque; empty: not at all."""
+def _drive_facts(model: mujoco.MjModel, gyrostat: bool) -> dict[str, Mask]:
+    """How actuators differ from motors that turn their control into torque, each of shape (actuators,)."""
     dynamics = mujoco.mjtDyn.mjDYN_INTEGRATOR if gyrostat else mujoco.mjtDyn.mjDYN_NONE
-    facts = {
-        "dynamics": model.actuator_dyntype[i] != dynamics,
-        "a gain that is not constant": model.actuator_gaintype[i] != mujoco.mjtGain.mjGAIN_FIXED,
-        "a bias": model.actuator_biastype[i] != mujoco.mjtBias.mjBIAS_NONE,
-        "damping": model.actuator_damping[i] or model.actuator_dampingpoly[i].any(),
-        "an armature": model.actuator_armature[i],
-        "a delay": model.actuator_delay[i],
-        "several controls": model.actuator_ctrlnum[i] != 1,
-        "a plug-in": model.actuator_plugin[i] >= 0,
+    return {
+        "dynamics": model.actuator_dyntype != dynamics,
+        "a gain that is not constant": model.actuator_gaintype != mujoco.mjtGain.mjGAIN_FIXED,
+        "a bias": model.actuator_biastype != mujoco.mjtBias.mjBIAS_NONE,
+        "damping": (model.actuator_damping != 0.0) | model.actuator_dampingpoly.any(axis=1),
+        "an armature": model.actuator_armature != 0.0,
+        "a delay": model.actuator_delay != 0.0,
+        "several controls": model.actuator_ctrlnum != 1,
+        "a plug-in": model.actuator_plugin >= 0,
     }
-    return " and ".join(word for word, true in facts.items() if true)
+
+
+def _flagged(facts: dict[str, Mask]) -> Iterator[tuple[int, str]]:
+    """Numbers of which something is true, and what, in words."""
+    for i in np.flatnonzero(np.any(list(facts.values()), axis=0)):
+        yield int(i), " and ".join(word for word, true in facts.items() if true[i])
 
 
 def motor_faults(model: mujoco.MjModel, actuator: int, joint: int) -> str:
@@ -188,7 +193,8 @@ def motor_faults(model: mujoco.MjModel, actuator: int, joint: int) -> str:
         f"gear {' '.join(f'{g:g}' for g in gear)}, not 1": gear[0] != 1.0 or gear[1:].any(),
         f"gain {model.actuator_gainprm[actuator, 0]:g}, not 1": model.actuator_gainprm[actuator, 0] != 1.0,
     }
-    return " and ".join(filter(None, [_drive(model, actuator, False), *(word for word, true in facts.items() if true)]))
+    drive = [word for word, true in _drive_facts(model, False).items() if true[actuator]]
+    return " and ".join([*drive, *(word for word, true in facts.items() if true)])
 
 
 def torque_range(model: mujoco.MjModel, actuator: int) -> Array:

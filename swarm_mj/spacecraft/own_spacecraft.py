@@ -14,7 +14,7 @@ still, sensors, meshes. A keyframe named `start` gives the joints' initial posit
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import mujoco
@@ -28,7 +28,7 @@ from swarm_mj.spacecraft.elements import (
     name_of,
     title_of,
 )
-from swarm_mj.spacecraft.model_guard import Measured, measure, motor_faults, torque_range
+from swarm_mj.spacecraft.model_guard import Finding, Measured, examine_spacecraft, measure, motor_faults, torque_range
 from swarm_mj.spacecraft.properties import SpacecraftProperties
 from swarm_mj.spacecraft.sensors import Sensor, sensors_of
 from swarm_mj.typing import Array
@@ -103,6 +103,7 @@ class OwnSpacecraft:
         start_qvel: Their velocities.
         start_ctrl: Controls of all actuators; those of the wheels are the control law's.
         remarks: What a reader should know.
+        why: Why it is flown from its file, and so by `mj_step`.
     """
 
     path: Path
@@ -115,19 +116,21 @@ class OwnSpacecraft:
     start_qvel: tuple[float, ...]
     start_ctrl: tuple[float, ...]
     remarks: tuple[str, ...]
+    why: str = ""
 
 
 class _Refused(Exception):
     """Why a file is no spacecraft that can be flown; `read_spacecraft` says of which file."""
 
 
-def read_spacecraft(path: Path, planned: SpacecraftProperties) -> OwnSpacecraft:
+def read_spacecraft(path: Path, planned: SpacecraftProperties, why: str = "") -> OwnSpacecraft:
     """Read a spacecraft's file and measure what it describes.
 
     Args:
         path: The MJCF file.
         planned: What the scenario says: its speed limit of the wheels and size of the box are taken, and its torque limit where
             the file has none.
+        why: Why it is flown from its file.
 
     Raises:
         ScenarioError: The file cannot be read, or holds no such spacecraft; the message names the element and the remedy.
@@ -135,9 +138,14 @@ def read_spacecraft(path: Path, planned: SpacecraftProperties) -> OwnSpacecraft:
     part = load_part(path)
     try:
         model = part.compile()
-        return _read(path, model, planned)
+        return replace(_read(path, model, planned), why=why)
     except (ValueError, _Refused) as error:
         raise ScenarioError(f"spacecraft.mjcf = {path}: {error}") from None
+
+
+def examine_file(own: OwnSpacecraft) -> list[Finding]:
+    """What of a spacecraft's file the fast stepper could not fly."""
+    return examine_spacecraft(load_part(own.path).compile(), own.properties, own.hub, own.wheels)
 
 
 def load_part(path: Path) -> mujoco.MjSpec:

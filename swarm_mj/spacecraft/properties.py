@@ -52,6 +52,11 @@ class SpacecraftProperties:
         return len(WHEEL_AXES[self.wheel_layout])
 
     @property
+    def wheel_labels(self) -> tuple[str, ...]:
+        """What the wheels are called: x, y, z, or by their numbers."""
+        return ("x", "y", "z") if self.n_wheels == 3 else tuple(str(k + 1) for k in range(self.n_wheels))
+
+    @property
     def wheel_axes_B(self) -> Array:
         """Spin axes as rows, shape (w, 3)."""
         return WHEEL_AXES[self.wheel_layout].copy()

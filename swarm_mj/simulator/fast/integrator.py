@@ -5,7 +5,7 @@ they are called here one by one: kinematics, centres of mass, velocities, bias f
 a hold does not change is found once for the hold: the motors' torques and, where wheels are balanced and the centre of mass is
 where the free joint is, the factored inertia matrix, which then does not depend on the state. The result is that of `mj_step`
 to rounding, in about three fifths of the time. A model in which anything else acts (springs, dampers, tendons, contacts,
-callbacks, other integrators) is stepped by `mj_step` itself.
+callbacks, other integrators; `model_guard` names it) is stepped by `mj_step` itself.
 
 Wheels as momentum states need more than speed: their gyroscopic torque -omega x h depends on the state, so that it must be
 evaluated at every stage to keep the method's order. An actuator cannot give it, for what actuators add is symmetric in the
@@ -36,6 +36,7 @@ from swarm_mj.simulator.fast.mj_memory import (
 from swarm_mj.simulator.fast.native import load_mujoco
 from swarm_mj.spacecraft.gyrostat import NV_FREE, with_wheels
 from swarm_mj.spacecraft.model import SwarmModel
+from swarm_mj.spacecraft.model_guard import acting_elements, listed, swarm_options
 from swarm_mj.typing import Array, kernel
 
 _POINTER = types.intp
@@ -65,20 +66,19 @@ class Integrator:
 
     Attributes:
         swarms: For compiled code that steps them; valid as long as this object lives.
+        stepper: How they are stepped: fast, or mj_step.
+        why: Why by `mj_step`; empty where they are not.
 
     Raises:
-        SimulationError: Wheels are momentum states, and something else acts in the model as well.
+        SimulationError: The fast stepper is asked for, or wheels are momentum states, and something acts in the model that it
+            does not fly; the message names it.
     """
 
     def __init__(self, swarm: SwarmModel, *datas: mujoco.MjData) -> None:
         load_mujoco()
         model, self._datas = swarm.mjmodel, datas
-        method = _choose_method(model, swarm.n)
-        if method == MJ_STEP and swarm.wheels == "gyrostat":
-            raise SimulationError(
-                "physics.wheels = gyrostat flies free bodies alone, and this model has springs, dampers, tendons, contacts, "
-                "another integrator or callbacks; use physics.wheels: bodies"
-            )
+        method, self.why = _choose_method(swarm)
+        self.stepper = "mj_step" if method == MJ_STEP else "fast"
         self.swarms = MjBatch(
             places=np.array([places_of(swarm, data, method) for data in datas], np.int64),
             numbers=np.array([model.opt.timestep, swarm.properties.wheel_spin_inertia]),
@@ -118,30 +118,29 @@ def timesteps_in(control_period: float, swarm: SwarmModel) -> int:
     return round(control_period / timestep)
 
 
-def _choose_method(model: mujoco.MjModel, n: int) -> int:
-    if not _only_free_bodies(model, n):
-        return MJ_STEP
-    return STAGED_CONSTANT_INERTIA if _inertia_is_steady(model) else STAGED
+def _choose_method(swarm: SwarmModel) -> tuple[int, str]:
+    """How a swarm is stepped, and why by `mj_step` if it is.
 
-
-def _only_free_bodies(model: mujoco.MjModel, n: int) -> bool:
-    """Whether nothing acts but gravity, applied forces and motors of constant torque."""
-    joints = model.jnt_type.reshape(n, -1)
-    callbacks = (mujoco.get_mjcb_control, mujoco.get_mjcb_passive, mujoco.get_mjcb_act_gain, mujoco.get_mjcb_act_bias)
-    disabled = mujoco.mjtDisableBit.mjDSBL_CONSTRAINT | mujoco.mjtDisableBit.mjDSBL_CONTACT
-    return bool(
-        model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
-        and model.opt.disableflags & disabled == disabled
-        and (joints[:, 0] == mujoco.mjtJoint.mjJNT_FREE).all()
-        and (joints[:, 1:] == mujoco.mjtJoint.mjJNT_HINGE).all()
-        and not (model.ntendon or model.nflex or model.nplugin or model.ngravcomp)
-        and not (model.opt.density or model.opt.viscosity)
-        and not (model.jnt_stiffness.any() or model.dof_damping.any())
-        and (model.actuator_gaintype == mujoco.mjtGain.mjGAIN_FIXED).all()
-        and (model.actuator_biastype == mujoco.mjtBias.mjBIAS_NONE).all()
-        and (model.na or (model.actuator_dyntype == mujoco.mjtDyn.mjDYN_NONE).all())
-        and all(callback() is None for callback in callbacks)
-    )
+    Raises:
+        SimulationError: It must not be stepped so, and cannot otherwise.
+    """
+    if swarm.own is not None:
+        return MJ_STEP, swarm.own.why
+    if swarm.stepper == "mj_step":
+        return MJ_STEP, "physics.stepper = mj_step"
+    gyrostat = swarm.wheels == "gyrostat"
+    found = [*swarm_options(swarm.mjmodel), *acting_elements(swarm.mjmodel, gyrostat=gyrostat)]
+    if found and gyrostat:
+        raise SimulationError(
+            f"physics.wheels = gyrostat flies free bodies alone, and this model has {listed(found)}; use physics.wheels: bodies"
+        )
+    if found and swarm.stepper == "fast":
+        raise SimulationError(
+            f"physics.stepper = fast cannot fly this model: {listed(found)}; use physics.stepper: mj_step or auto"
+        )
+    if found:
+        return MJ_STEP, listed(found)
+    return STAGED_CONSTANT_INERTIA if _inertia_is_steady(swarm.mjmodel) else STAGED, ""
 
 
 def _inertia_is_steady(model: mujoco.MjModel) -> bool:

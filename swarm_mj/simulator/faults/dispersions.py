@@ -93,12 +93,13 @@ def dispersed_inertia(inertia_B: Array, ratio: Array) -> Array:
     inequality; a long CubeSat is close to it.
 
     Args:
-        inertia_B: Planned, about the centre of mass, diagonal, shape (3, 3) [kg m^2].
+        inertia_B: Planned, about the centre of mass, shape (3, 3) [kg m^2]; products of inertia stay as planned.
         ratio: Of the second moments int x^2 dm, int y^2 dm, int z^2 dm, shape (n, 3).
     """
     principal = np.diag(inertia_B)
     moments = (0.5 * principal.sum() - principal) * ratio
-    return (moments.sum(axis=1, keepdims=True) - moments)[:, :, None] * np.eye(3)
+    products = inertia_B - np.diag(principal)
+    return (moments.sum(axis=1, keepdims=True) - moments)[:, :, None] * np.eye(3) + products
 
 
 def disperse_environment(environment: Environment, given: Dispersions, seed: int) -> Environment:
