@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, nullcontext
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 import xarray as xr
-from matplotlib.figure import Figure
 from rich.progress import Progress
 
 from swarm_mj.api.notebook import figure_html, rows_html
@@ -19,13 +18,17 @@ from swarm_mj.api.scenario import Scenario
 from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.observe import ObservationResult, add_coverage, observe_flight, picture_count
 from swarm_mj.flight.plan import Plan, behavior_from, check_plugins, make_plan
-from swarm_mj.io.atomic import Result, atomic_folder, check_place
+from swarm_mj.io.atomic import FIGURES, Result, atomic_folder, check_place
 from swarm_mj.io.progress import Stages, using_bars
 from swarm_mj.observation.coverage import CoverageMap
+from swarm_mj.results.drawing import draw_all, drawing_beside
 from swarm_mj.results.run_files import coverage_arrays, flown_design, write_results, write_summary
 from swarm_mj.results.run_record import RunRecord, observation_of, read_run
 from swarm_mj.results.summary import summarise
 from swarm_mj.scenarios import schema
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 class Flight:
@@ -262,7 +265,7 @@ def fly(
         stages = Stages(scenario.name, bars)
         if out is None:
             return _fly(scenario, stages)
-        with _run_folder(Path(out), scenario, stages) as partial_folder:
+        with drawing_beside() if figures else nullcontext(), _run_folder(Path(out), scenario, stages) as partial_folder:
             flight = _fly(scenario, stages)
             _write(partial_folder, flight, stages, figures=figures, pdf=pdf)
         flight.folder = Path(out)
@@ -307,12 +310,8 @@ def _run_folder(folder: Path, scenario: schema.Scenario, stages: Stages) -> Abst
 def _write(folder: Path, flight: Flight, stages: Stages, *, figures: bool, pdf: bool) -> None:
     write_results(folder, flight.plan, flight.telemetry, flight.result, flight.design)
     if figures:
-        from swarm_mj.results.figures import FIGURES
-
-        with stages.stage("figures", "figures", len(FIGURES)) as done:
-            for count, draw in enumerate(FIGURES.items()):
-                draw[1](folder / f"{draw[0]}.png", flight.plan, flight.telemetry, flight.result, pdf=pdf)
-                done(count + 1)
+        with stages.stage("figures", "figures", len(FIGURES["run"])) as done:
+            draw_all(folder, flight.plan, flight.telemetry, flight.result, pdf=pdf, progress=done)
     flight.summary["wall_s"] |= {stage: round(seconds, 3) for stage, seconds in stages.wall_s.items()}
     write_summary(folder, flight.summary)
 

@@ -21,13 +21,12 @@ from swarm_mj.campaigns.flying import Row, failed_row, fly_row
 from swarm_mj.campaigns.loading import Resolved
 from swarm_mj.campaigns.sampling import Sample
 from swarm_mj.errors import OutputError, SwarmError
+from swarm_mj.io.cores import ONE_THREAD, usable_cores
 
 #: A run during which this many workers died is recorded as failed.
 MAX_DEATHS = 3
 #: Workers that die before their first run, one after another, before the campaign gives up.
 MAX_STILLBORN = 5
-#: Libraries must not start threads of their own in every worker; cores are shared by run.
-ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 
 class Pool(Protocol):
@@ -44,11 +43,6 @@ class Pool(Protocol):
     def close(self) -> None:
         """Stop; runs that have not finished are given up."""
         ...
-
-
-def usable_cores() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 class LocalPool:

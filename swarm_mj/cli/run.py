@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from swarm_mj.cli.common import DEFAULT_OUT, DEFAULT_SCENARIOS, add_common, overrides_of
 from swarm_mj.errors import OutputError
+from swarm_mj.results.drawing import drawing_beside
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -49,6 +51,12 @@ def add(commands: argparse._SubParsersAction) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> int:
+    # Before anything heavy is imported: it takes the other process as long to get ready as this one.
+    with nullcontext() if arguments.no_figures else drawing_beside():
+        return _fly(arguments)
+
+
+def _fly(arguments: argparse.Namespace) -> int:
     from rich.console import Console
 
     from swarm_mj.api.flight import check, fly

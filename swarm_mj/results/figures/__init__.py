@@ -1,14 +1,14 @@
 """The figures of a run, one PNG each, and a PDF of each where asked for.
 
 Every picture is composed by a function `compose_NAME(plan, telemetry, result) -> Figure` and saved under `NAME.png`. They
-use Matplotlib's Figure objects directly: no display, no global state, so that figures can be drawn in threads.
+use Matplotlib's Figure objects directly: no display, no global state, so that figures can be drawn in threads. Who draws
+them all for a run is told in `results/drawing.py`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Protocol
 
 import xarray as xr
 from matplotlib.figure import Figure
@@ -35,16 +35,6 @@ from swarm_mj.results.figures.trajectories import compose_trajectories
 Compose = Callable[[Plan, xr.Dataset, ObservationResult], Figure]
 
 
-class Draw(Protocol):
-    """Writes one figure of a run."""
-
-    def __call__(
-        self, path: Path, plan: Plan, telemetry: xr.Dataset, result: ObservationResult, *, pdf: bool = False
-    ) -> None:
-        """Write the figure to `path` as PNG, and with `pdf` as PDF beside it."""
-        ...
-
-
 #: File stem of every figure and what composes it.
 COMPOSERS: dict[str, Compose] = {
     "behaviors": compose_behaviors,
@@ -63,12 +53,8 @@ COMPOSERS: dict[str, Compose] = {
 }
 
 
-def _writer(compose: Compose) -> Draw:
-    def draw(path: Path, plan: Plan, telemetry: xr.Dataset, result: ObservationResult, *, pdf: bool = False) -> None:
-        write(compose(plan, telemetry, result), path, pdf=pdf)
-
-    return draw
-
-
-#: File stem of every figure and the function that writes it to a path, and on request beside it as PDF.
-FIGURES: dict[str, Draw] = {name: _writer(compose) for name, compose in COMPOSERS.items()}
+def draw(
+    name: str, folder: Path, plan: Plan, telemetry: xr.Dataset, result: ObservationResult, *, pdf: bool = False
+) -> None:
+    """Write a figure to NAME.png in a folder, and with `pdf` to NAME.pdf beside it."""
+    write(COMPOSERS[name](plan, telemetry, result), folder / f"{name}.png", pdf=pdf)

@@ -9,8 +9,8 @@ import gymnasium
 import mujoco
 import numpy as np
 
+from swarm_mj.io.cores import usable_cores
 from swarm_mj.verification.performance.measure import Row, rates, row
-from swarm_mj.verification.performance.record import cores
 
 ID = "swarm_mj.envs:SwarmObserve-v0"
 TARGET_SINGLE, TARGET_VECTOR = ">= 0.60", ">= 0.80"
@@ -97,7 +97,7 @@ def rows(quick: bool, num_envs: int = 64) -> Iterator[Row]:
     for name, values in measured.items():
         rate, vector = np.array(values), name.startswith("vector")
         target = TARGET_VECTOR if vector else TARGET_SINGLE
-        per_core = rate[:, 0] / base[:, 0] / (cores() if vector else 1)
+        per_core = rate[:, 0] / base[:, 0] / (usable_cores() if vector else 1)
         yield row("environment", name, rate[:, 0], "steps/s")
         yield row("environment", f"{name} / raw, per core", per_core, "ratio", target)
         yield row("environment", f"{name} / raw, by processor time", rate[:, 1] / base[:, 1], "ratio")

@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 import json
-import os
 import platform
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from swarm_mj.io.cores import usable_cores
+
 #: Where the project's own benchmarks keep their results, below the folder they are run in.
 FOLDER = Path("benchmarks") / "results"
 #: Whose versions are told.
 PACKAGES = ("mujoco", "numpy", "numba", "swarm_mj")
-
-
-def cores() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def machine() -> dict[str, Any]:
@@ -31,7 +27,7 @@ def machine() -> dict[str, Any]:
         model = names[0] if names else model
     return {
         "processor": model,
-        "cores": cores(),
+        "cores": usable_cores(),
         "system": platform.system(),
         "python": platform.python_version(),
         **{name: version(name) for name in PACKAGES},

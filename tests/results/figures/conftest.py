@@ -3,7 +3,7 @@ import pytest
 
 from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.observe import add_coverage, observe_flight
-from swarm_mj.results.figures import COMPOSERS, FIGURES
+from swarm_mj.results.figures import COMPOSERS, draw
 from swarm_mj.smallbody.shape import ShapeModel
 
 
@@ -28,8 +28,8 @@ def composed(flown):
 def written(flown, tmp_path_factory):
     """A folder with every figure, and one of them as PDF too."""
     folder = tmp_path_factory.mktemp("figures")
-    for name, draw in FIGURES.items():
-        draw(folder / f"{name}.png", *flown, pdf=name == "operation")
+    for name in COMPOSERS:
+        draw(name, folder, *flown, pdf=name == "operation")
     return folder
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from swarm_mj.results.figures import FIGURES
+from swarm_mj.results.figures import COMPOSERS
 from swarm_mj.results.figures.design import COMPOSERS as DESIGN_COMPOSERS
 from swarm_mj.scenarios.loading import packaged_names
 
@@ -23,7 +23,7 @@ def test_pictures_are_figures_that_the_commands_draw(images):
     for folder, figure in images.PICTURES:
         command, scenario, *_ = images.COMMANDS[folder]
         assert scenario in packaged_names()
-        assert figure in (FIGURES if command == "run" else DESIGN_COMPOSERS)
+        assert figure in (COMPOSERS if command == "run" else DESIGN_COMPOSERS)
 
 
 def test_every_picture_is_there(images):
@@ -45,12 +45,12 @@ def test_page_of_figures_has_a_counterpart_for_each_of_the_papers():
     for number in PAPER:
         row = re.search(rf"^\| Figure {number} \| [^|]+ \| `(\w+)`", page, re.MULTILINE)
         assert row, number
-        assert row[1] in {**FIGURES, **DESIGN_COMPOSERS}
+        assert row[1] in {**COMPOSERS, **DESIGN_COMPOSERS}
 
 
 def test_page_of_figures_names_every_figure_and_its_source():
     page = (ROOT / "docs" / "reference" / "figures.md").read_text("utf-8")
-    for name in {**FIGURES, **DESIGN_COMPOSERS}:
+    for name in {**COMPOSERS, **DESIGN_COMPOSERS}:
         assert f"`{name}`" in page
     for link in re.findall(r"\]\(\.\./\.\./([^)]+)\)", page):
         assert (ROOT / link).is_file(), link

@@ -8,7 +8,7 @@ import pytest
 from matplotlib.image import imread
 from matplotlib.text import Text
 
-from swarm_mj.results.figures import COMPOSERS, FIGURES
+from swarm_mj.results.figures import COMPOSERS
 from swarm_mj.results.figures.style import DPI, save
 
 from .sheets import assert_labels_do_not_overlap, assert_nothing_is_cut_off, swarm_of, with_coverage
@@ -33,7 +33,7 @@ UNITS = {
 
 
 def test_every_figure_of_a_run_has_its_function():
-    assert set(FIGURES) == set(UNITS)
+    assert set(COMPOSERS) == set(UNITS)
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -4,19 +4,19 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from swarm_mj.results.figures import FIGURES
+from swarm_mj.results.figures import draw
 from swarm_mj.results.figures.style import instant, new_figure, save, shown_spacecraft, time_axis, write
 
 
 def test_same_flight_gives_the_same_bytes_even_in_threads(flown, written, tmp_path):
     names = ["tracking_error", "coverage", "links", "footprints"]
 
-    def draw(name):
-        FIGURES[name](tmp_path / f"{name}.png", *flown)
+    def drawn_anew(name):
+        draw(name, tmp_path, *flown)
         return (tmp_path / f"{name}.png").read_bytes()
 
     with ThreadPoolExecutor(3) as pool:
-        drawn = list(pool.map(draw, names))
+        drawn = list(pool.map(drawn_anew, names))
     assert drawn == [(written / f"{name}.png").read_bytes() for name in names]
 
 
