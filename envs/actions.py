@@ -1,4 +1,4 @@
-"""The control levels: how the actions of many flights reach them, through the same plug-in protocols as in any other flight.
+"""The levels at which an agent can act: how the actions of E flights reach them, through the plug-in protocols of any flight.
 
 `torque` takes the place of the control law, `pointing` and `role` that of the behaviour. Each level holds the actions of the
 present step, which is the one thing that these plug-ins remember by themselves.
@@ -36,7 +36,7 @@ class HeldTargets:
         return self._targets, memory
 
 
-class AimedAt:
+class AimedTargets:
     """The behaviour of the level `pointing`: the scenario's, but the body is replaced by the points of the action."""
 
     dedicated_communications: ClassVar[bool] = False
@@ -95,7 +95,7 @@ class ControlLevel(ABC):
         """Forget the previous action of flight e."""
 
     @abstractmethod
-    def hold(self, actions: NDArray[Any], boresight_N: Array, live: Mask) -> None:
+    def apply(self, actions: NDArray[Any], boresight_N: Array, live: Mask) -> None:
         """Take actions for the step that begins.
 
         Args:
@@ -111,11 +111,8 @@ class TorqueLevel(ControlLevel):
     torque_B: Array
 
     def __init__(self, plan: Plan, count: int) -> None:
-        self._limit, self._axes, self._behavior = (
-            plan.properties.max_wheel_torque,
-            plan.properties.wheel_axes_B,
-            plan.behavior,
-        )
+        self._limit, self._axes = plan.properties.max_wheel_torque, plan.properties.wheel_axes_B
+        self._behavior = plan.behavior
         wheels = len(self._axes)
         self._shape = (count, plan.n, wheels)
         self.torque_B = np.zeros((count, plan.n, 3))
@@ -133,7 +130,7 @@ class TorqueLevel(ControlLevel):
         """See `ControlLevel`."""
         self.torque_B[e] = 0.0
 
-    def hold(self, actions: NDArray[Any], boresight_N: Array, live: Mask) -> None:
+    def apply(self, actions: NDArray[Any], boresight_N: Array, live: Mask) -> None:
         """Motor torques u act on the wheels; the body feels L = -A^T u, with the wheel axes as rows of A."""
         motor = self._limit * np.asarray(actions, np.float64).reshape(self._shape)
         # Summed wheel by wheel: a product of matrices would round differently with their number.
@@ -152,13 +149,13 @@ class PointingLevel(ControlLevel):
 
     def behavior(self, e: int) -> Behavior:
         """See `ControlLevel`."""
-        return AimedAt(self._inner, self._points_A[e])
+        return AimedTargets(self._inner, self._points_A[e])
 
     def reset(self, e: int) -> None:
         """See `ControlLevel`: the middle of the target."""
         self._points_A[e] = self._middle
 
-    def hold(self, actions: NDArray[Any], boresight_N: Array, live: Mask) -> None:
+    def apply(self, actions: NDArray[Any], boresight_N: Array, live: Mask) -> None:
         """See `ControlLevel`."""
         self._points_A[live] = self._points(np.asarray(actions)[live]).reshape(-1, self._n, 3)
 
@@ -199,7 +196,7 @@ class RoleLevel(ControlLevel):
         kind, spacecraft, vector = self.held
         kind[e], spacecraft[e], vector[e] = self._kinds[self._centre], self._spacecraft[self._centre], 0.0
 
-    def hold(self, actions: NDArray[Any], boresight_N: Array, live: Mask) -> None:
+    def apply(self, actions: NDArray[Any], boresight_N: Array, live: Mask) -> None:
         """See `ControlLevel`; a spacecraft told to look at itself holds its attitude."""
         choice = np.array(actions, np.int64).reshape(self.held.kind.shape)
         if not _choose(choice, self._self, self._kinds, self._spacecraft, self._vectors, boresight_N, live, self.held):

@@ -66,6 +66,13 @@ def checked_share(percent: float) -> float:
     return percent
 
 
+def checked_rate(name: str, value: Any) -> float:
+    """A data rate."""
+    if not (is_number(value) and value > 0.0):
+        raise ScenarioError(f"{name} = {value!r}: must be a positive number")
+    return float(value)
+
+
 def checked_step(scenario: Scenario, step_s: float) -> tuple[int, int]:
     """Control periods in a step of that length [s] and in the flight."""
     period, duration = scenario.control.period_s, scenario.duration_s

@@ -1,8 +1,9 @@
-"""E episodes of one setting at once: what the single environment (E = 1), the vector one and the multi-agent one stand on."""
+"""E episodes of one task at once: what the single environment (E = 1), the vector one and the multi-agent one stand on."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,83 +13,60 @@ from swarm_mj.flight.fly import initial_state, make_simulation
 from swarm_mj.simulator.compiled_batch import CompiledBatch
 from swarm_mj.simulator.python_batch import PythonBatch
 from swarm_mj.spacecraft.control.base import Controller
-from swarm_mj.typing import Array, Ints, Mask
+from swarm_mj.typing import Array, Mask
 
 from .actions import ControlLevel, make_level
-from .config import Setting
-from .episode_state import Ledger
-from .rewards import TERMS, settle
-
-#: Data aboard below this share of the nominal volume count as delivered.
-NOTHING_STORED = 1e-9
+from .episode_state import EpisodeState
+from .rewards import ENDS, StepMeasures, StepResult, compute_rewards, measure_hazards, no_result
+from .task import Task
+from .totals import reset_totals
 
 
-@dataclass(frozen=True, eq=False)
-class Step:
-    """What a step of E flights brought.
-
-    Attributes:
-        terms: Weighted reward terms in the order of `TERMS`, shape (E, 6).
-        reward: Their sum, shape (E,).
-        end: Number in `ENDS`, shape (E,).
-        truncated: Whether the flight is over by its duration, shape (E,).
-        hit: Which spacecraft hit the body in this step, shape (E, n).
-    """
-
-    terms: Array
-    reward: Array
-    end: Ints
-    truncated: Mask
-    hit: Mask
-
-
-class Flybys(Ledger):
-    """E flights in one thread, and their books.
+class EpisodeBatch(EpisodeState):
+    """E episodes flown in one thread.
 
     Args:
-        setting: What they share.
-        count: Number of flights E.
-        go_on_after_impact: Whether a flight goes on without the spacecraft that hit the body.
+        task: What they share.
+        count: Number of episodes E.
+        continues_after_impact: Whether a flight goes on without the spacecraft that hit the body.
 
     Attributes:
         level: How actions reach them.
         flights: The simulation.
-        batched: Whether that is the batch; else `why_separate` says why not.
+        why_python: Why compiled code cannot fly them, so that Python does; empty where it can.
     """
 
     flights: CompiledBatch | PythonBatch
 
-    def __init__(self, setting: Setting, count: int, *, go_on_after_impact: bool = False) -> None:
-        self._go_on = go_on_after_impact
-        self.level: ControlLevel = make_level(
-            setting.control, setting.plan, count, setting.patches, setting.observer.tracer
-        )
-        law = None if self.level.torque_B is not None else setting.plan.controller
-        self.why_separate = setting.simulation.why_not_compiled(law)
-        self.batched = not self.why_separate
-        super().__init__(setting, self._batch(setting, count, law) if self.batched else self._separate(setting, count))
-        self._prices = self._make_prices()
+    def __init__(self, task: Task, count: int, *, continues_after_impact: bool = False) -> None:
+        self._continues = continues_after_impact
+        tracer = task.observer.tracer
+        self.level: ControlLevel = make_level(task.config.control, task.plan, count, task.patches, tracer)
+        law = None if self.level.torque_B is not None else task.plan.controller
+        self.why_python = task.simulation.why_not_compiled(law)
+        flights = self._python_batch(task, count) if self.why_python else self._compiled_batch(task, count, law)
+        super().__init__(task, flights)
+        self._limits = task.hazard_limits
+        self._rewards = task.reward_constants(continues_after_impact=continues_after_impact)
 
-    def _batch(self, setting: Setting, count: int, law: Controller | None) -> CompiledBatch:
+    def _compiled_batch(self, task: Task, count: int, law: Controller | None) -> CompiledBatch:
         level = self.level
         behaviors = None if level.held is not None else [level.behavior(e) for e in range(count)]
-        return CompiledBatch(setting.simulation, count, law, behaviors)
+        return CompiledBatch(task.simulation, count, law, behaviors)
 
-    def _separate(self, setting: Setting, count: int) -> PythonBatch:
-        plan, level = setting.plan, self.level
+    def _python_batch(self, task: Task, count: int) -> PythonBatch:
+        plan, level = task.plan, self.level
         laws = [level.controller(e, plan.controller) for e in range(count)]
         plans = [replace(plan, behavior=level.behavior(e), controller=law) for e, law in enumerate(laws)]
         return PythonBatch([make_simulation(flown) for flown in plans])
 
     def reset(self, e: int, flight_seed: int) -> None:
-        """Start flight e anew from the seed of its initial attitudes and rates."""
-        plan = self.setting.plan
+        """Start episode e anew from the seed of its initial attitudes and rates."""
+        plan = self.task.plan
         scenario = plan.scenario.model_copy(update={"seed": flight_seed})
         start = initial_state(replace(plan, scenario=scenario))
         self.level.reset(e)
-        books = self.books
-        books.seen[e], books.first_seen[e], books.closed[e], books.lost[e] = False, np.nan, False, False
-        books.area[e], books.stored[e], books.delivered[e], self.percent[e] = 0.0, 0.0, 0.0, 0.0
+        reset_totals(self.totals, e)
         live = np.arange(self.count) == e
         self.flights.reset(e, start)
         # The first decision shows the attitude error; the second reset undoes whatever it left behind.
@@ -96,101 +74,102 @@ class Flybys(Ledger):
         if not self.flights.decide(live):
             raise SimulationError(self.flights.causes[e])
         self.flights.reset(e, start)
-        self._look(self.now, live)
-        self._end_step(live, 0.0)
+        self._update_kinematics(self.now, live)
+        self._observe(live)
 
-    def step(self, actions: NDArray[np.generic], live: Mask | None = None) -> Step:
+    def step(self, actions: NDArray[Any], live: Mask | None = None) -> StepResult:
         """Fly on for one step with the actions held.
 
         Args:
             actions: In the action space, shape (E, size).
-            live: Flights to fly, shape (E,); None for all. The others stay as they are.
+            live: Episodes to go on with, shape (E,); None for all. The others stay as they are.
         """
-        setting, flights = self.setting, self.flights
-        live = self._everyone if live is None else live
-        self.level.hold(actions, self.known.C_BN[:, :, 2], live)
+        live = self._all if live is None else live
+        self.level.apply(actions, self.estimate.C_BN[:, :, 2], live)
         self.before, self.now = self.now, self.before
-        flights.effort[:] = 0.0
-        area, flying = np.zeros(self.count), live.copy()
-        due = self._due()
-        flights.hold(self.level.held, self.level.torque_B)
-        k = 0
-        while k < setting.ticks:
-            stop = min((tick for tick in due if tick >= k), default=setting.ticks)
-            if stop > k and not flights.fly(min(stop, setting.ticks) - k, flying):
+        self.flights.effort[:] = 0.0
+        self.flights.hold(self.level.held, self.level.torque_B)
+        new_area = np.zeros(self.count)
+        finite = self._fly(live, new_area)
+        measures = self._measure(finite, new_area)
+        self._observe(finite)
+        result = no_result(self.count)
+        compute_rewards(self._rewards, measures, self.totals, self.flights.tick, live, finite, result)
+        if self._continues and measures.hit.any():
+            for e, j in zip(*np.nonzero(measures.hit), strict=True):
+                self.flights.park(int(e), int(j))
+        return result
+
+    def step_info(self, e: int, result: StepResult) -> dict[str, Any]:
+        """What a step has to tell of flight e, beyond `info` its reward terms and how it ended."""
+        info, end = self.info(e) | {"reward_terms": result.terms_of(e)}, ENDS[result.end[e]]
+        if end:
+            info["end"] = end
+        if end == "diverged":
+            info["cause"] = self.flights.causes[e]
+        return info
+
+    def _fly(self, live: Mask, new_area: Array) -> Mask:
+        """Fly the live flights for one step and take the pictures that fall due; returns which stayed finite."""
+        task, flights = self.task, self.flights
+        flying, due, k = live.copy(), self._due(), 0
+        while k < task.ticks:
+            stop = min((tick for tick in due if tick >= k), default=task.ticks)
+            if stop > k and not flights.fly(min(stop, task.ticks) - k, flying):
                 flying &= flights.finite
             k = stop
-            if k < setting.ticks:
+            if k < task.ticks:
                 if not flights.decide(flying):
                     flying &= flights.finite
-                self._take_pictures(due[k] & flying, area)
+                self._take_pictures(due[k] & flying, new_area)
                 flights.advance(flying)
                 k += 1
-        flying = self._finish(flying, due.get(setting.ticks), area)
-        return self._result(live, flying, area)
+        flying = self._take_last_pictures(flying, due.get(task.ticks), new_area)
+        # Of all flights: the instants were exchanged for those that stayed behind, too.
+        finite = self._update_kinematics(self.now, self._all)
+        if not finite.all():
+            # Deciding again names the spacecraft.
+            flights.decide(flying & ~finite)
+        return flying & finite
 
     def _due(self) -> dict[int, Mask]:
         """In which flights pictures are due, by control instant of this step, where there are any."""
-        setting, tick = self.setting, self.flights.tick
+        task, tick = self.task, self.flights.tick
         found: dict[int, Mask] = {}
         for start in set(tick.tolist()):
-            for k in np.flatnonzero(setting.is_due[start : start + setting.ticks + 1]).tolist():
+            for k in np.flatnonzero(task.is_due[start : start + task.ticks + 1]).tolist():
                 found[k] = found.get(k, np.zeros(self.count, np.bool_)) | (tick == start)
         return found
 
-    def _finish(self, flying: Mask, due: Mask | None, area: Array) -> Mask:
-        """The last pictures of a flight, and a look at the state at the end of the step."""
-        last = flying & (self.flights.tick >= self.setting.last_tick)
+    def _take_last_pictures(self, flying: Mask, due: Mask | None, new_area: Array) -> Mask:
+        """The pictures at the very end of a flight; returns which flights are still finite."""
+        last = flying & (self.flights.tick >= self.task.last_tick)
         if last.any():
             effort = self.flights.effort.copy()
             self.flights.decide(last)
             self.flights.effort[:] = effort
             flying = flying & self.flights.finite
             if due is not None:
-                self._take_pictures(due & last & flying, area)
-        # Of all flights: the moments were exchanged for those that stayed behind, too.
-        fine = self._look(self.now, self._everyone)
-        if not fine.all():
-            # Deciding again names the spacecraft.
-            self.flights.decide(flying & ~fine)
-        return flying & fine
+                self._take_pictures(due & last & flying, new_area)
+        return flying
 
-    def _result(self, live: Mask, flying: Mask, area: Array) -> Step:
-        setting, flights, books, count = self.setting, self.flights, self.books, self.count
-        gone = flights.lost & ~books.lost
-        books.lost[:] |= gone
-        measures, hit = self._end_step(flying, setting.step_s)
-        self._count_seen(area)
-        terms, reward = np.zeros((count, len(TERMS))), np.zeros(count)
-        end, truncated = np.zeros(count, np.int64), np.zeros(count, np.bool_)
-        settle(
-            self._prices,
-            flights.tick,
-            live,
-            flying,
-            area,
-            flights.effort,
-            measures,
-            hit,
-            gone,
-            books.lost,
-            books.stored,
-            self.percent,
-            terms,
-            reward,
-            end,
-            truncated,
+    def _measure(self, finite: Mask, new_area: Array) -> StepMeasures:
+        """What the step has brought: data are sent, and losses and the seen share brought up to date."""
+        totals, lost = self.totals, self.flights.lost
+        failed = lost & ~totals.lost
+        totals.lost[:] |= failed
+        measures = StepMeasures(
+            area=new_area,
+            delivered=self._transmit(finite),
+            effort=self.flights.effort,
+            saturation=np.zeros(self.count),
+            close_pairs=np.zeros(self.count),
+            hit=np.zeros_like(failed),
+            failed=failed,
         )
-        if self._go_on and hit.any():
-            for e, j in zip(*np.nonzero(hit), strict=True):
-                flights.park(int(e), int(j))
-        return Step(terms, reward, end, truncated, hit)
-
-    def _make_prices(self) -> Array:
-        """See `settle`."""
-        setting, properties = self.setting, self.setting.plan.properties
-        share = setting.step_s / setting.plan.scenario.duration_s
-        torques = setting.ticks * setting.plan.n * len(properties.wheel_axes_B) * properties.max_wheel_torque**2
-        numbers = [setting.plan.region.total_area, setting.nominal_bit, share, torques, setting.complete]
-        numbers += [NOTHING_STORED * setting.nominal_bit, setting.last_tick, float(self._go_on)]
-        return np.array([*numbers, *(setting.weights[name] for name in TERMS)], np.float64)
+        measure_hazards(self._limits, self.before, self.now, totals.lost, finite, measures)
+        area = self.task.plan.region.area
+        for e in np.flatnonzero(new_area):
+            # From the cells, so that the order in which they were seen does not matter.
+            totals.percent[e] = 100.0 * float(area[totals.seen[e]].sum() / area.sum())
+        return measures

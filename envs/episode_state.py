@@ -1,22 +1,33 @@
-"""The books of E flights: what their cameras have seen and their radios sent, and what their software knows."""
+"""The state of E episodes: what their cameras have seen and their radios sent, and what their software knows."""
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
 from swarm_mj.observation.capture import Picture, observe, pictures, pixels_on, sight, watching
 from swarm_mj.typing import Array, Ints, Mask
 
-from . import step_kernels
-from .config import Setting
-from .kinematics import Known, Now, learn, turn
-from .step_kernels import EpisodeTotals
+from .kinematics import (
+    Kinematics,
+    Tracking,
+    copy_truth,
+    no_estimate,
+    no_kinematics,
+    update_estimated_rotations,
+    update_rotations,
+)
+from .observations import write_observations
+from .pictures import take_pictures
+from .radio import transmit
+from .state import SwarmState
+from .task import Task
+from .totals import no_totals, record_cells
 
 
-class Watched(Protocol):
-    """E flights as the books need to see them; `CompiledBatch` says what each member is."""
+class StateSource(Protocol):
+    """E flights as their episodes need to see them; `CompiledBatch` says what each member is."""
 
     count: int
     period: float
@@ -40,81 +51,96 @@ class Watched(Protocol):
         ...
 
 
-class Ledger:
-    """The books of E flights that something else flies.
+class EpisodeState:
+    """The state of E episodes whose flights something else flies.
 
     Args:
-        setting: What they share.
+        task: What they share.
         flights: Who flies them.
 
     Attributes:
-        setting: What they share.
+        task: What they share.
         flights: Who flies them.
         count: Number of flights E.
-        books: What they have come to.
+        totals: What they have come to.
         now: The instant between two steps, in truth.
         before: The one a step earlier.
-        known: Attitudes and rates at that instant as the flight software has them.
+        estimate: Attitudes and rates at that instant as the flight software has them.
         observation: Of every flight, shape (E, F).
-        percent: Seen share of the target, shape (E,) [%].
     """
 
-    def __init__(self, setting: Setting, flights: Watched) -> None:
-        self.setting, self.flights, self.count = setting, flights, flights.count
-        plan, count, n = setting.plan, flights.count, setting.plan.n
-        cells, wheels = plan.region.n_cells, len(plan.properties.wheel_axes_B)
-        self.books = EpisodeTotals(
-            seen=np.zeros((count, cells), np.bool_),
-            first_seen=np.full((count, cells), np.nan),
-            area=np.zeros(count),
-            stored=np.zeros((count, n)),
-            delivered=np.zeros(count),
-            closed=np.zeros((count, n), np.bool_),
-            lost=np.zeros((count, n), np.bool_),
-        )
-        self.before, self.now, self._picture = (_moment(count, n, wheels) for _ in range(3))
-        self.known = Known(np.zeros((count, n, 4)), np.zeros((count, n, 3)), np.zeros((count, n, 3, 3)))
-        space = setting.readings.space
-        self.observation = np.zeros((count, *space.shape), np.float32)
-        self._low, self._high = space.low, space.high
-        self.percent = np.zeros(count)
-        self._everyone = np.ones(count, np.bool_)
+    def __init__(self, task: Task, flights: StateSource) -> None:
+        self.task, self.flights, self.count = task, flights, flights.count
+        plan, count = task.plan, flights.count
+        self.totals = no_totals(count, plan.n, plan.region.n_cells)
+        wheels = len(plan.properties.wheel_axes_B)
+        self.before, self.now, self._at_picture = (no_kinematics(count, plan.n, wheels) for _ in range(3))
+        self.estimate = no_estimate(count, plan.n)
+        self.observation = np.zeros((count, *task.observation_layout.space.shape), np.float32)
+        self._all = np.ones(count, np.bool_)
+        self._rotation, self._pictures = task.body_rotation, task.picture_constants
+        self._radio, self._observations = task.radio_constants, task.observation_constants
 
-    def _look(self, now: Now, live: Mask) -> Mask:
-        """Bring a moment up to date; returns which flights are finite."""
+    @property
+    def time_s(self) -> Array:
+        """Seconds past the epoch, shape (E,)."""
+        return np.asarray(self.flights.tick * self.flights.period, np.float64)
+
+    def swarm_state(self, e: int) -> SwarmState:
+        """The swarm of flight e between two steps."""
+        now = self.now
+        return SwarmState(
+            t=float(now.t[e]),
+            r_BN_N=now.r[e].copy(),
+            v_BN_N=now.v[e].copy(),
+            C_BN=now.C_BN[e].copy(),
+            omega_BN_B=now.omega[e].copy(),
+            wheel_speed=now.wheel[e].copy(),
+            C_AN=now.C_AN[e].copy(),
+        )
+
+    def info(self, e: int) -> dict[str, Any]:
+        """What every step tells of flight e."""
+        return {
+            "time_s": float(self.time_s[e]),
+            "coverage_percent": float(self.totals.percent[e]),
+            "delivered_bit": float(self.totals.delivered[e]),
+            "stored_bit": self.totals.stored[e].tolist(),
+        }
+
+    def _update_kinematics(self, now: Kinematics, live: Mask) -> Mask:
+        """Bring an instant up to date; returns which flights are finite."""
         self.flights.read(now.r, now.v, now.q, now.omega, now.wheel)
         now.t[:] = self.flights.tick * self.flights.period
-        fine = np.zeros(self.count, np.bool_)
-        step_kernels.orient(self.setting.mission, now, live, fine)
-        return fine
+        finite = np.zeros(self.count, np.bool_)
+        update_rotations(self._rotation, now, live, finite)
+        return finite
 
-    def _know(self, live: Mask) -> None:
+    def _update_estimate(self, live: Mask) -> None:
         """Bring up to date what the flight software knows: bit for bit the truth where sensors are perfect."""
-        learn(self.now, self.known, live)
-        imperfect = self.flights.know(live, self.known.q, self.known.omega)
+        copy_truth(self.now, self.estimate, live)
+        imperfect = self.flights.know(live, self.estimate.q, self.estimate.omega)
         if imperfect.any():
-            turn(self.known, imperfect)
+            update_estimated_rotations(self.estimate, imperfect)
 
     def _take_pictures(self, due: Mask, area: Array) -> None:
+        """Pictures of the flights in which they are due, shape (E,); `area` (E,) [m^2] grows by what is newly seen."""
         if not due.any():
             return
-        setting, now = self.setting, self._picture
-        self._look(now, due)
-        kind, books = self.flights.kind, self.books
-        if setting.scene is not None and not setting.criterion.needs_sun:
-            singly = np.zeros(kind.shape, np.bool_)
-            doubt = step_kernels.take_pictures(
-                setting.scene, setting.mission, now, books, kind, self.flights.blind, due, area, singly
-            )
-            if not doubt:
+        task, flights = self.task, self.flights
+        self._update_kinematics(self._at_picture, due)
+        camera_on = ~(self.totals.lost | flights.blind)
+        takes = due[:, None] & watching(task.plan.n_observers, flights.kind, camera_on)
+        now, totals = self._at_picture, self.totals
+        if task.scene is not None and not task.criterion.needs_sun:
+            doubt = np.zeros(takes.shape, np.bool_)
+            if not take_pictures(task.scene, self._pictures, now, totals, takes, area, doubt):
                 return
-        else:
-            camera_on = ~(books.lost | self.flights.blind)
-            singly = due[:, None] & watching(setting.plan.n_observers, kind, camera_on)
-        sun = setting.plan.environment.sun
-        for e in np.flatnonzero(singly.any(axis=1)):
+            takes = doubt
+        sun = task.plan.environment.sun
+        for e in np.flatnonzero(takes.any(axis=1)):
             t = float(now.t[e])
-            for picture in pictures(t, singly[e], now.r[e], now.C_BN[e], now.C_AN[e], sun.at(t)):
+            for picture in pictures(t, takes[e], now.r[e], now.C_BN[e], now.C_AN[e], sun.at(t)):
                 area[e] += self._judge_singly(int(e), picture)
 
     def _judge_singly(self, e: int, picture: Picture) -> float:
@@ -123,61 +149,29 @@ class Ledger:
         Returns:
             Newly seen area [m^2].
         """
-        setting, books, region = self.setting, self.books, self.setting.plan.region
-        seen = observe(setting.observer, picture.r_A, picture.C_CA, setting.criterion, picture.sun_A)
-        new = seen & ~books.seen[e]
+        task, totals, region = self.task, self.totals, self.task.plan.region
+        seen = observe(task.observer, picture.r_A, picture.C_CA, task.criterion, picture.sun_A)
+        new = seen & ~totals.seen[e]
         gained = float(region.area[new].sum())
         if gained > 0.0:
-            limits = setting.criterion.limits(setting.observer.camera)
+            limits = task.criterion.limits(task.observer.camera)
             pixels = pixels_on(limits, region.area[new], *sight(region, picture.r_A, new)).sum()
-            bits = float(pixels) * setting.radio.bits_per_pixel
-            step_kernels.write_down(books, e, picture.spacecraft, new, picture.t, gained, bits)
+            bits = float(pixels) * task.config.bits_per_pixel
+            record_cells(totals, e, picture.spacecraft, new, picture.t, gained, bits)
         return gained
 
-    def _end_step(self, live: Mask, step_s: float) -> tuple[Array, Mask]:
-        measures, hit = np.zeros((self.count, 3)), np.zeros(self.books.lost.shape, np.bool_)
-        self._know(live)
-        step_kernels.end_step(
-            self.setting.mission,
-            self.before,
-            self.now,
-            self.known,
-            self.books,
-            self.flights.kind,
-            self.flights.index,
-            np.ascontiguousarray(self.flights.sigma_BR),
-            live,
-            step_s,
-            self._low,
-            self._high,
-            measures,
-            hit,
-            self.observation,
+    def _transmit(self, live: Mask) -> Array:
+        """Send data over the links that are closed now, for the step that ends; what Earth received, shape (E,) [bit]."""
+        received = np.zeros(self.count)
+        transmit(self._radio, self.now, self._tracking(), self.totals, live, received)
+        return received
+
+    def _observe(self, live: Mask) -> None:
+        """Write the observations of the live flights."""
+        self._update_estimate(live)
+        write_observations(
+            self._observations, self.now, self.estimate, self._tracking(), self.totals, live, self.observation
         )
-        return measures, hit
 
-    def _count_seen(self, new: Array) -> None:
-        """Bring the seen share up to date where there is new area; from the cells, so that their order does not matter."""
-        if new.any():
-            area = self.setting.plan.region.area
-            for e in np.flatnonzero(new):
-                self.percent[e] = 100.0 * float(area[self.books.seen[e]].sum() / area.sum())
-
-    @property
-    def time_s(self) -> Array:
-        """Seconds past the epoch, shape (E,)."""
-        return np.asarray(self.flights.tick * self.flights.period, np.float64)
-
-
-def _moment(count: int, n: int, wheels: int) -> Now:
-    return Now(
-        t=np.zeros(count),
-        r=np.zeros((count, n, 3)),
-        v=np.zeros((count, n, 3)),
-        q=np.zeros((count, n, 4)),
-        omega=np.zeros((count, n, 3)),
-        wheel=np.zeros((count, n, wheels)),
-        C_AN=np.zeros((count, 3, 3)),
-        r_A=np.zeros((count, n, 3)),
-        C_BN=np.zeros((count, n, 3, 3)),
-    )
+    def _tracking(self) -> Tracking:
+        return Tracking(self.flights.kind, self.flights.index, np.ascontiguousarray(self.flights.sigma_BR))

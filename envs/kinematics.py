@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import numpy as np
+
 from swarm_mj.spacecraft.attitude.algebra import Quaternion, quaternion, rotate
-from swarm_mj.typing import Array, Mask, kernel
+from swarm_mj.typing import Array, Ints, Mask, kernel
 
 
-class Now(NamedTuple):
-    """The flights at one instant.
+class Kinematics(NamedTuple):
+    """Motion of E flights of n spacecraft at one instant.
 
     Attributes:
-        t: Seconds past the epoch, shape (E,).
+        t: Time past the epoch, shape (E,) [s].
         r: Positions in N, shape (E, n, 3) [m].
         v: Velocities in N, shape (E, n, 3) [m/s].
         q: Attitudes q_BN, shape (E, n, 4).
@@ -20,7 +22,7 @@ class Now(NamedTuple):
         wheel: Wheel speeds, shape (E, n, w) [rad/s].
         C_AN: Rotations from N to A, shape (E, 3, 3).
         r_A: Positions in A, shape (E, n, 3) [m].
-        C_BN: Shape (E, n, 3, 3).
+        C_BN: Rotations from N to B, shape (E, n, 3, 3).
     """
 
     t: Array
@@ -34,13 +36,13 @@ class Now(NamedTuple):
     C_BN: Array
 
 
-class Known(NamedTuple):
+class AttitudeEstimate(NamedTuple):
     """Attitudes and rates as the flight software has them at that instant: the truth, unless sensors are imperfect or late.
 
     Attributes:
         q: Attitudes q_BN, shape (E, n, 4).
         omega: Body rates in B, shape (E, n, 3) [rad/s].
-        C_BN: Shape (E, n, 3, 3).
+        C_BN: Rotations from N to B, shape (E, n, 3, 3).
     """
 
     q: Array
@@ -48,27 +50,109 @@ class Known(NamedTuple):
     C_BN: Array
 
 
+class Tracking(NamedTuple):
+    """What the spacecraft track since the last decision.
+
+    Attributes:
+        kind: `TargetKind` values, shape (E, n).
+        spacecraft: Whom, from 0, where that is a spacecraft, shape (E, n).
+        sigma_BR: Attitude errors at the decision, MRP, shape (E, n, 3).
+    """
+
+    kind: Ints
+    spacecraft: Ints
+    sigma_BR: Array
+
+
+class BodyRotation(NamedTuple):
+    """How the body turns.
+
+    Attributes:
+        C_PN: Rotation from N to the pole frame, shape (3, 3).
+        phase0: Prime meridian angle at the epoch [rad].
+        spin_rate: Of the body [rad/s].
+    """
+
+    C_PN: Array
+    phase0: float
+    spin_rate: float
+
+
+def no_kinematics(count: int, n: int, wheels: int) -> Kinematics:
+    """Zeros for that many flights, spacecraft and wheels."""
+    return Kinematics(
+        t=np.zeros(count),
+        r=np.zeros((count, n, 3)),
+        v=np.zeros((count, n, 3)),
+        q=np.zeros((count, n, 4)),
+        omega=np.zeros((count, n, 3)),
+        wheel=np.zeros((count, n, wheels)),
+        C_AN=np.zeros((count, 3, 3)),
+        r_A=np.zeros((count, n, 3)),
+        C_BN=np.zeros((count, n, 3, 3)),
+    )
+
+
+def no_estimate(count: int, n: int) -> AttitudeEstimate:
+    """Zeros for that many flights and spacecraft."""
+    return AttitudeEstimate(np.zeros((count, n, 4)), np.zeros((count, n, 3)), np.zeros((count, n, 3, 3)))
+
+
 @kernel
-def learn(now: Now, known: Known, flights: Mask) -> None:
-    """Take the truth for what these flights, shape (E,), know."""
-    for e in range(flights.shape[0]):
-        if flights[e]:
-            for j in range(known.q.shape[1]):
+def update_rotations(body: BodyRotation, now: Kinematics, live: Mask, finite: Mask) -> None:
+    """Work out C_AN, r_A and C_BN of the live flights, shape (E,), from time, positions and attitudes.
+
+    Args:
+        body: How it turns.
+        now: Read and written to.
+        live: Which flights, shape (E,).
+        finite: Receives which of them have a finite state, shape (E,).
+    """
+    for e in range(live.shape[0]):
+        finite[e] = live[e] and _update_flight(body, now, e)
+
+
+@kernel
+def _update_flight(body: BodyRotation, now: Kinematics, e: int) -> bool:
+    phase = body.phase0 + body.spin_rate * now.t[e]
+    c, s = np.cos(phase), np.sin(phase)
+    C, P = now.C_AN[e], body.C_PN
+    for k in range(3):
+        C[0, k], C[1, k], C[2, k] = c * P[0, k] + s * P[1, k], c * P[1, k] - s * P[0, k], P[2, k]
+    total = 0.0  # finite if everything is
+    for j in range(now.r.shape[1]):
+        r = now.r[e, j]
+        q = quaternion(now.q[e], j)
+        write_dcm(q, now.C_BN[e, j])
+        for k in range(3):
+            now.r_A[e, j, k] = C[k, 0] * r[0] + C[k, 1] * r[1] + C[k, 2] * r[2]
+            total += now.r_A[e, j, k] + now.v[e, j, k] + now.omega[e, j, k] + q[0] + now.C_BN[e, j, k, k]
+        for w in range(now.wheel.shape[2]):
+            total += now.wheel[e, j, w]
+    return np.isfinite(total)
+
+
+@kernel
+def copy_truth(now: Kinematics, estimate: AttitudeEstimate, live: Mask) -> None:
+    """Let the estimate of the live flights, shape (E,), be the truth."""
+    for e in range(live.shape[0]):
+        if live[e]:
+            for j in range(estimate.q.shape[1]):
                 for k in range(4):
-                    known.q[e, j, k] = now.q[e, j, k]
+                    estimate.q[e, j, k] = now.q[e, j, k]
                 for k in range(3):
-                    known.omega[e, j, k] = now.omega[e, j, k]
+                    estimate.omega[e, j, k] = now.omega[e, j, k]
                     for m in range(3):
-                        known.C_BN[e, j, k, m] = now.C_BN[e, j, k, m]
+                        estimate.C_BN[e, j, k, m] = now.C_BN[e, j, k, m]
 
 
 @kernel
-def turn(known: Known, flights: Mask) -> None:
-    """Work out C_BN of these flights, shape (E,), from the attitudes."""
+def update_estimated_rotations(estimate: AttitudeEstimate, flights: Mask) -> None:
+    """Work out C_BN of these flights, shape (E,), from the estimated attitudes."""
     for e in range(flights.shape[0]):
         if flights[e]:
-            for j in range(known.q.shape[1]):
-                write_dcm(quaternion(known.q[e], j), known.C_BN[e, j])
+            for j in range(estimate.q.shape[1]):
+                write_dcm(quaternion(estimate.q[e], j), estimate.C_BN[e, j])
 
 
 @kernel

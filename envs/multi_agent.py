@@ -7,6 +7,7 @@ env = swarm_observe_v0.parallel_env(control="role")
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, ClassVar
 
@@ -17,16 +18,16 @@ from gymnasium.utils import seeding
 from numpy.typing import NDArray
 
 from swarm_mj.errors import ScenarioError
+from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.typing import Array32, Pixels
 
 from .actions import check_action
 from .arguments import checked_options, checked_render_mode, flight_seed
-from .batch import Flybys
-from .config import make_setting
-from .observations import Readings
-from .overview import EpisodePicture
-from .rewards import ENDS, TERMS
-from .state import info_of
+from .batch import EpisodeBatch
+from .config import EnvConfig
+from .observations import ObservationLayout
+from .rendering import EpisodeRenderer
+from .task import make_task
 
 try:
     from pettingzoo import ParallelEnv
@@ -77,31 +78,35 @@ class SwarmObserveParallelEnv(ParallelEnv[str, Observation, Any]):
     }
 
     def __init__(
-        self, scenario: Any = "eros-observe", control: str = "role", render_mode: str | None = None, **arguments: Any
+        self,
+        scenario: str | Path | Scenario = EnvConfig.scenario,
+        control: str = EnvConfig.control,
+        render_mode: str | None = None,
+        **arguments: Any,
     ) -> None:
         self.render_mode = checked_render_mode(render_mode, self.metadata["render_modes"])
-        self.setting = make_setting(scenario, control, **arguments)
-        flybys = Flybys(self.setting, 1, go_on_after_impact=True)
-        self._flybys: Flybys | None = flybys
-        self._picture = EpisodePicture(flybys, 640, 480)
-        plan = self.setting.plan
+        self.task = make_task(scenario=scenario, control=control, **arguments)
+        batch = EpisodeBatch(self.task, 1, continues_after_impact=True)
+        self._batch: EpisodeBatch | None = batch
+        self._renderer = EpisodeRenderer(batch, 640, 480)
+        plan = self.task.plan
         self.possible_agents = list(plan.names)
         self.agents: list[str] = []
         self._number = {name: j for j, name in enumerate(self.possible_agents)}
-        whole = flybys.level.action_space
+        whole = batch.level.action_space
         self._whole = whole
         self.action_spaces = {name: _part(whole, j, plan.n) for name, j in self._number.items()}
-        self.observation_spaces = {name: _local_space(self.setting.readings, plan.n) for name in self._number}
-        self.state_space: spaces.Box = self.setting.readings.space
+        self.observation_spaces = {name: _local_space(self.task.observation_layout, plan.n) for name in self._number}
+        self.state_space: spaces.Box = self.task.observation_layout.space
         self._random = seeding.np_random()[0]
         self._begun = False
 
     @property
-    def flybys(self) -> Flybys:
-        """The episode; see `Flybys`."""
-        if self._flybys is None:
+    def batch(self) -> EpisodeBatch:
+        """The episode; see `EpisodeBatch`."""
+        if self._batch is None:
             raise gymnasium.error.ClosedEnvironmentError("swarm_observe_v0 was closed; make it anew")
-        return self._flybys
+        return self._batch
 
     def observation_space(self, agent: str) -> spaces.Box:
         """Of one agent, always the same object."""
@@ -117,10 +122,10 @@ class SwarmObserveParallelEnv(ParallelEnv[str, Observation, Any]):
             self._random = seeding.np_random(seed)[0]
         known = {name: value for name, value in checked_options(options).items() if name == "flight_seed"}
         chosen = flight_seed(known, int(self._random.integers(2**31)))
-        self.flybys.reset(0, chosen)
+        self.batch.reset(0, chosen)
         self._begun = True
         self.agents = list(self.possible_agents)
-        info = info_of(self.flybys, 0) | {"flight_seed": chosen}
+        info = self.batch.info(0) | {"flight_seed": chosen}
         return self._observations(), {agent: dict(info) for agent in self.agents}
 
     def step(self, actions: PerAgent) -> tuple[PerAgent, PerAgent, PerAgent, PerAgent, PerAgent]:
@@ -138,18 +143,13 @@ class SwarmObserveParallelEnv(ParallelEnv[str, Observation, Any]):
             raise gymnasium.error.ResetNeeded(
                 "swarm_observe_v0: the episode is over or has not begun; call reset first"
             )
-        flybys, flew = self.flybys, self.agents
-        step = flybys.step(self._joined(actions)[None])
-        lost, end = flybys.books.lost[0], ENDS[step.end[0]]
-        info = info_of(flybys, 0) | {"reward_terms": dict(zip(TERMS, step.terms[0].tolist(), strict=True))}
-        if end:
-            info["end"] = end
-        if end == "diverged":
-            info["cause"] = flybys.flights.causes[0]
+        batch, flew = self.batch, self.agents
+        result = batch.step(self._joined(actions)[None])
+        info, lost, ended = batch.step_info(0, result), batch.totals.lost[0], bool(result.end[0])
         observations = self._observations()
-        rewards = dict.fromkeys(flew, float(step.reward[0]))
-        terminations = {agent: bool(end) or bool(lost[self._number[agent]]) for agent in flew}
-        truncations = {agent: bool(step.truncated[0]) and not terminations[agent] for agent in flew}
+        rewards = dict.fromkeys(flew, float(result.reward[0]))
+        terminations = {agent: ended or bool(lost[self._number[agent]]) for agent in flew}
+        truncations = {agent: bool(result.truncated[0]) and not terminations[agent] for agent in flew}
         infos = {agent: dict(info) for agent in flew}
         self.agents = [agent for agent in flew if not (terminations[agent] or truncations[agent])]
         return observations, rewards, terminations, truncations, infos
@@ -169,14 +169,14 @@ class SwarmObserveParallelEnv(ParallelEnv[str, Observation, Any]):
         return joined.ravel()
 
     def _observations(self) -> PerAgent:
-        flybys, n = self.flybys, len(self.possible_agents)
-        whole = flybys.observation[0]
-        readings = self.setting.readings
-        block, tail = whole[: readings.features * n].reshape(n, readings.features), whole[readings.features * n :]
-        # As the other readings, those of a flight that has diverged are the last that were finite.
-        now = flybys.now if flybys.flights.finite[0] else flybys.before
-        r_A, alive = now.r_A[0], ~flybys.books.lost[0]
-        known = np.column_stack([*(block[:, readings.columns[name]] for name in ("stored", "imaging")), alive])
+        batch, n = self.batch, len(self.possible_agents)
+        whole = batch.observation[0]
+        layout = self.task.observation_layout
+        block, tail = whole[: layout.features * n].reshape(n, layout.features), whole[layout.features * n :]
+        # As the other observations, those of a flight that has diverged are the last that were finite.
+        now = batch.now if batch.flights.finite[0] else batch.before
+        r_A, alive = now.r_A[0], ~batch.totals.lost[0]
+        known = np.column_stack([*(block[:, layout.columns[name]] for name in ("stored", "imaging")), alive])
         out = {}
         for agent in self.agents:
             j = self._number[agent]
@@ -191,21 +191,21 @@ class SwarmObserveParallelEnv(ParallelEnv[str, Observation, Any]):
         if self.render_mode is None:
             gymnasium.logger.warn("render() draws nothing: make the environment with render_mode='rgb_array'")
             return None
-        _ = self.flybys
+        _ = self.batch
         if not self._begun:
             raise gymnasium.error.ResetNeeded("swarm_observe_v0: there is nothing to draw before the first reset")
-        return self._picture.draw()
+        return self._renderer.draw()
 
     def state(self) -> Observation:
         """The observation of `SwarmObserveEnv`: everything, for critics that see it all."""
-        return self.flybys.observation[0].copy()
+        return self.batch.observation[0].copy()
 
     def close(self) -> None:
         """Release observer and OpenGL context; may be called again."""
-        self._picture.close()
-        if self._flybys is not None:
-            self.setting.close()
-        self._flybys, self.agents = None, []
+        self._renderer.close()
+        if self._batch is not None:
+            self.task.close()
+        self._batch, self.agents = None, []
 
 
 def _part(whole: spaces.Space[Any], j: int, n: int) -> spaces.Space[Any]:
@@ -216,8 +216,8 @@ def _part(whole: spaces.Space[Any], j: int, n: int) -> spaces.Space[Any]:
     return spaces.Box(-1.0, 1.0, (whole.shape[0] // n,), np.float32)
 
 
-def _local_space(readings: Readings, n: int) -> spaces.Box:
-    whole, features = readings.space, readings.features
+def _local_space(layout: ObservationLayout, n: int) -> spaces.Box:
+    whole, features = layout.space, layout.features
     bound = np.array([NEIGHBOUR_BOUND] * 3 + [10.0, 1.0, 1.0], np.float32)
     low = np.array([-NEIGHBOUR_BOUND] * 3 + [0.0, 0.0, 0.0], np.float32)
     parts = [slice(0, features), slice(features * n, None)]

@@ -26,9 +26,8 @@ from numpy.typing import NDArray
 from swarm_mj.errors import ScenarioError
 from swarm_mj.typing import Array, Ints
 
-from .config import Setting
-from .observations import PER_SPACECRAFT
-from .step_kernels import FEATURES
+from .observations import COLUMNS, FEATURES
+from .task import Task
 
 Arrays = dict[str, NDArray[Any]]
 
@@ -38,13 +37,6 @@ FORMAT = 1
 OWN, PER_PATCH = 26, 7
 #: Arrays of the network.
 WEIGHTS = ("W1", "b1", "W2", "b2", "W3", "b3", "v", "W4", "b4")
-
-_SIZES = [size for _, size, *_ in PER_SPACECRAFT]
-#: Places of each quantity in a spacecraft's block of an observation, with three wheels.
-COLUMNS = {
-    name: slice(end - size, end)
-    for (name, *_), size, end in zip(PER_SPACECRAFT, _SIZES, np.cumsum(_SIZES).tolist(), strict=True)
-}
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -175,27 +167,27 @@ def greedy_actions(features: NDArray[np.floating], geometry: PatchGeometry) -> I
     return np.where(chosen.any(axis=2), chosen.argmax(axis=2), idle).astype(np.int64)
 
 
-def geometry_of(setting: Setting) -> PatchGeometry:
-    """The geometry of an environment's setting.
+def geometry_of(task: Task) -> PatchGeometry:
+    """The geometry of an environment's task.
 
     Raises:
         ScenarioError: The spacecraft have not three wheels, for which the places of the features are.
     """
-    if setting.readings.features != FEATURES:
-        wheels, layout = len(setting.plan.properties.wheel_axes_B), setting.plan.scenario.spacecraft.wheel_layout
+    if task.observation_layout.features != FEATURES:
+        wheels, layout = len(task.plan.properties.wheel_axes_B), task.plan.scenario.spacecraft.wheel_layout
         raise ScenarioError(
             f"spacecraft.wheel_layout = {layout!r}: features of policies are those of three wheels, not of {wheels}; must be "
             "orthogonal"
         )
-    region, patches, camera = setting.plan.region, setting.patches, setting.observer.camera
-    scenario = setting.plan.scenario
+    region, patches, camera = task.plan.region, task.patches, task.observer.camera
+    scenario = task.plan.scenario
     weighted = [np.bincount(patches.of_cell, region.area * region.normal_A[:, i], patches.count) for i in range(3)]
     normal = np.column_stack(weighted)
     return PatchGeometry(
         centre_A=patches.centre_A,
         normal_A=normal / np.linalg.norm(normal, axis=1, keepdims=True),
         area=patches.area,
-        position_scale=setting.readings.position_scale,
+        position_scale=task.observation_layout.position_scale,
         pixel_angle=float(camera.pixel_angle),
         half_angle=float(np.arctan(camera.tan_half_angle)),
         max_gsd=scenario.observation.max_gsd_m or float("inf"),
@@ -234,20 +226,20 @@ class ArrayPolicy:
         chosen = np.concatenate([self.logits(self.geometry.features(row[None])).argmax(axis=2) for row in given])
         return chosen if np.ndim(observation) == 2 else chosen[0]
 
-    def check(self, setting: Setting) -> None:
+    def check(self, task: Task) -> None:
         """Refuse an environment whose spaces are not those of training.
 
         Raises:
             ScenarioError: The message names what differs.
         """
-        found = describe(setting)
+        found = describe(task)
         del found["scenario"]
         for name, value in found.items():
             if self.about.get(name) != value:
                 raise ScenarioError(f"policy: trained for {name} = {self.about.get(name)!r}, but it is {value!r} here")
         # A choice that does not exist must not reach the flight.
         offered = self.geometry.count, self.weights["W4"].shape[0], self.weights["b4"].shape[0]
-        asked = setting.patches.count, setting.plan.n + 3, setting.plan.n + 3
+        asked = task.patches.count, task.plan.n + 3, task.plan.n + 3
         if offered != asked:
             raise ScenarioError(
                 f"policy: its arrays offer {offered[0]} patches and {offered[1]} (W4) or {offered[2]} (b4) further choices, "
@@ -255,15 +247,16 @@ class ArrayPolicy:
             )
 
 
-def describe(setting: Setting) -> dict[str, Any]:
-    """What a policy for a setting has to know about it."""
+def describe(task: Task) -> dict[str, Any]:
+    """What a policy for a task has to know about it."""
     return {
-        "scenario": setting.plan.scenario.name,
-        "control": setting.control,
-        "step_s": setting.step_s,
-        "spacecraft": setting.plan.n,
-        "choices": setting.patches.count + setting.plan.n + 3,
-        "readings": setting.readings.space.shape[0],
+        "scenario": task.plan.scenario.name,
+        "control": task.config.control,
+        "step_s": task.config.step_s,
+        "spacecraft": task.plan.n,
+        "choices": task.patches.count + task.plan.n + 3,
+        # The size of an observation, under the name that it has in the files of format 1.
+        "readings": task.observation_layout.space.shape[0],
     }
 
 

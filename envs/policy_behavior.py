@@ -1,6 +1,6 @@
 """Policies of the control level `role` as behaviours of scripted flights, for `swarm-mj run`.
 
-A policy must know what has been seen and sent so far, which no `SwarmView` tells. The behaviour keeps these books by itself,
+A policy must know what has been seen and sent so far, which no `SwarmView` tells. The behaviour keeps these totals by itself,
 with the same code as the environment: at every control instant it looks at the attitudes it is given, judges the pictures that
 are due with the scenario's camera and the horizon maps, and every `step_s` reads its observation and decides. For the same
 seed it decides as the policy does in the environment, unless sensor noise or delay is flown: behaviours are given true
@@ -31,9 +31,9 @@ from swarm_mj.typing import Array, Array32, Ints, Mask
 from .actions import RoleLevel
 from .arguments import checked_step
 from .baselines import POLICIES
-from .config import Setting, make_setting
-from .episode_state import Ledger
+from .episode_state import EpisodeState
 from .policy import ArrayPolicy, load_policy
+from .task import Task, make_task
 
 Act = Callable[[Array32], Ints]
 
@@ -99,8 +99,8 @@ class ScriptedPolicy:
 
     def for_flight(self, plan: Plan) -> Behavior:
         """The behaviour of one flight."""
-        setting = _setting(plan, self.step_s)
-        return PolicyFlight(setting, partial(SCRIPTED[self.policy], setting))
+        task = _task_of(plan, self.step_s)
+        return PolicyFlight(task, partial(SCRIPTED[self.policy], task))
 
     def targets(self, view: SwarmView, memory: Any) -> tuple[Targets, Any]:
         """Not before `for_flight`.
@@ -165,9 +165,9 @@ class TrainedPolicy:
             ScenarioError: The file cannot be read, or was trained for another swarm or target grid.
         """
         policy = self._policy()
-        setting = _setting(plan, float(policy.about["step_s"]), policy.geometry.count)
-        policy.check(setting)
-        return PolicyFlight(setting, policy.act)
+        task = _task_of(plan, float(policy.about["step_s"]), policy.geometry.count)
+        policy.check(task)
+        return PolicyFlight(task, policy.act)
 
     def targets(self, view: SwarmView, memory: Any) -> tuple[Targets, Any]:
         """Not before `for_flight`.
@@ -182,63 +182,65 @@ class PolicyFlight:
     """A policy at work in one flight.
 
     Args:
-        setting: Of an environment of the same mission, at the control level `role`.
+        task: Of an environment of the same mission, at the control level `role`.
         act: From an observation to an action.
     """
 
-    def __init__(self, setting: Setting, act: Act) -> None:
-        self.setting, self._act = setting, act
+    def __init__(self, task: Task, act: Act) -> None:
+        self.task, self._act = task, act
 
     @property
     def dedicated_communications(self) -> bool:
         """See `Behavior`."""
-        return self.setting.plan.behavior.dedicated_communications
+        return self.task.plan.behavior.dedicated_communications
 
-    def targets(self, view: SwarmView, memory: Followed | None) -> tuple[Targets, Followed]:
-        """See `Behavior`; the memory is the books of the flight, brought up to date in place.
+    def targets(self, view: SwarmView, memory: FollowedEpisode | None) -> tuple[Targets, FollowedEpisode]:
+        """See `Behavior`; the memory is the state of the episode, brought up to date in place.
 
         Raises:
             MissionError: The view tells no attitudes.
         """
         if view.q_BN is None:
             raise MissionError("a policy as behaviour needs attitudes: it can fly, but no design can be made with it")
-        followed = Followed(self.setting) if memory is None else memory
+        followed = FollowedEpisode(self.task) if memory is None else memory
         return followed.follow(view, self._act), followed
 
 
-class Followed(Ledger):
-    """The books of one flight that something else flies, and what a policy decides in it.
+class FollowedEpisode(EpisodeState):
+    """The state of one flight that something else flies, and what a policy decides in it.
 
     Args:
-        setting: Of an environment of the same mission, at the control level `role`.
+        task: Of an environment of the same mission, at the control level `role`.
     """
 
-    flights: _Viewed
+    flights: _ViewSource
 
-    def __init__(self, setting: Setting) -> None:
-        plan = setting.plan
-        self._level = RoleLevel(plan, 1, setting.patches)
+    def __init__(self, task: Task) -> None:
+        plan = task.plan
+        self._level = RoleLevel(plan, 1, task.patches)
         self._level.reset(0)
-        super().__init__(setting, _Viewed(plan.n, plan.scenario.control.period_s, self._level.held))
+        super().__init__(task, _ViewSource(plan.n, plan.scenario.control.period_s, self._level.held))
 
     def follow(self, view: SwarmView, act: Act) -> Targets:
-        """Bring the books up to this instant; the targets that hold from now on."""
-        setting, begins = self.setting, self.flights.view is None
-        self.flights.look_at(view)
+        """Bring the episode up to this instant; the targets that hold from now on."""
+        task, begins = self.task, self.flights.view is None
+        self.flights.update(view)
         tick, everyone = int(self.flights.tick[0]), np.ones(1, np.bool_)
         # Nothing is decided at the end of a flight: the last picture is that of the last step.
-        if begins or (tick % setting.ticks == 0 and tick < setting.last_tick):
+        if begins or (tick % task.ticks == 0 and tick < task.last_tick):
             self.before, self.now = self.now, self.before
-            self._look(self.now, everyone)
-            self._end_step(everyone, 0.0 if begins else setting.step_s)
-            self._level.hold(act(self.observation[0])[None], self.now.C_BN[:, :, 2], everyone)
-        if setting.is_due[tick]:
+            self._update_kinematics(self.now, everyone)
+            if not begins:
+                self._transmit(everyone)
+            self._observe(everyone)
+            self._level.apply(act(self.observation[0])[None], self.now.C_BN[:, :, 2], everyone)
+        if task.is_due[tick]:
             self._take_pictures(everyone, np.zeros(1))
         return Targets(*(part[0].copy() for part in self._level.held))
 
 
-class _Viewed:
-    """What a `Ledger` reads, taken from a `SwarmView`; attitude errors, losses and blindness are not known.
+class _ViewSource:
+    """What an `EpisodeState` reads, taken from a `SwarmView`; attitude errors, losses and blindness are not known.
 
     Args:
         n: Number of spacecraft.
@@ -254,7 +256,7 @@ class _Viewed:
         self.sigma_BR = np.zeros((1, n, 3))
         self.lost, self.blind = np.zeros((1, n), np.bool_), np.zeros((1, n), np.bool_)
 
-    def look_at(self, view: SwarmView) -> None:
+    def update(self, view: SwarmView) -> None:
         """Take the swarm as it is now."""
         self.view = view
         self.tick[0] = round(view.t / self.period)
@@ -270,15 +272,15 @@ class _Viewed:
         return np.zeros(1, np.bool_)
 
 
-def _setting(plan: Plan, step_s: float, patches: int = 16) -> Setting:
-    """The setting of an environment that flies the same mission."""
+def _task_of(plan: Plan, step_s: float, patches: int = 16) -> Task:
+    """The task of an environment that flies the same mission."""
     given = plan.scenario
     # The level `role` asks no behaviour, but the behaviour says whether one more spacecraft flies along; one that needs a
-    # setting must not ask for another.
+    # task must not ask for another.
     name = "dedicated_communications" if plan.n > plan.n_observers else "adaptable_roles"
     behavior = given.behavior.model_copy(update={"name": name, "parameters": {}})
     try:
-        return make_setting(given.model_copy(update={"behavior": behavior}), step_s=step_s, patches=patches)
+        return make_task(scenario=given.model_copy(update={"behavior": behavior}), step_s=step_s, patches=patches)
     except ScenarioError as error:
         raise MissionError(f"behavior.name = {given.behavior.name!r}: {error}") from None
 

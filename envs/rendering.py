@@ -1,80 +1,122 @@
-"""The picture of an episode: the overview of `swarm-mj video`, drawn from the state of a flight under way."""
+"""The picture of an episode, the overview of `swarm-mj video`, and the window that shows it.
+
+OpenGL and pygame are imported only when something is drawn.
+"""
 
 from __future__ import annotations
 
-import numpy as np
+import os
+import sys
+from typing import Any
 
-from swarm_mj.flight.plan import Plan
-from swarm_mj.mission.behaviors import TargetKind
-from swarm_mj.rendering.frame import Instant
-from swarm_mj.rendering.live import Trail, planned_path
-from swarm_mj.rendering.picture import Drawing
-from swarm_mj.simulator.simulation import Simulation
-from swarm_mj.typing import Ints, Mask, Pixels
+from swarm_mj.errors import ObserverError
+from swarm_mj.typing import Pixels
 
-from .state import SwarmState
+from .batch import EpisodeBatch
 
 
-class Overview:
-    """Draws the swarm; holds one OpenGL context until closed.
+class EpisodeRenderer:
+    """Draws flight 0 of a batch; holds one OpenGL context from the first picture until closed.
 
     Args:
-        plan: The mission.
-        simulation: A flight of it; the state to draw comes with each picture.
-        width: Of the picture [pixel].
-        height: Of the picture [pixel].
-
-    Raises:
-        ObserverError: OpenGL cannot be loaded here.
+        batch: The flights, which are only read.
+        width: Of the picture [px].
+        height: Of the picture [px].
     """
 
-    def __init__(self, plan: Plan, simulation: Simulation, width: int, height: int) -> None:
-        self._plan, self._trail = plan, Trail(plan)
+    def __init__(self, batch: EpisodeBatch, width: int, height: int) -> None:
+        self._batch, self._size = batch, (width, height)
+        self._drawing: Any = None
+        self._trail: Any = None
+
+    def draw(self) -> Pixels:
+        """The overview, shape (height, width, 3).
+
+        Raises:
+            ObserverError: OpenGL cannot be loaded.
+        """
+        from swarm_mj.rendering.frame import Instant
+
+        if self._drawing is None:
+            self._open()
+        batch, state = self._batch, self._batch.swarm_state(0)
+        picture: Pixels = self._drawing.draw(
+            Instant(
+                t=state.t,
+                r_BN_N=state.r_BN_N,
+                C_BN=state.C_BN,
+                C_AN=state.C_AN,
+                kind=batch.flights.kind[0].copy(),
+                tracked=batch.flights.index[0].copy(),
+                link=None,
+                seen=batch.totals.seen[0],
+                trail_N=self._trail.to(state.t, state.r_BN_N),
+                lost=batch.totals.lost[0].copy(),
+            )
+        )
+        return picture
+
+    def _open(self) -> None:
+        from swarm_mj.rendering.live import Trail, planned_path
+        from swarm_mj.rendering.picture import Drawing
+
+        plan, (width, height) = self._batch.task.plan, self._size
+        self._trail = Trail(plan)
         self._drawing = Drawing(plan, planned_path(plan), width=width, height=height)
 
-    def draw(
-        self,
-        simulation: Simulation,
-        state: SwarmState,
-        observing: Mask,
-        talking: Mask,
-        *,
-        kind: Ints | None = None,
-        tracked: Ints | None = None,
-        seen: Mask | None = None,
-        lost: Mask | None = None,
-    ) -> Pixels:
-        """A picture, shape (height, width, 3). The simulation is only read.
+    def close(self) -> None:
+        """Release the OpenGL context; may be called again."""
+        if self._drawing is not None:
+            self._drawing.close()
+        self._drawing = None
 
-        Args:
-            simulation: The flight.
-            state: The swarm.
-            observing: Who takes pictures of the body, shape (n,).
-            talking: Who uses its radio, shape (n,); the others hold their attitude.
-            kind: `TargetKind` of what each +z tracks, shape (n,); None: taken from the two above.
-            tracked: Spacecraft tracked, from 0, shape (n,); given together with `kind`.
-            seen: Cells observed so far, shape (n_cells,); None: not drawn.
-            lost: Spacecraft that no longer work, shape (n,); None: all work.
-        """
-        if kind is None or tracked is None:
-            # Whom a spacecraft talks to is not known here; the line along its +z shows it.
-            told = [observing, talking]
-            kind = np.select(told, [TargetKind.ASTEROID, TargetKind.EARTH], TargetKind.DIRECTION).astype(np.int64)
-            tracked = np.full(len(kind), -1)
-        instant = Instant(
-            t=state.t,
-            r_BN_N=state.r_BN_N,
-            C_BN=state.C_BN,
-            C_AN=state.C_AN,
-            kind=kind,
-            tracked=tracked,
-            link=None,
-            seen=np.zeros(self._plan.region.n_cells, np.bool_) if seen is None else seen,
-            trail_N=self._trail.to(state.t, state.r_BN_N),
-            lost=lost,
-        )
-        return self._drawing.draw(instant)
+
+class Window:
+    """Shows pictures of one size, at most so many a second, by pygame.
+
+    Args:
+        width: [px].
+        height: [px].
+        fps: Pictures a second at most.
+
+    Raises:
+        ObserverError: pygame is not installed, or there is no display.
+    """
+
+    def __init__(self, width: int, height: int, fps: float) -> None:
+        try:
+            import pygame
+        except ImportError as error:
+            raise ObserverError("render_mode 'human' needs pygame: pip install 'swarm_mj[rl]'") from error
+        if not _display_exists():
+            # Left to itself, SDL would take an offscreen driver that ends the OpenGL display which the pictures come from.
+            raise ObserverError(
+                "render_mode 'human' needs a display, and there is none; use render_mode='rgb_array', or set SDL_VIDEODRIVER"
+            )
+        self._pygame: Any = pygame
+        pygame.display.init()
+        try:
+            self._surface = pygame.display.set_mode((width, height))
+        except pygame.error as error:
+            pygame.display.quit()
+            raise ObserverError(
+                f"render_mode 'human' cannot open a window ({error}); use render_mode='rgb_array'"
+            ) from error
+        pygame.display.set_caption("SwarmObserve-v0")
+        self._clock, self._fps = pygame.time.Clock(), fps
+
+    def show(self, picture: Pixels) -> None:
+        """Show a picture, shape (height, width, 3)."""
+        self._pygame.event.pump()
+        self._pygame.surfarray.blit_array(self._surface, picture.swapaxes(0, 1))
+        self._pygame.display.flip()
+        self._clock.tick(self._fps)
 
     def close(self) -> None:
-        """Release the OpenGL context."""
-        self._drawing.close()
+        """Close the window."""
+        self._pygame.display.quit()
+
+
+def _display_exists() -> bool:
+    named = any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY", "SDL_VIDEODRIVER"))
+    return named or not sys.platform.startswith("linux")

@@ -1,123 +1,300 @@
-"""The reward, term by term; `SwarmObserveEnv` says what each one means."""
+"""The reward, term by term, and how an episode ends; `SwarmObserveEnv` has the table of terms.
+
+Each term is its scale times a measure of the step, and the measures that are sums over time are shares of the whole flight, so
+that an episode's return does not depend on the length of a step.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
 
 from swarm_mj.errors import ScenarioError
+from swarm_mj.smallbody.occultation import Occluder, way_blocked
 from swarm_mj.typing import Array, Ints, Mask, kernel
 
 from .arguments import is_number
+from .kinematics import Kinematics
+from .totals import EpisodeTotals
 
-#: Weight of each term. The first two reach 1 each when the whole target is seen and delivered at nominal volume.
-DEFAULT_WEIGHTS = {"seen": 1.0, "delivered": 1.0, "effort": -0.02, "saturation": -0.1, "approach": -0.1, "loss": -1.0}
+#: Wheel speed over its limit from which on saturation costs.
+SATURATION_FROM = 0.9
+
+
+class RewardScales(NamedTuple):
+    """Weight of each term; the first two terms reach 1 each when the whole target is seen and delivered at nominal volume.
+
+    Attributes:
+        seen: Of newly seen area over the target's area.
+        delivered: Of data that Earth received over the nominal volume.
+        effort: Of the mean square of motor torques over their limit, times step over duration.
+        saturation: Of the mean share by which wheels are in the last tenth below their top speed, times step over duration.
+        approach: Of the share of pairs of spacecraft that come too close, times step over duration.
+        loss: Of an impact on the body, or divergence.
+    """
+
+    seen: float = 1.0
+    delivered: float = 1.0
+    effort: float = -0.02
+    saturation: float = -0.1
+    approach: float = -0.1
+    loss: float = -1.0
+
+
+class RewardTerms(NamedTuple):
+    """The terms of `RewardScales`, weighted, each of shape (E,)."""
+
+    seen: Array
+    delivered: Array
+    effort: Array
+    saturation: Array
+    approach: Array
+    loss: Array
+
 
 #: Names of the terms in their order.
-TERMS = tuple(DEFAULT_WEIGHTS)
+TERMS = RewardScales._fields
+
+#: How an episode can end by itself; 0 goes on.
+ENDS = ("", "complete", "impact", "lost", "diverged")
+_GOES_ON, _COMPLETE, _IMPACT, _LOST, _DIVERGED = range(5)
 
 
-def checked_weights(given: Mapping[str, float] | None) -> dict[str, float]:
+def checked_scales(given: Mapping[str, float] | None) -> RewardScales:
     """All weights, with those given in place of the defaults.
 
     Raises:
         ScenarioError: It is no mapping, a name is unknown or a weight is not a finite number.
     """
-    weights = dict(DEFAULT_WEIGHTS)
     if given is not None and not isinstance(given, Mapping):
         raise ScenarioError(
-            f"reward_weights = {given!r}: must be a mapping from terms to numbers; terms are {', '.join(weights)}"
+            f"reward_weights = {given!r}: must be a mapping from terms to numbers; terms are {', '.join(TERMS)}"
         )
     for name, value in (given or {}).items():
-        if name not in weights:
-            raise ScenarioError(f"reward_weights: unknown term {name!r}; there are {', '.join(weights)}")
+        if name not in TERMS:
+            raise ScenarioError(f"reward_weights: unknown term {name!r}; there are {', '.join(TERMS)}")
         if not is_number(value):
             raise ScenarioError(f"reward_weights[{name!r}] = {value!r}: must be a finite number")
-        weights[name] = float(value)
-    return weights
+    return RewardScales(**{name: float(value) for name, value in (given or {}).items()})
 
 
-#: How an episode can end by itself; 0 goes on.
-ENDS = ("", "complete", "impact", "lost", "diverged")
-_COMPLETE, _IMPACT, _LOST, _DIVERGED = 1, 2, 3, 4
+class StepMeasures(NamedTuple):
+    """What a step of E flights of n spacecraft brought, before it is weighed.
+
+    Attributes:
+        area: Newly seen, shape (E,) [m^2].
+        delivered: Received by Earth, shape (E,) [bit].
+        effort: Sum of squared motor torques, shape (E,) [N^2 m^2].
+        saturation: Mean share by which wheels are in the last tenth below their top speed, shape (E,).
+        close_pairs: Share of the pairs of spacecraft that came too close, shape (E,).
+        hit: Spacecraft that hit the body, shape (E, n).
+        failed: Spacecraft newly lost to faults, shape (E, n).
+    """
+
+    area: Array
+    delivered: Array
+    effort: Array
+    saturation: Array
+    close_pairs: Array
+    hit: Mask
+    failed: Mask
+
+
+class HazardLimits(NamedTuple):
+    """Beyond which a flight becomes dangerous.
+
+    Attributes:
+        body: The asteroid.
+        max_wheel_speed: Top speed of the wheels [rad/s].
+        min_separation_m: Of two spacecraft [m].
+        separation_grace_s: Steps that begin earlier than this are excused: all come from one place [s].
+    """
+
+    body: Occluder
+    max_wheel_speed: float
+    min_separation_m: float
+    separation_grace_s: float
 
 
 @kernel
-def _end(impact: bool, complete: bool, lost: bool) -> int:
-    """The number in `ENDS` of how a flight with a finite state ends, 0 if it goes on."""
-    if impact:
-        return _IMPACT
-    if complete:
-        return _COMPLETE
-    return _LOST if lost else 0
+def measure_hazards(
+    limits: HazardLimits, before: Kinematics, now: Kinematics, lost: Mask, live: Mask, measures: StepMeasures
+) -> None:
+    """How near the wheels are to saturation, the spacecraft to each other, and which hit the body.
+
+    Args:
+        limits: See `HazardLimits`.
+        before: At the beginning of the step.
+        now: At its end.
+        lost: Spacecraft that are no more, shape (E, n).
+        live: Which flights, shape (E,).
+        measures: Receives `saturation`, `close_pairs` and `hit`.
+    """
+    for e in range(live.shape[0]):
+        if live[e]:
+            measures.saturation[e] = _saturation(now.wheel[e], limits.max_wheel_speed)
+            if before.t[e] >= limits.separation_grace_s:
+                measures.close_pairs[e] = _close_pairs(before.r[e], now.r[e], lost[e], limits.min_separation_m)
+            for j in range(lost.shape[1]):
+                flies = not lost[e, j]
+                measures.hit[e, j] = flies and way_blocked(before.r_A[e, j], now.r_A[e, j], limits.body)
 
 
 @kernel
-def settle(
-    prices: Array,
+def _saturation(wheel: Array, top_speed: float) -> float:
+    total, n, wheels = 0.0, wheel.shape[0], wheel.shape[1]
+    for j in range(n):
+        for w in range(wheels):
+            share = abs(wheel[j, w]) / top_speed
+            total += min(1.0, max(0.0, (share - SATURATION_FROM) / (1.0 - SATURATION_FROM)))
+    return total / (n * wheels)
+
+
+@kernel
+def _close_pairs(before_N: Array, now_N: Array, lost: Mask, least: float) -> float:
+    """Share of the pairs that came closer than `least` [m]; the relative motion within the step is taken as straight."""
+    n, near = now_N.shape[0], 0
+    if n < 2:
+        return 0.0
+    for i in range(n):
+        for j in range(i + 1, n):
+            if lost[i] or lost[j]:
+                continue
+            along = square = first = 0.0
+            for k in range(3):
+                d = before_N[j, k] - before_N[i, k]
+                s = (now_N[j, k] - now_N[i, k]) - d
+                along, square, first = along + d * s, square + s * s, first + d * d
+            share = min(1.0, max(0.0, -along / square)) if square > 0.0 else 0.0
+            if first + share * (2.0 * along + share * square) < least * least:
+                near += 1
+    return near / (n * (n - 1) / 2)
+
+
+class RewardConstants(NamedTuple):
+    """What turns measures into rewards and ends.
+
+    Attributes:
+        scales: Weight of each term.
+        target_area_m2: Of the target [m^2].
+        nominal_bit: Volume of the whole target seen straight down from the imaging altitude [bit].
+        step_share: Length of a step over that of the flight.
+        max_effort: Sum of squared motor torques of a step at the limit [N^2 m^2].
+        complete_percent: Seen share that counts as complete [%].
+        empty_bit: Data aboard that count as none [bit].
+        last_tick: Control periods in the flight.
+        continues_after_impact: Whether flights go on without a spacecraft that hit the body.
+    """
+
+    scales: RewardScales
+    target_area_m2: float
+    nominal_bit: float
+    step_share: float
+    max_effort: float
+    complete_percent: float
+    empty_bit: float
+    last_tick: int
+    continues_after_impact: bool
+
+
+class StepResult(NamedTuple):
+    """Rewards and ends of a step of E flights.
+
+    Attributes:
+        terms: Weighted terms, each of shape (E,).
+        reward: Their sum, shape (E,).
+        end: Number in `ENDS`, shape (E,).
+        truncated: Whether the flight is over by its duration, shape (E,).
+    """
+
+    terms: RewardTerms
+    reward: Array
+    end: Ints
+    truncated: Mask
+
+    def terms_of(self, e: int) -> dict[str, float]:
+        """The weighted terms of flight e by name."""
+        return {name: float(values[e]) for name, values in zip(TERMS, self.terms, strict=True)}
+
+
+def no_result(count: int) -> StepResult:
+    """Of that many flights: nothing gained, all go on."""
+    terms = RewardTerms(*(np.zeros(count) for _ in TERMS))
+    return StepResult(terms, np.zeros(count), np.zeros(count, np.int64), np.zeros(count, np.bool_))
+
+
+def joined(results: Sequence[StepResult]) -> StepResult:
+    """The results of several batches as those of one."""
+    terms = RewardTerms(*map(np.concatenate, zip(*(result.terms for result in results), strict=True)))
+    rest = (np.concatenate(values) for values in zip(*(result[1:] for result in results), strict=True))
+    return StepResult(terms, *rest)
+
+
+@kernel
+def compute_rewards(
+    constants: RewardConstants,
+    measures: StepMeasures,
+    totals: EpisodeTotals,
     tick: Ints,
     live: Mask,
-    flying: Mask,
-    area: Array,
-    effort: Array,
-    measures: Array,
-    hit: Mask,
-    gone: Mask,
-    lost: Mask,
-    stored: Array,
-    percent: Array,
-    terms: Array,
-    reward: Array,
-    end: Ints,
-    truncated: Mask,
+    finite: Mask,
+    result: StepResult,
 ) -> None:
     """Rewards and ends of a step, flight by flight.
 
     Args:
-        prices: Area of the target [m^2], nominal volume [bit], the step's share of the flight, what the sum of squared torques
-            is divided by [N^2 m^2], share that counts as complete [%], volume that counts as nothing [bit], last tick, whether
-            flights go on without a spacecraft that is lost (1 or 0), and the six weights, shape (14,).
+        constants: See `RewardConstants`.
+        measures: See `StepMeasures`.
+        totals: What the flights have come to; spacecraft that hit the body become lost where flights go on.
         tick: Control periods flown, shape (E,).
         live: Flights that began this step, shape (E,).
-        flying: Those that ended it with a finite state, shape (E,).
-        area: Newly seen, shape (E,) [m^2].
-        effort: Sum of squared motor torques, shape (E,) [N^2 m^2].
-        measures: Delivered bits, saturation, share of close pairs, shape (E, 3).
-        hit: Spacecraft that hit the body, shape (E, n).
-        gone: Spacecraft newly lost to faults, shape (E, n).
-        lost: All that are lost, shape (E, n); those that hit are added where flights go on.
-        stored: Data aboard, shape (E, n) [bit].
-        percent: Seen share, shape (E,) [%].
-        terms: Receives the weighted terms in the order of `TERMS`, shape (E, 6).
-        reward: Receives their sum, shape (E,).
-        end: Receives the number in `ENDS`, shape (E,).
-        truncated: Receives whether the duration is over, shape (E,).
+        finite: Those that ended it with a finite state, shape (E,).
+        result: Written to, all zero before.
     """
-    n, share, go_on = hit.shape[1], prices[2], prices[7] == 1.0
     for e in range(live.shape[0]):
         if not live[e]:
             continue
-        if not flying[e]:
-            terms[e, 5] = prices[13]
-            reward[e], end[e] = terms[e, 5], _DIVERGED
-            continue
-        hits = losses = alive = 0
-        aboard = 0.0
-        for j in range(n):
-            hits += hit[e, j]
-            losses += hit[e, j] or gone[e, j]
-            if go_on and hit[e, j]:
-                lost[e, j] = True
-            if not lost[e, j]:
-                alive += 1
-                aboard += stored[e, j]
-        terms[e, 0] = prices[8] * (area[e] / prices[0])
-        terms[e, 1] = prices[9] * (measures[e, 0] / prices[1])
-        terms[e, 2] = prices[10] * (share * (effort[e] / prices[3]))
-        terms[e, 3] = prices[11] * (share * measures[e, 1])
-        terms[e, 4] = prices[12] * (share * measures[e, 2])
-        terms[e, 5] = prices[13] * (losses if go_on else min(1, hits))
-        for k in range(6):
-            reward[e] += terms[e, k]
-        complete = percent[e] >= prices[4] and aboard <= prices[5]
-        end[e] = _end(hits > 0 and not go_on, complete, alive == 0)
-        truncated[e] = end[e] == 0 and tick[e] >= prices[6]
+        if finite[e]:
+            if constants.continues_after_impact:
+                for j in range(totals.lost.shape[1]):
+                    totals.lost[e, j] = totals.lost[e, j] or measures.hit[e, j]
+            _write_terms(constants, measures, e, result.terms)
+            result.end[e] = _end(constants, measures, totals, e)
+            result.truncated[e] = result.end[e] == _GOES_ON and tick[e] >= constants.last_tick
+        else:
+            result.terms.loss[e], result.end[e] = constants.scales.loss, _DIVERGED
+        for term in result.terms:
+            result.reward[e] += term[e]
+
+
+@kernel
+def _write_terms(constants: RewardConstants, measures: StepMeasures, e: int, terms: RewardTerms) -> None:
+    scales, share = constants.scales, constants.step_share
+    hits = losses = 0
+    for j in range(measures.hit.shape[1]):
+        hits += measures.hit[e, j]
+        losses += measures.hit[e, j] or measures.failed[e, j]
+    terms.seen[e] = scales.seen * (measures.area[e] / constants.target_area_m2)
+    terms.delivered[e] = scales.delivered * (measures.delivered[e] / constants.nominal_bit)
+    terms.effort[e] = scales.effort * (share * (measures.effort[e] / constants.max_effort))
+    terms.saturation[e] = scales.saturation * (share * measures.saturation[e])
+    terms.approach[e] = scales.approach * (share * measures.close_pairs[e])
+    terms.loss[e] = scales.loss * (losses if constants.continues_after_impact else min(1, hits))
+
+
+@kernel
+def _end(constants: RewardConstants, measures: StepMeasures, totals: EpisodeTotals, e: int) -> int:
+    """The number in `ENDS` of how a flight with a finite state ends, 0 if it goes on."""
+    hit, alive, aboard = False, 0, 0.0
+    for j in range(totals.lost.shape[1]):
+        hit = hit or measures.hit[e, j]
+        if not totals.lost[e, j]:
+            alive += 1
+            aboard += totals.stored[e, j]
+    if hit and not constants.continues_after_impact:
+        return _IMPACT
+    if totals.percent[e] >= constants.complete_percent and aboard <= constants.empty_bit:
+        return _COMPLETE
+    return _LOST if alive == 0 else _GOES_ON

@@ -26,7 +26,7 @@ class SwarmObserveVecEnv(VecEnv):
 
     Args:
         num_envs: Number of flights.
-        threads: Lanes at most; None for the cores that this process may use.
+        threads: Most that are used; None for the cores that this process may use.
         arguments: Those of `SwarmObserveEnv`, except `render_mode`.
     """
 

@@ -16,12 +16,12 @@ from torch import Tensor, nn
 
 from swarm_mj.typing import Array, Array32
 
-from .policy import COLUMNS, OWN, PER_PATCH, ArrayPolicy, PatchGeometry, describe, geometry_of
+from .observations import COLUMNS, FEATURES
+from .policy import OWN, PER_PATCH, ArrayPolicy, PatchGeometry, describe, geometry_of
 from .sb3 import SwarmObserveVecEnv
-from .step_kernels import FEATURES
 
 
-class LearningView(VecEnvWrapper):
+class VecPolicyFeatures(VecEnvWrapper):
     """What training sees: features in place of observations, and rewards that do not come late.
 
     Data aboard are worth nothing until Earth has them, many steps after the picture that they come from. They are therefore
@@ -44,8 +44,8 @@ class LearningView(VecEnvWrapper):
     venv: SwarmObserveVecEnv
 
     def __init__(self, venv: SwarmObserveVecEnv, gamma: float) -> None:
-        setting = venv.vector.lanes.setting
-        self.geometry, self._gamma, self._n = geometry_of(setting), gamma, setting.plan.n
+        task = venv.vector.batch.task
+        self.geometry, self._gamma, self._n = geometry_of(task), gamma, task.plan.n
         self.horizon_s = float("inf")
         shape = (self._n, OWN + PER_PATCH * self.geometry.count)
         super().__init__(venv, observation_space=spaces.Box(-np.inf, np.inf, shape, np.float32))
@@ -145,6 +145,8 @@ class SwarmActorCritic(ActorCriticPolicy):
         return {name: tensor.detach().cpu().numpy().astype(np.float64) for name, tensor in tensors.items()}
 
 
-def exported(policy: SwarmActorCritic, venv: SwarmObserveVecEnv, geometry: PatchGeometry, **about: Any) -> ArrayPolicy:
+def to_array_policy(
+    policy: SwarmActorCritic, venv: SwarmObserveVecEnv, geometry: PatchGeometry, **about: Any
+) -> ArrayPolicy:
     """The policy as arrays, with what it was trained on."""
-    return ArrayPolicy(policy.arrays(), geometry, describe(venv.vector.lanes.setting) | about)
+    return ArrayPolicy(policy.arrays(), geometry, describe(venv.vector.batch.task) | about)

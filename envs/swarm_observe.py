@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import gymnasium
 
-from swarm_mj.observation.observer import ObserverKind
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.typing import Array, Array32, Pixels
 
 from .actions import check_action
 from .arguments import checked_render_mode, checked_size, flight_seed
-from .batch import Flybys
-from .config import make_setting
-from .overview import EpisodePicture
-from .rewards import ENDS, TERMS
-from .state import SwarmState, info_of, state_of
-from .window import Window
+from .batch import EpisodeBatch
+from .config import EnvConfig
+from .rendering import EpisodeRenderer, Window
+from .rewards import TERMS
+from .state import SwarmState
+from .task import make_task
 
 Observation = Array32
 
@@ -74,7 +72,7 @@ spacecraft 1..n (itself: hold); K+n+1: Earth; K+n+2: hold the direction of +z in
     | 21+w to 25+w | role | one of: body's centre, spacecraft, Earth, surface point, held direction | 1 | 0, 1 |
 
     then seen share of each of the K patches (0, 1), time left over the duration (0, 1), seen share of the target (0, 1) and
-    data delivered over the nominal volume (0, 10). `env.unwrapped.readings.split(observation)` gives them by name.
+    data delivered over the nominal volume (0, 10). `env.unwrapped.observation_layout.split(observation)` gives them by name.
 
     The agent is given what the spacecraft knows. Where the scenario flies noise or delay of the sensors (its `faults` and
     `dispersions`), boresight, x_axis and rate are those of the estimated attitude and the measured rate that the flight
@@ -151,64 +149,51 @@ times step over duration |
 
     def __init__(
         self,
-        scenario: str | Path | Scenario = "eros-observe",
-        control: str = "role",
+        scenario: str | Path | Scenario = EnvConfig.scenario,
+        control: str = EnvConfig.control,
         render_mode: str | None = None,
         *,
-        step_s: float = 10.0,
-        patches: int = 16,
-        observer: ObserverKind = "horizon",
-        complete: float = 99.9,
-        reward_weights: Mapping[str, float] | None = None,
-        bits_per_pixel: float = 1.0,
-        swarm_rate_bit_s: float = 1e5,
-        earth_rate_bit_s: float = 8e3,
         width: int = 640,
         height: int = 480,
+        **arguments: Any,
     ) -> None:
-        self._flybys: Flybys | None = None
+        self._batch: EpisodeBatch | None = None
         self._window: Window | None = None
         self._size = width, height = checked_size("width", width), checked_size("height", height)
         self.render_mode = checked_render_mode(render_mode, self.metadata["render_modes"])
-        self.setting = make_setting(
-            scenario,
-            control,
-            step_s=step_s,
-            patches=patches,
-            observer=observer,
-            complete=complete,
-            reward_weights=reward_weights,
-            bits_per_pixel=bits_per_pixel,
-            swarm_rate_bit_s=swarm_rate_bit_s,
-            earth_rate_bit_s=earth_rate_bit_s,
-        )
-        self._flybys = flybys = Flybys(self.setting, 1)
-        self._picture = EpisodePicture(flybys, width, height)
-        self.plan, self.patches, self.readings = self.setting.plan, self.setting.patches, self.setting.readings
-        self.observation_space, self.action_space = self.readings.space, flybys.level.action_space
+        self.task = make_task(scenario=scenario, control=control, **arguments)
+        self._batch = batch = EpisodeBatch(self.task, 1)
+        self._renderer = EpisodeRenderer(batch, width, height)
+        self.plan, self.patches = self.task.plan, self.task.patches
+        self.observation_layout = self.task.observation_layout
+        self.observation_space, self.action_space = self.observation_layout.space, batch.level.action_space
         self._running = self._begun = False
 
     @property
     def reward_weights(self) -> dict[str, float]:
         """Weight of each reward term."""
-        return dict(self.setting.weights)
+        return dict(zip(TERMS, self.task.reward_scales, strict=True))
 
     @property
-    def flybys(self) -> Flybys:
-        """The episode as the batch keeps it, one flight: state, books, targets."""
-        if self._flybys is None:
+    def batch(self) -> EpisodeBatch:
+        """The episode, as a batch of one.
+
+        Raises:
+            gymnasium.error.ClosedEnvironmentError: The environment was closed.
+        """
+        if self._batch is None:
             raise gymnasium.error.ClosedEnvironmentError("SwarmObserve-v0 was closed; make it anew")
-        return self._flybys
+        return self._batch
 
     @property
     def state(self) -> SwarmState:
         """The swarm now."""
-        return state_of(self.flybys, 0)
+        return self.batch.swarm_state(0)
 
     @property
     def first_seen_s(self) -> Array:
         """When the swarm first saw each cell of the target in this episode, NaN for never, shape (n_cells,) [s]."""
-        return self.flybys.books.first_seen[0].copy()
+        return self.batch.totals.first_seen[0].copy()
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -219,13 +204,12 @@ times step over duration |
             ScenarioError: `options` holds something else than a valid `flight_seed`.
         """
         super().reset(seed=seed)
-        drawn = int(self.np_random.integers(2**31))
-        chosen = flight_seed(options, drawn)
-        self.flybys.reset(0, chosen)
+        chosen = flight_seed(options, int(self.np_random.integers(2**31)))
+        self.batch.reset(0, chosen)
         self._running = self._begun = True
         if self.render_mode == "human":
             self.render()
-        return self.flybys.observation[0].copy(), self._info() | {"flight_seed": chosen}
+        return self.batch.observation[0].copy(), self.batch.info(0) | {"flight_seed": chosen}
 
     def step(self, action: Any) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Fly on for one step with the action held.
@@ -236,19 +220,14 @@ times step over duration |
         """
         if not self._running:
             raise gymnasium.error.ResetNeeded("SwarmObserve-v0: the episode is over or has not begun; call reset first")
-        flybys = self.flybys
-        step = flybys.step(check_action(self.action_space, action)[None])
-        end = ENDS[step.end[0]]
-        terminated, truncated = bool(end), bool(step.truncated[0])
+        batch = self.batch
+        result = batch.step(check_action(self.action_space, action)[None])
+        terminated, truncated = bool(result.end[0]), bool(result.truncated[0])
         self._running = not (terminated or truncated)
-        info = self._info() | {"reward_terms": dict(zip(TERMS, step.terms[0].tolist(), strict=True))}
-        if end:
-            info["end"] = end
-        if end == "diverged":
-            info["cause"] = flybys.flights.causes[0]
         if self.render_mode == "human":
             self.render()
-        return flybys.observation[0].copy(), float(step.reward[0]), terminated, truncated, info
+        observation, info = batch.observation[0].copy(), batch.step_info(0, result)
+        return observation, float(result.reward[0]), terminated, truncated, info
 
     def render(self) -> Pixels | None:
         """The overview as a picture, shape (height, width, 3), with `render_mode="rgb_array"`; `"human"` shows it in a window.
@@ -262,8 +241,8 @@ times step over duration |
             return None
         if not self._begun:
             raise gymnasium.error.ResetNeeded("SwarmObserve-v0: call reset before render")
-        _ = self.flybys
-        picture = self._picture.draw()
+        _ = self.batch
+        picture = self._renderer.draw()
         if self.render_mode == "rgb_array":
             return picture
         if self._window is None:
@@ -273,12 +252,9 @@ times step over duration |
 
     def close(self) -> None:
         """Release the observer and the OpenGL context; may be called again."""
-        if self._flybys is not None:
-            self._picture.close()
-            self.setting.close()
+        if self._batch is not None:
+            self._renderer.close()
+            self.task.close()
         if self._window is not None:
             self._window.close()
-        self._flybys, self._window, self._running = None, None, False
-
-    def _info(self) -> dict[str, Any]:
-        return info_of(self.flybys, 0)
+        self._batch, self._window, self._running = None, None, False

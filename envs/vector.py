@@ -1,4 +1,4 @@
-"""SwarmObserve-v0 as gymnasium's vector environment: many flybys at once, bit for bit those of single environments."""
+"""SwarmObserve-v0 as gymnasium's vector environment: many batch at once, bit for bit those of single environments."""
 
 from __future__ import annotations
 
@@ -16,16 +16,15 @@ from swarm_mj.typing import Array, Array32, Mask
 
 from .actions import check_action
 from .arguments import checked_count, checked_options, first_seeds, flight_seed, flight_seeds
-from .batch import Step
-from .config import make_setting
-from .rewards import ENDS, TERMS
-from .threads import Lanes, default_threads
+from .rewards import ENDS, TERMS, StepResult
+from .task import make_task
+from .threads import ThreadedBatch, default_threads
 
 Infos = dict[str, Any]
 
 
 class SwarmObserveVectorEnv(VectorEnv[Any, Any, Any]):
-    """`num_envs` flybys of one scenario; made by `gymnasium.make_vec("swarm_mj:SwarmObserve-v0", ...)`.
+    """`num_envs` batch of one scenario; made by `gymnasium.make_vec("swarm_mj:SwarmObserve-v0", ...)`.
 
     Spaces, rewards and episode ends are those of `SwarmObserveEnv`, which documents them, and so are the numbers: with the
     same seeds every flight is bit for bit that of the single environment, whatever `num_envs` and `threads` are.
@@ -39,7 +38,7 @@ class SwarmObserveVectorEnv(VectorEnv[Any, Any, Any]):
         autoreset_mode: `NextStep` (default, as gymnasium's own vector environments: a flight that ended is started anew by the
             next call of `step`, which ignores its action and gives reward 0), `SameStep` (it is started at once; `final_obs`
             and `final_info` hold the end) or `Disabled` (call `reset(options={"reset_mask": mask})`).
-        threads: Lanes at most; None for the cores that this process may use.
+        threads: Most that are used; None for the cores that this process may use.
         arguments: Those of `SwarmObserveEnv`, except `render_mode`, which must be None.
     """
 
@@ -59,29 +58,29 @@ class SwarmObserveVectorEnv(VectorEnv[Any, Any, Any]):
             raise ScenarioError(
                 f"render_mode = {render_mode!r}: the vector environment draws nothing; render a single one"
             )
-        self._lanes: Lanes | None = None
+        self._batch: ThreadedBatch | None = None
         mode = _checked_mode(autoreset_mode)
         self.metadata = {"render_modes": [], "autoreset_mode": mode}
         self._mode, self.num_envs = mode, num_envs
-        setting = make_setting(**arguments)
-        self._lanes = Lanes(setting, num_envs, default_threads() if threads is None else threads)
-        self.single_observation_space = setting.readings.space
-        self.single_action_space = self._lanes.lanes[0].level.action_space
+        task = make_task(**arguments)
+        self._batch = ThreadedBatch(task, num_envs, default_threads() if threads is None else threads)
+        self.single_observation_space = task.observation_layout.space
+        self.single_action_space = self._batch.batches[0].level.action_space
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._random = [seeding.np_random()[0] for _ in range(num_envs)]
         self._over, self._begun = np.zeros(num_envs, np.bool_), np.zeros(num_envs, np.bool_)
 
     @property
-    def lanes(self) -> Lanes:
-        """The flights.
+    def batch(self) -> ThreadedBatch:
+        """The episodes.
 
         Raises:
             gymnasium.error.ClosedEnvironmentError: The environment was closed.
         """
-        if self._lanes is None:
+        if self._batch is None:
             raise gymnasium.error.ClosedEnvironmentError("SwarmObserve-v0 was closed; make it anew")
-        return self._lanes
+        return self._batch
 
     def reset(
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
@@ -102,11 +101,11 @@ class SwarmObserveVectorEnv(VectorEnv[Any, Any, Any]):
                 self._random[e] = seeding.np_random(own)[0]
         chosen = flight_seeds(given.pop("flight_seed", None), self.num_envs)
         flights = {int(e): self._draw(int(e), given, chosen[e]) for e in np.flatnonzero(mask)}
-        self.lanes.reset(flights)
+        self.batch.reset(flights)
         self._over[mask], self._begun[mask] = False, True
         infos = self._infos(mask)
         _put(infos, "flight_seed", flights, self.num_envs)
-        return self.lanes.observation, infos
+        return self.batch.observation, infos
 
     def _draw(self, e: int, options: dict[str, Any], wanted: Any = None) -> int:
         drawn = int(self._random[e].integers(2**31))
@@ -125,12 +124,12 @@ class SwarmObserveVectorEnv(VectorEnv[Any, Any, Any]):
         began = self._restart() if self._mode is AutoresetMode.NEXT_STEP and self._over.any() else {}
         live = np.ones(self.num_envs, np.bool_)
         live[list(began)] = False
-        step = self.lanes.step(array, live)
-        terminated, truncated = (step.end > 0) & live, step.truncated & live
-        rewards = np.where(live, step.reward, 0.0)
-        infos = self._infos(np.ones(self.num_envs, np.bool_)) | self._ends(step, live)
+        result = self.batch.step(array, live)
+        terminated, truncated = (result.end > 0) & live, result.truncated & live
+        rewards = np.where(live, result.reward, 0.0)
+        infos = self._infos(np.ones(self.num_envs, np.bool_)) | self._ends(result, live)
         self._over = terminated | truncated
-        observations = self.lanes.observation
+        observations = self.batch.observation
         if self._mode is AutoresetMode.SAME_STEP and self._over.any():
             observations, infos, began = self._restart_at_once(observations, infos)
         _put(infos, "flight_seed", began, self.num_envs)
@@ -138,7 +137,7 @@ class SwarmObserveVectorEnv(VectorEnv[Any, Any, Any]):
 
     def _restart(self) -> dict[int, int]:
         began = {int(e): self._draw(int(e), {}) for e in np.flatnonzero(self._over)}
-        self.lanes.reset(began)
+        self.batch.reset(began)
         return began
 
     def _restart_at_once(self, last: Array32, infos: Infos) -> tuple[Array32, Infos, dict[int, int]]:
@@ -151,32 +150,32 @@ class SwarmObserveVectorEnv(VectorEnv[Any, Any, Any]):
         fresh |= {"reward_terms": infos["reward_terms"], "_reward_terms": infos["_reward_terms"] & ~over}
         fresh |= {"final_obs": final_obs, "_final_obs": over, "final_info": infos, "_final_info": over}
         self._over[:] = False
-        return self.lanes.observation, fresh, began
+        return self.batch.observation, fresh, began
 
     def _infos(self, mask: Mask) -> Infos:
-        lanes = self.lanes
+        batch = self.batch
         values = {
-            "time_s": lanes.gather(lambda lane: lane.time_s),
-            "coverage_percent": lanes.gather(lambda lane: lane.percent),
-            "delivered_bit": lanes.gather(lambda lane: lane.books.delivered),
-            "stored_bit": lanes.gather(lambda lane: lane.books.stored),
+            "time_s": batch.gather(lambda part: part.time_s),
+            "coverage_percent": batch.gather(lambda part: part.totals.percent),
+            "delivered_bit": batch.gather(lambda part: part.totals.delivered),
+            "stored_bit": batch.gather(lambda part: part.totals.stored),
         }
         return values | {f"_{name}": mask.copy() for name in values}
 
-    def _ends(self, step: Step, live: Mask) -> Infos:
-        terms = {name: step.terms[:, k] for k, name in enumerate(TERMS)}
+    def _ends(self, result: StepResult, live: Mask) -> Infos:
+        terms = dict(zip(TERMS, result.terms, strict=True))
         infos: Infos = {"reward_terms": terms, "_reward_terms": live}
-        ended = {int(e): ENDS[step.end[e]] for e in np.flatnonzero(live & (step.end > 0))}
+        ended = {int(e): ENDS[result.end[e]] for e in np.flatnonzero(live & (result.end > 0))}
         _put(infos, "end", ended, self.num_envs)
-        causes = {e: self.lanes.cause(e) for e, end in ended.items() if end == "diverged"}
+        causes = {e: self.batch.cause(e) for e, end in ended.items() if end == "diverged"}
         _put(infos, "cause", causes, self.num_envs)
         return infos
 
     def close_extras(self, **kwargs: Any) -> None:
         """End the threads and release the observer."""
-        if self._lanes is not None:
-            self._lanes.close()
-        self._lanes = None
+        if self._batch is not None:
+            self._batch.close()
+        self._batch = None
 
 
 def _put(infos: Infos, name: str, values: dict[int, Any], count: int) -> None:

@@ -40,7 +40,7 @@ except ImportError as error:
 from swarm_mj.envs.evaluation import fly_seeds, interval
 from swarm_mj.envs.policy import ArrayPolicy, greedy_actions, load_policy, save_policy
 from swarm_mj.envs.sb3 import SwarmObserveVecEnv
-from swarm_mj.envs.sb3_policy import LearningView, SwarmActorCritic, exported
+from swarm_mj.envs.sb3_policy import SwarmActorCritic, VecPolicyFeatures, to_array_policy
 
 #: Discount; an episode has 150 steps, and the shaped reward comes at once.
 GAMMA = 0.99
@@ -118,9 +118,9 @@ def train(arguments: argparse.Namespace) -> None:
         raise ScenarioError(f"--resume: there is no {folder / 'checkpoint.zip'}; train without it first")
     venv = SwarmObserveVecEnv(arguments.num_envs, scenario=arguments.scenario)
     try:
-        view = LearningView(venv, GAMMA)
+        view = VecPolicyFeatures(venv, GAMMA)
         folder.mkdir(parents=True, exist_ok=True)
-        untrained = exported(fresh(arguments, view).policy, venv, view.geometry)
+        untrained = to_array_policy(fresh(arguments, view).policy, venv, view.geometry)
         model, done = begin(arguments, view)
         # A learner seeds its flights like itself; these are no others' seeds, and other ones after a resume.
         view.seed(TRAINING * (1 + arguments.seed) + done.steps)
@@ -134,7 +134,7 @@ def train(arguments: argparse.Namespace) -> None:
             done.start = done.best
             watch.keep()
         # Time ends training, not the number of steps.
-        model.learn(10**9, callback=watch, reset_num_timesteps=False)
+        model.copy_truth(10**9, callback=watch, reset_num_timesteps=False)
         watch.validate()
         watch.keep()
         compare(untrained, folder, arguments.scenario)
@@ -143,7 +143,7 @@ def train(arguments: argparse.Namespace) -> None:
         venv.close()
 
 
-def fresh(arguments: argparse.Namespace, view: LearningView) -> PPO:
+def fresh(arguments: argparse.Namespace, view: VecPolicyFeatures) -> PPO:
     """A learner that knows nothing."""
     return PPO(
         SwarmActorCritic,
@@ -163,7 +163,7 @@ def fresh(arguments: argparse.Namespace, view: LearningView) -> PPO:
     )
 
 
-def begin(arguments: argparse.Namespace, view: LearningView) -> tuple[PPO, Done]:
+def begin(arguments: argparse.Namespace, view: VecPolicyFeatures) -> tuple[PPO, Done]:
     """A fresh learner, or that of the checkpoint.
 
     Raises:
@@ -190,7 +190,7 @@ def begin(arguments: argparse.Namespace, view: LearningView) -> tuple[PPO, Done]
     return model, done
 
 
-def imitate(model: PPO, view: LearningView, rounds: int) -> None:
+def imitate(model: PPO, view: VecPolicyFeatures, rounds: int) -> None:
     """Learn what the greedy rule would do where the learner itself gets to (DAgger, Ross, Gordon and Bagnell 2011)."""
     policy = model.policy
     optimizer = torch.optim.Adam(policy.parameters(), lr=1e-3)
@@ -218,7 +218,7 @@ class Watch(BaseCallback):
     """Ends training in time; prints, validates and keeps the learner after updates."""
 
     def __init__(
-        self, folder: Path, view: LearningView, venv: SwarmObserveVecEnv, done: Done, seconds: float, *, anew: bool
+        self, folder: Path, view: VecPolicyFeatures, venv: SwarmObserveVecEnv, done: Done, seconds: float, *, anew: bool
     ) -> None:
         super().__init__()
         self._folder, self._view, self._venv, self.done, self._anew = folder, view, venv, done, anew
@@ -272,8 +272,8 @@ class Watch(BaseCallback):
     def validate(self) -> None:
         """Fly the validation seeds with the likeliest actions; the best policy so far is written."""
         steps = self.model.num_timesteps
-        policy = exported(self.model.policy, self._venv, self._view.geometry, steps=steps)
-        scenario = self._venv.vector.lanes.setting.plan.scenario
+        policy = to_array_policy(self.model.policy, self._venv, self._view.geometry, steps=steps)
+        scenario = self._venv.vector.batch.task.plan.scenario
         flown = fly_seeds(policy.act, VALIDATION, scenario=scenario)
         mean, coverage = float(flown.total.mean()), float(flown.coverage_percent.mean())
         self._write_down(mean, coverage)

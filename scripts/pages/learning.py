@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
 from swarm_mj.envs.baselines import POLICIES
-from swarm_mj.envs.config import make_setting
 from swarm_mj.envs.evaluation import Returns, fly_seeds, interval
 from swarm_mj.envs.policy import load_policy
 from swarm_mj.envs.policy_behavior import PACKAGED
+from swarm_mj.envs.task import make_task
 
 from scripts.pages import IMAGES, RESULTS
 from swarm_mj.io.atomic import write_text
@@ -51,12 +51,12 @@ def main() -> None:
 
 def fly_all() -> dict[str, Returns]:
     """All policies from the same seeds."""
-    setting = make_setting()
+    task = make_task()
     policies: dict[str, VectorPolicy] = {}
     for name, policy in POLICIES.items():
 
         def act(rows: NDArray[np.float32], policy: Any = policy) -> NDArray[np.int64]:
-            return np.array([policy(setting, row) for row in rows])
+            return np.array([policy(task, row) for row in rows])
 
         policies[name] = act
     policies[TRAINED] = load_policy(asset_path(PACKAGED)).act
@@ -65,7 +65,7 @@ def fly_all() -> dict[str, Returns]:
         for name, act_many in policies.items():
             task = bars.add_task(name, total=len(SEEDS))
             flown[name] = fly_seeds(act_many, SEEDS, lambda n, task=task: bars.update(task, completed=n))
-    setting.close()
+    task.close()
     return flown
 
 
@@ -120,9 +120,9 @@ def draw(curve: Curve, flown: dict[str, Returns]) -> None:
 def page(flown: dict[str, Returns], curves: dict[str, Curve]) -> str:
     """The page."""
     best = best_scripted(flown)
-    setting = make_setting()
-    rows = [row(name, returns, flown[best], setting.nominal_bit) for name, returns in flown.items()]
-    setting.close()
+    task = make_task()
+    rows = [row(name, returns, flown[best], task.nominal_bit) for name, returns in flown.items()]
+    task.close()
     mean, half = interval(flown[TRAINED].total - flown[best].total)
     issued, half_issued = interval(flown[TRAINED].total - flown["greedy"].total)
     verdict = "beats" if mean > half else "does not beat"

@@ -9,16 +9,26 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import atan2, sqrt
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swarm_mj.mission.behaviors import TargetKind
-from swarm_mj.smallbody.occultation import way_blocked
+from swarm_mj.smallbody.occultation import Occluder, occluder_of, way_blocked
 from swarm_mj.smallbody.shape import ShapeModel
-from swarm_mj.typing import Array, Ints, Ints32, Mask, kernel
+from swarm_mj.typing import Array, Ints, Mask, kernel
 
 _SPACECRAFT, _EARTH = int(TargetKind.SPACECRAFT), int(TargetKind.EARTH)
+
+
+class Beams(NamedTuple):
+    """The antennas of every spacecraft as compiled code takes them: `Antennas`, with an axis of unit length."""
+
+    dish_half_angle: float
+    hemispherical_boresight_B: Array
+    hemispherical_half_angle: float
+    max_range: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,10 +48,12 @@ class Antennas:
     max_range: float
 
     @property
-    def numbers(self) -> Array:
-        """Half the beams of dish and hemispherical antenna [rad], range [m], axis of the latter in B, for compiled loops."""
-        beams = [self.dish_half_angle, self.hemispherical_half_angle, self.max_range]
-        return np.concatenate([beams, unit(np.asarray(self.hemispherical_boresight_B, np.float64))])
+    def beams(self) -> Beams:
+        """For compiled code."""
+        boresight_B = unit(np.asarray(self.hemispherical_boresight_B, np.float64))
+        return Beams(
+            float(self.dish_half_angle), boresight_B, float(self.hemispherical_half_angle), float(self.max_range)
+        )
 
 
 def links_closed(
@@ -70,75 +82,61 @@ def links_closed(
     Returns:
         Shape (t, n).
     """
-    closed = np.zeros(mode.shape, np.bool_)
-    box = np.array([shape.vertices.min(axis=0), shape.vertices.max(axis=0)])
+    closed, beams, body = np.zeros(mode.shape, np.bool_), antennas.beams, occluder_of(shape)
     for k in range(len(mode)):
-        write_closed(
-            antennas.numbers,
-            shape.vertices,
-            shape.faces,
-            box,
-            shape.max_radius,
+        closed[k] = closed_links(
+            beams,
+            body,
             mode[k].astype(np.int64),
             tracked[k].astype(np.int64),
             np.ascontiguousarray(r_BN_N[k], np.float64),
             np.ascontiguousarray(C_BN[k], np.float64),
             np.ascontiguousarray(C_AN[k], np.float64),
             np.ascontiguousarray(earth_N[k], np.float64),
-            closed[k],
         )
     return closed
 
 
 @kernel
-def write_closed(
-    antennas: Array,
-    vertices: Array,
-    faces: Ints32,
-    box: Array,
-    radius: float,
-    mode: Ints,
-    tracked: Ints,
-    r_N: Array,
-    C_BN: Array,
-    C_AN: Array,
-    earth_N: Array,
-    closed: Mask,
-) -> None:
+def closed_links(
+    beams: Beams, body: Occluder, mode: Ints, tracked: Ints, r_N: Array, C_BN: Array, C_AN: Array, earth_N: Array
+) -> Mask:
     """Which spacecraft have their link closed at one instant, compiled.
 
     Args:
-        antennas: See `Antennas.numbers`.
-        vertices: The asteroid's mesh, shape (V, 3) [m].
-        faces: Shape (F, 3).
-        box: Least and largest coordinates of the mesh, shape (2, 3) [m].
-        radius: Largest vertex radius [m].
+        beams: Of the antennas.
+        body: The asteroid, which may stand in between.
         mode: `TargetKind` values, shape (n,).
         tracked: Spacecraft tracked, from 0, shape (n,).
         r_N: Positions, shape (n, 3) [m].
         C_BN: Attitudes, shape (n, 3, 3).
-        C_AN: Attitude of the asteroid.
+        C_AN: Attitude of the asteroid, shape (3, 3).
         earth_N: Position of Earth, shape (3,) [m].
-        closed: Receives the answer, shape (n,).
+
+    Returns:
+        Shape (n,).
     """
+    closed = np.zeros(mode.shape[0], np.bool_)
+    axis = beams.hemispherical_boresight_B
     for j in range(mode.shape[0]):
-        closed[j] = False
         if mode[j] == _SPACECRAFT:
             c = tracked[j]
             way = r_N[c] - r_N[j]
-            heard = _within(way, C_BN[j, 2], antennas[0])
-            boresight = antennas[3] * C_BN[c, 0] + antennas[4] * C_BN[c, 1] + antennas[5] * C_BN[c, 2]
-            heard = heard and _within(-way, boresight, antennas[1]) and _length(way) <= antennas[2]
+            heard = _within(way, C_BN[j, 2], beams.dish_half_angle)
+            boresight = axis[0] * C_BN[c, 0] + axis[1] * C_BN[c, 1] + axis[2] * C_BN[c, 2]
+            heard = heard and _within(-way, boresight, beams.hemispherical_half_angle)
+            heard = heard and _length(way) <= beams.max_range
             end = r_N[c]
         elif mode[j] == _EARTH:
             way = earth_N - r_N[j]
-            heard = _within(way, C_BN[j, 2], antennas[0])
+            heard = _within(way, C_BN[j, 2], beams.dish_half_angle)
             # Beyond a few radii the body can hide nothing more; the full way to Earth would cost the test its precision.
-            end = r_N[j] + way * ((4.0 * radius + 2.0 * _length(r_N[j])) / _length(way))
+            end = r_N[j] + way * ((4.0 * body.max_radius + 2.0 * _length(r_N[j])) / _length(way))
         else:
             continue
         if heard:
-            closed[j] = not way_blocked(_turned(C_AN, r_N[j]), _turned(C_AN, end), vertices, faces, box)
+            closed[j] = not way_blocked(_turned(C_AN, r_N[j]), _turned(C_AN, end), body)
+    return closed
 
 
 @kernel

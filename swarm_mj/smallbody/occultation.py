@@ -3,13 +3,37 @@
 from __future__ import annotations
 
 from math import sqrt
+from typing import NamedTuple
 
 import numpy as np
 
+from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.typing import Array, Ints32, Mask, kernel
 
 #: Hits closer than this to a segment's ends do not count, relative to its length: a spacecraft does not hide itself.
 _END_MARGIN = 1e-9
+
+
+class Occluder(NamedTuple):
+    """A body as compiled code asks what it hides.
+
+    Attributes:
+        vertices: The mesh, shape (V, 3) [m].
+        faces: Shape (F, 3).
+        box: Least and largest coordinates of the mesh, shape (2, 3) [m].
+        max_radius: Of the vertices [m].
+    """
+
+    vertices: Array
+    faces: Ints32
+    box: Array
+    max_radius: float
+
+
+def occluder_of(shape: ShapeModel) -> Occluder:
+    """The body of that shape."""
+    box = np.array([shape.vertices.min(axis=0), shape.vertices.max(axis=0)])
+    return Occluder(shape.vertices, shape.faces, box, float(shape.max_radius))
 
 
 @kernel
@@ -34,9 +58,9 @@ def segments_blocked(start_A: Array, end_A: Array, vertices: Array, faces: Ints3
 
 
 @kernel
-def way_blocked(start_A: Array, end_A: Array, vertices: Array, faces: Ints32, box: Array) -> bool:
-    """The same for one segment; `box` is the one around the mesh, which most ways miss, as two corners, shape (2, 3) [m]."""
-    first, last = 0.0, 1.0
+def way_blocked(start_A: Array, end_A: Array, body: Occluder) -> bool:
+    """The same for one segment; most miss the box around the mesh."""
+    box, first, last = body.box, 0.0, 1.0
     for k in range(3):
         step = end_A[k] - start_A[k]
         if step == 0.0:
@@ -45,7 +69,7 @@ def way_blocked(start_A: Array, end_A: Array, vertices: Array, faces: Ints32, bo
             continue
         one, other = (box[0, k] - start_A[k]) / step, (box[1, k] - start_A[k]) / step
         first, last = max(first, min(one, other)), min(last, max(one, other))
-    return first <= last and _hits_any(start_A, end_A - start_A, vertices, faces)
+    return first <= last and _hits_any(start_A, end_A - start_A, body.vertices, body.faces)
 
 
 @kernel

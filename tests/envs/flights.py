@@ -30,13 +30,13 @@ class Flights:
         self.count = 1 if kind == "single" else 3
         if kind == "single":
             self.env = gymnasium.make(ID, **arguments).unwrapped
-            self.lanes = [self.env.flybys]
+            self.batches = [self.env.batch]
         else:
             self.env = gymnasium.make_vec(ID, num_envs=3, threads=2, **arguments)
-            self.lanes = self.env.lanes.lanes
-            assert len(self.lanes) == (2 if arguments.get("observer", "horizon") == "horizon" else 1)
-        self.setting = self.lanes[0].setting
-        self.plan = self.setting.plan
+            self.batches = self.env.batch.batches
+            assert len(self.batches) == (2 if arguments.get("observer", "horizon") == "horizon" else 1)
+        self.task = self.batches[0].task
+        self.plan = self.task.plan
         self.t = 0.0
 
     def reset(self, *flight_seeds):
@@ -57,16 +57,16 @@ class Flights:
             terms = infos["reward_terms"]
         assert not np.any(terminated)
         assert not np.any(truncated)
-        self.t += self.setting.step_s
+        self.t += self.task.config.step_s
         return np.atleast_2d(observation), terms, infos
 
     def gather(self, pick):
-        """Of all flights, by lane."""
-        return np.concatenate([np.array(pick(lane)) for lane in self.lanes])
+        """Of all flights, by batch."""
+        return np.concatenate([np.array(pick(batch)) for batch in self.batches])
 
     def parts(self, observations):
-        """Readings by name, shape (E, n, size)."""
-        rows = [self.setting.readings.split(row) for row in observations]
+        """Observations by name, shape (E, n, size)."""
+        rows = [self.task.observation_layout.split(row) for row in observations]
         return {name: np.array([row[name] for row in rows]) for name in rows[0]}
 
     @property
@@ -82,11 +82,11 @@ class Flights:
     @property
     def wheel_speed(self):
         """Shape (E, n, w) [rad/s]."""
-        return self.gather(lambda lane: lane.flights.qvel).reshape(self.count, self.plan.n, -1)[..., 6:]
+        return self.gather(lambda batch: batch.flights.qvel).reshape(self.count, self.plan.n, -1)[..., 6:]
 
     @property
     def _qpos(self):
-        return self.gather(lambda lane: lane.flights.qpos).reshape(self.count, self.plan.n, -1)
+        return self.gather(lambda batch: batch.flights.qpos).reshape(self.count, self.plan.n, -1)
 
     def close(self):
         """Close the environment."""

@@ -22,7 +22,7 @@ def outcomes(env):
 def test_baselines_choose_legal_actions_and_repeat_themselves(env, outcomes):
     for name, policy in POLICIES.items():
         observation, _ = env.reset(seed=0)
-        assert env.action_space.contains(policy(env.setting, observation)), name
+        assert env.action_space.contains(policy(env.task, observation)), name
     assert fly(env, POLICIES["greedy"], 1) == outcomes["greedy"][0]
 
 
@@ -43,5 +43,5 @@ def test_rewards_of_an_episode_are_the_sum_of_its_terms(outcomes):
 
 
 def test_the_middle_patch_lies_at_the_targets_middle(env):
-    row, column = divmod(middle_patch(env.setting), 4)
+    row, column = divmod(middle_patch(env.task), 4)
     assert row in (1, 2) and column in (1, 2)

@@ -67,7 +67,7 @@ def test_a_held_role_flies_and_sees_what_the_command_line_does(roles, patch):
     assert np.array_equal(roles.state.r_BN_N, telemetry["r_BN_N"].values[-1])
     assert np.array_equal(roles.state.omega_BN_B, telemetry["omega_BN_B"].values[-1])
     assert np.array_equal(roles.first_seen_s, result.coverage.first_seen_s, equal_nan=True)
-    assert roles.flybys.percent[0] == result.coverage.percent > 5.0
+    assert roles.batch.totals.percent[0] == result.coverage.percent > 5.0
 
 
 def test_at_the_pointing_level_the_scenarios_behaviour_still_elects_and_talks():
@@ -75,7 +75,7 @@ def test_at_the_pointing_level_the_scenarios_behaviour_still_elects_and_talks():
     fly(env, np.zeros(10, np.float32))
     telemetry = simulate(make_plan(load_scenario("eros-observe", SEEN)))
     elected = np.flatnonzero(telemetry["mode"].values[-1] == TargetKind.EARTH)
-    roles = env.readings.split(env.flybys.observation[0])["role"]
+    roles = env.observation_layout.split(env.batch.observation[0])["role"]
     assert np.array_equal(np.flatnonzero(roles[:, TargetKind.EARTH]), elected)
     assert roles[:, TargetKind.SPACECRAFT].sum() == 4
     env.close()
@@ -87,7 +87,7 @@ def test_pointing_looks_at_the_surface_point_of_its_action():
     env.reset(seed=0)
     for _ in range(50):
         observation, *_ = env.step(action.ravel())
-    parts = env.readings.split(observation)
+    parts = env.observation_layout.split(observation)
     assert np.linalg.norm(parts["sigma_BR"], axis=1).max() < 1e-3
     region = env.plan.region
     body = trimesh.Trimesh(region.vertices, region.faces, process=False)
@@ -114,7 +114,7 @@ def test_motor_torques_spin_the_wheels_up_by_the_commanded_momentum():
     action = np.zeros((5, 3), np.float32)
     action[:, 0], action[2, 1] = [0.05, -0.05, 0.02, 0.0, 0.01], 0.04
     env.step(action.ravel())
-    assert np.allclose(env.flybys.flights.ctrl.reshape(5, 3), 0.004 * action, rtol=1e-6, atol=1e-15)
+    assert np.allclose(env.batch.flights.ctrl.reshape(5, 3), 0.004 * action, rtol=1e-6, atol=1e-15)
     gained = wheel_momentum() - before
     # A wheel's axial momentum changes by the motor torque plus the gyroscopic torque of a symmetric rotor, which is nil.
     assert np.allclose(gained, 0.004 * action * 10.0, atol=2e-7)
@@ -135,7 +135,7 @@ def test_rewards_sum_to_what_was_seen_and_delivered(roles):
         if terminated or truncated:
             break
     assert totals["seen"] == pytest.approx(info["coverage_percent"] / 100.0, abs=1e-12)
-    assert totals["delivered"] * roles.setting.nominal_bit == pytest.approx(info["delivered_bit"], rel=1e-9)
+    assert totals["delivered"] * roles.task.nominal_bit == pytest.approx(info["delivered_bit"], rel=1e-9)
     assert info["delivered_bit"] > 1e5
     assert totals["effort"] < 0.0
     # Nothing is lost on the way: what is aboard plus what was delivered only grows, and stays while nobody takes pictures.
@@ -150,7 +150,7 @@ def test_earth_receives_at_its_rate_and_only_while_the_dish_points_there(roles):
         roles.step(np.array([5, 6, 9, 10, CENTRE]))
     open_steps = closed_steps = 0
     for _ in range(40):
-        stored, before = roles.flybys.books.stored[0].copy(), roles.flybys.books.delivered[0]
+        stored, before = roles.batch.totals.stored[0].copy(), roles.batch.totals.delivered[0]
         *_, info = roles.step(np.array([EARTH, HOLD, HOLD, HOLD, HOLD]))
         state = roles.state
         to_earth = roles.plan.environment.earth.at(state.t) - state.r_BN_N[0]
@@ -171,7 +171,7 @@ def test_a_spacecraft_told_to_hold_keeps_its_boresight(roles):
         roles.step(sc2_to_itself)
     turned = np.degrees(np.arccos(np.clip((roles.state.boresight_N * at_order).sum(1), -1, 1)))
     assert turned.max() < 0.05
-    assert (roles.flybys.flights.kind == TargetKind.DIRECTION).all()
+    assert (roles.batch.flights.kind == TargetKind.DIRECTION).all()
 
 
 def test_a_target_seen_and_delivered_ends_the_episode():
@@ -218,7 +218,7 @@ def test_the_observation_tells_time_positions_and_patches(roles):
     roles.reset(seed=0)
     for _ in range(60):
         observation, *_ = roles.step(np.full(5, CENTRE))
-    parts = roles.readings.split(observation)
+    parts = roles.observation_layout.split(observation)
     assert parts["time_left"] == pytest.approx(1.0 - 600.0 / 1500.0)
     # At 600 s every observer is at its visiting point, which the plan gives in A.
     assert np.allclose(parts["position"] * 35_000.0, roles.plan.points_A, atol=0.1 + 0.002)
@@ -227,7 +227,7 @@ def test_the_observation_tells_time_positions_and_patches(roles):
     # The body's centre is looked at: boresights run against positions.
     unit = parts["position"] / np.linalg.norm(parts["position"], axis=1, keepdims=True)
     assert ((parts["boresight"] * unit).sum(1) < -0.99999).all()
-    seen, area = roles.flybys.books.seen[0], roles.plan.region.area
+    seen, area = roles.batch.totals.seen[0], roles.plan.region.area
     assert parts["patches"] @ roles.patches.area / area.sum() == pytest.approx(parts["seen"], abs=1e-6)
     assert parts["seen"] == pytest.approx(area[seen].sum() / area.sum(), abs=1e-6)
 
@@ -236,7 +236,7 @@ def test_velocities_are_the_rate_of_the_positions_in_the_turning_frame(roles):
     scenario = load_scenario("eros-observe")
     env = gymnasium.make("SwarmObserve-v0", scenario=scenario, step_s=0.5).unwrapped
     env.reset(seed=0)
-    rows = [env.readings.split(env.step(np.full(5, CENTRE))[0]) for _ in range(3)]
+    rows = [env.observation_layout.split(env.step(np.full(5, CENTRE))[0]) for _ in range(3)]
     state_r = [row["position"].astype(float) * 35_000.0 for row in rows]
     speed = rows[1]["velocity"].astype(float) * 50.0
     # Single precision keeps 30 km to 2 mm, over 1 s.
@@ -253,7 +253,7 @@ def test_what_goes_wrong_is_drawn_anew_for_every_episode_and_replays():
     ]
     scenario = load_scenario("eros-observe", [f"dispersions.{change}" for change in changes])
     env = gymnasium.make("SwarmObserve-v0", scenario=scenario).unwrapped
-    assert not env.flybys.batched
+    assert env.batch.why_python
 
     def fly_some(seed):
         env.reset(options={"flight_seed": seed})
@@ -277,9 +277,9 @@ def test_a_spacecraft_lost_to_a_fault_takes_no_more_pictures_and_the_others_go_o
             assert not (terminated or truncated)
             terms.append(info["reward_terms"]["loss"])
         seen.append(info["coverage_percent"])
-    assert env.flybys.books.lost[0].tolist() == [False, True, False, False, False]
+    assert env.batch.totals.lost[0].tolist() == [False, True, False, False, False]
     assert 1.0 < seen[0] < seen[1]
-    imaging = env.readings.split(env.flybys.observation[0])["imaging"].ravel()
+    imaging = env.observation_layout.split(env.batch.observation[0])["imaging"].ravel()
     assert imaging.tolist() == [1.0, 0.0, 1.0, 1.0, 1.0]
     assert set(terms) == {0.0}  # a fault is nobody's mistake
     env.close()

@@ -22,11 +22,11 @@ def test_a_picture_adds_the_imaged_area_over_the_foreshortened_ground_sampling_d
     area, centre = 0.5 * np.linalg.norm(across, axis=1), corners.mean(axis=1)
     normal = across / np.linalg.norm(across, axis=1)[:, None]
     nominal = 2.5 * area.sum() / (14_000.0 * PIXEL) ** 2
-    expected, before = np.zeros(flights.count), flights.gather(lambda lane: lane.books.seen)
+    expected, before = np.zeros(flights.count), flights.gather(lambda batch: batch.totals.seen)
     for k in range(70):
         r_A = np.einsum("ij,ej->ei", plan.environment.C_AN(10.0 * k), flights.r_N[:, 0])  # when the picture is taken
         observations, _, infos = flights.step(np.array([5 + k // 35, HOLD, HOLD, HOLD, HOLD]))
-        now = flights.gather(lambda lane: lane.books.seen)
+        now = flights.gather(lambda batch: batch.totals.seen)
         for e, new in enumerate(now & ~before):
             way = r_A[e] - centre[new]
             distance = np.linalg.norm(way, axis=1)

@@ -23,7 +23,7 @@ def test_the_block_of_a_spacecraft_is_laid_out_as_the_docstring_says(layout, w):
     assert env.observation_space.shape == ((26 + w) * 5 + 16 + 3,)
     env.reset(seed=0)
     observation, *_ = env.step(np.random.default_rng(0).uniform(-0.2, 0.2, 5 * w).astype(np.float32))
-    block, parts = observation[: 5 * (26 + w)].reshape(5, 26 + w), env.readings.split(observation)
+    block, parts = observation[: 5 * (26 + w)].reshape(5, 26 + w), env.observation_layout.split(observation)
     assert block[:, 18 : 18 + w] == pytest.approx(env.state.wheel_speed / (6000.0 * np.pi / 30.0), rel=1e-6)
     places = {"imaging": slice(18 + w, 19 + w), "link": slice(19 + w, 20 + w), "stored": slice(20 + w, 21 + w)}
     for name, place in {**places, "role": slice(21 + w, 26 + w)}.items():
@@ -37,7 +37,7 @@ def test_four_wheels_share_the_torque_that_the_action_would_exert():
     env.reset(seed=0)
     action = np.random.default_rng(0).uniform(-0.1, 0.1, (5, 4))
     env.step(action.ravel().astype(np.float32))
-    axes, motor = env.plan.properties.wheel_axes_B, env.flybys.flights.ctrl.reshape(5, 4)
+    axes, motor = env.plan.properties.wheel_axes_B, env.batch.flights.ctrl.reshape(5, 4)
     assert motor @ axes == pytest.approx(0.004 * action @ axes, rel=1e-5, abs=1e-10)
     # The least of all torques with that effect: nothing in the direction that has none.
     idle = np.linalg.svd(axes.T)[2][-1]

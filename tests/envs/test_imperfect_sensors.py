@@ -48,14 +48,14 @@ def what_the_controller_is_given(plan, seed, periods):
 
 
 @pytest.mark.parametrize("kind", ["single", "vector"])
-def test_readings_are_what_the_controller_is_given_at_that_instant_and_reading_changes_no_flight(kind):
+def test_observations_are_what_the_controller_is_given_at_that_instant_and_reading_changes_no_flight(kind):
     scenario = noisy("dispersions.delay_s=1.5", f"faults={json.dumps(FAILING)}")
     flights, seeds = Flights(kind, scenario=scenario), (4, 5, 6)
     rows = [flights.parts(flights.reset(*seeds))]
-    truth = [flights.gather(lambda lane: lane.flights.qpos)]
+    truth = [flights.gather(lambda batch: batch.flights.qpos)]
     for _ in range(12):
         rows.append(flights.parts(flights.step(np.full(5, CENTRE))[0]))
-        truth.append(flights.gather(lambda lane: lane.flights.qpos))
+        truth.append(flights.gather(lambda batch: batch.flights.qpos))
     off = []
     for e in range(flights.count):
         given = what_the_controller_is_given(make_plan(scenario), seeds[e], 240)
@@ -94,10 +94,10 @@ def test_without_noise_and_delay_the_flight_software_knows_the_truth_bit_for_bit
     env.reset(seed=0)
     for _ in range(5):
         observation, *_ = env.step(np.full(5, CENTRE))
-        flybys, state = env.flybys, env.state
-        assert np.array_equal(flybys.known.C_BN, flybys.now.C_BN)
+        batch, state = env.batch, env.state
+        assert np.array_equal(batch.estimate.C_BN, batch.now.C_BN)
         rate = (state.omega_BN_B / 0.1).astype(np.float32)
-        assert np.array_equal(env.readings.split(observation)["rate"], rate)
+        assert np.array_equal(env.observation_layout.split(observation)["rate"], rate)
     env.close()
 
 
@@ -106,10 +106,10 @@ def test_the_agent_does_not_see_the_truth_but_state_and_coverage_are_true():
     env.reset(seed=0)
     for _ in range(60):
         observation, *_ = env.step(np.full(5, CENTRE))
-    parts, state = env.readings.split(observation), env.state
+    parts, state = env.observation_layout.split(observation), env.state
     true = state.boresight_N @ state.C_AN.T
     assert (np.linalg.norm(parts["boresight"] - true, axis=1) > 1e-5).all()
-    assert np.array_equal(state.C_BN, env.flybys.now.C_BN[0])
+    assert np.array_equal(state.C_BN, env.batch.now.C_BN[0])
     # What it believes is on the centre; the truth is off by the error of the estimate.
     assert parts["position"] * 35_000.0 == pytest.approx(state.r_BN_N @ state.C_AN.T, abs=0.01)
     env.close()
@@ -138,10 +138,10 @@ def test_hold_holds_where_the_spacecraft_believes_to_look():
     env.reset(seed=0)
     for _ in range(20):
         observation, *_ = env.step(np.full(5, CENTRE))
-    believed = env.readings.split(observation)["boresight"] @ env.state.C_AN
+    believed = env.observation_layout.split(observation)["boresight"] @ env.state.C_AN
     env.step(np.full(5, HOLD))
-    assert (env.flybys.flights.kind == TargetKind.DIRECTION).all()
-    assert env.flybys.level.held.vector[0] == pytest.approx(believed, abs=1e-6)
+    assert (env.batch.flights.kind == TargetKind.DIRECTION).all()
+    assert env.batch.level.held.vector[0] == pytest.approx(believed, abs=1e-6)
     env.close()
 
 

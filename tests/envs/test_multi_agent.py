@@ -69,11 +69,11 @@ def test_neighbours_are_seen_where_they_are(env):
 
 def test_an_agent_that_hits_the_body_leaves_and_the_others_go_on(env):
     env.reset(seed=0)
-    flybys = env.flybys
-    above = flybys.setting.plan.points_A[1]
-    above_N = above @ flybys.setting.plan.environment.C_AN(0.0)
-    place(flybys.flights, 0, 1, position=above_N, velocity=-above_N / 5.0)
-    flybys.now.r_A[0, 1] = above
+    batch = env.batch
+    above = batch.task.plan.points_A[1]
+    above_N = above @ batch.task.plan.environment.C_AN(0.0)
+    place(batch.flights, 0, 1, position=above_N, velocity=-above_N / 5.0)
+    batch.now.r_A[0, 1] = above
     _, rewards, terminations, truncations, infos = env.step(dict.fromkeys(env.agents, CENTRE))
     assert terminations == {"sc1": False, "sc2": True, "sc3": False, "sc4": False, "sc5": False}
     assert not any(truncations.values())
@@ -90,10 +90,10 @@ def test_an_agent_that_hits_the_body_leaves_and_the_others_go_on(env):
 
 
 @pytest.mark.parametrize("what", ["position", "velocity"])
-def test_a_flight_that_diverges_ends_with_its_cause_and_its_last_finite_readings(env, what):
+def test_a_flight_that_diverges_ends_with_its_cause_and_its_last_finite_observations(env, what):
     env.reset(seed=0)
     before, *_ = env.step(dict.fromkeys(env.agents, CENTRE))
-    place(env.flybys.flights, 0, 0, **{what: [np.nan] * 3})
+    place(env.batch.flights, 0, 0, **{what: [np.nan] * 3})
     observations, _, terminations, _, infos = env.step(dict.fromkeys(env.agents, CENTRE))
     assert all(terminations.values()) and infos["sc1"]["end"] == "diverged" and "sc1" in infos["sc1"]["cause"]
     assert all(observations[name] in env.observation_space(name) for name in observations)

@@ -15,7 +15,7 @@ def seen_share(observer, seed, given=None):
     observation, _ = env.reset(seed=seed)
     actions, over = [], False
     while not over:
-        actions.append(POLICIES["greedy"](env.setting, observation) if given is None else given[len(actions)])
+        actions.append(POLICIES["greedy"](env.task, observation) if given is None else given[len(actions)])
         observation, _, *ends, info = env.step(actions[-1])
         over = any(ends)
     env.close()

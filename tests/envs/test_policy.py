@@ -43,23 +43,23 @@ def env():
 @pytest.fixture(scope="module")
 def random_policy(env):
     """A network that prefers everything now and then."""
-    return random_network(env.setting)
+    return random_network(env.task)
 
 
-def random_network(setting):
-    rng, width, n, hidden, pointer = np.random.default_rng(3), OWN + 16 * PER_PATCH, setting.plan.n, 8, 6
+def random_network(task):
+    rng, width, n, hidden, pointer = np.random.default_rng(3), OWN + 16 * PER_PATCH, task.plan.n, 8, 6
     shapes = [(hidden, width), (hidden,), (hidden, hidden), (hidden,), (pointer, hidden + PER_PATCH), (pointer,)]
     shapes += [(pointer,), (n + 3, hidden), (n + 3,)]
     weights = {name: rng.normal(0.0, 0.7, shape) for name, shape in zip(WEIGHTS, shapes, strict=True)}
-    return ArrayPolicy(weights, geometry_of(setting), describe(setting))
+    return ArrayPolicy(weights, geometry_of(task), describe(task))
 
 
 def test_features_hold_angles_distances_and_shares_as_plain_geometry_gives_them(env):
     env.reset(seed=1)
     for _ in range(50):
         observation, *_ = env.step(np.array([1, 5, 9, 13, 16]))
-    parts, state, setting = env.readings.split(observation), env.state, env.setting
-    features = geometry_of(setting).features(observation[None])[0]
+    parts, state, task = env.observation_layout.split(observation), env.state, env.task
+    features = geometry_of(task).features(observation[None])[0]
     patch = features[:, OWN:].reshape(5, 16, PER_PATCH)
     for j, k in ((0, 1), (2, 7), (4, 15)):
         r_A = state.C_AN @ state.r_BN_N[j]
@@ -70,7 +70,7 @@ def test_features_hold_angles_distances_and_shares_as_plain_geometry_gives_them(
         cells = env.patches.of_cell == k
         normal = np.average(env.plan.region.normal_A[cells], axis=0, weights=env.plan.region.area[cells])
         cosine = -toward @ normal / np.linalg.norm(normal) / distance
-        gsd = distance * setting.observer.camera.pixel_angle / max(cosine, 1e-3)
+        gsd = distance * task.observer.camera.pixel_angle / max(cosine, 1e-3)
         assert patch[j, k, 3] == pytest.approx(min(gsd / 3.0, 2.0), rel=1e-4)
         unseen = 1.0 - parts["patches"][k]
         assert patch[j, k, 0] == pytest.approx(unseen * env.patches.area[k] / env.patches.area.mean(), rel=1e-5)
@@ -126,10 +126,10 @@ def test_files_that_are_no_policy_are_refused_by_name(tmp_path, env, random_poli
 
 
 def test_a_policy_for_another_swarm_is_refused(env, random_policy):
-    random_policy.check(env.setting)
+    random_policy.check(env.task)
     other = replace(random_policy, about={**random_policy.about, "spacecraft": 4})
     with pytest.raises(ScenarioError, match="spacecraft = 4, but it is 5 here"):
-        other.check(env.setting)
+        other.check(env.task)
 
 
 @pytest.mark.parametrize("rows", [-1, 100])
@@ -140,15 +140,15 @@ def test_a_policy_whose_arrays_give_other_choices_than_it_says_is_refused(rows, 
         weights[name] = np.resize(weights[name], (size, *weights[name].shape[1:]))
     for given in (weights, {**weights, "W4": random_policy.weights["W4"]}):
         with pytest.raises(ScenarioError, match=r"arrays offer 16 patches and .* but here are 16 and 8"):
-            replace(random_policy, weights=given).check(env.setting)
+            replace(random_policy, weights=given).check(env.task)
 
 
 def test_a_choice_that_does_not_exist_is_refused_whoever_makes_it(env):
     env.reset(seed=0)
     for choice in (-1, 24, 10**12):
         with pytest.raises(gymnasium.error.InvalidAction, match="choices .* must be 0 to 23"):
-            env.flybys.step(np.full((1, 5), choice))
-    env.flybys.step(np.full((1, 5), 23))
+            env.batch.step(np.full((1, 5), choice))
+    env.batch.step(np.full((1, 5), 23))
 
 
 def fly_in_environment(env, act):
@@ -175,7 +175,7 @@ def check_alike(env, telemetry, result):
 
 @pytest.mark.parametrize("name", ["sweep", "greedy"])
 def test_a_scripted_policy_flies_the_same_as_behaviour_and_in_the_environment(env, name):
-    fly_in_environment(env, lambda observation: POLICIES[name](env.setting, observation))
+    fly_in_environment(env, lambda observation: POLICIES[name](env.task, observation))
     check_alike(env, *fly_as_behavior(ScriptedPolicy(5, 35_000.0, policy=name)))
 
 
@@ -199,13 +199,13 @@ def relayed():
 def test_run_flies_the_swarm_of_the_environment_with_its_communications_spacecraft(
     kind, relayed, tmp_path, monkeypatch
 ):
-    assert relayed.setting.plan.n == 6 and relayed.setting.plan.n_observers == 5
-    name, act = "greedy", lambda observation: POLICIES["greedy"](relayed.setting, observation)
+    assert relayed.task.plan.n == 6 and relayed.task.plan.n_observers == 5
+    name, act = "greedy", lambda observation: POLICIES["greedy"](relayed.task, observation)
     read = []
     if kind == "trained":
         name = str(tmp_path / "policy.npz")
         # Turned to what the greedy rule says, so that there is something to compare; for the rest at random.
-        network = random_network(relayed.setting)
+        network = random_network(relayed.task)
         network.weights["W3"][:, -1] += 9.0
         network.weights["v"][:] = 3.0
         save_policy(name, network)
@@ -280,7 +280,7 @@ def test_a_policy_as_behaviour_says_why_it_cannot(random_policy, tmp_path):
 
 def test_seeds_flown_together_give_the_returns_of_single_episodes(env):
     def act(observations):
-        return np.array([POLICIES["sweep"](env.setting, row) for row in observations])
+        return np.array([POLICIES["sweep"](env.task, row) for row in observations])
 
     flown = fly_seeds(act, [8, 3, 5], threads=2)
     alone = [fly(env, POLICIES["sweep"], seed) for seed in (8, 3, 5)]
@@ -299,7 +299,7 @@ def test_the_interval_covers_the_true_mean_nineteen_times_in_twenty():
 def test_the_packaged_policy_beats_every_scripted_one(env):
     """On two seeds; docs/results/learning.md has a hundred."""
     policy = load_policy(asset_path(PACKAGED))
-    policy.check(env.setting)
+    policy.check(env.task)
     trained = fly_seeds(policy.act, [77, 78], threads=2).total
     for name, scripted in POLICIES.items():
         assert (trained > [fly(env, scripted, seed).total_reward for seed in (77, 78)]).all(), name

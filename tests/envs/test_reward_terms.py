@@ -104,7 +104,7 @@ def test_a_pair_that_passes_within_a_step_counts_though_it_is_far_apart_at_both_
     for _ in range(10):
         _, terms, _ = flights.step(np.full(5, CENTRE))
         assert terms["approach"][0] == 0.0
-    inner = flights.lanes[0].flights
+    inner = flights.batches[0].flights
     qpos, qvel = inner.qpos.reshape(5, 10), inner.qvel.reshape(5, 9)
     place(inner, 0, 1, position=qpos[0, :3] + (1500.0, 0.0, 0.0), velocity=qvel[0, :3] - (100.0, 0.0, 0.0))
     flights.step(np.full(5, CENTRE))

@@ -116,15 +116,15 @@ def test_the_network_in_torch_and_the_policy_in_numpy_give_the_same_logits(tmp_p
     torch = pytest.importorskip("torch")
     from stable_baselines3 import PPO
     from swarm_mj.envs.policy import load_policy, save_policy
-    from swarm_mj.envs.sb3_policy import LearningView, SwarmActorCritic, exported
+    from swarm_mj.envs.sb3_policy import SwarmActorCritic, VecPolicyFeatures, to_array_policy
 
     venv = SwarmObserveVecEnv(2, threads=1)
-    view = LearningView(venv, 0.99)
+    view = VecPolicyFeatures(venv, 0.99)
     model = PPO(SwarmActorCritic, view, n_steps=8, batch_size=8, seed=1, device="cpu")
     with torch.no_grad():
         for weights in model.policy.parameters():
             weights.add_(0.1 * torch.randn_like(weights))
-    save_policy(tmp_path / "p.npz", exported(model.policy, venv, view.geometry, note="a test"))
+    save_policy(tmp_path / "p.npz", to_array_policy(model.policy, venv, view.geometry, note="a test"))
     policy = load_policy(tmp_path / "p.npz")
     features = view.reset()
     with torch.no_grad():
@@ -139,10 +139,10 @@ def test_the_network_in_torch_and_the_policy_in_numpy_give_the_same_logits(tmp_p
 
 def test_shaping_changes_the_return_of_an_episode_by_nothing_but_the_discount():
     pytest.importorskip("torch")
-    from swarm_mj.envs.sb3_policy import LearningView
+    from swarm_mj.envs.sb3_policy import VecPolicyFeatures
 
     venv = SwarmObserveVecEnv(2, threads=1)
-    view = LearningView(venv, 1.0)
+    view = VecPolicyFeatures(venv, 1.0)
     view.seed(3)
     view.reset()
     total, done = np.zeros(2), np.zeros(2, bool)
@@ -159,10 +159,10 @@ def test_shaping_changes_the_return_of_an_episode_by_nothing_but_the_discount():
 
 def test_a_flight_broken_off_counts_its_data_as_delivered():
     pytest.importorskip("torch")
-    from swarm_mj.envs.sb3_policy import LearningView
+    from swarm_mj.envs.sb3_policy import VecPolicyFeatures
 
     venv = SwarmObserveVecEnv(2, threads=1)
-    view = LearningView(venv, 1.0)
+    view = VecPolicyFeatures(venv, 1.0)
     view.horizon_s = 600.0
     view.seed(3)
     view.reset()
@@ -170,7 +170,7 @@ def test_a_flight_broken_off_counts_its_data_as_delivered():
     while not done.all():
         _, rewards, done, infos = view.step(np.full((2, 5), 16))
         total, steps = total + rewards, steps + 1
-    nominal = venv.vector.lanes.setting.nominal_bit
+    nominal = venv.vector.batch.task.nominal_bit
     assert steps == 60
     for e in range(2):
         aboard = sum(infos[e]["stored_bit"]) / nominal

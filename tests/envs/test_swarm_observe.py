@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import swarm_mj.envs  # noqa: F401
 from gymnasium.utils.env_checker import check_env
-from swarm_mj.envs.window import Window
+from swarm_mj.envs.rendering import Window
 
 from swarm_mj.errors import ScenarioError, SwarmError
 from swarm_mj.observation.gl_context import gl_available
@@ -134,9 +134,9 @@ def test_observations_share_no_memory_with_each_other_or_the_environment(roles):
     for _ in range(3):
         rows.append(roles.step(roles.action_space.sample())[0])
     kept = [row.copy() for row in rows]
-    flybys = roles.flybys
+    batch = roles.batch
     for i, row in enumerate(rows):
-        assert not np.shares_memory(row, flybys.observation) and not np.shares_memory(row, flybys.flights.qpos)
+        assert not np.shares_memory(row, batch.observation) and not np.shares_memory(row, batch.flights.qpos)
         assert not any(np.shares_memory(row, other) for other in rows[:i])
         row[:] = 7.0
     follow, *_ = roles.step(np.full(5, 16))
@@ -186,7 +186,7 @@ def test_a_flight_ends_by_truncation_at_the_scenarios_duration_and_asks_for_a_re
 def test_a_diverged_flight_terminates_with_the_last_finite_observation(roles):
     roles.reset(seed=0)
     before, *_ = roles.step(np.full(5, 16))
-    place(roles.flybys.flights, 0, 0, rate=np.nan)
+    place(roles.batch.flights, 0, 0, rate=np.nan)
     observation, reward, terminated, truncated, info = roles.step(np.full(5, 16))
     assert (terminated, truncated, info["end"]) == (True, False, "diverged")
     assert "sc1" in info["cause"]
@@ -199,9 +199,9 @@ def test_a_diverged_flight_terminates_with_the_last_finite_observation(roles):
 def test_a_spacecraft_that_hits_the_body_ends_the_episode(roles):
     roles.reset(seed=0)
     above = roles.plan.points_A[0] @ roles.plan.environment.C_AN(0.0)
-    flybys = roles.flybys
-    place(flybys.flights, 0, 0, position=above, velocity=-above / 5.0)
-    flybys.now.r_A[0, 0] = roles.plan.points_A[0]
+    batch = roles.batch
+    place(batch.flights, 0, 0, position=above, velocity=-above / 5.0)
+    batch.now.r_A[0, 0] = roles.plan.points_A[0]
     *_, terminated, truncated, info = roles.step(np.full(5, 16))
     assert (terminated, truncated, info["end"]) == (True, False, "impact")
     assert info["reward_terms"]["loss"] == -1.0
@@ -246,13 +246,13 @@ def test_an_unknown_render_mode_and_unknown_reset_options_are_clear_errors(roles
 def test_actions_outside_the_space_are_refused_before_anything_moves(env):
     env.reset(seed=0)
     inner, space = env.unwrapped, env.action_space
-    before = inner.flybys.flights.qpos.copy()
+    before = inner.batch.flights.qpos.copy()
     good = space.sample()
     bad = [good[:-1], good + 100, np.full(good.shape, np.nan), "left", None]
     for action in bad:
         with pytest.raises(gymnasium.error.InvalidAction, match="action space"):
             inner.step(action)
-    assert np.array_equal(inner.flybys.flights.qpos, before)
+    assert np.array_equal(inner.batch.flights.qpos, before)
     inner.step(list(good))
 
 
@@ -331,10 +331,10 @@ def test_rendering_again_and_again_keeps_one_context_and_closing_frees_it():
         for seed in range(3):
             env.reset(seed=seed)
             env.render()
-        overview = env.unwrapped._picture._overview
+        drawing = env.unwrapped._renderer._drawing
         env.reset()
         env.render()
-        assert env.unwrapped._picture._overview is overview
+        assert env.unwrapped._renderer._drawing is drawing
         env.close()
 
     for _ in range(4):

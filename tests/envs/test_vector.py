@@ -68,7 +68,7 @@ def test_neither_the_number_of_flights_nor_of_threads_changes_a_flight():
 def test_a_perturbed_flight_which_the_batch_does_not_know_is_the_same_too():
     scenario = load_scenario("eros-observe", ["perturbations.solar_tide=true"])
     vector = gymnasium.make_vec(ID, num_envs=3, scenario=scenario)
-    assert not vector.lanes.lanes[0].batched and "perturbations" in vector.lanes.lanes[0].why_separate
+    assert "perturbations" in vector.batch.batches[0].why_python
     singles, start = single_twins(3, 2, scenario=scenario)
     observations, _ = vector.reset(seed=2)
     assert np.array_equal(observations, start)
@@ -94,17 +94,17 @@ def test_separate_simulations_fly_bit_for_bit_what_the_batch_flies(control, whee
             row, _, *ends, _ = env.step(action)
             over = any(ends)
             rows.append(row)
-            if env.flybys.batched:
-                aims.add(tuple(env.flybys.flights.kind[0].tolist()))
-        batched = env.flybys.batched
+            if not env.batch.why_python:
+                aims.add(tuple(env.batch.flights.kind[0].tolist()))
+        compiled = not env.batch.why_python
         env.close()
-        assert not batched or len(aims) > 1
-        return batched, np.array(rows)
+        assert not compiled or len(aims) > 1
+        return compiled, np.array(rows)
 
-    batched, rows = fly()
+    compiled, rows = fly()
     monkeypatch.setattr("swarm_mj.envs.batch.why_not_compiled", lambda *_: "the test says so")
     separate, others = fly()
-    assert (batched, separate) == (True, False)
+    assert (compiled, separate) == (True, False)
     assert np.array_equal(rows, others)
 
 
@@ -155,7 +155,7 @@ def test_next_step_mode_starts_anew_in_the_call_after_an_end(scenario):
     observations, rewards, terminated, truncated, infos = vector.step(action)
     assert (rewards == 0.0).all() and not (terminated | truncated).any()
     assert (infos["time_s"] == 0.0).all() and infos["_flight_seed"].all()
-    left = vector.lanes.setting.readings.split(observations[0])["time_left"]
+    left = vector.batch.task.observation_layout.split(observations[0])["time_left"]
     assert left == 1.0
     vector.close()
 
@@ -232,7 +232,7 @@ def test_a_diverged_flight_ends_alone_with_its_cause():
     vector = gymnasium.make_vec(ID, num_envs=3, threads=1)
     vector.reset(seed=0)
     vector.step(np.full((3, 5), 16))
-    place(vector.lanes.lanes[0].flights, 1, 1, velocity=np.nan)
+    place(vector.batch.batches[0].flights, 1, 1, velocity=np.nan)
     _, rewards, terminated, _, infos = vector.step(np.full((3, 5), 16))
     assert terminated.tolist() == [False, True, False]
     assert rewards[1] == -1.0

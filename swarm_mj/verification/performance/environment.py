@@ -19,7 +19,7 @@ TARGET_SINGLE, TARGET_VECTOR = ">= 0.60", ">= 0.80"
 def raw_steps() -> Callable[[], int]:
     """Ten times as many raw steps as one environment step takes; forces and torques held, as in the raw row of the loop."""
     env: Any = gymnasium.make(ID).unwrapped
-    simulation, ticks = env.setting.simulation, env.setting.ticks
+    simulation, ticks = env.task.simulation, env.task.ticks
     simulation.decide()
     start = simulation.data.qpos.copy(), simulation.data.qvel.copy()
 

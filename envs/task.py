@@ -1,0 +1,165 @@
+"""What every episode of an environment shares: plan, patches, observer, scales; made once, never changed."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from swarm_mj.flight.fly import make_simulation
+from swarm_mj.flight.observe import camera_from, criterion_from, schedule_from
+from swarm_mj.flight.plan import Plan, antennas_from, make_plan
+from swarm_mj.observation.capture import ObservationCriterion
+from swarm_mj.observation.horizon import HorizonObserver
+from swarm_mj.observation.horizon_kernels import Scene, make_scene
+from swarm_mj.observation.observer import Observer, make_observer
+from swarm_mj.simulator.simulation import Simulation
+from swarm_mj.smallbody.occultation import Occluder, occluder_of
+from swarm_mj.typing import Mask
+
+from .arguments import checked_scenario, checked_step
+from .config import EnvConfig
+from .kinematics import BodyRotation
+from .observations import ObservationConstants, ObservationLayout
+from .patches import Patches, make_patches
+from .pictures import PictureConstants
+from .radio import RadioConstants
+from .rewards import HazardLimits, RewardConstants, RewardScales, checked_scales
+
+#: Data aboard below this share of the nominal volume count as delivered.
+NOTHING_STORED = 1e-9
+
+
+class Task:
+    """One mission as a task for agents.
+
+    Args:
+        config: The environment's arguments.
+
+    Attributes:
+        config: The environment's arguments.
+        plan: The mission.
+        patches: Parts of the target.
+        criterion: What counts as seen.
+        observer: Judges the pictures.
+        scene: The same for compiled code; None where pictures are judged one by one.
+        observation_layout: Which numbers stand where in an observation.
+        reward_scales: Weight of each reward term.
+        nominal_bit: Volume of the whole target seen straight down from the imaging altitude [bit].
+        ticks: Control periods in a step.
+        last_tick: Control periods in the flight.
+        is_due: Whether pictures that count are taken, by control instant, counted from 0, shape (last_tick + 1,).
+        simulation: One flight; a batch takes model and constants from it.
+
+    Raises:
+        ScenarioError: An argument does not fit the scenario.
+    """
+
+    def __init__(self, config: EnvConfig) -> None:
+        given = checked_scenario(config.scenario)
+        self.config = config
+        self.ticks, self.last_tick = checked_step(given, config.step_s)
+        self.plan: Plan = make_plan(given)
+        self.patches: Patches = make_patches(self.plan.region, config.patches)
+        self.criterion: ObservationCriterion = criterion_from(given)
+        self.observer: Observer = make_observer(
+            self.plan.region, camera_from(given), kind=config.observer, occlusion=given.observation.occlusion
+        )
+        self.scene: Scene | None = None
+        if isinstance(self.observer, HorizonObserver):
+            self.scene = make_scene(self.observer, self.criterion)
+        self.observation_layout = ObservationLayout(self.plan, config.patches)
+        self.reward_scales: RewardScales = checked_scales(config.reward_weights)
+        footprint = (given.design.imaging_altitude_m * self.observer.camera.pixel_angle) ** 2
+        self.nominal_bit = self.plan.region.total_area / footprint * config.bits_per_pixel
+        self.simulation: Simulation = make_simulation(self.plan)
+        self.is_due: Mask = schedule_from(given, given.control.period_s).due(np.arange(self.last_tick + 1))
+
+    @property
+    def occluder(self) -> Occluder:
+        """The body as what hides and is hit."""
+        return occluder_of(self.plan.shape)
+
+    @property
+    def body_rotation(self) -> BodyRotation:
+        """How the body turns."""
+        environment = self.plan.environment
+        return BodyRotation(
+            C_PN=np.ascontiguousarray(environment.C_PN),
+            phase0=float(environment.phase0),
+            spin_rate=float(environment.spin_rate),
+        )
+
+    @property
+    def picture_constants(self) -> PictureConstants:
+        """See `take_pictures`."""
+        return PictureConstants(float(self.plan.shape.max_radius), float(self.config.bits_per_pixel))
+
+    @property
+    def radio_constants(self) -> RadioConstants:
+        """See `transmit`."""
+        earth = self.plan.environment.earth
+        return RadioConstants(
+            beams=antennas_from(self.plan.scenario).beams,
+            body=self.occluder,
+            earth_r_N=np.array(earth.position, np.float64),
+            earth_v_N=np.array(earth.velocity, np.float64),
+            swarm_bit=float(self.config.swarm_rate_bit_s * self.config.step_s),
+            earth_bit=float(self.config.earth_rate_bit_s * self.config.step_s),
+        )
+
+    @property
+    def hazard_limits(self) -> HazardLimits:
+        """See `measure_hazards`."""
+        safety = self.plan.scenario.safety
+        return HazardLimits(
+            body=self.occluder,
+            max_wheel_speed=float(self.plan.properties.max_wheel_speed),
+            min_separation_m=float(safety.min_separation_m),
+            separation_grace_s=float(safety.separation_grace_s),
+        )
+
+    @property
+    def observation_constants(self) -> ObservationConstants:
+        """See `write_observations`."""
+        layout, plan = self.observation_layout, self.plan
+        return ObservationConstants(
+            n_observers=plan.n_observers,
+            position_m=float(layout.position_scale),
+            velocity_m_s=float(layout.velocity_scale),
+            wheel_speed_rad_s=float(plan.properties.max_wheel_speed),
+            spin_rate=float(plan.environment.spin_rate),
+            duration_s=float(plan.scenario.duration_s),
+            nominal_bit=float(self.nominal_bit),
+            target_area_m2=float(plan.region.total_area),
+            patch=self.patches.of_cell.astype(np.int64),
+            cell_area=self.patches.cell_area,
+            patch_area=self.patches.area,
+            low=layout.space.low,
+            high=layout.space.high,
+        )
+
+    def reward_constants(self, *, continues_after_impact: bool) -> RewardConstants:
+        """See `compute_rewards`."""
+        plan, properties = self.plan, self.plan.properties
+        torques = self.ticks * plan.n * len(properties.wheel_axes_B)
+        return RewardConstants(
+            scales=self.reward_scales,
+            target_area_m2=float(plan.region.total_area),
+            nominal_bit=float(self.nominal_bit),
+            step_share=float(self.config.step_s / plan.scenario.duration_s),
+            max_effort=float(torques * properties.max_wheel_torque**2),
+            complete_percent=float(self.config.complete),
+            empty_bit=float(NOTHING_STORED * self.nominal_bit),
+            last_tick=self.last_tick,
+            continues_after_impact=continues_after_impact,
+        )
+
+    def close(self) -> None:
+        """Release the observer."""
+        self.observer.close()
+
+
+def make_task(**arguments: Any) -> Task:
+    """The task of an environment's arguments, which `SwarmObserveEnv` documents."""
+    return Task(EnvConfig(**arguments))
