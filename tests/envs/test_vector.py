@@ -9,6 +9,7 @@ import swarm_mj.envs  # noqa: F401
 from gymnasium.vector import AutoresetMode
 
 from swarm_mj.errors import ScenarioError
+from swarm_mj.flight.fly import make_simulation
 from swarm_mj.scenarios.loading import load_scenario
 
 from .flights import place
@@ -102,7 +103,13 @@ def test_separate_simulations_fly_bit_for_bit_what_the_batch_flies(control, whee
         return compiled, np.array(rows)
 
     compiled, rows = fly()
-    monkeypatch.setattr("swarm_mj.envs.batch.why_not_compiled", lambda *_: "the test says so")
+
+    def refused(plan):
+        simulation = make_simulation(plan)
+        simulation.why_not_compiled = lambda law: "the test says so"
+        return simulation
+
+    monkeypatch.setattr("swarm_mj.envs.task.make_simulation", refused)
     separate, others = fly()
     assert (compiled, separate) == (True, False)
     assert np.array_equal(rows, others)
