@@ -66,4 +66,3 @@ def take_pictures(
                 record_cells(totals, e, j, new, now.t[e], gained, pixels * constants.bits_per_pixel)
                 area[e] += gained
     return any_doubt
-
