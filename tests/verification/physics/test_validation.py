@@ -229,8 +229,10 @@ FAULTS = {
     "transparent body": (
         (
             program_links,
-            "write_closed",
-            lambda n, v, f, *rest, right=program_links.write_closed: right(n, v, f[:0], *rest),
+            "closed_links",
+            lambda beams, body, *rest, right=program_links.closed_links: right(
+                beams, body._replace(faces=body.faces[:0]), *rest
+            ),
         ),
         ["links-geometry"],
     ),
