@@ -41,7 +41,7 @@ WITHOUT_MUJOCO = (
 )
 #: Names with an underscore that their libraries document (NamedTuple), or offer no public name for.
 OF_LIBRARIES = {"_replace", "_asdict", "_fields", "_make", "_field_defaults"}
-OF_LIBRARIES |= {"argparse._SubParsersAction", "mjmodel._address", "data._address"}
+OF_LIBRARIES |= {"os._exit", "argparse._SubParsersAction", "mjmodel._address", "data._address"}
 
 
 def modules():
