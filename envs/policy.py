@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarm_mj.errors import ScenarioError
+from swarm_mj.io.atomic import atomic_file
 from swarm_mj.typing import Array, Ints
 
 from .observations import COLUMNS, FEATURES
@@ -261,16 +262,18 @@ def describe(task: Task) -> dict[str, Any]:
 
 
 def save_policy(file: str | Path, policy: ArrayPolicy) -> None:
-    """Write a policy as `.npz` under a temporary name, then rename it."""
-    path = Path(file)
+    """Write a policy as `.npz`; it takes the place of an earlier one only when it is whole.
+
+    Raises:
+        OutputError: The file cannot be written.
+    """
     arrays: Arrays = {f"weight_{name}": np.asarray(policy.weights[name], np.float32) for name in WEIGHTS}
     arrays |= {
         f"geometry_{item.name}": np.asarray(getattr(policy.geometry, item.name)) for item in fields(PatchGeometry)
     }
     text = json.dumps({"format": FORMAT} | dict(policy.about), sort_keys=True)
-    partial = path.with_name(f".{path.name}.partial.npz")
-    np.savez_compressed(partial, about=np.array(text), **arrays)  # type: ignore[arg-type]
-    partial.replace(path)
+    with atomic_file(Path(file)) as partial, partial.open("wb") as stream:
+        np.savez_compressed(stream, about=np.array(text), **arrays)  # type: ignore[arg-type]
 
 
 def load_policy(file: str | Path) -> ArrayPolicy:
