@@ -7,10 +7,12 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
+import yaml
 
 from swarm_mj.api.notebook import figure_html, rows_html
 from swarm_mj.envs.policy_behavior import policy_overrides
 from swarm_mj.flight.plan import Plan, make_plan
+from swarm_mj.io.atomic import atomic_file
 from swarm_mj.scenarios import schema
 from swarm_mj.scenarios.loading import load_scenario, packaged_names, read_design
 
@@ -63,6 +65,17 @@ class Scenario(schema.Scenario):
             SwarmError: Shape, target, plug-in or trajectory cannot be had.
         """
         return make_plan(self)
+
+    def save(self, path: str | Path) -> Path:
+        """Write the scenario as a YAML file that `load` and the command line read, every key spelled out.
+
+        Raises:
+            OutputError: The file cannot be written.
+        """
+        text = yaml.safe_dump(self.model_dump(mode="json"), sort_keys=False)
+        with atomic_file(Path(path)) as partial:
+            partial.write_text(text, encoding="utf-8")
+        return Path(path)
 
     def __repr__(self) -> str:
         """One line: what it is, without its numbers."""

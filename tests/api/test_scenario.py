@@ -34,6 +34,13 @@ def test_a_change_leaves_the_scenario_alone_and_is_checked():
         sm.load({"name": "x", "colour": "red"})
 
 
+def test_a_saved_scenario_is_read_back(tmp_path):
+    scenario = sm.load("eros-quick", ["camera.half_angle_deg=5"])
+    assert sm.load(scenario.save(tmp_path / "mine.yaml")) == scenario
+    with pytest.raises(sm.SwarmError, match="cannot be written"):
+        scenario.save(tmp_path / "none" / "mine.yaml")
+
+
 def test_the_mapping_that_is_given_is_not_changed():
     mapping = {"name": "x", "design": {"visiting_points": [3]}, "behavior": {"name": "adaptable_roles"}}
     sm.load(mapping, ["camera.half_angle_deg=3", "design.visiting_points=[4]"])
