@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import mujoco
 import numpy as np
@@ -271,7 +271,7 @@ def scene(shape: ShapeModel, timestep: float, sun_N: Array) -> mujoco.MjSpec:
 def _cubesat(properties: SpacecraftProperties, timestep: float, camera_half_angle_deg: float) -> mujoco.MjSpec:
     spec = mujoco.MjSpec.from_file(str(asset_path(TEMPLATE)))
     spec.option.timestep = timestep  # attaching warns when parent and child differ
-    hub = spec.body(HUB)
+    hub = _required(spec, "body", HUB)
     hub.mass, hub.inertia = properties.hub_mass, properties.hub_inertia.tolist()
     moments = np.linalg.eigvalsh(properties.inertia_B - properties.wheels_inertia_B)
     if moments.min() <= 0 or 2 * moments.max() > moments.sum():
@@ -280,14 +280,30 @@ def _cubesat(properties: SpacecraftProperties, timestep: float, camera_half_angl
             "kg m^2; make the spacecraft heavier or larger, or the wheels smaller"
         )
     for name, axis, z in zip(WHEELS, np.eye(3), WHEEL_STATIONS_M, strict=True):
-        wheel = spec.body(name)
+        wheel = _required(spec, "body", name)
         wheel.pos, wheel.mass = [0.0, 0.0, z], properties.wheel_mass
         spin, transverse = properties.wheel_spin_inertia, properties.wheel_transverse_inertia
         wheel.inertia = (transverse + (spin - transverse) * axis**2).tolist()
-        spec.actuator(name).ctrlrange = [-properties.max_wheel_torque, properties.max_wheel_torque]
-    spec.geom("bus").size = [0.5 * edge for edge in properties.size]
-    spec.camera("camera").fovy = 2.0 * camera_half_angle_deg
+        motor = _required(spec, "actuator", name)
+        motor.ctrlrange = [-properties.max_wheel_torque, properties.max_wheel_torque]
+    _required(spec, "geom", "bus").size = [0.5 * edge for edge in properties.size]
+    _required(spec, "camera", "camera").fovy = 2.0 * camera_half_angle_deg
     return spec
+
+
+def _required(spec: mujoco.MjSpec, kind: str, name: str) -> Any:
+    """A part of the template that the scenario fills.
+
+    Raises:
+        MissionError: It is missing.
+    """
+    found = getattr(spec, kind)(name)
+    if found is None:
+        raise MissionError(
+            f"{TEMPLATE} was changed: {kind} {name} is missing, which the scenario's numbers fill. Put it back, or fly the "
+            "file as a spacecraft of your own (spacecraft.mjcf)"
+        )
+    return found
 
 
 def _strip(spec: mujoco.MjSpec) -> None:
