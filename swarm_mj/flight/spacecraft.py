@@ -10,13 +10,16 @@ import numpy as np
 from swarm_mj.errors import ScenarioError
 from swarm_mj.io.resources import asset_path
 from swarm_mj.scenarios.schema import Scenario, Spacecraft, Wheel
+from swarm_mj.spacecraft.elastic import lost_to_the_step
 from swarm_mj.spacecraft.model import TEMPLATE, examine_template
 from swarm_mj.spacecraft.model_guard import listed
-from swarm_mj.spacecraft.own_spacecraft import OwnSpacecraft, examine_file, read_spacecraft
+from swarm_mj.spacecraft.own_spacecraft import OwnSpacecraft, examine_file, read_spacecraft, small_motions
 from swarm_mj.spacecraft.properties import RPM, WHEEL_AXES, SpacecraftProperties
 
 #: Relative difference between a scenario's number and the file's that is put down to its digits.
 AGREES = 1e-3
+#: Share of an amplitude that the integration may take away in a flight without a word.
+WORTH_A_NOTE = 0.01
 
 
 def properties_from(scenario: Scenario) -> SpacecraftProperties:
@@ -61,6 +64,23 @@ def own_spacecraft_from(scenario: Scenario) -> OwnSpacecraft | None:
             "the file"
         )
     return own
+
+
+def notes_on(scenario: Scenario, own: OwnSpacecraft) -> list[str]:
+    """What a reader of a flight should know of the spacecraft's file, one sentence each."""
+    return [*own.remarks, *unused_keys(scenario, own), *_step_notes(scenario, own)]
+
+
+def _step_notes(scenario: Scenario, own: OwnSpacecraft) -> Iterator[str]:
+    """Motions that the integration damps more than their own dampers do."""
+    step, duration = scenario.physics.timestep_s, scenario.duration_s
+    for mode in small_motions(own):
+        lost, kept = lost_to_the_step(mode, step, duration), np.exp(mode.eigenvalue.real * duration)
+        if abs(lost) > WORTH_A_NOTE and kept > WORTH_A_NOTE:
+            yield (
+                f"joint {mode.joint} swings with {mode.frequency_hz:.3g} Hz; steps of physics.timestep_s = {step:g} s take "
+                f"{100 * lost:.2g} % of its amplitude away during the flight: shorter steps take less"
+            )
 
 
 def unused_keys(scenario: Scenario, own: OwnSpacecraft) -> list[str]:

@@ -13,7 +13,7 @@ import xarray as xr
 from swarm_mj import __version__
 from swarm_mj.flight.observe import ObservationResult
 from swarm_mj.flight.plan import Plan
-from swarm_mj.flight.spacecraft import unused_keys
+from swarm_mj.flight.spacecraft import notes_on
 from swarm_mj.results.target_dwell import held_s
 from swarm_mj.simulator.telemetry import MODES
 from swarm_mj.typing import Array
@@ -122,7 +122,7 @@ def _stepped(plan: Plan, telemetry: xr.Dataset) -> dict[str, Any]:
         "stepper": telemetry.attrs.get("stepper", ""),
         "stepper_note": telemetry.attrs.get("stepper_note", ""),
         "spacecraft_file": None if own is None else str(own.path),
-        "spacecraft_notes": [] if own is None else [*own.remarks, *unused_keys(plan.scenario, own)],
+        "spacecraft_notes": [] if own is None else notes_on(plan.scenario, own),
     }
 
 

@@ -15,11 +15,11 @@ import numpy as np
 
 from swarm_mj.errors import MissionError, ScenarioError
 from swarm_mj.smallbody.shape import ShapeModel
-from swarm_mj.spacecraft.elastic import largest_timestep, modes_of
+from swarm_mj.spacecraft.elastic import largest_timestep
 from swarm_mj.spacecraft.elements import joints_of, name_of, qvel_places, subtree_of
 from swarm_mj.spacecraft.layout import Layout, resolve_layout, spacecraft_names
 from swarm_mj.spacecraft.model import SwarmModel, compile_spec, scene
-from swarm_mj.spacecraft.own_spacecraft import OwnSpacecraft, load_part
+from swarm_mj.spacecraft.own_spacecraft import OwnSpacecraft, load_part, small_motions
 from swarm_mj.typing import Ints
 
 #: A swarm of more bodies: the model is compiled for hours.
@@ -50,7 +50,7 @@ def build_own_model(
         raise MissionError(f"a swarm needs at least one spacecraft, not {n}")
     part = load_part(own.path)
     alone = compile_spec(part.copy())
-    _check_timestep(alone, own, timestep)
+    _check_timestep(own, timestep)
     _check_size(alone, own, n)
     names = spacecraft_names(n)
     spec = scene(shape, timestep, np.asarray(sun_N, float))
@@ -74,8 +74,8 @@ def build_own_model(
     )
 
 
-def _check_timestep(alone: mujoco.MjModel, own: OwnSpacecraft, timestep: float) -> None:
-    modes = modes_of(alone, np.array(own.start_qpos), [joint.name for joint in own.joints])
+def _check_timestep(own: OwnSpacecraft, timestep: float) -> None:
+    modes = small_motions(own)
     if (limit := largest_timestep(modes)) <= timestep:
         fastest = modes[0]
         raise ScenarioError(

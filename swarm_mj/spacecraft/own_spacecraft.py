@@ -21,6 +21,7 @@ import mujoco
 import numpy as np
 
 from swarm_mj.errors import ScenarioError
+from swarm_mj.spacecraft.elastic import Mode, modes_of
 from swarm_mj.spacecraft.elements import (
     id_of,
     joint_kind,
@@ -146,6 +147,11 @@ def read_spacecraft(path: Path, planned: SpacecraftProperties, why: str = "") ->
 def examine_file(own: OwnSpacecraft) -> list[Finding]:
     """What of a spacecraft's file the fast stepper could not fly."""
     return examine_spacecraft(load_part(own.path).compile(), own.properties, own.hub, own.wheels)
+
+
+def small_motions(own: OwnSpacecraft) -> list[Mode]:
+    """Motions of its joints about the start, the fastest first."""
+    return modes_of(load_part(own.path).compile(), np.array(own.start_qpos), [joint.name for joint in own.joints])
 
 
 def load_part(path: Path) -> mujoco.MjSpec:

@@ -9,6 +9,7 @@ from scipy.optimize import least_squares
 
 from swarm_mj.flight.fly import make_simulation, simulate
 from swarm_mj.flight.plan import make_plan
+from swarm_mj.flight.spacecraft import notes_on
 from swarm_mj.io.resources import asset_path
 from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.smallbody.perturbations import gravity_gradient_torque
@@ -59,10 +60,17 @@ def fitted(times, angle):
 
 
 PANEL_MASS, HINGE, REACH, STIFFNESS = 0.5, 0.05, 0.2, 0.05
-PANEL = (
-    f'<body name="panel" pos="{HINGE} 0 0"><joint name="fold" axis="0 1 0" stiffness="{STIFFNESS}" damping="{{damping}}"/>'
+_PANEL = (
+    f'<body name="panel" pos="{HINGE} 0 0"><joint name="fold" axis="0 1 0" stiffness="{{k}}" damping="{{damping}}"/>'
     f'<inertial pos="{REACH} 0 0" mass="{PANEL_MASS}" diaginertia="0.0017 0.0037 0.0054"/></body>'
 )
+
+
+def panel(damping, stiffness=STIFFNESS):
+    """A panel on a hinge about the y axis."""
+    return _PANEL.format(damping=damping, k=stiffness)
+
+
 BENT = '<keyframe><key name="start" qpos="0 0 0 1 0 0 0 0 0 0 0.01"/></keyframe>'
 
 
@@ -96,7 +104,7 @@ def panel_frequency(damping):
 
 @pytest.mark.parametrize("damping", [0.0, 1.5e-3])
 def test_a_panel_on_a_spring_swings_with_the_coupled_frequency_and_decays_as_its_damper_says(tmp_path, damping):
-    plan = plan_of(tmp_path, mjcf(PANEL.format(damping=damping), rest=BENT), "physics.timestep_s=0.1")
+    plan = plan_of(tmp_path, mjcf(panel(damping), rest=BENT), "physics.timestep_s=0.1")
     times, seen, _ = flown(plan, 60.0, 0.5)
     omega, decay = fitted(times, seen["joint_fold_position"][:, 0])
     expected, expected_decay = panel_frequency(damping)
@@ -141,7 +149,7 @@ def test_every_body_has_its_weight_so_that_free_fall_moves_no_joint(tmp_path):
 
 def test_the_centre_of_mass_flies_as_a_point_does(tmp_path):
     alone = simulate(make_plan(load_scenario("eros-quick", ["duration_s=600"])))
-    plan = plan_of(tmp_path, mjcf(PANEL.format(damping=1e-3), rest=BENT), still=False, points="[12, 40]")
+    plan = plan_of(tmp_path, mjcf(panel(1e-3), rest=BENT), still=False, points="[12, 40]")
     times, seen, simulation = flown(plan, 600.0, 5.0)
     assert np.array_equal(times, alone["time"].values)
     # To what holding the force at the middle of a hold costs, at places that differ by the wobble of the hub.
@@ -151,7 +159,7 @@ def test_the_centre_of_mass_flies_as_a_point_does(tmp_path):
 
 
 def test_the_momentum_of_hub_panel_and_wheels_together_stays_whatever_the_control_does(tmp_path):
-    plan = plan_of(tmp_path, mjcf(PANEL.format(damping=1e-3), rest=BENT), "physics.timestep_s=0.1", still=False)
+    plan = plan_of(tmp_path, mjcf(panel(1e-3), rest=BENT), "physics.timestep_s=0.1", still=False)
     simulation, momenta, turned = make_simulation(plan), [], []
     model, data = simulation.model.mjmodel, simulation.data
     for _ in range(120):
@@ -169,9 +177,7 @@ def test_the_momentum_of_hub_panel_and_wheels_together_stays_whatever_the_contro
 def test_the_accelerometer_feels_the_flown_motion_less_gravity(tmp_path):
     """Second differences of the site's place, less the field: r_SN = r_BN + C_NB s, to fourth order in the interval."""
     site = np.array([0.04, -0.03, 0.12])
-    on_hub = f'<site name="corner" pos="{site[0]} {site[1]} {site[2]}" quat="0.5 0.5 0.5 0.5"/>' + PANEL.format(
-        damping=1e-3
-    )
+    on_hub = f'<site name="corner" pos="{site[0]} {site[1]} {site[2]}" quat="0.5 0.5 0.5 0.5"/>' + panel(1e-3)
     plan = plan_of(
         tmp_path,
         mjcf(on_hub, sensors='<accelerometer name="felt" site="corner"/>', rest=BENT),
@@ -234,7 +240,7 @@ def test_the_packaged_spacecraft_flies_from_its_file_as_it_does_without(tmp_path
 
 
 def test_the_tide_across_the_bodies_is_the_gravity_gradient_torque_of_the_whole(tmp_path):
-    plan = plan_of(tmp_path, mjcf(PANEL.format(damping=0)), "perturbations.gravity_gradient_torque=true")
+    plan = plan_of(tmp_path, mjcf(panel(0)), "perturbations.gravity_gradient_torque=true")
     simulation = make_simulation(plan)
     simulation.decide()
     state, layout, data = simulation.state, simulation.model.layout, simulation.data
@@ -254,7 +260,7 @@ def test_a_swarm_of_six_and_one_of_four_wheels_settle_and_record_their_sensors(t
     axes = {f"wheel_{k}": axis for k, axis in enumerate(((1, 1, 1), (-1, 1, 1), (-1, -1, 1), (1, -1, 1)), 1)}
     sensors = '<jointpos name="mode" joint="fold"/><framequat name="star/tracker" objtype="site" objname="imu"/>'
     for wheels, points, count in ((ORTHOGONAL, "[3, 12, 20, 30, 40, 45]", 6), (axes, "[12]", 1)):
-        text = mjcf(PANEL.format(damping=2e-3), wheels=wheels, sensors=sensors)
+        text = mjcf(panel(2e-3), wheels=wheels, sensors=sensors)
         plan = plan_of(tmp_path, text, "telemetry.interval_s=30", "duration_s=600", still=False, points=points)
         telemetry = simulate(plan)
         assert telemetry.sizes["spacecraft"] == count and telemetry.sizes["wheel"] == len(wheels)
@@ -269,36 +275,57 @@ def test_a_swarm_of_six_and_one_of_four_wheels_settle_and_record_their_sensors(t
 def test_a_timestep_too_long_for_a_stiff_panel_is_refused_and_a_shorter_one_flies(tmp_path):
     from swarm_mj.errors import ScenarioError
 
-    text = mjcf(PANEL.format(damping=1e-4).replace(str(STIFFNESS), "5"), rest=BENT)
+    text = mjcf(panel(1e-4, 5), rest=BENT)
     plan = plan_of(tmp_path, text)
     with pytest.raises(
-        ScenarioError, match=r"physics\.timestep_s = 0\.5: joint fold of .*moves with 5\.98 Hz.*less than"
+        ScenarioError, match=r"physics\.timestep_s = 0\.5: joint fold of .*moves with 2\.8 Hz.*less than"
     ):
         make_simulation(plan)
     model = mujoco.MjModel.from_xml_path(str(plan.own.path))
     limit = largest_timestep(modes_of(model, np.array(plan.own.start_qpos), ["fold"]))
-    # By the step itself: just below the limit a hundred steps leave the panel small, just above they do not.
-    for factor, grows in ((0.97, False), (1.1, True)):
+    # By the step itself: just below the limit forty steps leave the panel small, just above they do not.
+    for factor, grows in ((0.97, False), (1.02, True)):
         data = mujoco.MjData(model)
         model.opt.timestep, model.opt.integrator = factor * limit, mujoco.mjtIntegrator.mjINT_RK4
         model.opt.gravity[:] = 0.0
         data.qpos[:] = model.key("start").qpos
-        mujoco.mj_step(model, data, nstep=100)
+        mujoco.mj_step(model, data, nstep=40)
         assert bool(abs(data.joint("fold").qpos[0]) > 0.02) is grows
+
+
+def test_a_step_that_takes_much_of_a_swing_away_is_remarked_with_how_much(tmp_path):
+    # In steps of 0.05 s: measured over 20 s of flight, and as the remark says for 600 s.
+    text = mjcf(panel(0, 0.5), rest=BENT)
+    plan = plan_of(tmp_path, text, "physics.timestep_s=0.05", "duration_s=600")
+    (note,) = [note for note in notes_on(plan.scenario, plan.own) if "physics.timestep_s = 0.05 s take" in note]
+    omega = np.sqrt(10) * panel_frequency(0.0)[0]  # of ten times the stiffness
+    assert f"joint fold swings with {omega / (2 * np.pi):.3g} Hz" in note
+    times, seen, _ = flown(plan, 20.0, 0.5)
+    angle, rate = seen["joint_fold_position"][:, 0], seen["joint_fold_velocity"][:, 0]
+    amplitude = np.sqrt(angle**2 + (rate / omega) ** 2)
+    said = float(note.split(" take ")[1].split(" %")[0]) / 100
+    assert 1 - (amplitude[-1] / amplitude[0]) ** (600 / 20) == pytest.approx(said, rel=0.05)
+    assert not [
+        n for n in notes_on(plan_of(tmp_path, text, "physics.timestep_s=0.01").scenario, plan.own) if "take" in n
+    ]
 
 
 def test_a_diverging_flight_of_an_own_spacecraft_is_named(tmp_path):
     from swarm_mj.errors import SimulationError
 
-    simulation = make_simulation(plan_of(tmp_path, mjcf(PANEL.format(damping=0))))
+    simulation = make_simulation(plan_of(tmp_path, mjcf(panel(0))))
     simulation.data.joint("sc1_fold").qvel[0] = np.nan
     with pytest.raises(SimulationError, match="sc1 has a state that is not finite"):
         simulation.fly(2)
 
 
 def test_faults_reach_an_own_spacecraft_too(tmp_path):
-    faults = "faults=[{kind: spacecraft_lost, spacecraft: sc1, at_s: 60}, {kind: wheel_lost, spacecraft: sc2, wheel: 1, at_s: 60}]"
-    plan = plan_of(tmp_path, mjcf(PANEL.format(damping=1e-3)), faults, "duration_s=600", still=False, points="[12, 40]")
+    lost, weak = (
+        "kind: spacecraft_lost, spacecraft: sc1, at_s: 60",
+        "kind: wheel_lost, spacecraft: sc2, wheel: 1, at_s: 60",
+    )
+    faults = f"faults=[{{{lost}}}, {{{weak}}}]"
+    plan = plan_of(tmp_path, mjcf(panel(1e-3)), faults, "duration_s=600", still=False, points="[12, 40]")
     telemetry = simulate(plan)
     assert telemetry["operational"].values[-1].tolist() == [0, 1]
     assert np.abs(telemetry["wheel_torque"].values[20:, 1, 0]).max() == 0.0
