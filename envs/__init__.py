@@ -1,5 +1,30 @@
-"""Reinforcement-learning environments of swarm_mj; importing this registers them with gymnasium."""
+"""Reinforcement-learning environments of swarm_mj; importing this registers them with gymnasium.
+
+The classes are imported when they are first used, so that the registration costs no more than gymnasium itself.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 from .registration import register_environments
+
+if TYPE_CHECKING:
+    from .multi_agent import SwarmObserveParallelEnv
+    from .sb3 import SwarmObserveVecEnv
+    from .swarm_observe import SwarmObserveEnv
+    from .vector import SwarmObserveVectorEnv
+
+__all__ = ["SwarmObserveEnv", "SwarmObserveParallelEnv", "SwarmObserveVecEnv", "SwarmObserveVectorEnv"]
+
+#: Where each class is defined; the second and the third need the extra `rl`.
+_HOMES = dict(zip(__all__, ("swarm_observe", "multi_agent", "sb3", "vector"), strict=True))
+
+
+def __getattr__(name: str) -> Any:
+    """Import a class when it is first used (PEP 562)."""
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}; it offers {', '.join(__all__)}")
+    return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
+
 
 register_environments()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from .actions import check_action
 from .arguments import checked_render_mode, checked_size, flight_seed
 from .batch import EpisodeBatch
 from .config import EnvConfig
+from .observations import ObservationLayout
 from .rendering import EpisodeRenderer, Window
 from .rewards import TERMS
 from .state import SwarmState
@@ -82,26 +84,43 @@ spacecraft 1..n (itself: hold); K+n+1: Earth; K+n+2: hold the direction of +z in
 
     ## Reward
 
-    The sum of `info["reward_terms"]`, each its weight (argument `reward_weights`) times:
+    The sum of `info["reward_terms"]`, each its weight (argument `reward_weights`) times its measure of the step, a pure number.
+    Step h and duration T of the flight in s.
 
-    | term | weight | measure in a step |
+    | term | weight | measure of a step |
     |---|---|---|
-    | seen | 1 | newly seen area over the target's area |
-    | delivered | 1 | data that Earth received over the nominal volume |
-    | effort | -0.02 | mean of (motor torque / limit)^2 over wheels and control periods, times step over duration |
-    | saturation | -0.1 | mean over wheels of (abs(speed) / top speed - 0.9) / 0.1 within 0 to 1, at the end of the step, \
-times step over duration |
-    | approach | -0.1 | share of pairs that come closer than `safety.min_separation_m` in the step, if it begins at or after \
-`safety.separation_grace_s`; the motion within it is taken as straight; times step over duration |
+    | seen | 1 | dA / A: area of the cells seen for the first time over that of the target [m^2] |
+    | delivered | 1 | dD / D: data that Earth received over the nominal volume [bit] |
+    | effort | -0.02 | (h / T) mean (u / u_max)^2 over wheels and control periods, u the motor torque [N m] |
+    | saturation | -0.1 | (h / T) mean over wheels of min(1, max(0, (abs(W) / W_max - 0.9) / 0.1)), W the wheel speed at the \
+end of the step [rad/s] |
+    | approach | -0.1 | (h / T) c / (n (n - 1) / 2), c the pairs that come closer than `safety.min_separation_m` in the step, \
+if it begins at or after `safety.separation_grace_s`; the motion within it is taken as straight |
     | loss | -1 | 1 at an impact on the body or divergence |
+
+    The nominal volume D is that of the whole target seen straight down from the imaging altitude H with the pixel angle p of
+    the camera: `bits_per_pixel` A / (H p)^2.
 
     A picture is taken every `observation.interval_s`, and at the visit, by each observer that looks at the body (centre or
     surface point); with the criterion `visit` only the visit counts. It adds data for each cell that nobody saw before: area
     over the foreshortened square of the ground sampling distance, times `bits_per_pixel`. A spacecraft that tracks another
     sends it what is aboard, one that tracks Earth sends to Earth, while the link is closed as in `swarm_mj.mission.links`:
     dish within its beam, the other's antenna too, in range, the body not in between. Earth hears one spacecraft at a time:
-    of several, the first in gene order until it has nothing left to send. The nominal volume is that of the whole
-    target seen straight down from the imaging altitude.
+    of several, the first in gene order until it has nothing left to send. Whether a link is closed is judged at the end of
+    the step, for all of it.
+
+    ## Info
+
+    | key | when | meaning |
+    |---|---|---|
+    | time_s | always | since the epoch [s] |
+    | coverage_percent | always | seen share of the target [%] |
+    | delivered_bit | always | received by Earth so far [bit] |
+    | stored_bit | always | aboard each spacecraft, a list of n [bit] |
+    | flight_seed | `reset` | seed of the flight |
+    | reward_terms | `step` | weighted terms by name |
+    | end | an end by itself | see below |
+    | cause | divergence | which spacecraft, and what is not finite |
 
     ## Starting state
 
@@ -142,7 +161,8 @@ times step over duration |
 
     ## Version history
 
-    v0: first version.
+    v0: first version. In 0.2 of the package the flights are the same; `readings` became `observation_layout`, `setting` became
+    `task`, and `flybys` became `batch`.
     """
 
     metadata: dict[str, Any] = {"render_modes": ["human", "rgb_array"], "render_fps": 10}
@@ -184,6 +204,14 @@ times step over duration |
         if self._batch is None:
             raise gymnasium.error.ClosedEnvironmentError("SwarmObserve-v0 was closed; make it anew")
         return self._batch
+
+    @property
+    def readings(self) -> ObservationLayout:
+        """The name of `observation_layout` in 0.1; gone in 0.3."""
+        warnings.warn(
+            "readings is now observation_layout; the old name goes with 0.3", DeprecationWarning, stacklevel=2
+        )
+        return self.observation_layout
 
     @property
     def state(self) -> SwarmState:

@@ -1,12 +1,21 @@
-"""A single environment, or a vector of three flights on two threads, behind the same calls; and plain geometry of its own."""
+"""What tests of the environments share: flights of either kind behind the same calls, and plain geometry of its own."""
+
+import os
+from dataclasses import dataclass
+from typing import ClassVar
 
 import gymnasium
 import numpy as np
 import pytest
+from swarm_mj.envs.policy import OWN, PER_PATCH, WEIGHTS, ArrayPolicy, describe, geometry_of
+
+from swarm_mj.mission.behaviors import TargetKind, Targets
 
 ID = "swarm_mj.envs:SwarmObserve-v0"
 #: Choices of a spacecraft of `eros-observe` at the level `role`, with 16 patches and five spacecraft.
 CENTRE, SC1, EARTH, HOLD = 16, 17, 22, 23
+#: Ground sampling distance over range of the scenario's camera: 2.5 deg half-angle, 512 pixels.
+PIXEL = 2.0 * np.tan(np.radians(2.5)) / 512.0
 #: A test that runs with either kind of flights.
 BOTH = pytest.mark.parametrize("kind", ["single", "vector"])
 
@@ -93,6 +102,40 @@ class Flights:
         self.env.close()
 
 
+@dataclass(frozen=True)
+class LookAt:
+    """The behaviour of a swarm that looks at one thing throughout."""
+
+    kind: TargetKind
+    point_A: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    n: int = 5
+    dedicated_communications: ClassVar[bool] = False
+
+    def targets(self, view, memory):
+        kind, index = np.full(self.n, int(self.kind)), np.zeros(self.n, np.int64)
+        return Targets(kind, index, np.tile(np.array(self.point_A), (self.n, 1))), memory
+
+
+def fly(env, action, seed):
+    """Fly one action to the end from a flight seed; all infos."""
+    env.reset(seed=0, options={"flight_seed": seed})
+    infos, done = [], False
+    while not done:
+        *_, reward, terminated, truncated, info = env.step(action)
+        infos.append(info | {"reward": reward})
+        done = terminated or truncated
+    return infos
+
+
+def random_network(task):
+    """A network that prefers everything now and then."""
+    rng, width, n, hidden, pointer = np.random.default_rng(3), OWN + 16 * PER_PATCH, task.plan.n, 8, 6
+    shapes = [(hidden, width), (hidden,), (hidden, hidden), (hidden,), (pointer, hidden + PER_PATCH), (pointer,)]
+    shapes += [(pointer,), (n + 3, hidden), (n + 3,)]
+    weights = {name: rng.normal(0.0, 0.7, shape) for name, shape in zip(WEIGHTS, shapes, strict=True)}
+    return ArrayPolicy(weights, geometry_of(task), describe(task))
+
+
 def rotation(q):
     """Matrices that carry components in B to N, of quaternions (w, x, y, z), shape (..., 3, 3)."""
     w, x, y, z = np.moveaxis(q / np.linalg.norm(q, axis=-1, keepdims=True), -1, 0)
@@ -107,3 +150,9 @@ def rotation(q):
 def angle_deg(a, b):
     """Between two vectors [deg]."""
     return np.degrees(np.arctan2(np.linalg.norm(np.cross(a, b)), np.dot(a, b)))
+
+
+def resident_mib():
+    """Memory of this process [MiB]."""
+    with open("/proc/self/statm") as file:
+        return int(file.read().split()[1]) * os.sysconf("SC_PAGESIZE") / 2**20

@@ -1,29 +1,20 @@
 """The scripted policies: legal actions, and a task in which decisions matter."""
 
-import gymnasium
 import numpy as np
 import pytest
-import swarm_mj.envs  # noqa: F401
 from swarm_mj.envs.baselines import POLICIES, fly, middle_patch
 
 
 @pytest.fixture(scope="module")
-def env():
-    env = gymnasium.make("SwarmObserve-v0").unwrapped
-    yield env
-    env.close()
+def outcomes(roles):
+    return {name: [fly(roles, policy, seed) for seed in (1, 2)] for name, policy in POLICIES.items()}
 
 
-@pytest.fixture(scope="module")
-def outcomes(env):
-    return {name: [fly(env, policy, seed) for seed in (1, 2)] for name, policy in POLICIES.items()}
-
-
-def test_baselines_choose_legal_actions_and_repeat_themselves(env, outcomes):
+def test_baselines_choose_legal_actions_and_repeat_themselves(roles, outcomes):
     for name, policy in POLICIES.items():
-        observation, _ = env.reset(seed=0)
-        assert env.action_space.contains(policy(env.task, observation)), name
-    assert fly(env, POLICIES["greedy"], 1) == outcomes["greedy"][0]
+        observation, _ = roles.reset(seed=0)
+        assert roles.action_space.contains(policy(roles.task, observation)), name
+    assert fly(roles, POLICIES["greedy"], 1) == outcomes["greedy"][0]
 
 
 def test_the_bodys_centre_does_not_suffice_and_looking_at_what_is_missing_pays(outcomes):
@@ -42,6 +33,6 @@ def test_rewards_of_an_episode_are_the_sum_of_its_terms(outcomes):
             assert outcome.total_reward == pytest.approx(sum(outcome.terms.values()), abs=1e-9)
 
 
-def test_the_middle_patch_lies_at_the_targets_middle(env):
-    row, column = divmod(middle_patch(env.task), 4)
+def test_the_middle_patch_lies_at_the_targets_middle(roles):
+    row, column = divmod(middle_patch(roles.task), 4)
     assert row in (1, 2) and column in (1, 2)

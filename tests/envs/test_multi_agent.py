@@ -11,6 +11,7 @@ pettingzoo_test = pytest.importorskip("pettingzoo.test")
 from swarm_mj.envs.multi_agent import swarm_observe_v0  # noqa: E402
 
 from swarm_mj.errors import ScenarioError  # noqa: E402
+from swarm_mj.scenarios.loading import load_scenario  # noqa: E402
 
 from .flights import place  # noqa: E402
 
@@ -119,3 +120,17 @@ def test_missing_strange_and_impossible_actions_are_clear_errors(env):
         env.step(dict.fromkeys(env.agents, 99))
     with pytest.raises(ScenarioError, match="actions = None: must be a mapping"):
         env.step(None)
+
+
+@pytest.mark.parametrize(("layout", "w"), [("orthogonal", 3), ("pyramid", 4)])
+def test_with_w_wheels_an_agent_has_w_torques_and_a_block_of_26_and_w_numbers(layout, w):
+    scenario = load_scenario("eros-observe", [f"spacecraft.wheel_layout={layout}"])
+    env = swarm_observe_v0.parallel_env(scenario, control="torque")
+    env.reset(seed=0)
+    assert env.action_space("sc1").shape == (w,)
+    assert env.observation_space("sc1").shape == (26 + w + 4 * 6 + 16 + 3,)
+    observations, *_ = env.step({agent: np.full(w, 0.1, np.float32) for agent in env.agents})
+    assert env.state_space.shape == env.state().shape == ((26 + w) * 5 + 16 + 3,)
+    assert env.state() in env.state_space
+    assert np.array_equal(observations["sc2"][: 26 + w], env.state()[26 + w : 2 * (26 + w)])
+    env.close()

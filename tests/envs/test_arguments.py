@@ -98,3 +98,39 @@ def test_actions_that_are_no_numbers_or_none_of_this_size_are_refused_and_the_en
             env.step(action)
     assert np.isfinite(env.step(env.action_space.sample())[0]).all()
     env.close()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"control": "joystick"}, ["control", "joystick", "torque, pointing, role"]),
+        ({"scenario": "eros-obsreve"}, ["eros-obsreve", "Did you mean 'eros-observe'"]),
+        ({"scenario": "/nowhere/a.yaml"}, ["/nowhere/a.yaml"]),
+        ({"step_s": 0.7}, ["step_s = 0.7", "control.period_s"]),
+        ({"step_s": 7.0}, ["step_s = 7.0", "duration_s = 1500"]),
+        ({"step_s": -10.0}, ["step_s = -10.0"]),
+        ({"step_s": float("nan")}, ["step_s = nan"]),
+        ({"patches": 15}, ["patches = 15", "square"]),
+        ({"patches": 10_000}, ["patches = 10000", "at most the number of cells of this target"]),
+        ({"patches": 529}, ["patches = 529", "holds no cell"]),
+        ({"observer": "eyes"}, ["eyes", "raycast"]),
+        ({"complete": 0.0}, ["complete = 0.0"]),
+        ({"reward_weights": {"fun": 1.0}}, ["fun", "seen, delivered"]),
+        ({"reward_weights": {"seen": float("inf")}}, ["reward_weights['seen']", "finite"]),
+        ({"earth_rate_bit_s": 0.0}, ["earth_rate_bit_s = 0.0"]),
+    ],
+)
+def test_bad_arguments_of_the_single_environment(arguments, words):
+    with pytest.raises(SwarmError) as caught:
+        gymnasium.make(ID, **arguments)
+    for word in words:
+        assert word in str(caught.value)
+
+
+def test_an_unknown_render_mode_and_unknown_reset_options_are_clear_errors(roles):
+    with pytest.raises(ScenarioError, match="render_mode = 'ansi'"):
+        type(roles)(render_mode="ansi")
+    with pytest.raises(ScenarioError, match="flight_sede"):
+        roles.reset(options={"flight_sede": 3})
+    with pytest.raises(ScenarioError, match="flight_seed = -3"):
+        roles.reset(options={"flight_seed": -3})

@@ -12,8 +12,7 @@ from swarm_mj.flight.plan import make_plan
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.scenarios.loading import load_scenario
 
-from .flights import CENTRE, HOLD, ID, Flights, rotation
-from .test_reward_terms import LookAtTheCentre
+from .flights import CENTRE, HOLD, ID, Flights, LookAt, rotation
 
 NOISE = ["dispersions.gyro_angular_random_walk_deg_sqrt_h=5", "dispersions.star_tracker_noise_arcsec=1800"]
 #: Sensors that fail at the very instant at which a step ends.
@@ -29,7 +28,7 @@ def noisy(*more):
 
 def what_the_controller_is_given(plan, seed, periods):
     """Of a flight by itself that looks at the body's centre: known attitudes and rates, true attitudes, by control period."""
-    plan = replace(plan, behavior=LookAtTheCentre(), scenario=plan.scenario.model_copy(update={"seed": seed}))
+    plan = replace(plan, behavior=LookAt(TargetKind.ASTEROID), scenario=plan.scenario.model_copy(update={"seed": seed}))
     simulation, given, controller = make_simulation(plan), [], plan.controller
     law = controller.torque
 

@@ -1,32 +1,20 @@
-"""Effort, saturation and approach as the environment's docstring defines them, worked out from the flight by NumPy alone."""
+"""The reward terms as the environment's docstring defines them, worked out from the flight by NumPy alone."""
 
-from dataclasses import dataclass, replace
-from typing import ClassVar
+from dataclasses import replace
 
+import gymnasium
 import numpy as np
 import pytest
 
 from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.plan import make_plan
-from swarm_mj.mission.behaviors import TargetKind, Targets
+from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.scenarios.loading import load_scenario
 
-from .flights import BOTH, CENTRE, place
+from .flights import BOTH, CENTRE, EARTH, ID, LookAt, place
 
 MAX_TORQUE, TOP_SPEED = 0.004, 6000.0 * 2.0 * np.pi / 60.0
 SHARE = 10.0 / 1500.0  # of a step in the flight
-
-
-@dataclass(frozen=True)
-class LookAtTheCentre:
-    """What the action CENTRE asks of everybody."""
-
-    n: int = 5
-    dedicated_communications: ClassVar[bool] = False
-
-    def targets(self, view, memory):
-        kind = np.full(self.n, int(TargetKind.ASTEROID))
-        return Targets(kind, np.zeros(self.n, np.int64), np.zeros((self.n, 3))), memory
 
 
 @BOTH
@@ -48,7 +36,7 @@ def test_effort_is_the_mean_square_of_the_torques_of_the_same_flight_on_the_comm
     terms = np.array([flights.step(np.full(5, CENTRE))[1]["effort"] for _ in range(40)]).T
     for e in range(flights.count):
         plan = make_plan(load_scenario("eros-observe", [f"seed={seeds[e]}", "telemetry.interval_s=0.5"]))
-        torque = simulate(replace(plan, behavior=LookAtTheCentre()))["wheel_torque"].values[: 40 * 20]
+        torque = simulate(replace(plan, behavior=LookAt(TargetKind.ASTEROID)))["wheel_torque"].values[: 40 * 20]
         expected = -0.02 * SHARE * ((torque / MAX_TORQUE) ** 2).reshape(40, 20 * 5 * 3).mean(axis=1)
         assert terms[e] == pytest.approx(expected, rel=1e-9)
     assert terms[:, 0].max() < -1e-6  # the first slew takes torque
@@ -112,3 +100,41 @@ def test_a_pair_that_passes_within_a_step_counts_though_it_is_far_apart_at_both_
     _, terms, _ = flights.step(np.full(5, CENTRE))
     assert apart > 400.0 and np.linalg.norm(qpos[1, :3] - qpos[0, :3]) > 400.0
     assert terms["approach"][0] == pytest.approx(-0.1 * SHARE / 10.0, rel=1e-9)
+
+
+def test_rewards_sum_to_what_was_seen_and_delivered(roles):
+    roles.reset(seed=3)
+    rng = np.random.default_rng(0)
+    totals, infos = dict.fromkeys(roles.reward_weights, 0.0), []
+    for k in range(150):
+        action = rng.integers(0, 17, 5) if k < 80 else np.array([EARTH, 17, 17, 17, 17])
+        _, reward, terminated, truncated, info = roles.step(action)
+        assert reward == sum(info["reward_terms"].values())
+        infos.append(info)
+        for name, value in info["reward_terms"].items():
+            totals[name] += value
+        if terminated or truncated:
+            break
+    assert totals["seen"] == pytest.approx(info["coverage_percent"] / 100.0, abs=1e-12)
+    assert totals["delivered"] * roles.task.nominal_bit == pytest.approx(info["delivered_bit"], rel=1e-9)
+    assert info["delivered_bit"] > 1e5
+    assert totals["effort"] < 0.0
+    # Nothing is lost on the way: what is aboard plus what was delivered only grows, and stays while nobody takes pictures.
+    held = np.array([sum(i["stored_bit"]) + i["delivered_bit"] for i in infos])
+    assert (np.diff(held) >= -1e-3).all()
+    assert held[80:] == pytest.approx(held[-1], rel=1e-12)
+
+
+def test_a_target_seen_and_delivered_ends_the_episode():
+    env = gymnasium.make(ID, complete=2.0).unwrapped
+    env.reset(seed=0)
+    for k in range(150):
+        action = np.full(5, 5)
+        if k >= 52:
+            action = np.full(5, EARTH)
+        *_, terminated, truncated, info = env.step(action)
+        if terminated or truncated:
+            break
+    assert (terminated, truncated, info["end"]) == (True, False, "complete")
+    assert info["coverage_percent"] >= 2.0 and sum(info["stored_bit"]) < 1.0
+    env.close()

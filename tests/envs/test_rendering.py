@@ -1,0 +1,98 @@
+"""Pictures of an episode and the window that shows them."""
+
+import os
+import warnings
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+from swarm_mj.envs.rendering import Window
+
+from swarm_mj.errors import SwarmError
+
+from .flights import ID, resident_mib
+
+
+@pytest.mark.gl
+@pytest.mark.usefixtures("gl")
+@pytest.mark.parametrize("control", ["torque", "pointing", "role"])
+@pytest.mark.parametrize("mode", [None, "rgb_array"])
+def test_gymnasiums_checker_has_no_complaint_about_rendering(control, mode, monkeypatch):
+    # The checker tries every render mode, the window too.
+    pytest.importorskip("pygame")
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        env = gymnasium.make(ID, control=control, render_mode=mode)
+        check_env(env.unwrapped)
+        env.close()
+
+
+@pytest.mark.gl
+@pytest.mark.usefixtures("gl")
+def test_rendering_shows_the_swarm_and_leaves_the_flight_alone():
+    drawn, plain = gymnasium.make(ID, render_mode="rgb_array", width=320, height=200), gymnasium.make(ID)
+    for env in (drawn, plain):
+        env.reset(seed=2)
+    first = drawn.render()
+    assert first.shape == (200, 320, 3) and first.dtype == np.uint8
+    assert first.std() > 5.0
+    for k in range(58):
+        a, b = drawn.step(np.full(5, 16))[0], plain.step(np.full(5, 16))[0]
+        if k % 10 == 7:
+            later = drawn.render()
+    assert np.array_equal(a, b)
+    assert not np.array_equal(first, later)
+    assert not np.shares_memory(first, later)
+    assert np.abs(first.astype(int) - later).max() > 50
+    drawn.close()
+    plain.close()
+
+
+@pytest.mark.gl
+@pytest.mark.usefixtures("gl")
+def test_a_window_shows_the_picture_and_gymnasiums_checker_accepts_it(monkeypatch):
+    pygame = pytest.importorskip("pygame")
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        env = gymnasium.make(ID, render_mode="human", width=320, height=200)
+        env.reset(seed=0)
+        shown = pygame.surfarray.array3d(pygame.display.get_surface())
+        assert shown.shape == (320, 200, 3) and shown.std() > 5.0
+        assert env.render() is None
+        check_env(env.unwrapped)
+        env.close()
+        assert not pygame.display.get_init()
+
+
+def test_without_a_display_the_window_is_refused_with_a_way_out(monkeypatch):
+    pytest.importorskip("pygame")
+    for name in ("DISPLAY", "WAYLAND_DISPLAY", "SDL_VIDEODRIVER"):
+        monkeypatch.delenv(name, raising=False)
+    with pytest.raises(SwarmError, match="rgb_array"):
+        Window(64, 64, 10)
+
+
+@pytest.mark.gl
+@pytest.mark.usefixtures("gl")
+def test_rendering_again_and_again_keeps_one_context_and_closing_frees_it():
+    def use():
+        env = gymnasium.make(ID, render_mode="rgb_array", width=64, height=64)
+        for seed in range(3):
+            env.reset(seed=seed)
+            env.render()
+        drawing = env.unwrapped._renderer._drawing
+        env.reset()
+        env.render()
+        assert env.unwrapped._renderer._drawing is drawing
+        env.close()
+
+    for _ in range(4):
+        use()
+    files, memory = len(os.listdir("/proc/self/fd")), resident_mib()
+    for _ in range(8):
+        use()
+    assert len(os.listdir("/proc/self/fd")) <= files
+    assert resident_mib() - memory < 40.0
