@@ -1,9 +1,10 @@
 """Small motions of a spacecraft's joints under springs and dampers, and the timestep that they ask for.
 
-Linearised about the start at rest, M q'' + D q' + K q = 0 with MuJoCo's inertia matrix M, the joints' stiffness K and damping D
-(and those of position and velocity servos). Its eigenvalues are what the classical Runge-Kutta method of fourth order is held
-against: a step h multiplies a mode of eigenvalue s by R(hs), R(z) = 1 + z + z^2/2 + z^3/6 + z^4/24, instead of by exp(hs)
-(Hairer, Norsett and Wanner, Solving Ordinary Differential Equations II, section IV.2).
+Linearised about the start at rest, M q'' + D q' + K q = 0 with MuJoCo's inertia matrix M; stiffness K and damping D are those
+of all that acts by itself (springs, dampers, tendons, servos, a medium), found by differences. Its eigenvalues are what the
+classical Runge-Kutta method of fourth order is held against: a step h multiplies a mode of eigenvalue s by R(hs),
+R(z) = 1 + z + z^2/2 + z^3/6 + z^4/24, instead of by exp(hs) (Hairer, Norsett and Wanner, Solving Ordinary Differential
+Equations II, section IV.2).
 """
 
 from __future__ import annotations
@@ -15,13 +16,15 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from swarm_mj.spacecraft.elements import joint_kind, qvel_places
+from swarm_mj.spacecraft.elements import qvel_places
 from swarm_mj.typing import Array
 
 Complex = NDArray[np.complex128]
 
 #: Eigenvalues this much smaller than the largest are the whole spacecraft's motion, and wheels that turn freely.
-_RIGID = 1e-6
+_RIGID = 1e-4
+#: By which positions [rad, m] and velocities [rad/s, m/s] are moved to find stiffness and damping.
+_STEP = 1e-6
 
 
 class Mode(NamedTuple):
@@ -66,21 +69,25 @@ def _mover(shape: Complex, of_dof: dict[int, str]) -> str:
 
 def _matrices(model: mujoco.MjModel, qpos: Array) -> tuple[Array, Array, Array]:
     """Inertia, stiffness and damping of all degrees of freedom, each of shape (nv, nv)."""
-    data = mujoco.MjData(model)
+    data, n = mujoco.MjData(model), model.nv
     data.qpos[:] = qpos
     mujoco.mj_forward(model, data)
-    mass, stiffness = np.zeros((model.nv, model.nv)), np.zeros(model.nv)
+    mass, stiffness, damping = np.zeros((n, n)), np.empty((n, n)), np.empty((n, n))
     mujoco.mj_fullM(model, data, mass)
-    damping = model.dof_damping.copy()
-    for j in range(model.njnt):
-        if joint_kind(model, j) != "free":
-            stiffness[list(qvel_places(model, j))] += model.jnt_stiffness[j]
-    for i in np.flatnonzero(model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT):
-        if model.actuator_biastype[i] == mujoco.mjtBias.mjBIAS_AFFINE:
-            dofs, gear = list(qvel_places(model, int(model.actuator_trnid[i, 0]))), model.actuator_gear[i, 0]
-            stiffness[dofs] -= gear**2 * model.actuator_biasprm[i, 1]
-            damping[dofs] -= gear**2 * model.actuator_biasprm[i, 2]
-    return mass, np.diag(stiffness), np.diag(damping)
+    for k, turn in enumerate(_STEP * np.eye(n)):
+        stiffness[:, k] = (_force(model, data, qpos, -turn, None) - _force(model, data, qpos, turn, None)) / (2 * _STEP)
+        damping[:, k] = (_force(model, data, qpos, None, -turn) - _force(model, data, qpos, None, turn)) / (2 * _STEP)
+    return mass, stiffness, damping
+
+
+def _force(model: mujoco.MjModel, data: mujoco.MjData, qpos: Array, turn: Array | None, qvel: Array | None) -> Array:
+    """What springs, dampers, tendons, servos and a medium exert near the start, shape (nv,)."""
+    data.qpos[:] = qpos
+    data.qvel[:] = 0.0 if qvel is None else qvel
+    if turn is not None:
+        mujoco.mj_integratePos(model, data.qpos, turn, 1.0)
+    mujoco.mj_forward(model, data)
+    return np.asarray(data.qfrc_passive + data.qfrc_actuator)
 
 
 def growth_by_step(z: Complex) -> Array:

@@ -158,7 +158,7 @@ def _check_copies(model: mujoco.MjModel, alone: mujoco.MjModel, layout: Layout, 
     if wrong:
         raise MissionError(
             f"spacecraft.mjcf = {own.path}: in a swarm MuJoCo builds it otherwise than alone ({', '.join(wrong)}); leave out "
-            "compiler options that merge or leave out parts (fusestatic, discardvisual), <replicate> and <attach>"
+            "compiler options that merge or drop parts (fusestatic, discardvisual)"
         )
 
 

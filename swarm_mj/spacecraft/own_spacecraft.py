@@ -371,6 +371,8 @@ def _remarks(
         yield f"option integrator = {name} of the file is not used: flights are integrated by RK4"
     if model.nkey and id_of(model, "keyframe", START) < 0:
         yield f"no keyframe of the file is named {START!r}: the joints begin at their reference positions"
+    if model.nsensor and model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_SENSOR:
+        yield "option flag sensor = disable of the file: its sensors read zero"
     if model.ngravcomp:
         yield "gravcomp of the file has no effect: the small body's gravity is applied as forces"
     offset = float(np.linalg.norm(properties.centre_B))

@@ -15,8 +15,9 @@ from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.smallbody.perturbations import gravity_gradient_torque
 from swarm_mj.spacecraft.attitude.mrp import dcm
 from swarm_mj.spacecraft.elastic import largest_timestep, lost_to_the_step, modes_of
+from swarm_mj.spacecraft.own_spacecraft import small_motions
 
-from .files import ORTHOGONAL, SPIN, mjcf
+from .files import MOTOR, ORTHOGONAL, SPIN, mjcf
 
 
 class NoTorque:
@@ -291,6 +292,19 @@ def test_a_timestep_too_long_for_a_stiff_panel_is_refused_and_a_shorter_one_flie
         data.qpos[:] = model.key("start").qpos
         mujoco.mj_step(model, data, nstep=40)
         assert bool(abs(data.joint("fold").qpos[0]) > 0.02) is grows
+
+
+def test_a_tendon_and_a_servo_are_as_stiff_as_the_spring_that_they_stand_for(tmp_path):
+    free = panel(0).replace(f'stiffness="{STIFFNESS}" damping="0"', "")
+    tendon = f'<tendon><fixed name="t" stiffness="{STIFFNESS}" damping="1e-3"><joint joint="fold" coef="1"/></fixed></tendon>'
+    motors = "".join(MOTOR.format(name=name) for name in ORTHOGONAL)
+    servo = motors + f'<position name="hold" joint="fold" kp="{STIFFNESS}" kv="1e-3"/>'
+    found = []
+    for text in (mjcf(panel(1e-3)), mjcf(free, rest=tendon), mjcf(free, motors=servo)):
+        (mode,) = small_motions(plan_of(tmp_path, text).own)
+        found.append(mode.eigenvalue)
+    assert np.allclose(found, found[0], rtol=1e-7)
+    assert found[0].imag == pytest.approx(panel_frequency(1e-3)[0], rel=1e-6)
 
 
 def test_a_step_that_takes_much_of_a_swing_away_is_remarked_with_how_much(tmp_path):
