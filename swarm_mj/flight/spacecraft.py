@@ -11,10 +11,10 @@ from swarm_mj.errors import ScenarioError
 from swarm_mj.io.resources import asset_path
 from swarm_mj.scenarios.schema import Scenario, Spacecraft, Wheel
 from swarm_mj.spacecraft.elastic import lost_to_the_step
-from swarm_mj.spacecraft.model import TEMPLATE, examine_template
 from swarm_mj.spacecraft.model_guard import listed
 from swarm_mj.spacecraft.own_spacecraft import OwnSpacecraft, examine_file, read_spacecraft, small_motions
 from swarm_mj.spacecraft.properties import RPM, WHEEL_AXES, SpacecraftProperties
+from swarm_mj.spacecraft.template import TEMPLATE, examine_template
 
 #: Relative difference between a scenario's number and the file's that is put down to its digits.
 AGREES = 1e-3

@@ -1,15 +1,14 @@
 """The MuJoCo model of a swarm: one asteroid on a mocap body and N CubeSats, assembled from the two MJCF parts.
 
-World frame N (asteroid's centre, ecliptic J2000), SI. Spacecraft j carries the prefix `sc{j}_`, counted from 1. The CubeSat is
-a template that the scenario fills with masses, wheels and a camera; `model_guard` looks whether it still is what the fast
-stepper can fly. Spacecraft from a file of one's own are assembled by `own_model`.
+World frame N (asteroid's centre, ecliptic J2000), SI. Spacecraft j carries the prefix `sc{j}_`, counted from 1. Spacecraft from
+a file of one's own are assembled by `own_model`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import mujoco
 import numpy as np
@@ -20,13 +19,20 @@ from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.spacecraft.elements import title_of
 from swarm_mj.spacecraft.gyrostat import NQ_FREE, NV_FREE, axial_momentum, with_wheels
 from swarm_mj.spacecraft.layout import Layout, resolve_layout, spacecraft_names
-from swarm_mj.spacecraft.model_guard import ROUNDING, Finding, examine_spacecraft, listed
+from swarm_mj.spacecraft.model_guard import ROUNDING
 from swarm_mj.spacecraft.own_spacecraft import OwnSpacecraft
-from swarm_mj.spacecraft.properties import WHEEL_STATIONS_M, SpacecraftProperties
+from swarm_mj.spacecraft.properties import SpacecraftProperties
+from swarm_mj.spacecraft.template import (
+    HUB,
+    compile_spec,
+    make_template,
+    replace_wheels,
+    require_known,
+    strip,
+    wheel_names,
+)
 from swarm_mj.typing import Array, Ints
 
-#: The template, its hub, and its wheels where they are orthogonal.
-TEMPLATE, HUB, WHEELS = "mjcf/cubesat.xml", "cubesat", ("wheel_x", "wheel_y", "wheel_z")
 #: qpos and qvel of one spacecraft: free joint (7, 6) and three wheels; the loop's kernels rely on this contiguous layout.
 #: With four wheels MuJoCo holds one number more of each, and `FaultInjection` hands the kernels the first three.
 #: Where wheels are no bodies, `SwarmModel.state` gives the same layout.
@@ -165,14 +171,14 @@ def build_model(
     if n < 1:
         raise MissionError(f"a swarm needs at least one spacecraft, not {n}")
     properties = properties or SpacecraftProperties()
-    part = _template(properties, timestep, camera_half_angle_deg)
-    _refuse_strangers(_examined(part, properties))
+    part = make_template(properties, timestep, camera_half_angle_deg)
+    require_known(part, properties)
     if wheels == "gyrostat":
-        _replace_wheels(part, properties)
+        replace_wheels(part, properties)
     spec = scene(shape, timestep, np.asarray(sun_N, float))
     if not geometry:
-        _strip(spec)
-        _strip(part)
+        strip(spec)
+        strip(part)
     for name in spacecraft_names(n):
         spec.attach(part.copy(), frame=spec.worldbody.add_frame(), prefix=f"{name}_")
     layout = resolve_layout(
@@ -192,50 +198,6 @@ def build_model(
         wheels=wheels,
         stepper=stepper,
     )
-
-
-def examine_template(properties: SpacecraftProperties) -> list[Finding]:
-    """What of the packaged spacecraft the fast stepper cannot fly; empty unless its file was changed."""
-    return _examined(_template(properties, 0.1, 21.5), properties)
-
-
-def wheel_names(properties: SpacecraftProperties) -> tuple[str, ...]:
-    """Names of the packaged spacecraft's wheels, in order."""
-    if properties.wheel_layout == "orthogonal":
-        return WHEELS
-    return tuple(f"wheel_{k + 1}" for k in range(properties.n_wheels))
-
-
-def compile_spec(spec: mujoco.MjSpec) -> mujoco.MjModel:
-    """Compile, and say in our words what MuJoCo cannot build.
-
-    Raises:
-        MissionError: It cannot.
-    """
-    try:
-        return spec.compile()
-    except ValueError as error:
-        raise MissionError(f"MuJoCo cannot build the spacecraft: {error}; check masses, sizes and inertias") from None
-
-
-def _template(properties: SpacecraftProperties, timestep: float, camera_half_angle_deg: float) -> mujoco.MjSpec:
-    """The packaged spacecraft with the scenario's masses, its wheels as bodies."""
-    part = _cubesat(properties, timestep, camera_half_angle_deg)
-    if properties.wheel_layout != "orthogonal":
-        _lay_out_wheels(part, properties)
-    return part
-
-
-def _examined(part: mujoco.MjSpec, properties: SpacecraftProperties) -> list[Finding]:
-    return examine_spacecraft(compile_spec(part.copy()), properties, HUB, wheel_names(properties))
-
-
-def _refuse_strangers(findings: list[Finding]) -> None:
-    if findings:
-        raise MissionError(
-            f"{TEMPLATE} was changed, and the fast stepper cannot fly it: {listed(findings)}. Fly it with physics.stepper: "
-            "mj_step or auto, or as a spacecraft of your own (spacecraft.mjcf)"
-        )
 
 
 def _keep_warnings_off_disk() -> None:
@@ -266,99 +228,6 @@ def scene(shape: ShapeModel, timestep: float, sun_N: Array) -> mujoco.MjSpec:
     light.dir = (-sun_N / np.linalg.norm(sun_N)).tolist()
     light.pos = (sun_N / np.linalg.norm(sun_N) * 3.0 * shape.max_radius).tolist()
     return spec
-
-
-def _cubesat(properties: SpacecraftProperties, timestep: float, camera_half_angle_deg: float) -> mujoco.MjSpec:
-    spec = mujoco.MjSpec.from_file(str(asset_path(TEMPLATE)))
-    spec.option.timestep = timestep  # attaching warns when parent and child differ
-    hub = _required(spec, "body", HUB)
-    hub.mass, hub.inertia = properties.hub_mass, properties.hub_inertia.tolist()
-    moments = np.linalg.eigvalsh(properties.inertia_B - properties.wheels_inertia_B)
-    if moments.min() <= 0 or 2 * moments.max() > moments.sum():
-        raise MissionError(
-            f"spacecraft: the wheels leave the hub an impossible inertia {np.round(moments, 6).tolist()} "
-            "kg m^2; make the spacecraft heavier or larger, or the wheels smaller"
-        )
-    for name, axis, z in zip(WHEELS, np.eye(3), WHEEL_STATIONS_M, strict=True):
-        wheel = _required(spec, "body", name)
-        wheel.pos, wheel.mass = [0.0, 0.0, z], properties.wheel_mass
-        spin, transverse = properties.wheel_spin_inertia, properties.wheel_transverse_inertia
-        wheel.inertia = (transverse + (spin - transverse) * axis**2).tolist()
-        motor = _required(spec, "actuator", name)
-        motor.ctrlrange = [-properties.max_wheel_torque, properties.max_wheel_torque]
-    _required(spec, "geom", "bus").size = [0.5 * edge for edge in properties.size]
-    _required(spec, "camera", "camera").fovy = 2.0 * camera_half_angle_deg
-    return spec
-
-
-def _required(spec: mujoco.MjSpec, kind: str, name: str) -> Any:
-    """A part of the template that the scenario fills.
-
-    Raises:
-        MissionError: It is missing.
-    """
-    found = getattr(spec, kind)(name)
-    if found is None:
-        raise MissionError(
-            f"{TEMPLATE} was changed: {kind} {name} is missing, which the scenario's numbers fill. Put it back, or fly the "
-            "file as a spacecraft of your own (spacecraft.mjcf)"
-        )
-    return found
-
-
-def _strip(spec: mujoco.MjSpec) -> None:
-    """Take away everything that moves nothing."""
-    for parts in (spec.sensors, spec.geoms, spec.sites, spec.cameras, spec.lights, spec.meshes, spec.materials):
-        for part in list(parts):
-            spec.delete(part)
-
-
-def _lay_out_wheels(part: mujoco.MjSpec, properties: SpacecraftProperties) -> None:
-    """Put wheels about any axes in the place of the three orthogonal ones."""
-    material, radius, half_height = _drawn_wheel(part)
-    for name in WHEELS:
-        part.delete(part.body(name))
-    hub = part.body(HUB)
-    hub.mass, hub.fullinertia = properties.hub_mass, _six(properties.inertia_B - properties.wheels_inertia_B)
-    hub.inertia = [0.0] * 3
-    spin, transverse = properties.wheel_spin_inertia, properties.wheel_transverse_inertia
-    for number, (axis, z) in enumerate(zip(properties.wheel_axes_B, properties.wheel_stations_m, strict=True), 1):
-        name = f"wheel_{number}"
-        wheel = hub.add_body(name=name, pos=[0.0, 0.0, z], mass=properties.wheel_mass, explicitinertial=True)
-        wheel.ipos, wheel.fullinertia = (
-            [0.0, 0.0, 0.0],
-            _six(transverse * np.eye(3) + (spin - transverse) * np.outer(axis, axis)),
-        )
-        wheel.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=axis.tolist())
-        geom = wheel.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_CYLINDER, size=[radius, half_height, 0.0], mass=0.0)
-        geom.alt.zaxis, geom.material, geom.contype, geom.conaffinity, geom.group = axis.tolist(), material, 0, 0, 1
-        motor = part.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
-        motor.ctrlrange = [-properties.max_wheel_torque, properties.max_wheel_torque]
-
-
-def _drawn_wheel(part: mujoco.MjSpec) -> tuple[str, float, float]:
-    geom = part.geom(WHEELS[0])
-    return geom.material, float(geom.size[0]), float(geom.size[1])
-
-
-def _six(tensor: Array) -> list[float]:
-    return [float(tensor[i, j]) for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
-
-
-def _replace_wheels(part: mujoco.MjSpec, properties: SpacecraftProperties) -> None:
-    for name, axis in zip(WHEELS, properties.wheel_axes_B, strict=True):
-        part.delete(part.body(name))
-        part.add_actuator(
-            name=name,
-            target="free",
-            trntype=mujoco.mjtTrn.mjTRN_JOINT,
-            gear=[0.0, 0.0, 0.0, *axis],
-            dyntype=mujoco.mjtDyn.mjDYN_INTEGRATOR,
-            gainprm=[0.0] * 10,
-            ctrlrange=[-properties.max_wheel_torque, properties.max_wheel_torque],
-        )
-    hub = part.body(HUB)
-    hub.mass, hub.inertia = properties.mass, np.diag(properties.inertia_effective_B).tolist()
 
 
 def _require_fast_layout(

@@ -18,8 +18,9 @@ from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.spacecraft.elastic import largest_timestep
 from swarm_mj.spacecraft.elements import joints_of, name_of, qvel_places, subtree_of
 from swarm_mj.spacecraft.layout import Layout, resolve_layout, spacecraft_names
-from swarm_mj.spacecraft.model import SwarmModel, compile_spec, scene
+from swarm_mj.spacecraft.model import SwarmModel, scene
 from swarm_mj.spacecraft.own_spacecraft import OwnSpacecraft, load_part, small_motions
+from swarm_mj.spacecraft.template import compile_spec
 from swarm_mj.typing import Ints
 
 #: A swarm of more bodies: the model is compiled for hours.

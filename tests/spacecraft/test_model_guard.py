@@ -13,6 +13,7 @@ from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.simulator.fast.integrator import Integrator
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.spacecraft import model as swarm_model
+from swarm_mj.spacecraft import template
 from swarm_mj.spacecraft.model import build_model
 from swarm_mj.spacecraft.model_guard import examine_spacecraft, measure
 from swarm_mj.spacecraft.properties import SpacecraftProperties
@@ -102,7 +103,7 @@ def change_asset(tmp_path, monkeypatch):
         file = tmp_path / name
         file.write_text(text.replace(before, after))
         found = {f"mjcf/{name}": file}
-        for module in (swarm_model, flown_spacecraft):
+        for module in (swarm_model, template, flown_spacecraft):
             monkeypatch.setattr(module, "asset_path", lambda asset: found.get(asset, asset_path(asset)))
         return file
 
@@ -112,7 +113,7 @@ def change_asset(tmp_path, monkeypatch):
 def test_the_packaged_spacecraft_can_be_flown_fast_with_any_layout_of_wheels_and_any_mass():
     for layout in ("orthogonal", "orthogonal_and_skew", "pyramid"):
         properties = SpacecraftProperties(wheel_layout=layout, mass=12.0, size=(0.1, 0.2, 0.3), max_wheel_torque=0.01)
-        assert swarm_model.examine_template(properties) == []
+        assert template.examine_template(properties) == []
 
 
 @pytest.mark.parametrize("change", CHANGES.values(), ids=CHANGES)
@@ -134,7 +135,7 @@ def test_a_part_that_the_template_lacks_is_named(tetrahedron, change_asset, part
 
 def test_a_spacecraft_that_weighs_or_turns_otherwise_than_the_scenario_says_is_named():
     model = mujoco.MjModel.from_xml_path(str(asset_path("mjcf/cubesat.xml")))
-    wheels = swarm_model.WHEELS
+    wheels = template.WHEELS
     assert not examine_spacecraft(model, SpacecraftProperties(), "cubesat", wheels)
     for properties, words in (
         (SpacecraftProperties(mass=8.001), "weighs 8 kg"),
@@ -151,7 +152,7 @@ def test_mass_inertia_and_wheels_are_measured_as_a_sum_over_the_bodies_gives_the
     model = mujoco.MjModel.from_xml_path(str(asset_path("mjcf/cubesat.xml")))
     turned = np.array([5.0, 6.0, 7.0, 0.5, 0.5, 0.5, 0.5, 1.0, 2.0, 3.0])
     for qpos in (None, turned):  # where it stands and how its wheels stand does not matter
-        found = measure(model, "cubesat", swarm_model.WHEELS, qpos)
+        found = measure(model, "cubesat", template.WHEELS, qpos)
         assert found.mass == pytest.approx(8.0, rel=1e-12)
         assert np.allclose(found.inertia_B, properties.inertia_B, rtol=1e-10, atol=1e-12)
         assert np.allclose(found.wheel_momentum_B, properties.wheel_spin_inertia * np.eye(3), atol=1e-17)

@@ -9,7 +9,7 @@ from swarm_mj.simulator.fast import native
 from swarm_mj.simulator.fast.integrator import Integrator
 from swarm_mj.simulator.fast.mj_memory import MJ_STEP, STAGED, STAGED_CONSTANT_INERTIA, Column
 from swarm_mj.smallbody.shape import ShapeModel
-from swarm_mj.spacecraft import model as swarm_model
+from swarm_mj.spacecraft import template
 from swarm_mj.spacecraft.model import build_model
 from swarm_mj.spacecraft.properties import SpacecraftProperties
 
@@ -82,15 +82,15 @@ def _off_centre(part):
 
 @pytest.mark.parametrize("disturb", [_off_balance, _off_centre])
 def test_an_inertia_that_depends_on_the_state_is_found_anew_at_every_stage(tetrahedron, disturb, monkeypatch):
-    make_part = swarm_model._cubesat
+    make_part = template._cubesat
 
     def made(*arguments):
         part = make_part(*arguments)
         disturb(part)
         return part
 
-    monkeypatch.setattr(swarm_model, "_cubesat", made)
-    monkeypatch.setattr(swarm_model, "examine_spacecraft", lambda *arguments: [])  # the guard refuses such a spacecraft
+    monkeypatch.setattr(template, "_cubesat", made)
+    monkeypatch.setattr(template, "examine_spacecraft", lambda *arguments: [])  # the guard refuses such a spacecraft
     swarm = build_model(N, shape=tetrahedron)
     assert method_of(swarm) == STAGED
     theirs = tumbling(swarm)
