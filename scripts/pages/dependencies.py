@@ -37,6 +37,7 @@ PURPOSE = {
     "pydantic": "checks of scenario files",
     "pyyaml": "scenario files",
     "xarray": "telemetry with units",
+    "pandas": "tables of the public API",
     "h5netcdf": "telemetry.nc",
     "h5py": "telemetry.nc",
     "rich": "progress bars and tables",
@@ -63,16 +64,22 @@ PURPOSE = {
     "pre-commit": "checks before a commit",
     "build": "the wheel",
     "types-pyyaml": "types",
+    "mkdocs": "the site",
+    "mkdocs-material": "the site's look and search",
+    "mkdocstrings": "the site's API reference",
+    "nbclient": "running notebooks and pages",
+    "nbformat": "reading notebooks",
+    "ipykernel": "running notebooks and pages",
+    "latex2mathml": "formulas of the site",
     "pip-audit": "known vulnerabilities",
 }
 GROUPS = {
     "": "Always installed",
     "rl": "Extra `rl`: reinforcement learning",
     "cluster": "Extra `cluster`: campaigns on many machines",
-    "video": "Extra `video`: videos",
-    "report": "Extra `report`: the report page",
     "benchmark": "Extra `benchmark`: comparison with peers",
     "dev": "Extra `dev`: development only, never imported by a flight",
+    "docs": "Extra `docs`: the site, its examples and notebooks",
 }
 #: Licences that do not state their name, by a sentence of theirs.
 SENTENCES = {
@@ -85,9 +92,9 @@ INTRODUCTION = """# Dependencies
 Written by `python -m scripts.pages.dependencies` from `pyproject.toml` and the metadata of the installed packages. swarm_mj
 itself is under the MIT licence.
 
-Lower bounds are the oldest versions with what is used here. There are no upper bounds: they would keep security
-fixes away from users. Nothing asks for a network at run time; a test refuses every connection while it flies, draws and designs
-(`tests/robust/test_offline.py`).
+Lower bounds are the oldest versions with what is used here. There is one upper bound, on mujoco, whose C functions and
+layout in memory are used directly; others would keep security fixes away from users. Nothing asks for a network at run time;
+a test refuses every connection while it flies, draws and designs (`tests/robust/test_offline.py`).
 
 `make audit` looks for known vulnerabilities of everything that is installed: it runs `pip-audit`, which it installs into the
 virtual environment, against pypi.org or, failing that, api.osv.dev. Where neither can be reached it says that nothing was
@@ -135,7 +142,8 @@ def declared() -> dict[str, list[Requirement]]:
 def _table(requirements: Iterable[Requirement]) -> str:
     rows = ["| package | versions | licence | what for |", "|---|---|---|---|"]
     for r in requirements:
-        versions = f"{r.specifier or 'any'}" + (f", where {r.marker}" if r.marker else "")
+        bounds = ",".join(sorted(map(str, r.specifier), reverse=True))  # the lower one first
+        versions = f"{bounds or 'any'}" + (f", where {r.marker}" if r.marker else "")
         purpose = PURPOSE.get(canonicalize_name(r.name))
         if purpose is None:
             raise SystemExit(f"{r.name}: say in PURPOSE of {Path(__file__).name} what it is for")

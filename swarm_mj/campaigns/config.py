@@ -59,8 +59,10 @@ class Campaign(Section):
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, populate_by_name=True)
 
-    name: str = Field(min_length=1, pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")
-    description: str = ""
+    name: str = Field(
+        min_length=1, pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$", description="what results and their folder are called"
+    )
+    description: str = Field("", description="one line on what the campaign is")
     seed: int = Field(0, ge=0, lt=2**63, description="of all draws and of the seeds of the runs")
     runs: int = Field(
         100,
@@ -73,7 +75,7 @@ class Campaign(Section):
         description="how parameters are drawn; sobol is a scrambled Sobol' sequence; saltelli the scheme of samples that "
         "Sobol' indices need: runs x (parameters + 3) flights",
     )
-    scenarios: tuple[Base, ...] = Field(min_length=1, max_length=1000)
+    scenarios: tuple[Base, ...] = Field(min_length=1, max_length=1000, description="what is flown, each `runs` times")
     overrides: dict[str, Any] = Field(
         default_factory=dict, alias="set", description="values by dotted key, in all scenarios"
     )

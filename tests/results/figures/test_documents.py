@@ -9,7 +9,7 @@ from swarm_mj.results.figures import COMPOSERS
 from swarm_mj.results.figures.design import COMPOSERS as DESIGN_COMPOSERS
 from swarm_mj.scenarios.loading import packaged_names
 
-ROOT = Path(__file__).parents[3]
+PAGE = Path(__file__).parents[3] / "docs" / "reference" / "figures.md"
 #: Which paper figures must have a counterpart.
 PAPER = range(3, 12)
 
@@ -31,26 +31,24 @@ def test_every_picture_is_there(images):
         assert (images.IMAGES / images.picture_name(folder, figure)).stat().st_size > 10_000
 
 
-def test_page_of_figures_shows_every_picture_once_drawn(images):
-    shown = re.findall(r"\]\(\.\./images/([^)]+)\)\]", (ROOT / "docs" / "reference" / "figures.md").read_text("utf-8"))
-    made = {images.picture_name(folder, figure) for folder, figure in images.PICTURES}
-    assert set(shown) <= made
-    assert {figure for folder, figure in images.PICTURES} == {
-        figure for folder, figure in images.PICTURES if images.picture_name(folder, figure) in shown
-    }
+def test_the_gallery_shows_every_figure_with_a_picture_and_the_command_that_draws_it(images):
+    sections = re.split(r"^### ", PAGE.read_text("utf-8"), flags=re.MULTILINE)[1:]
+    shown = {section.split("\n")[0]: section for section in sections}
+    assert set(shown) == {*COMPOSERS, *DESIGN_COMPOSERS}
+    pictures = []
+    for name, section in shown.items():
+        found = re.findall(r"`swarm-mj (.+)`\n\n!\[.+\]\(\.\./images/(.+)\.png\)", section)
+        assert found, name
+        for command, picture in found:
+            folder = picture.removesuffix(f"-{name}")
+            assert " ".join(images.COMMANDS[folder]).startswith(command)
+            pictures.append((folder, name))
+    assert set(pictures) == set(images.PICTURES)
 
 
-def test_page_of_figures_has_a_counterpart_for_each_of_the_papers():
-    page = (ROOT / "docs" / "reference" / "figures.md").read_text("utf-8")
+def test_the_gallery_has_a_counterpart_for_each_figure_of_the_paper():
+    page = PAGE.read_text("utf-8")
     for number in PAPER:
-        row = re.search(rf"^\| Figure {number} \| [^|]+ \| `(\w+)`", page, re.MULTILINE)
+        row = re.search(rf"^\| Figure {number} \| [^|]+ \| \[`(\w+)`\]\(#(\w+)\)", page, re.MULTILINE)
         assert row, number
-        assert row[1] in {**COMPOSERS, **DESIGN_COMPOSERS}
-
-
-def test_page_of_figures_names_every_figure_and_its_source():
-    page = (ROOT / "docs" / "reference" / "figures.md").read_text("utf-8")
-    for name in {**COMPOSERS, **DESIGN_COMPOSERS}:
-        assert f"`{name}`" in page
-    for link in re.findall(r"\]\(\.\./\.\./([^)]+)\)", page):
-        assert (ROOT / link).is_file(), link
+        assert row[1] == row[2] and row[1] in {**COMPOSERS, **DESIGN_COMPOSERS}

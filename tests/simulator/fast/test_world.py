@@ -234,8 +234,8 @@ def test_torques_of_the_builtin_laws_do_not_depend_on_who_calls_them():
 
 
 def test_the_law_of_the_documentation_flies_as_it_stands_there(tmp_path, monkeypatch):
-    page = (Path(__file__).parents[3] / "docs/theory/attitude_control.md").read_text()
-    (tmp_path / "law_of_the_page.py").write_text(page.split("```python\n")[1].split("```")[0])
+    page = (Path(__file__).parents[3] / "docs/how-to/control_law.md").read_text()
+    (tmp_path / "law_of_the_page.py").write_text(page.split("```python\n")[2].split("```")[0])
     monkeypatch.syspath_prepend(tmp_path)
     law = importlib.import_module("law_of_the_page").Damper()
     quick, slow = (twin(plan_of(), compiled=compiled, controller=law) for compiled in (True, False))

@@ -1,0 +1,64 @@
+"""The page on the files of a run lists what a flight and a design really write."""
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import swarm_mj as sm
+from swarm_mj.simulator.telemetry import read_telemetry
+
+PAGE = (Path(__file__).parents[2] / "docs" / "reference" / "files.md").read_text("utf-8")
+#: Faults and sensor noise, so that every variable is there.
+FAULTY = (
+    "faults=[{kind: camera_off, spacecraft: sc1, at_s: 300}]",
+    "dispersions={gyro_bias_deg_h: 10, star_tracker_noise_arcsec: 6, wheel_coulomb_n_m: 1.0e-5}",
+)
+
+
+def section(title):
+    return PAGE.split(f"## {title}\n")[1].split("\n## ")[0]
+
+
+def names(text):
+    """Names in code in the first column of the tables."""
+    return [name for row in re.findall(r"^\| (`[^|]+) \|", text, re.MULTILINE) for name in re.findall(r"`(\w+)`", row)]
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory):
+    flight = sm.fly(sm.load("eros-quick", FAULTY))
+    return flight.save(tmp_path_factory.mktemp("run") / "flight", figures=False, report=False)
+
+
+def test_the_page_lists_every_key_of_the_summary(flown):
+    assert sorted(names(section("summary.json"))) == sorted(json.loads((flown / "summary.json").read_text()))
+
+
+def test_the_page_describes_every_variable_of_the_telemetry_as_the_file_does(flown):
+    telemetry = read_telemetry(flown / "telemetry.nc")
+    rows = [[cell.strip() for cell in row.split("|")[1:-1]] for row in section("telemetry.nc").splitlines()]
+    listed = {row[0].strip("`"): row[1:] for row in rows if len(row) == 5 and row[0].startswith("`")}
+    assert set(listed) == set(map(str, telemetry.data_vars))
+    for name, (dims, units, frame, meaning) in listed.items():
+        variable = telemetry[name]
+        attrs = variable.attrs
+        assert [dims, units, frame, meaning] == [
+            ", ".join(map(str, variable.dims)), attrs["units"], attrs["frame"], attrs["long_name"]
+        ]  # fmt: skip
+    attributes = section("telemetry.nc").split("Attributes of the file:")[1]
+    assert set(names(attributes)) == set(telemetry.attrs)
+
+
+def test_the_page_lists_every_array_of_the_coverage(flown):
+    assert sorted(names(section("coverage.npz"))) == sorted(np.load(flown / "coverage.npz").files)
+
+
+def test_the_page_lists_every_key_of_a_design(tmp_path):
+    design = sm.design(sm.load("eros-quick", ["observation.criterion=visit", "designer.max_generations=1"]))
+    folder = design.save(tmp_path / "design", figures=False)
+    assert sorted(names(section("design.json of a design"))) == sorted(json.loads((folder / "design.json").read_text()))
+    for name in np.load(folder / "sightings.npz").files:
+        assert f"`{name}`" in section("design.json of a design")

@@ -1,0 +1,62 @@
+"""Snippets of README, of the site's first page and of the tutorial are run, commands typed."""
+
+import re
+import shlex
+from pathlib import Path
+
+import matplotlib
+import pytest
+import swarm_mj.envs  # noqa: F401  registers them: in this process swarm_mj is imported before gymnasium
+
+from swarm_mj.cli.main import main
+
+ROOT = Path(__file__).parents[2]
+TUTORIAL = ("fly", "look", "change", "design", "train")
+#: What makes commands quick; what is left out has tests of its own.
+QUICK = {"run": ["--quiet", "--no-figures", "--no-report"], "design": ["--quiet", "--no-figures"]}
+
+
+def snippets(page, language):
+    return re.findall(rf"^```{language}\n(.*?)^```", (ROOT / page).read_text("utf-8"), re.DOTALL | re.MULTILINE)
+
+
+@pytest.fixture
+def desk(tmp_path, monkeypatch):
+    """An empty folder, the current one."""
+    monkeypatch.chdir(tmp_path)
+    matplotlib.use("Agg")
+    return tmp_path
+
+
+def test_the_tutorial_is_the_five_pages_in_the_navigation():
+    assert re.findall(r"tutorial/(\w+)\.md", (ROOT / "mkdocs.yml").read_text()) == list(TUTORIAL)
+    assert {path.stem for path in (ROOT / "docs" / "tutorial").glob("*.md")} == set(TUTORIAL)
+
+
+@pytest.mark.parametrize(
+    "page",
+    [
+        "README.md",
+        "docs/index.md",
+        "docs/how-to/faults.md",
+        "docs/how-to/reports.md",
+        *(f"docs/tutorial/{name}.md" for name in TUTORIAL),
+    ],
+)
+def test_the_python_of_a_page_runs_from_top_to_bottom(page, desk):
+    code = snippets(page, "python")
+    assert code
+    names = {"__name__": "__main__"}
+    for number, snippet in enumerate(code):
+        exec(compile(snippet, f"{page}, snippet {number}", "exec"), names)
+
+
+@pytest.mark.parametrize("name", [name for name in TUTORIAL if snippets(f"docs/tutorial/{name}.md", "sh")])
+def test_the_commands_of_a_tutorial_page_work(name, desk):
+    for snippet in snippets(f"docs/tutorial/{name}.md", "sh"):
+        for line in snippet.splitlines():
+            program, command, *arguments = shlex.split(line)
+            assert program == "swarm-mj"
+            quick = [option for option in QUICK[command] if option not in arguments]
+            assert main([command, *arguments, *quick]) == 0
+    assert list((desk / "results").glob("*/summary.json"))
