@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+import swarm_mj
+
 ROOT = Path(__file__).parents[1]
 
 
@@ -51,7 +53,7 @@ def installed(wheel, tmp_path_factory):
 @pytest.mark.slow
 def test_the_wheel_holds_assets_envs_and_scenarios_and_no_other_top_level_package(wheel):
     names = zipfile.ZipFile(wheel).namelist()
-    assert {name.split("/")[0].removesuffix("-0.1.0.dist-info") for name in names} == {"swarm_mj"}
+    assert {name.split("/")[0].removesuffix(f"-{swarm_mj.__version__}.dist-info") for name in names} == {"swarm_mj"}
     for needed in (
         "swarm_mj/assets/eros.obj",
         "swarm_mj/assets/eros_shape_harmonics.csv",
