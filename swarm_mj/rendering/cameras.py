@@ -19,6 +19,8 @@ OVERVIEW, CHASE, SPLIT = "overview", "chase", "split"
 FILL = 0.87
 #: Angle of the chase camera to the line from the body through the swarm [rad].
 CHASE_ASIDE = 0.5
+#: Distance of the chase camera to anything, at most, over the swarm's distance to the body: it looks from a little behind.
+CHASE_REACH = 4.0
 #: Directions among which the overview's is chosen.
 DIRECTIONS = 400
 #: Steepest look along N's z axis, which stands upright in the picture: cosine of its angle to the line of sight.
@@ -80,6 +82,18 @@ def overview(plan: Plan, path_N: Array, aspect: float) -> FreeView:
         plan.shape.vertices @ plan.environment.C_AN(share * plan.scenario.duration_s) for share in (0.0, 0.5, 1.0)
     ]
     return fit(np.vstack((path_N.reshape(-1, 3), *turned)), view_direction(plan, path_N, aspect), aspect)
+
+
+def reach_of(path_N: Array, view: FreeView | None = None) -> float:
+    """Distance [m] from any camera of a flight within which all that is drawn lies.
+
+    Args:
+        path_N: Positions over the flight, shape (m, n, 3) [m].
+        view: The overview, if there is one; spacecraft's own cameras and the one behind the swarm stand on the path or near it.
+    """
+    farthest = float(np.linalg.norm(path_N, axis=-1).max())
+    beyond = 0.0 if view is None else view.distance + float(np.linalg.norm(view.lookat))
+    return max(beyond + farthest, CHASE_REACH * farthest)
 
 
 def chase(plan: Plan, instant: Instant, aspect: float) -> FreeView:

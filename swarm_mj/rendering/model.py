@@ -80,7 +80,9 @@ class DrawingModel:
         return changed
 
 
-def build_drawing_model(plan: Plan, magnification: float, width: int = 640, height: int = 480) -> DrawingModel:
+def build_drawing_model(
+    plan: Plan, magnification: float, width: int = 640, height: int = 480, reach: float = 0.0
+) -> DrawingModel:
     """Compile the model of a plan.
 
     Args:
@@ -88,10 +90,11 @@ def build_drawing_model(plan: Plan, magnification: float, width: int = 640, heig
         magnification: How many times larger than they are spacecraft are drawn.
         width: Of the largest picture [pixel].
         height: Of the largest picture [pixel].
+        reach: Distance from a camera up to which things are drawn [m], see `reach_of`; at least `FAR` body radii.
     """
     atlas = Atlas(plan.region)
     spec = mujoco.MjSpec()
-    _look(spec, plan, width, height)
+    _look(spec, plan, width, height, reach)
     _add_body(spec, plan, atlas)
     for name in plan.names:
         _add_spacecraft(spec, name, plan, magnification)
@@ -116,10 +119,10 @@ def _rim(camera: CameraModel) -> Array:
     return np.hstack((camera.tan_half_angle * flat, np.ones((len(flat), 1))))
 
 
-def _look(spec: mujoco.MjSpec, plan: Plan, width: int, height: int) -> None:
+def _look(spec: mujoco.MjSpec, plan: Plan, width: int, height: int, reach: float) -> None:
     visual, radius = spec.visual, plan.shape.max_radius
     spec.stat.extent, spec.stat.center = radius, np.zeros(3)
-    visual.map.znear, visual.map.zfar = NEAR, FAR
+    visual.map.znear, visual.map.zfar = NEAR, max(FAR, reach / radius)
     visual.global_.offwidth, visual.global_.offheight = width, height
     visual.global_.fovy = FIELD_OF_VIEW_DEG
     visual.quality.shadowsize, visual.quality.offsamples = 0, 4

@@ -12,7 +12,7 @@ import numpy as np
 from swarm_mj.errors import OutputError
 from swarm_mj.flight.plan import Plan
 from swarm_mj.mission.behaviors import TargetKind
-from swarm_mj.rendering.cameras import OVERVIEW, FreeView, chase, magnification_for, overview
+from swarm_mj.rendering.cameras import OVERVIEW, FreeView, chase, magnification_for, overview, reach_of
 from swarm_mj.rendering.canvas import Box, Canvas, Projection
 from swarm_mj.rendering.decorations import decorate, sights
 from swarm_mj.rendering.frame import Instant
@@ -56,7 +56,7 @@ class Drawing:
         main = self._layout.main
         self._overview = None if main is None else overview(plan, path_N, main.width / main.height)
         self._note = note
-        self._model = build_drawing_model(plan, self._magnification(), width, height)
+        self._model = build_drawing_model(plan, self._magnification(), width, height, reach_of(path_N, self._overview))
         self._canvas = Canvas(self._model, width, height)
         self._panel: Corner | None = None
         self._line_scale = max(1.0, height / NOMINAL_HEIGHT)

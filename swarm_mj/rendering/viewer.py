@@ -18,7 +18,7 @@ from rich.console import Console
 
 from swarm_mj.errors import ObserverError, OutputError
 from swarm_mj.flight.plan import make_plan
-from swarm_mj.rendering.cameras import magnification_for, overview
+from swarm_mj.rendering.cameras import magnification_for, overview, reach_of
 from swarm_mj.rendering.decorations import decorate
 from swarm_mj.rendering.live import SPEEDS, LiveFlight, Player, pace, planned_path
 from swarm_mj.rendering.model import DrawingModel, build_drawing_model
@@ -27,6 +27,8 @@ from swarm_mj.scenarios.schema import Scenario
 
 #: Time that the window may take to close [s].
 CLOSING_S = 10.0
+#: How far one may zoom out of the first view before things are cut off.
+ZOOM_OUT = 10.0
 #: Width of the window over its height, for which the first view is chosen.
 ASPECT = 1.5
 #: Keys of the native viewer, by GLFW's codes.
@@ -60,8 +62,10 @@ def run_view(
     console = Console()
     console.print(f"{scenario.name}: preparing the flight (compiles on first use)", markup=False, highlight=False)
     plan = make_plan(scenario)
-    view = overview(plan, planned_path(plan), ASPECT)
-    model = build_drawing_model(plan, magnification_for(plan, view.distance))
+    path_N = planned_path(plan)
+    view = overview(plan, path_N, ASPECT)
+    reach = ZOOM_OUT * reach_of(path_N, view)
+    model = build_drawing_model(plan, magnification_for(plan, view.distance), reach=reach)
     with closing(LiveFlight(plan)) as flight, suppress(KeyboardInterrupt):  # the way to end it in a browser
         player = Player(flight, speed)
         model.place(player.now)
