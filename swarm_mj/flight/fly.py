@@ -5,11 +5,14 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from dataclasses import asdict, replace
+from typing import Any
 
 import numpy as np
 import xarray as xr
+import yaml
 from scipy.spatial.transform import Rotation
 
+from swarm_mj import __version__
 from swarm_mj.flight.plan import Plan, antennas_from
 from swarm_mj.mission.behaviors import ELECTIONS, MissionBehavior
 from swarm_mj.mission.links import links_closed
@@ -136,6 +139,7 @@ def simulate(plan: Plan, progress: Progress | None = None) -> xr.Dataset:
     simulation = make_simulation(plan)
     record = simulation.run(scenario.duration_s, scenario.telemetry.interval_s, progress)
     telemetry = dataset(record, plan.names, plan.environment, plan.properties)
+    telemetry.attrs |= provenance(plan)
     telemetry.attrs |= {"stepper": simulation.stepper, "stepper_note": simulation.why_mj_step}
     closed = links_closed(
         antennas=antennas_from(scenario),
@@ -164,6 +168,21 @@ def simulate(plan: Plan, progress: Progress | None = None) -> xr.Dataset:
         },
     )
     return telemetry
+
+
+def provenance(plan: Plan) -> dict[str, Any]:
+    """Where a flight's telemetry comes from, for its attributes: epoch, body, scenario and version."""
+    scenario = plan.scenario
+    gm = getattr(plan.environment.gravity, "gm", None)
+    return {
+        "scenario": scenario.name,
+        "scenario_yaml": yaml.safe_dump(scenario.model_dump(mode="json"), sort_keys=False),
+        "epoch_tdb": scenario.epoch,
+        "body": scenario.body.name,
+        "body_gravity_model": scenario.body.gravity.model,
+        **({} if gm is None else {"body_gm_m3_s2": float(gm)}),
+        "swarm_mj_version": __version__,
+    }
 
 
 def _both_work(telemetry: xr.Dataset) -> Mask:

@@ -21,14 +21,22 @@ from swarm_mj.typing import Array
 
 AccelerationN = Callable[[float, Array], Array]
 
-#: A miss below this ends the shooting [m].
-SHOOTING_TOLERANCE_M = 1e-5
+#: A miss below this ends the shooting [m], or below this share of the distances between which is flown: the integrator's
+#: relative tolerance leaves no more digits, which is 1 mm for a start 1e9 m away.
+SHOOTING_TOLERANCE_M, SHOOTING_TOLERANCE = 1e-5, 1e-12
 MAX_ITERATIONS = 20
 #: Step of the start velocity for the Jacobian [m/s]: large against the integrator's noise, small against the curvature.
 VELOCITY_STEP = 1e-2
 #: Evaluations of the force after which an integration is given up, far beyond any flyby.
 MAX_EVALUATIONS = 200_000
 
+#: A miss below this share of the distance is no missing solution but noise in the forces.
+NEARLY = 1e-9
+
+_NOISE = (
+    "the path is found but for noise in the forces: choose another body.gravity.model, or begin nearer "
+    "(mothership.position_A_m, design.time_of_flight_s)"
+)
 _REMEDY = (
     "a path through the body has no solution in a field that diverges there: change mothership.position_A_m, "
     "design.visiting_points or design.time_of_flight_s"
@@ -119,6 +127,8 @@ def solve_transfers(
     n = len(destinations)
     times = np.array([0.0, time_of_flight])
     v0 = (destinations - r0) / time_of_flight
+    farthest = max(float(np.linalg.norm(r0)), float(np.linalg.norm(destinations, axis=1).max()))
+    tolerance = max(SHOOTING_TOLERANCE_M, SHOOTING_TOLERANCE * farthest)
     offsets = VELOCITY_STEP * np.vstack((np.zeros(3), np.eye(3)))
     for _ in range(MAX_ITERATIONS):
         starts = (v0[:, None] + offsets).reshape(-1, 3)
@@ -130,7 +140,7 @@ def solve_transfers(
             ) from None
         arrivals = r[-1].reshape(n, 4, 3)
         miss = arrivals[:, 0] - destinations
-        if np.linalg.norm(miss, axis=1).max() < SHOOTING_TOLERANCE_M:
+        if np.linalg.norm(miss, axis=1).max() < tolerance:
             return v0, np.linalg.norm(miss, axis=1)
         jacobian = (arrivals[:, 1:] - arrivals[:, :1]).transpose(0, 2, 1) / VELOCITY_STEP
         try:
@@ -138,9 +148,10 @@ def solve_transfers(
         except np.linalg.LinAlgError:
             break
     worst = int(np.argmax(np.linalg.norm(miss, axis=1)))
+    left = float(np.linalg.norm(miss[worst]))
     raise MissionError(
-        f"sc{worst + 1}: no trajectory to its visiting point in {time_of_flight:g} s (miss "
-        f"{np.linalg.norm(miss[worst]):.3g} m after {MAX_ITERATIONS} iterations); {_REMEDY}"
+        f"sc{worst + 1}: no trajectory to its visiting point in {time_of_flight:g} s (miss {left:.3g} m after {MAX_ITERATIONS} "
+        f"iterations; {tolerance:.3g} m is asked for); {_REMEDY if left > NEARLY * farthest else _NOISE}"
     )
 
 

@@ -6,7 +6,8 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
-Component = Annotated[float, Field(ge=-1e9, le=1e9)]
+#: Of a position [m], up to some 7 au: two days before a fast flyby a mothership is 1e9 m away.
+Component = Annotated[float, Field(ge=-1e12, le=1e12)]
 Vector3 = Annotated[tuple[Component, Component, Component], Field(description="three components")]
 #: Arguments of a plug-in by name.
 Parameters = dict[str, Any]

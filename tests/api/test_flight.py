@@ -40,6 +40,15 @@ def test_a_saved_flight_is_read_back_as_the_same_object(flight, saved):
     assert repr(again) == repr(flight)
 
 
+def test_the_telemetry_alone_says_where_it_comes_from(saved, tmp_path):
+    attributes = sm.open(saved).telemetry.attrs
+    assert attributes["epoch_tdb"] == "2018-01-01T03:15:00" and attributes["scenario"] == "eros-quick"
+    assert attributes["body"] == "433 Eros" and attributes["body_gm_m3_s2"] == pytest.approx(4.4627547e5, rel=1e-6)
+    assert attributes["swarm_mj_version"] == sm.__version__
+    (tmp_path / "again.yaml").write_text(attributes["scenario_yaml"])
+    assert sm.load(tmp_path / "again.yaml") == sm.open(saved).scenario
+
+
 def test_tables_and_telemetry_agree(flight):
     table, cells = flight.spacecraft, flight.cells
     assert list(table.index) == ["sc1", "sc2"] and list(table["visits_point"]) == [12, 40]

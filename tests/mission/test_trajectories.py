@@ -6,6 +6,7 @@ from scipy.integrate import solve_ivp
 
 from swarm_mj.errors import MissionError
 from swarm_mj.flight.plan import make_plan
+from swarm_mj.mission import trajectories
 from swarm_mj.mission.trajectories import propagate, solve_transfers
 from swarm_mj.scenarios import constants
 from swarm_mj.scenarios.loading import load_scenario
@@ -40,6 +41,40 @@ def test_a_transfer_recovers_the_velocity_of_a_known_orbit():
     solved, miss = solve_transfers(kepler, r0[0], r[-1], 4000.0)
     assert np.allclose(solved, v0, atol=1e-8)
     assert miss.max() < 1e-3
+
+
+def test_a_transfer_from_two_days_before_a_fast_flyby_converges():
+    """1.2 million km at 7 km/s: double precision leaves less than a millimetre, and the Sun's tide bends the path a little."""
+    r0, tide = np.array([-7e3 * 2 * 86400.0, 2e7, 0.0]), 4e-14
+    destinations = np.array([[0.0, 20e3, 5e3], [0.0, -25e3, 0.0]])
+
+    def forces(t, r):
+        return kepler(t, r) + tide * r * [2.0, -1.0, -1.0]
+
+    v0, miss = solve_transfers(forces, r0, destinations, 2 * 86400.0)
+    assert miss.max() < 2e-3
+    assert np.linalg.norm(v0, axis=1) == pytest.approx(7e3, rel=1e-3)
+    back, _ = propagate(
+        lambda t, r: forces(-t, r), destinations, -velocities_at_end(forces, r0, v0), np.array([0.0, 2 * 86400.0])
+    )
+    assert np.linalg.norm(back[-1] - r0, axis=1).max() < 0.1
+
+
+def velocities_at_end(forces, r0, v0):
+    _, v = propagate(forces, np.broadcast_to(r0, v0.shape), v0, np.array([0.0, 2 * 86400.0]))
+    return v[-1]
+
+
+def test_a_path_that_noise_hides_is_told_from_one_that_is_not_there(monkeypatch):
+    noise = np.random.default_rng(0)
+
+    def shaken(*arguments, **keywords):
+        r, v = propagate(*arguments, **keywords)
+        return r + 1e-3 * noise.standard_normal(r.shape), v
+
+    monkeypatch.setattr(trajectories, "propagate", shaken)
+    with pytest.raises(MissionError, match="1e-05 m is asked for.*noise in the forces"):
+        solve_transfers(lambda t, r: 0 * r, np.array([-1e7, 0.0, 0.0]), np.array([[0.0, 2e4, 0.0]]), 2e4)
 
 
 def test_planned_transfers_hit_their_points_within_a_millimetre_by_another_integrator(quick_plan):
