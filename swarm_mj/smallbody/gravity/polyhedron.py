@@ -9,17 +9,23 @@ Werner and Scheeres (1997), Celestial Mechanics and Dynamical Astronomy 65, 313-
 with r_e and r_f from the field point to a point of the edge and of the face, L_e the potential of a wire, w_f the
 solid angle of the face, E_e and F_f dyads of normals. On an edge L_e is infinite, yet its products in potential and
 attraction tend to zero; the gradient really is infinite there.
+
+The sums cancel: their relative rounding grows with the cube of the distance, to pure noise at some 1e5 radii. Far away the
+field is therefore that of the same polyhedron in spherical harmonics, which converge there within a few degrees.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
 from swarm_mj.errors import ScenarioError
 from swarm_mj.scenarios.constants import GRAVITATIONAL_CONSTANT
 from swarm_mj.smallbody.gravity.base import frozen, positions, positive
+from swarm_mj.smallbody.gravity.spherical_harmonics import SphericalHarmonics, fit_harmonics
 from swarm_mj.smallbody.shape import ShapeModel, directed_edges
 from swarm_mj.smallbody.shape_check import check_surface
 from swarm_mj.smallbody.solid_angle import cast_rays, solid_angle, solid_angles
@@ -27,6 +33,11 @@ from swarm_mj.typing import Array, Ints, Ints32, kernel
 
 #: Bound on the argument of the wire's logarithm: keeps 0 times infinity at 0 for points on an edge.
 MIN_WIRE_GAP = 1e-300
+#: Distances over the body's largest radius between which the sums pass over into harmonics: at the first one the series leaves
+#: out less than 16^-13 = 2e-16, at the second one the sums have lost a factor 24^3, to some 1e-10 with many faces.
+FAR_RADII = (16.0, 24.0)
+#: Degree of the harmonics, and the sphere on which they are fitted, over the largest radius.
+FAR_DEGREE, FIT_RADII = 12, 3.0
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -71,20 +82,44 @@ class Polyhedron:
 
     def acceleration(self, r_A: Array) -> Array:
         """Attraction in A [m/s^2], shape (n, 3), at positions in A [m], shape (n, 3)."""
-        return np.ascontiguousarray(self._sums(r_A)[:, 1:4])
+        return self._near_and_far(r_A, lambda r: self._sums(r)[:, 1:4], lambda r: self.far_field.acceleration(r))
 
     def potential(self, r_A: Array) -> Array:
         """Potential [m^2/s^2], positive, shape (n,), at positions in A [m], shape (n, 3)."""
-        return self._sums(r_A)[:, 0]
+        return self._near_and_far(r_A, lambda r: self._sums(r)[:, 0], lambda r: self.far_field.potential(r))
 
     def gradient(self, r_A: Array) -> Array:
         """Gradient of the acceleration [1/s^2], shape (n, 3, 3), at positions in A [m], shape (n, 3)."""
-        return self._sums(r_A)[:, [4, 5, 6, 5, 7, 8, 6, 8, 9]].reshape(-1, 3, 3)
+        symmetric = [4, 5, 6, 5, 7, 8, 6, 8, 9]
+        return self._near_and_far(
+            r_A, lambda r: self._sums(r)[:, symmetric].reshape(-1, 3, 3), lambda r: self.far_field.gradient(r)
+        )
 
     def laplacian(self, r_A: Array) -> Array:
         """Laplacian of the potential [1/s^2], shape (n,): 0 outside, -4 pi G rho inside."""
         solid_angle = solid_angles(positions(r_A), self.shape.vertices, self.shape.faces)
         return -GRAVITATIONAL_CONSTANT * self.density * solid_angle
+
+    @cached_property
+    def far_field(self) -> SphericalHarmonics:
+        """The same field in spherical harmonics, which hold beyond `FAR_RADII` of the largest radius."""
+        radius = self.shape.max_radius
+        return fit_harmonics(lambda r_A: self._sums(r_A)[:, 0], self.gm, radius, FAR_DEGREE, FIT_RADII * radius)
+
+    def _near_and_far(self, r_A: Array, near: Callable[[Array], Array], far: Callable[[Array], Array]) -> Array:
+        """The sums near the body, the harmonics far away, and between them a smooth passage from one to the other."""
+        r_A = positions(r_A)
+        first, last = FAR_RADII
+        share = np.clip((np.linalg.norm(r_A, axis=1) / self.shape.max_radius - first) / (last - first), 0.0, 1.0)
+        if not share.any():
+            return np.ascontiguousarray(near(r_A))
+        weight = share * share * (3.0 - 2.0 * share)
+        beyond, within = share > 0.0, share < 1.0  # neither is asked where it does not hold
+        outside = far(r_A[beyond])
+        field = np.zeros((len(r_A), *outside.shape[1:]))
+        field[beyond] = outside
+        field[within] = _mixed(near(r_A[within]), field[within], weight[within])
+        return field
 
     def _sums(self, r_A: Array) -> Array:
         shape = self.shape
@@ -92,6 +127,12 @@ class Polyhedron:
             positions(r_A), shape.vertices, shape.faces, shape.face_normals, self._edges, self._edge_dyads,
             GRAVITATIONAL_CONSTANT * self.density,
         )  # fmt: skip
+
+
+def _mixed(near: Array, far: Array, weight: Array) -> Array:
+    """Both in one, by the weight of the second, shape (n,), which may hold anything where that is zero."""
+    weight = weight.reshape(-1, *(1,) * (near.ndim - 1))
+    return np.where(weight > 0.0, near + weight * (far - near), near)
 
 
 def _edge_dyads(shape: ShapeModel) -> tuple[Ints, Array]:

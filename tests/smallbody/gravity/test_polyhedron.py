@@ -43,6 +43,49 @@ def eros():
     return Polyhedron(build_eros(8), gm=constants.EROS_GM)
 
 
+def attraction_of_points(r_A, half=HALF, gm=None, order=12):
+    """Attraction of the cuboid as point masses at Gauss-Legendre nodes: terms of one sign, so that nothing cancels far away."""
+    nodes, weights = np.polynomial.legendre.leggauss(order)
+    points = np.stack(np.meshgrid(nodes, nodes, nodes, indexing="ij"), axis=-1).reshape(-1, 3) * half
+    mass = np.einsum("i,j,k->ijk", weights, weights, weights).ravel() / 8.0
+    d = points - r_A[:, None]
+    return gm * np.einsum("p,npi->ni", mass, d / np.linalg.norm(d, axis=2, keepdims=True) ** 3)
+
+
+@pytest.mark.parametrize("distance", [4e3, 1e4, 1.9e4, 2.2e4, 2.6e4, 3.0e4, 1e5, 1e7, 1e10])
+def test_attraction_is_exact_from_near_to_as_far_as_anybody_flies(cuboid, distance):
+    rng = np.random.default_rng(1)
+    directions = rng.standard_normal((30, 3))
+    r_A = distance * directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    expected = attraction_of_points(r_A, gm=cuboid.gm)
+    error = np.linalg.norm(cuboid.acceleration(r_A) - expected, axis=1) / np.linalg.norm(expected, axis=1)
+    assert error.max() < 1e-9
+
+
+def test_far_attraction_is_that_of_a_point_at_the_centroid_of_thousands_of_faces():
+    eros = Polyhedron(build_eros(16), gm=constants.EROS_GM)
+    a, b, c = np.moveaxis(eros.shape.vertices[eros.shape.faces], 1, 0)
+    volumes = np.einsum("ij,ij->i", a, np.cross(b, c)) / 6.0
+    centroid = volumes @ (a + b + c) / 4.0 / volumes.sum()
+    r_A = 1e10 * np.array([[1.0, 0, 0], [0.6, -0.8, 0], [0.0, 0.28, 0.96]])
+    d = centroid - r_A
+    expected = eros.gm * d / np.linalg.norm(d, axis=1, keepdims=True) ** 3
+    assert np.linalg.norm(eros.acceleration(r_A) - expected, axis=1).max() < 1e-9 * np.linalg.norm(expected[0])
+
+
+def test_the_passage_to_the_far_field_is_smooth_in_potential_attraction_and_gradient(cuboid):
+    """Differences of the potential give the attraction, and those of the attraction its gradient, all the way through."""
+    radius, direction = cuboid.shape.max_radius, np.array([0.48, -0.6, 0.64])
+    for x in np.linspace(14.0, 26.0, 25):
+        r_A, h = x * radius * direction, 1e-3 * x * radius
+        steps = h * np.vstack((np.eye(3), -np.eye(3)))
+        potential, attraction = cuboid.potential(r_A + steps), cuboid.acceleration(r_A + steps)
+        slope = (potential[:3] - potential[3:]) / (2.0 * h)
+        assert np.allclose(slope, cuboid.acceleration(r_A[None])[0], rtol=1e-5, atol=0.0)
+        gradient = (attraction[:3] - attraction[3:]) / (2.0 * h)
+        assert np.allclose(gradient, cuboid.gradient(r_A[None])[0], rtol=1e-4, atol=1e-5 * np.abs(gradient).max())
+
+
 def log_of_sum(y, x, z, r):
     """ln(y + r) without cancellation for negative y; where y + r = 0 its factor in the sum is zero too."""
     conjugate = np.maximum(x * x + z * z, 1e-300) / (r + np.abs(y))
