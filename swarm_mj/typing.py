@@ -30,7 +30,7 @@ def kernel(function: Callable[..., Any]) -> Any:
     """
     from numba import njit
 
-    return njit(cache=True, nogil=True, error_model="numpy")(function)
+    return njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)(function)
 
 
 def jittable(function: _Function) -> _Function:

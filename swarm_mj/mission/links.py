@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.smallbody.occultation import Occluder, occluder_of, way_blocked
 from swarm_mj.smallbody.shape import ShapeModel
-from swarm_mj.typing import Array, Ints, Mask, kernel
+from swarm_mj.spacecraft.attitude.algebra import Vector, combine, cross, dot, scaled, times, vector
+from swarm_mj.typing import Array, Ints, Mask, jittable, kernel
 
 _SPACECRAFT, _EARTH = int(TargetKind.SPACECRAFT), int(TargetKind.EARTH)
 
@@ -117,48 +118,38 @@ def closed_links(
         Shape (n,).
     """
     closed = np.zeros(mode.shape[0], np.bool_)
-    axis = beams.hemispherical_boresight_B
+    boresight_B = beams.hemispherical_boresight_B
+    axis = (boresight_B[0], boresight_B[1], boresight_B[2])
     for j in range(mode.shape[0]):
+        start, dish = vector(r_N, j), (C_BN[j, 2, 0], C_BN[j, 2, 1], C_BN[j, 2, 2])
         if mode[j] == _SPACECRAFT:
             c = tracked[j]
-            way = r_N[c] - r_N[j]
-            heard = _within(way, C_BN[j, 2], beams.dish_half_angle)
-            boresight = axis[0] * C_BN[c, 0] + axis[1] * C_BN[c, 1] + axis[2] * C_BN[c, 2]
-            heard = heard and _within(-way, boresight, beams.hemispherical_half_angle)
+            end = vector(r_N, c)
+            way = combine(1.0, end, -1.0, start)
+            heard = _within(way, dish, beams.dish_half_angle)
+            boresight = times(C_BN[c].T, axis)
+            heard = heard and _within(scaled(-1.0, way), boresight, beams.hemispherical_half_angle)
             heard = heard and _length(way) <= beams.max_range
-            end = r_N[c]
         elif mode[j] == _EARTH:
-            way = earth_N - r_N[j]
-            heard = _within(way, C_BN[j, 2], beams.dish_half_angle)
+            way = (earth_N[0] - start[0], earth_N[1] - start[1], earth_N[2] - start[2])
+            heard = _within(way, dish, beams.dish_half_angle)
             # Beyond a few radii the body can hide nothing more; the full way to Earth would cost the test its precision.
-            end = r_N[j] + way * ((4.0 * body.max_radius + 2.0 * _length(r_N[j])) / _length(way))
+            end = combine(1.0, start, (4.0 * body.max_radius + 2.0 * _length(start)) / _length(way), way)
         else:
             continue
         if heard:
-            closed[j] = not way_blocked(_turned(C_AN, r_N[j]), _turned(C_AN, end), body)
+            closed[j] = not way_blocked(times(C_AN, start), times(C_AN, end), body)
     return closed
 
 
-@kernel
-def _within(direction: Array, axis: Array, half_angle: float) -> bool:
-    x = direction[1] * axis[2] - direction[2] * axis[1]
-    y = direction[2] * axis[0] - direction[0] * axis[2]
-    z = direction[0] * axis[1] - direction[1] * axis[0]
-    along = direction[0] * axis[0] + direction[1] * axis[1] + direction[2] * axis[2]
-    return atan2(sqrt(x * x + y * y + z * z), along) <= half_angle
+@jittable
+def _within(direction: Vector, axis: Vector, half_angle: float) -> bool:
+    return atan2(_length(cross(direction, axis)), dot(direction, axis)) <= half_angle
 
 
-@kernel
-def _length(v: Array) -> float:
-    return sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
-
-
-@kernel
-def _turned(C: Array, v: Array) -> Array:
-    out = np.empty(3)
-    for k in range(3):
-        out[k] = C[k, 0] * v[0] + C[k, 1] * v[1] + C[k, 2] * v[2]
-    return out
+@jittable
+def _length(v: Vector) -> float:
+    return sqrt(dot(v, v))
 
 
 def within(direction: Array, axis: Array, half_angle: float) -> Mask:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from math import sqrt
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from swarm_mj.smallbody.shape import ShapeModel
-from swarm_mj.typing import Array, Ints32, Mask, kernel
+from swarm_mj.typing import Array, Ints32, Mask, jittable, kernel
 
 #: Hits closer than this to a segment's ends do not count, relative to its length: a spacecraft does not hide itself.
 _END_MARGIN = 1e-9
@@ -36,7 +35,6 @@ def occluder_of(shape: ShapeModel) -> Occluder:
     return Occluder(shape.vertices, shape.faces, box, float(shape.max_radius))
 
 
-@kernel
 def segments_blocked(start_A: Array, end_A: Array, vertices: Array, faces: Ints32, radius: float) -> Mask:
     """Whether the body stands between the ends of segments.
 
@@ -50,16 +48,33 @@ def segments_blocked(start_A: Array, end_A: Array, vertices: Array, faces: Ints3
     Returns:
         Shape (m,), True where some face is hit strictly between the ends.
     """
-    blocked = np.zeros(start_A.shape[0], np.bool_)
-    for i in range(start_A.shape[0]):
-        if _distance_to_origin(start_A[i], end_A[i]) < radius:
-            blocked[i] = _hits_any(start_A[i], end_A[i] - start_A[i], vertices, faces)
+    blocked = _distance_to_origin(start_A, end_A) < radius
+    if blocked.any():  # else nothing need be compiled
+        blocked[blocked] = _hit(np.array(start_A[blocked]), np.array(end_A[blocked]), vertices, faces)
     return blocked
 
 
+def _distance_to_origin(a: Array, b: Array) -> Array:
+    """Least distance of segments from the origin, shape (m,) [m]."""
+    d = b - a
+    whole = np.einsum("ij,ij->i", d, d)
+    share = np.clip(-np.einsum("ij,ij->i", a, d) / np.where(whole > 0.0, whole, 1.0), 0.0, 1.0)
+    return np.asarray(np.linalg.norm(a + share[:, None] * d, axis=1))
+
+
 @kernel
-def way_blocked(start_A: Array, end_A: Array, body: Occluder) -> bool:
-    """The same for one segment; most miss the box around the mesh."""
+def _hit(start_A: Array, end_A: Array, vertices: Array, faces: Ints32) -> Mask:
+    hit = np.empty(start_A.shape[0], np.bool_)
+    for i in range(start_A.shape[0]):
+        start = (start_A[i, 0], start_A[i, 1], start_A[i, 2])
+        way = (end_A[i, 0] - start[0], end_A[i, 1] - start[1], end_A[i, 2] - start[2])
+        hit[i] = _hits_any(start, way, vertices, faces)
+    return hit
+
+
+@jittable
+def way_blocked(start_A: Any, end_A: Any, body: Occluder) -> bool:
+    """The same for one segment, in compiled code; most miss the box around the mesh."""
     box, first, last = body.box, 0.0, 1.0
     for k in range(3):
         step = end_A[k] - start_A[k]
@@ -69,20 +84,12 @@ def way_blocked(start_A: Array, end_A: Array, body: Occluder) -> bool:
             continue
         one, other = (box[0, k] - start_A[k]) / step, (box[1, k] - start_A[k]) / step
         first, last = max(first, min(one, other)), min(last, max(one, other))
-    return first <= last and _hits_any(start_A, end_A - start_A, body.vertices, body.faces)
+    way = (end_A[0] - start_A[0], end_A[1] - start_A[1], end_A[2] - start_A[2])
+    return first <= last and _hits_any(start_A, way, body.vertices, body.faces)
 
 
-@kernel
-def _distance_to_origin(a: Array, b: Array) -> float:
-    d = b - a
-    along, whole = -(a @ d), d @ d
-    share = 0.0 if along <= 0.0 else 1.0 if along >= whole else along / whole
-    p = a + share * d
-    return sqrt(p @ p)
-
-
-@kernel
-def _hits_any(o: Array, d: Array, vertices: Array, faces: Ints32) -> bool:
+@jittable
+def _hits_any(o: Any, d: Any, vertices: Array, faces: Ints32) -> bool:
     # Moeller and Trumbore (1997), both sides of every face.
     for f in range(faces.shape[0]):
         ax, ay, az = vertices[faces[f, 0], 0], vertices[faces[f, 0], 1], vertices[faces[f, 0], 2]

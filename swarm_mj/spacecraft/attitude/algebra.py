@@ -7,31 +7,31 @@ nothing is allocated. Quaternions are (w, x, y, z) with MuJoCo's meaning, v_N = 
 from math import sqrt
 from typing import Any, TypeAlias
 
-from swarm_mj.typing import Array, jittable, kernel
+from swarm_mj.typing import Array, jittable
 
 Vector: TypeAlias = tuple[float, float, float]
 Quaternion: TypeAlias = tuple[float, float, float, float]
 
 
-@kernel
+@jittable
 def vector(rows: Array, i: int) -> Vector:
     """Return row i of an array of shape (n, 3)."""
     return rows[i, 0], rows[i, 1], rows[i, 2]
 
 
-@kernel
+@jittable
 def quaternion(rows: Array, i: int) -> Quaternion:
     """Return row i of an array of shape (n, 4)."""
     return rows[i, 0], rows[i, 1], rows[i, 2], rows[i, 3]
 
 
-@kernel
+@jittable
 def put_vector(rows: Array, i: int, v: Vector) -> None:
     """Write row i of an array of shape (n, 3)."""
     rows[i, 0], rows[i, 1], rows[i, 2] = v
 
 
-@kernel
+@jittable
 def put_quaternion(rows: Array, i: int, q: Quaternion) -> None:
     """Write row i of an array of shape (n, 4)."""
     rows[i, 0], rows[i, 1], rows[i, 2], rows[i, 3] = q
@@ -43,19 +43,19 @@ def dot(a: Any, b: Any) -> Any:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@kernel
+@jittable
 def cross(a: Vector, b: Vector) -> Vector:
     """Return a x b."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-@kernel
+@jittable
 def scaled(p: float, a: Vector) -> Vector:
     """Return p a."""
     return p * a[0], p * a[1], p * a[2]
 
 
-@kernel
+@jittable
 def combine(p: float, a: Vector, r: float, b: Vector) -> Vector:
     """Return p a + r b."""
     return p * a[0] + r * b[0], p * a[1] + r * b[1], p * a[2] + r * b[2]
@@ -79,20 +79,20 @@ def relative_dcm(C_BN: Array, C_AN: Array, C_BA: Array) -> None:
             C_BA[i, k] = C_BN[i, 0] * C_AN[k, 0] + C_BN[i, 1] * C_AN[k, 1] + C_BN[i, 2] * C_AN[k, 2]
 
 
-@kernel
+@jittable
 def normalised(q: Quaternion) -> Quaternion:
     """Return the quaternion scaled to unit length."""
     scale = 1.0 / sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
     return scale * q[0], scale * q[1], scale * q[2], scale * q[3]
 
 
-@kernel
+@jittable
 def conjugate(q: Quaternion) -> Quaternion:
     """Return the quaternion of the opposite rotation."""
     return q[0], -q[1], -q[2], -q[3]
 
 
-@kernel
+@jittable
 def product(a: Quaternion, b: Quaternion) -> Quaternion:
     """Return Hamilton's product a b, which turns by b first and by a afterwards: R(a b) = R(a) R(b)."""
     return (
@@ -103,7 +103,7 @@ def product(a: Quaternion, b: Quaternion) -> Quaternion:
     )
 
 
-@kernel
+@jittable
 def rotate(q: Quaternion, v: Vector) -> Vector:
     """Return R(q) v: with q_BN, components in B to components in N."""
     axis = (q[1], q[2], q[3])
@@ -112,14 +112,14 @@ def rotate(q: Quaternion, v: Vector) -> Vector:
     return v[0] + 2.0 * (q[0] * t[0] + u[0]), v[1] + 2.0 * (q[0] * t[1] + u[1]), v[2] + 2.0 * (q[0] * t[2] + u[2])
 
 
-@kernel
+@jittable
 def z_axis(q: Quaternion) -> Vector:
     """Return R(q) (0, 0, 1): with q_BN, the direction of the body's +z axis in N."""
     w, x, y, z = q
     return 2.0 * (x * z + w * y), 2.0 * (y * z - w * x), (w * w - x * x) + (z * z - y * y)
 
 
-@kernel
+@jittable
 def short_mrp(q: Quaternion) -> Vector:
     """Return the MRP of a unit quaternion, of the set with |sigma| <= 1."""
     scale = 1.0 / (1.0 + q[0]) if q[0] >= 0.0 else -1.0 / (1.0 - q[0])

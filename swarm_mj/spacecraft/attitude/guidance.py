@@ -33,7 +33,7 @@ from swarm_mj.spacecraft.attitude.algebra import (
     vector,
     z_axis,
 )
-from swarm_mj.typing import Array, Mask, kernel
+from swarm_mj.typing import Array, Mask, jittable, kernel
 
 #: Bodies closer than this [m] have no line of sight: spacecraft leave the mothership from one point.
 COINCIDENCE_DISTANCE: Final = 1.0
@@ -139,7 +139,7 @@ def pointing_error(q_BN: Array, los_N: Array) -> Array:
     return angle
 
 
-@kernel
+@jittable
 def _shortest_to(los: Vector, q: Quaternion) -> Quaternion:
     """Return the attitude with +z on the line of sight that is closest to the unit quaternion q."""
     z = z_axis(q)
@@ -155,7 +155,7 @@ def _shortest_to(los: Vector, q: Quaternion) -> Quaternion:
     return normalised(product((dot(z, half), axis[0], axis[1], axis[2]), q))
 
 
-@kernel
+@jittable
 def _sight_rates(los: Vector, distance: float, rho_dot: Vector, rho_ddot: Vector) -> tuple[Vector, Vector]:
     """Return omega = l x rho_dot / r and its derivative l x l_ddot = (l x rho_ddot - 2 r_dot omega) / r."""
     omega = scaled(1.0 / distance, cross(los, rho_dot))

@@ -20,7 +20,8 @@ from numba.core.errors import NumbaError
 from numba.extending import intrinsic
 
 from swarm_mj.errors import PluginError
-from swarm_mj.typing import Array
+from swarm_mj.spacecraft.control.base import ControlInput
+from swarm_mj.typing import Array, kernel
 
 _numbers, _vectors, _tensors = (types.Array(types.float64, dimensions, "C") for dimensions in (1, 2, 3))
 _SIGNATURE = types.void(*[_vectors] * 6, *[_tensors] * 2, _numbers, _vectors)
@@ -98,6 +99,42 @@ def call_law(
 def address_of(law: CompiledLaw) -> int:
     """Address of the compiled function of a law; valid for the life of the process."""
     return int(compile_law(law.write_torque).address)
+
+
+def torque_by(law: CompiledLaw, inputs: ControlInput) -> Array:
+    """The torques of a law's compiled function, which flights and their decisions in Python so share, shape (n, 3) [N m]."""
+    torque_B = np.empty_like(inputs.sigma_BR)
+    _call(address_of(law), *(np.array(each, np.float64, order="C") for each in inputs[:8]), law.numbers, torque_B)
+    return torque_B
+
+
+@kernel
+def _call(
+    address: int,
+    sigma_BR: Array,
+    omega_BR_B: Array,
+    omega_BN_B: Array,
+    omega_RN_B: Array,
+    domega_RN_B: Array,
+    wheel_momentum_B: Array,
+    inertia_B: Array,
+    inertia_effective_B: Array,
+    numbers: Array,
+    torque_B: Array,
+) -> None:
+    call_law(
+        address,
+        sigma_BR,
+        omega_BR_B,
+        omega_BN_B,
+        omega_RN_B,
+        domega_RN_B,
+        wheel_momentum_B,
+        inertia_B,
+        inertia_effective_B,
+        numbers,
+        torque_B,
+    )
 
 
 def numbers_of(law: CompiledLaw) -> Array:

@@ -21,8 +21,8 @@ import numpy as np
 from swarm_mj.errors import ScenarioError
 from swarm_mj.spacecraft.attitude.algebra import combine, cross, put_vector, times, vector
 from swarm_mj.spacecraft.control.base import ControlInput, require_above
-from swarm_mj.spacecraft.control.compiled import CompiledLaw
-from swarm_mj.typing import Array, kernel
+from swarm_mj.spacecraft.control.compiled import CompiledLaw, torque_by
+from swarm_mj.typing import Array
 
 #: How a message gives the longest period: rounded up, a period that obeys it could still be refused.
 _DOWN = Context(prec=3, rounding=ROUND_DOWN)
@@ -89,8 +89,7 @@ class MrpFeedback:
                 f"rad/s and damping_ratio = {self.damping_ratio:g}: the loop would oscillate. Shorten the period below "
                 f"{longest:g} s or lower the frequency."
             )
-        torque_B = np.empty_like(inputs.sigma_BR)
-        write_torque(*inputs[:8], self._numbers, torque_B)
+        torque_B = torque_by(CompiledLaw(write_torque, self._numbers), inputs)
         if self.integral_gain == 0.0:
             return torque_B, None
         integral = inputs.period * inputs.sigma_BR + (0.0 if memory is None else memory)
@@ -108,7 +107,6 @@ class MrpFeedback:
         return np.array((self.attitude_gain, self.rate_gain))
 
 
-@kernel
 def write_torque(
     sigma_BR: Array,
     omega_BR_B: Array,

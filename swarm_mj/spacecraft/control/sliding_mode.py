@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from decimal import ROUND_DOWN, Context
 from functools import cached_property
 from math import inf, sqrt
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,8 +27,8 @@ from numpy.typing import ArrayLike
 from swarm_mj.errors import ScenarioError
 from swarm_mj.spacecraft.attitude.algebra import Vector, combine, cross, dot, put_vector, scaled, times, vector
 from swarm_mj.spacecraft.control.base import ControlInput, require_above
-from swarm_mj.spacecraft.control.compiled import CompiledLaw
-from swarm_mj.typing import Array, kernel
+from swarm_mj.spacecraft.control.compiled import CompiledLaw, torque_by
+from swarm_mj.typing import Array, jittable
 
 #: A loop whose torque is held over a period is unstable when its rate gain times the period reaches this value.
 _STABILITY_LIMIT = 2.0
@@ -86,7 +86,7 @@ class MrpSlidingMode:
         Raises:
             ScenarioError: The control period is too long for the boundary layer, so that the loop would oscillate.
         """
-        gain = _fastest_gain(inputs.inertia_effective_B, self._numbers)
+        gain = self._fastest_gain(inputs.inertia_effective_B)
         if gain * inputs.period >= _STABILITY_LIMIT:
             longest = float(_DOWN.create_decimal_from_float(_STABILITY_LIMIT / gain))
             raise ScenarioError(
@@ -94,9 +94,7 @@ class MrpSlidingMode:
                 f"the loop, with a rate gain of {gain:.3g} 1/s, would oscillate. Shorten the period below {longest:g} s, "
                 "widen the layer, or lower reaching_rate or disturbance_torque."
             )
-        torque_B = np.empty_like(inputs.sigma_BR)
-        write_torque(*inputs[:8], self._numbers, torque_B)
-        return torque_B, memory
+        return torque_by(self.compiled(), inputs), memory
 
     def compiled(self) -> CompiledLaw:
         """See `CompiledController`."""
@@ -109,6 +107,12 @@ class MrpSlidingMode:
         gains = (self.slope, limit, self.reaching_rate, self.layer, self.damping)
         return np.array((*gains, self.disturbance_torque, self.inertia_uncertainty))
 
+    def _fastest_gain(self, J_eff: Array) -> float:
+        """Largest gain from rate to acceleration of an axis at rest in its layer [1/s]."""
+        at_rest = _gain_at_rest(np.diagonal(J_eff, axis1=1, axis2=2), self._numbers)
+        decay = at_rest.max() / self.layer + self.damping + 0.25 * self.slope
+        return float((1.0 + self.inertia_uncertainty) * decay)
+
     def sliding_variable(self, sigma_BR: ArrayLike, omega_BR_B: ArrayLike) -> Array:
         """Return s [rad/s], shape (..., 3), of attitude errors (|sigma| <= 1) and rate errors [rad/s], (..., 3)."""
         sigma = np.asarray(sigma_BR, dtype=np.float64)
@@ -117,7 +121,6 @@ class MrpSlidingMode:
         return np.asarray(omega_BR_B, dtype=np.float64) + self.slope * sigma / np.sqrt(1.0 + steepness)
 
 
-@kernel
 def write_torque(
     sigma_BR: Array,
     omega_BR_B: Array,
@@ -149,26 +152,14 @@ def write_torque(
         put_vector(torque_B, i, combine(1.0, cross(omega, momentum), 1.0, inertial))
 
 
-@kernel
-def _gain_at_rest(J_eff: float, numbers: Array) -> float:
-    """Return the acceleration that drives s to its layer where nothing turns [rad/s^2]."""
+@jittable
+def _gain_at_rest(J_eff: Any, numbers: Array) -> Any:
+    """Return the acceleration that drives s to its layer where nothing turns [rad/s^2], of a number or of an array of them."""
     reaching_rate, disturbance, uncertainty = numbers[2], numbers[5], numbers[6]
-    return float((reaching_rate + (1.0 + uncertainty) * disturbance / J_eff) / (1.0 - uncertainty))
+    return (reaching_rate + (1.0 + uncertainty) * disturbance / J_eff) / (1.0 - uncertainty)
 
 
-@kernel
-def _fastest_gain(J_eff: Array, numbers: Array) -> float:
-    """Return the largest gain from rate to acceleration of an axis at rest in its layer [1/s]."""
-    slope, layer, damping, uncertainty = numbers[0], numbers[3], numbers[4], numbers[6]
-    fastest = 0.0
-    for i in range(J_eff.shape[0]):
-        for j in range(3):
-            at_rest = _gain_at_rest(J_eff[i, j, j], numbers)
-            fastest = max(fastest, (1.0 + uncertainty) * (at_rest / layer + damping + 0.25 * slope))
-    return fastest
-
-
-@kernel
+@jittable
 def _slew(sigma: Vector, omega_BR: Vector, slope: float, rate_limit: float) -> tuple[Vector, Vector]:
     """Return m(sigma) = slope sigma / sqrt(1 + (slope |sigma| / rate_limit)^2) [rad/s] and dm/dt [rad/s^2]."""
     square, along = dot(sigma, sigma), dot(sigma, omega_BR)
@@ -180,7 +171,7 @@ def _slew(sigma: Vector, omega_BR: Vector, slope: float, rate_limit: float) -> t
     return scaled(factor, sigma), combine(factor, sigma_dot, -bend, sigma)
 
 
-@kernel
+@jittable
 def _model_error(j: int, J: Array, J_eff: Array, omega: Vector, on_manifold: float, uncertainty: float) -> float:
     """Return how much of the commanded acceleration of axis j a wrong inertia can spoil [rad/s^2].
 
