@@ -18,6 +18,8 @@ ROOT = Path(__file__).parents[2]
 SOURCES = sorted([*ROOT.glob("swarm_mj/**/*.py"), *ROOT.glob("envs/**/*.py")])
 #: Modules that run what they read.
 DANGEROUS_MODULES = {"pickle", "cPickle", "dill", "cloudpickle", "joblib", "shelve", "marshal"}
+#: Modules that pickle, between a process and the children that it started itself, through pipes that nobody else holds.
+BETWEEN_OWN_PROCESSES = {"swarm_mj/results/drawing.py", "swarm_mj/results/figures/serve.py"}
 DANGEROUS_CALLS = {
     "eval",
     "exec",
@@ -51,11 +53,12 @@ def calls(tree):
 @pytest.mark.parametrize("path", SOURCES, ids=lambda path: str(path.relative_to(ROOT)))
 def test_no_module_reads_files_with_what_could_run_them(path):
     tree = ast.parse(path.read_text("utf-8"))
+    dangerous = DANGEROUS_MODULES - ({"pickle"} if str(path.relative_to(ROOT)) in BETWEEN_OWN_PROCESSES else set())
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
-            assert not DANGEROUS_MODULES & {alias.name.split(".")[0] for alias in node.names}
+            assert not dangerous & {alias.name.split(".")[0] for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
-            assert (node.module or "").split(".")[0] not in DANGEROUS_MODULES
+            assert (node.module or "").split(".")[0] not in dangerous
     for call in calls(tree):
         name, keywords = name_of(call.func), {keyword.arg: ast.unparse(keyword.value) for keyword in call.keywords}
         if name == "yaml.load":
