@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator
+from textwrap import wrap
 
 from swarm_mj.cli import main
 
@@ -28,13 +29,13 @@ def _commands(parser: argparse.ArgumentParser) -> Iterator[tuple[str, argparse.A
 
 
 def _command(name: str, command: argparse.ArgumentParser, words: str) -> str:
-    usage = " ".join(command.format_usage().removeprefix("usage: ").split())
+    usage = "\n    ".join(wrap(" ".join(command.format_usage().removeprefix("usage: ").split()), 88))
     rows = [
         _row(action) for action in command._actions if action.help is not argparse.SUPPRESS and action.dest != "help"
     ]
     table = "\n".join(["| argument | meaning |", "|---|---|", *rows]) if rows else ""
     description = command.description or words
-    return f"## swarm-mj {name}\n\n{_text(description)}\n\n```sh\n{usage}\n```\n\n{table}\n"
+    return f"## swarm-mj {name}\n\n{_text(description)}\n\n```text\n{usage}\n```\n\n{table}\n"
 
 
 def _row(action: argparse.Action) -> str:

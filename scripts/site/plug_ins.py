@@ -6,6 +6,8 @@ import inspect
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
+from griffe import Docstring
+
 from swarm_mj import plugins
 
 #: What stands about each group: the key that names a plug-in, and what it is given before its own parameters.
@@ -35,10 +37,27 @@ def _group(group: str, key: str, parameters: str, title: str) -> str:
 def _entry(entry: EntryPoint) -> str:
     thing = entry.load()
     place = f"{thing.__module__}.{thing.__qualname__}"
-    arguments = [a for a in inspect.signature(thing).parameters.values() if a.name not in GIVEN]
-    rows = [f"| `{a.name}` | {_default(a)} |" for a in arguments]
-    table = "\n".join(["| argument | default |", "|---|---|", *rows]) + "\n" if rows else "It takes no arguments.\n"
-    return f"### {entry.name}\n\n{inspect.getdoc(thing).splitlines()[0]} Reference: [`{place}`][{place}].\n\n{table}"
+    words = inspect.getdoc(thing) or ""
+    rows = [f"| `{name}` | {default} | {meaning} |" for name, default, meaning in arguments(thing)]
+    head = ["| argument | default | meaning |", "|---|---|---|"]
+    table = "\n".join([*head, *rows]) + "\n" if rows else "It takes no arguments.\n"
+    return f"### {entry.name}\n\n{words.splitlines()[0]} Reference: [`{place}`][{place}].\n\n{table}"
+
+
+def arguments(thing: Any) -> list[tuple[str, str, str]]:
+    """Name, default and meaning of every argument that a scenario may give to a plug-in."""
+    described = _described(inspect.getdoc(thing) or "")
+    given = [a for a in inspect.signature(thing).parameters.values() if a.name not in GIVEN]
+    return [(a.name, _default(a), described.get(a.name, "")) for a in given]
+
+
+def _described(docstring: str) -> dict[str, str]:
+    """What the sections on arguments and attributes of a docstring say, by name."""
+    sections = Docstring(docstring, parser="google").parsed
+    items = [
+        item for section in sections if section.kind.value in ("parameters", "attributes") for item in section.value
+    ]
+    return {item.name: " ".join(item.description.split()).replace("|", "\\|") for item in items}
 
 
 def _default(argument: Any) -> str:

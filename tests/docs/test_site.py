@@ -4,6 +4,7 @@ import os
 import re
 import subprocess
 import sys
+from functools import cache
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -40,11 +41,16 @@ class Fetched(HTMLParser):
             self.addresses += [given[key] for key in ("src", "href") if given.get(key)]
 
 
+@cache
+def read(path):
+    return Fetched(path)
+
+
 def test_pages_fetch_nothing_that_is_not_part_of_the_site(site):
     pages = sorted(site.rglob("*.html"))
     assert len(pages) > 40
     for page in pages:
-        for address in Fetched(page).addresses:
+        for address in read(page).addresses:
             if not address.startswith("data:"):
                 assert "//" not in address, f"{page}: {address}"
                 if page.name != "404.html":  # whose addresses count from the top of a server
@@ -63,7 +69,7 @@ def test_every_public_function_and_class_of_the_library_is_in_the_reference(site
     rooms = api.rooms()
     assert {"api", "smallbody", "simulator", "envs"} <= set(rooms)
     for room, modules in rooms.items():
-        anchors = Fetched(site / "reference" / "api" / f"{room}.html").anchors
+        anchors = read(site / "reference" / "api" / f"{room}.html").anchors
         for module in modules:
             for node in module.code.body:
                 name = getattr(node, "name", "_")

@@ -16,7 +16,12 @@ from swarm_mj.smallbody.shape import ShapeModel
 
 
 def point_mass(shape: ShapeModel, *, gm: float = constants.EROS_GM) -> PointMass:
-    """Point mass of gravitational parameter `gm` [m^3/s^2]."""
+    """Point mass at the centre of mass.
+
+    Args:
+        shape: Shape of the body; not used.
+        gm: Gravitational parameter [m^3/s^2].
+    """
     return PointMass(gm)
 
 
@@ -40,7 +45,16 @@ def spherical_harmonics(
 
 
 def polyhedron(shape: ShapeModel, *, gm: float | None = None, density_kg_m3: float | None = None) -> Polyhedron:
-    """Constant-density polyhedron of the shape; its mass from `gm` [m^3/s^2] (default: Eros) or the density."""
+    """Polyhedron of the shape with constant density.
+
+    Args:
+        shape: Shape of the body.
+        gm: Gravitational parameter [m^3/s^2]; None: that of Eros, or from the density.
+        density_kg_m3: Density instead of `gm` [kg/m^3].
+
+    Raises:
+        ScenarioError: Both are given.
+    """
     if density_kg_m3 is not None and gm is not None:
         raise ScenarioError(f"polyhedron: give gm = {gm!r} or density_kg_m3 = {density_kg_m3!r}, not both")
     if density_kg_m3 is not None:
