@@ -135,7 +135,7 @@ def flight_pictures(plan: Plan, telemetry: xr.Dataset) -> Iterator[Picture]:
     """All pictures of a flight, in order of time."""
     who, environment = watching_in(telemetry, plan.n_observers), plan.environment
     r_BN_N, C_BN = telemetry["r_BN_N"].values, dcm(telemetry["sigma_BN"].values)
-    for k in _picture_samples(plan.scenario, telemetry):
+    for k in picture_samples(plan.scenario, telemetry):
         t = float(telemetry["time"].values[k])
         yield from pictures(t, who[k], r_BN_N[k], C_BN[k], environment.C_AN(t), environment.sun.at(t))
 
@@ -143,7 +143,7 @@ def flight_pictures(plan: Plan, telemetry: xr.Dataset) -> Iterator[Picture]:
 def picture_count(plan: Plan, telemetry: xr.Dataset) -> int:
     """Number of pictures that `observe_flight` will judge."""
     who = watching_in(telemetry, plan.n_observers)
-    return int(who[_picture_samples(plan.scenario, telemetry)].sum())
+    return int(who[picture_samples(plan.scenario, telemetry)].sum())
 
 
 def watching_in(telemetry: xr.Dataset, n_observers: int) -> Mask:
@@ -157,7 +157,7 @@ def visit_sample(scenario: Scenario) -> int:
     return schedule_from(scenario, scenario.telemetry.interval_s).visit
 
 
-def _picture_samples(scenario: Scenario, telemetry: xr.Dataset) -> Ints:
+def picture_samples(scenario: Scenario, telemetry: xr.Dataset) -> Ints:
     """Samples at which pictures are taken during the whole passage."""
     schedule = replace(schedule_from(scenario, scenario.telemetry.interval_s), visit_only=False)
     return schedule.ticks(telemetry.sizes["time"] - 1)

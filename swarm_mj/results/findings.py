@@ -36,6 +36,7 @@ class Late(NamedTuple):
 def summary_findings(summary: dict[str, Any]) -> list[str]:
     """Remarks on what went wrong, pointing that had not settled and wheels at their limits, one sentence each."""
     found = [
+        *_pointing_findings(_at_the_visit(summary), "at the visit", "the visit came"),
         *_pointing_findings(_at_the_end(summary), "at the end", "the flight ended"),
         *_pointing_findings(_before_switches(summary), "before a switch", "targets were switched again"),
     ]
@@ -51,6 +52,11 @@ def spacecraft_findings(summary: dict[str, Any]) -> list[str]:
     """Why a flight was stepped by `mj_step`, and what of a spacecraft's file is not as one may think."""
     found = [f"stepped by mj_step: {note}"] if (note := summary.get("stepper_note")) else []
     return [*found, *(f"{summary['spacecraft_file']}: {note}" for note in summary.get("spacecraft_notes", ()))]
+
+
+def _at_the_visit(summary: dict[str, Any]) -> list[Late]:
+    found = summary.get("pointing_error_deg_visit", {}).items()
+    return [Late(name, error, inf) for name, error in found if error > SETTLED_DEG]
 
 
 def _at_the_end(summary: dict[str, Any]) -> list[Late]:

@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 
 from swarm_mj import __version__
-from swarm_mj.flight.observe import ObservationResult
+from swarm_mj.flight.observe import ObservationResult, picture_samples, visit_sample, watching_in
 from swarm_mj.flight.plan import Plan
 from swarm_mj.flight.spacecraft import notes_on
 from swarm_mj.results.target_dwell import held_s
@@ -76,6 +76,7 @@ def _pointed(plan: Plan, telemetry: xr.Dataset) -> dict[str, Any]:
     }
     return {
         "pointing_error_deg_final": _by_name(names, error_deg[-1], 9),
+        **_pointed_at_pictures(plan, telemetry, error_deg),
         "pointing_error_deg_before_switch": {
             name: max(switch["error_before_deg"] for switch in found) for name, found in switches.items() if found
         },
@@ -84,6 +85,21 @@ def _pointed(plan: Plan, telemetry: xr.Dataset) -> dict[str, Any]:
         "max_wheel_speed_fraction": _rounded(telemetry["wheel_speed_peak"].max() / limits.max_wheel_speed, 6),
         "max_wheel_torque_fraction": _rounded(telemetry["wheel_torque_peak"].max() / limits.max_wheel_torque, 6),
         "wheel_saturation_s": _by_name(names, telemetry["wheel_saturation_time"].values, 3),
+    }
+
+
+def _pointed_at_pictures(plan: Plan, telemetry: xr.Dataset, error_deg: Array) -> dict[str, Any]:
+    """Pointing errors of those that take pictures: at the visit, and in the middle of all their pictures."""
+    scenario, who = plan.scenario, watching_in(telemetry, plan.n_observers)
+    samples, visit = picture_samples(scenario, telemetry), visit_sample(scenario)
+    taken = {j: samples[who[samples, j]] for j in range(plan.n_observers)}
+    return {
+        "pointing_error_deg_visit": {
+            plan.names[j]: _rounded(error_deg[visit, j], 9) for j in np.flatnonzero(who[visit])
+        },
+        "pointing_error_deg_pictures_median": {
+            plan.names[j]: _rounded(np.median(error_deg[k, j]), 9) for j, k in taken.items() if len(k)
+        },
     }
 
 
