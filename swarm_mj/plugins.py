@@ -10,8 +10,10 @@ and a scenario then says `control: {controller: my_law, parameters: {...}}`.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Mapping
-from importlib.metadata import entry_points
+from functools import cache
+from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from traceback import extract_tb
 from typing import Any
@@ -30,7 +32,13 @@ MEMBERS = {CONTROLLERS: ("torque",), GRAVITY: ("acceleration",), BEHAVIORS: ("ta
 
 def names(group: str) -> list[str]:
     """Names of the plug-ins of a group, sorted."""
-    return sorted({entry.name for entry in entry_points(group=group)})
+    return sorted({entry.name for entry in _entries(group, tuple(sys.path))})
+
+
+@cache
+def _entries(group: str, path: tuple[str, ...]) -> tuple[EntryPoint, ...]:
+    """What is declared for a group by the packages in the folders where modules are looked for; reading all takes a while."""
+    return tuple(entry_points(group=group))
 
 
 def find(group: str, name: str) -> Callable[..., Any]:
@@ -39,7 +47,7 @@ def find(group: str, name: str) -> Callable[..., Any]:
     Raises:
         PluginError: The name is unknown, or its module cannot be imported.
     """
-    found = [entry for entry in entry_points(group=group) if entry.name == name]
+    found = [entry for entry in _entries(group, tuple(sys.path)) if entry.name == name]
     if not found:
         raise PluginError(f"{name!r}: unknown plug-in of {group}; available: {', '.join(names(group))}")
     try:

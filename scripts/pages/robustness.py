@@ -35,7 +35,8 @@ from swarm_mj.flight.observe import observe_flight
 from swarm_mj.flight.plan import make_plan
 from swarm_mj.io.atomic import write_text
 from swarm_mj.io.progress import progress_bars
-from swarm_mj.results.figures.style import GREY, TICK_PT, label, new_figure, save, tidy
+from swarm_mj.results.figures.style import TICK_PT, label, new_figure, save, tidy
+from swarm_mj.results.look import GREY
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.scenarios.schema_faults import Dispersions
 

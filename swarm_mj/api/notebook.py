@@ -6,10 +6,12 @@ import base64
 import io
 from collections.abc import Callable, Iterable
 from html import escape
-
-from matplotlib.figure import Figure
+from typing import TYPE_CHECKING
 
 from swarm_mj.errors import SwarmError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 #: Resolution of pictures in notebooks [dots per inch], and their largest width on the page [pixel].
 DPI, WIDTH_PX = 110, 760

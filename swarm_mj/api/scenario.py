@@ -10,7 +10,6 @@ import pandas as pd
 import yaml
 
 from swarm_mj.api.notebook import figure_html, rows_html
-from swarm_mj.envs.policy_behavior import policy_overrides
 from swarm_mj.flight.plan import Plan, make_plan
 from swarm_mj.io.atomic import atomic_file
 from swarm_mj.scenarios import schema
@@ -123,6 +122,8 @@ def load(
         asked += [f"design.reference={quoted(design)}", f"design.visiting_points={read_design(str(design))}"]
     scenario = load_scenario(source, asked)
     if policy is not None:
+        from swarm_mj.envs.policy_behavior import policy_overrides
+
         scenario = load_scenario(source, [*asked, *policy_overrides(policy, scenario)])
     return Scenario.of(scenario)
 

@@ -15,23 +15,8 @@ from matplotlib.figure import Figure
 from swarm_mj.campaigns.loading import Resolved
 from swarm_mj.campaigns.summary import SEED, by_scenario, column
 from swarm_mj.errors import OutputError
-from swarm_mj.results.figures.style import (
-    BLACK,
-    BLUE,
-    GREEN,
-    GREY,
-    ORANGE,
-    PURPLE,
-    SKY_BLUE,
-    SMALL_PT,
-    TICK_PT,
-    VERMILLION,
-    label,
-    new_figure,
-    plain,
-    save,
-    tidy,
-)
+from swarm_mj.results.figures.style import SMALL_PT, TICK_PT, label, new_figure, plain, save, tidy
+from swarm_mj.results.look import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY_BLUE, VERMILLION
 from swarm_mj.typing import Array
 
 T = TypeVar("T")

@@ -115,7 +115,8 @@ class _Process:
             [sys.executable, "-c", _SERVE.format(path=sys.path, workers=workers)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
-            env=os.environ | dict.fromkeys(ONE_THREAD, "1"),
+            # It opens no window, for which mujoco would get ready.
+            env=os.environ | dict.fromkeys(ONE_THREAD, "1") | {"MUJOCO_GL": "disable"},
             start_new_session=True,
         )
         assert self._process.stdin is not None and self._process.stdout is not None

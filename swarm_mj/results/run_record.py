@@ -17,7 +17,7 @@ from swarm_mj.flight.observe import ObservationResult
 from swarm_mj.flight.plan import Plan
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.observation.coverage import CoverageMap
-from swarm_mj.results.figures.modes import LOST, MODE_LOOKS, modes_shown, runs
+from swarm_mj.results.modes import LOST, MODE_LOOKS, modes_shown, runs
 from swarm_mj.scenarios.loading import parse_yaml, scenario_from
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.simulator.telemetry import read_telemetry

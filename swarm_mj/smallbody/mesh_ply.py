@@ -6,7 +6,6 @@ import re
 from pathlib import Path
 
 import numpy as np
-import trimesh
 
 from swarm_mj.errors import ShapeError
 from swarm_mj.typing import Array, Ints
@@ -23,6 +22,8 @@ def read_ply(path: Path) -> tuple[Array, Ints]:
     Raises:
         ShapeError: not PLY, cut short, or without a mesh.
     """
+    import trimesh  # takes as long to import as a body to be read, and few bodies come as PLY
+
     _check_header(path)
     try:
         mesh = trimesh.load_mesh(path, file_type="ply", process=False, skip_materials=True)

@@ -15,25 +15,19 @@ from matplotlib.patches import Circle
 from swarm_mj.flight.observe import ObservationResult, visit_sample
 from swarm_mj.flight.plan import Plan
 from swarm_mj.mission.target import TargetRegion
-from swarm_mj.results.figures.modes import LOST, MODE_LOOKS, Run, modes_shown, runs
 from swarm_mj.results.figures.panels import every, legend_below
 from swarm_mj.results.figures.scene import Scene, axis_tips, scene_from
 from swarm_mj.results.figures.style import (
-    BLACK,
-    GREY,
     HALO,
-    ORANGE,
     SMALL_PT,
     TICK_PT,
     VISIT_DASHES,
     caption,
-    instant,
     label,
     name_time,
     new_figure,
     show_time,
     tidy,
-    time_axis,
 )
 from swarm_mj.results.figures.view import (
     KM,
@@ -46,6 +40,8 @@ from swarm_mj.results.figures.view import (
     unit,
     visible_share,
 )
+from swarm_mj.results.look import BLACK, GREY, ORANGE, instant, time_axis
+from swarm_mj.results.modes import LOST, MODE_LOOKS, Run, modes_shown, runs
 from swarm_mj.typing import Array, Indices
 
 #: Corners of a path; a flyby bends little.

@@ -9,8 +9,9 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 from numpy.typing import NDArray
 
-from swarm_mj.results.figures.style import GREY, LABEL_PT, LIGHT_GREY, SMALL_PT
+from swarm_mj.results.figures.style import LABEL_PT, SMALL_PT
 from swarm_mj.results.figures.view import KM, View
+from swarm_mj.results.look import GREY, LIGHT_GREY
 from swarm_mj.typing import Array
 
 #: Ticks along the longest edge, about.

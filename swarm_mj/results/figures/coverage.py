@@ -13,22 +13,18 @@ from swarm_mj.flight.plan import Plan
 from swarm_mj.observation.coverage import CoverageMap
 from swarm_mj.results.figures.panels import every, legend_below
 from swarm_mj.results.figures.style import (
-    BLACK,
-    GREY,
     SMALL_PT,
     VISIT_DASHES,
     caption,
-    instant,
     label,
     name_time,
     new_figure,
     note_of_omission,
     show_time,
     shown_spacecraft,
-    spacecraft_colours,
     tidy,
-    time_axis,
 )
+from swarm_mj.results.look import BLACK, GREY, instant, spacecraft_colours, time_axis
 from swarm_mj.typing import Array, Indices
 
 CRITERION = {"passage": "whole passage", "visit": "instant of the visit only"}

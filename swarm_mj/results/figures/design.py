@@ -16,23 +16,8 @@ from matplotlib.transforms import Bbox
 
 from swarm_mj.designer.study import Study
 from swarm_mj.results.figures.cells import angles, draw_cells
-from swarm_mj.results.figures.style import (
-    BLACK,
-    BLUE,
-    GREEN,
-    GREY,
-    HALO,
-    ORANGE,
-    PURPLE,
-    SKY_BLUE,
-    TICK_PT,
-    VERMILLION,
-    label,
-    new_figure,
-    plain,
-    tidy,
-    write,
-)
+from swarm_mj.results.figures.style import HALO, TICK_PT, label, new_figure, plain, tidy, write
+from swarm_mj.results.look import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY_BLUE, VERMILLION
 
 #: Colour of a cell by how many of the chosen spacecraft see it; the last stands for all larger numbers.
 TIMES_SEEN = (ORANGE, SKY_BLUE, BLUE, "#00466E")

@@ -26,20 +26,9 @@ from swarm_mj.results.figures.maps import (
     whole_body,
 )
 from swarm_mj.results.figures.panels import legend_below
-from swarm_mj.results.figures.style import (
-    BLACK,
-    ORANGE,
-    SKY_BLUE,
-    SPACECRAFT,
-    caption,
-    instant,
-    new_figure,
-    note_of_omission,
-    shown_spacecraft,
-    spacecraft_colours,
-    time_axis,
-)
+from swarm_mj.results.figures.style import caption, new_figure, note_of_omission, shown_spacecraft
 from swarm_mj.results.figures.view import HIDING_DEPTH, depth_of, face_colours, tracer_of, unit
+from swarm_mj.results.look import BLACK, ORANGE, SKY_BLUE, SPACECRAFT, instant, spacecraft_colours, time_axis
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.typing import Array
 

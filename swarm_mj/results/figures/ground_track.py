@@ -26,19 +26,9 @@ from swarm_mj.results.figures.maps import (
 from swarm_mj.results.figures.numbering import number_beside
 from swarm_mj.results.figures.panels import legend_below
 from swarm_mj.results.figures.scene import scene_from
-from swarm_mj.results.figures.style import (
-    BLACK,
-    GREEN,
-    HALO,
-    ORANGE,
-    SPACECRAFT,
-    caption,
-    instant,
-    new_figure,
-    spacecraft_colours,
-    time_axis,
-)
+from swarm_mj.results.figures.style import HALO, caption, new_figure
 from swarm_mj.results.figures.view import face_colours, unit
+from swarm_mj.results.look import BLACK, GREEN, ORANGE, SPACECRAFT, instant, spacecraft_colours, time_axis
 from swarm_mj.typing import Array, Indices
 
 COLUMNS = 720

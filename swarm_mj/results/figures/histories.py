@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 from swarm_mj.flight.observe import ObservationResult
 from swarm_mj.flight.plan import Plan
 from swarm_mj.results.figures.panels import Panels, compose_panels, every
-from swarm_mj.results.figures.style import BLACK, BLUE, COMPONENTS, ORANGE, SKY_BLUE, VERMILLION, time_axis
+from swarm_mj.results.look import BLACK, BLUE, COMPONENTS, ORANGE, SKY_BLUE, VERMILLION, time_axis
 from swarm_mj.spacecraft.properties import RPM, SpacecraftProperties
 from swarm_mj.typing import Array
 

@@ -23,27 +23,20 @@ from swarm_mj.results.figures.cells import angles
 from swarm_mj.results.figures.panels import legend_below
 from swarm_mj.results.figures.scene import scene_from
 from swarm_mj.results.figures.style import (
-    BLACK,
-    GREY,
-    LIGHT_GREY,
     SMALL_PT,
-    SPACECRAFT,
     TICK_PT,
     VISIT_DASHES,
-    TimeAxis,
     caption,
-    instant,
     label,
     name_time,
     new_figure,
     note_of_omission,
     show_time,
     shown_spacecraft,
-    spacecraft_colours,
     tidy,
-    time_axis,
 )
 from swarm_mj.results.figures.view import triangles
+from swarm_mj.results.look import BLACK, GREY, LIGHT_GREY, SPACECRAFT, TimeAxis, instant, spacecraft_colours, time_axis
 from swarm_mj.typing import Array, Indices
 
 #: Instants in a history; the angles change slowly.

@@ -10,14 +10,11 @@ from matplotlib.patches import Patch
 
 from swarm_mj.flight.observe import ObservationResult
 from swarm_mj.flight.plan import Plan
-from swarm_mj.results.figures.modes import MODE_LOOKS, Run, has_room, intervals, mode_handles, name_mode, runs
+from swarm_mj.results.figures.modes import has_room, mode_handles, name_mode
 from swarm_mj.results.figures.panels import legend_below
 from swarm_mj.results.figures.style import (
-    BLACK,
-    BLUE,
     TICK_PT,
     VISIT_DASHES,
-    TimeAxis,
     name_time,
     new_figure,
     note_of_omission,
@@ -25,8 +22,9 @@ from swarm_mj.results.figures.style import (
     show_time,
     shown_spacecraft,
     tidy,
-    time_axis,
 )
+from swarm_mj.results.look import BLACK, BLUE, TimeAxis, time_axis
+from swarm_mj.results.modes import MODE_LOOKS, Run, intervals, runs
 from swarm_mj.typing import Indices
 
 #: Share of the flight's length that half a mode's name takes at most.

@@ -15,7 +15,8 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.results.figures.style import label, tidy
-from swarm_mj.results.figures.view import AMBIENT, depth_of, shade, tracer_of
+from swarm_mj.results.figures.view import depth_of, shade, tracer_of
+from swarm_mj.results.look import AMBIENT
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.typing import Array, Indices
 

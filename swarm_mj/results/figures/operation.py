@@ -18,28 +18,13 @@ from swarm_mj.flight.plan import Plan
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.results.figures.box import box_around, draw_box
 from swarm_mj.results.figures.cells import draw_cells
-from swarm_mj.results.figures.modes import LOST, MODE_LOOKS
 from swarm_mj.results.figures.numbering import number_beside
 from swarm_mj.results.figures.panels import legend_below
 from swarm_mj.results.figures.scene import FREE_AXIS, Scene, axis_tips, best_view, scene_from
-from swarm_mj.results.figures.style import (
-    BLACK,
-    BLUE,
-    GREY,
-    HALO,
-    ORANGE,
-    SKY_BLUE,
-    SMALL_PT,
-    TICK_PT,
-    VERMILLION,
-    caption,
-    instant,
-    label,
-    new_figure,
-    tidy,
-    time_axis,
-)
+from swarm_mj.results.figures.style import HALO, SMALL_PT, TICK_PT, caption, label, new_figure, tidy
 from swarm_mj.results.figures.view import View, draw_body, draw_line, draw_points, face_colours, straight, unit
+from swarm_mj.results.look import BLACK, BLUE, GREY, ORANGE, SKY_BLUE, VERMILLION, instant, time_axis
+from swarm_mj.results.modes import LOST, MODE_LOOKS
 from swarm_mj.typing import Array, Mask
 
 #: Corners of a trail; a flyby bends little.

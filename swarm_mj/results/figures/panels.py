@@ -26,8 +26,8 @@ from swarm_mj.results.figures.style import (
     show_time,
     shown_spacecraft,
     tidy,
-    time_axis,
 )
+from swarm_mj.results.look import time_axis
 
 #: Samples beyond this number differ by less than a pixel.
 MAX_SAMPLES = 20_000

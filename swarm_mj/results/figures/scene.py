@@ -13,8 +13,8 @@ from swarm_mj.flight.fly import asteroid_attitudes
 from swarm_mj.flight.plan import Plan
 from swarm_mj.mission.behaviors import TargetKind, looks_at_body
 from swarm_mj.mission.target import TargetRegion
-from swarm_mj.results.figures.modes import LOST, modes_shown
 from swarm_mj.results.figures.view import KM, View, first_hits, unit, views_of, visible_share
+from swarm_mj.results.modes import LOST, modes_shown
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.spacecraft.attitude.mrp import dcm
 from swarm_mj.typing import Array, Mask

@@ -24,8 +24,9 @@ from matplotlib.lines import Line2D
 from swarm_mj.results.figures import COMPOSERS, draw
 from swarm_mj.results.figures.numbering import name_beside
 from swarm_mj.results.figures.panels import legend_below
-from swarm_mj.results.figures.style import BLACK, caption, new_figure, write
+from swarm_mj.results.figures.style import caption, new_figure, write
 from swarm_mj.results.figures.view import tracer_of
+from swarm_mj.results.look import BLACK
 from swarm_mj.smallbody.shape import ShapeModel
 
 #: What takes longest is begun first, so that nobody waits for it in the end.

@@ -1,15 +1,10 @@
-"""The common look: colours, sizes, time axes, saving.
-
-Colours are those of Okabe and Ito (2008), which readers with any common colour blindness tell apart. Sizes hold when a
-picture is shown at half its size.
-"""
+"""The common look: sizes, time axes, saving; colours are in `results/look.py`. Sizes hold when a picture is shown at half."""
 
 from __future__ import annotations
 
 import os
 import threading
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from matplotlib import patheffects, rc_context
@@ -20,24 +15,8 @@ from matplotlib.ticker import MaxNLocator
 from PIL import Image
 
 from swarm_mj.flight.plan import Plan
+from swarm_mj.results.look import GREY, LIGHT_GREY, TimeAxis
 from swarm_mj.typing import Indices
-
-BLACK = "#000000"
-ORANGE = "#E69F00"
-SKY_BLUE = "#56B4E9"
-GREEN = "#009E73"
-BLUE = "#0072B2"
-VERMILLION = "#D55E00"
-PURPLE = "#CC79A7"
-GREY = "#8A8A8A"
-DARK_GREY = "#6B6B6B"
-LIGHT_GREY = "#DDDDDD"
-
-#: The three components of a vector, in order.
-COMPONENTS = (BLUE, ORANGE, GREEN)
-
-#: Colours of single spacecraft, as long as they can be told apart.
-SPACECRAFT = (BLUE, ORANGE, GREEN, VERMILLION, PURPLE, SKY_BLUE)
 
 DPI = 150
 #: Of what a PDF cannot hold as lines: shaded bodies and maps.
@@ -61,25 +40,6 @@ MAX_PANELS = 20
 
 #: All figures of a process share Matplotlib's parser of formulas, which is not made for threads.
 _RENDERING = threading.Lock()
-
-
-class TimeAxis(NamedTuple):
-    """Unit of a time axis: seconds per unit, and its name."""
-
-    seconds: float
-    unit: str
-
-
-def time_axis(duration_s: float) -> TimeAxis:
-    """The unit in which a flight's time reads best."""
-    if duration_s < 300.0:
-        return TimeAxis(1.0, "s")
-    return TimeAxis(60.0, "min") if duration_s < 4 * 3600.0 else TimeAxis(3600.0, "h")
-
-
-def instant(t: float, axis: TimeAxis) -> str:
-    """A time [s] in words, in the unit of an axis."""
-    return f"{t / axis.seconds:.4g} {axis.unit}"
 
 
 def new_figure(height_in: float, title: str, *, width_in: float = WIDTH_IN) -> Figure:
@@ -138,11 +98,6 @@ def shown_spacecraft(n: int, limit: int = MAX_PANELS) -> Indices:
 def note_of_omission(n: int, shown: Indices) -> str:
     """Words for the title when not all spacecraft are shown."""
     return "" if len(shown) == n else f" ({len(shown)} of {n} spacecraft shown)"
-
-
-def spacecraft_colours(n: int) -> list[str]:
-    """A colour for each of n spacecraft: their own while they can be told apart, else one for all."""
-    return list(SPACECRAFT[:n]) if n <= len(SPACECRAFT) else [BLUE] * n
 
 
 def role(plan: Plan, j: int) -> str:

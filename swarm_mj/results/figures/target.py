@@ -17,20 +17,9 @@ from swarm_mj.flight.plan import Plan
 from swarm_mj.results.figures.box import box_around, draw_box
 from swarm_mj.results.figures.cells import angles, draw_cells
 from swarm_mj.results.figures.panels import legend_below
-from swarm_mj.results.figures.style import (
-    BLACK,
-    HALO,
-    ORANGE,
-    SMALL_PT,
-    TICK_PT,
-    VERMILLION,
-    caption,
-    label,
-    new_figure,
-    plain,
-    tidy,
-)
+from swarm_mj.results.figures.style import HALO, SMALL_PT, TICK_PT, caption, label, new_figure, plain, tidy
 from swarm_mj.results.figures.view import draw_body, draw_line, draw_points, face_colours, views_of, visible_share
+from swarm_mj.results.look import BLACK, ORANGE, VERMILLION
 from swarm_mj.typing import Array
 
 #: More points than these are not numbered: the numbers would cover each other.

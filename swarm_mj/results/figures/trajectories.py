@@ -17,23 +17,17 @@ from swarm_mj.results.figures.operation import MAX_NUMBERED, TRAIL_POINTS
 from swarm_mj.results.figures.panels import legend_below
 from swarm_mj.results.figures.scene import Scene, best_view, scene_from
 from swarm_mj.results.figures.style import (
-    BLACK,
-    BLUE,
-    GREY,
-    ORANGE,
     SMALL_PT,
-    VERMILLION,
     caption,
-    instant,
     label,
     new_figure,
     note_of_omission,
     role,
     shown_spacecraft,
     tidy,
-    time_axis,
 )
 from swarm_mj.results.figures.view import draw_body, draw_line, draw_points, face_colours
+from swarm_mj.results.look import BLACK, BLUE, GREY, ORANGE, VERMILLION, instant, time_axis
 from swarm_mj.typing import Indices
 
 #: Misses below this are not told apart [mm].

@@ -19,14 +19,11 @@ from numpy.typing import NDArray
 
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.raytracing import RayTracer
+from swarm_mj.results.look import AMBIENT, GROUND
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.typing import Array, Indices, Mask
 
 KM = 1e3
-#: Colour of bare ground.
-GROUND = "#C9C4BC"
-#: Light that reaches faces turned away from the lamp.
-AMBIENT = 0.42
 #: Opacity of what lies behind the body.
 HIDDEN_ALPHA = 0.22
 #: Ground hidden by less than this share of the body's radius is not hidden: rays are traced in single precision.

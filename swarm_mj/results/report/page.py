@@ -24,8 +24,8 @@ from swarm_mj import __version__
 from swarm_mj.errors import OutputError
 from swarm_mj.io.atomic import write_text
 from swarm_mj.mission.behaviors import looks_at_body
-from swarm_mj.results.figures.modes import LOST, MODE_LOOKS
-from swarm_mj.results.figures.style import ORANGE, SKY_BLUE, time_axis
+from swarm_mj.results.look import ORANGE, SKY_BLUE, time_axis
+from swarm_mj.results.modes import LOST, MODE_LOOKS
 from swarm_mj.results.report import COMPARISON_NAME, REPORT_NAME
 from swarm_mj.results.report.compare import comparison_section
 from swarm_mj.results.report.markup import Content, Html, join, table, tag

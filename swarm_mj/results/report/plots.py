@@ -9,8 +9,8 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from swarm_mj.results.figures.modes import MODE_LOOKS
-from swarm_mj.results.figures.style import BLUE, GREY, SPACECRAFT, VERMILLION, TimeAxis, spacecraft_colours, time_axis
+from swarm_mj.results.look import BLUE, GREY, SPACECRAFT, VERMILLION, TimeAxis, spacecraft_colours, time_axis
+from swarm_mj.results.modes import MODE_LOOKS
 from swarm_mj.results.report.replay import Replay
 from swarm_mj.results.run_record import RunRecord
 from swarm_mj.spacecraft.properties import RPM

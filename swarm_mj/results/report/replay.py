@@ -17,7 +17,7 @@ from swarm_mj.flight.observe import watching_in
 from swarm_mj.mission.behaviors import TargetKind, looks_at_body
 from swarm_mj.observation.coverage import CoverageMap
 from swarm_mj.observation.raytracing import RayTracer
-from swarm_mj.results.figures.modes import LOST
+from swarm_mj.results.modes import LOST
 from swarm_mj.results.report.simplify import simplify
 from swarm_mj.results.run_record import RunRecord
 from swarm_mj.spacecraft.attitude.mrp import dcm

@@ -6,10 +6,8 @@ from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
-from matplotlib.colors import to_rgb
 
-from swarm_mj.results.figures.style import GREY, ORANGE, SKY_BLUE, time_axis
-from swarm_mj.results.figures.view import AMBIENT, GROUND
+from swarm_mj.results.look import AMBIENT, GREY, GROUND, ORANGE, SKY_BLUE, time_axis
 from swarm_mj.results.report.plots import INK
 from swarm_mj.results.report.replay import Replay
 from swarm_mj.results.run_record import RunRecord
@@ -133,7 +131,7 @@ def _two_ramps(below: str, above: str) -> list[list[Any]]:
 
 
 def _array(colour: str) -> Array:
-    return np.array(to_rgb(colour))
+    return np.array([int(colour[k : k + 2], 16) / 255.0 for k in (1, 3, 5)])
 
 
 def _rgb(colour: Array) -> str:

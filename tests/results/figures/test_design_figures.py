@@ -14,7 +14,7 @@ from swarm_mj.designer.pareto import ParetoFront
 from swarm_mj.designer.problem import CoverProblem
 from swarm_mj.designer.study import Study
 from swarm_mj.results.figures.design import COMPOSERS, draw_all
-from swarm_mj.results.figures.style import ORANGE, SKY_BLUE
+from swarm_mj.results.look import ORANGE, SKY_BLUE
 
 from .sheets import assert_labels_do_not_overlap, assert_nothing_is_cut_off
 

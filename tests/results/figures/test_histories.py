@@ -9,7 +9,7 @@ from swarm_mj.flight.plan import make_plan
 from swarm_mj.results.figures import COMPOSERS
 from swarm_mj.results.figures.coverage import percent_over_time
 from swarm_mj.results.figures.histories import angular_momenta_B
-from swarm_mj.results.figures.modes import intervals, runs
+from swarm_mj.results.modes import intervals, runs
 from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.spacecraft.attitude.mrp import dcm
 

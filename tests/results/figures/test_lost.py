@@ -8,8 +8,9 @@ from matplotlib.colors import to_hex
 
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.results.figures import COMPOSERS
-from swarm_mj.results.figures.modes import EVENT, LOST, MODE_LOOKS, events_of, modes_shown, runs
+from swarm_mj.results.figures.modes import EVENT
 from swarm_mj.results.figures.scene import axis_tips, scene_from
+from swarm_mj.results.modes import LOST, MODE_LOOKS, events_of, modes_shown, runs
 from swarm_mj.simulator.telemetry import MODES
 
 from .sheets import swarm_of

@@ -5,7 +5,8 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 
 from swarm_mj.results.figures import draw
-from swarm_mj.results.figures.style import instant, new_figure, save, shown_spacecraft, time_axis, write
+from swarm_mj.results.figures.style import new_figure, save, shown_spacecraft, write
+from swarm_mj.results.look import instant, time_axis
 
 
 def test_same_flight_gives_the_same_bytes_even_in_threads(flown, written, tmp_path):

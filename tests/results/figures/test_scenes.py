@@ -9,8 +9,8 @@ from swarm_mj.results.figures import COMPOSERS
 from swarm_mj.results.figures.behaviors import flight_plane
 from swarm_mj.results.figures.cells import angles
 from swarm_mj.results.figures.scene import axis_tips, best_view, scene_from
-from swarm_mj.results.figures.style import ORANGE, SKY_BLUE
 from swarm_mj.results.figures.target import geographic
+from swarm_mj.results.look import ORANGE, SKY_BLUE
 
 from .sheets import assert_nothing_is_cut_off, swarm_of, with_coverage
 

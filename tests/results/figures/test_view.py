@@ -5,8 +5,8 @@ import pytest
 from matplotlib.figure import Figure
 
 from swarm_mj.results.figures.box import box_around, draw_box
-from swarm_mj.results.figures.style import SKY_BLUE
 from swarm_mj.results.figures.view import View, draw_body, draw_line, face_colours, first_hits, shade, unit
+from swarm_mj.results.look import SKY_BLUE
 
 
 def test_view_is_a_rotation_with_z_upwards():

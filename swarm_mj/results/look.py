@@ -1,0 +1,54 @@
+"""Colours, light and units of time that figures and reports share; nothing here draws.
+
+Colours are those of Okabe and Ito (2008), which readers with any common colour blindness tell apart.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+BLACK = "#000000"
+ORANGE = "#E69F00"
+SKY_BLUE = "#56B4E9"
+GREEN = "#009E73"
+BLUE = "#0072B2"
+VERMILLION = "#D55E00"
+PURPLE = "#CC79A7"
+GREY = "#8A8A8A"
+DARK_GREY = "#6B6B6B"
+LIGHT_GREY = "#DDDDDD"
+
+#: The three components of a vector, in order.
+COMPONENTS = (BLUE, ORANGE, GREEN)
+
+#: Colours of single spacecraft, as long as they can be told apart.
+SPACECRAFT = (BLUE, ORANGE, GREEN, VERMILLION, PURPLE, SKY_BLUE)
+
+#: Colour of bare ground.
+GROUND = "#C9C4BC"
+#: Light that reaches faces turned away from the lamp.
+AMBIENT = 0.42
+
+
+class TimeAxis(NamedTuple):
+    """Unit of a time axis: seconds per unit, and its name."""
+
+    seconds: float
+    unit: str
+
+
+def time_axis(duration_s: float) -> TimeAxis:
+    """The unit in which a flight's time reads best."""
+    if duration_s < 300.0:
+        return TimeAxis(1.0, "s")
+    return TimeAxis(60.0, "min") if duration_s < 4 * 3600.0 else TimeAxis(3600.0, "h")
+
+
+def instant(t: float, axis: TimeAxis) -> str:
+    """A time [s] in words, in the unit of an axis."""
+    return f"{t / axis.seconds:.4g} {axis.unit}"
+
+
+def spacecraft_colours(n: int) -> list[str]:
+    """A colour for each of n spacecraft: their own while they can be told apart, else one for all."""
+    return list(SPACECRAFT[:n]) if n <= len(SPACECRAFT) else [BLUE] * n
