@@ -60,10 +60,10 @@ bench: setup ## measure how fast the program is on this machine
 	@$(BIN)/python -m benchmarks.basilisk
 
 docs: setup-dev ## build the site into site/: offline, warnings are errors
-	@$(BIN)/python -m mkdocs build --strict $(ARGS)
+	@NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict $(ARGS)
 
 docs-serve: setup-dev ## show the site while it is written, at http://127.0.0.1:8000
-	@$(BIN)/python -m mkdocs serve $(ARGS)
+	@NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs serve $(ARGS)
 
 images: setup-dev ## redraw the pictures that README and the site show
 	@$(BIN)/python -m scripts.pages.images

@@ -213,7 +213,7 @@ def _bounds(metadata: list[Any]) -> str:
 
 
 def _number(value: float) -> str:
-    return "2^63" if value == 2**63 else f"{value:,.10g}"
+    return "2^63" if value == 2**63 else f"{value:,.15g}"
 
 
 def _doc(model: type[BaseModel]) -> str:
