@@ -32,6 +32,11 @@ def executes() -> bool:
     return os.environ.get("SWARM_MJ_SITE_EXECUTE", "1") != "0"
 
 
+def on_startup(command: str, dirty: bool) -> None:
+    """Lay out the sources for the API reference: its plug-in passes over folders that are not there when it is configured."""
+    api.lay_out()
+
+
 def on_config(config: MkDocsConfig) -> None:
     """Lay out the sources for the API reference, and name its pages in the navigation."""
     api.lay_out()

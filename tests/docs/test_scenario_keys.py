@@ -38,7 +38,7 @@ def test_units_follow_the_names_of_the_keys():
         ("camera", "half_angle_deg", ("number", "deg", "`21.5`", "> 0, < 90")),
         ("observation", "observer", ("word", "", "`auto`", "`auto`, `faceid`, `raster`, `raycast`, `horizon`")),
         ("design", "visiting_points", ("list of whole numbers", "", "`[7, 25, 31, 34, 38]`", "at least 1, at most 100,000")),
-        ("spacecraft", "size_m", ("3 numbers", "m", "`[0.1, 0.1, 0.34]`", "≥ -1,000,000,000, ≤ 1,000,000,000")),
+        ("spacecraft", "size_m", ("3 numbers", "m", "`[0.1, 0.1, 0.34]`", "≥ -1,000,000,000,000, ≤ 1,000,000,000,000")),
         ("wheel_lost", "wheel", ("whole number or word", "", "required", "`all`, `any`, ≥ 1, ≤ 4")),
         ("", "seed", ("whole number", "", "`0`", "≥ 0, < 2^63")),
     ],
