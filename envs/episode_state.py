@@ -78,7 +78,7 @@ class EpisodeState:
         self.estimate = no_estimate(count, plan.n)
         self.observation = np.zeros((count, *task.observation_layout.space.shape), np.float32)
         self._all = np.ones(count, np.bool_)
-        self._rotation, self._pictures = task.body_rotation, task.picture_constants
+        self._rotation, self._bits_per_pixel = task.body_rotation, float(task.config.bits_per_pixel)
         self._radio, self._observations = task.radio_constants, task.observation_constants
 
     @property
@@ -134,7 +134,7 @@ class EpisodeState:
         now, totals = self._at_picture, self.totals
         if task.scene is not None and not task.criterion.needs_sun:
             doubt = np.zeros(takes.shape, np.bool_)
-            if not take_pictures(task.scene, self._pictures, now, totals, takes, area, doubt):
+            if not take_pictures(task.scene, self._bits_per_pixel, now, totals, takes, area, doubt):
                 return
             takes = doubt
         sun = task.plan.environment.sun
@@ -156,7 +156,7 @@ class EpisodeState:
         if gained > 0.0:
             limits = task.criterion.limits(task.observer.camera)
             pixels = pixels_on(limits, region.area[new], *sight(region, picture.r_A, new)).sum()
-            bits = float(pixels) * task.config.bits_per_pixel
+            bits = float(pixels) * self._bits_per_pixel
             record_cells(totals, e, picture.spacecraft, new, picture.t, gained, bits)
         return gained
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
+from swarm_mj.observation.horizon import sight_of
 from swarm_mj.observation.horizon_kernels import Scene, new_cells
 from swarm_mj.spacecraft.attitude.algebra import relative_dcm
 from swarm_mj.typing import Array, Mask, kernel
@@ -14,22 +13,10 @@ from .kinematics import Kinematics
 from .totals import EpisodeTotals, record_cells
 
 
-class PictureConstants(NamedTuple):
-    """What all pictures share besides the scene.
-
-    Attributes:
-        max_radius: Of the body's vertices [m]; inside that sphere the maps may hide what is in view.
-        bits_per_pixel: Data of a picture.
-    """
-
-    max_radius: float
-    bits_per_pixel: float
-
-
 @kernel
 def take_pictures(
     scene: Scene,
-    constants: PictureConstants,
+    bits_per_pixel: float,
     now: Kinematics,
     totals: EpisodeTotals,
     takes: Mask,
@@ -40,7 +27,7 @@ def take_pictures(
 
     Args:
         scene: Target, maps, camera and criterion.
-        constants: See `PictureConstants`.
+        bits_per_pixel: Data of a picture.
         now: At the instant of the pictures.
         totals: Written to.
         takes: Who takes a picture, shape (E, n).
@@ -50,19 +37,17 @@ def take_pictures(
     Returns:
         Whether there are such.
     """
-    any_doubt, radius = False, constants.max_radius
-    new, C_CA = np.empty(totals.seen.shape[1], np.bool_), np.empty((3, 3))
+    any_doubt, new, C_CA = False, np.empty(totals.seen.shape[1], np.bool_), np.empty((3, 3))
     for e in range(takes.shape[0]):
         for j in range(takes.shape[1]):
             doubt[e, j] = False
             if not takes[e, j]:
                 continue
-            r = now.r_A[e, j]
             relative_dcm(now.C_BN[e, j], now.C_AN[e], C_CA)
-            inside = r[0] * r[0] + r[1] * r[1] + r[2] * r[2] < radius * radius
-            gained, pixels, doubt[e, j] = new_cells(scene, r, C_CA, inside, totals.seen[e], new)
+            camera = sight_of(now.r_A[e, j], C_CA, scene.optics, scene.radius)
+            gained, pixels, doubt[e, j] = new_cells(scene, camera, totals.seen[e], new)
             any_doubt = any_doubt or doubt[e, j]
             if gained > 0.0:
-                record_cells(totals, e, j, new, now.t[e], gained, pixels * constants.bits_per_pixel)
+                record_cells(totals, e, j, new, now.t[e], gained, pixels * bits_per_pixel)
                 area[e] += gained
     return any_doubt

@@ -22,7 +22,6 @@ from .config import EnvConfig
 from .kinematics import BodyRotation
 from .observations import ObservationConstants, ObservationLayout
 from .patches import Patches, make_patches
-from .pictures import PictureConstants
 from .radio import RadioConstants
 from .rewards import HazardLimits, RewardConstants, RewardScales, checked_scales
 
@@ -89,11 +88,6 @@ class Task:
             phase0=float(environment.phase0),
             spin_rate=float(environment.spin_rate),
         )
-
-    @property
-    def picture_constants(self) -> PictureConstants:
-        """See `take_pictures`."""
-        return PictureConstants(float(self.plan.shape.max_radius), float(self.config.bits_per_pixel))
 
     @property
     def radio_constants(self) -> RadioConstants:

@@ -5,15 +5,17 @@ camera looks along the body's +z, and C is the body frame B. `C_CA` maps compone
 its rows are the camera's axes in A. Lengths are in metres.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from math import isfinite
-from typing import Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from swarm_mj.errors import MissionError
-from swarm_mj.typing import Array, Mask
+from swarm_mj.typing import Array, Mask, jittable
 
 FieldOfView = Literal["square", "cone"]
 
@@ -66,13 +68,34 @@ class CameraModel:
             return self.detector_ifov
         return 2.0 * self.tan_half_angle / self.resolution_px
 
+    @property
+    def optics(self) -> Optics:
+        """The field of view in numbers."""
+        return Optics(self.tan_half_angle, self.shape == "cone")
+
     def contains(self, points_C: Array) -> Mask:
         """Tell which points lie in the field of view, occlusion aside; `points_C` [m] has shape (..., 3)."""
-        x, y, z = np.moveaxis(points_C, -1, 0)
-        reach = z * self.tan_half_angle
-        if self.shape == "cone":
-            return (z > 0.0) & (np.hypot(x, y) <= reach)
-        return (z > 0.0) & (np.maximum(np.abs(x), np.abs(y)) <= reach)
+        return np.asarray(in_field_of_view(self.optics, *np.moveaxis(points_C, -1, 0)))
+
+
+class Optics(NamedTuple):
+    """A field of view in numbers.
+
+    Attributes:
+        tan_half_angle: Half the width of the picture at unit distance.
+        cone: Whether it is the cone inscribed in the square pyramid.
+    """
+
+    tan_half_angle: float
+    cone: bool
+
+
+@jittable
+def in_field_of_view(optics: Optics, x: Any, y: Any, z: Any) -> Any:
+    """Whether points given in the camera frame [m], numbers or arrays of them, lie in the field of view."""
+    reach = z * optics.tan_half_angle
+    within = x * x + y * y <= reach * reach if optics.cone else (abs(x) <= reach) & (abs(y) <= reach)
+    return (z > 0.0) & within
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,7 +1,7 @@
 """The constant-time observer: horizon maps, computed once per target and kept on disk, up to a bound.
 
 Seen from a point on the surface, the body hides the sky up to a horizon that depends on azimuth. Outside the body's bounding
-sphere whether a camera (or the Sun) sees the point is a matter of direction alone: it does where it stands above that horizon.
+sphere whether a camera sees the point is a matter of direction alone: it does where it stands above that horizon.
 A look-up then answers in a time that does not depend on the number of faces. Inside the sphere, where a flyby can pass, a rise
 beyond the camera must not count: what the map shows is seen for certain, what it hides is asked again with a ray.
 
@@ -13,15 +13,17 @@ that errors hide rather than show.
 from __future__ import annotations
 
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from swarm_mj.io.cache import cache_folder, hash_of, load_array, store_array
 from swarm_mj.mission.target import TargetRegion
-from swarm_mj.observation.camera import CameraModel, CameraPose, camera_pose
+from swarm_mj.observation.camera import CameraModel, CameraPose, Optics, camera_pose, in_field_of_view
 from swarm_mj.observation.raytracing import RayTracer
-from swarm_mj.observation.sampling import barycentric_samples
+from swarm_mj.observation.sampling import barycentric_samples, hits_own_face
+from swarm_mj.spacecraft.attitude.algebra import Vector, dot, vector
 from swarm_mj.typing import Array, Array32, Mask, kernel
 
 #: Azimuth bins of a map; the widest gap between two is 2.8 deg.
@@ -39,6 +41,8 @@ BATCH = 400_000
 MAX_CACHE_BYTES = 512 * 2**20
 #: Raise when the meaning of a stored map changes.
 MAP_VERSION = 1
+#: What a look at a sample point finds.
+OUTSIDE, BLOCKED, SHOWN = 0, 1, 2
 
 
 class HorizonMap:
@@ -59,9 +63,9 @@ class HorizonMap:
 
     def __init__(self, region: TargetRegion, *, samples: int = 16, tracer: RayTracer) -> None:
         self.region, self.tracer = region, tracer
-        self.points = barycentric_samples(samples) @ region.corners_A
+        self.points = np.ascontiguousarray(barycentric_samples(samples) @ region.corners_A)
         self.axes = _local_axes(region.normal_A)
-        self.sine = self._sine()
+        self.sine = np.ascontiguousarray(self._sine())
         self.highest = self.sine.max(axis=2)
 
     def _sine(self) -> Array32:
@@ -114,10 +118,15 @@ class HorizonMap:
             high[found & ~hit] = middle[found & ~hit]
         return np.where(found, np.sin(high), 0.0)
 
-    def open_to(self, direction_A: ArrayLike) -> Mask:
-        """Which sample points see a direction, such as the Sun's, shape (n, samples)."""
-        direction = np.asarray(direction_A, np.float64)
-        return _open_to(direction, self.axes, self.sine, self.highest)
+    @property
+    def samples(self) -> int:
+        """Sample points of a cell."""
+        return self.points.shape[1]
+
+    @property
+    def arrays(self) -> Horizon:
+        """For kernels."""
+        return Horizon(self.points, self.axes, self.sine, self.highest)
 
 
 class HorizonObserver:
@@ -146,26 +155,18 @@ class HorizonObserver:
     def visible_fraction(self, r_A: ArrayLike, C_CA: ArrayLike) -> Array:
         """Share of each cell in view, see `Observer.visible_fraction`."""
         pose, maps = camera_pose(r_A, C_CA), self.horizon
-        seen, doubtful = _look(
-            pose.r_A,
-            pose.C_CA,
-            self.camera.tan_half_angle,
-            self.camera.shape == "cone",
-            maps.points,
-            maps.axes,
-            maps.sine,
-            maps.highest,
-        )
-        if float(pose.r_A @ pose.r_A) < self.region.mesh.max_radius**2 and doubtful.any():
+        answer, share, inside = look(maps.arrays, pose.r_A, pose.C_CA, self.camera.optics, self.region.mesh.max_radius)
+        if not inside:
+            return np.asarray(share)
+        seen, doubtful = answer == SHOWN, answer == BLOCKED
+        if doubtful.any():
             seen[doubtful] = self._reached(pose, doubtful)
-        return seen.mean(axis=1)
+        return np.asarray(seen.mean(axis=1))
 
     def _reached(self, pose: CameraPose, doubtful: Mask) -> Mask:
         """Whether rays from the camera reach sample points that the map would hide."""
-        cell, _ = np.nonzero(doubtful)
         hit = self.tracer.first_hit(pose.r_A, self.horizon.points[doubtful] - pose.r_A)
-        parent = self.region.parent
-        return (hit >= 0) & (parent[hit] == parent[self.region.target[cell]])
+        return hits_own_face(self.region, hit, np.nonzero(doubtful)[0])
 
     def close(self) -> None:
         """Nothing to release."""
@@ -179,69 +180,114 @@ def _local_axes(normal_A: Array) -> Array:
     return np.ascontiguousarray(np.stack((first, np.cross(normal_A, first), normal_A), axis=1))
 
 
+class Horizon(NamedTuple):
+    """A `HorizonMap` for kernels; its attributes say what each member is."""
+
+    points: Array
+    axes: Array
+    sine: Array32
+    highest: Array32
+
+
+class Sight(NamedTuple):
+    """A camera at its place.
+
+    Attributes:
+        r_A: Position [m].
+        right: To the right in the picture, in A.
+        down: Down in the picture, in A.
+        ahead: Along the line of sight, in A.
+        optics: The field of view.
+        inside: Whether it is inside the body's bounding sphere, where the maps may hide what is in view.
+    """
+
+    r_A: Vector
+    right: Vector
+    down: Vector
+    ahead: Vector
+    optics: Optics
+    inside: bool
+
+
 @kernel
-def stands_clear(axes: Array, dx: float, dy: float, dz: float, z: float, sine: Array32, highest: float) -> bool:
+def sight_of(r_A: Array, C_CA: Array, optics: Optics, radius: float) -> Sight:
+    """A camera at `r_A` [m], shape (3,), turned by `C_CA`, shape (3, 3), by a body within `radius` of its centre [m]."""
+    r = (r_A[0], r_A[1], r_A[2])
+    return Sight(r, vector(C_CA, 0), vector(C_CA, 1), vector(C_CA, 2), optics, dot(r, r) < radius * radius)
+
+
+@kernel
+def look_at_cell(horizon: Horizon, camera: Sight, i: int, needed: int, answer: NDArray[np.int8]) -> tuple[int, int]:
+    """Look at the sample points of a cell one after another.
+
+    Args:
+        horizon: The maps.
+        camera: Who looks.
+        i: The cell.
+        needed: Stop when so many are in view, or can no longer be; -1: never.
+        answer: Receives `SHOWN`, `BLOCKED` by what the map holds, or `OUTSIDE` the picture, of the points looked at, shape
+            (samples,).
+
+    Returns:
+        How many are shown and how many are blocked.
+    """
+    points, axes, sine, highest = horizon
+    (x, y, z), samples, shown, blocked, possible = camera.r_A, points.shape[1], 0, 0, points.shape[1]
+    for s in range(samples):
+        way = (x - points[i, s, 0], y - points[i, s, 1], z - points[i, s, 2])
+        height = axes[i, 2, 0] * way[0] + axes[i, 2, 1] * way[1] + axes[i, 2, 2] * way[2]
+        u, v, w = dot(camera.right, way), dot(camera.down, way), dot(camera.ahead, way)
+        if height <= 0.0 or not in_field_of_view(camera.optics, -u, -v, -w):
+            answer[s] = OUTSIDE
+            possible -= 1
+        elif _stands_clear(axes[i], way, height, sine[i, s], highest[i, s]):
+            answer[s] = SHOWN
+            shown += 1
+        else:
+            answer[s] = BLOCKED
+            blocked += 1
+            possible -= 0 if camera.inside else 1
+        # Return, not break: Numba then counts no references to the arrays, which would take a tenth of the time.
+        if shown == needed or possible < needed:
+            return shown, blocked
+    return shown, blocked
+
+
+@kernel
+def _stands_clear(axes: Array, way: Vector, height: float, sine: Array32, highest: float) -> bool:
     """Whether a direction stands above a horizon; between two azimuths the higher one counts.
 
     Args:
         axes: Tangents and normal of the cell as rows, shape (3, 3).
-        dx: The direction in A, of any length, as are dy and dz.
-        dy: See dx.
-        dz: See dx.
-        z: Its component along the normal, above 0.
+        way: The direction in A, of any length.
+        height: Its component along the normal, above 0.
         sine: Sine of the horizon's elevation by azimuth, shape (azimuths + 1,).
         highest: The largest of those, which spares the azimuth where the direction stands higher.
     """
-    length = np.sqrt(dx * dx + dy * dy + dz * dz)
-    if z > highest * length:
+    length = np.sqrt(dot(way, way))
+    if height > highest * length:
         return True
-    x = axes[0, 0] * dx + axes[0, 1] * dy + axes[0, 2] * dz
-    y = axes[1, 0] * dx + axes[1, 1] * dy + axes[1, 2] * dz
+    x = axes[0, 0] * way[0] + axes[0, 1] * way[1] + axes[0, 2] * way[2]
+    y = axes[1, 0] * way[0] + axes[1, 1] * way[1] + axes[1, 2] * way[2]
     place = np.arctan2(y, x) / (2.0 * np.pi) * AZIMUTHS
     if place < 0.0:
         place += AZIMUTHS
     k = min(int(place), AZIMUTHS - 1)
-    return bool(z > max(sine[k], sine[k + 1]) * length)
+    return bool(height > max(sine[k], sine[k + 1]) * length)
 
 
 @kernel
-def _open_to(d: Array, axes: Array, sine: Array32, highest: Array32) -> Mask:
-    out = np.zeros(sine.shape[:2], np.bool_)
-    for i in range(sine.shape[0]):
-        z = axes[i, 2, 0] * d[0] + axes[i, 2, 1] * d[1] + axes[i, 2, 2] * d[2]
-        if z > 0.0:
-            for s in range(sine.shape[1]):
-                out[i, s] = stands_clear(axes[i], d[0], d[1], d[2], z, sine[i, s], highest[i, s])
-    return out
+def look(
+    horizon: Horizon, r_A: Array, C_CA: Array, optics: Optics, radius: float
+) -> tuple[NDArray[np.int8], Array, bool]:
+    """Look at all cells; see `sight_of` for the arguments.
 
-
-@kernel
-def _look(
-    r: Array,
-    C: Array,
-    tan: float,
-    cone: bool,
-    points: Array,
-    axes: Array,
-    sine: Array32,
-    highest: Array32,
-) -> tuple[Mask, Mask]:
-    """Which sample points are in view by the map, and which are in the field of view and face the camera but are hidden."""
-    seen = np.zeros(sine.shape[:2], np.bool_)
-    doubtful = np.zeros(sine.shape[:2], np.bool_)
-    for i in range(sine.shape[0]):
-        for s in range(sine.shape[1]):
-            dx, dy, dz = r[0] - points[i, s, 0], r[1] - points[i, s, 1], r[2] - points[i, s, 2]
-            z = axes[i, 2, 0] * dx + axes[i, 2, 1] * dy + axes[i, 2, 2] * dz
-            if z <= 0.0:
-                continue
-            u = -(C[0, 0] * dx + C[0, 1] * dy + C[0, 2] * dz)
-            v = -(C[1, 0] * dx + C[1, 1] * dy + C[1, 2] * dz)
-            reach = -tan * (C[2, 0] * dx + C[2, 1] * dy + C[2, 2] * dz)
-            if reach <= 0.0 or (u * u + v * v > reach * reach if cone else max(abs(u), abs(v)) > reach):
-                continue
-            if stands_clear(axes[i], dx, dy, dz, z, sine[i, s], highest[i, s]):
-                seen[i, s] = True
-            else:
-                doubtful[i, s] = True
-    return seen, doubtful
+    Returns:
+        What `look_at_cell` answers of every sample point, shape (n, samples), the share of each cell that is shown, shape (n,),
+        and whether the camera is `inside`.
+    """
+    camera, cells, samples = sight_of(r_A, C_CA, optics, radius), horizon.sine.shape[0], horizon.sine.shape[1]
+    answer, share = np.empty((cells, samples), np.int8), np.empty(cells)
+    for i in range(cells):
+        share[i] = look_at_cell(horizon, camera, i, -1, answer[i])[0] / samples
+    return answer, share, camera.inside

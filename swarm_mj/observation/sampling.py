@@ -5,14 +5,15 @@ share of area.
 """
 
 from functools import lru_cache
-from math import hypot, isqrt
+from math import isqrt
 
 import numpy as np
 
 from swarm_mj.errors import MissionError
 from swarm_mj.mission.target import TargetRegion
-from swarm_mj.observation.camera import CameraModel, CameraPose
+from swarm_mj.observation.camera import CameraModel, CameraPose, Optics, in_field_of_view
 from swarm_mj.observation.raytracing import RayTracer
+from swarm_mj.spacecraft.attitude.algebra import times, vector
 from swarm_mj.typing import Array, Indices, Mask, kernel
 
 
@@ -48,13 +49,16 @@ def sampled_fraction(
     own back: culling and clipping.
     """
     seen = cells[faces_camera(region, pose)[cells]]
-    weights, cone = barycentric_samples(samples), camera.shape == "cone"
-    C_CA, tan_half_angle = np.ascontiguousarray(pose.C_CA), camera.tan_half_angle
-    rays, of = _rays_in_view(weights, region.corners_A, seen, pose.r_A, C_CA, tan_half_angle, cone)
+    weights, C_CA = barycentric_samples(samples), np.ascontiguousarray(pose.C_CA)
+    rays, of = _rays_in_view(weights, region.corners_A, seen, pose.r_A, C_CA, camera.optics)
     if tracer is not None and len(of):
-        hit = tracer.first_hit(pose.r_A, rays)
-        of = of[(hit >= 0) & (region.parent[hit] == region.parent[region.target[of]])]
+        of = of[hits_own_face(region, tracer.first_hit(pose.r_A, rays), of)]
     return np.bincount(of, minlength=region.n_cells)[cells] / samples
+
+
+def hits_own_face(region: TargetRegion, hit: Indices, cells: Indices) -> Mask:
+    """Whether rays to these cells first hit, by `RayTracer.first_hit`, the original face that the cell is a part of."""
+    return np.asarray((hit >= 0) & (region.parent[hit] == region.parent[region.target[cells]]))
 
 
 def faces_camera(region: TargetRegion, pose: CameraPose) -> Mask:
@@ -75,13 +79,7 @@ def _turned_to(r_A: Array, centroid_A: Array, normal_A: Array) -> Mask:
 
 @kernel
 def _rays_in_view(
-    weights: Array,
-    corners_A: Array,
-    cells: Indices,
-    r_A: Array,
-    C_CA: Array,
-    tan_half_angle: float,
-    cone: bool,
+    weights: Array, corners_A: Array, cells: Indices, r_A: Array, C_CA: Array, optics: Optics
 ) -> tuple[Array, Indices]:
     """Rays [m] from the camera to those samples that `CameraModel.contains`, and the cell of each.
 
@@ -91,8 +89,7 @@ def _rays_in_view(
         cells: Those to sample.
         r_A: Camera position in A [m], shape (3,).
         C_CA: Rotation from A to C, shape (3, 3).
-        tan_half_angle: Half the width of the picture at unit distance.
-        cone: Whether the field of view is the cone inscribed in the square pyramid.
+        optics: The field of view.
     """
     most = len(cells) * len(weights)
     rays, of, count = np.empty((most, 3)), np.empty(most, np.intp), 0
@@ -103,11 +100,7 @@ def _rays_in_view(
                 point = a * corners_A[cell, 0, axis] + b * corners_A[cell, 1, axis] + c * corners_A[cell, 2, axis]
                 rays[count, axis] = point - r_A[axis]
             of[count] = cell
-            u, v, w = rays[count]
-            x = C_CA[0, 0] * u + C_CA[0, 1] * v + C_CA[0, 2] * w
-            y = C_CA[1, 0] * u + C_CA[1, 1] * v + C_CA[1, 2] * w
-            z = C_CA[2, 0] * u + C_CA[2, 1] * v + C_CA[2, 2] * w
-            off = hypot(x, y) if cone else max(abs(x), abs(y))
+            x, y, z = times(C_CA, vector(rays, count))
             # A sample that is out of view is overwritten by the next one.
-            count += z > 0.0 and off <= z * tan_half_angle
+            count += in_field_of_view(optics, x, y, z)
     return rays[:count], of[:count]

@@ -1,12 +1,11 @@
-"""Horizon maps: against exact polygons, against rays, inside the bounding sphere, and for the Sun."""
+"""Horizon maps: against exact polygons, against rays, inside the bounding sphere."""
 
 import numpy as np
 import pytest
 
 from swarm_mj.observation.camera import CameraModel, look_at
 from swarm_mj.observation.capture import ObservationCriterion, observe
-from swarm_mj.observation.horizon import HorizonObserver, _look
-from swarm_mj.observation.illumination import lit
+from swarm_mj.observation.horizon import SHOWN, HorizonObserver, look
 from swarm_mj.observation.observer import make_observer
 from swarm_mj.observation.raycast import RayCastObserver
 
@@ -58,8 +57,11 @@ def test_inside_the_bounding_sphere_a_rise_beyond_the_camera_does_not_count(obse
         pose = look_at(region.centroid_A[above] + altitude * region.normal_A[above], region.centroid_A[aim])
         ours, theirs = (o.visible_fraction(pose.r_A, pose.C_CA) for o in (observer, rays))
         differ += int((np.abs(ours - theirs) > 0.13).sum())
-        by_map, _ = _look(pose.r_A, pose.C_CA, observer.camera.tan_half_angle, False, observer.horizon.points,
-                          observer.horizon.axes, observer.horizon.sine, observer.horizon.highest)  # fmt: skip
+        answer, _, inside = look(
+            observer.horizon.arrays, pose.r_A, pose.C_CA, observer.camera.optics, region.mesh.max_radius
+        )
+        assert inside
+        by_map = answer == SHOWN
         saved += int((by_map.mean(axis=1) < ours).sum())
     assert differ < 0.02 * 25 * region.n_cells
     assert saved > 0
@@ -81,14 +83,6 @@ def test_the_plate_hides_the_ground_beneath_it():
     seen = HorizonObserver(region, CameraModel(half_angle_deg=60.0), samples=4).visible_fraction(pose.r_A, pose.C_CA)
     hidden = on_ground(region) @ (region.area * (1 - seen))
     assert hidden == pytest.approx((5 / 4) ** 2, rel=0.1)
-
-
-def test_the_sun_is_seen_where_rays_see_it(observer):
-    region, tracer = observer.region, observer.tracer
-    for sun in ([1.0, 0.6, 0.1], [-1.0, 0.4, 0.3], [0.2, 0.5, -1.0], [0.0, 1.0, 0.0]):
-        ours = lit(region, sun) & (observer.horizon.open_to(sun).mean(axis=1) >= 0.5)
-        theirs = lit(region, sun, tracer=tracer)
-        assert region.area[ours != theirs].sum() / region.total_area < 0.02
 
 
 def test_maps_are_kept_and_read_back(observer):

@@ -141,8 +141,12 @@ def narrower_compiled_picture():
 
 
 def wider_maps():
-    right = horizon._look
-    return horizon, "_look", lambda r, C, tan, *rest: right(r, C, 1.1 * tan, *rest)
+    right = horizon.look
+
+    def look(maps, r_A, C_CA, optics, radius):
+        return right(maps, r_A, C_CA, optics._replace(tan_half_angle=1.1 * optics.tan_half_angle), radius)
+
+    return horizon, "look", look
 
 
 def square_cone():
