@@ -10,7 +10,7 @@ from math import floor, sqrt
 import numpy as np
 
 from swarm_mj.observation.camera import CameraModel
-from swarm_mj.typing import Array, Ints32, Mask, kernel
+from swarm_mj.typing import Array, Ints32, Mask, jittable, kernel
 
 Boxes = Ints32
 
@@ -92,7 +92,7 @@ def _project(corners_C: Array, tan_half_angle: float) -> tuple[Array, Mask, Mask
     return corners, ahead, in_picture
 
 
-@kernel
+@jittable
 def _extent(corners: Array, i: int, axis: int) -> tuple[float, float]:
     a, b, c = corners[i, 0, axis], corners[i, 1, axis], corners[i, 2, axis]
     return min(a, b, c), max(a, b, c)
@@ -127,6 +127,6 @@ def _boxes(corners: Array, left: float, top: float, across: float, down: float, 
     return boxes
 
 
-@kernel
+@jittable
 def _inside(low: float, high: float, size: int) -> tuple[int, int]:
     return int(min(max(low, 0.0), float(size))), int(floor(max(min(high, size - 1.0), -1.0)))

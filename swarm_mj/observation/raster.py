@@ -17,7 +17,7 @@ from math import ceil, floor
 import numpy as np
 from numpy.typing import NDArray
 
-from swarm_mj.typing import Array, Array32, Ints, Ints32, kernel
+from swarm_mj.typing import Array, Array32, Ints, Ints32, jittable, kernel
 
 Depth = Array32
 Picture = NDArray[np.uint32]
@@ -80,7 +80,7 @@ def draw_faces(
         picture[row * size + row_span[row, 1] + 1 : (row + 1) * size] = 0
 
 
-@kernel
+@jittable
 def _to_pixels(vertices: Array, v: int, r_A: Array, m: Array) -> Corner:
     x, y, z = vertices[v, 0] - r_A[0], vertices[v, 1] - r_A[1], vertices[v, 2] - r_A[2]
     return (
@@ -90,25 +90,25 @@ def _to_pixels(vertices: Array, v: int, r_A: Array, m: Array) -> Corner:
     )
 
 
-@kernel
+@jittable
 def _corner(projected: Array, v: int) -> Corner:
     return projected[v, 0], projected[v, 1], projected[v, 2]
 
 
-@kernel
+@jittable
 def _twice_area(a: Corner, b: Corner, c: Corner) -> float:
     """Twice the area on the picture [px^2], positive when the outer side is seen."""
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
 
-@kernel
+@jittable
 def _rows(a: Corner, b: Corner, c: Corner, size: int) -> tuple[int, int]:
     """First and last row whose centre line crosses a triangle; the first is above the last when there is none."""
     low, high = max(min(a[1], b[1], c[1]), 0.0), min(max(a[1], b[1], c[1]), float(size))
     return int(ceil(min(low, float(size)) - 0.5)), int(floor(max(high, 0.0) - 0.5))
 
 
-@kernel
+@jittable
 def _choose(faces: Ints32, projected: Array, size: int, chosen: Ints32) -> int:
     """Write which triangles may have pixels, in their order, and return how many they are.
 
@@ -127,7 +127,7 @@ def _choose(faces: Ints32, projected: Array, size: int, chosen: Ints32) -> int:
     return n
 
 
-@kernel
+@jittable
 def _fill_beyond(
     vertices: Array,
     face: Ints32,
@@ -156,7 +156,7 @@ def _fill_beyond(
         _fill(_corner(cut, 0), _corner(cut, corner - 1), _corner(cut, corner), f, size, spans, depth, picture)
 
 
-@kernel
+@jittable
 def _fill(a: Corner, b: Corner, c: Corner, f: int, size: int, spans: Array, depth: Depth, picture: Picture) -> None:
     """Fill one triangle; `spans` is scratch for the first and last column of each row and 1/Z at the first."""
     (xa, ya, za), (xb, yb, zb), (xc, yc, zc) = a, b, c
@@ -193,7 +193,7 @@ def _fill(a: Corner, b: Corner, c: Corner, f: int, size: int, spans: Array, dept
             depth[start + k] = max(depth[start + k], nearness)
 
 
-@kernel
+@jittable
 def _edge(xa: float, ya: float, xb: float, yb: float) -> tuple[float, float, float]:
     """Where an edge bounds a row on the left and on the right, x + slope y; +-1e300: not at all."""
     up, down = yb > ya, yb < ya
@@ -212,18 +212,23 @@ def count_pixels(picture: Picture, numbers: Picture, boxes: Ints32, counts: Ints
         boxes: First column and row that a face may have pixels in, and last, within the picture, shape (n, 4).
         counts: Receives the number of pixels of each, shape (n,).
     """
-    size, pixels = picture.shape[1], picture.ravel()
+    size = picture.shape[1]
     in_column = np.zeros(size + LANES, np.int32)
     for i in range(numbers.shape[0]):
         # Whole groups of columns, which are counted side by side: a wider box holds no other pixel of the face.
         first, stop = boxes[i, 0] // LANES * LANES, min((boxes[i, 2] // LANES + 1) * LANES, size)
-        found = in_column[: max(stop - first, 0)]
-        found[:] = 0
+        # Unsigned, since indices that might be negative would each be tested for it.
+        start, width, number = np.uintp(first), np.uintp(max(stop - first, 0)), numbers[i]
+        for k in range(width):
+            in_column[k] = 0
         for row in range(boxes[i, 1], boxes[i, 3] + 1):
-            part = pixels[row * size + first : row * size + stop]
-            for k in range(part.shape[0]):
-                found[k] += np.int32(part[k] == numbers[i])
-        counts[i] = found.sum()
+            line = np.uintp(row)
+            for k in range(width):
+                in_column[k] += np.int32(picture[line, start + k] == number)
+        total = 0
+        for k in range(width):
+            total += in_column[k]
+        counts[i] = total
 
 
 @kernel

@@ -88,7 +88,7 @@ def way_blocked(start_A: Any, end_A: Any, body: Occluder) -> bool:
     return first <= last and _hits_any(start_A, way, body.vertices, body.faces)
 
 
-@jittable
+@kernel
 def _hits_any(o: Any, d: Any, vertices: Array, faces: Ints32) -> bool:
     # Moeller and Trumbore (1997), both sides of every face.
     for f in range(faces.shape[0]):
