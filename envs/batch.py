@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from swarm_mj.errors import SimulationError
 from swarm_mj.flight.fly import initial_state, make_simulation
+from swarm_mj.simulator.batch import Batch
 from swarm_mj.simulator.compiled_batch import CompiledBatch
 from swarm_mj.simulator.python_batch import PythonBatch
 from swarm_mj.spacecraft.control.base import Controller
@@ -36,7 +37,7 @@ class EpisodeBatch(EpisodeState):
         why_python: Why compiled code cannot fly them, so that Python does; empty where it can.
     """
 
-    flights: CompiledBatch | PythonBatch
+    flights: Batch
 
     def __init__(self, task: Task, count: int, *, continues_after_impact: bool = False) -> None:
         self._continues = continues_after_impact

@@ -27,7 +27,7 @@ from .totals import no_totals, record_cells
 
 
 class StateSource(Protocol):
-    """E flights as their episodes need to see them; `CompiledBatch` says what each member is."""
+    """E flights as their episodes need to see them; `Batch` says what each member is."""
 
     count: int
     period: float

@@ -262,13 +262,13 @@ class _ViewSource:
         self.tick[0] = round(view.t / self.period)
 
     def read(self, r: Array, v: Array, q: Array, omega: Array, wheel: Array) -> None:
-        """See `CompiledBatch`."""
+        """See `Batch`."""
         assert self.view is not None
         r[0], v[0], q[0] = self.view.r_BN_N, self.view.v_BN_N, self.view.q_BN
         omega[0], wheel[0] = self.view.omega_BN_B, self.view.wheel_speed
 
     def know(self, live: Mask, q: Array, omega: Array) -> Mask:
-        """See `CompiledBatch`: what is shown is taken for the truth."""
+        """See `Batch`: what is shown is taken for the truth."""
         return np.zeros(1, np.bool_)
 
 

@@ -88,10 +88,12 @@ class LoopState:
         q_RN: Reference attitudes, shape (n, 4).
         C_AN: Rotation from N to A at the decision, shape (3, 3).
         C_mid: The same at the middle of the hold, where forces are evaluated, shape (3, 3).
-        aim: Kind and spacecraft tracked of every spacecraft at the last decision, shape (2, n); -1: none yet.
+        earth_N: Position of Earth at the decision, shape (3,) [m].
+        last_kind: `TargetKind` values of the last decision, shape (n,); -1: none yet.
+        last_spacecraft: Spacecraft tracked at the last decision, shape (n,).
         restart: Whose target is another one than at the decision before, shape (n,).
         torque_B: What the control law asked of the wheels when compiled code or a diverging flight asked it, (n, 3) [N m].
-        peaks: Largest wheel speed [rad/s], largest motor torque [N m], holds in which a limit cut a torque, shape (n, 3).
+        peaks: Largest wheel speed and motor torque, and how often a limit cut one, see `Peak`, shape (n, 3).
         targets: What the behaviour answered last.
         inputs: What control laws are given, as views of `work`.
         motor_torque: Of the wheels in order, shape (n w,) [N m]; MuJoCo's own `ctrl` where that holds nothing else.
@@ -124,15 +126,18 @@ class LoopState:
         self.gradient_gm = _gm_of_field(environment) if gravity_gradient else 0.0
         self._allocate()
         self._derive_constants()
-        kind, spacecraft = self.flights.targets[0, :2]
-        self.targets = Targets(kind, spacecraft, self.flights.vector[0])  # none yet
+        f = self.flights
+        self.targets = Targets(f.kind[0], f.spacecraft[0], f.vector[0])  # none yet
 
     def _allocate(self) -> None:
         self.flights = f = allocate_flights(1, self.model.n)
-        self.qpos, self.qvel = f.qpos[0], f.qvel[0]
-        self.work, self.peaks, self.aim, self.torque_B = f.work[0], f.peaks[0], f.targets[0, 2:], f.torque_B[0]
-        self.q_BN, self.q_RN, self.C_AN, self.C_mid = f.q[0, 0], f.q[0, 1], f.C[0, 0], f.C[0, 1]
-        self.restart = np.zeros(self.model.n, np.bool_)
+        self.qpos, self.qvel, self.work, self.peaks, self.torque_B = (
+            array[0] for array in (f.qpos, f.qvel, f.work, f.peaks, f.torque_B)
+        )
+        self.q_BN, self.q_RN, self.C_AN, self.C_mid, self.earth_N = (
+            array[0] for array in (f.q_BN, f.q_RN, f.C_AN, f.C_mid, f.earth_N)
+        )
+        self.last_kind, self.last_spacecraft, self.restart = f.last_kind[0], f.last_spacecraft[0], f.restart[0]
         own = self.model.own is not None
         self.motor_torque = np.zeros(self.model.layout.ctrl.size) if own else self.data.ctrl
 
@@ -140,11 +145,11 @@ class LoopState:
         properties, environment, n = self.properties, self.environment, self.model.n
         self.hub = np.ascontiguousarray(self.model.hub_body, np.int64)
         self.wheel_axes_B = np.ascontiguousarray(properties.wheel_axes_B)
-        self.allocation = -np.linalg.pinv(properties.wheel_axes_B.T)
+        self.allocation = np.array(-np.linalg.pinv(properties.wheel_axes_B.T), np.float64, order="C")
         gain = 1.0 / properties.wheel_spin_inertia + (1.0 / np.diag(properties.inertia_effective_B)).max()
         self.speed_gain = self.period * float(gain)
         self.max_wheel_speed = (1.0 - SPEED_MARGIN) * properties.max_wheel_speed
-        self.spin_N, self.C_PN = environment.spin_N, np.ascontiguousarray(environment.C_PN)
+        self.spin_N, self.C_PN = environment.spin_N, np.array(environment.C_PN, order="C")
         self.q_P = _quaternion_of(self.C_PN)
         inertia_B = np.repeat(properties.inertia_B[None], n, axis=0)
         inertia_effective_B = np.repeat(properties.inertia_effective_B[None], n, axis=0)
@@ -180,15 +185,14 @@ class LoopState:
 
     def set_targets(self, targets: Targets) -> None:
         """Aim at other targets from the next decision on that compiled code makes."""
-        self.targets = targets
-        kind, index = self.flights.targets[0, :2]
-        kind[:], index[:], self.flights.vector[0] = targets
+        self.targets, f = targets, self.flights
+        f.kind[0], f.spacecraft[0], f.vector[0] = targets
 
     def reset(self, initial: InitialState) -> None:
         """Put the swarm at its start."""
         mujoco.mj_resetData(self.model.mjmodel, self.data)
         self.model.start(self.data, *initial.rows(self.properties.n_wheels))
-        self.tick, self.aim[:], self.peaks[:] = 0, -1, 0.0
+        self.tick, self.last_kind[:], self.last_spacecraft[:], self.peaks[:] = 0, -1, -1, 0.0
 
 
 def control_input(

@@ -68,35 +68,24 @@ def divergence(state: LoopState, controller: Controller) -> str:
 
 
 def _read_state(state: LoopState, controller: Controller, injection: FaultInjection | None) -> None:
-    """Read the state into the work arrays, and turn the body that is drawn."""
-    environment = state.environment
+    """Read the state into the work arrays, and turn the frames of the body."""
+    environment, half_hold, data = state.environment, 0.5 * state.period, state.data
     phase = environment.phase0 + environment.spin_rate * state.time
+    kernels.turn_frames(state.C_PN, phase, half_hold * environment.spin_rate, state.C_AN, state.C_mid)
+    kernels.write_body_quaternion(state.q_P, phase, data.mocap_quat[state.model.asteroid_mocap])
     if injection is not None:
         injection.rest(environment.C_AN(state.time))
-    if not _sense(state, phase, injection):
+    if not _read(state, half_hold, injection):
         if injection is None:
             raise SimulationError(divergence(state, controller))
         injection.diverged(state.time)
-        _sense(state, phase, injection)
-    kernels.turn_body(state.q_P, phase, state.data.mocap_quat[state.model.asteroid_mocap])
+        _read(state, half_hold, injection)
 
 
-def _sense(state: LoopState, phase: float, injection: FaultInjection | None) -> bool:
+def _read(state: LoopState, half_hold: float, injection: FaultInjection | None) -> bool:
     qpos, qvel = _rows_of_three_wheels(state, injection)
-    return kernels.sense(
-        qpos,
-        qvel,
-        state.C_PN,
-        phase,
-        0.5 * state.period * state.environment.spin_rate,
-        0.5 * state.period,
-        state.properties.wheel_spin_inertia,
-        state.wheel_axes_B,
-        state.work,
-        state.q_BN,
-        state.C_AN,
-        state.C_mid,
-    )
+    inertia, axes_B = state.properties.wheel_spin_inertia, state.wheel_axes_B
+    return kernels.read_state(qpos, qvel, state.C_mid, half_hold, inertia, axes_B, state.q_BN, state.work)
 
 
 def _rows_of_three_wheels(state: LoopState, injection: FaultInjection | None) -> tuple[Array, Array]:
@@ -123,34 +112,25 @@ def _hold_forces(state: LoopState, injection: FaultInjection | None) -> None:
         middle = state.time + 0.5 * state.period
         r_N = work[Slot.R_A] @ C_mid
         a_A = a_A + environment.perturbing_acceleration_N(middle, r_N) @ C_mid.T
-    kernels.push(a_A, C_mid, state.properties.mass, state.hub, forces, work)
+    kernels.hold_gravity(a_A, C_mid, state.properties.mass, state.hub, forces, work)
     if state.model.own is not None:
         multibody.weigh_bodies(state)
     if injection is not None:
         injection.weigh(forces)
     if state.gradient_gm > 0.0 and state.model.own is None:
         inertia_B = state.inputs.inertia_B if injection is None else injection.faults.inertia_B
-        kernels.push_gradient(state.q_BN, state.gradient_gm, inertia_B, C_mid, state.hub, forces, work)
+        kernels.hold_gravity_gradient(state.q_BN, state.gradient_gm, inertia_B, C_mid, state.hub, forces, work)
 
 
 def _guide(state: LoopState, q_known: Array) -> None:
-    targets, earth = state.targets, state.environment.earth
-    aimed = kernels.guide(
-        targets.kind,
-        targets.spacecraft,
-        targets.vector,
-        earth.at(state.time),
-        earth.velocity,
-        state.spin_N,
-        state.C_AN,
-        q_known,
-        state.aim,
-        state.restart,
-        state.q_RN,
-        state.work,
+    (kind, spacecraft, vector), restart, earth = state.targets, state.restart, state.environment.earth
+    if not kernels.mark_new_targets(kind, spacecraft, state.last_kind, state.last_spacecraft, restart):
+        raise PluginError(no_such_target(state.targets))
+    state.earth_N[:] = earth.at(state.time)
+    kernels.locate_targets(
+        kind, spacecraft, vector, state.earth_N, earth.velocity, state.spin_N, state.C_AN, state.work
     )
-    if not aimed:
-        raise PluginError(no_such_target(targets))
+    kernels.guide(q_known, restart, state.q_RN, state.work)
 
 
 def _torque(state: LoopState, law: ControllerCalls, injection: FaultInjection | None) -> Array:
@@ -167,13 +147,6 @@ def _torque(state: LoopState, law: ControllerCalls, injection: FaultInjection | 
 
 
 def _actuate(state: LoopState, torque_B: Array) -> None:
-    kernels.actuate(
-        torque_B,
-        state.allocation,
-        state.speed_gain,
-        state.properties.max_wheel_torque,
-        state.max_wheel_speed,
-        state.work,
-        state.motor_torque,
-        state.peaks,
-    )
+    gain, max_torque, max_speed = state.speed_gain, state.properties.max_wheel_torque, state.max_wheel_speed
+    ctrl, peaks = state.motor_torque, state.peaks
+    kernels.actuate(torque_B, state.allocation, gain, max_torque, max_speed, state.work, ctrl, peaks)

@@ -10,11 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarm_mj.errors import ScenarioError, SimulationError
-from swarm_mj.mission.behaviors import Targets
+from swarm_mj.mission.behaviors import TargetKind, Targets
 from swarm_mj.scenarios.schema import is_multiple
-from swarm_mj.simulator.fast import kernels
 from swarm_mj.simulator.fast.flight_kernels import NEVER
-from swarm_mj.simulator.fast.kernels import Slot
+from swarm_mj.simulator.fast.kernels import SAMPLED, Peak, Slot
 from swarm_mj.simulator.fault_injection import FaultInjection
 from swarm_mj.simulator.faults.impact import ImpactWatch
 from swarm_mj.simulator.faults.telemetry import FaultRecord
@@ -25,6 +24,9 @@ from swarm_mj.typing import Array
 
 Progress = Callable[[float], None]
 
+#: Columns of `Record.vectors` after those that are rows of the work array.
+_MOTOR_TORQUE, _LINE_OF_SIGHT = SAMPLED, SAMPLED + 1
+_LOS = int(Slot.LOS)  # NumPy takes twice as long for a member of an enumeration
 #: How often progress is told of in one flight.
 NEWS = 100
 
@@ -125,10 +127,12 @@ class Recorder:
             if row > 0:
                 self._loop.advance()
                 self._fly_on(self._stride - 1)
-            cut = state.peaks[:, 2].copy()
+            if row == len(record.time) - 1:
+                cut = state.peaks[:, Peak.CUT_HOLDS].copy()
             self._keep(row, self._decide())
-        state.peaks[:, 2] = cut  # the hold of the last decision is not flown
+        state.peaks[:, Peak.CUT_HOLDS] = cut  # the hold of the last decision is not flown
         record.peaks[:] = state.peaks * (1.0, 1.0, state.period)
+        record.aim[:, 1][record.aim[:, 0] != TargetKind.SPACECRAFT] = -1
         return record
 
     def _fly_on(self, periods: int) -> None:
@@ -177,18 +181,12 @@ class Recorder:
         if injection is not None and record.faults is not None:
             record.faults.keep(row, injection.faults, injection.wheel_speed, state.q_BN)
             ctrl = injection.motor
-        kernels.record(
-            row,
-            targets.kind,
-            targets.spacecraft,
-            state.q_BN,
-            state.q_RN,
-            ctrl,
-            state.work,
-            record.vectors,
-            record.attitude,
-            record.aim,
-        )
+        vectors, attitude, aim = record.vectors[row], record.attitude[row], record.aim[row]
+        vectors[:SAMPLED] = state.work[:SAMPLED]
+        vectors[_MOTOR_TORQUE] = ctrl.reshape(-1, 3)
+        vectors[_LINE_OF_SIGHT] = state.work[_LOS]
+        attitude[0], attitude[1] = state.q_BN, state.q_RN
+        aim[0], aim[1] = targets.kind, targets.spacecraft
 
 
 def sample_times(duration: float, interval: float) -> Array:

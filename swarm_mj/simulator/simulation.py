@@ -90,6 +90,7 @@ class Simulation:
         self._behaviors, self._law = BehaviorCalls([behavior], control_period), ControllerCalls(controller)
         self._compiled = compiled
         self._world: World | None = None
+        self._until = np.zeros(1, np.int64)
 
     @property
     def model(self) -> SwarmModel:
@@ -268,14 +269,15 @@ class Simulation:
 
     def _fly(self, compiled_world: World, part: int, until: int) -> None:
         """Let compiled code do what it is asked to, see `flight_kernels.fly`."""
-        state, swarms = self.state, self._integrator.swarms
-        answer = flight_kernels.fly(
-            compiled_world, state.flights, swarms, state.timesteps, part, _EVERY_FLIGHT, np.array([until])
+        state, batch = self.state, self._integrator.batch
+        self._until[0] = until
+        outcome = flight_kernels.fly(
+            compiled_world, state.flights, batch, state.timesteps, part, _EVERY_FLIGHT, self._until
         )
         state.data.time = state.time
-        if answer == NO_SUCH_TARGET:
+        if outcome == NO_SUCH_TARGET:
             raise PluginError(no_such_target(state.targets))
-        if answer == NOT_FINITE:
+        if outcome == NOT_FINITE:
             raise SimulationError(self._divergence())
 
     def run(self, duration: float, interval: float, progress: Progress | None = None) -> Record:

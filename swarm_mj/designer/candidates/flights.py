@@ -19,7 +19,7 @@ from swarm_mj.mission.trajectories import propagate
 from swarm_mj.observation.capture import camera_poses, watching
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.simulator.recorder import sample_times
-from swarm_mj.spacecraft.attitude.guidance import track_line_of_sight
+from swarm_mj.spacecraft.attitude.guidance import LineOfSight, Reference, track_line_of_sight
 from swarm_mj.spacecraft.attitude.mrp import dcm, mrp_from_quaternion
 from swarm_mj.typing import Array, Mask
 
@@ -103,7 +103,7 @@ def _commanded(plan: Plan, times: Array, r_N: Array, v_N: Array) -> tuple[Mask, 
     base = q_RN.copy()
     observing = np.zeros((len(times), n), dtype=np.bool_)
     r_A, C_CA = np.empty((len(times), n, 3)), np.empty((len(times), n, 3, 3))
-    memory, zero, los = None, np.zeros((n, 3)), np.empty((n, 3))
+    memory, zero, reference = None, np.zeros((n, 3)), Reference(q_RN, *(np.empty((n, 3)) for _ in range(3)))
     for k, t in enumerate(times):
         C_AN = plan.environment.C_AN(t)
         targets, memory = plan.behavior.targets(SwarmView(float(t), r_N[k], v_N[k], C_AN), memory)
@@ -111,6 +111,6 @@ def _commanded(plan: Plan, times: Array, r_N: Array, v_N: Array) -> tuple[Mask, 
         observing[k] = watching(plan.n_observers, targets.kind)
         # Where nothing is observed the attitude does not matter; the body's centre serves.
         rho = -r_N[k] + np.where(surface[:, None], targets.vector @ C_AN, 0.0)
-        track_line_of_sight(rho, zero, zero, base, np.full(n, k == 0), q_RN, zero.copy(), zero.copy(), los)
+        track_line_of_sight(LineOfSight(rho, zero, zero), base, np.full(n, k == 0), reference)
         r_A[k], C_CA[k] = camera_poses(r_N[k], dcm(mrp_from_quaternion(q_RN)), C_AN)
     return observing, r_A, C_CA

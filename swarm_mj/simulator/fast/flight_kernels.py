@@ -1,115 +1,155 @@
-"""Whole flights in compiled code: decisions by the same kernels as `Simulation`'s, and MuJoCo stepping in between.
+"""Whole flights in compiled code: decisions by the same kernels as the Python loop's, and MuJoCo stepping in between.
 
 Nothing here depends on how many flights are flown, so that each comes out bit for bit as if it flew alone.
 """
 
 from __future__ import annotations
 
-from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
 
-from swarm_mj.simulator.fast.integrator import integrate, lay_out
-from swarm_mj.simulator.fast.kernels import Slot, actuate, guide, push, sense, turn_body
+from swarm_mj.simulator.fast.integrator import copy_state, integrate
+from swarm_mj.simulator.fast.kernels import (
+    Slot,
+    actuate,
+    guide,
+    hold_gravity,
+    locate_targets,
+    mark_new_targets,
+    read_state,
+    turn_frames,
+    write_body_quaternion,
+)
 from swarm_mj.simulator.fast.mj_memory import MjBatch, MjView, mj_view
 from swarm_mj.smallbody.gravity.spherical_harmonics import write_series
 from swarm_mj.spacecraft.control.compiled import call_law
 from swarm_mj.spacecraft.model import NQ, NV
-from swarm_mj.typing import Array, Ints, Mask, kernel
-
-_R_A, _RHO, _MOMENTUM, _OMEGA = int(Slot.R_A), int(Slot.RHO), int(Slot.MOMENTUM), int(Slot.OMEGA)
-_SIGMA_BR, _OMEGA_BR = int(Slot.SIGMA_BR), int(Slot.OMEGA_BR)
-_OMEGA_R_B, _DOMEGA_R_B = int(Slot.OMEGA_R_B), int(Slot.DOMEGA_R_B)
+from swarm_mj.typing import Array, Ints, Mask, inlined, kernel
 
 
 class World(NamedTuple):
-    """What all flights share and nothing changes; few arrays, because each one costs a call a tenth of a microsecond.
+    """What all flights of a swarm share and nothing changes.
 
     Attributes:
-        law: Address of the compiled control law; 0 where torques are held.
+        period: Time between two decisions [s].
+        mass: Of one spacecraft [kg].
         hub: Body ids of the hubs, shape (n,).
-        numbers: See `Number`; the law's own follow.
-        frames: C_PN, wheel axes (rows in B), allocation (body to motor torques), and as rows spin_N [rad/s], position [m] and
-            velocity [m/s] of Earth in N at the epoch, shape (4, 3, 3).
-        inertia: Inertia and effective inertia, shape (2, n, 3, 3) [kg m^2].
-        table: See `recursion_table`.
-        series: Coefficients of the gravity field.
+        inertia_B: Of every spacecraft, wheels locked, shape (n, 3, 3) [kg m^2].
+        inertia_effective_B: The same less the wheels' axial inertia, shape (n, 3, 3) [kg m^2].
+        phase0: Prime meridian angle at the epoch [rad].
+        spin_rate: Of the body [rad/s].
+        spin_N: Its angular velocity in N, shape (3,) [rad/s].
+        C_PN: Rotation from N to the pole frame, shape (3, 3).
+        q_P: Attitude of the pole frame as MuJoCo's quaternion, shape (4,).
+        earth_N: Position of Earth relative to the body in N at the epoch, shape (3,) [m].
+        earth_velocity_N: Its velocity, shape (3,) [m/s].
+        gravity_radius: Reference radius of the gravity field [m].
+        gravity_recursion: See `recursion_table`.
+        gravity_series: Coefficients of its acceleration, see `SphericalHarmonics`.
+        wheel_inertia: Spin inertia of a wheel [kg m^2].
+        wheel_axes_B: Rows, shape (3, 3).
+        allocation: From a torque on the body to motor torques, see `actuate`, shape (3, 3).
+        speed_gain: See `actuate` [rad/s per N m].
+        max_torque: Of a motor [N m].
+        max_speed: Of a wheel [rad/s].
+        law: Address of the compiled control law; 0 where torques are held.
+        law_numbers: The law's parameters.
     """
 
-    law: int
+    period: float
+    mass: float
     hub: Ints
-    numbers: Array
-    frames: Array
-    inertia: Array
-    table: Array
-    series: Array
-
-
-class Number(IntEnum):
-    """Places in `World.numbers`."""
-
-    PHASE0 = 0  #: prime meridian angle at the epoch [rad]
-    SPIN_RATE = 1  #: [rad/s]
-    PERIOD = 2  #: time between two decisions [s]
-    MASS = 3  #: of one spacecraft [kg]
-    WHEEL_INERTIA = 4  #: spin inertia [kg m^2]
-    SPEED_GAIN = 5  #: see `actuate`
-    MAX_TORQUE = 6  #: [N m]
-    MAX_SPEED = 7  #: [rad/s]
-    RADIUS = 8  #: reference radius of the gravity field [m]
-    Q_P = 9  #: pole frame as MuJoCo's quaternion, 4 numbers
-    LAW = 13  #: as many as the law has
+    inertia_B: Array
+    inertia_effective_B: Array
+    phase0: float
+    spin_rate: float
+    spin_N: Array
+    C_PN: Array
+    q_P: Array
+    earth_N: Array
+    earth_velocity_N: Array
+    gravity_radius: float
+    gravity_recursion: Array
+    gravity_series: Array
+    wheel_inertia: float
+    wheel_axes_B: Array
+    allocation: Array
+    speed_gain: float
+    max_torque: float
+    max_speed: float
+    law: int
+    law_numbers: Array
 
 
 class Flights(NamedTuple):
     """What changes, for E flights of n spacecraft.
 
     Attributes:
-        qpos: Positions, attitudes and wheel angles, shape (E, 10 n).
-        qvel: Velocities in N, body rates and wheel speeds, shape (E, 9 n).
         tick: Control periods flown, shape (E,).
         finite: False from the instant at which a number of the state or a torque was not, shape (E,).
-        targets: Kind (`TargetKind`) and spacecraft to follow, now and at the previous decision, shape (E, 4, n).
+        effort: Sum of the squares of the motor torques decided so far, shape (E,) [N^2 m^2].
+        qpos: Positions in N, attitudes and wheel angles, shape (E, 10 n).
+        qvel: Velocities in N, body rates and wheel speeds, shape (E, 9 n).
+        kind: `TargetKind` values, shape (E, n).
+        spacecraft: Spacecraft to follow, shape (E, n).
         vector: Surface point in A [m] or direction in N, shape (E, n, 3).
-        q: Attitudes and references, shape (E, 2, n, 4).
-        C: Rotations from N to A now and at the middle of the hold, then position [m] and velocity [m/s] of Earth as rows,
-            shape (E, 3, 3, 3).
+        last_kind: `kind` at the previous decision, -1 before the first, shape (E, n).
+        last_spacecraft: The same of `spacecraft`.
+        restart: Whose target is another one than at the previous decision, shape (E, n).
+        q_BN: Attitudes, shape (E, n, 4).
+        q_RN: Reference attitudes, shape (E, n, 4).
+        C_AN: Rotation from N to A at the decision, shape (E, 3, 3).
+        C_mid: The same at the middle of the hold, shape (E, 3, 3).
+        earth_N: Position of Earth at the decision, shape (E, 3) [m].
         work: See `Slot`, shape (E, slots, n, 3).
         torque_B: Torque on the bodies, given where it is held, shape (E, n, 3) [N m].
-        peaks: See `actuate`, shape (E, n, 3).
-        effort: Sum of the squares of the motor torques decided so far, shape (E,) [N^2 m^2].
+        peaks: See `Peak`, shape (E, n, 3).
     """
 
-    qpos: Array
-    qvel: Array
     tick: Ints
     finite: Mask
-    targets: Ints
+    effort: Array
+    qpos: Array
+    qvel: Array
+    kind: Ints
+    spacecraft: Ints
     vector: Array
-    q: Array
-    C: Array
+    last_kind: Ints
+    last_spacecraft: Ints
+    restart: Mask
+    q_BN: Array
+    q_RN: Array
+    C_AN: Array
+    C_mid: Array
+    earth_N: Array
     work: Array
     torque_B: Array
     peaks: Array
-    effort: Array
 
 
 def allocate_flights(count: int, n: int) -> Flights:
     """E flights of n spacecraft before their start."""
     return Flights(
-        qpos=np.zeros((count, NQ * n)),
-        qvel=np.zeros((count, NV * n)),
         tick=np.zeros(count, np.int64),
         finite=np.ones(count, np.bool_),
-        targets=np.full((count, 4, n), -1, np.int64),
+        effort=np.zeros(count),
+        qpos=np.zeros((count, NQ * n)),
+        qvel=np.zeros((count, NV * n)),
+        kind=np.full((count, n), -1, np.int64),
+        spacecraft=np.full((count, n), -1, np.int64),
         vector=np.zeros((count, n, 3)),
-        q=np.zeros((count, 2, n, 4)),
-        C=np.zeros((count, 3, 3, 3)),
+        last_kind=np.full((count, n), -1, np.int64),
+        last_spacecraft=np.full((count, n), -1, np.int64),
+        restart=np.zeros((count, n), np.bool_),
+        q_BN=np.zeros((count, n, 4)),
+        q_RN=np.zeros((count, n, 4)),
+        C_AN=np.zeros((count, 3, 3)),
+        C_mid=np.zeros((count, 3, 3)),
+        earth_N=np.zeros((count, 3)),
         work=np.zeros((count, len(Slot), n, 3)),
         torque_B=np.zeros((count, n, 3)),
         peaks=np.zeros((count, n, 3)),
-        effort=np.zeros(count),
     )
 
 
@@ -117,138 +157,124 @@ def allocate_flights(count: int, n: int) -> Flights:
 NEVER = 2**62
 #: What came of a decision, the worst last.
 FINE, NOT_FINITE, NO_SUCH_TARGET = 0, 1, 2
-#: What to do of a control period.
+#: Parts of a control period: set forces and motor torques of the coming hold, integrate it; or both, as often as asked.
 DECIDE, ADVANCE = 1, 2
 WHOLE = DECIDE | ADVANCE
 
-# Numba folds plain integers into the machine code; members of an IntEnum it looks up.
-_PHASE0, _SPIN_RATE, _PERIOD, _MASS = int(Number.PHASE0), int(Number.SPIN_RATE), int(Number.PERIOD), int(Number.MASS)
-_WHEEL_INERTIA, _SPEED_GAIN = int(Number.WHEEL_INERTIA), int(Number.SPEED_GAIN)
-_MAX_TORQUE, _MAX_SPEED, _RADIUS = int(Number.MAX_TORQUE), int(Number.MAX_SPEED), int(Number.RADIUS)
-_Q_P, _LAW = int(Number.Q_P), int(Number.LAW)
-
 
 @kernel
-def fly(world: World, flights: Flights, swarms: MjBatch, hold: int, part: int, live: Mask, until: Ints) -> int:
+def fly(world: World, flights: Flights, batch: MjBatch, timesteps: int, part: int, live: Mask, until: Ints) -> int:
     """Decide and integrate, one flight after the other, until each has reached a tick or something is wrong with it.
 
     One function for whole periods and for their parts, because each entry point is compiled with all it calls.
 
     Args:
-        world: See `World`.
-        flights: See `Flights`.
-        swarms: Their MjData.
-        hold: Timesteps in a control period.
-        part: WHOLE periods; or once DECIDE, set forces and motor torques of the coming hold, or ADVANCE, integrate it.
+        world: What the flights share.
+        flights: Their states.
+        batch: Their MjData.
+        timesteps: Of MuJoCo in a control period.
+        part: WHOLE periods, or only once DECIDE or ADVANCE.
         live: Which flights, shape (E,).
         until: Ticks, shape (E,); a flight that has reached its own is left alone.
 
     Returns:
-        FINE, NO_SUCH_TARGET (targets, see `guide`) or NOT_FINITE (a state or a torque): the worst that came of a decision.
+        FINE, NO_SUCH_TARGET (see `mark_new_targets`) or NOT_FINITE (a state or a torque): the worst that came of a decision.
     """
     worst = FINE
     for e in range(live.shape[0]):
         if not live[e] or flights.tick[e] >= until[e]:
             continue
-        motion = mj_view(swarms, e)
-        lay_out(motion, flights.qpos[e], flights.qvel[e])
+        mj = mj_view(batch, e)
+        copy_state(mj, flights.qpos[e], flights.qvel[e])
         while flights.tick[e] < until[e]:
             if part & DECIDE:
-                answer = _decide(world, flights, e, motion)
-                worst = max(worst, answer)
-                if answer != FINE:
+                outcome = _decide(world, flights, e, mj)
+                worst = max(worst, outcome)
+                if outcome != FINE:
                     break
             if part & ADVANCE:
-                integrate(motion, hold)
-                lay_out(motion, flights.qpos[e], flights.qvel[e])
+                integrate(mj, timesteps)
+                copy_state(mj, flights.qpos[e], flights.qvel[e])
                 flights.tick[e] += 1
             if part != WHOLE:
                 break
     return worst
 
 
-@kernel
-def _decide(world: World, flights: Flights, e: int, motion: MjView) -> int:
-    numbers, work, ctrl = world.numbers, flights.work[e], motion.ctrl
-    period, spin_rate = numbers[_PERIOD], numbers[_SPIN_RATE]
-    phase = numbers[_PHASE0] + spin_rate * (flights.tick[e] * period)
-    flights.finite[e] = sense(
-        flights.qpos[e],
-        flights.qvel[e],
-        world.frames[0],
-        phase,
-        0.5 * period * spin_rate,
-        0.5 * period,
-        numbers[_WHEEL_INERTIA],
-        world.frames[1],
-        work,
-        flights.q[e, 0],
-        flights.C[e, 0],
-        flights.C[e, 1],
-    )
+@inlined
+def _decide(world: World, flights: Flights, e: int, mj: MjView) -> int:
+    """Set forces and motor torques of the coming hold of one flight."""
+    work, torque_B, t = flights.work[e], flights.torque_B[e], flights.tick[e] * world.period
+    flights.finite[e] = _read(world, flights, e, t)
     if not flights.finite[e]:
         return NOT_FINITE
-    a_A = work[_RHO]  # free until guidance writes there
-    write_series(work[_R_A], numbers[_RADIUS], world.table, world.series, a_A)
-    push(a_A, flights.C[e, 1], numbers[_MASS], world.hub, motion.force, work)
-    turn_body(numbers[_Q_P : _Q_P + 4], phase, motion.asteroid)
-    if not _guide(world, flights, e):
+    _hold_forces(world, flights, e, mj, t)
+    if not _guide(world, flights, e, t):
         return NO_SUCH_TARGET
     if world.law != 0:
-        _control(world, work, flights.torque_B[e])
+        _ask_law(world, work, torque_B)
     total = 0.0
-    for j in range(world.hub.shape[0]):
-        total += flights.torque_B[e, j, 0] + flights.torque_B[e, j, 1] + flights.torque_B[e, j, 2]
+    for j in range(torque_B.shape[0]):
+        total += torque_B[j, 0] + torque_B[j, 1] + torque_B[j, 2]
     if not np.isfinite(total):
         flights.finite[e] = False
         return NOT_FINITE
-    limits = numbers[_SPEED_GAIN : _MAX_SPEED + 1]
-    actuate(flights.torque_B[e], world.frames[2], limits[0], limits[1], limits[2], work, ctrl, flights.peaks[e])
-    for k in range(ctrl.shape[0]):
-        flights.effort[e] += ctrl[k] * ctrl[k]
+    speed_gain, max_torque, max_speed = world.speed_gain, world.max_torque, world.max_speed
+    actuate(torque_B, world.allocation, speed_gain, max_torque, max_speed, work, mj.ctrl, flights.peaks[e])
+    for k in range(mj.ctrl.shape[0]):
+        flights.effort[e] += mj.ctrl[k] * mj.ctrl[k]
     return FINE
 
 
-@kernel
-def _guide(world: World, flights: Flights, e: int) -> bool:
-    targets, earth, t = flights.targets[e], flights.C[e, 2], flights.tick[e] * world.numbers[_PERIOD]
+@inlined
+def _read(world: World, flights: Flights, e: int, t: float) -> bool:
+    phase, half_hold, C_mid = world.phase0 + world.spin_rate * t, 0.5 * world.period, flights.C_mid[e]
+    turn_frames(world.C_PN, phase, half_hold * world.spin_rate, flights.C_AN[e], C_mid)
+    qpos, qvel, inertia, axes_B = flights.qpos[e], flights.qvel[e], world.wheel_inertia, world.wheel_axes_B
+    return read_state(qpos, qvel, C_mid, half_hold, inertia, axes_B, flights.q_BN[e], flights.work[e])
+
+
+@inlined
+def _hold_forces(world: World, flights: Flights, e: int, mj: MjView, t: float) -> None:
+    work = flights.work[e]
+    a_A = work[Slot.RHO]  # free until guidance writes there
+    write_series(work[Slot.R_A], world.gravity_radius, world.gravity_recursion, world.gravity_series, a_A)
+    hold_gravity(a_A, flights.C_mid[e], world.mass, world.hub, mj.xfrc_applied, work)
+    write_body_quaternion(world.q_P, world.phase0 + world.spin_rate * t, mj.asteroid_quat)
+
+
+@inlined
+def _guide(world: World, flights: Flights, e: int, t: float) -> bool:
+    kind, spacecraft, restart, earth_N = flights.kind[e], flights.spacecraft[e], flights.restart[e], flights.earth_N[e]
+    if not mark_new_targets(kind, spacecraft, flights.last_kind[e], flights.last_spacecraft[e], restart):
+        return False
     for k in range(3):
-        earth[0, k], earth[1, k] = world.frames[3, 1, k] + t * world.frames[3, 2, k], world.frames[3, 2, k]
-    return guide(
-        targets[0],
-        targets[1],
-        flights.vector[e],
-        earth[0],
-        earth[1],
-        world.frames[3, 0],
-        flights.C[e, 0],
-        flights.q[e, 0],
-        targets[2:],
-        np.empty(world.hub.shape[0], np.bool_),
-        flights.q[e, 1],
-        flights.work[e],
-    )
+        earth_N[k] = world.earth_N[k] + t * world.earth_velocity_N[k]
+    vector, work = flights.vector[e], flights.work[e]
+    locate_targets(kind, spacecraft, vector, earth_N, world.earth_velocity_N, world.spin_N, flights.C_AN[e], work)
+    guide(flights.q_BN[e], restart, flights.q_RN[e], work)
+    return True
 
 
-@kernel
-def _control(world: World, work: Array, torque_B: Array) -> None:
+@inlined
+def _ask_law(world: World, work: Array, torque_B: Array) -> None:
     call_law(
         world.law,
-        work[_SIGMA_BR],
-        work[_OMEGA_BR],
-        work[_OMEGA],
-        work[_OMEGA_R_B],
-        work[_DOMEGA_R_B],
-        work[_MOMENTUM],
-        world.inertia[0],
-        world.inertia[1],
-        world.numbers[_LAW:],
+        work[Slot.SIGMA_BR],
+        work[Slot.OMEGA_BR],
+        work[Slot.OMEGA],
+        work[Slot.OMEGA_R_B],
+        work[Slot.DOMEGA_R_B],
+        work[Slot.MOMENTUM],
+        world.inertia_B,
+        world.inertia_effective_B,
+        world.law_numbers,
         torque_B,
     )
 
 
 @kernel
-def read(qpos: Array, qvel: Array, r: Array, v: Array, q: Array, omega: Array, wheel: Array) -> None:
+def split_states(qpos: Array, qvel: Array, r: Array, v: Array, q: Array, omega: Array, wheel: Array) -> None:
     """Copy states, shape (E, n, 10) and (E, n, 9), to positions, velocities, attitudes, rates and wheel speeds."""
     for e in range(qpos.shape[0]):
         for j in range(qpos.shape[1]):

@@ -19,39 +19,37 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
-from numba import types
 
 from swarm_mj.errors import ScenarioError, SimulationError
 from swarm_mj.scenarios.schema import is_multiple
+from swarm_mj.simulator.fast.c_functions import (
+    load_mujoco,
+    mj_comPos,
+    mj_comVel,
+    mj_factorM,
+    mj_fwdAcceleration,
+    mj_fwdActuation,
+    mj_integratePos,
+    mj_kinematics,
+    mj_makeM,
+    mj_rne,
+    mj_step,
+    mj_transmission,
+)
 from swarm_mj.simulator.fast.mj_memory import (
     MJ_STEP,
     STAGED,
     STAGED_CONSTANT_INERTIA,
-    Column,
     MjBatch,
     MjView,
+    allocate_scratch,
+    mj_records,
     mj_view,
-    places_of,
 )
-from swarm_mj.simulator.fast.native import load_mujoco
 from swarm_mj.spacecraft.gyrostat import NV_FREE, with_wheels
 from swarm_mj.spacecraft.model import SwarmModel
 from swarm_mj.spacecraft.model_guard import acting_elements, listed, swarm_options
-from swarm_mj.typing import Array, kernel
-
-_POINTER = types.intp
-_STAGE = types.void(_POINTER, _POINTER)
-_mj_step = types.ExternalFunction("mj_step", _STAGE)
-_kinematics = types.ExternalFunction("mj_kinematics", _STAGE)
-_centres = types.ExternalFunction("mj_comPos", _STAGE)
-_inertia = types.ExternalFunction("mj_makeM", _STAGE)
-_factor = types.ExternalFunction("mj_factorM", _STAGE)
-_transmission = types.ExternalFunction("mj_transmission", _STAGE)
-_actuation = types.ExternalFunction("mj_fwdActuation", _STAGE)
-_velocities = types.ExternalFunction("mj_comVel", _STAGE)
-_accelerate = types.ExternalFunction("mj_fwdAcceleration", _STAGE)
-_bias = types.ExternalFunction("mj_rne", types.void(_POINTER, _POINTER, types.intc, _POINTER))
-_integrate_position = types.ExternalFunction("mj_integratePos", types.void(_POINTER, _POINTER, _POINTER, types.float64))
+from swarm_mj.typing import Array, inlined, kernel
 
 #: Relative difference between inertia matrices of different states that is put down to rounding.
 _ROUNDING = 1e-12
@@ -65,7 +63,7 @@ class Integrator:
         datas: Their states.
 
     Attributes:
-        swarms: For compiled code that steps them; valid as long as this object lives.
+        batch: The MjData for compiled code that steps them, see `MjBatch`; valid as long as this object lives.
         stepper: How they are stepped: fast, or mj_step.
         why: Why by `mj_step`; empty where they are not.
 
@@ -76,18 +74,12 @@ class Integrator:
 
     def __init__(self, swarm: SwarmModel, *datas: mujoco.MjData) -> None:
         load_mujoco()
-        model, self._datas = swarm.mjmodel, datas
+        self._datas = datas
         method, self.why = _choose_method(swarm)
         self.stepper = "mj_step" if method == MJ_STEP else "fast"
-        self.swarms = MjBatch(
-            places=np.array([places_of(swarm, data, method) for data in datas], np.int64),
-            numbers=np.array([model.opt.timestep, swarm.properties.wheel_spin_inertia]),
-            limits=np.ascontiguousarray(model.actuator_ctrlrange),
-            axes=np.ascontiguousarray(swarm.properties.wheel_axes_B),
-            rates=np.zeros((4, model.nv)),
-            momenta=np.zeros((2, model.na)),
-            start=np.zeros(model.nq),
-        )
+        self._wheel_axes_B = np.ascontiguousarray(swarm.properties.wheel_axes_B)
+        self._swarm, self._scratch = swarm, allocate_scratch(swarm.mjmodel)
+        self.batch = mj_records(swarm, datas, method, self._wheel_axes_B, self._scratch)
 
     def __reduce__(self) -> str:
         """Refuse to be copied or pickled, and so every simulation: states stand in MuJoCo's memory and are known by address."""
@@ -99,9 +91,9 @@ class Integrator:
     def step(self, nstep: int) -> None:
         """Integrate `nstep` timesteps with controls and applied forces held."""
         for e, data in enumerate(self._datas):
-            step(self.swarms, e, nstep)
-            if self.swarms.places[e, Column.METHOD] != MJ_STEP:
-                data.time += nstep * self.swarms.numbers[0]
+            step(self.batch, e, nstep)
+            if self.batch[e]["method"] != MJ_STEP:
+                data.time += nstep * self.batch[e]["timestep"]
 
 
 def timesteps_in(control_period: float, swarm: SwarmModel) -> int:
@@ -159,87 +151,87 @@ def _inertia_is_steady(model: mujoco.MjModel) -> bool:
 
 
 @kernel
-def step(swarms: MjBatch, e: int, nstep: int) -> None:
-    """Integrate `nstep` timesteps of one swarm with controls and applied forces held; the data's time is left alone."""
-    integrate(mj_view(swarms, e), nstep)
+def step(batch: MjBatch, e: int, nstep: int) -> None:
+    """Integrate `nstep` timesteps of one MjData with controls and applied forces held; its time is left alone."""
+    integrate(mj_view(batch, e), nstep)
 
 
 @kernel
-def integrate(motion: MjView, nstep: int) -> None:
+def integrate(mj: MjView, nstep: int) -> None:
     """The same for a `MjView`."""
-    m = motion
-    if m.method == MJ_STEP:
+    if mj.method == MJ_STEP:
         for _ in range(nstep):
-            _mj_step(m.model, m.data)
+            mj_step(mj.model, mj.data)
         return
-    motor = m.momenta[0]
+    motor = mj.scratch.motor
     if motor.shape[0] == 0:
-        _transmission(m.model, m.data)
-        _actuation(m.model, m.data)
+        mj_transmission(mj.model, mj.data)
+        mj_fwdActuation(mj.model, mj.data)
     for w in range(motor.shape[0]):
-        motor[w] = min(m.limits[w, 1], max(m.limits[w, 0], m.ctrl[w]))
-    for step in range(nstep):
-        _step(m, step == 0)
+        motor[w] = min(mj.ctrlrange[w, 1], max(mj.ctrlrange[w, 0], mj.ctrl[w]))
+    for i in range(nstep):
+        _step(mj, i == 0)
 
 
-@kernel
-def _step(m: MjView, first: bool) -> None:
-    dt, motor, q0, h0 = m.timestep, m.momenta[0], m.start, m.momenta[1]
-    # Velocity at the step's start, rate of displacement of the stage and in the mean, mean acceleration.
-    v0, rate, mean_rate, mean_acceleration = m.rates[0], m.rates[1], m.rates[2], m.rates[3]
-    _copy(m.qpos, q0)
-    _copy(m.qvel, v0)
-    _copy(m.act, h0)
-    for i in range(rate.shape[0]):
-        rate[i], mean_rate[i], mean_acceleration[i] = 0.0, 0.0, 0.0
-    c = 0.0
+@inlined
+def _step(mj: MjView, first_of_hold: bool) -> None:
+    dt, rk, motor = mj.timestep, mj.scratch, mj.scratch.motor
+    _copy(mj.qpos, rk.qpos0)
+    _copy(mj.qvel, rk.qvel0)
+    _copy(mj.act, rk.act0)
+    for i in range(rk.rate.shape[0]):
+        rk.rate[i], rk.mean_rate[i], rk.mean_acceleration[i] = 0.0, 0.0, 0.0
+    c = 0.0  # time from the step's start to the stage, by the rate of the stage before
     for stage in range(4):
         weight = 1.0 / 6.0 if stage == 0 or stage == 3 else 1.0 / 3.0
         if motor.shape[0] > 0:
-            gyrostat_torque(m.qvel, m.act, motor, m.axes, m.applied)
-        accelerate(m, m.method != STAGED_CONSTANT_INERTIA or (first and stage == 0))
-        _rate_of_displacement(c, m.width, m.qvel, rate)
-        _add(mean_rate, weight, rate, mean_rate)
-        _add(mean_acceleration, weight, m.qacc, mean_acceleration)
+            gyrostat_torque(mj.qvel, mj.act, motor, mj.wheel_axes_B, mj.qfrc_applied)
+        accelerate(mj, mj.method != STAGED_CONSTANT_INERTIA or (first_of_hold and stage == 0))
+        _rate_of_displacement(c, mj.width, mj.qvel, rk.rate)
+        _add(rk.mean_rate, weight, rk.rate, rk.mean_rate)
+        _add(rk.mean_acceleration, weight, mj.qacc_smooth, rk.mean_acceleration)
         if stage < 3:
             c = dt if stage == 2 else 0.5 * dt
-            _copy(q0, m.qpos)
-            _integrate_position(m.model, m.qpos.ctypes.data, rate.ctypes.data, c)
-            _add(v0, c, m.qacc, m.qvel)
-            _add(h0, c, motor, m.act)
-    _copy(q0, m.qpos)
-    _integrate_position(m.model, m.qpos.ctypes.data, mean_rate.ctypes.data, dt)
-    _add(v0, dt, mean_acceleration, m.qvel)
-    _add(h0, dt, motor, m.act)
+            _move_from_start(mj, c, rk.rate, mj.qacc_smooth)
+    _move_from_start(mj, dt, rk.mean_rate, rk.mean_acceleration)
 
 
-@kernel
-def accelerate(motion: MjView, weigh: bool) -> None:
+@inlined
+def _move_from_start(mj: MjView, dt: float, rate: Array, acceleration: Array) -> None:
+    """Set the state to which `rate` and `acceleration` lead when they are held for `dt` [s] from the step's start."""
+    rk = mj.scratch
+    _copy(rk.qpos0, mj.qpos)
+    mj_integratePos(mj.model, mj.qpos.ctypes.data, rate.ctypes.data, dt)
+    _add(rk.qvel0, dt, acceleration, mj.qvel)
+    _add(rk.act0, dt, rk.motor, mj.act)
+
+
+@inlined
+def accelerate(mj: MjView, weigh: bool) -> None:
     """Evaluate `qacc_smooth` of free bodies at the present state, with the forces and torques applied.
 
     Args:
-        motion: See `MjView`.
+        mj: See `MjView`.
         weigh: Whether the inertia matrix is found anew.
     """
-    model, data = motion.model, motion.data
-    _kinematics(model, data)
-    _centres(model, data)
+    mj_kinematics(mj.model, mj.data)
+    mj_comPos(mj.model, mj.data)
     if weigh:
-        _inertia(model, data)
-        _factor(model, data)
-    _velocities(model, data)
-    _bias(model, data, 0, motion.bias.ctypes.data)
-    _accelerate(model, data)
+        mj_makeM(mj.model, mj.data)
+        mj_factorM(mj.model, mj.data)
+    mj_comVel(mj.model, mj.data)
+    mj_rne(mj.model, mj.data, 0, mj.qfrc_bias.ctypes.data)
+    mj_fwdAcceleration(mj.model, mj.data)
 
 
-@kernel
-def lay_out(motion: MjView, qpos: Array, qvel: Array) -> None:
+@inlined
+def copy_state(mj: MjView, qpos: Array, qvel: Array) -> None:
     """Copy the state with three wheels per spacecraft, shape (10 n,) and (9 n,), whichever way wheels are modelled."""
-    if motion.act.shape[0] > 0:
-        with_wheels(motion.qpos, motion.qvel, motion.act, motion.spin_inertia, motion.axes, qpos, qvel)
+    if mj.act.shape[0] > 0:
+        with_wheels(mj.qpos, mj.qvel, mj.act, mj.spin_inertia, mj.wheel_axes_B, qpos, qvel)
     else:
-        _copy(motion.qpos, qpos)
-        _copy(motion.qvel, qvel)
+        _copy(mj.qpos, qpos)
+        _copy(mj.qvel, qvel)
 
 
 @kernel

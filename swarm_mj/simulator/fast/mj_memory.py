@@ -1,79 +1,64 @@
-"""The MjModel and MjData of swarms for compiled code: addresses outside, arrays inside.
+"""The arrays of MjModel and MjData in compiled code.
 
-Handing an array to compiled code costs a tenth of a microsecond; an address costs nothing. So what MuJoCo holds is handed over
-as one row of addresses for each MjData, and becomes arrays where it is used.
+They stand in MuJoCo's memory. Handing an array from Python to compiled code costs a tenth of a microsecond each time, so every
+MjData is described once by a record of sizes and addresses. Compiled code is handed the records, a single array, and makes
+arrays of the addresses where it needs them (`mj_view`), which costs nothing there.
 """
 
 from __future__ import annotations
 
-from enum import IntEnum
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import mujoco
+import numpy as np
 from numba import carray, types
 from numba.extending import intrinsic
+from numpy.typing import NDArray
 
 from swarm_mj.spacecraft.model import SwarmModel
-from swarm_mj.typing import Array, Ints, kernel
+from swarm_mj.typing import Array, inlined
 
 #: How a model is stepped: by `mj_step`; stage by stage; stage by stage with one inertia matrix for the whole hold.
 MJ_STEP, STAGED, STAGED_CONSTANT_INERTIA = 0, 1, 2
 
-
-class Column(IntEnum):
-    """Columns of `MjBatch.places`: addresses, and what sizes the arrays at them."""
-
-    MODEL = 0
-    DATA = 1
-    METHOD = 2
-    N = 3
-    NQ = 4
-    NV = 5
-    NA = 6
-    NU = 7
-    NBODY = 8
-    QPOS = 9
-    QVEL = 10
-    ACT = 11
-    QACC = 12
-    BIAS = 13
-    APPLIED = 14
-    CTRL = 15
-    FORCE = 16
-    ASTEROID = 17
-
-
-# Numba folds plain integers into the machine code; members of an IntEnum it looks up.
-_MODEL, _DATA, _METHOD, _N, _NQ, _NV, _NA, _NU, _NBODY = (int(place) for place in list(Column)[: Column.QPOS])
-_QPOS, _QVEL, _ACT, _QACC, _BIAS, _APPLIED, _CTRL, _FORCE, _ASTEROID = (
-    int(place) for place in list(Column)[Column.QPOS :]
+_SIZES = ("method", "width", "nq", "nv", "na", "nu", "nbody")
+_OF_MUJOCO = ("qpos", "qvel", "act", "qacc_smooth", "qfrc_bias", "qfrc_applied", "ctrl", "xfrc_applied")
+#: One MjData for compiled code. Sizes: how it is stepped, velocities of one spacecraft, MuJoCo's own; then numbers; addresses
+#: of MjModel, MjData and their arrays; and those of `Scratch`.
+MJ_RECORD = np.dtype(
+    [(name, np.int64) for name in _SIZES]
+    + [("timestep", np.float64), ("spin_inertia", np.float64)]
+    + [(name, np.int64) for name in ("model", "data", *_OF_MUJOCO, "asteroid_quat", "ctrlrange", "wheel_axes_B")]
+    + [(name, np.int64) for name in ("qpos0", "qvel0", "act0", "rate", "mean_rate", "mean_acceleration", "motor")]
 )
+#: E MjData of one MjModel, with dtype `MJ_RECORD`, shape (E,).
+MjBatch: TypeAlias = NDArray[np.void]
 
 
-class MjBatch(NamedTuple):
-    """E MjData of one MjModel, for compiled code; a handful of arrays, because each one costs a call a tenth of a microsecond.
+class Scratch(NamedTuple):
+    """What a Runge-Kutta step remembers of its stages; shared by MjData that are stepped one after the other.
 
     Attributes:
-        places: See `Column`, shape (E, 18).
-        numbers: Timestep [s] and spin inertia of a wheel [kg m^2], shape (2,).
-        limits: Lower and upper limits of the motor torques, shape (n w, 2) [N m].
-        axes: Wheel axes as rows, in B, shape (w, 3).
-        rates: Scratch, shape (4, nv).
-        momenta: Scratch, shape (2, na).
-        start: Scratch, shape (nq,).
+        qpos0: Positions at the step's start, shape (nq,).
+        qvel0: Velocities at the step's start, shape (nv,).
+        act0: Momenta of the wheels at the step's start, shape (na,).
+        rate: Rate of displacement of a stage, shape (nv,).
+        mean_rate: Its mean over the stages, shape (nv,).
+        mean_acceleration: Mean acceleration, shape (nv,).
+        motor: Motor torques on wheels that are momentum states, shape (na,) [N m].
     """
 
-    places: Ints
-    numbers: Array
-    limits: Array
-    axes: Array
-    rates: Array
-    momenta: Array
-    start: Array
+    qpos0: Array
+    qvel0: Array
+    act0: Array
+    rate: Array
+    mean_rate: Array
+    mean_acceleration: Array
+    motor: Array
 
 
 class MjView(NamedTuple):
-    """One of `MjBatch` as arrays, which are those of its MjData.
+    """One MjData as arrays, which are MuJoCo's own.
 
     Attributes:
         model: Address of the MjModel.
@@ -85,13 +70,15 @@ class MjView(NamedTuple):
         qpos: Positions, shape (n (7 + hinges),).
         qvel: Velocities, shape (n (6 + hinges),).
         act: Axial momenta of wheels that are no bodies, shape (3 n,) [kg m^2/s]; else empty.
-        qacc: `qacc_smooth`.
-        bias: `qfrc_bias`.
-        applied: `qfrc_applied`.
-        ctrl: Motor torques [N m].
-        force: `xfrc_applied`, shape (bodies, 6).
-        asteroid: Attitude of the asteroid's mocap body, shape (4,).
-        limits: See `MjBatch`, and so for the rest.
+        qacc_smooth: Accelerations, shape (nv,).
+        qfrc_bias: Bias forces, shape (nv,).
+        qfrc_applied: Generalised forces applied, shape (nv,).
+        ctrl: Motor torques, shape (n w,) [N m].
+        xfrc_applied: Force and torque on every body in N, shape (nbody, 6) [N, N m].
+        asteroid_quat: Attitude of the asteroid's mocap body, shape (4,).
+        ctrlrange: Lower and upper limits of the motor torques, shape (n w, 2) [N m].
+        wheel_axes_B: Rows; of three wheels where they are momentum states, else not used, shape (3, 3).
+        scratch: See `Scratch`.
     """
 
     model: int
@@ -103,26 +90,50 @@ class MjView(NamedTuple):
     qpos: Array
     qvel: Array
     act: Array
-    qacc: Array
-    bias: Array
-    applied: Array
+    qacc_smooth: Array
+    qfrc_bias: Array
+    qfrc_applied: Array
     ctrl: Array
-    force: Array
-    asteroid: Array
-    limits: Array
-    axes: Array
-    rates: Array
-    momenta: Array
-    start: Array
+    xfrc_applied: Array
+    asteroid_quat: Array
+    ctrlrange: Array
+    wheel_axes_B: Array
+    scratch: Scratch
 
 
-def places_of(swarm: SwarmModel, data: mujoco.MjData, method: int) -> list[int]:
-    """The row of `MjBatch.places` of an MjData, valid as long as that lives."""
-    mjmodel = swarm.mjmodel
-    arrays = [data.qpos, data.qvel, data.act, data.qacc_smooth, data.qfrc_bias, data.qfrc_applied, data.ctrl]
-    arrays += [data.xfrc_applied, data.mocap_quat[swarm.asteroid_mocap]]
-    sizes = [mjmodel.nq, mjmodel.nv, mjmodel.na, mjmodel.nu, mjmodel.nbody]
-    return [mjmodel._address, data._address, method, swarm.n, *sizes, *(array.ctypes.data for array in arrays)]
+def allocate_scratch(model: mujoco.MjModel) -> Scratch:
+    """Scratch for a model."""
+    nq, nv, na = model.nq, model.nv, model.na
+    return Scratch(*(np.zeros(size) for size in (nq, nv, na, nv, nv, nv, na)))
+
+
+def mj_records(
+    swarm: SwarmModel, datas: tuple[mujoco.MjData, ...], method: int, wheel_axes_B: Array, scratch: Scratch
+) -> MjBatch:
+    """Records of MjData; valid as long as all that is given here lives.
+
+    Args:
+        swarm: Their model.
+        datas: The MjData.
+        method: MJ_STEP, STAGED or STAGED_CONSTANT_INERTIA.
+        wheel_axes_B: Rows, shape (w, 3).
+        scratch: For all of them.
+    """
+    mjmodel, records = swarm.mjmodel, np.zeros(len(datas), MJ_RECORD)
+    sizes = {name: getattr(mjmodel, name) for name in ("nq", "nv", "na", "nu", "nbody")}
+    shared = {"ctrlrange": mjmodel.actuator_ctrlrange, "wheel_axes_B": wheel_axes_B, **scratch._asdict()}
+    for record, data in zip(records, datas, strict=True):
+        record["method"], record["width"] = method, mjmodel.nv // swarm.n
+        record["timestep"], record["spin_inertia"] = mjmodel.opt.timestep, swarm.properties.wheel_spin_inertia
+        record["model"], record["data"] = mjmodel._address, data._address
+        own = {name: getattr(data, name) for name in _OF_MUJOCO}
+        own["asteroid_quat"] = data.mocap_quat[swarm.asteroid_mocap]
+        for name, size in sizes.items():
+            record[name] = size
+        for name, array in (own | shared).items():
+            assert array.flags.c_contiguous and array.dtype == np.float64, name
+            record[name] = array.ctypes.data
+    return records
 
 
 @intrinsic
@@ -133,29 +144,35 @@ def _pointer(typing_context: Any, address: Any) -> tuple[Any, Any]:
     return types.CPointer(types.float64)(types.int64), generate
 
 
-@kernel
-def mj_view(swarms: MjBatch, e: int) -> MjView:
-    """One swarm as arrays, which cost nothing in compiled code."""
-    at = swarms.places[e]
+@inlined
+def mj_view(records: MjBatch, e: int) -> MjView:
+    """One MjData as arrays."""
+    at = records[e]
     return MjView(
-        at[_MODEL],
-        at[_DATA],
-        at[_METHOD],
-        at[_NV] // at[_N],
-        swarms.numbers[0],
-        swarms.numbers[1],
-        carray(_pointer(at[_QPOS]), at[_NQ]),
-        carray(_pointer(at[_QVEL]), at[_NV]),
-        carray(_pointer(at[_ACT]), at[_NA]),
-        carray(_pointer(at[_QACC]), at[_NV]),
-        carray(_pointer(at[_BIAS]), at[_NV]),
-        carray(_pointer(at[_APPLIED]), at[_NV]),
-        carray(_pointer(at[_CTRL]), at[_NU]),
-        carray(_pointer(at[_FORCE]), (at[_NBODY], 6)),
-        carray(_pointer(at[_ASTEROID]), 4),
-        swarms.limits,
-        swarms.axes,
-        swarms.rates,
-        swarms.momenta,
-        swarms.start,
+        at.model,
+        at.data,
+        at.method,
+        at.width,
+        at.timestep,
+        at.spin_inertia,
+        carray(_pointer(at.qpos), at.nq),
+        carray(_pointer(at.qvel), at.nv),
+        carray(_pointer(at.act), at.na),
+        carray(_pointer(at.qacc_smooth), at.nv),
+        carray(_pointer(at.qfrc_bias), at.nv),
+        carray(_pointer(at.qfrc_applied), at.nv),
+        carray(_pointer(at.ctrl), at.nu),
+        carray(_pointer(at.xfrc_applied), (at.nbody, 6)),
+        carray(_pointer(at.asteroid_quat), 4),
+        carray(_pointer(at.ctrlrange), (at.nu, 2)),
+        carray(_pointer(at.wheel_axes_B), (3, 3)),
+        Scratch(
+            carray(_pointer(at.qpos0), at.nq),
+            carray(_pointer(at.qvel0), at.nv),
+            carray(_pointer(at.act0), at.na),
+            carray(_pointer(at.rate), at.nv),
+            carray(_pointer(at.mean_rate), at.nv),
+            carray(_pointer(at.mean_acceleration), at.nv),
+            carray(_pointer(at.motor), at.na),
+        ),
     )

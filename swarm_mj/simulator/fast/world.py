@@ -6,12 +6,13 @@ import numpy as np
 
 from swarm_mj.errors import PluginError
 from swarm_mj.plugins import failure_of, name_of, shown
-from swarm_mj.simulator.fast.flight_kernels import Number, World
+from swarm_mj.simulator.fast.flight_kernels import World
 from swarm_mj.simulator.loop_state import LAW_SLOTS, LoopState, control_input
 from swarm_mj.simulator.plugin_calls import ask_for_torque
 from swarm_mj.smallbody.gravity.spherical_harmonics import SphericalHarmonics
 from swarm_mj.spacecraft.control.base import ControlInput, Controller
 from swarm_mj.spacecraft.control.compiled import CompiledController, CompiledLaw, address_of, numbers_of
+from swarm_mj.typing import Array
 
 #: Spacecraft for which a compiled law is compared with what it stands for.
 MOST_COMPARED = 8
@@ -61,24 +62,36 @@ def make_world(state: LoopState, controller: Controller | None) -> World:
     address = 0 if law is None else address_of(law)
     if controller is not None and law is not None:
         _compare(controller, law, inputs)
-    numbers = np.zeros(int(Number.LAW))
-    numbers[Number.PHASE0], numbers[Number.SPIN_RATE] = environment.phase0, environment.spin_rate
-    numbers[Number.PERIOD], numbers[Number.MASS] = state.period, properties.mass
-    numbers[Number.WHEEL_INERTIA], numbers[Number.SPEED_GAIN] = properties.wheel_spin_inertia, state.speed_gain
-    numbers[Number.MAX_TORQUE] = properties.max_wheel_torque
-    numbers[Number.MAX_SPEED] = state.max_wheel_speed
-    numbers[Number.RADIUS] = gravity.reference_radius
-    numbers[Number.Q_P : Number.Q_P + 4] = state.q_P
-    moving = [environment.spin_N, environment.earth.position, environment.earth.velocity]
     return World(
-        law=address,
+        period=float(state.period),
+        mass=float(properties.mass),
         hub=state.hub,
-        numbers=numbers if law is None else np.append(numbers, numbers_of(law)),
-        frames=np.array([environment.C_PN, properties.wheel_axes_B, state.allocation, moving], np.float64),
-        inertia=np.array([inputs.inertia_B, inputs.inertia_effective_B]),
-        table=gravity.recursion,
-        series=gravity.acceleration_series,
+        inertia_B=inputs.inertia_B,
+        inertia_effective_B=inputs.inertia_effective_B,
+        phase0=float(environment.phase0),
+        spin_rate=float(environment.spin_rate),
+        spin_N=state.spin_N,
+        C_PN=state.C_PN,
+        q_P=state.q_P,
+        earth_N=_writable(environment.earth.position),
+        earth_velocity_N=_writable(environment.earth.velocity),
+        gravity_radius=float(gravity.reference_radius),
+        gravity_recursion=_writable(gravity.recursion),
+        gravity_series=_writable(gravity.acceleration_series),
+        wheel_inertia=float(properties.wheel_spin_inertia),
+        wheel_axes_B=state.wheel_axes_B,
+        allocation=state.allocation,
+        speed_gain=state.speed_gain,
+        max_torque=float(properties.max_wheel_torque),
+        max_speed=float(state.max_wheel_speed),
+        law=address,
+        law_numbers=np.empty(0) if law is None else numbers_of(law),
     )
+
+
+def _writable(array: Array) -> Array:
+    """A copy. Numba compiles apart what takes an array that is read-only."""
+    return np.array(array, np.float64, order="C")
 
 
 def _compare(controller: Controller, law: CompiledLaw, like: ControlInput) -> None:

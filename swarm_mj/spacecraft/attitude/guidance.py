@@ -11,7 +11,7 @@ Everything is compiled, loops over spacecraft and writes into arrays of the call
 """
 
 from math import atan2, sqrt
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -41,18 +41,54 @@ COINCIDENCE_DISTANCE: Final = 1.0
 _OPPOSITE: Final = 1e-8
 
 
+class LineOfSight(NamedTuple):
+    """From n spacecraft to their targets, in N.
+
+    Attributes:
+        rho_N: Position of the target minus position of the spacecraft [m], shape (n, 3).
+        rho_dot_N: Its first time derivative [m/s], shape (n, 3).
+        rho_ddot_N: Its second time derivative [m/s^2], shape (n, 3).
+    """
+
+    rho_N: Array
+    rho_dot_N: Array
+    rho_ddot_N: Array
+
+
+class Reference(NamedTuple):
+    """Reference attitudes R of n spacecraft and their motion.
+
+    Attributes:
+        q_RN: Attitudes (w, x, y, z), shape (n, 4).
+        omega_RN_N: Angular velocities [rad/s], shape (n, 3).
+        domega_RN_N: Their inertial time derivatives [rad/s^2], shape (n, 3).
+        los_N: Unit lines of sight, shape (n, 3).
+    """
+
+    q_RN: Array
+    omega_RN_N: Array
+    domega_RN_N: Array
+    los_N: Array
+
+
+class TrackingError(NamedTuple):
+    """How n bodies miss their references, in body components.
+
+    Attributes:
+        sigma_BR: Attitude errors with |sigma| <= 1, shape (n, 3).
+        omega_BR_B: Rate errors [rad/s], shape (n, 3).
+        omega_RN_B: Reference rates [rad/s], shape (n, 3).
+        domega_RN_B: Inertial derivatives of the reference rates [rad/s^2], shape (n, 3).
+    """
+
+    sigma_BR: Array
+    omega_BR_B: Array
+    omega_RN_B: Array
+    domega_RN_B: Array
+
+
 @kernel
-def track_line_of_sight(
-    rho_N: Array,
-    rho_dot_N: Array,
-    rho_ddot_N: Array,
-    q_BN: Array,
-    restart: Mask,
-    q_RN: Array,
-    omega_RN_N: Array,
-    domega_RN_N: Array,
-    los_N: Array,
-) -> None:
+def track_line_of_sight(sight: LineOfSight, q_BN: Array, restart: Mask, reference: Reference) -> None:
     """Carry the references of n spacecraft to the present line of sight.
 
     A fixed direction is one with zero derivatives. Closer than `COINCIDENCE_DISTANCE` the base attitude is held at zero
@@ -60,20 +96,15 @@ def track_line_of_sight(
     rotation is taken about the base's x axis.
 
     Args:
-        rho_N: Position of the target minus position of the spacecraft [m], shape (n, 3).
-        rho_dot_N: Its first time derivative [m/s], shape (n, 3).
-        rho_ddot_N: Its second time derivative [m/s^2], shape (n, 3).
+        sight: Where the targets are.
         q_BN: Present body attitudes (w, x, y, z), shape (n, 4); read only where `restart` is set.
         restart: Whether the target is new, so that the body attitude becomes the base, shape (n,).
-        q_RN: Previous references, replaced by the present ones, shape (n, 4).
-        omega_RN_N: Receives the angular velocity of R [rad/s], shape (n, 3).
-        domega_RN_N: Receives its inertial time derivative [rad/s^2], shape (n, 3).
-        los_N: Receives the unit line of sight, shape (n, 3).
+        reference: Holds the previous attitudes, which are replaced by the present ones, and receives the rest.
     """
     still = (0.0, 0.0, 0.0)
-    for i in range(rho_N.shape[0]):
-        q = normalised(quaternion(q_BN, i) if restart[i] else quaternion(q_RN, i))
-        rho = vector(rho_N, i)
+    for i in range(q_BN.shape[0]):
+        q = normalised(quaternion(q_BN, i) if restart[i] else quaternion(reference.q_RN, i))
+        rho = vector(sight.rho_N, i)
         distance = sqrt(dot(rho, rho))
         if distance < COINCIDENCE_DISTANCE:
             los, omega, domega = z_axis(q), still, still
@@ -81,46 +112,31 @@ def track_line_of_sight(
             los = (rho[0] / distance, rho[1] / distance, rho[2] / distance)
             # The first turn is ill-conditioned when it is near half a turn; the second takes out what rounding left.
             q = _shortest_to(los, _shortest_to(los, q))
-            omega, domega = _sight_rates(los, distance, vector(rho_dot_N, i), vector(rho_ddot_N, i))
-        put_quaternion(q_RN, i, q)
-        put_vector(omega_RN_N, i, omega)
-        put_vector(domega_RN_N, i, domega)
-        put_vector(los_N, i, los)
+            omega, domega = _sight_rates(los, distance, vector(sight.rho_dot_N, i), vector(sight.rho_ddot_N, i))
+        put_quaternion(reference.q_RN, i, q)
+        put_vector(reference.omega_RN_N, i, omega)
+        put_vector(reference.domega_RN_N, i, domega)
+        put_vector(reference.los_N, i, los)
 
 
 @kernel
-def attitude_error(
-    q_BN: Array,
-    omega_BN_B: Array,
-    q_RN: Array,
-    omega_RN_N: Array,
-    domega_RN_N: Array,
-    sigma_BR: Array,
-    omega_BR_B: Array,
-    omega_RN_B: Array,
-    domega_RN_B: Array,
-) -> None:
-    """Compare n bodies with their references, in body components.
+def attitude_error(q_BN: Array, omega_BN_B: Array, reference: Reference, error: TrackingError) -> None:
+    """Compare n bodies with their references.
 
     Args:
         q_BN: Body attitudes (w, x, y, z), shape (n, 4).
         omega_BN_B: Body rates in B [rad/s], shape (n, 3).
-        q_RN: Reference attitudes, shape (n, 4).
-        omega_RN_N: Reference rates in N [rad/s], shape (n, 3).
-        domega_RN_N: Inertial derivative of the reference rates, in N [rad/s^2], shape (n, 3).
-        sigma_BR: Receives the attitude error with |sigma| <= 1, shape (n, 3).
-        omega_BR_B: Receives the rate error in B [rad/s], shape (n, 3).
-        omega_RN_B: Receives the reference rates in B [rad/s], shape (n, 3).
-        domega_RN_B: Receives the inertial derivative of the reference rates, in B [rad/s^2], shape (n, 3).
+        reference: What they should be.
+        error: Receives how they differ.
     """
     for i in range(q_BN.shape[0]):
         q_B = quaternion(q_BN, i)
         q_NB = conjugate(q_B)
-        omega_RN = rotate(q_NB, vector(omega_RN_N, i))
-        put_vector(sigma_BR, i, short_mrp(product(conjugate(quaternion(q_RN, i)), q_B)))
-        put_vector(omega_RN_B, i, omega_RN)
-        put_vector(omega_BR_B, i, combine(1.0, vector(omega_BN_B, i), -1.0, omega_RN))
-        put_vector(domega_RN_B, i, rotate(q_NB, vector(domega_RN_N, i)))
+        omega_RN = rotate(q_NB, vector(reference.omega_RN_N, i))
+        put_vector(error.sigma_BR, i, short_mrp(product(conjugate(quaternion(reference.q_RN, i)), q_B)))
+        put_vector(error.omega_RN_B, i, omega_RN)
+        put_vector(error.omega_BR_B, i, combine(1.0, vector(omega_BN_B, i), -1.0, omega_RN))
+        put_vector(error.domega_RN_B, i, rotate(q_NB, vector(reference.domega_RN_N, i)))
 
 
 @kernel

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from swarm_mj.errors import SimulationError
-from swarm_mj.simulator.fast import native
+from swarm_mj.simulator.fast import c_functions
 from swarm_mj.simulator.fast.integrator import Integrator
-from swarm_mj.simulator.fast.mj_memory import MJ_STEP, STAGED, STAGED_CONSTANT_INERTIA, Column
+from swarm_mj.simulator.fast.mj_memory import MJ_STEP, STAGED, STAGED_CONSTANT_INERTIA
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.spacecraft import template
 from swarm_mj.spacecraft.model import build_model
@@ -38,14 +38,14 @@ def tumbling(swarm):
 
 def method_of(swarm):
     """How a swarm is stepped."""
-    return Integrator(swarm, mujoco.MjData(swarm.mjmodel)).swarms.places[0, Column.METHOD]
+    return Integrator(swarm, mujoco.MjData(swarm.mjmodel)).batch[0]["method"]
 
 
 def stepped(swarm, steps, method=None):
     data = tumbling(swarm)
     integrator = Integrator(swarm, data)
     if method is not None:
-        integrator.swarms.places[:, Column.METHOD] = method
+        integrator.batch["method"] = method
     integrator.step(steps)
     return data
 
@@ -169,11 +169,11 @@ def test_a_model_without_geometry_moves_the_same(tetrahedron):
 
 
 def test_a_missing_library_is_named_with_where_it_was_looked_for(tmp_path, monkeypatch):
-    monkeypatch.setattr(native.mujoco, "__file__", str(tmp_path / "mujoco/__init__.py"))
-    monkeypatch.setattr(native.sys, "prefix", str(tmp_path / "prefix"))
+    monkeypatch.setattr(c_functions.mujoco, "__file__", str(tmp_path / "mujoco/__init__.py"))
+    monkeypatch.setattr(c_functions.sys, "prefix", str(tmp_path / "prefix"))
     with pytest.raises(SimulationError, match=r"MuJoCo's library.*mujoco.*prefix/lib"):
-        native.load_mujoco.__wrapped__()
+        c_functions.load_mujoco.__wrapped__()
     (tmp_path / "prefix/lib").mkdir(parents=True)
     (tmp_path / "prefix/lib/libmujoco.so.4").write_text("not a library")
     with pytest.raises(RuntimeError):
-        native.load_mujoco.__wrapped__()
+        c_functions.load_mujoco.__wrapped__()

@@ -1,7 +1,5 @@
 """Guidance against finite differences of its own attitude history and against closed forms of parallel transport."""
 
-from typing import NamedTuple
-
 import numpy as np
 import pytest
 from hypothesis import assume, given
@@ -9,21 +7,16 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from swarm_mj.spacecraft.attitude import guidance, mrp
+from swarm_mj.spacecraft.attitude.guidance import LineOfSight, Reference, TrackingError
 
 N = 12
-
-
-class Reference(NamedTuple):
-    q: np.ndarray
-    omega: np.ndarray
-    domega: np.ndarray
-    los: np.ndarray
 
 
 def track(rho, rho_dot, rho_ddot, q_BN, restart, q_RN) -> Reference:
     n = len(rho)
     reference = Reference(np.array(q_RN, dtype=float), *(np.full((n, 3), np.nan) for _ in range(3)))
-    guidance.track_line_of_sight(rho, rho_dot, rho_ddot, q_BN, np.full(n, restart), *reference)
+    sight = LineOfSight(rho, rho_dot, rho_ddot)
+    guidance.track_line_of_sight(sight, q_BN, np.full(n, restart), reference)
     return reference
 
 
@@ -51,7 +44,7 @@ def history(h: float, steps: int, t0: float = 0.0) -> list[Reference]:
     q = random_attitudes()
     result = [track(*flyby(t0), q, True, q)]
     for k in range(1, steps):
-        result.append(track(*flyby(t0 + k * h), q, False, result[-1].q))
+        result.append(track(*flyby(t0 + k * h), q, False, result[-1].q_RN))
     return result
 
 
@@ -64,32 +57,32 @@ def test_z_axis_lies_on_the_line_of_sight_to_rounding() -> None:
     for t, reference in zip(np.arange(400) * 0.5, history(0.5, 400), strict=True):
         rho = flyby(t)[0]
         los = rho / np.linalg.norm(rho, axis=1, keepdims=True)
-        np.testing.assert_allclose(reference.los, los, rtol=0, atol=2.3e-16)
-        np.testing.assert_allclose(z_axes(reference.q), los, rtol=0, atol=1e-15)
+        np.testing.assert_allclose(reference.los_N, los, rtol=0, atol=2.3e-16)
+        np.testing.assert_allclose(z_axes(reference.q_RN), los, rtol=0, atol=1e-15)
 
 
 def test_reference_rate_is_the_derivative_of_the_reference_attitude() -> None:
     h = 0.05
     references = history(h, 41)
     for before, now, after in zip(references[:-2], references[1:-1], references[2:], strict=True):
-        np.testing.assert_allclose(rate_between(before.q, after.q, 2 * h), now.omega, rtol=0, atol=1e-9)
+        np.testing.assert_allclose(rate_between(before.q_RN, after.q_RN, 2 * h), now.omega_RN_N, rtol=0, atol=1e-9)
 
 
 def test_reference_acceleration_is_the_derivative_of_the_reference_rate() -> None:
     h = 0.05
     references = history(h, 41)
     for before, now, after in zip(references[:-2], references[1:-1], references[2:], strict=True):
-        np.testing.assert_allclose((after.omega - before.omega) / (2 * h), now.domega, rtol=0, atol=1e-9)
-    assert np.abs(references[20].domega).max() > 1e-6
+        np.testing.assert_allclose((after.omega_RN_N - before.omega_RN_N) / (2 * h), now.domega_RN_N, rtol=0, atol=1e-9)
+    assert np.abs(references[20].domega_RN_N).max() > 1e-6
 
 
 def test_reference_never_turns_about_the_line_of_sight() -> None:
     h = 0.5
     references = history(h, 200)
     for before, after in zip(references[:-1], references[1:], strict=True):
-        assert np.abs(np.sum(after.omega * after.los, axis=1)).max() < 1e-17
-        midway = before.los + after.los
-        twist = np.sum(rate_between(before.q, after.q, 1.0) * midway, axis=1) / np.linalg.norm(midway, axis=1)
+        assert np.abs(np.sum(after.omega_RN_N * after.los_N, axis=1)).max() < 1e-17
+        midway = before.los_N + after.los_N
+        twist = np.sum(rate_between(before.q_RN, after.q_RN, 1.0) * midway, axis=1) / np.linalg.norm(midway, axis=1)
         assert np.abs(twist).max() < 2e-15
 
 
@@ -101,7 +94,7 @@ def test_going_round_a_cone_turns_the_reference_by_the_solid_angle(cone_deg: flo
     for k in range(steps + 1):
         angle = 2 * np.pi * k / steps
         rho = 1e4 * np.array([[np.sin(cone) * np.cos(angle), np.sin(cone) * np.sin(angle), np.cos(cone)]])
-        q = track(rho, 0 * rho, 0 * rho, q, k == 0, q).q
+        q = track(rho, 0 * rho, 0 * rho, q, k == 0, q).q_RN
         first = q if first is None else first
     turn = Rotation.from_quat(q[0], scalar_first=True) * Rotation.from_quat(first[0], scalar_first=True).inv()
     solid_angle = 2 * np.pi * (1 - np.cos(cone))
@@ -113,23 +106,25 @@ def test_restart_takes_the_attitude_closest_to_the_body() -> None:
     q_BN, rho = random_attitudes(), flyby(0.0)[0]
     reference = track(*flyby(0.0), q_BN, True, random_attitudes(seed=2))
     needed = np.arccos(np.sum(z_axes(q_BN) * rho, axis=1) / np.linalg.norm(rho, axis=1))
-    turned = mrp.principal_angle(mrp.subtract_mrp(mrp.mrp_from_quaternion(reference.q), mrp.mrp_from_quaternion(q_BN)))
+    turned = mrp.principal_angle(
+        mrp.subtract_mrp(mrp.mrp_from_quaternion(reference.q_RN), mrp.mrp_from_quaternion(q_BN))
+    )
     np.testing.assert_allclose(turned, needed, rtol=0, atol=1e-7)
-    np.testing.assert_allclose(turned, guidance.pointing_error(q_BN, reference.los), rtol=0, atol=1e-13)
+    np.testing.assert_allclose(turned, guidance.pointing_error(q_BN, reference.los_N), rtol=0, atol=1e-13)
 
 
 def test_without_restart_the_body_attitude_does_not_matter() -> None:
     q_RN = random_attitudes(seed=3)
     one = track(*flyby(0.0), random_attitudes(seed=4), False, q_RN)
     other = track(*flyby(0.0), random_attitudes(seed=5), False, q_RN)
-    np.testing.assert_array_equal(one.q, other.q)
+    np.testing.assert_array_equal(one.q_RN, other.q_RN)
 
 
 def test_reference_moves_no_further_than_its_rate_allows() -> None:
     references = history(0.5, 200)
     for before, after in zip(references[:-1], references[1:], strict=True):
-        angle = np.linalg.norm(rate_between(before.q, after.q, 1.0), axis=1)
-        fastest = np.maximum(np.linalg.norm(before.omega, axis=1), np.linalg.norm(after.omega, axis=1))
+        angle = np.linalg.norm(rate_between(before.q_RN, after.q_RN, 1.0), axis=1)
+        fastest = np.maximum(np.linalg.norm(before.omega_RN_N, axis=1), np.linalg.norm(after.omega_RN_N, axis=1))
         assert np.all(angle <= 0.5 * fastest * 1.01)
 
 
@@ -138,12 +133,12 @@ def test_coincident_bodies_hold_the_previous_reference_at_rest(distance: float) 
     q_BN, q_RN = random_attitudes(seed=6), random_attitudes(seed=7)
     rho = np.tile([distance, 0.0, 0.0], (N, 1))
     held = track(rho, np.ones((N, 3)), np.ones((N, 3)), q_BN, False, q_RN)
-    np.testing.assert_allclose(held.q, q_RN, rtol=0, atol=3e-16)
-    np.testing.assert_allclose(held.los, z_axes(q_RN), rtol=0, atol=1e-15)
-    assert not held.omega.any()
-    assert not held.domega.any()
+    np.testing.assert_allclose(held.q_RN, q_RN, rtol=0, atol=3e-16)
+    np.testing.assert_allclose(held.los_N, z_axes(q_RN), rtol=0, atol=1e-15)
+    assert not held.omega_RN_N.any()
+    assert not held.domega_RN_N.any()
     fresh = track(rho, np.ones((N, 3)), np.ones((N, 3)), q_BN, True, np.full((N, 4), np.nan))
-    np.testing.assert_allclose(fresh.q, q_BN, rtol=0, atol=3e-16)
+    np.testing.assert_allclose(fresh.q_RN, q_BN, rtol=0, atol=3e-16)
 
 
 @pytest.mark.parametrize("offset", [0.0, 1e-17, 1e-12, 0.99e-8, 1.01e-8, 1e-6])
@@ -152,24 +147,26 @@ def test_opposite_line_of_sight_is_reached_about_the_body_x_axis(offset: float) 
     body = Rotation.from_quat(q_BN, scalar_first=True)
     los = body.apply([0.0, np.sin(offset), -np.cos(offset)])
     reference = track(1e4 * los, 0 * los, 0 * los, q_BN, True, q_BN)
-    np.testing.assert_allclose(z_axes(reference.q), los, rtol=0, atol=1e-15)
-    x_axes = Rotation.from_quat(reference.q, scalar_first=True).apply([1.0, 0.0, 0.0])
+    np.testing.assert_allclose(z_axes(reference.q_RN), los, rtol=0, atol=1e-15)
+    x_axes = Rotation.from_quat(reference.q_RN, scalar_first=True).apply([1.0, 0.0, 0.0])
     np.testing.assert_allclose(x_axes, body.apply([1.0, 0.0, 0.0]), rtol=0, atol=1e-7)
 
 
 def test_a_fixed_direction_has_no_rate_however_far_it_is() -> None:
     rho = 2e11 * Rotation.random(N, random_state=8).apply([0.0, 0.0, 1.0])
     reference = track(rho, np.zeros((N, 3)), np.zeros((N, 3)), random_attitudes(), True, random_attitudes())
-    assert not reference.omega.any()
-    assert not reference.domega.any()
+    assert not reference.omega_RN_N.any()
+    assert not reference.domega_RN_N.any()
 
 
 def test_attitude_error_agrees_with_mrp_and_dcm_algebra() -> None:
     rng = np.random.default_rng(9)
     q_BN, q_RN = random_attitudes(seed=10), random_attitudes(seed=11)
     omega_BN_B, omega_RN_N, domega_RN_N = rng.normal(size=(3, N, 3))
-    sigma, omega_BR, omega_RN, domega = (np.empty((N, 3)) for _ in range(4))
-    guidance.attitude_error(q_BN, omega_BN_B, q_RN, omega_RN_N, domega_RN_N, sigma, omega_BR, omega_RN, domega)
+    error = TrackingError(*(np.empty((N, 3)) for _ in range(4)))
+    reference = Reference(q_RN, omega_RN_N, domega_RN_N, np.empty((N, 3)))
+    guidance.attitude_error(q_BN, omega_BN_B, reference, error)
+    sigma, omega_BR, omega_RN, domega = error
     sigma_BN, sigma_RN = mrp.mrp_from_quaternion(q_BN), mrp.mrp_from_quaternion(q_RN)
     C_BN = mrp.dcm(sigma_BN)
     np.testing.assert_allclose(mrp.dcm(sigma), C_BN @ np.swapaxes(mrp.dcm(sigma_RN), 1, 2), rtol=0, atol=1e-14)
@@ -194,7 +191,7 @@ def test_each_spacecraft_is_computed_on_its_own() -> None:
     rho, rho_dot, rho_ddot = flyby(3.0)
     rho[5] = 0.0
     together = Reference(q_RN.copy(), *(np.empty((N, 3)) for _ in range(3)))
-    guidance.track_line_of_sight(rho, rho_dot, rho_ddot, q_BN, restart, *together)
+    guidance.track_line_of_sight(LineOfSight(rho, rho_dot, rho_ddot), q_BN, restart, together)
     for i in range(N):
         one = slice(i, i + 1)
         alone = track(rho[one], rho_dot[one], rho_ddot[one], q_BN[one], restart[i], q_RN[one])

@@ -11,7 +11,14 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from swarm_mj.spacecraft.attitude.guidance import attitude_error, pointing_error, track_line_of_sight
+from swarm_mj.spacecraft.attitude.guidance import (
+    LineOfSight,
+    Reference,
+    TrackingError,
+    attitude_error,
+    pointing_error,
+    track_line_of_sight,
+)
 from swarm_mj.spacecraft.control import ControlInput, Controller
 
 Floats = NDArray[np.float64]
@@ -119,13 +126,15 @@ def fly(
     inertia = np.ascontiguousarray(np.broadcast_to(model, (n, 3, 3)))
     effective = inertia - WHEEL_INERTIA * np.eye(3)
     q_RN, restart, memory = np.empty((n, 4)), np.ones(n, dtype=bool), None
-    los, omega_N, domega_N, sigma, omega_BR, omega_RN, domega = (np.empty((n, 3)) for _ in range(7))
+    reference = Reference(q_RN, *(np.empty((n, 3)) for _ in range(3)))
+    error = TrackingError(*(np.empty((n, 3)) for _ in range(4)))
+    los, (sigma, omega_BR, omega_RN, domega) = reference.los_N, error
     rows: list[tuple[Floats, ...]] = []
     times = period * np.arange(round(duration / period) + 1)
     for t in times:
-        track_line_of_sight(*target(float(t)), state.q, restart, q_RN, omega_N, domega_N, los)
+        track_line_of_sight(LineOfSight(*target(float(t))), state.q, restart, reference)
         restart[:] = False
-        attitude_error(state.q, state.omega, q_RN, omega_N, domega_N, sigma, omega_BR, omega_RN, domega)
+        attitude_error(state.q, state.omega, reference, error)
         wheel_momentum = WHEEL_INERTIA * state.wheels
         asked, memory = controller.torque(
             ControlInput(sigma, omega_BR, state.omega, omega_RN, domega, wheel_momentum, inertia, effective, period),
