@@ -18,7 +18,8 @@ from swarm_mj.typing import Array, Mask
 
 from .actions import ControlLevel, make_level
 from .episode_state import EpisodeState
-from .rewards import ENDS, StepMeasures, StepResult, compute_rewards, measure_hazards, no_result
+from .rewards import ENDS, Flown, StepResult
+from .step import finish_step
 from .task import Task
 from .totals import reset_totals
 
@@ -47,8 +48,7 @@ class EpisodeBatch(EpisodeState):
         self.why_python = task.simulation.why_not_compiled(law)
         flights = self._python_batch(task, count) if self.why_python else self._compiled_batch(task, count, law)
         super().__init__(task, flights)
-        self._limits = task.hazard_limits
-        self._rewards = task.reward_constants(continues_after_impact=continues_after_impact)
+        self._constants = task.step_constants(continues_after_impact=continues_after_impact)
 
     def _compiled_batch(self, task: Task, count: int, law: Controller | None) -> CompiledBatch:
         level = self.level
@@ -91,13 +91,14 @@ class EpisodeBatch(EpisodeState):
         self.flights.effort[:] = 0.0
         self.flights.hold(self.level.held, self.level.torque_B)
         new_area = np.zeros(self.count)
-        finite = self._fly(live, new_area)
-        measures = self._measure(finite, new_area)
-        self._observe(finite)
-        result = no_result(self.count)
-        compute_rewards(self._rewards, measures, self.totals, self.flights.tick, live, finite, result)
-        if self._continues and measures.hit.any():
-            for e, j in zip(*np.nonzero(measures.hit), strict=True):
+        flown = self._flown(live, self._fly(live, new_area), new_area)
+        self._update_estimate(flown.finite)
+        tracking, constants = self._tracking(), self._constants
+        result: StepResult = finish_step(
+            constants, self.before, self.now, self.estimate, tracking, self.totals, flown, self.observation
+        )
+        if self._continues and result.hit.any():
+            for e, j in zip(*np.nonzero(result.hit), strict=True):
                 self.flights.park(int(e), int(j))
         return result
 
@@ -136,10 +137,13 @@ class EpisodeBatch(EpisodeState):
     def _due(self) -> dict[int, Mask]:
         """In which flights pictures are due, by control instant of this step, where there are any."""
         task, tick = self.task, self.flights.tick
+        starts = set(tick.tolist())
+        if len(starts) == 1:
+            return dict.fromkeys(task.due_in_step[starts.pop() // task.ticks], self._all)
         found: dict[int, Mask] = {}
-        for start in set(tick.tolist()):
-            for k in np.flatnonzero(task.is_due[start : start + task.ticks + 1]).tolist():
-                found[k] = found.get(k, np.zeros(self.count, np.bool_)) | (tick == start)
+        for start in starts:
+            for k in task.due_in_step[start // task.ticks]:
+                found[k] = found.get(k, ~self._all) | (tick == start)
         return found
 
     def _take_last_pictures(self, flying: Mask, due: Mask | None, new_area: Array) -> Mask:
@@ -154,23 +158,13 @@ class EpisodeBatch(EpisodeState):
                 self._take_pictures(due & last & flying, new_area)
         return flying
 
-    def _measure(self, finite: Mask, new_area: Array) -> StepMeasures:
-        """What the step has brought: data are sent, and losses and the seen share brought up to date."""
-        totals, lost = self.totals, self.flights.lost
-        failed = lost & ~totals.lost
+    def _flown(self, live: Mask, finite: Mask, new_area: Array) -> Flown:
+        """What the simulation tells of a step; losses to faults and the seen share are brought up to date."""
+        totals, flights = self.totals, self.flights
+        failed = flights.lost & ~totals.lost
         totals.lost[:] |= failed
-        measures = StepMeasures(
-            area=new_area,
-            delivered=self._transmit(finite),
-            effort=self.flights.effort,
-            saturation=np.zeros(self.count),
-            close_pairs=np.zeros(self.count),
-            hit=np.zeros_like(failed),
-            failed=failed,
-        )
-        measure_hazards(self._limits, self.before, self.now, totals.lost, finite, measures)
         area = self.task.plan.region.area
         for e in np.flatnonzero(new_area):
             # From the cells, so that the order in which they were seen does not matter.
             totals.percent[e] = 100.0 * float(area[totals.seen[e]].sum() / area.sum())
-        return measures
+        return Flown(flights.tick, live, finite, new_area, flights.effort, failed)

@@ -20,7 +20,6 @@ from .kinematics import (
 )
 from .observations import write_observations
 from .pictures import take_pictures
-from .radio import transmit
 from .state import SwarmState
 from .task import Task
 from .totals import no_totals, record_cells
@@ -78,8 +77,8 @@ class EpisodeState:
         self.estimate = no_estimate(count, plan.n)
         self.observation = np.zeros((count, *task.observation_layout.space.shape), np.float32)
         self._all = np.ones(count, np.bool_)
-        self._rotation, self._bits_per_pixel = task.body_rotation, float(task.config.bits_per_pixel)
-        self._radio, self._observations = task.radio_constants, task.observation_constants
+        self._rotation, self._pictures = task.body_rotation, task.picture_constants
+        self._observations = task.observation_constants
 
     @property
     def time_s(self) -> Array:
@@ -129,18 +128,17 @@ class EpisodeState:
             return
         task, flights = self.task, self.flights
         self._update_kinematics(self._at_picture, due)
-        camera_on = ~(self.totals.lost | flights.blind)
-        takes = due[:, None] & watching(task.plan.n_observers, flights.kind, camera_on)
-        now, totals = self._at_picture, self.totals
-        if task.scene is not None and not task.criterion.needs_sun:
-            doubt = np.zeros(takes.shape, np.bool_)
-            if not take_pictures(task.scene, self._bits_per_pixel, now, totals, takes, area, doubt):
+        kind, blind, now, totals = flights.kind, flights.blind, self._at_picture, self.totals
+        if task.scene is None or task.criterion.needs_sun:
+            singly = due[:, None] & watching(task.plan.n_observers, kind, ~(totals.lost | blind))
+        else:
+            singly = take_pictures(task.scene, self._pictures, now, totals, kind, blind, due, area)
+            if not singly.any():
                 return
-            takes = doubt
         sun = task.plan.environment.sun
-        for e in np.flatnonzero(takes.any(axis=1)):
+        for e in np.flatnonzero(singly.any(axis=1)):
             t = float(now.t[e])
-            for picture in pictures(t, takes[e], now.r[e], now.C_BN[e], now.C_AN[e], sun.at(t)):
+            for picture in pictures(t, singly[e], now.r[e], now.C_BN[e], now.C_AN[e], sun.at(t)):
                 area[e] += self._judge_singly(int(e), picture)
 
     def _judge_singly(self, e: int, picture: Picture) -> float:
@@ -156,15 +154,9 @@ class EpisodeState:
         if gained > 0.0:
             limits = task.criterion.limits(task.observer.camera)
             pixels = pixels_on(limits, region.area[new], *sight(region, picture.r_A, new)).sum()
-            bits = float(pixels) * self._bits_per_pixel
+            bits = float(pixels) * task.config.bits_per_pixel
             record_cells(totals, e, picture.spacecraft, new, picture.t, gained, bits)
         return gained
-
-    def _transmit(self, live: Mask) -> Array:
-        """Send data over the links that are closed now, for the step that ends; what Earth received, shape (E,) [bit]."""
-        received = np.zeros(self.count)
-        transmit(self._radio, self.now, self._tracking(), self.totals, live, received)
-        return received
 
     def _observe(self, live: Mask) -> None:
         """Write the observations of the live flights."""

@@ -2,52 +2,70 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
+from swarm_mj.observation.capture import takes_picture
 from swarm_mj.observation.horizon import sight_of
 from swarm_mj.observation.horizon_kernels import Scene, new_cells
 from swarm_mj.spacecraft.attitude.algebra import relative_dcm
-from swarm_mj.typing import Array, Mask, kernel
+from swarm_mj.typing import Array, Ints, Mask, kernel
 
 from .kinematics import Kinematics
 from .totals import EpisodeTotals, record_cells
 
 
+class PictureConstants(NamedTuple):
+    """What all pictures share besides the scene.
+
+    Attributes:
+        n_observers: Number of spacecraft that take pictures, the first ones.
+        bits_per_pixel: Data of a picture.
+    """
+
+    n_observers: int
+    bits_per_pixel: float
+
+
 @kernel
 def take_pictures(
     scene: Scene,
-    bits_per_pixel: float,
+    constants: PictureConstants,
     now: Kinematics,
     totals: EpisodeTotals,
-    takes: Mask,
+    kind: Ints,
+    blind: Mask,
+    due: Mask,
     area: Array,
-    doubt: Mask,
-) -> bool:
-    """Let spacecraft take pictures, one after another, and record the cells that are new.
+) -> Mask:
+    """Let every observer that looks at the body take its picture, one after another, and record the cells that are new.
 
     Args:
         scene: Target, maps, camera and criterion.
-        bits_per_pixel: Data of a picture.
+        constants: See `PictureConstants`.
         now: At the instant of the pictures.
         totals: Written to.
-        takes: Who takes a picture, shape (E, n).
+        kind: What each spacecraft tracks, shape (E, n).
+        blind: Whose camera is off, shape (E, n).
+        due: Flights in which pictures are due, shape (E,).
         area: Receives in addition the newly seen area of each flight, shape (E,) [m^2].
-        doubt: Receives which pictures may show more than the maps could tell, shape (E, n).
 
     Returns:
-        Whether there are such.
+        Which pictures may show more than the maps could tell, shape (E, n).
     """
-    any_doubt, new, C_CA = False, np.empty(totals.seen.shape[1], np.bool_), np.empty((3, 3))
-    for e in range(takes.shape[0]):
-        for j in range(takes.shape[1]):
-            doubt[e, j] = False
-            if not takes[e, j]:
+    doubt, observers = np.zeros(kind.shape, np.bool_), constants.n_observers
+    new, C_CA = np.empty(totals.seen.shape[1], np.bool_), np.empty((3, 3))
+    for e in range(due.shape[0]):
+        if not due[e]:
+            continue
+        for j in range(observers):
+            if not takes_picture(j, observers, kind[e, j], not (totals.lost[e, j] or blind[e, j])):
                 continue
             relative_dcm(now.C_BN[e, j], now.C_AN[e], C_CA)
             camera = sight_of(now.r_A[e, j], C_CA, scene.optics, scene.radius)
             gained, pixels, doubt[e, j] = new_cells(scene, camera, totals.seen[e], new)
-            any_doubt = any_doubt or doubt[e, j]
             if gained > 0.0:
-                record_cells(totals, e, j, new, now.t[e], gained, pixels * bits_per_pixel)
+                record_cells(totals, e, j, new, now.t[e], gained, pixels * constants.bits_per_pixel)
                 area[e] += gained
-    return any_doubt
+    return doubt

@@ -33,6 +33,7 @@ from .arguments import checked_step
 from .baselines import POLICIES
 from .episode_state import EpisodeState
 from .policy import ArrayPolicy, load_policy
+from .radio import transmit
 from .task import Task, make_task
 
 Act = Callable[[Array32], Ints]
@@ -219,6 +220,7 @@ class FollowedEpisode(EpisodeState):
         plan = task.plan
         self._level = RoleLevel(plan, 1, task.patches)
         self._level.reset(0)
+        self._radio = task.radio_constants, task.occluder
         super().__init__(task, _ViewSource(plan.n, plan.scenario.control.period_s, self._level.held))
 
     def follow(self, view: SwarmView, act: Act) -> Targets:
@@ -231,7 +233,7 @@ class FollowedEpisode(EpisodeState):
             self.before, self.now = self.now, self.before
             self._update_kinematics(self.now, everyone)
             if not begins:
-                self._transmit(everyone)
+                transmit(*self._radio, self.now, self._tracking(), self.totals, everyone)
             self._observe(everyone)
             self._level.apply(act(self.observation[0])[None], self.now.C_BN[:, :, 2], everyone)
         if task.is_due[tick]:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import numpy as np
+
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.mission.links import Beams, closed_links
 from swarm_mj.smallbody.occultation import Occluder
@@ -20,7 +22,6 @@ class RadioConstants(NamedTuple):
 
     Attributes:
         beams: Of the antennas.
-        body: The asteroid, which may stand in between.
         earth_r_N: Position of Earth at the epoch, shape (3,) [m].
         earth_v_N: Its velocity, taken as constant, shape (3,) [m/s].
         swarm_bit: Most that a spacecraft can send to another in a step [bit].
@@ -28,7 +29,6 @@ class RadioConstants(NamedTuple):
     """
 
     beams: Beams
-    body: Occluder
     earth_r_N: Array
     earth_v_N: Array
     swarm_bit: float
@@ -37,24 +37,33 @@ class RadioConstants(NamedTuple):
 
 @kernel
 def transmit(
-    constants: RadioConstants, now: Kinematics, tracking: Tracking, totals: EpisodeTotals, live: Mask, received: Array
-) -> None:
+    constants: RadioConstants,
+    body: Occluder,
+    now: Kinematics,
+    tracking: Tracking,
+    totals: EpisodeTotals,
+    live: Mask,
+) -> Array:
     """Send data to whom the spacecraft track, and to Earth.
 
     Args:
         constants: See `RadioConstants`.
+        body: The asteroid, which may stand in between.
         now: At the end of the step.
         tracking: Who tracks whom.
         totals: Data aboard and delivered, and closed links, are written to.
         live: Which flights, shape (E,).
-        received: Receives what Earth got in this step, shape (E,) [bit].
+
+    Returns:
+        What Earth received in the step, shape (E,) [bit].
     """
+    received = np.zeros(live.shape[0])
     for e in range(live.shape[0]):
         if live[e]:
             earth_N = constants.earth_r_N + now.t[e] * constants.earth_v_N
             totals.closed[e] = closed_links(
                 constants.beams,
-                constants.body,
+                body,
                 tracking.kind[e],
                 tracking.spacecraft[e],
                 now.r[e],
@@ -65,6 +74,7 @@ def transmit(
             _send_to_spacecraft(constants, tracking, totals, e)
             received[e] = _send_to_earth(constants, tracking, totals, e)
             totals.delivered[e] += received[e]
+    return received
 
 
 @kernel

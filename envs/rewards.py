@@ -80,39 +80,49 @@ def checked_scales(given: Mapping[str, float] | None) -> RewardScales:
     return RewardScales(**{name: float(value) for name, value in (given or {}).items()})
 
 
-class StepMeasures(NamedTuple):
-    """What a step of E flights of n spacecraft brought, before it is weighed.
+class Flown(NamedTuple):
+    """What the simulation tells of a step of E flights of n spacecraft.
 
     Attributes:
+        tick: Control periods flown since the start, shape (E,).
+        live: Flights that began the step, shape (E,).
+        finite: Those that ended it with a finite state, shape (E,).
         area: Newly seen, shape (E,) [m^2].
-        delivered: Received by Earth, shape (E,) [bit].
         effort: Sum of squared motor torques, shape (E,) [N^2 m^2].
-        saturation: Mean share by which wheels are in the last tenth below their top speed, shape (E,).
-        close_pairs: Share of the pairs of spacecraft that came too close, shape (E,).
-        hit: Spacecraft that hit the body, shape (E, n).
         failed: Spacecraft newly lost to faults, shape (E, n).
     """
 
+    tick: Ints
+    live: Mask
+    finite: Mask
     area: Array
-    delivered: Array
     effort: Array
+    failed: Mask
+
+
+class Hazards(NamedTuple):
+    """How dangerous a step was.
+
+    Attributes:
+        saturation: Mean share by which wheels are in the last tenth below their top speed, shape (E,).
+        close_pairs: Share of the pairs of spacecraft that came too close, shape (E,).
+        hit: Spacecraft that hit the body, shape (E, n).
+    """
+
     saturation: Array
     close_pairs: Array
     hit: Mask
-    failed: Mask
 
 
 class HazardLimits(NamedTuple):
     """Beyond which a flight becomes dangerous.
 
     Attributes:
-        body: The asteroid.
         max_wheel_speed: Top speed of the wheels [rad/s].
         min_separation_m: Of two spacecraft [m].
         separation_grace_s: Steps that begin earlier than this are excused: all come from one place [s].
     """
 
-    body: Occluder
     max_wheel_speed: float
     min_separation_m: float
     separation_grace_s: float
@@ -120,26 +130,29 @@ class HazardLimits(NamedTuple):
 
 @kernel
 def measure_hazards(
-    limits: HazardLimits, before: Kinematics, now: Kinematics, lost: Mask, live: Mask, measures: StepMeasures
-) -> None:
+    limits: HazardLimits, body: Occluder, before: Kinematics, now: Kinematics, lost: Mask, live: Mask
+) -> Hazards:
     """How near the wheels are to saturation, the spacecraft to each other, and which hit the body.
 
     Args:
         limits: See `HazardLimits`.
+        body: The asteroid.
         before: At the beginning of the step.
         now: At its end.
         lost: Spacecraft that are no more, shape (E, n).
-        live: Which flights, shape (E,).
-        measures: Receives `saturation`, `close_pairs` and `hit`.
+        live: Which flights, shape (E,); the others are in no danger.
     """
-    for e in range(live.shape[0]):
+    count = lost.shape[0]
+    hazards = Hazards(np.zeros(count), np.zeros(count), np.zeros(lost.shape, np.bool_))
+    for e in range(count):
         if live[e]:
-            measures.saturation[e] = _saturation(now.wheel[e], limits.max_wheel_speed)
+            hazards.saturation[e] = _saturation(now.wheel[e], limits.max_wheel_speed)
             if before.t[e] >= limits.separation_grace_s:
-                measures.close_pairs[e] = _close_pairs(before.r[e], now.r[e], lost[e], limits.min_separation_m)
+                hazards.close_pairs[e] = _close_pairs(before.r[e], now.r[e], lost[e], limits.min_separation_m)
             for j in range(lost.shape[1]):
                 flies = not lost[e, j]
-                measures.hit[e, j] = flies and way_blocked(before.r_A[e, j], now.r_A[e, j], limits.body)
+                hazards.hit[e, j] = flies and way_blocked(before.r_A[e, j], now.r_A[e, j], body)
+    return hazards
 
 
 @kernel
@@ -207,22 +220,18 @@ class StepResult(NamedTuple):
         reward: Their sum, shape (E,).
         end: Number in `ENDS`, shape (E,).
         truncated: Whether the flight is over by its duration, shape (E,).
+        hit: Spacecraft that hit the body in the step, shape (E, n).
     """
 
     terms: RewardTerms
     reward: Array
     end: Ints
     truncated: Mask
+    hit: Mask
 
     def terms_of(self, e: int) -> dict[str, float]:
         """The weighted terms of flight e by name."""
         return {name: float(values[e]) for name, values in zip(TERMS, self.terms, strict=True)}
-
-
-def no_result(count: int) -> StepResult:
-    """Of that many flights: nothing gained, all go on."""
-    terms = RewardTerms(*(np.zeros(count) for _ in TERMS))
-    return StepResult(terms, np.zeros(count), np.zeros(count, np.int64), np.zeros(count, np.bool_))
 
 
 def joined(results: Sequence[StepResult]) -> StepResult:
@@ -234,66 +243,69 @@ def joined(results: Sequence[StepResult]) -> StepResult:
 
 @kernel
 def compute_rewards(
-    constants: RewardConstants,
-    measures: StepMeasures,
-    totals: EpisodeTotals,
-    tick: Ints,
-    live: Mask,
-    finite: Mask,
-    result: StepResult,
-) -> None:
-    """Rewards and ends of a step, flight by flight.
+    constants: RewardConstants, flown: Flown, delivered: Array, hazards: Hazards, totals: EpisodeTotals
+) -> StepResult:
+    """Rewards and ends of a step, flight by flight; zero of the flights that did not begin it.
 
     Args:
         constants: See `RewardConstants`.
-        measures: See `StepMeasures`.
+        flown: What the simulation tells.
+        delivered: Received by Earth in the step, shape (E,) [bit].
+        hazards: How dangerous it was.
         totals: What the flights have come to; spacecraft that hit the body become lost where flights go on.
-        tick: Control periods flown, shape (E,).
-        live: Flights that began this step, shape (E,).
-        finite: Those that ended it with a finite state, shape (E,).
-        result: Written to, all zero before.
     """
-    for e in range(live.shape[0]):
-        if not live[e]:
+    result = _no_result(flown.live.shape[0], hazards.hit)
+    for e in range(flown.live.shape[0]):
+        if not flown.live[e]:
             continue
-        if finite[e]:
+        if flown.finite[e]:
             if constants.continues_after_impact:
                 for j in range(totals.lost.shape[1]):
-                    totals.lost[e, j] = totals.lost[e, j] or measures.hit[e, j]
-            _write_terms(constants, measures, e, result.terms)
-            result.end[e] = _end(constants, measures, totals, e)
-            result.truncated[e] = result.end[e] == _GOES_ON and tick[e] >= constants.last_tick
+                    totals.lost[e, j] = totals.lost[e, j] or hazards.hit[e, j]
+            _write_terms(constants, flown, delivered[e], hazards, e, result.terms)
+            result.end[e] = _end(constants, hazards.hit[e], totals, e)
+            result.truncated[e] = result.end[e] == _GOES_ON and flown.tick[e] >= constants.last_tick
         else:
             result.terms.loss[e], result.end[e] = constants.scales.loss, _DIVERGED
         for term in result.terms:
             result.reward[e] += term[e]
+    return result
 
 
 @kernel
-def _write_terms(constants: RewardConstants, measures: StepMeasures, e: int, terms: RewardTerms) -> None:
+def _no_result(count: int, hit: Mask) -> StepResult:
+    zero = np.zeros((6, count))
+    terms = RewardTerms(zero[0], zero[1], zero[2], zero[3], zero[4], zero[5])
+    return StepResult(terms, np.zeros(count), np.zeros(count, np.int64), np.zeros(count, np.bool_), hit)
+
+
+@kernel
+def _write_terms(
+    constants: RewardConstants, flown: Flown, delivered: float, hazards: Hazards, e: int, terms: RewardTerms
+) -> None:
     scales, share = constants.scales, constants.step_share
     hits = losses = 0
-    for j in range(measures.hit.shape[1]):
-        hits += measures.hit[e, j]
-        losses += measures.hit[e, j] or measures.failed[e, j]
-    terms.seen[e] = scales.seen * (measures.area[e] / constants.target_area_m2)
-    terms.delivered[e] = scales.delivered * (measures.delivered[e] / constants.nominal_bit)
-    terms.effort[e] = scales.effort * (share * (measures.effort[e] / constants.max_effort))
-    terms.saturation[e] = scales.saturation * (share * measures.saturation[e])
-    terms.approach[e] = scales.approach * (share * measures.close_pairs[e])
+    for j in range(hazards.hit.shape[1]):
+        hits += hazards.hit[e, j]
+        losses += hazards.hit[e, j] or flown.failed[e, j]
+    terms.seen[e] = scales.seen * (flown.area[e] / constants.target_area_m2)
+    terms.delivered[e] = scales.delivered * (delivered / constants.nominal_bit)
+    terms.effort[e] = scales.effort * (share * (flown.effort[e] / constants.max_effort))
+    terms.saturation[e] = scales.saturation * (share * hazards.saturation[e])
+    terms.approach[e] = scales.approach * (share * hazards.close_pairs[e])
     terms.loss[e] = scales.loss * (losses if constants.continues_after_impact else min(1, hits))
 
 
 @kernel
-def _end(constants: RewardConstants, measures: StepMeasures, totals: EpisodeTotals, e: int) -> int:
+def _end(constants: RewardConstants, hit: Mask, totals: EpisodeTotals, e: int) -> int:
     """The number in `ENDS` of how a flight with a finite state ends, 0 if it goes on."""
-    hit, alive, aboard = False, 0, 0.0
+    any_hit, alive, aboard = False, 0, 0.0
     for j in range(totals.lost.shape[1]):
-        hit = hit or measures.hit[e, j]
+        any_hit = any_hit or hit[j]
         if not totals.lost[e, j]:
             alive += 1
             aboard += totals.stored[e, j]
-    if hit and not constants.continues_after_impact:
+    if any_hit and not constants.continues_after_impact:
         return _IMPACT
     if totals.percent[e] >= constants.complete_percent and aboard <= constants.empty_bit:
         return _COMPLETE

@@ -22,8 +22,10 @@ from .config import EnvConfig
 from .kinematics import BodyRotation
 from .observations import ObservationConstants, ObservationLayout
 from .patches import Patches, make_patches
+from .pictures import PictureConstants
 from .radio import RadioConstants
 from .rewards import HazardLimits, RewardConstants, RewardScales, checked_scales
+from .step import StepConstants
 
 #: Data aboard below this share of the nominal volume count as delivered.
 NOTHING_STORED = 1e-9
@@ -48,6 +50,7 @@ class Task:
         ticks: Control periods in a step.
         last_tick: Control periods in the flight.
         is_due: Whether pictures that count are taken, by control instant, counted from 0, shape (last_tick + 1,).
+        due_in_step: At which instants of a step that is so, by step, counted from its beginning; its end is `ticks`.
         simulation: One flight; a batch takes model and constants from it.
 
     Raises:
@@ -73,6 +76,8 @@ class Task:
         self.nominal_bit = self.plan.region.total_area / footprint * config.bits_per_pixel
         self.simulation: Simulation = make_simulation(self.plan)
         self.is_due: Mask = schedule_from(given, given.control.period_s).due(np.arange(self.last_tick + 1))
+        starts = range(0, self.last_tick + 1, self.ticks)
+        self.due_in_step = [np.flatnonzero(self.is_due[k : k + self.ticks + 1]).tolist() for k in starts]
 
     @property
     def occluder(self) -> Occluder:
@@ -90,12 +95,17 @@ class Task:
         )
 
     @property
+    def picture_constants(self) -> PictureConstants:
+        """See `take_pictures`."""
+        bits = float(self.config.bits_per_pixel)
+        return PictureConstants(self.plan.n_observers, bits)
+
+    @property
     def radio_constants(self) -> RadioConstants:
         """See `transmit`."""
         earth = self.plan.environment.earth
         return RadioConstants(
             beams=antennas_from(self.plan.scenario).beams,
-            body=self.occluder,
             earth_r_N=np.array(earth.position, np.float64),
             earth_v_N=np.array(earth.velocity, np.float64),
             swarm_bit=float(self.config.swarm_rate_bit_s * self.config.step_s),
@@ -107,7 +117,6 @@ class Task:
         """See `measure_hazards`."""
         safety = self.plan.scenario.safety
         return HazardLimits(
-            body=self.occluder,
             max_wheel_speed=float(self.plan.properties.max_wheel_speed),
             min_separation_m=float(safety.min_separation_m),
             separation_grace_s=float(safety.separation_grace_s),
@@ -131,6 +140,16 @@ class Task:
             patch_area=self.patches.area,
             low=layout.space.low,
             high=layout.space.high,
+        )
+
+    def step_constants(self, *, continues_after_impact: bool) -> StepConstants:
+        """See `finish_step`."""
+        return StepConstants(
+            body=self.occluder,
+            radio=self.radio_constants,
+            limits=self.hazard_limits,
+            observation=self.observation_constants,
+            reward=self.reward_constants(continues_after_impact=continues_after_impact),
         )
 
     def reward_constants(self, *, continues_after_impact: bool) -> RewardConstants:

@@ -1,0 +1,66 @@
+"""The end of a step of E flights, compiled: data are sent, dangers measured, observations written, rewards worked out.
+
+One call does all of it, because every array that Python hands to compiled code costs half a microsecond. Nothing depends on how
+many flights are handled together, so that each comes out bit for bit as if it were alone.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from swarm_mj.smallbody.occultation import Occluder
+from swarm_mj.typing import Array32, kernel
+
+from .kinematics import AttitudeEstimate, Kinematics, Tracking
+from .observations import ObservationConstants, write_observations
+from .radio import RadioConstants, transmit
+from .rewards import Flown, HazardLimits, RewardConstants, StepResult, compute_rewards, measure_hazards
+from .totals import EpisodeTotals
+
+
+class StepConstants(NamedTuple):
+    """What all steps of a task share.
+
+    Attributes:
+        body: The asteroid as what hides and is hit.
+        radio: Antennas and rates.
+        limits: Beyond which a flight becomes dangerous.
+        observation: Scales and patches.
+        reward: Weights of the terms and ends of an episode.
+    """
+
+    body: Occluder
+    radio: RadioConstants
+    limits: HazardLimits
+    observation: ObservationConstants
+    reward: RewardConstants
+
+
+@kernel
+def finish_step(
+    constants: StepConstants,
+    before: Kinematics,
+    now: Kinematics,
+    estimate: AttitudeEstimate,
+    tracking: Tracking,
+    totals: EpisodeTotals,
+    flown: Flown,
+    observation: Array32,
+) -> StepResult:
+    """Work out everything that a step brings.
+
+    Args:
+        constants: See `StepConstants`.
+        before: At the beginning of the step.
+        now: At its end.
+        estimate: At its end, as the flight software has it.
+        tracking: What the spacecraft track.
+        totals: Brought up to date.
+        flown: What the simulation tells of the step.
+        observation: Receives the observations of the flights with a finite state, shape (E, F).
+    """
+    finite = flown.finite
+    delivered = transmit(constants.radio, constants.body, now, tracking, totals, finite)
+    hazards = measure_hazards(constants.limits, constants.body, before, now, totals.lost, finite)
+    write_observations(constants.observation, now, estimate, tracking, totals, finite, observation)
+    return compute_rewards(constants.reward, flown, delivered, hazards, totals)
