@@ -53,7 +53,7 @@ def arguments(thing: Any) -> list[tuple[str, str, str]]:
 
 def _described(docstring: str) -> dict[str, str]:
     """What the sections on arguments and attributes of a docstring say, by name."""
-    sections = Docstring(docstring, parser="google").parsed
+    sections = Docstring(docstring, parser="google", parser_options={"warnings": False}).parsed
     items = [
         item for section in sections if section.kind.value in ("parameters", "attributes") for item in section.value
     ]

@@ -22,10 +22,9 @@ from numpy.typing import ArrayLike, NDArray
 from swarm_mj.errors import ObserverError
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.camera import CameraModel, CameraPose, camera_pose
-from swarm_mj.observation.compiled_faces import CompiledFaces
 from swarm_mj.observation.gl_faces import OpenGlFaces
 from swarm_mj.observation.projection import WHOLE_PICTURE, Window, project
-from swarm_mj.observation.raster import box_pixels, count_pixels
+from swarm_mj.observation.raster import CompiledFaces, box_pixels, count_pixels
 from swarm_mj.observation.raytracing import RayTracer
 from swarm_mj.observation.sampling import faces_camera, sampled_fraction
 from swarm_mj.typing import Array, Ints, Ints32, Mask

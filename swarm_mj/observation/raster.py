@@ -1,4 +1,4 @@
-"""Compiled drawing of face-ID buffers: which face is under each pixel, without OpenGL.
+"""Face-ID buffers drawn by compiled code: which face is under each pixel, as OpenGL says it, on any machine and in any thread.
 
 Each triangle that turns its outer side to the camera is filled row by row: its edges give the span of pixel centres between
 them, and a depth buffer keeps the nearest. Everything is done in double precision but the depth that is kept, 1/Z in single
@@ -13,10 +13,13 @@ pixels and of `ROWS` rows are computed, and what lies beyond the end of a span i
 from __future__ import annotations
 
 from math import ceil, floor
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from swarm_mj.observation.camera import CameraModel, CameraPose
+from swarm_mj.observation.projection import Window
 from swarm_mj.typing import Array, Array32, Ints, Ints32, jittable, kernel
 
 Depth = Array32
@@ -28,36 +31,116 @@ Corner = tuple[float, float, float]
 LANES = 16
 #: Rows of a triangle that are computed at once, likewise.
 ROWS = 8
+#: Nearest depth drawn, over the extent of the body.
+NEAREST = 1e-7
 
 
-@kernel
-def draw_faces(
-    vertices: Array,
-    faces: Ints32,
-    r_A: Array,
-    pixel_from_A: Array,
-    near: float,
-    row_span: Ints32,
-    projected: Array,
-    chosen: Ints32,
-    depth: Depth,
-    picture: Picture,
-) -> None:
-    """Draw a mesh.
+class Mesh(NamedTuple):
+    """What is drawn.
 
-    Args:
+    Attributes:
         vertices: In A [m], shape (v, 3).
         faces: Vertex indices, counter-clockwise seen from outside, shape (f, 3).
+    """
+
+    vertices: Array
+    faces: Ints32
+
+
+class View(NamedTuple):
+    """From where it is drawn.
+
+    Attributes:
         r_A: Camera position in A [m], shape (3,).
         pixel_from_A: Maps a position relative to the camera to (column Z, row Z, Z), with Z the distance along the line of
             sight, shape (3, 3); columns count to the right and rows upwards, pixel i covers i to i + 1.
         near: Smallest Z drawn [m]; what is nearer is cut off.
+    """
+
+    r_A: Array
+    pixel_from_A: Array
+    near: float
+
+
+class Canvas(NamedTuple):
+    """What it is drawn on.
+
+    Attributes:
+        picture: Receives the face plus one, 0 for the sky; row by row, shape (size^2 + LANES,).
+        depth: Scratch, shape (size^2 + LANES,).
         row_span: First and last column of each row that are in the field of view, shape (size, 2).
         projected: Scratch, shape (v, 3).
         chosen: Scratch, shape (f + 1,).
-        depth: Scratch, shape (size^2 + LANES,).
-        picture: Receives the face plus one, 0 for the sky; row by row, shape (size^2 + LANES,).
     """
+
+    picture: Picture
+    depth: Depth
+    row_span: Ints32
+    projected: Array
+    chosen: Ints32
+
+
+class CompiledFaces:
+    """Draws the number of the face under each pixel, in double precision on one core.
+
+    Args:
+        vertices: Of the body in A [m], shape (v, 3).
+        faces: Vertex indices, counter-clockwise seen from outside, shape (f, 3).
+        camera: The camera; its resolution is that of the buffer.
+    """
+
+    note = "face-ID buffers drawn by compiled code"
+
+    def __init__(self, vertices: Array, faces: NDArray[np.integer], camera: CameraModel) -> None:
+        self.camera, size = camera, camera.resolution_px
+        self._mesh = Mesh(np.ascontiguousarray(vertices, np.float64), np.ascontiguousarray(faces, np.int32))
+        self._near = NEAREST * float(np.ptp(vertices, axis=0).max())
+        self._picture_from_camera = np.array([[1.0 / camera.tan_half_angle], [1.0 / camera.tan_half_angle], [1.0]])
+        self._canvas = Canvas(
+            picture=np.empty(size**2 + LANES, np.uint32),
+            depth=np.empty(size**2 + LANES, np.float32),
+            row_span=np.full((size, 2), (0, size - 1), np.int32),
+            projected=np.empty((len(vertices), 3)),
+            chosen=np.empty(len(faces) + 1, np.int32),
+        )
+
+    def draw(self, pose: CameraPose, window: Window) -> Picture:
+        """Draw a window of the picture, see `FaceDrawer.draw`."""
+        size = self.camera.resolution_px
+        if self.camera.shape == "cone":
+            self._find_spans(window)
+        pixel_from_A = self._pixel_from_picture(window) @ self._picture_from_body(pose)
+        draw_faces(self._mesh, View(pose.r_A, pixel_from_A, self._near), self._canvas)
+        return self._canvas.picture[: size**2].reshape(size, size)
+
+    def _picture_from_body(self, pose: CameraPose) -> Array:
+        """Homogeneous picture coordinates, (x, y) = (X, Y) / Z, of positions relative to the camera in A."""
+        return self._picture_from_camera * pose.C_CA
+
+    def _pixel_from_picture(self, window: Window) -> Array:
+        """Columns and rows (upwards) from homogeneous picture coordinates (y down)."""
+        across, down = self.camera.resolution_px / (window.high - window.low)
+        return np.array([[across, 0.0, -across * window.low[0]], [0.0, -down, down * window.high[1]], [0.0, 0.0, 1.0]])
+
+    def _find_spans(self, window: Window) -> None:
+        """Write the first and last column of each row whose centre is in a cone."""
+        size, row_span = self.camera.resolution_px, self._canvas.row_span
+        across, down = (window.high - window.low) / size
+        y = window.high[1] - (np.arange(size) + 0.5) * down
+        reach = np.sqrt(np.maximum(1.0 - y**2, 0.0))
+        row_span[:, 0] = np.clip(np.ceil((-reach - window.low[0]) / across - 0.5), 0, size)
+        row_span[:, 1] = np.clip(np.floor((reach - window.low[0]) / across - 0.5), -1, size - 1)
+        row_span[np.abs(y) > 1.0] = 0, -1
+
+    def close(self) -> None:
+        """Nothing to release."""
+
+
+@kernel
+def draw_faces(mesh: Mesh, view: View, canvas: Canvas) -> None:
+    """Draw a mesh."""
+    (vertices, faces), (r_A, pixel_from_A, near) = mesh, view
+    picture, depth, row_span, projected, chosen = canvas
     size = row_span.shape[0]
     spans = np.empty((3, size + ROWS))
     depth[:] = 0.0
@@ -73,7 +156,7 @@ def draw_faces(
         if a[2] > 0.0 and b[2] > 0.0 and c[2] > 0.0:
             _fill(a, b, c, f, size, spans, depth, picture)
         else:
-            _fill_beyond(vertices, faces[f], r_A, pixel_from_A, near, f, size, spans, depth, picture)
+            _fill_beyond(mesh, view, f, size, spans, depth, picture)
     # Cut off at the end, once, what lies beside a round field of view.
     for row in range(size):
         picture[row * size : row * size + row_span[row, 0]] = 0
@@ -128,23 +211,13 @@ def _choose(faces: Ints32, projected: Array, size: int, chosen: Ints32) -> int:
 
 
 @jittable
-def _fill_beyond(
-    vertices: Array,
-    face: Ints32,
-    r_A: Array,
-    pixel_from_A: Array,
-    near: float,
-    f: int,
-    size: int,
-    spans: Array,
-    depth: Depth,
-    picture: Picture,
-) -> None:
+def _fill_beyond(mesh: Mesh, view: View, f: int, size: int, spans: Array, depth: Depth, picture: Picture) -> None:
     """Fill the part of a triangle that lies beyond `near`: a triangle or a quadrangle."""
+    face, near = mesh.faces[f], view.near
     cut, count = np.empty((4, 3)), 0
     for corner in range(3):
-        xa, ya, za = _to_pixels(vertices, face[corner], r_A, pixel_from_A)
-        xb, yb, zb = _to_pixels(vertices, face[(corner + 1) % 3], r_A, pixel_from_A)
+        xa, ya, za = _to_pixels(mesh.vertices, face[corner], view.r_A, view.pixel_from_A)
+        xb, yb, zb = _to_pixels(mesh.vertices, face[(corner + 1) % 3], view.r_A, view.pixel_from_A)
         if za >= near:
             cut[count] = xa / za, ya / za, 1.0 / za
             count += 1

@@ -5,9 +5,9 @@ import pytest
 
 from swarm_mj.observation import faceid
 from swarm_mj.observation.camera import CameraModel, look_at
-from swarm_mj.observation.compiled_faces import CompiledFaces
 from swarm_mj.observation.faceid import FaceIdObserver
 from swarm_mj.observation.projection import WHOLE_PICTURE, Window, project
+from swarm_mj.observation.raster import CompiledFaces
 from swarm_mj.observation.raytracing import RayTracer
 from swarm_mj.observation.sampling import faces_camera, sampled_fraction
 

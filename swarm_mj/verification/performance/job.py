@@ -1,4 +1,4 @@
-"""The main job, both configurations of the paper with figures and report, by stage: at first and again."""
+"""The main job, both configurations of the paper with figures and report, by stage: at first and again; and its figures."""
 
 from __future__ import annotations
 
@@ -13,8 +13,15 @@ from time import perf_counter
 
 import numpy as np
 
+from swarm_mj.flight.fly import simulate
+from swarm_mj.flight.observe import observe_flight
+from swarm_mj.flight.plan import make_plan
+from swarm_mj.io.cores import usable_cores
+from swarm_mj.results.drawing import draw_all, drawing_beside
+from swarm_mj.results.figures import COMPOSERS, draw
 from swarm_mj.results.report import REPORT_NAME
-from swarm_mj.verification.performance.measure import Row, row
+from swarm_mj.scenarios.loading import load_scenario
+from swarm_mj.verification.performance.measure import Row, in_turn, row
 
 #: What no stage counts: Python and its imports, files of results, tables on the screen.
 REST = "start-up, files and the rest"
@@ -28,12 +35,35 @@ def rows(quick: bool) -> Iterator[Row]:
     if quick:
         with tempfile.TemporaryDirectory() as folder:
             yield from _rows(["eros-quick"], "once, caches as found", *run(["eros-quick"], Path(folder) / "once", {}))
+        yield drawing("eros-quick", 1)
         return
     scenarios = ["eros-config1", "eros-config2"]
     with tempfile.TemporaryDirectory() as folder:
         caches = {"NUMBA_CACHE_DIR": f"{folder}/numba", "SWARM_MJ_CACHE": f"{folder}/cache"}
+        whole = {}
         for name, target in (("cold", "<= 90"), ("warm", "")):
-            yield from _rows(scenarios, name, *run(scenarios, Path(folder) / name, caches), target)
+            whole[name], by_stage = run(scenarios, Path(folder) / name, caches)
+            yield from _rows(scenarios, name, whole[name], by_stage, target)
+    yield row(
+        "main job", "first run, cold, over the next one, warm", np.array([whole["cold"] / whole["warm"]]), "ratio"
+    )
+    yield drawing(scenarios[0], 5)
+
+
+def drawing(scenario: str, rounds: int) -> Row:
+    """The figures of a flight by other processes, over one after another; neither counts what the first ones load."""
+    plan = make_plan(load_scenario(scenario))
+    telemetry = simulate(plan)
+    result = observe_flight(plan, telemetry)
+    with tempfile.TemporaryDirectory() as folder, drawing_beside():
+
+        def here() -> None:
+            for name in COMPOSERS:
+                draw(name, Path(folder), plan, telemetry, result)
+
+        seconds = in_turn({"beside": lambda: draw_all(Path(folder), plan, telemetry, result), "here": here}, rounds)
+    name = f"figures of {scenario}, by other processes / one after another"
+    return row("main job", name, seconds["beside"] / seconds["here"], "ratio", note=f"on {usable_cores()} cores")
 
 
 def _rows(scenarios: list[str], name: str, seconds: float, stages: dict[str, float], target: str = "") -> Iterator[Row]:

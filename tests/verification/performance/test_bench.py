@@ -113,14 +113,22 @@ def test_only_a_job_that_was_run_before_is_called_warm(monkeypatch):
         return 3.0, {"design": 2.0, job.REST: 1.0}
 
     monkeypatch.setattr(job, "run", run)
+    monkeypatch.setattr(job, "drawing", lambda scenario, rounds: row("main job", scenario, np.ones(1), "ratio"))
     quick = [r.name for r in job.rows(quick=True)]
     assert calls == [("once", {})] and quick[0] == "eros-quick, once, caches as found"
     assert not [name for name in quick if "warm" in name or "cold" in name]
     full = [r.name for r in job.rows(quick=False)]
     assert [name for name, _ in calls[1:]] == ["cold", "warm"] and calls[1][1] == calls[2][1] != {}
-    assert [name for name in full if name.startswith("eros")] == [
+    assert [name for name in full if name.startswith("eros-config1 and")] == [
         f"eros-config1 and eros-config2, {name}" for name in ("cold", "warm")
     ]
+    assert full[-2:] == ["first run, cold, over the next one, warm", "eros-config1"]
+
+
+@pytest.mark.slow
+def test_figures_by_other_processes_are_measured_against_those_drawn_here():
+    found = job.drawing("eros-quick", 1)
+    assert found.unit == "ratio" and 0.0 < found.low <= found.value < 10.0
 
 
 def test_the_page_says_whether_a_gpu_was_measured():
