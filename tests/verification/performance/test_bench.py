@@ -4,6 +4,8 @@ import json
 import os
 import subprocess
 import sys
+import time
+from contextlib import nullcontext
 
 import numpy as np
 import pytest
@@ -125,10 +127,15 @@ def test_only_a_job_that_was_run_before_is_called_warm(monkeypatch):
     assert full[-2:] == ["first run, cold, over the next one, warm", "eros-config1"]
 
 
-@pytest.mark.slow
-def test_figures_by_other_processes_are_measured_against_those_drawn_here():
-    found = job.drawing("eros-quick", 1)
-    assert found.unit == "ratio" and 0.0 < found.low <= found.value < 10.0
+def test_figures_by_other_processes_are_measured_against_those_drawn_here(monkeypatch):
+    drawn = []
+    monkeypatch.setattr(job, "drawing_beside", nullcontext)
+    monkeypatch.setattr(job, "draw_all", lambda folder, *flown: drawn.append("all") or time.sleep(0.02))
+    monkeypatch.setattr(job, "draw", lambda name, folder, *flown: drawn.append(name) or time.sleep(0.01))
+    monkeypatch.setattr(job, "COMPOSERS", dict.fromkeys("abcd"))
+    found = job.drawing("eros-quick", 2)
+    assert drawn == 3 * ["all", "a", "b", "c", "d"]
+    assert found.unit == "ratio" and 0.0 < found.low <= found.value
 
 
 def test_the_page_says_whether_a_gpu_was_measured():
