@@ -15,13 +15,14 @@ from rich.progress import Progress
 from swarm_mj.api.notebook import figure_html, rows_html
 from swarm_mj.api.plots import Plots
 from swarm_mj.api.scenario import Scenario
+from swarm_mj.flight.compile_ahead import kernels_compiled
 from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.observe import ObservationResult, add_coverage, observe_flight, picture_count
 from swarm_mj.flight.plan import Plan, behavior_from, check_plugins, make_plan
 from swarm_mj.io.atomic import FIGURES, Result, atomic_folder, check_place
 from swarm_mj.io.progress import Stages, using_bars
 from swarm_mj.observation.coverage import CoverageMap
-from swarm_mj.results.drawing import draw_all, drawing_beside
+from swarm_mj.results.drawing import compile_beside, draw_all, drawing_beside
 from swarm_mj.results.run_files import coverage_arrays, flown_design, write_results, write_summary
 from swarm_mj.results.run_record import RunRecord, observation_of, read_run
 from swarm_mj.results.summary import summarise
@@ -288,7 +289,10 @@ def check(scenario: schema.Scenario, out: str | Path | None = None) -> None:
 
 def _fly(scenario: schema.Scenario, stages: Stages) -> Flight:
     with stages.stage("design", "trajectories (compiles on first use)"):
+        before = kernels_compiled()
         plan = make_plan(scenario)
+    if kernels_compiled() > before:
+        compile_beside(plan)
     with stages.stage("simulate", "flight", scenario.duration_s) as done:
         telemetry = simulate(plan, done)
     with stages.stage("coverage", "images", picture_count(plan, telemetry)) as done:

@@ -94,7 +94,7 @@ def make_simulation(plan: Plan, *, geometry: bool = False) -> Simulation:
             none of them, and the pictures of swarm_mj are drawn from a model of their own. A spacecraft from a file keeps
             all of it in any case.
     """
-    scenario, model = plan.scenario, _model_of(plan, geometry)
+    scenario, model = plan.scenario, model_of(plan, geometry=geometry)
     behavior = plan.behavior
     simulation = Simulation(
         model,
@@ -111,7 +111,8 @@ def make_simulation(plan: Plan, *, geometry: bool = False) -> Simulation:
     return simulation
 
 
-def _model_of(plan: Plan, geometry: bool) -> SwarmModel:
+def model_of(plan: Plan, *, geometry: bool = False) -> SwarmModel:
+    """The plan's swarm in MuJoCo; `geometry` as in `make_simulation`."""
     scenario, sun_N = plan.scenario, plan.environment.sun.position.tolist()
     timestep = scenario.physics.timestep_s
     if plan.own is not None:

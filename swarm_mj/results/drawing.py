@@ -75,6 +75,12 @@ def _here(folder: Path, plan: Plan, telemetry: xr.Dataset, result: ObservationRe
         yield name
 
 
+def compile_beside(plan: Plan) -> None:
+    """Inside `drawing_beside`, let the other process compile what a first flight of a plan needs last."""
+    if beside := _BESIDE.get():
+        beside.compile_ahead(plan)
+
+
 @contextmanager
 def drawing_beside(workers: int | None = None) -> Iterator[None]:
     """Let `draw_all` draw by other processes while the block runs; they end with it, however it ends.
@@ -127,24 +133,26 @@ class _Process:
         self, folder: Path, plan: Plan, telemetry: xr.Dataset, result: ObservationResult, pdf: bool
     ) -> Iterator[str] | None:
         """Have every figure drawn; gives the names of those that are done, or None where the process cannot do it."""
-        if self._ended:
-            return None
         job = (str(folder.resolve()), _without_plugins(plan), telemetry, result, pdf)
+        return self._drawn() if self._hand_over("draw", job) else None
+
+    def compile_ahead(self, plan: Plan) -> None:
+        """Have compiled what a flight of a plan needs last, as far as it comes to it."""
+        self._hand_over("compile", _without_plugins(plan))
+
+    def _hand_over(self, kind: str, job: object) -> bool:
+        """Whether a job could be handed over; where not, the process is gone, or will be."""
+        if self._ended:
+            return False
         try:
-            pickle.dump(job, self._jobs, protocol=pickle.HIGHEST_PROTOCOL)
+            pickle.dump((kind, job), self._jobs, protocol=pickle.HIGHEST_PROTOCOL)
             self._jobs.flush()
-        except (
-            OSError,
-            pickle.PicklingError,
-            TypeError,
-            AttributeError,
-        ):  # it is gone, or something cannot be handed over
+        except BaseException as error:
             self.end()
-            return None
-        except BaseException:
-            self.end()
+            if isinstance(error, (OSError, pickle.PicklingError, TypeError, AttributeError)):
+                return False
             raise
-        return self._drawn()
+        return True
 
     def _drawn(self) -> Iterator[str]:
         try:

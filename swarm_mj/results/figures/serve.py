@@ -1,8 +1,9 @@
-"""Draws figures for another process, see `results/drawing.py`: jobs come on its standard input, answers go to its output.
+"""Works for another process, see `results/drawing.py`: jobs come on the standard input, answers go to the standard output.
 
-A job is a pickle of (folder, plan, telemetry, result, pdf). It is shared out to children, which are forked when it comes and
-end with it: nothing here opens a GL context or starts a thread, so that they can be. They take figures from a queue. An answer
-is a line, a pickle in base64 of (name, error, words): a figure that is drawn, an error, or (None, None, "") at the end.
+Jobs are pickles. ("draw", (folder, plan, telemetry, result, pdf)) is shared out to children, which are forked when it comes
+and end with it: nothing here opens a GL context or starts a thread, so that they can be. They take figures from a queue. An
+answer is a line, a pickle in base64 of (name, error, words): a figure that is drawn, an error, or (None, None, "") at the end.
+("compile", plan) is done by a child on the side, without an answer, see `flight/compile_ahead.py`.
 """
 
 from __future__ import annotations
@@ -14,6 +15,9 @@ import select
 import sys
 import traceback
 from base64 import b64encode
+from collections.abc import Callable
+from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -21,6 +25,7 @@ from typing import Any
 import numpy as np
 from matplotlib.lines import Line2D
 
+from swarm_mj.flight.compile_ahead import compile_ahead
 from swarm_mj.results.figures import COMPOSERS, draw
 from swarm_mj.results.figures.numbering import name_beside
 from swarm_mj.results.figures.panels import legend_below
@@ -47,10 +52,18 @@ def serve(workers: int) -> None:
     gc.freeze()  # what is there stays, and children need not look at it
     while True:
         try:
-            job = pickle.load(sys.stdin.buffer)
+            kind, job = pickle.load(sys.stdin.buffer)
         except EOFError:
             return
-        _share_out(job, workers, answers)
+        if kind == "draw":
+            _share_out(job, workers, answers)
+        else:
+            _child(partial(_compile, job))
+
+
+def _compile(plan: Any) -> None:
+    with suppress(Exception):  # what fails here fails in the flight too, which says why
+        compile_ahead(plan)
 
 
 def warm_up() -> None:
@@ -73,7 +86,7 @@ def _share_out(job: Job, workers: int, answers: int) -> None:
     queue, end = os.pipe()
     os.write(end, bytes(range(len(names))))
     os.close(end)
-    children = [_child(job, names, queue, answers) for _ in range(min(workers, len(names)))]
+    children = [_child(partial(_draw_from, queue, names, job, answers)) for _ in range(min(workers, len(names)))]
     os.close(queue)
     for child in children:
         status = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
@@ -82,19 +95,24 @@ def _share_out(job: Job, workers: int, answers: int) -> None:
     _answer(answers, None, None, "")
 
 
-def _child(job: Job, names: list[str], queue: int, answers: int) -> int:
-    """Fork a child that takes numbers of figures from a queue and draws them; gives its number."""
+def _child(work: Callable[[], None]) -> int:
+    """Fork a child that does some work and ends; gives its number."""
     child = os.fork()
     if child:
         return child
     try:
-        while number := os.read(queue, 1):
-            _draw(names[number[0]], job, answers)
+        work()
         os._exit(0)
     except BaseException:
         traceback.print_exc()
     finally:
         os._exit(1)
+
+
+def _draw_from(queue: int, names: list[str], job: Job, answers: int) -> None:
+    """Take numbers of figures from a queue and draw them until it is empty."""
+    while number := os.read(queue, 1):
+        _draw(names[number[0]], job, answers)
 
 
 def _draw(name: str, job: Job, answers: int) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from swarm_mj.errors import OutputError
-from swarm_mj.results.drawing import draw_all, drawing_beside
+from swarm_mj.results.drawing import compile_beside, draw_all, drawing_beside
 from swarm_mj.results.figures import COMPOSERS
 
 
@@ -47,10 +47,11 @@ def test_other_processes_draw_the_same_for_one_run_after_another(flown, written,
     with drawing_beside(2):
         server = started()
         assert len(server) == 1
+        compile_beside(plan)
         for name, flight in (("one", flown), ("two", (own, telemetry, result))):
             (tmp_path / name).mkdir()
             draw_all(tmp_path / name, *flight, progress=told.append)
-        assert started() == server  # those that drew have gone
+        assert started() == server  # those that drew or compiled have gone
     assert started() == set()
     assert told == 2 * list(range(1, len(COMPOSERS) + 1))
     for name in COMPOSERS:
