@@ -228,7 +228,8 @@ def shows_enough(limits: Limits, share: Any) -> Any:
 @jittable
 def pixels_on(limits: Limits, area: Any, distance: Any, height: Any) -> Any:
     """Pixels that cells of some area [m^2] take up: over the square of the ground sampling distance, foreshortened."""
-    return area * (height / distance) / (distance * limits.pixel_angle) ** 2
+    gsd = distance * limits.pixel_angle
+    return area * (height / distance) / (gsd * gsd)
 
 
 def sight(region: TargetRegion, r_A: Array, cells: Any = slice(None)) -> tuple[Array, Array]:

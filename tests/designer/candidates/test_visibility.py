@@ -8,11 +8,12 @@ import pytest
 from swarm_mj.designer.candidates import pictures
 from swarm_mj.designer.candidates.flights import fly_candidates
 from swarm_mj.designer.candidates.pictures import picture_numbers, visible_shares
-from swarm_mj.designer.candidates.visibility import imaging_model_from, visibility
+from swarm_mj.designer.candidates.visibility import imaging_model_from, seen_cells, visibility
 from swarm_mj.errors import ScenarioError
 from swarm_mj.flight.fly import simulate
-from swarm_mj.flight.observe import observe_flight
+from swarm_mj.flight.observe import criterion_from, observe_flight
 from swarm_mj.flight.plan import make_plan
+from swarm_mj.observation.capture import observe
 from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.spacecraft.attitude.mrp import dcm
 
@@ -156,6 +157,34 @@ def test_the_passage_sees_more_than_the_visit_and_limits_see_less():
         limited = visibility(scenario(f"observation.{limit}")).sees
         assert not (limited & ~visit).any()
         assert limited.sum() < visit.sum(), limit
+
+
+@pytest.mark.parametrize(
+    ("criterion", "observer"),
+    [
+        ("min_fraction=0.28", "raycast"),
+        ("any_pixel=true", "raycast"),
+        ("max_emission_deg=30", "raycast"),
+        ("max_incidence_deg=50", "raycast"),
+        ("shadows=true", "raycast"),
+        ("shadows=true", "horizon"),
+        ("occlusion=false", "raycast"),
+        ("criterion=passage", "raycast"),
+    ],
+)
+def test_candidates_are_judged_as_the_pictures_of_a_flight_are(flights, criterion, observer):
+    told = scenario(f"observation.observer={observer}", f"observation.{criterion}", "observation.interval_s=120")
+    few, model, region = fly_candidates(told), imaging_model_from(told), flights.plan.region
+    seen, environment = seen_cells(told, few, region, model), few.plan.environment
+    judge, rule = model.open(region), criterion_from(told)
+    for j in range(0, few.n, 5):
+        expected = np.zeros(region.n_cells, bool)
+        for k in np.flatnonzero(few.observing[:, j] & few.counts):
+            t = float(few.times[k])
+            sun_A = environment.C_AN(t) @ environment.sun.at(t)
+            expected |= observe(judge, few.r_A[k, j], few.C_CA[k, j], rule, sun_A)
+        assert np.array_equal(seen[j], expected)
+    assert seen.any()
 
 
 def test_night_hides_the_target_from_every_candidate():
