@@ -94,22 +94,21 @@ def drawing_beside(workers: int | None = None) -> Iterator[None]:
     if workers < 2 or _BESIDE.get() is not None:
         yield
         return
-    with _started(workers) as process:
-        before = _BESIDE.set(process)
-        try:
-            yield
-        finally:
-            _BESIDE.reset(before)
-
-
-@contextmanager
-def _started(workers: int) -> Iterator[_Process]:
-    with held():
-        process = _Process(workers)
+    process = _start(workers)
+    before = _BESIDE.set(process)
     try:
-        yield process
+        yield
     finally:
-        process.end()
+        _BESIDE.reset(before)
+        if process is not None:
+            process.end()
+
+
+def _start(workers: int) -> _Process | None:
+    """The process that draws; None where another one cannot be started."""
+    with suppress(OSError), held():
+        return _Process(workers)
+    return None
 
 
 class _Process:
