@@ -130,3 +130,37 @@ def test_pure_parts_do_not_import_mujoco(part):
 def test_files_stay_short():
     long = {str(p.relative_to(ROOT)): n for p in modules() if (n := len(p.read_text("utf-8").splitlines())) > 400}
     assert not long
+
+
+#: A control law's documented argument list (`CompiledLaw.write_torque`), and what passes it on.
+OF_THE_LAW = {"write_torque", "call_law", "_call"}
+#: Made of keyword-only fields, as a scenario's sections are.
+KEYWORD_ONLY = {"Simulation.__init__", "build_model", "run_campaign"}
+MOST_ARGUMENTS = 8
+
+
+def functions(tree, prefix=""):
+    """All functions of a module with their qualified names."""
+    for node in ast.iter_child_nodes(tree):
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            yield f"{prefix}{node.name}", node
+        inner = f"{prefix}{node.name}." if isinstance(node, ast.ClassDef) else prefix
+        yield from functions(node, inner)
+
+
+@PARAMETRISED
+def test_no_function_takes_more_arguments_than_one_can_keep_in_mind(path):
+    for name, function in functions(tree_of(path)):
+        given = function.args
+        by_place = [a.arg for a in (*given.posonlyargs, *given.args) if a.arg not in ("self", "cls")]
+        if name in KEYWORD_ONLY:
+            assert len(by_place) <= 2, f"{path.name}: {name} takes {by_place} by place"
+        elif name not in OF_THE_LAW:
+            count = len(by_place) + len(given.kwonlyargs)
+            assert count <= MOST_ARGUMENTS, f"{path.name}: {name} takes {count} arguments"
+
+
+def test_the_exceptions_to_the_number_of_arguments_are_still_needed():
+    found = {name: f for path in modules() for name, f in functions(tree_of(path)) if name in OF_THE_LAW | KEYWORD_ONLY}
+    assert found.keys() == OF_THE_LAW | KEYWORD_ONLY
+    assert all(len(f.args.args) + len(f.args.kwonlyargs) > MOST_ARGUMENTS for f in found.values())

@@ -53,16 +53,12 @@ def _repair_all(
 ) -> None:
     """Repair gene maps in place until a weight of `enough` is covered; with keep_size N_obs never grows."""
     layers = np.zeros((fold + 1, rows.shape[1]), dtype=np.uint64)
-    visits = np.zeros(rows.shape[0], dtype=np.int64)
     for d in range(genes.shape[0]):
         points = genes[d, 1:]
         most = genes[d, 0] if keep_size else points.shape[0]
         n = _drop_excess(points, genes[d, 0], max_visits)
         _count(rows, points, n, layers)
-        visits[:] = 0
-        for j in range(n):
-            visits[points[j] - 1] += 1
-        n = _complete(rows, table, noise[d], max_visits, enough, points[:most], n, layers, visits)
+        n = _complete(rows, table, noise[d], max_visits, enough, points[:most], n, layers)
         n = _prune(rows, table, noise[d], enough, points, n, layers)
         genes[d, 0] = n
         points[:n].sort()
@@ -92,17 +88,12 @@ def _count(rows: Words, points: Ints, n: int, layers: Words) -> None:
 
 @kernel
 def _complete(
-    rows: Words,
-    table: Ints,
-    noise: Array,
-    max_visits: int,
-    enough: int,
-    points: Ints,
-    n: int,
-    layers: Words,
-    visits: Ints,
+    rows: Words, table: Ints, noise: Array, max_visits: int, enough: int, points: Ints, n: int, layers: Words
 ) -> int:
     """Add points until the design covers enough, or nothing helps or fits; returns its new length."""
+    visits = np.zeros(rows.shape[0], dtype=np.int64)
+    for j in range(n):
+        visits[points[j] - 1] += 1
     covered = layers[layers.shape[0] - 2]
     while n < points.shape[0] and set_weight(covered, table) < enough:
         best, best_gain = -1, 0.0

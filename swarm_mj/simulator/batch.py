@@ -8,8 +8,8 @@ import numpy as np
 
 from swarm_mj.mission.behaviors import Targets
 from swarm_mj.simulator.fast.flight_kernels import allocate_flights
-from swarm_mj.simulator.fast.kernels import Slot
 from swarm_mj.simulator.loop_state import InitialState, LoopState
+from swarm_mj.simulator.slots import Slot
 from swarm_mj.typing import Array, Mask
 
 #: Where lost spacecraft stand, times their number [m].

@@ -10,10 +10,10 @@ import numpy as np
 
 from swarm_mj.errors import SimulationError
 from swarm_mj.scenarios.schema_faults import Dispersions
-from swarm_mj.simulator.fast.kernels import Slot
 from swarm_mj.simulator.faults.schedule import Event
 from swarm_mj.simulator.faults.state import FaultModel, FaultState
 from swarm_mj.simulator.loop_state import SPEED_MARGIN, LoopState
+from swarm_mj.simulator.slots import Slot
 from swarm_mj.smallbody.rotation import sub_point
 from swarm_mj.typing import Array
 

@@ -15,9 +15,9 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from swarm_mj.simulator.fast.kernels import Slot
 from swarm_mj.simulator.loop_state import LoopState
 from swarm_mj.simulator.multibody import tide
+from swarm_mj.simulator.slots import Slot
 from swarm_mj.spacecraft.elements import id_of, qpos_places, qvel_places
 from swarm_mj.spacecraft.own_spacecraft import ExtraJoint
 from swarm_mj.spacecraft.sensors import Sensor

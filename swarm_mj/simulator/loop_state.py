@@ -16,8 +16,8 @@ from swarm_mj.errors import PluginError
 from swarm_mj.mission.behaviors import Targets
 from swarm_mj.simulator.fast.flight_kernels import allocate_flights
 from swarm_mj.simulator.fast.integrator import timesteps_in
-from swarm_mj.simulator.fast.kernels import Slot
 from swarm_mj.simulator.faults.schedule import Event
+from swarm_mj.simulator.slots import Slot
 from swarm_mj.smallbody.environment import Environment
 from swarm_mj.spacecraft.attitude.mrp import quaternion_from_mrp
 from swarm_mj.spacecraft.control.base import ControlInput

@@ -11,8 +11,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from swarm_mj.simulator.fast.kernels import Slot
 from swarm_mj.simulator.loop_state import LoopState
+from swarm_mj.simulator.slots import Slot
 from swarm_mj.typing import Array
 
 

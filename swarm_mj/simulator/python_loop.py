@@ -12,7 +12,6 @@ from swarm_mj.errors import PluginError, SimulationError
 from swarm_mj.mission.behaviors import Targets
 from swarm_mj.simulator import multibody
 from swarm_mj.simulator.fast import kernels
-from swarm_mj.simulator.fast.kernels import Slot
 from swarm_mj.simulator.fault_injection import FaultInjection
 from swarm_mj.simulator.loop_state import LAW_SLOTS, LoopState, control_input
 from swarm_mj.simulator.plugin_calls import (
@@ -22,6 +21,7 @@ from swarm_mj.simulator.plugin_calls import (
     no_such_target,
     view_of,
 )
+from swarm_mj.simulator.slots import Slot
 from swarm_mj.spacecraft.control.base import Controller
 from swarm_mj.spacecraft.gyrostat import with_wheels
 from swarm_mj.typing import Array

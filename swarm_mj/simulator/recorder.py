@@ -13,12 +13,12 @@ from swarm_mj.errors import ScenarioError, SimulationError
 from swarm_mj.mission.behaviors import TargetKind, Targets
 from swarm_mj.scenarios.schema import is_multiple
 from swarm_mj.simulator.fast.flight_kernels import NEVER
-from swarm_mj.simulator.fast.kernels import SAMPLED, Peak, Slot
 from swarm_mj.simulator.fault_injection import FaultInjection
 from swarm_mj.simulator.faults.impact import ImpactWatch
 from swarm_mj.simulator.faults.telemetry import FaultRecord
 from swarm_mj.simulator.instruments import Instruments
 from swarm_mj.simulator.loop_state import LoopState
+from swarm_mj.simulator.slots import SAMPLED, Peak, Slot
 from swarm_mj.smallbody.rotation import sub_point
 from swarm_mj.typing import Array
 

@@ -11,7 +11,6 @@ import numpy as np
 
 from swarm_mj.simulator.fast.integrator import copy_state, integrate
 from swarm_mj.simulator.fast.kernels import (
-    Slot,
     actuate,
     guide,
     hold_gravity,
@@ -22,6 +21,7 @@ from swarm_mj.simulator.fast.kernels import (
     write_body_quaternion,
 )
 from swarm_mj.simulator.fast.mj_memory import MjBatch, MjView, mj_view
+from swarm_mj.simulator.slots import Slot
 from swarm_mj.smallbody.gravity.spherical_harmonics import write_series
 from swarm_mj.spacecraft.control.compiled import call_law
 from swarm_mj.spacecraft.model import NQ, NV

@@ -12,6 +12,7 @@ J_r the right Jacobian of the rotation group. Quaternions (w, x, y, z), v_N = R(
 
 from __future__ import annotations
 
+from enum import IntEnum
 from math import atan2, cos, sin, sqrt
 from typing import NamedTuple
 
@@ -34,6 +35,14 @@ from swarm_mj.typing import Array, Mask, kernel
 
 #: Angular acceleration that the filter allows for where it has no gyro [rad/s^2]: a slewing CubeSat with 4 mN m wheels.
 _UNMEASURED_ACCELERATION = 0.03
+
+
+class Noise(IntEnum):
+    """Rows of the standard normal numbers of one measurement, each with x, y, z."""
+
+    GYRO = 0
+    BIAS_WALK = 1
+    STAR_TRACKER = 2
 
 
 class Sensors(NamedTuple):
@@ -125,7 +134,7 @@ def estimate(
         q_BN: True attitudes, shape (n, 4).
         omega_BN_B: True rates, shape (n, 3) [rad/s].
         period: Since the previous call [s].
-        noise: Standard normal numbers, shape (n, 9): gyro, walk of its bias, star tracker.
+        noise: Standard normal numbers, see `Noise`, shape (n, 3, 3).
         sensors: See `Sensors`.
         assumed: See `Assumed`.
         state: See `FilterState`; replaced in place.
@@ -135,8 +144,8 @@ def estimate(
         if state.started[j]:
             _propagate(j, q, vector(omega_BN_B, j), period, noise, sensors, assumed, state)
         seen = product(q, turn(vector(sensors.star_tracker_offset, j)))
-        error = sensors.star_tracker_noise[j]
-        seen = product(seen, turn((error * noise[j, 6], error * noise[j, 7], error * noise[j, 8])))
+        error = scaled(sensors.star_tracker_noise[j], vector(noise[j], Noise.STAR_TRACKER))
+        seen = product(seen, turn(error))
         if not state.started[j]:
             _start(j, seen, vector(omega_BN_B, j), assumed, state)
         elif sensors.star_tracker_works[j]:
@@ -177,9 +186,9 @@ def _propagate(
     moved = [0.0, 0.0, 0.0]
     for k in range(3):
         before = state.true_bias[j, k]
-        after = before + sensors.bias_walk[j] * sqrt(period) * noise[j, 3 + k]
+        after = before + sensors.bias_walk[j] * sqrt(period) * noise[j, Noise.BIAS_WALK, k]
         state.true_bias[j, k] = after
-        error = 0.5 * (before + after) + sensors.gyro_offset[j, k] + white * noise[j, k] - estimated[k]
+        error = 0.5 * (before + after) + sensors.gyro_offset[j, k] + white * noise[j, Noise.GYRO, k] - estimated[k]
         moved[k] = turned[k] + period * error
         rate[k] = omega[k] + error
     if sensors.gyro_works[j]:

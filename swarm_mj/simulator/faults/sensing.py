@@ -17,7 +17,7 @@ from swarm_mj.scenarios.schema_faults import (
     StarTrackerNoise,
 )
 from swarm_mj.simulator.faults import attitude_filter
-from swarm_mj.simulator.faults.attitude_filter import Assumed, Sensors
+from swarm_mj.simulator.faults.attitude_filter import Assumed, Noise, Sensors
 from swarm_mj.simulator.faults.dispersions import ARCSEC, DEG_PER_HOUR, DEG_PER_SQRT_HOUR, Dispersed
 from swarm_mj.simulator.faults.random_streams import Stream, stream
 from swarm_mj.simulator.faults.schedule import ScheduledFault
@@ -110,7 +110,7 @@ class Sensing:
         self._last_tick = tick
         q, omega = q_BN, omega_BN_B
         if self.estimating:
-            noise = self._rng.standard_normal((len(q_BN), 9))
+            noise = self._rng.standard_normal((len(q_BN), len(Noise), 3))
             attitude_filter.estimate(q_BN, omega_BN_B, self._period, noise, self._sensors, self._assumed, self.state)
             q, omega = self.state.q_BN, self.state.omega_BN_B
         self._known = self._delayed(q, omega) if self._delay_possible else (q, omega)

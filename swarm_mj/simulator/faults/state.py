@@ -86,7 +86,7 @@ class FaultState:
         period: float,
         speed_margin: float = 0.0,
     ) -> None:
-        self._adversity, self._properties, self._planned = fault_model, properties, environment
+        self._fault_model, self._properties, self._planned = fault_model, properties, environment
         self._n, self._period, self._speed_margin = n, period, speed_margin
         self._succession = Succession(fault_model.election)
         self.reset(0, ())
@@ -98,10 +98,10 @@ class FaultState:
             seed: Of the scenario.
             deployment: What went wrong when the swarm was deployed.
         """
-        given, n = self._adversity.dispersions, self._n
+        given, n = self._fault_model.dispersions, self._n
         wheels = len(self._properties.wheel_axes_B)
         schedule = draw_schedule(
-            self._adversity.faults, seed, n=n, n_wheels=wheels, duration_s=self._adversity.duration_s
+            self._fault_model.faults, seed, n=n, n_wheels=wheels, duration_s=self._fault_model.duration_s
         )
         drawn = draw_spacecraft(given, seed, n=n, n_wheels=wheels, period_s=self._period)
         self.environment = disperse_environment(self._planned, given, seed)

@@ -41,9 +41,11 @@ class WheelSet:
             coulomb=coulomb.copy(),
             viscous=viscous.copy(),
             allocation=np.tile(allocate(self._axes, np.ones(w, np.bool_)), (n, 1, 1)),
+            inertia=relative_inertia(properties, inertia_B),
+            motor=np.zeros((n, w)),
+            bearing=np.zeros((n, w)),
         )
-        self._inertia = relative_inertia(properties, inertia_B)
-        self.motor, self.bearing = np.zeros((n, w)), np.zeros((n, w))
+        self.motor, self.bearing = self.state.motor, self.state.bearing
 
     def drive(self, torque_B: Array, speed: Array, period: float, dead: Mask, peaks: Array) -> Array:
         """Torque on every wheel about its axis, motor and bearing together, shape (n, w) [N m].
@@ -53,22 +55,9 @@ class WheelSet:
             speed: Of the wheels, shape (n, w) [rad/s].
             period: For which it is held [s].
             dead: Spacecraft without power, shape (n,).
-            peaks: See `wheels.drive`.
+            peaks: Brought up to date, see `Peak`.
         """
-        limit = self._properties.max_wheel_torque
-        drive(
-            torque_B,
-            self.state,
-            speed,
-            self._inertia,
-            period,
-            limit,
-            self._max_speed,
-            dead,
-            self.motor,
-            self.bearing,
-            peaks,
-        )
+        drive(torque_B, self.state, speed, period, self._properties.max_wheel_torque, self._max_speed, dead, peaks)
         return self.motor + self.bearing
 
     def fail(self, entry: ScheduledFault, speed: Array) -> str:

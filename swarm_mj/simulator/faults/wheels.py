@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from swarm_mj.simulator.slots import Peak
 from swarm_mj.typing import Array, Mask, kernel
 
 #: A decay of less than this over one hold is treated as none: the closed form would lose its digits.
@@ -32,6 +33,9 @@ class WheelState(NamedTuple):
         coulomb: Shape (n, w) [N m].
         viscous: Shape (n, w) [N m s/rad].
         allocation: Maps a body torque to motor torques, shape (n, w, 3).
+        inertia: That the speed relative to the hub meets, shape (n, w) [kg m^2].
+        motor: Motor torques of the present hold, shape (n, w) [N m].
+        bearing: Mean friction torques over the hold, shape (n, w) [N m].
     """
 
     effectiveness: Array
@@ -40,6 +44,9 @@ class WheelState(NamedTuple):
     coulomb: Array
     viscous: Array
     allocation: Array
+    inertia: Array
+    motor: Array
+    bearing: Array
 
 
 def allocate(axes_B: Array, healthy: Mask) -> Array:
@@ -64,30 +71,25 @@ def drive(
     torque_B: Array,
     wheels: WheelState,
     speed: Array,
-    inertia: Array,
     period: float,
     max_torque: float,
     max_speed: float,
     dead: Mask,
-    motor: Array,
-    bearing: Array,
     peaks: Array,
 ) -> None:
     """Turn body torques into motor torques within the limits, and find what the bearings take meanwhile.
 
     Args:
         torque_B: Torque that the wheels shall exert on the body, shape (n, 3) [N m].
-        wheels: See `WheelState`.
+        wheels: Their state; receives the torques of motors and bearings.
         speed: Relative to the hub, shape (n, w) [rad/s].
-        inertia: That the relative speed meets, shape (n, w) [kg m^2].
         period: Time for which torques are held [s].
         max_torque: Of a motor [N m].
         max_speed: Of a wheel [rad/s].
         dead: Spacecraft without power, shape (n,).
-        motor: Receives the motor torques, shape (n, w) [N m].
-        bearing: Receives the mean friction torques over the hold, shape (n, w) [N m].
-        peaks: Largest wheel speed [rad/s] and motor torque [N m] so far, and holds in which a limit cut one, shape (n, 3).
+        peaks: Brought up to date, see `Peak`, shape (n, 3).
     """
+    motor, bearing = wheels.motor, wheels.bearing
     for j in range(speed.shape[0]):
         cut = False
         for w in range(speed.shape[1]):
@@ -95,7 +97,7 @@ def drive(
             for k in range(3):
                 u += wheels.allocation[j, w, k] * torque_B[j, k]
             asked = u
-            turning, J = speed[j, w], inertia[j, w]
+            turning, J = speed[j, w], wheels.inertia[j, w]
             u = min(max_torque, max(-max_torque, u))
             u = min(max(0.0, (max_speed - turning) * J / period), max(min(0.0, (-max_speed - turning) * J / period), u))
             cut = cut or (u != asked and not dead[j])
@@ -110,10 +112,10 @@ def drive(
                 after = speed_after(turning, u, wheels.coulomb[j, w], wheels.viscous[j, w], J, period)
                 bearing[j, w] = J * (after - turning) / period - u
             motor[j, w] = u
-            peaks[j, 0] = max(peaks[j, 0], abs(turning))
-            peaks[j, 1] = max(peaks[j, 1], abs(u))
+            peaks[j, Peak.WHEEL_SPEED] = max(peaks[j, Peak.WHEEL_SPEED], abs(turning))
+            peaks[j, Peak.MOTOR_TORQUE] = max(peaks[j, Peak.MOTOR_TORQUE], abs(u))
         if cut:
-            peaks[j, 2] += 1.0
+            peaks[j, Peak.CUT_HOLDS] += 1.0
 
 
 @kernel

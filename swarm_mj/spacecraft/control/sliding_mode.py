@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from decimal import ROUND_DOWN, Context
 from functools import cached_property
 from math import inf, sqrt
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -34,6 +34,28 @@ from swarm_mj.typing import Array, jittable
 _STABILITY_LIMIT = 2.0
 #: How a message gives the longest period: rounded up, a period that obeys it could still be refused.
 _DOWN = Context(prec=3, rounding=ROUND_DOWN)
+
+
+class Gains(NamedTuple):
+    """The parameters as compiled code takes them, in the order of `CompiledLaw.numbers`.
+
+    Attributes:
+        slope: Of the manifold [1/s].
+        rate_limit: Largest slew rate on it [rad/s]; infinite: none.
+        reaching_rate: [rad/s^2].
+        layer: Half the width of the boundary layer [rad/s].
+        damping: [1/s].
+        disturbance: Torque that is allowed for [N m].
+        uncertainty: Of the inertia, relative.
+    """
+
+    slope: float
+    rate_limit: float
+    reaching_rate: float
+    layer: float
+    damping: float
+    disturbance: float
+    uncertainty: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,14 +124,16 @@ class MrpSlidingMode:
 
     @cached_property
     def _numbers(self) -> Array:
-        """Parameters in the order in which compiled code takes them."""
+        """Parameters in the order of `Gains`, as compiled code takes them."""
         limit = inf if self.rate_limit is None else self.rate_limit
-        gains = (self.slope, limit, self.reaching_rate, self.layer, self.damping)
-        return np.array((*gains, self.disturbance_torque, self.inertia_uncertainty))
+        layer, damping, disturbance = self.layer, self.damping, self.disturbance_torque
+        return np.array(
+            Gains(self.slope, limit, self.reaching_rate, layer, damping, disturbance, self.inertia_uncertainty)
+        )
 
     def _fastest_gain(self, J_eff: Array) -> float:
         """Largest gain from rate to acceleration of an axis at rest in its layer [1/s]."""
-        at_rest = _gain_at_rest(np.diagonal(J_eff, axis1=1, axis2=2), self._numbers)
+        at_rest = _gain_at_rest(np.diagonal(J_eff, axis1=1, axis2=2), Gains(*self._numbers))
         decay = at_rest.max() / self.layer + self.damping + 0.25 * self.slope
         return float((1.0 + self.inertia_uncertainty) * decay)
 
@@ -134,16 +158,17 @@ def write_torque(
     torque_B: Array,
 ) -> None:
     """Write the torques; see `CompiledLaw`."""
-    slope, rate_limit, layer, damping, uncertainty = numbers[0], numbers[1], numbers[3], numbers[4], numbers[6]
+    gains = _gains_of(numbers)
+    layer, damping, uncertainty = gains.layer, gains.damping, gains.uncertainty
     for i in range(sigma_BR.shape[0]):
         J, J_eff = inertia_B[i], inertia_effective_B[i]
         omega, error = vector(omega_BN_B, i), vector(omega_BR_B, i)
-        slew, slew_dot = _slew(vector(sigma_BR, i), error, slope, rate_limit)
+        slew, slew_dot = _slew(vector(sigma_BR, i), error, gains.slope, gains.rate_limit)
         turning = cross(omega, vector(omega_RN_B, i))
         on_manifold = combine(1.0, combine(1.0, vector(domega_RN_B, i), -1.0, turning), -1.0, slew_dot)
         for j in range(3):
             s = error[j] + slew[j]
-            at_rest = _gain_at_rest(J_eff[j, j], numbers)
+            at_rest = _gain_at_rest(J_eff[j, j], gains)
             in_motion = _model_error(j, J, J_eff, omega, on_manifold[j], uncertainty) / (1.0 - uncertainty)
             saturation = min(1.0, max(-1.0, s / layer))
             torque_B[i, j] = on_manifold[j] - (at_rest + in_motion) * saturation - damping * s
@@ -153,10 +178,15 @@ def write_torque(
 
 
 @jittable
-def _gain_at_rest(J_eff: Any, numbers: Array) -> Any:
+def _gains_of(numbers: Array) -> Gains:
+    return Gains(numbers[0], numbers[1], numbers[2], numbers[3], numbers[4], numbers[5], numbers[6])
+
+
+@jittable
+def _gain_at_rest(J_eff: Any, gains: Gains) -> Any:
     """Return the acceleration that drives s to its layer where nothing turns [rad/s^2], of a number or of an array of them."""
-    reaching_rate, disturbance, uncertainty = numbers[2], numbers[5], numbers[6]
-    return (reaching_rate + (1.0 + uncertainty) * disturbance / J_eff) / (1.0 - uncertainty)
+    uncertainty = gains.uncertainty
+    return (gains.reaching_rate + (1.0 + uncertainty) * gains.disturbance / J_eff) / (1.0 - uncertainty)
 
 
 @jittable

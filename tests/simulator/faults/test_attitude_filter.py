@@ -47,7 +47,7 @@ class Trial:
                 quaternions(self.attitude),
                 np.tile(rate, (self.n, 1)),
                 PERIOD,
-                self.rng.standard_normal((self.n, 9)),
+                self.rng.standard_normal((self.n, 3, 3)),
                 self.sensors,
                 self.assumed,
                 self.state,

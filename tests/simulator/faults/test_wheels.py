@@ -73,9 +73,9 @@ def test_with_two_wheels_the_torque_they_span_is_as_asked_and_with_none_nothing_
 def driven(torque, speed, **changes):
     n, w = speed.shape
     none, allocation = np.zeros((n, w)), -np.tile(np.eye(3), (n, 1, 1))
-    wheels = WheelState(none + 1.0, none > 0, none, none, none, allocation)._replace(**changes)
-    motor, bearing, peaks = np.empty((n, w)), np.empty((n, w)), np.zeros((n, 3))
-    drive(torque, wheels, speed, np.full((n, w), J), 0.5, 4e-3, 600.0, np.zeros(n, bool), motor, bearing, peaks)
+    inertia, motor, bearing = np.full((n, w), J), np.empty((n, w)), np.empty((n, w))
+    wheels = WheelState(none + 1.0, none > 0, none, none, none, allocation, inertia, motor, bearing)._replace(**changes)
+    drive(torque, wheels, speed, 0.5, 4e-3, 600.0, np.zeros(n, bool), np.zeros((n, 3)))
     return motor, bearing
 
 
