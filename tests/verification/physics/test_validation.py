@@ -8,7 +8,6 @@ from types import SimpleNamespace
 import mujoco
 import numpy as np
 import pytest
-from rich.console import Console
 
 from swarm_mj.errors import OutputError, SwarmError
 from swarm_mj.flight import plan as planning
@@ -35,7 +34,7 @@ WITH_OPENGL = ("coverage-footprint-faceid", "coverage-pixels", "coverage-observe
 @pytest.fixture(scope="module")
 def checks():
     """Every check, run once on the program as it is."""
-    return {check.name: check for check in run_experiments(EXPERIMENTS, Console(), quiet=True)}
+    return {check.name: check for check in run_experiments(EXPERIMENTS)}
 
 
 @pytest.mark.parametrize("name", [e.name for e in EXPERIMENTS if e.name not in WITH_OPENGL])
