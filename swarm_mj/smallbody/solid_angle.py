@@ -4,7 +4,10 @@ from typing import Any
 
 import numpy as np
 
-from swarm_mj.typing import Array, Ints32, Mask, jittable
+from swarm_mj.typing import Array, Ints32, Mask, jittable, kernel
+
+#: For no more points than these, such as the places of a swarm, NumPy has done before anything would be compiled.
+FEW = 100
 
 
 @jittable
@@ -29,11 +32,24 @@ def solid_angle(p: Any, q: Any, s: Any) -> Any:
 
 def solid_angles(r_A: Array, vertices: Array, faces: Ints32) -> Array:
     """Solid angle of the whole surface seen from each point (n, 3), shape (n,): 0 outside, 4 pi inside."""
+    if len(r_A) > FEW:
+        return np.asarray(_solid_angles(r_A, vertices, faces))
     out = np.empty(len(r_A))
     for i, point in enumerate(r_A):
         rays = (vertices - point).T
         corners = np.vstack((rays, np.sqrt((rays * rays).sum(axis=0))))[:, faces]
         out[i] = solid_angle(corners[..., 0], corners[..., 1], corners[..., 2]).sum()
+    return out
+
+
+@kernel
+def _solid_angles(r_A: Array, vertices: Array, faces: Ints32) -> Array:
+    out = np.zeros(r_A.shape[0])
+    rays = np.empty((vertices.shape[0], 4))
+    for i in range(r_A.shape[0]):
+        cast_rays(r_A[i], vertices, rays)
+        for f in range(faces.shape[0]):
+            out[i] += solid_angle(rays[faces[f, 0]], rays[faces[f, 1]], rays[faces[f, 2]])
     return out
 
 

@@ -49,7 +49,7 @@ from swarm_mj.simulator.fast.mj_memory import (
 from swarm_mj.spacecraft.gyrostat import NV_FREE, with_wheels
 from swarm_mj.spacecraft.model import SwarmModel
 from swarm_mj.spacecraft.model_guard import acting_elements, listed, swarm_options
-from swarm_mj.typing import Array, inlined, kernel
+from swarm_mj.typing import Array, inlined, jittable, kernel
 
 #: Relative difference between inertia matrices of different states that is put down to rounding.
 _ROUNDING = 1e-12
@@ -234,20 +234,20 @@ def copy_state(mj: MjView, qpos: Array, qvel: Array) -> None:
         _copy(mj.qvel, qvel)
 
 
-@kernel
+@jittable
 def _copy(source: Array, target: Array) -> None:
     # A loop compiles in a tenth of the time of a slice, whose shapes numba checks with a message of its own.
     for i in range(source.shape[0]):
         target[i] = source[i]
 
 
-@kernel
+@jittable
 def _add(start: Array, factor: float, slope: Array, total: Array) -> None:
     for i in range(start.shape[0]):
         total[i] = start[i] + factor * slope[i]
 
 
-@kernel
+@jittable
 def _rate_of_displacement(c: float, width: int, qvel: Array, rate: Array) -> None:
     # `rate` holds that of the previous stage, by which this stage stands displaced for the time c. The rate of a rotation
     # vector p is omega + p x omega / 2 + p x (p x omega) / 12, up to terms beyond fourth order.
@@ -262,7 +262,7 @@ def _rate_of_displacement(c: float, width: int, qvel: Array, rate: Array) -> Non
         rate[v + 5] = z + 0.5 * az + (px * ay - py * ax) / 12.0
 
 
-@kernel
+@jittable
 def gyrostat_torque(qvel: Array, momentum: Array, motor: Array, axes: Array, torque: Array) -> None:
     """What the wheels exert on their bodies: the motors' reaction and -omega x h.
 

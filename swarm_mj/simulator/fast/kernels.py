@@ -24,7 +24,7 @@ from swarm_mj.spacecraft.attitude.guidance import (
     track_line_of_sight,
 )
 from swarm_mj.spacecraft.model import NQ, NV
-from swarm_mj.typing import Array, Ints, Mask, kernel
+from swarm_mj.typing import Array, Ints, Mask, jittable, kernel
 
 
 @kernel
@@ -183,7 +183,7 @@ def locate_targets(
                 work[Slot.RHO_DDOT, j, k] = 0.0
 
 
-@kernel
+@jittable
 def _add_surface_point(point_A: Array, C_AN: Array, w: Array, work: Array, j: int) -> None:
     x = C_AN[0, 0] * point_A[0] + C_AN[1, 0] * point_A[1] + C_AN[2, 0] * point_A[2]
     y = C_AN[0, 1] * point_A[0] + C_AN[1, 1] * point_A[1] + C_AN[2, 1] * point_A[2]
