@@ -47,7 +47,7 @@ def only_one(folder: Path) -> Iterator[None]:
     Raises:
         OutputError: Another process holds it; the message names that process. Or the folder cannot be written.
     """
-    with _held(folder / LOCK, folder, "folder", "another campaign is writing here"):
+    with _held(folder / LOCK, folder, "folder", "another campaign is writing here", make_folder=True):
         yield
 
 
@@ -57,10 +57,10 @@ def unwritable(destination: Path, error: OSError, kind: Kind = "folder") -> Outp
 
 
 @contextmanager
-def _held(lock: Path, destination: Path, kind: Kind, taken: str) -> Iterator[None]:
+def _held(lock: Path, destination: Path, kind: Kind, taken: str, *, make_folder: bool = False) -> Iterator[None]:
     """Hold a lock file while the block runs; `taken` says what another holder means."""
     try:
-        handle = _locked(lock)
+        handle = _locked(lock, make_folder)
     except BlockingIOError:
         raise OutputError(
             f"{destination}: {taken} ({_holder(lock)}); wait for it, or choose another {kind} with --out"
@@ -78,14 +78,15 @@ def _held(lock: Path, destination: Path, kind: Kind, taken: str) -> Iterator[Non
         os.close(handle)
 
 
-def _locked(lock: Path) -> int:
-    """Handle of the lock file, locked and still in its place.
+def _locked(lock: Path, make_folder: bool) -> int:
+    """Handle of the lock file, locked and still in its place; the folder that holds it is made if asked for.
 
     Raises:
         BlockingIOError: Another process holds it.
     """
     while True:
-        lock.parent.mkdir(parents=True, exist_ok=True)
+        if make_folder:
+            lock.parent.mkdir(parents=True, exist_ok=True)
         # A link is not followed: what it names belongs to somebody else.
         handle = os.open(lock, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o644)
         try:

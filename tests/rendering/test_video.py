@@ -139,7 +139,9 @@ def test_what_a_killed_process_left_behind_is_cleared_by_the_next_film_of_that_n
 @pytest.mark.robust
 def test_of_two_films_into_one_file_one_is_made_and_the_other_says_so(tmp_path, filming):
     process = filming(tmp_path / "a.mp4")
-    with pytest.raises(OutputError, match=rf"a\.mp4: another run is writing there \(process {process.pid}\); .*--out"):
+    with pytest.raises(
+        OutputError, match=rf"a\.mp4: another run is writing there \(process {process.pid} on .*\); .*--out"
+    ):
         write(tmp_path / "a.mp4")
     write(tmp_path / "b.mp4")
     assert (tmp_path / f".a.mp4.{process.pid}.partial").exists() and not (tmp_path / "a.mp4").exists()
