@@ -20,7 +20,12 @@ ROOT = Path(__file__).parents[1]
 def wheel(tmp_path_factory):
     # Built from a copy, so that a build folder of the checkout cannot leak into it.
     source = tmp_path_factory.mktemp("source") / "swarm_mj"
-    ignore = shutil.ignore_patterns(".*", "*.egg-info", "build", "dist", "results", "__pycache__")
+    patterns = shutil.ignore_patterns(".*", "*.egg-info", "__pycache__")
+
+    def ignore(folder, names):
+        made = {"build", "dist", "results", "site"} if Path(folder) == ROOT else set()  # swarm_mj/results is a room
+        return patterns(folder, names) | (made & set(names))
+
     shutil.copytree(ROOT, source, ignore=ignore)
     out = tmp_path_factory.mktemp("dist")
     command = [sys.executable, "-m", "build", "--wheel", "--outdir", str(out), str(source)]

@@ -12,6 +12,7 @@ from swarm_mj.flight.plan import make_plan
 from swarm_mj.flight.spacecraft import notes_on
 from swarm_mj.io.resources import asset_path
 from swarm_mj.scenarios.loading import load_scenario
+from swarm_mj.simulator.slots import Slot
 from swarm_mj.smallbody.perturbations import gravity_gradient_torque
 from swarm_mj.spacecraft.attitude.mrp import dcm
 from swarm_mj.spacecraft.elastic import largest_timestep, lost_to_the_step, modes_of
@@ -248,7 +249,7 @@ def test_the_tide_across_the_bodies_is_the_gravity_gradient_torque_of_the_whole(
     forces = data.xfrc_applied[layout.bodies[0]]
     arms = data.xipos[layout.bodies[0]] - data.subtree_com[layout.hub_body[0]]
     C_BN = dcm_of(state.q_BN)[0]
-    r_B = C_BN @ (state.work[3, 0] @ state.C_mid)  # Slot.R_A
+    r_B = C_BN @ (state.work[Slot.R_A, 0] @ state.C_mid)
     whole = gravity_gradient_torque(r_B[None], plan.properties.inertia_B[None], plan.environment.gravity.gm)[0]
     total = C_BN @ (np.cross(arms, forces[:, :3]).sum(axis=0) + forces[:, 3:].sum(axis=0))
     assert np.linalg.norm(whole) > 1e-10
