@@ -143,7 +143,7 @@ def test_every_body_has_its_weight_so_that_free_fall_moves_no_joint(tmp_path):
     # Without a weight of its own the loose mass would stay behind by half g t^2, which is 40 m in 300 s.
     plan = plan_of(tmp_path, mjcf(LOOSE))
     times, seen, simulation = flown(plan, 300.0, 10.0)
-    pull = np.linalg.norm(plan.environment.acceleration_N(0.0, simulation.state.work[0]))
+    pull = np.linalg.norm(plan.environment.acceleration_N(0.0, simulation.state.work[Slot.R]))
     assert 0.5 * pull * 300.0**2 > 20.0
     for axis in "xyz":
         assert np.abs(seen[f"joint_{axis}_position"]).max() < 1e-7  # rounding, thirty kilometres from the origin
@@ -220,7 +220,7 @@ def test_an_accelerometer_in_free_fall_feels_nothing_but_radiation_pressure(tmp_
         plan = plan_of(tmp_path, text, f"perturbations.solar_radiation_pressure={str(pressed).lower()}")
         _, seen, simulation = flown(plan, 10.0, 5.0)
         size = np.linalg.norm(seen["felt"], axis=-1)
-        push = np.linalg.norm(plan.environment.pressure_acceleration_N(0.0, simulation.state.work[0]))
+        push = np.linalg.norm(plan.environment.pressure_acceleration_N(0.0, simulation.state.work[Slot.R]))
         assert np.allclose(size, push, rtol=1e-3, atol=1e-12) and bool(push > 1e-9) is pressed
 
 
@@ -255,7 +255,7 @@ def test_the_tide_across_the_bodies_is_the_gravity_gradient_torque_of_the_whole(
     assert np.linalg.norm(whole) > 1e-10
     # Thirty kilometres from the origin places are known to 4e-12 m, so that weights seem to turn it by 1e-14 N m.
     assert total == pytest.approx(whole, rel=0, abs=1e-13)
-    assert forces[:, :3].sum(axis=0) == pytest.approx(plan.properties.mass * state.work[2, 0], rel=1e-12)
+    assert forces[:, :3].sum(axis=0) == pytest.approx(plan.properties.mass * state.work[Slot.A, 0], rel=1e-12)
 
 
 def test_a_swarm_of_six_and_one_of_four_wheels_settle_and_record_their_sensors(tmp_path):
