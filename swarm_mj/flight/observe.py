@@ -26,6 +26,9 @@ from swarm_mj.typing import Ints, Mask
 
 Progress = Callable[[float], None]
 
+#: How pictures are judged where only whole cells count, whichever observer there is.
+WHOLE_NOTE = "whole faces by geometry: three corners in the field of view, and 16 points that nothing hides"
+
 
 @dataclass(frozen=True, kw_only=True)
 class ObservationResult:
@@ -126,7 +129,7 @@ def observe_flight(plan: Plan, telemetry: xr.Dataset, progress: Progress | None 
         coverage=passage if scenario.observation.criterion == "passage" else visit,
         passage=passage,
         observer=observer.name,
-        note=observer.note,
+        note=WHOLE_NOTE if criterion.whole else observer.note,
         images=images,
     )
 

@@ -21,14 +21,17 @@ from numpy.typing import ArrayLike
 from swarm_mj.errors import MissionError
 from swarm_mj.mission.behaviors import looks_at_body
 from swarm_mj.mission.target import TargetRegion
-from swarm_mj.observation.camera import CameraModel, CameraPose
+from swarm_mj.observation.camera import CameraModel, CameraPose, camera_pose
 from swarm_mj.observation.illumination import lit
 from swarm_mj.observation.observer import Observer
+from swarm_mj.observation.sampling import shown_whole
 from swarm_mj.spacecraft.attitude.algebra import dot, relative_dcm, times
 from swarm_mj.typing import Array, Ints, Mask, jittable
 
 #: Least share of a cell that is any part of it at all: the least number above nothing.
 ANY_PART = float(np.nextafter(0.0, 1.0))
+#: Least share from which whole cells are meant: counts of pixels do not tell 99 % of a cell from all of it.
+WHOLE_FROM = 0.99
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -137,7 +140,8 @@ class ObservationCriterion:
     """What a picture must show of a cell. Limits are taken at the cell's centroid; None means no limit.
 
     Attributes:
-        min_fraction: Least visible share of the cell, above 0 to 1.
+        min_fraction: Least visible share of the cell, above 0 to 1; from `WHOLE_FROM` on whole cells, judged by geometry
+            whoever looks, see `visible_share`.
         any_pixel: Take any visible part instead; overstates the area by the border of each picture.
         max_emission_deg: Largest angle between the cell's normal and the direction to the camera [deg].
         max_range_m: Largest distance to the camera [m].
@@ -165,6 +169,11 @@ class ObservationCriterion:
             value = getattr(self, name)
             if value is not None and not value > 0.0:
                 raise MissionError(f"{name} {value} must be positive, or None for no limit")
+
+    @property
+    def whole(self) -> bool:
+        """Whether only whole cells count."""
+        return self.min_fraction >= WHOLE_FROM and not self.any_pixel
 
     @property
     def needs_sun(self) -> bool:
@@ -244,6 +253,24 @@ def lit_cells(observer: Observer, criterion: ObservationCriterion, sun_A: ArrayL
     return lit(observer.region, sun_A, max_incidence_deg=limit, tracer=observer.tracer if criterion.shadows else None)
 
 
+def visible_share(observer: Observer, r_A: ArrayLike, C_CA: ArrayLike, *, whole: bool) -> Array:
+    """Visible share of every cell in a picture, shape (n,): the observer's, or by geometry where whole cells are asked for.
+
+    Args:
+        observer: Who looks, at which target, through which camera.
+        r_A: Camera position in A [m], shape (3,).
+        C_CA: Rotation from A to the camera frame, shape (3, 3).
+        whole: Whether only whole cells count (`ObservationCriterion.whole`); others then have a share of 0.
+
+    Raises:
+        MissionError: The pose is impossible.
+    """
+    if not whole:
+        return observer.visible_fraction(r_A, C_CA)
+    tracer = observer.tracer if observer.occlusion else None
+    return shown_whole(tracer, observer.region, observer.camera, camera_pose(r_A, C_CA)).astype(np.float64)
+
+
 def cells_that_count(
     observer: Observer,
     criterion: ObservationCriterion,
@@ -258,7 +285,7 @@ def cells_that_count(
         criterion: What counts.
         r_A: Camera position in A [m], shape (3,).
         light: Gives which cells are lit, see `lit_cells`; asked only where light matters and something is left to light.
-        share: Gives the visible share of every cell; asked only where something is left to see.
+        share: Gives the visible share of every cell, see `visible_share`; asked only where something is left to see.
     """
     limits = criterion.limits(observer.camera)
     counts: Mask = keeps_limits(limits, *sight(observer.region, r_A))
@@ -293,6 +320,6 @@ def observe(
         return lit_cells(observer, criterion, sun_A)
 
     def share() -> Array:
-        return observer.visible_fraction(r_A, C_CA)
+        return visible_share(observer, r_A, C_CA, whole=criterion.whole)
 
     return cells_that_count(observer, criterion, np.asarray(r_A, dtype=np.float64), light, share)

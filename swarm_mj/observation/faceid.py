@@ -72,6 +72,8 @@ class FaceIdObserver:
         ObserverError: OpenGL is asked for and cannot be loaded, or this is a forked child or another thread.
     """
 
+    occlusion = True
+
     def __init__(
         self,
         region: TargetRegion,

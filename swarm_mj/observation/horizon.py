@@ -140,6 +140,7 @@ class HorizonObserver:
 
     name = "horizon"
     note = "horizon maps, constant time per picture"
+    occlusion = True
 
     def __init__(self, region: TargetRegion, camera: CameraModel, *, samples: int | None = None) -> None:
         self.region, self.camera = region, camera

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from swarm_mj.errors import MissionError
 from swarm_mj.observation.camera import Optics
 from swarm_mj.observation.capture import Limits, ObservationCriterion, keeps_limits, pixels_on, shows_enough
 from swarm_mj.observation.horizon import Horizon, HorizonObserver, Sight, look_at_cell
@@ -54,7 +55,13 @@ class Cell(NamedTuple):
 
 
 def make_scene(observer: HorizonObserver, criterion: ObservationCriterion) -> Scene:
-    """Gather what `new_cells` needs."""
+    """Gather what `new_cells` needs.
+
+    Raises:
+        MissionError: The criterion asks for whole cells, which sample points alone do not tell.
+    """
+    if criterion.whole:
+        raise MissionError(f"min_fraction {criterion.min_fraction} asks for whole cells: judge them by `observe`")
     region, limits = observer.region, criterion.limits(observer.camera)
     radius = np.linalg.norm(region.corners_A - region.centroid_A[:, None], axis=2).max(axis=1)
     samples = observer.horizon.samples

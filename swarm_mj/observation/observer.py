@@ -21,12 +21,14 @@ class Observer(Protocol):
         note: Why this one was chosen, or what it runs on; one line for the reader of a run.
         region: The target whose cells are judged.
         camera: The camera through which they are seen.
+        occlusion: Whether the body hides what lies behind it.
     """
 
     name: str
     note: str
     region: TargetRegion
     camera: CameraModel
+    occlusion: bool
 
     @property
     def tracer(self) -> RayTracer:

@@ -16,6 +16,9 @@ from swarm_mj.observation.raytracing import RayTracer
 from swarm_mj.spacecraft.attitude.algebra import times, vector
 from swarm_mj.typing import Array, Indices, Mask, kernel
 
+#: Rays to each cell that is asked for whole.
+WHOLE_SAMPLES = 16
+
 
 @lru_cache(maxsize=8)
 def barycentric_samples(samples: int) -> Array:
@@ -54,6 +57,21 @@ def sampled_fraction(
     if tracer is not None and len(of):
         of = of[hits_own_face(region, tracer.first_hit(pose.r_A, rays), of)]
     return np.bincount(of, minlength=region.n_cells)[cells] / samples
+
+
+def shown_whole(tracer: RayTracer | None, region: TargetRegion, camera: CameraModel, pose: CameraPose) -> Mask:
+    """Which cells are seen whole, shape (n,): their corners lie in the field of view, which is convex; nothing hides a sample.
+
+    Args:
+        tracer: Over the region's mesh; None: nothing hides a cell but its own back.
+        region: The target.
+        camera: The camera; its resolution plays no part.
+        pose: Where it is and how it is turned.
+    """
+    whole = np.asarray(camera.contains(pose.to_camera(region.corners_A)).all(axis=-1))
+    cells = np.flatnonzero(whole)
+    whole[cells] = sampled_fraction(tracer, region, cells, camera, pose, WHOLE_SAMPLES) == 1.0
+    return whole
 
 
 def hits_own_face(region: TargetRegion, hit: Indices, cells: Indices) -> Mask:

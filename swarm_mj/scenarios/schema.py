@@ -186,7 +186,14 @@ class Observation(Section):
         "passage", description="count the whole passage inside the imaging region, or only the instant of the visit"
     )
     interval_s: float = Field(10.0, gt=0, description="time between two images of a spacecraft [s]")
-    min_fraction: float = Field(0.5, gt=0, le=1, description="part of a face's expected pixels that must be found [-]")
+    min_fraction: float = Field(
+        0.5,
+        gt=0,
+        le=1,
+        description="part of a face (of a cell, where faces are subdivided) that must be seen: of its expected pixels, or "
+        "its sample points [-]; from 0.99 on the whole face, judged by geometry with every observer: its three corners in the "
+        "field of view and 16 of its points hidden by nothing; counted pixels cannot tell that",
+    )
     any_pixel: bool = Field(False, description="let any pixel of a face suffice instead; overstates the area")
     max_emission_deg: float | None = Field(
         None, gt=0, le=90, description="largest angle between face normal and camera [deg]; null: any"

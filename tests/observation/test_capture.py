@@ -102,7 +102,7 @@ def test_rules_in_arrays_are_bit_for_bit_those_in_compiled_code():
     [
         ({"min_fraction": 0.28}, 7),  # 0.28 x 25 is 7.000000000000001 in double precision, but 7 / 25 is 0.28
         ({"min_fraction": 0.5}, 13),
-        ({"min_fraction": 1.0}, 25),
+        ({"min_fraction": 0.98}, 25),
         ({"min_fraction": 1e-12}, 1),
         ({"any_pixel": True}, 1),
     ],

@@ -19,6 +19,7 @@ from swarm_mj.designer.candidates.flights import CandidateFlights
 from swarm_mj.io.cache import cache_folder, hash_of, load_array, store_array
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.camera import CameraModel
+from swarm_mj.observation.capture import visible_share
 from swarm_mj.observation.observer import Observer, ObserverKind, make_observer
 from swarm_mj.typing import Array, Indices, Mask
 
@@ -39,11 +40,13 @@ class ImagingModel:
         camera: The camera.
         kind: Which observer.
         occlusion: Whether the body hides what lies behind it.
+        whole: Whether only whole cells count.
     """
 
     camera: CameraModel
     kind: ObserverKind = "auto"
     occlusion: bool = True
+    whole: bool = False
 
     def open(self, region: TargetRegion) -> Observer:
         """An observer of the region; close it after use."""
@@ -126,21 +129,22 @@ def _compute(
         pool.shutdown(wait=True, cancel_futures=True)
 
 
-_observer: list[Observer] = []  # one per process, opened when the process starts
+_looking: list[tuple[Observer, bool]] = []  # who, and whether for whole cells; one per process, opened when it starts
 
 
 def _open(region: TargetRegion, imaging_model: ImagingModel) -> None:
-    _observer.append(imaging_model.open(region))
+    _looking.append((imaging_model.open(region), imaging_model.whole))
 
 
 def _close() -> None:
-    _observer.pop().close()
+    _looking.pop()[0].close()
 
 
 def _judge(r_A: Array, C_CA: Array) -> Array:
-    shares = np.empty((len(r_A), _observer[-1].region.n_cells))
+    observer, whole = _looking[-1]
+    shares = np.empty((len(r_A), observer.region.n_cells))
     for k in range(len(r_A)):
-        shares[k] = _observer[-1].visible_fraction(r_A[k], C_CA[k])
+        shares[k] = visible_share(observer, r_A[k], C_CA[k], whole=whole)
     return shares
 
 
@@ -152,4 +156,6 @@ def _key(region: TargetRegion, imaging_model: ImagingModel) -> str:
         observer.close()
     camera = imaging_model.camera
     text = f"{CACHE_VERSION} {name} {imaging_model.occlusion} {camera.half_angle_deg!r} {camera.shape} {camera.resolution_px}"
+    if imaging_model.whole:
+        text += " whole"
     return hash_of(text, region.vertices, region.faces, region.target, region.parent)

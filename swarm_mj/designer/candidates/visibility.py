@@ -142,7 +142,13 @@ def imaging_model_from(scenario: Scenario) -> ImagingModel:
     camera = camera_from(scenario)
     if scenario.designer.any_roll:
         camera = replace(camera, shape="cone")
-    return ImagingModel(camera=camera, kind=scenario.observation.observer, occlusion=scenario.observation.occlusion)
+    observation = scenario.observation
+    return ImagingModel(
+        camera=camera,
+        kind=observation.observer,
+        occlusion=observation.occlusion,
+        whole=criterion_from(scenario).whole,
+    )
 
 
 def seen_cells(

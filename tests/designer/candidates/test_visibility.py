@@ -9,6 +9,8 @@ from swarm_mj.designer.candidates import pictures
 from swarm_mj.designer.candidates.flights import fly_candidates
 from swarm_mj.designer.candidates.pictures import picture_numbers, visible_shares
 from swarm_mj.designer.candidates.visibility import imaging_model_from, seen_cells, visibility
+from swarm_mj.designer.exact import solve_exact
+from swarm_mj.designer.problem import CoverProblem
 from swarm_mj.errors import ScenarioError
 from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.observe import criterion_from, observe_flight
@@ -213,3 +215,17 @@ def test_several_targets_altitudes_and_times_make_more_candidates_with_their_own
 def test_a_time_of_flight_that_does_not_fit_the_scenario_is_refused():
     with pytest.raises(ScenarioError, match="time_of_flight_s"):
         visibility(scenario("designer.times_of_flight_s=[5000]"))
+
+
+@pytest.mark.parametrize(("half_angle_deg", "fewest"), [(21.5, 1), (7.5, 2), (7, 3), (6, 4), (5, 5), (4.1, 8)])
+def test_whole_faces_at_the_visit_need_as_many_as_the_corners_in_the_cone_say(flights, half_angle_deg, fewest):
+    told = scenario(f"camera.half_angle_deg={half_angle_deg}", "observation.min_fraction=0.999")
+    region, k = flights.plan.region, int(np.flatnonzero(flights.times == 600.0)[0])
+    seen = seen_cells(told, flights, region, imaging_model_from(told))
+    # By hand: nothing on the target hides another part of it from any of the points, and each looks at the centre.
+    to_corner = region.corners_A - flights.r_A[k][:, None, None]
+    ahead = -flights.r_A[k] / np.linalg.norm(flights.r_A[k], axis=1, keepdims=True)
+    cosine = np.einsum("jnci,ji->jnc", to_corner, ahead) / np.linalg.norm(to_corner, axis=3)
+    assert np.array_equal(seen, (cosine >= np.cos(np.radians(half_angle_deg))).all(axis=2))
+    problem = CoverProblem(sees=seen, area=region.area, tolerance_percent=0.1, max_observers=20)
+    assert solve_exact(problem).n_observers == fewest
