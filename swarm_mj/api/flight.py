@@ -20,7 +20,7 @@ from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.observe import ObservationResult, add_coverage, observe_flight, picture_count
 from swarm_mj.flight.plan import Plan, behavior_from, check_plugins, make_plan
 from swarm_mj.io.atomic import FIGURES, Result, atomic_folder, check_place
-from swarm_mj.io.progress import Stages, using_bars
+from swarm_mj.io.progress import Forecast, Stages, using_bars
 from swarm_mj.observation.coverage import CoverageMap
 from swarm_mj.results.drawing import compile_beside, draw_all, drawing_beside
 from swarm_mj.results.run_files import coverage_arrays, flown_design, write_results, write_summary
@@ -293,8 +293,10 @@ def _fly(scenario: schema.Scenario, stages: Stages) -> Flight:
         plan = make_plan(scenario)
     if kernels_compiled() > before:
         compile_beside(plan)
+    steps = round(scenario.duration_s / scenario.physics.timestep_s)
     with stages.stage("simulate", "flight", scenario.duration_s) as done:
-        telemetry = simulate(plan, done)
+        words = f"the flight of {plan.n} spacecraft, {steps:,} steps each,"
+        telemetry = simulate(plan, Forecast(words, scenario.duration_s, done, stages.say))
     with stages.stage("coverage", "images", picture_count(plan, telemetry)) as done:
         result = observe_flight(plan, telemetry, done)
         add_coverage(telemetry, result)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from swarm_mj import __version__
 from swarm_mj.errors import SwarmError
 from swarm_mj.io.interruption import handled
+from swarm_mj.io.last_resort import INTERRUPTED
 
 if TYPE_CHECKING:
     import argparse
@@ -23,14 +24,14 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     0: done; 1: a check failed; 2: bad input or another named error; 130: interrupted.
     """
-    with handled() as interruption:
+    with handled(_interrupted) as interruption:
         try:
             arguments = _parser().parse_args(argv)
             return int(arguments.command(arguments) or 0)
         except BaseException as error:
             # What was asked to end may end in any error: Ctrl-C in the middle of a library is often turned into another one.
             if interruption.asked or isinstance(error, KeyboardInterrupt):
-                return _report(130, "\nswarm-mj: interrupted; nothing half-written was left behind")
+                return _interrupted()
             if isinstance(error, SwarmError):
                 return _report(2, f"swarm-mj: error: {error}")
             if isinstance(error, MemoryError):
@@ -38,6 +39,10 @@ def main(argv: Sequence[str] | None = None) -> int:
             if isinstance(error, BrokenPipeError):
                 return 0
             raise
+
+
+def _interrupted() -> int:
+    return _report(INTERRUPTED, "\nswarm-mj: interrupted; nothing half-written was left behind")
 
 
 def _report(status: int, words: str) -> int:

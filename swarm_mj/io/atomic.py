@@ -14,6 +14,7 @@ from typing import Literal, NamedTuple
 
 from swarm_mj.errors import OutputError
 from swarm_mj.io.interruption import check, held
+from swarm_mj.io.last_resort import remove, undone_by
 from swarm_mj.io.lock import reserved, unwritable
 
 #: The file that every result has, and what such a folder may hold besides; anything else is somebody's and never replaced.
@@ -75,7 +76,8 @@ def atomic_folder(
         try:
             with held():
                 partial = _made_beside(destination)
-            yield partial
+            with undone_by(lambda: remove(partial)):
+                yield partial
             check()
             with held():
                 kept = _replace(partial, destination)
@@ -128,12 +130,17 @@ def _parents(destination: Path) -> Iterator[None]:
             destination.parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise unwritable(destination, error) from None
-        yield
+        with undone_by(lambda: _remove_empty(made)):
+            yield
     finally:
         with held():
-            for folder in made:  # the innermost first
-                with suppress(OSError):
-                    folder.rmdir()
+            _remove_empty(made)
+
+
+def _remove_empty(folders: Sequence[Path]) -> None:
+    for folder in folders:  # the innermost first
+        with suppress(OSError):
+            folder.rmdir()
 
 
 def _clear_leftovers(destination: Path) -> None:
@@ -250,7 +257,8 @@ def atomic_file(path: Path) -> Iterator[Path]:
         _clear_partial_files(path)
         partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
         try:
-            yield partial
+            with undone_by(lambda: remove(partial)):
+                yield partial
             os.replace(partial, path)
         except OSError as error:
             raise OutputError(f"{path}: cannot be written ({error.strerror or error})") from error

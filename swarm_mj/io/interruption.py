@@ -10,10 +10,12 @@ from __future__ import annotations
 import signal
 import sys
 import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext
 from types import FrameType
 from typing import Any
+
+from swarm_mj.io import last_resort
 
 #: Ctrl-C, and whoever ends the program politely: both get the same tidy end.
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
@@ -34,10 +36,14 @@ class Interruption:
 
 
 @contextmanager
-def handled() -> Iterator[Interruption]:
+def handled(say: Callable[[], object] | None = None) -> Iterator[Interruption]:
     """Handle the signals that end a program while the block runs, in the main thread; afterwards all is as before.
 
     A signal that this process was told to ignore (`nohup`, the background of a shell script) stays ignored.
+
+    Args:
+        say: Tells the user of an interruption that compiled code kept from being heard, before the program is ended all the
+            same, see `last_resort`; None: it waits until that code is done.
     """
     interruption = Interruption()
     if threading.current_thread() is not threading.main_thread():
@@ -55,8 +61,14 @@ def handled() -> Iterator[Interruption]:
     for number, earlier in before.items():
         if earlier not in (signal.SIG_IGN, None):
             signal.signal(number, interruption)
+
+    def answered(number: int) -> bool:
+        return interruption.asked or number not in SIGNALS or signal.getsignal(number) is not interruption
+
+    watched = nullcontext() if say is None else last_resort.watched(answered, lambda: interruption.held > 0, say)
     try:
-        yield interruption
+        with watched:
+            yield interruption
     finally:
         for number, earlier in before.items():
             if signal.getsignal(number) is interruption:

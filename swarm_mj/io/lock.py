@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Literal
 
 from swarm_mj.errors import OutputError
+from swarm_mj.io.last_resort import undone_by
 
 try:
     import fcntl
@@ -69,7 +70,8 @@ def _held(lock: Path, destination: Path, kind: Kind, taken: str, *, make_folder:
         raise unwritable(destination, error, kind) from None
     try:
         _sign(handle)
-        yield
+        with undone_by(lock.unlink):
+            yield
     finally:
         # Removed while it is held: whoever opened it meanwhile finds, once it has the lock, another file or none in its place.
         with suppress(OSError):

@@ -6,12 +6,17 @@ import time
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from datetime import timedelta
 from typing import Any
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import BarColumn, Progress, ProgressColumn, Task, TaskID, TextColumn, TimeElapsedColumn
+from rich.text import Text
 
 from swarm_mj.io import interruption
+
+#: A forecast is made after so long [s], and told where the whole takes longer than this [s].
+FORECAST_AFTER_S, LONG_S = 2.0, 60.0
 
 
 class Bars(Progress):
@@ -50,13 +55,27 @@ class Bars(Progress):
         super().advance(*arguments, **keywords)
 
 
+class Remaining(ProgressColumn):
+    """The time that is left: by the speed of late, or by that since the beginning where steps are minutes apart."""
+
+    max_refresh = 0.5
+
+    def render(self, task: Task) -> Text:
+        """The time left as h:mm:ss."""
+        left = 0.0 if task.finished else task.time_remaining
+        if left is None and task.total and task.completed > 0.0 and task.elapsed:
+            left = task.elapsed * (task.total - task.completed) / task.completed
+        words = "-:--:--" if left is None else str(timedelta(seconds=max(0, int(left))))
+        return Text(words, style="progress.remaining")
+
+
 def progress_bars(console: Console, quiet: bool = False) -> Progress:
     """Bars with elapsed and remaining time; none if quiet."""
     return Bars(
         TextColumn("{task.description}", markup=False),
         BarColumn(),
         TimeElapsedColumn(),
-        TimeRemainingColumn(),
+        Remaining(),
         console=console,
         disable=quiet,
     )
@@ -108,3 +127,43 @@ class Stages:
             warnings.warn(f"{self._name}: {words}", stacklevel=3)
         else:
             self._bars.console.print(f"{self._name}: {words}", soft_wrap=True, highlight=False, markup=False)
+
+
+class Forecast:
+    """Says once, while a long piece of work is under way, how long it will take, by the rate that it has shown.
+
+    Called with how much is done, it passes that on. The first call starts the clock, so that what is compiled before it does
+    not count.
+
+    Args:
+        what: What is to be done, in words.
+        total: How much that is.
+        tell: Told how much is done.
+        say: Told the forecast.
+    """
+
+    def __init__(self, what: str, total: float, tell: Callable[[float], None], say: Callable[[str], None]) -> None:
+        self._what, self._total, self._tell, self._say = what, total, tell, say
+        self._first: tuple[float, float] | None = None
+        self._said = False
+
+    def __call__(self, done: float) -> None:
+        """Tell how much is done."""
+        self._tell(done)
+        now = time.perf_counter()
+        if self._first is None:
+            self._first = now, done
+        if self._said or now - self._first[0] < FORECAST_AFTER_S or done <= self._first[1]:
+            return
+        self._said = True
+        whole = (now - self._first[0]) * (self._total - self._first[1]) / (done - self._first[1])
+        if whole > LONG_S:
+            self._say(f"{self._what} will take about {in_words(whole)}")
+
+
+def in_words(seconds: float) -> str:
+    """A long time in the unit that fits."""
+    for unit, size in (("days", 86400.0), ("h", 3600.0), ("min", 60.0)):
+        if seconds >= 2.0 * size:
+            return f"{seconds / size:.0f} {unit}"
+    return f"{seconds:.0f} s"

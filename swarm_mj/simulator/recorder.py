@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
@@ -10,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarm_mj.errors import ScenarioError, SimulationError
+from swarm_mj.io import interruption
 from swarm_mj.mission.behaviors import TargetKind, Targets
 from swarm_mj.scenarios.schema import is_multiple
 from swarm_mj.simulator.fast.flight_kernels import NEVER
@@ -27,8 +29,10 @@ Progress = Callable[[float], None]
 #: Columns of `Record.vectors` after those that are rows of the work array.
 _MOTOR_TORQUE, _LINE_OF_SIGHT = SAMPLED, SAMPLED + 1
 _LOS = int(Slot.LOS)  # NumPy takes twice as long for a member of an enumeration
-#: How often progress is told of in one flight.
+#: How often progress is told of in one flight, at least.
 NEWS = 100
+#: Compiled code flies on for about so long [s] before Python looks up: to be interrupted, and to tell of the progress.
+SLICE_S = 0.25
 
 
 @dataclass(frozen=True)
@@ -88,7 +92,7 @@ class Recorder:
         loop: What is flown.
         duration: [s], a whole multiple of `interval`.
         interval: Time between samples [s], a whole multiple of the control period.
-        progress: Called with the time reached [s], about a hundred times.
+        progress: Called with the time reached [s], about a hundred times, or several times a second.
 
     Raises:
         ScenarioError: One is no multiple of the other.
@@ -106,6 +110,7 @@ class Recorder:
         self._stride = round(interval / period)
         self._news_every = max(1, self._stride * (samples - 1) // NEWS)
         self._news_due = NEVER if progress is None else 0
+        self._slice = 64
         self._record = Record(
             time=sample_times(duration, interval) + self._state.time,
             vectors=np.empty((samples, 7, n, 3)),
@@ -140,12 +145,25 @@ class Recorder:
         state, watch = self._state, self._loop.impact_watch
         end = state.tick + periods
         while state.tick < end:
-            stop = min(end, self._news_due, end if watch is None else watch.due)
+            stop = min(end, state.tick + self._slice, self._news_due, end if watch is None else watch.due)
             if stop > state.tick:
-                self._loop.fly(stop - state.tick)
+                self._fly_slice(stop - state.tick)
             else:
                 self._decide()
                 self._loop.advance()
+
+    def _fly_slice(self, periods: int) -> None:
+        """Fly on; the next slice is longer or shorter, so that one takes about `SLICE_S`, and ends with a word of progress."""
+        start = time.perf_counter()
+        self._loop.fly(periods)
+        took = time.perf_counter() - start
+        if took > 2.0 * SLICE_S:
+            self._slice = max(1, self._slice // 2)
+        elif took < 0.5 * SLICE_S and periods == self._slice:
+            self._slice *= 2
+        interruption.check()
+        if self._progress is not None and took > 0.5 * SLICE_S:
+            self._progress(self._state.time)
 
     def _decide(self) -> Targets:
         state, watch = self._state, self._loop.impact_watch

@@ -286,7 +286,7 @@ class Simulation:
         Args:
             duration: [s], a whole multiple of `interval`.
             interval: Time between samples [s], a whole multiple of the control period.
-            progress: Called with the time reached [s], about a hundred times.
+            progress: Called with the time reached [s], about a hundred times, or several times a second.
 
         Raises:
             SimulationError: A spacecraft hit the body or the state is no longer finite; the message gives time and spacecraft.

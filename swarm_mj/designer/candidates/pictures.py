@@ -8,15 +8,18 @@ on where it stopped.
 from __future__ import annotations
 
 import multiprocessing
-import os
+import signal
 from collections.abc import Callable, Iterator
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from dataclasses import dataclass
+from itertools import islice
 
 import numpy as np
 
 from swarm_mj.designer.candidates.flights import CandidateFlights
+from swarm_mj.io import interruption
 from swarm_mj.io.cache import cache_folder, hash_of, load_array, store_array
+from swarm_mj.io.cores import usable_cores
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.camera import CameraModel
 from swarm_mj.observation.capture import visible_share
@@ -27,6 +30,8 @@ Progress = Callable[[float], None]
 
 #: With fewer pictures than these, starting processes takes longer than judging them here.
 MIN_PARALLEL = 1000
+#: Pictures that are judged at one go: between two of them there is progress, and an interruption is heard.
+PART = 16
 
 #: Raise when the meaning of a stored picture changes.
 CACHE_VERSION = 2
@@ -70,7 +75,7 @@ def visible_shares(
         imaging_model: How pictures are judged.
         at: Which of the flights' times to take, shape (t,); default: all.
         workers: Processes; default: one per core. One runs in this process.
-        progress: Called with the number of candidates done.
+        progress: Called with the number of candidates done, parts of one included.
 
     Returns:
         One array (pictures, cells) per candidate, its pictures being those of `picture_numbers`.
@@ -84,14 +89,19 @@ def visible_shares(
     shares = [
         load_array(file, (len(job[0]), region.n_cells), np.float64) for file, job in zip(files, jobs, strict=True)
     ]
-    missing = [j for j, share in enumerate(shares) if share is None]
-    done = flights.n - len(missing)
+    missing = {j: jobs[j] for j, share in enumerate(shares) if share is None}
+    done = float(flights.n - len(missing))
     if progress is not None:
         progress(done)
-    for j, share in _compute(region, imaging_model, {j: jobs[j] for j in missing}, workers):
-        store_array(files[j], share)
-        shares[j] = share
-        done += 1
+    unfinished = {j: (np.empty((len(r_A), region.n_cells)), len(r_A)) for j, (r_A, _) in missing.items()}
+    for (j, first), part in _compute(region, imaging_model, missing, workers):
+        share, left = unfinished[j]
+        share[first : first + len(part)] = part
+        unfinished[j] = share, left - len(part)
+        done += len(part) / len(share) if len(share) else 1.0
+        if left == len(part):
+            store_array(files[j], share)
+            shares[j] = share
         if progress is not None:
             progress(done)
     return [share for share in shares if share is not None]
@@ -105,31 +115,60 @@ def picture_numbers(flights: CandidateFlights, candidate: int, at: Mask | None =
 
 def _compute(
     region: TargetRegion, imaging_model: ImagingModel, jobs: dict[int, tuple[Array, Array]], workers: int | None
-) -> Iterator[tuple[int, Array]]:
-    """Judge candidates: pairs of candidate and shares, as they finish."""
-    if not jobs:
-        return
-    workers = min(workers or os.cpu_count() or 1, len(jobs))
-    if workers <= 1 or sum(len(r) for r, _ in jobs.values()) < MIN_PARALLEL:
+) -> Iterator[tuple[tuple[int, int], Array]]:
+    """Judge candidates in parts: pairs of (candidate, number of its first picture) and shares, as they finish."""
+    parts = {
+        (j, first): (r_A[first : first + PART], C_CA[first : first + PART])
+        for j, (r_A, C_CA) in jobs.items()
+        for first in range(0, max(len(r_A), 1), PART)
+    }
+    workers = min(workers or usable_cores(), len(parts))
+    if workers > 1 and sum(len(r_A) for r_A, _ in jobs.values()) >= MIN_PARALLEL:
+        yield from _in_processes(region, imaging_model, parts, workers)
+    elif parts:
         _open(region, imaging_model)
         try:
-            for j, job in jobs.items():
-                yield j, _judge(*job)
+            for key, part in parts.items():
+                interruption.check()
+                yield key, _judge(*part)
         finally:
             _close()
-        return
+
+
+def _in_processes(
+    region: TargetRegion, imaging_model: ImagingModel, parts: dict[tuple[int, int], tuple[Array, Array]], workers: int
+) -> Iterator[tuple[tuple[int, int], Array]]:
+    """`_compute` by several processes, which are killed when nobody waits for them any more."""
     # Spawned, not forked: a GL context does not survive a fork.
-    context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_open, initargs=(region, imaging_model))
+    context, others = multiprocessing.get_context("spawn"), set(multiprocessing.active_children())
+    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_begin, initargs=(region, imaging_model))
+    waiting = iter(parts.items())
+    running: dict[Future[Array], tuple[int, int]] = {}
     try:
-        futures = {pool.submit(_judge, *job): j for j, job in jobs.items()}
-        for future in as_completed(futures):
-            yield futures[future], future.result()
+        while True:
+            for key, part in islice(waiting, 2 * workers - len(running)):
+                running[pool.submit(_judge, *part)] = key
+            if not running:
+                break
+            finished, _ = wait(running, timeout=0.5, return_when=FIRST_COMPLETED)
+            interruption.check()
+            for future in finished:
+                yield running.pop(future), future.result()
+    except BaseException:
+        for child in set(multiprocessing.active_children()) - others:
+            child.kill()
+        raise
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
 
 
 _looking: list[tuple[Observer, bool]] = []  # who, and whether for whole cells; one per process, opened when it starts
+
+
+def _begin(region: TargetRegion, imaging_model: ImagingModel) -> None:
+    # Ctrl-C reaches the whole group of processes; the one that waits for the pictures decides what it means.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    _open(region, imaging_model)
 
 
 def _open(region: TargetRegion, imaging_model: ImagingModel) -> None:

@@ -1,5 +1,6 @@
 """Candidates: flown where and pointed how the real flight is, judged as its pictures are, and kept on disk."""
 
+import multiprocessing
 import os
 
 import numpy as np
@@ -229,3 +230,21 @@ def test_whole_faces_at_the_visit_need_as_many_as_the_corners_in_the_cone_say(fl
     assert np.array_equal(seen, (cosine >= np.cos(np.radians(half_angle_deg))).all(axis=2))
     problem = CoverProblem(sees=seen, area=region.area, tolerance_percent=0.1, max_observers=20)
     assert solve_exact(problem).n_observers == fewest
+
+
+def test_processes_for_whose_pictures_nobody_waits_any_more_are_gone(flights, own_cache, monkeypatch):
+    before = set(multiprocessing.active_children())
+    seen = []
+
+    def interrupted():
+        now = set(multiprocessing.active_children()) - before
+        if now:
+            seen.extend(now)
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(pictures.interruption, "check", interrupted)
+    monkeypatch.setattr(pictures, "MIN_PARALLEL", 1)
+    with pytest.raises(KeyboardInterrupt):
+        visible_shares(flights, flights.plan.region, imaging_model_from(scenario()), workers=2)
+    assert len(seen) == 2
+    assert not any(process.is_alive() for process in seen)

@@ -1,0 +1,57 @@
+"""The time that is left, and what long work will take."""
+
+import pytest
+from rich.console import Console
+
+from swarm_mj.io import progress
+from swarm_mj.io.progress import Forecast, Remaining, in_words, progress_bars
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    """A clock that stands until it is put forward."""
+
+    class Clock:
+        now = 0.0
+
+    monkeypatch.setattr(progress.time, "perf_counter", lambda: Clock.now)
+    return Clock
+
+
+def test_the_time_left_is_told_where_steps_are_minutes_apart(clock):
+    bars = progress_bars(Console(), quiet=True)
+    bars.get_time = lambda: clock.now
+    task = bars.add_task("work", total=10.0)
+    column = Remaining()
+    assert column.render(bars.tasks[0]).plain == "-:--:--"
+    for step in (1, 2):
+        clock.now += 120.0
+        bars.update(task, completed=step)
+    assert column.render(bars.tasks[0]).plain == "0:16:00"
+    bars.update(task, completed=10)
+    assert column.render(bars.tasks[0]).plain == "0:00:00"
+
+
+def test_a_long_piece_of_work_is_foretold_once_by_its_rate(clock):
+    told, said = [], []
+    forecast = Forecast("the flight", 1000.0, told.append, said.append)
+    clock.now = 50.0  # compiled meanwhile: it does not count
+    for done in (0.0, 4.0, 6.0, 8.0):
+        forecast(done)
+        clock.now += 1.0
+    assert told == [0.0, 4.0, 6.0, 8.0]
+    assert said == ["the flight will take about 6 min"]  # 6 of 1000 in 2 s
+
+
+def test_a_short_piece_of_work_is_not_foretold(clock):
+    said = []
+    forecast = Forecast("the flight", 100.0, lambda done: None, said.append)
+    for done in range(5):
+        forecast(10.0 * done)
+        clock.now += 1.0
+    assert not said
+
+
+@pytest.mark.parametrize(("seconds", "words"), [(90, "90 s"), (130, "2 min"), (7300, "2 h"), (864000, "10 days")])
+def test_times_have_the_unit_that_fits(seconds, words):
+    assert in_words(seconds) == words
