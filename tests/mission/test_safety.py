@@ -7,6 +7,7 @@ from swarm_mj.errors import MissionError
 from swarm_mj.flight.plan import make_plan
 from swarm_mj.mission.safety import close_approaches, find_impacts
 from swarm_mj.scenarios.loading import load_scenario
+from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.smallbody.shape_harmonics import build_eros
 from swarm_mj.smallbody.shape_io import save_obj
 
@@ -44,6 +45,46 @@ def test_a_near_collision_between_samples_is_found_with_its_time_and_distance():
     assert (approach.first, approach.second) == (0, 1)
     assert approach.time == pytest.approx(50.5)
     assert approach.distance == pytest.approx(3.0)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_closest_approach_is_that_of_a_thousand_times_finer_samples(seed):
+    # Curved paths with uneven samples: the closest point lies anywhere on a leg, or at an end of one.
+    rng = np.random.default_rng(seed)
+    times = np.cumsum(rng.uniform(0.5, 2.0, 6))
+    paths = rng.normal(0.0, 300.0, (6, 2, 3))
+    fine = np.linspace(times[0], times[-1], 50_001)
+    relative = np.column_stack([np.interp(fine, times, paths[:, 1, k] - paths[:, 0, k]) for k in range(3)])
+    distance = np.linalg.norm(relative, axis=1)
+    (approach,) = close_approaches(times, paths, closer_than=1e4, after=0.0)
+    assert approach.distance == pytest.approx(distance.min(), rel=1e-3)
+    assert approach.time == pytest.approx(fine[distance.argmin()], abs=0.02)
+
+
+def test_only_pairs_nearer_than_allowed_are_named():
+    paths = np.stack(
+        (straight([0, 0, 0], [0, 0, 0]), straight([0, 9, 0], [1, 0, 0]), straight([0, 0, 30], [0, 0, 1])), axis=1
+    )
+    found = close_approaches(TIMES, paths, closer_than=10.0, after=0.0)
+    assert [(a.first, a.second, a.distance) for a in found] == [(0, 1, 9.0)]
+
+
+#: A regular octahedron: the middle of a face is as far from the corners as it can be, the edge over the square root of 3.
+OCTAHEDRON = ShapeModel(
+    1e4 * np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], float),
+    [[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]],
+)
+
+
+def test_a_path_through_the_middle_of_a_large_face_hits_though_no_vertex_is_near():
+    # The face's plane is x + y + z = 1e4; short legs, so that the legs' own length does not help.
+    inward = -np.ones(3) / np.sqrt(3)
+    times = np.arange(0.0, 100.0)
+    path = (1e4 / 3 * np.ones(3) - 295.0 * inward) + 10.0 * times[:, None] * inward
+    (impact,) = find_impacts(OCTAHEDRON, times, path[:, None])
+    assert impact.time == 29.0
+    assert impact.latitude_deg == pytest.approx(np.degrees(np.arctan(1 / np.sqrt(2))))
+    assert impact.longitude_deg == pytest.approx(45.0)
 
 
 def test_the_grace_time_after_deployment_is_left_out():

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
@@ -141,3 +142,78 @@ def test_a_mounting_error_of_the_star_tracker_goes_straight_into_the_attitude():
     assert np.allclose(
         trial.errors[:, :3].mean(axis=0), (0.0, -1e-3, 0.0), atol=5 * NOISE["tracker"] / np.sqrt(50 * 10)
     )
+
+
+def cross(v):
+    return -np.cross(np.eye(3), v).T
+
+
+class TextbookFilter:
+    """One spacecraft's filter with whole matrices of six rows, and the gyro that drives it.
+
+    The transition is the matrix exponential of theta' = -[w x] theta - b, the noise that of Farrenkopf (1978), the update
+    that of any Kalman filter.
+    """
+
+    def __init__(self, trial, seen):
+        self.trial, self.q, self.bias, self.before = trial, seen, np.zeros(3), trial.attitude[0]
+        self.true_bias, assumed = trial.state.true_bias[0].copy(), trial.assumed
+        self.P = np.diag(np.repeat([assumed.star_tracker_noise**2, assumed.initial_bias**2], 3))
+
+    def step(self, attitude, noise):
+        assumed, sensors = self.trial.assumed, self.trial.sensors
+        walk, gyro = sensors.bias_walk[0], sensors.gyro_noise[0]
+        after = self.true_bias + walk * np.sqrt(PERIOD) * noise[1]
+        white = np.sqrt(gyro**2 / PERIOD + walk**2 * PERIOD / 12) * noise[0]
+        measured = (self.before.inv() * attitude).as_rotvec() / PERIOD + (self.true_bias + after) / 2 + white
+        self.true_bias, self.before = after, attitude
+        rate = measured + sensors.gyro_offset[0] - self.bias
+        self.q = self.q * Rotation.from_rotvec(PERIOD * rate)
+        drift = np.zeros((6, 6))
+        drift[:3, :3], drift[:3, 3:] = -cross(rate), -np.eye(3)
+        F, q, w = expm(drift * PERIOD), assumed.gyro_noise**2, assumed.bias_walk**2
+        Q = np.kron([[q * PERIOD + w * PERIOD**3 / 3, -w * PERIOD**2 / 2], [-w * PERIOD**2 / 2, w * PERIOD]], np.eye(3))
+        self.P = F @ self.P @ F.T + Q
+        seen = attitude * Rotation.from_rotvec(sensors.star_tracker_noise[0] * noise[2])
+        H, R = np.eye(3, 6), assumed.star_tracker_noise**2 * np.eye(3)
+        K = self.P @ H.T @ np.linalg.inv(H @ self.P @ H.T + R)
+        change = K @ (self.q.inv() * seen).as_rotvec()
+        self.P = (np.eye(6) - K @ H) @ self.P
+        self.q, self.bias = self.q * Rotation.from_rotvec(change[:3]), self.bias + change[3:]
+
+
+def test_the_filter_is_a_kalman_filter_with_the_matrices_of_the_textbook():
+    # Large angles in a period, noise of all kinds of one size: no block and no term is small against another.
+    trial = Trial(1, seed=5)
+    trial.assumed = Assumed(2e-3, 3e-3, 1e-3, 4e-3)
+    trial.sensors = trial.sensors._replace(
+        gyro_noise=np.full(1, 2e-3),
+        bias_walk=np.full(1, 3e-3),
+        star_tracker_noise=np.full(1, 1e-3),
+        gyro_offset=np.array([[2e-3, -1e-3, 3e-3]]),
+    )
+    rng, turn = np.random.default_rng(1), Rotation.from_rotvec([0.4, -0.7, 0.5])
+    first = rng.standard_normal((1, 3, 3))
+    textbook = TextbookFilter(trial, trial.attitude[0] * Rotation.from_rotvec(1e-3 * first[0, 2]))
+    noise = first
+    for _ in range(12):
+        rate = turn.as_rotvec()[None] / PERIOD
+        estimate(quaternions(trial.attitude), rate, PERIOD, noise, trial.sensors, trial.assumed, trial.state)
+        np.testing.assert_allclose(trial.state.covariance[0], textbook.P, rtol=0, atol=1e-9 * textbook.P.max())
+        np.testing.assert_allclose(trial.state.bias[0], textbook.bias, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(trial.state.true_bias[0], textbook.true_bias, rtol=0, atol=1e-15)
+        off = textbook.q.inv() * Rotation.from_quat(trial.state.q_BN[0], scalar_first=True)
+        assert off.magnitude() < 1e-12
+        trial.attitude = trial.attitude * turn
+        noise = rng.standard_normal((1, 3, 3))
+        textbook.step(trial.attitude[0], noise[0])
+    assert np.abs(textbook.P[:3, 3:]).max() > 0.1 * np.abs(textbook.P[:3, :3]).max()
+
+
+def test_the_bias_of_a_gyro_walks_with_the_variance_of_a_random_walk():
+    trial = Trial(2000, walk=1e-5)
+    start = trial.state.true_bias.copy()
+    trial.fly(1)
+    assert np.array_equal(trial.state.true_bias, start)
+    trial.fly(64)
+    assert (trial.state.true_bias - start).std() == pytest.approx(1e-5 * np.sqrt(64 * PERIOD), rel=0.03)

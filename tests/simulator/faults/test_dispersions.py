@@ -132,6 +132,20 @@ def test_a_dispersed_field_keeps_its_central_term_and_scales_as_drawn():
     assert disperse_environment(plan.environment, Dispersions(), 1) is plan.environment
 
 
+def test_dispersed_coefficients_change_by_their_share_and_the_total_mass_by_nothing():
+    planned, changes = plan_of("eros-quick", ()).environment, []
+    before, far = planned.gravity, np.array([[3e9, -2e9, 1e9]])
+    for seed in range(60):
+        after = disperse_environment(planned, Dispersions(harmonics_percent=10), seed).gravity
+        assert (after.gm, after.c[0, 0]) == (before.gm, before.c[0, 0])
+        # Of the potential far away the monopole alone is left, whatever was drawn.
+        assert after.potential(far) == pytest.approx(before.gm / np.linalg.norm(far), rel=1e-9)
+        for old, new in ((before.c[1:], after.c[1:]), (before.s[1:], after.s[1:])):
+            assert not new[old == 0.0].any()
+            changes.append(new[old != 0.0] / old[old != 0.0] - 1.0)
+    assert kstest(np.concatenate(changes) / 0.1, "norm").pvalue > 1e-3
+
+
 def test_harmonics_of_a_field_without_any_are_refused():
     plan = plan_of("eros-quick", ("body.gravity.model=point_mass",))
     with pytest.raises(ScenarioError, match="dispersions.harmonics_percent = 5: needs"):

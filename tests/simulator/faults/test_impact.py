@@ -6,6 +6,9 @@ import pytest
 from swarm_mj.flight.plan import environment_from
 from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.simulator.faults.impact import ImpactWatch
+from swarm_mj.smallbody.environment import Environment, LinearMotion
+from swarm_mj.smallbody.gravity.point_mass import PointMass
+from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.smallbody.solid_angle import points_inside
 
 PERIOD = 0.5
@@ -65,3 +68,24 @@ def test_who_starts_inside_has_hit(eros, environment):
         0, np.array([[100.0, 0.0, 0.0], [4e4, 0.0, 0.0]]), np.zeros((2, 3)), np.zeros((2, 3)), np.ones(2, bool)
     )
     assert hit.tolist() == [True, False]
+
+
+def test_a_fall_on_the_middle_of_a_large_face_is_found_in_its_period_and_nobody_looks_before():
+    # An octahedron at rest: the middle of a face is the edge over the square root of 3 away from every corner.
+    corners = 1e4 * np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], float)
+    faces = [[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]]
+    nowhere = LinearMotion(np.zeros(3), np.zeros(3))
+    still = Environment(gravity=PointMass(1.0), C_PN=np.eye(3), phase0=0.0, spin_rate=0.0, sun=nowhere, earth=nowhere)
+    watch = ImpactWatch(ShapeModel(corners, faces), still, PERIOD)
+    inward = -np.ones(3) / np.sqrt(3)
+    middle, speed, looks = -1e4 / np.sqrt(3) * inward, 10.0, []
+    for tick in range(5000):
+        # It passes the face's plane 20 km away, after 4000.5 periods.
+        r = middle - (20e3 + 0.5 * PERIOD * speed - PERIOD * speed * tick) * inward
+        if tick < watch.due:
+            continue
+        looks.append(tick)
+        if watch.look(tick, r[None], speed * inward[None], np.zeros((1, 3)), np.ones(1, bool))[0]:
+            break
+    assert tick == 4001
+    assert len(looks) < 2000

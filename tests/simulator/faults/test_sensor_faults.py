@@ -117,3 +117,30 @@ def test_dispersed_delays_are_whole_periods_up_to_the_given_one_and_a_late_loop_
     _, telemetry = fly("dispersions.delay_s=0.5")
     assert telemetry["attitude_knowledge_error"].values[1:10].max() > 1e-3
     assert np.degrees(telemetry["pointing_error"].values[60:120]).max() < 0.5
+
+
+def two_biases(kind, key):
+    given = [{"kind": kind, "spacecraft": "sc2", "at_s": 0, key: bias} for bias in ([300, -100, 50], [20, 40, -60])]
+    sensors, schedule = sensing(faults=given)
+    for entry in schedule:
+        sensors.fail(1, entry.fault)
+    return sensors, schedule
+
+
+def test_the_bias_that_a_fault_adds_to_a_gyro_is_taken_back_when_it_is_over():
+    sensors, (first, second) = two_biases("gyro_bias", "bias_deg_h")
+    assert sensors.gyro_bias[1] / DEG_PER_HOUR == pytest.approx([320, -60, -10])
+    sensors.recover(1, first.fault)
+    assert sensors.gyro_bias[1] / DEG_PER_HOUR == pytest.approx([20, 40, -60])
+    sensors.recover(1, second.fault)
+    assert sensors.gyro_bias / DEG_PER_HOUR == pytest.approx(np.zeros((2, 3)), abs=1e-9)
+
+
+def test_the_turn_that_a_fault_gives_a_star_tracker_is_taken_back_when_it_is_over():
+    for recovered, left in (((), [320, -60, -10]), ((0,), [20, 40, -60]), ((0, 1), [0, 0, 0])):
+        sensors, schedule = two_biases("star_tracker_bias", "bias_arcsec")
+        for k in recovered:
+            sensors.recover(1, schedule[k].fault)
+        # The filter begins with what the star tracker says; of a turn so small twice the vector part is the angle.
+        q, _ = sensors.know(0, np.tile([1.0, 0, 0, 0], (2, 1)), np.zeros((2, 3)))
+        assert 2 * q[1, 1:] / ARCSEC == pytest.approx(left, rel=1e-5, abs=1e-9)

@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from swarm_mj.simulator.faults.wheel_set import WheelSet
 from swarm_mj.simulator.faults.wheels import WheelState, allocate, drive, speed_after
+from swarm_mj.spacecraft.properties import SpacecraftProperties
 
 J = 2.4e-5
 
@@ -96,3 +98,40 @@ def test_a_stuck_wheel_ignores_its_command_and_is_brought_back_to_its_speed():
     assert motor[0, 0] == 0.0
     motor, _ = driven(np.full((1, 3), 1e-3), np.array([[249.0, 0.0, 0.0]]), stuck=stuck, stuck_speed=held)
     assert 249.0 + motor[0, 0] * 0.5 / J == pytest.approx(250.0)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_wheel_reaches_its_top_speed_and_no_more_whichever_way_it_turns(sign):
+    speed = sign * np.array([[600.0, 599.9, 600.0]])
+    motor, _ = driven(-sign * np.array([[2e-3, 2e-3, -2e-3]]), speed)
+    after = speed + motor * 0.5 / J
+    assert after[0, :2] == pytest.approx([sign * 600.0] * 2, abs=1e-9)
+    assert motor[0, 2] == pytest.approx(-sign * 2e-3)
+
+
+def test_bearings_take_the_momentum_that_the_friction_law_says():
+    speed = np.array([[300.0, -300.0, 200.0]])
+    coulomb, viscous = np.array([[2e-4, 2e-4, 0.0]]), np.array([[0.0, 0.0, 1e-5]])
+    motor, bearing = driven(np.array([[-1e-3, 1e-3, 0.0]]), speed, coulomb=coulomb, viscous=viscous)
+    # Dry friction is constant far from rest; under viscous friction alone the speed falls exponentially.
+    decayed = 200.0 * (np.exp(-1e-5 * 0.5 / J) - 1.0)
+    assert motor[0] == pytest.approx([1e-3, -1e-3, 0.0])
+    assert bearing[0] == pytest.approx([-2e-4, 2e-4, J * decayed / 0.5], rel=1e-9)
+
+
+def test_a_dead_spacecraft_drives_no_wheel_but_friction_goes_on():
+    none = np.zeros((1, 3))
+    wheels = WheelState(
+        none + 1, none > 0, none, none + 2e-4, none, -np.eye(3)[None], none + J, np.empty((1, 3)), np.empty((1, 3))
+    )
+    peaks = np.zeros((1, 3))
+    drive(np.full((1, 3), 1.0), wheels, none + 300.0, 0.5, 4e-3, 600.0, np.ones(1, bool), peaks)
+    assert not wheels.motor.any() and wheels.bearing == pytest.approx(-2e-4)
+    assert peaks[0].tolist() == [300.0, 0.0, 0.0]
+
+
+def test_the_swarm_drives_its_wheels_with_motor_and_bearing_together():
+    properties = SpacecraftProperties()
+    wheels = WheelSet(properties, properties.inertia_B[None], np.full((1, 3), 2e-4), np.zeros((1, 3)), 0.0)
+    total = wheels.drive(np.zeros((1, 3)), np.full((1, 3), 100.0), 0.5, np.zeros(1, bool), np.zeros((1, 3)))
+    assert total == pytest.approx(-2e-4)

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from swarm_mj.spacecraft.control import Controller, MrpFeedback, MrpSlidingMode
+from swarm_mj.errors import ScenarioError
+from swarm_mj.spacecraft.control import ControlInput, Controller, MrpFeedback, MrpSlidingMode
 
 from .plant import (
     INERTIA,
@@ -125,3 +126,30 @@ def test_under_a_constant_torque_s_rests_where_the_linear_layer_balances_it() ->
     s = law.sliding_variable(flight.sigma_BR[-1], flight.omega_BR[-1])
     assert s[0, 0] == pytest.approx(rest, rel=1e-3)
     assert flight.pointing[-1, 0] == pytest.approx(4 * rest / law.slope, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    "law",
+    [
+        MrpSlidingMode(layer=0.005),
+        MrpSlidingMode(damping=3.0, layer=0.1),
+        MrpSlidingMode(slope=8.0, inertia_uncertainty=0.0),
+        MrpSlidingMode(disturbance_torque=1e-3, inertia_uncertainty=0.5),
+    ],
+)
+def test_the_longest_period_is_that_at_which_the_law_at_rest_would_swing_the_worst_possible_axis(law) -> None:
+    """A held torque -k J omega takes omega to (1 - k T) omega: unstable from k T = 2; k by differences of the torque."""
+    effective = INERTIA - WHEEL_INERTIA * np.eye(3)
+
+    def torque(omega: np.ndarray, period: float) -> np.ndarray:
+        none = np.zeros((1, 3))
+        rows = none, omega[None], omega[None], none, none, none, INERTIA[None], effective[None]
+        return law.torque(ControlInput(*rows, period), None)[0][0]
+
+    step = 1e-7
+    gains = [-torque(step * np.eye(3)[k], 1e-6)[k] / step / effective[k, k] for k in range(3)]
+    # The true moment of inertia may be smaller than the one given by this factor.
+    longest = 2.0 / ((1.0 + law.inertia_uncertainty) * max(gains))
+    torque(np.zeros(3), 0.999 * longest)
+    with pytest.raises(ScenarioError, match="would oscillate"):
+        torque(np.zeros(3), 1.001 * longest)
