@@ -15,6 +15,8 @@ from swarm_mj.scenarios.schema import Scenario, is_multiple
 
 #: Largest seed of a flight; infos hold seeds as 64-bit integers.
 MAX_SEED = 2**63 - 1
+#: Length of a step at the levels at which a control law turns the spacecraft [s].
+STEP_S = 10.0
 
 
 def checked_render_mode(mode: str | None, modes: Sequence[str]) -> str | None:
@@ -73,6 +75,13 @@ def checked_rate(name: str, value: Any) -> float:
     return float(value)
 
 
+def step_of(scenario: Scenario, control: str, asked: float | None) -> float:
+    """Length of a step [s]: the one asked for, or that of the control level."""
+    if asked is not None:
+        return asked
+    return scenario.control.period_s if control == "torque" else STEP_S
+
+
 def checked_step(scenario: Scenario, step_s: float) -> tuple[int, int]:
     """Control periods in a step of that length [s] and in the flight."""
     period, duration = scenario.control.period_s, scenario.duration_s
@@ -96,6 +105,15 @@ def checked_scenario(scenario: Any) -> Scenario:
     if not isinstance(scenario, (str, Path)):
         raise ScenarioError(f"scenario = {scenario!r}: must be a packaged name, the path of a YAML file, or a Scenario")
     return load_scenario(scenario)
+
+
+def refuse_extra_targets(scenario: Scenario) -> None:
+    """The environment knows one target."""
+    if extra := scenario.designer.extra_targets:
+        raise ScenarioError(
+            f"designer.extra_targets: {scenario.name} has {len(extra)} targets besides its own, which the environment would "
+            "ignore; make one environment for each with target.latitude_deg, ..., and leave designer.extra_targets empty"
+        )
 
 
 def checked_options(options: Any) -> dict[str, Any]:

@@ -21,7 +21,8 @@ class EnvConfig:
     Attributes:
         scenario: Packaged name, path of a YAML file, or a `Scenario`.
         control: Level at which the agent acts: `torque`, `pointing` or `role`.
-        step_s: Length of a step [s].
+        step_s: Length of a step [s]; None: 10 s, but at the level `torque` the scenario's control period, because an attitude
+            cannot be controlled by torques that are held for longer.
         patches: Number of patches K of the target, a square number.
         observer: The judge of pictures.
         complete: Seen share of the target that counts as complete [%].
@@ -36,7 +37,7 @@ class EnvConfig:
 
     scenario: str | Path | Scenario = "eros-observe"
     control: str = "role"
-    step_s: float = 10.0
+    step_s: float | None = None
     patches: int = 16
     observer: ObserverKind = "horizon"
     complete: float = 99.9

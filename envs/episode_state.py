@@ -166,4 +166,6 @@ class EpisodeState:
         )
 
     def _tracking(self) -> Tracking:
-        return Tracking(self.flights.kind, self.flights.index, np.ascontiguousarray(self.flights.sigma_BR))
+        return Tracking(
+            self.flights.kind, self.flights.index, np.ascontiguousarray(self.flights.sigma_BR), self.flights.blind
+        )

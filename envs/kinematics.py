@@ -57,11 +57,13 @@ class Tracking(NamedTuple):
         kind: `TargetKind` values, shape (E, n).
         spacecraft: Whom, from 0, where that is a spacecraft, shape (E, n).
         sigma_BR: Attitude errors at the decision, MRP, shape (E, n, 3).
+        blind: Whose camera is off, shape (E, n).
     """
 
     kind: Ints
     spacecraft: Ints
     sigma_BR: Array
+    blind: Mask
 
 
 class BodyRotation(NamedTuple):

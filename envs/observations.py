@@ -199,7 +199,8 @@ def _write_activity(
     constants: ObservationConstants, tracking: Tracking, totals: EpisodeTotals, e: int, j: int, out: Array32
 ) -> None:
     kind = tracking.kind[e, j]
-    out[_IMAGING] = 1.0 if takes_picture(j, constants.n_observers, kind, not totals.lost[e, j]) else 0.0
+    works = not (totals.lost[e, j] or tracking.blind[e, j])
+    out[_IMAGING] = 1.0 if takes_picture(j, constants.n_observers, kind, works) else 0.0
     out[_LINK] = 1.0 if totals.closed[e, j] else 0.0
     out[_STORED] = totals.stored[e, j] / constants.nominal_bit
     out[_ROLE + kind] = 1.0

@@ -16,7 +16,7 @@ from __future__ import annotations
 import json
 import zipfile
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -227,6 +227,20 @@ class ArrayPolicy:
         chosen = np.concatenate([self.logits(self.geometry.features(row[None])).argmax(axis=2) for row in given])
         return chosen if np.ndim(observation) == 2 else chosen[0]
 
+    def for_task(self, task: Task) -> ArrayPolicy:
+        """The policy with the patches, camera and scales of a task in the place of those that it was trained on.
+
+        Where they are the same but for rounding the policy stays as it is, bit for bit. Elsewhere it is flown with features
+        that are true there; how well its network uses them is another matter.
+
+        Raises:
+            ScenarioError: The environment's spaces are not those of training; the message names what differs.
+        """
+        self.check(task)
+        here = geometry_of(task)
+        same = all(np.allclose(getattr(here, f.name), getattr(self.geometry, f.name)) for f in fields(PatchGeometry))
+        return self if same else replace(self, geometry=here)
+
     def check(self, task: Task) -> None:
         """Refuse an environment whose spaces are not those of training.
 
@@ -253,7 +267,7 @@ def describe(task: Task) -> dict[str, Any]:
     return {
         "scenario": task.plan.scenario.name,
         "control": task.config.control,
-        "step_s": task.config.step_s,
+        "step_s": task.step_s,
         "spacecraft": task.plan.n,
         "choices": task.patches.count + task.plan.n + 3,
         # The size of an observation, under the name that it has in the files of format 1.

@@ -167,8 +167,7 @@ class TrainedPolicy:
         """
         policy = self._policy()
         task = _task_of(plan, float(policy.about["step_s"]), policy.geometry.count)
-        policy.check(task)
-        return PolicyFlight(task, policy.act)
+        return PolicyFlight(task, policy.for_task(task).act)
 
     def targets(self, view: SwarmView, memory: Any) -> tuple[Targets, Any]:
         """Not before `for_flight`.

@@ -71,7 +71,7 @@ spacecraft 1..n (itself: hold); K+n+1: Earth; K+n+2: hold the direction of +z in
     | 12-14 | x_axis | unit vector +x of B, in A | 1 | -1, 1 |
     | 15-17 | rate | omega_BN in B | 0.1 rad/s | -10, 10 |
     | 18 to 17+w | wheel_speed | of the w wheels | top speed | -1, 1 |
-    | 18+w | imaging | 1 if it is an observer that looks at the body | 1 | 0, 1 |
+    | 18+w | imaging | 1 if it is an observer that looks at the body, and its camera works | 1 | 0, 1 |
     | 19+w | link | 1 if its radio link was closed at the end of the step | 1 | 0, 1 |
     | 20+w | stored | data aboard | nominal volume | 0, 10 |
     | 21+w to 25+w | role | one of: body's centre, spacecraft, Earth, surface point, held direction | 1 | 0, 1 |
@@ -125,6 +125,12 @@ if it begins at or after `safety.separation_grace_s`; the motion within it is ta
     | end | an end by itself | see below |
     | cause | divergence | which spacecraft, and what is not finite |
 
+    ## What it measures
+
+    How good a plan for one flyby is, not feedback: with `eros-observe` only initial attitudes and rates vary, they have settled
+    before the first picture, and a recorded list of actions flown again without looking scores nearly as well as the policy it
+    was taken from (docs/results/learning.md). Faults, dispersions and sensor noise of a scenario make it otherwise.
+
     ## Starting state
 
     The scenario's deployment: all at the mothership with solved velocities, wheels at rest, random attitudes and rates in
@@ -152,7 +158,8 @@ if it begins at or after `safety.separation_grace_s`; the motion within it is ta
     | scenario | `"eros-observe"` | packaged name, path of a YAML file, or a `Scenario` |
     | control | `"role"` | `torque`, `pointing` or `role` |
     | render_mode | None | None, `"rgb_array"`, or `"human"` for a window, drawn at every reset and step (needs pygame) |
-    | step_s | 10.0 | length of a step [s]; a multiple of `control.period_s` that divides the duration |
+    | step_s | None | length of a step [s]; a multiple of `control.period_s` that divides the duration; None: 10 s, at the \
+level `torque` `control.period_s`, because an attitude cannot be controlled by torques held for 10 s |
     | patches | 16 | number of patches K, a square number |
     | observer | `"horizon"` | the judge of pictures: `horizon` (maps, constant time), `raycast`, `faceid`, `raster` or `auto` |
     | complete | 99.9 | seen share of the target that counts as complete [%] |
@@ -164,8 +171,9 @@ if it begins at or after `safety.separation_grace_s`; the motion within it is ta
 
     ## Version history
 
-    v0: first version. In 0.2 of the package the flights are the same; `readings` became `observation_layout`, `setting` became
-    `task`, and `flybys` became `batch`.
+    v0: first version. In 0.2 of the package the flights are the same; `imaging` is 0 while a fault has the camera off,
+    and a step at the level `torque` is one control period unless asked otherwise; `readings` became
+    `observation_layout`, `setting` became `task`, and `flybys` became `batch`.
     """
 
     metadata: dict[str, Any] = {"render_modes": ["human", "rgb_array"], "render_fps": 10}

@@ -17,7 +17,7 @@ from swarm_mj.simulator.simulation import Simulation
 from swarm_mj.smallbody.occultation import Occluder, occluder_of
 from swarm_mj.typing import Mask
 
-from .arguments import checked_scenario, checked_step
+from .arguments import checked_scenario, checked_step, refuse_extra_targets, step_of
 from .config import EnvConfig
 from .kinematics import BodyRotation
 from .observations import ObservationConstants, ObservationLayout
@@ -39,6 +39,7 @@ class Task:
 
     Attributes:
         config: The environment's arguments.
+        step_s: Length of a step [s].
         plan: The mission.
         patches: Parts of the target.
         criterion: What counts as seen.
@@ -59,8 +60,10 @@ class Task:
 
     def __init__(self, config: EnvConfig) -> None:
         given = checked_scenario(config.scenario)
+        refuse_extra_targets(given)
         self.config = config
-        self.ticks, self.last_tick = checked_step(given, config.step_s)
+        self.step_s = step_of(given, config.control, config.step_s)
+        self.ticks, self.last_tick = checked_step(given, self.step_s)
         self.plan: Plan = make_plan(given)
         self.patches: Patches = make_patches(self.plan.region, config.patches)
         self.criterion: ObservationCriterion = criterion_from(given)
@@ -108,8 +111,8 @@ class Task:
             beams=antennas_from(self.plan.scenario).beams,
             earth_r_N=np.array(earth.position, np.float64),
             earth_v_N=np.array(earth.velocity, np.float64),
-            swarm_bit=float(self.config.swarm_rate_bit_s * self.config.step_s),
-            earth_bit=float(self.config.earth_rate_bit_s * self.config.step_s),
+            swarm_bit=float(self.config.swarm_rate_bit_s * self.step_s),
+            earth_bit=float(self.config.earth_rate_bit_s * self.step_s),
         )
 
     @property
@@ -160,7 +163,7 @@ class Task:
             scales=self.reward_scales,
             target_area_m2=float(plan.region.total_area),
             nominal_bit=float(self.nominal_bit),
-            step_share=float(self.config.step_s / plan.scenario.duration_s),
+            step_share=float(self.step_s / plan.scenario.duration_s),
             max_effort=float(torques * properties.max_wheel_torque**2),
             complete_percent=float(self.config.complete),
             empty_bit=float(NOTHING_STORED * self.nominal_bit),

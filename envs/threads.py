@@ -10,16 +10,32 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from swarm_mj.errors import ScenarioError
+from swarm_mj.io.memory import available_bytes
 from swarm_mj.typing import Array32, Mask
 
 from .batch import EpisodeBatch
 from .rewards import StepResult, joined
 from .task import Task
 
+#: What a flight takes besides MuJoCo's own memory: its arrays, and what the Python binding keeps for it (measured).
+FLIGHT_BYTES = 400 * 1024
+
 
 def default_threads() -> int:
     """Cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _refuse_beyond_memory(task: Task, count: int) -> None:
+    """Foresee what MuJoCo would answer with an error that ends the process."""
+    data = task.simulation.state.data
+    each, free = FLIGHT_BYTES + data.nbuffer + data.narena, available_bytes()
+    if free is not None and count * each > free:
+        raise ScenarioError(
+            f"num_envs = {count}: so many flights take about {count * each / 2**30:.1f} GiB, {each / 2**20:.2f} MiB each, and "
+            f"{free / 2**30:.1f} GiB are free; at most {free // each} fit here"
+        )
 
 
 class ThreadedBatch:
@@ -34,9 +50,13 @@ class ThreadedBatch:
         task: What they share.
         batches: One for each thread.
         count: Number of episodes E.
+
+    Raises:
+        ScenarioError: So many flights would take more memory than there is.
     """
 
     def __init__(self, task: Task, count: int, threads: int) -> None:
+        _refuse_beyond_memory(task, count)
         self.task, self.count = task, count
         used = max(1, min(threads, count)) if task.scene is not None else 1
         bounds = np.linspace(0, count, used + 1).round().astype(int)

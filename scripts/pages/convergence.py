@@ -111,8 +111,8 @@ def period_rows() -> Iterable[str]:
             yield f"| {period:g} | refused: {_reason(error)} | | | | |"
             continue
         late = np.degrees(telemetry["pointing_error"].values[-1].max())
-        error = pointing_error_at_visit(plan, telemetry)
-        yield f"| {period:g} | {error} | {late:.1e} | {shares(plan, telemetry)} |"
+        at_visit = pointing_error_at_visit(plan, telemetry)
+        yield f"| {period:g} | {at_visit} | {late:.1e} | {shares(plan, telemetry)} |"
 
 
 def _reason(error: ScenarioError) -> str:

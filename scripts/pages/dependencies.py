@@ -9,8 +9,7 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Iterable
-from email.message import Message
-from importlib.metadata import PackageNotFoundError, metadata, requires
+from importlib.metadata import PackageMetadata, PackageNotFoundError, metadata, requires
 from pathlib import Path
 
 from packaging.requirements import Requirement
@@ -35,6 +34,8 @@ PURPOSE = {
     "gymnasium": "the environment's interface",
     "matplotlib": "figures",
     "pydantic": "checks of scenario files",
+    "annotated-types": "bounds of scenario keys, as pydantic keeps them",
+    "docstring-parser": "arguments of plug-ins explained",
     "pyyaml": "scenario files",
     "xarray": "telemetry with units",
     "pandas": "tables of the public API",
@@ -58,6 +59,7 @@ PURPOSE = {
     "selenium": "tests: the report in a browser",
     "shapely": "tests: exact areas of polygons",
     "astropy": "tests: ephemerides",
+    "jsonschema": "tests: the JSON schema of scenario files",
     "polyhedral-gravity": "tests: gravity of polyhedra",
     "ruff": "style",
     "mypy": "types",
@@ -160,7 +162,7 @@ def licence(name: str) -> str:
     return _stated(data) or "not stated"
 
 
-def _stated(data: Message) -> str:
+def _stated(data: PackageMetadata) -> str:
     if data["License-Expression"]:
         return str(data["License-Expression"])
     classified = [

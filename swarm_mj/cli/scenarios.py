@@ -10,24 +10,38 @@ def add(commands: argparse._SubParsersAction) -> None:
     """Add the command to the parser."""
     scenarios = commands.add_parser(
         "scenarios",
-        help="list the packaged scenarios, print one, or print the schema",
+        help="list the packaged scenarios, print one, or explain the keys",
         description="List the packaged scenarios; with a NAME print that file, a start for your own.",
     )
     scenarios.add_argument("name", nargs="?", metavar="NAME", help="print this packaged scenario")
+    scenarios.add_argument(
+        "--keys",
+        nargs="?",
+        const="",
+        metavar="KEY",
+        help="explain the keys of a section (camera), one key (camera.half_angle_deg), or all",
+    )
     scenarios.add_argument("--json-schema", action="store_true", help="print the JSON schema of scenario files")
     scenarios.set_defaults(command=_scenarios)
 
 
 def _scenarios(arguments: argparse.Namespace) -> int:
-    from swarm_mj.scenarios.loading import load_scenario, packaged_names, packaged_text
-    from swarm_mj.scenarios.schema import Scenario
+    from swarm_mj.scenarios.loading import packaged_text
 
     if arguments.json_schema:
-        print(json.dumps(Scenario.model_json_schema(), indent=2))
+        from swarm_mj.scenarios.json_schema import json_schema
+
+        print(json.dumps(json_schema(), indent=2))
+    elif arguments.keys is not None:
+        import swarm_mj as sm
+        from swarm_mj.cli.tables import print_keys
+
+        print_keys(sm.explain(arguments.keys))
     elif arguments.name:
         print(packaged_text(arguments.name), end="")
     else:
-        width = max(map(len, packaged_names()))
-        for name in packaged_names():
-            print(f"{name:{width}}  {' '.join(load_scenario(name).description.split())}")
+        import swarm_mj as sm
+        from swarm_mj.cli.tables import print_names
+
+        print_names(sm.available().query("kind == 'scenario'"))
     return 0

@@ -38,6 +38,10 @@ from swarm_mj.typing import Array, Ints
 #: Where wheels are no bodies, `SwarmModel.state` gives the same layout.
 NQ, NV = 10, 9
 
+#: Working memory of MuJoCo for each spacecraft of a model without geometry; a step uses 0.2 KiB for each degree of freedom.
+#: By default MuJoCo reserves megabytes for contacts, which a batch of thousands of flights would exhaust.
+STACK_BYTES = 32 * 1024
+
 #: The log file that MuJoCo writes into the current folder unless told otherwise.
 DEFAULT_LOG = "MUJOCO_LOG.TXT"
 
@@ -179,6 +183,7 @@ def build_model(
     if not geometry:
         strip(spec)
         strip(part)
+        spec.memory = n * STACK_BYTES
     for name in spacecraft_names(n):
         spec.attach(part.copy(), frame=spec.worldbody.add_frame(), prefix=f"{name}_")
     layout = resolve_layout(

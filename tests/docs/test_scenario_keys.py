@@ -3,13 +3,14 @@
 import pytest
 
 from swarm_mj.campaigns.config import Base, Campaign
+from swarm_mj.scenarios.keys import keys, section_of, sections, unit_of
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.scenarios.schema_faults import FAULT_KINDS
 
 scenario_keys = pytest.importorskip("scripts.site.scenario_keys")
 
-SECTIONS = [("", Scenario), *scenario_keys.sections(Scenario), *FAULT_KINDS.items()]
-KEYS = [(path, key) for path, section in SECTIONS for key in scenario_keys.keys(section)]
+SECTIONS = [("", Scenario), *sections(Scenario), *FAULT_KINDS.items()]
+KEYS = [(path, key) for path, section in SECTIONS for key in keys(section)]
 
 
 def test_every_key_says_what_it_means():
@@ -25,7 +26,7 @@ def test_every_quantity_has_a_unit():
 
 
 def test_units_follow_the_names_of_the_keys():
-    unit = scenario_keys.unit_of
+    unit = unit_of
     assert unit("imaging_altitude_m", "") == "m" and unit("error_m_s", "") == "m/s" and unit("interval_s", "") == "s"
     assert unit("viscous_n_m_s", "") == "N m s/rad" and unit("spin_inertia_kg_m2", "") == "kg m²"
     assert unit("velocity", "inertial [m/s]") == "m/s" and unit("factor", "part that is left [-]") == "-"
@@ -54,7 +55,7 @@ def test_every_key_of_the_schema_is_on_the_page():
         heading = f"### {path}\n" if path in FAULT_KINDS else f"## {path or 'Top level'}\n"
         table = page.split(heading)[1].split("\n#")[0]
         for name, field in section.model_fields.items():
-            inner = scenario_keys.section_of(field.annotation)
+            inner = section_of(field.annotation)
             if name != "kind" and (inner is None or name == "faults"):
                 assert f"| `{field.alias or name}` |" in table, f"{path}.{name}"
 

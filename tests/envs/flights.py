@@ -66,7 +66,7 @@ class Flights:
             terms = infos["reward_terms"]
         assert not np.any(terminated)
         assert not np.any(truncated)
-        self.t += self.task.config.step_s
+        self.t += self.task.step_s
         return np.atleast_2d(observation), terms, infos
 
     def gather(self, pick):

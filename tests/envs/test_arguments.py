@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from swarm_mj.errors import ScenarioError, SwarmError
+from swarm_mj.scenarios.loading import load_scenario
 
 from .flights import ID
 
@@ -15,7 +16,7 @@ from .flights import ID
         ({"reward_weights": [1]}, ["reward_weights = [1]", "mapping", "seen, delivered, effort"]),
         ({"reward_weights": {"seen": "1"}}, ["reward_weights['seen'] = '1'", "finite number"]),
         ({"step_s": "10"}, ["step_s = '10'", "number", "control.period_s = 0.5"]),
-        ({"step_s": None}, ["step_s = None", "number"]),
+        ({"step_s": [10]}, ["step_s = [10]", "number"]),
         ({"patches": 4.0}, ["patches = 4.0", "whole square number such as 4, 9"]),
         ({"patches": "16"}, ["patches = '16'", "whole square number"]),
         ({"patches": True}, ["patches = True"]),
@@ -50,6 +51,13 @@ def test_arguments_of_the_vector_environment(arguments, words):
         gymnasium.make_vec(ID, **arguments)
     for word in words:
         assert word in str(caught.value)
+
+
+def test_more_flights_than_memory_holds_are_refused_before_anything_is_allocated():
+    with pytest.raises(
+        ScenarioError, match=r"num_envs = 100000000: so many flights take about \d+\.\d GiB, .* at most \d+ fit"
+    ):
+        gymnasium.make_vec(ID, num_envs=100_000_000)
 
 
 def test_options_and_seeds_of_the_vector_environment():
@@ -118,6 +126,14 @@ def test_actions_that_are_no_numbers_or_none_of_this_size_are_refused_and_the_en
         ({"reward_weights": {"fun": 1.0}}, ["fun", "seen, delivered"]),
         ({"reward_weights": {"seen": float("inf")}}, ["reward_weights['seen']", "finite"]),
         ({"earth_rate_bit_s": 0.0}, ["earth_rate_bit_s = 0.0"]),
+        (
+            {
+                "scenario": load_scenario(
+                    "eros-observe", ["designer.extra_targets=[{latitude_deg: 0, longitude_deg: 0}]"]
+                )
+            },
+            ["designer.extra_targets", "one environment for each"],
+        ),
     ],
 )
 def test_bad_arguments_of_the_single_environment(arguments, words):

@@ -59,3 +59,31 @@ def test_velocities_are_the_rate_of_the_positions_in_the_turning_frame():
     # Single precision keeps 30 km to 2 mm, over 1 s.
     assert np.allclose((state_r[2] - state_r[0]) / 1.0, speed, atol=0.01)
     env.close()
+
+
+@pytest.mark.parametrize("kind", ["single", "vector"])
+def test_a_camera_that_is_off_is_observed(kind, begin):
+    """From 200 s to 300 s the camera of spacecraft 2 is off: its flag falls, everybody else's stays, and it comes back."""
+    fault = "faults=[{kind: camera_off, spacecraft: sc2, at_s: 200, duration_s: 100}]"
+    flights = begin(kind, scenario=load_scenario("eros-observe", [fault]))
+    layout, imaging = flights.task.observation_layout, {}
+    for _ in range(35):
+        rows = flights.step(np.full(5, CENTRE))[0]
+        imaging[flights.t] = [layout.split(row)["imaging"].ravel().tolist() for row in rows]
+    for t in (190.0, 310.0):
+        assert all(row == [1.0] * 5 for row in imaging[t])
+    assert all(row == [1.0, 0.0, 1.0, 1.0, 1.0] for row in imaging[250.0])
+
+
+def test_torques_held_for_the_default_step_can_hold_an_attitude(begin):
+    """Feedback of attitude error and rate by whoever learns: motor torques K sigma + P omega settle in 2 min."""
+    flights = begin("single", control="torque")
+    assert flights.task.step_s == flights.plan.scenario.control.period_s
+    limit, action = flights.plan.properties.max_wheel_torque, np.zeros(15)
+    inertia = np.diag(flights.plan.properties.inertia_B)
+    for _ in range(240):
+        parts = flights.parts(flights.step(np.clip(action, -1.0, 1.0))[0])
+        sigma, omega = parts["sigma_BR"][0].astype(float), parts["rate"][0] * 0.1
+        action = (inertia * (0.1 * sigma + 0.3 * omega) / limit).ravel()
+    assert np.abs(sigma).max() < 0.01
+    assert np.abs(omega).max() < 0.01

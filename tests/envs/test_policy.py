@@ -16,9 +16,11 @@ from swarm_mj.envs.policy import (
     save_policy,
 )
 from swarm_mj.envs.policy_behavior import PACKAGED
+from swarm_mj.envs.task import make_task
 
 from swarm_mj.errors import ScenarioError
 from swarm_mj.io.resources import asset_path
+from swarm_mj.scenarios.loading import load_scenario
 
 SEED = 12
 
@@ -99,6 +101,19 @@ def test_a_policy_for_another_swarm_is_refused(roles, random_policy):
     other = replace(random_policy, about={**random_policy.about, "spacecraft": 4})
     with pytest.raises(ScenarioError, match="spacecraft = 4, but it is 5 here"):
         other.check(roles.task)
+
+
+def test_a_policy_flown_on_another_target_sees_the_patches_that_are_there(roles, random_policy):
+    assert random_policy.for_task(roles.task) is random_policy
+    moved = make_task(scenario=load_scenario("eros-observe", ["target.longitude_deg=0", "camera.half_angle_deg=3.5"]))
+    flown = random_policy.for_task(moved).geometry
+    assert np.array_equal(flown.centre_A, moved.patches.centre_A)
+    assert flown.half_angle == pytest.approx(np.radians(3.5))
+    # The old patches lie 90 deg away, so far that nothing of them would be seen.
+    assert (
+        np.sum(flown.centre_A * random_policy.geometry.centre_A, axis=1) < 0.5 * np.sum(flown.centre_A**2, axis=1)
+    ).all()
+    moved.close()
 
 
 @pytest.mark.parametrize("rows", [-1, 100])
