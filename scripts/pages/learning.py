@@ -231,9 +231,9 @@ the rule that training begins with: worth counts area and data, and who has noth
 **What this does not show.** Only the initial attitudes and rates differ from flight to flight, and they have settled
 before the first picture. Seeds that training had not seen therefore prove no generalisation: *replayed list of
 actions* repeats what the trained policy did in the flight of seed {recorded}, step by step, without looking at
-anything but the clock, and the trained policy is better than that list by {replayed} in the mean of the paired
-differences. So the task measures how good a plan for one flyby is; it does not measure feedback. The numbers say
-nothing about other scenarios either, for which a policy has to be trained anew: flown on another target its features
+anything but the clock, and the trained policy differs from that list by {replayed} in the mean of
+the paired differences. So the task measures how good a plan for one flyby is; it does not measure feedback. The numbers
+say nothing about other scenarios either, for which a policy has to be trained anew: flown on another target its features
 are worked out from that target's patches, but its network has never seen them.
 
 ## How it learns
