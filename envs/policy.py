@@ -14,7 +14,6 @@ and the action is the choice with the largest logit, for every spacecraft by its
 from __future__ import annotations
 
 import json
-import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
@@ -22,9 +21,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import PositiveFloat, PositiveInt
 
 from swarm_mj.errors import ScenarioError
+from swarm_mj.io.arrays import Declared, arrays_in
 from swarm_mj.io.atomic import atomic_file
+from swarm_mj.io.records import Record, reading, record_from
 from swarm_mj.typing import Array, Ints
 
 from .observations import COLUMNS, FEATURES
@@ -38,6 +40,47 @@ FORMAT = 1
 OWN, PER_PATCH = 26, 7
 #: Arrays of the network.
 WEIGHTS = ("W1", "b1", "W2", "b2", "W3", "b3", "v", "W4", "b4")
+#: Arrays of a file, as they are written and as they must be to be read; `ABOUT` is JSON.
+ABOUT = {"about": Declared("U")}
+ARRAYS = {
+    "weight_W1": Declared("f4", ("first", "features")),
+    "weight_b1": Declared("f4", ("first",)),
+    "weight_W2": Declared("f4", ("hidden", "first")),
+    "weight_b2": Declared("f4", ("hidden",)),
+    "weight_W3": Declared("f4", ("pointer", "hidden and patch")),
+    "weight_b3": Declared("f4", ("pointer",)),
+    "weight_v": Declared("f4", ("pointer",)),
+    "weight_W4": Declared("f4", ("others", "hidden")),
+    "weight_b4": Declared("f4", ("others",)),
+    "geometry_centre_A": Declared("f8", ("patches", 3)),
+    "geometry_normal_A": Declared("f8", ("patches", 3)),
+    "geometry_area": Declared("f8", ("patches",), 1e-12),
+    "geometry_position_scale": Declared("f8", (), 1e-12),
+    "geometry_pixel_angle": Declared("f8", (), 1e-12, 1.6),
+    "geometry_half_angle": Declared("f8", (), 1e-12, 1.6),
+    "geometry_max_gsd": Declared("f8", (), 1e-12, gaps="inf"),
+    "geometry_nominal_gsd": Declared("f8", (), 1e-12),
+}
+#: What to do about a file that cannot be read.
+REMEDY = "give a policy that this version of examples/train_sb3.py wrote"
+
+
+class PolicyFormat(Record):
+    """The version of a policy's file, which says whether the rest can be read."""
+
+    format: int
+
+
+class PolicyAbout(PolicyFormat):
+    """What a policy's file says of it, see `describe`; training adds to it."""
+
+    scenario: str
+    control: str
+    step_s: PositiveFloat
+    spacecraft: PositiveInt
+    choices: PositiveInt
+    readings: PositiveInt
+    validation_return: float = 0.0
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -297,21 +340,26 @@ def load_policy(file: str | Path) -> ArrayPolicy:
         ScenarioError: The file is missing, is no policy, or has another format.
     """
     path = Path(file)
-    try:
-        with np.load(path, allow_pickle=False) as data:
-            arrays = dict(data)
-        about = json.loads(str(arrays["about"]))
-        found = about.pop("format")
-    except FileNotFoundError:
-        raise ScenarioError(f"policy {path}: no such file") from None
-    except (OSError, ValueError, KeyError, AttributeError, zipfile.BadZipFile) as error:
-        raise ScenarioError(f"policy {path}: is not a policy file: {error}") from None
-    if found != FORMAT:
-        raise ScenarioError(f"policy {path}: has format {found}, this program reads {FORMAT}; train it anew")
-    try:
-        weights = {name: arrays[f"weight_{name}"].astype(np.float64) for name in WEIGHTS}
-        given = {item.name: arrays[f"geometry_{item.name}"] for item in fields(PatchGeometry)}
-    except KeyError as error:
-        raise ScenarioError(f"policy {path}: holds no array {error}") from None
+    with reading(f"policy {path}", REMEDY, ScenarioError):
+        text = str(arrays_in(path, ABOUT)["about"])
+        found = record_from(text, PolicyFormat)["format"]
+        if found != FORMAT:
+            raise ValueError(f"it has format {found}, this program reads {FORMAT}")
+        about = record_from(text, PolicyAbout)
+        arrays = arrays_in(path, ARRAYS)
+        _check_widths(arrays)
+    del about["format"]
+    weights = {name: arrays[f"weight_{name}"].astype(np.float64) for name in WEIGHTS}
+    given = {item.name: arrays[f"geometry_{item.name}"] for item in fields(PatchGeometry)}
     geometry: dict[str, Any] = {name: value if value.ndim else float(value) for name, value in given.items()}
     return ArrayPolicy(weights, PatchGeometry(**geometry), about)
+
+
+def _check_widths(arrays: Arrays) -> None:
+    """Refuse a network whose inputs are not as wide as the features."""
+    patches, hidden = len(arrays["geometry_area"]), len(arrays["weight_W2"])
+    for name, width in (("weight_W1", OWN + patches * PER_PATCH), ("weight_W3", hidden + PER_PATCH)):
+        if arrays[name].shape[1] != width:
+            raise ValueError(
+                f"{name} has the shape {arrays[name].shape}, must have {width} columns for {patches} patches"
+            )

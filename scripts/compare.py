@@ -6,7 +6,6 @@ new one has is named and allowed. Exit status 1 if anything differs.
 
 from __future__ import annotations
 
-import json
 import sys
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -14,6 +13,9 @@ from typing import Any
 
 import numpy as np
 
+from swarm_mj.io.records import read_record
+from swarm_mj.results.design_files import read_sightings
+from swarm_mj.results.run_files import read_coverage
 from swarm_mj.simulator.telemetry import read_telemetry
 
 #: Keys whose values depend on the machine and the day.
@@ -38,12 +40,12 @@ def differences(old: Path, new: Path) -> Iterator[str]:
             {str(k): v.values for k, v in read_telemetry(f / "telemetry.nc").variables.items()} for f in (old, new)
         ]
         yield from _arrays("telemetry.nc", *variables)
-    for name in ("coverage.npz", "sightings.npz"):
+    for name, read in (("coverage.npz", read_coverage), ("sightings.npz", read_sightings)):
         if (old / name).exists():
-            yield from _arrays(name, dict(np.load(old / name)), dict(np.load(new / name)))
+            yield from _arrays(name, read(old / name), read(new / name))
     for name in ("summary.json", "design.json"):
         if (old / name).exists():
-            yield from _values(name, *(json.loads((f / name).read_text("utf-8")) for f in (old, new)))
+            yield from _values(name, *(read_record(f / name, dict, "write it anew") for f in (old, new)))
 
 
 def _arrays(name: str, old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[str]:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 
 from swarm_mj.api.design import Design, read_design
 from swarm_mj.api.flight import Flight, read_flight
-from swarm_mj.io.atomic import MARKER
+from swarm_mj.io.atomic import result_in
 
 
 def open(folder: str | Path) -> Flight | Design:
@@ -21,11 +20,10 @@ def open(folder: str | Path) -> Flight | Design:
         OutputError: There is no finished result, or it was written by a version whose target differs.
     """
     folder = Path(folder)
-    try:
-        summary = json.loads((folder / MARKER).read_text("utf-8"))
-    except (OSError, ValueError, RecursionError):
-        summary = None  # reading it as a flight says what is wrong
-    return read_design(folder) if isinstance(summary, dict) and "proof" in summary else read_flight(folder)
+    found = result_in(folder)
+    if found is not None and found.kind == "design":
+        return read_design(folder)
+    return read_flight(folder)  # which says what is wrong, if anything is
 
 
 def report(runs: Sequence[Flight | str | Path], path: str | Path | None = None) -> Path:

@@ -20,8 +20,8 @@ from swarm_mj.campaigns.flying import Row, failed_row, fly_row
 from swarm_mj.campaigns.loading import Resolved
 from swarm_mj.campaigns.sampling import Sample
 from swarm_mj.errors import OutputError, SwarmError
+from swarm_mj.io.plain import shortened
 from swarm_mj.results.summary import library_versions
-from swarm_mj.scenarios.limits import shortened
 
 #: Runs that the cluster knows of at a time, per thread of its workers.
 AHEAD = 3

@@ -19,8 +19,8 @@ from swarm_mj.campaigns.sampling import Sample
 from swarm_mj.errors import ScenarioError
 from swarm_mj.flight.plan import PACKAGED_SHAPE
 from swarm_mj.io.cache import hash_of
+from swarm_mj.io.plain import shortened, shown
 from swarm_mj.scenarios import loading
-from swarm_mj.scenarios.limits import shortened, shown
 from swarm_mj.scenarios.schema import Scenario
 
 #: Flights of a campaign: a year of computing at three seconds each.

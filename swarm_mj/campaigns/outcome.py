@@ -22,8 +22,8 @@ from swarm_mj.campaigns.config import FIXED_COLUMNS, Campaign
 from swarm_mj.errors import ScenarioError
 from swarm_mj.flight.observe import ObservationResult, visit_sample
 from swarm_mj.flight.plan import Plan
+from swarm_mj.io.plain import shown
 from swarm_mj.results.summary import summarise, working
-from swarm_mj.scenarios.limits import shown
 
 REDUCTIONS: dict[str, Callable[[list[float]], Any]] = {
     "max": np.max,

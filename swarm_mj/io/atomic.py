@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import re
 import shutil
@@ -10,12 +9,13 @@ import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 from swarm_mj.errors import OutputError
 from swarm_mj.io.interruption import check, held
 from swarm_mj.io.last_resort import remove, undone_by
 from swarm_mj.io.lock import reserved, unwritable
+from swarm_mj.io.records import read_record
 
 #: The file that every result has, and what such a folder may hold besides; anything else is somebody's and never replaced.
 MARKER = "summary.json"
@@ -154,7 +154,7 @@ def _clear_leftovers(destination: Path) -> None:
                 shutil.rmtree(leftover, ignore_errors=True)
             elif not destination.exists():
                 leftover.rename(destination)
-            elif _result_in(destination) is not None:
+            elif result_in(destination) is not None:
                 _hand_over(leftover, destination)
                 shutil.rmtree(leftover, ignore_errors=True)
 
@@ -169,7 +169,7 @@ def _check_replaceable(destination: Path, result: Result | None) -> None:
             raise OutputError(f"{destination}: is the folder you are in, or holds it; choose another folder with --out")
         entries = list(destination.iterdir())
         foreign = [p.name for p in entries if p.suffix not in KINDS or p.is_dir()]
-        there = _result_in(destination)
+        there = result_in(destination)
         if entries and (foreign or there is None):
             what = f"holds {foreign[0]}" if foreign else f"has no {MARKER} of swarm-mj"
             raise OutputError(
@@ -184,13 +184,13 @@ def _check_replaceable(destination: Path, result: Result | None) -> None:
         )
 
 
-def _result_in(folder: Path) -> Result | None:
+def result_in(folder: Path) -> Result | None:
     """Which result a folder holds; None: it holds none of this program."""
     try:
-        summary = json.loads((folder / MARKER).read_text("utf-8"))
-    except (OSError, ValueError, RecursionError):
+        summary = read_record(folder / MARKER, dict[str, Any], "")
+    except OutputError:
         return None
-    if not isinstance(summary, dict) or "scenario" not in summary:
+    if "scenario" not in summary:
         return None
     versions = summary.get("versions")
     if "swarm_mj" not in summary and not (isinstance(versions, dict) and "swarm_mj" in versions):
@@ -231,7 +231,7 @@ def _hand_over(old: Path, new: Path) -> list[Path]:
 
 def _to_keep(old: Path, new: Path) -> list[Path]:
     """What lies in a folder besides its result, and has no successor in the new one."""
-    result = _result_in(old)
+    result = result_in(old)
     there = {path.name for path in new.iterdir()}
     return [p for p in old.iterdir() if p.name not in there and not (result and result.owns(p.name))]
 

@@ -14,10 +14,11 @@ import xarray as xr
 from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial.transform import Rotation
 
-from swarm_mj.errors import OutputError, SwarmError
+from swarm_mj.errors import OutputError
 from swarm_mj.flight.plan import Plan, make_plan
 from swarm_mj.rendering.frame import Instant
-from swarm_mj.scenarios.loading import load_scenario
+from swarm_mj.results.run_files import read_coverage
+from swarm_mj.results.run_record import read_scenario
 from swarm_mj.simulator.telemetry import read_telemetry
 from swarm_mj.spacecraft.attitude.mrp import quaternion_from_mrp
 from swarm_mj.typing import Array, Mask
@@ -120,13 +121,10 @@ def load_replay(folder: Path) -> Replay:
         raise OutputError(
             f"{folder}: is not the result of a run ({missing[0]} is missing); give a folder that `swarm-mj run` wrote"
         )
+    plan = make_plan(read_scenario(folder / "scenario.yaml"), check_separation=False)
+    telemetry = read_telemetry(folder / "telemetry.nc")
+    first_seen_s = read_coverage(folder / "coverage.npz", ["first_seen_s"])["first_seen_s"]
     try:
-        plan = make_plan(load_scenario(folder / "scenario.yaml"), check_separation=False)
-        telemetry = read_telemetry(folder / "telemetry.nc")
-        with np.load(folder / "coverage.npz", allow_pickle=False) as arrays:
-            first_seen_s = arrays["first_seen_s"]
         return Replay(plan, telemetry, first_seen_s)
-    except SwarmError as error:
-        raise OutputError(f"{folder}: {error}") from error
-    except Exception as error:  # HDF5, zipfile, zlib and numpy each have their own for a broken file
-        raise OutputError(f"{folder}: cannot be read ({type(error).__name__}: {error}); fly it again") from error
+    except OutputError as error:
+        raise OutputError(f"{folder}: {error}") from None

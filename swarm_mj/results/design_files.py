@@ -9,13 +9,17 @@ from typing import Any
 
 import numpy as np
 import yaml
+from numpy.typing import NDArray
 
 from swarm_mj.designer.genetic import GeneticResult
 from swarm_mj.designer.study import Growth, Study, describe
-from swarm_mj.errors import OutputError
+from swarm_mj.io.arrays import Declared, read_arrays
 from swarm_mj.io.atomic import write_text
-from swarm_mj.results.run_record import read_json, read_scenario
+from swarm_mj.io.records import read_record
+from swarm_mj.results.records import GrowthRow
+from swarm_mj.results.run_record import read_scenario
 from swarm_mj.results.summary import library_versions
+from swarm_mj.scenarios.design_record import DesignRecord
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.smallbody.shape_check import shown_size
 from swarm_mj.typing import Array
@@ -39,6 +43,17 @@ ALIKE = {"dedicated_communications", "adaptable_roles"}
 SEEN_ALIKE = ("observer", "interval_s", "resolution_px")
 #: Farthest that a visiting point may lie from the design's, as a fraction of the imaging altitude.
 SAME_POINT = 1e-3
+#: What to do about a file of a design that cannot be read.
+REMEDY = "make the design again with `swarm-mj design`"
+#: Arrays of sightings.npz: whether a candidate sees a cell, area of the cells [m^2], deployment speed [m/s] and meaning of
+#: the candidates, and of each genetic algorithm best, mean and number of designs by generation.
+SIGHTINGS = {
+    "sees": Declared("?", ("candidates", "cells")),
+    "area": Declared("f8", ("cells",), 0.0),
+    "delta_v": Declared("f8", ("candidates",), 0.0),
+    "candidates": Declared("f8", ("candidates", 4)),
+    **{f"history_{name}": Declared("f8", (f"{name} generations", 3), optional=True) for name in ("repair", "plain")},
+}
 
 
 def design_record(study: Study) -> dict[str, Any]:
@@ -191,6 +206,15 @@ def write_design(folder: Path, study: Study) -> dict[str, Any]:
     return record
 
 
+def read_sightings(path: Path) -> dict[str, NDArray[Any]]:
+    """The arrays of sightings.npz by name, see `SIGHTINGS`.
+
+    Raises:
+        OutputError: It cannot be read, or an array is missing or not as it should be.
+    """
+    return read_arrays(path, SIGHTINGS, REMEDY)
+
+
 def _front_record(study: Study) -> list[dict[str, Any]]:
     front = study.front
     assert front is not None
@@ -216,11 +240,10 @@ def read_design_folder(folder: Path) -> tuple[Scenario, dict[str, Any], list[Gro
     """The scenario of a design, its record, and the proven minimum under each extension where that was asked for.
 
     Raises:
-        OutputError: The folder holds no finished design.
+        OutputError: The folder holds no finished design, or a file in it cannot be read.
     """
-    record = read_json(folder / "design.json")
-    if not isinstance(record, dict) or "proof" not in record:
-        raise OutputError(f"{folder}: holds no design of `swarm-mj design`")
+    record = read_record(folder / "design.json", DesignRecord, REMEDY)
     compared = folder / "growth.json"
-    rows = [Growth(**row) for row in read_json(compared)] if compared.is_file() else []
-    return read_scenario(folder / "scenario.yaml"), record, rows
+    rows = read_record(compared, list[GrowthRow], REMEDY) if compared.is_file() else []
+    growth = [Growth(row["change"], row["n_observers"], row["note"]) for row in rows]
+    return read_scenario(folder / "scenario.yaml"), record, growth

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +15,34 @@ from numpy.typing import NDArray
 from swarm_mj.errors import ScenarioError
 from swarm_mj.flight.observe import ObservationResult
 from swarm_mj.flight.plan import Plan
+from swarm_mj.io.arrays import Declared, read_arrays
 from swarm_mj.io.atomic import write_text
 from swarm_mj.scenarios.loading import design_record
 from swarm_mj.scenarios.schema import Scenario
+from swarm_mj.simulator.telemetry import REMEDY
+
+_CELLS, _BY = ("cells",), ("spacecraft", "cells")
+#: Arrays of coverage.npz, as they are written and as they must be to be read: the clipped target mesh in A [m], its cells,
+#: area [m^2], the face of F_T that each lies in; whether and when [s] each was seen, by the swarm and by each spacecraft,
+#: NaN for never, by the scenario's criterion and with suffix `_passage` in the whole passage; the rest of the body.
+COVERAGE = {
+    "vertices": Declared("f8", ("vertices", 3)),
+    "faces": Declared("i8", ("cells", 3), 0, "vertices"),
+    "area": Declared("f8", _CELLS, 1e-12),
+    "face_of_cell": Declared("i8", _CELLS, 0),
+    "seen": Declared("?", _CELLS),
+    "first_seen_s": Declared("f8", _CELLS, 0.0, gaps="nan"),
+    "seen_by": Declared("?", _BY),
+    "first_seen_by_s": Declared("f8", _BY, 0.0, gaps="nan"),
+    "seen_passage": Declared("?", _CELLS),
+    "first_seen_s_passage": Declared("f8", _CELLS, 0.0, gaps="nan"),
+    "seen_by_passage": Declared("?", _BY),
+    "first_seen_by_s_passage": Declared("f8", _BY, 0.0, gaps="nan"),
+    "body_vertices": Declared("f4", ("body_vertices", 3)),
+    "body_faces": Declared("i4", ("body_faces", 3), 0, "body_vertices"),
+}
+#: Of a target that is the whole body no rest is left.
+MAY_BE_EMPTY = ("body_vertices", "body_faces")
 
 
 def write_results(
@@ -57,17 +83,27 @@ def write_telemetry(path: Path, telemetry: xr.Dataset) -> None:
 
 
 def write_coverage(path: Path, plan: Plan, result: ObservationResult) -> None:
-    """Write the clipped target mesh and what was seen of it.
-
-    Arrays: `vertices` in A [m]; `faces`, the target's cells; `area` [m^2]; `seen`; `first_seen_s` (NaN: never); `seen_by`
-    (spacecraft x face); `first_seen_by_s`, the same with the time (NaN: never); `face_of_cell`, the face of F_T each lies
-    in; what was seen in the whole passage with suffix `_passage`; `body_vertices` and `body_faces`, the rest of the body.
-    """
+    """Write the clipped target mesh and what was seen of it, the arrays of `COVERAGE`."""
     np.savez_compressed(path, **coverage_arrays(plan, result))  # type: ignore[arg-type]
 
 
+def read_coverage(path: Path, names: Collection[str] = tuple(COVERAGE), **sizes: int) -> dict[str, NDArray[Any]]:
+    """Arrays of a coverage.npz by name.
+
+    Args:
+        path: The file.
+        names: Which.
+        **sizes: `spacecraft` and `cells`, where they are known.
+
+    Raises:
+        OutputError: It cannot be read, or an array is missing or not as `COVERAGE` says.
+    """
+    declared = {name: COVERAGE[name] for name in names}
+    return read_arrays(path, declared, REMEDY, sizes=sizes, may_be_empty=MAY_BE_EMPTY)
+
+
 def coverage_arrays(plan: Plan, result: ObservationResult) -> dict[str, NDArray[Any]]:
-    """The arrays of coverage.npz, see `write_coverage`."""
+    """The arrays of coverage.npz, see `COVERAGE`."""
     region = plan.region
     corners = region.mesh.faces[region.target]
     used, faces = np.unique(corners, return_inverse=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -12,27 +11,27 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from swarm_mj.errors import OutputError, ScenarioError
+from swarm_mj.errors import OutputError
 from swarm_mj.flight.observe import ObservationResult
 from swarm_mj.flight.plan import Plan
+from swarm_mj.io.atomic import MARKER
+from swarm_mj.io.records import read_record, reading, record_from
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.observation.coverage import CoverageMap
 from swarm_mj.results.modes import LOST, MODE_LOOKS, modes_shown, runs
-from swarm_mj.scenarios.loading import parse_yaml, scenario_from
+from swarm_mj.results.records import Event, RunSummary, contradiction
+from swarm_mj.results.run_files import read_coverage
+from swarm_mj.scenarios.design_record import DesignRecord
+from swarm_mj.scenarios.loading import MAX_BYTES, file_text, parse_yaml, scenario_from
 from swarm_mj.scenarios.schema import Scenario
-from swarm_mj.simulator.telemetry import read_telemetry
+from swarm_mj.simulator.telemetry import REMEDY, read_telemetry
 from swarm_mj.typing import Array
 
-#: Arrays of coverage.npz and variables of telemetry.nc that a report shows.
-COVERAGE = (
+#: Arrays of coverage.npz that a report shows.
+SHOWN = (
     "vertices", "faces", "area", "first_seen_s", "first_seen_by_s", "first_seen_s_passage", "first_seen_by_s_passage",
     "body_vertices", "body_faces",
 )  # fmt: skip
-TELEMETRY = (
-    "r_BN_N", "sigma_BN", "sigma_AN", "pointing_error", "mode", "tracked_spacecraft", "wheel_speed", "link_closed",
-)  # fmt: skip
-ATTRIBUTES = ("wheel_max_speed_rad_s", "sun_N_m", "earth_N_m")
-SUMMARY = ("scenario", "spacecraft", "observers", "coverage_percent", "versions")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -110,20 +109,22 @@ def read_run(folder: Path) -> RunRecord:
     """
     folder = Path(folder)
     _check_folder(folder)
-    summary = read_json(folder / "summary.json")
-    if not isinstance(summary, dict) or (missing := [key for key in SUMMARY if key not in summary]):
-        what = (
-            "a design" if isinstance(summary, dict) and "proof" in summary else f"no run: {', '.join(missing)} missing"
-        )
-        raise OutputError(f"{folder}: summary.json describes {what}; a report is made from a folder of `swarm-mj run`")
-    design = folder / "design.json"
+    path, design = folder / MARKER, folder / "design.json"
+    summary = read_record(path, RunSummary, REMEDY)
+    telemetry = read_telemetry(folder / "telemetry.nc", {"spacecraft": summary["spacecraft"]})
+    with reading(folder / "telemetry.nc", REMEDY):
+        record_from(telemetry.attrs.get("events", "[]"), list[Event])
+    if why := contradiction(summary, [str(name) for name in telemetry["spacecraft"].values]):
+        raise OutputError(f"{path}: cannot be read ({why}); {REMEDY}")
     return RunRecord(
         folder=folder,
         summary=summary,
         scenario=read_scenario(folder / "scenario.yaml"),
-        telemetry=_read_telemetry(folder / "telemetry.nc"),
-        coverage=_read_coverage(folder / "coverage.npz"),
-        design=read_json(design) if design.is_file() else None,
+        telemetry=telemetry,
+        coverage=read_coverage(
+            folder / "coverage.npz", SHOWN, spacecraft=summary["spacecraft"], cells=summary["target_cells"]
+        ),
+        design=read_record(design, DesignRecord, REMEDY) if design.is_file() else None,
     )
 
 
@@ -160,29 +161,12 @@ def _check_folder(folder: Path) -> None:
             raise OutputError(f"{folder}: no such folder; give the folder that `swarm-mj run` wrote")
         if not folder.is_dir():
             raise OutputError(f"{folder}: is a file; give the folder that `swarm-mj run` wrote")
-        if not (folder / "summary.json").is_file():
+        if not (folder / MARKER).is_file():
             begun = any((folder / name).exists() for name in ("scenario.yaml", "telemetry.nc", "coverage.npz"))
             what = "is an unfinished run" if begun else "is not a folder of `swarm-mj run`"
-            raise OutputError(f"{folder}: {what} (it has no summary.json); fly it with `swarm-mj run`")
+            raise OutputError(f"{folder}: {what} (it has no {MARKER}); fly it with `swarm-mj run`")
     except OSError as error:
         raise OutputError(f"{folder}: cannot be read ({error.strerror})") from None
-
-
-def unreadable(path: Path, why: object) -> OutputError:
-    """The error that says that a file of a result cannot be read."""
-    return OutputError(f"{path}: cannot be read ({why}); fly the scenario again with `swarm-mj run`")
-
-
-def read_json(path: Path) -> Any:
-    """What a JSON file of a result holds.
-
-    Raises:
-        OutputError: It cannot be read.
-    """
-    try:
-        return json.loads(path.read_text("utf-8"))
-    except (OSError, ValueError, RecursionError) as error:
-        raise unreadable(path, error) from None
 
 
 def read_scenario(path: Path) -> Scenario:
@@ -191,35 +175,5 @@ def read_scenario(path: Path) -> Scenario:
     Raises:
         OutputError: It cannot be read.
     """
-    try:
-        return scenario_from(parse_yaml(path.read_text("utf-8"), str(path)), str(path))
-    except (OSError, ValueError, ScenarioError) as error:
-        raise unreadable(path, error) from None
-
-
-def _read_telemetry(path: Path) -> xr.Dataset:
-    try:
-        telemetry = read_telemetry(path)
-    except Exception as error:  # the HDF5 library raises what it likes on a broken file
-        raise unreadable(path, error) from None
-    missing = [name for name in TELEMETRY if name not in telemetry] + [
-        a for a in ATTRIBUTES if a not in telemetry.attrs
-    ]
-    if missing:
-        raise unreadable(path, f"{', '.join(missing)} missing")
-    if not telemetry.sizes["time"] or not telemetry.sizes["spacecraft"]:
-        raise unreadable(path, "it is empty")
-    return telemetry
-
-
-def _read_coverage(path: Path) -> dict[str, NDArray[Any]]:
-    try:
-        with np.load(path) as file:
-            missing = [name for name in COVERAGE if name not in file]
-            if missing:
-                raise unreadable(path, f"{', '.join(missing)} missing: written by an earlier version")
-            return {name: file[name] for name in COVERAGE}
-    except OutputError:
-        raise
-    except Exception as error:  # zipfile, zlib and numpy each have their own
-        raise unreadable(path, error) from None
+    with reading(path, REMEDY):
+        return scenario_from(parse_yaml(file_text(path, "scenario", 4 * MAX_BYTES), path.name), path.name)

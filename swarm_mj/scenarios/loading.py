@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import difflib
-import json
 import re
 from collections import Counter
 from collections.abc import Iterable, Mapping
@@ -16,17 +15,15 @@ import yaml
 from pydantic import ValidationError
 
 from swarm_mj.errors import ScenarioError
+from swarm_mj.io.plain import MAX_DEPTH, check_plain, shortened, shown
+from swarm_mj.io.records import bytes_of, one_line, record_from
+from swarm_mj.scenarios.design_record import DesignRecord
 from swarm_mj.scenarios.explaining import explained, listed
-from swarm_mj.scenarios.limits import MAX_DEPTH, MAX_INTEGER_CHARACTERS, check_plain, check_work, shortened, shown
+from swarm_mj.scenarios.limits import MAX_INTEGER_CHARACTERS, check_work
 from swarm_mj.scenarios.schema import Body, Scenario
 
 #: A scenario is a page of text; anything larger is a mistake or an attack.
 MAX_BYTES = 1_000_000
-
-#: What a record of a design holds in any case: its points, and what a report says of it.
-DESIGN_KEYS = ("visiting_points", "proof", "proof.minimum", "proof.lower_bound", "proof.status", "proof.visiting_points",
-               "proof.covered_percent", "proof.seconds", "genetic", "selected_by", "candidates_count", "tolerance_percent",
-               "fold")  # fmt: skip
 
 _OPENING = (
     yaml.BlockSequenceStartToken,
@@ -153,36 +150,23 @@ def read_design(reference: str) -> list[int]:
 def design_record(reference: str) -> dict[str, Any]:
     """The whole record of a design, with its `visiting_points` checked; args and errors as in `read_design`."""
     known = packaged_designs()
-    packaged = resources.files("swarm_mj.scenarios") / "designs" / f"{reference}.json"
-    path = packaged if reference in known else Path(reference)
     asked = f"design.reference (--design) = {shortened(reference)}"
     try:
-        if not path.is_file():
-            raise ValueError("no such file")
-        with path.open("rb") as file:
-            raw = file.read(MAX_BYTES + 1)
-        if len(raw) > MAX_BYTES:
-            raise ValueError(f"larger than {MAX_BYTES} bytes")
-        design = json.loads(raw.decode("utf-8"))
-    except (OSError, ValueError, RecursionError) as error:
-        reason = "no JSON" if isinstance(error, (json.JSONDecodeError, UnicodeDecodeError, RecursionError)) else error
+        if reference in known:
+            raw = (resources.files("swarm_mj.scenarios") / "designs" / f"{reference}.json").read_bytes()
+        else:
+            raw = bytes_of(Path(reference), MAX_BYTES)
+        record_from(raw, Any)
+    except (OSError, ValueError) as error:
         raise ScenarioError(
             f"{asked}: neither a packaged design ({', '.join(known)}) nor a design.json of `swarm-mj design` "
-            f"({shortened(str(getattr(error, 'strerror', None) or reason))})"
+            f"({one_line(getattr(error, 'strerror', None) or error)})"
         ) from None
-    if missing := [key for key in DESIGN_KEYS if not _holds(design, key)]:
-        what = f"{missing[0]} is missing" if isinstance(design, dict) else f"it holds {shown(design)}"
-        raise ScenarioError(f"{asked}: is no design.json of `swarm-mj design` ({what})")
-    points = design["visiting_points"]
-    if not isinstance(points, list) or not points or not all(type(p) is int for p in points):
-        raise ScenarioError(f"{asked}: its visiting_points are no list of numbers: {shown(points)}")
-    return dict(design)
-
-
-def _holds(record: Any, key: str) -> bool:
-    """Whether a record has a dotted key."""
-    first, _, rest = key.partition(".")
-    return isinstance(record, dict) and first in record and (not rest or _holds(record[first], rest))
+    try:
+        design: dict[str, Any] = record_from(raw, DesignRecord)
+    except ValueError as error:
+        raise ScenarioError(f"{asked}: is no design.json of `swarm-mj design` ({one_line(error)})") from None
+    return design
 
 
 def packaged_designs() -> list[str]:
@@ -207,8 +191,8 @@ def _read(name_or_path: str | Path) -> tuple[str, str, Path | None]:
     return packaged_text(str(name_or_path)), str(name_or_path), None
 
 
-def file_text(path: Path, what: str) -> str:
-    """Text of a file that the user names; `what` it should be, for errors.
+def file_text(path: Path, what: str, most: int = MAX_BYTES) -> str:
+    """Text of a file that the user names; `what` it should be, for errors; `most` bytes that it may have.
 
     Raises:
         ScenarioError: It cannot be read, is too large or no text.
@@ -217,12 +201,12 @@ def file_text(path: Path, what: str) -> str:
         if path.exists() and not path.is_file():
             raise ScenarioError(f"{path}: is no regular file")
         with path.open("rb") as file:
-            raw = file.read(MAX_BYTES + 1)
+            raw = file.read(most + 1)
     except (OSError, ValueError) as error:  # ValueError: a name with a NUL
         reason = getattr(error, "strerror", None) or error
         raise ScenarioError(f"{shortened(str(path))}: cannot be read ({reason})") from None
-    if len(raw) > MAX_BYTES:
-        raise ScenarioError(f"{path}: larger than {MAX_BYTES} bytes; this is not a {what}")
+    if len(raw) > most:
+        raise ScenarioError(f"{path}: larger than {most} bytes; this is not a {what}")
     try:
         return raw.decode("utf-8")
     except UnicodeDecodeError as error:

@@ -5,6 +5,8 @@ Dimensions time, spacecraft, xyz and wheel; every variable carries `units`, `fra
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from math import pi
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +15,8 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from swarm_mj.io.arrays import Declared
+from swarm_mj.io.netcdf import read_netcdf
 from swarm_mj.simulator.recorder import Record
 from swarm_mj.smallbody.environment import Environment
 from swarm_mj.spacecraft.attitude.guidance import pointing_error
@@ -33,6 +37,39 @@ PEAKS = (
         "time in which a limit of torque or speed cut what the controller asked for",
     ),
 )
+_PLACE, _VECTOR, _WHEELS = ("time", "spacecraft"), ("time", "spacecraft", "xyz"), ("time", "spacecraft", "wheel")
+#: Variables of a file of telemetry, as they are written and as they must be to be read. Those of faults may be there,
+#: those of plug-ins as well.
+VARIABLES = {
+    "time": Declared("f8", ("time",), rising=True),
+    "spacecraft": Declared("O", ("spacecraft",)),
+    "r_BN_N": Declared("f8", _VECTOR),
+    "v_BN_N": Declared("f8", _VECTOR),
+    "sigma_BN": Declared("f8", _VECTOR),
+    "omega_BN_B": Declared("f8", _VECTOR),
+    "sigma_RN": Declared("f8", _VECTOR),
+    "sigma_BR": Declared("f8", _VECTOR),
+    "line_of_sight_N": Declared("f8", _VECTOR),
+    "pointing_error": Declared("f8", _PLACE, 0.0, pi),
+    "mode": Declared("i1", _PLACE, 0, len(MODES) - 1),
+    "tracked_spacecraft": Declared("i2", _PLACE, -1, "spacecraft"),
+    "wheel_speed": Declared("f8", _WHEELS),
+    "wheel_torque": Declared("f8", _WHEELS),
+    "sigma_AN": Declared("f8", ("time", "xyz")),
+    "link_closed": Declared("i1", _PLACE, 0, 1),
+    **{name: Declared("f8", ("spacecraft",), optional=True) for name, *_ in PEAKS},
+    "coverage_percent": Declared("f8", ("time",), optional=True),
+    "operational": Declared("i1", _PLACE, 0, 1, optional=True),
+    "camera_on": Declared("i1", _PLACE, 0, 1, optional=True),
+}
+#: Attributes of the file that its readers need.
+ATTRIBUTES = {
+    "wheel_max_speed_rad_s": Declared("f8", (1,), 0.0),
+    "sun_N_m": Declared("f8", (3,)),
+    "earth_N_m": Declared("f8", (3,)),
+}
+#: What to do about a file that cannot be read.
+REMEDY = "fly the scenario again with `swarm-mj run`"
 #: Names that are given to what is added once the flight is over.
 LATER = ("link_closed", "coverage_percent", "time", "spacecraft", "xyz", "wheel")
 
@@ -55,36 +92,30 @@ def dataset(
         if record.faults.imperfect_knowledge:
             # What was recorded is what the controller believed.
             sigma_BR = subtract_mrp(mrp_from_quaternion(q_BN), mrp_from_quaternion(q_RN))
-    vector, wheels = ("time", "spacecraft", "xyz"), ("time", "spacecraft", "wheel")
-    variables = {
-        "r_BN_N": _variable(vector, r, "m", "N", "position relative to the asteroid's centre"),
-        "v_BN_N": _variable(vector, v, "m s-1", "N", "velocity relative to the asteroid's centre"),
-        "sigma_BN": _variable(vector, mrp_from_quaternion(q_BN), "1", "B relative to N", "attitude (MRP, short set)"),
-        "omega_BN_B": _variable(vector, omega, "rad s-1", "B", "angular velocity of B relative to N"),
-        "sigma_RN": _variable(
-            vector, mrp_from_quaternion(q_RN), "1", "R relative to N", "reference attitude (MRP, short set)"
-        ),
-        "sigma_BR": _variable(vector, sigma_BR, "1", "B relative to R", "attitude tracking error (MRP, short set)"),
-        "line_of_sight_N": _variable(vector, los, "1", "N", "unit vector to the target"),
-        "pointing_error": _variable(
-            ("time", "spacecraft"), _pointing_error(q_BN, los), "rad", "none", "angle between +z and the line of sight"
-        ),
-        "mode": _mode(record.aim[:, 0].astype(np.int8)),
-        "tracked_spacecraft": _variable(
-            ("time", "spacecraft"),
+    described: dict[str, tuple[NDArray[Any], str, str, str]] = {
+        "r_BN_N": (r, "m", "N", "position relative to the asteroid's centre"),
+        "v_BN_N": (v, "m s-1", "N", "velocity relative to the asteroid's centre"),
+        "sigma_BN": (mrp_from_quaternion(q_BN), "1", "B relative to N", "attitude (MRP, short set)"),
+        "omega_BN_B": (omega, "rad s-1", "B", "angular velocity of B relative to N"),
+        "sigma_RN": (mrp_from_quaternion(q_RN), "1", "R relative to N", "reference attitude (MRP, short set)"),
+        "sigma_BR": (sigma_BR, "1", "B relative to R", "attitude tracking error (MRP, short set)"),
+        "line_of_sight_N": (los, "1", "N", "unit vector to the target"),
+        "pointing_error": (_pointing_error(q_BN, los), "rad", "none", "angle between +z and the line of sight"),
+        "mode": (record.aim[:, 0].astype(np.int8), "1", "none", "what +z tracks"),
+        "tracked_spacecraft": (
             record.aim[:, 1],
             "1",
             "none",
             "number of the spacecraft tracked, counted from 0; -1: none",
         ),
-        "wheel_speed": _variable(wheels, speed, "rad s-1", "B", "wheel speed relative to the hub"),
-        "wheel_torque": _variable(wheels, torque, "N m", "B", "motor torque on the wheel, held from this sample on"),
-        "sigma_AN": _variable(
-            ("time", "xyz"), _asteroid_mrp(record.time, environment), "1", "A relative to N", "asteroid attitude (MRP)"
-        ),
+        "wheel_speed": (speed, "rad s-1", "B", "wheel speed relative to the hub"),
+        "wheel_torque": (torque, "N m", "B", "motor torque on the wheel, held from this sample on"),
+        "sigma_AN": (_asteroid_mrp(record.time, environment), "1", "A relative to N", "asteroid attitude (MRP)"),
     }
+    variables = {name: _variable(name, *what) for name, what in described.items()}
+    variables["mode"].attrs |= {"flag_values": np.arange(len(MODES), dtype=np.int8), "flag_meanings": " ".join(MODES)}
     for k, (name, units, frame, words) in enumerate(PEAKS):
-        variables[name] = _variable(("spacecraft",), record.peaks[:, k], units, frame, words)
+        variables[name] = _variable(name, record.peaks[:, k], units, frame, words)
     if record.faults is not None:
         for name, variable in record.faults.variables().items():
             variables[name] = xr.Variable(*variable)
@@ -100,26 +131,21 @@ def dataset(
     return xr.Dataset(variables, coordinates, attrs=_attributes(environment, properties))
 
 
-def read_telemetry(path: Path) -> xr.Dataset:
-    """Read a file of telemetry into memory; raises what the HDF5 library raises on a broken one."""
-    # Said outright, since xarray warns of its default where a foreign file has dimensions without a name.
-    with xr.open_dataset(path, engine="h5netcdf", phony_dims="access") as file:
-        return file.load()
+def read_telemetry(path: Path, sizes: Mapping[str, int] | None = None) -> xr.Dataset:
+    """Read a file of telemetry into memory.
+
+    Args:
+        path: The file.
+        sizes: Of dimensions that are known from elsewhere, as `spacecraft` is.
+
+    Raises:
+        OutputError: It cannot be read or is no telemetry; the message says what is wrong.
+    """
+    return read_netcdf(path, VARIABLES, ATTRIBUTES, REMEDY, sizes={"xyz": 3, **(sizes or {})})
 
 
-def _variable(dims: tuple[str, ...], values: NDArray[Any], units: str, frame: str, long_name: str) -> xr.Variable:
-    return xr.Variable(dims, values, {"units": units, "frame": frame, "long_name": long_name})
-
-
-def _mode(mode: NDArray[np.int8]) -> xr.Variable:
-    flags = {
-        "units": "1",
-        "frame": "none",
-        "long_name": "what +z tracks",
-        "flag_values": np.arange(len(MODES), dtype=np.int8),
-        "flag_meanings": " ".join(MODES),
-    }
-    return xr.Variable(("time", "spacecraft"), mode, flags)
+def _variable(name: str, values: NDArray[Any], units: str, frame: str, long_name: str) -> xr.Variable:
+    return xr.Variable(VARIABLES[name].dims, values, {"units": units, "frame": frame, "long_name": long_name})
 
 
 def _pointing_error(q_BN: Array, los: Array) -> Array:

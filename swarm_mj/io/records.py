@@ -1,0 +1,128 @@
+"""JSON files of results, read whole or refused: small enough, plain values, and what a model of pydantic asks for.
+
+A model names the keys that readers rely on; other keys, as of another version, are kept and not looked at. What is read is
+the plain mapping as it stands in the file.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
+
+from swarm_mj.errors import OutputError, SwarmError
+from swarm_mj.io.plain import check_plain, shortened, shown
+
+#: Larger than the summary of the largest flight; what is larger is no record [bytes].
+MAX_RECORD_BYTES = 64_000_000
+#: Values of a record altogether: 20 turns of each of 5,000 spacecraft.
+MAX_RECORD_VALUES = 1_000_000
+#: Characters of a message that another library or a hostile file wrote.
+MAX_REASON = 400
+
+
+class Record(BaseModel):
+    """What readers rely on in a record: no value stands for one of another type, no number is infinite or none."""
+
+    model_config = ConfigDict(strict=True, extra="allow", allow_inf_nan=False, protected_namespaces=())
+
+
+def one_line(text: object) -> str:
+    """Text as one line of a message that any terminal can show; its beginning, if it is long."""
+    line = " ".join(str(text).split())
+    return shortened(line, MAX_REASON).encode("utf-8", "backslashreplace").decode()
+
+
+@contextmanager
+def reading(path: object, remedy: str, error: type[SwarmError] = OutputError) -> Iterator[None]:
+    """Turn whatever the reading of a file raises into one line that names the file and the remedy.
+
+    Raises:
+        SwarmError: As `error`.
+    """
+    try:
+        yield
+    except Exception as reason:  # HDF5, zipfile, zlib, NumPy and xarray each have their own for a broken file
+        why = getattr(reason, "strerror", None) or str(reason) or type(reason).__name__
+        raise error(f"{one_line(path)}: cannot be read ({one_line(why)}); {remedy}") from None
+
+
+def read_record(path: Path, model: Any, remedy: str, error: type[SwarmError] = OutputError) -> Any:
+    """What a JSON file of a result holds.
+
+    Args:
+        path: The file.
+        model: Type that it must fit: a `Record`, a list of them, or what else pydantic knows.
+        remedy: What to do about a file that does not fit.
+        error: What to raise then.
+
+    Raises:
+        SwarmError: As `error`: it cannot be read or does not fit; one line names file, key, value and what is allowed.
+    """
+    with reading(path, remedy, error):
+        return record_from(bytes_of(path), model)
+
+
+def record_from(raw: bytes | str, model: Any) -> Any:
+    """What a text of JSON holds.
+
+    Raises:
+        ValueError: It is no JSON, or does not fit the model; the message names the key, the value and what is allowed.
+    """
+    try:
+        data = json.loads(raw)
+    except (ValueError, RecursionError):
+        raise ValueError("no JSON") from None
+    check_plain(data, "JSON", most=MAX_RECORD_VALUES, what="record", refusal=_NotPlain)
+    try:
+        TypeAdapter(model).validate_python(data)
+    except ValidationError as error:
+        raise ValueError(_first_of(error)) from None
+    return data
+
+
+class _NotPlain(SwarmError, ValueError):
+    """A value that no record holds."""
+
+
+def bytes_of(path: Path, most: int = MAX_RECORD_BYTES) -> bytes:
+    """What a regular file holds, if that is at most so many bytes.
+
+    Raises:
+        OSError, ValueError: It cannot be read, is no regular file or larger.
+    """
+    require_file(path)
+    with path.open("rb") as file:
+        raw = file.read(most + 1)
+    if len(raw) > most:
+        raise ValueError(f"larger than {most} bytes")
+    return raw
+
+
+def require_file(path: Path) -> None:
+    """See that a path leads to a regular file; what else there may be could be read for ever.
+
+    Raises:
+        ValueError: It does not.
+    """
+    if not path.is_file():
+        raise ValueError("is no regular file" if path.exists() else "no such file")
+
+
+def _first_of(error: ValidationError) -> str:
+    """The first mistake in words, and how many more there are."""
+    first = error.errors(include_url=False)[0]
+    key = ".".join(str(part) for part in first["loc"])
+    if first["type"] == "missing":
+        words = f"{key} is missing"
+    elif first["type"] == "value_error" and not first["loc"]:
+        words = first["msg"].removeprefix("Value error, ")
+    else:
+        must_be = first["msg"].replace("Input should be ", "must be ")
+        words = f"{f'{key} =' if key else 'it holds'} {shown(first['input'])}: {must_be[0].lower()}{must_be[1:]}"
+    more = error.error_count() - 1
+    return f"{words}, and {more} more mistakes" if more else words

@@ -1,0 +1,116 @@
+"""What readers rely on in the JSON of a result: the summary of a run and its events. `RunSummary` says it of summary.json.
+
+A key with a default may be missing, as in the files of an earlier version.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import FailFast, Field, NonNegativeFloat, NonNegativeInt, PositiveInt, model_validator
+
+from swarm_mj.io.records import Record
+
+#: Shares are rounded when they are written.
+Percent = Annotated[float, Field(ge=0.0, le=100.001)]
+#: A number for each spacecraft, by its name.
+ByName = dict[str, float]
+
+
+class Event(Record):
+    """A fault, or what followed from one."""
+
+    time_s: float
+    spacecraft: str
+    kind: str
+    detail: str
+
+
+class Switch(Record):
+    """A change of target."""
+
+    time_s: float
+    error_before_deg: float
+    target_held_s: float = 0.0
+
+
+class Near(Record):
+    """Two spacecraft that came too close."""
+
+    spacecraft: Annotated[list[str], Field(min_length=2, max_length=2)]
+    time_s: float
+    distance_m: float
+
+
+class RunSummary(Record):
+    """summary.json of a run, see `swarm_mj.results.summary.summarise`."""
+
+    scenario: str
+    spacecraft: PositiveInt
+    observers: NonNegativeInt
+    coverage_percent: Percent
+    versions: dict[str, str]
+    target_vertices: NonNegativeInt
+    target_faces: NonNegativeInt
+    target_cells: PositiveInt
+    target_area_km2: NonNegativeFloat
+    visiting_points: Annotated[list[int], FailFast()]
+    coverage_percent_passage: Percent
+    coverage_percent_by_spacecraft: dict[str, Percent]
+    criterion: Literal["visit", "passage"]
+    observer: str
+    observer_note: str
+    images: NonNegativeInt
+    pointing_error_deg_final: ByName
+    pointing_error_deg_before_switch: ByName
+    mode_switches: dict[str, Annotated[list[Switch], FailFast()]]
+    max_wheel_speed_fraction: NonNegativeFloat
+    max_wheel_torque_fraction: NonNegativeFloat
+    wheel_saturation_s: ByName
+    deployment_delta_v_m_s: ByName
+    least_distance_to_centre_km: ByName
+    near_collisions: Annotated[list[Near], FailFast()]
+    link_closed_percent: dict[str, Percent]
+    links_closed_final: NonNegativeInt
+    wall_s: dict[str, float]
+    pointing_error_deg_visit: ByName = {}
+    target_held_s_final: ByName = {}
+    events: Annotated[list[Event], FailFast()] = []
+    lost: list[str] = []
+    stepper_note: str = ""
+    spacecraft_file: str | None = None
+    spacecraft_notes: list[str] = []
+
+    @model_validator(mode="before")
+    @classmethod
+    def _no_design(cls, data: Any) -> Any:
+        if isinstance(data, dict) and "proof" in data:
+            raise ValueError("describes a design; give a folder of `swarm-mj run`")
+        return data
+
+
+class GrowthRow(Record):
+    """The proven minimum under one more demand or freedom, a row of growth.json."""
+
+    change: str
+    n_observers: int | None
+    note: str
+
+
+#: Tables that name every spacecraft.
+OF_ALL = (
+    "coverage_percent_by_spacecraft", "pointing_error_deg_final", "mode_switches", "wheel_saturation_s",
+    "deployment_delta_v_m_s", "least_distance_to_centre_km", "link_closed_percent",
+)  # fmt: skip
+
+
+def contradiction(summary: dict[str, Any], names: list[str]) -> str:
+    """What of a summary cannot be said of a flight of the spacecraft of these names, in words; empty where all can."""
+    if summary["spacecraft"] != len(names):
+        return f"spacecraft = {summary['spacecraft']}: must be {len(names)}, as in telemetry.nc"
+    if summary["observers"] > len(names):
+        return f"observers = {summary['observers']}: must be at most spacecraft = {len(names)}"
+    for key in OF_ALL:
+        if missing := [name for name in names if name not in summary[key]]:
+            return f"{key}.{missing[0]} is missing"
+    return ""

@@ -1,0 +1,64 @@
+"""What readers rely on in the record of a design, design.json: the points to fly, and what a report says of the proof."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import FailFast, Field, NonNegativeFloat, PositiveInt
+
+from swarm_mj.io.records import Record
+
+#: Numbers of visiting points, at least one.
+Points = Annotated[list[int], FailFast(), Field(min_length=1)]
+#: Three coordinates.
+Place = Annotated[list[float], Field(min_length=3, max_length=3)]
+
+
+class Proof(Record):
+    """The answer of the exact solver."""
+
+    minimum: PositiveInt
+    lower_bound: float
+    status: str
+    visiting_points: Annotated[list[int], FailFast()]
+    covered_percent: float
+    seconds: NonNegativeFloat
+
+
+class Genetic(Record):
+    """The answer of a genetic algorithm; a gene map begins with its length."""
+
+    n_observers: int
+    gene_map: Annotated[list[int], FailFast()]
+    covered_percent: float
+    designs_explored: int
+    seconds: NonNegativeFloat
+
+
+class MadeFor(Record):
+    """What decides the candidates of a design, by dotted key; what is not named here is compared as it is."""
+
+    volume_m3: float = Field(default=0.0, alias="body.volume_m3")
+    area_m2: float = Field(default=0.0, alias="body.area_m2")
+    behavior: str = Field(default="", alias="behavior.name")
+
+
+class DesignRecord(Record):
+    """design.json, see `swarm_mj.results.design_files.design_record`."""
+
+    visiting_points: Points
+    proof: Proof
+    genetic: dict[Literal["repair", "plain"], Genetic]
+    selected_by: str
+    candidates_count: int
+    tolerance_percent: float
+    fold: int
+    scenario: str = ""
+    n_observers: PositiveInt = 1
+    covered_percent: float = 0.0
+    flyable: bool = True
+    gap: int = 0
+    criterion: dict[str, Any] = {}
+    camera: dict[str, Any] = {}
+    made_for: MadeFor | None = None
+    visiting_points_A_m: Annotated[list[Place], FailFast()] = []
