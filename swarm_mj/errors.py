@@ -1,5 +1,7 @@
 """The exceptions of swarm_mj: every foreseeable failure is one of these, with a message that says what to do."""
 
+from collections.abc import Sequence
+
 
 class SwarmError(Exception):
     """Base of all errors that swarm_mj raises on purpose; the command line prints its message without a traceback."""
@@ -15,6 +17,19 @@ class ShapeError(SwarmError):
 
 class MissionError(SwarmError):
     """The mission cannot be flown as asked: no target, no trajectory, or an impossible geometry."""
+
+
+class PathError(MissionError):
+    """Some of the paths of a mission cannot be flown.
+
+    Attributes:
+        reason: Why not, in a few words.
+        spacecraft: Whose paths, counted from 0.
+    """
+
+    def __init__(self, message: str, reason: str = "", spacecraft: Sequence[int] = ()) -> None:
+        super().__init__(message)
+        self.reason, self.spacecraft = reason, tuple(spacecraft)
 
 
 class SimulationError(SwarmError):

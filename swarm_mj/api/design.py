@@ -3,23 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager, ExitStack
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
-from rich.progress import Progress
+from rich.progress import Progress, TaskID
 
 from swarm_mj.api.notebook import figure_html, png_html, rows_html
 from swarm_mj.api.plots import Plots
 from swarm_mj.api.scenario import Scenario, quoted
-from swarm_mj.designer.study import EXTENSIONS, Growth, Study, growth, study_design
+from swarm_mj.designer.study import EXTENSIONS, Growth, Study, Tell, growth, study_design
 from swarm_mj.errors import MissionError, OutputError
 from swarm_mj.flight.plan import check_plugins
-from swarm_mj.io.atomic import Result, atomic_folder
+from swarm_mj.io.atomic import MARKER, Result, atomic_folder
+from swarm_mj.io.interruption import held
 from swarm_mj.io.progress import Stages, using_bars
-from swarm_mj.results.design_files import design_record, read_design_folder, write_design, write_growth
+from swarm_mj.results.design_files import design_record, left_out_words, read_design_folder, write_design, write_growth
 from swarm_mj.scenarios import schema
 
 #: The methods of a design in words, by their keys in its record.
@@ -235,21 +236,67 @@ def design(
 
     Raises:
         MissionError: No design covers the target; the message says how much can be seen.
+        KeyboardInterrupt: It was interrupted; the best design so far, if there is one, is told of and stands in a new folder.
         SwarmError: The scenario cannot be flown or the folder cannot be written.
     """
     check_plugins(scenario)
     if workers is not None and workers < 1:
         raise OutputError(f"workers = {workers}: must be at least 1")
-    with using_bars(progress) as bars:
+    with using_bars(progress) as bars, ExitStack() as stack:
         stages = Stages(scenario.name, bars)
-        with nullcontext() if out is None else _design_folder(Path(out), scenario, stages) as folder:
-            study = _solved(scenario, bars, pareto, workers)
-            compared = _compared(scenario, bars, workers) if compare else []
-            found = Design(scenario, design_record(study), study=study, compared=compared)
-            if folder is not None:
-                found.write(folder, figures=figures, pdf=pdf)
-        found.folder = None if out is None else Path(out)
-        return found
+        # Left last: an interruption that is kept back from now on comes when the best design so far is in its place.
+        keep = stack.enter_context(ExitStack())
+        folder = None if out is None else stack.enter_context(_design_folder(Path(out), scenario, stages))
+        study = study_design(scenario, pareto=pareto, workers=workers, tell=_teller(scenario, bars))
+        if study.interrupted:
+            keep.enter_context(held())
+            _check_nothing_lost(study, None if out is None else Path(out), stages)
+        elif study.visibility.left_out:
+            stages.say(left_out_words(study.visibility))
+        compared = _compared(scenario, bars, workers) if compare and not study.interrupted else []
+        found = Design(scenario, design_record(study), study=study, compared=compared)
+        if folder is not None:
+            found.write(folder, figures=figures and not study.interrupted, pdf=pdf)
+    if study.interrupted:
+        raise KeyboardInterrupt
+    found.folder = None if out is None else Path(out)
+    return found
+
+
+def _check_nothing_lost(study: Study, folder: Path | None, stages: Stages) -> None:
+    """Tell of the best design of an interrupted study, and where it is.
+
+    Raises:
+        KeyboardInterrupt: There is no folder for it, or an earlier design stands there, which stays.
+    """
+    points, proven = ", ".join(map(str, study.selected)), "" if study.exact.status == "optimal" else ", not proven"
+    words = (
+        f"interrupted ({study.interrupted}); best design so far{proven}: {len(study.selected)} observers at {points}"
+    )
+    if study.visibility.unjudged:
+        words += f"; {study.visibility.unjudged} of {len(study.visibility.candidates)} candidates were not judged yet"
+    if folder is not None and (folder / MARKER).exists():
+        stages.say(f"{words}; not written: the earlier design in {folder} stays")
+        raise KeyboardInterrupt
+    stages.say(words if folder is None else f"{words}; in {folder}")
+    if folder is None:
+        raise KeyboardInterrupt
+
+
+def _teller(scenario: schema.Scenario, bars: Progress | None) -> Tell | None:
+    """A bar for each stage that is told of."""
+    if bars is None:
+        return None
+    tasks: dict[str, TaskID] = {}
+
+    def tell(stage: str, share: float) -> None:
+        if stage not in tasks:
+            for task in tasks.values():
+                bars.update(task, completed=1.0)
+            tasks[stage] = bars.add_task(f"{scenario.name}: {stage}", total=1.0)
+        bars.update(tasks[stage], completed=share)
+
+    return tell
 
 
 def _design_folder(folder: Path, scenario: schema.Scenario, stages: Stages) -> AbstractContextManager[Path]:
@@ -259,26 +306,6 @@ def _design_folder(folder: Path, scenario: schema.Scenario, stages: Stages) -> A
         stages.say(f"kept in {folder}, but of the earlier design, not this one: {', '.join(names)}")
 
     return atomic_folder(folder, Result("design", scenario.name), tell_kept)
-
-
-def _solved(scenario: schema.Scenario, bars: Progress | None, pareto: bool, workers: int | None) -> Study:
-    if bars is None:
-        return study_design(scenario, pareto=pareto, workers=workers)
-    task = bars.add_task(f"{scenario.name}: candidates' pictures", total=1.0)
-
-    def stage(name: str) -> None:
-        if name != "candidates":
-            bars.update(task, completed=1.0, description=f"{scenario.name}: {name}")
-
-    study = study_design(
-        scenario,
-        pareto=pareto,
-        workers=workers,
-        progress=lambda share: bars.update(task, completed=share),
-        stage=stage,
-    )
-    bars.update(task, description=f"{scenario.name}: solved")
-    return study
 
 
 def _compared(scenario: schema.Scenario, bars: Progress | None, workers: int | None) -> list[Growth]:

@@ -14,12 +14,14 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.optimize import Bounds, LinearConstraint, milp
+from scipy.optimize import Bounds, LinearConstraint
 from scipy.sparse import coo_array, csr_array, hstack, vstack
 
+from swarm_mj.designer import beside
 from swarm_mj.designer.problem import CoverProblem, check_cost
 from swarm_mj.designer.reduction import ReducedProblem, merge_cells, reduce_problem
 from swarm_mj.designer.repair import repair_designs
@@ -28,6 +30,8 @@ from swarm_mj.typing import Array, Ints
 
 #: HiGHS accepts constraints violated by this much; the tolerance is loosened by it so that no true design is lost.
 FEASIBILITY_TOLERANCE = 1e-6
+
+Waiting = Callable[[float], None] | None
 
 
 class ExactResult(NamedTuple):
@@ -39,7 +43,8 @@ class ExactResult(NamedTuple):
         covered_percent: P_TO of the design.
         bound: What no design can beat: N_obs from below for `solve_exact`, the cost from below for `solve_cheapest`, P_TO
             from above for `solve_budget`.
-        status: 'optimal' where the design attains the bound, 'time limit' where that is not known.
+        status: 'optimal' where the design attains the bound, 'time limit' where that is not known, and 'interrupted' where
+            nobody waited for the proof: then the bound is the area of the target over that of the best view.
         seconds: Wall-clock time.
     """
 
@@ -51,12 +56,13 @@ class ExactResult(NamedTuple):
     seconds: float
 
 
-def solve_exact(problem: CoverProblem, time_limit_s: float | None = None) -> ExactResult:
+def solve_exact(problem: CoverProblem, time_limit_s: float | None = None, waiting: Waiting = None) -> ExactResult:
     """The fewest spacecraft that cover the target, with proof.
 
     Args:
         problem: What to cover.
         time_limit_s: When to stop without proof [s]; the design is then the best known.
+        waiting: Called now and then with the seconds that have passed.
 
     Raises:
         MissionError: No design covers the target, or none of at most `max_observers`; the message says how much can be seen
@@ -64,7 +70,7 @@ def solve_exact(problem: CoverProblem, time_limit_s: float | None = None) -> Exa
     """
     start = time.perf_counter()
     problem.require_coverable()
-    points, bound, proven = _cover(problem, np.ones(problem.n_points), None, time_limit_s)
+    points, bound, proven = _cover(problem, np.ones(problem.n_points), None, time_limit_s, waiting)
     least = max(math.ceil(bound - FEASIBILITY_TOLERANCE), 1)
     if least > problem.max_observers or (proven and len(points) > problem.max_observers):
         raise MissionError(_too_few(problem, str(least) if proven else f"at least {least}", time_limit_s))
@@ -74,6 +80,24 @@ def solve_exact(problem: CoverProblem, time_limit_s: float | None = None) -> Exa
             f"(at least {least}; {len(points)} are enough): allow more time or more spacecraft"
         )
     return _result(problem, points, float(least), proven or len(points) == least, start)
+
+
+def without_proof(problem: CoverProblem, points: Ints | None = None) -> ExactResult:
+    """What is known when the proof was interrupted: a design, and the least number that the areas allow.
+
+    Args:
+        problem: What to cover.
+        points: The best design known, numbered from 1; None: a greedy one.
+
+    Raises:
+        MissionError: The greedy design does not cover the target within its tolerance.
+    """
+    start = time.perf_counter()
+    if points is None:
+        points = _fallback(problem, problem.max_observers, 0.0)
+    largest = int((problem.sees @ problem.weights).max())
+    least = math.ceil(problem.fold * (problem.total_weight - problem.slack) / max(largest, 1))
+    return _result(problem, points, float(max(least, 1)), False, start)._replace(status="interrupted")
 
 
 def solve_cheapest(
@@ -133,7 +157,11 @@ def solve_budget(problem: CoverProblem, n_observers: int, time_limit_s: float | 
 
 
 def _cover(
-    problem: CoverProblem, cost: Array, n_observers: int | None, time_limit_s: float | None
+    problem: CoverProblem,
+    cost: Array,
+    n_observers: int | None,
+    time_limit_s: float | None,
+    waiting: Waiting = None,
 ) -> tuple[Ints, float, bool]:
     """Cheapest cover as (points from 1, lower bound of the cost, whether the points attain it)."""
     reduced = reduce_problem(problem, cost)
@@ -141,7 +169,7 @@ def _cover(
     forbidden: list[Ints] = []
     while True:
         left = None if time_limit_s is None else max(time_limit_s - (time.perf_counter() - start), 0.0)
-        answer = _solve_cover(problem, reduced, cost[reduced.points], n_observers, forbidden, left)
+        answer = _solve_cover(problem, reduced, cost[reduced.points], n_observers, forbidden, left, waiting)
         if answer.status == 2:
             raise MissionError(f"no design of at most {n_observers} spacecraft covers the target: allow more of them")
         if answer.status not in (0, 1):
@@ -162,6 +190,7 @@ def _solve_cover(
     n_observers: int | None,
     forbidden: list[Ints],
     time_limit_s: float | None,
+    waiting: Waiting,
 ) -> Any:
     """One program; `forbidden` holds sets of optional cells that together exceed the tolerance."""
     n_points, optional = len(reduced.points), np.flatnonzero(~reduced.mandatory)
@@ -181,22 +210,26 @@ def _solve_cover(
         total = np.concatenate([np.ones(n_points), np.zeros(n_gaps)])
         constraints.append(LinearConstraint(total[None, :], -np.inf, n_observers))
     upper = np.concatenate([np.full(n_points, problem.max_visits), np.ones(n_gaps)])
-    return _milp(np.concatenate([cost, np.zeros(n_gaps)]), constraints, upper, time_limit_s)
+    return _milp(np.concatenate([cost, np.zeros(n_gaps)]), constraints, upper, time_limit_s, waiting)
 
 
-def _milp(objective: Array, constraints: list[Any], upper: Array, time_limit_s: float | None) -> Any:
+def _milp(
+    objective: Array, constraints: list[Any], upper: Array, time_limit_s: float | None, waiting: Waiting = None
+) -> Any:
     """HiGHS on whole numbers from 0 to `upper`, run until proven or as far as the time allows."""
     joined = LinearConstraint(
         vstack([csr_array(c.A) for c in constraints], format="csr"),
         np.concatenate([np.broadcast_to(c.lb, c.A.shape[0]) for c in constraints]),
         np.concatenate([np.broadcast_to(c.ub, c.A.shape[0]) for c in constraints]),
     )
-    options: dict[str, Any] = {"mip_rel_gap": 0.0}
-    if time_limit_s is not None:
-        options["time_limit"] = time_limit_s
-    return milp(
-        objective, constraints=joined, bounds=Bounds(0.0, upper), integrality=np.ones(len(upper)), options=options
-    )
+    program = {
+        "c": objective,
+        "constraints": joined,
+        "bounds": Bounds(0.0, upper),
+        "integrality": np.ones(len(upper)),
+        "options": {"mip_rel_gap": 0.0},
+    }
+    return beside.solve(program, time_limit_s, waiting)
 
 
 def _identity(n: int) -> Any:

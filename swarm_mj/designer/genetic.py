@@ -13,6 +13,7 @@ child as a design explored. Fitness is N_obs, with Deb's penalty for designs tha
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple, get_args
 
@@ -37,6 +38,7 @@ from swarm_mj.designer.operators import (
 )
 from swarm_mj.designer.problem import CoverProblem, gene_map
 from swarm_mj.errors import MissionError
+from swarm_mj.io import interruption
 from swarm_mj.typing import Array, Ints
 
 Operators = Literal["plain", "repair"]
@@ -118,12 +120,15 @@ class GeneticResult(NamedTuple):
     seconds: float
 
 
-def evolve(problem: CoverProblem, settings: GeneticSettings | None = None) -> GeneticResult:
+def evolve(
+    problem: CoverProblem, settings: GeneticSettings | None = None, progress: Callable[[float], None] | None = None
+) -> GeneticResult:
     """Search for the fewest spacecraft that cover the target.
 
     Args:
         problem: What to cover.
         settings: How to run; the defaults where None.
+        progress: Called after every generation with the share done, 0 to 1, if no better design comes.
 
     Returns:
         The best design of all; `feasible` is False where none covered the target with `max_observers` spacecraft.
@@ -134,7 +139,8 @@ def evolve(problem: CoverProblem, settings: GeneticSettings | None = None) -> Ge
     start = time.perf_counter()
     settings = settings or GeneticSettings()
     problem.require_coverable()
-    record, stop = _Recorder(), _Stop(settings.max_generations, settings.patience)
+    stop = _Stop(settings.max_generations, settings.patience)
+    record = _Recorder(stop, progress)
     algorithm = _algorithm(problem, settings)
     algorithm.setup(GeneMapProblem(problem), termination=stop, callback=record, seed=settings.seed)
     best = algorithm.run().X.astype(np.int64)
@@ -181,8 +187,9 @@ def _algorithm(problem: CoverProblem, settings: GeneticSettings) -> GA:
 class _Recorder(Callback):
     """Fitness and count of designs of every generation."""
 
-    def __init__(self) -> None:
+    def __init__(self, stop: _Stop, progress: Callable[[float], None] | None) -> None:
         super().__init__()
+        self._stop, self._progress = stop, progress
         self.best: list[float] = []
         self.mean: list[float] = []
         self.explored: list[int] = []
@@ -192,6 +199,9 @@ class _Recorder(Callback):
         self.best.append(float(fitness.min()))
         self.mean.append(float(fitness.mean()))
         self.explored.append(int(algorithm.evaluator.n_eval))
+        interruption.check()
+        if self._progress is not None:
+            self._progress(self._stop.share(algorithm.n_gen - 1))
 
 
 class _Stop(Termination):
@@ -204,6 +214,10 @@ class _Stop(Termination):
         self.best = np.inf
         self.best_generation = 0
         self.reason = "no new designs"
+
+    def share(self, generation: int) -> float:
+        """How much of the run is done, if no fitter design comes."""
+        return max(generation / self.max_generations, (generation - self.best_generation) / self.patience)
 
     def _update(self, algorithm: Any) -> float:
         generation = algorithm.n_gen - 1

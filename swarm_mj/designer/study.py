@@ -7,23 +7,27 @@ matrix; the first shows what the paper did, the second what the minimum is.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from string import ascii_uppercase
 from typing import Any, NamedTuple
 
-from swarm_mj.designer.candidates.pictures import Progress
 from swarm_mj.designer.candidates.visibility import Candidate, Visibility, visibility
-from swarm_mj.designer.exact import ExactResult, solve_budget, solve_exact
+from swarm_mj.designer.exact import ExactResult, solve_budget, solve_exact, without_proof
 from swarm_mj.designer.genetic import GeneticResult, GeneticSettings, evolve
 from swarm_mj.designer.pareto import ParetoFront, pareto_front
 from swarm_mj.designer.problem import CoverProblem
 from swarm_mj.errors import MissionError
+from swarm_mj.io.interruption import held
 from swarm_mj.scenarios.loading import scenario_from
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.typing import Ints
 
 Stage = Callable[[str], None]
+#: Told the name of a stage and the share of it that is done, 0 to 1.
+Tell = Callable[[str, float], None]
 
 #: Of the two sets of operators: repaired and pruned designs, and plain crossover and mutation as in the paper.
 OPERATORS = ("repair", "plain")
@@ -41,6 +45,7 @@ class Study:
         genetic: Result of the genetic algorithm by set of operators.
         front: Designs that trade spacecraft, delta-v and area; None if not asked for.
         wall_s: Seconds by stage.
+        interrupted: The stage in which an interruption came, after which nothing more was tried; empty: none came.
     """
 
     scenario: Scenario
@@ -50,18 +55,22 @@ class Study:
     genetic: dict[str, GeneticResult]
     front: ParetoFront | None
     wall_s: dict[str, float]
+    interrupted: str = ""
 
     @property
     def selected(self) -> Ints:
         """The design to fly, as gene numbers from 1: the genetic algorithm's where it is as small as the proof's."""
-        evolved = self.genetic["repair"]
-        as_small = evolved.feasible and evolved.n_observers <= self.exact.n_observers
-        return evolved.points if as_small else self.exact.points
+        evolved = self.genetic.get("repair")
+        as_small = evolved is not None and evolved.feasible and evolved.n_observers <= self.exact.n_observers
+        return evolved.points if evolved is not None and as_small else self.exact.points
 
     @property
     def selected_by(self) -> str:
         """Which of the two found the design to fly."""
-        return "genetic algorithm" if self.selected is self.genetic["repair"].points else "exact solver"
+        evolved = self.genetic.get("repair")
+        if evolved is not None and self.selected is evolved.points:
+            return "genetic algorithm"
+        return "greedy choice" if self.exact.status == "interrupted" else "exact solver"
 
     @property
     def flyable(self) -> bool:
@@ -73,8 +82,8 @@ class Study:
     @property
     def gap(self) -> int:
         """How many spacecraft the genetic algorithm's design has more than the proven minimum; -1 if it covers too little."""
-        evolved = self.genetic["repair"]
-        return evolved.n_observers - self.exact.n_observers if evolved.feasible else -1
+        evolved = self.genetic.get("repair")
+        return evolved.n_observers - self.exact.n_observers if evolved is not None and evolved.feasible else -1
 
 
 def cover_problem(scenario: Scenario, seen: Visibility) -> CoverProblem:
@@ -90,12 +99,7 @@ def cover_problem(scenario: Scenario, seen: Visibility) -> CoverProblem:
 
 
 def study_design(
-    scenario: Scenario,
-    *,
-    pareto: bool = False,
-    workers: int | None = None,
-    progress: Progress | None = None,
-    stage: Stage | None = None,
+    scenario: Scenario, *, pareto: bool = False, workers: int | None = None, tell: Tell | None = None
 ) -> Study:
     """Solve a scenario's design problem both ways.
 
@@ -103,38 +107,81 @@ def study_design(
         scenario: The problem; `designer` and `observation` say how it is read.
         pareto: Whether to trade spacecraft against delta-v and area too.
         workers: Processes for the candidates' pictures; default: one per core.
-        progress: Called with the share of pictures done, 0 to 1.
-        stage: Called with the name of each stage as it begins.
+        tell: Told how far each stage is.
+
+    Returns:
+        The answers. Where an interruption (KeyboardInterrupt) comes when a design can already be had, the best one so far; its
+        `interrupted` says so.
 
     Raises:
         MissionError: No design covers the target; the message says how much can be seen.
+        KeyboardInterrupt: An interruption came before there was any design.
     """
-    clock = _Clock(stage)
-    clock.begin("candidates")
-    seen = visibility(scenario, workers=workers, progress=progress)
-    problem = cover_problem(scenario, seen)
-    clock.begin("proof")
-    exact = solve_exact(problem, scenario.designer.time_limit_s)
-    genetic = {}
-    for operators in OPERATORS:
-        clock.begin(f"evolution, {operators}")
-        genetic[operators] = evolve(problem, _settings(scenario, operators))
-    front = None
-    if pareto:
-        clock.begin("trade-off")
-        # The best coverage for each number of spacecraft, with proof, for evolution to start from.
-        known = [solve_budget(problem, n).points for n in range(1, exact.n_observers + 1)]
-        front = pareto_front(problem, seen.delta_v, known=known)
-    clock.end()
-    return Study(
-        scenario=scenario,
-        visibility=seen,
-        problem=problem,
-        exact=exact,
-        genetic=genetic,
-        front=front,
-        wall_s=clock.wall_s,
-    )
+    clock = _Clock(tell)
+    with clock.stage("candidates", "candidates' flights", "candidates' pictures") as (flying, judging):
+        seen = visibility(scenario, workers=workers, progress=judging, flying=flying)
+    work = _Work(scenario, seen, cover_problem(scenario, seen), clock)
+    if seen.unjudged:
+        clock.interrupted = "candidates' pictures"
+    else:
+        try:
+            work.solve(pareto)
+        except KeyboardInterrupt:
+            clock.interrupted = clock.name
+    return work.study()
+
+
+class _Work:
+    """A study under way: what is known so far."""
+
+    def __init__(self, scenario: Scenario, seen: Visibility, problem: CoverProblem, clock: _Clock) -> None:
+        self.scenario, self.seen, self.problem, self.clock = scenario, seen, problem, clock
+        self.exact: ExactResult | None = None
+        self.genetic: dict[str, GeneticResult] = {}
+        self.front: ParetoFront | None = None
+
+    def solve(self, pareto: bool) -> None:
+        """All stages; evolution comes first, so that there is a good design when the proof takes long."""
+        problem, limit = self.problem, self.scenario.designer.time_limit_s
+        self.evolve("repair")
+        with self.clock.stage("proof", f"proof, at most {limit:g} s") as (tell,):
+            self.exact = solve_exact(problem, limit, None if tell is None else lambda seconds: tell(seconds / limit))
+        self.evolve("plain")
+        if pareto:
+            with self.clock.stage("trade-off", "trade-off"):
+                # The best coverage for each number of spacecraft, with proof, for evolution to start from.
+                known = [solve_budget(problem, n).points for n in range(1, self.exact.n_observers + 1)]
+                self.front = pareto_front(problem, self.seen.delta_v, known=known)
+
+    def evolve(self, operators: str) -> None:
+        """One run of the genetic algorithm."""
+        name = f"evolution, {operators}"
+        with self.clock.stage(name, name) as (tell,):
+            self.genetic[operators] = evolve(self.problem, _settings(self.scenario, operators), tell)
+
+    def study(self) -> Study:
+        """The study as far as it came."""
+        exact = self.exact
+        if exact is None:
+            with held():
+                exact = self._best_so_far()
+        return Study(
+            scenario=self.scenario,
+            visibility=self.seen,
+            problem=self.problem,
+            exact=exact,
+            genetic={name: self.genetic[name] for name in OPERATORS if name in self.genetic},
+            front=self.front,
+            wall_s=self.clock.wall_s,
+            interrupted=self.clock.interrupted,
+        )
+
+    def _best_so_far(self) -> ExactResult:
+        evolved = self.genetic.get("repair")
+        try:
+            return without_proof(self.problem, evolved.points if evolved is not None and evolved.feasible else None)
+        except MissionError:
+            raise KeyboardInterrupt from None
 
 
 class Growth(NamedTuple):
@@ -218,19 +265,21 @@ def _settings(scenario: Scenario, operators: str) -> GeneticSettings:
 
 
 class _Clock:
-    """Wall-clock seconds by stage."""
+    """Wall-clock seconds by stage, and who is told how far each is."""
 
-    def __init__(self, stage: Stage | None) -> None:
+    def __init__(self, tell: Tell | None) -> None:
         self.wall_s: dict[str, float] = {}
-        self._stage, self._name, self._start = stage, "", 0.0
+        self.name = self.interrupted = ""
+        self._tell = tell
 
-    def begin(self, name: str) -> None:
-        self.end()
-        self._name, self._start = name, time.perf_counter()
-        if self._stage is not None:
-            self._stage(name)
-
-    def end(self) -> None:
-        if self._name:
-            self.wall_s[self._name] = time.perf_counter() - self._start
-        self._name = ""
+    @contextmanager
+    def stage(self, name: str, *labels: str) -> Iterator[tuple[Callable[[float], None] | None, ...]]:
+        """Time a stage; gives for each label who is told the share of it that is done."""
+        self.name, start, tell = name, time.perf_counter(), self._tell
+        if tell is None:
+            yield (None,) * len(labels)
+        else:
+            tell(labels[0], 0.0)
+            yield tuple(partial(tell, label) for label in labels)
+            tell(labels[-1], 1.0)
+        self.wall_s[name] = time.perf_counter() - start

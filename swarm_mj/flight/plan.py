@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from math import radians
@@ -10,7 +10,7 @@ from math import radians
 import numpy as np
 
 from swarm_mj import plugins
-from swarm_mj.errors import MissionError, PluginError, ScenarioError, ShapeError
+from swarm_mj.errors import PathError, PluginError, ScenarioError, ShapeError
 from swarm_mj.flight.spacecraft import own_spacecraft_from, properties_from
 from swarm_mj.mission.behaviors import Behavior, SelectiveBehavior
 from swarm_mj.mission.links import Antennas
@@ -40,6 +40,8 @@ PACKAGED_SHAPE = "eros"
 
 #: Time between the points at which a planned flight is checked for impact and near-collision [s], and how many at most.
 CHECK_INTERVAL_S, MAX_CHECKS = 1.0, 100_000
+#: How many impacts of a plan are told with time and place.
+SHOWN_IMPACTS = 5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,15 +92,19 @@ class Plan:
         return spacecraft_names(self.n)
 
 
-def make_plan(scenario: Scenario, *, check_separation: bool = True) -> Plan:
+def make_plan(
+    scenario: Scenario, *, check_separation: bool = True, progress: Callable[[float], None] | None = None
+) -> Plan:
     """Work out target, visiting points, trajectories and plug-ins.
 
     Args:
         scenario: What is asked for.
-        check_separation: Whether to look for near-collisions; candidates of a design do not fly together.
+        check_separation: Whether to look for near-collisions, and for an impact of the communications spacecraft; candidates of
+            a design do not fly together, and the one that would go between all of them never flies.
+        progress: Called with the share done, 0 to 1.
 
     Raises:
-        SwarmError: Shape, target, plug-in or trajectory cannot be had; the message says why.
+        SwarmError: Shape, target, plug-in or trajectory cannot be had; the message says why. A `PathError` says whose paths.
     """
     controller = controller_from(scenario)
     behavior = behavior_from(scenario)
@@ -118,9 +124,12 @@ def make_plan(scenario: Scenario, *, check_separation: bool = True) -> Plan:
         time_of_flight=scenario.design.time_of_flight_s,
         # Whether a communications spacecraft is added is a property of the behaviour, which counts it.
         with_communications=behavior.dedicated_communications,
+        progress=progress,
     )
     check_faults(scenario.faults, n=len(deployment.v0_N), n_wheels=properties.n_wheels, duration_s=scenario.duration_s)
-    near_collisions, least_radius = _check_flight(scenario, shape, environment, deployment, check_separation)
+    near_collisions, least_radius = _check_flight(
+        scenario, shape, environment, deployment, None if check_separation else len(points_A)
+    )
     return Plan(
         scenario=scenario,
         shape=shape,
@@ -349,9 +358,9 @@ def _check_mothership(scenario: Scenario, shape: ShapeModel) -> None:
 
 
 def _check_flight(
-    scenario: Scenario, shape: ShapeModel, environment: Environment, deployment: Deployment, check_separation: bool
+    scenario: Scenario, shape: ShapeModel, environment: Environment, deployment: Deployment, candidates: int | None
 ) -> tuple[list[CloseApproach], Array]:
-    """Fly the trajectories ahead; an impact is an error, a near-collision is reported."""
+    """Fly the trajectories ahead; an impact is an error, a near-collision is reported, except of so many `candidates`."""
     # A grid of its own, so that what is found does not depend on how much telemetry is asked for.
     times = np.linspace(
         0.0, scenario.duration_s, 1 + min(MAX_CHECKS, max(1, round(scenario.duration_s / CHECK_INTERVAL_S)))
@@ -359,18 +368,21 @@ def _check_flight(
     starts = np.broadcast_to(deployment.r0_N, deployment.v0_N.shape)
     r_N, _ = propagate(environment.acceleration_N, starts, deployment.v0_N, times)
     C_AN = np.array([environment.C_AN(t) for t in times])
-    impacts = find_impacts(shape, times, np.einsum("kij,knj->kni", C_AN, r_N))
+    impacts = find_impacts(shape, times, np.einsum("kij,knj->kni", C_AN, r_N)[:, :candidates])
     if impacts:
-        raise MissionError(
+        raise PathError(
             "; ".join(
                 f"sc{i.spacecraft + 1} hits {scenario.body.name} at t = {i.time:g} s, latitude {i.latitude_deg:.1f} deg, "
                 f"longitude {i.longitude_deg:.1f} deg"
-                for i in impacts
+                for i in impacts[:SHOWN_IMPACTS]
             )
-            + "; change design.visiting_points, design.imaging_altitude_m, design.time_of_flight_s or mothership.position_A_m"
+            + (f"; {len(impacts) - SHOWN_IMPACTS} more do" if len(impacts) > SHOWN_IMPACTS else "")
+            + "; change design.visiting_points, design.imaging_altitude_m, design.time_of_flight_s or mothership.position_A_m",
+            f"hitting {scenario.body.name}",
+            [impact.spacecraft for impact in impacts],
         )
     least_radius = np.linalg.norm(r_N, axis=2).min(axis=0)
-    if not check_separation:
+    if candidates is not None:
         return [], least_radius
     safety = scenario.safety
     near = close_approaches(times, r_N, closer_than=safety.min_separation_m, after=safety.separation_grace_s)

@@ -16,7 +16,7 @@ from typing import Literal
 
 import numpy as np
 
-from swarm_mj.errors import MissionError
+from swarm_mj.errors import MissionError, PathError
 from swarm_mj.mission.mesh_cut import cut_mesh, plane_distance, refine_mesh
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.smallbody.solid_angle import points_inside
@@ -224,10 +224,14 @@ def check_visiting_points(shape: ShapeModel, points_A: Array) -> None:
         MissionError: A point is inside the body or on its surface; the message names the first one.
     """
     below = points_inside(np.ascontiguousarray(points_A, dtype=np.float64), shape.vertices, shape.faces)
-    for number in 1 + np.flatnonzero(below | ~np.isfinite(points_A).all(axis=1)):
-        raise MissionError(
-            f"visiting point {number} at {np.round(points_A[number - 1], 1).tolist()} m is below the surface of {shape.name}: "
-            "raise the imaging altitude or project it along the other direction (radial or normal)"
+    buried = np.flatnonzero(below | ~np.isfinite(points_A).all(axis=1))
+    if len(buried):
+        first = buried[0]
+        raise PathError(
+            f"visiting point {first + 1} at {np.round(points_A[first], 1).tolist()} m is below the surface of {shape.name}: "
+            "raise the imaging altitude or project it along the other direction (radial or normal)",
+            f"below the surface of {shape.name}",
+            buried.tolist(),
         )
 
 

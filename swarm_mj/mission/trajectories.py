@@ -10,16 +10,21 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from itertools import count
 
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from swarm_mj.errors import MissionError
+from swarm_mj.errors import MissionError, PathError
 from swarm_mj.smallbody.environment import Environment
 from swarm_mj.typing import Array
 
 AccelerationN = Callable[[float, Array], Array]
+Progress = Callable[[float], None]
+
+#: Why a spacecraft cannot be sent to its point, in a few words.
+NO_TRAJECTORY = "without a trajectory in the time of flight"
 
 #: A miss below this ends the shooting [m], or below this share of the distances between which is flown: the integrator's
 #: relative tolerance leaves no more digits, which is 1 mm for a start 1e9 m away.
@@ -68,7 +73,13 @@ class Deployment:
 
 
 def propagate(
-    acceleration: AccelerationN, r0: Array, v0: Array, times: Array, *, rtol: float = 1e-12
+    acceleration: AccelerationN,
+    r0: Array,
+    v0: Array,
+    times: Array,
+    *,
+    rtol: float = 1e-12,
+    progress: Progress | None = None,
 ) -> tuple[Array, Array]:
     """Integrate n independent bodies with DOP853.
 
@@ -78,6 +89,7 @@ def propagate(
         v0: Start velocities, shape (n, 3) [m/s].
         times: Increasing output times [s]; the first is the start.
         rtol: Relative tolerance; the absolute one is 1e-9 m and 1e-12 m/s.
+        progress: Called with the share of the time that is integrated, 0 to 1.
 
     Returns:
         Positions and velocities, each of shape (len(times), n, 3).
@@ -95,6 +107,8 @@ def propagate(
                 f"the trajectory cannot be integrated: after {MAX_EVALUATIONS} evaluations (MAX_EVALUATIONS) it has only "
                 f"come to t = {t:.6g} s; check body.gravity and the times of flight"
             )
+        if progress is not None:
+            progress((t - times[0]) / (times[-1] - times[0]))
         r, v = y.reshape(2, n, 3)
         return np.concatenate((v.ravel(), acceleration(t, r).ravel()))
 
@@ -108,7 +122,11 @@ def propagate(
 
 
 def solve_transfers(
-    acceleration: AccelerationN, r0: Array, destinations: Array, time_of_flight: float
+    acceleration: AccelerationN,
+    r0: Array,
+    destinations: Array,
+    time_of_flight: float,
+    progress: Progress | None = None,
 ) -> tuple[Array, Array]:
     """Start velocities that carry bodies from one point to their destinations.
 
@@ -117,12 +135,13 @@ def solve_transfers(
         r0: Common start, shape (3,) [m].
         destinations: Shape (n, 3) [m], in N at the time of flight.
         time_of_flight: [s].
+        progress: Called with the share that is done, 0 to 1, as far as that can be known of an iteration.
 
     Returns:
         Start velocities (n, 3) [m/s] and the remaining misses (n,) [m].
 
     Raises:
-        MissionError: No convergence; the message names the spacecraft.
+        MissionError: No convergence; the message names the spacecraft, and a `PathError` all of them.
     """
     n = len(destinations)
     times = np.array([0.0, time_of_flight])
@@ -130,10 +149,11 @@ def solve_transfers(
     farthest = max(float(np.linalg.norm(r0)), float(np.linalg.norm(destinations, axis=1).max()))
     tolerance = max(SHOOTING_TOLERANCE_M, SHOOTING_TOLERANCE * farthest)
     offsets = VELOCITY_STEP * np.vstack((np.zeros(3), np.eye(3)))
-    for _ in range(MAX_ITERATIONS):
+    for iteration in range(MAX_ITERATIONS):
+        tell = None if progress is None else partial(_tell_iteration, progress, iteration)
         starts = (v0[:, None] + offsets).reshape(-1, 3)
         try:
-            r, _ = propagate(acceleration, np.broadcast_to(r0, starts.shape), starts, times)
+            r, _ = propagate(acceleration, np.broadcast_to(r0, starts.shape), starts, times, progress=tell)
         except MissionError as error:
             raise MissionError(
                 f"no trajectory to the visiting points in {time_of_flight:g} s: {error}; {_REMEDY}"
@@ -147,12 +167,20 @@ def solve_transfers(
             v0 = v0 - np.linalg.solve(jacobian, miss[..., None])[..., 0]
         except np.linalg.LinAlgError:
             break
-    worst = int(np.argmax(np.linalg.norm(miss, axis=1)))
-    left = float(np.linalg.norm(miss[worst]))
-    raise MissionError(
+    misses = np.linalg.norm(miss, axis=1)
+    worst = int(np.argmax(misses))
+    left = float(misses[worst])
+    raise PathError(
         f"sc{worst + 1}: no trajectory to its visiting point in {time_of_flight:g} s (miss {left:.3g} m after {MAX_ITERATIONS} "
-        f"iterations; {tolerance:.3g} m is asked for); {_REMEDY if left > NEARLY * farthest else _NOISE}"
+        f"iterations; {tolerance:.3g} m is asked for); {_REMEDY if left > NEARLY * farthest else _NOISE}",
+        NO_TRAJECTORY,
+        np.flatnonzero(~(misses < tolerance)).tolist(),
     )
+
+
+def _tell_iteration(progress: Progress, iteration: int, share: float) -> None:
+    """Each iteration counts half of what is left: how many it takes is not known before."""
+    progress(1.0 - 0.5**iteration * (1.0 - 0.5 * share))
 
 
 def deploy(
@@ -163,6 +191,7 @@ def deploy(
     points_A: Array,
     time_of_flight: float,
     with_communications: bool,
+    progress: Progress | None = None,
 ) -> Deployment:
     """Find the deployment of a swarm.
 
@@ -173,6 +202,7 @@ def deploy(
         points_A: The observers' visiting points in A, shape (n_obs, 3) [m], reached at the time of flight.
         time_of_flight: [s].
         with_communications: Add a communications spacecraft, last, that visits the mean of the observers' points.
+        progress: See `solve_transfers`.
 
     Raises:
         MissionError: A transfer does not exist.
@@ -181,7 +211,7 @@ def deploy(
         points_A = np.vstack((points_A, points_A.mean(axis=0)))
     r0_N = mothership_A @ environment.C_AN(0.0)
     destination_N = points_A @ environment.C_AN(time_of_flight)
-    v0_N, miss = solve_transfers(environment.acceleration_N, r0_N, destination_N, time_of_flight)
+    v0_N, miss = solve_transfers(environment.acceleration_N, r0_N, destination_N, time_of_flight, progress)
     if isinstance(mothership_velocity, str):
         velocity = v0_N.mean(axis=0) if mothership_velocity == "mean" else np.zeros(3)
     else:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
+from swarm_mj.designer.candidates.visibility import Visibility
 from swarm_mj.designer.genetic import GeneticResult
 from swarm_mj.designer.study import Growth, Study, describe
 from swarm_mj.io.arrays import Declared, read_arrays
@@ -88,12 +90,24 @@ def design_record(study: Study) -> dict[str, Any]:
         "camera": scenario.camera.model_dump(mode="json"),
         "made_for": made_for(scenario, seen.regions[0].mesh.vertices[seen.regions[0].mesh.faces]),
         "candidates_count": len(seen.candidates),
+        "candidates_left_out": [
+            {"candidate": describe(candidate, seen), "why": why} for candidate, why in seen.left_out
+        ],
+        "interrupted": study.interrupted or None,
+        "candidates_unjudged": seen.unjudged,
         "target_faces": seen.n_target_faces,
         "target_cells": len(seen.area),
         "seed": scenario.seed,
         "wall_s": {name: round(seconds, 3) for name, seconds in study.wall_s.items()},
         "versions": library_versions(),
     }
+
+
+def left_out_words(seen: Visibility) -> str:
+    """How many candidates nobody can fly to, and why."""
+    counts = Counter(why for _, why in seen.left_out)
+    reasons = ", ".join(f"{count} {why}" for why, count in counts.most_common())
+    return f"{len(seen.left_out)} of {len(seen.candidates) + len(seen.left_out)} candidates are left out: {reasons}"
 
 
 def made_for(scenario: Scenario, corners_A: Array) -> dict[str, Any]:

@@ -227,3 +227,35 @@ def test_a_design_that_cannot_be_is_a_clear_error_and_leaves_nothing(tmp_path, c
     for word in words:
         assert word in message
     assert not list(tmp_path.iterdir())
+
+
+def interrupt(*arguments, **keywords):
+    raise KeyboardInterrupt
+
+
+def test_an_interrupted_design_keeps_the_best_so_far_and_says_that_it_is_not_proven(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("swarm_mj.designer.study.solve_exact", interrupt)
+    out = tmp_path / "run"
+    assert main(["design", "eros-quick", "--quiet", "--out", str(out), *arguments()]) == 130
+    assert "best design so far, not proven" in capsys.readouterr().out.replace("\n", " ")
+    record, kept = json.loads((out / "design.json").read_text()), np.load(out / "sightings.npz")
+    assert (record["interrupted"], record["proof"]["status"], record["selected_by"]) == (
+        "proof", "interrupted", "genetic algorithm",
+    )  # fmt: skip
+    assert (
+        kept["area"][kept["sees"][np.array(record["gene_map"][1:]) - 1].any(axis=0)].sum() > 0.999 * kept["area"].sum()
+    )
+
+
+def test_an_interrupted_design_does_not_take_the_place_of_a_finished_one(folder, capsys, monkeypatch):
+    before = (folder / "design.json").read_bytes()
+    monkeypatch.setattr("swarm_mj.designer.study.evolve", interrupt)
+    assert main(["design", "eros-quick", "--quiet", "--out", str(folder), *arguments()]) == 130
+    assert f"the earlier design in {folder} stays" in capsys.readouterr().out.replace("\n", " ")
+    assert (folder / "design.json").read_bytes() == before
+
+
+def test_an_interruption_before_there_is_a_design_leaves_none(tmp_path, monkeypatch):
+    monkeypatch.setattr("swarm_mj.designer.candidates.visibility.fly_candidates", interrupt)
+    assert main(["design", "eros-quick", "--quiet", "--out", str(tmp_path / "run"), *arguments()]) == 130
+    assert not list(tmp_path.iterdir())

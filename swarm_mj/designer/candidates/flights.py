@@ -7,15 +7,16 @@ any rotation sees is counted, which for a square field of view is what its inscr
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from swarm_mj.errors import MissionError
+from swarm_mj.errors import MissionError, PathError
 from swarm_mj.flight.observe import schedule_from
-from swarm_mj.flight.plan import Plan, as_planned, behavior_from, make_plan
+from swarm_mj.flight.plan import Plan, as_planned, behavior_from, load_body_shape, make_plan, target_from
 from swarm_mj.mission.behaviors import MissionBehavior, SwarmView, TargetKind
-from swarm_mj.mission.trajectories import propagate
+from swarm_mj.mission.trajectories import NO_TRAJECTORY, Progress, propagate
 from swarm_mj.observation.capture import camera_poses, watching
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.simulator.recorder import sample_times
@@ -36,6 +37,8 @@ class CandidateFlights:
         r_A: Positions in A, shape (t, n, 3) [m].
         C_CA: Commanded camera attitudes, shape (t, n, 3, 3).
         delta_v: Deployment speed relative to the mothership at the mean of all candidates, shape (n,) [m/s].
+        points: The visiting point of each candidate, numbered from 1.
+        left_out: Visiting points to which no flight goes, and why, in a few words.
     """
 
     plan: Plan
@@ -45,6 +48,8 @@ class CandidateFlights:
     r_A: Array
     C_CA: Array
     delta_v: Array
+    points: tuple[int, ...]
+    left_out: dict[int, str]
 
     @property
     def n(self) -> int:
@@ -52,26 +57,42 @@ class CandidateFlights:
         return self.r_A.shape[1]
 
 
-def all_points(scenario: Scenario, n_points: int) -> Scenario:
-    """The scenario with one observer on every visiting point."""
-    design = scenario.design.model_copy(update={"visiting_points": tuple(range(1, n_points + 1))})
+class Unreachable(MissionError):
+    """No visiting point of a target can be flown to.
+
+    Attributes:
+        left_out: Why not, in a few words, by visiting point.
+    """
+
+    def __init__(self, message: str, left_out: dict[int, str]) -> None:
+        super().__init__(message)
+        self.left_out = left_out
+
+
+def at_points(scenario: Scenario, points: Sequence[int]) -> Scenario:
+    """The scenario with one observer on each of these visiting points, numbered from 1."""
+    design = scenario.design.model_copy(update={"visiting_points": tuple(points)})
     return scenario.model_copy(update={"design": design})
 
 
-def fly_candidates(scenario: Scenario) -> CandidateFlights:
-    """Fly to every visiting point of the scenario's target.
+def fly_candidates(scenario: Scenario, progress: Progress | None = None) -> CandidateFlights:
+    """Fly to every visiting point of the scenario's target that can be reached without hitting the body.
+
+    Args:
+        scenario: Whose candidates.
+        progress: Called with the share done, 0 to 1.
 
     Raises:
-        SwarmError: A point cannot be reached, the flight to it hits the body, or the behaviour must know the mission.
+        Unreachable: No point can be.
+        SwarmError: The behaviour must know the mission.
     """
     scenario = as_planned(scenario)
     if isinstance(behavior_from(scenario), MissionBehavior):
         raise MissionError(
             f"behavior.name = {scenario.behavior.name!r}: it can fly, but no design can be made with it: it needs the mission"
         )
-    probe = scenario.model_copy(update={"design": scenario.design.model_copy(update={"visiting_points": (1,)})})
-    n_points = make_plan(probe, check_separation=False).region.n_visiting
-    plan = make_plan(all_points(scenario, n_points), check_separation=False)
+    n_points = target_from(scenario, load_body_shape(scenario.body)).n_visiting
+    plan, left_out = _reachable(scenario, range(1, n_points + 1), progress)
     times, counts = _picture_times(scenario)
     n = plan.n_observers
     starts = np.broadcast_to(plan.deployment.r0_N, plan.deployment.v0_N.shape)
@@ -85,7 +106,44 @@ def fly_candidates(scenario: Scenario) -> CandidateFlights:
         r_A=r_A[:, :n],
         C_CA=C_CA[:, :n],
         delta_v=plan.deployment.delta_v[:n],
+        points=plan.scenario.design.visiting_points,
+        left_out=left_out,
     )
+
+
+def _reachable(scenario: Scenario, points: Sequence[int], progress: Progress | None) -> tuple[Plan, dict[int, str]]:
+    """A plan for all points that can be flown to, and why the others cannot.
+
+    Raises:
+        Unreachable: None can.
+        SwarmError: Something else is wrong.
+    """
+    left_out: dict[int, str] = {}
+    while True:
+        try:
+            plan = make_plan(at_points(scenario, points), check_separation=False, progress=progress)
+            return plan, dict(sorted(left_out.items()))
+        except MissionError as error:
+            bad = _who_fails(scenario, points, error)
+            left_out |= bad
+            points = [point for point in points if point not in bad]
+            if not bad or not points:
+                raise Unreachable(f"no visiting point of the target can be flown to: {error}", left_out) from error
+
+
+def _who_fails(scenario: Scenario, points: Sequence[int], error: MissionError) -> dict[int, str]:
+    """Which points make a plan fail, and why: those that the error names, else found by halving."""
+    if isinstance(error, PathError):
+        return {points[k]: error.reason for k in error.spacecraft if k < len(points)}
+    if len(points) == 1:
+        return {points[0]: NO_TRAJECTORY}
+    found: dict[int, str] = {}
+    for half in (points[: len(points) // 2], points[len(points) // 2 :]):
+        try:
+            make_plan(at_points(scenario, half), check_separation=False)
+        except MissionError as worse:
+            found |= _who_fails(scenario, half, worse)
+    return found
 
 
 def _picture_times(scenario: Scenario) -> tuple[Array, Mask]:

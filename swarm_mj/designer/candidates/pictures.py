@@ -7,12 +7,9 @@ on where it stopped.
 
 from __future__ import annotations
 
-import multiprocessing
-import signal
-from collections.abc import Callable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass
-from itertools import islice
+from pathlib import Path
 
 import numpy as np
 
@@ -20,6 +17,7 @@ from swarm_mj.designer.candidates.flights import CandidateFlights
 from swarm_mj.io import interruption
 from swarm_mj.io.cache import cache_folder, hash_of, load_array, store_array
 from swarm_mj.io.cores import usable_cores
+from swarm_mj.io.workers import answers
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.camera import CameraModel
 from swarm_mj.observation.capture import visible_share
@@ -80,17 +78,34 @@ def visible_shares(
     Returns:
         One array (pictures, cells) per candidate, its pictures being those of `picture_numbers`.
     """
+    shares: list[Array | None] = [None] * flights.n
+    for j, share in shares_as_they_come(flights, region, imaging_model, at=at, workers=workers, progress=progress):
+        shares[j] = share
+    return [share for share in shares if share is not None]
+
+
+def shares_as_they_come(
+    flights: CandidateFlights,
+    region: TargetRegion,
+    imaging_model: ImagingModel,
+    *,
+    at: Mask | None = None,
+    workers: int | None = None,
+    progress: Progress | None = None,
+) -> Generator[tuple[int, Array]]:
+    """`visible_shares` of one candidate after the other as pairs of its number and its shares: first those that are kept."""
     folder = cache_folder() / "pictures" / _key(region, imaging_model)
-    jobs = []
+    missing: dict[int, tuple[Array, Array]] = {}
+    done = 0.0
     for j in range(flights.n):
         k = picture_numbers(flights, j, at)
-        jobs.append((flights.r_A[k, j], flights.C_CA[k, j]))
-    files = [folder / f"{hash_of(*job)}.npy" for job in jobs]
-    shares = [
-        load_array(file, (len(job[0]), region.n_cells), np.float64) for file, job in zip(files, jobs, strict=True)
-    ]
-    missing = {j: jobs[j] for j, share in enumerate(shares) if share is None}
-    done = float(flights.n - len(missing))
+        job = flights.r_A[k, j], flights.C_CA[k, j]
+        share = load_array(_file(folder, job), (len(k), region.n_cells), np.float64)
+        if share is None:
+            missing[j] = job
+        else:
+            done += 1.0
+            yield j, share
     if progress is not None:
         progress(done)
     unfinished = {j: (np.empty((len(r_A), region.n_cells)), len(r_A)) for j, (r_A, _) in missing.items()}
@@ -100,11 +115,15 @@ def visible_shares(
         unfinished[j] = share, left - len(part)
         done += len(part) / len(share) if len(share) else 1.0
         if left == len(part):
-            store_array(files[j], share)
-            shares[j] = share
+            store_array(_file(folder, missing[j]), share)
+            del unfinished[j]
+            yield j, share
         if progress is not None:
             progress(done)
-    return [share for share in shares if share is not None]
+
+
+def _file(folder: Path, job: tuple[Array, Array]) -> Path:
+    return folder / f"{hash_of(*job)}.npy"
 
 
 def picture_numbers(flights: CandidateFlights, candidate: int, at: Mask | None = None) -> Indices:
@@ -124,7 +143,7 @@ def _compute(
     }
     workers = min(workers or usable_cores(), len(parts))
     if workers > 1 and sum(len(r_A) for r_A, _ in jobs.values()) >= MIN_PARALLEL:
-        yield from _in_processes(region, imaging_model, parts, workers)
+        yield from answers(parts.items(), _judge, workers=workers, begin=_open, arguments=(region, imaging_model))
     elif parts:
         _open(region, imaging_model)
         try:
@@ -135,40 +154,7 @@ def _compute(
             _close()
 
 
-def _in_processes(
-    region: TargetRegion, imaging_model: ImagingModel, parts: dict[tuple[int, int], tuple[Array, Array]], workers: int
-) -> Iterator[tuple[tuple[int, int], Array]]:
-    """`_compute` by several processes, which are killed when nobody waits for them any more."""
-    # Spawned, not forked: a GL context does not survive a fork.
-    context, others = multiprocessing.get_context("spawn"), set(multiprocessing.active_children())
-    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_begin, initargs=(region, imaging_model))
-    waiting = iter(parts.items())
-    running: dict[Future[Array], tuple[int, int]] = {}
-    try:
-        while True:
-            for key, part in islice(waiting, 2 * workers - len(running)):
-                running[pool.submit(_judge, *part)] = key
-            if not running:
-                break
-            finished, _ = wait(running, timeout=0.5, return_when=FIRST_COMPLETED)
-            interruption.check()
-            for future in finished:
-                yield running.pop(future), future.result()
-    except BaseException:
-        for child in set(multiprocessing.active_children()) - others:
-            child.kill()
-        raise
-    finally:
-        pool.shutdown(wait=True, cancel_futures=True)
-
-
 _looking: list[tuple[Observer, bool]] = []  # who, and whether for whole cells; one per process, opened when it starts
-
-
-def _begin(region: TargetRegion, imaging_model: ImagingModel) -> None:
-    # Ctrl-C reaches the whole group of processes; the one that waits for the pictures decides what it means.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    _open(region, imaging_model)
 
 
 def _open(region: TargetRegion, imaging_model: ImagingModel) -> None:

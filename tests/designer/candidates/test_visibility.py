@@ -6,17 +6,20 @@ import os
 import numpy as np
 import pytest
 
+from swarm_mj.designer.candidates import flights as candidate_flights
 from swarm_mj.designer.candidates import pictures
-from swarm_mj.designer.candidates.flights import fly_candidates
+from swarm_mj.designer.candidates.flights import at_points, fly_candidates
 from swarm_mj.designer.candidates.pictures import picture_numbers, visible_shares
 from swarm_mj.designer.candidates.visibility import imaging_model_from, seen_cells, visibility
 from swarm_mj.designer.exact import solve_exact
 from swarm_mj.designer.problem import CoverProblem
-from swarm_mj.errors import ScenarioError
+from swarm_mj.errors import MissionError, PathError, ScenarioError
 from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.observe import criterion_from, observe_flight
 from swarm_mj.flight.plan import make_plan
+from swarm_mj.mission.trajectories import NO_TRAJECTORY
 from swarm_mj.observation.capture import observe
+from swarm_mj.results.design_files import left_out_words
 from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.spacecraft.attitude.mrp import dcm
 
@@ -248,3 +251,62 @@ def test_processes_for_whose_pictures_nobody_waits_any_more_are_gone(flights, ow
         visible_shares(flights, flights.plan.region, imaging_model_from(scenario()), workers=2)
     assert len(seen) == 2
     assert not any(process.is_alive() for process in seen)
+
+
+def test_candidates_whose_flight_would_hit_the_body_are_left_out_and_only_they(own_cache):
+    beside = scenario("mothership.position_A_m=[22000, -5000, 2000]")
+    flights = fly_candidates(beside)
+    assert set(flights.left_out.values()) == {"hitting 433 Eros"}
+    assert sorted([*flights.points, *flights.left_out]) == list(range(1, 52)) and len(flights.left_out) == 10
+    for point in (*list(flights.left_out)[:2], *flights.points[:2]):
+        alone = at_points(beside, [point])
+        if point in flights.left_out:
+            with pytest.raises(PathError, match="sc1 hits 433 Eros"):
+                make_plan(alone, check_separation=False)
+        else:
+            r_A = make_plan(alone, check_separation=False).points_A[0]
+            assert np.linalg.norm(flights.plan.points_A[flights.points.index(point)] - r_A) < 1e-6
+    seen = visibility(beside)
+    assert [candidate.point for candidate in seen.candidates] == list(flights.points)
+    assert left_out_words(seen) == "10 of 51 candidates are left out: 10 hitting 433 Eros"
+
+
+def test_where_no_candidate_can_be_flown_to_there_is_one_error():
+    with pytest.raises(
+        MissionError, match="no visiting point of the target can be flown to: sc1 hits 433 Eros"
+    ) as told:
+        visibility(scenario("mothership.position_A_m=[20000, -18000, 0]"))
+    assert "46 more do" in str(told.value) and "\n" not in str(told.value)
+
+
+@pytest.mark.parametrize("named", [True, False])
+def test_points_that_make_a_plan_fail_are_found_whether_the_error_names_them_or_not(monkeypatch, named):
+    bad = {3, 17, 18, 51}
+
+    def planned(told, **keywords):
+        points = told.design.visiting_points
+        there = [k for k, point in enumerate(points) if point in bad]
+        if there:
+            raise PathError("no", "too far", there[:1]) if named else MissionError("no")
+        return points
+
+    monkeypatch.setattr(candidate_flights, "make_plan", planned)
+    plan, left_out = candidate_flights._reachable(scenario(), range(1, 52), None)
+    assert set(plan) == set(range(1, 52)) - bad
+    assert left_out == dict.fromkeys(sorted(bad), "too far" if named else NO_TRAJECTORY)
+
+
+def test_an_interruption_leaves_what_the_judged_candidates_see(own_cache, monkeypatch):
+    whole = visibility(scenario(), workers=1)
+    monkeypatch.setenv("SWARM_MJ_CACHE", str(own_cache / "new"))
+    judged = []
+
+    def interrupted():
+        judged.append(1)
+        if len(judged) > 20:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(pictures.interruption, "check", interrupted)
+    part = visibility(scenario(), workers=1)
+    assert part.unjudged == 31
+    assert np.array_equal(part.sees[:20], whole.sees[:20]) and not part.sees[20:].any()

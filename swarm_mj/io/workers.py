@@ -1,0 +1,110 @@
+"""Processes of this machine that share work, and are killed at once when nobody waits for their answers any more."""
+
+from __future__ import annotations
+
+import multiprocessing
+import signal
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
+from multiprocessing.connection import Connection, wait
+from typing import Any, TypeVar
+
+from swarm_mj.errors import SwarmError
+from swarm_mj.io import interruption
+
+Key = TypeVar("Key")
+
+#: Time between two looks for an interruption that Python lost [s].
+LOOK_S = 0.5
+
+
+def answers(
+    questions: Iterable[tuple[Key, tuple[Any, ...]]],
+    answer: Callable[..., Any],
+    *,
+    workers: int,
+    begin: Callable[..., object],
+    arguments: tuple[Any, ...] = (),
+) -> Iterator[tuple[Key, Any]]:
+    """Answers to questions, in the order in which they are found.
+
+    Args:
+        questions: Pairs of what names a question and the arguments of `answer`.
+        answer: What each process calls for a question; of the top level of a module.
+        workers: Number of processes.
+        begin: What each calls first.
+        arguments: Of `begin`.
+
+    Raises:
+        SwarmError: A process died.
+        Exception: Whatever `begin` or `answer` raises there.
+    """
+    waiting = iter(questions)
+    asked: dict[Connection, Key] = {}
+    pool: dict[Connection, Any] = {}
+    # Spawned, not forked: a GL context does not survive a fork.
+    context = multiprocessing.get_context("spawn")
+    try:
+        for _ in range(workers):
+            with interruption.held():  # half-started it could not be killed
+                mine, theirs = context.Pipe()
+                pool[mine] = context.Process(target=_work, args=(theirs, answer), daemon=True)
+                pool[mine].start()
+                theirs.close()
+        for pipe in pool:
+            pipe.send((begin, arguments))
+            asked.update(_ask(pipe, waiting))
+        while asked:
+            interruption.check()
+            heard = set(wait(list(asked), timeout=LOOK_S))
+            for pipe in [pipe for pipe in asked if pipe in heard]:
+                key, found = asked.pop(pipe), _hear(pipe, pool[pipe])
+                asked.update(_ask(pipe, waiting))
+                yield key, found
+    finally:
+        for pipe, process in pool.items():
+            process.kill()
+            process.join()
+            pipe.close()
+
+
+def _ask(pipe: Connection, waiting: Iterator[tuple[Key, tuple[Any, ...]]]) -> dict[Connection, Key]:
+    for key, question in waiting:
+        pipe.send(question)
+        return {pipe: key}
+    return {}
+
+
+def _hear(pipe: Connection, process: Any) -> Any:
+    try:
+        found, error = pipe.recv()
+    except (EOFError, OSError):
+        process.join(1.0)
+        raise SwarmError(
+            f"a process that shared the work died with exit status {process.exitcode}: ask for fewer workers if memory is short"
+        ) from None
+    if error is not None:
+        raise error
+    return found
+
+
+def _work(pipe: Connection, answer: Callable[..., Any]) -> None:
+    # Ctrl-C reaches the whole group of processes; the one that waits decides what it means.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    with suppress(EOFError, OSError):
+        begin, arguments = pipe.recv()
+        problem: Exception | None = None
+        try:
+            begin(*arguments)
+        except Exception as error:
+            problem = error
+        while True:
+            question = pipe.recv()
+            found = None
+            if problem is None:
+                try:
+                    found = answer(*question)
+                except Exception as error:
+                    pipe.send((None, error))
+                    continue
+            pipe.send((found, problem))
