@@ -12,8 +12,10 @@ import pyarrow as pa
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from swarm_mj.campaigns.groups import groups, label_of, swept
 from swarm_mj.campaigns.loading import Resolved
 from swarm_mj.campaigns.summary import SEED, by_scenario, column
+from swarm_mj.campaigns.trade import compose_trade
 from swarm_mj.errors import OutputError
 from swarm_mj.results.figures.style import SMALL_PT, TICK_PT, label, new_figure, plain, save, tidy
 from swarm_mj.results.look import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY_BLUE, VERMILLION
@@ -26,6 +28,8 @@ COLOURS = (BLUE, ORANGE, GREEN, VERMILLION, PURPLE, SKY_BLUE, BLACK, GREY)
 DASHES = ("-", "--", "-.", ":")
 #: Diagrams get too many lines or bars to read beyond these.
 MAX_SCENARIOS, MAX_BARS = 8, 12
+#: Longer names than these are written aslant under more than three bars.
+LONG_NAME = 30
 #: Pointing errors [deg] below this are rounding; zero has no place on a logarithmic axis.
 FLOOR_DEG = 1e-8
 #: In place of the bar of an index that a sample cannot tell.
@@ -38,13 +42,13 @@ LOG_RATIO = 20.0
 
 def compose_coverage(resolved: Resolved, results: pa.Table, summary: dict[str, Any]) -> Figure | None:
     """How often the whole target is seen, and how the observed area is distributed."""
-    parts = _flown(resolved, results, "coverage_percent")
+    parts, covered = _by_design(resolved, results, summary)
     if not parts:
         return None
     parts, title = _shown(parts, f"Observed area: {plain(resolved.campaign.name)}")
     figure = new_figure(4.6, title, width_in=11.0)
     left, right = figure.subplots(1, 2, width_ratios=(1.0, 1.35))
-    _bars(left, {name: summary["scenarios"][name]["covered"] for name in parts})
+    _bars(left, {name: covered[name] for name in parts})
     for k, (name, values) in enumerate(parts.items()):
         _cumulative(right, values, name, k)
     right.set_ylim(0.0, 1.02)
@@ -79,12 +83,16 @@ def compose_pointing(resolved: Resolved, results: pa.Table, summary: dict[str, A
 
 
 def compose_sensitivity(resolved: Resolved, results: pa.Table, summary: dict[str, Any]) -> Figure | None:
-    """Spearman's rank correlation of the observed area with every drawn parameter."""
-    found = {name: s["spearman"].get("coverage_percent", {}) for name, s in summary["scenarios"].items()}
+    """Spearman's rank correlation of the observed area with every drawn number, and its correlation ratio with choices."""
+    # A choice among numbers has a rank correlation too, which tells the direction.
+    found = {
+        name: s.get("choices", {}).get("coverage_percent", {}) | s["spearman"].get("coverage_percent", {})
+        for name, s in summary["scenarios"].items()
+    }
     keys = _strongest(found, lambda entry: abs(entry["value"]))
     return _tornado(
         f"What moves the observed area: {plain(resolved.campaign.name)}",
-        "Spearman's rank correlation with the observed area [-]",
+        "rank correlation with the observed area (choices: correlation ratio) [-]",
         keys,
         {name: entries for name, entries in found.items() if entries},
         (-1.05, 1.05),
@@ -111,6 +119,7 @@ def compose_sobol(resolved: Resolved, results: pa.Table, summary: dict[str, Any]
 
 COMPOSERS: dict[str, Compose] = {
     "coverage": compose_coverage,
+    "trade": compose_trade,
     "pointing": compose_pointing,
     "sensitivity": compose_sensitivity,
     "sobol": compose_sobol,
@@ -145,6 +154,26 @@ def _flown(resolved: Resolved, results: pa.Table, name: str) -> dict[str, Array]
         if np.isfinite(values).any():
             parts[scenario] = values[np.isfinite(values)]
     return parts
+
+
+def _by_design(
+    resolved: Resolved, results: pa.Table, summary: dict[str, Any]
+) -> tuple[dict[str, Array], dict[str, dict[str, Any]]]:
+    """Observed areas, and how often all is seen, by scenario, or by design where designs were swept."""
+    parts = _flown(resolved, results, "coverage_percent")
+    if not swept(resolved.campaign):
+        return parts, {name: summary["scenarios"][name]["covered"] for name in parts}
+    areas: dict[str, Array] = {}
+    covered: dict[str, dict[str, Any]] = {}
+    for name, rows in by_scenario(resolved, results):
+        found = zip(groups(resolved.campaign, rows), summary["scenarios"][name]["groups"], strict=True)
+        for (values, of_group), entry in found:
+            area = column(of_group, "coverage_percent") if name in parts else np.empty(0)
+            if np.isfinite(area).any() and entry["covered"]["probability"] is not None:
+                words = label_of(values) if len(parts) == 1 else f"{name}, {label_of(values)}"
+                words += f" ({len(areas)})" if words in areas else ""  # long values may look alike
+                areas[words], covered[words] = area[np.isfinite(area)], entry["covered"]
+    return areas, covered
 
 
 def _shown(parts: dict[str, T], title: str) -> tuple[dict[str, T], str]:
@@ -184,7 +213,10 @@ def _bars(ax: Axes, covered: dict[str, dict[str, Any]]) -> None:
             fontsize=TICK_PT,
             bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.5},  # a grid line may run there
         )
-    ax.set_xticks(range(len(covered)), [_wrapped(name) for name in covered])
+    if len(covered) > 3 and max(map(len, covered)) > LONG_NAME:
+        ax.set_xticks(range(len(covered)), [plain(name) for name in covered], rotation=30, ha="right")
+    else:
+        ax.set_xticks(range(len(covered)), [_wrapped(name) for name in covered])
     ax.set_xlim(-0.7, max(len(covered), 3) - 0.3)
     ax.set_ylim(0.0, 112.0)
     ax.set_yticks(range(0, 101, 20))

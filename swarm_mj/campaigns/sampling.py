@@ -84,6 +84,12 @@ class Sample:
         seed, values = self._draw(row, run, scenario)
         return Trial(row=row, run=run, scenario=self.names[scenario], seed=seed, values=values)
 
+    def grid_point(self, number: int) -> dict[str, Any]:
+        """The values of a point of the grid, by dotted key; each is flown `runs` times."""
+        place = np.unravel_index(number, self._counts)
+        levels = (values[int(k)] for values, k in zip(self._levels, place, strict=True))
+        return dict(zip(self.campaign.parameters, levels, strict=True))
+
     def _draw(self, row: int, run: int, scenario: int) -> tuple[int, dict[str, Any]]:
         parameters = self.campaign.parameters
         match self.campaign.method:
@@ -91,9 +97,7 @@ class Sample:
                 u = np.random.default_rng(self._child(PARAMETERS, row)).random(self.dimensions)
                 return self._seed(row), draw_all(parameters, u)
             case "grid":
-                place = np.unravel_index(run // self.campaign.runs, self._counts)
-                levels = (values[int(k)] for values, k in zip(self._levels, place, strict=True))
-                return self._seed(row), dict(zip(parameters, levels, strict=True))
+                return self._seed(row), self.grid_point(run // self.campaign.runs)
             case "saltelli":
                 k, member = divmod(run, self.group)
                 u, of_b = self._saltelli_point(scenario, k, member)

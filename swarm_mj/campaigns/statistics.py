@@ -7,8 +7,10 @@ that theirs are, if anything, too wide.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import stats
 
 from swarm_mj.typing import Array
@@ -88,6 +90,35 @@ def spearman(x: Array, y: Array) -> tuple[Estimate, float] | None:
     half = stats.norm.ppf(0.5 + 0.5 * LEVEL) * np.sqrt((1.0 + 0.5 * rho**2) / (len(x) - 3))
     z = np.arctanh(rho)
     return Estimate(rho, float(np.tanh(z - half)), float(np.tanh(z + half))), float(found.pvalue)
+
+
+def correlation_ratio(groups: NDArray[Any], y: Array, rng: np.random.Generator) -> tuple[Estimate, float] | None:
+    """How strongly an outcome depends on a choice: the square root of the share of its variance between the choices.
+
+    The share is Kelley's unbiased epsilon squared (PNAS 21, 1935), its interval a bootstrap over runs (percentile method), and
+    the p-value of no dependence that of Kruskal and Wallis. None where a sample is constant, or has fewer than 5 runs or 2 for
+    each choice.
+    """
+    _, of = np.unique(groups, return_inverse=True)
+    k, n = int(of.max(initial=0)) + 1, len(y)
+    if n < max(5, 2 * k) or k < 2 or np.ptp(y) == 0.0:
+        return None
+    draws = rng.integers(n, size=(RESAMPLES, n))
+    low, high = np.quantile([_epsilon(of[d], y[d], k) for d in draws], (0.5 - 0.5 * LEVEL, 0.5 + 0.5 * LEVEL))
+    value = _epsilon(of, y, k)
+    p = float(stats.kruskal(*(y[of == g] for g in range(k))).pvalue)
+    return Estimate(value, min(float(low), value), max(float(high), value)), p
+
+
+def _epsilon(of: NDArray[np.int64], y: Array, k: int) -> float:
+    counts = np.bincount(of, minlength=k)
+    means = np.bincount(of, y, k) / np.maximum(counts, 1)
+    total = float(((y - y.mean()) ** 2).sum())
+    if total == 0.0:
+        return 0.0
+    within = float(((y - means[of]) ** 2).sum())
+    there = int((counts > 0).sum())
+    return float(np.sqrt(max(0.0, 1.0 - within / total * (len(y) - 1) / max(len(y) - there, 1))))
 
 
 @dataclass(frozen=True)

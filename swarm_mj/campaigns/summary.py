@@ -14,6 +14,8 @@ from rich.markup import escape
 from rich.table import Table
 
 from swarm_mj.campaigns import statistics
+from swarm_mj.campaigns.distributions import Choice
+from swarm_mj.campaigns.groups import groups, swept, value_label
 from swarm_mj.campaigns.loading import Resolved
 from swarm_mj.campaigns.outcome import recorded
 from swarm_mj.campaigns.sampling import Sample
@@ -105,10 +107,47 @@ def _scenario(resolved: Resolved, rows: pa.Table) -> dict[str, Any]:
         "covered": _covered(columns["covered"]),
         "outcomes": outcomes,
         "spearman": _correlations(resolved, ok, columns),
+        "choices": _choices(resolved, ok, columns),
     }
+    if keys := swept(resolved.campaign):
+        # What stands above is of all designs together; the probability of each is here.
+        summary |= {"swept": keys, "groups": [_group(resolved, *group) for group in groups(resolved.campaign, rows)]}
     if resolved.campaign.method == "saltelli":
         summary["sobol"] = _sobol(resolved, rows, columns, rng)
     return summary
+
+
+def _group(resolved: Resolved, values: dict[str, Any], rows: pa.Table) -> dict[str, Any]:
+    """The runs of one point of a grid."""
+    ok = rows.filter(pa.array(column(rows, "status") == "ok"))
+    means = {}
+    for name in recorded(resolved.campaign):
+        found = column(ok, name)
+        if np.isfinite(found).any():
+            means[name] = float(found[np.isfinite(found)].mean())
+    return {
+        "values": values,
+        "finished": len(rows),
+        "failed": len(rows) - len(ok),
+        "covered": _covered(column(ok, "covered")),
+        "means": means,
+    }
+
+
+def _choices(resolved: Resolved, ok: pa.Table, columns: dict[str, Array]) -> dict[str, dict[str, Any]]:
+    """How strongly every outcome depends on what was chosen among values of any kind."""
+    rng = np.random.default_rng(np.random.SeedSequence(resolved.campaign.seed, spawn_key=(RESAMPLING, 1)))
+    found: dict[str, dict[str, Any]] = {}
+    for key, law in resolved.campaign.parameters.items():
+        if not isinstance(law, Choice):
+            continue
+        chosen = np.array([str(value) for value in ok[key].to_pylist()], dtype=object)
+        for name, values in columns.items():
+            there = np.isfinite(values)
+            answer = statistics.correlation_ratio(chosen[there].astype(str), values[there], rng)
+            if answer is not None:
+                found.setdefault(name, {})[key] = {**_estimate(answer[0]), "p_value": answer[1]}
+    return found
 
 
 def _covered(covered: Array) -> dict[str, Any]:
@@ -202,6 +241,8 @@ LINES = {
 IN_PERCENT = {"max_wheel_speed_fraction"}
 #: With more scenarios than these, each gets a line instead of a column.
 MAX_COLUMNS = 4
+#: Lines of the table of designs.
+MAX_LINES = 40
 
 
 def summary_table(summary: dict[str, Any]) -> Table:
@@ -209,7 +250,9 @@ def summary_table(summary: dict[str, Any]) -> Table:
     scenarios: dict[str, dict[str, Any]] = summary["scenarios"]
     cells = {
         "flights (failed)": [f"{s['finished']} ({s['failed']})" for s in scenarios.values()],
-        "P(whole target seen) [%], 95 % interval": [_in_words(s["covered"]) for s in scenarios.values()],
+        "P(whole target seen) [%], 95 % interval": [
+            "by design, below" if "groups" in s else _in_words(s["covered"]) for s in scenarios.values()
+        ],
     }
     for words, (outcome, what) in LINES.items():
         found = [s["outcomes"].get(outcome) for s in scenarios.values()]
@@ -228,6 +271,31 @@ def summary_table(summary: dict[str, Any]) -> Table:
     else:
         for words, row in cells.items():
             table.add_row(escape(words), *row)
+    return table
+
+
+def group_table(summary: dict[str, Any]) -> Table | None:
+    """A line for every design that a campaign swept, at most `MAX_LINES`; None: it swept nothing."""
+    lines = [(name, group) for name, scenario in summary["scenarios"].items() for group in scenario.get("groups", [])]
+    if not lines:
+        return None
+    table = Table(title=f"Designs of {summary['campaign']}", title_justify="left")
+    keys = list(lines[0][1]["values"])
+    for heading in ("scenario", *keys):
+        table.add_column(escape(heading))
+    for heading in ("flights (failed)", "P(whole target seen) [%], 95 % interval", "observed area, mean [%]"):
+        table.add_column(escape(heading), justify="right")
+    for name, group in lines[:MAX_LINES]:
+        area = group["means"].get("coverage_percent")
+        table.add_row(
+            escape(name),
+            *(escape(value_label(group["values"][key])) for key in keys),
+            f"{group['finished']} ({group['failed']})",
+            _in_words(group["covered"]),
+            "-" if area is None else _short(area),
+        )
+    if len(lines) > MAX_LINES:
+        table.caption = f"{MAX_LINES} of {len(lines)}; all are in {SUMMARY}"
     return table
 
 

@@ -77,9 +77,12 @@ def _fly(arguments: argparse.Namespace, resolved: Resolved, folder: Path) -> int
             figures=not arguments.no_figures,
             going_on=_going_on(arguments),
         )
-    from swarm_mj.campaigns.summary import sobol_findings, summary_table
+    from swarm_mj.campaigns.summary import group_table, sobol_findings, summary_table
 
     console.print(summary_table(flown.summary))
+    designs = group_table(flown.summary)
+    if designs is not None:
+        console.print(designs)
     failed = [row for row in flown.results.to_pylist() if row["status"] == "failed"]
     for words in [*sobol_findings(flown.summary), *map(_failure, failed[:5])]:
         say(words)
