@@ -28,6 +28,10 @@ def _worst(errors: dict[str, float]) -> str:
     return f"{max(errors.values()):.3g}" if errors else "-"
 
 
+def _span(values: dict[str, float]) -> str:
+    return " / ".join(f"{value:.3g}" for value in values.values()) or "-"
+
+
 def _crew(summary: dict[str, Any]) -> str:
     lost = f", {len(summary['lost'])} lost" if summary["lost"] else ""
     return f"{summary['spacecraft']} ({summary['observers']}){lost}"
@@ -39,6 +43,7 @@ _ROWS: dict[str, Callable[[dict[str, Any]], str]] = {
     "criterion, camera half-angle": lambda s: f"{s['criterion']}, {s['camera_half_angle_deg']:g} deg",
     "observed area P_TO [%]": lambda s: f"{s['coverage_percent']:.2f}",
     "the same, whole passage [%]": lambda s: f"{s['coverage_percent_passage']:.2f}",
+    "GSD where it counts, min / median / max [m]": lambda s: _span(s.get("gsd_m", {})),
     "pointing error before a switch, at most [deg]": lambda s: _worst(s["pointing_error_deg_before_switch"]),
     "pointing error at the visit, at most [deg]": lambda s: _worst(s.get("pointing_error_deg_visit", {})),
     "pointing error at the end, at most [deg]": lambda s: _worst(working(s, "pointing_error_deg_final")),

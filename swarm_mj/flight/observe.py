@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
+import numpy as np
 import xarray as xr
 
 from swarm_mj.flight.plan import Plan
@@ -14,15 +15,17 @@ from swarm_mj.observation.capture import (
     ObservationCriterion,
     Picture,
     PictureSchedule,
+    ground_sampling_distance,
     observe,
     pictures,
+    sight,
     watching,
 )
 from swarm_mj.observation.coverage import CoverageMap
 from swarm_mj.observation.observer import Observer, make_observer
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.spacecraft.attitude.mrp import dcm
-from swarm_mj.typing import Ints, Mask
+from swarm_mj.typing import Array, Ints, Mask
 
 Progress = Callable[[float], None]
 
@@ -40,6 +43,8 @@ class ObservationResult:
         observer: Name of the observer that measured it.
         note: Why that one.
         images: Number of pictures judged.
+        gsd_m: Finest ground sampling distance at which each cell counts by the scenario's criterion [m], NaN where it does not,
+            shape (n,); None where the flight was read back.
     """
 
     coverage: CoverageMap
@@ -47,6 +52,7 @@ class ObservationResult:
     observer: str
     note: str
     images: int
+    gsd_m: Array | None = None
 
 
 def camera_from(scenario: Scenario) -> CameraModel:
@@ -113,6 +119,8 @@ def observe_flight(plan: Plan, telemetry: xr.Dataset, progress: Progress | None 
     passage, visit = (CoverageMap(plan.region.area, plan.n) for _ in range(2))
     visit_s = telemetry["time"].values[visit_sample(scenario)]
     observer = observer_from(scenario, plan.region)
+    limits, gsd_m = criterion.limits(observer.camera), np.full(plan.region.n_cells, np.nan)
+    visit_only = scenario.observation.criterion == "visit"
     images = 0
     try:
         for picture in flight_pictures(plan, telemetry):
@@ -120,17 +128,21 @@ def observe_flight(plan: Plan, telemetry: xr.Dataset, progress: Progress | None 
             passage.add(picture.t, picture.spacecraft, seen)
             if picture.t == visit_s:
                 visit.add(picture.t, picture.spacecraft, seen)
+            if picture.t == visit_s or not visit_only:
+                finest = ground_sampling_distance(limits, *sight(plan.region, picture.r_A, seen))
+                gsd_m[seen] = np.fmin(gsd_m[seen], finest)
             images += 1
             if progress is not None:
                 progress(images)
     finally:
         observer.close()
     return ObservationResult(
-        coverage=passage if scenario.observation.criterion == "passage" else visit,
+        coverage=visit if visit_only else passage,
         passage=passage,
         observer=observer.name,
         note=WHOLE_NOTE if criterion.whole else observer.note,
         images=images,
+        gsd_m=gsd_m,
     )
 
 

@@ -228,6 +228,11 @@ def keeps_limits(limits: Limits, distance: Any, height: Any) -> Any:
     )
 
 
+def ground_sampling_distance(limits: Limits, distance: Array, height: Array) -> Array:
+    """Ground covered by a pixel [m], obliquity included, at cells by distance and height of the camera [m] (`sight`)."""
+    return distance * limits.pixel_angle * (distance / height)
+
+
 @jittable
 def shows_enough(limits: Limits, share: Any) -> Any:
     """Whether the visible share of cells suffices."""

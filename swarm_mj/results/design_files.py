@@ -42,7 +42,7 @@ SAME_MESH = 1e-5
 #: Behaviours whose observers look at the body's centre inside the imaging radius, and so see the same.
 ALIKE = {"dedicated_communications", "adaptable_roles"}
 #: Parts of `observation` and `camera` that do not change what a candidate sees, or hardly.
-SEEN_ALIKE = ("observer", "interval_s", "resolution_px")
+SEEN_ALIKE = ("observer", "interval_s", "resolution_px", "ground_resolution_m", "aperture_m", "wavelength_m")
 #: Farthest that a visiting point may lie from the design's, as a fraction of the imaging altitude.
 SAME_POINT = 1e-3
 #: What to do about a file of a design that cannot be read.

@@ -59,10 +59,20 @@ def _observed(plan: Plan, result: ObservationResult) -> dict[str, Any]:
         "coverage_percent_by_spacecraft": _by_name(plan.names, result.coverage.percent_by_spacecraft, 4),
         "criterion": scenario.observation.criterion,
         "camera_half_angle_deg": scenario.camera.half_angle_deg,
+        "gsd_m": _reached(result),
+        "gsd_pixel": "picture" if scenario.camera.detector_ifov_rad is None else "detector",
+        "ground_resolution_m": scenario.camera.ground_resolution_m,
         "observer": result.observer,
         "observer_note": result.note,
         "images": result.images,
     }
+
+
+def _reached(result: ObservationResult) -> dict[str, float]:
+    """Ground sampling distance of the cells that count, each in the picture that shows it best [m]; empty where none does."""
+    gsd_m = np.empty(0) if result.gsd_m is None else result.gsd_m[~np.isnan(result.gsd_m)]
+    names = ("min", "median", "max")
+    return dict(zip(names, np.quantile(gsd_m, (0.0, 0.5, 1.0)).round(6).tolist(), strict=True)) if len(gsd_m) else {}
 
 
 def _pointed(plan: Plan, telemetry: xr.Dataset) -> dict[str, Any]:

@@ -17,6 +17,7 @@ from pydantic import ValidationError
 from swarm_mj.errors import ScenarioError
 from swarm_mj.io.plain import MAX_DEPTH, check_plain, shortened, shown
 from swarm_mj.io.records import bytes_of, one_line, record_from
+from swarm_mj.scenarios.coverage_relations import with_ground_resolution
 from swarm_mj.scenarios.design_record import DesignRecord
 from swarm_mj.scenarios.explaining import explained, listed
 from swarm_mj.scenarios.limits import MAX_INTEGER_CHARACTERS, check_work
@@ -106,6 +107,10 @@ def scenario_from(data: Mapping[str, Any], source: str = "scenario") -> Scenario
         scenario = Scenario.model_validate(data)
     except ValidationError as error:
         raise ScenarioError(f"{source}:\n{listed(error, explained)}") from None
+    try:
+        scenario = with_ground_resolution(scenario)
+    except ScenarioError as error:
+        raise ScenarioError(f"{source}:\n  {error}") from None
     check_work(scenario, source)
     return scenario
 

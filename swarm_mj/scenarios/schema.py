@@ -14,6 +14,7 @@ from pydantic import Field, field_validator, model_validator
 
 from swarm_mj.scenarios.schema_body import Body, Perturbations
 from swarm_mj.scenarios.schema_faults import Dispersions, Fault
+from swarm_mj.scenarios.schema_imaging import Camera, Observation
 from swarm_mj.scenarios.section import Parameters, Section, Vector3
 
 
@@ -157,56 +158,6 @@ class Behavior(Section):
         description="R_im, inside which the body is imaged [m]; not given by the paper: with 35 km all "
         "spacecraft are inside at 0 and 10 min and outside at 20 min",
     )
-
-
-class Camera(Section):
-    """The camera along +z."""
-
-    half_angle_deg: float = Field(
-        21.5, gt=0, lt=90, description="to the sides of a square field of view, or of the cone [deg]"
-    )
-    shape: Literal["square", "cone"] = Field("square", description="of the field of view")
-    resolution_px: int = Field(512, ge=16, le=8192, description="pixels along one side")
-    detector_ifov_rad: float | None = Field(
-        None,
-        gt=0,
-        description="angle of one pixel of the real detector, for the ground sampling distance [rad]; null: the picture's",
-    )
-
-
-class Observation(Section):
-    """When a target face counts as observed."""
-
-    observer: Literal["auto", "faceid", "raster", "raycast", "horizon"] = Field(
-        "auto",
-        description="face-ID buffers by OpenGL, the same by compiled code, ray casting, horizon maps; auto: the first that "
-        "this machine can",
-    )
-    criterion: Literal["passage", "visit"] = Field(
-        "passage", description="count the whole passage inside the imaging region, or only the instant of the visit"
-    )
-    interval_s: float = Field(10.0, gt=0, description="time between two images of a spacecraft [s]")
-    min_fraction: float = Field(
-        0.5,
-        gt=0,
-        le=1,
-        description="part of a face (of a cell, where faces are subdivided) that must be seen: of its expected pixels, or "
-        "its sample points [-]; from 0.99 on the whole face, judged by geometry with every observer: its three corners in the "
-        "field of view and 16 of its points hidden by nothing; counted pixels cannot tell that",
-    )
-    any_pixel: bool = Field(False, description="let any pixel of a face suffice instead; overstates the area")
-    max_emission_deg: float | None = Field(
-        None, gt=0, le=90, description="largest angle between face normal and camera [deg]; null: any"
-    )
-    max_range_m: float | None = Field(None, gt=0, description="largest distance between face and camera [m]; null: any")
-    max_gsd_m: float | None = Field(
-        None, gt=0, description="largest ground sampling distance, obliquity included [m]; null: any"
-    )
-    max_incidence_deg: float | None = Field(
-        None, gt=0, le=90, description="largest angle between face normal and Sun [deg]; null: any"
-    )
-    occlusion: bool = Field(True, description="whether the body hides faces behind it; the paper culls and clips only")
-    shadows: bool = Field(False, description="faces shadowed by the body itself do not count")
 
 
 class ExtraTarget(Section):

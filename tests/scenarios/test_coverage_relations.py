@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from swarm_mj.errors import MissionError
-from swarm_mj.mission.coverage_relations import (
+from swarm_mj.errors import MissionError, ScenarioError
+from swarm_mj.scenarios.coverage_relations import (
     coverage_relations,
     diffraction_altitude,
     diffraction_aperture,
@@ -10,6 +10,7 @@ from swarm_mj.mission.coverage_relations import (
     nadir_angle_deg,
     pixels_across,
 )
+from swarm_mj.scenarios.loading import load_scenario
 
 
 def test_ten_centimetres_give_the_altitude_and_nearly_the_half_angle_of_the_paper():
@@ -69,3 +70,41 @@ def test_pixels_across_flat_ground():
 def test_impossible_values_are_named(call, name):
     with pytest.raises(MissionError, match=name):
         call()
+
+
+RESOLUTION = {"name": "asked", "camera": {"ground_resolution_m": 0.1}}
+
+
+def test_a_scenario_that_states_the_ground_resolution_gets_altitude_and_half_angle():
+    found = load_scenario(RESOLUTION)
+    # Rayleigh by hand: 0.1 m x 0.094 m / (1.22 x 550 nm).
+    assert found.design.imaging_altitude_m == pytest.approx(14_008.94, abs=0.01)
+    # Triangle of camera, centre and the ground 20 deg aside on a sphere of 17.2 km.
+    aside, below = 17_200 * np.sin(np.radians(20)), 17_200 * np.cos(np.radians(20))
+    seen_at = np.degrees(np.arctan2(aside, 17_200 + found.design.imaging_altitude_m - below))
+    assert found.camera.half_angle_deg == pytest.approx(seen_at, rel=1e-12)
+    coarser = load_scenario(RESOLUTION, ["camera.ground_resolution_m=0.2", "camera.aperture_m=0.047"])
+    assert coarser.design.imaging_altitude_m == pytest.approx(found.design.imaging_altitude_m, rel=1e-14)
+
+
+def test_what_a_scenario_gives_itself_is_kept_and_reading_it_again_changes_nothing():
+    given = load_scenario(RESOLUTION, ["design.imaging_altitude_m=9000", "camera.half_angle_deg=4.1"])
+    assert (given.design.imaging_altitude_m, given.camera.half_angle_deg) == (9000.0, 4.1)
+    found = load_scenario(RESOLUTION)
+    assert load_scenario(found.model_dump(mode="json")) == found
+    assert load_scenario({"name": "plain"}).design.imaging_altitude_m == 14_000.0
+
+
+@pytest.mark.parametrize(
+    ("overrides", "named"),
+    [
+        (["design.imaging_altitude_m=14100"], "design.imaging_altitude_m = 14100: must be at most 14008.9"),
+        (["design.imaging_altitude_m=14000", "camera.aperture_m=0.05"], "camera.aperture_m = 0.05"),
+        (["body.shape=own.obj"], "camera.half_angle_deg: missing"),
+        (["target.half_angle_deg=80"], "camera.half_angle_deg: missing, .* beyond the horizon"),
+        (["camera.ground_resolution_m=0"], "camera.ground_resolution_m = 0"),
+    ],
+)
+def test_a_ground_resolution_that_does_not_fit_is_refused_by_the_keys_to_change(overrides, named):
+    with pytest.raises(ScenarioError, match=named):
+        load_scenario(RESOLUTION, overrides)

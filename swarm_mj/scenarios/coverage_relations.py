@@ -32,12 +32,15 @@ beta = 20 deg. What comes out depends on the sphere that stands for Eros at h = 
 So the paper's 21.5 deg follows within 0.15 deg from a sphere about the whole body; it is not derivable from the ground
 under the camera, where 8 deg would do. Another reading, the horizon's own angle rho of the sphere of equal volume, gives
 22.1 deg. The paper does not tell which was meant, and this module does not claim to know.
+
+A scenario that states `camera.ground_resolution_m` gets from here what it leaves open, see `with_ground_resolution`.
 """
 
 from dataclasses import dataclass
 from math import asin, atan2, cos, degrees, isfinite, radians, sin, tan
 
-from swarm_mj.errors import MissionError
+from swarm_mj.errors import MissionError, ScenarioError
+from swarm_mj.scenarios.schema import Scenario
 
 #: Green light, the middle of the visible band [m].
 GREEN_LIGHT_M = 550e-9
@@ -47,6 +50,8 @@ CUBESAT_APERTURE_M = 0.094
 EROS_HALF_LENGTH_M = 17_200.0
 #: First zero of the Airy pattern over pi: Rayleigh's criterion for a circular aperture.
 RAYLEIGH = 1.22
+#: Largest relative excess of an altitude over the highest one that is rounding, as of a number in a file.
+ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -159,6 +164,54 @@ def pixels_across(ground_resolution_m: float, *, altitude_m: float, half_angle_d
     if half_angle_deg >= 90.0:
         raise MissionError(f"camera half-angle {half_angle_deg} deg must be below 90 deg")
     return 2.0 * altitude_m * tan(radians(half_angle_deg)) / ground_resolution_m
+
+
+def with_ground_resolution(scenario: Scenario) -> Scenario:
+    """The scenario with altitude and half-angle that follow from `camera.ground_resolution_m`, where it gives none itself.
+
+    An altitude of its own is kept if the lens resolves the ground from there; a half-angle of its own is kept in any case,
+    since several spacecraft may share a target. Without a ground resolution nothing changes.
+
+    Raises:
+        ScenarioError: The lens does not resolve the ground from the scenario's altitude, or no half-angle follows.
+    """
+    camera, design = scenario.camera, scenario.design
+    resolution = camera.ground_resolution_m
+    if resolution is None:
+        return scenario
+    highest = diffraction_altitude(resolution, aperture_m=camera.aperture_m, wavelength_m=camera.wavelength_m)
+    altitude = design.imaging_altitude_m if "imaging_altitude_m" in design.model_fields_set else highest
+    if altitude > highest * (1.0 + ROUNDING):
+        raise ScenarioError(
+            f"design.imaging_altitude_m = {altitude:g}: must be at most {highest:.6g}, from where a lens of "
+            f"camera.aperture_m = {camera.aperture_m:g} resolves camera.ground_resolution_m = {resolution:g} at "
+            f"camera.wavelength_m = {camera.wavelength_m:g}; leave it out to get that, or change one of these"
+        )
+    half_angle = (
+        camera.half_angle_deg if "half_angle_deg" in camera.model_fields_set else _half_angle(scenario, altitude)
+    )
+    return scenario.model_copy(
+        update={
+            "design": design.model_copy(update={"imaging_altitude_m": altitude}),
+            "camera": camera.model_copy(update={"half_angle_deg": half_angle}),
+        }
+    )
+
+
+def _half_angle(scenario: Scenario, altitude_m: float) -> float:
+    """Half-angle [deg] of a camera that sees the scenario's target region from this altitude [m]."""
+    shape, known = scenario.body.shape, type(scenario.body).model_fields["shape"].default
+    if shape != known:
+        raise ScenarioError(
+            f"camera.half_angle_deg: missing; with camera.ground_resolution_m it follows for body.shape = {known!r} alone, "
+            f"whose longest axis is known, and not for {shape!r}: give it"
+        )
+    try:
+        return nadir_angle_deg(scenario.target.half_angle_deg, altitude_m=altitude_m, body_radius_m=EROS_HALF_LENGTH_M)
+    except MissionError as error:
+        raise ScenarioError(
+            f"camera.half_angle_deg: missing, and does not follow from camera.ground_resolution_m: {error}; or give it"
+        ) from None
 
 
 def _check_positive(**values: float) -> None:

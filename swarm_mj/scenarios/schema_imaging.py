@@ -1,0 +1,76 @@
+"""Sections of a scenario about pictures: the camera, and what counts in them."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import Field
+
+from swarm_mj.scenarios.section import Section
+
+
+class Camera(Section):
+    """The camera along +z."""
+
+    half_angle_deg: float = Field(
+        21.5, gt=0, lt=90, description="to the sides of a square field of view, or of the cone [deg]"
+    )
+    shape: Literal["square", "cone"] = Field("square", description="of the field of view")
+    resolution_px: int = Field(512, ge=16, le=8192, description="pixels along one side")
+    detector_ifov_rad: float | None = Field(
+        None,
+        gt=0,
+        description="angle of one pixel of the real detector, for the ground sampling distance [rad]; null: the picture's",
+    )
+    ground_resolution_m: float | None = Field(
+        None,
+        ge=1e-6,
+        le=1e4,
+        description="D, the ground resolution that is required [m]; design.imaging_altitude_m and half_angle_deg, where not "
+        "given, then follow by diffraction and by the region's size, and an altitude from which the lens does not resolve D is "
+        "refused; null: nothing follows; summary.json tells the ground sampling distance that was reached",
+    )
+    aperture_m: float = Field(
+        0.094,
+        ge=1e-4,
+        le=100,
+        description="diameter of the lens [m], for ground_resolution_m; assumed: it fits a 3U CubeSat's face",
+    )
+    wavelength_m: float = Field(
+        550e-9, ge=1e-9, le=1e-2, description="of the light [m], for ground_resolution_m; default: green"
+    )
+
+
+class Observation(Section):
+    """When a target face counts as observed."""
+
+    observer: Literal["auto", "faceid", "raster", "raycast", "horizon"] = Field(
+        "auto",
+        description="face-ID buffers by OpenGL, the same by compiled code, ray casting, horizon maps; auto: the first that "
+        "this machine can",
+    )
+    criterion: Literal["passage", "visit"] = Field(
+        "passage", description="count the whole passage inside the imaging region, or only the instant of the visit"
+    )
+    interval_s: float = Field(10.0, gt=0, description="time between two images of a spacecraft [s]")
+    min_fraction: float = Field(
+        0.5,
+        gt=0,
+        le=1,
+        description="part of a face (of a cell, where faces are subdivided) that must be seen: of its expected pixels, or "
+        "its sample points [-]; from 0.99 on the whole face, judged by geometry with every observer: its three corners in the "
+        "field of view and 16 of its points hidden by nothing; counted pixels cannot tell that",
+    )
+    any_pixel: bool = Field(False, description="let any pixel of a face suffice instead; overstates the area")
+    max_emission_deg: float | None = Field(
+        None, gt=0, le=90, description="largest angle between face normal and camera [deg]; null: any"
+    )
+    max_range_m: float | None = Field(None, gt=0, description="largest distance between face and camera [m]; null: any")
+    max_gsd_m: float | None = Field(
+        None, gt=0, description="largest ground sampling distance, obliquity included [m]; null: any"
+    )
+    max_incidence_deg: float | None = Field(
+        None, gt=0, le=90, description="largest angle between face normal and Sun [deg]; null: any"
+    )
+    occlusion: bool = Field(True, description="whether the body hides faces behind it; the paper culls and clips only")
+    shadows: bool = Field(False, description="faces shadowed by the body itself do not count")
