@@ -60,6 +60,7 @@ class Reading(NamedTuple):
                 "detector_ifov_rad": PAPER_IFOV,
             },
             "observation": {
+                "observer": "raster",
                 "criterion": self.criterion,
                 "any_pixel": self.part == "any pixel",
                 "min_fraction": 1.0 if self.part == "whole" else 0.5,

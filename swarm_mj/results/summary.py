@@ -15,6 +15,7 @@ from swarm_mj.flight.observe import ObservationResult, picture_samples, visit_sa
 from swarm_mj.flight.plan import Plan
 from swarm_mj.flight.spacecraft import notes_on
 from swarm_mj.results.target_dwell import held_s
+from swarm_mj.results.visit import visit_miss_m
 from swarm_mj.simulator.telemetry import MODES
 from swarm_mj.typing import Array
 
@@ -35,7 +36,7 @@ def summarise(plan: Plan, telemetry: xr.Dataset, result: ObservationResult, wall
         "duration_s": scenario.duration_s,
         **_observed(plan, result),
         **_pointed(plan, telemetry),
-        **_flown(plan),
+        **_flown(plan, telemetry),
         **_stepped(plan, telemetry),
         **_went_wrong(plan, telemetry),
         "link_closed_percent": _by_name(plan.names, 100.0 * telemetry["link_closed"].values.mean(axis=0), 2),
@@ -123,12 +124,13 @@ def _switch(switch: dict[str, Any], error_deg: Array, held: Array) -> dict[str, 
     }
 
 
-def _flown(plan: Plan) -> dict[str, Any]:
+def _flown(plan: Plan, telemetry: xr.Dataset) -> dict[str, Any]:
     """Deployment, trajectories and what came too close."""
     names = plan.names
     return {
         "deployment_delta_v_m_s": _by_name(names, plan.deployment.delta_v, 6),
         "transfer_miss_mm": _by_name(names, 1e3 * plan.deployment.miss_m, 6),
+        "visit_miss_mm": _by_name(names, 1e3 * visit_miss_m(plan, telemetry), 6),
         "least_distance_to_centre_km": _by_name(names, plan.least_radius / 1e3, 3),
         "near_collisions": [
             {

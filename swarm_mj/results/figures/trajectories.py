@@ -28,6 +28,7 @@ from swarm_mj.results.figures.style import (
 )
 from swarm_mj.results.figures.view import draw_body, draw_line, draw_points, face_colours
 from swarm_mj.results.look import BLACK, BLUE, GREY, ORANGE, VERMILLION, instant, time_axis
+from swarm_mj.results.visit import visit_miss_m
 from swarm_mj.typing import Indices
 
 #: Misses below this are not told apart [mm].
@@ -42,6 +43,7 @@ def compose_trajectories(plan: Plan, telemetry: xr.Dataset, result: ObservationR
     space, bars = figure.subplots(1, 2, width_ratios=(1.35, 1.0))
     _draw_flight(space, plan, scene)
     _draw_velocities(bars, plan, shown)
+    caption(bars, f"from the mothership; {_misses(plan, telemetry)}")
     handles: list[Line2D | Patch] = [
         Line2D(
             [], [], color=BLACK, marker="s", markersize=7, linestyle="none", label="mothership at deployment, $r_0$"
@@ -110,6 +112,15 @@ def _draw_velocities(ax: Axes, plan: Plan, shown: Indices) -> None:
     tidy(ax)
     ax.grid(False, axis="y")
     label(ax, "deployment delta-v [m/s]")
-    miss = 1e3 * float(plan.deployment.miss_m.max())
-    missed = f"{miss:.1g} mm at most" if miss >= LEAST_MISS_MM else f"less than {LEAST_MISS_MM:g} mm"
-    caption(ax, f"from the mothership; points missed by {missed}")
+
+
+def _misses(plan: Plan, telemetry: xr.Dataset) -> str:
+    """How far the points were missed, in flight and by the solver of the trajectories."""
+    flown, solved = visit_miss_m(plan, telemetry).max(), plan.deployment.miss_m.max()
+    return f"points missed in flight by {_length(flown)} at most (solver's residual {_length(solved)})"
+
+
+def _length(length_m: float) -> str:
+    if length_m >= 1.0:
+        return f"{length_m:.3g} m"
+    return f"{1e3 * length_m:.2g} mm" if 1e3 * length_m >= LEAST_MISS_MM else f"below {LEAST_MISS_MM:g} mm"
