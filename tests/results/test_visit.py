@@ -39,7 +39,7 @@ def test_summary_and_figure_tell_the_flown_miss_and_the_residual_apart(quick_pla
     assert list(told["visit_miss_mm"].values()) == pytest.approx([1e3 * (7 + j) for j in range(plan.n)])
     axes = COMPOSERS["trajectories"](plan, moved, result).axes
     texts = " ".join(text for ax in axes for text in (ax.get_title("left"), *(t.get_text() for t in ax.texts)))
-    assert f"missed in flight by {6 + plan.n} m at most (solver's residual 2.5e+02 mm)" in texts
+    assert f"missed in flight by {6 + plan.n} m at most" in texts and "solver's residual 2.5e+02 mm" in texts
 
 
 def test_the_ground_sampling_distance_is_that_of_the_best_picture_by_hand(quick_plan, flown):

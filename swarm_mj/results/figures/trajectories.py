@@ -43,7 +43,10 @@ def compose_trajectories(plan: Plan, telemetry: xr.Dataset, result: ObservationR
     space, bars = figure.subplots(1, 2, width_ratios=(1.35, 1.0))
     _draw_flight(space, plan, scene)
     _draw_velocities(bars, plan, shown)
-    caption(bars, f"from the mothership; {_misses(plan, telemetry)}")
+    missed, residual = (_length(miss.max()) for miss in (visit_miss_m(plan, telemetry), plan.deployment.miss_m))
+    time = instant(plan.scenario.design.time_of_flight_s, time_axis(plan.scenario.duration_s))
+    caption(space, f"frame A; time of flight $t_f$ = {time}; points missed in flight by {missed} at most")
+    caption(bars, f"from the mothership; solver's residual {residual}")
     handles: list[Line2D | Patch] = [
         Line2D(
             [], [], color=BLACK, marker="s", markersize=7, linestyle="none", label="mothership at deployment, $r_0$"
@@ -95,8 +98,6 @@ def _draw_flight(ax: Axes, plan: Plan, scene: Scene) -> None:
         ways = [view.project(scene.r_A[samples, j]) for samples in (before, after) for j in range(plan.n)]
         colours = [_colour(plan, j) for j in range(plan.n)]
         number_beside(ax, view.project(scene.r_A[visit]), colours, lines=ways)
-    time = instant(plan.scenario.design.time_of_flight_s, time_axis(plan.scenario.duration_s))
-    caption(ax, f"frame A; time of flight $t_f$ = {time}")
 
 
 def _draw_velocities(ax: Axes, plan: Plan, shown: Indices) -> None:
@@ -112,12 +113,6 @@ def _draw_velocities(ax: Axes, plan: Plan, shown: Indices) -> None:
     tidy(ax)
     ax.grid(False, axis="y")
     label(ax, "deployment delta-v [m/s]")
-
-
-def _misses(plan: Plan, telemetry: xr.Dataset) -> str:
-    """How far the points were missed, in flight and by the solver of the trajectories."""
-    flown, solved = visit_miss_m(plan, telemetry).max(), plan.deployment.miss_m.max()
-    return f"points missed in flight by {_length(flown)} at most (solver's residual {_length(solved)})"
 
 
 def _length(length_m: float) -> str:

@@ -20,6 +20,7 @@ def swarm_of(flown, n):
     deployment = replace(
         plan.deployment,
         v0_N=np.repeat(plan.deployment.v0_N[:1], n, axis=0),
+        destination_N=np.repeat(plan.deployment.destination_N[:1], n, axis=0),
         miss_m=np.repeat(plan.deployment.miss_m[:1], n),
     )
     many = replace(plan, scenario=scenario, deployment=deployment, points_A=np.repeat(plan.points_A[:1], n, axis=0))
