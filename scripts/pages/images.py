@@ -17,6 +17,7 @@ from scripts.pages import IMAGES
 COMMANDS = {
     "eros-config1": ("run", "eros-config1"),
     "eros-config2": ("run", "eros-config2"),
+    "eros-literal": ("run", "eros-literal"),
     "eros-faults": ("run", "eros-faults"),
     "eros-config1-design": ("design", "eros-config1", "--pareto"),
 }
@@ -40,6 +41,7 @@ PICTURES = (
     ("eros-config2", "tracking_error"),
     ("eros-config2", "operation"),
     ("eros-config2", "links"),
+    ("eros-literal", "operation"),
     ("eros-faults", "pointing_error"),
     ("eros-config1-design", "gene_map"),
     ("eros-config1-design", "history"),

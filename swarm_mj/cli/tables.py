@@ -28,8 +28,10 @@ def _worst(errors: dict[str, float]) -> str:
     return f"{max(errors.values()):.3g}" if errors else "-"
 
 
-def _span(values: dict[str, float]) -> str:
-    return " / ".join(f"{value:.3g}" for value in values.values()) or "-"
+def _sampled(summary: dict[str, Any]) -> str:
+    required = summary.get("ground_resolution_m")
+    reached = " / ".join(f"{value:.3g}" for value in summary.get("gsd_m", {}).values()) or "-"
+    return reached if required is None else f"{reached}; D {required:g}"
 
 
 def _crew(summary: dict[str, Any]) -> str:
@@ -43,7 +45,7 @@ _ROWS: dict[str, Callable[[dict[str, Any]], str]] = {
     "criterion, camera half-angle": lambda s: f"{s['criterion']}, {s['camera_half_angle_deg']:g} deg",
     "observed area P_TO [%]": lambda s: f"{s['coverage_percent']:.2f}",
     "the same, whole passage [%]": lambda s: f"{s['coverage_percent_passage']:.2f}",
-    "GSD where it counts, min / median / max [m]": lambda s: _span(s.get("gsd_m", {})),
+    "GSD where it counts, min / median / max [m]": _sampled,
     "pointing error before a switch, at most [deg]": lambda s: _worst(s["pointing_error_deg_before_switch"]),
     "pointing error at the visit, at most [deg]": lambda s: _worst(s.get("pointing_error_deg_visit", {})),
     "pointing error at the end, at most [deg]": lambda s: _worst(working(s, "pointing_error_deg_final")),

@@ -25,7 +25,9 @@ class Target(Section):
     longitude_deg: float = Field(90.0, ge=-360, le=360, description="east longitude [deg]")
     half_angle_deg: float = Field(20.0, gt=0, lt=90, description="of the pyramid about its axis [deg]; see edges")
     edges: Literal["corner", "side"] = Field(
-        "corner", description="whether the half-angle is measured to the pyramid's corner edges or to its side planes"
+        "corner",
+        description="whether the half-angle is measured to the pyramid's corner edges or to its side planes; not said by the "
+        "paper, whose 49 vertices fit corner edges (51 here) and not sides (93)",
     )
     cell_size_m: float | Literal["auto"] | None = Field(
         "auto",
@@ -46,11 +48,13 @@ class Design(Section):
         (7, 25, 31, 34, 38),
         min_length=1,
         max_length=100_000,
-        description="one point per observer, numbered from 1 in mesh order",
+        description="one point per observer, numbered from 1 in mesh order: the vertices of the original mesh inside the "
+        "target's pyramid or on its planes; corners that clipping makes are none",
     )
     imaging_altitude_m: float = Field(14_000.0, gt=0, description="of a visiting point above its mesh vertex [m]")
     projection: Literal["radial", "normal"] = Field(
-        "radial", description="whether points are lifted away from the body's centre or along the vertex normal"
+        "radial",
+        description="whether points are lifted away from the body's centre or along the vertex normal; not said by the paper",
     )
     time_of_flight_s: float = Field(600.0, gt=0, description="from the mothership to the visiting point [s]")
 
