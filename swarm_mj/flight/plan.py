@@ -12,7 +12,7 @@ import numpy as np
 from swarm_mj import plugins
 from swarm_mj.errors import PathError, PluginError, ScenarioError, ShapeError
 from swarm_mj.flight.spacecraft import own_spacecraft_from, properties_from
-from swarm_mj.mission.behaviors import Behavior, SelectiveBehavior
+from swarm_mj.mission.behaviors import AimedBehavior, Behavior, SelectiveBehavior
 from swarm_mj.mission.links import Antennas
 from swarm_mj.mission.safety import CloseApproach, close_approaches, find_impacts
 from swarm_mj.mission.target import TargetRegion, automatic_cell_size, build_target, check_visiting_points
@@ -228,7 +228,7 @@ def unchecked_behavior(scenario: Scenario) -> Behavior:
             len(scenario.design.visiting_points),
             scenario.behavior.imaging_radius_m,
         )
-    return behavior
+    return behavior.aimed_at(scenario.target) if isinstance(behavior, AimedBehavior) else behavior
 
 
 def target_from(scenario: Scenario, shape: ShapeModel) -> TargetRegion:

@@ -113,6 +113,15 @@ class MissionBehavior(Protocol):
 
 
 @runtime_checkable
+class AimedBehavior(Protocol):
+    """A behaviour that looks at the scenario's target, where its own parameters name no other."""
+
+    def aimed_at(self, target: Any) -> Behavior:
+        """The same behaviour, for the target of a scenario, a `swarm_mj.scenarios.schema.Target`."""
+        ...
+
+
+@runtime_checkable
 class SelectiveBehavior(Protocol):
     """A behaviour that cannot fly every scenario, and says so before anything is planned."""
 

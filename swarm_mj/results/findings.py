@@ -7,7 +7,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from swarm_mj.flight.observe import picture_samples
 from swarm_mj.flight.plan import PACKAGED_SHAPE, as_planned
+from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.results.design_files import design_differences
 from swarm_mj.results.run_record import RunRecord
 from swarm_mj.results.summary import working
@@ -133,6 +135,20 @@ def imaging_findings(scenario: Scenario, summary: dict[str, Any]) -> list[str]:
     ]
 
 
+def direction_findings(run: RunRecord) -> list[str]:
+    """One sentence on observers that were told a direction in place of a target when pictures were due: they take none."""
+    due = picture_samples(run.scenario, run.telemetry)
+    told = run.telemetry["mode"].values[due, : run.n_observers] == TargetKind.DIRECTION
+    if not told.any():
+        return []
+    who = f"{int(told.any(axis=0).sum())} of {run.n_observers} observers"
+    return [
+        f"{who} took no picture at {int(told.sum())} of {told.size} due: "
+        f"behavior.name = {run.scenario.behavior.name} answered DIRECTION, and pictures are taken while ASTEROID or SURFACE is "
+        "tracked; answer SURFACE with a point in A"
+    ]
+
+
 def borrowed_findings(scenario: Scenario) -> list[str]:
     """One sentence on what a body of one's own takes from Eros.
 
@@ -163,7 +179,7 @@ def findings(run: RunRecord) -> list[str]:
 
 def run_findings(run: RunRecord) -> list[str]:
     """Remarks that need more than the summary: pictures that could not be, values of Eros, and a proof for another case."""
-    found = [*imaging_findings(run.scenario, run.summary), *borrowed_findings(run.scenario)]
+    found = [*imaging_findings(run.scenario, run.summary), *direction_findings(run), *borrowed_findings(run.scenario)]
     if other := proof_differences(run):
         found.append(
             f"the proof of design {run.scenario.design.reference} does not hold for this run: {'; '.join(other)}"

@@ -1,11 +1,16 @@
 """Remarks: on pointing that should have settled, on pictures that could not be taken, on values taken from Eros."""
 
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from swarm_mj.flight.fly import simulate
+from swarm_mj.flight.observe import picture_count
 from swarm_mj.flight.plan import make_plan
-from swarm_mj.results.findings import borrowed_findings, imaging_findings, summary_findings
+from swarm_mj.mission.behaviors import TargetKind, Targets
+from swarm_mj.results.findings import borrowed_findings, direction_findings, imaging_findings, summary_findings
 from swarm_mj.results.target_dwell import held_s
 from swarm_mj.scenarios.loading import load_scenario, scenario_from
 
@@ -103,3 +108,26 @@ def test_what_a_body_of_its_own_takes_from_eros_is_told_key_by_key():
 def test_a_scenario_that_a_run_wrote_tells_the_same():
     scenario = load_scenario("eros-quick", ["body.shape=mine.obj"])
     assert borrowed_findings(scenario_from(scenario.model_dump(mode="json"))) == borrowed_findings(scenario) != []
+
+
+@dataclass
+class Starers:
+    """The first observer looks at a direction for 300 s and then at the body's centre, as the second does all the time."""
+
+    dedicated_communications = False
+
+    def targets(self, view, memory):
+        kind = np.array([TargetKind.DIRECTION if view.t < 300.0 else TargetKind.ASTEROID, TargetKind.ASTEROID])
+        return Targets(kind, np.zeros(2, int), np.tile([0.0, 0.0, 1.0], (2, 1))), memory
+
+
+def test_an_observer_that_is_told_a_direction_takes_no_pictures_and_that_is_said():
+    plan = make_plan(load_scenario("eros-quick", ["observation.interval_s=10", "duration_s=600"]))
+    told = replace(plan, behavior=Starers())
+    telemetry = simulate(told)
+    assert picture_count(told, telemetry) == 2 * 61 - 30
+    run = SimpleNamespace(scenario=told.scenario, telemetry=telemetry, n_observers=2)
+    (remark,) = direction_findings(run)
+    assert remark.startswith("1 of 2 observers took no picture at 30 of 122 due") and "answer SURFACE" in remark
+    telemetry["mode"].values[:] = TargetKind.ASTEROID
+    assert direction_findings(run) == []

@@ -331,3 +331,13 @@ def test_the_command_lists_names_prints_files_and_the_schema(capsys):
     schema = json.loads(capsys.readouterr().out)
     assert "imaging_radius_m" in schema["$defs"]["Behavior"]["properties"]
     assert main(["scenarios", "nothing"]) == 2
+
+
+@pytest.mark.parametrize("key", ["camera.half_angle_deg", "half_angle_deg", "camrea"])
+def test_a_copy_with_a_key_that_is_none_is_refused_with_what_serves(key):
+    scenario = load_scenario("eros-quick")
+    with pytest.raises(ScenarioError, match=f"model_copy: {key} is no key of scenario: .*changed") as told:
+        scenario.model_copy(update={key: 3})
+    assert "\n" not in str(told.value)
+    narrow = scenario.camera.model_copy(update={"half_angle_deg": 3.0})
+    assert scenario.model_copy(update={"camera": narrow}).camera.half_angle_deg == 3.0
