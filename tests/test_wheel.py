@@ -62,6 +62,8 @@ def test_the_wheel_holds_assets_envs_and_scenarios_and_no_other_top_level_packag
     for needed in (
         "swarm_mj/assets/eros.obj",
         "swarm_mj/assets/eros_shape_harmonics.csv",
+        "swarm_mj/assets/bennu_shape_harmonics.csv",
+        "swarm_mj/scenarios/bodies/bennu.yaml",
         "swarm_mj/assets/mjcf/cubesat.xml",
         "swarm_mj/assets/mjcf/scene.xml",
         "swarm_mj/envs/__init__.py",

@@ -17,10 +17,10 @@ from swarm_mj.campaigns.config import Base, Campaign
 from swarm_mj.campaigns.distributions import Distribution
 from swarm_mj.campaigns.sampling import Sample
 from swarm_mj.errors import ScenarioError
-from swarm_mj.flight.plan import PACKAGED_SHAPE
 from swarm_mj.io.cache import hash_of
 from swarm_mj.io.plain import shortened, shown
 from swarm_mj.scenarios import loading
+from swarm_mj.scenarios.bodies import PACKAGED_SHAPES
 from swarm_mj.scenarios.schema import Scenario
 
 #: Flights of a campaign: a year of computing at three seconds each.
@@ -228,7 +228,7 @@ def _without_single_maps(resolved: Resolved) -> Resolved:
 def _hashes(scenarios: Iterable[Scenario]) -> Iterator[tuple[str, str]]:
     """Path and hash of every file that scenarios read besides their own."""
     for scenario in scenarios:
-        if scenario.body.shape != PACKAGED_SHAPE:
+        if scenario.body.shape not in PACKAGED_SHAPES:
             yield scenario.body.shape, _hash_of_file("body.shape", scenario.body.shape)
         if scenario.spacecraft.mjcf is not None:
             yield scenario.spacecraft.mjcf, _hash_of_file("spacecraft.mjcf", scenario.spacecraft.mjcf)

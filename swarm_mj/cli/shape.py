@@ -16,10 +16,11 @@ def add(commands: argparse._SubParsersAction) -> None:
     """Add the command to the parser."""
     shape = commands.add_parser(
         "shape",
-        help="build the Eros mesh from its harmonics, or check a shape file",
-        description="Without FILE: build the mesh of 433 Eros from its shape harmonics. With FILE: check and describe it.",
+        help="build the mesh of a packaged body from its harmonics, or check a shape file",
+        description="Without FILE: build the mesh of a packaged body from its harmonics. With FILE: check and describe it.",
     )
     shape.add_argument("file", nargs="?", type=Path, metavar="FILE", help="OBJ, PLY, STL or PDS .tab to check")
+    shape.add_argument("--body", default="eros", metavar="NAME", help="eros (default), bennu or itokawa")
     shape.add_argument("--unit", choices=("m", "km"), help="unit of FILE (default: m, but km for .tab)")
     shape.add_argument(
         "--radius-range",
@@ -37,13 +38,13 @@ def add(commands: argparse._SubParsersAction) -> None:
 
 def _shape(arguments: argparse.Namespace) -> int:
     from swarm_mj.smallbody.shape_check import shown_size
-    from swarm_mj.smallbody.shape_harmonics import build_eros
+    from swarm_mj.smallbody.shape_harmonics import build_body
     from swarm_mj.smallbody.shape_io import save_obj
 
     if arguments.file:
         shape = _read(arguments)
     else:
-        shape = build_eros(arguments.frequency)
+        shape = build_body(arguments.body, arguments.frequency)
     print(
         f"{shape.name}: {len(shape.vertices)} vertices, {len(shape.faces)} faces, closed, normals outward; "
         f"volume {shown_size(shape.volume, 3)}, area {shown_size(shape.surface_area, 2)}, "

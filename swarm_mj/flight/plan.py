@@ -27,7 +27,7 @@ from swarm_mj.smallbody.kepler import OrbitalElements
 from swarm_mj.smallbody.rotation import Rotation
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.smallbody.shape_check import BodySizeError
-from swarm_mj.smallbody.shape_harmonics import load_eros
+from swarm_mj.smallbody.shape_harmonics import BODIES, build_ellipsoid, load_body
 from swarm_mj.smallbody.shape_io import load_shape
 from swarm_mj.smallbody.solid_angle import points_inside
 from swarm_mj.spacecraft.control.base import Controller
@@ -36,7 +36,7 @@ from swarm_mj.spacecraft.own_spacecraft import OwnSpacecraft
 from swarm_mj.spacecraft.properties import SpacecraftProperties
 from swarm_mj.typing import Array
 
-PACKAGED_SHAPE = "eros"
+EROS_SHAPE = "eros"
 
 #: Time between the points at which a planned flight is checked for impact and near-collision [s], and how many at most.
 CHECK_INTERVAL_S, MAX_CHECKS = 1.0, 100_000
@@ -190,9 +190,11 @@ def as_planned(scenario: Scenario) -> Scenario:
 
 
 def load_body_shape(body: Body) -> ShapeModel:
-    """The body's mesh: packaged or from a file."""
-    if body.shape == PACKAGED_SHAPE:
-        return load_eros()
+    """The body's mesh: packaged, an ellipsoid, or from a file."""
+    if body.shape in BODIES:
+        return load_body(body.shape)
+    if body.semi_axes_m is not None:
+        return build_ellipsoid(body.semi_axes_m, body.name)
     try:
         return load_shape(body.shape, unit=body.shape_unit, name=body.name, expect_radius_m=body.radius_range_m)
     except BodySizeError as error:
@@ -324,7 +326,7 @@ OWN_GRAVITY = {
 def _require_own_gravity(body: Body) -> None:
     given = {key for key, value in body.gravity.parameters.items() if value is not None}
     choices = OWN_GRAVITY.get(body.gravity.model, ())
-    if body.shape != PACKAGED_SHAPE and choices and not any(given.issuperset(choice) for choice in choices):
+    if body.shape != EROS_SHAPE and choices and not any(given.issuperset(choice) for choice in choices):
         raise ScenarioError(
             f"body.gravity.parameters = {body.gravity.parameters}: body.shape = {body.shape} would take the gravity of Eros; "
             f"{body.gravity.model} needs {' or '.join(map(_enumerated, choices))} (check body.rotation and body.orbit too)"

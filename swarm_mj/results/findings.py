@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from swarm_mj.flight.observe import picture_samples
-from swarm_mj.flight.plan import PACKAGED_SHAPE, as_planned
+from swarm_mj.flight.plan import EROS_SHAPE, as_planned
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.results.design_files import design_differences
 from swarm_mj.results.run_record import RunRecord
@@ -155,7 +155,7 @@ def borrowed_findings(scenario: Scenario) -> list[str]:
     Values are compared, not keys that were given: a scenario that a run wrote gives all of them.
     """
     body = scenario.body
-    if body.shape == PACKAGED_SHAPE:
+    if body.shape == EROS_SHAPE:
         return []
     found = []
     for section, effect in (("rotation", "pole and spin"), ("orbit", "where the Sun and the Earth stand")):

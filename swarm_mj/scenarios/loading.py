@@ -17,11 +17,12 @@ from pydantic import ValidationError
 from swarm_mj.errors import ScenarioError
 from swarm_mj.io.plain import MAX_DEPTH, check_plain, shortened, shown
 from swarm_mj.io.records import bytes_of, one_line, record_from
+from swarm_mj.scenarios.bodies import PACKAGED_SHAPES, packaged_body
 from swarm_mj.scenarios.coverage_relations import with_ground_resolution
 from swarm_mj.scenarios.design_record import DesignRecord
 from swarm_mj.scenarios.explaining import explained, listed
 from swarm_mj.scenarios.limits import MAX_INTEGER_CHARACTERS, check_work
-from swarm_mj.scenarios.schema import Body, Scenario
+from swarm_mj.scenarios.schema import Scenario
 
 #: A scenario is a page of text; anything larger is a mistake or an attack.
 MAX_BYTES = 1_000_000
@@ -120,9 +121,8 @@ def _resolve_paths(data: dict[str, Any], folder: Path) -> None:
 
     What is packaged is meant by its name, whatever stands beside the file.
     """
-    packaged_shapes = [Body.model_fields["shape"].default]
     for section, key, packaged in (
-        ("body", "shape", packaged_shapes),
+        ("body", "shape", PACKAGED_SHAPES),
         ("design", "reference", packaged_designs()),
         ("spacecraft", "mjcf", []),
     ):
@@ -314,6 +314,8 @@ def _apply(data: dict[str, Any], override: str) -> None:
     node = data
     for level, name in enumerate(parents, start=1):
         child = node.setdefault(name, {})
+        if level == 1 and name == "body" and isinstance(child, str):
+            child = node[name] = _body_by_name(child, override)
         if not isinstance(child, dict):
             what = (
                 "a list: give the whole of it" if isinstance(child, list) else "a single value: it has no keys inside"
@@ -321,3 +323,11 @@ def _apply(data: dict[str, Any], override: str) -> None:
             raise ScenarioError(f"--set {shortened(override)}: {'.'.join(parents[:level])} is {what}")
         node = child
     node[last] = value
+
+
+def _body_by_name(name: str, override: str) -> dict[str, Any]:
+    """The keys of a packaged body, one of which is about to be changed."""
+    try:
+        return packaged_body(name)
+    except ValueError as error:
+        raise ScenarioError(f"--set {shortened(override)}: body {error}") from None

@@ -8,10 +8,11 @@ and a reason in their description; `swarm-mj scenarios --json-schema` prints the
 from __future__ import annotations
 
 from datetime import datetime
-from typing import Any, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import BeforeValidator, Field, field_validator, model_validator
 
+from swarm_mj.scenarios.bodies import expanded_body
 from swarm_mj.scenarios.schema_body import Body, Perturbations
 from swarm_mj.scenarios.schema_faults import Dispersions, Fault
 from swarm_mj.scenarios.schema_imaging import Camera, Observation
@@ -260,7 +261,9 @@ class Scenario(Section):
     duration_s: float = Field(
         1200.0, gt=0, le=30 * 86_400.0, description="of the flight [s]; a whole multiple of control.period_s"
     )
-    body: Body = Field(default_factory=Body)
+    body: Annotated[Body, BeforeValidator(expanded_body, json_schema_input_type=Body | str)] = Field(
+        default_factory=Body, description="its keys, or the name of a packaged body: eros, bennu, itokawa or lutetia"
+    )
     perturbations: Perturbations = Field(default_factory=Perturbations)
     target: Target = Field(default_factory=Target)
     design: Design = Field(default_factory=Design)

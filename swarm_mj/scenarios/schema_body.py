@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import Field, field_validator
+from pydantic import Field, field_validator, model_validator
 
 from swarm_mj.scenarios import constants
 from swarm_mj.scenarios.section import Parameters, Section
+
+SemiAxis = Annotated[float, Field(gt=0, le=2e6)]
 
 
 class GravityModel(Section):
@@ -50,7 +52,14 @@ class Body(Section):
     """The small body: shape, gravity, rotation and heliocentric orbit."""
 
     name: str = Field("433 Eros", description="of the body, for figures and reports")
-    shape: str = Field("eros", description="'eros' (packaged) or the path of an OBJ, PLY, STL or PDS .tab file")
+    shape: str = Field(
+        "eros",
+        description="packaged: eros, bennu or itokawa; ellipsoid with semi_axes_m; or the path of an OBJ, PLY, STL or PDS .tab "
+        "file",
+    )
+    semi_axes_m: tuple[SemiAxis, SemiAxis, SemiAxis] | None = Field(
+        None, description="of the shape 'ellipsoid', along x, y and z of A [m]; null for all other shapes"
+    )
     shape_unit: Literal["m", "km"] | None = Field(
         None, description="unit of the vertices in the file; null: metres, but kilometres for .tab"
     )
@@ -61,6 +70,15 @@ class Body(Section):
     gravity: GravityModel = Field(default_factory=GravityModel)
     rotation: RotationState = Field(default_factory=RotationState)
     orbit: HeliocentricOrbit = Field(default_factory=HeliocentricOrbit)
+
+    @model_validator(mode="after")
+    def _axes_are_those_of_an_ellipsoid(self) -> Self:
+        if (self.shape == "ellipsoid") != (self.semi_axes_m is not None):
+            raise ValueError(
+                f"shape = {self.shape}, semi_axes_m = {self.semi_axes_m}: the shape 'ellipsoid' needs semi_axes_m, "
+                "three lengths in metres, and no other shape takes them"
+            )
+        return self
 
     @field_validator("radius_range_m")
     @classmethod

@@ -1,16 +1,20 @@
-"""The shape of 433 Eros from spherical harmonics of an ellipsoid-scaled radius.
+"""Shapes of packaged bodies from spherical harmonics of an ellipsoid-scaled radius, and ellipsoids.
 
-A unit vector u points to the surface point x = rho(u) (16 u_x, 8 u_y, 6 u_z) km in frame A, where rho is a sum of real
-orthonormal spherical harmonics up to degree 40. They were fitted to the NEAR MSI plate model with 7,790 facets
-(Thomas et al. 2002; PDS data set NEAR-A-5-COLLECTED-MODELS-V1.0), whose facets they pass at 12 m rms.
+A unit vector u points to the surface point x = rho(u) (a u_x, b u_y, c u_z) in frame A, where rho is a sum of real
+orthonormal spherical harmonics. Those of 433 Eros go to degree 40 with (16, 8, 6) km; they were fitted to the NEAR MSI plate
+model with 7,790 facets (Thomas et al. 2002; PDS data set NEAR-A-5-COLLECTED-MODELS-V1.0), whose facets they pass at 12 m rms.
+The tables of 101955 Bennu (degree 24) and 25143 Itokawa (degree 36) name their models in their first lines.
 
-`swarm-mj shape --out assets/eros.obj` builds the mesh that this project flies around.
+`swarm-mj shape --out assets/eros.obj` builds the mesh of Eros that this project flies around.
 """
 
 from __future__ import annotations
 
 import os
+from functools import cache
+from importlib.resources.abc import Traversable
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -35,23 +39,78 @@ BLOCK = 4096
 MAX_DEGREE = 1000
 
 
-def build_eros(frequency: int = FREQUENCY, *, harmonics_path: str | os.PathLike[str] | None = None) -> ShapeModel:
-    """Build the mesh of Eros on the vertices of a geodesic icosahedron.
+class HarmonicShape(NamedTuple):
+    """A body whose shape is packaged as harmonics.
+
+    Attributes:
+        name: Of the body.
+        table: File in the assets.
+        semi_axes_m: Of the ellipsoid that the dimensionless radius scales [m].
+    """
+
+    name: str
+    table: str
+    semi_axes_m: tuple[float, float, float]
+
+
+#: Packaged bodies by the name that a scenario gives. The tables say which models they were fitted to, and how well.
+BODIES = {
+    "eros": HarmonicShape(NAME, "eros_shape_harmonics.csv", SEMI_AXES_M),
+    "bennu": HarmonicShape("101955 Bennu", "bennu_shape_harmonics.csv", (280.0, 270.0, 250.0)),
+    "itokawa": HarmonicShape("25143 Itokawa", "itokawa_shape_harmonics.csv", (280.0, 150.0, 120.0)),
+}
+
+
+def build_body(body: str, frequency: int = FREQUENCY) -> ShapeModel:
+    """Build the mesh of a packaged body on the vertices of a geodesic icosahedron.
 
     Args:
+        body: One of `BODIES`.
         frequency: subdivision f; gives 10 f^2 + 2 vertices and 20 f^2 faces.
-        harmonics_path: table of harmonics; None: the packaged one.
 
     Returns:
         The checked shape, frame A, metres, rounded to 0.1 mm.
 
     Raises:
-        ShapeError: the table cannot be read or gives no closed body.
+        ShapeError: there is no such body, or its table was damaged.
+    """
+    if body not in BODIES:
+        raise ShapeError(f"{body!r}: no packaged body; there are {', '.join(BODIES)}")
+    about = BODIES[body]
+    return _build(about.name, about.semi_axes_m, frequency, read_harmonics(asset_path(about.table)))
+
+
+def build_eros(frequency: int = FREQUENCY, *, harmonics_path: str | os.PathLike[str] | None = None) -> ShapeModel:
+    """Build the mesh of Eros; args and errors as of `build_body`, with a table of one's own if one is named."""
+    return _build(NAME, SEMI_AXES_M, frequency, read_harmonics(harmonics_path))
+
+
+def build_ellipsoid(semi_axes_m: tuple[float, float, float], name: str, frequency: int = FREQUENCY) -> ShapeModel:
+    """Build the mesh of an ellipsoid, its vertices on the ellipsoid.
+
+    Args:
+        semi_axes_m: Along x, y and z of A [m].
+        name: Of the body.
+        frequency: subdivision f; gives 10 f^2 + 2 vertices and 20 f^2 faces.
     """
     directions, faces = geodesic_icosahedron(frequency)
-    rho = radius_factor(directions, read_harmonics(harmonics_path))
-    vertices = np.round(rho[:, None] * directions * SEMI_AXES_M, DECIMALS) + 0.0
-    return check_shape(vertices, faces, NAME)
+    return check_shape(np.round(directions * np.array(semi_axes_m), DECIMALS) + 0.0, faces, name)
+
+
+def _build(name: str, semi_axes_m: tuple[float, float, float], frequency: int, harmonics: Array) -> ShapeModel:
+    directions, faces = geodesic_icosahedron(frequency)
+    rho = radius_factor(directions, harmonics)
+    return check_shape(np.round(rho[:, None] * directions * semi_axes_m, DECIMALS) + 0.0, faces, name)
+
+
+@cache
+def load_body(body: str) -> ShapeModel:
+    """The mesh of a packaged body that flights use: 4,002 vertices, 8,000 faces; that of Eros is a file, others are built.
+
+    Raises:
+        ShapeError: see `build_body`.
+    """
+    return load_eros() if body == "eros" else build_body(body)
 
 
 def load_eros() -> ShapeModel:
@@ -59,7 +118,7 @@ def load_eros() -> ShapeModel:
     return load_shape(str(asset_path("eros.obj")), name=NAME)
 
 
-def read_harmonics(path: str | os.PathLike[str] | None = None) -> Array:
+def read_harmonics(path: str | os.PathLike[str] | Traversable | None = None) -> Array:
     """Read rows l, m, a_lm, b_lm.
 
     Args:
@@ -71,7 +130,9 @@ def read_harmonics(path: str | os.PathLike[str] | None = None) -> Array:
     Raises:
         ShapeError: the file cannot be read, or a row is not `l,m,a,b` with 0 <= m <= l <= `MAX_DEGREE` and finite a, b.
     """
-    source = asset_path("eros_shape_harmonics.csv") if path is None else Path(path)
+    if path is None:
+        path = asset_path(BODIES["eros"].table)
+    source = Path(path) if isinstance(path, str | os.PathLike) else path
     try:
         lines = [line for line in source.read_text("utf-8").splitlines() if line and line[0] not in "#l"]
         rows = np.array([line.split(",") for line in lines], dtype=np.float64)
