@@ -28,7 +28,9 @@ def _section(schema: dict[str, Any], place: PluginGroup) -> dict[str, Any]:
     found: dict[str, Any] = schema
     for key in place.section.split("."):
         found = found["properties"][key]
-        found = schema["$defs"][found["$ref"].rsplit("/", 1)[-1]] if "$ref" in found else found
+        # A body may be a name too: of several forms the one with keys is meant.
+        reference = next(form["$ref"] for form in (found, *found.get("anyOf", [])) if "$ref" in form)
+        found = schema["$defs"][reference.rsplit("/", 1)[-1]]
     return found
 
 

@@ -34,6 +34,7 @@ def test_the_json_schema_knows_the_arguments_of_the_plug_in_that_is_named(schema
     assert errors(schema, {"control": {**law, "parameters": {"slope": "steep"}}})
     assert errors(schema, {"body": {"gravity": {"model": "point_mass", "parameters": {"densty": 1}}}})
     assert errors(schema, {"behavior": {"name": "target_sweep", "parameters": {}}})  # surface_radius_m is required
+    assert not errors(schema, {"body": "bennu"})
     assert not errors(schema, {"control": {"controller": "of_my_own", "parameters": {"anything": 1}}})
 
 
