@@ -13,6 +13,8 @@ from swarm_mj.errors import OutputError
 from swarm_mj.io.atomic import write_text
 from swarm_mj.io.cache import hash_of
 from swarm_mj.io.lock import LOCK
+from swarm_mj.io.plain import shown
+from swarm_mj.io.records import Record, one_line, read_record
 from swarm_mj.results.summary import library_versions
 
 #: Where a campaign's folder says what it flies: `Resolved.dump` and what it was flown with.
@@ -93,21 +95,25 @@ def campaign_in(folder: Path) -> Campaign:
     try:
         return Campaign.model_validate(_read_manifest(path).get("campaign"))
     except ValueError as error:
-        raise OutputError(f"{path}: describes no campaign ({error})") from None
+        raise OutputError(f"{path}: describes no campaign ({one_line(error)})") from None
 
 
 def _fingerprint(resolved: Resolved) -> dict[str, Any]:
     return {"fingerprint": hash_of(resolved.dumps()), "versions": library_versions()}
 
 
+class Manifest(Record):
+    """What a campaign's folder says it flies, campaign.json."""
+
+    fingerprint: str
+    campaign: dict[str, Any]
+    bases: dict[str, dict[str, Any]] = {}
+    shapes: dict[str, str] = {}
+    versions: dict[str, str] = {}
+
+
 def _read_manifest(path: Path) -> dict[str, Any]:
-    try:
-        manifest = json.loads(path.read_text("utf-8"))
-    except (OSError, ValueError, RecursionError) as error:
-        raise OutputError(f"{path}: cannot be read ({error}); choose another folder with --out") from None
-    if not isinstance(manifest, dict) or "fingerprint" not in manifest:
-        raise OutputError(f"{path}: describes no campaign; choose another folder with --out")
-    return manifest
+    return dict(read_record(path, Manifest, "choose another folder with --out"))
 
 
 def require_same(theirs: dict[str, Any], ours: dict[str, Any], folder: Path) -> None:
@@ -118,7 +124,7 @@ def require_same(theirs: dict[str, Any], ours: dict[str, Any], folder: Path) -> 
     """
     then, now = _without_descriptions(theirs), _without_descriptions(ours)
     changed = [
-        f"{path} = {after!r}, was {before!r}"
+        f"{path} = {shown(after)}, was {shown(before)}"
         for section in ("campaign", "bases", "shapes", "versions")
         for path, before, after in _differences(then.get(section), now[section], section)
     ]

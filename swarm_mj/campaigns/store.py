@@ -23,10 +23,12 @@ from typing import Any
 
 import pyarrow as pa
 import pyarrow.parquet as pq
+from pydantic import NonNegativeInt
 
 from swarm_mj.campaigns.manifest import campaign_in
 from swarm_mj.campaigns.table import schema_of, table_of
 from swarm_mj.errors import OutputError
+from swarm_mj.io.records import Record, record_from
 
 RESULTS, JOURNAL, PARTS = "results.parquet", "journal.jsonl", "parts"
 
@@ -34,6 +36,12 @@ RESULTS, JOURNAL, PARTS = "results.parquet", "journal.jsonl", "parts"
 SEAL_S, SEAL_SHARE = 2.0, 0.02
 
 Row = dict[str, Any]
+
+
+class JournalRow(Record):
+    """A row of the journal; its other columns are the campaign's."""
+
+    row: NonNegativeInt
 
 
 class Store:
@@ -180,6 +188,9 @@ def read_results(folder: str | os.PathLike[str], schema: pa.Schema | None = None
         schema = tables[0].schema if tables else schema_of(campaign_in(folder))
     if journal:
         tables.append(table_of(journal, schema))
+    for table in tables:
+        if not table.schema.equals(schema):
+            raise OutputError(f"{folder}: its parts have different columns; fly the campaign again with another --out")
     whole = pa.concat_tables([*tables, schema.empty_table()]).sort_by("row")
     numbers = whole["row"].to_pylist()
     first = [k for k, number in enumerate(numbers) if k == 0 or number != numbers[k - 1]]
@@ -205,8 +216,11 @@ def _parse(line: bytes) -> Row | None:
     text = line[9:-1]
     if not line.endswith(b"\n") or line[:9] != b"%08x " % zlib.crc32(text):
         return None
-    row = json.loads(text)
-    return row if isinstance(row, dict) and isinstance(row.get("row"), int) else None
+    try:
+        row: Row = record_from(text, JournalRow)
+    except ValueError:
+        return None
+    return row
 
 
 def _write_all(handle: int, data: bytes) -> None:

@@ -6,6 +6,7 @@ so that help is quick.
 
 from __future__ import annotations
 
+import io
 import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -24,6 +25,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     0: done; 1: a check failed; 2: bad input or another named error; 130: interrupted.
     """
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")  # results may lie at such paths, see `_report`
     with handled(_interrupted) as interruption:
         try:
             arguments = _parser().parse_args(argv)
@@ -46,7 +49,8 @@ def _interrupted() -> int:
 
 
 def _report(status: int, words: str) -> int:
-    print(words, file=sys.stderr)
+    # A path may hold bytes that are no text of this system.
+    print(words.encode("utf-8", "backslashreplace").decode(), file=sys.stderr)
     return status
 
 

@@ -54,6 +54,10 @@ class Declared:
     rising: bool = False
     optional: bool = False
 
+    def __str__(self) -> str:
+        """The type in words of a message."""
+        return {"U": "text", "O": "names"}.get(self.dtype) or np.dtype(self.dtype).name
+
     def fits(self, dtype: np.dtype[Any]) -> bool:
         """Whether values are of the declared type."""
         return dtype.kind == "U" if self.dtype == "U" else dtype == np.dtype(self.dtype)
@@ -87,7 +91,7 @@ def check_shapes(
             raise ValueError(f"{name} is missing: damaged, or written by another version")
         dtype, shape = found[name]
         if not what.fits(dtype):
-            raise ValueError(f"{name} is of type {dtype}, must be {what.dtype}")
+            raise ValueError(f"{name} is of type {dtype}, must be {what}")
         if len(shape) != len(what.dims):
             raise ValueError(f"{name} has the shape {shape}, must have {len(what.dims)} dimensions ({_named(what)})")
         for dim, size in zip(what.dims, shape, strict=True):
@@ -133,7 +137,7 @@ def check_values(
             continue
         values = arrays[name]
         if not what.fits(values.dtype):
-            raise ValueError(f"{name} is of type {values.dtype}, must be {what.dtype}")
+            raise ValueError(f"{name} is of type {values.dtype}, must be {what}")
         most = sizes[what.most] - 1 if isinstance(what.most, str) else what.most
         bad = _outside(values, what, most)
         if bad.any():

@@ -77,15 +77,17 @@ def record_from(raw: bytes | str, model: Any) -> Any:
         data = json.loads(raw)
     except (ValueError, RecursionError):
         raise ValueError("no JSON") from None
-    check_plain(data, "JSON", most=MAX_RECORD_VALUES, what="record", refusal=_NotPlain)
     try:
+        check_plain(data, "JSON", most=MAX_RECORD_VALUES, what="record", refusal=_NotPlain)
         TypeAdapter(model).validate_python(data)
+    except _NotPlain as error:
+        raise ValueError(str(error).removeprefix("JSON: ").removeprefix("JSON:\n  ")) from None
     except ValidationError as error:
         raise ValueError(_first_of(error)) from None
     return data
 
 
-class _NotPlain(SwarmError, ValueError):
+class _NotPlain(SwarmError):
     """A value that no record holds."""
 
 

@@ -19,26 +19,26 @@ from swarm_mj.io.arrays import Declared, read_arrays
 from swarm_mj.io.atomic import write_text
 from swarm_mj.scenarios.loading import design_record
 from swarm_mj.scenarios.schema import Scenario
-from swarm_mj.simulator.telemetry import REMEDY
+from swarm_mj.simulator.telemetry import FARTHEST, REMEDY
 
 _CELLS, _BY = ("cells",), ("spacecraft", "cells")
 #: Arrays of coverage.npz, as they are written and as they must be to be read: the clipped target mesh in A [m], its cells,
 #: area [m^2], the face of F_T that each lies in; whether and when [s] each was seen, by the swarm and by each spacecraft,
 #: NaN for never, by the scenario's criterion and with suffix `_passage` in the whole passage; the rest of the body.
 COVERAGE = {
-    "vertices": Declared("f8", ("vertices", 3)),
+    "vertices": Declared("f8", ("vertices", 3), -FARTHEST, FARTHEST),
     "faces": Declared("i8", ("cells", 3), 0, "vertices"),
-    "area": Declared("f8", _CELLS, 1e-12),
+    "area": Declared("f8", _CELLS, 1e-12, FARTHEST**2),
     "face_of_cell": Declared("i8", _CELLS, 0),
     "seen": Declared("?", _CELLS),
-    "first_seen_s": Declared("f8", _CELLS, 0.0, gaps="nan"),
+    "first_seen_s": Declared("f8", _CELLS, 0.0, FARTHEST, gaps="nan"),
     "seen_by": Declared("?", _BY),
-    "first_seen_by_s": Declared("f8", _BY, 0.0, gaps="nan"),
+    "first_seen_by_s": Declared("f8", _BY, 0.0, FARTHEST, gaps="nan"),
     "seen_passage": Declared("?", _CELLS),
-    "first_seen_s_passage": Declared("f8", _CELLS, 0.0, gaps="nan"),
+    "first_seen_s_passage": Declared("f8", _CELLS, 0.0, FARTHEST, gaps="nan"),
     "seen_by_passage": Declared("?", _BY),
-    "first_seen_by_s_passage": Declared("f8", _BY, 0.0, gaps="nan"),
-    "body_vertices": Declared("f4", ("body_vertices", 3)),
+    "first_seen_by_s_passage": Declared("f8", _BY, 0.0, FARTHEST, gaps="nan"),
+    "body_vertices": Declared("f4", ("body_vertices", 3), -FARTHEST, FARTHEST),
     "body_faces": Declared("i4", ("body_faces", 3), 0, "body_vertices"),
 }
 #: Of a target that is the whole body no rest is left.

@@ -37,36 +37,40 @@ PEAKS = (
         "time in which a limit of torque or speed cut what the controller asked for",
     ),
 )
+#: No length [m] or time [s] is larger, no speed [m/s, rad/s] or torque [N m], and no component of a unit vector or short MRP.
+FARTHEST, FASTEST, SHORT = 1e15, 1e9, 1.001
 _PLACE, _VECTOR, _WHEELS = ("time", "spacecraft"), ("time", "spacecraft", "xyz"), ("time", "spacecraft", "wheel")
 #: Variables of a file of telemetry, as they are written and as they must be to be read. Those of faults may be there,
 #: those of plug-ins as well.
 VARIABLES = {
-    "time": Declared("f8", ("time",), rising=True),
+    "time": Declared("f8", ("time",), 0.0, FARTHEST, rising=True),
     "spacecraft": Declared("O", ("spacecraft",)),
-    "r_BN_N": Declared("f8", _VECTOR),
-    "v_BN_N": Declared("f8", _VECTOR),
-    "sigma_BN": Declared("f8", _VECTOR),
-    "omega_BN_B": Declared("f8", _VECTOR),
-    "sigma_RN": Declared("f8", _VECTOR),
-    "sigma_BR": Declared("f8", _VECTOR),
-    "line_of_sight_N": Declared("f8", _VECTOR),
+    "xyz": Declared("O", ("xyz",)),
+    "wheel": Declared("O", ("wheel",)),
+    "r_BN_N": Declared("f8", _VECTOR, -FARTHEST, FARTHEST),
+    "v_BN_N": Declared("f8", _VECTOR, -FASTEST, FASTEST),
+    "sigma_BN": Declared("f8", _VECTOR, -SHORT, SHORT),
+    "omega_BN_B": Declared("f8", _VECTOR, -FASTEST, FASTEST),
+    "sigma_RN": Declared("f8", _VECTOR, -SHORT, SHORT),
+    "sigma_BR": Declared("f8", _VECTOR, -SHORT, SHORT),
+    "line_of_sight_N": Declared("f8", _VECTOR, -SHORT, SHORT),
     "pointing_error": Declared("f8", _PLACE, 0.0, pi),
     "mode": Declared("i1", _PLACE, 0, len(MODES) - 1),
     "tracked_spacecraft": Declared("i2", _PLACE, -1, "spacecraft"),
-    "wheel_speed": Declared("f8", _WHEELS),
-    "wheel_torque": Declared("f8", _WHEELS),
-    "sigma_AN": Declared("f8", ("time", "xyz")),
+    "wheel_speed": Declared("f8", _WHEELS, -FASTEST, FASTEST),
+    "wheel_torque": Declared("f8", _WHEELS, -FASTEST, FASTEST),
+    "sigma_AN": Declared("f8", ("time", "xyz"), -SHORT, SHORT),
     "link_closed": Declared("i1", _PLACE, 0, 1),
-    **{name: Declared("f8", ("spacecraft",), optional=True) for name, *_ in PEAKS},
-    "coverage_percent": Declared("f8", ("time",), optional=True),
+    **{name: Declared("f8", ("spacecraft",), 0.0, FARTHEST, optional=True) for name, *_ in PEAKS},
+    "coverage_percent": Declared("f8", ("time",), 0.0, 100.001, optional=True),
     "operational": Declared("i1", _PLACE, 0, 1, optional=True),
     "camera_on": Declared("i1", _PLACE, 0, 1, optional=True),
 }
 #: Attributes of the file that its readers need.
 ATTRIBUTES = {
-    "wheel_max_speed_rad_s": Declared("f8", (1,), 0.0),
-    "sun_N_m": Declared("f8", (3,)),
-    "earth_N_m": Declared("f8", (3,)),
+    "wheel_max_speed_rad_s": Declared("f8", (1,), 0.0, FASTEST),
+    "sun_N_m": Declared("f8", (3,), -FARTHEST, FARTHEST),
+    "earth_N_m": Declared("f8", (3,), -FARTHEST, FARTHEST),
 }
 #: What to do about a file that cannot be read.
 REMEDY = "fly the scenario again with `swarm-mj run`"

@@ -13,7 +13,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from swarm_mj.cli.main import main
 from swarm_mj.errors import SwarmError
 
 from .limits import bounded, examples
@@ -33,15 +32,6 @@ def readers():
     from swarm_mj.results.run_record import read_run
 
     return {"report": read_run, "replay": load_replay}
-
-
-@pytest.fixture(scope="module")
-def run(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("runs") / "run"
-    # One sample in ten seconds keeps the files small.
-    short = ["--set", "telemetry.interval_s=10", "--quiet", "--no-figures"]
-    assert main(["run", "eros-quick", *short, "--out", str(folder)]) == 0
-    return folder
 
 
 @pytest.fixture(scope="module")
