@@ -5,7 +5,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 
 .DEFAULT_GOAL := help
-.PHONY: help run test test-fast lint format types check wheel-test bench docs docs-serve images pages convergence reproduction robustness learning audit shape gl setup setup-dev clean
+.PHONY: help run test test-fast lint format types check wheel-test bench docs docs-serve images pages convergence reproduction robustness learning mutants audit shape gl setup setup-dev clean
 
 help: ## list the targets
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -83,6 +83,9 @@ robustness: setup-dev ## rewrite docs/results/robustness.md: what losses and fau
 
 learning: setup ## fly the trained policy against the scripted ones and rewrite docs/results/learning.md
 	@$(BIN)/python -m scripts.pages.learning
+
+mutants: setup-dev ## plant faults in copies of the code, see whether tests notice, rewrite docs/results/mutants.md
+	@$(BIN)/python -m scripts.mutants $(ARGS)
 
 shape: setup ## rebuild assets/eros.obj from its harmonics
 	@$(BIN)/swarm-mj shape --out assets/eros.obj

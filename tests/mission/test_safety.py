@@ -61,6 +61,16 @@ def test_the_closest_approach_is_that_of_a_thousand_times_finer_samples(seed):
     assert approach.time == pytest.approx(fine[distance.argmin()], abs=0.02)
 
 
+def test_who_turns_away_at_a_sample_or_came_from_one_has_not_been_nearer():
+    # Before and after the legs that were flown, their straight lines go through the other spacecraft.
+    out_and_back = np.array(
+        [[0.0, 90.0, 30.0], [100.0, 0.0, 0.0], [50.0, 0.0, 0.0], [80.0, 40.0, 0.0], [160.0, 80.0, 0.0]]
+    )
+    paths = np.stack((np.zeros((5, 3)), out_and_back), axis=1)
+    (approach,) = close_approaches(np.arange(5.0), paths, closer_than=200.0, after=1.0)
+    assert (approach.time, approach.distance) == (2.0, 50.0)
+
+
 def test_only_pairs_nearer_than_allowed_are_named():
     paths = np.stack(
         (straight([0, 0, 0], [0, 0, 0]), straight([0, 9, 0], [1, 0, 0]), straight([0, 0, 30], [0, 0, 1])), axis=1

@@ -180,3 +180,12 @@ def test_metres_taken_for_kilometres_are_recognised():
     vertices, faces = sphere(radius=17.7e6)
     with pytest.raises(ShapeError, match='metres taken for kilometres: pass unit="m"'):
         check_shape(vertices, faces)
+
+
+def test_the_centroid_of_a_pyramid_lies_a_quarter_of_its_height_above_its_base():
+    # The mean of the five vertices lies a fifth above it, and that of the faces elsewhere again.
+    vertices = np.array([[1, 1, 0], [-1, 1, 0], [-1, -1, 0], [1, -1, 0], [0, 0, 8]], float)
+    faces = [[0, 2, 1], [0, 3, 2], [0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]]
+    pyramid = ShapeModel(100.0 * vertices, faces)
+    assert pyramid.volume == pytest.approx(4e4 * 800.0 / 3)
+    assert pyramid.centroid == pytest.approx([0.0, 0.0, 200.0])

@@ -1,0 +1,167 @@
+"""Plant faults in the code, one at a time, and see whether the tests notice: python -m scripts.mutants [NAME ...].
+
+Writes docs/results/mutants.md after a whole run. NAME picks the faults whose list, file or words hold it. An interrupted call
+goes on where it was; what changed since is run again. Exit status 1 where fewer than 95 % die, one survives without a reason,
+or one that is called equivalent dies.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import shutil
+import sys
+import tempfile
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import asdict
+from pathlib import Path
+from queue import SimpleQueue
+
+from rich.console import Console
+from rich.table import Table
+
+from scripts.mutants.faults import Fault, read_faults
+from scripts.mutants.page import PAGE, ROOT, faults_of, page_of, share_of
+from scripts.mutants.trees import copy_sources, plant
+from scripts.mutants.trial import BROKEN, DIED, SURVIVED, TIME_LIMIT, Runner, Trial
+from swarm_mj.io import interruption
+from swarm_mj.io.atomic import write_text
+from swarm_mj.io.cores import usable_cores
+from swarm_mj.io.progress import progress_bars
+
+#: Where results are kept between calls.
+KEPT = ROOT / "build" / "mutants.json"
+#: Least share of faults that must die.
+ENOUGH = 0.95
+#: For the tests of one fault, and for all of them without any fault [s].
+LIMIT_S, FIRST_LIMIT_S = 300.0, 3600.0
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run what the command line asks for; returns the exit status."""
+    parser = argparse.ArgumentParser(prog="python -m scripts.mutants", description=__doc__.partition(":")[0])
+    parser.add_argument("names", nargs="*", metavar="NAME", help="only faults whose list, file or words hold this")
+    parser.add_argument("--jobs", type=int, default=usable_cores(), help="faults at once (default: all cores)")
+    parser.add_argument("--afresh", action="store_true", help="forget what earlier calls found")
+    asked = parser.parse_args(arguments)
+    console = Console()
+    try:
+        every = read_faults(ROOT)
+    except ValueError as error:
+        console.print(str(error), soft_wrap=True, markup=False, highlight=False)
+        return 2
+    chosen = [
+        fault for fault in every if not asked.names or any(name in f"{fault.room}/{fault.name}" for name in asked.names)
+    ]
+    kept = {} if asked.afresh or not KEPT.exists() else _read_kept()
+    keys = {fault: fault.key(ROOT) for fault in chosen}
+    to_do = [fault for fault in chosen if keys[fault] not in kept]
+    try:
+        with interruption.handled():
+            _run(to_do, keys, kept, asked.jobs, console)
+    except KeyboardInterrupt:
+        console.print("Interrupted; the next call goes on here.")
+        return 130
+    except RuntimeError as error:
+        console.print(str(error), soft_wrap=True, markup=False, highlight=False)
+        return 2
+    trials = {fault: kept[keys[fault]] for fault in chosen}
+    console.print(_table(trials))
+    if chosen == every:
+        write_text(PAGE, page_of(trials))
+        console.print(f"{PAGE.relative_to(ROOT)} written")
+    return _verdict(trials, console)
+
+
+def _read_kept() -> dict[str, Trial]:
+    return {key: Trial(**given) for key, given in json.loads(KEPT.read_text()).items()}
+
+
+def _run(to_do: list[Fault], keys: dict[Fault, str], kept: dict[str, Trial], jobs: int, console: Console) -> None:
+    """Try faults, several at once, and keep what came of each.
+
+    Raises:
+        RuntimeError: The tests fail without any fault.
+    """
+    if not to_do:
+        return
+    folder, runners = Path(tempfile.mkdtemp(prefix="mutants-")), [Runner() for _ in range(jobs)]
+    free, pool = SimpleQueue[Runner](), ThreadPoolExecutor(jobs)
+    for runner in runners:
+        free.put(runner)
+    try:
+        warm = folder / "warm"
+        with progress_bars(console) as bars:
+            bar = bars.add_task("the tests without faults", total=None)
+            copy_sources(ROOT, warm)
+            _warm_up(pool, runners, warm, to_do)
+            bars.update(bar, total=1, completed=1)
+            bar = bars.add_task(f"{len(to_do)} faults", total=len(to_do))
+            futures = {pool.submit(_try, free, fault, warm, folder): fault for fault in to_do}
+            for future in as_completed(futures):
+                kept[keys[futures[future]]] = trial = future.result()
+                KEPT.parent.mkdir(exist_ok=True)
+                write_text(KEPT, json.dumps({key: asdict(trial) for key, trial in kept.items()}, indent=1))
+                bars.advance(bar)
+                if trial.outcome != DIED:
+                    bars.console.print(f"{trial.outcome}: {futures[future].name}", soft_wrap=True, markup=False)
+    finally:
+        for runner in runners:
+            runner.end()
+        pool.shutdown(cancel_futures=True)
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def _warm_up(pool: ThreadPoolExecutor, runners: list[Runner], warm: Path, faults: list[Fault]) -> None:
+    """Run all tests without faults, which leaves the machine code of all kernels in the tree.
+
+    Raises:
+        RuntimeError: One fails.
+    """
+    tests = sorted({test for fault in faults for test in fault.tests})
+    shares = [tuple(tests[k :: len(runners)]) for k in range(len(runners))]
+    first = [pool.submit(r.run, warm, share, FIRST_LIMIT_S) for r, share in zip(runners, shares, strict=True) if share]
+    for trial in (future.result() for future in first):
+        if trial.outcome != SURVIVED:
+            raise RuntimeError(f"The tests fail without any fault: {trial.outcome} {trial.test} {trial.words}")
+
+
+def _try(free: SimpleQueue[Runner], fault: Fault, warm: Path, folder: Path) -> Trial:
+    tree, runner = Path(tempfile.mkdtemp(dir=folder)) / "tree", free.get()
+    try:
+        plant(fault, warm, tree)
+        return runner.run(tree, fault.tests, LIMIT_S)
+    finally:
+        free.put(runner)
+        shutil.rmtree(tree.parent, ignore_errors=True)
+
+
+def _table(trials: dict[Fault, Trial]) -> Table:
+    table = Table("room", "faults", "died", "survived", "equivalent")
+    for room, some in faults_of(trials).items():
+        lived = [fault for fault, trial in some.items() if trial.outcome == SURVIVED]
+        died = sum(trial.outcome in (DIED, TIME_LIMIT) for trial in some.values())
+        excused = sum(bool(fault.equivalent) for fault in lived)
+        table.add_row(room, *map(str, (len(some), died, len(lived), excused)))
+    return table
+
+
+def _verdict(trials: dict[Fault, Trial], console: Console) -> int:
+    """Say what is wrong and how many died; returns the exit status."""
+    wrong = []
+    for fault, trial in trials.items():
+        if trial.outcome == BROKEN:
+            wrong.append(f"{fault.name}: no program: {trial.words}")
+        elif trial.outcome == SURVIVED and not fault.equivalent:
+            wrong.append(f"{fault.name}: survived {', '.join(fault.tests)}")
+        elif trial.outcome != SURVIVED and fault.equivalent:
+            wrong.append(f"{fault.name}: is called equivalent, but {trial.test} notices")
+    for line in wrong:
+        console.print(line, soft_wrap=True, markup=False, highlight=False)
+    share = share_of(trials)
+    console.print(f"{100 * share:.1f} % of {len(trials)} faults died; at least {100 * ENOUGH:g} % must")
+    return int(bool(wrong) or share < ENOUGH)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
