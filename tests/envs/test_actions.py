@@ -55,7 +55,7 @@ def test_pointing_looks_at_the_surface_point_of_its_action():
 
 
 def test_motor_torques_spin_the_wheels_up_by_the_commanded_momentum():
-    env = gymnasium.make(ID, control="torque").unwrapped
+    env = gymnasium.make(ID, control="torque", step_s=10.0).unwrapped
     env.reset(seed=0)
     inertia = env.plan.properties.wheel_spin_inertia
 

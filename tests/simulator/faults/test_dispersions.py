@@ -146,6 +146,17 @@ def test_dispersed_coefficients_change_by_their_share_and_the_total_mass_by_noth
     assert kstest(np.concatenate(changes) / 0.1, "norm").pvalue > 1e-3
 
 
+def test_cosine_and_sine_coefficients_are_dispersed_independently():
+    planned, pairs = plan_of("eros-quick", ()).environment, []
+    before = planned.gravity
+    both = (before.c != 0.0) & (before.s != 0.0)
+    for seed in range(60):
+        after = disperse_environment(planned, Dispersions(harmonics_percent=10), seed).gravity
+        pairs.append((after.c[both] / before.c[both] - 1.0, after.s[both] / before.s[both] - 1.0))
+    cosine, sine = np.concatenate(pairs, axis=1)
+    assert abs(np.corrcoef(cosine, sine)[0, 1]) < 5 / np.sqrt(len(sine))
+
+
 def test_harmonics_of_a_field_without_any_are_refused():
     plan = plan_of("eros-quick", ("body.gravity.model=point_mass",))
     with pytest.raises(ScenarioError, match="dispersions.harmonics_percent = 5: needs"):

@@ -89,3 +89,18 @@ def test_a_fall_on_the_middle_of_a_large_face_is_found_in_its_period_and_nobody_
             break
     assert tick == 4001
     assert len(looks) < 2000
+
+
+def test_who_stands_still_is_hit_by_the_turning_body_in_its_period(eros, environment):
+    # 12 km from the axis, where the long ends come by and the flanks do not.
+    watch, r_A = ImpactWatch(eros, environment, PERIOD), np.array([[0.0, 12e3, 0.0], [0.0, -12e3, 1e3]])
+    r_N, flying, hits = r_A @ environment.C_AN(0.0), np.ones(2, bool), {}
+    for tick in range(12_000):
+        if tick >= watch.due:
+            hit = watch.look(tick, r_N, np.zeros((2, 3)), np.zeros((2, 3)), flying)
+            hits |= dict.fromkeys(np.flatnonzero(hit).tolist(), tick)
+            flying &= ~hit
+    for j in range(2):
+        ticks = np.array([*range(0, hits[j] - 1, 100), hits[j] - 1, hits[j]])
+        path_A = np.array([environment.C_AN(PERIOD * tick) @ r_N[j] for tick in ticks])
+        assert np.flatnonzero(points_inside(path_A, eros.vertices, eros.faces)).tolist() == [len(ticks) - 1]
