@@ -140,7 +140,7 @@ def _table(trials: dict[Fault, Trial]) -> Table:
     table = Table("room", "faults", "died", "survived", "equivalent")
     for room, some in faults_of(trials).items():
         lived = [fault for fault, trial in some.items() if trial.outcome == SURVIVED]
-        died = sum(trial.outcome in (DIED, TIME_LIMIT) for trial in some.values())
+        died = sum(trial.outcome == DIED for trial in some.values())
         excused = sum(bool(fault.equivalent) for fault in lived)
         table.add_row(room, *map(str, (len(some), died, len(lived), excused)))
     return table
@@ -150,8 +150,8 @@ def _verdict(trials: dict[Fault, Trial], console: Console) -> int:
     """Say what is wrong and how many died; returns the exit status."""
     wrong = []
     for fault, trial in trials.items():
-        if trial.outcome == BROKEN:
-            wrong.append(f"{fault.name}: no program: {trial.words}")
+        if trial.outcome in (BROKEN, TIME_LIMIT):
+            wrong.append(f"{fault.name}: {trial.outcome}: {trial.words}")
         elif trial.outcome == SURVIVED and not fault.equivalent:
             wrong.append(f"{fault.name}: survived {', '.join(fault.tests)}")
         elif trial.outcome != SURVIVED and fault.equivalent:

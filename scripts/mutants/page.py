@@ -12,7 +12,7 @@ __all__ = ["PAGE", "ROOT", "faults_of", "page_of", "share_of"]
 
 def share_of(trials: dict[Fault, Trial]) -> float:
     """Part of the faults that died, equivalent ones counted as survivors."""
-    return sum(trial.outcome in (DIED, TIME_LIMIT) for trial in trials.values()) / max(1, len(trials))
+    return sum(trial.outcome == DIED for trial in trials.values()) / max(1, len(trials))
 
 
 def faults_of(trials: dict[Fault, Trial]) -> dict[str, dict[Fault, Trial]]:
@@ -23,7 +23,7 @@ def faults_of(trials: dict[Fault, Trial]) -> dict[str, dict[Fault, Trial]]:
 
 def page_of(trials: dict[Fault, Trial]) -> str:
     """The whole page."""
-    died = sum(trial.outcome in (DIED, TIME_LIMIT) for trial in trials.values())
+    died = sum(trial.outcome == DIED for trial in trials.values())
     lines = [
         "# Mutants",
         "",

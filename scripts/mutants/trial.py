@@ -25,7 +25,7 @@ NOT_OURS = ("NUMBA_CACHE_DIR", "PYTEST_ADDOPTS", "PYTHONDONTWRITEBYTECODE", "PYT
 _NO_PROGRAM = re.compile(
     r"\b(SyntaxError|NameError|UnboundLocalError|ImportError|TypingError|LoweringError|AttributeError)\b"
 )
-_FAILED = re.compile(r"^(?:FAILED|ERROR) (\S+::\S+?)(?: - (.*))?$", re.MULTILINE)
+_FAILED = re.compile(r"^(?:FAILED|ERROR) (\S+::.+?)(?: - (.*))?$", re.MULTILINE)
 
 
 @dataclass(frozen=True)

@@ -69,3 +69,18 @@ def test_an_impossible_camera_is_refused(values, message):
 def test_a_position_that_is_none_is_refused(position):
     with pytest.raises(MissionError, match="camera position"):
         camera_pose(position, np.eye(3))
+
+
+def test_components_in_the_camera_frame_are_those_along_its_axes():
+    pose = look_at([1e4, -3e3, 2e3], [100.0, 200.0, -300.0], roll=0.7)
+    for axis in range(3):
+        along = pose.r_A + 50.0 * pose.C_CA[axis]
+        assert pose.to_camera(along) == pytest.approx(50.0 * np.eye(3)[axis], abs=1e-9)
+    ahead = np.array([100.0, 200.0, -300.0]) - pose.r_A
+    assert pose.to_camera(np.array([100.0, 200.0, -300.0])) == pytest.approx([0, 0, np.linalg.norm(ahead)], abs=1e-8)
+
+
+def test_a_row_of_pixels_spans_the_field_of_view():
+    camera = CameraModel(half_angle_deg=10.0, resolution_px=200)
+    assert 200 * camera.pixel_angle == pytest.approx(2 * np.tan(np.radians(10.0)))
+    assert CameraModel(detector_ifov=1e-5).pixel_angle == 1e-5

@@ -179,3 +179,11 @@ def exact_coverage(seed, passes):
     views = [exact_view(pose, CameraModel(half_angle_deg=3.0)) for _, _, pose in flyby(seed, passes)]
     oracle = eros_oracle()
     return 100 * oracle.united_area(views).sum() / oracle.area.sum()
+
+
+def test_pictures_added_in_any_order_leave_the_first_time_of_each_cell():
+    coverage = CoverageMap(np.array([1.0, 2.0, 3.0]), 1)
+    for t, seen in ((30.0, [1, 1, 0]), (10.0, [1, 0, 0]), (20.0, [1, 1, 0])):
+        coverage.add(t, 0, np.array(seen, bool))
+    assert coverage.first_seen_s[:2].tolist() == [10.0, 20.0] and np.isnan(coverage.first_seen_s[2])
+    assert coverage.percent_over_time([5.0, 10.0, 20.0]) == pytest.approx([0.0, 100 / 6, 50.0])

@@ -119,6 +119,7 @@ def test_what_is_no_program_counts_as_broken_and_not_as_noticed():
     failed = "E   {}: it\nFAILED tests/test_one.py::test_it - {}: it\n"
     assert judge(1, failed.format("AssertionError", "AssertionError"))[:2] == (DIED, "tests/test_one.py::test_it")
     assert judge(1, failed.format("NameError", "NameError"))[0] == BROKEN
+    assert judge(1, "FAILED tests/test_one.py::test_it[two words] - it\n")[1] == "tests/test_one.py::test_it[two words]"
     assert judge(2, "ERROR tests/test_one.py\n")[0] == BROKEN
     assert judge(0, "3 passed")[0] == SURVIVED
 

@@ -189,3 +189,11 @@ def test_the_centroid_of_a_pyramid_lies_a_quarter_of_its_height_above_its_base()
     pyramid = ShapeModel(100.0 * vertices, faces)
     assert pyramid.volume == pytest.approx(4e4 * 800.0 / 3)
     assert pyramid.centroid == pytest.approx([0.0, 0.0, 200.0])
+
+
+def test_the_normal_at_a_corner_of_a_tetrahedron_is_against_that_of_the_face_beyond():
+    # The area vectors of a closed surface add up to nothing.
+    vertices = np.array([[0, 0, 0], [3, 0, 0], [1, 5, 0], [0.5, 0.3, 7.0]])
+    shape = ShapeModel(vertices, [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
+    for vertex, opposite in ((0, 2), (1, 3), (2, 1), (3, 0)):
+        np.testing.assert_allclose(shape.vertex_normals[vertex], -shape.face_normals[opposite], rtol=1e-12, atol=1e-15)

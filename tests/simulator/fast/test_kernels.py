@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from swarm_mj.mission.behaviors import TargetKind
-from swarm_mj.simulator.fast.kernels import actuate, locate_targets
+from swarm_mj.simulator.fast.kernels import actuate, locate_targets, mark_new_targets, read_state
 from swarm_mj.simulator.slots import Peak, Slot
 
 #: A body that turns in two minutes, so that every term of the motion of its surface is large.
@@ -98,3 +98,27 @@ def test_a_full_wheel_is_driven_no_further_either_way_and_can_be_braked(sign):
 
 def test_a_wheel_beyond_its_top_speed_is_left_alone_but_not_driven_back():
     assert actuated([1e-3, -1e-3, 0.0], [-601.0, 601.0, 601.0])[0].tolist() == [0.0, 0.0, 0.0]
+
+
+def test_the_state_is_read_with_the_momentum_of_all_wheels_and_the_place_of_the_middle_of_the_hold():
+    rng = np.random.default_rng(2)
+    qpos, qvel, axes = rng.normal(size=20), rng.normal(size=18), rng.normal(size=(3, 3))
+    q_BN, work, C_mid = np.empty((2, 4)), np.zeros((len(Slot), 2, 3)), to_body(7.0)
+    assert read_state(qpos, qvel, C_mid, 0.25, 3e-5, axes, q_BN, work)
+    places, motions = qpos.reshape(2, 10), qvel.reshape(2, 9)
+    assert np.array_equal(q_BN, places[:, 3:7])
+    np.testing.assert_allclose(work[Slot.MOMENTUM], 3e-5 * motions[:, 6:] @ axes)
+    np.testing.assert_allclose(work[Slot.R_A], (places[:, :3] + 0.25 * motions[:, :3]) @ C_mid.T)
+    for slot, columns in ((Slot.V, slice(0, 3)), (Slot.OMEGA, slice(3, 6)), (Slot.WHEEL, slice(6, 9))):
+        assert np.array_equal(work[slot], motions[:, columns])
+    qvel[-1] = np.nan
+    assert not read_state(qpos, qvel, C_mid, 0.25, 3e-5, axes, q_BN, work)
+
+
+def test_a_target_is_new_where_its_kind_or_the_spacecraft_followed_is_another():
+    kind, followed = np.array([1, 1, 0, 2]), np.array([3, 2, 0, 0])
+    last_kind, last, new = np.array([1, 1, 2, 2]), np.array([3, 3, 0, 0]), np.ones(4, bool)
+    assert mark_new_targets(kind, followed, last_kind, last, new)
+    assert new.tolist() == [False, True, True, False]
+    assert np.array_equal(last_kind, kind) and np.array_equal(last, followed)
+    assert not mark_new_targets(kind, np.array([4, 0, 0, 0]), last_kind, last, new)
