@@ -161,7 +161,8 @@ class Flight:
         with using_bars(progress) as bars:
             stages = Stages(self.plan.scenario.name, bars)
             stages.wall_s = dict(self.summary["wall_s"])
-            with _run_folder(Path(folder), self.plan.scenario, stages) as partial_folder:
+            beside = drawing_beside() if figures else nullcontext()
+            with beside, _run_folder(Path(folder), self.plan.scenario, stages) as partial_folder:
                 _write(partial_folder, self, stages, figures=figures, pdf=pdf)
             self.folder = Path(folder)
             if report:

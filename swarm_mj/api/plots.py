@@ -26,11 +26,11 @@ class Plots:
         composers: What makes each figure, by its name.
     """
 
-    def __init__(self, composers: Mapping[str, Callable[[], Figure]]) -> None:
+    def __init__(self, composers: Mapping[str, Callable[..., Figure]]) -> None:
         self._composers = dict(composers)
 
-    def __getattr__(self, name: str) -> Callable[[], Axes | NDArray[Any]]:
-        """The method that composes a figure.
+    def __getattr__(self, name: str) -> Callable[..., Axes | NDArray[Any]]:
+        """The method that composes a figure, which takes what its function takes by name, for instance `frame="N"`.
 
         Raises:
             AttributeError: There is no such figure; the message lists the names.
@@ -38,7 +38,7 @@ class Plots:
         compose = self.__dict__.get("_composers", {}).get(name)
         if compose is None:
             raise AttributeError(f"no figure {name!r}; there are {', '.join(dir(self))}")
-        return lambda: axes_of(shown(compose()))
+        return lambda **options: axes_of(shown(compose(**options)))
 
     def __dir__(self) -> list[str]:
         """The figures' names, for completion."""

@@ -5,7 +5,10 @@ Colours are those of Okabe and Ito (2008), which readers with any common colour 
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Literal, NamedTuple
+
+#: Dashes of a line as Matplotlib takes them: none, or an offset, and lengths of strokes and gaps.
+Dashes = Literal["-"] | tuple[float, tuple[float, ...]]
 
 BLACK = "#000000"
 ORANGE = "#E69F00"
@@ -23,6 +26,17 @@ COMPONENTS = (BLUE, ORANGE, GREEN)
 
 #: Colours of single spacecraft, as long as they can be told apart.
 SPACECRAFT = (BLUE, ORANGE, GREEN, VERMILLION, PURPLE, SKY_BLUE)
+
+#: Dashes of lines that stand for one thing each, beside their colours, for who does not see these: in the order of
+#: `COMPONENTS` and `SPACECRAFT`.
+DASHES: tuple[Dashes, ...] = (
+    "-",
+    (0.0, (5.0, 1.5)),
+    (0.0, (1.5, 1.2)),
+    (0.0, (6.0, 1.5, 1.2, 1.5)),
+    (0.0, (9.0, 2.0)),
+    (0.0, (4.0, 1.2, 1.2, 1.2, 1.2, 1.2)),
+)
 
 #: Colour of bare ground.
 GROUND = "#C9C4BC"
@@ -52,3 +66,8 @@ def instant(t: float, axis: TimeAxis) -> str:
 def spacecraft_colours(n: int) -> list[str]:
     """A colour for each of n spacecraft: their own while they can be told apart, else one for all."""
     return list(SPACECRAFT[:n]) if n <= len(SPACECRAFT) else [BLUE] * n
+
+
+def spacecraft_dashes(n: int) -> list[Dashes]:
+    """Dashes for the line of each of n spacecraft, as `spacecraft_colours` has colours."""
+    return list(DASHES[:n]) if n <= len(SPACECRAFT) else [DASHES[0]] * n

@@ -12,7 +12,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from swarm_mj.results.look import BLUE, DARK_GREY, GREEN, ORANGE, PURPLE, VERMILLION
+from swarm_mj.results.look import BLUE, DARK_GREY, DASHES, GREEN, ORANGE, PURPLE, VERMILLION, Dashes
 from swarm_mj.typing import Array, Mask
 
 
@@ -23,6 +23,7 @@ class ModeLook(NamedTuple):
     meaning: str
     colour: str
     line_colour: str
+    dashes: Dashes
 
     @property
     def words(self) -> str:
@@ -32,12 +33,12 @@ class ModeLook(NamedTuple):
 
 #: In the order of the flag values of `mode`, then what no longer works. Areas are pale, so that curves read on top.
 MODE_LOOKS = (
-    ModeLook("TO", "target observing", "#F6D9C4", VERMILLION),
-    ModeLook("CT", "communication tracking", "#CFE6F5", BLUE),
-    ModeLook("ET", "Earth tracking", "#CBE8DC", GREEN),
-    ModeLook("SO", "surface point observing", "#F3E6B8", ORANGE),
-    ModeLook("DH", "direction hold", "#F0DCE8", PURPLE),
-    ModeLook("lost", "lost", "#C9C9C9", DARK_GREY),
+    ModeLook("TO", "target observing", "#F6D9C4", VERMILLION, DASHES[0]),
+    ModeLook("CT", "communication tracking", "#CFE6F5", BLUE, DASHES[1]),
+    ModeLook("ET", "Earth tracking", "#CBE8DC", GREEN, DASHES[3]),
+    ModeLook("SO", "surface point observing", "#F3E6B8", ORANGE, DASHES[4]),
+    ModeLook("DH", "direction hold", "#F0DCE8", PURPLE, DASHES[5]),
+    ModeLook("lost", "lost", "#C9C9C9", DARK_GREY, DASHES[2]),
 )
 #: Number of the mode of spacecraft that no longer work.
 LOST = len(MODE_LOOKS) - 1

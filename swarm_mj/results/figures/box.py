@@ -7,13 +7,17 @@ from itertools import product
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.path import Path
 from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
 
 from swarm_mj.results.figures.style import LABEL_PT, SMALL_PT
-from swarm_mj.results.figures.view import KM, View
+from swarm_mj.results.figures.view import KM, ZORDER_BODY, ZORDER_LINES, View
 from swarm_mj.results.look import GREY, LIGHT_GREY
 from swarm_mj.typing import Array
 
+#: The shortest side of a box over the longest: a narrower one leaves most of the page blank.
+LEAST_SIDE = 0.4
 #: Ticks along the longest edge, about.
 TICKS = 6
 #: An edge seen shorter than this share of the picture has no room for its scale.
@@ -22,9 +26,10 @@ NAMES = ("$x_A$ [km]", "$y_A$ [km]", "$z_A$ [km]")
 
 
 def box_around(points: Array, margin: float = 0.06) -> Array:
-    """Lower and upper corner of a box around points (n, 3) [m], shape (2, 3) [m]."""
+    """Lower and upper corner of a box around points (n, 3) [m], shape (2, 3) [m]; no side is much shorter than the longest."""
     low, high = points.min(axis=0), points.max(axis=0)
-    room = margin * (high - low).max()
+    longest = (high - low).max()
+    room = np.maximum(margin * longest, 0.5 * (LEAST_SIDE * longest - (high - low)))
     return np.array([low - room, high + room])
 
 
@@ -43,6 +48,15 @@ def draw_box(ax: Axes, view: View, box: Array) -> None:
     ax.set_ylim(low[1], high[1])
     for i in range(3):
         _draw_scale(ax, view, box, ticks[i], i, far, float((high - low).max()))
+
+
+def keep_inside(ax: Axes, view: View, box: Array) -> None:
+    """Cut off what bodies and lines have outside a box (2, 3) [m]; the last thing to do with a picture."""
+    flat = view.project(_corners(box))
+    outline = Path(flat[ConvexHull(flat).vertices], closed=False)
+    for artist in (*ax.collections, *ax.lines):
+        if artist.get_zorder() in (ZORDER_BODY, ZORDER_LINES):
+            artist.set_clip_path(outline, ax.transData)
 
 
 def _corners(box: Array) -> Array:

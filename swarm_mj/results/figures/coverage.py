@@ -11,20 +11,19 @@ from matplotlib.lines import Line2D
 from swarm_mj.flight.observe import ObservationResult
 from swarm_mj.flight.plan import Plan
 from swarm_mj.observation.coverage import CoverageMap
-from swarm_mj.results.figures.panels import every, legend_below
+from swarm_mj.results.figures.panels import legend_below
 from swarm_mj.results.figures.style import (
     SMALL_PT,
     VISIT_DASHES,
     caption,
     label,
-    name_time,
     new_figure,
     note_of_omission,
-    show_time,
     shown_spacecraft,
     tidy,
 )
-from swarm_mj.results.look import BLACK, GREY, instant, spacecraft_colours, time_axis
+from swarm_mj.results.figures.timescale import TimeScale, time_scale
+from swarm_mj.results.look import BLACK, GREY, SPACECRAFT, instant, spacecraft_colours, spacecraft_dashes
 from swarm_mj.typing import Array, Indices
 
 CRITERION = {"passage": "whole passage", "visit": "instant of the visit only"}
@@ -37,12 +36,19 @@ def compose_coverage(plan: Plan, telemetry: xr.Dataset, result: ObservationResul
     omission = note_of_omission(plan.n_observers, shown)
     figure = new_figure(4.4, f"Observed area of the target, {CRITERION[criterion]}: {plan.scenario.name}{omission}")
     history, bars = figure.subplots(1, 2, width_ratios=(2.6, 1.0))
-    _draw_history(history, plan, telemetry, coverage, shown)
+    scale = time_scale(plan, telemetry)
+    _draw_history(history, scale, telemetry, coverage, shown)
     _draw_bars(bars, plan, coverage, shown)
+    looks = zip(plan.names, spacecraft_colours(len(shown)), spacecraft_dashes(len(shown)), strict=False)
     handles = [
         Line2D([], [], color=BLACK, linewidth=3.4, label="whole swarm"),
-        Line2D([], [], color=spacecraft_colours(len(shown))[0], linewidth=1.3, label="single spacecraft"),
+        *(
+            [Line2D([], [], color=c, linewidth=1.3, linestyle=dashes, label=name) for name, c, dashes in looks]
+            if len(shown) <= len(SPACECRAFT)
+            else [Line2D([], [], color=spacecraft_colours(len(shown))[0], linewidth=1.3, label="each spacecraft")]
+        ),
         Line2D([], [], color=GREY, linewidth=1.0, linestyle=VISIT_DASHES, label="visit"),
+        *scale.handles(),
     ]
     legend_below(figure, handles)
     return figure
@@ -55,18 +61,21 @@ def percent_over_time(coverage: CoverageMap, j: int, times: Array) -> Array:
     return own.percent_over_time(times)
 
 
-def _draw_history(ax: Axes, plan: Plan, telemetry: xr.Dataset, coverage: CoverageMap, shown: Indices) -> None:
-    times = telemetry["time"].values[every(telemetry.sizes["time"])]
-    axis = time_axis(plan.scenario.duration_s)
+def _draw_history(ax: Axes, scale: TimeScale, telemetry: xr.Dataset, coverage: CoverageMap, shown: Indices) -> None:
+    times, axis = telemetry["time"].values, scale.axis
+    times = times[scale.samples(times)]
     ax.step(times / axis.seconds, coverage.percent_over_time(times), where="post", color=BLACK, linewidth=3.4)
-    for j, colour in zip(shown, spacecraft_colours(len(shown)), strict=True):
-        ax.step(times / axis.seconds, percent_over_time(coverage, j, times), where="post", color=colour, linewidth=1.3)
-    visit = plan.scenario.design.time_of_flight_s
+    looks = zip(shown, spacecraft_colours(len(shown)), spacecraft_dashes(len(shown)), strict=True)
+    for j, colour, dashes in looks:
+        share = percent_over_time(coverage, j, times)
+        ax.step(times / axis.seconds, share, where="post", color=colour, linewidth=1.3, linestyle=dashes)
+    visit = scale.visit_s
     ax.axvline(visit / axis.seconds, color=GREY, linewidth=1.0, linestyle=VISIT_DASHES, zorder=1.5)
-    show_time(ax, axis, plan.scenario.duration_s)
+    scale.show(ax)
+    scale.draw_borders(ax)
     ax.set_ylim(-2.0, 104.0)
     tidy(ax)
-    name_time(ax, axis)
+    scale.name(ax)
     label(ax, y=r"observed share of the target $P_{TO}$ [%]")
     caption(
         ax,

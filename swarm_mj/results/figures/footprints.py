@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from scipy.ndimage import gaussian_filter
 
 from swarm_mj.flight.observe import ObservationResult, camera_from, flight_pictures, visit_sample
 from swarm_mj.flight.plan import Plan
@@ -19,6 +20,7 @@ from swarm_mj.results.figures.maps import (
     Window,
     draw_track,
     latitude_longitude,
+    map_aspect,
     name_map,
     paint,
     survey,
@@ -28,14 +30,29 @@ from swarm_mj.results.figures.maps import (
 from swarm_mj.results.figures.panels import legend_below
 from swarm_mj.results.figures.style import caption, new_figure, note_of_omission, shown_spacecraft
 from swarm_mj.results.figures.view import HIDING_DEPTH, depth_of, face_colours, tracer_of, unit
-from swarm_mj.results.look import BLACK, ORANGE, SKY_BLUE, SPACECRAFT, instant, spacecraft_colours, time_axis
+from swarm_mj.results.look import (
+    BLACK,
+    ORANGE,
+    SKY_BLUE,
+    SPACECRAFT,
+    Dashes,
+    instant,
+    spacecraft_colours,
+    spacecraft_dashes,
+    time_axis,
+)
 from swarm_mj.smallbody.shape import ShapeModel
-from swarm_mj.typing import Array
+from swarm_mj.typing import Array, Indices
 
-#: Places along a parallel: of the painted ground, of the outlines, and when looking for what the map must hold.
-PAINTED_COLUMNS, OUTLINE_COLUMNS, SEARCH_COLUMNS = 540, 240, 120
+#: Places along a parallel: on the map, about as many as the picture has points, and when looking for what it must hold.
+COLUMNS, SEARCH_COLUMNS = 600, 120
+#: Where the ground hides itself a margin jumps from place to place; so far it is smoothed [places].
+SMOOTH = 0.8
 #: The pictures of a passage are thinned to so many; they overlap.
-MAX_PICTURES = 120
+MAX_PICTURES = 90
+UNION_DASHES: Dashes = (0.0, (3.0, 2.0))
+#: Width of the map, and height of title, names and legend around it [in].
+MAP_IN, FRAME_IN = 8.2, 2.0
 #: Width of an outline that has its own colour.
 SINGLE_PT = 2.0
 
@@ -51,20 +68,23 @@ def compose_footprints(plan: Plan, telemetry: xr.Dataset, result: ObservationRes
         picture.spacecraft: picture.pose for picture in taken if picture.t == visit_s and picture.spacecraft in shown
     }
     window = _window(plan, camera, list(poses.values()))
-    figure = new_figure(7.0, f"Footprints of the pictures: {scenario.name}{note_of_omission(plan.n_observers, shown)}")
+    title = f"Footprints of the pictures: {scenario.name}{note_of_omission(plan.n_observers, shown)}"
+    figure = new_figure(_height(window), title)
     ax = figure.subplots()
-    _paint_ground(ax, plan, result, window)
-    ground = survey(mesh, window, OUTLINE_COLUMNS)
+    ground = survey(mesh, window, COLUMNS)
+    _paint_ground(ax, plan, result, ground)
+    whole = False
     if scenario.observation.criterion == "passage":
         passage = [picture.pose for picture in taken[:: 1 + len(taken) // MAX_PICTURES]]
-        _draw_union(ax, passage, camera, mesh, ground)
+        whole = _draw_union(ax, passage, camera, mesh, ground)
     draw_track(ax, target_outline(plan.region), window.centre_longitude, color=BLACK, linewidth=2.2, zorder=3)
     colours = dict(zip(shown.tolist(), spacecraft_colours(len(shown)), strict=True))
+    dashes = dict(zip(shown.tolist(), spacecraft_dashes(len(shown)), strict=True))
     outlines: list[Array] = []
     for j, pose in poses.items():
         margin = view_margin(camera, pose, ground, mesh)
         width = SINGLE_PT if len(shown) <= len(SPACECRAFT) else 0.8
-        outlines += _outline(ax, ground, margin, color=colours[j], linewidth=width)
+        outlines += _outline(ax, ground, margin, color=colours[j], linewidth=width, linestyle=dashes[j])
     name_map(ax, window)
     _number(ax, plan, poses, mesh, window, colours, outlines)
     axis = time_axis(scenario.duration_s)
@@ -74,7 +94,7 @@ def compose_footprints(plan: Plan, telemetry: xr.Dataset, result: ObservationRes
         f"outlines: the visit, t = {instant(scenario.design.time_of_flight_s, axis)}; "
         f"half-angle {camera.half_angle_deg:g}\N{DEGREE SIGN}; $P_{{TO}}$ = {percent:.2f} %",
     )
-    legend_below(figure, _handles(plan, colours))
+    legend_below(figure, _handles(plan, result, {j: colours[j] for j in poses}, whole))
     return figure
 
 
@@ -91,20 +111,27 @@ def view_margin(camera: CameraModel, pose: CameraPose, ground: Ground, body: Sha
         The lesser of two measures that cross zero where a footprint ends, shape (r, c): the distance to the picture's edge
         over half its width, and the cosine of the emission angle. Below zero too where other ground is in between.
     """
-    points = ground.points_A
-    x, y, z = np.moveaxis(pose.to_camera(points), -1, 0)
+    flat = _margin_at(camera, pose, ground.points_A.reshape(-1, 3), ground.face.ravel(), body)
+    return flat.reshape(ground.face.shape)
+
+
+def _margin_at(camera: CameraModel, pose: CameraPose, points: Array, face: Indices, body: ShapeModel) -> Array:
+    """`view_margin` at places (n, 3) [m] on faces of the body, shape (n,)."""
+    away = points - pose.r_A
+    x, y, z = pose.C_CA @ away.T
     across = np.hypot(x, y) if camera.shape == "cone" else np.maximum(np.abs(x), np.abs(y))
     with np.errstate(invalid="ignore", divide="ignore"):
-        edge = np.where(z > 0.0, 1.0 - across / (z * camera.tan_half_angle), -1.0)
-    away = points - pose.r_A
+        margin = np.where(z > 0.0, 1.0 - across / (z * camera.tan_half_angle), -1.0)
+    margin = np.nan_to_num(np.clip(margin, -1.0, 1.0), nan=-1.0)
+    held = np.flatnonzero(margin > 0.0)
+    away, normal = away[held], body.face_normals[face[held]]
     distance = np.linalg.norm(away, axis=-1)
-    facing = -np.einsum("...i,...i", away, body.face_normals[ground.face]) / distance
-    margin = np.nan_to_num(np.clip(np.minimum(edge, facing), -1.0, 1.0), nan=-1.0)
-    row, column = np.nonzero(margin > 0.0)
-    hit = tracer_of(body).first_hit(pose.r_A, away[row, column])
-    depth = distance[row, column] * depth_of(hit, pose.r_A, away[row, column], body)
-    hidden = (hit >= 0) & (depth < distance[row, column] - HIDING_DEPTH * body.max_radius)
-    margin[row[hidden], column[hidden]] *= -1.0
+    margin[held] = np.minimum(margin[held], -np.einsum("...i,...i", away, normal) / distance)
+    turned = margin[held] > 0.0
+    held, away, distance = held[turned], away[turned], distance[turned]
+    hit = tracer_of(body).first_hit(pose.r_A, away)
+    depth = distance * depth_of(hit, pose.r_A, away, body)
+    margin[held[(hit >= 0) & (depth < distance - HIDING_DEPTH * body.max_radius)]] *= -1.0
     return margin
 
 
@@ -126,24 +153,34 @@ def _window(plan: Plan, camera: CameraModel, poses: list[CameraPose]) -> Window:
     )
 
 
-def _paint_ground(ax: Axes, plan: Plan, result: ObservationResult, window: Window) -> None:
+def _height(window: Window) -> float:
+    """Of a figure that a map fills, as far as a page goes [in]."""
+    across = MAP_IN * (window.north - window.south) / (window.east - window.west)
+    return float(np.clip(across / map_aspect(window) + FRAME_IN, 4.8, 7.4))
+
+
+def _paint_ground(ax: Axes, plan: Plan, result: ObservationResult, ground: Ground) -> None:
     region, seen = plan.region, result.coverage.seen
     colours = face_colours(region.mesh, [(region.target, ORANGE), (region.target[seen], SKY_BLUE)])
     east, north, _ = region.axes_A
     lamp = unit(region.area @ region.normal_A) + 0.5 * north - 0.4 * east
-    paint(ax, survey(region.mesh, window, PAINTED_COLUMNS), region.mesh, colours, lamp, relief=0.0)
+    paint(ax, ground, region.mesh, colours, lamp, relief=0.0)
 
 
-def _draw_union(ax: Axes, poses: list[CameraPose], camera: CameraModel, mesh: ShapeModel, ground: Ground) -> None:
-    """Outline what the pictures of a passage hold together."""
-    union = np.full(ground.face.shape, -1.0)
+def _draw_union(ax: Axes, poses: list[CameraPose], camera: CameraModel, mesh: ShapeModel, ground: Ground) -> bool:
+    """Outline what the pictures of a passage hold together, from every other place; gives whether there is an outline."""
+    ground = ground.every(2)
+    points, face = ground.points_A.reshape(-1, 3), ground.face.ravel()
+    union, left = np.full(len(face), -1.0), np.flatnonzero(face >= 0)
     for pose in poses:
-        np.maximum(union, view_margin(camera, pose, ground, mesh), out=union)
-    _outline(ax, ground, union, color=BLACK, linewidth=1.2, dashed=True)
+        union[left] = np.maximum(union[left], _margin_at(camera, pose, points[left], face[left], mesh))
+        left = left[union[left] <= 0.0]  # what one picture holds need not be looked for in others
+    margin = union.reshape(ground.face.shape)
+    return bool(_outline(ax, ground, margin, color=BLACK, linewidth=1.2, linestyle=UNION_DASHES))
 
 
 def _outline(
-    ax: Axes, ground: Ground, margin: Array, *, color: str, linewidth: float, dashed: bool = False
+    ax: Axes, ground: Ground, margin: Array, *, color: str, linewidth: float, linestyle: Dashes
 ) -> list[Array]:
     """Draw where a margin is zero; returns the lines, each of shape (n, 2) [deg]."""
     if not margin.max() > 0.0 > margin.min():
@@ -151,11 +188,11 @@ def _outline(
     lines = ax.contour(
         ground.longitudes,
         ground.latitudes,
-        margin,
+        gaussian_filter(margin, SMOOTH),
         levels=[0.0],
         colors=color,
         linewidths=linewidth,
-        linestyles="dashed" if dashed else "solid",
+        linestyles=[linestyle],
         zorder=4,
     )
     if linewidth >= SINGLE_PT:
@@ -195,16 +232,25 @@ def _number(
         )
 
 
-def _handles(plan: Plan, colours: dict[int, str]) -> list[Line2D | Patch]:
-    handles: list[Line2D | Patch] = [
-        Patch(facecolor=SKY_BLUE, label="target, observed"),
-        Patch(facecolor=ORANGE, label="target, not observed"),
-        Line2D([], [], color=BLACK, linewidth=2.2, label="outline of the target"),
-    ]
-    if len(colours) <= len(SPACECRAFT):
-        handles += [Line2D([], [], color=c, linewidth=SINGLE_PT, label=plan.names[j]) for j, c in colours.items()]
-    else:
+def _handles(plan: Plan, result: ObservationResult, colours: dict[int, str], union: bool) -> list[Line2D | Patch]:
+    """Legend entries of what is on the map; `colours` are those of the spacecraft with an outline."""
+    seen = result.coverage.seen
+    handles: list[Line2D | Patch] = []
+    if seen.any():
+        handles.append(Patch(facecolor=SKY_BLUE, label="target, observed"))
+    if not seen.all():
+        handles.append(Patch(facecolor=ORANGE, label="target, not observed"))
+    handles.append(Line2D([], [], color=BLACK, linewidth=2.2, label="outline of the target"))
+    shown = len(shown_spacecraft(plan.n_observers))
+    if shown <= len(SPACECRAFT):
+        dashes = spacecraft_dashes(shown)
+        handles += [
+            Line2D([], [], color=c, linewidth=SINGLE_PT, linestyle=dashes[j], label=plan.names[j])
+            for j, c in colours.items()
+        ]
+    elif colours:
         handles.append(Line2D([], [], color=next(iter(colours.values())), label="each spacecraft"))
-    if plan.scenario.observation.criterion == "passage":
-        handles.append(Line2D([], [], color=BLACK, linewidth=1.2, linestyle="--", label="all pictures of the passage"))
+    if union:
+        words = "all pictures of the passage"
+        handles.append(Line2D([], [], color=BLACK, linewidth=1.2, linestyle=UNION_DASHES, label=words))
     return handles

@@ -27,8 +27,19 @@ from swarm_mj.results.figures.numbering import number_beside
 from swarm_mj.results.figures.panels import legend_below
 from swarm_mj.results.figures.scene import scene_from
 from swarm_mj.results.figures.style import HALO, caption, new_figure
+from swarm_mj.results.figures.timescale import time_scale
 from swarm_mj.results.figures.view import face_colours, unit
-from swarm_mj.results.look import BLACK, GREEN, ORANGE, SPACECRAFT, instant, spacecraft_colours, time_axis
+from swarm_mj.results.look import (
+    BLACK,
+    GREEN,
+    GREY,
+    ORANGE,
+    SPACECRAFT,
+    instant,
+    spacecraft_colours,
+    spacecraft_dashes,
+    time_axis,
+)
 from swarm_mj.typing import Array, Indices
 
 COLUMNS = 720
@@ -55,7 +66,8 @@ def compose_ground_track(plan: Plan, telemetry: xr.Dataset, result: ObservationR
     draw_track(ax, target_outline(plan.region), window.centre_longitude, color=BLACK, linewidth=1.8)
     step = mark_interval(plan.scenario.duration_s)
     marks = np.searchsorted(scene.times, np.arange(0.0, scene.times[-1], step) - 1e-6)
-    _draw_tracks(ax, scene.r_A, marks, visit, window)
+    track = time_scale(plan, telemetry).samples(scene.times, TRACK_POINTS)
+    _draw_tracks(ax, scene.r_A, track, marks, visit, window)
     draw_places(ax, sun[None], window.centre_longitude, marker="*", markersize=15, color=ORANGE, mec=BLACK, zorder=6)
     draw_places(ax, earth[None], window.centre_longitude, marker="P", markersize=9, color=GREEN, mec=BLACK, zorder=6)
     name_map(ax, window)
@@ -73,14 +85,14 @@ def mark_interval(duration_s: float) -> float:
     return float(next((step for step in steps if step * TIME_MARKS >= duration_s), steps[-1]))
 
 
-def _draw_tracks(ax: Axes, r_A: Array, marks: Indices, visit: int, window: Window) -> None:
+def _draw_tracks(ax: Axes, r_A: Array, track: Indices, marks: Indices, visit: int, window: Window) -> None:
     n = r_A.shape[1]
     many, centre = n > len(SPACECRAFT), window.centre_longitude
-    track = np.unique(np.linspace(0, len(r_A) - 1, TRACK_POINTS).astype(int))
-    for j, colour in enumerate(spacecraft_colours(n)):
+    for j, (colour, dashes) in enumerate(zip(spacecraft_colours(n), spacecraft_dashes(n), strict=True)):
         style = {"color": colour, "zorder": 4}
         width = 0.8 if many else 1.8
-        draw_track(ax, r_A[track, j], centre, linewidth=width, path_effects=() if many else HALO, **style)
+        look = {"linewidth": width, "linestyle": dashes}
+        draw_track(ax, r_A[track, j], centre, **look, path_effects=() if many else HALO, **style)
         draw_places(ax, r_A[marks, j], centre, marker=".", markersize=3 if many else 6, **style)
         draw_places(ax, r_A[visit, j : j + 1], centre, marker="o", markersize=4 if many else 7, mec="white", **style)
         draw_places(ax, r_A[-1:, j], centre, marker="s", markersize=3 if many else 6, mec="white", **style)
@@ -110,8 +122,10 @@ def _handles(plan: Plan, step: str) -> list[Line2D]:
 
     if plan.n <= len(SPACECRAFT):
         tracks = [
-            Line2D([], [], color=colour, linewidth=1.8, label=name)
-            for name, colour in zip(plan.names, spacecraft_colours(plan.n), strict=True)
+            Line2D([], [], color=colour, linewidth=1.8, linestyle=dashes, label=name)
+            for name, colour, dashes in zip(
+                plan.names, spacecraft_colours(plan.n), spacecraft_dashes(plan.n), strict=True
+            )
         ]
     else:
         tracks = [
@@ -119,9 +133,9 @@ def _handles(plan: Plan, step: str) -> list[Line2D]:
         ]
     return [
         *tracks,
-        mark(f"every {step}", ".", 6),
-        mark("visit", "o", 7, edge="white"),
-        mark("end", "s", 6, edge="white"),
+        mark(f"every {step}", ".", 6, GREY),
+        mark("visit", "o", 7, GREY, "white"),
+        mark("end", "s", 6, GREY, "white"),
         Line2D([], [], color=BLACK, linewidth=1.8, label="target"),
         mark("subsolar point", "*", 13, ORANGE, BLACK),
         mark("sub-Earth point", "P", 8, GREEN, BLACK),

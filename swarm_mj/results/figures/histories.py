@@ -13,10 +13,11 @@ from matplotlib.lines import Line2D
 
 from swarm_mj.flight.observe import ObservationResult
 from swarm_mj.flight.plan import Plan
-from swarm_mj.results.figures.panels import Panels, compose_panels, every
-from swarm_mj.results.look import BLACK, BLUE, COMPONENTS, ORANGE, SKY_BLUE, VERMILLION, time_axis
+from swarm_mj.results.figures.panels import Panels, compose_panels
+from swarm_mj.results.figures.timescale import time_scale
+from swarm_mj.results.look import BLACK, BLUE, COMPONENTS, DASHES, ORANGE, SKY_BLUE, VERMILLION
 from swarm_mj.spacecraft.properties import RPM, SpacecraftProperties
-from swarm_mj.typing import Array
+from swarm_mj.typing import Array, Indices
 
 #: Exponent of ten below which errors [deg] are rounding; zero has no place on a logarithmic axis.
 FLOOR = -8
@@ -68,7 +69,7 @@ def compose_wheel_momentum(plan: Plan, telemetry: xr.Dataset, result: Observatio
     body, wheels = angular_momenta_B(telemetry, plan.properties)
     limit = plan.properties.wheel_spin_inertia * plan.properties.max_wheel_speed / MILLI
     looks: list[tuple[Array, dict[str, Any]]] = [
-        (body, {"color": ORANGE, "linewidth": 1.2, "label": r"body, $|J\omega|$"}),
+        (body, {"color": ORANGE, "linewidth": 1.2, "linestyle": DASHES[1], "label": r"body, $|J\omega|$"}),
         (wheels, {"color": BLUE, "linewidth": 1.6, "label": "wheels, $|h_w|$"}),
         (
             body + wheels,
@@ -76,8 +77,7 @@ def compose_wheel_momentum(plan: Plan, telemetry: xr.Dataset, result: Observatio
         ),
     ]
     curves = [(np.linalg.norm(part, axis=-1) / MILLI, look) for part, look in looks]
-    some = every(telemetry.sizes["time"])
-    times = telemetry["time"].values[some] / time_axis(plan.scenario.duration_s).seconds
+    some, times = _drawn(plan, telemetry)
     bound: dict[str, Any] = {
         "color": VERMILLION,
         "linewidth": 1.1,
@@ -114,13 +114,13 @@ def angular_momenta_B(telemetry: xr.Dataset, properties: SpacecraftProperties) -
 def compose_pointing_error(plan: Plan, telemetry: xr.Dataset, result: ObservationResult) -> Figure:
     """Angle between +z and the line of sight of every spacecraft, on a logarithmic axis."""
     error = np.maximum(np.degrees(telemetry["pointing_error"].values), 10.0**FLOOR)
-    some = every(len(error))
-    times = telemetry["time"].values[some] / time_axis(plan.scenario.duration_s).seconds
+    some, times = _drawn(plan, telemetry)
 
     def draw(ax: Axes, j: int) -> None:
         ax.plot(times, error[some, j], color=BLUE, linewidth=1.2)
 
-    name = rf"pointing error (drawn at $10^{{{FLOOR}}}$ deg where below)"
+    floored = f" (drawn at $10^{{{FLOOR}}}$ deg where below)" if (error <= 10.0**FLOOR).any() else ""
+    name = f"pointing error{floored}"
     low, high = np.log10(error.min()) - 0.3, np.log10(max(error.max(), 1.0)) + 0.3
     panels = Panels(
         title="Pointing errors",
@@ -135,18 +135,25 @@ def compose_pointing_error(plan: Plan, telemetry: xr.Dataset, result: Observatio
 
 def _components(plan: Plan, telemetry: xr.Dataset, values: Array) -> Callable[[Axes, int], None]:
     """A function that draws the components of one spacecraft; `values` has shape (time, spacecraft, 3 or 4)."""
-    some = every(len(values))
-    times = telemetry["time"].values[some] / time_axis(plan.scenario.duration_s).seconds
+    some, times = _drawn(plan, telemetry)
 
     def draw(ax: Axes, j: int) -> None:
-        for component, colour in zip(values[some, j].T, COLOURS, strict=False):
-            ax.plot(times, component, color=colour, linewidth=1.2)
+        for component, colour, dashes in zip(values[some, j].T, COLOURS, DASHES, strict=False):
+            ax.plot(times, component, color=colour, linewidth=1.2, linestyle=dashes)
 
     return draw
 
 
 def _handles(names: list[str]) -> list[Line2D]:
-    return [Line2D([], [], color=c, linewidth=1.6, label=name) for c, name in zip(COLOURS, names, strict=False)]
+    looks = zip(COLOURS, DASHES, names, strict=False)
+    return [Line2D([], [], color=c, linewidth=1.6, linestyle=dashes, label=name) for c, dashes, name in looks]
+
+
+def _drawn(plan: Plan, telemetry: xr.Dataset) -> tuple[Indices, Array]:
+    """Which samples are drawn, and their times in the unit of the axis."""
+    scale, times = time_scale(plan, telemetry), telemetry["time"].values
+    some = scale.samples(times)
+    return some, times[some] / scale.axis.seconds
 
 
 def _reach(values: Array, *, at_least: float) -> float:

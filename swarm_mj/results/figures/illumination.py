@@ -28,15 +28,23 @@ from swarm_mj.results.figures.style import (
     VISIT_DASHES,
     caption,
     label,
-    name_time,
     new_figure,
     note_of_omission,
-    show_time,
     shown_spacecraft,
     tidy,
 )
+from swarm_mj.results.figures.timescale import TimeScale, time_scale
 from swarm_mj.results.figures.view import triangles
-from swarm_mj.results.look import BLACK, GREY, LIGHT_GREY, SPACECRAFT, TimeAxis, instant, spacecraft_colours, time_axis
+from swarm_mj.results.look import (
+    BLACK,
+    GREY,
+    LIGHT_GREY,
+    SPACECRAFT,
+    instant,
+    spacecraft_colours,
+    spacecraft_dashes,
+    time_axis,
+)
 from swarm_mj.typing import Array, Indices
 
 #: Instants in a history; the angles change slowly.
@@ -64,20 +72,22 @@ def compose_illumination(plan: Plan, telemetry: xr.Dataset, result: ObservationR
         width_in=11.0,
     )
     grid = figure.subplots(2, 3, height_ratios=(1.0, 1.15))
-    _draw_histories(grid[0], plan, telemetry, shown)
+    scale = time_scale(plan, telemetry)
+    _draw_histories(grid[0], plan, telemetry, shown, scale)
     _draw_maps(figure, grid[1], plan, telemetry)
     handles: list[Line2D | Patch] = [
         Line2D([], [], color=BLACK, linewidth=1.8, label="mean over the target"),
         Patch(facecolor=LIGHT_GREY, label="all its cells"),
     ]
-    colours = spacecraft_colours(len(shown))
+    looks = list(zip(shown, spacecraft_colours(len(shown)), spacecraft_dashes(len(shown)), strict=True))
     if len(shown) <= len(SPACECRAFT):
         handles += [
-            Line2D([], [], color=c, linewidth=1.6, label=plan.names[j]) for j, c in zip(shown, colours, strict=True)
+            Line2D([], [], color=c, linewidth=1.6, linestyle=dashes, label=plan.names[j]) for j, c, dashes in looks
         ]
     else:
-        handles.append(Line2D([], [], color=colours[0], linewidth=1.6, label="mean, each spacecraft"))
-    legend_below(figure, [*handles, Line2D([], [], color=GREY, linewidth=1.0, linestyle=VISIT_DASHES, label="visit")])
+        handles.append(Line2D([], [], color=looks[0][1], linewidth=1.6, label="mean, each spacecraft"))
+    handles.append(Line2D([], [], color=GREY, linewidth=1.0, linestyle=VISIT_DASHES, label="visit"))
+    legend_below(figure, [*handles, *scale.handles()])
     return figure
 
 
@@ -114,32 +124,36 @@ def _sun_A(plan: Plan, t: float) -> Array:
     return plan.environment.C_AN(t) @ plan.environment.sun.at(t)
 
 
-def _draw_histories(row: NDArray[np.object_], plan: Plan, telemetry: xr.Dataset, shown: Indices) -> None:
-    scene, region, axis = scene_from(plan, telemetry), plan.region, time_axis(plan.scenario.duration_s)
-    some = np.unique(np.linspace(0, len(scene.times) - 1, MAX_INSTANTS).astype(int))
+def _draw_histories(
+    row: NDArray[np.object_], plan: Plan, telemetry: xr.Dataset, shown: Indices, scale: TimeScale
+) -> None:
+    scene, region = scene_from(plan, telemetry), plan.region
+    some = scale.samples(scene.times, MAX_INSTANTS)
     cells = slice(None, None, 1 + region.n_cells // MAX_CELLS)
     centroid, normal, weight = region.centroid_A[cells], region.normal_A[cells], region.area[cells]
-    times = scene.times[some] / axis.seconds
+    times = scene.times[some] / scale.axis.seconds
     suns = [_sun_A(plan, float(t)) for t in scene.times[some]]
     incidence = np.array([_between(normal, _unit(sun - centroid)) for sun in suns])
     row[0].fill_between(times, incidence.min(axis=1), incidence.max(axis=1), color=LIGHT_GREY, linewidth=0)
     row[0].plot(times, np.average(incidence, axis=1, weights=weight), color=BLACK, linewidth=1.8)
-    for j, colour in zip(shown, spacecraft_colours(len(shown)), strict=True):
+    looks = zip(shown, spacecraft_colours(len(shown)), spacecraft_dashes(len(shown)), strict=True)
+    for j, colour, dashes in looks:
         found = [cell_angles(centroid, normal, sun, scene.r_A[k, j]) for sun, k in zip(suns, some, strict=True)]
         for ax, values in zip(row[1:], ([a.emission for a in found], [a.phase for a in found]), strict=True):
-            ax.plot(times, np.average(values, axis=1, weights=weight), color=colour, linewidth=1.6)
+            ax.plot(times, np.average(values, axis=1, weights=weight), color=colour, linewidth=1.6, linestyle=dashes)
     for ax, name in zip(row, Angles._fields, strict=True):
-        _finish_history(ax, name, plan, axis)
+        _finish_history(ax, name, scale)
 
 
-def _finish_history(ax: Axes, name: str, plan: Plan, axis: TimeAxis) -> None:
-    ax.axvline(plan.scenario.design.time_of_flight_s / axis.seconds, color=GREY, linewidth=1.0, linestyle=VISIT_DASHES)
-    show_time(ax, axis, plan.scenario.duration_s)
+def _finish_history(ax: Axes, name: str, scale: TimeScale) -> None:
+    ax.axvline(scale.visit_s / scale.axis.seconds, color=GREY, linewidth=1.0, linestyle=VISIT_DASHES)
+    scale.show(ax, brief=True)
+    scale.draw_borders(ax)
     top = 30 * max(3, int(np.ceil(ax.dataLim.y1 / 30.0)))
     ax.set_ylim(0.0, top)
     ax.set_yticks(range(0, top + 1, 30))
     tidy(ax)
-    name_time(ax, axis)
+    scale.name(ax)
     label(ax, y=f"{name} [deg]")
     unseen = {"incidence": "above 90\N{DEGREE SIGN}: night", "emission": "above 90\N{DEGREE SIGN}: out of sight"}
     caption(ax, f"{name} by time" + (f" ({unseen[name]})" if name in unseen else ""))

@@ -15,19 +15,18 @@ from swarm_mj.results.figures.panels import legend_below
 from swarm_mj.results.figures.style import (
     TICK_PT,
     VISIT_DASHES,
-    name_time,
     new_figure,
     note_of_omission,
     role,
-    show_time,
     shown_spacecraft,
     tidy,
 )
-from swarm_mj.results.look import BLACK, BLUE, TimeAxis, time_axis
+from swarm_mj.results.figures.timescale import TimeScale, time_scale
+from swarm_mj.results.look import BLACK, BLUE, TimeAxis
 from swarm_mj.results.modes import MODE_LOOKS, Run, intervals, runs
 from swarm_mj.typing import Indices
 
-#: Share of the flight's length that half a mode's name takes at most.
+#: Share of the time axis that half a mode's name takes at most.
 NAME_SHARE = 0.03
 #: Height of a row's two bars, in rows.
 MODE_HEIGHT = 0.46
@@ -37,50 +36,51 @@ LINK_HEIGHT = 0.22
 def compose_links(plan: Plan, telemetry: xr.Dataset, result: ObservationResult) -> Figure:
     """Timeline of modes and closed links, one row per spacecraft."""
     shown = shown_spacecraft(plan.n)
-    axis = time_axis(plan.scenario.duration_s)
+    scale = time_scale(plan, telemetry)
     figure = new_figure(
         2.0 + 0.42 * len(shown),
         f"Modes and radio links: {plan.scenario.name}{note_of_omission(plan.n, shown)}",
     )
     ax = figure.subplots()
     for row, j in enumerate(shown):
-        _draw_row(ax, telemetry, int(j), row, axis, plan.scenario.design.time_of_flight_s)
-    visit = plan.scenario.design.time_of_flight_s / axis.seconds
-    ax.axvline(visit, color=BLACK, linewidth=1.0, linestyle=VISIT_DASHES)
+        _draw_row(ax, telemetry, int(j), row, scale)
+    ax.axvline(scale.visit_s / scale.axis.seconds, color=BLACK, linewidth=1.0, linestyle=VISIT_DASHES)
     tidy(ax)
     ax.grid(False, axis="y")
-    show_time(ax, axis, plan.scenario.duration_s)
+    scale.show(ax)
+    scale.draw_borders(ax)
     ax.set_ylim(len(shown) - 0.5, -0.5)
     ax.set_yticks(range(len(shown)), [f"{plan.names[j]}: {role(plan, int(j))}" for j in shown])
     ax.tick_params(axis="y", length=0)
-    name_time(ax, axis)
-    _draw_totals(ax, telemetry, shown, axis)
-    link = Patch(facecolor=BLUE, label="link closed")
+    scale.name(ax)
+    _draw_totals(ax, telemetry, shown, scale.axis)
+    closed = (telemetry["link_closed"].values[:, shown] == 1).any()
+    link = [Patch(facecolor=BLUE, label="link closed")] if closed else []
     mark = Line2D([], [], color=BLACK, linewidth=1.0, linestyle=VISIT_DASHES, label="visit")
-    legend_below(figure, [*mode_handles(telemetry), link, mark])
+    legend_below(figure, [*mode_handles(telemetry, shown), *link, mark, *scale.handles()])
     return figure
 
 
-def _draw_row(ax: Axes, telemetry: xr.Dataset, j: int, row: int, axis: TimeAxis, visit_s: float) -> None:
-    stretches = runs(telemetry, j)
-    whole = stretches[-1].end - stretches[0].start
-    for run in stretches:
+def _draw_row(ax: Axes, telemetry: xr.Dataset, j: int, row: int, scale: TimeScale) -> None:
+    unit = scale.axis.seconds
+    for run in runs(telemetry, j):
         look, length = MODE_LOOKS[run.mode], run.end - run.start
-        bar = [(run.start / axis.seconds, length / axis.seconds)]
+        bar = [(run.start / unit, length / unit)]
         ax.broken_barh(bar, (row - 0.36, MODE_HEIGHT), facecolor=look.colour, edgecolor="white", linewidth=1.0)
-        if has_room(ax, run, whole):
-            name_mode(ax, _beside(run, visit_s, whole), axis, row - 0.36 + MODE_HEIGHT / 2)
+        if has_room(ax, run, scale):
+            name_mode(ax, _beside(run, scale), scale, row - 0.36 + MODE_HEIGHT / 2)
     closed = intervals(telemetry["link_closed"].values[:, j] == 1, telemetry["time"].values)
-    bars = [(start / axis.seconds, length / axis.seconds) for start, length in closed]
+    bars = [(start / unit, length / unit) for start, length in closed]
     ax.broken_barh(bars, (row - 0.36 + MODE_HEIGHT, LINK_HEIGHT), facecolor=BLUE, linewidth=0)
 
 
-def _beside(run: Run, mark_s: float, whole: float) -> Run:
-    """The longer part of a stretch before or after a mark that would go through its name, else all of it."""
-    if abs(0.5 * (run.start + run.end) - mark_s) > NAME_SHARE * whole:
+def _beside(run: Run, scale: TimeScale) -> Run:
+    """The longer part of a stretch before or after the visit whose mark would go through its name, else all of it."""
+    mark = scale.visit_s
+    if abs(scale.share(scale.middle(run.start, run.end), mark)) > NAME_SHARE:
         return run
-    before, after = Run(run.start, mark_s, run.mode), Run(mark_s, run.end, run.mode)
-    return before if mark_s - run.start > run.end - mark_s else after
+    before, after = Run(run.start, mark, run.mode), Run(mark, run.end, run.mode)
+    return before if scale.share(run.start, mark) > scale.share(mark, run.end) else after
 
 
 def _draw_totals(ax: Axes, telemetry: xr.Dataset, shown: Indices, axis: TimeAxis) -> None:

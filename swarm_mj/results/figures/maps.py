@@ -25,6 +25,8 @@ MAX_RAYS = {"embree": 300_000, "numba": 12_000}
 
 #: How much darker than level ground a vertical slope is painted.
 RELIEF = 0.7
+#: On a map wider than this [deg] degrees of longitude and of latitude are equally long.
+WIDE_DEG = 90.0
 #: Closer to a pole than this a longitude says nothing [deg].
 POLAR = 1.0
 
@@ -59,6 +61,15 @@ class Ground:
     latitudes: Array
     face: Indices
     points_A: Array
+
+    def every(self, step: int) -> Ground:
+        """The same of every so many places along both axes."""
+        return Ground(
+            longitudes=self.longitudes[::step],
+            latitudes=self.latitudes[::step],
+            face=self.face[::step, ::step],
+            points_A=self.points_A[::step, ::step],
+        )
 
 
 def whole_body(centre_longitude: float) -> Window:
@@ -151,17 +162,22 @@ def draw_places(ax: Axes, points_A: Array, centre_longitude: float, **style: Any
     ax.plot(longitude, latitude, **{"linestyle": "none", **style})
 
 
+def map_aspect(window: Window) -> float:
+    """Length of a degree of longitude on a map over that of a degree of latitude."""
+    middle = np.radians(0.5 * (window.south + window.north))
+    return 1.0 if window.east - window.west > WIDE_DEG else max(0.2, float(np.cos(middle)))
+
+
 def name_map(ax: Axes, window: Window) -> None:
     """Scales and names of a map's axes; longitudes from 0 to 360 deg."""
     ax.set_xlim(window.west, window.east)
     ax.set_ylim(window.south, window.north)
     width, height = window.east - window.west, window.north - window.south
-    middle = np.radians(0.5 * (window.south + window.north))
     if width > 4.0 * height:  # a cap around a pole would be a thread
         ax.set_aspect("auto")
     else:
-        ax.set_aspect(1.0 if width > 90.0 else 1.0 / max(0.2, float(np.cos(middle))))
-    wide = width > 90.0
+        ax.set_aspect(1.0 / map_aspect(window))
+    wide = width > WIDE_DEG
     for axis in (ax.xaxis, ax.yaxis):
         axis.set_major_locator(MaxNLocator(7, steps=[3, 4.5, 6, 9] if wide else [1, 2, 5, 10]))
     ax.xaxis.set_major_formatter(FuncFormatter(lambda longitude, _: f"{longitude % 360.0:g}"))

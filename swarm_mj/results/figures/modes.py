@@ -14,8 +14,10 @@ from matplotlib.patches import Patch
 from matplotlib.textpath import TextPath
 
 from swarm_mj.results.figures.style import HALO, SMALL_PT, VISIT_DASHES
-from swarm_mj.results.look import BLACK, GREY, PURPLE, TimeAxis
+from swarm_mj.results.figures.timescale import TimeScale
+from swarm_mj.results.look import BLACK, GREY, PURPLE
 from swarm_mj.results.modes import MODE_LOOKS, Run, events_of, modes_shown, runs
+from swarm_mj.typing import Indices
 
 #: How the instants of faults, and of what followed from them, are marked.
 EVENT: dict[str, Any] = {"color": PURPLE, "linewidth": 1.4, "linestyle": (0, (1, 1.2))}
@@ -25,30 +27,29 @@ BAND = 0.13
 AXES_SHARE, ROOM_PT = 0.75, 4.0
 
 
-def draw_modes(ax: Axes, telemetry: xr.Dataset, j: int, axis: TimeAxis, visit_s: float) -> None:
+def draw_modes(ax: Axes, telemetry: xr.Dataset, j: int, scale: TimeScale) -> None:
     """Shade a panel by mode, name the modes in a band on top, and mark every switch and the visit."""
-    stretches = runs(telemetry, j)
-    whole = stretches[-1].end - stretches[0].start
-    for k, run in enumerate(stretches):
+    unit = scale.axis.seconds
+    for k, run in enumerate(runs(telemetry, j)):
         look = MODE_LOOKS[run.mode]
-        start, end = run.start / axis.seconds, run.end / axis.seconds
+        start, end = run.start / unit, run.end / unit
         ax.axvspan(start, end, ymax=1.0 - BAND, color=look.colour, alpha=0.45, linewidth=0, zorder=0)
         ax.axvspan(start, end, ymin=1.0 - BAND, color=look.colour, linewidth=0, zorder=0)
         if k:
             ax.axvline(start, color=BLACK, linewidth=0.9, zorder=1.5)
-        if has_room(ax, run, whole):
-            name_mode(ax, run, axis, 1.0 - BAND / 2, transform=ax.get_xaxis_transform())
+        if has_room(ax, run, scale):
+            name_mode(ax, run, scale, 1.0 - BAND / 2, transform=ax.get_xaxis_transform())
     for t in events_of(telemetry, j):
-        ax.axvline(t / axis.seconds, ymax=1.0 - BAND, zorder=1.6, **EVENT)
-    ax.axvline(visit_s / axis.seconds, ymax=1.0 - BAND, color=GREY, linewidth=1.0, linestyle=VISIT_DASHES, zorder=1.5)
+        ax.axvline(t / unit, ymax=1.0 - BAND, zorder=1.6, **EVENT)
+    ax.axvline(scale.visit_s / unit, ymax=1.0 - BAND, color=GREY, linewidth=1.0, linestyle=VISIT_DASHES, zorder=1.5)
 
 
-def has_room(ax: Axes, run: Run, whole: float) -> bool:
-    """Whether the abbreviation of a mode fits into its stretch of a flight of some length [s], before the layout is known."""
+def has_room(ax: Axes, run: Run, scale: TimeScale) -> bool:
+    """Whether the abbreviation of a mode fits into its stretch of the time axis, before the layout is known."""
     figure, spec = ax.get_figure(root=True), ax.get_subplotspec()
     assert figure is not None and spec is not None
     axes_pt = 72.0 * AXES_SHARE * figure.get_figwidth() / spec.get_gridspec().ncols
-    return (run.end - run.start) / whole * axes_pt >= _width_pt(MODE_LOOKS[run.mode].abbreviation) + ROOM_PT
+    return scale.share(run.start, run.end) * axes_pt >= _width_pt(MODE_LOOKS[run.mode].abbreviation) + ROOM_PT
 
 
 @cache
@@ -57,10 +58,10 @@ def _width_pt(abbreviation: str) -> float:
     return float(TextPath((0.0, 0.0), abbreviation, size=SMALL_PT, prop=font).get_extents().width)
 
 
-def name_mode(ax: Axes, run: Run, axis: TimeAxis, y: float, **place: Any) -> None:
+def name_mode(ax: Axes, run: Run, scale: TimeScale, y: float, **place: Any) -> None:
     """Write the abbreviation of a mode in the middle of its stretch, at height y."""
     ax.text(
-        (run.start + run.end) / 2 / axis.seconds,
+        scale.middle(run.start, run.end) / scale.axis.seconds,
         y,
         MODE_LOOKS[run.mode].abbreviation,
         ha="center",
@@ -72,8 +73,8 @@ def name_mode(ax: Axes, run: Run, axis: TimeAxis, y: float, **place: Any) -> Non
     )
 
 
-def mode_handles(telemetry: xr.Dataset) -> list[Patch]:
-    """Legend entries of the modes that occur."""
+def mode_handles(telemetry: xr.Dataset, shown: Indices) -> list[Patch]:
+    """Legend entries of the modes that occur among the spacecraft that are shown."""
     return [
         Patch(
             facecolor=MODE_LOOKS[mode].colour,
@@ -81,15 +82,15 @@ def mode_handles(telemetry: xr.Dataset) -> list[Patch]:
             linewidth=0.5,
             label=MODE_LOOKS[mode].words,
         )
-        for mode in np.unique(modes_shown(telemetry))
+        for mode in np.unique(modes_shown(telemetry)[:, shown])
     ]
 
 
-def mark_handles(telemetry: xr.Dataset, n: int) -> list[Line2D]:
-    """Legend entries of the visit, and of switches and faults if there are any."""
+def mark_handles(telemetry: xr.Dataset, shown: Indices) -> list[Line2D]:
+    """Legend entries of the visit, and of switches and faults if there are any among the spacecraft that are shown."""
     handles = [Line2D([], [], color=GREY, linewidth=1.0, linestyle=VISIT_DASHES, label="visit")]
-    if any(len(runs(telemetry, j)) > 1 for j in range(n)):
+    if any(len(runs(telemetry, int(j))) > 1 for j in shown):
         handles.append(Line2D([], [], color=BLACK, linewidth=0.9, label="switch"))
-    if any(events_of(telemetry, j) for j in range(n)):
+    if any(events_of(telemetry, int(j)) for j in shown):
         handles.append(Line2D([], [], label="fault or what followed from it", **EVENT))
     return handles

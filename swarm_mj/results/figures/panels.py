@@ -19,18 +19,13 @@ from swarm_mj.results.figures.style import (
     LABEL_PT,
     SMALL_PT,
     caption,
-    name_time,
     new_figure,
     note_of_omission,
     role,
-    show_time,
     shown_spacecraft,
     tidy,
 )
-from swarm_mj.results.look import time_axis
-
-#: Samples beyond this number differ by less than a pixel.
-MAX_SAMPLES = 20_000
+from swarm_mj.results.figures.timescale import time_scale
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,24 +59,27 @@ def compose_panels(plan: Plan, telemetry: xr.Dataset, panels: Panels) -> Figure:
     engine = figure.get_layout_engine()
     if engine is not None:
         engine.set(w_pad=0.09)  # type: ignore[call-arg]
-    axis = time_axis(plan.scenario.duration_s)
+    scale = time_scale(plan, telemetry)
     for ax, j in zip(grid.flat, shown, strict=False):
         panels.draw(ax, int(j))
-        draw_modes(ax, telemetry, int(j), axis, plan.scenario.design.time_of_flight_s)
+        draw_modes(ax, telemetry, int(j), scale)
+        scale.draw_borders(ax)
         tidy(ax)
         caption(ax, f"{plan.names[j]}: {role(plan, int(j))}", pad=3.0)
     first = grid[0, 0]
-    show_time(first, axis, plan.scenario.duration_s)
+    scale.show(first, brief=columns > 2)
     _scale(first, panels)
     for ax in list(grid.flat)[len(shown) :]:
         ax.set_visible(False)
     for column in range(columns):  # an incomplete last row leaves the panel above it as the lowest
         lowest = grid[(len(shown) - 1 - column) // columns, column]
         lowest.tick_params(labelbottom=True)
-        name_time(lowest, axis, brief=columns > 3)
+        scale.name(lowest, brief=columns > 3)
     _leave_out_bare_axes(figure.axes)
     figure.supylabel(panels.y_label, fontsize=LABEL_PT)
-    legend_below(figure, [*panels.handles, *mark_handles(telemetry, plan.n), *mode_handles(telemetry)])
+    legend_below(
+        figure, [*panels.handles, *mark_handles(telemetry, shown), *scale.handles(), *mode_handles(telemetry, shown)]
+    )
     return figure
 
 
@@ -106,11 +104,6 @@ def _leave_out_bare_axes(panels: Sequence[Axes]) -> None:
                 axis.set_label_coords(0.0, 0.0)
 
 
-def every(n_samples: int) -> slice:
-    """The samples worth drawing."""
-    return slice(None, None, max(1, n_samples // MAX_SAMPLES))
-
-
 def legend_below(figure: Figure, handles: Sequence[Artist]) -> None:
     """One legend for the whole figure, under everything else."""
     figure.legend(
@@ -131,7 +124,7 @@ def _legend_columns(figure: Figure, handles: Sequence[Artist]) -> int:
 
 
 def _columns(n: int) -> int:
-    return 1 if n == 1 else 2 if n <= 4 else 3 if n <= 9 else 4
+    return n if n <= 3 else 2 if n == 4 else 3 if n <= 9 else 4
 
 
 def _height(rows: int) -> float:

@@ -25,10 +25,11 @@ FREE_AXIS = 0.4
 
 @dataclass(frozen=True, kw_only=True)
 class Scene:
-    """What flies around the body, in A.
+    """What flies around the body, in A, or in A as it stands at the visit, which is at rest.
 
     Attributes:
         times: Shape (t,) [s].
+        turn: Attitude of A relative to the frame of the scene, shape (t, 3, 3).
         r_A: Positions, shape (t, n, 3) [m].
         z_A: Directions of +z, shape (t, n, 3).
         relays: Whether each spacecraft is, or at some time becomes, the communications spacecraft, shape (n,).
@@ -36,20 +37,26 @@ class Scene:
     """
 
     times: Array
+    turn: Array
     r_A: Array
     z_A: Array
     relays: Mask
     mode: NDArray[np.int8]
 
 
-def scene_from(plan: Plan, telemetry: xr.Dataset) -> Scene:
-    """Turn telemetry into A."""
+def scene_from(plan: Plan, telemetry: xr.Dataset, *, at_rest: bool = False) -> Scene:
+    """Turn telemetry into A, or into the inertial frame that A is at the visit, in which body and target stand as then."""
     C_AN = asteroid_attitudes(telemetry)
+    turn = np.broadcast_to(np.eye(3), C_AN.shape)
+    if at_rest:
+        at_visit = plan.environment.C_AN(plan.scenario.design.time_of_flight_s)
+        turn, C_AN = C_AN @ at_visit.T, np.broadcast_to(at_visit, C_AN.shape)
     z_N = dcm(telemetry["sigma_BN"].values)[..., 2, :]
     mode = modes_shown(telemetry)
     ever_earth = (mode == TargetKind.EARTH).any(axis=0)
     return Scene(
         times=telemetry["time"].values,
+        turn=turn,
         r_A=np.einsum("kij,knj->kni", C_AN, telemetry["r_BN_N"].values),
         z_A=np.einsum("kij,knj->kni", C_AN, z_N),
         relays=ever_earth | (np.arange(plan.n) >= plan.n_observers),
@@ -65,12 +72,13 @@ def axis_tips(telemetry: xr.Dataset, scene: Scene, body: ShapeModel, k: int, fre
     Returns:
         Shape (n, 3) [m].
     """
-    r, mode, tracked = scene.r_A[k], scene.mode[k], telemetry["tracked_spacecraft"].values[k]
+    r, z, mode, tracked = scene.r_A[k], scene.z_A[k], scene.mode[k], telemetry["tracked_spacecraft"].values[k]
+    onto_A = scene.turn[k].T
     length = np.where(mode == LOST, 0.0, free)
     down, other = looks_at_body(mode), mode == TargetKind.SPACECRAFT
-    length[down] = first_hits(r[down], scene.z_A[k, down], np.linalg.norm(r[down], axis=1), body)
+    length[down] = first_hits(r[down] @ onto_A, z[down] @ onto_A, np.linalg.norm(r[down], axis=1), body)
     length[other] = np.linalg.norm(r[other] - r[tracked[other]], axis=1)
-    return r + length[:, None] * scene.z_A[k]
+    return r + length[:, None] * z
 
 
 def best_view(region: TargetRegion, scene: Scene, instants: Sequence[int]) -> View:

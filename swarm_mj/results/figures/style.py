@@ -1,4 +1,4 @@
-"""The common look: sizes, time axes, saving; colours are in `results/look.py`. Sizes hold when a picture is shown at half."""
+"""The common look: sizes, labels, saving; colours are in `results/look.py`. Sizes hold when a picture is shown at half."""
 
 from __future__ import annotations
 
@@ -11,11 +11,10 @@ from matplotlib import patheffects, rc_context
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
 from PIL import Image
 
 from swarm_mj.flight.plan import Plan
-from swarm_mj.results.look import GREY, LIGHT_GREY, TimeAxis
+from swarm_mj.results.look import GREY, LIGHT_GREY
 from swarm_mj.typing import Indices
 
 DPI = 150
@@ -48,17 +47,6 @@ def new_figure(height_in: float, title: str, *, width_in: float = WIDTH_IN) -> F
     room_pt = 72.0 * width_in / (0.68 * len(title))  # a bold letter is about 0.68 of its size wide
     figure.suptitle(plain(title), fontsize=min(TITLE_PT, room_pt), fontweight="bold")
     return figure
-
-
-def show_time(ax: Axes, axis: TimeAxis, duration_s: float) -> None:
-    """Let the horizontal axis of a diagram span the flight, in round numbers."""
-    ax.set_xlim(0.0, duration_s / axis.seconds)
-    ax.xaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 5, 10]))
-
-
-def name_time(ax: Axes, axis: TimeAxis, *, brief: bool = False) -> None:
-    """Name a horizontal axis of time; briefly where there is little room."""
-    label(ax, x=f"time [{axis.unit}]" if brief else f"time since deployment [{axis.unit}]")
 
 
 def plain(text: str) -> str:

@@ -14,16 +14,18 @@ from matplotlib.patches import Patch
 
 from swarm_mj.flight.observe import ObservationResult
 from swarm_mj.flight.plan import Plan
-from swarm_mj.results.figures.box import box_around, draw_box
+from swarm_mj.results.figures.box import box_around, draw_box, keep_inside
 from swarm_mj.results.figures.cells import angles, draw_cells
+from swarm_mj.results.figures.framing import WIDER
+from swarm_mj.results.figures.numbering import POINTS_PER_INCH
 from swarm_mj.results.figures.panels import legend_below
 from swarm_mj.results.figures.style import HALO, SMALL_PT, TICK_PT, caption, label, new_figure, plain, tidy
 from swarm_mj.results.figures.view import draw_body, draw_line, draw_points, face_colours, views_of, visible_share
 from swarm_mj.results.look import BLACK, ORANGE, VERMILLION
-from swarm_mj.typing import Array
+from swarm_mj.typing import Array, Mask
 
-#: More points than these are not numbered: the numbers would cover each other.
-MAX_NUMBERED = 150
+#: Room that a digit takes [pt].
+NUMBER_PT = 8.0
 
 
 def compose_target(plan: Plan, telemetry: xr.Dataset, result: ObservationResult) -> Figure:
@@ -34,18 +36,22 @@ def compose_target(plan: Plan, telemetry: xr.Dataset, result: ObservationResult)
 def draw_target(plan: Plan) -> Figure:
     """The same of a plan, before it is flown."""
     figure = new_figure(5.2, f"Target region and visiting points: {plan.scenario.name}", width_in=10.5)
+    engine = figure.get_layout_engine()
+    if engine is not None:
+        engine.set(rect=(0.0, 0.0, 1.0, 0.965))  # type: ignore[call-arg]
     overview, close_up = figure.subplots(1, 2, width_ratios=(1.25, 1.0))
     _draw_overview(overview, plan)
-    _draw_close_up(close_up, plan)
-    handles = [
-        Patch(facecolor=ORANGE, label="target faces $F_T$"),
-        Line2D([], [], marker="o", markersize=3.5, color=BLACK, linestyle="none", label="visiting points"),
-        Line2D(
-            [], [], marker="o", markersize=7, color=VERMILLION, linestyle="none", label="visited, with their numbers"
-        ),
-    ]
+    numbered, others = _draw_close_up(close_up, plan)
+    handles: list[Line2D | Patch] = [Patch(facecolor=ORANGE, label="target faces $F_T$")]
+    if others:
+        handles.append(_spot("visiting points", BLACK, 3.5))
+    handles.append(_spot(f"visited{numbered}", VERMILLION, 7.0))
     legend_below(figure, handles)
     return figure
+
+
+def _spot(name: str, colour: str, size: float) -> Line2D:
+    return Line2D([], [], marker="o", markersize=size, color=colour, linestyle="none", label=name)
 
 
 def visiting_points(plan: Plan) -> Array:
@@ -64,7 +70,11 @@ def _draw_overview(ax: Axes, plan: Plan) -> None:
     region, points = plan.region, visiting_points(plan)
     view = max(views_of(region), key=lambda view: visible_share(view, region))
     chosen = np.unique(np.array(plan.scenario.design.visiting_points) - 1)
-    draw_box(ax, view, box_around(np.vstack((region.vertices, points))))
+    shown = np.vstack((region.corners_A.reshape(-1, 3), points))
+    whole = np.vstack((region.mesh.vertices, points))
+    near = np.ptp(whole, axis=0).max() > WIDER * np.ptp(shown, axis=0).max()  # on a large body they would be a speck
+    box = box_around(shown if near else whole)
+    draw_box(ax, view, box)
     draw_body(ax, view, region.mesh, face_colours(region.mesh, [(region.target, ORANGE)]))
     for k in chosen:
         ground = region.vertices[region.visiting_vertex[k]]
@@ -73,6 +83,7 @@ def _draw_overview(ax: Axes, plan: Plan) -> None:
     draw_points(
         ax, view, region.mesh, points[chosen], marker="o", markersize=6, color=VERMILLION, markeredgecolor="white"
     )
+    keep_inside(ax, view, box)
     design, target = plan.scenario.design, plan.scenario.target
     caption(
         ax,
@@ -82,21 +93,36 @@ def _draw_overview(ax: Axes, plan: Plan) -> None:
     )
 
 
-def _draw_close_up(ax: Axes, plan: Plan) -> None:
+def _draw_close_up(ax: Axes, plan: Plan) -> tuple[str, bool]:
+    """The target from above; gives words on the numbers of the visited points, and whether there are others."""
     region, points = plan.region, visiting_points(plan)
-    design = plan.scenario.design
     draw_cells(ax, region, np.tile(to_rgb(ORANGE), (region.n_cells, 1)))
     flat = angles(points, region.axes_A)
-    visited = np.isin(np.arange(len(flat)), np.array(design.visiting_points) - 1)
+    visited = np.isin(np.arange(len(flat)), np.array(plan.scenario.design.visiting_points) - 1)
     ax.plot(*flat[~visited].T, "o", color=BLACK, markersize=2.5)
     ax.plot(*flat[visited].T, "o", color=VERMILLION, markersize=7, markeredgecolor="white")
-    if len(flat) <= MAX_NUMBERED:
-        for k, place in enumerate(flat):
-            _number(ax, k + 1, place, bold=bool(visited[k]))
     tidy(ax)
     ax.grid(False)
     label(ax, "angle east of the target's centre [deg]", "angle north of the target's centre [deg]")
     caption(ax, f"the {region.n_visiting} visiting points, seen from the body's centre")
+    numbered = _number_points(ax, flat, visited)
+    words = ", with their numbers" if numbered[visited].all() else ", numbered where there is room"
+    return words if numbered[visited].any() else "", not visited.all()
+
+
+def _number_points(ax: Axes, flat: Array, visited: Mask) -> Mask:
+    """Number points (n, 2) where there is room, visited ones first; gives which are numbered, shape (n,)."""
+    ax.apply_aspect()
+    figure = ax.get_figure(root=True)
+    assert figure is not None
+    spots = ax.transData.transform(flat) * POINTS_PER_INCH / figure.dpi
+    numbered = np.zeros(len(flat), bool)
+    for k in (*np.flatnonzero(visited), *np.flatnonzero(~visited)):
+        apart = np.abs(spots[numbered] - spots[k]) > (NUMBER_PT * len(str(k + 1)), NUMBER_PT)
+        if apart.any(axis=1).all():
+            numbered[k] = True
+            _number(ax, int(k) + 1, flat[k], bold=bool(visited[k]))
+    return numbered
 
 
 def _number(ax: Axes, number: int, place: Array, *, bold: bool) -> None:

@@ -67,7 +67,7 @@ def test_the_operation_draws_no_line_from_a_lost_relay_to_earth(crippled, flown)
     assert "to Earth" not in texts(after)
     assert "lost spacecraft" in texts(after)
     grey = MODE_LOOKS[LOST].line_colour.lower()
-    assert grey in {to_hex(line.get_color()) for line in after.axes[1].lines if line.get_marker() == "o"}
+    assert grey in {to_hex(line.get_color()) for line in after.axes[1].lines if line.get_marker() == "X"}
     scene = scene_from(plan, telemetry)
     assert np.array_equal(axis_tips(telemetry, scene, plan.region.mesh, -1, 1e4)[0], scene.r_A[-1, 0])
 
