@@ -51,23 +51,31 @@ MESHES = {
 }
 
 
-def mission(name, folder):
-    """The scenario of a mission; files go into a folder."""
+#: The fast flyby released six hours before it instead of two days: an eighth of the flight, and of the time it takes.
+SIX_HOURS = (
+    "duration_s=22800",
+    "design.time_of_flight_s=21600",
+    "mothership.position_A_m=[-1.075e8, 8.75e7, -6.0e7]",
+)
+
+
+def mission(name, folder, overrides=()):
+    """The scenario of a mission, with some keys overridden; files go into a folder."""
     if name not in MISSIONS:
         raise ValueError(f"mission {name}: must be one of {', '.join(MISSIONS)}")
     own = Path(__file__).parent / f"{name}.yaml"
     if not own.exists():
-        return load_scenario(name)
+        return load_scenario(name, overrides)
     text = own.read_text()
     for mesh, make in MESHES.items():
         if f"shape: {mesh}" in text:
             make().export(Path(folder) / mesh)
-    return load_scenario(str(shutil.copy(own, folder)))
+    return load_scenario(str(shutil.copy(own, folder)), overrides)
 
 
-def fly(name, folder):
+def fly(name, folder, overrides=()):
     """A mission flown and observed: plan, telemetry, result."""
-    plan = make_plan(mission(name, folder))
+    plan = make_plan(mission(name, folder, overrides))
     telemetry = simulate(plan)
     result = observe_flight(plan, telemetry)
     add_coverage(telemetry, result)

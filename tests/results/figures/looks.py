@@ -101,7 +101,9 @@ def _page_points(artist):
     if isinstance(artist, Line2D):
         return np.asarray(artist.get_transform().transform(np.column_stack(artist.get_data())))
     if isinstance(artist, Collection):
-        return np.vstack([np.empty((0, 2)), *(artist.get_transform().transform(p.vertices) for p in artist.get_paths())])
+        return np.vstack(
+            [np.empty((0, 2)), *(artist.get_transform().transform(p.vertices) for p in artist.get_paths())]
+        )
     return artist.get_window_extent().get_points()
 
 

@@ -11,14 +11,14 @@ from swarm_mj.results.figures.framing import FAR, FAR_RADII, near_visit
 from swarm_mj.results.figures.scene import scene_from
 from swarm_mj.results.figures.timescale import SHORT, STRETCHED, TimeScale, time_scale
 from swarm_mj.results.look import DASHES, SPACECRAFT, TimeAxis
-from tests.missions.flights import MISSIONS, fly
+from tests.missions.flights import MISSIONS, SIX_HOURS, fly
 
 from .looks import all_axes, body_pixels, is_seen, share_filled
 from .sheets import assert_labels_do_not_overlap, assert_nothing_is_cut_off
 
 #: One that shows most of what goes wrong, beside the paper's flight, which is at hand anyway.
-QUICK = ("eros-quick", "fast_flyby")
-PARAMETERS = [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in MISSIONS]
+QUICK = ("eros-quick", "flyby of six hours")
+PARAMETERS = [*QUICK, *(pytest.param(name, marks=pytest.mark.slow) for name in MISSIONS if name not in QUICK)]
 #: Least share of the width and of the height of axes that is drawn on.
 FILLED = 0.3
 #: Least width of the body on the page [px]; of 1,500.
@@ -32,7 +32,9 @@ def flights(flown, tmp_path_factory):
 
     def flight(name):
         if name not in made:
-            made[name] = fly(name, tmp_path_factory.mktemp(name))
+            short = name == "flyby of six hours"
+            arguments = ("fast_flyby", SIX_HOURS) if short else (name, ())
+            made[name] = fly(arguments[0], tmp_path_factory.mktemp("mission"), arguments[1])
         return made[name]
 
     return flight
@@ -93,12 +95,12 @@ def test_numbers_of_spacecraft_do_not_cover_each_other(pages, name):
 
 
 def test_the_encounter_of_a_long_flight_takes_half_of_every_history(flights, pages):
-    plan, telemetry, _ = flights("fast_flyby")
+    plan, telemetry, _ = flights("flyby of six hours")
     radius, times = plan.scenario.behavior.imaging_radius_m, telemetry["time"].values
     inside = times[(np.linalg.norm(telemetry["r_BN_N"].values, axis=2) <= radius).any(axis=1)]
-    assert np.ptp(inside) < 0.01 * times[-1]
+    assert np.ptp(inside) < 0.02 * times[-1]
     for stem in ("tracking_error", "pointing_error", "coverage", "wheel_speed", "links"):
-        ax = pages("fast_flyby")[stem].axes[0]
+        ax = pages("flyby of six hours")[stem].axes[0]
         left, right = ax.transAxes.inverted().transform(
             ax.transData.transform([(t / 3600.0, ax.get_ylim()[1]) for t in (inside[0], inside[-1])])
         )[:, 0]
@@ -129,7 +131,7 @@ def test_an_ordinary_flight_keeps_an_even_axis(flights):
 
 
 def test_pictures_in_space_show_the_swarm_as_long_as_it_is_near(flights):
-    plan, telemetry, _ = flights("fast_flyby")
+    plan, telemetry, _ = flights("flyby of six hours")
     distance = np.linalg.norm(telemetry["r_BN_N"].values.mean(axis=1), axis=1)
     visit = np.argmin(np.abs(telemetry["time"].values - plan.scenario.design.time_of_flight_s))
     limit = max(FAR * distance[visit], FAR_RADII * plan.region.mesh.max_radius)
@@ -139,8 +141,8 @@ def test_pictures_in_space_show_the_swarm_as_long_as_it_is_near(flights):
 
 
 def test_the_frame_at_rest_keeps_a_fast_flight_straight_and_the_target_where_it_is_visited(flights):
-    plan, telemetry, _ = flights("fast_flyby")
-    every = telemetry.isel(time=slice(None, None, 360))
+    plan, telemetry, _ = flights("flyby of six hours")
+    every = telemetry.isel(time=slice(None, None, 60))
     visit = telemetry.sel(time=[plan.scenario.design.time_of_flight_s])
     straight, curled = (scene_from(plan, every, at_rest=at_rest).r_A[:, 0] for at_rest in (True, False))
     for path, bent in ((straight, False), (curled, True)):
@@ -164,7 +166,7 @@ def test_a_frame_can_be_asked_for(flights, stem):
 def test_lines_of_single_spacecraft_differ_by_more_than_colour(pages):
     assert len(set(DASHES)) == len(DASHES) == len(SPACECRAFT)
     for stem in ("ground_track", "illumination", "coverage"):
-        (legend,) = pages("fast_flyby")[stem].legends
+        (legend,) = pages("flyby of six hours")[stem].legends
         texts = [text.get_text() for text in legend.get_texts()]
         handles = {text: handle for text, handle in zip(texts, legend.legend_handles, strict=True)}
         assert len({str(handles[f"sc{j}"]._unscaled_dash_pattern) for j in range(1, 4)}) == 3, stem
