@@ -63,3 +63,10 @@ def test_whether_the_body_hides_cells_matters_in_a_flight_that_live_views_are_co
         plan, telemetry = flight("eros-literal", observer="raycast", occlusion=occlusion)
         seen.append(observe_flight(plan, telemetry).coverage.first_seen_by_s)
     assert not np.array_equal(*seen, equal_nan=True)
+
+
+def test_a_live_view_judges_whole_faces_as_a_run_does(flight):
+    plan, telemetry = flight("eros-observe", observer="raster", min_fraction=1.0)
+    result, live = observe_flight(plan, telemetry), fly_live(plan)
+    assert np.array_equal(live.coverage.first_seen_by_s, result.coverage.first_seen_by_s, equal_nan=True)
+    assert "whole faces by geometry" in result.note and result.coverage.percent > 0.0
