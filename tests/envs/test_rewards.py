@@ -19,7 +19,7 @@ SHARE = 10.0 / 1500.0  # of a step in the flight
 
 @BOTH
 def test_effort_is_the_mean_square_of_the_torques_that_an_action_asks_for(begin, kind):
-    flights, rng = begin(kind, control="torque"), np.random.default_rng(0)
+    flights, rng = begin(kind, control="torque", step_s=10.0), np.random.default_rng(0)
     for sign in (1.0, -1.0) * 4:
         if sign > 0.0:
             action = rng.uniform(-0.25, 0.25, (flights.count, 15)).astype(np.float32)
@@ -44,7 +44,7 @@ def test_effort_is_the_mean_square_of_the_torques_of_the_same_flight_on_the_comm
 
 def test_friction_in_the_bearings_is_no_effort_of_the_motors(begin):
     scenario = load_scenario("eros-observe", ["dispersions.wheel_coulomb_n_m=1e-3"])
-    flights = begin("single", control="torque", scenario=scenario)
+    flights = begin("single", control="torque", scenario=scenario, step_s=10.0)
     action = np.full(15, 0.2, np.float32)
     _, terms, _ = flights.step(action)
     slowed = np.abs(flights.wheel_speed).min() < 0.8 * np.abs(flights.wheel_speed).max()
@@ -53,7 +53,7 @@ def test_friction_in_the_bearings_is_no_effort_of_the_motors(begin):
 
 @BOTH
 def test_saturation_is_the_mean_of_the_last_tenth_below_top_speed(begin, kind):
-    flights = begin(kind, control="torque")
+    flights = begin(kind, control="torque", step_s=10.0)
     # Wheels reach their top speed, 15 mN m s, at different times and in both directions; a third of them never does.
     action = np.random.default_rng(1).uniform(0.1, 0.14, 15) * np.tile([1.0, -1.0, 0.0], 5)
     seen = []
