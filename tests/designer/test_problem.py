@@ -141,3 +141,14 @@ def test_what_makes_no_problem_is_named(change, message):
 def test_genes_outside_their_domain_are_refused(design):
     with pytest.raises(MissionError, match="genes"):
         two_faces(max_observers=2).evaluate(np.array([design]))
+
+
+def test_of_designs_that_miss_too_much_the_one_that_misses_less_is_fitter(make_discs, rng):
+    problem = make_discs(4, n_points=60, radius=0.2, max_observers=5)
+    genes = rng.integers(1, 61, (50, 6))
+    genes[:, 0] = rng.integers(1, 6, 50)
+    value = problem.evaluate(genes)
+    assert not value.feasible.any() and value.fitness.min() > 6.0
+    assert np.array_equal(np.argsort(-value.covered_percent, kind="stable"), np.argsort(value.fitness, kind="stable"))
+    missing = 100.0 - problem.tolerance_percent - value.covered_percent
+    assert value.fitness - 6.0 == pytest.approx(missing / 100.0, abs=1e-9)

@@ -49,3 +49,12 @@ def test_surface_points_lie_on_the_surface_under_their_tangents(region, use_embr
         beside = np.abs(((point - corners[:, 0]) * body.face_normals).sum(1)) < 1e-3
         shares = trimesh.triangles.points_to_barycentric(corners[beside], np.tile(point, (beside.sum(), 1)))
         assert (shares > -1e-6).all(axis=1).any()
+
+
+def test_the_centre_of_a_patch_is_the_mean_of_its_surface_however_uneven_the_cells(region):
+    patches = make_patches(region, 9)
+    for k in range(9):
+        inside = patches.of_cell == k
+        mean = np.average(region.centroid_A[inside], axis=0, weights=region.area[inside])
+        assert patches.centre_A[k] == pytest.approx(mean, rel=1e-12, abs=1e-6)
+    assert region.area.std() > 0.1 * region.area.mean()
