@@ -74,7 +74,9 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _read_kept() -> dict[str, Trial]:
-    return {key: Trial(**given) for key, given in json.loads(KEPT.read_text()).items()}
+    """Earlier trials that say something of the tests."""
+    trials = {key: Trial(**given) for key, given in json.loads(KEPT.read_text()).items()}
+    return {key: trial for key, trial in trials.items() if trial.outcome in (DIED, SURVIVED)}
 
 
 def _run(to_do: list[Fault], keys: dict[Fault, str], kept: dict[str, Trial], jobs: int, console: Console) -> None:
