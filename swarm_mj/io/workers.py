@@ -81,7 +81,9 @@ def _hear(pipe: Connection, process: Any) -> Any:
     except (EOFError, OSError):
         process.join(1.0)
         raise SwarmError(
-            f"a process that shared the work died with exit status {process.exitcode}: ask for fewer workers if memory is short"
+            f"a process that shared the work died with exit status {process.exitcode}: in a script of your own call this below "
+            "`if __name__ == '__main__':`, which keeps its processes from running it again; if memory is short, ask for fewer "
+            "workers"
         ) from None
     if error is not None:
         raise error

@@ -288,7 +288,7 @@ def test_a_summary_is_no_design_and_that_is_said_before_the_flight(tmp_path, cap
     assert main([*QUICK, "--design", wrong, "--out", str(tmp_path / "again")]) == 2
     said = capsys.readouterr()
     assert "--design" in said.err and wrong in said.err
-    assert "is no design.json of `swarm-mj design` (proof is missing)" in said.err
+    assert "is no design.json of `swarm-mj design` (proof is missing" in said.err
     assert said.out == "" and not (tmp_path / "again").exists()
 
 

@@ -22,7 +22,7 @@ LEVELS = ("torque", "pointing", "role")
 
 
 def make(control="role", **arguments):
-    return gymnasium.make("SwarmObserve-v0", control=control, **arguments)
+    return gymnasium.make("SwarmObserve-v0", **({"control": control, "step_s": 10.0} | arguments))
 
 
 @pytest.fixture(scope="module", params=LEVELS)
@@ -77,7 +77,7 @@ def test_episodes_are_the_same_in_a_new_process():
     code = (
         "import gymnasium, numpy as np\n"
         f"for control in {LEVELS}:\n"
-        "    env = gymnasium.make('swarm_mj.envs:SwarmObserve-v0', control=control)\n"
+        "    env = gymnasium.make('swarm_mj.envs:SwarmObserve-v0', control=control, step_s=10.0)\n"
         "    rows = [env.reset(seed=11)[0]]; env.action_space.seed(11)\n"
         "    for _ in range(30): rows.append(env.step(env.action_space.sample())[0])\n"
         "    print(np.array(rows).tobytes().hex())\n"

@@ -29,8 +29,8 @@ def actions_of(space, steps, seed=0):
 
 @pytest.mark.parametrize("control", ["role", "pointing", "torque"])
 def test_every_flight_is_bit_for_bit_that_of_a_single_environment(control):
-    vector = gymnasium.make_vec(ID, num_envs=5, control=control, threads=2)
-    singles, start = single_twins(5, 40, control=control)
+    vector = gymnasium.make_vec(ID, num_envs=5, control=control, threads=2, step_s=10.0)
+    singles, start = single_twins(5, 40, control=control, step_s=10.0)
     observations, _ = vector.reset(seed=40)
     assert np.array_equal(observations, start)
     over = np.zeros(5, bool)
@@ -86,7 +86,7 @@ def test_separate_simulations_fly_bit_for_bit_what_the_batch_flies(control, whee
 
     def fly():
         scenario = load_scenario("eros-observe", [f"physics.wheels={wheels}"])
-        env = gymnasium.make(ID, control=control, scenario=scenario).unwrapped
+        env = gymnasium.make(ID, control=control, scenario=scenario, step_s=10.0).unwrapped
         env.reset(seed=3)
         rows, aims, over = [], set(), False
         for action in actions_of(env.action_space, 200):

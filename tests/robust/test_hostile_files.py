@@ -19,7 +19,11 @@ SOURCES = sorted([*ROOT.glob("swarm_mj/**/*.py"), *ROOT.glob("envs/**/*.py")])
 #: Modules that run what they read.
 DANGEROUS_MODULES = {"pickle", "cPickle", "dill", "cloudpickle", "joblib", "shelve", "marshal"}
 #: Modules that pickle, between a process and the children that it started itself, through pipes that nobody else holds.
-BETWEEN_OWN_PROCESSES = {"swarm_mj/results/drawing.py", "swarm_mj/results/figures/serve.py"}
+BETWEEN_OWN_PROCESSES = {
+    "swarm_mj/designer/beside.py",
+    "swarm_mj/results/drawing.py",
+    "swarm_mj/results/figures/serve.py",
+}
 DANGEROUS_CALLS = {
     "eval",
     "exec",
