@@ -9,15 +9,12 @@ from typing import Any
 import pandas as pd
 import yaml
 
-from swarm_mj import plugins
 from swarm_mj.api.notebook import figure_html, rows_html
-from swarm_mj.errors import PluginError
 from swarm_mj.flight.plan import Plan, make_plan
 from swarm_mj.io.atomic import atomic_file
 from swarm_mj.scenarios import schema
-from swarm_mj.scenarios.keys import find_keys
-from swarm_mj.scenarios.loading import load_scenario, packaged_names, read_design
-from swarm_mj.scenarios.plugin_arguments import GROUPS, PluginGroup, arguments, installed, summary_of
+from swarm_mj.scenarios.catalogue import Named, explained, installed_plugins, packaged_scenarios
+from swarm_mj.scenarios.loading import load_scenario, read_design
 
 #: What the short table of a scenario shows, by its words.
 SHOWN: dict[str, Callable[[schema.Scenario], str]] = {
@@ -144,16 +141,10 @@ def available() -> pd.DataFrame:
     """
     from swarm_mj.campaigns.loading import packaged_descriptions
 
-    rows = [("scenario", name, load_scenario(name).description) for name in packaged_names()]
-    rows += [("campaign", name, words) for name, words in packaged_descriptions().items()]
-    rows += [
-        (place.kind, entry.name, _summary_of(group, entry.name))
-        for group, place in GROUPS.items()
-        for entry in installed(group)
-    ]
-    table = pd.DataFrame(rows, columns=["kind", "name", "description"])
-    table["description"] = [" ".join(words.split()) for words in table["description"]]
-    return table.set_index("name")
+    rows = packaged_scenarios()
+    rows += [Named("campaign", name, " ".join(words.split())) for name, words in packaged_descriptions().items()]
+    rows += installed_plugins()
+    return pd.DataFrame(rows, columns=["kind", "name", "description"]).set_index("name")
 
 
 def explain(name: str = "") -> pd.DataFrame:
@@ -170,24 +161,5 @@ def explain(name: str = "") -> pd.DataFrame:
         ScenarioError: There is no such section, key or plug-in.
         PluginError: The plug-in cannot be loaded.
     """
-    for group, place in GROUPS.items():
-        if name in plugins.names(group):
-            return _arguments_table(group, name, place)
-    found = find_keys(name)
-    rows = [
-        (key, about.type, about.unit, about.default.strip("`"), about.allowed, about.meaning) for key, about in found
-    ]
-    return pd.DataFrame(rows, columns=["key", "type", "unit", "default", "allowed", "meaning"]).set_index("key")
-
-
-def _arguments_table(group: str, name: str, place: PluginGroup) -> pd.DataFrame:
-    known = arguments(plugins.find(group, name), place.given)
-    rows = [(f"{place.section}.parameters.{a.name}", a.default, a.meaning) for a in known]
-    return pd.DataFrame(rows, columns=["key", "default", "meaning"]).set_index("key")
-
-
-def _summary_of(group: str, name: str) -> str:
-    try:
-        return summary_of(plugins.find(group, name))
-    except PluginError as error:
-        return str(error)
+    columns, rows = explained(name)
+    return pd.DataFrame(rows, columns=list(columns)).set_index("key")

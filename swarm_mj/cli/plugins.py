@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from itertools import groupby
 
 
 def add(commands: argparse._SubParsersAction) -> None:
@@ -17,19 +18,20 @@ def add(commands: argparse._SubParsersAction) -> None:
 
 
 def _plugins(arguments: argparse.Namespace) -> int:
-    import swarm_mj as sm
-    from swarm_mj.cli.tables import print_keys, print_names
+    from swarm_mj.cli.listing import print_keys, print_names
     from swarm_mj.errors import PluginError
+    from swarm_mj.scenarios.catalogue import explained, installed_plugins
 
-    there = sm.available().query("kind not in ('scenario', 'campaign')")
+    there = installed_plugins()
     if arguments.name is None:
-        for kind, group in there.groupby("kind", sort=False):
+        for kind, group in groupby(there, lambda one: one.kind):
             print(f"{kind}:")
-            print_names(group, indent="  ")
+            print_names(list(group), indent="  ")
         return 0
-    if arguments.name not in there.index:
-        raise PluginError(f"{arguments.name!r}: no such plug-in is installed; there are {', '.join(there.index)}")
-    kind, description = there.loc[arguments.name, ["kind", "description"]]
-    print(f"{arguments.name}, a {kind}: {description}")
-    print_keys(sm.explain(arguments.name))
+    found = [one for one in there if one.name == arguments.name]
+    if not found:
+        names = ", ".join(one.name for one in there)
+        raise PluginError(f"{arguments.name!r}: no such plug-in is installed; there are {names}")
+    print(f"{arguments.name}, a {found[0].kind}: {found[0].description}")
+    print_keys(*explained(arguments.name))
     return 0

@@ -33,15 +33,15 @@ def _scenarios(arguments: argparse.Namespace) -> int:
 
         print(json.dumps(json_schema(), indent=2))
     elif arguments.keys is not None:
-        import swarm_mj as sm
-        from swarm_mj.cli.tables import print_keys
+        from swarm_mj.cli.listing import print_keys
+        from swarm_mj.scenarios.catalogue import explained
 
-        print_keys(sm.explain(arguments.keys))
+        print_keys(*explained(arguments.keys))
     elif arguments.name:
         print(packaged_text(arguments.name), end="")
     else:
-        import swarm_mj as sm
-        from swarm_mj.cli.tables import print_names
+        from swarm_mj.cli.listing import print_names
+        from swarm_mj.scenarios.catalogue import packaged_scenarios
 
-        print_names(sm.available().query("kind == 'scenario'"))
+        print_names(packaged_scenarios())
     return 0

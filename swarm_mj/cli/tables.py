@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -106,25 +105,3 @@ def _observers(count: int) -> str:
 
 def _numbers(points: Sequence[int]) -> str:
     return " ".join(map(str, points))
-
-
-def print_names(table: pd.DataFrame, indent: str = "") -> None:
-    """Names and descriptions of `sm.available()`, a line each."""
-    width = max(map(len, table.index))
-    for name, row in table.iterrows():
-        print(f"{indent}{name:{width}}  {row['description']}")
-
-
-def print_keys(table: pd.DataFrame) -> None:
-    """What `sm.explain` gives: a line for each key's form, and its meaning indented below."""
-    if table.empty:
-        print("  it takes no arguments")
-    for key, row in table.iterrows():
-        facts = [row.get("type", ""), f"[{row['unit']}]" if row.get("unit") else "", _default_words(row["default"])]
-        allowed = row.get("allowed", "").replace("`", "")
-        print(f"{key}: {', '.join(filter(None, [*facts, allowed]))}")
-        print(textwrap.indent(textwrap.fill(row["meaning"], 100), "    "))
-
-
-def _default_words(default: str) -> str:
-    return "required" if default == "required" else f"default {default}"

@@ -67,7 +67,12 @@ def installed(group: str) -> list[EntryPoint]:
 
 def summary_of(thing: Callable[..., Any]) -> str:
     """First sentence of a plug-in's docstring."""
-    return docstring_parser.parse(inspect.getdoc(thing) or "").short_description or ""
+    return first_sentence(inspect.getdoc(thing) or "")
+
+
+def first_sentence(docstring: str) -> str:
+    """What a docstring begins with; empty if there is nothing."""
+    return docstring_parser.parse(docstring).short_description or ""
 
 
 def arguments(thing: Callable[..., Any], given: int) -> list[Argument]:

@@ -282,6 +282,18 @@ def test_help_and_import_load_no_heavy_module():
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout.strip() == "[]"
 
 
+@pytest.mark.parametrize("command", ["scenarios", "scenarios --keys", "scenarios --keys camera", "plugins"])
+def test_lists_and_explanations_load_no_heavy_module(command):
+    heavy = "{'pandas', 'scipy', 'mujoco', 'numba', 'gymnasium'}"
+    code = f"""import sys
+from swarm_mj.cli.main import main
+main({command.split()})
+print({heavy} & set(sys.modules) or [])"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    *listed, loaded = done.stdout.splitlines()
+    assert len(listed) > 5 and loaded == "[]", done.stderr
+
+
 def test_several_scenarios_go_into_folders_of_their_own(tmp_path):
     (tmp_path / "second.yaml").write_text("name: second\nduration_s: 600\nphysics: {timestep_s: 0.5}\n"
                                           "design: {visiting_points: [3]}\nbehavior: {name: adaptable_roles}\n")  # fmt: skip

@@ -9,8 +9,8 @@ from swarm_mj import plugins
 from swarm_mj.cli.main import main
 from swarm_mj.errors import ScenarioError
 from swarm_mj.scenarios.json_schema import json_schema
-from swarm_mj.scenarios.loading import packaged_names, packaged_text
-from swarm_mj.scenarios.plugin_arguments import GROUPS, arguments, installed
+from swarm_mj.scenarios.loading import load_scenario, packaged_names, packaged_text
+from swarm_mj.scenarios.plugin_arguments import GROUPS, arguments, installed, summary_of
 
 
 @pytest.fixture(scope="module")
@@ -51,6 +51,15 @@ def test_a_section_a_key_and_a_plug_in_are_explained():
     assert "faults.wheel_lost.wheel" in sm.explain("faults.wheel_lost").index
     assert "rad/s" in sm.explain("mrp_sliding_mode").loc["control.parameters.slope", "meaning"]
     assert len(sm.explain()) > 190 and set(sm.available()["kind"]) >= {"control law", "gravity field", "behaviour"}
+
+
+def test_descriptions_are_those_of_the_scenarios_and_plug_ins_that_are_loaded():
+    table = sm.available()
+    for name in packaged_names():
+        assert table.loc[name, "description"] == " ".join(load_scenario(name).description.split())
+    for group in GROUPS:
+        for entry in installed(group):
+            assert table.loc[entry.name, "description"] == " ".join(summary_of(plugins.find(group, entry.name)).split())
 
 
 def test_an_unknown_key_names_the_likely_one():
