@@ -20,7 +20,7 @@ def add(commands: argparse._SubParsersAction) -> None:
         description="Without FILE: build the mesh of a packaged body from its harmonics. With FILE: check and describe it.",
     )
     shape.add_argument("file", nargs="?", type=Path, metavar="FILE", help="OBJ, PLY, STL or PDS .tab to check")
-    shape.add_argument("--body", default="eros", metavar="NAME", help="eros (default), bennu or itokawa")
+    shape.add_argument("--body", metavar="NAME", help="eros (default), bennu or itokawa; not with FILE")
     shape.add_argument("--unit", choices=("m", "km"), help="unit of FILE (default: m, but km for .tab)")
     shape.add_argument(
         "--radius-range",
@@ -30,7 +30,7 @@ def add(commands: argparse._SubParsersAction) -> None:
         help="largest vertex radius of FILE that is believed [m] (default: 50 to 2e6); a scenario's body.radius_range_m",
     )
     shape.add_argument(
-        "--frequency", type=int, default=20, metavar="N", help="of the geodesic mesh: 20 N^2 faces (default 20)"
+        "--frequency", type=int, metavar="N", help="of the geodesic mesh: 20 N^2 faces (default 20); not with FILE"
     )
     shape.add_argument("--out", type=Path, metavar="OBJ", help="write the mesh here, in metres")
     shape.set_defaults(command=_shape)
@@ -38,13 +38,14 @@ def add(commands: argparse._SubParsersAction) -> None:
 
 def _shape(arguments: argparse.Namespace) -> int:
     from swarm_mj.smallbody.shape_check import shown_size
-    from swarm_mj.smallbody.shape_harmonics import build_body
+    from swarm_mj.smallbody.shape_harmonics import FREQUENCY, build_body
     from swarm_mj.smallbody.shape_io import save_obj
 
+    _check_together(arguments)
     if arguments.file:
         shape = _read(arguments)
     else:
-        shape = build_body(arguments.body, arguments.frequency)
+        shape = build_body(arguments.body or "eros", FREQUENCY if arguments.frequency is None else arguments.frequency)
     print(
         f"{shape.name}: {len(shape.vertices)} vertices, {len(shape.faces)} faces, closed, normals outward; "
         f"volume {shown_size(shape.volume, 3)}, area {shown_size(shape.surface_area, 2)}, "
@@ -54,6 +55,19 @@ def _shape(arguments: argparse.Namespace) -> int:
         save_obj(shape, arguments.out)
         print(f"wrote {arguments.out}")
     return 0
+
+
+def _check_together(arguments: argparse.Namespace) -> None:
+    """Refuse what would be ignored: a mesh is built or read, and each has options of its own."""
+    building = {"--body": arguments.body, "--frequency": arguments.frequency}
+    reading = {"--unit": arguments.unit, "--radius-range": arguments.radius_range}
+    for option, value in (building if arguments.file else reading).items():
+        if value is not None and arguments.file:
+            raise ShapeError(
+                f"{option} {value}: is for building a packaged body, not for {arguments.file}; leave out one"
+            )
+        if value is not None:
+            raise ShapeError(f"{option}: says how a FILE is read; give the FILE, or leave it out")
 
 
 def _read(arguments: argparse.Namespace) -> ShapeModel:

@@ -59,6 +59,20 @@ def test_a_body_of_23_m_is_refused_in_the_words_of_the_command_and_taken_when_to
         assert "--radius-range" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("option", [("--body", "bennu"), ("--body", "eros"), ("--frequency", "20")])
+def test_options_of_building_are_refused_for_a_file_instead_of_ignored(tmp_path, capsys, option):
+    assert main(["shape", ellipsoid(tmp_path, 300.0, 250.0, 200.0), *option]) == 2
+    said = capsys.readouterr()
+    assert f"error: {' '.join(option)}: is for building" in said.err and "body.obj" in said.err and not said.out
+
+
+@pytest.mark.parametrize("option", [("--unit", "km"), ("--radius-range", "10", "40")])
+def test_options_of_reading_are_refused_without_a_file(capsys, option):
+    assert main(["shape", "--frequency", "2", *option]) == 2
+    said = capsys.readouterr()
+    assert f"error: {option[0]}: says how a FILE is read" in said.err and not said.out
+
+
 def test_a_size_error_survives_the_way_between_processes():
     error = BodySizeError("it lies 23 m from the origin", "km")
     assert str(pickle.loads(pickle.dumps(error))) == str(error)
