@@ -15,6 +15,7 @@ from typing import Any, ClassVar, NamedTuple, Protocol, runtime_checkable
 import numpy as np
 
 from swarm_mj.errors import MissionError
+from swarm_mj.scenarios.schema import Target
 from swarm_mj.typing import Array, Ints, jittable, kernel
 
 #: More than any small body pulls at its surface (Ceres 0.3, Eros 0.006) [m/s^2].
@@ -116,8 +117,8 @@ class MissionBehavior(Protocol):
 class AimedBehavior(Protocol):
     """A behaviour that looks at the scenario's target, where its own parameters name no other."""
 
-    def aimed_at(self, target: Any) -> Behavior:
-        """The same behaviour, for the target of a scenario, a `swarm_mj.scenarios.schema.Target`."""
+    def aimed_at(self, target: Target) -> Behavior:
+        """The same behaviour, for the target of a scenario."""
         ...
 
 
