@@ -40,14 +40,13 @@ from dataclasses import dataclass
 from math import asin, atan2, cos, degrees, isfinite, radians, sin, tan
 
 from swarm_mj.errors import MissionError, ScenarioError
+from swarm_mj.io.plain import shown
+from swarm_mj.scenarios.constants import CUBESAT_APERTURE_M, GREEN_LIGHT_M, LONGEST_EXTENT_M
 from swarm_mj.scenarios.schema import Scenario
+from swarm_mj.scenarios.schema_body import Body
 
-#: Green light, the middle of the visible band [m].
-GREEN_LIGHT_M = 550e-9
-#: Aperture that fits the 0.1 m face of a 3U CubeSat [m]; assumed, the paper gives none.
-CUBESAT_APERTURE_M = 0.094
-#: Half of Eros's longest dimension, 34.4 km (JPL Small-Body Database, extent 34.4 x 11.2 x 11.2 km) [m].
-EROS_HALF_LENGTH_M = 17_200.0
+#: Half of Eros's longest dimension [m].
+EROS_HALF_LENGTH_M = 0.5 * LONGEST_EXTENT_M["eros"]
 #: First zero of the Airy pattern over pi: Rayleigh's criterion for a circular aperture.
 RAYLEIGH = 1.22
 #: Largest relative excess of an altitude over the highest one that is rounding, as of a number in a file.
@@ -200,18 +199,25 @@ def with_ground_resolution(scenario: Scenario) -> Scenario:
 
 def _half_angle(scenario: Scenario, altitude_m: float) -> float:
     """Half-angle [deg] of a camera that sees the scenario's target region from this altitude [m]."""
-    shape, known = scenario.body.shape, type(scenario.body).model_fields["shape"].default
-    if shape != known:
-        raise ScenarioError(
-            f"camera.half_angle_deg: missing; with camera.ground_resolution_m it follows for body.shape = {known!r} alone, "
-            f"whose longest axis is known, and not for {shape!r}: give it"
-        )
+    radius = _half_length(scenario.body)
     try:
-        return nadir_angle_deg(scenario.target.half_angle_deg, altitude_m=altitude_m, body_radius_m=EROS_HALF_LENGTH_M)
+        return nadir_angle_deg(scenario.target.half_angle_deg, altitude_m=altitude_m, body_radius_m=radius)
     except MissionError as error:
         raise ScenarioError(
             f"camera.half_angle_deg: missing, and does not follow from camera.ground_resolution_m: {error}; or give it"
         ) from None
+
+
+def _half_length(body: Body) -> float:
+    """Half of the body's longest extent [m], the radius of a sphere about all of it."""
+    if body.semi_axes_m is not None:
+        return max(body.semi_axes_m)
+    if body.shape not in LONGEST_EXTENT_M:
+        raise ScenarioError(
+            "camera.half_angle_deg: missing; with camera.ground_resolution_m it follows for bodies whose longest extent is "
+            f"known, body.shape = {', '.join(LONGEST_EXTENT_M)} or ellipsoid, and not for {shown(body.shape)}: give it"
+        )
+    return 0.5 * LONGEST_EXTENT_M[body.shape]
 
 
 def _check_positive(**values: float) -> None:

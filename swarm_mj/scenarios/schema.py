@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import BeforeValidator, Field, field_validator, model_validator
 
-from swarm_mj.scenarios.bodies import expanded_body
+from swarm_mj.scenarios.bodies import expanded_body, packaged_bodies
 from swarm_mj.scenarios.schema_body import Body, Perturbations
 from swarm_mj.scenarios.schema_faults import Dispersions, Fault
 from swarm_mj.scenarios.schema_imaging import Camera, Observation
@@ -262,7 +262,7 @@ class Scenario(Section):
         1200.0, gt=0, le=30 * 86_400.0, description="of the flight [s]; a whole multiple of control.period_s"
     )
     body: Annotated[Body, BeforeValidator(expanded_body, json_schema_input_type=Body | str)] = Field(
-        default_factory=Body, description="its keys, or the name of a packaged body: eros, bennu, itokawa or lutetia"
+        default_factory=Body, description=f"its keys, or the name of a packaged body: {', '.join(packaged_bodies())}"
     )
     perturbations: Perturbations = Field(default_factory=Perturbations)
     target: Target = Field(default_factory=Target)

@@ -7,6 +7,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, field_validator, model_validator
 
 from swarm_mj.scenarios import constants
+from swarm_mj.scenarios.bodies import PACKAGED_SHAPES
 from swarm_mj.scenarios.section import Parameters, Section
 
 SemiAxis = Annotated[float, Field(gt=0, le=2e6)]
@@ -54,8 +55,7 @@ class Body(Section):
     name: str = Field("433 Eros", description="of the body, for figures and reports")
     shape: str = Field(
         "eros",
-        description="packaged: eros, bennu or itokawa; ellipsoid with semi_axes_m; or the path of an OBJ, PLY, STL or PDS .tab "
-        "file",
+        description=f"{', '.join(PACKAGED_SHAPES)} (the last with semi_axes_m), or the path of an OBJ, PLY, STL, PDS .tab file",
     )
     semi_axes_m: tuple[SemiAxis, SemiAxis, SemiAxis] | None = Field(
         None, description="of the shape 'ellipsoid', along x, y and z of A [m]; null for all other shapes"

@@ -6,6 +6,7 @@ from typing import Literal
 
 from pydantic import Field
 
+from swarm_mj.scenarios.constants import CUBESAT_APERTURE_M, GREEN_LIGHT_M
 from swarm_mj.scenarios.section import Section
 
 
@@ -31,13 +32,13 @@ class Camera(Section):
         "refused; null: nothing follows; summary.json tells the ground sampling distance that was reached",
     )
     aperture_m: float = Field(
-        0.094,
+        CUBESAT_APERTURE_M,
         ge=1e-4,
         le=100,
         description="diameter of the lens [m], for ground_resolution_m; assumed: it fits a 3U CubeSat's face",
     )
     wavelength_m: float = Field(
-        550e-9, ge=1e-9, le=1e-2, description="of the light [m], for ground_resolution_m; default: green"
+        GREEN_LIGHT_M, ge=1e-9, le=1e-2, description="of the light [m], for ground_resolution_m; default: green"
     )
 
 

@@ -7,9 +7,10 @@ import yaml
 import swarm_mj as sm
 from swarm_mj.errors import ScenarioError, ShapeError
 from swarm_mj.flight.plan import environment_from, load_body_shape
-from swarm_mj.scenarios.bodies import packaged_bodies, packaged_body
+from swarm_mj.scenarios.bodies import PACKAGED_SHAPES, packaged_bodies, packaged_body
+from swarm_mj.scenarios.constants import LONGEST_EXTENT_M
 from swarm_mj.smallbody.gravity.polyhedron import Polyhedron
-from swarm_mj.smallbody.shape_harmonics import build_body
+from swarm_mj.smallbody.shape_harmonics import BODIES, build_body
 
 #: Volume [m^3], its tolerance, and the longest extent [m], its tolerance, as published: Eros, NEAR (Thomas et al. 2002); Bennu,
 #: OSIRIS-REx (Barnouin et al. 2019); Itokawa, Hayabusa (Fujiwara et al. 2006; Gaskell's model); Lutetia, an ellipsoid.
@@ -25,6 +26,16 @@ def scenario(body, *changes):
     return sm.load({"name": "own", "body": body}, changes)
 
 
+def test_the_shapes_that_scenarios_name_are_those_that_are_built_and_every_one_has_a_size():
+    assert set(PACKAGED_SHAPES) == {*BODIES, "ellipsoid"}
+    assert LONGEST_EXTENT_M.keys() == BODIES.keys()
+
+
+def test_the_description_of_the_body_lists_the_packaged_ones():
+    assert all(name in type(scenario("eros")).model_fields["body"].description for name in packaged_bodies())
+    assert all(name in sm.explain("body.shape")["meaning"].item() for name in PACKAGED_SHAPES)
+
+
 @pytest.fixture(scope="module", params=["bennu", "itokawa"])
 def named(request):
     given = scenario(request.param)
@@ -36,6 +47,7 @@ def test_a_packaged_body_has_its_published_size(body):
     shape, (volume, error, extent, tolerance) = load_body_shape(scenario(body).body), PUBLISHED[body]
     assert shape.volume == pytest.approx(volume, abs=error)
     assert np.ptp(shape.vertices, axis=0).max() == pytest.approx(extent, abs=tolerance)
+    assert LONGEST_EXTENT_M.get(body, extent) == pytest.approx(extent)
     assert len(shape.faces) == 8000
 
 

@@ -87,6 +87,17 @@ def test_a_scenario_that_states_the_ground_resolution_gets_altitude_and_half_ang
     assert coarser.design.imaging_altitude_m == pytest.approx(found.design.imaging_altitude_m, rel=1e-14)
 
 
+@pytest.mark.parametrize(
+    ("body", "half_length_m"),
+    [("bennu", 565 / 2), ("itokawa", 535 / 2), ("lutetia", 60_500.0), ("eros", 17_200.0)],
+)
+def test_the_half_angle_follows_from_the_longest_extent_of_packaged_bodies_and_ellipsoids(body, half_length_m):
+    found = load_scenario({**RESOLUTION, "body": body})
+    aside, below = half_length_m * np.sin(np.radians(20)), half_length_m * np.cos(np.radians(20))
+    seen_at = np.degrees(np.arctan2(aside, half_length_m + found.design.imaging_altitude_m - below))
+    assert found.camera.half_angle_deg == pytest.approx(seen_at, rel=1e-12)
+
+
 def test_what_a_scenario_gives_itself_is_kept_and_reading_it_again_changes_nothing():
     given = load_scenario(RESOLUTION, ["design.imaging_altitude_m=9000", "camera.half_angle_deg=4.1"])
     assert (given.design.imaging_altitude_m, given.camera.half_angle_deg) == (9000.0, 4.1)
