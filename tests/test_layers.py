@@ -15,6 +15,7 @@ ORDER = (
     ("smallbody",),
     ("spacecraft",),
     ("mission",),
+    ("dataflow",),
     ("simulator",),
     ("observation",),
     ("flight",),
@@ -36,6 +37,7 @@ WITHOUT_MUJOCO = (
     "spacecraft/attitude",
     "spacecraft/control",
     "mission",
+    "dataflow",
     "simulator/faults",
     "observation",
 )

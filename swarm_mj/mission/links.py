@@ -1,13 +1,15 @@
-"""Radio links of the swarm: which are closed at each sample of a flight.
+"""Radio links of the swarm: which are closed at each sample of a flight, and what stands in the way of the others.
 
-A spacecraft that tracks the communications spacecraft talks to it with the dish along its +z; the other hears it through
-its hemispherical antenna. A spacecraft that tracks Earth talks to Earth with its dish. A link is closed when it is in range,
-both antennas have the other end inside their beams, and the asteroid is not in between. Spacecraft that observe do not talk.
+A spacecraft that tracks the communications spacecraft talks to it: with omnidirectional antennas whichever way they are turned,
+or with the dish along its +z, which the other hears through its hemispherical antenna. A spacecraft that tracks Earth talks to
+Earth with its dish. A link is closed when it is in range, both antennas have the other end inside their beams, and the asteroid
+is not in between.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import IntEnum
 from math import atan2, sqrt
 from typing import NamedTuple
 
@@ -23,6 +25,21 @@ from swarm_mj.typing import Array, Ints, Mask, jittable, kernel
 _SPACECRAFT, _EARTH = int(TargetKind.SPACECRAFT), int(TargetKind.EARTH)
 
 
+class Obstacle(IntEnum):
+    """What keeps a link from closing; the first that holds, in this order."""
+
+    NONE = 0  #: the link is closed
+    LOST = 1  #: an end no longer works
+    ROLE = 2  #: the sender does not turn to the other end
+    RANGE = 3
+    BEAM = 4  #: the other end is outside an antenna's beam
+    BODY = 5  #: the asteroid is in between
+    STATION = 6  #: no station on Earth sees the spacecraft
+
+
+_NONE, _RANGE, _BEAM, _BODY = (int(o) for o in (Obstacle.NONE, Obstacle.RANGE, Obstacle.BEAM, Obstacle.BODY))
+
+
 class Beams(NamedTuple):
     """The antennas of every spacecraft as compiled code takes them: `Antennas`, with an axis of unit length."""
 
@@ -30,6 +47,7 @@ class Beams(NamedTuple):
     hemispherical_boresight_B: Array
     hemispherical_half_angle: float
     max_range: float
+    omnidirectional: bool
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,19 +59,25 @@ class Antennas:
         hemispherical_boresight_B: Axis of the inter-satellite antenna in B, shape (3,).
         hemispherical_half_angle: Half its beam [rad].
         max_range: Of an inter-satellite link [m].
+        omnidirectional: Whether both ends of an inter-satellite link send and hear in all directions instead.
     """
 
     dish_half_angle: float
     hemispherical_boresight_B: Array
     hemispherical_half_angle: float
     max_range: float
+    omnidirectional: bool = False
 
     @property
     def beams(self) -> Beams:
         """For compiled code."""
         boresight_B = unit(np.asarray(self.hemispherical_boresight_B, np.float64))
         return Beams(
-            float(self.dish_half_angle), boresight_B, float(self.hemispherical_half_angle), float(self.max_range)
+            dish_half_angle=float(self.dish_half_angle),
+            hemispherical_boresight_B=boresight_B,
+            hemispherical_half_angle=float(self.hemispherical_half_angle),
+            max_range=float(self.max_range),
+            omnidirectional=bool(self.omnidirectional),
         )
 
 
@@ -118,28 +142,44 @@ def closed_links(
         Shape (n,).
     """
     closed = np.zeros(mode.shape[0], np.bool_)
-    boresight_B = beams.hemispherical_boresight_B
-    axis = (boresight_B[0], boresight_B[1], boresight_B[2])
     for j in range(mode.shape[0]):
-        start, dish = vector(r_N, j), (C_BN[j, 2, 0], C_BN[j, 2, 1], C_BN[j, 2, 2])
         if mode[j] == _SPACECRAFT:
-            c = tracked[j]
-            end = vector(r_N, c)
-            way = combine(1.0, end, -1.0, start)
-            heard = _within(way, dish, beams.dish_half_angle)
-            boresight = times(C_BN[c].T, axis)
-            heard = heard and _within(scaled(-1.0, way), boresight, beams.hemispherical_half_angle)
-            heard = heard and _length(way) <= beams.max_range
+            closed[j] = obstacle_between(beams, body, r_N, C_BN, C_AN, j, tracked[j]) == _NONE
         elif mode[j] == _EARTH:
-            way = (earth_N[0] - start[0], earth_N[1] - start[1], earth_N[2] - start[2])
-            heard = _within(way, dish, beams.dish_half_angle)
-            # Beyond a few radii the body can hide nothing more; the full way to Earth would cost the test its precision.
-            end = combine(1.0, start, (4.0 * body.max_radius + 2.0 * _length(start)) / _length(way), way)
-        else:
-            continue
-        if heard:
-            closed[j] = not way_blocked(times(C_AN, start), times(C_AN, end), body)
+            closed[j] = obstacle_to_earth(beams, body, r_N, C_BN, C_AN, earth_N, j) == _NONE
     return closed
+
+
+@kernel
+def obstacle_between(
+    beams: Beams, body: Occluder, r_N: Array, C_BN: Array, C_AN: Array, sender: int, receiver: int
+) -> int:
+    """`Obstacle` on the way from one spacecraft, which tracks the other, to that other; arguments as of `closed_links`."""
+    start, end = vector(r_N, sender), vector(r_N, receiver)
+    way = combine(1.0, end, -1.0, start)
+    if not _length(way) <= beams.max_range:
+        return _RANGE
+    if not beams.omnidirectional:
+        dish, axis_B = (C_BN[sender, 2, 0], C_BN[sender, 2, 1], C_BN[sender, 2, 2]), beams.hemispherical_boresight_B
+        boresight = times(C_BN[receiver].T, (axis_B[0], axis_B[1], axis_B[2]))
+        heard = _within(way, dish, beams.dish_half_angle)
+        if not (heard and _within(scaled(-1.0, way), boresight, beams.hemispherical_half_angle)):
+            return _BEAM
+    return _BODY if way_blocked(times(C_AN, start), times(C_AN, end), body) else _NONE
+
+
+@kernel
+def obstacle_to_earth(
+    beams: Beams, body: Occluder, r_N: Array, C_BN: Array, C_AN: Array, earth_N: Array, sender: int
+) -> int:
+    """`Obstacle` on the way from a spacecraft, which tracks Earth, to Earth; arguments as of `closed_links`."""
+    start, dish = vector(r_N, sender), (C_BN[sender, 2, 0], C_BN[sender, 2, 1], C_BN[sender, 2, 2])
+    way = (earth_N[0] - start[0], earth_N[1] - start[1], earth_N[2] - start[2])
+    if not _within(way, dish, beams.dish_half_angle):
+        return _BEAM
+    # Beyond a few radii the body can hide nothing more; the full way to Earth would cost the test its precision.
+    end = combine(1.0, start, (4.0 * body.max_radius + 2.0 * _length(start)) / _length(way), way)
+    return _BODY if way_blocked(times(C_AN, start), times(C_AN, end), body) else _NONE
 
 
 @jittable

@@ -5,8 +5,8 @@ import pytest
 import trimesh
 
 from swarm_mj.mission.behaviors import TargetKind
-from swarm_mj.mission.links import Antennas, links_closed
-from swarm_mj.smallbody.occultation import segments_blocked
+from swarm_mj.mission.links import Antennas, Obstacle, links_closed, obstacle_between
+from swarm_mj.smallbody.occultation import occluder_of, segments_blocked
 from swarm_mj.smallbody.shape import ShapeModel
 
 EARTH = np.array([[1.5e11, 0.0, 0.0]])
@@ -64,6 +64,28 @@ def test_a_dish_off_by_more_than_its_beam_loses_the_link(ball):
 def test_a_talker_behind_the_relays_hemisphere_is_not_heard(ball):
     assert closed(ball, (10e3, 20e3, 0), (20e3, 20e3, 0), (1, 0, 0)) == [True, False]
     assert closed(ball, (10e3, 20e3, 0), (20e3, 20e3, 0), (1, 0, 0), hemispherical_half_angle=np.pi) == [True, True]
+
+
+def test_omnidirectional_ends_hear_each_other_however_they_are_turned(ball):
+    away = {"z_talker": (0, 0, 1), "z_relay": (1, 0, 0)}
+    assert closed(ball, (10e3, 20e3, 0), (20e3, 20e3, 0), **away) == [True, False]
+    assert closed(ball, (10e3, 20e3, 0), (20e3, 20e3, 0), **away, omnidirectional=True) == [True, True]
+    assert closed(ball, (71e3, 20e3, 0), (20e3, 20e3, 0), **away, omnidirectional=True) == [True, False]  # too far
+    assert closed(ball, (-20e3, 1e3, 0), (20e3, 0, 0), **away, omnidirectional=True) == [True, False]  # behind the body
+
+
+def test_what_is_in_the_way_is_named(ball):
+    def named(r_talker, r_relay, z_talker, **changes):
+        given = {"dish_half_angle": 0.1, "hemispherical_boresight_B": np.array([0.0, 0.0, 1.0])}
+        antennas = Antennas(**given, hemispherical_half_angle=np.pi / 2, **{"max_range": 50e3, **changes})
+        r_N, C_BN = np.array([r_relay, r_talker], float), np.array([along((1, 0, 0)), along(z_talker)])
+        return Obstacle(obstacle_between(antennas.beams, occluder_of(ball), r_N, C_BN, np.eye(3), 1, 0))
+
+    assert named((30e3, 20e3, 0), (20e3, 20e3, 0), (-1, 0, 0)) is Obstacle.NONE
+    assert named((30e3, 20e3, 0), (20e3, 20e3, 0), (0, 1, 0)) is Obstacle.BEAM
+    assert named((10e3, 20e3, 0), (20e3, 20e3, 0), (1, 0, 0)) is Obstacle.BEAM  # behind the relay's hemisphere
+    assert named((71e3, 20e3, 0), (20e3, 20e3, 0), (-1, 0, 0)) is Obstacle.RANGE
+    assert named((20e3, 0, 0), (-20e3, 1e3, 0), (-40, 1, 0)) is Obstacle.BODY
 
 
 def test_a_link_longer_than_its_range_is_open(ball):

@@ -1,0 +1,62 @@
+"""Tiles: cells grouped by who saw them when, and what they take."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from swarm_mj.dataflow.tiles import make_tiles
+
+AREA = np.array([2.0, 3.0, 5.0, 7.0])
+#: Cells 0 and 1 in one picture of spacecraft 0; 2 also in one of spacecraft 1; 3 unseen.
+SEEN_S = np.array([[10.0, 10.0, 10.0, np.nan], [np.nan, np.nan, 20.0, np.nan]])
+PIXELS = np.array([[4.0, 6.0, 10.0, np.nan], [np.nan, np.nan, 30.0, np.nan]])
+
+
+def test_cells_of_the_same_pictures_make_a_tile():
+    tiles = make_tiles(AREA, SEEN_S, PIXELS, bits_per_pixel=1.0)
+    assert tiles.of_cell[0] == tiles.of_cell[1] != tiles.of_cell[2]
+    assert tiles.of_cell[3] == -1
+    pair, shared = tiles.of_cell[0], tiles.of_cell[2]
+    assert tiles.area[pair] == 5.0 and tiles.area[shared] == 5.0
+    assert tiles.bits[:, pair].tolist() == [10, 0] and tiles.bits[:, shared].tolist() == [10, 30]
+    assert tiles.ready_s[:, pair].tolist() == [10.0, np.inf] and tiles.ready_s[:, shared].tolist() == [10.0, 20.0]
+
+
+def test_bits_follow_bits_per_pixel_and_are_whole():
+    tiles = make_tiles(AREA, SEEN_S, PIXELS, bits_per_pixel=0.33)
+    assert tiles.bits[0, tiles.of_cell[0]] == 4  # 3.3 bit
+
+
+def test_whole_frames_are_shared_out_over_their_tiles():
+    tiles = make_tiles(AREA, SEEN_S, PIXELS, bits_per_pixel=1.0, frame_bit=1000.0)
+    assert tiles.bits[0].tolist().count(500) == 2
+    assert tiles.bits[1, tiles.of_cell[2]] == 1000
+
+
+def test_nobody_saw_anything():
+    tiles = make_tiles(AREA, np.full((2, 4), np.nan), PIXELS, bits_per_pixel=1.0)
+    assert tiles.count == 0 and (tiles.of_cell == -1).all() and tiles.bits.shape == (2, 0)
+    assert tiles.percent_of_target(np.empty(0), 17.0) == 0.0
+
+
+@given(
+    arrays(np.float64, (3, 12), elements=st.sampled_from([np.nan, 1.0, 2.0, 3.0])),
+    arrays(np.float64, (3, 12), elements=st.floats(0.1, 50.0)),
+)
+def test_tiles_are_disjoint_and_hold_all_that_was_seen(seen_s, pixels):
+    area = np.arange(1.0, 13.0)
+    tiles = make_tiles(area, seen_s, pixels, bits_per_pixel=2.0)
+    seen = ~np.isnan(seen_s)
+    assert ((tiles.of_cell >= 0) == seen.any(axis=0)).all()
+    assert tiles.area.sum() == pytest.approx(area[seen.any(axis=0)].sum())
+    assert tiles.percent_of_target(np.ones(tiles.count), area.sum()) == pytest.approx(
+        100 * area[seen.any(axis=0)].sum() / area.sum()
+    )
+    for j in range(3):
+        bits = 2.0 * pixels[j, seen[j]].sum()
+        assert bits - 1e-6 <= tiles.bits[j].sum() <= bits + tiles.count
+        for cell in np.flatnonzero(tiles.of_cell >= 0):
+            when = tiles.ready_s[j, tiles.of_cell[cell]]
+            assert when == seen_s[j, cell] if seen[j, cell] else np.isinf(when)
