@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from contextlib import AbstractContextManager, ExitStack
+from collections.abc import Iterator, Sequence
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -226,7 +226,8 @@ def design(
 
     Args:
         scenario: The problem; its sections `designer` and `observation` say how it is read.
-        out: Folder for the results, which appears only when all is done; None: nothing is written, see `Design.save`.
+        out: Folder for the results, which appears when the design is finished and is exchanged for one with the comparison and
+            the pictures when these are done; None: nothing is written, see `Design.save`.
         pareto: Whether to trade spacecraft against delta-v and area too (NSGA-II).
         compare: Whether to find the minimum under demands and freedoms beyond the paper too.
         workers: Processes for the candidates' pictures; None: one per core.
@@ -236,31 +237,55 @@ def design(
 
     Raises:
         MissionError: No design covers the target; the message says how much can be seen.
-        KeyboardInterrupt: It was interrupted; the best design so far, if there is one, is told of and stands in a new folder.
+        KeyboardInterrupt: It was interrupted; the best design so far, if there is one, is told of and stands in a new folder,
+            and a finished one stands in its folder.
         SwarmError: The scenario cannot be flown or the folder cannot be written.
     """
     check_plugins(scenario)
     if workers is not None and workers < 1:
         raise OutputError(f"workers = {workers}: must be at least 1")
-    with using_bars(progress) as bars, ExitStack() as stack:
+    place = None if out is None else Path(out)
+    with using_bars(progress) as bars:
         stages = Stages(scenario.name, bars)
-        # Left last: an interruption that is kept back from now on comes when the best design so far is in its place.
-        keep = stack.enter_context(ExitStack())
-        folder = None if out is None else stack.enter_context(_design_folder(Path(out), scenario, stages))
-        study = study_design(scenario, pareto=pareto, workers=workers, tell=_teller(scenario, bars))
+        with ExitStack() as stack:
+            # Left last: an interruption that is kept back from now on comes when the best design so far is in its place.
+            keep = stack.enter_context(ExitStack())
+            folder = None if place is None else stack.enter_context(_design_folder(place, scenario, stages))
+            study = study_design(scenario, pareto=pareto, workers=workers, tell=_teller(scenario, bars))
+            if study.interrupted:
+                keep.enter_context(held())
+                _check_nothing_lost(study, place, stages)
+            elif study.visibility.left_out:
+                stages.say(left_out_words(study.visibility))
+            found = Design(scenario, design_record(study), study=study)
+            if folder is not None:
+                found.write(folder, figures=False)
         if study.interrupted:
-            keep.enter_context(held())
-            _check_nothing_lost(study, None if out is None else Path(out), stages)
-        elif study.visibility.left_out:
-            stages.say(left_out_words(study.visibility))
-        compared = _compared(scenario, bars, workers) if compare and not study.interrupted else []
-        found = Design(scenario, design_record(study), study=study, compared=compared)
-        if folder is not None:
-            found.write(folder, figures=figures and not study.interrupted, pdf=pdf)
-    if study.interrupted:
-        raise KeyboardInterrupt
-    found.folder = None if out is None else Path(out)
+            raise KeyboardInterrupt
+        found.folder = place
+        # The proven design is in its place: whatever ends the rest, however roughly, leaves it there.
+        with _told_where_it_is(found, stages):
+            if compare:
+                rows = _compared(scenario, bars, workers)
+                found = Design(scenario, found.record, study=study, compared=rows, folder=place)
+            if place is not None and (compare or figures):
+                with _design_folder(place, scenario, None) as folder:
+                    found.write(folder, figures=figures, pdf=pdf)
     return found
+
+
+@contextmanager
+def _told_where_it_is(found: Design, stages: Stages) -> Iterator[None]:
+    """Tell what is there already where an interruption ends what follows the design."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        points = ", ".join(map(str, found.points))
+        where = "" if found.folder is None else f", in {found.folder}, without what was to follow"
+        stages.say(
+            f"interrupted after the design was finished: {found.n_observers} observers at points {points}{where}"
+        )
+        raise
 
 
 def _check_nothing_lost(study: Study, folder: Path | None, stages: Stages) -> None:
@@ -299,11 +324,12 @@ def _teller(scenario: schema.Scenario, bars: Progress | None) -> Tell | None:
     return tell
 
 
-def _design_folder(folder: Path, scenario: schema.Scenario, stages: Stages) -> AbstractContextManager[Path]:
+def _design_folder(folder: Path, scenario: schema.Scenario, stages: Stages | None) -> AbstractContextManager[Path]:
     """The temporary folder of a design's results, which takes the place of `folder` in the end."""
 
     def tell_kept(names: Sequence[str]) -> None:
-        stages.say(f"kept in {folder}, but of the earlier design, not this one: {', '.join(names)}")
+        if stages is not None:
+            stages.say(f"kept in {folder}, but of the earlier design, not this one: {', '.join(names)}")
 
     return atomic_folder(folder, Result("design", scenario.name), tell_kept)
 

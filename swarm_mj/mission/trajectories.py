@@ -30,6 +30,8 @@ NO_TRAJECTORY = "without a trajectory in the time of flight"
 #: relative tolerance leaves no more digits, which is 1 mm for a start 1e9 m away.
 SHOOTING_TOLERANCE_M, SHOOTING_TOLERANCE = 1e-5, 1e-12
 MAX_ITERATIONS = 20
+#: After so many only those fly on that have not arrived: a path through the body takes small steps, and all that fly with it.
+ALL_TOGETHER = 6
 #: Step of the start velocity for the Jacobian [m/s]: large against the integrator's noise, small against the curvature.
 VELOCITY_STEP = 1e-2
 #: Evaluations of the force after which an integration is given up, far beyond any flyby.
@@ -149,25 +151,28 @@ def solve_transfers(
     farthest = max(float(np.linalg.norm(r0)), float(np.linalg.norm(destinations, axis=1).max()))
     tolerance = max(SHOOTING_TOLERANCE_M, SHOOTING_TOLERANCE * farthest)
     offsets = VELOCITY_STEP * np.vstack((np.zeros(3), np.eye(3)))
+    under_way, misses = np.arange(n), np.full(n, np.inf)
     for iteration in range(MAX_ITERATIONS):
         tell = None if progress is None else partial(_tell_iteration, progress, iteration)
-        starts = (v0[:, None] + offsets).reshape(-1, 3)
+        if iteration >= ALL_TOGETHER:
+            under_way = under_way[~(misses[under_way] < tolerance)]
+        starts = (v0[under_way, None] + offsets).reshape(-1, 3)
         try:
             r, _ = propagate(acceleration, np.broadcast_to(r0, starts.shape), starts, times, progress=tell)
         except MissionError as error:
             raise MissionError(
                 f"no trajectory to the visiting points in {time_of_flight:g} s: {error}; {_REMEDY}"
             ) from None
-        arrivals = r[-1].reshape(n, 4, 3)
-        miss = arrivals[:, 0] - destinations
-        if np.linalg.norm(miss, axis=1).max() < tolerance:
-            return v0, np.linalg.norm(miss, axis=1)
+        arrivals = r[-1].reshape(-1, 4, 3)
+        miss = arrivals[:, 0] - destinations[under_way]
+        misses[under_way] = np.linalg.norm(miss, axis=1)
+        if misses.max() < tolerance:
+            return v0, misses
         jacobian = (arrivals[:, 1:] - arrivals[:, :1]).transpose(0, 2, 1) / VELOCITY_STEP
         try:
-            v0 = v0 - np.linalg.solve(jacobian, miss[..., None])[..., 0]
+            v0[under_way] -= np.linalg.solve(jacobian, miss[..., None])[..., 0]
         except np.linalg.LinAlgError:
             break
-    misses = np.linalg.norm(miss, axis=1)
     worst = int(np.argmax(misses))
     left = float(misses[worst])
     raise PathError(

@@ -2,6 +2,7 @@
 
 import json
 import shlex
+import shutil
 
 import numpy as np
 import pytest
@@ -253,6 +254,29 @@ def test_an_interrupted_design_does_not_take_the_place_of_a_finished_one(folder,
     assert main(["design", "eros-quick", "--quiet", "--out", str(folder), *arguments()]) == 130
     assert f"the earlier design in {folder} stays" in capsys.readouterr().out.replace("\n", " ")
     assert (folder / "design.json").read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("what", "compare"),
+    [("swarm_mj.api.design.growth", ["--compare"]), ("swarm_mj.results.figures.design.draw_all", [])],
+)
+def test_an_interruption_after_the_design_is_finished_leaves_it_in_its_place(
+    folder, tmp_path, capsys, monkeypatch, what, compare
+):
+    # An earlier design stands there, with pictures that would not be those of the new one.
+    out = shutil.copytree(folder, tmp_path / "run")
+    (out / "mine.png").write_bytes(b"")
+    monkeypatch.setattr(what, interrupt)
+    typed = ["design", "eros-quick", "--quiet", *compare, "--seed", "3", "--out", str(out), *arguments()]
+    assert main(typed) == 130
+    record = json.loads((out / "design.json").read_text())
+    said = " ".join(capsys.readouterr().out.split())
+    assert f"interrupted after the design was finished: {record['n_observers']} observers at points" in said
+    assert (record["seed"], record["interrupted"], record["proof"]["status"]) == (3, None, "optimal")
+    assert {p.name for p in out.iterdir()} == {
+        "design.json", "summary.json", "sightings.npz", "scenario.yaml", "mine.png",
+    }  # fmt: skip
+    assert [p.name for p in tmp_path.iterdir()] == ["run"]
 
 
 def test_an_interruption_before_there_is_a_design_leaves_none(tmp_path, monkeypatch):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from swarm_mj.errors import MissionError
+from swarm_mj.errors import MissionError, PathError
 from swarm_mj.flight.plan import make_plan
 from swarm_mj.mission import trajectories
 from swarm_mj.mission.trajectories import propagate, solve_transfers
@@ -121,3 +121,31 @@ def test_a_transfer_that_does_not_converge_names_the_spacecraft():
 
     with pytest.raises(MissionError, match="sc1|visiting points"):
         solve_transfers(unreachable, np.zeros(3), np.array([[5e5, 0, 0]]), 3.0)
+
+
+def test_one_that_never_arrives_does_not_fly_on_with_those_that_have():
+    flown = []
+
+    def acceleration(t, r):
+        flown.append(len(r))
+        pushed_back = np.maximum(r[:, 0] - 400.0, 0.0) ** 2
+        return np.column_stack((-pushed_back, 0 * r[:, 1], 0 * r[:, 2]))
+
+    destinations = np.column_stack(([*np.linspace(10.0, 390.0, 30), 5e5], np.zeros((31, 2))))
+    with pytest.raises(PathError) as refused:
+        solve_transfers(acceleration, np.zeros(3), destinations, 3.0)
+    assert refused.value.spacecraft == (30,)
+    # Four paths each for the Jacobian: all of them at first, in the end the one that is left.
+    assert flown[0] == 4 * 31 and flown[-1] == 4
+
+
+def test_those_that_arrive_late_arrive_where_each_alone_would(monkeypatch):
+    monkeypatch.setattr(trajectories, "ALL_TOGETHER", 1)
+    r0 = np.array([0.0, 0.0, -30e3])
+    destinations = np.array([[14e3, 0.0, 0.0], [0.0, 25e3, 9e3], [-40e3, 1e3, 1e3]])
+    together, miss = solve_transfers(kepler, r0, destinations, 6000.0)
+    for k in range(3):
+        alone, _ = solve_transfers(kepler, r0, destinations[k : k + 1], 6000.0)
+        assert np.allclose(together[k], alone[0], rtol=0, atol=1e-8) and miss[k] < 1e-5
+        r, _ = propagate(kepler, r0[None], together[k : k + 1], np.array([0.0, 6000.0]))
+        assert np.linalg.norm(r[-1, 0] - destinations[k]) < 1e-4
