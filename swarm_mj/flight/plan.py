@@ -10,6 +10,7 @@ from math import radians
 import numpy as np
 
 from swarm_mj import plugins
+from swarm_mj.dataflow.link_budget import crosslink_range_m
 from swarm_mj.errors import PathError, PluginError, ScenarioError, ShapeError
 from swarm_mj.flight.spacecraft import own_spacecraft_from, properties_from
 from swarm_mj.mission.behaviors import AimedBehavior, Behavior, SelectiveBehavior
@@ -338,13 +339,14 @@ def _enumerated(words: Sequence[str]) -> str:
 
 
 def antennas_from(scenario: Scenario) -> Antennas:
-    """The scenario's antennas."""
+    """The scenario's antennas; ScenarioError where their range is asked of a radio that does not exist."""
     link = scenario.link
     return Antennas(
         dish_half_angle=radians(link.dish_half_angle_deg),
         hemispherical_boresight_B=np.array(link.hemispherical_boresight_B),
         hemispherical_half_angle=radians(link.hemispherical_half_angle_deg),
-        max_range=link.max_range_m,
+        max_range=crosslink_range_m(link),
+        omnidirectional=link.crosslink.antenna == "omnidirectional",
     )
 
 

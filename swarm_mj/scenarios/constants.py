@@ -14,6 +14,8 @@ SOLAR_IRRADIANCE: Final = 1361.0
 GRAVITATIONAL_CONSTANT: Final = 6.67430e-11
 #: Mean obliquity of the ecliptic at J2000 [deg] (IAU 1976: 84381.448 arcsec).
 OBLIQUITY_J2000_DEG: Final = 23.43928
+#: Boltzmann constant [J/K] (SI definition).
+BOLTZMANN: Final = 1.380649e-23
 #: Julian date of J2000.0 (2000-01-01 12:00 TDB).
 JD_J2000: Final = 2_451_545.0
 #: Seconds per day.

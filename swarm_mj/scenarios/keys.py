@@ -28,6 +28,8 @@ UNITS = {
     "kg_m2": "kg m²",
     "kg_m3": "kg/m³",
     "n_m": "N m",
+    "bit_s": "bit/s",
+    "db_k": "dB/K",
     "m_s": "m/s",
     "deg_s": "deg/s",
     "deg_h": "deg/h",
@@ -40,11 +42,15 @@ UNITS = {
     "rad": "rad",
     "rpm": "rpm",
     "px": "px",
+    "bit": "bit",
+    "dbi": "dBi",
+    "db": "dB",
     "au": "au",
     "jd": "d",
     "kg": "kg",
     "m": "m",
     "s": "s",
+    "w": "W",
 }
 #: Names of types in tables.
 TYPES = {float: "number", int: "whole number", bool: "true or false", str: "text", type(None): "null"}

@@ -16,6 +16,7 @@ from swarm_mj.scenarios.bodies import expanded_body, packaged_bodies
 from swarm_mj.scenarios.schema_body import Body, Perturbations
 from swarm_mj.scenarios.schema_faults import Dispersions, Fault
 from swarm_mj.scenarios.schema_imaging import Camera, Observation
+from swarm_mj.scenarios.schema_link import Data, Link
 from swarm_mj.scenarios.section import Parameters, Section, Vector3
 
 
@@ -199,28 +200,6 @@ class Designer(Section):
     time_limit_s: float = Field(300.0, gt=0, description="after which the exact solver stops without proof [s]")
 
 
-class Link(Section):
-    """Radio links: a directional antenna along +z and a hemispherical inter-satellite antenna."""
-
-    dish_half_angle_deg: float = Field(5.0, gt=0, le=90, description="half the beam of the antenna along +z [deg]")
-    hemispherical_boresight_B: Vector3 = Field(
-        (0.0, 0.0, -1.0),
-        description="axis of the inter-satellite antenna in B [-]: on the face opposite the dish, so that a relay on the "
-        "Earthward side looks back on the swarm; from the swarm's middle a hemisphere cannot hear all of it",
-    )
-    hemispherical_half_angle_deg: float = Field(
-        90.0, gt=0, le=180, description="half the beam of the inter-satellite antenna [deg]; 180: two back to back"
-    )
-    max_range_m: float = Field(50_000.0, gt=0, description="of an inter-satellite link [m]")
-
-    @field_validator("hemispherical_boresight_B")
-    @classmethod
-    def _boresight_points_somewhere(cls, value: tuple[float, float, float]) -> tuple[float, float, float]:
-        if max(map(abs, value)) < 1e-9:
-            raise ValueError(f"= {list(value)}: must not be zero")
-        return value
-
-
 class Safety(Section):
     """Limits whose violation is reported."""
 
@@ -276,6 +255,7 @@ class Scenario(Section):
     observation: Observation = Field(default_factory=Observation)
     designer: Designer = Field(default_factory=Designer)
     link: Link = Field(default_factory=Link)
+    data: Data = Field(default_factory=Data)
     safety: Safety = Field(default_factory=Safety)
     telemetry: Telemetry = Field(default_factory=Telemetry)
     faults: tuple[Fault, ...] = Field(
