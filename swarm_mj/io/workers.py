@@ -51,15 +51,15 @@ def answers(
                 pool[mine] = context.Process(target=_work, args=(theirs, answer), daemon=True)
                 pool[mine].start()
                 theirs.close()
-        for pipe in pool:
-            pipe.send((begin, arguments))
-            asked.update(_ask(pipe, waiting))
+        for pipe, process in pool.items():
+            _tell(pipe, process, (begin, arguments))
+            asked.update(_ask(pipe, process, waiting))
         while asked:
             interruption.check()
             heard = set(wait(list(asked), timeout=LOOK_S))
             for pipe in [pipe for pipe in asked if pipe in heard]:
                 key, found = asked.pop(pipe), _hear(pipe, pool[pipe])
-                asked.update(_ask(pipe, waiting))
+                asked.update(_ask(pipe, pool[pipe], waiting))
                 yield key, found
     finally:
         for pipe, process in pool.items():
@@ -68,26 +68,37 @@ def answers(
             pipe.close()
 
 
-def _ask(pipe: Connection, waiting: Iterator[tuple[Key, tuple[Any, ...]]]) -> dict[Connection, Key]:
+def _ask(pipe: Connection, process: Any, waiting: Iterator[tuple[Key, tuple[Any, ...]]]) -> dict[Connection, Key]:
     for key, question in waiting:
-        pipe.send(question)
+        _tell(pipe, process, question)
         return {pipe: key}
     return {}
+
+
+def _tell(pipe: Connection, process: Any, message: Any) -> None:
+    try:
+        pipe.send(message)
+    except OSError:  # nobody is there to read it
+        raise _death_of(process) from None
 
 
 def _hear(pipe: Connection, process: Any) -> Any:
     try:
         found, error = pipe.recv()
     except (EOFError, OSError):
-        process.join(1.0)
-        raise SwarmError(
-            f"a process that shared the work died with exit status {process.exitcode}: in a script of your own call this below "
-            "`if __name__ == '__main__':`, which keeps its processes from running it again; if memory is short, ask for fewer "
-            "workers"
-        ) from None
+        raise _death_of(process) from None
     if error is not None:
         raise error
     return found
+
+
+def _death_of(process: Any) -> SwarmError:
+    process.join(1.0)
+    return SwarmError(
+        f"a process that shared the work died with exit status {process.exitcode}: in a script of your own call this below "
+        "`if __name__ == '__main__':`, which keeps its processes from running it again; if memory is short, ask for fewer "
+        "workers"
+    )
 
 
 def _work(pipe: Connection, answer: Callable[..., Any]) -> None:
@@ -95,18 +106,15 @@ def _work(pipe: Connection, answer: Callable[..., Any]) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     with suppress(EOFError, OSError):
         begin, arguments = pipe.recv()
-        problem: Exception | None = None
-        try:
-            begin(*arguments)
-        except Exception as error:
-            problem = error
+        _, problem = _tried(begin, arguments)
         while True:
             question = pipe.recv()
-            found = None
-            if problem is None:
-                try:
-                    found = answer(*question)
-                except Exception as error:
-                    pipe.send((None, error))
-                    continue
-            pipe.send((found, problem))
+            pipe.send(_tried(answer, question) if problem is None else (None, problem))
+
+
+def _tried(call: Callable[..., Any], arguments: tuple[Any, ...]) -> tuple[Any, Exception | None]:
+    """What a call gives, or what it raises."""
+    try:
+        return call(*arguments), None
+    except Exception as error:
+        return None, error
