@@ -62,9 +62,9 @@ def design_table(record: dict[str, Any]) -> Table:
     for heading in ("", "observers", "P_TO [%]", "points", "explored", "seconds"):
         table.add_column(escape(heading), justify="left" if heading in ("", "points") else "right")
     proof = record["proof"]
-    proven = "proven" if proof["status"] == "optimal" else f"at least {proof['lower_bound']:g}"
+    proven = {"optimal": "proven", "interrupted": "interrupted"}.get(proof["status"])
     table.add_row(
-        proven, str(proof["minimum"]), f"{proof['covered_percent']:.2f}", _numbers(proof["visiting_points"]), "-",
+        proven or f"at least {proof['lower_bound']:g}", str(proof["minimum"]), f"{proof['covered_percent']:.2f}", _numbers(proof["visiting_points"]), "-",
         f"{proof['seconds']:.2f}",
     )  # fmt: skip
     names = {"repair": "GA, repair", "plain": "GA, plain"}
@@ -77,15 +77,19 @@ def design_table(record: dict[str, Any]) -> Table:
             f"{result['designs_explored']:,}",
             f"{result['seconds']:.2f}",
         )
-    gap = record["gap"]
-    words = (
-        "the genetic algorithm covers too little" if gap < 0 else f"gap of the genetic algorithm to the proof: {gap}"
-    )
     table.caption = (
-        f"{words}; selected: {_observers(record['n_observers'])} by the {record['selected_by']}. Criterion: "
+        f"{_gap_words(record)}; selected: {_observers(record['n_observers'])} by the {record['selected_by']}. Criterion: "
         f"{record['criterion']['criterion']}, {record['camera']['half_angle_deg']:g} deg half-angle"
     )
     return table
+
+
+def _gap_words(record: dict[str, Any]) -> str:
+    """How the genetic algorithm's design compares with the proof, or why it does not."""
+    gap = record["gap"]
+    if gap is None:
+        return f"nothing proven: the design was interrupted ({record['interrupted']})"
+    return "the genetic algorithm covers too little" if gap < 0 else f"gap of the genetic algorithm to the proof: {gap}"
 
 
 def growth_table(compared: pd.DataFrame) -> Table:

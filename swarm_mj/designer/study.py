@@ -80,10 +80,15 @@ class Study:
         return all(self.visibility.candidates[p - 1][1:] == own for p in self.selected)
 
     @property
-    def gap(self) -> int:
-        """How many spacecraft the genetic algorithm's design has more than the proven minimum; -1 if it covers too little."""
+    def gap(self) -> int | None:
+        """How many spacecraft the genetic algorithm's design has more than the proven minimum.
+
+        -1 if it covers too little; None where an interruption left no such design, or nothing proven to compare it with.
+        """
         evolved = self.genetic.get("repair")
-        return evolved.n_observers - self.exact.n_observers if evolved is not None and evolved.feasible else -1
+        if evolved is None or self.exact.status == "interrupted":
+            return None
+        return evolved.n_observers - self.exact.n_observers if evolved.feasible else -1
 
 
 def cover_problem(scenario: Scenario, seen: Visibility) -> CoverProblem:

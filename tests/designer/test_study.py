@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from swarm_mj.cli.main import main
+from swarm_mj.cli.tables import design_table
 from swarm_mj.designer.exact import solve_exact
 from swarm_mj.designer.problem import CoverProblem
 from swarm_mj.designer.study import study_design
@@ -243,6 +244,10 @@ def test_an_interrupted_design_keeps_the_best_so_far_and_says_that_it_is_not_pro
     assert (record["interrupted"], record["proof"]["status"], record["selected_by"]) == (
         "proof", "interrupted", "genetic algorithm",
     )  # fmt: skip
+    assert record["gap"] is None
+    table = design_table(record)
+    assert table.caption.startswith("nothing proven: the design was interrupted (proof); selected")
+    assert list(table.columns[0].cells)[0] == "interrupted" and "too little" not in table.caption
     assert (
         kept["area"][kept["sees"][np.array(record["gene_map"][1:]) - 1].any(axis=0)].sum() > 0.999 * kept["area"].sum()
     )

@@ -124,12 +124,13 @@ def _proof(run: RunRecord, record: dict[str, Any]) -> Html:
     if proof["status"] == "optimal":
         proven = "Proven for what the design was made for" if other else "Proven"
         words = f"{proven}: fewer than {proof['minimum']} observers cannot see {task}."
+    elif proof["status"] == "interrupted":
+        words = f"Not proven to be the fewest that see {task}: the design was interrupted."
     else:
         words = f"Not proven to be the fewest: at least {proof['lower_bound']:g} observers are needed to see {task}."
     names = {"repair": "genetic algorithm with repair", "plain": "genetic algorithm"}
-    rows = [
-        ("exact solver", proof["minimum"], proof["covered_percent"], proof["visiting_points"], None, proof["seconds"])
-    ]
+    first = "best so far" if proof["status"] == "interrupted" else "exact solver"
+    rows = [(first, proof["minimum"], proof["covered_percent"], proof["visiting_points"], None, proof["seconds"])]
     for name, found in record["genetic"].items():
         rows.append(
             (names.get(name, name), found["n_observers"], found["covered_percent"], found["gene_map"][1:],

@@ -29,6 +29,10 @@ def test_the_proof_is_shown_with_its_design_and_withdrawn_for_another_camera(tmp
     assert "Proven: fewer than 5 observers cannot see 99.9 %" in fits
     assert "does not hold" not in fits
     run = read_run(tmp_path / "fits")
+    stopped = {**run.design, "proof": {**run.design["proof"], "status": "interrupted"}}
+    text = report_html([replace(run, design=stopped)])
+    assert "Not proven to be the fewest that see 99.9 %" in text and "the design was interrupted." in text
+    assert "best so far" in text and "exact solver</" not in text
     wider = run.scenario.model_copy(update={"camera": run.scenario.camera.model_copy(update={"half_angle_deg": 6.0})})
     text = report_html([replace(run, scenario=wider)])
     assert "camera.half_angle_deg: 4.1 there, 6.0 here" in text
