@@ -15,17 +15,28 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Iterable
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
+
+import numpy as np
+
+from swarm_mj.typing import Mask
 
 #: Frequency of the mesh (20 N^2 faces), half-angle of the target and of the camera [deg].
 CASES = ((20, 11.0, 4.1), (20, 20.0, 4.1), (71, 20.0, 4.1), (224, 3.5, 1.0), (224, 11.0, 2.3))
 
 
+def in_order(rows: Iterable[tuple[int, Mask]]) -> Mask:
+    """The matrix of what candidates see, shape (n, cells), from its rows as they are done."""
+    return np.array([row for _, row in sorted(rows, key=itemgetter(0))])
+
+
 def run_case(frequency: int, target: float, camera: float) -> dict[str, Any]:
     """Build and solve one case; times in seconds, memory in MiB."""
     from swarm_mj.designer.candidates.flights import fly_candidates
-    from swarm_mj.designer.candidates.visibility import imaging_model_from, seen_cells
+    from swarm_mj.designer.candidates.visibility import imaging_model_from, seen_rows
     from swarm_mj.designer.exact import solve_exact
     from swarm_mj.designer.genetic import GeneticSettings, evolve
     from swarm_mj.designer.problem import CoverProblem
@@ -37,7 +48,7 @@ def run_case(frequency: int, target: float, camera: float) -> dict[str, Any]:
 
     warm = load_scenario("eros-quick", ["observation.criterion=visit", "observation.observer=horizon"])
     flights = fly_candidates(warm)
-    sees = seen_cells(warm, flights, flights.plan.region, imaging_model_from(warm), workers=1)
+    sees = in_order(seen_rows(warm, flights, flights.plan.region, imaging_model_from(warm), workers=1))
     small = CoverProblem(sees=sees, area=flights.plan.region.area)
     solve_exact(small)
     evolve(small, GeneticSettings(max_generations=2))
@@ -68,7 +79,7 @@ def run_case(frequency: int, target: float, camera: float) -> dict[str, Any]:
         start = lap("flights", start)
         HorizonObserver(region, imaging_model.camera)  # kept on disk from here on
         start = lap("maps", start)
-        sees = seen_cells(scenario, flights, region, imaging_model, workers=1)
+        sees = in_order(seen_rows(scenario, flights, region, imaging_model, workers=1))
         start = lap("pictures", start)
     problem = CoverProblem(sees=sees, area=region.area)
     evolved = evolve(problem, GeneticSettings(max_generations=67, patience=1000))

@@ -63,8 +63,9 @@ def design_table(record: dict[str, Any]) -> Table:
         table.add_column(escape(heading), justify="left" if heading in ("", "points") else "right")
     proof = record["proof"]
     proven = {"optimal": "proven", "interrupted": "interrupted"}.get(proof["status"])
+    proven = proven or f"at least {proof['lower_bound']:g}"
     table.add_row(
-        proven or f"at least {proof['lower_bound']:g}", str(proof["minimum"]), f"{proof['covered_percent']:.2f}", _numbers(proof["visiting_points"]), "-",
+        proven, str(proof["minimum"]), f"{proof['covered_percent']:.2f}", _numbers(proof["visiting_points"]), "-",
         f"{proof['seconds']:.2f}",
     )  # fmt: skip
     names = {"repair": "GA, repair", "plain": "GA, plain"}

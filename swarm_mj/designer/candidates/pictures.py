@@ -56,34 +56,6 @@ class ImagingModel:
         return make_observer(region, self.camera, kind=self.kind, occlusion=self.occlusion)
 
 
-def visible_shares(
-    flights: CandidateFlights,
-    region: TargetRegion,
-    imaging_model: ImagingModel,
-    *,
-    at: Mask | None = None,
-    workers: int | None = None,
-    progress: Progress | None = None,
-) -> list[Array]:
-    """Visible share of every cell in every picture of every candidate.
-
-    Args:
-        flights: The candidates.
-        region: The target whose cells are judged; need not be the one that the candidates visit.
-        imaging_model: How pictures are judged.
-        at: Which of the flights' times to take, shape (t,); default: all.
-        workers: Processes; default: one per core. One runs in this process.
-        progress: Called with the number of candidates done, parts of one included.
-
-    Returns:
-        One array (pictures, cells) per candidate, its pictures being those of `picture_numbers`.
-    """
-    shares: list[Array | None] = [None] * flights.n
-    for j, share in shares_as_they_come(flights, region, imaging_model, at=at, workers=workers, progress=progress):
-        shares[j] = share
-    return [share for share in shares if share is not None]
-
-
 def shares_as_they_come(
     flights: CandidateFlights,
     region: TargetRegion,
@@ -93,7 +65,19 @@ def shares_as_they_come(
     workers: int | None = None,
     progress: Progress | None = None,
 ) -> Generator[tuple[int, Array]]:
-    """`visible_shares` of one candidate after the other as pairs of its number and its shares: first those that are kept."""
+    """Visible share of every cell in every picture of one candidate after the other: first of those that are kept.
+
+    Args:
+        flights: The candidates.
+        region: The target whose cells are judged; need not be the one that the candidates visit.
+        imaging_model: How pictures are judged.
+        at: Which of the flights' times to take, shape (t,); default: all.
+        workers: Processes; default: one per core. One runs in this process.
+        progress: Called with the number of candidates done, parts of one included.
+
+    Yields:
+        The candidate's number from 0, and its array (pictures, cells), its pictures being those of `picture_numbers`.
+    """
     folder = cache_folder() / "pictures" / _key(region, imaging_model)
     missing: dict[int, tuple[Array, Array]] = {}
     done = 0.0

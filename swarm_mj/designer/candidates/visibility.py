@@ -215,22 +215,6 @@ def imaging_model_from(scenario: Scenario) -> ImagingModel:
     )
 
 
-def seen_cells(
-    scenario: Scenario,
-    flights: CandidateFlights,
-    region: TargetRegion,
-    imaging_model: ImagingModel,
-    *,
-    workers: int | None = None,
-    progress: Progress | None = None,
-) -> Mask:
-    """Whether each candidate sees each cell of a region by the scenario's criterion, shape (n, cells)."""
-    seen = np.zeros((flights.n, region.n_cells), dtype=np.bool_)
-    for j, row in seen_rows(scenario, flights, region, imaging_model, workers=workers, progress=progress):
-        seen[j] = row
-    return seen
-
-
 def seen_rows(
     scenario: Scenario,
     flights: CandidateFlights,
@@ -240,7 +224,11 @@ def seen_rows(
     workers: int | None = None,
     progress: Progress | None = None,
 ) -> Iterator[tuple[int, Mask]]:
-    """`seen_cells` of one candidate after the other, as they are done."""
+    """Whether a candidate sees each cell of a region by the scenario's criterion, one after the other as they are done.
+
+    Yields:
+        The candidate's number from 0, and what it sees, shape (cells,).
+    """
     shares = shares_as_they_come(flights, region, imaging_model, at=flights.counts, workers=workers, progress=progress)
     criterion = criterion_from(scenario)
     with closing(imaging_model.open(region)) as observer, closing(shares):

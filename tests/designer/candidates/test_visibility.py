@@ -9,8 +9,8 @@ import pytest
 from swarm_mj.designer.candidates import flights as candidate_flights
 from swarm_mj.designer.candidates import pictures
 from swarm_mj.designer.candidates.flights import at_points, fly_candidates
-from swarm_mj.designer.candidates.pictures import picture_numbers, visible_shares
-from swarm_mj.designer.candidates.visibility import imaging_model_from, seen_cells, visibility
+from swarm_mj.designer.candidates.pictures import picture_numbers, shares_as_they_come
+from swarm_mj.designer.candidates.visibility import imaging_model_from, seen_rows, visibility
 from swarm_mj.designer.exact import solve_exact
 from swarm_mj.designer.problem import CoverProblem
 from swarm_mj.errors import MissionError, PathError, ScenarioError
@@ -34,6 +34,18 @@ FAST = [
 
 def scenario(*overrides):
     return load_scenario("eros-quick", [*FAST, *overrides])
+
+
+def all_shares(flights, *what, **how):
+    """The shares of all candidates, in order."""
+    found = dict(shares_as_they_come(flights, *what, **how))
+    return [found[j] for j in range(flights.n)]
+
+
+def seen_cells(told, flights, *what):
+    """What all candidates see, shape (n, cells)."""
+    found = dict(seen_rows(told, flights, *what))
+    return np.array([found[j] for j in range(flights.n)])
 
 
 @pytest.fixture(autouse=True)
@@ -104,14 +116,14 @@ def test_pictures_are_kept_and_an_interrupted_computation_goes_on(flights, own_c
 
     monkeypatch.setattr(pictures, "_judge", interrupted)
     with pytest.raises(KeyboardInterrupt):
-        visible_shares(flights, region, imaging_model, at=at)
+        all_shares(flights, region, imaging_model, at=at)
     assert len(list(own_cache.rglob("*.npy"))) == 20
     monkeypatch.setattr(pictures, "_judge", lambda r, C: judged.append(r) or real(r, C))
-    shares = visible_shares(flights, region, imaging_model, at=at, progress=done.append)
+    shares = all_shares(flights, region, imaging_model, at=at, progress=done.append)
     assert len(judged) == 51
     assert done[0] == 20 and done[-1] == 51
     # A third time everything is read.
-    again = visible_shares(flights, region, imaging_model, at=at)
+    again = all_shares(flights, region, imaging_model, at=at)
     assert len(judged) == 51
     assert all(np.array_equal(a, b) for a, b in zip(shares, again, strict=True))
     assert not list(own_cache.rglob("*.partial"))
@@ -120,10 +132,10 @@ def test_pictures_are_kept_and_an_interrupted_computation_goes_on(flights, own_c
 def test_a_damaged_file_in_the_cache_is_computed_again(flights, own_cache):
     region, imaging_model = flights.plan.region, imaging_model_from(scenario())
     at = flights.times == 600.0
-    shares = visible_shares(flights, region, imaging_model, at=at)
+    shares = all_shares(flights, region, imaging_model, at=at)
     for k, file in enumerate(sorted(own_cache.rglob("*.npy"))[:4]):
         file.write_bytes([b"", b"junk", file.read_bytes()[:100], b"\x80\x04." * 50][k])
-    again = visible_shares(flights, region, imaging_model, at=at)
+    again = all_shares(flights, region, imaging_model, at=at)
     assert all(np.array_equal(a, b) for a, b in zip(shares, again, strict=True))
 
 
@@ -133,24 +145,24 @@ def test_the_cache_tells_cameras_observers_and_targets_apart(flights, own_cache)
     for count, overrides in enumerate(
         ([], ["camera.half_angle_deg=5"], ["observation.occlusion=false"], ["designer.any_roll=false"]), start=1
     ):
-        visible_shares(flights, region, imaging_model_from(scenario(*overrides)), at=at)
+        all_shares(flights, region, imaging_model_from(scenario(*overrides)), at=at)
         assert len(list((own_cache / "pictures").iterdir())) == count
 
 
 def test_a_cache_that_cannot_be_written_only_costs_time(flights, monkeypatch):
     monkeypatch.setenv("SWARM_MJ_CACHE", "/proc/nowhere")
     at = flights.times == 600.0
-    shares = visible_shares(flights, flights.plan.region, imaging_model_from(scenario()), at=at)
+    shares = all_shares(flights, flights.plan.region, imaging_model_from(scenario()), at=at)
     assert len(shares) == 51
 
 
 def test_processes_give_the_same_as_one(flights, monkeypatch):
     region, imaging_model = flights.plan.region, imaging_model_from(scenario())
     few = flights.times % 240 == 0
-    one = visible_shares(flights, region, imaging_model, at=few, workers=1)
+    one = all_shares(flights, region, imaging_model, at=few, workers=1)
     monkeypatch.setenv("SWARM_MJ_CACHE", os.environ["SWARM_MJ_CACHE"] + "2")
     monkeypatch.setattr(pictures, "MIN_PARALLEL", 1)
-    two = visible_shares(flights, region, imaging_model, at=few, workers=2)
+    two = all_shares(flights, region, imaging_model, at=few, workers=2)
     assert all(np.array_equal(a, b) for a, b in zip(one, two, strict=True))
     assert sum(len(picture_numbers(flights, j, few)) for j in range(flights.n)) == sum(len(a) for a in one)
 
@@ -248,7 +260,7 @@ def test_processes_for_whose_pictures_nobody_waits_any_more_are_gone(flights, ow
     monkeypatch.setattr(pictures.interruption, "check", interrupted)
     monkeypatch.setattr(pictures, "MIN_PARALLEL", 1)
     with pytest.raises(KeyboardInterrupt):
-        visible_shares(flights, flights.plan.region, imaging_model_from(scenario()), workers=2)
+        all_shares(flights, flights.plan.region, imaging_model_from(scenario()), workers=2)
     assert len(seen) == 2
     assert not any(process.is_alive() for process in seen)
 
