@@ -61,8 +61,7 @@ class Rotation:
         """From N to the frame P of the pole (z) and the ascending node of the body's equator (x), shape (3, 3)."""
         tilt = math.radians(90.0 - self.pole_dec_deg)
         node = math.radians(90.0 + self.pole_ra_deg)
-        to_equatorial = _rotation_1(-math.radians(constants.OBLIQUITY_J2000_DEG))
-        matrix = _rotation_1(tilt) @ _rotation_3(node) @ to_equatorial
+        matrix = _rotation_1(tilt) @ _rotation_3(node) @ equatorial_from_ecliptic()
         matrix.setflags(write=False)
         return matrix
 
@@ -74,6 +73,11 @@ class Rotation:
     def C_AN(self, jd: float, t_s: float = 0.0) -> Array:
         """From components in N to components in A, shape (3, 3), `t_s` seconds after a Julian date (TDB)."""
         return spin_dcm(self.C_PN, self.phase(jd, t_s))
+
+
+def equatorial_from_ecliptic() -> Array:
+    """From components in N, the ecliptic frame of J2000, to those in its equatorial frame, shape (3, 3)."""
+    return _rotation_1(-math.radians(constants.OBLIQUITY_J2000_DEG))
 
 
 @kernel
