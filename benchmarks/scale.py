@@ -35,16 +35,14 @@ def in_order(rows: Iterable[tuple[int, Mask]]) -> Mask:
 
 def run_case(frequency: int, target: float, camera: float) -> dict[str, Any]:
     """Build and solve one case; times in seconds, memory in MiB."""
+    from scripts.pages.eros_mesh import eros_at
     from swarm_mj.designer.candidates.flights import fly_candidates
     from swarm_mj.designer.candidates.visibility import imaging_model_from, seen_rows
     from swarm_mj.designer.exact import solve_exact
     from swarm_mj.designer.genetic import GeneticSettings, evolve
     from swarm_mj.designer.problem import CoverProblem
     from swarm_mj.observation.horizon import HorizonObserver
-    from swarm_mj.scenarios import constants
     from swarm_mj.scenarios.loading import load_scenario
-    from swarm_mj.smallbody.shape_harmonics import build_eros
-    from swarm_mj.smallbody.shape_io import save_obj
 
     warm = load_scenario("eros-quick", ["observation.criterion=visit", "observation.observer=horizon"])
     flights = fly_candidates(warm)
@@ -60,14 +58,11 @@ def run_case(frequency: int, target: float, camera: float) -> dict[str, Any]:
         return time.perf_counter()
 
     with tempfile.TemporaryDirectory() as folder:
-        mesh = Path(folder) / "eros.obj"
-        save_obj(build_eros(frequency), mesh)
-        rows = [[n, m, *cs] for (n, m), cs in constants.EROS_DEGREE_2.items()]
+        body = eros_at(frequency, Path(folder))[1]
         scenario = load_scenario(
             "eros-config1",
             [
-                f"body.shape={mesh}",
-                f"body.gravity.parameters={json.dumps({'coefficients': rows})}",
+                *body,
                 f"target.half_angle_deg={target}",
                 f"camera.half_angle_deg={camera}",
                 "observation.observer=horizon",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import tempfile
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
@@ -12,6 +11,7 @@ import numpy as np
 import xarray as xr
 
 from scripts.pages import RESULTS
+from scripts.pages.eros_mesh import eros_at
 from swarm_mj.designer.candidates.visibility import visibility
 from swarm_mj.designer.exact import ExactResult, solve_exact
 from swarm_mj.designer.problem import CoverProblem
@@ -22,18 +22,15 @@ from swarm_mj.flight.observe import observe_flight, visit_sample
 from swarm_mj.flight.plan import Plan, make_plan, target_from
 from swarm_mj.io.atomic import write_text
 from swarm_mj.observation.gl_context import gl_available
-from swarm_mj.scenarios import constants
 from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.smallbody.shape import ShapeModel
-from swarm_mj.smallbody.shape_harmonics import build_eros
-from swarm_mj.smallbody.shape_io import save_obj
 from swarm_mj.spacecraft.attitude.mrp import dcm
 
 PAGE = RESULTS / "convergence.md"
 SCENARIO = "eros-config1"
 #: A camera that leaves a part of the target unseen, so that the seen share can move.
 NARROW = "camera.half_angle_deg=3"
-#: What is judged, by `target.cell_size_m`: whole faces, and cells so small that a little more or less of them shows.
+#: What is judged, by `target.cell_size_m`: uncut faces, and cells so small that a little more or less of them shows.
 CELL_SIZES_M = (None, 300.0)
 
 TIMESTEPS_S = (0.5, 0.25, 0.1, 0.05, 0.025)
@@ -49,7 +46,7 @@ def flown(overrides: Sequence[str] = ()) -> tuple[Plan, xr.Dataset]:
 
 
 def shares(plan: Plan, telemetry: xr.Dataset, shape: ShapeModel | None = None) -> str:
-    """Seen share of the target on whole faces and on cells, of the plan's mesh or of another one, as two columns."""
+    """Seen share of the target on uncut faces and on cells, of the plan's mesh or of another one, as two columns."""
     columns = []
     for size in CELL_SIZES_M:
         target = plan.scenario.target.model_copy(update={"cell_size_m": size})
@@ -134,14 +131,10 @@ def picture_rows() -> Iterable[str]:
 
 def mesh_rows() -> Iterable[str]:
     """The fewest observers, how well these point, and what one and the same flight sees, by mesh."""
-    degree_2 = [[n, m, *cs] for (n, m), cs in constants.EROS_DEGREE_2.items()]
     same = flown()
     with tempfile.TemporaryDirectory() as folder:
         for frequency in FREQUENCIES:
-            mesh = Path(folder) / f"eros-{frequency}.obj"
-            shape = build_eros(frequency)
-            save_obj(shape, mesh)
-            body = [f"body.shape={mesh}", f"body.gravity.parameters={json.dumps({'coefficients': degree_2})}"]
+            shape, body = eros_at(frequency, Path(folder))
             problem, best = fewest_observers([*body, "observation.observer=horizon"])
             own = flown([*body, f"design.visiting_points={[int(point) for point in best.points]}"])
             yield (
@@ -154,7 +147,7 @@ def cell_rows() -> Iterable[str]:
     """The fewest observers by the size of the cells that are judged, on the packaged mesh."""
     for size in ("null", "600", "300", "150"):
         problem, best = fewest_observers([f"target.cell_size_m={size}", "observation.observer=raster"])
-        name = "whole faces" if size == "null" else f"cells of {size} m"
+        name = "uncut faces" if size == "null" else f"cells of {size} m"
         yield f"| {name} | {problem.n_faces:,} | {best.n_observers} ({best.status}) |"
 
 
@@ -171,7 +164,7 @@ mesh, and why the defaults are what they are. `{scenario}` is a reading of the p
 deg and the instant of the visit, not the paper's camera of 21.5 deg ([reproduction](reproduction.md)).
 
 All flights have a camera of 3 deg half-angle, so narrow that a part of the target stays unseen and the seen share P_TO can
-move; it is judged on whole faces, as the paper counts them, and on cells of 300 m. Pointing errors are those at the visit,
+move; it is judged on uncut faces and on cells of 300 m, of which half must be seen. Pointing errors are those at the visit,
 the worst of all observers, and what they amount to on the ground {altitude:g} km below. N, the fewest observers, comes with
 proof for the scenario's own camera of {half_angle:g} deg. The designer judges propagated trajectories with commanded
 attitudes, so that neither step enters N; the picture enters no pointing error.
@@ -206,21 +199,21 @@ refused by the sliding mode law or leave larger errors. P_TO stays the same to a
 picture by less than two centimetres, and cells measure hundreds of metres. `camera.resolution_px` 512: the seen share has
 settled; because the buffer holds only the window of the target, and slivers are sampled by rays, 64 pixels would nearly do.
 Sixteen rays a cell, an even number, count every cell of which they see just half: hence their surplus. The packaged mesh has
-8,000 faces. **Five observers is not independent of the mesh**: on whole faces the finer meshes above ask for five too and the
-coarser ones for six, but cut into cells the packaged mesh itself asks for more:
+8,000 faces. **Five observers is not independent of the mesh**: on uncut faces the finer meshes above ask for five too and the
+coarser ones for six, but cut into cells of 300 m or less the packaged mesh itself asks for six:
 
 {cells}
 
 Cells that are judged by half are a finer target, not a better mesh, and the points stay those of the 8,000 faces. On cells of
-300 m the seen share is within 0.2 of that on finer meshes; on whole faces the share scatters by three, because a half-seen face
-counts whole or not at all.
+300 m the seen share [%] is within 0.2 of that on finer meshes; on uncut faces it scatters by three, because a face counts
+as a whole or not at all.
 """
 
 
 def main() -> None:
     """Fly, measure, write the page."""
     scenario = load_scenario(SCENARIO)
-    error, percent = "pointing error [deg] | on the ground [mm]", "P_TO, whole faces [%] | cells of 300 m [%]"
+    error, percent = "pointing error [deg] | on the ground [mm]", "P_TO, uncut faces [%] | cells of 300 m [%]"
     text = TEXT.format(
         scenario=SCENARIO,
         half_angle=scenario.camera.half_angle_deg,

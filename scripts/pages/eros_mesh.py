@@ -1,0 +1,29 @@
+"""Eros's harmonics sampled finer or coarser, as a body of a scenario: what `convergence` and `benchmarks.scale` compare."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from swarm_mj.scenarios import constants
+from swarm_mj.smallbody.shape import ShapeModel
+from swarm_mj.smallbody.shape_harmonics import build_eros
+from swarm_mj.smallbody.shape_io import save_obj
+
+#: A mesh of one's own takes no gravity from Eros by itself; here it is Eros's on purpose.
+EROS_FIELD = {
+    "gm": constants.EROS_GM,
+    "reference_radius_m": constants.EROS_REFERENCE_RADIUS,
+    "coefficients": [[n, m, *cs] for (n, m), cs in constants.EROS_DEGREE_2.items()],
+}
+
+
+def eros_at(frequency: int, folder: Path) -> tuple[ShapeModel, list[str]]:
+    """Write Eros as a mesh of 20 `frequency`^2 faces into a folder.
+
+    Returns:
+        The mesh, and the overrides with which a scenario flies past it in Eros's measured field.
+    """
+    shape, path = build_eros(frequency), folder / f"eros-{frequency}.obj"
+    save_obj(shape, path)
+    return shape, [f"body.shape={path}", f"body.gravity.parameters={json.dumps(EROS_FIELD)}"]
