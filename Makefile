@@ -65,7 +65,7 @@ docs: setup-dev ## build the site into site/: offline, warnings are errors
 docs-serve: setup-dev ## show the site while it is written, at http://127.0.0.1:8000
 	@NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs serve $(ARGS)
 
-images: setup-dev ## redraw the pictures that README and the site show
+images: setup-dev ## redraw the pictures of flights and designs in README and on the site
 	@$(BIN)/python -m scripts.pages.images
 
 pages: images ## the same, and rewrite the measured pages that take minutes: validation, dependencies
