@@ -78,12 +78,10 @@ def crosslink_range_m(link: Link) -> float:
     """Longest link between two spacecraft: what the scenario says, or else as far as the budget of its radio closes [m].
 
     Raises:
-        ScenarioError: The budget is asked of a radio that the catalogue does not have.
+        ScenarioError: The catalogue does not have its radio.
     """
-    if link.max_range_m is not None:
-        return link.max_range_m
     radio = radio_from(link.crosslink, "link.crosslink")
-    return longest_range_m(radio, radio.g_over_t_db_k)
+    return longest_range_m(radio, radio.g_over_t_db_k) if link.max_range_m is None else link.max_range_m
 
 
 def rate_table(transmitter: Radio, receiver_g_over_t_db_k: float) -> RateTable:

@@ -339,7 +339,7 @@ def _enumerated(words: Sequence[str]) -> str:
 
 
 def antennas_from(scenario: Scenario) -> Antennas:
-    """The scenario's antennas; ScenarioError where their range is asked of a radio that does not exist."""
+    """The scenario's antennas; ScenarioError where its radio does not exist."""
     link = scenario.link
     return Antennas(
         dish_half_angle=radians(link.dish_half_angle_deg),

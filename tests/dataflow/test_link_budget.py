@@ -97,8 +97,9 @@ def test_a_range_in_the_scenario_stands_and_none_means_as_far_as_the_budget_clos
     strong = CrosslinkRadio(power_w=4.0)
     ranges = [crosslink_range_m(Link(max_range_m=None, crosslink=radio)) for radio in (CrosslinkRadio(), strong)]
     assert ranges == [longest_range_m(UHF, UHF.g_over_t_db_k), pytest.approx(2.0 * ranges[0])]
-    with pytest.raises(ScenarioError, match="link.crosslink.radio = 'smoke'"):
-        crosslink_range_m(Link(max_range_m=None, crosslink=CrosslinkRadio(radio="smoke")))
+    for reach in (None, 50e3):
+        with pytest.raises(ScenarioError, match="link.crosslink.radio = 'smoke'"):
+            crosslink_range_m(Link(max_range_m=reach, crosslink=CrosslinkRadio(radio="smoke")))
 
 
 def test_twice_the_distance_costs_four_times_the_power():
