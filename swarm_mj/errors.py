@@ -46,3 +46,7 @@ class OutputError(SwarmError):
 
 class PluginError(SwarmError):
     """A plug-in name is unknown or the plug-in does not fit its protocol."""
+
+
+class InteropError(SwarmError):
+    """A file for or from another program cannot be written, read or believed; names file, key, value and the remedy."""

@@ -20,6 +20,7 @@ ORDER = (
     ("observation",),
     ("flight",),
     ("designer",),
+    ("interop",),
     ("results",),
     ("rendering",),
     ("campaigns",),

@@ -28,7 +28,7 @@ PURPOSE = {
     "scipy": "integrators, the exact solver (HiGHS), sparse matrices, sampling",
     "numba": "compiled loops",
     "llvmlite": "calls of compiled control laws by address, in numba's own terms",
-    "trimesh": "the PLY reader",
+    "trimesh": "the PLY reader, glTF scenes",
     "embreex": "ray casting (Embree)",
     "moderngl": "face-ID buffers on OpenGL",
     "gymnasium": "the environment's interface",
@@ -53,6 +53,10 @@ PURPOSE = {
     "distributed": "campaigns on a Dask cluster",
     "pyarrow": "tables of campaigns (Parquet)",
     "bsk": "the comparison with Basilisk",
+    "spiceypy": "SPICE kernels, out and in",
+    "oem": "tests: reading exported OEM",
+    "ccsds-ndm": "tests: reading exported OEM and AEM 1.0",
+    "brahe": "tests: reading exported OEM and AEM 2.0",
     "pytest": "tests",
     "pytest-xdist": "tests in parallel",
     "hypothesis": "tests of properties and bad input",
@@ -80,6 +84,7 @@ GROUPS = {
     "rl": "Extra `rl`: reinforcement learning",
     "cluster": "Extra `cluster`: campaigns on many machines",
     "benchmark": "Extra `benchmark`: comparison with peers",
+    "spice": "Extra `spice`: SPICE kernels",
     "dev": "Extra `dev`: development only, never imported by a flight",
     "docs": "Extra `docs`: the site, its examples and notebooks",
 }
@@ -104,7 +109,7 @@ checked and ends with an error; the tests and the other checks do without.
 
 Some licences ask for more than the others: `moocore`, which pymoo brings along, and `pygame`, which opens a window, are under
 the LGPL and are used as they are, as libraries; `polyhedral-gravity`, under the GPL, belongs to the tests, and `swarm-mj
-validate` uses it where it is installed.
+validate` uses it where it is installed; `ccsds-ndm`, under the GPL too, belongs to the tests alone.
 """
 
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import pandas as pd
 import xarray as xr
@@ -209,6 +209,27 @@ class Flight:
         replay = Replay(self.plan, self.telemetry, self.coverage.first_seen_s)
         with using_bars(progress) as bars:
             return make_film(replay, Path(path), camera=camera, fps=fps, size=size, speed=speed, bars=bars).path
+
+    def export(self, folder: str | Path, formats: Sequence[str] = ("all",), *, ccsds: Literal[2, 3] = 2) -> list[Path]:
+        """Write the flight in the formats of other programs; see the page "Take results elsewhere".
+
+        Args:
+            folder: Where; an earlier export is replaced, anything else is refused.
+            formats: `oem`, `aem` (CCSDS messages), `spk`, `ck`, `dsk` (SPICE kernels and what belongs to them), `stk`,
+                `vizard`, `cosmographia`, `gltf`, `csv`, or `all`.
+            ccsds: Version of the messages: 2 (OEM 2.0, AEM 1.0) or 3 (OEM 3.0, AEM 2.0).
+
+        Returns:
+            The files.
+
+        Raises:
+            InteropError: A format is unknown or needs a package that is not installed.
+            OutputError: The folder cannot be written or holds something else.
+        """
+        from swarm_mj.interop.export import export_flight
+        from swarm_mj.interop.states import states_of
+
+        return export_flight(states_of(self.plan, self.telemetry), Path(folder), formats, ccsds)
 
     def __repr__(self) -> str:
         """One line: what was flown and what it saw."""

@@ -57,14 +57,27 @@ def _report(status: int, words: str) -> int:
 def _parser() -> argparse.ArgumentParser:
     import argparse
 
-    from swarm_mj.cli import bench, campaign, design, plugins, report, run, scenarios, shape, validate, video, view
+    from swarm_mj.cli import (
+        bench,
+        campaign,
+        design,
+        export,
+        plugins,
+        report,
+        run,
+        scenarios,
+        shape,
+        validate,
+        video,
+        view,
+    )
 
     parser = argparse.ArgumentParser(
         prog="swarm-mj", description="Fly CubeSat swarms past small bodies and measure what their cameras see."
     )
     parser.add_argument("--version", action="version", version=f"swarm-mj {__version__}")
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    for module in (run, design, campaign, video, report, view, scenarios, plugins, shape, validate, bench):
+    for module in (run, design, campaign, video, report, export, view, scenarios, plugins, shape, validate, bench):
         module.add(commands)
     return parser
 

@@ -1,0 +1,239 @@
+"""A flight written in the formats of other programs, into one folder."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import tempfile
+from collections.abc import Callable, Iterable
+from pathlib import Path, PurePosixPath
+from typing import Final, get_args
+
+from swarm_mj import __version__
+from swarm_mj.errors import InteropError, OutputError
+from swarm_mj.interop import ccsds_out, cosmographia, gltf, kernels_binary, kernels_text, stk, tables, vizard
+from swarm_mj.interop.ccsds_out import Generation
+from swarm_mj.interop.states import FlightStates
+from swarm_mj.io.atomic import write_text
+from swarm_mj.io.lock import reserved, unwritable
+from swarm_mj.io.records import read_record
+from swarm_mj.io.spice import spiceypy
+
+#: What lists the files of an export; only a folder that has it is written again.
+MANIFEST: Final = "export.json"
+#: Formats that are SPICE kernels or need them.
+KERNELS: Final = ("spk", "ck", "dsk", "cosmographia")
+
+
+def export_flight(states: FlightStates, folder: Path, formats: Iterable[str], generation: Generation = 2) -> list[Path]:
+    """Write a flight for other programs.
+
+    Args:
+        states: The flight.
+        folder: Where; made if need be. An earlier export is replaced, other files in it are kept.
+        formats: Of `FORMATS`, or `all`.
+        generation: Of the CCSDS messages, see `ccsds_out.VERSIONS`.
+
+    Returns:
+        The files, in order.
+
+    Raises:
+        InteropError: A format is unknown, or needs a package that is not installed.
+        OutputError: The folder cannot be written or holds something else.
+    """
+    chosen = chosen_formats(formats)
+    if generation not in get_args(Generation):
+        raise InteropError(f"ccsds = {generation!r}: must be 2 (OEM 2.0, AEM 1.0) or 3 (OEM 3.0, AEM 2.0)")
+    if set(chosen) & set(KERNELS):
+        spiceypy()  # what is missing is said before anything is written
+    folder = Path(folder)
+    earlier = _earlier(folder)
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        with reserved(folder), tempfile.TemporaryDirectory(prefix=f".{folder.name}.", dir=folder.parent) as name:
+            partial = Path(name)
+            for each in chosen:
+                FORMATS[each](states, partial, generation)
+            write_text(partial / MANIFEST, _manifest(states, partial, chosen))
+            return _moved(partial, folder, earlier)
+    except OSError as error:
+        raise unwritable(folder, error) from None
+
+
+def chosen_formats(formats: Iterable[str]) -> list[str]:
+    """Formats in the order in which they are written, each once.
+
+    Raises:
+        InteropError: One is unknown, or there is none.
+    """
+    asked = [formats] if isinstance(formats, str) else list(formats)
+    for name in asked:
+        if name not in (*FORMATS, "all"):
+            raise InteropError(f"format {name!r} is unknown; allowed are {', '.join(FORMATS)}, or all")
+    if not asked:
+        raise InteropError(f"formats = []: name at least one of {', '.join(FORMATS)}, or all")
+    return [name for name in FORMATS if name in asked or "all" in asked]
+
+
+def _messages(write: Callable[[FlightStates, int, Generation], str], kind: str) -> Callable[..., None]:
+    def write_all(states: FlightStates, folder: Path, generation: Generation) -> None:
+        for j, name in enumerate(states.names):
+            _put(folder / kind / f"{name}.{kind}", write(states, j, generation))
+
+    return write_all
+
+
+def _spk(states: FlightStates, folder: Path, generation: Generation) -> None:
+    place = _kernels(states, folder)
+    kernels_binary.write_spk(place / "swarm.bsp", states)
+    kernels_binary.write_surroundings(place / "sun_earth.bsp", states)
+    _meta_kernel(states, place)
+
+
+def _ck(states: FlightStates, folder: Path, generation: Generation) -> None:
+    place = _kernels(states, folder)
+    kernels_binary.write_ck(place / "swarm.bc", states)
+    _meta_kernel(states, place)
+
+
+def _dsk(states: FlightStates, folder: Path, generation: Generation) -> None:
+    place = _kernels(states, folder)
+    kernels_binary.write_dsk(place / "body.bds", states, place / "swarm.tf")
+    _meta_kernel(states, place)
+
+
+#: Text kernels that belong to every binary one.
+TEXT_KERNELS: Final = {
+    "leapseconds.tls": kernels_text.leapseconds,
+    "swarm.tsc": kernels_text.clock,
+    "body.tpc": kernels_text.body_constants,
+    "swarm.tf": kernels_text.frames,
+    "cameras.ti": kernels_text.cameras,
+}
+
+
+def _kernels(states: FlightStates, folder: Path) -> Path:
+    """The folder of the kernels, with the text kernels in it."""
+    for name, write in TEXT_KERNELS.items():
+        _put(folder / "spice" / name, write(states))
+    return folder / "spice"
+
+
+def _meta_kernel(states: FlightStates, place: Path) -> None:
+    _put(place / "swarm.tm", kernels_text.meta_kernel(states, _names_of_kernels(place)))
+
+
+def _names_of_kernels(place: Path) -> list[str]:
+    """Names of the kernels, text before binary."""
+    binary = sorted(p.name for p in place.iterdir() if p.suffix in (".bsp", ".bc", ".bds"))
+    return [*TEXT_KERNELS, *binary]
+
+
+def _cosmographia(states: FlightStates, folder: Path, generation: Generation) -> None:
+    for write, name in ((_spk, "swarm.bsp"), (_ck, "swarm.bc"), (_dsk, "body.bds")):
+        if not (folder / "spice" / name).exists():  # SPICE writes no file that is there
+            write(states, folder, generation)
+    kernels = [f"../spice/{name}" for name in _names_of_kernels(folder / "spice")]
+    for name, text in cosmographia.write_catalogues(states, kernels).items():
+        _put(folder / "cosmographia" / name, text)
+
+
+def _stk(states: FlightStates, folder: Path, generation: Generation) -> None:
+    for j, name in enumerate(states.names):
+        _put(folder / "stk" / f"{name}.e", stk.write_ephemeris(states, j))
+        _put(folder / "stk" / f"{name}.a", stk.write_attitude(states, j))
+
+
+def _vizard(states: FlightStates, folder: Path, generation: Generation) -> None:
+    _put(folder / "vizard" / "flight.bin", vizard.write_recording(states))
+
+
+def _gltf(states: FlightStates, folder: Path, generation: Generation) -> None:
+    _put(folder / "gltf" / "scene.glb", gltf.write_scene(states))
+
+
+def _csv(states: FlightStates, folder: Path, generation: Generation) -> None:
+    described = {}
+    for j, name in enumerate(states.names):
+        table, described[f"{name}.csv"] = tables.spacecraft_table(states, j)
+        _put(folder / "csv" / f"{name}.csv", table.to_csv(index=False, float_format="%.17g"))
+    _put(folder / "csv" / "datapackage.json", tables.data_package(states, described))
+
+
+#: Writers by format.
+FORMATS: Final[dict[str, Callable[[FlightStates, Path, Generation], None]]] = {
+    "oem": _messages(ccsds_out.write_oem, "oem"),
+    "aem": _messages(ccsds_out.write_aem, "aem"),
+    "spk": _spk,
+    "ck": _ck,
+    "dsk": _dsk,
+    "stk": _stk,
+    "vizard": _vizard,
+    "cosmographia": _cosmographia,
+    "gltf": _gltf,
+    "csv": _csv,
+}
+
+
+def _put(path: Path, content: str | bytes) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(content.encode() if isinstance(content, str) else content)
+
+
+def _files(folder: Path) -> list[str]:
+    return sorted(p.relative_to(folder).as_posix() for p in folder.rglob("*") if p.is_file())
+
+
+def _manifest(states: FlightStates, folder: Path, chosen: list[str]) -> str:
+    return (
+        json.dumps(
+            {
+                "program": f"swarm_mj {__version__}",
+                "scenario": states.plan.scenario.name,
+                "formats": chosen,
+                "centre": f"{states.body.name}, NAIF {states.body.code}",
+                "frames": {
+                    "oem, aem, stk, vizard": "EME2000",
+                    "spk, ck, csv": "ECLIPJ2000, which is N",
+                    "dsk, csv (A)": f"{states.body.frame}, which is A",
+                    "gltf": "N, its z axis up (y of glTF)",
+                },
+                "time": "TDB; stk and vizard: an epoch in UTC",
+                "comments": states.comments,
+                "files": _files(folder),
+            },
+            indent=2,
+        )
+        + "\n"
+    )
+
+
+def _earlier(folder: Path) -> list[str]:
+    """Files of the export that stands in a folder; none where there is no folder.
+
+    Raises:
+        OutputError: The folder holds something else.
+    """
+    if not folder.exists() or (folder.is_dir() and not any(folder.iterdir())):
+        return []
+    remedy = "choose another folder with --out"
+    if not (folder / MANIFEST).is_file():
+        raise OutputError(f"{folder}: exists and is no earlier export (it has no {MANIFEST}); {remedy}")
+    listed = read_record(folder / MANIFEST, dict[str, object], remedy).get("files")
+    names = [name for name in listed if isinstance(name, str)] if isinstance(listed, list) else []
+    return [name for name in names if not PurePosixPath(name).is_absolute() and ".." not in PurePosixPath(name).parts]
+
+
+def _moved(partial: Path, folder: Path, earlier: list[str]) -> list[Path]:
+    """Put new files into their places, the list of them last, and remove those of an earlier export that have no successor."""
+    names = _files(partial)
+    for name in sorted(names, key=lambda name: name == MANIFEST):
+        place = folder / name
+        place.parent.mkdir(parents=True, exist_ok=True)
+        if place.is_dir():
+            shutil.rmtree(place)
+        os.replace(partial / name, place)
+    for name in set(earlier) - set(names):
+        (folder / name).unlink(missing_ok=True)
+    return [folder / name for name in names]

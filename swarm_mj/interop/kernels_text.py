@@ -1,0 +1,195 @@
+"""SPICE's text kernels of a flight: leap seconds, clock, constants of the body, frames, cameras, and the meta-kernel.
+
+Formats: SPICE's required reading (KERNEL, TIME, SCLK, PCK, FRAMES) and the documents of GETFOV.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from math import atan2, degrees, hypot
+
+import numpy as np
+
+from swarm_mj.interop.frames import C_EN
+from swarm_mj.interop.states import CLOCK, FIRST_SPACECRAFT, FlightStates
+from swarm_mj.interop.times import EB, M0, M1, TT_TAI, K, leap_seconds
+from swarm_mj.scenarios.constants import DAY
+from swarm_mj.smallbody.rotation import spin_dcm
+
+#: Ticks of the spacecraft clock in a second; its most significant field counts seconds of TDB past the scenario's epoch.
+TICKS_PER_SECOND = 1_000_000
+#: Frames numbered from here on are left to users.
+USER_FRAMES, USER_FRAMES_COUNT = 1_400_000, 600_000
+
+
+def spacecraft_code(j: int) -> int:
+    """NAIF's number of spacecraft j."""
+    return FIRST_SPACECRAFT - j
+
+
+def body_frame_code(j: int) -> int:
+    """Number of the frame B of spacecraft j, and of its structure in the C-kernel."""
+    return 1000 * spacecraft_code(j)
+
+
+def spacecraft_name(states: FlightStates, j: int) -> str:
+    """SPICE's name of spacecraft j."""
+    return f"SWARM_{states.names[j].upper()}"
+
+
+def _kernel(kind: str, comments: Sequence[str], values: Mapping[str, object]) -> str:
+    """A text kernel of some kind with comments and variables."""
+    lines = [f"KPL/{kind}", "", *comments, "", "\\begindata", ""]
+    for name, value in values.items():
+        items = value if isinstance(value, list | tuple | np.ndarray) else [value]
+        shown = [_shown(item) for item in items]
+        operator = "+=" if name.startswith(("NAIF_BODY_", "KERNELS_TO_LOAD")) else "="
+        if len(shown) == 1:
+            lines.append(f"   {name} {operator} ( {shown[0]} )")
+        else:
+            lines += [f"   {name} {operator} (", *(f"      {item}" for item in shown), "   )"]
+    return "\n".join([*lines, "", "\\begintext", ""])
+
+
+def _shown(item: object) -> str:
+    if isinstance(item, str):
+        return item if item.startswith("@") else f"'{item}'"
+    return str(int(item)) if isinstance(item, int | np.integer) else repr(float(item))  # type: ignore[arg-type]
+
+
+def leapseconds(states: FlightStates) -> str:
+    """LSK: leap seconds as ERFA has them."""
+    deltas: list[object] = []
+    for day, count in leap_seconds().items():
+        deltas += [count, f"@{day.strftime('%Y-%b-%d').upper()}"]
+    values = {
+        "DELTET/DELTA_T_A": TT_TAI,
+        "DELTET/K": K,
+        "DELTET/EB": EB,
+        "DELTET/M": [M0, M1],
+        "DELTET/DELTA_AT": deltas,
+    }
+    return _kernel("LSK", ["Leap seconds by IERS Bulletin C; any kernel of NAIF says the same."], values)
+
+
+def clock(states: FlightStates) -> str:
+    """SCLK: one clock for all spacecraft, seconds of TDB past the epoch and millionths of them."""
+    suffix = -CLOCK
+    values = {
+        "SCLK_KERNEL_ID": f"@{states.plan.scenario.epoch[:10]}",
+        f"SCLK_DATA_TYPE_{suffix}": 1,
+        f"SCLK01_TIME_SYSTEM_{suffix}": 1,
+        f"SCLK01_N_FIELDS_{suffix}": 2,
+        f"SCLK01_MODULI_{suffix}": [10_000_000_000, TICKS_PER_SECOND],
+        f"SCLK01_OFFSETS_{suffix}": [0, 0],
+        f"SCLK01_OUTPUT_DELIM_{suffix}": 1,
+        f"SCLK_PARTITION_START_{suffix}": 0.0,
+        f"SCLK_PARTITION_END_{suffix}": 9.0e15,
+        f"SCLK01_COEFFICIENTS_{suffix}": [0.0, states.epoch / 1e9, 1.0],
+    }
+    return _kernel("SCLK", [*states.comments, "Clock 0 is the scenario's epoch; it runs with TDB."], values)
+
+
+def body_constants(states: FlightStates) -> str:
+    """PCK: pole, rotation, size and gravity of the body, as they were flown."""
+    code, environment = states.body.code, states.plan.environment
+    ra, dec, w0 = rotation_constants(states)
+    values: dict[str, object] = {
+        f"BODY{code}_POLE_RA": [ra, 0.0, 0.0],
+        f"BODY{code}_POLE_DEC": [dec, 0.0, 0.0],
+        f"BODY{code}_PM": [w0, degrees(environment.spin_rate) * DAY, 0.0],
+        f"BODY{code}_RADII": _radii_km(states).tolist(),
+    }
+    gm = getattr(environment.gravity, "gm", None)
+    if gm is not None:
+        values[f"BODY{code}_GM"] = float(gm) / 1e9
+    note = (
+        "Pole and prime meridian reproduce the flight's rotation in SPICE's frames: they differ from the scenario's by the",
+        "rounding of the obliquity, 0.04 arcsec. Radii are half the extents of the shape along the axes of A.",
+    )
+    return _kernel("PCK", [*states.comments, *note], values)
+
+
+def rotation_constants(states: FlightStates) -> tuple[float, float, float]:
+    """Right ascension and declination of the pole and W at J2000 [deg] that give the flight's rotation C_AN in SPICE."""
+    environment = states.plan.environment
+    C_AE = spin_dcm(np.ascontiguousarray(environment.C_PN), float(environment.phase0)) @ C_EN.T
+    x, y, z = C_AE[2]
+    ra, dec = degrees(atan2(y, x)) % 360.0, degrees(atan2(z, hypot(x, y)))
+    # C_AE = R3(W) R1(90 - dec) R3(90 + ra): its last column is sin(90 - dec) (sin W, cos W, .).
+    w = (
+        degrees(atan2(C_AE[0, 2], C_AE[1, 2]))
+        if hypot(x, y) > 1e-12
+        else degrees(atan2(C_AE[0, 1], C_AE[0, 0])) - 90 - ra
+    )
+    days = states.epoch / 1e9 / DAY
+    return ra, dec, (w - degrees(environment.spin_rate) * DAY * days) % 360.0
+
+
+def _radii_km(states: FlightStates) -> np.ndarray:
+    axes = states.plan.scenario.body.semi_axes_m
+    vertices = states.plan.shape.vertices
+    return np.array(axes if axes is not None else np.ptp(vertices, axis=0) / 2.0) / 1e3
+
+
+def frames(states: FlightStates) -> str:
+    """FK: names and numbers of body, spacecraft and cameras, and their frames."""
+    body = states.body
+    fixed = USER_FRAMES + body.code % USER_FRAMES_COUNT
+    names, codes = [body.name], [body.code]
+    for j in range(states.n):
+        names += [spacecraft_name(states, j), f"{spacecraft_name(states, j)}_CAMERA"]
+        codes += [spacecraft_code(j), body_frame_code(j) - 1]
+    values: dict[str, object] = {"NAIF_BODY_NAME": names, "NAIF_BODY_CODE": codes}
+    values |= _frame(body.frame, fixed, kind=2, code=body.code, center=body.code)
+    values[f"OBJECT_{body.code}_FRAME"] = body.frame
+    for j in range(states.n):
+        code = body_frame_code(j)
+        name = f"{spacecraft_name(states, j)}_BODY"
+        values |= _frame(name, code, kind=3, code=code, center=spacecraft_code(j))
+        values |= {f"CK_{code}_SCLK": CLOCK, f"CK_{code}_SPK": spacecraft_code(j)}
+    note = "The body-fixed frame is A of swarm_mj; frames ..._BODY are B, whose +z the camera looks along."
+    return _kernel("FK", [*states.comments, note], values)
+
+
+def _frame(name: str, number: int, *, kind: int, code: int, center: int) -> dict[str, object]:
+    return {
+        f"FRAME_{name}": number,
+        f"FRAME_{number}_NAME": name,
+        f"FRAME_{number}_CLASS": kind,
+        f"FRAME_{number}_CLASS_ID": code,
+        f"FRAME_{number}_CENTER": center,
+    }
+
+
+def cameras(states: FlightStates) -> str:
+    """IK: field of view of every camera."""
+    camera, values = states.camera, dict[str, object]()
+    for j in range(states.n):
+        prefix = f"INS{body_frame_code(j) - 1}"
+        values |= {
+            f"{prefix}_FOV_FRAME": f"{spacecraft_name(states, j)}_BODY",
+            f"{prefix}_FOV_SHAPE": "RECTANGLE" if camera.shape == "square" else "CIRCLE",
+            f"{prefix}_FOV_CLASS_SPEC": "ANGLES",
+            f"{prefix}_BORESIGHT": [0.0, 0.0, 1.0],
+            f"{prefix}_FOV_REF_VECTOR": [1.0, 0.0, 0.0],
+            f"{prefix}_FOV_REF_ANGLE": float(camera.half_angle_deg),
+            f"{prefix}_FOV_ANGLE_UNITS": "DEGREES",
+            f"{prefix}_PIXEL_SAMPLES": camera.resolution_px,
+            f"{prefix}_PIXEL_LINES": camera.resolution_px,
+        }
+        if camera.shape == "square":
+            values[f"{prefix}_FOV_CROSS_ANGLE"] = float(camera.half_angle_deg)
+    note = "Half-angles from the line of sight to the middle of a picture's edge; x to the right, y down."
+    return _kernel("IK", [*states.comments, note], values)
+
+
+def meta_kernel(states: FlightStates, names: Sequence[str]) -> str:
+    """Meta-kernel: loads the others, from their own folder."""
+    note = "Load it from the folder that it lies in, or put that folder's path into PATH_VALUES."
+    values = {
+        "PATH_VALUES": ["."],
+        "PATH_SYMBOLS": ["HERE"],
+        "KERNELS_TO_LOAD": [f"$HERE/{name}" for name in names],
+    }
+    return _kernel("MK", [*states.comments, note], values)

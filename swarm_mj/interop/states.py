@@ -1,0 +1,184 @@
+"""A flight as other programs take it: names and numbers of its objects, instants, states and attitudes."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+import xarray as xr
+
+from swarm_mj.flight.observe import camera_from, visit_sample
+from swarm_mj.flight.plan import Plan
+from swarm_mj.interop.frames import C_EN
+from swarm_mj.interop.times import SECOND, epoch_of
+from swarm_mj.observation.camera import CameraModel
+from swarm_mj.spacecraft.attitude.mrp import dcm, quaternion_from_mrp
+from swarm_mj.typing import Array
+
+#: NAIF's numbers of asteroids are this plus the number of the asteroid, up to 999999; beyond, the extended schema.
+NUMBERED, EXTENDED, LAST_NUMBERED = 2_000_000, 20_000_000, 999_999
+#: Number of a body that is no numbered asteroid; NAIF has given it to nobody.
+UNNUMBERED: Final = 9_999_999
+#: The first spacecraft is -900001; NAIF gives missions numbers of three digits. The clock of all is -900000.
+FIRST_SPACECRAFT, CLOCK = -900_001, -900_000
+
+
+@dataclass(frozen=True)
+class BodyName:
+    """What SPICE and CCSDS call the body.
+
+    Attributes:
+        code: NAIF's number.
+        name: In capitals, without the number of the asteroid, at most 16 characters.
+    """
+
+    code: int
+    name: str
+
+    @classmethod
+    def of(cls, name: str) -> BodyName:
+        """Of a body as scenarios call it, e.g. `433 Eros`."""
+        number, _, rest = name.strip().partition(" ")
+        numbered = number.isdecimal() and bool(rest.strip()) and 0 < int(number) < EXTENDED
+        words = re.sub(r"[^A-Z0-9]+", "_", (rest if numbered else name).upper()).strip("_")[:16] or "BODY"
+        if not numbered:
+            return cls(UNNUMBERED, words)
+        return cls((NUMBERED if int(number) <= LAST_NUMBERED else EXTENDED) + int(number), words)
+
+    @property
+    def frame(self) -> str:
+        """Name of the body-fixed frame A."""
+        return f"SWARM_{self.name}_FIXED"
+
+    def is_meant_by(self, text: str) -> bool:
+        """Whether a file's text names this body: by name, number or both, or by NAIF's number in either schema."""
+        word = re.sub(r"[^A-Z0-9]+", "_", text.upper()).strip("_")
+        number = self.code - NUMBERED if self.code < EXTENDED else self.code - EXTENDED
+        names = {self.name, str(self.code)}
+        if self.code != UNNUMBERED:
+            names |= {f"{number}_{self.name}", str(number), str(EXTENDED + number)}
+        return word in names
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlightStates:
+    """What is written.
+
+    Attributes:
+        plan: What was flown; body, rotation, Sun and Earth stand there.
+        telemetry: All that was recorded.
+        comments: Where it comes from, one line each.
+    """
+
+    plan: Plan
+    telemetry: xr.Dataset
+    comments: tuple[str, ...]
+
+    @cached_property
+    def body(self) -> BodyName:
+        """What others call the body."""
+        return BodyName.of(self.plan.scenario.body.name)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the spacecraft in their files, in gene order: sc1, sc2, ..."""
+        return self.plan.names
+
+    @property
+    def n(self) -> int:
+        """Number of spacecraft."""
+        return self.plan.n
+
+    @cached_property
+    def camera(self) -> CameraModel:
+        """Of every spacecraft."""
+        return camera_from(self.plan.scenario)
+
+    @cached_property
+    def epoch(self) -> int:
+        """In nanoseconds of TDB past J2000."""
+        return epoch_of(self.plan.scenario.epoch)
+
+    @cached_property
+    def times(self) -> Array:
+        """Of the samples past the epoch [s], shape (t,)."""
+        return np.asarray(self.telemetry["time"].values, np.float64)
+
+    @cached_property
+    def instants(self) -> list[int]:
+        """The same in nanoseconds of TDB past J2000."""
+        return [self.epoch + round(t * SECOND) for t in self.times.tolist()]
+
+    @cached_property
+    def et(self) -> Array:
+        """The same in seconds of TDB past J2000, shape (t,)."""
+        return np.array([ns / SECOND for ns in self.instants])
+
+    @cached_property
+    def states_N(self) -> Array:
+        """Positions [m] and velocities [m/s] relative to the body in N, shape (t, n, 6)."""
+        return np.concatenate([self.telemetry["r_BN_N"].values, self.telemetry["v_BN_N"].values], axis=2)
+
+    @cached_property
+    def states_E(self) -> Array:
+        """The same in EME2000."""
+        t, n, _ = self.states_N.shape
+        turned: Array = (self.states_N.reshape(t, n, 2, 3) @ C_EN.T).reshape(t, n, 6)
+        return turned
+
+    @cached_property
+    def q_BN(self) -> Array:
+        """Euler parameters (w, x, y, z) of B relative to N, without jumps of sign, shape (t, n, 4)."""
+        return steady(quaternion_from_mrp(self.telemetry["sigma_BN"].values))
+
+    @cached_property
+    def q_BE(self) -> Array:
+        """The same relative to EME2000."""
+        return steady(quaternions(dcm(self.telemetry["sigma_BN"].values) @ C_EN.T))
+
+    @cached_property
+    def visit(self) -> int:
+        """Number of the sample at the instant of the visit."""
+        return visit_sample(self.plan.scenario)
+
+
+def states_of(plan: Plan, telemetry: xr.Dataset) -> FlightStates:
+    """A flight, ready to be written."""
+    attributes = telemetry.attrs
+    scenario = plan.scenario
+    return FlightStates(
+        plan=plan,
+        telemetry=telemetry,
+        comments=(
+            f"swarm_mj {attributes.get('swarm_mj_version', 'of an unknown version')}, scenario {scenario.name}, "
+            f"seed {scenario.seed}",
+            f"body {_ascii(scenario.body.name)}, gravity by {_ascii(scenario.body.gravity.model)}, "
+            f"epoch {scenario.epoch} TDB",
+            "frame N of swarm_mj has the axes of SPICE's ECLIPJ2000 and its origin in the body's centre of mass",
+            "B: spacecraft, camera along +z; positions are geometric, without light time or aberration",
+        ),
+    )
+
+
+def _ascii(text: str) -> str:
+    return " ".join(text.encode("ascii", "replace").decode().split())[:60]
+
+
+def steady(q: Array) -> Array:
+    """Quaternions over time, shape (t, ..., 4), each with the sign that is nearer to the one before."""
+    flips = np.cumsum(np.sum(q[1:] * q[:-1], axis=-1) < 0.0, axis=0) % 2
+    signs = np.concatenate([np.ones((1, *q.shape[1:-1])), 1.0 - 2.0 * flips])
+    out: Array = q * signs[..., None]
+    return out
+
+
+def quaternions(C: Array) -> Array:
+    """Euler parameters (w, x, y, z) of direction cosine matrices, v_B = C v_A, shape (..., 3, 3) to (..., 4)."""
+    from scipy.spatial.transform import Rotation
+
+    flat = Rotation.from_matrix(np.swapaxes(C.reshape(-1, 3, 3), 1, 2)).as_quat(scalar_first=True)
+    out: Array = flat.reshape(*C.shape[:-2], 4)
+    return out
