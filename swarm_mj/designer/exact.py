@@ -21,11 +21,11 @@ import numpy as np
 from scipy.optimize import Bounds, LinearConstraint
 from scipy.sparse import coo_array, csr_array, hstack, vstack
 
-from swarm_mj.designer import beside
 from swarm_mj.designer.problem import CoverProblem, check_cost
 from swarm_mj.designer.reduction import ReducedProblem, merge_cells, reduce_problem
 from swarm_mj.designer.repair import repair_designs
 from swarm_mj.errors import MissionError
+from swarm_mj.io import beside
 from swarm_mj.typing import Array, Ints
 
 #: HiGHS accepts constraints violated by this much; the tolerance is loosened by it so that no true design is lost.

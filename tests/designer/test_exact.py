@@ -4,11 +4,11 @@ from itertools import combinations, combinations_with_replacement
 import numpy as np
 import pytest
 
-from swarm_mj.designer import beside
 from swarm_mj.designer.exact import solve_budget, solve_cheapest, solve_exact, without_proof
 from swarm_mj.designer.problem import CoverProblem
 from swarm_mj.designer.reduction import reduce_problem
 from swarm_mj.errors import MissionError
+from swarm_mj.io import beside
 
 
 def best_by_enumeration(problem, cost, n_observers):

@@ -20,7 +20,7 @@ SOURCES = sorted([*ROOT.glob("swarm_mj/**/*.py"), *ROOT.glob("envs/**/*.py")])
 DANGEROUS_MODULES = {"pickle", "cPickle", "dill", "cloudpickle", "joblib", "shelve", "marshal"}
 #: Modules that pickle, between a process and the children that it started itself, through pipes that nobody else holds.
 BETWEEN_OWN_PROCESSES = {
-    "swarm_mj/designer/beside.py",
+    "swarm_mj/io/beside.py",
     "swarm_mj/results/drawing.py",
     "swarm_mj/results/figures/serve.py",
 }
