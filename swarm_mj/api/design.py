@@ -255,8 +255,8 @@ def design(
             if study.interrupted:
                 keep.enter_context(held())
                 _check_nothing_lost(study, place, stages)
-            elif study.visibility.left_out:
-                stages.say(left_out_words(study.visibility))
+            elif words := left_out_words(study.visibility):
+                stages.say(words)
             found = Design(scenario, design_record(study), study=study)
             if folder is not None:
                 found.write(folder, figures=False)

@@ -124,7 +124,7 @@ def study_design(
     """
     clock = _Clock(tell)
     with clock.stage("candidates", "candidates' flights", "candidates' pictures") as (flying, judging):
-        seen = visibility(scenario, workers=workers, progress=judging, flying=flying)
+        seen = visibility(scenario, workers=workers, progress=judging, flying=flying, costs=pareto)
     work = _Work(scenario, seen, cover_problem(scenario, seen), clock)
     if seen.unjudged:
         clock.interrupted = "candidates' pictures"

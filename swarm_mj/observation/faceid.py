@@ -73,6 +73,8 @@ class FaceIdObserver:
     """
 
     occlusion = True
+    counts_pixels = True
+    samples = SLIVER_SAMPLES
 
     def __init__(
         self,

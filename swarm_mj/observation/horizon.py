@@ -141,12 +141,18 @@ class HorizonObserver:
     name = "horizon"
     note = "horizon maps, constant time per picture"
     occlusion = True
+    counts_pixels = False
 
     def __init__(self, region: TargetRegion, camera: CameraModel, *, samples: int | None = None) -> None:
         self.region, self.camera = region, camera
         if samples is None:
             samples = next(samples for limit, samples in SAMPLES if region.n_cells <= limit)
         self.horizon = HorizonMap(region, samples=samples, tracer=self.tracer)
+
+    @property
+    def samples(self) -> int:
+        """Sample points of each cell."""
+        return self.horizon.samples
 
     @cached_property
     def tracer(self) -> RayTracer:

@@ -22,6 +22,7 @@ class Observer(Protocol):
         region: The target whose cells are judged.
         camera: The camera through which they are seen.
         occlusion: Whether the body hides what lies behind it.
+        counts_pixels: Whether it judges other cells by their pixels.
     """
 
     name: str
@@ -29,6 +30,12 @@ class Observer(Protocol):
     region: TargetRegion
     camera: CameraModel
     occlusion: bool
+    counts_pixels: bool
+
+    @property
+    def samples(self) -> int:
+        """Sample points of each cell that is judged by samples."""
+        ...
 
     @property
     def tracer(self) -> RayTracer:

@@ -27,6 +27,7 @@ class RayCastObserver:
     """
 
     name = "raycast"
+    counts_pixels = False
 
     def __init__(
         self,

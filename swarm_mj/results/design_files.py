@@ -93,6 +93,7 @@ def design_record(study: Study) -> dict[str, Any]:
         "candidates_left_out": [
             {"candidate": describe(candidate, seen), "why": why} for candidate, why in seen.left_out
         ],
+        "candidates_thinned": len(seen.thinned),
         "interrupted": study.interrupted or None,
         "candidates_unjudged": seen.unjudged,
         "target_faces": seen.n_target_faces,
@@ -104,10 +105,13 @@ def design_record(study: Study) -> dict[str, Any]:
 
 
 def left_out_words(seen: Visibility) -> str:
-    """How many candidates nobody can fly to, and why."""
+    """How many candidates nobody can fly to, and why; and how many need not be judged. Empty: none is left out."""
     counts = Counter(why for _, why in seen.left_out)
+    if seen.thinned:
+        counts["seeing no more than others, before their pictures were judged (designer.thin_from)"] = len(seen.thinned)
     reasons = ", ".join(f"{count} {why}" for why, count in counts.most_common())
-    return f"{len(seen.left_out)} of {len(seen.candidates) + len(seen.left_out)} candidates are left out: {reasons}"
+    total = counts.total()
+    return f"{total} of {len(seen.candidates) + total} candidates are left out: {reasons}" if total else ""
 
 
 def made_for(scenario: Scenario, corners_A: Array) -> dict[str, Any]:

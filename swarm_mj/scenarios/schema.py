@@ -197,6 +197,12 @@ class Designer(Section):
     times_of_flight_s: tuple[float, ...] = Field(
         (), max_length=20, description="times of flight to choose from [s]; empty: the design's"
     )
+    thin_from: int = Field(
+        200,
+        ge=1,
+        description="with so many candidates or more, those are left out before their pictures are judged that others provably "
+        "surpass: the proven minimum stays, and the genetic algorithm chooses among the rest",
+    )
     time_limit_s: float = Field(300.0, gt=0, description="after which the exact solver stops without proof [s]")
 
 

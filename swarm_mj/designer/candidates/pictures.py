@@ -7,7 +7,7 @@ on where it stopped.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -25,6 +25,8 @@ from swarm_mj.observation.observer import Observer, ObserverKind, make_observer
 from swarm_mj.typing import Array, Indices, Mask
 
 Progress = Callable[[float], None]
+#: Of a series of pictures: positions in A [m], shape (t, 3), and rotations C_CA, shape (t, 3, 3).
+Poses = tuple[Array, Array]
 
 #: With fewer pictures than these, starting processes takes longer than judging them here.
 MIN_PARALLEL = 1000
@@ -57,34 +59,30 @@ class ImagingModel:
 
 
 def shares_as_they_come(
-    flights: CandidateFlights,
+    poses: Sequence[Poses],
     region: TargetRegion,
     imaging_model: ImagingModel,
     *,
-    at: Mask | None = None,
     workers: int | None = None,
     progress: Progress | None = None,
 ) -> Generator[tuple[int, Array]]:
-    """Visible share of every cell in every picture of one candidate after the other: first of those that are kept.
+    """Visible share of every cell in every picture of one series after the other: first of those that are kept.
 
     Args:
-        flights: The candidates.
+        poses: The series, see `poses_of`.
         region: The target whose cells are judged; need not be the one that the candidates visit.
         imaging_model: How pictures are judged.
-        at: Which of the flights' times to take, shape (t,); default: all.
         workers: Processes; default: one per core. One runs in this process.
-        progress: Called with the number of candidates done, parts of one included.
+        progress: Called with the number of series done, parts of one included.
 
     Yields:
-        The candidate's number from 0, and its array (pictures, cells), its pictures being those of `picture_numbers`.
+        The number of the series from 0, and its array (pictures, cells).
     """
     folder = cache_folder() / "pictures" / _key(region, imaging_model)
-    missing: dict[int, tuple[Array, Array]] = {}
+    missing: dict[int, Poses] = {}
     done = 0.0
-    for j in range(flights.n):
-        k = picture_numbers(flights, j, at)
-        job = flights.r_A[k, j], flights.C_CA[k, j]
-        share = load_array(_file(folder, job), (len(k), region.n_cells), np.float64)
+    for j, job in enumerate(poses):
+        share = load_array(_file(folder, job), (len(job[0]), region.n_cells), np.float64)
         if share is None:
             missing[j] = job
         else:
@@ -106,7 +104,7 @@ def shares_as_they_come(
             progress(done)
 
 
-def _file(folder: Path, job: tuple[Array, Array]) -> Path:
+def _file(folder: Path, job: Poses) -> Path:
     return folder / f"{hash_of(*job)}.npy"
 
 
@@ -116,8 +114,14 @@ def picture_numbers(flights: CandidateFlights, candidate: int, at: Mask | None =
     return np.flatnonzero(observing if at is None else observing & at)
 
 
+def poses_of(flights: CandidateFlights, candidate: int, at: Mask | None = None) -> Poses:
+    """Where a candidate's pictures are taken, and how the camera is turned then."""
+    k = picture_numbers(flights, candidate, at)
+    return flights.r_A[k, candidate], flights.C_CA[k, candidate]
+
+
 def _compute(
-    region: TargetRegion, imaging_model: ImagingModel, jobs: dict[int, tuple[Array, Array]], workers: int | None
+    region: TargetRegion, imaging_model: ImagingModel, jobs: dict[int, Poses], workers: int | None
 ) -> Iterator[tuple[tuple[int, int], Array]]:
     """Judge candidates in parts: pairs of (candidate, number of its first picture) and shares, as they finish."""
     parts = {

@@ -2,25 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import closing
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
-from functools import cache, partial
+from functools import partial
 from itertools import product
 from typing import NamedTuple
 
 import numpy as np
 
 from swarm_mj.designer.candidates.flights import CandidateFlights, Unreachable, fly_candidates
-from swarm_mj.designer.candidates.pictures import ImagingModel, Progress, picture_numbers, shares_as_they_come
+from swarm_mj.designer.candidates.judging import Judge, Watcher
+from swarm_mj.designer.candidates.pictures import ImagingModel, Progress
+from swarm_mj.designer.candidates.thinning import Thinning
 from swarm_mj.flight.observe import camera_from, criterion_from
 from swarm_mj.flight.plan import load_body_shape, target_from
+from swarm_mj.io import interruption
 from swarm_mj.mission.target import TargetRegion
-from swarm_mj.observation.capture import ObservationCriterion, cells_that_count, lit_cells
-from swarm_mj.observation.observer import Observer
 from swarm_mj.scenarios.loading import scenario_from
 from swarm_mj.scenarios.schema import Scenario
-from swarm_mj.typing import Array, Ints, Mask
+from swarm_mj.typing import Array, Indices, Mask
 
 
 class Candidate(NamedTuple):
@@ -52,6 +53,8 @@ class Visibility:
         regions: The targets.
         left_out: What the designer might have chosen but nobody can fly to, and why.
         unjudged: Candidates whose pictures were not judged because of an interruption; they count as seeing nothing.
+        thinned: Candidates whose pictures were not judged because another one sees all that they could see at most (of several,
+            the first), and that other one; they are not among `candidates`.
     """
 
     candidates: list[Candidate]
@@ -62,6 +65,7 @@ class Visibility:
     regions: list[TargetRegion]
     left_out: list[tuple[Candidate, str]] = field(default_factory=list)
     unjudged: int = 0
+    thinned: list[tuple[Candidate, Candidate]] = field(default_factory=list)
 
     @property
     def n_target_faces(self) -> int:
@@ -75,14 +79,19 @@ def visibility(
     workers: int | None = None,
     progress: Progress | None = None,
     flying: Progress | None = None,
+    costs: bool = False,
 ) -> Visibility:
     """Fly every candidate and judge its pictures.
+
+    From `designer.thin_from` candidates on those are left out that see no more than others, as far as that is known beforehand,
+    see `thinning`.
 
     Args:
         scenario: Says what counts as observed, and with `designer` which altitudes, times and targets there are.
         workers: Processes; default: one per core.
         progress: Called with the share of the pictures done, 0 to 1.
         flying: Called with the share of the flights done, 0 to 1.
+        costs: Whether a candidate of more delta-v may not stand in for one of less.
 
     Returns:
         What they see. Where an interruption (KeyboardInterrupt) comes after the first candidates are judged: what these see,
@@ -95,22 +104,25 @@ def visibility(
     variants = target_variants(scenario)
     regions = [target_from(variant, shape) for variant in variants]
     flown, left_out = _fly(variants, flying)
-    sees = [np.zeros((flights.n, sum(region.n_cells for region in regions)), np.bool_) for _, _, flights in flown]
-    judged = [np.zeros(flights.n, np.int64) for _, _, flights in flown]
+    candidates = [_candidate(variant, target, point) for target, variant, f in flown for point in f.points]
+    delta_v = np.concatenate([flights.delta_v for _, _, flights in flown])
+    found = _Sightings(len(candidates), regions, progress)
     try:
-        _judge(flown, regions, imaging_model_from(scenario), _Sightings(sees, judged, workers, progress))
+        _judge(scenario, flown, found, workers, delta_v if costs else None)
     except KeyboardInterrupt:
-        if not any(count.any() for count in judged):
+        if not found.judged.any():
             raise
+    kept = found.kept
     return Visibility(
-        candidates=[_candidate(variant, target, point) for target, variant, f in flown for point in f.points],
-        sees=np.vstack(sees),
+        candidates=[candidates[j] for j in kept],
+        sees=found.sees[kept],
         area=np.concatenate([region.area for region in regions]),
-        delta_v=np.concatenate([flights.delta_v for _, _, flights in flown]),
-        point_A=np.concatenate([flights.plan.points_A for _, _, flights in flown]),
+        delta_v=delta_v[kept],
+        point_A=np.concatenate([flights.plan.points_A for _, _, flights in flown])[kept],
         regions=regions,
         left_out=left_out,
-        unjudged=sum(int((count < len(regions)).sum()) for count in judged),
+        unjudged=int((found.judged[kept] < len(regions)).sum()),
+        thinned=[(candidates[j], candidates[i]) for j, i in sorted(found.stand_in.items())],
     )
 
 
@@ -150,32 +162,62 @@ def _tell_part(progress: Progress, count: int, of: int, share: float) -> None:
     progress((count + share) / of)
 
 
-class _Sightings(NamedTuple):
-    """What is filled while candidates are judged: one array per flight, and for how many regions each row is done."""
+class _Sightings:
+    """What is filled while candidates are judged: who sees what, on how many targets each is judged, and who need not be."""
 
-    sees: list[Mask]
-    judged: list[Ints]
-    workers: int | None
-    progress: Progress | None
+    def __init__(self, n: int, regions: list[TargetRegion], progress: Progress | None) -> None:
+        self.regions, self.progress = regions, progress
+        self.sees = np.zeros((n, sum(region.n_cells for region in regions)), np.bool_)
+        self.judged = np.zeros(n, np.int64)
+        self.stand_in: dict[int, int] = {}
 
+    @property
+    def kept(self) -> Indices:
+        """The candidates that are not left out."""
+        return np.delete(np.arange(len(self.judged)), list(self.stand_in))
 
-def _judge(flown: Flown, regions: list[TargetRegion], imaging_model: ImagingModel, found: _Sightings) -> None:
-    """Judge all candidates, row by row, as they are done."""
-    steps = len(flown) * len(regions)
-    for count, (_, variant, flights) in enumerate(flown):
+    def judge(self, judges: Sequence[Judge], watchers: Sequence[Watcher], wave: Indices) -> None:
+        """Judge the candidates of a wave, row by row, as they are done."""
         first = 0
-        for k, region in enumerate(regions):
-            step = count * len(regions) + k
+        for judge in judges:
+            before = int(self.judged.sum()) + len(self.stand_in) * len(judges)
+            for j, row in judge.seen([watchers[j] for j in wave], progress=partial(self.tell, before)):
+                self.sees[wave[j], first : first + len(row)] = row
+                self.judged[wave[j]] += 1
+            first += judge.region.n_cells
 
-            def report(done: float, step: int = step, n: int = flights.n) -> None:
-                if found.progress is not None:
-                    found.progress((step + done / n) / steps)
+    def tell(self, before: int, done: float) -> None:
+        """Tell how much is done: whole candidates on one target, and part of the next."""
+        if self.progress is not None:
+            self.progress((before + done) / (len(self.judged) * len(self.regions)))
 
-            rows = seen_rows(variant, flights, region, imaging_model, workers=found.workers, progress=report)
-            for j, row in rows:
-                found.sees[count][j, first : first + region.n_cells] = row
-                found.judged[count][j] += 1
-            first += region.n_cells
+
+def _judge(scenario: Scenario, flown: Flown, found: _Sightings, workers: int | None, cost: Array | None) -> None:
+    """Judge all candidates, or with many all that need be."""
+    watchers = [Watcher(flights, j) for _, _, flights in flown for j in range(flights.n)]
+    with ExitStack() as stack:
+        judges = [stack.enter_context(_judge_of(scenario, region, workers)) for region in found.regions]
+        if len(watchers) < scenario.designer.thin_from:
+            found.judge(judges, watchers, np.arange(len(watchers)))
+            return
+        thinning = Thinning(_reach(judges, watchers), found.sees, fold=scenario.designer.fold, cost=cost)
+        found.stand_in = thinning.stand_in
+        for wave in thinning.waves():
+            found.judge(judges, watchers, wave)
+        found.tell(len(watchers) * len(judges), 0.0)
+
+
+def _judge_of(scenario: Scenario, region: TargetRegion, workers: int | None) -> Judge:
+    return Judge(region, imaging_model_from(scenario), criterion_from(scenario), workers)
+
+
+def _reach(judges: Sequence[Judge], watchers: Sequence[Watcher]) -> Mask:
+    """What each could see at most, all targets one after another, shape (n, cells)."""
+    rows = []
+    for watcher in watchers:
+        interruption.check()
+        rows.append(np.concatenate([judge.could_see(watcher) for judge in judges]))
+    return np.stack(rows)
 
 
 def target_variants(scenario: Scenario) -> list[Scenario]:
@@ -229,28 +271,6 @@ def seen_rows(
     Yields:
         The candidate's number from 0, and what it sees, shape (cells,).
     """
-    shares = shares_as_they_come(flights, region, imaging_model, at=flights.counts, workers=workers, progress=progress)
-    criterion = criterion_from(scenario)
-    with closing(imaging_model.open(region)) as observer, closing(shares):
-        light = _light_by_time(flights, observer, criterion)
-        for j, share in shares:
-            seen = np.zeros(region.n_cells, dtype=np.bool_)
-            for row, k in enumerate(picture_numbers(flights, j, flights.counts)):
-                seen |= cells_that_count(
-                    observer, criterion, flights.r_A[k, j], partial(light, int(k)), partial(share.__getitem__, row)
-                )
-            yield j, seen
-
-
-def _light_by_time(
-    flights: CandidateFlights, observer: Observer, criterion: ObservationCriterion
-) -> Callable[[int], Mask]:
-    """Gives which cells are lit at one of the flights' times, worked out once for all candidates."""
-    environment = flights.plan.environment
-
-    @cache
-    def light(k: int) -> Mask:
-        t = float(flights.times[k])
-        return lit_cells(observer, criterion, environment.C_AN(t) @ environment.sun.at(t))
-
-    return light
+    watchers = [Watcher(flights, j) for j in range(flights.n)]
+    with Judge(region, imaging_model, criterion_from(scenario), workers) as judge:
+        yield from judge.seen(watchers, progress=progress)

@@ -9,7 +9,7 @@ import pytest
 from swarm_mj.designer.candidates import flights as candidate_flights
 from swarm_mj.designer.candidates import pictures
 from swarm_mj.designer.candidates.flights import at_points, fly_candidates
-from swarm_mj.designer.candidates.pictures import picture_numbers, shares_as_they_come
+from swarm_mj.designer.candidates.pictures import picture_numbers, poses_of, shares_as_they_come
 from swarm_mj.designer.candidates.visibility import imaging_model_from, seen_rows, visibility
 from swarm_mj.designer.exact import solve_exact
 from swarm_mj.designer.problem import CoverProblem
@@ -36,9 +36,9 @@ def scenario(*overrides):
     return load_scenario("eros-quick", [*FAST, *overrides])
 
 
-def all_shares(flights, *what, **how):
+def all_shares(flights, *what, at=None, **how):
     """The shares of all candidates, in order."""
-    found = dict(shares_as_they_come(flights, *what, **how))
+    found = dict(shares_as_they_come([poses_of(flights, j, at) for j in range(flights.n)], *what, **how))
     return [found[j] for j in range(flights.n)]
 
 

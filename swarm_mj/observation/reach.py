@@ -1,0 +1,197 @@
+"""What a camera can show at most, if the body hid nothing: cells that are not in reach never count, whoever looks.
+
+Sound for every observer, and close: what is in reach and yet does not count is hidden, or shows its share within a pixel of it.
+
+- Limits and light are the criterion's own (`keeps_limits`), the field of view is the camera's; both a little wider, by far
+  more than rounding.
+- Whole cells must have their corners in the field of view.
+- Observers that sample, some of them only cells too small to count, find no more samples than lie in the field of view.
+- Observers that count pixels find no more than have their centres in a convex part of the picture: its area and half a pixel
+  all around. That part is the cell within a polygon about the field of view.
+"""
+
+from __future__ import annotations
+
+from math import pi
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from swarm_mj.mission.target import TargetRegion
+from swarm_mj.observation.camera import Optics, in_field_of_view
+from swarm_mj.observation.capture import Limits, ObservationCriterion, keeps_limits
+from swarm_mj.observation.faceid import MIN_INRADIUS_PX
+from swarm_mj.observation.observer import Observer
+from swarm_mj.observation.sampling import barycentric_samples
+from swarm_mj.spacecraft.attitude.algebra import times
+from swarm_mj.typing import Array, Mask, jittable, kernel
+
+#: By this share everything is wider than it is, so that no rounding decides.
+WIDER = 1e-9
+#: Sides of the polygon about a cone's picture; a square has four.
+SIDES = 32
+
+
+class Reach(NamedTuple):
+    """A camera and a criterion in numbers, both wider than they are.
+
+    Attributes:
+        limits: Of range, emission and ground sampling distance, and the least share.
+        optics: The field of view.
+        weights: Barycentric coordinates of the samples, shape (samples, 3).
+        sides: Outward unit normals of the polygon about the picture, shape (sides, 2).
+        pixel: Width of a pixel in units of half the picture; 0: no pixels are counted.
+        whole: Whether only whole cells count.
+    """
+
+    limits: Limits
+    optics: Optics
+    weights: Array
+    sides: Array
+    pixel: float
+    whole: bool
+
+
+class Cells(NamedTuple):
+    """Cells in A [m]: centroids, outward unit normals, shapes (n, 3), and corners, shape (n, 3, 3)."""
+
+    centroid: Array
+    normal: Array
+    corners: Array
+
+
+def reach_of(observer: Observer, criterion: ObservationCriterion) -> Reach:
+    """How far an observer's pictures reach by a criterion."""
+    camera, limits = observer.camera, criterion.limits(observer.camera)
+    optics, sides = camera.optics, SIDES if camera.shape == "cone" else 4
+    angles = 2.0 * pi * np.arange(sides) / sides
+    return Reach(
+        limits=limits._replace(
+            min_cos_emission=limits.min_cos_emission - WIDER,
+            max_range=limits.max_range * (1.0 + WIDER),
+            max_gsd=limits.max_gsd * (1.0 + WIDER),
+            min_share=limits.min_share * (1.0 - WIDER),
+        ),
+        optics=Optics(optics.tan_half_angle * (1.0 + WIDER), optics.cone),
+        weights=barycentric_samples(observer.samples),
+        sides=np.column_stack((np.cos(angles), np.sin(angles))),
+        pixel=2.0 / camera.resolution_px if observer.counts_pixels else 0.0,
+        whole=criterion.whole,
+    )
+
+
+def cells_of(region: TargetRegion) -> Cells:
+    """The cells of a target."""
+    return Cells(region.centroid_A, region.normal_A, np.ascontiguousarray(region.corners_A))
+
+
+@kernel
+def in_reach(cells: Cells, reach: Reach, r_A: Array, C_CA: Array, light: Mask) -> Mask:
+    """Which cells any of a camera's pictures might show, shape (n,).
+
+    Args:
+        cells: Of the target.
+        reach: How far pictures reach.
+        r_A: Positions of the camera in A [m], shape (t, 3).
+        C_CA: Rotations from A to C, shape (t, 3, 3).
+        light: Which cells are lit in each picture, shape (t, n), or (1, n) where it is the same in all.
+    """
+    found = np.zeros(len(cells.centroid), np.bool_)
+    for k in range(len(r_A)):
+        lit = light[k % len(light)]
+        for i in range(len(found)):
+            if not found[i] and lit[i] and _within_limits(cells, reach.limits, i, r_A[k]):
+                found[i] = _might_show(cells.corners[i], reach, r_A[k], C_CA[k])
+    return found
+
+
+@jittable
+def _within_limits(cells: Cells, limits: Limits, i: int, r_A: Array) -> Any:
+    squared, height = 0.0, 0.0
+    for axis in range(3):
+        to_camera = r_A[axis] - cells.centroid[i, axis]
+        squared += to_camera * to_camera
+        height += to_camera * cells.normal[i, axis]
+    distance = np.sqrt(squared)
+    return keeps_limits(limits, distance, height + WIDER * distance)
+
+
+@kernel
+def _might_show(corners: Array, reach: Reach, r_A: Array, C_CA: Array) -> bool:
+    """Whether enough of a cell may be seen in a picture."""
+    seen = np.empty((3, 3))
+    inside, ahead = 0, 0
+    for c in range(3):
+        x, y, z = _to_camera(corners, C_CA, r_A, c)
+        seen[c, 0], seen[c, 1], seen[c, 2] = x, y, z
+        inside += in_field_of_view(reach.optics, x, y, z)
+        ahead += z > 0.0
+    if inside == 3 or reach.whole:
+        return inside == 3
+    if ahead < 3:
+        return ahead > 0
+    if reach.pixel > 0.0:
+        share, inradius = _pixels(seen, reach)
+        if share >= reach.limits.min_share or inradius >= MIN_INRADIUS_PX * (1.0 + WIDER):
+            return share >= reach.limits.min_share
+    samples = 0
+    for weight in reach.weights:
+        x, y, z = times(seen.T, weight)
+        samples += in_field_of_view(reach.optics, x, y, z)
+    return samples / len(reach.weights) >= reach.limits.min_share
+
+
+@jittable
+def _to_camera(corners: Array, C_CA: Array, r_A: Array, c: int) -> Any:
+    return times(C_CA, (corners[c, 0] - r_A[0], corners[c, 1] - r_A[1], corners[c, 2] - r_A[2]))
+
+
+@kernel
+def _pixels(seen: Array, reach: Reach) -> tuple[float, float]:
+    """The most pixels that a cell before the camera can have, over those expected of it; the radius of its incircle [px].
+
+    Both of the whole picture. A part of it with finer pixels makes the share less and the circle larger.
+    """
+    polygon, count = np.empty((3 + len(reach.sides), 2)), 3
+    for c in range(3):
+        for axis in range(2):
+            polygon[c, axis] = seen[c, axis] / (seen[c, 2] * reach.optics.tan_half_angle)
+    whole, perimeter = _area(polygon, 3), 0.0
+    for c in range(3):
+        perimeter += np.hypot(polygon[c, 0] - polygon[c - 1, 0], polygon[c, 1] - polygon[c - 1, 1])
+    clipped = np.empty_like(polygon)
+    for side in reach.sides:
+        count = _clip(polygon, count, side, 1.0 + reach.pixel, clipped)
+        polygon, clipped = clipped, polygon
+    inradius = 2.0 * whole / (perimeter * reach.pixel)
+    if count == 0:
+        return 0.0, inradius
+    width, height = np.ptp(polygon[:count, 0]), np.ptp(polygon[:count, 1])
+    return (_area(polygon, count) + reach.pixel * (width + height) + reach.pixel**2) / whole, inradius
+
+
+@kernel
+def _area(polygon: Array, count: int) -> float:
+    twice = 0.0
+    for i in range(count):
+        j = (i + 1) % count
+        twice += polygon[i, 0] * polygon[j, 1] - polygon[j, 0] * polygon[i, 1]
+    return 0.5 * abs(twice)
+
+
+@kernel
+def _clip(polygon: Array, count: int, normal: Array, offset: float, kept: Array) -> int:
+    """Write the part of a convex polygon on the inner side of a line into `kept`; returns its number of corners."""
+    n = 0
+    for i in range(count):
+        j = (i + 1) % count
+        here = offset - normal[0] * polygon[i, 0] - normal[1] * polygon[i, 1]
+        there = offset - normal[0] * polygon[j, 0] - normal[1] * polygon[j, 1]
+        if here >= 0.0:
+            kept[n] = polygon[i]
+            n += 1
+        if (here >= 0.0) != (there >= 0.0):
+            for axis in range(2):
+                kept[n, axis] = polygon[i, axis] + (polygon[j, axis] - polygon[i, axis]) * here / (here - there)
+            n += 1
+    return n
