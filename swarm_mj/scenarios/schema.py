@@ -198,7 +198,7 @@ class Designer(Section):
         (), max_length=20, description="times of flight to choose from [s]; empty: the design's"
     )
     thin_from: int = Field(
-        200,
+        300,
         ge=1,
         description="with so many candidates or more, those are left out before their pictures are judged that others provably "
         "surpass: the proven minimum stays, and the genetic algorithm chooses among the rest",
