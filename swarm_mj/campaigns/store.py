@@ -22,18 +22,23 @@ from pathlib import Path
 from typing import Any
 
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
 from pydantic import NonNegativeInt
 
 from swarm_mj.campaigns.manifest import campaign_in
 from swarm_mj.campaigns.table import schema_of, table_of
 from swarm_mj.errors import OutputError
-from swarm_mj.io.records import Record, record_from
+from swarm_mj.io.arrays import MAX_BYTES
+from swarm_mj.io.records import Record, one_line, record_from
 
 RESULTS, JOURNAL, PARTS = "results.parquet", "journal.jsonl", "parts"
 
 #: The journal is sealed after this time [s], or this share of the time since the start, so that parts stay few.
 SEAL_S, SEAL_SHARE = 2.0, 0.02
+
+#: Types that columns have, see `schema_of`.
+_TYPES = (pa.int64(), pa.float64(), pa.bool_(), pa.string())
 
 Row = dict[str, Any]
 
@@ -181,7 +186,9 @@ def read_results(folder: str | os.PathLike[str], schema: pa.Schema | None = None
         except FileNotFoundError:
             continue
         except (pa.ArrowException, OSError) as error:
-            raise OutputError(f"{path}: is torn or no Parquet file ({error}); --resume flies its runs again") from None
+            raise OutputError(
+                f"{path}: is torn or no Parquet file ({one_line(error)}); --resume flies its runs again"
+            ) from None
     if schema is None:
         if not (tables or journal):
             raise OutputError(f"{folder}: holds no finished run")
@@ -246,4 +253,31 @@ def _write_parquet(path: Path, table: pa.Table) -> None:
 
 
 def _read_parquet(path: Path) -> pa.Table:
-    return pq.read_table(path, page_checksum_verification=True, memory_map=False)
+    """The rows of a file that may be damaged or hostile.
+
+    Text stays packed, each different one kept once, until it is known how much all of it takes.
+
+    Raises:
+        FileNotFoundError: There is none.
+        pa.ArrowException, OSError: It cannot be read, has columns that no campaign has, or would take too much memory.
+    """
+    with pq.ParquetFile(path) as file:
+        schema, rows = file.schema_arrow, file.metadata.num_rows
+    odd = next((field for field in schema if field.type not in _TYPES), None)
+    if odd is not None:
+        raise pa.ArrowInvalid(f"{odd.name} is of type {odd.type}, must be one of {', '.join(map(str, _TYPES))}")
+    _check_bytes(8 * rows * len(schema.names))
+    text = [field.name for field in schema if field.type == pa.string()]
+    packed = pq.read_table(path, page_checksum_verification=True, memory_map=False, read_dictionary=text)
+    _check_bytes(packed.nbytes + sum(_text_bytes(packed[name]) for name in text))
+    return packed.cast(schema)
+
+
+def _check_bytes(size: int) -> None:
+    if size > MAX_BYTES:
+        raise pa.ArrowInvalid(f"its rows would take more than {MAX_BYTES} bytes (MAX_BYTES)")
+
+
+def _text_bytes(column: pa.ChunkedArray) -> int:
+    """What the texts of a packed column take when each is written out [bytes]."""
+    return sum(pc.sum(pc.binary_length(part.dictionary).take(part.indices)).as_py() or 0 for part in column.chunks)

@@ -7,6 +7,8 @@ import shutil
 import subprocess
 import sys
 
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 from swarm_mj.campaigns.config import Campaign
@@ -218,3 +220,46 @@ def test_a_full_disk_stops_the_campaign_with_every_added_row_kept(tmp_path):
         assert store.done >= set(range(added)) and store.torn == []
     finally:
         subprocess.run(["umount", disk], check=True)
+
+
+def bombs():
+    """Small files of much: one text of a megabyte in every row, and a column that no campaign has."""
+    count = 20_000
+    same = pa.DictionaryArray.from_arrays(pa.array([0] * count, pa.int32()), pa.array(["x" * 1_000_000]))
+    plain = {f.name: pa.nulls(count, f.type) for f in SCHEMA}
+    return {
+        "20 GB of text": ({**plain, "error": same}, r"would take more than 4294967296 bytes \(MAX_BYTES\)"),
+        "lists": (
+            {**plain, "x": pa.array([[0.0]] * count)},
+            "x is of type list<.*must be one of int64, double, bool, string",
+        ),
+    }
+
+
+@pytest.mark.parametrize("bomb", ["20 GB of text", "lists"])
+def test_a_small_file_that_unpacks_to_much_is_refused_in_one_line_before_it_does(tmp_path, bomb):
+    columns, words = bombs()[bomb]
+    file = tmp_path / RESULTS
+    pq.write_table(pa.table(columns), file, store_schema=False)
+    assert file.stat().st_size < 1_000_000
+    before = pa.default_memory_pool().max_memory()
+    with pytest.raises(OutputError, match=words) as told:
+        read_results(tmp_path, SCHEMA)
+    assert "\n" not in str(told.value) and str(file) in str(told.value)
+    assert pa.default_memory_pool().max_memory() < before + 100_000_000
+
+
+def test_more_rows_than_memory_should_hold_are_refused_before_they_are_read(tmp_path, monkeypatch):
+    filled(tmp_path, range(50)).compact()
+    monkeypatch.setattr("swarm_mj.campaigns.store.MAX_BYTES", 8 * 50 * len(SCHEMA) - 1)
+    monkeypatch.setattr(pq, "read_table", lambda *_, **__: pytest.fail("was read"))
+    with pytest.raises(OutputError, match="its rows would take more than"):
+        read_results(tmp_path, SCHEMA)
+
+
+def test_a_file_that_unpacks_to_too_much_is_set_aside_and_its_runs_are_flown_again(tmp_path):
+    columns, _ = bombs()["20 GB of text"]
+    pq.write_table(pa.table(columns), tmp_path / RESULTS, store_schema=False)
+    store = Store(tmp_path, SCHEMA)
+    assert store.torn == [RESULTS] and store.done == set()
+    store.close()
