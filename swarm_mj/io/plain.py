@@ -12,7 +12,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from swarm_mj.errors import ScenarioError, SwarmError
+from swarm_mj.errors import ScenarioError
 
 #: Lists and mappings inside each other: the schema needs four, the parameters of a plug-in a few more.
 MAX_DEPTH = 20
@@ -30,19 +30,24 @@ _LAYOUT = "\n\t\r"
 
 
 def check_plain(
-    data: Any, source: str, *, most: int = MAX_VALUES, what: str = "scenario", refusal: type[SwarmError] = ScenarioError
+    data: Any,
+    source: str = "",
+    *,
+    most: int = MAX_VALUES,
+    what: str = "scenario",
+    refusal: type[Exception] = ScenarioError,
 ) -> None:
     """Make sure that data is made of plain values and of believable size.
 
     Args:
         data: What a file, an override or a caller gives.
-        source: Its origin, for errors.
+        source: Its origin, with which errors begin; empty: with the key.
         most: Values that it may hold altogether.
         what: It should be, for errors.
         refusal: The error to raise.
 
     Raises:
-        SwarmError: As `refusal`: it is too deep (or contains itself), too large, or holds a value that no file should.
+        Exception: As `refusal`: it is too deep (or contains itself), too large, or holds a value that no file should.
     """
     # A list of what is still to be seen instead of recursion: depth is what an attacker chooses.
     waiting: list[tuple[str, Any, int]] = [("", data, 0)]
@@ -51,29 +56,33 @@ def check_plain(
         key, value, depth = waiting.pop()
         count += 1
         if depth > MAX_DEPTH:
-            raise refusal(f"{source}: {shortened(key)}: more than {MAX_DEPTH} levels deep (MAX_DEPTH)")
+            raise refusal(_begun(source, f"{shortened(key)}: more than {MAX_DEPTH} levels deep (MAX_DEPTH)"))
         if count > most:
-            raise refusal(f"{source}: more than {most} values (MAX_VALUES); this is not a {what}")
+            raise refusal(_begun(source, f"more than {most} values (MAX_VALUES); this is not a {what}"))
         if isinstance(value, Mapping | list | tuple):
             waiting.extend((name, inner, depth + 1) for name, inner in _inside(key, value, source, refusal))
             continue
         wrong = _what_is_wrong(value)
         if wrong:
-            raise refusal(f"{source}:\n  {key} = {shown(value)}: {wrong}")
+            raise refusal(_begun(source, f"{key} = {shown(value)}: {wrong}", between=":\n  "))
 
 
 def _inside(
-    key: str, value: Mapping[Any, Any] | list[Any] | tuple[Any, ...], source: str, refusal: type[SwarmError]
+    key: str, value: Mapping[Any, Any] | list[Any] | tuple[Any, ...], source: str, refusal: type[Exception]
 ) -> Iterator[tuple[str, Any]]:
     if not isinstance(value, Mapping):
         yield from ((key, inner) for inner in value)
         return
     for name, inner in value.items():
         if not isinstance(name, str) or len(name) > MAX_KEY_CHARACTERS or not name.isprintable():
-            where = f"{source}: {shortened(key)}" if key else source
-            raise refusal(f"{where}: key {shown(name)} is no word of at most {MAX_KEY_CHARACTERS} characters")
+            words = f"key {shown(name)} is no word of at most {MAX_KEY_CHARACTERS} characters"
+            raise refusal(_begun(source, f"{shortened(key)}: {words}" if key else words))
         # Only the start of a deep path is ever shown; the whole of it would grow with the square of the depth.
         yield f"{key}.{name}"[:1000] if key else name, inner
+
+
+def _begun(source: str, words: str, *, between: str = ": ") -> str:
+    return f"{source}{between}{words}" if source else words
 
 
 def _what_is_wrong(value: Any) -> str:

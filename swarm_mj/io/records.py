@@ -78,17 +78,11 @@ def record_from(raw: bytes | str, model: Any) -> Any:
     except (ValueError, RecursionError):
         raise ValueError("no JSON") from None
     try:
-        check_plain(data, "JSON", most=MAX_RECORD_VALUES, what="record", refusal=_NotPlain)
+        check_plain(data, most=MAX_RECORD_VALUES, what="record", refusal=ValueError)
         TypeAdapter(model).validate_python(data)
-    except _NotPlain as error:
-        raise ValueError(str(error).removeprefix("JSON: ").removeprefix("JSON:\n  ")) from None
     except ValidationError as error:
         raise ValueError(_first_of(error)) from None
     return data
-
-
-class _NotPlain(SwarmError):
-    """A value that no record holds."""
 
 
 def bytes_of(path: Path, most: int = MAX_RECORD_BYTES) -> bytes:

@@ -203,15 +203,10 @@ def file_text(path: Path, what: str, most: int = MAX_BYTES) -> str:
         ScenarioError: It cannot be read, is too large or no text.
     """
     try:
-        if path.exists() and not path.is_file():
-            raise ScenarioError(f"{path}: is no regular file")
-        with path.open("rb") as file:
-            raw = file.read(most + 1)
-    except (OSError, ValueError) as error:  # ValueError: a name with a NUL
+        raw = bytes_of(path, most)
+    except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
-        raise ScenarioError(f"{shortened(str(path))}: cannot be read ({reason})") from None
-    if len(raw) > most:
-        raise ScenarioError(f"{path}: larger than {most} bytes; this is not a {what}")
+        raise ScenarioError(f"{shortened(str(path))}: cannot be read as a {what} ({reason})") from None
     try:
         return raw.decode("utf-8")
     except UnicodeDecodeError as error:
