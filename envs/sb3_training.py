@@ -7,21 +7,21 @@ The network first imitates the greedy rule for a few rounds, flying by itself wh
 from __future__ import annotations
 
 import csv
-import json
 import time
-from dataclasses import asdict, dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from swarm_mj.errors import ScenarioError
-from swarm_mj.io.atomic import atomic_file, write_text
+from swarm_mj.io.atomic import atomic_file
 
 from .evaluation import fly_seeds, interval
 from .policy import greedy_actions, load_policy, save_policy
 from .sb3 import SwarmObserveVecEnv
 from .sb3_options import TrainingOptions
 from .sb3_policy import SwarmActorCritic, VecPolicyFeatures, to_array_policy
+from .sb3_state import TrainingState, read_state
 
 try:
     import torch
@@ -44,23 +44,6 @@ VALIDATE_EVERY = 10
 IMITATION_STEPS, EPOCHS = 150, 8
 #: From the first to the last update.
 LEARNING_RATE, ENTROPY = (1e-3, 1e-4), (6e-3, 3e-4)
-
-
-@dataclass
-class TrainingState:
-    """What training has come to, kept beside the checkpoint.
-
-    Attributes:
-        steps: Of the environment, that PPO has flown.
-        seconds: Of training.
-        start: Return on the validation seeds before PPO's first update.
-        best: That of `policy.npz`, the best so far.
-    """
-
-    steps: int = 0
-    seconds: float = 0.0
-    start: float = float("nan")
-    best: float = -np.inf
 
 
 class Training:
@@ -184,10 +167,7 @@ def resumed(options: TrainingOptions, features: VecPolicyFeatures) -> tuple[PPO,
         ) from None
     state, file, policy = TrainingState(), options.out / "state.json", options.out / "policy.npz"
     if file.exists():
-        try:
-            state = TrainingState(**json.loads(file.read_text("utf-8")))
-        except (ValueError, TypeError) as error:
-            raise ScenarioError(f"--resume: {file}: is no state of training: {error}") from None
+        state = read_state(file)
     # Three files cannot be replaced at once: what each says of itself goes first.
     state.steps = model.num_timesteps
     state.best = load_policy(policy).about.get("validation_return", state.best) if policy.exists() else -np.inf
@@ -284,7 +264,7 @@ class TrainingCallback(BaseCallback):
         self._state.steps, self._state.seconds = self.model.num_timesteps, self.seconds
         with atomic_file(self._folder / "checkpoint.zip") as partial, partial.open("wb") as file:
             self.model.save(file)
-        write_text(self._folder / "state.json", json.dumps(asdict(self._state)))
+        self._state.write(self._folder / "state.json")
 
     def validate(self) -> None:
         """Fly the validation seeds with the likeliest actions; the best policy so far is written."""
