@@ -338,7 +338,8 @@ rows are Parquet files below `results/robustness`; every one can be flown again 
 
 The fewest observers that see the whole target leave nothing to spare. What is left of the observed area when spacecraft are
 lost on the way, and what does a design in which two spacecraft see every face gain? The packaged campaign `eros-losses`
-flies both configurations of the paper {runs:,} times each, with the minimal design (five observers) and with the two-fold
+flies `eros-config1` and `eros-config2` (a camera of 4.1 deg and the visit alone, one reading of the paper:
+[reproduction](reproduction.md)) {runs:,} times each, with the minimal design (five observers) and with the two-fold
 one (eleven, the proven minimum of `swarm-mj design eros-config1 --fold 2`). Each spacecraft is lost with a chance of 10 %,
 at a random time before the visit. Masses, inertias, wheel friction, deployment velocities, gravity, gyros and star trackers
 are dispersed; the file gives the numbers. Steps are 0.5 s long, the observer is the one of constant time.

@@ -65,12 +65,12 @@ class Design:
 
     @property
     def bound(self) -> float:
-        """No design that covers the target has fewer observers than this: the dual bound of the integer program."""
+        """No design of these candidates that covers the target has fewer observers: the dual bound of the integer program."""
         return float(self.record["proof"]["lower_bound"])
 
     @property
     def proven(self) -> bool:
-        """Whether the selected design is proven to be minimal."""
+        """Whether the selected design is proven to be minimal among its candidates and for the demands of the scenario."""
         return self.record["proof"]["status"] == "optimal" and self.n_observers == self.record["proof"]["minimum"]
 
     @property
