@@ -41,6 +41,7 @@ PURPOSE = {
     "pandas": "tables of the public API",
     "h5netcdf": "telemetry.nc",
     "h5py": "telemetry.nc",
+    "pyerfa": "turning of Earth and leap seconds",
     "rich": "progress bars and tables",
     "pymoo": "the genetic algorithm",
     "pettingzoo": "the multi-agent environment's interface",
