@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from swarm_mj.api.checks import bench, validate
     from swarm_mj.api.design import Design, design
     from swarm_mj.api.flight import Flight, fly
+    from swarm_mj.api.observe import Observation, observe
     from swarm_mj.api.results import open, report
     from swarm_mj.api.scenario import Scenario, available, load
     from swarm_mj.api.simulation import simulation, view
@@ -35,6 +36,7 @@ __version__ = "0.2.0"
 __all__ = [
     "Design",
     "Flight",
+    "Observation",
     "Scenario",
     "SwarmError",
     "available",
@@ -45,6 +47,7 @@ __all__ = [
     "fly",
     "load",
     "load_shape",
+    "observe",
     "open",
     "replay_row",
     "report",
@@ -57,6 +60,7 @@ __all__ = [
 _HOMES = {
     "Design": "api.design",
     "Flight": "api.flight",
+    "Observation": "api.observe",
     "Scenario": "api.scenario",
     "SwarmError": "errors",
     "available": "api.scenario",
@@ -67,6 +71,7 @@ _HOMES = {
     "fly": "api.flight",
     "load": "api.scenario",
     "load_shape": "smallbody.shape_io",
+    "observe": "api.observe",
     "open": "api.results",
     "replay_row": "api.campaign",
     "report": "api.results",

@@ -21,6 +21,7 @@ from swarm_mj.flight.observe import ObservationResult, add_coverage, observe_fli
 from swarm_mj.flight.plan import Plan, behavior_from, check_plugins, make_plan
 from swarm_mj.io.atomic import FIGURES, Result, atomic_folder, check_place
 from swarm_mj.io.progress import Forecast, Stages, using_bars
+from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.coverage import CoverageMap
 from swarm_mj.results.drawing import compile_beside, draw_all, drawing_beside
 from swarm_mj.results.run_files import coverage_arrays, flown_design, write_results, write_summary
@@ -91,15 +92,7 @@ class Flight:
     @property
     def cells(self) -> pd.DataFrame:
         """One row a cell of the target: its face in F_T, area [m^2], whether, when [s] and by how many it was observed."""
-        region, coverage = self.plan.region, self.coverage
-        columns = {
-            "face": region.group,
-            "area_m2": region.area,
-            "seen": coverage.seen,
-            "first_seen_s": coverage.first_seen_s,
-            "observers": coverage.seen_by.sum(axis=0),
-        }
-        return pd.DataFrame(columns).rename_axis("cell")
+        return cells_table(self.plan.region, self.coverage)
 
     @property
     def events(self) -> pd.DataFrame:
@@ -251,6 +244,18 @@ class Flight:
         ]
         picture = figure_html(lambda: composed("operation", self))
         return rows_html(f"Flight of {plan.scenario.name}", plan.scenario.description, rows) + picture
+
+
+def cells_table(region: TargetRegion, coverage: CoverageMap) -> pd.DataFrame:
+    """See `Flight.cells`."""
+    columns = {
+        "face": region.group,
+        "area_m2": region.area,
+        "seen": coverage.seen,
+        "first_seen_s": coverage.first_seen_s,
+        "observers": coverage.seen_by.sum(axis=0),
+    }
+    return pd.DataFrame(columns).rename_axis("cell")
 
 
 def composed(name: str, flight: Flight) -> Figure:

@@ -62,6 +62,7 @@ def _parser() -> argparse.ArgumentParser:
         campaign,
         design,
         export,
+        observe,
         plugins,
         report,
         run,
@@ -77,7 +78,21 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"swarm-mj {__version__}")
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    for module in (run, design, campaign, video, report, export, view, scenarios, plugins, shape, validate, bench):
+    for module in (
+        run,
+        design,
+        campaign,
+        video,
+        report,
+        export,
+        observe,
+        view,
+        scenarios,
+        plugins,
+        shape,
+        validate,
+        bench,
+    ):
         module.add(commands)
     return parser
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 import xarray as xr
 
-from swarm_mj.flight.plan import Plan
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.camera import CameraModel
 from swarm_mj.observation.capture import (
@@ -24,6 +24,7 @@ from swarm_mj.observation.capture import (
 from swarm_mj.observation.coverage import CoverageMap
 from swarm_mj.observation.observer import Observer, make_observer
 from swarm_mj.scenarios.schema import Scenario
+from swarm_mj.smallbody.environment import Environment
 from swarm_mj.spacecraft.attitude.mrp import dcm
 from swarm_mj.typing import Array, Ints, Mask
 
@@ -31,6 +32,30 @@ Progress = Callable[[float], None]
 
 #: How pictures are judged where only whole cells count, whichever observer there is.
 WHOLE_NOTE = "whole faces by geometry: three corners in the field of view, and 16 points that nothing hides"
+
+
+class Observed(Protocol):
+    """What must be known of a flight besides its telemetry to judge its pictures: a `Plan` has it."""
+
+    @property
+    def scenario(self) -> Scenario:
+        """Camera, criterion and times of the pictures."""
+
+    @property
+    def environment(self) -> Environment:
+        """Rotation of the body, and the Sun."""
+
+    @property
+    def region(self) -> TargetRegion:
+        """The target."""
+
+    @property
+    def n(self) -> int:
+        """Number of spacecraft."""
+
+    @property
+    def n_observers(self) -> int:
+        """Number of spacecraft that observe; they come first."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,14 +125,14 @@ def observer_from(scenario: Scenario, region: TargetRegion) -> Observer:
     return make_observer(region, camera_from(scenario), kind=observation.observer, occlusion=observation.occlusion)
 
 
-def observe_flight(plan: Plan, telemetry: xr.Dataset, progress: Progress | None = None) -> ObservationResult:
+def observe_flight(plan: Observed, telemetry: xr.Dataset, progress: Progress | None = None) -> ObservationResult:
     """Measure what the observers' cameras saw during a flight.
 
     A spacecraft takes a picture every `observation.interval_s` while it tracks the asteroid, and one at the instant of the
     visit. A dedicated communications spacecraft takes none.
 
     Args:
-        plan: The plan that was flown.
+        plan: The plan that was flown, or what is known of a flight that was flown elsewhere.
         telemetry: Its telemetry.
         progress: Called with the number of pictures judged.
 
@@ -146,7 +171,7 @@ def observe_flight(plan: Plan, telemetry: xr.Dataset, progress: Progress | None 
     )
 
 
-def flight_pictures(plan: Plan, telemetry: xr.Dataset) -> Iterator[Picture]:
+def flight_pictures(plan: Observed, telemetry: xr.Dataset) -> Iterator[Picture]:
     """All pictures of a flight, in order of time."""
     who, environment = watching_in(telemetry, plan.n_observers), plan.environment
     r_BN_N, C_BN = telemetry["r_BN_N"].values, dcm(telemetry["sigma_BN"].values)
@@ -155,7 +180,7 @@ def flight_pictures(plan: Plan, telemetry: xr.Dataset) -> Iterator[Picture]:
         yield from pictures(t, who[k], r_BN_N[k], C_BN[k], environment.C_AN(t), environment.sun.at(t))
 
 
-def picture_count(plan: Plan, telemetry: xr.Dataset) -> int:
+def picture_count(plan: Observed, telemetry: xr.Dataset) -> int:
     """Number of pictures that `observe_flight` will judge."""
     who = watching_in(telemetry, plan.n_observers)
     return int(who[picture_samples(plan.scenario, telemetry)].sum())

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Collection
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 import xarray as xr
@@ -13,7 +13,7 @@ import yaml
 from numpy.typing import NDArray
 
 from swarm_mj.errors import ScenarioError
-from swarm_mj.flight.observe import ObservationResult
+from swarm_mj.flight.observe import ObservationResult, Observed
 from swarm_mj.flight.plan import Plan
 from swarm_mj.io.arrays import Declared, read_arrays
 from swarm_mj.io.atomic import write_text
@@ -82,7 +82,7 @@ def write_telemetry(path: Path, telemetry: xr.Dataset) -> None:
     path.write_bytes(telemetry.to_netcdf(engine="h5netcdf", encoding=encoding))
 
 
-def write_coverage(path: Path, plan: Plan, result: ObservationResult) -> None:
+def write_coverage(path: Path | BinaryIO, plan: Observed, result: ObservationResult) -> None:
     """Write the clipped target mesh and what was seen of it, the arrays of `COVERAGE`."""
     np.savez_compressed(path, **coverage_arrays(plan, result))  # type: ignore[arg-type]
 
@@ -102,7 +102,7 @@ def read_coverage(path: Path, names: Collection[str] = tuple(COVERAGE), **sizes:
     return read_arrays(path, declared, REMEDY, sizes=sizes, may_be_empty=MAY_BE_EMPTY)
 
 
-def coverage_arrays(plan: Plan, result: ObservationResult) -> dict[str, NDArray[Any]]:
+def coverage_arrays(plan: Observed, result: ObservationResult) -> dict[str, NDArray[Any]]:
     """The arrays of coverage.npz, see `COVERAGE`."""
     region = plan.region
     corners = region.mesh.faces[region.target]

@@ -12,8 +12,11 @@ from swarm_mj.cli.main import main
 
 ROOT = Path(__file__).parents[2]
 TUTORIAL = ("fly", "look", "change", "design", "train")
+#: Its commands and its Python need the extra `spice`.
+ELSEWHERE = "docs/how-to/take_results_elsewhere.md"
 #: What makes commands quick; what is left out has tests of its own.
 QUICK = {"run": ["--quiet", "--no-figures", "--no-report"], "design": ["--quiet", "--no-figures"]}
+QUICK |= {"export": [], "observe": ["--quiet"]}
 
 
 def snippets(page, language):
@@ -40,12 +43,15 @@ def test_the_tutorial_is_the_five_pages_in_the_navigation():
         "docs/index.md",
         "docs/how-to/faults.md",
         "docs/how-to/reports.md",
+        ELSEWHERE,
         *(f"docs/tutorial/{name}.md" for name in TUTORIAL),
     ],
 )
 def test_the_python_of_a_page_runs_from_top_to_bottom(page, desk):
     code = snippets(page, "python")
     assert code
+    if page == ELSEWHERE:
+        pytest.importorskip("spiceypy")
     names = {"__name__": "__main__"}
     for number, snippet in enumerate(code):
         exec(compile(snippet, f"{page}, snippet {number}", "exec"), names)
@@ -53,10 +59,21 @@ def test_the_python_of_a_page_runs_from_top_to_bottom(page, desk):
 
 @pytest.mark.parametrize("name", [name for name in TUTORIAL if snippets(f"docs/tutorial/{name}.md", "sh")])
 def test_the_commands_of_a_tutorial_page_work(name, desk):
-    for snippet in snippets(f"docs/tutorial/{name}.md", "sh"):
+    type_commands(f"docs/tutorial/{name}.md")
+    assert list((desk / "results").glob("*/summary.json"))
+
+
+def test_the_commands_of_the_page_on_other_programs_work(desk):
+    pytest.importorskip("spiceypy")
+    type_commands(ELSEWHERE)
+    assert (desk / "results" / "eros-quick-export" / "spice" / "swarm.tm").is_file()
+    assert (desk / "results" / "judged" / "observation.json").is_file()
+
+
+def type_commands(page):
+    for snippet in snippets(page, "sh"):
         for line in snippet.splitlines():
             program, command, *arguments = shlex.split(line)
             assert program == "swarm-mj"
             quick = [option for option in QUICK[command] if option not in arguments]
             assert main([command, *arguments, *quick]) == 0
-    assert list((desk / "results").glob("*/summary.json"))

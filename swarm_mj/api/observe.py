@@ -1,0 +1,160 @@
+"""A flight that was flown elsewhere, judged by what its cameras saw: `observe` reads its OEM and AEM."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+from rich.progress import Progress
+
+from swarm_mj import __version__
+from swarm_mj.api.flight import cells_table
+from swarm_mj.api.scenario import Scenario, load
+from swarm_mj.errors import InteropError
+from swarm_mj.flight.observe import ObservationResult, observe_flight, picture_count
+from swarm_mj.interop.foreign import (
+    ForeignFlight,
+    Pointing,
+    body_section,
+    foreign_flight,
+    read_tracks,
+    scenario_of,
+)
+from swarm_mj.io.atomic import atomic_file
+from swarm_mj.io.progress import Stages, using_bars
+from swarm_mj.observation.coverage import CoverageMap
+from swarm_mj.results.run_files import write_coverage
+from swarm_mj.scenarios import schema
+
+Files = str | Path | Sequence[str | Path]
+
+
+class Observation:
+    """What the cameras of a flight saw that was flown elsewhere.
+
+    Attributes:
+        flight: The files at the instants of the pictures, with body and target.
+        result: What was seen, by the scenario's criterion and over the whole passage.
+    """
+
+    def __init__(self, flight: ForeignFlight, result: ObservationResult) -> None:
+        self.flight, self.result = flight, result
+
+    @property
+    def scenario(self) -> Scenario:
+        """Body, target, camera and criterion."""
+        return Scenario.of(self.flight.scenario)
+
+    @property
+    def coverage(self) -> CoverageMap:
+        """What was observed by the scenario's criterion: `.percent`, `.seen`, `.first_seen_s`, `.seen_by`."""
+        return self.result.coverage
+
+    @property
+    def passage(self) -> CoverageMap:
+        """What was observed over the whole passage."""
+        return self.result.passage
+
+    @property
+    def cells(self) -> pd.DataFrame:
+        """One row a cell of the target: its face in F_T, area [m^2], whether, when [s] and by how many it was observed."""
+        return cells_table(self.flight.region, self.coverage)
+
+    @property
+    def notes(self) -> list[str]:
+        """What was assumed, one sentence each."""
+        return list(self.flight.notes)
+
+    @property
+    def summary(self) -> dict[str, Any]:
+        """The numbers a reader asks for first."""
+        scenario, by = self.flight.scenario, self.coverage.percent_by_spacecraft
+        return {
+            "swarm_mj": __version__,
+            "body": scenario.body.name,
+            "epoch_tdb": scenario.epoch,
+            "duration_s": scenario.duration_s,
+            "criterion": scenario.observation.criterion,
+            "coverage_percent": self.coverage.percent,
+            "coverage_percent_passage": self.passage.percent,
+            "coverage_percent_by_spacecraft": dict(zip(self.flight.names, map(float, by), strict=True)),
+            "images": self.result.images,
+            "observer": self.result.observer,
+            "notes": self.notes,
+        }
+
+    def save(self, folder: str | Path) -> Path:
+        """Write observation.json and coverage.npz into a folder, which is made if need be.
+
+        Raises:
+            OutputError: They cannot be written.
+        """
+        place = Path(folder)
+        try:
+            place.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InteropError(
+                f"{place}: cannot be written ({error.strerror}); choose another folder with --out"
+            ) from None
+        with atomic_file(place / "coverage.npz") as partial, partial.open("wb") as file:
+            write_coverage(file, self.flight, self.result)
+        with atomic_file(place / "observation.json") as partial:
+            partial.write_text(json.dumps(self.summary, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+        return place
+
+    def __repr__(self) -> str:
+        """One line: who looked and what was seen."""
+        share = f"{self.coverage.percent:.2f} % of the target observed"
+        return f"Observation({', '.join(self.flight.names)} past {self.flight.scenario.body.name}, {share})"
+
+
+def observe(
+    oem: Files,
+    aem: Files = (),
+    *,
+    scenario: str | Path | Mapping[str, Any] | schema.Scenario | None = None,
+    body: str | None = None,
+    overrides: Iterable[str] = (),
+    pointing: Pointing = "nadir",
+    progress: bool | Progress = False,
+) -> Observation:
+    """Judge what the cameras of a flight saw that was flown elsewhere, as `fly` judges its own.
+
+    Args:
+        oem: Orbit Ephemeris Messages (CCSDS, KVN), one a spacecraft, relative to the body.
+        aem: Attitude Ephemeris Messages, as many and in the same order; none: `pointing`.
+        scenario: Body, target, camera, criterion, epoch and duration, see `load`; None: `body`, as long as the files last.
+        body: A packaged body, instead of a scenario.
+        overrides: Texts `key=value` that change the scenario, e.g. `camera.half_angle_deg=6`.
+        pointing: Where the cameras look without an AEM: at the body's centre (`nadir`) or the target's (`target`).
+        progress: Whether to show progress bars, or the bars to use.
+
+    Raises:
+        InteropError: A file is refused; one line says which line, key and value, and the remedy.
+        SwarmError: The scenario is refused.
+    """
+    if (scenario is None) == (body is None):
+        raise InteropError("give either a scenario (--scenario) or a body (--body)")
+    if scenario is None:
+        section = body_section(str(body))
+        paths, attitudes = read_tracks(_paths(oem), _paths(aem), str(section["name"]))
+        asked = load(scenario_of(paths, section), overrides)
+    else:
+        asked = load(_given(scenario), overrides)
+        paths, attitudes = read_tracks(_paths(oem), _paths(aem), asked.body.name)
+    flight = foreign_flight(asked, paths, attitudes, pointing)
+    with using_bars(progress) as bars:
+        stages = Stages(asked.name, bars)
+        with stages.stage("coverage", "images", picture_count(flight, flight.telemetry)) as done:
+            return Observation(flight, observe_flight(flight, flight.telemetry, done))
+
+
+def _given(scenario: str | Path | Mapping[str, Any] | schema.Scenario) -> str | Path | Mapping[str, Any]:
+    return scenario.model_dump(mode="json") if isinstance(scenario, schema.Scenario) else scenario
+
+
+def _paths(files: Files) -> list[Path]:
+    return [Path(files)] if isinstance(files, str | Path) else [Path(file) for file in files]

@@ -1,0 +1,81 @@
+"""The command `observe`."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+
+def add(commands: argparse._SubParsersAction) -> None:
+    """Add the command to the parser."""
+    observe = commands.add_parser(
+        "observe",
+        help="judge what a flight saw that was flown elsewhere, by its OEM and AEM",
+        description="Occlusion-true coverage of a flight that was flown elsewhere, by its CCSDS ephemeris messages (KVN).",
+    )
+    observe.add_argument(
+        "--oem", action="append", required=True, type=Path, metavar="FILE", help="path of a spacecraft; may be repeated"
+    )
+    observe.add_argument(
+        "--aem",
+        action="append",
+        default=[],
+        type=Path,
+        metavar="FILE",
+        help="its attitude; as many as OEM, in their order",
+    )
+    where = observe.add_mutually_exclusive_group(required=True)
+    where.add_argument("--body", metavar="NAME", help="packaged body: eros, bennu, itokawa or lutetia")
+    where.add_argument(
+        "--scenario", metavar="NAME_OR_FILE", help="scenario with body, target, camera, criterion, epoch and duration"
+    )
+    observe.add_argument("--camera", type=float, metavar="DEG", help="half-angle of the camera, camera.half_angle_deg")
+    observe.add_argument(
+        "--pointing",
+        choices=("nadir", "target"),
+        default="nadir",
+        help="without an AEM: at the body's centre (default) or at the target's",
+    )
+    observe.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        dest="overrides",
+        metavar="KEY=VALUE",
+        help="change one value of the scenario, e.g. target.longitude_deg=30; may be repeated",
+    )
+    observe.add_argument("--out", type=Path, metavar="DIR", help="write observation.json and coverage.npz there")
+    observe.add_argument("--quiet", action="store_true", help="no progress bar")
+    observe.set_defaults(command=_observe)
+
+
+def _observe(arguments: argparse.Namespace) -> int:
+    from rich.console import Console
+
+    from swarm_mj.api.observe import observe
+    from swarm_mj.io.progress import progress_bars
+
+    camera = [] if arguments.camera is None else [f"camera.half_angle_deg={arguments.camera}"]
+    console = Console()
+    with progress_bars(console, arguments.quiet) as bars:
+        seen = observe(
+            arguments.oem,
+            arguments.aem,
+            scenario=arguments.scenario,
+            body=arguments.body,
+            overrides=[*arguments.overrides, *camera],
+            pointing=arguments.pointing,
+            progress=bars,
+        )
+    summary = seen.summary
+    lines = [
+        f"observed area P_TO: {summary['coverage_percent']:.2f} % in the {summary['criterion']}, "
+        f"{summary['coverage_percent_passage']:.2f} % in the whole passage, {summary['images']} pictures",
+        *(f"{name}: {share:.2f} %" for name, share in summary["coverage_percent_by_spacecraft"].items()),
+        *seen.notes,
+    ]
+    if arguments.out is not None:
+        lines.append(f"files in {seen.save(arguments.out)}")
+    for line in lines:
+        console.print(line, soft_wrap=True, highlight=False, markup=False)
+    return 0

@@ -1,0 +1,322 @@
+"""A flight that was flown elsewhere, by its OEM and AEM: brought to the instants of pictures, which are judged as ours are.
+
+A picture is taken at the scenario's instants by every spacecraft that is inside the imaging radius and of which the files know
+where it is and how it is turned. Without an AEM the camera points at the body's centre (`nadir`) or at the target's (`target`),
+with the picture's right perpendicular to the body's spin axis.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import timedelta
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Final, Literal, NamedTuple
+
+import numpy as np
+import xarray as xr
+
+from swarm_mj.errors import InteropError
+from swarm_mj.flight.observe import visit_sample
+from swarm_mj.flight.plan import environment_from, load_body_shape, target_from, true_target
+from swarm_mj.interop.ccsds_in import read_aem, read_oem
+from swarm_mj.interop.states import BodyName, quaternions
+from swarm_mj.interop.times import SECOND, epoch_of, text_of
+from swarm_mj.interop.tracks import Track
+from swarm_mj.mission.behaviors import TargetKind
+from swarm_mj.mission.target import TargetRegion
+from swarm_mj.observation.camera import look_at
+from swarm_mj.scenarios.bodies import packaged_body
+from swarm_mj.scenarios.schema import Scenario
+from swarm_mj.smallbody.environment import Environment
+from swarm_mj.smallbody.shape import ShapeModel
+from swarm_mj.smallbody.solid_angle import points_inside
+from swarm_mj.spacecraft.attitude.mrp import mrp_from_quaternion
+from swarm_mj.typing import Array, Ints, Mask
+
+Pointing = Literal["nadir", "target"]
+POINTINGS: Final = ("nadir", "target")
+#: Time between pictures of a flight that has no scenario [s], where it is long enough; the imaging region then has no end.
+INTERVAL_S, ANYWHERE_M = 10.0, 1e15
+#: Longest flight that is judged without a scenario [s].
+LONGEST_S = 30 * 86_400.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class ForeignFlight:
+    """What is judged.
+
+    Attributes:
+        scenario: Body, target, camera and criterion, and the epoch and length of what is judged.
+        shape: The body's mesh in A [m].
+        environment: Rotation and Sun.
+        region: The target.
+        names: Of the spacecraft, as their files have them.
+        telemetry: `time`, `r_BN_N`, `sigma_BN`, and in `mode` and `camera_on` who may take a picture.
+        notes: What was assumed, one sentence each.
+    """
+
+    scenario: Scenario
+    shape: ShapeModel
+    environment: Environment
+    region: TargetRegion
+    names: tuple[str, ...]
+    telemetry: xr.Dataset
+    notes: tuple[str, ...]
+
+    @property
+    def n(self) -> int:
+        """Number of spacecraft."""
+        return len(self.names)
+
+    @property
+    def n_observers(self) -> int:
+        """All of them observe."""
+        return self.n
+
+
+def read_tracks(oem: Sequence[Path], aem: Sequence[Path], body: str) -> tuple[list[Track], list[Track]]:
+    """Paths and attitudes from files.
+
+    Args:
+        oem: One a spacecraft.
+        aem: As many, in the same order, or none.
+        body: Name of the scenario's body.
+
+    Raises:
+        InteropError: A file is refused, or the files do not belong together.
+    """
+    if not oem:
+        raise InteropError("oem = []: give at least one OEM (--oem FILE)")
+    if aem and len(aem) != len(oem):
+        raise InteropError(f"{len(oem)} OEM and {len(aem)} AEM: give one AEM for each OEM, in the same order, or none")
+    paths = [read_oem(path, BodyName.of(body)) for path in oem]
+    attitudes = [read_aem(path) for path in aem]
+    for path, attitude in zip(paths, attitudes, strict=False):
+        if path.name != attitude.name:
+            raise InteropError(
+                f"{attitude.source}: OBJECT_NAME = {attitude.name}, but {path.source} is of {path.name}; give the AEM in the "
+                "order of the OEM"
+            )
+    return paths, attitudes
+
+
+def body_section(name: str) -> dict[str, Any]:
+    """The section `body` of a packaged body.
+
+    Raises:
+        InteropError: There is none of that name.
+    """
+    try:
+        return packaged_body(name)
+    except ValueError as error:
+        raise InteropError(f"body {error}; for one of your own give a scenario (--scenario FILE)") from None
+
+
+def scenario_of(paths: Sequence[Track], body: dict[str, Any]) -> dict[str, Any]:
+    """A scenario that covers what the files have in common: from the last beginning to the first end.
+
+    Raises:
+        InteropError: They have nothing in common, or too much.
+    """
+    first, last = max(path.first for path in paths), min(path.last for path in paths)
+    begin = -(-first // 1000) * 1000  # a scenario's epoch has microseconds
+    length = (last - begin) / SECOND
+    if not 1.0 <= length <= LONGEST_S:
+        raise InteropError(
+            f"{', '.join(path.source for path in paths)}: have {max(length, 0.0):g} s in common, from {text_of(first)} to "
+            f"{text_of(last)} TDB; between 1 and {LONGEST_S:g} s can be judged: give files of the same time, or a scenario"
+        )
+    interval = INTERVAL_S if length >= INTERVAL_S else 1.0
+    duration = length // interval * interval
+    return {
+        "name": "observed",
+        "description": "flown elsewhere",
+        "epoch": text_of(begin),
+        "duration_s": duration,
+        "body": body,
+        # The visit is the closest approach of the first spacecraft.
+        "design": {
+            "visiting_points": [1] * len(paths),
+            "time_of_flight_s": _closest(paths[0], begin, duration, interval),
+        },
+        "behavior": {"imaging_radius_m": ANYWHERE_M},
+        "telemetry": {"interval_s": interval},
+        "observation": {"criterion": "passage", "interval_s": interval},
+    }
+
+
+def _closest(path: Track, begin: int, duration: float, interval: float) -> float:
+    times = np.arange(1, round(duration / interval) + 1) * interval
+    r, known = path.at(begin + np.round(times * SECOND).astype(np.int64))
+    return float(times[np.argmin(np.where(known, np.linalg.norm(r, axis=1), np.inf))])
+
+
+def foreign_flight(
+    scenario: Scenario, paths: Sequence[Track], attitudes: Sequence[Track], pointing: Pointing = "nadir"
+) -> ForeignFlight:
+    """Bring files to the instants of a scenario's telemetry.
+
+    Args:
+        scenario: Body, target, camera, criterion, epoch and duration.
+        paths: Of the spacecraft.
+        attitudes: As many, or none: then `pointing`.
+        pointing: Where the cameras look without attitudes.
+
+    Raises:
+        InteropError: The files do not cover the time of the scenario, or fly through its body.
+    """
+    if pointing not in POINTINGS:
+        raise InteropError(f"pointing = {pointing!r}: must be {' or '.join(POINTINGS)}")
+    scene = Scene(scenario)
+    looks = [_looks(scene, path, pointing, *attitudes[j : j + 1]) for j, path in enumerate(paths)]
+    telemetry = scene.telemetry(looks)
+    if scenario.observation.criterion == "visit":
+        _check_visit(scene, paths, telemetry)
+    assumed = [note for track in (*paths, *attitudes) for note in track.notes]
+    if not attitudes:
+        words = "the body's centre (nadir)" if pointing == "nadir" else "the target's centre"
+        assumed.append(
+            f"no AEM was given: the cameras point at {words}, the picture's right across the body's spin axis"
+        )
+    return ForeignFlight(
+        scenario=scenario,
+        shape=scene.shape,
+        environment=scene.environment,
+        region=scene.region,
+        names=_different([path.name for path in paths]),
+        telemetry=telemetry,
+        notes=(
+            *assumed,
+            *(note for path, look in zip(paths, looks, strict=True) for note in _notes(scene, path, look)),
+        ),
+    )
+
+
+class Scene:
+    """A scenario's body, target and instants.
+
+    Attributes:
+        scenario: The scenario.
+        shape: The body's mesh in A [m].
+        environment: Rotation and Sun.
+        region: The target.
+        times: Of the samples past the epoch [s], shape (t,).
+        ns: The same in nanoseconds of TDB past J2000.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        self.scenario, self.shape = scenario, load_body_shape(scenario.body)
+        self.environment = environment_from(scenario, self.shape)
+        self.region = true_target(scenario, self.shape, target_from(scenario, self.shape))
+        interval = scenario.telemetry.interval_s
+        self.times: Array = interval * np.arange(round(scenario.duration_s / interval) + 1, dtype=np.float64)
+        self.ns: Ints = epoch_of(scenario.epoch) + np.round(self.times * SECOND).astype(np.int64)
+
+    @cached_property
+    def C_AN(self) -> Array:
+        """Rotations from N to A, shape (t, 3, 3)."""
+        return np.array([self.environment.C_AN(t) for t in self.times.tolist()])
+
+    @property
+    def span(self) -> str:
+        """From when to when, in words."""
+        return f"{text_of(int(self.ns[0]))} to {text_of(int(self.ns[-1]))}"
+
+    def telemetry(self, looks: Sequence[Look]) -> xr.Dataset:
+        """What the picture loop reads of telemetry."""
+        place = ("time", "spacecraft")
+        known = np.stack([look.known for look in looks], axis=1)
+        r_BN_N, q_BN = (np.stack([getattr(look, name) for look in looks], axis=1) for name in ("r_BN_N", "q_BN"))
+        who = known & (np.linalg.norm(r_BN_N, axis=2) <= self.scenario.behavior.imaging_radius_m)
+        mode = np.where(who, int(TargetKind.ASTEROID), int(TargetKind.EARTH)).astype(np.int8)
+        return xr.Dataset(
+            {
+                "r_BN_N": ((*place, "xyz"), r_BN_N, {"units": "m", "frame": "N"}),
+                "sigma_BN": ((*place, "xyz"), mrp_from_quaternion(q_BN), {"units": "1", "frame": "B relative to N"}),
+                "mode": (place, mode, {"units": "1", "frame": "none"}),
+                "camera_on": (place, who.astype(np.int8), {"units": "1", "frame": "none"}),
+            },
+            {"time": ("time", self.times, {"units": "s"})},
+        )
+
+
+class Look(NamedTuple):
+    """Where a spacecraft is and how it is turned at the instants of a scene; rest and no turn where that is not known.
+
+    Attributes:
+        r_BN_N: Positions [m], shape (t, 3).
+        q_BN: Euler parameters (w, x, y, z), shape (t, 4).
+        known: Where both are known, shape (t,).
+    """
+
+    r_BN_N: Array
+    q_BN: Array
+    known: Mask
+
+
+def _looks(scene: Scene, path: Track, pointing: Pointing, attitude: Track | None = None) -> Look:
+    r, known = path.at(scene.ns)
+    _check_window(scene, path, known)
+    r = np.where(known[:, None], r, 0.0)
+    r_A = np.einsum("tij,tj->ti", scene.C_AN, r)
+    _check_outside(scene, path, r_A, known)
+    if attitude is None:
+        aim_A = scene.region.centroid_A.mean(axis=0) if pointing == "target" else np.zeros(3)
+        return Look(r, _pointed(r_A, scene.C_AN, aim_A, known), known)
+    q, turned = attitude.at(scene.ns)
+    _check_window(scene, attitude, turned)
+    return Look(r, np.where(turned[:, None], q, [1.0, 0.0, 0.0, 0.0]), known & turned)
+
+
+def _check_window(scene: Scene, track: Track, known: Mask) -> None:
+    if not known.any():
+        raise InteropError(
+            f"{track.source}: covers {text_of(track.first)} to {text_of(track.last)} TDB and nothing of the flight, "
+            f"{scene.span}; set epoch and duration_s of the scenario, or leave the scenario out"
+        )
+
+
+def _check_outside(scene: Scene, path: Track, r_A: Array, known: Mask) -> None:
+    """Nobody takes pictures from inside the body: then the file means another centre, frame, unit or time."""
+    shape = scene.shape
+    near = np.flatnonzero(known & (np.linalg.norm(r_A, axis=1) <= shape.max_radius))
+    if near.size and (inside := points_inside(r_A[near], shape.vertices, shape.faces)).any():
+        instant = text_of(int(scene.ns[near[np.argmax(inside)]]))
+        raise InteropError(
+            f"{path.source}: lies inside {shape.name} at {instant} TDB; check CENTER_NAME, REF_FRAME, TIME_SYSTEM and that "
+            "lengths are km"
+        )
+
+
+def _check_visit(scene: Scene, paths: Sequence[Track], telemetry: xr.Dataset) -> None:
+    k = visit_sample(scene.scenario)
+    if not telemetry["camera_on"].values[k].any():
+        raise InteropError(
+            f"observation.criterion = visit: at the visit, {text_of(int(scene.ns[k]))} TDB, none of "
+            f"{', '.join(path.source for path in paths)} is known or in the imaging region; set design.time_of_flight_s, or "
+            "observation.criterion=passage"
+        )
+
+
+def _notes(scene: Scene, path: Track, look: Look) -> list[str]:
+    if look.known.all():
+        return []
+    missing = timedelta(seconds=float((~look.known).sum() * scene.scenario.telemetry.interval_s))
+    return [f"{path.name}: nothing is known of {missing} of the flight, in which it takes no pictures"]
+
+
+def _pointed(r_A: Array, C_AN: Array, aim_A: Array, known: Mask) -> Array:
+    """Euler parameters of cameras that look at a point of the body, shape (t, 4)."""
+    C_BN = np.tile(np.eye(3), (len(r_A), 1, 1))
+    for k in np.flatnonzero(known):
+        C_BN[k] = look_at(r_A[k], aim_A).C_CA @ C_AN[k]
+    return quaternions(C_BN)
+
+
+def _different(names: Sequence[str]) -> tuple[str, ...]:
+    """Names of spacecraft, numbered where several have the same."""
+    if len(set(names)) == len(names):
+        return tuple(names)
+    return tuple(f"{name}_{j + 1}" for j, name in enumerate(names))

@@ -1,0 +1,164 @@
+"""A flight that comes back by its messages is judged as it was flown; others by what their files say."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+
+import swarm_mj as sm
+from swarm_mj.cli.main import main
+from swarm_mj.errors import InteropError, SwarmError
+from tests.interop.conftest import CHEAP
+
+
+@pytest.fixture(scope="module")
+def messages(flown, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("messages") / "out"
+    flown.export(folder, ["oem", "aem"])
+    return folder
+
+
+def files(folder, kind, names=("sc1", "sc2")):
+    return [folder / kind / f"{name}.{kind}" for name in names]
+
+
+def test_a_run_that_is_exported_and_observed_again_has_the_same_cells_at_the_same_times(flown, messages):
+    seen = sm.observe(files(messages, "oem"), files(messages, "aem"), scenario=flown.scenario)
+    for ours, theirs in ((flown.coverage, seen.coverage), (flown.passage, seen.passage)):
+        assert np.array_equal(ours.first_seen_by_s, theirs.first_seen_by_s, equal_nan=True)
+    assert flown.coverage.percent == seen.coverage.percent > 0
+    assert seen.result.images == flown.result.images and seen.notes == []
+
+
+def test_so_has_one_whose_visit_alone_counts_and_whose_relay_takes_no_pictures(tmp_path):
+    scenario = sm.load(
+        "eros-quick",
+        [*CHEAP, "observation.criterion=visit", "behavior.name=dedicated_communications", "camera.half_angle_deg=6"],
+    )
+    flown = sm.fly(scenario)
+    assert flown.plan.n == 3
+    flown.export(tmp_path / "out", ["oem", "aem"], ccsds=3)
+    seen = sm.observe(files(tmp_path / "out", "oem"), files(tmp_path / "out", "aem"), scenario=scenario)
+    assert 0 < seen.coverage.percent == flown.coverage.percent < 100
+    assert np.array_equal(seen.coverage.first_seen_by_s, flown.coverage.first_seen_by_s[:2], equal_nan=True)
+
+
+def test_pictures_between_the_samples_of_a_file_are_taken_from_where_the_path_is(flown, messages, tmp_path):
+    """Every third sample of the path is as good as all of them: gravity is smooth, and Hermite's polynomial follows it."""
+    thin = []
+    for path in files(messages, "oem"):
+        head, data = path.read_text().split("META_STOP\n\n")
+        rows = data.strip().splitlines()
+        assert len(rows) % 3 == 1
+        thin.append(tmp_path / path.name)
+        thin[-1].write_text(f"{head}META_STOP\n\n" + "\n".join(rows[::3]) + "\n")
+    seen = sm.observe(thin, files(messages, "aem"), scenario=flown.scenario)
+    assert np.abs(seen.flight.telemetry["r_BN_N"].values - flown.telemetry["r_BN_N"].values).max() < 1e-3
+    assert np.array_equal(seen.coverage.seen_by, flown.coverage.seen_by)
+
+
+def test_without_attitudes_the_cameras_look_where_it_is_said(flown, messages):
+    from swarm_mj.spacecraft.attitude.mrp import dcm
+
+    for pointing, aim_A in (("nadir", np.zeros(3)), ("target", flown.plan.region.centroid_A.mean(axis=0))):
+        seen = sm.observe(files(messages, "oem"), scenario=flown.scenario, pointing=pointing)
+        telemetry = seen.flight.telemetry
+        k = 120
+        C_AN = flown.plan.environment.C_AN(telemetry["time"].values[k])
+        line = C_AN.T @ aim_A - telemetry["r_BN_N"].values[k, 0]
+        C_BN = dcm(telemetry["sigma_BN"].values[k, 0])
+        assert C_BN[2] @ line == pytest.approx(np.linalg.norm(line), rel=1e-14)
+        assert abs(C_BN[0] @ flown.plan.environment.spin_N) < 1e-18 and np.linalg.det(C_BN) == pytest.approx(1)
+        words = {"nadir": "the body's centre (nadir)", "target": "the target's centre"}[pointing]
+        assert f"no AEM was given: the cameras point at {words}" in seen.notes[0]
+        assert seen.coverage.percent > 0
+
+
+def test_for_a_body_alone_the_files_tell_when(messages, flown):
+    seen = sm.observe(
+        files(messages, "oem"), files(messages, "aem"), body="eros", overrides=["camera.resolution_px=128"]
+    )
+    scenario = seen.scenario
+    assert (scenario.epoch, scenario.duration_s) == ("2018-01-01T03:15:00", 1200.0)
+    r = np.linalg.norm(flown.telemetry["r_BN_N"].values[::2, 0], axis=1)  # every 10 s
+    assert scenario.design.time_of_flight_s == 10.0 * np.argmin(r)
+    assert seen.result.images == 2 * 121 and seen.passage.percent >= flown.passage.percent
+    assert list(seen.cells.columns) == list(flown.cells.columns)
+    assert "SC1, SC2 past 433 Eros" in repr(seen)
+
+
+def test_what_lies_outside_a_files_time_is_no_picture_and_is_said(messages, flown, tmp_path):
+    path = tmp_path / "half.oem"
+    head, data = files(messages, "oem")[0].read_text().split("META_STOP\n\n")
+    rows = data.strip().splitlines()[:61]
+    head = re.sub("STOP_TIME = .*", f"STOP_TIME = {rows[-1].split()[0]}", head)
+    path.write_text(f"{head}META_STOP\n\n" + "\n".join(rows) + "\n")
+    aem = files(messages, "aem", ["sc1"])
+    seen = sm.observe(path, aem, scenario=flown.scenario)
+    assert seen.result.images == 6  # at 0, 60, ... 300 s; the visit is at 600 s
+    assert seen.notes == ["SC1: nothing is known of 0:15:00 of the flight, in which it takes no pictures"]
+    with pytest.raises(
+        InteropError, match="criterion = visit: at the visit, 2018-01-01T03:25:00.000 TDB, none of .*half.oem"
+    ):
+        sm.observe(path, aem, scenario=flown.scenario, overrides=["observation.criterion=visit"])
+    with pytest.raises(
+        InteropError, match="half.oem: covers 2018-01-01T03:15.* and nothing of the flight, 2019-.*; set epoch"
+    ):
+        sm.observe(path, aem, scenario=flown.scenario, overrides=["epoch=2019-01-01T00:00:00"])
+
+
+def test_files_that_do_not_belong_together_are_refused(messages, flown, tmp_path):
+    oem, aem = files(messages, "oem"), files(messages, "aem")
+    with pytest.raises(
+        InteropError, match=r"OBJECT_NAME = SC2, but .* is of SC1; give the AEM in the order of the OEM"
+    ):
+        sm.observe(oem, aem[::-1], body="eros")
+    with pytest.raises(InteropError, match="2 OEM and 1 AEM: give one AEM for each OEM"):
+        sm.observe(oem, aem[:1], body="eros")
+    with pytest.raises(InteropError, match="CENTER_NAME = EROS, but the body is BENNU"):
+        sm.observe(oem, body="bennu")
+    with pytest.raises(InteropError, match="body = 'erso' is no packaged body: did you mean 'eros'.*--scenario FILE"):
+        sm.observe(oem, body="erso")
+    with pytest.raises(InteropError, match="give either a scenario .* or a body"):
+        sm.observe(oem, body="eros", scenario=flown.scenario)
+    with pytest.raises(InteropError, match="pointing = 'up': must be nadir or target"):
+        sm.observe(oem, body="eros", pointing="up")
+    metres = tmp_path / "small.oem"  # positions a thousand times too small: in Mm, say
+    metres.write_text(re.sub(r"e([+-]\d\d)", lambda m: f"e{int(m[1]) - 3:+03d}", oem[0].read_text()))
+    with pytest.raises(InteropError, match=r"small.oem: lies inside .* at 2018-01-01T03:.*lengths are km"):
+        sm.observe(metres, body="eros")
+    with pytest.raises(SwarmError):
+        sm.observe(oem, body="eros", overrides=["camera.half_angle_deg=900"])
+
+
+def test_the_command_says_what_was_seen_and_writes_it(messages, tmp_path, capsys):
+    oem, aem = files(messages, "oem"), files(messages, "aem")
+    command = ["observe", "--oem", str(oem[0]), "--oem", str(oem[1]), "--aem", str(aem[0]), "--aem", str(aem[1])]
+    out = tmp_path / "judged"
+    assert (
+        main(
+            [
+                *command,
+                "--body",
+                "eros",
+                "--camera",
+                "9",
+                "--set",
+                "camera.resolution_px=64",
+                "--out",
+                str(out),
+                "--quiet",
+            ]
+        )
+        == 0
+    )
+    said = capsys.readouterr().out
+    summary = json.loads((out / "observation.json").read_text())
+    assert f"{summary['coverage_percent']:.2f} % in the passage" in said and "SC2:" in said
+    with np.load(out / "coverage.npz") as arrays:
+        assert 100 * arrays["area"][arrays["seen"]].sum() / arrays["area"].sum() == pytest.approx(
+            summary["coverage_percent"]
+        )
+    assert main([*command, "--scenario", "none.yaml"]) == 2
+    assert "none.yaml" in capsys.readouterr().err
