@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from swarm_mj.dataflow.network import Access, Network
+from swarm_mj.dataflow.network import Access
 from swarm_mj.dataflow.optimum import dual_bound, earliest_full, optimum
 from swarm_mj.dataflow.program import build_program
 from swarm_mj.errors import MissionError
@@ -18,6 +18,7 @@ from tests.dataflow.brute import (
     plain_network,
     random_network,
 )
+from tests.dataflow.chain import chain
 from tests.dataflow.replay import replay
 
 
@@ -105,25 +106,6 @@ def test_fewer_links_deliver_no_more_and_all_neighbours_are_all_links():
         assert least.value <= some.value + 1e-9 <= full.value + 2e-9
         assert all_links.value == pytest.approx(full.value, abs=1e-9)
         replay(network, some)
-
-
-def chain(**given):
-    """Spacecraft 0 has a tile of 8 bits and passes it to 1 in slots 0 and 1; 1 is heard by Earth in slots 1 to 3."""
-    swarm, earth = np.zeros((4, 2, 2), np.int64), np.zeros((4, 2), np.int64)
-    swarm[:2, 0, 1], earth[1:, 1] = 4, 4
-    fields = {
-        "edges_s": np.array([0.0, 10.0, 20.0, 30.0, 40.0]),
-        "swarm_bit": swarm,
-        "earth_bit": earth,
-        "storage_bit": np.array([8, 8]),
-        "access": Access.ONE_AT_A_TIME,
-        "half_duplex": True,
-        "earth_channels": 1,
-        "value": np.array([100.0]),
-        "bits": np.array([[8], [0]]),
-        "ready": np.array([[0], [4]]),
-    }
-    return Network(**(fields | given))
 
 
 def test_a_chain_delivers_each_half_a_slot_later():
