@@ -1,0 +1,237 @@
+"""Elections: which spacecraft speak to Earth, by where all are, by what would be delivered, and by messages alone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cache
+from itertools import combinations
+from math import comb, isfinite
+
+import numpy as np
+
+from swarm_mj.errors import MissionError
+from swarm_mj.typing import Array, Ints, Mask
+
+#: Distances that the search through all sets may hold at once; beyond, PAM.
+MOST_HELD = 5_000_000
+#: Candidates up to which every set is tried for what it delivers; beyond, sets are built up and exchanged.
+ALL_SETS = 8
+#: Relative difference of two costs that rounding and solvers may make of equal ones.
+SAME = 1e-9
+
+
+def k_medoids(distance: Array, k: int) -> Ints:
+    """The k spacecraft with the least sum of distances from everybody to the nearest of them.
+
+    All sets are tried where that is few (`MOST_HELD`). Beyond, partitioning around medoids (PAM: Kaufman and Rousseeuw 1990,
+    "Finding Groups in Data", chapter 2), which ends where no exchange of one is better. The lowest numbers win ties, so that
+    all who know the distances elect alike.
+
+    Args:
+        distance: From each to each, symmetric, shape (n, n); infinite where one cannot be reached.
+        k: How many.
+
+    Returns:
+        Numbers from 0, rising, shape (k,).
+
+    Raises:
+        MissionError: There are fewer than k, or none is asked for.
+    """
+    n = len(distance)
+    check_number(k, n)
+    if comb(n, k) * n > MOST_HELD:
+        return np.array(_exchanged(range(n), k, lambda relays: medoid_cost(distance, relays)), np.int64)
+    sets = np.array(list(combinations(range(n), k)), np.int64)
+    nearest = distance[sets[:, 0]]
+    for column in sets.T[1:]:
+        np.minimum(nearest, distance[column], out=nearest)
+    found: Ints = sets[np.argmin(nearest.sum(axis=1))]
+    return found
+
+
+def medoid_cost(distance: Array, relays: Sequence[int] | Ints) -> float:
+    """Sum of distances from everybody to the nearest relay; infinite where there is none."""
+    return float(distance[np.asarray(relays, np.int64)].min(axis=0, initial=np.inf).sum())
+
+
+def elect_by_delivery(value_of: Callable[[tuple[int, ...]], float], candidates: Sequence[int] | Ints, k: int) -> Ints:
+    """The k spacecraft with which most is delivered.
+
+    Up to `ALL_SETS` candidates every set is tried. Beyond, the set is built up one by one and then exchanged one by one, as by
+    PAM: nothing proves that no other set is better. Sets whose values differ by rounding (`SAME`) count as equal; the lowest
+    numbers win.
+
+    Args:
+        value_of: What is delivered with a set, numbers rising; asked once for each set, of up to k.
+        candidates: Who can be elected, numbers from 0.
+        k: How many.
+
+    Returns:
+        Numbers, rising, shape (k,).
+
+    Raises:
+        MissionError: There are fewer than k candidates, or none is asked for.
+    """
+    who = sorted(int(j) for j in candidates)
+    check_number(k, len(who))
+    if len(who) > ALL_SETS:
+        return np.array(_exchanged(who, k, lambda relays: -float(value_of(relays))), np.int64)
+    sets = list(combinations(who, k))
+    values = np.array([float(value_of(relays)) for relays in sets])
+    best = values.max()
+    return np.array(sets[int(np.argmax(values >= best - SAME * abs(best)))], np.int64)
+
+
+def check_number(k: int, n: int) -> None:
+    """Refuse, by a MissionError, more relays than the n that work, or none."""
+    if not 1 <= k <= n:
+        raise MissionError(f"data.relays = {k}: must be >= 1 and <= {n}, the spacecraft that can be elected")
+
+
+def _exchanged(who: Sequence[int], k: int, cost_of: Callable[[tuple[int, ...]], float]) -> tuple[int, ...]:
+    """A set of k of which no exchange of one costs less: built up, then exchanged; each time the first of equals is taken."""
+    cost_of = cache(cost_of)
+    now: tuple[int, ...] = ()
+    for _ in range(k):
+        now = _cheapest([_rising(now, j) for j in who if j not in now], cost_of)
+    while True:
+        others = [_rising([i for i in now if i != out], j) for out in now for j in who if j not in now]
+        best = _cheapest([now, *others], cost_of)
+        if best == now:
+            return now
+        now = best
+
+
+def _rising(relays: Sequence[int], one_more: int) -> tuple[int, ...]:
+    return tuple(sorted((*relays, one_more)))
+
+
+def _cheapest(sets: Sequence[tuple[int, ...]], cost_of: Callable[[tuple[int, ...]], float]) -> tuple[int, ...]:
+    """The first that no later one undercuts by more than rounding."""
+    best, least = sets[0], cost_of(sets[0])
+    for relays in sets[1:]:
+        cost = cost_of(relays)
+        if cost < (least - SAME * abs(least) if isfinite(least) else least):
+            best, least = relays, cost
+    return best
+
+
+def next_relays(current: Ints, candidate: Ints, cost_current: float, cost_candidate: float, hysteresis: float) -> Ints:
+    """Who speaks to Earth from now on: others only where they are better by a part of what the present ones cost.
+
+    Args:
+        current: Those that do, numbers.
+        candidate: Those that would be elected now.
+        cost_current: Of the current ones now, not negative; infinite where they cannot go on.
+        cost_candidate: Of the others now.
+        hysteresis: The part, 0 to 1 [-]; with 0 any gain suffices, with 1 none does.
+    """
+    if not isfinite(cost_current):
+        return candidate
+    return candidate if cost_candidate < (1.0 - hysteresis) * cost_current else current
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Election:
+    """What an election by messages came to.
+
+    Attributes:
+        leader: Whom each has elected, numbers from 0, -1 for who does not work, shape (n,).
+        rounds: In which somebody sent something.
+        messages: That were sent over one link one way.
+    """
+
+    leader: Ints
+    rounds: int
+    messages: int
+
+
+def elect_by_messages(links: Mask, score: Array, works: Mask | None = None, standing: Mask | None = None) -> Election:
+    """Elect by flooding: each tells its neighbours the best it has heard of, whenever that gets better.
+
+    The least score wins, and the lowest number of equal ones. Whoever stands already goes before all who do not, whatever the
+    scores, so that two groups that meet keep the better one of their two leaders, and the other one steps down. Only who stands
+    says so, so that nobody keeps one that is lost or out of reach. Groups that hear nothing of each other elect one each.
+
+    All send in the first round, and then who has learnt something: synchronous flooding (Lynch 1996, "Distributed Algorithms",
+    section 4.1, FloodMax), quiet after as many rounds as the longest of the shortest ways between two has links, and one. That
+    it is quiet everywhere nobody can hear; n rounds are always enough.
+
+    Args:
+        links: Whether i can send to j, shape (n, n); a link counts where both ways are open, since who is told must be able
+            to answer.
+        score: The less the better, shape (n,); of the lost it is not read.
+        works: Who sends and hears, shape (n,); None: all.
+        standing: Who has been elected before and holds on, shape (n,); None: nobody.
+
+    Raises:
+        MissionError: A score is not a number.
+    """
+    n = len(score)
+    works = np.ones(n, np.bool_) if works is None else works
+    if np.isnan(score[works]).any():
+        raise MissionError(
+            f"score of spacecraft {int(np.flatnonzero(works & np.isnan(score))[0]) + 1}: must be a number"
+        )
+    after = np.zeros(n, np.bool_) if standing is None else ~standing
+    # Places in the order in which all would be elected stand for (does not stand, score, number).
+    order = np.lexsort((np.arange(n), score, after))
+    own: Mask = np.arange(n)[:, None] == order
+    heard, rounds, messages = _flood(closed_both_ways(links, works), own, _only_the_first)
+    leader = order[np.argmax(heard, axis=1)]
+    return Election(leader=np.where(works, leader, -1), rounds=rounds, messages=messages)
+
+
+def scores_by_messages(links: Mask, r_BN_N: Array, works: Mask | None = None) -> tuple[Array, int, int]:
+    """What each spacecraft knows its sum of distances to be, from positions that are passed on: the score of a medoid.
+
+    Args:
+        links: As of `elect_by_messages`.
+        r_BN_N: Positions, shape (n, 3) [m]; each knows its own at first.
+        works: Who sends and hears, shape (n,); None: all.
+
+    Returns:
+        Sum of distances to all it has heard of [m], infinite for the lost, shape (n,); rounds; messages, each with all
+        positions that are new to its sender.
+    """
+    n = len(r_BN_N)
+    works = np.ones(n, np.bool_) if works is None else works
+    known, rounds, messages = _flood(closed_both_ways(links, works), np.eye(n, dtype=np.bool_), lambda known: known)
+    sums = [np.linalg.norm(r_BN_N[i] - r_BN_N[known[i]], axis=1).sum() for i in range(n)]
+    return np.where(works, sums, np.inf), rounds, messages
+
+
+def closed_both_ways(links: Mask, works: Mask) -> Mask:
+    """Links that are open from i to j and from j to i, between two that work, shape (n, n)."""
+    both: Mask = links & links.T & works & works[:, None] & ~np.eye(len(works), dtype=np.bool_)
+    return both
+
+
+def _flood(links: Mask, known: Mask, kept: Callable[[Mask], Mask]) -> tuple[Mask, int, int]:
+    """Pass on what is new, round by round, until nothing is.
+
+    Args:
+        links: Symmetric, shape (n, n).
+        known: Which items each knows at first, all of which are new to it, shape (n, items).
+        kept: Which of the items known each keeps; only these are passed on.
+
+    Returns:
+        What each keeps in the end; rounds; messages.
+    """
+    new, rounds, messages = known, 0, 0
+    while True:
+        sends: Mask = np.any(new, axis=1) & np.any(links, axis=1)
+        if not sends.any():
+            return known, rounds, messages
+        rounds, messages = rounds + 1, messages + int(links[sends].sum())
+        # Boolean products: whether a neighbour that sends has an item that is new to it.
+        told: Mask = np.matmul(links, new & sends[:, None])
+        reached = kept(known | told)
+        known, new = reached, reached & ~known
+
+
+def _only_the_first(known: Mask) -> Mask:
+    first = np.zeros_like(known)
+    first[np.arange(len(known)), np.argmax(known, axis=1)] = True
+    return first
