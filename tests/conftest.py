@@ -1,6 +1,7 @@
 """Shared fixtures: the packaged body, a quick plan, and a summary of what was skipped."""
 
 import ctypes
+import gc
 import os
 
 import pytest
@@ -18,6 +19,16 @@ def _egl_loads():
 # MuJoCo fails on import when it is told to use a library that is not there.
 if _egl_loads():
     os.environ.setdefault("MUJOCO_GL", "egl")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def older_objects_are_left_alone():
+    """Take what is there when a module begins out of the search for garbage, which else goes through all of it again and again.
+
+    These are modules, thousands of collected tests and fixtures of the session; a search for them all takes a second and more.
+    """
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.fixture(scope="session")

@@ -8,15 +8,15 @@ from .test_long import held, resident
 
 pytestmark = [pytest.mark.robust, pytest.mark.gl]
 
-#: Films after which encoder and driver have all they keep, about 10 MB more than after the first.
+#: Films after which encoder and driver have all they keep, about 35 MB more than after the first.
 WARM = 12
 #: What one film more may then cost [bytes]; a context that is not given back costs more.
 GROWTH = 2**19
-FILMS = 40
+FILMS = 28
 
 
 @pytest.mark.slow
-def test_forty_films_leave_nothing_behind(tmp_path):
+def test_many_films_leave_nothing_behind(tmp_path):
     pytest.importorskip("av")
     from swarm_mj.rendering.film import make_film
     from swarm_mj.rendering.replay import load_replay
@@ -26,10 +26,11 @@ def test_forty_films_leave_nothing_behind(tmp_path):
     assert main(["run", "eros-quick", *short, "--out", str(run)]) == 0
     memory, before = [], None
     for k in range(FILMS):
-        path = make_film(load_replay(run), tmp_path / "film.mp4", fps=5.0, size=(160, 120), speed=600.0).path
+        path = make_film(load_replay(run), tmp_path / "film.mp4", fps=5.0, size=(160, 120), speed=2400.0).path
         assert path.stat().st_size > 1000
         memory.append(resident())
         before = held() if k == WARM else before
     assert held() == before
-    assert (memory[-1] - memory[WARM]) / (FILMS - WARM) < GROWTH, [round(m / 2**20) for m in memory]
+    # The least of the last few: single ones stand out by what the driver holds just then.
+    assert (min(memory[-3:]) - memory[WARM]) / (FILMS - WARM) < GROWTH, [round(m / 2**20) for m in memory]
     assert sorted(p.name for p in tmp_path.iterdir()) == ["film.mp4", "run"]
