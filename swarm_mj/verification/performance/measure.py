@@ -83,8 +83,9 @@ def in_turn(works: Mapping[str, Callable[[], object]], rounds: int, warm_up: int
 
 
 def rates(work: Callable[[], int], seconds: float) -> tuple[float, float]:
-    """Units of `work`, which returns how many it did, per second and per second of processor time over all threads."""
-    done, start, used = 0, perf_counter(), process_time()
+    """Units of `work`, which returns how many it did, per second and per second of processor time; it works once at least."""
+    start, used = perf_counter(), process_time()
+    done = work()
     while perf_counter() - start < seconds:
         done += work()
     return done / (perf_counter() - start), done / (process_time() - used)
