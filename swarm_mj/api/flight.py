@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -15,7 +16,9 @@ from rich.progress import Progress
 from swarm_mj.api.notebook import figure_html, rows_html
 from swarm_mj.api.plots import Plots
 from swarm_mj.api.scenario import Scenario
+from swarm_mj.dataflow.delivery import Delivery
 from swarm_mj.flight.compile_ahead import kernels_compiled
+from swarm_mj.flight.deliver import deliver
 from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.observe import ObservationResult, add_coverage, observe_flight, picture_count
 from swarm_mj.flight.plan import Plan, behavior_from, check_plugins, make_plan
@@ -74,6 +77,11 @@ class Flight:
         return self.result.passage
 
     @property
+    def delivered(self) -> Delivery | None:
+        """What reaches Earth: `.arrives_s` of each cell, `.sent_bit`, `.aboard_bit`, `.undelivered()`; None: not computed."""
+        return self.result.delivery
+
+    @property
     def spacecraft(self) -> pd.DataFrame:
         """One row a spacecraft: what it visits, its share of the target [%], delta-v [m/s], pointing error at the end [deg]."""
         summary, points = self.summary, self.summary["visiting_points"]
@@ -116,6 +124,7 @@ class Flight:
             telemetry=self.telemetry,
             coverage=coverage_arrays(self.plan, self.result),
             design=self.design,
+            delivery=self.result.delivery,
         )
 
     @property
@@ -327,6 +336,8 @@ def _fly(scenario: schema.Scenario, stages: Stages) -> Flight:
     with stages.stage("coverage", "images", picture_count(plan, telemetry)) as done:
         result = observe_flight(plan, telemetry, done)
         add_coverage(telemetry, result)
+    with stages.stage("delivery", "way to Earth"):
+        result = replace(result, delivery=deliver(plan, telemetry, result.coverage))
     summary = summarise(plan, telemetry, result, {"figures": 0.0, **stages.wall_s})
     return Flight(plan, telemetry, result, summary, design=flown_design(scenario))
 

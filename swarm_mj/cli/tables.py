@@ -33,6 +33,23 @@ def _sampled(summary: dict[str, Any]) -> str:
     return reached if required is None else f"{reached}; D {required:g}"
 
 
+def _delivered(summary: dict[str, Any]) -> str:
+    """What arrives, and where that is less than what was seen, why."""
+    percent = summary.get("delivered_percent")
+    if percent is None:
+        return "-"
+    parts = [f"{part['percent']:.2f} by {part['reason']}" for part in summary["not_delivered"][:3]]
+    bound = summary["delivered_percent_bound"]
+    best = f"at most {bound:.2f}" if bound - percent > 0.005 else ""
+    words = [best, f"not: {', '.join(parts)}" if parts else ""]
+    return "; ".join([f"{percent:.2f}", *filter(None, words)])
+
+
+def _complete(summary: dict[str, Any]) -> str:
+    full, earliest = (summary.get(key) for key in ("time_to_full_map_s", "time_to_full_map_s_bound"))
+    return "-" if full is None else f"{full:.0f}" + ("" if earliest is None else f"; {earliest:.0f}")
+
+
 def _crew(summary: dict[str, Any]) -> str:
     lost = f", {len(summary['lost'])} lost" if summary["lost"] else ""
     return f"{summary['spacecraft']} ({summary['observers']}){lost}"
@@ -43,6 +60,8 @@ _ROWS: dict[str, Callable[[dict[str, Any]], str]] = {
     "target faces": lambda s: str(s["target_faces"]),
     "criterion, camera half-angle": lambda s: f"{s['criterion']}, {s['camera_half_angle_deg']:g} deg",
     "observed area P_TO [%]": lambda s: f"{s['coverage_percent']:.2f}",
+    "delivered to Earth [%]": _delivered,
+    "map complete on Earth at t [s], at the earliest": _complete,
     "the same, whole passage [%]": lambda s: f"{s['coverage_percent_passage']:.2f}",
     "GSD where it counts, min / median / max [m]": _sampled,
     "pointing error before a switch, at most [deg]": lambda s: _worst(s["pointing_error_deg_before_switch"]),

@@ -9,6 +9,7 @@ from typing import Protocol
 import numpy as np
 import xarray as xr
 
+from swarm_mj.dataflow.delivery import Delivery
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.camera import CameraModel
 from swarm_mj.observation.capture import (
@@ -70,6 +71,7 @@ class ObservationResult:
         images: Number of pictures judged.
         gsd_m: Finest ground sampling distance at which each cell counts by the scenario's criterion [m], NaN where it does not,
             shape (n,); None where the flight was read back.
+        delivery: What of it reaches Earth; None where that was not computed.
     """
 
     coverage: CoverageMap
@@ -78,6 +80,7 @@ class ObservationResult:
     note: str
     images: int
     gsd_m: Array | None = None
+    delivery: Delivery | None = None
 
 
 def camera_from(scenario: Scenario) -> CameraModel:

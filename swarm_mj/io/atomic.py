@@ -23,7 +23,15 @@ KINDS = {".json", ".yaml", ".nc", ".npz", ".png", ".pdf", ".html", ".mp4", ".gif
 
 #: What results are made of, by kind. Whatever else lies in their folder is kept when they are replaced.
 FILES = {
-    "run": ("summary.json", "scenario.yaml", "telemetry.nc", "coverage.npz", "design.json", "report.html"),
+    "run": (
+        "summary.json",
+        "scenario.yaml",
+        "telemetry.nc",
+        "coverage.npz",
+        "delivery.npz",
+        "design.json",
+        "report.html",
+    ),
     "design": ("summary.json", "scenario.yaml", "design.json", "sightings.npz", "pareto.json", "growth.json"),
 }
 #: Stems of their figures, each a PNG and perhaps a PDF.

@@ -10,6 +10,7 @@ import numpy as np
 from swarm_mj.flight.observe import picture_samples
 from swarm_mj.flight.plan import EROS_SHAPE, as_planned
 from swarm_mj.mission.behaviors import TargetKind
+from swarm_mj.results.delivered import undelivered_findings
 from swarm_mj.results.design_files import design_differences
 from swarm_mj.results.run_record import RunRecord
 from swarm_mj.results.summary import working
@@ -47,7 +48,7 @@ def summary_findings(summary: dict[str, Any]) -> list[str]:
         found.append(
             f"wheel limits cut the controller's torque: {', '.join(f'{n} for {s:g} s' for n, s in cut.items())}"
         )
-    return [*event_findings(summary), *found, *spacecraft_findings(summary)]
+    return [*event_findings(summary), *undelivered_findings(summary), *found, *spacecraft_findings(summary)]
 
 
 def spacecraft_findings(summary: dict[str, Any]) -> list[str]:

@@ -42,6 +42,15 @@ class Near(Record):
     distance_m: float
 
 
+class NotDelivered(Record):
+    """A part of the map that was seen and does not arrive."""
+
+    reason: str
+    percent: Percent
+    spacecraft: list[str]
+    remedy: str
+
+
 class RunSummary(Record):
     """summary.json of a run, see `swarm_mj.results.summary.summarise`."""
 
@@ -80,6 +89,16 @@ class RunSummary(Record):
     stepper_note: str = ""
     spacecraft_file: str | None = None
     spacecraft_notes: list[str] = []
+    delivered_percent: Percent | None = None
+    delivered_percent_bound: Percent | None = None
+    seen_bits: NonNegativeInt = 0
+    delivered_bits: NonNegativeInt = 0
+    aboard_bits: NonNegativeInt = 0
+    lost_bits: NonNegativeInt = 0
+    time_to_full_map_s: float | None = None
+    time_to_full_map_s_bound: float | None = None
+    link_time_s: ByName = {}
+    not_delivered: Annotated[list[NotDelivered], FailFast()] = []
 
     @model_validator(mode="before")
     @classmethod

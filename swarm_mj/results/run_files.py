@@ -1,4 +1,4 @@
-"""The files of a run: summary.json, scenario.yaml, telemetry.nc, coverage.npz, and design.json of a design that was flown."""
+"""The files of a run: summary.json, scenario.yaml, telemetry.nc, coverage.npz, delivery.npz, and a flown design's record."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from swarm_mj.flight.observe import ObservationResult, Observed
 from swarm_mj.flight.plan import Plan
 from swarm_mj.io.arrays import Declared, read_arrays
 from swarm_mj.io.atomic import write_text
+from swarm_mj.results.delivery_files import write_delivery
 from swarm_mj.scenarios.loading import design_record
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.simulator.telemetry import FARTHEST, REMEDY
@@ -52,6 +53,8 @@ def write_results(
     write_text(folder / "scenario.yaml", yaml.safe_dump(plan.scenario.model_dump(mode="json"), sort_keys=False))
     write_telemetry(folder / "telemetry.nc", telemetry)
     write_coverage(folder / "coverage.npz", plan, result)
+    if result.delivery is not None:
+        write_delivery(folder, result.delivery)
     if design is not None:
         write_text(folder / "design.json", json.dumps(design, indent=2) + "\n")
 

@@ -11,6 +11,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from swarm_mj.dataflow.delivery import Delivery
 from swarm_mj.errors import OutputError
 from swarm_mj.flight.observe import ObservationResult
 from swarm_mj.flight.plan import Plan
@@ -18,6 +19,7 @@ from swarm_mj.io.atomic import MARKER
 from swarm_mj.io.records import read_record, reading, record_from
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.observation.coverage import CoverageMap
+from swarm_mj.results.delivery_files import read_delivery
 from swarm_mj.results.modes import LOST, MODE_LOOKS, modes_shown, runs
 from swarm_mj.results.records import Event, RunSummary, contradiction
 from swarm_mj.results.run_files import read_coverage
@@ -45,6 +47,7 @@ class RunRecord:
         telemetry: telemetry.nc.
         coverage: coverage.npz, by name of the array.
         design: The record of the design that was flown, where the run has one.
+        delivery: delivery.npz, where the run has it.
     """
 
     folder: Path
@@ -53,6 +56,7 @@ class RunRecord:
     telemetry: xr.Dataset
     coverage: dict[str, NDArray[Any]]
     design: dict[str, Any] | None
+    delivery: Delivery | None = None
 
     @property
     def n(self) -> int:
@@ -125,6 +129,7 @@ def read_run(folder: Path) -> RunRecord:
             folder / "coverage.npz", SHOWN, spacecraft=summary["spacecraft"], cells=summary["target_cells"]
         ),
         design=read_record(design, DesignRecord, REMEDY) if design.is_file() else None,
+        delivery=read_delivery(folder, spacecraft=summary["spacecraft"], cells=summary["target_cells"]),
     )
 
 
@@ -152,6 +157,7 @@ def observation_of(record: RunRecord, plan: Plan) -> ObservationResult:
         observer=summary["observer"],
         note=summary["observer_note"],
         images=summary["images"],
+        delivery=record.delivery,
     )
 
 

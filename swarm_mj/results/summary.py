@@ -14,6 +14,7 @@ from swarm_mj import __version__
 from swarm_mj.flight.observe import ObservationResult, picture_samples, visit_sample, watching_in
 from swarm_mj.flight.plan import Plan
 from swarm_mj.flight.spacecraft import notes_on
+from swarm_mj.results.delivered import delivered_summary
 from swarm_mj.results.target_dwell import held_s
 from swarm_mj.results.visit import visit_miss_m
 from swarm_mj.simulator.telemetry import MODES
@@ -35,6 +36,7 @@ def summarise(plan: Plan, telemetry: xr.Dataset, result: ObservationResult, wall
         "observers": plan.n_observers,
         "duration_s": scenario.duration_s,
         **_observed(plan, result),
+        **delivered_summary(plan, result.delivery),
         **_pointed(plan, telemetry),
         **_flown(plan, telemetry),
         **_stepped(plan, telemetry),

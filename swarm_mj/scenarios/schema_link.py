@@ -64,9 +64,9 @@ class CrosslinkRadio(_RadioChoice):
         'says "low-frequency data transfer") or sband_patch (up to 1 Mbit/s)',
     )
     antenna: Literal["omnidirectional", "hemispherical"] = Field(
-        "hemispherical",
-        description="omnidirectional: a link closes by range and where the body is not in between; hemispherical: a talker "
-        "points its dish, and the other hears in one hemisphere only",
+        "omnidirectional",
+        description="omnidirectional: a link closes by range and where the body is not in between, and everybody may speak to "
+        "everybody; hemispherical: a talker points its dish, and the other hears in one hemisphere only",
     )
     access: Literal["one_at_a_time", "tdma", "parallel"] = Field(
         "one_at_a_time",
@@ -136,7 +136,7 @@ class Link(Section):
         90.0, gt=0, le=180, description="half the beam of the inter-satellite antenna [deg]; 180: two back to back"
     )
     max_range_m: float | None = Field(
-        50_000.0,
+        None,
         gt=0,
         description="of an inter-satellite link [m]; null: as far as the link budget of link.crosslink closes",
     )
@@ -192,7 +192,8 @@ class Data(Section):
         60.0,
         ge=1,
         le=86_400.0,
-        description="step of the contact plan [s]; a contact counts as it is in the middle of its slot",
+        description="step of the contact plan [s], looked at four times; longer where pictures are taken for days, and "
+        "growing to half an hour after the last of them",
     )
     relays: int = Field(1, ge=1, le=1000, description="spacecraft that may send to Earth")
     election: Literal["flight", "first", "medoid", "k_medoids", "delivery"] = Field(

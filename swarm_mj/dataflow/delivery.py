@@ -1,0 +1,185 @@
+"""What became of the data of a flight, as plain arrays: what was aboard, sent, lost and delivered, and why not all of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarm_mj.mission.links import Obstacle
+from swarm_mj.typing import Array, Ints, Mask
+
+#: In words of a table, what keeps data aboard.
+REASONS = {
+    Obstacle.LOST: "lost with its spacecraft",
+    Obstacle.ROLE: "nobody speaks to Earth",
+    Obstacle.RANGE: "range",
+    Obstacle.BEAM: "beam",
+    Obstacle.BODY: "the body in between",
+    Obstacle.STATION: "no station on Earth in view",
+}
+STORAGE, TIME = "storage", "time"
+
+
+class Undelivered(NamedTuple):
+    """A part of the map that was seen and does not arrive.
+
+    Attributes:
+        reason: One of `REASONS`, `STORAGE` or `TIME`.
+        area: [m^2].
+        holders: Spacecraft that saw it, numbers from 0.
+    """
+
+    reason: str
+    area: float
+    holders: tuple[int, ...]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Delivery:
+    """What became of the data of a flight; n spacecraft, T slots, q tiles, see `swarm_mj.dataflow.tiles`.
+
+    Attributes:
+        edges_s: Edges of the slots past the epoch [s], shape (T + 1,).
+        light_time_s: Of the way to Earth in each slot, shape (T,).
+        contact_bit: Most that i could send to j, shape (T, n, n).
+        earth_contact_bit: Most that Earth could hear of i, shape (T, n).
+        station: Number of the station that hears i best, -1 for none, shape (T, n).
+        why_swarm: `Obstacle` of each link, shape (T, n, n).
+        why_earth: `Obstacle` of each way to Earth, shape (T, n).
+        relay_distance_m: Of each to the nearest spacecraft that turns to Earth, 0 for those themselves, NaN where nobody
+            does, shape (T, n).
+        sent_bit: Sent from i to j, shape (T, n, n).
+        earth_bit: Received by Earth from i, shape (T, n).
+        aboard_bit: Aboard at each edge, shape (T + 1, n).
+        lost_bit: Lost so far at each edge, in overflows and with spacecraft, shape (T + 1, n).
+        tile_of_cell: Shape (cells,), -1 for what nobody saw.
+        tile_area: [m^2], shape (q,).
+        tile_bit: As each spacecraft saw it, 0 where it did not, shape (n, q).
+        tile_lost_bit: What was lost of each copy, shape (n, q).
+        tile_ready_s: When it was seen, infinity for never, shape (n, q).
+        tile_arrives_s: When the last bit of it is on Earth [s], NaN for never, shape (q,).
+        best_earth_bit: Received by Earth in the schedule that is proven best, shape (T, n).
+        best_share: Of each tile that arrives in that schedule, shape (q,).
+        best_full_s: When at the earliest all that can arrive has arrived [s], NaN where nothing can.
+        best_bound_area: No schedule delivers more [m^2].
+        relay: Who spoke to Earth after the flight, numbers from 0.
+    """
+
+    edges_s: Array
+    light_time_s: Array
+    contact_bit: NDArray[np.int64]
+    earth_contact_bit: NDArray[np.int64]
+    station: NDArray[np.int64]
+    why_swarm: NDArray[np.int8]
+    why_earth: NDArray[np.int8]
+    relay_distance_m: Array
+    sent_bit: NDArray[np.int64]
+    earth_bit: NDArray[np.int64]
+    aboard_bit: NDArray[np.int64]
+    lost_bit: NDArray[np.int64]
+    tile_of_cell: NDArray[np.int64]
+    tile_area: Array
+    tile_bit: NDArray[np.int64]
+    tile_lost_bit: NDArray[np.int64]
+    tile_ready_s: Array
+    tile_arrives_s: Array
+    best_earth_bit: Array
+    best_share: Array
+    best_full_s: Array
+    best_bound_area: Array
+    relay: NDArray[np.int64]
+
+    @property
+    def n_slots(self) -> int:
+        """T."""
+        return len(self.light_time_s)
+
+    @property
+    def n(self) -> int:
+        """Number of spacecraft."""
+        return len(self.tile_bit)
+
+    @property
+    def arrived(self) -> Mask:
+        """Tiles that arrive, shape (q,)."""
+        return ~np.isnan(self.tile_arrives_s)
+
+    @property
+    def seen_bit(self) -> int:
+        """Data of all pictures that were taken in the window."""
+        return int(self.tile_bit.sum())
+
+    @property
+    def delivered_bit(self) -> int:
+        """Received by Earth."""
+        return int(self.earth_bit.sum())
+
+    @property
+    def delivered_area(self) -> float:
+        """Of the tiles that arrive [m^2]."""
+        return float(self.tile_area[self.arrived].sum())
+
+    @property
+    def complete(self) -> bool:
+        """Whether all that was seen arrives."""
+        return bool(self.arrived.all())
+
+    @property
+    def full_s(self) -> float:
+        """When the last tile arrives [s past the epoch]; NaN where one does not, or nothing was seen."""
+        return float(self.tile_arrives_s.max()) if len(self.tile_area) else float("nan")
+
+    @property
+    def arrives_s(self) -> Array:
+        """When each cell arrives on Earth [s], NaN for never, shape (cells,)."""
+        return np.append(self.tile_arrives_s, np.nan)[self.tile_of_cell]
+
+    def delivered_area_over_time(self, times_s: Array) -> Array:
+        """Area that has arrived by given times [m^2]."""
+        order = np.argsort(self.tile_arrives_s)[: int(self.arrived.sum())]
+        total = np.concatenate(([0.0], np.cumsum(self.tile_area[order])))
+        return total[np.searchsorted(self.tile_arrives_s[order], times_s, side="right")]
+
+    def undelivered(self) -> list[Undelivered]:
+        """What was seen and does not arrive, largest area first: by reason and by who holds it."""
+        reach, found = self._reaches_earth(), dict[tuple[str, tuple[int, ...]], float]()
+        for q in np.flatnonzero(~self.arrived):
+            holders = np.flatnonzero(self.tile_bit[:, q] > 0)
+            key = self._reason(holders, q, reach), tuple(holders.tolist())
+            found[key] = found.get(key, 0.0) + float(self.tile_area[q])
+        rows = [Undelivered(reason, area, holders) for (reason, holders), area in found.items()]
+        return sorted(rows, key=lambda row: -row.area)
+
+    def _reaches_earth(self) -> Mask:
+        """Whether data aboard i at the start of slot t can reach Earth at all, shape (T + 1, n)."""
+        reach = np.zeros((self.n_slots + 1, self.n), np.bool_)
+        for t in range(self.n_slots - 1, -1, -1):
+            handed_on = ((self.contact_bit[t] > 0) & reach[t + 1]).any(axis=1)
+            reach[t] = reach[t + 1] | (self.earth_contact_bit[t] > 0) | handed_on
+        return reach
+
+    def _reason(self, holders: Ints, q: int, reach: Mask) -> str:
+        """Why a tile does not arrive, from the copy that comes nearest to it."""
+        slots = np.searchsorted(self.edges_s[:-1], self.tile_ready_s[holders, q] - 1e-6)
+        if reach[slots, holders].any():
+            # It could have: it was lost before, or there was no time for it.
+            return STORAGE if (self.tile_lost_bit[holders, q] >= self.tile_bit[holders, q]).all() else TIME
+        why = [self._obstacle(int(j), int(slot)) for j, slot in zip(holders, slots, strict=True)]
+        return REASONS[Obstacle(max(why))]
+
+    def _obstacle(self, j: int, slot: int) -> int:
+        """What most often keeps spacecraft j from Earth from a slot on, or from those that reach it."""
+        if slot >= self.n_slots:
+            return int(Obstacle.ROLE)
+        speakers = np.flatnonzero(self.earth_contact_bit[slot:].any(axis=0))
+        if not len(speakers):
+            codes = self.why_earth[slot:][self.why_earth[slot:] > Obstacle.ROLE]
+            return int(np.bincount(codes).argmax()) if len(codes) else int(Obstacle.ROLE)
+        codes = self.why_swarm[slot:, j, speakers].ravel()
+        codes = codes[codes > Obstacle.NONE]
+        turned = codes[codes > Obstacle.ROLE]
+        codes = turned if len(turned) else codes
+        return int(np.bincount(codes).argmax()) if len(codes) else int(Obstacle.ROLE)

@@ -1,0 +1,224 @@
+"""What of the flight's pictures reaches Earth: the data of a flight, its contacts afterwards, and two ways to send them."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from swarm_mj.dataflow.contacts import Contacts, Instants, Radios, find_contacts, samples_of
+from swarm_mj.dataflow.delivery import Delivery
+from swarm_mj.dataflow.ground import best_station, elevations_deg, stations_from
+from swarm_mj.dataflow.link_budget import rate_table
+from swarm_mj.dataflow.network import Access, Network
+from swarm_mj.dataflow.online import run_online
+from swarm_mj.dataflow.optimum import earliest_full, optimum
+from swarm_mj.dataflow.radios import radio_from
+from swarm_mj.dataflow.tiles import Tiles, make_tiles
+from swarm_mj.flight.afterwards import earthward, flown_instants, instants_afterwards, joined
+from swarm_mj.flight.observe import camera_from, criterion_from
+from swarm_mj.flight.plan import Plan, antennas_from
+from swarm_mj.mission.behaviors import TargetKind, elect_medoid
+from swarm_mj.observation.capture import pixels_on, sight
+from swarm_mj.observation.coverage import CoverageMap
+from swarm_mj.scenarios.constants import DAY, SPEED_OF_LIGHT
+from swarm_mj.scenarios.schema import Scenario
+from swarm_mj.smallbody.ephemeris import julian_date
+from swarm_mj.smallbody.occultation import occluder_of
+from swarm_mj.typing import Array, Ints, Mask
+
+#: Instants of a slot at which its contacts are looked at.
+PER_SLOT = 4
+#: Slots while pictures are taken, at most: beyond, slots grow longer than data.slot_s.
+MAX_IMAGING_SLOTS = 200
+#: After the imaging slots grow from one to the next, up to the longest [s]: what changes later changes slowly.
+GROWTH, LONGEST_SLOT_S = 1.05, 1800.0
+#: Spacecraft for which contacts are computed, and links times slots that are held at once, at most.
+MOST_SPACECRAFT, MOST_LINKS = 200, 20_000_000
+#: Spacecraft above which the proven optimum leaves out crosslinks but those to relays and to this many neighbours.
+ALL_LINKS, NEIGHBOURS = 12, 3
+
+
+def deliver(
+    plan: Plan, telemetry: xr.Dataset, coverage: CoverageMap, waiting: Callable[[float], None] | None = None
+) -> Delivery | None:
+    """Send what a flight saw to Earth: by what the swarm can run alone, and by the schedule that is proven best.
+
+    Args:
+        plan: What was flown.
+        telemetry: The flight.
+        coverage: What it saw, by the scenario's criterion.
+        waiting: Called now and then with the seconds that the proof has taken.
+
+    Returns:
+        None for more than `MOST_SPACECRAFT`, whose contacts fill the memory.
+
+    Raises:
+        ScenarioError: A radio or network does not exist.
+    """
+    scenario = plan.scenario
+    if plan.n > MOST_SPACECRAFT:
+        return None
+    tiles = tiles_of(plan, telemetry, coverage)
+    edges_s = slot_edges(scenario, tiles.ready_s, MOST_LINKS // plan.n**2)
+    relays = relays_after(telemetry)
+    instants = instants_of(plan, telemetry, samples_of(edges_s, PER_SLOT).ravel(), relays)
+    contacts = contacts_of(plan, edges_s, instants)
+    network = network_of(scenario, tiles, contacts, instants)
+    speaks = instants.mode.reshape(contacts.n_slots, PER_SLOT, -1)[:, PER_SLOT // 2] == TargetKind.EARTH
+    account = run_online(network, speaks)
+    neighbours = NEIGHBOURS if plan.n > ALL_LINKS else None
+    best = optimum(network, neighbours=neighbours, waiting=waiting)
+    earliest = earliest_full(network, neighbours=neighbours, waiting=waiting)
+    return Delivery(
+        **_geometry(contacts, speaks),
+        **_held(tiles),
+        **_delivered(network, account, contacts.light_time_s),
+        best_earth_bit=best.earth_bit,
+        best_share=best.delivered_share,
+        best_full_s=_arrival(earliest.n_slots, contacts),
+        best_bound_area=np.array(best.bound),
+        relay=relays,
+    )
+
+
+def _geometry(contacts: Contacts, speaks: Mask) -> dict[str, Any]:
+    speakers = np.where(speaks[:, None, :], contacts.distance_m, np.nan)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # a slot in which nobody speaks to Earth
+        relay_distance_m = np.nanmin(speakers, axis=2)
+    return {
+        "edges_s": contacts.edges_s,
+        "light_time_s": contacts.light_time_s,
+        "contact_bit": contacts.swarm_bit,
+        "earth_contact_bit": contacts.earth_bit,
+        "station": contacts.station,
+        "why_swarm": contacts.why_swarm,
+        "why_earth": contacts.why_earth,
+        "relay_distance_m": relay_distance_m,
+    }
+
+
+def _held(tiles: Tiles) -> dict[str, Any]:
+    return {
+        "tile_of_cell": tiles.of_cell,
+        "tile_area": tiles.area,
+        "tile_bit": tiles.bits,
+        "tile_ready_s": tiles.ready_s,
+    }
+
+
+def _arrival(n_slots: int, contacts: Contacts) -> Array:
+    """When data sent in the last of the first `n_slots` slots are on Earth [s]; NaN for none."""
+    return np.array(contacts.edges_s[n_slots] + contacts.light_time_s[n_slots - 1] if n_slots else np.nan)
+
+
+def tiles_of(plan: Plan, telemetry: xr.Dataset, coverage: CoverageMap) -> Tiles:
+    """The data of a flight: of each picture, what it adds to what its spacecraft had seen."""
+    scenario, region, data = plan.scenario, plan.region, plan.scenario.data
+    limits, times = criterion_from(scenario).limits(camera_from(scenario)), telemetry["time"].values
+    pixels = np.zeros(coverage.first_seen_by_s.shape)
+    for j, first_s in enumerate(coverage.first_seen_by_s):
+        for t in np.unique(first_s[~np.isnan(first_s)]):
+            k, cells = int(np.searchsorted(times, t)), np.flatnonzero(first_s == t)
+            r_A = plan.environment.C_AN(t) @ telemetry["r_BN_N"].values[k, j]
+            pixels[j, cells] = pixels_on(limits, region.area[cells], *sight(region, r_A, cells))
+    frame_bit = frame_pixels(scenario) * data.sent_bits_per_pixel if data.product == "frame" else None
+    return make_tiles(
+        region.area,
+        coverage.first_seen_by_s,
+        pixels,
+        bits_per_pixel=data.sent_bits_per_pixel,
+        frame_bit=frame_bit,
+    )
+
+
+def frame_pixels(scenario: Scenario) -> int:
+    """Pixels of a whole picture."""
+    width, height = scenario.data.sensor_px or (scenario.camera.resolution_px,) * 2
+    return width * height
+
+
+def slot_edges(scenario: Scenario, ready_s: Array, most: int) -> Array:
+    """Edges of the slots [s] from the first picture that counts to the end of the horizon.
+
+    Args:
+        scenario: Says how long slots are, and how long data are sent.
+        ready_s: When pictures were taken, infinity for never.
+        most: Slots, about; fewer than the scenario asks for make them longer.
+    """
+    data, taken = scenario.data, ready_s[np.isfinite(ready_s)]
+    first, last = (float(taken.min()), float(taken.max())) if len(taken) else (scenario.duration_s,) * 2
+    most = max(most, 4)
+    slot_s = max(data.slot_s, (last - first) / min(MAX_IMAGING_SLOTS, most / 2))
+    end = max(scenario.duration_s + data.horizon_s, first + slot_s)
+    longest_s = max(LONGEST_SLOT_S, 2.0 * (end - last) / most)
+    edges = list(first + slot_s * np.arange(int(np.ceil((last - first) / slot_s)) + 1))
+    while edges[-1] < end - 1e-6:
+        slot_s = max(slot_s, min(GROWTH * slot_s, longest_s))
+        edges.append(min(edges[-1] + slot_s, end))
+    return np.array(edges)
+
+
+def relays_after(telemetry: xr.Dataset) -> Ints:
+    """Who speaks to Earth once the flight is over, numbers from 0; the medoid where nobody did in flight."""
+    n = telemetry.sizes["spacecraft"]
+    works = telemetry["operational"].values[-1] == 1 if "operational" in telemetry else np.ones(n, np.bool_)
+    found = earthward(telemetry)
+    found = found[works[found]]
+    left = np.flatnonzero(works)
+    if len(found) or not len(left):
+        return found
+    return left[[elect_medoid(telemetry["r_BN_N"].values[-1][left])]]
+
+
+def instants_of(plan: Plan, telemetry: xr.Dataset, times: Array, relays: Ints) -> Instants:
+    """The swarm at some times [s], rising, of the flight and after it."""
+    flown = times <= float(telemetry["time"].values[-1])
+    instants = flown_instants(plan, telemetry, times[flown])
+    later = times[~flown]
+    if not len(later):
+        return instants
+    return joined(instants, instants_afterwards(plan, telemetry, later, np.tile(relays, (len(later), 1))))
+
+
+def contacts_of(plan: Plan, edges_s: Array, instants: Instants) -> Contacts:
+    """What geometry and the scenario's radios allow."""
+    link = plan.scenario.link
+    crosslink, to_earth = radio_from(link.crosslink, "link.crosslink"), radio_from(link.earth, "link.earth")
+    stations = stations_from(link.ground)
+    light_time_s = np.linalg.norm(instants.earth_N, axis=1) / SPEED_OF_LIGHT
+    from_earth_N = instants.r_BN_N.mean(axis=1) - instants.earth_N
+    heard_jd = julian_date(plan.scenario.epoch) + (instants.t + light_time_s) / DAY
+    station = best_station(stations, elevations_deg(stations, heard_jd, from_earth_N), link.ground.min_elevation_deg)
+    radios = Radios(
+        antennas_from(plan.scenario).beams,
+        rate_table(crosslink, crosslink.g_over_t_db_k),
+        tuple(rate_table(to_earth, station.g_over_t_db_k) for station in stations),
+    )
+    return find_contacts(
+        edges_s, instants, radios=radios, body=occluder_of(plan.shape), station=station, light_time_s=light_time_s
+    )
+
+
+def network_of(scenario: Scenario, tiles: Tiles, contacts: Contacts, instants: Instants) -> Network:
+    """The delivery problem of some data and contacts."""
+    n = len(tiles.bits)
+    works = instants.works.reshape(contacts.n_slots, PER_SLOT, n).all(axis=1)
+    ready = np.searchsorted(contacts.edges_s[:-1], tiles.ready_s - 1e-6)
+    return Network(
+        edges_s=contacts.edges_s,
+        swarm_bit=contacts.swarm_bit,
+        earth_bit=contacts.earth_bit,
+        storage_bit=np.full(n, scenario.data.storage_bit, np.int64),
+        access=Access(scenario.link.crosslink.access),
+        half_duplex=radio_from(scenario.link.crosslink, "link.crosslink").duplex == "half",
+        earth_channels=scenario.link.ground.channels,
+        value=tiles.area,
+        bits=tiles.bits,
+        ready=ready.astype(np.int64),
+        lost_slot=np.where(works.all(axis=0), contacts.n_slots, np.argmin(works, axis=0)),
+    )

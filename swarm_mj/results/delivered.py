@@ -1,0 +1,110 @@
+"""What reached Earth, in the numbers of summary.json and in words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from swarm_mj.dataflow.delivery import REASONS, STORAGE, TIME, Delivery, Undelivered
+from swarm_mj.flight.plan import Plan
+from swarm_mj.mission.links import Obstacle
+from swarm_mj.typing import Array
+
+#: What to change where a part of the map stays aboard, by reason.
+REMEDIES = {
+    REASONS[
+        Obstacle.BEAM
+    ]: "set link.crosslink.antenna: omnidirectional, widen link.hemispherical_half_angle_deg, or elect "
+    "another relay (data.election)",
+    REASONS[Obstacle.BODY]: "elect another relay (data.election), or more of them (data.relays)",
+    REASONS[Obstacle.ROLE]: "elect a relay (data.election)",
+    REASONS[Obstacle.STATION]: "lengthen data.horizon_s, lower link.ground.min_elevation_deg, or choose another "
+    "link.ground.network",
+    REASONS[Obstacle.LOST]: "let others see the same area too (designer.fold: 2)",
+}
+
+
+def delivered_summary(plan: Plan, delivery: Delivery | None) -> dict[str, Any]:
+    """The keys of summary.json about the way to Earth; empty where it was not computed."""
+    if delivery is None:
+        return {}
+    names, link = plan.names, plan.scenario.link
+    percent = 100.0 / plan.region.total_area
+    return {
+        "delivered_percent": _rounded(percent * delivery.delivered_area, 6),
+        "delivered_percent_bound": _rounded(percent * float(delivery.best_bound_area), 6),
+        "seen_bits": delivery.seen_bit,
+        "delivered_bits": delivery.delivered_bit,
+        "aboard_bits": int(delivery.aboard_bit[-1].sum()),
+        "lost_bits": int(delivery.lost_bit[-1].sum()),
+        "time_to_full_map_s": _time(delivery.full_s),
+        "time_to_full_map_s_bound": _time(float(delivery.best_full_s)) if delivery.complete else None,
+        "delivery_window_s": [_rounded(delivery.edges_s[0], 3), _rounded(delivery.edges_s[-1], 3)],
+        "link_time_s": {n: _rounded(s, 3) for n, s in zip(names, link_time_s(delivery), strict=True)},
+        "relays_after": [names[j] for j in delivery.relay],
+        "radios": {
+            "crosslink": link.crosslink.radio,
+            "antenna": link.crosslink.antenna,
+            "earth": link.earth.radio,
+            "network": "own stations" if link.ground.stations else link.ground.network,
+        },
+        "not_delivered": [
+            {
+                "reason": part.reason,
+                "percent": _rounded(percent * part.area, 6),
+                "spacecraft": [names[j] for j in part.holders],
+                "remedy": remedy(plan, delivery, part),
+            }
+            for part in delivery.undelivered()
+        ],
+    }
+
+
+def link_time_s(delivery: Delivery) -> Array:
+    """How long each spacecraft could send to Earth, or to one that could at the time, shape (n,) [s]."""
+    speaks = delivery.earth_contact_bit > 0
+    reaches = speaks | ((delivery.contact_bit > 0) & speaks[:, None, :]).any(axis=2)
+    return np.asarray(np.diff(delivery.edges_s) @ reaches)
+
+
+def remedy(plan: Plan, delivery: Delivery, part: Undelivered) -> str:
+    """What would let a part of the map arrive, with the least value where one follows."""
+    scenario = plan.scenario
+    if part.reason == STORAGE:
+        return f"data.storage_bit = {scenario.data.storage_bit}: at least {most_seen_bit(delivery)} holds all pictures of one"
+    if part.reason == TIME:
+        return "lengthen data.horizon_s, or choose a faster radio (link.crosslink.radio, link.earth.radio)"
+    if part.reason != REASONS[Obstacle.RANGE]:
+        return REMEDIES[part.reason]
+    if scenario.link.max_range_m is not None:
+        farthest = float(np.nanmin(delivery.relay_distance_m[:, list(part.holders)]))
+        return f"link.max_range_m = {scenario.link.max_range_m:g}: at least {farthest:.4g}, or null for what the budget closes"
+    return "raise link.crosslink.power_w or gain_dbi, or link.earth.power_w where no relay reaches Earth"
+
+
+def most_seen_bit(delivery: Delivery) -> int:
+    """Most data that one spacecraft has taken [bit]."""
+    return int(delivery.tile_bit.sum(axis=1).max(initial=0))
+
+
+def undelivered_findings(summary: dict[str, Any]) -> list[str]:
+    """One sentence for each part of the map that was seen and does not arrive."""
+    return [
+        f"{part['percent']:.2f} % of the target is seen and not delivered ({_listed(part['spacecraft'])}): {part['reason']}; "
+        f"{part['remedy']}"
+        for part in summary.get("not_delivered", ())
+    ]
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join(names[:10]) + (f" and {len(names) - 10} more" if len(names) > 10 else "")
+
+
+def _time(seconds: float) -> float | None:
+    return None if np.isnan(seconds) else _rounded(seconds, 3)
+
+
+def _rounded(value: float, digits: int) -> float:
+    return round(float(value), digits)
