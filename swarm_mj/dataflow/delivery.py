@@ -59,9 +59,10 @@ class Delivery:
         tile_area: [m^2], shape (q,).
         tile_bit: As each spacecraft saw it, 0 where it did not, shape (n, q).
         tile_lost_bit: What was lost of each copy, shape (n, q).
-        tile_ready_s: When it was seen, infinity for never, shape (n, q).
+        tile_ready_s: When it was seen, NaN for never, shape (n, q).
         tile_arrives_s: When the last bit of it is on Earth [s], NaN for never, shape (q,).
-        best_earth_bit: Received by Earth in the schedule that is proven best, shape (T, n).
+        best_earth_bit: Received by Earth in the schedule that is proven best, shape (T, n); this and the next three are NaN
+            where no proof was asked for.
         best_share: Of each tile that arrives in that schedule, shape (q,).
         best_full_s: When at the earliest all that can arrive has arrived [s], NaN where nothing can.
         best_bound_area: No schedule delivers more [m^2].
@@ -144,13 +145,14 @@ class Delivery:
         return total[np.searchsorted(self.tile_arrives_s[order], times_s, side="right")]
 
     def undelivered(self) -> list[Undelivered]:
-        """What was seen and does not arrive, largest area first: by reason and by who holds it."""
-        reach, found = self._reaches_earth(), dict[tuple[str, tuple[int, ...]], float]()
+        """What was seen and does not arrive, by reason, largest area first."""
+        reach, areas, holders = self._reaches_earth(), dict[str, float](), dict[str, set[int]]()
         for q in np.flatnonzero(~self.arrived):
-            holders = np.flatnonzero(self.tile_bit[:, q] > 0)
-            key = self._reason(holders, q, reach), tuple(holders.tolist())
-            found[key] = found.get(key, 0.0) + float(self.tile_area[q])
-        rows = [Undelivered(reason, area, holders) for (reason, holders), area in found.items()]
+            who = np.flatnonzero(self.tile_bit[:, q] > 0)
+            reason = self._reason(who, int(q), reach)
+            areas[reason] = areas.get(reason, 0.0) + float(self.tile_area[q])
+            holders.setdefault(reason, set()).update(who.tolist())
+        rows = [Undelivered(reason, area, tuple(sorted(holders[reason]))) for reason, area in areas.items()]
         return sorted(rows, key=lambda row: -row.area)
 
     def _reaches_earth(self) -> Mask:

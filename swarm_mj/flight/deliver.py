@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from swarm_mj.dataflow.account import Account
 from swarm_mj.dataflow.contacts import Contacts, Instants, Radios, find_contacts, samples_of
 from swarm_mj.dataflow.delivery import Delivery
 from swarm_mj.dataflow.ground import best_station, elevations_deg, stations_from
 from swarm_mj.dataflow.link_budget import rate_table
-from swarm_mj.dataflow.network import Access, Network
+from swarm_mj.dataflow.network import EARTH, Access, Network
 from swarm_mj.dataflow.online import run_online
 from swarm_mj.dataflow.optimum import earliest_full, optimum
 from swarm_mj.dataflow.radios import radio_from
@@ -43,7 +44,12 @@ ALL_LINKS, NEIGHBOURS = 12, 3
 
 
 def deliver(
-    plan: Plan, telemetry: xr.Dataset, coverage: CoverageMap, waiting: Callable[[float], None] | None = None
+    plan: Plan,
+    telemetry: xr.Dataset,
+    coverage: CoverageMap,
+    *,
+    prove: bool = True,
+    waiting: Callable[[float], None] | None = None,
 ) -> Delivery | None:
     """Send what a flight saw to Earth: by what the swarm can run alone, and by the schedule that is proven best.
 
@@ -51,6 +57,7 @@ def deliver(
         plan: What was flown.
         telemetry: The flight.
         coverage: What it saw, by the scenario's criterion.
+        prove: Whether to find the best schedule; without, its arrays hold NaN.
         waiting: Called now and then with the seconds that the proof has taken.
 
     Returns:
@@ -70,19 +77,35 @@ def deliver(
     network = network_of(scenario, tiles, contacts, instants)
     speaks = instants.mode.reshape(contacts.n_slots, PER_SLOT, -1)[:, PER_SLOT // 2] == TargetKind.EARTH
     account = run_online(network, speaks)
-    neighbours = NEIGHBOURS if plan.n > ALL_LINKS else None
-    best = optimum(network, neighbours=neighbours, waiting=waiting)
-    earliest = earliest_full(network, neighbours=neighbours, waiting=waiting)
     return Delivery(
         **_geometry(contacts, speaks),
         **_held(tiles),
         **_delivered(network, account, contacts.light_time_s),
-        best_earth_bit=best.earth_bit,
-        best_share=best.delivered_share,
-        best_full_s=_arrival(earliest.n_slots, contacts),
-        best_bound_area=np.array(best.bound),
+        **(_best(network, contacts, waiting) if prove else _unproven(network)),
         relay=relays,
     )
+
+
+def _best(network: Network, contacts: Contacts, waiting: Callable[[float], None] | None) -> dict[str, Any]:
+    neighbours = NEIGHBOURS if network.n_spacecraft > ALL_LINKS else None
+    best = optimum(network, neighbours=neighbours, waiting=waiting)
+    earliest = earliest_full(network, neighbours=neighbours, waiting=waiting).n_slots
+    full_s = contacts.edges_s[earliest] + contacts.light_time_s[earliest - 1] if earliest else np.nan
+    return {
+        "best_earth_bit": best.earth_bit,
+        "best_share": best.delivered_share,
+        "best_full_s": np.array(full_s),
+        "best_bound_area": np.array(best.bound),
+    }
+
+
+def _unproven(network: Network) -> dict[str, Any]:
+    return {
+        "best_earth_bit": np.full(network.earth_bit.shape, np.nan),
+        "best_share": np.full(network.n_tiles, np.nan),
+        "best_full_s": np.array(np.nan),
+        "best_bound_area": np.array(np.nan),
+    }
 
 
 def _geometry(contacts: Contacts, speaks: Mask) -> dict[str, Any]:
@@ -107,13 +130,31 @@ def _held(tiles: Tiles) -> dict[str, Any]:
         "tile_of_cell": tiles.of_cell,
         "tile_area": tiles.area,
         "tile_bit": tiles.bits,
-        "tile_ready_s": tiles.ready_s,
+        "tile_ready_s": np.where(np.isfinite(tiles.ready_s), tiles.ready_s, np.nan),
     }
 
 
-def _arrival(n_slots: int, contacts: Contacts) -> Array:
-    """When data sent in the last of the first `n_slots` slots are on Earth [s]; NaN for none."""
-    return np.array(contacts.edges_s[n_slots] + contacts.light_time_s[n_slots - 1] if n_slots else np.nan)
+def _delivered(network: Network, account: Account, light_time_s: Array) -> dict[str, Any]:
+    shape = (network.n_slots, network.n_spacecraft)
+    sent, earth = np.zeros((*shape, network.n_spacecraft), np.int64), np.zeros(shape, np.int64)
+    lost, lost_copy = np.zeros((network.n_slots + 1, network.n_spacecraft), np.int64), np.zeros_like(network.bits)
+    for transfer in account.transfers:
+        if transfer.receiver == EARTH:
+            earth[transfer.slot, transfer.sender] += transfer.bits
+        else:
+            sent[transfer.slot, transfer.sender, transfer.receiver] += transfer.bits
+    for loss in account.losses:
+        lost[loss.slot, loss.spacecraft] += loss.bits
+        lost_copy[loss.origin, loss.tile] += loss.bits
+    arrives_s = np.append(network.edges_s[1:] + light_time_s, np.nan)
+    return {
+        "sent_bit": sent,
+        "earth_bit": earth,
+        "aboard_bit": account.aboard_bit,
+        "lost_bit": lost.cumsum(axis=0),
+        "tile_lost_bit": lost_copy,
+        "tile_arrives_s": arrives_s[account.delivered_slot],
+    }
 
 
 def tiles_of(plan: Plan, telemetry: xr.Dataset, coverage: CoverageMap) -> Tiles:

@@ -34,7 +34,7 @@ def delivered_summary(plan: Plan, delivery: Delivery | None) -> dict[str, Any]:
     percent = 100.0 / plan.region.total_area
     return {
         "delivered_percent": _rounded(percent * delivery.delivered_area, 6),
-        "delivered_percent_bound": _rounded(percent * float(delivery.best_bound_area), 6),
+        "delivered_percent_bound": _time(percent * float(delivery.best_bound_area)),
         "seen_bits": delivery.seen_bit,
         "delivered_bits": delivery.delivered_bit,
         "aboard_bits": int(delivery.aboard_bit[-1].sum()),

@@ -34,12 +34,12 @@ DELIVERY = {
     "tile_area": Declared("f8", _TILES, 0.0, FARTHEST**2),
     "tile_bit": Declared("i8", _COPIES, 0, _MOST_BIT),
     "tile_lost_bit": Declared("i8", _COPIES, 0, _MOST_BIT),
-    "tile_ready_s": Declared("f8", _COPIES, 0.0, _LATEST_S, gaps="inf"),
+    "tile_ready_s": Declared("f8", _COPIES, 0.0, _LATEST_S, gaps="nan"),
     "tile_arrives_s": Declared("f8", _TILES, 0.0, _LATEST_S, gaps="nan"),
-    "best_earth_bit": Declared("f8", _WAYS, 0.0, _MOST_BIT),
-    "best_share": Declared("f8", _TILES, 0.0, 1.0 + 1e-6),
+    "best_earth_bit": Declared("f8", _WAYS, 0.0, _MOST_BIT, gaps="nan"),
+    "best_share": Declared("f8", _TILES, 0.0, 1.0 + 1e-6, gaps="nan"),
     "best_full_s": Declared("f8", (), 0.0, _LATEST_S, gaps="nan"),
-    "best_bound_area": Declared("f8", (), 0.0, FARTHEST**2),
+    "best_bound_area": Declared("f8", (), 0.0, FARTHEST**2, gaps="nan"),
     "relay": Declared("i8", ("relays",), 0, "spacecraft"),
 }
 #: Where nothing was seen, or nobody speaks to Earth.

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -41,6 +41,7 @@ def test_nobody_saw_anything():
     assert tiles.percent_of_target(np.empty(0), 17.0) == 0.0
 
 
+@settings(deadline=None)
 @given(
     arrays(np.float64, (3, 12), elements=st.sampled_from([np.nan, 1.0, 2.0, 3.0])),
     arrays(np.float64, (3, 12), elements=st.floats(0.1, 50.0)),

@@ -14,7 +14,8 @@ def fly_environment(plan, telemetry, observer):
     Returns:
         First time at which each cell was seen, NaN for never [s], and the seen share [%].
     """
-    scenario = plan.scenario
+    # Radios that hear nobody, so that the episode lasts as long as the flight: it ends when all is seen and delivered.
+    scenario = plan.scenario.model_copy(update={"link": plan.scenario.link.model_copy(update={"max_range_m": 1e-3})})
     env = gymnasium.make(
         "swarm_mj:SwarmObserve-v0", scenario=scenario, observer=observer, step_s=scenario.control.period_s
     ).unwrapped
