@@ -57,6 +57,25 @@ class Instants:
     tracked: Ints
     works: Mask
 
+    def at(self, k: int) -> Instant:
+        """One of them."""
+        r_N, C_BN, C_AN, earth_N = (
+            np.ascontiguousarray(array[k]) for array in (self.r_BN_N, self.C_BN, self.C_AN, self.earth_N)
+        )
+        return Instant(r_N, C_BN, C_AN, earth_N, self.mode[k], self.tracked[k], self.works[k])
+
+
+class Instant(NamedTuple):
+    """One of `Instants`, as compiled code takes it."""
+
+    r_N: Array
+    C_BN: Array
+    C_AN: Array
+    earth_N: Array
+    mode: Ints
+    tracked: Ints
+    works: Mask
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Contacts:
@@ -116,10 +135,9 @@ def find_contacts(
         slot = k // per_slot
         share = (edges_s[slot + 1] - edges_s[slot]) / per_slot
         rate, why = np.zeros((n, n)), np.zeros((n, n), np.int8)
-        place = (instants.r_BN_N[k], instants.C_BN[k], instants.C_AN[k])
-        role = (instants.mode[k], instants.tracked[k], instants.works[k])
-        swarm_rates(radios.beams, radios.swarm, body, *map(np.ascontiguousarray, place), *role, rate, why)
-        to_earth, why_not = earth_rates(radios, body, *place, *role, instants.earth_N[k], int(station[k]))
+        now = instants.at(k)
+        swarm_rates(radios.beams, radios.swarm, body, now, rate, why)
+        to_earth, why_not = earth_rates(radios, body, now, int(station[k]))
         swarm[slot] += share * rate
         earth[slot] += share * to_earth
         if k == middle[slot]:
@@ -140,17 +158,7 @@ def find_contacts(
 
 @kernel
 def swarm_rates(
-    beams: Beams,
-    table: RateTable,
-    body: Occluder,
-    r_N: Array,
-    C_BN: Array,
-    C_AN: Array,
-    mode: Ints,
-    tracked: Ints,
-    works: Mask,
-    rate: Array,
-    why: NDArray[np.int8],
+    beams: Beams, table: RateTable, body: Occluder, now: Instant, rate: Array, why: NDArray[np.int8]
 ) -> None:
     """Rates of all links between spacecraft at one instant.
 
@@ -160,15 +168,11 @@ def swarm_rates(
         beams: Of the antennas.
         table: Rates by range.
         body: The asteroid.
-        r_N: Positions, shape (n, 3) [m].
-        C_BN: Attitudes, shape (n, 3, 3).
-        C_AN: Attitude of the asteroid, shape (3, 3).
-        mode: `TargetKind` values, shape (n,).
-        tracked: Spacecraft tracked, from 0, shape (n,).
-        works: Who works, shape (n,).
+        now: The instant.
         rate: Receives the rate from i to j [bit/s], shape (n, n).
         why: Receives the `Obstacle`, shape (n, n).
     """
+    r_N, works, mode, tracked = now.r_N, now.works, now.mode, now.tracked
     for i in range(mode.shape[0]):
         for j in range(mode.shape[0]):
             rate[i, j] = 0.0
@@ -179,33 +183,29 @@ def swarm_rates(
             else:
                 x, y, z = r_N[j, 0] - r_N[i, 0], r_N[j, 1] - r_N[i, 1], r_N[j, 2] - r_N[i, 2]
                 fastest = rate_at(table, np.sqrt(x * x + y * y + z * z))
-                why[i, j] = obstacle_between(beams, body, r_N, C_BN, C_AN, i, j) if fastest > 0.0 else _RANGE
+                closes = fastest > 0.0
+                why[i, j] = obstacle_between(beams, body, r_N, now.C_BN, now.C_AN, i, j) if closes else _RANGE
                 rate[i, j] = fastest if why[i, j] == _NONE else 0.0
 
 
-def earth_rates(
-    radios: Radios,
-    body: Occluder,
-    r_N: Array,
-    C_BN: Array,
-    C_AN: Array,
-    mode: Ints,
-    tracked: Ints,
-    works: Mask,
-    earth_N: Array,
-    station: int,
-) -> tuple[Array, NDArray[np.int8]]:
-    """Rates to Earth at one instant; arguments as of `swarm_rates`, and the station that sees the swarm best, -1 for none.
+def earth_rates(radios: Radios, body: Occluder, now: Instant, station: int) -> tuple[Array, NDArray[np.int8]]:
+    """Rates to Earth at one instant.
+
+    Args:
+        radios: See `Radios`.
+        body: The asteroid.
+        now: The instant.
+        station: Which sees the swarm best, -1 for none.
 
     Returns:
         Rate of each spacecraft [bit/s], and the `Obstacle`, each of shape (n,).
     """
-    rate, why = np.zeros(len(works)), np.where(works, _ROLE, _LOST).astype(np.int8)
-    for j in np.flatnonzero(works & (mode == _EARTH)):
-        distance = float(np.linalg.norm(earth_N - r_N[j]))
+    rate, why = np.zeros(len(now.works)), np.where(now.works, _ROLE, _LOST).astype(np.int8)
+    for j in np.flatnonzero(now.works & (now.mode == _EARTH)):
+        distance = float(np.linalg.norm(now.earth_N - now.r_N[j]))
         fastest = max(rate_at(table, distance) for table in radios.earth)
         heard = rate_at(radios.earth[station], distance) if station >= 0 else 0.0
-        why[j] = obstacle_to_earth(radios.beams, body, r_N, C_BN, C_AN, earth_N, j)
+        why[j] = obstacle_to_earth(radios.beams, body, now.r_N, now.C_BN, now.C_AN, now.earth_N, j)
         if why[j] == _NONE and not heard > 0.0:
             why[j] = _STATION if fastest > 0.0 else _RANGE
         rate[j] = heard if why[j] == _NONE else 0.0
