@@ -19,9 +19,11 @@ def add(commands: argparse._SubParsersAction) -> None:
         help="build the mesh of a packaged body from its harmonics, or check a shape file",
         description="Without FILE: build the mesh of a packaged body from its harmonics. With FILE: check and describe it.",
     )
-    shape.add_argument("file", nargs="?", type=Path, metavar="FILE", help="OBJ, PLY, STL or PDS .tab to check")
+    shape.add_argument(
+        "file", nargs="?", type=Path, metavar="FILE", help="OBJ, PLY, STL, PDS .tab or SPICE .bds to check"
+    )
     shape.add_argument("--body", metavar="NAME", help="eros (default), bennu or itokawa; not with FILE")
-    shape.add_argument("--unit", choices=("m", "km"), help="unit of FILE (default: m, but km for .tab)")
+    shape.add_argument("--unit", choices=("m", "km"), help="unit of FILE (default: m, but km for .tab and .bds)")
     shape.add_argument(
         "--radius-range",
         nargs=2,

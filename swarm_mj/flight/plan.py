@@ -13,6 +13,7 @@ from swarm_mj import plugins
 from swarm_mj.dataflow.link_budget import crosslink_range_m
 from swarm_mj.errors import PathError, PluginError, ScenarioError, ShapeError
 from swarm_mj.flight.spacecraft import own_spacecraft_from, properties_from
+from swarm_mj.flight.surroundings import surroundings_from
 from swarm_mj.mission.behaviors import AimedBehavior, Behavior, SelectiveBehavior
 from swarm_mj.mission.links import Antennas
 from swarm_mj.mission.safety import CloseApproach, close_approaches, find_impacts
@@ -22,10 +23,7 @@ from swarm_mj.scenarios.schema import Body, Scenario
 from swarm_mj.scenarios.schema_faults import Dispersions
 from swarm_mj.simulator.faults.dispersions import shifted_target, target_shift
 from swarm_mj.simulator.faults.schedule import check_faults
-from swarm_mj.smallbody.environment import Environment, LinearMotion
-from swarm_mj.smallbody.ephemeris import Ephemeris, julian_date
-from swarm_mj.smallbody.kepler import OrbitalElements
-from swarm_mj.smallbody.rotation import Rotation
+from swarm_mj.smallbody.environment import Environment
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.smallbody.shape_check import BodySizeError
 from swarm_mj.smallbody.shape_harmonics import BODIES, build_ellipsoid, load_body
@@ -287,33 +285,14 @@ def environment_from(scenario: Scenario, shape: ShapeModel, mass: float | None =
     _require_own_gravity(body)
     with _named("body.gravity.model"):
         gravity = plugins.create(plugins.GRAVITY, body.gravity.model, body.gravity.parameters, shape)
-    ephemeris, jd = ephemeris_from(body), julian_date(scenario.epoch)
     area_per_mass = perturbations.srp_area_m2 / (mass or scenario.spacecraft.mass_kg)
     return Environment(
         gravity=gravity,
-        C_PN=ephemeris.rotation.C_PN,
-        phase0=ephemeris.rotation.phase(jd),
-        spin_rate=ephemeris.spin_rate,
-        sun=LinearMotion(*ephemeris.sun_state_N(jd)),
-        earth=LinearMotion(*ephemeris.earth_state_N(jd)),
+        **surroundings_from(scenario)._asdict(),
         solar_tide=perturbations.solar_tide,
         srp_area_per_mass=area_per_mass if perturbations.solar_radiation_pressure else 0.0,
         srp_reflectivity=perturbations.srp_reflectivity,
     )
-
-
-def ephemeris_from(body: Body) -> Ephemeris:
-    """Where the Sun and Earth stand as seen from the scenario's body."""
-    orbit = body.orbit
-    elements = OrbitalElements(
-        semi_major_axis_au=orbit.semi_major_axis_au,
-        eccentricity=orbit.eccentricity,
-        inclination_deg=orbit.inclination_deg,
-        node_deg=orbit.node_deg,
-        argument_of_perihelion_deg=orbit.argument_of_perihelion_deg,
-        perihelion_jd=orbit.perihelion_jd,
-    )
-    return Ephemeris(orbit=elements, rotation=Rotation(**body.rotation.model_dump()))
 
 
 #: What each built-in field takes from Eros where the scenario says nothing: a shape of one's own needs all of one choice.

@@ -16,9 +16,10 @@ import numpy as np
 from swarm_mj.interop.frames import FROM_N, from_N
 from swarm_mj.interop.interpolation import MAX_DEGREE
 from swarm_mj.interop.kvn import Message, Segment, read_message
-from swarm_mj.interop.states import BodyName, quaternions, steady
+from swarm_mj.interop.states import quaternions, steady
 from swarm_mj.interop.times import SYSTEMS, instant
 from swarm_mj.interop.tracks import Stretch, Track
+from swarm_mj.smallbody.naif import BodyName
 from swarm_mj.spacecraft.attitude.mrp import dcm, mrp_from_quaternion
 from swarm_mj.typing import Array, Ints
 

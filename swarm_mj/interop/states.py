@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final
 
 import numpy as np
 import xarray as xr
@@ -15,52 +13,12 @@ from swarm_mj.flight.plan import Plan
 from swarm_mj.interop.frames import C_EN
 from swarm_mj.interop.times import SECOND, epoch_of
 from swarm_mj.observation.camera import CameraModel
+from swarm_mj.smallbody.naif import BodyName
 from swarm_mj.spacecraft.attitude.mrp import dcm, quaternion_from_mrp
 from swarm_mj.typing import Array
 
-#: NAIF's numbers of asteroids are this plus the number of the asteroid, up to 999999; beyond, the extended schema.
-NUMBERED, EXTENDED, LAST_NUMBERED = 2_000_000, 20_000_000, 999_999
-#: Number of a body that is no numbered asteroid; NAIF has given it to nobody.
-UNNUMBERED: Final = 9_999_999
 #: The first spacecraft is -900001; NAIF gives missions numbers of three digits. The clock of all is -900000.
 FIRST_SPACECRAFT, CLOCK = -900_001, -900_000
-
-
-@dataclass(frozen=True)
-class BodyName:
-    """What SPICE and CCSDS call the body.
-
-    Attributes:
-        code: NAIF's number.
-        name: In capitals, without the number of the asteroid, at most 16 characters.
-    """
-
-    code: int
-    name: str
-
-    @classmethod
-    def of(cls, name: str) -> BodyName:
-        """Of a body as scenarios call it, e.g. `433 Eros`."""
-        number, _, rest = name.strip().partition(" ")
-        numbered = number.isdecimal() and bool(rest.strip()) and 0 < int(number) < EXTENDED
-        words = re.sub(r"[^A-Z0-9]+", "_", (rest if numbered else name).upper()).strip("_")[:16] or "BODY"
-        if not numbered:
-            return cls(UNNUMBERED, words)
-        return cls((NUMBERED if int(number) <= LAST_NUMBERED else EXTENDED) + int(number), words)
-
-    @property
-    def frame(self) -> str:
-        """Name of the body-fixed frame A."""
-        return f"SWARM_{self.name}_FIXED"
-
-    def is_meant_by(self, text: str) -> bool:
-        """Whether a file's text names this body: by name, number or both, or by NAIF's number in either schema."""
-        word = re.sub(r"[^A-Z0-9]+", "_", text.upper()).strip("_")
-        number = self.code - NUMBERED if self.code < EXTENDED else self.code - EXTENDED
-        names = {self.name, str(self.code)}
-        if self.code != UNNUMBERED:
-            names |= {f"{number}_{self.name}", str(number), str(EXTENDED + number)}
-        return word in names
 
 
 @dataclass(frozen=True, kw_only=True)

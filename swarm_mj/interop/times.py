@@ -13,6 +13,7 @@ from math import sin
 from typing import Final
 
 from swarm_mj.errors import InteropError
+from swarm_mj.smallbody.ephemeris import ephemeris_time
 
 SECOND: Final = 10**9
 DAY: Final = 86_400 * SECOND
@@ -134,8 +135,7 @@ def utc_of(ns: int) -> datetime:
 
 def epoch_of(text: str) -> int:
     """The scenario's epoch, a TDB date and time, in nanoseconds past J2000; to the microsecond."""
-    past = datetime.fromisoformat(text) - datetime(2000, 1, 1, 12)
-    return (past.days * 86_400 + past.seconds) * SECOND + past.microseconds * 1000
+    return round(ephemeris_time(text) * 1_000_000) * 1000
 
 
 def seconds(ns: int) -> float:

@@ -47,7 +47,7 @@ def spice_errors(what: str, remedy: str, error: type[SwarmError] = InteropError)
     spice = spiceypy()
     try:
         yield
-    except (spice.exceptions.SpiceyError, spice.utils.exceptions.NotFoundError) as reason:
+    except spice.exceptions.SpiceyError as reason:
         short = getattr(reason, "short", "") or type(reason).__name__
         long = getattr(reason, "long", "") or str(reason)
         raise error(f"{what}: SPICE says {one_line(f'{short} {long}')}; {remedy}") from None

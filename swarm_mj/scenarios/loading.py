@@ -128,9 +128,16 @@ def _resolve_paths(data: dict[str, Any], folder: Path) -> None:
     ):
         values = data.get(section)
         if isinstance(values, dict) and isinstance(values.get(key), str) and values[key] not in packaged:
-            path = folder / values[key]
-            if _exists(path) and path.is_file():
-                values[key] = str(path.resolve())
+            values[key] = _resolved(values[key], folder)
+    ephemerides = data.get("ephemerides")
+    if isinstance(ephemerides, dict) and isinstance(ephemerides.get("kernels"), list):
+        named = ephemerides["kernels"]
+        ephemerides["kernels"] = [_resolved(name, folder) if isinstance(name, str) else name for name in named]
+
+
+def _resolved(name: str, folder: Path) -> str:
+    path = folder / name
+    return str(path.resolve()) if _exists(path) and path.is_file() else name
 
 
 def read_design(reference: str) -> list[int]:

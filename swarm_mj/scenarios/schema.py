@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import BeforeValidator, Field, field_validator, model_validator
 
 from swarm_mj.scenarios.bodies import expanded_body, packaged_bodies
-from swarm_mj.scenarios.schema_body import Body, Perturbations
+from swarm_mj.scenarios.schema_body import Body, Ephemerides, Perturbations
 from swarm_mj.scenarios.schema_faults import Dispersions, Fault
 from swarm_mj.scenarios.schema_imaging import Camera, Observation
 from swarm_mj.scenarios.schema_link import Data, Link
@@ -249,6 +249,7 @@ class Scenario(Section):
     body: Annotated[Body, BeforeValidator(expanded_body, json_schema_input_type=Body | str)] = Field(
         default_factory=Body, description=f"its keys, or the name of a packaged body: {', '.join(packaged_bodies())}"
     )
+    ephemerides: Ephemerides = Field(default_factory=Ephemerides)
     perturbations: Perturbations = Field(default_factory=Perturbations)
     target: Target = Field(default_factory=Target)
     design: Design = Field(default_factory=Design)

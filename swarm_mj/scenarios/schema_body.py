@@ -55,13 +55,14 @@ class Body(Section):
     name: str = Field("433 Eros", description="of the body, for figures and reports")
     shape: str = Field(
         "eros",
-        description=f"{', '.join(PACKAGED_SHAPES)} (the last with semi_axes_m), or the path of an OBJ, PLY, STL, PDS .tab file",
+        description=f"{', '.join(PACKAGED_SHAPES)} (the last with semi_axes_m), or the path of an OBJ, PLY, STL, PDS .tab or "
+        "SPICE .bds file",
     )
     semi_axes_m: tuple[SemiAxis, SemiAxis, SemiAxis] | None = Field(
         None, description="of the shape 'ellipsoid', along x, y and z of A [m]; null for all other shapes"
     )
     shape_unit: Literal["m", "km"] | None = Field(
-        None, description="unit of the vertices in the file; null: metres, but kilometres for .tab"
+        None, description="unit of the vertices in the file; null: metres, but kilometres for .tab and .bds"
     )
     radius_range_m: tuple[float, float] = Field(
         (50.0, 2.0e6),
@@ -86,6 +87,27 @@ class Body(Section):
         if not 0 < value[0] < value[1]:
             raise ValueError(f"= {list(value)}: must be two positive numbers, the smaller one first")
         return value
+
+
+class Ephemerides(Section):
+    """SPICE kernels of the user's instead of body.orbit and body.rotation; they need the extra `spice`."""
+
+    kernels: tuple[str, ...] = Field(
+        (),
+        max_length=100,
+        description="SPK, PCK, FK, ... or a meta-kernel, loaded in this order, relative to the scenario's file; empty: none, "
+        "the built-in orbits and body.rotation",
+    )
+    body: str | None = Field(
+        None, max_length=36, description="SPICE's name or number of the body; null: by body.name, 433 Eros is 2000433"
+    )
+    frame: str | None = Field(
+        None,
+        max_length=32,
+        description="SPICE's name of the body-fixed frame A; null: the body's own, such as IAU_EROS",
+    )
+    positions: bool = Field(True, description="whether Sun and Earth stand where the kernels say")
+    rotation: bool = Field(True, description="whether the body turns as the kernels say")
 
 
 class Perturbations(Section):

@@ -93,11 +93,21 @@ def julian_date(epoch: str) -> float:
     Raises:
         ScenarioError: not such a text.
     """
+    moment = _moment(epoch)
+    midnight = moment.replace(hour=0, minute=0, second=0, microsecond=0)
+    return midnight.toordinal() + 1_721_424.5 + (moment - midnight).total_seconds() / DAY
+
+
+def ephemeris_time(epoch: str) -> float:
+    """SPICE's ephemeris time, seconds of TDB past J2000, of a date and time; args and errors as for `julian_date`."""
+    return (_moment(epoch) - datetime(2000, 1, 1, 12)).total_seconds()
+
+
+def _moment(epoch: str) -> datetime:
     try:
         moment = datetime.fromisoformat(epoch)
     except (TypeError, ValueError):
         raise ScenarioError(f"epoch {epoch!r}: not a date and time like {DEFAULT_EPOCH} (ISO 8601, TDB)") from None
     if moment.tzinfo is not None:
         raise ScenarioError(f"epoch {epoch!r}: times are TDB and take no time zone; write it like {DEFAULT_EPOCH}")
-    midnight = moment.replace(hour=0, minute=0, second=0, microsecond=0)
-    return midnight.toordinal() + 1_721_424.5 + (moment - midnight).total_seconds() / DAY
+    return moment

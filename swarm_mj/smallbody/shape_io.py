@@ -1,4 +1,4 @@
-"""Read shape models of any body from OBJ, PLY, STL or PDS plate (.tab) files, and write OBJ.
+"""Read shape models of any body from OBJ, PLY, STL, PDS plate (.tab) or SPICE (.bds) files, and write OBJ.
 
 Nothing is believed: counts are compared with the size of the file before memory is taken, every number is checked, and
 the mesh must bound one body (`check_shape`). Text formats are read line by line, so that errors can name the line.
@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Literal
 
 from swarm_mj.errors import OutputError, ShapeError
+from swarm_mj.smallbody.mesh_dsk import read_dsk
 from swarm_mj.smallbody.mesh_ply import read_ply
 from swarm_mj.smallbody.mesh_stl import read_stl
 from swarm_mj.smallbody.mesh_text import read_obj, read_tab
@@ -31,6 +32,7 @@ READERS: dict[str, tuple[Callable[[Path], Mesh], Unit]] = {
     ".ply": (read_ply, "m"),
     ".stl": (read_stl, "m"),
     ".tab": (read_tab, "km"),
+    ".bds": (read_dsk, "km"),
 }
 #: Larger files are refused [bytes]: about ten million faces, far beyond what gravity and coverage can use.
 MAX_FILE_BYTES = 512 * 2**20
@@ -46,9 +48,9 @@ def load_shape(
     """Read and check a shape model.
 
     Args:
-        path: an .obj, .ply (text or binary), .stl (text or binary) or PDS .tab file. Polygons with more than three
+        path: an .obj, .ply (text or binary), .stl (text or binary), PDS .tab or SPICE .bds file. Polygons with more than three
             corners are cut into a fan of triangles about the first; texture, colour and normals are ignored.
-        unit: unit of length in the file; None: kilometres for .tab, metres for the others.
+        unit: unit of length in the file; None: kilometres for .tab and .bds, metres for the others.
         name: what messages call the body; None: the file's name.
         expect_radius_m: lowest and highest believable distance of the farthest vertex from the origin [m].
 

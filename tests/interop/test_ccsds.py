@@ -9,7 +9,7 @@ from swarm_mj.errors import InteropError
 from swarm_mj.interop.ccsds_in import read_aem, read_oem
 from swarm_mj.interop.ccsds_out import write_aem, write_oem
 from swarm_mj.interop.interpolation import interpolate, slerp
-from swarm_mj.interop.states import BodyName
+from swarm_mj.smallbody.naif import BodyName
 from swarm_mj.spacecraft.attitude.mrp import dcm, mrp_from_quaternion
 from tests.interop.test_kernels import MICRORADIAN, angle
 

@@ -6,8 +6,8 @@ import pytest
 from swarm_mj.errors import InteropError
 from swarm_mj.interop import times
 from swarm_mj.interop.kernels_text import rotation_constants
-from swarm_mj.interop.states import BodyName
 from swarm_mj.io.spice import furnished
+from swarm_mj.smallbody.naif import BodyName
 from swarm_mj.smallbody.rotation import sub_point
 from swarm_mj.spacecraft.attitude.mrp import dcm
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import degrees
+
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
@@ -51,7 +53,7 @@ def near_visit(plan: Plan, telemetry: xr.Dataset, at_least_m: float = 0.0) -> xr
 def turns_much(plan: Plan, telemetry: xr.Dataset) -> bool:
     """Whether the body turns so far during telemetry that paths are better drawn in a frame at rest."""
     seconds = float(telemetry["time"].values[-1] - telemetry["time"].values[0])
-    return abs(plan.scenario.body.rotation.w_rate_deg_per_day) * seconds / 86_400.0 > MUCH_TURNED_DEG
+    return degrees(abs(plan.environment.spin_rate)) * seconds > MUCH_TURNED_DEG
 
 
 def frame_at_rest(plan: Plan, telemetry: xr.Dataset, frame: str | None) -> bool:
