@@ -79,7 +79,9 @@ def compose_behaviors(plan: Plan, telemetry: xr.Dataset, result: ObservationResu
     figure = new_figure(5.0, f"Attitude behaviours: {plan.scenario.name}", width_in=11.0)
     across, distance = figure.subplots(1, 2, width_ratios=(1.3, 1.0))
     _draw_across(across, plan, near, scene_from(plan, near, at_rest=at_rest), scale)
-    caption(across, f"{frame_words(at_rest)}, looking along the normal of the flight plane")
+    # One line of both would be wider than the diagram.
+    between = ",\n" if at_rest else ", "
+    caption(across, f"{frame_words(at_rest)}{between}looking along the normal of the flight plane")
     _draw_distances(distance, plan, telemetry, scale)
     looks = [MODE_LOOKS[m] for m in np.unique(modes_shown(telemetry))]
     region = [Line2D([], [], color=BLACK, linewidth=1.2, label="imaging region")]

@@ -11,7 +11,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator, NullLocator
 
 from swarm_mj.flight.plan import Plan
-from swarm_mj.results.figures.style import label
+from swarm_mj.results.figures.style import TICK_PT, label
 from swarm_mj.results.look import GREY, TimeAxis, instant, time_axis
 from swarm_mj.typing import Array, Indices
 
@@ -25,8 +25,8 @@ LEAST = 0.08
 AROUND, TURNING_S = 0.5, 120.0
 #: Of an encounter that comes nowhere near the imaging radius: distances up to this many times the least.
 NEAR = 2.0
-#: Marks closer than this share of the axis would run into each other.
-MARK_ROOM = 0.09
+#: Width of a letter of a mark, over its size, and the least room between two marks [in].
+LETTER, BETWEEN_IN = 0.62, 0.1
 MINUS = "\N{MINUS SIGN}"
 #: How the borders of a wider part are drawn.
 BORDER_DOTS = (0, (1, 2))
@@ -79,7 +79,7 @@ class TimeScale:
             ax.xaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 5, 10]))
             return
         ax.set_xscale("function", functions=(lambda x: self._beyond(x * unit), lambda p: self._back(p) / unit))
-        marks = self._marks(brief)
+        marks = self._marks(brief, ax.get_window_extent().width / ax.figure.dpi)
         words = {t / unit: word for t, word in marks}
         ax.xaxis.set_major_locator(FixedLocator(list(words)))
         ax.xaxis.set_minor_locator(NullLocator())
@@ -128,8 +128,11 @@ class TimeScale:
         place = np.asarray(place, float)
         return self.from_page(place) + np.minimum(place, 0.0) + np.maximum(place - 1.0, 0.0)
 
-    def _marks(self, brief: bool) -> list[tuple[float, str]]:
-        """Times [s] with their words: since deployment outside the wider part, before and after the visit inside."""
+    def _marks(self, brief: bool, width_in: float) -> list[tuple[float, str]]:
+        """Times [s] with their words on an axis of a width [in]: since deployment, and around the visit in the wider part.
+
+        Of marks that would run into each other the one nearer to the visit stays, then the begin of the flight.
+        """
         assert self.encounter_s is not None
         unit, (start, end) = self.axis.seconds, self.encounter_s
         marks = [(self.visit_s, "visit")]
@@ -137,15 +140,24 @@ class TimeScale:
         around = MaxNLocator(2 if brief else 4, steps=[1, 2, 5, 10]).tick_values(
             (start - self.visit_s) / inner.seconds, (end - self.visit_s) / inner.seconds
         )
-        inside = [] if brief else [float(tick) for tick in around if tick]
-        marks += [(self.visit_s + tick * inner.seconds, f"{_signed(tick)} {inner.unit}") for tick in inside]
-        marks = [(t, word) for t, word in marks if start <= t <= end]
+        inside = [] if brief else [float(tick) for tick in sorted(around, key=abs) if tick]
+        for t, word in [(self.visit_s + tick * inner.seconds, f"{_signed(tick)} {inner.unit}") for tick in inside]:
+            if start <= t <= end and self._is_clear(t, word, marks, width_in):
+                marks.append((t, word))
         outside = MaxNLocator(2 if brief else 4, steps=[1, 2, 5, 10]).tick_values(0.0, self.duration_s / unit)
         for t in sorted((float(tick) * unit for tick in outside if tick >= 0.0), key=lambda t: t > 0.0):
-            clear = all(abs(self.share(t, other)) > (2.0 if brief else 1.0) * MARK_ROOM for other, _ in marks)
-            if clear and not start <= t <= end and t <= self.duration_s:
-                marks.append((t, f"{t / unit:g}"))
+            word = f"{t / unit:g}"
+            if not start <= t <= end and t <= self.duration_s and self._is_clear(t, word, marks, width_in):
+                marks.append((t, word))
         return sorted(marks)
+
+    def _is_clear(self, t: float, word: str, marks: list[tuple[float, str]], width_in: float) -> bool:
+        """Whether a word at a time [s] stands clear of others on an axis of a width [in]."""
+        letter_in = LETTER * TICK_PT / 72.0
+        return all(
+            abs(self.share(t, at)) * width_in > 0.5 * letter_in * (len(word) + len(other)) + BETWEEN_IN
+            for at, other in marks
+        )
 
 
 def _signed(tick: float) -> str:

@@ -4,11 +4,13 @@ from itertools import combinations
 
 import numpy as np
 import pytest
-from matplotlib.text import Annotation
+from matplotlib.figure import Figure
+from matplotlib.text import Annotation, Text
 
 from swarm_mj.results.figures import COMPOSERS
 from swarm_mj.results.figures.framing import FAR, FAR_RADII, near_visit
 from swarm_mj.results.figures.scene import scene_from
+from swarm_mj.results.figures.style import TICK_PT
 from swarm_mj.results.figures.timescale import SHORT, STRETCHED, TimeScale, time_scale
 from swarm_mj.results.look import DASHES, SPACECRAFT, TimeAxis
 from tests.missions.flights import MISSIONS, SIX_HOURS, fly
@@ -25,7 +27,7 @@ FILLED = 0.3
 BODY_PX = 30
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def flights(flown, tmp_path_factory):
     """A function: a mission, flown once."""
     made = {"eros-quick": flown}
@@ -40,7 +42,7 @@ def flights(flown, tmp_path_factory):
     return flight
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def pages(flights, composed):
     """A function: all figures of a mission, drawn once."""
     made = {"eros-quick": composed}
@@ -120,6 +122,35 @@ def test_places_on_a_stretched_axis_lead_back_to_their_times():
     drawn = times[scale.samples(times, 100)]
     assert set(times[(times > 8.9e4) & (times <= 9.1e4)]) <= set(drawn)
     assert len(drawn) < 100
+
+
+@pytest.mark.parametrize("width_in", [1.6, 2.5, 4.0, 9.0])
+@pytest.mark.parametrize("brief", [False, True])
+def test_marks_of_a_stretched_axis_have_room_at_any_width(width_in, brief):
+    """A flight of two days with an encounter of an hour and a half in it, whose marks are long words."""
+    scale = TimeScale(
+        axis=TimeAxis(3600.0, "h"), duration_s=176_400.0, visit_s=172_800.0, encounter_s=(170_180.0, 175_420.0)
+    )
+    figure = Figure(figsize=(width_in + 2.0, 2.0))
+    ax = figure.add_axes((1.0 / (width_in + 2.0), 0.4, width_in / (width_in + 2.0), 0.5))
+    scale.show(ax, brief=brief)
+    ax.tick_params(labelsize=TICK_PT)
+    figure.draw_without_rendering()
+    boxes = sorted((tick.get_window_extent() for tick in ax.get_xticklabels()), key=lambda box: box.x0)
+    assert all(one.x1 + 2.0 < other.x0 for one, other in zip(boxes, boxes[1:], strict=False))
+    words = {tick.get_text() for tick in ax.get_xticklabels()}
+    assert "visit" in words and "0" in words
+    assert ({"\N{MINUS SIGN}40 min", "+40 min"} <= words) == (width_in > 2.0 and not brief)
+    assert ("+20 min" in words) == (width_in > 4.0 and not brief)
+
+
+def test_the_words_over_paths_in_frame_n_end_with_their_diagram(flights):
+    figure = COMPOSERS["behaviors"](*flights("flyby of six hours"), frame="N")
+    figure.draw_without_rendering()
+    assert_labels_do_not_overlap(figure)
+    across = figure.axes[0]
+    (words,) = [text for text in across.get_children() if isinstance(text, Text) and "frame N" in text.get_text()]
+    assert words.get_window_extent().x1 <= across.get_window_extent().x1
 
 
 def test_an_ordinary_flight_keeps_an_even_axis(flights):
