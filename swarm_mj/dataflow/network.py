@@ -103,10 +103,8 @@ class Network:
 
     def open_links(self) -> tuple[Ints, Ints]:
         """Capacities between spacecraft, shape (T, n, n), and to Earth, shape (T, n), without those of lost spacecraft."""
-        slot = np.arange(self.n_slots)[:, None]
-        sends, keeps = slot < self.lost_slot, slot + 1 < self.lost_slot
-        keeps |= self.lost_slot == self.n_slots
-        return np.where(sends[:, :, None] & keeps[:, None, :], self.swarm_bit, 0), np.where(sends, self.earth_bit, 0)
+        alive = np.arange(self.n_slots)[:, None] < self.lost_slot
+        return np.where(alive[:, :, None] & alive[:, None, :], self.swarm_bit, 0), np.where(alive, self.earth_bit, 0)
 
     def until(self, n_slots: int) -> Network:
         """The same problem with a window of the first `n_slots` slots, at least one."""

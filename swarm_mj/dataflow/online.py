@@ -68,6 +68,7 @@ class _Swarm:
 
     def __init__(self, network: Network) -> None:
         self.network = network
+        self.links, self.to_earth = network.open_links()
         self.origin, self.tile = np.nonzero(network.seen)
         self.size = network.bits[self.origin, self.tile]
         self.ready = network.ready[self.origin, self.tile]
@@ -113,9 +114,7 @@ class _Swarm:
 
     def send(self, slot: int, relay: Mask) -> None:
         """Everything that is sent in a slot; it was aboard at its start."""
-        alive = slot < self.network.lost_slot
-        links = np.where(alive[:, None] & alive, self.network.swarm_bit[slot], 0)
-        routes = _routes(links, relay)
+        routes = _routes(self.links[slot], relay)
         underway = np.flatnonzero(self._underway(routes))
         holder, place = np.nonzero(self.held[:, underway])
         copy = underway[place]
@@ -123,7 +122,7 @@ class _Swarm:
         queue = np.stack([holder[first], copy[first]], axis=1)
         room = self.network.storage_bit - self.held.sum(axis=1)
         to_earth = self._send_to_earth(slot, queue[relay[queue[:, 0]]].tolist(), room)
-        inside = self._send_inside(slot, queue[routes.following[queue[:, 0]] >= 0].tolist(), room, links, routes)
+        inside = self._send_inside(slot, queue[routes.following[queue[:, 0]] >= 0].tolist(), room, routes)
         for part, sent in to_earth:
             self.on_earth[part] += sent.bits
             if self.on_earth[part] == self.size[part]:
@@ -133,7 +132,7 @@ class _Swarm:
         self.transfers += [sent for _, sent in (*to_earth, *inside)]
 
     def _send_to_earth(self, slot: int, queue: list[list[int]], room: Ints) -> list[tuple[int, Transfer]]:
-        turns, capacity = _Turns(), self.network.earth_bit[slot].tolist()
+        turns, capacity = _Turns(), self.to_earth[slot].tolist()
         sent: list[tuple[int, Transfer]] = []
         for i, copy in queue:
             if (i, EARTH) in turns.over:
@@ -146,7 +145,7 @@ class _Swarm:
         return sent
 
     def _send_inside(
-        self, slot: int, queue: list[list[int]], room: Ints, links: Ints, routes: _Routes
+        self, slot: int, queue: list[list[int]], room: Ints, routes: _Routes
     ) -> list[tuple[int, Transfer]]:
         turns, following = _Turns(), routes.following.tolist()
         sent: list[tuple[int, Transfer]] = []
@@ -155,7 +154,7 @@ class _Swarm:
             if (i, j) in turns.over:
                 continue
             fits = min(int(self.held[i, copy]), int(room[j]))
-            bits = turns.take(_limits(self.network, i, j), fits, (i, j), int(links[i, j]))
+            bits = turns.take(_limits(self.network, i, j), fits, (i, j), int(self.links[slot, i, j]))
             if bits:
                 sent.append((copy, self._remove(slot, i, j, copy, bits)))
                 room[i] += bits

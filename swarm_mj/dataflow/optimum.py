@@ -21,6 +21,8 @@ from swarm_mj.typing import Array, Ints
 SAME = 1e-9
 #: Least that HiGHS takes for the accuracy of constraints and of their prices.
 _TOLERANCE = 1e-10
+#: Columns from which on an interior point, then a crossover to a corner, is faster than walking along corners.
+LARGE = 10_000
 
 Waiting = Callable[[float], None] | None
 
@@ -169,7 +171,7 @@ def _solve_shares(program: Program, time_limit_s: float | None, waiting: Waiting
         "A_eq": program.a_eq,
         "b_eq": np.zeros(program.a_eq.shape[0]),
         "bounds": np.stack([np.zeros(len(program.c)), program.upper], axis=1),
-        "method": "highs",
+        "method": "highs-ipm" if len(program.c) > LARGE else "highs",
         "options": {"primal_feasibility_tolerance": _TOLERANCE, "dual_feasibility_tolerance": _TOLERANCE},
     }
     return beside.solve(arguments, time_limit_s, waiting, by=linprog)

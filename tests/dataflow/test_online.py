@@ -120,6 +120,11 @@ def test_a_full_relay_takes_no_more_than_it_has_room_for():
     assert [sent.bits for sent in account.transfers if sent.receiver == 1] == [3, 3]
 
 
+def test_a_relay_has_room_once_for_the_tiles_of_a_slot():
+    account = two_tiles(bits=np.array([[2, 2], [0, 0]]), storage_bit=np.array([8, 3]))
+    assert [sent.bits for sent in account.transfers if sent.receiver == 1] == [2, 1, 1]
+
+
 def two_tiles(**given):
     two = {"value": np.array([1.0, 9.0]), "bits": np.array([[4, 4], [0, 0]]), "ready": np.array([[0, 0], [4, 4]])}
     return fly_chain(**(two | given))

@@ -133,6 +133,23 @@ def test_a_chain_loses_what_its_limits_take(given, value):
     assert optimum(chain(**given), whole=True).value == pytest.approx(0.0)
 
 
+@pytest.mark.parametrize(("half_duplex", "value"), [(False, 100.0), (True, 75.0)])
+def test_a_relay_between_two_takes_turns_where_it_cannot_hear_while_it_sends(half_duplex, value):
+    """In three slots 1 hears from 0 and sends to 2: two slots each at best, and one and a half where turns add up."""
+    swarm = np.zeros((4, 3, 3), np.int64)
+    swarm[:, 0, 1] = swarm[:, 1, 2] = 4
+    network = chain(
+        swarm_bit=swarm,
+        earth_bit=np.array([[0, 0, 8]] * 4),
+        storage_bit=np.full(3, 8),
+        access=Access.PARALLEL,
+        half_duplex=half_duplex,
+        bits=np.array([[8], [0], [0]]),
+        ready=np.array([[0], [4], [4]]),
+    )
+    assert optimum(network).value == pytest.approx(value)
+
+
 @pytest.mark.parametrize(
     ("given", "told"),
     [
