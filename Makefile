@@ -5,7 +5,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 
 .DEFAULT_GOAL := help
-.PHONY: help run test test-fast lint format types check wheel-test bench docs docs-serve images pages convergence reproduction robustness learning mutants audit shape gl setup setup-dev clean
+.PHONY: help run test test-fast lint format types check wheel-test bench docs docs-serve images pages pixel-to-earth convergence reproduction robustness learning mutants audit shape gl setup setup-dev clean
 
 help: ## list the targets
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -67,6 +67,9 @@ docs-serve: setup-dev ## show the site while it is written, at http://127.0.0.1:
 
 images: setup-dev ## redraw the pictures of flights and designs in README and on the site
 	@$(BIN)/python -m scripts.pages.images
+
+pixel-to-earth: setup ## rewrite docs/results/pixel_to_earth.md: what of the paper's mission reaches Earth
+	@$(BIN)/python -m scripts.pages.pixel_to_earth
 
 pages: images ## the same, and rewrite the measured pages that take minutes: validation, dependencies
 	@$(BIN)/swarm-mj validate --markdown docs/results/validation.md

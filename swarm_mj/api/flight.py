@@ -246,6 +246,11 @@ class Flight:
         rows = [
             (f"observed area, in the {summary['criterion']}", f"{self.coverage.percent:.2f} %"),
             ("the same, whole passage", f"{self.passage.percent:.2f} %"),
+            *(
+                [("delivered to Earth", f"{summary['delivered_percent']:.2f} % of the target")]
+                if summary.get("delivered_percent") is not None
+                else []
+            ),
             ("spacecraft, of them observers", f"{plan.n}, {plan.n_observers}"),
             ("deployment delta-v, at most", f"{max(summary['deployment_delta_v_m_s'].values()):.2f} m/s"),
             ("wheel speed, at most", f"{100 * summary['max_wheel_speed_fraction']:.0f} % of the limit"),

@@ -22,6 +22,8 @@ RECORD = (
     "wheel_saturation_s.max",
     "link_closed_percent.mean",
     "links_closed_final",
+    "delivered_percent",
+    "time_to_full_map_s",
     "deployment_delta_v_m_s.max",
     "near_collisions",
     "lost",

@@ -59,26 +59,32 @@ def paths_afterwards(plan: Plan, telemetry: xr.Dataset, times: Array) -> tuple[A
     grid = np.concatenate(([end], times))
     path, alive = np.repeat(r[None], len(grid), axis=0), np.repeat(works[None], len(grid), axis=0)
     C_AN = np.array([plan.environment.C_AN(t) for t in grid])
-    for j in np.flatnonzero(works):
-        reached = _path(plan, r[j], v[j], grid)
-        path[: len(reached), j] = reached
-        path[len(reached) :, j] = reached[-1]
-        alive[len(reached) :, j] = False
-        for impact in find_impacts(plan.shape, grid, np.einsum("kab,kb->ka", C_AN, path[:, j])[:, None]):
-            alive[grid > impact.time, j] = False
+    left = np.flatnonzero(works)
+    for spacecraft, reached in _paths(plan, r, v, grid, left):
+        path[: len(reached), spacecraft] = reached
+        path[len(reached) :, spacecraft] = reached[-1]
+        alive[len(reached) :, spacecraft] = False
+    for impact in find_impacts(plan.shape, grid, np.einsum("kab,knb->kna", C_AN, path[:, left])):
+        alive[grid > impact.time, left[impact.spacecraft]] = False
     return path[1:], alive[1:]
 
 
+def _paths(plan: Plan, r: Array, v: Array, grid: Array, left: Ints) -> list[tuple[Ints, Array]]:
+    """Spacecraft and their positions: of all together, or where one of them ends inside the body of each by itself."""
+    if not len(left):
+        return []
+    together = _path(plan, r[left], v[left], grid)
+    if len(together) == len(grid) or len(left) == 1:
+        return [(left, together)]
+    return [(left[k : k + 1], _path(plan, r[left[k : k + 1]], v[left[k : k + 1]], grid)) for k in range(len(left))]
+
+
 def _path(plan: Plan, r: Array, v: Array, grid: Array) -> Array:
-    """Positions of one spacecraft along `grid` [s], as far as its path can be integrated, shape (at most len(grid), 3) [m]."""
+    """Positions along `grid` [s] as far as the paths can be integrated, shape (at most len(grid), n, 3) [m]."""
     try:
-        return propagate(plan.environment.acceleration_N, r[None], v[None], grid, rtol=RTOL)[0][:, 0]
+        return propagate(plan.environment.acceleration_N, r, v, grid, rtol=RTOL)[0]
     except MissionError:
-        if len(grid) <= 2:
-            return r[None]
-        half = len(grid) // 2 + 1
-        first = _path(plan, r, v, grid[:half])
-        return first
+        return r[None] if len(grid) <= 2 else _path(plan, r, v, grid[: len(grid) // 2 + 1])
 
 
 def instants_afterwards(plan: Plan, telemetry: xr.Dataset, times: Array, relays: Ints) -> Instants:

@@ -196,10 +196,11 @@ def slot_edges(scenario: Scenario, ready_s: Array, most: int) -> Array:
     most = max(most, 4)
     slot_s = max(data.slot_s, (last - first) / min(MAX_IMAGING_SLOTS, most / 2))
     end = max(scenario.duration_s + data.horizon_s, first + slot_s)
-    longest_s = max(LONGEST_SLOT_S, 2.0 * (end - last) / most)
     edges = list(first + slot_s * np.arange(int(np.ceil((last - first) / slot_s)) + 1))
+    slot_s = max(slot_s, 2.0 * (end - last) / most)
+    longest_s = max(slot_s, LONGEST_SLOT_S)
     while edges[-1] < end - 1e-6:
-        slot_s = max(slot_s, min(GROWTH * slot_s, longest_s))
+        slot_s = min(GROWTH * slot_s, longest_s)
         edges.append(min(edges[-1] + slot_s, end))
     return np.array(edges)
 

@@ -34,13 +34,13 @@ def delivered_summary(plan: Plan, delivery: Delivery | None) -> dict[str, Any]:
     percent = 100.0 / plan.region.total_area
     return {
         "delivered_percent": _rounded(percent * delivery.delivered_area, 6),
-        "delivered_percent_bound": _time(percent * float(delivery.best_bound_area)),
+        "delivered_percent_bound": _known(percent * float(delivery.best_bound_area), 6),
         "seen_bits": delivery.seen_bit,
         "delivered_bits": delivery.delivered_bit,
         "aboard_bits": int(delivery.aboard_bit[-1].sum()),
         "lost_bits": int(delivery.lost_bit[-1].sum()),
-        "time_to_full_map_s": _time(delivery.full_s),
-        "time_to_full_map_s_bound": _time(float(delivery.best_full_s)) if delivery.complete else None,
+        "time_to_full_map_s": _known(delivery.full_s, 3),
+        "time_to_full_map_s_bound": _known(float(delivery.best_full_s), 3) if delivery.complete else None,
         "delivery_window_s": [_rounded(delivery.edges_s[0], 3), _rounded(delivery.edges_s[-1], 3)],
         "link_time_s": {n: _rounded(s, 3) for n, s in zip(names, link_time_s(delivery), strict=True)},
         "relays_after": [names[j] for j in delivery.relay],
@@ -102,8 +102,8 @@ def _listed(names: Sequence[str]) -> str:
     return ", ".join(names[:10]) + (f" and {len(names) - 10} more" if len(names) > 10 else "")
 
 
-def _time(seconds: float) -> float | None:
-    return None if np.isnan(seconds) else _rounded(seconds, 3)
+def _known(value: float, digits: int) -> float | None:
+    return None if np.isnan(value) else _rounded(value, digits)
 
 
 def _rounded(value: float, digits: int) -> float:

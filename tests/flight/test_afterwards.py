@@ -104,3 +104,15 @@ def test_flown_instants_are_the_samples(config1):
     assert (found.r_BN_N[1] == telemetry["r_BN_N"].values[600]).all()
     assert np.allclose(found.C_BN[1], dcm(telemetry["sigma_BN"].values[600]))
     assert found.works.all()
+
+
+def test_who_falls_onto_the_body_is_lost_there(config1):
+    plan, telemetry = config1
+    falling = telemetry.copy(deep=True)
+    r = falling["r_BN_N"].values[-1, 1]
+    falling["v_BN_N"].values[-1, 1] = -r / 600.0  # at the centre after ten minutes
+    times = 1200.0 + np.arange(60.0, 1800.0, 60.0)
+    _, alive = paths_afterwards(plan, falling, times)
+    assert alive[:, [0, 2, 3, 4, 5]].all()
+    reach = np.linalg.norm(r) * (1.0 - (times - 1200.0) / 600.0)
+    assert alive[reach > plan.shape.max_radius, 1].all() and not alive[reach < 0.0, 1].any()
