@@ -9,6 +9,7 @@ from swarm_mj.errors import InteropError
 from swarm_mj.interop.ccsds_in import read_aem, read_oem
 from swarm_mj.interop.ccsds_out import write_aem, write_oem
 from swarm_mj.interop.interpolation import interpolate, slerp
+from swarm_mj.interop.states import quaternions, steady
 from swarm_mj.smallbody.naif import BodyName
 from swarm_mj.spacecraft.attitude.mrp import dcm, mrp_from_quaternion
 from tests.interop.test_kernels import MICRORADIAN, angle
@@ -120,6 +121,18 @@ def test_between_samples_attitude_turns_at_a_constant_rate():
     for sign in (1.0, -1.0):
         got = slerp(t, q * np.array([[1.0], [sign]]), np.array([0.0, 0.5, 2.0]))
         assert np.abs(2 * np.arctan2(np.abs(got[:, 3]), np.abs(got[:, 0])) - [0.3, 0.5, 1.1]).max() < 1e-14
+
+
+def test_quaternions_over_two_turns_have_no_jumps_of_sign_and_are_the_same_attitudes():
+    """Programs that interpolate component by component would turn the long way where the sign jumps."""
+    angles = np.linspace(0.0, 4 * np.pi, 60)
+    c, s, o = np.cos(angles), np.sin(angles), np.zeros(60)
+    C = np.moveaxis(np.array([[c, s, o], [-s, c, o], [o, o, o + 1]]), 2, 0)
+    q = quaternions(C)
+    assert np.abs(np.diff(q, axis=0)).max() > 1.0
+    q = steady(q)
+    assert np.abs(np.diff(q, axis=0)).max() < 0.11
+    assert np.abs(C_of_scalar_last(q[:, [1, 2, 3, 0]]) - C).max() < 1e-15
 
 
 @pytest.mark.parametrize(
