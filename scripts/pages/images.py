@@ -19,6 +19,7 @@ COMMANDS = {
     "eros-config2": ("run", "eros-config2"),
     "eros-literal": ("run", "eros-literal"),
     "eros-faults": ("run", "eros-faults"),
+    "eros-hemispherical": ("run", "eros-config1", "--set", "link.crosslink.antenna=hemispherical"),
     "eros-config1-design": ("design", "eros-config1", "--pareto"),
 }
 
@@ -37,6 +38,11 @@ PICTURES = (
     ("eros-config1", "wheel_speed"),
     ("eros-config1", "wheel_momentum"),
     ("eros-config1", "links"),
+    ("eros-config1", "contacts"),
+    ("eros-config1", "data"),
+    ("eros-config1", "delivered_map"),
+    ("eros-hemispherical", "contacts"),
+    ("eros-hemispherical", "delivered_map"),
     ("eros-config2", "behaviors"),
     ("eros-config2", "tracking_error"),
     ("eros-config2", "operation"),

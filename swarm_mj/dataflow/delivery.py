@@ -146,14 +146,20 @@ class Delivery:
 
     def undelivered(self) -> list[Undelivered]:
         """What was seen and does not arrive, by reason, largest area first."""
-        reach, areas, holders = self._reaches_earth(), dict[str, float](), dict[str, set[int]]()
-        for q in np.flatnonzero(~self.arrived):
-            who = np.flatnonzero(self.tile_bit[:, q] > 0)
-            reason = self._reason(who, int(q), reach)
+        areas, holders = dict[str, float](), dict[str, set[int]]()
+        for q, reason in self.reasons().items():
             areas[reason] = areas.get(reason, 0.0) + float(self.tile_area[q])
-            holders.setdefault(reason, set()).update(who.tolist())
+            holders.setdefault(reason, set()).update(np.flatnonzero(self.tile_bit[:, q] > 0).tolist())
         rows = [Undelivered(reason, area, tuple(sorted(holders[reason]))) for reason, area in areas.items()]
         return sorted(rows, key=lambda row: -row.area)
+
+    def reasons(self) -> dict[int, str]:
+        """Why tiles do not arrive: one of `REASONS`, `STORAGE` or `TIME` by the number of the tile."""
+        reach = self._reaches_earth()
+        return {
+            int(q): self._reason(np.flatnonzero(self.tile_bit[:, q] > 0), int(q), reach)
+            for q in np.flatnonzero(~self.arrived)
+        }
 
     def _reaches_earth(self) -> Mask:
         """Whether data aboard i at the start of slot t can reach Earth at all, shape (T + 1, n)."""

@@ -16,7 +16,10 @@ from matplotlib.figure import Figure
 from swarm_mj.flight.observe import ObservationResult
 from swarm_mj.flight.plan import Plan
 from swarm_mj.results.figures.behaviors import compose_behaviors
+from swarm_mj.results.figures.contacts import compose_contacts
 from swarm_mj.results.figures.coverage import compose_coverage
+from swarm_mj.results.figures.data import compose_data
+from swarm_mj.results.figures.delivered_map import compose_delivered_map
 from swarm_mj.results.figures.footprints import compose_footprints
 from swarm_mj.results.figures.ground_track import compose_ground_track
 from swarm_mj.results.figures.histories import (
@@ -50,6 +53,9 @@ COMPOSERS: dict[str, Compose] = {
     "wheel_speed": compose_wheel_speed,
     "wheel_momentum": compose_wheel_momentum,
     "links": compose_links,
+    "contacts": compose_contacts,
+    "data": compose_data,
+    "delivered_map": compose_delivered_map,
 }
 
 

@@ -24,11 +24,11 @@ def angles(points_A: Array, axes_A: Array) -> Array:
     return np.degrees(np.stack((np.arctan2(east, up), np.arctan2(north, up)), axis=-1))
 
 
-def draw_cells(ax: Axes, region: TargetRegion, colours: Array) -> None:
-    """Paint the cells in given colours (n, 3), lit from the north-west so that relief shows."""
+def draw_cells(ax: Axes, region: TargetRegion, colours: Array, ambient: float = AMBIENT) -> None:
+    """Paint the cells in given colours (n, 3), lit from the north-west so that relief shows; not with `ambient` 1."""
     east, north, _ = region.axes_A
     lamp = unit(region.area @ region.normal_A) + 0.5 * north - 0.4 * east
-    shaded = shade(colours, region.normal_A, lamp, AMBIENT)
+    shaded = shade(colours, region.normal_A, lamp, ambient)
     bordered = region.n_cells <= MAX_BORDERED
     ax.add_collection(
         triangles(

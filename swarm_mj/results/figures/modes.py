@@ -46,16 +46,21 @@ def draw_modes(ax: Axes, telemetry: xr.Dataset, j: int, scale: TimeScale) -> Non
 
 def has_room(ax: Axes, run: Run, scale: TimeScale) -> bool:
     """Whether the abbreviation of a mode fits into its stretch of the time axis, before the layout is known."""
+    return scale.share(run.start, run.end) * axes_pt(ax) >= width_pt(MODE_LOOKS[run.mode].abbreviation) + ROOM_PT
+
+
+def axes_pt(ax: Axes) -> float:
+    """Width of axes, at least, before the layout is known [pt]."""
     figure, spec = ax.get_figure(root=True), ax.get_subplotspec()
     assert figure is not None and spec is not None
-    axes_pt = 72.0 * AXES_SHARE * figure.get_figwidth() / spec.get_gridspec().ncols
-    return scale.share(run.start, run.end) * axes_pt >= _width_pt(MODE_LOOKS[run.mode].abbreviation) + ROOM_PT
+    return 72.0 * AXES_SHARE * figure.get_figwidth() / spec.get_gridspec().ncols
 
 
 @cache
-def _width_pt(abbreviation: str) -> float:
+def width_pt(text: str) -> float:
+    """Width of a short bold text of the size `SMALL_PT` [pt]."""
     font = FontProperties(weight="bold")
-    return float(TextPath((0.0, 0.0), abbreviation, size=SMALL_PT, prop=font).get_extents().width)
+    return float(TextPath((0.0, 0.0), text, size=SMALL_PT, prop=font).get_extents().width)
 
 
 def name_mode(ax: Axes, run: Run, scale: TimeScale, y: float, **place: Any) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import xarray as xr
@@ -41,12 +41,14 @@ class TimeScale:
         duration_s: Of the flight [s].
         visit_s: When the visit is [s].
         encounter_s: Begin and end of the part that is drawn wider [s]; None: the axis is even.
+        brief_before: Whether little is to be told of the time before that part.
     """
 
     axis: TimeAxis
     duration_s: float
     visit_s: float
     encounter_s: tuple[float, float] | None
+    brief_before: bool = False
 
     def on_page(self, t: Array) -> Array:
         """Places on the axis, from 0 at its begin to 1 at its end, of times [s]; both of shape (...,)."""
@@ -115,6 +117,8 @@ class TimeScale:
         start, end = self.encounter_s
         outside = np.array([start, self.duration_s - end])
         shares = (1.0 - STRETCHED) * outside / outside.sum()
+        if self.brief_before:
+            shares = np.array([0.0, min(1.0 - STRETCHED, STRETCHED * outside[1] / (end - start))])
         shares = np.where(outside > 0.0, np.maximum(shares, LEAST), 0.0)
         places = np.cumsum([0.0, shares[0], STRETCHED, shares[1]])
         return np.array([0.0, start, end, self.duration_s]), places / places[-1]
@@ -137,15 +141,16 @@ class TimeScale:
         unit, (start, end) = self.axis.seconds, self.encounter_s
         marks = [(self.visit_s, "visit")]
         inner = TimeAxis(1.0, "s") if end - start < 600.0 else TimeAxis(60.0, "min")
-        around = MaxNLocator(2 if brief else 4, steps=[1, 2, 5, 10]).tick_values(
+        around = MaxNLocator(2 if brief else 6 if self.brief_before else 4, steps=[1, 2, 5, 10]).tick_values(
             (start - self.visit_s) / inner.seconds, (end - self.visit_s) / inner.seconds
         )
         inside = [] if brief else [float(tick) for tick in sorted(around, key=abs) if tick]
         for t, word in [(self.visit_s + tick * inner.seconds, f"{_signed(tick)} {inner.unit}") for tick in inside]:
             if start <= t <= end and self._is_clear(t, word, marks, width_in):
                 marks.append((t, word))
-        outside = MaxNLocator(2 if brief else 4, steps=[1, 2, 5, 10]).tick_values(0.0, self.duration_s / unit)
-        for t in sorted((float(tick) * unit for tick in outside if tick >= 0.0), key=lambda t: t > 0.0):
+        locator = MaxNLocator(2 if brief else 4, steps=[1, 2, 5, 10])
+        outside = locator.tick_values((end if self.brief_before else 0.0) / unit, self.duration_s / unit)
+        for t in sorted({0.0, *(float(tick) * unit for tick in outside if tick >= 0.0)}, key=lambda t: (t > 0.0, t)):
             word = f"{t / unit:g}"
             if not start <= t <= end and t <= self.duration_s and self._is_clear(t, word, marks, width_in):
                 marks.append((t, word))
@@ -173,6 +178,23 @@ def time_scale(plan: Plan, telemetry: xr.Dataset) -> TimeScale:
         visit_s=scenario.design.time_of_flight_s,
         encounter_s=_encounter(plan, telemetry),
     )
+
+
+def delivery_scale(plan: Plan, telemetry: xr.Dataset, busy_s: float, end_s: float) -> TimeScale:
+    """The time axis that suits a flight and what comes after it: the part in which something happens is drawn wider if short.
+
+    Args:
+        plan: What was flown.
+        telemetry: The flight.
+        busy_s: Until when data move [s]: that part, or else the flight or its encounter alone, is drawn wider.
+        end_s: End of the axis [s].
+    """
+    flight = time_scale(plan, telemetry)
+    start, end = flight.encounter_s or (0.0, flight.duration_s)
+    end_s = max(end_s, flight.duration_s)
+    parts = [(start, max(last, end)) for last in (min(busy_s, end_s), end)]
+    wider = next((part for part in parts if part[1] - start < SHORT * end_s), None)
+    return replace(flight, axis=time_axis(end_s), duration_s=end_s, encounter_s=wider, brief_before=True)
 
 
 def _encounter(plan: Plan, telemetry: xr.Dataset) -> tuple[float, float] | None:

@@ -5,6 +5,7 @@ from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.observe import add_coverage, observe_flight
 from swarm_mj.results.figures import COMPOSERS, draw
 from swarm_mj.smallbody.shape import ShapeModel
+from tests.results.deliveries import with_delivery
 
 
 @pytest.fixture(scope="session")
@@ -12,7 +13,7 @@ def flown(quick_plan):
     telemetry = simulate(quick_plan)
     result = observe_flight(quick_plan, telemetry)
     add_coverage(telemetry, result)
-    return quick_plan, telemetry, result
+    return with_delivery((quick_plan, telemetry, result), mute=(0,), cell_bit=90_000)
 
 
 @pytest.fixture(scope="session")

@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Annotation, Text
 
 from swarm_mj.observation.coverage import CoverageMap
+from tests.results.deliveries import with_delivery
 
 
 def swarm_of(flown, n):
@@ -25,14 +26,15 @@ def swarm_of(flown, n):
     )
     many = replace(plan, scenario=scenario, deployment=deployment, points_A=np.repeat(plan.points_A[:1], n, axis=0))
     copies = telemetry.isel(spacecraft=[0] * n).assign_coords(spacecraft=list(many.names))
-    return many, copies, with_coverage(result, np.repeat(result.coverage.first_seen_by_s[:1], n, axis=0))
+    seen = with_coverage(result, np.repeat(result.coverage.first_seen_by_s[:1], n, axis=0))
+    return with_delivery((many, copies, seen), mute=range(0, n - 1, 3))
 
 
 def with_coverage(result, first_seen_by_s):
-    """A result in which each spacecraft first saw each cell at the given times, shape (n, cells)."""
+    """A result in which each spacecraft first saw each cell at the given times, shape (n, cells); none is delivered."""
     coverage = CoverageMap(result.coverage.area, len(first_seen_by_s))
     coverage.first_seen_by_s[:] = first_seen_by_s
-    return replace(result, coverage=coverage, passage=coverage)
+    return replace(result, coverage=coverage, passage=coverage, delivery=None)
 
 
 def assert_nothing_is_cut_off(figure: Figure):

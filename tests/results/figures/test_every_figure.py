@@ -29,6 +29,9 @@ UNITS = {
     "wheel_speed": {"min", "rpm"},
     "wheel_momentum": {"min", "mN m s"},
     "links": {"min"},
+    "contacts": {"min", "Mbit"},
+    "data": {"min", "Mbit", "%"},
+    "delivered_map": {"min", "deg"},
 }
 
 
@@ -49,7 +52,8 @@ def test_picture_is_not_blank(written, name):
     assert inked.mean() > 0.04
     assert pixels.std() > 0.05
     columns, rows = np.flatnonzero(inked.any(axis=0)), np.flatnonzero(inked.any(axis=1))
-    assert np.ptp(columns) > (0.6 if name == "footprints" else 0.85) * inked.shape[1]  # the shape of the map decides
+    square = name in ("footprints", "delivered_map")  # the shape of the map decides
+    assert np.ptp(columns) > (0.6 if square else 0.85) * inked.shape[1]
     assert np.ptp(rows) > 0.85 * inked.shape[0]
 
 
@@ -109,7 +113,7 @@ def test_swarms_of_any_size_fit_on_the_page(flown, name, n):
     assert_labels_do_not_overlap(figure)
 
 
-@pytest.mark.parametrize("name", ["links", "ground_track", "trajectories", "wheel_momentum"])
+@pytest.mark.parametrize("name", ["links", "contacts", "data", "ground_track", "trajectories", "wheel_momentum"])
 def test_a_hundred_spacecraft_fit_on_the_page(flown, name):
     assert_nothing_is_cut_off(COMPOSERS[name](*swarm_of(flown, 100)))
 

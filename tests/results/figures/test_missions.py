@@ -1,5 +1,6 @@
 """Every figure of seven very different missions can be read: nothing cut off, nothing blank, no legend without its line."""
 
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.text import Annotation, Text
 
+from swarm_mj.flight.deliver import deliver
 from swarm_mj.results.figures import COMPOSERS
 from swarm_mj.results.figures.framing import FAR, FAR_RADII, near_visit
 from swarm_mj.results.figures.scene import scene_from
@@ -36,7 +38,8 @@ def flights(flown, tmp_path_factory):
         if name not in made:
             short = name == "flyby of six hours"
             arguments = ("fast_flyby", SIX_HOURS) if short else (name, ())
-            made[name] = fly(arguments[0], tmp_path_factory.mktemp("mission"), arguments[1])
+            plan, telemetry, result = fly(arguments[0], tmp_path_factory.mktemp("mission"), arguments[1])
+            made[name] = plan, telemetry, replace(result, delivery=deliver(plan, telemetry, result.coverage))
         return made[name]
 
     return flight
