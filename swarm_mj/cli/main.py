@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from swarm_mj import __version__
 from swarm_mj.errors import SwarmError
+from swarm_mj.io.cores import keep_algebra_on_one_thread
 from swarm_mj.io.interruption import handled
 from swarm_mj.io.last_resort import INTERRUPTED
 
@@ -27,6 +28,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")  # results may lie at such paths, see `_report`
+    keep_algebra_on_one_thread()
     with handled(_interrupted) as interruption:
         try:
             arguments = _parser().parse_args(argv)

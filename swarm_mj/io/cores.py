@@ -8,6 +8,15 @@ import os
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 
+def keep_algebra_on_one_thread() -> None:
+    """Let NumPy and SciPy, which must not be loaded yet, do linear algebra on one thread, unless the user asked for others.
+
+    Vectors of thousands of states are threaded by OpenBLAS, whose threads wait for each other by spinning: on cores that others
+    use too that takes many times as long. Sums also come out the same on any number of cores then.
+    """
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+
 def usable_cores() -> int:
     """Cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -306,3 +306,25 @@ def test_one_observer_is_one():
 
 def test_the_parser_knows_every_command():
     assert "campaign" in cli._parser().format_help()
+
+
+#: Loads NumPy only by way of the command; tells what its linear algebra was told when it was loaded.
+WHEN_LOADED = """
+import os, sys
+from importlib.abc import MetaPathFinder
+class Watch(MetaPathFinder):
+    def find_spec(self, name, path, target=None):
+        if name == "numpy":
+            print("threads:", os.environ.get("OPENBLAS_NUM_THREADS"))
+from swarm_mj.cli.main import main
+sys.meta_path.insert(0, Watch())
+main(["scenarios"])
+"""
+
+
+@pytest.mark.parametrize(("asked", "told"), [(None, "1"), ("3", "3")])
+def test_linear_algebra_keeps_to_one_thread_unless_the_user_asks_for_more(asked, told):
+    given = {k: v for k, v in os.environ.items() if k != "OPENBLAS_NUM_THREADS"}
+    given |= {} if asked is None else {"OPENBLAS_NUM_THREADS": asked}
+    done = subprocess.run([sys.executable, "-c", WHEN_LOADED], capture_output=True, text=True, env=given)
+    assert f"threads: {told}\n" in done.stdout, done.stderr
