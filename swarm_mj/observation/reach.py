@@ -12,7 +12,7 @@ Sound for every observer, and close: what is in reach and yet does not count is 
 
 from __future__ import annotations
 
-from math import pi
+from math import atan, cos, pi, sin, sqrt
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -40,6 +40,7 @@ class Reach(NamedTuple):
         optics: The field of view.
         weights: Barycentric coordinates of the samples, shape (samples, 3).
         sides: Outward unit normals of the polygon about the picture, shape (sides, 2).
+        around: Cosine and sine of half a cone about the field of view and a pixel more.
         pixel: Width of a pixel in units of half the picture; 0: no pixels are counted.
         whole: Whether only whole cells count.
     """
@@ -48,22 +49,26 @@ class Reach(NamedTuple):
     optics: Optics
     weights: Array
     sides: Array
+    around: tuple[float, float]
     pixel: float
     whole: bool
 
 
 class Cells(NamedTuple):
-    """Cells in A [m]: centroids, outward unit normals, shapes (n, 3), and corners, shape (n, 3, 3)."""
+    """Cells in A [m]: centroids, outward unit normals, shapes (n, 3); corners, shape (n, 3, 3); radii about centroids, (n,)."""
 
     centroid: Array
     normal: Array
     corners: Array
+    radius: Array
 
 
 def reach_of(observer: Observer, criterion: ObservationCriterion) -> Reach:
     """How far an observer's pictures reach by a criterion."""
     camera, limits = observer.camera, criterion.limits(observer.camera)
     optics, sides = camera.optics, SIDES if camera.shape == "cone" else 4
+    pixel = 2.0 / camera.resolution_px
+    around = atan(optics.tan_half_angle * (1.0 + pixel) * (1.0 if optics.cone else sqrt(2.0)))
     angles = 2.0 * pi * np.arange(sides) / sides
     return Reach(
         limits=limits._replace(
@@ -75,14 +80,16 @@ def reach_of(observer: Observer, criterion: ObservationCriterion) -> Reach:
         optics=Optics(optics.tan_half_angle * (1.0 + WIDER), optics.cone),
         weights=barycentric_samples(observer.samples),
         sides=np.column_stack((np.cos(angles), np.sin(angles))),
-        pixel=2.0 / camera.resolution_px if observer.counts_pixels else 0.0,
+        around=(cos(around), sin(around)),
+        pixel=pixel if observer.counts_pixels else 0.0,
         whole=criterion.whole,
     )
 
 
 def cells_of(region: TargetRegion) -> Cells:
     """The cells of a target."""
-    return Cells(region.centroid_A, region.normal_A, np.ascontiguousarray(region.corners_A))
+    radius = np.linalg.norm(region.corners_A - region.centroid_A[:, None], axis=2).max(axis=1)
+    return Cells(region.centroid_A, region.normal_A, np.ascontiguousarray(region.corners_A), (1.0 + WIDER) * radius)
 
 
 @kernel
@@ -100,9 +107,19 @@ def in_reach(cells: Cells, reach: Reach, r_A: Array, C_CA: Array, light: Mask) -
     for k in range(len(r_A)):
         lit = light[k % len(light)]
         for i in range(len(found)):
-            if not found[i] and lit[i] and _within_limits(cells, reach.limits, i, r_A[k]):
+            if found[i] or not lit[i] or _far_outside(cells, reach, i, r_A[k], C_CA[k]):
+                continue
+            if _within_limits(cells, reach.limits, i, r_A[k]):
                 found[i] = _might_show(cells.corners[i], reach, r_A[k], C_CA[k])
     return found
+
+
+@jittable
+def _far_outside(cells: Cells, reach: Reach, i: int, r_A: Array, C_CA: Array) -> Any:
+    """Whether the ball about a cell lies outside the cone about the picture, which is soon found out."""
+    x, y, z = _to_camera(cells.centroid, C_CA, r_A, i)
+    cosine, sine = reach.around
+    return np.sqrt(x * x + y * y) * cosine - z * sine > cells.radius[i] * (1.0 + WIDER) + WIDER * abs(z)
 
 
 @jittable

@@ -200,6 +200,7 @@ def _judge(scenario: Scenario, flown: Flown, found: _Sightings, workers: int | N
         if len(watchers) < scenario.designer.thin_from:
             found.judge(judges, watchers, np.arange(len(watchers)))
             return
+        found.tell(0, 0.0)  # the flights are done
         thinning = Thinning(_reach(judges, watchers), found.sees, fold=scenario.designer.fold, cost=cost)
         found.stand_in = thinning.stand_in
         for wave in thinning.waves():
