@@ -108,7 +108,8 @@ def _gap_words(record: dict[str, Any]) -> str:
     """How the genetic algorithm's design compares with the proof, or why it does not."""
     gap = record["gap"]
     if gap is None:
-        return f"nothing proven: the design was interrupted ({record['interrupted']})"
+        why = f"the design was interrupted ({record['interrupted']})" if record["interrupted"] else "the time was up"
+        return f"nothing proven: {why}"
     return "the genetic algorithm covers too little" if gap < 0 else f"gap of the genetic algorithm to the proof: {gap}"
 
 

@@ -83,10 +83,10 @@ class Study:
     def gap(self) -> int | None:
         """How many spacecraft the genetic algorithm's design has more than the proven minimum.
 
-        -1 if it covers too little; None where an interruption left no such design, or nothing proven to compare it with.
+        -1 if it covers too little; None where there is no such design, or nothing proven to compare it with.
         """
         evolved = self.genetic.get("repair")
-        if evolved is None or self.exact.status == "interrupted":
+        if evolved is None or self.exact.status != "optimal":
             return None
         return evolved.n_observers - self.exact.n_observers if evolved.feasible else -1
 

@@ -253,6 +253,22 @@ def test_an_interrupted_design_keeps_the_best_so_far_and_says_that_it_is_not_pro
     )
 
 
+def test_a_proof_whose_time_is_up_leaves_no_gap_to_it(tmp_path, capsys, monkeypatch):
+    def one_more_in_time(problem, *limits):
+        found = solve_exact(problem)
+        spare = np.setdiff1d(np.arange(1, problem.n_points + 1), found.points)[:1]
+        points = np.sort(np.append(found.points, spare))
+        return found._replace(n_observers=len(points), points=points, status="time limit")
+
+    monkeypatch.setattr("swarm_mj.designer.study.solve_exact", one_more_in_time)
+    out = tmp_path / "run"
+    assert main(["design", "eros-quick", "--quiet", "--no-figures", "--out", str(out), *arguments()]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "nothing proven: the time was up" in said and "covers too little" not in said
+    record = json.loads((out / "design.json").read_text())
+    assert record["gap"] is None and record["n_observers"] < record["proof"]["minimum"]
+
+
 def test_an_interrupted_design_does_not_take_the_place_of_a_finished_one(folder, capsys, monkeypatch):
     before = (folder / "design.json").read_bytes()
     monkeypatch.setattr("swarm_mj.designer.study.evolve", interrupt)
