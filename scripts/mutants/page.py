@@ -33,6 +33,9 @@ def page_of(trials: dict[Fault, Trial]) -> str:
         "no random sample, and the share says nothing about faults of other kinds. A fault that is no program does not count",
         "as noticed.",
         "",
+        "Not all of these were made in one call: what is found is kept while fault, file and tests stay as they are, though",
+        "other modules may change; `make mutants ARGS=--afresh` finds all again.",
+        "",
         f"**{died} of {len(trials)} died ({100 * share_of(trials):.1f} %).** {_of_survivors(trials)}",
     ]
     for room, some in faults_of(trials).items():
