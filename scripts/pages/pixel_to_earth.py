@@ -99,6 +99,8 @@ or an omnidirectional one, do; so can another relay.
 - Earth hears the station of the network that is most sensitive of those that see the swarm at
   `link.ground.min_elevation_deg` or more, at the time of reception; nobody else uses it. UT1 is taken as UTC. There is no
   weather, and no uplink.
+- For more than 12 spacecraft the bounds hold for schedules over links to relays and to three neighbours each; for more than 200
+  nothing is computed.
 - Inventories of who holds which tile, acknowledgements and commands take no bits.
 - Slots are `data.slot_s` long, growing to half an hour after the last picture; what is received in a slot is sent on in the
   next.

@@ -64,7 +64,7 @@ class Delivery:
         best_earth_bit: Received by Earth in the schedule that is proven best, shape (T, n); this and the next three are NaN
             where no proof was asked for.
         best_share: Of each tile that arrives in that schedule, shape (q,).
-        best_full_s: When at the earliest all that can arrive has arrived [s], NaN where nothing can.
+        best_full_s: When at the earliest all that was seen has arrived [s], NaN where not all arrives.
         best_bound_area: No schedule delivers more [m^2].
         relay: Who spoke to Earth after the flight, numbers from 0.
     """

@@ -19,6 +19,7 @@ from swarm_mj.dataflow.online import run_online
 from swarm_mj.dataflow.optimum import earliest_full, optimum
 from swarm_mj.dataflow.radios import radio_from
 from swarm_mj.dataflow.tiles import Tiles, make_tiles
+from swarm_mj.errors import MissionError
 from swarm_mj.flight.afterwards import earthward, flown_instants, instants_afterwards, joined
 from swarm_mj.flight.observe import camera_from, criterion_from
 from swarm_mj.flight.plan import Plan, antennas_from
@@ -41,6 +42,8 @@ GROWTH, LONGEST_SLOT_S = 1.05, 1800.0
 MOST_SPACECRAFT, MOST_LINKS = 200, 20_000_000
 #: Spacecraft above which the proven optimum leaves out crosslinks but those to relays and to this many neighbours.
 ALL_LINKS, NEIGHBOURS = 12, 3
+#: Time after which the best schedule is left unproven [s].
+PROOF_S = 60.0
 
 
 def deliver(
@@ -81,21 +84,32 @@ def deliver(
         **_geometry(contacts, speaks),
         **_held(tiles),
         **_delivered(network, account, contacts.light_time_s),
-        **(_best(network, contacts, waiting) if prove else _unproven(network)),
+        **(_best(network, account, contacts, waiting) if prove else _unproven(network)),
         relay=relays,
     )
 
 
-def _best(network: Network, contacts: Contacts, waiting: Callable[[float], None] | None) -> dict[str, Any]:
+def _best(
+    network: Network, account: Account, contacts: Contacts, waiting: Callable[[float], None] | None
+) -> dict[str, Any]:
+    """The best schedule and, where all that was seen arrives, its earliest time; unproven after `PROOF_S`."""
     neighbours = NEIGHBOURS if network.n_spacecraft > ALL_LINKS else None
-    best = optimum(network, neighbours=neighbours, waiting=waiting)
-    earliest = earliest_full(network, neighbours=neighbours, waiting=waiting).n_slots
+    complete = bool((account.delivered_slot < network.n_slots).all()) and network.n_tiles > 0
+    # Nothing can be better than all that was seen: later slots need not be looked at where that arrives before.
+    window = network.until(int(account.delivered_slot.max()) + 1) if complete else network
+    try:
+        best = optimum(window, neighbours=neighbours, time_limit_s=PROOF_S, waiting=waiting)
+        earliest = earliest_full(window, neighbours=neighbours, waiting=waiting).n_slots if complete else 0
+    except MissionError:
+        return _unproven(network)
+    earth_bit = np.zeros(network.earth_bit.shape)
+    earth_bit[: window.n_slots] = best.earth_bit
     full_s = contacts.edges_s[earliest] + contacts.light_time_s[earliest - 1] if earliest else np.nan
     return {
-        "best_earth_bit": best.earth_bit,
+        "best_earth_bit": earth_bit,
         "best_share": best.delivered_share,
         "best_full_s": np.array(full_s),
-        "best_bound_area": np.array(best.bound),
+        "best_bound_area": np.array(min(best.bound, network.seen_value)),
     }
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -43,6 +43,7 @@ def delivered_summary(plan: Plan, delivery: Delivery | None) -> dict[str, Any]:
         "time_to_full_map_s_bound": _known(float(delivery.best_full_s), 3) if delivery.complete else None,
         "delivery_window_s": [_rounded(delivery.edges_s[0], 3), _rounded(delivery.edges_s[-1], 3)],
         "link_time_s": {n: _rounded(s, 3) for n, s in zip(names, link_time_s(delivery), strict=True)},
+        "lost_after_s": {names[j]: _rounded(t, 3) for j, t in _lost_after(plan, delivery)},
         "relays_after": [names[j] for j in delivery.relay],
         "radios": {
             "crosslink": link.crosslink.radio,
@@ -69,6 +70,15 @@ def link_time_s(delivery: Delivery) -> Array:
     return np.asarray(np.diff(delivery.edges_s) @ reaches)
 
 
+def _lost_after(plan: Plan, delivery: Delivery) -> Iterator[tuple[int, float]]:
+    """Who hits the body after the flight, and the start of the slot from which it is lost [s]."""
+    after = delivery.edges_s[:-1] >= plan.scenario.duration_s
+    for j in range(delivery.n):
+        lost = delivery.why_earth[:, j] == Obstacle.LOST
+        if lost[-1] and (k := int(np.argmax(lost))) and after[k]:
+            yield j, float(delivery.edges_s[k])
+
+
 def remedy(plan: Plan, delivery: Delivery, part: Undelivered) -> str:
     """What would let a part of the map arrive, with the least value where one follows."""
     scenario = plan.scenario
@@ -91,11 +101,18 @@ def most_seen_bit(delivery: Delivery) -> int:
 
 def undelivered_findings(summary: dict[str, Any]) -> list[str]:
     """One sentence for each part of the map that was seen and does not arrive."""
-    return [
+    return _fallen_findings(summary.get("lost_after_s", {})) + [
         f"{part['percent']:.2f} % of the target is seen and not delivered ({_listed(part['spacecraft'])}): {part['reason']}; "
         f"{part['remedy']}"
         for part in summary.get("not_delivered", ())
     ]
+
+
+def _fallen_findings(fallen: dict[str, float]) -> list[str]:
+    if not fallen:
+        return []
+    hit, first = "hits" if len(fallen) == 1 else "hit", min(fallen.values())
+    return [f"{_listed(list(fallen))} {hit} the body after the flight, from t = {first:.0f} s on, with what is aboard"]
 
 
 def _listed(names: Sequence[str]) -> str:

@@ -98,6 +98,7 @@ class RunSummary(Record):
     time_to_full_map_s: float | None = None
     time_to_full_map_s_bound: float | None = None
     link_time_s: ByName = {}
+    lost_after_s: ByName = {}
     not_delivered: Annotated[list[NotDelivered], FailFast()] = []
 
     @model_validator(mode="before")
