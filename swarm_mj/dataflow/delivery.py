@@ -171,10 +171,12 @@ class Delivery:
 
     def _reason(self, holders: Ints, q: int, reach: Mask) -> str:
         """Why a tile does not arrive, from the copy that comes nearest to it."""
+        if (self.tile_lost_bit[holders, q] >= self.tile_bit[holders, q]).all():
+            fell = (self.why_earth[-1, holders] == Obstacle.LOST).any()
+            return REASONS[Obstacle.LOST] if fell else STORAGE
         slots = np.searchsorted(self.edges_s[:-1], self.tile_ready_s[holders, q] - 1e-6)
         if reach[slots, holders].any():
-            # It could have: it was lost before, or there was no time for it.
-            return STORAGE if (self.tile_lost_bit[holders, q] >= self.tile_bit[holders, q]).all() else TIME
+            return TIME
         why = [self._obstacle(int(j), int(slot)) for j, slot in zip(holders, slots, strict=True)]
         return REASONS[Obstacle(max(why))]
 

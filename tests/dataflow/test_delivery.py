@@ -76,6 +76,10 @@ def test_what_was_lost_is_not_for_want_of_time(delivery):
     lost = delivery.tile_lost_bit.copy()
     lost[1, 1] = 60
     assert reasons(replace(delivery, contact_bit=contact, tile_lost_bit=lost)) == [(STORAGE, 6.0, (1,))]
+    why = delivery.why_earth.copy()
+    why[1:, 1] = Obstacle.LOST
+    found = reasons(replace(delivery, contact_bit=contact, tile_lost_bit=lost, why_earth=why))
+    assert found == [(REASONS[Obstacle.LOST], 6.0, (1,))]
 
 
 def test_where_nobody_reaches_earth_the_relays_obstacle_is_named(delivery):
