@@ -58,7 +58,8 @@ class Delivery:
         tile_of_cell: Shape (cells,), -1 for what nobody saw.
         tile_area: [m^2], shape (q,).
         tile_bit: As each spacecraft saw it, 0 where it did not, shape (n, q).
-        tile_lost_bit: What was lost of each copy, shape (n, q).
+        tile_lost_bit: What of each copy was lost with a spacecraft, shape (n, q).
+        tile_overflow_bit: What of each copy found no room aboard, shape (n, q).
         tile_ready_s: When it was seen, NaN for never, shape (n, q).
         tile_arrives_s: When the last bit of it is on Earth [s], NaN for never, shape (q,).
         best_earth_bit: Received by Earth in the schedule that is proven best, shape (T, n); this and the next three are NaN
@@ -85,6 +86,7 @@ class Delivery:
     tile_area: Array
     tile_bit: NDArray[np.int64]
     tile_lost_bit: NDArray[np.int64]
+    tile_overflow_bit: NDArray[np.int64]
     tile_ready_s: Array
     tile_arrives_s: Array
     best_earth_bit: Array
@@ -171,9 +173,9 @@ class Delivery:
 
     def _reason(self, holders: Ints, q: int, reach: Mask) -> str:
         """Why a tile does not arrive, from the copy that comes nearest to it."""
-        if (self.tile_lost_bit[holders, q] >= self.tile_bit[holders, q]).all():
-            fell = (self.why_earth[-1, holders] == Obstacle.LOST).any()
-            return REASONS[Obstacle.LOST] if fell else STORAGE
+        gone = self.tile_lost_bit[holders, q] + self.tile_overflow_bit[holders, q]
+        if (gone > 0).all():
+            return REASONS[Obstacle.LOST] if self.tile_lost_bit[holders, q].any() else STORAGE
         slots = np.searchsorted(self.edges_s[:-1], self.tile_ready_s[holders, q] - 1e-6)
         if reach[slots, holders].any():
             return TIME

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from swarm_mj.dataflow.account import Account
+from swarm_mj.dataflow.account import ON_EARTH, SPACECRAFT_LOST, STORAGE_FULL, Account
 from swarm_mj.dataflow.contacts import Contacts, Instants, Radios, find_contacts, samples_of
 from swarm_mj.dataflow.delivery import Delivery
 from swarm_mj.dataflow.ground import best_station, elevations_deg, stations_from
@@ -151,7 +151,8 @@ def _held(tiles: Tiles) -> dict[str, Any]:
 def _delivered(network: Network, account: Account, light_time_s: Array) -> dict[str, Any]:
     shape = (network.n_slots, network.n_spacecraft)
     sent, earth = np.zeros((*shape, network.n_spacecraft), np.int64), np.zeros(shape, np.int64)
-    lost, lost_copy = np.zeros((network.n_slots + 1, network.n_spacecraft), np.int64), np.zeros_like(network.bits)
+    lost = np.zeros((network.n_slots + 1, network.n_spacecraft), np.int64)
+    by_reason = {reason: np.zeros_like(network.bits) for reason in (SPACECRAFT_LOST, STORAGE_FULL, ON_EARTH)}
     for transfer in account.transfers:
         if transfer.receiver == EARTH:
             earth[transfer.slot, transfer.sender] += transfer.bits
@@ -159,14 +160,15 @@ def _delivered(network: Network, account: Account, light_time_s: Array) -> dict[
             sent[transfer.slot, transfer.sender, transfer.receiver] += transfer.bits
     for loss in account.losses:
         lost[loss.slot, loss.spacecraft] += loss.bits
-        lost_copy[loss.origin, loss.tile] += loss.bits
+        by_reason[loss.reason][loss.origin, loss.tile] += loss.bits
     arrives_s = np.append(network.edges_s[1:] + light_time_s, np.nan)
     return {
         "sent_bit": sent,
         "earth_bit": earth,
         "aboard_bit": account.aboard_bit,
         "lost_bit": lost.cumsum(axis=0),
-        "tile_lost_bit": lost_copy,
+        "tile_lost_bit": by_reason[SPACECRAFT_LOST],
+        "tile_overflow_bit": by_reason[STORAGE_FULL],
         "tile_arrives_s": arrives_s[account.delivered_slot],
     }
 

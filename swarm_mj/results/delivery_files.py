@@ -34,6 +34,7 @@ DELIVERY = {
     "tile_area": Declared("f8", _TILES, 0.0, FARTHEST**2),
     "tile_bit": Declared("i8", _COPIES, 0, _MOST_BIT),
     "tile_lost_bit": Declared("i8", _COPIES, 0, _MOST_BIT),
+    "tile_overflow_bit": Declared("i8", _COPIES, 0, _MOST_BIT),
     "tile_ready_s": Declared("f8", _COPIES, 0.0, _LATEST_S, gaps="nan"),
     "tile_arrives_s": Declared("f8", _TILES, 0.0, _LATEST_S, gaps="nan"),
     "best_earth_bit": Declared("f8", _WAYS, 0.0, _MOST_BIT, gaps="nan"),
@@ -43,7 +44,16 @@ DELIVERY = {
     "relay": Declared("i8", ("relays",), 0, "spacecraft"),
 }
 #: Where nothing was seen, or nobody speaks to Earth.
-MAY_BE_EMPTY = ("tile_area", "tile_bit", "tile_lost_bit", "tile_ready_s", "tile_arrives_s", "best_share", "relay")
+MAY_BE_EMPTY = (
+    "tile_area",
+    "tile_bit",
+    "tile_lost_bit",
+    "tile_overflow_bit",
+    "tile_ready_s",
+    "tile_arrives_s",
+    "best_share",
+    "relay",
+)
 
 
 def write_delivery(folder: Path, delivery: Delivery) -> None:

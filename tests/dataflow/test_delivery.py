@@ -34,6 +34,7 @@ def delivery():
         tile_area=np.array([4.0, 6.0]),
         tile_bit=np.array([[40, 0], [0, 60], [0, 0]]),
         tile_lost_bit=np.zeros((3, 2), np.int64),
+        tile_overflow_bit=np.zeros((3, 2), np.int64),
         tile_ready_s=np.array([[0.0, nan], [nan, 0.0], [nan, nan]]),
         tile_arrives_s=np.array([520.0, nan]),
         best_earth_bit=np.zeros((3, 3)),
@@ -75,11 +76,8 @@ def test_what_was_lost_is_not_for_want_of_time(delivery):
     contact[:, 1, 2] = 10
     lost = delivery.tile_lost_bit.copy()
     lost[1, 1] = 60
-    assert reasons(replace(delivery, contact_bit=contact, tile_lost_bit=lost)) == [(STORAGE, 6.0, (1,))]
-    why = delivery.why_earth.copy()
-    why[1:, 1] = Obstacle.LOST
-    found = reasons(replace(delivery, contact_bit=contact, tile_lost_bit=lost, why_earth=why))
-    assert found == [(REASONS[Obstacle.LOST], 6.0, (1,))]
+    assert reasons(replace(delivery, contact_bit=contact, tile_overflow_bit=lost)) == [(STORAGE, 6.0, (1,))]
+    assert reasons(replace(delivery, contact_bit=contact, tile_lost_bit=lost)) == [(REASONS[Obstacle.LOST], 6.0, (1,))]
 
 
 def test_where_nobody_reaches_earth_the_relays_obstacle_is_named(delivery):

@@ -102,6 +102,7 @@ def _sent(tiles, contacts, relay, mute, lost_bit, lost_slot):
         "tile_area": tiles.area,
         "tile_bit": tiles.bits,
         "tile_lost_bit": np.zeros_like(tiles.bits),
+        "tile_overflow_bit": np.zeros_like(tiles.bits),
         "tile_ready_s": np.where(np.isfinite(tiles.ready_s), tiles.ready_s, np.nan),
         "tile_arrives_s": arrives,
         "best_earth_bit": earth.astype(float),
