@@ -12,7 +12,7 @@ def keep_algebra_on_one_thread() -> None:
     """Let NumPy and SciPy, which must not be loaded yet, do linear algebra on one thread, unless the user asked for others.
 
     Vectors of thousands of states are threaded by OpenBLAS, whose threads wait for each other by spinning: on cores that others
-    use too that takes many times as long. Sums also come out the same on any number of cores then.
+    use too that takes several times as long. Sums also come out the same on any number of cores then.
     """
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
