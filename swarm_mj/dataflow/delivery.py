@@ -67,7 +67,8 @@ class Delivery:
         best_share: Of each tile that arrives in that schedule, shape (q,).
         best_full_s: When at the earliest all that was seen has arrived [s], NaN where not all arrives.
         best_bound_area: No schedule delivers more [m^2].
-        relay: Who spoke to Earth after the flight, numbers from 0.
+        election_s: Elections after which others spoke to Earth than before, the first at the end of the flight [s], shape (e,).
+        elected: Who did from then on, shape (e, n).
     """
 
     edges_s: Array
@@ -93,7 +94,8 @@ class Delivery:
     best_share: Array
     best_full_s: Array
     best_bound_area: Array
-    relay: NDArray[np.int64]
+    election_s: Array
+    elected: Mask
 
     @property
     def n_slots(self) -> int:
@@ -104,6 +106,11 @@ class Delivery:
     def n(self) -> int:
         """Number of spacecraft."""
         return len(self.tile_bit)
+
+    @property
+    def relay(self) -> Ints:
+        """Who spoke to Earth after the flight at any time, numbers from 0."""
+        return np.flatnonzero(self.elected.any(axis=0))
 
     @property
     def arrived(self) -> Mask:

@@ -77,7 +77,7 @@ def build_program(network: Network, neighbours: int | None = None) -> Program:
         neighbours: See `optimum`.
     """
     links, latest = useful_links(network, neighbours)
-    spacecraft, tiles = np.nonzero(network.kept & (network.ready <= latest[:, None]) & (network.value > 0))
+    spacecraft, tiles = np.nonzero(_in_time(network, latest))
     copies = np.stack([spacecraft, tiles], axis=1).astype(np.int64)
     nodes, stays = _nodes(network, links, copies)
     total = int(network.bits.max(axis=0, initial=0)[np.unique(tiles)].sum())
@@ -113,6 +113,17 @@ def build_program(network: Network, neighbours: int | None = None) -> Program:
         bit_unit=bit_unit,
         value_unit=value_unit,
     )
+
+
+def reachable_value(network: Network) -> float:
+    """Area of the tiles of which some copy finds a way to Earth in time, however little fits through it [m^2]."""
+    _, latest = useful_links(network)
+    return float(network.value[_in_time(network, latest).any(axis=0)].sum())
+
+
+def _in_time(network: Network, latest: Ints) -> Mask:
+    in_time: Mask = network.kept & (network.ready <= latest[:, None]) & (network.value > 0)
+    return in_time
 
 
 def useful_links(network: Network, neighbours: int | None = None) -> tuple[Links, Ints]:

@@ -6,6 +6,8 @@ Earth, the others at the nearest relay, turned from their last attitude the shor
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
@@ -23,13 +25,32 @@ from swarm_mj.typing import Array, Ints, Mask
 RTOL = 1e-7
 
 
+class Course(NamedTuple):
+    """Where the swarm is after its flight.
+
+    Attributes:
+        t: Rising, past the end of the flight [s], shape (m,).
+        r_BN_N: Positions, shape (m, n, 3) [m], of those lost at their last place.
+        works: Who works, shape (m, n).
+    """
+
+    t: Array
+    r_BN_N: Array
+    works: Mask
+
+
+def working(telemetry: xr.Dataset) -> Mask:
+    """Who works at each sample of a flight, shape (t, n)."""
+    if "operational" in telemetry:
+        works: Mask = telemetry["operational"].values == 1
+        return works
+    return np.ones((telemetry.sizes["time"], telemetry.sizes["spacecraft"]), np.bool_)
+
+
 def flown_instants(plan: Plan, telemetry: xr.Dataset, times: Array) -> Instants:
     """The swarm at the samples of a flight nearest to some times [s], shape (m,)."""
     sampled = telemetry["time"].values
     k = np.clip(np.rint(np.interp(times, sampled, np.arange(len(sampled)))), 0, len(sampled) - 1).astype(np.int64)
-    works = (
-        telemetry["operational"].values[k] == 1 if "operational" in telemetry else np.ones((len(k), plan.n), np.bool_)
-    )
     return Instants(
         t=sampled[k],
         r_BN_N=telemetry["r_BN_N"].values[k],
@@ -38,24 +59,21 @@ def flown_instants(plan: Plan, telemetry: xr.Dataset, times: Array) -> Instants:
         earth_N=np.array([plan.environment.earth.at(t) for t in sampled[k]]).reshape(-1, 3),
         mode=telemetry["mode"].values[k].astype(np.int64),
         tracked=telemetry["tracked_spacecraft"].values[k].astype(np.int64),
-        works=works,
+        works=working(telemetry)[k],
     )
 
 
-def paths_afterwards(plan: Plan, telemetry: xr.Dataset, times: Array) -> tuple[Array, Mask]:
+def paths_afterwards(plan: Plan, telemetry: xr.Dataset, times: Array) -> Course:
     """Positions after the flight and who has not hit the body by then.
 
     Args:
         plan: What was flown.
         telemetry: The flight.
         times: Rising, past the end of the flight [s], shape (m,).
-
-    Returns:
-        Positions in N, shape (m, n, 3) [m], of those lost at their last place; who works, shape (m, n).
     """
     end = float(telemetry["time"].values[-1])
     r, v = (telemetry[name].values[-1] for name in ("r_BN_N", "v_BN_N"))
-    works = telemetry["operational"].values[-1] == 1 if "operational" in telemetry else np.ones(plan.n, np.bool_)
+    works = working(telemetry)[-1]
     grid = np.concatenate(([end], times))
     path, alive = np.repeat(r[None], len(grid), axis=0), np.repeat(works[None], len(grid), axis=0)
     C_AN = np.array([plan.environment.C_AN(t) for t in grid])
@@ -66,7 +84,7 @@ def paths_afterwards(plan: Plan, telemetry: xr.Dataset, times: Array) -> tuple[A
         alive[len(reached) :, spacecraft] = False
     for impact in find_impacts(plan.shape, grid, np.einsum("kab,knb->kna", C_AN, path[:, left])):
         alive[grid > impact.time, left[impact.spacecraft]] = False
-    return path[1:], alive[1:]
+    return Course(times, path[1:], alive[1:])
 
 
 def _paths(plan: Plan, r: Array, v: Array, grid: Array, left: Ints) -> list[tuple[Ints, Array]]:
@@ -87,16 +105,16 @@ def _path(plan: Plan, r: Array, v: Array, grid: Array) -> Array:
         return r[None] if len(grid) <= 2 else _path(plan, r, v, grid[: len(grid) // 2 + 1])
 
 
-def instants_afterwards(plan: Plan, telemetry: xr.Dataset, times: Array, relays: Ints) -> Instants:
+def instants_afterwards(plan: Plan, telemetry: xr.Dataset, course: Course, relays: Ints) -> Instants:
     """The swarm after its flight.
 
     Args:
         plan: What was flown.
         telemetry: The flight.
-        times: Rising, past the end of the flight [s], shape (m,).
+        course: From `paths_afterwards`; whoever speaks to Earth, the paths are the same.
         relays: Who speaks to Earth at each time: numbers from 0, shape (m, k).
     """
-    r_N, works = paths_afterwards(plan, telemetry, times)
+    times, r_N, works = course
     earth_N = np.array([plan.environment.earth.at(t) for t in times]).reshape(-1, 3)
     mode, tracked = roles(r_N, works, relays)
     towards = np.take_along_axis(r_N, np.maximum(tracked, 0)[..., None], axis=1) - r_N

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -16,14 +18,16 @@ from swarm_mj.dataflow.ground import best_station, elevations_deg, stations_from
 from swarm_mj.dataflow.link_budget import rate_table
 from swarm_mj.dataflow.network import EARTH, Access, Network
 from swarm_mj.dataflow.online import run_online
-from swarm_mj.dataflow.optimum import earliest_full, optimum
+from swarm_mj.dataflow.optimum import SAME, earliest_full, optimum
+from swarm_mj.dataflow.program import reachable_value
 from swarm_mj.dataflow.radios import radio_from
 from swarm_mj.dataflow.tiles import Tiles, make_tiles
 from swarm_mj.errors import MissionError
-from swarm_mj.flight.afterwards import earthward, flown_instants, instants_afterwards, joined
+from swarm_mj.flight.afterwards import Course, flown_instants, instants_afterwards, joined, paths_afterwards
+from swarm_mj.flight.elections import elect_relays
 from swarm_mj.flight.observe import camera_from, criterion_from
 from swarm_mj.flight.plan import Plan, antennas_from
-from swarm_mj.mission.behaviors import TargetKind, elect_medoid
+from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.observation.capture import pixels_on, sight
 from swarm_mj.observation.coverage import CoverageMap
 from swarm_mj.scenarios.constants import DAY, SPEED_OF_LIGHT
@@ -74,26 +78,33 @@ def deliver(
         return None
     tiles = tiles_of(plan, telemetry, coverage)
     edges_s = slot_edges(scenario, tiles.ready_s, MOST_LINKS // plan.n**2)
-    relays = relays_after(telemetry)
-    instants = instants_of(plan, telemetry, samples_of(edges_s, PER_SLOT).ravel(), relays)
+    swarm = Swarm.of_flight(plan, telemetry, edges_s)
+    trials = Trials(swarm, tiles, waiting)
+    elections = elect_relays(scenario, telemetry, swarm.course, edges_s, trials.value, trials.bound)
+    instants = swarm.instants(elections.relays_at(swarm.course.t))
     contacts = contacts_of(plan, edges_s, instants)
     network = network_of(scenario, tiles, contacts, instants)
-    speaks = instants.mode.reshape(contacts.n_slots, PER_SLOT, -1)[:, PER_SLOT // 2] == TargetKind.EARTH
+    speaks = speaking(instants)
     account = run_online(network, speaks)
     return Delivery(
         **_geometry(contacts, speaks),
         **_held(tiles),
         **_delivered(network, account, contacts.light_time_s),
         **(_best(network, account, contacts, waiting) if prove else _unproven(network)),
-        relay=relays,
+        election_s=elections.time_s,
+        elected=elections.elected,
     )
+
+
+def _neighbours(network: Network) -> int | None:
+    return NEIGHBOURS if network.n_spacecraft > ALL_LINKS else None
 
 
 def _best(
     network: Network, account: Account, contacts: Contacts, waiting: Callable[[float], None] | None
 ) -> dict[str, Any]:
     """The best schedule and, where all that was seen arrives, its earliest time; unproven after `PROOF_S`."""
-    neighbours = NEIGHBOURS if network.n_spacecraft > ALL_LINKS else None
+    neighbours = _neighbours(network)
     complete = bool((account.delivered_slot < network.n_slots).all()) and network.n_tiles > 0
     # Nothing can be better than all that was seen: later slots need not be looked at where that arrives before.
     window = network.until(int(account.delivered_slot.max()) + 1) if complete else network
@@ -221,26 +232,109 @@ def slot_edges(scenario: Scenario, ready_s: Array, most: int) -> Array:
     return np.array(edges)
 
 
-def relays_after(telemetry: xr.Dataset) -> Ints:
-    """Who speaks to Earth once the flight is over, numbers from 0; the medoid where nobody did in flight."""
-    n = telemetry.sizes["spacecraft"]
-    works = telemetry["operational"].values[-1] == 1 if "operational" in telemetry else np.ones(n, np.bool_)
-    found = earthward(telemetry)
-    found = found[works[found]]
-    left = np.flatnonzero(works)
-    if len(found) or not len(left):
-        return found
-    return left[[elect_medoid(telemetry["r_BN_N"].values[-1][left])]]
+@dataclass(frozen=True, eq=False)
+class Swarm:
+    """The swarm at the samples of the slots, but for who speaks to Earth after the flight.
+
+    Attributes:
+        plan: What was flown.
+        telemetry: The flight.
+        edges_s: Edges of the slots [s], shape (T + 1,).
+        flown: At those samples that are in the flight.
+        course: At those after it.
+    """
+
+    plan: Plan
+    telemetry: xr.Dataset
+    edges_s: Array
+    flown: Instants
+    course: Course
+
+    @classmethod
+    def of_flight(cls, plan: Plan, telemetry: xr.Dataset, edges_s: Array) -> Swarm:
+        """Sample a flight, and go on after it."""
+        times = samples_of(edges_s, PER_SLOT).ravel()
+        later = times > float(telemetry["time"].values[-1])
+        flown = flown_instants(plan, telemetry, times[~later])
+        return cls(plan, telemetry, edges_s, flown, paths_afterwards(plan, telemetry, times[later]))
+
+    def instants(self, relays: Ints) -> Instants:
+        """With those who speak to Earth at each time after the flight, numbers from 0, shape (m, k)."""
+        if not len(self.course.t):
+            return self.flown
+        return joined(self.flown, instants_afterwards(self.plan, self.telemetry, self.course, relays))
 
 
-def instants_of(plan: Plan, telemetry: xr.Dataset, times: Array, relays: Ints) -> Instants:
-    """The swarm at some times [s], rising, of the flight and after it."""
-    flown = times <= float(telemetry["time"].values[-1])
-    instants = flown_instants(plan, telemetry, times[flown])
-    later = times[~flown]
-    if not len(later):
-        return instants
-    return joined(instants, instants_afterwards(plan, telemetry, later, np.tile(relays, (len(later), 1))))
+class Problem(NamedTuple):
+    """A delivery problem, and who turns to Earth in each slot, shape (T, n)."""
+
+    network: Network
+    speaks: Mask
+
+
+class Trials:
+    """What could be delivered if others spoke to Earth after the flight; the paths stay the same.
+
+    Args:
+        swarm: On its paths.
+        tiles: What it has to send.
+        waiting: Called now and then with the seconds that an optimum has taken.
+    """
+
+    def __init__(self, swarm: Swarm, tiles: Tiles, waiting: Callable[[float], None] | None = None) -> None:
+        self._swarm, self._tiles, self._waiting = swarm, tiles, waiting
+        self._last: tuple[tuple[int, ...], Problem] | None = None
+
+    def value(self, relays: tuple[int, ...]) -> float:
+        """What the best schedule delivers with them as the only relays [m^2]; the swarm alone where that takes `PROOF_S`."""
+        network, speaks = self.problem(relays)
+        alone = run_online(network, speaks).value
+        if alone >= reachable_value(network) * (1.0 - SAME):
+            return alone  # nothing is left to be proven
+        try:
+            return optimum(network, neighbours=_neighbours(network), time_limit_s=PROOF_S, waiting=self._waiting).value
+        except MissionError:
+            return alone
+
+    def bound(self, relays: tuple[int, ...]) -> float:
+        """What finds a way to Earth at all [m^2]."""
+        return reachable_value(self.problem(relays).network)
+
+    def problem(self, relays: tuple[int, ...]) -> Problem:
+        """The delivery problem with them."""
+        if self._last is None or self._last[0] != relays:
+            self._last = relays, self._with(relays)
+        return self._last[1]
+
+    def _with(self, relays: tuple[int, ...]) -> Problem:
+        if self._swarm.plan.scenario.link.crosslink.antenna != "omnidirectional":
+            return self._anew(relays)
+        # The crosslinks are the same whoever speaks to Earth, and nobody's way to Earth asks for the others' roles.
+        (every, all_speak), (nobody, in_flight) = self._all, self._none
+        elected = np.isin(np.arange(self._swarm.plan.n), relays)
+        network = replace(every, earth_bit=np.where(elected, every.earth_bit, nobody.earth_bit))
+        return Problem(network, np.where(elected, all_speak, in_flight))
+
+    def _anew(self, relays: Sequence[int]) -> Problem:
+        swarm = self._swarm
+        instants = swarm.instants(np.tile(np.array(relays, np.int64), (len(swarm.course.t), 1)))
+        contacts = contacts_of(swarm.plan, swarm.edges_s, instants)
+        return Problem(network_of(swarm.plan.scenario, self._tiles, contacts, instants), speaking(instants))
+
+    @cached_property
+    def _all(self) -> Problem:
+        return self._anew(range(self._swarm.plan.n))
+
+    @cached_property
+    def _none(self) -> Problem:
+        return self._anew(())
+
+
+def speaking(instants: Instants) -> Mask:
+    """Who turns to Earth in the middle of each slot, shape (T, n)."""
+    modes = instants.mode.reshape(-1, PER_SLOT, instants.mode.shape[1])
+    turned: Mask = modes[:, PER_SLOT // 2] == TargetKind.EARTH
+    return turned
 
 
 def contacts_of(plan: Plan, edges_s: Array, instants: Instants) -> Contacts:

@@ -17,9 +17,9 @@ REMEDIES = {
     REASONS[
         Obstacle.BEAM
     ]: "set link.crosslink.antenna: omnidirectional, widen link.hemispherical_half_angle_deg, or elect "
-    "another relay (data.election)",
-    REASONS[Obstacle.BODY]: "elect another relay (data.election), or more of them (data.relays)",
-    REASONS[Obstacle.ROLE]: "elect a relay (data.election)",
+    "another relay (data.election: delivery)",
+    REASONS[Obstacle.BODY]: "elect another relay (data.election: delivery), or more of them (data.relays)",
+    REASONS[Obstacle.ROLE]: "elect a relay (data.election: medoid)",
     REASONS[Obstacle.STATION]: "lengthen data.horizon_s, lower link.ground.min_elevation_deg, or choose another "
     "link.ground.network",
     REASONS[Obstacle.LOST]: "let others see the same area too (designer.fold: 2)",
@@ -45,6 +45,11 @@ def delivered_summary(plan: Plan, delivery: Delivery | None) -> dict[str, Any]:
         "link_time_s": {n: _rounded(s, 3) for n, s in zip(names, link_time_s(delivery), strict=True)},
         "lost_after_s": {names[j]: _rounded(t, 3) for j, t in _lost_after(plan, delivery)},
         "relays_after": [names[j] for j in delivery.relay],
+        "elected_by": plan.scenario.data.election,
+        "elections": [
+            {"time_s": _rounded(time_s, 3), "relays": [names[j] for j in np.flatnonzero(who)]}
+            for time_s, who in zip(delivery.election_s, delivery.elected, strict=True)
+        ],
         "radios": {
             "crosslink": link.crosslink.radio,
             "antenna": link.crosslink.antenna,

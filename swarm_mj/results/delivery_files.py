@@ -41,9 +41,10 @@ DELIVERY = {
     "best_share": Declared("f8", _TILES, 0.0, 1.0 + 1e-6, gaps="nan"),
     "best_full_s": Declared("f8", (), 0.0, _LATEST_S, gaps="nan"),
     "best_bound_area": Declared("f8", (), 0.0, FARTHEST**2, gaps="nan"),
-    "relay": Declared("i8", ("relays",), 0, "spacecraft"),
+    "election_s": Declared("f8", ("elections",), -_LATEST_S, _LATEST_S, rising=True),
+    "elected": Declared("?", ("elections", "spacecraft")),
 }
-#: Where nothing was seen, or nobody speaks to Earth.
+#: Where nothing was seen.
 MAY_BE_EMPTY = (
     "tile_area",
     "tile_bit",
@@ -52,7 +53,6 @@ MAY_BE_EMPTY = (
     "tile_ready_s",
     "tile_arrives_s",
     "best_share",
-    "relay",
 )
 
 

@@ -195,20 +195,32 @@ class Data(Section):
         description="step of the contact plan [s], looked at four times; longer where pictures are taken for days, and "
         "growing to half an hour after the last of them",
     )
-    relays: int = Field(1, ge=1, le=1000, description="spacecraft that may send to Earth")
+    relays: int = Field(
+        1,
+        ge=1,
+        le=1000,
+        description="spacecraft that may send to Earth after the flight, where election is first, k_medoids or delivery; where "
+        "fewer work, all that do",
+    )
     election: Literal["flight", "first", "medoid", "k_medoids", "delivery"] = Field(
         "flight",
         description="who they are: those that the behaviour chose in flight; the lowest numbers; the one or the several "
-        "nearest to all others; or those with which most of the map is delivered",
+        "nearest to all others; or those with which most of the map is delivered. Held when the flight is over, which it does "
+        "not touch: in flight the behaviour elects",
     )
     election_interval_s: float | None = Field(
-        None, gt=0, le=30 * 86_400.0, description="time between two elections [s]; null: once, at the end of the flight"
+        None,
+        gt=0,
+        le=30 * 86_400.0,
+        description="time between two elections, at the starts of slots [s]; null: once, at the end of the flight; relays that "
+        "are lost are replaced at the next",
     )
     hysteresis: float = Field(
         0.1,
         ge=0,
         le=1,
-        description="part by which others must be better to be elected instead [-]: a change costs turning the dishes",
+        description="part by which the sum of distances to the relays must be less with others to elect them instead [-]: a "
+        "change costs turning the dishes",
     )
 
     @model_validator(mode="after")
@@ -217,6 +229,20 @@ class Data(Section):
             raise ValueError(
                 f"slot_s = {self.slot_s:g}: horizon_s = {self.horizon_s:g} takes more than {MAX_SLOTS} slots (MAX_SLOTS); "
                 f"must be >= {self.horizon_s / MAX_SLOTS:g}"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _elections_can_be_held(self) -> Self:
+        if self.relays > 1 and self.election in ("flight", "medoid"):
+            raise ValueError(
+                f"relays = {self.relays}: must be 1 with election: {self.election}, which chooses by itself how many; for more "
+                "give election: k_medoids, delivery or first"
+            )
+        if self.election_interval_s is not None and self.election == "delivery":
+            raise ValueError(
+                f"election_interval_s = {self.election_interval_s:g}: must be null with election: delivery, which chooses once "
+                "for the whole window; for elections again and again give election: k_medoids"
             )
         return self
 

@@ -41,7 +41,8 @@ def delivery():
         best_share=np.array([1.0, 0.0]),
         best_full_s=np.array(520.0),
         best_bound_area=np.array(4.0),
-        relay=np.array([2]),
+        election_s=np.array([20.0]),
+        elected=np.array([[False, False, True]]),
     )
 
 

@@ -4,7 +4,7 @@ from itertools import combinations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.sparse.csgraph import connected_components, shortest_path
 
@@ -142,11 +142,29 @@ def test_equal_values_elect_the_lowest_candidates_and_rounding_decides_nothing()
     assert elect_by_delivery(lambda chosen: 1.0 + 1e-6 * chosen[0], [7, 2, 5], 1).tolist() == [7]
 
 
+@pytest.mark.parametrize("n", [7, 12])
+def test_sets_that_cannot_be_better_are_not_tried(n):
+    value_of, asked = covered(range(n)), []
+    without = elect_by_delivery(value_of, range(n), 2)
+    found = elect_by_delivery(
+        lambda chosen: asked.append(chosen) or value_of(chosen),
+        range(n),
+        2,
+        bound_of=lambda chosen: 1.1 * value_of(chosen),
+    )
+    assert found.tolist() == without.tolist()
+    assert len(asked) < len(list(combinations(range(n), 2))) and len(asked) == len(set(asked))
+    asked.clear()
+    elect_by_delivery(lambda chosen: asked.append(chosen) or 5.0, range(7), 2, bound_of=lambda chosen: 5.0)
+    assert asked == [(0, 1)]
+
+
 # Again and again.
 
 SHARE = st.floats(0.0, 1.0)
 
 
+@settings(deadline=None)
 @given(noise=st.lists(st.floats(-1.0, 1.0), min_size=2, max_size=60), hysteresis=st.floats(0.01, 0.9))
 def test_noise_below_the_threshold_changes_nobody(noise, hysteresis):
     # Costs of two sets that differ by noise alone: (1 - a) / (1 + a) > 1 - hysteresis.
@@ -160,6 +178,7 @@ def test_noise_below_the_threshold_changes_nobody(noise, hysteresis):
         assert now.tolist() == [0]
 
 
+@settings(deadline=None)
 @given(current=st.floats(1e-3, 1e6), candidate=st.floats(0.0, 1e6), hysteresis=SHARE)
 def test_a_change_gains_the_part_that_is_asked_for(current, candidate, hysteresis):
     found = next_relays(np.array([0]), np.array([1]), current, candidate, hysteresis)
@@ -196,6 +215,7 @@ def parts(links, works):
     return [np.flatnonzero((label == c) & works) for c in range(count)], ways[np.isfinite(ways)].max()
 
 
+@settings(deadline=None)
 @given(swarms())
 def test_each_part_agrees_on_its_own_best_in_the_time_of_the_longest_way(swarm):
     links, score, works = swarm
@@ -208,6 +228,7 @@ def test_each_part_agrees_on_its_own_best_in_the_time_of_the_longest_way(swarm):
     assert found.rounds <= diameter + 1
 
 
+@settings(deadline=None)
 @given(swarms(), st.integers(0, 2**32 - 1))
 def test_who_stands_goes_first_and_two_that_meet_become_one(swarm, seed):
     links, score, works = swarm
@@ -220,6 +241,7 @@ def test_who_stands_goes_first_and_two_that_meet_become_one(swarm, seed):
             assert (found.leader[group] == among[np.argmin(score[among])]).all()
 
 
+@settings(deadline=None)
 @given(swarms())
 def test_positions_passed_on_elect_the_medoid_of_each_part(swarm):
     links, score, works = swarm

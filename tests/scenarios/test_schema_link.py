@@ -36,6 +36,11 @@ def test_descriptions_and_defaults_name_every_radio_and_network_that_there_is():
         ("data.compression=0.5", "data.compression"),
         ("data.sensor_px=[640]", "data.sensor_px"),
         ("data.storage_bit=0", "data.storage_bit"),
+        ("data.relays=2", "relays = 2: must be 1 with election: flight, .* k_medoids, delivery or first"),
+        (
+            "data={election: delivery, election_interval_s: 60}",
+            "election_interval_s = 60: must be null with election: delivery, .* k_medoids",
+        ),
     ],
 )
 def test_what_cannot_be_meant_is_refused_by_its_key(override, words):
