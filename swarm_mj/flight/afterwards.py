@@ -71,6 +71,8 @@ def paths_afterwards(plan: Plan, telemetry: xr.Dataset, times: Array) -> Course:
         telemetry: The flight.
         times: Rising, past the end of the flight [s], shape (m,).
     """
+    if not len(times):
+        return Course(times, np.empty((0, plan.n, 3)), np.empty((0, plan.n), np.bool_))
     end = float(telemetry["time"].values[-1])
     r, v = (telemetry[name].values[-1] for name in ("r_BN_N", "v_BN_N"))
     works = working(telemetry)[-1]
