@@ -65,7 +65,8 @@ def _contacts(edges, n, relay, mute, duration, rate_bit_s):
         "why_swarm": why_swarm,
         "why_earth": why_earth,
         "relay_distance_m": np.full((slots, n), 2e3),
-        "relay": np.array([relay]),
+        "election_s": np.array([duration]),
+        "elected": np.arange(n)[None] == relay,
     }
 
 
