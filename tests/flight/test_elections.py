@@ -8,6 +8,7 @@ import pytest
 import xarray as xr
 
 from swarm_mj.dataflow.contacts import samples_of
+from swarm_mj.dataflow.online import run_online
 from swarm_mj.dataflow.optimum import optimum
 from swarm_mj.dataflow.relays import elect_by_messages, scores_by_messages
 from swarm_mj.errors import MissionError
@@ -85,6 +86,17 @@ def test_with_omnidirectional_antennas_crosslinks_are_computed_once_for_all_sets
     assert (one.lost_slot == other.lost_slot).all()
     after = one.edges_s[:-1] > config2()[1]["time"].values[-1]
     assert np.flatnonzero(speaks[after].all(axis=0)).tolist() == list(relays) == np.flatnonzero(speaks[-1]).tolist()
+
+
+def test_what_a_set_would_deliver_is_the_optimum_where_the_swarm_alone_falls_short(config2):
+    # A rate too slow for all, of which whole tiles waste some.
+    slow = ("data.horizon_s=1200", "link.earth.rates_bit_s=[200]")
+    with_relays, trials = networks(*config2(*slow, antenna="omnidirectional"))
+    for relay in (0, 2):
+        network, speaks = trials.problem((relay,))
+        best = optimum(with_relays((relay,))).value
+        assert run_online(network, speaks).value < 0.99 * best < 0.99 * trials.bound((relay,))
+        assert trials.value((relay,)) == pytest.approx(best, rel=1e-9)
 
 
 def test_the_swarm_elects_the_medoid_by_messages_over_the_links_that_are_closed(config2):
