@@ -86,11 +86,12 @@ def deliver(
     network = network_of(scenario, tiles, contacts, instants)
     speaks = speaking(instants)
     account = run_online(network, speaks)
+    delivered = _delivered(network, account, contacts.light_time_s)
     return Delivery(
         **_geometry(contacts, speaks),
         **_held(tiles),
-        **_delivered(network, account, contacts.light_time_s),
-        **(_best(network, account, contacts, waiting) if prove else _unproven(network)),
+        **delivered,
+        **(_best(network, account, contacts, delivered, waiting) if prove else _unproven(network)),
         election_s=elections.time_s,
         elected=elections.elected,
     )
@@ -101,7 +102,11 @@ def _neighbours(network: Network) -> int | None:
 
 
 def _best(
-    network: Network, account: Account, contacts: Contacts, waiting: Callable[[float], None] | None
+    network: Network,
+    account: Account,
+    contacts: Contacts,
+    delivered: dict[str, Any],
+    waiting: Callable[[float], None] | None,
 ) -> dict[str, Any]:
     """The best schedule and, where all that was seen arrives, its earliest time; unproven after `PROOF_S`."""
     neighbours = _neighbours(network)
@@ -113,12 +118,16 @@ def _best(
         earliest = earliest_full(window, neighbours=neighbours, waiting=waiting).n_slots if complete else 0
     except MissionError:
         return _unproven(network)
-    earth_bit = np.zeros(network.earth_bit.shape)
+    earth_bit, share = np.zeros(network.earth_bit.shape), best.delivered_share
     earth_bit[: window.n_slots] = best.earth_bit
+    if account.value >= best.value * (1.0 - SAME) and not complete:
+        # Of equal schedules the program gives any, however late; what was flown is one of them.
+        arrives = account.delivered_slot < network.n_slots
+        earth_bit, share = delivered["earth_bit"].astype(np.float64), arrives.astype(np.float64)
     full_s = contacts.edges_s[earliest] + contacts.light_time_s[earliest - 1] if earliest else np.nan
     return {
         "best_earth_bit": earth_bit,
-        "best_share": best.delivered_share,
+        "best_share": share,
         "best_full_s": np.array(full_s),
         "best_bound_area": np.array(min(best.bound, network.seen_value)),
     }
