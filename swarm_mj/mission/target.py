@@ -243,6 +243,15 @@ def local_axes(latitude_deg: float, longitude_deg: float) -> Array:
     return np.array([east, np.cross(up, east), up])
 
 
+def angles(points_A: Array, axes_A: Array) -> Array:
+    """Directions of points (..., 3) as angles east and north of the target's axis, shape (..., 2) [deg].
+
+    The pyramid's side planes become the sides of a square.
+    """
+    east, north, up = np.moveaxis(points_A @ axes_A.T, -1, 0)
+    return np.degrees(np.stack((np.arctan2(east, up), np.arctan2(north, up)), axis=-1))
+
+
 def _side_slope(half_angle_deg: float, edges: Edges) -> float:
     """Tangent of the angle between axis and side planes."""
     tangent = float(np.tan(np.radians(half_angle_deg)))

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import numpy as np
 from matplotlib.axes import Axes
 
-from swarm_mj.mission.target import TargetRegion
+from swarm_mj.mission.target import TargetRegion, angles
 from swarm_mj.results.figures.view import shade, triangles, unit
 from swarm_mj.typing import Array
 
@@ -13,15 +12,6 @@ from swarm_mj.typing import Array
 AMBIENT = 0.6
 #: With more cells than these, borders would cover the cells.
 MAX_BORDERED = 1000
-
-
-def angles(points_A: Array, axes_A: Array) -> Array:
-    """Directions of points (..., 3) as angles east and north of the target's axis, shape (..., 2) [deg].
-
-    The pyramid's side planes become the sides of a square.
-    """
-    east, north, up = np.moveaxis(points_A @ axes_A.T, -1, 0)
-    return np.degrees(np.stack((np.arctan2(east, up), np.arctan2(north, up)), axis=-1))
 
 
 def draw_cells(ax: Axes, region: TargetRegion, colours: Array, ambient: float = AMBIENT) -> None:

@@ -14,8 +14,9 @@ from matplotlib.patches import Patch
 from swarm_mj.dataflow.delivery import Delivery
 from swarm_mj.flight.observe import ObservationResult
 from swarm_mj.flight.plan import Plan
-from swarm_mj.results.delivery_view import REASON_LOOKS, cells_by_reason
-from swarm_mj.results.figures.cells import angles, draw_cells
+from swarm_mj.mission.target import angles
+from swarm_mj.results.delivery_view import LEAST_PERCENT, REASON_LOOKS, cells_by_reason
+from swarm_mj.results.figures.cells import draw_cells
 from swarm_mj.results.figures.contacts import not_computed, painted
 from swarm_mj.results.figures.illumination import PALETTE
 from swarm_mj.results.figures.panels import legend_below
@@ -28,8 +29,6 @@ from swarm_mj.typing import Array, Mask
 WIDE = 20.0
 #: Arrivals that lie closer together than this part of the unit are one.
 TOGETHER = 0.01
-#: What is written as nothing is left out of the legend [%].
-LEAST_PERCENT = 0.005
 WIDTH_IN = 8.2
 
 

@@ -15,7 +15,8 @@ from matplotlib.ticker import MaxNLocator
 from matplotlib.transforms import Bbox
 
 from swarm_mj.designer.study import Study
-from swarm_mj.results.figures.cells import angles, draw_cells
+from swarm_mj.mission.target import angles
+from swarm_mj.results.figures.cells import draw_cells
 from swarm_mj.results.figures.style import HALO, TICK_PT, label, new_figure, plain, tidy, write
 from swarm_mj.results.look import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY_BLUE, VERMILLION
 

@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 
 from swarm_mj.flight.observe import ObservationResult, visit_sample
 from swarm_mj.flight.plan import Plan
-from swarm_mj.mission.target import TargetRegion
-from swarm_mj.results.figures.cells import angles
+from swarm_mj.mission.target import TargetRegion, angles
 from swarm_mj.results.figures.panels import legend_below
 from swarm_mj.results.figures.scene import scene_from
 from swarm_mj.results.figures.style import (

@@ -14,8 +14,9 @@ from matplotlib.patches import Patch
 
 from swarm_mj.flight.observe import ObservationResult
 from swarm_mj.flight.plan import Plan
+from swarm_mj.mission.target import angles
 from swarm_mj.results.figures.box import box_around, draw_box, keep_inside
-from swarm_mj.results.figures.cells import angles, draw_cells
+from swarm_mj.results.figures.cells import draw_cells
 from swarm_mj.results.figures.framing import WIDER
 from swarm_mj.results.figures.numbering import POINTS_PER_INCH
 from swarm_mj.results.figures.panels import legend_below

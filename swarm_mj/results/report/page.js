@@ -258,6 +258,10 @@ function recolour() {
   const plots = themed(DATA.plots);
   fitPlots(plots.layout);
   Plotly.react(page.plots, plots.data, plots.layout);
+  for (const [id, figure] of Object.entries(DATA.ways)) {
+    const way = themed(figure);
+    Plotly.react(find(id), way.data, way.layout);
+  }
   const { ink } = colours();
   for (const view of page.runs) {
     const { scene } = view;
@@ -296,6 +300,10 @@ async function start() {
   const plots = themed(DATA.plots);
   fitPlots(plots.layout);
   await Plotly.newPlot(page.plots, plots.data, plots.layout, { displayModeBar: false, responsive: true });
+  for (const [id, figure] of Object.entries(DATA.ways)) {
+    const way = themed(figure);
+    await Plotly.newPlot(find(id), way.data, way.layout, { displayModeBar: false, responsive: true });
+  }
   connectControls();
   connectPlots();
   LIGHT.addEventListener("change", recolour);

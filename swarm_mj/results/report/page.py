@@ -28,6 +28,7 @@ from swarm_mj.results.look import ORANGE, SKY_BLUE, time_axis
 from swarm_mj.results.modes import LOST, MODE_LOOKS
 from swarm_mj.results.report import COMPARISON_NAME, REPORT_NAME
 from swarm_mj.results.report.compare import comparison_section
+from swarm_mj.results.report.delivery import box_id, delivery_figures, delivery_section
 from swarm_mj.results.report.markup import Content, Html, join, table, tag
 from swarm_mj.results.report.plots import INK, MAX_ROWS, plot_run, plot_two
 from swarm_mj.results.report.replay import Limits, Replay, f32, make_replay, packed
@@ -149,7 +150,8 @@ def _header(runs: Sequence[RunRecord], labels: Sequence[str]) -> Html:
         words.append(tag("p", prefix, run.scenario.description))
         facts = f"{run.scenario.body.name}, epoch {run.scenario.epoch} TDB, seed {run.scenario.seed}"
         words.append(tag("p", facts, class_="soft"))
-    parts = ("summary", "replay", "spacecraft", "design", "parameters")
+    known = any(run.delivery is not None for run in runs)
+    parts = ("summary", "replay", *(("delivery",) if known else ()), "spacecraft", "design", "parameters")
     title = labels[0] if len(runs) == 1 else "Two runs side by side"
     theme = tag("button", "◐ Theme", id="theme", type="button", aria_label="Switch between light and dark")
     links = [tag("a", part.capitalize(), href=f"#{part}") for part in parts]
@@ -168,6 +170,7 @@ def _sections(runs: Sequence[RunRecord], replays: Sequence[Replay], labels: Sequ
     return [
         first,
         _replay_section(runs, replays, labels),
+        delivery_section(runs, labels) or Html(""),
         spacecraft_section(runs, labels),
         design_section(runs, labels),
         parameters_section(runs, labels),
@@ -281,6 +284,11 @@ def page_data(runs: Sequence[RunRecord], replays: Sequence[Replay], labels: Sequ
             for mode, look in enumerate(MODE_LOOKS)
         ],
         "plots": _plain(figure),
+        "ways": {
+            box_id(number, name): _plain(way)
+            for number, run in enumerate(runs)
+            for name, way in delivery_figures(run).items()
+        },
         "runs": [_run_data(*pair) for pair in zip(runs, replays, strict=True)],
     }
 

@@ -8,6 +8,7 @@ from typing import Any
 from pydantic import BaseModel
 
 from swarm_mj.results.findings import findings, proof_differences
+from swarm_mj.results.look import instant, time_axis
 from swarm_mj.results.report.markup import Content, Html, join, table, tag
 from swarm_mj.results.run_record import RunRecord
 from swarm_mj.scenarios.schema import Scenario
@@ -29,7 +30,8 @@ def summary_section(run: RunRecord) -> Html:
     late = summary["pointing_error_deg_before_switch"]
     numbers = [
         (P_TO, f"{summary['coverage_percent']:.2f} %", CRITERION[summary["criterion"]]),
-        ("the same, whole passage", f"{summary['coverage_percent_passage']:.2f} %", f"{summary['images']} pictures"),
+        *_delivered(summary),
+        ("observed, whole passage", f"{summary['coverage_percent_passage']:.2f} %", f"{summary['images']} pictures"),
         ("spacecraft", str(summary["spacecraft"]), f"{summary['observers']} of them observe{_lost_words(summary)}"),
         ("pointing error before a switch", f"{short(max(late.values()))}°" if late else "–", "largest of the swarm"),
         ("fastest wheel", f"{100 * summary['max_wheel_speed_fraction']:.0f} %", "of its limit"),
@@ -43,6 +45,18 @@ def summary_section(run: RunRecord) -> Html:
     ]
     cards = [tag("div", tag("dt", name), tag("dd", value, tag("small", note))) for name, value, note in numbers]
     return section("summary", "Summary", tag("dl", cards, class_="numbers"), findings_list(run))
+
+
+def _delivered(summary: dict[str, Any]) -> list[tuple[str, str, str]]:
+    """What of the target reaches Earth, and when the last of it, where that was computed."""
+    percent, full = summary.get("delivered_percent"), summary.get("time_to_full_map_s")
+    if percent is None:
+        return []
+    missing = f"{summary['coverage_percent'] - percent:.2f} % stays out there"
+    cards = [("delivered to Earth", f"{percent:.2f} %", missing if full is None else "all that was seen")]
+    if full is not None:
+        cards.append(("map complete on Earth", f"t = {instant(full, time_axis(full))}", "by what the swarm runs alone"))
+    return cards
 
 
 def _lost_words(summary: dict[str, Any]) -> str:

@@ -5,9 +5,9 @@ import pytest
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import rgb_to_hsv, to_rgb
 
+from swarm_mj.mission.target import angles
 from swarm_mj.results.figures import COMPOSERS
 from swarm_mj.results.figures.behaviors import flight_plane
-from swarm_mj.results.figures.cells import angles
 from swarm_mj.results.figures.scene import axis_tips, best_view, scene_from
 from swarm_mj.results.figures.target import geographic
 from swarm_mj.results.look import ORANGE, SKY_BLUE
