@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
@@ -80,7 +81,7 @@ so that light takes {light_min:.1f} minutes.
 
 All numbers include light time and are past the deployment; the visit is at 600 s and the flight ends at 1,200 s. "Alone" is
 what the swarm delivers by itself (nearest relay, most area per bit first, knowing only links that are closed now); "at
-most" is the bound of a linear program over all schedules, from its dual prices.
+most" is the bound of a linear program over all schedules, from its dual prices; no schedule delivers more than was seen.
 
 | what differs | scenario | seen [%] | alone [%] | at most [%] | map complete [h] | at the earliest [h] | why not all |
 |---|---|---|---|---|---|---|---|
@@ -146,7 +147,7 @@ def flown(name: str, changes: Sequence[str]) -> tuple[Plan, xr.Dataset, Observat
 def lead(summary: dict, delivery: Delivery) -> str:
     """The headline, with what it does not cover."""
     spoken = summary["time_to_full_map_s"] - delivery.light_time_s[0]
-    return (
+    words = (
         f"`eros-config1` delivers **{summary['delivered_percent']:.2f} % of the target**, complete on Earth "
         f"**{summary['time_to_full_map_s']:.0f} s after deployment** ({spoken:.0f} s of flight and "
         f"{delivery.light_time_s[0]:.0f} s of light time): {summary['delivered_bits'] / 1e6:.2f} Mbit of the "
@@ -154,6 +155,7 @@ def lead(summary: dict, delivery: Delivery) -> str:
         f"{summary['aboard_bits'] / 1e6:.2f} Mbit of which are copies that stay aboard. That is little because a pixel of this "
         "camera covers 4 m or more of the ground; with the 10 cm that the paper asks for it takes days, see the last row below."
     )
+    return textwrap.fill(words, 120, break_long_words=False, break_on_hyphens=False)
 
 
 def row(words: str, name: str, seen: float, summary: dict) -> str:

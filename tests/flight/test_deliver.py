@@ -1,6 +1,7 @@
 """The way of a flight's data to Earth: the paper's missions, conservation to the bit, and what keeps parts of it aboard."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -64,6 +65,19 @@ def test_the_papers_mission_arrives_whole_and_in_one_hemisphere_82_percent_of_it
     (part,) = summary["not_delivered"]
     assert part["reason"] == "beam" and part["spacecraft"] == ["sc1", "sc2"] and "omnidirectional" in part["remedy"]
     conserved(delivery)
+
+
+def test_the_page_from_pixel_to_earth_tells_the_same(sent):
+    page = (Path(__file__).parents[2] / "docs" / "results" / "pixel_to_earth.md").read_text("utf-8")
+    rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in page.splitlines() if "`eros-config" in line]
+    told = {(row[0], row[1].strip("`")): row for row in rows if len(row) == 8}
+    cases = {"omnidirectional, the default": (), "one hemisphere": (HEMISPHERE,)}
+    for words, changes in cases.items():
+        summary = delivered_summary(*sent(*changes))
+        row = told[words, "eros-config1"]
+        assert float(row[3]) == pytest.approx(summary["delivered_percent"], abs=0.006)
+        full = summary["time_to_full_map_s"]
+        assert row[5] == ("-" if full is None else f"{full / 3600:.2f}")
 
 
 def test_a_map_at_10_cm_takes_days_as_its_bits_over_the_rate(sent):
