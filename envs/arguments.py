@@ -68,10 +68,16 @@ def checked_share(percent: float) -> float:
     return percent
 
 
-def checked_rate(name: str, value: Any) -> float:
-    """A data rate."""
+def checked_rate(name: str, value: Any, otherwise: str = "") -> float:
+    """A data rate, or data of a pixel.
+
+    Args:
+        name: Of the argument.
+        value: As given.
+        otherwise: What else is allowed, for the message.
+    """
     if not (is_number(value) and value > 0.0):
-        raise ScenarioError(f"{name} = {value!r}: must be a positive number")
+        raise ScenarioError(f"{name} = {value!r}: must be a positive number{otherwise}")
     return float(value)
 
 

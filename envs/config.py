@@ -28,8 +28,9 @@ class EnvConfig:
         complete: Seen share of the target that counts as complete [%].
         reward_weights: Replaces weights of reward terms by name.
         bits_per_pixel: Data of a picture after compression.
-        swarm_rate_bit_s: From a spacecraft to the one it tracks [bit/s].
-        earth_rate_bit_s: To Earth, which hears one spacecraft at a time [bit/s].
+        swarm_rate_bit_s: From a spacecraft to the one it tracks [bit/s]; None: by the link budget of `link.crosslink`.
+        earth_rate_bit_s: To Earth, which hears one spacecraft at a time [bit/s]; None: by that of `link.earth` and
+            `link.ground`.
 
     Raises:
         ScenarioError: A value is not allowed; those that depend on the scenario are checked by `Task`.
@@ -43,13 +44,15 @@ class EnvConfig:
     complete: float = 99.9
     reward_weights: Mapping[str, float] | None = None
     bits_per_pixel: float = 1.0
-    swarm_rate_bit_s: float = 1e5
-    earth_rate_bit_s: float = 8e3
+    swarm_rate_bit_s: float | None = 1e5
+    earth_rate_bit_s: float | None = 8e3
 
     def __post_init__(self) -> None:
         """Refuse what is not allowed whatever the scenario."""
         check_level(self.control)
         checked_scales(self.reward_weights)
         checked_share(self.complete)
-        for name in ("bits_per_pixel", "swarm_rate_bit_s", "earth_rate_bit_s"):
-            checked_rate(name, getattr(self, name))
+        checked_rate("bits_per_pixel", self.bits_per_pixel)
+        for name in ("swarm_rate_bit_s", "earth_rate_bit_s"):
+            if (rate := getattr(self, name)) is not None:
+                checked_rate(name, rate, ", or None for the scenario's link budget")

@@ -105,6 +105,8 @@ class EpisodeState:
             "coverage_percent": float(self.totals.percent[e]),
             "delivered_bit": float(self.totals.delivered[e]),
             "stored_bit": self.totals.stored[e].tolist(),
+            "seen_bit": float(self.totals.seen_bit[e]),
+            "lost_bit": float(self.totals.lost_bit[e]),
         }
 
     def _update_kinematics(self, now: Kinematics, live: Mask) -> Mask:
@@ -154,8 +156,8 @@ class EpisodeState:
         if gained > 0.0:
             limits = task.criterion.limits(task.observer.camera)
             pixels = pixels_on(limits, region.area[new], *sight(region, picture.r_A, new)).sum()
-            bits = float(pixels) * task.config.bits_per_pixel
-            record_cells(totals, e, picture.spacecraft, new, picture.t, gained, bits)
+            bits, most = float(pixels) * self._pictures.bits_per_pixel, self._pictures.storage_bit
+            record_cells(totals, e, picture.spacecraft, new, picture.t, gained, bits, most)
         return gained
 
     def _observe(self, live: Mask) -> None:

@@ -22,10 +22,12 @@ class PictureConstants(NamedTuple):
     Attributes:
         n_observers: Number of spacecraft that take pictures, the first ones.
         bits_per_pixel: Data of a picture.
+        storage_bit: Most that a spacecraft holds [bit].
     """
 
     n_observers: int
     bits_per_pixel: float
+    storage_bit: float
 
 
 @kernel
@@ -66,6 +68,7 @@ def take_pictures(
             camera = sight_of(now.r_A[e, j], C_CA, scene.optics, scene.radius)
             gained, pixels, doubt[e, j] = new_cells(scene, camera, totals.seen[e], new)
             if gained > 0.0:
-                record_cells(totals, e, j, new, now.t[e], gained, pixels * constants.bits_per_pixel)
+                bits = pixels * constants.bits_per_pixel
+                record_cells(totals, e, j, new, now.t[e], gained, bits, constants.storage_bit)
                 area[e] += gained
     return doubt

@@ -108,9 +108,21 @@ if it begins at or after `safety.separation_grace_s`; the motion within it is ta
     surface point); with the criterion `visit` only the visit counts. It adds data for each cell that nobody saw before: area
     over the foreshortened square of the ground sampling distance, times `bits_per_pixel`. A spacecraft that tracks another
     sends it what is aboard, one that tracks Earth sends to Earth, while the link is closed as in `swarm_mj.mission.links`:
-    dish within its beam, the other's antenna too, in range, the body not in between. Earth hears one spacecraft at a time:
-    of several, the first in gene order until it has nothing left to send. Whether a link is closed is judged at the end of
-    the step, for all of it.
+    in range, the body not in between, and to Earth the dish within its beam. Crosslinks close whichever way the spacecraft are
+    turned; with `link.crosslink.antenna: hemispherical` the sender's dish and the other's antenna must have each other within
+    their beams. Earth hears one spacecraft at a time: of several, the first in gene order until it has nothing left to send.
+    Whether a link is closed, and its rate, is judged at the end of the step, for all of it.
+
+    By default rates are constant and Earth always hears, so that rewards can be compared between scenarios and versions. With
+    `swarm_rate_bit_s=None` a crosslink carries what the budget of `link.crosslink` closes over the distance. With
+    `earth_rate_bit_s=None` Earth hears what the budget of `link.earth` closes to the best station of `link.ground` that sees
+    the body at the time (2 kbit/s in `eros-observe`, 2.7 au away); while none does, no link to Earth is closed. Every link
+    has its whole rate: `access`, `duplex` and `channels` of the scenario are for `swarm-mj run`.
+
+    A spacecraft holds `data.storage_bit` (32 Gbit, 10,000 times the nominal volume of `eros-observe`). What a picture brings
+    beyond that is lost, though its cells count as seen, and a receiver takes no more than it has room for. At any time
+    `seen_bit` = sum of `stored_bit` + `delivered_bit` + `lost_bit`; what is aboard a spacecraft that is no more stays in
+    `stored_bit`.
 
     ## Info
 
@@ -120,6 +132,8 @@ if it begins at or after `safety.separation_grace_s`; the motion within it is ta
     | coverage_percent | always | seen share of the target [%] |
     | delivered_bit | always | received by Earth so far [bit] |
     | stored_bit | always | aboard each spacecraft, a list of n [bit] |
+    | seen_bit | always | brought by all pictures so far [bit] |
+    | lost_bit | always | of that, found no room aboard [bit] |
     | flight_seed | `reset` | seed of the flight |
     | reward_terms | `step` | weighted terms by name |
     | end | an end by itself | see below |
@@ -165,15 +179,16 @@ level `torque` `control.period_s`, because an attitude cannot be controlled by t
     | complete | 99.9 | seen share of the target that counts as complete [%] |
     | reward_weights | None | mapping that replaces weights by name |
     | bits_per_pixel | 1.0 | data of a picture after compression |
-    | swarm_rate_bit_s | 1e5 | from a spacecraft to the one it tracks |
-    | earth_rate_bit_s | 8e3 | to Earth, all together; the rate of the MarCO CubeSats at Mars |
+    | swarm_rate_bit_s | 1e5 | from a spacecraft to the one it tracks; None: by the scenario's link budget |
+    | earth_rate_bit_s | 8e3 | to Earth, all together; the rate of the MarCO CubeSats at Mars; None: by the scenario's link \
+budget and stations |
     | width, height | 640, 480 | of rendered pictures |
 
     ## Version history
 
     v0: first version. In 0.2 of the package the flights are the same; `imaging` is 0 while a fault has the camera off,
     and a step at the level `torque` is one control period unless asked otherwise; `readings` became
-    `observation_layout`, `setting` became `task`, and `flybys` became `batch`.
+    `observation_layout`, `setting` became `task`, and `flybys` became `batch`. Crosslinks are omnidirectional by default.
     """
 
     metadata: dict[str, Any] = {"render_modes": ["human", "rgb_array"], "render_fps": 10}

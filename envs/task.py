@@ -23,7 +23,7 @@ from .kinematics import BodyRotation
 from .observations import ObservationConstants, ObservationLayout
 from .patches import Patches, make_patches
 from .pictures import PictureConstants
-from .radio import RadioConstants
+from .radio import RadioConstants, earth_rates, swarm_rates
 from .rewards import HazardLimits, RewardConstants, RewardScales, checked_scales
 from .step import StepConstants
 
@@ -100,19 +100,22 @@ class Task:
     @property
     def picture_constants(self) -> PictureConstants:
         """See `take_pictures`."""
-        bits = float(self.config.bits_per_pixel)
-        return PictureConstants(self.plan.n_observers, bits)
+        bits, storage = float(self.config.bits_per_pixel), float(self.plan.scenario.data.storage_bit)
+        return PictureConstants(self.plan.n_observers, bits, storage)
 
     @property
     def radio_constants(self) -> RadioConstants:
         """See `transmit`."""
-        earth = self.plan.environment.earth
+        plan, earth = self.plan, self.plan.environment.earth
+        times = self.step_s * np.arange(self.last_tick // self.ticks + 1, dtype=np.float64)
         return RadioConstants(
-            beams=antennas_from(self.plan.scenario).beams,
+            beams=antennas_from(plan.scenario).beams,
             earth_r_N=np.array(earth.position, np.float64),
             earth_v_N=np.array(earth.velocity, np.float64),
-            swarm_bit=float(self.config.swarm_rate_bit_s * self.step_s),
-            earth_bit=float(self.config.earth_rate_bit_s * self.step_s),
+            step_s=float(self.step_s),
+            swarm=swarm_rates(plan, self.config.swarm_rate_bit_s),
+            earth_bit=earth_rates(plan, self.config.earth_rate_bit_s, times) * self.step_s,
+            storage_bit=float(plan.scenario.data.storage_bit),
         )
 
     @property

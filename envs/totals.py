@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from swarm_mj.typing import Array, Mask, kernel
+from swarm_mj.typing import Array, Mask, jittable, kernel
 
 
 class EpisodeTotals(NamedTuple):
@@ -18,6 +18,8 @@ class EpisodeTotals(NamedTuple):
         area: Seen area, in the order in which it was seen, shape (E,) [m^2].
         percent: Seen share of the target, summed over the cells, whatever their order, shape (E,) [%].
         stored: Aboard each spacecraft, shape (E, n) [bit].
+        seen_bit: Brought by pictures, whatever became of it, shape (E,) [bit].
+        lost_bit: Of that, what found no room aboard and is gone, shape (E,) [bit].
         delivered: Received by Earth, shape (E,) [bit].
         closed: Whose link was closed at the end of the last step, shape (E, n).
         lost: Spacecraft that are no more, shape (E, n).
@@ -28,6 +30,8 @@ class EpisodeTotals(NamedTuple):
     area: Array
     percent: Array
     stored: Array
+    seen_bit: Array
+    lost_bit: Array
     delivered: Array
     closed: Mask
     lost: Mask
@@ -41,6 +45,8 @@ def no_totals(count: int, n: int, cells: int) -> EpisodeTotals:
         area=np.zeros(count),
         percent=np.zeros(count),
         stored=np.zeros((count, n)),
+        seen_bit=np.zeros(count),
+        lost_bit=np.zeros(count),
         delivered=np.zeros(count),
         closed=np.zeros((count, n), np.bool_),
         lost=np.zeros((count, n), np.bool_),
@@ -54,8 +60,16 @@ def reset_totals(totals: EpisodeTotals, e: int) -> None:
     totals.first_seen[e] = np.nan
 
 
+@jittable
+def room(totals: EpisodeTotals, e: int, j: int, storage_bit: float) -> float:
+    """What spacecraft j of episode e can still hold of `storage_bit` [bit]."""
+    return max(0.0, storage_bit - totals.stored[e, j])
+
+
 @kernel
-def record_cells(totals: EpisodeTotals, e: int, j: int, new: Mask, t: float, area: float, bits: float) -> None:
+def record_cells(
+    totals: EpisodeTotals, e: int, j: int, new: Mask, t: float, area: float, bits: float, storage_bit: float
+) -> None:
     """Enter what a picture of spacecraft j has brought.
 
     Args:
@@ -66,10 +80,14 @@ def record_cells(totals: EpisodeTotals, e: int, j: int, new: Mask, t: float, are
         t: Time of the picture [s].
         area: Of those cells [m^2].
         bits: Their data [bit].
+        storage_bit: Most that the spacecraft holds; what is beyond is gone [bit].
     """
     for i in range(new.shape[0]):
         if new[i]:
             totals.seen[e, i] = True
             totals.first_seen[e, i] = t
     totals.area[e] += area
-    totals.stored[e, j] += bits
+    kept = min(bits, room(totals, e, j, storage_bit))
+    totals.stored[e, j] += kept
+    totals.seen_bit[e] += bits
+    totals.lost_bit[e] += bits - kept

@@ -30,8 +30,9 @@ class SwarmObserveVectorEnv(VectorEnv[Any, Any, Any]):
     same seeds every flight is bit for bit that of the single environment, whatever `num_envs` and `threads` are.
 
     Infos hold arrays over the flights, with the mask of those to whom they apply under the same name with a leading
-    underscore: `time_s`, `coverage_percent`, `delivered_bit`, `stored_bit` (num_envs, n), `reward_terms` (a dict of arrays),
-    `flight_seed` where a flight began, `end` (text) where one ended by itself, and `cause` where one diverged.
+    underscore: `time_s`, `coverage_percent`, `delivered_bit`, `stored_bit` (num_envs, n), `seen_bit`, `lost_bit`,
+    `reward_terms` (a dict of arrays), `flight_seed` where a flight began, `end` (text) where one ended by itself, and `cause`
+    where one diverged.
 
     Args:
         num_envs: Number of flights.
@@ -159,6 +160,8 @@ class SwarmObserveVectorEnv(VectorEnv[Any, Any, Any]):
             "coverage_percent": batch.gather(lambda part: part.totals.percent),
             "delivered_bit": batch.gather(lambda part: part.totals.delivered),
             "stored_bit": batch.gather(lambda part: part.totals.stored),
+            "seen_bit": batch.gather(lambda part: part.totals.seen_bit),
+            "lost_bit": batch.gather(lambda part: part.totals.lost_bit),
         }
         return values | {f"_{name}": mask.copy() for name in values}
 

@@ -8,9 +8,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from swarm_mj.dataflow.link_budget import RateTable, rate_at
+from swarm_mj.dataflow.ground import stations_from
+from swarm_mj.dataflow.link_budget import RateTable, rate_at, rate_table
+from swarm_mj.dataflow.radios import radio_from
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.mission.links import Beams, Obstacle, obstacle_between, obstacle_to_earth
+from swarm_mj.scenarios.schema_link import Link
 from swarm_mj.smallbody.occultation import Occluder
 from swarm_mj.typing import Array, Ints, Mask, kernel
 
@@ -31,6 +34,20 @@ class Radios(NamedTuple):
     beams: Beams
     swarm: RateTable
     earth: tuple[RateTable, ...]
+
+
+def radios_from(link: Link, beams: Beams) -> Radios:
+    """The radios of a scenario with its antennas.
+
+    Raises:
+        ScenarioError: A radio or network does not exist.
+    """
+    crosslink, to_earth = radio_from(link.crosslink, "link.crosslink"), radio_from(link.earth, "link.earth")
+    return Radios(
+        beams,
+        rate_table(crosslink, crosslink.g_over_t_db_k),
+        tuple(rate_table(to_earth, station.g_over_t_db_k) for station in stations_from(link.ground)),
+    )
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

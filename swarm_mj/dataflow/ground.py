@@ -170,3 +170,15 @@ def best_station(stations: Sequence[Station], elevation_deg: Array, min_elevatio
     most = sees & (g_over_t == g_over_t.max(axis=1, keepdims=True))
     highest: Ints = np.where(most, elevation_deg, -np.inf).argmax(axis=1).astype(np.int64)
     return np.where(sees.any(axis=1), highest, -1)
+
+
+def listening_station(ground: Ground, jd_tdb: Array, r_SE_N: Array) -> Ints:
+    """The `best_station` of a scenario's network, by number from 0; -1 where none sees the spacecraft, shape (t,).
+
+    Args:
+        ground: Names the network, and from which elevation on its stations hear.
+        jd_tdb: See `elevations_deg`.
+        r_SE_N: See `elevations_deg`.
+    """
+    stations = stations_from(ground)
+    return best_station(stations, elevations_deg(stations, jd_tdb, r_SE_N), ground.min_elevation_deg)

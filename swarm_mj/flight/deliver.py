@@ -12,10 +12,9 @@ import numpy as np
 import xarray as xr
 
 from swarm_mj.dataflow.account import ON_EARTH, SPACECRAFT_LOST, STORAGE_FULL, Account
-from swarm_mj.dataflow.contacts import Contacts, Instants, Radios, find_contacts, samples_of
+from swarm_mj.dataflow.contacts import Contacts, Instants, find_contacts, radios_from, samples_of
 from swarm_mj.dataflow.delivery import Delivery
-from swarm_mj.dataflow.ground import best_station, elevations_deg, stations_from
-from swarm_mj.dataflow.link_budget import rate_table
+from swarm_mj.dataflow.ground import listening_station
 from swarm_mj.dataflow.network import EARTH, Access, Network
 from swarm_mj.dataflow.online import run_online
 from swarm_mj.dataflow.optimum import SAME, earliest_full, optimum
@@ -349,17 +348,11 @@ def speaking(instants: Instants) -> Mask:
 def contacts_of(plan: Plan, edges_s: Array, instants: Instants) -> Contacts:
     """What geometry and the scenario's radios allow."""
     link = plan.scenario.link
-    crosslink, to_earth = radio_from(link.crosslink, "link.crosslink"), radio_from(link.earth, "link.earth")
-    stations = stations_from(link.ground)
     light_time_s = np.linalg.norm(instants.earth_N, axis=1) / SPEED_OF_LIGHT
     from_earth_N = instants.r_BN_N.mean(axis=1) - instants.earth_N
     heard_jd = julian_date(plan.scenario.epoch) + (instants.t + light_time_s) / DAY
-    station = best_station(stations, elevations_deg(stations, heard_jd, from_earth_N), link.ground.min_elevation_deg)
-    radios = Radios(
-        antennas_from(plan.scenario).beams,
-        rate_table(crosslink, crosslink.g_over_t_db_k),
-        tuple(rate_table(to_earth, station.g_over_t_db_k) for station in stations),
-    )
+    station = listening_station(link.ground, heard_jd, from_earth_N)
+    radios = radios_from(link, antennas_from(plan.scenario).beams)
     return find_contacts(
         edges_s, instants, radios=radios, body=occluder_of(plan.shape), station=station, light_time_s=light_time_s
     )

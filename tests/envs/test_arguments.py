@@ -125,7 +125,14 @@ def test_actions_that_are_no_numbers_or_none_of_this_size_are_refused_and_the_en
         ({"complete": 0.0}, ["complete = 0.0"]),
         ({"reward_weights": {"fun": 1.0}}, ["fun", "seen, delivered"]),
         ({"reward_weights": {"seen": float("inf")}}, ["reward_weights['seen']", "finite"]),
-        ({"earth_rate_bit_s": 0.0}, ["earth_rate_bit_s = 0.0"]),
+        ({"earth_rate_bit_s": 0.0}, ["earth_rate_bit_s = 0.0", "or None for the scenario's link budget"]),
+        (
+            {
+                "scenario": load_scenario("eros-observe", ["link.ground.min_elevation_deg=89.9"]),
+                "earth_rate_bit_s": None,
+            },
+            ["earth_rate_bit_s = None", "link.ground.min_elevation_deg"],
+        ),
         (
             {
                 "scenario": load_scenario(

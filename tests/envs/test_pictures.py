@@ -43,6 +43,7 @@ def test_a_picture_adds_the_imaged_area_over_the_foreshortened_ground_sampling_d
         stored = np.atleast_2d(infos["stored_bit"])
         assert stored[:, 0] == pytest.approx(expected, rel=1e-9)
         assert (stored[:, 1:] == 0.0).all()
+        assert np.atleast_1d(infos["seen_bit"]) == pytest.approx(expected, rel=1e-9)
         assert flights.parts(observations)["stored"][:, 0, 0] == pytest.approx(expected / nominal, rel=1e-6)
     assert (expected > 0.005 * nominal).all()
 

@@ -5,12 +5,17 @@ import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
 from swarm_mj.envs.kinematics import Tracking, no_kinematics
-from swarm_mj.envs.radio import RadioConstants, transmit
+from swarm_mj.envs.radio import RadioConstants, earth_rates, transmit
 from swarm_mj.envs.totals import no_totals
 
+from swarm_mj.dataflow.ground import elevations_deg, stations_from
+from swarm_mj.dataflow.link_budget import RateTable
+from swarm_mj.dataflow.radios import CATALOGUE
+from swarm_mj.flight.plan import make_plan
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.mission.links import Antennas
 from swarm_mj.scenarios.loading import load_scenario
+from swarm_mj.smallbody.ephemeris import julian_date
 from swarm_mj.smallbody.occultation import occluder_of
 from swarm_mj.smallbody.shape import ShapeModel
 
@@ -33,11 +38,14 @@ def test_data_delivered_count_by_the_nominal_volume(begin, kind):
     assert got.max() > 1e-3
 
 
-@BOTH
-def test_the_observation_link_tells_where_dish_antenna_range_and_body_leave_the_way_open(begin, kind):
+@pytest.mark.parametrize(
+    ("kind", "antenna"), [("single", "hemispherical"), ("vector", "hemispherical"), ("single", "omnidirectional")]
+)
+def test_the_observation_link_tells_where_dish_antenna_range_and_body_leave_the_way_open(begin, kind, antenna):
     # Narrower and shorter than usual, so that both matter.
-    half_angle, reach = 88.0, 2500.0
+    half_angle, reach, directed = 88.0, 2500.0, antenna == "hemispherical"
     changes = [f"link.max_range_m={reach}", f"link.hemispherical_half_angle_deg={half_angle}"]
+    changes.append(f"link.crosslink.antenna={antenna}")
     flights = begin(kind, scenario=load_scenario("eros-observe", changes))
     body = trimesh.Trimesh(flights.plan.shape.vertices, flights.plan.shape.faces, process=False)
     told, why = [], {"dish": 0, "antenna": 0, "range": 0}
@@ -54,10 +62,11 @@ def test_the_observation_link_tells_where_dish_antenna_range_and_body_leave_the_
             for j in range(5):
                 end = environment.earth.at(flights.t) if j == 0 else r[e, 0]
                 way = end - r[e, j]
-                closed = angle_deg(way, C[e, j, 2]) <= 5.0
+                closed = angle_deg(way, C[e, j, 2]) <= 5.0 or (j > 0 and not directed)
                 why["dish"] += not closed
                 if closed and j > 0:
-                    heard, near = angle_deg(-way, -C[e, 0, 2]) <= half_angle, np.linalg.norm(way) <= reach
+                    heard = angle_deg(-way, -C[e, 0, 2]) <= half_angle or not directed
+                    near = np.linalg.norm(way) <= reach
                     why["antenna"] += not heard
                     why["range"] += heard and not near
                     closed = heard and near
@@ -67,7 +76,7 @@ def test_the_observation_link_tells_where_dish_antenna_range_and_body_leave_the_
                 assert link[e, j] == closed
                 told.append(closed)
     assert 0.1 < np.mean(told) < 0.9
-    assert min(why.values()) > 0, why
+    assert min(why[name] for name in (why if directed else ("dish", "range"))) > 0, why
 
 
 def test_earth_receives_at_its_rate_and_only_while_the_dish_points_there(roles):
@@ -87,6 +96,7 @@ def test_earth_receives_at_its_rate_and_only_while_the_dish_points_there(roles):
     assert open_steps > 0 and closed_steps > 10
 
 
+SPEED_OF_LIGHT = 299_792_458.0
 #: A small body, off the ways between all that is placed here.
 SPECK = occluder_of(
     ShapeModel(
@@ -95,7 +105,9 @@ SPECK = occluder_of(
 )
 
 
-def sent(mode, stored, *, lost=(), t=0.0, dish_deg=180.0, z_N=(0.0, 0.0, 1.0)):
+def sent(
+    mode, stored, *, lost=(), t=0.0, dish_deg=180.0, z_N=(0.0, 0.0, 1.0), table=((1e9, 15.0),), earth=12.0, room=1e3
+):
     """Data aboard, links and what Earth got after a step of one flight; of two flights the second does not fly."""
     n = len(mode)
     now, totals = no_kinematics(2, n, 3), no_totals(2, n, 1)
@@ -113,7 +125,8 @@ def sent(mode, stored, *, lost=(), t=0.0, dish_deg=180.0, z_N=(0.0, 0.0, 1.0)):
         max_range=1e9,
     ).beams
     # Earth goes from along x to along y in 1000 s.
-    constants = RadioConstants(beams, np.array([1e11, 0.0, 0.0]), np.array([-1e8, 1e8, 0.0]), 15.0, 12.0)
+    r, v, rates, heard = np.array([1e11, 0.0, 0.0]), np.array([-1e8, 1e8, 0.0]), np.array(table), np.atleast_1d(earth)
+    constants = RadioConstants(beams, r, v, 1.0, RateTable(rates[:, 0].copy(), rates[:, 1].copy()), heard, room)
     received = transmit(constants, SPECK, now, tracking, totals, np.array([True, False]))
     assert received[1] == totals.delivered[1] == 0.0 and totals.stored[1].tolist() == list(stored)
     assert totals.delivered[0] == received[0] == sum(stored) - totals.stored[0].sum()
@@ -138,3 +151,70 @@ def test_a_dish_that_points_to_where_earth_is_now_reaches_it():
         (1e3, [1, 0, 0], False),
     ):
         assert sent([-1], [50.0], t=t, dish_deg=5.0, z_N=z_N)[1] == [closed]
+
+
+def test_a_crosslink_carries_the_fastest_rate_that_reaches_and_none_is_closed_beyond():
+    # They stand 100 m apart in a row.
+    moved = sent([-1, 0, 0, 0], [0.0, 50.0, 50.0, 50.0], table=((150.0, 15.0), (250.0, 6.0)), earth=0.0)
+    assert moved == ([21.0, 35.0, 44.0, 50.0], [False, True, True, False], 0.0)
+
+
+def test_a_receiver_takes_no_more_than_it_has_room_for():
+    assert sent([-1, 0, 0], [30.0, 20.0, 20.0], room=40.0, earth=0.0)[0] == [40.0, 10.0, 20.0]
+    assert sent([1, 0], [40.0, 35.0], room=40.0)[0] == [40.0, 35.0]  # the first gives 5, which makes room for 5
+
+
+def test_earth_hears_in_each_step_what_its_stations_hear_in_that_step():
+    assert [sent([-1], [50.0], t=t, earth=[1.0, 2.0, 0.0])[1:] for t in (0.0, 1.0, 2.0)] == [
+        ([True], 1.0),
+        ([True], 2.0),
+        ([False], 0.0),
+    ]
+
+
+def friis_bit_s(radio, g_over_t_db_k, distance):
+    """The fastest step of a radio that closes with margin, by products instead of decibels; narrow bands are no limit here."""
+    ratio = [10.0 ** (x / 10.0) for x in (radio.gain_dbi - radio.losses_db, g_over_t_db_k)]
+    needed = 10.0 ** ((radio.required_eb_n0_db + radio.margin_db) / 10.0)
+    received = (
+        radio.power_w * ratio[0] * ratio[1] * (SPEED_OF_LIGHT / radio.frequency_hz / (4.0 * np.pi * distance)) ** 2
+    )
+    return max((rate for rate in radio.rates_bit_s if received / 1.380649e-23 >= needed * rate), default=0.0)
+
+
+def test_by_the_link_budget_crosslinks_carry_what_closes_over_their_distance(begin):
+    # So faint that the swarm, some kilometres wide, knows several rates.
+    scenario = load_scenario("eros-observe", ["link.crosslink.power_w=2e-5"])
+    flights = begin("single", scenario=scenario, swarm_rate_bit_s=None, bits_per_pixel=1e3)
+    radio, faint, rates = CATALOGUE["uhf_omni"], 2e-5 / CATALOGUE["uhf_omni"].power_w, set()
+    for k in range(70):
+        before = flights.batches[0].totals.stored[0].copy()
+        looking = k < 58
+        *_, infos = flights.step(np.full(5, CENTRE) if looking else np.array([HOLD, SC1, SC1, SC1, SC1]))
+        if looking:
+            continue
+        distance = np.linalg.norm(flights.r_N[0] - flights.r_N[0, 0], axis=1)
+        expected = [friis_bit_s(radio, radio.g_over_t_db_k, d / np.sqrt(faint)) for d in distance[1:]]
+        sent_bit = np.minimum(before[1:], 10.0 * np.array(expected))
+        assert before[1:] - np.array(infos["stored_bit"])[1:] == pytest.approx(sent_bit, rel=1e-9, abs=1e-6)
+        rates.update(expected)
+    assert len(rates) >= 3, rates
+
+
+def test_by_the_link_budget_earth_hears_while_a_station_sees_the_body():
+    own = "link.ground.stations=[{name: A, latitude_deg: 10, longitude_deg: %s, g_over_t_db_k: 60}]"
+    times, radio = np.arange(0.0, 1501.0, 10.0), CATALOGUE["iris_reflectarray"]
+    for longitude in (0, 90, 180, 270):
+        scenario = load_scenario("eros-observe", [own % longitude])
+        plan = make_plan(scenario)
+        earth_N = np.array([plan.environment.earth.at(t) for t in times])
+        light_s = np.linalg.norm(earth_N, axis=1) / SPEED_OF_LIGHT
+        jd = julian_date(scenario.epoch) + (times + light_s) / 86_400.0
+        elevation = elevations_deg(stations_from(scenario.link.ground), jd, -earth_N)[:, 0]
+        if elevation.min() > 20.0 and np.ptp(elevation) > 1.0:
+            break
+    mask = elevation[60]
+    plan = make_plan(load_scenario("eros-observe", [own % longitude, f"link.ground.min_elevation_deg={mask}"]))
+    expected = [friis_bit_s(radio, 60.0, d) for d in np.linalg.norm(earth_N, axis=1)] * (elevation >= mask)
+    assert earth_rates(plan, None, times).tolist() == expected.tolist()
+    assert 0 < np.count_nonzero(expected) < len(times) and expected.max() > 0.0
