@@ -26,6 +26,12 @@ def add(commands: argparse._SubParsersAction) -> None:
     )
     design.add_argument("--out", type=Path, metavar="DIR", help=f"result folder (default: {DEFAULT_OUT}/NAME-design)")
     design.add_argument("--fold", type=int, metavar="K", help="every face must be seen by at least K spacecraft")
+    design.add_argument(
+        "--deliver-within",
+        type=float,
+        metavar="HOURS",
+        help="the whole map must be on Earth HOURS past the epoch, with proof",
+    )
     design.add_argument("--pareto", action="store_true", help="trade spacecraft against delta-v and area too (NSGA-II)")
     design.add_argument(
         "--compare", action="store_true", help="print how the minimum grows with demands beyond the paper"
@@ -48,6 +54,8 @@ def _design(arguments: argparse.Namespace) -> int:
     overrides = overrides_of(arguments)
     if arguments.fold is not None:
         overrides.append(f"designer.fold={arguments.fold}")
+    if arguments.deliver_within is not None:
+        overrides.append(f"designer.deliver_within_h={arguments.deliver_within}")
     scenario, console = load(arguments.scenario, overrides), Console()
     folder = arguments.out or DEFAULT_OUT / f"{scenario.name}-design"
     with progress_bars(console, arguments.quiet) as bars:

@@ -99,14 +99,37 @@ def design_table(record: dict[str, Any]) -> Table:
         )
     table.caption = (
         f"{_gap_words(record)}; selected: {_observers(record['n_observers'])} by the {record['selected_by']}. Criterion: "
-        f"{record['criterion']['criterion']}, {record['camera']['half_angle_deg']:g} deg half-angle"
+        f"{record['criterion']['criterion']}, {record['camera']['half_angle_deg']:g} deg half-angle{_arrival_words(record)}"
     )
     return table
+
+
+def _arrival_words(record: dict[str, Any]) -> str:
+    """When the maps are on Earth, where that was asked for."""
+    if (limit := record.get("deliver_within_h")) is None:
+        return ""
+    selected = _by_when(record["delivered_by_h"], record["delivered_in_time"])
+    evolved = [
+        f"{name}: {_by_when(record['genetic_delivered_by_h'][name], in_time)}"
+        for name, in_time in record["genetic_delivered_in_time"].items()
+    ]
+    return (
+        f". Whole map on Earth within {limit:g} h of the epoch: selected {selected} (genetic algorithm, {', '.join(evolved)}); "
+        f"{record['designs_flown']} designs were flown"
+    )
+
+
+def _by_when(hours: float | None, in_time: bool | None) -> str:
+    if in_time is None:
+        return "not checked"
+    return ("never" if hours is None else f"by {hours:.3f} h") + ("" if in_time else ", not met")
 
 
 def _gap_words(record: dict[str, Any]) -> str:
     """How the genetic algorithm's design compares with the proof, or why it does not."""
     gap = record["gap"]
+    if gap is None and record["proof"]["status"] != "interrupted" and record.get("delivered_in_time"):
+        return "the genetic algorithm's design is not on Earth in time"
     if gap is None:
         why = f"the design was interrupted ({record['interrupted']})" if record["interrupted"] else "the time was up"
         return f"nothing proven: {why}"

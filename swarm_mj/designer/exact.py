@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -32,6 +32,22 @@ from swarm_mj.typing import Array, Ints
 FEASIBILITY_TOLERANCE = 1e-6
 
 Waiting = Callable[[float], None] | None
+
+
+class Cut(NamedTuple):
+    """A condition on a design beyond what it sees: factor . x >= least, with x the numbers of visits.
+
+    Attributes:
+        factor: Shape (n_points,).
+        least: The right side.
+    """
+
+    factor: Array
+    least: float
+
+
+class NoDesignError(MissionError):
+    """It is proven that no design of the spacecraft that are allowed covers the target."""
 
 
 class ExactResult(NamedTuple):
@@ -80,6 +96,32 @@ def solve_exact(problem: CoverProblem, time_limit_s: float | None = None, waitin
             f"(at least {least}; {len(points)} are enough): allow more time or more spacecraft"
         )
     return _result(problem, points, float(least), proven or len(points) == least, start)
+
+
+def solve_cut(
+    problem: CoverProblem,
+    reduced: ReducedProblem,
+    cuts: Sequence[Cut],
+    time_limit_s: float | None = None,
+    waiting: Waiting = None,
+) -> ExactResult | None:
+    """The fewest spacecraft that cover the target and keep some cuts, with proof; None where that is proven impossible.
+
+    Args:
+        problem: What to cover.
+        reduced: The same, reduced to fewer cells with `all_points`.
+        cuts: Conditions.
+        time_limit_s: When to stop without proof [s]; the design may then break the cuts.
+        waiting: Called now and then with the seconds that have passed.
+    """
+    start = time.perf_counter()
+    asked = _Asked(reduced, np.ones(problem.n_points), problem.max_observers, cuts)
+    try:
+        points, bound, proven = _covered(problem, asked, time_limit_s, waiting)
+    except NoDesignError:
+        return None
+    least = float(max(math.ceil(bound - FEASIBILITY_TOLERANCE), 1))
+    return _result(problem, points, least, proven or len(points) == least, start)
 
 
 def without_proof(problem: CoverProblem, points: Ints | None = None) -> ExactResult:
@@ -156,6 +198,15 @@ def solve_budget(problem: CoverProblem, n_observers: int, time_limit_s: float | 
     return _result(problem, points, bound, answer.status == 0, start)
 
 
+class _Asked(NamedTuple):
+    """What is asked beyond covering: the cost of visits to all points, at most how many of them, and cuts."""
+
+    reduced: ReducedProblem
+    cost: Array
+    n_observers: int | None
+    cuts: Sequence[Cut] = ()
+
+
 def _cover(
     problem: CoverProblem,
     cost: Array,
@@ -164,14 +215,20 @@ def _cover(
     waiting: Waiting = None,
 ) -> tuple[Ints, float, bool]:
     """Cheapest cover as (points from 1, lower bound of the cost, whether the points attain it)."""
-    reduced = reduce_problem(problem, cost)
+    return _covered(problem, _Asked(reduce_problem(problem, cost), cost, n_observers), time_limit_s, waiting)
+
+
+def _covered(
+    problem: CoverProblem, asked: _Asked, time_limit_s: float | None, waiting: Waiting
+) -> tuple[Ints, float, bool]:
+    reduced, n_observers = asked.reduced, asked.n_observers
     start = time.perf_counter()
     forbidden: list[Ints] = []
     while True:
         left = None if time_limit_s is None else max(time_limit_s - (time.perf_counter() - start), 0.0)
-        answer = _solve_cover(problem, reduced, cost[reduced.points], n_observers, forbidden, left, waiting)
+        answer = _solve_cover(problem, asked, forbidden, left, waiting)
         if answer.status == 2:
-            raise MissionError(f"no design of at most {n_observers} spacecraft covers the target: allow more of them")
+            raise NoDesignError(f"no design of at most {n_observers} spacecraft covers the target: allow more of them")
         if answer.status not in (0, 1):
             raise MissionError(f"HiGHS could not solve the problem: {answer.message}")
         bound = 0.0 if answer.mip_dual_bound is None else max(float(answer.mip_dual_bound), 0.0)
@@ -184,15 +241,10 @@ def _cover(
 
 
 def _solve_cover(
-    problem: CoverProblem,
-    reduced: ReducedProblem,
-    cost: Array,
-    n_observers: int | None,
-    forbidden: list[Ints],
-    time_limit_s: float | None,
-    waiting: Waiting,
+    problem: CoverProblem, asked: _Asked, forbidden: list[Ints], time_limit_s: float | None, waiting: Waiting
 ) -> Any:
     """One program; `forbidden` holds sets of optional cells that together exceed the tolerance."""
+    reduced = asked.reduced
     n_points, optional = len(reduced.points), np.flatnonzero(~reduced.mandatory)
     n_gaps, k = len(optional), problem.fold
     pick = coo_array((np.full(n_gaps, float(k)), (optional, np.arange(n_gaps))), shape=(len(reduced.weights), n_gaps))
@@ -206,11 +258,15 @@ def _solve_cover(
         for cut, cells in zip(cuts, forbidden, strict=True):
             cut[n_points + cells] = 1.0
         constraints.append(LinearConstraint(cuts, -np.inf, [len(cells) - 1.0 for cells in forbidden]))
-    if n_observers is not None:
-        total = np.concatenate([np.ones(n_points), np.zeros(n_gaps)])
-        constraints.append(LinearConstraint(total[None, :], -np.inf, n_observers))
+    visits = [*asked.cuts]
+    if asked.n_observers is not None:
+        visits.append(Cut(-np.ones(problem.n_points), -float(asked.n_observers)))
+    if visits:
+        rows = np.hstack([np.stack([cut.factor for cut in visits])[:, reduced.points], np.zeros((len(visits), n_gaps))])
+        constraints.append(LinearConstraint(rows, [cut.least for cut in visits], np.inf))
     upper = np.concatenate([np.full(n_points, problem.max_visits), np.ones(n_gaps)])
-    return _milp(np.concatenate([cost, np.zeros(n_gaps)]), constraints, upper, time_limit_s, waiting)
+    objective = np.concatenate([asked.cost[reduced.points], np.zeros(n_gaps)])
+    return _milp(objective, constraints, upper, time_limit_s, waiting)
 
 
 def _milp(

@@ -50,12 +50,13 @@ def merge_cells(problem: CoverProblem) -> tuple[Mask, Ints]:
     return problem.sees[:, coverable][:, first], weights
 
 
-def reduce_problem(problem: CoverProblem, cost: Array) -> ReducedProblem:
+def reduce_problem(problem: CoverProblem, cost: Array, *, all_points: bool = False) -> ReducedProblem:
     """All four steps, repeated until nothing more falls away.
 
     Args:
         problem: What to cover; it must be coverable.
         cost: Cost of a visit to each point, not negative, shape (n_points,).
+        all_points: Leave step 4 out: more is asked of a point than what it sees.
     """
     sees, weights = merge_cells(problem)
     slack = problem.slack - (problem.total_weight - int(weights.sum()))
@@ -65,9 +66,10 @@ def reduce_problem(problem: CoverProblem, cost: Array) -> ReducedProblem:
         shape = sees.shape
         cells = ~implied(pack(sees.T), mandatory)
         sees, weights, mandatory = sees[:, cells], weights[cells], mandatory[cells]
-        kept = ~replaceable(pack(sees), cost[points], problem.fold, problem.max_visits)
-        sees, points = sees[kept], points[kept]
-        if sees.shape == shape:
+        if not all_points:
+            kept = ~replaceable(pack(sees), cost[points], problem.fold, problem.max_visits)
+            sees, points = sees[kept], points[kept]
+        if all_points or sees.shape == shape:
             return ReducedProblem(points, sees, weights, mandatory, slack)
 
 

@@ -14,11 +14,15 @@ from functools import partial
 from string import ascii_uppercase
 from typing import Any, NamedTuple
 
+import numpy as np
+
+from swarm_mj.designer.arrival import HOUR, Arrival, fly_design, needs_of
 from swarm_mj.designer.candidates.visibility import Candidate, Visibility, visibility
-from swarm_mj.designer.exact import ExactResult, solve_budget, solve_exact, without_proof
+from swarm_mj.designer.exact import ExactResult, Waiting, solve_budget, solve_exact, without_proof
 from swarm_mj.designer.genetic import GeneticResult, GeneticSettings, evolve
 from swarm_mj.designer.pareto import ParetoFront, pareto_front
 from swarm_mj.designer.problem import CoverProblem
+from swarm_mj.designer.within import Within
 from swarm_mj.errors import MissionError
 from swarm_mj.io.interruption import held
 from swarm_mj.scenarios.loading import scenario_from
@@ -46,6 +50,7 @@ class Study:
         front: Designs that trade spacecraft, delta-v and area; None if not asked for.
         wall_s: Seconds by stage.
         interrupted: The stage in which an interruption came, after which nothing more was tried; empty: none came.
+        within: When designs are on Earth, and what that excludes; None where `designer.deliver_within_h` asks for nothing.
     """
 
     scenario: Scenario
@@ -56,13 +61,24 @@ class Study:
     front: ParetoFront | None
     wall_s: dict[str, float]
     interrupted: str = ""
+    within: Within | None = None
 
     @property
     def selected(self) -> Ints:
-        """The design to fly, as gene numbers from 1: the genetic algorithm's where it is as small as the proof's."""
+        """The design to fly, as gene numbers from 1: the genetic algorithm's where as small as the proof's, and in time."""
         evolved = self.genetic.get("repair")
         as_small = evolved is not None and evolved.feasible and evolved.n_observers <= self.exact.n_observers
-        return evolved.points if evolved is not None and as_small else self.exact.points
+        return evolved.points if evolved is not None and as_small and self._may_fly(evolved) else self.exact.points
+
+    def _may_fly(self, evolved: GeneticResult) -> bool:
+        """Whether nothing proven is preferred to an evolved design that is as small."""
+        return self.exact.status == "interrupted" or self.in_time(evolved.points) is not False
+
+    def in_time(self, points: Ints) -> bool | None:
+        """Whether a design is on Earth in time; None where that is not asked for, or not known."""
+        if self.within is None or self.within.known(points) is None:
+            return None
+        return self.within.meets(points)
 
     @property
     def selected_by(self) -> str:
@@ -83,10 +99,12 @@ class Study:
     def gap(self) -> int | None:
         """How many spacecraft the genetic algorithm's design has more than the proven minimum.
 
-        -1 if it covers too little; None where there is no such design, or nothing proven to compare it with.
+        -1 if it covers too little; None where there is no such design, or nothing proven to compare it with, and where its map
+        is not on Earth in time.
         """
         evolved = self.genetic.get("repair")
-        if evolved is None or self.exact.status != "optimal":
+        late = evolved is not None and self.in_time(evolved.points) is False
+        if evolved is None or late or self.exact.status != "optimal":
             return None
         return evolved.n_observers - self.exact.n_observers if evolved.feasible else -1
 
@@ -144,13 +162,18 @@ class _Work:
         self.exact: ExactResult | None = None
         self.genetic: dict[str, GeneticResult] = {}
         self.front: ParetoFront | None = None
+        self.within = _within(scenario, seen, problem)
 
     def solve(self, pareto: bool) -> None:
         """All stages; evolution comes first, so that there is a good design when the proof takes long."""
         problem, limit = self.problem, self.scenario.designer.time_limit_s
+        if self.within is not None:
+            with self.clock.stage("least delivery", "least delivery"):
+                self.within.require_possible(limit)
         self.evolve("repair")
         with self.clock.stage("proof", f"proof, at most {limit:g} s") as (tell,):
-            self.exact = solve_exact(problem, limit, None if tell is None else lambda seconds: tell(seconds / limit))
+            waiting = None if tell is None else lambda seconds: tell(seconds / limit)
+            self.exact = self.prove(limit, waiting)
         self.evolve("plain")
         if pareto:
             with self.clock.stage("trade-off", "trade-off"):
@@ -158,11 +181,19 @@ class _Work:
                 known = [solve_budget(problem, n).points for n in range(1, self.exact.n_observers + 1)]
                 self.front = pareto_front(problem, self.seen.delta_v, known=known)
 
+    def prove(self, limit: float, waiting: Waiting) -> ExactResult:
+        """The proven minimum, on Earth in time where that is asked for."""
+        if self.within is None:
+            return solve_exact(self.problem, limit, waiting)
+        return self.within.solve(limit, self.genetic["repair"].points, waiting)
+
     def evolve(self, operators: str) -> None:
-        """One run of the genetic algorithm."""
+        """One run of the genetic algorithm; and when its design is on Earth, where that matters."""
         name = f"evolution, {operators}"
         with self.clock.stage(name, name) as (tell,):
-            self.genetic[operators] = evolve(self.problem, _settings(self.scenario, operators), tell)
+            found = self.genetic[operators] = evolve(self.problem, _settings(self.scenario, operators), tell)
+            if self.within is not None and found.feasible:
+                self.within.arrival(found.points)
 
     def study(self) -> Study:
         """The study as far as it came."""
@@ -179,6 +210,7 @@ class _Work:
             front=self.front,
             wall_s=self.clock.wall_s,
             interrupted=self.clock.interrupted,
+            within=self.within,
         )
 
     def _best_so_far(self) -> ExactResult:
@@ -187,6 +219,18 @@ class _Work:
             return without_proof(self.problem, evolved.points if evolved is not None and evolved.feasible else None)
         except MissionError:
             raise KeyboardInterrupt from None
+
+
+def _within(scenario: Scenario, seen: Visibility, problem: CoverProblem) -> Within | None:
+    hours = scenario.designer.deliver_within_h
+    if hours is None:
+        return None
+
+    def judge(points: Ints) -> Arrival:
+        return fly_design(scenario, np.array([seen.candidates[p - 1].point for p in points]))
+
+    needs = needs_of(scenario, seen.flights[0], seen.regions[0], problem)
+    return Within(problem=problem, needs=needs, limit_s=hours * HOUR, judge=judge)
 
 
 class Growth(NamedTuple):
@@ -220,8 +264,9 @@ EXTENSIONS: dict[str, dict[str, dict[str, Any]]] = {
 
 
 def growth(scenario: Scenario, *, workers: int | None = None, stage: Stage | None = None) -> list[Growth]:
-    """The proven minimum under each of `EXTENSIONS`."""
+    """The proven minimum under each of `EXTENSIONS`, of seeing alone: when the map is on Earth is not asked."""
     rows = []
+    scenario = with_overrides(scenario, {"designer": {"deliver_within_h": None}})
     for change, overrides in EXTENSIONS.items():
         if stage is not None:
             stage(change)

@@ -12,6 +12,7 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
+from swarm_mj.designer.arrival import HOUR
 from swarm_mj.designer.candidates.visibility import Visibility
 from swarm_mj.designer.genetic import GeneticResult
 from swarm_mj.designer.study import Growth, Study, describe
@@ -24,7 +25,7 @@ from swarm_mj.results.summary import library_versions
 from swarm_mj.scenarios.design_record import DesignRecord
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.smallbody.shape_check import shown_size
-from swarm_mj.typing import Array
+from swarm_mj.typing import Array, Ints
 
 #: What decides where the candidates fly, how they are turned and how the body moves beneath them, besides its mesh. How
 #: finely the target's area is measured is left out, and so is what moves a flight by less than a metre.
@@ -98,10 +99,39 @@ def design_record(study: Study) -> dict[str, Any]:
         "candidates_unjudged": seen.unjudged,
         "target_faces": seen.n_target_faces,
         "target_cells": len(seen.area),
+        **_delivery_record(study),
         "seed": scenario.seed,
         "wall_s": {name: round(seconds, 3) for name, seconds in study.wall_s.items()},
         "versions": library_versions(),
     }
+
+
+def _delivery_record(study: Study) -> dict[str, Any]:
+    """When designs are on Earth; empty where that was not asked for."""
+    within = study.within
+    if within is None:
+        return {}
+    evolved = {name: result.points for name, result in study.genetic.items()}
+    return {
+        "deliver_within_h": study.scenario.designer.deliver_within_h,
+        "delivered_by_h": _delivered_by_h(study, study.selected),
+        "delivery_checked": within.known(study.selected) is not None,
+        "delivered_in_time": study.in_time(study.selected),
+        "genetic_delivered_by_h": {name: _delivered_by_h(study, points) for name, points in evolved.items()},
+        "genetic_delivered_in_time": {name: study.in_time(points) for name, points in evolved.items()},
+        "delivery_bound_h": _hours(within.needs.soonest_s()),
+        "designs_flown": len(within.arrivals),
+        "delivery_cuts": len(within.cuts),
+    }
+
+
+def _delivered_by_h(study: Study, points: Ints) -> float | None:
+    arrival = None if study.within is None else study.within.known(points)
+    return None if arrival is None else _hours(arrival.full_s)
+
+
+def _hours(seconds: float) -> float | None:
+    return round(seconds / HOUR, 6) if np.isfinite(seconds) else None
 
 
 def left_out_words(seen: Visibility) -> str:

@@ -61,4 +61,10 @@ class DesignRecord(Record):
     criterion: dict[str, Any] = {}
     camera: dict[str, Any] = {}
     made_for: MadeFor | None = None
+    deliver_within_h: float | None = None
+    delivered_by_h: float | None = None
+    delivered_in_time: bool | None = None
+    genetic_delivered_by_h: dict[str, float | None] = {}
+    genetic_delivered_in_time: dict[str, bool | None] = {}
+    designs_flown: int = 0
     visiting_points_A_m: Annotated[list[Place], FailFast()] = []

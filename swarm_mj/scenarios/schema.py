@@ -197,6 +197,13 @@ class Designer(Section):
     times_of_flight_s: tuple[float, ...] = Field(
         (), max_length=20, description="times of flight to choose from [s]; empty: the design's"
     )
+    deliver_within_h: float | None = Field(
+        None,
+        gt=0,
+        le=1000,
+        description="hours past the epoch within which the whole map of a design must be on Earth by the best schedule of its "
+        "flight [h]; null: no such demand",
+    )
     thin_from: int = Field(
         300,
         ge=1,
@@ -204,6 +211,17 @@ class Designer(Section):
         "surpass: the proven minimum stays, and the genetic algorithm chooses among the rest",
     )
     time_limit_s: float = Field(300.0, gt=0, description="after which the exact solver stops without proof [s]")
+
+    @model_validator(mode="after")
+    def _delivered_by_one_flight(self) -> Self:
+        if self.deliver_within_h is not None:
+            for key in ("extra_targets", "altitudes_m", "times_of_flight_s"):
+                if getattr(self, key):
+                    raise ValueError(
+                        f"{key}: must be empty with deliver_within_h = {self.deliver_within_h:g}, which is judged by one flight; "
+                        "design for each of them alone"
+                    )
+        return self
 
 
 class Safety(Section):

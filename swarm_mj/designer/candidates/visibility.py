@@ -53,6 +53,7 @@ class Visibility:
         regions: The targets.
         left_out: What the designer might have chosen but nobody can fly to, and why.
         unjudged: Candidates whose pictures were not judged because of an interruption; they count as seeing nothing.
+        flights: Their flights, kept where `designer.deliver_within_h` asks for them.
         thinned: Candidates whose pictures were not judged because another one sees all that they could see at most (of several,
             the first), and that other one; they are not among `candidates`.
     """
@@ -66,6 +67,7 @@ class Visibility:
     left_out: list[tuple[Candidate, str]] = field(default_factory=list)
     unjudged: int = 0
     thinned: list[tuple[Candidate, Candidate]] = field(default_factory=list)
+    flights: list[CandidateFlights] = field(default_factory=list)
 
     @property
     def n_target_faces(self) -> int:
@@ -84,7 +86,7 @@ def visibility(
     """Fly every candidate and judge its pictures.
 
     From `designer.thin_from` candidates on those are left out that see no more than others, as far as that is known beforehand,
-    see `thinning`.
+    see `thinning`; not where `designer.deliver_within_h` asks more of them than what they see.
 
     Args:
         scenario: Says what counts as observed, and with `designer` which altitudes, times and targets there are.
@@ -123,6 +125,7 @@ def visibility(
         left_out=left_out,
         unjudged=int((found.judged[kept] < len(regions)).sum()),
         thinned=[(candidates[j], candidates[i]) for j, i in sorted(found.stand_in.items())],
+        flights=[] if scenario.designer.deliver_within_h is None else [flights for _, _, flights in flown],
     )
 
 
@@ -197,11 +200,12 @@ def _judge(scenario: Scenario, flown: Flown, found: _Sightings, workers: int | N
     watchers = [Watcher(flights, j) for _, _, flights in flown for j in range(flights.n)]
     with ExitStack() as stack:
         judges = [stack.enter_context(_judge_of(scenario, region, workers)) for region in found.regions]
-        if len(watchers) < scenario.designer.thin_from:
+        designer = scenario.designer
+        if len(watchers) < designer.thin_from or designer.deliver_within_h is not None:
             found.judge(judges, watchers, np.arange(len(watchers)))
             return
         found.tell(0, 0.0)  # the flights are done
-        thinning = Thinning(_reach(judges, watchers), found.sees, fold=scenario.designer.fold, cost=cost)
+        thinning = Thinning(_reach(judges, watchers), found.sees, fold=designer.fold, cost=cost)
         found.stand_in = thinning.stand_in
         for wave in thinning.waves():
             found.judge(judges, watchers, wave)
