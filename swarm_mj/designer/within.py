@@ -6,10 +6,10 @@ program is told so by cuts and solved again.
 
 - This set of points is excluded, and no other.
 - The least data of a map, f(S) = sum_c min_{p in S} bit_pc, fall with every point that is added, each time by less (f is
-  supermodular). With gain_p = f(S) - f(S + p), every design S' has f(S') >= f(S) - sum gain_p over p of S' not in S. Where what must be
-  sent of f(S) exceeds what can be sent until then by a surplus, every design in time has sum_p gain_p x_p >= surplus. This
-  excludes S, all its subsets and all that add too little, before any of them is flown. Points that let sending begin earlier
-  gain what can be sent meanwhile; the earliest start, too, gains less the more points there are.
+  supermodular). With gain_p = f(S) - f(S + p), every design S' has f(S') >= f(S) - sum gain_p over p of S' not in S. Where what
+  must be sent of f(S) exceeds what can be sent until then by a surplus, every design in time has sum_p gain_p x_p >= surplus.
+  This excludes S, all its subsets and all that add too little, before any of them is flown. Points that let sending begin
+  earlier gain what can be sent meanwhile; the earliest start, too, gains less the more points there are.
 
 Each program allows at least every design in time, so that its bound is a bound.
 """
@@ -91,13 +91,13 @@ class Within:
         least_s = self.needs.soonest_s()
         if least_s <= self.limit_s:
             return
-        self.arrival(solve_exact(self.problem, time_limit_s, waiting).points)
+        smallest = solve_exact(self.problem, time_limit_s, waiting).points
         bound = (
-            f"no design's map can be on Earth before {_hours_up(least_s)} h, every cell at its smallest and always at the best rate"
+            f"no design's map can be on Earth before {_hours_up(least_s)} h, with every cell at its smallest and the best rate"
             if math.isfinite(least_s)
             else "Earth hears the radio link.earth at no rate from there"
         )
-        raise MissionError(f"{self._key}: {bound}; {self._what_would_do()}")
+        raise MissionError(f"{self._key}: {bound}; {self._what_would_do(smallest)}")
 
     def solve(self, time_limit_s: float, evolved: Ints | None = None, waiting: Waiting = None) -> ExactResult:
         """The fewest spacecraft that cover the target and are in time.
@@ -114,9 +114,11 @@ class Within:
         reduced = reduce_problem(self.problem, np.ones(self.problem.n_points), all_points=True)
         best = evolved if evolved is not None and self.meets(evolved) else None
         found: ExactResult | None = solve_exact(self.problem, time_limit_s, _since(waiting, start))
+        assert found is not None
+        smallest = found.points
         while True:
             if found is None:
-                return self._exhausted(best, start)
+                return self._exhausted(best, smallest, start)
             spent = time.perf_counter() - start
             if best is not None and len(best) <= found.bound:
                 return self._result(best, found.bound, "optimal", spent)
@@ -127,7 +129,9 @@ class Within:
             if waiting is not None:
                 waiting(min(spent, time_limit_s))
             if spent >= time_limit_s:
-                return self._out_of_time(best, found.bound, time_limit_s, spent)
+                if best is None:
+                    raise MissionError(self._out_of_time(found.bound, smallest, time_limit_s))
+                return self._result(best, found.bound, "time limit", spent)
             found = solve_cut(self.problem, reduced, self.cuts, time_limit_s - spent, _since(waiting, start))
 
     def _is_in_time(self, points: Ints) -> bool:
@@ -159,40 +163,40 @@ class Within:
     def _result(self, points: Ints, bound: float, status: str, seconds: float) -> ExactResult:
         return ExactResult(len(points), points, self.problem.covered_percent(points), bound, status, seconds)
 
-    def _exhausted(self, best: Ints | None, start: float) -> ExactResult:
+    def _exhausted(self, best: Ints | None, smallest: Ints, start: float) -> ExactResult:
         """All of at most `max_observers` are excluded, but for the one that is known."""
         if best is not None:
             return self._result(best, float(len(best)), "optimal", time.perf_counter() - start)
         most = self.problem.max_observers
         raise MissionError(
-            f"{self._key}: no design of at most designer.max_observers = {most} has its map on Earth by then: {len(self.arrivals)} "
-            f"were flown, all others are excluded; {self._what_would_do()}"
+            f"{self._key}: no design of at most designer.max_observers = {most} has its map on Earth by then: "
+            f"{len(self.arrivals)} were flown and are late, all others are excluded; {self._what_would_do(smallest)}"
         )
 
-    def _out_of_time(self, best: Ints | None, bound: float, time_limit_s: float, spent: float) -> ExactResult:
-        if best is not None:
-            return self._result(best, bound, "time limit", spent)
-        raise MissionError(
-            f"{self._key}: no design in time was found in designer.time_limit_s = {time_limit_s:g}, nor is it proven that there is "
-            f"none (at least {bound:g} observers; {len(self.arrivals)} designs were flown): allow more time to search; "
-            f"{self._what_would_do()}"
+    def _out_of_time(self, bound: float, smallest: Ints, time_limit_s: float) -> str:
+        return (
+            f"{self._key}: no design in time was found in designer.time_limit_s = {time_limit_s:g}, nor is it proven that "
+            f"there is none (at least {bound:g} observers; {len(self.arrivals)} designs were flown): allow more time; "
+            f"{self._what_would_do(smallest)}"
         )
 
     @property
     def _key(self) -> str:
         return f"designer.deliver_within_h = {self.limit_s / HOUR:.6g}"
 
-    def _what_would_do(self) -> str:
+    def _what_would_do(self, smallest: Ints) -> str:
+        if not self.soonest[0]:
+            self.arrival(smallest)
         points, full_s = self.soonest
         if not points:
             return (
-                "none of the designs flown has its map on Earth at all: lengthen data.horizon_s, or choose other radios or stations "
-                "(link.crosslink, link.earth, link.ground)"
+                "none of the designs flown has its map on Earth at all: lengthen data.horizon_s, or choose other radios or "
+                "stations (link.crosslink, link.earth, link.ground)"
             )
         names = ", ".join(map(str, points))
         return (
-            f"{_hours_up(full_s)} h are enough for the {len(points)} at points {names}; or choose a faster radio (link.earth) or "
-            "more data.compression"
+            f"{_hours_up(full_s)} h are enough for the {len(points)} at points {names}; or choose a faster radio (link.earth) "
+            "or more data.compression"
         )
 
 

@@ -218,8 +218,8 @@ class Designer(Section):
             for key in ("extra_targets", "altitudes_m", "times_of_flight_s"):
                 if getattr(self, key):
                     raise ValueError(
-                        f"{key}: must be empty with deliver_within_h = {self.deliver_within_h:g}, which is judged by one flight; "
-                        "design for each of them alone"
+                        f"{key}: must be empty with deliver_within_h = {self.deliver_within_h:g}, which is judged by one "
+                        "flight; design for each of them alone"
                     )
         return self
 
