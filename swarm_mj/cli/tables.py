@@ -128,7 +128,7 @@ def _by_when(hours: float | None, in_time: bool | None) -> str:
 def _gap_words(record: dict[str, Any]) -> str:
     """How the genetic algorithm's design compares with the proof, or why it does not."""
     gap = record["gap"]
-    if gap is None and record["proof"]["status"] != "interrupted" and record.get("delivered_in_time"):
+    if gap is None and record.get("genetic_delivered_in_time", {}).get("repair") is False:
         return "the genetic algorithm's design is not on Earth in time"
     if gap is None:
         why = f"the design was interrupted ({record['interrupted']})" if record["interrupted"] else "the time was up"

@@ -45,10 +45,12 @@ class Arrival(NamedTuple):
     Attributes:
         full_s: When the best schedule has all that was seen on Earth [s past the epoch]; infinity where none ever has.
         covered_percent: What was seen in flight, P_TO.
+        proven: Whether no schedule of that flight is sooner.
     """
 
     full_s: float
     covered_percent: float
+    proven: bool = True
 
     def meets(self, limit_s: float, tolerance_percent: float) -> bool:
         """Whether that is in time, and the flight saw the target within its tolerance."""
@@ -71,9 +73,13 @@ def fly_design(scenario: Scenario, points: Ints) -> Arrival:
     coverage = observe_flight(plan, telemetry).coverage
     interruption.check()
     delivery = deliver(plan, telemetry, coverage)
-    complete = delivery is not None and delivery.n_slots and bool((delivery.best_share >= WHOLE).all())
-    full_s = float(delivery.best_full_s) if delivery is not None and complete else math.nan
-    return Arrival(math.inf if math.isnan(full_s) else full_s, coverage.percent)
+    if delivery is None:
+        return Arrival(math.inf, coverage.percent, proven=False)
+    if np.isfinite(delivery.best_full_s):
+        return Arrival(float(delivery.best_full_s), coverage.percent)
+    # The best schedule is not known in time, or it alone brings all home: what the swarm runs alone is what can be promised.
+    sure = bool((delivery.best_share < WHOLE).any())
+    return Arrival(delivery.full_s if delivery.complete else math.inf, coverage.percent, proven=sure)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

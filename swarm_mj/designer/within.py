@@ -75,6 +75,13 @@ class Within:
         return found is not None and found.meets(self.limit_s, self.problem.tolerance_percent)
 
     @property
+    def _all_proven(self) -> bool:
+        """Whether every design that was flown and found late has no better schedule."""
+        return all(
+            a.proven for a in self.arrivals.values() if not a.meets(self.limit_s, self.problem.tolerance_percent)
+        )
+
+    @property
     def soonest(self) -> tuple[tuple[int, ...], float]:
         """The design of those flown that covers the target and is the first on Earth, and when [s]; () and infinity: none."""
         tolerance = self.problem.tolerance_percent
@@ -123,7 +130,8 @@ class Within:
             if best is not None and len(best) <= found.bound:
                 return self._result(best, found.bound, "optimal", spent)
             if not self._excluded(found.points) and self._is_in_time(found.points):
-                return found._replace(seconds=time.perf_counter() - start)
+                status = found.status if self._all_proven else "time limit"
+                return found._replace(status=status, seconds=time.perf_counter() - start)
             self._cut(found.points)
             spent = time.perf_counter() - start
             if waiting is not None:
@@ -166,11 +174,12 @@ class Within:
     def _exhausted(self, best: Ints | None, smallest: Ints, start: float) -> ExactResult:
         """All of at most `max_observers` are excluded, but for the one that is known."""
         if best is not None:
-            return self._result(best, float(len(best)), "optimal", time.perf_counter() - start)
-        most = self.problem.max_observers
+            status = "optimal" if self._all_proven else "time limit"
+            return self._result(best, float(len(best)), status, time.perf_counter() - start)
+        most, late = self.problem.max_observers, "late" if self._all_proven else "late (not proven)"
         raise MissionError(
             f"{self._key}: no design of at most designer.max_observers = {most} has its map on Earth by then: "
-            f"{len(self.arrivals)} were flown and are late, all others are excluded; {self._what_would_do(smallest)}"
+            f"{len(self.arrivals)} were flown and are {late}, all others are excluded; {self._what_would_do(smallest)}"
         )
 
     def _out_of_time(self, bound: float, smallest: Ints, time_limit_s: float) -> str:
