@@ -7,23 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from swarm_mj.dataflow.delivery import REASONS, STORAGE, TIME, Delivery, Undelivered
+from swarm_mj.dataflow.delivery import Delivery
 from swarm_mj.flight.plan import Plan
 from swarm_mj.mission.links import Obstacle
+from swarm_mj.results.remedies import remedy
 from swarm_mj.typing import Array
-
-#: What to change where a part of the map stays aboard, by reason.
-REMEDIES = {
-    REASONS[
-        Obstacle.BEAM
-    ]: "set link.crosslink.antenna: omnidirectional, widen link.hemispherical_half_angle_deg, or elect "
-    "another relay (data.election: delivery)",
-    REASONS[Obstacle.BODY]: "elect another relay (data.election: delivery), or more of them (data.relays)",
-    REASONS[Obstacle.ROLE]: "elect a relay (data.election: medoid)",
-    REASONS[Obstacle.STATION]: "lengthen data.horizon_s, lower link.ground.min_elevation_deg, or choose another "
-    "link.ground.network",
-    REASONS[Obstacle.LOST]: "let others see the same area too (designer.fold: 2)",
-}
 
 
 def delivered_summary(plan: Plan, delivery: Delivery | None) -> dict[str, Any]:
@@ -82,26 +70,6 @@ def _lost_after(plan: Plan, delivery: Delivery) -> Iterator[tuple[int, float]]:
         lost = delivery.why_earth[:, j] == Obstacle.LOST
         if lost[-1] and (k := int(np.argmax(lost))) and after[k]:
             yield j, float(delivery.edges_s[k])
-
-
-def remedy(plan: Plan, delivery: Delivery, part: Undelivered) -> str:
-    """What would let a part of the map arrive, with the least value where one follows."""
-    scenario = plan.scenario
-    if part.reason == STORAGE:
-        return f"data.storage_bit = {scenario.data.storage_bit}: at least {most_seen_bit(delivery)} holds all pictures of one"
-    if part.reason == TIME:
-        return "lengthen data.horizon_s, or choose a faster radio (link.crosslink.radio, link.earth.radio)"
-    if part.reason != REASONS[Obstacle.RANGE]:
-        return REMEDIES[part.reason]
-    if scenario.link.max_range_m is not None:
-        farthest = float(np.nanmin(delivery.relay_distance_m[:, list(part.holders)]))
-        return f"link.max_range_m = {scenario.link.max_range_m:g}: at least {farthest:.4g}, or null for what the budget closes"
-    return "raise link.crosslink.power_w or gain_dbi, or link.earth.power_w where no relay reaches Earth"
-
-
-def most_seen_bit(delivery: Delivery) -> int:
-    """Most data that one spacecraft has taken [bit]."""
-    return int(delivery.tile_bit.sum(axis=1).max(initial=0))
 
 
 def undelivered_findings(summary: dict[str, Any]) -> list[str]:

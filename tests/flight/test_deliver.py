@@ -1,5 +1,6 @@
 """The way of a flight's data to Earth: the paper's missions, conservation to the bit, and what keeps parts of it aboard."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -138,8 +139,9 @@ def test_no_bit_is_made_or_lost_in_silence(sent, name, storage, antenna, access,
 @pytest.mark.parametrize(
     ("changes", "reason", "says"),
     [
-        (["link.earth.radio=iris_patch"], "range", "link.earth.power_w"),
-        (["link.max_range_m=500"], "range", "link.max_range_m"),
+        (["link.earth.radio=iris_patch"], "range", "link.earth.power_w = 4: at least"),
+        (["link.max_range_m=500"], "range", "link.max_range_m = 500: at least"),
+        (["link.crosslink.power_w=1e-8"], "range", "link.crosslink.power_w = 1e-08: at least"),
         (["data.storage_bit=1000"], "storage", "data.storage_bit = 1000: at least"),
         (["link.ground.min_elevation_deg=89"], "no station on Earth in view", "min_elevation_deg"),
         (["data.bits_per_pixel=60", "data.compression=1", "data.horizon_s=600"], "time", "data.horizon_s"),
@@ -152,12 +154,38 @@ def test_what_stays_aboard_is_told_with_its_reason_and_what_would_do(sent, chang
     assert all(says in part["remedy"] for part in parts)
 
 
-def test_the_least_storage_that_is_named_would_do(sent):
-    plan, delivery = sent("data.storage_bit=1000")
-    remedy = delivered_summary(plan, delivery)["not_delivered"][0]["remedy"]
-    least = int(remedy.split("at least ")[1].split()[0])
-    _, delivery = sent(f"data.storage_bit={least}")
-    assert delivery.complete
+@pytest.mark.parametrize(
+    ("given", "key"),
+    [
+        (["data.storage_bit=1000"], "data.storage_bit"),
+        (["link.earth.radio=iris_patch"], "link.earth.power_w"),
+        (["link.crosslink.power_w=1e-8"], "link.crosslink.power_w"),
+        (["link.max_range_m=500"], "link.max_range_m"),
+        (["link.ground.min_elevation_deg=89"], "link.ground.min_elevation_deg"),
+    ],
+)
+def test_the_least_value_that_is_named_would_do_and_less_not(sent, given, key):
+    plan, before = sent(*given)
+    remedy = delivered_summary(plan, before)["not_delivered"][0]["remedy"]
+    assert remedy.startswith(key)
+    least = float(re.search(r"at (?:least|most) ([\d.e+-]+\d)", remedy)[1])
+    # Distances within the swarm are those of a slot's middle, and change by a tenth in it.
+    less = least * {"link.ground.min_elevation_deg": 1.02, "link.crosslink.power_w": 0.6, "link.max_range_m": 0.8}.get(
+        key, 0.98
+    )
+
+    def got(value):
+        delivery = sent(*given, f"{key}={int(value) if 'bit' in key else value}")[1]
+        return (
+            delivery.delivered_bit
+            if "bit" in key
+            else int((delivery.contact_bit[:, :, 5] > 0).sum()) * int((delivery.earth_contact_bit > 0).sum())
+        )
+
+    assert got(less) < got(least)
+    assert got(least) > 0
+    if key == "data.storage_bit":
+        assert sent(f"{key}={int(least)}")[1].complete
 
 
 def test_a_radio_or_network_that_is_not_in_the_catalogue_is_refused(sent):
