@@ -208,7 +208,7 @@ class Flight:
         from swarm_mj.rendering.film import make_film
         from swarm_mj.rendering.replay import Replay
 
-        replay = Replay(self.plan, self.telemetry, self.coverage.first_seen_s)
+        replay = Replay(self.plan, self.telemetry, self.coverage.first_seen_s, self.delivered)
         with using_bars(progress) as bars:
             return make_film(replay, Path(path), camera=camera, fps=fps, size=size, speed=speed, bars=bars).path
 

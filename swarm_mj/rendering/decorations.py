@@ -42,15 +42,15 @@ def decorate(next_geom: NextGeom, model: DrawingModel, instant: Instant, width_s
     colours, working = instant.colours, np.flatnonzero(instant.works).tolist()
     for j in working:
         for start, end in dashes(instant.r_BN_N[j], tips[j], DASH * radius):
-            _line(next_geom(), start, end, width_scale * SIGHT_WIDTH, rgba(colours[j]))
+            line(next_geom(), start, end, width_scale * SIGHT_WIDTH, rgba(colours[j]))
     looking = np.flatnonzero(instant.looks_at_body).tolist()
     rims = {j: instant.r_BN_N[j] + length[j] * model.rim_B @ instant.C_BN[j] for j in looking}
     for j, rim in rims.items():
         for corner in rim if len(rim) <= MAX_EDGES else ():
-            _line(next_geom(), instant.r_BN_N[j], corner, width_scale * EDGE_WIDTH, rgba(colours[j], EDGE_ALPHA))
+            line(next_geom(), instant.r_BN_N[j], corner, width_scale * EDGE_WIDTH, rgba(colours[j], EDGE_ALPHA))
     for path in np.moveaxis(instant.trail_N[:, working], 1, 0):
         for start, end in zip(path[:-1], path[1:], strict=True):
-            _line(next_geom(), start, end, width_scale * TRAIL_WIDTH, rgba(TRAIL, TRAIL_ALPHA))
+            line(next_geom(), start, end, width_scale * TRAIL_WIDTH, rgba(TRAIL, TRAIL_ALPHA))
     for j, rim in rims.items():
         for first, second in zip(rim, np.roll(rim, -1, axis=0), strict=True):
             corners = np.array([instant.r_BN_N[j], second, first])
@@ -74,9 +74,10 @@ def dashes(start: Array, end: Array, length: float) -> list[tuple[Array, Array]]
 _ZERO, _ONES, _UNIT = np.zeros(3), np.ones(3), np.eye(3).ravel()
 
 
-def _line(
+def line(
     geom: mujoco.MjvGeom | None, start: Array, end: Array, width: float, colour: tuple[float, float, float, float]
 ) -> None:
+    """Make a geom a line between two points (3,) [m], of a width [pixel]."""
     if geom is not None:
         mujoco.mjv_initGeom(geom, LINE, _ZERO, _ZERO, _UNIT, np.array(colour, np.float32))
         mujoco.mjv_connector(geom, LINE, width, start, end)

@@ -3,12 +3,29 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from swarm_mj.mission.behaviors import TargetKind, looks_at_body
 from swarm_mj.rendering.palette import FAINT, MODES, Rgb
 from swarm_mj.typing import Array, Ints, Mask
+
+
+class Traffic(NamedTuple):
+    """Data under way at one time.
+
+    Attributes:
+        links: Sender and receiver of each transfer, numbers from 0; -1 for Earth.
+        beat: How far packets are from one place to the next, 0 to 1.
+        on_earth_bit: Received by Earth so far.
+        on_way_bit: Sent to Earth and not yet received.
+    """
+
+    links: tuple[tuple[int, int], ...]
+    beat: float
+    on_earth_bit: float
+    on_way_bit: float
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -27,6 +44,7 @@ class Instant:
         trail_N: Positions so far, evenly spaced in time, the last at `t`, shape (m, n, 3) [m].
         lost: Spacecraft that no longer work, shape (n,); None: all work.
         blind: Spacecraft whose cameras are off, shape (n,); None: none.
+        traffic: Data under way; None: not known, or none in the whole flight.
     """
 
     t: float
@@ -40,6 +58,7 @@ class Instant:
     trail_N: Array
     lost: Mask | None = None
     blind: Mask | None = None
+    traffic: Traffic | None = None
 
     @property
     def n(self) -> int:

@@ -16,7 +16,7 @@ from swarm_mj.mission.behaviors import TargetKind, looks_at_body
 from swarm_mj.rendering.canvas import Box, Projection
 from swarm_mj.rendering.frame import Instant
 from swarm_mj.rendering.labels import Rect, groups, place_label
-from swarm_mj.rendering.palette import FAINT, MODES, SEEN, TEXT, UNSEEN_BORDER, Rgb
+from swarm_mj.rendering.palette import FAINT, MODES, PACKET, SEEN, TEXT, UNSEEN_BORDER, Rgb
 from swarm_mj.typing import Array, Pixels
 
 Line = tuple[str, Rgb]
@@ -34,7 +34,7 @@ BUSY = 36.0
 #: Places on a line at which its label may stand.
 ALONG_A_LINE = 101
 #: The words that change most from picture to picture, at their widest: with room for them a panel does not jump about.
-WIDEST, WIDEST_DEED = "100.0 % observed", "linked to Earth"
+WIDEST, WIDEST_DEED, WIDEST_DATA = "100.0 % observed", "linked to Earth", "888.8 Mbit on the way to Earth"
 #: Opacity of the ground behind words, of 255.
 GROUND_ALPHA = 150
 #: Opacity of the lines from labels to what they name, of 255.
@@ -77,9 +77,9 @@ class Lettering:
         return np.array(self._image)
 
     def panel_size(self, lines: Sequence[Line]) -> tuple[int, int]:
-        """Width and height of a panel with these lines, from the third on of who does what [pixel]."""
+        """Width and height of a panel with these lines, from the third on of who does what and of data [pixel]."""
         texts = [text for text, _ in lines]
-        likely = [f"{text.split()[0]} {WIDEST_DEED}" for text in texts[2:]]
+        likely = [WIDEST_DATA if colour == PACKET else f"{text.split()[0]} {WIDEST_DEED}" for text, colour in lines[2:]]
         widest = max(self._font.getlength(text) for text in (WIDEST, *texts, *likely))
         return round(widest) + self.size, self._step * len(lines) + self._step // 2 + self.size // 2
 

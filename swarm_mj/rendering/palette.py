@@ -16,6 +16,10 @@ TEXT: Rgb = (240, 240, 240)
 FAINT: Rgb = (150, 150, 150)
 TRAIL: Rgb = (190, 190, 190)
 
+#: Data under way: packets and what is said of them, and the lines that they move along.
+PACKET: Rgb = (255, 176, 222)
+PACKET_LINE: Rgb = (204, 121, 167)
+
 #: What a spacecraft's +z tracks: the colour of its line of sight and of its name.
 MODES: dict[TargetKind, Rgb] = {
     TargetKind.ASTEROID: (255, 121, 51),  # vermillion, lighter so that it reads on black

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from types import TracebackType
 from typing import Self
 
@@ -14,12 +13,13 @@ from swarm_mj.flight.plan import Plan
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.rendering.cameras import OVERVIEW, FreeView, chase, magnification_for, overview, reach_of
 from swarm_mj.rendering.canvas import Box, Canvas, Projection
-from swarm_mj.rendering.decorations import decorate, sights
+from swarm_mj.rendering.decorations import NextGeom, decorate, sights
 from swarm_mj.rendering.frame import Instant
 from swarm_mj.rendering.layout import LEAST_SIDE, MOST_SIDE, layout_of
 from swarm_mj.rendering.model import build_drawing_model
 from swarm_mj.rendering.overlay import MAX_NAMED, Corner, Lettering, Line, clock, deed, roles
-from swarm_mj.rendering.palette import MODES, TEXT
+from swarm_mj.rendering.palette import MODES, PACKET, TEXT
+from swarm_mj.rendering.transfers import RADIUS, draw_transfers, words
 from swarm_mj.typing import Array, Pixels
 
 #: Height of a picture in which lines have their nominal width [pixel].
@@ -93,8 +93,18 @@ class Drawing:
 
     def _draw_swarm(self, instant: Instant, box: Box) -> Projection:
         view = self._view(instant, box)
-        lines = partial(decorate, model=self._model, instant=instant, width_scale=self._line_scale)
-        return self._canvas.view(view.camera(), box, decorate=lambda next_geom: lines(next_geom))
+        radius, packet_m = float(self._model.mjmodel.stat.extent), RADIUS * self._length_m
+
+        def add(next_geom: NextGeom) -> None:
+            decorate(next_geom, self._model, instant, self._line_scale)
+            draw_transfers(next_geom, instant, radius, packet_m, self._line_scale)
+
+        return self._canvas.view(view.camera(), box, decorate=add)
+
+    @property
+    def _length_m(self) -> float:
+        """Of a spacecraft as it is drawn."""
+        return self._model.magnification * max(self._plan.properties.size)
 
     def _view(self, instant: Instant, box: Box) -> FreeView:
         if self._overview is None or self._layout.chase:
@@ -166,6 +176,7 @@ class Drawing:
         lines: list[Line] = [(title, TEXT), (f"{100.0 * self._share(instant):.1f} % observed", TEXT)]
         if self._layout.main is not None:
             lines += roles(instant, self._plan.names)
+            lines += [(text, PACKET) for text in words(instant.traffic)] if instant.traffic is not None else []
         return lines
 
 

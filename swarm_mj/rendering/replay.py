@@ -14,9 +14,12 @@ import xarray as xr
 from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial.transform import Rotation
 
+from swarm_mj.dataflow.delivery import Delivery
 from swarm_mj.errors import OutputError
 from swarm_mj.flight.plan import Plan, make_plan
 from swarm_mj.rendering.frame import Instant
+from swarm_mj.rendering.transfers import transfers_of
+from swarm_mj.results.delivery_files import read_delivery
 from swarm_mj.results.run_files import read_coverage
 from swarm_mj.results.run_record import read_scenario
 from swarm_mj.simulator.telemetry import read_telemetry
@@ -39,12 +42,15 @@ class Replay:
         plan: The plan that was flown.
         telemetry: Its telemetry.
         first_seen_s: Time at which each cell was first observed [s], NaN for never, shape (n_cells,).
+        delivery: What became of the data; None: not known.
 
     Raises:
         OutputError: The telemetry or the cells are not those of the plan.
     """
 
-    def __init__(self, plan: Plan, telemetry: xr.Dataset, first_seen_s: Array) -> None:
+    def __init__(
+        self, plan: Plan, telemetry: xr.Dataset, first_seen_s: Array, delivery: Delivery | None = None
+    ) -> None:
         if telemetry.sizes["spacecraft"] != plan.n or len(first_seen_s) != plan.region.n_cells:
             raise OutputError(
                 f"{telemetry.sizes['spacecraft']} spacecraft and {len(first_seen_s)} target cells were recorded, but the "
@@ -59,6 +65,7 @@ class Replay:
         self._link = _flags(telemetry, "link_closed")
         self._works = _flags(telemetry, "operational")
         self._camera_on = _flags(telemetry, "camera_on")
+        self._transfers = transfers_of(delivery, float(self.times[-1]))
         self._trail_times = np.linspace(self.times[0], self.times[-1], trail_points(plan.n))
         self._trail_N = self._position(self._trail_times)
 
@@ -91,6 +98,7 @@ class Replay:
             blind=None if self._camera_on is None else ~self._camera_on[k],
             seen=seen,
             trail_N=np.concatenate((self._trail_N[self._trail_times < t], r_BN_N[None])),
+            traffic=None if self._transfers is None else self._transfers.at(t),
         )
 
     def _attitudes(self, t: float, k: int) -> Array:
@@ -124,7 +132,8 @@ def load_replay(folder: Path) -> Replay:
     plan = make_plan(read_scenario(folder / "scenario.yaml"), check_separation=False)
     telemetry = read_telemetry(folder / "telemetry.nc")
     first_seen_s = read_coverage(folder / "coverage.npz", ["first_seen_s"])["first_seen_s"]
+    delivery = read_delivery(folder, spacecraft=telemetry.sizes["spacecraft"], cells=len(first_seen_s))
     try:
-        return Replay(plan, telemetry, first_seen_s)
+        return Replay(plan, telemetry, first_seen_s, delivery)
     except OutputError as error:
         raise OutputError(f"{folder}: {error}") from None

@@ -16,6 +16,7 @@ from swarm_mj.results.delivery_view import (
     on_earth,
     row_in_swarm,
     rows_to_earth,
+    speakers,
     stretches,
 )
 from swarm_mj.results.figures import COMPOSERS
@@ -104,6 +105,18 @@ def test_contact_with_those_who_do_not_speak_to_earth_is_another_state(flown):
     assert set(row.state) == {OTHERS}
     assert row_in_swarm(delivery, 1).state[-1] == Obstacle.BEAM
     assert set(STATES) == {*map(int, Obstacle), OTHERS}
+    to_relay = delivery.contact_bit[:, 0, 2] > 0
+    assert to_relay.any() and np.array_equal(row_in_swarm(delivery, 0).state == Obstacle.NONE, to_relay)
+
+
+def test_of_several_relays_the_obstacle_is_that_of_the_link_that_comes_nearest_to_closing(flown):
+    delivery = with_delivery(swarm_of(flown, 3), mute=(0,))[2].delivery
+    earth, why = delivery.earth_contact_bit.copy(), delivery.why_swarm.copy()
+    earth[-1, 1] = 5
+    why[:, 0, 1] = Obstacle.RANGE
+    both = replace(delivery, earth_contact_bit=earth, why_swarm=why)
+    assert list(speakers(both)) == [1, 2] and both.why_swarm[-1, 0, 2] == Obstacle.BEAM
+    assert row_in_swarm(both, 0).state[-1] == Obstacle.BEAM
 
 
 def test_stretches_meet_and_cover_all_slots():

@@ -56,6 +56,11 @@ def test_plots_show_every_contact_transfer_and_arrival(partly):
     slots = np.flatnonzero(delivery.earth_bit[:, 1])
     assert np.allclose(60.0 * np.array(sent.base), delivery.edges_s[slots])
     assert np.allclose(60.0 * np.array(sent.x), np.diff(delivery.edges_s)[slots])
+    assert figures["contacts"].layout.yaxis.range[0] > figures["contacts"].layout.yaxis.range[1]  # downwards
+    assert np.allclose(sent.offset, -np.array(sent.width))  # so that transfers stand on their row
+    assert np.array_equal(
+        np.argsort(sent.width), np.argsort(delivery.earth_bit[slots, 1] / delivery.earth_contact_bit[slots, 1])
+    )
     bars = {bar.name: 60.0 * sum(bar.x) for bar in figures["contacts"].data[:-1]}
     lasts = np.diff(delivery.edges_s)
     assert bars["contact"] == pytest.approx(lasts @ (delivery.earth_contact_bit[:, 1] > 0))
