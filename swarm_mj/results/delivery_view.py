@@ -130,9 +130,9 @@ def busy_until_s(delivery: Delivery) -> float:
 
 
 def last_shown_s(delivery: Delivery) -> float:
-    """Until when pictures show [s]: until data no longer move, or to the end where not all arrive."""
+    """Until when pictures show [s]: until data no longer move, or to the end of the plan where not all arrive."""
     end, busy = float(delivery.edges_s[-1]), busy_until_s(delivery)
-    return min(end, busy) if delivery.complete and busy > 0.0 else end
+    return busy if delivery.complete and busy > 0.0 else max(end, busy)
 
 
 def on_earth(delivery: Delivery, sent_bit: Array) -> tuple[Array, Array]:

@@ -63,13 +63,13 @@ def compose_data(plan: Plan, telemetry: xr.Dataset, result: ObservationResult) -
 def _draw_bits(ax: Axes, plan: Plan, delivery: Delivery, shown: Indices, scale: TimeScale) -> list[Line2D]:
     """Aboard, on Earth by what the swarm does and by the proven best, and lost; gives the legend's entries."""
     received = max(delivery.delivered_bit, float(np.nansum(delivery.best_earth_bit)))
-    most = max(int(delivery.aboard_bit.max(initial=0)), received, 1.0)
+    lost = delivery.lost_bit.sum(axis=1)
+    most = max(int(delivery.aboard_bit.max(initial=0)), received, float(lost.max()), 1.0)
     unit = data_unit(most)
     handles = [
         *_draw_aboard(ax, plan, delivery, shown, scale, unit),
         *_draw_received(ax, delivery, scale, unit),
     ]
-    lost = delivery.lost_bit.sum(axis=1)
     if lost.any():
         look: dict[str, Any] = {"color": VERMILLION, "linewidth": 1.8, "linestyle": LOST_DASHES, "label": "lost so far"}
         handles += ax.plot(delivery.edges_s / scale.axis.seconds, lost / unit.bits, **look)
@@ -112,7 +112,7 @@ def _draw_received(ax: Axes, delivery: Delivery, scale: TimeScale, unit: DataUni
         (delivery.best_earth_bit, {**best, "label": "on Earth, best by area"}),
     )[: 1 + is_proven(delivery)]:
         when, received = on_earth(delivery, sent)
-        when, received = np.append(when, scale.duration_s), np.append(received, received[-1])
+        when, received = np.append(when, max(scale.duration_s, when[-1])), np.append(received, received[-1])
         lines += ax.plot(when / scale.axis.seconds, received / unit.bits, **look)
     return lines
 

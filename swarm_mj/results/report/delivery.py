@@ -237,7 +237,7 @@ def data_figure(run: RunRecord, delivery: Delivery) -> go.Figure:
     )
     for name, sent, colour, dash in ways[: 1 + is_proven(delivery)]:
         times, received = on_earth(delivery, sent.astype(np.float64))
-        x, y = np.append(times, end) / axis.seconds, np.append(received, received[-1]) / unit.bits
+        x, y = np.append(times, max(end, times[-1])) / axis.seconds, np.append(received, received[-1]) / unit.bits
         _curve(figure, 1, x, y, name, colour, dash)
     if (lost := delivery.lost_bit.sum(axis=1)).any():
         _curve(figure, 1, edges, lost / unit.bits, "lost so far", VERMILLION, "dashdot")
@@ -359,7 +359,7 @@ def _finish(figure: go.Figure, run: RunRecord, delivery: Delivery, axis: TimeAxi
 
 def _until_s(run: RunRecord, delivery: Delivery) -> float:
     """Until when the plots show at first [s]."""
-    return min(float(delivery.edges_s[-1]), max(busy_until_s(delivery), run.scenario.duration_s))
+    return max(busy_until_s(delivery), run.scenario.duration_s)
 
 
 def _legend(height_px: float) -> dict[str, Any]:

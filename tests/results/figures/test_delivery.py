@@ -149,6 +149,21 @@ def test_the_time_axis_is_wider_while_data_move_and_ends_soon_after_them(flown, 
             assert scale.on_page(scale.from_page(np.linspace(0, 1, 50))) == pytest.approx(np.linspace(0, 1, 50))
 
 
+def test_every_line_lies_inside_its_axes(partly):
+    plan, telemetry, result = partly
+    lost = result.delivery.lost_bit.copy()
+    lost[20:, 0] = 5 * result.delivery.aboard_bit.max()
+    ax = COMPOSERS["data"](plan, telemetry, replace(result, delivery=replace(result.delivery, lost_bit=lost))).axes[0]
+    low, high = ax.get_ylim()
+    assert all(low <= np.min(line.get_ydata()) and np.max(line.get_ydata()) <= high for line in ax.lines)
+
+
+def test_what_arrives_after_the_last_slot_is_shown_too(partly):
+    delivery = partly[2].delivery
+    late = np.where(delivery.arrived, delivery.edges_s[-1] + 800.0, np.nan)
+    assert last_shown_s(replace(delivery, tile_arrives_s=late)) > delivery.edges_s[-1] + 800.0
+
+
 def test_an_unproven_plan_draws_no_best(partly):
     plan, telemetry, result = partly
     unknown = {
