@@ -33,6 +33,7 @@ UNITS = {
     "m_s": "m/s",
     "deg_s": "deg/s",
     "deg_h": "deg/h",
+    "within_h": "h",
     "range_rpm": "rpm",
     "m2": "m²",
     "A_m": "m",

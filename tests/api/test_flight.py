@@ -67,7 +67,7 @@ def test_every_figure_is_a_method_that_returns_axes(flight):
         axes = np.atleast_1d(getattr(flight.plot, name)())
         assert all(isinstance(ax, matplotlib.axes.Axes) for ax in axes)
     assert {"operation", "footprints", "wheel_speed"} <= set(dir(flight.plot))
-    with pytest.raises(AttributeError, match="no figure 'colour'; there are behaviors, coverage"):
+    with pytest.raises(AttributeError, match="no figure 'colour'; there are behaviors, contacts, coverage"):
         flight.plot.colour()
 
 

@@ -57,7 +57,11 @@ def test_the_page_lists_every_array_of_the_coverage(flown):
 
 
 def test_the_page_lists_every_key_of_a_design(tmp_path):
-    design = sm.design(sm.load("eros-quick", ["observation.criterion=visit", "designer.max_generations=1"]))
+    design = sm.design(
+        sm.load(
+            "eros-quick", ["observation.criterion=visit", "designer.max_generations=1", "designer.deliver_within_h=24"]
+        )
+    )
     folder = design.save(tmp_path / "design", figures=False)
     assert sorted(names(section("design.json of a design"))) == sorted(json.loads((folder / "design.json").read_text()))
     for name in np.load(folder / "sightings.npz").files:
