@@ -200,19 +200,22 @@ def overall_table(found: list[Degradation], summary: dict[str, Any]) -> list[str
     """One line per swarm."""
     lines = [
         "| swarm | spacecraft | flights (failed) | P(whole target seen) [%] | exact, without dispersions [%] | "
-        "observed area, mean [%] | exact [%] | 5th percentile [%] | pointing error at the visit, 95th percentile [deg] |",
-        "|---|---|---|---|---|---|---|---|---|",
+        "observed area, mean [%] | exact [%] | 5th percentile [%] | delivered to Earth, mean [%] | "
+        "pointing error at the visit, 95th percentile [deg] |",
+        "|---|---|---|---|---|---|---|---|---|---|",
     ]
     for entry in found:
         part = summary["scenarios"][entry.name]
         outcomes = part["outcomes"]
         mean, fifth = outcomes["coverage_percent"]["mean"], outcomes["coverage_percent"]["quantiles"]["0.05"]
         pointing = outcomes["pointing_error_deg_visit_max"]["quantiles"]["0.95"]
+        delivered = outcomes["delivered_percent"]["mean"]
         lines.append(
             f"| {entry.name} | {part['spacecraft']} | {part['finished']} ({part['failed']}) | "
             f"{words(entry.probability(), 100.0)} | "
             f"{100 * entry.exact.expected(entry.exact.covered):.1f} | {spelled(mean, 2)} | "
-            f"{entry.exact.expected(entry.exact.coverage):.2f} | {spelled(fifth, 2)} | {spelled(pointing, 3)} |"
+            f"{entry.exact.expected(entry.exact.coverage):.2f} | {spelled(fifth, 2)} | {spelled(delivered, 2)} | "
+            f"{spelled(pointing, 3)} |"
         )
     return lines
 
@@ -220,9 +223,9 @@ def overall_table(found: list[Degradation], summary: dict[str, Any]) -> list[str
 def each_table(summary: dict[str, Any]) -> list[str]:
     """One line per kind of fault."""
     lines = [
-        "| fault | flights (failed) | observed area, mean [%] | least [%] | pointing error at the visit, worst [deg] | "
-        "at the end, worst [deg] | links closed at the end, mean |",
-        "|---|---|---|---|---|---|---|",
+        "| fault | flights (failed) | observed area, mean [%] | least [%] | delivered to Earth, mean [%] | "
+        "pointing error at the visit, worst [deg] | at the end, worst [deg] | links closed at the end, mean |",
+        "|---|---|---|---|---|---|---|---|",
     ]
     for name, part in summary["scenarios"].items():
         outcomes = part["outcomes"]
@@ -230,7 +233,8 @@ def each_table(summary: dict[str, Any]) -> list[str]:
         visit, final = (outcomes.get(f"pointing_error_deg_{when}_max") for when in ("visit", "final"))
         lines.append(
             f"| {name} | {part['finished']} ({part['failed']}) | {area['mean']['value']:.2f} | {area['min']:.2f} | "
-            f"{short(visit)} | {short(final)} | {outcomes['links_closed_final']['mean']['value']:.2f} |"
+            f"{outcomes['delivered_percent']['mean']['value']:.2f} | {short(visit)} | {short(final)} | "
+            f"{outcomes['links_closed_final']['mean']['value']:.2f} |"
         )
     return lines
 
@@ -350,7 +354,9 @@ are dispersed; the file gives the numbers. Steps are 0.5 s long, the observer is
 
 *Exact* is the answer without dispersions: one undisturbed flight, all subsets of lost observers left out in turn, weighted
 by the binomial law. The whole target counts as seen within the tolerance of the design, 0.1 % of its area. The
-communications spacecraft of Configuration 1 takes no pictures, so its loss costs links, not area.
+communications spacecraft of Configuration 1 takes no pictures, so its loss costs links, not area. *Delivered* is what the
+swarm brings to Earth by itself within two days, with the default radios ([from pixel to Earth](pixel_to_earth.md)); where the
+relay is lost, another one speaks to Earth after the flight.
 
 ![Observed area by number of lost observers](../images/robustness-losses.png)
 

@@ -18,8 +18,8 @@ class Traffic(NamedTuple):
     Attributes:
         links: Sender and receiver of each transfer, numbers from 0; -1 for Earth.
         beat: How far packets are from one place to the next, 0 to 1.
-        on_earth_bit: Received by Earth so far.
-        on_way_bit: Sent to Earth and not yet received.
+        on_earth_bit: Received by Earth so far; NaN: not known, as in a flight that is still under way.
+        on_way_bit: Sent to Earth and not yet received; likewise.
     """
 
     links: tuple[tuple[int, int], ...]

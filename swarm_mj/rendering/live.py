@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import nan
 from time import perf_counter, sleep
 
 import numpy as np
@@ -10,15 +11,18 @@ import numpy as np
 from swarm_mj.errors import MissionError
 from swarm_mj.flight.fly import make_simulation
 from swarm_mj.flight.observe import criterion_from, observer_from, schedule_from
-from swarm_mj.flight.plan import Plan
-from swarm_mj.mission.behaviors import Targets
+from swarm_mj.flight.plan import Plan, antennas_from
+from swarm_mj.mission.behaviors import TargetKind, Targets
+from swarm_mj.mission.links import closed_links
 from swarm_mj.mission.trajectories import propagate
 from swarm_mj.observation.capture import observe, pictures, watching
 from swarm_mj.observation.coverage import CoverageMap
-from swarm_mj.rendering.frame import Instant
+from swarm_mj.rendering.frame import Instant, Traffic
 from swarm_mj.rendering.replay import trail_points
+from swarm_mj.rendering.transfers import BEATS
+from swarm_mj.smallbody.occultation import occluder_of
 from swarm_mj.spacecraft.attitude.mrp import dcm, mrp_from_quaternion
-from swarm_mj.typing import Array
+from swarm_mj.typing import Array, Mask
 
 #: Tolerance of the path that only serves to frame a picture.
 PATH_RTOL = 1e-6
@@ -84,6 +88,7 @@ class LiveFlight:
         self._criterion = criterion_from(plan.scenario)
         self._schedule = schedule_from(plan.scenario, period)
         self._last = round(plan.scenario.duration_s / period)
+        self._beams, self._body = antennas_from(plan.scenario).beams, occluder_of(plan.shape)
         self.restart()
 
     def restart(self) -> None:
@@ -91,6 +96,7 @@ class LiveFlight:
         self._simulation = make_simulation(self.plan)
         self._coverage = CoverageMap(self.plan.region.area, self.plan.n)
         self._trail = Trail(self.plan)
+        self._received = np.zeros(self.plan.n, np.bool_)
         self._decide()
 
     @property
@@ -131,19 +137,40 @@ class LiveFlight:
         """What there is to draw now."""
         state, _ = self._simulation.model.state(self._simulation.data)
         r_BN_N = state[:, :3].copy()
+        C_BN, C_AN = dcm(mrp_from_quaternion(state[:, 3:7])), self.plan.environment.C_AN(self.time)
+        link = self._links(r_BN_N, C_BN, C_AN)
         return Instant(
             t=self.time,
             r_BN_N=r_BN_N,
-            C_BN=dcm(mrp_from_quaternion(state[:, 3:7])),
-            C_AN=self.plan.environment.C_AN(self.time),
+            C_BN=C_BN,
+            C_AN=C_AN,
             kind=self._targets.kind.copy(),
             tracked=self._targets.spacecraft.copy(),
-            link=None,
+            link=link,
             seen=self._coverage.seen,
             trail_N=self._trail.to(self.time, r_BN_N),
             lost=self._simulation.lost.copy(),
             blind=~self._simulation.camera_on,
+            traffic=self._traffic(link),
         )
+
+    def _links(self, r_BN_N: Array, C_BN: Array, C_AN: Array) -> Mask:
+        """Whose link to what it tracks is closed now, shape (n,)."""
+        kind, whom, works = self._targets.kind, self._targets.spacecraft, ~self._simulation.lost
+        place = (r_BN_N, np.ascontiguousarray(C_BN), C_AN, self.plan.environment.earth.at(self.time))
+        closed = closed_links(self._beams, self._body, kind.astype(np.int64), whom.astype(np.int64), *place)
+        return np.asarray(closed & works & np.where(kind == TargetKind.SPACECRAFT, works[np.maximum(whom, 0)], True))
+
+    def _traffic(self, link: Mask) -> Traffic | None:
+        """Where those that hold pictures, or were sent some, could send them now; how much is not known while it flies."""
+        kind, whom = self._targets.kind, self._targets.spacecraft
+        holds = self._coverage.seen_by.any(axis=1)
+        inside = np.flatnonzero(link & holds & (kind == TargetKind.SPACECRAFT))
+        self._received[whom[inside]] = True
+        home = np.flatnonzero(link & (holds | self._received) & (kind == TargetKind.EARTH))
+        links = [*((int(j), int(whom[j])) for j in inside), *((int(j), -1) for j in home)]
+        beat = self.time * BEATS / self.plan.scenario.duration_s % 1.0
+        return Traffic(tuple(links), beat, nan, nan) if links else None
 
     def _decide(self) -> None:
         self._targets: Targets = self._simulation.decide()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import isnan
 from typing import NamedTuple
 
 import mujoco
@@ -97,7 +98,9 @@ def packets(instant: Instant, way: Way) -> Array:
 
 
 def words(traffic: Traffic) -> list[str]:
-    """How much is on Earth and how much on the way, for a panel."""
+    """How much is on Earth and how much on the way, for a panel; nothing where that is not known."""
+    if isnan(traffic.on_earth_bit):
+        return []
     amounts = ((traffic.on_earth_bit, "on Earth"), (traffic.on_way_bit, "on the way to Earth"))
     return [f"{_amount(bits)} {where}" for bits, where in amounts]
 

@@ -23,6 +23,7 @@ from swarm_mj.rendering.decorations import decorate
 from swarm_mj.rendering.live import SPEEDS, LiveFlight, Player, pace, planned_path
 from swarm_mj.rendering.model import DrawingModel, build_drawing_model
 from swarm_mj.rendering.overlay import clock, roles
+from swarm_mj.rendering.transfers import RADIUS, draw_transfers
 from swarm_mj.scenarios.schema import Scenario
 
 #: Time that the window may take to close [s].
@@ -160,6 +161,8 @@ def _update(handle: Any, model: DrawingModel, player: Player) -> None:
             return geoms[scene.ngeom - 1]
 
         decorate(next_geom, model, now)
+        packet_m = RADIUS * model.magnification * max(player.flight.plan.properties.size)
+        draw_transfers(next_geom, now, float(model.mjmodel.stat.extent), packet_m)
     if changed:
         handle.update_texture(model.texture)
     left, right = status(model, player)

@@ -25,6 +25,7 @@ from swarm_mj.rendering.live import SPEEDS, Player, pace, planned_path
 from swarm_mj.rendering.model import DrawingModel
 from swarm_mj.rendering.overlay import clock, roles
 from swarm_mj.rendering.palette import SEEN, rgba
+from swarm_mj.rendering.transfers import RADIUS, draw_transfers
 from swarm_mj.typing import Array, Mask
 
 #: Most geoms that the viewer sends besides the model.
@@ -84,6 +85,8 @@ class FlightPanel(plugin.ViewerPlugin):
 
         now = self._player.now
         decorate(next_geom, self._model, now)
+        extent_m, size_m = float(self._model.mjmodel.stat.extent), max(self._player.flight.plan.properties.size)
+        draw_transfers(next_geom, now, extent_m, RADIUS * self._model.magnification * size_m)
         if self._seen is None or not np.array_equal(now.seen, self._seen):
             self._seen = now.seen.copy()
             self._patches = observed_patches(self._player.flight.plan.region, now.seen)

@@ -93,7 +93,7 @@ def test_compiled_code_and_arrays_give_the_same_rates(radio):
 
 
 def test_a_range_in_the_scenario_stands_and_none_means_as_far_as_the_budget_closes():
-    assert crosslink_range_m(Link()) == 50e3 and crosslink_range_m(Link(max_range_m=7.0)) == 7.0
+    assert crosslink_range_m(Link(max_range_m=50e3)) == 50e3 and crosslink_range_m(Link(max_range_m=7.0)) == 7.0
     strong = CrosslinkRadio(power_w=4.0)
     ranges = [crosslink_range_m(Link(max_range_m=None, crosslink=radio)) for radio in (CrosslinkRadio(), strong)]
     assert ranges == [longest_range_m(UHF, UHF.g_over_t_db_k), pytest.approx(2.0 * ranges[0])]

@@ -19,11 +19,13 @@ from mujoco.studio import messages
 
 from swarm_mj.errors import ObserverError, OutputError
 from swarm_mj.flight.plan import make_plan
+from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.rendering import viewer
 from swarm_mj.rendering.cameras import overview
 from swarm_mj.rendering.decorations import decorate
 from swarm_mj.rendering.live import SPEEDS, LiveFlight, Player, Trail, planned_path
 from swarm_mj.rendering.model import build_drawing_model
+from swarm_mj.rendering.transfers import words
 from swarm_mj.rendering.web_viewer import (
     LIFT,
     MAX_GEOMS,
@@ -57,8 +59,18 @@ print("flown to", player.now.t)
 def test_a_live_flight_is_the_recorded_one_and_sees_what_that_saw(flown, replay):
     plan, telemetry, result = flown
     flight = LiveFlight(plan)
+    senders = set()
     while not flight.over:
         flight.step()
+        if flight.time % 30.0 == 0.0:
+            closed = flown[1]["link_closed"].sel(time=flight.time).values == 1
+            now = flight.instant()
+            assert np.array_equal(now.link, closed)
+            for sender, receiver in () if now.traffic is None else now.traffic.links:
+                senders.add(sender)
+                assert closed[sender] and now.kind[sender] == (
+                    TargetKind.EARTH if receiver < 0 else TargetKind.SPACECRAFT
+                )
         if flight.time in (300.0, 630.0, 900.0):
             now, recorded = flight.instant(), replay.at(flight.time)
             assert np.allclose(now.r_BN_N, recorded.r_BN_N, atol=1e-6)
@@ -70,6 +82,7 @@ def test_a_live_flight_is_the_recorded_one_and_sees_what_that_saw(flown, replay)
     flight.step()
     assert flight.time == plan.scenario.duration_s
     assert np.array_equal(flight.instant().seen, result.coverage.seen)
+    assert senders == {0, 1} and words(flight.instant().traffic) == []
 
 
 def test_the_planned_path_is_the_one_flown(flown, replay):
