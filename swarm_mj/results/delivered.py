@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from swarm_mj.dataflow.delivery import Delivery
+from swarm_mj.flight.deliver import MOST_SPACECRAFT, PROOF_S
 from swarm_mj.flight.plan import Plan
 from swarm_mj.mission.links import Obstacle
 from swarm_mj.results.remedies import remedy
@@ -74,11 +75,22 @@ def _lost_after(plan: Plan, delivery: Delivery) -> Iterator[tuple[int, float]]:
 
 def undelivered_findings(summary: dict[str, Any]) -> list[str]:
     """One sentence for each part of the map that was seen and does not arrive."""
-    return _fallen_findings(summary.get("lost_after_s", {})) + [
-        f"{part['percent']:.2f} % of the target is seen and not delivered ({_listed(part['spacecraft'])}): {part['reason']}; "
-        f"{part['remedy']}"
+    lost = [
+        f"{part['percent']:.2f} % of the target is seen and not delivered ({_listed(part['spacecraft'])}): "
+        f"{part['reason']}; {part['remedy']}"
         for part in summary.get("not_delivered", ())
     ]
+    return _unknown_findings(summary) + _fallen_findings(summary.get("lost_after_s", {})) + lost
+
+
+def _unknown_findings(summary: dict[str, Any]) -> list[str]:
+    """What of the way to Earth was not computed."""
+    if summary.get("delivered_percent") is None:
+        n = summary["spacecraft"]
+        many = f"the way to Earth is not computed for {n} spacecraft, at most for {MOST_SPACECRAFT}"
+        return [many] if n > MOST_SPACECRAFT else []
+    late = f"the best schedule of transfers is not proven: that takes more than {PROOF_S:g} s"
+    return [late] if summary.get("delivered_percent_bound") is None else []
 
 
 def _fallen_findings(fallen: dict[str, float]) -> list[str]:

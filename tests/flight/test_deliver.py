@@ -13,7 +13,7 @@ from swarm_mj.errors import ScenarioError
 from swarm_mj.flight import deliver as module
 from swarm_mj.flight.deliver import deliver, slot_edges, tiles_of
 from swarm_mj.flight.observe import camera_from, observe_flight
-from swarm_mj.results.delivered import delivered_summary
+from swarm_mj.results.delivered import delivered_summary, undelivered_findings
 from swarm_mj.scenarios.loading import load_scenario
 
 HEMISPHERE = "link.crosslink.antenna=hemispherical"
@@ -199,6 +199,15 @@ def test_swarms_whose_contacts_fill_the_memory_are_left_out(sent, monkeypatch):
     monkeypatch.setattr(module, "MOST_SPACECRAFT", 5)
     plan, delivery = sent()
     assert delivery is None and delivered_summary(plan, delivery) == {}
+
+
+def test_what_was_not_computed_is_said(sent):
+    assert undelivered_findings({"spacecraft": 6}) == []  # of an earlier version
+    (many,) = undelivered_findings({"spacecraft": 201})
+    assert many == "the way to Earth is not computed for 201 spacecraft, at most for 200"
+    (late,) = undelivered_findings({"spacecraft": 6, **delivered_summary(*sent(prove=False))})
+    assert "not proven" in late
+    assert undelivered_findings({"spacecraft": 6, **delivered_summary(*sent(prove=True))}) == []
 
 
 def test_slots_reach_from_the_first_picture_to_the_horizon():
