@@ -13,6 +13,7 @@ from swarm_mj import plugins
 from swarm_mj.dataflow.link_budget import crosslink_range_m
 from swarm_mj.dataflow.relays import check_relays
 from swarm_mj.errors import PathError, PluginError, ScenarioError, ShapeError
+from swarm_mj.flight.mothership import check_outside, mothership_state
 from swarm_mj.flight.spacecraft import own_spacecraft_from, properties_from
 from swarm_mj.flight.surroundings import surroundings_from
 from swarm_mj.mission.behaviors import AimedBehavior, Behavior, SelectiveBehavior
@@ -29,7 +30,6 @@ from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.smallbody.shape_check import BodySizeError
 from swarm_mj.smallbody.shape_harmonics import BODIES, build_ellipsoid, load_body
 from swarm_mj.smallbody.shape_io import load_shape
-from swarm_mj.smallbody.solid_angle import points_inside
 from swarm_mj.spacecraft.control.base import Controller
 from swarm_mj.spacecraft.model import spacecraft_names
 from swarm_mj.spacecraft.own_spacecraft import OwnSpacecraft
@@ -115,11 +115,12 @@ def make_plan(
     region = target_from(scenario, shape)
     points_A = visiting_points(scenario, shape, region)
     region = true_target(scenario, shape, region)
-    _check_mothership(scenario, shape)
+    check_outside(scenario, shape)
+    mothership = mothership_state(scenario, environment)
     deployment = deploy(
         environment,
-        mothership_A=np.array(scenario.mothership.position_A_m),
-        mothership_velocity=_mothership_velocity(scenario),
+        mothership_N=mothership.r_N,
+        mothership_velocity=mothership.velocity,
         points_A=points_A,
         time_of_flight=scenario.design.time_of_flight_s,
         # Whether a communications spacecraft is added is a property of the behaviour, which counts it.
@@ -329,17 +330,6 @@ def antennas_from(scenario: Scenario) -> Antennas:
         max_range=crosslink_range_m(link),
         omnidirectional=link.crosslink.antenna == "omnidirectional",
     )
-
-
-def _mothership_velocity(scenario: Scenario) -> str | Array:
-    velocity = scenario.mothership.velocity
-    return velocity if isinstance(velocity, str) else np.array(velocity)
-
-
-def _check_mothership(scenario: Scenario, shape: ShapeModel) -> None:
-    position = np.array([scenario.mothership.position_A_m])
-    if points_inside(position, shape.vertices, shape.faces).any():
-        raise ScenarioError(f"mothership.position_A_m = {position[0].tolist()}: lies inside {shape.name}")
 
 
 def _check_flight(

@@ -191,7 +191,7 @@ def _tell_iteration(progress: Progress, iteration: int, share: float) -> None:
 def deploy(
     environment: Environment,
     *,
-    mothership_A: Array,
+    mothership_N: Array,
     mothership_velocity: str | Array,
     points_A: Array,
     time_of_flight: float,
@@ -202,7 +202,7 @@ def deploy(
 
     Args:
         environment: Force model; its epoch is the deployment.
-        mothership_A: Position of the mothership in A at the epoch, shape (3,) [m].
+        mothership_N: Position of the mothership in N at the epoch, shape (3,) [m].
         mothership_velocity: 'mean' of the deployed velocities, 'rest' in N, or a velocity in N (3,) [m/s].
         points_A: The observers' visiting points in A, shape (n_obs, 3) [m], reached at the time of flight.
         time_of_flight: [s].
@@ -214,11 +214,12 @@ def deploy(
     """
     if with_communications:
         points_A = np.vstack((points_A, points_A.mean(axis=0)))
-    r0_N = mothership_A @ environment.C_AN(0.0)
     destination_N = points_A @ environment.C_AN(time_of_flight)
-    v0_N, miss = solve_transfers(environment.acceleration_N, r0_N, destination_N, time_of_flight, progress)
+    v0_N, miss = solve_transfers(environment.acceleration_N, mothership_N, destination_N, time_of_flight, progress)
     if isinstance(mothership_velocity, str):
         velocity = v0_N.mean(axis=0) if mothership_velocity == "mean" else np.zeros(3)
     else:
         velocity = np.asarray(mothership_velocity, float)
-    return Deployment(r0_N=r0_N, v0_N=v0_N, mothership_velocity_N=velocity, destination_N=destination_N, miss_m=miss)
+    return Deployment(
+        r0_N=mothership_N, v0_N=v0_N, mothership_velocity_N=velocity, destination_N=destination_N, miss_m=miss
+    )
