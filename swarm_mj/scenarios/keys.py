@@ -28,6 +28,7 @@ UNITS = {
     "kg_m2": "kg m²",
     "kg_m3": "kg/m³",
     "n_m": "N m",
+    "bit_n_s": "N s",
     "bit_s": "bit/s",
     "db_k": "dB/K",
     "m_s": "m/s",
@@ -52,6 +53,7 @@ UNITS = {
     "m": "m",
     "s": "s",
     "w": "W",
+    "thrust_n": "N",
 }
 #: Names of types in tables.
 TYPES = {float: "number", int: "whole number", bool: "true or false", str: "text", type(None): "null"}

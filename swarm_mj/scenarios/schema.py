@@ -17,6 +17,7 @@ from swarm_mj.scenarios.schema_body import Body, Ephemerides, Perturbations
 from swarm_mj.scenarios.schema_faults import Dispersions, Fault
 from swarm_mj.scenarios.schema_imaging import Camera, Observation
 from swarm_mj.scenarios.schema_link import Data, Link
+from swarm_mj.scenarios.schema_thrusters import Thrusters, thrusters_can_pulse, thrusters_fit_inside
 from swarm_mj.scenarios.section import Parameters, Section, Vector3
 
 
@@ -111,6 +112,7 @@ class Spacecraft(Section):
     initial_rate_range_rpm: float = Field(
         0.2, ge=0, description="each component of the initial body rate is uniform in [-range, range] [rpm]"
     )
+    thrusters: Thrusters | None = Field(None, description="cold-gas thrusters with a tank; null: none")
 
     @model_validator(mode="after")
     def _wheels_fit_inside(self) -> Self:
@@ -119,6 +121,8 @@ class Spacecraft(Section):
         count, word = (3, "three") if self.wheel_layout == "orthogonal" else (4, "four")
         if (wheels_kg := count * self.wheel.mass_kg) >= self.mass_kg:
             raise ValueError(f"mass_kg = {self.mass_kg}: must exceed the {word} wheels, {wheels_kg:g} kg")
+        if self.thrusters is not None:
+            thrusters_fit_inside(self.thrusters, None if self.mjcf else self.mass_kg - wheels_kg, self.mjcf)
         return self
 
 
@@ -341,6 +345,8 @@ class Scenario(Section):
         for key, value, unit_key, unit in whole:
             if not is_multiple(value, unit):
                 raise ValueError(f"{key} = {value:g}: must be a whole multiple of {unit_key} = {unit:g}")
+        if self.spacecraft.thrusters is not None:
+            thrusters_can_pulse(self.spacecraft.thrusters, self.control.period_s)
         if self.design.time_of_flight_s > self.duration_s:
             raise ValueError(
                 f"duration_s = {self.duration_s:g}: must not end before design.time_of_flight_s = "

@@ -1,0 +1,72 @@
+"""The cold-gas thrusters of a spacecraft; none by default, for the paper's CubeSats have none.
+
+The defaults are the isobutane cold-gas system that VACCO built for MEPSI: 55 mN at 40 psia, a specific impulse of 65 s, pulses
+of 10 ms and so of 0.55 mN s (Osiander, Darrin and Champion, MEMS and Microstructures in Aerospace Applications, table 11.8).
+Its 53 g are enough for 1 kg; here 8 kg fly, and 0.2 kg give them 16 m/s, more than the 10 m/s that the paper's swarm needs to
+spread from its mothership. `four_z` stands for modules at the end of a 3U CubeSat with four nozzles about its long axis.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import Field
+
+from swarm_mj.scenarios.section import Section
+
+
+class Thrusters(Section):
+    """Cold-gas thrusters with one tank; what they push with is counted inside mass_kg. See docs/theory/propulsion.md."""
+
+    layout: Literal["six", "four_z", "sites"] = Field(
+        "six",
+        description="six: nozzles along +-x, +-y, +-z through the centre of mass, a force in any direction without torque; "
+        "four_z: four on the -z end that push towards +z, canted outwards by 15 deg: the spacecraft turns +z along a planned "
+        "burn; sites: the sites of spacecraft.mjcf whose names begin with thruster_, gas leaving along their +z",
+    )
+    thrust_n: float = Field(0.055, gt=0, le=1000, description="of one nozzle, the same until the tank is empty [N]")
+    specific_impulse_s: float = Field(65.0, gt=0, le=10_000, description="thrust over weight flow at 9.80665 m/s^2 [s]")
+    propellant_kg: float = Field(
+        0.2, gt=0, description="in the tank at the start [kg]; counted inside the spacecraft's mass_kg"
+    )
+    min_impulse_bit_n_s: float = Field(
+        0.00055,
+        ge=0,
+        description="impulse of a nozzle's shortest pulse [N s]; less in a control period becomes nothing or one such pulse, "
+        "whichever is nearer",
+    )
+
+
+def thrusters_fit_inside(thrusters: Thrusters, hub_kg: float | None, mjcf: str | None) -> None:
+    """See that the tank fits into the hub, and that the nozzles are where the layout says.
+
+    Args:
+        thrusters: What is asked for.
+        hub_kg: Mass without wheels [kg]; None: the file's, which is checked when it is read.
+        mjcf: Path of the spacecraft's file; None: the packaged one.
+
+    Raises:
+        ValueError: They do not.
+    """
+    if hub_kg is not None and thrusters.propellant_kg >= hub_kg:
+        raise ValueError(
+            f"thrusters.propellant_kg = {thrusters.propellant_kg:g}: is counted inside mass_kg and must be below the hub's "
+            f"{hub_kg:g} kg; carry less, or raise mass_kg"
+        )
+    if (thrusters.layout == "sites") != (mjcf is not None):
+        remedy = "sites (named thruster_*)" if mjcf else "six or four_z; sites are those of a spacecraft.mjcf"
+        raise ValueError(f"thrusters.layout = {thrusters.layout}: must be {remedy}")
+
+
+def thrusters_can_pulse(thrusters: Thrusters, period_s: float) -> None:
+    """See that a control period has room for the shortest pulse.
+
+    Raises:
+        ValueError: It has not.
+    """
+    most = thrusters.thrust_n * period_s
+    if thrusters.min_impulse_bit_n_s > most:
+        raise ValueError(
+            f"spacecraft.thrusters.min_impulse_bit_n_s = {thrusters.min_impulse_bit_n_s:g}: must not exceed thrust_n * "
+            f"control.period_s = {most:g} N s, or no pulse ends within a control period"
+        )
