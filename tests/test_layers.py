@@ -18,6 +18,7 @@ ORDER = (
     ("dataflow",),
     ("simulator",),
     ("observation",),
+    ("coordination",),
     ("flight",),
     ("designer",),
     ("interop",),
@@ -41,6 +42,7 @@ WITHOUT_MUJOCO = (
     "dataflow",
     "simulator/faults",
     "observation",
+    "coordination",
 )
 #: Names with an underscore that their libraries document (NamedTuple), or offer no public name for.
 OF_LIBRARIES = {"_replace", "_asdict", "_fields", "_make", "_field_defaults"}

@@ -16,7 +16,7 @@ import numpy as np
 
 from swarm_mj.errors import MissionError
 from swarm_mj.scenarios.schema import Target
-from swarm_mj.typing import Array, Ints, jittable, kernel
+from swarm_mj.typing import Array, Ints, Mask, jittable, kernel
 
 #: More than any small body pulls at its surface (Ceres 0.3, Eros 0.006) [m/s^2].
 STRONGEST_PULL = 1.0
@@ -52,6 +52,8 @@ class SwarmView(NamedTuple):
         q_BN: Attitudes, shape (n, 4); None where trajectories are looked at without attitudes, and so are the next two.
         omega_BN_B: Body rates, shape (n, 3) [rad/s].
         wheel_speed: Shape (n, w) [rad/s].
+        working: Who is not lost, shape (n,); None: nobody can be.
+        camera_on: Whose camera takes pictures, shape (n,); None: everybody's.
     """
 
     t: float
@@ -61,6 +63,8 @@ class SwarmView(NamedTuple):
     q_BN: Array | None = None
     omega_BN_B: Array | None = None
     wheel_speed: Array | None = None
+    working: Mask | None = None
+    camera_on: Mask | None = None
 
 
 class Targets(NamedTuple):

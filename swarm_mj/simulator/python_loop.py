@@ -47,6 +47,9 @@ def decide(
         injection.begin(state.time, state.work)
     _hold_forces(state, injection)
     view = view_of(state.time, state.C_AN.copy(), *state.rows())
+    if injection is not None:
+        faults = injection.faults
+        view = view._replace(working=~faults.lost, camera_on=faults.camera_on & ~faults.lost)
     state.targets, q_known = behaviors.ask(0, view, state.tick), state.q_BN
     if injection is not None:
         state.targets = injection.faults.redirect(state.time, state.targets, state.work[Slot.R])
