@@ -12,6 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from itertools import count
+from typing import NamedTuple
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -50,16 +51,35 @@ _REMEDY = (
 )
 
 
-@dataclass(frozen=True, kw_only=True)
-class Deployment:
-    """How the swarm leaves the mothership.
+class PlannedBurn(NamedTuple):
+    """A change of velocity that is planned.
 
     Attributes:
-        r0_N: Common start, shape (3,) [m].
-        v0_N: Start velocities, shape (n, 3) [m/s].
-        mothership_velocity_N: Shape (3,) [m/s].
-        destination_N: Where each is at the time of flight, shape (n, 3) [m].
+        spacecraft: Who, from 0.
+        t: Middle of the burn, past the epoch [s].
+        delta_v_N: Shape (3,) [m/s].
+    """
+
+    spacecraft: int
+    t: float
+    delta_v_N: Array
+
+
+@dataclass(frozen=True, kw_only=True)
+class Deployment:
+    """How the swarm leaves the mothership, which coasts from the epoch on.
+
+    Attributes:
+        r0_N: The mothership at the epoch, shape (3,) [m].
+        v0_N: Velocity of each spacecraft at its release, just after the deployer's push, shape (n, 3) [m/s].
+        mothership_velocity_N: At the epoch, shape (3,) [m/s].
+        destination_N: Where each is at its visit, shape (n, 3) [m].
         miss_m: Remaining distance to the destination, shape (n,) [m].
+        release_s: When each leaves the mothership, past the epoch, shape (n,) [s]; before, it rides along.
+        arrival_s: When each is at its destination, shape (n,) [s].
+        release_r_N: The mothership at each release, shape (n, 3) [m].
+        release_mothership_v_N: Its velocity then, shape (n, 3) [m/s].
+        burns: Planned burns, in order of time.
     """
 
     r0_N: Array
@@ -67,11 +87,16 @@ class Deployment:
     mothership_velocity_N: Array
     destination_N: Array
     miss_m: Array
+    release_s: Array
+    arrival_s: Array
+    release_r_N: Array
+    release_mothership_v_N: Array
+    burns: tuple[PlannedBurn, ...] = ()
 
     @property
     def delta_v(self) -> Array:
         """Deployment speed relative to the mothership, shape (n,) [m/s]."""
-        return np.linalg.norm(self.v0_N - self.mothership_velocity_N, axis=1)
+        return np.linalg.norm(self.v0_N - self.release_mothership_v_N, axis=1)
 
 
 def propagate(
@@ -220,6 +245,15 @@ def deploy(
         velocity = v0_N.mean(axis=0) if mothership_velocity == "mean" else np.zeros(3)
     else:
         velocity = np.asarray(mothership_velocity, float)
+    n = len(v0_N)
     return Deployment(
-        r0_N=mothership_N, v0_N=v0_N, mothership_velocity_N=velocity, destination_N=destination_N, miss_m=miss
+        r0_N=mothership_N,
+        v0_N=v0_N,
+        mothership_velocity_N=velocity,
+        destination_N=destination_N,
+        miss_m=miss,
+        release_s=np.zeros(n),
+        arrival_s=np.full(n, time_of_flight),
+        release_r_N=np.repeat(mothership_N[None], n, axis=0),
+        release_mothership_v_N=np.repeat(velocity[None], n, axis=0),
     )

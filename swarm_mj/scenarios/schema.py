@@ -16,6 +16,7 @@ from swarm_mj.scenarios.bodies import expanded_body, packaged_bodies
 from swarm_mj.scenarios.schema_body import Body, Ephemerides, Perturbations
 from swarm_mj.scenarios.schema_faults import Dispersions, Fault
 from swarm_mj.scenarios.schema_imaging import Camera, Observation
+from swarm_mj.scenarios.schema_itinerary import Deployer, Design
 from swarm_mj.scenarios.schema_link import Data, Link
 from swarm_mj.scenarios.schema_thrusters import Thrusters, thrusters_can_pulse, thrusters_fit_inside
 from swarm_mj.scenarios.section import Parameters, Section, Vector3
@@ -39,29 +40,6 @@ class Target(Section):
     )
 
 
-class Design(Section):
-    """Who visits which point, when and how high."""
-
-    reference: str | None = Field(
-        None,
-        description="a design that `swarm-mj design` made: packaged name, or path of its design.json; read when no "
-        "visiting_points are given",
-    )
-    visiting_points: tuple[int, ...] = Field(
-        (7, 25, 31, 34, 38),
-        min_length=1,
-        max_length=100_000,
-        description="one point per observer, numbered from 1 in mesh order: the vertices of the original mesh inside the "
-        "target's pyramid or on its planes; corners that clipping makes are none",
-    )
-    imaging_altitude_m: float = Field(14_000.0, gt=0, description="of a visiting point above its mesh vertex [m]")
-    projection: Literal["radial", "normal"] = Field(
-        "radial",
-        description="whether points are lifted away from the body's centre or along the vertex normal; not said by the paper",
-    )
-    time_of_flight_s: float = Field(600.0, gt=0, description="from the mothership to the visiting point [s]")
-
-
 class Mothership(Section):
     """Where the swarm is deployed from."""
 
@@ -73,6 +51,7 @@ class Mothership(Section):
         description="inertial velocity: 'mean' of the deployed velocities (then a CubeSat needs about 10 m/s at most), 'rest', "
         "or three components in N [m/s]",
     )
+    deployer: Deployer = Field(default_factory=Deployer)
 
 
 class Wheel(Section):
@@ -334,12 +313,6 @@ class Scenario(Section):
             ("duration_s", self.duration_s, "control.period_s", self.control.period_s),
             ("telemetry.interval_s", self.telemetry.interval_s, "control.period_s", self.control.period_s),
             ("observation.interval_s", self.observation.interval_s, "telemetry.interval_s", self.telemetry.interval_s),
-            (
-                "design.time_of_flight_s",
-                self.design.time_of_flight_s,
-                "telemetry.interval_s",
-                self.telemetry.interval_s,
-            ),
             ("duration_s", self.duration_s, "telemetry.interval_s", self.telemetry.interval_s),
         )
         for key, value, unit_key, unit in whole:
@@ -347,12 +320,34 @@ class Scenario(Section):
                 raise ValueError(f"{key} = {value:g}: must be a whole multiple of {unit_key} = {unit:g}")
         if self.spacecraft.thrusters is not None:
             thrusters_can_pulse(self.spacecraft.thrusters, self.control.period_s)
-        if self.design.time_of_flight_s > self.duration_s:
-            raise ValueError(
-                f"duration_s = {self.duration_s:g}: must not end before design.time_of_flight_s = "
-                f"{self.design.time_of_flight_s:g}"
-            )
+        self._check_visits()
         return self
+
+    def _check_visits(self) -> None:
+        """Refuse releases and visits that the flight does not sample, and targets that are not there."""
+        design, interval = self.design, self.telemetry.interval_s
+        own = [("design", 0, design.release_s, design.time_of_flight_s)]
+        for k, visit in enumerate(design.observers):
+            release = design.release_s if visit.release_s is None else visit.release_s
+            flight = design.time_of_flight_s if visit.time_of_flight_s is None else visit.time_of_flight_s
+            own.append((f"design.observers.{k}", visit.target, release, flight))
+        targets = len(self.designer.extra_targets)
+        for key, target, release, flight in own:
+            if target > targets:
+                raise ValueError(
+                    f"{key}.target = {target}: designer.extra_targets has {targets} entries; must be 0 for the scenario's "
+                    "target, or one of them from 1"
+                )
+            for name, value in (("release_s", release), ("time_of_flight_s", flight)):
+                if value and not is_multiple(value, interval):
+                    raise ValueError(
+                        f"{key}.{name} = {value:g}: must be a whole multiple of telemetry.interval_s = {interval:g}"
+                    )
+            if release + flight > self.duration_s:
+                after = (
+                    f"{key}.release_s + time_of_flight_s = {release:g} + " if release else f"{key}.time_of_flight_s = "
+                )
+                raise ValueError(f"duration_s = {self.duration_s:g}: must not end before {after}{flight:g}")
 
 
 def is_multiple(value: float, unit: float) -> bool:

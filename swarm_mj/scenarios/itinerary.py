@@ -1,0 +1,71 @@
+"""The itinerary of a scenario: what each spacecraft visits, when it is released and when it arrives."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from swarm_mj.scenarios.schema import Scenario, Target
+from swarm_mj.scenarios.schema_itinerary import Visit
+from swarm_mj.typing import Array
+
+
+class Stop(NamedTuple):
+    """What one observer does, with all values filled in.
+
+    Attributes:
+        target: Number of its target: 0 is the scenario's, k entry k - 1 of `designer.extra_targets`.
+        point: Visiting point of that target, numbered from 1.
+        altitude_m: Imaging altitude [m].
+        time_of_flight_s: From release to visit [s].
+        release_s: Past the epoch [s].
+    """
+
+    target: int
+    point: int
+    altitude_m: float
+    time_of_flight_s: float
+    release_s: float
+
+    @property
+    def arrival_s(self) -> float:
+        """Time of the visit past the epoch [s]."""
+        return self.release_s + self.time_of_flight_s
+
+
+def itinerary(scenario: Scenario) -> tuple[Stop, ...]:
+    """What each observer does, in the order of the spacecraft."""
+    design = scenario.design
+    visits = design.observers or (Visit(),) * len(design.visiting_points)
+    return tuple(
+        Stop(
+            visit.target,
+            point,
+            _given(visit.imaging_altitude_m, design.imaging_altitude_m),
+            _given(visit.time_of_flight_s, design.time_of_flight_s),
+            _given(visit.release_s, design.release_s),
+        )
+        for visit, point in zip(visits, design.visiting_points, strict=True)
+    )
+
+
+def _given(value: float | None, common: float) -> float:
+    return common if value is None else value
+
+
+def visit_times(scenario: Scenario) -> Array:
+    """When each observer is at its visiting point, shape (n_obs,) [s past the epoch]."""
+    return np.array([stop.arrival_s for stop in itinerary(scenario)])
+
+
+def targets_of(scenario: Scenario) -> tuple[Target, ...]:
+    """The targets that the observers are sent to, by number up to the largest one; the scenario's own always is one."""
+    last = max(visit.target for visit in scenario.design.observers) if scenario.design.observers else 0
+    return all_targets(scenario)[: last + 1]
+
+
+def all_targets(scenario: Scenario) -> tuple[Target, ...]:
+    """The scenario's target and those that the designer has to cover besides."""
+    extra = (scenario.target.model_copy(update=extra.model_dump()) for extra in scenario.designer.extra_targets)
+    return (scenario.target, *extra)

@@ -1,0 +1,108 @@
+"""Sections of a scenario about who visits which point, when and how high, and how the mothership lets go of it."""
+
+from __future__ import annotations
+
+from typing import Any, Literal, Self
+
+from pydantic import Field, model_validator
+
+from swarm_mj.scenarios.section import Section, Vector3
+
+
+class Visit(Section):
+    """What one observer does; keys that are absent or null take the common values of `design`."""
+
+    target: int = Field(0, ge=0, description="0: the scenario's target; k: entry k of designer.extra_targets, from 1")
+    visiting_point: int | None = Field(
+        None, ge=1, description="of that target, numbered from 1; null: this observer's entry of design.visiting_points"
+    )
+    imaging_altitude_m: float | None = Field(None, gt=0, description="of its point above the mesh vertex [m]")
+    time_of_flight_s: float | None = Field(None, gt=0, description="from its release to its visiting point [s]")
+    release_s: float | None = Field(
+        None, ge=0, description="time past the epoch at which the mothership releases it [s]"
+    )
+
+
+class Design(Section):
+    """Who visits which point, when and how high."""
+
+    reference: str | None = Field(
+        None,
+        description="a design that `swarm-mj design` made: packaged name, or path of its design.json; read when no "
+        "visiting_points are given",
+    )
+    visiting_points: tuple[int, ...] = Field(
+        (7, 25, 31, 34, 38),
+        min_length=1,
+        max_length=100_000,
+        description="one point per observer, numbered from 1 in mesh order: the vertices of the original mesh inside the "
+        "target's pyramid or on its planes; corners that clipping makes are none",
+    )
+    imaging_altitude_m: float = Field(14_000.0, gt=0, description="of a visiting point above its mesh vertex [m]")
+    projection: Literal["radial", "normal"] = Field(
+        "radial",
+        description="whether points are lifted away from the body's centre or along the vertex normal; not said by the paper",
+    )
+    time_of_flight_s: float = Field(600.0, gt=0, description="from the mothership to the visiting point [s]")
+    release_s: float = Field(0.0, ge=0, description="time past the epoch at which spacecraft leave the mothership [s]")
+    observers: tuple[Visit, ...] = Field(
+        (),
+        max_length=100_000,
+        description="one entry per observer with its own target, point, altitude, time of flight or release; empty: all take "
+        "the values above; see docs/how-to/itinerary.md",
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _points_of_observers(cls, data: Any) -> Any:
+        """Points that only the observers' entries name are the design's."""
+        if not isinstance(data, dict) or "visiting_points" in data:
+            return data
+        entries = data.get("observers")
+        if not isinstance(entries, list | tuple) or not entries or not all(isinstance(e, dict) for e in entries):
+            return data
+        points = [entry.get("visiting_point") for entry in entries]
+        if None in points:
+            k = points.index(None)
+            raise ValueError(f"observers.{k}.visiting_point: must be given where there are no visiting_points")
+        return {**data, "visiting_points": points}
+
+    @model_validator(mode="after")
+    def _observers_fit_their_points(self) -> Self:
+        if not self.observers:
+            return self
+        if len(self.observers) != len(self.visiting_points):
+            raise ValueError(
+                f"observers: has {len(self.observers)} entries and visiting_points {len(self.visiting_points)}: must be as "
+                "many, or give only one of the two"
+            )
+        for k, (visit, point) in enumerate(zip(self.observers, self.visiting_points, strict=True)):
+            if visit.visiting_point not in (None, point):
+                raise ValueError(
+                    f"observers.{k}.visiting_point = {visit.visiting_point}: must be {point} as in visiting_points, or give "
+                    "only one of the two"
+                )
+        return self
+
+
+class Deployer(Section):
+    """What the mothership's deployer can do; a plan that asks for more is refused."""
+
+    max_speed_m_s: float | None = Field(
+        None, gt=0, description="largest speed relative to the mothership that it gives a spacecraft [m/s]; null: any"
+    )
+    cone_axis_N: Vector3 | Literal["velocity"] | None = Field(
+        None,
+        description="axis of the cone into which it can push: three components in N [-], or 'velocity', along the mothership's "
+        "inertial velocity at the release; null: any direction",
+    )
+    cone_half_angle_deg: float = Field(180.0, gt=0, le=180, description="of that cone about its axis [deg]")
+    spacing_s: float | None = Field(
+        None, gt=0, description="least time between two releases [s]; null: any number may leave at once"
+    )
+
+    @model_validator(mode="after")
+    def _axis_is_a_direction(self) -> Self:
+        if isinstance(self.cone_axis_N, tuple) and not any(self.cone_axis_N):
+            raise ValueError("cone_axis_N = [0, 0, 0]: must be a direction, or null for any")
+        return self
