@@ -10,9 +10,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Final, Literal
 
-from swarm_mj.interop.kvn import write_message
 from swarm_mj.interop.states import FIRST_SPACECRAFT, FlightStates
-from swarm_mj.interop.times import text_of
+from swarm_mj.tracks.kvn import write_message
+from swarm_mj.tracks.times import text_of
 
 Generation = Literal[2, 3]
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from swarm_mj.interop.kernels_text import spacecraft_name
 from swarm_mj.interop.states import FlightStates
-from swarm_mj.interop.times import text_of
+from swarm_mj.tracks.times import text_of
 from swarm_mj.typing import Array
 
 #: Colours of the spacecraft in turn.

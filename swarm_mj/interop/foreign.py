@@ -20,10 +20,6 @@ import xarray as xr
 from swarm_mj.errors import InteropError
 from swarm_mj.flight.observe import visit_sample
 from swarm_mj.flight.plan import environment_from, load_body_shape, target_from, true_target
-from swarm_mj.interop.ccsds_in import read_aem, read_oem
-from swarm_mj.interop.states import quaternions
-from swarm_mj.interop.times import SECOND, epoch_of, text_of
-from swarm_mj.interop.tracks import Track
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.camera import look_at
@@ -33,7 +29,11 @@ from swarm_mj.smallbody.environment import Environment
 from swarm_mj.smallbody.naif import BodyName
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.smallbody.solid_angle import points_inside
+from swarm_mj.spacecraft.attitude.euler_parameters import quaternions
 from swarm_mj.spacecraft.attitude.mrp import mrp_from_quaternion
+from swarm_mj.tracks.ccsds_in import read_aem, read_oem
+from swarm_mj.tracks.times import SECOND, epoch_of, text_of
+from swarm_mj.tracks.track import Track
 from swarm_mj.typing import Array, Ints, Mask
 
 Pointing = Literal["nadir", "target"]

@@ -10,11 +10,11 @@ from math import atan2, degrees, hypot
 
 import numpy as np
 
-from swarm_mj.interop.frames import C_EN
 from swarm_mj.interop.states import CLOCK, FIRST_SPACECRAFT, FlightStates
-from swarm_mj.interop.times import EB, M0, M1, TT_TAI, K, leap_seconds
 from swarm_mj.scenarios.constants import DAY
 from swarm_mj.smallbody.rotation import spin_dcm
+from swarm_mj.tracks.frames import C_EN
+from swarm_mj.tracks.times import EB, M0, M1, TT_TAI, K, leap_seconds
 
 #: Ticks of the spacecraft clock in a second; its most significant field counts seconds of TDB past the scenario's epoch.
 TICKS_PER_SECOND = 1_000_000

@@ -10,11 +10,12 @@ import xarray as xr
 
 from swarm_mj.flight.observe import camera_from, visit_sample
 from swarm_mj.flight.plan import Plan
-from swarm_mj.interop.frames import C_EN
-from swarm_mj.interop.times import SECOND, epoch_of
 from swarm_mj.observation.camera import CameraModel
 from swarm_mj.smallbody.naif import BodyName
+from swarm_mj.spacecraft.attitude.euler_parameters import quaternions, steady
 from swarm_mj.spacecraft.attitude.mrp import dcm, quaternion_from_mrp
+from swarm_mj.tracks.frames import C_EN
+from swarm_mj.tracks.times import SECOND, epoch_of
 from swarm_mj.typing import Array
 
 #: The first spacecraft is -900001; NAIF gives missions numbers of three digits. The clock of all is -900000.
@@ -123,20 +124,3 @@ def states_of(plan: Plan, telemetry: xr.Dataset) -> FlightStates:
 
 def _ascii(text: str) -> str:
     return " ".join(text.encode("ascii", "replace").decode().split())[:60]
-
-
-def steady(q: Array) -> Array:
-    """Quaternions over time, shape (t, ..., 4), each with the sign that is nearer to the one before."""
-    flips = np.cumsum(np.sum(q[1:] * q[:-1], axis=-1) < 0.0, axis=0) % 2
-    signs = np.concatenate([np.ones((1, *q.shape[1:-1])), 1.0 - 2.0 * flips])
-    out: Array = q * signs[..., None]
-    return out
-
-
-def quaternions(C: Array) -> Array:
-    """Euler parameters (w, x, y, z) of direction cosine matrices, v_B = C v_A, shape (..., 3, 3) to (..., 4)."""
-    from scipy.spatial.transform import Rotation
-
-    flat = Rotation.from_matrix(np.swapaxes(C.reshape(-1, 3, 3), 1, 2)).as_quat(scalar_first=True)
-    out: Array = flat.reshape(*C.shape[:-2], 4)
-    return out

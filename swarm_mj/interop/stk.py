@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from swarm_mj.interop.states import FlightStates
-from swarm_mj.interop.times import utc_of
+from swarm_mj.tracks.times import utc_of
 
 VERSION = "stk.v.11.0"
 

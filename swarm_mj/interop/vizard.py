@@ -12,10 +12,10 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from swarm_mj.interop.frames import C_EN
 from swarm_mj.interop.states import FlightStates
-from swarm_mj.interop.times import utc_of
 from swarm_mj.spacecraft.attitude.mrp import mrp_from_quaternion
+from swarm_mj.tracks.frames import C_EN
+from swarm_mj.tracks.times import utc_of
 
 #: Fields of VizMessage.
 TIME, CELESTIAL_BODIES, SPACECRAFT, CAMERAS, EPOCH = 1, 2, 3, 4, 8

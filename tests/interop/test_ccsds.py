@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from swarm_mj.errors import InteropError
-from swarm_mj.interop.ccsds_in import read_aem, read_oem
 from swarm_mj.interop.ccsds_out import write_aem, write_oem
-from swarm_mj.interop.interpolation import interpolate, slerp
-from swarm_mj.interop.states import quaternions, steady
 from swarm_mj.smallbody.naif import BodyName
+from swarm_mj.spacecraft.attitude.euler_parameters import quaternions, steady
 from swarm_mj.spacecraft.attitude.mrp import dcm, mrp_from_quaternion
+from swarm_mj.tracks.ccsds_in import read_aem, read_oem
+from swarm_mj.tracks.interpolation import interpolate, slerp
 from tests.interop.test_kernels import MICRORADIAN, angle
 
 EROS = BodyName.of("433 Eros")
@@ -261,7 +261,7 @@ def test_a_file_that_is_missing_too_large_or_a_folder_is_refused(tmp_path, monke
         with pytest.raises(InteropError, match="cannot be read .*; give an OEM"):
             read_oem(path, EROS)
     (tmp_path / "large.oem").write_text("CCSDS_OEM_VERS = 2.0\n" * 10)
-    monkeypatch.setattr("swarm_mj.interop.kvn.MAX_BYTES", 100)
+    monkeypatch.setattr("swarm_mj.tracks.kvn.MAX_BYTES", 100)
     with pytest.raises(InteropError, match="larger than 100 bytes"):
         read_oem(tmp_path / "large.oem", EROS)
 

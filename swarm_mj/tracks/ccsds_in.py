@@ -13,14 +13,14 @@ from typing import Final
 
 import numpy as np
 
-from swarm_mj.interop.frames import FROM_N, from_N
-from swarm_mj.interop.interpolation import MAX_DEGREE
-from swarm_mj.interop.kvn import Message, Segment, read_message
-from swarm_mj.interop.states import quaternions, steady
-from swarm_mj.interop.times import SYSTEMS, instant
-from swarm_mj.interop.tracks import Stretch, Track
 from swarm_mj.smallbody.naif import BodyName
+from swarm_mj.spacecraft.attitude.euler_parameters import quaternions, steady
 from swarm_mj.spacecraft.attitude.mrp import dcm, mrp_from_quaternion
+from swarm_mj.tracks.frames import FROM_N, from_N
+from swarm_mj.tracks.interpolation import MAX_DEGREE
+from swarm_mj.tracks.kvn import Message, Segment, read_message
+from swarm_mj.tracks.times import SYSTEMS, instant
+from swarm_mj.tracks.track import Stretch, Track
 from swarm_mj.typing import Array, Ints
 
 OEM_VERSIONS, AEM_VERSIONS = ("1.0", "2.0", "3.0"), ("1.0", "2.0")

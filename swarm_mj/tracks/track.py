@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from swarm_mj.interop.interpolation import interpolate, slerp
+from swarm_mj.tracks.interpolation import interpolate, slerp
 from swarm_mj.typing import Array, Ints, Mask
 
 

@@ -1,0 +1,1 @@
+"""Paths and attitudes as files of other programs hold them: CCSDS messages, their frames and times, interpolation."""
