@@ -1,0 +1,129 @@
+"""Linear covariance: how errors of release, navigation and burns spread through corrections to the visit.
+
+A spacecraft that knows its state with an error e burns `gain @ (x + e)`, and the burn itself errs in size and direction. To
+first order the covariance of the state then follows without flying (Geller 2006, JGCD 29, 1404); the errors of burns are
+those of Gates 1963 (JPL Technical Report 32-504) that are proportional to the burn. States are in N, metres and seconds.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from swarm_mj.mission.corrections import Legs
+from swarm_mj.typing import Array
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlightErrors:
+    """One sigma of what is not as planned; normal, independent, mean zero.
+
+    Attributes:
+        release: Covariance of each state just after the release, shape (n, 6, 6) [m, m/s].
+        position: What a spacecraft knows of its position at a correction, each component [m].
+        velocity: The same of its velocity [m/s].
+        magnitude: Of a burn, as a share of it [-].
+        pointing: Of a burn, about each axis across it [rad].
+    """
+
+    release: Array
+    position: float = 0.0
+    velocity: float = 0.0
+    magnitude: float = 0.0
+    pointing: float = 0.0
+
+    @property
+    def navigation(self) -> Array:
+        """Covariance of what a spacecraft knows of its state, shape (6, 6)."""
+        return np.diag(np.repeat((self.position**2, self.velocity**2), 3))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Spread:
+    """What linear covariance says of n spacecraft and m corrections.
+
+    Attributes:
+        at_visit: Covariance of the state at the visit with the first 0, 1, ..., m corrections flown, shape (m + 1, n, 6, 6).
+        before: Just before each correction, shape (m, n, 6, 6).
+        delta_v: Of each correction's burn, shape (m, n, 3, 3) [m^2/s^2].
+    """
+
+    at_visit: Array
+    before: Array
+    delta_v: Array
+
+
+def spread(legs: Legs, errors: FlightErrors) -> Spread:
+    """Carry the covariance of the release through the corrections to the visit.
+
+    Raises:
+        MissionError: A correction has no solution; see `targeting_gain`.
+    """
+    m, gain, to_visit = legs.n_corrections, legs.gain, legs.to_visit
+    P, noise = errors.release, errors.navigation
+    at_visit, before, delta_v = [_carried(to_visit[:, 0], P)], [], []
+    for k in range(m):
+        P = _carried(legs.phi[:, k], P)
+        K = gain[:, k]
+        before.append(P)
+        delta_v.append(_carried(K, P + noise))
+        burnt = np.tile(np.eye(6), (len(P), 1, 1))
+        burnt[:, 3:] += K
+        P = _carried(burnt, P)
+        P[:, 3:, 3:] += _carried(K, noise) + burn_covariance(delta_v[-1], errors)
+        at_visit.append(_carried(to_visit[:, k + 1], P))
+    n = len(P)
+    return Spread(
+        at_visit=np.array(at_visit),
+        before=np.array(before).reshape(m, n, 6, 6),
+        delta_v=np.array(delta_v).reshape(m, n, 3, 3),
+    )
+
+
+def burn_covariance(wished: Array, errors: FlightErrors) -> Array:
+    """Covariance of what a burn adds by its errors, shape (..., 3, 3) [m^2/s^2]; exact for `burnt`.
+
+    Args:
+        wished: Second moments of the burns, shape (..., 3, 3) [m^2/s^2].
+        errors: Of which `magnitude` and `pointing` count.
+    """
+    across = np.trace(wished, axis1=-2, axis2=-1)[..., None, None] * np.eye(3) - wished
+    return errors.magnitude**2 * wished + errors.pointing**2 * across
+
+
+def burnt(wished: Array, errors: FlightErrors, rng: np.random.Generator) -> Array:
+    """Burns as they come out, shape (..., 3) [m/s]: too long or short by a share, and turned by a small angle.
+
+    Args:
+        wished: Shape (..., 3) [m/s].
+        errors: Of which `magnitude` and `pointing` count.
+        rng: Four numbers are drawn for each burn.
+    """
+    drawn = rng.standard_normal((*wished.shape[:-1], 4))
+    turned = np.cross(errors.pointing * drawn[..., 1:], wished)
+    return (1.0 + errors.magnitude * drawn[..., :1]) * wished + turned
+
+
+def visit_axes(r_N: Array, v_N: Array) -> Array:
+    """Rotation from N to the visit's axes R, T, S of each spacecraft, shape (n, 3, 3).
+
+    S is along the flight, R and T span the plane across it as in a B-plane: R lies in the plane of S and the body's centre
+    and points outward, T completes R, T, S.
+
+    Args:
+        r_N: Planned positions at the visit, shape (n, 3) [m].
+        v_N: Planned velocities, shape (n, 3) [m/s].
+    """
+    s = v_N / np.linalg.norm(v_N, axis=1, keepdims=True)
+    t = np.cross(s, r_N)
+    lengths = np.linalg.norm(t, axis=1, keepdims=True)
+    # Straight over the centre any direction across will do.
+    spare = np.cross(s, np.eye(3)[np.argmin(np.abs(s), axis=1)])
+    t = np.where(lengths > 1e-9 * np.linalg.norm(r_N, axis=1, keepdims=True), t, spare)
+    t /= np.linalg.norm(t, axis=1, keepdims=True)
+    return np.stack((np.cross(t, s), t, s), axis=1)
+
+
+def _carried(matrix: Array, covariance: Array) -> Array:
+    return matrix @ covariance @ matrix.swapaxes(-1, -2)
