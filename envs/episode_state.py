@@ -7,6 +7,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from swarm_mj.observation.capture import Picture, observe, pictures, pixels_on, sight, watching
+from swarm_mj.observation.smear import Motion
 from swarm_mj.typing import Array, Ints, Mask
 
 from .kinematics import (
@@ -140,7 +141,8 @@ class EpisodeState:
         sun = task.plan.environment.sun
         for e in np.flatnonzero(singly.any(axis=1)):
             t = float(now.t[e])
-            for picture in pictures(t, singly[e], now.r[e], now.C_BN[e], now.C_AN[e], sun.at(t)):
+            moving = Motion(now.v[e], now.omega[e], task.plan.environment.spin_N)
+            for picture in pictures(t, singly[e], now.r[e], now.C_BN[e], now.C_AN[e], sun.at(t), moving):
                 area[e] += self._judge_singly(int(e), picture)
 
     def _judge_singly(self, e: int, picture: Picture) -> float:
@@ -150,7 +152,7 @@ class EpisodeState:
             Newly seen area [m^2].
         """
         task, totals, region = self.task, self.totals, self.task.plan.region
-        seen = observe(task.observer, picture.r_A, picture.C_CA, task.criterion, picture.sun_A)
+        seen = observe(task.observer, picture.r_A, picture.C_CA, task.criterion, picture.sun_A, picture.motion)
         new = seen & ~totals.seen[e]
         gained = float(region.area[new].sum())
         if gained > 0.0:

@@ -71,7 +71,7 @@ class Task:
             self.plan.region, camera_from(given), kind=config.observer, occlusion=given.observation.occlusion
         )
         self.scene: Scene | None = None
-        if isinstance(self.observer, HorizonObserver) and not self.criterion.whole:
+        if isinstance(self.observer, HorizonObserver) and not (self.criterion.whole or self.criterion.needs_motion):
             self.scene = make_scene(self.observer, self.criterion)
         self.observation_layout = ObservationLayout(self.plan, config.patches)
         self.reward_scales: RewardScales = checked_scales(config.reward_weights)

@@ -18,7 +18,10 @@ def results_table(summaries: Sequence[dict[str, Any]]) -> Table:
     table.add_column("")
     for summary in summaries:
         table.add_column(summary["scenario"], justify="right")
-    for label, cell in _ROWS.items():
+    smeared = (
+        {"smear at the visit, median / worst [px]": _smeared} if any("smear_px_visit" in s for s in summaries) else {}
+    )
+    for label, cell in (_ROWS | smeared).items():
         table.add_row(escape(label), *(cell(summary) for summary in summaries))
     return table
 
@@ -31,6 +34,10 @@ def _sampled(summary: dict[str, Any]) -> str:
     required = summary.get("ground_resolution_m")
     reached = " / ".join(f"{value:.3g}" for value in summary.get("gsd_m", {}).values()) or "-"
     return reached if required is None else f"{reached}; D {required:g}"
+
+
+def _smeared(summary: dict[str, Any]) -> str:
+    return " / ".join(f"{value:.3g}" for value in summary.get("smear_px_visit", {}).values()) or "-"
 
 
 def _delivered(summary: dict[str, Any]) -> str:

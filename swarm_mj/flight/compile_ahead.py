@@ -16,6 +16,7 @@ from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.mission.links import links_closed
 from swarm_mj.observation.camera import look_at
 from swarm_mj.observation.capture import observe
+from swarm_mj.observation.smear import CameraMotion
 from swarm_mj.simulator.fast.integrator import Integrator
 from swarm_mj.smallbody.rotation import spin_dcm
 from swarm_mj.spacecraft.attitude.mrp import dcm
@@ -52,5 +53,6 @@ def _take_picture(plan: Plan) -> None:
     """From a visiting point, of the target's middle."""
     pose = look_at(plan.points_A[0], plan.region.centroid_A.mean(axis=0))
     observer = observer_from(plan.scenario, plan.region)
-    observe(observer, pose.r_A, pose.C_CA, criterion_from(plan.scenario), plan.environment.sun.at(0.0))
+    at_rest, sun_N = CameraMotion(np.zeros(3), np.zeros(3)), plan.environment.sun.at(0.0)
+    observe(observer, pose.r_A, pose.C_CA, criterion_from(plan.scenario), sun_N, at_rest)
     observer.close()

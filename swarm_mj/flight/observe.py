@@ -24,6 +24,7 @@ from swarm_mj.observation.capture import (
 )
 from swarm_mj.observation.coverage import CoverageMap
 from swarm_mj.observation.observer import Observer, make_observer
+from swarm_mj.observation.smear import Motion, smear_px
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.smallbody.environment import Environment
 from swarm_mj.spacecraft.attitude.mrp import dcm
@@ -71,6 +72,8 @@ class ObservationResult:
         images: Number of pictures judged.
         gsd_m: Finest ground sampling distance at which each cell counts by the scenario's criterion [m], NaN where it does not,
             shape (n,); None where the flight was read back.
+        smear_px: Smear of each cell in the sharpest picture of the visit that has it in the field of view [px], NaN where none
+            has, shape (n,); None where the camera has no exposure or the flight was read back.
         delivery: What of it reaches Earth; None where that was not computed.
     """
 
@@ -80,6 +83,7 @@ class ObservationResult:
     note: str
     images: int
     gsd_m: Array | None = None
+    smear_px: Array | None = None
     delivery: Delivery | None = None
 
 
@@ -91,6 +95,7 @@ def camera_from(scenario: Scenario) -> CameraModel:
         shape=camera.shape,
         resolution_px=camera.resolution_px,
         detector_ifov=camera.detector_ifov_rad,
+        exposure_s=camera.exposure_s or 0.0,
     )
 
 
@@ -103,6 +108,7 @@ def criterion_from(scenario: Scenario) -> ObservationCriterion:
         max_emission_deg=observation.max_emission_deg,
         max_range_m=observation.max_range_m,
         max_gsd_m=observation.max_gsd_m,
+        max_smear_px=observation.max_smear_px,
         max_incidence_deg=observation.max_incidence_deg,
         shadows=observation.shadows,
     )
@@ -147,15 +153,17 @@ def observe_flight(plan: Observed, telemetry: xr.Dataset, progress: Progress | N
     passage, visit = (CoverageMap(plan.region.area, plan.n) for _ in range(2))
     visit_s = telemetry["time"].values[visit_sample(scenario)]
     observer = observer_from(scenario, plan.region)
-    limits, gsd_m = criterion.limits(observer.camera), np.full(plan.region.n_cells, np.nan)
+    limits = criterion.limits(observer.camera)
+    gsd_m, least_px = (np.full(plan.region.n_cells, np.nan) for _ in range(2))
     visit_only = scenario.observation.criterion == "visit"
     images = 0
     try:
         for picture in flight_pictures(plan, telemetry):
-            seen = observe(observer, picture.r_A, picture.C_CA, criterion, picture.sun_A)
+            seen = observe(observer, picture.r_A, picture.C_CA, criterion, picture.sun_A, picture.motion)
             passage.add(picture.t, picture.spacecraft, seen)
             if picture.t == visit_s:
                 visit.add(picture.t, picture.spacecraft, seen)
+                least_px = np.fmin(least_px, _smear_in(observer, picture))
             if picture.t == visit_s or not visit_only:
                 finest = ground_sampling_distance(limits, *sight(plan.region, picture.r_A, seen))
                 gsd_m[seen] = np.fmin(gsd_m[seen], finest)
@@ -171,16 +179,30 @@ def observe_flight(plan: Observed, telemetry: xr.Dataset, progress: Progress | N
         note=WHOLE_NOTE if criterion.whole else observer.note,
         images=images,
         gsd_m=gsd_m,
+        smear_px=least_px if scenario.camera.exposure_s else None,
     )
+
+
+def _smear_in(observer: Observer, picture: Picture) -> Array:
+    """Smear of the cells whose near side is in a picture [px], NaN elsewhere, shape (n,)."""
+    region, camera = observer.region, observer.camera
+    if picture.motion is None:
+        return np.full(region.n_cells, np.nan)
+    _, height = sight(region, picture.r_A)
+    shown = (height > 0.0) & camera.contains(picture.pose.to_camera(region.centroid_A))
+    return np.where(shown, smear_px(region, camera, picture.r_A, picture.C_CA, picture.motion), np.nan)
 
 
 def flight_pictures(plan: Observed, telemetry: xr.Dataset) -> Iterator[Picture]:
     """All pictures of a flight, in order of time."""
     who, environment = watching_in(telemetry, plan.n_observers), plan.environment
     r_BN_N, C_BN = telemetry["r_BN_N"].values, dcm(telemetry["sigma_BN"].values)
+    # Of a flight flown elsewhere no rates are known.
+    rates = [telemetry[name].values for name in ("v_BN_N", "omega_BN_B") if name in telemetry]
     for k in picture_samples(plan.scenario, telemetry):
         t = float(telemetry["time"].values[k])
-        yield from pictures(t, who[k], r_BN_N[k], C_BN[k], environment.C_AN(t), environment.sun.at(t))
+        moving = Motion(rates[0][k], rates[1][k], environment.spin_N) if len(rates) == 2 else None
+        yield from pictures(t, who[k], r_BN_N[k], C_BN[k], environment.C_AN(t), environment.sun.at(t), moving)
 
 
 def picture_count(plan: Observed, telemetry: xr.Dataset) -> int:

@@ -170,6 +170,11 @@ def foreign_flight(
     """
     if pointing not in POINTINGS:
         raise InteropError(f"pointing = {pointing!r}: must be {' or '.join(POINTINGS)}")
+    if scenario.observation.max_smear_px is not None:
+        raise InteropError(
+            f"observation.max_smear_px = {scenario.observation.max_smear_px:g}: smear needs velocities and body rates, and of "
+            "a flight from files only places and attitudes are read; set observation.max_smear_px=null"
+        )
     scene = Scene(scenario)
     looks = [_looks(scene, path, pointing, *attitudes[j : j + 1]) for j, path in enumerate(paths)]
     telemetry = scene.telemetry(looks)

@@ -37,6 +37,7 @@ class CameraModel:
         resolution_px: Pixels along one side of the square picture.
         detector_ifov: Width of a pixel of the real detector at unit distance [rad], where it is finer than the picture that
             is drawn; None: the picture's.
+        exposure_s: Time for which a picture is exposed [s]; 0: an instant.
 
     Raises:
         MissionError: A value is impossible.
@@ -46,6 +47,7 @@ class CameraModel:
     shape: FieldOfView = "square"
     resolution_px: int = 512
     detector_ifov: float | None = None
+    exposure_s: float = 0.0
 
     def __post_init__(self) -> None:
         """Refuse impossible cameras."""
@@ -55,6 +57,8 @@ class CameraModel:
             raise MissionError(f"unknown field of view {self.shape!r}: use 'square' or 'cone'")
         if not 1 <= self.resolution_px <= MAX_RESOLUTION:
             raise MissionError(f"camera resolution {self.resolution_px} px must be 1 to {MAX_RESOLUTION} px")
+        if not (isfinite(self.exposure_s) and self.exposure_s >= 0.0):
+            raise MissionError(f"camera exposure {self.exposure_s} s must be 0 or more")
 
     @property
     def tan_half_angle(self) -> float:

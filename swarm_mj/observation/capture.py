@@ -25,6 +25,7 @@ from swarm_mj.observation.camera import CameraModel, CameraPose, camera_pose
 from swarm_mj.observation.illumination import lit
 from swarm_mj.observation.observer import Observer
 from swarm_mj.observation.sampling import shown_whole
+from swarm_mj.observation.smear import CameraMotion, Motion, smear_px
 from swarm_mj.spacecraft.attitude.algebra import dot, relative_dcm, times
 from swarm_mj.typing import Array, Ints, Mask, jittable
 
@@ -91,6 +92,7 @@ class Picture(NamedTuple):
         r_A: Position of the camera in A [m], shape (3,).
         C_CA: Rotation from A to the camera frame, which is the spacecraft's B, shape (3, 3).
         sun_A: Direction to the Sun in A, of any length, shape (3,).
+        motion: How the camera moves relative to the body; None where that is not known.
     """
 
     t: float
@@ -98,6 +100,7 @@ class Picture(NamedTuple):
     r_A: Array
     C_CA: Array
     sun_A: Array
+    motion: CameraMotion | None = None
 
     @property
     def pose(self) -> CameraPose:
@@ -105,7 +108,9 @@ class Picture(NamedTuple):
         return CameraPose(self.r_A, self.C_CA)
 
 
-def pictures(t: float, who: Mask, r_BN_N: Array, C_BN: Array, C_AN: Array, sun_N: Array) -> Iterator[Picture]:
+def pictures(
+    t: float, who: Mask, r_BN_N: Array, C_BN: Array, C_AN: Array, sun_N: Array, moving: Motion | None = None
+) -> Iterator[Picture]:
     """The pictures of one instant, in order of the spacecraft.
 
     Args:
@@ -115,11 +120,13 @@ def pictures(t: float, who: Mask, r_BN_N: Array, C_BN: Array, C_AN: Array, sun_N
         C_BN: Rotations from N to B, shape (n, 3, 3).
         C_AN: Rotation from N to A, shape (3, 3).
         sun_N: Position of the Sun relative to the body [m], shape (3,).
+        moving: How spacecraft and the body move, where smear matters.
     """
     j = np.flatnonzero(who)
     sun_A = np.array(times(C_AN, sun_N))
     for spacecraft, r_A, C_CA in zip(j, *camera_poses(r_BN_N[j], C_BN[j], C_AN), strict=True):
-        yield Picture(t, int(spacecraft), r_A, C_CA, sun_A)
+        motion = moving and moving.of(int(spacecraft), r_BN_N[spacecraft], C_BN[spacecraft], C_AN)
+        yield Picture(t, int(spacecraft), r_A, C_CA, sun_A, motion)
 
 
 def camera_poses(r_BN_N: Array, C_BN: Array, C_AN: Array) -> tuple[Array, Array]:
@@ -146,6 +153,7 @@ class ObservationCriterion:
         max_emission_deg: Largest angle between the cell's normal and the direction to the camera [deg].
         max_range_m: Largest distance to the camera [m].
         max_gsd_m: Largest ground sampling distance [m]: range times pixel angle over the cosine of emission.
+        max_smear_px: Largest motion of the cell's image during the exposure [px].
         max_incidence_deg: Largest angle between the cell's normal and the Sun [deg]; 90 asks for daylight.
         shadows: Let the body's own shadow hide cells; asks for daylight too.
 
@@ -158,6 +166,7 @@ class ObservationCriterion:
     max_emission_deg: float | None = None
     max_range_m: float | None = None
     max_gsd_m: float | None = None
+    max_smear_px: float | None = None
     max_incidence_deg: float | None = None
     shadows: bool = False
 
@@ -165,7 +174,7 @@ class ObservationCriterion:
         """Refuse impossible limits."""
         if not 0.0 < self.min_fraction <= 1.0:
             raise MissionError(f"min_fraction {self.min_fraction} must be above 0 and at most 1")
-        for name in ("max_emission_deg", "max_range_m", "max_gsd_m", "max_incidence_deg"):
+        for name in ("max_emission_deg", "max_range_m", "max_gsd_m", "max_smear_px", "max_incidence_deg"):
             value = getattr(self, name)
             if value is not None and not value > 0.0:
                 raise MissionError(f"{name} {value} must be positive, or None for no limit")
@@ -180,6 +189,11 @@ class ObservationCriterion:
         """Whether the direction to the Sun matters."""
         return self.shadows or self.max_incidence_deg is not None
 
+    @property
+    def needs_motion(self) -> bool:
+        """Whether it matters how the camera moves."""
+        return self.max_smear_px is not None
+
     def limits(self, camera: CameraModel) -> Limits:
         """The criterion in numbers, for pictures of one camera."""
         emission = 90.0 if self.max_emission_deg is None else min(self.max_emission_deg, 90.0)
@@ -187,6 +201,7 @@ class ObservationCriterion:
             min_cos_emission=cos(radians(emission)) if emission < 90.0 else 0.0,
             max_range=self.max_range_m or inf,
             max_gsd=self.max_gsd_m or inf,
+            max_smear=self.max_smear_px or inf,
             pixel_angle=camera.pixel_angle,
             min_share=ANY_PART if self.any_pixel else self.min_fraction,
         )
@@ -199,6 +214,7 @@ class Limits(NamedTuple):
         min_cos_emission: Least cosine of the emission angle.
         max_range: [m].
         max_gsd: Largest ground sampling distance [m].
+        max_smear: Largest motion of the image during the exposure [px].
         pixel_angle: Width of a pixel at unit distance [rad].
         min_share: Least visible share of a cell.
     """
@@ -206,18 +222,20 @@ class Limits(NamedTuple):
     min_cos_emission: float
     max_range: float
     max_gsd: float
+    max_smear: float
     pixel_angle: float
     min_share: float
 
 
 @jittable
-def keeps_limits(limits: Limits, distance: Any, height: Any) -> Any:
-    """Whether cells keep the limits of emission angle, range and ground sampling distance.
+def keeps_limits(limits: Limits, distance: Any, height: Any, smear: Any = 0.0) -> Any:
+    """Whether cells keep the limits of emission angle, range, ground sampling distance and smear.
 
     Args:
         limits: In numbers.
         distance: From the cell's centroid to the camera [m].
         height: Of the camera above the plane of the cell [m].
+        smear: Motion of the cell's image during the exposure [px], see `smear_px`; 0 is its least, for bounds.
     """
     cos_emission = height / distance
     return (
@@ -225,6 +243,7 @@ def keeps_limits(limits: Limits, distance: Any, height: Any) -> Any:
         & (cos_emission >= limits.min_cos_emission)
         & (distance <= limits.max_range)
         & (distance * limits.pixel_angle <= limits.max_gsd * cos_emission)
+        & (smear <= limits.max_smear)
     )
 
 
@@ -282,6 +301,7 @@ def cells_that_count(
     r_A: Array,
     light: Callable[[], Mask],
     share: Callable[[], Array],
+    smear: Callable[[], Array],
 ) -> Mask:
     """Cells that count as observed in a picture, shape (n,).
 
@@ -291,9 +311,11 @@ def cells_that_count(
         r_A: Camera position in A [m], shape (3,).
         light: Gives which cells are lit, see `lit_cells`; asked only where light matters and something is left to light.
         share: Gives the visible share of every cell, see `visible_share`; asked only where something is left to see.
+        smear: Gives the smear of every cell, see `smear_px`; asked only where it matters.
     """
     limits = criterion.limits(observer.camera)
-    counts: Mask = keeps_limits(limits, *sight(observer.region, r_A))
+    moved = smear() if criterion.needs_motion else 0.0
+    counts: Mask = keeps_limits(limits, *sight(observer.region, r_A), moved)
     if criterion.needs_sun and counts.any():
         counts &= light()
     return counts & shows_enough(limits, share()) if counts.any() else counts
@@ -305,6 +327,7 @@ def observe(
     C_CA: ArrayLike,
     criterion: ObservationCriterion,
     sun_A: ArrayLike | None = None,
+    motion: CameraMotion | None = None,
 ) -> Mask:
     """Take one picture and tell which cells count as observed in it, shape (n,).
 
@@ -314,9 +337,10 @@ def observe(
         C_CA: Rotation from A to the camera frame, shape (3, 3).
         criterion: What counts.
         sun_A: Direction to the Sun in A, of any length, shape (3,); needed if the criterion asks for light.
+        motion: How the camera moves relative to the body; needed if the criterion limits smear.
 
     Raises:
-        MissionError: The pose is impossible, or light is asked for without a Sun.
+        MissionError: The pose is impossible, light is asked for without a Sun, or little smear without a motion.
     """
 
     def light() -> Mask:
@@ -327,4 +351,10 @@ def observe(
     def share() -> Array:
         return visible_share(observer, r_A, C_CA, whole=criterion.whole)
 
-    return cells_that_count(observer, criterion, np.asarray(r_A, dtype=np.float64), light, share)
+    def smear() -> Array:
+        if motion is None:
+            raise MissionError("the observation criterion limits smear: pass how the camera moves, motion")
+        return smear_px(observer.region, observer.camera, position, np.asarray(C_CA, dtype=np.float64), motion)
+
+    position = np.asarray(r_A, dtype=np.float64)
+    return cells_that_count(observer, criterion, position, light, share, smear)

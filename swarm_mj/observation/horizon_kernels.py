@@ -58,10 +58,14 @@ def make_scene(observer: HorizonObserver, criterion: ObservationCriterion) -> Sc
     """Gather what `new_cells` needs.
 
     Raises:
-        MissionError: The criterion asks for whole cells, which sample points alone do not tell.
+        MissionError: The criterion asks for whole cells, which sample points alone do not tell, or limits smear.
     """
     if criterion.whole:
         raise MissionError(f"min_fraction {criterion.min_fraction} asks for whole cells: judge them by `observe`")
+    if criterion.needs_motion:
+        raise MissionError(
+            f"max_smear_px {criterion.max_smear_px}: compiled pictures do not know rates: judge them by `observe`"
+        )
     region, limits = observer.region, criterion.limits(observer.camera)
     radius = np.linalg.norm(region.corners_A - region.centroid_A[:, None], axis=2).max(axis=1)
     samples = observer.horizon.samples

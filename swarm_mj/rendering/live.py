@@ -17,6 +17,7 @@ from swarm_mj.mission.links import closed_links
 from swarm_mj.mission.trajectories import propagate
 from swarm_mj.observation.capture import observe, pictures, watching
 from swarm_mj.observation.coverage import CoverageMap
+from swarm_mj.observation.smear import Motion
 from swarm_mj.rendering.frame import Instant, Traffic
 from swarm_mj.rendering.replay import trail_points
 from swarm_mj.rendering.transfers import BEATS
@@ -180,8 +181,10 @@ class LiveFlight:
     def _take_pictures(self) -> None:
         now, sun = self.instant(), self.plan.environment.sun
         who = watching(self.plan.n_observers, now.kind, self._simulation.camera_on)
-        for picture in pictures(now.t, who, now.r_BN_N, now.C_BN, now.C_AN, sun.at(now.t)):
-            seen = observe(self._observer, picture.r_A, picture.C_CA, self._criterion, picture.sun_A)
+        _, rates = self._simulation.model.state(self._simulation.data)
+        moving = Motion(rates[:, :3], rates[:, 3:6], self.plan.environment.spin_N)
+        for picture in pictures(now.t, who, now.r_BN_N, now.C_BN, now.C_AN, sun.at(now.t), moving):
+            seen = observe(self._observer, picture.r_A, picture.C_CA, self._criterion, picture.sun_A, picture.motion)
             self._coverage.add(picture.t, picture.spacecraft, seen)
 
 

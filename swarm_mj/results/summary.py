@@ -63,12 +63,22 @@ def _observed(plan: Plan, result: ObservationResult) -> dict[str, Any]:
         "criterion": scenario.observation.criterion,
         "camera_half_angle_deg": scenario.camera.half_angle_deg,
         "gsd_m": _reached(result),
+        **_smeared(result),
         "gsd_pixel": "picture" if scenario.camera.detector_ifov_rad is None else "detector",
         "ground_resolution_m": scenario.camera.ground_resolution_m,
         "observer": result.observer,
         "observer_note": result.note,
         "images": result.images,
     }
+
+
+def _smeared(result: ObservationResult) -> dict[str, Any]:
+    """Smear at the visit [px], each cell in its sharpest picture; nothing where the camera has no exposure."""
+    if result.smear_px is None:
+        return {}
+    shown = result.smear_px[~np.isnan(result.smear_px)]
+    worst = {"median": _rounded(np.median(shown), 6), "max": _rounded(shown.max(), 6)} if len(shown) else {}
+    return {"smear_px_visit": worst}
 
 
 def _reached(result: ObservationResult) -> dict[str, float]:

@@ -294,6 +294,15 @@ class Scenario(Section):
         return self
 
     @model_validator(mode="after")
+    def _smear_has_an_exposure(self) -> Self:
+        if (limit := self.observation.max_smear_px) is not None and not self.camera.exposure_s:
+            raise ValueError(
+                f"observation.max_smear_px = {limit:g}: limits nothing without camera.exposure_s; give the exposure in "
+                "seconds, or set max_smear_px: null"
+            )
+        return self
+
+    @model_validator(mode="after")
     def _own_spacecraft_can_fly(self) -> Self:
         if self.spacecraft.mjcf is None:
             return self

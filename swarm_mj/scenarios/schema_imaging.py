@@ -23,6 +23,13 @@ class Camera(Section):
         gt=0,
         description="angle of one pixel of the real detector, for the ground sampling distance [rad]; null: the picture's",
     )
+    exposure_s: float | None = Field(
+        None,
+        ge=0,
+        le=60,
+        description="time for which a picture is exposed [s]: the motion of its cells over the detector is then told as smear, "
+        "and observation.max_smear_px can limit it; null or 0: an instant, no smear",
+    )
     ground_resolution_m: float | None = Field(
         None,
         ge=1e-6,
@@ -69,6 +76,12 @@ class Observation(Section):
     max_range_m: float | None = Field(None, gt=0, description="largest distance between face and camera [m]; null: any")
     max_gsd_m: float | None = Field(
         None, gt=0, description="largest ground sampling distance, obliquity included [m]; null: any"
+    )
+    max_smear_px: float | None = Field(
+        None,
+        gt=0,
+        description="largest motion of a face over the detector during camera.exposure_s, which must be given [px]; of its "
+        "centre, by flyby, spin of the body and rates of the spacecraft; null: any",
     )
     max_incidence_deg: float | None = Field(
         None, gt=0, le=90, description="largest angle between face normal and Sun [deg]; null: any"

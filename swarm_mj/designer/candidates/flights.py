@@ -36,6 +36,8 @@ class CandidateFlights:
         observing: Whether a candidate takes a picture then, shape (t, n).
         r_A: Positions in A, shape (t, n, 3) [m].
         C_CA: Commanded camera attitudes, shape (t, n, 3, 3).
+        v_A: Velocities in A relative to A, shape (t, n, 3) [m/s].
+        omega_C: Commanded angular velocities of the cameras relative to A, in C, shape (t, n, 3) [rad/s].
         delta_v: Deployment speed relative to the mothership at the mean of all candidates, shape (n,) [m/s].
         points: The visiting point of each candidate, numbered from 1.
         left_out: Visiting points to which no flight goes, and why, in a few words.
@@ -47,6 +49,8 @@ class CandidateFlights:
     observing: Mask
     r_A: Array
     C_CA: Array
+    v_A: Array
+    omega_C: Array
     delta_v: Array
     points: tuple[int, ...]
     left_out: dict[int, str]
@@ -97,7 +101,7 @@ def fly_candidates(scenario: Scenario, progress: Progress | None = None) -> Cand
     n = plan.n_observers
     starts = np.broadcast_to(plan.deployment.r0_N, plan.deployment.v0_N.shape)
     r_N, v_N = propagate(plan.environment.acceleration_N, starts, plan.deployment.v0_N, times)
-    observing, r_A, C_CA = _commanded(plan, times, r_N, v_N)
+    observing, r_A, C_CA, v_A, omega_C = _commanded(plan, times, r_N, v_N)
     return CandidateFlights(
         plan=plan,
         times=times,
@@ -105,6 +109,8 @@ def fly_candidates(scenario: Scenario, progress: Progress | None = None) -> Cand
         observing=observing[:, :n],
         r_A=r_A[:, :n],
         C_CA=C_CA[:, :n],
+        v_A=v_A[:, :n],
+        omega_C=omega_C[:, :n],
         delta_v=plan.deployment.delta_v[:n],
         points=plan.scenario.design.visiting_points,
         left_out=left_out,
@@ -154,13 +160,14 @@ def _picture_times(scenario: Scenario) -> tuple[Array, Mask]:
     return times[ticks], schedule.due(ticks)
 
 
-def _commanded(plan: Plan, times: Array, r_N: Array, v_N: Array) -> tuple[Mask, Array, Array]:
-    """Whether each spacecraft takes a picture, where its camera is and how it is commanded to turn, at every time."""
-    n = plan.n
+def _commanded(plan: Plan, times: Array, r_N: Array, v_N: Array) -> tuple[Mask, Array, Array, Array, Array]:
+    """Whether each spacecraft takes a picture, where its camera is, how it is turned and how both change, at every time."""
+    n, spin_N = plan.n, plan.environment.spin_N
     q_RN = np.tile([1.0, 0.0, 0.0, 0.0], (n, 1))
     base = q_RN.copy()
     observing = np.zeros((len(times), n), dtype=np.bool_)
-    r_A, C_CA = np.empty((len(times), n, 3)), np.empty((len(times), n, 3, 3))
+    C_CA = np.empty((len(times), n, 3, 3))
+    r_A, v_A, omega_C = (np.empty((len(times), n, 3)) for _ in range(3))
     memory, zero, reference = None, np.zeros((n, 3)), Reference(q_RN, *(np.empty((n, 3)) for _ in range(3)))
     for k, t in enumerate(times):
         C_AN = plan.environment.C_AN(t)
@@ -168,7 +175,11 @@ def _commanded(plan: Plan, times: Array, r_N: Array, v_N: Array) -> tuple[Mask, 
         surface = targets.kind == TargetKind.SURFACE
         observing[k] = watching(plan.n_observers, targets.kind)
         # Where nothing is observed the attitude does not matter; the body's centre serves.
-        rho = -r_N[k] + np.where(surface[:, None], targets.vector @ C_AN, 0.0)
-        track_line_of_sight(LineOfSight(rho, zero, zero), base, np.full(n, k == 0), reference)
-        r_A[k], C_CA[k] = camera_poses(r_N[k], dcm(mrp_from_quaternion(q_RN)), C_AN)
-    return observing, r_A, C_CA
+        point_N = np.where(surface[:, None], targets.vector @ C_AN, 0.0)
+        rho, rho_dot = point_N - r_N[k], np.cross(spin_N, point_N) - v_N[k]
+        track_line_of_sight(LineOfSight(rho, rho_dot, zero), base, np.full(n, k == 0), reference)
+        C_BN = dcm(mrp_from_quaternion(q_RN))
+        r_A[k], C_CA[k] = camera_poses(r_N[k], C_BN, C_AN)
+        v_A[k] = (v_N[k] - np.cross(spin_N, r_N[k])) @ C_AN.T
+        omega_C[k] = np.einsum("jab,jb->ja", C_BN, reference.omega_RN_N - spin_N)
+    return observing, r_A, C_CA, v_A, omega_C

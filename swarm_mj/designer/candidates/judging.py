@@ -21,7 +21,8 @@ from swarm_mj.designer.candidates.pictures import (
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.capture import ObservationCriterion, cells_that_count, lit_cells
 from swarm_mj.observation.reach import cells_of, in_reach, reach_of
-from swarm_mj.typing import Indices, Mask
+from swarm_mj.observation.smear import CameraMotion, smear_px
+from swarm_mj.typing import Array, Indices, Mask
 
 
 class Watcher(NamedTuple):
@@ -89,6 +90,7 @@ class Judge:
                         watcher.flights.r_A[k, watcher.number],
                         partial(self._light, watcher.flights, int(k)),
                         partial(share.__getitem__, row),
+                        partial(self._smear, watcher, int(k)),
                     )
                 yield j, seen
 
@@ -107,6 +109,12 @@ class Judge:
             sun_A = environment.C_AN(t) @ environment.sun.at(t)
             self._lit[key] = lit_cells(self._observer, self.criterion, sun_A)
         return self._lit[key]
+
+    def _smear(self, watcher: Watcher, k: int) -> Array:
+        """Smear of every cell in a picture of a candidate, which turns as it is commanded [px]."""
+        flights, j = watcher.flights, watcher.number
+        motion = CameraMotion(flights.v_A[k, j], flights.omega_C[k, j])
+        return smear_px(self.region, self._observer.camera, flights.r_A[k, j], flights.C_CA[k, j], motion)
 
     def close(self) -> None:
         """Release what the observer holds."""

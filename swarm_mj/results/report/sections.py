@@ -32,6 +32,7 @@ def summary_section(run: RunRecord) -> Html:
         (P_TO, f"{summary['coverage_percent']:.2f} %", CRITERION[summary["criterion"]]),
         *_delivered(summary),
         ("observed, whole passage", f"{summary['coverage_percent_passage']:.2f} %", f"{summary['images']} pictures"),
+        *_smeared(summary),
         ("spacecraft", str(summary["spacecraft"]), f"{summary['observers']} of them observe{_lost_words(summary)}"),
         ("pointing error before a switch", f"{short(max(late.values()))}°" if late else "–", "largest of the swarm"),
         ("fastest wheel", f"{100 * summary['max_wheel_speed_fraction']:.0f} %", "of its limit"),
@@ -57,6 +58,16 @@ def _delivered(summary: dict[str, Any]) -> list[tuple[str, str, str]]:
     if full is not None:
         cards.append(("map complete on Earth", f"t = {instant(full, time_axis(full))}", "by what the swarm runs alone"))
     return cards
+
+
+def _smeared(summary: dict[str, Any]) -> list[tuple[str, str, str]]:
+    """How far faces moved over the detector at the visit, where the camera has an exposure."""
+    smear = summary.get("smear_px_visit")
+    if smear is None:
+        return []
+    value = f"{short(smear['median'])} px" if smear else "–"
+    note = f"median at the visit; worst {short(smear['max'])} px" if smear else "no picture at the visit"
+    return [("smear", value, note)]
 
 
 def _lost_words(summary: dict[str, Any]) -> str:

@@ -37,6 +37,7 @@ class MrpFeedback:
         damping_ratio: Their damping ratio; 1 is critical.
         integral_gain: Gain on the integral term z [1/s]; 0 switches it off. It removes the error that a constant
             disturbance leaves, at the price of overshoot after large slews.
+        feed_forward: Whether the acceleration of the line of sight is commanded before it leaves an error.
 
     Raises:
         ScenarioError: A parameter is outside its range.
@@ -45,6 +46,7 @@ class MrpFeedback:
     frequency: float = 0.1
     damping_ratio: float = 1.0
     integral_gain: float = 0.0
+    feed_forward: bool = True
 
     name: ClassVar[str] = "mrp_feedback"
 
@@ -104,7 +106,7 @@ class MrpFeedback:
     @cached_property
     def _numbers(self) -> Array:
         """Gains in the order in which compiled code takes them."""
-        return np.array((self.attitude_gain, self.rate_gain))
+        return np.array((self.attitude_gain, self.rate_gain, float(self.feed_forward)))
 
 
 def write_torque(
@@ -120,11 +122,11 @@ def write_torque(
     torque_B: Array,
 ) -> None:
     """Write the torques without the integral term; see `CompiledLaw`."""
-    attitude_gain, rate_gain = numbers[0], numbers[1]
+    attitude_gain, rate_gain, ahead = numbers[0], numbers[1], numbers[2]
     for i in range(sigma_BR.shape[0]):
         omega, error = vector(omega_BN_B, i), vector(omega_BR_B, i)
         restoring = combine(-attitude_gain, vector(sigma_BR, i), -rate_gain, error)
-        following = combine(1.0, vector(domega_RN_B, i), -1.0, cross(omega, vector(omega_RN_B, i)))
+        following = combine(ahead, vector(domega_RN_B, i), -1.0, cross(omega, vector(omega_RN_B, i)))
         inertial = times(inertia_effective_B[i], combine(1.0, following, 1.0, restoring))
         momentum = combine(1.0, times(inertia_B[i], omega), 1.0, vector(wheel_momentum_B, i))
         put_vector(torque_B, i, combine(1.0, cross(omega, momentum), 1.0, inertial))

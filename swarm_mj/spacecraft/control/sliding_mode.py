@@ -47,6 +47,7 @@ class Gains(NamedTuple):
         damping: [1/s].
         disturbance: Torque that is allowed for [N m].
         uncertainty: Of the inertia, relative.
+        feed_forward: Share of the reference acceleration that is fed to the wheels ahead of any error: 1 or 0.
     """
 
     slope: float
@@ -56,6 +57,7 @@ class Gains(NamedTuple):
     damping: float
     disturbance: float
     uncertainty: float
+    feed_forward: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,6 +72,7 @@ class MrpSlidingMode:
         damping: Extra linear decay of s [1/s]; quickens the approach from afar without widening the layer.
         disturbance_torque: Largest external torque about each axis for which the guarantee holds [N m].
         inertia_uncertainty: Largest relative error of the principal moments of inertia given to the law, below 1.
+        feed_forward: Whether the acceleration of the line of sight is commanded before it leaves an error.
 
     Raises:
         ScenarioError: A parameter is outside its range.
@@ -82,6 +85,7 @@ class MrpSlidingMode:
     damping: float = 0.2
     disturbance_torque: float = 1e-4
     inertia_uncertainty: float = 0.2
+    feed_forward: bool = True
 
     name: ClassVar[str] = "mrp_sliding_mode"
 
@@ -127,8 +131,9 @@ class MrpSlidingMode:
         """Parameters in the order of `Gains`, as compiled code takes them."""
         limit = inf if self.rate_limit is None else self.rate_limit
         layer, damping, disturbance = self.layer, self.damping, self.disturbance_torque
+        ahead = float(self.feed_forward)
         return np.array(
-            Gains(self.slope, limit, self.reaching_rate, layer, damping, disturbance, self.inertia_uncertainty)
+            Gains(self.slope, limit, self.reaching_rate, layer, damping, disturbance, self.inertia_uncertainty, ahead)
         )
 
     def _fastest_gain(self, J_eff: Array) -> float:
@@ -165,7 +170,7 @@ def write_torque(
         omega, error = vector(omega_BN_B, i), vector(omega_BR_B, i)
         slew, slew_dot = _slew(vector(sigma_BR, i), error, gains.slope, gains.rate_limit)
         turning = cross(omega, vector(omega_RN_B, i))
-        on_manifold = combine(1.0, combine(1.0, vector(domega_RN_B, i), -1.0, turning), -1.0, slew_dot)
+        on_manifold = combine(1.0, combine(gains.feed_forward, vector(domega_RN_B, i), -1.0, turning), -1.0, slew_dot)
         for j in range(3):
             s = error[j] + slew[j]
             at_rest = _gain_at_rest(J_eff[j, j], gains)
@@ -179,7 +184,7 @@ def write_torque(
 
 @jittable
 def _gains_of(numbers: Array) -> Gains:
-    return Gains(numbers[0], numbers[1], numbers[2], numbers[3], numbers[4], numbers[5], numbers[6])
+    return Gains(numbers[0], numbers[1], numbers[2], numbers[3], numbers[4], numbers[5], numbers[6], numbers[7])
 
 
 @jittable

@@ -111,7 +111,7 @@ def stronger_motors():
 
 def steeper_law():
     right = MrpSlidingMode._numbers.func
-    return MrpSlidingMode, "_numbers", property(lambda self: right(self) * (1.001, 1, 1, 1, 1, 1, 1))
+    return MrpSlidingMode, "_numbers", property(lambda self: right(self) * (1.001, 1, 1, 1, 1, 1, 1, 1))
 
 
 def turned_camera():
