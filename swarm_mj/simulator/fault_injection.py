@@ -121,6 +121,11 @@ class FaultInjection:
         self.faults.happen(t, qvel[:, 6:])
         return self.faults.sensing.know(tick, qpos[:, 3:7], qvel[:, 3:6])
 
+    @property
+    def true_rates(self) -> Array:
+        """Body rates as they are, from `know` to `forget`, shape (n, 3) [rad/s]."""
+        return self._true_omega
+
     def forget(self, work: Array) -> None:
         """Put the true rates back."""
         work[Slot.OMEGA] = self._true_omega

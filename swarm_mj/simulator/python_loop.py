@@ -21,6 +21,7 @@ from swarm_mj.simulator.plugin_calls import (
     no_such_target,
     view_of,
 )
+from swarm_mj.simulator.propulsion import Propulsion
 from swarm_mj.simulator.slots import Slot
 from swarm_mj.spacecraft.control.base import Controller
 from swarm_mj.spacecraft.gyrostat import with_wheels
@@ -28,7 +29,11 @@ from swarm_mj.typing import Array
 
 
 def decide(
-    state: LoopState, behaviors: BehaviorCalls, law: ControllerCalls, injection: FaultInjection | None
+    state: LoopState,
+    behaviors: BehaviorCalls,
+    law: ControllerCalls,
+    injection: FaultInjection | None,
+    propulsion: Propulsion | None = None,
 ) -> Targets:
     """Set forces and motor torques of the coming hold.
 
@@ -37,6 +42,7 @@ def decide(
         behaviors: The behaviour of the flight.
         law: Its control law.
         injection: Its faults, dispersions and fourth wheels; None: it has none.
+        propulsion: Its thrusters; None: it has none.
 
     Raises:
         SimulationError: The state is no longer finite.
@@ -54,6 +60,8 @@ def decide(
     if injection is not None:
         state.targets = injection.faults.redirect(state.time, state.targets, state.work[Slot.R])
         q_known = injection.know(state.tick, state.q_BN, state.work)
+    if propulsion is not None and propulsion.law is not None:
+        _thrust(state, q_known, injection, propulsion)
     _guide(state, q_known)
     torque_B = _torque(state, law, injection)
     if injection is not None:
@@ -123,6 +131,14 @@ def _hold_forces(state: LoopState, injection: FaultInjection | None) -> None:
     if state.gradient_gm > 0.0 and state.model.own is None:
         inertia_B = state.inputs.inertia_B if injection is None else injection.faults.inertia_B
         kernels.hold_gravity_gradient(state.q_BN, state.gradient_gm, inertia_B, C_mid, state.hub, forces, work)
+
+
+def _thrust(state: LoopState, q_known: Array, injection: FaultInjection | None, propulsion: Propulsion) -> None:
+    known, n = state.work[Slot.OMEGA], state.model.n
+    true = known if injection is None else injection.true_rates
+    working = np.ones(n, np.bool_) if injection is None else ~injection.faults.lost
+    state.targets = propulsion.aim(state.time, state.targets)
+    propulsion.thrust(q_known, known, true, working)
 
 
 def _guide(state: LoopState, q_known: Array) -> None:

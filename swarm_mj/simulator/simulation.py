@@ -16,6 +16,7 @@ import numpy as np
 
 from swarm_mj.errors import PluginError, SimulationError
 from swarm_mj.mission.behaviors import Behavior, Targets
+from swarm_mj.plugins import name_of
 from swarm_mj.simulator import python_loop
 from swarm_mj.simulator.fast import flight_kernels, world
 from swarm_mj.simulator.fast.flight_kernels import ADVANCE, DECIDE, NEVER, NO_SUCH_TARGET, NOT_FINITE, World
@@ -26,10 +27,12 @@ from swarm_mj.simulator.faults.schedule import Event
 from swarm_mj.simulator.faults.state import FaultModel
 from swarm_mj.simulator.loop_state import InitialState, LoopState
 from swarm_mj.simulator.plugin_calls import BehaviorCalls, ControllerCalls, no_such_target, view_of
+from swarm_mj.simulator.propulsion import Propulsion
 from swarm_mj.simulator.recorder import Progress, Record, Recorder
 from swarm_mj.smallbody.environment import Environment
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.spacecraft.control.base import Controller
+from swarm_mj.spacecraft.control.force import ForceLaw
 from swarm_mj.spacecraft.model import SwarmModel
 from swarm_mj.spacecraft.properties import SpacecraftProperties
 from swarm_mj.typing import Array, Mask
@@ -50,6 +53,7 @@ class Simulation:
         control_period: How long torques and forces are held [s]; a whole multiple of the model's timestep.
         gravity_gradient_torque: Whether the torque of the central field acts; the field must know its `gm`.
         fault_model: What may go wrong; None: nothing, all is as planned.
+        force_law: Who asks the thrusters for forces; None: nobody, and they stay shut.
         shape: The body, to look for impacts while `run` flies; None: nobody looks.
         compiled: Whether compiled code flies what it can; if not, every decision is made in Python, where it can be followed.
 
@@ -69,13 +73,14 @@ class Simulation:
         control_period: float = 0.5,
         gravity_gradient_torque: bool = False,
         fault_model: FaultModel | None = None,
+        force_law: ForceLaw | None = None,
         shape: ShapeModel | None = None,
         compiled: bool = True,
     ) -> None:
         if fault_model is None and properties.n_wheels != 3:
             fault_model = NOTHING
-        if fault_model is not None:
-            # Masses and limits are drawn for this flight alone.
+        if fault_model is not None or properties.thrusters is not None:
+            # Masses and limits are drawn for this flight alone, and tanks run empty.
             model = replace(model, mjmodel=copy(model.mjmodel))
         self.state = LoopState(
             model,
@@ -85,12 +90,15 @@ class Simulation:
             gravity_gradient=gravity_gradient_torque,
         )
         self.injection = None if fault_model is None else FaultInjection(self.state, fault_model)
+        self.propulsion = None if properties.thrusters is None else Propulsion(self.state, properties.thrusters)
         self.impact_watch = None if shape is None else ImpactWatch(shape, environment, control_period)
         self._integrator = Integrator(model, self.state.data)
         self._behaviors, self._law = BehaviorCalls([behavior], control_period), ControllerCalls(controller)
         self._compiled = compiled
         self._world: World | None = None
         self._until = np.zeros(1, np.int64)
+        if force_law is not None:
+            self._set_force_law(force_law)
 
     @property
     def model(self) -> SwarmModel:
@@ -138,6 +146,30 @@ class Simulation:
         self._world = world.make_world(self.state, controller) if fit else None
         self.ask_again()  # what was decided in Python is not known to compiled code
 
+    @property
+    def force_law(self) -> ForceLaw | None:
+        """Who asks the thrusters for forces; another one may take over in flight, without memory.
+
+        Raises:
+            PluginError: The spacecraft have no thrusters.
+            SimulationError: They cannot push as the law needs.
+        """
+        return None if self.propulsion is None else self.propulsion.law
+
+    @force_law.setter
+    def force_law(self, law: ForceLaw | None) -> None:
+        self._set_force_law(law)
+        self.controller = self._law.controller  # compiled code knows no forces
+
+    def _set_force_law(self, law: ForceLaw | None) -> None:
+        if self.propulsion is not None:
+            self.propulsion.law = law
+        elif law is not None:
+            raise PluginError(
+                f"the force law {name_of(law)}: the spacecraft have no thrusters; give spacecraft.thrusters, or "
+                "SpacecraftProperties(thrusters=...)"
+            )
+
     def why_not_compiled(self, controller: Controller | None) -> str:
         """What of this flight compiled code does not know, in words; empty if it can fly it.
 
@@ -148,6 +180,8 @@ class Simulation:
             return f"a spacecraft of its own file, {self.model.own.path.name}"
         if self.injection is not None:
             return "faults, dispersions or a fourth wheel"
+        if self.force_law is not None:
+            return "thrusters"
         return world.why_not_compiled(self.state, controller)
 
     @property
@@ -201,8 +235,12 @@ class Simulation:
 
     def reset(self, initial: InitialState) -> None:
         """Put the swarm at its start and forget everything; faults and dispersions are drawn from the state's seed."""
+        if self.propulsion is not None:
+            self.propulsion.refill()
         if self.injection is not None:
             self.injection.reset(initial.seed, initial.deployment)
+        if self.propulsion is not None:
+            self.propulsion.reset()
         if self.impact_watch is not None:
             self.impact_watch.reset()
         self.state.reset(initial)
@@ -220,7 +258,7 @@ class Simulation:
             SimulationError: The state is no longer finite.
         """
         if self._world is None:
-            return python_loop.decide(self.state, self._behaviors, self._law, self.injection)
+            return python_loop.decide(self.state, self._behaviors, self._law, self.injection, self.propulsion)
         self._ask()
         self._fly(self._world, DECIDE, NEVER)
         return self.state.targets
@@ -232,6 +270,8 @@ class Simulation:
         else:
             self._integrator.step(self.state.timesteps)
             self.state.tick += 1
+            if self.propulsion is not None:
+                self.propulsion.burn()
 
     def step(self) -> None:
         """Fly one control period: decide and advance.

@@ -20,7 +20,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from swarm_mj.errors import ScenarioError
+from swarm_mj.errors import MissionError, ScenarioError
 from swarm_mj.spacecraft.elastic import Mode, modes_of
 from swarm_mj.spacecraft.elements import (
     id_of,
@@ -32,6 +32,7 @@ from swarm_mj.spacecraft.elements import (
 from swarm_mj.spacecraft.model_guard import Finding, Measured, examine_spacecraft, measure, motor_faults, torque_range
 from swarm_mj.spacecraft.properties import SpacecraftProperties
 from swarm_mj.spacecraft.sensors import Sensor, sensors_of
+from swarm_mj.spacecraft.thrusters import read_nozzles
 from swarm_mj.typing import Array
 
 #: How the names of the wheels' joints and motors begin.
@@ -199,6 +200,8 @@ def _read(path: Path, model: mujoco.MjModel, planned: SpacecraftProperties) -> O
     start = _start(model)
     found = measure(model, name_of(model, "body", hub), wheels, start[0])
     properties = _properties(model, wheels, found, planned)
+    if planned.thrusters is not None:
+        _check_nozzles(model, hub, planned.thrusters.propellant)
     others = [
         j for j in range(model.njnt) if j not in joints_of(model, hub) and name_of(model, "joint", j) not in wheels
     ]
@@ -284,6 +287,20 @@ def _find_wheels(model: mujoco.MjModel, hub: int) -> tuple[str, ...]:
     return names
 
 
+def _check_nozzles(model: mujoco.MjModel, hub: int, propellant: float) -> None:
+    """See that there are nozzles, and that the tank fits into the hub.
+
+    Raises:
+        _Refused: One or the other is not so.
+    """
+    try:
+        read_nozzles(model, hub)
+    except MissionError as error:
+        raise _Refused(str(error)) from None
+    if propellant >= (mass := float(model.body_mass[hub])):
+        raise _Refused(f"spacecraft.thrusters.propellant_kg = {propellant:g}: must be below the hub's {mass:g} kg")
+
+
 def _check_motor(model: mujoco.MjModel, wheel: str) -> None:
     """See that a wheel is driven by the motor of its name and by nothing else.
 
@@ -346,6 +363,7 @@ def _properties(
         wheel_transverse_inertia=planned.wheel_transverse_inertia,
         max_wheel_torque=float(limits[0]) if np.isfinite(limits[0]) else planned.max_wheel_torque,
         max_wheel_speed=planned.max_wheel_speed,
+        thrusters=planned.thrusters,
         inertia_rows_B=_rows(found.inertia_B),
         axis_rows_B=_rows(axes),
         centre_B=tuple(found.centre_B.tolist()),

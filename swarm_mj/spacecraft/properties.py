@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
+from swarm_mj.spacecraft.thrusters import Thrusters
 from swarm_mj.typing import Array
 
 #: The three wheels stand on the z axis, one third below, at and above the centre of mass, so that theirs is there too.
@@ -35,6 +36,7 @@ class SpacecraftProperties:
         max_wheel_torque: [N m].
         max_wheel_speed: [rad/s].
         wheel_layout: See `WHEEL_AXES`.
+        thrusters: Counted inside the mass and inertia with their propellant; None: none.
     """
 
     mass: float = 8.0
@@ -45,6 +47,7 @@ class SpacecraftProperties:
     max_wheel_torque: float = 0.004
     max_wheel_speed: float = 6000.0 * RPM
     wheel_layout: str = "orthogonal"
+    thrusters: Thrusters | None = None
 
     @property
     def n_wheels(self) -> int:

@@ -15,6 +15,7 @@ from swarm_mj.errors import MissionError
 from swarm_mj.io.resources import asset_path
 from swarm_mj.spacecraft.model_guard import Finding, examine_spacecraft, listed
 from swarm_mj.spacecraft.properties import WHEEL_STATIONS_M, SpacecraftProperties
+from swarm_mj.spacecraft.thrusters import NOZZLE, add_nozzles, packaged_nozzles
 from swarm_mj.typing import Array
 
 #: The file, its hub, and its wheels where they are orthogonal.
@@ -60,6 +61,8 @@ def make_template(properties: SpacecraftProperties, timestep: float, camera_half
     part = _cubesat(properties, timestep, camera_half_angle_deg)
     if properties.wheel_layout != "orthogonal":
         _lay_out_wheels(part, properties)
+    if properties.thrusters is not None:
+        add_nozzles(part.body(HUB), packaged_nozzles(properties.thrusters.layout, properties.size))
     return part
 
 
@@ -119,10 +122,12 @@ def _required(spec: mujoco.MjSpec, kind: str, name: str) -> Any:
 
 
 def strip(spec: mujoco.MjSpec) -> None:
-    """Take away everything that moves nothing."""
-    for parts in (spec.sensors, spec.geoms, spec.sites, spec.cameras, spec.lights, spec.meshes, spec.materials):
+    """Take away everything that moves nothing; nozzles stay, for thrust acts where they are."""
+    sites = spec.sites
+    for parts in (spec.sensors, spec.geoms, sites, spec.cameras, spec.lights, spec.meshes, spec.materials):
         for part in list(parts):
-            spec.delete(part)
+            if not (parts is sites and part.name.startswith(NOZZLE)):
+                spec.delete(part)
 
 
 def _lay_out_wheels(part: mujoco.MjSpec, properties: SpacecraftProperties) -> None:

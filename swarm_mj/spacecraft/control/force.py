@@ -30,6 +30,7 @@ class ForceView(NamedTuple):
         q_BN: Attitudes as their flight software has them, shape (n, 4).
         mass: With what is left in the tank, shape (n,) [kg].
         propellant: Left in the tank, shape (n,) [kg].
+        delta_v_N: Velocity gained by thrust so far, as accelerometers have it, shape (n, 3) [m/s].
         working: Who is not lost, shape (n,).
     """
 
@@ -40,6 +41,7 @@ class ForceView(NamedTuple):
     q_BN: Array
     mass: Array
     propellant: Array
+    delta_v_N: Array
     working: Mask
 
 

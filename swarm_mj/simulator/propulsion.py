@@ -1,0 +1,226 @@
+"""Thrusters in flight: a force law's wishes become pulses of nozzles, forces and torques, and an emptier tank.
+
+Within a control period T a nozzle of thrust F that should give f on average is open for f T / F (pulse-width modulation). A
+period is short against the motion, so its mean force is held, with direction and lever arm at the attitude of its middle. The
+tank loses m_dot = sum F / (g0 I_sp) (Sutton and Biblarz, Rocket Propulsion Elements, equation 2-5). While the force is held,
+MuJoCo's mass is the logarithmic mean of those before and after, (m0 - m1) / ln(m0 / m1), for which F T / m is the rocket
+equation g0 I_sp ln(m0 / m1) exactly. Propellant is spread through the hub: its centre of mass stays, its inertia falls with its
+mass.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from swarm_mj.errors import SimulationError
+from swarm_mj.mission.behaviors import TargetKind, Targets
+from swarm_mj.simulator.loop_state import LoopState
+from swarm_mj.simulator.slots import Slot
+from swarm_mj.spacecraft.control.force import AimingForceLaw, ForceLaw, ForceView, ask_for_forces
+from swarm_mj.spacecraft.thrusters import Allocation, Thrusters, read_nozzles
+from swarm_mj.typing import Array, Mask
+
+#: The long axis, by which spacecraft are pointed, must be the axis of nozzles that have to be turned, to so much.
+ALONG_Z = np.cos(np.radians(1.0))
+
+
+class Propulsion:
+    """Thrusters and tanks of one flight.
+
+    Args:
+        state: Of the flight, whose properties have thrusters; its model is changed, and must be its own.
+        thrusters: Their numbers.
+
+    Attributes:
+        thrusters: As given.
+        allocation: How wishes are shared among the nozzles.
+        propellant: Left in the tanks, shape (n,) [kg].
+        force_N: Of the hold that was decided last, shape (n, 3) [N].
+        delta_v: Velocity gained by thrust so far, whatever its direction, shape (n,) [m/s].
+        delta_v_N: The same as a vector, as accelerometers have it, shape (n, 3) [m/s].
+    """
+
+    def __init__(self, state: LoopState, thrusters: Thrusters) -> None:
+        model, hub, n = state.model.mjmodel, state.hub, state.model.n
+        self._state, self.thrusters = state, thrusters
+        nozzles = read_nozzles(model, int(hub[0]), f"{state.model.names[0]}_")
+        self.allocation = Allocation(nozzles, model.body_ipos[hub[0]])
+        axes = Rotation.from_quat(model.body_iquat[hub[0]], scalar_first=True).as_matrix()
+        self._to_B, offset = (axes**2).T, model.body_ipos[hub[0]]
+        self._offset = offset @ offset - offset**2
+        self._law: ForceLaw | None = None
+        self._memory: Any = None
+        self._as_built = model.body_mass[hub].copy(), model.body_inertia[hub].copy()
+        self.force_N, self.delta_v_N, self.delta_v = np.zeros((n, 3)), np.zeros((n, 3)), np.zeros(n)
+        self.propellant, self._used, self._gain_N = np.zeros(n), np.zeros(n), np.zeros((n, 3))
+        self._start()
+
+    @property
+    def law(self) -> ForceLaw | None:
+        """Who asks for forces; None: nobody."""
+        return self._law
+
+    @law.setter
+    def law(self, law: ForceLaw | None) -> None:
+        if isinstance(law, AimingForceLaw) and not self.allocation.reaches_all and self.allocation.axis_B[2] < ALONG_Z:
+            raise SimulationError(
+                f"spacecraft.thrusters: the nozzles cannot push in every direction, and together they push along "
+                f"{np.round(self.allocation.axis_B, 3).tolist()} in B: must be +z, which is what spacecraft are pointed by, or "
+                "more nozzles are needed"
+            )
+        self._law, self._memory = law, None
+
+    @property
+    def mass(self) -> Array:
+        """Of the spacecraft with what is left in their tanks, shape (n,) [kg]."""
+        return self._full_mass - (self.thrusters.propellant - self.propellant)
+
+    def refill(self) -> None:
+        """Give the model the masses that it was built with; dispersions may change them before `reset`."""
+        model, hub = self._state.model.mjmodel, self._state.hub
+        self._write_masses(self._as_built[0], self._as_built[1])
+        model.body_mass[hub], model.body_inertia[hub] = self._as_built
+
+    def reset(self) -> None:
+        """Begin a flight with full tanks.
+
+        Raises:
+            SimulationError: A tank does not fit into a hub.
+        """
+        self._memory = None
+        self._start()
+
+    def _start(self) -> None:
+        state, model = self._state, self._state.model.mjmodel
+        self._hub_mass, self._hub_inertia = model.body_mass[state.hub].copy(), model.body_inertia[state.hub].copy()
+        self._full_mass = model.body_subtreemass[state.hub].copy()
+        properties, gyrostat = state.properties, state.model.wheels == "gyrostat"
+        # Wheels that are momentum states are part of the hub, and lose no mass.
+        dry = self._hub_mass - (properties.n_wheels * properties.wheel_mass if gyrostat else 0.0)
+        inertia = properties.hub_inertia * (dry / properties.hub_mass)[:, None] if gyrostat else self._hub_inertia
+        if dry.min() <= self.thrusters.propellant:
+            raise SimulationError(
+                f"spacecraft.thrusters.propellant_kg = {self.thrusters.propellant:g}: must be below the hub's "
+                f"{dry.min():.6g} kg"
+            )
+        self._inertia_per_kg = inertia / dry[:, None]
+        self.propellant[:] = self.thrusters.propellant
+        for array in (self.force_N, self.delta_v, self.delta_v_N, self._used, self._gain_N):
+            array[:] = 0.0
+
+    def aim(self, t: float, targets: Targets) -> Targets:
+        """Turn the spacecraft that are about to push, where their nozzles cannot push in every direction."""
+        if self.allocation.reaches_all or not isinstance(self._law, AimingForceLaw):
+            return targets
+        directions = np.broadcast_to(self._law.directions(t), self.force_N.shape)
+        turning = (directions != 0.0).any(axis=1) & (self.propellant > 0.0)
+        if not turning.any():
+            return targets
+        kind, vector = targets.kind.copy(), targets.vector.copy()
+        kind[turning], vector[turning] = int(TargetKind.DIRECTION), directions[turning]
+        return Targets(kind, targets.spacecraft, vector)
+
+    def thrust(self, q_known: Array, omega_known: Array, omega: Array, working: Mask) -> None:
+        """Ask for forces and hold those that the thrusters give; gravity is held already.
+
+        Args:
+            q_known: Attitudes that the flight software has, by which it opens nozzles, shape (n, 4).
+            omega_known: Body rates that it has, shape (n, 3) [rad/s].
+            omega: True body rates, shape (n, 3) [rad/s].
+            working: Who is not lost, shape (n,).
+        """
+        state = self._state
+        wish_N = self._ask(q_known, working)
+        firing = (wish_N != 0.0).any(axis=1) & working & (self.propellant > 0.0)
+        self._used[:], self.force_N[:], self._gain_N[:] = 0.0, 0.0, 0.0
+        mean_mass, forces = self.mass, state.data.xfrc_applied
+        if state.gradient_gm == 0.0:
+            forces[state.hub, 3:] = 0.0
+        torque_N = np.zeros((len(wish_N), 3))
+        if firing.any():
+            thrusts = self._open(_mid_attitude(q_known, omega_known, state.period)[firing], wish_N[firing], firing)
+            to_N = _mid_attitude(state.q_BN, omega, state.period)[firing]
+            self.force_N[firing] = to_N.apply(thrusts @ self.allocation.force_B)
+            torque_N[firing] = to_N.apply(thrusts @ self.allocation.torque_B)
+            self._used[firing] = thrusts.sum(axis=1) * state.period / self.thrusters.exhaust_speed
+            mean_mass = logarithmic_mean(self.mass, self._used)
+            self._gain_N[:] = self.force_N * (state.period / mean_mass)[:, None]
+        self._weigh(mean_mass)
+        forces[state.hub, :3] += self.force_N
+        forces[state.hub, 3:] += torque_N
+
+    def _ask(self, q_known: Array, working: Mask) -> Array:
+        state, work = self._state, self._state.work
+        if self._law is None:
+            return np.zeros_like(self.force_N)
+        view = ForceView(
+            t=state.time,
+            period=state.period,
+            r_BN_N=work[Slot.R].copy(),
+            v_BN_N=work[Slot.V].copy(),
+            q_BN=q_known.copy(),
+            mass=self.mass,
+            propellant=self.propellant.copy(),
+            delta_v_N=self.delta_v_N.copy(),
+            working=working.copy(),
+        )
+        wish_N, self._memory = ask_for_forces(self._law, view, self._memory)
+        return wish_N
+
+    def _open(self, to_N: Rotation, wish_N: Array, firing: Mask) -> Array:
+        """Mean thrusts of the nozzles of those that fire, shape (k, m) [N]: limits, shortest pulses, what the tank has left."""
+        thrusters, period = self.thrusters, self._state.period
+        thrusts = self.allocation.thrusts(to_N.inv().apply(wish_N))
+        # All nozzles are cut alike, so that the force keeps its direction.
+        thrusts /= np.maximum(thrusts.max(axis=1, keepdims=True) / thrusters.thrust, 1.0)
+        bit = thrusters.min_impulse_bit / period
+        thrusts = np.where(thrusts >= bit, thrusts, np.where(thrusts >= 0.5 * bit, bit, 0.0)) if bit > 0.0 else thrusts
+        asked = thrusts.sum(axis=1) * period / thrusters.exhaust_speed
+        left = self.propellant[firing]
+        share = np.divide(left, asked, out=np.ones_like(left), where=asked > left)
+        return np.asarray(thrusts * share[:, None])
+
+    def _weigh(self, mean_mass: Array) -> None:
+        """Give MuJoCo the masses of the hold, and gravity as well."""
+        state, model = self._state, self._state.model.mjmodel
+        gone = self._full_mass - mean_mass
+        hub_mass = self._hub_mass - gone
+        held = model.body_mass[state.hub] if state.model.own is not None else self._full_mass
+        now = hub_mass if state.model.own is not None else mean_mass
+        state.data.xfrc_applied[state.hub, :3] *= (now / held)[:, None]
+        if not np.array_equal(hub_mass, model.body_mass[state.hub]):
+            self._write_masses(hub_mass, self._hub_inertia - gone[:, None] * self._inertia_per_kg)
+
+    def _write_masses(self, hub_mass: Array, hub_inertia: Array) -> None:
+        # And what a free body's motion depends on besides, for `mj_setConst` would take too long: MuJoCo reads the inertia
+        # matrix of a body without others from `dof_M0`.
+        model, hub, qvel = self._state.model.mjmodel, self._state.hub, self._state.model.layout.qvel
+        change, turned = hub_mass - model.body_mass[hub], hub_inertia - model.body_inertia[hub]
+        model.body_mass[hub], model.body_inertia[hub] = hub_mass, hub_inertia
+        model.body_subtreemass[hub] += change
+        model.body_subtreemass[0] += change.sum()
+        model.dof_M0[qvel[:, :3]] += change[:, None]
+        model.dof_M0[qvel[:, 3:6]] += turned @ self._to_B + change[:, None] * self._offset
+
+    def burn(self) -> None:
+        """Take from the tanks what the hold that has been flown used."""
+        self.propellant[:] = np.maximum(self.propellant - self._used, 0.0)
+        self.delta_v_N += self._gain_N
+        self.delta_v += np.linalg.norm(self._gain_N, axis=1)
+
+
+def logarithmic_mean(mass: Array, used: Array) -> Array:
+    """Mean of `mass` and `mass - used` with which a constant force gives the rocket equation's change of velocity [kg]."""
+    share = used / mass
+    series = 1.0 - share / 2.0 - share**2 / 12.0 - share**3 / 24.0 - 19.0 * share**4 / 720.0
+    with np.errstate(divide="ignore", invalid="ignore"):
+        exact = -share / np.log1p(-share)
+    return np.asarray(mass * np.where(share < 1e-3, series, exact))
+
+
+def _mid_attitude(q_BN: Array, omega_B: Array, period: float) -> Rotation:
+    """Rotations from B to N at the middle of a hold."""
+    return Rotation.from_quat(q_BN, scalar_first=True) * Rotation.from_rotvec(0.5 * period * omega_B)
