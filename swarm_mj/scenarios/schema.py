@@ -125,10 +125,11 @@ class Physics(Section):
         "bodies",
         description="three bodies on hinges, or three momentum states of the spacecraft: the same motion, faster",
     )
-    stepper: Literal["auto", "fast", "mj_step"] = Field(
+    stepper: Literal["auto", "fast", "mj_step", "kernel"] = Field(
         "auto",
         description="compiled code around MuJoCo's accelerations, or MuJoCo's own mj_step, which flies anything; auto: fast "
-        "where the model holds nothing else than it knows; summary.json says which and why",
+        "where the model holds nothing else than it knows; kernel: the equations of a free gyrostat in compiled code, several "
+        "times as fast, with wheels: gyrostat; summary.json says which and why",
     )
 
 
@@ -289,6 +290,8 @@ class Scenario(Section):
     def _wheels_are_modelled(self) -> Self:
         if self.physics.wheels == "gyrostat" and self.spacecraft.wheel_layout != "orthogonal":
             raise ValueError("physics.wheels = gyrostat: has three orthogonal wheels; use bodies for other layouts")
+        if self.physics.wheels == "bodies" and self.physics.stepper == "kernel":
+            raise ValueError("physics.stepper = kernel: knows no wheels that are bodies; use physics.wheels: gyrostat")
         if self.physics.wheels == "gyrostat" and self.physics.stepper == "mj_step":
             raise ValueError("physics.stepper = mj_step: knows wheels that are bodies; use physics.wheels: bodies")
         return self

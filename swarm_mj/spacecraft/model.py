@@ -46,8 +46,9 @@ STACK_BYTES = 32 * 1024
 DEFAULT_LOG = "MUJOCO_LOG.TXT"
 
 WheelModel = Literal["bodies", "gyrostat"]
-#: How a swarm is to be stepped: by compiled code around MuJoCo's accelerations, by `mj_step`, or by the first that can.
-Stepper = Literal["auto", "fast", "mj_step"]
+#: How a swarm is to be stepped: by compiled code around MuJoCo's accelerations, by `mj_step`, or by the first that can; or by
+#: the equations of a free gyrostat alone.
+Stepper = Literal["auto", "fast", "mj_step", "kernel"]
 
 
 @dataclass(frozen=True)

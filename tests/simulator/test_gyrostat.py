@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from swarm_mj.errors import SimulationError
+from swarm_mj.errors import ScenarioError, SimulationError
 from swarm_mj.flight.fly import make_simulation
 from swarm_mj.flight.plan import make_plan
 from swarm_mj.scenarios.loading import load_scenario
@@ -27,9 +27,13 @@ def tetrahedron():
     return ShapeModel(vertices, np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]]))
 
 
-def spinning(shape, wheels, timestep=0.1):
+#: MuJoCo's accelerations, or the closed equations alone.
+STEPPERS = pytest.mark.parametrize("stepper", ["auto", "kernel"])
+
+
+def spinning(shape, wheels, timestep=0.1, stepper="auto"):
     """Two tumbling spacecraft with fast wheels; model and data."""
-    model = build_model(N, shape=shape, timestep=timestep, wheels=wheels)
+    model = build_model(N, shape=shape, timestep=timestep, wheels=wheels, stepper=stepper)
     data = mujoco.MjData(model.mjmodel)
     qpos, qvel = np.zeros((N, 10)), np.zeros((N, 9))
     rng = np.random.default_rng(3)
@@ -92,8 +96,9 @@ def test_mass_and_inertia_of_hub_and_wheels_stay_on_the_one_body(tetrahedron):
     assert np.allclose(np.sort(hub.inertia), np.sort(np.diag(PROPERTIES.inertia_B) - SPIN), rtol=1e-12)
 
 
-def test_motion_under_motor_torques_agrees_with_dop853(tetrahedron):
-    model, data = spinning(tetrahedron, "gyrostat", 0.05)
+@STEPPERS
+def test_motion_under_motor_torques_agrees_with_dop853(tetrahedron, stepper):
+    model, data = spinning(tetrahedron, "gyrostat", 0.05, stepper)
     qpos, qvel = (array.copy() for array in model.state(data))
     motor = np.array([[1e-3, -2e-3, 5e-4], [-3e-3, 1e-3, 2e-3]])
     data.ctrl[:] = motor.ravel()
@@ -106,10 +111,11 @@ def test_motion_under_motor_torques_agrees_with_dop853(tetrahedron):
         assert np.allclose(end_v[j, 6:9], (momentum + 5.0 * motor[j]) / SPIN - omega, rtol=1e-9)
 
 
-def test_attitude_converges_at_fourth_order(tetrahedron):
+@STEPPERS
+def test_attitude_converges_at_fourth_order(tetrahedron, stepper):
     errors = []
     for timestep in (0.4, 0.2, 0.1):
-        model, data = spinning(tetrahedron, "gyrostat", timestep)
+        model, data = spinning(tetrahedron, "gyrostat", timestep, stepper)
         qpos, qvel = (array.copy() for array in model.state(data))
         end, _ = fly(model, data, 20.0)
         momentum = SPIN * (qvel[0, 6:9] + qvel[0, 3:6])
@@ -117,8 +123,9 @@ def test_attitude_converges_at_fourth_order(tetrahedron):
     assert errors[0] / errors[1] > 12.0 and errors[1] / errors[2] > 12.0
 
 
-def test_angular_momentum_stays_in_inertial_space_whatever_the_motors_do(tetrahedron):
-    model, data = spinning(tetrahedron, "gyrostat", 0.02)
+@STEPPERS
+def test_angular_momentum_stays_in_inertial_space_whatever_the_motors_do(tetrahedron, stepper):
+    model, data = spinning(tetrahedron, "gyrostat", 0.02, stepper)
     before = momentum_N(*model.state(data))
     rng = np.random.default_rng(1)
     for _ in range(20):
@@ -127,8 +134,9 @@ def test_angular_momentum_stays_in_inertial_space_whatever_the_motors_do(tetrahe
     assert np.linalg.norm(after - before) < 1e-8 * np.linalg.norm(before)
 
 
-def test_motor_torques_stay_within_the_limit(tetrahedron):
-    model, data = spinning(tetrahedron, "gyrostat")
+@STEPPERS
+def test_motor_torques_stay_within_the_limit(tetrahedron, stepper):
+    model, data = spinning(tetrahedron, "gyrostat", stepper=stepper)
     before = data.act.copy()
     data.ctrl[:] = 1.0
     fly(model, data, 1.0)
@@ -136,22 +144,71 @@ def test_motor_torques_stay_within_the_limit(tetrahedron):
     assert data.time == pytest.approx(1.0)
 
 
-def flown(wheels, timestep=0.1, duration=1200.0):
+def flown(wheels, timestep=0.1, duration=1200.0, stepper="auto", *more):
     simulation = make_simulation(
-        make_plan(load_scenario("eros-config1", [f"physics.wheels={wheels}", f"physics.timestep_s={timestep}"]))
+        make_plan(
+            load_scenario(
+                "eros-config1",
+                [f"physics.wheels={wheels}", f"physics.timestep_s={timestep}", f"physics.stepper={stepper}", *more],
+            )
+        )
     )
     return simulation, simulation.run(duration, 1.0)
 
 
 @pytest.mark.parametrize("timestep", [0.1, 0.5])
 def test_a_whole_flight_equals_that_with_wheels_as_bodies(timestep):
-    (_, bodies), (_, gyrostat) = flown("bodies", timestep), flown("gyrostat", timestep)
-    assert angle(bodies.attitude[:, 0], gyrostat.attitude[:, 0]).max() < 1e-8
-    assert np.abs(bodies.vectors[:, 0] - gyrostat.vectors[:, 0]).max() < 1e-6
-    speed, same = bodies.vectors[:, 4], gyrostat.vectors[:, 4]
-    assert np.abs(speed - same).max() < 1e-6 * np.abs(speed).max()
-    assert np.array_equal(bodies.aim, gyrostat.aim)
-    assert np.allclose(bodies.peaks, gyrostat.peaks, rtol=1e-6)
+    _, bodies = flown("bodies", timestep)
+    for stepper in ("auto", "kernel"):
+        simulation, gyrostat = flown("gyrostat", timestep, 1200.0, stepper)
+        assert simulation.stepper == {"auto": "fast"}.get(stepper, stepper)
+        assert angle(bodies.attitude[:, 0], gyrostat.attitude[:, 0]).max() < 1e-8
+        assert np.abs(bodies.vectors[:, 0] - gyrostat.vectors[:, 0]).max() < 1e-6
+        speed, same = bodies.vectors[:, 4], gyrostat.vectors[:, 4]
+        assert np.abs(speed - same).max() < 1e-6 * np.abs(speed).max()
+        assert np.array_equal(bodies.aim, gyrostat.aim)
+        assert np.allclose(bodies.peaks, gyrostat.peaks, rtol=1e-6)
+
+
+def test_the_kernel_flies_what_mj_step_flies_to_a_nanoradian_and_a_micrometre():
+    # A step of mj_step turns wheels that are bodies; at 0.1 s that and rounding are all that differs.
+    (_, kernel), (simulation, mj_step) = (
+        flown("gyrostat", 0.1, 1200.0, "kernel"),
+        flown("bodies", 0.1, 1200.0, "mj_step"),
+    )
+    assert simulation.stepper == "mj_step"
+    assert angle(kernel.attitude[:, 0], mj_step.attitude[:, 0]).max() < 1e-9
+    assert np.abs(kernel.vectors[:, 0] - mj_step.vectors[:, 0]).max() < 1e-6
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        "perturbations.gravity_gradient_torque=true",
+        "dispersions={mass_percent: 3, inertia_percent: 3}",
+    ],
+)
+def test_the_kernel_turns_under_torques_in_inertial_space_and_about_any_principal_axes(more):
+    # The gradient is no torque of the wheels; dispersed inertia has principal axes of its own.
+    flights = [flown("gyrostat", 0.1, 300.0, stepper, more)[1] for stepper in ("fast", "kernel")]
+    assert angle(flights[0].attitude[:, 0], flights[1].attitude[:, 0]).max() < 1e-9
+    assert np.abs(flights[0].vectors[:, 0] - flights[1].vectors[:, 0]).max() < 1e-6
+
+
+def test_held_torques_and_forces_in_inertial_space_act_as_mujoco_has_them(tetrahedron):
+    # Large ones, of which every term shows: free, without wheels turning, so that mj_step can say how it goes.
+    ends = []
+    for stepper in ("auto", "kernel"):
+        model, data = spinning(tetrahedron, "gyrostat", 0.02, stepper)
+        data.xfrc_applied[model.hub_body] = 0.05 * np.random.default_rng(4).normal(size=(N, 6))
+        ends.append(np.hstack([part.copy() for part in fly(model, data, 10.0)]))
+    assert np.abs(ends[0] - ends[1])[:, :16].max() < 1e-8
+    assert np.abs(ends[1][:, 10:13]).min() > 1e-3
+
+
+def test_the_kernel_is_refused_for_wheels_that_are_bodies():
+    with pytest.raises(ScenarioError, match=r"physics\.stepper = kernel: .* use physics\.wheels: gyrostat"):
+        load_scenario("eros-config1", ["physics.stepper=kernel"])
 
 
 def test_a_momentum_that_is_not_finite_stops_the_flight_and_is_named():

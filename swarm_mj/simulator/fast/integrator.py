@@ -36,7 +36,9 @@ from swarm_mj.simulator.fast.c_functions import (
     mj_step,
     mj_transmission,
 )
+from swarm_mj.simulator.fast.gyrostat_step import step_gyrostats
 from swarm_mj.simulator.fast.mj_memory import (
+    KERNEL,
     MJ_STEP,
     STAGED,
     STAGED_CONSTANT_INERTIA,
@@ -64,7 +66,7 @@ class Integrator:
 
     Attributes:
         batch: The MjData for compiled code that steps them, see `MjBatch`; valid as long as this object lives.
-        stepper: How they are stepped: fast, or mj_step.
+        stepper: How they are stepped: fast, kernel or mj_step.
         why: Why by `mj_step`; empty where they are not.
 
     Raises:
@@ -76,7 +78,7 @@ class Integrator:
         load_mujoco()
         self._datas = datas
         method, self.why = _choose_method(swarm)
-        self.stepper = "mj_step" if method == MJ_STEP else "fast"
+        self.stepper = {MJ_STEP: "mj_step", KERNEL: "kernel"}.get(method, "fast")
         self._wheel_axes_B = np.ascontiguousarray(swarm.properties.wheel_axes_B)
         self._swarm, self._scratch = swarm, allocate_scratch(swarm.mjmodel)
         self.batch = mj_records(swarm, datas, method, self._wheel_axes_B, self._scratch)
@@ -132,6 +134,8 @@ def _choose_method(swarm: SwarmModel) -> tuple[int, str]:
         )
     if found:
         return MJ_STEP, listed(found)
+    if swarm.stepper == "kernel":
+        return KERNEL, ""
     return STAGED_CONSTANT_INERTIA if _inertia_is_steady(swarm.mjmodel) else STAGED, ""
 
 
@@ -162,6 +166,9 @@ def integrate(mj: MjView, nstep: int) -> None:
     if mj.method == MJ_STEP:
         for _ in range(nstep):
             mj_step(mj.model, mj.data)
+        return
+    if mj.method == KERNEL:
+        step_gyrostats(mj, nstep)
         return
     motor = mj.scratch.motor
     if motor.shape[0] == 0:

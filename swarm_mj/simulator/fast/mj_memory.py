@@ -18,17 +18,22 @@ from numpy.typing import NDArray
 from swarm_mj.spacecraft.model import SwarmModel
 from swarm_mj.typing import Array, inlined
 
-#: How a model is stepped: by `mj_step`; stage by stage; stage by stage with one inertia matrix for the whole hold.
-MJ_STEP, STAGED, STAGED_CONSTANT_INERTIA = 0, 1, 2
+#: How a model is stepped: by `mj_step`; stage by stage; stage by stage with one inertia matrix for the whole hold; without
+#: MuJoCo, see `gyrostat_step`.
+MJ_STEP, STAGED, STAGED_CONSTANT_INERTIA, KERNEL = 0, 1, 2, 3
 
-_SIZES = ("method", "width", "nq", "nv", "na", "nu", "nbody")
+_SIZES = ("method", "width", "nq", "nv", "na", "nu", "nbody", "first_hub")
 _OF_MUJOCO = ("qpos", "qvel", "act", "qacc_smooth", "qfrc_bias", "qfrc_applied", "ctrl", "xfrc_applied")
+_OF_MODEL = ("body_mass", "body_inertia", "body_iquat")
 #: One MjData for compiled code. Sizes: how it is stepped, velocities of one spacecraft, MuJoCo's own; then numbers; addresses
 #: of MjModel, MjData and their arrays; and those of `Scratch`.
 MJ_RECORD = np.dtype(
     [(name, np.int64) for name in _SIZES]
     + [("timestep", np.float64), ("spin_inertia", np.float64)]
-    + [(name, np.int64) for name in ("model", "data", *_OF_MUJOCO, "asteroid_quat", "ctrlrange", "wheel_axes_B")]
+    + [
+        (name, np.int64)
+        for name in ("model", "data", *_OF_MUJOCO, *_OF_MODEL, "asteroid_quat", "ctrlrange", "wheel_axes_B")
+    ]
     + [(name, np.int64) for name in ("qpos0", "qvel0", "act0", "rate", "mean_rate", "mean_acceleration", "motor")]
 )
 #: E MjData of one MjModel, with dtype `MJ_RECORD`, shape (E,).
@@ -63,8 +68,9 @@ class MjView(NamedTuple):
     Attributes:
         model: Address of the MjModel.
         data: Address of the MjData.
-        method: MJ_STEP, STAGED or STAGED_CONSTANT_INERTIA.
+        method: MJ_STEP, STAGED, STAGED_CONSTANT_INERTIA or KERNEL.
         width: Velocities of one spacecraft.
+        first_hub: Body id of the first spacecraft's hub.
         timestep: [s].
         spin_inertia: Of a wheel [kg m^2].
         qpos: Positions, shape (n (7 + hinges),).
@@ -75,6 +81,9 @@ class MjView(NamedTuple):
         qfrc_applied: Generalised forces applied, shape (nv,).
         ctrl: Motor torques, shape (n w,) [N m].
         xfrc_applied: Force and torque on every body in N, shape (nbody, 6) [N, N m].
+        body_mass: Masses, shape (nbody,) [kg].
+        body_inertia: Principal moments, shape (nbody, 3) [kg m^2].
+        body_iquat: Attitudes of the principal axes in the body's frame, shape (nbody, 4).
         asteroid_quat: Attitude of the asteroid's mocap body, shape (4,).
         ctrlrange: Lower and upper limits of the motor torques, shape (n w, 2) [N m].
         wheel_axes_B: Rows; of three wheels where they are momentum states, else not used, shape (3, 3).
@@ -85,6 +94,7 @@ class MjView(NamedTuple):
     data: int
     method: int
     width: int
+    first_hub: int
     timestep: float
     spin_inertia: float
     qpos: Array
@@ -95,6 +105,9 @@ class MjView(NamedTuple):
     qfrc_applied: Array
     ctrl: Array
     xfrc_applied: Array
+    body_mass: Array
+    body_inertia: Array
+    body_iquat: Array
     asteroid_quat: Array
     ctrlrange: Array
     wheel_axes_B: Array
@@ -115,13 +128,15 @@ def mj_records(
     Args:
         swarm: Their model.
         datas: The MjData.
-        method: MJ_STEP, STAGED or STAGED_CONSTANT_INERTIA.
+        method: MJ_STEP, STAGED, STAGED_CONSTANT_INERTIA or KERNEL.
         wheel_axes_B: Rows, shape (w, 3).
         scratch: For all of them.
     """
     mjmodel, records = swarm.mjmodel, np.zeros(len(datas), MJ_RECORD)
     sizes = {name: getattr(mjmodel, name) for name in ("nq", "nv", "na", "nu", "nbody")}
-    shared = {"ctrlrange": mjmodel.actuator_ctrlrange, "wheel_axes_B": wheel_axes_B, **scratch._asdict()}
+    sizes["first_hub"] = int(swarm.hub_body[0])
+    shared = {name: getattr(mjmodel, name) for name in _OF_MODEL}
+    shared |= {"ctrlrange": mjmodel.actuator_ctrlrange, "wheel_axes_B": wheel_axes_B, **scratch._asdict()}
     for record, data in zip(records, datas, strict=True):
         record["method"], record["width"] = method, mjmodel.nv // swarm.n
         record["timestep"], record["spin_inertia"] = mjmodel.opt.timestep, swarm.properties.wheel_spin_inertia
@@ -153,6 +168,7 @@ def mj_view(records: MjBatch, e: int) -> MjView:
         at.data,
         at.method,
         at.width,
+        at.first_hub,
         at.timestep,
         at.spin_inertia,
         carray(_pointer(at.qpos), at.nq),
@@ -163,6 +179,9 @@ def mj_view(records: MjBatch, e: int) -> MjView:
         carray(_pointer(at.qfrc_applied), at.nv),
         carray(_pointer(at.ctrl), at.nu),
         carray(_pointer(at.xfrc_applied), (at.nbody, 6)),
+        carray(_pointer(at.body_mass), at.nbody),
+        carray(_pointer(at.body_inertia), (at.nbody, 3)),
+        carray(_pointer(at.body_iquat), (at.nbody, 4)),
         carray(_pointer(at.asteroid_quat), 4),
         carray(_pointer(at.ctrlrange), (at.nu, 2)),
         carray(_pointer(at.wheel_axes_B), (3, 3)),

@@ -1,0 +1,164 @@
+"""Steps free gyrostats without MuJoCo: the closed equations of one rigid body with axial wheels, by the fast stepper's method.
+
+Within a hold the force is constant, so that position and velocity follow in closed form. The attitude is integrated by the
+Runge-Kutta method of fourth order with rotation vectors from each step's start, as in `integrator`, of
+
+    J d omega / dt = tau - sum(a u) - omega x (J omega + sum(a h)),    d h / dt = u,
+
+J without the wheels' spin inertias (`swarm_mj.spacecraft.gyrostat`). State, forces and masses stand in MuJoCo's arrays, so
+that whoever looks at an MjData sees the flight; nothing of MuJoCo is called.
+"""
+
+from __future__ import annotations
+
+from math import cos, sin, sqrt
+
+import numpy as np
+
+from swarm_mj.simulator.fast.mj_memory import MjView
+from swarm_mj.spacecraft.attitude.algebra import (
+    Quaternion,
+    Vector,
+    combine,
+    conjugate,
+    cross,
+    dot,
+    normalised,
+    product,
+    rotate,
+    scaled,
+    times,
+)
+from swarm_mj.typing import Array, inlined, jittable
+
+#: Squares of half an angle below which the series of sine and cosine are exact to rounding, their next terms below 1e-16.
+SMALL = 0.01
+
+
+@inlined
+def step_gyrostats(mj: MjView, nstep: int) -> None:
+    """Integrate `nstep` timesteps of every spacecraft with motor torques and applied forces held."""
+    J, J_inverse, axes = np.empty((3, 3)), np.empty((3, 3)), mj.wheel_axes_B
+    dt = mj.timestep
+    hold = nstep * dt
+    for j in range(mj.qpos.shape[0] // 7):
+        p, v, w, hub = 7 * j, 6 * j, 3 * j, mj.first_hub + j
+        force = mj.xfrc_applied[hub]
+        for k in range(3):
+            acceleration = force[k] / mj.body_mass[hub]
+            mj.qpos[p + k] += hold * (mj.qvel[v + k] + 0.5 * hold * acceleration)
+            mj.qvel[v + k] += hold * acceleration
+        _write_inertia(mj.body_inertia[hub], mj.body_iquat[hub], J, J_inverse)
+        q = (mj.qpos[p + 3], mj.qpos[p + 4], mj.qpos[p + 5], mj.qpos[p + 6])
+        omega = (mj.qvel[v + 3], mj.qvel[v + 4], mj.qvel[v + 5])
+        h = _on_axes(axes, mj.act[w], mj.act[w + 1], mj.act[w + 2])
+        u0, u1, u2 = _motor(mj, w), _motor(mj, w + 1), _motor(mj, w + 2)
+        u, tau_N = _on_axes(axes, u0, u1, u2), (force[3], force[4], force[5])
+        for _ in range(nstep):
+            q, omega = _turn(q, omega, h, u, tau_N, J, J_inverse, dt)
+            h = combine(1.0, h, dt, u)
+        mj.qpos[p + 3], mj.qpos[p + 4], mj.qpos[p + 5], mj.qpos[p + 6] = q
+        mj.qvel[v + 3], mj.qvel[v + 4], mj.qvel[v + 5] = omega
+        mj.act[w] += hold * u0
+        mj.act[w + 1] += hold * u1
+        mj.act[w + 2] += hold * u2
+
+
+@jittable
+def _motor(mj: MjView, w: int) -> float:
+    return min(mj.ctrlrange[w, 1], max(mj.ctrlrange[w, 0], mj.ctrl[w]))
+
+
+@jittable
+def _on_axes(axes: Array, a: float, b: float, c: float) -> Vector:
+    """Sum of what is along each wheel's axis, in B."""
+    return (
+        axes[0, 0] * a + axes[1, 0] * b + axes[2, 0] * c,
+        axes[0, 1] * a + axes[1, 1] * b + axes[2, 1] * c,
+        axes[0, 2] * a + axes[1, 2] * b + axes[2, 2] * c,
+    )
+
+
+@jittable
+def _write_inertia(moments: Array, turn: Array, J: Array, J_inverse: Array) -> None:
+    """Write the inertia tensor in B and its inverse, from principal moments and the attitude of their axes."""
+    principal = (turn[0], turn[1], turn[2], turn[3])
+    x, y, z = rotate(principal, (1.0, 0.0, 0.0)), rotate(principal, (0.0, 1.0, 0.0)), rotate(principal, (0.0, 0.0, 1.0))
+    for i in range(3):
+        for k in range(3):
+            J[i, k] = moments[0] * x[i] * x[k] + moments[1] * y[i] * y[k] + moments[2] * z[i] * z[k]
+            J_inverse[i, k] = x[i] * x[k] / moments[0] + y[i] * y[k] / moments[1] + z[i] * z[k] / moments[2]
+
+
+@jittable
+def _turn(
+    q: Quaternion, omega: Vector, h: Vector, u: Vector, tau_N: Vector, J: Array, J_inverse: Array, dt: float
+) -> tuple[Quaternion, Vector]:
+    """One timestep of the attitude and the body rate.
+
+    Args:
+        q: Attitude q_BN at the start.
+        omega: Body rate in B at the start [rad/s].
+        h: Momentum of the wheels in B at the start [kg m^2/s].
+        u: Its rate, the motors' torque on the wheels [N m].
+        tau_N: Torque applied, in N [N m].
+        J: Inertia tensor in B [kg m^2].
+        J_inverse: Its inverse.
+        dt: [s].
+    """
+    half = 0.5 * dt
+    rate1 = omega
+    slope1 = _acceleration(omega, h, combine(-1.0, u, 1.0, _in_body(q, omega, 0.0, tau_N)), J, J_inverse)
+    h_half = combine(1.0, h, half, u)
+    omega2 = combine(1.0, omega, half, slope1)
+    slope2 = _acceleration(omega2, h_half, combine(-1.0, u, 1.0, _in_body(q, rate1, half, tau_N)), J, J_inverse)
+    rate2 = _displacement_rate(scaled(half, rate1), omega2)
+    omega3 = combine(1.0, omega, half, slope2)
+    slope3 = _acceleration(omega3, h_half, combine(-1.0, u, 1.0, _in_body(q, rate2, half, tau_N)), J, J_inverse)
+    rate3 = _displacement_rate(scaled(half, rate2), omega3)
+    omega4 = combine(1.0, omega, dt, slope3)
+    torque = combine(-1.0, u, 1.0, _in_body(q, rate3, dt, tau_N))
+    slope4 = _acceleration(omega4, combine(1.0, h, dt, u), torque, J, J_inverse)
+    rate4 = _displacement_rate(scaled(dt, rate3), omega4)
+    mean_rate, mean_slope = _simpson(rate1, rate2, rate3, rate4), _simpson(slope1, slope2, slope3, slope4)
+    return _moved(q, mean_rate, dt), combine(1.0, omega, dt, mean_slope)
+
+
+@jittable
+def _simpson(a: Vector, b: Vector, c: Vector, d: Vector) -> Vector:
+    """Mean of four stages of the Runge-Kutta method."""
+    return combine(1.0 / 6.0, combine(1.0, a, 1.0, d), 1.0 / 3.0, combine(1.0, b, 1.0, c))
+
+
+@jittable
+def _in_body(q: Quaternion, rate: Vector, dt: float, tau_N: Vector) -> Vector:
+    """A torque in B at a stage that is turned from q by the rotation vector rate dt; nothing is turned for none."""
+    if tau_N[0] == 0.0 and tau_N[1] == 0.0 and tau_N[2] == 0.0:
+        return tau_N
+    return rotate(conjugate(_moved(q, rate, dt)), tau_N)
+
+
+@jittable
+def _acceleration(omega: Vector, h: Vector, torque: Vector, J: Array, J_inverse: Array) -> Vector:
+    spin = combine(1.0, times(J, omega), 1.0, h)
+    return times(J_inverse, combine(1.0, torque, -1.0, cross(omega, spin)))
+
+
+@jittable
+def _displacement_rate(p: Vector, omega: Vector) -> Vector:
+    """Rate of a rotation vector p at the body rate omega, up to terms beyond fourth order."""
+    a = cross(p, omega)
+    return combine(1.0, combine(1.0, omega, 0.5, a), 1.0 / 12.0, cross(p, a))
+
+
+@jittable
+def _moved(q: Quaternion, rate: Vector, dt: float) -> Quaternion:
+    """The attitude turned by the rotation vector rate dt in B."""
+    x = 0.25 * dt * dt * dot(rate, rate)  # of half the angle, the square
+    if x < SMALL:
+        c = 1.0 - x * (1.0 / 2.0 - x * (1.0 / 24.0 - x * (1.0 / 720.0 - x / 40_320.0)))
+        share = 0.5 * dt * (1.0 - x * (1.0 / 6.0 - x * (1.0 / 120.0 - x * (1.0 / 5_040.0 - x / 362_880.0))))
+    else:
+        angle = sqrt(x)
+        c, share = cos(angle), 0.5 * dt * sin(angle) / angle
+    return normalised(product(q, (c, share * rate[0], share * rate[1], share * rate[2])))
