@@ -195,18 +195,22 @@ def test_the_kernel_turns_under_torques_in_inertial_space_and_with_other_masses(
     assert np.abs(flights[0].vectors[:, 0] - flights[1].vectors[:, 0]).max() < 1e-6
 
 
-def test_held_torques_and_forces_in_inertial_space_act_as_mujoco_has_them_about_any_principal_axes(tetrahedron):
+def test_held_torques_and_forces_in_inertial_space_act_as_mujoco_has_them(tetrahedron):
     # Large ones, of which every term shows: free, without wheels turning, so that mj_step can say how it goes.
     ends = []
     for stepper in ("auto", "kernel"):
         model, data = spinning(tetrahedron, "gyrostat", 0.02, stepper)
-        turn = np.random.default_rng(6).normal(size=(N, 4))  # principal axes that are not the body's
-        model.mjmodel.body_iquat[model.hub_body] = turn / np.linalg.norm(turn, axis=1, keepdims=True)
-        mujoco.mj_setConst(model.mjmodel, mujoco.MjData(model.mjmodel))
         data.xfrc_applied[model.hub_body] = 0.05 * np.random.default_rng(4).normal(size=(N, 6))
         ends.append(np.hstack([part.copy() for part in fly(model, data, 10.0)]))
     assert np.abs(ends[0] - ends[1])[:, :16].max() < 1e-8
     assert np.abs(ends[1][:, 10:13]).min() > 1e-3
+
+
+def test_the_kernel_refuses_principal_axes_that_are_not_the_hubs(tetrahedron):
+    model, data = spinning(tetrahedron, "gyrostat", stepper="kernel")
+    model.mjmodel.body_sameframe[model.hub_body[0]] = 0
+    with pytest.raises(SimulationError, match=r"physics\.stepper: fast"):
+        Integrator(model, data)
 
 
 def test_the_kernel_is_refused_for_wheels_that_are_bodies():

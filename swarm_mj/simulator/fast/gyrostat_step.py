@@ -5,15 +5,13 @@ Runge-Kutta method of fourth order with rotation vectors from each step's start,
 
     J d omega / dt = tau - sum(a u) - omega x (J omega + sum(a h)),    d h / dt = u,
 
-J without the wheels' spin inertias (`swarm_mj.spacecraft.gyrostat`). State, forces and masses stand in MuJoCo's arrays, so
+J without the wheels' spin inertias (`swarm_mj.spacecraft.gyrostat`), diagonal in B. State, forces and masses stand in MuJoCo's arrays, so
 that whoever looks at an MjData sees the flight; nothing of MuJoCo is called.
 """
 
 from __future__ import annotations
 
 from math import cos, sin, sqrt
-
-import numpy as np
 
 from swarm_mj.simulator.fast.mj_memory import MjView
 from swarm_mj.spacecraft.attitude.algebra import (
@@ -27,7 +25,6 @@ from swarm_mj.spacecraft.attitude.algebra import (
     product,
     rotate,
     scaled,
-    times,
 )
 from swarm_mj.typing import Array, inlined, jittable
 
@@ -38,8 +35,7 @@ SMALL = 0.01
 @inlined
 def step_gyrostats(mj: MjView, nstep: int) -> None:
     """Integrate `nstep` timesteps of every spacecraft with motor torques and applied forces held."""
-    J, J_inverse, axes = np.empty((3, 3)), np.empty((3, 3)), mj.wheel_axes_B
-    dt = mj.timestep
+    axes, dt = mj.wheel_axes_B, mj.timestep
     hold = nstep * dt
     for j in range(mj.qpos.shape[0] // 7):
         p, v, w, hub = 7 * j, 6 * j, 3 * j, mj.first_hub + j
@@ -48,14 +44,14 @@ def step_gyrostats(mj: MjView, nstep: int) -> None:
             acceleration = force[k] / mj.body_mass[hub]
             mj.qpos[p + k] += hold * (mj.qvel[v + k] + 0.5 * hold * acceleration)
             mj.qvel[v + k] += hold * acceleration
-        _write_inertia(mj.body_inertia[hub], mj.body_iquat[hub], J, J_inverse)
+        J = (mj.body_inertia[hub, 0], mj.body_inertia[hub, 1], mj.body_inertia[hub, 2])
         q = (mj.qpos[p + 3], mj.qpos[p + 4], mj.qpos[p + 5], mj.qpos[p + 6])
         omega = (mj.qvel[v + 3], mj.qvel[v + 4], mj.qvel[v + 5])
         h = _on_axes(axes, mj.act[w], mj.act[w + 1], mj.act[w + 2])
         u0, u1, u2 = _motor(mj, w), _motor(mj, w + 1), _motor(mj, w + 2)
         u, tau_N = _on_axes(axes, u0, u1, u2), (force[3], force[4], force[5])
         for _ in range(nstep):
-            q, omega = _turn(q, omega, h, u, tau_N, J, J_inverse, dt)
+            q, omega = _turn(q, omega, h, u, tau_N, J, dt)
             h = combine(1.0, h, dt, u)
         mj.qpos[p + 3], mj.qpos[p + 4], mj.qpos[p + 5], mj.qpos[p + 6] = q
         mj.qvel[v + 3], mj.qvel[v + 4], mj.qvel[v + 5] = omega
@@ -80,19 +76,8 @@ def _on_axes(axes: Array, a: float, b: float, c: float) -> Vector:
 
 
 @jittable
-def _write_inertia(moments: Array, turn: Array, J: Array, J_inverse: Array) -> None:
-    """Write the inertia tensor in B and its inverse, from principal moments and the attitude of their axes."""
-    principal = (turn[0], turn[1], turn[2], turn[3])
-    x, y, z = rotate(principal, (1.0, 0.0, 0.0)), rotate(principal, (0.0, 1.0, 0.0)), rotate(principal, (0.0, 0.0, 1.0))
-    for i in range(3):
-        for k in range(3):
-            J[i, k] = moments[0] * x[i] * x[k] + moments[1] * y[i] * y[k] + moments[2] * z[i] * z[k]
-            J_inverse[i, k] = x[i] * x[k] / moments[0] + y[i] * y[k] / moments[1] + z[i] * z[k] / moments[2]
-
-
-@jittable
 def _turn(
-    q: Quaternion, omega: Vector, h: Vector, u: Vector, tau_N: Vector, J: Array, J_inverse: Array, dt: float
+    q: Quaternion, omega: Vector, h: Vector, u: Vector, tau_N: Vector, J: Vector, dt: float
 ) -> tuple[Quaternion, Vector]:
     """One timestep of the attitude and the body rate.
 
@@ -102,23 +87,22 @@ def _turn(
         h: Momentum of the wheels in B at the start [kg m^2/s].
         u: Its rate, the motors' torque on the wheels [N m].
         tau_N: Torque applied, in N [N m].
-        J: Inertia tensor in B [kg m^2].
-        J_inverse: Its inverse.
+        J: Principal moments of inertia about the axes of B [kg m^2].
         dt: [s].
     """
     half = 0.5 * dt
     rate1 = omega
-    slope1 = _acceleration(omega, h, combine(-1.0, u, 1.0, _in_body(q, omega, 0.0, tau_N)), J, J_inverse)
+    slope1 = _acceleration(omega, h, combine(-1.0, u, 1.0, _in_body(q, omega, 0.0, tau_N)), J)
     h_half = combine(1.0, h, half, u)
     omega2 = combine(1.0, omega, half, slope1)
-    slope2 = _acceleration(omega2, h_half, combine(-1.0, u, 1.0, _in_body(q, rate1, half, tau_N)), J, J_inverse)
+    slope2 = _acceleration(omega2, h_half, combine(-1.0, u, 1.0, _in_body(q, rate1, half, tau_N)), J)
     rate2 = _displacement_rate(scaled(half, rate1), omega2)
     omega3 = combine(1.0, omega, half, slope2)
-    slope3 = _acceleration(omega3, h_half, combine(-1.0, u, 1.0, _in_body(q, rate2, half, tau_N)), J, J_inverse)
+    slope3 = _acceleration(omega3, h_half, combine(-1.0, u, 1.0, _in_body(q, rate2, half, tau_N)), J)
     rate3 = _displacement_rate(scaled(half, rate2), omega3)
     omega4 = combine(1.0, omega, dt, slope3)
     torque = combine(-1.0, u, 1.0, _in_body(q, rate3, dt, tau_N))
-    slope4 = _acceleration(omega4, combine(1.0, h, dt, u), torque, J, J_inverse)
+    slope4 = _acceleration(omega4, combine(1.0, h, dt, u), torque, J)
     rate4 = _displacement_rate(scaled(dt, rate3), omega4)
     mean_rate, mean_slope = _simpson(rate1, rate2, rate3, rate4), _simpson(slope1, slope2, slope3, slope4)
     return _moved(q, mean_rate, dt), combine(1.0, omega, dt, mean_slope)
@@ -139,9 +123,10 @@ def _in_body(q: Quaternion, rate: Vector, dt: float, tau_N: Vector) -> Vector:
 
 
 @jittable
-def _acceleration(omega: Vector, h: Vector, torque: Vector, J: Array, J_inverse: Array) -> Vector:
-    spin = combine(1.0, times(J, omega), 1.0, h)
-    return times(J_inverse, combine(1.0, torque, -1.0, cross(omega, spin)))
+def _acceleration(omega: Vector, h: Vector, torque: Vector, J: Vector) -> Vector:
+    spin = (J[0] * omega[0] + h[0], J[1] * omega[1] + h[1], J[2] * omega[2] + h[2])
+    x, y, z = combine(1.0, torque, -1.0, cross(omega, spin))
+    return x / J[0], y / J[1], z / J[2]
 
 
 @jittable

@@ -135,6 +135,11 @@ def _choose_method(swarm: SwarmModel) -> tuple[int, str]:
     if found:
         return MJ_STEP, listed(found)
     if swarm.stepper == "kernel":
+        hubs = swarm.mjmodel.body_sameframe[swarm.hub_body]
+        if (hubs != mujoco.mjtSameFrame.mjSAMEFRAME_BODY).any():
+            raise SimulationError(
+                "physics.stepper = kernel flies hubs whose principal axes are the hub's own; use physics.stepper: fast"
+            )
         return KERNEL, ""
     return STAGED_CONSTANT_INERTIA if _inertia_is_steady(swarm.mjmodel) else STAGED, ""
 

@@ -24,7 +24,7 @@ MJ_STEP, STAGED, STAGED_CONSTANT_INERTIA, KERNEL = 0, 1, 2, 3
 
 _SIZES = ("method", "width", "nq", "nv", "na", "nu", "nbody", "first_hub")
 _OF_MUJOCO = ("qpos", "qvel", "act", "qacc_smooth", "qfrc_bias", "qfrc_applied", "ctrl", "xfrc_applied")
-_OF_MODEL = ("body_mass", "body_inertia", "body_iquat")
+_OF_MODEL = ("body_mass", "body_inertia")
 #: One MjData for compiled code. Sizes: how it is stepped, velocities of one spacecraft, MuJoCo's own; then numbers; addresses
 #: of MjModel, MjData and their arrays; and those of `Scratch`.
 MJ_RECORD = np.dtype(
@@ -83,7 +83,6 @@ class MjView(NamedTuple):
         xfrc_applied: Force and torque on every body in N, shape (nbody, 6) [N, N m].
         body_mass: Masses, shape (nbody,) [kg].
         body_inertia: Principal moments, shape (nbody, 3) [kg m^2].
-        body_iquat: Attitudes of the principal axes in the body's frame, shape (nbody, 4).
         asteroid_quat: Attitude of the asteroid's mocap body, shape (4,).
         ctrlrange: Lower and upper limits of the motor torques, shape (n w, 2) [N m].
         wheel_axes_B: Rows; of three wheels where they are momentum states, else not used, shape (3, 3).
@@ -107,7 +106,6 @@ class MjView(NamedTuple):
     xfrc_applied: Array
     body_mass: Array
     body_inertia: Array
-    body_iquat: Array
     asteroid_quat: Array
     ctrlrange: Array
     wheel_axes_B: Array
@@ -181,7 +179,6 @@ def mj_view(records: MjBatch, e: int) -> MjView:
         carray(_pointer(at.xfrc_applied), (at.nbody, 6)),
         carray(_pointer(at.body_mass), at.nbody),
         carray(_pointer(at.body_inertia), (at.nbody, 3)),
-        carray(_pointer(at.body_iquat), (at.nbody, 4)),
         carray(_pointer(at.asteroid_quat), 4),
         carray(_pointer(at.ctrlrange), (at.nu, 2)),
         carray(_pointer(at.wheel_axes_B), (3, 3)),
