@@ -5,8 +5,8 @@ Runge-Kutta method of fourth order with rotation vectors from each step's start,
 
     J d omega / dt = tau - sum(a u) - omega x (J omega + sum(a h)),    d h / dt = u,
 
-J without the wheels' spin inertias (`swarm_mj.spacecraft.gyrostat`), diagonal in B. State, forces and masses stand in MuJoCo's arrays, so
-that whoever looks at an MjData sees the flight; nothing of MuJoCo is called.
+J without the wheels' spin inertias (`swarm_mj.spacecraft.gyrostat`), diagonal in B. State, forces and masses stand in
+MuJoCo's arrays, so that whoever looks at an MjData sees the flight; nothing of MuJoCo is called.
 """
 
 from __future__ import annotations
