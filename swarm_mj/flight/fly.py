@@ -13,6 +13,7 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 from swarm_mj import __version__
+from swarm_mj.flight.burns import fly_burns
 from swarm_mj.flight.plan import Plan, antennas_from
 from swarm_mj.mission.behaviors import ELECTIONS, MissionBehavior
 from swarm_mj.mission.links import links_closed
@@ -107,6 +108,7 @@ def make_simulation(plan: Plan, *, geometry: bool = False) -> Simulation:
         fault_model=fault_model_from(scenario),
         shape=plan.shape,
     )
+    fly_burns(simulation, plan.deployment)
     simulation.reset(initial_state(plan))
     return simulation
 

@@ -13,6 +13,7 @@ from swarm_mj import plugins
 from swarm_mj.dataflow.link_budget import crosslink_range_m
 from swarm_mj.dataflow.relays import check_relays
 from swarm_mj.errors import PathError, PluginError, ScenarioError, ShapeError
+from swarm_mj.flight.burns import check_burns
 from swarm_mj.flight.mothership import check_outside, mothership_state
 from swarm_mj.flight.spacecraft import own_spacecraft_from, properties_from
 from swarm_mj.flight.surroundings import surroundings_from
@@ -127,6 +128,7 @@ def make_plan(
         with_communications=behavior.dedicated_communications,
         progress=progress,
     )
+    check_burns(deployment, properties)
     check_relays(scenario.data.relays, len(deployment.v0_N))
     check_faults(scenario.faults, n=len(deployment.v0_N), n_wheels=properties.n_wheels, duration_s=scenario.duration_s)
     near_collisions, least_radius = _check_flight(

@@ -20,6 +20,8 @@ from swarm_mj.simulator.faults.impact import ImpactWatch
 from swarm_mj.simulator.faults.telemetry import FaultRecord
 from swarm_mj.simulator.instruments import Instruments
 from swarm_mj.simulator.loop_state import LoopState
+from swarm_mj.simulator.propulsion import Propulsion
+from swarm_mj.simulator.propulsion_record import PropulsionRecord
 from swarm_mj.simulator.slots import SAMPLED, Peak, Slot
 from swarm_mj.smallbody.rotation import sub_point
 from swarm_mj.typing import Array
@@ -48,6 +50,7 @@ class Record:
             the time in which a wheel limit cut a torque [s], shape (n, 3).
         faults: What a flight with faults, dispersions or four wheels adds.
         instruments: What spacecraft from a file add: sensors and joints.
+        propulsion: What thrusters add.
     """
 
     time: Array
@@ -57,6 +60,7 @@ class Record:
     peaks: Array
     faults: FaultRecord | None = None
     instruments: Instruments | None = None
+    propulsion: PropulsionRecord | None = None
 
 
 class Loop(Protocol):
@@ -69,6 +73,10 @@ class Loop(Protocol):
     @property
     def injection(self) -> FaultInjection | None:
         """Its faults; None: it has none."""
+
+    @property
+    def propulsion(self) -> Propulsion | None:
+        """Its thrusters; None: it has none."""
 
     @property
     def impact_watch(self) -> ImpactWatch | None:
@@ -119,6 +127,7 @@ class Recorder:
             peaks=np.empty((n, 3)),
             faults=None if loop.injection is None else FaultRecord(samples, n, self._state.properties.n_wheels),
             instruments=None if self._state.model.own is None else Instruments(self._state, samples),
+            propulsion=None if loop.propulsion is None else PropulsionRecord(samples, n),
         )
 
     def fly(self) -> Record:
@@ -196,6 +205,8 @@ class Recorder:
         ctrl = state.motor_torque
         if record.instruments is not None:
             record.instruments.keep(row)
+        if record.propulsion is not None and self._loop.propulsion is not None:
+            record.propulsion.keep(row, self._loop.propulsion)
         if injection is not None and record.faults is not None:
             record.faults.keep(row, injection.faults, injection.wheel_speed, state.q_BN)
             ctrl = injection.motor

@@ -65,6 +65,11 @@ VARIABLES = {
     "coverage_percent": Declared("f8", ("time",), 0.0, 100.001, optional=True),
     "operational": Declared("i1", _PLACE, 0, 1, optional=True),
     "camera_on": Declared("i1", _PLACE, 0, 1, optional=True),
+    "thrust_N": Declared("f8", _VECTOR, -FASTEST, FASTEST, optional=True),
+    **{
+        name: Declared("f8", _PLACE, 0.0, FASTEST, optional=True)
+        for name in ("propellant_kg", "mass_kg", "delta_v_m_s")
+    },
 }
 #: Attributes of the file that its readers need.
 ATTRIBUTES = {
@@ -122,6 +127,9 @@ def dataset(
         variables[name] = _variable(name, record.peaks[:, k], units, frame, words)
     if record.faults is not None:
         for name, variable in record.faults.variables().items():
+            variables[name] = xr.Variable(*variable)
+    if record.propulsion is not None:
+        for name, variable in record.propulsion.variables().items():
             variables[name] = xr.Variable(*variable)
     if record.instruments is not None:
         for name, variable in record.instruments.variables({*variables, *LATER}).items():
