@@ -76,9 +76,7 @@ class ObservationLayout:
     def __init__(self, plan: Plan, patches: int) -> None:
         self._n = plan.n
         self.position_scale = plan.scenario.behavior.imaging_radius_m
-        self.velocity_scale = float(
-            np.linalg.norm(plan.scenario.mothership.position_A_m) / plan.scenario.design.time_of_flight_s
-        )
+        self.velocity_scale = float(plan.mothership_distance / plan.scenario.design.time_of_flight_s)
         self.columns = columns_with(len(plan.properties.wheel_axes_B))
         self.features = self.columns["role"].stop
         high, low = np.empty(self.features), np.empty(self.features)

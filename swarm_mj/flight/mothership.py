@@ -1,17 +1,51 @@
-"""Where the mothership comes from: its state at the epoch, by whichever of the ways the scenario gives."""
+"""Where the mothership comes from: its state at the epoch, by whichever of the ways the scenario gives.
+
+Approach and elements give the state by a two-body orbit; from the epoch on the full field acts.
+"""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from itertools import count
+from math import asin, atan2, degrees, radians
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.integrate import solve_ivp
 
-from swarm_mj.errors import ScenarioError
+from swarm_mj.errors import InteropError, MissionError, ScenarioError
+from swarm_mj.mission.safety import check_times, find_impacts
+from swarm_mj.mission.trajectories import MAX_EVALUATIONS
 from swarm_mj.scenarios.schema import Scenario
+from swarm_mj.scenarios.schema_mothership import Approach, OrbitalState, PathOfFile
+from swarm_mj.smallbody.conic import (
+    Elements,
+    Hyperbola,
+    elements_of_state,
+    hyperbola_of_state,
+    hyperbolic_anomaly,
+    state_of_elements,
+    state_of_hyperbola,
+)
 from swarm_mj.smallbody.environment import Environment
+from swarm_mj.smallbody.ephemeris import ephemeris_time
+from swarm_mj.smallbody.kepler import eccentric_anomaly
+from swarm_mj.smallbody.kernel_ephemeris import KernelEphemeris
+from swarm_mj.smallbody.naif import BodyName
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.smallbody.solid_angle import points_inside
+from swarm_mj.tracks.ccsds_in import read_oem
+from swarm_mj.tracks.frames import C_EN
+from swarm_mj.tracks.times import epoch_of, text_of
 from swarm_mj.typing import Array
+
+#: How to keep the mothership out of the body, by the key that says where it comes from.
+REMEDIES = {
+    "position_A_m": "change mothership.position_A_m or mothership.velocity",
+    "approach": "change b_t_m, b_r_m or closest_approach_s of mothership.approach",
+    "elements": "change mothership.elements",
+    "ephemeris": "give another file in mothership.ephemeris, or another epoch",
+}
 
 
 class MothershipState(NamedTuple):
@@ -27,18 +61,268 @@ class MothershipState(NamedTuple):
 
 
 def mothership_state(scenario: Scenario, environment: Environment) -> MothershipState:
-    """The mothership at the epoch, before it releases anybody."""
+    """The mothership at the epoch, before it releases anybody.
+
+    Raises:
+        ScenarioError: The scenario's way gives no state; the message names the keys.
+        InteropError: Its file cannot be read.
+    """
     asked = scenario.mothership
+    if asked.approach is not None:
+        return _by_approach(asked.approach, scenario, environment)
+    if asked.elements is not None:
+        return _by_elements(asked.elements, scenario, environment)
+    if asked.ephemeris is not None:
+        return _by_file(asked.ephemeris, scenario)
     velocity = asked.velocity if isinstance(asked.velocity, str) else np.array(asked.velocity)
     return MothershipState(np.array(asked.position_A_m) @ environment.C_AN(0.0), velocity)
 
 
-def check_outside(scenario: Scenario, shape: ShapeModel) -> None:
-    """See that the mothership is not inside the body at the epoch.
+def axes_in_N(name: str, environment: Environment) -> Array:
+    """Axes by their name in a scenario: the rows are their unit vectors x, y, z in N, shape (3, 3)."""
+    if name == "ecliptic":
+        return np.eye(3)
+    if name == "equatorial":
+        return C_EN
+    pole = environment.C_PN[2]
+    node = np.cross(C_EN[2], pole)
+    # The node has no direction where the body's equator is that of EME2000: the equinox then.
+    node = C_EN[0] - (C_EN[0] @ pole) * pole if np.linalg.norm(node) < 1e-9 else node
+    node = node / np.linalg.norm(node)
+    return np.stack([node, np.cross(pole, node), pole])
+
+
+def check_way_in(scenario: Scenario, shape: ShapeModel, environment: Environment, state: MothershipState) -> None:
+    """See that the mothership is outside the body at the epoch, and that its path does not lead into it.
+
+    A hyperbola is followed until its closest approach at least, where its velocity is known.
 
     Raises:
-        ScenarioError: It is.
+        ScenarioError: It does; the message says when, where and what to change.
     """
-    position = np.array([scenario.mothership.position_A_m])
-    if points_inside(position, shape.vertices, shape.faces).any():
-        raise ScenarioError(f"mothership.position_A_m = {position[0].tolist()}: lies inside {shape.name}")
+    mothership, C_AN = scenario.mothership, environment.C_AN(0.0)
+    position = C_AN @ state.r_N
+    if points_inside(position[None], shape.vertices, shape.faces).any():
+        raise ScenarioError(
+            f"mothership.position_A_m = {list(mothership.position_A_m)}: lies inside {shape.name}; {REMEDIES['position_A_m']}"
+            if mothership.way == "position_A_m"
+            else f"mothership.{mothership.way}: lies inside {shape.name} at the epoch, at {position.round(3).tolist()} m in A; "
+            f"{REMEDIES[mothership.way]}"
+        )
+    if isinstance(state.velocity, str) and state.velocity == "mean":
+        return
+    velocity = np.zeros(3) if isinstance(state.velocity, str) else state.velocity
+    closest = 0.0 if mothership.approach is None else mothership.approach.closest_approach_s
+    times, r_N = _coasted(shape, environment, state.r_N, velocity, max(scenario.duration_s, closest))
+    legs = np.linalg.norm(np.diff(r_N, axis=0), axis=1).max(initial=0.0)
+    if np.linalg.norm(r_N, axis=1).min() > shape.max_radius + legs:
+        return
+    r_A = np.array([environment.C_AN(t) @ r for t, r in zip(times.tolist(), r_N, strict=True)])
+    for impact in find_impacts(shape, times, r_A[:, None]):
+        raise ScenarioError(
+            f"mothership.{mothership.way}: the mothership hits {scenario.body.name} on its way at t = {impact.time:g} s, "
+            f"latitude {impact.latitude_deg:.1f} deg, longitude {impact.longitude_deg:.1f} deg; {REMEDIES[mothership.way]}"
+        )
+
+
+def way_in(scenario: Scenario, environment: Environment, r_N: Array, v_N: Array) -> dict[str, Any]:
+    """How the mothership comes, in the numbers of the field: osculating at the epoch, in the scenario's axes.
+
+    Args:
+        scenario: What was asked for.
+        environment: Of the flight.
+        r_N: Position at the epoch, shape (3,) [m].
+        v_N: Velocity, shape (3,) [m/s].
+    """
+    mothership = scenario.mothership
+    given = mothership.approach or mothership.elements
+    axes = "ecliptic" if given is None else given.axes
+    out: dict[str, Any] = {
+        "way": mothership.way,
+        "distance_m": float(np.linalg.norm(r_N)),
+        "speed_m_s": float(np.linalg.norm(v_N)),
+    }
+    gm = getattr(environment.gravity, "gm", None) if given is None or given.gm_m3_s2 is None else given.gm_m3_s2
+    if gm is None:
+        return out
+    out |= {"axes": axes, "gm_m3_s2": float(gm)}
+    C = axes_in_N(axes, environment)
+    flyby = hyperbola_of_state(C @ r_N, C @ v_N, gm)
+    return out | (_bound(elements_of_state(C @ r_N, C @ v_N, gm)) if flyby is None else _passing(flyby))
+
+
+def _passing(flyby: Hyperbola) -> dict[str, Any]:
+    x, y, z = flyby.v_infinity / flyby.speed
+    b_t: float | None
+    b_r: float | None
+    try:
+        b_t, b_r = flyby.components(np.array([0.0, 0.0, 1.0]))
+    except MissionError:
+        b_t = b_r = None
+    return {
+        "orbit": "hyperbola",
+        "v_infinity_m_s": flyby.speed,
+        "v_infinity_longitude_deg": degrees(atan2(y, x)) % 360.0,
+        "v_infinity_latitude_deg": degrees(asin(max(-1.0, min(1.0, z)))),
+        "b_m": flyby.impact_parameter,
+        "b_t_m": b_t,
+        "b_r_m": b_r,
+        "closest_approach_s": flyby.closest_approach,
+        "periapsis_radius_m": flyby.periapsis_radius,
+        "periapsis_speed_m_s": flyby.periapsis_speed,
+        "eccentricity": flyby.eccentricity if flyby.gm > 0.0 else None,
+        "turn_angle_deg": degrees(flyby.turn_angle),
+    }
+
+
+def _bound(orbit: Elements) -> dict[str, Any]:
+    return {
+        "orbit": "ellipse" if orbit.eccentricity < 1.0 else "parabola",
+        "periapsis_radius_m": orbit.periapsis_radius,
+        "eccentricity": orbit.eccentricity,
+        **{
+            f"{key}_deg": degrees(getattr(orbit, name))
+            for key, name in (
+                ("inclination", "inclination"),
+                ("node", "node"),
+                ("argument_of_periapsis", "argument"),
+                ("true_anomaly", "true_anomaly"),
+            )
+        },
+    }
+
+
+def _by_approach(asked: Approach, scenario: Scenario, environment: Environment) -> MothershipState:
+    C = axes_in_N(asked.axes, environment)
+    longitude, latitude = radians(asked.longitude_deg), radians(asked.latitude_deg)
+    S = np.array([np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude), np.sin(latitude)])
+    gm = _gm(asked.gm_m3_s2, scenario, environment)
+    try:
+        flyby = Hyperbola.of_components(
+            gm,
+            asked.v_infinity_m_s * S,
+            np.array([0.0, 0.0, 1.0]),
+            (asked.b_t_m, asked.b_r_m),
+            asked.closest_approach_s,
+        )
+    except MissionError as error:
+        raise ScenarioError(
+            f"mothership.approach.latitude_deg = {asked.latitude_deg:g}: {error}; choose other axes than {asked.axes}"
+        ) from None
+    try:
+        r, v = state_of_hyperbola(flyby)
+    except MissionError as error:
+        raise ScenarioError(f"mothership.approach: {error}; change b_t_m, b_r_m or closest_approach_s") from None
+    return MothershipState(r @ C, v @ C)
+
+
+def _by_elements(asked: OrbitalState, scenario: Scenario, environment: Environment) -> MothershipState:
+    gm = _gm(asked.gm_m3_s2, scenario, environment)
+    e = asked.eccentricity
+    if asked.periapsis_radius_m is not None:
+        least = asked.periapsis_radius_m
+    else:
+        assert asked.semi_major_axis_m is not None  # the schema sees to that
+        least = asked.semi_major_axis_m * (1.0 - e)
+    try:
+        r, v = state_of_elements(
+            Elements(
+                periapsis_radius=least,
+                eccentricity=e,
+                inclination=radians(asked.inclination_deg),
+                node=radians(asked.node_deg),
+                argument=radians(asked.argument_of_periapsis_deg),
+                true_anomaly=_true_anomaly(asked),
+            ),
+            gm,
+        )
+    except MissionError as error:
+        raise ScenarioError(
+            f"mothership.elements.true_anomaly_deg = {asked.true_anomaly_deg:g} with eccentricity = {e:g}: {error}"
+        ) from None
+    C = axes_in_N(asked.axes, environment)
+    return MothershipState(r @ C, v @ C)
+
+
+def _true_anomaly(asked: OrbitalState) -> float:
+    """At the epoch [rad], by way of Kepler's equation where the mean one is given."""
+    if asked.true_anomaly_deg is not None:
+        return radians(asked.true_anomaly_deg)
+    assert asked.mean_anomaly_deg is not None  # the schema sees to that
+    e, mean = asked.eccentricity, radians(asked.mean_anomaly_deg)
+    if e < 1.0:
+        half = 0.5 * eccentric_anomaly(mean, e)
+        return 2.0 * atan2(np.sqrt(1.0 + e) * np.sin(half), np.sqrt(1.0 - e) * np.cos(half))
+    half = 0.5 * hyperbolic_anomaly(mean, e - 1.0, 1.0)
+    return 2.0 * atan2(np.sqrt(e + 1.0) * np.tanh(half), np.sqrt(e - 1.0))
+
+
+def _gm(given: float | None, scenario: Scenario, environment: Environment) -> float:
+    if given is not None:
+        return given
+    gm = getattr(environment.gravity, "gm", None)
+    if gm is None:
+        raise ScenarioError(
+            f"mothership.{scenario.mothership.way}.gm_m3_s2 = null: the field of body.gravity.model = "
+            f"{scenario.body.gravity.model} has no attribute gm; give mothership.{scenario.mothership.way}.gm_m3_s2"
+        )
+    return float(gm)
+
+
+def _by_file(asked: PathOfFile, scenario: Scenario) -> MothershipState:
+    if asked.oem is None:
+        assert asked.spk is not None and asked.target is not None  # the schema sees to that
+        kernels = (*scenario.ephemerides.kernels, asked.spk)
+        reader = KernelEphemeris(kernels, scenario.body.name, body=scenario.ephemerides.body)
+        remedy = (
+            f"give in mothership.ephemeris.spk (and ephemerides.kernels) what holds {asked.target} relative to it then"
+        )
+        et = ephemeris_time(scenario.epoch)
+        return MothershipState(*reader.state_N(asked.target, et, "mothership.ephemeris.spk", remedy))
+    try:
+        track = read_oem(Path(asked.oem), BodyName.of(scenario.body.name))
+    except InteropError as error:
+        raise InteropError(f"mothership.ephemeris.oem: {error}") from None
+    state = track.state_at(epoch_of(scenario.epoch))
+    if state is None:
+        raise InteropError(
+            f"mothership.ephemeris.oem = {asked.oem}: covers {text_of(track.first)} to {text_of(track.last)} TDB and not the "
+            f"epoch {scenario.epoch}; set epoch, or give another file"
+        )
+    return MothershipState(*state)
+
+
+def _coasted(
+    shape: ShapeModel, environment: Environment, r0_N: Array, v0_N: Array, duration_s: float
+) -> tuple[Array, Array]:
+    """Instants and places of the mothership under the full field, until deep inside the body at most."""
+    times = check_times(duration_s)
+    deep = 0.8 * float(np.linalg.norm(shape.vertices, axis=1).min())
+
+    evaluations = count(1)
+
+    def rates(t: float, y: Array) -> Array:
+        if next(evaluations) > MAX_EVALUATIONS:
+            raise ScenarioError(
+                f"mothership: its path cannot be integrated beyond t = {t:g} s, {np.linalg.norm(y[:3]):g} m from the centre; "
+                "change where it comes from, or body.gravity"
+            )
+        return np.concatenate([y[3:], environment.acceleration_N(t, y[None, :3])[0]])
+
+    def inside(t: float, y: Array) -> float:
+        return float(np.linalg.norm(y[:3])) - deep
+
+    inside.terminal = True  # type: ignore[attr-defined]
+    solution = solve_ivp(
+        rates,
+        (0.0, float(times[-1])),
+        np.concatenate([r0_N, v0_N]),
+        method="DOP853",
+        t_eval=times,
+        rtol=1e-10,
+        atol=1e-6,
+        events=inside,
+    )
+    if not len(solution.t_events[0]):
+        return solution.t, solution.y[:3].T
+    return np.append(solution.t, solution.t_events[0]), np.vstack([solution.y[:3].T, solution.y_events[0][:, :3]])

@@ -14,12 +14,12 @@ from swarm_mj.dataflow.link_budget import crosslink_range_m
 from swarm_mj.dataflow.relays import check_relays
 from swarm_mj.errors import PathError, PluginError, ScenarioError, ShapeError
 from swarm_mj.flight.burns import check_burns
-from swarm_mj.flight.mothership import check_outside, mothership_state
+from swarm_mj.flight.mothership import check_way_in, mothership_state
 from swarm_mj.flight.spacecraft import own_spacecraft_from, properties_from
 from swarm_mj.flight.surroundings import surroundings_from
 from swarm_mj.mission.behaviors import AimedBehavior, Behavior, SelectiveBehavior
 from swarm_mj.mission.links import Antennas
-from swarm_mj.mission.safety import CloseApproach, close_approaches, find_impacts
+from swarm_mj.mission.safety import CloseApproach, check_times, close_approaches, find_impacts
 from swarm_mj.mission.target import TargetRegion, automatic_cell_size, build_target, check_visiting_points
 from swarm_mj.mission.trajectories import Deployment, deploy, propagate
 from swarm_mj.scenarios.schema import Body, Scenario
@@ -39,8 +39,6 @@ from swarm_mj.typing import Array
 
 EROS_SHAPE = "eros"
 
-#: Time between the points at which a planned flight is checked for impact and near-collision [s], and how many at most.
-CHECK_INTERVAL_S, MAX_CHECKS = 1.0, 100_000
 #: How many impacts of a plan are told with time and place.
 SHOWN_IMPACTS = 5
 
@@ -88,6 +86,14 @@ class Plan:
         return len(self.points_A)
 
     @property
+    def mothership_distance(self) -> float:
+        """Of the mothership from the body's centre at the epoch [m]."""
+        mothership = self.scenario.mothership
+        return float(
+            np.linalg.norm(mothership.position_A_m if mothership.way == "position_A_m" else self.deployment.r0_N)
+        )
+
+    @property
     def names(self) -> tuple[str, ...]:
         """Names of the spacecraft in gene order."""
         return spacecraft_names(self.n)
@@ -116,8 +122,8 @@ def make_plan(
     region = target_from(scenario, shape)
     points_A = visiting_points(scenario, shape, region)
     region = true_target(scenario, shape, region)
-    check_outside(scenario, shape)
     mothership = mothership_state(scenario, environment)
+    check_way_in(scenario, shape, environment, mothership)
     deployment = deploy(
         environment,
         mothership_N=mothership.r_N,
@@ -338,10 +344,7 @@ def _check_flight(
     scenario: Scenario, shape: ShapeModel, environment: Environment, deployment: Deployment, candidates: int | None
 ) -> tuple[list[CloseApproach], Array]:
     """Fly the trajectories ahead; an impact is an error, a near-collision is reported, except of so many `candidates`."""
-    # A grid of its own, so that what is found does not depend on how much telemetry is asked for.
-    times = np.linspace(
-        0.0, scenario.duration_s, 1 + min(MAX_CHECKS, max(1, round(scenario.duration_s / CHECK_INTERVAL_S)))
-    )
+    times = check_times(scenario.duration_s)
     starts = np.broadcast_to(deployment.r0_N, deployment.v0_N.shape)
     r_N, _ = propagate(environment.acceleration_N, starts, deployment.v0_N, times)
     C_AN = np.array([environment.C_AN(t) for t in times])
@@ -354,7 +357,8 @@ def _check_flight(
                 for i in impacts[:SHOWN_IMPACTS]
             )
             + (f"; {len(impacts) - SHOWN_IMPACTS} more do" if len(impacts) > SHOWN_IMPACTS else "")
-            + "; change design.visiting_points, design.imaging_altitude_m, design.time_of_flight_s or mothership.position_A_m",
+            + "; change design.visiting_points, design.imaging_altitude_m, design.time_of_flight_s or "
+            f"mothership.{scenario.mothership.way}",
             f"hitting {scenario.body.name}",
             [impact.spacecraft for impact in impacts],
         )

@@ -14,6 +14,9 @@ from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.smallbody.solid_angle import points_inside
 from swarm_mj.typing import Array, Mask
 
+#: Time between the points at which a planned flight is checked for impact and near-collision [s], and how many at most.
+CHECK_INTERVAL_S, MAX_CHECKS = 1.0, 100_000
+
 
 @dataclass(frozen=True)
 class Impact:
@@ -33,6 +36,14 @@ class CloseApproach:
     second: int
     time: float
     distance: float
+
+
+def check_times(duration_s: float) -> Array:
+    """Instants at which a flight is checked [s], from 0 to its end.
+
+    They are a grid of their own, so that what is found does not depend on how much telemetry is asked for.
+    """
+    return np.linspace(0.0, duration_s, 1 + min(MAX_CHECKS, max(1, round(duration_s / CHECK_INTERVAL_S))))
 
 
 def find_impacts(shape: ShapeModel, times: Array, r_A: Array) -> list[Impact]:

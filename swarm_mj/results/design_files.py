@@ -33,7 +33,7 @@ DECIDING = {
     "body": ("gravity", "rotation", "orbit"),
     "target": ("latitude_deg", "longitude_deg", "half_angle_deg", "edges"),
     "design": ("imaging_altitude_m", "projection", "time_of_flight_s"),
-    "mothership": ("position_A_m", "velocity"),
+    "mothership": ("position_A_m", "velocity", "approach", "elements", "ephemeris"),
     "behavior": ("name", "parameters", "imaging_radius_m"),
 }
 #: Powers of a length in the keys that tell a mesh from another, whatever its file is called.

@@ -42,6 +42,26 @@ class Near(Record):
     distance_m: float
 
 
+class WayIn(Record):
+    """How the mothership comes; numbers of an orbit only where the field has a GM."""
+
+    way: str
+    distance_m: NonNegativeFloat
+    speed_m_s: NonNegativeFloat
+    axes: str = "ecliptic"
+    orbit: Literal["hyperbola", "ellipse", "parabola"] | None = None
+    v_infinity_m_s: NonNegativeFloat | None = None
+    v_infinity_longitude_deg: float | None = None
+    v_infinity_latitude_deg: float | None = None
+    b_t_m: float | None = None
+    b_r_m: float | None = None
+    closest_approach_s: float | None = None
+    periapsis_radius_m: NonNegativeFloat | None = None
+    periapsis_speed_m_s: NonNegativeFloat | None = None
+    eccentricity: NonNegativeFloat | None = None
+    turn_angle_deg: float | None = None
+
+
 class NotDelivered(Record):
     """A part of the map that was seen and does not arrive."""
 
@@ -82,6 +102,7 @@ class RunSummary(Record):
     link_closed_percent: dict[str, Percent]
     links_closed_final: NonNegativeInt
     wall_s: dict[str, float]
+    mothership: WayIn | None = None
     pointing_error_deg_visit: ByName = {}
     target_held_s_final: ByName = {}
     events: Annotated[list[Event], FailFast()] = []

@@ -5,12 +5,14 @@ from __future__ import annotations
 import json
 import platform
 from importlib.metadata import PackageNotFoundError, version
+from math import isfinite
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
 from swarm_mj import __version__
+from swarm_mj.flight.mothership import way_in
 from swarm_mj.flight.observe import ObservationResult, picture_samples, visit_sample, watching_in
 from swarm_mj.flight.plan import Plan
 from swarm_mj.flight.spacecraft import notes_on
@@ -140,6 +142,7 @@ def _flown(plan: Plan, telemetry: xr.Dataset) -> dict[str, Any]:
     """Deployment, trajectories and what came too close."""
     names = plan.names
     return {
+        "mothership": _way_in(plan),
         "deployment_delta_v_m_s": _by_name(names, plan.deployment.delta_v, 6),
         "transfer_miss_mm": _by_name(names, 1e3 * plan.deployment.miss_m, 6),
         "visit_miss_mm": _by_name(names, 1e3 * visit_miss_m(plan, telemetry), 6),
@@ -153,6 +156,19 @@ def _flown(plan: Plan, telemetry: xr.Dataset) -> dict[str, Any]:
             for a in plan.near_collisions
         ],
     }
+
+
+def _way_in(plan: Plan) -> dict[str, Any]:
+    """How the mothership comes, to twelve digits and a micrometre: what is behind them is noise."""
+    deployment = plan.deployment
+    found = way_in(plan.scenario, plan.environment, deployment.r0_N, deployment.mothership_velocity_N)
+    return {key: _without_noise(value, 6 if key.endswith("_m") else 12) for key, value in found.items()}
+
+
+def _without_noise(value: Any, decimals: int) -> Any:
+    if not isinstance(value, float):
+        return value
+    return round(float(f"{value:.12g}"), decimals) + 0.0 if isfinite(value) else None
 
 
 def _stepped(plan: Plan, telemetry: xr.Dataset) -> dict[str, Any]:

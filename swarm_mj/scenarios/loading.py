@@ -125,14 +125,24 @@ def _resolve_paths(data: dict[str, Any], folder: Path) -> None:
         ("body", "shape", PACKAGED_SHAPES),
         ("design", "reference", packaged_designs()),
         ("spacecraft", "mjcf", []),
+        ("mothership.ephemeris", "oem", []),
+        ("mothership.ephemeris", "spk", []),
     ):
-        values = data.get(section)
-        if isinstance(values, dict) and isinstance(values.get(key), str) and values[key] not in packaged:
+        values = _section(data, section)
+        if isinstance(values.get(key), str) and values[key] not in packaged:
             values[key] = _resolved(values[key], folder)
-    ephemerides = data.get("ephemerides")
-    if isinstance(ephemerides, dict) and isinstance(ephemerides.get("kernels"), list):
+    ephemerides = _section(data, "ephemerides")
+    if isinstance(ephemerides.get("kernels"), list):
         named = ephemerides["kernels"]
         ephemerides["kernels"] = [_resolved(name, folder) if isinstance(name, str) else name for name in named]
+
+
+def _section(data: dict[str, Any], path: str) -> dict[str, Any]:
+    """A section by its dotted path; empty where there is none."""
+    found: Any = data
+    for name in path.split("."):
+        found = found.get(name) if isinstance(found, dict) else None
+    return found if isinstance(found, dict) else {}
 
 
 def _resolved(name: str, folder: Path) -> str:

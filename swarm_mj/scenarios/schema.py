@@ -16,8 +16,9 @@ from swarm_mj.scenarios.bodies import expanded_body, packaged_bodies
 from swarm_mj.scenarios.schema_body import Body, Ephemerides, Perturbations
 from swarm_mj.scenarios.schema_faults import Dispersions, Fault
 from swarm_mj.scenarios.schema_imaging import Camera, Observation
-from swarm_mj.scenarios.schema_itinerary import Deployer, Design
+from swarm_mj.scenarios.schema_itinerary import Design
 from swarm_mj.scenarios.schema_link import Data, Link
+from swarm_mj.scenarios.schema_mothership import Mothership
 from swarm_mj.scenarios.schema_thrusters import Thrusters, thrusters_can_pulse, thrusters_fit_inside
 from swarm_mj.scenarios.section import Parameters, Section, Vector3
 
@@ -38,20 +39,6 @@ class Target(Section):
         description="edge length to which target faces are subdivided [m]; null: not at all; auto: only where the camera's "
         "footprint is too narrow for whole faces to measure the area",
     )
-
-
-class Mothership(Section):
-    """Where the swarm is deployed from."""
-
-    position_A_m: Vector3 = Field(
-        (0.0, 0.0, -30_000.0), description="position in the body-fixed frame at the epoch [m]"
-    )
-    velocity: Literal["mean", "rest"] | Vector3 = Field(
-        "mean",
-        description="inertial velocity: 'mean' of the deployed velocities (then a CubeSat needs about 10 m/s at most), 'rest', "
-        "or three components in N [m/s]",
-    )
-    deployer: Deployer = Field(default_factory=Deployer)
 
 
 class Wheel(Section):

@@ -125,7 +125,7 @@ def position_velocity(elements: OrbitalElements, jd: float) -> tuple[Array, Arra
     anomaly = eccentric_anomaly(n * (jd - elements.perihelion_jd) * DAY, e)
     sine, cosine, minor = math.sin(anomaly), math.cos(anomaly), math.sqrt((1.0 - e) * (1.0 + e))
     rate = n / (1.0 - e * cosine)
-    P, Q = _perifocal_axes(inclination, node, argument)
+    P, Q = perifocal_axes(inclination, node, argument)
     return a * ((cosine - e) * P + minor * sine * Q), a * rate * (-sine * P + minor * cosine * Q)
 
 
@@ -164,7 +164,7 @@ def _elements_at(elements: OrbitalElements, jd: float) -> tuple[float, float, fl
     return a, e, inclination, node, argument
 
 
-def _perifocal_axes(inclination: float, node: float, argument: float) -> tuple[Array, Array]:
+def perifocal_axes(inclination: float, node: float, argument: float) -> tuple[Array, Array]:
     """Unit vectors towards perihelion and 90 deg ahead of it, Montenbruck and Gill (2000), eq. 2.58."""
     ci, si = math.cos(inclination), math.sin(inclination)
     cn, sn = math.cos(node), math.sin(node)

@@ -75,17 +75,29 @@ class KernelEphemeris:
             )
         return Turning(np.asarray(C_AN), rate)
 
-    def state_N(self, target: str, et: float) -> tuple[Array, Array]:
-        """Position [m] and velocity [m/s] of the Sun or the Earth relative to the body in N.
+    def state_N(
+        self,
+        target: str,
+        et: float,
+        key: str = "ephemerides.kernels",
+        remedy: str = "add SPKs of body, Sun and Earth that hold at the epoch, or set ephemerides.positions: false",
+    ) -> tuple[Array, Array]:
+        """Position [m] and velocity [m/s] of the Sun, the Earth or a spacecraft relative to the body in N.
+
+        Args:
+            target: SPICE's name or number of it.
+            et: Seconds of TDB past J2000.
+            key: What named the kernels, for messages.
+            remedy: What to do where the kernels do not say.
 
         Raises:
             ScenarioError: The kernels do not say.
         """
         with (
-            furnished(self.kernels, "ephemerides.kernels", ScenarioError) as spice,
+            furnished(self.kernels, key, ScenarioError) as spice,
             spice_errors(
                 f"ephemerides.body = {self.body}: {target} as seen from it at et = {et:.3f} s past J2000 TDB",
-                "add SPKs of body, Sun and Earth that hold at the epoch, or set ephemerides.positions: false",
+                remedy,
                 ScenarioError,
             ),
         ):

@@ -39,17 +39,7 @@ def interpolate(t: Array, values: Array, times: Array, *, degree: int, rates: Ar
     Returns:
         Shape (q, m).
     """
-    hermite = rates is not None
-    size = min(len(t), max(1, (degree + 1) // 2) if hermite else degree + 1)
-    first = windows(t, times, size)
-    near = first[:, None] + np.arange(size)
-    scale = np.maximum(t[near[:, -1]] - t[near[:, 0]], 1e-300)
-    x = (t[near] - times[:, None]) / scale[:, None]
-    y = values[near]
-    if rates is None:
-        out = _newton(x, y, None)
-    else:
-        out = _newton(np.repeat(x, 2, axis=1), np.repeat(y, 2, axis=1), rates[near] * scale[:, None, None])
+    out, _ = _interpolated(t, values, times, degree, rates)
     # What is asked for at a sample is the sample, to the last bit.
     at = np.clip(np.searchsorted(t, times), 0, len(t) - 1)
     there = t[at] == times
@@ -57,10 +47,31 @@ def interpolate(t: Array, values: Array, times: Array, *, degree: int, rates: Ar
     return out
 
 
-def _newton(x: Array, y: Array, rates: Array | None) -> Array:
-    """Value at 0 of the polynomials through nodes x, shape (q, s), with values y, shape (q, s, m)."""
+def slopes(t: Array, values: Array, times: Array, *, degree: int, rates: Array | None = None) -> Array:
+    """Derivatives by time of what `interpolate` gives, with the same arguments, shape (q, m)."""
+    return _interpolated(t, values, times, degree, rates)[1]
+
+
+def _interpolated(t: Array, values: Array, times: Array, degree: int, rates: Array | None) -> tuple[Array, Array]:
+    size = min(len(t), max(1, (degree + 1) // 2) if rates is not None else degree + 1)
+    first = windows(t, times, size)
+    near = first[:, None] + np.arange(size)
+    scale = np.maximum(t[near[:, -1]] - t[near[:, 0]], 1e-300)
+    # A window of one sample has no width, but a slope.
+    scale = np.where(scale > 1e-300, scale, 1.0)
+    x = (t[near] - times[:, None]) / scale[:, None]
+    y = values[near]
+    if rates is None:
+        out, slope = _newton(x, y, None)
+    else:
+        out, slope = _newton(np.repeat(x, 2, axis=1), np.repeat(y, 2, axis=1), rates[near] * scale[:, None, None])
+    return out, slope / scale[:, None]
+
+
+def _newton(x: Array, y: Array, rates: Array | None) -> tuple[Array, Array]:
+    """Value and slope at 0 of the polynomials through nodes x, shape (q, s), with values y, shape (q, s, m)."""
     table = y.copy()
-    out = np.zeros(y[:, 0].shape)
+    out, slope = np.zeros(y[:, 0].shape), np.zeros(y[:, 0].shape)
     coefficients = [table[:, 0].copy()]
     for order in range(1, x.shape[1]):
         gap = (x[:, order:] - x[:, :-order])[..., None]
@@ -73,8 +84,9 @@ def _newton(x: Array, y: Array, rates: Array | None) -> Array:
             table = difference / gap
         coefficients.append(table[:, 0].copy())
     for k in range(len(coefficients) - 1, -1, -1):
+        slope = out - x[:, k, None] * slope
         out = coefficients[k] - x[:, k, None] * out
-    return out
+    return out, slope
 
 
 def slerp(t: Array, q: Array, times: Array) -> Array:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from swarm_mj.tracks.interpolation import interpolate, slerp
+from swarm_mj.tracks.interpolation import interpolate, slerp, slopes
 from swarm_mj.typing import Array, Ints, Mask
 
 
@@ -44,6 +44,17 @@ class Stretch:
             return turned
         r, v = self.values[:, :3], self.values[:, 3:]
         return interpolate(t, r, times, degree=self.degree, rates=v if self.method == "HERMITE" else None)
+
+    def velocity_at(self, ns: Ints) -> Array:
+        """Velocities at instants inside [m/s], shape (q, 3).
+
+        With Hermite's polynomial they are its slope, otherwise the file's, interpolated as the positions are.
+        """
+        t, times = (self.ns - self.ns[0]) / 1e9, (ns - self.ns[0]) / 1e9
+        r, v = self.values[:, :3], self.values[:, 3:]
+        if self.method == "HERMITE":
+            return slopes(t, r, times, degree=self.degree, rates=v)
+        return interpolate(t, v, times, degree=self.degree)
 
 
 @dataclass(frozen=True)
@@ -85,3 +96,11 @@ class Track:
                 out[inside] = stretch.at(ns[inside])
                 known |= inside
         return out, known
+
+    def state_at(self, ns: int) -> tuple[Array, Array] | None:
+        """Position [m] and velocity [m/s] at an instant, each of shape (3,); None where they are not known."""
+        instant = np.array([ns])
+        for stretch in reversed(self.stretches):
+            if stretch.first <= ns <= stretch.last:
+                return stretch.at(instant)[0], stretch.velocity_at(instant)[0]
+        return None

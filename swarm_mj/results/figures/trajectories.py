@@ -55,7 +55,7 @@ def compose_trajectories(plan: Plan, telemetry: xr.Dataset, result: ObservationR
     space, bars = figure.subplots(1, 2, width_ratios=(1.35, 1.0))
     started = _draw_flight(space, plan, scene)
     time = instant(plan.scenario.design.time_of_flight_s, time_axis(plan.scenario.duration_s))
-    away = float(np.linalg.norm(plan.scenario.mothership.position_A_m)) / KM
+    away = plan.mothership_distance / KM
     start = "" if started else f"; $r_0$, {away:,.0f} km away, is not shown"
     missed, residual = (_length(miss.max()) for miss in (visit_miss_m(plan, telemetry), plan.deployment.miss_m))
     words = f"{frame_words(at_rest)}; time of flight $t_f$ = {time}{start}"

@@ -10,6 +10,7 @@ from pydantic import BaseModel
 from swarm_mj.results.findings import findings, proof_differences
 from swarm_mj.results.look import instant, time_axis
 from swarm_mj.results.report.markup import Content, Html, join, table, tag
+from swarm_mj.results.report.way_in import way_in_words
 from swarm_mj.results.run_record import RunRecord
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.smallbody.shape_check import shown_size
@@ -121,7 +122,7 @@ def design_section(runs: Sequence[RunRecord], labels: Sequence[str]) -> Html:
     """Who visits which point, and why no smaller swarm would do."""
     parts = []
     for run, label in zip(runs, labels, strict=True):
-        parts += [tag("h3", label) if len(runs) > 1 else None, _design(run)]
+        parts += [tag("h3", label) if len(runs) > 1 else None, way_in_words(run.summary), _design(run)]
     return section("design", "Design", parts)
 
 

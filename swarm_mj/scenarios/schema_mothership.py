@@ -1,0 +1,151 @@
+"""The mothership: where it comes from, and what its deployer can do."""
+
+from __future__ import annotations
+
+from typing import Literal, Self
+
+from pydantic import Field, model_validator
+
+from swarm_mj.scenarios.schema_itinerary import Deployer
+from swarm_mj.scenarios.section import Section, Vector3
+
+#: Axes in which angles are given; z is the pole of the B-plane.
+Axes = Literal["ecliptic", "equatorial", "body_equator"]
+_AXES = (
+    "ecliptic: N, ecliptic and equinox of J2000; equatorial: EME2000, where longitude and latitude are right ascension and "
+    "declination; body_equator: z along the body's pole, x along the ascending node of its equator on that of EME2000"
+)
+#: Keys that say where it comes from instead of position and velocity.
+WAYS = ("approach", "elements", "ephemeris")
+_GM = "of the two-body orbit that gives the state at the epoch [m^3/s^2]; null: the gravity field's own"
+
+
+class Approach(Section):
+    """A hyperbola past the body: velocity at infinity, B-plane and time of closest approach."""
+
+    v_infinity_m_s: float = Field(gt=0, le=1e5, description="speed on the incoming asymptote [m/s]")
+    longitude_deg: float = Field(ge=-360, le=360, description="of the direction in which the mothership comes in [deg]")
+    latitude_deg: float = Field(ge=-90, le=90, description="of that direction [deg]")
+    axes: Axes = Field("ecliptic", description=f"of the two angles, and whose z is the pole of the B-plane; {_AXES}")
+    b_t_m: float = Field(
+        ge=-1e12,
+        le=1e12,
+        description="B.T: of the vector from the body's centre to the asymptote, along T = S x pole, where S is the direction "
+        "of the asymptote [m]",
+    )
+    b_r_m: float = Field(ge=-1e12, le=1e12, description="B.R: the same along R = S x T [m]")
+    closest_approach_s: float = Field(
+        ge=-3e7, le=3e7, description="time past the epoch of the two-body orbit's closest approach [s]"
+    )
+    gm_m3_s2: float | None = Field(None, ge=0, le=1e22, description=f"{_GM}; 0: a straight line")
+
+
+class OrbitalState(Section):
+    """Keplerian elements of the mothership's orbit about the body, at the epoch."""
+
+    semi_major_axis_m: float | None = Field(
+        None, ge=-1e12, le=1e12, description="below 0 for a hyperbola [m]; null: by periapsis_radius_m"
+    )
+    periapsis_radius_m: float | None = Field(
+        None, gt=0, le=1e12, description="least distance from the centre [m]; null: by semi_major_axis_m"
+    )
+    eccentricity: float = Field(ge=0, le=1e12, description="below 1 an ellipse, above 1 a hyperbola [-]")
+    inclination_deg: float = Field(ge=0, le=180, description="to the plane x, y of the axes [deg]")
+    node_deg: float = Field(0.0, ge=-360, le=360, description="longitude of the ascending node [deg]")
+    argument_of_periapsis_deg: float = Field(0.0, ge=-360, le=360, description="from the node [deg]")
+    true_anomaly_deg: float | None = Field(
+        None, ge=-360, le=360, description="at the epoch [deg]; null: by mean_anomaly_deg"
+    )
+    mean_anomaly_deg: float | None = Field(
+        None,
+        ge=-1e9,
+        le=1e9,
+        description="at the epoch [deg], of a hyperbola e sinh H - H; null: by true_anomaly_deg",
+    )
+    axes: Axes = Field("ecliptic", description=f"of the angles; {_AXES}")
+    gm_m3_s2: float | None = Field(None, gt=0, le=1e22, description=_GM)
+
+    @model_validator(mode="after")
+    def _one_of_each(self) -> Self:
+        for pair in (("semi_major_axis_m", "periapsis_radius_m"), ("true_anomaly_deg", "mean_anomaly_deg")):
+            given = [key for key in pair if getattr(self, key) is not None]
+            if len(given) != 1:
+                raise ValueError(f"{pair[0]}, {pair[1]}: give exactly one of them, not {' and '.join(given) or 'none'}")
+        a, e = self.semi_major_axis_m, self.eccentricity
+        if a is not None and not a * (1.0 - e) > 0.0:
+            raise ValueError(
+                f"semi_major_axis_m = {a:g}: must be above 0 with an eccentricity below 1, and below 0 with one above 1, not "
+                f"{e:g}; a parabola is given by periapsis_radius_m"
+            )
+        if e == 1.0 and self.mean_anomaly_deg is not None:
+            raise ValueError("mean_anomaly_deg: a parabola (eccentricity = 1) has none; give true_anomaly_deg")
+        return self
+
+
+class PathOfFile(Section):
+    """The mothership's path by a file of another program."""
+
+    oem: str | None = Field(
+        None,
+        description="path of a CCSDS OEM in KVN relative to the body's centre, relative to the scenario's file; null: by spk",
+    )
+    spk: str | None = Field(
+        None,
+        description="path of a SPICE SPK (extra `spice`), relative to the scenario's file, loaded after "
+        "ephemerides.kernels; null: by oem",
+    )
+    target: str | None = Field(
+        None, max_length=36, description="SPICE's name or number of the mothership in the SPK; null with an OEM"
+    )
+
+    @model_validator(mode="after")
+    def _one_file(self) -> Self:
+        if (self.oem is None) == (self.spk is None):
+            raise ValueError("oem, spk: give exactly one of them")
+        if (self.spk is None) != (self.target is None):
+            raise ValueError(
+                "target: an SPK needs the name or number of the mothership in it"
+                if self.oem is None
+                else f"target = {self.target}: an OEM holds one spacecraft; leave it out"
+            )
+        return self
+
+
+class Mothership(Section):
+    """Where the swarm is deployed from: by position and velocity, or by one of approach, elements and ephemeris."""
+
+    position_A_m: Vector3 = Field(
+        (0.0, 0.0, -30_000.0), description="position in the body-fixed frame at the epoch [m]"
+    )
+    velocity: Literal["mean", "rest"] | Vector3 = Field(
+        "mean",
+        description="inertial velocity: 'mean' of the deployed velocities (then a CubeSat needs about 10 m/s at most), 'rest', "
+        "or three components in N [m/s]",
+    )
+    deployer: Deployer = Field(default_factory=Deployer)
+    approach: Approach | None = Field(
+        None,
+        description="a hyperbola by v_infinity, B-plane and time of closest approach, instead of position and velocity",
+    )
+    elements: OrbitalState | None = Field(
+        None, description="Keplerian elements about the body, instead of position and velocity"
+    )
+    ephemeris: PathOfFile | None = Field(None, description="an OEM or SPK file, instead of position and velocity")
+
+    @model_validator(mode="after")
+    def _comes_one_way(self) -> Self:
+        given = [key for key in WAYS if getattr(self, key) is not None]
+        if given:
+            # What was read back from a record gives all keys: their defaults say nothing.
+            given += [k for k in ("position_A_m", "velocity") if getattr(self, k) != type(self).model_fields[k].default]
+        if len(given) > 1:
+            raise ValueError(
+                f"{', '.join(given)}: say in one way only where the mothership comes from; leave out the others, or give all "
+                "keys of mothership anew"
+            )
+        return self
+
+    @property
+    def way(self) -> str:
+        """Key by which it comes: position_A_m, approach, elements or ephemeris."""
+        return next((key for key in WAYS if getattr(self, key) is not None), "position_A_m")
