@@ -1,15 +1,12 @@
-"""Who images what, when: a problem of pictures, its optimum with proof, a greedy answer, an auction by messages, and losses.
+"""Who images what, when: the problem, its optimum with proof, greedy choice, an auction by messages, and repairs after losses.
 
-problem = AllocationProblem(weight=(p,), shows=(a, m, k, p), slew=(a, m, m), budget=(a,), available=(a, k))   # `problem`
-plain_problem(weight, feasible (a, p, k), slew, budget) -> AllocationProblem: every picture shows its own patch only
-Allocation: pictures (per agent: (slot, aim), ...), who (p,), value, bound, status, rounds, messages, bits, duplicates
-
-optimum(problem, time_limit_s=None, waiting=None) -> Allocation with bound and proof                          # `optimum`
-greedy(problem) -> Allocation                                                                                # `greedy`
-guarantee(problem) -> share of the optimum that greedy and a finished auction are proven to reach
-cbba(problem, links, delay=0, loss=0.0, rng=None, ...) -> Allocation                                         # `auction`
-Auction(problem, ...): the same in rounds, one `step(links)` at a time, for a swarm in flight; `lose`, `agreed`
-after_loss(problem, seen, slot, taken=..., lost=...) -> what is left of a problem at a slot                   # `losses`
-reallocate(problem, allocation, slot, lost, by=greedy, keep=True) -> Allocation of the whole encounter, repaired
-encounter problem from geometry (patches, what pictures show by the criterion, slews)                        # `geometry`
+- `problem`: `AllocationProblem(weight (p,), shows (a, m, k, p), slew (a, m, m), budget (a,), available (a, k))`, of agents a,
+  aims m, slots k and patches p; `plain_problem(weight, feasible (a, p, k), slew, budget)`, where a picture shows its own patch
+  only; `Allocation`: pictures (of each agent pairs (slot, aim)), who (p,), value, bound, status, rounds, bits, duplicates.
+- `optimum`: `optimum(problem, time_limit_s)`, with bound and proof.
+- `greedy`: `greedy(problem)`; `guarantee(problem)`, the proven share of the optimum.
+- `auction`: `cbba(problem, links, delay=, loss=, rng=, working=)`; in flight `Auction(problem, known=, working=)` with `plan`,
+  `message`, `hear`, `lose`, `agreed` and `allocation`: plan, tell the neighbours, hear them, and plan again.
+- `losses`: `reallocate(problem, allocation, slot, lost, by=greedy, keep=True)`; `after_loss(problem, slot, ...)`.
+- `geometry`: `encounter_problem(observer, criterion, patches_of(region, radius), track, agility_of(properties), ...)`.
 """

@@ -29,22 +29,33 @@ def random_graph(rng, n, more=0.2):
     return links
 
 
-def most_by_trying(problem):
-    """The optimum: every set of pictures of every agent, and every combination of what these show."""
+def most_by_trying(problem, fixed=None, first_slot=0, lost=None):
+    """The optimum: every set of pictures of every agent, and every combination of what these show.
+
+    With `fixed` pictures every set that holds these, and besides none before the first slot, and none of those who are lost.
+    """
+    fixed = fixed or ((),) * problem.n_agents
     bits = 1 << np.arange(problem.n_patches)
     reached = {0}
     for agent in range(problem.n_agents):
-        own = {(): 0}
-        for _ in range(problem.budget[agent]):
+        start = problem.shown_by(tuple(fixed[agent] if a == agent else () for a in range(problem.n_agents)))
+        own = {fixed[agent]: int(bits[start].sum())}
+        for _ in range(0 if lost is not None and lost[agent] else problem.budget[agent] - len(fixed[agent])):
             longer = {}
             for taken, mask in own.items():
-                for slot in range(taken[-1][0] + 1 if taken else 0, problem.n_slots):
+                new = taken[len(fixed[agent]) :]
+                for slot in range(new[-1][0] + 1 if new else first_slot, problem.n_slots):
                     for aim in range(problem.n_aims):
                         shown = int(bits[problem.shows[agent, aim, slot]].sum())
                         if not problem.available[agent, slot] or not shown:
                             continue
-                        if all(slot - s >= problem.slew[agent, other, aim] for s, other in taken):
+                        if all(fits(problem.slew[agent], *sorted([(s, other), (slot, aim)])) for s, other in taken):
                             longer[(*taken, (slot, aim))] = mask | shown
             own |= longer
         reached = {one | other for one in reached for other in set(own.values())}
     return max(sum(problem.weight[q] for q in range(problem.n_patches) if mask >> q & 1) for mask in reached)
+
+
+def fits(slew, earlier, later):
+    """Whether two pictures (slot, aim) of an agent can both be taken."""
+    return later[0] > earlier[0] and later[0] - earlier[0] >= slew[earlier[1], later[1]]
