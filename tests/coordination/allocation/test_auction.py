@@ -100,6 +100,13 @@ def test_every_rule_of_the_published_table():
     assert len(met) >= 24
 
 
+@pytest.mark.parametrize("known_at", [3.0, np.inf])
+def test_a_message_that_was_overtaken_or_comes_from_a_lost_one_says_nothing(known_at):
+    bid, winner, heard = np.array([0.0]), np.array([-1]), np.array([0.0, known_at, 0.0])
+    hear_claims(0, bid, winner, heard, Claims(1, np.array([9.0]), np.array([1]), np.array([0.0, 2.0, 5.0])))
+    assert bid[0] == 0.0 and winner[0] == -1 and heard.tolist() == [0.0, known_at, 0.0]
+
+
 def test_components_agree_in_themselves_and_settle_when_they_meet():
     rng = np.random.default_rng(4)
     for _ in range(20):
