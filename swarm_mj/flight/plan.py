@@ -14,6 +14,7 @@ from swarm_mj.dataflow.link_budget import crosslink_range_m
 from swarm_mj.dataflow.relays import check_relays
 from swarm_mj.errors import PathError, PluginError, ScenarioError, ShapeError
 from swarm_mj.flight.burns import check_burns
+from swarm_mj.flight.feasibility import check_encounter
 from swarm_mj.flight.mothership import check_way_in, mothership_state
 from swarm_mj.flight.spacecraft import own_spacecraft_from, properties_from
 from swarm_mj.flight.surroundings import surroundings_from
@@ -60,6 +61,7 @@ class Plan:
         own: What was read of a spacecraft's file; None: the packaged CubeSat flies.
         near_collisions: Pairs that come closer than the scenario allows.
         least_radius: Least distance of each spacecraft to the body's centre, shape (n,) [m].
+        encounter_findings: What of the encounter may fall short, one sentence each.
     """
 
     scenario: Scenario
@@ -74,6 +76,7 @@ class Plan:
     own: OwnSpacecraft | None
     near_collisions: list[CloseApproach]
     least_radius: Array
+    encounter_findings: tuple[str, ...] = ()
 
     @property
     def n(self) -> int:
@@ -140,6 +143,17 @@ def make_plan(
     near_collisions, least_radius = _check_flight(
         scenario, shape, environment, deployment, None if check_separation else len(points_A)
     )
+    encounter_findings: tuple[str, ...] = ()
+    if check_separation:
+        encounter_findings = check_encounter(
+            scenario,
+            behavior=behavior,
+            properties=properties,
+            environment=environment,
+            region=region,
+            deployment=deployment,
+            least_radius=least_radius[: len(points_A)],
+        )
     return Plan(
         scenario=scenario,
         shape=shape,
@@ -153,6 +167,7 @@ def make_plan(
         own=own,
         near_collisions=near_collisions,
         least_radius=least_radius,
+        encounter_findings=encounter_findings,
     )
 
 

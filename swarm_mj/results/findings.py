@@ -48,7 +48,13 @@ def summary_findings(summary: dict[str, Any]) -> list[str]:
         found.append(
             f"wheel limits cut the controller's torque: {', '.join(f'{n} for {s:g} s' for n, s in cut.items())}"
         )
-    return [*event_findings(summary), *undelivered_findings(summary), *found, *spacecraft_findings(summary)]
+    return [
+        *event_findings(summary),
+        *summary.get("encounter_findings", ()),
+        *undelivered_findings(summary),
+        *found,
+        *spacecraft_findings(summary),
+    ]
 
 
 def spacecraft_findings(summary: dict[str, Any]) -> list[str]:

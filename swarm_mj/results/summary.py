@@ -41,6 +41,7 @@ def summarise(plan: Plan, telemetry: xr.Dataset, result: ObservationResult, wall
         **delivered_summary(plan, result.delivery),
         **_pointed(plan, telemetry),
         **_flown(plan, telemetry),
+        "encounter_findings": list(plan.encounter_findings),
         **_stepped(plan, telemetry),
         **_went_wrong(plan, telemetry),
         "link_closed_percent": _by_name(plan.names, 100.0 * telemetry["link_closed"].values.mean(axis=0), 2),

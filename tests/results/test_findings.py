@@ -51,6 +51,7 @@ def summary(error_deg, held_s, **more):
         "target_held_s_final": {"sc1": 500.0, "sc2": held_s},
         "mode_switches": {"sc1": [switch], "sc2": []},
         "wheel_saturation_s": {"sc1": 0.0, "sc2": 0.0},
+        "spacecraft": 2,
         **more,
     }
 
@@ -65,6 +66,7 @@ def test_pointing_that_had_time_and_did_not_settle_is_told_from_targets_that_wer
         "targets were switched again less than 120 s after a target was chosen, while still turning: sc1, up to 1.5 deg",
     ]
     assert summary_findings(summary(0.01, 30.0)) == []
+    assert summary_findings(summary(0.01, 30.0, encounter_findings=["too fast"])) == ["too fast"]
     assert len(summary_findings(summary(1.5, 300.0, lost=["sc1", "sc2"]))) == 0
 
 

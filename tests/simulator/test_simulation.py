@@ -265,8 +265,8 @@ def test_the_gravity_gradient_torque_changes_momentum_as_its_formula_says(eros):
 
 
 def test_spacecraft_start_at_one_point_and_nothing_breaks_when_they_track_each_other():
-    scenario = load_scenario("eros-quick", ["behavior.imaging_radius_m=10000", "duration_s=600"])
-    telemetry = simulate(make_plan(scenario))
+    plan = make_plan(load_scenario("eros-quick", ["duration_s=600"]))
+    telemetry = simulate(replace(plan, behavior=replace(plan.behavior, imaging_radius_m=10e3)))
     assert all(np.isfinite(telemetry[name].values).all() for name in telemetry.data_vars)
     assert np.degrees(telemetry["pointing_error"].values)[-1].max() < 0.1
 

@@ -1,0 +1,129 @@
+"""Scenarios held against their encounter: closed forms of the rates, and every limit that breaks is named."""
+
+import re
+from copy import deepcopy
+
+import numpy as np
+import pytest
+
+from swarm_mj.errors import ScenarioError
+from swarm_mj.flight.feasibility import encounter_of, sight_rates
+from swarm_mj.flight.plan import make_plan
+from swarm_mj.scenarios.loading import load_scenario
+from swarm_mj.spacecraft.attitude.slew import slew_profile, slew_time, turning_limits
+from swarm_mj.spacecraft.properties import SpacecraftProperties
+
+from .test_fast_flyby import DISTANCE, FLYBY, SPEED, VISIT
+
+WEAK, LITTLE = (f"spacecraft.wheel.max_torque_n_m={torque}" for torque in (1e-4, 1.4e-4))
+#: The flyby, its visit well before the closest approach, where the acceleration is not zero.
+OBLIQUE = f"mothership.position_A_m=[0,{DISTANCE + 0.5 * SPEED * VISIT},{-0.87 * SPEED * VISIT}]"
+
+
+def planned(*overrides):
+    return make_plan(load_scenario(deepcopy(FLYBY), overrides))
+
+
+def found(*overrides):
+    return planned(*overrides).encounter_findings
+
+
+def test_rates_are_those_of_a_straight_flyby():
+    t = np.linspace(-20.0, 20.0, 4001)
+    r = np.column_stack((np.full_like(t, DISTANCE), SPEED * t, 0 * t))
+    rate, acceleration = sight_rates(r, np.broadcast_to([0.0, SPEED, 0.0], r.shape), 0.0)
+    assert np.allclose(rate, SPEED * DISTANCE / (DISTANCE**2 + (SPEED * t) ** 2), rtol=1e-12)
+    assert np.allclose(acceleration, np.abs(np.gradient(rate, t)), atol=1e-6)
+    assert acceleration.max() == pytest.approx(3 * np.sqrt(3) / 8 * (SPEED / DISTANCE) ** 2, rel=1e-6)
+
+
+def test_the_encounter_is_the_state_at_the_visit():
+    plan = planned()
+    met = encounter_of(plan.deployment, plan.environment, plan.n_observers, 2e6)
+    speed = np.linalg.norm(met.v_N[0])
+    assert met.t.tolist() == [VISIT] and np.allclose(met.r_N, plan.deployment.destination_N)
+    b = np.linalg.norm(np.cross(met.r_N[0], met.v_N[0])) / speed
+    assert met.peak_rate[0] == pytest.approx(speed / b, rel=1e-3)
+    assert met.peak_acceleration[0] == pytest.approx(3 * np.sqrt(3) / 8 * (speed / b) ** 2, rel=1e-3)
+    # Where the imaging radius leaves out the peak of the acceleration, it does not count.
+    near = encounter_of(plan.deployment, plan.environment, plan.n_observers, 1.05 * DISTANCE)
+    assert near.peak_acceleration[0] < 0.9 * met.peak_acceleration[0]
+
+
+def test_a_flyby_that_works_has_no_findings():
+    assert found() == ()
+
+
+@pytest.mark.parametrize(
+    ("overrides", "words"),
+    [
+        (["design.imaging_altitude_m=16000"], "max_speed_rpm = 6000: .* line of sight has an angular rate of 0.349"),
+        ([WEAK, OBLIQUE], r"max_torque_n_m = 0.0001: at the visit .* acceleration of 0.00289.*imaging_altitude_m"),
+        (["behavior.imaging_radius_m=90000"], r"imaging_radius_m = 90000: no observer is inside it at any time"),
+        (["behavior.imaging_radius_m=99000", "observation.criterion=visit"], "no observer is inside it at the visit"),
+        (
+            ["camera.exposure_s=2", "observation.criterion=visit", "observation.max_smear_px=1"],
+            r"max_smear_px = 1: every face smears more in every picture.*exposure_s = 2: must be at most",
+        ),
+    ],
+)  # fmt: skip
+def test_what_cannot_work_is_refused_by_name(overrides, words):
+    with pytest.raises(ScenarioError, match=words):
+        planned(*overrides)
+
+
+@pytest.mark.parametrize(
+    ("overrides", "words"),
+    [
+        (["spacecraft.wheel.max_speed_rpm=3000"], "angular rate of 0.07.*spacecraft.wheel.max_speed_rpm"),
+        ([LITTLE], r"angular acceleration of 0.003\d* rad/s\^2 near the visit.*give 0.0016.*max_torque_n_m"),
+        (["control.period_s=2", "observation.interval_s=10", "telemetry.interval_s=2", "control.parameters.layer=0.2"],
+         "control.period_s = 2: the line of sight turns by 8"),
+        (["observation.interval_s=50", "camera.half_angle_deg=0.05"], "pictures do not join; at most"),
+        (["behavior.imaging_radius_m=105000"], "crossed 8.3 s before the visit, and half a turn takes the wheels 2.* s"),
+        (["behavior.imaging_radius_m=101000"], "inside behavior.imaging_radius_m = 101000 for"),
+        (["observation.max_smear_px=0.12"], "of the faces in the pictures of the visit smear more, up to 0.14"),
+    ],
+)  # fmt: skip
+def test_what_may_fall_short_is_a_finding(overrides, words):
+    sentences = found(*overrides)
+    assert any(re.search(words, sentence) for sentence in sentences), sentences
+
+
+@pytest.mark.parametrize(
+    ("speed", "distance", "axes"),
+    [(5.0, 1_500.0, 250.0), (10_000.0, 2_000_000.0, 40_000.0), (7_000.0, 100_000.0, 10_000.0), (46.0, 14_000.0, 5_000.0)],
+)  # fmt: skip
+def test_unlike_missions_raise_no_alarm(speed, distance, axes):
+    """From 5 m/s past a pebble to 10 km/s; released from afar, straight, inside the imaging radius for long."""
+    flight = max(600.0, 30.0 * round(distance / speed))
+    body = FLYBY["body"] | {"semi_axes_m": [axes] * 3}
+    gravity = body["gravity"]["parameters"] | {"gm": 1e-8 * axes**3, "reference_radius_m": axes}
+    mission = FLYBY | {
+        "duration_s": flight + 200,
+        "body": body | {"gravity": {"model": "spherical_harmonics", "parameters": gravity}},
+        "design": {"visiting_points": [1], "imaging_altitude_m": distance - axes, "time_of_flight_s": flight},
+        "mothership": {"position_A_m": [0, distance, -speed * flight]},
+        "behavior": {"name": "adaptable_roles", "imaging_radius_m": 20 * distance},
+        "telemetry": {"interval_s": 10},
+    }
+    assert make_plan(load_scenario(mission)).encounter_findings == ()
+
+
+def test_the_quickest_turn_is_bang_bang_or_bang_coast_bang():
+    worst, best = turning_limits(SpacecraftProperties())
+    J = 0.0837333 - 2.387e-5
+    assert worst.acceleration == pytest.approx(0.004 / J, rel=1e-5)
+    assert best.acceleration == pytest.approx(np.sqrt(2) * 0.004 / J, rel=1e-3)
+    short = 0.5 * worst.rate**2 / worst.acceleration
+    assert slew_time(short, worst) == pytest.approx(2 * np.sqrt(short * J / 0.004), rel=1e-5)
+    for angle in (short, 3.0):
+        end = slew_time(angle, worst)
+        t = np.linspace(0.0, end, 20001)
+        left, rate, acceleration = np.array([slew_profile(angle, worst, float(s)) for s in t]).T
+        assert left[0] == angle and abs(left[-1]) < 1e-12 and abs(rate[-1]) < 1e-12
+        assert np.abs(rate).max() <= worst.rate * (1 + 1e-12) and np.abs(acceleration).max() <= worst.acceleration
+        assert np.allclose(np.gradient(left, t)[1:-1], rate[1:-1], atol=1e-4)
+        assert np.allclose(
+            left, angle + np.concatenate(([0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(t)))), atol=1e-4
+        )
