@@ -11,6 +11,7 @@ from swarm_mj.mission.trajectories import Deployment, PlannedBurn
 from swarm_mj.simulator.planned_burns import PlannedBurns
 from swarm_mj.simulator.simulation import Simulation
 from swarm_mj.spacecraft.properties import SpacecraftProperties
+from swarm_mj.typing import Array
 
 #: Why a plan with burns cannot be flown, in a few words.
 BEYOND_THE_TANK = "beyond the tank"
@@ -45,7 +46,7 @@ def check_burns(deployment: Deployment, properties: SpacecraftProperties) -> Non
         )
 
 
-def total_delta_v(burns: Sequence[PlannedBurn], n: int) -> np.ndarray:
+def total_delta_v(burns: Sequence[PlannedBurn], n: int) -> Array:
     """Sum of the sizes of each spacecraft's burns, shape (n,) [m/s]."""
     total = np.zeros(n)
     for burn in burns:

@@ -107,6 +107,10 @@ class RunSummary(Record):
     target_held_s_final: ByName = {}
     events: Annotated[list[Event], FailFast()] = []
     lost: list[str] = []
+    propellant_used_kg: ByName = {}
+    propellant_left_kg: ByName = {}
+    thrust_delta_v_m_s: ByName = {}
+    planned_burns_m_s: ByName = {}
     stepper_note: str = ""
     spacecraft_file: str | None = None
     spacecraft_notes: list[str] = []
