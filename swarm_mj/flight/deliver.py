@@ -23,6 +23,7 @@ from swarm_mj.dataflow.radios import radio_from
 from swarm_mj.dataflow.tiles import Tiles, make_tiles
 from swarm_mj.errors import MissionError
 from swarm_mj.flight.afterwards import Course, flown_instants, instants_afterwards, joined, paths_afterwards
+from swarm_mj.flight.coordination_record import less_coordination
 from swarm_mj.flight.elections import elect_relays
 from swarm_mj.flight.observe import camera_from, criterion_from
 from swarm_mj.flight.plan import Plan, antennas_from
@@ -81,7 +82,7 @@ def deliver(
     trials = Trials(swarm, tiles, waiting)
     elections = elect_relays(scenario, telemetry, swarm.course, edges_s, trials.value, trials.bound)
     instants = swarm.instants(elections.relays_at(swarm.course.t))
-    contacts = contacts_of(plan, edges_s, instants)
+    contacts = swarm.contacts(instants)
     network = network_of(scenario, tiles, contacts, instants)
     speaks = speaking(instants)
     account = run_online(network, speaks)
@@ -272,6 +273,11 @@ class Swarm:
             return self.flown
         return joined(self.flown, instants_afterwards(self.plan, self.telemetry, self.course, relays))
 
+    def contacts(self, instants: Instants) -> Contacts:
+        """What geometry and radios allow besides the messages of coordination."""
+        access = Access(self.plan.scenario.link.crosslink.access)
+        return less_coordination(contacts_of(self.plan, self.edges_s, instants), self.telemetry, access)
+
 
 class Problem(NamedTuple):
     """A delivery problem, and who turns to Earth in each slot, shape (T, n)."""
@@ -326,7 +332,7 @@ class Trials:
     def _anew(self, relays: Sequence[int]) -> Problem:
         swarm = self._swarm
         instants = swarm.instants(np.tile(np.array(relays, np.int64), (len(swarm.course.t), 1)))
-        contacts = contacts_of(swarm.plan, swarm.edges_s, instants)
+        contacts = swarm.contacts(instants)
         return Problem(network_of(swarm.plan.scenario, self._tiles, contacts, instants), speaking(instants))
 
     @cached_property

@@ -14,6 +14,8 @@ from scipy.spatial.transform import Rotation
 
 from swarm_mj import __version__
 from swarm_mj.flight.burns import fly_burns
+from swarm_mj.flight.coordinated import parts_chosen
+from swarm_mj.flight.coordination_record import record_coordination
 from swarm_mj.flight.plan import Plan, antennas_from
 from swarm_mj.mission.behaviors import ELECTIONS, MissionBehavior
 from swarm_mj.mission.links import links_closed
@@ -78,11 +80,12 @@ def fault_model_from(scenario: Scenario) -> FaultModel | None:
         return None
     # A behaviour that holds elections itself replaces a lost relay by its own rule.
     election = scenario.behavior.parameters.get("election", "medoid")
+    by_class = scenario.swarm is not None and parts_chosen(scenario.swarm)["relay"] != "behavior"
     return FaultModel(
         faults=scenario.faults,
         dispersions=scenario.dispersions,
         duration_s=scenario.duration_s,
-        election=election if election in ELECTIONS else "medoid",
+        election=None if by_class else election if election in ELECTIONS else "medoid",
     )
 
 
@@ -143,6 +146,7 @@ def simulate(plan: Plan, progress: Progress | None = None) -> xr.Dataset:
     record = simulation.run(scenario.duration_s, scenario.telemetry.interval_s, progress)
     telemetry = dataset(record, plan.names, plan.environment, plan.properties)
     telemetry.attrs |= provenance(plan)
+    record_coordination(telemetry, simulation.behavior)
     telemetry.attrs |= {"stepper": simulation.stepper, "stepper_note": simulation.why_mj_step}
     closed = links_closed(
         antennas=antennas_from(scenario),

@@ -14,6 +14,7 @@ from swarm_mj.dataflow.link_budget import crosslink_range_m
 from swarm_mj.dataflow.relays import check_relays
 from swarm_mj.errors import PathError, PluginError, ScenarioError, ShapeError
 from swarm_mj.flight.burns import check_burns
+from swarm_mj.flight.coordinated import coordinated
 from swarm_mj.flight.feasibility import check_encounter
 from swarm_mj.flight.mothership import check_way_in, mothership_state
 from swarm_mj.flight.spacecraft import own_spacecraft_from, properties_from
@@ -95,6 +96,11 @@ class Plan:
         return float(
             np.linalg.norm(mothership.position_A_m if mothership.way == "position_A_m" else self.deployment.r0_N)
         )
+
+    @property
+    def antennas(self) -> Antennas:
+        """Of every spacecraft."""
+        return antennas_from(self.scenario)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -255,7 +261,8 @@ def unchecked_behavior(scenario: Scenario) -> Behavior:
             len(scenario.design.visiting_points),
             scenario.behavior.imaging_radius_m,
         )
-    return behavior.aimed_at(scenario.target) if isinstance(behavior, AimedBehavior) else behavior
+    aimed = behavior.aimed_at(scenario.target) if isinstance(behavior, AimedBehavior) else behavior
+    return coordinated(aimed, scenario.swarm)
 
 
 def target_from(scenario: Scenario, shape: ShapeModel) -> TargetRegion:

@@ -13,6 +13,7 @@ import xarray as xr
 
 from swarm_mj import __version__
 from swarm_mj.flight.burns import total_delta_v
+from swarm_mj.flight.coordination_record import coordination_summary
 from swarm_mj.flight.mothership import way_in
 from swarm_mj.flight.observe import ObservationResult, picture_samples, visit_sample, watching_in
 from swarm_mj.flight.plan import Plan
@@ -46,6 +47,7 @@ def summarise(plan: Plan, telemetry: xr.Dataset, result: ObservationResult, wall
         **_pushed(plan, telemetry),
         **_stepped(plan, telemetry),
         **_went_wrong(plan, telemetry),
+        **coordination_summary(telemetry),
         "link_closed_percent": _by_name(plan.names, 100.0 * telemetry["link_closed"].values.mean(axis=0), 2),
         "links_closed_final": int(telemetry["link_closed"].values[-1].sum()),
         "wall_s": {stage: round(seconds, 3) for stage, seconds in wall_s.items()},

@@ -19,6 +19,7 @@ from swarm_mj.scenarios.schema_imaging import Camera, Observation
 from swarm_mj.scenarios.schema_itinerary import Design
 from swarm_mj.scenarios.schema_link import Data, Link
 from swarm_mj.scenarios.schema_mothership import Mothership
+from swarm_mj.scenarios.schema_swarm import Swarm
 from swarm_mj.scenarios.schema_thrusters import Thrusters, thrusters_can_pulse, thrusters_fit_inside
 from swarm_mj.scenarios.section import Parameters, Section, Vector3
 
@@ -250,6 +251,9 @@ class Scenario(Section):
     camera: Camera = Field(default_factory=Camera)
     observation: Observation = Field(default_factory=Observation)
     designer: Designer = Field(default_factory=Designer)
+    swarm: Swarm | None = Field(
+        None, description="how the swarm coordinates; null: as the behaviour says; docs/theory/coordination.md"
+    )
     link: Link = Field(default_factory=Link)
     data: Data = Field(default_factory=Data)
     safety: Safety = Field(default_factory=Safety)

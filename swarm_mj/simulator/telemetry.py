@@ -70,6 +70,8 @@ VARIABLES = {
         name: Declared("f8", _PLACE, 0.0, FASTEST, optional=True)
         for name in ("propellant_kg", "mass_kg", "delta_v_m_s")
     },
+    "coordination_bits": Declared("i8", _PLACE, 0, FARTHEST, optional=True),
+    "coordination_airtime": Declared("f8", _PLACE, 0.0, FARTHEST, optional=True),
 }
 #: Attributes of the file that its readers need.
 ATTRIBUTES = {

@@ -45,13 +45,13 @@ class FaultModel:
         faults: See `swarm_mj.scenarios.schema_faults`.
         dispersions: The same.
         duration_s: Of the flight [s].
-        election: Rule by which the swarm replaces a lost relay.
+        election: Rule by which the swarm replaces a lost relay; None: by none, or by what its behaviour knows.
     """
 
     faults: tuple[Fault, ...]
     dispersions: Dispersions
     duration_s: float
-    election: str = "medoid"
+    election: str | None = "medoid"
 
 
 class FaultState:
@@ -88,7 +88,7 @@ class FaultState:
     ) -> None:
         self._fault_model, self._properties, self._planned = fault_model, properties, environment
         self._n, self._period, self._speed_margin = n, period, speed_margin
-        self._succession = Succession(fault_model.election)
+        self._succession = None if fault_model.election is None else Succession(fault_model.election)
         self.reset(0, ())
 
     def reset(self, seed: int, deployment: tuple[Event, ...]) -> None:
@@ -113,7 +113,8 @@ class FaultState:
         self.sensing = Sensing(given, drawn, schedule, seed, self._period)
         self.lost, self.camera_on = np.zeros(n, np.bool_), np.ones(n, np.bool_)
         self._known_lost = np.zeros(n, np.bool_)
-        self._succession.reset()
+        if self._succession is not None:
+            self._succession.reset()
         self.events: list[Event] = []
         self._agenda = in_flight(schedule)
         self._notices: list[tuple[float, ScheduledFault]] = []
@@ -212,7 +213,7 @@ class FaultState:
             fault: Any = self._due_relay.pop(0).fault
             assert isinstance(fault, CommunicationsLost)
             self._lose(t, relay, fault.kind, "", fault.detection_s)
-        if not self._known_lost.any() or self._known_lost.all():
+        if self._succession is None or not self._known_lost.any() or self._known_lost.all():
             return targets
         targets, elected = self._succession.redirect(targets, r_BN_N, self._known_lost)
         for relay, successor in elected:

@@ -1,0 +1,123 @@
+"""The encounter as planned: what each spacecraft can show of the target when, wherever it is aimed, and how fast it turns.
+
+All spacecraft carry this table aboard. It is made from the planned paths; dispersions of some metres a second matter little
+to pictures more than a kilometre wide.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from swarm_mj.io.cache import cache_folder, hash_of, load_array, store_array
+from swarm_mj.mission.target import TargetRegion
+from swarm_mj.observation.camera import CameraModel, look_at
+from swarm_mj.observation.capture import ObservationCriterion, keeps_limits, observe, sight
+from swarm_mj.observation.observer import Observer
+from swarm_mj.typing import Array, Ints, Mask
+
+#: Aims across a picture's width: with fewer, edges stay unseen; with more, plans take longer and see little more.
+AIMS_PER_PICTURE = 1.5
+#: Most aims along a side of the target.
+MOST_AIMS = 6
+#: Kept tables together [bytes].
+MAX_CACHE_BYTES = 256 * 2**20
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Encounter:
+    """What a observers can show with m aims in k slots of c cells.
+
+    Attributes:
+        slot_s: When pictures are taken, past the epoch [s], shape (k,).
+        aims_A: Points to aim at, shape (m, 3) [m].
+        shows: Whether the picture of observer a at aim m in slot k shows cell c, however the camera is rolled, (a, m, k, c).
+        slew: Slots from an observer's picture of one aim to one of another, shape (a, m, m).
+        area: Of the cells, shape (c,) [m^2].
+    """
+
+    slot_s: Array
+    aims_A: Array
+    shows: Mask
+    slew: Ints
+    area: Array
+
+    @property
+    def n_cells(self) -> int:
+        """Number of cells."""
+        return len(self.area)
+
+    def slot_after(self, t: float) -> int:
+        """The first slot later than a time [s]; the number of slots where there is none."""
+        return int(np.searchsorted(self.slot_s, t + 1e-6))
+
+
+def aim_points(region: TargetRegion, camera: CameraModel, distance: float) -> Array:
+    """Points on the target to aim at, in a grid over its pyramid, shape (m, 3) [m].
+
+    Args:
+        region: The target.
+        camera: Its pictures are laid side by side and a little over one another.
+        distance: From which pictures are taken [m].
+    """
+    east, north, out = (region.centroid_A @ region.axes_A.T).T
+    side, radius = np.tan(region.side_half_angle), float(np.linalg.norm(region.centroid_A, axis=1).mean())
+    wide = 2.0 * camera.tan_half_angle * distance
+    count = int(np.clip(np.ceil(AIMS_PER_PICTURE * 2.0 * side * radius / wide), 1, MOST_AIMS))
+    middle = side * ((2.0 * np.arange(count) + 1.0) / count - 1.0)
+    tangents = np.stack(np.meshgrid(middle, middle, indexing="ij"), axis=-1).reshape(-1, 2)
+    apart = np.hypot(*(tangents[:, :, None] - np.stack([north / out, east / out])[None]).transpose(1, 0, 2))
+    aims: Array = region.centroid_A[np.unique(np.argmin(apart, axis=1))]
+    return aims
+
+
+def shown_cells(observer: Observer, criterion: ObservationCriterion, aims_A: Array, r_A: Array, sun_A: Array) -> Mask:
+    """Cells that pictures from planned places show, shape (a, m, k, cells); kept on disk.
+
+    Args:
+        observer: With a camera that shows the same however it is rolled.
+        criterion: When a cell counts.
+        aims_A: Shape (m, 3) [m].
+        r_A: Planned places, shape (k, a, 3) [m].
+        sun_A: Directions to the Sun, shape (k, 3).
+    """
+    region, camera = observer.region, observer.camera
+    text = f"2 {camera} {criterion} {observer.name} {observer.occlusion}"
+    # Rounded to a millimetre, so that the last bits of another machine's paths find the same table.
+    where = np.round(np.concatenate([r_A.ravel(), aims_A.ravel(), *(sun_A if criterion.needs_sun else ())]), 3)
+    file = cache_folder() / "encounters" / f"{hash_of(text, where, region.vertices, region.faces, region.target)}.npy"
+    shape = (r_A.shape[1], len(aims_A), len(r_A), region.n_cells)
+    width = -(-region.n_cells // 8)
+    kept = load_array(file, (*shape[:3], width))
+    if kept is not None:
+        return np.unpackbits(kept.astype(np.uint8), axis=3, count=region.n_cells).astype(np.bool_)
+    shows, limits = np.zeros(shape, np.bool_), criterion.limits(camera)
+    for k, a in np.ndindex(r_A.shape[:2]):
+        if not keeps_limits(limits, *sight(region, r_A[k, a])).any():
+            continue
+        for m, aim in enumerate(aims_A):
+            pose = look_at(r_A[k, a], aim)
+            shows[a, m, k] = observe(observer, pose.r_A, pose.C_CA, criterion, sun_A[k])
+    store_array(file, np.packbits(shows, axis=3).astype(np.float32), folder_bytes=MAX_CACHE_BYTES)
+    return shows
+
+
+def turning_angles(aims_A: Array, r_A: Array, useful: Mask) -> Array:
+    """Largest angle between any two aims, as each observer sees them while it can show something, shape (a, m, m) [rad].
+
+    Args:
+        aims_A: Shape (m, 3) [m].
+        r_A: Places, shape (k, a, 3) [m].
+        useful: When an observer shows anything, shape (a, k); where never, from its nearest place.
+    """
+    angle = np.zeros((r_A.shape[1], len(aims_A), len(aims_A)))
+    for a in range(r_A.shape[1]):
+        slots = np.flatnonzero(useful[a])
+        if not len(slots):
+            slots = np.array([np.argmin(np.linalg.norm(r_A[:, a], axis=1))])
+        ahead = aims_A - r_A[slots, a][:, None]
+        ahead /= np.linalg.norm(ahead, axis=2, keepdims=True)
+        cosine = np.einsum("kmi,kni->kmn", ahead, ahead).min(axis=0)
+        angle[a] = np.arccos(np.clip(cosine, -1.0, 1.0)) * ~np.eye(len(aims_A), dtype=np.bool_)
+    return angle

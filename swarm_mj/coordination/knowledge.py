@@ -1,0 +1,108 @@
+"""What each spacecraft knows of the others, and nothing else: whom it has heard of when, what they have seen, who relays.
+
+Row i of every array is what spacecraft i knows. Rows change by what i sees itself and by messages that arrive, never by what is
+true elsewhere. A message carries the sender's whole row: news travels through others, and a lost message costs time only.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from swarm_mj.coordination.allocation.auction import Auction
+from swarm_mj.coordination.allocation.claims import Claims
+from swarm_mj.coordination.consensus import or_consensus
+from swarm_mj.typing import Array, Ints, Mask
+
+#: Of a time, and of the head of a message: number of the sender, length, check sum [bit].
+STAMP_BITS, HEAD_BITS = 32, 64
+
+
+class Told(NamedTuple):
+    """What a message says.
+
+    Attributes:
+        sender: Who says it.
+        heard_s: When what it knows of each was true [s], shape (n,).
+        held: What it knows each to hold pictures of, shape (n, cells).
+        stands: Who, as far as it knows, speaks to Earth, shape (n,).
+        claims: What it thinks of the auction; None where none is held.
+    """
+
+    sender: int
+    heard_s: Array
+    held: Mask
+    stands: Mask
+    claims: Claims | None
+
+
+class Knowledge:
+    """What n spacecraft know during one flight.
+
+    Args:
+        n: Spacecraft.
+        cells: Of the target.
+        silence_s: After which one that is not heard of counts as lost [s].
+
+    Attributes:
+        heard_s: When what i knows of j was true [s], shape (n, n).
+        held: Whether i knows that j holds a picture of a cell, shape (n, n, cells).
+        stands: Whether i knows that j speaks to Earth, shape (n, n).
+    """
+
+    def __init__(self, n: int, cells: int, silence_s: float) -> None:
+        self.silence_s = silence_s
+        self.heard_s = np.zeros((n, n))
+        self.held = np.zeros((n, n, cells), np.bool_)
+        self.stands = np.zeros((n, n), np.bool_)
+
+    def alive(self, i: int, t: float) -> Mask:
+        """Whom i does not take for lost at a time [s], itself among them, shape (n,)."""
+        living: Mask = t - self.heard_s[i] <= self.silence_s + 1e-9
+        living[i] = True
+        return living
+
+    def seen(self, i: int, t: float) -> Mask:
+        """Cells of which, as far as i knows, somebody who is not lost holds a picture, shape (cells,)."""
+        return np.asarray(self.held[i, self.alive(i, t)].any(axis=0))
+
+    def tell(self, i: int, t: float, claims: Claims | None) -> tuple[Told, int]:
+        """What i says, and how long that is [bit]."""
+        self.heard_s[i, i] = t
+        n, cells = self.held.shape[1:]
+        bits = HEAD_BITS + n * (STAMP_BITS + cells + 1)
+        return Told(i, self.heard_s[i].copy(), self.held[i].copy(), self.stands[i].copy(), claims), bits
+
+    def hear(self, i: int, told: Told) -> None:
+        """A message has reached i: what is newer counts, what has been seen stays seen."""
+        newer = told.heard_s > self.heard_s[i]
+        newer[i] = False
+        self.stands[i, newer] = told.stands[newer]
+        self.heard_s[i, newer] = told.heard_s[newer]
+        # Of two, the sender is the first: what it knows reaches i.
+        one_way = np.array([[False, True], [False, False]])
+        both = np.stack([told.held.ravel(), self.held[i].ravel()])
+        self.held[i] = or_consensus(both, one_way)[1].reshape(self.held[i].shape)
+
+    def elect(self, i: int, t: float, order: Ints) -> int:
+        """Whom i takes for the relay now: of those alive one that stands before one that does not, then the first in order.
+
+        Where it is i itself, it stands from now on; where it is not, it steps down.
+
+        Args:
+            i: Who elects.
+            t: Now [s].
+            order: Place of each in the succession that all know beforehand, shape (n,).
+        """
+        living = np.flatnonzero(self.alive(i, t))
+        leader = int(living[np.lexsort((order[living], ~self.stands[i, living]))[0]])
+        self.stands[i, i] = leader == i
+        return leader
+
+
+def forget_lost(auction: Auction, i: int, alive: Mask) -> None:
+    """What those claimed that i takes for lost is free for i."""
+    gone = ~alive[: auction.problem.n_agents]
+    free = (auction.winner[i] >= 0) & gone[auction.winner[i]]
+    auction.bid[i, free], auction.winner[i, free] = 0.0, -1

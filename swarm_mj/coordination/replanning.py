@@ -1,0 +1,95 @@
+"""Planning of pictures: ahead by one who knows all, alone, and in flight from what is left."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import inf
+
+import numpy as np
+
+from swarm_mj.coordination.allocation.auction import Auction
+from swarm_mj.coordination.allocation.greedy import greedy
+from swarm_mj.coordination.allocation.optimum import optimum
+from swarm_mj.coordination.allocation.problem import Allocation, AllocationProblem, allocation_of
+from swarm_mj.coordination.encounter import Encounter
+from swarm_mj.typing import Array, Ints, Mask
+
+#: Share of the time that the proof may take; the rest is spent on one agent after the other.
+PROOF_SHARE = 0.4
+
+
+def problem_of(encounter: Encounter, weight: Array | None = None) -> AllocationProblem:
+    """All pictures of an encounter; the patches are its cells."""
+    agents, _, slots, _ = encounter.shows.shape
+    return AllocationProblem(
+        weight=encounter.area if weight is None else weight,
+        shows=encounter.shows,
+        slew=encounter.slew,
+        budget=np.full(agents, slots),
+    )
+
+
+def planned_alone(encounter: Encounter) -> Allocation:
+    """Everybody plans for itself, as if there were nobody else."""
+    problem, pictures = problem_of(encounter), []
+    for agent in range(problem.n_agents):
+        alone = replace(problem, available=np.tile(np.arange(problem.n_agents)[:, None] == agent, (1, problem.n_slots)))
+        pictures.append(greedy(alone).pictures[agent])
+    return allocation_of(problem, tuple(pictures), status="each alone")
+
+
+def planned_together(encounter: Encounter, time_limit_s: float, weight: Array | None = None) -> Allocation:
+    """The best plan found in a time, with a bound: greedy choice, each agent's pictures made best in turn, then the proof.
+
+    Args:
+        encounter: What can be shown.
+        time_limit_s: For all of it [s].
+        weight: Of each cell; None: its area.
+    """
+    problem = problem_of(encounter, weight)
+    best = greedy(problem)
+    each_s = (1.0 - PROOF_SHARE) * time_limit_s / max(problem.n_agents, 1)
+    for agent in sorted(range(problem.n_agents), key=lambda a: -len(best.pictures[a])):
+        others = tuple(() if a == agent else taken for a, taken in enumerate(best.pictures))
+        only = np.tile(np.arange(problem.n_agents)[:, None] == agent, (1, problem.n_slots))
+        rest = replace(problem, weight=np.where(problem.shown_by(others), 0.0, problem.weight), available=only)
+        if not rest.possible.any():
+            continue
+        own = optimum(rest, each_s).pictures[agent]
+        trial = allocation_of(problem, (*others[:agent], own, *others[agent + 1 :]), status="time limit")
+        best = trial if trial.value > best.value else best
+    proof = optimum(problem, PROOF_SHARE * time_limit_s)
+    found = proof if proof.value > best.value else best
+    return replace(found, bound=min(proof.bound, problem.coverable, inf), status=proof.status)
+
+
+def auction_from(
+    encounter: Encounter, before: Auction | None, *, slot: int, known: Array, can: Mask, aim: Ints
+) -> Auction:
+    """The auction of the pictures from a slot on, with all that was said before.
+
+    Args:
+        encounter: What can be shown.
+        before: The auction so far; None: none yet.
+        slot: The first that is left.
+        known: Weight of each cell as each agent knows it, shape (a, cells).
+        can: Who can take pictures, shape (a,).
+        aim: What each is turned to, -1 for elsewhere, shape (a,).
+    """
+    shows, slots = encounter.shows[:, :, slot:], np.arange(encounter.shows.shape[2] - slot)
+    if (aim >= 0).any():
+        # Turning there takes its time: the picture just taken was that of the slot before.
+        agent = np.arange(len(aim))
+        takes = np.where(aim[:, None] >= 0, encounter.slew[agent, np.maximum(aim, 0)], 0)
+        shows = shows & (slots + 1 >= takes[:, :, None])[..., None]
+    problem = AllocationProblem(
+        weight=encounter.area,
+        shows=shows,
+        slew=encounter.slew,
+        budget=np.full(len(can), len(slots)),
+        available=np.tile(can[:, None], (1, len(slots))),
+    )
+    auction = Auction(problem, known=known, working=can)
+    if before is not None:
+        auction.bid[:], auction.winner[:], auction.heard[:] = before.bid, before.winner, before.heard
+    return auction

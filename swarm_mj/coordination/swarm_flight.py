@@ -1,0 +1,262 @@
+"""The behaviour of a coordinated swarm: parts for sensing and for the relay that make the classes 0, 1, 3 and 4.
+
+Every spacecraft acts by what it knows itself. Right after each picture it looks at what that shows, hears what has arrived,
+plans on, and says what it knows; until the next picture its target stays. Who is lost does none of that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from swarm_mj.coordination.allocation.auction import Auction
+from swarm_mj.coordination.bus import Bus
+from swarm_mj.coordination.encounter import Encounter
+from swarm_mj.coordination.graph import Graph
+from swarm_mj.coordination.knowledge import Knowledge, forget_lost
+from swarm_mj.coordination.replanning import auction_from
+from swarm_mj.coordination.roles import Pictures, next_picture, targets_for
+from swarm_mj.dataflow.network import Access
+from swarm_mj.mission.behaviors import SwarmView, Targets, looks_at_body
+from swarm_mj.typing import Array, Ints, Mask
+
+
+class CoordinationEvent(NamedTuple):
+    """Something that a spacecraft came to know or did.
+
+    Attributes:
+        time_s: When [s].
+        spacecraft: Who, from 0.
+        kind: 'silent' (takes another for lost), 'heard again', 'relays', 'steps down' or 'replans'.
+        detail: In words.
+    """
+
+    time_s: float
+    spacecraft: int
+    kind: str
+    detail: str
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Mission:
+    """What a coordinated swarm is given before its release.
+
+    Attributes:
+        encounter: The table of what can be shown when.
+        pictures: Of each observer as planned.
+        sensing: 'own', 'plan' or 'auction'.
+        relay: 'own', 'plan' or 'election'.
+        succession: Place of each spacecraft in the order in which they relay, the planned relay first, shape (n,).
+        look: What the picture of a spacecraft shows at an instant, by a view and its number, shape (cells,).
+        graph: The links at an instant, by a view and what all track.
+        silence_s: See `Knowledge`.
+        seed: Of lost messages.
+        access: Of the channel.
+        dedicated_communications: Whether the last spacecraft takes no pictures.
+    """
+
+    encounter: Encounter
+    pictures: tuple[Pictures, ...]
+    sensing: str
+    relay: str
+    succession: Ints
+    look: Callable[[SwarmView, int], Mask]
+    graph: Callable[[SwarmView, Targets], Graph]
+    silence_s: float
+    seed: int
+    access: Access
+    dedicated_communications: bool = False
+
+    @property
+    def n(self) -> int:
+        """Number of spacecraft."""
+        return len(self.succession)
+
+    @property
+    def talks(self) -> bool:
+        """Whether messages are sent."""
+        return self.sensing == "auction" or self.relay == "election"
+
+
+@dataclass(eq=False)
+class Log:
+    """What a flight's coordination came to, for its telemetry.
+
+    Attributes:
+        time_s: After each picture [s].
+        bits: Sent by each up to then [bit].
+        airtime_s: For how long each has sent up to then [s].
+        events: In order of time.
+    """
+
+    time_s: list[float] = field(default_factory=list)
+    bits: list[Ints] = field(default_factory=list)
+    airtime_s: list[Array] = field(default_factory=list)
+    events: list[CoordinationEvent] = field(default_factory=list)
+
+
+class State:
+    """One flight under way: its messages, what each knows and plans, and what all track."""
+
+    def __init__(self, mission: Mission) -> None:
+        n, encounter = mission.n, mission.encounter
+        self.bus = Bus(n, np.random.default_rng(mission.seed), mission.access)
+        self.knowledge = Knowledge(n, encounter.n_cells, mission.silence_s)
+        self.pictures: list[Pictures] = [*mission.pictures, *[()] * (n - len(mission.pictures))]
+        self.aim = np.full(n, -1, np.int64)  # pictured last, or turned to
+        self.relay = np.arange(n) if mission.relay == "own" else np.full(n, int(np.argmin(mission.succession)))
+        self.auction: Auction | None = None
+        self.slot = -1
+        self.log = Log()
+        self.targets = targets_for(tuple(self.pictures), 0, self.relay, encounter.aims_A)
+
+
+class SwarmFlight:
+    """A coordinated swarm in flight, see `Behavior`; the memory is its `State`, brought up to date in place.
+
+    Args:
+        mission: See `Mission`.
+
+    Attributes:
+        mission: As given.
+        log: Of the last flight.
+    """
+
+    def __init__(self, mission: Mission) -> None:
+        self.mission, self.log = mission, Log()
+        step = np.diff(mission.encounter.slot_s)
+        self._step_s = float(np.median(step)) if len(step) else 10.0
+
+    @property
+    def dedicated_communications(self) -> bool:
+        """See `Behavior`."""
+        return self.mission.dedicated_communications
+
+    def targets(self, view: SwarmView, memory: State | None) -> tuple[Targets, State]:
+        """See `Behavior`."""
+        state = State(self.mission) if memory is None else memory
+        self.log = state.log
+        instant = self._instant(view.t)
+        if instant > state.slot:
+            state.slot = instant
+            self._act(state, view)
+        return state.targets, state
+
+    def steady_for(self, view: SwarmView, memory: State) -> float:
+        """See `SteadyBehavior`: until right after the next picture."""
+        slots = self.mission.encounter.slot_s
+        following = float(np.ceil(view.t / self._step_s - 1e-9)) * self._step_s
+        coming = slots[slots > view.t - 1e-6]
+        return max(min([following, *coming[:1].tolist()]) - view.t, 0.0)
+
+    def _instant(self, t: float) -> int:
+        """How many steps and pictures lie before a time: when it changes, all look, hear, plan and speak."""
+        slots = self.mission.encounter.slot_s
+        return int(np.ceil(t / self._step_s - 1e-9)) + int(np.searchsorted(slots, t - 1e-6))
+
+    def _act(self, state: State, view: SwarmView) -> None:
+        mission, t = self.mission, view.t
+        works = np.ones(mission.n, np.bool_) if view.working is None else view.working
+        if mission.talks:
+            self._look(state, view, works)
+            for message in state.bus.arrived(t):
+                if works[message.receiver]:
+                    state.knowledge.hear(message.receiver, message.payload)
+                    if state.auction is not None and message.payload.claims is not None:
+                        if message.receiver < state.auction.problem.n_agents:
+                            state.auction.hear(message.receiver, message.payload.claims)
+            self._plan(state, view, works)
+        slot = mission.encounter.slot_after(t)
+        for j in np.flatnonzero(works):
+            coming = next_picture(state.pictures[j], slot)
+            state.aim[j] = state.aim[j] if coming is None else coming[1]
+        found = targets_for(tuple(state.pictures), slot, state.relay, mission.encounter.aims_A)
+        for new, old in zip(found, state.targets, strict=True):
+            new[~works] = old[~works]
+        state.targets = found
+        if mission.talks:
+            self._speak(state, view, works)
+        state.log.time_s.append(t)
+        state.log.bits.append(state.bus.bits.copy())
+        state.log.airtime_s.append(state.bus.airtime_s.copy())
+
+    def _look(self, state: State, view: SwarmView, works: Mask) -> None:
+        """What the pictures just taken show, each for itself."""
+        slots = self.mission.encounter.slot_s
+        if not (np.abs(slots - view.t) <= self._step_s * 0.5).any():
+            return
+        camera_on = works if view.camera_on is None else view.camera_on
+        for j in range(len(self.mission.pictures)):
+            if works[j] and camera_on[j] and looks_at_body(state.targets.kind[j]):
+                state.knowledge.held[j, j] |= self.mission.look(view, j)
+
+    def _plan(self, state: State, view: SwarmView, works: Mask) -> None:
+        mission, knowledge, t = self.mission, state.knowledge, view.t
+        before = [knowledge.alive(j, t - self._step_s) for j in range(mission.n)]
+        for j in np.flatnonzero(works).tolist():
+            knowledge.heard_s[j, j] = t
+            alive = knowledge.alive(j, t)
+            self._note_silence(state, j, t, before[j], alive)
+            if mission.relay == "election":
+                self._elect(state, j, t)
+        if mission.sensing == "auction":
+            self._bid(state, view, works)
+
+    def _note_silence(self, state: State, j: int, t: float, before: Mask, alive: Mask) -> None:
+        for k in np.flatnonzero(before & ~alive):
+            state.log.events.append(CoordinationEvent(t, j, "silent", f"sc{k + 1} has not been heard of"))
+
+    def _elect(self, state: State, j: int, t: float) -> None:
+        stood = bool(state.knowledge.stands[j, j])
+        state.relay[j] = state.knowledge.elect(j, t, self.mission.succession)
+        stands = bool(state.knowledge.stands[j, j])
+        if stands != stood:
+            kind = "relays" if stands else "steps down"
+            detail = "" if stands else f"for sc{state.relay[j] + 1}"
+            state.log.events.append(CoordinationEvent(t, j, kind, detail))
+
+    def _bid(self, state: State, view: SwarmView, works: Mask) -> None:
+        """Go on with the auction of the pictures that are left."""
+        mission, encounter, t = self.mission, self.mission.encounter, view.t
+        slot = encounter.slot_after(t)
+        if slot >= len(encounter.slot_s):
+            return
+        a = len(mission.pictures)
+        camera_on = works if view.camera_on is None else view.camera_on
+        alive = [state.knowledge.alive(j, t) for j in range(mission.n)]
+        left = np.array([~state.knowledge.seen(j, t) for j in range(a)]) * encounter.area
+        can = np.array([works[j] and camera_on[j] for j in range(a)])
+        state.auction = auction_from(encounter, state.auction, slot=slot, known=left, can=can, aim=state.aim[:a])
+        for j in np.flatnonzero(can).tolist():
+            forget_lost(state.auction, j, alive[j])
+            state.auction.plan(j, t)
+        found = state.auction.pictures
+        for j in np.flatnonzero(works[:a]).tolist():
+            state.pictures[j] = tuple((k + slot, m) for k, m in found[j])
+
+    def _speak(self, state: State, view: SwarmView, works: Mask) -> None:
+        """Everybody says what it knows."""
+        graph = self.mission.graph(view, state.targets)
+        for j in np.flatnonzero(works).tolist():
+            claims, length = None, 0
+            if state.auction is not None and j < state.auction.problem.n_agents:
+                claims, length = state.auction.message(j), state.auction.message_bits
+            told, bits = state.knowledge.tell(j, view.t, claims)
+            state.bus.broadcast(view.t, j, bits + length, told, graph)
+
+
+def parts_of(level: int) -> dict[str, str]:
+    """The parts that make a class: sensing and relay."""
+    return dict(zip(("sensing", "relay"), _PARTS[level], strict=True))
+
+
+_PARTS: dict[int, tuple[str, str]] = {
+    0: ("own", "own"),
+    1: ("own", "own"),
+    2: ("behavior", "behavior"),
+    3: ("plan", "plan"),
+    4: ("auction", "election"),
+}

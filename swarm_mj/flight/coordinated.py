@@ -1,0 +1,147 @@
+"""The classes of a scenario as behaviours: what a coordinated swarm is given, from a plan."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from swarm_mj.coordination.graph import Graph, graph_at
+from swarm_mj.coordination.replanning import planned_alone, planned_together
+from swarm_mj.coordination.swarm_flight import Mission, SwarmFlight, parts_of
+from swarm_mj.dataflow.contacts import Instant, radios_from
+from swarm_mj.dataflow.network import Access
+from swarm_mj.errors import MissionError
+from swarm_mj.flight.encounter_table import encounter_of, kept_plan, planned_places
+from swarm_mj.flight.observe import criterion_from, observer_from
+from swarm_mj.mission.behaviors import Behavior, SelectiveBehavior, SwarmView, Targets
+from swarm_mj.mission.links import Antennas
+from swarm_mj.observation.capture import camera_poses, observe
+from swarm_mj.scenarios.schema_swarm import Swarm
+from swarm_mj.smallbody.occultation import occluder_of
+from swarm_mj.spacecraft.attitude.mrp import dcm, mrp_from_quaternion
+from swarm_mj.typing import Ints, Mask
+
+
+def coordinated(behavior: Behavior, swarm: Swarm | None) -> Behavior:
+    """The behaviour of a scenario's class; its own where that decides alone.
+
+    Raises:
+        MissionError: The class's parts do not fit together.
+    """
+    if swarm is None:
+        return behavior
+    parts = parts_chosen(swarm)
+    if parts == parts_of(2):
+        return behavior
+    if "behavior" in parts.values():
+        raise MissionError(
+            f"swarm.sensing = {parts['sensing']}, swarm.relay = {parts['relay']}: the behaviour decides both or none; give "
+            "behavior twice, or own, plan, auction or election"
+        )
+    return CoordinatedBehavior(behavior, swarm)
+
+
+def parts_chosen(swarm: Swarm) -> dict[str, str]:
+    """The parts of a class, with those that the scenario exchanges."""
+    return {key: getattr(swarm, key) or part for key, part in parts_of(swarm.level).items()}
+
+
+@dataclass(frozen=True)
+class CoordinatedBehavior:
+    """A swarm of class 0, 1, 3 or 4, before it knows its mission; see `MissionBehavior`.
+
+    Attributes:
+        inner: The scenario's behaviour, which says whether a spacecraft flies that only communicates.
+        swarm: The class and its parts.
+    """
+
+    inner: Behavior
+    swarm: Swarm
+
+    @property
+    def dedicated_communications(self) -> bool:
+        """See `Behavior`."""
+        return self.inner.dedicated_communications
+
+    def check_scenario(self, scenario: Any) -> None:
+        """See `SelectiveBehavior`: what the scenario's behaviour cannot fly, its swarm does not either."""
+        if isinstance(self.inner, SelectiveBehavior):
+            self.inner.check_scenario(scenario)
+
+    def for_flight(self, plan: Any) -> Behavior:
+        """See `MissionBehavior`."""
+        return SwarmFlight(mission_of(plan, self.swarm))
+
+    def targets(self, view: SwarmView, memory: Any) -> tuple[Targets, Any]:
+        """Not before `for_flight`.
+
+        Raises:
+            MissionError: Always.
+        """
+        raise MissionError("swarm.class: a coordinated swarm must know its mission; use for_flight(plan) first")
+
+
+def mission_of(plan: Any, swarm: Swarm) -> Mission:
+    """What the swarm of a `swarm_mj.flight.plan.Plan` is given before its release."""
+    scenario, parts = plan.scenario, parts_chosen(swarm)
+    encounter = encounter_of(plan)
+    if parts["sensing"] == "own":
+        pictures = planned_alone(encounter).pictures
+    elif parts["sensing"] == "plan" or parts["relay"] == "plan":
+        pictures = kept_plan(encounter, swarm.plan_time_limit_s, planned_together)
+    else:
+        pictures = tuple(() for _ in range(plan.n_observers))
+    observer, criterion = observer_from(scenario, plan.region), criterion_from(scenario)
+
+    def look(view: SwarmView, j: int) -> Mask:
+        assert view.q_BN is not None
+        C_BN = dcm(mrp_from_quaternion(view.q_BN[j : j + 1]))
+        r_A, C_CA = camera_poses(view.r_BN_N[j : j + 1], C_BN, view.C_AN)
+        sun_A = view.C_AN @ plan.environment.sun.at(view.t)
+        return observe(observer, r_A[0], C_CA[0], criterion, sun_A)
+
+    return Mission(
+        encounter=encounter,
+        pictures=pictures,
+        **parts,
+        succession=succession_of(plan, pictures, encounter.slot_s[-1]),
+        look=look,
+        graph=_graph_of(plan, swarm),
+        silence_s=swarm.silence_s,
+        seed=scenario.seed,
+        access=Access(scenario.link.crosslink.access),
+        dedicated_communications=plan.behavior.dedicated_communications,
+    )
+
+
+def succession_of(plan: Any, pictures: tuple[tuple[tuple[int, int], ...], ...], end_s: float) -> Ints:
+    """Places in the order in which spacecraft relay, shape (n,): who has done with its pictures first, then the most central.
+
+    A spacecraft that only communicates comes first.
+    """
+    r_A = planned_places(plan, np.array([0.0, end_s]))[1]
+    spread = np.linalg.norm(r_A[:, None] - r_A[None], axis=2).sum(axis=1)
+    last = np.array([taken[-1][0] if taken else -1 for taken in pictures], np.int64)
+    extra = plan.n - len(r_A)
+    order = np.lexsort((np.append(spread, np.zeros(extra)), np.append(last, np.full(extra, -2))))
+    place: Ints = np.empty(plan.n, np.int64)
+    place[order] = np.arange(plan.n)
+    return place
+
+
+def _graph_of(plan: Any, swarm: Swarm) -> Any:
+    scenario, n = plan.scenario, plan.n
+    antennas: Antennas = plan.antennas
+    radios, body = radios_from(scenario.link, antennas.beams), occluder_of(plan.shape)
+
+    def graph(view: SwarmView, targets: Targets) -> Graph:
+        C_BN = np.tile(np.eye(3), (n, 1, 1)) if view.q_BN is None else dcm(mrp_from_quaternion(view.q_BN))
+        works = np.ones(n, np.bool_) if view.working is None else np.array(view.working)
+        earth_N = plan.environment.earth.at(view.t)
+        r_N, C_AN = np.ascontiguousarray(view.r_BN_N), np.ascontiguousarray(view.C_AN)
+        now = Instant(r_N, C_BN, C_AN, earth_N, targets.kind, targets.spacecraft, works)
+        return graph_at(radios, body, now, loss=swarm.message_loss, processing_s=swarm.processing_s)
+
+    return graph

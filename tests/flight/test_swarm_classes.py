@@ -1,0 +1,73 @@
+"""Swarm classes in flight: class 2 is the behaviour itself, the others fly, talk and pay for it."""
+
+import numpy as np
+import pytest
+
+from swarm_mj.errors import MissionError, ScenarioError
+from swarm_mj.flight.coordinated import CoordinatedBehavior
+from swarm_mj.flight.deliver import deliver
+from swarm_mj.flight.fly import simulate
+from swarm_mj.flight.observe import observe_flight
+from swarm_mj.flight.plan import behavior_from, make_plan
+from swarm_mj.results.summary import summarise
+from swarm_mj.scenarios.loading import load_scenario
+
+QUICK = ("observation.observer=horizon", "duration_s=800", "target.cell_size_m=900")
+
+
+def flown(level, *more):
+    plan = make_plan(load_scenario("eros-observe", [*QUICK, f"swarm={{class: {level}, plan_time_limit_s: 2}}", *more]))
+    return plan, simulate(plan)
+
+
+@pytest.fixture(scope="module")
+def talked():
+    return flown(4, "faults=[{kind: spacecraft_lost, spacecraft: sc5, at_s: 100}]")
+
+
+def test_class_2_is_the_behaviour_itself():
+    plain, classed = (load_scenario("eros-observe", more) for more in ([], ["swarm.class=2"]))
+    assert behavior_from(classed) == behavior_from(plain)
+    assert isinstance(behavior_from(load_scenario("eros-observe", ["swarm.class=4"])), CoordinatedBehavior)
+
+
+def test_the_class_is_read_and_written_by_its_key():
+    scenario = load_scenario("eros-observe", ["swarm.class=3"])
+    assert scenario.swarm.level == 3 and scenario.model_dump(mode="json")["swarm"]["class"] == 3
+    assert load_scenario(scenario.model_dump(mode="json")) == scenario
+    with pytest.raises(ScenarioError, match="swarm.class"):
+        load_scenario("eros-observe", ["swarm.class=5"])
+    with pytest.raises(MissionError, match="swarm.sensing"):
+        behavior_from(load_scenario("eros-observe", ["swarm={class: 4, relay: behavior}"]))
+
+
+def test_a_swarm_of_class_4_covers_for_a_lost_one_and_says_when_it_knew(talked):
+    plan, telemetry = talked
+    result = observe_flight(plan, telemetry)
+    _, planned = flown(3, "faults=[{kind: spacecraft_lost, spacecraft: sc5, at_s: 100}]")
+    assert result.coverage.percent > observe_flight(plan, planned).coverage.percent
+    summary = summarise(plan, telemetry, result, {})
+    assert summary["coordination_bits"] == telemetry.coordination_bits.values[-1].sum() > 0
+    silent = [e for e in summary["coordination_events"] if e["kind"] == "silent"]
+    assert {e["spacecraft"] for e in silent} == {"sc1", "sc2", "sc3", "sc4"}
+    assert all(135.0 < e["time_s"] <= 170.0 for e in silent)
+
+
+def test_messages_end_with_their_sender_and_take_their_time_from_the_crosslink(talked):
+    plan, telemetry = talked
+    bits, airtime = telemetry.coordination_bits.values, telemetry.coordination_airtime.values
+    late = telemetry.time.values > 111.0
+    assert (bits[late, 4] == bits[late, 4][0]).all() and (np.diff(bits[:, 0]) >= 0).all()
+    result = observe_flight(plan, telemetry)
+    with_messages = deliver(plan, telemetry, result.coverage, prove=False)
+    without = deliver(plan, telemetry.drop_vars("coordination_airtime"), result.coverage, prove=False)
+    taken = 1.0 - with_messages.contact_bit.sum(axis=(1, 2)) / np.maximum(without.contact_bit.sum(axis=(1, 2)), 1)
+    spent = np.diff(np.interp(with_messages.edges_s, telemetry.time.values, airtime.sum(axis=1)))
+    np.testing.assert_allclose(taken, spent / np.diff(with_messages.edges_s), atol=1e-3)
+    assert taken.max() > 0.001
+
+
+def test_class_0_says_nothing_and_everybody_speaks_to_earth_itself():
+    _, telemetry = flown(0)
+    assert "coordination_bits" not in telemetry
+    assert (telemetry["mode"].values[-1] == 2).all()
