@@ -110,6 +110,7 @@ def make_simulation(plan: Plan, *, geometry: bool = False) -> Simulation:
         gravity_gradient_torque=scenario.perturbations.gravity_gradient_torque,
         fault_model=fault_model_from(scenario),
         shape=plan.shape,
+        quickest_slews=scenario.control.slew == "time_optimal",
     )
     fly_burns(simulation, plan.deployment)
     simulation.reset(initial_state(plan))

@@ -100,6 +100,11 @@ class Control(Section):
     parameters: Parameters = Field(
         default_factory=dict, description="gains of the plug-in; see docs/theory/attitude_control.md"
     )
+    slew: Literal["law", "time_optimal"] = Field(
+        "law",
+        description="how the spacecraft turns to a new target: as the gains of the law have it, or by the quickest turn about "
+        "one axis within 80 % of the wheels' torque and momentum, which the law follows (by Python, not compiled code)",
+    )
     period_s: float = Field(0.5, ge=1e-3, le=60, description="how long wheel torques and forces are held [s]")
 
 

@@ -22,6 +22,7 @@ from swarm_mj.simulator.plugin_calls import (
     view_of,
 )
 from swarm_mj.simulator.propulsion import Propulsion
+from swarm_mj.simulator.slews import Slews
 from swarm_mj.simulator.slots import Slot
 from swarm_mj.spacecraft.control.base import Controller
 from swarm_mj.spacecraft.gyrostat import with_wheels
@@ -34,6 +35,7 @@ def decide(
     law: ControllerCalls,
     injection: FaultInjection | None,
     propulsion: Propulsion | None = None,
+    slews: Slews | None = None,
 ) -> Targets:
     """Set forces and motor torques of the coming hold.
 
@@ -43,6 +45,7 @@ def decide(
         law: Its control law.
         injection: Its faults, dispersions and fourth wheels; None: it has none.
         propulsion: Its thrusters; None: it has none.
+        slews: Profiles of its turns to new targets; None: the law turns as it does.
 
     Raises:
         SimulationError: The state is no longer finite.
@@ -63,6 +66,8 @@ def decide(
     if propulsion is not None and propulsion.law is not None:
         _thrust(state, q_known, injection, propulsion)
     _guide(state, q_known)
+    if slews is not None:
+        slews.follow(q_known)
     torque_B = _torque(state, law, injection)
     if injection is not None:
         injection.actuate(torque_B, state.motor_torque, state.peaks)

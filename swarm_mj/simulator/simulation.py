@@ -29,6 +29,7 @@ from swarm_mj.simulator.loop_state import InitialState, LoopState
 from swarm_mj.simulator.plugin_calls import BehaviorCalls, ControllerCalls, no_such_target, view_of
 from swarm_mj.simulator.propulsion import Propulsion
 from swarm_mj.simulator.recorder import Progress, Record, Recorder
+from swarm_mj.simulator.slews import Slews
 from swarm_mj.smallbody.environment import Environment
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.spacecraft.control.base import Controller
@@ -55,6 +56,7 @@ class Simulation:
         fault_model: What may go wrong; None: nothing, all is as planned.
         force_law: Who asks the thrusters for forces; None: nobody, and they stay shut.
         shape: The body, to look for impacts while `run` flies; None: nobody looks.
+        quickest_slews: Whether turns to new targets go by the quickest profile, see `Slews`, and not by the law's gains.
         compiled: Whether compiled code flies what it can; if not, every decision is made in Python, where it can be followed.
 
     Raises:
@@ -75,6 +77,7 @@ class Simulation:
         fault_model: FaultModel | None = None,
         force_law: ForceLaw | None = None,
         shape: ShapeModel | None = None,
+        quickest_slews: bool = False,
         compiled: bool = True,
     ) -> None:
         if fault_model is None and properties.n_wheels != 3:
@@ -91,6 +94,7 @@ class Simulation:
         )
         self.injection = None if fault_model is None else FaultInjection(self.state, fault_model)
         self.propulsion = None if properties.thrusters is None else Propulsion(self.state, properties.thrusters)
+        self.slews = Slews(self.state) if quickest_slews else None
         self.impact_watch = None if shape is None else ImpactWatch(shape, environment, control_period)
         self._integrator = Integrator(model, self.state.data)
         self._behaviors, self._law = BehaviorCalls([behavior], control_period), ControllerCalls(controller)
@@ -180,6 +184,8 @@ class Simulation:
             return f"a spacecraft of its own file, {self.model.own.path.name}"
         if self.injection is not None:
             return "faults, dispersions or a fourth wheel"
+        if self.slews is not None:
+            return "the quickest slews (control.slew = time_optimal)"
         if self.force_law is not None:
             return "thrusters"
         return world.why_not_compiled(self.state, controller)
@@ -258,7 +264,9 @@ class Simulation:
             SimulationError: The state is no longer finite.
         """
         if self._world is None:
-            return python_loop.decide(self.state, self._behaviors, self._law, self.injection, self.propulsion)
+            return python_loop.decide(
+                self.state, self._behaviors, self._law, self.injection, self.propulsion, self.slews
+            )
         self._ask()
         self._fly(self._world, DECIDE, NEVER)
         return self.state.targets

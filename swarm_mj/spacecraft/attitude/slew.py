@@ -41,6 +41,14 @@ def turning_limits(properties: SpacecraftProperties) -> tuple[Turning, Turning]:
     return worst, best
 
 
+def turning_about(axis_B: Array, properties: SpacecraftProperties) -> Turning:
+    """What the wheels give about a unit axis in B, from rest, as motors are commanded."""
+    needed = properties.inertia_effective_B @ axis_B
+    share = 1.0 / float(np.abs(needed @ np.linalg.pinv(properties.wheel_axes_B)).max())
+    momentum = properties.wheel_spin_inertia * properties.max_wheel_speed
+    return Turning(share * properties.max_wheel_torque, share * momentum)
+
+
 def slew_time(angle: float, limits: Turning) -> float:
     """Shortest time of a turn from rest to rest over an angle [rad] about one axis [s]."""
     if angle <= limits.rate**2 / limits.acceleration:
