@@ -5,7 +5,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 
 .DEFAULT_GOAL := help
-.PHONY: help run test test-fast lint format types check wheel-test bench docs docs-serve images pages pixel-to-earth convergence reproduction robustness learning mutants audit shape gl setup setup-dev clean
+.PHONY: help run test test-fast lint format types check wheel-test bench agreement docs docs-serve images pages pixel-to-earth convergence reproduction robustness learning mutants audit shape gl setup setup-dev clean
 
 help: ## list the targets
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -58,6 +58,10 @@ audit: setup-dev ## look for known vulnerabilities of what is installed, where a
 bench: setup ## measure how fast the program is on this machine
 	@$(BIN)/swarm-mj bench $(ARGS)
 	@$(BIN)/python -m benchmarks.basilisk
+
+agreement: setup ## fly and read our flights by Orekit, brahe, SPICE and Basilisk, rewrite docs/results/agreement.md
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable ".[agreement]"
+	@$(BIN)/python -m benchmarks.agreement $(ARGS)
 
 docs: setup-dev ## build the site into site/: offline, warnings are errors
 	@NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict $(ARGS)

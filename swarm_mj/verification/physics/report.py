@@ -25,7 +25,8 @@ _PAGE = """\
 
 Written by `swarm-mj validate --markdown docs/results/validation.md`. Every check compares what the installed program
 computes with another way to the same number: a closed form, a conservation law, a published value, another integrator or
-another program. It fails when the measured number leaves its tolerance.
+another program. It fails when the measured number leaves its tolerance. Whole flights beside Orekit, brahe, SPICE and Basilisk
+are on the page [agreement](agreement.md).
 
 | check | what is measured | independent reference | tolerance | measured | result |
 |---|---|---|---:|---:|---|
