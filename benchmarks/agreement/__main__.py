@@ -42,7 +42,7 @@ def main() -> None:
 
 def measure(names: list[str]) -> dict[str, Any]:
     """All numbers of the page."""
-    from benchmarks.agreement.comparison import compare, distance, summed
+    from benchmarks.agreement.comparison import compare, distance, rounded
     from benchmarks.agreement.flights import MISSIONS, fly
 
     versions = {name: installed(name) for name in PROGRAMS}
@@ -68,7 +68,7 @@ def measure(names: list[str]) -> dict[str, Any]:
                 "path_samples": len(flown.states.times[:: flown.stride]),
                 "duration_s": float(flown.states.times[-1]),
                 "timestep_s": flown.states.plan.scenario.physics.timestep_s,
-                "summed_m": summed(flown),
+                **rounded(flown, answers),
                 "farthest_m": distance(flown.states.states_N[..., :3], 0.0),
                 "rows": rows,
             }

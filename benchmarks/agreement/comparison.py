@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.agreement.flights import Flown, attitudes_E
-from swarm_mj.interop.frames import C_EN
 from swarm_mj.spacecraft.attitude.mrp import dcm, mrp_from_quaternion
+from swarm_mj.tracks.frames import C_EN
 
 Array = NDArray[np.float64]
 Answers = dict[str, dict[str, Array]]
@@ -132,14 +132,29 @@ def _clock(flown: Flown, answer: dict[str, Array]) -> Found:
         yield "UTC of the epoch", "us", MICRO * abs(float(answer["utc_s"]))
 
 
-def summed(flown: Flown) -> float:
-    """How far a straight flight ends up by rounding alone, where its steps are added one by one as ours does [m]."""
-    plan, states = flown.states.plan, flown.states
-    step = plan.scenario.physics.timestep_s
+def rounding(flown: Flown) -> Array:
+    """What rounding alone does to positions, in E, shape (t, n, 3) [m], at the samples at which paths are compared.
+
+    The flight's own velocities are summed step by step in double precision, as the flight does, and in extended precision.
+    """
+    states, step = flown.states, flown.states.plan.scenario.physics.timestep_s
     n = round(states.times[-1] / step)
-    worst = 0.0
-    for state in states.states_N[0]:
-        walked = np.cumsum(np.vstack([state[:3], np.tile(step * state[3:], (n, 1))]), axis=0, dtype=np.float64)
-        straight = np.arange(n + 1, dtype=np.longdouble)[:, None] * (step * state[3:]).astype(np.longdouble) + state[:3]
-        worst = max(worst, float(np.linalg.norm((walked - straight).astype(np.float64), axis=1).max()))
-    return worst
+    middle, at = (np.arange(n) + 0.5) * step, np.round(states.times[:: flown.stride] / step).astype(np.int64)
+    out = []
+    for state in np.swapaxes(states.states_N, 0, 1):
+        velocity = np.stack([np.interp(middle, states.times, state[:, 3 + k]) for k in range(3)], axis=1)
+        terms = np.vstack([state[0, :3], step * velocity])
+        # cumsum adds one after the other.
+        off = np.cumsum(terms, axis=0) - np.cumsum(terms.astype(np.longdouble), axis=0)
+        out.append(off[at].astype(np.float64) @ C_EN.T)
+    return np.stack(out, axis=1)
+
+
+def rounded(flown: Flown, answers: Answers) -> dict[str, float]:
+    """The most that rounding alone does to the path, and the distance from SciPy without it [m]."""
+    error = rounding(flown)
+    out = {"rounding_m": distance(error, 0.0)}
+    if "scipy" in answers:
+        ours = flown.states.states_E[:: flown.stride][..., :3]
+        out["without_rounding_m"] = distance(ours - error, answers["scipy"]["path"][..., :3])
+    return out

@@ -14,14 +14,14 @@ from numpy.typing import NDArray
 
 import swarm_mj as sm
 from benchmarks.agreement.coefficients import terms
-from swarm_mj.interop.frames import C_EN
 from swarm_mj.interop.kernels_text import rotation_constants
 from swarm_mj.interop.states import FlightStates, states_of
-from swarm_mj.interop.times import utc_of
 from swarm_mj.scenarios.constants import AU, DAY, GM_SUN
 from swarm_mj.smallbody.ephemeris import julian_date
 from swarm_mj.smallbody.gravity import SphericalHarmonics
 from swarm_mj.spacecraft.attitude.mrp import dcm
+from swarm_mj.tracks.frames import C_EN
+from swarm_mj.tracks.times import utc_of
 
 Array = NDArray[np.float64]
 FORMATS: Final = ("oem", "aem", "spk", "ck", "dsk")

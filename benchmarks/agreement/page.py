@@ -160,8 +160,8 @@ def _why(results: dict[str, Any]) -> list[str]:
             f"- **Path at Eros.** swarm_mj evaluates gravity once per control period, at its middle, and holds it. With a period of "
             f"{short['period_s']:g} s instead of {long['period_s']:g} s the distance from SciPy falls from {long['path_m']:.2g} m to "
             f"{short['path_m']:.2g} m, {long['path_m'] / short['path_m']:.1f} times; a value held at "
-            f"the middle is of second order, {(long['period_s'] / short['period_s']) ** 2:.0f} times, and the others themselves are "
-            "known to some 4e-07 m."
+            f"the middle is of second order, {(long['period_s'] / short['period_s']) ** 2:.0f} times; the programs are as far "
+            "from each other as `from SciPy` says."
         )
     fast = results["flights"].get("fast-flyby")
     path = _find(results, "fast-flyby", "scipy", "path")
@@ -169,9 +169,10 @@ def _why(results: dict[str, Any]) -> list[str]:
         out.append(
             f"- **Path of the fast flyby.** Rounding: swarm_mj adds a step of {fast['timestep_s']:g} s to positions of up to "
             f"{fast['farthest_m']:.2g} m, where neighbouring numbers of double precision are "
-            f"{_spacing(fast['farthest_m']):.1g} m apart, and at a nearly constant speed every addition is rounded alike. A straight "
-            f"flight from the same start, added up in steps, is off by {fast['summed_m']:.2g} m without any gravity; the flight "
-            f"differs by {path:.2g} m. The other programs, which take longer steps, are right."
+            f"{_spacing(fast['farthest_m']):.1g} m apart, and at a nearly constant speed every addition is rounded alike. The flight's "
+            f"own velocities, summed step by step in double and in extended precision, come apart by {fast['rounding_m']:.2g} m; the "
+            f"flight is {path:.2g} m from SciPy, and {fast['without_rounding_m']:.2g} m where that is taken off. The other programs, "
+            "which take longer steps, are right."
         )
     wheels = results["causes"].get("wheels")
     if wheels:

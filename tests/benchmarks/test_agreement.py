@@ -179,3 +179,18 @@ def test_what_is_not_installed_is_found_out_and_is_no_error():
         [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True, env={**os.environ}
     )
     assert ended.stdout.split() == ["None", "None", "True"]
+
+
+def test_rounding_alone_is_what_long_sums_of_equal_steps_lose():
+    """A straight flight at 2.5e9 m whose every step is rounded up by the same 3/8 of the spacing of numbers there."""
+    from types import SimpleNamespace
+
+    n, spacing = 1000, 2.0**-21
+    v = np.array([2.0**10 + 0.625 * spacing, 0.0, 0.0]) * 2.0
+    times = 0.5 * np.arange(n + 1.0)
+    states_N = np.concatenate([2.5e9 + np.outer(times, v), np.tile(v, (n + 1, 1))], axis=1)[:, None]
+    scenario = SimpleNamespace(physics=SimpleNamespace(timestep_s=0.5))
+    states = SimpleNamespace(plan=SimpleNamespace(scenario=scenario), times=times, states_N=states_N)
+    error = comparison.rounding(SimpleNamespace(states=states, stride=1))
+    assert error.shape == (n + 1, 1, 3)
+    assert np.allclose(error[:, 0, 0], 0.375 * spacing * np.arange(n + 1), rtol=0, atol=spacing)
