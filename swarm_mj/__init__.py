@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from swarm_mj.api.checks import bench, validate
     from swarm_mj.api.design import Design, design
     from swarm_mj.api.flight import Flight, fly
+    from swarm_mj.api.navigate import Navigation, navigate
     from swarm_mj.api.observe import Observation, observe
     from swarm_mj.api.results import open, report
     from swarm_mj.api.scenario import Scenario, available, load
@@ -36,6 +37,7 @@ __version__ = "0.2.0"
 __all__ = [
     "Design",
     "Flight",
+    "Navigation",
     "Observation",
     "Scenario",
     "SwarmError",
@@ -47,6 +49,7 @@ __all__ = [
     "fly",
     "load",
     "load_shape",
+    "navigate",
     "observe",
     "open",
     "replay_row",
@@ -60,6 +63,7 @@ __all__ = [
 _HOMES = {
     "Design": "api.design",
     "Flight": "api.flight",
+    "Navigation": "api.navigate",
     "Observation": "api.observe",
     "Scenario": "api.scenario",
     "SwarmError": "errors",
@@ -71,6 +75,7 @@ _HOMES = {
     "fly": "api.flight",
     "load": "api.scenario",
     "load_shape": "smallbody.shape_io",
+    "navigate": "api.navigate",
     "observe": "api.observe",
     "open": "api.results",
     "replay_row": "api.campaign",

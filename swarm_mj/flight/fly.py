@@ -22,7 +22,7 @@ from swarm_mj.mission.links import links_closed
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.scenarios.schema_faults import Dispersions
 from swarm_mj.simulator.faults.deployment import deployed_velocities
-from swarm_mj.simulator.faults.dispersions import attitude_turns, extra_rates, velocity_errors
+from swarm_mj.simulator.faults.dispersions import attitude_turns, extra_rates, mothership_error, velocity_errors
 from swarm_mj.simulator.faults.schedule import draw_schedule
 from swarm_mj.simulator.faults.state import FaultModel
 from swarm_mj.simulator.simulation import InitialState, Simulation
@@ -65,9 +65,11 @@ def _deployed(plan: Plan, planned: InitialState) -> InitialState:
     if given.attitude_deg > 0.0:
         turns = Rotation.from_rotvec(attitude_turns(given, seed, n)).as_quat(scalar_first=True)
         sigma_BN = add_mrp(mrp_from_quaternion(turns), sigma_BN)
+    off_r_N, off_v_N = mothership_error(given, seed)
     return replace(
         planned,
-        v_BN_N=velocity,
+        r_BN_N=planned.r_BN_N + off_r_N,
+        v_BN_N=velocity + off_v_N,
         sigma_BN=sigma_BN,
         omega_BN_B=planned.omega_BN_B + extra_rates(given, seed, n),
         deployment=tuple(events),

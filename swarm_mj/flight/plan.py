@@ -26,6 +26,7 @@ from swarm_mj.mission.target import TargetRegion, automatic_cell_size, build_tar
 from swarm_mj.mission.trajectories import Deployment, deploy, propagate
 from swarm_mj.scenarios.schema import Body, Scenario
 from swarm_mj.scenarios.schema_faults import Dispersions
+from swarm_mj.scenarios.schema_trajectory import Navigation, Trajectory
 from swarm_mj.simulator.faults.dispersions import shifted_target, target_shift
 from swarm_mj.simulator.faults.schedule import check_faults
 from swarm_mj.smallbody.environment import Environment
@@ -216,8 +217,9 @@ def controller_from(scenario: Scenario) -> Controller:
 
 
 def as_planned(scenario: Scenario) -> Scenario:
-    """The scenario without faults and dispersions: all that a design can count on."""
-    return scenario.model_copy(update={"faults": (), "dispersions": Dispersions()})
+    """The scenario without faults, dispersions and the corrections of what they do: all that a design can count on."""
+    changes = {"faults": (), "dispersions": Dispersions(), "trajectory": Trajectory(), "navigation": Navigation()}
+    return scenario.model_copy(update=changes)
 
 
 def load_body_shape(body: Body) -> ShapeModel:

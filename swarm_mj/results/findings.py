@@ -48,6 +48,7 @@ def summary_findings(summary: dict[str, Any]) -> list[str]:
         found.append(
             f"wheel limits cut the controller's torque: {', '.join(f'{n} for {s:g} s' for n, s in cut.items())}"
         )
+    found += summary.get("navigation", {}).get("findings", ())
     return [
         *event_findings(summary),
         *summary.get("encounter_findings", ()),

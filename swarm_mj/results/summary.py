@@ -19,6 +19,7 @@ from swarm_mj.flight.observe import ObservationResult, picture_samples, visit_sa
 from swarm_mj.flight.plan import Plan
 from swarm_mj.flight.spacecraft import notes_on
 from swarm_mj.results.delivered import delivered_summary
+from swarm_mj.results.navigation import navigation_summary
 from swarm_mj.results.target_dwell import held_s
 from swarm_mj.results.visit import visit_miss_m
 from swarm_mj.simulator.telemetry import MODES
@@ -45,6 +46,7 @@ def summarise(plan: Plan, telemetry: xr.Dataset, result: ObservationResult, wall
         **_flown(plan, telemetry),
         "encounter_findings": list(plan.encounter_findings),
         **_pushed(plan, telemetry),
+        **navigation_summary(plan),
         **_stepped(plan, telemetry),
         **_went_wrong(plan, telemetry),
         **coordination_summary(telemetry),

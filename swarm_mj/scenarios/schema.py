@@ -21,6 +21,7 @@ from swarm_mj.scenarios.schema_link import Data, Link
 from swarm_mj.scenarios.schema_mothership import Mothership
 from swarm_mj.scenarios.schema_swarm import Swarm
 from swarm_mj.scenarios.schema_thrusters import Thrusters, thrusters_can_pulse, thrusters_fit_inside
+from swarm_mj.scenarios.schema_trajectory import Navigation, Trajectory, corrections_can_be_flown
 from swarm_mj.scenarios.section import Parameters, Section, Vector3
 
 
@@ -249,6 +250,8 @@ class Scenario(Section):
     target: Target = Field(default_factory=Target)
     design: Design = Field(default_factory=Design)
     mothership: Mothership = Field(default_factory=Mothership)
+    trajectory: Trajectory = Field(default_factory=Trajectory)
+    navigation: Navigation = Field(default_factory=Navigation)
     spacecraft: Spacecraft = Field(default_factory=Spacecraft)
     control: Control = Field(default_factory=Control)
     physics: Physics = Field(default_factory=Physics)
@@ -329,7 +332,18 @@ class Scenario(Section):
         if self.spacecraft.thrusters is not None:
             thrusters_can_pulse(self.spacecraft.thrusters, self.control.period_s)
         self._check_visits()
+        self._check_corrections()
         return self
+
+    def _check_corrections(self) -> None:
+        """Refuse corrections that nothing can fly, and times at which nobody decides."""
+        corrections_can_be_flown(self.trajectory, self.spacecraft.thrusters)
+        for k, correction in enumerate(self.trajectory.corrections):
+            if not is_multiple(correction.after_release_s or correction.before_visit_s or 0.0, self.control.period_s):
+                raise ValueError(
+                    f"trajectory.corrections.{k}.{correction.key}: must be a whole multiple of control.period_s = "
+                    f"{self.control.period_s:g}"
+                )
 
     def _check_visits(self) -> None:
         """Refuse releases and visits that the flight does not sample, and targets that are not there."""

@@ -243,6 +243,24 @@ class Dispersions(Section):
     )
     rate_deg_s: float = Field(0.0, ge=0, le=60, description="1 sigma of each initial body rate, added [deg/s]")
     deployment_velocity_m_s: float = Field(0.0, ge=0, le=100, description="1 sigma of each component in N [m/s]")
+    mothership_position_m: float = Field(
+        0.0, ge=0, le=1e9, description="1 sigma of each component in N at the epoch [m]; all spacecraft share the error"
+    )
+    mothership_velocity_m_s: float = Field(
+        0.0,
+        ge=0,
+        le=1e4,
+        description="1 sigma of each component in N at the epoch [m/s]; all spacecraft share the error",
+    )
+    burn_magnitude_percent: float = Field(
+        0.0, ge=0, le=30, description="1 sigma of a correction's size, as a share of it; drawn for each burn"
+    )
+    burn_pointing_deg: float = Field(
+        0.0,
+        ge=0,
+        le=30,
+        description="1 sigma of a correction's direction about each axis across it [deg]; for each burn",
+    )
     mass_percent: float = Field(
         0.0, ge=0, le=10, description="1 sigma of the mass, cut at 3 sigma; inertia grows with it"
     )

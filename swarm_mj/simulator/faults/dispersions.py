@@ -86,6 +86,12 @@ def velocity_errors(given: Dispersions, seed: int, n: int) -> Array:
     return given.deployment_velocity_m_s * stream(seed, Stream.DEPLOYMENT).standard_normal((n, 3))
 
 
+def mothership_error(given: Dispersions, seed: int) -> tuple[Array, Array]:
+    """Errors of the mothership's position [m] and velocity [m/s] in N at the epoch, two of shape (3,)."""
+    drawn = stream(seed, Stream.MOTHERSHIP).standard_normal((2, 3))
+    return given.mothership_position_m * drawn[0], given.mothership_velocity_m_s * drawn[1]
+
+
 def dispersed_inertia(inertia_B: Array, ratio: Array) -> Array:
     """Inertia with dispersed second moments of the mass, shape (n, 3, 3) [kg m^2].
 

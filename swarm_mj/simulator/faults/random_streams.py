@@ -31,6 +31,9 @@ class Stream(IntEnum):
     STAR_TRACKER_BIAS = 12
     DELAY = 13
     SENSOR_NOISE = 14
+    NAVIGATION = 15
+    BURN = 16
+    MOTHERSHIP = 17
 
 
 def stream(seed: int, what: Stream, *numbers: int) -> np.random.Generator:

@@ -1,0 +1,82 @@
+"""The command `navigate`."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from swarm_mj.api.navigate import Navigation
+
+
+def add(commands: argparse._SubParsersAction) -> None:
+    """Add the command to the parser."""
+    navigate = commands.add_parser(
+        "navigate",
+        help="tell how far from its visiting point each spacecraft will be, and what corrections burn",
+        description="Linear covariance from release to visit: errors of the mothership, the deployer, navigation and burns "
+        "(dispersions, navigation) carried through trajectory.corrections. See docs/how-to/corrections.md.",
+    )
+    navigate.add_argument("scenario", metavar="NAME_OR_FILE", help="packaged name or YAML file")
+    navigate.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        dest="overrides",
+        metavar="KEY=VALUE",
+        help="change one value, e.g. dispersions.deployment_velocity_m_s=0.1; may be repeated",
+    )
+    navigate.add_argument(
+        "--runs",
+        type=int,
+        default=0,
+        metavar="N",
+        help="check with N flights under all forces, e.g. 1000 (default: none)",
+    )
+    navigate.add_argument("--out", type=Path, metavar="FILE", help="write all numbers there as JSON")
+    navigate.add_argument("--quiet", action="store_true", help="no progress bar")
+    navigate.set_defaults(command=_navigate)
+
+
+def _navigate(arguments: argparse.Namespace) -> int:
+    from rich.console import Console
+
+    from swarm_mj.api.navigate import navigate
+    from swarm_mj.io.progress import progress_bars
+
+    console = Console()
+    with progress_bars(console, arguments.quiet) as bars:
+        found = navigate(arguments.scenario, arguments.overrides, runs=arguments.runs, progress=bars)
+    console.print(_table(found))
+    lines = [f"{found.scenario.name}: {words}" for words in found.findings]
+    if arguments.out is not None:
+        lines.append(f"numbers in {found.save(arguments.out)}")
+    for line in lines:
+        console.print(line, soft_wrap=True, highlight=False, markup=False)
+    return 0
+
+
+def _table(found: Navigation) -> Table:
+    from rich.table import Table
+
+    table = Table(title=f"{found.scenario.name}: at the visit, after so many corrections")
+    for name in ("spacecraft", "corrections", "at [s]", "3 sigma [m]", "99 % [m]", "sigma R T S [m]"):
+        table.add_column(name, justify="left" if name == "spacecraft" else "right")
+    for name in ("delta-v mean, 99 % [m/s]", "offset 99 % [deg]", "in camera [%]"):
+        table.add_column(name, justify="right")
+    for (name, k), row in found.table.astype(object).iterrows():
+        sigma = " ".join(f"{row[f'sigma_{axis}_m']:.3g}" for axis in "RTS")
+        burn = f"{row['delta_v_mean_m_s']:.3g}, {row['delta_v_99_m_s']:.3g}" if k else ""
+        seen = [_shown(row[key], digits) for key, digits in (("offset_99_deg", ".3g"), ("in_camera_percent", ".1f"))]
+        at = f"{row['time_s']:g}" if k else ""
+        table.add_row(
+            name, str(k), at, f"{row['position_3_sigma_m']:.4g}", f"{row['position_99_m']:.4g}", sigma, burn, *seen
+        )
+    return table
+
+
+def _shown(value: float | None, digits: str) -> str:
+    return "" if value is None or value != value else format(value, digits)

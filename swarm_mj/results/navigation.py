@@ -1,0 +1,182 @@
+"""What linear covariance says of a plan's corrections, as rows, sentences and numbers for JSON."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from scipy.constants import g as STANDARD_GRAVITY
+
+from swarm_mj.flight.navigation import Navigated, navigated
+from swarm_mj.flight.plan import Plan
+from swarm_mj.mission.covariance import visit_axes
+from swarm_mj.mission.dispersed import draw_burns
+from swarm_mj.mission.gaussian import length_mean, length_quantile, length_within
+from swarm_mj.scenarios.itinerary import itinerary
+from swarm_mj.scenarios.schema_thrusters import Thrusters
+from swarm_mj.typing import Array
+
+#: Chance with which limits and tanks are said to be enough.
+SURE = 0.99
+#: Linear flights that are drawn for the sum of several burns; their 99th percentile is right to about 1 %.
+DRAWS = 20_000
+#: A correction is worth its gas where it takes away at least this share of the spread at the visit.
+WORTH = 0.05
+
+Row = dict[str, Any]
+
+
+def navigation_rows(found: Navigated) -> list[Row]:
+    """One row for each spacecraft and number of corrections flown, 0 to m: the spread at the visit and the last burn."""
+    plan, legs = found.plan, found.legs
+    axes = visit_axes(legs.r_N[:, -1], legs.v_N[:, -1])
+    return [
+        {
+            "spacecraft": plan.names[j],
+            "corrections": k,
+            "time_s": None if k == 0 else float(legs.times[j, k]),
+            **_at_visit(found.spread.at_visit[k, j, :3, :3], axes[j]),
+            **_burnt(found, j, k),
+            **_seen(found, j, k),
+        }
+        for j in range(plan.n)
+        for k in range(legs.n_corrections + 1)
+    ]
+
+
+def _at_visit(position: Array, axes: Array) -> Row:
+    sigma = np.sqrt(np.diag(axes @ position @ axes.T))
+    return {
+        "position_3_sigma_m": 3.0 * float(np.sqrt(np.linalg.eigvalsh(position)[-1].clip(0.0))),
+        "position_99_m": length_quantile(position, SURE),
+        **{f"sigma_{name}_m": float(value) for name, value in zip("RTS", sigma, strict=True)},
+    }
+
+
+def _burnt(found: Navigated, j: int, k: int) -> Row:
+    if k == 0:
+        return {"delta_v_mean_m_s": 0.0, "delta_v_99_m_s": 0.0}
+    covariance = found.spread.delta_v[k - 1, j]
+    return {"delta_v_mean_m_s": length_mean(covariance), "delta_v_99_m_s": length_quantile(covariance, SURE)}
+
+
+def _seen(found: Navigated, j: int, k: int) -> Row:
+    """Where the ground under the visiting point is in a camera that is pointed as planned, at a place that is not."""
+    plan = found.plan
+    if j >= plan.n_observers:
+        return {"offset_99_deg": None, "in_camera_percent": None}
+    altitude, half_angle = itinerary(plan.scenario)[j].altitude_m, np.radians(plan.scenario.camera.half_angle_deg)
+    r_N = found.legs.r_N[j, -1]
+    across = np.linalg.svd(r_N[None])[2][1:]
+    covariance = across @ found.spread.at_visit[k, j, :3, :3] @ across.T
+    return {
+        "offset_99_deg": float(np.degrees(np.arctan(length_quantile(covariance, SURE) / altitude))),
+        "in_camera_percent": 100.0 * length_within(covariance, altitude * float(np.tan(half_angle))),
+    }
+
+
+def total_delta_v(found: Navigated) -> dict[str, tuple[float, float]]:
+    """Mean and 99th percentile of each spacecraft's burns together [m/s]: of one burn by quadrature, of several by drawing."""
+    m = found.legs.n_corrections
+    if m <= 1:
+        of_one = [_burnt(found, j, m) for j in range(found.plan.n)]
+        totals = [(row["delta_v_mean_m_s"], row["delta_v_99_m_s"]) for row in of_one]
+    else:
+        # A generator of its own: these are no draws of the scenario's.
+        drawn = draw_burns(found.legs, found.errors, draws=DRAWS, rng=np.random.default_rng(0)).sum(axis=2)
+        totals = [(float(of.mean()), float(np.quantile(of, SURE))) for of in drawn.T]
+    return dict(zip(found.plan.names, totals, strict=True))
+
+
+def propellant_kg(thrusters: Thrusters, mass: float, delta_v: float) -> float:
+    """What a change of velocity [m/s] of so large a mass takes from the tank, by the rocket equation [kg]."""
+    return float(-mass * np.expm1(-delta_v / (STANDARD_GRAVITY * thrusters.specific_impulse_s)))
+
+
+def navigation_findings(found: Navigated) -> list[str]:
+    """One sentence on each stage of the way, on tanks and burns that are not enough, and on corrections that do not pay."""
+    rows, names = navigation_rows(found), found.plan.names
+    m = found.legs.n_corrections
+    if not found.spread.at_visit.any():
+        return [
+            "nothing is said to err, so nothing spreads: give dispersions.deployment_velocity_m_s, mothership_position_m, "
+            "mothership_velocity_m_s, or navigation and burn errors with corrections"
+        ]
+    stages = [[row for row in rows if row["corrections"] == k] for k in range(m + 1)]
+    said = [_stage(k, stage) for k, stage in enumerate(stages)]
+    said += [_useless(k, stages) for k in range(1, m + 1)]
+    return [words for words in [*said, *_tank(found, names), *_too_long(found, names)] if words]
+
+
+def _stage(k: int, rows: list[Row]) -> str:
+    worst = max(rows, key=lambda row: row["position_3_sigma_m"])
+    words = f"3 sigma {worst['position_3_sigma_m']:.3g} m at the visit ({worst['spacecraft']}, the widest)"
+    if k == 0:
+        return f"without corrections: {words}"
+    return f"after correction {k}: {words}, {max(row['delta_v_99_m_s'] for row in rows):.3g} m/s (99 %)"
+
+
+def _useless(k: int, stages: list[list[Row]]) -> str:
+    before, after = (max(row["position_3_sigma_m"] for row in stages[i]) for i in (k - 1, k))
+    if after <= (1.0 - WORTH) * before:
+        return ""
+    return (
+        f"correction {k} does not pay: it leaves 3 sigma {after:.3g} m of {before:.3g} m, for the errors of navigation and "
+        "burns are as large; leave it out, fly it later (trajectory.corrections), or navigate better (navigation)"
+    )
+
+
+def _tank(found: Navigated, names: tuple[str, ...]) -> list[str]:
+    thrusters, mass = found.plan.scenario.spacecraft.thrusters, found.plan.properties.mass
+    if thrusters is None:
+        return []
+    needed = {name: propellant_kg(thrusters, mass, of[1]) for name, of in total_delta_v(found).items()}
+    short = [name for name in names if needed[name] > thrusters.propellant_kg]
+    if not short:
+        return []
+    most = max(needed.values())
+    return [
+        f"the tank may not do for the corrections of {', '.join(short)}: at 99 % they burn {most:.3g} kg, "
+        f"spacecraft.thrusters.propellant_kg = {thrusters.propellant_kg:g}; carry more, or correct earlier"
+    ]
+
+
+def _too_long(found: Navigated, names: tuple[str, ...]) -> list[str]:
+    """Burns that at 99 % do not end before the next correction or the visit; a nozzle's thrust is the least of the forces."""
+    thrusters, times = found.plan.scenario.spacecraft.thrusters, found.legs.times
+    if thrusters is None:
+        return []
+    said = []
+    for k in range(found.legs.n_corrections):
+        lasts = np.array([_burnt(found, j, k + 1)["delta_v_99_m_s"] for j in range(len(names))])
+        lasts *= found.plan.properties.mass / thrusters.thrust_n
+        room = times[:, k + 2] - times[:, k + 1]
+        if (lasts > room).any():
+            j = int(np.argmax(lasts - room))
+            said.append(
+                f"correction {k + 1} of {names[j]} may burn for {lasts[j]:.3g} s at 99 %, longer than the {room[j]:g} s to the "
+                "next correction or the visit; correct earlier, or raise spacecraft.thrusters.thrust_n"
+            )
+    return said
+
+
+def navigation_summary(plan: Plan) -> Row:
+    """For summary.json where there are corrections: the spread before and after them, and what they are expected to burn."""
+    if not plan.scenario.trajectory.corrections:
+        return {}
+    found = navigated(plan)
+    rows, totals = navigation_rows(found), total_delta_v(found)
+    last = found.legs.n_corrections
+    return {
+        "navigation": {
+            "position_3_sigma_m_uncorrected": _of(rows, 0),
+            "position_3_sigma_m": _of(rows, last),
+            "delta_v_mean_m_s": {name: round(of[0], 6) for name, of in totals.items()},
+            "delta_v_99_m_s": {name: round(of[1], 6) for name, of in totals.items()},
+            "findings": navigation_findings(found),
+        }
+    }
+
+
+def _of(rows: list[Row], k: int) -> dict[str, float]:
+    return {row["spacecraft"]: round(row["position_3_sigma_m"], 6) for row in rows if row["corrections"] == k}
