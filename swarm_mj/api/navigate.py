@@ -159,7 +159,9 @@ def navigate(
     """
     if runs and not RUNS[0] <= runs <= RUNS[1]:
         raise ScenarioError(f"runs = {runs}: must be 0 or {RUNS[0]} to {RUNS[1]}")
-    scenario = scenario if isinstance(scenario, schema.Scenario) and not overrides else load(scenario, overrides)
+    if not isinstance(scenario, schema.Scenario):
+        scenario = load(scenario)
+    scenario = Scenario.of(scenario).changed(*overrides)
     with using_bars(progress) as bars:
         stages = Stages(scenario.name, bars)
         with stages.stage("design", "trajectories"):

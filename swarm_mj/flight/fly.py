@@ -13,9 +13,11 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 from swarm_mj import __version__
+from swarm_mj.errors import ScenarioError
 from swarm_mj.flight.burns import fly_burns
 from swarm_mj.flight.coordinated import parts_chosen
 from swarm_mj.flight.coordination_record import record_coordination
+from swarm_mj.flight.correction_law import CorrectionLaw, correction_law
 from swarm_mj.flight.plan import Plan, antennas_from
 from swarm_mj.mission.behaviors import ELECTIONS, MissionBehavior
 from swarm_mj.mission.links import links_closed
@@ -101,7 +103,7 @@ def make_simulation(plan: Plan, *, geometry: bool = False) -> Simulation:
             all of it in any case.
     """
     scenario, model = plan.scenario, model_of(plan, geometry=geometry)
-    behavior = plan.behavior
+    behavior, start = plan.behavior, initial_state(plan)
     simulation = Simulation(
         model,
         properties=plan.properties,
@@ -111,12 +113,28 @@ def make_simulation(plan: Plan, *, geometry: bool = False) -> Simulation:
         control_period=scenario.control.period_s,
         gravity_gradient_torque=scenario.perturbations.gravity_gradient_torque,
         fault_model=fault_model_from(scenario),
+        force_law=correction_law(plan, start),
         shape=plan.shape,
         quickest_slews=scenario.control.slew == "time_optimal",
     )
     fly_burns(simulation, plan.deployment)
-    simulation.reset(initial_state(plan))
+    _check_nozzles(simulation)
+    simulation.reset(start)
     return simulation
+
+
+def _check_nozzles(simulation: Simulation) -> None:
+    """Corrections push wherever they must.
+
+    Raises:
+        ScenarioError: The thrusters cannot.
+    """
+    propulsion = simulation.propulsion
+    if isinstance(simulation.force_law, CorrectionLaw) and propulsion and not propulsion.allocation.reaches_all:
+        raise ScenarioError(
+            "trajectory.corrections: the thruster_ sites of spacecraft.mjcf do not push in every direction, and where a "
+            "correction will push is not known ahead; add nozzles, or leave the corrections out"
+        )
 
 
 def model_of(plan: Plan, *, geometry: bool = False) -> SwarmModel:
