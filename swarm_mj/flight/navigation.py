@@ -52,6 +52,10 @@ def legs_of(plan: Plan) -> Legs:
         MissionError: A trajectory cannot be integrated.
     """
     deployment, acceleration = plan.deployment, plan.environment.acceleration_N
+    if deployment.burns:
+        raise ScenarioError(
+            "trajectory.corrections: the plan has burns of its own, which corrections do not know; leave out one"
+        )
     times = knots(plan.scenario, deployment.release_s, deployment.arrival_s)
     return plan_legs(acceleration, deployment.release_r_N, deployment.v0_N, times)
 

@@ -20,6 +20,8 @@ from swarm_mj.typing import Array
 SURE = 0.99
 #: Linear flights that are drawn for the sum of several burns; their 99th percentile is right to about 1 %.
 DRAWS = 20_000
+#: What six nozzles take at most beside those along the force: three of them share an oblique one.
+OBLIQUE = 3.0**0.5
 #: A correction is worth its gas where it takes away at least this share of the spread at the visit.
 WORTH = 0.05
 
@@ -89,8 +91,9 @@ def total_delta_v(found: Navigated) -> dict[str, tuple[float, float]]:
 
 
 def propellant_kg(thrusters: Thrusters, mass: float, delta_v: float) -> float:
-    """What a change of velocity [m/s] of so large a mass takes from the tank, by the rocket equation [kg]."""
-    return float(-mass * np.expm1(-delta_v / (STANDARD_GRAVITY * thrusters.specific_impulse_s)))
+    """What a change of velocity [m/s] of so large a mass takes from the tank at most, by the rocket equation [kg]."""
+    exhaust = STANDARD_GRAVITY * thrusters.specific_impulse_s / (OBLIQUE if thrusters.layout == "six" else 1.0)
+    return float(-mass * np.expm1(-delta_v / exhaust))
 
 
 def navigation_findings(found: Navigated) -> list[str]:
@@ -136,7 +139,7 @@ def _tank(found: Navigated, names: tuple[str, ...]) -> list[str]:
         return []
     most = max(needed.values())
     return [
-        f"the tank may not do for the corrections of {', '.join(short)}: at 99 % they burn {most:.3g} kg, "
+        f"the tank may not do for the corrections of {', '.join(short)}: at 99 % they burn up to {most:.3g} kg, "
         f"spacecraft.thrusters.propellant_kg = {thrusters.propellant_kg:g}; carry more, or correct earlier"
     ]
 

@@ -104,9 +104,10 @@ def test_what_is_not_worth_it_or_too_much_is_said():
     dear = [*ERRORS, TWO, "spacecraft.thrusters={propellant_kg: 0.001, thrust_n: 0.001, min_impulse_bit_n_s: 0}"]
     said = sm.navigate("eros-config1", dear).findings
     tank = next(words for words in said if "the tank may not do" in words)
-    # 99 % of both burns of 8 kg at 65 s by the rocket equation.
-    needed = 8.0 * (1 - np.exp(-sm.navigate("eros-config1", dear).delta_v["percentile_99_m_s"].max() / (65 * 9.80665)))
-    assert f"burn {needed:.3g} kg" in tank and "propellant_kg = 0.001" in tank
+    # 99 % of both burns of 8 kg at 65 s by the rocket equation; three nozzles that share an oblique force take sqrt(3) as much.
+    burnt = sm.navigate("eros-config1", dear).delta_v["percentile_99_m_s"].max()
+    needed = 8.0 * (1 - np.exp(-np.sqrt(3) * burnt / (65 * 9.80665)))
+    assert f"burn up to {needed:.3g} kg" in tank and "propellant_kg = 0.001" in tank
     assert any("correction 2 of sc" in words and "longer than the 120 s" in words for words in said)
     assert sm.navigate("eros-config1").findings[0].startswith("nothing is said to err")
 

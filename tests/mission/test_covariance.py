@@ -10,6 +10,7 @@ from swarm_mj.mission.covariance import FlightErrors, burn_covariance, burnt, sp
 from swarm_mj.mission.dispersed import draw_burns, fly_dispersed
 from swarm_mj.mission.gaussian import length_mean, length_quantile, length_within, sample_chance
 from swarm_mj.mission.trajectories import propagate
+from swarm_mj.mission.transition import transitions
 from swarm_mj.scenarios.loading import load_scenario
 
 
@@ -114,6 +115,21 @@ def test_a_correction_half_a_revolution_before_the_visit_is_refused():
     )
     with pytest.raises(MissionError, match=r"sc1: correction 1, .* s before the visit.*trajectory.corrections"):
         spread(legs, FlightErrors(release=np.zeros((1, 6, 6))))
+
+
+def test_legs_chain_in_the_order_in_which_they_are_flown():
+    gm, radius = 4.46e5, 30_000.0
+
+    def pulled(t, r):
+        return -gm * r / np.linalg.norm(r, axis=1, keepdims=True) ** 3
+
+    start = np.array([[radius, 0, 0]]), np.array([[0, np.sqrt(gm / radius), 0]])
+    times = np.array([0.0, 8e3, 2e4, 4e4])
+    legs, whole = plan_legs(pulled, *start, times[None]), transitions(pulled, *start, times)
+    for k in range(3):
+        expected = whole.between(3, k)[0]
+        assert np.abs(legs.to_visit[0, k, :3, :3] - expected[:3, :3]).max() < 1e-7
+        assert np.abs(legs.to_visit[0, k, :3, 3:] - expected[:3, 3:]).max() < 1e-3
 
 
 def test_axes_of_the_visit_are_a_rotation_with_the_third_along_the_flight():
