@@ -20,15 +20,12 @@ from swarm_mj.mission.covariance import FlightErrors
 from swarm_mj.mission.transition import inverse, transitions
 from swarm_mj.scenarios.schema_thrusters import Thrusters
 from swarm_mj.simulator.faults.random_streams import Stream, stream
-from swarm_mj.simulator.loop_state import InitialState
 from swarm_mj.smallbody.environment import Environment
 from swarm_mj.spacecraft.control.force import ForceView
-from swarm_mj.typing import Array, Ints, Mask
+from swarm_mj.typing import Array, Ints
 
 #: Points between first correction and visit at which the effect of a push is known; between them by cubic splines.
 GRID = 65
-#: What a spacecraft that never left its deployer is known by.
-MISSED = "missed_deployment"
 #: Rounds in which the middle of a burn and its size are made to fit each other.
 ROUNDS = 8
 
@@ -59,7 +56,6 @@ class CorrectionLaw:
         environment: Forces of the planned flights.
         thrusters: Their thrust and shortest pulse.
         seed: Of the scenario, from which the errors are drawn.
-        idle: Who does not correct, because it never left its deployer, shape (n,).
     """
 
     def __init__(
@@ -70,9 +66,8 @@ class CorrectionLaw:
         thrusters: Thrusters,
         *,
         seed: int,
-        idle: Mask,
     ) -> None:
-        self._legs, self._errors, self._seed, self._idle = legs, errors, seed, idle
+        self._legs, self._errors, self._seed = legs, errors, seed
         self._thrust, self._least = thrusters.thrust_n, thrusters.min_impulse_bit_n_s
         self._to_visit = legs.to_visit
         self._drawn: dict[tuple[int, int], Array] = {}  # by spacecraft and correction, kept because drawing takes long
@@ -102,7 +97,7 @@ class CorrectionLaw:
     def _begun(self, view: ForceView, memory: _Memory) -> _Memory:
         """Begin the corrections that are due; a burn that still lasts is given up for the newer knowledge."""
         legs, done, miss = self._legs, memory.done.copy(), memory.miss
-        for j in np.flatnonzero((done < legs.n_corrections) & ~self._idle):
+        for j in np.flatnonzero(done < legs.n_corrections):
             k = int(done[j])
             late = view.t - legs.times[j, k + 1]
             if late < -0.5 * view.period:
@@ -139,12 +134,8 @@ class CorrectionLaw:
         return (1.0 + self._errors.magnitude * share) * np.eye(3) + np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
 
 
-def correction_law(plan: Plan, start: InitialState) -> CorrectionLaw | None:
+def correction_law(plan: Plan) -> CorrectionLaw | None:
     """The law that flies a plan's corrections; None: it has none.
-
-    Args:
-        plan: What is to be flown.
-        start: How it begins; who stays in its deployer corrects nothing.
 
     Raises:
         ScenarioError: A correction is not between release and visit.
@@ -153,9 +144,7 @@ def correction_law(plan: Plan, start: InitialState) -> CorrectionLaw | None:
     scenario, thrusters = plan.scenario, plan.scenario.spacecraft.thrusters
     if not scenario.trajectory.corrections or thrusters is None:
         return None
-    idle = np.zeros(plan.n, np.bool_)
-    idle[[event.spacecraft for event in start.deployment if event.kind == MISSED]] = True
-    return CorrectionLaw(legs_of(plan), errors_of(plan), plan.environment, thrusters, seed=start.seed, idle=idle)
+    return CorrectionLaw(legs_of(plan), errors_of(plan), plan.environment, thrusters, seed=scenario.seed)
 
 
 def _effect_of_pushes(legs: Legs, environment: Environment, j: int) -> CubicSpline:

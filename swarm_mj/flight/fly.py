@@ -103,7 +103,7 @@ def make_simulation(plan: Plan, *, geometry: bool = False) -> Simulation:
             all of it in any case.
     """
     scenario, model = plan.scenario, model_of(plan, geometry=geometry)
-    behavior, start = plan.behavior, initial_state(plan)
+    behavior = plan.behavior
     simulation = Simulation(
         model,
         properties=plan.properties,
@@ -113,13 +113,13 @@ def make_simulation(plan: Plan, *, geometry: bool = False) -> Simulation:
         control_period=scenario.control.period_s,
         gravity_gradient_torque=scenario.perturbations.gravity_gradient_torque,
         fault_model=fault_model_from(scenario),
-        force_law=correction_law(plan, start),
+        force_law=correction_law(plan),
         shape=plan.shape,
         quickest_slews=scenario.control.slew == "time_optimal",
     )
     fly_burns(simulation, plan.deployment)
     _check_nozzles(simulation)
-    simulation.reset(start)
+    simulation.reset(initial_state(plan))
     return simulation
 
 
