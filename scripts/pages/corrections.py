@@ -74,11 +74,11 @@ swarm-mj navigate my.yaml --runs 1000     # checked by 1,000 flights under all f
 
 ```python
 found = sm.navigate("my.yaml", runs=1000)
-found.table            # spread at the visit, burns, camera: one row a spacecraft and number of corrections flown
-found.covariance_N     # (corrections + 1, spacecraft, 3, 3); covariance_RTS: outward, across, along the flight
-found.delta_v          # of all corrections together
-found.agreement        # covariance and flights side by side
-found.findings         # in sentences
+found.table  # spread at the visit, burns, camera: one row a spacecraft and number of corrections flown
+found.covariance_N  # (corrections + 1, spacecraft, 3, 3); covariance_RTS: outward, across, along the flight
+found.delta_v  # of all corrections together
+found.agreement  # covariance and flights side by side
+found.findings  # in sentences
 ```
 
 With 0.1 m/s of the deployer, 2 % and 1 deg of the burns (of each scenario the spacecraft that is widest):
