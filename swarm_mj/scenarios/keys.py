@@ -20,6 +20,7 @@ from swarm_mj.scenarios.schema_faults import FAULT_KINDS
 
 #: Unit of a key by the end of its name, the longest end first.
 UNITS = {
+    "m3_s2": "m³/s²",
     "deg_per_day": "deg/day",
     "deg_h_sqrt_h": "deg/h/√h",
     "deg_sqrt_h": "deg/√h",
