@@ -355,8 +355,8 @@ are dispersed; the file gives the numbers. Steps are 0.5 s long, the observer is
 *Exact* is the answer without dispersions: one undisturbed flight, all subsets of lost observers left out in turn, weighted
 by the binomial law. The whole target counts as seen within the tolerance of the design, 0.1 % of its area. The
 communications spacecraft of Configuration 1 takes no pictures, so its loss costs links, not area. *Delivered* is what the
-swarm brings to Earth by itself within two days, with the default radios ([from pixel to Earth](pixel_to_earth.md)); where the
-relay is lost, another one speaks to Earth after the flight.
+swarm brings to Earth by itself within two days, with the default radios ([from pixel to Earth](pixel_to_earth.md)). A lost
+spacecraft takes along what it has gathered; where the relay is lost, another one speaks to Earth after the flight.
 
 ![Observed area by number of lost observers](../images/robustness-losses.png)
 
@@ -380,7 +380,8 @@ interval wider than {widest:g}, it does not allow the index, and none is given. 
 ## One fault at a time
 
 Configuration 2 with the minimal design, {each_runs} flights each (campaign `eros-each-fault`). A flight with a fault ends with
-its result and its list of events, whatever happens. Pointing errors are those of spacecraft that still work.
+its result and its list of events, whatever happens. Pointing errors are those of spacecraft that still work. A relay that is
+lost after the visit takes along what the others had sent to it.
 
 {each}
 """
