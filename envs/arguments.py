@@ -114,7 +114,13 @@ def checked_scenario(scenario: Any) -> Scenario:
 
 
 def refuse_extra_targets(scenario: Scenario) -> None:
-    """The environment knows one target."""
+    """The environment knows one target, one altitude and one time of flight, from a release at the epoch."""
+    if scenario.design.observers or scenario.design.release_s:
+        key = "observers" if scenario.design.observers else "release_s"
+        raise ScenarioError(
+            f"design.{key}: {scenario.name} gives spacecraft their own targets, altitudes, times of flight or releases, which "
+            "the environment does not know; leave design.observers empty and design.release_s at 0"
+        )
     if extra := scenario.designer.extra_targets:
         raise ScenarioError(
             f"designer.extra_targets: {scenario.name} has {len(extra)} targets besides its own, which the environment would "

@@ -22,6 +22,7 @@ from swarm_mj.io.interruption import held
 from swarm_mj.io.progress import Stages, using_bars
 from swarm_mj.results.design_files import design_record, left_out_words, read_design_folder, write_design, write_growth
 from swarm_mj.scenarios import schema
+from swarm_mj.scenarios.loading import design_overrides
 
 #: The methods of a design in words, by their keys in its record.
 METHODS = {"repair": "genetic algorithm, repair", "plain": "genetic algorithm, plain"}
@@ -141,13 +142,14 @@ class Design:
         """The scenario with the selected points, ready for `swarm_mj.fly`; it names the design's record where that is saved.
 
         Raises:
-            MissionError: No single scenario flies the design.
+            MissionError: The design is of an earlier version, which did not say how it is flown.
         """
         if not self.flyable:
             raise MissionError(
-                "no single scenario flies this design: its points belong to several targets, altitudes or times of flight"
+                "this design is of a version that could not write down several targets, altitudes or times of flight: make it "
+                "again with `swarm-mj design`"
             )
-        overrides = [f"design.visiting_points={self.points}"]
+        overrides = design_overrides({"observers": [], **self.record})
         if self.folder is not None:
             overrides.append(f"design.reference={quoted((self.folder / 'design.json').resolve())}")
         return self.scenario.changed(*overrides)

@@ -22,10 +22,11 @@ import xarray as xr
 from swarm_mj.campaigns.config import FIXED_COLUMNS, Campaign
 from swarm_mj.errors import ScenarioError
 from swarm_mj.flight.deliver import deliver
-from swarm_mj.flight.observe import ObservationResult, visit_sample
+from swarm_mj.flight.observe import ObservationResult, visit_samples
 from swarm_mj.flight.plan import Plan
 from swarm_mj.io.plain import shown
 from swarm_mj.results.summary import summarise, working
+from swarm_mj.simulator.telemetry import working as at_work
 
 REDUCTIONS: dict[str, Callable[[list[float]], Any]] = {
     "max": np.max,
@@ -134,9 +135,8 @@ def _names(values: Mapping[str, Any]) -> list[str]:
 
 def _pointed(plan: Plan, telemetry: xr.Dataset) -> dict[str, Any]:
     error_deg = np.degrees(telemetry["pointing_error"].values)
-    if "operational" in telemetry:
-        error_deg = np.where(telemetry["operational"].values == 1, error_deg, np.nan)
-    visit = error_deg[visit_sample(plan.scenario), : plan.n_observers]
+    error_deg = np.where(at_work(telemetry), error_deg, np.nan)
+    visit = error_deg[visit_samples(plan.scenario), np.arange(plan.n_observers)]
     finite = error_deg[np.isfinite(error_deg)]
     return {
         "pointing_error_deg_visit": {

@@ -81,7 +81,7 @@ def _hint(arguments: argparse.Namespace, flyable: bool, folder: Path) -> str:
     """How to fly the design."""
     if not flyable:
         return (
-            "No single scenario flies this design: its points belong to several targets, altitudes or times of flight"
+            "This design is of a version that did not write down how it is flown: make it again with `swarm-mj design`"
         )
     asked = shlex.join([arguments.scenario, *(word for text in arguments.overrides for word in ("--set", text))])
     return f"To fly it: swarm-mj run {asked} --design {shlex.quote(str(folder / 'design.json'))}"

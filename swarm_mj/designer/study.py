@@ -11,7 +11,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
-from string import ascii_uppercase
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -25,6 +24,7 @@ from swarm_mj.designer.problem import CoverProblem
 from swarm_mj.designer.within import Within
 from swarm_mj.errors import MissionError
 from swarm_mj.io.interruption import held
+from swarm_mj.scenarios.itinerary import target_name
 from swarm_mj.scenarios.loading import scenario_from
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.typing import Ints
@@ -89,11 +89,21 @@ class Study:
         return "greedy choice" if self.exact.status == "interrupted" else "exact solver"
 
     @property
-    def flyable(self) -> bool:
-        """Whether the points mean the same in the scenario itself: its own target, altitude and time of flight."""
+    def observers(self) -> list[dict[str, Any]]:
+        """Entries of `design.observers` that fly the design; empty where its points alone do."""
         design = self.scenario.design
-        own = (0, design.imaging_altitude_m, design.time_of_flight_s)
-        return all(self.visibility.candidates[p - 1][1:] == own for p in self.selected)
+        chosen = [self.visibility.candidates[p - 1] for p in self.selected]
+        if all(candidate[1:] == (0, design.imaging_altitude_m, design.time_of_flight_s) for candidate in chosen):
+            return []
+        return [
+            {
+                "target": candidate.target,
+                "visiting_point": candidate.point,
+                "imaging_altitude_m": candidate.altitude_m,
+                "time_of_flight_s": candidate.time_of_flight_s,
+            }
+            for candidate in chosen
+        ]
 
     @property
     def gap(self) -> int | None:
@@ -294,8 +304,8 @@ def _grown(change: str, scenario: Scenario, workers: int | None) -> Growth:
 def describe(candidate: Candidate, seen: Visibility) -> str:
     """A candidate in a few words: its point, and what the designer was free to choose besides."""
     words = str(candidate.point)
-    if len(seen.regions) > 1:
-        words = f"{ascii_uppercase[candidate.target]}{words}"
+    if seen.regions[0].parts:
+        words = f"{target_name(candidate.target)}{words}"
     if len({c.altitude_m for c in seen.candidates}) > 1:
         words += f" at {candidate.altitude_m / 1e3:g} km"
     if len({c.time_of_flight_s for c in seen.candidates}) > 1:

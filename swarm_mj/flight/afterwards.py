@@ -18,6 +18,7 @@ from swarm_mj.flight.plan import Plan
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.mission.safety import find_impacts
 from swarm_mj.mission.trajectories import propagate
+from swarm_mj.simulator.telemetry import working
 from swarm_mj.spacecraft.attitude.mrp import dcm
 from swarm_mj.typing import Array, Ints, Mask
 
@@ -37,14 +38,6 @@ class Course(NamedTuple):
     t: Array
     r_BN_N: Array
     works: Mask
-
-
-def working(telemetry: xr.Dataset) -> Mask:
-    """Who works at each sample of a flight, shape (t, n)."""
-    if "operational" in telemetry:
-        works: Mask = telemetry["operational"].values == 1
-        return works
-    return np.ones((telemetry.sizes["time"], telemetry.sizes["spacecraft"]), np.bool_)
 
 
 def flown_instants(plan: Plan, telemetry: xr.Dataset, times: Array) -> Instants:

@@ -11,8 +11,9 @@ import numpy as np
 import xarray as xr
 
 from swarm_mj.dataflow.relays import OfRelays, elect_by_delivery, k_medoids, medoid_cost, next_relays
-from swarm_mj.flight.afterwards import Course, earthward, working
+from swarm_mj.flight.afterwards import Course, earthward
 from swarm_mj.scenarios.schema import Scenario
+from swarm_mj.simulator.telemetry import working
 from swarm_mj.typing import Array, Ints, Mask
 
 

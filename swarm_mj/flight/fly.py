@@ -27,8 +27,9 @@ from swarm_mj.simulator.faults.deployment import deployed_velocities
 from swarm_mj.simulator.faults.dispersions import attitude_turns, extra_rates, mothership_error, velocity_errors
 from swarm_mj.simulator.faults.schedule import draw_schedule
 from swarm_mj.simulator.faults.state import FaultModel
+from swarm_mj.simulator.loop_state import Release
 from swarm_mj.simulator.simulation import InitialState, Simulation
-from swarm_mj.simulator.telemetry import dataset
+from swarm_mj.simulator.telemetry import dataset, released_flags, working
 from swarm_mj.spacecraft.attitude.mrp import add_mrp, dcm, mrp_from_quaternion
 from swarm_mj.spacecraft.model import SwarmModel, build_model
 from swarm_mj.spacecraft.own_model import build_own_model
@@ -44,6 +45,7 @@ def initial_state(plan: Plan) -> InitialState:
     rng = np.random.default_rng(plan.scenario.seed)
     rate = spacecraft.initial_rate_range_rpm * RPM
     start = InitialState(
+        # Where all leave the mothership at the epoch; `_aboard` has the others.
         r_BN_N=np.broadcast_to(plan.deployment.r0_N, (n, 3)),
         v_BN_N=plan.deployment.v0_N,
         sigma_BN=rng.uniform(-spacecraft.initial_mrp_range, spacecraft.initial_mrp_range, (n, 3)),
@@ -51,7 +53,25 @@ def initial_state(plan: Plan) -> InitialState:
         wheel_speed=np.zeros((n, plan.properties.n_wheels)),
         seed=plan.scenario.seed,
     )
-    return start if fault_model_from(plan.scenario) is None else _deployed(plan, start)
+    return _aboard(plan, start if fault_model_from(plan.scenario) is None else _deployed(plan, start))
+
+
+def _aboard(plan: Plan, start: InitialState) -> InitialState:
+    """The same at the epoch, with those that are released later still aboard the mothership."""
+    deployment = plan.deployment
+    if not deployment.release_s.any():
+        return start
+    later = (deployment.release_s > 0.0)[:, None]
+    return replace(
+        start,
+        v_BN_N=np.where(later, deployment.mothership_velocity_N, start.v_BN_N),
+        omega_BN_B=np.where(later, 0.0, start.omega_BN_B),
+        release=Release(
+            tick=np.rint(deployment.release_s / plan.scenario.control.period_s).astype(np.int64),
+            push_N=start.v_BN_N - deployment.release_mothership_v_N,
+            omega_BN_B=start.omega_BN_B,
+        ),
+    )
 
 
 def _deployed(plan: Plan, planned: InitialState) -> InitialState:
@@ -62,7 +82,11 @@ def _deployed(plan: Plan, planned: InitialState) -> InitialState:
         scenario.faults, seed, n=n, n_wheels=plan.properties.n_wheels, duration_s=scenario.duration_s
     )
     velocity, events = deployed_velocities(
-        planned.v_BN_N, plan.deployment.mothership_velocity_N, schedule, velocity_errors(given, seed, n)
+        planned.v_BN_N,
+        plan.deployment.release_mothership_v_N,
+        schedule,
+        velocity_errors(given, seed, n),
+        plan.deployment.release_s,
     )
     if given.attitude_deg > 0.0:
         turns = Rotation.from_rotvec(attitude_turns(given, seed, n)).as_quat(scalar_first=True)
@@ -179,8 +203,11 @@ def simulate(plan: Plan, progress: Progress | None = None) -> xr.Dataset:
         C_AN=asteroid_attitudes(telemetry),
         earth_N=np.array([plan.environment.earth.at(t) for t in record.time]),
     )
-    if record.faults is not None:
+    if plan.deployment.release_s.any():
+        telemetry["released"] = released_flags(record.time, plan.deployment.release_s)
+    if record.faults is not None or "released" in telemetry:
         closed &= _both_work(telemetry)
+    if record.faults is not None:
         telemetry.attrs["events"] = json.dumps(
             [{**asdict(event), "spacecraft": plan.names[event.spacecraft]} for event in simulation.events]
         )
@@ -215,7 +242,7 @@ def provenance(plan: Plan) -> dict[str, Any]:
 
 def _both_work(telemetry: xr.Dataset) -> Mask:
     """Whether a spacecraft and the one that it tracks are operational, shape (time, spacecraft)."""
-    works, tracked = telemetry["operational"].values == 1, telemetry["tracked_spacecraft"].values
+    works, tracked = working(telemetry), telemetry["tracked_spacecraft"].values
     return works & np.where(tracked < 0, True, np.take_along_axis(works, np.maximum(tracked, 0), axis=1))
 
 

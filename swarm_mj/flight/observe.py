@@ -25,7 +25,9 @@ from swarm_mj.observation.capture import (
 from swarm_mj.observation.coverage import CoverageMap
 from swarm_mj.observation.observer import Observer, make_observer
 from swarm_mj.observation.smear import Motion, smear_px
+from swarm_mj.scenarios.itinerary import visit_times
 from swarm_mj.scenarios.schema import Scenario
+from swarm_mj.simulator.telemetry import working
 from swarm_mj.smallbody.environment import Environment
 from swarm_mj.spacecraft.attitude.mrp import dcm
 from swarm_mj.typing import Array, Ints, Mask
@@ -119,7 +121,7 @@ def schedule_from(scenario: Scenario, period_s: float) -> PictureSchedule:
     return PictureSchedule.by_clock(
         period_s,
         interval_s=scenario.observation.interval_s,
-        visit_s=scenario.design.time_of_flight_s,
+        visits_s=visit_times(scenario),
         visit_only=scenario.observation.criterion == "visit",
     )
 
@@ -151,7 +153,7 @@ def observe_flight(plan: Observed, telemetry: xr.Dataset, progress: Progress | N
     scenario = plan.scenario
     criterion = criterion_from(scenario)
     passage, visit = (CoverageMap(plan.region.area, plan.n) for _ in range(2))
-    visit_s = telemetry["time"].values[visit_sample(scenario)]
+    visits_s = telemetry["time"].values[visit_samples(scenario)]
     observer = observer_from(scenario, plan.region)
     limits = criterion.limits(observer.camera)
     gsd_m, least_px = (np.full(plan.region.n_cells, np.nan) for _ in range(2))
@@ -161,10 +163,11 @@ def observe_flight(plan: Observed, telemetry: xr.Dataset, progress: Progress | N
         for picture in flight_pictures(plan, telemetry):
             seen = observe(observer, picture.r_A, picture.C_CA, criterion, picture.sun_A, picture.motion)
             passage.add(picture.t, picture.spacecraft, seen)
-            if picture.t == visit_s:
+            at_visit = picture.t == visits_s[picture.spacecraft]
+            if at_visit:
                 visit.add(picture.t, picture.spacecraft, seen)
                 least_px = np.fmin(least_px, _smear_in(observer, picture))
-            if picture.t == visit_s or not visit_only:
+            if at_visit or not visit_only:
                 finest = ground_sampling_distance(limits, *sight(plan.region, picture.r_A, seen))
                 gsd_m[seen] = np.fmin(gsd_m[seen], finest)
             images += 1
@@ -197,35 +200,50 @@ def flight_pictures(plan: Observed, telemetry: xr.Dataset) -> Iterator[Picture]:
     """All pictures of a flight, in order of time."""
     who, environment = watching_in(telemetry, plan.n_observers), plan.environment
     r_BN_N, C_BN = telemetry["r_BN_N"].values, dcm(telemetry["sigma_BN"].values)
+    schedule = _passage(plan.scenario)
     # Of a flight flown elsewhere no rates are known.
     rates = [telemetry[name].values for name in ("v_BN_N", "omega_BN_B") if name in telemetry]
     for k in picture_samples(plan.scenario, telemetry):
         t = float(telemetry["time"].values[k])
+        taking = who[k] & schedule.takers(k, plan.n)
         moving = Motion(rates[0][k], rates[1][k], environment.spin_N) if len(rates) == 2 else None
-        yield from pictures(t, who[k], r_BN_N[k], C_BN[k], environment.C_AN(t), environment.sun.at(t), moving)
+        yield from pictures(t, taking, r_BN_N[k], C_BN[k], environment.C_AN(t), environment.sun.at(t), moving)
 
 
 def picture_count(plan: Observed, telemetry: xr.Dataset) -> int:
     """Number of pictures that `observe_flight` will judge."""
-    who = watching_in(telemetry, plan.n_observers)
-    return int(who[picture_samples(plan.scenario, telemetry)].sum())
+    who, schedule = watching_in(telemetry, plan.n_observers), _passage(plan.scenario)
+    return sum(
+        int((who[k] & schedule.takers(k, plan.n)).sum()) for k in picture_samples(plan.scenario, telemetry).tolist()
+    )
 
 
 def watching_in(telemetry: xr.Dataset, n_observers: int) -> Mask:
     """Who would take a picture at each sample, shape (time, n)."""
-    camera_on = telemetry["camera_on"].values == 1 if "camera_on" in telemetry else True
+    camera_on = working(telemetry) if "released" in telemetry else True
+    if "camera_on" in telemetry:
+        camera_on = camera_on & (telemetry["camera_on"].values == 1)
     return watching(n_observers, telemetry["mode"].values, camera_on)
 
 
+def visit_samples(scenario: Scenario) -> Ints:
+    """Number of the telemetry sample at the visit of each observer, shape (n_obs,)."""
+    return np.array(schedule_from(scenario, scenario.telemetry.interval_s).visits)
+
+
 def visit_sample(scenario: Scenario) -> int:
-    """Number of the telemetry sample at the instant of the visit."""
-    return schedule_from(scenario, scenario.telemetry.interval_s).visit
+    """The same of the last visit, for what shows the swarm as a whole."""
+    return int(visit_samples(scenario).max())
 
 
 def picture_samples(scenario: Scenario, telemetry: xr.Dataset) -> Ints:
     """Samples at which pictures are taken during the whole passage."""
-    schedule = replace(schedule_from(scenario, scenario.telemetry.interval_s), visit_only=False)
-    return schedule.ticks(telemetry.sizes["time"] - 1)
+    return _passage(scenario).ticks(telemetry.sizes["time"] - 1)
+
+
+def _passage(scenario: Scenario) -> PictureSchedule:
+    """The pictures of the whole passage, whatever counts."""
+    return replace(schedule_from(scenario, scenario.telemetry.interval_s), visit_only=False)
 
 
 def add_coverage(telemetry: xr.Dataset, result: ObservationResult) -> None:

@@ -20,11 +20,14 @@ from swarm_mj.flight.mothership import check_way_in, mothership_state
 from swarm_mj.flight.spacecraft import own_spacecraft_from, properties_from
 from swarm_mj.flight.surroundings import surroundings_from
 from swarm_mj.mission.behaviors import AimedBehavior, Behavior, SelectiveBehavior
+from swarm_mj.mission.deployer import check_deployer
+from swarm_mj.mission.deployment import deploy, groups, planned_paths
 from swarm_mj.mission.links import Antennas
 from swarm_mj.mission.safety import CloseApproach, check_times, close_approaches, find_impacts
-from swarm_mj.mission.target import TargetRegion, automatic_cell_size, build_target, check_visiting_points
-from swarm_mj.mission.trajectories import Deployment, deploy, propagate
-from swarm_mj.scenarios.schema import Body, Scenario
+from swarm_mj.mission.target import Pyramid, TargetRegion, automatic_cell_size, build_targets, check_visiting_points
+from swarm_mj.mission.trajectories import Deployment
+from swarm_mj.scenarios.itinerary import Stop, all_targets, itinerary
+from swarm_mj.scenarios.schema import Body, Scenario, Target
 from swarm_mj.scenarios.schema_faults import Dispersions
 from swarm_mj.scenarios.schema_trajectory import Navigation, Trajectory
 from swarm_mj.simulator.faults.dispersions import shifted_target, target_shift
@@ -129,7 +132,7 @@ def make_plan(
     properties = properties_from(scenario) if own is None else own.properties
     shape = load_body_shape(scenario.body)
     environment = environment_from(scenario, shape, properties.mass)
-    region = target_from(scenario, shape)
+    stops, region = itinerary(scenario), target_from(scenario, shape)
     points_A = visiting_points(scenario, shape, region)
     region = true_target(scenario, shape, region)
     mothership = mothership_state(scenario, environment)
@@ -138,13 +141,11 @@ def make_plan(
         environment,
         mothership_N=mothership.r_N,
         mothership_velocity=mothership.velocity,
-        points_A=points_A,
-        time_of_flight=scenario.design.time_of_flight_s,
-        # Whether a communications spacecraft is added is a property of the behaviour, which counts it.
-        with_communications=behavior.dedicated_communications,
+        **_legs(scenario, stops, points_A, behavior),
         progress=progress,
     )
     check_burns(deployment, properties)
+    check_deployer(scenario.mothership.deployer, deployment, None if check_separation else len(points_A))
     check_relays(scenario.data.relays, len(deployment.v0_N))
     check_faults(scenario.faults, n=len(deployment.v0_N), n_wheels=properties.n_wheels, duration_s=scenario.duration_s)
     near_collisions, least_radius = _check_flight(
@@ -267,43 +268,62 @@ def unchecked_behavior(scenario: Scenario) -> Behavior:
     return coordinated(aimed, scenario.swarm)
 
 
+def _legs(scenario: Scenario, stops: Sequence[Stop], points_A: Array, behavior: Behavior) -> dict[str, Array]:
+    """Where each spacecraft goes, when it leaves and how long it flies, as `deploy` takes them.
+
+    Whether a communications spacecraft is added is a property of the behaviour, which counts it: it goes to the mean of the
+    observers' points at the common times.
+    """
+    release_s = [stop.release_s for stop in stops]
+    flight_s = [stop.time_of_flight_s for stop in stops]
+    if behavior.dedicated_communications:
+        points_A = np.vstack((points_A, points_A.mean(axis=0)))
+        release_s.append(scenario.design.release_s)
+        flight_s.append(scenario.design.time_of_flight_s)
+    return {"points_A": points_A, "release_s": np.array(release_s), "time_of_flight": np.array(flight_s)}
+
+
 def target_from(scenario: Scenario, shape: ShapeModel) -> TargetRegion:
-    """The scenario's target region, subdivided where its camera asks for it."""
-    target = scenario.target
-    cell_size = target.cell_size_m
+    """The scenario's targets in one region, subdivided where its camera asks for it."""
+    return _region(scenario, shape, all_targets(scenario))
+
+
+def _region(scenario: Scenario, shape: ShapeModel, targets: Sequence[Target]) -> TargetRegion:
+    cell_size = scenario.target.cell_size_m
     if cell_size == "auto":
         cell_size = automatic_cell_size(scenario.design.imaging_altitude_m, scenario.camera.half_angle_deg)
-    return build_target(
-        shape,
-        latitude_deg=target.latitude_deg,
-        longitude_deg=target.longitude_deg,
-        half_angle_deg=target.half_angle_deg,
-        edges=target.edges,
-        cell_size_m=cell_size,
-    )
+    pyramids = [Pyramid(t.latitude_deg, t.longitude_deg, t.half_angle_deg, t.edges) for t in targets]
+    return build_targets(shape, pyramids, cell_size_m=cell_size)
 
 
 def true_target(scenario: Scenario, shape: ShapeModel, planned: TargetRegion) -> TargetRegion:
-    """The target where it really is: the visiting points were chosen for the planned one."""
+    """The targets where they really are: the visiting points were chosen for the planned ones."""
     east, north = target_shift(scenario.dispersions, scenario.seed)
     if east == north == 0.0:
         return planned
-    target = scenario.target
-    radius = float(np.linalg.norm(planned.centroid_A.mean(axis=0)))
-    latitude, longitude = shifted_target(target.latitude_deg, target.longitude_deg, east, north, radius)
-    moved = target.model_copy(update={"latitude_deg": latitude, "longitude_deg": longitude})
-    return target_from(scenario.model_copy(update={"target": moved}), shape)
+    moved = []
+    for target, part in zip(all_targets(scenario), planned.targets, strict=True):
+        radius = float(np.linalg.norm(part.centroid_A.mean(axis=0)))
+        latitude, longitude = shifted_target(target.latitude_deg, target.longitude_deg, east, north, radius)
+        moved.append(target.model_copy(update={"latitude_deg": latitude, "longitude_deg": longitude}))
+    return _region(scenario, shape, moved)
 
 
 def visiting_points(scenario: Scenario, shape: ShapeModel, region: TargetRegion) -> Array:
     """The observers' visiting points in A, shape (n_obs, 3) [m]."""
-    design = scenario.design
-    available = region.n_visiting
-    for number in design.visiting_points:
-        if not 1 <= number <= available:
-            raise ScenarioError(f"design.visiting_points: {number} is not one of the target's points, 1 to {available}")
-    points = region.visiting_points_A(design.imaging_altitude_m, projection=design.projection)
-    chosen = points[np.array(design.visiting_points) - 1]
+    stops = itinerary(scenario)
+    chosen = np.empty((len(stops), 3))
+    where = np.array([(stop.target, stop.altitude_m) for stop in stops])
+    for number, who in groups(where[:, 0], where[:, 1]):
+        part = region.targets[int(number)]
+        points = part.visiting_points_A(stops[who[0]].altitude_m, projection=scenario.design.projection)
+        for k in who:
+            if not 1 <= stops[k].point <= len(points):
+                whose = "the target's" if len(region.targets) == 1 else f"target {int(number)}'s"
+                raise ScenarioError(
+                    f"design.visiting_points: {stops[k].point} is not one of {whose} points, 1 to {len(points)}"
+                )
+            chosen[k] = points[stops[k].point - 1]
     check_visiting_points(shape, chosen)
     return chosen
 
@@ -369,8 +389,7 @@ def _check_flight(
 ) -> tuple[list[CloseApproach], Array]:
     """Fly the trajectories ahead; an impact is an error, a near-collision is reported, except of so many `candidates`."""
     times = check_times(scenario.duration_s)
-    starts = np.broadcast_to(deployment.r0_N, deployment.v0_N.shape)
-    r_N, _ = propagate(environment.acceleration_N, starts, deployment.v0_N, times)
+    r_N, _ = planned_paths(environment.acceleration_N, deployment, times)
     C_AN = np.array([environment.C_AN(t) for t in times])
     impacts = find_impacts(shape, times, np.einsum("kij,knj->kni", C_AN, r_N)[:, :candidates])
     if impacts:
@@ -390,5 +409,7 @@ def _check_flight(
     if candidates is not None:
         return [], least_radius
     safety = scenario.safety
-    near = close_approaches(times, r_N, closer_than=safety.min_separation_m, after=safety.separation_grace_s)
+    near = close_approaches(
+        times, r_N, closer_than=safety.min_separation_m, after=safety.separation_grace_s, release_s=deployment.release_s
+    )
     return near, least_radius

@@ -85,7 +85,9 @@ def _near_surface(shape: ShapeModel, r_A: Array) -> Mask:
     return near
 
 
-def close_approaches(times: Array, r_BN_N: Array, *, closer_than: float, after: float) -> list[CloseApproach]:
+def close_approaches(
+    times: Array, r_BN_N: Array, *, closer_than: float, after: float, release_s: Array | None = None
+) -> list[CloseApproach]:
     """Pairs that come closer than allowed.
 
     The relative motion between samples is taken as straight, so that a close passage between two samples is found.
@@ -94,13 +96,15 @@ def close_approaches(times: Array, r_BN_N: Array, *, closer_than: float, after: 
         times: Shape (t,) [s].
         r_BN_N: Positions, shape (t, n, 3) [m].
         closer_than: Distance [m].
-        after: Grace time [s]: all spacecraft leave the mothership from one point.
+        after: Grace time past the release [s]: all spacecraft leave the mothership from one point.
+        release_s: Of each, past the epoch, shape (n,) [s]; None: all at the epoch. Nothing counts while one is aboard.
     """
-    late = np.flatnonzero(times >= after)
+    released = np.zeros(r_BN_N.shape[1]) if release_s is None else release_s
     approaches = []
     for i, j in combinations(range(r_BN_N.shape[1]), 2):
+        late = np.flatnonzero(times >= after + max(released[i], released[j]))
         if late.size < 2:
-            break
+            continue
         relative = r_BN_N[late, j] - r_BN_N[late, i]
         time, distance = _closest(times[late], relative)
         if distance < closer_than:

@@ -9,10 +9,13 @@ The pyramid selects by direction from the centre alone: where such a ray meets a
 every crossing belongs to the target, as in the paper.
 """
 
+from __future__ import annotations
+
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import isfinite, sqrt
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -46,6 +49,8 @@ class TargetRegion:
         visiting_normal_A: Outward unit normals of the original mesh at those vertices, shape (n_T, 3).
         axes_A: Unit vectors east, north and outward along the pyramid's axis, as rows, shape (3, 3).
         side_half_angle: Angle between the axis and the pyramid's sides [rad].
+        parts: Where several targets make up this one, each of them on the same mesh, in order; their cells may overlap, and
+            what is said above of a pyramid and its vertices is said of the first. Empty: there is one target.
     """
 
     mesh: ShapeModel
@@ -56,6 +61,16 @@ class TargetRegion:
     visiting_normal_A: Array
     axes_A: Array
     side_half_angle: float
+    parts: tuple[TargetRegion, ...] = ()
+
+    @property
+    def targets(self) -> tuple[TargetRegion, ...]:
+        """The targets of which this one is the union; itself where there is one."""
+        return self.parts or (self,)
+
+    def cells_of(self, target: int) -> Indices:
+        """Numbers of the cells that belong to one of `targets`, ascending."""
+        return np.searchsorted(self.target, self.targets[target].target)
 
     @property
     def vertices(self) -> Array:
@@ -144,6 +159,39 @@ class TargetRegion:
         raise MissionError(f"unknown projection {projection!r} of the visiting points: use 'radial' or 'normal'")
 
 
+class Pyramid(NamedTuple):
+    """Where a target is.
+
+    Attributes:
+        latitude_deg: Planetocentric latitude of the pyramid's axis [deg], -90 to 90.
+        longitude_deg: East longitude of the axis [deg].
+        half_angle_deg: Half-angle of the pyramid [deg], between 0 and 90.
+        edges: What lies at the half-angle: the pyramid's four `corner` edges, or the middles of its `side` planes.
+    """
+
+    latitude_deg: float
+    longitude_deg: float
+    half_angle_deg: float
+    edges: Edges = "corner"
+
+    @property
+    def axes(self) -> Array:
+        """East, north and outward along the axis, as rows, shape (3, 3)."""
+        return local_axes(self.latitude_deg, self.longitude_deg)
+
+    @property
+    def slope(self) -> float:
+        """Tangent of the angle between axis and sides."""
+        return _side_slope(self.half_angle_deg, self.edges)
+
+    @property
+    def words(self) -> str:
+        """Where, in words."""
+        return (
+            f"within {self.half_angle_deg} deg of latitude {self.latitude_deg}, longitude {self.longitude_deg} deg on"
+        )
+
+
 def build_target(
     shape: ShapeModel,
     *,
@@ -153,46 +201,59 @@ def build_target(
     edges: Edges = "corner",
     cell_size_m: float | None = None,
 ) -> TargetRegion:
-    """Cut the mesh at the sides of the virtual pyramid and collect what lies inside.
+    """Cut the mesh at the sides of the virtual pyramid and collect what lies inside; see `Pyramid` and `build_targets`."""
+    return build_targets(shape, [Pyramid(latitude_deg, longitude_deg, half_angle_deg, edges)], cell_size_m=cell_size_m)
+
+
+def build_targets(shape: ShapeModel, pyramids: Sequence[Pyramid], *, cell_size_m: float | None = None) -> TargetRegion:
+    """Cut the mesh at the sides of virtual pyramids and collect what lies inside any of them.
 
     Args:
         shape: The body in A [m].
-        latitude_deg: Planetocentric latitude of the pyramid's axis [deg], -90 to 90.
-        longitude_deg: East longitude of the axis [deg].
-        half_angle_deg: Half-angle of the pyramid [deg], between 0 and 90.
-        edges: What lies at the half-angle: the pyramid's four `corner` edges, or the middles of its `side` planes.
-        cell_size_m: Subdivide the target until no cell has a longer edge [m]; None keeps the faces of F_T as cells.
+        pyramids: One for each target; where they overlap, a cell belongs to several and counts once in the whole.
+        cell_size_m: Subdivide the targets until no cell has a longer edge [m]; None keeps the faces of F_T as cells.
 
     Raises:
-        MissionError: An angle is out of its range, or the pyramid holds no face or no vertex.
+        MissionError: An angle is out of its range, or a pyramid holds no face or no vertex.
     """
-    _check_angles(latitude_deg, longitude_deg, half_angle_deg)
-    axes = local_axes(latitude_deg, longitude_deg)
-    slope = _side_slope(half_angle_deg, edges)
-    normals = _side_normals(axes, slope)
-    vertices, faces, parent = cut_mesh(shape.vertices, shape.faces, normals)
-    inside = _inside(vertices, normals)
-    chosen = inside.faces(faces)
-    where = f"within {half_angle_deg} deg of latitude {latitude_deg}, longitude {longitude_deg} deg on {shape.name}"
-    if not chosen.any():
-        raise MissionError(f"target off the body: no face {where}; check the target or the shape's origin")
-    visiting = np.flatnonzero(inside.points[: len(shape.vertices)])
-    if not len(visiting):
-        raise MissionError(f"no mesh vertex {where}, so nothing to visit: enlarge the half-angle or refine the mesh")
-    group = np.cumsum(chosen) - 1
+    for pyramid in pyramids:
+        _check_angles(pyramid.latitude_deg, pyramid.longitude_deg, pyramid.half_angle_deg)
+    sides = [_side_normals(pyramid.axes, pyramid.slope) for pyramid in pyramids]
+    vertices, faces, parent = cut_mesh(shape.vertices, shape.faces, np.vstack(sides))
+    inside = [_inside(vertices, normals) for normals in sides]
+    held = np.array([each.faces(faces) for each in inside])
+    for pyramid, its in zip(pyramids, held, strict=True):
+        if not its.any():
+            where = f"{pyramid.words} {shape.name}"
+            raise MissionError(f"target off the body: no face {where}; check the target or the shape's origin")
+    visiting = [np.flatnonzero(each.points[: len(shape.vertices)]) for each in inside]
+    for pyramid, points in zip(pyramids, visiting, strict=True):
+        if not len(points):
+            where = f"{pyramid.words} {shape.name}"
+            raise MissionError(
+                f"no mesh vertex {where}, so nothing to visit: enlarge the half-angle or refine the mesh"
+            )
+    chosen: Mask = np.asarray(held.any(axis=0))
+    origin = np.arange(len(faces))
     if cell_size_m is not None:
         vertices, faces, origin = refine_mesh(vertices, faces, chosen, _checked_cell_size(cell_size_m))
-        parent, chosen, group = parent[origin], chosen[origin], group[origin]
-    return TargetRegion(
-        mesh=ShapeModel(vertices, faces, shape.name),
-        parent=parent,
-        target=np.flatnonzero(chosen),
-        group=group[chosen],
-        visiting_vertex=visiting,
-        visiting_normal_A=shape.vertex_normals[visiting],
-        axes_A=axes,
-        side_half_angle=float(np.arctan(slope)),
-    )
+    mesh = ShapeModel(vertices, faces, shape.name)
+
+    def region(cells: Mask, k: int, parts: tuple[TargetRegion, ...] = ()) -> TargetRegion:
+        return TargetRegion(
+            mesh=mesh,
+            parent=parent[origin],
+            target=np.flatnonzero(cells[origin]),
+            group=(np.cumsum(cells) - 1)[origin][cells[origin]],
+            visiting_vertex=visiting[k],
+            visiting_normal_A=shape.vertex_normals[visiting[k]],
+            axes_A=pyramids[k].axes,
+            side_half_angle=float(np.arctan(pyramids[k].slope)),
+            parts=parts,
+        )
+
+    several = tuple(region(held[k], k) for k in range(len(pyramids))) if len(pyramids) > 1 else ()
+    return region(chosen, 0, several)
 
 
 def automatic_cell_size(altitude_m: float, half_angle_deg: float) -> float:

@@ -18,7 +18,6 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from swarm_mj.errors import MissionError, PathError
-from swarm_mj.smallbody.environment import Environment
 from swarm_mj.typing import Array
 
 AccelerationN = Callable[[float, Array], Array]
@@ -211,49 +210,3 @@ def solve_transfers(
 def _tell_iteration(progress: Progress, iteration: int, share: float) -> None:
     """Each iteration counts half of what is left: how many it takes is not known before."""
     progress(1.0 - 0.5**iteration * (1.0 - 0.5 * share))
-
-
-def deploy(
-    environment: Environment,
-    *,
-    mothership_N: Array,
-    mothership_velocity: str | Array,
-    points_A: Array,
-    time_of_flight: float,
-    with_communications: bool,
-    progress: Progress | None = None,
-) -> Deployment:
-    """Find the deployment of a swarm.
-
-    Args:
-        environment: Force model; its epoch is the deployment.
-        mothership_N: Position of the mothership in N at the epoch, shape (3,) [m].
-        mothership_velocity: 'mean' of the deployed velocities, 'rest' in N, or a velocity in N (3,) [m/s].
-        points_A: The observers' visiting points in A, shape (n_obs, 3) [m], reached at the time of flight.
-        time_of_flight: [s].
-        with_communications: Add a communications spacecraft, last, that visits the mean of the observers' points.
-        progress: See `solve_transfers`.
-
-    Raises:
-        MissionError: A transfer does not exist.
-    """
-    if with_communications:
-        points_A = np.vstack((points_A, points_A.mean(axis=0)))
-    destination_N = points_A @ environment.C_AN(time_of_flight)
-    v0_N, miss = solve_transfers(environment.acceleration_N, mothership_N, destination_N, time_of_flight, progress)
-    if isinstance(mothership_velocity, str):
-        velocity = v0_N.mean(axis=0) if mothership_velocity == "mean" else np.zeros(3)
-    else:
-        velocity = np.asarray(mothership_velocity, float)
-    n = len(v0_N)
-    return Deployment(
-        r0_N=mothership_N,
-        v0_N=v0_N,
-        mothership_velocity_N=velocity,
-        destination_N=destination_N,
-        miss_m=miss,
-        release_s=np.zeros(n),
-        arrival_s=np.full(n, time_of_flight),
-        release_r_N=np.repeat(mothership_N[None], n, axis=0),
-        release_mothership_v_N=np.repeat(velocity[None], n, axis=0),
-    )

@@ -41,24 +41,31 @@ class PictureSchedule:
 
     Attributes:
         every: Instants from one picture to the next.
-        visit: The instant of the visit, at which there is always one.
+        visits: The instant of each observer's visit, at which it always takes one.
         visit_only: Whether there is none besides.
     """
 
     every: int
-    visit: int
+    visits: tuple[int, ...]
     visit_only: bool = False
 
     @classmethod
     def by_clock(
-        cls, period_s: float, *, interval_s: float, visit_s: float, visit_only: bool = False
+        cls, period_s: float, *, interval_s: float, visits_s: ArrayLike, visit_only: bool = False
     ) -> PictureSchedule:
-        """The schedule of pictures every `interval_s` and at `visit_s` [s], both whole multiples of the clock's period [s]."""
-        return cls(every=round(interval_s / period_s), visit=round(visit_s / period_s), visit_only=visit_only)
+        """The schedule of pictures every `interval_s` and at the visits [s], all whole multiples of the clock's period [s]."""
+        visits = tuple(round(float(t) / period_s) for t in np.atleast_1d(visits_s))
+        return cls(every=round(interval_s / period_s), visits=visits, visit_only=visit_only)
 
     def due(self, tick: Any) -> Any:
-        """Whether pictures are due at an instant, or an array of them."""
-        return (tick == self.visit) | ((not self.visit_only) & (tick % self.every == 0))
+        """Whether pictures of anybody are due at an instant, or an array of them."""
+        return np.isin(tick, self.visits) | ((not self.visit_only) & (tick % self.every == 0))
+
+    def takers(self, tick: int, n: int) -> Mask:
+        """Whose pictures are due at an instant, of n spacecraft of which the observers are the first, shape (n,)."""
+        who = np.full(n, not self.visit_only and tick % self.every == 0)
+        who[: len(self.visits)] |= np.array(self.visits) == tick
+        return who
 
     def ticks(self, last: int) -> Ints:
         """All instants up to `last` at which pictures are due, in order."""

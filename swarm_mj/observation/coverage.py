@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from swarm_mj.errors import MissionError
-from swarm_mj.typing import Array, Mask
+from swarm_mj.typing import Array, Indices, Mask
 
 
 @dataclass(eq=False)
@@ -68,6 +68,10 @@ class CoverageMap:
     def percent(self) -> float:
         """P_TO [%]."""
         return self._percent(self.seen)
+
+    def percent_of(self, cells: Indices) -> float:
+        """Observed share of the area of some cells, by number [%]."""
+        return 100.0 * float(self.area[cells][self.seen[cells]].sum() / self.area[cells].sum())
 
     @property
     def percent_by_spacecraft(self) -> Array:

@@ -13,8 +13,8 @@ from swarm_mj.flight.fly import make_simulation
 from swarm_mj.flight.observe import criterion_from, observer_from, schedule_from
 from swarm_mj.flight.plan import Plan, antennas_from
 from swarm_mj.mission.behaviors import TargetKind, Targets
+from swarm_mj.mission.deployment import planned_paths
 from swarm_mj.mission.links import closed_links
-from swarm_mj.mission.trajectories import propagate
 from swarm_mj.observation.capture import observe, pictures, watching
 from swarm_mj.observation.coverage import CoverageMap
 from swarm_mj.observation.smear import Motion
@@ -35,11 +35,10 @@ def planned_path(plan: Plan) -> Array:
     Straight lines where the trajectory cannot be integrated to its end.
     """
     times = np.linspace(0.0, plan.scenario.duration_s, trail_points(plan.n))
-    start = np.broadcast_to(plan.deployment.r0_N, plan.deployment.v0_N.shape)
     try:
-        return propagate(plan.environment.acceleration_N, start, plan.deployment.v0_N, times, rtol=PATH_RTOL)[0]
+        return planned_paths(plan.environment.acceleration_N, plan.deployment, times, rtol=PATH_RTOL)[0]
     except MissionError:
-        return start + times[:, None, None] * plan.deployment.v0_N
+        return plan.deployment.r0_N + times[:, None, None] * plan.deployment.v0_N
 
 
 #: Pictures per second of a live view.
@@ -181,6 +180,7 @@ class LiveFlight:
     def _take_pictures(self) -> None:
         now, sun = self.instant(), self.plan.environment.sun
         who = watching(self.plan.n_observers, now.kind, self._simulation.camera_on)
+        who &= self._schedule.takers(self._simulation.tick, self.plan.n)
         _, rates = self._simulation.model.state(self._simulation.data)
         moving = Motion(rates[:, :3], rates[:, 3:6], self.plan.environment.spin_N)
         for picture in pictures(now.t, who, now.r_BN_N, now.C_BN, now.C_AN, sun.at(now.t), moving):

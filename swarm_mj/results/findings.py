@@ -14,6 +14,7 @@ from swarm_mj.results.delivered import undelivered_findings
 from swarm_mj.results.design_files import design_differences
 from swarm_mj.results.run_record import RunRecord
 from swarm_mj.results.summary import working
+from swarm_mj.scenarios.itinerary import visit_times
 from swarm_mj.scenarios.schema import Body, Scenario
 from swarm_mj.spacecraft.attitude.mrp import dcm
 from swarm_mj.typing import Array
@@ -208,6 +209,7 @@ def _visited_A(run: RunRecord) -> Array | None:
     """Where the observers were at the visit, in A [m], shape (n_obs, 3); None where faults or dispersions moved them."""
     if as_planned(run.scenario) != run.scenario:
         return None
-    k = int(np.argmin(np.abs(run.times - run.scenario.design.time_of_flight_s)))
+    k = np.abs(run.times[:, None] - visit_times(run.scenario)).argmin(axis=0)
     C_AN = dcm(np.asarray(run.telemetry["sigma_AN"].values[k], dtype=np.float64))
-    return np.asarray(run.telemetry["r_BN_N"].values[k, : run.n_observers] @ C_AN.T)
+    r_N = run.telemetry["r_BN_N"].values[k, np.arange(run.n_observers)]
+    return np.asarray(np.einsum("jik,jk->ji", C_AN, r_N))

@@ -68,7 +68,10 @@ def flown_design(scenario: Scenario) -> dict[str, Any] | None:
         record = design_record(reference)
     except ScenarioError:
         return None  # points that are given outright fly without their design's record
-    return record if record["visiting_points"] == list(scenario.design.visiting_points) else None
+    design = scenario.design
+    given = [visit.model_dump(exclude_none=True) for visit in design.observers]
+    same = record["visiting_points"] == list(design.visiting_points) and record.get("observers", []) == given
+    return record if same else None
 
 
 def write_summary(folder: Path, summary: dict[str, Any]) -> None:

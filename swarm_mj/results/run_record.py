@@ -24,6 +24,7 @@ from swarm_mj.results.modes import LOST, MODE_LOOKS, modes_shown, runs
 from swarm_mj.results.records import Event, RunSummary, contradiction
 from swarm_mj.results.run_files import read_coverage
 from swarm_mj.scenarios.design_record import DesignRecord
+from swarm_mj.scenarios.itinerary import itinerary, target_name
 from swarm_mj.scenarios.loading import MAX_BYTES, file_text, parse_yaml, scenario_from
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.simulator.telemetry import REMEDY, read_telemetry
@@ -101,8 +102,11 @@ class RunRecord:
 
     def role(self, j: int) -> str:
         """What spacecraft j was sent to do."""
-        points = self.scenario.design.visiting_points
-        return f"visits point {points[j]}" if j < len(points) else "communications"
+        stops = itinerary(self.scenario)
+        if j >= len(stops):
+            return "communications"
+        stop, several = stops[j], bool(self.scenario.designer.extra_targets)
+        return f"visits point {stop.point}" + (f" of target {target_name(stop.target)}" if several else "")
 
 
 def read_run(folder: Path) -> RunRecord:

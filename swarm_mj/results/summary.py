@@ -15,13 +15,14 @@ from swarm_mj import __version__
 from swarm_mj.flight.burns import total_delta_v
 from swarm_mj.flight.coordination_record import coordination_summary
 from swarm_mj.flight.mothership import way_in
-from swarm_mj.flight.observe import ObservationResult, picture_samples, visit_sample, watching_in
+from swarm_mj.flight.observe import ObservationResult, picture_samples, visit_samples, watching_in
 from swarm_mj.flight.plan import Plan
 from swarm_mj.flight.spacecraft import notes_on
 from swarm_mj.results.delivered import delivered_summary
 from swarm_mj.results.navigation import navigation_summary
 from swarm_mj.results.target_dwell import held_s
 from swarm_mj.results.visit import visit_miss_m
+from swarm_mj.scenarios.itinerary import itinerary
 from swarm_mj.simulator.telemetry import MODES
 from swarm_mj.typing import Array
 
@@ -67,6 +68,7 @@ def _observed(plan: Plan, result: ObservationResult) -> dict[str, Any]:
         "target_area_km2": _rounded(region.total_area / 1e6, 6),
         "visiting_points": list(scenario.design.visiting_points),
         "coverage_percent": _rounded(result.coverage.percent, 6),
+        **_by_target(plan, result),
         "coverage_percent_passage": _rounded(result.passage.percent, 6),
         "coverage_percent_by_spacecraft": _by_name(plan.names, result.coverage.percent_by_spacecraft, 4),
         "criterion": scenario.observation.criterion,
@@ -88,6 +90,22 @@ def _smeared(result: ObservationResult) -> dict[str, Any]:
     shown = result.smear_px[~np.isnan(result.smear_px)]
     worst = {"median": _rounded(np.median(shown), 6), "max": _rounded(shown.max(), 6)} if len(shown) else {}
     return {"smear_px_visit": worst}
+
+
+def _by_target(plan: Plan, result: ObservationResult) -> dict[str, Any]:
+    """Of several targets: area and coverage of each, and what each observer was sent to; empty where there is one."""
+    region, stops = plan.region, itinerary(plan.scenario)
+    found: dict[str, Any] = {}
+    if region.parts:
+        found["coverage_percent_by_target"] = [
+            _rounded(result.coverage.percent_of(region.cells_of(k)), 6) for k in range(len(region.parts))
+        ]
+        found["target_area_km2_by_target"] = [_rounded(part.total_area / 1e6, 6) for part in region.parts]
+    if plan.scenario.design.observers or plan.scenario.design.release_s:
+        found["itinerary"] = {
+            name: {**stop._asdict(), "arrival_s": stop.arrival_s} for name, stop in zip(plan.names, stops, strict=False)
+        }
+    return found
 
 
 def _reached(result: ObservationResult) -> dict[str, float]:
@@ -123,11 +141,11 @@ def _pointed(plan: Plan, telemetry: xr.Dataset) -> dict[str, Any]:
 def _pointed_at_pictures(plan: Plan, telemetry: xr.Dataset, error_deg: Array) -> dict[str, Any]:
     """Pointing errors of those that take pictures: at the visit, and in the middle of all their pictures."""
     scenario, who = plan.scenario, watching_in(telemetry, plan.n_observers)
-    samples, visit = picture_samples(scenario, telemetry), visit_sample(scenario)
+    samples, visits = picture_samples(scenario, telemetry), visit_samples(scenario)
     taken = {j: samples[who[samples, j]] for j in range(plan.n_observers)}
     return {
         "pointing_error_deg_visit": {
-            plan.names[j]: _rounded(error_deg[visit, j], 9) for j in np.flatnonzero(who[visit])
+            plan.names[j]: _rounded(error_deg[visit, j], 9) for j, visit in enumerate(visits) if who[visit, j]
         },
         "pointing_error_deg_pictures_median": {
             plan.names[j]: _rounded(np.median(error_deg[k, j]), 9) for j, k in taken.items() if len(k)

@@ -57,6 +57,7 @@ class DesignRecord(Record):
     n_observers: PositiveInt = 1
     covered_percent: float = 0.0
     flyable: bool = True
+    observers: Annotated[list[dict[str, Any]], FailFast()] = []
     gap: int | None = 0
     criterion: dict[str, Any] = {}
     camera: dict[str, Any] = {}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from string import ascii_uppercase
 from typing import NamedTuple
 
 import numpy as np
@@ -59,10 +60,9 @@ def visit_times(scenario: Scenario) -> Array:
     return np.array([stop.arrival_s for stop in itinerary(scenario)])
 
 
-def targets_of(scenario: Scenario) -> tuple[Target, ...]:
-    """The targets that the observers are sent to, by number up to the largest one; the scenario's own always is one."""
-    last = max(visit.target for visit in scenario.design.observers) if scenario.design.observers else 0
-    return all_targets(scenario)[: last + 1]
+def target_name(number: int) -> str:
+    """What a target is called where there are several: A is the scenario's own."""
+    return ascii_uppercase[number]
 
 
 def all_targets(scenario: Scenario) -> tuple[Target, ...]:

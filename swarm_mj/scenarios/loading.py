@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import json
 import re
 from collections import Counter
 from collections.abc import Iterable, Mapping
@@ -150,8 +151,8 @@ def _resolved(name: str, folder: Path) -> str:
     return str(path.resolve()) if _exists(path) and path.is_file() else name
 
 
-def read_design(reference: str) -> list[int]:
-    """Visiting points of a design that `swarm-mj design` made.
+def read_design(reference: str) -> dict[str, Any]:
+    """What a design that `swarm-mj design` made gives the section `design`: `visiting_points` and `observers`.
 
     Args:
         reference: A packaged name (`swarm_mj/scenarios/designs`) or the path of a design.json.
@@ -160,13 +161,17 @@ def read_design(reference: str) -> list[int]:
         ScenarioError: It cannot be read or holds no design.
     """
     design = design_record(reference)
-    points: list[int] = design["visiting_points"]
     if not design.get("flyable", True):
         raise ScenarioError(
             f"design.reference = {shortened(reference)}: its points belong to several targets, altitudes or times of flight, "
-            "which no single scenario flies"
+            "which its version could not write down; make the design again with `swarm-mj design`"
         )
-    return points
+    return {"visiting_points": design["visiting_points"], "observers": design.get("observers", [])}
+
+
+def design_overrides(found: Mapping[str, Any]) -> list[str]:
+    """The same as overrides."""
+    return [f"design.{key}={json.dumps(found[key])}" for key in ("visiting_points", "observers")]
 
 
 def design_record(reference: str) -> dict[str, Any]:
@@ -201,7 +206,10 @@ def _resolve_design(data: dict[str, Any]) -> None:
     """Put the points of a design that is named by reference into the scenario; points that are given go first."""
     design = data.get("design")
     if isinstance(design, dict) and isinstance(design.get("reference"), str) and "visiting_points" not in design:
-        design["visiting_points"] = read_design(design["reference"])
+        found = read_design(design["reference"])
+        design["visiting_points"] = found["visiting_points"]
+        if found["observers"]:
+            design.setdefault("observers", found["observers"])
 
 
 def _read(name_or_path: str | Path) -> tuple[str, str, Path | None]:

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
 
 from swarm_mj.errors import PluginError
 from swarm_mj.mission.behaviors import Targets
-from swarm_mj.simulator.fast.flight_kernels import allocate_flights
+from swarm_mj.simulator.fast.flight_kernels import NEVER, allocate_flights
 from swarm_mj.simulator.fast.integrator import timesteps_in
 from swarm_mj.simulator.faults.schedule import Event
 from swarm_mj.simulator.slots import Slot
@@ -23,12 +24,30 @@ from swarm_mj.spacecraft.attitude.mrp import quaternion_from_mrp
 from swarm_mj.spacecraft.control.base import ControlInput
 from swarm_mj.spacecraft.model import NQ, NV, SwarmModel
 from swarm_mj.spacecraft.properties import SpacecraftProperties
-from swarm_mj.typing import Array
+from swarm_mj.typing import Array, Ints
 
 #: The wheel-speed limiter aims this far below the limit, for what the gyroscopic terms add within a hold.
 SPEED_MARGIN = 1e-4
 #: What a control law is given of the work array, in the order of `ControlInput`.
 LAW_SLOTS = [Slot.SIGMA_BR, Slot.OMEGA_BR, Slot.OMEGA, Slot.OMEGA_R_B, Slot.DOMEGA_R_B, Slot.MOMENTUM]
+
+
+class Release(NamedTuple):
+    """How spacecraft leave the mothership in flight; until then they ride along without turning.
+
+    Attributes:
+        tick: Control period at which each leaves, shape (n,); 0: it has left at the start.
+        push_N: What the deployer adds to its velocity then, shape (n, 3) [m/s].
+        omega_BN_B: Its body rate from then on, shape (n, 3) [rad/s].
+    """
+
+    tick: Ints
+    push_N: Array
+    omega_BN_B: Array
+
+    def next_after(self, tick: int) -> int:
+        """When the next one leaves after an instant; `NEVER` where none does."""
+        return int(self.tick[self.tick > tick].min(initial=NEVER))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,6 +62,7 @@ class InitialState:
         wheel_speed: Relative to the hub, shape (n, w) [rad/s].
         seed: Of faults and dispersions, where the simulation has any.
         deployment: What went wrong on the way to this state.
+        release: Who leaves the mothership later; None: all have left. The states of those are the mothership's.
     """
 
     r_BN_N: Array
@@ -52,6 +72,7 @@ class InitialState:
     wheel_speed: Array
     seed: int = 0
     deployment: tuple[Event, ...] = ()
+    release: Release | None = None
 
     def rows(self, w: int) -> tuple[Array, Array]:
         """The state as `SwarmModel.set_state` takes it for w wheels, shape (n, 7 + w) and (n, 6 + w); their angles are zero."""
@@ -91,6 +112,7 @@ class LoopState:
         earth_N: Position of Earth at the decision, shape (3,) [m].
         last_kind: `TargetKind` values of the last decision, shape (n,); -1: none yet.
         last_spacecraft: Spacecraft tracked at the last decision, shape (n,).
+        released: Who has left the mothership, shape (n,); the others neither turn nor drive their wheels.
         restart: Whose target is another one than at the decision before, shape (n,).
         torque_B: What the control law asked of the wheels when compiled code or a diverging flight asked it, (n, 3) [N m].
         peaks: Largest wheel speed and motor torque, and how often a limit cut one, see `Peak`, shape (n, 3).
@@ -138,6 +160,7 @@ class LoopState:
             array[0] for array in (f.q_BN, f.q_RN, f.C_AN, f.C_mid, f.earth_N)
         )
         self.last_kind, self.last_spacecraft, self.restart = f.last_kind[0], f.last_spacecraft[0], f.restart[0]
+        self.released = f.released[0]
         own = self.model.own is not None
         self.motor_torque = np.zeros(self.model.layout.ctrl.size) if own else self.data.ctrl
 
@@ -193,6 +216,19 @@ class LoopState:
         mujoco.mj_resetData(self.model.mjmodel, self.data)
         self.model.start(self.data, *initial.rows(self.properties.n_wheels))
         self.tick, self.last_kind[:], self.last_spacecraft[:], self.peaks[:] = 0, -1, -1, 0.0
+        self.released[:] = True if initial.release is None else initial.release.tick <= 0
+
+    def let_go(self, release: Release) -> bool:
+        """Push off those that leave the mothership now; whether anybody does."""
+        due = ~self.released & (release.tick <= self.tick)
+        if not due.any():
+            return False
+        qpos, qvel = (rows.copy() for rows in self.rows())
+        qvel[due, :3] += release.push_N[due]
+        qvel[due, 3:6] = release.omega_BN_B[due]
+        self.set_rows(qpos, qvel)
+        self.released[due], self.last_kind[due] = True, -1
+        return True
 
 
 def control_input(

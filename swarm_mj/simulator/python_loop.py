@@ -69,11 +69,17 @@ def decide(
     if slews is not None:
         slews.follow(q_known)
     torque_B = _torque(state, law, injection)
+    aboard = ~state.released
+    if aboard.any():
+        torque_B = np.where(aboard[:, None], 0.0, torque_B)
     if injection is not None:
         injection.actuate(torque_B, state.motor_torque, state.peaks)
         injection.forget(state.work)
     else:
         _actuate(state, torque_B)
+    if aboard.any():
+        state.motor_torque.reshape(state.model.n, -1)[aboard] = 0.0
+        state.data.xfrc_applied[state.hub[aboard], 3:] = 0.0
     state.command_motors()
     return state.targets
 

@@ -25,7 +25,7 @@ from swarm_mj.simulator.fault_injection import NOTHING, FaultInjection
 from swarm_mj.simulator.faults.impact import ImpactWatch
 from swarm_mj.simulator.faults.schedule import Event
 from swarm_mj.simulator.faults.state import FaultModel
-from swarm_mj.simulator.loop_state import InitialState, LoopState
+from swarm_mj.simulator.loop_state import InitialState, LoopState, Release
 from swarm_mj.simulator.plugin_calls import BehaviorCalls, ControllerCalls, no_such_target, view_of
 from swarm_mj.simulator.propulsion import Propulsion
 from swarm_mj.simulator.recorder import Progress, Record, Recorder
@@ -101,6 +101,7 @@ class Simulation:
         self._compiled = compiled
         self._world: World | None = None
         self._until = np.zeros(1, np.int64)
+        self._release: Release | None = None
         if force_law is not None:
             self._set_force_law(force_law)
 
@@ -208,7 +209,8 @@ class Simulation:
     @property
     def camera_on(self) -> Mask:
         """Spacecraft that can take pictures, shape (n,)."""
-        return ~self.lost if self.injection is None else self.injection.faults.camera_on & ~self.lost
+        working = ~self.lost & self.state.released
+        return working if self.injection is None else self.injection.faults.camera_on & working
 
     @property
     def events(self) -> list[Event]:
@@ -250,6 +252,7 @@ class Simulation:
         if self.impact_watch is not None:
             self.impact_watch.reset()
         self.state.reset(initial)
+        self._release = initial.release
         self._behaviors.reset(0)
         self.controller = self._law.controller
 
@@ -263,6 +266,7 @@ class Simulation:
         Raises:
             SimulationError: The state is no longer finite.
         """
+        self._let_go()
         if self._world is None:
             return python_loop.decide(
                 self.state, self._behaviors, self._law, self.injection, self.propulsion, self.slews
@@ -301,8 +305,15 @@ class Simulation:
                 self.decide()
                 self.advance()
             else:
+                self._let_go()
                 self._ask()
-                self._fly(self._world, DECIDE | ADVANCE, min(end, int(self._behaviors.due[0])))
+                next_release = NEVER if self._release is None else self._release.next_after(self.tick)
+                self._fly(self._world, DECIDE | ADVANCE, min(end, int(self._behaviors.due[0]), next_release))
+
+    def _let_go(self) -> None:
+        """Release those whose time has come; the behaviour is asked anew, for they fly elsewhere from now on."""
+        if self._release is not None and self.state.let_go(self._release):
+            self.ask_again()
 
     def _ask(self) -> None:
         """Ask the behaviour if that is due, and set the targets that compiled code flies."""

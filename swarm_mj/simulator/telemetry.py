@@ -22,7 +22,7 @@ from swarm_mj.smallbody.environment import Environment
 from swarm_mj.spacecraft.attitude.guidance import pointing_error
 from swarm_mj.spacecraft.attitude.mrp import mrp_from_quaternion, subtract_mrp
 from swarm_mj.spacecraft.properties import SpacecraftProperties
-from swarm_mj.typing import Array
+from swarm_mj.typing import Array, Mask
 
 #: Meaning of the flag values of `mode`, in the order of `TargetKind`.
 MODES = ("asteroid_observation", "communication_tracking", "earth_tracking", "surface_observation", "direction_hold")
@@ -72,6 +72,7 @@ VARIABLES = {
     },
     "coordination_bits": Declared("i8", _PLACE, 0, FARTHEST, optional=True),
     "coordination_airtime": Declared("f8", _PLACE, 0.0, FARTHEST, optional=True),
+    "released": Declared("i1", _PLACE, 0, 1, optional=True),
 }
 #: Attributes of the file that its readers need.
 ATTRIBUTES = {
@@ -82,7 +83,7 @@ ATTRIBUTES = {
 #: What to do about a file that cannot be read.
 REMEDY = "fly the scenario again with `swarm-mj run`"
 #: Names that are given to what is added once the flight is over.
-LATER = ("link_closed", "coverage_percent", "time", "spacecraft", "xyz", "wheel")
+LATER = ("link_closed", "released", "coverage_percent", "time", "spacecraft", "xyz", "wheel")
 
 
 def dataset(
@@ -143,6 +144,28 @@ def dataset(
         "wheel": list(properties.wheel_labels),
     }
     return xr.Dataset(variables, coordinates, attrs=_attributes(environment, properties))
+
+
+def released_flags(times: Array, release_s: Array) -> xr.Variable:
+    """Who has left the mothership at each sample, as telemetry says it.
+
+    Args:
+        times: Shape (t,) [s].
+        release_s: Of each spacecraft, shape (n,) [s].
+    """
+    flags = (times[:, None] >= release_s * (1.0 - 1e-12)).astype(np.int8)
+    found = _variable("released", flags, "1", "none", "whether it has left the mothership")
+    found.attrs |= {"flag_values": np.array([0, 1], np.int8), "flag_meanings": "aboard released"}
+    return found
+
+
+def working(telemetry: xr.Dataset) -> Mask:
+    """Who works and has left the mothership at each sample of a flight, shape (t, n)."""
+    works = np.ones((telemetry.sizes["time"], telemetry.sizes["spacecraft"]), np.bool_)
+    for name in ("operational", "released"):
+        if name in telemetry:
+            works &= telemetry[name].values == 1
+    return works
 
 
 def read_telemetry(path: Path, sizes: Mapping[str, int] | None = None) -> xr.Dataset:

@@ -16,7 +16,8 @@ from swarm_mj.errors import MissionError, PathError
 from swarm_mj.flight.observe import schedule_from
 from swarm_mj.flight.plan import Plan, as_planned, behavior_from, load_body_shape, make_plan, target_from
 from swarm_mj.mission.behaviors import MissionBehavior, SwarmView, TargetKind
-from swarm_mj.mission.trajectories import NO_TRAJECTORY, Progress, propagate
+from swarm_mj.mission.deployment import planned_paths
+from swarm_mj.mission.trajectories import NO_TRAJECTORY, Progress
 from swarm_mj.observation.capture import camera_poses, watching
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.simulator.recorder import sample_times
@@ -75,7 +76,7 @@ class Unreachable(MissionError):
 
 def at_points(scenario: Scenario, points: Sequence[int]) -> Scenario:
     """The scenario with one observer on each of these visiting points, numbered from 1."""
-    design = scenario.design.model_copy(update={"visiting_points": tuple(points)})
+    design = scenario.design.model_copy(update={"visiting_points": tuple(points), "observers": ()})
     return scenario.model_copy(update={"design": design})
 
 
@@ -95,12 +96,12 @@ def fly_candidates(scenario: Scenario, progress: Progress | None = None) -> Cand
         raise MissionError(
             f"behavior.name = {scenario.behavior.name!r}: it can fly, but no design can be made with it: it needs the mission"
         )
+    _check_deployer(scenario)
     n_points = target_from(scenario, load_body_shape(scenario.body)).n_visiting
     plan, left_out = _reachable(scenario, range(1, n_points + 1), progress)
     times, counts = _picture_times(scenario)
     n = plan.n_observers
-    starts = np.broadcast_to(plan.deployment.r0_N, plan.deployment.v0_N.shape)
-    r_N, v_N = propagate(plan.environment.acceleration_N, starts, plan.deployment.v0_N, times)
+    r_N, v_N = planned_paths(plan.environment.acceleration_N, plan.deployment, times)
     observing, r_A, C_CA, v_A, omega_C = _commanded(plan, times, r_N, v_N)
     return CandidateFlights(
         plan=plan,
@@ -115,6 +116,24 @@ def fly_candidates(scenario: Scenario, progress: Progress | None = None) -> Cand
         points=plan.scenario.design.visiting_points,
         left_out=left_out,
     )
+
+
+def _check_deployer(scenario: Scenario) -> None:
+    """See that a candidate alone tells whether the deployer can release it."""
+    mothership = scenario.mothership
+    limits = mothership.deployer
+    if limits.spacing_s is not None:
+        raise MissionError(
+            f"mothership.deployer.spacing_s = {limits.spacing_s:g}: a design releases all at design.release_s; set null, and "
+            "give release_s in design.observers of what it finds"
+        )
+    asked = {"max_speed_m_s": limits.max_speed_m_s, "cone_axis_N": limits.cone_axis_N}
+    given = [key for key, value in asked.items() if value is not None]
+    if given and mothership.velocity == "mean":
+        raise MissionError(
+            f"mothership.velocity = 'mean' depends on who is chosen, so that mothership.deployer.{given[0]} leaves no "
+            "candidate out for sure; give 'rest' or three components in N, for instance what summary.json of a flight says"
+        )
 
 
 def _reachable(scenario: Scenario, points: Sequence[int], progress: Progress | None) -> tuple[Plan, dict[int, str]]:

@@ -19,6 +19,7 @@ from swarm_mj.flight.observe import camera_from, criterion_from
 from swarm_mj.flight.plan import load_body_shape, target_from
 from swarm_mj.io import interruption
 from swarm_mj.mission.target import TargetRegion
+from swarm_mj.scenarios.itinerary import all_targets
 from swarm_mj.scenarios.loading import scenario_from
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.typing import Array, Indices, Mask
@@ -47,10 +48,10 @@ class Visibility:
     Attributes:
         candidates: Meaning of each row, shape (n,).
         sees: Whether a candidate sees a cell, shape (n, cells).
-        area: Of each cell, all targets one after another [m^2], shape (cells,).
+        area: Of each cell of all targets [m^2], shape (cells,); where targets overlap, a cell is there once.
         delta_v: Deployment speed of each candidate [m/s], shape (n,).
         point_A: Where each candidate passes at its time of flight, in A [m], shape (n, 3).
-        regions: The targets.
+        regions: All targets in one region; its `targets` are each of them.
         left_out: What the designer might have chosen but nobody can fly to, and why.
         unjudged: Candidates whose pictures were not judged because of an interruption; they count as seeing nothing.
         flights: Their flights, kept where `designer.deliver_within_h` asks for them.
@@ -104,7 +105,7 @@ def visibility(
     """
     shape = load_body_shape(scenario.body)
     variants = target_variants(scenario)
-    regions = [target_from(variant, shape) for variant in variants]
+    regions = [target_from(scenario, shape)]
     flown, left_out = _fly(variants, flying)
     candidates = [_candidate(variant, target, point) for target, variant, f in flown for point in f.points]
     delta_v = np.concatenate([flights.delta_v for _, _, flights in flown])
@@ -227,8 +228,8 @@ def _reach(judges: Sequence[Judge], watchers: Sequence[Watcher]) -> Mask:
 
 def target_variants(scenario: Scenario) -> list[Scenario]:
     """The scenario with each of its targets."""
-    extra = [scenario.target.model_copy(update=target.model_dump()) for target in scenario.designer.extra_targets]
-    return [scenario.model_copy(update={"target": target}) for target in (scenario.target, *extra)]
+    alone = scenario.designer.model_copy(update={"extra_targets": ()})
+    return [scenario.model_copy(update={"target": target, "designer": alone}) for target in all_targets(scenario)]
 
 
 def flight_variants(scenario: Scenario) -> list[Scenario]:

@@ -17,8 +17,9 @@ from matplotlib.transforms import Bbox
 from swarm_mj.designer.study import Study
 from swarm_mj.mission.target import angles
 from swarm_mj.results.figures.cells import draw_cells
-from swarm_mj.results.figures.style import HALO, TICK_PT, label, new_figure, plain, tidy, write
+from swarm_mj.results.figures.style import HALO, TICK_PT, caption, label, new_figure, plain, tidy, write
 from swarm_mj.results.look import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY_BLUE, VERMILLION
+from swarm_mj.scenarios.itinerary import target_name
 
 #: Colour of a cell by how many of the chosen spacecraft see it; the last stands for all larger numbers.
 TIMES_SEEN = (ORANGE, SKY_BLUE, BLUE, "#00466E")
@@ -88,18 +89,20 @@ def _points_of(study: Study) -> int:
 
 def compose_cover(study: Study) -> Figure:
     """Each target as seen from the body's centre: how many of the chosen spacecraft see each cell."""
-    regions = study.visibility.regions
+    whole = study.visibility.regions[0]
+    regions = whole.targets
     figure = new_figure(5.6, f"Who covers what: {plain(study.scenario.name)}", width_in=max(6.5, 5.0 * len(regions)))
     rows = study.visibility.sees[study.selected - 1]
-    times, start = rows.sum(axis=0), 0
+    times = rows.sum(axis=0)
     for k, region in enumerate(regions):
         ax = figure.add_subplot(1, len(regions), k + 1)
-        part = np.minimum(times[start : start + region.n_cells], len(TIMES_SEEN) - 1)
-        start += region.n_cells
+        part = np.minimum(times[whole.cells_of(k)], len(TIMES_SEEN) - 1)
         draw_cells(ax, region, np.array([to_rgb(TIMES_SEEN[n]) for n in part]))
         _draw_points(ax, study, k)
         tidy(ax)
         ax.grid(False)
+        if len(regions) > 1:
+            caption(ax, f"target {target_name(k)}")
         label(ax, "angle east of the target's centre [deg]", "angle north of the target's centre [deg]")
     words = ("not seen", "seen by 1", "by 2", "by 3 or more")
     handles: list[Patch | Line2D] = [Patch(color=c, label=w) for c, w in zip(TIMES_SEEN, words, strict=True)]
@@ -111,7 +114,7 @@ def compose_cover(study: Study) -> Figure:
 
 
 def _draw_points(ax: Axes, study: Study, target: int) -> None:
-    region = study.visibility.regions[target]
+    region = study.visibility.regions[0].targets[target]
     flat = angles(region.vertices[region.visiting_vertex], region.axes_A)
     ax.plot(*flat.T, "o", color=BLACK, markersize=1.8)
     chosen = [study.visibility.candidates[p - 1] for p in study.selected]

@@ -96,6 +96,7 @@ class Flights(NamedTuple):
         vector: Surface point in A [m] or direction in N, shape (E, n, 3).
         last_kind: `kind` at the previous decision, -1 before the first, shape (E, n).
         last_spacecraft: The same of `spacecraft`.
+        released: Who has left the mothership, and so is turned by its wheels, shape (E, n).
         restart: Whose target is another one than at the previous decision, shape (E, n).
         q_BN: Attitudes, shape (E, n, 4).
         q_RN: Reference attitudes, shape (E, n, 4).
@@ -117,6 +118,7 @@ class Flights(NamedTuple):
     vector: Array
     last_kind: Ints
     last_spacecraft: Ints
+    released: Mask
     restart: Mask
     q_BN: Array
     q_RN: Array
@@ -141,6 +143,7 @@ def allocate_flights(count: int, n: int) -> Flights:
         vector=np.zeros((count, n, 3)),
         last_kind=np.full((count, n), -1, np.int64),
         last_spacecraft=np.full((count, n), -1, np.int64),
+        released=np.ones((count, n), np.bool_),
         restart=np.zeros((count, n), np.bool_),
         q_BN=np.zeros((count, n, 4)),
         q_RN=np.zeros((count, n, 4)),
@@ -215,6 +218,8 @@ def _decide(world: World, flights: Flights, e: int, mj: MjView) -> int:
         _ask_law(world, work, torque_B)
     total = 0.0
     for j in range(torque_B.shape[0]):
+        if not flights.released[e, j]:
+            torque_B[j] = 0.0
         total += torque_B[j, 0] + torque_B[j, 1] + torque_B[j, 2]
     if not np.isfinite(total):
         flights.finite[e] = False

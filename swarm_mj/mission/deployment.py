@@ -1,0 +1,178 @@
+"""How the swarm leaves the mothership: transfers of every spacecraft's own release and arrival, and the paths that follow."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+
+import numpy as np
+
+from swarm_mj.errors import MissionError, PathError
+from swarm_mj.mission.multiple_shooting import shoot_in_parts
+from swarm_mj.mission.trajectories import AccelerationN, Deployment, Progress, propagate, solve_transfers
+from swarm_mj.smallbody.environment import Environment
+from swarm_mj.typing import Array, Indices
+
+#: With more than these of one group missing their points, the mission is at fault and not the shooting, and no parts are tried.
+MOST_IN_PARTS = 16
+
+
+def deploy(
+    environment: Environment,
+    *,
+    mothership_N: Array,
+    mothership_velocity: str | Array,
+    points_A: Array,
+    release_s: Array,
+    time_of_flight: Array,
+    progress: Progress | None = None,
+) -> Deployment:
+    """Find the deployment of a swarm.
+
+    Args:
+        environment: Force model; its epoch is the flight's.
+        mothership_N: Position of the mothership in N at the epoch, shape (3,) [m]; it coasts from there.
+        mothership_velocity: In N, shape (3,) [m/s]; 'rest' in N; or 'mean' of the velocities that would carry all from the
+            mothership's place at the epoch to their points at their visits: of the deployed, where all leave then.
+        points_A: Where each spacecraft is at its visit, in A, shape (n, 3) [m].
+        release_s: When each leaves the mothership, past the epoch, shape (n,) [s].
+        time_of_flight: From release to visit, shape (n,) [s].
+        progress: See `solve_transfers`.
+
+    Raises:
+        MissionError: A transfer does not exist; the message names the spacecraft.
+    """
+    arrival_s = release_s + time_of_flight
+    destination_N = np.empty_like(points_A)
+    for time, who in groups(arrival_s):
+        destination_N[who] = points_A[who] @ environment.C_AN(time)
+    forces, at_epoch = environment.acceleration_N, np.repeat(mothership_N[None], len(points_A), axis=0)
+    solved = None
+    if isinstance(mothership_velocity, str):
+        velocity = np.zeros(3)
+        if mothership_velocity == "mean":
+            solved = _transfers(forces, at_epoch, destination_N, 0.0 * release_s, arrival_s, progress)
+            velocity = solved[0].mean(axis=0)
+    else:
+        velocity = np.asarray(mothership_velocity, float)
+    release_r_N, release_v_N = _coast(forces, mothership_N, velocity, release_s)
+    if solved is None or release_s.any():
+        solved = _transfers(forces, release_r_N, destination_N, release_s, arrival_s, progress)
+    v0_N, miss = solved
+    return Deployment(
+        r0_N=mothership_N,
+        v0_N=v0_N,
+        mothership_velocity_N=velocity,
+        destination_N=destination_N,
+        miss_m=miss,
+        release_s=release_s,
+        arrival_s=arrival_s,
+        release_r_N=release_r_N,
+        release_mothership_v_N=release_v_N,
+    )
+
+
+def groups(*keys: Array) -> Iterator[tuple[float, Indices]]:
+    """Spacecraft that share all keys, each of shape (n,): the value of the first key, and who, in order of the keys."""
+    values, which = np.unique(np.column_stack(keys), axis=0, return_inverse=True)
+    for k, value in enumerate(values):
+        yield float(value[0]), np.flatnonzero(which.ravel() == k)
+
+
+def _coast(forces: AccelerationN, r_N: Array, v_N: Array, times: Array) -> tuple[Array, Array]:
+    """The mothership at some times, each of shape (n, 3); where it is at the epoch it is exactly."""
+    instants, which = np.unique(np.append(0.0, times), return_inverse=True)
+    r, v = r_N[None], v_N[None]
+    if len(instants) > 1:
+        r, v = (states[:, 0] for states in propagate(forces, r_N[None], v_N[None], instants))
+    return r[which.ravel()[1:]], v[which.ravel()[1:]]
+
+
+def _transfers(
+    forces: AccelerationN, r0: Array, destinations: Array, start: Array, end: Array, progress: Progress | None
+) -> tuple[Array, Array]:
+    """Start velocities (n, 3) [m/s] and misses (n,) [m] of all, who leave and arrive together solved together."""
+    v0, misses = np.empty_like(r0), np.empty(len(r0))
+    together = list(groups(start, end))
+    for count, (time, who) in enumerate(together):
+        tell = None if progress is None else partial(_tell_part, progress, count, len(together))
+        v0[who], misses[who] = _one_group(forces, r0[who], destinations[who], (time, float(end[who[0]])), who, tell)
+    return v0, misses
+
+
+def _one_group(
+    forces: AccelerationN,
+    r0: Array,
+    destinations: Array,
+    span: tuple[float, float],
+    who: Indices,
+    progress: Progress | None,
+) -> tuple[Array, Array]:
+    """Transfers of spacecraft that leave one place together; in parts where shooting in one does not find them."""
+    start, end = span
+
+    def since(t: float, r: Array) -> Array:
+        return forces(start + t, r)
+
+    law = since if start else forces
+    try:
+        return solve_transfers(law, r0[0], destinations, end - start, progress)
+    except MissionError as error:
+        reason = error
+    # Those that shooting finds keep its answer; only the others are flown in parts.
+    v0, misses = np.full_like(destinations, np.nan), np.full(len(who), np.inf)
+    failing = reason.spacecraft if isinstance(reason, PathError) else range(len(who))
+    fine = np.setdiff1d(np.arange(len(who)), np.array(failing, np.int64))
+    if len(fine):
+        v0[fine], misses[fine] = solve_transfers(law, r0[0], destinations[fine], end - start)
+    lost = []
+    for j in failing:
+        found = None if len(failing) > MOST_IN_PARTS else shoot_in_parts(law, r0[0], destinations[j], end - start)
+        if found is None:
+            lost.append(int(j))
+        else:
+            v0[j], misses[j] = found
+    if not lost:
+        return v0, misses
+    if isinstance(reason, PathError):
+        words = str(reason).partition(":")[2]
+        raise PathError(f"sc{who[lost[0]] + 1}:{words}", reason.reason, [int(who[j]) for j in lost]) from None
+    raise reason
+
+
+def _tell_part(progress: Progress, count: int, of: int, share: float) -> None:
+    progress((count + share) / of)
+
+
+def planned_paths(
+    forces: AccelerationN, deployment: Deployment, times: Array, *, rtol: float = 1e-12
+) -> tuple[Array, Array]:
+    """Where all spacecraft are by plan; before its release each is where the mothership is.
+
+    Args:
+        forces: Function (t, r (n, 3)) -> (n, 3) [m/s^2] in N.
+        deployment: How they leave.
+        times: Increasing, past the epoch, from 0 on [s], shape (t,).
+        rtol: Relative tolerance of the integration.
+
+    Returns:
+        Positions and velocities in N, each of shape (t, n, 3).
+    """
+    n = len(deployment.v0_N)
+    if not deployment.release_s.any():
+        return propagate(forces, np.broadcast_to(deployment.r0_N, (n, 3)), deployment.v0_N, times, rtol=rtol)
+    r, v = np.empty((len(times), n, 3)), np.empty((len(times), n, 3))
+    aboard = times < deployment.release_s.max()
+    carried = _coast(forces, deployment.r0_N, deployment.mothership_velocity_N, times[aboard])
+    for released, who in groups(deployment.release_s):
+        before = int((times < released).sum())
+        r[:before, who], v[:before, who] = (states[:before, None] for states in carried)
+        if before == len(times):
+            continue
+        instants, which = np.unique(np.append(released, times[before:]), return_inverse=True)
+        r0, v0 = deployment.release_r_N[who], deployment.v0_N[who]
+        flown = r0[None], v0[None]
+        if len(instants) > 1:
+            flown = propagate(forces, r0, v0, instants, rtol=rtol)
+        r[before:, who], v[before:, who] = (states[which.ravel()[1:]] for states in flown)
+    return r, v
