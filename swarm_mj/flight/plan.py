@@ -45,6 +45,8 @@ from swarm_mj.typing import Array
 
 EROS_SHAPE = "eros"
 
+#: How far out the communications spacecraft of several targets passes, in distances of the observers it goes with.
+ABOVE = 1.1
 #: How many impacts of a plan are told with time and place.
 SHOWN_IMPACTS = 5
 
@@ -272,14 +274,26 @@ def _legs(scenario: Scenario, stops: Sequence[Stop], points_A: Array, behavior: 
     """Where each spacecraft goes, when it leaves and how long it flies, as `deploy` takes them.
 
     Whether a communications spacecraft is added is a property of the behaviour, which counts it: it goes to the mean of the
-    observers' points at the common times.
+    observers' points at the common times. Between the points of several targets the body itself may lie: there it goes above
+    those of the target with most observers, at the times of the first of them.
     """
     release_s = [stop.release_s for stop in stops]
     flight_s = [stop.time_of_flight_s for stop in stops]
     if behavior.dedicated_communications:
-        points_A = np.vstack((points_A, points_A.mean(axis=0)))
-        release_s.append(scenario.design.release_s)
-        flight_s.append(scenario.design.time_of_flight_s)
+        sent_to = [stop.target for stop in stops]
+        busiest = max(sorted(set(sent_to)), key=sent_to.count)
+        if len(set(sent_to)) == 1:
+            place_A, release, flight = (
+                points_A.mean(axis=0),
+                scenario.design.release_s,
+                scenario.design.time_of_flight_s,
+            )
+        else:
+            there = [k for k, target in enumerate(sent_to) if target == busiest]
+            place_A, release, flight = ABOVE * points_A[there].mean(axis=0), release_s[there[0]], flight_s[there[0]]
+        points_A = np.vstack((points_A, place_A))
+        release_s.append(release)
+        flight_s.append(flight)
     return {"points_A": points_A, "release_s": np.array(release_s), "time_of_flight": np.array(flight_s)}
 
 

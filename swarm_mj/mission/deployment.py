@@ -13,6 +13,9 @@ from swarm_mj.mission.trajectories import AccelerationN, Deployment, Progress, p
 from swarm_mj.smallbody.environment import Environment
 from swarm_mj.typing import Array, Indices
 
+#: Attraction at its end bends a flight by at least this share of the way where shooting is sensitive to its start; flights that
+#: are bent less and yet not found lead through the body, and no parts are tried.
+LEAST_BEND = 0.1
 #: With more than these of one group missing their points, the mission is at fault and not the shooting, and no parts are tried.
 MOST_IN_PARTS = 16
 
@@ -127,7 +130,9 @@ def _one_group(
         v0[fine], misses[fine] = solve_transfers(law, r0[0], destinations[fine], end - start)
     lost = []
     for j in failing:
-        found = None if len(failing) > MOST_IN_PARTS else shoot_in_parts(law, r0[0], destinations[j], end - start)
+        found = None
+        if len(failing) <= MOST_IN_PARTS and _bent(law, r0[0], destinations[j], end - start):
+            found = shoot_in_parts(law, r0[0], destinations[j], end - start)
         if found is None:
             lost.append(int(j))
         else:
@@ -138,6 +143,12 @@ def _one_group(
         words = str(reason).partition(":")[2]
         raise PathError(f"sc{who[lost[0]] + 1}:{words}", reason.reason, [int(who[j]) for j in lost]) from None
     raise reason
+
+
+def _bent(law: AccelerationN, r0: Array, destination: Array, time_of_flight: float) -> bool:
+    """Whether the forces bend a flight so much that shooting in one may miss what is there."""
+    pull = float(np.linalg.norm(law(time_of_flight, destination[None])))
+    return 0.5 * pull * time_of_flight**2 > LEAST_BEND * float(np.linalg.norm(destination - r0))
 
 
 def _tell_part(progress: Progress, count: int, of: int, share: float) -> None:

@@ -12,6 +12,7 @@ from swarm_mj.errors import OutputError
 from swarm_mj.flight.plan import Plan
 from swarm_mj.rendering.frame import Instant
 from swarm_mj.rendering.model import FIELD_OF_VIEW_DEG
+from swarm_mj.scenarios.itinerary import last_visit_s
 from swarm_mj.typing import Array
 
 OVERVIEW, CHASE, SPLIT = "overview", "chase", "split"
@@ -135,7 +136,7 @@ def view_direction(plan: Plan, path_N: Array, aspect: float) -> Array:
     """
     region, environment = plan.region, plan.environment
     normal_A = _unit(region.area @ region.normal_A)
-    times = (plan.scenario.design.time_of_flight_s, plan.scenario.duration_s)
+    times = (last_visit_s(plan.scenario), plan.scenario.duration_s)
     normals = np.array([normal_A @ environment.C_AN(t) for t in times])
     path = path_N.mean(axis=1)
     directions = _sphere(DIRECTIONS)

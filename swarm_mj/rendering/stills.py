@@ -12,6 +12,7 @@ from swarm_mj.io.atomic import atomic_file
 from swarm_mj.rendering.cameras import OVERVIEW
 from swarm_mj.rendering.picture import Drawing
 from swarm_mj.rendering.replay import Replay
+from swarm_mj.scenarios.itinerary import last_visit_s
 
 #: Free pixels between two pictures.
 GAP = 8
@@ -41,7 +42,7 @@ def write_stills(
         ObserverError: OpenGL cannot be loaded here.
     """
     if times is None:
-        times = (replay.plan.scenario.design.time_of_flight_s, float(replay.times[-1]))
+        times = (last_visit_s(replay.plan.scenario), float(replay.times[-1]))
     with Drawing(replay.plan, replay.path_N, camera=camera, width=width, height=height) as drawing:
         pictures = [drawing.draw(replay.at(t)) for t in times]
     gap = np.full((height, GAP, 3), 255, np.uint8)

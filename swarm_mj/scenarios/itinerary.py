@@ -69,3 +69,8 @@ def all_targets(scenario: Scenario) -> tuple[Target, ...]:
     """The scenario's target and those that the designer has to cover besides."""
     extra = (scenario.target.model_copy(update=extra.model_dump()) for extra in scenario.designer.extra_targets)
     return (scenario.target, *extra)
+
+
+def last_visit_s(scenario: Scenario) -> float:
+    """When the last observer is at its point [s past the epoch]: the visit, for what shows the swarm as a whole."""
+    return float(visit_times(scenario).max())

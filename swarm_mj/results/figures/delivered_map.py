@@ -14,9 +14,8 @@ from matplotlib.patches import Patch
 from swarm_mj.dataflow.delivery import Delivery
 from swarm_mj.flight.observe import ObservationResult
 from swarm_mj.flight.plan import Plan
-from swarm_mj.mission.target import angles
 from swarm_mj.results.delivery_view import LEAST_PERCENT, REASON_LOOKS, cells_by_reason
-from swarm_mj.results.figures.cells import draw_cells
+from swarm_mj.results.figures.cells import draw_cells, flat_cells
 from swarm_mj.results.figures.contacts import not_computed, painted
 from swarm_mj.results.figures.illumination import PALETTE
 from swarm_mj.results.figures.panels import legend_below
@@ -82,7 +81,7 @@ def _norm(times: Array) -> Normalize:
 def _draw_missing(ax: Axes, plan: Plan, delivery: Delivery) -> list[Patch]:
     """Hatch the cells that were seen and do not arrive by their reason; gives the legend's entries."""
     handles = []
-    corners = angles(plan.region.corners_A, plan.region.axes_A)
+    corners = flat_cells(plan.region)
     for reason, cells in cells_by_reason(delivery).items():
         look = painted(REASON_LOOKS[reason])
         ax.add_collection(triangles(corners[cells], zorder=1.1, **look))

@@ -11,7 +11,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from scipy.ndimage import gaussian_filter
 
-from swarm_mj.flight.observe import ObservationResult, camera_from, flight_pictures, visit_sample
+from swarm_mj.flight.observe import ObservationResult, camera_from, flight_pictures, visit_samples
 from swarm_mj.flight.plan import Plan
 from swarm_mj.observation.camera import CameraModel, CameraPose
 from swarm_mj.results.figures.ground_track import MAX_NUMBERED, number_places
@@ -24,11 +24,12 @@ from swarm_mj.results.figures.maps import (
     name_map,
     paint,
     survey,
-    target_outline,
+    target_outlines,
     whole_body,
 )
 from swarm_mj.results.figures.panels import legend_below
 from swarm_mj.results.figures.style import caption, new_figure, note_of_omission, shown_spacecraft
+from swarm_mj.results.figures.timescale import visit_words
 from swarm_mj.results.figures.view import HIDING_DEPTH, depth_of, face_colours, tracer_of, unit
 from swarm_mj.results.look import (
     BLACK,
@@ -36,7 +37,6 @@ from swarm_mj.results.look import (
     SKY_BLUE,
     SPACECRAFT,
     Dashes,
-    instant,
     spacecraft_colours,
     spacecraft_dashes,
     time_axis,
@@ -62,10 +62,12 @@ def compose_footprints(plan: Plan, telemetry: xr.Dataset, result: ObservationRes
     mesh, scenario = plan.region.mesh, plan.scenario
     camera = camera_from(scenario)
     shown = shown_spacecraft(plan.n_observers)
-    visit_s = telemetry["time"].values[visit_sample(scenario)]
+    visits_s = telemetry["time"].values[visit_samples(scenario)]
     taken = list(flight_pictures(plan, telemetry))
     poses = {
-        picture.spacecraft: picture.pose for picture in taken if picture.t == visit_s and picture.spacecraft in shown
+        picture.spacecraft: picture.pose
+        for picture in taken
+        if picture.spacecraft in shown and picture.t == visits_s[picture.spacecraft]
     }
     window = _window(plan, camera, list(poses.values()))
     title = f"Footprints of the pictures: {scenario.name}{note_of_omission(plan.n_observers, shown)}"
@@ -77,7 +79,8 @@ def compose_footprints(plan: Plan, telemetry: xr.Dataset, result: ObservationRes
     if scenario.observation.criterion == "passage":
         passage = [picture.pose for picture in taken[:: 1 + len(taken) // MAX_PICTURES]]
         whole = _draw_union(ax, passage, camera, mesh, ground)
-    draw_track(ax, target_outline(plan.region), window.centre_longitude, color=BLACK, linewidth=2.2, zorder=3)
+    for border in target_outlines(plan.region):
+        draw_track(ax, border, window.centre_longitude, color=BLACK, linewidth=2.2, zorder=3)
     colours = dict(zip(shown.tolist(), spacecraft_colours(len(shown)), strict=True))
     dashes = dict(zip(shown.tolist(), spacecraft_dashes(len(shown)), strict=True))
     outlines: list[Array] = []
@@ -91,7 +94,7 @@ def compose_footprints(plan: Plan, telemetry: xr.Dataset, result: ObservationRes
     percent = result.coverage.percent
     caption(
         ax,
-        f"outlines: the visit, t = {instant(scenario.design.time_of_flight_s, axis)}; "
+        f"outlines: {visit_words(scenario, axis)}; "
         f"half-angle {camera.half_angle_deg:g}\N{DEGREE SIGN}; $P_{{TO}}$ = {percent:.2f} %",
     )
     legend_below(figure, _handles(plan, result, {j: colours[j] for j in poses}, whole))
@@ -139,7 +142,7 @@ def _window(plan: Plan, camera: CameraModel, poses: list[CameraPose]) -> Window:
     """The target and the footprints of the visit, with some room around."""
     mesh, centre = plan.region.mesh, plan.scenario.target.longitude_deg
     coarse = survey(mesh, whole_body(centre), SEARCH_COLUMNS)
-    latitude, longitude = latitude_longitude(target_outline(plan.region), centre)
+    latitude, longitude = latitude_longitude(np.concatenate(target_outlines(plan.region)), centre)
     for pose in poses:
         row, column = np.nonzero(view_margin(camera, pose, coarse, mesh) > 0.0)
         latitude = np.append(latitude, coarse.latitudes[row])
@@ -226,7 +229,10 @@ def _number(
             numbers=chosen,
             lines=[
                 *outlines,
-                np.stack(latitude_longitude(target_outline(plan.region), window.centre_longitude)[::-1], axis=1),
+                *(
+                    np.stack(latitude_longitude(border, window.centre_longitude)[::-1], axis=1)
+                    for border in target_outlines(plan.region)
+                ),
             ],
             marked=False,
         )

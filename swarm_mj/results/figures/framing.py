@@ -13,6 +13,7 @@ from swarm_mj.results.figures.scene import Scene
 from swarm_mj.results.figures.style import SMALL_PT
 from swarm_mj.results.figures.view import KM, View, draw_body
 from swarm_mj.results.look import BLACK, GREY
+from swarm_mj.scenarios.itinerary import last_visit_s
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.typing import Array, Indices
 
@@ -40,7 +41,7 @@ def near_visit(plan: Plan, telemetry: xr.Dataset, at_least_m: float = 0.0) -> xr
     """
     times = telemetry["time"].values
     distance = np.linalg.norm(telemetry["r_BN_N"].values.mean(axis=1), axis=1)
-    visit = int(np.argmin(np.abs(times - plan.scenario.design.time_of_flight_s)))
+    visit = int(np.argmin(np.abs(times - last_visit_s(plan.scenario))))
     reach = max(FAR * distance[visit], FAR_RADII * plan.region.mesh.max_radius, at_least_m)
     far = np.flatnonzero(distance > reach)
     first = int(far[far < visit].max(initial=-1)) + 1

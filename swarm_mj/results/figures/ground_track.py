@@ -20,7 +20,7 @@ from swarm_mj.results.figures.maps import (
     name_map,
     paint,
     survey,
-    target_outline,
+    target_outlines,
     whole_body,
 )
 from swarm_mj.results.figures.numbering import number_beside
@@ -63,7 +63,8 @@ def compose_ground_track(plan: Plan, telemetry: xr.Dataset, result: ObservationR
     sun, earth = (unit(C_AN @ motion.at(time)) for motion in (plan.environment.sun, plan.environment.earth))
     ground = survey(mesh, window, COLUMNS)
     paint(ax, ground, mesh, face_colours(mesh, []), sun)
-    draw_track(ax, target_outline(plan.region), window.centre_longitude, color=BLACK, linewidth=1.8)
+    for outline in target_outlines(plan.region):
+        draw_track(ax, outline, window.centre_longitude, color=BLACK, linewidth=1.8)
     step = mark_interval(plan.scenario.duration_s)
     marks = np.searchsorted(scene.times, np.arange(0.0, scene.times[-1], step) - 1e-6)
     track = time_scale(plan, telemetry).samples(scene.times, TRACK_POINTS)

@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 
 from swarm_mj.flight.observe import ObservationResult, visit_sample
 from swarm_mj.flight.plan import Plan
-from swarm_mj.mission.target import TargetRegion, angles
+from swarm_mj.mission.target import TargetRegion
+from swarm_mj.results.figures.cells import flat_cells, name_targets
 from swarm_mj.results.figures.panels import legend_below
 from swarm_mj.results.figures.scene import scene_from
 from swarm_mj.results.figures.style import (
@@ -163,7 +164,7 @@ def _draw_maps(figure: Figure, row: NDArray[np.object_], plan: Plan, telemetry: 
     scene = scene_from(plan, telemetry.isel(time=[visit]))
     time = float(scene.times[0])
     found = best_angles(region, _sun_A(plan, time), scene.r_A[0, : plan.n_observers])
-    corners = angles(region.corners_A, region.axes_A)
+    corners = flat_cells(region)
     when = instant(time, time_axis(plan.scenario.duration_s))
     words = ("incidence", "least emission of the swarm", "phase, same spacecraft")
     for ax, values, name in zip(row, found, words, strict=True):
@@ -171,6 +172,7 @@ def _draw_maps(figure: Figure, row: NDArray[np.object_], plan: Plan, telemetry: 
         ax.add_collection(cells)
         ax.set_aspect("equal")
         ax.autoscale_view()
+        name_targets(ax, region)
         tidy(ax)
         ax.grid(False)
         label(ax, "angle east [deg]", "angle north [deg]")

@@ -114,6 +114,11 @@ def latitude_longitude(points_A: Array, centre_longitude: float = 0.0) -> tuple[
     return np.degrees(np.arctan2(z, np.hypot(x, y))), centre_longitude + (longitude + 180.0) % 360.0 - 180.0
 
 
+def target_outlines(region: TargetRegion) -> list[Array]:
+    """The same of every target of a region."""
+    return [target_outline(target) for target in region.targets]
+
+
 def target_outline(region: TargetRegion, per_side: int = 60) -> Array:
     """Directions along the border of a target, a closed line, shape (4 per_side + 1, 3)."""
     reach = np.tan(region.side_half_angle)

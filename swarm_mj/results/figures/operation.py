@@ -36,6 +36,7 @@ from swarm_mj.results.figures.view import (
 )
 from swarm_mj.results.look import BLACK, BLUE, GREY, ORANGE, SKY_BLUE, VERMILLION
 from swarm_mj.results.modes import LOST, MODE_LOOKS
+from swarm_mj.scenarios.itinerary import last_visit_s
 from swarm_mj.typing import Array, Indices, Mask
 
 #: Corners of a trail; a flyby bends little.
@@ -51,7 +52,7 @@ def compose_operation(plan: Plan, telemetry: xr.Dataset, result: ObservationResu
     telemetry = near_visit(plan, telemetry)
     scene = scene_from(plan, telemetry)
     figure = new_figure(8.2, f"Operation of the swarm: {plan.scenario.name}", width_in=11.0)
-    visit = int(np.argmin(np.abs(scene.times - plan.scenario.design.time_of_flight_s)))
+    visit = int(np.argmin(np.abs(scene.times - last_visit_s(plan.scenario))))
     instants = (visit, len(scene.times) - 1)
     view = best_view(plan.region, scene, instants)
     grid = figure.subplots(2, 2, height_ratios=(3.0, 1.0))

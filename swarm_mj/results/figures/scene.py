@@ -15,6 +15,7 @@ from swarm_mj.mission.behaviors import TargetKind, looks_at_body
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.results.figures.view import KM, View, first_hits, unit, views_of, visible_share
 from swarm_mj.results.modes import LOST, modes_shown
+from swarm_mj.scenarios.itinerary import last_visit_s
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.spacecraft.attitude.mrp import dcm
 from swarm_mj.typing import Array, Mask
@@ -49,7 +50,7 @@ def scene_from(plan: Plan, telemetry: xr.Dataset, *, at_rest: bool = False) -> S
     C_AN = asteroid_attitudes(telemetry)
     turn = np.broadcast_to(np.eye(3), C_AN.shape)
     if at_rest:
-        at_visit = plan.environment.C_AN(plan.scenario.design.time_of_flight_s)
+        at_visit = plan.environment.C_AN(last_visit_s(plan.scenario))
         turn, C_AN = C_AN @ at_visit.T, np.broadcast_to(at_visit, C_AN.shape)
     z_N = dcm(telemetry["sigma_BN"].values)[..., 2, :]
     mode = modes_shown(telemetry)

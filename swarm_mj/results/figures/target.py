@@ -16,14 +16,15 @@ from swarm_mj.flight.observe import ObservationResult
 from swarm_mj.flight.plan import Plan
 from swarm_mj.mission.target import angles
 from swarm_mj.results.figures.box import box_around, draw_box, keep_inside
-from swarm_mj.results.figures.cells import draw_cells
+from swarm_mj.results.figures.cells import draw_cells, flat_offsets
 from swarm_mj.results.figures.framing import WIDER
 from swarm_mj.results.figures.numbering import POINTS_PER_INCH
 from swarm_mj.results.figures.panels import legend_below
 from swarm_mj.results.figures.style import HALO, SMALL_PT, TICK_PT, caption, label, new_figure, plain, tidy
 from swarm_mj.results.figures.view import draw_body, draw_line, draw_points, face_colours, views_of, visible_share
 from swarm_mj.results.look import BLACK, ORANGE, VERMILLION
-from swarm_mj.typing import Array, Mask
+from swarm_mj.scenarios.itinerary import itinerary
+from swarm_mj.typing import Array, Indices, Mask
 
 #: Room that a digit takes [pt].
 NUMBER_PT = 8.0
@@ -55,10 +56,15 @@ def _spot(name: str, colour: str, size: float) -> Line2D:
     return Line2D([], [], marker="o", markersize=size, color=colour, linestyle="none", label=name)
 
 
-def visiting_points(plan: Plan) -> Array:
-    """All visiting points in A, shape (n_T, 3) [m]."""
-    design = plan.scenario.design
-    return plan.region.visiting_points_A(design.imaging_altitude_m, projection=design.projection)
+def visiting_points(plan: Plan, target: int = 0) -> Array:
+    """All visiting points of a target in A, at the altitude of the first observer there or the common one, (n_T, 3) [m]."""
+    design, part = plan.scenario.design, plan.region.targets[target]
+    altitudes = [stop.altitude_m for stop in itinerary(plan.scenario) if stop.target == target]
+    points = part.visiting_points_A(next(iter(altitudes), design.imaging_altitude_m), projection=design.projection)
+    for stop, own in zip(itinerary(plan.scenario), plan.points_A, strict=True):
+        if stop.target == target:
+            points[stop.point - 1] = own
+    return points
 
 
 def geographic(latitude_deg: float, longitude_deg: float) -> str:
@@ -68,9 +74,11 @@ def geographic(latitude_deg: float, longitude_deg: float) -> str:
 
 
 def _draw_overview(ax: Axes, plan: Plan) -> None:
-    region, points = plan.region, visiting_points(plan)
+    region, targets = plan.region, range(len(plan.region.targets))
+    points = np.concatenate([visiting_points(plan, k) for k in targets])
+    vertices = np.concatenate([target.visiting_vertex for target in region.targets])
     view = max(views_of(region), key=lambda view: visible_share(view, region))
-    chosen = np.unique(np.array(plan.scenario.design.visiting_points) - 1)
+    chosen = np.flatnonzero(np.concatenate([_visited(plan, k) for k in targets]))
     shown = np.vstack((region.corners_A.reshape(-1, 3), points))
     whole = np.vstack((region.mesh.vertices, points))
     near = np.ptp(whole, axis=0).max() > WIDER * np.ptp(shown, axis=0).max()  # on a large body they would be a speck
@@ -78,7 +86,7 @@ def _draw_overview(ax: Axes, plan: Plan) -> None:
     draw_box(ax, view, box)
     draw_body(ax, view, region.mesh, face_colours(region.mesh, [(region.target, ORANGE)]))
     for k in chosen:
-        ground = region.vertices[region.visiting_vertex[k]]
+        ground = region.vertices[vertices[k]]
         draw_line(ax, view, region.mesh, np.array([ground, points[k]]), color=VERMILLION, linewidth=0.9)
     draw_points(ax, view, region.mesh, points, marker="o", markersize=2.2, color=BLACK)
     draw_points(
@@ -94,24 +102,33 @@ def _draw_overview(ax: Axes, plan: Plan) -> None:
     )
 
 
+def _visited(plan: Plan, target: int) -> Mask:
+    """Which visiting points of a target somebody is sent to, shape (n_T,)."""
+    own = [stop.point for stop in itinerary(plan.scenario) if stop.target == target]
+    return np.isin(np.arange(plan.region.targets[target].n_visiting) + 1, own)
+
+
 def _draw_close_up(ax: Axes, plan: Plan) -> tuple[str, bool]:
     """The target from above; gives words on the numbers of the visited points, and whether there are others."""
-    region, points = plan.region, visiting_points(plan)
+    region, targets = plan.region, range(len(plan.region.targets))
     draw_cells(ax, region, np.tile(to_rgb(ORANGE), (region.n_cells, 1)))
-    flat = angles(points, region.axes_A)
-    visited = np.isin(np.arange(len(flat)), np.array(plan.scenario.design.visiting_points) - 1)
+    flat = np.concatenate(
+        [angles(visiting_points(plan, k), region.targets[k].axes_A) + flat_offsets(region)[k] for k in targets]
+    )
+    visited = np.concatenate([_visited(plan, k) for k in targets])
+    numbers = np.concatenate([np.arange(region.targets[k].n_visiting) + 1 for k in targets])
     ax.plot(*flat[~visited].T, "o", color=BLACK, markersize=2.5)
     ax.plot(*flat[visited].T, "o", color=VERMILLION, markersize=7, markeredgecolor="white")
     tidy(ax)
     ax.grid(False)
     label(ax, "angle east of the target's centre [deg]", "angle north of the target's centre [deg]")
-    caption(ax, f"the {region.n_visiting} visiting points, seen from the body's centre")
-    numbered = _number_points(ax, flat, visited)
+    caption(ax, f"the {len(flat)} visiting points, seen from the body's centre")
+    numbered = _number_points(ax, flat, visited, numbers)
     words = ", with their numbers" if numbered[visited].all() else ", numbered where there is room"
     return words if numbered[visited].any() else "", not visited.all()
 
 
-def _number_points(ax: Axes, flat: Array, visited: Mask) -> Mask:
+def _number_points(ax: Axes, flat: Array, visited: Mask, numbers: Indices) -> Mask:
     """Number points (n, 2) where there is room, visited ones first; gives which are numbered, shape (n,)."""
     ax.apply_aspect()
     figure = ax.get_figure(root=True)
@@ -119,10 +136,10 @@ def _number_points(ax: Axes, flat: Array, visited: Mask) -> Mask:
     spots = ax.transData.transform(flat) * POINTS_PER_INCH / figure.dpi
     numbered = np.zeros(len(flat), bool)
     for k in (*np.flatnonzero(visited), *np.flatnonzero(~visited)):
-        apart = np.abs(spots[numbered] - spots[k]) > (NUMBER_PT * len(str(k + 1)), NUMBER_PT)
+        apart = np.abs(spots[numbered] - spots[k]) > (NUMBER_PT * len(str(numbers[k])), NUMBER_PT)
         if apart.any(axis=1).all():
             numbered[k] = True
-            _number(ax, int(k) + 1, flat[k], bold=bool(visited[k]))
+            _number(ax, int(numbers[k]), flat[k], bold=bool(visited[k]))
     return numbered
 
 

@@ -13,6 +13,8 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator, NullLoca
 from swarm_mj.flight.plan import Plan
 from swarm_mj.results.figures.style import TICK_PT, label
 from swarm_mj.results.look import GREY, TimeAxis, instant, time_axis
+from swarm_mj.scenarios.itinerary import visit_times
+from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.typing import Array, Indices
 
 #: Samples beyond this number differ by less than a pixel.
@@ -175,7 +177,7 @@ def time_scale(plan: Plan, telemetry: xr.Dataset) -> TimeScale:
     return TimeScale(
         axis=time_axis(scenario.duration_s),
         duration_s=scenario.duration_s,
-        visit_s=scenario.design.time_of_flight_s,
+        visit_s=float(visit_times(scenario).max()),
         encounter_s=_encounter(plan, telemetry),
     )
 
@@ -197,13 +199,22 @@ def delivery_scale(plan: Plan, telemetry: xr.Dataset, busy_s: float, end_s: floa
     return replace(flight, axis=time_axis(end_s), duration_s=end_s, encounter_s=wider, brief_before=True)
 
 
+def visit_words(scenario: Scenario, axis: TimeAxis) -> str:
+    """When the visit is, in words; of several visits, from when to when."""
+    visits = visit_times(scenario)
+    first, last = float(visits.min()), float(visits.max())
+    if first == last:
+        return f"the visit, t = {instant(first, axis)}"
+    return f"each at its visit, t = {instant(first, axis)} to {instant(last, axis)}"
+
+
 def _encounter(plan: Plan, telemetry: xr.Dataset) -> tuple[float, float] | None:
     """The time in which a spacecraft is inside the imaging region, with what is around it; None where that is no short one."""
     times, scenario = telemetry["time"].values, plan.scenario
     distance = np.linalg.norm(telemetry["r_BN_N"].values, axis=2).min(axis=1)
     near = times[distance <= max(scenario.behavior.imaging_radius_m, NEAR * float(distance.min()))]
-    visit = scenario.design.time_of_flight_s
-    first, last = min(float(near[0]), visit), max(float(near[-1]), visit)
+    visits = visit_times(scenario)
+    first, last = min(float(near[0]), float(visits.min())), max(float(near[-1]), float(visits.max()))
     room = max(AROUND * (last - first), TURNING_S)
     start, end = max(first - room, 0.0), min(last + room, scenario.duration_s)
     return (start, end) if end - start < SHORT * scenario.duration_s else None

@@ -32,6 +32,7 @@ from swarm_mj.results.figures.style import (
 from swarm_mj.results.figures.view import KM, draw_body, draw_line, draw_points, face_colours
 from swarm_mj.results.look import BLACK, BLUE, GREY, ORANGE, VERMILLION, instant, time_axis
 from swarm_mj.results.visit import visit_miss_m
+from swarm_mj.scenarios.itinerary import last_visit_s
 from swarm_mj.typing import Indices
 
 #: Misses below this are not told apart [mm].
@@ -54,7 +55,7 @@ def compose_trajectories(plan: Plan, telemetry: xr.Dataset, result: ObservationR
     figure = new_figure(5.4, f"Trajectories: {plan.scenario.name}{note_of_omission(plan.n, shown)}", width_in=11.0)
     space, bars = figure.subplots(1, 2, width_ratios=(1.35, 1.0))
     started = _draw_flight(space, plan, scene)
-    time = instant(plan.scenario.design.time_of_flight_s, time_axis(plan.scenario.duration_s))
+    time = instant(last_visit_s(plan.scenario), time_axis(plan.scenario.duration_s))
     away = plan.mothership_distance / KM
     start = "" if started else f"; $r_0$, {away:,.0f} km away, is not shown"
     missed, residual = (_length(miss.max()) for miss in (visit_miss_m(plan, telemetry), plan.deployment.miss_m))
@@ -88,7 +89,7 @@ def _colour(plan: Plan, j: int) -> str:
 def _draw_flight(ax: Axes, plan: Plan, scene: Scene) -> bool:
     """The flight around the visit; gives whether the mothership's place at deployment is in it."""
     mesh, region = plan.region.mesh, plan.region
-    visit = int(np.argmin(np.abs(scene.times - plan.scenario.design.time_of_flight_s)))
+    visit = int(np.argmin(np.abs(scene.times - last_visit_s(plan.scenario))))
     view = best_view(region, scene, (visit, len(scene.times) - 1))
     inside, held = framed(plan, scene, visit, onwards=True)
     first, last = max(held[0] - 1, 0), min(held[-1] + 1, len(scene.times) - 1)

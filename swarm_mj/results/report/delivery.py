@@ -46,6 +46,7 @@ from swarm_mj.results.report.markup import Content, Html, table, tag
 from swarm_mj.results.report.plots import INK, MAX_ROWS
 from swarm_mj.results.report.sections import section
 from swarm_mj.results.run_record import RunRecord
+from swarm_mj.scenarios.itinerary import last_visit_s
 from swarm_mj.typing import Array, Mask
 
 HINT = (
@@ -340,9 +341,9 @@ def _percent(area: Array, cells: Mask) -> float:
 def _finish(figure: go.Figure, run: RunRecord, delivery: Delivery, axis: TimeAxis, height: float) -> None:
     """Time axis from the first picture until data no longer move, marks of visit and end, legend."""
     last = _until_s(run, delivery)
-    first = min(float(delivery.edges_s[0]), run.scenario.design.time_of_flight_s)
+    first = min(float(delivery.edges_s[0]), last_visit_s(run.scenario))
     first = max(first - BEFORE * (last - first), 0.0)
-    marks = ((run.scenario.design.time_of_flight_s, "dash"), (run.scenario.duration_s, "solid"))
+    marks = ((last_visit_s(run.scenario), "dash"), (run.scenario.duration_s, "solid"))
     shapes = [
         {
             "type": "line", "xref": "x", "yref": "paper", "x0": t / axis.seconds, "x1": t / axis.seconds, "y0": 0.0, "y1": 1.0,

@@ -41,6 +41,7 @@ from swarm_mj.results.report.sections import (
     summary_section,
 )
 from swarm_mj.results.run_record import RunRecord
+from swarm_mj.scenarios.itinerary import last_visit_s
 
 #: Files of the page's own style and behaviour, in order.
 STYLE, SCRIPTS = "page.css", ("mesh.js", "names.js", "scene.js", "page.js")
@@ -278,7 +279,7 @@ def page_data(runs: Sequence[RunRecord], replays: Sequence[Replay], labels: Sequ
     return {
         "ink": INK,
         "axis_seconds": time_axis(longest).seconds,
-        "visit_s": runs[0].scenario.design.time_of_flight_s,
+        "visit_s": last_visit_s(runs[0].scenario),
         "modes": [
             {"meaning": look.meaning, "colour": look.line_colour, "observing": bool(looks_at_body(mode))}
             for mode, look in enumerate(MODE_LOOKS)

@@ -13,6 +13,7 @@ from swarm_mj.results.look import BLUE, GREY, SPACECRAFT, VERMILLION, TimeAxis, 
 from swarm_mj.results.modes import MODE_LOOKS
 from swarm_mj.results.report.replay import Replay
 from swarm_mj.results.run_record import RunRecord
+from swarm_mj.scenarios.itinerary import last_visit_s
 from swarm_mj.spacecraft.properties import RPM
 from swarm_mj.typing import Array, Mask
 
@@ -106,7 +107,7 @@ def _frame(run: RunRecord, names: Sequence[str], timeline_rows: int) -> go.Figur
         legend2={"orientation": "h", "x": 0.0, "y": -LEGEND_BELOW_PX / inside, "yanchor": "top"},
         height=inside + MARGINS_PX["t"] + MARGINS_PX["b"],
         uirevision="kept",
-        shapes=[_marker(run.scenario.design.time_of_flight_s / axis.seconds, GREY, "dash")],
+        shapes=[_marker(last_visit_s(run.scenario) / axis.seconds, GREY, "dash")],
     )
     return figure
 

@@ -20,6 +20,7 @@ from swarm_mj.observation.raytracing import RayTracer
 from swarm_mj.results.modes import LOST
 from swarm_mj.results.report.simplify import simplify
 from swarm_mj.results.run_record import RunRecord
+from swarm_mj.scenarios.itinerary import last_visit_s
 from swarm_mj.spacecraft.attitude.mrp import dcm
 from swarm_mj.spacecraft.properties import RPM
 from swarm_mj.typing import Array, Indices, Ints, Mask
@@ -111,7 +112,7 @@ def make_replay(run: RunRecord, limits: Limits) -> Replay:
 def choose_samples(run: RunRecord, count: int) -> Indices:
     """Numbers of at most about `count` samples, evenly spaced, with the visit and the last one among them."""
     total = len(run.times)
-    visit = int(np.argmin(np.abs(run.times - run.scenario.design.time_of_flight_s)))
+    visit = int(np.argmin(np.abs(run.times - last_visit_s(run.scenario))))
     step = -(-total // count)
     return np.unique([*range(0, total, step), visit, total - 1]).astype(np.intp)
 

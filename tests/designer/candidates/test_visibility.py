@@ -213,10 +213,11 @@ def test_night_hides_the_target_from_every_candidate():
 def test_several_targets_altitudes_and_times_make_more_candidates_with_their_own_meaning():
     extra = "designer.extra_targets=[{latitude_deg: 0, longitude_deg: 60, half_angle_deg: 10}]"
     seen = visibility(scenario(extra))
-    first, second = seen.regions
-    assert seen.sees.shape == (first.n_visiting + second.n_visiting, first.n_cells + second.n_cells)
+    (region,) = seen.regions
+    first, second = region.targets
+    assert seen.sees.shape == (first.n_visiting + second.n_visiting, region.n_cells)
     assert {c.target for c in seen.candidates} == {0, 1}
-    own = seen.sees[first.n_visiting :, first.n_cells :]
+    own = seen.sees[first.n_visiting :, region.cells_of(1)]
     assert own.any(axis=1).all()
 
     free = visibility(scenario("designer.altitudes_m=[10000, 14000]", "designer.times_of_flight_s=[480, 600]"))
