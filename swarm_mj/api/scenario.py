@@ -14,7 +14,7 @@ from swarm_mj.flight.plan import Plan, make_plan
 from swarm_mj.io.atomic import atomic_file
 from swarm_mj.scenarios import schema
 from swarm_mj.scenarios.catalogue import Named, explained, installed_plugins, packaged_scenarios
-from swarm_mj.scenarios.loading import design_overrides, load_scenario, read_design
+from swarm_mj.scenarios.loading import design_overrides, design_section, load_scenario
 
 #: What the short table of a scenario shows, by its words.
 SHOWN: dict[str, Callable[[schema.Scenario], str]] = {
@@ -120,7 +120,7 @@ def load(
     if seed is not None:
         asked.append(f"seed={seed}")
     if design is not None:
-        asked += [f"design.reference={quoted(design)}", *design_overrides(read_design(str(design)))]
+        asked += [f"design.reference={quoted(design)}", *design_overrides(design_section(str(design)))]
     scenario = load_scenario(source, asked)
     if policy is not None:
         from swarm_mj.envs.policy_behavior import policy_overrides

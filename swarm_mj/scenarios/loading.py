@@ -151,7 +151,7 @@ def _resolved(name: str, folder: Path) -> str:
     return str(path.resolve()) if _exists(path) and path.is_file() else name
 
 
-def read_design(reference: str) -> dict[str, Any]:
+def design_section(reference: str) -> dict[str, Any]:
     """What a design that `swarm-mj design` made gives the section `design`: `visiting_points` and `observers`.
 
     Args:
@@ -169,13 +169,19 @@ def read_design(reference: str) -> dict[str, Any]:
     return {"visiting_points": design["visiting_points"], "observers": design.get("observers", [])}
 
 
+def read_design(reference: str) -> list[int]:
+    """Visiting points of a design that `swarm-mj design` made; args and errors as of `design_section`."""
+    points: list[int] = design_section(reference)["visiting_points"]
+    return points
+
+
 def design_overrides(found: Mapping[str, Any]) -> list[str]:
     """The same as overrides."""
     return [f"design.{key}={json.dumps(found[key])}" for key in ("visiting_points", "observers")]
 
 
 def design_record(reference: str) -> dict[str, Any]:
-    """The whole record of a design, with its `visiting_points` checked; args and errors as in `read_design`."""
+    """The whole record of a design, with its `visiting_points` checked; args and errors as in `design_section`."""
     known = packaged_designs()
     asked = f"design.reference (--design) = {shortened(reference)}"
     try:
@@ -206,7 +212,7 @@ def _resolve_design(data: dict[str, Any]) -> None:
     """Put the points of a design that is named by reference into the scenario; points that are given go first."""
     design = data.get("design")
     if isinstance(design, dict) and isinstance(design.get("reference"), str) and "visiting_points" not in design:
-        found = read_design(design["reference"])
+        found = design_section(design["reference"])
         design["visiting_points"] = found["visiting_points"]
         if found["observers"]:
             design.setdefault("observers", found["observers"])

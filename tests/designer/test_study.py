@@ -142,14 +142,18 @@ def test_a_design_can_be_flown_by_reference_and_covers_the_target(folder, tmp_pa
         "designer.extra_targets=[{latitude_deg: 0, longitude_deg: 60, half_angle_deg: 10}]",
     ],
 )
-def test_a_design_that_no_single_scenario_flies_says_so_and_is_refused_by_run(tmp_path, capsys, freedom):
-    out = tmp_path / "o"
+def test_a_design_of_other_altitudes_or_targets_is_flown_by_run(tmp_path, freedom):
+    out, flown = tmp_path / "o", tmp_path / "r"
     assert main(["design", "eros-quick", "--quiet", "--no-figures", "--out", str(out), *arguments(freedom)]) == 0
-    assert "No single scenario flies this design" in capsys.readouterr().out
-    assert (
-        main(["run", "eros-quick", "--quiet", "--design", str(out / "design.json"), "--out", str(tmp_path / "r")]) == 2
-    )
-    assert "several targets, altitudes or times" in capsys.readouterr().err
+    design = json.loads((out / "design.json").read_text())
+    assert design["observers"] and design["flyable"]
+    asked = ["run", "eros-quick", "--quiet", "--no-figures", "--design", str(out / "design.json"), *arguments(freedom)]
+    assert main([*asked, "--out", str(flown)]) == 0
+    summary = json.loads((flown / "summary.json").read_text())
+    assert summary["coverage_percent"] >= design["covered_percent"] - 1e-6
+    assert [stop["altitude_m"] for stop in summary["itinerary"].values()] == [
+        entry["imaging_altitude_m"] for entry in design["observers"]
+    ]
 
 
 def test_two_fold_coverage_survives_the_loss_of_any_one_spacecraft():
