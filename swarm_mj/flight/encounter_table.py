@@ -15,7 +15,7 @@ from swarm_mj.coordination.roles import Pictures
 from swarm_mj.coordination.slewing import settling_times, slots_between
 from swarm_mj.flight.observe import camera_from, criterion_from, schedule_from
 from swarm_mj.io.cache import cache_folder, hash_of, load_array, store_array
-from swarm_mj.mission.trajectories import propagate
+from swarm_mj.mission.deployment import planned_paths
 from swarm_mj.observation.observer import make_observer
 from swarm_mj.typing import Array
 
@@ -59,8 +59,7 @@ def encounter_of(plan: Any) -> Encounter:
 def planned_places(plan: Any, times: Array) -> Array:
     """Where the observers are planned to be in A, shape (k, a, 3) [m]."""
     deployment, grid = plan.deployment, np.concatenate([[0.0], times[times > 0.0]])
-    v0_N = deployment.v0_N[: plan.n_observers]
-    r_N, _ = propagate(plan.environment.acceleration_N, np.broadcast_to(deployment.r0_N, v0_N.shape), v0_N, grid)
+    r_N = planned_paths(plan.environment.acceleration_N, deployment, grid)[0][:, : plan.n_observers]
     r_N = r_N if times[0] == 0.0 else r_N[1:]
     C_AN = np.array([plan.environment.C_AN(t) for t in times])
     places: Array = np.einsum("kab,knb->kna", C_AN, r_N)
