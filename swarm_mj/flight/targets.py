@@ -1,0 +1,98 @@
+"""From a scenario to its targets: the region to cover, the points to visit, and when each spacecraft flies there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from swarm_mj.errors import ScenarioError
+from swarm_mj.mission.behaviors import Behavior
+from swarm_mj.mission.deployment import groups
+from swarm_mj.mission.target import (
+    Pyramid,
+    TargetRegion,
+    automatic_cell_size,
+    build_targets,
+    check_visiting_points,
+)
+from swarm_mj.scenarios.itinerary import Stop, all_targets, itinerary
+from swarm_mj.scenarios.schema import Scenario, Target
+from swarm_mj.simulator.faults.dispersions import shifted_target, target_shift
+from swarm_mj.smallbody.shape import ShapeModel
+from swarm_mj.typing import Array
+
+#: How far out the communications spacecraft of several targets passes, in distances of the observers it goes with.
+ABOVE = 1.1
+
+
+def legs(scenario: Scenario, stops: Sequence[Stop], points_A: Array, behavior: Behavior) -> dict[str, Array]:
+    """Where each spacecraft goes, when it leaves and how long it flies, as `deploy` takes them.
+
+    Whether a communications spacecraft is added is a property of the behaviour, which counts it: it goes to the mean of the
+    observers' points at the common times. Between the points of several targets the body itself may lie: there it goes above
+    those of the target with most observers, at the times of the first of them.
+    """
+    release_s = [stop.release_s for stop in stops]
+    flight_s = [stop.time_of_flight_s for stop in stops]
+    if behavior.dedicated_communications:
+        sent_to = [stop.target for stop in stops]
+        busiest = max(sorted(set(sent_to)), key=sent_to.count)
+        if len(set(sent_to)) == 1:
+            place_A, release, flight = (
+                points_A.mean(axis=0),
+                scenario.design.release_s,
+                scenario.design.time_of_flight_s,
+            )
+        else:
+            there = [k for k, target in enumerate(sent_to) if target == busiest]
+            place_A, release, flight = ABOVE * points_A[there].mean(axis=0), release_s[there[0]], flight_s[there[0]]
+        points_A = np.vstack((points_A, place_A))
+        release_s.append(release)
+        flight_s.append(flight)
+    return {"points_A": points_A, "release_s": np.array(release_s), "time_of_flight": np.array(flight_s)}
+
+
+def target_from(scenario: Scenario, shape: ShapeModel) -> TargetRegion:
+    """The scenario's targets in one region, subdivided where its camera asks for it."""
+    return _region(scenario, shape, all_targets(scenario))
+
+
+def _region(scenario: Scenario, shape: ShapeModel, targets: Sequence[Target]) -> TargetRegion:
+    cell_size = scenario.target.cell_size_m
+    if cell_size == "auto":
+        cell_size = automatic_cell_size(scenario.design.imaging_altitude_m, scenario.camera.half_angle_deg)
+    pyramids = [Pyramid(t.latitude_deg, t.longitude_deg, t.half_angle_deg, t.edges) for t in targets]
+    return build_targets(shape, pyramids, cell_size_m=cell_size)
+
+
+def true_target(scenario: Scenario, shape: ShapeModel, planned: TargetRegion) -> TargetRegion:
+    """The targets where they really are: the visiting points were chosen for the planned ones."""
+    east, north = target_shift(scenario.dispersions, scenario.seed)
+    if east == north == 0.0:
+        return planned
+    moved = []
+    for target, part in zip(all_targets(scenario), planned.targets, strict=True):
+        radius = float(np.linalg.norm(part.centroid_A.mean(axis=0)))
+        latitude, longitude = shifted_target(target.latitude_deg, target.longitude_deg, east, north, radius)
+        moved.append(target.model_copy(update={"latitude_deg": latitude, "longitude_deg": longitude}))
+    return _region(scenario, shape, moved)
+
+
+def visiting_points(scenario: Scenario, shape: ShapeModel, region: TargetRegion) -> Array:
+    """The observers' visiting points in A, shape (n_obs, 3) [m]."""
+    stops = itinerary(scenario)
+    chosen = np.empty((len(stops), 3))
+    where = np.array([(stop.target, stop.altitude_m) for stop in stops])
+    for number, who in groups(where[:, 0], where[:, 1]):
+        part = region.targets[int(number)]
+        points = part.visiting_points_A(stops[who[0]].altitude_m, projection=scenario.design.projection)
+        for k in who:
+            if not 1 <= stops[k].point <= len(points):
+                whose = "the target's" if len(region.targets) == 1 else f"target {int(number)}'s"
+                raise ScenarioError(
+                    f"design.visiting_points: {stops[k].point} is not one of {whose} points, 1 to {len(points)}"
+                )
+            chosen[k] = points[stops[k].point - 1]
+    check_visiting_points(shape, chosen)
+    return chosen
