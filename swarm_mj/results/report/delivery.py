@@ -273,9 +273,8 @@ def _curve(
 
 def map_figure(run: RunRecord, delivery: Delivery) -> go.Figure:
     """The target's cells by when they arrive, hatched by the reason where they never do."""
-    target, coverage = run.scenario.target, run.coverage
-    axes_A = local_axes(target.latitude_deg, target.longitude_deg)
-    corners = angles(coverage["vertices"][coverage["faces"]], axes_A)
+    coverage, several = run.coverage, bool(run.scenario.designer.extra_targets)
+    corners = _flat_corners(run)
     times, area = delivery.arrives_s, coverage["area"]
     figure = go.Figure()
     there = ~np.isnan(times)
@@ -287,13 +286,32 @@ def map_figure(run: RunRecord, delivery: Delivery) -> go.Figure:
     if _percent(area, unseen) >= LEAST_PERCENT:
         _cells(figure, corners[unseen], f"not seen: {_percent(area, unseen):.2f} %", Look("", LIGHT_GREY, ""))
     figure.update_xaxes(
-        title={"text": "angle east of the target's centre [deg]", "standoff": 4}, showgrid=False, zeroline=False
+        title={"text": "east longitude [deg]" if several else "angle east of the target's centre [deg]", "standoff": 4},
+        showgrid=False,
+        zeroline=False,
     )
     figure.update_yaxes(
-        title="north [deg]", showgrid=False, zeroline=False, scaleanchor="x", scaleratio=1.0, constrain="domain"
+        title="latitude [deg]" if several else "north [deg]",
+        showgrid=False,
+        zeroline=False,
+        scaleanchor="x",
+        scaleratio=1.0,
+        constrain="domain",
     )
     figure.update_layout(height=MAP_PX, margin=MARGINS_PX, hovermode="closest", legend=_legend(MAP_PX), showlegend=True)
     return figure
+
+
+def _flat_corners(run: RunRecord) -> Array:
+    """Corners of the cells in the plane, shape (n, 3, 2) [deg]: about the target's axis; of several by longitude and latitude."""
+    target, corners_A = run.scenario.target, run.coverage["vertices"][run.coverage["faces"]]
+    if not run.scenario.designer.extra_targets:
+        return angles(corners_A, local_axes(target.latitude_deg, target.longitude_deg))
+    x, y, z = np.moveaxis(np.asarray(corners_A, np.float64), -1, 0)
+    longitude = np.degrees(np.arctan2(y, x))
+    longitude -= 360.0 * np.rint((longitude[:, :1] - target.longitude_deg) / 360.0)
+    longitude -= 360.0 * np.rint((longitude - longitude[:, :1]) / 360.0)  # a cell stays in one piece
+    return np.stack((longitude, np.degrees(np.arctan2(z, np.hypot(x, y)))), axis=-1)
 
 
 def _classes(times: Array, there: Mask) -> list[tuple[Mask, str, str]]:

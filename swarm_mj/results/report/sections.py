@@ -12,6 +12,7 @@ from swarm_mj.results.look import instant, time_axis
 from swarm_mj.results.report.markup import Content, Html, join, table, tag
 from swarm_mj.results.report.way_in import way_in_words
 from swarm_mj.results.run_record import RunRecord
+from swarm_mj.scenarios.itinerary import target_name
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.smallbody.shape_check import shown_size
 
@@ -134,6 +135,17 @@ def _design(run: RunRecord) -> Html:
         f"{run.summary['target_vertices']}, {design.imaging_altitude_m / 1e3:g} km above them, "
         f"{design.time_of_flight_s:g} s after deployment."
     )
+    if stops := run.summary.get("itinerary"):
+        words = f"{len(stops)} observers: " + "; ".join(
+            f"{name} visits point {stop['point']} of target {target_name(stop['target'])}, {stop['altitude_m'] / 1e3:g} km above "
+            f"it, {stop['time_of_flight_s']:g} s after its release at {stop['release_s']:g} s"
+            for name, stop in stops.items()
+        )
+        if shares := run.summary.get("coverage_percent_by_target"):
+            words += ". Observed of each target: " + ", ".join(
+                f"{target_name(k)} {share:.2f} %" for k, share in enumerate(shares)
+            )
+        words += "."
     if run.design is None or "proof" not in run.design:
         why = "These points were given; the run has no record of a design with a proof. The fewest are found by "
         return join([tag("p", words), tag("p", why, tag("code", "swarm-mj design"), ".")])
