@@ -303,7 +303,7 @@ def map_figure(run: RunRecord, delivery: Delivery) -> go.Figure:
 
 
 def _flat_corners(run: RunRecord) -> Array:
-    """Corners of the cells in the plane, shape (n, 3, 2) [deg]: about the target's axis; of several by longitude and latitude."""
+    """Corners of the cells in the plane, shape (n, 3, 2) [deg]: about the target's axis; of several on the globe."""
     target, corners_A = run.scenario.target, run.coverage["vertices"][run.coverage["faces"]]
     if not run.scenario.designer.extra_targets:
         return angles(corners_A, local_axes(target.latitude_deg, target.longitude_deg))

@@ -137,8 +137,9 @@ def _design(run: RunRecord) -> Html:
     )
     if stops := run.summary.get("itinerary"):
         words = f"{len(stops)} observers: " + "; ".join(
-            f"{name} visits point {stop['point']} of target {target_name(stop['target'])}, {stop['altitude_m'] / 1e3:g} km above "
-            f"it, {stop['time_of_flight_s']:g} s after its release at {stop['release_s']:g} s"
+            f"{name} visits point {stop['point']} of target {target_name(stop['target'])}, "
+            f"{stop['altitude_m'] / 1e3:g} km above it, "
+            f"{stop['time_of_flight_s']:g} s after its release at {stop['release_s']:g} s"
             for name, stop in stops.items()
         )
         if shares := run.summary.get("coverage_percent_by_target"):
