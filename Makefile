@@ -6,6 +6,7 @@ BIN := $(VENV)/bin
 
 .DEFAULT_GOAL := help
 .PHONY: help run test test-fast lint format types check wheel-test bench agreement docs docs-serve images pages pixel-to-earth convergence reproduction robustness learning mutants audit shape gl setup setup-dev clean
+.PHONY: help run test test-fast lint format types check wheel-test bench docs docs-serve images pages pixel-to-earth convergence reproduction robustness swarm-classes learning mutants audit shape gl setup setup-dev clean
 
 help: ## list the targets
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -85,6 +86,9 @@ convergence: setup ## rewrite docs/results/convergence.md: how answers depend on
 
 reproduction: setup ## rewrite docs/results/reproduction.md: the fewest observers under every reading
 	@$(BIN)/python -m scripts.pages.reproduction
+
+swarm-classes: setup-dev ## rewrite docs/results/swarm_classes.md: what each swarm class buys
+	@$(BIN)/python -m scripts.pages.swarm_classes
 
 robustness: setup-dev ## rewrite docs/results/robustness.md: what losses and faults cost
 	@$(BIN)/python -m scripts.pages.robustness

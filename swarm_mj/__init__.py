@@ -22,6 +22,7 @@ from swarm_mj.moved import warn_of_old_paths
 if TYPE_CHECKING:
     from swarm_mj.api.campaign import campaign, replay_row
     from swarm_mj.api.checks import bench, validate
+    from swarm_mj.api.classes import compare_classes
     from swarm_mj.api.design import Design, design
     from swarm_mj.api.flight import Flight, fly
     from swarm_mj.api.navigate import Navigation, navigate
@@ -44,6 +45,7 @@ __all__ = [
     "available",
     "bench",
     "campaign",
+    "compare_classes",
     "design",
     "explain",
     "fly",
@@ -70,6 +72,7 @@ _HOMES = {
     "available": "api.scenario",
     "bench": "api.checks",
     "campaign": "api.campaign",
+    "compare_classes": "api.classes",
     "design": "api.design",
     "explain": "api.scenario",
     "fly": "api.flight",

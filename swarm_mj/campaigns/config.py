@@ -77,6 +77,9 @@ class Campaign(Section):
         description="how parameters are drawn; sobol is a scrambled Sobol' sequence; saltelli the scheme of samples that "
         "Sobol' indices need: runs x (parameters + 3) flights",
     )
+    paired: bool = Field(
+        False, description="whether run k of every scenario has the same seed and drawn values; not with saltelli"
+    )
     scenarios: tuple[Base, ...] = Field(min_length=1, max_length=1000, description="what is flown, each `runs` times")
     overrides: dict[str, Any] = Field(
         default_factory=dict, alias="set", description="values by dotted key, in all scenarios"
@@ -112,6 +115,10 @@ class Campaign(Section):
     def _numbers_fit_together(self) -> Self:
         if self.method in ("sobol", "saltelli") and self.runs & (self.runs - 1):
             raise ValueError(f"runs = {self.runs}: must be a power of 2 where method = {self.method}")
+        if self.paired and self.method == "saltelli":
+            raise ValueError(
+                "paired = true: must be false where method = saltelli, which compares parameters, not scenarios"
+            )
         if self.method in ("grid", "saltelli") and not self.parameters:
             raise ValueError(f"parameters: at least one is needed where method = {self.method}")
         return self

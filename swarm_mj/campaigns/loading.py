@@ -99,6 +99,20 @@ def load_campaign(name_or_path: str | Path, *, runs: int | None = None) -> Resol
         raise _scenario_instead(source)
     if runs is not None:
         data["runs"] = runs
+    return resolve(data, source, folder)
+
+
+def resolve(data: dict[str, Any], source: str, folder: Path = Path()) -> Resolved:
+    """A campaign from the keys of its file, with the scenarios it flies.
+
+    Args:
+        data: As a file has it.
+        source: What errors call it.
+        folder: Which paths are relative to.
+
+    Raises:
+        ScenarioError: As `load_campaign`.
+    """
     campaign = _validated(data, source)
     scenarios = [_load_base(base, campaign, folder) for base in campaign.scenarios]
     campaign = _with_labels(campaign, scenarios, source)

@@ -51,6 +51,10 @@ DELIVERED = {
 }
 
 
+#: Keys of the summary of a swarm that coordinates nothing by messages.
+SILENT = {"coordination_bits": 0, "coordination_airtime_s": 0.0}
+
+
 def recorded(campaign: Campaign) -> dict[str, str]:
     """What is recorded of every run, by column: each once, and nothing that has a column already.
 
@@ -78,7 +82,7 @@ def outcome(plan: Plan, telemetry: xr.Dataset, result: ObservationResult, record
         result = replace(result, delivery=deliver(plan, telemetry, result.coverage, prove=False))
     summary = summarise(plan, telemetry, result, {})
     of_the_living = {key: working(summary, key) for key in LOST_WITH_THEIR_SPACECRAFT}
-    values = {**dict.fromkeys(DELIVERED), **summary, **of_the_living, **_pointed(plan, telemetry)}
+    values = {**dict.fromkeys(DELIVERED), **SILENT, **summary, **of_the_living, **_pointed(plan, telemetry)}
     return {
         "covered": bool(100.0 - result.coverage.percent <= plan.scenario.designer.tolerance_percent),
         "spacecraft": plan.n,

@@ -92,6 +92,8 @@ class Sample:
 
     def _draw(self, row: int, run: int, scenario: int) -> tuple[int, dict[str, Any]]:
         parameters = self.campaign.parameters
+        if self.campaign.paired:  # as the first scenario is flown
+            row, scenario = run * len(self.names), 0
         match self.campaign.method:
             case "monte_carlo":
                 u = np.random.default_rng(self._child(PARAMETERS, row)).random(self.dimensions)

@@ -62,6 +62,7 @@ def _parser() -> argparse.ArgumentParser:
     from swarm_mj.cli import (
         bench,
         campaign,
+        classes,
         design,
         export,
         navigate,
@@ -85,6 +86,7 @@ def _parser() -> argparse.ArgumentParser:
         run,
         design,
         campaign,
+        classes,
         video,
         report,
         export,

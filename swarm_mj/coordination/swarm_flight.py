@@ -23,6 +23,9 @@ from swarm_mj.dataflow.network import Access
 from swarm_mj.mission.behaviors import SwarmView, Targets, looks_at_body
 from swarm_mj.typing import Array, Ints, Mask
 
+#: Before the first picture that shows anything the auction begins: enough for all to agree and to turn [s].
+AHEAD_S = 120.0
+
 
 class CoordinationEvent(NamedTuple):
     """Something that a spacecraft came to know or did.
@@ -222,7 +225,7 @@ class SwarmFlight:
         """Go on with the auction of the pictures that are left."""
         mission, encounter, t = self.mission, self.mission.encounter, view.t
         slot = encounter.slot_after(t)
-        if slot >= len(encounter.slot_s):
+        if slot >= len(encounter.slot_s) or encounter.slot_s[slot] > t + AHEAD_S:
             return
         a = len(mission.pictures)
         camera_on = works if view.camera_on is None else view.camera_on

@@ -17,7 +17,7 @@ def test_every_public_name_is_there_and_documented(name):
 
 
 def test_an_unknown_name_is_told_what_there_is():
-    with pytest.raises(AttributeError, match="it offers .*campaign, design, explain, fly, load"):
+    with pytest.raises(AttributeError, match="it offers .*campaign, compare_classes, design, explain, fly, load"):
         _ = sm.flly
 
 

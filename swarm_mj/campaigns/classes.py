@@ -1,0 +1,211 @@
+"""The swarm classes compared: the same dispersed encounters, with the same losses, flown by each class.
+
+It is a campaign whose scenarios differ by their class alone and are `paired`: run k of every class has the same seed and the
+same chance of loss, so that the same spacecraft are lost at the same times.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import pyarrow as pa
+
+from swarm_mj.campaigns.loading import Resolved, resolve
+from swarm_mj.campaigns.statistics import Estimate, mean, probability
+from swarm_mj.errors import ScenarioError
+from swarm_mj.flight.plan import load_body_shape, target_from
+from swarm_mj.scenarios.loading import load_scenario
+from swarm_mj.scenarios.schema import Scenario
+from swarm_mj.typing import Array
+
+#: What is flown, and what it is called.
+VARIANTS = {
+    "0": "alone: own target, own downlink",
+    "2": "roles of the behaviour",
+    "2 sweep": "roles, and a sweep over the target",
+    "3": "pictures and relay planned together",
+    "4": "replanned in flight over the links",
+}
+#: The same with the visiting points that were planned together with the pictures.
+PLACED = {"3 placed": "as 3, places planned too", "4 placed": "as 4, places planned too"}
+#: Largest chance with which each spacecraft is lost.
+MOST_LOST = 0.4
+#: Share of the time of flight after which an encounter is over, as far as pictures go.
+OVER = 1.4
+#: Horizon maps judge pictures in no time; the dispersions are those of an ordinary mission, see `eros-losses`.
+OVERRIDES: dict[str, Any] = {
+    "observation.observer": "horizon",
+    "dispersions": {"deployment_velocity_m_s": 0.05, "mass_percent": 1, "inertia_percent": 3, "attitude_deg": 5},
+}
+#: What is kept of every flight.
+RECORD = (
+    "coverage_percent",
+    "delivered_percent",
+    "time_to_full_map_s",
+    "coordination_bits",
+    "deployment_delta_v_m_s.sum",
+    "lost",
+    "images",
+)
+
+
+def classes_campaign(
+    scenario: str,
+    *,
+    runs: int = 200,
+    seed: int = 0,
+    places: Sequence[int] = (),
+    settings: Mapping[str, Any] | None = None,
+) -> Resolved:
+    """The campaign that flies all classes.
+
+    Args:
+        scenario: Packaged name, or path of a scenario.
+        runs: Encounters.
+        seed: Of all draws.
+        places: Visiting points planned together with the pictures, see `plan_places`; none: classes 3 and 4 are flown as
+            designed alone.
+        settings: Values by dotted key for all classes.
+
+    Raises:
+        ScenarioError: The scenario cannot be read, or not be flown so.
+    """
+    base = load_scenario(scenario)
+    data = {
+        "name": f"{base.name}-classes",
+        "description": f"Swarm classes on {base.name}: the same encounters, the same losses",
+        "seed": seed,
+        "runs": runs,
+        "method": "latin_hypercube",
+        "paired": True,
+        "scenarios": [
+            {"name": f"class {name}", "scenario": scenario, "set": _changes(base, name, places)}
+            for name in (*VARIANTS, *(PLACED if places else ()))
+        ],
+        "set": {**OVERRIDES, "duration_s": _duration_s(base), "faults": [_losses(base)], **(settings or {})},
+        "parameters": {"faults.0.probability": {"distribution": "uniform", "low": 0.0, "high": MOST_LOST}},
+        "record": list(RECORD),
+    }
+    return resolve(data, f"classes of {base.name}")
+
+
+def _changes(base: Scenario, name: str, places: Sequence[int]) -> dict[str, Any]:
+    changes: dict[str, Any] = {"swarm": {"class": int(name[0])}}
+    if name == "2 sweep":
+        region = target_from(base, load_body_shape(base.body))
+        radius = float(np.linalg.norm(region.centroid_A, axis=1).mean())
+        changes["behavior.name"] = "target_sweep"
+        changes["behavior.parameters"] = {"surface_radius_m": radius, "election": "medoid"}
+    if name in PLACED:
+        changes["design.visiting_points"] = list(places)
+    return changes
+
+
+def _duration_s(base: Scenario) -> float:
+    """Until pictures are over; the way of the data goes on after the flight."""
+    step = base.observation.interval_s
+    return min(base.duration_s, float(np.ceil(OVER * base.design.time_of_flight_s / step)) * step)
+
+
+def _losses(base: Scenario) -> dict[str, Any]:
+    between = [0.0, base.design.time_of_flight_s]
+    return {"kind": "spacecraft_lost", "spacecraft": "all", "probability": 0.0, "between_s": between}
+
+
+class ClassResult(NamedTuple):
+    """What a class came to.
+
+    Attributes:
+        name: Of the class.
+        seen: Seen area of all encounters [%].
+        delivered: Delivered area [%].
+        whole: Chance that the whole target is seen.
+        delta_v_m_s: Of the whole swarm, mean.
+        message_bit: Of coordination, mean.
+        map_h: Time until all that was seen is on Earth, mean of those flights where it is [h]; NaN where it never is.
+        by_lost: Delivered area by number of lost spacecraft [%].
+    """
+
+    name: str
+    seen: Estimate
+    delivered: Estimate
+    whole: Estimate
+    delta_v_m_s: float
+    message_bit: float
+    map_h: float
+    by_lost: dict[int, Estimate]
+
+
+def class_results(results: pa.Table) -> list[ClassResult]:
+    """What each class came to, in the order of the campaign.
+
+    Raises:
+        ScenarioError: No flight of a class succeeded.
+    """
+    found, rows = [], results.to_pylist()
+    for name in dict.fromkeys(row["scenario"] for row in rows):
+        own = [row for row in rows if row["scenario"] == name and row["status"] == "ok"]
+        if not own:
+            raise ScenarioError(f"{name}: no flight succeeded; replay one with `swarm-mj campaign --replay`")
+        found.append(_result(name.removeprefix("class "), own))
+    return found
+
+
+def _result(name: str, rows: list[dict[str, Any]]) -> ClassResult:
+    def values(key: str) -> Array:
+        return np.array([row[key] if row[key] is not None else np.nan for row in rows], np.float64)
+
+    rng, lost = np.random.default_rng(0), values("lost")
+    delivered, map_s = values("delivered_percent"), values("time_to_full_map_s")
+    return ClassResult(
+        name=name,
+        seen=mean(values("coverage_percent"), rng),
+        delivered=mean(delivered, rng),
+        whole=probability(sum(row["covered"] for row in rows), len(rows)),
+        delta_v_m_s=float(np.nanmean(values("deployment_delta_v_m_s_sum"))),
+        message_bit=float(np.nan_to_num(values("coordination_bits")).mean()),
+        map_h=float(np.nanmean(map_s)) / 3600.0 if np.isfinite(map_s).any() else float("nan"),
+        by_lost={int(k): mean(delivered[lost == k], rng) for k in np.unique(lost)},
+    )
+
+
+class Recovery(NamedTuple):
+    """What one class keeps, with one loss, of what another loses.
+
+    Attributes:
+        flights: Pairs of flights with exactly one loss.
+        lost: Area that the planned class lacks against its own flight without losses, mean [%].
+        kept: Area by which the other class has more, in the same encounters, mean [%].
+    """
+
+    flights: int
+    lost: Estimate
+    kept: Estimate
+
+    @property
+    def share(self) -> float:
+        """Of what was lost; NaN where nothing was."""
+        return self.kept.value / self.lost.value if self.lost.value > 0.0 else float("nan")
+
+
+def recovery(results: pa.Table, planned: str, replanned: str, key: str = "delivered_percent") -> Recovery:
+    """How much of what the planned class loses with one loss the other one still brings home.
+
+    Args:
+        results: Of the campaign.
+        planned: Scenario of the class whose plan is not repaired.
+        replanned: Scenario of the other one.
+        key: What is compared.
+    """
+    rows = [row for row in results.to_pylist() if row["status"] == "ok"]
+    one, other = ({row["run"]: row for row in rows if row["scenario"] == name} for name in (planned, replanned))
+    whole = [row[key] for row in one.values() if row["lost"] == 0]
+    runs = [run for run, row in one.items() if row["lost"] == 1 and run in other]
+    if not whole or not runs:
+        nothing = Estimate(np.nan, np.nan, np.nan)
+        return Recovery(0, nothing, nothing)
+    mine, theirs = (np.array([rows_of[run][key] for run in runs]) for rows_of in (one, other))
+    rng = np.random.default_rng(0)
+    return Recovery(len(runs), mean(float(np.mean(whole)) - mine, rng), mean(theirs - mine, rng))

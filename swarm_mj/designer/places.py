@@ -1,0 +1,66 @@
+"""Places planned together with the pictures: visiting points from which a loss hurts least.
+
+Each candidate's pictures are planned as if it flew alone, by the table of the encounter. Chosen are
+the points of which the plans show most area, what two of them show counted twice: greedy choice of a submodular value, which
+reaches 1 - 1/e of the best at least (Nemhauser, Wolsey and Fisher 1978).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from swarm_mj.coordination.replanning import planned_alone, problem_of
+from swarm_mj.designer.candidates.flights import fly_candidates
+from swarm_mj.errors import ScenarioError
+from swarm_mj.flight.encounter_table import encounter_of
+from swarm_mj.scenarios.schema import Scenario
+from swarm_mj.typing import Array, Mask
+
+#: How many spacecraft should be able to show each part: with two, one may be lost.
+FOLD = 2
+
+
+def plan_places(scenario: Scenario, count: int | None = None) -> tuple[int, ...]:
+    """Visiting points for a number of observers, rising.
+
+    Args:
+        scenario: Says how the points are flown to, and with which camera.
+        count: Of observers; None: as many as the scenario has.
+
+    Raises:
+        ScenarioError: There are fewer points that can be flown to.
+        SwarmError: None of the points can.
+    """
+    wanted = len(scenario.design.visiting_points) if count is None else count
+    flights = fly_candidates(scenario.model_copy(update={"swarm": None}))
+    if not 1 <= wanted <= len(flights.points):
+        raise ScenarioError(
+            f"observers = {wanted}: must be 1 to {len(flights.points)}, the visiting points that can be flown to"
+        )
+    encounter = encounter_of(flights.plan)
+    problem, alone = problem_of(encounter), planned_alone(encounter).pictures
+    shown = np.zeros((len(alone), encounter.n_cells), np.bool_)
+    for j, taken in enumerate(alone):
+        for slot, aim in taken:
+            shown[j] |= problem.shows[j, aim, slot]
+    return tuple(sorted(flights.points[j] for j in chosen_places(shown, encounter.area, wanted)))
+
+
+def chosen_places(shown: Mask, area: Array, count: int, fold: int = FOLD) -> list[int]:
+    """Numbers of the candidates chosen one by one, each the one that adds most; the lowest of equal ones.
+
+    Args:
+        shown: What each candidate shows, shape (candidates, cells).
+        area: Of the cells, shape (cells,) [m^2].
+        count: How many.
+        fold: How often a cell counts.
+    """
+    chosen: list[int] = []
+    times = np.zeros(len(area), np.int64)
+    for _ in range(count):
+        gain = (shown & (times < fold)) @ area
+        gain[chosen] = -1.0
+        best = int(np.argmax(gain))
+        chosen.append(best)
+        times += shown[best]
+    return chosen

@@ -1,0 +1,96 @@
+"""The comparison of swarm classes: the same encounters for all, and numbers that follow from the rows by hand."""
+
+import numpy as np
+import pyarrow as pa
+import pytest
+
+from swarm_mj.campaigns.classes import class_results, classes_campaign, recovery
+from swarm_mj.campaigns.classes_report import table_by_lost, table_of_classes
+from swarm_mj.campaigns.flying import Flyer
+from swarm_mj.campaigns.loading import resolve
+from swarm_mj.campaigns.sampling import Sample
+from swarm_mj.designer.places import chosen_places
+from swarm_mj.errors import ScenarioError
+
+
+def test_every_class_flies_the_same_encounters_with_the_same_losses():
+    resolved = classes_campaign("eros-observe", runs=4, places=(6, 13, 18, 33, 45))
+    sample, flyer = Sample(resolved.campaign), Flyer(resolved)
+    trials = [sample.trial(row) for row in range(sample.rows)]
+    for run in range(4):
+        same = [trial for trial in trials if trial.run == run]
+        assert len({trial.seed for trial in same}) == 1
+        assert len({trial.values["faults.0.probability"] for trial in same}) == 1
+    assert len({trial.seed for trial in trials}) == 4
+    scenarios = {trial.scenario: flyer.scenario(trial) for trial in trials}
+    assert [scenarios[f"class {k}"].swarm.level for k in (0, 2, 3, 4)] == [0, 2, 3, 4]
+    assert scenarios["class 4 placed"].design.visiting_points == (6, 13, 18, 33, 45)
+    assert scenarios["class 2 sweep"].behavior.name == "target_sweep"
+
+
+def test_without_pairs_no_two_flights_have_one_seed_and_saltelli_cannot_pair():
+    data = {"name": "c", "runs": 3, "scenarios": [{"scenario": "eros-quick"}, {"name": "b", "scenario": "eros-quick"}]}
+    sample = Sample(resolve(data, "test").campaign)
+    assert len({sample.trial(row).seed for row in range(6)}) == 6
+    wrong = {**data, "runs": 4, "method": "saltelli", "paired": True}
+    wrong["parameters"] = {"camera.half_angle_deg": {"distribution": "uniform", "low": 3, "high": 4}}
+    with pytest.raises(ScenarioError, match="paired"):
+        resolve(wrong, "test")
+
+
+def rows():
+    """Class 3 sees 80 whole and 50 and 70 with one loss; class 4 90, 75 and 70."""
+    found = []
+    for name, seen in (("class 3", (80.0, 50.0, 70.0, 20.0)), ("class 4", (90.0, 75.0, 70.0, 60.0))):
+        for run, (percent, lost) in enumerate(zip(seen, (0, 1, 1, 2), strict=True)):
+            found.append(
+                {
+                    "scenario": name,
+                    "run": run,
+                    "status": "ok",
+                    "lost": float(lost),
+                    "coverage_percent": percent,
+                    "delivered_percent": percent - 1.0,
+                    "covered": percent == 90.0,
+                    "time_to_full_map_s": 7200.0 if lost == 0 else None,
+                    "coordination_bits": 2e6 if name == "class 4" else 0.0,
+                    "deployment_delta_v_m_s_sum": 35.0,
+                }
+            )
+    return pa.Table.from_pylist(found)
+
+
+def test_what_is_recovered_follows_from_the_pairs_with_one_loss():
+    found = recovery(rows(), "class 3", "class 4")
+    assert found.flights == 2
+    assert found.lost.value == pytest.approx(80.0 - 60.0)
+    assert found.kept.value == pytest.approx((25.0 + 0.0) / 2)
+    assert found.share == pytest.approx(12.5 / 20.0)
+    assert np.isnan(recovery(rows().slice(0, 1), "class 3", "class 4").share)
+
+
+def test_results_are_the_means_of_the_rows():
+    three, four = class_results(rows())
+    assert (three.name, four.name) == ("3", "4")
+    assert three.seen.value == 55.0 and three.delivered.value == 54.0
+    assert four.whole.value == 0.25 and four.map_h == 2.0 and four.message_bit == 2e6
+    assert {k: v.value for k, v in four.by_lost.items()} == {0: 89.0, 1: 71.5, 2: 59.0}
+    assert "| 4 | replanned in flight over the links | 73.8" in table_of_classes([three, four])
+    assert "| 3 | 79.0 | 59.0 | 19.0 |" in table_by_lost([three, four])
+
+
+def test_a_class_that_never_flew_is_told():
+    failed = rows().to_pylist()[:4]
+    with pytest.raises(ScenarioError, match="no flight succeeded"):
+        class_results(pa.Table.from_pylist([{**row, "status": "failed"} for row in failed]))
+
+
+def test_places_are_chosen_so_that_two_can_show_each_part():
+    shown = np.array([[1, 1, 1, 0], [1, 1, 1, 0], [1, 1, 1, 0], [0, 0, 1, 1]], bool)
+    area = np.array([1.0, 1.0, 1.0, 1.5])
+    assert chosen_places(shown, area, 3) == [0, 1, 3]  # a third look at the same adds nothing
+    best = max(
+        (sum(area[q] * min(2, sum(shown[j, q] for j in chosen)) for q in range(4)), chosen)
+        for chosen in ((0, 1, 2), (0, 1, 3), (0, 2, 3), (1, 2, 3))
+    )
+    assert best[0] == sum(area[q] * min(2, shown[[0, 1, 3], q].sum()) for q in range(4))
