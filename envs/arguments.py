@@ -128,6 +128,15 @@ def refuse_extra_targets(scenario: Scenario) -> None:
         )
 
 
+def refuse_graph(observability: str) -> None:
+    """One agent that decides for all knows all."""
+    if observability != "full":
+        raise ScenarioError(
+            f"observability = {observability!r}: must be full where one agent decides for all; swarm_mj.envs.multi_agent has "
+            "an agent for each spacecraft"
+        )
+
+
 def checked_options(options: Any) -> dict[str, Any]:
     """The options of `reset` as a dict of one's own."""
     if options is not None and not isinstance(options, Mapping):

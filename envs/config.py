@@ -6,12 +6,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from swarm_mj.errors import ScenarioError
 from swarm_mj.observation.observer import ObserverKind
 from swarm_mj.scenarios.schema import Scenario
 
 from .actions import check_level
 from .arguments import checked_rate, checked_share
 from .rewards import checked_scales
+
+#: What agents may know.
+OBSERVABILITY = ("full", "graph")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,6 +35,7 @@ class EnvConfig:
         swarm_rate_bit_s: From a spacecraft to the one it tracks [bit/s]; None: by the link budget of `link.crosslink`.
         earth_rate_bit_s: To Earth, which hears one spacecraft at a time [bit/s]; None: by that of `link.earth` and
             `link.ground`.
+        observability: What agents of the multi-agent environment know: `full`, or by the `graph`, what has reached them.
 
     Raises:
         ScenarioError: A value is not allowed; those that depend on the scenario are checked by `Task`.
@@ -46,6 +51,7 @@ class EnvConfig:
     bits_per_pixel: float = 1.0
     swarm_rate_bit_s: float | None = 1e5
     earth_rate_bit_s: float | None = 8e3
+    observability: str = "full"
 
     def __post_init__(self) -> None:
         """Refuse what is not allowed whatever the scenario."""
@@ -53,6 +59,8 @@ class EnvConfig:
         checked_scales(self.reward_weights)
         checked_share(self.complete)
         checked_rate("bits_per_pixel", self.bits_per_pixel)
+        if self.observability not in OBSERVABILITY:
+            raise ScenarioError(f"observability = {self.observability!r}: must be one of {', '.join(OBSERVABILITY)}")
         for name in ("swarm_rate_bit_s", "earth_rate_bit_s"):
             if (rate := getattr(self, name)) is not None:
                 checked_rate(name, rate, ", or None for the scenario's link budget")

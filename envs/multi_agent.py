@@ -18,13 +18,15 @@ from gymnasium.utils import seeding
 from numpy.typing import NDArray
 
 from swarm_mj.errors import ScenarioError
+from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.scenarios.schema import Scenario
-from swarm_mj.typing import Array32, Pixels
+from swarm_mj.typing import Array, Array32, Pixels
 
 from .actions import check_action
 from .arguments import checked_options, checked_render_mode, flight_seed
 from .batch import EpisodeBatch
 from .config import EnvConfig
+from .graph_knowledge import GraphKnowledge, News, groups_of
 from .observations import ObservationLayout
 from .rendering import EpisodeRenderer
 from .task import make_task
@@ -55,6 +57,10 @@ class SwarmObserveParallelEnv(ParallelEnv[str, Observation, Any]):
     time left, seen share of the target and data delivered. A swarm shares positions and coverage by radio (the paper's election
     needs as much); attitudes, rates, wheels and link states of the others stay unknown. `state()` is the observation of
     `SwarmObserveEnv`, of all spacecraft together, and lies in `state_space`.
+
+    With `observability="graph"` an agent knows what has reached it: at the end of a step all who hear one another over the
+    crosslinks, directly or through others, tell all they know; of who is out of reach or lost, it has what it last heard, and
+    of the target what those saw first of whom it has heard since. The shape of the observation is the same.
 
     **Reward**: the team's, the same for every agent, as in `SwarmObserveEnv`, with the weight of `loss` for each spacecraft
     lost. `info[agent]["reward_terms"]` holds the terms.
@@ -100,6 +106,7 @@ class SwarmObserveParallelEnv(ParallelEnv[str, Observation, Any]):
         self.state_space: spaces.Box = self.task.observation_layout.space
         self._random = seeding.np_random()[0]
         self._begun = False
+        self._knowledge: GraphKnowledge | None = None
 
     @property
     def batch(self) -> EpisodeBatch:
@@ -123,7 +130,7 @@ class SwarmObserveParallelEnv(ParallelEnv[str, Observation, Any]):
         known = {name: value for name, value in checked_options(options).items() if name == "flight_seed"}
         chosen = flight_seed(known, int(self._random.integers(2**31)))
         self.batch.reset(0, chosen)
-        self._begun = True
+        self._begun, self._knowledge = True, None
         self.agents = list(self.possible_agents)
         info = self.batch.info(0) | {"flight_seed": chosen}
         return self._observations(), {agent: dict(info) for agent in self.agents}
@@ -177,14 +184,35 @@ class SwarmObserveParallelEnv(ParallelEnv[str, Observation, Any]):
         now = batch.now if batch.flights.finite[0] else batch.before
         r_A, alive = now.r_A[0], ~batch.totals.lost[0]
         known = np.column_stack([*(block[:, layout.columns[name]] for name in ("stored", "imaging")), alive])
+        told = self._told(block, tail, r_A, known)
         out = {}
         for agent in self.agents:
             j = self._number[agent]
             others = np.arange(n) != j
-            away = np.clip((r_A - r_A[j]) / NEIGHBOUR_SCALE_M, -NEIGHBOUR_BOUND, NEIGHBOUR_BOUND)
-            neighbours = np.hstack([away, known])[others]
-            out[agent] = np.concatenate([block[j], neighbours.ravel(), tail]).astype(np.float32)
+            where, facts, end = (r_A, known, tail) if told is None else self._as_told(told, j, tail)
+            away = np.clip((where - r_A[j]) / NEIGHBOUR_SCALE_M, -NEIGHBOUR_BOUND, NEIGHBOUR_BOUND)
+            neighbours = np.hstack([away, facts])[others]
+            out[agent] = np.concatenate([block[j], neighbours.ravel(), end]).astype(np.float32)
         return out
+
+    def _told(self, block: Array32, tail: Array32, r_A: Array, known: Array) -> GraphKnowledge | None:
+        """What has reached each by now; None where all know all."""
+        if self.task.config.observability == "full":
+            return None
+        batch, columns = self.batch, self.task.observation_layout.columns
+        earthward = (block[:, columns["role"]][:, TargetKind.EARTH] > 0.5) & batch.totals.closed[0]
+        news = News(r_A.copy(), known, batch.totals.first_by[0], float(tail[-1]), earthward)
+        if self._knowledge is None:
+            self._knowledge = GraphKnowledge(len(block), known.shape[1], self.task.patches)
+            self._knowledge.begin(news)
+        now = batch.now if batch.flights.finite[0] else batch.before
+        self._knowledge.tell(news, groups_of(self.task, self.task.occluder, now, ~batch.totals.lost[0]))
+        return self._knowledge
+
+    def _as_told(self, told: GraphKnowledge, j: int, tail: Array32) -> tuple[Array, Array, Array]:
+        """Positions, facts and the end of the observation as spacecraft j knows them."""
+        patches, seen, delivered = told.tail(j)
+        return told.r_A[j], told.facts[j], np.concatenate([patches, [tail[-3], seen, delivered]])
 
     def render(self) -> Pixels | None:
         """The overview as a picture with `render_mode="rgb_array"`; see `SwarmObserveEnv.render`."""

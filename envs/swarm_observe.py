@@ -12,7 +12,7 @@ from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.typing import Array, Array32, Pixels
 
 from .actions import check_action
-from .arguments import checked_render_mode, checked_size, flight_seed
+from .arguments import checked_render_mode, checked_size, flight_seed, refuse_graph
 from .batch import EpisodeBatch
 from .config import EnvConfig
 from .observations import ObservationLayout
@@ -208,6 +208,7 @@ budget and stations |
         self._size = width, height = checked_size("width", width), checked_size("height", height)
         self.render_mode = checked_render_mode(render_mode, self.metadata["render_modes"])
         self.task = make_task(scenario=scenario, control=control, **arguments)
+        refuse_graph(self.task.config.observability)
         self._batch = batch = EpisodeBatch(self.task, 1)
         self._renderer = EpisodeRenderer(batch, width, height)
         self.plan, self.patches = self.task.plan, self.task.patches

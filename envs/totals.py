@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from swarm_mj.typing import Array, Mask, jittable, kernel
+from swarm_mj.typing import Array, Ints, Mask, jittable, kernel
 
 
 class EpisodeTotals(NamedTuple):
@@ -15,6 +15,7 @@ class EpisodeTotals(NamedTuple):
     Attributes:
         seen: Cells that the swarm has seen, shape (E, C).
         first_seen: When, NaN for never, shape (E, C) [s].
+        first_by: By whom, -1 for nobody, shape (E, C).
         area: Seen area, in the order in which it was seen, shape (E,) [m^2].
         percent: Seen share of the target, summed over the cells, whatever their order, shape (E,) [%].
         stored: Aboard each spacecraft, shape (E, n) [bit].
@@ -27,6 +28,7 @@ class EpisodeTotals(NamedTuple):
 
     seen: Mask
     first_seen: Array
+    first_by: Ints
     area: Array
     percent: Array
     stored: Array
@@ -42,6 +44,7 @@ def no_totals(count: int, n: int, cells: int) -> EpisodeTotals:
     return EpisodeTotals(
         seen=np.zeros((count, cells), np.bool_),
         first_seen=np.full((count, cells), np.nan),
+        first_by=np.full((count, cells), -1, np.int64),
         area=np.zeros(count),
         percent=np.zeros(count),
         stored=np.zeros((count, n)),
@@ -58,6 +61,7 @@ def reset_totals(totals: EpisodeTotals, e: int) -> None:
     for values in totals:
         values[e] = 0
     totals.first_seen[e] = np.nan
+    totals.first_by[e] = -1
 
 
 @jittable
@@ -86,6 +90,7 @@ def record_cells(
         if new[i]:
             totals.seen[e, i] = True
             totals.first_seen[e, i] = t
+            totals.first_by[e, i] = j
     totals.area[e] += area
     kept = min(bits, room(totals, e, j, storage_bit))
     totals.stored[e, j] += kept

@@ -15,7 +15,7 @@ from swarm_mj.errors import ScenarioError
 from swarm_mj.typing import Array, Array32, Mask
 
 from .actions import check_action
-from .arguments import checked_count, checked_options, first_seeds, flight_seed, flight_seeds
+from .arguments import checked_count, checked_options, first_seeds, flight_seed, flight_seeds, refuse_graph
 from .rewards import ENDS, TERMS, StepResult
 from .task import make_task
 from .threads import ThreadedBatch, default_threads
@@ -64,6 +64,7 @@ class SwarmObserveVectorEnv(VectorEnv[Any, Any, Any]):
         self.metadata = {"render_modes": [], "autoreset_mode": mode}
         self._mode, self.num_envs = mode, num_envs
         task = make_task(**arguments)
+        refuse_graph(task.config.observability)
         self._batch = ThreadedBatch(task, num_envs, default_threads() if threads is None else threads)
         self.single_observation_space = task.observation_layout.space
         self.single_action_space = self._batch.batches[0].level.action_space
