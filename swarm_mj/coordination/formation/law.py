@@ -1,0 +1,219 @@
+"""The force law that holds a formation: where each should be, feedback, safe separation, pulses; see docs/theory/formation.md."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from swarm_mj.coordination.bus import Bus
+from swarm_mj.coordination.formation.barrier import nearest_allowed
+from swarm_mj.coordination.formation.hearing import Hearing, Links, everybody_hears
+from swarm_mj.coordination.formation.separation import Moves, all_pairs, safe_moves, too_close_after
+from swarm_mj.coordination.formation.structure import Structure
+from swarm_mj.coordination.formation.tracking import Tracking, cut, in_pulses
+from swarm_mj.dataflow.network import Access
+from swarm_mj.spacecraft.control.force import ForceView
+from swarm_mj.typing import Array, Ints, Mask
+
+Reference = Literal["plan", "mean", "leader"]
+#: Share of the thrust that is set aside for stopping; the rest is for differential gravity and for feedback.
+BRAKING_SHARE = 0.5
+
+
+@dataclass(frozen=True, kw_only=True)
+class Push:
+    """What thrusters can do.
+
+    Attributes:
+        force: Greatest in every direction [N].
+        least_impulse: Of a pulse [N s].
+    """
+
+    force: float
+    least_impulse: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Talk:
+    """How spacecraft tell each other where they are; only where the reference is not the plan.
+
+    Attributes:
+        every_s: Between messages [s].
+        silence_s: After which one that is not heard of counts as lost [s].
+        seed: Of lost messages.
+        access: Of the channel.
+    """
+
+    every_s: float = 10.0
+    silence_s: float = 45.0
+    seed: int = 0
+    access: Access = Access.ONE_AT_A_TIME
+
+
+@dataclass(eq=False)
+class Log:
+    """What a flight's formation came to.
+
+    Attributes:
+        leaders: When somebody took another for the leader: time [s], who, whom.
+        braked: How many periods each was braked for the sake of separation, shape (n,).
+        time_s: Of messages [s].
+        bits: Sent by each up to then [bit].
+    """
+
+    braked: Ints
+    leaders: list[tuple[float, int, int]] = field(default_factory=list)
+    time_s: list[float] = field(default_factory=list)
+    bits: list[Ints] = field(default_factory=list)
+
+
+class State:
+    """One flight under way."""
+
+    def __init__(self, view: ForceView, hearing: Hearing) -> None:
+        n = len(view.mass)
+        self.hearing, self.log = hearing, Log(np.zeros(n, np.int64))
+        self.full_mass = view.mass
+        self.leader = np.zeros(n, np.int64)
+        self.working = np.zeros(n, np.bool_)  # outside its dead band
+        self.intent, self.gained, self.pairs = np.zeros((n, 3)), view.delta_v_N, all_pairs(n)
+        self.guarded = np.zeros(len(self.pairs), np.bool_)
+
+
+class FormationLaw:
+    """Holds a formation, see `ForceLaw`; the memory is its `State`, brought up to date in place.
+
+    Args:
+        structure: Who should be where when.
+        tracking: The feedback.
+        push: What thrusters can do.
+        reference: 'plan', 'mean' of those heard of, or 'leader'.
+        separation: That no pair may go below once it could be kept [m]; 0: nothing is done about it.
+        talk: For 'mean' and 'leader'.
+
+    Attributes:
+        log: Of the last flight.
+        links: Who can send to whom at an instant.
+    """
+
+    def __init__(
+        self,
+        structure: Structure,
+        tracking: Tracking,
+        push: Push,
+        *,
+        reference: Reference = "plan",
+        separation: float = 0.0,
+        talk: Talk | None = None,
+    ) -> None:
+        self.structure, self.tracking, self.push = structure, tracking, push
+        self.reference, self.separation, self.talk = reference, separation, talk or Talk()
+        self.links: Links = everybody_hears
+        self.log: Log | None = None
+
+    def forces(self, view: ForceView, memory: State | None) -> tuple[Array, State]:
+        """See `ForceLaw`."""
+        state = self._begin(view) if memory is None else memory
+        self.log = state.log
+        if self.reference != "plan":
+            self._talk(state, view)
+        t, structure = view.t, self.structure
+        if not structure.start_s - 1e-9 <= t < structure.end_s - 1e-9:
+            state.intent = np.zeros_like(state.intent)
+            self._guard(state, self._moves(state, view, self._most(view)))
+            return np.zeros_like(view.r_BN_N), state
+        most = self._most(view)
+        wish = self._track(state, view, most)
+        wish = self._keep_apart(state, view, wish, most) if self.separation > 0.0 else wish
+        owed = state.intent - (view.delta_v_N - state.gained)
+        state.gained, least = view.delta_v_N, self.push.least_impulse / view.mass
+        asked, state.intent = in_pulses(cut(wish, most) * view.period, owed, least)
+        asked[most == 0.0], state.intent[most == 0.0] = 0.0, 0.0
+        return asked * (view.mass / view.period)[:, None], state
+
+    def _begin(self, view: ForceView) -> State:
+        self.tracking.check_period(view.period)
+        bus = Bus(len(view.mass), np.random.default_rng(self.talk.seed), self.talk.access)
+        return State(view, Hearing(bus, self.structure.gravity, self.talk.silence_s))
+
+    def _talk(self, state: State, view: ForceView) -> None:
+        hearing = state.hearing
+        hearing.listen(view)
+        sent = hearing.bus.sent
+        hearing.speak(view, self.links, self.talk.every_s)
+        if hearing.bus.sent > sent:
+            state.log.time_s.append(view.t)
+            state.log.bits.append(hearing.bus.bits.copy())
+        leaders = hearing.leaders(view.t)
+        if self.reference == "leader":
+            for i in np.flatnonzero((leaders != state.leader) & view.working).tolist():
+                state.log.leaders.append((view.t, i, int(leaders[i])))
+        state.leader = leaders
+
+    def _most(self, view: ForceView) -> Array:
+        """Acceleration that thrusters give, shape (n,) [m/s^2]; 0 for those that cannot push."""
+        return np.where(view.working & (view.propellant > 0.0), self.push.force / view.mass, 0.0)
+
+    def shift(self, state: State, view: ForceView) -> tuple[Array, Array]:
+        """How far the whole formation is from its planned place, as each sees it: place and velocity, shape (n, 3)."""
+        if self.reference == "plan":
+            return np.zeros_like(view.r_BN_N), np.zeros_like(view.v_BN_N)
+        r, v = self.structure.places(view.t)
+        hearing = state.hearing
+        if self.reference == "mean":
+            weight = hearing.alive(view.t).astype(np.float64)
+        else:
+            weight = np.eye(len(r))[state.leader]
+        weight /= weight.sum(axis=1, keepdims=True)
+        by_place = np.einsum("ij,ijk->ik", weight, hearing.r_N - r)
+        return by_place, np.einsum("ij,ijk->ik", weight, hearing.v_N - v)
+
+    def _track(self, state: State, view: ForceView, most: Array) -> Array:
+        """Accelerations by thrust that lead each to its place, shape (n, 3) [m/s^2]."""
+        structure, gravity, t = self.structure, self.structure.gravity, view.t
+        place, velocity = structure.places(t)
+        shift_r, shift_v = self.shift(state, view)
+        error, rate = view.r_BN_N - place - shift_r, view.v_BN_N - velocity - shift_v
+        wanted = structure.accelerations(t)
+        if self.reference != "plan":
+            centre = structure.centre(t)
+            wanted = wanted + gravity(t, centre + shift_r) - gravity(t, centre[None])
+        wish = wanted - gravity(t, view.r_BN_N) + self.tracking.feedback(error, rate, most)
+        state.working = self.tracking.at_work(error, rate, state.working)
+        if self.reference == "leader":
+            state.working &= state.leader != np.arange(len(wish))  # a leader flies free
+        return cut(np.where(state.working[:, None], wish, 0.0), most)
+
+    def _moves(self, state: State, view: ForceView, most: Array) -> Moves:
+        """Motion relative to the structure's point."""
+        r, v = view.r_BN_N - self.structure.centre(view.t), view.v_BN_N - self.structure.centre(view.t, 1)
+        # With full tanks, for what is set aside must not change while it is relied upon.
+        braking = np.where(most > 0.0, BRAKING_SHARE * self.push.force / state.full_mass, 0.0)
+        return Moves(r, v, braking, view.period, self.separation)
+
+    def _guard(self, state: State, moves: Moves) -> Mask:
+        """Take those pairs under guard that could stop clear of each other from now on."""
+        new = np.flatnonzero(~state.guarded)
+        if len(new) and self.separation > 0.0:
+            state.guarded[new] = ~too_close_after(moves, moves.stopping(), state.pairs[new])
+        return state.guarded
+
+    def _keep_apart(self, state: State, view: ForceView, wish: Array, most: Array) -> Array:
+        moves = self._moves(state, view, most)
+        pairs = state.pairs[self._guard(state, moves)]
+        drift = self._drift(view)
+        # What is left for moving relative to the others, at the least what stopping takes.
+        room = np.where(most > 0.0, np.maximum(most - np.linalg.norm(drift, axis=1), moves.braking), 0.0)
+        proposed = nearest_allowed(moves, wish + drift, room, pairs)
+        safe, braked = safe_moves(moves, proposed, pairs)
+        state.log.braked += braked
+        changed = (safe != wish + drift).any(axis=1)
+        return np.where(changed[:, None], safe - drift, wish)
+
+    def _drift(self, view: ForceView) -> Array:
+        """Acceleration without thrust relative to the structure's point, shape (n, 3) [m/s^2]."""
+        t, T = view.t, view.period
+        of_centre = (self.structure.centre(t + T, 1) - self.structure.centre(t, 1)) / T
+        return np.asarray(self.structure.gravity(t + 0.5 * T, view.r_BN_N + 0.5 * T * view.v_BN_N) - of_centre)

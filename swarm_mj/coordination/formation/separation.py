@@ -1,0 +1,160 @@
+"""Proof of separation: a move is allowed only if all could still stop after it without coming too close.
+
+Let x_i'' = w_i be the motion relative to a point that is accelerated as the swarm is (differential gravity is cancelled by
+thrust). To stop is to brake with a_b along one's own velocity until at rest, then to stay. A swarm is *stoppable* if, all
+braking from now on, no guarded pair ever comes closer than d_min.
+
+Theorem. Let the swarm be stoppable at the start, let every spacecraft be able to give a_b beyond differential gravity, and let
+each period's accelerations either be ones after which the swarm is stoppable, with no pair closer than d_min on the way, or
+braking. Then no guarded pair is ever closer than d_min.
+Proof. By induction over periods. If the swarm is stoppable at t_k and moves as allowed, no pair is too close until t_(k+1), and
+it is stoppable there. If all brake instead, they fly the first period of the stop that was found clear at t_k; what follows is
+the rest of the same stop, so it is clear. A group may brake while others move: this is checked as any other move. `safe_moves`
+adds those of every violated pair to the group that brakes until the check holds, at the latest when all brake. QED.
+
+The stop that is checked is the one that is flown, in whole control periods: a_b for all but the last, which takes the rest of
+the speed. Distances are bounded from below: between samples the relative path departs from its chord by at most
+(|w_i| + |w_j|) h^2 / 8. The theorem holds for those that work and have propellant; others are counted as coasting for as long as
+their partner takes to stop. Cf. Fraichard and Asama (2004, Advanced Robotics 18, 1001) on inevitable collision states, and
+Gurriet, Mote, Singletary, Nilsson, Feron and Ames (2020, IEEE Access 8) on backup sets.
+"""
+
+from __future__ import annotations
+
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+
+from swarm_mj.typing import Array, Ints, Mask
+
+#: Instants at which a stop is checked.
+SAMPLES = 48
+
+
+class Moves(NamedTuple):
+    """Relative motion of n spacecraft, and what each can do.
+
+    Attributes:
+        r: Places, shape (n, 3) [m].
+        v: Velocities, shape (n, 3) [m/s].
+        braking: Acceleration with which each stops, 0 for one that cannot, shape (n,) [m/s^2].
+        period: For which accelerations are held [s].
+        distance: That no pair may go below [m].
+    """
+
+    r: Array
+    v: Array
+    braking: Array
+    period: float
+    distance: float
+
+    def after(self, w: Array) -> Moves:
+        """The same a period later, shape of w (n, 3) [m/s^2]."""
+        T = self.period
+        return self._replace(r=self.r + T * self.v + 0.5 * T * T * w, v=self.v + T * w)
+
+    def stopping(self) -> Array:
+        """What braking accelerations are, shape (n, 3) [m/s^2]; zeros for those that cannot."""
+        speed = np.linalg.norm(self.v, axis=1)
+        size = np.minimum(self.braking, speed / self.period)
+        share = np.divide(size, speed, out=np.zeros_like(speed), where=speed > 0.0)
+        return -self.v * share[:, None]
+
+    def stop_time(self) -> Array:
+        """Until each is at rest, in whole periods, shape (n,) [s]; 0 for those that cannot stop."""
+        speed, able = np.linalg.norm(self.v, axis=1), self.braking > 0.0
+        steps = np.divide(speed, self.braking * self.period, out=np.zeros_like(speed), where=able)
+        return np.asarray(np.ceil(steps - 1e-12) * self.period)
+
+
+def way(moves: Moves, who: Ints, t: Array) -> Array:
+    """Where they are after so long while they stop as they fly it; those that cannot coast on.
+
+    Args:
+        moves: All.
+        who: Numbers, shape (k,).
+        t: Times, shape (k, m) [s].
+
+    Returns:
+        Places, shape (k, m, 3) [m].
+    """
+    T, braking = moves.period, moves.braking[who, None]
+    speed = np.linalg.norm(moves.v[who], axis=1)[:, None]
+    able = braking > 0.0
+    full = np.where(able, np.floor(speed / np.where(able, braking, 1.0) / T + 1e-12), np.inf)
+    early = np.minimum(t, full * T)
+    rest = np.where(able, speed - np.where(able, full, 0.0) * braking * T, 0.0)
+    late = np.clip(t - early, 0.0, T)
+    gone = speed * early - 0.5 * braking * early**2 + rest * late - 0.5 * rest / T * late**2
+    share = np.divide(gone, speed, out=np.zeros_like(gone), where=speed > 0.0)
+    return np.asarray(moves.r[who, None] + share[..., None] * moves.v[who, None])
+
+
+def least_on_stop(moves: Moves, pairs: Ints) -> Array:
+    """A lower bound of the distance of pairs while both stop, shape (p,) [m].
+
+    Args:
+        moves: All.
+        pairs: Shape (p, 2).
+    """
+    if not len(pairs):
+        return np.empty(0)
+    until = moves.stop_time()[pairs].max(axis=1)
+    t = until[:, None] * np.linspace(0.0, 1.0, SAMPLES + 1)
+    first, second = (way(moves, pairs[:, k], t) for k in (0, 1))
+    bend = moves.braking[pairs].sum(axis=1) * (until / SAMPLES) ** 2 / 8.0
+    return np.asarray(least_of_chords(second - first) - bend)
+
+
+def least_of_chords(relative: Array) -> Array:
+    """Least distance from the origin of polygons, shape (p,), of corners (p, m, 3) [m]."""
+    start, step = relative[:, :-1], np.diff(relative, axis=1)
+    square = np.einsum("pki,pki->pk", step, step)
+    s = np.clip(-np.einsum("pki,pki->pk", start, step) / np.where(square > 0.0, square, 1.0), 0.0, 1.0)
+    return np.asarray(np.linalg.norm(start + s[..., None] * step, axis=2).min(axis=1))
+
+
+def all_pairs(n: int) -> Ints:
+    """Shape (p, 2)."""
+    return np.array(list(combinations(range(n), 2)), np.int64).reshape(-1, 2)
+
+
+def too_close_after(moves: Moves, w: Array, pairs: Ints) -> Mask:
+    """Which pairs come too close in a period of these accelerations, or in the stop that would follow, shape (p,)."""
+    later, T = moves.after(w), moves.period
+    bad = np.zeros(len(pairs), np.bool_)
+    # Most pairs are too far apart for any of it.
+    apart = np.linalg.norm(moves.r[pairs[:, 1]] - moves.r[pairs[:, 0]], axis=1)
+    reach = np.linalg.norm(later.v, axis=1) * later.stop_time() + np.linalg.norm(moves.v, axis=1) * T
+    reach = reach + np.linalg.norm(w, axis=1) * T * T
+    coasting = (moves.braking == 0.0)[pairs].any(axis=1)
+    near = np.flatnonzero(coasting | (apart - reach[pairs].sum(axis=1) < moves.distance))
+    if len(near):
+        some = pairs[near]
+        ends = np.stack([m.r[some[:, 1]] - m.r[some[:, 0]] for m in (moves, later)], axis=1)
+        bend = np.linalg.norm(w[some[:, 1]] - w[some[:, 0]], axis=1) * T * T / 8.0
+        bad[near] = np.minimum(least_of_chords(ends) - bend, least_on_stop(later, some)) < moves.distance
+    return bad
+
+
+def safe_moves(moves: Moves, wish: Array, pairs: Ints) -> tuple[Array, Mask]:
+    """Accelerations that keep the theorem's condition: those wished, and braking for as few as are found to need it.
+
+    Args:
+        moves: All.
+        wish: Accelerations, none above what thrusters give, shape (n, 3) [m/s^2].
+        pairs: That are guarded, shape (p, 2).
+
+    Returns:
+        Accelerations, shape (n, 3) [m/s^2], and who brakes, shape (n,).
+    """
+    brake, able, w = np.zeros(len(wish), np.bool_), moves.braking > 0.0, wish
+    for _ in range(len(wish)):
+        bad = pairs[too_close_after(moves, w, pairs)]
+        group = np.isin(np.arange(len(wish)), bad) & able & ~brake
+        if not group.any():
+            break
+        brake |= group
+        w = np.where(brake[:, None], moves.stopping(), wish)
+    return w, brake
