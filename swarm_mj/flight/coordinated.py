@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -108,7 +109,7 @@ def mission_of(plan: Any, swarm: Swarm) -> Mission:
         **parts,
         succession=succession_of(plan, pictures, encounter.slot_s[-1]),
         look=look,
-        graph=_graph_of(plan, swarm),
+        graph=links_of(plan, swarm),
         silence_s=swarm.silence_s,
         seed=scenario.seed,
         access=Access(scenario.link.crosslink.access),
@@ -131,7 +132,8 @@ def succession_of(plan: Any, pictures: tuple[tuple[tuple[int, int], ...], ...], 
     return place
 
 
-def _graph_of(plan: Any, swarm: Swarm) -> Any:
+def links_of(plan: Any, swarm: Swarm) -> Callable[[SwarmView, Targets], Graph]:
+    """A function that says, by a view and what all track, which links close at that instant."""
     scenario, n = plan.scenario, plan.n
     antennas: Antennas = plan.antennas
     radios, body = radios_from(scenario.link, antennas.beams), occluder_of(plan.shape)

@@ -18,6 +18,7 @@ from swarm_mj.flight.burns import fly_burns
 from swarm_mj.flight.coordinated import parts_chosen
 from swarm_mj.flight.coordination_record import record_coordination
 from swarm_mj.flight.correction_law import CorrectionLaw, correction_law
+from swarm_mj.flight.formation import fly_formation, record_formation
 from swarm_mj.flight.plan import Plan, antennas_from
 from swarm_mj.mission.behaviors import ELECTIONS, MissionBehavior
 from swarm_mj.mission.links import links_closed
@@ -143,6 +144,7 @@ def make_simulation(plan: Plan, *, geometry: bool = False) -> Simulation:
     )
     fly_burns(simulation, plan.deployment)
     _check_nozzles(simulation)
+    fly_formation(simulation, plan)
     simulation.reset(initial_state(plan))
     return simulation
 
@@ -192,6 +194,7 @@ def simulate(plan: Plan, progress: Progress | None = None) -> xr.Dataset:
     telemetry = dataset(record, plan.names, plan.environment, plan.properties)
     telemetry.attrs |= provenance(plan)
     record_coordination(telemetry, simulation.behavior)
+    record_formation(telemetry, plan, simulation)
     telemetry.attrs |= {"stepper": simulation.stepper, "stepper_note": simulation.why_mj_step}
     closed = links_closed(
         antennas=antennas_from(scenario),

@@ -305,6 +305,24 @@ class Scenario(Section):
         return self
 
     @model_validator(mode="after")
+    def _formation_has_thrusters(self) -> Self:
+        if self.swarm is None or (formation := self.swarm.formation) is None:
+            return self
+        if self.spacecraft.thrusters is None:
+            raise ValueError("swarm.formation: is held by thrusters; give spacecraft.thrusters: {}")
+        if self.spacecraft.thrusters.layout == "four_z":
+            raise ValueError(
+                "spacecraft.thrusters.layout = four_z: pushes along one axis; swarm.formation needs six, or sites that push in "
+                "every direction"
+            )
+        if formation.start_s >= self.duration_s:
+            raise ValueError(
+                f"swarm.formation.start_s = {formation.start_s:g}: must be before the flight's end, duration_s = "
+                f"{self.duration_s:g}"
+            )
+        return self
+
+    @model_validator(mode="after")
     def _own_spacecraft_can_fly(self) -> Self:
         if self.spacecraft.mjcf is None:
             return self

@@ -10,7 +10,7 @@ from swarm_mj.scenarios.section import Section, Vector3
 
 
 class Formation(Section):
-    """Who keeps where relative to whom, how stiffly, and how far apart; needs spacecraft.thrusters that push in all directions."""
+    """Who keeps where relative to whom, how stiffly, and how far apart; needs thrusters that push in all directions."""
 
     reference: Literal["plan", "mean", "leader"] = Field(
         "plan",
@@ -24,8 +24,8 @@ class Formation(Section):
     )
     frame: Literal["N", "visit"] = Field(
         "N",
-        description="axes of the offsets: N; or, fixed, those of the visit: x along the velocity, z away from the body, y "
-        "completes them",
+        description="axes of the offsets: N; or those of the mean visit, fixed in N: x away from the body and across the "
+        "flight, y across both, z along the flight",
     )
     offsets_m: tuple[Vector3, ...] | None = Field(
         None, description="one per spacecraft [m]; null: where the plan has each at start_s"
@@ -36,7 +36,10 @@ class Formation(Section):
     start_s: float = Field(60.0, ge=0, description="from when on it is held, past the epoch [s]")
     end_s: float | None = Field(None, gt=0, description="until when [s]; null: the end of the flight")
     bandwidth_rad_s: float = Field(
-        0.02, gt=0, le=10, description="natural frequency of small position errors; at most 0.5 / control.period_s [rad/s]"
+        0.02,
+        gt=0,
+        le=10,
+        description="natural frequency of small position errors; at most 0.5 / control.period_s [rad/s]",
     )
     damping: float = Field(1.0, ge=0.3, le=5, description="damping ratio of small position errors [-]")
     dead_band_m: float = Field(5.0, ge=0, description="thrusters stay shut up to this position error [m]")
@@ -45,7 +48,10 @@ class Formation(Section):
     )
     margin_m: float = Field(1.0, ge=0, description="added to it, for pulses and attitudes that are not exact [m]")
     message_s: float = Field(
-        10.0, gt=0, le=86_400, description="between two messages that tell place and velocity, where reference is not plan [s]"
+        10.0,
+        gt=0,
+        le=86_400,
+        description="between two messages that tell place and velocity, where reference is not plan [s]",
     )
 
     @model_validator(mode="after")

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Literal, Self
 
-from pydantic import ConfigDict, Field
+from pydantic import ConfigDict, Field, model_validator
 
+from swarm_mj.scenarios.schema_formation import Formation
 from swarm_mj.scenarios.section import Section
 
 
@@ -40,3 +41,14 @@ class Swarm(Section):
     )
     message_loss: float = Field(0.05, ge=0, le=1, description="chance that a message over a closed link is lost [-]")
     processing_s: float = Field(0.1, ge=0, le=3600, description="what a message takes aboard, beside its way [s]")
+    formation: Formation | None = Field(
+        None, description="what the thrusters hold; null: all coast; docs/theory/formation.md"
+    )
+
+    @model_validator(mode="after")
+    def _alone_without_formation(self) -> Self:
+        if self.level == 0 and self.formation is not None:
+            raise ValueError(
+                "formation: class 0 coordinates no movement; use class 1 or higher, or leave formation out"
+            )
+        return self

@@ -71,7 +71,9 @@ def nearest_allowed(moves: Moves, wish: Array, most: Array, pairs: Ints) -> Arra
     if not tight.any():
         return wish
     wish = cut(swerved(wish, SWERVE * most, e, pairs, tight), np.where(most > 0.0, most, np.inf))
-    busy = np.flatnonzero(share.sum(axis=1) > 0.0)
+    # Of pairs far apart any accelerations do.
+    reach = np.maximum(most, np.linalg.norm(wish, axis=1))[pairs].sum(axis=1)
+    busy = np.flatnonzero((share.sum(axis=1) > 0.0) & (bound > -reach))
     w, tolerance = wish.copy(), STILL * float(most.max())
     pushed, trimmed = np.zeros(len(pairs)), np.zeros_like(w)
     for _ in range(ROUNDS):

@@ -12,7 +12,7 @@ from swarm_mj.coordination.graph import Graph
 from swarm_mj.coordination.knowledge import HEAD_BITS, STAMP_BITS
 from swarm_mj.mission.trajectories import AccelerationN
 from swarm_mj.spacecraft.control.force import ForceView
-from swarm_mj.typing import Array, Mask
+from swarm_mj.typing import Array, Ints, Mask
 
 #: Place and velocity in single precision relative to the plan, which all know [bit].
 STATE_BITS = 6 * 32
@@ -68,7 +68,7 @@ class Hearing:
         np.fill_diagonal(living, True)
         return living
 
-    def leaders(self, t: float) -> Array:
+    def leaders(self, t: float) -> Ints:
         """Whom each takes for the leader: the lowest number alive, shape (n,)."""
         return np.argmax(self.alive(t), axis=1)
 

@@ -1,4 +1,4 @@
-"""The force law that holds a formation: where each should be, feedback, safe separation, pulses; see docs/theory/formation.md."""
+"""The force law that holds a formation: where each should be, feedback, safe separation, pulses; docs/theory/formation.md."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ class State:
         n = len(view.mass)
         self.hearing, self.log = hearing, Log(np.zeros(n, np.int64))
         self.full_mass = view.mass
-        self.leader = np.zeros(n, np.int64)
+        self.leader: Ints = np.zeros(n, np.int64)
         self.working = np.zeros(n, np.bool_)  # outside its dead band
         self.intent, self.gained, self.pairs = np.zeros((n, 3)), view.delta_v_N, all_pairs(n)
         self.guarded = np.zeros(len(self.pairs), np.bool_)

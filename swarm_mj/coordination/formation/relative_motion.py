@@ -1,4 +1,4 @@
-"""Relative motion: axes of a visit, and the closed form about a point mass, against which formations are held in tests.
+"""Relative motion about a point mass in closed form.
 
 Hill's equations x'' - 2 n y' - 3 n^2 x = 0, y'' + 2 n x' = 0, z'' + n^2 z = 0 hold for small offsets from a circular orbit of
 rate n; x is radial, y along the velocity, z along the orbit's normal, and the axes turn. Their solution is Clohessy and
@@ -37,22 +37,3 @@ def hill_axes(r_N: Array, v_N: Array) -> Array:
     radial, normal = r_N / np.linalg.norm(r_N), np.cross(r_N, v_N)
     normal = normal / np.linalg.norm(normal)
     return np.array([radial, np.cross(normal, radial), normal])
-
-
-def visit_axes(r_N: Array, v_N: Array) -> Array:
-    """Rows: along the velocity, across, and away from the body, in N; shape (3, 3).
-
-    Where the body lies straight ahead or behind, or nothing moves, any axes across do.
-
-    Args:
-        r_N: Place at the visit, shape (3,) [m].
-        v_N: Velocity, shape (3,) [m/s].
-    """
-    speed = float(np.linalg.norm(v_N))
-    along = v_N / speed if speed > 0.0 else np.eye(3)[0]
-    away = r_N - (r_N @ along) * along
-    if np.linalg.norm(away) <= 1e-9 * np.linalg.norm(r_N):
-        away = np.eye(3)[int(np.argmin(np.abs(along)))]
-        away = away - (away @ along) * along
-    away = away / np.linalg.norm(away)
-    return np.array([along, np.cross(away, along), away])

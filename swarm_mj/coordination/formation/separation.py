@@ -14,8 +14,8 @@ adds those of every violated pair to the group that brakes until the check holds
 
 The stop that is checked is the one that is flown, in whole control periods: a_b for all but the last, which takes the rest of
 the speed. Distances are bounded from below: between samples the relative path departs from its chord by at most
-(|w_i| + |w_j|) h^2 / 8. The theorem holds for those that work and have propellant; others are counted as coasting for as long as
-their partner takes to stop. Cf. Fraichard and Asama (2004, Advanced Robotics 18, 1001) on inevitable collision states, and
+(|w_i| + |w_j|) h^2 / 8. The theorem holds for those that work and have propellant; others are counted as coasting for as long
+as their partner takes to stop. Cf. Fraichard and Asama (2004, Advanced Robotics 18, 1001) on inevitable collision states, and
 Gurriet, Mote, Singletary, Nilsson, Feron and Ames (2020, IEEE Access 8) on backup sets.
 """
 

@@ -64,7 +64,9 @@ def nodes(duration_s: float) -> Array:
     return np.linspace(0.0, duration_s, int(np.clip(np.ceil(duration_s / NODE_S), 2, MOST_NODES - 1)) + 1)
 
 
-def planned_structure(gravity: AccelerationN, times: Array, r_N: Array, v_N: Array, span: tuple[float, float]) -> Structure:
+def planned_structure(
+    gravity: AccelerationN, times: Array, r_N: Array, v_N: Array, span: tuple[float, float]
+) -> Structure:
     """Everybody as planned, about the mean of all.
 
     Args:

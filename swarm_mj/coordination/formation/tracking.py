@@ -70,7 +70,7 @@ class Tracking:
             return np.ones(len(error), np.bool_)
         size, speed = np.linalg.norm(error, axis=1), np.linalg.norm(rate, axis=1)
         inner = INNER * self.dead_band
-        slow = self.bandwidth / (2.0 * self.damping) * inner
+        slow = self.bandwidth / (2.0 * self.damping) * INNER * inner
         settled = (size < inner) & (speed < slow)
         return np.asarray((size > self.dead_band) | (before & ~settled))
 

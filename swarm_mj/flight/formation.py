@@ -1,0 +1,206 @@
+"""A scenario's formation in flight: its structure from the plan, the force law, and what came of it."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from swarm_mj.coordination.formation.law import FormationLaw, Push, Talk
+from swarm_mj.coordination.formation.structure import Structure, nodes, offset_structure, planned_structure
+from swarm_mj.coordination.formation.tracking import Tracking
+from swarm_mj.coordination.graph import Graph
+from swarm_mj.dataflow.network import Access
+from swarm_mj.errors import ScenarioError
+from swarm_mj.flight.coordinated import links_of
+from swarm_mj.flight.plan import Plan
+from swarm_mj.mission.behaviors import SwarmView
+from swarm_mj.mission.covariance import visit_axes
+from swarm_mj.mission.deployment import planned_paths
+from swarm_mj.scenarios.schema_formation import Formation
+from swarm_mj.simulator.simulation import Simulation
+from swarm_mj.spacecraft.control.force import ForceView, SumOfForces
+from swarm_mj.typing import Array, Mask
+
+#: Variables and attribute of the telemetry.
+ERROR, BITS, TOLD = "formation_error", "formation_bits", "formation"
+
+
+def formation_of(plan: Plan) -> Formation | None:
+    """The scenario's; None: all coast."""
+    return None if plan.scenario.swarm is None else plan.scenario.swarm.formation
+
+
+def structure_of(plan: Plan, formation: Formation) -> Structure:
+    """Where every spacecraft of a plan has to be.
+
+    Raises:
+        ScenarioError: The formation does not fit the plan.
+    """
+    scenario, deployment, gravity = plan.scenario, plan.deployment, plan.environment.acceleration_N
+    _check(plan, formation)
+    times = nodes(scenario.duration_s)
+    end = scenario.duration_s if formation.end_s is None else min(formation.end_s, scenario.duration_s)
+    planned = planned_structure(gravity, times, *planned_paths(gravity, deployment, times), (formation.start_s, end))
+    if formation.shape == "planned" or (formation.shape == "natural" and formation.offsets_m is None):
+        return planned
+    if formation.offsets_m is None:
+        return offset_structure(planned, times, planned.offsets(formation.start_s)[0], None)
+    visit = float(deployment.arrival_s.mean())
+    axes = np.eye(3)
+    if formation.frame == "visit":
+        axes = visit_axes(planned.centre(visit)[None], planned.centre(visit, 1)[None])[0]
+    offsets = np.array(formation.offsets_m) @ axes
+    if formation.shape == "cartesian":
+        return offset_structure(planned, times, offsets, None)
+    rates = (
+        np.zeros_like(offsets) if formation.offset_rates_m_s is None else np.array(formation.offset_rates_m_s) @ axes
+    )
+    return offset_structure(planned, times, offsets, rates)
+
+
+def _check(plan: Plan, formation: Formation) -> None:
+    if formation.offsets_m is not None and len(formation.offsets_m) != plan.n:
+        raise ScenarioError(
+            f"swarm.formation.offsets_m: {len(formation.offsets_m)} places for {plan.n} spacecraft; must be one for each of "
+            f"{', '.join(plan.names)}"
+        )
+    if plan.deployment.burns:
+        raise ScenarioError("swarm.formation: a plan with burns cannot hold one; leave the burns or the formation out")
+    last = float(plan.deployment.release_s.max())
+    if formation.start_s < last:
+        raise ScenarioError(
+            f"swarm.formation.start_s = {formation.start_s:g}: must not be before the last release, at {last:g} s"
+        )
+
+
+def fly_formation(simulation: Simulation, plan: Plan) -> None:
+    """Let the thrusters of a simulation hold the plan's formation as well, if there is one.
+
+    Raises:
+        ScenarioError: It does not fit the plan, or the thrusters.
+    """
+    formation, swarm, propulsion = formation_of(plan), plan.scenario.swarm, simulation.propulsion
+    if formation is None or swarm is None or propulsion is None:
+        return
+    if not propulsion.allocation.reaches_all:
+        raise ScenarioError(
+            "swarm.formation: the thruster_ sites of spacecraft.mjcf do not push in every direction; add nozzles, or leave the "
+            "formation out"
+        )
+    tracking = Tracking(bandwidth=formation.bandwidth_rad_s, damping=formation.damping, dead_band=formation.dead_band_m)
+    tracking.check_period(simulation.period)
+    least = plan.scenario.safety.min_separation_m if formation.min_separation_m is None else formation.min_separation_m
+    law = FormationLaw(
+        structure_of(plan, formation),
+        tracking,
+        Push(force=strength_of(simulation), least_impulse=propulsion.thrusters.min_impulse_bit),
+        reference=formation.reference,
+        separation=least + formation.margin_m if least > 0.0 else 0.0,
+        talk=Talk(
+            every_s=formation.message_s,
+            silence_s=swarm.silence_s,
+            seed=plan.scenario.seed,
+            access=Access(plan.scenario.link.crosslink.access),
+        ),
+    )
+    graph = links_of(plan, swarm)
+
+    def links(view: ForceView) -> Graph:
+        C_AN = simulation.environment.C_AN(view.t)
+        seen = SwarmView(
+            t=view.t, r_BN_N=view.r_BN_N, v_BN_N=view.v_BN_N, C_AN=C_AN, q_BN=view.q_BN, working=view.working
+        )
+        return graph(seen, simulation.state.targets)
+
+    law.links = links
+    before = simulation.force_law
+    simulation.force_law = law if before is None else SumOfForces([before, law])
+
+
+def strength_of(simulation: Simulation) -> float:
+    """Force that the thrusters give in every direction [N]."""
+    propulsion = simulation.propulsion
+    return 0.0 if propulsion is None else propulsion.thrusters.thrust * propulsion.allocation.strength
+
+
+def formation_law(simulation: Simulation) -> FormationLaw | None:
+    """The law that holds a simulation's formation; None: there is none."""
+    law = simulation.force_law
+    laws = law.laws if isinstance(law, SumOfForces) else (law,)
+    return next((one for one in laws if isinstance(one, FormationLaw)), None)
+
+
+def formation_error(structure: Structure, reference: str, times: Array, r_BN_N: Array, works: Mask) -> Array:
+    """Distance of each from its true place in the formation, shape (t, n) [m].
+
+    Args:
+        structure: Who should be where.
+        reference: 'plan'; 'mean' of those that work; or 'leader', of these the one with the lowest number.
+        times: Shape (t,) [s].
+        r_BN_N: Places, shape (t, n, 3) [m].
+        works: Who is not lost, shape (t, n).
+    """
+    error = r_BN_N - structure.path(times)
+    if reference != "plan":
+        weight = works.astype(np.float64)
+        if reference == "leader":
+            weight = np.eye(works.shape[1])[np.argmax(works, axis=1)]
+        total = np.maximum(weight.sum(axis=1, keepdims=True), 1.0)
+        error = error - np.einsum("tj,tjk->tk", weight / total, error)[:, None]
+    return np.linalg.norm(error, axis=2)
+
+
+def record_formation(telemetry: xr.Dataset, plan: Plan, simulation: Simulation) -> None:
+    """Add how well a formation was held, and what that takes by plan; nothing where there is none."""
+    law = formation_law(simulation)
+    if law is None:
+        return
+    structure, times, place = law.structure, telemetry["time"].values, ("time", "spacecraft")
+    works: Mask = np.ones((len(times), plan.n), np.bool_)
+    if "operational" in telemetry:
+        works = telemetry["operational"].values == 1
+    found = formation_error(structure, law.reference, times, telemetry["r_BN_N"].values, works)
+    words = {"frame": "none", "long_name": "distance from the place in the formation"}
+    telemetry[ERROR] = (place, found, {"units": "m", **words})
+    told = _by_plan(plan, law, strength_of(simulation) / plan.properties.mass)
+    if law.log is not None:
+        told["braked_s"] = (law.log.braked * simulation.period).tolist()
+        told["leaders"] = law.log.leaders
+        if law.reference != "plan":
+            at = np.searchsorted(law.log.time_s, times + 1e-6)
+            bits = np.array([np.zeros(plan.n, np.int64), *law.log.bits])[at]
+            words = {"units": "bit", "frame": "none", "long_name": "messages of place and velocity sent so far"}
+            telemetry[BITS] = (place, bits, words)
+    telemetry.attrs[TOLD] = json.dumps(told)
+
+
+def _by_plan(plan: Plan, law: FormationLaw, most: float) -> dict[str, Any]:
+    """What joining and holding take without disturbances, and what there is."""
+    structure = law.structure
+    start, end = structure.start_s, structure.end_s
+    times = np.linspace(start, end, 401)
+    holding = np.linalg.norm([structure.holding(t) for t in times], axis=2)
+    r, v = planned_paths(
+        plan.environment.acceleration_N, plan.deployment, np.unique([0.0, start, plan.scenario.duration_s])
+    )
+    at = 0 if start == 0.0 else 1
+    place, velocity = structure.places(start)
+    away, astray = np.linalg.norm(r[at] - place, axis=1), np.linalg.norm(v[at] - velocity, axis=1)
+    tracking = law.tracking
+    speed = np.minimum(0.5 * tracking.bandwidth / tracking.damping * away, np.sqrt(most * away))
+    thrusters = plan.properties.thrusters
+    assert thrusters is not None
+    full = plan.properties.mass
+    return {
+        "start_s": start,
+        "end_s": end,
+        "dead_band_m": tracking.dead_band,
+        "join_m_s": (astray + 2.0 * speed).tolist(),
+        "hold_m_s": np.trapezoid(holding, times, axis=0).tolist(),
+        "most_needed_m_s2": holding.max(axis=0).tolist(),
+        "thrust_m_s2": most,
+        "tank_m_s": thrusters.exhaust_speed * float(np.log(full / (full - thrusters.propellant))),
+    }
