@@ -20,6 +20,16 @@ COMMANDS = {
     "eros-literal": ("run", "eros-literal"),
     "eros-faults": ("run", "eros-faults"),
     "eros-hemispherical": ("run", "eros-config1", "--set", "link.crosslink.antenna=hemispherical"),
+    "eros-thrusters": (
+        "run",
+        "eros-config1",
+        "--set",
+        "spacecraft.thrusters={}",
+        "--set",
+        "dispersions.deployment_velocity_m_s=0.1",
+        "--set",
+        "trajectory.corrections=[{after_release_s: 60}, {before_visit_s: 120}]",
+    ),
     "eros-config1-design": ("design", "eros-config1", "--pareto"),
 }
 
@@ -37,6 +47,7 @@ PICTURES = (
     ("eros-config1", "illumination"),
     ("eros-config1", "wheel_speed"),
     ("eros-config1", "wheel_momentum"),
+    ("eros-thrusters", "propulsion"),
     ("eros-config1", "links"),
     ("eros-config1", "contacts"),
     ("eros-config1", "data"),

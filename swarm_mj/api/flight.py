@@ -22,11 +22,12 @@ from swarm_mj.flight.deliver import deliver
 from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.observe import ObservationResult, add_coverage, observe_flight, picture_count
 from swarm_mj.flight.plan import Plan, behavior_from, check_plugins, make_plan
-from swarm_mj.io.atomic import FIGURES, Result, atomic_folder, check_place
+from swarm_mj.io.atomic import Result, atomic_folder, check_place
 from swarm_mj.io.progress import Forecast, Stages, using_bars
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.coverage import CoverageMap
 from swarm_mj.results.drawing import compile_beside, draw_all, drawing_beside
+from swarm_mj.results.optional_figures import figures_of
 from swarm_mj.results.run_files import coverage_arrays, flown_design, write_results, write_summary
 from swarm_mj.results.run_record import RunRecord, observation_of, read_run
 from swarm_mj.results.summary import summarise
@@ -130,11 +131,10 @@ class Flight:
     @property
     def plot(self) -> Plots:
         """The figures of the flight by name, e.g. `flight.plot.coverage()`; each returns its Matplotlib axes."""
-        from swarm_mj.results.figures import COMPOSERS
+        from swarm_mj.results.figures import composers
 
-        return Plots(
-            {name: partial(compose, self.plan, self.telemetry, self.result) for name, compose in COMPOSERS.items()}
-        )
+        here = self.plan, self.telemetry, self.result
+        return Plots({name: partial(compose, *here) for name, compose in composers(self.telemetry).items()})
 
     def save(
         self,
@@ -359,7 +359,7 @@ def _run_folder(folder: Path, scenario: schema.Scenario, stages: Stages) -> Abst
 def _write(folder: Path, flight: Flight, stages: Stages, *, figures: bool, pdf: bool) -> None:
     write_results(folder, flight.plan, flight.telemetry, flight.result, flight.design)
     if figures:
-        with stages.stage("figures", "figures", len(FIGURES["run"])) as done:
+        with stages.stage("figures", "figures", len(figures_of(flight.telemetry))) as done:
             draw_all(folder, flight.plan, flight.telemetry, flight.result, pdf=pdf, progress=done)
     flight.summary["wall_s"] |= {stage: round(seconds, 3) for stage, seconds in stages.wall_s.items()}
     write_summary(folder, flight.summary)

@@ -6,6 +6,8 @@ A name is a key of the summary (see `swarm_mj.results.summary`); where the key h
 - `pointing_error_deg_visit`: by observer, at the instant of the visit;
 - `pointing_error_deg_p95`: 95th percentile over the flight and all spacecraft, slews included.
 
+Of flights without thrusters what these used and gave is empty.
+
 Pointing errors are those of spacecraft that work: while they do, and at the end. Always kept is `covered`: whether
 |100 - P_TO| is within `designer.tolerance_percent`, the paper's equation 4.
 """
@@ -25,6 +27,7 @@ from swarm_mj.flight.deliver import deliver
 from swarm_mj.flight.observe import ObservationResult, visit_samples
 from swarm_mj.flight.plan import Plan
 from swarm_mj.io.plain import shown
+from swarm_mj.results.propulsion import KEYS as PROPULSION
 from swarm_mj.results.summary import summarise, working
 from swarm_mj.simulator.telemetry import working as at_work
 
@@ -82,7 +85,8 @@ def outcome(plan: Plan, telemetry: xr.Dataset, result: ObservationResult, record
         result = replace(result, delivery=deliver(plan, telemetry, result.coverage, prove=False))
     summary = summarise(plan, telemetry, result, {})
     of_the_living = {key: working(summary, key) for key in LOST_WITH_THEIR_SPACECRAFT}
-    values = {**dict.fromkeys(DELIVERED), **SILENT, **summary, **of_the_living, **_pointed(plan, telemetry)}
+    of_none: dict[str, Any] = {**dict.fromkeys(DELIVERED), **SILENT, **{key: {} for key in PROPULSION}}
+    values = {**of_none, **summary, **of_the_living, **_pointed(plan, telemetry)}
     return {
         "covered": bool(100.0 - result.coverage.percent <= plan.scenario.designer.tolerance_percent),
         "spacecraft": plan.n,

@@ -37,7 +37,8 @@ FILES = {
 #: Stems of their figures, each a PNG and perhaps a PDF.
 FIGURES = {
     "run": ("behaviors", "trajectories", "target", "tracking_error", "pointing_error", "operation", "coverage", "ground_track",
-            "footprints", "illumination", "wheel_speed", "wheel_momentum", "links", "contacts", "data", "delivered_map"),
+            "footprints", "illumination", "wheel_speed", "wheel_momentum", "propulsion", "links", "contacts", "data",
+            "delivered_map"),
     "design": ("history", "gene_map", "cover", "pareto"),
 }  # fmt: skip
 

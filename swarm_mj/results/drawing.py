@@ -47,7 +47,7 @@ def draw_all(
     pdf: bool = False,
     progress: Progress | None = None,
 ) -> None:
-    """Write every figure of a run into a folder: by other processes inside `drawing_beside`, else here, one after another.
+    """Write the figures of a run into a folder: by other processes inside `drawing_beside`, else here, one after another.
 
     Args:
         folder: Where, as NAME.png.
@@ -68,9 +68,9 @@ def draw_all(
 
 
 def _here(folder: Path, plan: Plan, telemetry: xr.Dataset, result: ObservationResult, pdf: bool) -> Iterator[str]:
-    from swarm_mj.results.figures import COMPOSERS, draw
+    from swarm_mj.results.figures import composers, draw
 
-    for name in COMPOSERS:
+    for name in composers(telemetry):
         draw(name, folder, plan, telemetry, result, pdf=pdf)
         yield name
 

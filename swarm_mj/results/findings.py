@@ -12,6 +12,7 @@ from swarm_mj.flight.plan import EROS_SHAPE, as_planned
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.results.delivered import undelivered_findings
 from swarm_mj.results.design_files import design_differences
+from swarm_mj.results.propulsion import propulsion_findings
 from swarm_mj.results.run_record import RunRecord
 from swarm_mj.results.summary import working
 from swarm_mj.scenarios.itinerary import visit_times
@@ -188,7 +189,12 @@ def findings(run: RunRecord) -> list[str]:
 
 def run_findings(run: RunRecord) -> list[str]:
     """Remarks that need more than the summary: pictures that could not be, values of Eros, and a proof for another case."""
-    found = [*imaging_findings(run.scenario, run.summary), *direction_findings(run), *borrowed_findings(run.scenario)]
+    found = [
+        *imaging_findings(run.scenario, run.summary),
+        *direction_findings(run),
+        *propulsion_findings(run),
+        *borrowed_findings(run.scenario),
+    ]
     if other := proof_differences(run):
         found.append(
             f"the proof of design {run.scenario.design.reference} does not hold for this run: {'; '.join(other)}"

@@ -12,7 +12,6 @@ import numpy as np
 import xarray as xr
 
 from swarm_mj import __version__
-from swarm_mj.flight.burns import total_delta_v
 from swarm_mj.flight.coordination_record import coordination_summary
 from swarm_mj.flight.mothership import way_in
 from swarm_mj.flight.observe import ObservationResult, picture_samples, visit_samples, watching_in
@@ -20,6 +19,7 @@ from swarm_mj.flight.plan import Plan
 from swarm_mj.flight.spacecraft import notes_on
 from swarm_mj.results.delivered import delivered_summary
 from swarm_mj.results.navigation import navigation_summary
+from swarm_mj.results.propulsion import propulsion_summary
 from swarm_mj.results.target_dwell import held_s
 from swarm_mj.results.visit import visit_miss_m
 from swarm_mj.scenarios.itinerary import itinerary
@@ -46,7 +46,7 @@ def summarise(plan: Plan, telemetry: xr.Dataset, result: ObservationResult, wall
         **_pointed(plan, telemetry),
         **_flown(plan, telemetry),
         "encounter_findings": list(plan.encounter_findings),
-        **_pushed(plan, telemetry),
+        **propulsion_summary(plan, telemetry),
         **navigation_summary(plan),
         **_stepped(plan, telemetry),
         **_went_wrong(plan, telemetry),
@@ -194,19 +194,6 @@ def _without_noise(value: Any, decimals: int) -> Any:
     if not isinstance(value, float):
         return value
     return round(float(f"{value:.12g}"), decimals) + 0.0 if isfinite(value) else None
-
-
-def _pushed(plan: Plan, telemetry: xr.Dataset) -> dict[str, Any]:
-    """What the thrusters used and gave, where there are any."""
-    if "propellant_kg" not in telemetry:
-        return {}
-    left = telemetry["propellant_kg"].values
-    return {
-        "propellant_used_kg": _by_name(plan.names, left[0] - left[-1], 9),
-        "propellant_left_kg": _by_name(plan.names, left[-1], 9),
-        "thrust_delta_v_m_s": _by_name(plan.names, telemetry["delta_v_m_s"].values[-1], 6),
-        "planned_burns_m_s": _by_name(plan.names, total_delta_v(plan.deployment.burns, plan.n), 6),
-    }
 
 
 def _stepped(plan: Plan, telemetry: xr.Dataset) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from swarm_mj.flight.burns import check_burns, fly_burns
 from swarm_mj.flight.fly import initial_state, make_simulation, simulate
 from swarm_mj.flight.plan import make_plan
 from swarm_mj.mission.trajectories import PlannedBurn, propagate
-from swarm_mj.results.summary import _pushed
+from swarm_mj.results.propulsion import propulsion_summary
 from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.simulator.planned_burns import PlannedBurns, propellant_for
 from swarm_mj.simulator.telemetry import VARIABLES
@@ -119,7 +119,7 @@ def test_burns_of_one_spacecraft_share_its_tank_and_follow_each_other():
 
 def test_the_summary_tells_what_tanks_gave(flights):
     plan, telemetry = flights
-    told = _pushed(plan, telemetry)
+    told = propulsion_summary(plan, telemetry)
     assert told["planned_burns_m_s"]["sc2"] == 0.5 and told["thrust_delta_v_m_s"]["sc2"] == pytest.approx(0.5, rel=1e-4)
     assert told["propellant_used_kg"]["sc1"] + told["propellant_left_kg"]["sc1"] == pytest.approx(0.2)
-    assert _pushed(plan, telemetry.drop_vars("propellant_kg")) == {}
+    assert propulsion_summary(plan, telemetry.drop_vars("propellant_kg")) == {}

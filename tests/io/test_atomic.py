@@ -263,6 +263,7 @@ def test_folders_that_were_made_for_a_result_go_with_it_and_others_stay(tmp_path
 def test_the_names_of_a_results_files_are_those_that_are_written(tmp_path):
     from swarm_mj.results.figures import COMPOSERS
     from swarm_mj.results.figures.design import COMPOSERS as OF_DESIGNS
+    from swarm_mj.results.optional_figures import OPTIONAL
     from swarm_mj.results.report import REPORT_NAME
 
     assert set(FIGURES["run"]) == set(COMPOSERS) and set(FIGURES["design"]) == set(OF_DESIGNS)
@@ -275,7 +276,10 @@ def test_the_names_of_a_results_files_are_those_that_are_written(tmp_path):
         written = {p.name for p in folder.iterdir()}
         assert not [name for name in written if not result.owns(name)]
         assert written >= set(FILES[result.kind])
-        assert written >= {f"{stem}.{kind}" for stem in FIGURES[result.kind] for kind in ("png", "pdf")}
+        assert written >= {
+            f"{stem}.{kind}" for stem in {*FIGURES[result.kind]} - set(OPTIONAL) for kind in ("png", "pdf")
+        }
+        assert not [name for name in written if name.rpartition(".")[0] in OPTIONAL]  # nothing was fired
 
 
 def test_the_command_keeps_films_and_says_which(tmp_path, capsys):

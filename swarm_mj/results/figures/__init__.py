@@ -2,7 +2,7 @@
 
 Every picture is composed by a function `compose_NAME(plan, telemetry, result) -> Figure` and saved under `NAME.png`. They
 use Matplotlib's Figure objects directly: no display, no global state, so that figures can be drawn in threads. Who draws
-them all for a run is told in `results/drawing.py`.
+them for a run is told in `results/drawing.py`, and which it has in `results/optional_figures.py`.
 """
 
 from __future__ import annotations
@@ -31,14 +31,16 @@ from swarm_mj.results.figures.histories import (
 from swarm_mj.results.figures.illumination import compose_illumination
 from swarm_mj.results.figures.links import compose_links
 from swarm_mj.results.figures.operation import compose_operation
+from swarm_mj.results.figures.propulsion import compose_propulsion
 from swarm_mj.results.figures.style import write
 from swarm_mj.results.figures.target import compose_target
 from swarm_mj.results.figures.trajectories import compose_trajectories
+from swarm_mj.results.optional_figures import figures_of
 
 Compose = Callable[[Plan, xr.Dataset, ObservationResult], Figure]
 
 
-#: File stem of every figure and what composes it.
+#: File stem of every figure and what composes it; `composers` says which of them a flight has.
 COMPOSERS: dict[str, Compose] = {
     "behaviors": compose_behaviors,
     "trajectories": compose_trajectories,
@@ -52,11 +54,18 @@ COMPOSERS: dict[str, Compose] = {
     "illumination": compose_illumination,
     "wheel_speed": compose_wheel_speed,
     "wheel_momentum": compose_wheel_momentum,
+    "propulsion": compose_propulsion,
     "links": compose_links,
     "contacts": compose_contacts,
     "data": compose_data,
     "delivered_map": compose_delivered_map,
 }
+
+
+def composers(telemetry: xr.Dataset) -> dict[str, Compose]:
+    """What composes the figures that a flight has something to show in, by file stem."""
+    drawn = figures_of(telemetry)
+    return {name: compose for name, compose in COMPOSERS.items() if name in drawn}
 
 
 def draw(

@@ -26,7 +26,7 @@ import numpy as np
 from matplotlib.lines import Line2D
 
 from swarm_mj.flight.compile_ahead import compile_ahead
-from swarm_mj.results.figures import COMPOSERS, draw
+from swarm_mj.results.figures import composers, draw
 from swarm_mj.results.figures.numbering import name_beside
 from swarm_mj.results.figures.panels import legend_below
 from swarm_mj.results.figures.style import caption, new_figure, write
@@ -82,7 +82,7 @@ def warm_up() -> None:
 
 
 def _share_out(job: Job, workers: int, answers: int) -> None:
-    names = sorted(COMPOSERS, key=lambda name: SLOWEST.index(name) if name in SLOWEST else len(SLOWEST))
+    names = sorted(composers(job[2]), key=lambda name: SLOWEST.index(name) if name in SLOWEST else len(SLOWEST))
     queue, end = os.pipe()
     os.write(end, bytes(range(len(names))))
     os.close(end)

@@ -31,6 +31,7 @@ from swarm_mj.results.report.compare import comparison_section
 from swarm_mj.results.report.delivery import box_id, delivery_figures, delivery_section
 from swarm_mj.results.report.markup import Content, Html, join, table, tag
 from swarm_mj.results.report.plots import INK, MAX_ROWS, plot_run, plot_two
+from swarm_mj.results.report.propulsion import has_thrusters, propulsion_section
 from swarm_mj.results.report.replay import Limits, Replay, f32, make_replay, packed
 from swarm_mj.results.report.scene import MAX_NAMED, MAX_PATHS, path_points, scene_figure
 from swarm_mj.results.report.sections import (
@@ -152,7 +153,8 @@ def _header(runs: Sequence[RunRecord], labels: Sequence[str]) -> Html:
         facts = f"{run.scenario.body.name}, epoch {run.scenario.epoch} TDB, seed {run.scenario.seed}"
         words.append(tag("p", facts, class_="soft"))
     known = any(run.delivery is not None for run in runs)
-    parts = ("summary", "replay", *(("delivery",) if known else ()), "spacecraft", "design", "parameters")
+    pushed = ("propulsion",) if any(map(has_thrusters, runs)) else ()
+    parts = ("summary", "replay", *(("delivery",) if known else ()), "spacecraft", *pushed, "design", "parameters")
     title = labels[0] if len(runs) == 1 else "Two runs side by side"
     theme = tag("button", "◐ Theme", id="theme", type="button", aria_label="Switch between light and dark")
     links = [tag("a", part.capitalize(), href=f"#{part}") for part in parts]
@@ -173,6 +175,7 @@ def _sections(runs: Sequence[RunRecord], replays: Sequence[Replay], labels: Sequ
         _replay_section(runs, replays, labels),
         delivery_section(runs, labels) or Html(""),
         spacecraft_section(runs, labels),
+        propulsion_section(runs, labels) or Html(""),
         design_section(runs, labels),
         parameters_section(runs, labels),
         tag("p", f"Written by swarm_mj {__version__}, drawn by plotly {plotly.__version__}.", class_="soft"),

@@ -18,7 +18,7 @@ from swarm_mj.flight.observe import observe_flight
 from swarm_mj.flight.plan import make_plan
 from swarm_mj.io.cores import usable_cores
 from swarm_mj.results.drawing import draw_all, drawing_beside
-from swarm_mj.results.figures import COMPOSERS, draw
+from swarm_mj.results.figures import composers, draw
 from swarm_mj.results.report import REPORT_NAME
 from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.verification.performance.measure import Row, in_turn, row
@@ -58,7 +58,7 @@ def drawing(scenario: str, rounds: int) -> Row:
     with tempfile.TemporaryDirectory() as folder, drawing_beside():
 
         def here() -> None:
-            for name in COMPOSERS:
+            for name in composers(telemetry):
                 draw(name, Path(folder), plan, telemetry, result)
 
         seconds = in_turn({"beside": lambda: draw_all(Path(folder), plan, telemetry, result), "here": here}, rounds)

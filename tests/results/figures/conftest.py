@@ -6,6 +6,7 @@ from swarm_mj.flight.observe import add_coverage, observe_flight
 from swarm_mj.results.figures import COMPOSERS, draw
 from swarm_mj.smallbody.shape import ShapeModel
 from tests.results.deliveries import with_delivery
+from tests.results.thrusts import with_thrust
 
 
 @pytest.fixture(scope="session")
@@ -13,7 +14,7 @@ def flown(quick_plan):
     telemetry = simulate(quick_plan)
     result = observe_flight(quick_plan, telemetry)
     add_coverage(telemetry, result)
-    return with_delivery((quick_plan, telemetry, result), mute=(0,), cell_bit=90_000)
+    return with_delivery((quick_plan, with_thrust(telemetry), result), mute=(0,), cell_bit=90_000)
 
 
 @pytest.fixture(scope="session")

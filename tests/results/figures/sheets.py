@@ -18,12 +18,9 @@ def swarm_of(flown, n):
     scenario = plan.scenario.model_copy(
         update={"design": plan.scenario.design.model_copy(update={"visiting_points": points})}
     )
-    deployment = replace(
-        plan.deployment,
-        v0_N=np.repeat(plan.deployment.v0_N[:1], n, axis=0),
-        destination_N=np.repeat(plan.deployment.destination_N[:1], n, axis=0),
-        miss_m=np.repeat(plan.deployment.miss_m[:1], n),
-    )
+    of_each = ("v0_N", "destination_N", "miss_m", "release_s", "arrival_s", "release_r_N", "release_mothership_v_N")
+    first = {name: getattr(plan.deployment, name)[:1] for name in of_each}
+    deployment = replace(plan.deployment, **{name: np.repeat(rows, n, axis=0) for name, rows in first.items()})
     many = replace(plan, scenario=scenario, deployment=deployment, points_A=np.repeat(plan.points_A[:1], n, axis=0))
     copies = telemetry.isel(spacecraft=[0] * n).assign_coords(spacecraft=list(many.names))
     seen = with_coverage(result, np.repeat(result.coverage.first_seen_by_s[:1], n, axis=0))

@@ -28,6 +28,7 @@ UNITS = {
     "illumination": {"min", "deg"},
     "wheel_speed": {"min", "rpm"},
     "wheel_momentum": {"min", "mN m s"},
+    "propulsion": {"min", "mN", "m/s", "g"},
     "links": {"min"},
     "contacts": {"min", "Mbit"},
     "data": {"min", "Mbit", "%"},
@@ -113,7 +114,9 @@ def test_swarms_of_any_size_fit_on_the_page(flown, name, n):
     assert_labels_do_not_overlap(figure)
 
 
-@pytest.mark.parametrize("name", ["links", "contacts", "data", "ground_track", "trajectories", "wheel_momentum"])
+@pytest.mark.parametrize(
+    "name", ["links", "contacts", "data", "ground_track", "trajectories", "wheel_momentum", "propulsion"]
+)
 def test_a_hundred_spacecraft_fit_on_the_page(flown, name):
     assert_nothing_is_cut_off(COMPOSERS[name](*swarm_of(flown, 100)))
 

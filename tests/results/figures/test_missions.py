@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Annotation, Text
 
 from swarm_mj.flight.deliver import deliver
-from swarm_mj.results.figures import COMPOSERS
+from swarm_mj.results.figures import COMPOSERS, composers
 from swarm_mj.results.figures.framing import FAR, FAR_RADII, near_visit
 from swarm_mj.results.figures.scene import scene_from
 from swarm_mj.results.figures.style import TICK_PT
@@ -52,7 +52,7 @@ def pages(flights, composed):
 
     def figures(name):
         if name not in made:
-            made[name] = {figure: compose(*flights(name)) for figure, compose in COMPOSERS.items()}
+            made[name] = {figure: compose(*flights(name)) for figure, compose in composers(flights(name)[1]).items()}
             for figure in made[name].values():
                 figure.draw_without_rendering()
         return made[name]

@@ -132,7 +132,7 @@ def test_figures_by_other_processes_are_measured_against_those_drawn_here(monkey
     monkeypatch.setattr(job, "drawing_beside", nullcontext)
     monkeypatch.setattr(job, "draw_all", lambda folder, *flown: drawn.append("all") or time.sleep(0.02))
     monkeypatch.setattr(job, "draw", lambda name, folder, *flown: drawn.append(name) or time.sleep(0.01))
-    monkeypatch.setattr(job, "COMPOSERS", dict.fromkeys("abcd"))
+    monkeypatch.setattr(job, "composers", lambda telemetry: dict.fromkeys("abcd"))
     found = job.drawing("eros-quick", 2)
     assert drawn == 3 * ["all", "a", "b", "c", "d"]
     assert found.unit == "ratio" and 0.0 < found.low <= found.value
