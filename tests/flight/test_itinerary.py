@@ -8,15 +8,21 @@ from swarm_mj.errors import MissionError, ScenarioError
 from swarm_mj.flight.fly import initial_state, make_simulation, simulate
 from swarm_mj.flight.observe import observe_flight, picture_count, schedule_from
 from swarm_mj.flight.plan import make_plan
+from swarm_mj.mission.deployer import check_deployer
 from swarm_mj.results.summary import summarise
 from swarm_mj.scenarios.loading import load_scenario
+from swarm_mj.scenarios.schema_itinerary import Deployer
 from swarm_mj.simulator.simulation import Simulation
 
 BALL = {
     "name": "Ball",
     "shape": "ellipsoid",
     "semi_axes_m": [9e3, 7e3, 6e3],
-    "gravity": {"model": "point_mass", "parameters": {"gm": 4e5}},
+    # A point mass; in a series, which compiled code knows.
+    "gravity": {
+        "model": "spherical_harmonics",
+        "parameters": {"gm": 4e5, "reference_radius_m": 9e3, "coefficients": [[0, 0, 1.0, 0.0]]},
+    },
 }
 OBSERVERS = [
     {"visiting_point": 3},
@@ -98,6 +104,7 @@ def test_each_is_above_its_own_vertex_of_its_own_target_at_its_own_time(plan, te
 
 def test_compiled_and_call_by_call_are_the_same_to_the_bit(plan, telemetry):
     made = make_simulation(plan)
+    assert made.why_not_compiled(plan.controller) == ""
     slow = Simulation(
         made.model,
         properties=plan.properties,
@@ -159,6 +166,13 @@ def test_what_the_deployer_cannot_do_is_refused_by_name(plan):
         MissionError, match="deg off cone_axis_N: mothership.deployer.cone_half_angle_deg = 1 is the most"
     ):
         make_plan(scenario(mothership={"deployer": {"cone_axis_N": push.tolist(), "cone_half_angle_deg": 1}}))
+    # Every push by another formula: the cone that just holds all, and one that does not hold the farthest.
+    pushes = plan.deployment.v0_N - plan.deployment.release_mothership_v_N
+    off = np.degrees(np.arccos(pushes @ push / np.linalg.norm(pushes, axis=1) / np.linalg.norm(push)))
+    cone = {"cone_axis_N": push.tolist()}
+    check_deployer(Deployer(**cone, cone_half_angle_deg=off.max() + 0.01), plan.deployment)
+    with pytest.raises(MissionError, match=f"sc{np.argmax(off) + 1} is released"):
+        check_deployer(Deployer(**cone, cone_half_angle_deg=off.max() - 0.01), plan.deployment)
     with pytest.raises(
         MissionError, match="sc4 is released 0 s after sc1: mothership.deployer.spacing_s = 20 is the least"
     ):

@@ -75,3 +75,30 @@ def test_a_deployment_falls_back_on_parts_and_keeps_the_others():
     assert found.miss_m.max() < 1e-4
     alone, _ = solve_transfers(kepler(gm), np.array(start), points[1:], 600.0)
     assert np.array_equal(found.v0_N[1:], alone)
+
+
+def growing(t, r):
+    """A force that grows with time, whose flights are cubic in time."""
+    return np.broadcast_to([2e-3 * t, 0.0, 0.0], r.shape)
+
+
+def test_parts_and_later_releases_know_the_time_of_the_forces():
+    r0, destination, time = np.array([9e3, 0.0, 0.0]), np.array([8e3, 2e3, 1e3]), 60.0
+    straight = (destination - r0) / time
+    bent = np.array([2e-3 * time**2 / 6.0, 0.0, 0.0])
+    v0, _ = shoot_in_parts(growing, r0, destination, time)
+    assert np.allclose(v0, straight - bent, atol=1e-6)
+    body, release = Still(1.0), 100.0
+    body.acceleration_N = growing
+    found = deploy(
+        body,
+        mothership_N=r0,
+        mothership_velocity=np.zeros(3),
+        points_A=destination[None],
+        release_s=np.array([release]),
+        time_of_flight=np.array([time]),
+    )
+    coasted = r0 + np.array([2e-3 * release**3 / 6.0, 0.0, 0.0])
+    assert np.allclose(found.release_r_N[0], coasted, atol=1e-6)
+    expected = (destination - coasted) / time - bent - np.array([2e-3 * release * time / 2.0, 0.0, 0.0])
+    assert np.allclose(found.v0_N[0], expected, atol=1e-6)

@@ -22,7 +22,7 @@ from swarm_mj.typing import kernel
 
 from .scenes import eros_target
 
-SCHEDULE = {"interval_s": 35.0, "visit_s": 600.0}
+SCHEDULE = {"interval_s": 35.0, "visits_s": 600.0}
 
 
 @pytest.mark.parametrize("period", [0.5, 1.0, 5.0])
