@@ -12,6 +12,7 @@ from pathlib import Path
 
 from rich.console import Console
 
+import swarm_mj as sm
 from scripts.pages import IMAGES, RESULTS
 from swarm_mj.api.classes import ComparedClasses, compare_classes
 from swarm_mj.campaigns.classes import Recovery
@@ -20,24 +21,35 @@ from swarm_mj.campaigns.classes_report import compose_by_lost, compose_chance, t
 from swarm_mj.campaigns.store import read_results
 from swarm_mj.io.atomic import write_text
 from swarm_mj.io.progress import progress_bars
+from swarm_mj.rendering.replay import Replay
+from swarm_mj.rendering.side_by_side import make_side_by_side
 from swarm_mj.results.figures.style import save
 from swarm_mj.scenarios.loading import load_scenario
 
 PAGE = RESULTS / "swarm_classes.md"
 SCENARIO = "eros-observe"
+FILM = "swarm_classes.mp4"
+#: What is shown in the film, and how fast.
+FILMED = (
+    "duration_s=840",
+    "faults=[{kind: spacecraft_lost, spacecraft: sc5, at_s: 420}]",
+    "observation.observer=horizon",
+)
+FILM_SPEED, HALF = 60.0, (480, 420)
 PICTURES = ("swarm_classes_chance.png", "swarm_classes_lost.png")
 
 HEAD = """# Swarm classes: what coordination buys
 
 Written by `python -m scripts.pages.swarm_classes`, which runs what `swarm-mj classes {scenario}` does: {runs} dispersed
 encounters of `{scenario}`, each flown by every [class](../theory/coordination.md) with the same seed and the same losses. In
-each encounter every spacecraft is lost with one chance between 0 and 40 %, at a random time before the visit. {seconds}
+each encounter every spacecraft is lost with one chance between 0 and 40 %, at a random time before the visit. 
+{seconds}
 
 {table}
 Brackets: 95 % intervals. *Delivered*: on Earth within two days after the flight, by what the swarm can run alone. *Delta-v*: of
 the deployment; no class here burns propellant in flight, which is why class 1, whose movement alone is coordinated, is
-not flown: without formation control its pictures are those of class 0. *Placed*: the visiting points ({places}) were planned
-together with the pictures, so that as much as possible can be shown by two spacecraft.
+not flown: without formation control its pictures are those of class 0. *Placed*: the visiting points ({places}) were
+planned together with the pictures, so that as much as possible can be shown by two spacecraft.
 
 ![Seen and delivered area over the chance of loss](../images/{chance})
 
@@ -50,13 +62,15 @@ Delivered area, mean [%]:
 
 ## One loss
 
-| | encounters | class 3 loses [% of the target] | class 4 brings home of it [% of the target] | share |
-|---|---|---|---|---|
+Delivered area, mean [% of the target]:
+
+| | encounters | class 3 loses | class 4 brings home of it | share | class 4 loses against itself |
+|---|---|---|---|---|---|
 {recovered}
 
-What class 3 loses is the difference to its own flights without losses; what class 4 brings home is what it delivers more than
+What a class loses is the difference to its own flights without losses; what class 4 brings home is what it delivers more than
 class 3 in the same encounters with one loss. It is also better where nothing is lost, since it sees in flight what its
-pictures missed, so that the share may exceed 100 %.
+pictures missed: that is part of what it brings home.
 
 ### Why not more: the bound
 
@@ -71,6 +85,14 @@ The table counts what the cone inside the field of view shows when a turn is ove
 that flights may see a little more than its plans.
 
 {words}
+
+## One encounter, two classes
+
+The same encounter as designed, with spacecraft 5 lost after 420 s: on the left class 2, whose roles are those of the behaviour
+and whose cameras look at the body's centre; on the right class 4, which images the target part by part and covers what
+was lost.
+
+<video controls loop muted src="../../images/{film}" style="width: 100%"></video>
 """
 
 
@@ -98,6 +120,7 @@ def main() -> None:
     placed = load_scenario(SCENARIO, [f"design.visiting_points={list(compared.places)}"])
     bounds["placed"] = loss_bounds(placed)
     seconds = time.perf_counter() - begun if fresh else None
+    write_film()
     write_page(compared, bounds, arguments.out, arguments.runs, seconds)
     print(f"{PAGE} written")
 
@@ -123,13 +146,23 @@ def write_page(
         recovered="\n".join(_row(name, one) for name, one in compared.recovered.items()),
         bounds="\n".join(_bound(name, one) for name, found in bounds.items() for one in found),
         words=_words(compared, bounds),
+        film=FILM,
     )
     write_text(PAGE, "\n".join(line.rstrip() for line in text.splitlines()) + "\n")
 
 
+def write_film() -> None:
+    """Fly one encounter with classes 2 and 4, and film both side by side; needs OpenGL."""
+    halves = []
+    for level in (2, 4):
+        flight = sm.fly(sm.load(SCENARIO).changed(*FILMED, f"swarm={{class: {level}}}"))
+        halves.append(Replay(flight.plan, flight.telemetry, flight.coverage.first_seen_s, flight.delivered))
+    make_side_by_side(halves[0], halves[1], IMAGES / FILM, notes=("class 2", "class 4"), size=HALF, speed=FILM_SPEED)
+
+
 def _row(name: str, one: Recovery) -> str:
     share = f"{100.0 * one.share:.0f} %" if one.flights else "-"
-    return f"| {name} | {one.flights} | {one.lost.value:.1f} | {one.kept.value:.1f} | {share} |"
+    return f"| {name} | {one.flights} | {one.lost.value:.1f} | {one.kept.value:.1f} | {share} | {one.other_lost.value:.1f} |"
 
 
 def _bound(name: str, one: LossBound) -> str:
@@ -142,8 +175,9 @@ def _words(compared: ComparedClasses, bounds: dict[str, list[LossBound]]) -> str
     return (
         f"As designed, {worst.spacecraft} alone comes near enough to most of the target: without it no plan shows more than "
         f"{worst.bound:.1f} %, whoever makes it and however soon, and class 4 brings home {100.0 * designed.share:.0f} % of "
-        "what class 3 loses with one loss. With the places planned as well, any one can be replaced, and it is "
-        f"{100.0 * placed.share:.0f} %."
+        "what class 3 loses with one loss; part of it because it is better anyway, for against itself it loses "
+        f"{designed.other_lost.value:.1f} %.\nWith the places planned as well, any one can be replaced: class 4 brings home "
+        f"{100.0 * placed.share:.0f} % of what class 3 loses\nthere, and loses {placed.other_lost.value:.1f} % against itself."
     )
 
 

@@ -178,11 +178,13 @@ class Recovery(NamedTuple):
         flights: Pairs of flights with exactly one loss.
         lost: Area that the planned class lacks against its own flight without losses, mean [%].
         kept: Area by which the other class has more, in the same encounters, mean [%].
+        other_lost: Area that the other class lacks against its own flights without losses, mean [%].
     """
 
     flights: int
     lost: Estimate
     kept: Estimate
+    other_lost: Estimate
 
     @property
     def share(self) -> float:
@@ -201,11 +203,12 @@ def recovery(results: pa.Table, planned: str, replanned: str, key: str = "delive
     """
     rows = [row for row in results.to_pylist() if row["status"] == "ok"]
     one, other = ({row["run"]: row for row in rows if row["scenario"] == name} for name in (planned, replanned))
-    whole = [row[key] for row in one.values() if row["lost"] == 0]
+    whole, others_whole = ([row[key] for row in rows_of.values() if row["lost"] == 0] for rows_of in (one, other))
     runs = [run for run, row in one.items() if row["lost"] == 1 and run in other]
-    if not whole or not runs:
+    if not whole or not others_whole or not runs:
         nothing = Estimate(np.nan, np.nan, np.nan)
-        return Recovery(0, nothing, nothing)
+        return Recovery(0, nothing, nothing, nothing)
     mine, theirs = (np.array([rows_of[run][key] for run in runs]) for rows_of in (one, other))
     rng = np.random.default_rng(0)
-    return Recovery(len(runs), mean(float(np.mean(whole)) - mine, rng), mean(theirs - mine, rng))
+    others_lost = mean(float(np.mean(others_whole)) - theirs, rng)
+    return Recovery(len(runs), mean(float(np.mean(whole)) - mine, rng), mean(theirs - mine, rng), others_lost)

@@ -30,7 +30,7 @@ class LossBound(NamedTuple):
     bound: float
 
 
-def loss_bounds(scenario: Scenario, time_limit_s: float = 15.0) -> list[LossBound]:
+def loss_bounds(scenario: Scenario, time_limit_s: float = 6.0) -> list[LossBound]:
     """For nobody and for each observer lost: what those that are left can still show, by an omniscient plan.
 
     Args:

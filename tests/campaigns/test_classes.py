@@ -65,6 +65,7 @@ def test_what_is_recovered_follows_from_the_pairs_with_one_loss():
     assert found.flights == 2
     assert found.lost.value == pytest.approx(80.0 - 60.0)
     assert found.kept.value == pytest.approx((25.0 + 0.0) / 2)
+    assert found.other_lost.value == pytest.approx(90.0 - 72.5)
     assert found.share == pytest.approx(12.5 / 20.0)
     assert np.isnan(recovery(rows().slice(0, 1), "class 3", "class 4").share)
 
