@@ -82,6 +82,11 @@ class ControlLevel(ABC):
     held: Targets | None = None
     torque_B: Array | None = None
 
+    @property
+    @abstractmethod
+    def remembered(self) -> tuple[NDArray[Any], ...]:
+        """Arrays that hold the present actions, each with the number of the flight in front."""
+
     @abstractmethod
     def behavior(self, e: int) -> Behavior:
         """Who points at what in flight e."""
@@ -118,6 +123,11 @@ class TorqueLevel(ControlLevel):
         self.torque_B = np.zeros((count, plan.n, 3))
         self.action_space = _unit_box(wheels * plan.n)
 
+    @property
+    def remembered(self) -> tuple[NDArray[Any], ...]:
+        """See `ControlLevel`."""
+        return (self.torque_B,)
+
     def behavior(self, e: int) -> Behavior:
         """See `ControlLevel`: the scenario's own."""
         return self._behavior
@@ -146,6 +156,11 @@ class PointingLevel(ControlLevel):
         self.action_space = _unit_box(2 * plan.n)
         self._middle = self._points(np.zeros(2 * plan.n))
         self._points_A = np.tile(self._middle, (count, 1, 1))
+
+    @property
+    def remembered(self) -> tuple[NDArray[Any], ...]:
+        """See `ControlLevel`."""
+        return (self._points_A,)
 
     def behavior(self, e: int) -> Behavior:
         """See `ControlLevel`."""
@@ -186,6 +201,11 @@ class RoleLevel(ControlLevel):
         self._centre = parts
         self.held = Targets(np.zeros((count, n), np.int64), np.zeros((count, n), np.int64), np.zeros((count, n, 3)))
         self.action_space = spaces.MultiDiscrete(np.full(n, len(self._kinds)))
+
+    @property
+    def remembered(self) -> tuple[NDArray[Any], ...]:
+        """See `ControlLevel`."""
+        return tuple(self.held)
 
     def behavior(self, e: int) -> Behavior:
         """See `ControlLevel`."""

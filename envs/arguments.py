@@ -40,6 +40,13 @@ def is_whole(value: Any) -> bool:
     return isinstance(value, (int, np.integer)) and not isinstance(value, bool)
 
 
+def checked_prefix(prefix: Any) -> str:
+    """What stands before the numbers of agents."""
+    if not isinstance(prefix, str) or not prefix:
+        raise ScenarioError(f"agent_prefix = {prefix!r}: must be a text such as 'sc' or 'sc_'")
+    return prefix
+
+
 def checked_count(name: str, value: Any, otherwise: str = "") -> int:
     """A number of things, at least 1.
 
@@ -51,6 +58,13 @@ def checked_count(name: str, value: Any, otherwise: str = "") -> int:
     if not is_whole(value) or value < 1:
         raise ScenarioError(f"{name} = {value!r}: must be a whole number of at least 1{otherwise}")
     return int(value)
+
+
+def checked_index(e: Any, count: int) -> int:
+    """The number of a flight."""
+    if not is_whole(e) or not 0 <= e < count:
+        raise ScenarioError(f"flight {e!r}: must be a whole number from 0 to {count - 1}")
+    return int(e)
 
 
 def checked_size(name: str, value: Any) -> int:
@@ -104,13 +118,29 @@ def checked_step(scenario: Scenario, step_s: float) -> tuple[int, int]:
     return round(step_s / period), round(duration / period)
 
 
-def checked_scenario(scenario: Any) -> Scenario:
-    """The scenario of that name or file, or as it was given."""
+def checked_truth(name: str, value: Any) -> bool:
+    """A truth value."""
+    if not isinstance(value, (bool, np.bool_)):
+        raise ScenarioError(f"{name} = {value!r}: must be True or False")
+    return bool(value)
+
+
+def checked_overrides(overrides: Any) -> tuple[str, ...]:
+    """Changes of the scenario; what stands in them is looked at when they are applied."""
+    if not isinstance(overrides, (list, tuple)) or not all(isinstance(text, str) for text in overrides):
+        raise ScenarioError(
+            f"overrides = {overrides!r}: must be a list of texts key=value, such as ['physics.wheels=gyrostat']"
+        )
+    return tuple(overrides)
+
+
+def checked_scenario(scenario: Any, overrides: Sequence[str] = ()) -> Scenario:
+    """The scenario of that name or file, or as it was given, with changes."""
     if isinstance(scenario, Scenario):
-        return scenario
+        return load_scenario(scenario.model_dump(mode="json"), overrides) if overrides else scenario
     if not isinstance(scenario, (str, Path)):
         raise ScenarioError(f"scenario = {scenario!r}: must be a packaged name, the path of a YAML file, or a Scenario")
-    return load_scenario(scenario)
+    return load_scenario(scenario, overrides)
 
 
 def refuse_extra_targets(scenario: Scenario) -> None:

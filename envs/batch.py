@@ -18,7 +18,7 @@ from swarm_mj.typing import Array, Mask
 
 from .actions import ControlLevel, make_level
 from .episode_state import EpisodeState
-from .rewards import ENDS, Flown, StepResult
+from .rewards import ENDS, Flown, StepResult, horizon_ended
 from .step import finish_step
 from .task import Task
 from .totals import reset_totals
@@ -100,7 +100,26 @@ class EpisodeBatch(EpisodeState):
         if self._continues and result.hit.any():
             for e, j in zip(*np.nonzero(result.hit), strict=True):
                 self.flights.park(int(e), int(j))
-        return result
+        return horizon_ended(result) if self.task.config.horizon_terminates else result
+
+    def get_state(self, e: int) -> dict[str, Any]:
+        """All that episode e is between two steps, copied, for `set_state` of any batch of the same task.
+
+        Raises:
+            SimulationError: Something flies whose state cannot be taken; the message names it.
+        """
+        return {"rows": [array[e].copy() for array in self._remembered], "flight": self.flights.get_state(e)}
+
+    def set_state(self, e: int, state: dict[str, Any]) -> None:
+        """Go on from what `get_state` gave; bit for bit the flight that went on from there."""
+        for array, row in zip(self._remembered, state["rows"], strict=True):
+            array[e] = row
+        self.flights.set_state(e, state["flight"])
+
+    @property
+    def _remembered(self) -> list[NDArray[Any]]:
+        """What episodes remember besides their simulation, with the number of the episode in front."""
+        return [*self.totals, *self.before, *self.now, *self.estimate, self.observation, *self.level.remembered]
 
     def step_info(self, e: int, result: StepResult) -> dict[str, Any]:
         """What a step has to tell of flight e, beyond `info` its reward terms and how it ended."""

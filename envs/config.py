@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,7 +11,7 @@ from swarm_mj.observation.observer import ObserverKind
 from swarm_mj.scenarios.schema import Scenario
 
 from .actions import check_level
-from .arguments import checked_rate, checked_share
+from .arguments import checked_overrides, checked_rate, checked_share, checked_truth
 from .rewards import checked_scales
 
 #: What agents may know.
@@ -36,6 +36,8 @@ class EnvConfig:
         earth_rate_bit_s: To Earth, which hears one spacecraft at a time [bit/s]; None: by that of `link.earth` and
             `link.ground`.
         observability: What agents of the multi-agent environment know: `full`, or by the `graph`, what has reached them.
+        overrides: Changes of the scenario, texts `key=value` with dotted keys, as those of `swarm-mj run --set`.
+        horizon_terminates: Whether a flight that reaches the scenario's duration counts as terminated, not as truncated.
 
     Raises:
         ScenarioError: A value is not allowed; those that depend on the scenario are checked by `Task`.
@@ -52,12 +54,16 @@ class EnvConfig:
     swarm_rate_bit_s: float | None = 1e5
     earth_rate_bit_s: float | None = 8e3
     observability: str = "full"
+    overrides: Sequence[str] = ()
+    horizon_terminates: bool = False
 
     def __post_init__(self) -> None:
         """Refuse what is not allowed whatever the scenario."""
         check_level(self.control)
         checked_scales(self.reward_weights)
         checked_share(self.complete)
+        checked_overrides(self.overrides)
+        checked_truth("horizon_terminates", self.horizon_terminates)
         checked_rate("bits_per_pixel", self.bits_per_pixel)
         if self.observability not in OBSERVABILITY:
             raise ScenarioError(f"observability = {self.observability!r}: must be one of {', '.join(OBSERVABILITY)}")

@@ -23,12 +23,13 @@ from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.typing import Array, Array32, Pixels
 
 from .actions import check_action
-from .arguments import checked_options, checked_render_mode, flight_seed
+from .arguments import checked_options, checked_prefix, checked_render_mode, flight_seed
 from .batch import EpisodeBatch
 from .config import EnvConfig
 from .graph_knowledge import GraphKnowledge, News, groups_of
 from .observations import ObservationLayout
 from .rendering import EpisodeRenderer
+from .snapshots import FlightState, RebuiltOnCopy, must_have_begun, restore_state, take_state
 from .task import make_task
 
 try:
@@ -43,7 +44,7 @@ Observation = Array32
 PerAgent = dict[str, Any]
 
 
-class SwarmObserveParallelEnv(ParallelEnv[str, Observation, Any]):
+class SwarmObserveParallelEnv(RebuiltOnCopy, ParallelEnv[str, Observation, Any]):
     """One flyby in which each spacecraft is an agent: `sc1`, `sc2`, ... in gene order, a dedicated communications one last.
 
     Task, dynamics, pictures, radio and episode ends are those of `SwarmObserveEnv`.
@@ -73,6 +74,7 @@ class SwarmObserveParallelEnv(ParallelEnv[str, Observation, Any]):
         scenario: See `SwarmObserveEnv`.
         control: See `SwarmObserveEnv`.
         render_mode: None or `"rgb_array"`.
+        agent_prefix: What stands before the numbers of the agents; with `"sc_"` they are `sc_1`, `sc_2`, ...
         arguments: The others of `SwarmObserveEnv`.
     """
 
@@ -88,15 +90,19 @@ class SwarmObserveParallelEnv(ParallelEnv[str, Observation, Any]):
         scenario: str | Path | Scenario = EnvConfig.scenario,
         control: str = EnvConfig.control,
         render_mode: str | None = None,
+        *,
+        agent_prefix: str = "sc",
         **arguments: Any,
     ) -> None:
+        self.made_of = {"scenario": scenario, "control": control, "render_mode": render_mode, **arguments}
+        self.made_of["agent_prefix"] = checked_prefix(agent_prefix)
         self.render_mode = checked_render_mode(render_mode, self.metadata["render_modes"])
         self.task = make_task(scenario=scenario, control=control, **arguments)
         batch = EpisodeBatch(self.task, 1, continues_after_impact=True)
         self._batch: EpisodeBatch | None = batch
         self._renderer = EpisodeRenderer(batch, 640, 480)
         plan = self.task.plan
-        self.possible_agents = list(plan.names)
+        self.possible_agents = [f"{agent_prefix}{j + 1}" for j in range(plan.n)]
         self.agents: list[str] = []
         self._number = {name: j for j, name in enumerate(self.possible_agents)}
         whole = batch.level.action_space
@@ -160,6 +166,31 @@ class SwarmObserveParallelEnv(ParallelEnv[str, Observation, Any]):
         infos = {agent: dict(info) for agent in flew}
         self.agents = [agent for agent in flew if not (terminations[agent] or truncations[agent])]
         return observations, rewards, terminations, truncations, infos
+
+    def get_state(self) -> FlightState:
+        """Where the flight stands, see `SwarmObserveEnv.get_state`."""
+        must_have_begun(self._begun, "get_state")
+        flying = tuple(self._number[agent] for agent in self.agents)
+        return take_state(self.batch, 0, running=bool(flying), random=self._random, agents=flying)
+
+    def set_state(self, state: FlightState) -> PerAgent:
+        """Go on from a state, see `SwarmObserveEnv.set_state`; returns the observations of those that fly."""
+        if isinstance(state, FlightState) and state.agents is None:
+            raise ScenarioError(
+                "state: was taken from an environment that knows no agents; take it from a multi-agent one"
+            )
+        flying = restore_state(self.batch, 0, self._random, state).agents or ()
+        self.agents, self._begun = [self.possible_agents[j] for j in flying], True
+        return self._observations()
+
+    def _standing(self) -> dict[str, Any]:
+        kept = {name: getattr(self, name) for name in ("action_spaces", "observation_spaces", "_random")}
+        return {"kept": kept, "flight": self.get_state() if self._begun and self.batch else None}
+
+    def _stand(self, standing: dict[str, Any]) -> None:
+        self.__dict__.update(standing["kept"])
+        if standing["flight"] is not None:
+            self.set_state(standing["flight"])
 
     def _joined(self, actions: PerAgent) -> NDArray[Any]:
         if not isinstance(actions, Mapping):

@@ -58,8 +58,8 @@ class RewardTerms(NamedTuple):
 TERMS = RewardScales._fields
 
 #: How an episode can end by itself; 0 goes on.
-ENDS = ("", "complete", "impact", "lost", "diverged")
-_GOES_ON, _COMPLETE, _IMPACT, _LOST, _DIVERGED = range(5)
+ENDS = ("", "complete", "impact", "lost", "diverged", "horizon")
+_GOES_ON, _COMPLETE, _IMPACT, _LOST, _DIVERGED, _HORIZON = range(6)
 
 
 def checked_scales(given: Mapping[str, float] | None) -> RewardScales:
@@ -232,6 +232,12 @@ class StepResult(NamedTuple):
     def terms_of(self, e: int) -> dict[str, float]:
         """The weighted terms of flight e by name."""
         return {name: float(values[e]) for name, values in zip(TERMS, self.terms, strict=True)}
+
+
+def horizon_ended(result: StepResult) -> StepResult:
+    """The same with flights that are over by their duration reported as ended, not as truncated."""
+    end = np.where(result.truncated, _HORIZON, result.end)
+    return result._replace(end=end, truncated=np.zeros_like(result.truncated))
 
 
 def joined(results: Sequence[StepResult]) -> StepResult:

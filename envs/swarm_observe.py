@@ -18,13 +18,14 @@ from .config import EnvConfig
 from .observations import ObservationLayout
 from .rendering import EpisodeRenderer, Window
 from .rewards import TERMS
+from .snapshots import FlightState, RebuiltOnCopy, must_have_begun, restore_state, take_state
 from .state import SwarmState
 from .task import make_task
 
 Observation = Array32
 
 
-class SwarmObserveEnv(gymnasium.Env[Observation, Any]):
+class SwarmObserveEnv(RebuiltOnCopy, gymnasium.Env[Observation, Any]):
     """A swarm of n CubeSats flies past a small body, images a target on it and sends the pictures to Earth.
 
     `gymnasium.make("swarm_mj:SwarmObserve-v0")` makes it; in a program that imports swarm_mj before gymnasium,
@@ -163,7 +164,7 @@ if it begins at or after `safety.separation_grace_s`; the motion within it is ta
     Terminated: the target is seen to `complete` percent and all data are delivered; or a spacecraft hits the body; or all are
     lost to faults; or the flight diverges (the observation is then the last finite one). `info["end"]` says `complete`,
     `impact`, `lost` or `diverged`.
-    Truncated: at the scenario's duration.
+    Truncated: at the scenario's duration; with `horizon_terminates` terminated, with `info["end"]` `horizon`.
 
     ## Arguments
 
@@ -182,6 +183,10 @@ level `torque` `control.period_s`, because an attitude cannot be controlled by t
     | swarm_rate_bit_s | 1e5 | from a spacecraft to the one it tracks; None: by the scenario's link budget |
     | earth_rate_bit_s | 8e3 | to Earth, all together; the rate of the MarCO CubeSats at Mars; None: by the scenario's link \
 budget and stations |
+    | overrides | () | changes of the scenario, a list of texts `key=value` as of `swarm-mj run --set`; goes through \
+`spec.to_json()`, which a `Scenario` does not |
+    | horizon_terminates | False | whether the duration ends a flight as terminated, `info["end"]` being `horizon`, for tools \
+that know no truncation; the observation holds the time left |
     | width, height | 640, 480 | of rendered pictures |
 
     ## Version history
@@ -203,6 +208,8 @@ budget and stations |
         height: int = 480,
         **arguments: Any,
     ) -> None:
+        self.made_of = {"scenario": scenario, "control": control, "render_mode": render_mode, **arguments}
+        self.made_of |= {"width": width, "height": height}
         self._batch: EpisodeBatch | None = None
         self._window: Window | None = None
         self._size = width, height = checked_size("width", width), checked_size("height", height)
@@ -283,6 +290,41 @@ budget and stations |
             self.render()
         observation, info = batch.observation[0].copy(), batch.step_info(0, result)
         return observation, float(result.reward[0]), terminated, truncated, info
+
+    def get_state(self) -> FlightState:
+        """Where the flight stands, to go back to by `set_state`, here or in any other environment made with the same arguments.
+
+        It can be pickled. The random numbers of the resets to come are part of it. One takes some 18 KiB with `eros-observe`.
+
+        Raises:
+            gymnasium.error.ResetNeeded: There is no flight before the first `reset`.
+            SimulationError: The scenario flies thrusters, whose state cannot be taken.
+        """
+        must_have_begun(self._begun, "get_state")
+        return take_state(self.batch, 0, running=self._running, random=self.np_random)
+
+    def set_state(self, state: FlightState) -> tuple[Observation, dict[str, Any]]:
+        """Go on from a state: the same actions give the same observations, rewards and infos as there, bit for bit.
+
+        Returns:
+            Observation and info of that instant.
+
+        Raises:
+            ScenarioError: It is no such state, or was taken from an environment with other arguments.
+        """
+        self._running = restore_state(self.batch, 0, self.np_random, state).running
+        self._begun = True
+        return self.batch.observation[0].copy(), self.batch.info(0)
+
+    def _standing(self) -> dict[str, Any]:
+        names = ("spec", "action_space", "observation_space", "_np_random", "_np_random_seed")
+        kept = {name: getattr(self, name) for name in names}
+        return {"kept": kept, "flight": self.get_state() if self._begun and self.batch else None}
+
+    def _stand(self, standing: dict[str, Any]) -> None:
+        self.__dict__.update(standing["kept"])
+        if standing["flight"] is not None:
+            self.set_state(standing["flight"])
 
     def render(self) -> Pixels | None:
         """The overview as a picture, shape (height, width, 3), with `render_mode="rgb_array"`; `"human"` shows it in a window.

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from swarm_mj import __version__
 from swarm_mj.flight.fly import make_simulation
 from swarm_mj.flight.observe import camera_from, criterion_from, schedule_from
 from swarm_mj.flight.plan import Plan, antennas_from, make_plan
@@ -39,6 +43,7 @@ class Task:
 
     Attributes:
         config: The environment's arguments.
+        given: Their scenario, overrides applied.
         step_s: Length of a step [s].
         plan: The mission.
         patches: Parts of the target.
@@ -59,9 +64,9 @@ class Task:
     """
 
     def __init__(self, config: EnvConfig) -> None:
-        given = checked_scenario(config.scenario)
+        given = checked_scenario(config.scenario, config.overrides)
         refuse_extra_targets(given)
-        self.config = config
+        self.config, self.given = config, given
         self.step_s = step_of(given, config.control, config.step_s)
         self.ticks, self.last_tick = checked_step(given, self.step_s)
         self.plan: Plan = make_plan(given)
@@ -81,6 +86,16 @@ class Task:
         self.is_due: Mask = schedule_from(given, given.control.period_s).due(np.arange(self.last_tick + 1))
         starts = range(0, self.last_tick + 1, self.ticks)
         self.due_in_step = [np.flatnonzero(self.is_due[k : k + self.ticks + 1]).tolist() for k in starts]
+
+    @cached_property
+    def fingerprint(self) -> str:
+        """Digest of all that must agree where the state of a flight is taken up."""
+        config = self.config
+        numbers = (self.step_s, config.patches, config.complete, config.bits_per_pixel, *self.reward_scales)
+        rates = (config.swarm_rate_bit_s, config.earth_rate_bit_s)
+        rest = [config.control, config.observer, bool(config.horizon_terminates)]
+        text = json.dumps([__version__, self.given.model_dump(mode="json"), rest, list(map(repr, (*numbers, *rates)))])
+        return hashlib.sha256(text.encode()).hexdigest()
 
     @property
     def occluder(self) -> Occluder:

@@ -89,12 +89,17 @@ class ThreadedBatch:
         """Of all episodes, a copy, shape (E, F)."""
         return self.gather(lambda batch: batch.observation)
 
-    def cause(self, e: int) -> str:
-        """Why flight e diverged."""
+    def locate(self, e: int) -> tuple[EpisodeBatch, int]:
+        """The batch that flies episode e, and its number there."""
         for batch, part in zip(self.batches, self._parts, strict=True):
             if part.start <= e < part.stop:
-                return batch.flights.causes[e - part.start]
+                return batch, e - part.start
         raise IndexError(e)
+
+    def cause(self, e: int) -> str:
+        """Why flight e diverged."""
+        batch, k = self.locate(e)
+        return batch.flights.causes[k]
 
     def close(self) -> None:
         """End the threads and release the observer."""

@@ -16,14 +16,16 @@ from swarm_mj.typing import Array, Array32, Mask
 
 from .actions import check_action
 from .arguments import checked_count, checked_options, first_seeds, flight_seed, flight_seeds, refuse_graph
+from .arguments import checked_count, checked_index, checked_options, first_seeds, flight_seed, flight_seeds
 from .rewards import ENDS, TERMS, StepResult
+from .snapshots import FlightState, RebuiltOnCopy, must_have_begun, restore_state, take_state
 from .task import make_task
 from .threads import ThreadedBatch, default_threads
 
 Infos = dict[str, Any]
 
 
-class SwarmObserveVectorEnv(VectorEnv[Any, Any, Any]):
+class SwarmObserveVectorEnv(RebuiltOnCopy, VectorEnv[Any, Any, Any]):
     """`num_envs` batch of one scenario; made by `gymnasium.make_vec("swarm_mj:SwarmObserve-v0", ...)`.
 
     Spaces, rewards and episode ends are those of `SwarmObserveEnv`, which documents them, and so are the numbers: with the
@@ -52,6 +54,7 @@ class SwarmObserveVectorEnv(VectorEnv[Any, Any, Any]):
         render_mode: None = None,
         **arguments: Any,
     ) -> None:
+        self.made_of = {"num_envs": num_envs, "autoreset_mode": autoreset_mode, "threads": threads, **arguments}
         num_envs = checked_count("num_envs", num_envs)
         if threads is not None:
             threads = checked_count("threads", threads, ", or None")
@@ -153,6 +156,33 @@ class SwarmObserveVectorEnv(VectorEnv[Any, Any, Any]):
         fresh |= {"final_obs": final_obs, "_final_obs": over, "final_info": infos, "_final_info": over}
         self._over[:] = False
         return self.batch.observation, fresh, began
+
+    def get_state(self, e: int) -> FlightState:
+        """Where flight e stands, see `SwarmObserveEnv.get_state`; single and vector environments take each other's states."""
+        batch, k = self.batch.locate(checked_index(e, self.num_envs))
+        must_have_begun(bool(self._begun[e]), "get_state")
+        return take_state(batch, k, running=not self._over[e], random=self._random[e])
+
+    def set_state(self, e: int, state: FlightState) -> Array32:
+        """Let flight e go on from a state, see `SwarmObserveEnv.set_state`; the others are left alone.
+
+        Returns:
+            Its observation, shape (F,).
+        """
+        batch, k = self.batch.locate(checked_index(e, self.num_envs))
+        self._over[e] = not restore_state(batch, k, self._random[e], state).running
+        self._begun[e] = True
+        return batch.observation[k].copy()
+
+    def _standing(self) -> dict[str, Any]:
+        kept = {name: getattr(self, name) for name in ("spec", "action_space", "single_action_space", "_random")}
+        _ = self.batch
+        return {"kept": kept, "flights": {int(e): self.get_state(int(e)) for e in np.flatnonzero(self._begun)}}
+
+    def _stand(self, standing: dict[str, Any]) -> None:
+        self.__dict__.update(standing["kept"])
+        for e, state in standing["flights"].items():
+            self.set_state(e, state)
 
     def _infos(self, mask: Mask) -> Infos:
         batch = self.batch

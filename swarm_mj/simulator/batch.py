@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from typing import Any
 
 import numpy as np
 
@@ -83,6 +84,30 @@ class Batch(ABC):
     @abstractmethod
     def _start(self, e: int, initial: InitialState) -> None:
         """Put one flight at its start."""
+
+    def get_state(self, e: int) -> dict[str, Any]:
+        """All that one flight is between two control periods, copied; for `set_state` of any batch of the same swarm.
+
+        Raises:
+            SimulationError: Something flies whose state cannot be taken; the message names it.
+        """
+        rows = [array[e].copy() for array in (*self._flights, self.lost, self.blind)]
+        return {"rows": rows, "cause": self.causes[e], "own": self._own_state(e)}
+
+    def set_state(self, e: int, state: dict[str, Any]) -> None:
+        """Go on from what `get_state` gave: bit for bit as the flight that went on from there."""
+        self._take_own_state(e, state["own"])
+        for array, row in zip((*self._flights, self.lost, self.blind), state["rows"], strict=True):
+            array[e] = row
+        self.causes[e] = state["cause"]
+
+    @abstractmethod
+    def _own_state(self, e: int) -> Any:
+        """What a kind of batch has of one flight besides the arrays here."""
+
+    @abstractmethod
+    def _take_own_state(self, e: int, state: Any) -> None:
+        """Go on from what `_own_state` gave."""
 
     @abstractmethod
     def read(self, r: Array, v: Array, q: Array, omega: Array, wheel: Array) -> None:

@@ -9,8 +9,8 @@ the same interface.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
-import mujoco
 import numpy as np
 
 from swarm_mj.errors import PluginError, SimulationError
@@ -27,6 +27,7 @@ from swarm_mj.simulator.fast.flight_kernels import (
     WHOLE,
 )
 from swarm_mj.simulator.fast.integrator import Integrator
+from swarm_mj.simulator.fast.plain_data import make_datas, reset_data, restore_data, saved_data
 from swarm_mj.simulator.fast.world import make_world
 from swarm_mj.simulator.loop_state import InitialState
 from swarm_mj.simulator.plugin_calls import BehaviorCalls, divergence_of, view_of
@@ -65,7 +66,7 @@ class CompiledBatch(Batch):
         super().__init__(simulation.state, count)
         self._timesteps, self._controller = simulation.state.timesteps, controller
         self._world = make_world(simulation.state, controller)
-        self._datas = [mujoco.MjData(self.model.mjmodel) for _ in range(count)]
+        self._datas = make_datas(self.model, simulation.stepper, count)
         self._integrator = Integrator(self.model, *self._datas)
         self._behaviors = None if behaviors is None else BehaviorCalls(behaviors, self.period)
         self._everyone, self._nobody = np.ones(count, np.bool_), np.zeros(count, np.bool_)
@@ -91,10 +92,19 @@ class CompiledBatch(Batch):
             self._behaviors.due[e] = 0
 
     def _start(self, e: int, initial: InitialState) -> None:
-        mujoco.mj_resetData(self.model.mjmodel, self._datas[e])
+        reset_data(self._datas[e])
         self.place(e, *initial.rows(3))
         if self._behaviors is not None:
             self._behaviors.reset(e)
+
+    def _own_state(self, e: int) -> Any:
+        behavior = None if self._behaviors is None else self._behaviors.get_state(e)
+        return {"data": saved_data(self._datas[e]), "behavior": behavior}
+
+    def _take_own_state(self, e: int, state: Any) -> None:
+        restore_data(self._datas[e], state["data"])
+        if self._behaviors is not None:
+            self._behaviors.set_state(e, state["behavior"])
 
     def read(self, r: Array, v: Array, q: Array, omega: Array, wheel: Array) -> None:
         """See `Batch.read`."""

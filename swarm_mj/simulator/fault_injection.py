@@ -5,6 +5,8 @@ What goes wrong is decided by `FaultState`; what that does to the arrays of the 
 
 from __future__ import annotations
 
+from typing import Any
+
 import mujoco
 import numpy as np
 
@@ -66,6 +68,20 @@ class FaultInjection:
         if self._disperses_mass:
             self._mass_ratio[state.hub, 0] = self.faults.mass / state.properties.mass
             write_masses(state, self.faults.mass, self.faults.inertia_B)
+
+    def get_state(self) -> dict[str, Any]:
+        """What has become of the flight since `reset`, a copy."""
+        return {"faults": self.faults.get_state(), "arrays": [array.copy() for array in self._arrays]}
+
+    def set_state(self, state: dict[str, Any]) -> None:
+        """Go on from what `get_state` gave, after a `reset` with the seed of that flight."""
+        self.faults.set_state(state["faults"])
+        for array, value in zip(self._arrays, state["arrays"], strict=True):
+            array[:] = value
+
+    @property
+    def _arrays(self) -> tuple[Array, ...]:
+        return self.wheel_speed, self._qpos, self._qvel, self._true_omega, self._last_r
 
     def read_wheels(self, qpos: Array, qvel: Array) -> tuple[Array, Array]:
         """The state in the layout of three wheels that the kernels read, and the speeds of all wheels in `wheel_speed`.

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
@@ -17,6 +17,7 @@ from swarm_mj.errors import PluginError
 from swarm_mj.mission.behaviors import Targets
 from swarm_mj.simulator.fast.flight_kernels import NEVER, allocate_flights
 from swarm_mj.simulator.fast.integrator import timesteps_in
+from swarm_mj.simulator.fast.plain_data import restore_data, saved_data
 from swarm_mj.simulator.faults.schedule import Event
 from swarm_mj.simulator.slots import Slot
 from swarm_mj.smallbody.environment import Environment
@@ -81,6 +82,26 @@ class InitialState:
         qpos[:, :3], qpos[:, 3:7] = self.r_BN_N, quaternion_from_mrp(self.sigma_BN)
         qvel[:, :3], qvel[:, 3:6], qvel[:, 6:] = self.v_BN_N, self.omega_BN_B, self.wheel_speed
         return qpos, qvel
+
+
+class SavedFlight(NamedTuple):
+    """What `Simulation.get_state` takes of a flight; only `Simulation.set_state` reads it.
+
+    Attributes:
+        initial: How the flight began, from which all that is drawn is drawn again.
+        loop: See `LoopState.get_state`.
+        behavior: What the behaviour remembers, and when it is asked next.
+        law: What the control law remembers.
+        faults: What has gone wrong; None: nothing can.
+        slews: Those under way; None: the law turns as it does.
+    """
+
+    initial: InitialState
+    loop: dict[str, Any]
+    behavior: Any
+    law: Any
+    faults: Any
+    slews: Any
 
 
 class LoopState:
@@ -217,6 +238,21 @@ class LoopState:
         self.model.start(self.data, *initial.rows(self.properties.n_wheels))
         self.tick, self.last_kind[:], self.last_spacecraft[:], self.peaks[:] = 0, -1, -1, 0.0
         self.released[:] = True if initial.release is None else initial.release.tick <= 0
+
+    def get_state(self) -> dict[str, Any]:
+        """Arrays, targets and MuJoCo's state, copied."""
+        return {
+            "arrays": [array.copy() for array in (*self.flights, self.motor_torque)],
+            "targets": [part.copy() for part in self.targets],
+            "data": saved_data(self.data),
+        }
+
+    def set_state(self, state: dict[str, Any]) -> None:
+        """Go on from what `get_state` gave."""
+        restore_data(self.data, state["data"])
+        for array, value in zip((*self.flights, self.motor_torque), state["arrays"], strict=True):
+            array[:] = value
+        self.targets = Targets(*(part.copy() for part in state["targets"]))
 
     def let_go(self, release: Release) -> bool:
         """Push off those that leave the mothership now; whether anybody does."""

@@ -6,6 +6,7 @@ Answers are checked before compiled code takes them, which does not see where an
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import deepcopy
 from typing import Any
 
 import numpy as np
@@ -44,6 +45,14 @@ class BehaviorCalls:
         """Forget everything about a flight: a new one begins."""
         self._memories[e], self.due[e] = None, 0
 
+    def get_state(self, e: int) -> tuple[Any, int]:
+        """What the behaviour of a flight remembers, and when it is due; a copy."""
+        return deepcopy(self._memories[e]), int(self.due[e])
+
+    def set_state(self, e: int, state: tuple[Any, int]) -> None:
+        """Go on from what `get_state` gave."""
+        self._memories[e], self.due[e] = deepcopy(state[0]), state[1]
+
     def ask(self, e: int, view: SwarmView, tick: int) -> Targets:
         """Targets of a flight at the instant of a view.
 
@@ -70,6 +79,14 @@ class ControllerCalls:
     def __init__(self, controller: Controller) -> None:
         self.controller = controller
         self._memory: Array | None = None
+
+    def get_state(self) -> Any:
+        """What the law remembers, a copy."""
+        return deepcopy(self._memory)
+
+    def set_state(self, state: Any) -> None:
+        """Go on from what `get_state` gave."""
+        self._memory = deepcopy(state)
 
     def ask(self, inputs: ControlInput) -> Array:
         """Torques on the bodies, shape (n, 3) [N m]; see `ask_for_torque`."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -55,6 +56,12 @@ class PythonBatch(Batch):
     def _start(self, e: int, initial: InitialState) -> None:
         self.simulations[e].reset(initial)
         self.lost[e], self.blind[e] = self.simulations[e].lost, False
+
+    def _own_state(self, e: int) -> Any:
+        return self.simulations[e].get_state()
+
+    def _take_own_state(self, e: int, state: Any) -> None:
+        self.simulations[e].set_state(state)
 
     def read(self, r: Array, v: Array, q: Array, omega: Array, wheel: Array) -> None:
         """See `Batch.read`."""

@@ -25,7 +25,7 @@ from swarm_mj.simulator.fault_injection import NOTHING, FaultInjection
 from swarm_mj.simulator.faults.impact import ImpactWatch
 from swarm_mj.simulator.faults.schedule import Event
 from swarm_mj.simulator.faults.state import FaultModel
-from swarm_mj.simulator.loop_state import InitialState, LoopState, Release
+from swarm_mj.simulator.loop_state import InitialState, LoopState, Release, SavedFlight
 from swarm_mj.simulator.plugin_calls import BehaviorCalls, ControllerCalls, no_such_target, view_of
 from swarm_mj.simulator.propulsion import Propulsion
 from swarm_mj.simulator.recorder import Progress, Record, Recorder
@@ -102,6 +102,7 @@ class Simulation:
         self._world: World | None = None
         self._until = np.zeros(1, np.int64)
         self._release: Release | None = None
+        self._initial: InitialState | None = None
         if force_law is not None:
             self._set_force_law(force_law)
 
@@ -252,9 +253,42 @@ class Simulation:
         if self.impact_watch is not None:
             self.impact_watch.reset()
         self.state.reset(initial)
-        self._release = initial.release
+        self._release, self._initial = initial.release, initial
         self._behaviors.reset(0)
         self.controller = self._law.controller
+
+    def get_state(self) -> SavedFlight:
+        """All that the flight is between two control periods, a copy that can be pickled; `set_state` goes on from it.
+
+        Raises:
+            SimulationError: The flight has not begun, or its thrusters fire, whose tanks and programme are not saved.
+        """
+        if self._initial is None:
+            raise SimulationError("the flight has not begun, so that it has no state; call reset first")
+        if self.force_law is not None:
+            raise SimulationError(
+                f"the state of a flight cannot be taken while thrusters fly the force law {name_of(self.force_law)}; leave "
+                "trajectory.corrections and spacecraft.thrusters out"
+            )
+        return SavedFlight(
+            initial=self._initial,
+            loop=self.state.get_state(),
+            behavior=self._behaviors.get_state(0),
+            law=self._law.get_state(),
+            faults=None if self.injection is None else self.injection.get_state(),
+            slews=None if self.slews is None else self.slews.get_state(),
+        )
+
+    def set_state(self, saved: SavedFlight) -> None:
+        """Go on from what `get_state` of such a simulation gave, bit for bit; impacts are watched for anew."""
+        self.reset(saved.initial)
+        self.state.set_state(saved.loop)
+        self._behaviors.set_state(0, saved.behavior)
+        self._law.set_state(saved.law)
+        if self.injection is not None:
+            self.injection.set_state(saved.faults)
+        if self.slews is not None:
+            self.slews.set_state(saved.slews)
 
     def ask_again(self) -> None:
         """Have the behaviour asked at the next decision, because it or the state has been told something new."""

@@ -41,6 +41,14 @@ class Slews:
         self._limits = [Turning(1.0, 1.0)] * n
         self._reference = Reference(*(np.empty((n, width)) for width in (4, 3, 3, 3)))
 
+    def get_state(self) -> tuple[Array, Array, Array, list[Turning]]:
+        """The slews that are under way, a copy."""
+        return self._start.copy(), self._angle.copy(), self._axis.copy(), list(self._limits)
+
+    def set_state(self, state: tuple[Array, Array, Array, list[Turning]]) -> None:
+        """Go on from what `get_state` gave."""
+        self._start[:], self._angle[:], self._axis[:], self._limits[:] = state
+
     def follow(self, q_known: Array) -> None:
         """Let the references of this decision, which guidance has worked out, go by the profiles.
 

@@ -48,6 +48,7 @@ from swarm_mj.simulator.fast.mj_memory import (
     mj_records,
     mj_view,
 )
+from swarm_mj.simulator.fast.plain_data import Data
 from swarm_mj.spacecraft.gyrostat import NV_FREE, with_wheels
 from swarm_mj.spacecraft.model import SwarmModel
 from swarm_mj.spacecraft.model_guard import acting_elements, listed, swarm_options
@@ -74,7 +75,7 @@ class Integrator:
             does not fly; the message names it.
     """
 
-    def __init__(self, swarm: SwarmModel, *datas: mujoco.MjData) -> None:
+    def __init__(self, swarm: SwarmModel, *datas: Data) -> None:
         load_mujoco()
         self._datas = datas
         method, self.why = _choose_method(swarm)
@@ -86,8 +87,8 @@ class Integrator:
     def __reduce__(self) -> str:
         """Refuse to be copied or pickled, and so every simulation: states stand in MuJoCo's memory and are known by address."""
         raise TypeError(
-            "a simulation cannot be copied or pickled; make another one, reset it and set the state of its MjData (see "
-            "SwarmModel.set_state)"
+            "a simulation cannot be copied or pickled; make another one and hand it what get_state gives (see "
+            "Simulation.set_state)"
         )
 
     def step(self, nstep: int) -> None:

@@ -15,6 +15,7 @@ from numba import carray, types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
+from swarm_mj.simulator.fast.plain_data import Data
 from swarm_mj.spacecraft.model import SwarmModel
 from swarm_mj.typing import Array, inlined
 
@@ -119,7 +120,7 @@ def allocate_scratch(model: mujoco.MjModel) -> Scratch:
 
 
 def mj_records(
-    swarm: SwarmModel, datas: tuple[mujoco.MjData, ...], method: int, wheel_axes_B: Array, scratch: Scratch
+    swarm: SwarmModel, datas: tuple[Data, ...], method: int, wheel_axes_B: Array, scratch: Scratch
 ) -> MjBatch:
     """Records of MjData; valid as long as all that is given here lives.
 

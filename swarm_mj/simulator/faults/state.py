@@ -6,6 +6,7 @@ nothing is asked. All state lies here and is drawn anew by `reset` from a seed, 
 
 from __future__ import annotations
 
+from copy import deepcopy
 from dataclasses import dataclass
 from typing import Any
 
@@ -34,6 +35,10 @@ from swarm_mj.smallbody.environment import Environment
 from swarm_mj.spacecraft.properties import SpacecraftProperties
 from swarm_mj.typing import Array
 
+#: Attributes of `FaultState` that `reset` draws from the seed and nothing changes afterwards.
+_DRAWN = frozenset(
+    ("_fault_model", "_properties", "_planned", "_n", "_period", "_speed_margin", "environment", "mass", "inertia_B")
+)
 WHEEL_FAULTS = (WheelLost, WheelStuck, WheelWeakened, WheelFriction)
 
 
@@ -125,6 +130,14 @@ class FaultState:
             self.events.append(event)
             if event.kind == "missed_deployment":
                 self.lost[event.spacecraft] = self._known_lost[event.spacecraft] = True
+
+    def get_state(self) -> dict[str, Any]:
+        """What has become of what `reset` drew, a copy."""
+        return deepcopy({name: value for name, value in vars(self).items() if name not in _DRAWN})
+
+    def set_state(self, state: dict[str, Any]) -> None:
+        """Go on from what `get_state` gave, after a `reset` with the seed of that flight."""
+        vars(self).update(deepcopy(state))
 
     def happen(self, t: float, wheel_speed: Array) -> None:
         """Let everything happen that is due at `t` [s].
