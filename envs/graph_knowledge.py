@@ -6,9 +6,10 @@ stays in the others' minds as it was last heard of.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from swarm_mj.coordination.graph import graph_at
 from swarm_mj.dataflow.contacts import Instant, radios_from
@@ -57,6 +58,11 @@ class GraphKnowledge:
         self._patches = patches
         self.r_A, self.facts = np.zeros((n, n, 3)), np.zeros((n, n, facts))
         self.cells, self.delivered = np.zeros((n, len(patches.of_cell)), np.bool_), np.zeros(n)
+
+    @property
+    def arrays(self) -> tuple[NDArray[Any], ...]:
+        """All that is known; written to, it is known instead."""
+        return self.r_A, self.facts, self.cells, self.delivered
 
     def begin(self, news: News) -> None:
         """All are together, and know one another."""

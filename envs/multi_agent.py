@@ -7,6 +7,7 @@ env = swarm_observe_v0.parallel_env(control="role")
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, ClassVar
@@ -171,7 +172,9 @@ class SwarmObserveParallelEnv(RebuiltOnCopy, ParallelEnv[str, Observation, Any])
         """Where the flight stands, see `SwarmObserveEnv.get_state`."""
         must_have_begun(self._begun, "get_state")
         flying = tuple(self._number[agent] for agent in self.agents)
-        return take_state(self.batch, 0, running=bool(flying), random=self._random, agents=flying)
+        state = take_state(self.batch, 0, running=bool(flying), random=self._random)
+        told = None if self._knowledge is None else tuple(array.copy() for array in self._knowledge.arrays)
+        return replace(state, agents=flying, knowledge=told)
 
     def set_state(self, state: FlightState) -> PerAgent:
         """Go on from a state, see `SwarmObserveEnv.set_state`; returns the observations of those that fly."""
@@ -180,8 +183,13 @@ class SwarmObserveParallelEnv(RebuiltOnCopy, ParallelEnv[str, Observation, Any])
                 "state: was taken from an environment that knows no agents; take it from a multi-agent one"
             )
         flying = restore_state(self.batch, 0, self._random, state).agents or ()
-        self.agents, self._begun = [self.possible_agents[j] for j in flying], True
-        return self._observations()
+        self.agents, self._begun, self._knowledge = [self.possible_agents[j] for j in flying], True, None
+        observations = self._observations()
+        if self._knowledge is None or state.knowledge is None:
+            return observations
+        for array, known in zip(self._knowledge.arrays, state.knowledge, strict=True):
+            array[:] = known
+        return self._observations()  # to be told the same again changes nothing
 
     def _standing(self) -> dict[str, Any]:
         kept = {name: getattr(self, name) for name in ("action_spaces", "observation_spaces", "_random")}

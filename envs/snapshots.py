@@ -7,6 +7,7 @@ from typing import Any
 
 import gymnasium
 import numpy as np
+from numpy.typing import NDArray
 
 from swarm_mj.errors import ScenarioError
 
@@ -25,6 +26,7 @@ class FlightState:
         random: The random numbers of the resets to come.
         episode: See `EpisodeBatch.get_state`.
         agents: Of the multi-agent environment, who still flies; None in the others.
+        knowledge: What its agents know, where only what has reached them counts, see `GraphKnowledge`.
     """
 
     fits: str
@@ -32,13 +34,12 @@ class FlightState:
     random: dict[str, Any]
     episode: dict[str, Any]
     agents: tuple[int, ...] | None = None
+    knowledge: tuple[NDArray[Any], ...] | None = None
 
 
-def take_state(
-    batch: EpisodeBatch, e: int, *, running: bool, random: np.random.Generator, agents: tuple[int, ...] | None = None
-) -> FlightState:
+def take_state(batch: EpisodeBatch, e: int, *, running: bool, random: np.random.Generator) -> FlightState:
     """The state of flight e of a batch."""
-    return FlightState(batch.task.fingerprint, running, dict(random.bit_generator.state), batch.get_state(e), agents)
+    return FlightState(batch.task.fingerprint, running, dict(random.bit_generator.state), batch.get_state(e))
 
 
 def restore_state(batch: EpisodeBatch, e: int, random: np.random.Generator, state: Any) -> FlightState:

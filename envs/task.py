@@ -93,7 +93,7 @@ class Task:
         config = self.config
         numbers = (self.step_s, config.patches, config.complete, config.bits_per_pixel, *self.reward_scales)
         rates = (config.swarm_rate_bit_s, config.earth_rate_bit_s)
-        rest = [config.control, config.observer, bool(config.horizon_terminates)]
+        rest = [config.control, config.observer, bool(config.horizon_terminates), config.observability]
         text = json.dumps([__version__, self.given.model_dump(mode="json"), rest, list(map(repr, (*numbers, *rates)))])
         return hashlib.sha256(text.encode()).hexdigest()
 

@@ -15,8 +15,15 @@ from swarm_mj.errors import ScenarioError
 from swarm_mj.typing import Array, Array32, Mask
 
 from .actions import check_action
-from .arguments import checked_count, checked_options, first_seeds, flight_seed, flight_seeds, refuse_graph
-from .arguments import checked_count, checked_index, checked_options, first_seeds, flight_seed, flight_seeds
+from .arguments import (
+    checked_count,
+    checked_index,
+    checked_options,
+    first_seeds,
+    flight_seed,
+    flight_seeds,
+    refuse_graph,
+)
 from .rewards import ENDS, TERMS, StepResult
 from .snapshots import FlightState, RebuiltOnCopy, must_have_begun, restore_state, take_state
 from .task import make_task

@@ -1,7 +1,5 @@
 """The multi-agent environment: PettingZoo's own tests, local observations, and agents that are lost."""
 
-import copy
-import pickle
 import warnings
 
 import gymnasium
@@ -136,29 +134,3 @@ def test_with_w_wheels_an_agent_has_w_torques_and_a_block_of_26_and_w_numbers(la
     assert env.state() in env.state_space
     assert np.array_equal(observations["sc2"][: 26 + w], env.state()[26 + w : 2 * (26 + w)])
     env.close()
-
-
-@pytest.mark.parametrize("duplicate", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env)), None])
-def test_a_flight_of_agents_goes_on_from_its_state_and_from_a_copy(duplicate):
-    env = swarm_observe_v0.parallel_env(agent_prefix="sc_")
-    assert env.possible_agents == ["sc_1", "sc_2", "sc_3", "sc_4", "sc_5"]
-    env.reset(seed=0)
-    above = env.task.plan.points_A[1]
-    above_N = above @ env.task.plan.environment.C_AN(0.0)
-    place(env.batch.flights, 0, 1, position=above_N, velocity=-above_N / 5.0)
-    env.batch.now.r_A[0, 1] = above
-    env.step(dict.fromkeys(env.agents, CENTRE))
-    assert env.agents == ["sc_1", "sc_3", "sc_4", "sc_5"]
-    state = env.get_state()
-    actions = [{agent: k for k, agent in enumerate(env.agents)}, dict.fromkeys(env.agents, 22)]
-    other = env if duplicate is None else duplicate(env)
-    first = [env.step(action) for action in actions]
-    if duplicate is None:
-        known = env.set_state(state)
-        assert set(known) == {"sc_1", "sc_3", "sc_4", "sc_5"}
-    for (seen, rewards, *_, infos), action in zip(first, actions, strict=True):
-        seen_again, rewards_again, *_, infos_again = other.step(action)
-        assert all(np.array_equal(seen_again[agent], seen[agent]) for agent in seen)
-        assert rewards_again == rewards and infos_again == infos
-    with pytest.raises(ScenarioError, match="agent_prefix = ''"):
-        swarm_observe_v0.parallel_env(agent_prefix="")

@@ -9,8 +9,9 @@ import pytest
 
 from swarm_mj.errors import ScenarioError
 
-from .flights import ID
+from .flights import ID, place
 
+DUPLICATES = (copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env)))
 LEVELS = ("role", "pointing", "torque")
 FAST = ("physics.wheels=gyrostat", "physics.stepper=kernel")
 #: Noise, delay, failures in flight, masses and gravity of one's own, four wheels; flown by Python.
@@ -106,9 +107,7 @@ def test_states_of_others_are_refused_by_name(roles):
     other.close()
 
 
-@pytest.mark.parametrize(
-    "duplicate", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))], ids=["copy", "pickle"]
-)
+@pytest.mark.parametrize("duplicate", DUPLICATES, ids=["copy", "pickle"])
 @pytest.mark.parametrize("wrapped", [True, False])
 def test_a_copied_environment_flies_on_as_the_first_and_apart_from_it(duplicate, wrapped):
     env = gymnasium.make(ID, overrides=["camera.half_angle_deg=3"])
@@ -124,9 +123,7 @@ def test_a_copied_environment_flies_on_as_the_first_and_apart_from_it(duplicate,
     assert other.unwrapped.spec == env.unwrapped.spec
 
 
-@pytest.mark.parametrize(
-    "duplicate", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))], ids=["copy", "pickle"]
-)
+@pytest.mark.parametrize("duplicate", DUPLICATES, ids=["copy", "pickle"])
 def test_a_copied_vector_environment_flies_on_as_the_first(duplicate):
     env = gymnasium.make_vec(ID, num_envs=3, threads=2, overrides=["duration_s=1500"])
     env.reset(seed=3)
@@ -174,3 +171,35 @@ def flown_to_the_end(env):
     while not (answers[-1][2] or answers[-1][3]):
         answers.append(env.step(np.full(5, 16)))
     return answers
+
+
+@pytest.mark.parametrize("observability", ["full", "graph"])
+@pytest.mark.parametrize("duplicate", [*DUPLICATES, None], ids=["copy", "pickle", "state"])
+def test_a_flight_of_agents_goes_on_from_its_state_and_from_a_copy(duplicate, observability):
+    pytest.importorskip("pettingzoo")
+    from swarm_mj.envs.multi_agent import swarm_observe_v0
+
+    deaf = ["link.crosslink.power_w=1e-9"] if observability == "graph" else []
+    env = swarm_observe_v0.parallel_env(agent_prefix="sc_", observability=observability, overrides=deaf)
+    assert env.possible_agents == ["sc_1", "sc_2", "sc_3", "sc_4", "sc_5"]
+    env.reset(seed=0)
+    above_N = env.task.plan.points_A[1] @ env.task.plan.environment.C_AN(0.0)
+    place(env.batch.flights, 0, 1, position=above_N, velocity=-above_N / 5.0)
+    env.batch.now.r_A[0, 1] = env.task.plan.points_A[1]
+    env.step(dict.fromkeys(env.agents, 16))
+    assert env.agents == ["sc_1", "sc_3", "sc_4", "sc_5"]
+    state = env.get_state()
+    actions = [{agent: k for k, agent in enumerate(env.agents)}, dict.fromkeys(env.agents, 22)]
+    other = env if duplicate is None else duplicate(env)
+    first = [env.step(action) for action in actions]
+    if duplicate is None:
+        assert set(env.set_state(state)) == {"sc_1", "sc_3", "sc_4", "sc_5"}
+    assert same([other.step(action) for action in actions], first)
+
+
+def test_agents_are_named_by_a_text():
+    pytest.importorskip("pettingzoo")
+    from swarm_mj.envs.multi_agent import swarm_observe_v0
+
+    with pytest.raises(ScenarioError, match="agent_prefix = ''"):
+        swarm_observe_v0.parallel_env(agent_prefix="")
