@@ -10,14 +10,21 @@ from .registration import register_environments
 
 if TYPE_CHECKING:
     from .multi_agent import SwarmObserveParallelEnv
+    from .multi_agent_vector import SwarmObserveParallelVectorEnv
     from .sb3 import SwarmObserveVecEnv
     from .swarm_observe import SwarmObserveEnv
     from .vector import SwarmObserveVectorEnv
 
-__all__ = ["SwarmObserveEnv", "SwarmObserveParallelEnv", "SwarmObserveVecEnv", "SwarmObserveVectorEnv"]
+__all__ = [
+    "SwarmObserveEnv",
+    "SwarmObserveParallelEnv",
+    "SwarmObserveParallelVectorEnv",
+    "SwarmObserveVecEnv",
+    "SwarmObserveVectorEnv",
+]
 
-#: Where each class is defined; the second and the third need the extra `rl`.
-_HOMES = dict(zip(__all__, ("swarm_observe", "multi_agent", "sb3", "vector"), strict=True))
+#: Where each class is defined; `multi_agent` and `sb3` need the extra `rl`.
+_HOMES = dict(zip(__all__, ("swarm_observe", "multi_agent", "multi_agent_vector", "sb3", "vector"), strict=True))
 
 
 def __getattr__(name: str) -> Any:

@@ -28,7 +28,7 @@ from .arguments import checked_options, checked_prefix, checked_render_mode, fli
 from .batch import EpisodeBatch
 from .config import EnvConfig
 from .graph_knowledge import GraphKnowledge, News, groups_of
-from .observations import ObservationLayout
+from .local_observations import action_part, local_observation, local_space
 from .rendering import EpisodeRenderer
 from .snapshots import FlightState, RebuiltOnCopy, must_have_begun, restore_state, take_state
 from .task import make_task
@@ -37,9 +37,6 @@ try:
     from pettingzoo import ParallelEnv
 except ImportError as error:
     raise ImportError("the multi-agent environment needs PettingZoo: pip install 'swarm_mj[rl]'") from error
-
-#: Scale of the positions of the others relative to one's own [m], and their bound after scaling.
-NEIGHBOUR_SCALE_M, NEIGHBOUR_BOUND = 10_000.0, 10.0
 
 Observation = Array32
 PerAgent = dict[str, Any]
@@ -101,15 +98,15 @@ class SwarmObserveParallelEnv(RebuiltOnCopy, ParallelEnv[str, Observation, Any])
         self.task = make_task(scenario=scenario, control=control, **arguments)
         batch = EpisodeBatch(self.task, 1, continues_after_impact=True)
         self._batch: EpisodeBatch | None = batch
-        self._renderer = EpisodeRenderer(batch, 640, 480)
+        self._renderer = EpisodeRenderer([(batch, 0)], 640, 480)
         plan = self.task.plan
         self.possible_agents = [f"{agent_prefix}{j + 1}" for j in range(plan.n)]
         self.agents: list[str] = []
         self._number = {name: j for j, name in enumerate(self.possible_agents)}
         whole = batch.level.action_space
         self._whole = whole
-        self.action_spaces = {name: _part(whole, j, plan.n) for name, j in self._number.items()}
-        self.observation_spaces = {name: _local_space(self.task.observation_layout, plan.n) for name in self._number}
+        self.action_spaces = {name: action_part(whole, j, plan.n) for name, j in self._number.items()}
+        self.observation_spaces = {name: local_space(self.task.observation_layout, plan.n) for name in self._number}
         self.state_space: spaces.Box = self.task.observation_layout.space
         self._random = seeding.np_random()[0]
         self._begun = False
@@ -229,9 +226,7 @@ class SwarmObserveParallelEnv(RebuiltOnCopy, ParallelEnv[str, Observation, Any])
             j = self._number[agent]
             others = np.arange(n) != j
             where, facts, end = (r_A, known, tail) if told is None else self._as_told(told, j, tail)
-            away = np.clip((where - r_A[j]) / NEIGHBOUR_SCALE_M, -NEIGHBOUR_BOUND, NEIGHBOUR_BOUND)
-            neighbours = np.hstack([away, facts])[others]
-            out[agent] = np.concatenate([block[j], neighbours.ravel(), end]).astype(np.float32)
+            out[agent] = local_observation(block[j], r_A[j], where[others], facts[others], end)
         return out
 
     def _told(self, block: Array32, tail: Array32, r_A: Array, known: Array) -> GraphKnowledge | None:
@@ -273,26 +268,6 @@ class SwarmObserveParallelEnv(RebuiltOnCopy, ParallelEnv[str, Observation, Any])
         if self._batch is not None:
             self.task.close()
         self._batch, self.agents = None, []
-
-
-def _part(whole: spaces.Space[Any], j: int, n: int) -> spaces.Space[Any]:
-    """One spacecraft's share of an action space."""
-    if isinstance(whole, spaces.MultiDiscrete):
-        return spaces.Discrete(int(whole.nvec[j]))
-    assert isinstance(whole, spaces.Box)
-    return spaces.Box(-1.0, 1.0, (whole.shape[0] // n,), np.float32)
-
-
-def _local_space(layout: ObservationLayout, n: int) -> spaces.Box:
-    whole, features = layout.space, layout.features
-    bound = np.array([NEIGHBOUR_BOUND] * 3 + [10.0, 1.0, 1.0], np.float32)
-    low = np.array([-NEIGHBOUR_BOUND] * 3 + [0.0, 0.0, 0.0], np.float32)
-    parts = [slice(0, features), slice(features * n, None)]
-    return spaces.Box(
-        np.concatenate([whole.low[parts[0]], np.tile(low, n - 1), whole.low[parts[1]]]),
-        np.concatenate([whole.high[parts[0]], np.tile(bound, n - 1), whole.high[parts[1]]]),
-        dtype=np.float32,
-    )
 
 
 #: PettingZoo's way to name an environment: `swarm_observe_v0.parallel_env(...)`.

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Sequence
 from typing import Any
 
 from swarm_mj.errors import ObserverError
@@ -16,21 +17,26 @@ from .batch import EpisodeBatch
 
 
 class EpisodeRenderer:
-    """Draws flight 0 of a batch; holds one OpenGL context from the first picture until closed.
+    """Draws flights; holds one OpenGL context from the first picture until closed.
 
     Args:
-        batch: The flights, which are only read.
+        flights: Batches, which are only read, and numbers of flights in them; at least one.
         width: Of the picture [px].
         height: Of the picture [px].
     """
 
-    def __init__(self, batch: EpisodeBatch, width: int, height: int) -> None:
-        self._batch, self._size = batch, (width, height)
+    def __init__(self, flights: Sequence[tuple[EpisodeBatch, int]], width: int, height: int) -> None:
+        self._flights, self._size = list(flights), (width, height)
         self._drawing: Any = None
-        self._trail: Any = None
+        self._trails: list[Any] = []
 
-    def draw(self) -> Pixels:
-        """The overview, shape (height, width, 3).
+    @property
+    def count(self) -> int:
+        """Number of flights that are drawn."""
+        return len(self._flights)
+
+    def draw(self, k: int = 0) -> Pixels:
+        """The overview of the k-th flight, shape (height, width, 3).
 
         Raises:
             ObserverError: OpenGL cannot be loaded.
@@ -39,19 +45,20 @@ class EpisodeRenderer:
 
         if self._drawing is None:
             self._open()
-        batch, state = self._batch, self._batch.swarm_state(0)
+        batch, e = self._flights[k]
+        state = batch.swarm_state(e)
         picture: Pixels = self._drawing.draw(
             Instant(
                 t=state.t,
                 r_BN_N=state.r_BN_N,
                 C_BN=state.C_BN,
                 C_AN=state.C_AN,
-                kind=batch.flights.kind[0].copy(),
-                tracked=batch.flights.index[0].copy(),
+                kind=batch.flights.kind[e].copy(),
+                tracked=batch.flights.index[e].copy(),
                 link=None,
-                seen=batch.totals.seen[0],
-                trail_N=self._trail.to(state.t, state.r_BN_N),
-                lost=batch.totals.lost[0].copy(),
+                seen=batch.totals.seen[e],
+                trail_N=self._trails[k].to(state.t, state.r_BN_N),
+                lost=batch.totals.lost[e].copy(),
             )
         )
         return picture
@@ -60,8 +67,8 @@ class EpisodeRenderer:
         from swarm_mj.rendering.live import Trail, planned_path
         from swarm_mj.rendering.picture import Drawing
 
-        plan, (width, height) = self._batch.task.plan, self._size
-        self._trail = Trail(plan)
+        plan, (width, height) = self._flights[0][0].task.plan, self._size
+        self._trails = [Trail(plan) for _ in self._flights]
         self._drawing = Drawing(plan, planned_path(plan), width=width, height=height)
 
     def close(self) -> None:

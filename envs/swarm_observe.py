@@ -217,7 +217,7 @@ that know no truncation; the observation holds the time left |
         self.task = make_task(scenario=scenario, control=control, **arguments)
         refuse_graph(self.task.config.observability)
         self._batch = batch = EpisodeBatch(self.task, 1)
-        self._renderer = EpisodeRenderer(batch, width, height)
+        self._renderer = EpisodeRenderer([(batch, 0)], width, height)
         self.plan, self.patches = self.task.plan, self.task.patches
         self.observation_layout = self.task.observation_layout
         self.observation_space, self.action_space = self.observation_layout.space, batch.level.action_space

@@ -18,8 +18,11 @@ from .batch import EpisodeBatch
 from .rewards import StepResult, joined
 from .task import Task
 
-#: What a flight takes besides MuJoCo's own memory: its arrays, and what the Python binding keeps for it (measured).
-FLIGHT_BYTES = 400 * 1024
+#: What a flight takes, measured: its arrays whatever it flies, those of each spacecraft and cell of the target, and what the
+#: Python binding keeps for an MjData besides MuJoCo's own memory.
+FLIGHT_BYTES, SPACECRAFT_BYTES, CELL_BYTES, BINDING_BYTES = 16 * 1024, 4 * 1024, 17, 330 * 1024
+#: As which a flight takes least.
+LEAN = ["physics.wheels=gyrostat", "physics.stepper=kernel"]
 
 
 def default_threads() -> int:
@@ -27,14 +30,23 @@ def default_threads() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
+def flight_bytes(task: Task) -> int:
+    """What each flight of a task takes in memory, an upper estimate [B]."""
+    arrays = FLIGHT_BYTES + task.plan.n * SPACECRAFT_BYTES + task.plan.region.n_cells * CELL_BYTES
+    if task.simulation.stepper == "kernel":
+        return arrays
+    data = task.simulation.state.data
+    return arrays + BINDING_BYTES + int(data.nbuffer + data.narena)
+
+
 def _refuse_beyond_memory(task: Task, count: int) -> None:
     """Foresee what MuJoCo would answer with an error that ends the process."""
-    data = task.simulation.state.data
-    each, free = FLIGHT_BYTES + data.nbuffer + data.narena, available_bytes()
+    each, free, lean = flight_bytes(task), available_bytes(), task.simulation.stepper == "kernel"
     if free is not None and count * each > free:
         raise ScenarioError(
             f"num_envs = {count}: so many flights take about {count * each / 2**30:.1f} GiB, {each / 2**20:.2f} MiB each, and "
             f"{free / 2**30:.1f} GiB are free; at most {free // each} fit here"
+            + ("" if lean else f"; with overrides={LEAN} each takes a tenth")
         )
 
 
@@ -45,6 +57,7 @@ class ThreadedBatch:
         task: What they share.
         count: Number of episodes E.
         threads: Most that are used; observers other than the horizon maps are not safe to share, so that they get one.
+        continues_after_impact: See `EpisodeBatch`.
 
     Attributes:
         task: What they share.
@@ -55,13 +68,16 @@ class ThreadedBatch:
         ScenarioError: So many flights would take more memory than there is.
     """
 
-    def __init__(self, task: Task, count: int, threads: int) -> None:
+    def __init__(self, task: Task, count: int, threads: int, *, continues_after_impact: bool = False) -> None:
         _refuse_beyond_memory(task, count)
         self.task, self.count = task, count
         used = max(1, min(threads, count)) if task.scene is not None else 1
         bounds = np.linspace(0, count, used + 1).round().astype(int)
         self._parts = [slice(int(a), int(b)) for a, b in zip(bounds[:-1], bounds[1:], strict=True)]
-        self.batches = [EpisodeBatch(task, part.stop - part.start) for part in self._parts]
+        goes_on = continues_after_impact
+        self.batches = [
+            EpisodeBatch(task, part.stop - part.start, continues_after_impact=goes_on) for part in self._parts
+        ]
         self._pool = ThreadPoolExecutor(used, "swarm_mj episodes") if used > 1 else None
 
     def reset(self, seeds: dict[int, int]) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar
 
 import gymnasium
 import numpy as np
@@ -12,18 +12,20 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from swarm_mj.errors import ScenarioError
-from swarm_mj.typing import Array, Array32, Mask
+from swarm_mj.typing import Array, Array32, Mask, Pixels
 
 from .actions import check_action
 from .arguments import (
     checked_count,
     checked_index,
     checked_options,
+    checked_render_mode,
     first_seeds,
     flight_seed,
     flight_seeds,
     refuse_graph,
 )
+from .rendering import EpisodeRenderer
 from .rewards import ENDS, TERMS, StepResult
 from .snapshots import FlightState, RebuiltOnCopy, must_have_begun, restore_state, take_state
 from .task import make_task
@@ -49,8 +51,13 @@ class SwarmObserveVectorEnv(RebuiltOnCopy, VectorEnv[Any, Any, Any]):
             next call of `step`, which ignores its action and gives reward 0), `SameStep` (it is started at once; `final_obs`
             and `final_info` hold the end) or `Disabled` (call `reset(options={"reset_mask": mask})`).
         threads: Most that are used; None for the cores that this process may use.
-        arguments: Those of `SwarmObserveEnv`, except `render_mode`, which must be None.
+        render_mode: None or `"rgb_array"`.
+        render_flights: How many flights `render` shows, the first ones.
+        arguments: The others of `SwarmObserveEnv`, except `width` and `height`.
     """
+
+    #: Whether a flight goes on without the spacecraft that hit the body.
+    continues_after_impact: ClassVar[bool] = False
 
     def __init__(
         self,
@@ -58,24 +65,26 @@ class SwarmObserveVectorEnv(RebuiltOnCopy, VectorEnv[Any, Any, Any]):
         *,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         threads: int | None = None,
-        render_mode: None = None,
+        render_mode: str | None = None,
+        render_flights: int = 4,
         **arguments: Any,
     ) -> None:
         self.made_of = {"num_envs": num_envs, "autoreset_mode": autoreset_mode, "threads": threads, **arguments}
         num_envs = checked_count("num_envs", num_envs)
         if threads is not None:
             threads = checked_count("threads", threads, ", or None")
-        if render_mode is not None:
-            raise ScenarioError(
-                f"render_mode = {render_mode!r}: the vector environment draws nothing; render a single one"
-            )
+        self.made_of |= {"render_mode": render_mode, "render_flights": render_flights}
+        self.render_mode = checked_render_mode(render_mode, ["rgb_array"])
+        shown = min(num_envs, checked_count("render_flights", render_flights))
         self._batch: ThreadedBatch | None = None
         mode = _checked_mode(autoreset_mode)
-        self.metadata = {"render_modes": [], "autoreset_mode": mode}
+        self.metadata = {"render_modes": ["rgb_array"], "render_fps": 10, "autoreset_mode": mode}
         self._mode, self.num_envs = mode, num_envs
         task = make_task(**arguments)
         refuse_graph(task.config.observability)
-        self._batch = ThreadedBatch(task, num_envs, default_threads() if threads is None else threads)
+        used = default_threads() if threads is None else threads
+        self._batch = batch = ThreadedBatch(task, num_envs, used, continues_after_impact=self.continues_after_impact)
+        self._renderer = EpisodeRenderer([batch.locate(e) for e in range(shown)], 640, 480)
         self.single_observation_space = task.observation_layout.space
         self.single_action_space = self._batch.batches[0].level.action_space
         self.observation_space = batch_space(self.single_observation_space, num_envs)
@@ -212,9 +221,19 @@ class SwarmObserveVectorEnv(RebuiltOnCopy, VectorEnv[Any, Any, Any]):
         _put(infos, "cause", causes, self.num_envs)
         return infos
 
+    def render(self) -> tuple[Pixels, ...] | None:
+        """The overviews of the first `render_flights` flights, see `SwarmObserveEnv.render`, with `render_mode="rgb_array"`."""
+        if self.render_mode is None:
+            gymnasium.logger.warn("render() draws nothing: make the environment with render_mode='rgb_array'")
+            return None
+        _ = self.batch
+        must_have_begun(bool(self._begun[: self._renderer.count].all()), "render")
+        return tuple(self._renderer.draw(k) for k in range(self._renderer.count))
+
     def close_extras(self, **kwargs: Any) -> None:
         """End the threads and release the observer."""
         if self._batch is not None:
+            self._renderer.close()
             self._batch.close()
         self._batch = None
 

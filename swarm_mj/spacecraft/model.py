@@ -38,9 +38,10 @@ from swarm_mj.typing import Array, Ints
 #: Where wheels are no bodies, `SwarmModel.state` gives the same layout.
 NQ, NV = 10, 9
 
-#: Working memory of MuJoCo for each spacecraft of a model without geometry; a step uses 0.2 KiB for each degree of freedom.
+#: Working memory of MuJoCo for each spacecraft of a model without geometry; a step uses 1.7 KiB of it, 0.2 for each degree of
+#: freedom, as any function of MuJoCo that was tried.
 #: By default MuJoCo reserves megabytes for contacts, which a batch of thousands of flights would exhaust.
-STACK_BYTES = 32 * 1024
+STACK_BYTES = 8 * 1024
 
 #: The log file that MuJoCo writes into the current folder unless told otherwise.
 DEFAULT_LOG = "MUJOCO_LOG.TXT"

@@ -1,13 +1,17 @@
 """Arguments and options that are no such thing: the project's own error, with key, value and what is allowed."""
 
+import os
+
 import gymnasium
 import numpy as np
 import pytest
+from swarm_mj.envs.task import make_task
+from swarm_mj.envs.threads import LEAN, ThreadedBatch, flight_bytes
 
 from swarm_mj.errors import ScenarioError, SwarmError
 from swarm_mj.scenarios.loading import load_scenario
 
-from .flights import ID
+from .flights import ID, resident_mib
 
 
 @pytest.mark.parametrize(
@@ -58,6 +62,22 @@ def test_more_flights_than_memory_holds_are_refused_before_anything_is_allocated
         ScenarioError, match=r"num_envs = 100000000: so many flights take about \d+\.\d GiB, .* at most \d+ fit"
     ):
         gymnasium.make_vec(ID, num_envs=100_000_000)
+    with pytest.raises(ScenarioError, match="overrides=.'physics.wheels=gyrostat'"):
+        gymnasium.make_vec(ID, num_envs=100_000_000)
+
+
+@pytest.mark.skipif(not os.path.exists("/proc/self/statm"), reason="memory of the process is not told")
+@pytest.mark.parametrize(("overrides", "most_kib"), [(LEAN, 60), ([], 500)])
+def test_a_flight_takes_no_more_memory_than_is_reckoned_with(overrides, most_kib):
+    task = make_task(overrides=overrides)
+    assert flight_bytes(task) < most_kib * 1024
+    count = 300
+    ThreadedBatch(task, count, 1).close()  # what is made once
+    # A process of its own, whose allocator has nothing left over from others, would cost seconds: what is kept here is new.
+    before, batch = resident_mib(), [ThreadedBatch(task, count, 1) for _ in range(2)]
+    for each in batch:
+        each.reset(dict.fromkeys(range(count), 1))
+    assert (resident_mib() - before) * 2**20 / (2 * count) < flight_bytes(task)
 
 
 def test_options_and_seeds_of_the_vector_environment():

@@ -96,3 +96,21 @@ def test_rendering_again_and_again_keeps_one_context_and_closing_frees_it():
         use()
     assert len(os.listdir("/proc/self/fd")) <= files
     assert resident_mib() - memory < 40.0
+
+
+def test_the_vector_environment_draws_its_first_flights_as_single_ones_do(gl):
+    size = {"render_mode": "rgb_array", "control": "pointing"}
+    vector = gymnasium.make_vec(ID, num_envs=3, threads=2, render_flights=2, **size)
+    single = gymnasium.make(ID, **size).unwrapped
+    with pytest.raises(gymnasium.error.ResetNeeded):
+        vector.render()
+    vector.reset(seed=4)
+    action = vector.action_space.sample()
+    vector.step(action)
+    pictures = vector.render()
+    single.reset(seed=5)
+    single.step(action[1])
+    assert len(pictures) == 2 and np.array_equal(pictures[1], single.render())
+    assert not np.array_equal(pictures[0], pictures[1])
+    vector.close()
+    single.close()

@@ -254,7 +254,8 @@ def test_a_diverged_flight_ends_alone_with_its_cause():
     [
         ({"num_envs": 0}, "num_envs = 0"),
         ({"num_envs": 1, "threads": 0}, "threads = 0"),
-        ({"num_envs": 1, "render_mode": "rgb_array"}, "render_mode"),
+        ({"num_envs": 1, "render_mode": "human"}, "render_mode = 'human': must be None or one of rgb_array"),
+        ({"num_envs": 1, "render_flights": 0}, "render_flights = 0"),
         ({"num_envs": 1, "patches": 15}, "patches = 15"),
     ],
 )
