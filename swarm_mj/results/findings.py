@@ -12,6 +12,7 @@ from swarm_mj.flight.plan import EROS_SHAPE, as_planned
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.results.delivered import undelivered_findings
 from swarm_mj.results.design_files import design_differences
+from swarm_mj.results.formation import formation_findings
 from swarm_mj.results.propulsion import propulsion_findings
 from swarm_mj.results.run_record import RunRecord
 from swarm_mj.results.summary import working
@@ -54,6 +55,7 @@ def summary_findings(summary: dict[str, Any]) -> list[str]:
     return [
         *event_findings(summary),
         *summary.get("encounter_findings", ()),
+        *formation_findings(summary),
         *undelivered_findings(summary),
         *found,
         *spacecraft_findings(summary),

@@ -17,8 +17,16 @@ def thrusters_fired(telemetry: xr.Dataset) -> bool:
     return "delta_v_m_s" in telemetry and bool((telemetry["delta_v_m_s"].values[-1] > 0.0).any())
 
 
+def formation_flown(telemetry: xr.Dataset) -> bool:
+    """Whether a flight's thrusters held a formation."""
+    return "formation_error" in telemetry
+
+
 #: Figures that not every flight has something for, and whether one has; the others are always drawn.
-OPTIONAL: dict[str, Callable[[xr.Dataset], bool]] = {"propulsion": thrusters_fired}
+OPTIONAL: dict[str, Callable[[xr.Dataset], bool]] = {
+    "propulsion": thrusters_fired,
+    "formation": formation_flown,
+}
 
 
 def figures_of(telemetry: xr.Dataset) -> tuple[str, ...]:

@@ -18,6 +18,7 @@ from swarm_mj.flight.observe import ObservationResult, picture_samples, visit_sa
 from swarm_mj.flight.plan import Plan
 from swarm_mj.flight.spacecraft import notes_on
 from swarm_mj.results.delivered import delivered_summary
+from swarm_mj.results.formation import formation_summary
 from swarm_mj.results.navigation import navigation_summary
 from swarm_mj.results.propulsion import propulsion_summary
 from swarm_mj.results.target_dwell import held_s
@@ -51,6 +52,7 @@ def summarise(plan: Plan, telemetry: xr.Dataset, result: ObservationResult, wall
         **_stepped(plan, telemetry),
         **_went_wrong(plan, telemetry),
         **coordination_summary(telemetry),
+        **formation_summary(telemetry),
         "link_closed_percent": _by_name(plan.names, 100.0 * telemetry["link_closed"].values.mean(axis=0), 2),
         "links_closed_final": int(telemetry["link_closed"].values[-1].sum()),
         "wall_s": {stage: round(seconds, 3) for stage, seconds in wall_s.items()},

@@ -21,6 +21,7 @@ from swarm_mj.results.figures.coverage import compose_coverage
 from swarm_mj.results.figures.data import compose_data
 from swarm_mj.results.figures.delivered_map import compose_delivered_map
 from swarm_mj.results.figures.footprints import compose_footprints
+from swarm_mj.results.figures.formation import compose_formation
 from swarm_mj.results.figures.ground_track import compose_ground_track
 from swarm_mj.results.figures.histories import (
     compose_pointing_error,
@@ -59,6 +60,7 @@ COMPOSERS: dict[str, Compose] = {
     "contacts": compose_contacts,
     "data": compose_data,
     "delivered_map": compose_delivered_map,
+    "formation": compose_formation,
 }
 
 
