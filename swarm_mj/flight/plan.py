@@ -13,7 +13,7 @@ from swarm_mj import plugins
 from swarm_mj.dataflow.link_budget import crosslink_range_m
 from swarm_mj.dataflow.relays import check_relays
 from swarm_mj.errors import PathError, PluginError, ScenarioError, ShapeError
-from swarm_mj.flight.burns import check_burns
+from swarm_mj.flight.burns import check_burns, push_of, with_insertion
 from swarm_mj.flight.coordinated import coordinated
 from swarm_mj.flight.feasibility import check_encounter
 from swarm_mj.flight.mothership import check_way_in, mothership_state
@@ -144,13 +144,14 @@ def make_plan(
         **legs(scenario, stops, points_A, behavior),
         progress=progress,
     )
-    check_burns(deployment, properties)
-    check_deployer(scenario.mothership.deployer, deployment, None if check_separation else len(points_A))
+    candidates = None if check_separation else len(points_A)
+    push = push_of(properties, own)
+    deployment = with_insertion(scenario, environment.acceleration_N, deployment, push, candidates)
+    check_burns(deployment, push)
+    check_deployer(scenario.mothership.deployer, deployment, candidates)
     check_relays(scenario.data.relays, len(deployment.v0_N))
     check_faults(scenario.faults, n=len(deployment.v0_N), n_wheels=properties.n_wheels, duration_s=scenario.duration_s)
-    near_collisions, least_radius = _check_flight(
-        scenario, shape, environment, deployment, None if check_separation else len(points_A)
-    )
+    near_collisions, least_radius = _check_flight(scenario, shape, environment, deployment, candidates)
     encounter_findings: tuple[str, ...] = ()
     if check_separation:
         encounter_findings = check_encounter(

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
 from swarm_mj.errors import MissionError, PathError
+from swarm_mj.mission.finite_burns import fly_burning, windows_of
 from swarm_mj.mission.multiple_shooting import shoot_in_parts
 from swarm_mj.mission.trajectories import AccelerationN, Deployment, Progress, propagate, solve_transfers
 from swarm_mj.smallbody.environment import Environment
@@ -158,7 +160,7 @@ def _tell_part(progress: Progress, count: int, of: int, share: float) -> None:
 def planned_paths(
     forces: AccelerationN, deployment: Deployment, times: Array, *, rtol: float = 1e-12
 ) -> tuple[Array, Array]:
-    """Where all spacecraft are by plan; before its release each is where the mothership is.
+    """Where all spacecraft are by plan, burns and all; before its release each is where the mothership is.
 
     Args:
         forces: Function (t, r (n, 3)) -> (n, 3) [m/s^2] in N.
@@ -170,6 +172,8 @@ def planned_paths(
         Positions and velocities in N, each of shape (t, n, 3).
     """
     n = len(deployment.v0_N)
+    if deployment.burns and deployment.push is not None:
+        return _burning_paths(forces, deployment, times, rtol)
     if not deployment.release_s.any():
         return propagate(forces, np.broadcast_to(deployment.r0_N, (n, 3)), deployment.v0_N, times, rtol=rtol)
     r, v = np.empty((len(times), n, 3)), np.empty((len(times), n, 3))
@@ -186,4 +190,21 @@ def planned_paths(
         if len(instants) > 1:
             flown = propagate(forces, r0, v0, instants, rtol=rtol)
         r[before:, who], v[before:, who] = (states[which.ravel()[1:]] for states in flown)
+    return r, v
+
+
+def _burning_paths(forces: AccelerationN, deployment: Deployment, times: Array, rtol: float) -> tuple[Array, Array]:
+    """See `planned_paths`; those that burn are flown one by one, from release to end."""
+    push = deployment.push
+    assert push is not None
+    r, v = planned_paths(forces, replace(deployment, burns=()), times, rtol=rtol)
+    windows = windows_of(deployment.burns, push, np.full(len(deployment.v0_N), push.mass))
+    for j, own in enumerate(windows):
+        released = float(deployment.release_s[j])
+        later = np.flatnonzero(times > released)
+        if not own or not len(later):
+            continue
+        start = deployment.release_r_N[j], deployment.v0_N[j]
+        flown = fly_burning(forces, *start, np.append(released, times[later]), own, push, rtol=rtol)
+        r[later, j], v[later, j] = (states[1:] for states in flown)
     return r, v

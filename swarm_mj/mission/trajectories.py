@@ -64,6 +64,27 @@ class PlannedBurn(NamedTuple):
     delta_v_N: Array
 
 
+class Push(NamedTuple):
+    """What thrusters give in every direction, as a plan counts on it.
+
+    Attributes:
+        force: Of all nozzles together [N].
+        exhaust_speed: [m/s].
+        mass: Of a spacecraft with a full tank [kg].
+        propellant: In the tank [kg].
+    """
+
+    force: float
+    exhaust_speed: float
+    mass: float
+    propellant: float
+
+    @property
+    def available(self) -> float:
+        """Change of velocity that the tank gives, by the rocket equation [m/s]."""
+        return float(self.exhaust_speed * np.log(self.mass / (self.mass - self.propellant)))
+
+
 @dataclass(frozen=True, kw_only=True)
 class Deployment:
     """How the swarm leaves the mothership, which coasts from the epoch on.
@@ -79,6 +100,7 @@ class Deployment:
         release_r_N: The mothership at each release, shape (n, 3) [m].
         release_mothership_v_N: Its velocity then, shape (n, 3) [m/s].
         burns: Planned burns, in order of time.
+        push: What the thrusters give that fly them; None: nothing is known of them, and paths are those without burns.
     """
 
     r0_N: Array
@@ -91,6 +113,7 @@ class Deployment:
     release_r_N: Array
     release_mothership_v_N: Array
     burns: tuple[PlannedBurn, ...] = ()
+    push: Push | None = None
 
     @property
     def delta_v(self) -> Array:

@@ -86,10 +86,20 @@ class Design(Section):
 
 
 class Deployer(Section):
-    """What the mothership's deployer can do; a plan that asks for more is refused."""
+    """What the mothership's deployer can do; a plan that asks for more is refused, or thrusters give what speed is missing."""
 
     max_speed_m_s: float | None = Field(
-        None, gt=0, description="largest speed relative to the mothership that it gives a spacecraft [m/s]; null: any"
+        None,
+        gt=0,
+        description="largest speed relative to the mothership that it gives a spacecraft [m/s]; null: any. "
+        "Where spacecraft have thrusters, an insertion burn gives what is missing",
+    )
+    insertion_after_s: float = Field(
+        120.0,
+        ge=0,
+        le=1e7,
+        description="from the release to the start of that burn [s]; by default a spacecraft has stopped tumbling and turned, "
+        "and at 1 m/s is 120 m from the mothership, out of reach of its gas",
     )
     cone_axis_N: Vector3 | Literal["velocity"] | None = Field(
         None,

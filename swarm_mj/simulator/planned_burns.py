@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
+from swarm_mj.mission.finite_burns import Push, windows_of
 from swarm_mj.mission.trajectories import PlannedBurn
 from swarm_mj.spacecraft.control.force import ForceView
 from swarm_mj.spacecraft.thrusters import Allocation, Thrusters
@@ -17,31 +17,6 @@ from swarm_mj.typing import Array
 TURN_S = 120.0
 #: A burn is over when so much of it is left [m/s], or when it has taken so many times as long as planned.
 DONE_M_S, TOO_LONG = 1e-9, 2.0
-
-
-class Window(NamedTuple):
-    """When a planned burn is flown.
-
-    Attributes:
-        burn: The burn.
-        start: [s].
-        duration: At full thrust [s].
-    """
-
-    burn: PlannedBurn
-    start: float
-    duration: float
-
-
-def propellant_for(speed: float, mass: float, exhaust_speed: float) -> float:
-    """Propellant that a change of velocity takes, by the rocket equation [kg].
-
-    Args:
-        speed: Change of velocity [m/s].
-        mass: Before it [kg].
-        exhaust_speed: [m/s].
-    """
-    return float(-mass * np.expm1(-speed / exhaust_speed))
 
 
 class PlannedBurns:
@@ -60,16 +35,9 @@ class PlannedBurns:
 
     def __init__(self, burns: Sequence[PlannedBurn], thrusters: Thrusters, allocation: Allocation, mass: Array) -> None:
         self.force = thrusters.thrust * allocation.strength
-        self._n, left = len(mass), np.array(mass, float)
-        self.windows: list[list[Window]] = [[] for _ in range(self._n)]
-        for burn in sorted(burns, key=lambda burn: burn.t):
-            speed, j = float(np.linalg.norm(burn.delta_v_N)), burn.spacecraft
-            if speed == 0.0:
-                continue
-            used = propellant_for(speed, float(left[j]), thrusters.exhaust_speed)
-            duration = used * thrusters.exhaust_speed / self.force
-            self.windows[j].append(Window(burn, burn.t - 0.5 * duration, duration))
-            left[j] -= used
+        self._n = len(mass)
+        push = Push(self.force, thrusters.exhaust_speed, float(np.max(mass)), thrusters.propellant)
+        self.windows = windows_of(burns, push, mass)
 
     def forces(self, view: ForceView, memory: tuple[Array, Array] | None) -> tuple[Array, tuple[Array, Array]]:
         """Full thrust for those whose burn it is, see `ForceLaw`; remembers burns done and velocities at their start."""
@@ -94,7 +62,7 @@ class PlannedBurns:
         """Directions of the burns under way or due within `TURN_S`, shape (n, 3)."""
         found = np.zeros((self._n, 3))
         for j, windows in enumerate(self.windows):
-            for burn, start, duration in windows:
+            for burn, start, duration, _ in windows:
                 if start - TURN_S <= t <= start + duration:
                     found[j] = burn.delta_v_N / np.linalg.norm(burn.delta_v_N)
                     break

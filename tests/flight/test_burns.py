@@ -7,13 +7,14 @@ import pytest
 import xarray as xr
 
 from swarm_mj.errors import PathError, ScenarioError
-from swarm_mj.flight.burns import check_burns, fly_burns
+from swarm_mj.flight.burns import check_burns, fly_burns, push_of
 from swarm_mj.flight.fly import initial_state, make_simulation, simulate
 from swarm_mj.flight.plan import make_plan
+from swarm_mj.mission.finite_burns import propellant_for
 from swarm_mj.mission.trajectories import PlannedBurn, propagate
 from swarm_mj.results.propulsion import propulsion_summary
 from swarm_mj.scenarios.loading import load_scenario
-from swarm_mj.simulator.planned_burns import PlannedBurns, propellant_for
+from swarm_mj.simulator.planned_burns import PlannedBurns
 from swarm_mj.simulator.telemetry import VARIABLES
 
 KEYS = ["duration_s=400", "design.time_of_flight_s=400"]
@@ -94,10 +95,10 @@ def test_a_second_flight_of_a_simulation_burns_again():
 def test_burns_beyond_the_tank_are_refused():
     plan = plan_with([PlannedBurn(1, 100.0, np.array([0.0, 20.0, 0.0]))], "spacecraft.thrusters={}")
     with pytest.raises(PathError, match=r"beyond the tank: sc2 needs 20 m/s and its tank gives 16\.14 m/s .*raise"):
-        check_burns(plan.deployment, plan.properties)
+        check_burns(plan.deployment, push_of(plan.properties, None))
     without = replace(plan.properties, thrusters=None)
     with pytest.raises(ScenarioError, match=r"no thrusters: give spacecraft\.thrusters"):
-        check_burns(plan.deployment, without)
+        check_burns(plan.deployment, push_of(without, None))
     with pytest.raises(ScenarioError, match="no thrusters"):
         fly_burns(make_simulation(replace(plan_with([]), properties=without)), plan.deployment)
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from swarm_mj.errors import MissionError, PathError
+from swarm_mj.flight.burns import total_delta_v
 from swarm_mj.flight.observe import schedule_from
 from swarm_mj.flight.plan import Plan, as_planned, behavior_from, load_body_shape, make_plan, target_from
 from swarm_mj.mission.behaviors import MissionBehavior, SwarmView, TargetKind
@@ -39,7 +40,8 @@ class CandidateFlights:
         C_CA: Commanded camera attitudes, shape (t, n, 3, 3).
         v_A: Velocities in A relative to A, shape (t, n, 3) [m/s].
         omega_C: Commanded angular velocities of the cameras relative to A, in C, shape (t, n, 3) [rad/s].
-        delta_v: Deployment speed relative to the mothership at the mean of all candidates, shape (n,) [m/s].
+        delta_v: Deployment speed relative to the mothership at the mean of all candidates, with insertion burns, shape (n,)
+            [m/s].
         points: The visiting point of each candidate, numbered from 1.
         left_out: Visiting points to which no flight goes, and why, in a few words.
     """
@@ -112,7 +114,7 @@ def fly_candidates(scenario: Scenario, progress: Progress | None = None) -> Cand
         C_CA=C_CA[:, :n],
         v_A=v_A[:, :n],
         omega_C=omega_C[:, :n],
-        delta_v=plan.deployment.delta_v[:n],
+        delta_v=(plan.deployment.delta_v + total_delta_v(plan.deployment.burns, plan.n))[:n],
         points=plan.scenario.design.visiting_points,
         left_out=left_out,
     )
