@@ -63,13 +63,15 @@ def _aboard(plan: Plan, start: InitialState) -> InitialState:
     if not deployment.release_s.any():
         return start
     later = (deployment.release_s > 0.0)[:, None]
+    # What the mothership errs by is carried along until the release, and is no part of the push.
+    _, off_v_N = mothership_error(plan.scenario.dispersions, plan.scenario.seed)
     return replace(
         start,
-        v_BN_N=np.where(later, deployment.mothership_velocity_N, start.v_BN_N),
+        v_BN_N=np.where(later, deployment.mothership_velocity_N + off_v_N, start.v_BN_N),
         omega_BN_B=np.where(later, 0.0, start.omega_BN_B),
         release=Release(
             tick=np.rint(deployment.release_s / plan.scenario.control.period_s).astype(np.int64),
-            push_N=start.v_BN_N - deployment.release_mothership_v_N,
+            push_N=start.v_BN_N - deployment.release_mothership_v_N - off_v_N,
             omega_BN_B=start.omega_BN_B,
         ),
     )

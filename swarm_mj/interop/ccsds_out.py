@@ -13,6 +13,7 @@ from typing import Final, Literal
 from swarm_mj.interop.states import FIRST_SPACECRAFT, FlightStates
 from swarm_mj.tracks.kvn import write_message
 from swarm_mj.tracks.times import text_of
+from swarm_mj.typing import Array
 
 Generation = Literal[2, 3]
 
@@ -28,11 +29,11 @@ def write_oem(states: FlightStates, j: int, generation: Generation = 2) -> str:
         **_object(states, j),
         "CENTER_NAME": states.body.name,
         "REF_FRAME": "EME2000",
-        **_span(states),
+        **_span(states, j),
         "INTERPOLATION": "HERMITE",
-        "INTERPOLATION_DEGREE": min(HERMITE_DEGREE, 2 * len(states.times) - 1),
+        "INTERPOLATION_DEGREE": min(HERMITE_DEGREE, 2 * len(states.times[states.flown(j)]) - 1),
     }
-    rows = list(_rows(states, (states.states_E[:, j] / 1e3).tolist()))
+    rows = list(_rows(states, j, states.states_E[:, j] / 1e3))
     return write_message("OEM", VERSIONS[generation][0], _comments(states), [(meta, rows)])
 
 
@@ -45,13 +46,13 @@ def write_aem(states: FlightStates, j: int, generation: Generation = 2) -> str:
         "REF_FRAME_A": "EME2000",
         "REF_FRAME_B": "SC_BODY_1",
         **({"ATTITUDE_DIR": "A2B"} if old else {}),
-        **_span(states),
+        **_span(states, j),
         "ATTITUDE_TYPE": "QUATERNION",
         **({"QUATERNION_TYPE": "LAST"} if old else {}),
         "INTERPOLATION_METHOD": "LINEAR",
         "INTERPOLATION_DEGREE": 1,
     }
-    rows = list(_rows(states, states.q_BE[:, j][:, [1, 2, 3, 0]].tolist()))
+    rows = list(_rows(states, j, states.q_BE[:, j][:, [1, 2, 3, 0]]))
     return write_message("AEM", VERSIONS[generation][1], _comments(states), [(meta, rows)])
 
 
@@ -59,8 +60,9 @@ def _object(states: FlightStates, j: int) -> dict[str, object]:
     return {"OBJECT_NAME": states.names[j].upper(), "OBJECT_ID": FIRST_SPACECRAFT - j}
 
 
-def _span(states: FlightStates) -> dict[str, object]:
-    first, last = text_of(states.instants[0]), text_of(states.instants[-1])
+def _span(states: FlightStates, j: int) -> dict[str, object]:
+    flown = states.instants[states.flown(j)]
+    first, last = text_of(flown[0]), text_of(flown[-1])
     return {"TIME_SYSTEM": "TDB", "START_TIME": first, "STOP_TIME": last}
 
 
@@ -68,7 +70,8 @@ def _comments(states: FlightStates) -> list[str]:
     return [*states.comments, f"CENTER_NAME is NAIF {states.body.code}"]
 
 
-def _rows(states: FlightStates, values: list[list[float]]) -> Iterator[str]:
-    """Lines of data: the instant, and numbers of 16 digits, the most that CCSDS allows."""
-    for ns, row in zip(states.instants, values, strict=True):
+def _rows(states: FlightStates, j: int, values: Array) -> Iterator[str]:
+    """Lines of data from the release on: the instant, and numbers of 16 digits, the most that CCSDS allows."""
+    flown = states.flown(j)
+    for ns, row in zip(states.instants[flown], values[flown].tolist(), strict=True):
         yield f"{text_of(ns)} {' '.join(f'{x: .15e}' for x in row)}"

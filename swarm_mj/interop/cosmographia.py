@@ -40,8 +40,10 @@ def write_catalogues(states: FlightStates, kernels: Sequence[str]) -> dict[str, 
     return files | {"body.cmod": _mesh(states)}
 
 
-def _times(states: FlightStates) -> dict[str, str]:
-    first, last = (text_of(states.instants[k]).replace("T", " ") for k in (0, -1))
+def _times(states: FlightStates, j: int | None = None) -> dict[str, str]:
+    """First and last instant: of spacecraft j, whose kernels begin at its release, or of the flight."""
+    flown = states.instants if j is None else states.instants[states.flown(j)]
+    first, last = (text_of(flown[k]).replace("T", " ") for k in (0, -1))
     return {"startTime": f"{first} TDB", "endTime": f"{last} TDB"}
 
 
@@ -66,7 +68,7 @@ def _spacecraft(states: FlightStates, j: int) -> dict[str, Any]:
     return {
         "class": "spacecraft",
         "name": name,
-        **_times(states),
+        **_times(states, j),
         "center": _title(states),
         "trajectory": {"type": "Spice", "target": name, "center": str(states.body.code)},
         "bodyFrame": {"type": "Spice", "name": f"{name}_BODY"},
@@ -91,7 +93,7 @@ def _sensor(states: FlightStates, j: int) -> dict[str, Any]:
         "name": f"{name}_CAMERA",
         "parent": name,
         "center": name,
-        **_times(states),
+        **_times(states, j),
         "geometry": {
             "type": "Spice",
             "instrName": f"{name}_CAMERA",

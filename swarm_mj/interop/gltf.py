@@ -43,7 +43,7 @@ def write_scene(states: FlightStates) -> bytes:
         box = trimesh.creation.box(extents=size * scale)
         box.visual.face_colors = color
         _add(scene, box, name, pose, {"drawn_times_larger": float(scale)})
-        _add(scene, _line(_path(states.states_N[:, j, :3]), color), f"{name}_path", np.eye(4))
+        _add(scene, _line(_path(states.states_N[states.flown(j), j, :3]), color), f"{name}_path", np.eye(4))
         _add(scene, _line(_field_of_view(states, j), color), f"{name}_field_of_view", pose)
     out: bytes = scene.export(file_type="glb")
     return out

@@ -36,7 +36,8 @@ def write_spk(path: Path, states: FlightStates) -> None:
         handle = spice.spkopn(str(path), "swarm_mj", 0)
         for j in range(states.n):
             who = (spacecraft_code(j), states.body.code, spacecraft_name(states, j))
-            _add_states(spice, handle, who, states.et, states.states_N[:, j] / 1e3)
+            flown = states.flown(j)
+            _add_states(spice, handle, who, states.et[flown], states.states_N[flown, j] / 1e3)
         spice.spkcls(handle)
 
 
@@ -78,10 +79,11 @@ def write_ck(path: Path, states: FlightStates) -> None:
     with spice_errors(f"{path.name}", _WRITING):
         handle = spice.ckopn(str(path), "swarm_mj", 0)
         for j in range(states.n):
-            code, name = body_frame_code(j), spacecraft_name(states, j)
+            code, name, flown = body_frame_code(j), spacecraft_name(states, j), states.flown(j)
+            at = ticks[flown]
             spice.ckw03(
-                handle, ticks[0], ticks[-1], code, "ECLIPJ2000", True, name, len(ticks), ticks,
-                np.ascontiguousarray(q[:, j]), np.ascontiguousarray(omega_N[:, j]), 1, [ticks[0]],
+                handle, at[0], at[-1], code, "ECLIPJ2000", True, name, len(at), at,
+                np.ascontiguousarray(q[flown, j]), np.ascontiguousarray(omega_N[flown, j]), 1, [at[0]],
             )  # fmt: skip
         spice.ckcls(handle)
 

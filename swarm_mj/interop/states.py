@@ -66,6 +66,14 @@ class FlightStates:
         """Of the samples past the epoch [s], shape (t,)."""
         return np.asarray(self.telemetry["time"].values, np.float64)
 
+    def flown(self, j: int) -> slice:
+        """Samples of spacecraft j from its release on: what files of trajectories and attitudes hold of it.
+
+        Aboard, it moves with the mothership; at the release its velocity jumps, and no interpolation may go across that.
+        """
+        released = self.telemetry.get("released")
+        return slice(0 if released is None else int((released.values[:, j] == 0).sum()), None)
+
     @cached_property
     def instants(self) -> list[int]:
         """The same in nanoseconds of TDB past J2000."""

@@ -116,7 +116,7 @@ class Propulsion:
         if self.allocation.reaches_all or not isinstance(self._law, AimingForceLaw):
             return targets
         directions = np.broadcast_to(self._law.directions(t), self.force_N.shape)
-        turning = (directions != 0.0).any(axis=1) & (self.propellant > 0.0)
+        turning = (directions != 0.0).any(axis=1) & (self.propellant > 0.0) & self._state.released
         if not turning.any():
             return targets
         kind, vector = targets.kind.copy(), targets.vector.copy()
@@ -130,9 +130,10 @@ class Propulsion:
             q_known: Attitudes that the flight software has, by which it opens nozzles, shape (n, 4).
             omega_known: Body rates that it has, shape (n, 3) [rad/s].
             omega: True body rates, shape (n, 3) [rad/s].
-            working: Who is not lost, shape (n,).
+            working: Who is not lost, shape (n,); who is still aboard the mothership pushes no more than they.
         """
         state = self._state
+        working = working & state.released
         wish_N = self._ask(q_known, working)
         firing = (wish_N != 0.0).any(axis=1) & working & (self.propellant > 0.0)
         self._used[:], self.force_N[:], self._gain_N[:] = 0.0, 0.0, 0.0

@@ -10,8 +10,10 @@ from swarm_mj.errors import ScenarioError
 from swarm_mj.flight.fly import make_simulation
 from swarm_mj.flight.navigation import navigated
 from swarm_mj.flight.plan import make_plan
+from swarm_mj.mission.trajectories import propagate
 from swarm_mj.results.navigation import total_delta_v
 from swarm_mj.scenarios.loading import load_scenario
+from swarm_mj.simulator.faults.dispersions import mothership_error
 
 OFF = "dispersions.deployment_velocity_m_s=0.1"
 ERRORS = (
@@ -117,6 +119,68 @@ def test_the_mothership_errs_alike_for_all():
     assert not np.allclose(
         place[0], (other.state.data.qpos[other.model.layout.qpos[:, :3]] - plan.deployment.release_r_N)[0]
     )
+
+
+#: Three that leave one after the other.
+LATE = (
+    "duration_s=1200",
+    "design.observers=[{time_of_flight_s: 600}, "
+    "{time_of_flight_s: 500, release_s: 300}, "
+    "{time_of_flight_s: 400, release_s: 600}]",
+)
+WRONG = ("dispersions.mothership_position_m=20", "dispersions.mothership_velocity_m_s=0.05")
+
+
+def at_visits(plan, seed=0):
+    """How far each is from its point at its own visit, shape (n, 3) [m], and the simulation after the last."""
+    simulation = make_simulation(replace(plan, scenario=plan.scenario.model_copy(update={"seed": seed})))
+    off, arrival_s = np.zeros((plan.n, 3)), plan.deployment.arrival_s
+    for t in np.unique(arrival_s):
+        simulation.fly(round((t - simulation.time) / plan.scenario.control.period_s))
+        r_N = simulation.state.data.qpos[simulation.model.layout.qpos[:, :3]]
+        off[arrival_s == t] = (r_N - plan.deployment.destination_N)[arrival_s == t]
+    return off, simulation
+
+
+def test_errors_of_the_mothership_reach_who_leaves_late_as_its_coast_carries_them():
+    plan = planned("bennu-slow", *WRONG, *LATE)
+    deployment, square = plan.deployment, 0.0
+    errors = navigated(plan).spread.at_visit[-1, :, :3, :3]
+    for seed in range(3):
+        off, simulation = at_visits(plan, seed)
+        r_err, v_err = mothership_error(plan.scenario.dispersions, seed)
+        for j in range(plan.n):
+            release, arrival = deployment.release_s[j], deployment.arrival_s[j]
+            r, v = (deployment.r0_N + r_err)[None], (deployment.mothership_velocity_N + v_err)[None]
+            if release > 0.0:
+                (_, r), (_, v) = propagate(plan.environment.acceleration_N, r, v, np.array([0.0, release]))
+            pushed = v + deployment.v0_N[j] - deployment.release_mothership_v_N[j]
+            flown_N, _ = propagate(plan.environment.acceleration_N, r, pushed, np.array([release, arrival]))
+            assert np.allclose(off[j], flown_N[-1, 0] - deployment.destination_N[j], atol=0.01)
+            square += off[j] @ np.linalg.solve(errors[j], off[j]) / plan.n
+    # All of a flight share one error of the mothership: three numbers of three flights.
+    low, high = chi2.ppf((0.0005, 0.9995), 3 * 3)
+    assert low < square < high
+
+
+def test_corrections_count_from_each_ones_release_and_nobody_pushes_aboard():
+    plan = planned("bennu-slow", *WRONG, *LATE, ONE)
+    off, simulation = at_visits(plan)
+    assert np.linalg.norm(off, axis=1).max() < 0.25
+    assert np.linalg.norm(at_visits(planned("bennu-slow", *WRONG, *LATE))[0], axis=1).min() > 5.0
+
+    class Pusher:
+        def forces(self, view, memory):
+            told.append(view.working.copy())
+            return np.full((plan.n, 3), 0.01), None
+
+    told, pushed = [], make_simulation(plan)
+    pushed.force_law = Pusher()
+    pushed.fly(round(400.0 / plan.scenario.control.period_s))
+    late = plan.deployment.release_s > 400.0
+    burnt = pushed.propulsion.delta_v
+    assert (burnt[late] == 0.0).all() and (burnt[~late] > 0.0).all()
+    assert np.array_equal(told[-1], ~late)
 
 
 def test_a_correction_after_the_visit_is_refused_before_the_flight():

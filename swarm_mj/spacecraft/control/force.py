@@ -31,7 +31,7 @@ class ForceView(NamedTuple):
         mass: With what is left in the tank, shape (n,) [kg].
         propellant: Left in the tank, shape (n,) [kg].
         delta_v_N: Velocity gained by thrust so far, as accelerometers have it, shape (n, 3) [m/s].
-        working: Who is not lost, shape (n,).
+        working: Who is not lost and has left the mothership, shape (n,).
     """
 
     t: float
