@@ -78,10 +78,10 @@ def _shoot(
     start, end = float(deployment.release_s[j]), float(deployment.arrival_s[j])
     goal, r0 = deployment.destination_N[j], deployment.release_r_N[j]
     left = deployment.v0_N[j] - v0
+    _see_that_it_fits(j, left, push, start + after_s, end)
     burning = lasts(push, float(np.linalg.norm(left)), push.mass)
     # What a push at the release would do must be done in the time that is left from the middle of the burn on.
-    room = max(end - start - after_s - 0.5 * burning, 1e-3 * (end - start))
-    delta_v = left * ((end - start) / room)
+    delta_v = left * ((end - start) / (end - start - after_s - 0.5 * burning))
     for _ in range(MAX_ITERATIONS):
         _see_that_it_fits(j, delta_v, push, start + after_s, end)
         tried = delta_v + STEP * np.vstack((np.zeros(3), np.eye(3)))
