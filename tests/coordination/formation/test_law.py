@@ -107,6 +107,8 @@ def law_of(structure, *, dead_band=0.0, bit=0.0, **keys):
 def test_an_offset_that_stays_costs_what_differential_gravity_takes():
     planned = circular()
     structure = offset_structure(planned, nodes(DAY), OFFSETS, None)
+    once = fly(law_of(structure), *structure.places(0.0), 1.0)[2]
+    assert once == pytest.approx(np.linalg.norm(structure.holding(0.0), axis=1), rel=1e-6)  # on the path nothing else
     r, v, spent, _ = fly(law_of(structure), *structure.places(0.0), 2000.0)
     assert np.abs(r[-1] - structure.path(2000.0)).max() < 0.01
     x, up = OFFSETS, np.array([1.0, 0.0, 0.0])
