@@ -49,6 +49,7 @@ A spacecraft that leaves its deployer at a wrong velocity misses its visiting po
 flight. Cold-gas thrusters can correct that on the way. This page is written by `python -m scripts.pages.corrections`.
 
 ```yaml
+name: my-flight                             # all else by default
 spacecraft: {{thrusters: {{}}}}                # the defaults: 55 mN, 65 s, 0.2 kg of gas
 trajectory:
   corrections:                              # of every spacecraft

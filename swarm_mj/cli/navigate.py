@@ -60,16 +60,22 @@ def _navigate(arguments: argparse.Namespace) -> int:
 
 
 def _table(found: Navigation) -> Table:
+    from rich.box import SIMPLE_HEAD
+    from rich.markup import escape
     from rich.table import Table
 
-    table = Table(title=f"{found.scenario.name}: at the visit, after so many corrections")
-    for name in ("spacecraft", "corrections", "at [s]", "3 sigma [m]", "99 % [m]", "sigma R T S [m]"):
-        table.add_column(name, justify="left" if name == "spacecraft" else "right")
-    for name in ("delta-v mean, 99 % [m/s]", "offset 99 % [deg]", "in camera [%]"):
-        table.add_column(name, justify="right")
+    # A unit in brackets would be taken for a style.
+    # Broken by hand, so that it fits into 80 columns with no number cut or broken.
+    title = f"{found.scenario.name}: at the visit, after so many burns"
+    table = Table(title=title, box=SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
+    table.add_column("", no_wrap=True)
+    for name in ("burns", "at\n[s]", "3 sigma\n[m]", "99 %\n[m]", "sigma\nR T S\n[m]"):
+        table.add_column(escape(name), justify="right", no_wrap=True)
+    for name in ("delta-v\nmean,\n99 %\n[m/s]", "offset\n99 %\n[deg]", "in\ncamera\n[%]"):
+        table.add_column(escape(name), justify="right", no_wrap=True)
     for (name, k), row in found.table.astype(object).iterrows():
-        sigma = " ".join(f"{row[f'sigma_{axis}_m']:.3g}" for axis in "RTS")
-        burn = f"{row['delta_v_mean_m_s']:.3g}, {row['delta_v_99_m_s']:.3g}" if k else ""
+        sigma = "\n".join(f"{row[f'sigma_{axis}_m']:.3g}" for axis in "RTS")
+        burn = f"{row['delta_v_mean_m_s']:.3g}\n{row['delta_v_99_m_s']:.3g}" if k else ""
         seen = [_shown(row[key], digits) for key, digits in (("offset_99_deg", ".3g"), ("in_camera_percent", ".1f"))]
         at = f"{row['time_s']:g}" if k else ""
         table.add_row(

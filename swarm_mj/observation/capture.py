@@ -64,7 +64,8 @@ class PictureSchedule:
     def takers(self, tick: int, n: int) -> Mask:
         """Whose pictures are due at an instant, of n spacecraft of which the observers are the first, shape (n,)."""
         who = np.full(n, not self.visit_only and tick % self.every == 0)
-        who[: len(self.visits)] |= np.array(self.visits) == tick
+        # Of a flight by files there may be fewer than the scenario has observers.
+        who[: len(self.visits)] |= np.array(self.visits[:n]) == tick
         return who
 
     def ticks(self, last: int) -> Ints:

@@ -47,7 +47,8 @@ def navigation_rows(found: Navigated) -> list[Row]:
 
 
 def _at_visit(position: Array, axes: Array) -> Row:
-    sigma = np.sqrt(np.diag(axes @ position @ axes.T))
+    # Rounding takes what a correction by exact knowledge leaves to either side of zero.
+    sigma = np.sqrt(np.diag(axes @ position @ axes.T).clip(0.0))
     return {
         "position_3_sigma_m": 3.0 * float(np.sqrt(np.linalg.eigvalsh(position)[-1].clip(0.0))),
         "position_99_m": length_quantile(position, SURE),

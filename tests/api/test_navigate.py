@@ -68,6 +68,8 @@ def test_the_command_prints_and_writes_the_same(eros, tmp_path, capsys):
     assert main(["navigate", "eros-config1", *changes, "--runs", "300", "--out", str(file), "--quiet"]) == 0
     printed = " ".join(capsys.readouterr().out.split())
     assert all(f"eros-config1: {words}" in printed for words in eros.findings)
+    assert all(unit in printed for unit in ("[s]", "[m]", "[m/s]", "[deg]", "[%]"))
+    assert "\N{HORIZONTAL ELLIPSIS}" not in printed
     assert json.loads(file.read_text()) == json.loads(json.dumps(eros.summary))
 
 
@@ -82,6 +84,14 @@ def test_a_late_correction_of_a_fast_flyby_takes_away_what_two_days_have_made():
     assert left[1] == pytest.approx(3 * np.hypot(50, 0.01 * 169_200), rel=1e-2)
     assert left[2] == pytest.approx(3 * np.hypot(50, 0.01 * 7200), rel=1e-2)
     assert found.table.loc[("sc1", 0), "in_camera_percent"] < 90 < found.table.loc[("sc1", 1), "in_camera_percent"]
+
+
+def test_exact_knowledge_leaves_numbers():
+    """A burn without errors takes away all but rounding, whose variance may be below zero."""
+    changes = ("dispersions.deployment_velocity_m_s=0.1", THRUSTERS, "trajectory.corrections=[{before_visit_s: 7200}]")
+    after = sm.navigate("fast-flyby", changes).table.xs(1, level="corrections")
+    assert (after[["sigma_R_m", "sigma_T_m", "sigma_S_m"]] >= 0.0).all(axis=None)
+    assert (after["position_3_sigma_m"] < 0.01).all()
 
 
 def test_the_mothership_errs_for_all_that_it_lets_go():

@@ -35,6 +35,13 @@ def test_pictures_are_due_at_even_times_and_at_the_visit_whatever_the_clock(peri
     assert all(schedule.due(int(tick)) for tick in schedule.ticks(300))
 
 
+def test_fewer_spacecraft_than_observers_keep_their_own_visits():
+    """Files of a flight need not be those of all observers of the scenario that judges them."""
+    schedule = PictureSchedule(every=7, visits=(3, 5, 5))
+    assert [schedule.takers(tick, 1).tolist() for tick in (3, 5, 7)] == [[True], [False], [True]]
+    assert schedule.takers(5, 2).tolist() == [False, True]
+
+
 def test_those_take_pictures_who_observe_the_body_with_a_camera_that_works():
     kind = np.array([list(TargetKind), list(TargetKind)[::-1]])
     expected = [[True, False, False, True, False], [False, True, False, False, True]]

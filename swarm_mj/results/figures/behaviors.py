@@ -59,6 +59,8 @@ AROUND, LEAST_SIDE = 1.6, 0.5
 LOGARITHMIC = 20.0
 #: Half the width of the text that tells an instant, over that of the axes.
 HALF_TEXT = 0.06
+#: Height of the text and its distance from what it stands above, over that of the axes.
+TEXT_ROOM = 0.12
 #: More spacecraft than these are drawn thin.
 MANY = 12
 AXIS_DOTS = (0, (1.2, 1.6))
@@ -183,7 +185,7 @@ def _draw_axes(ax: Axes, plan: Plan, telemetry: xr.Dataset, scene: Scene, view: 
     lines = np.vstack([straight(r_A, tip) for r_A, tip in zip(scene.r_A[k], tips, strict=True)])
     ax.annotate(
         when,
-        _above(ax, view.project(scene.r_A[k]), view.project(np.vstack((lines, scene.r_A.reshape(-1, 3))))),
+        place_above(ax, view.project(scene.r_A[k]), view.project(np.vstack((lines, scene.r_A.reshape(-1, 3))))),
         xytext=(0.0, 10.0),
         textcoords="offset points",
         ha="center",
@@ -193,12 +195,20 @@ def _draw_axes(ax: Axes, plan: Plan, telemetry: xr.Dataset, scene: Scene, view: 
     )
 
 
-def _above(ax: Axes, points: Array, lines: Array) -> tuple[float, float]:
+def place_above(ax: Axes, points: Array, lines: Array) -> tuple[float, float]:
     """Where a short text stands above points and clear of lines, both in the axes' units, shape (n, 2)."""
     left, right = ax.get_xlim()
     x = float(points[:, 0].mean())
     crossing = lines[np.abs(lines[:, 0] - x) < HALF_TEXT * (right - left)]
-    return x, float(np.max(np.concatenate((points, crossing))[:, 1]))
+    above = float(np.max(np.concatenate((points, crossing))[:, 1]))
+    bottom, top = ax.get_ylim()
+    highest = top - TEXT_ROOM * (top - bottom)
+    if above <= highest:
+        return x, above
+    # Lines of sight leave the diagram upwards: the text stays in it, beside them.
+    leaving = lines[lines[:, 1] > highest]
+    beside = leaving[np.abs(leaving[:, 0] - x) < 2.0 * HALF_TEXT * (right - left)]
+    return float(np.max(beside[:, 0], initial=x)) + HALF_TEXT * (right - left), highest
 
 
 def _draw_distances(ax: Axes, plan: Plan, telemetry: xr.Dataset, scale: TimeScale) -> None:

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import rgb_to_hsv, to_rgb
+from matplotlib.figure import Figure
 
 from swarm_mj.mission.target import angles
 from swarm_mj.results.figures import COMPOSERS
-from swarm_mj.results.figures.behaviors import flight_plane
+from swarm_mj.results.figures.behaviors import flight_plane, place_above
 from swarm_mj.results.figures.scene import axis_tips, best_view, scene_from
 from swarm_mj.results.figures.target import geographic
 from swarm_mj.results.look import ORANGE, SKY_BLUE
@@ -135,3 +136,14 @@ def test_trajectories_end_solid_at_the_visiting_points(flown, composed):
     ax = composed["trajectories"].axes[0]
     marks = np.array([line.get_xydata()[0] for line in ax.lines if line.get_marker() == "o" and len(line.get_xdata())])
     assert marks == pytest.approx(view.project(plan.points_A), abs=1e-3)
+
+
+def test_words_stay_in_the_diagram_where_a_line_of_sight_leaves_it():
+    ax = Figure().subplots()
+    ax.set_xlim(-10.0, 10.0)
+    ax.set_ylim(0.0, 20.0)
+    upwards = np.column_stack((np.full(50, 3.0), np.linspace(12.0, 40.0, 50)))
+    x, y = place_above(ax, upwards[:1], upwards)
+    assert y < 18.0
+    assert 3.0 + 1.0 < x < 3.0 + 3.0  # half the text's width away, and no farther than it need be
+    assert place_above(ax, upwards[:1], upwards[:3])[0] == 3.0
