@@ -31,7 +31,8 @@ class ModeLook(NamedTuple):
         return self.meaning if self.meaning == self.abbreviation else f"{self.abbreviation}: {self.meaning}"
 
 
-#: In the order of the flag values of `mode`, then what no longer works. Areas are pale, so that curves read on top.
+#: In the order of the flag values of `mode`, then what no longer works and what is aboard. Areas are pale, so that curves
+#: read on top.
 MODE_LOOKS = (
     ModeLook("TO", "target observing", "#F6D9C4", VERMILLION, DASHES[0]),
     ModeLook("CT", "communication tracking", "#CFE6F5", BLUE, DASHES[1]),
@@ -39,9 +40,10 @@ MODE_LOOKS = (
     ModeLook("SO", "surface point observing", "#F3E6B8", ORANGE, DASHES[4]),
     ModeLook("DH", "direction hold", "#F0DCE8", PURPLE, DASHES[5]),
     ModeLook("lost", "lost", "#C9C9C9", DARK_GREY, DASHES[2]),
+    ModeLook("aboard", "aboard", "#FFFFFF", "#8C8C8C", DASHES[1]),
 )
-#: Number of the mode of spacecraft that no longer work.
-LOST = len(MODE_LOOKS) - 1
+#: Numbers of the modes of spacecraft that no longer work, and that have not left; all from LOST on point nowhere.
+LOST, ABOARD = len(MODE_LOOKS) - 2, len(MODE_LOOKS) - 1
 
 
 class Run(NamedTuple):
@@ -53,11 +55,12 @@ class Run(NamedTuple):
 
 
 def modes_shown(telemetry: xr.Dataset) -> NDArray[np.int8]:
-    """What each spacecraft tracks, or `LOST` from when it no longer works, shape (time, spacecraft)."""
+    """What each spacecraft tracks, `LOST` from when it no longer works, `ABOARD` until it leaves, shape (time, spacecraft)."""
     mode = telemetry["mode"].values.astype(np.int8)
-    return (
-        mode if "operational" not in telemetry else np.where(telemetry["operational"].values == 1, mode, np.int8(LOST))
-    )
+    for name, instead in (("released", ABOARD), ("operational", LOST)):
+        if name in telemetry:
+            mode = np.where(telemetry[name].values == 1, mode, np.int8(instead))
+    return mode
 
 
 def events_of(telemetry: xr.Dataset, j: int) -> list[float]:
@@ -70,7 +73,7 @@ def events_of(telemetry: xr.Dataset, j: int) -> list[float]:
 def runs(telemetry: xr.Dataset, j: int) -> list[Run]:
     """Stretches in which spacecraft j tracks one target, or is lost, in order of time; each ends where the next begins."""
     mode = modes_shown(telemetry)[:, j]
-    tracked = np.where(mode == LOST, -1, telemetry["tracked_spacecraft"].values[:, j])
+    tracked = np.where(mode >= LOST, -1, telemetry["tracked_spacecraft"].values[:, j])
     times = telemetry["time"].values
     first = np.flatnonzero(np.append(True, (np.diff(mode) != 0) | (np.diff(tracked) != 0)))
     ends = np.append(times[first[1:]], times[-1])

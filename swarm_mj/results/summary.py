@@ -224,10 +224,12 @@ def working(summary: dict[str, Any], key: str) -> dict[str, Any]:
 
 
 def mode_switches(telemetry: xr.Dataset) -> dict[str, list[dict[str, Any]]]:
-    """Every change of target: per spacecraft a list of sample, time and the two modes."""
+    """Every change of target after the release: per spacecraft a list of sample, time and the two modes."""
     mode, times = telemetry["mode"].values, telemetry["time"].values
     tracked = telemetry["tracked_spacecraft"].values
     changed = (np.diff(mode, axis=0) != 0) | (np.diff(tracked, axis=0) != 0)
+    if "released" in telemetry:
+        changed &= telemetry["released"].values[:-1] == 1
     switches: dict[str, list[dict[str, Any]]] = {}
     for j, name in enumerate(telemetry["spacecraft"].values):
         switches[str(name)] = [

@@ -35,6 +35,8 @@ def _new_target(telemetry: xr.Dataset) -> Mask:
     r_A, sight_A = (np.einsum("tij,tnj->tni", C_AN, vector) for vector in (r_N, sight_N))
     before = mode[:-1]
     changed = (np.diff(mode, axis=0) != 0) | (np.diff(tracked, axis=0) != 0)
+    if "released" in telemetry:
+        changed |= np.diff(telemetry["released"].values, axis=0) != 0
     changed |= (before == TargetKind.SURFACE) & (_distance(r_A, sight_A) > SAME_POINT_M)
     turn = np.linalg.norm(np.diff(sight_N, axis=0), axis=2)
     return np.asarray(changed | ((before == TargetKind.DIRECTION) & (turn > SAME_DIRECTION_RAD)))

@@ -9,7 +9,10 @@ from swarm_mj.flight.fly import initial_state, make_simulation, simulate
 from swarm_mj.flight.observe import observe_flight, picture_count, schedule_from
 from swarm_mj.flight.plan import make_plan
 from swarm_mj.mission.deployer import check_deployer
+from swarm_mj.results.figures.histories import compose_pointing_error
+from swarm_mj.results.modes import ABOARD, modes_shown
 from swarm_mj.results.summary import summarise
+from swarm_mj.results.target_dwell import held_s
 from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.scenarios.schema_itinerary import Deployer
 from swarm_mj.simulator.simulation import Simulation
@@ -193,3 +196,20 @@ def test_what_the_deployer_cannot_do_is_refused_by_name(plan):
 def test_entries_that_do_not_fit_are_refused_by_name(design, words):
     with pytest.raises(ScenarioError, match=words):
         scenario(design=design)
+
+
+def test_statistics_and_modes_begin_at_the_release(plan, telemetry, seen):
+    found = summarise(plan, telemetry, seen, {})
+    switched = telemetry["mode"].copy()
+    switched.values[2, 2] = 1 - switched.values[2, 2]  # aboard; what is tracked there is no switch of the flight
+    doctored = telemetry.assign(mode=switched)
+    again = summarise(plan, doctored, seen, {})
+    assert again["mode_switches"]["sc3"] == found["mode_switches"]["sc3"]
+    shown = modes_shown(telemetry)
+    assert (shown[:7, 2] == ABOARD).all() and (shown[7:, 2] == telemetry["mode"].values[7:, 2]).all()
+    assert (shown[:, 0] == telemetry["mode"].values[:, 0]).all()
+    assert held_s(telemetry)[7, 2] == 0.0
+    figure = compose_pointing_error(plan, telemetry, seen)
+    lines = [ax.lines[0] for ax in figure.axes if ax.lines and len(ax.lines[0].get_ydata()) == telemetry.sizes["time"]]
+    gaps = [int(np.isnan(line.get_ydata()).sum()) for line in lines]
+    assert gaps == [0, 4, 7, 0]

@@ -168,7 +168,7 @@ def _draw_axes(ax: Axes, plan: Plan, telemetry: xr.Dataset, scene: Scene, view: 
     tips = axis_tips(telemetry, scene, mesh, k, FREE_AXIS * plan.scenario.behavior.imaging_radius_m)
     for j, mode in enumerate(modes_shown(telemetry)[k]):
         look = MODE_LOOKS[mode]
-        if mode != LOST:
+        if mode < LOST:
             line = straight(scene.r_A[k, j], tips[j])
             draw_line(ax, view, mesh, line, color=look.line_colour, linewidth=0.9 * width, linestyle=AXIS_DOTS)
         draw_points(

@@ -29,7 +29,7 @@ COLOURS = (*COMPONENTS, SKY_BLUE)
 def compose_tracking_error(plan: Plan, telemetry: xr.Dataset, result: ObservationResult) -> Figure:
     """MRP tracking error sigma_BR of every spacecraft."""
     names = [rf"$\sigma_{{{k}}}$" for k in (1, 2, 3)]
-    values = telemetry["sigma_BR"].values
+    values = _after_release(telemetry, telemetry["sigma_BR"].values)
     reach = _reach(values, at_least=0.02)
     panels = Panels(
         title="MRP tracking errors",
@@ -113,7 +113,7 @@ def angular_momenta_B(telemetry: xr.Dataset, properties: SpacecraftProperties) -
 
 def compose_pointing_error(plan: Plan, telemetry: xr.Dataset, result: ObservationResult) -> Figure:
     """Angle between +z and the line of sight of every spacecraft, on a logarithmic axis."""
-    error = np.maximum(np.degrees(telemetry["pointing_error"].values), 10.0**FLOOR)
+    error = np.maximum(np.degrees(_after_release(telemetry, telemetry["pointing_error"].values)), 10.0**FLOOR)
     some, times = _drawn(plan, telemetry)
 
     def draw(ax: Axes, j: int) -> None:
@@ -121,7 +121,7 @@ def compose_pointing_error(plan: Plan, telemetry: xr.Dataset, result: Observatio
 
     floored = f" (drawn at $10^{{{FLOOR}}}$ deg where below)" if (error <= 10.0**FLOOR).any() else ""
     name = f"pointing error{floored}"
-    low, high = np.log10(error.min()) - 0.3, np.log10(max(error.max(), 1.0)) + 0.3
+    low, high = np.log10(np.nanmin(error)) - 0.3, np.log10(max(np.nanmax(error), 1.0)) + 0.3
     panels = Panels(
         title="Pointing errors",
         y_label="angle between +z and line of sight [deg]",
@@ -149,6 +149,14 @@ def _handles(names: list[str]) -> list[Line2D]:
     return [Line2D([], [], color=c, linewidth=1.6, linestyle=dashes, label=name) for c, dashes, name in looks]
 
 
+def _after_release(telemetry: xr.Dataset, values: Array) -> Array:
+    """The values, nan of spacecraft that are still aboard; shape (time, spacecraft, ...)."""
+    if "released" not in telemetry:
+        return values
+    aboard = telemetry["released"].values == 0
+    return np.where(aboard.reshape(aboard.shape + (1,) * (values.ndim - 2)), np.nan, values)
+
+
 def _drawn(plan: Plan, telemetry: xr.Dataset) -> tuple[Indices, Array]:
     """Which samples are drawn, and their times in the unit of the axis."""
     scale, times = time_scale(plan, telemetry), telemetry["time"].values
@@ -157,4 +165,4 @@ def _drawn(plan: Plan, telemetry: xr.Dataset) -> tuple[Indices, Array]:
 
 
 def _reach(values: Array, *, at_least: float) -> float:
-    return max(1.08 * float(np.abs(values).max()), at_least)
+    return max(1.08 * float(np.nanmax(np.abs(values))), at_least)

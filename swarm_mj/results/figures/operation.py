@@ -83,7 +83,7 @@ def _draw_instant(ax: Axes, plan: Plan, telemetry: xr.Dataset, seen: Mask, scene
     for j in range(plan.n):
         colour, marker = _look(scene, j, k)
         draw_line(ax, view, body, scene.r_A[trail, j], color=colour, linewidth=0.9, alpha=faint)
-        if scene.mode[k, j] != LOST:
+        if scene.mode[k, j] < LOST:
             sight = straight(scene.r_A[k, j], tips[j])
             draw_line(ax, view, body, sight, color=colour, linewidth=1.0, linestyle=DASHES)
     started = bool(scene.times[held[0]] == 0.0)

@@ -75,7 +75,7 @@ def axis_tips(telemetry: xr.Dataset, scene: Scene, body: ShapeModel, k: int, fre
     """
     r, z, mode, tracked = scene.r_A[k], scene.z_A[k], scene.mode[k], telemetry["tracked_spacecraft"].values[k]
     onto_A = scene.turn[k].T
-    length = np.where(mode == LOST, 0.0, free)
+    length = np.where(mode >= LOST, 0.0, free)
     down, other = looks_at_body(mode), mode == TargetKind.SPACECRAFT
     length[down] = first_hits(r[down] @ onto_A, z[down] @ onto_A, np.linalg.norm(r[down], axis=1), body)
     length[other] = np.linalg.norm(r[other] - r[tracked[other]], axis=1)

@@ -231,7 +231,7 @@ def _looks(number: int) -> Html:
 def _key(replay: Replay) -> Html:
     entries = [(SKY_BLUE, "", "target, observed so far"), (ORANGE, "", "target, not yet observed")]
     entries += [
-        (MODE_LOOKS[m].line_colour, "line", f"{'' if m == LOST else '+z: '}{MODE_LOOKS[m].meaning}")
+        (MODE_LOOKS[m].line_colour, "line", f"{'' if m >= LOST else '+z: '}{MODE_LOOKS[m].meaning}")
         for m in np.unique(replay.mode)
     ]
     spots = [tag("li", tag("i", class_=kind or None, style=f"--colour:{c}"), text) for c, kind, text in entries]

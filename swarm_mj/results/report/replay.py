@@ -59,7 +59,7 @@ class Replay:
         samples: Numbers of the telemetry's samples, shape (K,).
         times: Their times, shape (K,) [s].
         shown: Numbers of the spacecraft, shape (n,).
-        pointing_deg: Pointing error, the largest since the instant before, NaN once lost, shape (K, n) [deg].
+        pointing_deg: Pointing error, the largest since the instant before, NaN once lost or while aboard, shape (K, n) [deg].
         wheel_rpm: Speed of the fastest of three wheels, the same, shape (K, n) [rpm].
         mode: What +z tracks, or that the spacecraft is lost, as `modes_shown` tells, shape (K, n).
         link: Whether the link is closed, shape (K, n).
@@ -97,7 +97,7 @@ def make_replay(run: RunRecord, limits: Limits) -> Replay:
         samples=samples,
         times=times,
         shown=shown,
-        pointing_deg=np.where(mode == LOST, np.nan, pointing_deg),
+        pointing_deg=np.where(mode >= LOST, np.nan, pointing_deg),
         wheel_rpm=_peaks(np.abs(telemetry["wheel_speed"].values / RPM).max(axis=2), samples)[:, shown],
         mode=mode,
         link=telemetry["link_closed"].values[np.ix_(samples, shown)].astype(np.int8),
@@ -202,7 +202,7 @@ def _lengths(
     Those of lost spacecraft have no length.
     """
     r, z_A = r_A[:, shown], C_BA[..., 2, :]
-    length = np.where(mode == LOST, 0.0, free)
+    length = np.where(mode >= LOST, 0.0, free)
     down = looks_at_body(mode)
     distance = ground.distance(r[down], z_A[down])
     length[down] = np.where(np.isfinite(distance), distance, np.linalg.norm(r[down], axis=-1))

@@ -38,7 +38,7 @@ def texts(figure):
 
 
 def test_lost_comes_after_the_modes_of_the_telemetry_and_has_a_colour_of_its_own():
-    assert len(MODES) == len(TargetKind) == LOST == len(MODE_LOOKS) - 1
+    assert len(MODES) == len(TargetKind) == LOST == len(MODE_LOOKS) - 2
     for colours in ([look.colour for look in MODE_LOOKS], [look.line_colour for look in MODE_LOOKS]):
         assert len(set(colours)) == len(colours)
         red, green, blue = (int(colours[LOST][k : k + 2], 16) for k in (1, 3, 5))
