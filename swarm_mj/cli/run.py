@@ -99,7 +99,7 @@ def _folders(out: Path | None, names: Sequence[str]) -> list[Path]:
 
 
 def _print_notes(console: Console, summary: dict[str, Any], findings: Sequence[str], folder: Path) -> None:
-    notes = [summary["description"]]
+    notes = [summary["description"]] if summary["description"] else []
     notes += [summary["observer_note"]] if summary["observer"] != "faceid" else []
     for words in [*notes, *findings, f"files in {folder}"]:
         console.print(f"{summary['scenario']}: {words}", soft_wrap=True, highlight=False, markup=False)

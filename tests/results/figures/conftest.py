@@ -3,7 +3,7 @@ import pytest
 
 from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.observe import add_coverage, observe_flight
-from swarm_mj.results.figures import COMPOSERS, draw
+from swarm_mj.results.figures import composers, draw
 from swarm_mj.smallbody.shape import ShapeModel
 from tests.results.deliveries import with_delivery
 from tests.results.thrusts import with_thrust
@@ -20,7 +20,7 @@ def flown(quick_plan):
 @pytest.fixture(scope="session")
 def composed(flown):
     """Every figure, laid out and rendered once."""
-    figures = {name: compose(*flown) for name, compose in COMPOSERS.items()}
+    figures = {name: compose(*flown) for name, compose in composers(flown[1]).items()}
     for figure in figures.values():
         figure.draw_without_rendering()
     return figures
@@ -30,7 +30,7 @@ def composed(flown):
 def written(flown, tmp_path_factory):
     """A folder with every figure, and one of them as PDF too."""
     folder = tmp_path_factory.mktemp("figures")
-    for name in COMPOSERS:
+    for name in composers(flown[1]):
         draw(name, folder, *flown, pdf=name == "operation")
     return folder
 
