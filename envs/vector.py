@@ -80,6 +80,7 @@ class SwarmObserveVectorEnv(RebuiltOnCopy, VectorEnv[Any, Any, Any]):
         mode = _checked_mode(autoreset_mode)
         self.metadata = {"render_modes": ["rgb_array"], "render_fps": 10, "autoreset_mode": mode}
         self._mode, self.num_envs = mode, num_envs
+        self.autoreset_mode = mode  # as gymnasium's own vector environments tell it, for TorchRL
         task = make_task(**arguments)
         refuse_graph(task.config.observability)
         used = default_threads() if threads is None else threads

@@ -84,15 +84,26 @@ def test_states_of_single_and_vector_environments_are_the_same_and_leave_the_oth
     roles.action_space.seed(2)
     for _ in range(3):
         roles.step(roles.action_space.sample())
-    before = vector.get_state(0)
+    before, seen = vector.get_state(1), vector.batch.observation[1]
     assert np.array_equal(vector.set_state(2, roles.get_state()), roles.batch.observation[0])
     action = roles.action_space.sample()
     answer = roles.step(action)
     observations, rewards, *_ = vector.step(np.tile(action, (3, 1)))
     assert np.array_equal(observations[2], answer[0]) and rewards[2] == answer[1]
-    roles.set_state(before)
-    assert np.array_equal(roles.step(action)[0], observations[0])
+    assert np.array_equal(roles.set_state(before)[0], seen)
+    assert np.array_equal(roles.step(action)[0], observations[1])
     vector.close()
+
+
+def test_who_holds_a_direction_goes_on_holding_it(roles):
+    hold = np.full(5, 23)
+    roles.reset(seed=1)
+    roles.step(hold)
+    state = roles.get_state()
+    first = [roles.step(hold) for _ in range(3)]
+    roles.step(np.full(5, 16))
+    roles.set_state(state)
+    assert same([roles.step(hold) for _ in range(3)], first)
 
 
 def test_states_of_others_are_refused_by_name(roles):
