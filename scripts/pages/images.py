@@ -30,6 +30,16 @@ COMMANDS = {
         "--set",
         "trajectory.corrections=[{after_release_s: 60}, {before_visit_s: 120}]",
     ),
+    "eros-formation": (
+        "run",
+        "eros-config2",
+        "--set",
+        "swarm={class: 1, formation: {reference: mean, start_s: 60}}",
+        "--set",
+        "spacecraft.thrusters={}",
+        "--set",
+        "dispersions.deployment_velocity_m_s=0.1",
+    ),
     "eros-config1-design": ("design", "eros-config1", "--pareto"),
 }
 
@@ -48,6 +58,7 @@ PICTURES = (
     ("eros-config1", "wheel_speed"),
     ("eros-config1", "wheel_momentum"),
     ("eros-thrusters", "propulsion"),
+    ("eros-formation", "formation"),
     ("eros-config1", "links"),
     ("eros-config1", "contacts"),
     ("eros-config1", "data"),
