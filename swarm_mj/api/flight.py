@@ -189,6 +189,7 @@ class Flight:
         fps: float = 25.0,
         size: tuple[int, int] | None = None,
         speed: float | None = None,
+        span_s: tuple[float | None, float | None] | None = None,
         progress: bool | Progress = False,
     ) -> Path:
         """Make a film of the flight, or stills of its visit and end.
@@ -199,6 +200,8 @@ class Flight:
             fps: Pictures per second of film.
             size: Width and height [pixel]; None: one that suits the camera.
             speed: Seconds of flight per second of film; None: so that the film lasts about half a minute.
+            span_s: Begin and end of what is shown [s], each None for the flight's own; None: all of it, or the encounter where
+                that is a small part of the flight.
             progress: Whether to show progress bars, or the bars to use.
 
         Raises:
@@ -210,7 +213,8 @@ class Flight:
 
         replay = Replay(self.plan, self.telemetry, self.coverage.first_seen_s, self.delivered)
         with using_bars(progress) as bars:
-            return make_film(replay, Path(path), camera=camera, fps=fps, size=size, speed=speed, bars=bars).path
+            look: dict[str, Any] = {"camera": camera, "fps": fps, "size": size, "speed": speed}
+            return make_film(replay, Path(path), **look, span_s=span_s, bars=bars).path
 
     def export(self, folder: str | Path, formats: Sequence[str] = ("all",), *, ccsds: Literal[2, 3] = 2) -> list[Path]:
         """Write the flight in the formats of other programs; see the page "Take results elsewhere".

@@ -38,6 +38,13 @@ def add(commands: argparse._SubParsersAction) -> None:
         metavar="FILE",
         help=".mp4 or .gif, or .png for stills of the visit and the end (default: RUN_DIR/CAMERA.mp4)",
     )
+    for name, which in (("start", "first"), ("end", "last")):
+        video.add_argument(
+            f"--{name}",
+            type=float,
+            metavar="T",
+            help=f"{which} time that is shown [s] (default: all of the flight, or the encounter where that is a small part)",
+        )
     video.add_argument("--quiet", action="store_true", help="no progress bar")
     video.set_defaults(command=_video)
 
@@ -59,6 +66,7 @@ def _video(arguments: argparse.Namespace) -> int:
             fps=arguments.fps,
             size=size,
             speed=arguments.speed,
+            span_s=None if arguments.start is arguments.end is None else (arguments.start, arguments.end),
             bars=bars,
         )
     console.print(str(film), soft_wrap=True, highlight=False, markup=False)

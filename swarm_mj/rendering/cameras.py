@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import mujoco
 import numpy as np
@@ -16,6 +17,8 @@ from swarm_mj.scenarios.itinerary import last_visit_s
 from swarm_mj.typing import Array
 
 OVERVIEW, CHASE, SPLIT = "overview", "chase", "split"
+#: Begin and end of a part of a flight [s].
+Span: TypeAlias = tuple[float, float]
 #: Share of the picture that the flight may fill.
 FILL = 0.87
 #: Angle of the chase camera to the line from the body through the swarm [rad].
@@ -71,18 +74,18 @@ def spacecraft_number(name: str, n: int) -> int | None:
     return int(match[1]) - 1
 
 
-def overview(plan: Plan, path_N: Array, aspect: float) -> FreeView:
+def overview(plan: Plan, path_N: Array, aspect: float, span_s: Span | None = None) -> FreeView:
     """A fixed view that holds body and flight.
 
     Args:
         plan: What is flown.
-        path_N: Positions over the flight, evenly spaced in time, shape (m, n, 3) [m].
+        path_N: Positions over the time that is shown, evenly spaced in it, shape (m, n, 3) [m].
         aspect: Width of the picture over its height.
+        span_s: Begin and end of that time [s]; None: the whole flight.
     """
-    turned = [
-        plan.shape.vertices @ plan.environment.C_AN(share * plan.scenario.duration_s) for share in (0.0, 0.5, 1.0)
-    ]
-    return fit(np.vstack((path_N.reshape(-1, 3), *turned)), view_direction(plan, path_N, aspect), aspect)
+    begin, end = span_s or (0.0, plan.scenario.duration_s)
+    turned = [plan.shape.vertices @ plan.environment.C_AN(t) for t in (begin, 0.5 * (begin + end), end)]
+    return fit(np.vstack((path_N.reshape(-1, 3), *turned)), view_direction(plan, path_N, aspect, span_s), aspect)
 
 
 def reach_of(path_N: Array, view: FreeView | None = None) -> float:
@@ -126,17 +129,19 @@ def fit(points_N: Array, toward: Array, aspect: float) -> FreeView:
     return FreeView(middle, toward, float((across + relative @ toward).max()))
 
 
-def view_direction(plan: Plan, path_N: Array, aspect: float) -> Array:
+def view_direction(plan: Plan, path_N: Array, aspect: float, span_s: Span | None = None) -> Array:
     """Unit vector in N to a camera that sees the target's day side, and the flight from the side.
 
     Args:
         plan: What is flown.
-        path_N: Positions over the flight, evenly spaced in time, shape (m, n, 3) [m].
+        path_N: Positions over the time that is shown, evenly spaced in it, shape (m, n, 3) [m].
         aspect: Width of the picture over its height; a flight along the longer side is seen from nearer.
+        span_s: As in `overview`.
     """
+    begin, end = span_s or (0.0, plan.scenario.duration_s)
     region, environment = plan.region, plan.environment
     normal_A = _unit(region.area @ region.normal_A)
-    times = (last_visit_s(plan.scenario), plan.scenario.duration_s)
+    times = (min(max(last_visit_s(plan.scenario), begin), end), end)
     normals = np.array([normal_A @ environment.C_AN(t) for t in times])
     path = path_N.mean(axis=1)
     directions = _sphere(DIRECTIONS)
@@ -147,7 +152,7 @@ def view_direction(plan: Plan, path_N: Array, aspect: float) -> Array:
     flat = np.abs(axes @ along)
     turned, reach = np.linalg.norm(flat, axis=1), np.maximum(flat[:, 0] / aspect, flat[:, 1])
     # At the visit the swarm must not stand before the target.
-    visit = path[round((len(path) - 1) * times[0] / times[1])]
+    visit = path[round((len(path) - 1) * (times[0] - begin) / (end - begin))]
     above = _unit(visit - region.area @ region.centroid_A / region.total_area @ environment.C_AN(times[0]))
     clear = np.linalg.norm(np.cross(directions, above), axis=1)
     lit = directions @ _unit(environment.sun.position)

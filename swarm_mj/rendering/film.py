@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from rich.progress import Progress
@@ -18,6 +18,8 @@ from swarm_mj.rendering.stills import write_stills
 from swarm_mj.rendering.video import SUFFIXES, Film, check_film, film
 from swarm_mj.typing import Array, Pixels
 
+#: Begin and end of a part of a flight [s], each None for the flight's own; None: as suits the flight.
+PartOfFlight: TypeAlias = tuple[float | None, float | None] | None
 #: Length of a film whose speed is not given [s].
 LENGTH_S = 30.0
 #: Longest film, so that a slip in `--speed` does not fill the disk [pictures].
@@ -38,6 +40,7 @@ class FilmFacts(NamedTuple):
         height: Of a picture [pixel].
         fps: Pictures per second.
         speed: Seconds of flight per second of film; of stills 0.
+        part_s: Begin and end of the part of the flight that it shows [s]; None: all of it.
     """
 
     path: Path
@@ -46,6 +49,7 @@ class FilmFacts(NamedTuple):
     height: int
     fps: float
     speed: float
+    part_s: tuple[float, float] | None = None
 
     def __str__(self) -> str:
         """One sentence."""
@@ -53,8 +57,15 @@ class FilmFacts(NamedTuple):
             return f"{self.path}: {self.pictures} stills of {self.width} x {self.height}"
         return (
             f"{self.path}: {self.pictures} pictures of {self.width} x {self.height}, {self.pictures / self.fps:.1f} s at "
-            f"{self.fps:g} a second, {self.speed:g} times as fast as the flight"
+            f"{self.fps:g} a second, {self.speed:g} times as fast as the flight{self._part}"
         )
+
+    @property
+    def _part(self) -> str:
+        if self.part_s is None:
+            return ""
+        begin, end = self.part_s
+        return f", from t = {begin:g} to {end:g} s (--start, --end show another part)"
 
 
 def make_film(
@@ -65,6 +76,7 @@ def make_film(
     fps: float = 25.0,
     size: tuple[int, int] | None = None,
     speed: float | None = None,
+    span_s: PartOfFlight = None,
     bars: Progress | None = None,
 ) -> FilmFacts:
     """Make a film of a flight, or stills of its visit and end.
@@ -76,6 +88,8 @@ def make_film(
         fps: Pictures per second of film.
         size: Width and height [pixel]; None: one that suits the camera.
         speed: Seconds of flight per second of film; None: so that the film lasts about half a minute.
+        span_s: Begin and end of what is shown [s], each None for the flight's own; None: all of the flight, or the encounter
+            where that is a small part of it, see `Replay.encounter`.
         bars: Where to show how far it is; None: nowhere.
 
     Raises:
@@ -83,6 +97,8 @@ def make_film(
         ObserverError: OpenGL cannot be loaded here.
     """
     width, height = size or _default_size(camera)
+    part = span_s or replay.encounter()
+    replay = replay if part is None else replay.between(*part)
     if path.suffix.lower() == ".png":
         write_stills(path, replay, camera=camera, width=width, height=height)
         return FilmFacts(path, 2, width, height, fps, 0.0)
@@ -91,10 +107,12 @@ def make_film(
     check_film(path, width, height, fps)
     speed = speed if speed is not None else suitable_speed(replay.duration)
     times = picture_times(replay, fps, speed)
-    with Drawing(replay.plan, replay.path_N, camera=camera, width=width, height=height, note=f"{speed:g} x") as drawing:
+    look: dict[str, Any] = {"camera": camera, "width": width, "height": height, "note": f"{speed:g} x"}
+    ends = (float(replay.times[0]), float(replay.times[-1]))
+    with Drawing(replay.plan, replay.path_N, **look, span_s=ends) as drawing:
         with film(path, width=width, height=height, fps=fps, sample=_sample(drawing, replay, path)) as reel:
             _shoot(reel, drawing, replay, times, bars, camera)
-    return FilmFacts(path, len(times), width, height, fps, speed)
+    return FilmFacts(path, len(times), width, height, fps, speed, None if part is None else ends)
 
 
 def _shoot(reel: Film, drawing: Drawing, replay: Replay, times: Array, bars: Progress | None, camera: str) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 from swarm_mj.errors import OutputError
 from swarm_mj.flight.plan import Plan
 from swarm_mj.mission.behaviors import TargetKind
-from swarm_mj.rendering.cameras import OVERVIEW, FreeView, chase, magnification_for, overview, reach_of
+from swarm_mj.rendering.cameras import OVERVIEW, FreeView, Span, chase, magnification_for, overview, reach_of
 from swarm_mj.rendering.canvas import Box, Canvas, Projection
 from swarm_mj.rendering.decorations import NextGeom, decorate, sights
 from swarm_mj.rendering.frame import Instant
@@ -26,6 +26,8 @@ from swarm_mj.typing import Array, Pixels
 NOMINAL_HEIGHT = 600
 #: Brightness, of 255, of what a camera sees at least where it sees anything.
 DARK = 8
+#: A body smaller than this share of the picture's height is named.
+SPECK = 0.06
 #: Distance at which the chase camera's magnification is taken, over the swarm's median distance to the body.
 CHASE_SCALE = 0.7
 
@@ -35,11 +37,12 @@ class Drawing:
 
     Args:
         plan: What is flown.
-        path_N: Positions over the whole flight, which the overview holds, shape (m, n, 3) [m].
+        path_N: Positions over the time that is shown, which the overview holds, shape (m, n, 3) [m].
         camera: `overview`, `chase`, `split`, or `sc1`, `sc2`, ...
         width: [pixel].
         height: [pixel].
         note: Stands beside the time.
+        span_s: Begin and end of the time that is shown [s]; None: the whole flight.
 
     Raises:
         OutputError: There is no camera of that name, or the size is out of range.
@@ -47,14 +50,22 @@ class Drawing:
     """
 
     def __init__(
-        self, plan: Plan, path_N: Array, *, camera: str = OVERVIEW, width: int = 640, height: int = 480, note: str = ""
+        self,
+        plan: Plan,
+        path_N: Array,
+        *,
+        camera: str = OVERVIEW,
+        width: int = 640,
+        height: int = 480,
+        note: str = "",
+        span_s: Span | None = None,
     ) -> None:
         if not (LEAST_SIDE <= width <= MOST_SIDE and LEAST_SIDE <= height <= MOST_SIDE):
             raise OutputError(f"size {width}x{height}: both sides must be {LEAST_SIDE} to {MOST_SIDE} pixels")
         self._plan, self._path_N = plan, path_N
         self._layout = layout_of(camera, plan.n, plan.n_observers, width, height)
         main = self._layout.main
-        self._overview = None if main is None else overview(plan, path_N, main.width / main.height)
+        self._overview = None if main is None else overview(plan, path_N, main.width / main.height, span_s)
         self._note = note
         self._model = build_drawing_model(plan, self._magnification(), width, height, reach_of(path_N, self._overview))
         self._canvas = Canvas(self._model, width, height)
@@ -128,7 +139,8 @@ class Drawing:
         if projection is not None:
             lettering.legend(self._scale, projection.box)
             if instant.n <= MAX_NAMED:
-                lettering.names(instant.r_BN_N, labels, projection)
+                points_N, named = self._named(instant, labels, projection)
+                lettering.names(points_N, named, projection)
             self._name_sights(lettering, instant, projection)
         for j, view in cameras.items():
             lettering.caption(f"{names[j]} {deed(instant, names, j)}", view.box, labels[j][1])
@@ -138,6 +150,13 @@ class Drawing:
             if _is_dark(pixels, view.box) and not view.place(instant.r_BN_N[others])[1].any():
                 lettering.remark("nothing in view", view.box)
         return lettering.pixels
+
+    def _named(self, instant: Instant, labels: list[Line], projection: Projection) -> tuple[Array, list[Line]]:
+        """What gets its name beside it: the spacecraft, and the body where it is a speck."""
+        places, _ = projection.place(self._plan.shape.vertices @ instant.C_AN)
+        if np.ptp(places, axis=0).max() >= SPECK * projection.box.height:
+            return instant.r_BN_N, labels
+        return np.vstack((instant.r_BN_N, np.zeros(3))), [*labels, (self._plan.scenario.body.name, TEXT)]
 
     def _name_sights(self, lettering: Lettering, instant: Instant, projection: Projection) -> None:
         """Say of lines of sight that end at nothing in the picture where they lead: those to Earth."""

@@ -22,10 +22,14 @@ from swarm_mj.rendering.transfers import transfers_of
 from swarm_mj.results.delivery_files import read_delivery
 from swarm_mj.results.run_files import read_coverage
 from swarm_mj.results.run_record import read_scenario
+from swarm_mj.scenarios.itinerary import last_visit_s
 from swarm_mj.simulator.telemetry import read_telemetry
 from swarm_mj.spacecraft.attitude.mrp import quaternion_from_mrp
 from swarm_mj.typing import Array, Mask
 
+#: A flight is shown near its body where that is less than so much of it, and has more samples than so many: within these
+#: times the distance at the visit, or of the body's radii.
+SMALL_PART, LEAST_SAMPLES, NEAR, NEAR_RADII = 0.1, 10, 2.0, 10.0
 #: Corners of a trail, and of all trails together; a flyby bends little.
 TRAIL_POINTS, ALL_TRAIL_POINTS = 60, 600
 
@@ -57,6 +61,7 @@ class Replay:
                 f"scenario now gives {plan.n} and {plan.region.n_cells}: fly it again with this version"
             )
         self.plan, self.times = plan, telemetry["time"].values
+        self._record = (telemetry, first_seen_s, delivery)
         self._first_seen_s = first_seen_s
         self._position = CubicHermiteSpline(self.times, telemetry["r_BN_N"].values, telemetry["v_BN_N"].values)
         self._q_BN = quaternion_from_mrp(telemetry["sigma_BN"].values)
@@ -76,8 +81,41 @@ class Replay:
 
     @property
     def path_N(self) -> Array:
-        """Positions over the whole flight, shape (m, n, 3) [m]."""
+        """Positions over the time from the first sample to the last, shape (m, n, 3) [m]."""
         return self._trail_N
+
+    def between(self, begin_s: float | None = None, end_s: float | None = None) -> Replay:
+        """The part of the flight between two times [s]; None: its first sample, its last.
+
+        Raises:
+            OutputError: Fewer than two samples lie there.
+        """
+        first, last = float(self.times[0]), float(self.times[-1])
+        begin, end = first if begin_s is None else begin_s, last if end_s is None else end_s
+        telemetry, first_seen_s, delivery = self._record
+        inside = np.flatnonzero((self.times >= begin) & (self.times <= end))
+        if len(inside) < 2:
+            raise OutputError(
+                f"start {begin:g} s, end {end:g} s: fewer than two samples of telemetry lie between them; the flight was "
+                f"recorded from {first:g} to {last:g} s, every {(last - first) / max(len(self.times) - 1, 1):g} s"
+            )
+        part = telemetry.isel(time=slice(int(inside[0]), int(inside[-1]) + 1))
+        return Replay(self.plan, part, first_seen_s, delivery)
+
+    def encounter(self) -> tuple[float, float] | None:
+        """Begin and end of what a film shows where the body is passed in a small part of the flight [s]; None: all of it.
+
+        That is the time within `NEAR` times the swarm's distance at the visit, or `NEAR_RADII` of the body.
+        """
+        distance = np.linalg.norm(self._position(self.times).mean(axis=1), axis=1)
+        visit = int(np.argmin(np.abs(self.times - last_visit_s(self.plan.scenario))))
+        reach = max(NEAR * float(distance[visit]), NEAR_RADII * self.plan.shape.max_radius)
+        far = np.flatnonzero(distance > reach)
+        first = int(far[far < visit].max(initial=-1)) + 1
+        last = int(far[far > visit].min(initial=len(self.times))) - 1
+        if last - first < LEAST_SAMPLES or last - first > SMALL_PART * len(self.times):
+            return None
+        return float(self.times[first]), float(self.times[last])
 
     def at(self, t: float) -> Instant:
         """The flight at time `t` [s], held at its ends."""

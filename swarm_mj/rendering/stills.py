@@ -43,7 +43,8 @@ def write_stills(
     """
     if times is None:
         times = (last_visit_s(replay.plan.scenario), float(replay.times[-1]))
-    with Drawing(replay.plan, replay.path_N, camera=camera, width=width, height=height) as drawing:
+    span_s = (float(replay.times[0]), float(replay.times[-1]))
+    with Drawing(replay.plan, replay.path_N, camera=camera, width=width, height=height, span_s=span_s) as drawing:
         pictures = [drawing.draw(replay.at(t)) for t in times]
     gap = np.full((height, GAP, 3), 255, np.uint8)
     strip = [part for picture in pictures for part in (gap, picture)][1:]

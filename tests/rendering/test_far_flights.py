@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 
 import swarm_mj as sm
+from swarm_mj.errors import OutputError
+from swarm_mj.rendering import picture
 from swarm_mj.rendering.cameras import overview
+from swarm_mj.rendering.film import make_film
 from swarm_mj.rendering.picture import Drawing
 from swarm_mj.rendering.replay import Replay
 from swarm_mj.smallbody.geodesic import geodesic_icosahedron
@@ -16,8 +19,8 @@ from swarm_mj.smallbody.shape_io import save_obj
 pytestmark = [pytest.mark.gl, pytest.mark.usefixtures("gl")]
 
 
-def flown(folder, radius_m, start_radii, speed_m_s):
-    """One observer past a ball from so many radii away; the flight ends as far out on the other side."""
+def flown(folder, radius_m, start_radii, speed_m_s, samples=10):
+    """One observer past a ball from so many radii away, sampled so often on the way; it ends as far out on the other side."""
     directions, faces = geodesic_icosahedron(6)
     save_obj(ShapeModel(radius_m * directions, faces), folder / "ball.obj")
     to_visit = 10.0 * round(start_radii * radius_m / speed_m_s / 10.0)
@@ -35,7 +38,7 @@ def flown(folder, radius_m, start_radii, speed_m_s):
         "behavior": {"name": "adaptable_roles", "imaging_radius_m": 6.0 * radius_m},
         "camera": {"half_angle_deg": 10.0, "resolution_px": 64},
         "physics": {"timestep_s": 0.5},
-        "telemetry": {"interval_s": to_visit / 10.0},
+        "telemetry": {"interval_s": to_visit / samples},
         "observation": {"interval_s": to_visit / 10.0},
     }  # fmt: skip
     flight = sm.fly(sm.load(scenario))
@@ -58,7 +61,41 @@ def test_the_body_is_in_the_first_the_middle_and_the_last_picture(tmp_path, radi
     depth = view.distance + float(view.lookat @ view.toward)
     x, y = (0.5 * width + np.array([right, -up]) / (depth * tangent) * 0.5 * width).astype(int)
     half = max(1, int(0.4 * radius_m / (depth * tangent) * width))
-    for picture in pictures:
-        patch = picture[y - half : y + half + 1, x - half : x + half + 1].max(axis=-1)
+    for shown in pictures:
+        patch = shown[y - half : y + half + 1, x - half : x + half + 1].max(axis=-1)
         assert np.median(patch) > 8, "the sky stands where the body is"
     assert all(not np.array_equal(a, b) for a, b in pairwise(pictures))
+
+
+def test_a_film_of_a_long_flight_shows_the_encounter_and_names_the_speck(tmp_path, monkeypatch):
+    radius_m, visit_s = 250.0, 2000.0
+    replay = flown(tmp_path, radius_m, 400.0, 50.0, samples=250)
+    begin, end = replay.encounter()
+    # Within ten radii, at the visit four, on a nearly straight path.
+    speed = np.linalg.norm(replay.at(visit_s + 1.0).r_BN_N - replay.at(visit_s - 1.0).r_BN_N) / 2.0
+    half = np.sqrt(10.0**2 - 4.0**2) * radius_m / speed
+    assert begin == pytest.approx(visit_s - half, abs=10.0) and end == pytest.approx(visit_s + half, abs=10.0)
+
+    whole = make_film(replay, tmp_path / "whole.mp4", size=(160, 120), fps=1.0, span_s=(None, None))
+    facts = make_film(replay, tmp_path / "near.mp4", size=(160, 120), fps=1.0)
+    assert whole.part_s is None or whole.part_s == (0.0, 4000.0)
+    assert facts.part_s == (begin, end) and "--start, --end" in str(facts)
+    # The body fills more of the picture than where all of the flight must fit.
+    near = replay.between(begin, end)
+    distances = [
+        overview(part.plan, part.path_N, 1.0, (part.times[0], part.times[-1])).distance for part in (replay, near)
+    ]
+    assert distances[1] < 0.1 * distances[0]
+    with Drawing(replay.plan, replay.path_N, width=480, height=480) as drawing:
+        named = drawing.draw(replay.at(visit_s))
+        monkeypatch.setattr(picture, "SPECK", 0.0)
+        assert not np.array_equal(named, drawing.draw(replay.at(visit_s)))
+
+
+def test_an_eros_flight_is_shown_whole_and_parts_without_samples_are_refused(replay):
+    assert replay.encounter() is None
+    part = replay.between(100.0, None)
+    assert part.times[0] == 100.0 and part.times[-1] == replay.times[-1]
+    assert np.array_equal(part.at(300.0).r_BN_N, replay.at(300.0).r_BN_N)
+    with pytest.raises(OutputError, match=r"start 2000 s, end 1200 s: fewer than two samples .* from 0 to 1200 s"):
+        replay.between(2000.0, None)
