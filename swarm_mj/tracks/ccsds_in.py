@@ -164,7 +164,7 @@ def _oem_values(message: Message, segment: Segment, body: BodyName) -> Array:
         raise message.wrong(
             segment.line,
             f"CENTER_NAME = {center}, but the body is {body.name}, NAIF {body.code}",
-            "give the path relative to the body's centre, or the body that it belongs to (--body)",
+            "give the path relative to the body's centre, or its body (body of the scenario; observe: --body)",
         )
     C = from_N(message.wanted(segment, "REF_FRAME"), f"{message.path}, line {segment.line}: REF_FRAME")
     limits = (FARTHEST_KM,) * 3 + (FASTEST_KM_S,) * 3
