@@ -183,6 +183,8 @@ level `torque` `control.period_s`, because an attitude cannot be controlled by t
     | swarm_rate_bit_s | 1e5 | from a spacecraft to the one it tracks; None: by the scenario's link budget |
     | earth_rate_bit_s | 8e3 | to Earth, all together; the rate of the MarCO CubeSats at Mars; None: by the scenario's link \
 budget and stations |
+    | observability | full | what agents of the multi-agent environment know, `full` or `graph`; here one agent decides for \
+all, and only `full` is allowed |
     | overrides | () | changes of the scenario, a list of texts `key=value` as of `swarm-mj run --set`; goes through \
 `spec.to_json()`, which a `Scenario` does not |
     | horizon_terminates | False | whether the duration ends a flight as terminated, `info["end"]` being `horizon`, for tools \

@@ -92,7 +92,7 @@ The same encounter as designed, with spacecraft 5 lost after 420 s: on the left 
 and whose cameras look at the body's centre; on the right class 4, which images the target part by part and covers what
 was lost.
 
-<video controls loop muted src="../../images/{film}" style="width: 100%"></video>
+<video controls loop muted src="../images/{film}" style="width: 100%"></video>
 """
 
 

@@ -71,6 +71,26 @@ class NotDelivered(Record):
     remedy: str
 
 
+class FormationHeld(Record):
+    """How a formation was held, see `swarm_mj.results.formation`."""
+
+    held_s: Annotated[list[float], Field(min_length=2, max_length=2)]
+    dead_band_m: NonNegativeFloat
+    error_m_final: ByName
+    join_m_s: ByName
+    hold_m_s: ByName
+    most_needed_m_s2: ByName
+    thrust_m_s2: float
+    tank_m_s: float
+    empty_s: ByName
+
+
+class Expected(Record):
+    """What linear covariance says of a flight's corrections, as far as it is read again."""
+
+    findings: list[str] = []
+
+
 class RunSummary(Record):
     """summary.json of a run, see `swarm_mj.results.summary.summarise`."""
 
@@ -103,6 +123,9 @@ class RunSummary(Record):
     links_closed_final: NonNegativeInt
     wall_s: dict[str, float]
     mothership: WayIn | None = None
+    encounter_findings: list[str] = []
+    navigation: Expected = Expected()
+    formation: FormationHeld | None = None
     pointing_error_deg_visit: ByName = {}
     target_held_s_final: ByName = {}
     events: Annotated[list[Event], FailFast()] = []
