@@ -133,7 +133,7 @@ class Forecast:
     """Says once, while a long piece of work is under way, how long it will take, by the rate that it has shown.
 
     Called with how much is done, it passes that on. The first call starts the clock, so that what is compiled before it does
-    not count.
+    not count; and what is compiled later slows one piece only, so that the last piece must have been slow as well.
 
     Args:
         what: What is to be done, in words.
@@ -145,20 +145,28 @@ class Forecast:
     def __init__(self, what: str, total: float, tell: Callable[[float], None], say: Callable[[str], None]) -> None:
         self._what, self._total, self._tell, self._say = what, total, tell, say
         self._first: tuple[float, float] | None = None
+        self._last = (0.0, 0.0)
         self._said = False
 
     def __call__(self, done: float) -> None:
         """Tell how much is done."""
         self._tell(done)
         now = time.perf_counter()
+        last, self._last = self._last, (now, done)
         if self._first is None:
             self._first = now, done
-        if self._said or now - self._first[0] < FORECAST_AFTER_S or done <= self._first[1]:
             return
-        self._said = True
-        whole = (now - self._first[0]) * (self._total - self._first[1]) / (done - self._first[1])
-        if whole > LONG_S:
+        if self._said or now - self._first[0] < FORECAST_AFTER_S or done <= last[1]:
+            return
+        whole = self._whole(self._first, now, done)
+        if whole > LONG_S and last != self._first and self._whole(last, now, done) > LONG_S:
+            self._said = True
             self._say(f"{self._what} will take about {in_words(whole)}")
+
+    def _whole(self, since: tuple[float, float], now: float, done: float) -> float:
+        """Seconds from the first call to the end at the rate since an instant."""
+        assert self._first is not None
+        return (now - since[0]) * (self._total - self._first[1]) / (done - since[1])
 
 
 def in_words(seconds: float) -> str:

@@ -43,6 +43,15 @@ def test_a_long_piece_of_work_is_foretold_once_by_its_rate(clock):
     assert said == ["the flight will take about 6 min"]  # 6 of 1000 in 2 s
 
 
+def test_what_is_compiled_on_the_way_is_not_foretold(clock):
+    said = []
+    forecast = Forecast("the flight", 100.0, lambda done: None, said.append)
+    for done, took in ((0.0, 30.0), (1.0, 0.1), (2.0, 0.1), (30.0, 3.0), (60.0, 3.0)):
+        forecast(done)
+        clock.now += took
+    assert not said
+
+
 def test_a_short_piece_of_work_is_not_foretold(clock):
     said = []
     forecast = Forecast("the flight", 100.0, lambda done: None, said.append)
