@@ -14,8 +14,16 @@ from gymnasium import error, spaces
 from numpy.typing import NDArray
 
 from swarm_mj.errors import ScenarioError
-from swarm_mj.flight.plan import Plan
-from swarm_mj.mission.behaviors import Behavior, SteadyBehavior, SwarmView, TargetKind, Targets, looks_at_body
+from swarm_mj.flight.plan import Plan, antennas_from
+from swarm_mj.mission.behaviors import (
+    Behavior,
+    MissionBehavior,
+    SteadyBehavior,
+    SwarmView,
+    TargetKind,
+    Targets,
+    looks_at_body,
+)
 from swarm_mj.observation.raytracing import RayTracer
 from swarm_mj.spacecraft.control.base import ControlInput, Controller
 from swarm_mj.typing import Array, Ints, Mask, kernel
@@ -56,6 +64,43 @@ class AimedTargets:
     def steady_for(self, view: SwarmView, memory: Any) -> float:
         """See `SteadyBehavior`: as long as the scenario's, and until the next action."""
         return 0.0 if self._steady is None else self._steady.steady_for(view, memory)
+
+
+class SpeaksToEarth:
+    """The scenario's behaviour, but who is to talk to another spacecraft talks to Earth, which hears one after another.
+
+    The levels `pointing` and `torque` fly it where crosslinks are directed. There a relay hears only those on one side of it,
+    and no action of these levels could bring down what the others hold.
+    """
+
+    def __init__(self, inner: Behavior) -> None:
+        self._inner = inner
+        self._steady = inner if isinstance(inner, SteadyBehavior) else None
+
+    @property
+    def dedicated_communications(self) -> bool:
+        """See `Behavior`."""
+        return self._inner.dedicated_communications
+
+    def for_flight(self, plan: Any) -> Behavior:
+        """See `MissionBehavior`."""
+        inner = self._inner
+        return SpeaksToEarth(inner.for_flight(plan)) if isinstance(inner, MissionBehavior) else self
+
+    def targets(self, view: SwarmView, memory: Any) -> tuple[Targets, Any]:
+        """See `Behavior`."""
+        targets, memory = self._inner.targets(view, memory)
+        kind = np.where(targets.kind == TargetKind.SPACECRAFT, int(TargetKind.EARTH), targets.kind)
+        return targets._replace(kind=kind), memory
+
+    def steady_for(self, view: SwarmView, memory: Any) -> float:
+        """See `SteadyBehavior`."""
+        return 0.0 if self._steady is None else self._steady.steady_for(view, memory)
+
+
+def deliverable(plan: Plan) -> Behavior:
+    """The scenario's behaviour, with which what is aboard comes down whatever the antennas."""
+    return plan.behavior if antennas_from(plan.scenario).omnidirectional else SpeaksToEarth(plan.behavior)
 
 
 class HeldTorque:
@@ -117,7 +162,7 @@ class TorqueLevel(ControlLevel):
 
     def __init__(self, plan: Plan, count: int) -> None:
         self._limit, self._axes = plan.properties.max_wheel_torque, plan.properties.wheel_axes_B
-        self._behavior = plan.behavior
+        self._behavior = deliverable(plan)
         wheels = len(self._axes)
         self._shape = (count, plan.n, wheels)
         self.torque_B = np.zeros((count, plan.n, 3))
@@ -129,7 +174,7 @@ class TorqueLevel(ControlLevel):
         return (self.torque_B,)
 
     def behavior(self, e: int) -> Behavior:
-        """See `ControlLevel`: the scenario's own."""
+        """See `ControlLevel`: the scenario's own, see `deliverable`."""
         return self._behavior
 
     def controller(self, e: int, law: Controller) -> Controller:
@@ -152,7 +197,7 @@ class PointingLevel(ControlLevel):
     """Points of the target for the spacecraft that observe; who observes is the scenario's behaviour's choice."""
 
     def __init__(self, plan: Plan, count: int, tracer: RayTracer) -> None:
-        self._region, self._tracer, self._inner, self._n = plan.region, tracer, plan.behavior, plan.n
+        self._region, self._tracer, self._inner, self._n = plan.region, tracer, deliverable(plan), plan.n
         self.action_space = _unit_box(2 * plan.n)
         self._middle = self._points(np.zeros(2 * plan.n))
         self._points_A = np.tile(self._middle, (count, 1, 1))

@@ -7,18 +7,18 @@ spacecraft looks at what the policy says; outside it talks to Earth, which hears
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from swarm_mj.typing import Array, Array32, Ints
+from swarm_mj.typing import Array, Array32
 
 from .policy import geometry_of, greedy_actions
 from .swarm_observe import SwarmObserveEnv
 from .task import Task
 
-Action = Ints
+Action = NDArray[Any]
 Policy = Callable[[Task, Array32], Action]
 
 #: How long the sweep stays on a patch [s]: on `eros-observe` 30 s sees more than 60 s.

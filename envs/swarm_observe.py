@@ -56,6 +56,10 @@ spacecraft 1..n (itself: hold); K+n+1: Earth; K+n+2: hold the direction of +z in
     anew by the wheels that work, with the least sum of squares; three healthy wheels get what the action says. Wheels at their
     top speed get no more.
 
+    At the levels `torque` and `pointing` the scenario's behaviour decides who talks to whom. With directed crosslinks
+    (`link.crosslink.antenna: hemispherical`) a relay hears only those on one side of it; there who is to talk to another
+    spacecraft talks to Earth itself, one after another, so that at every level what was seen can be delivered.
+
     K is the number of patches (16): a square grid on the target's pyramid, row by row from its south-west corner, west to east.
 
     ## Observation space
@@ -195,7 +199,9 @@ that know no truncation; the observation holds the time left |
 
     v0: first version. In 0.2 of the package the flights are the same; `imaging` is 0 while a fault has the camera off,
     and a step at the level `torque` is one control period unless asked otherwise; `readings` became
-    `observation_layout`, `setting` became `task`, and `flybys` became `batch`. Crosslinks are omnidirectional by default.
+    `observation_layout`, `setting` became `task`, and `flybys` became `batch`. Crosslinks are omnidirectional by default, so
+    that at `torque` and `pointing` the scripted relay hears everybody; with directed ones there is no relay at these two levels
+    any more, since it heard two of five. The level `role` is as before.
     """
 
     metadata: dict[str, Any] = {"render_modes": ["human", "rgb_array"], "render_fps": 10}
