@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from gymnasium.vector import AutoresetMode
@@ -11,11 +11,28 @@ from scipy.stats import t as student
 
 from swarm_mj.typing import Array, Array32, Ints
 
+from .task import Task
 from .vector import SwarmObserveVectorEnv
 
 #: From observations, shape (E, F), to actions, shape (E, n).
 VectorPolicy = Callable[[Array32], Ints]
 Progress = Callable[[int], None]
+
+
+class Acts(Protocol):
+    """A policy with everything it needs."""
+
+    @property
+    def act(self) -> VectorPolicy:
+        """From observations to actions."""
+
+
+class Trained(Protocol):
+    """A policy that was trained for one task and must be fitted to another, such as `ArrayPolicy`."""
+
+    def for_task(self, task: Task) -> Acts:
+        """The policy as it flies there, or an error that names why it cannot."""
+
 
 #: Flights at once.
 WIDTH = 25
@@ -50,24 +67,28 @@ def interval(values: Array) -> Interval:
 
 
 def fly_seeds(
-    policy: VectorPolicy, seeds: Sequence[int], progress: Progress | None = None, **arguments: Any
+    policy: VectorPolicy | Trained, seeds: Sequence[int], progress: Progress | None = None, **arguments: Any
 ) -> Returns:
     """One episode for each seed, each bit for bit that of a single environment after `reset(seed=...)`.
 
     Args:
-        policy: From observations to actions.
+        policy: From observations to actions; or a trained one, which is fitted to the environment's patches and camera.
         seeds: Of the episodes.
         progress: Called with the number of episodes flown.
         arguments: Those of `SwarmObserveVectorEnv`.
+
+    Raises:
+        ScenarioError: The trained policy cannot fly there; the message names what differs.
     """
     parts: list[Returns] = []
     width = min(WIDTH, len(seeds))
     env = SwarmObserveVectorEnv(width, autoreset_mode=AutoresetMode.NEXT_STEP, **arguments)
     try:
+        act = policy if callable(policy) else policy.for_task(env.batch.task).act
         for start in range(0, len(seeds), width):
             some = [int(seed) for seed in seeds[start : start + width]]
             # The last group may be short: what fills it up is not counted.
-            flown = _fly(env, policy, some + [0] * (width - len(some)))
+            flown = _fly(env, act, some + [0] * (width - len(some)))
             parts.append(Returns(*(values[: len(some)] for values in flown)))
             if progress is not None:
                 progress(start + len(some))

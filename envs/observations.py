@@ -33,6 +33,8 @@ PER_SPACECRAFT = (
     ("stored", 1, 10.0, False),
     ("role", len(TargetKind), 1.0, False),
 )
+#: Raise when what stands where, or its scale, changes: files of policies carry it.
+LAYOUT = 1
 #: Body rates are divided by this [rad/s].
 RATE_SCALE = 0.1
 

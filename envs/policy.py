@@ -29,11 +29,14 @@ from swarm_mj.io.atomic import atomic_file
 from swarm_mj.io.records import Record, reading, record_from
 from swarm_mj.typing import Array, Ints
 
-from .observations import COLUMNS, FEATURES
+from .observations import COLUMNS, FEATURES, LAYOUT
+from .provenance import Provenance, check_provenance, given_arguments, provenance_of
 from .task import Task
 
 Arrays = dict[str, NDArray[Any]]
 
+#: The environment that such policies are trained for.
+ENVIRONMENT = "SwarmObserve-v0"
 #: Raise when features or network change, so that an old file is refused instead of flown wrongly.
 FORMAT = 1
 #: Features of a spacecraft by itself and of a spacecraft with a patch; `PatchGeometry.features` says which.
@@ -71,8 +74,8 @@ class PolicyFormat(Record):
     format: int
 
 
-class PolicyAbout(PolicyFormat):
-    """What a policy's file says of it, see `describe`; training adds to it."""
+class PolicyAbout(PolicyFormat, Provenance):
+    """What a policy's file says of it, see `describe` and `provenance`; training adds to it."""
 
     scenario: str
     control: str
@@ -264,7 +267,10 @@ class ArrayPolicy:
         return np.concatenate([pointed, hidden @ w["W4"].T + w["b4"]], axis=2)
 
     def act(self, observation: NDArray[np.floating]) -> Ints:
-        """The actions of E observations, shape (E, n), or of one, shape (n,)."""
+        """The actions of E observations, shape (E, n), or of one, shape (n,).
+
+        They are taken for observations of the patches in `geometry`: fly `for_task(task).act`, as `fly_seeds` does.
+        """
         given = np.atleast_2d(observation)
         # Flight by flight: products of matrices round differently with their number.
         chosen = np.concatenate([self.logits(self.geometry.features(row[None])).argmax(axis=2) for row in given])
@@ -290,6 +296,7 @@ class ArrayPolicy:
         Raises:
             ScenarioError: The message names what differs.
         """
+        check_provenance(self.about, ENVIRONMENT, LAYOUT)
         found = describe(task)
         del found["scenario"]
         for name, value in found.items():
@@ -316,6 +323,11 @@ def describe(task: Task) -> dict[str, Any]:
         # The size of an observation, under the name that it has in the files of format 1.
         "readings": task.observation_layout.space.shape[0],
     }
+
+
+def provenance(task: Task) -> dict[str, Any]:
+    """What a file should tell of a policy trained for a task."""
+    return provenance_of(ENVIRONMENT, LAYOUT, given_arguments(task.config))
 
 
 def save_policy(file: str | Path, policy: ArrayPolicy) -> None:

@@ -32,7 +32,9 @@ from .actions import RoleLevel
 from .arguments import checked_step
 from .baselines import POLICIES
 from .episode_state import EpisodeState
-from .policy import ArrayPolicy, load_policy
+from .observations import LAYOUT
+from .policy import ENVIRONMENT, ArrayPolicy, load_policy
+from .provenance import check_provenance
 from .radio import transmit
 from .task import Task, make_task
 
@@ -139,10 +141,11 @@ class TrainedPolicy:
         """Refuse a scenario with another number of spacecraft than trained for, or whose times do not fit the policy's step.
 
         Raises:
-            ScenarioError: So it is, or the file cannot be read.
+            ScenarioError: So it is, the file cannot be read, or it is of another environment or layout of observations.
             MissionError: The times do not fit.
         """
         about = self._policy().about
+        check_provenance(about, ENVIRONMENT, LAYOUT)
         trained = about.get("spacecraft")
         if trained != self.n_observers + self.dedicated_communications:
             message = (

@@ -17,7 +17,7 @@ from torch import Tensor, nn
 from swarm_mj.typing import Array, Array32
 
 from .observations import COLUMNS, FEATURES
-from .policy import OWN, PER_PATCH, ArrayPolicy, PatchGeometry, describe, geometry_of
+from .policy import OWN, PER_PATCH, ArrayPolicy, PatchGeometry, describe, geometry_of, provenance
 from .sb3 import SwarmObserveVecEnv
 
 
@@ -149,4 +149,5 @@ def to_array_policy(
     policy: SwarmActorCritic, venv: SwarmObserveVecEnv, geometry: PatchGeometry, **about: Any
 ) -> ArrayPolicy:
     """The policy as arrays, with what it was trained on."""
-    return ArrayPolicy(policy.arrays(), geometry, describe(venv.vector.batch.task) | about)
+    task = venv.vector.batch.task
+    return ArrayPolicy(policy.arrays(), geometry, describe(task) | provenance(task) | about)

@@ -120,7 +120,7 @@ class Training:
         best = load_policy(self.options.out / "policy.npz")
         policies = {"untrained": self.untrained, "trained": best}
         totals = {
-            name: fly_seeds(policy.act, COMPARISON, scenario=self.options.scenario).total
+            name: fly_seeds(policy, COMPARISON, scenario=self.options.scenario).total
             for name, policy in policies.items()
         }
         lines = []
@@ -270,7 +270,7 @@ class TrainingCallback(BaseCallback):
         """Fly the validation seeds with the likeliest actions; the best policy so far is written."""
         steps, venv = self.model.num_timesteps, self._features.venv
         policy = to_array_policy(self.model.policy, venv, self._features.geometry, steps=steps)
-        flown = fly_seeds(policy.act, VALIDATION, scenario=venv.vector.batch.task.plan.scenario)
+        flown = fly_seeds(policy, VALIDATION, scenario=venv.vector.batch.task.plan.scenario)
         mean, coverage = float(flown.total.mean()), float(flown.coverage_percent.mean())
         self._write_curve(mean, coverage)
         # Not by `record`, which would write it with the numbers of the next rollout.

@@ -65,7 +65,7 @@ def fly_all(**arguments: Any) -> dict[str, Returns]:
             return np.array([policy(task, row) for row in rows])
 
         policies[name] = act
-    policies[TRAINED] = load_policy(asset_path(PACKAGED)).act
+    policies[TRAINED] = load_policy(asset_path(PACKAGED)).for_task(task).act
     policies[REPLAYED] = replay(policies[TRAINED], task, **arguments)
     flown = {}
     with progress_bars(Console()) as bars:

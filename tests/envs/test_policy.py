@@ -7,17 +7,20 @@ import pytest
 import swarm_mj.envs  # noqa: F401
 from swarm_mj.envs.baselines import POLICIES, fly
 from swarm_mj.envs.evaluation import fly_seeds
+from swarm_mj.envs.observations import LAYOUT
 from swarm_mj.envs.policy import (
     OWN,
     PER_PATCH,
     assign,
     geometry_of,
     load_policy,
+    provenance,
     save_policy,
 )
-from swarm_mj.envs.policy_behavior import PACKAGED
+from swarm_mj.envs.policy_behavior import PACKAGED, TrainedPolicy
 from swarm_mj.envs.task import make_task
 
+from swarm_mj import __version__
 from swarm_mj.errors import ScenarioError
 from swarm_mj.io.resources import asset_path
 from swarm_mj.scenarios.loading import load_scenario
@@ -101,6 +104,72 @@ def test_a_policy_for_another_swarm_is_refused(roles, random_policy):
     other = replace(random_policy, about={**random_policy.about, "spacecraft": 4})
     with pytest.raises(ScenarioError, match="spacecraft = 4, but it is 5 here"):
         other.check(roles.task)
+
+
+def told(policy, tmp_path, **about):
+    """The policy as its file gives it back, with something else told of it."""
+    file = tmp_path / "told.npz"
+    save_policy(file, replace(policy, about={**policy.about, **about}))
+    return load_policy(file)
+
+
+def test_a_file_tells_what_its_policy_was_trained_for(tmp_path, random_policy):
+    task = make_task(scenario=load_scenario("eros-observe"), overrides=["camera.half_angle_deg=3.5"], complete=90.0)
+    about = told(random_policy, tmp_path, **provenance(task)).about
+    task.close()
+    assert about["environment"] == "SwarmObserve-v0"
+    assert about["arguments"] == {
+        "scenario": "eros-observe",
+        "overrides": ["camera.half_angle_deg=3.5"],
+        "complete": 90.0,
+    }
+    assert (about["layout"], about["package"]) == (LAYOUT, __version__)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "words"),
+    [
+        (
+            "environment",
+            "SwarmObserve-v9",
+            "trained for environment = 'SwarmObserve-v9', but it is 'SwarmObserve-v0' here",
+        ),
+        (
+            "layout",
+            LAYOUT + 1,
+            f"trained for layout = {LAYOUT + 1} of the observation .swarm_mj 9.9., but it is {LAYOUT} here",
+        ),
+    ],
+)
+def test_a_policy_of_another_environment_or_layout_is_refused_wherever_it_is_flown(
+    name, value, words, tmp_path, roles, random_policy
+):
+    policy = told(random_policy, tmp_path, package="9.9", **{name: value})
+    with pytest.raises(ScenarioError, match=words):
+        fly_seeds(policy, [1])
+    with pytest.raises(ScenarioError, match=words):
+        TrainedPolicy(5, 35_000.0, file=str(tmp_path / "told.npz")).check_scenario(load_scenario("eros-observe"))
+    # Files of before did not tell.
+    about = {key: value for key, value in random_policy.about.items() if key not in ("environment", "layout")}
+    replace(random_policy, about=about).check(roles.task)
+
+
+def test_many_flights_fit_a_policy_to_the_camera_and_the_patches_that_are_there(random_policy):
+    """Features of the old camera would have the picture's worth and the angles wrong."""
+    seen = []
+
+    class Watched:
+        def for_task(self, task):
+            seen.append((task, random_policy.for_task(task)))
+            return seen[-1][1]
+
+    changes = ["camera.half_angle_deg=3.5"]
+    flown = fly_seeds(Watched(), [3], overrides=changes)
+    task, fitted = seen[0]
+    assert fitted.geometry.half_angle == pytest.approx(np.radians(3.5))
+    # In the middle of the picture a pixel is as wide as the picture's tangents say.
+    assert fitted.geometry.pixel_angle == pytest.approx(2.0 * np.tan(np.radians(3.5)) / 512.0, rel=1e-3)
+    assert fly_seeds(fitted.act, [3], overrides=changes).total == flown.total
 
 
 def test_a_policy_flown_on_another_target_sees_the_patches_that_are_there(roles, random_policy):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from swarm_mj.envs.baselines import POLICIES
 from swarm_mj.envs.policy import ArrayPolicy, load_policy, save_policy
-from swarm_mj.envs.policy_behavior import ScriptedPolicy, TrainedPolicy, policy_overrides
+from swarm_mj.envs.policy_behavior import PACKAGED, ScriptedPolicy, TrainedPolicy, policy_overrides
 
 from swarm_mj.cli.main import main
 from swarm_mj.errors import MissionError, ScenarioError
@@ -16,6 +16,7 @@ from swarm_mj.flight import plan as planning
 from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.observe import observe_flight
 from swarm_mj.flight.plan import make_plan
+from swarm_mj.io.resources import asset_path
 from swarm_mj.scenarios.loading import load_scenario
 
 from .flights import ID, random_network
@@ -90,8 +91,8 @@ def fly_in_environment(env, act):
     return info
 
 
-def fly_as_behavior(behavior):
-    plan = make_plan(load_scenario("eros-observe", ["observation.observer=horizon", f"seed={SEED}"]))
+def fly_as_behavior(behavior, *changes):
+    plan = make_plan(load_scenario("eros-observe", ["observation.observer=horizon", f"seed={SEED}", *changes]))
     plan = replace(plan, behavior=behavior)
     telemetry = simulate(plan)
     return telemetry, observe_flight(plan, telemetry)
@@ -114,6 +115,18 @@ def test_a_trained_policy_flies_the_same_as_behaviour_and_in_the_environment(rol
     save_policy(file, random_policy)
     fly_in_environment(roles, load_policy(file).act)
     check_alike(roles, *fly_as_behavior(TrainedPolicy(5, 35_000.0, file=str(file))))
+
+
+def test_run_works_out_a_policys_features_with_the_camera_that_flies():
+    """The environment with that camera decides alike; with features of the camera of training it would decide otherwise."""
+    narrow, rows = "camera.half_angle_deg=1.5", []
+    env = gymnasium.make(ID, overrides=[narrow]).unwrapped
+    stale = load_policy(asset_path(PACKAGED))
+    fitted = stale.for_task(env.task)
+    fly_in_environment(env, lambda row: rows.append(row) or fitted.act(row))
+    assert any(not np.array_equal(stale.act(row), fitted.act(row)) for row in rows)
+    check_alike(env, *fly_as_behavior(TrainedPolicy(5, 35_000.0), narrow))
+    env.close()
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,71 @@
+"""What a policy was trained for, as its file tells it: environment, arguments, layout of the observation, package.
+
+The patches and the camera that its features were worked out with stand in the file as arrays, see `policy.PatchGeometry`.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import fields
+from typing import Any
+
+from pydantic import PositiveInt
+
+from swarm_mj import __version__
+from swarm_mj.errors import ScenarioError
+from swarm_mj.io.records import Record
+from swarm_mj.scenarios.schema import Scenario
+
+from .config import EnvConfig
+
+
+class Provenance(Record):
+    """What files written since 0.2 tell; empty in older ones.
+
+    Attributes:
+        environment: Its id.
+        arguments: Those of the environment that are not the defaults, the scenario by its name.
+        layout: Version of the observation's layout.
+        package: Version of swarm_mj.
+    """
+
+    environment: str = ""
+    arguments: dict[str, Any] = {}
+    layout: PositiveInt = 1
+    package: str = ""
+
+
+def provenance_of(environment: str, layout: int, arguments: Mapping[str, Any]) -> dict[str, Any]:
+    """What a file should tell of a policy trained now; arguments in values that JSON has."""
+    plain = json.loads(json.dumps(dict(arguments), default=_plain))
+    return {"environment": environment, "arguments": plain, "layout": layout, "package": __version__}
+
+
+def given_arguments(config: EnvConfig) -> dict[str, Any]:
+    """The arguments that are not the defaults."""
+    values = {item.name: (getattr(config, item.name), item.default) for item in fields(config)}
+    return {name: value for name, (value, usual) in values.items() if value != usual}
+
+
+def check_provenance(about: Mapping[str, Any], environment: str, layout: int) -> None:
+    """Refuse a policy of another environment or of another layout; an older file, which does not tell, passes.
+
+    Raises:
+        ScenarioError: The message names what differs.
+    """
+    told, written = about.get("environment", ""), about.get("package") or "an older version"
+    if told and told != environment:
+        raise ScenarioError(
+            f"policy: trained for environment = {told!r}, but it is {environment!r} here; fly it in {told} or train one for "
+            f"{environment}"
+        )
+    if about.get("layout", layout) != layout:
+        raise ScenarioError(
+            f"policy: trained for layout = {about['layout']} of the observation (swarm_mj {written}), but it is {layout} here "
+            f"(swarm_mj {__version__}); train it anew"
+        )
+
+
+def _plain(value: Any) -> Any:
+    return value.name if isinstance(value, Scenario) else str(value)
