@@ -7,7 +7,7 @@ present step, which is the one thing that these plug-ins remember by themselves.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from gymnasium import error, spaces
@@ -223,29 +223,48 @@ class PointingLevel(ControlLevel):
         return surface_points(self._region, self._tracer, np.asarray(actions, np.float64).reshape(-1, 2))
 
 
+class Choices(NamedTuple):
+    """What a spacecraft may be told to look at.
+
+    Attributes:
+        kinds: `TargetKind` values, of which the last is to hold the attitude, shape (c,).
+        spacecraft: Whom, from 0, where that is a spacecraft, shape (c,).
+        vectors: Points in A where that is one of the target, shape (c, 3) [m].
+        itself: Each spacecraft's own place among them, shape (n,).
+    """
+
+    kinds: Ints
+    spacecraft: Ints
+    vectors: Array
+    itself: Ints
+
+
 class RoleLevel(ControlLevel):
     """One of a list of things to look at; the agent decides everything.
 
     The choices, in this order: the patches of the target, the asteroid's centre, every spacecraft, Earth, hold.
+
+    Attributes:
+        choices: For compiled code.
     """
 
     held: Targets
 
     def __init__(self, plan: Plan, count: int, patches: Patches) -> None:
         n, parts = plan.n, patches.count
-        self._kinds = np.array(
+        kinds = np.array(
             [TargetKind.SURFACE] * parts
             + [TargetKind.ASTEROID]
             + [TargetKind.SPACECRAFT] * n
             + [TargetKind.EARTH, TargetKind.DIRECTION],
             np.int64,
         )
-        self._spacecraft = np.concatenate([np.zeros(parts + 1), np.arange(n), [0, 0]]).astype(np.int64)
-        self._vectors = np.vstack([patches.centre_A, np.zeros((n + 3, 3))])
-        self._self = parts + 1 + np.arange(n)
+        spacecraft = np.concatenate([np.zeros(parts + 1), np.arange(n), [0, 0]]).astype(np.int64)
+        vectors = np.vstack([patches.centre_A, np.zeros((n + 3, 3))])
+        self.choices = Choices(kinds, spacecraft, vectors, parts + 1 + np.arange(n))
         self._centre = parts
         self.held = Targets(np.zeros((count, n), np.int64), np.zeros((count, n), np.int64), np.zeros((count, n, 3)))
-        self.action_space = spaces.MultiDiscrete(np.full(n, len(self._kinds)))
+        self.action_space = spaces.MultiDiscrete(np.full(n, len(kinds)))
 
     @property
     def remembered(self) -> tuple[NDArray[Any], ...]:
@@ -259,30 +278,36 @@ class RoleLevel(ControlLevel):
     def reset(self, e: int) -> None:
         """See `ControlLevel`: the asteroid's centre."""
         kind, spacecraft, vector = self.held
-        kind[e], spacecraft[e], vector[e] = self._kinds[self._centre], self._spacecraft[self._centre], 0.0
+        kinds, whom = self.choices.kinds, self.choices.spacecraft
+        kind[e], spacecraft[e], vector[e] = kinds[self._centre], whom[self._centre], 0.0
 
     def apply(self, actions: NDArray[Any], boresight_N: Array, live: Mask) -> None:
         """See `ControlLevel`; a spacecraft told to look at itself holds its attitude."""
         choice = np.array(actions, np.int64).reshape(self.held.kind.shape)
-        if not _choose(choice, self._self, self._kinds, self._spacecraft, self._vectors, boresight_N, live, self.held):
-            raise error.InvalidAction(f"choices {choice.tolist()}: must be 0 to {len(self._kinds) - 1}")
+        if not choose_targets(self.choices, choice, boresight_N, live, self.held):
+            raise error.InvalidAction(f"choices {choice.tolist()}: must be 0 to {len(self.choices.kinds) - 1}")
 
 
 @kernel
-def _choose(
-    choice: Ints,
-    itself: Ints,
-    kinds: Ints,
-    spacecraft: Ints,
-    vectors: Array,
-    boresight_N: Array,
-    live: Mask,
-    held: Targets,
-) -> bool:
+def choose_targets(choices: Choices, choice: Ints, boresight_N: Array, live: Mask, held: Targets) -> bool:
+    """Let targets be what was chosen.
+
+    Args:
+        choices: What there is to choose from.
+        choice: Their numbers, shape (E, n).
+        boresight_N: Where +z looks in N, shape (E, n, 3).
+        live: Flights to do so, shape (E,).
+        held: Receives the targets, shape (E, n, ...).
+
+    Returns:
+        Whether there are such choices; nothing is written if not.
+    """
+    kinds, spacecraft, vectors, itself = choices
     last = kinds.shape[0] - 1  # to hold the attitude
-    for c in choice.flat:
-        if c < 0 or c > last:
-            return False
+    for e in range(choice.shape[0]):
+        for j in range(choice.shape[1]):
+            if choice[e, j] < 0 or choice[e, j] > last:
+                return False
     for e in range(choice.shape[0]):
         if not live[e]:
             continue

@@ -18,7 +18,7 @@ from swarm_mj.typing import Array, Mask
 
 from .actions import ControlLevel, make_level
 from .episode_state import EpisodeState
-from .rewards import ENDS, Flown, StepResult, horizon_ended
+from .rewards import ENDS, Flown, StepResult, horizon_ended, no_outcome
 from .step import finish_step
 from .task import Task
 from .totals import reset_totals
@@ -93,10 +93,9 @@ class EpisodeBatch(EpisodeState):
         new_area = np.zeros(self.count)
         flown = self._flown(live, self._fly(live, new_area), new_area)
         self._update_estimate(flown.finite)
-        tracking, constants = self._tracking(), self._constants
-        result: StepResult = finish_step(
-            constants, self.before, self.now, self.estimate, tracking, self.totals, flown, self.observation
-        )
+        tracking, outcome = self._tracking(), no_outcome(self.observation, flown.failed.shape[1])
+        finish_step(self._constants, self.before, self.now, self.estimate, tracking, self.totals, flown, outcome)
+        result = outcome.result
         if self._continues and result.hit.any():
             for e, j in zip(*np.nonzero(result.hit), strict=True):
                 self.flights.park(int(e), int(j))

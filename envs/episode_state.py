@@ -20,7 +20,7 @@ from .kinematics import (
     update_rotations,
 )
 from .observations import write_observations
-from .pictures import take_pictures
+from .pictures import nothing_gained, take_pictures
 from .state import SwarmState
 from .task import Task
 from .totals import no_totals, record_cells
@@ -135,7 +135,9 @@ class EpisodeState:
         if task.scene is None or task.criterion.needs_sun:
             singly = due[:, None] & watching(task.plan.n_observers, kind, ~(totals.lost | blind))
         else:
-            singly = take_pictures(task.scene, self._pictures, now, totals, kind, blind, due, area)
+            gained = nothing_gained(task.scene, area, task.plan.n)
+            take_pictures(task.scene, self._pictures, now, totals, kind, blind, due, gained)
+            singly = gained.doubt
             if not singly.any():
                 return
         sun = task.plan.environment.sun

@@ -112,7 +112,8 @@ class ObservationConstants(NamedTuple):
         duration_s: Of the flight [s].
         nominal_bit: Data are divided by this [bit].
         target_area_m2: Of the target [m^2].
-        patch: Patch of each cell, shape (C,).
+        cells: The cells patch by patch, shape (C,).
+        first_cell: Where a patch begins there, and the last one ends, shape (K + 1,).
         cell_area: Shape (C,) [m^2].
         patch_area: Shape (K,) [m^2].
         low: Bounds of an observation, shape (F,).
@@ -127,7 +128,8 @@ class ObservationConstants(NamedTuple):
     duration_s: float
     nominal_bit: float
     target_area_m2: float
-    patch: Ints
+    cells: Ints
+    first_cell: Ints
     cell_area: Array
     patch_area: Array
     low: Array32
@@ -209,12 +211,13 @@ def _write_activity(
 @kernel
 def _write_coverage(constants: ObservationConstants, t: float, totals: EpisodeTotals, e: int, out: Array32) -> None:
     patches = constants.patch_area.shape[0]
-    seen_m2 = np.zeros(patches)
-    for i in range(constants.patch.shape[0]):
-        if totals.seen[e, i]:
-            seen_m2[constants.patch[i]] += constants.cell_area[i]
     for k in range(patches):
-        out[k] = seen_m2[k] / constants.patch_area[k]
+        seen_m2 = 0.0
+        for place in range(constants.first_cell[k], constants.first_cell[k + 1]):
+            i = constants.cells[place]
+            if totals.seen[e, i]:
+                seen_m2 += constants.cell_area[i]
+        out[k] = seen_m2 / constants.patch_area[k]
     out[patches] = 1.0 - t / constants.duration_s
     out[patches + 1] = totals.area[e] / constants.target_area_m2
     out[patches + 2] = totals.delivered[e] / constants.nominal_bit

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from swarm_mj.observation.capture import takes_picture
 from swarm_mj.observation.horizon import sight_of
@@ -30,6 +31,31 @@ class PictureConstants(NamedTuple):
     storage_bit: float
 
 
+class Gained(NamedTuple):
+    """What pictures of E flights bring, and room for how they are judged.
+
+    Attributes:
+        area: Grows by the newly seen area of each flight, shape (E,) [m^2].
+        doubt: Receives which pictures may show more than the maps could tell, shape (E, n).
+        new: Scratch, shape (C,).
+        answer: Scratch, shape (samples,).
+        C_CA: Scratch, shape (3, 3).
+    """
+
+    area: Array
+    doubt: Mask
+    new: Mask
+    answer: NDArray[np.int8]
+    C_CA: Array
+
+
+def nothing_gained(scene: Scene, area: Array, n: int) -> Gained:
+    """Before pictures of n spacecraft, with the areas so far, shape (E,) [m^2], which will grow."""
+    cells, samples = scene.horizon.points.shape[:2]
+    doubt, new = np.zeros((len(area), n), np.bool_), np.empty(cells, np.bool_)
+    return Gained(area, doubt, new, np.empty(samples, np.int8), np.empty((3, 3)))
+
+
 @kernel
 def take_pictures(
     scene: Scene,
@@ -39,8 +65,8 @@ def take_pictures(
     kind: Ints,
     blind: Mask,
     due: Mask,
-    area: Array,
-) -> Mask:
+    gained: Gained,
+) -> None:
     """Let every observer that looks at the body take its picture, one after another, and record the cells that are new.
 
     Args:
@@ -51,13 +77,9 @@ def take_pictures(
         kind: What each spacecraft tracks, shape (E, n).
         blind: Whose camera is off, shape (E, n).
         due: Flights in which pictures are due, shape (E,).
-        area: Receives in addition the newly seen area of each flight, shape (E,) [m^2].
-
-    Returns:
-        Which pictures may show more than the maps could tell, shape (E, n).
+        gained: Written to.
     """
-    doubt, observers = np.zeros(kind.shape, np.bool_), constants.n_observers
-    new, C_CA = np.empty(totals.seen.shape[1], np.bool_), np.empty((3, 3))
+    observers, new, C_CA = constants.n_observers, gained.new, gained.C_CA
     for e in range(due.shape[0]):
         if not due[e]:
             continue
@@ -66,9 +88,9 @@ def take_pictures(
                 continue
             relative_dcm(now.C_BN[e, j], now.C_AN[e], C_CA)
             camera = sight_of(now.r_A[e, j], C_CA, scene.optics, scene.radius)
-            gained, pixels, doubt[e, j] = new_cells(scene, camera, totals.seen[e], new)
-            if gained > 0.0:
+            area, pixels, doubt = new_cells(scene, camera, totals.seen[e], new, gained.answer)
+            gained.doubt[e, j] = doubt
+            if area > 0.0:
                 bits = pixels * constants.bits_per_pixel
-                record_cells(totals, e, j, new, now.t[e], gained, bits, constants.storage_bit)
-                area[e] += gained
-    return doubt
+                record_cells(totals, e, j, new, now.t[e], area, bits, constants.storage_bit)
+                gained.area[e] += area

@@ -235,7 +235,7 @@ class FollowedEpisode(EpisodeState):
             self.before, self.now = self.now, self.before
             self._update_kinematics(self.now, everyone)
             if not begins:
-                transmit(*self._radio, self.now, self._tracking(), self.totals, everyone)
+                transmit(*self._radio, self.now, self._tracking(), self.totals, everyone, np.zeros(1))
             self._observe(everyone)
             self._level.apply(act(self.observation[0])[None], self.now.C_BN[:, :, 2], everyone)
         if task.is_due[tick]:

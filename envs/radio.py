@@ -12,7 +12,7 @@ from swarm_mj.dataflow.link_budget import RateTable, rate_at
 from swarm_mj.errors import ScenarioError
 from swarm_mj.flight.plan import Plan, antennas_from
 from swarm_mj.mission.behaviors import TargetKind
-from swarm_mj.mission.links import Beams, closed_links
+from swarm_mj.mission.links import Beams, Bearing, link_closed
 from swarm_mj.scenarios.constants import DAY, SPEED_OF_LIGHT
 from swarm_mj.smallbody.ephemeris import julian_date
 from swarm_mj.smallbody.occultation import Occluder
@@ -94,7 +94,8 @@ def transmit(
     tracking: Tracking,
     totals: EpisodeTotals,
     live: Mask,
-) -> Array:
+    received: Array,
+) -> None:
     """Send data to whom the spacecraft track, and to Earth.
 
     Args:
@@ -104,28 +105,20 @@ def transmit(
         tracking: Who tracks whom.
         totals: Data aboard and delivered, and closed links, are written to.
         live: Which flights, shape (E,).
-
-    Returns:
-        What Earth received in the step, shape (E,) [bit].
+        received: Receives what Earth received in the step, shape (E,) [bit].
     """
-    received = np.zeros(live.shape[0])
     for e in range(live.shape[0]):
+        received[e] = 0.0
         if live[e]:
-            earth_N = constants.earth_r_N + now.t[e] * constants.earth_v_N
-            totals.closed[e] = closed_links(
-                constants.beams,
-                body,
-                tracking.kind[e],
-                tracking.spacecraft[e],
-                now.r[e],
-                now.C_BN[e],
-                now.C_AN[e],
-                earth_N,
-            )
+            r, v, t = constants.earth_r_N, constants.earth_v_N, now.t[e]
+            earth_N = (r[0] + t * v[0], r[1] + t * v[1], r[2] + t * v[2])
+            place = Bearing(now.r[e], now.C_BN[e], now.C_AN[e], earth_N)
+            for j in range(totals.closed.shape[1]):
+                kind, whom = tracking.kind[e, j], tracking.spacecraft[e, j]
+                totals.closed[e, j] = link_closed(constants.beams, body, place, kind, whom, j)
             _send_to_spacecraft(constants, now, tracking, totals, e)
             received[e] = _send_to_earth(constants, now, tracking, totals, e)
             totals.delivered[e] += received[e]
-    return received
 
 
 @kernel

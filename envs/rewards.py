@@ -13,7 +13,7 @@ import numpy as np
 
 from swarm_mj.errors import ScenarioError
 from swarm_mj.smallbody.occultation import Occluder, way_blocked
-from swarm_mj.typing import Array, Ints, Mask, kernel
+from swarm_mj.typing import Array, Array32, Ints, Mask, kernel
 
 from .arguments import is_number
 from .kinematics import Kinematics
@@ -130,8 +130,14 @@ class HazardLimits(NamedTuple):
 
 @kernel
 def measure_hazards(
-    limits: HazardLimits, body: Occluder, before: Kinematics, now: Kinematics, lost: Mask, live: Mask
-) -> Hazards:
+    limits: HazardLimits,
+    body: Occluder,
+    before: Kinematics,
+    now: Kinematics,
+    lost: Mask,
+    live: Mask,
+    hazards: Hazards,
+) -> None:
     """How near the wheels are to saturation, the spacecraft to each other, and which hit the body.
 
     Args:
@@ -141,10 +147,12 @@ def measure_hazards(
         now: At its end.
         lost: Spacecraft that are no more, shape (E, n).
         live: Which flights, shape (E,); the others are in no danger.
+        hazards: Receives the answer.
     """
-    count = lost.shape[0]
-    hazards = Hazards(np.zeros(count), np.zeros(count), np.zeros(lost.shape, np.bool_))
-    for e in range(count):
+    for e in range(lost.shape[0]):
+        hazards.saturation[e] = hazards.close_pairs[e] = 0.0
+        for j in range(lost.shape[1]):
+            hazards.hit[e, j] = False
         if live[e]:
             hazards.saturation[e] = _saturation(now.wheel[e], limits.max_wheel_speed)
             if before.t[e] >= limits.separation_grace_s:
@@ -152,7 +160,6 @@ def measure_hazards(
             for j in range(lost.shape[1]):
                 flies = not lost[e, j]
                 hazards.hit[e, j] = flies and way_blocked(before.r_A[e, j], now.r_A[e, j], body)
-    return hazards
 
 
 @kernel
@@ -247,10 +254,40 @@ def joined(results: Sequence[StepResult]) -> StepResult:
     return StepResult(terms, *rest)
 
 
+class Outcome(NamedTuple):
+    """What the end of a step writes.
+
+    Attributes:
+        observation: Of every flight, shape (E, F).
+        received: By Earth in the step, shape (E,) [bit].
+        hazards: How dangerous it was.
+        result: Rewards and ends.
+    """
+
+    observation: Array32
+    received: Array
+    hazards: Hazards
+    result: StepResult
+
+
+def no_outcome(observation: Array32, n: int) -> Outcome:
+    """Of flights of n spacecraft, before anything has happened; their observations go into an array of the caller."""
+    count = len(observation)
+    zero, hit = np.zeros((10, count)), np.zeros((count, n), np.bool_)
+    terms = RewardTerms(*zero[:6])
+    result = StepResult(terms, zero[6], np.zeros(count, np.int64), np.zeros(count, np.bool_), hit)
+    return Outcome(observation, zero[7], Hazards(zero[8], zero[9], hit), result)
+
+
 @kernel
 def compute_rewards(
-    constants: RewardConstants, flown: Flown, delivered: Array, hazards: Hazards, totals: EpisodeTotals
-) -> StepResult:
+    constants: RewardConstants,
+    flown: Flown,
+    delivered: Array,
+    hazards: Hazards,
+    totals: EpisodeTotals,
+    result: StepResult,
+) -> None:
     """Rewards and ends of a step, flight by flight; zero of the flights that did not begin it.
 
     Args:
@@ -259,9 +296,12 @@ def compute_rewards(
         delivered: Received by Earth in the step, shape (E,) [bit].
         hazards: How dangerous it was.
         totals: What the flights have come to; spacecraft that hit the body become lost where flights go on.
+        result: Receives them.
     """
-    result = _no_result(flown.live.shape[0], hazards.hit)
     for e in range(flown.live.shape[0]):
+        result.reward[e], result.end[e], result.truncated[e] = 0.0, _GOES_ON, False
+        for term in result.terms:
+            term[e] = 0.0
         if not flown.live[e]:
             continue
         if flown.finite[e]:
@@ -275,14 +315,6 @@ def compute_rewards(
             result.terms.loss[e], result.end[e] = constants.scales.loss, _DIVERGED
         for term in result.terms:
             result.reward[e] += term[e]
-    return result
-
-
-@kernel
-def _no_result(count: int, hit: Mask) -> StepResult:
-    zero = np.zeros((6, count))
-    terms = RewardTerms(zero[0], zero[1], zero[2], zero[3], zero[4], zero[5])
-    return StepResult(terms, np.zeros(count), np.zeros(count, np.int64), np.zeros(count, np.bool_), hit)
 
 
 @kernel

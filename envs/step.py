@@ -9,12 +9,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from swarm_mj.smallbody.occultation import Occluder
-from swarm_mj.typing import Array32, kernel
+from swarm_mj.typing import kernel
 
 from .kinematics import AttitudeEstimate, Kinematics, Tracking
 from .observations import ObservationConstants, write_observations
 from .radio import RadioConstants, transmit
-from .rewards import Flown, HazardLimits, RewardConstants, StepResult, compute_rewards, measure_hazards
+from .rewards import Flown, HazardLimits, Outcome, RewardConstants, compute_rewards, measure_hazards
 from .totals import EpisodeTotals
 
 
@@ -45,8 +45,8 @@ def finish_step(
     tracking: Tracking,
     totals: EpisodeTotals,
     flown: Flown,
-    observation: Array32,
-) -> StepResult:
+    outcome: Outcome,
+) -> None:
     """Work out everything that a step brings.
 
     Args:
@@ -57,10 +57,10 @@ def finish_step(
         tracking: What the spacecraft track.
         totals: Brought up to date.
         flown: What the simulation tells of the step.
-        observation: Receives the observations of the flights with a finite state, shape (E, F).
+        outcome: Receives rewards and ends, and the observations of the flights with a finite state.
     """
     finite = flown.finite
-    delivered = transmit(constants.radio, constants.body, now, tracking, totals, finite)
-    hazards = measure_hazards(constants.limits, constants.body, before, now, totals.lost, finite)
-    write_observations(constants.observation, now, estimate, tracking, totals, finite, observation)
-    return compute_rewards(constants.reward, flown, delivered, hazards, totals)
+    transmit(constants.radio, constants.body, now, tracking, totals, finite, outcome.received)
+    measure_hazards(constants.limits, constants.body, before, now, totals.lost, finite, outcome.hazards)
+    write_observations(constants.observation, now, estimate, tracking, totals, finite, outcome.observation)
+    compute_rewards(constants.reward, flown, outcome.received, outcome.hazards, totals, outcome.result)

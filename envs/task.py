@@ -146,7 +146,7 @@ class Task:
     @property
     def observation_constants(self) -> ObservationConstants:
         """See `write_observations`."""
-        layout, plan = self.observation_layout, self.plan
+        layout, plan, patch = self.observation_layout, self.plan, self.patches.of_cell.astype(np.int64)
         return ObservationConstants(
             n_observers=plan.n_observers,
             position_m=float(layout.position_scale),
@@ -156,7 +156,10 @@ class Task:
             duration_s=float(plan.scenario.duration_s),
             nominal_bit=float(self.nominal_bit),
             target_area_m2=float(plan.region.total_area),
-            patch=self.patches.of_cell.astype(np.int64),
+            cells=np.argsort(patch, kind="stable").astype(np.int64),
+            first_cell=np.concatenate(([0], np.cumsum(np.bincount(patch, minlength=self.patches.count)))).astype(
+                np.int64
+            ),
             cell_area=self.patches.cell_area,
             patch_area=self.patches.area,
             low=layout.space.low,

@@ -222,7 +222,8 @@ def earth_rates(radios: Radios, body: Occluder, now: Instant, station: int) -> t
         distance = float(np.linalg.norm(now.earth_N - now.r_N[j]))
         fastest = max(rate_at(table, distance) for table in radios.earth)
         heard = rate_at(radios.earth[station], distance) if station >= 0 else 0.0
-        why[j] = obstacle_to_earth(radios.beams, body, now.r_N, now.C_BN, now.C_AN, now.earth_N, j)
+        earth_N = (now.earth_N[0], now.earth_N[1], now.earth_N[2])
+        why[j] = obstacle_to_earth(radios.beams, body, now.r_N, now.C_BN, now.C_AN, earth_N, j)
         if why[j] == _NONE and not heard > 0.0:
             why[j] = _STATION if fastest > 0.0 else _RANGE
         rate[j] = heard if why[j] == _NONE else 0.0

@@ -142,12 +142,36 @@ def closed_links(
         Shape (n,).
     """
     closed = np.zeros(mode.shape[0], np.bool_)
+    place = Bearing(r_N, C_BN, C_AN, (earth_N[0], earth_N[1], earth_N[2]))
     for j in range(mode.shape[0]):
-        if mode[j] == _SPACECRAFT:
-            closed[j] = obstacle_between(beams, body, r_N, C_BN, C_AN, j, tracked[j]) == _NONE
-        elif mode[j] == _EARTH:
-            closed[j] = obstacle_to_earth(beams, body, r_N, C_BN, C_AN, earth_N, j) == _NONE
+        closed[j] = link_closed(beams, body, place, mode[j], tracked[j], j)
     return closed
+
+
+class Bearing(NamedTuple):
+    """Where n spacecraft and Earth are at one instant, and how all is turned.
+
+    Attributes:
+        r_N: Positions, shape (n, 3) [m].
+        C_BN: Attitudes, shape (n, 3, 3).
+        C_AN: Attitude of the asteroid, shape (3, 3).
+        earth_N: Position of Earth [m].
+    """
+
+    r_N: Array
+    C_BN: Array
+    C_AN: Array
+    earth_N: Vector
+
+
+@kernel
+def link_closed(beams: Beams, body: Occluder, place: Bearing, mode: int, tracked: int, j: int) -> bool:
+    """Whether spacecraft j, which tracks what `mode` says, has its link closed; arguments as of `closed_links`."""
+    if mode == _SPACECRAFT:
+        return bool(obstacle_between(beams, body, place.r_N, place.C_BN, place.C_AN, j, tracked) == _NONE)
+    if mode == _EARTH:
+        return bool(obstacle_to_earth(beams, body, place.r_N, place.C_BN, place.C_AN, place.earth_N, j) == _NONE)
+    return False
 
 
 @kernel
@@ -170,7 +194,7 @@ def obstacle_between(
 
 @kernel
 def obstacle_to_earth(
-    beams: Beams, body: Occluder, r_N: Array, C_BN: Array, C_AN: Array, earth_N: Array, sender: int
+    beams: Beams, body: Occluder, r_N: Array, C_BN: Array, C_AN: Array, earth_N: Vector, sender: int
 ) -> int:
     """`Obstacle` on the way from a spacecraft, which tracks Earth, to Earth; arguments as of `closed_links`."""
     start, dish = vector(r_N, sender), (C_BN[sender, 2, 0], C_BN[sender, 2, 1], C_BN[sender, 2, 2])

@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from swarm_mj.errors import MissionError
 from swarm_mj.observation.camera import Optics
@@ -80,7 +81,9 @@ def make_scene(observer: HorizonObserver, criterion: ObservationCriterion) -> Sc
 
 
 @kernel
-def new_cells(scene: Scene, camera: Sight, seen: Mask, new: Mask) -> tuple[float, float, bool]:
+def new_cells(
+    scene: Scene, camera: Sight, seen: Mask, new: Mask, answer: NDArray[np.int8]
+) -> tuple[float, float, bool]:
     """Find the cells that a picture shows and nobody saw before.
 
     Args:
@@ -88,13 +91,13 @@ def new_cells(scene: Scene, camera: Sight, seen: Mask, new: Mask) -> tuple[float
         camera: Where the picture is taken from.
         seen: Cells seen before, or otherwise of no interest, shape (C,).
         new: Receives the cells that are new, shape (C,).
+        answer: Scratch, shape (samples,).
 
     Returns:
         Their area [m^2], the pixels spent on them, and whether some other cell is in doubt, because it may be in view although
         the maps hide it.
     """
     cells, horizon, limits, needed = scene.cells, scene.horizon, scene.limits, scene.samples
-    answer = np.empty(horizon.points.shape[1], np.int8)
     area = pixels = 0.0
     doubt = False
     for i in range(seen.shape[0]):

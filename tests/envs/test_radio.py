@@ -127,7 +127,8 @@ def sent(
     # Earth goes from along x to along y in 1000 s.
     r, v, rates, heard = np.array([1e11, 0.0, 0.0]), np.array([-1e8, 1e8, 0.0]), np.array(table), np.atleast_1d(earth)
     constants = RadioConstants(beams, r, v, 1.0, RateTable(rates[:, 0].copy(), rates[:, 1].copy()), heard, room)
-    received = transmit(constants, SPECK, now, tracking, totals, np.array([True, False]))
+    received = np.full(2, np.nan)
+    transmit(constants, SPECK, now, tracking, totals, np.array([True, False]), received)
     assert received[1] == totals.delivered[1] == 0.0 and totals.stored[1].tolist() == list(stored)
     assert totals.delivered[0] == received[0] == sum(stored) - totals.stored[0].sum()
     return totals.stored[0].tolist(), totals.closed[0].tolist(), received[0]
