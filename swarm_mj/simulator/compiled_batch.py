@@ -1,8 +1,8 @@
 """Many flights of one swarm at once: bit for bit what `Simulation` flies, whole stretches of each in compiled code.
 
 The flights share model, gravity and control law; each has its own MjData, time and targets, and is flown as far as it goes
-before the next one is: its data stays in the processor's cache. What compiled code cannot fly (other gravity fields, control
-laws without compiled arithmetic, perturbations) is named by `Simulation.why_not_compiled`; `PythonBatch` serves for it, with
+before the next one is: its data stays in the processor's cache. What compiled code cannot fly (gravity fields of a user's own,
+control laws without compiled arithmetic) is named by `Simulation.why_not_compiled`; `PythonBatch` serves for it, with
 the same interface.
 """
 
@@ -36,6 +36,9 @@ from swarm_mj.spacecraft.control.base import Controller
 from swarm_mj.spacecraft.model import NQ, NV
 from swarm_mj.typing import Array, Ints, Mask
 
+#: Ticks of a flight for which the flights of a batch share what gravity is where they are; memory comes as it is used.
+REMEMBERED = 16_384
+
 
 class CompiledBatch(Batch):
     """E flights of one swarm, which share control law and gravity and know no faults.
@@ -65,7 +68,7 @@ class CompiledBatch(Batch):
             raise SimulationError(f"a batch of flights knows nothing of {why}; use PythonBatch")
         super().__init__(simulation.state, count)
         self._timesteps, self._controller = simulation.state.timesteps, controller
-        self._world = make_world(simulation.state, controller)
+        self._world = make_world(simulation.state, controller, remembered=REMEMBERED)
         self._datas = make_datas(self.model, simulation.stepper, count)
         self._integrator = Integrator(self.model, *self._datas)
         self._behaviors = None if behaviors is None else BehaviorCalls(behaviors, self.period)

@@ -1,4 +1,4 @@
-"""One decision call by call, with all that compiled code does not know: plug-ins, perturbations, faults.
+"""One decision call by call, with all that compiled code does not know: plug-ins, thrusters, faults.
 
 It reads the state, evaluates the forces of the coming hold at its middle, asks behaviour and control law, and leaves forces and
 motor torques in MuJoCo's arrays; from the same kernels and to the same bits as `flight_kernels.fly`.
@@ -24,6 +24,7 @@ from swarm_mj.simulator.plugin_calls import (
 from swarm_mj.simulator.propulsion import Propulsion
 from swarm_mj.simulator.slews import Slews
 from swarm_mj.simulator.slots import Slot
+from swarm_mj.smallbody.perturbations import add_perturbations
 from swarm_mj.spacecraft.control.base import Controller
 from swarm_mj.spacecraft.gyrostat import with_wheels
 from swarm_mj.typing import Array
@@ -131,9 +132,8 @@ def _hold_forces(state: LoopState, injection: FaultInjection | None) -> None:
         multibody.evaluate_at_centres(state)
     a_A = environment.attraction_A(work[Slot.R_A])
     if environment.perturbed:
-        middle = state.time + 0.5 * state.period
-        r_N = work[Slot.R_A] @ C_mid
-        a_A = a_A + environment.perturbing_acceleration_N(middle, r_N) @ C_mid.T
+        sun_N, a_A = environment.sun.at(state.time + 0.5 * state.period), a_A.copy()
+        add_perturbations(work[Slot.R_A], C_mid, sun_N, environment.sunlight, a_A)
     kernels.hold_gravity(a_A, C_mid, state.properties.mass, state.hub, forces, work)
     if state.model.own is not None:
         multibody.weigh_bodies(state)

@@ -12,7 +12,7 @@ import numpy as np
 from swarm_mj.plugins import as_array, call
 from swarm_mj.scenarios import constants
 from swarm_mj.smallbody.gravity.base import Gravity
-from swarm_mj.smallbody.perturbations import solar_radiation_pressure, solar_tide
+from swarm_mj.smallbody.perturbations import Sunlight, solar_radiation_pressure, solar_tide
 from swarm_mj.smallbody.rotation import spin_dcm
 from swarm_mj.typing import Array
 
@@ -95,6 +95,15 @@ class Environment:
         if self.solar_tide:
             total += solar_tide(r_BN_N, self.sun.at(t), constants.GM_SUN)
         return total + self.pressure_acceleration_N(t, r_BN_N)
+
+    @property
+    def sunlight(self) -> Sunlight:
+        """What of the Sun acts, for kernels."""
+        return Sunlight(
+            float(constants.GM_SUN if self.solar_tide else 0.0),
+            float(max(self.srp_area_per_mass, 0.0)),
+            float(self.srp_reflectivity),
+        )
 
     def pressure_acceleration_N(self, t: float, r_BN_N: Array) -> Array:
         """Radiation pressure alone at `r_BN_N`, shape (n, 3) [m], in N [m/s^2]; zero where it is off."""

@@ -5,6 +5,8 @@ Each function takes all spacecraft at once and is compiled, so that the simulati
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from swarm_mj.scenarios.constants import AU, GM_SUN, SOLAR_IRRADIANCE, SPEED_OF_LIGHT
@@ -70,6 +72,49 @@ def solar_radiation_pressure(r_N: Array, r_sun_N: Array, area_m2: float, mass_kg
         out[i, 1] = factor * y
         out[i, 2] = factor * z
     return out
+
+
+class Sunlight(NamedTuple):
+    """What the Sun does to spacecraft near the body; zeros switch it off.
+
+    Attributes:
+        gm: Of the Sun, whose tide acts [m^3/s^2].
+        area_per_mass: Sunlit area over mass [m^2/kg].
+        reflectivity: Coefficient C_R.
+    """
+
+    gm: float
+    area_per_mass: float
+    reflectivity: float
+
+
+@kernel
+def add_perturbations(r_A: Array, C_AN: Array, sun_N: Array, sunlight: Sunlight, a_A: Array) -> None:
+    """Add tide and radiation pressure to accelerations.
+
+    Args:
+        r_A: Positions in A, shape (n, 3) [m].
+        C_AN: Rotation from N to A.
+        sun_N: The Sun in N, shape (3,) [m].
+        sunlight: What of it acts.
+        a_A: Accelerations in A, to which is added, shape (n, 3) [m/s^2].
+    """
+    r_N = np.empty_like(r_A)
+    for j in range(r_A.shape[0]):
+        for k in range(3):
+            r_N[j, k] = C_AN[0, k] * r_A[j, 0] + C_AN[1, k] * r_A[j, 1] + C_AN[2, k] * r_A[j, 2]
+    if sunlight.gm > 0.0:
+        _add_turned(solar_tide(r_N, sun_N, sunlight.gm), C_AN, a_A)
+    if sunlight.area_per_mass > 0.0:
+        push = solar_radiation_pressure(r_N, sun_N, sunlight.area_per_mass, 1.0, sunlight.reflectivity)
+        _add_turned(push, C_AN, a_A)
+
+
+@kernel
+def _add_turned(a_N: Array, C_AN: Array, a_A: Array) -> None:
+    for j in range(a_A.shape[0]):
+        for k in range(3):
+            a_A[j, k] += C_AN[k, 0] * a_N[j, 0] + C_AN[k, 1] * a_N[j, 1] + C_AN[k, 2] * a_N[j, 2]
 
 
 @kernel

@@ -14,6 +14,7 @@ from swarm_mj.simulator.fast.kernels import (
     actuate,
     guide,
     hold_gravity,
+    hold_gravity_gradient,
     locate_targets,
     mark_new_targets,
     read_state,
@@ -22,10 +23,11 @@ from swarm_mj.simulator.fast.kernels import (
 )
 from swarm_mj.simulator.fast.mj_memory import MjBatch, MjView, mj_view
 from swarm_mj.simulator.slots import Slot
-from swarm_mj.smallbody.gravity.spherical_harmonics import write_series
+from swarm_mj.smallbody.gravity.compiled import CompiledField, write_attraction
+from swarm_mj.smallbody.perturbations import Sunlight, add_perturbations
 from swarm_mj.spacecraft.control.compiled import call_law
 from swarm_mj.spacecraft.model import NQ, NV
-from swarm_mj.typing import Array, Ints, Mask, inlined, kernel
+from swarm_mj.typing import Array, Ints, Mask, inlined, jittable, kernel
 
 
 class World(NamedTuple):
@@ -44,9 +46,13 @@ class World(NamedTuple):
         q_P: Attitude of the pole frame as MuJoCo's quaternion, shape (4,).
         earth_N: Position of Earth relative to the body in N at the epoch, shape (3,) [m].
         earth_velocity_N: Its velocity, shape (3,) [m/s].
-        gravity_radius: Reference radius of the gravity field [m].
-        gravity_recursion: See `recursion_table`.
-        gravity_series: Coefficients of its acceleration, see `SphericalHarmonics`.
+        sun_N: Position of the Sun relative to the body in N at the epoch, shape (3,) [m].
+        sun_velocity_N: Its velocity, shape (3,) [m/s].
+        sunlight: What of it acts.
+        field: The gravity field.
+        pulls: Places in A [m] and the accelerations there [m/s^2] that were last found at every tick, shape (T, n, 6): where no
+            action moves the flights, gravity is evaluated for the first of them alone. Empty: it always is.
+        gradient_gm: Gravitational parameter whose gradient turns the spacecraft [m^3/s^2]; 0: none does.
         wheel_inertia: Spin inertia of a wheel [kg m^2].
         wheel_axes_B: Rows, shape (3, 3).
         allocation: From a torque on the body to motor torques, see `actuate`, shape (3, 3).
@@ -69,9 +75,12 @@ class World(NamedTuple):
     q_P: Array
     earth_N: Array
     earth_velocity_N: Array
-    gravity_radius: float
-    gravity_recursion: Array
-    gravity_series: Array
+    sun_N: Array
+    sun_velocity_N: Array
+    sunlight: Sunlight
+    field: CompiledField
+    pulls: Array
+    gradient_gm: float
     wheel_inertia: float
     wheel_axes_B: Array
     allocation: Array
@@ -241,11 +250,46 @@ def _read(world: World, flights: Flights, e: int, t: float) -> bool:
 
 @inlined
 def _hold_forces(world: World, flights: Flights, e: int, mj: MjView, t: float) -> None:
-    work = flights.work[e]
+    work, C_mid, tick = flights.work[e], flights.C_mid[e], flights.tick[e]
     a_A = work[Slot.RHO]  # free until guidance writes there
-    write_series(work[Slot.R_A], world.gravity_radius, world.gravity_recursion, world.gravity_series, a_A)
-    hold_gravity(a_A, flights.C_mid[e], world.mass, world.hub, mj.xfrc_applied, work)
+    if not _recall(world.pulls, tick, work[Slot.R_A], a_A):
+        write_attraction(work[Slot.R_A], world.field, world.field.series, a_A)
+        _add_sunlight(world, work[Slot.R_A], C_mid, t, flights.earth_N[e], a_A)
+        _remember(world.pulls, tick, work[Slot.R_A], a_A)
+    hold_gravity(a_A, C_mid, world.mass, world.hub, mj.xfrc_applied, work)
+    if world.gradient_gm > 0.0:
+        inertia_B, forces = world.inertia_B, mj.xfrc_applied
+        hold_gravity_gradient(flights.q_BN[e], world.gradient_gm, inertia_B, C_mid, world.hub, forces, work)
     write_body_quaternion(world.q_P, world.phase0 + world.spin_rate * t, mj.asteroid_quat)
+
+
+@inlined
+def _add_sunlight(world: World, r_A: Array, C_mid: Array, t: float, sun_N: Array, a_A: Array) -> None:
+    if world.sunlight.gm > 0.0 or world.sunlight.area_per_mass > 0.0:
+        for k in range(3):
+            sun_N[k] = world.sun_N[k] + (t + 0.5 * world.period) * world.sun_velocity_N[k]
+        add_perturbations(r_A, C_mid, sun_N, world.sunlight, a_A)
+
+
+@jittable
+def _recall(pulls: Array, tick: int, r_A: Array, a_A: Array) -> bool:
+    """Write the accelerations that were found at these very places at this tick; whether there were any."""
+    if tick >= pulls.shape[0]:
+        return False
+    for j in range(r_A.shape[0]):
+        for k in range(3):
+            if pulls[tick, j, k] != r_A[j, k]:
+                return False
+            a_A[j, k] = pulls[tick, j, 3 + k]
+    return True
+
+
+@jittable
+def _remember(pulls: Array, tick: int, r_A: Array, a_A: Array) -> None:
+    if tick < pulls.shape[0]:
+        for j in range(r_A.shape[0]):
+            for k in range(3):
+                pulls[tick, j, k], pulls[tick, j, 3 + k] = r_A[j, k], a_A[j, k]
 
 
 @inlined

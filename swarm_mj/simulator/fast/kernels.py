@@ -15,7 +15,7 @@ from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.simulator.slots import Peak, Slot
 from swarm_mj.smallbody.perturbations import gravity_gradient_torque
 from swarm_mj.smallbody.rotation import write_spin_dcm
-from swarm_mj.spacecraft.attitude.algebra import put_vector, quaternion, rotate, vector
+from swarm_mj.spacecraft.attitude.algebra import conjugate, put_vector, quaternion, rotate, vector
 from swarm_mj.spacecraft.attitude.guidance import (
     LineOfSight,
     Reference,
@@ -278,9 +278,13 @@ def hold_gravity_gradient(
     """
     r_B = np.empty((hub.shape[0], 3))
     for j in range(hub.shape[0]):
-        r_N = C_mid.T @ work[Slot.R_A, j]
-        w, x, y, z = quaternion(q_BN, j)
-        put_vector(r_B, j, rotate((w, -x, -y, -z), (r_N[0], r_N[1], r_N[2])))
+        x, y, z = vector(work[Slot.R_A], j)
+        r_N = (
+            C_mid[0, 0] * x + C_mid[1, 0] * y + C_mid[2, 0] * z,
+            C_mid[0, 1] * x + C_mid[1, 1] * y + C_mid[2, 1] * z,
+            C_mid[0, 2] * x + C_mid[1, 2] * y + C_mid[2, 2] * z,
+        )
+        put_vector(r_B, j, rotate(conjugate(quaternion(q_BN, j)), r_N))
     torque_B = gravity_gradient_torque(r_B, inertia, gm)
     for j in range(hub.shape[0]):
         put_vector(xfrc[:, 3:], hub[j], rotate(quaternion(q_BN, j), vector(torque_B, j)))

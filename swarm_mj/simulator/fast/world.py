@@ -9,7 +9,7 @@ from swarm_mj.plugins import failure_of, name_of, shown
 from swarm_mj.simulator.fast.flight_kernels import World
 from swarm_mj.simulator.loop_state import LAW_SLOTS, LoopState, control_input
 from swarm_mj.simulator.plugin_calls import ask_for_torque
-from swarm_mj.smallbody.gravity.spherical_harmonics import SphericalHarmonics
+from swarm_mj.smallbody.gravity.compiled import compiled_field, knows
 from swarm_mj.spacecraft.control.base import ControlInput, Controller
 from swarm_mj.spacecraft.control.compiled import CompiledController, CompiledLaw, address_of, numbers_of
 from swarm_mj.typing import Array
@@ -40,22 +40,26 @@ def why_not_compiled(state: LoopState, controller: Controller | None) -> str:
     gravity = state.environment.gravity
     if controller is not None and law_of(controller) is None:
         return f"the control law {type(controller).__name__}"
-    if type(gravity) is not SphericalHarmonics:
+    if not knows(gravity):
         return f"the gravity field {type(gravity).__name__}"
-    if state.environment.perturbed or state.gradient_gm > 0.0:
-        return "perturbations"
     return ""
 
 
-def make_world(state: LoopState, controller: Controller | None) -> World:
+def make_world(state: LoopState, controller: Controller | None, *, remembered: int = 0) -> World:
     """What compiled code needs to know of a flight for which `why_not_compiled` finds nothing.
+
+    Args:
+        state: Of the flight.
+        controller: The control law; None where torques are held.
+        remembered: Ticks for which flights of the same places share what gravity is there.
 
     Raises:
         ScenarioError: The control period is too long for the law.
         PluginError: The law cannot be compiled.
     """
-    environment, properties, gravity = state.environment, state.properties, state.environment.gravity
-    assert isinstance(gravity, SphericalHarmonics)
+    environment, properties = state.environment, state.properties
+    field = compiled_field(environment.gravity)
+    assert field is not None
     inputs, law = state.inputs, law_of(controller)
     if controller is not None:
         ask_for_torque(controller, inputs, None)  # refuses a control period that is too long, whatever the state
@@ -75,9 +79,12 @@ def make_world(state: LoopState, controller: Controller | None) -> World:
         q_P=state.q_P,
         earth_N=_writable(environment.earth.position),
         earth_velocity_N=_writable(environment.earth.velocity),
-        gravity_radius=float(gravity.reference_radius),
-        gravity_recursion=_writable(gravity.recursion),
-        gravity_series=_writable(gravity.acceleration_series),
+        sun_N=_writable(environment.sun.position),
+        sun_velocity_N=_writable(environment.sun.velocity),
+        sunlight=environment.sunlight,
+        field=field,
+        pulls=np.zeros((remembered, state.model.n, 6)),
+        gradient_gm=float(state.gradient_gm),
         wheel_inertia=float(properties.wheel_spin_inertia),
         wheel_axes_B=state.wheel_axes_B,
         allocation=state.allocation,

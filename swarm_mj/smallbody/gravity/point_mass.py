@@ -36,6 +36,13 @@ class PointMass:
 @kernel
 def _acceleration(r_A: Array, gm: float) -> Array:
     out = np.empty_like(r_A)
+    write_point_mass(r_A, gm, out)
+    return out
+
+
+@kernel
+def write_point_mass(r_A: Array, gm: float, out: Array) -> None:
+    """Write the accelerations in A [m/s^2], shape (n, 3), at positions in A [m], shape (n, 3)."""
     for i in range(r_A.shape[0]):
         x, y, z = r_A[i, 0], r_A[i, 1], r_A[i, 2]
         square = x * x + y * y + z * z
@@ -43,4 +50,3 @@ def _acceleration(r_A: Array, gm: float) -> Array:
         out[i, 0] = factor * x
         out[i, 1] = factor * y
         out[i, 2] = factor * z
-    return out

@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -29,7 +30,7 @@ from swarm_mj.smallbody.gravity.spherical_harmonics import SphericalHarmonics, f
 from swarm_mj.smallbody.shape import ShapeModel, directed_edges
 from swarm_mj.smallbody.shape_check import check_surface
 from swarm_mj.smallbody.solid_angle import cast_rays, solid_angle, solid_angles
-from swarm_mj.typing import Array, Ints, Ints32, kernel
+from swarm_mj.typing import Array, Ints, Ints32, jittable, kernel
 
 #: Bound on the argument of the wire's logarithm: keeps 0 times infinity at 0 for points on an edge.
 MIN_WIRE_GAP = 1e-300
@@ -38,6 +39,36 @@ MIN_WIRE_GAP = 1e-300
 FAR_RADII = (16.0, 24.0)
 #: Degree of the harmonics, and the sphere on which they are fitted, over the largest radius.
 FAR_DEGREE, FIT_RADII = 12, 3.0
+
+
+class Elements(NamedTuple):
+    """A polyhedron for kernels.
+
+    Attributes:
+        vertices: Shape (V, 3) [m].
+        faces: Corners, shape (F, 3).
+        normals: Of the faces, outward, shape (F, 3).
+        edges: Ends, shape (E, 2).
+        dyads: See `_edge_dyads`, shape (E, 7).
+        scale: G times the density [1/s^2].
+        radius: Of the farthest vertex [m].
+    """
+
+    vertices: Array
+    faces: Ints32
+    normals: Array
+    edges: Ints
+    dyads: Array
+    scale: float
+    radius: float
+
+
+def no_elements() -> Elements:
+    """Of a body that is no polyhedron."""
+    nothing = np.empty((0, 3))
+    return Elements(
+        nothing, np.empty((0, 3), np.int32), nothing, np.empty((0, 2), np.int64), np.empty((0, 7)), 0.0, 1.0
+    )
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -113,7 +144,7 @@ class Polyhedron:
         share = np.clip((np.linalg.norm(r_A, axis=1) / self.shape.max_radius - first) / (last - first), 0.0, 1.0)
         if not share.any():
             return np.ascontiguousarray(near(r_A))
-        weight = share * share * (3.0 - 2.0 * share)
+        weight = _weight(share)
         beyond, within = share > 0.0, share < 1.0  # neither is asked where it does not hold
         outside = far(r_A[beyond])
         field = np.zeros((len(r_A), *outside.shape[1:]))
@@ -122,11 +153,21 @@ class Polyhedron:
         return field
 
     def _sums(self, r_A: Array) -> Array:
+        return _field(positions(r_A), self.elements)
+
+    @cached_property
+    def elements(self) -> Elements:
+        """The body as kernels take it; copies, for Numba compiles apart what takes an array that is read-only."""
         shape = self.shape
-        return _field(
-            positions(r_A), shape.vertices, shape.faces, shape.face_normals, self._edges, self._edge_dyads,
-            GRAVITATIONAL_CONSTANT * self.density,
-        )  # fmt: skip
+        return Elements(
+            vertices=shape.vertices.copy(),
+            faces=shape.faces.copy(),
+            normals=shape.face_normals.copy(),
+            edges=self._edges.copy(),
+            dyads=self._edge_dyads.copy(),
+            scale=GRAVITATIONAL_CONSTANT * self.density,
+            radius=float(shape.max_radius),
+        )
 
 
 def _mixed(near: Array, far: Array, weight: Array) -> Array:
@@ -151,26 +192,54 @@ def _edge_dyads(shape: ShapeModel) -> tuple[Ints, Array]:
     return directed[pairs[:, 0]], np.column_stack([components, lengths[pairs[:, 0]]])
 
 
+@jittable
+def _weight(share: Any) -> Any:
+    """Of the far field, for the part of the passage behind a point: smooth at both ends."""
+    return share * share * (3.0 - 2.0 * share)
+
+
 @kernel
-def _field(
-    r_A: Array,
-    vertices: Array,
-    faces: Ints32,
-    normals: Array,
-    edges: Ints,
-    dyads: Array,
-    scale: float,
-) -> Array:
+def _field(r_A: Array, body: Elements) -> Array:
     """Potential, attraction and the six components of the gradient, shape (n, 10)."""
     out = np.zeros((r_A.shape[0], 10))
-    rays = np.empty((vertices.shape[0], 4))
+    rays = np.empty((body.vertices.shape[0], 4))
     for i in range(r_A.shape[0]):
-        cast_rays(r_A[i], vertices, rays)
-        _add_edges(rays, edges, dyads, out[i])
-        _add_faces(rays, faces, normals, out[i])
-        out[i] *= scale
-        out[i, 0] *= 0.5
+        _sum_elements(r_A[i], body, rays, out[i])
     return out
+
+
+@kernel
+def _sum_elements(point: Array, body: Elements, rays: Array, out: Array) -> None:
+    cast_rays(point, body.vertices, rays)
+    _add_edges(rays, body.edges, body.dyads, out)
+    _add_faces(rays, body.faces, body.normals, out)
+    for k in range(10):
+        out[k] *= body.scale
+    out[0] *= 0.5
+
+
+@kernel
+def write_near_and_far(r_A: Array, body: Elements, a_A: Array) -> None:
+    """Put the attraction of the polyhedron in the place of its harmonics, wherever these do not hold alone.
+
+    Args:
+        r_A: In A, shape (n, 3) [m].
+        body: The polyhedron.
+        a_A: Accelerations by its harmonics, replaced, shape (n, 3) [m/s^2].
+    """
+    rays, sums = np.empty((body.vertices.shape[0], 4)), np.empty(10)
+    first, last = FAR_RADII
+    for i in range(r_A.shape[0]):
+        x, y, z = r_A[i, 0], r_A[i, 1], r_A[i, 2]
+        share = (np.sqrt(x * x + y * y + z * z) / body.radius - first) / (last - first)
+        if share >= 1.0:
+            continue
+        sums[:] = 0.0
+        _sum_elements(r_A[i], body, rays, sums)
+        weight = _weight(max(share, 0.0))
+        for k in range(3):
+            near = sums[1 + k]
+            a_A[i, k] = near + weight * (a_A[i, k] - near) if weight > 0.0 else near
 
 
 @kernel

@@ -1,6 +1,7 @@
 """Flights in compiled code against the same flights decided in Python, and control laws of one's own in compiled code."""
 
 import importlib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +11,14 @@ from swarm_mj.errors import PluginError, ScenarioError, SimulationError
 from swarm_mj.flight.fly import initial_state, make_simulation
 from swarm_mj.flight.plan import make_plan
 from swarm_mj.mission.behaviors import AdaptableRoles
+from swarm_mj.scenarios.constants import EROS_GM
 from swarm_mj.scenarios.loading import load_scenario
+from swarm_mj.simulator.compiled_batch import CompiledBatch
 from swarm_mj.simulator.simulation import Simulation
+from swarm_mj.smallbody.gravity.compiled import compiled_field, write_attraction
+from swarm_mj.smallbody.gravity.point_mass import PointMass
+from swarm_mj.smallbody.gravity.polyhedron import Polyhedron
+from swarm_mj.smallbody.shape_harmonics import build_eros
 from swarm_mj.spacecraft.control.base import ControlInput
 from swarm_mj.spacecraft.control.compiled import CompiledLaw
 from swarm_mj.spacecraft.control.feedback import MrpFeedback
@@ -32,6 +39,7 @@ def twin(plan, *, compiled, controller=None, behavior=None):
         behavior=behavior or made.behavior,
         controller=controller or plan.controller,
         control_period=made.period,
+        gravity_gradient_torque=plan.scenario.perturbations.gravity_gradient_torque,
         shape=plan.shape,
         compiled=compiled,
     )
@@ -88,6 +96,56 @@ def test_compiled_flights_are_those_decided_in_python_to_the_last_bit(scenario, 
     assert len(np.unique(one.aim[:, 0])) > 1
     assert records_are_equal(one, other)
     assert quick.time == slow.time == 1100.0 and quick.data.time == pytest.approx(slow.data.time)
+
+
+FORCES = {
+    "tide": ["perturbations.solar_tide=true"],
+    "pressure": ["perturbations.solar_radiation_pressure=true"],
+    "gradient": ["perturbations.gravity_gradient_torque=true", "perturbations.solar_tide=true"],
+    "point mass": [],
+    "polyhedron": [],
+}
+
+
+@pytest.mark.parametrize("force", FORCES)
+def test_every_force_is_the_same_in_compiled_code_to_the_last_bit(force):
+    plan = plan_of("physics.wheels=gyrostat", "physics.stepper=kernel", *FORCES[force])
+    plain = make_simulation(plan_of("physics.wheels=gyrostat", "physics.stepper=kernel"))
+    if not FORCES[force]:
+        gravity = PointMass(EROS_GM) if force == "point mass" else Polyhedron(build_eros(6), gm=EROS_GM)
+        plan = replace(plan, environment=replace(plan.environment, gravity=gravity))
+    quick, slow = (twin(plan, compiled=compiled) for compiled in (True, False))
+    assert quick._world is not None and slow._world is None
+    assert records_are_equal(quick.run(40.0, 1.0), slow.run(40.0, 1.0))
+    plain.fly(80)
+    assert not np.array_equal(plain.data.qpos, quick.data.qpos)  # what was asked for acts
+
+
+@pytest.mark.parametrize("radii", [1.5, 15.9, 16.1, 20.0, 24.1, 1000.0])
+def test_fields_in_kernels_pull_as_in_python_near_and_far(radii):
+    body = Polyhedron(build_eros(6), gm=EROS_GM)
+    r_A = radii * body.shape.max_radius * np.array([[0.6, 0.0, 0.8], [-0.48, 0.64, -0.6]])
+    for gravity in (body, PointMass(EROS_GM), body.far_field):
+        field, found = compiled_field(gravity), np.full((2, 3), np.nan)
+        write_attraction(r_A, field, field.series, found)
+        assert np.array_equal(found, gravity.acceleration(r_A))
+
+
+def test_flights_that_start_alike_share_gravity_and_others_do_not():
+    """The second flight of a batch is flown among others, and once more alone, bit for bit."""
+    plan = plan_of("physics.wheels=gyrostat", "physics.stepper=kernel", "perturbations.solar_tide=true")
+    start = initial_state(plan)
+    moved = replace(start, r_BN_N=start.r_BN_N + 100.0)
+    law, roles = plan.controller, [AdaptableRoles(plan.n, 3e4) for _ in range(3)]
+    batch = CompiledBatch(make_simulation(plan), 3, law, roles)
+    for e, each in enumerate((start, moved, start)):
+        batch.reset(e, each)
+    batch.fly(40, np.ones(3, bool))
+    assert np.array_equal(batch.qpos[0], batch.qpos[2]) and not np.array_equal(batch.qpos[0], batch.qpos[1])
+    alone = CompiledBatch(make_simulation(plan), 1, law, roles[:1])
+    alone.reset(0, moved)
+    alone.fly(40, np.ones(1, bool))
+    assert np.array_equal(alone.qpos[0], batch.qpos[1]) and np.array_equal(alone.qvel[0], batch.qvel[1])
 
 
 @pytest.mark.parametrize("law", [MrpSlidingMode(), MrpSlidingMode(rate_limit=None), MrpFeedback(), Proportional()])

@@ -1,0 +1,76 @@
+"""The built-in gravity fields as numbers, for kernels that fly without Python."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from swarm_mj.smallbody.gravity.base import Gravity
+from swarm_mj.smallbody.gravity.point_mass import PointMass, write_point_mass
+from swarm_mj.smallbody.gravity.polyhedron import Elements, Polyhedron, no_elements, write_near_and_far
+from swarm_mj.smallbody.gravity.spherical_harmonics import SphericalHarmonics, write_series
+from swarm_mj.typing import Array, kernel
+
+#: Kinds of fields that kernels know.
+POINT_MASS, HARMONICS, POLYHEDRON = 0, 1, 2
+
+
+class CompiledField(NamedTuple):
+    """A gravity field for kernels; what its kind does not need is empty.
+
+    Attributes:
+        kind: POINT_MASS, HARMONICS or POLYHEDRON.
+        gm: Gravitational parameter of a point mass [m^3/s^2].
+        radius: Reference radius of the harmonics; of a polyhedron, those that hold far away [m].
+        recursion: See `recursion_table`.
+        series: Coefficients of their acceleration, see `SphericalHarmonics`.
+        elements: The polyhedron.
+    """
+
+    kind: int
+    gm: float
+    radius: float
+    recursion: Array
+    series: Array
+    elements: Elements
+
+
+def compiled_field(gravity: Gravity) -> CompiledField | None:
+    """A field as kernels take it; None where they do not know its kind."""
+    if type(gravity) is PointMass:
+        return CompiledField(POINT_MASS, gravity.gm, 1.0, np.empty((0, 0, 2)), np.empty((0, 0, 3, 2)), no_elements())
+    if type(gravity) is SphericalHarmonics:
+        return CompiledField(HARMONICS, 0.0, *_series_of(gravity), no_elements())
+    if type(gravity) is Polyhedron:
+        return CompiledField(POLYHEDRON, 0.0, *_series_of(gravity.far_field), gravity.elements)
+    return None
+
+
+def knows(gravity: Gravity) -> bool:
+    """Whether `compiled_field` answers; without the work."""
+    return type(gravity) in (PointMass, SphericalHarmonics, Polyhedron)
+
+
+def _series_of(field: SphericalHarmonics) -> tuple[float, Array, Array]:
+    # Copies, for Numba compiles apart what takes an array that is read-only.
+    return field.reference_radius, field.recursion.copy(), field.acceleration_series.copy()
+
+
+@kernel
+def write_attraction(r_A: Array, field: CompiledField, series: Array, out: Array) -> None:
+    """Accelerations at places of the turning body, as the field's `acceleration` gives them.
+
+    Args:
+        r_A: In A, shape (n, 3) [m].
+        field: The field.
+        series: Its own `series`, or another one of the same size in its place.
+        out: Receives the accelerations in A, shape (n, 3) [m/s^2].
+    """
+    if field.kind == HARMONICS:
+        write_series(r_A, field.radius, field.recursion, series, out)
+    elif field.kind == POINT_MASS:
+        write_point_mass(r_A, field.gm, out)
+    else:
+        write_series(r_A, field.radius, field.recursion, series, out)
+        write_near_and_far(r_A, field.elements, out)
