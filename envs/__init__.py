@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 from .registration import register_environments
 
 if TYPE_CHECKING:
+    from .downlink import SwarmDownlinkEnv
+    from .downlink_vector import SwarmDownlinkVectorEnv
     from .multi_agent import SwarmObserveParallelEnv
     from .multi_agent_vector import SwarmObserveParallelVectorEnv
     from .sb3 import SwarmObserveVecEnv
@@ -16,6 +18,8 @@ if TYPE_CHECKING:
     from .vector import SwarmObserveVectorEnv
 
 __all__ = [
+    "SwarmDownlinkEnv",
+    "SwarmDownlinkVectorEnv",
     "SwarmObserveEnv",
     "SwarmObserveParallelEnv",
     "SwarmObserveParallelVectorEnv",
@@ -24,7 +28,8 @@ __all__ = [
 ]
 
 #: Where each class is defined; `multi_agent` and `sb3` need the extra `rl`.
-_HOMES = dict(zip(__all__, ("swarm_observe", "multi_agent", "multi_agent_vector", "sb3", "vector"), strict=True))
+_MODULES = ("downlink", "downlink_vector", "swarm_observe", "multi_agent", "multi_agent_vector", "sb3", "vector")
+_HOMES = dict(zip(__all__, _MODULES, strict=True))
 
 
 def __getattr__(name: str) -> Any:

@@ -11,7 +11,11 @@ import gymnasium
 
 #: Environments by name, and where their classes are: the single one and the vector one.
 ENVIRONMENTS = {
-    "SwarmObserve-v0": ("swarm_mj.envs.swarm_observe:SwarmObserveEnv", "swarm_mj.envs.vector:SwarmObserveVectorEnv")
+    "SwarmObserve-v0": ("swarm_mj.envs.swarm_observe:SwarmObserveEnv", "swarm_mj.envs.vector:SwarmObserveVectorEnv"),
+    "SwarmDownlink-v0": (
+        "swarm_mj.envs.downlink:SwarmDownlinkEnv",
+        "swarm_mj.envs.downlink_vector:SwarmDownlinkVectorEnv",
+    ),
 }
 
 

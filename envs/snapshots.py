@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import gymnasium
 import numpy as np
@@ -11,7 +11,31 @@ from numpy.typing import NDArray
 
 from swarm_mj.errors import ScenarioError
 
-from .batch import EpisodeBatch
+
+class Fingerprinted(Protocol):
+    """A task that knows what must agree where a state is taken up."""
+
+    @property
+    def fingerprint(self) -> str:
+        """Digest of it."""
+        ...
+
+
+class Remembering(Protocol):
+    """Episodes whose states can be taken and put back."""
+
+    @property
+    def task(self) -> Fingerprinted:
+        """What they share."""
+        ...
+
+    def get_state(self, e: int) -> dict[str, Any]:
+        """All that episode e is."""
+        ...
+
+    def set_state(self, e: int, state: dict[str, Any]) -> None:
+        """Go on from that."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,12 +61,12 @@ class FlightState:
     knowledge: tuple[NDArray[Any], ...] | None = None
 
 
-def take_state(batch: EpisodeBatch, e: int, *, running: bool, random: np.random.Generator) -> FlightState:
+def take_state(batch: Remembering, e: int, *, running: bool, random: np.random.Generator) -> FlightState:
     """The state of flight e of a batch."""
     return FlightState(batch.task.fingerprint, running, dict(random.bit_generator.state), batch.get_state(e))
 
 
-def restore_state(batch: EpisodeBatch, e: int, random: np.random.Generator, state: Any) -> FlightState:
+def restore_state(batch: Remembering, e: int, random: np.random.Generator, state: Any) -> FlightState:
     """Let flight e of a batch go on from a state.
 
     Raises:
@@ -85,11 +109,11 @@ class RebuiltOnCopy:
         raise NotImplementedError
 
 
-def must_have_begun(begun: bool, what: str) -> None:
-    """Refuse what needs a flight.
+def must_have_begun(begun: bool, what: str, name: str = "SwarmObserve-v0") -> None:
+    """Refuse what needs a flight of the environment of that name.
 
     Raises:
         gymnasium.error.ResetNeeded: There is none yet.
     """
     if not begun:
-        raise gymnasium.error.ResetNeeded(f"SwarmObserve-v0: call reset before {what}")
+        raise gymnasium.error.ResetNeeded(f"{name}: call reset before {what}")

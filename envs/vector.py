@@ -77,7 +77,7 @@ class SwarmObserveVectorEnv(RebuiltOnCopy, VectorEnv[Any, Any, Any]):
         self.render_mode = checked_render_mode(render_mode, ["rgb_array"])
         shown = min(num_envs, checked_count("render_flights", render_flights))
         self._batch: ThreadedBatch | None = None
-        mode = _checked_mode(autoreset_mode)
+        mode = checked_mode(autoreset_mode)
         self.metadata = {"render_modes": ["rgb_array"], "render_fps": 10, "autoreset_mode": mode}
         self._mode, self.num_envs = mode, num_envs
         self.autoreset_mode = mode  # as gymnasium's own vector environments tell it, for TorchRL
@@ -117,7 +117,7 @@ class SwarmObserveVectorEnv(RebuiltOnCopy, VectorEnv[Any, Any, Any]):
             ScenarioError: A seed or option is not allowed.
         """
         given = checked_options(options)
-        mask = _mask(given.pop("reset_mask", None), self.num_envs)
+        mask = checked_mask(given.pop("reset_mask", None), self.num_envs)
         for e, own in enumerate(first_seeds(seed, self.num_envs)):
             if own is not None and mask[e]:
                 self._random[e] = seeding.np_random(own)[0]
@@ -126,7 +126,7 @@ class SwarmObserveVectorEnv(RebuiltOnCopy, VectorEnv[Any, Any, Any]):
         self.batch.reset(flights)
         self._over[mask], self._begun[mask] = False, True
         infos = self._infos(mask)
-        _put(infos, "flight_seed", flights, self.num_envs)
+        put_infos(infos, "flight_seed", flights, self.num_envs)
         return self.batch.observation, infos
 
     def _draw(self, e: int, options: dict[str, Any], wanted: Any = None) -> int:
@@ -154,7 +154,7 @@ class SwarmObserveVectorEnv(RebuiltOnCopy, VectorEnv[Any, Any, Any]):
         observations = self.batch.observation
         if self._mode is AutoresetMode.SAME_STEP and self._over.any():
             observations, infos, began = self._restart_at_once(observations, infos)
-        _put(infos, "flight_seed", began, self.num_envs)
+        put_infos(infos, "flight_seed", began, self.num_envs)
         return observations, rewards, terminated, truncated, infos
 
     def _restart(self) -> dict[int, int]:
@@ -217,9 +217,9 @@ class SwarmObserveVectorEnv(RebuiltOnCopy, VectorEnv[Any, Any, Any]):
         terms = dict(zip(TERMS, result.terms, strict=True))
         infos: Infos = {"reward_terms": terms, "_reward_terms": live}
         ended = {int(e): ENDS[result.end[e]] for e in np.flatnonzero(live & (result.end > 0))}
-        _put(infos, "end", ended, self.num_envs)
+        put_infos(infos, "end", ended, self.num_envs)
         causes = {e: self.batch.cause(e) for e, end in ended.items() if end == "diverged"}
-        _put(infos, "cause", causes, self.num_envs)
+        put_infos(infos, "cause", causes, self.num_envs)
         return infos
 
     def render(self) -> tuple[Pixels, ...] | None:
@@ -239,7 +239,7 @@ class SwarmObserveVectorEnv(RebuiltOnCopy, VectorEnv[Any, Any, Any]):
         self._batch = None
 
 
-def _put(infos: Infos, name: str, values: dict[int, Any], count: int) -> None:
+def put_infos(infos: Infos, name: str, values: dict[int, Any], count: int) -> None:
     """Add what applies to some flights only, with its mask."""
     if values:
         kind = np.int64 if isinstance(next(iter(values.values())), int) else object
@@ -249,7 +249,8 @@ def _put(infos: Infos, name: str, values: dict[int, Any], count: int) -> None:
         infos[name], infos[f"_{name}"] = array, mask
 
 
-def _checked_mode(given: Any) -> AutoresetMode:
+def checked_mode(given: Any) -> AutoresetMode:
+    """The mode of that name."""
     try:
         return AutoresetMode(given)
     except ValueError:
@@ -257,7 +258,8 @@ def _checked_mode(given: Any) -> AutoresetMode:
         raise ScenarioError(f"autoreset_mode = {given!r}: must be one of {modes}") from None
 
 
-def _mask(given: Any, count: int) -> Mask:
+def checked_mask(given: Any, count: int) -> Mask:
+    """The `reset` option `reset_mask`, all where it is None."""
     if given is None:
         return np.ones(count, np.bool_)
     try:

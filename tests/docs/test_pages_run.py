@@ -41,6 +41,7 @@ def test_the_tutorial_is_the_five_pages_in_the_navigation():
     [
         "README.md",
         "docs/index.md",
+        "docs/how-to/environment_family.md",
         "docs/how-to/environments.md",
         "docs/how-to/faults.md",
         "docs/how-to/reports.md",
