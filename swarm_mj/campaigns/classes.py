@@ -15,7 +15,7 @@ import pyarrow as pa
 from swarm_mj.campaigns.loading import Resolved, resolve
 from swarm_mj.campaigns.statistics import Estimate, mean, probability
 from swarm_mj.errors import ScenarioError
-from swarm_mj.flight.plan import load_body_shape, target_from
+from swarm_mj.scenarios.itinerary import itinerary, visit_times
 from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.typing import Array
@@ -23,22 +23,28 @@ from swarm_mj.typing import Array
 #: What is flown, and what it is called.
 VARIANTS = {
     "0": "alone: own target, own downlink",
+    "1": "as 0, formation held by thrusters",
     "2": "roles of the behaviour",
-    "2 sweep": "roles, and a sweep over the target",
     "3": "pictures and relay planned together",
     "4": "replanned in flight over the links",
 }
 #: The same with the visiting points that were planned together with the pictures.
-PLACED = {"3 placed": "as 3, places planned too", "4 placed": "as 4, places planned too"}
+PLACED = {
+    "0 placed": "as 0, at the places planned for 3 and 4",
+    "3 placed": "as 3, places planned too",
+    "4 placed": "as 4, places planned too",
+}
 #: Largest chance with which each spacecraft is lost.
 MOST_LOST = 0.4
 #: Share of the time of flight after which an encounter is over, as far as pictures go.
 OVER = 1.4
-#: Horizon maps judge pictures in no time; the dispersions are those of an ordinary mission, see `eros-losses`.
-OVERRIDES: dict[str, Any] = {
-    "observation.observer": "horizon",
-    "dispersions": {"deployment_velocity_m_s": 0.05, "mass_percent": 1, "inertia_percent": 3, "attitude_deg": 5},
-}
+#: Those of an ordinary mission, see `eros-losses`; and those that a spacecraft from a file cannot have.
+DISPERSIONS = {"deployment_velocity_m_s": 0.05, "mass_percent": 1, "inertia_percent": 3, "attitude_deg": 5}
+OF_MASSES = ("mass_percent", "inertia_percent")
+#: The same motion in less time, where the spacecraft is the packaged one with three wheels.
+QUICK = {"physics.wheels": "gyrostat", "physics.stepper": "kernel"}
+#: From when on class 1 holds its formation at the latest, past the epoch [s]; earlier where the flight to the visit is short.
+FORMED_S, FORMED_SHARE = 60.0, 0.1
 #: What is kept of every flight.
 RECORD = (
     "coverage_percent",
@@ -46,6 +52,8 @@ RECORD = (
     "time_to_full_map_s",
     "coordination_bits",
     "deployment_delta_v_m_s.sum",
+    "thrust_delta_v_m_s.sum",
+    "formation_bits",
     "lost",
     "images",
 )
@@ -65,8 +73,8 @@ def classes_campaign(
         scenario: Packaged name, or path of a scenario.
         runs: Encounters.
         seed: Of all draws.
-        places: Visiting points planned together with the pictures, see `plan_places`; none: classes 3 and 4 are flown as
-            designed alone.
+        places: Visiting points planned together with the pictures, see `plan_places`; none: all are flown as designed
+            alone.
         settings: Values by dotted key for all classes.
 
     Raises:
@@ -84,7 +92,7 @@ def classes_campaign(
             {"name": f"class {name}", "scenario": scenario, "set": _changes(base, name, places)}
             for name in (*VARIANTS, *(PLACED if places else ()))
         ],
-        "set": {**OVERRIDES, "duration_s": _duration_s(base), "faults": [_losses(base)], **(settings or {})},
+        "set": {**_overrides(base), "duration_s": _duration_s(base), "faults": [_losses(base)], **(settings or {})},
         "parameters": {"faults.0.probability": {"distribution": "uniform", "low": 0.0, "high": MOST_LOST}},
         "record": list(RECORD),
     }
@@ -93,24 +101,43 @@ def classes_campaign(
 
 def _changes(base: Scenario, name: str, places: Sequence[int]) -> dict[str, Any]:
     changes: dict[str, Any] = {"swarm": {"class": int(name[0])}}
-    if name == "2 sweep":
-        region = target_from(base, load_body_shape(base.body))
-        radius = float(np.linalg.norm(region.centroid_A, axis=1).mean())
-        changes["behavior.name"] = "target_sweep"
-        changes["behavior.parameters"] = {"surface_radius_m": radius, "election": "medoid"}
+    if name == "1":
+        changes["swarm"]["formation"] = {"reference": "mean", "start_s": _formed_s(base)}
+        thrusters = base.spacecraft.thrusters
+        if thrusters is None or thrusters.layout == "four_z":
+            changes["spacecraft.thrusters"] = {}
     if name in PLACED:
         changes["design.visiting_points"] = list(places)
     return changes
 
 
+def _overrides(base: Scenario) -> dict[str, Any]:
+    """What all classes have in common; horizon maps judge pictures in no time."""
+    own = base.spacecraft.mjcf is not None
+    dispersions = {key: value for key, value in DISPERSIONS.items() if not (own and key in OF_MASSES)}
+    quick = QUICK if not own and base.spacecraft.wheel_layout == "orthogonal" else {}
+    return {"observation.observer": "horizon", "dispersions": dispersions, **quick}
+
+
+def _formed_s(base: Scenario) -> float:
+    """When the formation begins: soon, but not before all have left the mothership."""
+    releases = [base.design.release_s, *(stop.release_s for stop in itinerary(base))]
+    return max(min(FORMED_S, FORMED_SHARE * base.design.time_of_flight_s), *releases)
+
+
+def _visit_s(base: Scenario) -> float:
+    """The last visit."""
+    return float(visit_times(base).max())
+
+
 def _duration_s(base: Scenario) -> float:
     """Until pictures are over; the way of the data goes on after the flight."""
     step = base.observation.interval_s
-    return min(base.duration_s, float(np.ceil(OVER * base.design.time_of_flight_s / step)) * step)
+    return min(base.duration_s, float(np.ceil(OVER * _visit_s(base) / step)) * step)
 
 
 def _losses(base: Scenario) -> dict[str, Any]:
-    between = [0.0, base.design.time_of_flight_s]
+    between = [0.0, _visit_s(base)]
     return {"kind": "spacecraft_lost", "spacecraft": "all", "probability": 0.0, "between_s": between}
 
 
@@ -122,8 +149,9 @@ class ClassResult(NamedTuple):
         seen: Seen area of all encounters [%].
         delivered: Delivered area [%].
         whole: Chance that the whole target is seen.
-        delta_v_m_s: Of the whole swarm, mean.
-        message_bit: Of coordination, mean.
+        delta_v_m_s: Of the deployment of the whole swarm, mean.
+        thrust_m_s: Of the whole swarm's thrusters in flight, mean; NaN without any.
+        message_bit: Of coordination and formation, mean.
         map_h: Time until all that was seen is on Earth, mean of those flights where it is [h]; NaN where it never is.
         by_lost: Delivered area by number of lost spacecraft [%].
     """
@@ -133,6 +161,7 @@ class ClassResult(NamedTuple):
     delivered: Estimate
     whole: Estimate
     delta_v_m_s: float
+    thrust_m_s: float
     message_bit: float
     map_h: float
     by_lost: dict[int, Estimate]
@@ -148,7 +177,8 @@ def class_results(results: pa.Table) -> list[ClassResult]:
     for name in dict.fromkeys(row["scenario"] for row in rows):
         own = [row for row in rows if row["scenario"] == name and row["status"] == "ok"]
         if not own:
-            raise ScenarioError(f"{name}: no flight succeeded; replay one with `swarm-mj campaign --replay`")
+            first = next(row["error"] for row in rows if row["scenario"] == name)
+            raise ScenarioError(f"{name}: no flight succeeded; the first ended with: {first}")
         found.append(_result(name.removeprefix("class "), own))
     return found
 
@@ -165,10 +195,16 @@ def _result(name: str, rows: list[dict[str, Any]]) -> ClassResult:
         delivered=mean(delivered, rng),
         whole=probability(sum(row["covered"] for row in rows), len(rows)),
         delta_v_m_s=float(np.nanmean(values("deployment_delta_v_m_s_sum"))),
-        message_bit=float(np.nan_to_num(values("coordination_bits")).mean()),
-        map_h=float(np.nanmean(map_s)) / 3600.0 if np.isfinite(map_s).any() else float("nan"),
+        thrust_m_s=_mean(values("thrust_delta_v_m_s_sum")),
+        message_bit=float(np.nan_to_num(values("coordination_bits")).mean() + values("formation_bits").mean()),
+        map_h=_mean(map_s) / 3600.0,
         by_lost={int(k): mean(delivered[lost == k], rng) for k in np.unique(lost)},
     )
+
+
+def _mean(values: Array) -> float:
+    """Of what is known; NaN where nothing is."""
+    return float(np.nanmean(values)) if np.isfinite(values).any() else float("nan")
 
 
 class Recovery(NamedTuple):

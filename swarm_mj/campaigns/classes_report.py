@@ -24,17 +24,17 @@ TABLE, FIGURE, BY_LOST = "classes.md", "classes_chance.png", "classes_lost.png"
 def table_of_classes(found: Sequence[ClassResult]) -> str:
     """The table in Markdown: one row a class."""
     lines = [
-        "| class | what | seen [%] | delivered [%] | whole target seen | Delta-v of the swarm [m/s] | messages [Mbit] | "
-        "map on Earth [h] |",
-        "|---|---|---|---|---|---|---|---|",
+        "| class | what | seen [%] | delivered [%] | whole target seen | deployment Delta-v [m/s] | propellant Delta-v [m/s] | "
+        "messages [Mbit] | map on Earth [h] |",
+        "|---|---|---|---|---|---|---|---|---|",
     ]
     for one in found:
         what = {**VARIANTS, **PLACED}.get(one.name, "")
         whole = f"{100.0 * one.whole.value:.0f} % ({100.0 * one.whole.low:.0f} to {100.0 * one.whole.high:.0f})"
-        map_h = f"{one.map_h:.2f}" if np.isfinite(one.map_h) else "-"
+        map_h, thrust = (f"{value:.2f}" if np.isfinite(value) else "-" for value in (one.map_h, one.thrust_m_s))
         lines.append(
             f"| {one.name} | {what} | {_interval(one.seen)} | {_interval(one.delivered)} | {whole} | {one.delta_v_m_s:.1f} | "
-            f"{one.message_bit / 1e6:.1f} | {map_h} |"
+            f"{thrust} | {one.message_bit / 1e6:.1f} | {map_h} |"
         )
     return "\n".join(lines) + "\n"
 

@@ -20,7 +20,7 @@ from swarm_mj.campaigns.sampling import Sample, Trial
 from swarm_mj.errors import OutputError
 from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.observe import ObservationResult, observe_flight
-from swarm_mj.flight.plan import Plan, make_plan
+from swarm_mj.flight.plan import Plan, check_faults_of, make_plan
 from swarm_mj.results.run_files import write_telemetry
 from swarm_mj.scenarios.schema import Scenario
 
@@ -31,6 +31,7 @@ AFTER_PLANNING = (
     "name",
     "description",
     "seed",
+    "faults",
     "physics",
     "observation",
     "designer",
@@ -93,7 +94,11 @@ class Flyer:
     def _plan(self, name: str, scenario: Scenario) -> Plan:
         key = _planning_key(scenario)
         kept = self._plans.get(name)
-        plan = kept[1] if kept is not None and kept[0] == key else make_plan(scenario)
+        if kept is None or kept[0] != key:
+            plan = make_plan(scenario)
+        else:
+            plan = kept[1]
+            check_faults_of(plan, scenario)  # the only thing in `make_plan` that reads them
         self._plans[name] = (key, plan)
         return replace(plan, scenario=scenario)
 

@@ -4,7 +4,8 @@ A name is a key of the summary (see `swarm_mj.results.summary`); where the key h
 `.mean` or `.sum` reduces them, and a spacecraft's name takes its own. A list counts. Besides the summary there are
 
 - `pointing_error_deg_visit`: by observer, at the instant of the visit;
-- `pointing_error_deg_p95`: 95th percentile over the flight and all spacecraft, slews included.
+- `pointing_error_deg_p95`: 95th percentile over the flight and all spacecraft, slews included;
+- `formation_bits` and `formation_airtime_s`: what holding a formation took of messages; 0 without.
 
 Of flights without thrusters what these used and gave is empty.
 
@@ -56,6 +57,8 @@ DELIVERED = {
 
 #: Keys of the summary of a swarm that coordinates nothing by messages.
 SILENT = {"coordination_bits": 0, "coordination_airtime_s": 0.0}
+#: Of a formation's messages: here, and in the summary's part on the formation.
+FORMATION = {"formation_bits": "messages_bit", "formation_airtime_s": "messages_airtime_s"}
 
 
 def recorded(campaign: Campaign) -> dict[str, str]:
@@ -86,7 +89,9 @@ def outcome(plan: Plan, telemetry: xr.Dataset, result: ObservationResult, record
     summary = summarise(plan, telemetry, result, {})
     of_the_living = {key: working(summary, key) for key in LOST_WITH_THEIR_SPACECRAFT}
     of_none: dict[str, Any] = {**dict.fromkeys(DELIVERED), **SILENT, **{key: {} for key in PROPULSION}}
-    values = {**of_none, **summary, **of_the_living, **_pointed(plan, telemetry)}
+    formation = summary.get("formation") or {}
+    told = {key: formation.get(name, 0) for key, name in FORMATION.items()}
+    values = {**of_none, **told, **summary, **of_the_living, **_pointed(plan, telemetry)}
     return {
         "covered": bool(100.0 - result.coverage.percent <= plan.scenario.designer.tolerance_percent),
         "spacecraft": plan.n,

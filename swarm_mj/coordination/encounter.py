@@ -7,6 +7,7 @@ to pictures more than a kilometre wide.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.camera import CameraModel, look_at
 from swarm_mj.observation.capture import ObservationCriterion, keeps_limits, observe, sight
 from swarm_mj.observation.observer import Observer
+from swarm_mj.observation.smear import CameraMotion
 from swarm_mj.typing import Array, Ints, Mask
 
 #: Aims across a picture's width: with fewer, edges stay unseen; with more, plans take longer and see little more.
@@ -53,6 +55,22 @@ class Encounter:
         return int(np.searchsorted(self.slot_s, t + 1e-6))
 
 
+class Track(NamedTuple):
+    """Where everything will be at k instants, if nothing disturbs the plan.
+
+    Attributes:
+        r_A: Places of the observers in A, shape (k, a, 3) [m].
+        v_A: Their velocities relative to A, in A, shape (k, a, 3) [m/s].
+        free: Whether each has left the mothership: before, it takes no pictures, shape (k, a).
+        sun_A: Direction to the Sun in A, shape (k, 3).
+    """
+
+    r_A: Array
+    v_A: Array
+    free: Mask
+    sun_A: Array
+
+
 def aim_points(region: TargetRegion, camera: CameraModel, distance: float) -> Array:
     """Points on the target to aim at, in a grid over its pyramid, shape (m, 3) [m].
 
@@ -72,35 +90,50 @@ def aim_points(region: TargetRegion, camera: CameraModel, distance: float) -> Ar
     return aims
 
 
-def shown_cells(observer: Observer, criterion: ObservationCriterion, aims_A: Array, r_A: Array, sun_A: Array) -> Mask:
-    """Cells that pictures from planned places show, shape (a, m, k, cells); kept on disk.
+def shown_cells(observer: Observer, criterion: ObservationCriterion, aims_A: Array, track: Track) -> Mask:
+    """Cells that count in pictures from planned places, shape (a, m, k, cells); kept on disk.
 
     Args:
         observer: With a camera that shows the same however it is rolled.
         criterion: When a cell counts.
-        aims_A: Shape (m, 3) [m].
-        r_A: Planned places, shape (k, a, 3) [m].
-        sun_A: Directions to the Sun, shape (k, 3).
+        aims_A: Each picture's camera keeps one in its middle, shape (m, 3) [m].
+        track: Where everything will be.
     """
     region, camera = observer.region, observer.camera
-    text = f"2 {camera} {criterion} {observer.name} {observer.occlusion}"
+    text = f"3 {camera} {criterion} {observer.name} {observer.occlusion}"
     # Rounded to a millimetre, so that the last bits of another machine's paths find the same table.
-    where = np.round(np.concatenate([r_A.ravel(), aims_A.ravel(), *(sun_A if criterion.needs_sun else ())]), 3)
-    file = cache_folder() / "encounters" / f"{hash_of(text, where, region.vertices, region.faces, region.target)}.npy"
-    shape = (r_A.shape[1], len(aims_A), len(r_A), region.n_cells)
+    needed = [track.r_A, aims_A, *([track.sun_A] if criterion.needs_sun else [])]
+    needed += [track.v_A] if criterion.needs_motion else []
+    where = np.round(np.concatenate([array.ravel() for array in needed]), 3)
+    key = hash_of(text, where, track.free, region.vertices, region.faces, region.target)
+    file = cache_folder() / "encounters" / f"{key}.npy"
+    shape = (track.r_A.shape[1], len(aims_A), len(track.r_A), region.n_cells)
     width = -(-region.n_cells // 8)
     kept = load_array(file, (*shape[:3], width))
     if kept is not None:
         return np.unpackbits(kept.astype(np.uint8), axis=3, count=region.n_cells).astype(np.bool_)
     shows, limits = np.zeros(shape, np.bool_), criterion.limits(camera)
-    for k, a in np.ndindex(r_A.shape[:2]):
-        if not keeps_limits(limits, *sight(region, r_A[k, a])).any():
+    for k, a in np.argwhere(track.free):
+        r_A = track.r_A[k, a]
+        if not keeps_limits(limits, *sight(region, r_A)).any():
             continue
         for m, aim in enumerate(aims_A):
-            pose = look_at(r_A[k, a], aim)
-            shows[a, m, k] = observe(observer, pose.r_A, pose.C_CA, criterion, sun_A[k])
+            C_CA = look_at(r_A, aim).C_CA
+            motion = following(aim - r_A, track.v_A[k, a], C_CA)
+            shows[a, m, k] = observe(observer, r_A, C_CA, criterion, track.sun_A[k], motion)
     store_array(file, np.packbits(shows, axis=3).astype(np.float32), folder_bytes=MAX_CACHE_BYTES)
     return shows
+
+
+def following(to_aim_A: Array, v_A: Array, C_CA: Array) -> CameraMotion:
+    """The motion of a camera that keeps an aim in the middle of its picture and does not turn about the line of sight.
+
+    Args:
+        to_aim_A: From the camera to the aim, which is fixed in A, shape (3,) [m].
+        v_A: Velocity of the camera relative to A, shape (3,) [m/s].
+        C_CA: Rotation from A to the camera frame, shape (3, 3).
+    """
+    return CameraMotion(v_A, C_CA @ np.cross(to_aim_A, -v_A) / (to_aim_A @ to_aim_A))
 
 
 def turning_angles(aims_A: Array, r_A: Array, useful: Mask) -> Array:

@@ -4,21 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
+from swarm_mj.coordination.encounter import Encounter
 from swarm_mj.coordination.graph import Graph, graph_at
 from swarm_mj.coordination.replanning import planned_alone, planned_together
+from swarm_mj.coordination.roles import Pictures
 from swarm_mj.coordination.swarm_flight import Mission, SwarmFlight, parts_of
 from swarm_mj.dataflow.contacts import Instant, radios_from
 from swarm_mj.dataflow.network import Access
 from swarm_mj.errors import MissionError
-from swarm_mj.flight.encounter_table import encounter_of, kept_plan, planned_places
+from swarm_mj.flight.encounter_table import encounter_of, kept_plan, track_of
 from swarm_mj.flight.observe import criterion_from, observer_from
 from swarm_mj.mission.behaviors import Behavior, SelectiveBehavior, SwarmView, Targets
 from swarm_mj.mission.links import Antennas
 from swarm_mj.observation.capture import camera_poses, observe
+from swarm_mj.observation.smear import Motion
 from swarm_mj.scenarios.schema_swarm import Swarm
 from swarm_mj.smallbody.occultation import occluder_of
 from swarm_mj.spacecraft.attitude.mrp import dcm, mrp_from_quaternion
@@ -88,20 +92,23 @@ def mission_of(plan: Any, swarm: Swarm) -> Mission:
     """What the swarm of a `swarm_mj.flight.plan.Plan` is given before its release."""
     scenario, parts = plan.scenario, parts_chosen(swarm)
     encounter = encounter_of(plan)
+    pictures: tuple[Pictures, ...] = ((),) * plan.n_observers
     if parts["sensing"] == "own":
-        pictures = planned_alone(encounter).pictures
+        pictures = _alone(encounter)
     elif parts["sensing"] == "plan" or parts["relay"] == "plan":
-        pictures = kept_plan(encounter, swarm.plan_time_limit_s, planned_together)
-    else:
-        pictures = tuple(() for _ in range(plan.n_observers))
+        pictures = _together(encounter, swarm.plan_time_limit_s)
     observer, criterion = observer_from(scenario, plan.region), criterion_from(scenario)
 
     def look(view: SwarmView, j: int) -> Mask:
         assert view.q_BN is not None
         C_BN = dcm(mrp_from_quaternion(view.q_BN[j : j + 1]))
         r_A, C_CA = camera_poses(view.r_BN_N[j : j + 1], C_BN, view.C_AN)
+        motion = None
+        if view.omega_BN_B is not None:
+            moving = Motion(view.v_BN_N, view.omega_BN_B, plan.environment.spin_N)
+            motion = moving.of(j, view.r_BN_N[j], C_BN[0], view.C_AN)
         sun_A = view.C_AN @ plan.environment.sun.at(view.t)
-        return observe(observer, r_A[0], C_CA[0], criterion, sun_A)
+        return observe(observer, r_A[0], C_CA[0], criterion, sun_A, motion)
 
     return Mission(
         encounter=encounter,
@@ -117,12 +124,22 @@ def mission_of(plan: Any, swarm: Swarm) -> Mission:
     )
 
 
+@lru_cache(maxsize=16)  # of the last tables, see `encounter_of`
+def _alone(encounter: Encounter) -> tuple[Pictures, ...]:
+    return planned_alone(encounter).pictures
+
+
+@lru_cache(maxsize=16)
+def _together(encounter: Encounter, time_limit_s: float) -> tuple[Pictures, ...]:
+    return kept_plan(encounter, time_limit_s, planned_together)
+
+
 def succession_of(plan: Any, pictures: tuple[tuple[tuple[int, int], ...], ...], end_s: float) -> Ints:
     """Places in the order in which spacecraft relay, shape (n,): who has done with its pictures first, then the most central.
 
     A spacecraft that only communicates comes first.
     """
-    r_A = planned_places(plan, np.array([0.0, end_s]))[1]
+    r_A = track_of(plan, np.array([end_s])).r_A[0]
     spread = np.linalg.norm(r_A[:, None] - r_A[None], axis=2).sum(axis=1)
     last = np.array([taken[-1][0] if taken else -1 for taken in pictures], np.int64)
     extra = plan.n - len(r_A)

@@ -16,6 +16,8 @@ from swarm_mj.typing import Array
 
 #: Variables of the telemetry.
 BITS, AIRTIME = "coordination_bits", "coordination_airtime"
+#: Of the messages by which a formation is held.
+FORMATION_AIRTIME = "formation_airtime"
 
 
 def record_coordination(telemetry: xr.Dataset, behavior: Any) -> None:
@@ -52,16 +54,17 @@ def coordination_summary(telemetry: xr.Dataset) -> dict[str, Any]:
 
 
 def less_coordination(contacts: Contacts, telemetry: xr.Dataset, access: Access) -> Contacts:
-    """What the crosslinks can carry besides the messages of coordination: in each slot, by the time that these took.
+    """What the crosslinks can carry besides the swarm's own messages: in each slot, by the time that these took.
 
     Args:
         contacts: Without messages.
         telemetry: Of the flight.
         access: How the channel is shared: of all, or of each sender.
     """
-    if AIRTIME not in telemetry:
+    told = [telemetry[name].values for name in (AIRTIME, FORMATION_AIRTIME) if name in telemetry]
+    if not told:
         return contacts
-    time, airtime = telemetry["time"].values, telemetry[AIRTIME].values
+    time, airtime = telemetry["time"].values, np.sum(told, axis=0)
     spent: Array = np.array([np.interp(contacts.edges_s, time, airtime[:, j]) for j in range(airtime.shape[1])])
     share = np.diff(spent, axis=1).T / np.diff(contacts.edges_s)[:, None]
     if access is Access.ONE_AT_A_TIME:

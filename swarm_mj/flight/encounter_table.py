@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from math import radians
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from swarm_mj.coordination.allocation.problem import Allocation
-from swarm_mj.coordination.encounter import Encounter, aim_points, shown_cells, turning_angles
+from swarm_mj.coordination.encounter import Encounter, Track, aim_points, shown_cells, turning_angles
 from swarm_mj.coordination.roles import Pictures
 from swarm_mj.coordination.slewing import settling_times, slots_between
 from swarm_mj.flight.observe import camera_from, criterion_from, schedule_from
@@ -25,26 +25,51 @@ TOLERANCE = 0.4
 PLAN_VERSION = 1
 
 
+class _Made(NamedTuple):
+    """A table and what it was made from."""
+
+    parts: tuple[Any, ...]
+    settings: str
+    encounter: Encounter
+
+
+#: Tables of the last plans, newest last: a campaign flies the same plan again and again.
+_MADE: list[_Made] = []
+MOST_MADE = 16
+
+
 def encounter_of(plan: Any) -> Encounter:
-    """What the observers of a `swarm_mj.flight.plan.Plan` can show when.
+    """What the observers of a `swarm_mj.flight.plan.Plan` can show when; made once for a plan that is flown again.
 
     Only the slots are kept in which anybody shows anything; others would be empty.
     """
+    scenario = plan.scenario
+    parts = (plan.deployment, plan.region, plan.environment, plan.controller, plan.properties)
+    sections = (scenario.camera, scenario.observation, scenario.control, scenario.design)
+    settings = f"{scenario.duration_s} {[section.model_dump_json() for section in sections]}"
+    for made in _MADE:
+        if made.settings == settings and all(a is b for a, b in zip(made.parts, parts, strict=True)):
+            return made.encounter
+    encounter = _made(plan)
+    _MADE[:] = [*_MADE[1 - MOST_MADE :], _Made(parts, settings, encounter)]
+    return encounter
+
+
+def _made(plan: Any) -> Encounter:
     scenario = plan.scenario
     camera = replace(camera_from(scenario), shape="cone")
     period = scenario.control.period_s
     schedule = schedule_from(scenario, period)
     slot_s = period * schedule.ticks(round(scenario.duration_s / period)).astype(np.float64)
-    r_A = planned_places(plan, slot_s)
+    track = track_of(plan, slot_s)
     aims_A = aim_points(plan.region, camera, scenario.design.imaging_altitude_m)
     observer = make_observer(plan.region, camera, kind="horizon", occlusion=scenario.observation.occlusion)
-    sun_A = np.array([plan.environment.C_AN(t) @ plan.environment.sun.at(t) for t in slot_s])
     try:
-        shows = shown_cells(observer, criterion_from(scenario), aims_A, r_A, sun_A)
+        shows = shown_cells(observer, criterion_from(scenario), aims_A, track)
     finally:
         observer.close()
     table = settling_times(plan.controller, plan.properties, period, TOLERANCE * radians(camera.half_angle_deg))
-    angle = turning_angles(aims_A, r_A, np.asarray(shows.any(axis=(1, 3))))
+    angle = turning_angles(aims_A, track.r_A, np.asarray(shows.any(axis=(1, 3))))
     some = np.flatnonzero(shows.any(axis=(0, 1, 3)))
     kept = np.arange(some[0], some[-1] + 1) if len(some) else np.arange(len(slot_s))
     return Encounter(
@@ -56,14 +81,25 @@ def encounter_of(plan: Any) -> Encounter:
     )
 
 
-def planned_places(plan: Any, times: Array) -> Array:
-    """Where the observers are planned to be in A, shape (k, a, 3) [m]."""
-    deployment, grid = plan.deployment, np.concatenate([[0.0], times[times > 0.0]])
-    r_N = planned_paths(plan.environment.acceleration_N, deployment, grid)[0][:, : plan.n_observers]
-    r_N = r_N if times[0] == 0.0 else r_N[1:]
-    C_AN = np.array([plan.environment.C_AN(t) for t in times])
-    places: Array = np.einsum("kab,knb->kna", C_AN, r_N)
-    return places
+def track_of(plan: Any, times: Array) -> Track:
+    """Where a plan's observers will be, releases and burns included.
+
+    Args:
+        plan: Of `swarm_mj.flight.plan`.
+        times: Past the epoch, rising, shape (k,) [s].
+    """
+    environment, deployment, a = plan.environment, plan.deployment, plan.n_observers
+    grid = np.concatenate([[0.0], times[times > 0.0]])
+    states = planned_paths(environment.acceleration_N, deployment, grid)
+    r_N, v_N = (state[len(grid) - len(times) :, :a] for state in states)
+    C_AN = np.array([environment.C_AN(t) for t in times])
+    v_N = v_N - np.cross(environment.spin_N, r_N)
+    return Track(
+        r_A=np.einsum("kij,knj->kni", C_AN, r_N),
+        v_A=np.einsum("kij,knj->kni", C_AN, v_N),
+        free=times[:, None] >= deployment.release_s[:a],
+        sun_A=np.array([C @ environment.sun.at(t) for C, t in zip(C_AN, times, strict=True)]),
+    )
 
 
 def kept_plan(

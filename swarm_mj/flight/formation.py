@@ -15,6 +15,7 @@ from swarm_mj.coordination.graph import Graph
 from swarm_mj.dataflow.network import Access
 from swarm_mj.errors import ScenarioError
 from swarm_mj.flight.coordinated import links_of
+from swarm_mj.flight.coordination_record import FORMATION_AIRTIME
 from swarm_mj.flight.plan import Plan
 from swarm_mj.mission.behaviors import SwarmView
 from swarm_mj.mission.covariance import visit_axes
@@ -174,6 +175,12 @@ def record_formation(telemetry: xr.Dataset, plan: Plan, simulation: Simulation) 
             bits = np.array([np.zeros(plan.n, np.int64), *law.log.bits])[at]
             words = {"units": "bit", "frame": "none", "long_name": "messages of place and velocity sent so far"}
             telemetry[BITS] = (place, bits, words)
+            airtime = np.array([np.zeros(plan.n), *law.log.airtime_s])[at]
+            telemetry[FORMATION_AIRTIME] = (
+                place,
+                airtime,
+                {**words, "units": "s", "long_name": "time spent sending them"},
+            )
     telemetry.attrs[TOLD] = json.dumps(told)
 
 

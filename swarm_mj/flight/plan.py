@@ -150,7 +150,6 @@ def make_plan(
     check_burns(deployment, push)
     check_deployer(scenario.mothership.deployer, deployment, candidates)
     check_relays(scenario.data.relays, len(deployment.v0_N))
-    check_faults(scenario.faults, n=len(deployment.v0_N), n_wheels=properties.n_wheels, duration_s=scenario.duration_s)
     near_collisions, least_radius = _check_flight(scenario, shape, environment, deployment, candidates)
     encounter_findings: tuple[str, ...] = ()
     if check_separation:
@@ -163,7 +162,7 @@ def make_plan(
             deployment=deployment,
             least_radius=least_radius[: len(points_A)],
         )
-    return Plan(
+    plan = Plan(
         scenario=scenario,
         shape=shape,
         environment=environment,
@@ -178,6 +177,17 @@ def make_plan(
         least_radius=least_radius,
         encounter_findings=encounter_findings,
     )
+    check_faults_of(plan, scenario)
+    return plan
+
+
+def check_faults_of(plan: Plan, scenario: Scenario) -> None:
+    """See that a scenario's faults can happen to the spacecraft of a plan.
+
+    Raises:
+        ScenarioError: One cannot.
+    """
+    check_faults(scenario.faults, n=plan.n, n_wheels=plan.properties.n_wheels, duration_s=scenario.duration_s)
 
 
 def check_plugins(scenario: Scenario) -> None:

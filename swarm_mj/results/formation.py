@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from swarm_mj.flight.coordination_record import FORMATION_AIRTIME
 from swarm_mj.flight.formation import BITS, ERROR, TOLD
 from swarm_mj.typing import Mask
 
@@ -44,6 +45,7 @@ def formation_summary(telemetry: xr.Dataset) -> dict[str, Any]:
     }
     if BITS in telemetry:
         found["messages_bit"] = int(telemetry[BITS].values[-1].sum())
+        found["messages_airtime_s"] = float(telemetry[FORMATION_AIRTIME].values[-1].sum())
     return {"formation": found}
 
 

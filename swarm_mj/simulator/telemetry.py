@@ -72,6 +72,9 @@ VARIABLES = {
     },
     "coordination_bits": Declared("i8", _PLACE, 0, FARTHEST, optional=True),
     "coordination_airtime": Declared("f8", _PLACE, 0.0, FARTHEST, optional=True),
+    "formation_error": Declared("f8", _PLACE, 0.0, FARTHEST, optional=True),
+    "formation_bits": Declared("i8", _PLACE, 0, FARTHEST, optional=True),
+    "formation_airtime": Declared("f8", _PLACE, 0.0, FARTHEST, optional=True),
     "released": Declared("i1", _PLACE, 0, 1, optional=True),
 }
 #: Attributes of the file that its readers need.

@@ -4,13 +4,14 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from swarm_mj.campaigns.classes import class_results, classes_campaign, recovery
+from swarm_mj.campaigns.classes import _formed_s, _overrides, class_results, classes_campaign, recovery
 from swarm_mj.campaigns.classes_report import table_by_lost, table_of_classes
 from swarm_mj.campaigns.flying import Flyer
 from swarm_mj.campaigns.loading import resolve
 from swarm_mj.campaigns.sampling import Sample
 from swarm_mj.designer.places import chosen_places
 from swarm_mj.errors import ScenarioError
+from swarm_mj.scenarios.loading import load_scenario
 
 
 def test_every_class_flies_the_same_encounters_with_the_same_losses():
@@ -23,9 +24,41 @@ def test_every_class_flies_the_same_encounters_with_the_same_losses():
         assert len({trial.values["faults.0.probability"] for trial in same}) == 1
     assert len({trial.seed for trial in trials}) == 4
     scenarios = {trial.scenario: flyer.scenario(trial) for trial in trials}
-    assert [scenarios[f"class {k}"].swarm.level for k in (0, 2, 3, 4)] == [0, 2, 3, 4]
-    assert scenarios["class 4 placed"].design.visiting_points == (6, 13, 18, 33, 45)
-    assert scenarios["class 2 sweep"].behavior.name == "target_sweep"
+    assert [scenarios[f"class {k}"].swarm.level for k in range(5)] == [0, 1, 2, 3, 4]
+    for level in (0, 3, 4):
+        assert scenarios[f"class {level} placed"].design.visiting_points == (6, 13, 18, 33, 45)
+    holding = [name for name, scenario in scenarios.items() if scenario.swarm.formation is not None]
+    assert holding == ["class 1"] and scenarios["class 1"].spacecraft.thrusters is not None
+    assert {scenario.physics.stepper for scenario in scenarios.values()} == {"kernel"}
+
+
+def test_a_formation_begins_when_all_have_left_and_before_a_short_flight_is_over():
+    late = {"design.release_s": 100, "design.observers": [{}, {"release_s": 130}, {}, {}, {}]}
+    changed = load_scenario("eros-observe", [f"{key}={value}" for key, value in late.items()])
+    short = load_scenario("eros-observe", ["design.time_of_flight_s=150"])
+    for base, start in (
+        (load_scenario("eros-observe"), 60.0),
+        (load_scenario("fast-flyby"), 60.0),
+        (changed, 130.0),
+        (short, 15.0),
+    ):
+        assert _formed_s(base) == start
+
+
+def test_a_spacecraft_that_the_quick_stepper_cannot_fly_is_flown_by_another():
+    plain, four = (load_scenario("eros-observe", more) for more in ([], ["spacecraft.wheel_layout=pyramid"]))
+    assert "physics.stepper" in _overrides(plain) and "physics.stepper" not in _overrides(four)
+
+
+def test_class_1_flies_uses_propellant_and_talks_and_class_0_does_not():
+    lost = {"kind": "spacecraft_lost", "spacecraft": "sc5", "probability": 0.0, "between_s": [0, 50]}
+    settings = {"duration_s": 70, "design.time_of_flight_s": 60, "target.cell_size_m": 900, "faults": [lost]}
+    flyer = Flyer(classes_campaign("eros-observe", runs=1, settings=settings))
+    rows = {flyer.sample.trial(row).scenario: flyer.fly(row) for row in range(2)}
+    one, none = rows["class 1"], rows["class 0"]
+    assert one["status"] == none["status"] == "ok", (one["error"], none["error"])
+    assert one["thrust_delta_v_m_s_sum"] > 0.0 and one["formation_bits"] > 0
+    assert none["thrust_delta_v_m_s_sum"] is None and none["formation_bits"] == 0
 
 
 def test_without_pairs_no_two_flights_have_one_seed_and_saltelli_cannot_pair():
@@ -55,6 +88,8 @@ def rows():
                     "time_to_full_map_s": 7200.0 if lost == 0 else None,
                     "coordination_bits": 2e6 if name == "class 4" else 0.0,
                     "deployment_delta_v_m_s_sum": 35.0,
+                    "thrust_delta_v_m_s_sum": None if name == "class 3" else 2.0 * run,
+                    "formation_bits": 1e6,
                 }
             )
     return pa.Table.from_pylist(found)
@@ -74,16 +109,20 @@ def test_results_are_the_means_of_the_rows():
     three, four = class_results(rows())
     assert (three.name, four.name) == ("3", "4")
     assert three.seen.value == 55.0 and three.delivered.value == 54.0
-    assert four.whole.value == 0.25 and four.map_h == 2.0 and four.message_bit == 2e6
+    assert four.whole.value == 0.25 and four.map_h == 2.0 and four.message_bit == 3e6
+    assert four.thrust_m_s == 3.0 and np.isnan(three.thrust_m_s)
     assert {k: v.value for k, v in four.by_lost.items()} == {0: 89.0, 1: 71.5, 2: 59.0}
     assert "| 4 | replanned in flight over the links | 73.8" in table_of_classes([three, four])
+    assert "| 35.0 | 3.00 | 3.0 | 2.00 |" in table_of_classes([four]) and "| 35.0 | - | 1.0 |" in table_of_classes(
+        [three]
+    )
     assert "| 3 | 79.0 | 59.0 | 19.0 |" in table_by_lost([three, four])
 
 
 def test_a_class_that_never_flew_is_told():
     failed = rows().to_pylist()[:4]
-    with pytest.raises(ScenarioError, match="no flight succeeded"):
-        class_results(pa.Table.from_pylist([{**row, "status": "failed"} for row in failed]))
+    with pytest.raises(ScenarioError, match="no flight succeeded; the first ended with: it broke"):
+        class_results(pa.Table.from_pylist([{**row, "status": "failed", "error": "it broke"} for row in failed]))
 
 
 def test_places_are_chosen_so_that_two_can_show_each_part():

@@ -37,6 +37,20 @@ def test_the_same_row_is_the_same_whether_the_plan_is_fresh_or_kept(write):
     assert rows[0]["pointing_error_deg_visit_max"] != rows[1]["pointing_error_deg_visit_max"]
 
 
+def test_a_kept_plan_serves_other_faults_and_still_refuses_those_that_cannot_happen(write, monkeypatch):
+    made, make = [], flying.make_plan
+    monkeypatch.setattr(flying, "make_plan", lambda scenario: made.append(1) or make(scenario))
+    lost = [[{"kind": "spacecraft_lost", "spacecraft": f"sc{k}", "at_s": 100}] for k in (1, 2, 99)]
+    more = f"parameters: {{faults: {{distribution: choice, values: {json.dumps(lost)}}}}}"
+    flyer = Flyer(load_campaign(write(runs=5, more=more)))
+    rows = [flyer.fly(row) for row in range(5)]
+    assert len(made) == 1
+    for row in rows:
+        impossible = "sc99" in json.dumps(flyer.sample.trial(row["row"]).values)
+        assert (row["status"] == "failed") == impossible, row["error"]
+    assert {row["status"] for row in rows} == {"ok", "failed"}
+
+
 def test_a_row_agrees_with_the_flight_of_its_own_scenario(write):
     from swarm_mj.flight.fly import simulate
     from swarm_mj.flight.observe import observe_flight

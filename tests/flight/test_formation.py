@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from swarm_mj.dataflow.contacts import Contacts
+from swarm_mj.dataflow.network import Access
 from swarm_mj.errors import ScenarioError
+from swarm_mj.flight.coordination_record import less_coordination
 from swarm_mj.flight.fly import make_simulation, simulate
 from swarm_mj.flight.formation import formation_law
 from swarm_mj.flight.plan import make_plan
@@ -126,6 +129,37 @@ def test_a_leader_is_followed_over_the_radios_and_replaced_when_it_is_lost():
     error = flown["formation_error"].values[-1, 1:]
     assert error.max() < 10.0 and flown["formation_bits"].values[-1, 0] < flown["formation_bits"].values[-1, 1]
     assert flown["thrust_N"].values[flown["time"].values > 100.0][:, 0].max() == 0.0
+
+
+def test_what_a_formation_says_takes_its_time_from_the_crosslink():
+    plan = planned(
+        "eros-observe",
+        "{reference: mean, start_s: 60, message_s: 10}",
+        "duration_s=150",
+        "design.time_of_flight_s=140",
+        level=1,
+    )
+    flown = simulate(plan)
+    told = formation_summary(flown)["formation"]
+    # So near, all is heard at the radio's highest rate, 115.2 kbit/s.
+    assert (
+        told["messages_airtime_s"] == pytest.approx(told["messages_bit"] / 115.2e3, rel=1e-6)
+        and told["messages_bit"] > 0
+    )
+    edges, n = np.linspace(0.0, 150.0, 6), plan.n
+    contacts = Contacts(
+        edges_s=edges,
+        swarm_bit=np.full((5, n, n), 10**9),
+        earth_bit=np.zeros((5, n), np.int64),
+        station=np.zeros((5, n), np.int64),
+        light_time_s=np.zeros(5),
+        why_swarm=np.zeros((5, n, n), np.int8),
+        why_earth=np.zeros((5, n), np.int8),
+        distance_m=np.zeros((5, n, n)),
+    )
+    left = less_coordination(contacts, flown, Access.ONE_AT_A_TIME)
+    spent = np.diff(np.interp(edges, flown["time"].values, flown["formation_airtime"].values.sum(axis=1)))
+    np.testing.assert_allclose(1.0 - left.swarm_bit[:, 0, 1] / 1e9, spent / 30.0, atol=1e-8)
 
 
 def test_a_reader_is_told_why_a_formation_was_not_held():

@@ -8,5 +8,4 @@
 - `auction`: `cbba(problem, links, delay=, loss=, rng=, working=)`; in flight `Auction(problem, known=, working=)` with `plan`,
   `message`, `hear`, `lose`, `agreed` and `allocation`: plan, tell the neighbours, hear them, and plan again.
 - `losses`: `reallocate(problem, allocation, slot, lost, by=greedy, keep=True)`; `after_loss(problem, slot, ...)`.
-- `geometry`: `encounter_problem(observer, criterion, patches_of(region, radius), track, agility_of(properties), ...)`.
 """

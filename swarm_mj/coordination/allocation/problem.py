@@ -120,14 +120,12 @@ class AllocationProblem:
     def pictures(self) -> Pictures:
         """All pictures that are `possible`."""
         agent, aim, slot = np.nonzero(self.possible)
-        ruled_out = np.zeros(len(agent), np.int64)
-        _count_conflicts(agent, slot, aim, self.slew, ruled_out)
+        ruled_out = _conflicts(self.possible, self.slew, agent, aim, slot)
         order = np.lexsort((aim, slot, ruled_out, agent))
         agent, aim, slot = agent[order], aim[order], slot[order]
-        shown = self.shows[agent, aim, slot] & (self.weight > 0.0)
-        first = np.concatenate([[0], shown.sum(axis=1).cumsum()])
+        first, patch = _shown(self.shows, self.weight, agent, aim, slot)
         start = np.searchsorted(agent, np.arange(self.n_agents + 1))
-        columns = (agent, slot, aim, start, first, np.nonzero(shown)[1])
+        columns = (agent, slot, aim, start, first, patch)
         return Pictures(*(np.ascontiguousarray(column, np.int64) for column in columns))
 
     def value_of(self, pictures: AgentPictures) -> float:
@@ -273,13 +271,39 @@ def in_conflict(slew: Ints, agent: int, slot: int, aim: int, other_slot: int, ot
 
 
 @kernel
-def _count_conflicts(agent: Ints, slot: Ints, aim: Ints, slew: Ints, count: Ints) -> None:
-    """Of each picture, how many others of its agent it rules out, written into `count`; agents rise."""
-    start = 0
+def _conflicts(possible: Mask, slew: Ints, agent: Ints, aim: Ints, slot: Ints) -> Ints:
+    """Of each picture, how many others of its agent it rules out (`in_conflict`), shape (x,): slots of each aim, summed up."""
+    agents, aims, slots = possible.shape
+    before = np.zeros((agents, aims, slots + 1), np.int64)
+    for a in range(agents):
+        for m in range(aims):
+            for k in range(slots):
+                before[a, m, k + 1] = before[a, m, k] + possible[a, m, k]
+    count = np.empty(len(agent), np.int64)
     for x in range(len(agent)):
-        if agent[x] != agent[start]:
-            start = x
-        for other in range(start, x):
-            if in_conflict(slew, agent[x], slot[x], aim[x], slot[other], aim[other]):
-                count[x] += 1
-                count[other] += 1
+        a, k, total = agent[x], slot[x], -1  # itself
+        for m in range(aims):
+            low = max(k - slew[a, m, aim[x]] + 1, 0)
+            high = min(k + slew[a, aim[x], m], slots)
+            total += before[a, m, high] - before[a, m, low]
+        count[x] = total
+    return count
+
+
+@kernel
+def _shown(shows: Mask, weight: Array, agent: Ints, aim: Ints, slot: Ints) -> tuple[Ints, Ints]:
+    """Where the patches of each picture start, shape (x + 1,), and all of them that have a weight, rising in each picture."""
+    first = np.zeros(len(agent) + 1, np.int64)
+    for x in range(len(agent)):
+        of = shows[agent[x], aim[x], slot[x]]
+        first[x + 1] = first[x]
+        for q in range(len(weight)):
+            first[x + 1] += of[q] and weight[q] > 0.0
+    patch, n = np.empty(first[-1], np.int64), 0
+    for x in range(len(agent)):
+        of = shows[agent[x], aim[x], slot[x]]
+        for q in range(len(weight)):
+            if of[q] and weight[q] > 0.0:
+                patch[n] = q
+                n += 1
+    return first, patch

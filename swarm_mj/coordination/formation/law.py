@@ -61,12 +61,14 @@ class Log:
         braked: How many periods each was braked for the sake of separation, shape (n,).
         time_s: Of messages [s].
         bits: Sent by each up to then [bit].
+        airtime_s: For how long each has sent up to then [s].
     """
 
     braked: Ints
     leaders: list[tuple[float, int, int]] = field(default_factory=list)
     time_s: list[float] = field(default_factory=list)
     bits: list[Ints] = field(default_factory=list)
+    airtime_s: list[Array] = field(default_factory=list)
 
 
 class State:
@@ -146,6 +148,7 @@ class FormationLaw:
         if hearing.bus.sent > sent:
             state.log.time_s.append(view.t)
             state.log.bits.append(hearing.bus.bits.copy())
+            state.log.airtime_s.append(hearing.bus.airtime_s.copy())
         leaders = hearing.leaders(view.t)
         if self.reference == "leader":
             for i in np.flatnonzero((leaders != state.leader) & view.working).tolist():

@@ -26,7 +26,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from swarm_mj.typing import Array, Ints, Mask
+from swarm_mj.typing import Array, Ints, Mask, kernel
 
 #: Instants at which a stop is checked.
 SAMPLES = 48
@@ -68,6 +68,7 @@ class Moves(NamedTuple):
         return np.asarray(np.ceil(steps - 1e-12) * self.period)
 
 
+@kernel
 def way(moves: Moves, who: Ints, t: Array) -> Array:
     """Where they are after so long while they stop as they fly it; those that cannot coast on.
 
@@ -79,16 +80,20 @@ def way(moves: Moves, who: Ints, t: Array) -> Array:
     Returns:
         Places, shape (k, m, 3) [m].
     """
-    T, braking = moves.period, moves.braking[who, None]
-    speed = np.linalg.norm(moves.v[who], axis=1)[:, None]
-    able = braking > 0.0
-    full = np.where(able, np.floor(speed / np.where(able, braking, 1.0) / T + 1e-12), np.inf)
-    early = np.minimum(t, full * T)
-    rest = np.where(able, speed - np.where(able, full, 0.0) * braking * T, 0.0)
-    late = np.clip(t - early, 0.0, T)
-    gone = speed * early - 0.5 * braking * early**2 + rest * late - 0.5 * rest / T * late**2
-    share = np.divide(gone, speed, out=np.zeros_like(gone), where=speed > 0.0)
-    return np.asarray(moves.r[who, None] + share[..., None] * moves.v[who, None])
+    T, places = moves.period, np.empty((*t.shape, 3))
+    for n in range(len(who)):
+        r, v, braking = moves.r[who[n]], moves.v[who[n]], moves.braking[who[n]]
+        speed = np.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+        full = np.floor(speed / braking / T + 1e-12) if braking > 0.0 else np.inf
+        rest = speed - full * braking * T if braking > 0.0 else 0.0
+        for k in range(t.shape[1]):
+            early = min(t[n, k], full * T)
+            late = min(max(t[n, k] - early, 0.0), T)
+            gone = speed * early - 0.5 * braking * early**2 + rest * late - 0.5 * rest / T * late**2
+            share = gone / speed if speed > 0.0 else 0.0
+            for axis in range(3):
+                places[n, k, axis] = r[axis] + share * v[axis]
+    return places
 
 
 def least_on_stop(moves: Moves, pairs: Ints) -> Array:
@@ -107,12 +112,24 @@ def least_on_stop(moves: Moves, pairs: Ints) -> Array:
     return np.asarray(least_of_chords(second - first) - bend)
 
 
+@kernel
 def least_of_chords(relative: Array) -> Array:
     """Least distance from the origin of polygons, shape (p,), of corners (p, m, 3) [m]."""
-    start, step = relative[:, :-1], np.diff(relative, axis=1)
-    square = np.einsum("pki,pki->pk", step, step)
-    s = np.clip(-np.einsum("pki,pki->pk", start, step) / np.where(square > 0.0, square, 1.0), 0.0, 1.0)
-    return np.asarray(np.linalg.norm(start + s[..., None] * step, axis=2).min(axis=1))
+    least = np.full(len(relative), np.inf)
+    for n in range(len(relative)):
+        for k in range(relative.shape[1] - 1):
+            start, end = relative[n, k], relative[n, k + 1]
+            square = along = 0.0
+            for axis in range(3):
+                step = end[axis] - start[axis]
+                square += step * step
+                along -= start[axis] * step
+            share = min(max(along / square, 0.0), 1.0) if square > 0.0 else 0.0
+            distance = 0.0
+            for axis in range(3):
+                distance += (start[axis] + share * (end[axis] - start[axis])) ** 2
+            least[n] = min(least[n], np.sqrt(distance))
+    return least
 
 
 def all_pairs(n: int) -> Ints:
@@ -120,16 +137,44 @@ def all_pairs(n: int) -> Ints:
     return np.array(list(combinations(range(n), 2)), np.int64).reshape(-1, 2)
 
 
+@kernel
+def may_meet(moves: Moves, later: Moves, stop_s: Array, w: Array, pairs: Ints) -> Mask:
+    """Which pairs are near enough for a closer look: those that the motion of each along the line may bring too close, (p,).
+
+    On the line from one to the other nobody comes nearer than by its velocity along it, for the period and for the whole
+    stop, and by what the period's acceleration adds.
+
+    Args:
+        moves: All, now.
+        later: A period later.
+        stop_s: Until each is then at rest, shape (n,) [s].
+        w: Accelerations in the period, shape (n, 3) [m/s^2].
+        pairs: Shape (p, 2).
+    """
+    T, found = moves.period, np.zeros(len(pairs), np.bool_)
+    for p in range(len(pairs)):
+        line = moves.r[pairs[p, 1]] - moves.r[pairs[p, 0]]
+        apart = np.sqrt(line[0] * line[0] + line[1] * line[1] + line[2] * line[2])
+        left = apart
+        for side in range(2):
+            i, sign = pairs[p, side], 1.0 - 2.0 * side
+            now = soon = pushed = 0.0
+            for axis in range(3):
+                along = sign * line[axis] / apart if apart > 0.0 else 0.0
+                now += along * moves.v[i, axis]
+                soon += along * later.v[i, axis]
+                pushed += w[i, axis] ** 2
+            left -= max(now, 0.0) * T + max(soon, 0.0) * stop_s[i] + np.sqrt(pushed) * T * T
+            found[p] |= moves.braking[i] == 0.0
+        found[p] |= left < moves.distance
+    return found
+
+
 def too_close_after(moves: Moves, w: Array, pairs: Ints) -> Mask:
     """Which pairs come too close in a period of these accelerations, or in the stop that would follow, shape (p,)."""
     later, T = moves.after(w), moves.period
     bad = np.zeros(len(pairs), np.bool_)
-    # Most pairs are too far apart for any of it.
-    apart = np.linalg.norm(moves.r[pairs[:, 1]] - moves.r[pairs[:, 0]], axis=1)
-    reach = np.linalg.norm(later.v, axis=1) * later.stop_time() + np.linalg.norm(moves.v, axis=1) * T
-    reach = reach + np.linalg.norm(w, axis=1) * T * T
-    coasting = (moves.braking == 0.0)[pairs].any(axis=1)
-    near = np.flatnonzero(coasting | (apart - reach[pairs].sum(axis=1) < moves.distance))
+    near = np.flatnonzero(may_meet(moves, later, later.stop_time(), w, pairs))
     if len(near):
         some = pairs[near]
         ends = np.stack([m.r[some[:, 1]] - m.r[some[:, 0]] for m in (moves, later)], axis=1)
@@ -151,7 +196,10 @@ def safe_moves(moves: Moves, wish: Array, pairs: Ints) -> tuple[Array, Mask]:
     """
     brake, able, w = np.zeros(len(wish), np.bool_), moves.braking > 0.0, wish
     for _ in range(len(wish)):
-        bad = pairs[too_close_after(moves, w, pairs)]
+        close = too_close_after(moves, w, pairs)
+        if not close.any():
+            break
+        bad = pairs[close]
         group = np.isin(np.arange(len(wish)), bad) & able & ~brake
         if not group.any():
             break
