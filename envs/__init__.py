@@ -13,9 +13,27 @@ if TYPE_CHECKING:
     from .downlink_vector import SwarmDownlinkVectorEnv
     from .multi_agent import SwarmObserveParallelEnv
     from .multi_agent_vector import SwarmObserveParallelVectorEnv
-    from .sb3 import SwarmObserveVecEnv
+    from .pointing_parallel import SwarmPointingParallelEnv
+    from .pointing_vector import SwarmPointingVectorEnv
+    from .sb3 import SwarmObserveVecEnv, SwarmPointingVecEnv
     from .swarm_observe import SwarmObserveEnv
+    from .swarm_pointing import SwarmPointingEnv
     from .vector import SwarmObserveVectorEnv
+
+#: Where each class is defined; `multi_agent`, `pointing_parallel` and `sb3` need the extra `rl`.
+_HOMES = {
+    "SwarmDownlinkEnv": "downlink",
+    "SwarmDownlinkVectorEnv": "downlink_vector",
+    "SwarmObserveEnv": "swarm_observe",
+    "SwarmObserveParallelEnv": "multi_agent",
+    "SwarmObserveParallelVectorEnv": "multi_agent_vector",
+    "SwarmObserveVecEnv": "sb3",
+    "SwarmObserveVectorEnv": "vector",
+    "SwarmPointingEnv": "swarm_pointing",
+    "SwarmPointingParallelEnv": "pointing_parallel",
+    "SwarmPointingVecEnv": "sb3",
+    "SwarmPointingVectorEnv": "pointing_vector",
+}
 
 __all__ = [
     "SwarmDownlinkEnv",
@@ -25,11 +43,11 @@ __all__ = [
     "SwarmObserveParallelVectorEnv",
     "SwarmObserveVecEnv",
     "SwarmObserveVectorEnv",
+    "SwarmPointingEnv",
+    "SwarmPointingParallelEnv",
+    "SwarmPointingVecEnv",
+    "SwarmPointingVectorEnv",
 ]
-
-#: Where each class is defined; `multi_agent` and `sb3` need the extra `rl`.
-_MODULES = ("downlink", "downlink_vector", "swarm_observe", "multi_agent", "multi_agent_vector", "sb3", "vector")
-_HOMES = dict(zip(__all__, _MODULES, strict=True))
 
 
 def __getattr__(name: str) -> Any:

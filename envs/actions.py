@@ -188,9 +188,7 @@ class TorqueLevel(ControlLevel):
     def apply(self, actions: NDArray[Any], boresight_N: Array, live: Mask) -> None:
         """Motor torques u act on the wheels; the body feels L = -A^T u, with the wheel axes as rows of A."""
         motor = self._limit * np.asarray(actions, np.float64).reshape(self._shape)
-        # Summed wheel by wheel: a product of matrices would round differently with their number.
-        torque = -sum(motor[:, :, w, None] * self._axes[w] for w in range(self._shape[2]))
-        self.torque_B[live] = torque[live]
+        self.torque_B[live] = body_torques(motor, self._axes)[live]
 
 
 class PointingLevel(ControlLevel):
@@ -319,6 +317,13 @@ def choose_targets(choices: Choices, choice: Ints, boresight_N: Array, live: Mas
                 for k in range(3):
                     held.vector[e, j, k] = boresight_N[e, j, k] if c == last else vectors[c, k]
     return True
+
+
+def body_torques(motor: Array, axes_B: Array) -> Array:
+    """Torques on the bodies [N m], shape (E, n, 3), of motor torques u on the wheels [N m], shape (E, n, w): L = -A^T u."""
+    # Summed wheel by wheel: a product of matrices would round differently with their number.
+    torque: Array = -sum(motor[:, :, w, None] * axes_B[w] for w in range(len(axes_B)))
+    return torque
 
 
 LEVELS = ("torque", "pointing", "role")

@@ -16,6 +16,10 @@ ENVIRONMENTS = {
         "swarm_mj.envs.downlink:SwarmDownlinkEnv",
         "swarm_mj.envs.downlink_vector:SwarmDownlinkVectorEnv",
     ),
+    "SwarmPointing-v0": (
+        "swarm_mj.envs.swarm_pointing:SwarmPointingEnv",
+        "swarm_mj.envs.pointing_vector:SwarmPointingVectorEnv",
+    ),
 }
 
 

@@ -14,6 +14,7 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices,
 from swarm_mj.errors import ScenarioError
 from swarm_mj.typing import Array32, Mask, Pixels
 
+from .pointing_vector import SwarmPointingVectorEnv
 from .vector import SwarmObserveVectorEnv
 
 
@@ -31,14 +32,15 @@ class SwarmObserveVecEnv(VecEnv):
     """
 
     def __init__(self, num_envs: int = 1, *, threads: int | None = None, **arguments: Any) -> None:
-        self.vector = SwarmObserveVectorEnv(
-            num_envs, autoreset_mode=AutoresetMode.SAME_STEP, threads=threads, **arguments
-        )
+        self.vector = self._make(num_envs, threads, autoreset_mode=AutoresetMode.SAME_STEP, **arguments)
         self.render_mode = None
         super().__init__(num_envs, self.vector.single_observation_space, self.vector.single_action_space)
         self._actions: NDArray[Any] | None = None
         self._start = time.monotonic()
         self._return, self._length = np.zeros(num_envs), np.zeros(num_envs, np.int64)
+
+    def _make(self, num_envs: int, threads: int | None, **arguments: Any) -> SwarmObserveVectorEnv:
+        return SwarmObserveVectorEnv(num_envs, threads=threads, **arguments)
 
     def reset(self) -> VecEnvObs:
         """Start all flights, from the seeds of `seed` if that was called since the last time."""
@@ -131,6 +133,21 @@ class SwarmObserveVecEnv(VecEnv):
     def get_images(self) -> Sequence[Pixels | None]:
         """Nothing is drawn: render a single environment."""
         return [None] * self.num_envs
+
+
+class SwarmPointingVecEnv(SwarmObserveVecEnv):
+    """`SwarmPointingVectorEnv` with the conventions of stable-baselines3, see `SwarmObserveVecEnv`.
+
+    Args:
+        num_envs: Number of spacecraft.
+        arguments: Those of `SwarmPointingEnv`, except `render_mode`.
+    """
+
+    def __init__(self, num_envs: int = 1, **arguments: Any) -> None:
+        super().__init__(num_envs, **arguments)
+
+    def _make(self, num_envs: int, threads: int | None, **arguments: Any) -> SwarmObserveVectorEnv:
+        return SwarmPointingVectorEnv(num_envs, **arguments)
 
 
 def _of_flight(infos: dict[str, Any], e: int) -> dict[str, Any]:

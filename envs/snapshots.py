@@ -77,7 +77,7 @@ def restore_state(batch: Remembering, e: int, random: np.random.Generator, state
     if state.fits != batch.task.fingerprint:
         raise ScenarioError(
             "state: was taken from an environment with other arguments, or by another version of swarm_mj; take it from one "
-            "with the same scenario, overrides, control, step_s, patches, observer, rewards and rates"
+            "with the same scenario, overrides and other arguments"
         )
     batch.set_state(e, state.episode)
     random.bit_generator.state = state.random

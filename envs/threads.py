@@ -5,13 +5,15 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swarm_mj.errors import ScenarioError
+from swarm_mj.flight.plan import Plan
 from swarm_mj.io.memory import available_bytes
+from swarm_mj.simulator.simulation import Simulation
 from swarm_mj.typing import Array32, Mask
 
 from .batch import EpisodeBatch
@@ -30,7 +32,14 @@ def default_threads() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def flight_bytes(task: Task) -> int:
+class FlownTask(Protocol):
+    """What flights belong to, as far as their memory goes."""
+
+    plan: Plan
+    simulation: Simulation
+
+
+def flight_bytes(task: FlownTask) -> int:
     """What each flight of a task takes in memory, an upper estimate [B]."""
     arrays = FLIGHT_BYTES + task.plan.n * SPACECRAFT_BYTES + task.plan.region.n_cells * CELL_BYTES
     if task.simulation.stepper == "kernel":
@@ -39,7 +48,7 @@ def flight_bytes(task: Task) -> int:
     return arrays + BINDING_BYTES + int(data.nbuffer + data.narena)
 
 
-def _refuse_beyond_memory(task: Task, count: int) -> None:
+def refuse_beyond_memory(task: FlownTask, count: int) -> None:
     """Foresee what MuJoCo would answer with an error that ends the process."""
     each, free, lean = flight_bytes(task), available_bytes(), task.simulation.stepper == "kernel"
     if free is not None and count * each > free:
@@ -69,7 +78,7 @@ class ThreadedBatch:
     """
 
     def __init__(self, task: Task, count: int, threads: int, *, continues_after_impact: bool = False) -> None:
-        _refuse_beyond_memory(task, count)
+        refuse_beyond_memory(task, count)
         self.task, self.count = task, count
         used = max(1, min(threads, count)) if task.scene is not None else 1
         bounds = np.linspace(0, count, used + 1).round().astype(int)

@@ -58,6 +58,8 @@ class SwarmObserveVectorEnv(RebuiltOnCopy, VectorEnv[Any, Any, Any]):
 
     #: Whether a flight goes on without the spacecraft that hit the body.
     continues_after_impact: ClassVar[bool] = False
+    #: What messages call it.
+    name: ClassVar[str] = "SwarmObserve-v0"
 
     def __init__(
         self,
@@ -101,7 +103,7 @@ class SwarmObserveVectorEnv(RebuiltOnCopy, VectorEnv[Any, Any, Any]):
             gymnasium.error.ClosedEnvironmentError: The environment was closed.
         """
         if self._batch is None:
-            raise gymnasium.error.ClosedEnvironmentError("SwarmObserve-v0 was closed; make it anew")
+            raise gymnasium.error.ClosedEnvironmentError(f"{self.name} was closed; make it anew")
         return self._batch
 
     def reset(
@@ -141,7 +143,7 @@ class SwarmObserveVectorEnv(RebuiltOnCopy, VectorEnv[Any, Any, Any]):
             gymnasium.error.ResetNeeded: A flight was never begun, or with autoreset disabled one is over.
         """
         if not self._begun.all() or (self._mode is AutoresetMode.DISABLED and self._over.any()):
-            raise gymnasium.error.ResetNeeded("SwarmObserve-v0: an episode is over or has not begun; call reset first")
+            raise gymnasium.error.ResetNeeded(f"{self.name}: an episode is over or has not begun; call reset first")
         array = check_action(self.action_space, actions)
         began = self._restart() if self._mode is AutoresetMode.NEXT_STEP and self._over.any() else {}
         live = np.ones(self.num_envs, np.bool_)
@@ -167,7 +169,7 @@ class SwarmObserveVectorEnv(RebuiltOnCopy, VectorEnv[Any, Any, Any]):
         began = self._restart()
         final_obs = np.full(self.num_envs, None, dtype=object)
         for e in np.flatnonzero(over):
-            final_obs[e] = last[e].copy()
+            final_obs[e] = one_of(last, int(e))
         fresh = self._infos(np.ones(self.num_envs, np.bool_))
         fresh |= {"reward_terms": infos["reward_terms"], "_reward_terms": infos["_reward_terms"] & ~over}
         fresh |= {"final_obs": final_obs, "_final_obs": over, "final_info": infos, "_final_info": over}
@@ -177,7 +179,7 @@ class SwarmObserveVectorEnv(RebuiltOnCopy, VectorEnv[Any, Any, Any]):
     def get_state(self, e: int) -> FlightState:
         """Where flight e stands, see `SwarmObserveEnv.get_state`; single and vector environments take each other's states."""
         batch, k = self.batch.locate(checked_index(e, self.num_envs))
-        must_have_begun(bool(self._begun[e]), "get_state")
+        must_have_begun(bool(self._begun[e]), "get_state", self.name)
         return take_state(batch, k, running=not self._over[e], random=self._random[e])
 
     def set_state(self, e: int, state: FlightState) -> Array32:
@@ -228,7 +230,7 @@ class SwarmObserveVectorEnv(RebuiltOnCopy, VectorEnv[Any, Any, Any]):
             gymnasium.logger.warn("render() draws nothing: make the environment with render_mode='rgb_array'")
             return None
         _ = self.batch
-        must_have_begun(bool(self._begun[: self._renderer.count].all()), "render")
+        must_have_begun(bool(self._begun[: self._renderer.count].all()), "render", self.name)
         return tuple(self._renderer.draw(k) for k in range(self._renderer.count))
 
     def close_extras(self, **kwargs: Any) -> None:
@@ -237,6 +239,13 @@ class SwarmObserveVectorEnv(RebuiltOnCopy, VectorEnv[Any, Any, Any]):
             self._renderer.close()
             self._batch.close()
         self._batch = None
+
+
+def one_of(observations: Any, e: int) -> Any:
+    """The observation of flight e, a copy, of those of all, which may be a dict of parts."""
+    if isinstance(observations, dict):
+        return {name: part[e].copy() for name, part in observations.items()}
+    return observations[e].copy()
 
 
 def put_infos(infos: Infos, name: str, values: dict[int, Any], count: int) -> None:
@@ -250,7 +259,11 @@ def put_infos(infos: Infos, name: str, values: dict[int, Any], count: int) -> No
 
 
 def checked_mode(given: Any) -> AutoresetMode:
-    """The mode of that name."""
+    """The autoreset mode of that name, or as it was given.
+
+    Raises:
+        ScenarioError: There is no such mode.
+    """
     try:
         return AutoresetMode(given)
     except ValueError:

@@ -32,6 +32,7 @@ from swarm_mj.simulator.fast.world import make_world
 from swarm_mj.simulator.loop_state import InitialState
 from swarm_mj.simulator.plugin_calls import BehaviorCalls, divergence_of, view_of
 from swarm_mj.simulator.simulation import Simulation
+from swarm_mj.simulator.slots import Slot
 from swarm_mj.spacecraft.control.base import Controller
 from swarm_mj.spacecraft.model import NQ, NV
 from swarm_mj.typing import Array, Ints, Mask
@@ -81,6 +82,26 @@ class CompiledBatch(Batch):
     def ctrl(self) -> Array:
         """Motor torques of the coming hold, a copy, shape (E, 3 n) [N m]."""
         return np.array([data.ctrl for data in self._datas])
+
+    @property
+    def work(self) -> Array:
+        """Vectors of the last decision, see `Slot`, shape (E, slots, n, 3)."""
+        return self._flights.work
+
+    @property
+    def q_BN(self) -> Array:
+        """Attitudes at the last decision, shape (E, n, 4)."""
+        return self._flights.q_BN
+
+    @property
+    def line_of_sight_N(self) -> Array:
+        """Unit vectors to the targets at the last decision, shape (E, n, 3)."""
+        return self.work[:, Slot.LOS]
+
+    @property
+    def C_AN(self) -> Array:
+        """Rotations from N to A at the last decision, shape (E, 3, 3)."""
+        return self._flights.C_AN
 
     def rows(self, e: int) -> tuple[Array, Array]:
         """See `Batch.rows`."""

@@ -22,7 +22,7 @@ SAYS = {
 
 
 def test_every_example_is_on_the_page_and_in_this_test():
-    found = {path.name for path in FOLDER.glob("*.py")} - {"train_sb3.py"}
+    found = {path.name for path in FOLDER.glob("*.py")} - {"train_sb3.py", "pointing_sb3.py", "pointing_pixels.py"}
     assert found == set(examples.SCRIPTS) == set(SAYS)
     assert {path.stem for path in (FOLDER / "notebooks").glob("*.ipynb")} == set(examples.NOTEBOOKS)
 

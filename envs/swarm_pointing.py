@@ -1,0 +1,288 @@
+"""SwarmPointing-v0: the attitude of one spacecraft of a swarm by motor torques, as a gymnasium environment."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+
+from swarm_mj.errors import ScenarioError
+from swarm_mj.typing import Array32, Pixels
+
+from .actions import check_action
+from .arguments import checked_options, checked_render_mode, flight_seed, is_whole
+from .pointing_batch import PointingBatch
+from .pointing_task import PointingTask, make_pointing_task
+from .snapshots import FlightState, RebuiltOnCopy, must_have_begun, restore_state, take_state
+from .vector import one_of
+
+Observation = Array32 | dict[str, Any]
+
+NAME = "SwarmPointing-v0"
+#: Motor torques of one spacecraft over their limit.
+ACTION_SPACE = spaces.Box(-1.0, 1.0, (3,), np.float32)
+#: Pixels of a rendered picture for each of the camera's.
+ZOOM = 6
+
+
+class SwarmPointingEnv(RebuiltOnCopy, gymnasium.Env[Observation, Any]):
+    """One spacecraft of a swarm turns to what it is told to look at, and holds it, by the torques of its wheels' motors.
+
+    `gymnasium.make("swarm_mj:SwarmPointing-v0")` makes it; `gymnasium.make_vec(...)` makes many, each a spacecraft in an
+    episode of its own; `swarm_mj.envs.pointing_parallel` has a whole swarm, an agent for each spacecraft. All fly the same
+    numbers, bit for bit.
+
+    An episode is a piece of a scenario's flyby: the spacecraft is where it would be then, falls as it would, and sees the
+    body turn below it. It is given `holds` references one after the other, each for `hold_s` seconds: first it has to turn to
+    it from wherever it looks, then to hold it while the line of sight moves. What is flown is the free gyrostat of
+    `physics.wheels: gyrostat` and `physics.stepper: kernel`, in compiled code.
+
+    Frames: N inertial, A fixed in the body, B the spacecraft, camera and dish along its +z. The reference frame R has its +z
+    on the line of sight, reached by the shortest turn (docs/theory/attitude_control.md); its rate is that of the line.
+
+    ## Action space
+
+    Box(-1, 1, (3,), float32): torques of the motors on the three wheels over their limit (4 mN m by default), held for one
+    step of `step_s` seconds. The body feels the opposite. Wheels at their top speed get no more.
+
+    A torque of 1 for one step of 0.5 s changes the body rate by 1.4 deg/s about x and y and by 8.6 deg/s about z, the long
+    axis: with steps of 10 s, as at the other levels of `SwarmObserve-v0`, torques could not control an attitude.
+
+    ## Observation space
+
+    With `observation="state"` Box, float32, (20,); values beyond the bounds are clipped:
+
+    | entries | name | meaning | divided by | bounds |
+    |---|---|---|---|---|
+    | 0-2 | sigma_BR | attitude error, MRP | 1 | -1, 1 |
+    | 3-5 | fine_sigma_BR | the same, of small errors | 0.05 (11 deg) | -1, 1 |
+    | 6-8 | omega_BR | rate error in B | 0.1 rad/s | -10, 10 |
+    | 9-11 | fine_omega_BR | the same, of small errors | 0.01 rad/s | -1, 1 |
+    | 12-14 | wheel_speed | relative to the hub | top speed | -1, 1 |
+    | 15-17 | omega_RN | rate of the reference, in B | 0.01 rad/s | -10, 10 |
+    | 18 | hold_left | time until the next reference | `hold_s` | 0, 1 |
+    | 19 | time_left | time until the end | duration | 0, 1 |
+
+    The errors are those with the reference that holds for the step that begins. `env.unwrapped.task.layout.split(observation)`
+    gives the parts by name.
+
+    With `observation="camera"` a Dict: `image`, uint8, (3, 64, 64), what a square camera of `camera_half_angle_deg` along +z
+    sees, +x to the right and +y down; and `state`, Box, float32, (11,), which does not tell the reference:
+
+    | channel | meaning |
+    |---|---|
+    | 0 | grey: 255 times the cosine of the light's angle of incidence; the body casts no shadow on itself |
+    | 1 | mask: 255 where the body is, whether lit or not |
+    | 2 | nearness: 255 times the body's largest radius over depth along +z, at most 255; 0 in the sky |
+
+    | entries | name | meaning | divided by | bounds |
+    |---|---|---|---|---|
+    | 0-2 | omega_BN | body rate in B | 0.1 rad/s | -10, 10 |
+    | 3-5 | fine_omega_BN | the same, of small rates | 0.01 rad/s | -1, 1 |
+    | 6-8 | wheel_speed | as above | top speed | -1, 1 |
+    | 9 | hold_left | as above | `hold_s` | 0, 1 |
+    | 10 | time_left | as above | duration | 0, 1 |
+
+    ## Reward
+
+    The sum of the weighted terms; with theta the angle between +z and the line of sight at the end of the step, theta_0 the
+    tolerance, h the step and T the length of the episode:
+
+    | term | weight | measure of a step |
+    |---|---|---|
+    | precise | 80 | (h / T) / (1 + (theta / theta_0)^2) |
+    | coarse | -40 | (h / T) theta / pi |
+    | rate | -10 | (h / T) min(1, abs(omega_BR) / 0.1 rad/s) |
+    | effort | -5 | (h / T) mean (u / u_max)^2 over wheels and control periods, u the motor torque |
+
+    Perfect pointing from beginning to end would be worth 80. The angle about +z is free; the rate about it is not.
+
+    ## Success
+
+    A reference is held when theta has stayed within `tolerance_deg` for `steady_s` seconds without a break. An episode
+    succeeds when each of its references has been held.
+
+    ## Info
+
+    | key | when | meaning |
+    |---|---|---|
+    | time_s | always | since the scenario's epoch [s] |
+    | spacecraft | always | which of the swarm, from 1 |
+    | error_deg | always | theta [deg] at the end of the step, of the reference that held in it |
+    | on_target | always | share of the steps so far that ended within the tolerance |
+    | held | always | references held so far |
+    | success | always | whether all have been held |
+    | flight_seed | `reset` | seed of the episode |
+    | reward_terms | `step` | weighted terms by name |
+
+    ## Starting state
+
+    Drawn from a flight seed, which `reset` draws from `self.np_random` (or takes from `options={"flight_seed": k}`) and gives
+    in `info["flight_seed"]`:
+
+    | what | how |
+    |---|---|
+    | instant of the flyby | every 10 s, as long as the episode fits into the scenario's duration |
+    | spacecraft | any of the swarm; `options={"spacecraft": j}` chooses one, from 1 |
+    | attitude | +z evenly over the directions within `start_deg` of the body's centre, any angle about it |
+    | body rate | each component within +-`rate_deg_s` |
+    | wheel speeds | each within +-`wheel_share` of the top speed |
+    | references | each any of `references`: `body`, its centre; `surface`, a cell of the scenario's target; `earth`; \
+`direction`, one of N |
+
+    The instant follows from the seed alone: flights of one seed with different spacecraft are one swarm. Masses and inertia
+    are the scenario's, the same in all episodes of an environment; to train over several, make one environment for each, with
+    `overrides=["spacecraft.mass_kg=9"]`.
+
+    ## Episode end
+
+    Truncated after `holds` times `hold_s`. Nothing terminates it.
+
+    ## Arguments
+
+    | argument | default | meaning |
+    |---|---|---|
+    | scenario | `"eros-observe"` | packaged name, path of a YAML file, or a `Scenario`; faults, dispersions, perturbations \
+and four wheels are refused |
+    | observation | `"state"` | `state` or `camera` |
+    | render_mode | None | None or `"rgb_array"`: what the camera sees, with a cross on +z |
+    | references | None | names of what may have to be looked at; None: all four, with `camera` the body alone |
+    | holds | 2 | references in an episode |
+    | hold_s | 60 | time for each [s] |
+    | step_s | 0.5 | length of a step [s], a multiple of `control.period_s` |
+    | tolerance_deg | None | theta_0; None: 2, with `camera` 5, three pixels |
+    | steady_s | 10 | for how long a reference must be held [s] |
+    | start_deg | None | largest angle between +z and the body's centre at the start; None: 180, with `camera` 40 |
+    | rate_deg_s | 2 | largest component of the body rate at the start |
+    | wheel_share | 0.2 | largest wheel speed at the start, over the top speed |
+    | reward_weights | None | mapping that replaces weights by name |
+    | camera_half_angle_deg | 45 | of the camera |
+    | light | `"sun"` | `sun`, where it is, or `headlight`, at the camera |
+    | overrides | () | changes of the scenario, a list of texts `key=value` as of `swarm-mj run --set` |
+
+    ## Version history
+
+    v0: first version.
+    """
+
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 10}
+
+    def __init__(self, render_mode: str | None = None, **arguments: Any) -> None:
+        self.made_of = {"render_mode": render_mode, **arguments}
+        self._batch: PointingBatch | None = None
+        self.render_mode = checked_render_mode(render_mode, self.metadata["render_modes"])
+        self.task: PointingTask = make_pointing_task(**arguments)
+        self._batch = PointingBatch(self.task, 1)
+        self.observation_space, self.action_space = self.task.observation_space, ACTION_SPACE
+        self._running = self._begun = False
+
+    @property
+    def batch(self) -> PointingBatch:
+        """The episode, as a batch of one.
+
+        Raises:
+            gymnasium.error.ClosedEnvironmentError: The environment was closed.
+        """
+        if self._batch is None:
+            raise gymnasium.error.ClosedEnvironmentError(f"{NAME} was closed; make it anew")
+        return self._batch
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, dict[str, Any]]:
+        """Start an episode; see the class for the starting state.
+
+        Raises:
+            ScenarioError: `options` holds something else than a valid `flight_seed` and `spacecraft`.
+        """
+        super().reset(seed=seed)
+        given = checked_options(options)
+        spacecraft = checked_spacecraft(given.pop("spacecraft", None), self.task)
+        chosen = flight_seed(given, int(self.np_random.integers(2**31)))
+        self.batch.reset(0, chosen, spacecraft)
+        self._running = self._begun = True
+        return one_of(self.batch.observed(), 0), self.batch.info(0) | {"flight_seed": chosen}
+
+    def step(self, action: Any) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+        """Fly on for one step with the action held.
+
+        Raises:
+            gymnasium.error.InvalidAction: The action does not lie in the action space.
+            gymnasium.error.ResetNeeded: The episode has ended or has not begun.
+        """
+        if not self._running:
+            raise gymnasium.error.ResetNeeded(f"{NAME}: the episode is over or has not begun; call reset first")
+        batch = self.batch
+        batch.step(check_action(self.action_space, action)[None])
+        truncated = bool(batch.over()[0])
+        self._running = not truncated
+        info = batch.info(0) | {"reward_terms": batch.terms(0)}
+        return one_of(batch.observed(), 0), float(batch.state.reward[0]), False, truncated, info
+
+    def get_state(self) -> FlightState:
+        """Where the episode stands, to go back to by `set_state`, here or in any environment made with the same arguments.
+
+        Raises:
+            gymnasium.error.ResetNeeded: There is no episode before the first `reset`.
+        """
+        must_have_begun(self._begun, "get_state", NAME)
+        return take_state(self.batch, 0, running=self._running, random=self.np_random)
+
+    def set_state(self, state: FlightState) -> tuple[Observation, dict[str, Any]]:
+        """Go on from a state: the same actions give the same observations, rewards and infos as there, bit for bit.
+
+        Raises:
+            ScenarioError: It is no such state, or was taken from an environment with other arguments.
+        """
+        self._running = restore_state(self.batch, 0, self.np_random, state).running
+        self._begun = True
+        return one_of(self.batch.observed(), 0), self.batch.info(0)
+
+    def _standing(self) -> dict[str, Any]:
+        names = ("spec", "_np_random", "_np_random_seed")
+        kept = {name: getattr(self, name) for name in names}
+        return {"kept": kept, "flight": self.get_state() if self._begun and self._batch else None}
+
+    def _stand(self, standing: dict[str, Any]) -> None:
+        self.__dict__.update(standing["kept"])
+        if standing["flight"] is not None:
+            self.set_state(standing["flight"])
+
+    def render(self) -> Pixels | None:
+        """What the camera sees, with a cross on +z, shape (384, 384, 3), with `render_mode="rgb_array"`."""
+        if self.render_mode is None:
+            gymnasium.logger.warn("render() draws nothing: make the environment with render_mode='rgb_array'")
+            return None
+        must_have_begun(self._begun, "render", NAME)
+        return crossed(self.batch, 0)
+
+    def close(self) -> None:
+        """Forget the episode; may be called again."""
+        self._batch, self._running = None, False
+
+
+def checked_spacecraft(given: Any, task: PointingTask) -> int | None:
+    """The option `spacecraft`, counted from 1, as a number from 0.
+
+    Raises:
+        ScenarioError: There is no such spacecraft.
+    """
+    if given is None:
+        return None
+    if not is_whole(given) or not 1 <= given <= task.plan.n:
+        raise ScenarioError(
+            f"reset option spacecraft = {given!r}: must be a whole number from 1 to {task.plan.n}, or None for any"
+        )
+    return int(given) - 1
+
+
+def crossed(batch: PointingBatch, e: int) -> Pixels:
+    """What the camera of episode e sees, enlarged, with a cross in the middle."""
+    grey = batch.pictures(np.arange(batch.count) == e).grey[0]
+    picture = np.repeat((255.0 * np.kron(grey, np.ones((ZOOM, ZOOM)))).astype(np.uint8)[..., None], 3, axis=2)
+    middle = len(picture) // 2
+    near = slice(middle - 2 * ZOOM, middle + 2 * ZOOM)
+    picture[middle, near] = picture[near, middle] = (255, 160, 0)
+    return picture
