@@ -11,6 +11,7 @@ from .registration import register_environments
 if TYPE_CHECKING:
     from .downlink import SwarmDownlinkEnv
     from .downlink_vector import SwarmDownlinkVectorEnv
+    from .gpu.vector import SwarmObserveGpuVectorEnv
     from .multi_agent import SwarmObserveParallelEnv
     from .multi_agent_vector import SwarmObserveParallelVectorEnv
     from .pointing_parallel import SwarmPointingParallelEnv
@@ -20,11 +21,12 @@ if TYPE_CHECKING:
     from .swarm_pointing import SwarmPointingEnv
     from .vector import SwarmObserveVectorEnv
 
-#: Where each class is defined; `multi_agent`, `pointing_parallel` and `sb3` need the extra `rl`.
+#: Where each class is defined; `multi_agent`, `pointing_parallel` and `sb3` need the extra `rl`, `gpu.vector` `gpu`.
 _HOMES = {
     "SwarmDownlinkEnv": "downlink",
     "SwarmDownlinkVectorEnv": "downlink_vector",
     "SwarmObserveEnv": "swarm_observe",
+    "SwarmObserveGpuVectorEnv": "gpu.vector",
     "SwarmObserveParallelEnv": "multi_agent",
     "SwarmObserveParallelVectorEnv": "multi_agent_vector",
     "SwarmObserveVecEnv": "sb3",
@@ -39,6 +41,7 @@ __all__ = [
     "SwarmDownlinkEnv",
     "SwarmDownlinkVectorEnv",
     "SwarmObserveEnv",
+    "SwarmObserveGpuVectorEnv",
     "SwarmObserveParallelEnv",
     "SwarmObserveParallelVectorEnv",
     "SwarmObserveVecEnv",

@@ -34,4 +34,5 @@ def test_every_package_folder_is_in_the_wheels_list():
     tool = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]
     listed = set(tool["packages"]) - {"swarm_mj.envs", "swarm_mj.assets"}
     there = {".".join(p.parent.relative_to(ROOT).parts) for p in ROOT.glob("swarm_mj/**/__init__.py")}
+    there |= {f"swarm_mj.envs.{p.parent.name}" for p in ROOT.glob("envs/*/__init__.py")}
     assert listed == there

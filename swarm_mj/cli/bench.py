@@ -18,7 +18,7 @@ def add(commands: argparse._SubParsersAction) -> None:
         action="append",
         default=[],
         metavar="NAME",
-        help="start, loop, observers, designer, environment, pictures or job; may be repeated",
+        help="start, loop, observers, designer, environment, gpu, pictures or job; may be repeated",
     )
     bench.add_argument(
         "--full", action="store_true", help="more rounds and large cases, as in docs/results/performance.md"

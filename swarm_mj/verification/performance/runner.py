@@ -22,12 +22,13 @@ GROUPS = {
     "observers": "swarm_mj.verification.performance.observers",
     "designer": "swarm_mj.verification.performance.designer",
     "environment": "swarm_mj.verification.performance.environment",
+    "gpu": "swarm_mj.verification.performance.gpu",
     "pictures": "swarm_mj.verification.performance.pictures",
     "job": "swarm_mj.verification.performance.job",
 }
 
 #: What a GPU may change.
-GPU_GROUPS = ("observers", "pictures", "environment")
+GPU_GROUPS = ("observers", "pictures", "environment", "gpu")
 #: Words in the names of OpenGL renderers that draw without a GPU.
 SOFTWARE = ("llvmpipe", "softpipe", "swrast", "software", "swiftshader")
 
@@ -146,7 +147,7 @@ def on_gpu(available: bool, renderer: str) -> str:
     command = f"swarm-mj bench --full {' '.join(f'--only {name}' for name in GPU_GROUPS)} --markdown gpu.md"
     return (
         f"GPU: none was at hand ({drawn}), so nothing was measured on one. Where there is one,\n"
-        f"`{command}`\nmeasures the renderer and the vector environment and writes them to a page of their own."
+        f"`{command}`\nmeasures the renderer and the environments and writes them to a page of their own."
     )
 
 

@@ -148,7 +148,7 @@ def test_the_page_says_whether_a_gpu_was_measured():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [name for name in GROUPS if name not in ("start", "job")])
+@pytest.mark.parametrize("name", [name for name in GROUPS if name not in ("start", "job", "gpu")])
 def test_every_benchmark_runs_in_its_quick_version(name):
     rows = run_bench([name])
     assert rows and all(np.isfinite(r.value) and r.group for r in rows)

@@ -1,0 +1,1 @@
+"""Flights on a GPU, by the same kernel sources as on the processor; needs the extra `gpu`."""
