@@ -12,6 +12,7 @@ from swarm_mj.errors import SimulationError
 from swarm_mj.flight.fly import initial_state, make_simulation
 from swarm_mj.simulator.batch import Batch
 from swarm_mj.simulator.compiled_batch import CompiledBatch
+from swarm_mj.simulator.loop_state import InitialState
 from swarm_mj.simulator.python_batch import PythonBatch
 from swarm_mj.spacecraft.control.base import Controller
 from swarm_mj.typing import Array, Mask
@@ -65,7 +66,10 @@ class EpisodeBatch(EpisodeState):
         """Start episode e anew from the seed of its initial attitudes and rates."""
         plan = self.task.plan
         scenario = plan.scenario.model_copy(update={"seed": flight_seed})
-        start = initial_state(replace(plan, scenario=scenario))
+        self.begin(e, initial_state(replace(plan, scenario=scenario)))
+
+    def begin(self, e: int, start: InitialState) -> None:
+        """Start episode e anew from a state of its swarm."""
         self.level.reset(e)
         reset_totals(self.totals, e)
         live = np.arange(self.count) == e

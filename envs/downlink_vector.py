@@ -16,12 +16,12 @@ from swarm_mj.typing import Array, Mask
 
 from .actions import check_action
 from .arguments import checked_count, checked_index, checked_options, first_seeds, flight_seed, flight_seeds
+from .autoreset import checked_mask, checked_mode, put_infos
 from .downlink import NAME, refuse_rendering
 from .downlink_batch import DOWNLINK_ENDS, DownlinkBatch, DownlinkResult
 from .downlink_config import DownlinkConfig, DownlinkWeights
 from .downlink_world import DownlinkTask
 from .snapshots import FlightState, RebuiltOnCopy, must_have_begun, restore_state, take_state
-from .vector import checked_mask, checked_mode, put_infos
 
 Infos = dict[str, Any]
 

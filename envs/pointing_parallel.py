@@ -19,11 +19,11 @@ from swarm_mj.errors import ScenarioError
 
 from .actions import check_action
 from .arguments import checked_options, checked_prefix, checked_render_mode, flight_seed
+from .autoreset import one_of
 from .pointing_batch import PointingBatch
 from .pointing_task import make_pointing_task
 from .snapshots import RebuiltOnCopy, must_have_begun
 from .swarm_pointing import ACTION_SPACE, crossed
-from .vector import one_of
 
 try:
     from pettingzoo import ParallelEnv

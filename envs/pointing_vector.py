@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from swarm_mj.typing import Array32, Mask, Pixels
 
 from .arguments import checked_count, checked_index, checked_options, checked_render_mode, flight_seeds
+from .autoreset import Infos, checked_mode, one_of
 from .pointing_batch import PointingBatch
 from .pointing_config import WEIGHTS
 from .pointing_task import PointingTask, make_pointing_task
@@ -22,7 +23,7 @@ from .rewards import StepResult
 from .snapshots import FlightState, must_have_begun, restore_state
 from .swarm_pointing import ACTION_SPACE, NAME, checked_spacecraft, crossed
 from .threads import refuse_beyond_memory
-from .vector import Infos, SwarmObserveVectorEnv, checked_mode, one_of
+from .vector import SwarmObserveVectorEnv
 
 
 class PointingFlights:

@@ -20,6 +20,10 @@ ENVIRONMENTS = {
         "swarm_mj.envs.swarm_pointing:SwarmPointingEnv",
         "swarm_mj.envs.pointing_vector:SwarmPointingVectorEnv",
     ),
+    "SwarmObserve-v1": (
+        "swarm_mj.envs.missions.single:SwarmObserveV1Env",
+        "swarm_mj.envs.missions.vector:SwarmObserveV1VectorEnv",
+    ),
 }
 
 

@@ -148,7 +148,8 @@ if it begins at or after `safety.separation_grace_s`; the motion within it is ta
 
     How good a plan for one flyby is, not feedback: with `eros-observe` only initial attitudes and rates vary, they have settled
     before the first picture, and a recorded list of actions flown again without looking scores nearly as well as the policy it
-    was taken from (docs/results/learning.md). Faults, dispersions and sensor noise of a scenario make it otherwise.
+    was taken from (docs/results/learning.md). Faults, dispersions and sensor noise of a scenario make it otherwise; in
+    `SwarmObserve-v1` lists of actions lose.
 
     ## Starting state
 

@@ -13,10 +13,10 @@ from swarm_mj.typing import Array32, Pixels
 
 from .actions import check_action
 from .arguments import checked_options, checked_render_mode, flight_seed, is_whole
+from .autoreset import one_of
 from .pointing_batch import PointingBatch
 from .pointing_task import PointingTask, make_pointing_task
 from .snapshots import FlightState, RebuiltOnCopy, must_have_begun, restore_state, take_state
-from .vector import one_of
 
 Observation = Array32 | dict[str, Any]
 

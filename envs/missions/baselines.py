@@ -1,0 +1,173 @@
+"""Scripted policies for SwarmObserve-v1: what a trained agent has to beat.
+
+Each takes the tables of E episodes by name, as the observation `entities` has them and `FlatLayout.split` gives them of a flat
+one, and returns choices, shape (E, n). `fly` flies one over flight seeds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarm_mj.typing import Array, Ints
+
+from .episodes import Episodes
+from .tables import GENERAL, PAIRS, SPACECRAFT
+
+Observed = Mapping[str, NDArray[Any]]
+Policy = Callable[[Observed], Ints]
+
+_COLUMN = {name: k for k, name in enumerate(SPACECRAFT)}
+_PAIR = {name: k for k, name in enumerate(PAIRS)}
+_GENERAL = {name: k for k, name in enumerate(GENERAL)}
+#: Someone else takes a patch that is taken only where nothing else is left.
+TAKEN = 1e-3
+
+
+class Flown(NamedTuple):
+    """What episodes came to, each of shape (m,).
+
+    Attributes:
+        score: Sum of rewards.
+        seen: Of which for seen area.
+        delivered: Of which for delivered data.
+    """
+
+    score: Array
+    seen: Array
+    delivered: Array
+
+
+def random_choices(seed: int = 0) -> Policy:
+    """Any choice, equally likely."""
+    rng = np.random.default_rng(seed)
+
+    def choose(observed: Observed) -> Ints:
+        E, n, patches, _ = observed["pairs"].shape
+        return rng.integers(0, patches + 1 + n, (E, n))
+
+    return choose
+
+
+def open_loop(actions: NDArray[Any]) -> Policy:
+    """A list of choices, step by step, shape (steps, n), whatever is seen; the clock alone is looked at."""
+    listed = np.asarray(actions, np.int64)
+
+    def choose(observed: Observed) -> Ints:
+        left = observed["general"][:, _GENERAL["time_left"]].astype(np.float64)
+        step = np.rint((1.0 - left) * len(listed)).astype(np.int64)
+        return np.asarray(listed[np.minimum(step, len(listed) - 1)])
+
+    return choose
+
+
+def sweep(observed: Observed) -> Ints:
+    """Everyone goes through the patches row by row, to and fro, each starting at another place, then talks to Earth."""
+    E, n, patches, _ = observed["pairs"].shape
+    k = round(patches**0.5)
+    order = np.arange(patches).reshape(k, k)
+    order[1::2] = order[1::2, ::-1].copy()
+    # 30 steps of 20 s; those over the target are from the 7th to the 18th.
+    step = np.rint((1.0 - observed["general"][:, _GENERAL["time_left"]].astype(np.float64)) * 30.0).astype(np.int64)
+    place = (step[:, None] + np.arange(n) * patches // n) % patches
+    return np.where((step < 18)[:, None], order.ravel()[place], patches)
+
+
+def greedy(observed: Observed) -> Ints:
+    """One after another takes the patch whose picture is worth most now, a different one; with none in reach, data are sent."""
+    return _greedy(observed, ahead=False)
+
+
+def greedy_ahead(observed: Observed) -> Ints:
+    """The same, but patches that leave reach come first, and who has least to see talks while the time is short."""
+    return _greedy(observed, ahead=True)
+
+
+def _greedy(observed: Observed, *, ahead: bool) -> Ints:
+    pairs = observed["pairs"].astype(np.float64)
+    E, n, patches, _ = pairs.shape
+    out = np.empty((E, n), np.int64)
+    for e in range(E):
+        worth, later = pairs[e, :, :, _PAIR["worth"]].copy(), pairs[e, :, :, _PAIR["worth_next"]].copy()
+        if ahead:
+            # What nobody reaches a step later is worth half as much again.
+            worth *= 1.0 + 0.5 * (later.max(axis=0) <= 0.0)
+        spacecraft = observed["spacecraft"][e]
+        talker = _talker(observed, e, worth) if ahead else -1
+        for j in range(n):
+            if spacecraft[j, _COLUMN["alive"]] < 0.5:
+                out[e, j] = patches + 1 + j
+                continue
+            k = int(worth[j].argmax())
+            if worth[j, k] > 0.0 and j != talker:
+                out[e, j] = k
+                worth[:, k] *= TAKEN
+                later[:, k] *= TAKEN
+            else:
+                out[e, j] = _otherwise(spacecraft, j, later[j], pairs[e, j, :, _PAIR["gsd"]])
+                if out[e, j] < patches:
+                    later[:, out[e, j]] *= TAKEN
+    return out
+
+
+def _talker(observed: Observed, e: int, worth: Array) -> int:
+    """Who gives up its picture to send: where what is aboard takes the time that is left, the one with least to see; or -1."""
+    spacecraft, general = observed["spacecraft"][e], observed["general"][e]
+    stored = spacecraft[:, _COLUMN["stored"]]
+    able = (
+        (stored > 0.0) & (spacecraft[:, _COLUMN["downlink"]] > 0.5) & (spacecraft[:, _COLUMN["earth_in_sight"]] > 0.5)
+    )
+    capacity = general[_GENERAL["heard"]] * general[_GENERAL["time_left"]] * 30.0
+    if not able.any() or stored.sum() < 0.8 * capacity:
+        return -1
+    return int(np.where(able, worth.max(axis=1), np.inf).argmin())
+
+
+def _otherwise(spacecraft: NDArray[Any], j: int, later: Array, gsd: Array) -> int:
+    """With nothing in reach: send to Earth, or to the first who is heard there, or turn to what will be reached."""
+    n, patches = len(spacecraft), len(later)
+    if spacecraft[j, _COLUMN["stored"]] > 0.0:
+        if spacecraft[j, _COLUMN["downlink"]] > 0.5:
+            return patches
+        heard = (spacecraft[:, _COLUMN["downlink"]] > 0.5) & (np.arange(n) != j)
+        if heard.any():
+            return patches + 1 + int(heard.argmax())
+    if spacecraft[j, _COLUMN["camera"]] < 0.5:
+        return patches + 1 + j
+    return int(later.argmax() if later.max() > 0.0 else gsd.argmin())
+
+
+#: Those that need nothing else, by name.
+BASELINES: dict[str, Policy] = {"sweep": sweep, "greedy": greedy, "greedy ahead": greedy_ahead}
+
+
+def fly(episodes: Episodes, policy: Policy, seeds: Sequence[int], draw: Mapping[str, Any] | None = None) -> Flown:
+    """One episode for each flight seed, as many at once as `episodes` has room for.
+
+    Args:
+        episodes: Where they fly.
+        policy: From tables to choices.
+        seeds: Flight seeds.
+        draw: Values by name in the place of drawn ones.
+    """
+    parts = [
+        _fly(episodes, policy, seeds[start : start + episodes.count], draw)
+        for start in range(0, len(seeds), episodes.count)
+    ]
+    return Flown(*(np.concatenate(values) for values in zip(*parts, strict=True)))
+
+
+def _fly(episodes: Episodes, policy: Policy, seeds: Sequence[int], draw: Mapping[str, Any] | None) -> Flown:
+    episodes.reset({e: int(seed) for e, seed in enumerate(seeds)}, draw)
+    score, seen, delivered = (np.zeros(episodes.count) for _ in range(3))
+    live = np.arange(episodes.count) < len(seeds)
+    while live.any():
+        result = episodes.step(policy(episodes.entities()), live)
+        score += result.reward
+        seen += result.terms.seen
+        delivered += result.terms.delivered
+        live = live & (result.end == 0) & ~result.truncated
+    return Flown(*(values[: len(seeds)] for values in (score, seen, delivered)))

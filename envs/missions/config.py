@@ -1,0 +1,86 @@
+"""The arguments of SwarmObserve-v1, checked."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from swarm_mj.errors import ScenarioError
+
+from ..arguments import checked_count, checked_share, checked_truth, is_number
+from ..rewards import RewardScales, checked_scales
+from .catalogue import DEFAULT_COUNT, chosen_missions
+from .draws import Randomisation
+from .mission import DURATION_S, PERIOD_S
+from .pool import MissionPool
+
+#: Most spacecraft that an episode may have: more find no visiting points of their own.
+MOST_SPACECRAFT = 12
+OBSERVATIONS = ("flat", "entities")
+
+
+@dataclass(frozen=True, kw_only=True)
+class MissionConfig:
+    """What makes one environment different from another; `SwarmObserveV1Env` explains each argument.
+
+    Attributes:
+        missions: Names of missions, how many of them, or "all".
+        split: `train` or `test`.
+        max_spacecraft: Most spacecraft of an episode.
+        patches: Number of patches K of a target, a square number.
+        decision_s: Length of a step [s].
+        observation: `flat` or `entities`.
+        randomise: Replaces distributions by name.
+        reward_weights: Replaces weights of reward terms by name.
+        complete: Seen share of what is lit that counts as complete [%].
+        horizon_terminates: Whether the duration ends a flight as terminated.
+
+    Raises:
+        ScenarioError: A value is not allowed.
+    """
+
+    missions: Any = DEFAULT_COUNT
+    split: str = "train"
+    max_spacecraft: int = 4
+    patches: int = 16
+    decision_s: float = 20.0
+    observation: str = "flat"
+    randomise: Mapping[str, Any] | None = None
+    reward_weights: Mapping[str, float] | None = None
+    complete: float = 99.9
+    horizon_terminates: bool = False
+
+    def __post_init__(self) -> None:
+        """Refuse what is not allowed."""
+        most = checked_count("max_spacecraft", self.max_spacecraft)
+        if most > MOST_SPACECRAFT:
+            raise ScenarioError(f"max_spacecraft = {most}: must be at most {MOST_SPACECRAFT}")
+        checked_scales(self.reward_weights)
+        checked_share(self.complete)
+        checked_truth("horizon_terminates", self.horizon_terminates)
+        if self.observation not in OBSERVATIONS:
+            raise ScenarioError(f"observation = {self.observation!r}: must be one of {', '.join(OBSERVATIONS)}")
+        step = self.decision_s
+        if not is_number(step) or step < PERIOD_S or step % PERIOD_S or DURATION_S % step:
+            raise ScenarioError(
+                f"decision_s = {step!r}: must be a whole number of seconds that divides {DURATION_S:g} s, such as 20, 30 or 40"
+            )
+        Randomisation(self.randomise, tuple(s.name for s in chosen_missions(self.missions, self.split)), most)
+
+    @property
+    def weights(self) -> RewardScales:
+        """Of the reward terms."""
+        return checked_scales(self.reward_weights)
+
+    def make_pool(self) -> MissionPool:
+        """The missions."""
+        return MissionPool(
+            chosen_missions(self.missions, self.split),
+            spacecraft=self.max_spacecraft,
+            patches=self.patches,
+            step_s=float(self.decision_s),
+            reward_weights=self.reward_weights,
+            complete=self.complete,
+            horizon_terminates=self.horizon_terminates,
+        )

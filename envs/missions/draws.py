@@ -1,0 +1,226 @@
+"""What is drawn anew for every episode of SwarmObserve-v1, from named distributions; every name has a stream of its own.
+
+Each quantity takes its own column of uniform numbers, so that another distribution for one, or a given value, changes nothing
+of the others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from pydantic import TypeAdapter, ValidationError
+from scipy.special import ndtri
+
+from swarm_mj.campaigns.distributions import (
+    EDGE,
+    Bernoulli,
+    Choice,
+    Continuous,
+    Distribution,
+    Integer,
+    Normal,
+    Uniform,
+)
+from swarm_mj.errors import ScenarioError
+from swarm_mj.typing import Array
+
+from ..arguments import is_number
+from .mission import ALTITUDES
+
+#: What is drawn: numbers that it takes for each spacecraft, 0 for one of the episode; least and largest allowed value; and
+#: the distribution it has where nothing else is asked for.
+NAMES: dict[str, tuple[int, float, float, dict[str, Any]]] = {
+    "mission": (0, 0, np.inf, {"distribution": "uniform", "low": 0.0, "high": 1.0}),
+    "spacecraft": (0, 1, np.inf, {"distribution": "uniform", "low": 0.0, "high": 1.0}),
+    "speed": (0, 0.5, 2.0, {"distribution": "uniform", "low": 0.7, "high": 1.4}),
+    "sun_elevation_deg": (0, 0.0, 90.0, {"distribution": "uniform", "low": 15.0, "high": 75.0}),
+    "sun_azimuth_deg": (0, -360.0, 360.0, {"distribution": "uniform", "low": 0.0, "high": 360.0}),
+    "visiting_point": (1, 0.0, 1.0, {"distribution": "uniform", "low": 0.0, "high": 1.0}),
+    "altitude": (1, ALTITUDES[0], ALTITUDES[-1], {"distribution": "uniform", "low": 0.75, "high": 1.15}),
+    "release_error": (3, -1.0, 1.0, {"distribution": "normal", "mean": 0.0, "std": 0.06}),
+    "attitude_mrp": (3, -1.0, 1.0, {"distribution": "uniform", "low": -1.0, "high": 1.0}),
+    "rate_rad_s": (3, -0.2, 0.2, {"distribution": "uniform", "low": -0.02, "high": 0.02}),
+    "loss": (1, 0, 1, {"distribution": "bernoulli", "probability": 0.12}),
+    "loss_time": (1, 0.0, 1.0, {"distribution": "uniform", "low": 0.2, "high": 0.8}),
+    "camera_off": (1, 0, 1, {"distribution": "bernoulli", "probability": 0.15}),
+    "camera_off_time": (1, 0.0, 1.0, {"distribution": "uniform", "low": 0.2, "high": 0.6}),
+    "downlink_off": (1, 0, 1, {"distribution": "bernoulli", "probability": 0.15}),
+    "downlink_off_time": (1, 0.0, 1.0, {"distribution": "uniform", "low": 0.0, "high": 0.8}),
+}
+_ADAPTER: TypeAdapter[Any] = TypeAdapter(Distribution)
+
+
+class EpisodeDraw(NamedTuple):
+    """What an episode of up to n spacecraft is.
+
+    Attributes:
+        mission: Number of the mission in the pool.
+        spacecraft: How many fly.
+        speed: Over that of the mission.
+        sun_elevation: Of the Sun over the target's horizon [rad].
+        sun_azimuth: From north over east [rad].
+        visiting_point: Place in the list of the mission's visiting points, 0 to 1, shape (n,).
+        altitude: Over the imaging altitude, shape (n,).
+        release_error: Of the place at the visit, over the imaging altitude, shape (n, 3).
+        sigma_BN: Attitudes at release, MRP, shape (n, 3).
+        omega_BN_B: Rates at release, shape (n, 3) [rad/s].
+        fails: When spacecraft are lost, cameras go off, and links to Earth go off, as a share of the flight; infinite for
+            never, shape (n, 3).
+    """
+
+    mission: int
+    spacecraft: int
+    speed: float
+    sun_elevation: float
+    sun_azimuth: float
+    visiting_point: Array
+    altitude: Array
+    release_error: Array
+    sigma_BN: Array
+    omega_BN_B: Array
+    fails: Array
+
+
+class Randomisation:
+    """The distributions of an environment's episodes.
+
+    Args:
+        given: Replaces distributions by name: a mapping as in a campaign, or a number that always holds.
+        missions: Names of the missions in the pool.
+        most: Most spacecraft, n.
+
+    Raises:
+        ScenarioError: A name is unknown, or a distribution is none.
+    """
+
+    def __init__(self, given: Mapping[str, Any] | None, missions: tuple[str, ...], most: int) -> None:
+        self._missions, self._most = missions, most
+        if given is not None and not isinstance(given, Mapping):
+            raise ScenarioError(f"randomise = {given!r}: must be a mapping from names to distributions; {_known()}")
+        self._laws: dict[str, Any] = {name: _law(name, default) for name, (*_, default) in NAMES.items()}
+        for name, value in (given or {}).items():
+            if name not in NAMES:
+                raise ScenarioError(f"randomise: unknown name {name!r}; {_known()}")
+            is_law = isinstance(value, Mapping)
+            self._laws[name] = _law(name, value) if is_law else self._fixed(name, value, "randomise")
+
+    def draw(self, seed: int, given: Mapping[str, Any] | None = None) -> EpisodeDraw:
+        """The episode of a flight seed.
+
+        Args:
+            seed: Of the flight.
+            given: Values by name that take the place of what would be drawn: a number, or one for each spacecraft.
+
+        Raises:
+            ScenarioError: A name is unknown or a value is not allowed.
+        """
+        if given is not None and not isinstance(given, Mapping):
+            raise ScenarioError(f"reset option draw = {given!r}: must be a mapping from names to values; {_known()}")
+        for name in given or {}:
+            if name not in NAMES:
+                raise ScenarioError(f"reset option draw: unknown name {name!r}; {_known()}")
+        n = self._most
+        columns = [max(1, size * n) for size, *_ in NAMES.values()]
+        u = np.split(np.random.default_rng(seed).random(sum(columns)), np.cumsum(columns)[:-1])
+        values = {}
+        for (name, (size, low, high, _)), points in zip(NAMES.items(), u, strict=True):
+            law = self._laws[name]
+            if given and name in given:
+                law = self._fixed(name, given[name], "reset option draw")
+            drawn = law if isinstance(law, np.ndarray) else self._drawn(name, law, points)
+            values[name] = np.clip(drawn, low, high).reshape((n, 3) if size == 3 else (n,) if size else ())
+        return _episode(values)
+
+    def _drawn(self, name: str, law: Any, points: Array) -> Array:
+        # By default whatever the pool and the swarm hold, equally likely.
+        if name in ("mission", "spacecraft") and law == _DEFAULTS[name]:
+            count = len(self._missions) if name == "mission" else self._most
+            return np.floor(points * count) + (name == "spacecraft")
+        found = quantiles(law, points)
+        return self._checked(name, found, "randomise") if name in ("mission", "spacecraft") else found
+
+    def _fixed(self, name: str, value: Any, where: str) -> Array:
+        """A given value as the array that is otherwise drawn."""
+        size = NAMES[name][0]
+        if name == "mission" and isinstance(value, str):
+            if value not in self._missions:
+                pool = ", ".join(self._missions)
+                raise ScenarioError(f"{where}: mission {value!r} is not in this environment's pool: {pool}")
+            value = self._missions.index(value)
+        array = np.asarray(value, np.float64) if _numeric(value) else np.full(0, np.nan)
+        shape = () if size == 0 else (self._most,) if size == 1 else (self._most, 3)
+        try:
+            array = np.broadcast_to(array, shape).copy()
+        except ValueError:
+            raise ScenarioError(f"{where}: {name} = {value!r}: must be a number, or numbers of shape {shape}") from None
+        low, high = NAMES[name][1:3]
+        if not (np.isfinite(array) & (array >= low) & (array <= high)).all():
+            raise ScenarioError(f"{where}: {name} = {value!r}: must lie between {low:g} and {high:g}")
+        return self._checked(name, array, where)
+
+    def _checked(self, name: str, array: Array, where: str) -> Array:
+        """Refuse missions and spacecraft that there are not."""
+        low, high = (0, len(self._missions) - 1) if name == "mission" else (1, self._most)
+        if name in ("mission", "spacecraft") and not ((array >= low) & (array <= high) & (array % 1 == 0)).all():
+            raise ScenarioError(f"{where}: {name} = {array.tolist()}: must be a whole number from {low} to {high}")
+        return array
+
+
+def quantiles(law: Any, u: Array) -> Array:
+    """Values of a distribution at points of the unit interval, shape (m,); the usual ones without scipy's overhead."""
+    inside = np.clip(u, EDGE, 1.0 - EDGE)
+    if isinstance(law, Uniform):
+        return np.asarray(law.low + (law.high - law.low) * u)
+    if isinstance(law, Normal):
+        return np.asarray(law.mean + law.std * ndtri(inside))
+    if isinstance(law, Bernoulli):
+        return (u >= 1.0 - law.probability).astype(np.float64)
+    if isinstance(law, Integer):
+        return np.minimum(law.low + np.floor(u * law.count), law.high)
+    if isinstance(law, Choice):
+        return np.array([law.draw(float(point)) for point in u], np.float64)
+    assert isinstance(law, Continuous)
+    return np.asarray(law.frozen.ppf(inside), np.float64)
+
+
+def _law(name: str, given: Mapping[str, Any]) -> Any:
+    try:
+        return _ADAPTER.validate_python(dict(given))
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"][1:])
+        raise ScenarioError(f"randomise: {name}{'.' + where if where else ''}: {first['msg']}") from None
+
+
+_DEFAULTS = {name: _law(name, default) for name, (*_, default) in NAMES.items()}
+
+
+def _known() -> str:
+    return f"there are {', '.join(NAMES)}"
+
+
+def _numeric(value: Any) -> bool:
+    if isinstance(value, (list, tuple, np.ndarray)):
+        return all(_numeric(part) for part in value)
+    return is_number(value) or isinstance(value, (bool, np.bool_))
+
+
+def _episode(values: Mapping[str, Array]) -> EpisodeDraw:
+    fails = [
+        np.where(values[name] > 0.5, values[f"{name}_time"], np.inf) for name in ("loss", "camera_off", "downlink_off")
+    ]
+    return EpisodeDraw(
+        mission=int(values["mission"]),
+        spacecraft=int(values["spacecraft"]),
+        speed=float(values["speed"]),
+        sun_elevation=float(np.radians(values["sun_elevation_deg"])),
+        sun_azimuth=float(np.radians(values["sun_azimuth_deg"])),
+        visiting_point=values["visiting_point"],
+        altitude=values["altitude"],
+        release_error=values["release_error"],
+        sigma_BN=values["attitude_mrp"],
+        omega_BN_B=values["rate_rad_s"],
+        fails=np.column_stack(fails),
+    )

@@ -1,0 +1,226 @@
+"""E episodes of SwarmObserve-v1 over a pool of missions: what the single, the vector and the multi-agent environment share."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from swarm_mj.typing import Array32, Mask
+
+from ..rewards import ENDS, RewardTerms, StepResult
+from .config import MissionConfig
+from .draws import EpisodeDraw, Randomisation
+from .flights import MissionFlights
+from .layout import FlatLayout
+from .pool import MissionPool, Seats
+from .tables import BOUND, Tables, no_tables
+
+#: Episodes of one mission that fly in one batch, at most.
+BATCH = 8
+
+
+class Episodes:
+    """E episodes; each is a function of its flight seed alone.
+
+    Args:
+        config: The environment's arguments.
+        count: Number of episodes E.
+        threads: Most that are used.
+
+    Attributes:
+        config: The environment's arguments.
+        pool: Its missions.
+        count: Number of episodes E.
+        n: Most spacecraft.
+        patches: Patches of each target, K.
+        layout: Of a flat observation.
+        choices: Choices of a spacecraft, K + 1 + n.
+        tables: What the agents are shown, rows of E episodes.
+        draws: What was drawn for each episode; None before it begins.
+    """
+
+    def __init__(self, config: MissionConfig, count: int, threads: int = 1) -> None:
+        self.config, self.count = config, count
+        self.n, self.patches = config.max_spacecraft, config.patches
+        self.choices = self.patches + 1 + self.n
+        self.layout = FlatLayout(self.n, self.patches)
+        self.pool: MissionPool = config.make_pool()
+        self._random = Randomisation(config.randomise, self.pool.names, self.n)
+        self._seats = Seats(self.pool, min(BATCH, count))
+        self._places: list[tuple[int, int] | None] = [None] * count
+        self.draws: list[EpisodeDraw | None] = [None] * count
+        self.tables: Tables = no_tables(count, self.n, self.patches)
+        self._pool = ThreadPoolExecutor(threads, "swarm_mj missions") if threads > 1 and count > 1 else None
+
+    def locate(self, e: int) -> tuple[MissionFlights, int]:
+        """The batch that flies episode e, and its number there."""
+        place = self._places[e]
+        assert place is not None, "the episode has not begun"
+        return self._seats.batches[place[0]], place[1]
+
+    def begin(self, e: int, seed: int, given: Mapping[str, Any] | None = None) -> None:
+        """Start episode e anew.
+
+        Args:
+            e: Which.
+            seed: Of the flight.
+            given: Values by name in the place of drawn ones.
+
+        Raises:
+            ScenarioError: A name is unknown or a value not allowed.
+        """
+        draw = self._random.draw(seed, given)
+        old, place = self.draws[e], self._places[e]
+        if old is not None and place is not None:
+            self._seats.give_back(old.mission, place)
+        self.draws[e], self._places[e] = draw, self._seats.take(draw.mission)
+        batch, k = self.locate(e)
+        batch.start(k, draw)
+        self._copy(e)
+
+    def reset(self, seeds: Mapping[int, int], given: Mapping[str, Any] | None = None) -> None:
+        """Start episodes anew from their flight seeds, by number of the episode; `given` as of `begin`."""
+        for e, seed in seeds.items():
+            self.begin(e, seed, given)
+
+    def step(self, actions: NDArray[Any], live: Mask) -> StepResult:
+        """Fly the live episodes, shape (E,), one step with the choices held, shape (E, n)."""
+        result = _no_result(self.count, self.n)
+        riders: dict[int, list[int]] = {}
+        for e in np.flatnonzero(live).tolist():
+            place = self._places[e]
+            assert place is not None
+            riders.setdefault(place[0], []).append(e)
+
+        def fly(k: int) -> None:
+            batch, rows = self._seats.batches[k], np.array(riders[k])
+            seats = np.array([self._places[e][1] for e in riders[k]])  # type: ignore[index]
+            choice, flies = np.zeros((batch.count, self.n), np.int64), np.zeros(batch.count, np.bool_)
+            choice[seats], flies[seats] = actions[rows], True
+            flown = batch.step(choice, flies)
+            _copy_rows(flown.terms, seats, result.terms, rows)
+            _copy_rows(flown[1:], seats, result[1:], rows)
+            _copy_rows(batch.tables, seats, self.tables, rows)
+
+        if self._pool is None:
+            for k in riders:
+                fly(k)
+        else:
+            list(self._pool.map(fly, riders))
+        return result
+
+    def _copy(self, e: int) -> None:
+        batch, k = self.locate(e)
+        _copy_rows(batch.tables, k, self.tables, e)
+
+    def info(self, e: int) -> dict[str, Any]:
+        """What every step tells of episode e."""
+        batch, k = self.locate(e)
+        return batch.info(k) | self._facts(e) | {"action_mask": self.tables.mask[e].copy()}
+
+    def infos(self) -> dict[str, NDArray[Any]]:
+        """The same of all episodes, arrays over them; zeros of those that have not begun."""
+        begun = [self._fact_row(e) for e in range(self.count)]
+        first = next(row for row in begun if row is not None)
+        blank = {name: np.zeros_like(value) for name, value in first.items()}
+        rows = [blank if row is None else row for row in begun]
+        found = {name: np.array([row[name] for row in rows]) for name in first}
+        return found | {"action_mask": self.tables.mask.copy()}
+
+    def _fact_row(self, e: int) -> dict[str, Any] | None:
+        if self._places[e] is None:
+            return None
+        batch, k = self.locate(e)
+        return {name: np.asarray(value) for name, value in (batch.info(k) | self._facts(e)).items()}
+
+    def _facts(self, e: int) -> dict[str, Any]:
+        batch, k = self.locate(e)
+        draw = self.draws[e]
+        assert draw is not None
+        share = float(batch.totals.area[k] / batch.sheet.possible_area[k])
+        return {"coverage_percent": 100.0 * share, "mission": draw.mission, "alive": (~batch.totals.lost[k]).tolist()}
+
+    def step_info(self, e: int, result: StepResult) -> dict[str, Any]:
+        """What a step has to tell of episode e, beyond `info` its reward terms and how it ended."""
+        info, end = self.info(e) | {"reward_terms": result.terms_of(e)}, ENDS[result.end[e]]
+        if end:
+            info["end"] = end
+        if end == "diverged":
+            info["cause"] = self.cause(e)
+        return info
+
+    def cause(self, e: int) -> str:
+        """Why episode e diverged."""
+        batch, k = self.locate(e)
+        return batch.flights.causes[k]
+
+    def observation_of(self, e: int) -> Any:
+        """Of one episode, a copy."""
+        rows = self.observation
+        return {name: part[e] for name, part in rows.items()} if isinstance(rows, dict) else rows[e]
+
+    def flat(self) -> Array32:
+        """The tables of all episodes as one row each, see `FlatLayout`, shape (E, F)."""
+        return self.layout.joined(self.tables)
+
+    def entities(self) -> dict[str, NDArray[Any]]:
+        """The tables of all episodes by name, copies."""
+        tables = self.tables
+        return {
+            "spacecraft": tables.spacecraft.copy(),
+            "patches": tables.patches.copy(),
+            "pairs": tables.pairs.copy(),
+            "general": tables.general.copy(),
+            "alive": tables.spacecraft[:, :, 0].astype(np.int8),
+            "action_mask": tables.mask.copy(),
+        }
+
+    @property
+    def action_space(self) -> spaces.MultiDiscrete:
+        """Of one episode."""
+        return spaces.MultiDiscrete(np.full(self.n, self.choices))
+
+    @property
+    def observation_space(self) -> spaces.Space[Any]:
+        """Of one episode, as `config.observation` asks for it."""
+        if self.config.observation == "flat":
+            return box(self.layout.size)
+        found: dict[str, spaces.Space[Any]] = {}
+        for name, rows in self.entities().items():
+            shape = rows.shape[1:]
+            found[name] = spaces.MultiBinary(shape) if rows.dtype == np.int8 else box(*shape)
+        return spaces.Dict(found)
+
+    @property
+    def observation(self) -> Any:
+        """Of all episodes, as `config.observation` asks for it."""
+        return self.flat() if self.config.observation == "flat" else self.entities()
+
+    def close(self) -> None:
+        """End the threads and release the observers."""
+        if self._pool is not None:
+            self._pool.shutdown()
+        self.pool.close()
+
+
+def box(*shape: int) -> spaces.Box:
+    """Numbers as they stand in the tables."""
+    return spaces.Box(-BOUND, BOUND, shape, np.float32)
+
+
+def _copy_rows(source: Iterable[NDArray[Any]], seats: Any, target: Iterable[NDArray[Any]], rows: Any) -> None:
+    """Rows `seats` of arrays into rows `rows` of others."""
+    for ours, theirs in zip(target, source, strict=True):
+        ours[rows] = theirs[seats]
+
+
+def _no_result(count: int, n: int) -> StepResult:
+    """Of episodes that have not flown."""
+    terms = RewardTerms(*np.zeros((len(RewardTerms._fields), count)))
+    ends, over = np.zeros(count, np.int64), np.zeros(count, np.bool_)
+    return StepResult(terms, np.zeros(count), ends, over, np.zeros((count, n), np.bool_))

@@ -1,0 +1,156 @@
+"""Episodes of one mission of SwarmObserve-v1, flown together in one thread."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarm_mj.simulator.loop_state import InitialState
+from swarm_mj.smallbody.occultation import occluder_of
+from swarm_mj.typing import Array, Mask
+
+from ..batch import EpisodeBatch
+from ..rewards import StepResult
+from .draws import EpisodeDraw
+from .mission import CROSSING_S, DURATION_S, EARTH_BIT_S, PICTURE_INTERVAL_S, TIME_OF_FLIGHT_S, Mission
+from .reach import cells_in_reach
+from .tables import EpisodeSheet, TableConstants, Tables, no_sheet, no_tables, write_tables
+
+#: Share of the target that counts as possible at least, so that no episode is about a few cells.
+LEAST_POSSIBLE = 0.2
+
+
+class MissionFlights(EpisodeBatch):
+    """E episodes of one mission.
+
+    Args:
+        mission: What is flown.
+        count: Number of episodes E.
+
+    Attributes:
+        mission: What is flown.
+        sheet: What was drawn for them.
+        tables: What their agents are shown.
+    """
+
+    def __init__(self, mission: Mission, count: int) -> None:
+        self.mission = mission
+        super().__init__(mission.task, count, continues_after_impact=True)
+        n, patches = mission.task.plan.n, mission.task.patches.count
+        self.sheet: EpisodeSheet = no_sheet(count, n, patches)
+        self.tables: Tables = no_tables(count, n, patches)
+        self._table_constants = _table_constants(mission)
+        self._earth, self._hold = patches + n + 1, patches + n + 2
+        self._itself = patches + 1 + np.arange(n)
+
+    def start(self, e: int, draw: EpisodeDraw) -> None:
+        """Start episode e anew as it was drawn."""
+        mission, plan = self.mission, self.task.plan
+        error_m_s = draw.release_error * mission.altitude_m / TIME_OF_FLIGHT_S
+        velocity = draw.speed * mission.velocity_N(draw.visiting_point, draw.altitude) + error_m_s
+        place = np.repeat(plan.deployment.r0_N[None], plan.n, axis=0)
+        wheels = np.zeros((plan.n, plan.properties.n_wheels))
+        self.flights.blind[e] = self.flights.lost[e] = False
+        start = InitialState(
+            r_BN_N=place, v_BN_N=velocity, sigma_BN=draw.sigma_BN, omega_BN_B=draw.omega_BN_B, wheel_speed=wheels
+        )
+        self.begin(e, start)
+        sheet = self.sheet
+        sheet.present[e] = np.arange(plan.n) < draw.spacecraft
+        sheet.downlink[e] = True
+        sheet.fails_s[e] = np.where(sheet.present[e, :, None], draw.fails * DURATION_S, np.inf)
+        self._light(e, draw, place, velocity)
+        for j in np.flatnonzero(~sheet.present[e]):
+            self._lose(e, int(j))
+        self._fail(e)
+        live = np.arange(self.count) == e
+        self._update_kinematics(self.now, live)
+        self._update_estimate(live)
+        self._show(live)
+
+    def step(self, actions: NDArray[Any], live: Mask | None = None) -> StepResult:
+        """Fly on for one step with the choices held, see `EpisodeBatch.step`; choices are those of SwarmObserve-v1, (E, n)."""
+        live = self._all if live is None else live
+        for e in np.flatnonzero(live & (self.sheet.fails_s.min(axis=(1, 2)) <= self.time_s)):
+            self._fail(int(e))
+        result = super().step(self._roles(np.asarray(actions, np.int64)), live)
+        # As scores go by what is possible in the episode.
+        scale = np.where(live, self.task.plan.region.total_area / self.sheet.possible_area, 1.0)
+        seen, delivered = result.terms.seen * scale, result.terms.delivered * scale
+        terms = result.terms._replace(seen=seen, delivered=delivered)
+        self._show(live & self.flights.finite)
+        return result._replace(terms=terms, reward=sum(terms[1:], terms[0]))
+
+    def _roles(self, choice: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Choices as those of the control level `role`: Earth stands elsewhere there, and who is no more or unheard, holds."""
+        patches, lost = self.task.patches.count, self.totals.lost
+        earth = choice == patches
+        roles = np.where(earth, self._earth, choice)
+        return np.where(lost | (earth & ~self.sheet.downlink), self._hold, roles)
+
+    def _light(self, e: int, draw: EpisodeDraw, r_N: Array, v_N: Array) -> None:
+        """Count dark cells as seen, and find what of the others is possible; the Sun stands where it is at the visit."""
+        mission, task, sheet = self.mission, self.task, self.sheet
+        up, level = np.sin(draw.sun_elevation), np.cos(draw.sun_elevation)
+        east, north, out = mission.axes_A
+        sun = up * out + level * (np.sin(draw.sun_azimuth) * east + np.cos(draw.sun_azimuth) * north)
+        sheet.sun_A[e] = sun
+        lit = mission.lit(sun)
+        self.totals.seen[e] = ~lit
+        areas = task.patches.cell_area
+        sheet.lit_area[e] = np.bincount(task.patches.of_cell, areas * lit, task.patches.count)
+        until = np.where(sheet.present[e], np.minimum(sheet.fails_s[e, :, :2].min(axis=1), DURATION_S), 0.0)
+        reached = cells_in_reach(task.scene, task.body_rotation, r_N, v_N, until, PICTURE_INTERVAL_S, lit)
+        sheet.possible_area[e] = max(float(areas[reached].sum()), LEAST_POSSIBLE * float(areas.sum()))
+
+    def _fail(self, e: int) -> None:
+        """Let fail what fails now."""
+        lost, camera, downlink = (self.sheet.fails_s[e] <= self.time_s[e]).T
+        self.flights.blind[e] |= camera
+        self.sheet.downlink[e] &= ~downlink
+        for j in np.flatnonzero(lost & ~self.totals.lost[e]):
+            self._lose(e, int(j))
+
+    def _lose(self, e: int, j: int) -> None:
+        self.totals.lost[e, j] = True
+        self.flights.park(e, j)
+
+    def _show(self, live: Mask) -> None:
+        write_tables(
+            self._table_constants, self.now, self.estimate, self._tracking(), self.totals, self.sheet, live, self.tables
+        )
+
+
+def _table_constants(mission: Mission) -> TableConstants:
+    task, plan = mission.task, mission.task.plan
+    patches, region, camera = task.patches, plan.region, task.observer.camera
+    normal = np.column_stack(
+        [np.bincount(patches.of_cell, region.area * region.normal_A[:, i], patches.count) for i in range(3)]
+    )
+    earth = plan.environment.earth
+    return TableConstants(
+        axes_A=mission.axes_A,
+        centre_A=mission.centre_A,
+        altitude_m=mission.altitude_m,
+        crossing_s=CROSSING_S,
+        spin_rate=float(plan.environment.spin_rate),
+        step_s=float(task.step_s),
+        duration_s=DURATION_S,
+        half_width_m=mission.half_width_m,
+        half_angle=float(np.arctan(camera.tan_half_angle)),
+        pixel_angle=float(camera.pixel_angle),
+        max_gsd=float(plan.scenario.observation.max_gsd_m or np.inf),
+        top_speed=float(plan.properties.max_wheel_speed),
+        patch_centre_A=patches.centre_A,
+        patch_normal_A=normal / np.linalg.norm(normal, axis=1, keepdims=True),
+        patch_area=patches.area,
+        of_cell=patches.of_cell.astype(np.int64),
+        cell_area=patches.cell_area,
+        nominal_bit=float(task.nominal_bit),
+        earth_bit_s=EARTH_BIT_S,
+        body=occluder_of(plan.shape),
+        earth_r_N=np.array(earth.position, np.float64),
+        earth_v_N=np.array(earth.velocity, np.float64),
+    )

@@ -1,0 +1,259 @@
+"""One mission of SwarmObserve-v1: its `Task`, the ways past the target, and the frame and scales of its observations.
+
+Lengths go with the imaging altitude H, times are the same for all: a swarm is let go 2 H before the target, passes over it
+240 s later with H / 120 s, and has 360 s more. So a body of 250 m and one of 60 km look alike.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from math import atan, cos, degrees, radians, sin, tan
+from typing import Any
+
+import numpy as np
+
+from swarm_mj.errors import MissionError, PathError, ScenarioError
+from swarm_mj.flight.plan import load_body_shape
+from swarm_mj.flight.surroundings import surroundings_from
+from swarm_mj.io.cache import cache_folder, hash_of, load_array, store_array
+from swarm_mj.mission.trajectories import solve_transfers
+from swarm_mj.scenarios.bodies import packaged_body
+from swarm_mj.scenarios.loading import load_scenario
+from swarm_mj.scenarios.schema import Scenario
+from swarm_mj.typing import Array, Mask
+
+from ..config import EnvConfig
+from ..task import Task
+from .catalogue import MOST_HALF_ANGLE_DEG, MissionSpec
+
+#: Flight from release to visit, and whole flight [s].
+TIME_OF_FLIGHT_S, DURATION_S = 240.0, 600.0
+#: Time in which a spacecraft flies as far as the imaging altitude [s].
+CROSSING_S = 120.0
+#: Control period and step of the integration [s]; time between pictures [s].
+PERIOD_S, PICTURE_INTERVAL_S = 1.0, 10.0
+#: Least distance of a flight to the centre over the body's largest radius, at the lowest altitude that is tabulated.
+CLEARANCE = 1.15
+#: Altitudes of the table of ways, over the imaging altitude; between them ways are interpolated.
+ALTITUDES = (0.75, 1.0, 1.25)
+#: Visiting points of the table, at most.
+MOST_POINTS = 32
+#: Half-width of the target over the imaging altitude, where the body is large enough.
+TARGET_OVER_ALTITUDE = 0.6
+#: Ground sampling distance that counts, over that straight down from the imaging altitude.
+REACH = 1.25
+#: Volume of a flat target of that width from the imaging altitude, which compression is set for [bit], and rates [bit/s]: 250 s
+#: to send it to Earth.
+NOMINAL_BIT, EARTH_BIT_S, SWARM_BIT_S = 2e6, 8e3, 1e5
+#: Where Earth stands above the target's horizon at the visit, as nearly as the place allows [deg].
+EARTH_ELEVATION_DEG = 40.0
+#: How far off the Sun is taken to stand, in radii of the body; and the share of a cell that it must reach.
+SUN_RADII, LIT_SHARE = 1e4, 0.5
+#: Raise when the meaning of a stored table changes.
+TABLE_VERSION = 1
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Mission:
+    """A mission, ready to fly.
+
+    Attributes:
+        spec: What was asked for.
+        task: Plan, patches, observer.
+        altitude_m: Imaging altitude H [m].
+        half_width_m: Of the target, across [m].
+        axes_A: East, north and up at the target's middle, as rows, shape (3, 3).
+        centre_A: The target's middle, shape (3,) [m].
+        v0_N: Velocities at release to each point of the table from each of `ALTITUDES`, shape (P, 3, 3) [m/s].
+    """
+
+    spec: MissionSpec
+    task: Task
+    altitude_m: float
+    half_width_m: float
+    axes_A: Array
+    centre_A: Array
+    v0_N: Array
+
+    @property
+    def speed_m_s(self) -> float:
+        """With which the target is passed [m/s]."""
+        return self.altitude_m / CROSSING_S
+
+    def velocity_N(self, point: Array, altitude: Array) -> Array:
+        """Velocities at release of n spacecraft, shape (n, 3) [m/s].
+
+        Args:
+            point: Place in the list of visiting points, 0 to 1, shape (n,).
+            altitude: Over the imaging altitude, shape (n,).
+        """
+        count = len(self.v0_N)
+        rows = self.v0_N[np.minimum((point * count).astype(np.int64), count - 1)]
+        a, b, c = ALTITUDES
+        x = altitude[:, None]
+        # Lagrange's polynomial through the three altitudes.
+        first = (x - b) * (x - c) / ((a - b) * (a - c))
+        second = (x - a) * (x - c) / ((b - a) * (b - c))
+        third = (x - a) * (x - b) / ((c - a) * (c - b))
+        return np.asarray(first * rows[:, 0] + second * rows[:, 1] + third * rows[:, 2])
+
+    def lit(self, sun_A: Array) -> Mask:
+        """Cells that the Sun shines on from a direction, shape (C,): it sees half of them, as a camera far out would."""
+        radius = float(self.task.plan.region.mesh.max_radius)
+        # Any axes will do about the line of sight.
+        aside = np.cross(sun_A, [0.0, 0.0, 1.0] if abs(sun_A[2]) < 0.9 else [1.0, 0.0, 0.0])
+        aside /= np.linalg.norm(aside)
+        C_CA = np.vstack([aside, np.cross(-sun_A, aside), -sun_A])
+        return np.asarray(self.task.observer.visible_fraction(SUN_RADII * radius * sun_A, C_CA) >= LIT_SHARE)
+
+
+def make_mission(spec: MissionSpec, *, spacecraft: int, patches: int, step_s: float, **arguments: Any) -> Mission:
+    """Work a mission out; horizon maps and ways are taken from the cache where they are there.
+
+    Args:
+        spec: Which.
+        spacecraft: Most that fly.
+        patches: Of the target, a square number.
+        step_s: Length of a decision [s].
+        arguments: Others of `EnvConfig`.
+    """
+    data, altitude, half_width = _scenario(spec, spacecraft, patches)
+    scenario = load_scenario(data)
+    pixel = 2.0 * tan(radians(scenario.camera.half_angle_deg)) / scenario.camera.resolution_px * altitude
+    task = Task(
+        EnvConfig(
+            scenario=scenario,
+            step_s=step_s,
+            patches=patches,
+            earth_rate_bit_s=EARTH_BIT_S,
+            swarm_rate_bit_s=SWARM_BIT_S,
+            bits_per_pixel=NOMINAL_BIT * (0.5 * pixel / half_width) ** 2,
+            **arguments,
+        )
+    )
+    region = task.plan.region
+    centre = np.asarray(region.area @ region.centroid_A / region.total_area)
+    return Mission(
+        spec=spec,
+        task=task,
+        altitude_m=altitude,
+        half_width_m=half_width,
+        axes_A=np.ascontiguousarray(region.axes_A),
+        centre_A=centre,
+        v0_N=_ways(task, altitude),
+    )
+
+
+def _ellipsoid() -> dict[str, Any]:
+    """21 Lutetia as an ellipsoid of constant density; compiled flights know no point mass, so its field goes to degree 2."""
+    body = packaged_body("lutetia")
+    a, b, c = body["semi_axes_m"]
+    # Unnormalised C20 and C22 of a homogeneous ellipsoid (Balmino 1994, Celest. Mech. 60, 331), over their normalisations.
+    c20 = (c**2 - 0.5 * (a**2 + b**2)) / (5.0 * a**2) / 5.0**0.5
+    c22 = (a**2 - b**2) / (20.0 * a**2) / (10.0 / 24.0) ** 0.5
+    field = {"gm": body["gravity"]["parameters"]["gm"], "reference_radius_m": a}
+    field["coefficients"] = [[2, 0, c20, 0.0], [2, 1, 0.0, 0.0], [2, 2, c22, 0.0]]
+    return body | {"gravity": {"model": "spherical_harmonics", "parameters": field}}
+
+
+def _direction(latitude_deg: float, longitude_deg: float) -> Array:
+    a, b = radians(latitude_deg), radians(longitude_deg)
+    return np.array([cos(a) * cos(b), cos(a) * sin(b), sin(a)])
+
+
+def _scenario(spec: MissionSpec, spacecraft: int, patches: int) -> tuple[dict[str, Any], float, float]:
+    """The scenario of a mission, its imaging altitude and the half-width of its target [m]."""
+    up = _direction(spec.latitude_deg, spec.longitude_deg)
+    body = _ellipsoid() if spec.body == "ellipsoid" else spec.body
+    base: dict[str, Any] = {"body": body, "epoch": "2018-01-01T00:00:00"}
+    plain = load_scenario({**base, "name": spec.name, "target": _target(spec, 10.0, None)})
+    vertices = load_body_shape(plain.body).vertices
+    radius = np.linalg.norm(vertices, axis=1)
+    ground = float(radius[np.argmax(vertices @ up / radius)])
+    altitude = (CLEARANCE * float(radius.max()) - ground) / ALTITUDES[0]
+    half_angle = min(degrees(atan(TARGET_OVER_ALTITUDE * altitude / ground)), MOST_HALF_ANGLE_DEG)
+    half_width = ground * tan(radians(half_angle))
+    patch = 2.0 * half_width / patches**0.5
+    camera = degrees(atan(0.5 * spec.picture_over_patch * patch / altitude))
+    east, north = np.cross([0.0, 0.0, 1.0], up), np.zeros(3)
+    east /= np.linalg.norm(east)
+    north = np.cross(up, east)
+    heading = radians(spec.heading_deg)
+    ahead = sin(heading) * east + cos(heading) * north
+    way = TIME_OF_FLIGHT_S / CROSSING_S * altitude
+    start = (ground + altitude) * up - way * ahead
+    data = base | {
+        "name": spec.name,
+        "description": f"{spec.body}, {spec.latitude_deg:g} deg north, {spec.longitude_deg:g} deg east",
+        "epoch": _epoch(plain, up),
+        "duration_s": DURATION_S,
+        "target": _target(spec, half_angle, 2.0 * half_width / 6.0),
+        "design": {
+            "visiting_points": list(range(1, spacecraft + 1)),
+            "imaging_altitude_m": altitude,
+            "time_of_flight_s": TIME_OF_FLIGHT_S,
+        },
+        "mothership": {"position_A_m": start.tolist()},
+        "behavior": {"name": "adaptable_roles", "imaging_radius_m": float(np.linalg.norm(start)) * 3.0},
+        "control": {"controller": "mrp_sliding_mode", "period_s": PERIOD_S},
+        "physics": {"timestep_s": PERIOD_S, "wheels": "gyrostat", "stepper": "kernel"},
+        "camera": {"half_angle_deg": camera, "shape": "square", "resolution_px": 512},
+        "observation": {
+            "criterion": "passage",
+            "min_fraction": 0.5,
+            "interval_s": PICTURE_INTERVAL_S,
+            "max_gsd_m": REACH * altitude * 2.0 * tan(radians(camera)) / 512.0,
+        },
+        "safety": {"min_separation_m": 1e-3 * altitude},
+        "link": {"max_range_m": 20.0 * altitude},
+    }
+    return data, altitude, half_width
+
+
+def _target(spec: MissionSpec, half_angle_deg: float, cell_size_m: float | None) -> dict[str, Any]:
+    return {
+        "latitude_deg": spec.latitude_deg,
+        "longitude_deg": spec.longitude_deg,
+        "half_angle_deg": half_angle_deg,
+        "edges": "side",
+        "cell_size_m": cell_size_m,
+    }
+
+
+def _epoch(scenario: Scenario, up: Array) -> str:
+    """When the swarm is let go so that Earth stands as high over the target at the visit as it should, as nearly as it does."""
+    around = surroundings_from(scenario)
+    best, found = np.inf, 0.0
+    for k in range(72):
+        later = k / 72.0 * 2.0 * np.pi / abs(around.spin_rate)
+        phase = around.phase0 + around.spin_rate * (later + TIME_OF_FLIGHT_S)
+        c, s = cos(phase), sin(phase)
+        earth = around.C_PN @ around.earth.at(later)
+        earth_A = np.array([c * earth[0] + s * earth[1], c * earth[1] - s * earth[0], earth[2]])
+        elevation = degrees(np.arcsin(earth_A @ up / np.linalg.norm(earth_A)))
+        off = abs(elevation - EARTH_ELEVATION_DEG)
+        if off < best - 1e-9:
+            best, found = off, later
+    return (datetime.fromisoformat(scenario.epoch) + timedelta(seconds=round(found))).isoformat()
+
+
+def _ways(task: Task, altitude: float) -> Array:
+    """Velocities at release to the visiting points, shape (P, altitudes, 3) [m/s], solved or from the cache."""
+    plan, region = task.plan, task.plan.region
+    which = np.linspace(0, region.n_visiting - 1, min(MOST_POINTS, region.n_visiting)).round().astype(int)
+    points = np.array([region.visiting_points_A(share * altitude)[which] for share in ALTITUDES])
+    text = f"{TABLE_VERSION} {plan.scenario.model_dump_json(include={'body', 'epoch', 'mothership', 'design'})}"
+    file = cache_folder() / "ways" / f"{hash_of(text, points)}.npy"
+    kept = load_array(file, (len(which), len(ALTITUDES), 3), np.float64)
+    if kept is not None:
+        return np.asarray(kept)
+    environment = plan.environment
+    destinations = points.transpose(1, 0, 2).reshape(-1, 3) @ environment.C_AN(TIME_OF_FLIGHT_S)
+    try:
+        v0, _ = solve_transfers(environment.acceleration_N, plan.deployment.r0_N, destinations, TIME_OF_FLIGHT_S)
+    except (PathError, MissionError) as error:
+        raise ScenarioError(f"mission {plan.scenario.name}: {error}") from None
+    table = v0.reshape(len(which), len(ALTITUDES), 3)
+    store_array(file, table, folder_bytes=2**24)
+    return table

@@ -1,0 +1,189 @@
+"""SwarmObserve-v1 for many agents: each spacecraft decides for itself, through PettingZoo's ParallelEnv.
+
+from swarm_mj.envs.missions.multi_agent import swarm_observe_v1
+env = swarm_observe_v1.parallel_env(split="train")
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import SimpleNamespace
+from typing import Any, ClassVar
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+from gymnasium.utils import seeding
+from numpy.typing import NDArray
+
+from swarm_mj.errors import ScenarioError
+from swarm_mj.typing import Array32
+
+from ..actions import check_action
+from ..arguments import checked_options, checked_prefix, flight_seed
+from .catalogue import DEFAULT_COUNT
+from .config import MissionConfig
+from .episodes import Episodes, box
+from .single import checked_render
+
+try:
+    from pettingzoo import ParallelEnv
+except ImportError as error:
+    raise ImportError("the multi-agent environment needs PettingZoo: pip install 'swarm_mj[rl]'") from error
+
+PerAgent = dict[str, Any]
+
+
+class SwarmObserveV1ParallelEnv(ParallelEnv[str, Any, Any]):
+    """An episode of `SwarmObserveV1Env` in which each spacecraft is an agent: `sc1`, `sc2`, ...
+
+    Who does not fly in an episode is not among its `agents`; who is lost leaves them, terminated, and the others go on.
+
+    **Actions**: Discrete(K + 1 + n), one spacecraft's entry there. **Reward**: the team's. **Observation**: `entities`: a Dict
+    with its own row of the table of spacecraft (`self`), its own row of pairs (`pairs`), the rows of the others in cyclic order
+    (`others`), `patches`, `general`, and `action_mask`; `flat`: the same in one Box, without the mask. `state()` is the
+    flat observation of `SwarmObserveV1Env`. Infos hold `action_mask` and what that environment tells.
+
+    Args:
+        missions: See `SwarmObserveV1Env`.
+        split: See `SwarmObserveV1Env`.
+        render_mode: None.
+        agent_prefix: What stands before the numbers of the agents.
+        arguments: The others of `SwarmObserveV1Env`.
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {
+        "name": "swarm_observe_v1",
+        "render_modes": [],
+        "render_fps": 10,
+        "is_parallelizable": True,
+    }
+
+    def __init__(
+        self,
+        missions: Any = DEFAULT_COUNT,
+        split: str = "train",
+        render_mode: str | None = None,
+        *,
+        agent_prefix: str = "sc",
+        **arguments: Any,
+    ) -> None:
+        self.render_mode = checked_render(render_mode)
+        self.config = MissionConfig(missions=missions, split=split, **arguments)
+        self._episodes: Episodes | None = Episodes(self.config, 1)
+        prefix = checked_prefix(agent_prefix)
+        self.possible_agents = [f"{prefix}{j + 1}" for j in range(self.config.max_spacecraft)]
+        self.agents: list[str] = []
+        self._number = {name: j for j, name in enumerate(self.possible_agents)}
+        self.action_spaces = {name: spaces.Discrete(self.episodes.choices) for name in self.possible_agents}
+        self.observation_spaces = {name: self._space() for name in self.possible_agents}
+        self.state_space: spaces.Box = box(self.episodes.layout.size)
+        self._random = seeding.np_random()[0]
+
+    @property
+    def episodes(self) -> Episodes:
+        """The episode, as one of one.
+
+        Raises:
+            gymnasium.error.ClosedEnvironmentError: The environment was closed.
+        """
+        if self._episodes is None:
+            raise gymnasium.error.ClosedEnvironmentError("swarm_observe_v1 was closed; make it anew")
+        return self._episodes
+
+    def observation_space(self, agent: str) -> spaces.Space[Any]:
+        """Of one agent."""
+        return self.observation_spaces[agent]
+
+    def action_space(self, agent: str) -> spaces.Space[Any]:
+        """Of one agent."""
+        return self.action_spaces[agent]
+
+    def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[PerAgent, PerAgent]:
+        """Start an episode; `options` may hold `flight_seed` and `draw`, and others are ignored, as PettingZoo asks."""
+        if seed is not None:
+            self._random = seeding.np_random(seed)[0]
+        given = checked_options(options)
+        known = {name: value for name, value in given.items() if name == "flight_seed"}
+        chosen = flight_seed(known, int(self._random.integers(2**31)))
+        self.episodes.begin(0, chosen, given.get("draw"))
+        alive = self.episodes.info(0)["alive"]
+        self.agents = [name for name, j in self._number.items() if alive[j]]
+        info = self.episodes.info(0) | {"flight_seed": chosen}
+        return self._observations(), self._infos(self.agents, info)
+
+    def step(self, actions: PerAgent) -> tuple[PerAgent, PerAgent, PerAgent, PerAgent, PerAgent]:
+        """Fly on for one step with the choices of the agents held.
+
+        Raises:
+            gymnasium.error.ResetNeeded: The episode is over or has not begun.
+            gymnasium.error.InvalidAction: An action lies outside its space.
+            ScenarioError: An agent has no action, or there is an action of somebody else.
+        """
+        if not self.agents:
+            raise gymnasium.error.ResetNeeded(
+                "swarm_observe_v1: the episode is over or has not begun; call reset first"
+            )
+        episodes, flew = self.episodes, self.agents
+        result = episodes.step(self._joined(actions)[None], np.ones(1, np.bool_))
+        info, ended = episodes.step_info(0, result), bool(result.end[0])
+        terminations = {agent: ended or not info["alive"][self._number[agent]] for agent in flew}
+        truncations = {agent: bool(result.truncated[0]) and not terminations[agent] for agent in flew}
+        observations = self._observations()
+        rewards = dict.fromkeys(flew, float(result.reward[0]))
+        self.agents = [agent for agent in flew if not (terminations[agent] or truncations[agent])]
+        return observations, rewards, terminations, truncations, self._infos(flew, info)
+
+    def _joined(self, actions: PerAgent) -> NDArray[Any]:
+        if not isinstance(actions, Mapping) or set(actions) != set(self.agents):
+            raise ScenarioError(f"actions = {actions!r}: must be one for each of {', '.join(self.agents)}")
+        joined = np.zeros(self.episodes.n, np.int64)
+        for agent in self.agents:
+            joined[self._number[agent]] = check_action(self.action_spaces[agent], actions[agent])
+        return joined
+
+    def _infos(self, agents: list[str], info: dict[str, Any]) -> PerAgent:
+        mask = info["action_mask"]
+        return {agent: info | {"action_mask": mask[self._number[agent]].copy()} for agent in agents}
+
+    def _parts(self, j: int) -> dict[str, NDArray[Any]]:
+        tables, n = self.episodes.tables, self.episodes.n
+        others = (j + 1 + np.arange(n - 1)) % n
+        return {
+            "self": tables.spacecraft[0, j].copy(),
+            "pairs": tables.pairs[0, j].copy(),
+            "others": tables.spacecraft[0, others],
+            "patches": tables.patches[0].copy(),
+            "general": tables.general[0].copy(),
+        }
+
+    def _observation(self, j: int) -> Any:
+        parts = self._parts(j)
+        if self.config.observation == "entities":
+            return parts | {"action_mask": self.episodes.tables.mask[0, j].copy()}
+        flat: Array32 = np.concatenate([part.ravel() for part in parts.values()])
+        return flat
+
+    def _space(self) -> spaces.Space[Any]:
+        parts = self._parts(0)
+        if self.config.observation == "flat":
+            return box(sum(part.size for part in parts.values()))
+        found: dict[str, spaces.Space[Any]] = {name: box(*part.shape) for name, part in parts.items()}
+        return spaces.Dict(found | {"action_mask": spaces.MultiBinary(self.episodes.choices)})
+
+    def _observations(self) -> PerAgent:
+        return {agent: self._observation(self._number[agent]) for agent in self.agents}
+
+    def state(self) -> Array32:
+        """The flat observation of `SwarmObserveV1Env`: everything, for critics that see it all."""
+        return self.episodes.flat()[0]
+
+    def close(self) -> None:
+        """Release the observers; may be called again."""
+        if self._episodes is not None:
+            self._episodes.close()
+        self._episodes, self.agents = None, []
+
+
+#: PettingZoo's way to name an environment: `swarm_observe_v1.parallel_env(...)`.
+swarm_observe_v1 = SimpleNamespace(parallel_env=SwarmObserveV1ParallelEnv)

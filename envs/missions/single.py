@@ -1,0 +1,189 @@
+"""SwarmObserve-v1: flybys that differ from episode to episode, as a gymnasium environment."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+from swarm_mj.errors import ScenarioError
+
+from ..actions import check_action
+from ..arguments import checked_options, flight_seed
+from ..rewards import TERMS
+from .catalogue import DEFAULT_COUNT
+from .config import MissionConfig
+from .episodes import Episodes
+
+NAME = "SwarmObserve-v1"
+
+
+def checked_render(mode: Any) -> str | None:
+    """The render mode: there is none yet."""
+    if mode is None:
+        return None
+    else:
+        raise ScenarioError(f"render_mode = {mode!r}: must be None; {NAME} draws no pictures, SwarmObserve-v0 does")
+
+
+class SwarmObserveV1Env(gymnasium.Env[Any, Any]):
+    """A swarm flies past a small body that differs from episode to episode, images what is lit, and sends it to Earth.
+
+    `gymnasium.make("swarm_mj:SwarmObserve-v1")` makes it; in a program that imports swarm_mj before gymnasium,
+    `"swarm_mj.envs:SwarmObserve-v1"`.
+
+    SwarmObserve-v0 is one flyby, and a recorded list of actions does there as well as a policy. Here body, place, light, paths,
+    number and health of the spacecraft are drawn anew, and a list loses (`baselines.open_loop`): what pays is to look.
+
+    ## Missions
+
+    `catalogue.CATALOGUE` names 64: sixteen places on each of Eros, Bennu, Itokawa and an ellipsoid the size of 21 Lutetia.
+    Places within 40 deg of longitude 0 are for training, those within 20 deg of 180 deg for tests; no part of a body belongs to
+    both. Lengths go with the imaging altitude H, times are the same for all: let go 2 H ahead, over the target 240 s later at
+    H / 120 s, 600 s in all. Cameras see about a patch at a time. A picture is taken every 10 s; cells count where the ground
+    sampling distance is at most 1.25 times that straight down from H. Spacecraft fly with reaction wheels as momentum states, by
+    the compiled stepper, and turn by the sliding-mode law. A mission takes up to 10 s to work out once, and is kept in the cache.
+
+    ## What is drawn
+
+    By `randomise={name: distribution}`, as in campaigns, or a number that always holds.
+    `reset(options={"draw": {name: value}})` gives values for one episode: a number, or one for each spacecraft. Changing
+    one leaves all others as they were.
+
+    | name | default | meaning |
+    |---|---|---|
+    | mission | any of the pool | its number in `episodes.pool.names`, or its name |
+    | spacecraft | any from 1 to `max_spacecraft` | how many fly; the others are lost from the start |
+    | speed | 0.7 to 1.4 | over that of the mission: when the target is passed |
+    | sun_elevation_deg, sun_azimuth_deg | 15 to 75, any | of the Sun over the target, from north over east, for the whole \
+flight; dark and shadowed cells do not count |
+    | visiting_point | 0 to 1 | which of the points that the trajectory designer offers, for each spacecraft |
+    | altitude | 0.75 to 1.15 | of the visit, over H, for each |
+    | release_error | normal, 0.06 | of the place at the visit, over H, three numbers for each |
+    | attitude_mrp, rate_rad_s | -1 to 1, -0.02 to 0.02 | at release, three numbers for each |
+    | loss, camera_off, downlink_off | 0.12, 0.15, 0.15 | whether a spacecraft is lost, its camera or Earth link off |
+    | loss_time, camera_off_time, downlink_off_time | 0.2 to 0.8, 0.2 to 0.6, 0 to 0.8 | when, as a share of the flight |
+
+    ## Action space
+
+    MultiDiscrete([K + 1 + n] * n) with n = `max_spacecraft` and K = `patches`, held for `decision_s` seconds. Of spacecraft j:
+    0..K-1 look at a patch; K talk to Earth; K+1..K+n relay to spacecraft 1..n (itself: hold the attitude). Patches are numbered
+    row by row from the south-west. 20 s are enough to turn to a patch, settle and take a picture, and short against the two
+    minutes over the target. `info["action_mask"]`, shape (n, K + 1 + n), says what makes sense: unseen patches in reach half a
+    decision or one and a half ahead, Earth and relays for whom has data and is heard; to hold is always allowed, and all that
+    who is no more may do. Other choices are flown as they are.
+
+    ## Observation space
+
+    `entities`: a Dict of `spacecraft` (n, 22), `patches` (K, 9), `pairs` (n, K, 4), `general` (14), `alive` (n) and
+    `action_mask`. `flat`: a Box of spacecraft, pairs, the first two columns of patches, and general; `episodes.layout.split`
+    takes it apart. Frame: east, north, up at the target's middle, turning with the body. Units: H, 120 s, the target's area,
+    data of what is possible. Columns are named in `tables.SPACECRAFT`, `PATCHES`, `PAIRS` and `GENERAL`:
+
+    | table | columns |
+    |---|---|
+    | spacecraft | alive, camera and downlink work; images, relays, talks to Earth, holds; link closed; data aboard; Earth in \
+sight; place, velocity and boresight (3 each); attitude error; rate over 0.1 rad/s; fastest wheel over its top speed. All zero \
+for who is no more |
+    | patches | unseen and lit share; place and normal (3 each); area over the mean |
+    | pairs | what a picture would be worth half a decision ahead, and a whole one later; ground sampling distance over the \
+limit; angle from the boresight over 90 deg |
+    | general | time left; seen; delivered; share alive; half-width over H; picture over the target's half-width; turn of the \
+body in 120 s; share of the data that Earth hears in a decision; directions of Sun and Earth (3 each) |
+
+    ## Reward
+
+    The terms of `SwarmObserveEnv`, but `seen` and `delivered` count by what is possible in the episode: the lit cells that a
+    working camera passes within reach as the swarm was let go (at least a fifth of the target), and their data from H. To see
+    and deliver all of that comes to 2, a little more with pictures from below H; the bound ignores turning and the footprint.
+    Data go to Earth at 8 kbit/s, one spacecraft at a time, so that the whole target takes four to six minutes, and between
+    spacecraft at 100 kbit/s. A spacecraft that hits the body is lost, costs 1, and the others fly on.
+
+    ## Info
+
+    As of `SwarmObserveEnv`, with `coverage_percent` by what is possible, and `mission` (number), `alive` (n), `action_mask`.
+
+    ## Episode end
+
+    Terminated: all that is lit is seen and delivered, or nobody is left. Truncated: after 600 s.
+
+    ## Arguments
+
+    | argument | default | meaning |
+    |---|---|---|
+    | missions | 8 | names, how many spread over places and bodies, or "all" |
+    | split | "train" | or "test" |
+    | max_spacecraft | 4 | n |
+    | patches | 16 | K, a square number |
+    | decision_s | 20 | length of a step [s] |
+    | observation | "flat" | or "entities" |
+    | randomise | None | distributions by name |
+    | reward_weights | None | replaces weights by name |
+    | complete | 99.9 | seen share of what is lit that counts as complete [%] |
+    | horizon_terminates | False | whether the duration ends a flight as terminated |
+    """
+
+    metadata: dict[str, Any] = {"render_modes": [], "render_fps": 10}
+
+    def __init__(
+        self, missions: Any = DEFAULT_COUNT, split: str = "train", render_mode: str | None = None, **arguments: Any
+    ) -> None:
+        self._episodes: Episodes | None = None
+        self.render_mode = checked_render(render_mode)
+        self.config = MissionConfig(missions=missions, split=split, **arguments)
+        self._episodes = episodes = Episodes(self.config, 1)
+        self.observation_space, self.action_space = episodes.observation_space, episodes.action_space
+        self._running = False
+
+    @property
+    def episodes(self) -> Episodes:
+        """The episode, as one of one.
+
+        Raises:
+            gymnasium.error.ClosedEnvironmentError: The environment was closed.
+        """
+        if self._episodes is None:
+            raise gymnasium.error.ClosedEnvironmentError(f"{NAME} was closed; make it anew")
+        return self._episodes
+
+    @property
+    def reward_weights(self) -> dict[str, float]:
+        """Weight of each reward term."""
+        return dict(zip(TERMS, self.config.weights, strict=True))
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
+        """Start an episode; see the class for what is drawn.
+
+        Raises:
+            ScenarioError: `options` holds something else than a valid `flight_seed` and a valid `draw`.
+        """
+        super().reset(seed=seed)
+        given = checked_options(options)
+        values = given.pop("draw", None)
+        chosen = flight_seed(given, int(self.np_random.integers(2**31)))
+        self.episodes.begin(0, chosen, values)
+        self._running = True
+        return self.episodes.observation_of(0), self.episodes.info(0) | {"flight_seed": chosen}
+
+    def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        """Fly on for one step with the choices held.
+
+        Raises:
+            gymnasium.error.InvalidAction: The action does not lie in the action space.
+            gymnasium.error.ResetNeeded: The episode has ended or has not begun.
+        """
+        if not self._running:
+            raise gymnasium.error.ResetNeeded(f"{NAME}: the episode is over or has not begun; call reset first")
+        episodes = self.episodes
+        result = episodes.step(check_action(self.action_space, action)[None], np.ones(1, np.bool_))
+        terminated, truncated = bool(result.end[0]), bool(result.truncated[0])
+        self._running = not (terminated or truncated)
+        info = episodes.step_info(0, result)
+        return episodes.observation_of(0), float(result.reward[0]), terminated, truncated, info
+
+    def close(self) -> None:
+        """Release the observers; may be called again."""
+        if self._episodes is not None:
+            self._episodes.close()
+        self._episodes, self._running = None, False

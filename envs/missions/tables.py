@@ -1,0 +1,364 @@
+"""What an agent of SwarmObserve-v1 is shown: tables of spacecraft, patches and pairs, and which choices make sense; compiled.
+
+Everything is told in the target's own frame: east, north and up at its middle, turning with the body. Lengths are in imaging
+altitudes, times in those of a crossing, areas in those of the whole target, so that all bodies look alike. Nothing depends on
+how many flights are handled together.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarm_mj.mission.behaviors import TargetKind
+from swarm_mj.observation.capture import takes_picture
+from swarm_mj.smallbody.occultation import Occluder, way_blocked
+from swarm_mj.typing import Array, Array32, Ints, Mask, kernel
+
+from ..kinematics import AttitudeEstimate, Kinematics, Tracking
+from ..observations import RATE_SCALE
+from ..totals import EpisodeTotals
+
+#: Columns of the tables.
+SPACECRAFT = (
+    *("alive", "camera", "downlink", "imaging", "relaying", "talking", "holding", "link", "stored", "earth_in_sight"),
+    *("east", "north", "up", "v_east", "v_north", "v_up", "boresight_east", "boresight_north", "boresight_up"),
+    *("attitude_error", "rate", "wheel_speed"),
+)
+PATCHES = ("unseen", "lit", "east", "north", "up", "normal_east", "normal_north", "normal_up", "area")
+PAIRS = ("worth", "worth_next", "gsd", "angle")
+GENERAL = (
+    *("time_left", "seen", "delivered", "alive", "half_width", "picture", "turn", "heard"),
+    *("sun_east", "sun_north", "sun_up", "earth_east", "earth_north", "earth_up"),
+)
+#: No entry is larger than this.
+BOUND = 5.0
+_SPACECRAFT, _EARTH, _DIRECTION = int(TargetKind.SPACECRAFT), int(TargetKind.EARTH), int(TargetKind.DIRECTION)
+
+
+class TableConstants(NamedTuple):
+    """What all tables of a mission share.
+
+    Attributes:
+        axes_A: East, north and up, shape (3, 3).
+        centre_A: The target's middle, shape (3,) [m].
+        altitude_m: Lengths are divided by this.
+        crossing_s: Times are divided by this.
+        spin_rate: Of the body [rad/s].
+        step_s: Length of a decision [s].
+        duration_s: Of a flight [s].
+        half_width_m: Of the target [m].
+        half_angle: Of the camera [rad].
+        pixel_angle: Of the camera [rad].
+        max_gsd: That counts [m].
+        top_speed: Of a wheel [rad/s].
+        patch_centre_A: Shape (K, 3) [m].
+        patch_normal_A: Shape (K, 3).
+        patch_area: Shape (K,) [m^2].
+        of_cell: Patch of each cell, shape (C,).
+        cell_area: Shape (C,) [m^2].
+        nominal_bit: Volume of the whole target [bit].
+        earth_bit_s: To Earth, of all spacecraft together [bit/s].
+        body: As what hides.
+        earth_r_N: At the epoch, shape (3,) [m].
+        earth_v_N: Shape (3,) [m/s].
+    """
+
+    axes_A: Array
+    centre_A: Array
+    altitude_m: float
+    crossing_s: float
+    spin_rate: float
+    step_s: float
+    duration_s: float
+    half_width_m: float
+    half_angle: float
+    pixel_angle: float
+    max_gsd: float
+    top_speed: float
+    patch_centre_A: Array
+    patch_normal_A: Array
+    patch_area: Array
+    of_cell: Ints
+    cell_area: Array
+    nominal_bit: float
+    earth_bit_s: float
+    body: Occluder
+    earth_r_N: Array
+    earth_v_N: Array
+
+
+class EpisodeSheet(NamedTuple):
+    """What was drawn for E episodes, and what follows from it.
+
+    Attributes:
+        lit_area: Of each patch, in the light of the episode, shape (E, K) [m^2].
+        possible_area: What the swarm can see as it was let go, shape (E,) [m^2].
+        sun_A: Direction of the Sun, shape (E, 3).
+        present: Who flies from the start, shape (E, n).
+        downlink: Whose link to Earth works, shape (E, n).
+        fails_s: When spacecraft are lost, cameras go off, links go off, shape (E, n, 3) [s].
+    """
+
+    lit_area: Array
+    possible_area: Array
+    sun_A: Array
+    present: Mask
+    downlink: Mask
+    fails_s: Array
+
+
+class Tables(NamedTuple):
+    """Tables of E episodes of up to n spacecraft over K patches.
+
+    Attributes:
+        spacecraft: See `SPACECRAFT`, shape (E, n, .).
+        patches: See `PATCHES`, shape (E, K, .).
+        pairs: See `PAIRS`, shape (E, n, K, .).
+        general: See `GENERAL`, shape (E, .).
+        mask: Choices that make sense, shape (E, n, K + 1 + n).
+    """
+
+    spacecraft: Array32
+    patches: Array32
+    pairs: Array32
+    general: Array32
+    mask: NDArray[np.int8]
+
+
+def no_sheet(count: int, n: int, patches: int) -> EpisodeSheet:
+    """Of that many episodes."""
+    return EpisodeSheet(
+        lit_area=np.zeros((count, patches)),
+        possible_area=np.ones(count),
+        sun_A=np.zeros((count, 3)),
+        present=np.zeros((count, n), np.bool_),
+        downlink=np.zeros((count, n), np.bool_),
+        fails_s=np.full((count, n, 3), np.inf),
+    )
+
+
+def no_tables(count: int, n: int, patches: int) -> Tables:
+    """Of that many episodes."""
+    return Tables(
+        spacecraft=np.zeros((count, n, len(SPACECRAFT)), np.float32),
+        patches=np.zeros((count, patches, len(PATCHES)), np.float32),
+        pairs=np.zeros((count, n, patches, len(PAIRS)), np.float32),
+        general=np.zeros((count, len(GENERAL)), np.float32),
+        mask=np.zeros((count, n, patches + 1 + n), np.int8),
+    )
+
+
+@kernel
+def write_tables(
+    constants: TableConstants,
+    now: Kinematics,
+    estimate: AttitudeEstimate,
+    tracking: Tracking,
+    totals: EpisodeTotals,
+    sheet: EpisodeSheet,
+    live: Mask,
+    tables: Tables,
+) -> None:
+    """Fill the rows of the live flights, shape (E,)."""
+    for e in range(live.shape[0]):
+        if live[e]:
+            _write_patches(constants, totals, sheet, e, tables.patches[e])
+            _write_general(constants, now, totals, sheet, e, tables.general[e])
+            for j in range(sheet.present.shape[1]):
+                _write_spacecraft(constants, now, estimate, tracking, totals, sheet, e, j, tables.spacecraft[e, j])
+                _write_pairs(constants, now, estimate, tracking, totals, sheet, e, j, tables)
+            for j in range(sheet.present.shape[1]):
+                _write_mask(totals, sheet, e, j, tables)
+
+
+@kernel
+def _write_patches(constants: TableConstants, totals: EpisodeTotals, sheet: EpisodeSheet, e: int, out: Array32) -> None:
+    patches, total = constants.patch_area.shape[0], constants.patch_area.sum()
+    unseen = np.zeros(patches)
+    for i in range(constants.of_cell.shape[0]):
+        if not totals.seen[e, i]:
+            unseen[constants.of_cell[i]] += constants.cell_area[i]
+    axes, centre = constants.axes_A, constants.centre_A
+    for k in range(patches):
+        out[k, 0] = unseen[k] / constants.patch_area[k]
+        out[k, 1] = sheet.lit_area[e, k] / constants.patch_area[k]
+        for i in range(3):
+            place = normal = 0.0
+            for m in range(3):
+                place += axes[i, m] * (constants.patch_centre_A[k, m] - centre[m])
+                normal += axes[i, m] * constants.patch_normal_A[k, m]
+            out[k, 2 + i] = place / constants.altitude_m
+            out[k, 5 + i] = normal
+        out[k, 8] = constants.patch_area[k] / total * patches
+
+
+@kernel
+def _write_general(
+    constants: TableConstants, now: Kinematics, totals: EpisodeTotals, sheet: EpisodeSheet, e: int, out: Array32
+) -> None:
+    n, alive, possible = sheet.present.shape[1], 0, sheet.possible_area[e]
+    for j in range(n):
+        alive += not totals.lost[e, j]
+    total = constants.patch_area.sum()
+    out[0] = 1.0 - now.t[e] / constants.duration_s
+    out[1] = min(totals.area[e] / possible, BOUND)
+    nominal = constants.nominal_bit * possible / total
+    out[2] = min(totals.delivered[e] / nominal, BOUND)
+    out[3] = alive / n
+    out[4] = constants.half_width_m / constants.altitude_m
+    out[5] = np.tan(constants.half_angle) * constants.altitude_m / constants.half_width_m
+    out[6] = constants.spin_rate * constants.crossing_s
+    out[7] = min(constants.earth_bit_s * constants.step_s / nominal, BOUND)
+    earth = constants.earth_r_N + now.t[e] * constants.earth_v_N
+    far = np.sqrt(earth[0] * earth[0] + earth[1] * earth[1] + earth[2] * earth[2])
+    for i in range(3):
+        sun = to_earth = 0.0
+        for m in range(3):
+            C = now.C_AN[e, m]
+            sun += constants.axes_A[i, m] * sheet.sun_A[e, m]
+            to_earth += constants.axes_A[i, m] * (C[0] * earth[0] + C[1] * earth[1] + C[2] * earth[2]) / far
+        out[8 + i], out[11 + i] = sun, to_earth
+
+
+@kernel
+def _write_spacecraft(
+    constants: TableConstants,
+    now: Kinematics,
+    estimate: AttitudeEstimate,
+    tracking: Tracking,
+    totals: EpisodeTotals,
+    sheet: EpisodeSheet,
+    e: int,
+    j: int,
+    out: Array32,
+) -> None:
+    out[:] = 0.0
+    if totals.lost[e, j]:
+        return
+    kind, n = tracking.kind[e, j], sheet.present.shape[1]
+    out[0], out[1], out[2] = 1.0, not tracking.blind[e, j], sheet.downlink[e, j]
+    out[3] = takes_picture(j, n, kind, not tracking.blind[e, j])
+    out[4], out[5], out[6] = kind == _SPACECRAFT, kind == _EARTH, kind == _DIRECTION
+    out[7] = totals.closed[e, j]
+    nominal = constants.nominal_bit * sheet.possible_area[e] / constants.patch_area.sum()
+    out[8] = min(totals.stored[e, j] / nominal, BOUND)
+    out[9] = _earth_in_sight(constants, now, e, j)
+    r, v = _motion(constants, now, e, j)
+    C_BN, C_AN = estimate.C_BN[e, j], now.C_AN[e]
+    for i in range(3):
+        a = constants.axes_A[i]
+        place = (a[0] * r[0] + a[1] * r[1] + a[2] * r[2]) / constants.altitude_m
+        speed = (a[0] * v[0] + a[1] * v[1] + a[2] * v[2]) * constants.crossing_s / constants.altitude_m
+        out[10 + i], out[13 + i] = min(max(place, -BOUND), BOUND), min(max(speed, -BOUND), BOUND)
+        ahead = 0.0
+        for m in range(3):
+            ahead += a[m] * (C_BN[2, 0] * C_AN[m, 0] + C_BN[2, 1] * C_AN[m, 1] + C_BN[2, 2] * C_AN[m, 2])
+        out[16 + i] = ahead
+    sigma, omega = tracking.sigma_BR[e, j], estimate.omega[e, j]
+    out[19] = min(np.sqrt(sigma[0] ** 2 + sigma[1] ** 2 + sigma[2] ** 2), 1.0)
+    out[20] = min(np.sqrt(omega[0] ** 2 + omega[1] ** 2 + omega[2] ** 2) / RATE_SCALE, BOUND)
+    for w in range(now.wheel.shape[2]):
+        out[21] = max(out[21], min(abs(now.wheel[e, j, w]) / constants.top_speed, 1.0))
+
+
+@kernel
+def _motion(constants: TableConstants, now: Kinematics, e: int, j: int) -> tuple[Array, Array]:
+    """Place relative to the target's middle and velocity relative to the turning body, in A [m, m/s]."""
+    r_A, v, C = now.r_A[e, j], now.v[e, j], now.C_AN[e]
+    r, velocity = np.empty(3), np.empty(3)
+    for k in range(3):
+        r[k] = r_A[k] - constants.centre_A[k]
+        velocity[k] = C[k, 0] * v[0] + C[k, 1] * v[1] + C[k, 2] * v[2]
+    velocity[0] += constants.spin_rate * r_A[1]
+    velocity[1] -= constants.spin_rate * r_A[0]
+    return r, velocity
+
+
+@kernel
+def _earth_in_sight(constants: TableConstants, now: Kinematics, e: int, j: int) -> bool:
+    """Whether the body is not in the way to Earth."""
+    r_A, C = now.r_A[e, j], now.C_AN[e]
+    earth = constants.earth_r_N + now.t[e] * constants.earth_v_N
+    far = np.sqrt(earth[0] * earth[0] + earth[1] * earth[1] + earth[2] * earth[2])
+    reach = 2.0 * np.sqrt(r_A[0] * r_A[0] + r_A[1] * r_A[1] + r_A[2] * r_A[2])
+    end = np.empty(3)
+    for k in range(3):
+        end[k] = r_A[k] + reach * (C[k, 0] * earth[0] + C[k, 1] * earth[1] + C[k, 2] * earth[2]) / far
+    return not way_blocked(r_A, end, constants.body)
+
+
+@kernel
+def _write_pairs(
+    constants: TableConstants,
+    now: Kinematics,
+    estimate: AttitudeEstimate,
+    tracking: Tracking,
+    totals: EpisodeTotals,
+    sheet: EpisodeSheet,
+    e: int,
+    j: int,
+    tables: Tables,
+) -> None:
+    """What pictures would bring half a decision ahead, when the spacecraft has turned, and a decision later."""
+    out = tables.pairs[e, j]
+    out[:] = 0.0
+    if totals.lost[e, j]:
+        return
+    r, v = _motion(constants, now, e, j)
+    C_BN, C_AN, boresight_A = estimate.C_BN[e, j], now.C_AN[e], np.empty(3)
+    for m in range(3):
+        boresight_A[m] = C_BN[2, 0] * C_AN[m, 0] + C_BN[2, 1] * C_AN[m, 1] + C_BN[2, 2] * C_AN[m, 2]
+    works = not tracking.blind[e, j]
+    for k in range(out.shape[0]):
+        area = tables.patches[e, k, 0] * constants.patch_area[k] / sheet.possible_area[e]
+        first, gsd, angle = _look(constants, r, v, 0.5 * constants.step_s, boresight_A, k)
+        later, gsd_later, _ = _look(constants, r, v, 1.5 * constants.step_s, boresight_A, k)
+        if works:
+            scale = 4.0 * area  # of order 1 for a patch
+            out[k, 0] = min(scale * first * (gsd <= 1.0), BOUND)
+            out[k, 1] = min(scale * later * (gsd_later <= 1.0), BOUND)
+        out[k, 2], out[k, 3] = min(gsd, 2.0), angle
+
+
+@kernel
+def _look(
+    constants: TableConstants, r: Array, v: Array, ahead_s: float, boresight_A: Array, k: int
+) -> tuple[float, float, float]:
+    """A look at a patch some time ahead.
+
+    Returns:
+        What it would bring by area (1 in seen area and as much in data as it has pixels), ground sampling distance over the
+        limit, and angle from where the camera looks now over a right angle.
+    """
+    way, square, height, along = np.empty(3), 0.0, 0.0, 0.0
+    for m in range(3):
+        way[m] = r[m] + ahead_s * v[m] - (constants.patch_centre_A[k, m] - constants.centre_A[m])
+        square += way[m] * way[m]
+        height += way[m] * constants.patch_normal_A[k, m]
+        along -= way[m] * boresight_A[m]
+    distance = np.sqrt(square)
+    cosine = max(height / distance, 1e-3)
+    pixels = (constants.altitude_m / distance) ** 2 * cosine
+    gsd = distance * constants.pixel_angle / cosine / constants.max_gsd
+    angle = np.arccos(min(max(along / distance, -1.0), 1.0)) / (0.5 * np.pi)
+    return 1.0 + pixels, gsd, angle
+
+
+@kernel
+def _write_mask(totals: EpisodeTotals, sheet: EpisodeSheet, e: int, j: int, tables: Tables) -> None:
+    """What makes sense: unseen patches in reach soon, Earth for whom it hears, others to relay to; to hold always does."""
+    out, patches, n = tables.mask[e, j], tables.patches.shape[1], sheet.present.shape[1]
+    out[:] = 0
+    out[patches + 1 + j] = 1
+    if totals.lost[e, j]:
+        return
+    for k in range(patches):
+        out[k] = tables.pairs[e, j, k, 0] > 0.0 or tables.pairs[e, j, k, 1] > 0.0
+    aboard = totals.stored[e, j] > 0.0
+    out[patches] = sheet.downlink[e, j] and aboard
+    for i in range(n):
+        if i != j:
+            out[patches + 1 + i] = aboard and not totals.lost[e, i]

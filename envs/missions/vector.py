@@ -1,0 +1,60 @@
+"""SwarmObserve-v1 as gymnasium's vector environment: many episodes at once, bit for bit those of single environments."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from gymnasium.vector import AutoresetMode
+
+from swarm_mj.typing import Mask
+
+from ..arguments import checked_count
+from ..autoreset import FlightsVectorEnv, Infos, checked_mode
+from ..threads import default_threads
+from .config import MissionConfig
+from .episodes import Episodes
+from .single import NAME, checked_render
+
+
+class SwarmObserveV1VectorEnv(FlightsVectorEnv):
+    """`num_envs` episodes; made by `gymnasium.make_vec("swarm_mj:SwarmObserve-v1", ...)`.
+
+    Spaces, rewards and ends are those of `SwarmObserveV1Env`, which documents them, and so are the numbers: an episode is a
+    function of its flight seed alone, whatever `num_envs` and `threads` are. Infos hold arrays over the flights, with the mask
+    of those to whom they apply under the same name with a leading underscore.
+
+    Args:
+        num_envs: Number of episodes.
+        autoreset_mode: `NextStep` (default), `SameStep` or `Disabled`, see `SwarmObserveVectorEnv`.
+        threads: Most that are used; None for the cores that this process may use.
+        render_mode: None.
+        arguments: The others of `SwarmObserveV1Env`.
+    """
+
+    name = NAME
+    _own_options = ("draw",)
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        *,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        threads: int | None = None,
+        render_mode: str | None = None,
+        **arguments: Any,
+    ) -> None:
+        count = checked_count("num_envs", num_envs)
+        used = default_threads() if threads is None else checked_count("threads", threads, ", or None")
+        self.render_mode = checked_render(render_mode)
+        mode = checked_mode(autoreset_mode)
+        self.metadata = {"render_modes": [], "render_fps": 10, "autoreset_mode": mode}
+        self.config = MissionConfig(**arguments)
+        batch = Episodes(self.config, count, used)
+        self._set_up(batch, mode, count, (batch.observation_space, batch.action_space))
+
+    def _begin(self, flights: dict[int, int], given: Any) -> None:
+        self.batch.reset(flights, given.get("draw"))
+
+    def _infos(self, mask: Mask) -> Infos:
+        values = self.batch.infos()
+        return values | {f"_{name}": mask.copy() for name in values}
