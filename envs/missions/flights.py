@@ -16,7 +16,7 @@ from ..rewards import StepResult
 from .draws import EpisodeDraw
 from .mission import CROSSING_S, DURATION_S, EARTH_BIT_S, PICTURE_INTERVAL_S, TIME_OF_FLIGHT_S, Mission
 from .reach import cells_in_reach
-from .tables import EpisodeSheet, TableConstants, Tables, no_sheet, no_tables, write_tables
+from .tables import EpisodeSheet, Standing, TableConstants, Tables, no_sheet, no_tables, write_tables
 
 #: Share of the target that counts as possible at least, so that no episode is about a few cells.
 LEAST_POSSIBLE = 0.2
@@ -118,9 +118,8 @@ class MissionFlights(EpisodeBatch):
         self.flights.park(e, j)
 
     def _show(self, live: Mask) -> None:
-        write_tables(
-            self._table_constants, self.now, self.estimate, self._tracking(), self.totals, self.sheet, live, self.tables
-        )
+        standing = Standing(self.now, self.estimate, self._tracking(), self.totals, self.sheet)
+        write_tables(self._table_constants, standing, live, self.tables)
 
 
 def _table_constants(mission: Mission) -> TableConstants:

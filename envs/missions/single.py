@@ -39,11 +39,12 @@ class SwarmObserveV1Env(gymnasium.Env[Any, Any]):
     ## Missions
 
     `catalogue.CATALOGUE` names 64: sixteen places on each of Eros, Bennu, Itokawa and an ellipsoid the size of 21 Lutetia.
-    Places within 40 deg of longitude 0 are for training, those within 20 deg of 180 deg for tests; no part of a body belongs to
-    both. Lengths go with the imaging altitude H, times are the same for all: let go 2 H ahead, over the target 240 s later at
-    H / 120 s, 600 s in all. Cameras see about a patch at a time. A picture is taken every 10 s; cells count where the ground
-    sampling distance is at most 1.25 times that straight down from H. Spacecraft fly with reaction wheels as momentum states, by
-    the compiled stepper, and turn by the sliding-mode law. A mission takes up to 10 s to work out once, and is kept in the cache.
+    Places within 40 deg of longitude 0 are for training, those within 20 deg of 180 deg for tests; no part of a body belongs
+    to both. Lengths go with the imaging altitude H, times are the same for all: let go 2 H ahead, over the target 240 s later
+    at H / 120 s, 600 s in all. Cameras see about a patch at a time. A picture is taken every 10 s; cells count where the
+    ground sampling distance is at most 1.25 times that straight down from H. Spacecraft fly with reaction wheels as momentum
+    states, by the compiled stepper, and turn by the sliding-mode law. A mission takes up to 10 s to work out once, and is
+    kept in the cache.
 
     ## What is drawn
 

@@ -110,6 +110,24 @@ class EpisodeSheet(NamedTuple):
     fails_s: Array
 
 
+class Standing(NamedTuple):
+    """Where E episodes stand.
+
+    Attributes:
+        now: In truth.
+        estimate: As the flight software has it.
+        tracking: What the spacecraft track.
+        totals: What the episodes have come to.
+        sheet: What was drawn for them.
+    """
+
+    now: Kinematics
+    estimate: AttitudeEstimate
+    tracking: Tracking
+    totals: EpisodeTotals
+    sheet: EpisodeSheet
+
+
 class Tables(NamedTuple):
     """Tables of E episodes of up to n spacecraft over K patches.
 
@@ -152,24 +170,16 @@ def no_tables(count: int, n: int, patches: int) -> Tables:
 
 
 @kernel
-def write_tables(
-    constants: TableConstants,
-    now: Kinematics,
-    estimate: AttitudeEstimate,
-    tracking: Tracking,
-    totals: EpisodeTotals,
-    sheet: EpisodeSheet,
-    live: Mask,
-    tables: Tables,
-) -> None:
+def write_tables(constants: TableConstants, standing: Standing, live: Mask, tables: Tables) -> None:
     """Fill the rows of the live flights, shape (E,)."""
+    now, totals, sheet = standing.now, standing.totals, standing.sheet
     for e in range(live.shape[0]):
         if live[e]:
             _write_patches(constants, totals, sheet, e, tables.patches[e])
             _write_general(constants, now, totals, sheet, e, tables.general[e])
             for j in range(sheet.present.shape[1]):
-                _write_spacecraft(constants, now, estimate, tracking, totals, sheet, e, j, tables.spacecraft[e, j])
-                _write_pairs(constants, now, estimate, tracking, totals, sheet, e, j, tables)
+                _write_spacecraft(constants, standing, e, j, tables.spacecraft[e, j])
+                _write_pairs(constants, standing, e, j, tables)
             for j in range(sheet.present.shape[1]):
                 _write_mask(totals, sheet, e, j, tables)
 
@@ -224,17 +234,8 @@ def _write_general(
 
 
 @kernel
-def _write_spacecraft(
-    constants: TableConstants,
-    now: Kinematics,
-    estimate: AttitudeEstimate,
-    tracking: Tracking,
-    totals: EpisodeTotals,
-    sheet: EpisodeSheet,
-    e: int,
-    j: int,
-    out: Array32,
-) -> None:
+def _write_spacecraft(constants: TableConstants, standing: Standing, e: int, j: int, out: Array32) -> None:
+    now, estimate, tracking, totals, sheet = standing
     out[:] = 0.0
     if totals.lost[e, j]:
         return
@@ -291,18 +292,9 @@ def _earth_in_sight(constants: TableConstants, now: Kinematics, e: int, j: int) 
 
 
 @kernel
-def _write_pairs(
-    constants: TableConstants,
-    now: Kinematics,
-    estimate: AttitudeEstimate,
-    tracking: Tracking,
-    totals: EpisodeTotals,
-    sheet: EpisodeSheet,
-    e: int,
-    j: int,
-    tables: Tables,
-) -> None:
+def _write_pairs(constants: TableConstants, standing: Standing, e: int, j: int, tables: Tables) -> None:
     """What pictures would bring half a decision ahead, when the spacecraft has turned, and a decision later."""
+    now, estimate, tracking, totals, sheet = standing
     out = tables.pairs[e, j]
     out[:] = 0.0
     if totals.lost[e, j]:
