@@ -25,7 +25,9 @@ def problem():
 
 @pytest.fixture(scope="module")
 def truth(problem):
-    return reference.fly(problem)
+    return reference.fly(
+        problem, PERIOD_S
+    )  # error control alone chooses the steps, which is far below what is asked here
 
 
 @pytest.fixture(scope="module")

@@ -76,6 +76,18 @@ def alive(pid):
         return False
 
 
+@pytest.fixture
+def command(capsys):
+    """`swarm-mj campaign` in this process, which has loaded all that a new one would load first; returns status and errors."""
+
+    def command(*arguments):
+        capsys.readouterr()
+        status = main(["campaign", *map(str, arguments), "--quiet", "--no-figures"])
+        return status, capsys.readouterr().err
+
+    return command
+
+
 @pytest.fixture(scope="module")
 def reference(tmp_path_factory):
     """A campaign of 16 plain runs that nothing disturbed."""
@@ -88,14 +100,14 @@ def reference(tmp_path_factory):
     return path, rows(folder / "out")
 
 
-@pytest.mark.parametrize("method", ["monte_carlo", "latin_hypercube"])
-def test_results_do_not_depend_on_the_number_of_workers(write, tmp_path, method):
-    resolved = load_campaign(write(QUICK, runs=5, method=method))
-    for workers in (1, 3):
+@pytest.mark.parametrize(("method", "many"), [("monte_carlo", 3), ("latin_hypercube", 2)])
+def test_results_do_not_depend_on_the_number_of_workers(write, tmp_path, method, many):
+    resolved = load_campaign(write(QUICK, runs=3, method=method))
+    for workers in (1, many):
         run_campaign(resolved, tmp_path / str(workers), workers=workers, figures=False)
-    one, three = rows(tmp_path / "1"), rows(tmp_path / "3")
-    assert one.equals(three)
-    assert one["row"].to_pylist() == list(range(10))
+    one = rows(tmp_path / "1")
+    assert one.equals(rows(tmp_path / str(many)))
+    assert one["row"].to_pylist() == list(range(6))
     assert set(one["status"].to_pylist()) == {"ok"}
 
 
@@ -110,14 +122,16 @@ def test_a_killed_worker_costs_nothing(reference, start, tmp_path):
 
 
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
-def test_an_interrupted_campaign_goes_on_where_it_was(reference, start, tmp_path, how):
+def test_an_interrupted_campaign_goes_on_where_it_was(reference, start, command, tmp_path, how):
+    """Ctrl-C reaches the whole group, as a terminal sends it."""
     path, expected = reference
-    out, process, (said, _), workers = interrupted(
+    out, process, (said, errors), workers = interrupted(
         lambda out: start(path, "--out", out, "--workers", 2, "--no-figures"),
         tmp_path,
         5,
-        lambda process: os.kill(process.pid, how),
+        lambda process: (os.killpg if how == signal.SIGINT else os.kill)(process.pid, how),
     )
+    assert "Traceback" not in errors
     assert process.returncode == (-9 if how == signal.SIGKILL else 130)
     kept = finished(out)
     assert kept >= 5
@@ -127,42 +141,28 @@ def test_an_interrupted_campaign_goes_on_where_it_was(reference, start, tmp_path
     while any(map(alive, workers)):
         assert time.monotonic() < end, "workers outlive the campaign"
         time.sleep(0.1)
-    assert start(path, "--out", out, "--no-figures").wait(60) == 2
-    again = start(path, "--out", out, "--resume", "--no-figures")
-    assert again.wait(120) == 0, again.communicate()[1]
+    assert command(path, "--out", out)[0] == 2
+    status, errors = command(path, "--out", out, "--resume", "--workers", 1)
+    assert status == 0, errors
     assert rows(out).equals(expected)
     assert (out / RESULTS).exists()
 
 
-def test_ctrl_c_reaches_the_whole_group_as_a_terminal_sends_it(reference, start, tmp_path):
-    path, _ = reference
-    _, process, (_, errors), _ = interrupted(
-        lambda out: start(path, "--out", out, "--workers", 2, "--no-figures"),
-        tmp_path,
-        3,
-        lambda process: os.killpg(process.pid, signal.SIGINT),
-    )
-    assert process.returncode == 130
-    assert "Traceback" not in errors
-
-
-def test_a_changed_campaign_is_not_resumed(reference, start, tmp_path, write):
+def test_a_changed_campaign_is_not_resumed(reference, command, tmp_path):
     path, _ = reference
     out = tmp_path / "out"
     changed = tmp_path / "changed.yaml"
     changed.write_text(path.read_text().replace("telemetry.interval_s: 10", "telemetry.interval_s: 5"))
-    few = start(path, "--out", out, "--runs", 2, "--no-figures")
-    assert few.wait(90) == 0
+    assert command(path, "--out", out, "--runs", 2, "--workers", 1)[0] == 0
     for arguments, words in (
         ([path, "--runs", 16], "campaign.runs = 16, was 2"),
         ([changed, "--runs", 2], "telemetry.interval_s = 5"),
     ):
-        process = start(*arguments, "--out", out, "--resume", "--no-figures")
-        _, errors = process.communicate(timeout=60)
-        assert process.returncode == 2 and words in errors, errors
+        status, errors = command(*arguments, "--out", out, "--resume")
+        assert status == 2 and words in errors, errors
 
 
-def test_of_two_campaigns_in_one_folder_one_wins_and_the_other_says_so(reference, start, tmp_path):
+def test_of_two_campaigns_in_one_folder_one_wins_and_the_other_says_so(reference, start, command, tmp_path):
     path, expected = reference
     first = start(path, "--out", tmp_path / "out", "--workers", 1, "--no-figures")
     wait_for(lambda: finished(tmp_path / "out") >= 1, first)
@@ -171,9 +171,8 @@ def test_of_two_campaigns_in_one_folder_one_wins_and_the_other_says_so(reference
     try:
         assert finished(tmp_path / "out") < len(expected)
         for more in ((), ("--resume",)):
-            second = start(path, "--out", tmp_path / "out", "--workers", 1, "--no-figures", *more)
-            _, errors = second.communicate(timeout=90)
-            assert second.returncode == 2
+            status, errors = command(path, "--out", tmp_path / "out", "--workers", 1, *more)
+            assert status == 2
             assert f"another campaign is writing here (process {first.pid}" in errors
     finally:
         first.send_signal(signal.SIGCONT)
@@ -214,14 +213,14 @@ def test_a_foreign_folder_is_not_written_to(write, tmp_path):
     assert [p.name for p in (tmp_path / "mine").iterdir()] == ["thesis.tex"]
 
 
-def test_every_row_replays_bit_for_bit_and_a_forged_one_is_told_apart(reference, start, tmp_path):
+def test_every_row_replays_bit_for_bit_and_a_forged_one_is_told_apart(reference, command, tmp_path):
     path, expected = reference
     out = tmp_path / "out"
-    assert start(path, "--out", out, "--runs", 3, "--no-figures").wait(90) == 0
-    assert start(path, "--out", out, "--runs", 3, "--replay", 2).wait(60) == 0
+    assert command(path, "--out", out, "--runs", 3, "--workers", 1)[0] == 0
+    assert command(path, "--out", out, "--runs", 3, "--replay", 2)[0] == 0
     assert {"scenario.yaml", "telemetry.nc", "coverage.npz"} <= {p.name for p in (out / "replays" / "2").iterdir()}
     # The same row of a longer campaign: monte_carlo draws are its own.
-    assert start(path, "--out", out, "--runs", 4, "--replay", 2).wait(60) == 0
+    assert command(path, "--out", out, "--runs", 4, "--replay", 2)[0] == 0
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -230,19 +229,19 @@ def test_every_row_replays_bit_for_bit_and_a_forged_one_is_told_apart(reference,
     values = table["coverage_percent"].to_pylist()
     values[2] = values[2] * (1 - 2**-52)
     pq.write_table(table.set_column(column, "coverage_percent", pa.array(values)), out / RESULTS)
-    assert start(path, "--out", out, "--runs", 3, "--replay", 2).wait(60) == 1
+    assert command(path, "--out", out, "--runs", 3, "--replay", 2)[0] == 1
 
 
 def test_a_run_that_takes_too_long_has_failed_and_the_others_go_on(write, tmp_path):
     steps = "{distribution: choice, values: [0.5, 0.001], weights: [0.8, 0.2]}"
     more = f"parameters: {{physics.timestep_s: {steps}}}\ntime_limit_s: 6"
-    resolved = load_campaign(write(runs=8, more=more))
+    resolved = load_campaign(write(runs=4, more=more))
     run_campaign(resolved, tmp_path / "out", workers=2, figures=False)
     found = read_results(tmp_path / "out").to_pylist()
-    assert len(found) == 8
+    assert len(found) == 4
     slow = [r for r in found if r["physics.timestep_s"] == 0.001]
     assert slow and all(r["status"] == "failed" and "time_limit_s = 6" in r["error"] for r in slow)
-    assert sum(r["status"] == "ok" for r in found) == 8 - len(slow)
+    assert sum(r["status"] == "ok" for r in found) == 4 - len(slow) > 0
 
 
 def test_a_run_that_kills_its_worker_every_time_is_recorded_as_failed(write):
@@ -283,16 +282,16 @@ def test_the_folder_is_printed_as_it_was_given_and_wheels_in_percent_as_of_a_run
 def test_telemetry_is_kept_if_asked_for_and_figures_and_summary_are_written(write, tmp_path):
     import xarray as xr
 
-    resolved = load_campaign(write(QUICK, runs=6, more="telemetry: true"))
-    run_campaign(resolved, tmp_path / "out", workers=2)
+    resolved = load_campaign(write(QUICK, runs=4, more="telemetry: true"))
+    run_campaign(resolved, tmp_path / "out", workers=1)
     names = {p.name for p in (tmp_path / "out").iterdir()}
     assert {RESULTS, "summary.json", "campaign.json", "coverage.png", "pointing.png"} <= names
-    assert len(list((tmp_path / "out" / "telemetry").iterdir())) == 12
+    assert len(list((tmp_path / "out" / "telemetry").iterdir())) == 8
     with xr.open_dataset(tmp_path / "out" / "telemetry" / "000003.nc", engine="h5netcdf") as telemetry:
         assert telemetry.sizes["time"] == 121
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
-    assert summary["finished"] == 12 and summary["failed"] == 0
+    assert summary["finished"] == 8 and summary["failed"] == 0
     one = summary["scenarios"]["one"]
-    assert one["covered"]["flights"] == 6
+    assert one["covered"]["flights"] == 4
     low, high = one["covered"]["clopper_pearson"]
     assert low <= one["covered"]["probability"] <= high

@@ -192,7 +192,8 @@ sys.exit("the disk never filled")
 
 def fill(folder, limit=""):
     code = FILL.format(tests=os.path.dirname(__file__), folder=str(folder), limit=limit)
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
+    # Without -B Python might keep bytecode that is cut off.
+    done = subprocess.run([sys.executable, "-B", "-c", code], capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
     added, _, words = done.stdout.partition(" ")
     return int(added), words

@@ -20,7 +20,8 @@ from swarm_mj.io.atomic import MARKER, atomic_folder
 pytestmark = pytest.mark.robust
 
 QUICK = ["run", "eros-quick", "--quiet", "--no-figures"]
-#: A program that may write no file beyond a size, as on a full disk; the kernel's signal is ignored as Python does.
+#: A program that may write no file beyond a size, as on a full disk; the kernel's signal is ignored as Python does. It is run
+#: with -B, because Python would keep bytecode that is cut off.
 LIMITED = """
 import resource, sys
 resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[1]), resource.RLIM_INFINITY))
@@ -73,7 +74,7 @@ def warm():
 @pytest.mark.parametrize("size", [1_000, 60_000])
 def test_a_full_disk_is_a_clear_error_and_the_earlier_result_stays(tmp_path, warm, size):
     put(tmp_path / "run", "earlier")
-    arguments = [sys.executable, "-c", LIMITED, str(size), *QUICK, "--out", str(tmp_path / "run")]
+    arguments = [sys.executable, "-B", "-c", LIMITED, str(size), *QUICK, "--out", str(tmp_path / "run")]
     done = subprocess.run(arguments, capture_output=True, text=True, timeout=300)
     assert done.returncode in {1, 2}, done.stderr  # and not a crash of the interpreter
     assert done.stderr.count("swarm-mj: error:") == 1
