@@ -3,6 +3,8 @@ PYTHON ?= $(shell for p in python3.13 python3.12 python3.11 python3 python; do \
 	command -v $$p >/dev/null 2>&1 && $$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo $$p && break; done)
 VENV ?= .venv
 BIN := $(VENV)/bin
+# Tests start hundreds of processes, which load the package faster from bytecode, even where the shell says to keep none.
+PYTEST := PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest --numprocesses auto --dist loadfile --no-loadscope-reorder
 
 .DEFAULT_GOAL := help
 .PHONY: help run test test-fast lint format types check wheel-test bench agreement docs docs-serve images pages pixel-to-earth convergence reproduction robustness swarm-classes learning mutants audit shape gl setup setup-dev clean
@@ -34,10 +36,10 @@ run: setup ## fly both configurations of the paper
 	@$(BIN)/swarm-mj run $(ARGS)
 
 test: setup-dev ## run every test
-	@$(BIN)/python -m pytest --numprocesses auto --dist loadfile --no-loadscope-reorder $(ARGS)
+	@$(PYTEST) $(ARGS)
 
 test-fast: setup-dev ## run the tests that take less than a few seconds
-	@$(BIN)/python -m pytest --numprocesses auto --dist loadfile --no-loadscope-reorder -m "not slow" $(ARGS)
+	@$(PYTEST) -m "not slow" $(ARGS)
 
 lint: setup-dev ## check style
 	@$(BIN)/ruff check .

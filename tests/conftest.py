@@ -3,6 +3,7 @@
 import ctypes
 import gc
 import os
+from pathlib import Path
 
 import pytest
 
@@ -60,8 +61,51 @@ def config_flights():
 #: Markers that whole folders of tests carry.
 FOLDER_MARKERS = {"envs": "env", "robust": "robust", "faults": "robust", "campaigns": "robust"}
 
+#: Files whose tests have nearly all kernels compiled; one worker runs them, lest two compile the same kernels at once.
+COMPILE = (
+    "api/test_flight.py",
+    "envs/test_actions.py",
+    "api/test_design.py",
+    "smallbody/gravity/test_polyhedron.py",
+    "simulator/faults/test_attitude_filter.py",
+)
+#: What the other worker does meanwhile, which needs no kernels or has its own, and then files that take long: the last ones to
+#: run should be short, so that no worker waits for another in the end.
+EARLY = (
+    "docs/test_site.py",
+    "test_wheel.py",
+    "docs/test_scenario_keys.py",
+    "campaigns/test_campaign.py",
+    "campaigns/test_dask.py",
+    "verification/physics/test_validation.py",
+    "results/figures/test_missions.py",
+    "designer/test_designs_fly.py",
+    "robust/test_long.py",
+)
+ORDER = {name: k for k, name in enumerate((*COMPILE, *EARLY))}
+
+
+def _place(item):
+    return ORDER.get(item.path.relative_to(Path(__file__).parent).as_posix(), len(ORDER))
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config, log):
+    """Hand out whole files, and those that compile as if they were one."""
+    if config.getvalue("dist") != "loadfile":
+        return None
+    from xdist.scheduler import LoadFileScheduling
+
+    class Scheduling(LoadFileScheduling):
+        def _split_scope(self, nodeid):
+            file = super()._split_scope(nodeid)
+            return "compile" if file.removeprefix("tests/") in COMPILE else file
+
+    return Scheduling(config, log)
+
 
 def pytest_collection_modifyitems(items):
+    items.sort(key=_place)
     for item in items:
         marker = FOLDER_MARKERS.get(item.path.parent.name)
         if marker:
