@@ -34,14 +34,13 @@ def with_coverage(result, first_seen_by_s):
     return replace(result, coverage=coverage, passage=coverage, delivery=None)
 
 
-def assert_nothing_is_cut_off(figure: Figure, drawn: bool = False):
-    if not drawn:
-        figure.draw_without_rendering()
-    box = figure.get_tightbbox()
+def assert_nothing_is_cut_off(figure: Figure):
+    figure.draw_without_rendering()
+    drawn = figure.get_tightbbox()
     width, height = figure.get_size_inches()
-    assert min(box.x0, box.y0) >= -0.01
-    assert box.x1 <= width + 0.01
-    assert box.y1 <= height + 0.01
+    assert min(drawn.x0, drawn.y0) >= -0.01
+    assert drawn.x1 <= width + 0.01
+    assert drawn.y1 <= height + 0.01
 
 
 def assert_labels_do_not_overlap(figure: Figure):
