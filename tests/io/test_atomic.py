@@ -268,12 +268,9 @@ def test_the_names_of_a_results_files_are_those_that_are_written(tmp_path, monke
 
     assert set(FIGURES["run"]) == set(COMPOSERS) and set(FIGURES["design"]) == set(OF_DESIGNS)
     assert REPORT_NAME in FILES["run"] and all(Path(name).suffix in KINDS for name in sum(FILES.values(), ()))
-    monkeypatch.setattr(
-        "swarm_mj.results.figures.style.save", lambda figure, path: path.touch()
-    )  # only names matter here
-    monkeypatch.setattr(
-        "swarm_mj.results.drawing.usable_cores", lambda: 1
-    )  # other processes would know nothing of that
+    # Only names matter here, and other processes would not know of that.
+    monkeypatch.setattr("swarm_mj.results.figures.style.save", lambda figure, path: path.touch())
+    monkeypatch.setattr("swarm_mj.results.drawing.usable_cores", lambda: 1)
     run, design = tmp_path / "run", tmp_path / "design"
     assert main(["design", "eros-quick", "--quiet", "--pareto", "--compare", "--pdf", "--out", str(design)]) == 0
     flown = ["--design", str(design / "design.json"), "--quiet", "--pdf", "--out", str(run)]
