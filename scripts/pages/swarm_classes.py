@@ -42,14 +42,20 @@ HEAD = """# Swarm classes: what coordination buys
 
 Written by `python -m scripts.pages.swarm_classes`, which runs what `swarm-mj classes {scenario}` does: {runs} dispersed
 encounters of `{scenario}`, each flown by every [class](../theory/coordination.md) with the same seed and the same losses. In
-each encounter every spacecraft is lost with one chance between 0 and 40 %, at a random time before the visit. 
-{seconds}
+each encounter every spacecraft is lost with one chance between 0 and 40 %, at a random time before the visit. All fly with
+`physics.wheels: gyrostat` and `physics.stepper: kernel`, the same motion in less time. {seconds}
 
 {table}
-Brackets: 95 % intervals. *Delivered*: on Earth within two days after the flight, by what the swarm can run alone. *Delta-v*: of
-the deployment; no class here burns propellant in flight, which is why class 1, whose movement alone is coordinated, is
-not flown: without formation control its pictures are those of class 0. *Placed*: the visiting points ({places}) were
-planned together with the pictures, so that as much as possible can be shown by two spacecraft.
+Brackets: 95 % intervals. *Delivered*: on Earth within two days after the flight, by what the swarm can run alone. In every class
+`data.election` then replaces a relay that was lost; class 4 elects during the flight as well. *Delta-v*: of the whole swarm;
+propellant is used by class 1 alone. It holds the planned formation about the mean of those heard of
+([law](../theory/formation.md)), and images and sends as class 0 does. *Placed*: the visiting points ({places}) were planned
+together with the pictures, so that as much as possible can be shown by two spacecraft; class 0 flies to them as well, so that
+the effect of the places and that of coordination can be told apart.
+
+### What each step buys
+
+{steps}
 
 ![Seen and delivered area over the chance of loss](../images/{chance})
 
@@ -146,6 +152,7 @@ def write_page(
         recovered="\n".join(_row(name, one) for name, one in compared.recovered.items()),
         bounds="\n".join(_bound(name, one) for name, found in bounds.items() for one in found),
         words=_words(compared, bounds),
+        steps=_steps(compared),
         film=FILM,
     )
     write_text(PAGE, "\n".join(line.rstrip() for line in text.splitlines()) + "\n")
@@ -158,6 +165,38 @@ def write_film() -> None:
         flight = sm.fly(sm.load(SCENARIO).changed(*FILMED, f"swarm={{class: {level}}}"))
         halves.append(Replay(flight.plan, flight.telemetry, flight.coverage.first_seen_s, flight.delivered))
     make_side_by_side(halves[0], halves[1], IMAGES / FILM, notes=("class 2", "class 4"), size=HALF, speed=FILM_SPEED)
+
+
+#: Steps of coordination: from which class to which, and what that is.
+STEPS = (
+    ("0", "1", "holding the formation"),
+    ("0", "3", "one plan instead of one each"),
+    ("3", "4", "planning anew in flight"),
+    ("0", "0 placed", "places planned, everybody alone"),
+    ("0 placed", "3 placed", "one plan at these places"),
+    ("0 placed", "4 placed", "planning anew in flight at these places"),
+)
+
+
+def _steps(compared: ComparedClasses) -> str:
+    """A table of the differences in delivered area, encounter by encounter, without and with losses."""
+    lines = [
+        "Delivered area, mean difference over the same encounters [% of the target]:",
+        "",
+        "| from class | to class | what is added | all encounters | without losses | with losses |",
+        "|---|---|---|---|---|---|",
+    ]
+    table = compared.table[compared.table["status"] == "ok"]
+    delivered, lost = (
+        table.pivot(index="run", columns="scenario", values=key) for key in ("delivered_percent", "lost")
+    )
+    whole = (lost == 0).all(axis=1)
+    for before, after, what in STEPS:
+        gain = (delivered[f"class {after}"] - delivered[f"class {before}"]).dropna()
+        parts = (gain, gain[whole[gain.index]], gain[~whole[gain.index]])
+        cells = " | ".join(f"{part.mean():+.1f}" if len(part) else "-" for part in parts)
+        lines.append(f"| {before} | {after} | {what} | {cells} |")
+    return "\n".join(lines)
 
 
 def _row(name: str, one: Recovery) -> str:

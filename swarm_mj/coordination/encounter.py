@@ -37,6 +37,7 @@ class Encounter:
         shows: Whether the picture of observer a at aim m in slot k shows cell c, however the camera is rolled, (a, m, k, c).
         slew: Slots from an observer's picture of one aim to one of another, shape (a, m, m).
         area: Of the cells, shape (c,) [m^2].
+        interval_s: What `slew` counts: between a spacecraft's pictures [s].
     """
 
     slot_s: Array
@@ -44,6 +45,7 @@ class Encounter:
     shows: Mask
     slew: Ints
     area: Array
+    interval_s: float
 
     @property
     def n_cells(self) -> int:

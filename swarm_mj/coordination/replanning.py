@@ -16,6 +16,8 @@ from swarm_mj.typing import Array, Ints, Mask
 
 #: Share of the time that the proof may take; the rest is spent on one agent after the other.
 PROOF_SHARE = 0.4
+#: Slots that the auction in flight looks ahead, so that long flights cost no more than short ones.
+MOST_SLOTS = 120
 
 
 def problem_of(encounter: Encounter, weight: Array | None = None) -> AllocationProblem:
@@ -64,30 +66,34 @@ def planned_together(encounter: Encounter, time_limit_s: float, weight: Array | 
 
 
 def auction_from(
-    encounter: Encounter, before: Auction | None, *, slot: int, known: Array, can: Mask, aim: Ints
+    encounter: Encounter, before: Auction | None, *, t: float, known: Array, can: Mask, aim: Ints
 ) -> Auction:
-    """The auction of the pictures from a slot on, with all that was said before.
+    """The auction of the pictures after a time, with all that was said before; of the next `MOST_SLOTS` slots alone.
 
     Args:
         encounter: What can be shown.
         before: The auction so far; None: none yet.
-        slot: The first that is left.
+        t: Now [s].
         known: Weight of each cell as each agent knows it, shape (a, cells).
         can: Who can take pictures, shape (a,).
         aim: What each is turned to, -1 for elsewhere, shape (a,).
     """
-    shows, slots = encounter.shows[:, :, slot:], np.arange(encounter.shows.shape[2] - slot)
+    slot = encounter.slot_after(t)
+    coming = slice(slot, slot + MOST_SLOTS)
+    shows, free = encounter.shows[:, :, coming], encounter.slot_s[coming] - t
     if (aim >= 0).any():
-        # Turning there takes its time: the picture just taken was that of the slot before.
+        # Turning away from where one points takes its time. The clock counts, for slots may lie far apart; of an interval
+        # just begun, the first moments have passed already.
         agent = np.arange(len(aim))
         takes = np.where(aim[:, None] >= 0, encounter.slew[agent, np.maximum(aim, 0)], 0)
-        shows = shows & (slots + 1 >= takes[:, :, None])[..., None]
+        shows = shows & (np.ceil(free / encounter.interval_s - 1e-6) >= takes[:, :, None])[..., None]
+    wanted = (known[can] > 0.0).any(axis=0)
     problem = AllocationProblem(
-        weight=encounter.area,
+        weight=np.where(wanted, encounter.area, 0.0),
         shows=shows,
         slew=encounter.slew,
-        budget=np.full(len(can), len(slots)),
-        available=np.tile(can[:, None], (1, len(slots))),
+        budget=np.full(len(can), len(free)),
+        available=np.tile(can[:, None], (1, len(free))),
     )
     auction = Auction(problem, known=known, working=can)
     if before is not None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
+
 import numpy as np
 
 from swarm_mj.mission.behaviors import TargetKind, Targets
@@ -15,7 +17,8 @@ NOBODY = -1
 
 def next_picture(pictures: Pictures, slot: int) -> tuple[int, int] | None:
     """The first picture in a slot or later; None where none is left."""
-    return next((picture for picture in pictures if picture[0] >= slot), None)
+    n = bisect_left(pictures, (slot,))
+    return pictures[n] if n < len(pictures) else None
 
 
 def targets_for(pictures: tuple[Pictures, ...], slot: int, relay: Ints, aims_A: Array) -> Targets:

@@ -130,8 +130,7 @@ class SwarmFlight:
 
     def __init__(self, mission: Mission) -> None:
         self.mission, self.log = mission, Log()
-        step = np.diff(mission.encounter.slot_s)
-        self._step_s = float(np.median(step)) if len(step) else 10.0
+        self._step_s = mission.encounter.interval_s
 
     @property
     def dedicated_communications(self) -> bool:
@@ -232,7 +231,7 @@ class SwarmFlight:
         alive = [state.knowledge.alive(j, t) for j in range(mission.n)]
         left = np.array([~state.knowledge.seen(j, t) for j in range(a)]) * encounter.area
         can = np.array([works[j] and camera_on[j] for j in range(a)])
-        state.auction = auction_from(encounter, state.auction, slot=slot, known=left, can=can, aim=state.aim[:a])
+        state.auction = auction_from(encounter, state.auction, t=t, known=left, can=can, aim=state.aim[:a])
         for j in np.flatnonzero(can).tolist():
             forget_lost(state.auction, j, alive[j])
             state.auction.plan(j, t)

@@ -62,6 +62,8 @@ def _made(plan: Any) -> Encounter:
     schedule = schedule_from(scenario, period)
     slot_s = period * schedule.ticks(round(scenario.duration_s / period)).astype(np.float64)
     track = track_of(plan, slot_s)
+    takers = np.array([schedule.takers(round(t / period), plan.n)[: plan.n_observers] for t in slot_s])
+    track = track._replace(free=track.free & takers)
     aims_A = aim_points(plan.region, camera, scenario.design.imaging_altitude_m)
     observer = make_observer(plan.region, camera, kind="horizon", occlusion=scenario.observation.occlusion)
     try:
@@ -78,6 +80,7 @@ def _made(plan: Any) -> Encounter:
         shows=shows[:, :, kept],
         slew=slots_between(angle, table, scenario.observation.interval_s, period).astype(np.int64),
         area=plan.region.area,
+        interval_s=scenario.observation.interval_s,
     )
 
 

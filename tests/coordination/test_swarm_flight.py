@@ -1,11 +1,13 @@
 """A coordinated swarm of four over a target of eight cells, flown by hand: losses, a graph that falls apart, two relays."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from swarm_mj.coordination.encounter import Encounter
 from swarm_mj.coordination.graph import Graph
-from swarm_mj.coordination.replanning import planned_alone, planned_together
+from swarm_mj.coordination.replanning import MOST_SLOTS, planned_alone, planned_together
 from swarm_mj.coordination.swarm_flight import Mission, SwarmFlight
 from swarm_mj.dataflow.network import Access
 from swarm_mj.mission.behaviors import SwarmView, TargetKind
@@ -25,6 +27,7 @@ def encounter():
         shows=shows,
         slew=np.tile(np.where(np.eye(CELLS, dtype=bool), 1, 2), (N, 1, 1)),
         area=1.0 + 0.1 * np.arange(CELLS),
+        interval_s=STEP,
     )
 
 
@@ -181,3 +184,29 @@ def test_a_flight_goes_as_the_one_before(encounter):
     first, second = Hand(encounter, loss=0.2), Hand(encounter, loss=0.2)
     first.fly(), second.fly(), second.seen.fill(False), second.fly()
     assert (first.seen == second.seen).all() and first.swarm.log.events == second.swarm.log.events
+
+
+def test_turning_away_takes_time_by_the_clock_and_not_by_the_number_of_pictures(encounter):
+    """One picture each, minutes ahead: all first want the same cell, hear of it, and turn to others in time."""
+    once = replace(
+        encounter,
+        slot_s=np.array([200.0]),
+        shows=encounter.shows[:, :, :1],
+        slew=np.tile(np.where(np.eye(CELLS, dtype=bool), 1, 3), (N, 1, 1)),
+    )
+    hand = Hand(once)
+    hand.fly(240.0)
+    assert (hand.seen.sum(axis=1) == 1).all() and hand.seen.any(axis=0).sum() == N
+    assert hand.seen.any(axis=0)[-N:].all()  # the largest ones
+
+
+def test_a_long_flight_is_planned_some_way_ahead_and_all_is_seen(encounter):
+    long = replace(
+        encounter,
+        slot_s=STEP * np.arange(1, 10 * SLOTS + 1),
+        shows=np.concatenate([np.zeros_like(encounter.shows)] * 9 + [encounter.shows], axis=2),
+    )
+    assert len(long.slot_s) > 2 * MOST_SLOTS
+    hand = Hand(long)
+    hand.fly(STEP * (10 * SLOTS + 1))
+    assert hand.seen.any(axis=0).all()

@@ -68,3 +68,11 @@ def test_the_table_of_a_plan_that_is_flown_again_is_made_once_and_that_of_anothe
     assert encounter_of(again) is encounter_of(plan())
     narrow = replace(plan(), scenario=sm.load("eros-observe").changed("observation.max_gsd_m=2.5"))
     assert encounter_of(narrow).shows.sum() < encounter_of(plan()).shows.sum()
+
+
+def test_where_the_visit_alone_counts_each_shows_something_in_its_own_visit_alone():
+    flights = "design.observers=[{time_of_flight_s: 600}, {time_of_flight_s: 640}, {}, {}, {}]"
+    encounter = encounter_of(plan("observation.criterion=visit", flights))
+    assert encounter.slot_s.tolist() == [600.0, 640.0]
+    useful = encounter.shows.any(axis=(1, 3))
+    assert not useful[1, 0] and useful[1, 1] and not useful[[0, 2, 3, 4], 1].any()
