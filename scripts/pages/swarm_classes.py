@@ -46,9 +46,9 @@ each encounter every spacecraft is lost with one chance between 0 and 40 %, at a
 `physics.wheels: gyrostat` and `physics.stepper: kernel`, the same motion in less time. {seconds}
 
 {table}
-Brackets: 95 % intervals. *Delivered*: on Earth within two days after the flight, by what the swarm can run alone. In every class
-`data.election` then replaces a relay that was lost; class 4 elects during the flight as well. *Delta-v*: of the whole swarm;
-propellant is used by class 1 alone. It holds the planned formation about the mean of those heard of
+Brackets: 95 % intervals. *Delivered*: on Earth within two days after the flight, by what the swarm can run alone. In every
+class `data.election` then replaces a relay that was lost; class 4 elects during the flight as well. *Delta-v*: of the whole
+swarm; propellant is used by class 1 alone. It holds the planned formation about the mean of those heard of
 ([law](../theory/formation.md)), and images and sends as class 0 does. *Placed*: the visiting points ({places}) were planned
 together with the pictures, so that as much as possible can be shown by two spacecraft; class 0 flies to them as well, so that
 the effect of the places and that of coordination can be told apart.
@@ -210,12 +210,14 @@ def _bound(name: str, one: LossBound) -> str:
 
 def _words(compared: ComparedClasses, bounds: dict[str, list[LossBound]]) -> str:
     worst = min(bounds["as designed"], key=lambda one: one.bound)
+    least = min(one.best for one in bounds["placed"])
     designed, placed = compared.recovered["as designed"], compared.recovered["placed"]
     return (
         f"As designed, {worst.spacecraft} alone comes near enough to most of the target: without it no plan shows more than "
         f"{worst.bound:.1f} %, whoever makes it and however soon, and class 4 brings home {100.0 * designed.share:.0f} % of "
         "what class 3 loses with one loss; part of it because it is better anyway, for against itself it loses "
-        f"{designed.other_lost.value:.1f} %.\nWith the places planned as well, any one can be replaced: class 4 brings home "
+        f"{designed.other_lost.value:.1f} %.\n"
+        f"With the places planned as well, a plan shows {least:.1f} % or more without any one of them: class 4 brings home "
         f"{100.0 * placed.share:.0f} % of what class 3 loses\nthere, and loses {placed.other_lost.value:.1f} % against itself."
     )
 
