@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from .pointing_parallel import SwarmPointingParallelEnv
     from .pointing_vector import SwarmPointingVectorEnv
     from .sb3 import SwarmObserveVecEnv, SwarmPointingVecEnv
+    from .swarm_map import SwarmMapEnv, SwarmMapVectorEnv
     from .swarm_observe import SwarmObserveEnv
     from .swarm_pointing import SwarmPointingEnv
     from .vector import SwarmObserveVectorEnv
@@ -25,6 +26,8 @@ if TYPE_CHECKING:
 _HOMES = {
     "SwarmDownlinkEnv": "downlink",
     "SwarmDownlinkVectorEnv": "downlink_vector",
+    "SwarmMapEnv": "swarm_map",
+    "SwarmMapVectorEnv": "swarm_map",
     "SwarmObserveEnv": "swarm_observe",
     "SwarmObserveGpuVectorEnv": "gpu.vector",
     "SwarmObserveParallelEnv": "multi_agent",
@@ -40,6 +43,8 @@ _HOMES = {
 __all__ = [
     "SwarmDownlinkEnv",
     "SwarmDownlinkVectorEnv",
+    "SwarmMapEnv",
+    "SwarmMapVectorEnv",
     "SwarmObserveEnv",
     "SwarmObserveGpuVectorEnv",
     "SwarmObserveParallelEnv",

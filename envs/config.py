@@ -14,6 +14,8 @@ from .actions import check_level
 from .arguments import checked_overrides, checked_rate, checked_share, checked_truth
 from .rewards import checked_scales
 
+#: What is to be seen: the scenario's target, or all of its body.
+TARGETS = ("scenario", "body")
 #: What agents may know.
 OBSERVABILITY = ("full", "graph")
 
@@ -37,6 +39,7 @@ class EnvConfig:
             `link.ground`.
         observability: What agents of the multi-agent environment know: `full`, or by the `graph`, what has reached them.
         overrides: Changes of the scenario, texts `key=value` with dotted keys, as those of `swarm-mj run --set`.
+        target: What is to be seen: the `scenario`'s target, or the whole `body`.
         horizon_terminates: Whether a flight that reaches the scenario's duration counts as terminated, not as truncated.
 
     Raises:
@@ -56,6 +59,7 @@ class EnvConfig:
     observability: str = "full"
     overrides: Sequence[str] = ()
     horizon_terminates: bool = False
+    target: str = "scenario"
 
     def __post_init__(self) -> None:
         """Refuse what is not allowed whatever the scenario."""
@@ -67,6 +71,10 @@ class EnvConfig:
         checked_rate("bits_per_pixel", self.bits_per_pixel)
         if self.observability not in OBSERVABILITY:
             raise ScenarioError(f"observability = {self.observability!r}: must be one of {', '.join(OBSERVABILITY)}")
+        if self.target not in TARGETS or (self.target == "body" and self.control == "pointing"):
+            raise ScenarioError(
+                f"target = {self.target!r}: must be one of {', '.join(TARGETS)}; with control = pointing, scenario"
+            )
         for name in ("swarm_rate_bit_s", "earth_rate_bit_s"):
             if (rate := getattr(self, name)) is not None:
                 checked_rate(name, rate, ", or None for the scenario's link budget")

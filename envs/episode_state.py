@@ -6,7 +6,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from swarm_mj.observation.capture import Picture, observe, pictures, pixels_on, sight, watching
+from swarm_mj.observation.capture import Picture, lit_cells, observe, pictures, pixels_on, sight, watching
 from swarm_mj.observation.smear import Motion
 from swarm_mj.typing import Array, Ints, Mask
 
@@ -132,11 +132,15 @@ class EpisodeState:
         task, flights = self.task, self.flights
         self._update_kinematics(self._at_picture, due)
         kind, blind, now, totals = flights.kind, flights.blind, self._at_picture, self.totals
-        if task.scene is None or task.criterion.needs_sun:
+        if task.scene is None:
             singly = due[:, None] & watching(task.plan.n_observers, kind, ~(totals.lost | blind))
         else:
-            gained = nothing_gained(task.scene, area, task.plan.n)
-            take_pictures(task.scene, self._pictures, now, totals, kind, blind, due, gained)
+            gained, dark = nothing_gained(task.scene, area, task.plan.n), self._dark(due)
+            # What is dark counts as seen already while pictures are judged.
+            judged = totals if dark is None else totals._replace(seen=totals.seen | dark)
+            take_pictures(task.scene, self._pictures, now, judged, kind, blind, due, gained)
+            if dark is not None:
+                totals.seen[:] |= judged.seen & ~dark
             singly = gained.doubt
             if not singly.any():
                 return
@@ -146,6 +150,19 @@ class EpisodeState:
             moving = Motion(now.v[e], now.omega[e], task.plan.environment.spin_N)
             for picture in pictures(t, singly[e], now.r[e], now.C_BN[e], now.C_AN[e], sun.at(t), moving):
                 area[e] += self._judge_singly(int(e), picture)
+
+    def _dark(self, due: Mask) -> Mask | None:
+        """Cells without the light that the criterion asks for, where pictures are due, shape (E, C); None: it asks for none."""
+        task, now = self.task, self._at_picture
+        if not task.criterion.needs_sun:
+            return None
+        dark, known = np.zeros(self.totals.seen.shape, np.bool_), dict[float, Mask]()
+        for e in np.flatnonzero(due):
+            t = float(now.t[e])
+            if t not in known:
+                known[t] = ~lit_cells(task.observer, task.criterion, now.C_AN[e] @ task.plan.environment.sun.at(t))
+            dark[e] = known[t]
+        return dark
 
     def _judge_singly(self, e: int, picture: Picture) -> float:
         """Enter what a picture adds by the observer itself: of any kind, in light that matters, or where the maps are in doubt.

@@ -62,7 +62,36 @@ def make_patches(region: TargetRegion, count: int) -> Patches:
             f"cells of this target, {region.n_cells}"
         )
     column, row = np.clip(np.floor((tangents(region, region.centroid_A).T + 1.0) * (0.5 * k)), 0, k - 1).astype(int)
-    of_cell = k * row + column
+    return _patches(region, k * row + column, count)
+
+
+def make_sphere_patches(region: TargetRegion, count: int) -> Patches:
+    """Divide a whole body by direction from its centre: six faces of a cube about A's axes, each into k x k equal angles.
+
+    Faces come as +x, -x, +y, -y, +z, -z; within each, rows by the second and columns by the first of the other two axes.
+
+    Args:
+        region: A whole body.
+        count: Number of patches, 6 k^2.
+
+    Raises:
+        ScenarioError: The count is no such number, or so large that a patch holds no cell.
+    """
+    k = isqrt(max(count // 6, 0)) if is_whole(count) else 0
+    if k < 1 or 6 * k * k != count:
+        raise ScenarioError(
+            f"patches = {count!r}: must be six times a square number, such as 6, 24, 54 or 96, for a whole body"
+        )
+    points, rows = region.centroid_A, np.arange(region.n_cells)
+    axis = np.argmax(np.abs(points), axis=1)
+    out = points[rows, axis]
+    others = np.sort((axis[:, None] + np.array([1, 2])) % 3, axis=1)
+    angle = np.arctan(points[rows[:, None], others] / np.abs(out)[:, None]) / (np.pi / 4)
+    column, row = np.clip(np.floor((angle.T + 1.0) * (0.5 * k)), 0, k - 1).astype(int)
+    return _patches(region, k * k * (2 * axis + (out < 0.0)) + k * row + column, count)
+
+
+def _patches(region: TargetRegion, of_cell: Indices, count: int) -> Patches:
     area = np.asarray(np.bincount(of_cell, region.area, count), dtype=np.float64)
     if not area.all():
         raise ScenarioError(

@@ -24,6 +24,7 @@ ENVIRONMENTS = {
         "swarm_mj.envs.missions.single:SwarmObserveV1Env",
         "swarm_mj.envs.missions.vector:SwarmObserveV1VectorEnv",
     ),
+    "SwarmMap-v0": ("swarm_mj.envs.swarm_map:SwarmMapEnv", "swarm_mj.envs.swarm_map:SwarmMapVectorEnv"),
 }
 
 

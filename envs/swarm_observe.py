@@ -194,6 +194,8 @@ all, and only `full` is allowed |
 `spec.to_json()`, which a `Scenario` does not |
     | horizon_terminates | False | whether the duration ends a flight as terminated, `info["end"]` being `horizon`, for tools \
 that know no truncation; the observation holds the time left |
+    | target | `"scenario"` | what is to be seen: the scenario's target, or the whole `"body"`, in `patches` = 6 k^2, see \
+`SwarmMapEnv` |
     | width, height | 640, 480 | of rendered pictures |
 
     ## Version history

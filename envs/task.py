@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -13,10 +14,12 @@ from swarm_mj import __version__
 from swarm_mj.flight.fly import make_simulation
 from swarm_mj.flight.observe import camera_from, criterion_from, schedule_from
 from swarm_mj.flight.plan import Plan, antennas_from, make_plan
+from swarm_mj.mission.target import automatic_cell_size, whole_body
 from swarm_mj.observation.capture import ObservationCriterion
 from swarm_mj.observation.horizon import HorizonObserver
 from swarm_mj.observation.horizon_kernels import Scene, make_scene
 from swarm_mj.observation.observer import Observer, make_observer
+from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.simulator.simulation import Simulation
 from swarm_mj.smallbody.occultation import Occluder, occluder_of
 from swarm_mj.typing import Mask
@@ -25,7 +28,7 @@ from .arguments import checked_scenario, checked_step, refuse_extra_targets, ste
 from .config import EnvConfig
 from .kinematics import BodyRotation
 from .observations import ObservationConstants, ObservationLayout
-from .patches import Patches, make_patches
+from .patches import Patches, make_patches, make_sphere_patches
 from .pictures import PictureConstants
 from .radio import RadioConstants, earth_rates, swarm_rates
 from .rewards import HazardLimits, RewardConstants, RewardScales, checked_scales
@@ -69,8 +72,9 @@ class Task:
         self.config, self.given = config, given
         self.step_s = step_of(given, config.control, config.step_s)
         self.ticks, self.last_tick = checked_step(given, self.step_s)
-        self.plan: Plan = make_plan(given)
-        self.patches: Patches = make_patches(self.plan.region, config.patches)
+        self.plan: Plan = _planned(given, config.target)
+        divide = make_patches if config.target == "scenario" else make_sphere_patches
+        self.patches: Patches = divide(self.plan.region, config.patches)
         self.criterion: ObservationCriterion = criterion_from(given)
         self.observer: Observer = make_observer(
             self.plan.region, camera_from(given), kind=config.observer, occlusion=given.observation.occlusion
@@ -94,6 +98,7 @@ class Task:
         numbers = (self.step_s, config.patches, config.complete, config.bits_per_pixel, *self.reward_scales)
         rates = (config.swarm_rate_bit_s, config.earth_rate_bit_s)
         rest = [config.control, config.observer, bool(config.horizon_terminates), config.observability]
+        rest += [config.target]
         text = json.dumps([__version__, self.given.model_dump(mode="json"), rest, list(map(repr, (*numbers, *rates)))])
         return hashlib.sha256(text.encode()).hexdigest()
 
@@ -195,6 +200,17 @@ class Task:
     def close(self) -> None:
         """Release the observer."""
         self.observer.close()
+
+
+def _planned(given: Scenario, target: str) -> Plan:
+    """The mission; for the whole body its paths are those to the scenario's own target."""
+    plan = make_plan(given)
+    if target == "scenario":
+        return plan
+    size = given.target.cell_size_m
+    if size == "auto":
+        size = automatic_cell_size(given.design.imaging_altitude_m, given.camera.half_angle_deg)
+    return replace(plan, region=whole_body(plan.shape, cell_size_m=size))
 
 
 def make_task(**arguments: Any) -> Task:

@@ -256,6 +256,29 @@ def build_targets(shape: ShapeModel, pyramids: Sequence[Pyramid], *, cell_size_m
     return region(chosen, 0, several)
 
 
+def whole_body(shape: ShapeModel, *, cell_size_m: float | None = None) -> TargetRegion:
+    """The whole surface as the target, for maps; no pyramid bounds it, and its axes are those of A from the x axis.
+
+    Args:
+        shape: The body in A [m].
+        cell_size_m: Subdivide the faces until no cell has a longer edge [m]; None keeps them as cells.
+    """
+    vertices, faces, parent = shape.vertices, shape.faces, np.arange(len(shape.faces))
+    if cell_size_m is not None:
+        every = np.ones(len(faces), np.bool_)
+        vertices, faces, parent = refine_mesh(vertices, faces, every, _checked_cell_size(cell_size_m))
+    return TargetRegion(
+        mesh=ShapeModel(vertices, faces, shape.name),
+        parent=parent,
+        target=np.arange(len(faces)),
+        group=parent,
+        visiting_vertex=np.arange(len(shape.vertices)),
+        visiting_normal_A=shape.vertex_normals,
+        axes_A=local_axes(0.0, 0.0),
+        side_half_angle=np.pi,
+    )
+
+
 def automatic_cell_size(altitude_m: float, half_angle_deg: float) -> float:
     """Longest cell edge [m] at which judging cells whole no longer distorts the covered area.
 
