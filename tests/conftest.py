@@ -21,6 +21,9 @@ def _egl_loads():
 if _egl_loads():
     os.environ.setdefault("MUJOCO_GL", "egl")
 
+# Numba reads it on import. What is flown on a GPU is tested without one.
+os.environ["NUMBA_ENABLE_CUDASIM"] = "1"
+
 
 @pytest.fixture(scope="module", autouse=True)
 def older_objects_are_left_alone():

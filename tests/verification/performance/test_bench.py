@@ -153,3 +153,15 @@ def test_every_benchmark_runs_in_its_quick_version(name):
     rows = run_bench([name])
     assert rows and all(np.isfinite(r.value) and r.group for r in rows)
     assert all(r.low <= r.value <= r.high for r in rows)
+
+
+def test_without_a_gpu_nothing_is_measured_on_one_and_a_line_says_so(monkeypatch, capsys):
+    from swarm_mj.envs.gpu import device
+
+    monkeypatch.setattr(device, "SIMULATED", False)
+    monkeypatch.setattr(device.cuda, "is_available", lambda: False)
+    assert run_bench(["gpu"]) == []
+    assert "gpu: nothing was measured: CUDA finds none" in capsys.readouterr().out
+    monkeypatch.setattr(device, "SIMULATED", True)
+    assert run_bench(["gpu"]) == []
+    assert "CUDA is only simulated" in capsys.readouterr().out
