@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from .multi_agent_vector import SwarmObserveParallelVectorEnv
     from .pointing_parallel import SwarmPointingParallelEnv
     from .pointing_vector import SwarmPointingVectorEnv
-    from .sb3 import SwarmObserveVecEnv, SwarmPointingVecEnv
+    from .sb3 import SwarmObserveV1VecEnv, SwarmObserveVecEnv, SwarmPointingVecEnv
     from .swarm_map import SwarmMapEnv, SwarmMapVectorEnv
     from .swarm_observe import SwarmObserveEnv
     from .swarm_pointing import SwarmPointingEnv
@@ -32,6 +32,7 @@ _HOMES = {
     "SwarmObserveGpuVectorEnv": "gpu.vector",
     "SwarmObserveParallelEnv": "multi_agent",
     "SwarmObserveParallelVectorEnv": "multi_agent_vector",
+    "SwarmObserveV1VecEnv": "sb3",
     "SwarmObserveVecEnv": "sb3",
     "SwarmObserveVectorEnv": "vector",
     "SwarmPointingEnv": "swarm_pointing",
@@ -49,6 +50,7 @@ __all__ = [
     "SwarmObserveGpuVectorEnv",
     "SwarmObserveParallelEnv",
     "SwarmObserveParallelVectorEnv",
+    "SwarmObserveV1VecEnv",
     "SwarmObserveVecEnv",
     "SwarmObserveVectorEnv",
     "SwarmPointingEnv",

@@ -14,6 +14,7 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices,
 from swarm_mj.errors import ScenarioError
 from swarm_mj.typing import Array32, Mask, Pixels
 
+from .missions.vector import SwarmObserveV1VectorEnv
 from .pointing_vector import SwarmPointingVectorEnv
 from .vector import SwarmObserveVectorEnv
 
@@ -133,6 +134,19 @@ class SwarmObserveVecEnv(VecEnv):
     def get_images(self) -> Sequence[Pixels | None]:
         """Nothing is drawn: render a single environment."""
         return [None] * self.num_envs
+
+
+class SwarmObserveV1VecEnv(SwarmObserveVecEnv):
+    """`SwarmObserveV1VectorEnv` with the conventions of stable-baselines3, as `SwarmObserveVecEnv` has those of v0.
+
+    Args:
+        num_envs: Number of episodes.
+        threads: Most that are used; None for the cores that this process may use.
+        arguments: Those of `SwarmObserveV1Env`, except `render_mode`.
+    """
+
+    def _make(self, num_envs: int, threads: int | None, **arguments: Any) -> Any:
+        return SwarmObserveV1VectorEnv(num_envs, threads=threads, **arguments)
 
 
 class SwarmPointingVecEnv(SwarmObserveVecEnv):

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from swarm_mj.api.observe import Observation, observe
     from swarm_mj.api.results import open, report
     from swarm_mj.api.scenario import Scenario, available, load
+    from swarm_mj.api.score import score
     from swarm_mj.api.simulation import simulation, view
     from swarm_mj.errors import SwarmError
     from swarm_mj.smallbody.shape_io import load_shape
@@ -56,6 +57,7 @@ __all__ = [
     "open",
     "replay_row",
     "report",
+    "score",
     "simulation",
     "validate",
     "view",
@@ -83,6 +85,7 @@ _HOMES = {
     "open": "api.results",
     "replay_row": "api.campaign",
     "report": "api.results",
+    "score": "api.score",
     "simulation": "api.simulation",
     "validate": "api.checks",
     "view": "api.simulation",

@@ -20,6 +20,8 @@ LATITUDES_DEG = (-15, 15)
 MOST_HALF_ANGLE_DEG = 25.0
 #: Width of the camera's picture over that of a patch.
 PICTURE_OVER_PATCH = (1.0, 1.15, 1.3)
+#: Headings that differ from the rule, by which the swarm would hit the body after its visit [deg].
+TURNED_DEG = {"itokawa-test-2": 180.0}
 #: How many missions an environment flies by default: of each body two.
 DEFAULT_COUNT = 8
 
@@ -54,7 +56,7 @@ def _catalogue() -> dict[str, MissionSpec]:
             for b, body in enumerate(BODIES):
                 name = f"{body}-{split}-{k + 1}"
                 # Any rule would do that spreads them: 137.5 deg is the golden angle.
-                heading = (137.5 * (k + 0.25 * b)) % 360.0
+                heading = (137.5 * (k + 0.25 * b) + TURNED_DEG.get(name, 0.0)) % 360.0
                 wide = PICTURE_OVER_PATCH[(k + b) % len(PICTURE_OVER_PATCH)]
                 found[name] = MissionSpec(name, body, latitude, longitude, heading, wide, split)
     return found

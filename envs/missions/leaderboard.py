@@ -1,0 +1,166 @@
+"""How good a policy of SwarmObserve-v1 is: frozen test episodes, and scores as a share of what was possible in them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from swarm_mj import __version__
+from swarm_mj.errors import ScenarioError
+from swarm_mj.typing import Array
+
+from ..evaluation import Interval, interval
+from ..threads import default_threads
+from .baselines import BASELINES, Flown, Observed, Policy, fly, random_choices
+from .bound import Bound, bounds
+from .config import MissionConfig
+from .episodes import Episodes
+from .mission import DURATION_S
+from .policies import open_policy
+from .single import NAME
+
+#: Flight seeds of the leaderboard: 96 episodes over all missions of the split `test`. They stay as they are for good.
+TEST_SEEDS = tuple(range(20_000, 20_096))
+#: Of the same split, for learning curves and for choosing among policies.
+VALIDATION_SEEDS = tuple(range(30_000, 30_048))
+#: What a policy is tested with.
+TEST = {"split": "test", "missions": "all"}
+#: Episodes at once.
+WIDTH = 32
+Progress = Callable[[int], None]
+
+
+@dataclass(frozen=True)
+class Score:
+    """Of a policy on some episodes.
+
+    Attributes:
+        policy: Its name or file.
+        seeds: Flight seeds of the episodes.
+        flown: What the policy came to.
+        bound: What no policy can pass.
+    """
+
+    policy: str
+    seeds: tuple[int, ...]
+    flown: Flown
+    bound: Bound
+
+    @property
+    def share(self) -> Interval:
+        """Score over bound, all episodes together, with the half-width of its 95 % interval."""
+        return share_of(self.flown.score, self.bound.score)
+
+    def record(self) -> dict[str, Any]:
+        """As JSON has it; scores by episode, rounded."""
+        mean = {name: float(np.mean(values)) for name, values in self.flown._asdict().items()}
+        return {
+            "environment": NAME,
+            "package": __version__,
+            "policy": self.policy,
+            "episodes": len(self.seeds),
+            "share": self.share.mean,
+            "share_half_width": self.share.half_width,
+            **mean,
+            "bound": float(self.bound.score.mean()),
+            "seeds": list(self.seeds),
+            "scores": np.round(self.flown.score, 4).tolist(),
+            "bounds": np.round(self.bound.score, 4).tolist(),
+        }
+
+
+def share_of(score: Array, bound: Array) -> Interval:
+    """Ratio of two means over the same episodes, by the delta method; shape (m,), m at least 2."""
+    share = float(score.mean() / bound.mean())
+    return Interval(share, interval((score - share * bound) / bound.mean()).half_width)
+
+
+def named_policies() -> dict[str, Policy]:
+    """Scripted policies by the names of a command line."""
+    found = {"random": random_choices(), **BASELINES}
+    return {name.replace(" ", "_"): policy for name, policy in found.items()}
+
+
+def policy_of(name_or_file: str | Path, config: MissionConfig) -> Policy:
+    """A scripted policy by name, or that of a file.
+
+    Raises:
+        ScenarioError: It is neither, or the file's policy cannot fly there.
+    """
+    named = named_policies()
+    if str(name_or_file) in named:
+        return named[str(name_or_file)]
+    if not Path(name_or_file).is_file():
+        raise ScenarioError(f"policy {str(name_or_file)!r}: no such file, and no name; names are {', '.join(named)}")
+    return open_policy(name_or_file, config)
+
+
+class Test:
+    """The test episodes, ready to be flown by one policy after another; a context manager.
+
+    Args:
+        seeds: Flight seeds.
+        arguments: Of the environment, where they are not those of the leaderboard.
+    """
+
+    __test__ = False  # pytest takes it for a case otherwise
+
+    def __init__(self, seeds: Sequence[int] = TEST_SEEDS, **arguments: Any) -> None:
+        self.seeds = tuple(int(seed) for seed in seeds)
+        if len(self.seeds) < 2:
+            raise ScenarioError(f"{len(self.seeds)} episodes: must be at least 2 for an interval")
+        self.config = MissionConfig(**TEST | arguments)
+        self.episodes = Episodes(self.config, min(WIDTH, len(self.seeds)), default_threads())
+        self._bound: Bound | None = None
+
+    def __enter__(self) -> Test:
+        """Itself."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Release the observers."""
+        self.episodes.close()
+
+    @property
+    def decisions(self) -> int:
+        """That all episodes take, of as many at once as fly together."""
+        groups = -(-len(self.seeds) // self.episodes.count)
+        return groups * round(DURATION_S / self.config.decision_s)
+
+    @property
+    def bound(self) -> Bound:
+        """What no policy can pass; worked out once."""
+        if self._bound is None:
+            self._bound = bounds(self.episodes, self.seeds)
+        return self._bound
+
+    def check(self, names_or_files: Sequence[str | Path]) -> None:
+        """Refuse those that cannot fly there, see `score`."""
+        for name_or_file in names_or_files:
+            policy_of(name_or_file, self.config)
+
+    def fly(self, policy: Policy, progress: Progress | None = None) -> Flown:
+        """What a policy comes to; `progress` is called with the decisions taken."""
+        taken = 0
+
+        def watched(observed: Observed) -> Any:
+            nonlocal taken
+            taken += 1
+            if progress is not None:
+                progress(taken)
+            return policy(observed)
+
+        return fly(self.episodes, watched, self.seeds)
+
+    def score(self, name_or_file: str | Path, progress: Progress | None = None) -> Score:
+        """Of a scripted policy by name, or of that of a file.
+
+        Raises:
+            ScenarioError: It is neither, or the file's policy cannot fly there; the message names why.
+        """
+        policy = policy_of(name_or_file, self.config)
+        return Score(str(name_or_file), self.seeds, self.fly(policy, progress), self.bound)

@@ -1,0 +1,198 @@
+"""Policy files of SwarmObserve-v1: networks of swarm_mj (`.npz`), ONNX (`.onnx`) and stable-baselines3 (`.zip`).
+
+Each tells what it was trained for, and is refused by name where that is not what it flies in. Observations of this environment
+are told in the target's own frame and scales, so that no file holds the geometry of a body.
+
+An ONNX model has an input `observation` of float32, shape (E, F), and, if it likes, `action_mask`, shape (E, n, C), of float32
+or bool; its first output is either choices, integers of shape (E, n), or logits, n C numbers for each of E. Its metadata may
+hold `swarm_mj`, JSON of `Provenance`. A zip of stable-baselines3 may hold the same as `swarm_mj.json`. Reading a zip executes
+what is pickled in it: open only those that you trust.
+"""
+
+from __future__ import annotations
+
+import json
+import zipfile
+from collections.abc import Mapping
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarm_mj.errors import ScenarioError
+from swarm_mj.io.records import reading, record_from
+from swarm_mj.typing import Array32, Ints
+
+from ..policy_network import NetworkPolicy, load_network, masked_argmax
+from ..provenance import Provenance, check_provenance, provenance_of
+from .baselines import Observed, Policy
+from .config import MissionConfig
+from .layout import FLAT_PATCHES, FlatLayout
+from .single import NAME
+from .tables import GENERAL, PAIRS, PATCHES, SPACECRAFT
+
+#: Raise when what stands where in an observation, or its scale, changes.
+LAYOUT = 1
+#: Arguments that change what an observation or a choice means.
+MEANING = ("max_spacecraft", "patches", "decision_s")
+#: Kinds of files by their endings.
+ENDINGS = (".npz", ".onnx", ".zip")
+#: Where a zip of stable-baselines3 keeps what it was trained for.
+MEMBER = "swarm_mj.json"
+
+
+def flat_rows(observed: Observed) -> Array32:
+    """The flat observation from the tables by name, shape (E, F)."""
+    patches = observed["patches"][:, :, :FLAT_PATCHES]
+    parts = [observed["spacecraft"], observed["pairs"], patches, observed["general"]]
+    return np.concatenate([np.reshape(part, (len(part), -1)) for part in parts], axis=1)
+
+
+def local_rows(observed: Observed) -> Array32:
+    """What each agent of `SwarmObserveV1ParallelEnv` is shown with the flat observation, shape (E, n, L)."""
+    spacecraft = observed["spacecraft"]
+    E, n = spacecraft.shape[:2]
+    others = (np.arange(n)[:, None] + 1 + np.arange(n - 1)) % n
+    common = [np.reshape(observed[name], (E, 1, -1)).repeat(n, axis=1) for name in ("patches", "general")]
+    own = [spacecraft, observed["pairs"].reshape(E, n, -1), spacecraft[:, others].reshape(E, n, -1)]
+    return np.concatenate([*own, *common], axis=2)
+
+
+def provenance(config: MissionConfig) -> dict[str, Any]:
+    """What a file should tell of a policy trained in an environment of these arguments."""
+    given = {item.name: getattr(config, item.name) for item in fields(config)}
+    return provenance_of(NAME, LAYOUT, {name: value for name, value in given.items() if value != _usual()[name]})
+
+
+def check(about: Mapping[str, Any], config: MissionConfig) -> None:
+    """Refuse a policy whose observations or choices mean something else here; what a file does not tell passes.
+
+    Raises:
+        ScenarioError: The message names what differs.
+    """
+    check_provenance(about, NAME, LAYOUT)
+    if "arguments" not in about:
+        return
+    for name in MEANING:
+        trained, here = about["arguments"].get(name, _usual()[name]), getattr(config, name)
+        if trained != here:
+            raise ScenarioError(
+                f"policy: trained for {name} = {trained!r}, but it is {here!r} here; train one for that"
+            )
+
+
+def open_policy(file: str | Path, config: MissionConfig) -> Policy:
+    """The policy of a file, to be flown in an environment of these arguments.
+
+    Raises:
+        ScenarioError: The file cannot be read, or its policy is for something else; the message names what.
+    """
+    path = Path(file)
+    if path.suffix not in ENDINGS:
+        raise ScenarioError(f"policy {path}: must end in one of {', '.join(ENDINGS)}")
+    if not path.is_file():
+        raise ScenarioError(f"policy {path}: no such file")
+    openers = {".npz": _network, ".onnx": _onnx, ".zip": _sb3}
+    return openers[path.suffix](path, config)
+
+
+def sizes(config: MissionConfig) -> tuple[int, int, int]:
+    """Numbers of a flat observation and of what one agent is shown, and choices of a spacecraft."""
+    n, patches = config.max_spacecraft, config.patches
+    local = n * len(SPACECRAFT) + patches * (len(PAIRS) + len(PATCHES)) + len(GENERAL)
+    return FlatLayout(n, patches).size, local, patches + 1 + n
+
+
+def network_policy(network: NetworkPolicy) -> Policy:
+    """A network as a policy that reads tables by name."""
+    rows = local_rows if network.about["each"] else flat_rows
+
+    def choose(observed: Observed) -> Ints:
+        return network.act(rows(observed), observed["action_mask"])
+
+    return choose
+
+
+def _network(path: Path, config: MissionConfig) -> Policy:
+    network = load_network(path)
+    check(network.about, config)
+    flat, local, choices = sizes(config)
+    _fits(path, "choices of each spacecraft", network.about["choices"], choices)
+    _fits(path, "spacecraft", network.about["spacecraft"], config.max_spacecraft)
+    _fits(path, "numbers of an observation", network.readings, local if network.about["each"] else flat)
+    return network_policy(network)
+
+
+def _onnx(path: Path, config: MissionConfig) -> Policy:
+    try:
+        import onnxruntime
+    except ImportError:
+        raise ScenarioError(f"policy {path}: needs the extra onnx: pip install 'swarm_mj[onnx]'") from None
+    with reading(f"policy {path}", "give a model that ONNX Runtime can run", ScenarioError):
+        session = onnxruntime.InferenceSession(str(path), providers=["CPUExecutionProvider"])
+        told = session.get_modelmeta().custom_metadata_map.get("swarm_mj")
+        about = record_from(told, Provenance) if told else {}
+    check(about, config)
+    inputs = {item.name: item for item in session.get_inputs()}
+    if "observation" not in inputs or set(inputs) - {"observation", "action_mask"}:
+        raise ScenarioError(
+            f"policy {path}: inputs {', '.join(inputs)}: must be observation and, if it likes, action_mask"
+        )
+    _fits(path, "numbers of an observation", inputs["observation"].shape[-1], sizes(config)[0])
+    mask_type = np.bool_ if "action_mask" in inputs and "bool" in inputs["action_mask"].type else np.float32
+
+    def choose(observed: Observed) -> Ints:
+        fed: dict[str, NDArray[Any]] = {"observation": flat_rows(observed)}
+        if "action_mask" in inputs:
+            fed["action_mask"] = observed["action_mask"].astype(mask_type)
+        return _chosen(path, np.asarray(session.run(None, fed)[0]), observed["action_mask"])
+
+    return choose
+
+
+def _sb3(path: Path, config: MissionConfig) -> Policy:
+    try:
+        from stable_baselines3 import PPO
+    except ImportError:
+        raise ScenarioError(f"policy {path}: needs the extra rl: pip install 'swarm_mj[rl]'") from None
+    with reading(f"policy {path}", "give a zip that PPO of stable-baselines3 saved", ScenarioError):
+        with zipfile.ZipFile(path) as archive:
+            about = record_from(archive.read(MEMBER), Provenance) if MEMBER in archive.namelist() else {}
+        check(about, config)
+        model = PPO.load(path, device="cpu")
+    _fits(path, "numbers of an observation", model.observation_space.shape[-1], sizes(config)[0])
+    _fits(path, "choices", model.action_space.nvec.tolist(), [sizes(config)[2]] * config.max_spacecraft)
+
+    def choose(observed: Observed) -> Ints:
+        return np.asarray(model.predict(flat_rows(observed), deterministic=True)[0], np.int64)
+
+    return choose
+
+
+def tell_in_zip(path: Path, config: MissionConfig) -> None:
+    """Add to a zip of stable-baselines3 what its policy was trained for."""
+    with zipfile.ZipFile(path, "a") as archive:
+        archive.writestr(MEMBER, json.dumps(provenance(config), sort_keys=True))
+
+
+def _chosen(path: Path, out: NDArray[Any], mask: NDArray[Any]) -> Ints:
+    if out.dtype.kind in "iu" and out.shape == mask.shape[:2]:
+        return out.astype(np.int64)
+    if out.dtype.kind == "f" and out.size == mask.size:
+        return masked_argmax(out.reshape(mask.shape), mask)
+    raise ScenarioError(
+        f"policy {path}: its output of type {out.dtype} and shape {out.shape} must be integers of shape {mask.shape[:2]} or "
+        f"logits of shape {mask.shape}"
+    )
+
+
+def _fits(path: Path, what: str, found: Any, must: Any) -> None:
+    # ONNX gives names to sizes that are left open.
+    if found != must and not isinstance(found, str):
+        raise ScenarioError(f"policy {path}: {what} = {found}, must be {must} here; fly what it was trained for")
+
+
+def _usual() -> dict[str, Any]:
+    return {item.name: item.default for item in fields(MissionConfig)}

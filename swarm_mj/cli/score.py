@@ -1,0 +1,70 @@
+"""The command `score`."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from swarm_mj.envs.missions.leaderboard import Score
+
+
+def add(commands: argparse._SubParsersAction) -> None:
+    """Add the command to the parser."""
+    score = commands.add_parser(
+        "score",
+        help="fly policies of SwarmObserve-v1 through the test episodes of the leaderboard",
+        description="Fly policies through frozen episodes that no training sees; the score is the share of what was possible. "
+        "See docs/results/leaderboard.md.",
+    )
+    score.add_argument(
+        "policy",
+        nargs="+",
+        metavar="POLICY",
+        help="random, sweep, greedy, greedy_ahead, ... or a file: .npz of examples/learning, .onnx, .zip of "
+        "stable-baselines3 (which executes what is pickled in it)",
+    )
+    score.add_argument("--env", choices=["SwarmObserve-v1"], default="SwarmObserve-v1", help="(default: %(default)s)")
+    score.add_argument("--episodes", type=int, metavar="N", help="only the first so many, at least 2 (default: all)")
+    score.add_argument(
+        "--out", type=Path, metavar="FILE", help="write all numbers there as JSON, a list of the policies"
+    )
+    score.add_argument("--quiet", action="store_true", help="no progress bar")
+    score.set_defaults(command=_score)
+
+
+def _score(arguments: argparse.Namespace) -> int:
+    import json
+
+    from rich.console import Console
+
+    from swarm_mj.api.score import score
+    from swarm_mj.io.atomic import write_text
+    from swarm_mj.io.progress import progress_bars
+
+    console = Console()
+    with progress_bars(console, arguments.quiet) as bars:
+        scores = score(arguments.policy, episodes=arguments.episodes, progress=bars)
+    console.print(_table(scores))
+    if arguments.out is not None:
+        write_text(arguments.out, json.dumps([one.record() for one in scores], indent=1) + "\n")
+        console.print(f"numbers in {arguments.out}", soft_wrap=True, highlight=False, markup=False)
+    return 0
+
+
+def _table(scores: list[Score]) -> Table:
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+
+    table = Table(title=f"SwarmObserve-v1, {len(scores[0].seeds)} test episodes", box=SIMPLE_HEAD, pad_edge=False)
+    table.add_column("policy", overflow="fold")
+    for name in ("share of bound", "score", "seen", "delivered", "bound"):
+        table.add_column(name, justify="right", no_wrap=True)
+    for one in scores:
+        means = [one.flown.score, one.flown.seen, one.flown.delivered, one.bound.score]
+        share = f"{one.share.mean:.3f} +- {one.share.half_width:.3f}"
+        table.add_row(Path(one.policy).name, share, *(f"{values.mean():.3f}" for values in means))
+    return table
