@@ -10,6 +10,7 @@ from .registration import register_environments
 
 if TYPE_CHECKING:
     from .downlink import SwarmDownlinkEnv
+    from .downlink_parallel import SwarmDownlinkParallelEnv
     from .downlink_vector import SwarmDownlinkVectorEnv
     from .gpu.vector import SwarmObserveGpuVectorEnv
     from .multi_agent import SwarmObserveParallelEnv
@@ -22,9 +23,10 @@ if TYPE_CHECKING:
     from .swarm_pointing import SwarmPointingEnv
     from .vector import SwarmObserveVectorEnv
 
-#: Where each class is defined; `multi_agent`, `pointing_parallel` and `sb3` need the extra `rl`, `gpu.vector` `gpu`.
+#: Where each class is defined; those of agents (`*parallel`, `multi_agent*`) and `sb3` need the extra `rl`, `gpu.vector` `gpu`.
 _HOMES = {
     "SwarmDownlinkEnv": "downlink",
+    "SwarmDownlinkParallelEnv": "downlink_parallel",
     "SwarmDownlinkVectorEnv": "downlink_vector",
     "SwarmMapEnv": "swarm_map",
     "SwarmMapVectorEnv": "swarm_map",
@@ -43,6 +45,7 @@ _HOMES = {
 
 __all__ = [
     "SwarmDownlinkEnv",
+    "SwarmDownlinkParallelEnv",
     "SwarmDownlinkVectorEnv",
     "SwarmMapEnv",
     "SwarmMapVectorEnv",

@@ -15,6 +15,7 @@ from swarm_mj.scenarios.schema import Scenario
 
 from .actions import check_action
 from .arguments import flight_seed
+from .autoreset import one_of
 from .downlink_batch import DOWNLINK_ENDS, DownlinkBatch
 from .downlink_config import DownlinkConfig, DownlinkWeights
 from .downlink_world import DownlinkTask
@@ -172,7 +173,7 @@ slew_J 200, slew_s 120, restart 0.2 |
         self.task = DownlinkTask(DownlinkConfig(scenario=scenario, power=power, draw=draw, **arguments))
         self.batch = DownlinkBatch(self.task, 1)
         self.observation_space = self.batch.space
-        self.action_space = spaces.MultiDiscrete(np.full(self.task.n, self.task.n + 2))
+        self.action_space = choices_of(self.task)
         self._running = self._begun = False
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
@@ -240,15 +241,17 @@ slew_J 200, slew_s 120, restart 0.2 |
             self.set_state(standing["flight"])
 
     def _observation(self) -> Any:
-        observation = self.batch.observation
-        return (
-            {name: table[0] for name, table in observation.items()} if isinstance(observation, dict) else observation[0]
-        )
+        return one_of(self.batch.observation, 0)
 
     def _info(self) -> dict[str, Any]:
         """Numbers as Python's, arrays as they are."""
         rows = {name: values[0] for name, values in self.batch.infos().items()}
         return {name: row.item() if np.ndim(row) == 0 else row for name, row in rows.items()}
+
+
+def choices_of(task: DownlinkTask) -> spaces.MultiDiscrete:
+    """The action space of an episode."""
+    return spaces.MultiDiscrete(np.full(task.n, task.n + 2))
 
 
 def refuse_rendering(mode: Any) -> None:

@@ -253,6 +253,25 @@ def test_the_vector_flies_the_same_episodes_as_single_ones_bit_for_bit(mode):
             assert (rewards[e], terminated[e], truncated[e]) == (reward, ended, cut)
 
 
+def test_agents_that_decide_each_for_itself_fly_the_same_episode():
+    zoo = pytest.importorskip("pettingzoo.test")
+    from swarm_mj.envs.downlink_parallel import swarm_downlink_v0
+
+    many, one = swarm_downlink_v0.parallel_env(**TINY), gymnasium.make(ID, observation="dict", **TINY).unwrapped
+    zoo.parallel_api_test(many, num_cycles=20)
+    told, _ = many.reset(seed=6)
+    tables, _ = one.reset(seed=6)
+    for choices in ([1, 1], [3, 0], [0, 2], [1, 1]):
+        assert np.array_equal(told["sc2"]["observation"]["products"], tables["products"])
+        assert np.array_equal(told["sc2"]["action_mask"], tables["action_mask"][1])
+        told, rewards, ends, cuts, _ = many.step({"sc1": choices[0], "sc2": choices[1]})
+        tables, reward, ended, cut, _ = one.step(np.array(choices))
+        assert (rewards["sc1"], ends["sc1"], cuts["sc2"]) == (reward, ended, cut)
+        if not many.agents:
+            break
+    assert not many.agents
+
+
 def test_a_state_can_be_taken_up_and_an_environment_pickled():
     env = gymnasium.make(ID, **TINY).unwrapped
     env.reset(seed=1)
