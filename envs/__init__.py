@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from .registration import register_environments
 
 if TYPE_CHECKING:
+    from .camera_observation import CameraObservation
     from .downlink import SwarmDownlinkEnv
     from .downlink_parallel import SwarmDownlinkParallelEnv
     from .downlink_vector import SwarmDownlinkVectorEnv
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 
 #: Where each class is defined; those of agents (`*parallel`, `multi_agent*`) and `sb3` need the extra `rl`, `gpu.vector` `gpu`.
 _HOMES = {
+    "CameraObservation": "camera_observation",
     "SwarmDownlinkEnv": "downlink",
     "SwarmDownlinkParallelEnv": "downlink_parallel",
     "SwarmDownlinkVectorEnv": "downlink_vector",
@@ -44,6 +46,7 @@ _HOMES = {
 }
 
 __all__ = [
+    "CameraObservation",
     "SwarmDownlinkEnv",
     "SwarmDownlinkParallelEnv",
     "SwarmDownlinkVectorEnv",

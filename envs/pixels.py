@@ -11,6 +11,7 @@ from swarm_mj.flight.plan import Plan
 from swarm_mj.observation.camera import CameraModel
 from swarm_mj.observation.thumbnails import SIDE_PX, ThumbnailDrawer, Thumbnails
 from swarm_mj.results.report.simplify import simplify
+from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.spacecraft.attitude.algebra import put_vector, quaternion, rotate
 from swarm_mj.typing import Array, Ints, Mask, Pixels, kernel
 
@@ -46,17 +47,21 @@ class BodyPictures:
         plan: The mission.
         half_angle_deg: Of the square camera along +z.
         light: `sun`, where the Sun is, or `headlight`, at the camera.
+        mesh: Drawn as it is; None: the body's, simplified.
 
     Attributes:
         kept: Which face of the body's mesh each one is that is drawn, shape (f,).
         drawer: Draws them.
     """
 
-    def __init__(self, plan: Plan, half_angle_deg: float, light: str = "sun") -> None:
-        mesh = simplify(plan.shape.vertices, plan.shape.faces.astype(np.int64), MOST_FACES)
-        self.kept: Ints = mesh.kept
+    def __init__(
+        self, plan: Plan, half_angle_deg: float, light: str = "sun", *, mesh: ShapeModel | None = None
+    ) -> None:
+        shape, most = (plan.shape, MOST_FACES) if mesh is None else (mesh, len(mesh.faces))
+        drawn = simplify(shape.vertices, shape.faces.astype(np.int64), most)
+        self.kept: Ints = drawn.kept
         camera = CameraModel(half_angle_deg=half_angle_deg, resolution_px=SIDE_PX)
-        self.drawer = ThumbnailDrawer(mesh.vertices, mesh.faces, camera)
+        self.drawer = ThumbnailDrawer(drawn.vertices, drawn.faces, camera)
         self._radius, self._sun, self._sunlit = plan.shape.max_radius, plan.environment.sun, light == "sun"
 
     def draw(self, poses: Poses, marked: Mask | None = None) -> Thumbnails:

@@ -234,6 +234,7 @@ def _simulation_of_one(plan: Plan) -> Simulation:
         behavior=plan.behavior,
         controller=plan.controller,
         control_period=scenario.control.period_s,
+        gravity_gradient_torque=scenario.perturbations.gravity_gradient_torque,
     )
 
 

@@ -152,7 +152,7 @@ def assess(
         state.held[e, hold] |= state.steady[e] >= constants.steady_steps
         omega = vector(work[e, Slot.OMEGA_BR], 0)
         share = error[e] / constants.tolerance
-        state.terms[e, 0] = scales[0] * constants.step_share / (1.0 + share * share)
+        state.terms[e, 0] = scales[0] * constants.step_share / (1.0 + share)
         state.terms[e, 1] = scales[1] * constants.step_share * error[e] / pi
         state.terms[e, 2] = scales[2] * constants.step_share * min(1.0, sqrt(dot(omega, omega)) / RATE)
         state.terms[e, 3] = scales[3] * constants.step_share * effort[e] / constants.max_effort

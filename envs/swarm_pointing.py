@@ -92,7 +92,7 @@ class SwarmPointingEnv(RebuiltOnCopy, gymnasium.Env[Observation, Any]):
 
     | term | weight | measure of a step |
     |---|---|---|
-    | precise | 80 | (h / T) / (1 + (theta / theta_0)^2) |
+    | precise | 80 | (h / T) / (1 + theta / theta_0) |
     | coarse | -40 | (h / T) theta / pi |
     | rate | -10 | (h / T) min(1, abs(omega_BR) / 0.1 rad/s) |
     | effort | -5 | (h / T) mean (u / u_max)^2 over wheels and control periods, u the motor torque |
@@ -144,8 +144,8 @@ class SwarmPointingEnv(RebuiltOnCopy, gymnasium.Env[Observation, Any]):
 
     | argument | default | meaning |
     |---|---|---|
-    | scenario | `"eros-observe"` | packaged name, path of a YAML file, or a `Scenario`; faults, dispersions, perturbations \
-and four wheels are refused |
+    | scenario | `"eros-observe"` | packaged name, path of a YAML file, or a `Scenario`; faults, dispersions, quick slews, \
+thrusters and four wheels are refused |
     | observation | `"state"` | `state` or `camera` |
     | render_mode | None | None or `"rgb_array"`: what the camera sees, with a cross on +z |
     | references | None | names of what may have to be looked at; None: all four, with `camera` the body alone |

@@ -1,12 +1,17 @@
 """What cameras of an environment see: the body where geometry says it is, lit from where the Sun is."""
 
+import gymnasium
 import numpy as np
 import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
+from swarm_mj.envs.camera_observation import CameraObservation
 from swarm_mj.envs.pixels import MOST_FACES
 from swarm_mj.envs.pointing_batch import PointingBatch
 from swarm_mj.envs.pointing_task import make_pointing_task
+from swarm_mj.envs.threads import LEAN
+
+from swarm_mj.errors import ScenarioError
 
 
 @pytest.fixture(scope="module")
@@ -90,3 +95,29 @@ def test_a_step_shows_the_body_where_it_is_then(task):
         batch.step(np.array([[0.5, 0.0, 0.0], [0.0, -0.5, 0.0]]), np.array([True, False]))
     assert (batch.image[0] != before[0]).any() and np.array_equal(batch.image[1], before[1])
     assert np.array_equal(batch.task.pictures.images(batch.pictures(np.ones(2, bool))), batch.image)
+
+
+def test_the_swarms_cameras_show_what_has_been_seen():
+    """The mask of SwarmObserve-v0 against rays: a marked pixel lies on a cell that counts as seen, and the others do not."""
+    env = CameraObservation(gymnasium.make("swarm_mj.envs:SwarmObserve-v0", overrides=LEAN))
+    observation, _ = env.reset(seed=0)
+    assert env.observation_space.contains(observation) and not observation["image"][:, 1].any()
+    inner = env.unwrapped
+    while inner.batch.totals.percent[0] < 5.0:
+        observation, *_ = env.step(np.full(5, 5))
+    region, now = inner.plan.region, inner.batch.now
+    mesh = trimesh.Trimesh(region.mesh.vertices, region.mesh.faces, process=False)
+    seen = np.zeros(len(region.mesh.faces), bool)
+    seen[region.target[inner.batch.totals.seen[0]]] = True
+    at, marked = ((np.arange(64) + 0.5) / 32.0 - 1.0) * np.tan(np.radians(2.5)), 0
+    y, x = np.meshgrid(at, at, indexing="ij")
+    for j in range(5):
+        rays = np.stack([x, y, np.ones_like(x)], -1).reshape(-1, 3) @ now.C_BN[0, j] @ now.C_AN[0].T
+        face = mesh.ray.intersects_first(np.tile(now.r_A[0, j], (len(rays), 1)), rays).reshape(64, 64)
+        expected = (face >= 0) & seen[face]
+        assert ((observation["image"][j, 1] == 255) != expected).mean() < 0.005
+        marked += expected.sum()
+    assert marked > 500
+    with pytest.raises(ScenarioError, match="half_angle_deg"):
+        CameraObservation(inner, half_angle_deg=90.0)
+    env.close()

@@ -1,0 +1,71 @@
+"""Pixels for SwarmObserve-v0: what each spacecraft's camera sees, with what the swarm has seen of the target already."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+
+from swarm_mj.errors import ScenarioError
+from swarm_mj.typing import Array32, Pixels
+
+from .arguments import is_number
+from .pixels import IMAGE_SPACE, LIGHTS, BodyPictures, Poses
+from .swarm_observe import SwarmObserveEnv
+
+
+class CameraObservation(gymnasium.ObservationWrapper[dict[str, Any], Any, Array32]):
+    """Adds the pictures of the n spacecraft to the observation of `SwarmObserve-v0`.
+
+    The observation is a Dict: `state`, what the environment observes, and `image`, uint8, (n, 3, 64, 64), +x of the
+    spacecraft to the right and +y down:
+
+    | channel | meaning |
+    |---|---|
+    | 0 | grey: 255 times the cosine of the light's angle of incidence; the body casts no shadow on itself |
+    | 1 | mask: 255 where the cell of the target has been seen by anybody |
+    | 2 | nearness: 255 times the body's largest radius over depth along +z, at most 255; 0 in the sky |
+
+    Attitudes and positions are the true ones at the end of the step, whatever sensors are flown. The mesh is that of the
+    target's cells, unsimplified.
+
+    Args:
+        env: A single `SwarmObserve-v0`.
+        half_angle_deg: Of the camera; None: of the scenario's.
+        light: `sun` or `headlight`.
+
+    Raises:
+        ScenarioError: It is another environment, or an argument is not allowed.
+    """
+
+    def __init__(
+        self, env: gymnasium.Env[Array32, Any], half_angle_deg: float | None = None, light: str = "sun"
+    ) -> None:
+        super().__init__(env)
+        inner = env.unwrapped
+        if not isinstance(inner, SwarmObserveEnv):
+            raise ScenarioError(f"CameraObservation: must be given a SwarmObserve-v0, not {type(inner).__name__}")
+        if light not in LIGHTS:
+            raise ScenarioError(f"light = {light!r}: must be one of {', '.join(LIGHTS)}")
+        angle = inner.plan.scenario.camera.half_angle_deg if half_angle_deg is None else half_angle_deg
+        if not is_number(angle) or not 0.0 < angle < 90.0:
+            raise ScenarioError(f"half_angle_deg = {angle!r}: must be a number above 0 and below 90")
+        self._inner, region = inner, inner.plan.region
+        self._pictures = BodyPictures(inner.plan, angle, light, mesh=region.mesh)
+        self._marked = np.zeros((1, len(region.mesh.faces)), np.bool_)
+        image = spaces.Box(0, 255, (inner.plan.n, *IMAGE_SPACE.shape), np.uint8)
+        self.observation_space = spaces.Dict({"image": image, "state": env.observation_space})
+
+    def observation(self, observation: Array32) -> dict[str, Any]:
+        """The observation with what the cameras see now."""
+        return {"image": self.image(), "state": observation}
+
+    def image(self) -> Pixels:
+        """What the cameras see now, shape (n, 3, 64, 64)."""
+        batch, plan = self._inner.batch, self._inner.plan
+        now = batch.now if batch.flights.finite[0] else batch.before
+        poses = Poses(now.r[0], now.q[0], np.tile(now.C_AN[0], (plan.n, 1, 1)), np.full(plan.n, now.t[0]))
+        self._marked[0, plan.region.target] = batch.totals.seen[0]
+        return self._pictures.images(self._pictures.draw(poses, self._marked))
