@@ -10,7 +10,8 @@ from typing import Any, NamedTuple
 
 from swarm_mj.mission.behaviors import Targets
 from swarm_mj.observation.horizon_kernels import Scene
-from swarm_mj.simulator.fast.flight_kernels import ADVANCE, DECIDE, Flights, World, fly, split_states
+from swarm_mj.simulator.fast.flight_kernels import ADVANCE, DECIDE, fly, split_states
+from swarm_mj.simulator.fast.flights import Flights, World
 from swarm_mj.simulator.fast.mj_memory import KERNEL, MjView, Scratch
 from swarm_mj.simulator.slots import Slot
 from swarm_mj.spacecraft.control.sliding_mode import write_torque
@@ -178,6 +179,15 @@ class Answer(NamedTuple):
     final: Array32
 
 
+class AsPlanned(NamedTuple):
+    """In the place of a record of `Conditions`: of a flight without faults, dispersions and a fourth wheel."""
+
+    command: int
+    sense: int
+    own_field: int
+    field_factor: float
+
+
 class Flying(NamedTuple):
     """In the place of `MjBatch`: a model, and flights."""
 
@@ -254,6 +264,30 @@ def no_gradient(q_BN: Array, gm: float, inertia: Array, C_mid: Array, hub: Ints,
     """In the place of `hold_gravity_gradient`."""
 
 
+def planned_masses(conditions: Any, e: int, hub: Ints, xfrc: Array) -> None:
+    """In the place of `weigh_flight`; a device flies as planned, and so all below."""
+
+
+def planned_array(conditions: Any, e: int, planned: Array) -> Array:
+    """In the place of `inertia_of`, `series_of` and `known_attitudes`."""
+    return planned
+
+
+def no_sensors(address: int, conditions: Any, e: int, tick: int, period: float, q_BN: Array, omega_BN_B: Array) -> None:
+    """In the place of `call_sense`."""
+
+
+def no_wheels(
+    address: int, conditions: Any, e: int, torque_B: Array, released: Mask, ctrl: Array, peaks: Array
+) -> float:
+    """In the place of `call_command`."""
+    return 0.0
+
+
+def nothing_remembered(conditions: Any, e: int, qvel: Array, r_N: Array) -> None:
+    """In the place of `remember`."""
+
+
 def fly_step(constants: Constants, memory: Memory, answer: Answer, choice: Ints) -> None:
     """Take the choices, shape (1, n), of a flight and fly it for one step with its pictures."""
     flights = memory.flights
@@ -261,6 +295,7 @@ def fly_step(constants: Constants, memory: Memory, answer: Answer, choice: Ints)
     boresight_N = memory.estimate.C_BN[:, :, 2]
     answer.refused[0] = not choose_targets(constants.choices, choice, boresight_N, answer.live, held)
     flying, period = Flying(constants.hold, memory.plain), constants.world.period
+    conditions = (AsPlanned(0, 0, 0, 1.0),)
     start, steps = flights.tick[0], 2 * constants.ticks
     flights.effort[0], answer.area[0] = 0.0, 0.0
     # Decide, advance, decide, advance; at the end of a flight decide once more, for the last pictures.
@@ -270,7 +305,7 @@ def fly_step(constants: Constants, memory: Memory, answer: Answer, choice: Ints)
             break
         effort = flights.effort[0]
         part = DECIDE if deciding else ADVANCE
-        fly(constants.world, flights, flying, constants.timesteps, part, answer.live, answer.until)
+        fly(constants.world, flights, flying, conditions, constants.timesteps, part, answer.live, answer.until)
         if not flights.finite[0]:
             break
         if k == steps:

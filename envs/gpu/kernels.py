@@ -6,6 +6,15 @@ from typing import Any, NamedTuple
 
 from numba import cuda
 
+from swarm_mj.simulator.fast.conditions import (
+    call_command,
+    call_sense,
+    inertia_of,
+    known_attitudes,
+    remember,
+    series_of,
+    weigh_flight,
+)
 from swarm_mj.simulator.fast.gyrostat_step import step_gyrostats
 from swarm_mj.simulator.fast.integrator import integrate
 from swarm_mj.simulator.fast.kernels import hold_gravity_gradient
@@ -27,6 +36,11 @@ from .flight import (
     no_gradient,
     no_perturbations,
     no_polyhedron,
+    no_sensors,
+    no_wheels,
+    nothing_remembered,
+    planned_array,
+    planned_masses,
     restart,
     view_of,
 )
@@ -78,6 +92,13 @@ def kernel_sources(memory: Memory, answer: Answer, law: CompiledLaw) -> Kernels:
         write_near_and_far: no_polyhedron,
         add_perturbations: no_perturbations,
         hold_gravity_gradient: no_gradient,
+        weigh_flight: planned_masses,
+        inertia_of: planned_array,
+        series_of: planned_array,
+        known_attitudes: planned_array,
+        call_sense: no_sensors,
+        call_command: no_wheels,
+        remember: nothing_remembered,
     }
     decorate = (lambda function: function) if SIMULATED else cuda.jit(device=True)
     code = DeviceCode(decorate, instead, compiled=not SIMULATED)

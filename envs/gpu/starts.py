@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from swarm_mj.errors import ScenarioError
-from swarm_mj.simulator.fast.flight_kernels import NEVER, Flights
+from swarm_mj.simulator.fast.flights import NEVER, Flights
 from swarm_mj.simulator.fast.plain_data import PlainData, size
 from swarm_mj.simulator.fast.world import law_of, make_world
 from swarm_mj.smallbody.gravity.polyhedron import Polyhedron
@@ -39,6 +39,10 @@ def check_task(task: Task) -> CompiledLaw:
         )
     if why := simulation.why_not_compiled(task.plan.controller):
         raise ScenarioError(f"the GPU cannot fly {why}; fly on the processor, or leave it out")
+    if simulation.injection is not None:
+        raise ScenarioError(
+            "the GPU cannot fly faults, dispersions or a fourth wheel; fly on the processor, or leave them out"
+        )
     state = simulation.state
     if type(state.environment.gravity) is Polyhedron:
         raise ScenarioError(

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from swarm_mj.mission.behaviors import Targets
-from swarm_mj.simulator.fast.flight_kernels import allocate_flights
+from swarm_mj.simulator.fast.flights import allocate_flights
 from swarm_mj.simulator.loop_state import InitialState, LoopState
 from swarm_mj.simulator.slots import Slot
 from swarm_mj.typing import Array, Mask
@@ -48,7 +48,7 @@ class Batch(ABC):
     def __init__(self, like: LoopState, count: int) -> None:
         self.model, self.environment, self.period = like.model, like.environment, like.period
         self.n, self.count = self.model.n, count
-        self._flights = f = allocate_flights(count, self.n)
+        self._flights = f = allocate_flights(count, self.n, self.model.properties.n_wheels)
         self.kind, self.index, self.vector, self.torque_B = f.kind, f.spacecraft, f.vector, f.torque_B
         self.tick, self.finite, self.effort = f.tick, f.finite, f.effort
         self.sigma_BR: Array = f.work[:, Slot.SIGMA_BR]

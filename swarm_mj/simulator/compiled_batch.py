@@ -9,23 +9,26 @@ the same interface.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from swarm_mj.errors import PluginError, SimulationError
-from swarm_mj.mission.behaviors import Behavior, Targets
+from swarm_mj.mission.behaviors import Behavior, SwarmView, Targets
 from swarm_mj.simulator.batch import Batch
+from swarm_mj.simulator.batch_conditions import BatchConditions
 from swarm_mj.simulator.fast import flight_kernels
+from swarm_mj.simulator.fast.conditions import CONDITION
 from swarm_mj.simulator.fast.flight_kernels import (
     ADVANCE,
     DECIDE,
     FINE,
-    NEVER,
     NO_SUCH_TARGET,
     NOT_FINITE,
     WHOLE,
 )
+from swarm_mj.simulator.fast.flights import NEVER
 from swarm_mj.simulator.fast.integrator import Integrator
 from swarm_mj.simulator.fast.plain_data import make_datas, reset_data, restore_data, saved_data
 from swarm_mj.simulator.fast.world import make_world
@@ -34,7 +37,6 @@ from swarm_mj.simulator.plugin_calls import BehaviorCalls, divergence_of, view_o
 from swarm_mj.simulator.simulation import Simulation
 from swarm_mj.simulator.slots import Slot
 from swarm_mj.spacecraft.control.base import Controller
-from swarm_mj.spacecraft.model import NQ, NV
 from swarm_mj.typing import Array, Ints, Mask
 
 #: Ticks of a flight for which the flights of a batch share what gravity is where they are; memory comes as it is used.
@@ -42,7 +44,9 @@ REMEMBERED = 16_384
 
 
 class CompiledBatch(Batch):
-    """E flights of one swarm, which share control law and gravity and know no faults.
+    """E flights of one swarm, which share control law and environment; faults and dispersions are drawn from their seeds.
+
+    A flight with faults whose state or torque is no longer finite has diverged; `Simulation` would lose that spacecraft alone.
 
     Args:
         simulation: One flight as it would fly alone: model, environment, spacecraft and control period are taken from it.
@@ -51,8 +55,9 @@ class CompiledBatch(Batch):
         behaviors: Who points at what in each flight; None where targets are held, see `hold`.
 
     Attributes:
-        qpos: A copy of positions in N [m], attitudes and wheel angles (zero where wheels are momentum states), shape (E, 10 n).
-        qvel: A copy of velocities in N [m/s], body rates and wheel speeds relative to the hub [rad/s], shape (E, 9 n).
+        qpos: A copy of positions in N [m], attitudes and wheel angles (zero where wheels are momentum states), shape
+            (E, n (7 + w)).
+        qvel: A copy of velocities in N [m/s], body rates and wheel speeds relative to the hub [rad/s], shape (E, n (6 + w)).
 
     Raises:
         SimulationError: Compiled code cannot fly this, see `Simulation.why_not_compiled`.
@@ -65,22 +70,30 @@ class CompiledBatch(Batch):
         controller: Controller | None,
         behaviors: Sequence[Behavior] | None = None,
     ) -> None:
-        if why := simulation.why_not_compiled(controller):
+        why = simulation.why_not_compiled(controller)
+        if why:
             raise SimulationError(f"a batch of flights knows nothing of {why}; use PythonBatch")
         super().__init__(simulation.state, count)
         self._timesteps, self._controller = simulation.state.timesteps, controller
         self._world = make_world(simulation.state, controller, remembered=REMEMBERED)
-        self._datas = make_datas(self.model, simulation.stepper, count)
-        self._integrator = Integrator(self.model, *self._datas)
+        self._wrong = None if simulation.injection is None else BatchConditions(simulation, self._flights)
+        if self._wrong is None:
+            self._datas = make_datas(self.model, simulation.stepper, count)
+            self._integrator = Integrator(self.model, *self._datas)
+            self._records, self._conditions = self._integrator.batch, np.zeros(count, CONDITION)
+        else:
+            self._datas = list(self._wrong.datas)
+            self._records, self._conditions = self._wrong.records, self._wrong.conditions
         self._behaviors = None if behaviors is None else BehaviorCalls(behaviors, self.period)
         self._everyone, self._nobody = np.ones(count, np.bool_), np.zeros(count, np.bool_)
         self._never = np.full(count, NEVER, np.int64)
         self.qpos, self.qvel = self._flights.qpos, self._flights.qvel
-        self._q, self._v = self.qpos.reshape(count, self.n, NQ), self.qvel.reshape(count, self.n, NV)
+        self._q, self._v = self.qpos.reshape(count, self.n, -1), self.qvel.reshape(count, self.n, -1)
+        self._held: Targets | None = None
 
     @property
     def ctrl(self) -> Array:
-        """Motor torques of the coming hold, a copy, shape (E, 3 n) [N m]."""
+        """Torques of motors and bearings of the coming hold, a copy, shape (E, n w) [N m]."""
         return np.array([data.ctrl for data in self._datas])
 
     @property
@@ -114,18 +127,26 @@ class CompiledBatch(Batch):
         self._q[e], self._v[e] = self.model.state(self._datas[e])
         if self._behaviors is not None:
             self._behaviors.due[e] = 0
+        if self._wrong is not None:
+            self._wrong.due[e] = 0
 
     def _start(self, e: int, initial: InitialState) -> None:
+        if self._wrong is not None:
+            self._wrong.reset(e, initial)
+            self.lost[e], self.blind[e] = self._wrong.condition_of(e)[0], False
         reset_data(self._datas[e])
-        self.place(e, *initial.rows(3))
+        self.place(e, *initial.rows(self.model.properties.n_wheels))
         if self._behaviors is not None:
             self._behaviors.reset(e)
 
     def _own_state(self, e: int) -> Any:
         behavior = None if self._behaviors is None else self._behaviors.get_state(e)
-        return {"data": saved_data(self._datas[e]), "behavior": behavior}
+        wrong = None if self._wrong is None else self._wrong.get_state(e)
+        return {"data": saved_data(self._datas[e]), "behavior": behavior, "wrong": wrong}
 
     def _take_own_state(self, e: int, state: Any) -> None:
+        if self._wrong is not None:
+            self._wrong.set_state(e, state["wrong"])
         restore_data(self._datas[e], state["data"])
         if self._behaviors is not None:
             self._behaviors.set_state(e, state["behavior"])
@@ -135,15 +156,19 @@ class CompiledBatch(Batch):
         flight_kernels.split_states(self._q, self._v, r, v, q, omega, wheel)
 
     def know(self, live: Mask, q: Array, omega: Array) -> Mask:
-        """See `Batch.know`: here the flight software has the truth."""
-        return self._nobody
+        """See `Batch.know`."""
+        if self._wrong is None:
+            return self._nobody
+        return self._wrong.know(live, self.tick, self._v[:, :, 6:], q, omega)
 
     def hold(self, targets: Targets | None, torque_B: Array | None) -> None:
         """See `Batch.hold`."""
         if self._behaviors is not None:
             self._behaviors.due[:] = 0
+        if self._wrong is not None and targets is not None:
+            self._wrong.due[self._wrong.redirects] = 0
         if targets is not None:
-            self.kind[:], self.index[:], self.vector[:] = targets
+            self.kind[:], self.index[:], self.vector[:] = self._held = targets
         if torque_B is not None:
             self.torque_B[:] = torque_B
 
@@ -161,25 +186,40 @@ class CompiledBatch(Batch):
         end, flying, fine = self.tick + periods, live.copy(), True
         while flying.any():
             self._ask(flying)
-            until = end if self._behaviors is None else np.minimum(end, self._behaviors.due)
-            fine &= self._judge(self._fly(WHOLE, flying, until), flying)
+            fine &= self._judge(self._fly(WHOLE, flying, end), flying)
             flying &= self.finite & (self.tick < end)
         return fine
 
     def _fly(self, part: int, live: Mask, until: Ints) -> int:
-        return flight_kernels.fly(
-            self._world, self._flights, self._integrator.batch, self._timesteps, part, live, until
+        if part == WHOLE and self._behaviors is not None:
+            until = np.minimum(until, self._behaviors.due)
+        if part & DECIDE and self._wrong is not None:
+            until = self._wrong.limit(live, self.tick, until)
+        outcome: int = flight_kernels.fly(
+            self._world, self._flights, self._records, self._conditions, self._timesteps, part, live, until
         )
+        return outcome
 
     def _ask(self, live: Mask) -> None:
-        """Ask the behaviours of live flights whose answers may not hold any more."""
-        if self._behaviors is None:
-            return
-        for e in np.flatnonzero(live & (self.tick >= self._behaviors.due)).tolist():
-            tick = int(self.tick[e])
-            t = tick * self.period
+        """Let happen what is due, and ask the behaviours of live flights whose answers may not hold any more."""
+        due = self._never if self._behaviors is None else self._behaviors.due
+        if self._wrong is not None:
+            due = np.minimum(due, self._wrong.due)
+        for e in np.flatnonzero(live & (self.tick >= due)).tolist():
+            t = int(self.tick[e]) * self.period
             view = view_of(t, self.environment.C_AN(t), self._q[e], self._v[e])
-            self.kind[e], self.index[e], self.vector[e] = self._behaviors.ask(e, view, tick)
+            if self._wrong is None:
+                targets = self._targets(e, view)
+            else:
+                targets = self._wrong.aim(e, view, partial(self._targets, e))
+                self.lost[e], self.blind[e] = self._wrong.condition_of(e)
+            self.kind[e], self.index[e], self.vector[e] = targets
+
+    def _targets(self, e: int, view: SwarmView) -> Targets:
+        if self._behaviors is not None:
+            return self._behaviors.ask(e, view, int(self.tick[e]))
+        held = (self.kind, self.index, self.vector) if self._held is None else self._held
+        return Targets(*(part[e] for part in held))
 
     def _judge(self, answer: int, live: Mask) -> bool:
         if answer == NO_SUCH_TARGET:

@@ -5,17 +5,24 @@ What goes wrong is decided by `FaultState`; what that does to the arrays of the 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import mujoco
 import numpy as np
 
 from swarm_mj.errors import SimulationError
+from swarm_mj.mission.behaviors import SwarmView, Targets
 from swarm_mj.scenarios.schema_faults import Dispersions
+from swarm_mj.simulator.fast import kernels
+from swarm_mj.simulator.fast.conditions import CONDITION, describe
+from swarm_mj.simulator.fast.flights import NEVER
+from swarm_mj.simulator.faults.dispersions import unscaled
 from swarm_mj.simulator.faults.schedule import Event
-from swarm_mj.simulator.faults.state import FaultModel, FaultState
+from swarm_mj.simulator.faults.state import EARLY_S, FaultModel, FaultState
 from swarm_mj.simulator.loop_state import SPEED_MARGIN, LoopState
 from swarm_mj.simulator.slots import Slot
+from swarm_mj.smallbody.gravity.spherical_harmonics import SphericalHarmonics
 from swarm_mj.smallbody.rotation import sub_point
 from swarm_mj.typing import Array
 
@@ -34,13 +41,18 @@ class FaultInjection:
         fault_model: What may go wrong.
 
     Attributes:
+        state: As given.
+        fault_model: As given.
+        planned: The environment as planned.
         faults: What goes wrong.
         wheel_speed: Of all wheels at the last decision, shape (n, w) [rad/s].
+        condition: The same for compiled code, see `conditions`, shape (1,); valid as long as this object lives.
+        due: Tick at which something has to be done before compiled code may fly on.
     """
 
     def __init__(self, state: LoopState, fault_model: FaultModel) -> None:
         model, properties = state.model, state.properties
-        self._state, n = state, model.n
+        self.state, self.fault_model, self.planned, n = state, fault_model, state.environment, model.n
         self.faults = FaultState(
             fault_model,
             properties=properties,
@@ -54,20 +66,22 @@ class FaultInjection:
         model.mjmodel.actuator_forcelimited[motors] = False
         given = fault_model.dispersions
         self._disperses_mass = given.mass_percent > 0.0 or given.inertia_percent > 0.0
-        self._mass_ratio = np.ones((model.mjmodel.nbody, 1))
+        self._mass_ratio = np.ones(n)
         self.wheel_speed = np.zeros((n, properties.n_wheels))
-        self._qpos, self._qvel = np.zeros((n, 10)), np.zeros((n, 9))
         self._true_omega = np.zeros((n, 3))
         self._last_r = np.zeros((n, 3))
+        self.condition, self.due = np.zeros(1, CONDITION), 0
+        self._described: list[Array] = []
 
     def reset(self, seed: int, deployment: tuple[Event, ...]) -> None:
         """Begin a flight: draw from the seed what will happen and what the spacecraft are like."""
-        state = self._state
+        state = self.state
         self.faults.reset(seed, deployment)
         state.environment = self.faults.environment
         if self._disperses_mass:
-            self._mass_ratio[state.hub, 0] = self.faults.mass / state.properties.mass
+            self._mass_ratio[:] = self.faults.mass / state.properties.mass
             write_masses(state, self.faults.mass, self.faults.inertia_B)
+        self._describe()
 
     def get_state(self) -> dict[str, Any]:
         """What has become of the flight since `reset`, a copy."""
@@ -78,38 +92,86 @@ class FaultInjection:
         self.faults.set_state(state["faults"])
         for array, value in zip(self._arrays, state["arrays"], strict=True):
             array[:] = value
+        self._describe()
 
     @property
     def _arrays(self) -> tuple[Array, ...]:
-        return self.wheel_speed, self._qpos, self._qvel, self._true_omega, self._last_r
+        return self.wheel_speed, self._true_omega, self._last_r
 
-    def read_wheels(self, qpos: Array, qvel: Array) -> tuple[Array, Array]:
-        """The state in the layout of three wheels that the kernels read, and the speeds of all wheels in `wheel_speed`.
+    def _describe(self) -> None:
+        """Tell compiled code where all of it stands, and have it wait for the next event."""
+        faults, (field, factor) = self.faults, unscaled(self.state.environment.gravity)
+        arrays: dict[str, Any] = {
+            "mass_ratio": self._mass_ratio,
+            "inertia_B": np.ascontiguousarray(faults.inertia_B),
+            "dead": faults.lost,
+            "wheel_speed": self.wheel_speed,
+            "last_r": self._last_r,
+            **faults.wheels.state._asdict(),
+        }
+        if isinstance(field, SphericalHarmonics) and self.fault_model.dispersions.harmonics_percent > 0.0:
+            arrays["series"] = field.acceleration_series.copy()
+        describe(
+            self.condition[0],
+            arrays,
+            faults.sensing.knowledge,
+            field_factor=factor,
+            period=self.state.period,
+            max_torque=self.state.properties.max_wheel_torque,
+            max_speed=self.state.max_wheel_speed,
+        )
+        self._described = list(arrays.values())  # they must live as long as their addresses are known
+        self.due = 0
+
+    def aim(self, view: SwarmView, ask: Callable[[SwarmView], Targets]) -> Targets:
+        """Let happen what is due, and ask for the targets that hold until the next event.
 
         Args:
-            qpos: Positions, shape (n, 7 + w).
-            qvel: Velocities, shape (n, 6 + w).
-        """
-        self.wheel_speed[:] = qvel[:, 6:]
-        if self.wheel_speed.shape[1] == 3:
-            return qpos.reshape(-1), qvel.reshape(-1)
-        self._qpos[:, :7], self._qvel[:, :9] = qpos[:, :7], qvel[:, :9]
-        return self._qpos.reshape(-1), self._qvel.reshape(-1)
+            view: The instant.
+            ask: Gives the targets of an instant.
 
-    def begin(self, t: float, work: Array) -> None:
-        """Let happen what is due; the state has been read."""
-        properties = self._state.properties
-        if self.wheel_speed.shape[1] != 3:
-            work[Slot.MOMENTUM] = properties.wheel_spin_inertia * self.wheel_speed @ properties.wheel_axes_B
+        Returns:
+            The targets; lost relays have successors.
+        """
+        assert view.wheel_speed is not None
+        self.faults.happen(view.t, view.wheel_speed)
+        targets = self.faults.redirect(view.t, ask(self.seen_by(view)), view.r_BN_N)
+        self.due = self._tick_of(self.faults.next_s())  # a relay lost just now is noticed later
+        return targets
+
+    def _tick_of(self, time_s: float) -> int:
+        """The first control period that begins at or after a time."""
+        if not np.isfinite(time_s):
+            return NEVER
+        period = self.state.period
+        tick = max(0, int(time_s / period) - 2)
+        while time_s > tick * period + EARLY_S:
+            tick += 1
+        return tick
+
+    def seen_by(self, view: SwarmView) -> SwarmView:
+        """What a behaviour is shown, with who works and whose camera is on."""
+        faults = self.faults
+        return view._replace(working=~faults.lost, camera_on=faults.camera_on & ~faults.lost)
+
+    def begin(self, t: float, qvel: Array, work: Array) -> None:
+        """Let happen what is due; the state has been read.
+
+        Args:
+            t: Time of the control period [s].
+            qvel: Velocities, shape (n (6 + w),).
+            work: See `Slot`.
+        """
+        self.wheel_speed[:] = qvel.reshape(len(self.wheel_speed), -1)[:, 6:]
         self._last_r[:] = work[Slot.R]
         self.faults.happen(t, self.wheel_speed)
 
     def weigh(self, forces: Array) -> None:
         """Gravity pulls with the true masses, and what lies on the body is not pulled; see MuJoCo's `xfrc_applied`."""
         if self._disperses_mass:
-            forces[:, :3] *= self._mass_ratio
+            kernels.weigh(self._mass_ratio, self.state.hub, forces)
         for j in self.faults.resting:
-            forces[self._state.model.layout.bodies[j]] = 0.0
+            forces[self.state.model.layout.bodies[j]] = 0.0
 
     def know(self, tick: int, q_BN: Array, work: Array) -> Array:
         """Attitudes that the controller is given; its rates are put into `work` until `forget`."""
@@ -149,7 +211,7 @@ class FaultInjection:
     def actuate(self, torque_B: Array, ctrl: Array, peaks: Array) -> None:
         """Set the torque of every wheel."""
         faults = self.faults
-        total = faults.wheels.drive(torque_B, self.wheel_speed, self._state.period, faults.lost, peaks)
+        total = faults.wheels.drive(torque_B, self.wheel_speed, self.state.period, faults.lost, peaks)
         ctrl[:] = total.ravel()
 
     @property
@@ -159,13 +221,13 @@ class FaultInjection:
 
     def rest(self, C_AN: Array) -> None:
         """Hold the spacecraft whose flight is over: at its place on the turning body, or where it diverged."""
-        data, layout = self._state.data, self._state.model.layout
+        data, layout = self.state.data, self.state.model.layout
         for j, r_A in self.faults.resting.items():
             data.qvel[layout.all_qvel[j]] = 0.0
             if r_A is not None:
                 r_N = r_A @ C_AN
                 data.qpos[layout.qpos[j, :3]] = r_N
-                data.qvel[layout.qvel[j, :3]] = np.cross(self._state.environment.spin_N, r_N)
+                data.qvel[layout.qvel[j, :3]] = np.cross(self.state.environment.spin_N, r_N)
 
     def diverged(self, t: float) -> None:
         """Give up the spacecraft whose state is not finite, so that the others fly on.
@@ -173,7 +235,7 @@ class FaultInjection:
         Raises:
             SimulationError: It is not a spacecraft's state that is not finite.
         """
-        model, data = self._state.model, self._state.data
+        model, data = self.state.model, self.state.data
         layout, momentum = model.layout, data.act.reshape(model.n, -1)
         parts = data.qpos[layout.all_qpos], data.qvel[layout.all_qvel], momentum
         bad = np.flatnonzero(~np.all([(np.abs(part) < _ABSURD).all(axis=1) for part in parts], axis=0))

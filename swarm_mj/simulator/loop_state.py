@@ -15,7 +15,7 @@ import numpy as np
 
 from swarm_mj.errors import PluginError
 from swarm_mj.mission.behaviors import Targets
-from swarm_mj.simulator.fast.flight_kernels import NEVER, allocate_flights
+from swarm_mj.simulator.fast.flights import NEVER, Flights, allocate_flights
 from swarm_mj.simulator.fast.integrator import timesteps_in
 from swarm_mj.simulator.fast.plain_data import restore_data, saved_data
 from swarm_mj.simulator.faults.schedule import Event
@@ -113,6 +113,7 @@ class LoopState:
         environment: Gravity, rotation, Sun and Earth.
         period: Control period [s], a whole multiple of the model's timestep.
         gravity_gradient: Whether the torque of the central field acts; the field must know its `gm`.
+        flights: Arrays for one flight, see `flights`; None: the flight gets its own.
 
     Attributes:
         model: As given.
@@ -123,8 +124,8 @@ class LoopState:
         gradient_gm: Gravitational parameter whose gradient turns the spacecraft [m^3/s^2]; 0: none does.
         data: MuJoCo's own state.
         flights: The arrays below as compiled code takes them, with one more axis in front, of length 1.
-        qpos: The state in the layout of three wheels, see `kernels`, where MuJoCo does not hold it so, shape (10 n,).
-        qvel: The same of the velocities, shape (9 n,).
+        qpos: The state in the layout of `kernels`, where MuJoCo does not hold it so, shape (n (7 + w),).
+        qvel: The same of the velocities, shape (n (6 + w),).
         work: Vectors of the present decision, see `Slot`, shape (slots, n, 3).
         q_BN: Attitudes, shape (n, 4).
         q_RN: Reference attitudes, shape (n, 4).
@@ -162,18 +163,20 @@ class LoopState:
         environment: Environment,
         period: float,
         gravity_gradient: bool = False,
+        flights: Flights | None = None,
     ) -> None:
         self.model, self.properties, self.environment, self.period = model, properties, environment, period
         self.data = mujoco.MjData(model.mjmodel)
         self.timesteps = timesteps_in(period, model)
         self.gradient_gm = _gm_of_field(environment) if gravity_gradient else 0.0
-        self._allocate()
+        self.flights = allocate_flights(1, model.n, properties.n_wheels) if flights is None else flights
+        self._name_arrays()
         self._derive_constants()
         f = self.flights
         self.targets = Targets(f.kind[0], f.spacecraft[0], f.vector[0])  # none yet
 
-    def _allocate(self) -> None:
-        self.flights = f = allocate_flights(1, self.model.n)
+    def _name_arrays(self) -> None:
+        f = self.flights
         self.qpos, self.qvel, self.work, self.peaks, self.torque_B = (
             array[0] for array in (f.qpos, f.qvel, f.work, f.peaks, f.torque_B)
         )

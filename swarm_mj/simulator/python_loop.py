@@ -52,14 +52,13 @@ def decide(
         SimulationError: The state is no longer finite.
         PluginError: A plug-in fails, answers something else than its protocol says, or aims at what is not there.
     """
-    _read_state(state, law.controller, injection)
+    qvel = _read_state(state, law.controller, injection)
     if injection is not None:
-        injection.begin(state.time, state.work)
+        injection.begin(state.time, qvel, state.work)
     _hold_forces(state, injection)
     view = view_of(state.time, state.C_AN.copy(), *state.rows())
     if injection is not None:
-        faults = injection.faults
-        view = view._replace(working=~faults.lost, camera_on=faults.camera_on & ~faults.lost)
+        view = injection.seen_by(view)
     state.targets, q_known = behaviors.ask(0, view, state.tick), state.q_BN
     if injection is not None:
         state.targets = injection.faults.redirect(state.time, state.targets, state.work[Slot.R])
@@ -90,31 +89,31 @@ def divergence(state: LoopState, controller: Controller) -> str:
     return divergence_of(np.hstack(state.rows()), state.torque_B, controller, state.model.names, state.time)
 
 
-def _read_state(state: LoopState, controller: Controller, injection: FaultInjection | None) -> None:
-    """Read the state into the work arrays, and turn the frames of the body."""
+def _read_state(state: LoopState, controller: Controller, injection: FaultInjection | None) -> Array:
+    """Read the state into the work arrays, and turn the frames of the body; returns the velocities, shape (n (6 + w),)."""
     environment, half_hold, data = state.environment, 0.5 * state.period, state.data
     phase = environment.phase0 + environment.spin_rate * state.time
     kernels.turn_frames(state.C_PN, phase, half_hold * environment.spin_rate, state.C_AN, state.C_mid)
     kernels.write_body_quaternion(state.q_P, phase, data.mocap_quat[state.model.asteroid_mocap])
     if injection is not None:
         injection.rest(environment.C_AN(state.time))
-    if not _read(state, half_hold, injection):
+    finite, qvel = _read(state, half_hold)
+    if not finite:
         if injection is None:
             raise SimulationError(divergence(state, controller))
         injection.diverged(state.time)
-        _read(state, half_hold, injection)
+        _, qvel = _read(state, half_hold)
+    return qvel
 
 
-def _read(state: LoopState, half_hold: float, injection: FaultInjection | None) -> bool:
-    qpos, qvel = _rows_of_three_wheels(state, injection)
+def _read(state: LoopState, half_hold: float) -> tuple[bool, Array]:
+    qpos, qvel = _rows(state)
     inertia, axes_B = state.properties.wheel_spin_inertia, state.wheel_axes_B
-    return kernels.read_state(qpos, qvel, state.C_mid, half_hold, inertia, axes_B, state.q_BN, state.work)
+    return kernels.read_state(qpos, qvel, state.C_mid, half_hold, inertia, axes_B, state.q_BN, state.work), qvel
 
 
-def _rows_of_three_wheels(state: LoopState, injection: FaultInjection | None) -> tuple[Array, Array]:
+def _rows(state: LoopState) -> tuple[Array, Array]:
     data = state.data
-    if injection is not None:
-        return injection.read_wheels(*state.rows())
     if state.model.own is not None:
         qpos_rows, qvel_rows = state.rows()
         return qpos_rows.reshape(-1), qvel_rows.reshape(-1)

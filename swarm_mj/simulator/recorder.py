@@ -14,7 +14,7 @@ from swarm_mj.errors import ScenarioError, SimulationError
 from swarm_mj.io import interruption
 from swarm_mj.mission.behaviors import TargetKind, Targets
 from swarm_mj.scenarios.schema import is_multiple
-from swarm_mj.simulator.fast.flight_kernels import NEVER
+from swarm_mj.simulator.fast.flights import NEVER
 from swarm_mj.simulator.fault_injection import FaultInjection
 from swarm_mj.simulator.faults.impact import ImpactWatch
 from swarm_mj.simulator.faults.telemetry import FaultRecord

@@ -15,11 +15,13 @@ import mujoco
 import numpy as np
 
 from swarm_mj.errors import PluginError, SimulationError
-from swarm_mj.mission.behaviors import Behavior, Targets
+from swarm_mj.mission.behaviors import Behavior, SwarmView, Targets
 from swarm_mj.plugins import name_of
 from swarm_mj.simulator import python_loop
-from swarm_mj.simulator.fast import flight_kernels, world
-from swarm_mj.simulator.fast.flight_kernels import ADVANCE, DECIDE, NEVER, NO_SUCH_TARGET, NOT_FINITE, World
+from swarm_mj.simulator.compiled_flight import CompiledFlight
+from swarm_mj.simulator.fast import world
+from swarm_mj.simulator.fast.flight_kernels import ADVANCE, DECIDE, NO_SUCH_TARGET, NOT_FINITE
+from swarm_mj.simulator.fast.flights import NEVER, World
 from swarm_mj.simulator.fast.integrator import Integrator
 from swarm_mj.simulator.fault_injection import NOTHING, FaultInjection
 from swarm_mj.simulator.faults.impact import ImpactWatch
@@ -37,9 +39,6 @@ from swarm_mj.spacecraft.control.force import ForceLaw
 from swarm_mj.spacecraft.model import SwarmModel
 from swarm_mj.spacecraft.properties import SpacecraftProperties
 from swarm_mj.typing import Array, Mask
-
-#: All flights of a simulation: one.
-_EVERY_FLIGHT = np.ones(1, np.bool_)
 
 
 class Simulation:
@@ -100,7 +99,8 @@ class Simulation:
         self._behaviors, self._law = BehaviorCalls([behavior], control_period), ControllerCalls(controller)
         self._compiled = compiled
         self._world: World | None = None
-        self._until = np.zeros(1, np.int64)
+        self._compiled_flight = CompiledFlight(self.state, self._integrator, self.injection)
+        self._gave_up = False
         self._release: Release | None = None
         self._initial: InitialState | None = None
         if force_law is not None:
@@ -184,8 +184,6 @@ class Simulation:
         """
         if self.model.own is not None:
             return f"a spacecraft of its own file, {self.model.own.path.name}"
-        if self.injection is not None:
-            return "faults, dispersions or a fourth wheel"
         if self.slews is not None:
             return "the quickest slews (control.slew = time_optimal)"
         if self.force_law is not None:
@@ -253,7 +251,7 @@ class Simulation:
         if self.impact_watch is not None:
             self.impact_watch.reset()
         self.state.reset(initial)
-        self._release, self._initial = initial.release, initial
+        self._release, self._initial, self._gave_up = initial.release, initial, False
         self._behaviors.reset(0)
         self.controller = self._law.controller
 
@@ -301,17 +299,13 @@ class Simulation:
             SimulationError: The state is no longer finite.
         """
         self._let_go()
-        if self._world is None:
-            return python_loop.decide(
-                self.state, self._behaviors, self._law, self.injection, self.propulsion, self.slews
-            )
-        self._ask()
-        self._fly(self._world, DECIDE, NEVER)
-        return self.state.targets
+        if self._world is not None and self._ask() and self._fly(self._world, DECIDE, NEVER):
+            return self.state.targets
+        return python_loop.decide(self.state, self._behaviors, self._law, self.injection, self.propulsion, self.slews)
 
     def advance(self) -> None:
         """Let MuJoCo integrate one control period with everything held."""
-        if self._world is not None:
+        if self._world is not None and self._compiled_code_may():
             self._fly(self._world, ADVANCE, NEVER)
         else:
             self._integrator.step(self.state.timesteps)
@@ -335,43 +329,57 @@ class Simulation:
         """
         end = self.tick + periods
         while self.tick < end:
-            if self._world is None:
-                self.decide()
-                self.advance()
-            else:
-                self._let_go()
-                self._ask()
+            self._let_go()
+            if self._world is not None and self._ask():
                 next_release = NEVER if self._release is None else self._release.next_after(self.tick)
                 self._fly(self._world, DECIDE | ADVANCE, min(end, int(self._behaviors.due[0]), next_release))
+            else:
+                self.decide()
+                self.advance()
 
     def _let_go(self) -> None:
         """Release those whose time has come; the behaviour is asked anew, for they fly elsewhere from now on."""
         if self._release is not None and self.state.let_go(self._release):
             self.ask_again()
 
-    def _ask(self) -> None:
-        """Ask the behaviour if that is due, and set the targets that compiled code flies."""
-        state = self.state
-        if state.tick < self._behaviors.due[0]:
-            return
+    def _compiled_code_may(self) -> bool:
+        """Whether compiled code may fly on: not where the flight of a spacecraft is over, or where something diverged."""
+        return not self._gave_up and (self.injection is None or not self.injection.faults.resting)
+
+    def _ask(self) -> bool:
+        """Let happen what is due, ask the behaviour if that is due, set the targets; whether compiled code may fly on."""
+        state, injection = self.state, self.injection
+        if not self._compiled_code_may():
+            return False
+        if state.tick < self._behaviors.due[0] and (injection is None or state.tick < injection.due):
+            return True
         q, v = state.rows()
         if not (np.isfinite(q).all() and np.isfinite(v).all()):
-            raise SimulationError(self._divergence())
+            return self._give_up()
         view = view_of(state.time, state.environment.C_AN(state.time), q, v)
-        state.set_targets(self._behaviors.ask(0, view, state.tick))
+        state.set_targets(self._targets(view) if injection is None else injection.aim(view, self._targets))
+        return True
 
-    def _fly(self, compiled_world: World, part: int, until: int) -> None:
-        """Let compiled code do what it is asked to, see `flight_kernels.fly`."""
-        state, batch = self.state, self._integrator.batch
-        self._until[0] = until
-        outcome = flight_kernels.fly(
-            compiled_world, state.flights, batch, state.timesteps, part, _EVERY_FLIGHT, self._until
-        )
-        state.data.time = state.time
-        if outcome == NO_SUCH_TARGET:
-            raise PluginError(no_such_target(state.targets))
-        if outcome == NOT_FINITE:
+    def _targets(self, view: SwarmView) -> Targets:
+        return self._behaviors.ask(0, view, self.state.tick)
+
+    def _give_up(self) -> bool:
+        """Leave a flight that diverged to Python, which loses the spacecraft and flies on; never true.
+
+        Raises:
+            SimulationError: The flight knows no faults, and so loses nobody.
+        """
+        if self.injection is None:
             raise SimulationError(self._divergence())
+        self._gave_up = True
+        return False
+
+    def _fly(self, compiled_world: World, part: int, until: int) -> bool:
+        """Let compiled code do what it is asked to, see `flight_kernels.fly`; whether it could."""
+        outcome = self._compiled_flight.fly(compiled_world, part, until)
+        if outcome == NO_SUCH_TARGET:
+            raise PluginError(no_such_target(self.state.targets))
+        return outcome != NOT_FINITE or self._give_up()
 
     def run(self, duration: float, interval: float, progress: Progress | None = None) -> Record:
         """Fly from the present state and sample.

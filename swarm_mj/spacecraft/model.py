@@ -34,7 +34,7 @@ from swarm_mj.spacecraft.template import (
 from swarm_mj.typing import Array, Ints
 
 #: qpos and qvel of one spacecraft: free joint (7, 6) and three wheels; the loop's kernels rely on this contiguous layout.
-#: With four wheels MuJoCo holds one number more of each, and `FaultInjection` hands the kernels the first three.
+#: With four wheels MuJoCo holds one number more of each.
 #: Where wheels are no bodies, `SwarmModel.state` gives the same layout.
 NQ, NV = 10, 9
 

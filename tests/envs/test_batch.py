@@ -44,7 +44,7 @@ def test_what_goes_wrong_is_drawn_anew_for_every_episode_and_replays():
     ]
     scenario = load_scenario("eros-observe", [f"dispersions.{change}" for change in changes])
     env = gymnasium.make(ID, scenario=scenario).unwrapped
-    assert env.batch.why_python
+    assert not env.batch.why_python
 
     def fly_some(seed):
         env.reset(options={"flight_seed": seed})

@@ -35,7 +35,7 @@ def what_the_controller_is_given(plan, seed, periods):
     class Listening:
         def torque(self, inputs, memory):
             sensing = simulation.injection.faults.sensing
-            given.append((sensing._known[0].copy(), inputs.omega_BN_B.copy(), simulation.data.qpos.copy()))
+            given.append((sensing.knowledge.q_BN.copy(), inputs.omega_BN_B.copy(), simulation.data.qpos.copy()))
             return law(inputs, memory)
 
     simulation.controller = Listening()

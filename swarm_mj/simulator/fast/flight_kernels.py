@@ -5,10 +5,19 @@ Nothing here depends on how many flights are flown, so that each comes out bit f
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
+from swarm_mj.simulator.fast.conditions import (
+    Conditions,
+    call_command,
+    call_sense,
+    inertia_of,
+    known_attitudes,
+    remember,
+    series_of,
+    weigh_flight,
+)
+from swarm_mj.simulator.fast.flights import Flights, World
 from swarm_mj.simulator.fast.integrator import copy_state, integrate
 from swarm_mj.simulator.fast.kernels import (
     actuate,
@@ -23,150 +32,11 @@ from swarm_mj.simulator.fast.kernels import (
 )
 from swarm_mj.simulator.fast.mj_memory import MjBatch, MjView, mj_view
 from swarm_mj.simulator.slots import Slot
-from swarm_mj.smallbody.gravity.compiled import CompiledField, write_attraction
-from swarm_mj.smallbody.perturbations import Sunlight, add_perturbations
+from swarm_mj.smallbody.gravity.compiled import write_attraction
+from swarm_mj.smallbody.perturbations import add_perturbations
 from swarm_mj.spacecraft.control.compiled import call_law
-from swarm_mj.spacecraft.model import NQ, NV
 from swarm_mj.typing import Array, Ints, Mask, inlined, jittable, kernel
 
-
-class World(NamedTuple):
-    """What all flights of a swarm share and nothing changes.
-
-    Attributes:
-        period: Time between two decisions [s].
-        mass: Of one spacecraft [kg].
-        hub: Body ids of the hubs, shape (n,).
-        inertia_B: Of every spacecraft, wheels locked, shape (n, 3, 3) [kg m^2].
-        inertia_effective_B: The same less the wheels' axial inertia, shape (n, 3, 3) [kg m^2].
-        phase0: Prime meridian angle at the epoch [rad].
-        spin_rate: Of the body [rad/s].
-        spin_N: Its angular velocity in N, shape (3,) [rad/s].
-        C_PN: Rotation from N to the pole frame, shape (3, 3).
-        q_P: Attitude of the pole frame as MuJoCo's quaternion, shape (4,).
-        earth_N: Position of Earth relative to the body in N at the epoch, shape (3,) [m].
-        earth_velocity_N: Its velocity, shape (3,) [m/s].
-        sun_N: Position of the Sun relative to the body in N at the epoch, shape (3,) [m].
-        sun_velocity_N: Its velocity, shape (3,) [m/s].
-        sunlight: What of it acts.
-        field: The gravity field.
-        pulls: Places in A [m] and the accelerations there [m/s^2] that were last found at every tick, shape (T, n, 6): where no
-            action moves the flights, gravity is evaluated for the first of them alone. Empty: it always is.
-        gradient_gm: Gravitational parameter whose gradient turns the spacecraft [m^3/s^2]; 0: none does.
-        wheel_inertia: Spin inertia of a wheel [kg m^2].
-        wheel_axes_B: Rows, shape (3, 3).
-        allocation: From a torque on the body to motor torques, see `actuate`, shape (3, 3).
-        speed_gain: See `actuate` [rad/s per N m].
-        max_torque: Of a motor [N m].
-        max_speed: Of a wheel [rad/s].
-        law: Address of the compiled control law; 0 where torques are held.
-        law_numbers: The law's parameters.
-    """
-
-    period: float
-    mass: float
-    hub: Ints
-    inertia_B: Array
-    inertia_effective_B: Array
-    phase0: float
-    spin_rate: float
-    spin_N: Array
-    C_PN: Array
-    q_P: Array
-    earth_N: Array
-    earth_velocity_N: Array
-    sun_N: Array
-    sun_velocity_N: Array
-    sunlight: Sunlight
-    field: CompiledField
-    pulls: Array
-    gradient_gm: float
-    wheel_inertia: float
-    wheel_axes_B: Array
-    allocation: Array
-    speed_gain: float
-    max_torque: float
-    max_speed: float
-    law: int
-    law_numbers: Array
-
-
-class Flights(NamedTuple):
-    """What changes, for E flights of n spacecraft.
-
-    Attributes:
-        tick: Control periods flown, shape (E,).
-        finite: False from the instant at which a number of the state or a torque was not, shape (E,).
-        effort: Sum of the squares of the motor torques decided so far, shape (E,) [N^2 m^2].
-        qpos: Positions in N, attitudes and wheel angles, shape (E, 10 n).
-        qvel: Velocities in N, body rates and wheel speeds, shape (E, 9 n).
-        kind: `TargetKind` values, shape (E, n).
-        spacecraft: Spacecraft to follow, shape (E, n).
-        vector: Surface point in A [m] or direction in N, shape (E, n, 3).
-        last_kind: `kind` at the previous decision, -1 before the first, shape (E, n).
-        last_spacecraft: The same of `spacecraft`.
-        released: Who has left the mothership, and so is turned by its wheels, shape (E, n).
-        restart: Whose target is another one than at the previous decision, shape (E, n).
-        q_BN: Attitudes, shape (E, n, 4).
-        q_RN: Reference attitudes, shape (E, n, 4).
-        C_AN: Rotation from N to A at the decision, shape (E, 3, 3).
-        C_mid: The same at the middle of the hold, shape (E, 3, 3).
-        earth_N: Position of Earth at the decision, shape (E, 3) [m].
-        work: See `Slot`, shape (E, slots, n, 3).
-        torque_B: Torque on the bodies, given where it is held, shape (E, n, 3) [N m].
-        peaks: See `Peak`, shape (E, n, 3).
-    """
-
-    tick: Ints
-    finite: Mask
-    effort: Array
-    qpos: Array
-    qvel: Array
-    kind: Ints
-    spacecraft: Ints
-    vector: Array
-    last_kind: Ints
-    last_spacecraft: Ints
-    released: Mask
-    restart: Mask
-    q_BN: Array
-    q_RN: Array
-    C_AN: Array
-    C_mid: Array
-    earth_N: Array
-    work: Array
-    torque_B: Array
-    peaks: Array
-
-
-def allocate_flights(count: int, n: int) -> Flights:
-    """E flights of n spacecraft before their start."""
-    return Flights(
-        tick=np.zeros(count, np.int64),
-        finite=np.ones(count, np.bool_),
-        effort=np.zeros(count),
-        qpos=np.zeros((count, NQ * n)),
-        qvel=np.zeros((count, NV * n)),
-        kind=np.full((count, n), -1, np.int64),
-        spacecraft=np.full((count, n), -1, np.int64),
-        vector=np.zeros((count, n, 3)),
-        last_kind=np.full((count, n), -1, np.int64),
-        last_spacecraft=np.full((count, n), -1, np.int64),
-        released=np.ones((count, n), np.bool_),
-        restart=np.zeros((count, n), np.bool_),
-        q_BN=np.zeros((count, n, 4)),
-        q_RN=np.zeros((count, n, 4)),
-        C_AN=np.zeros((count, 3, 3)),
-        C_mid=np.zeros((count, 3, 3)),
-        earth_N=np.zeros((count, 3)),
-        work=np.zeros((count, len(Slot), n, 3)),
-        torque_B=np.zeros((count, n, 3)),
-        peaks=np.zeros((count, n, 3)),
-    )
-
-
-#: A tick that no flight reaches.
-NEVER = 2**62
 #: What came of a decision, the worst last.
 FINE, NOT_FINITE, NO_SUCH_TARGET = 0, 1, 2
 #: Parts of a control period: set forces and motor torques of the coming hold, integrate it; or both, as often as asked.
@@ -175,7 +45,16 @@ WHOLE = DECIDE | ADVANCE
 
 
 @kernel
-def fly(world: World, flights: Flights, batch: MjBatch, timesteps: int, part: int, live: Mask, until: Ints) -> int:
+def fly(
+    world: World,
+    flights: Flights,
+    batch: MjBatch,
+    conditions: Conditions,
+    timesteps: int,
+    part: int,
+    live: Mask,
+    until: Ints,
+) -> int:
     """Decide and integrate, one flight after the other, until each has reached a tick or something is wrong with it.
 
     One function for whole periods and for their parts, because each entry point is compiled with all it calls.
@@ -184,6 +63,7 @@ def fly(world: World, flights: Flights, batch: MjBatch, timesteps: int, part: in
         world: What the flights share.
         flights: Their states.
         batch: Their MjData.
+        conditions: What faults and dispersions make of them.
         timesteps: Of MuJoCo in a control period.
         part: WHOLE periods, or only once DECIDE or ADVANCE.
         live: Which flights, shape (E,).
@@ -200,7 +80,7 @@ def fly(world: World, flights: Flights, batch: MjBatch, timesteps: int, part: in
         copy_state(mj, flights.qpos[e], flights.qvel[e])
         while flights.tick[e] < until[e]:
             if part & DECIDE:
-                outcome = _decide(world, flights, e, mj)
+                outcome = _decide(world, flights, conditions, e, mj)
                 worst = max(worst, outcome)
                 if outcome != FINE:
                     break
@@ -214,30 +94,58 @@ def fly(world: World, flights: Flights, batch: MjBatch, timesteps: int, part: in
 
 
 @inlined
-def _decide(world: World, flights: Flights, e: int, mj: MjView) -> int:
+def _decide(world: World, flights: Flights, conditions: Conditions, e: int, mj: MjView) -> int:
     """Set forces and motor torques of the coming hold of one flight."""
     work, torque_B, t = flights.work[e], flights.torque_B[e], flights.tick[e] * world.period
     flights.finite[e] = _read(world, flights, e, t)
     if not flights.finite[e]:
         return NOT_FINITE
-    _hold_forces(world, flights, e, mj, t)
-    if not _guide(world, flights, e, t):
+    planned, own_sensors = conditions[e].command == 0, conditions[e].sense
+    _hold_forces(world, flights, conditions, e, mj, t)
+    if own_sensors != 0:
+        call_sense(own_sensors, conditions, e, flights.tick[e], world.period, flights.q_BN[e], work[Slot.OMEGA])
+    if not _guide(world, flights, known_attitudes(conditions, e, flights.q_BN[e]), e, t):
         return NO_SUCH_TARGET
     if world.law != 0:
         _ask_law(world, work, torque_B)
+    if own_sensors != 0:
+        _put_rates_back(flights.qvel[e], work[Slot.OMEGA])
+    if not _are_finite(torque_B, flights.released[e]):
+        flights.finite[e] = False
+        for j in range(torque_B.shape[0]):
+            if flights.restart[e, j]:
+                flights.last_kind[e, j] = -1  # whoever decides anew starts anew
+        return NOT_FINITE
+    if planned:
+        speed_gain, max_torque, max_speed = world.speed_gain, world.max_torque, world.max_speed
+        actuate(torque_B, world.allocation, speed_gain, max_torque, max_speed, work, mj.ctrl, flights.peaks[e])
+        for k in range(mj.ctrl.shape[0]):
+            flights.effort[e] += mj.ctrl[k] * mj.ctrl[k]
+    else:
+        remember(conditions, e, flights.qvel[e], work[Slot.R])
+        wheels, released, peaks = conditions[e].command, flights.released[e], flights.peaks[e]
+        flights.effort[e] += call_command(wheels, conditions, e, torque_B, released, mj.ctrl, peaks)
+    return FINE
+
+
+@jittable
+def _put_rates_back(qvel: Array, omega: Array) -> None:
+    n = omega.shape[0]
+    for j in range(n):
+        for k in range(3):
+            omega[j, k] = qvel[qvel.shape[0] // n * j + 3 + k]
+
+
+@jittable
+def _are_finite(torque_B: Array, released: Mask) -> bool:
+    """Whether all torques are; those of spacecraft aboard the mothership are set to zero."""
     total = 0.0
     for j in range(torque_B.shape[0]):
-        if not flights.released[e, j]:
-            torque_B[j] = 0.0
+        if not released[j]:
+            for k in range(3):
+                torque_B[j, k] = 0.0
         total += torque_B[j, 0] + torque_B[j, 1] + torque_B[j, 2]
-    if not np.isfinite(total):
-        flights.finite[e] = False
-        return NOT_FINITE
-    speed_gain, max_torque, max_speed = world.speed_gain, world.max_torque, world.max_speed
-    actuate(torque_B, world.allocation, speed_gain, max_torque, max_speed, work, mj.ctrl, flights.peaks[e])
-    for k in range(mj.ctrl.shape[0]):
-        flights.effort[e] += mj.ctrl[k] * mj.ctrl[k]
-    return FINE
+    return bool(np.isfinite(total))
 
 
 @inlined
@@ -249,18 +157,35 @@ def _read(world: World, flights: Flights, e: int, t: float) -> bool:
 
 
 @inlined
-def _hold_forces(world: World, flights: Flights, e: int, mj: MjView, t: float) -> None:
-    work, C_mid, tick = flights.work[e], flights.C_mid[e], flights.tick[e]
-    a_A = work[Slot.RHO]  # free until guidance writes there
-    if not _recall(world.pulls, tick, work[Slot.R_A], a_A):
-        write_attraction(work[Slot.R_A], world.field, world.field.series, a_A)
-        _add_sunlight(world, work[Slot.R_A], C_mid, t, flights.earth_N[e], a_A)
-        _remember(world.pulls, tick, work[Slot.R_A], a_A)
-    hold_gravity(a_A, C_mid, world.mass, world.hub, mj.xfrc_applied, work)
+def _hold_forces(world: World, flights: Flights, conditions: Conditions, e: int, mj: MjView, t: float) -> None:
+    work, C_mid, tick, forces = flights.work[e], flights.C_mid[e], flights.tick[e], mj.xfrc_applied
+    a_A, r_A = work[Slot.RHO], work[Slot.R_A]  # the former is free until guidance writes there
+    own_field = conditions[e].own_field != 0
+    if own_field or not _recall(world.pulls, tick, r_A, a_A):
+        series = series_of(conditions, e, world.field.series)
+        write_attraction(r_A, world.field, series, a_A)
+        if own_field:
+            _strengthen(conditions[e].field_factor, a_A)
+        _add_sunlight(world, r_A, C_mid, t, flights.earth_N[e], a_A)
+        if not own_field:
+            _remember(world.pulls, tick, r_A, a_A)
+    hold_gravity(a_A, C_mid, world.mass, world.hub, forces, work)
+    weigh_flight(conditions, e, world.hub, forces)
     if world.gradient_gm > 0.0:
-        inertia_B, forces = world.inertia_B, mj.xfrc_applied
+        inertia_B = inertia_of(conditions, e, world.inertia_B)
         hold_gravity_gradient(flights.q_BN[e], world.gradient_gm, inertia_B, C_mid, world.hub, forces, work)
+        for j in range(world.hub.shape[0]):
+            if not flights.released[e, j]:
+                for k in range(3):
+                    forces[world.hub[j], 3 + k] = 0.0
     write_body_quaternion(world.q_P, world.phase0 + world.spin_rate * t, mj.asteroid_quat)
+
+
+@jittable
+def _strengthen(factor: float, a_A: Array) -> None:
+    for j in range(a_A.shape[0]):
+        for k in range(3):
+            a_A[j, k] *= factor
 
 
 @inlined
@@ -293,7 +218,7 @@ def _remember(pulls: Array, tick: int, r_A: Array, a_A: Array) -> None:
 
 
 @inlined
-def _guide(world: World, flights: Flights, e: int, t: float) -> bool:
+def _guide(world: World, flights: Flights, q_known: Array, e: int, t: float) -> bool:
     kind, spacecraft, restart, earth_N = flights.kind[e], flights.spacecraft[e], flights.restart[e], flights.earth_N[e]
     if not mark_new_targets(kind, spacecraft, flights.last_kind[e], flights.last_spacecraft[e], restart):
         return False
@@ -301,7 +226,7 @@ def _guide(world: World, flights: Flights, e: int, t: float) -> bool:
         earth_N[k] = world.earth_N[k] + t * world.earth_velocity_N[k]
     vector, work = flights.vector[e], flights.work[e]
     locate_targets(kind, spacecraft, vector, earth_N, world.earth_velocity_N, world.spin_N, flights.C_AN[e], work)
-    guide(flights.q_BN[e], restart, flights.q_RN[e], work)
+    guide(q_known, restart, flights.q_RN[e], work)
     return True
 
 
@@ -324,11 +249,24 @@ def _ask_law(world: World, work: Array, torque_B: Array) -> None:
 
 @kernel
 def split_states(qpos: Array, qvel: Array, r: Array, v: Array, q: Array, omega: Array, wheel: Array) -> None:
-    """Copy states, shape (E, n, 10) and (E, n, 9), to positions, velocities, attitudes, rates and wheel speeds."""
+    """Copy states, shape (E, n, 7 + w) and (E, n, 6 + w), to positions, velocities, attitudes, rates and wheel speeds."""
     for e in range(qpos.shape[0]):
         for j in range(qpos.shape[1]):
             for k in range(3):
-                r[e, j, k], v[e, j, k] = qpos[e, j, k], qvel[e, j, k]
-                omega[e, j, k], wheel[e, j, k] = qvel[e, j, 3 + k], qvel[e, j, 6 + k]
+                r[e, j, k], v[e, j, k], omega[e, j, k] = qpos[e, j, k], qvel[e, j, k], qvel[e, j, 3 + k]
+            for k in range(wheel.shape[2]):
+                wheel[e, j, k] = qvel[e, j, 6 + k]
             for k in range(4):
                 q[e, j, k] = qpos[e, j, 3 + k]
+
+
+@kernel
+def sense_flights(conditions: Conditions, live: Mask, tick: Ints, period: float, q: Array, omega: Array) -> None:
+    """Put what the flight software knows in the place of attitudes, shape (E, n, 4), and rates, shape (E, n, 3)."""
+    for e in range(live.shape[0]):
+        if live[e]:
+            call_sense(conditions[e].sense, conditions, e, tick[e], period, q[e], omega[e])
+            known = known_attitudes(conditions, e, q[e])
+            for j in range(known.shape[0]):
+                for k in range(4):
+                    q[e, j, k] = known[j, k]

@@ -1,8 +1,8 @@
 """The arithmetic of a decision, compiled: state, gravity, guidance and wheels, in frames N and B, SI.
 
 The same kernels serve the Python loop, which calls them one by one, and `flight_kernels`, which flies whole stretches. Per
-spacecraft j: qpos[10 j:] = position, quaternion (w, x, y, z), three wheel angles; qvel[9 j:] = velocity in N, body rate in B,
-three wheel speeds. `work` holds the loop's vectors, shape (len(Slot), n, 3), so that a call passes one array.
+spacecraft j with w wheels: qpos[(7 + w) j:] = position, quaternion (w, x, y, z), wheel angles; qvel[(6 + w) j:] = velocity in
+N, body rate in B, wheel speeds. `work` holds the loop's vectors, shape (len(Slot), n, 3), so that a call passes one array.
 """
 
 from __future__ import annotations
@@ -23,7 +23,6 @@ from swarm_mj.spacecraft.attitude.guidance import (
     attitude_error,
     track_line_of_sight,
 )
-from swarm_mj.spacecraft.model import NQ, NV
 from swarm_mj.typing import Array, Ints, Mask, jittable, kernel
 
 
@@ -56,21 +55,21 @@ def read_state(
     """Read the state, the momentum of the wheels, and where gravity is to be evaluated.
 
     Args:
-        qpos: Positions, attitudes and wheel angles, shape (10 n,).
-        qvel: Velocities, body rates and wheel speeds, shape (9 n,).
+        qpos: Positions, attitudes and wheel angles, shape (n (7 + w),).
+        qvel: Velocities, body rates and wheel speeds, shape (n (6 + w),).
         C_mid: Rotation from N to A at the middle of the hold, shape (3, 3).
         half_hold: Half the control period [s].
         wheel_inertia: Spin inertia of a wheel [kg m^2].
-        wheel_axes_B: Rows, of which the first three are read.
+        wheel_axes_B: Rows, shape (w, 3).
         q_BN: Receives the attitudes, shape (n, 4).
-        work: Receives R, V, OMEGA, WHEEL, MOMENTUM and R_A, see `Slot`.
+        work: Receives R, V, OMEGA, WHEEL (of the first three wheels), MOMENTUM and R_A, see `Slot`.
 
     Returns:
         Whether every number is finite.
     """
-    total = 0.0
+    total, wheels = 0.0, wheel_axes_B.shape[0]
     for j in range(q_BN.shape[0]):
-        p, v = NQ * j, NV * j
+        p, v = (7 + wheels) * j, (6 + wheels) * j
         for k in range(4):
             q_BN[j, k] = qpos[p + 3 + k]
             total += qpos[p + 3 + k]
@@ -86,9 +85,12 @@ def read_state(
                 + C_mid[k, 1] * (qpos[p + 1] + half_hold * qvel[v + 1])
                 + C_mid[k, 2] * (qpos[p + 2] + half_hold * qvel[v + 2])
             )
-            work[Slot.MOMENTUM, j, k] = wheel_inertia * (
-                wheel_axes_B[0, k] * qvel[v + 6] + wheel_axes_B[1, k] * qvel[v + 7] + wheel_axes_B[2, k] * qvel[v + 8]
-            )
+            momentum = 0.0
+            for w in range(wheels):
+                momentum += wheel_axes_B[w, k] * qvel[v + 6 + w]
+            work[Slot.MOMENTUM, j, k] = wheel_inertia * momentum
+        for w in range(3, wheels):
+            total += qvel[v + 6 + w]
     return np.isfinite(total)
 
 
@@ -109,6 +111,14 @@ def hold_gravity(a_A: Array, C_mid: Array, mass: float, hub: Ints, xfrc: Array, 
             a = C_mid[0, k] * a_A[j, 0] + C_mid[1, k] * a_A[j, 1] + C_mid[2, k] * a_A[j, 2]
             work[Slot.A, j, k] = a
             xfrc[hub[j], k] = mass * a
+
+
+@kernel
+def weigh(mass_ratio: Array, hub: Ints, xfrc: Array) -> None:
+    """Let gravity pull with the true masses instead of the planned ones: (n,) true over planned; see `hold_gravity`."""
+    for j in range(hub.shape[0]):
+        for k in range(3):
+            xfrc[hub[j], k] *= mass_ratio[j]
 
 
 @kernel

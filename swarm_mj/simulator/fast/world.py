@@ -6,7 +6,8 @@ import numpy as np
 
 from swarm_mj.errors import PluginError
 from swarm_mj.plugins import failure_of, name_of, shown
-from swarm_mj.simulator.fast.flight_kernels import World
+from swarm_mj.simulator.fast.flights import World
+from swarm_mj.simulator.faults.dispersions import unscaled
 from swarm_mj.simulator.loop_state import LAW_SLOTS, LoopState, control_input
 from swarm_mj.simulator.plugin_calls import ask_for_torque
 from swarm_mj.smallbody.gravity.compiled import compiled_field, knows
@@ -31,13 +32,13 @@ def law_of(controller: Controller | None) -> CompiledLaw | None:
 
 
 def why_not_compiled(state: LoopState, controller: Controller | None) -> str:
-    """What of a flight without faults the compiled loop does not know, in words; empty if it can fly it.
+    """What of forces and law the compiled loop does not know, in words; empty if it can fly them.
 
     Args:
         state: Of the flight.
         controller: The control law; None where torques are held.
     """
-    gravity = state.environment.gravity
+    gravity, _ = unscaled(state.environment.gravity)
     if controller is not None and law_of(controller) is None:
         return f"the control law {type(controller).__name__}"
     if not knows(gravity):
@@ -58,7 +59,7 @@ def make_world(state: LoopState, controller: Controller | None, *, remembered: i
         PluginError: The law cannot be compiled.
     """
     environment, properties = state.environment, state.properties
-    field = compiled_field(environment.gravity)
+    field = compiled_field(unscaled(environment.gravity)[0])
     assert field is not None
     inputs, law = state.inputs, law_of(controller)
     if controller is not None:

@@ -144,6 +144,11 @@ class ScaledGravity:
         return self.factor * self.field.acceleration(r_A)
 
 
+def unscaled(gravity: Gravity) -> tuple[Gravity, float]:
+    """A field without its factor, and the factor."""
+    return (gravity.field, gravity.factor) if isinstance(gravity, ScaledGravity) else (gravity, 1.0)
+
+
 def target_shift(given: Dispersions, seed: int) -> tuple[float, float]:
     """How far east and north of its planned place the target lies [m]."""
     east, north = given.target_m * stream(seed, Stream.TARGET).standard_normal(2)

@@ -21,6 +21,7 @@ from swarm_mj.simulator.faults.attitude_filter import Assumed, Noise, Sensors
 from swarm_mj.simulator.faults.dispersions import ARCSEC, DEG_PER_HOUR, DEG_PER_SQRT_HOUR, Dispersed
 from swarm_mj.simulator.faults.random_streams import Stream, stream
 from swarm_mj.simulator.faults.schedule import ScheduledFault
+from swarm_mj.simulator.faults.sensing_kernels import Count, Knowledge, sense
 from swarm_mj.typing import Array
 
 #: Below these the filter believes no sensor, lest it trust one alone: noise of a good gyro and star tracker.
@@ -29,6 +30,9 @@ LEAST_STAR_TRACKER_NOISE = 1.0 * ARCSEC
 LEAST_BIAS = 1.0 * DEG_PER_HOUR
 #: Bias walk that lets the filter follow a jump of the gyro's bias within minutes [rad/s/sqrt(s)].
 LEAST_BIAS_WALK = 0.05 * DEG_PER_HOUR
+
+#: Readings for which noise is drawn at once.
+NOISE_ROWS = 64
 
 SENSOR_FAULTS = (GyroNoise, GyroBias, GyroDropout, StarTrackerNoise, StarTrackerBias, StarTrackerDropout)
 
@@ -46,6 +50,8 @@ class Sensing:
     Attributes:
         estimating: Whether sensors are imperfect, so that a filter runs.
         active: Whether the controller knows anything else than the truth.
+        state: Of the filter.
+        knowledge: All of it for kernels.
     """
 
     def __init__(
@@ -76,18 +82,30 @@ class Sensing:
         )
         self.state = attitude_filter.first_state(drawn.gyro_bias)
         self._rng, self._period = stream(seed, Stream.SENSOR_NOISE), period
-        self._delay = drawn.delay_ticks.copy()
         self._own_delay = drawn.delay_ticks
-        self._make_memory(schedule, n)
-        self.active = self.estimating or self._delay_possible
+        size = self._readings_kept(schedule, drawn)
+        self.active = self.estimating or size > 1
+        self.knowledge = self._begin(n, size, drawn)
 
-    def _make_memory(self, schedule: Sequence[ScheduledFault], n: int) -> None:
+    def _readings_kept(self, schedule: Sequence[ScheduledFault], drawn: Dispersed) -> int:
         later = [self._ticks(entry.fault.delay_s) for entry in schedule if isinstance(entry.fault, SensorDelay)]
-        size = 1 + max([int(self._delay.max(initial=0)), *later])
-        self._delay_possible = size > 1
-        self._q_past, self._omega_past = np.zeros((size, n, 4)), np.zeros((size, n, 3))
-        self._count, self._last_tick = 0, -1
-        self._known: tuple[Array, Array] | None = None
+        return 1 + max([int(drawn.delay_ticks.max(initial=0)), *later])
+
+    def _begin(self, n: int, size: int, drawn: Dispersed) -> Knowledge:
+        rows = NOISE_ROWS if self.estimating else 0
+        return Knowledge(
+            estimating=int(self.estimating),
+            sensors=self._sensors,
+            assumed=self._assumed,
+            state=self.state,
+            noise=np.zeros((rows, n, len(Noise), 3)),
+            counts=np.array([rows, 0, -1], np.int64),
+            delay=drawn.delay_ticks.astype(np.int64),
+            q_past=np.zeros((size, n, 4)),
+            omega_past=np.zeros((size, n, 3)),
+            q_BN=np.zeros((n, 4)),
+            omega_BN_B=np.zeros((n, 3)),
+        )
 
     def _ticks(self, delay_s: float) -> int:
         return round(delay_s / self._period)
@@ -105,32 +123,26 @@ class Sensing:
             q_BN: True attitudes, shape (n, 4).
             omega_BN_B: True rates, shape (n, 3) [rad/s].
         """
-        if self._known is not None and tick == self._last_tick:
-            return self._known
-        self._last_tick = tick
-        q, omega = q_BN, omega_BN_B
-        if self.estimating:
-            noise = self._rng.standard_normal((len(q_BN), len(Noise), 3))
-            attitude_filter.estimate(q_BN, omega_BN_B, self._period, noise, self._sensors, self._assumed, self.state)
-            q, omega = self.state.q_BN, self.state.omega_BN_B
-        self._known = self._delayed(q, omega) if self._delay_possible else (q, omega)
-        return self._known
+        self.provide_noise()
+        sense(tick, q_BN, omega_BN_B, self._period, self.knowledge)
+        return self.knowledge.q_BN, self.knowledge.omega_BN_B
 
-    def _delayed(self, q: Array, omega: Array) -> tuple[Array, Array]:
-        size = len(self._q_past)
-        place = self._count % size
-        self._q_past[place], self._omega_past[place] = q, omega
-        # Before anything has arrived, the first reading stands.
-        which = (self._count - np.minimum(self._delay, self._count)) % size
-        self._count += 1
-        each = np.arange(len(q))
-        return self._q_past[which, each], self._omega_past[which, each]
+    def provide_noise(self) -> int:
+        """See that there is noise for the next reading; returns for how many there is."""
+        if not self.estimating:
+            return NOISE_ROWS
+        noise, counts = self.knowledge.noise, self.knowledge.counts
+        if counts[Count.NOISE] == len(noise):
+            # The numbers that one reading after the other would draw.
+            self._rng.standard_normal(out=noise)
+            counts[Count.NOISE] = 0
+        return len(noise) - int(counts[Count.NOISE])
 
     def knowledge_error(self, q_BN: Array) -> Array:
         """Angle between the true attitude and what the controller was given last, shape (n,) [rad]."""
-        if self._known is None:
+        if self.knowledge.counts[Count.READINGS] == 0:
             return np.zeros(len(q_BN))
-        along = np.abs(np.einsum("nk,nk->n", q_BN, self._known[0]))
+        along = np.abs(np.einsum("nk,nk->n", q_BN, self.knowledge.q_BN))
         return 2.0 * np.arccos(np.minimum(1.0, along))
 
     def fail(self, j: int, fault: object) -> str:
@@ -155,8 +167,8 @@ class Sensing:
             sensors.star_tracker_works[j] = False
             return "no attitudes"
         assert isinstance(fault, SensorDelay)
-        self._delay[j] = self._ticks(fault.delay_s)
-        return f"{self._delay[j] * self._period:g} s"
+        self.knowledge.delay[j] = self._ticks(fault.delay_s)
+        return f"{self.knowledge.delay[j] * self._period:g} s"
 
     def recover(self, j: int, fault: object) -> None:
         """End a fault of a sensor."""
@@ -174,4 +186,4 @@ class Sensing:
         elif isinstance(fault, StarTrackerDropout):
             sensors.star_tracker_works[j] = True
         elif isinstance(fault, SensorDelay):
-            self._delay[j] = self._own_delay[j]
+            self.knowledge.delay[j] = self._own_delay[j]

@@ -39,6 +39,8 @@ from swarm_mj.typing import Array
 _DRAWN = frozenset(
     ("_fault_model", "_properties", "_planned", "_n", "_period", "_speed_margin", "environment", "mass", "inertia_B")
 )
+#: What is due so little later than a control period begins [s] happens with it: the difference is rounding.
+EARLY_S = 1e-9
 WHEEL_FAULTS = (WheelLost, WheelStuck, WheelWeakened, WheelFriction)
 
 
@@ -146,7 +148,7 @@ class FaultState:
             t: Time of the control period that begins; faults fall on the first one at or after their time.
             wheel_speed: Shape (n, w) [rad/s].
         """
-        now = t + 1e-9
+        now = t + EARLY_S
         while self._agenda and self._agenda[0].time_s <= now:
             self._begin(t, self._agenda.pop(0), wheel_speed)
         for entry in [e for e in self._endings if e.over_s <= now]:
@@ -155,6 +157,13 @@ class FaultState:
         for moment, entry in [notice for notice in self._notices if notice[0] <= now]:
             self._notices.remove((moment, entry))
             self._notice(t, entry)
+
+    def next_s(self) -> float:
+        """When the next thing is due that `happen` knows of [s]; infinite: nothing is."""
+        agenda = [entry.time_s for entry in self._agenda[:1]]
+        return min(
+            [*agenda, *(e.over_s for e in self._endings), *(moment for moment, _ in self._notices)], default=np.inf
+        )
 
     def _begin(self, t: float, entry: ScheduledFault, wheel_speed: Array) -> None:
         fault, j = entry.fault, entry.spacecraft
@@ -219,6 +228,11 @@ class FaultState:
             self.events.append(Event(t, j, kind, detail))
         else:
             self._lose(t, j, kind, detail)
+
+    @property
+    def redirects(self) -> bool:
+        """Whether `redirect` may have to do anything before something else happens."""
+        return bool(self._due_relay) or bool(self.lost.any())
 
     def redirect(self, t: float, targets: Targets, r_BN_N: Array) -> Targets:
         """Lose the relay if it is due, and give lost relays a successor; see `succession`."""

@@ -1,0 +1,121 @@
+"""Faults, dispersions and fourth wheels of the flights of a `CompiledBatch`, each with a model of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from copy import copy
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from swarm_mj.mission.behaviors import SwarmView, Targets
+from swarm_mj.simulator.fast import flight_kernels
+from swarm_mj.simulator.fast.conditions import CONDITION
+from swarm_mj.simulator.fast.flights import Flights, one_of
+from swarm_mj.simulator.fast.integrator import Integrator
+from swarm_mj.simulator.fault_injection import FaultInjection
+from swarm_mj.simulator.loop_state import InitialState, LoopState
+from swarm_mj.simulator.simulation import Simulation
+from swarm_mj.typing import Array, Ints, Mask
+
+
+class BatchConditions:
+    """What goes wrong in E flights.
+
+    Args:
+        simulation: One of them, which knows faults.
+        flights: Their arrays.
+
+    Attributes:
+        datas: Their MjData.
+        records: The MjData for compiled code, shape (E,).
+        conditions: The conditions for compiled code, shape (E,).
+        due: Ticks at which something has to be done before compiled code may fly on, shape (E,).
+        redirects: Flights in which the swarm may aim elsewhere than it is told, because of losses, shape (E,).
+    """
+
+    def __init__(self, simulation: Simulation, flights: Flights) -> None:
+        count, self._period = len(flights.tick), simulation.period
+        self._injections = [_injection(simulation, one_of(flights, e)) for e in range(count)]
+        states = [injection.state for injection in self._injections]
+        self.datas = [state.data for state in states]
+        self._integrators = [Integrator(state.model, state.data) for state in states]
+        self.records = np.concatenate([integrator.batch for integrator in self._integrators])
+        self.conditions = np.zeros(count, CONDITION)
+        self.due, self.redirects = np.zeros(count, np.int64), np.ones(count, np.bool_)
+        self._starts: list[tuple[int, Any]] = [(0, ())] * count
+
+    def reset(self, e: int, initial: InitialState) -> None:
+        """Begin a flight: what it is like and what will happen is drawn from the seed of its start."""
+        self._starts[e] = initial.seed, initial.deployment
+        self._injections[e].reset(*self._starts[e])
+        self._publish(e)
+
+    def _publish(self, e: int) -> None:
+        self.conditions[e], self.due[e] = self._injections[e].condition[0], 0
+        self.redirects[e] = True
+
+    def get_state(self, e: int) -> Any:
+        """What has become of a flight, a copy."""
+        return self._starts[e], self._injections[e].get_state()
+
+    def set_state(self, e: int, state: Any) -> None:
+        """Go on from what `get_state` gave."""
+        self._starts[e], saved = state
+        self._injections[e].reset(*self._starts[e])
+        self._injections[e].set_state(saved)
+        self._publish(e)
+
+    def aim(self, e: int, view: SwarmView, ask: Callable[[SwarmView], Targets]) -> Targets:
+        """See `FaultInjection.aim`."""
+        targets = self._injections[e].aim(view, ask)
+        self.due[e], self.redirects[e] = self._injections[e].due, self._injections[e].faults.redirects
+        return targets
+
+    def condition_of(self, e: int) -> tuple[Mask, Mask]:
+        """Spacecraft lost, and cameras that take no pictures, shape (n,)."""
+        faults = self._injections[e].faults
+        return faults.lost, ~faults.camera_on | faults.lost
+
+    def limit(self, live: Mask, tick: Ints, until: Ints) -> Ints:
+        """How far compiled code may fly, shape (E,): to the next event, and as far as noise has been drawn."""
+        until = np.minimum(until, self.due)
+        for e in np.flatnonzero(live & (self.conditions["estimating"] != 0)).tolist():
+            until[e] = min(until[e], tick[e] + self._injections[e].faults.sensing.provide_noise())
+        return until
+
+    def know(self, live: Mask, tick: Ints, wheel_speed: Array, q: Array, omega: Array) -> Mask:
+        """See `Batch.know`, and `FaultInjection.known_now` of one flight.
+
+        Args:
+            live: Which flights, shape (E,).
+            tick: Control periods flown, shape (E,).
+            wheel_speed: Shape (E, n, w) [rad/s].
+            q: True attitudes, replaced, shape (E, n, 4).
+            omega: True rates, replaced, shape (E, n, 3) [rad/s].
+        """
+        own: Mask = live & (self.conditions["sense"] != 0)
+        for e in np.flatnonzero(own).tolist():
+            faults = self._injections[e].faults
+            if tick[e] >= self.due[e]:
+                # A sensor that fails at this instant has failed before it is read.
+                faults.happen(int(tick[e]) * self._period, wheel_speed[e])
+            faults.sensing.provide_noise()
+        flight_kernels.sense_flights(self.conditions, own, tick, self._period, q, omega)
+        return own
+
+
+def _injection(simulation: Simulation, flights: Flights) -> FaultInjection:
+    """What goes wrong in one more flight like a simulation's, whose arrays are given."""
+    like, given = simulation.state, simulation.injection
+    assert given is not None
+    state = LoopState(
+        replace(like.model, mjmodel=copy(like.model.mjmodel)),
+        properties=like.properties,
+        environment=given.planned,
+        period=like.period,
+        gravity_gradient=like.gradient_gm > 0.0,
+        flights=flights,
+    )
+    return FaultInjection(state, given.fault_model)
