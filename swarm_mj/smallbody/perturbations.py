@@ -1,16 +1,19 @@
 """Small accelerations and torques beside the body's gravity: solar tide, solar radiation pressure, gravity gradient.
 
-Each function takes all spacecraft at once and is compiled, so that the simulation loop can call it every step.
+Each function takes all spacecraft at once and is compiled, so that the simulation loop can call it every step; it stands on one
+for a single spacecraft, which kernels call that must not allocate.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
 from swarm_mj.scenarios.constants import AU, GM_SUN, SOLAR_IRRADIANCE, SPEED_OF_LIGHT
-from swarm_mj.typing import Array, kernel
+from swarm_mj.typing import Array, jittable, kernel
+
+_Vector: TypeAlias = tuple[float, float, float]
 
 #: Pressure of sunlight on a black surface that faces the Sun at 1 au [N/m^2].
 SOLAR_PRESSURE_1AU = SOLAR_IRRADIANCE / SPEED_OF_LIGHT
@@ -32,18 +35,22 @@ def solar_tide(r_N: Array, r_sun_N: Array, gm_sun: float = GM_SUN) -> Array:
         Accelerations in N [m/s^2], shape (n, 3).
     """
     out = np.empty_like(r_N)
-    square = r_sun_N[0] ** 2 + r_sun_N[1] ** 2 + r_sun_N[2] ** 2
     for i in range(r_N.shape[0]):
-        q = 0.0
-        for k in range(3):
-            q += r_N[i, k] * (r_N[i, k] - 2.0 * r_sun_N[k])
-        q /= square
-        cube = (1.0 + q) * np.sqrt(1.0 + q)
-        f = q * (3.0 + q * (3.0 + q)) / (1.0 + cube)
-        factor = -gm_sun / (square * np.sqrt(square) * cube)
-        for k in range(3):
-            out[i, k] = factor * (r_N[i, k] + f * r_sun_N[k])
+        out[i, 0], out[i, 1], out[i, 2] = _tide(r_N[i], r_sun_N, gm_sun)
     return out
+
+
+@jittable
+def _tide(r: Any, sun: Array, gm: float) -> _Vector:
+    square = sun[0] ** 2 + sun[1] ** 2 + sun[2] ** 2
+    q = 0.0
+    for k in range(3):
+        q += r[k] * (r[k] - 2.0 * sun[k])
+    q /= square
+    cube = (1.0 + q) * np.sqrt(1.0 + q)
+    f = q * (3.0 + q * (3.0 + q)) / (1.0 + cube)
+    factor = -gm / (square * np.sqrt(square) * cube)
+    return factor * (r[0] + f * sun[0]), factor * (r[1] + f * sun[1]), factor * (r[2] + f * sun[2])
 
 
 @kernel
@@ -65,13 +72,16 @@ def solar_radiation_pressure(r_N: Array, r_sun_N: Array, area_m2: float, mass_kg
     out = np.empty_like(r_N)
     strength = reflectivity * area_m2 / mass_kg * SOLAR_PRESSURE_1AU * AU * AU
     for i in range(r_N.shape[0]):
-        x, y, z = r_N[i, 0] - r_sun_N[0], r_N[i, 1] - r_sun_N[1], r_N[i, 2] - r_sun_N[2]
-        square = x * x + y * y + z * z
-        factor = strength / (square * np.sqrt(square))
-        out[i, 0] = factor * x
-        out[i, 1] = factor * y
-        out[i, 2] = factor * z
+        out[i, 0], out[i, 1], out[i, 2] = _push(r_N[i], r_sun_N, strength)
     return out
+
+
+@jittable
+def _push(r: Any, sun: Array, strength: float) -> _Vector:
+    x, y, z = r[0] - sun[0], r[1] - sun[1], r[2] - sun[2]
+    square = x * x + y * y + z * z
+    factor = strength / (square * np.sqrt(square))
+    return factor * x, factor * y, factor * z
 
 
 class Sunlight(NamedTuple):
@@ -99,22 +109,24 @@ def add_perturbations(r_A: Array, C_AN: Array, sun_N: Array, sunlight: Sunlight,
         sunlight: What of it acts.
         a_A: Accelerations in A, to which is added, shape (n, 3) [m/s^2].
     """
-    r_N = np.empty_like(r_A)
+    strength = sunlight.reflectivity * sunlight.area_per_mass / 1.0 * SOLAR_PRESSURE_1AU * AU * AU
     for j in range(r_A.shape[0]):
-        for k in range(3):
-            r_N[j, k] = C_AN[0, k] * r_A[j, 0] + C_AN[1, k] * r_A[j, 1] + C_AN[2, k] * r_A[j, 2]
-    if sunlight.gm > 0.0:
-        _add_turned(solar_tide(r_N, sun_N, sunlight.gm), C_AN, a_A)
-    if sunlight.area_per_mass > 0.0:
-        push = solar_radiation_pressure(r_N, sun_N, sunlight.area_per_mass, 1.0, sunlight.reflectivity)
-        _add_turned(push, C_AN, a_A)
+        x, y, z = r_A[j, 0], r_A[j, 1], r_A[j, 2]
+        r_N = (
+            C_AN[0, 0] * x + C_AN[1, 0] * y + C_AN[2, 0] * z,
+            C_AN[0, 1] * x + C_AN[1, 1] * y + C_AN[2, 1] * z,
+            C_AN[0, 2] * x + C_AN[1, 2] * y + C_AN[2, 2] * z,
+        )
+        if sunlight.gm > 0.0:
+            _add_turned(_tide(r_N, sun_N, sunlight.gm), C_AN, a_A[j])
+        if sunlight.area_per_mass > 0.0:
+            _add_turned(_push(r_N, sun_N, strength), C_AN, a_A[j])
 
 
-@kernel
-def _add_turned(a_N: Array, C_AN: Array, a_A: Array) -> None:
-    for j in range(a_A.shape[0]):
-        for k in range(3):
-            a_A[j, k] += C_AN[k, 0] * a_N[j, 0] + C_AN[k, 1] * a_N[j, 1] + C_AN[k, 2] * a_N[j, 2]
+@jittable
+def _add_turned(a_N: _Vector, C_AN: Array, a_A: Array) -> None:
+    for k in range(3):
+        a_A[k] += C_AN[k, 0] * a_N[0] + C_AN[k, 1] * a_N[1] + C_AN[k, 2] * a_N[2]
 
 
 @kernel
@@ -133,14 +145,17 @@ def gravity_gradient_torque(r_BN_B: Array, inertia_B: Array, gm: float) -> Array
     """
     out = np.empty_like(r_BN_B)
     for i in range(r_BN_B.shape[0]):
-        x, y, z = r_BN_B[i, 0], r_BN_B[i, 1], r_BN_B[i, 2]
-        inertia = inertia_B[i]
-        hx = inertia[0, 0] * x + inertia[0, 1] * y + inertia[0, 2] * z
-        hy = inertia[1, 0] * x + inertia[1, 1] * y + inertia[1, 2] * z
-        hz = inertia[2, 0] * x + inertia[2, 1] * y + inertia[2, 2] * z
-        square = x * x + y * y + z * z
-        factor = 3.0 * gm / (square * square * np.sqrt(square))
-        out[i, 0] = factor * (y * hz - z * hy)
-        out[i, 1] = factor * (z * hx - x * hz)
-        out[i, 2] = factor * (x * hy - y * hx)
+        out[i, 0], out[i, 1], out[i, 2] = gradient_torque_on(r_BN_B[i], inertia_B[i], gm)
     return out
+
+
+@jittable
+def gradient_torque_on(r_B: Any, inertia: Array, gm: float) -> _Vector:
+    """The same of one spacecraft: its place in B [m], and its inertia, shape (3, 3)."""
+    x, y, z = r_B[0], r_B[1], r_B[2]
+    hx = inertia[0, 0] * x + inertia[0, 1] * y + inertia[0, 2] * z
+    hy = inertia[1, 0] * x + inertia[1, 1] * y + inertia[1, 2] * z
+    hz = inertia[2, 0] * x + inertia[2, 1] * y + inertia[2, 2] * z
+    square = x * x + y * y + z * z
+    factor = 3.0 * gm / (square * square * np.sqrt(square))
+    return factor * (y * hz - z * hy), factor * (z * hx - x * hz), factor * (x * hy - y * hx)

@@ -13,7 +13,7 @@ import numpy as np
 
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.simulator.slots import Peak, Slot
-from swarm_mj.smallbody.perturbations import gravity_gradient_torque
+from swarm_mj.smallbody.perturbations import gradient_torque_on
 from swarm_mj.smallbody.rotation import write_spin_dcm
 from swarm_mj.spacecraft.attitude.algebra import conjugate, put_vector, quaternion, rotate, vector
 from swarm_mj.spacecraft.attitude.guidance import (
@@ -286,7 +286,6 @@ def hold_gravity_gradient(
         xfrc: MuJoCo's `xfrc_applied`; force and torque in N.
         work: See `Slot`.
     """
-    r_B = np.empty((hub.shape[0], 3))
     for j in range(hub.shape[0]):
         x, y, z = vector(work[Slot.R_A], j)
         r_N = (
@@ -294,10 +293,9 @@ def hold_gravity_gradient(
             C_mid[0, 1] * x + C_mid[1, 1] * y + C_mid[2, 1] * z,
             C_mid[0, 2] * x + C_mid[1, 2] * y + C_mid[2, 2] * z,
         )
-        put_vector(r_B, j, rotate(conjugate(quaternion(q_BN, j)), r_N))
-    torque_B = gravity_gradient_torque(r_B, inertia, gm)
-    for j in range(hub.shape[0]):
-        put_vector(xfrc[:, 3:], hub[j], rotate(quaternion(q_BN, j), vector(torque_B, j)))
+        q = quaternion(q_BN, j)
+        torque_B = gradient_torque_on(rotate(conjugate(q), r_N), inertia[j], gm)
+        put_vector(xfrc[:, 3:], hub[j], rotate(q, torque_B))
 
 
 @kernel
