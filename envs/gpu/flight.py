@@ -253,15 +253,7 @@ def call_law(
 
 
 def no_polyhedron(r_A: Array, body: Any, a_A: Array) -> None:
-    """In the place of `write_near_and_far`, which allocates; `check_task` refuses what needs it, and so the two below."""
-
-
-def no_perturbations(r_A: Array, C_AN: Array, sun_N: Array, sunlight: Any, a_A: Array) -> None:
-    """In the place of `add_perturbations`."""
-
-
-def no_gradient(q_BN: Array, gm: float, inertia: Array, C_mid: Array, hub: Ints, xfrc: Array, work: Array) -> None:
-    """In the place of `hold_gravity_gradient`."""
+    """In the place of `write_near_and_far`, which allocates; `check_task` refuses what needs it."""
 
 
 def planned_masses(conditions: Any, e: int, hub: Ints, xfrc: Array) -> None:

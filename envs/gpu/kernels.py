@@ -17,10 +17,8 @@ from swarm_mj.simulator.fast.conditions import (
 )
 from swarm_mj.simulator.fast.gyrostat_step import step_gyrostats
 from swarm_mj.simulator.fast.integrator import integrate
-from swarm_mj.simulator.fast.kernels import hold_gravity_gradient
 from swarm_mj.simulator.fast.mj_memory import mj_view
 from swarm_mj.smallbody.gravity.polyhedron import write_near_and_far
-from swarm_mj.smallbody.perturbations import add_perturbations
 from swarm_mj.spacecraft.control.compiled import CompiledLaw, call_law
 from swarm_mj.spacecraft.control.sliding_mode import write_torque
 
@@ -33,8 +31,6 @@ from .flight import (
     Memory,
     end_step,
     fly_step,
-    no_gradient,
-    no_perturbations,
     no_polyhedron,
     no_sensors,
     no_wheels,
@@ -90,8 +86,6 @@ def kernel_sources(memory: Memory, answer: Answer, law: CompiledLaw) -> Kernels:
         call_law: call_directly,
         write_torque: law.write_torque,
         write_near_and_far: no_polyhedron,
-        add_perturbations: no_perturbations,
-        hold_gravity_gradient: no_gradient,
         weigh_flight: planned_masses,
         inertia_of: planned_array,
         series_of: planned_array,

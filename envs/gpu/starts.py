@@ -48,8 +48,6 @@ def check_task(task: Task) -> CompiledLaw:
         raise ScenarioError(
             "the GPU cannot fly in the field of a polyhedron; use body.gravity.model: spherical_harmonics"
         )
-    if state.environment.perturbed or state.gradient_gm > 0.0:
-        raise ScenarioError("the GPU cannot fly with perturbations; leave them out, or fly on the processor")
     if task.scene is None or task.criterion.needs_sun:
         raise ScenarioError(
             "the GPU judges pictures by horizon maps alone: use observer='horizon', and no observation.max_incidence_deg, "

@@ -13,7 +13,7 @@ from swarm_mj.simulator.fast import kernels as decisions
 from swarm_mj.simulator.slots import Slot
 
 #: Two spacecraft that fly past within two minutes, with pictures at other places of a step each time; from a minute on they
-#: count as too close, by the beginning of a step.
+#: count as too close, by the beginning of a step. Sunlight pushes them aside by metres.
 SHORT = (
     "design.visiting_points=[10, 16]",
     "design.time_of_flight_s=100",
@@ -23,6 +23,10 @@ SHORT = (
     "observation.interval_s=15",
     "safety.separation_grace_s=60",
     "safety.min_separation_m=100000",
+    "perturbations.solar_tide=true",
+    "perturbations.solar_radiation_pressure=true",
+    "perturbations.srp_area_m2=1000",
+    "perturbations.gravity_gradient_torque=true",
 )
 #: Torques cost so much that a decision counted twice is seen.
 COSTLY = {"effort": -1e4}
@@ -115,7 +119,16 @@ def test_a_device_sees_no_function_of_the_processor(gpu):
             if isinstance(value, FunctionType) and value.__module__.startswith("swarm_mj"):
                 left.append(value)
     names = {function.__name__ for function in seen}
-    assert {"fly", "step_gyrostats", "write_torque", "new_cells", "transmit", "compute_rewards"} <= names
+    assert {
+        "fly",
+        "step_gyrostats",
+        "add_perturbations",
+        "hold_gravity_gradient",
+        "write_torque",
+        "new_cells",
+        "transmit",
+        "compute_rewards",
+    } <= names
     task.close()
 
 
@@ -175,7 +188,7 @@ def test_columns_share_what_shares_memory(gpu):
         ({"control": "pointing"}, "control = 'pointing'"),
         ({"overrides": ["physics.stepper=fast"]}, "physics.stepper = fast"),
         ({"overrides": ["observation.max_incidence_deg=80"]}, "observation.max_incidence_deg"),
-        ({"overrides": ["perturbations.solar_tide=true"]}, "with perturbations"),
+        ({"overrides": ["dispersions.mass_percent=1"]}, "faults"),
         (
             {"overrides": ["control.controller=mrp_feedback", "control.parameters.integral_gain=0.01"]},
             "the control law",
