@@ -90,6 +90,10 @@ class PointingTask:
             )
         self.plan: Plan = make_plan(given)
         swarm = make_simulation(self.plan)
+        if swarm.injection is not None:
+            raise ScenarioError(
+                f"scenario = {given.name}: SwarmPointing-v0 knows no faults and dispersions; leave faults and dispersions out"
+            )
         if why := swarm.why_not_compiled(None):
             raise ScenarioError(
                 f"scenario = {given.name}: SwarmPointing-v0 flies in compiled code, which knows nothing of {why}; leave it out"

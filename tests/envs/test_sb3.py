@@ -8,7 +8,7 @@ pytest.importorskip("stable_baselines3")
 from stable_baselines3.common.env_util import make_vec_env  # noqa: E402
 from stable_baselines3.common.monitor import Monitor  # noqa: E402
 from stable_baselines3.common.vec_env import VecNormalize  # noqa: E402
-from swarm_mj.envs.sb3 import SwarmObserveVecEnv  # noqa: E402
+from swarm_mj.envs.sb3 import SwarmObserveVecEnv, SwarmPointingVecEnv  # noqa: E402
 
 from swarm_mj.errors import ScenarioError  # noqa: E402
 
@@ -102,3 +102,21 @@ def test_a_wrapper_of_stable_baselines3_takes_it():
     observations, rewards, dones, _ = venv.step(np.zeros((2, 10), np.float32))
     assert np.isfinite(observations).all() and rewards.shape == dones.shape == (2,)
     venv.close()
+
+
+def test_pointing_ends_and_starts_as_stable_baselines3_expects():
+    env = SwarmPointingVecEnv(3, observation="camera", holds=1, hold_s=5.0)
+    env.seed(4)
+    first = env.reset()
+    assert first["image"].shape == (3, 3, 64, 64) and env.observation_space.contains(
+        {k: v[0] for k, v in first.items()}
+    )
+    total = np.zeros(3)
+    for k in range(10):
+        observations, rewards, done, infos = env.step(np.zeros((3, 3), np.float32))
+        total += rewards
+        assert done.all() == (k == 9)
+    assert infos[1]["TimeLimit.truncated"] and infos[1]["terminal_observation"]["state"][-1] == 0.0
+    assert infos[1]["episode"]["l"] == 10 and infos[1]["episode"]["r"] == pytest.approx(total[1], rel=1e-5)
+    assert (observations["state"][:, -1] == 1.0).all()
+    env.close()

@@ -276,6 +276,7 @@ def test_autoreset_hands_over_the_last_observation():
         ({"reward_weights": {"speed": 1.0}}, "reward_weights"),
         ({"overrides": ["control.slew=time_optimal"]}, "compiled code"),
         ({"overrides": ["spacecraft.wheel_layout=pyramid"]}, "wheels"),
+        ({"overrides": ["dispersions.mass_percent=1"]}, "dispersions"),
     ],
 )
 def test_what_does_not_fit_is_refused_by_name(arguments, said):
