@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
+from swarm_mj import __version__
 from swarm_mj.errors import ScenarioError
 
 from ..arguments import checked_count, checked_share, checked_truth, is_number
@@ -42,8 +46,8 @@ class MissionConfig:
 
     missions: Any = DEFAULT_COUNT
     split: str = "train"
-    max_spacecraft: int = 4
-    patches: int = 16
+    max_spacecraft: int = 3
+    patches: int = 9
     decision_s: float = 20.0
     observation: str = "flat"
     randomise: Mapping[str, Any] | None = None
@@ -72,6 +76,14 @@ class MissionConfig:
     def weights(self) -> RewardScales:
         """Of the reward terms."""
         return checked_scales(self.reward_weights)
+
+    @cached_property
+    def fingerprint(self) -> str:
+        """Digest of all that must agree where the state of a flight is taken up."""
+        names = [spec.name for spec in chosen_missions(self.missions, self.split)]
+        rest = [self.max_spacecraft, self.patches, float(self.decision_s), list(map(repr, self.weights))]
+        text = json.dumps([__version__, names, rest, repr(self.complete), bool(self.horizon_terminates)])
+        return hashlib.sha256(text.encode()).hexdigest()
 
     def make_pool(self) -> MissionPool:
         """The missions."""

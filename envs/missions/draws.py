@@ -20,6 +20,7 @@ from swarm_mj.campaigns.distributions import (
     Continuous,
     Distribution,
     Integer,
+    LogUniform,
     Normal,
     Uniform,
 )
@@ -34,8 +35,8 @@ from .mission import ALTITUDES
 NAMES: dict[str, tuple[int, float, float, dict[str, Any]]] = {
     "mission": (0, 0, np.inf, {"distribution": "uniform", "low": 0.0, "high": 1.0}),
     "spacecraft": (0, 1, np.inf, {"distribution": "uniform", "low": 0.0, "high": 1.0}),
-    "speed": (0, 0.5, 2.0, {"distribution": "uniform", "low": 0.7, "high": 1.4}),
-    "sun_elevation_deg": (0, 0.0, 90.0, {"distribution": "uniform", "low": 15.0, "high": 75.0}),
+    "speed": (0, 0.5, 2.0, {"distribution": "log_uniform", "low": 0.55, "high": 1.8}),
+    "sun_elevation_deg": (0, 0.0, 90.0, {"distribution": "uniform", "low": 5.0, "high": 50.0}),
     "sun_azimuth_deg": (0, -360.0, 360.0, {"distribution": "uniform", "low": 0.0, "high": 360.0}),
     "visiting_point": (1, 0.0, 1.0, {"distribution": "uniform", "low": 0.0, "high": 1.0}),
     "altitude": (1, ALTITUDES[0], ALTITUDES[-1], {"distribution": "uniform", "low": 0.75, "high": 1.15}),
@@ -173,6 +174,8 @@ def quantiles(law: Any, u: Array) -> Array:
     inside = np.clip(u, EDGE, 1.0 - EDGE)
     if isinstance(law, Uniform):
         return np.asarray(law.low + (law.high - law.low) * u)
+    if isinstance(law, LogUniform):
+        return np.asarray(law.low * (law.high / law.low) ** u)
     if isinstance(law, Normal):
         return np.asarray(law.mean + law.std * ndtri(inside))
     if isinstance(law, Bernoulli):

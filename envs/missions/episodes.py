@@ -15,13 +15,13 @@ from swarm_mj.typing import Array32, Mask
 from ..rewards import ENDS, RewardTerms, StepResult
 from .config import MissionConfig
 from .draws import EpisodeDraw, Randomisation
-from .flights import MissionFlights
+from .flights import MissionFlights, no_facts
 from .layout import FlatLayout
 from .pool import MissionPool, Seats
 from .tables import BOUND, Tables, no_tables
 
 #: Episodes of one mission that fly in one batch, at most.
-BATCH = 8
+BATCH = 16
 
 
 class Episodes:
@@ -55,6 +55,7 @@ class Episodes:
         self._places: list[tuple[int, int] | None] = [None] * count
         self.draws: list[EpisodeDraw | None] = [None] * count
         self.tables: Tables = no_tables(count, self.n, self.patches)
+        self._facts = no_facts(count, self.n) | {"mission": np.zeros(count, np.int64)}
         self._pool = ThreadPoolExecutor(threads, "swarm_mj missions") if threads > 1 and count > 1 else None
 
     def locate(self, e: int) -> tuple[MissionFlights, int]:
@@ -75,13 +76,34 @@ class Episodes:
             ScenarioError: A name is unknown or a value not allowed.
         """
         draw = self._random.draw(seed, given)
+        batch, k = self._seat(e, draw)
+        batch.start(k, draw)
+        self._tell(batch, k, e)
+
+    def _seat(self, e: int, draw: EpisodeDraw) -> tuple[MissionFlights, int]:
+        """A place for episode e in a batch of its mission, and its old one given back."""
         old, place = self.draws[e], self._places[e]
         if old is not None and place is not None:
             self._seats.give_back(old.mission, place)
         self.draws[e], self._places[e] = draw, self._seats.take(draw.mission)
+        self._facts["mission"][e] = draw.mission
+        return self.locate(e)
+
+    @property
+    def task(self) -> MissionConfig:
+        """What tells whether a state fits, see `take_state`."""
+        return self.config
+
+    def get_state(self, e: int) -> dict[str, Any]:
+        """All that episode e is between two steps, copied, for `set_state` of any episodes of the same arguments."""
         batch, k = self.locate(e)
-        batch.start(k, draw)
-        self._copy(e)
+        return {"draw": self.draws[e], "batch": batch.get_state(k)}
+
+    def set_state(self, e: int, state: dict[str, Any]) -> None:
+        """Go on from what `get_state` gave; bit for bit the episode that went on from there."""
+        batch, k = self._seat(e, state["draw"])
+        batch.set_state(k, state["batch"])
+        self._tell(batch, k, e)
 
     def reset(self, seeds: Mapping[int, int], given: Mapping[str, Any] | None = None) -> None:
         """Start episodes anew from their flight seeds, by number of the episode; `given` as of `begin`."""
@@ -105,7 +127,7 @@ class Episodes:
             flown = batch.step(choice, flies)
             _copy_rows(flown.terms, seats, result.terms, rows)
             _copy_rows(flown[1:], seats, result[1:], rows)
-            _copy_rows(batch.tables, seats, self.tables, rows)
+            self._tell(batch, seats, rows)
 
         if self._pool is None:
             for k in riders:
@@ -114,36 +136,21 @@ class Episodes:
             list(self._pool.map(fly, riders))
         return result
 
-    def _copy(self, e: int) -> None:
-        batch, k = self.locate(e)
-        _copy_rows(batch.tables, k, self.tables, e)
+    def _tell(self, batch: MissionFlights, seats: Any, rows: Any) -> None:
+        """Copy what a batch has of the flights in some seats into the rows of their episodes."""
+        _copy_rows(batch.tables, seats, self.tables, rows)
+        for name, values in batch.facts().items():
+            self._facts[name][rows] = values[seats]
 
     def info(self, e: int) -> dict[str, Any]:
         """What every step tells of episode e."""
-        batch, k = self.locate(e)
-        return batch.info(k) | self._facts(e) | {"action_mask": self.tables.mask[e].copy()}
+        return {name: _plain(rows[e]) for name, rows in self._facts.items()} | {
+            "action_mask": self.tables.mask[e].copy()
+        }
 
     def infos(self) -> dict[str, NDArray[Any]]:
         """The same of all episodes, arrays over them; zeros of those that have not begun."""
-        begun = [self._fact_row(e) for e in range(self.count)]
-        first = next(row for row in begun if row is not None)
-        blank = {name: np.zeros_like(value) for name, value in first.items()}
-        rows = [blank if row is None else row for row in begun]
-        found = {name: np.array([row[name] for row in rows]) for name in first}
-        return found | {"action_mask": self.tables.mask.copy()}
-
-    def _fact_row(self, e: int) -> dict[str, Any] | None:
-        if self._places[e] is None:
-            return None
-        batch, k = self.locate(e)
-        return {name: np.asarray(value) for name, value in (batch.info(k) | self._facts(e)).items()}
-
-    def _facts(self, e: int) -> dict[str, Any]:
-        batch, k = self.locate(e)
-        draw = self.draws[e]
-        assert draw is not None
-        share = float(batch.totals.area[k] / batch.sheet.possible_area[k])
-        return {"coverage_percent": 100.0 * share, "mission": draw.mission, "alive": (~batch.totals.lost[k]).tolist()}
+        return {name: rows.copy() for name, rows in self._facts.items()} | {"action_mask": self.tables.mask.copy()}
 
     def step_info(self, e: int, result: StepResult) -> dict[str, Any]:
         """What a step has to tell of episode e, beyond `info` its reward terms and how it ended."""
@@ -211,6 +218,11 @@ class Episodes:
 def box(*shape: int) -> spaces.Box:
     """Numbers as they stand in the tables."""
     return spaces.Box(-BOUND, BOUND, shape, np.float32)
+
+
+def _plain(value: Any) -> Any:
+    """A row as numbers and lists of Python's own."""
+    return np.asarray(value).tolist()
 
 
 def _copy_rows(source: Iterable[NDArray[Any]], seats: Any, target: Iterable[NDArray[Any]], rows: Any) -> None:

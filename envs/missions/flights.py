@@ -49,7 +49,7 @@ class MissionFlights(EpisodeBatch):
         """Start episode e anew as it was drawn."""
         mission, plan = self.mission, self.task.plan
         error_m_s = draw.release_error * mission.altitude_m / TIME_OF_FLIGHT_S
-        velocity = draw.speed * mission.velocity_N(draw.visiting_point, draw.altitude) + error_m_s
+        velocity = mission.velocity_N(draw.visiting_point, draw.altitude, draw.speed) + error_m_s
         place = np.repeat(plan.deployment.r0_N[None], plan.n, axis=0)
         wheels = np.zeros((plan.n, plan.properties.n_wheels))
         self.flights.blind[e] = self.flights.lost[e] = False
@@ -82,6 +82,24 @@ class MissionFlights(EpisodeBatch):
         terms = result.terms._replace(seen=seen, delivered=delivered)
         self._show(live & self.flights.finite)
         return result._replace(terms=terms, reward=sum(terms[1:], terms[0]))
+
+    def facts(self) -> dict[str, NDArray[Any]]:
+        """What every step tells of all episodes, see `no_facts`."""
+        totals = self.totals
+        return {
+            "time_s": self.time_s,
+            "coverage_percent": 100.0 * totals.area / self.sheet.possible_area,
+            "delivered_bit": totals.delivered,
+            "stored_bit": totals.stored,
+            "seen_bit": totals.seen_bit,
+            "lost_bit": totals.lost_bit,
+            "alive": ~totals.lost,
+        }
+
+    @property
+    def _remembered(self) -> list[NDArray[Any]]:
+        """See `EpisodeBatch`."""
+        return [*super()._remembered, *self.sheet, *self.tables]
 
     def _roles(self, choice: NDArray[np.int64]) -> NDArray[np.int64]:
         """Choices as those of the control level `role`: Earth stands elsewhere there, and who is no more or unheard, holds."""
@@ -120,6 +138,13 @@ class MissionFlights(EpisodeBatch):
     def _show(self, live: Mask) -> None:
         standing = Standing(self.now, self.estimate, self._tracking(), self.totals, self.sheet)
         write_tables(self._table_constants, standing, live, self.tables)
+
+
+def no_facts(count: int, n: int) -> dict[str, NDArray[Any]]:
+    """What every step tells of that many episodes of up to n spacecraft, as the info of the environment names it."""
+    numbers = ("time_s", "coverage_percent", "delivered_bit", "seen_bit", "lost_bit")
+    found: dict[str, NDArray[Any]] = {name: np.zeros(count) for name in numbers}
+    return found | {"stored_bit": np.zeros((count, n)), "alive": np.zeros((count, n), np.bool_)}
 
 
 def _table_constants(mission: Mission) -> TableConstants:

@@ -1,7 +1,7 @@
 """One mission of SwarmObserve-v1: its `Task`, the ways past the target, and the frame and scales of its observations.
 
-Lengths go with the imaging altitude H, times are the same for all: a swarm is let go 2 H before the target, passes over it
-240 s later with H / 120 s, and has 360 s more. So a body of 250 m and one of 60 km look alike.
+Lengths go with the imaging altitude H, times are the same for all: a swarm is let go 3 1/3 H before the target, passes over it
+200 s later with H / 60 s, and has 400 s more. So a body of 250 m and one of 60 km look alike.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ from ..task import Task
 from .catalogue import MOST_HALF_ANGLE_DEG, MissionSpec
 
 #: Flight from release to visit, and whole flight [s].
-TIME_OF_FLIGHT_S, DURATION_S = 240.0, 600.0
+TIME_OF_FLIGHT_S, DURATION_S = 200.0, 600.0
 #: Time in which a spacecraft flies as far as the imaging altitude [s].
-CROSSING_S = 120.0
+CROSSING_S = 60.0
 #: Control period and step of the integration [s]; time between pictures [s].
 PERIOD_S, PICTURE_INTERVAL_S = 1.0, 10.0
 #: Least distance of a flight to the centre over the body's largest radius, at the lowest altitude that is tabulated.
@@ -81,12 +81,13 @@ class Mission:
         """With which the target is passed [m/s]."""
         return self.altitude_m / CROSSING_S
 
-    def velocity_N(self, point: Array, altitude: Array) -> Array:
+    def velocity_N(self, point: Array, altitude: Array, speed: float) -> Array:
         """Velocities at release of n spacecraft, shape (n, 3) [m/s].
 
         Args:
             point: Place in the list of visiting points, 0 to 1, shape (n,).
             altitude: Over the imaging altitude, shape (n,).
+            speed: Over that of the mission; the way to where the target has turned until then is taken as straight.
         """
         count = len(self.v0_N)
         rows = self.v0_N[np.minimum((point * count).astype(np.int64), count - 1)]
@@ -96,7 +97,11 @@ class Mission:
         first = (x - b) * (x - c) / ((a - b) * (a - c))
         second = (x - a) * (x - c) / ((b - a) * (b - c))
         third = (x - a) * (x - b) / ((c - a) * (c - b))
-        return np.asarray(first * rows[:, 0] + second * rows[:, 1] + third * rows[:, 2])
+        velocity = first * rows[:, 0] + second * rows[:, 1] + third * rows[:, 2]
+        visit_s = TIME_OF_FLIGHT_S / speed
+        there_N = self.task.plan.deployment.r0_N + TIME_OF_FLIGHT_S * velocity
+        turned_N = np.cross(self.task.plan.environment.spin_N, there_N) * (visit_s - TIME_OF_FLIGHT_S)
+        return np.asarray(speed * velocity + turned_N / visit_s)
 
     def lit(self, sun_A: Array) -> Mask:
         """Cells that the Sun shines on from a direction, shape (C,): it sees half of them, as a camera far out would."""

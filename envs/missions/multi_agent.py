@@ -7,6 +7,7 @@ env = swarm_observe_v1.parallel_env(split="train")
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, ClassVar
 
@@ -21,6 +22,7 @@ from swarm_mj.typing import Array32
 
 from ..actions import check_action
 from ..arguments import checked_options, checked_prefix, flight_seed
+from ..snapshots import FlightState, RebuiltOnCopy, must_have_begun, restore_state, take_state
 from .catalogue import DEFAULT_COUNT
 from .config import MissionConfig
 from .episodes import Episodes, box
@@ -34,7 +36,7 @@ except ImportError as error:
 PerAgent = dict[str, Any]
 
 
-class SwarmObserveV1ParallelEnv(ParallelEnv[str, Any, Any]):
+class SwarmObserveV1ParallelEnv(RebuiltOnCopy, ParallelEnv[str, Any, Any]):
     """An episode of `SwarmObserveV1Env` in which each spacecraft is an agent: `sc1`, `sc2`, ...
 
     Who does not fly in an episode is not among its `agents`; who is lost leaves them, terminated, and the others go on.
@@ -68,6 +70,8 @@ class SwarmObserveV1ParallelEnv(ParallelEnv[str, Any, Any]):
         agent_prefix: str = "sc",
         **arguments: Any,
     ) -> None:
+        self.made_of = {"missions": missions, "split": split, "render_mode": render_mode, **arguments}
+        self.made_of["agent_prefix"] = agent_prefix
         self.render_mode = checked_render(render_mode)
         self.config = MissionConfig(missions=missions, split=split, **arguments)
         self._episodes: Episodes | None = Episodes(self.config, 1)
@@ -78,7 +82,7 @@ class SwarmObserveV1ParallelEnv(ParallelEnv[str, Any, Any]):
         self.action_spaces = {name: spaces.Discrete(self.episodes.choices) for name in self.possible_agents}
         self.observation_spaces = {name: self._space() for name in self.possible_agents}
         self.state_space: spaces.Box = box(self.episodes.layout.size)
-        self._random = seeding.np_random()[0]
+        self._random, self._begun = seeding.np_random()[0], False
 
     @property
     def episodes(self) -> Episodes:
@@ -107,7 +111,7 @@ class SwarmObserveV1ParallelEnv(ParallelEnv[str, Any, Any]):
         known = {name: value for name, value in given.items() if name == "flight_seed"}
         chosen = flight_seed(known, int(self._random.integers(2**31)))
         self.episodes.begin(0, chosen, given.get("draw"))
-        alive = self.episodes.info(0)["alive"]
+        alive, self._begun = self.episodes.info(0)["alive"], True
         self.agents = [name for name, j in self._number.items() if alive[j]]
         info = self.episodes.info(0) | {"flight_seed": chosen}
         return self._observations(), self._infos(self.agents, info)
@@ -133,6 +137,31 @@ class SwarmObserveV1ParallelEnv(ParallelEnv[str, Any, Any]):
         rewards = dict.fromkeys(flew, float(result.reward[0]))
         self.agents = [agent for agent in flew if not (terminations[agent] or truncations[agent])]
         return observations, rewards, terminations, truncations, self._infos(flew, info)
+
+    def get_state(self) -> FlightState:
+        """Where the flight stands, see `SwarmObserveV1Env.get_state`."""
+        must_have_begun(self._begun, "get_state", "swarm_observe_v1")
+        flying = tuple(self._number[agent] for agent in self.agents)
+        return replace(take_state(self.episodes, 0, running=bool(flying), random=self._random), agents=flying)
+
+    def set_state(self, state: FlightState) -> PerAgent:
+        """Go on from a state that such an environment gave; returns the observations of those that fly."""
+        if isinstance(state, FlightState) and state.agents is None:
+            raise ScenarioError(
+                "state: was taken from an environment that knows no agents; take it from a multi-agent one"
+            )
+        flying = restore_state(self.episodes, 0, self._random, state).agents or ()
+        self.agents, self._begun = [self.possible_agents[j] for j in flying], True
+        return self._observations()
+
+    def _standing(self) -> dict[str, Any]:
+        kept = {name: getattr(self, name) for name in ("action_spaces", "observation_spaces", "_random")}
+        return {"kept": kept, "flight": self.get_state() if self._begun and self._episodes else None}
+
+    def _stand(self, standing: dict[str, Any]) -> None:
+        self.__dict__.update(standing["kept"])
+        if standing["flight"] is not None:
+            self.set_state(standing["flight"])
 
     def _joined(self, actions: PerAgent) -> NDArray[Any]:
         if not isinstance(actions, Mapping) or set(actions) != set(self.agents):

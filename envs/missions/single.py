@@ -12,6 +12,7 @@ from swarm_mj.errors import ScenarioError
 from ..actions import check_action
 from ..arguments import checked_options, flight_seed
 from ..rewards import TERMS
+from ..snapshots import FlightState, RebuiltOnCopy, must_have_begun, restore_state, take_state
 from .catalogue import DEFAULT_COUNT
 from .config import MissionConfig
 from .episodes import Episodes
@@ -27,7 +28,7 @@ def checked_render(mode: Any) -> str | None:
         raise ScenarioError(f"render_mode = {mode!r}: must be None; {NAME} draws no pictures, SwarmObserve-v0 does")
 
 
-class SwarmObserveV1Env(gymnasium.Env[Any, Any]):
+class SwarmObserveV1Env(RebuiltOnCopy, gymnasium.Env[Any, Any]):
     """A swarm flies past a small body that differs from episode to episode, images what is lit, and sends it to Earth.
 
     `gymnasium.make("swarm_mj:SwarmObserve-v1")` makes it; in a program that imports swarm_mj before gymnasium,
@@ -56,8 +57,8 @@ class SwarmObserveV1Env(gymnasium.Env[Any, Any]):
     |---|---|---|
     | mission | any of the pool | its number in `episodes.pool.names`, or its name |
     | spacecraft | any from 1 to `max_spacecraft` | how many fly; the others are lost from the start |
-    | speed | 0.7 to 1.4 | over that of the mission: when the target is passed |
-    | sun_elevation_deg, sun_azimuth_deg | 15 to 75, any | of the Sun over the target, from north over east, for the whole \
+    | speed | 0.55 to 1.8, log-uniform | over that of the mission: when the target is passed |
+    | sun_elevation_deg, sun_azimuth_deg | 5 to 50, any | of the Sun over the target, from north over east, for the whole \
 flight; dark and shadowed cells do not count |
     | visiting_point | 0 to 1 | which of the points that the trajectory designer offers, for each spacecraft |
     | altitude | 0.75 to 1.15 | of the visit, over H, for each |
@@ -68,18 +69,18 @@ flight; dark and shadowed cells do not count |
 
     ## Action space
 
-    MultiDiscrete([K + 1 + n] * n) with n = `max_spacecraft` and K = `patches`, held for `decision_s` seconds. Of spacecraft j:
-    0..K-1 look at a patch; K talk to Earth; K+1..K+n relay to spacecraft 1..n (itself: hold the attitude). Patches are numbered
-    row by row from the south-west. 20 s are enough to turn to a patch, settle and take a picture, and short against the two
-    minutes over the target. `info["action_mask"]`, shape (n, K + 1 + n), says what makes sense: unseen patches in reach half a
-    decision or one and a half ahead, Earth and relays for whom has data and is heard; to hold is always allowed, and all that
-    who is no more may do. Other choices are flown as they are.
+    MultiDiscrete([K + 1 + n] * n) with n = `max_spacecraft` and K = `patches`, held for `decision_s` seconds. Of spacecraft
+    j: 0..K-1 look at a patch; K talk to Earth; K+1..K+n relay to spacecraft 1..n (itself: hold the attitude). Patches are
+    numbered row by row from the south-west. 20 s are enough to turn to a patch, settle and take a picture, and short against
+    the one or two minutes over the target. `info["action_mask"]`, shape (n, K + 1 + n), says what makes sense: unseen patches
+    in reach half a decision or one and a half ahead, Earth and relays for whom has data and is heard; to hold is always
+    allowed, and all that who is no more may do. Other choices are flown as they are.
 
     ## Observation space
 
     `entities`: a Dict of `spacecraft` (n, 22), `patches` (K, 9), `pairs` (n, K, 4), `general` (14), `alive` (n) and
     `action_mask`. `flat`: a Box of spacecraft, pairs, the first two columns of patches, and general; `episodes.layout.split`
-    takes it apart. Frame: east, north, up at the target's middle, turning with the body. Units: H, 120 s, the target's area,
+    takes it apart. Frame: east, north, up at the target's middle, turning with the body. Units: H, 60 s, the target's area,
     data of what is possible. Columns are named in `tables.SPACECRAFT`, `PATCHES`, `PAIRS` and `GENERAL`:
 
     | table | columns |
@@ -91,7 +92,7 @@ for who is no more |
     | pairs | what a picture would be worth half a decision ahead, and a whole one later; ground sampling distance over the \
 limit; angle from the boresight over 90 deg |
     | general | time left; seen; delivered; share alive; half-width over H; picture over the target's half-width; turn of the \
-body in 120 s; share of the data that Earth hears in a decision; directions of Sun and Earth (3 each) |
+body in 60 s; share of the data that Earth hears in a decision; directions of Sun and Earth (3 each) |
 
     ## Reward
 
@@ -115,8 +116,8 @@ body in 120 s; share of the data that Earth hears in a decision; directions of S
     |---|---|---|
     | missions | 8 | names, how many spread over places and bodies, or "all" |
     | split | "train" | or "test" |
-    | max_spacecraft | 4 | n |
-    | patches | 16 | K, a square number |
+    | max_spacecraft | 3 | n |
+    | patches | 9 | K, a square number |
     | decision_s | 20 | length of a step [s] |
     | observation | "flat" | or "entities" |
     | randomise | None | distributions by name |
@@ -130,12 +131,13 @@ body in 120 s; share of the data that Earth hears in a decision; directions of S
     def __init__(
         self, missions: Any = DEFAULT_COUNT, split: str = "train", render_mode: str | None = None, **arguments: Any
     ) -> None:
+        self.made_of = {"missions": missions, "split": split, "render_mode": render_mode, **arguments}
         self._episodes: Episodes | None = None
         self.render_mode = checked_render(render_mode)
         self.config = MissionConfig(missions=missions, split=split, **arguments)
         self._episodes = episodes = Episodes(self.config, 1)
         self.observation_space, self.action_space = episodes.observation_space, episodes.action_space
-        self._running = False
+        self._running = self._begun = False
 
     @property
     def episodes(self) -> Episodes:
@@ -164,7 +166,7 @@ body in 120 s; share of the data that Earth hears in a decision; directions of S
         values = given.pop("draw", None)
         chosen = flight_seed(given, int(self.np_random.integers(2**31)))
         self.episodes.begin(0, chosen, values)
-        self._running = True
+        self._running = self._begun = True
         return self.episodes.observation_of(0), self.episodes.info(0) | {"flight_seed": chosen}
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
@@ -182,6 +184,38 @@ body in 120 s; share of the data that Earth hears in a decision; directions of S
         self._running = not (terminated or truncated)
         info = episodes.step_info(0, result)
         return episodes.observation_of(0), float(result.reward[0]), terminated, truncated, info
+
+    def get_state(self) -> FlightState:
+        """Where the flight stands, to go back to by `set_state`, here or in any other environment made with the same arguments.
+
+        Raises:
+            gymnasium.error.ResetNeeded: There is no flight before the first `reset`.
+        """
+        must_have_begun(self._begun, "get_state", NAME)
+        return take_state(self.episodes, 0, running=self._running, random=self.np_random)
+
+    def set_state(self, state: FlightState) -> tuple[Any, dict[str, Any]]:
+        """Go on from a state: the same choices give the same observations, rewards and infos as there, bit for bit.
+
+        Returns:
+            Observation and info of that instant.
+
+        Raises:
+            ScenarioError: It is no such state, or was taken from an environment with other arguments.
+        """
+        self._running = restore_state(self.episodes, 0, self.np_random, state).running
+        self._begun = True
+        return self.episodes.observation_of(0), self.episodes.info(0)
+
+    def _standing(self) -> dict[str, Any]:
+        names = ("spec", "action_space", "observation_space", "_np_random", "_np_random_seed")
+        kept = {name: getattr(self, name) for name in names}
+        return {"kept": kept, "flight": self.get_state() if self._begun and self.episodes else None}
+
+    def _stand(self, standing: dict[str, Any]) -> None:
+        self.__dict__.update(standing["kept"])
+        if standing["flight"] is not None:
+            self.set_state(standing["flight"])
 
     def close(self) -> None:
         """Release the observers; may be called again."""

@@ -4,19 +4,21 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 from gymnasium.vector import AutoresetMode
 
 from swarm_mj.typing import Mask
 
-from ..arguments import checked_count
+from ..arguments import checked_count, checked_index
 from ..autoreset import FlightsVectorEnv, Infos, checked_mode
+from ..snapshots import FlightState, RebuiltOnCopy, must_have_begun, restore_state, take_state
 from ..threads import default_threads
 from .config import MissionConfig
 from .episodes import Episodes
 from .single import NAME, checked_render
 
 
-class SwarmObserveV1VectorEnv(FlightsVectorEnv):
+class SwarmObserveV1VectorEnv(RebuiltOnCopy, FlightsVectorEnv):
     """`num_envs` episodes; made by `gymnasium.make_vec("swarm_mj:SwarmObserve-v1", ...)`.
 
     Spaces, rewards and ends are those of `SwarmObserveV1Env`, which documents them, and so are the numbers: an episode is a
@@ -43,6 +45,8 @@ class SwarmObserveV1VectorEnv(FlightsVectorEnv):
         render_mode: str | None = None,
         **arguments: Any,
     ) -> None:
+        self.made_of = {"num_envs": num_envs, "autoreset_mode": autoreset_mode, "threads": threads}
+        self.made_of |= {"render_mode": render_mode, **arguments}
         count = checked_count("num_envs", num_envs)
         used = default_threads() if threads is None else checked_count("threads", threads, ", or None")
         self.render_mode = checked_render(render_mode)
@@ -58,3 +62,26 @@ class SwarmObserveV1VectorEnv(FlightsVectorEnv):
     def _infos(self, mask: Mask) -> Infos:
         values = self.batch.infos()
         return values | {f"_{name}": mask.copy() for name in values}
+
+    def get_state(self, e: int) -> FlightState:
+        """Where flight e stands; single and vector environments take each other's states."""
+        k = checked_index(e, self.num_envs)
+        must_have_begun(bool(self._begun[k]), "get_state", NAME)
+        return take_state(self.batch, k, running=not self._over[k], random=self._random[k])
+
+    def set_state(self, e: int, state: FlightState) -> Any:
+        """Let flight e go on from a state; the others are left alone. Returns its observation."""
+        k = checked_index(e, self.num_envs)
+        self._over[k] = not restore_state(self.batch, k, self._random[k], state).running
+        self._begun[k] = True
+        return self.batch.observation_of(k)
+
+    def _standing(self) -> dict[str, Any]:
+        kept = {name: getattr(self, name) for name in ("spec", "action_space", "single_action_space", "_random")}
+        _ = self.batch
+        return {"kept": kept, "flights": {int(e): self.get_state(int(e)) for e in np.flatnonzero(self._begun)}}
+
+    def _stand(self, standing: dict[str, Any]) -> None:
+        self.__dict__.update(standing["kept"])
+        for e, state in standing["flights"].items():
+            self.set_state(e, state)

@@ -1,5 +1,8 @@
 """SwarmObserve-v1: episodes that differ, each a function of its seed alone, and where feedback pays."""
 
+import pickle
+from copy import deepcopy
+
 import gymnasium
 import numpy as np
 import pytest
@@ -13,6 +16,7 @@ from swarm_mj.envs.missions.episodes import Episodes
 from swarm_mj.envs.missions.multi_agent import swarm_observe_v1
 
 from swarm_mj.errors import ScenarioError
+from swarm_mj.mission.trajectories import propagate
 
 ID = "swarm_mj.envs:SwarmObserve-v1"
 #: Two that are cheap to work out.
@@ -38,7 +42,7 @@ def test_it_is_an_environment_of_gymnasium_and_pettingzoo(observation):
     env = gymnasium.make(ID, missions=POOL[:1], observation=observation)
     check_env(env.unwrapped, skip_render_check=True)
     env.close()
-    agents = swarm_observe_v1.parallel_env(missions=POOL[:1], observation=observation, randomise={"spacecraft": 4})
+    agents = swarm_observe_v1.parallel_env(missions=POOL[:1], observation=observation, randomise={"spacecraft": 3})
     parallel_api_test(agents, num_cycles=40)
     agents.close()
 
@@ -51,7 +55,7 @@ def test_an_episode_is_a_function_of_its_seed_whatever_flies_beside_it(single):
     agents.reset(options={"flight_seed": told["flight_seed"]})
     rng = np.random.default_rng(0)
     for _ in range(12):
-        actions = rng.integers(0, 21, (5, 4))
+        actions = rng.integers(0, 13, (5, 3))
         rows, rewards, *_ = vector.step(actions)
         alone, reward, *_ = single.step(actions[2])
         _, rewards_by_agent, *_ = agents.step({a: actions[2][int(a[2:]) - 1] for a in agents.agents})
@@ -107,15 +111,78 @@ def test_a_given_value_changes_nothing_else_that_is_drawn(single):
 
 
 def test_what_fails_shows_in_the_observation_and_in_the_mask(single):
-    off = {"spacecraft": 3, "loss": [1, 0, 0, 0], "loss_time": 0.1, "camera_off": [0, 1, 0, 0], "camera_off_time": 0.1}
-    off |= {"downlink_off": [0, 0, 1, 0], "downlink_off_time": 0.1}
+    off = {"spacecraft": 3, "loss": [1, 0, 0], "loss_time": 0.1, "camera_off": [0, 1, 0], "camera_off_time": 0.1}
+    off |= {"downlink_off": [0, 0, 1], "downlink_off_time": 0.1}
     single.reset(seed=1, options={"draw": off})
     for _ in range(4):
-        observation, *_, info = single.step(np.array([20, 20, 20, 20]))
+        observation, *_, info = single.step(np.array([12, 12, 12]))
     table = single.episodes.layout.split(observation)["spacecraft"][0]
-    assert table[:, :3].tolist() == [[0, 0, 0], [1, 0, 1], [1, 1, 0], [0, 0, 0]]
-    assert info["alive"] == [False, True, True, False]
+    assert table[:, :3].tolist() == [[0, 0, 0], [1, 0, 1], [1, 1, 0]]
+    assert info["alive"] == [False, True, True]
     mask = info["action_mask"]
-    assert mask[0].tolist() == [0] * 17 + [1, 0, 0, 0]
-    assert not mask[1, :16].any()
-    assert not mask[2, 16]
+    assert mask[0].tolist() == [0] * 10 + [1, 0, 0]
+    assert not mask[1, :9].any()
+    assert not mask[2, 9]
+
+
+def test_states_go_from_one_environment_to_another_and_copies_go_on(single):
+    vector = gymnasium.make_vec(ID, num_envs=2, missions=POOL, threads=1)
+    agents = swarm_observe_v1.parallel_env(missions=POOL)
+    vector.reset(seed=3)
+    single.reset(seed=8, options={"draw": {"spacecraft": 3, "loss": 0}})
+    agents.reset(options={"flight_seed": 11, "draw": {"spacecraft": 2, "loss": 0}})
+    actions = np.random.default_rng(1).integers(0, 13, (16, 3))
+    for action in actions[:8]:
+        single.step(action)
+        agents.step({a: action[int(a[2:]) - 1] for a in agents.agents})
+    state, twin, other = single.get_state(), pickle.loads(pickle.dumps(single)), deepcopy(agents)
+    vector.set_state(1, state)
+    for action in actions[8:]:
+        observation, reward, *_ = single.step(action)
+        assert np.array_equal(twin.step(action)[0], observation)
+        rows, rewards, *_ = vector.step(np.stack([action, action]))
+        assert np.array_equal(rows[1], observation)
+        assert rewards[1] == reward
+        choice = {a: action[int(a[2:]) - 1] for a in agents.agents}
+        assert agents.step(choice)[1] == other.step(choice)[1]
+    again, _ = single.set_state(state)
+    assert np.array_equal(vector.set_state(0, state), again)
+    for env in (twin, other, vector, agents):
+        env.close()
+
+
+def test_cells_in_the_dark_are_those_from_which_a_ray_to_the_sun_is_blocked(episodes):
+    mission, agree, shadowed = episodes.pool[0], [], 0
+    east, north, up = mission.axes_A
+    region, tracer = mission.task.plan.region, mission.task.observer.tracer
+    start = region.centroid_A + 1e-4 * region.mesh.max_radius * region.normal_A
+    for azimuth in np.radians(np.arange(0.0, 360.0, 30.0)):
+        low = np.radians(3.0)
+        sun = np.sin(low) * up + np.cos(low) * (np.sin(azimuth) * east + np.cos(azimuth) * north)
+        faces, lit = region.normal_A @ sun > 0.0, mission.lit(sun)
+        hit = tracer.first_hit(start, np.tile(sun, (len(start), 1))) >= 0
+        assert not lit[~faces].any()
+        agree.append(np.mean(lit == (faces & ~hit)))
+        shadowed += np.sum(faces & hit & ~lit)
+    # Cells that shadow cuts in two may go either way.
+    assert np.mean(agree) > 0.95
+    assert shadowed > 0
+
+
+def test_paths_lead_over_their_visiting_points_at_any_speed_however_the_body_turns(episodes):
+    mission = episodes.pool[0]
+    plan, environment = mission.task.plan, mission.task.plan.environment
+    for speed in (0.6, 1.0, 1.7):
+        v_N = mission.velocity_N(np.array([0.3]), np.array([0.9]), speed)
+        visit = 200.0 / speed
+        path, _ = propagate(environment.acceleration_N, plan.deployment.r0_N[None], v_N, np.array([0.0, visit]))
+        there_A = environment.C_AN(visit) @ path[-1, 0]
+        points = plan.region.visiting_points_A(0.9 * mission.altitude_m)
+        off = np.linalg.norm(points - there_A, axis=1).min() / mission.altitude_m
+        assert off < (1e-3 if speed == 1.0 else 0.03)
+
+
+def test_what_is_possible_bounds_what_is_seen(episodes):
+    flown = fly(episodes, greedy, range(25))
+    assert flown.seen.max() <= 1.0 + 1e-9
+    assert 0.4 < flown.seen.mean() < 0.9
