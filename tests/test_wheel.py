@@ -67,6 +67,7 @@ def test_the_wheel_holds_assets_envs_and_scenarios_and_no_other_top_level_packag
         "swarm_mj/assets/mjcf/cubesat.xml",
         "swarm_mj/assets/mjcf/scene.xml",
         "swarm_mj/envs/__init__.py",
+        "swarm_mj/envs/gpu/vector.py",
         "swarm_mj/scenarios/eros-config1.yaml",
         "swarm_mj/py.typed",
     ):
