@@ -42,10 +42,13 @@ class FlownTask(Protocol):
 def flight_bytes(task: FlownTask) -> int:
     """What each flight of a task takes in memory, an upper estimate [B]."""
     arrays = FLIGHT_BYTES + task.plan.n * SPACECRAFT_BYTES + task.plan.region.n_cells * CELL_BYTES
-    if task.simulation.stepper == "kernel":
+    simulation = task.simulation
+    if simulation.stepper == "kernel" and simulation.injection is None:
         return arrays
-    data = task.simulation.state.data
-    return arrays + BINDING_BYTES + int(data.nbuffer + data.narena)
+    data = simulation.state.data
+    # What is drawn for a flight stands in a model of its own.
+    model = 0 if simulation.injection is None else int(simulation.model.mjmodel.nbuffer)
+    return arrays + BINDING_BYTES + int(data.nbuffer + data.narena) + model
 
 
 def refuse_beyond_memory(task: FlownTask, count: int) -> None:
