@@ -22,7 +22,7 @@ from swarm_mj.smallbody.rotation import Rotation
 from swarm_mj.spacecraft.attitude import mrp
 from swarm_mj.spacecraft.control import MrpSlidingMode
 from swarm_mj.spacecraft.properties import SpacecraftProperties
-from swarm_mj.verification.physics import attitude, coverage, ephemerides, flights, runner, target
+from swarm_mj.verification.physics import attitude, coverage, ephemerides, flights, orbits, runner, target
 from swarm_mj.verification.physics.experiment import Bench, Check, Experiment, NotRun
 from swarm_mj.verification.physics.registry import EXPERIMENTS, choose
 from swarm_mj.verification.physics.report import tolerance
@@ -259,6 +259,7 @@ def assert_found(fault, names, monkeypatch, tmp_path):
         if needed:
             pytest.importorskip(needed)
     monkeypatch.setattr(*fault)
+    monkeypatch.setattr(orbits, "DAY_S", 7200.0)  # a fault that shows in two hours shows in a day
     status = run_validation(names, json_path=tmp_path / "checks.json", quiet=True)
     found = json.loads((tmp_path / "checks.json").read_text())["checks"]
     assert {check["name"]: check["passed"] for check in found} == dict.fromkeys(names, False)
