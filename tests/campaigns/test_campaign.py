@@ -8,11 +8,14 @@ import sys
 import threading
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
+from swarm_mj.campaigns import pools, runner
 from swarm_mj.campaigns.loading import load_campaign
 from swarm_mj.campaigns.runner import replay, run_campaign
+from swarm_mj.campaigns.sampling import Sample
 from swarm_mj.campaigns.store import RESULTS, read_results
 from swarm_mj.cli.main import main
 from swarm_mj.errors import OutputError
@@ -232,15 +235,39 @@ def test_every_row_replays_bit_for_bit_and_a_forged_one_is_told_apart(reference,
     assert command(path, "--out", out, "--runs", 3, "--replay", 2)[0] == 1
 
 
-def test_a_run_that_takes_too_long_has_failed_and_the_others_go_on(write, tmp_path):
+@pytest.fixture
+def hurried(monkeypatch):
+    """A function of rows that take long: when nothing else flies, the clock goes on to half a second before their limit."""
+    ahead, made, real = [0.0], [], pools.wait
+    monkeypatch.setattr(pools, "time", SimpleNamespace(monotonic=lambda: time.monotonic() + ahead[0]))
+    monkeypatch.setattr(runner, "LocalPool", lambda *arguments: made.append(pools.LocalPool(*arguments)) or made[0])
+
+    def hurry(slow):
+        def wait(pipes, timeout):
+            busy = {worker.row for worker in made[0]._workers} - {None}
+            if busy and busy <= slow and timeout > 1.0:
+                ahead[0] += timeout - 0.5
+                timeout = 0.5
+            return real(pipes, timeout=timeout)
+
+        monkeypatch.setattr(pools, "wait", wait)
+
+    return hurry
+
+
+def test_a_run_that_takes_too_long_has_failed_and_the_others_go_on(write, tmp_path, hurried):
     steps = "{distribution: choice, values: [0.5, 0.001], weights: [0.8, 0.2]}"
-    more = f"parameters: {{physics.timestep_s: {steps}}}\ntime_limit_s: 6"
+    more = f"parameters: {{physics.timestep_s: {steps}}}\ntime_limit_s: 1000"  # however busy the machine is
     resolved = load_campaign(write(runs=4, more=more))
+    sample = Sample(resolved.campaign)
+    late = {row for row in range(4) if sample.trial(row).values["physics.timestep_s"] == 0.001}
+    hurried(late)
     run_campaign(resolved, tmp_path / "out", workers=2, figures=False)
     found = read_results(tmp_path / "out").to_pylist()
     assert len(found) == 4
     slow = [r for r in found if r["physics.timestep_s"] == 0.001]
-    assert slow and all(r["status"] == "failed" and "time_limit_s = 6" in r["error"] for r in slow)
+    assert {r["row"] for r in slow} == late
+    assert slow and all(r["status"] == "failed" and "time_limit_s = 1000" in r["error"] for r in slow)
     assert sum(r["status"] == "ok" for r in found) == 4 - len(slow) > 0
 
 
