@@ -49,6 +49,8 @@ def draw_target(plan: Plan) -> Figure:
         handles.append(_spot("visiting points", BLACK, 3.5))
     handles.append(_spot(f"visited{numbered}", VERMILLION, 7.0))
     legend_below(figure, handles)
+    if engine is not None:
+        engine.execute(figure)  # axes of equal scales shrink at a new place; their labels find room in a second round
     return figure
 
 

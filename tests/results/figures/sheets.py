@@ -34,8 +34,10 @@ def with_coverage(result, first_seen_by_s):
     return replace(result, coverage=coverage, passage=coverage, delivery=None)
 
 
-def assert_nothing_is_cut_off(figure: Figure):
-    figure.draw_without_rendering()
+def assert_nothing_is_cut_off(figure: Figure, *, is_drawn=False):
+    """Figures that are saved are drawn once, and a second drawing would hide what only then finds its place."""
+    if not is_drawn:
+        figure.draw_without_rendering()
     drawn = figure.get_tightbbox()
     width, height = figure.get_size_inches()
     assert min(drawn.x0, drawn.y0) >= -0.01

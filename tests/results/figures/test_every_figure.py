@@ -91,7 +91,7 @@ def test_units_are_read_in_the_figure(composed, name):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_nothing_is_cut_off(composed, name):
-    assert_nothing_is_cut_off(composed[name])
+    assert_nothing_is_cut_off(composed[name], is_drawn=True)
 
 
 @pytest.mark.parametrize("name", NAMES)

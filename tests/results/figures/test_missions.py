@@ -63,7 +63,7 @@ def pages(flights, composed):
 @pytest.mark.parametrize("name", PARAMETERS)
 def test_nothing_is_cut_off_and_no_labels_overlap(pages, name):
     for figure in pages(name).values():
-        assert_nothing_is_cut_off(figure)
+        assert_nothing_is_cut_off(figure, is_drawn=True)
         assert_labels_do_not_overlap(figure)
 
 
