@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from swarm_mj.typing import Array, Ints
 
 from .episodes import Episodes
+from .mission import DURATION_S
 from .tables import GENERAL, PAIRS, SPACECRAFT
 
 Observed = Mapping[str, NDArray[Any]]
@@ -25,6 +26,8 @@ _PAIR = {name: k for k, name in enumerate(PAIRS)}
 _GENERAL = {name: k for k, name in enumerate(GENERAL)}
 #: Someone else takes a patch that is taken only where nothing else is left.
 TAKEN = 1e-3
+#: The sweep stays so long on a patch, and looks so long at all; with 300 and 420 s it comes to less [s].
+DWELL_S, LOOKS_S = 20.0, 360.0
 
 
 class Flown(NamedTuple):
@@ -70,10 +73,10 @@ def sweep(observed: Observed) -> Ints:
     k = round(patches**0.5)
     order = np.arange(patches).reshape(k, k)
     order[1::2] = order[1::2, ::-1].copy()
-    # 30 steps of 20 s; those over the target are from the 7th to the 18th.
-    step = np.rint((1.0 - observed["general"][:, _GENERAL["time_left"]].astype(np.float64)) * 30.0).astype(np.int64)
+    elapsed = (1.0 - observed["general"][:, _GENERAL["time_left"]].astype(np.float64)) * DURATION_S
+    step = np.rint(elapsed / DWELL_S).astype(np.int64)
     place = (step[:, None] + np.arange(n) * patches // n) % patches
-    return np.where((step < 18)[:, None], order.ravel()[place], patches)
+    return np.where((elapsed < LOOKS_S)[:, None], order.ravel()[place], patches)
 
 
 def greedy(observed: Observed) -> Ints:

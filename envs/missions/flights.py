@@ -73,7 +73,10 @@ class MissionFlights(EpisodeBatch):
     def step(self, actions: NDArray[Any], live: Mask | None = None) -> StepResult:
         """Fly on for one step with the choices held, see `EpisodeBatch.step`; choices are those of SwarmObserve-v1, (E, n)."""
         live = self._all if live is None else live
-        for e in np.flatnonzero(live & (self.sheet.fails_s.min(axis=(1, 2)) <= self.time_s)):
+        # What failed since the step before began.
+        now = self.time_s[:, None, None]
+        failing = (self.sheet.fails_s <= now) & (self.sheet.fails_s > now - self.task.step_s)
+        for e in np.flatnonzero(live & failing.any(axis=(1, 2))):
             self._fail(int(e))
         result = super().step(self._roles(np.asarray(actions, np.int64)), live)
         # As scores go by what is possible in the episode.

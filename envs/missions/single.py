@@ -78,7 +78,7 @@ flight; dark and shadowed cells do not count |
 
     ## Observation space
 
-    `entities`: a Dict of `spacecraft` (n, 22), `patches` (K, 9), `pairs` (n, K, 4), `general` (14), `alive` (n) and
+    `entities`: a Dict of `spacecraft` (n, 24), `patches` (K, 9), `pairs` (n, K, 6), `general` (14), `alive` (n) and
     `action_mask`. `flat`: a Box of spacecraft, pairs, the first two columns of patches, and general; `episodes.layout.split`
     takes it apart. Frame: east, north, up at the target's middle, turning with the body. Units: H, 60 s, the target's area,
     data of what is possible. Columns are named in `tables.SPACECRAFT`, `PATCHES`, `PAIRS` and `GENERAL`:
@@ -86,11 +86,11 @@ flight; dark and shadowed cells do not count |
     | table | columns |
     |---|---|
     | spacecraft | alive, camera and downlink work; images, relays, talks to Earth, holds; link closed; data aboard; Earth in \
-sight; place, velocity and boresight (3 each); attitude error; rate over 0.1 rad/s; fastest wheel over its top speed. All zero \
-for who is no more |
+sight; place, velocity and boresight (3 each); attitude error; rate over 0.1 rad/s; fastest wheel over its top speed; \
+whether any patch is in reach half a decision ahead, and a whole one later. All zero for who is no more |
     | patches | unseen and lit share; place and normal (3 each); area over the mean |
     | pairs | what a picture would be worth half a decision ahead, and a whole one later; ground sampling distance over the \
-limit; angle from the boresight over 90 deg |
+limit; angle from the boresight over 90 deg; worth over that of its best patch; most that it is worth to another |
     | general | time left; seen; delivered; share alive; half-width over H; picture over the target's half-width; turn of the \
 body in 60 s; share of the data that Earth hears in a decision; directions of Sun and Earth (3 each) |
 

@@ -25,10 +25,10 @@ from ..totals import EpisodeTotals
 SPACECRAFT = (
     *("alive", "camera", "downlink", "imaging", "relaying", "talking", "holding", "link", "stored", "earth_in_sight"),
     *("east", "north", "up", "v_east", "v_north", "v_up", "boresight_east", "boresight_north", "boresight_up"),
-    *("attitude_error", "rate", "wheel_speed"),
+    *("attitude_error", "rate", "wheel_speed", "in_reach", "in_reach_next"),
 )
 PATCHES = ("unseen", "lit", "east", "north", "up", "normal_east", "normal_north", "normal_up", "area")
-PAIRS = ("worth", "worth_next", "gsd", "angle")
+PAIRS = ("worth", "worth_next", "gsd", "angle", "best", "others")
 GENERAL = (
     *("time_left", "seen", "delivered", "alive", "half_width", "picture", "turn", "heard"),
     *("sun_east", "sun_north", "sun_up", "earth_east", "earth_north", "earth_up"),
@@ -181,6 +181,7 @@ def write_tables(constants: TableConstants, standing: Standing, live: Mask, tabl
                 _write_spacecraft(constants, standing, e, j, tables.spacecraft[e, j])
                 _write_pairs(constants, standing, e, j, tables)
             for j in range(sheet.present.shape[1]):
+                _write_choice(e, j, tables)
                 _write_mask(totals, sheet, e, j, tables)
 
 
@@ -337,6 +338,21 @@ def _look(
     gsd = distance * constants.pixel_angle / cosine / constants.max_gsd
     angle = np.arccos(min(max(along / distance, -1.0), 1.0)) / (0.5 * np.pi)
     return 1.0 + pixels, gsd, angle
+
+
+@kernel
+def _write_choice(e: int, j: int, tables: Tables) -> None:
+    """What is best for one, whether there is anything, and what a patch is worth to the one of the others who sees it best."""
+    pairs, best, later = tables.pairs[e], 0.0, 0.0
+    for k in range(pairs.shape[1]):
+        best, later = max(best, pairs[j, k, 0]), max(later, pairs[j, k, 1])
+        for i in range(pairs.shape[0]):
+            if i != j:
+                pairs[j, k, 5] = max(pairs[j, k, 5], pairs[i, k, 0])
+    if best > 0.0:
+        for k in range(pairs.shape[1]):
+            pairs[j, k, 4] = pairs[j, k, 0] / best
+    tables.spacecraft[e, j, 22], tables.spacecraft[e, j, 23] = best > 0.0, later > 0.0
 
 
 @kernel
