@@ -63,7 +63,9 @@ def local_rows(observed: Observed) -> Array32:
 def provenance(config: MissionConfig) -> dict[str, Any]:
     """What a file should tell of a policy trained in an environment of these arguments."""
     given = {item.name: getattr(config, item.name) for item in fields(config)}
-    return provenance_of(NAME, LAYOUT, {name: value for name, value in given.items() if value != _usual()[name]})
+    # What others mean without being asked may change from version to version.
+    told = {name: value for name, value in given.items() if value != _usual()[name] or name in MEANING}
+    return provenance_of(NAME, LAYOUT, told)
 
 
 def check(about: Mapping[str, Any], config: MissionConfig) -> None:
@@ -73,10 +75,9 @@ def check(about: Mapping[str, Any], config: MissionConfig) -> None:
         ScenarioError: The message names what differs.
     """
     check_provenance(about, NAME, LAYOUT)
-    if "arguments" not in about:
-        return
     for name in MEANING:
-        trained, here = about["arguments"].get(name, _usual()[name]), getattr(config, name)
+        here = getattr(config, name)
+        trained = about.get("arguments", {}).get(name, here)
         if trained != here:
             raise ScenarioError(
                 f"policy: trained for {name} = {trained!r}, but it is {here!r} here; train one for that"

@@ -21,7 +21,7 @@ from swarm_mj.errors import ScenarioError
 from .test_policy_network import random_policy
 
 #: One mission, whose maps are quickly made.
-ONE = {"missions": ["ellipsoid-test-1"], "split": "test"}
+ONE = {"missions": ["ellipsoid-test-1"], "split": "test", "max_spacecraft": 4, "patches": 16, "decision_s": 20.0}
 SEEDS = (20_000, 20_001, 20_003, 20_007)
 
 
