@@ -141,7 +141,11 @@ class Test:
     def check(self, names_or_files: Sequence[str | Path]) -> None:
         """Refuse those that cannot fly there, see `score`."""
         for name_or_file in names_or_files:
-            policy_of(name_or_file, self.config)
+            self.policy(name_or_file)
+
+    def policy(self, name_or_file: str | Path) -> Policy:
+        """A scripted policy by name, or that of a file, see `score`."""
+        return policy_of(name_or_file, self.config)
 
     def fly(self, policy: Policy, progress: Progress | None = None) -> Flown:
         """What a policy comes to; `progress` is called with the decisions taken."""
@@ -162,5 +166,5 @@ class Test:
         Raises:
             ScenarioError: It is neither, or the file's policy cannot fly there; the message names why.
         """
-        policy = policy_of(name_or_file, self.config)
-        return Score(str(name_or_file), self.seeds, self.fly(policy, progress), self.bound)
+        flown = self.fly(self.policy(name_or_file), progress)
+        return Score(str(name_or_file), self.seeds, flown, self.bound)

@@ -1,0 +1,145 @@
+"""Write docs/results/leaderboard.md: policies of SwarmObserve-v1 on its frozen test episodes.
+
+    python -m scripts.pages.leaderboard
+    python -m scripts.pages.leaderboard runs/learning_v1/*/policy.*     # with policies of one's own
+
+Flies the scripted policies, the list of choices that looks at nothing, the policies in assets/policies that are for this
+environment, and those that are given.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from swarm_mj.envs.evaluation import interval
+from swarm_mj.envs.missions.baselines import BASELINES, Observed, Policy, fly, open_loop
+from swarm_mj.envs.missions.config import MissionConfig
+from swarm_mj.envs.missions.episodes import Episodes
+from swarm_mj.envs.missions.leaderboard import TEST_SEEDS, WIDTH, Score, Test, named_policies
+from swarm_mj.envs.threads import default_threads
+
+from scripts.pages import RESULTS, ROOT
+from swarm_mj.io.atomic import write_text
+from swarm_mj.io.progress import progress_bars
+from swarm_mj.typing import Ints
+
+PAGE, NUMBERS = RESULTS / "leaderboard.md", RESULTS / "leaderboard.json"
+#: Policies that travel with the package.
+PACKAGED = sorted((ROOT / "assets" / "policies").glob("swarm-observe-v1*"))
+#: What the list of choices is taken from: flights of a rule over places of training.
+LISTED, LISTED_SEEDS = "greedy ahead", tuple(range(10_000, 10_128))
+AGAINST = "greedy"
+
+
+def main() -> None:
+    """Fly and write."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("policy", nargs="*", type=Path, help="files besides those of the package")
+    files = [*PACKAGED, *parser.parse_args().policy]
+    with Test() as test, progress_bars(Console()) as bars:
+        test.check(files)
+        scores = []
+        named: dict[str, Policy] = {**named_policies(), "open_loop": open_loop(listed())}
+        for name in [*named, *files]:
+            bar = bars.add_task(Path(name).name, total=test.decisions)
+            policy = named.get(str(name)) or test.policy(name)
+            flown = test.fly(policy, lambda taken, bar=bar: bars.update(bar, completed=taken))
+            scores.append(Score(shown(name), test.seeds, flown, test.bound))
+    scores.sort(key=lambda one: one.share.mean)
+    write_text(NUMBERS, json.dumps([one.record() for one in scores], indent=None) + "\n")
+    write_text(PAGE, page(scores))
+    print(f"wrote {PAGE} and {NUMBERS}")
+
+
+def shown(name: str | Path) -> str:
+    """A scripted policy by its words, a file by its folder and name."""
+    return f"{name.parent.name}/{name.name}" if isinstance(name, Path) else name.replace("_", " ")
+
+
+def listed() -> Ints:
+    """The commonest choice of each spacecraft at each step in flights of a rule, shape (steps, n)."""
+    config = MissionConfig(split="train", missions="all")
+    episodes = Episodes(config, WIDTH, default_threads())
+    taken: list[Ints] = []
+
+    def watched(observed: Observed) -> Ints:
+        taken.append(BASELINES[LISTED](observed))
+        return taken[-1]
+
+    groups = [LISTED_SEEDS[k : k + WIDTH] for k in range(0, len(LISTED_SEEDS), WIDTH)]
+    flights = []
+    for seeds in groups:
+        taken.clear()
+        fly(episodes, watched, seeds)
+        flights.append(np.array(taken))
+    episodes.close()
+    steps = min(len(part) for part in flights)
+    choices = np.concatenate([part[:steps] for part in flights], axis=1)
+    counts = (choices[..., None] == np.arange(episodes.choices)).sum(axis=1)
+    return np.asarray(counts.argmax(axis=2), np.int64)
+
+
+def page(scores: list[Score]) -> str:
+    """The page."""
+    against = next(one for one in scores if one.policy == AGAINST)
+    head = f"| policy | share of the bound | score | seen | delivered | against {AGAINST} |\n|---|---|---|---|---|---|"
+    rows = [row(one, against) for one in scores]
+    bound = scores[0].bound
+    rows.append(
+        f"| *bound* | 1 | {bound.score.mean():.3f} | {bound.seen.mean():.3f} | {bound.delivered.mean():.3f} | - |"
+    )
+    return TEXT.format(
+        table="\n".join([head, *rows]),
+        count=len(TEST_SEEDS),
+        seeds=f"{TEST_SEEDS[0]:,} to {TEST_SEEDS[-1]:,}",
+        listed=LISTED,
+        flights=len(LISTED_SEEDS),
+    )
+
+
+def row(one: Score, against: Score) -> str:
+    """One line of the table; differences are of the same episodes."""
+    cells = [one.policy, f"{one.share.mean:.3f} +- {one.share.half_width:.3f}"]
+    cells += [f"{values.mean():.3f}" for values in one.flown]
+    mean, half = interval(one.flown.score - against.flown.score)
+    cells.append("-" if one is against else f"{mean:+.3f} +- {half:.3f}")
+    return f"| {' | '.join(cells)} |"
+
+
+TEXT = """\
+# Leaderboard
+
+Written by `python -m scripts.pages.leaderboard`. Every policy flies the same {count} episodes of `SwarmObserve-v1`: split
+`test`, all missions, flight seeds {seeds}, everything else as it comes. They stay as they are. Scores of every episode are in
+`docs/results/leaderboard.json`. Brackets and +-: 95 % intervals.
+
+{table}
+
+- **Score**: sum of rewards, most of it for seen area and for delivered data, both over what the swarm of that episode could
+  reach.
+- **Bound** (`envs/missions/bound.py`): no policy passes it. Paths do not depend on where spacecraft look, so that every cell
+  that some working camera passes in light, within the limits and with nothing in between counts as seen, in its best
+  picture; data count up to what Earth hears in the time that is left. Slews, and that a camera sees one patch at a time, are
+  left out: the best possible policy lies somewhere below 1.
+- **Open loop**: at each step the commonest choice of *{listed}* in {flights} episodes of the split `train`, flown again
+  and again without looking at anything but the clock.
+- **Random** takes any choice, also those that make no sense.
+
+## Your own
+
+    swarm-mj score policy.npz                   # or .onnx, or .zip of stable-baselines3
+    swarm-mj score greedy policy.onnx --out scores.json
+
+`.npz` is what the programs of `examples/learning` write; `.onnx` needs the extra `onnx`, and takes `observation` (E, F) and, if
+it likes, `action_mask` (E, n, C), and answers with choices or logits; `.zip` is what `PPO.save` of stable-baselines3 writes
+and needs the extra `rl`. Reading a zip executes what is pickled in it. A file tells the environment, its arguments and the
+layout of the observation that it was trained with, and is refused by name where they differ.
+"""
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,256 @@
+"""Write docs/results/learning_v1.md and its picture: how stock algorithms learn SwarmObserve-v1.
+
+    python -m scripts.pages.learning_v1                          # all runs, then page and picture; needs the extra rl
+    python -m scripts.pages.learning_v1 --steps 1000000 --jobs 4
+    python -m scripts.pages.learning_v1 --only-page              # from the curves that are kept, without torch
+
+Runs the programs of examples/learning, each with several seeds, some at a time; a call that is interrupted goes on with the
+runs that are not done. Their curves are kept in scripts/pages/learning_curves_v1.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import json
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from rich.console import Console
+from swarm_mj.envs.aggregates import Aggregate, aggregate
+from swarm_mj.envs.missions.leaderboard import VALIDATION_SEEDS, Test, named_policies
+
+from scripts.pages import IMAGES, RESULTS, ROOT
+from swarm_mj.io.atomic import write_text
+from swarm_mj.io.progress import progress_bars
+from swarm_mj.results import look
+from swarm_mj.results.figures import style
+from swarm_mj.typing import Array
+
+PAGE, NUMBERS = RESULTS / "learning_v1.md", RESULTS / "learning_v1.json"
+PICTURE = IMAGES / "learning_v1.png"
+CURVES, RUNS = Path(__file__).parent / "learning_curves_v1", ROOT / "runs" / "learning_v1"
+#: Programs of examples/learning, what they are, and their colours.
+METHODS = {
+    "sb3_ppo": ("PPO of stable-baselines3, its defaults", look.ORANGE),
+    "ppo": ("PPO in one file, with masks", look.BLUE),
+    "mappo": ("MAPPO, one network for each spacecraft", look.GREEN),
+}
+#: Scripted policies in the picture.
+LINES = ("random", "sweep", "greedy", "greedy_ahead")
+
+
+class Learned(NamedTuple):
+    """All runs of a method.
+
+    Attributes:
+        steps: Where the curves have points, shape (p,).
+        scores: Shape (runs, p).
+        seconds: Of the longest run.
+    """
+
+    steps: Array
+    scores: Array
+    seconds: float
+
+    @property
+    def aggregates(self) -> list[Aggregate]:
+        """Interquartile mean and interval at each point."""
+        return [aggregate(self.scores[:, k : k + 1]) for k in range(len(self.steps))]
+
+    def passes(self, score: float) -> float:
+        """From how many steps on the interquartile mean stays above a score; infinite if it does not."""
+        above = np.array([one.mean > score for one in self.aggregates])
+        if not above[-1]:
+            return float("inf")
+        below = np.flatnonzero(~above)
+        return float(self.steps[below[-1] + 1 if len(below) else 0])
+
+
+def main() -> None:
+    """Train, draw and write."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--steps", type=int, default=1_000_000, help="decisions of a run (default: %(default)s)")
+    parser.add_argument("--seeds", type=int, default=5, help="runs of each method (default: %(default)s)")
+    parser.add_argument("--jobs", type=int, default=2, help="runs at a time (default: %(default)s)")
+    parser.add_argument("--only-page", action="store_true", help="train nothing")
+    given = parser.parse_args()
+    if not given.only_page:
+        train_all(given.steps, given.seeds, given.jobs)
+    learned = {name: read(name) for name in METHODS if list(CURVES.glob(f"{name}-*.csv"))}
+    lines = scripted()
+    draw(learned, lines)
+    write_text(NUMBERS, json.dumps(numbers(learned, lines), indent=1) + "\n")
+    write_text(PAGE, page(learned, lines))
+    print(f"wrote {PAGE}, {NUMBERS} and {PICTURE}")
+
+
+def train_all(steps: int, seeds: int, jobs: int) -> None:
+    """Every run that is not done, and keep their curves."""
+    waiting = [(name, seed) for seed in range(1, seeds + 1) for name in METHODS if not done(name, seed, steps)]
+    running: dict[tuple[str, int], subprocess.Popen[bytes]] = {}
+    with progress_bars(Console()) as bars:
+        shown = {run: bars.add_task(f"{run[0]} seed {run[1]}", total=steps) for run in waiting}
+        try:
+            while waiting or running:
+                while waiting and len(running) < jobs:
+                    run = waiting.pop(0)
+                    running[run] = start(*run, steps)
+                time.sleep(1.0)
+                for run, process in list(running.items()):
+                    bars.update(shown[run], completed=min(steps, reached(*run)))
+                    if process.poll() is not None:
+                        del running[run]
+                        finish(*run, process.returncode)
+        finally:
+            for process in running.values():
+                process.terminate()
+
+
+def start(name: str, seed: int, steps: int) -> subprocess.Popen[bytes]:
+    """A run in a process of its own."""
+    folder = RUNS / f"{name}-{seed}"
+    folder.mkdir(parents=True, exist_ok=True)
+    program = ROOT / "examples" / "learning" / f"{name}.py"
+    words = [sys.executable, program, "--steps", steps, "--seed", seed, "--out", folder, "--every", max(steps // 20, 1)]
+    with (folder / "log.txt").open("wb") as log:
+        return subprocess.Popen([str(word) for word in words], stdout=log, stderr=subprocess.STDOUT)
+
+
+def finish(name: str, seed: int, status: int) -> None:
+    """Keep the curve of a run that ended well."""
+    folder = RUNS / f"{name}-{seed}"
+    if status:
+        raise SystemExit(f"{name} with seed {seed} failed; see {folder / 'log.txt'}")
+    CURVES.mkdir(exist_ok=True)
+    write_text(CURVES / f"{name}-{seed}.csv", (folder / "curve.csv").read_text())
+
+
+def done(name: str, seed: int, steps: int) -> bool:
+    """Whether a run was made, of so many steps at least, and its curve kept."""
+    file = RUNS / f"{name}-{seed}" / "done.json"
+    kept = (CURVES / f"{name}-{seed}.csv").exists()
+    return kept and file.exists() and json.loads(file.read_text())["steps"] >= steps
+
+
+def reached(name: str, seed: int) -> int:
+    """Steps of the last point of a run's curve."""
+    file = RUNS / f"{name}-{seed}" / "curve.csv"
+    last = file.read_text().splitlines()[-1].split(",")[0] if file.exists() else ""
+    return int(last) if last.isdecimal() else 0
+
+
+def read(name: str) -> Learned:
+    """The curves of all runs of a method, at the points that all of them have."""
+    tables = []
+    for file in sorted(CURVES.glob(f"{name}-*.csv")):
+        with file.open(newline="") as lines:
+            tables.append(
+                {int(row["steps"]): (float(row["score"]), float(row["seconds"])) for row in csv.DictReader(lines)}
+            )
+    steps = sorted(set.intersection(*(set(table) for table in tables)))
+    scores = np.array([[table[step][0] for step in steps] for table in tables])
+    return Learned(np.array(steps, np.float64), scores, max(table[steps[-1]][1] for table in tables))
+
+
+def scripted() -> dict[str, float]:
+    """Mean scores of the scripted policies on the episodes of the curves."""
+    with Test(VALIDATION_SEEDS) as test:
+        named = named_policies()
+        return {name: float(test.fly(named[name]).score.mean()) for name in LINES} | {
+            "bound": float(test.bound.score.mean())
+        }
+
+
+def draw(learned: dict[str, Learned], lines: dict[str, float]) -> None:
+    """Interquartile means and their intervals over the steps."""
+    figure = style.new_figure(4.2, "Learning SwarmObserve-v1: score on places that no training sees")
+    ax = figure.subplots()
+    for name, runs in learned.items():
+        words, colour = METHODS[name]
+        found, steps = runs.aggregates, runs.steps / 1e3
+        ax.fill_between(
+            steps, [one.low for one in found], [one.high for one in found], color=colour, alpha=0.2, linewidth=0
+        )
+        ax.plot(steps, [one.mean for one in found], color=colour, linewidth=2, label=words)
+    colours = (look.LIGHT_GREY, look.GREY, look.DARK_GREY, "black")
+    for name, colour in zip(LINES, colours, strict=True):
+        ax.axhline(lines[name], color=colour, linewidth=1.2, linestyle=style.VISIT_DASHES, label=name.replace("_", " "))
+    style.tidy(ax)
+    style.label(ax, x="decisions [thousand]", y="score of an episode [-]")
+    ax.set_xlim(0.0, max((runs.steps[-1] for runs in learned.values()), default=1.0) / 1e3)
+    ax.legend(fontsize=style.SMALL_PT, loc="lower right", framealpha=0.95)
+    style.save(figure, PICTURE)
+
+
+def numbers(learned: dict[str, Learned], lines: dict[str, float]) -> dict[str, object]:
+    """All that the picture shows."""
+    curves = {
+        name: {"steps": runs.steps.tolist(), "runs": len(runs.scores), "seconds": runs.seconds}
+        | {"interquartile_mean": [[round(x, 4) for x in one] for one in runs.aggregates]}
+        for name, runs in learned.items()
+    }
+    return {"scripted": {name: round(score, 4) for name, score in lines.items()}, "curves": curves}
+
+
+def page(learned: dict[str, Learned], lines: dict[str, float]) -> str:
+    """The page."""
+    rows = [row(name, runs, lines["greedy"]) for name, runs in learned.items()]
+    passed = [METHODS[name][0] for name, runs in learned.items() if np.isfinite(runs.passes(lines["greedy"]))]
+    verdict = (
+        f"*Greedy* is passed by: {'; '.join(passed)}." if passed else "None of them passes *greedy* within these steps."
+    )
+    others = [f"| {name.replace('_', ' ')} | - | - | {score:.3f} | - | - |" for name, score in lines.items()]
+    return TEXT.format(
+        table="\n".join([*rows, *others]),
+        verdict=verdict,
+        picture=PICTURE.name,
+        episodes=len(VALIDATION_SEEDS),
+        seeds=f"{VALIDATION_SEEDS[0]:,} to {VALIDATION_SEEDS[-1]:,}",
+    )
+
+
+def row(name: str, runs: Learned, greedy: float) -> str:
+    """One line of the table."""
+    last, passes = runs.aggregates[-1], runs.passes(greedy)
+    cells = [METHODS[name][0], str(len(runs.scores)), f"{runs.steps[-1] / 1e3:,.0f}"]
+    cells += [f"{last.mean:.3f} ({last.low:.3f} to {last.high:.3f})"]
+    cells += [f"{passes / 1e3:,.0f}" if np.isfinite(passes) else "not yet", f"{runs.seconds / 60:.0f}"]
+    return f"| {' | '.join(cells)} |"
+
+
+TEXT = """\
+# Learning SwarmObserve-v1
+
+Written by `python -m scripts.pages.learning_v1` from the curves in `scripts/pages/learning_curves_v1`, which the same command
+makes: it runs the programs of `examples/learning`. The numbers of the picture are in `docs/results/learning_v1.json`.
+
+![Learning curves](../images/{picture})
+
+| policy | runs | thousand decisions | score at the end | passes *greedy* after [thousand] | minutes of a run |
+|---|---|---|---|---|---|
+{table}
+
+{verdict}
+
+- **Score.** Mean over {episodes} episodes of the split `test` (flight seeds {seeds}), flown with the likeliest choices.
+  Training flies the split `train`, other places on the bodies. *Bound*: what no policy can pass, see
+  [leaderboard](leaderboard.md).
+- **Curves.** Interquartile mean of the runs, each of another seed, and its 95 % bootstrap interval, as rliable defines them
+  (`envs/aggregates.py`). Of five runs the middle three are averaged.
+- **PPO of stable-baselines3** is `PPO("MlpPolicy", ...)` with every setting as it comes, on the flat observation; it knows no
+  masks. **PPO in one file** is `examples/learning/ppo.py`, with `info["action_mask"]`. **MAPPO** flies every spacecraft by the
+  same network on what that one is shown, and its critic sees all.
+- **Minutes** are those of the longest run on a shared machine, tests not counted; they say little about another one.
+
+    python examples/learning/ppo.py --steps 1000000 --seed 1 --out runs/ppo-1
+    swarm-mj score runs/ppo-1/policy.npz greedy
+"""
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,52 @@
+"""Pages about learning, from curves that are made up."""
+
+import numpy as np
+import pytest
+from swarm_mj.envs.missions.baselines import Flown
+from swarm_mj.envs.missions.bound import Bound
+from swarm_mj.envs.missions.leaderboard import Score
+
+from scripts.pages import leaderboard, learning_v1
+
+
+@pytest.fixture
+def curves(tmp_path, monkeypatch):
+    """Five runs of one method, of which the third is far off and one goes on for longer."""
+    monkeypatch.setattr(learning_v1, "CURVES", tmp_path)
+    monkeypatch.setattr(learning_v1, "PICTURE", tmp_path / "curves.png")
+    for seed, offset in enumerate((0.0, 0.1, 9.0, -0.1, 0.0)):
+        rows = [f"{step},{step / 10},{step / 100 + offset},0,0,nan" for step in (0, 50, 100, 150)]
+        rows = rows if seed == 1 else rows[:3]
+        text = "\n".join(["steps,seconds,score,seen,delivered,sampled_score", *rows]) + "\n"
+        (tmp_path / f"ppo-{seed + 1}.csv").write_text(text)
+    return learning_v1.read("ppo")
+
+
+def test_a_curve_is_the_interquartile_mean_at_the_points_that_all_runs_have(curves):
+    assert curves.steps.tolist() == [0.0, 50.0, 100.0]
+    means = [one.mean for one in curves.aggregates]
+    # Of five the middle three, whatever the run that is far off.
+    assert means == pytest.approx([x + 0.1 / 3.0 for x in (0.0, 0.5, 1.0)])
+    assert (curves.passes(0.4), curves.passes(0.9), curves.passes(2.0)) == (50.0, 100.0, np.inf)
+
+
+def test_a_rule_counts_as_passed_from_where_it_stays_passed():
+    scores = np.array([[0.0, 1.0, 0.2, 1.0, 1.1]] * 5)
+    assert learning_v1.Learned(np.arange(5.0), scores, 1.0).passes(0.5) == 3.0
+
+
+def test_page_picture_and_numbers_tell_the_same(curves, tmp_path):
+    lines = {"random": 0.1, "sweep": 0.3, "greedy": 0.4, "greedy_ahead": 0.9, "bound": 3.0}
+    text = learning_v1.page({"ppo": curves}, lines)
+    assert "*Greedy* is passed by: PPO in one file, with masks." in text
+    assert learning_v1.numbers({"ppo": curves}, lines)["curves"]["ppo"]["interquartile_mean"][2][0] == 1.0333
+    learning_v1.draw({"ppo": curves}, lines)
+    assert (tmp_path / "curves.png").stat().st_size > 1000
+
+
+def test_the_leaderboard_compares_the_same_episodes():
+    bound = Bound(*np.full((3, 4), 2.0))
+    made = {"greedy": [1.0, 0.0, 1.0, 2.0], "random": [0.5, -0.5, 0.5, 1.5]}
+    scores = [Score(name, (1, 2, 3, 4), Flown(*np.array([x, x, x])), bound) for name, x in made.items()]
+    text = leaderboard.page(scores)
+    assert "| random | 0.250 +- " in text and "-0.500 +- 0.000" in text and "| *bound* | 1 | 2.000 |" in text
