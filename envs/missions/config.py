@@ -47,7 +47,7 @@ class MissionConfig:
     missions: Any = DEFAULT_COUNT
     split: str = "train"
     max_spacecraft: int = 3
-    patches: int = 9
+    patches: int = 16
     decision_s: float = 20.0
     observation: str = "flat"
     randomise: Mapping[str, Any] | None = None

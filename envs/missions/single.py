@@ -117,7 +117,7 @@ body in 60 s; share of the data that Earth hears in a decision; directions of Su
     | missions | 8 | names, how many spread over places and bodies, or "all" |
     | split | "train" | or "test" |
     | max_spacecraft | 3 | n |
-    | patches | 9 | K, a square number |
+    | patches | 16 | K, a square number |
     | decision_s | 20 | length of a step [s] |
     | observation | "flat" | or "entities" |
     | randomise | None | distributions by name |

@@ -55,7 +55,7 @@ def test_an_episode_is_a_function_of_its_seed_whatever_flies_beside_it(single):
     agents.reset(options={"flight_seed": told["flight_seed"]})
     rng = np.random.default_rng(0)
     for _ in range(12):
-        actions = rng.integers(0, 13, (5, 3))
+        actions = rng.integers(0, 20, (5, 3))
         rows, rewards, *_ = vector.step(actions)
         alone, reward, *_ = single.step(actions[2])
         _, rewards_by_agent, *_ = agents.step({a: actions[2][int(a[2:]) - 1] for a in agents.agents})
@@ -115,14 +115,14 @@ def test_what_fails_shows_in_the_observation_and_in_the_mask(single):
     off |= {"downlink_off": [0, 0, 1], "downlink_off_time": 0.1}
     single.reset(seed=1, options={"draw": off})
     for _ in range(4):
-        observation, *_, info = single.step(np.array([12, 12, 12]))
+        observation, *_, info = single.step(np.array([19, 19, 19]))
     table = single.episodes.layout.split(observation)["spacecraft"][0]
     assert table[:, :3].tolist() == [[0, 0, 0], [1, 0, 1], [1, 1, 0]]
     assert info["alive"] == [False, True, True]
     mask = info["action_mask"]
-    assert mask[0].tolist() == [0] * 10 + [1, 0, 0]
-    assert not mask[1, :9].any()
-    assert not mask[2, 9]
+    assert mask[0].tolist() == [0] * 17 + [1, 0, 0]
+    assert not mask[1, :16].any()
+    assert not mask[2, 16]
 
 
 def test_states_go_from_one_environment_to_another_and_copies_go_on(single):
@@ -131,7 +131,7 @@ def test_states_go_from_one_environment_to_another_and_copies_go_on(single):
     vector.reset(seed=3)
     single.reset(seed=8, options={"draw": {"spacecraft": 3, "loss": 0}})
     agents.reset(options={"flight_seed": 11, "draw": {"spacecraft": 2, "loss": 0}})
-    actions = np.random.default_rng(1).integers(0, 13, (16, 3))
+    actions = np.random.default_rng(1).integers(0, 20, (16, 3))
     for action in actions[:8]:
         single.step(action)
         agents.step({a: action[int(a[2:]) - 1] for a in agents.agents})
