@@ -10,26 +10,26 @@ from .registration import register_environments
 
 if TYPE_CHECKING:
     from .camera_observation import CameraObservation
-    from .downlink import SwarmDownlinkEnv
-    from .downlink_parallel import SwarmDownlinkParallelEnv
-    from .downlink_vector import SwarmDownlinkVectorEnv
+    from .downlink.parallel import SwarmDownlinkParallelEnv
+    from .downlink.single import SwarmDownlinkEnv
+    from .downlink.vector import SwarmDownlinkVectorEnv
     from .gpu.vector import SwarmObserveGpuVectorEnv
     from .multi_agent import SwarmObserveParallelEnv
     from .multi_agent_vector import SwarmObserveParallelVectorEnv
-    from .pointing_parallel import SwarmPointingParallelEnv
-    from .pointing_vector import SwarmPointingVectorEnv
+    from .pointing.parallel import SwarmPointingParallelEnv
+    from .pointing.single import SwarmPointingEnv
+    from .pointing.vector import SwarmPointingVectorEnv
     from .sb3 import SwarmObserveV1VecEnv, SwarmObserveVecEnv, SwarmPointingVecEnv
     from .swarm_map import SwarmMapEnv, SwarmMapVectorEnv
     from .swarm_observe import SwarmObserveEnv
-    from .swarm_pointing import SwarmPointingEnv
     from .vector import SwarmObserveVectorEnv
 
 #: Where each class is defined; those of agents (`*parallel`, `multi_agent*`) and `sb3` need the extra `rl`, `gpu.vector` `gpu`.
 _HOMES = {
     "CameraObservation": "camera_observation",
-    "SwarmDownlinkEnv": "downlink",
-    "SwarmDownlinkParallelEnv": "downlink_parallel",
-    "SwarmDownlinkVectorEnv": "downlink_vector",
+    "SwarmDownlinkEnv": "downlink.single",
+    "SwarmDownlinkParallelEnv": "downlink.parallel",
+    "SwarmDownlinkVectorEnv": "downlink.vector",
     "SwarmMapEnv": "swarm_map",
     "SwarmMapVectorEnv": "swarm_map",
     "SwarmObserveEnv": "swarm_observe",
@@ -39,10 +39,10 @@ _HOMES = {
     "SwarmObserveV1VecEnv": "sb3",
     "SwarmObserveVecEnv": "sb3",
     "SwarmObserveVectorEnv": "vector",
-    "SwarmPointingEnv": "swarm_pointing",
-    "SwarmPointingParallelEnv": "pointing_parallel",
+    "SwarmPointingEnv": "pointing.single",
+    "SwarmPointingParallelEnv": "pointing.parallel",
     "SwarmPointingVecEnv": "sb3",
-    "SwarmPointingVectorEnv": "pointing_vector",
+    "SwarmPointingVectorEnv": "pointing.vector",
 }
 
 __all__ = [

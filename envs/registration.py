@@ -13,12 +13,12 @@ import gymnasium
 ENVIRONMENTS = {
     "SwarmObserve-v0": ("swarm_mj.envs.swarm_observe:SwarmObserveEnv", "swarm_mj.envs.vector:SwarmObserveVectorEnv"),
     "SwarmDownlink-v0": (
-        "swarm_mj.envs.downlink:SwarmDownlinkEnv",
-        "swarm_mj.envs.downlink_vector:SwarmDownlinkVectorEnv",
+        "swarm_mj.envs.downlink.single:SwarmDownlinkEnv",
+        "swarm_mj.envs.downlink.vector:SwarmDownlinkVectorEnv",
     ),
     "SwarmPointing-v0": (
-        "swarm_mj.envs.swarm_pointing:SwarmPointingEnv",
-        "swarm_mj.envs.pointing_vector:SwarmPointingVectorEnv",
+        "swarm_mj.envs.pointing.single:SwarmPointingEnv",
+        "swarm_mj.envs.pointing.vector:SwarmPointingVectorEnv",
     ),
     "SwarmObserve-v1": (
         "swarm_mj.envs.missions.single:SwarmObserveV1Env",

@@ -15,7 +15,7 @@ from swarm_mj.errors import ScenarioError
 from swarm_mj.typing import Array32, Mask, Pixels
 
 from .missions.vector import SwarmObserveV1VectorEnv
-from .pointing_vector import SwarmPointingVectorEnv
+from .pointing.vector import SwarmPointingVectorEnv
 from .vector import SwarmObserveVectorEnv
 
 

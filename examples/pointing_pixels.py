@@ -17,8 +17,8 @@ import gymnasium as gym
 import numpy as np
 import torch
 from gymnasium.vector import AutoresetMode
-from swarm_mj.envs.pointing_policies import POLICIES, fly, fly_policy
-from swarm_mj.envs.pointing_task import make_pointing_task
+from swarm_mj.envs.pointing.policies import POLICIES, fly, fly_policy
+from swarm_mj.envs.pointing.task import make_pointing_task
 from torch import nn
 
 ENVS, ROLLOUT, EPOCHS, MINIBATCHES = 32, 128, 4, 8

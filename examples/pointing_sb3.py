@@ -12,8 +12,8 @@ import time
 from pathlib import Path
 
 from stable_baselines3 import PPO
-from swarm_mj.envs.pointing_policies import POLICIES, PointingOutcome, fly, fly_policy
-from swarm_mj.envs.pointing_task import make_pointing_task
+from swarm_mj.envs.pointing.policies import POLICIES, PointingOutcome, fly, fly_policy
+from swarm_mj.envs.pointing.task import make_pointing_task
 from swarm_mj.envs.sb3 import SwarmPointingVecEnv
 
 #: Spacecraft side by side, and how often the policy is looked at.

@@ -7,11 +7,11 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
-from swarm_mj.envs.downlink_baselines import fly_downlink, greedy, random_policy, recorded, round_robin, split
-from swarm_mj.envs.downlink_batch import DownlinkBatch
-from swarm_mj.envs.downlink_bound import value_bound
-from swarm_mj.envs.downlink_config import DownlinkConfig
-from swarm_mj.envs.downlink_world import PER_SLOT, DownlinkTask, Paths
+from swarm_mj.envs.downlink.baselines import fly_downlink, greedy, random_policy, recorded, round_robin, split
+from swarm_mj.envs.downlink.batch import DownlinkBatch
+from swarm_mj.envs.downlink.bound import value_bound
+from swarm_mj.envs.downlink.config import DownlinkConfig
+from swarm_mj.envs.downlink.world import PER_SLOT, DownlinkTask, Paths
 
 from swarm_mj.dataflow.ground import NETWORKS
 from swarm_mj.dataflow.link_budget import rates_bit_s
@@ -255,7 +255,7 @@ def test_the_vector_flies_the_same_episodes_as_single_ones_bit_for_bit(mode):
 
 def test_agents_that_decide_each_for_itself_fly_the_same_episode():
     zoo = pytest.importorskip("pettingzoo.test")
-    from swarm_mj.envs.downlink_parallel import swarm_downlink_v0
+    from swarm_mj.envs.downlink.parallel import swarm_downlink_v0
 
     many, one = swarm_downlink_v0.parallel_env(**TINY), gymnasium.make(ID, observation="dict", **TINY).unwrapped
     zoo.parallel_api_test(many, num_cycles=20)

@@ -7,8 +7,8 @@ import trimesh
 from scipy.spatial.transform import Rotation
 from swarm_mj.envs.camera_observation import CameraObservation
 from swarm_mj.envs.pixels import MOST_FACES
-from swarm_mj.envs.pointing_batch import PointingBatch
-from swarm_mj.envs.pointing_task import make_pointing_task
+from swarm_mj.envs.pointing.batch import PointingBatch
+from swarm_mj.envs.pointing.task import make_pointing_task
 from swarm_mj.envs.threads import LEAN
 
 from swarm_mj.errors import ScenarioError

@@ -10,11 +10,11 @@ from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
-from swarm_mj.envs.pointing_batch import PointingBatch
-from swarm_mj.envs.pointing_parallel import swarm_pointing_v0
-from swarm_mj.envs.pointing_policies import POLICIES, LawPolicy, fly, fly_policy
-from swarm_mj.envs.pointing_task import make_pointing_task
-from swarm_mj.envs.pointing_vector import SwarmPointingVectorEnv
+from swarm_mj.envs.pointing.batch import PointingBatch
+from swarm_mj.envs.pointing.parallel import swarm_pointing_v0
+from swarm_mj.envs.pointing.policies import POLICIES, LawPolicy, fly, fly_policy
+from swarm_mj.envs.pointing.task import make_pointing_task
+from swarm_mj.envs.pointing.vector import SwarmPointingVectorEnv
 
 from swarm_mj.errors import ScenarioError
 from swarm_mj.flight.fly import make_simulation

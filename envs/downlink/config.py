@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, TypeVar
 from swarm_mj.errors import ScenarioError
 from swarm_mj.scenarios.schema import Scenario, is_multiple
 
-from .arguments import checked_count, checked_overrides, checked_rate, is_number
+from ..arguments import checked_count, checked_overrides, checked_rate, is_number
 
 #: What `reset` and `step` may give as observation.
 OBSERVATIONS = ("flat", "dict")

@@ -1,6 +1,6 @@
 """SwarmDownlink-v0 for many agents: each spacecraft decides whom it talks to, through PettingZoo's ParallelEnv.
 
-from swarm_mj.envs.downlink_parallel import swarm_downlink_v0
+from swarm_mj.envs.downlink.parallel import swarm_downlink_v0
 env = swarm_downlink_v0.parallel_env()
 """
 
@@ -16,10 +16,10 @@ from gymnasium import spaces
 
 from swarm_mj.errors import ScenarioError
 
-from .actions import check_action
-from .arguments import checked_options, checked_prefix
-from .downlink import SwarmDownlinkEnv
-from .downlink_observations import dict_space
+from ..actions import check_action
+from ..arguments import checked_options, checked_prefix
+from .observations import dict_space
+from .single import SwarmDownlinkEnv
 
 try:
     from pettingzoo import ParallelEnv

@@ -11,8 +11,8 @@ from swarm_mj.errors import ScenarioError
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.scenarios.schema import Scenario
 
-from .arguments import checked_count, checked_overrides, checked_rate, is_number
-from .pixels import LIGHTS
+from ..arguments import checked_count, checked_overrides, checked_rate, is_number
+from ..pixels import LIGHTS
 
 #: What may have to be looked at, and how guidance knows it.
 REFERENCES = {

@@ -23,9 +23,9 @@ from scipy.sparse import coo_array
 from swarm_mj.errors import MissionError
 from swarm_mj.typing import Array, Ints
 
-from .downlink_batch import constants_of
-from .downlink_kernels import ONE_AT_A_TIME, TDMA
-from .downlink_world import Conditions, DownlinkTask
+from .batch import constants_of
+from .kernels import ONE_AT_A_TIME, TDMA
+from .world import Conditions, DownlinkTask
 
 
 def value_bound(task: DownlinkTask, drawn: Conditions, *, time_limit_s: float = 60.0) -> float:

@@ -14,16 +14,16 @@ from numpy.typing import NDArray
 
 from swarm_mj.typing import Array32, Mask, Pixels
 
-from .arguments import checked_count, checked_index, checked_options, checked_render_mode, flight_seeds
-from .autoreset import Infos, checked_mode, one_of
-from .pointing_batch import PointingBatch
-from .pointing_config import WEIGHTS
-from .pointing_task import PointingTask, make_pointing_task
-from .rewards import StepResult
-from .snapshots import FlightState, must_have_begun, restore_state
-from .swarm_pointing import ACTION_SPACE, NAME, checked_spacecraft, crossed
-from .threads import refuse_beyond_memory
-from .vector import SwarmObserveVectorEnv
+from ..arguments import checked_count, checked_index, checked_options, checked_render_mode, flight_seeds
+from ..autoreset import Infos, checked_mode, one_of
+from ..rewards import StepResult
+from ..snapshots import FlightState, must_have_begun, restore_state
+from ..threads import refuse_beyond_memory
+from ..vector import SwarmObserveVectorEnv
+from .batch import PointingBatch
+from .config import WEIGHTS
+from .single import ACTION_SPACE, NAME, checked_spacecraft, crossed
+from .task import PointingTask, make_pointing_task
 
 
 class PointingFlights:

@@ -9,13 +9,13 @@ from gymnasium.vector import AutoresetMode
 
 from swarm_mj.typing import Mask
 
-from .arguments import checked_count, checked_index
-from .autoreset import FlightsVectorEnv, Infos, checked_mode, one_of, put_infos
-from .downlink import NAME, choices_of, refuse_rendering
-from .downlink_batch import DOWNLINK_ENDS, DownlinkBatch
-from .downlink_config import DownlinkConfig, DownlinkWeights
-from .downlink_world import DownlinkTask
-from .snapshots import FlightState, RebuiltOnCopy, must_have_begun, restore_state, take_state
+from ..arguments import checked_count, checked_index
+from ..autoreset import FlightsVectorEnv, Infos, checked_mode, one_of, put_infos
+from ..snapshots import FlightState, RebuiltOnCopy, must_have_begun, restore_state, take_state
+from .batch import DOWNLINK_ENDS, DownlinkBatch
+from .config import DownlinkConfig, DownlinkWeights
+from .single import NAME, choices_of, refuse_rendering
+from .world import DownlinkTask
 
 
 class SwarmDownlinkVectorEnv(RebuiltOnCopy, FlightsVectorEnv):

@@ -23,8 +23,8 @@ from swarm_mj.smallbody.ephemeris import julian_date
 from swarm_mj.smallbody.occultation import occluder_of, segments_blocked
 from swarm_mj.typing import Array, Ints, Mask
 
-from .arguments import checked_scenario, refuse_extra_targets
-from .downlink_config import DownlinkConfig, Draw
+from ..arguments import checked_scenario, refuse_extra_targets
+from .config import DownlinkConfig, Draw
 
 #: Instants of a slot at which contacts and sunlight are looked at.
 PER_SLOT = 2

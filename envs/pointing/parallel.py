@@ -1,6 +1,6 @@
 """SwarmPointing-v0 for many agents: a swarm in which each spacecraft turns itself, through PettingZoo's ParallelEnv.
 
-from swarm_mj.envs.pointing_parallel import swarm_pointing_v0
+from swarm_mj.envs.pointing.parallel import swarm_pointing_v0
 env = swarm_pointing_v0.parallel_env()
 """
 
@@ -17,13 +17,13 @@ from gymnasium.utils import seeding
 
 from swarm_mj.errors import ScenarioError
 
-from .actions import check_action
-from .arguments import checked_options, checked_prefix, checked_render_mode, flight_seed
-from .autoreset import one_of
-from .pointing_batch import PointingBatch
-from .pointing_task import make_pointing_task
-from .snapshots import RebuiltOnCopy, must_have_begun
-from .swarm_pointing import ACTION_SPACE, crossed
+from ..actions import check_action
+from ..arguments import checked_options, checked_prefix, checked_render_mode, flight_seed
+from ..autoreset import one_of
+from ..snapshots import RebuiltOnCopy, must_have_begun
+from .batch import PointingBatch
+from .single import ACTION_SPACE, crossed
+from .task import make_pointing_task
 
 try:
     from pettingzoo import ParallelEnv

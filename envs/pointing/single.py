@@ -11,12 +11,12 @@ from gymnasium import spaces
 from swarm_mj.errors import ScenarioError
 from swarm_mj.typing import Array32, Pixels
 
-from .actions import check_action
-from .arguments import checked_options, checked_render_mode, flight_seed, is_whole
-from .autoreset import one_of
-from .pointing_batch import PointingBatch
-from .pointing_task import PointingTask, make_pointing_task
-from .snapshots import FlightState, RebuiltOnCopy, must_have_begun, restore_state, take_state
+from ..actions import check_action
+from ..arguments import checked_options, checked_render_mode, flight_seed, is_whole
+from ..autoreset import one_of
+from ..snapshots import FlightState, RebuiltOnCopy, must_have_begun, restore_state, take_state
+from .batch import PointingBatch
+from .task import PointingTask, make_pointing_task
 
 Observation = Array32 | dict[str, Any]
 
@@ -31,7 +31,7 @@ class SwarmPointingEnv(RebuiltOnCopy, gymnasium.Env[Observation, Any]):
     """One spacecraft of a swarm turns to what it is told to look at, and holds it, by the torques of its wheels' motors.
 
     `gymnasium.make("swarm_mj:SwarmPointing-v0")` makes it; `gymnasium.make_vec(...)` makes many, each a spacecraft in an
-    episode of its own; `swarm_mj.envs.pointing_parallel` has a whole swarm, an agent for each spacecraft. All fly the same
+    episode of its own; `swarm_mj.envs.pointing.parallel` has a whole swarm, an agent for each spacecraft. All fly the same
     numbers, bit for bit.
 
     An episode is a piece of a scenario's flyby: the spacecraft is where it would be then, falls as it would, and sees the

@@ -13,13 +13,13 @@ from gymnasium import spaces
 from swarm_mj.errors import ScenarioError
 from swarm_mj.scenarios.schema import Scenario
 
-from .actions import check_action
-from .arguments import flight_seed
-from .autoreset import one_of
-from .downlink_batch import DOWNLINK_ENDS, DownlinkBatch
-from .downlink_config import DownlinkConfig, DownlinkWeights
-from .downlink_world import DownlinkTask
-from .snapshots import FlightState, RebuiltOnCopy, must_have_begun, restore_state, take_state
+from ..actions import check_action
+from ..arguments import flight_seed
+from ..autoreset import one_of
+from ..snapshots import FlightState, RebuiltOnCopy, must_have_begun, restore_state, take_state
+from .batch import DOWNLINK_ENDS, DownlinkBatch
+from .config import DownlinkConfig, DownlinkWeights
+from .world import DownlinkTask
 
 #: As gymnasium knows it.
 NAME = "SwarmDownlink-v0"
@@ -69,7 +69,7 @@ class SwarmDownlinkEnv(RebuiltOnCopy, gymnasium.Env[Any, Any]):
     ## Observation space
 
     With `observation="dict"` these tables, with `"flat"` (default) all of them in a row, in this order, as float32. Numbers
-    are clipped at 10. K is the argument `products`; `swarm_mj.envs.downlink_baselines.split` gives a flat one by name.
+    are clipped at 10. K is the argument `products`; `swarm_mj.envs.downlink.baselines.split` gives a flat one by name.
 
     | table | shape | columns |
     |---|---|---|
@@ -142,9 +142,9 @@ slew_J 200, slew_s 120, restart 0.2 |
 
     ## Baselines
 
-    Value delivered on average over the 30 flight seeds 0 to 29, `swarm_mj.envs.downlink_baselines`: random 0.16, round robin
+    Value delivered on average over the 30 flight seeds 0 to 29, `swarm_mj.envs.downlink.baselines`: random 0.16, round robin
     0.52, greedy 0.80. What greedy chose in one episode, flown again as a list in the others: 0.15 to 0.28. `value_bound` of
-    `swarm_mj.envs.downlink_bound` proves, for few slots and products, what no policy can exceed.
+    `swarm_mj.envs.downlink.bound` proves, for few slots and products, what no policy can exceed.
 
     ## What is left out
 

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from swarm_mj.typing import Array, Array32, Ints
 
-from .downlink_batch import DownlinkBatch
-from .downlink_kernels import EARTH, IDLE, SWARM
-from .downlink_observations import PRODUCT, no_tables
-from .downlink_world import DownlinkTask
+from .batch import DownlinkBatch
+from .kernels import EARTH, IDLE, SWARM
+from .observations import PRODUCT, no_tables
+from .world import DownlinkTask
 
 #: The observation of one episode by tables.
 Tables = Mapping[str, NDArray[Any]]

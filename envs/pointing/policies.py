@@ -15,9 +15,9 @@ from swarm_mj.spacecraft.control.feedback import MrpFeedback
 from swarm_mj.spacecraft.control.sliding_mode import MrpSlidingMode
 from swarm_mj.typing import Array, Array32
 
-from .pointing_batch import PointingBatch
-from .pointing_task import PointingTask
-from .pointing_view import RATE, REFERENCE_RATE
+from .batch import PointingBatch
+from .task import PointingTask
+from .view import RATE, REFERENCE_RATE
 
 PointingPolicy = Callable[[PointingTask, Array32], Array]
 

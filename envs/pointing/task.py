@@ -25,11 +25,11 @@ from swarm_mj.spacecraft.attitude.mrp import mrp_from_quaternion
 from swarm_mj.spacecraft.model import build_model
 from swarm_mj.typing import Array, Ints
 
-from .arguments import checked_scenario
-from .pixels import IMAGE_SPACE, BodyPictures
-from .pointing_config import PointingConfig, PointingScales
-from .pointing_view import PointingConstants, PointingLayout
-from .threads import LEAN
+from ..arguments import checked_scenario
+from ..pixels import IMAGE_SPACE, BodyPictures
+from ..threads import LEAN
+from .config import PointingConfig, PointingScales
+from .view import PointingConstants, PointingLayout
 
 #: Instants of the flyby at which an episode may begin are so far apart [s].
 GRID_S = 10.0

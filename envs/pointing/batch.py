@@ -13,11 +13,11 @@ from swarm_mj.simulator.slots import Slot
 from swarm_mj.spacecraft.attitude.guidance import pointing_error
 from swarm_mj.typing import Array, Ints, Mask
 
-from .actions import body_torques
-from .pixels import IMAGE_SPACE, Poses
-from .pointing_config import WEIGHTS
-from .pointing_task import PointingTask
-from .pointing_view import assess, no_state, write_views
+from ..actions import body_torques
+from ..pixels import IMAGE_SPACE, Poses
+from .config import WEIGHTS
+from .task import PointingTask
+from .view import assess, no_state, write_views
 
 
 class PointingBatch:

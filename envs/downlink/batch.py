@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from swarm_mj.dataflow.network import Access
 from swarm_mj.typing import Array, Array32, Ints, Mask
 
-from .downlink_kernels import (
+from .kernels import (
     LAPSED,
     NEW,
     DownlinkConstants,
@@ -21,8 +21,8 @@ from .downlink_kernels import (
     no_state,
     write_masks,
 )
-from .downlink_observations import dict_space, flat, flat_space, no_tables, scales_of, write_tables
-from .downlink_world import Conditions, DownlinkTask
+from .observations import dict_space, flat, flat_space, no_tables, scales_of, write_tables
+from .world import Conditions, DownlinkTask
 
 #: How an episode can end by itself; 0 goes on.
 DOWNLINK_ENDS = ("", "complete", "lost")

@@ -9,8 +9,8 @@ from gymnasium import spaces
 
 from swarm_mj.typing import Array, Array32, Mask, kernel
 
-from .downlink_kernels import OPEN, DownlinkState
-from .downlink_world import Conditions, DownlinkTask
+from .kernels import OPEN, DownlinkState
+from .world import Conditions, DownlinkTask
 
 #: Numbers of a spacecraft before those of its links, of a product before those of who holds it, and of the swarm.
 OWN, PRODUCT, SWARM_NUMBERS = 8, 5, 5

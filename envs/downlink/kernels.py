@@ -12,7 +12,7 @@ import numpy as np
 
 from swarm_mj.typing import Array, Ints, Mask, jittable, kernel
 
-from .downlink_world import Conditions
+from .world import Conditions
 
 #: Choices of a spacecraft; from `SWARM` on they are the spacecraft to send to.
 IDLE, EARTH, SWARM = 0, 1, 2

@@ -1,0 +1,1 @@
+"""SwarmDownlink-v0: who talks to whom after the encounter."""

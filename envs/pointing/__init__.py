@@ -1,0 +1,1 @@
+"""SwarmPointing-v0: attitude control by motor torques."""
