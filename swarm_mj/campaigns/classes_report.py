@@ -58,7 +58,7 @@ def _interval(estimate: Estimate) -> str:
 
 def compose_chance(results: pa.Table) -> Figure:
     """Mean seen and delivered area over the chance with which each spacecraft is lost."""
-    figure = new_figure(4.4, "What losses leave, by class", width_in=11.0)
+    figure = new_figure(4.9, "What losses leave, by class", width_in=11.0)
     edges = np.linspace(0.0, MOST_LOST, PARTS + 1)
     rows = [row for row in results.to_pylist() if row["status"] == "ok"]
     for ax, key, what in zip(
@@ -74,18 +74,19 @@ def compose_chance(results: pa.Table) -> Figure:
             part = np.clip(np.digitize(chance, edges) - 1, 0, PARTS - 1)
             x = [100.0 * chance[part == p].mean() for p in range(PARTS) if (part == p).any()]
             y = [value[part == p].mean() for p in range(PARTS) if (part == p).any()]
-            colour, dashes = COLOURS[k % len(COLOURS)], DASHES[k // len(COLOURS) % len(DASHES)]
+            colour, dashes = COLOURS[k % len(COLOURS)], DASHES[k % len(DASHES)]
             ax.plot(x, y, marker="o", markersize=4, linewidth=1.6, color=colour, linestyle=dashes, label=name)
         ax.set_ylim(0.0, 101.0)
         tidy(ax)
         label(ax, "chance of loss of each spacecraft [%]", f"{what} share of the target, mean [%]")
-    figure.axes[1].legend(fontsize=TICK_PT, frameon=False)
+    handles, names = figure.axes[0].get_legend_handles_labels()
+    figure.legend(handles, names, loc="outside lower center", ncols=4, fontsize=TICK_PT, frameon=False)
     return figure
 
 
 def compose_by_lost(found: Sequence[ClassResult]) -> Figure:
     """Delivered area by number of lost spacecraft, with intervals."""
-    figure = new_figure(4.2, "Delivered area by number of lost spacecraft")
+    figure = new_figure(4.8, "Delivered area by number of lost spacecraft")
     ax = figure.add_subplot()
     for k, one in enumerate(found):
         x = np.array(sorted(one.by_lost))
@@ -98,7 +99,8 @@ def compose_by_lost(found: Sequence[ClassResult]) -> Figure:
             x + apart,
             y,
             yerr=around,
-            fmt="o-",
+            marker="o",
+            linestyle=DASHES[k % len(DASHES)],
             capsize=2,
             markersize=4,
             color=COLOURS[k % len(COLOURS)],
@@ -107,7 +109,8 @@ def compose_by_lost(found: Sequence[ClassResult]) -> Figure:
     ax.set_ylim(0.0, 101.0)
     tidy(ax)
     label(ax, "lost spacecraft [-]", "delivered share of the target, mean [%]")
-    ax.legend(fontsize=TICK_PT, frameon=False, title="class")
+    handles, names = ax.get_legend_handles_labels()
+    figure.legend(handles, names, loc="outside lower center", ncols=4, fontsize=TICK_PT, frameon=False, title="class")
     return figure
 
 
