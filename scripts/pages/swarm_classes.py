@@ -7,6 +7,7 @@ spacecraft that are left after a loss could show at most. An interrupted call go
 from __future__ import annotations
 
 import argparse
+import os
 import time
 from pathlib import Path
 
@@ -43,7 +44,7 @@ HEAD = """# Swarm classes: what coordination buys
 Written by `python -m scripts.pages.swarm_classes`, which runs what `swarm-mj classes {scenario}` does: {runs} dispersed
 encounters of `{scenario}`, each flown by every [class](../theory/coordination.md) with the same seed and the same losses. In
 each encounter every spacecraft is lost with one chance between 0 and 40 %, at a random time before the visit. All fly with
-`physics.wheels: gyrostat` and `physics.stepper: kernel`, the same motion in less time. {seconds}
+`physics.wheels: gyrostat` and `physics.stepper: kernel`, the same motion in less time. {took}
 
 {table}
 Brackets: 95 % intervals. *Delivered*: on Earth within two days after the flight, by what the swarm can run alone. In every
@@ -125,25 +126,31 @@ def main() -> None:
     bounds = {"as designed": loss_bounds(load_scenario(SCENARIO))}
     placed = load_scenario(SCENARIO, [f"design.visiting_points={list(compared.places)}"])
     bounds["placed"] = loss_bounds(placed)
-    seconds = time.perf_counter() - begun if fresh else None
     write_film()
-    write_page(compared, bounds, arguments.out, arguments.runs, seconds)
+    write_page(compared, bounds, arguments.out, arguments.runs, _took(time.perf_counter() - begun) if fresh else "")
     print(f"{PAGE} written")
 
 
+def _took(seconds: float) -> str:
+    """How long it was until now, and how long the processes of this program worked in it."""
+    spent = os.times()
+    worked = spent.user + spent.system + spent.children_user + spent.children_system
+    return (
+        f"Page, film and all took {seconds / 60:.0f} min, in which the processors worked {worked / 60:.1f} min for it."
+    )
+
+
 def write_page(
-    compared: ComparedClasses, bounds: dict[str, list[LossBound]], folder: Path, runs: int, seconds: float | None
+    compared: ComparedClasses, bounds: dict[str, list[LossBound]], folder: Path, runs: int, took: str
 ) -> None:
     """Write page and figures."""
     results = read_results(folder)
     save(compose_chance(results), IMAGES / PICTURES[0])
     save(compose_by_lost(compared.classes), IMAGES / PICTURES[1])
-    spent = float(compared.table["wall_s"].sum())
-    took = f"The whole page took {seconds / 60:.0f} min." if seconds is not None else ""
     text = HEAD.format(
         scenario=SCENARIO,
         runs=runs,
-        seconds=f"All {len(compared.table)} flights took {spent / 60:.0f} min of one core. {took}".strip(),
+        took=f"These are {len(compared.table)} flights. {took}".strip(),
         table=table_of_classes(compared.classes),
         places=", ".join(map(str, compared.places)),
         chance=PICTURES[0],
