@@ -114,8 +114,8 @@ TEXT = """\
 # Leaderboard
 
 Written by `python -m scripts.pages.leaderboard`. Every policy flies the same {count} episodes of `SwarmObserve-v1`: split
-`test`, all missions, flight seeds {seeds}, everything else as it comes. They stay as they are. Scores of every episode are in
-`docs/results/leaderboard.json`. Brackets and +-: 95 % intervals.
+`test`, all missions, flight seeds {seeds}, everything else as it comes. They stay as they are. Scores of every episode
+are in `docs/results/leaderboard.json`. +-: 95 % intervals.
 
 {table}
 
