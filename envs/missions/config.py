@@ -21,6 +21,12 @@ from .pool import MissionPool
 
 #: Most spacecraft that an episode may have: more find no visiting points of their own.
 MOST_SPACECRAFT = 12
+#: Of a scenario's `dispersions` those that act in flight; the others are what `randomise` draws.
+DISPERSIONS = (
+    *("mass_percent", "inertia_percent", "wheel_coulomb_n_m", "wheel_viscous_n_m_s", "gravity_percent"),
+    *("harmonics_percent", "gyro_angular_random_walk_deg_sqrt_h", "gyro_bias_deg_h"),
+    *("gyro_rate_random_walk_deg_h_sqrt_h", "star_tracker_noise_arcsec", "star_tracker_bias_arcsec", "delay_s"),
+)
 OBSERVATIONS = ("flat", "entities")
 
 
@@ -36,6 +42,7 @@ class MissionConfig:
         decision_s: Length of a step [s].
         observation: `flat` or `entities`.
         randomise: Replaces distributions by name.
+        dispersions: What differs from flight to flight within the spacecraft, see `DISPERSIONS`.
         reward_weights: Replaces weights of reward terms by name.
         complete: Seen share of what is lit that counts as complete [%].
         horizon_terminates: Whether the duration ends a flight as terminated.
@@ -51,6 +58,7 @@ class MissionConfig:
     decision_s: float = 20.0
     observation: str = "flat"
     randomise: Mapping[str, Any] | None = None
+    dispersions: Mapping[str, float] | None = None
     reward_weights: Mapping[str, float] | None = None
     complete: float = 99.9
     horizon_terminates: bool = False
@@ -63,6 +71,7 @@ class MissionConfig:
         checked_scales(self.reward_weights)
         checked_share(self.complete)
         checked_truth("horizon_terminates", self.horizon_terminates)
+        _check_dispersions(self.dispersions)
         if self.observation not in OBSERVATIONS:
             raise ScenarioError(f"observation = {self.observation!r}: must be one of {', '.join(OBSERVATIONS)}")
         step = self.decision_s
@@ -81,7 +90,13 @@ class MissionConfig:
     def fingerprint(self) -> str:
         """Digest of all that must agree where the state of a flight is taken up."""
         names = [spec.name for spec in chosen_missions(self.missions, self.split)]
-        rest = [self.max_spacecraft, self.patches, float(self.decision_s), list(map(repr, self.weights))]
+        rest = [
+            sorted((self.dispersions or {}).items()),
+            self.max_spacecraft,
+            self.patches,
+            float(self.decision_s),
+            list(map(repr, self.weights)),
+        ]
         text = json.dumps([__version__, names, rest, repr(self.complete), bool(self.horizon_terminates)])
         return hashlib.sha256(text.encode()).hexdigest()
 
@@ -92,7 +107,17 @@ class MissionConfig:
             spacecraft=self.max_spacecraft,
             patches=self.patches,
             step_s=float(self.decision_s),
+            dispersions=dict(self.dispersions or {}),
             reward_weights=self.reward_weights,
             complete=self.complete,
             horizon_terminates=self.horizon_terminates,
         )
+
+
+def _check_dispersions(given: Any) -> None:
+    """Refuse what does not act in flight; values are checked with the scenario."""
+    if given is not None and not isinstance(given, Mapping):
+        raise ScenarioError(f"dispersions = {given!r}: must be a mapping; there are {', '.join(DISPERSIONS)}")
+    for name in given or {}:
+        if name not in DISPERSIONS:
+            raise ScenarioError(f"dispersions: {name!r} is not drawn here; there are {', '.join(DISPERSIONS)}")

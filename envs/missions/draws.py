@@ -57,6 +57,7 @@ class EpisodeDraw(NamedTuple):
     """What an episode of up to n spacecraft is.
 
     Attributes:
+        seed: Of the flight, for what its `dispersions` draw.
         mission: Number of the mission in the pool.
         spacecraft: How many fly.
         speed: Over that of the mission.
@@ -71,6 +72,7 @@ class EpisodeDraw(NamedTuple):
             never, shape (n, 3).
     """
 
+    seed: int
     mission: int
     spacecraft: int
     speed: float
@@ -132,7 +134,7 @@ class Randomisation:
                 law = self._fixed(name, given[name], "reset option draw")
             drawn = law if isinstance(law, np.ndarray) else self._drawn(name, law, points)
             values[name] = np.clip(drawn, low, high).reshape((n, 3) if size == 3 else (n,) if size else ())
-        return _episode(values)
+        return _episode(seed, values)
 
     def _drawn(self, name: str, law: Any, points: Array) -> Array:
         # By default whatever the pool and the swarm hold, equally likely.
@@ -210,11 +212,12 @@ def _numeric(value: Any) -> bool:
     return is_number(value) or isinstance(value, (bool, np.bool_))
 
 
-def _episode(values: Mapping[str, Array]) -> EpisodeDraw:
+def _episode(seed: int, values: Mapping[str, Array]) -> EpisodeDraw:
     fails = [
         np.where(values[name] > 0.5, values[f"{name}_time"], np.inf) for name in ("loss", "camera_off", "downlink_off")
     ]
     return EpisodeDraw(
+        seed=seed,
         mission=int(values["mission"]),
         spacecraft=int(values["spacecraft"]),
         speed=float(values["speed"]),

@@ -54,7 +54,12 @@ class MissionFlights(EpisodeBatch):
         wheels = np.zeros((plan.n, plan.properties.n_wheels))
         self.flights.blind[e] = self.flights.lost[e] = False
         start = InitialState(
-            r_BN_N=place, v_BN_N=velocity, sigma_BN=draw.sigma_BN, omega_BN_B=draw.omega_BN_B, wheel_speed=wheels
+            r_BN_N=place,
+            v_BN_N=velocity,
+            sigma_BN=draw.sigma_BN,
+            omega_BN_B=draw.omega_BN_B,
+            wheel_speed=wheels,
+            seed=draw.seed,
         )
         self.begin(e, start)
         sheet = self.sheet

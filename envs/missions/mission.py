@@ -113,7 +113,15 @@ class Mission:
         return np.asarray(self.task.observer.visible_fraction(SUN_RADII * radius * sun_A, C_CA) >= LIT_SHARE)
 
 
-def make_mission(spec: MissionSpec, *, spacecraft: int, patches: int, step_s: float, **arguments: Any) -> Mission:
+def make_mission(
+    spec: MissionSpec,
+    *,
+    spacecraft: int,
+    patches: int,
+    step_s: float,
+    dispersions: dict[str, float] | None = None,
+    **arguments: Any,
+) -> Mission:
     """Work a mission out; horizon maps and ways are taken from the cache where they are there.
 
     Args:
@@ -121,10 +129,11 @@ def make_mission(spec: MissionSpec, *, spacecraft: int, patches: int, step_s: fl
         spacecraft: Most that fly.
         patches: Of the target, a square number.
         step_s: Length of a decision [s].
+        dispersions: Of the scenario, what differs from flight to flight.
         arguments: Others of `EnvConfig`.
     """
     data, altitude, half_width = _scenario(spec, spacecraft, patches)
-    scenario = load_scenario(data)
+    scenario = load_scenario(data | {"dispersions": dispersions or {}})
     pixel = 2.0 * tan(radians(scenario.camera.half_angle_deg)) / scenario.camera.resolution_px * altitude
     task = Task(
         EnvConfig(

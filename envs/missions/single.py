@@ -121,6 +121,8 @@ body in 60 s; share of the data that Earth hears in a decision; directions of Su
     | decision_s | 20 | length of a step [s] |
     | observation | "flat" | or "entities" |
     | randomise | None | distributions by name |
+    | dispersions | None | masses, wheels, gravity and sensors that differ from flight to flight, keys of a scenario's \
+`dispersions` such as `mass_percent`, `wheel_coulomb_n_m`, `star_tracker_noise_arcsec`; a third slower |
     | reward_weights | None | replaces weights by name |
     | complete | 99.9 | seen share of what is lit that counts as complete [%] |
     | horizon_terminates | False | whether the duration ends a flight as terminated |

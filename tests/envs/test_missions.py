@@ -90,6 +90,7 @@ def test_places_of_test_are_never_part_of_those_of_training():
         ("missions", 99, "missions = 99: must be from 1 to 40"),
         ("decision_s", 21, "decision_s = 21"),
         ("patches", 5, "patches = 5"),
+        ("dispersions", {"target_m": 3.0}, "'target_m' is not drawn here"),
     ],
 )
 def test_what_is_not_allowed_is_refused_by_name(where, given, told):
@@ -186,3 +187,19 @@ def test_what_is_possible_bounds_what_is_seen(episodes):
     flown = fly(episodes, greedy, range(25))
     assert flown.seen.max() <= 1.0 + 1e-9
     assert 0.4 < flown.seen.mean() < 0.9
+
+
+def test_masses_differ_from_flight_to_flight_and_are_those_of_the_seed():
+    wrong = {"mass_percent": 5.0, "wheel_coulomb_n_m": 2e-5, "star_tracker_noise_arcsec": 20.0}
+    dispersed, plain = (Episodes(MissionConfig(missions=POOL[:1], dispersions=d), 3) for d in (wrong, None))
+    rates = []
+    for flown in (dispersed, plain):
+        flown.reset({0: 5, 1: 5, 2: 6}, {"spacecraft": 3, "loss": 0, "attitude_mrp": 0.3, "rate_rad_s": 0.01})
+        assert not flown.locate(0)[0].why_python
+        for _ in range(2):
+            flown.step(np.zeros((3, 3), np.int64), np.ones(3, np.bool_))
+        rates.append(flown.tables.spacecraft[:, :, 20].copy())
+        flown.close()
+    assert np.array_equal(rates[0][0], rates[0][1])
+    assert not np.array_equal(rates[0][0], rates[0][2])
+    assert not np.array_equal(rates[0][0], rates[1][0])
