@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 from pettingzoo.test import parallel_api_test
-from swarm_mj.envs.missions.baselines import fly, greedy, sweep
+from swarm_mj.envs.missions.baselines import climbed, fly, greedy, open_loop, sweep
 from swarm_mj.envs.missions.catalogue import CATALOGUE, mission_names
 from swarm_mj.envs.missions.config import MissionConfig
 from swarm_mj.envs.missions.draws import NAMES
@@ -69,7 +69,16 @@ def test_an_episode_is_a_function_of_its_seed_whatever_flies_beside_it(single):
 
 def test_feedback_beats_a_list_of_choices_by_three_tenths(episodes):
     seeds = range(5000, 5050)
-    assert fly(episodes, greedy, seeds).score.mean() - fly(episodes, sweep, seeds).score.mean() > 0.3
+    feedback = fly(episodes, greedy, seeds).score.mean()
+    assert feedback - fly(episodes, open_loop(), seeds).score.mean() > 0.3
+    assert feedback - fly(episodes, sweep, seeds).score.mean() > 0.3
+
+
+def test_a_list_that_hill_climbing_finds_is_better_where_it_was_sought(episodes):
+    start = np.zeros((30, 3), np.int64)
+    found, score = climbed(episodes, start, range(8), 3)
+    assert score > fly(episodes, open_loop(start), range(8)).score.mean()
+    assert fly(episodes, open_loop(found), range(8)).score.mean() == score
 
 
 def test_places_of_test_are_never_part_of_those_of_training():
