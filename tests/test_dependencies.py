@@ -11,8 +11,8 @@ ROOT = Path(__file__).parents[1]
 DISTRIBUTION = {"yaml": "pyyaml", "mpl_toolkits": "matplotlib", "PIL": "pillow", "erfa": "pyerfa"}
 #: Imported where present, with something else in their place where not.
 OPTIONAL = {"polyhedral_gravity", "astropy", "shapely", "glfw"}
-#: Imported by what an extra brings: training, multi-agent, the window, campaigns on clusters, SPICE kernels.
-EXTRAS = {"stable_baselines3", "torch", "pettingzoo", "pygame", "distributed", "pyarrow", "spiceypy"}
+#: Imported by what an extra brings: training, multi-agent, the window, campaigns on clusters, SPICE kernels, ONNX.
+EXTRAS = {"stable_baselines3", "torch", "pettingzoo", "pygame", "distributed", "pyarrow", "spiceypy", "onnxruntime"}
 
 
 def test_every_imported_package_is_a_declared_dependency():

@@ -50,6 +50,8 @@ PURPOSE = {
     "pygame": "the window of the environment",
     "plotly": "figures of the report page",
     "stable-baselines3": "training of the baselines",
+    "onnxruntime": "scores of policies in ONNX files",
+    "numba-cuda": "flights on a GPU",
     "tensorboard": "curves of the training",
     "distributed": "campaigns on a Dask cluster",
     "pyarrow": "tables of campaigns (Parquet)",

@@ -24,6 +24,7 @@ def test_gymnasiums_checker_has_no_complaint_about_rendering(control, mode, monk
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     with warnings.catch_warnings():
         warnings.simplefilter("error")
+        warnings.filterwarnings("ignore", message=".*out of date", category=DeprecationWarning)  # there is a v1
         env = gymnasium.make(ID, control=control, render_mode=mode)
         check_env(env.unwrapped)
         env.close()
@@ -57,6 +58,7 @@ def test_a_window_shows_the_picture_and_gymnasiums_checker_accepts_it(monkeypatc
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     with warnings.catch_warnings():
         warnings.simplefilter("error")
+        warnings.filterwarnings("ignore", message=".*out of date", category=DeprecationWarning)  # there is a v1
         env = gymnasium.make(ID, render_mode="human", width=320, height=200)
         env.reset(seed=0)
         shown = pygame.surfarray.array3d(pygame.display.get_surface())

@@ -50,6 +50,7 @@ def episode(env, seed, steps=None):
 def test_gymnasiums_checker_has_no_complaint(control):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
+        warnings.filterwarnings("ignore", message=".*out of date", category=DeprecationWarning)  # there is a v1
         env = make(control)
         check_env(env.unwrapped, skip_render_check=True)
         env.close()

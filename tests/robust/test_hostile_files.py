@@ -24,6 +24,8 @@ BETWEEN_OWN_PROCESSES = {
     "swarm_mj/results/drawing.py",
     "swarm_mj/results/figures/serve.py",
 }
+#: Modules that run a text which they wrote themselves, from nothing that was read.
+RUN_THEIR_OWN_TEXT = {"envs/gpu/code.py"}
 DANGEROUS_CALLS = {
     "eval",
     "exec",
@@ -67,6 +69,8 @@ def test_no_module_reads_files_with_what_could_run_them(path):
         name, keywords = name_of(call.func), {keyword.arg: ast.unparse(keyword.value) for keyword in call.keywords}
         if name == "yaml.load":
             assert keywords.get("Loader") == "_Loader"  # a SafeLoader, see the test below
+            continue
+        if name == "exec" and str(path.relative_to(ROOT)) in RUN_THEIR_OWN_TEXT:
             continue
         assert name not in DANGEROUS_CALLS, f"line {call.lineno}"
         if name.endswith(("np.load", "numpy.load", "read_array")):
