@@ -60,6 +60,15 @@ def checked_count(name: str, value: Any, otherwise: str = "") -> int:
     return int(value)
 
 
+def checked_episodes(value: Any, most: int) -> int:
+    """How many test episodes are flown: at least two, for an interval; None: all."""
+    if value is None:
+        return most
+    if not is_whole(value) or not 2 <= value <= most:
+        raise ScenarioError(f"episodes = {value!r}: must be from 2 to {most}")
+    return int(value)
+
+
 def checked_index(e: Any, count: int) -> int:
     """The number of a flight."""
     if not is_whole(e) or not 0 <= e < count:

@@ -8,13 +8,15 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import fields
+from pathlib import Path
 from typing import Any
 
 from pydantic import PositiveInt
 
 from swarm_mj import __version__
 from swarm_mj.errors import ScenarioError
-from swarm_mj.io.records import Record
+from swarm_mj.io.arrays import Declared, arrays_in
+from swarm_mj.io.records import Record, reading, record_from
 from swarm_mj.scenarios.schema import Scenario
 
 from .config import EnvConfig
@@ -64,6 +66,27 @@ def check_provenance(about: Mapping[str, Any], environment: str, layout: int) ->
         raise ScenarioError(
             f"policy: trained for layout = {about['layout']} of the observation (swarm_mj {written}), but it is {layout} here "
             f"(swarm_mj {__version__}); train it anew"
+        )
+
+
+class _Named(Provenance):
+    """What tells the environment of any `.npz`: those of format 1 knew one only."""
+
+    format: int
+
+
+def refuse_other_environment(file: str | Path, environment: str) -> None:
+    """Refuse an `.npz` of a policy for another environment, before its arrays are looked at.
+
+    Raises:
+        ScenarioError: The message names the environment that the file is for; or the file is none of a policy.
+    """
+    with reading(f"policy {file}", "give a policy that a program of this package wrote", ScenarioError):
+        about = record_from(str(arrays_in(Path(file), {"about": Declared("U")})["about"]), _Named)
+    told = about.get("environment") or ("SwarmObserve-v0" if about["format"] == 1 else environment)
+    if told != environment:
+        raise ScenarioError(
+            f"policy {file}: trained for environment = {told!r}, but it is {environment!r} here; swarm-mj score --env {told}"
         )
 
 

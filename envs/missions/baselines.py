@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from swarm_mj.errors import ScenarioError
 from swarm_mj.typing import Array, Ints
 
 from .episodes import Episodes
@@ -70,6 +71,10 @@ def open_loop(actions: NDArray[Any] | None = None) -> Policy:
     listed = listed.astype(np.int64)
 
     def choose(observed: Observed) -> Ints:
+        if observed["pairs"].shape[1] != listed.shape[1]:
+            raise ScenarioError(
+                f"open loop: lists choices of {listed.shape[1]} spacecraft, not of {observed['pairs'].shape[1]}"
+            )
         left = observed["general"][:, _GENERAL["time_left"]].astype(np.float64)
         step = np.rint((1.0 - left) * len(listed)).astype(np.int64)
         return np.asarray(listed[np.minimum(step, len(listed) - 1)])

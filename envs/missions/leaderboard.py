@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -13,9 +13,10 @@ from swarm_mj import __version__
 from swarm_mj.errors import ScenarioError
 from swarm_mj.typing import Array
 
+from ..arguments import checked_episodes
 from ..evaluation import Interval, interval
 from ..threads import default_threads
-from .baselines import BASELINES, Flown, Observed, Policy, fly, random_choices
+from .baselines import BASELINES, Flown, Observed, Policy, fly, open_loop, random_choices
 from .bound import Bound, bounds
 from .config import MissionConfig
 from .episodes import Episodes
@@ -45,10 +46,18 @@ class Score:
         bound: What no policy can pass.
     """
 
+    headings: ClassVar[tuple[str, ...]] = ("share of bound", "score", "seen", "delivered", "bound")
+    environment: ClassVar[str] = NAME
     policy: str
     seeds: tuple[int, ...]
     flown: Flown
     bound: Bound
+
+    @property
+    def cells(self) -> list[str]:
+        """Under `headings`."""
+        means = [float(values.mean()) for values in (*self.flown, self.bound.score)]
+        return [f"{self.share.mean:.3f} +- {self.share.half_width:.3f}", *(f"{mean:.3f}" for mean in means)]
 
     @property
     def share(self) -> Interval:
@@ -81,7 +90,7 @@ def share_of(score: Array, bound: Array) -> Interval:
 
 def named_policies() -> dict[str, Policy]:
     """Scripted policies by the names of a command line."""
-    found = {"random": random_choices(), **BASELINES}
+    found = {"random": random_choices(), "open loop": open_loop(), **BASELINES}
     return {name.replace(" ", "_"): policy for name, policy in found.items()}
 
 
@@ -116,6 +125,11 @@ class Test:
         self.config = MissionConfig(**TEST | arguments)
         self.episodes = Episodes(self.config, min(WIDTH, len(self.seeds)), default_threads())
         self._bound: Bound | None = None
+
+    @classmethod
+    def of(cls, episodes: int | None = None) -> Test:
+        """Of the leaderboard's episodes only the first so many, at least 2; None: all."""
+        return cls(TEST_SEEDS[: checked_episodes(episodes, len(TEST_SEEDS))])
 
     def __enter__(self) -> Test:
         """Itself."""

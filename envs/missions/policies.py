@@ -26,7 +26,7 @@ from swarm_mj.io.records import reading, record_from
 from swarm_mj.typing import Array32, Ints
 
 from ..policy_network import NetworkPolicy, load_network, masked_argmax
-from ..provenance import Provenance, check_provenance, provenance_of
+from ..provenance import Provenance, check_provenance, provenance_of, refuse_other_environment
 from .baselines import Observed, Policy
 from .config import MissionConfig
 from .layout import FLAT_PATCHES, FlatLayout
@@ -117,6 +117,7 @@ def network_policy(network: NetworkPolicy) -> Policy:
 
 
 def _network(path: Path, config: MissionConfig) -> Policy:
+    refuse_other_environment(path, NAME)
     network = load_network(path)
     check(network.about, config)
     flat, local, choices = sizes(config)

@@ -3,35 +3,27 @@
     python -m scripts.pages.leaderboard
     python -m scripts.pages.leaderboard runs/learning_v1/*/policy.*     # with policies of one's own
 
-Flies the scripted policies, the list of choices that looks at nothing, the policies in assets/policies that are for this
-environment, and those that are given.
+Flies the scripted policies, those in assets/policies that are for this environment, and those that are given.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 from rich.console import Console
 from swarm_mj.envs.evaluation import interval
-from swarm_mj.envs.missions.baselines import BASELINES, Observed, Policy, fly, open_loop
-from swarm_mj.envs.missions.config import MissionConfig
-from swarm_mj.envs.missions.episodes import Episodes
-from swarm_mj.envs.missions.leaderboard import TEST_SEEDS, WIDTH, Score, Test, named_policies
-from swarm_mj.envs.threads import default_threads
+from swarm_mj.envs.missions.leaderboard import TEST_SEEDS, Score, Test, named_policies
 
 from scripts.pages import RESULTS, ROOT
 from swarm_mj.io.atomic import write_text
 from swarm_mj.io.progress import progress_bars
-from swarm_mj.typing import Ints
 
 PAGE, NUMBERS = RESULTS / "leaderboard.md", RESULTS / "leaderboard.json"
 #: Policies that travel with the package.
 PACKAGED = sorted((ROOT / "assets" / "policies").glob("swarm-observe-v1*"))
-#: What the list of choices is taken from: flights of a rule over places of training.
-LISTED, LISTED_SEEDS = "greedy ahead", tuple(range(10_000, 10_128))
 AGAINST = "greedy"
 
 
@@ -43,12 +35,10 @@ def main() -> None:
     with Test() as test, progress_bars(Console()) as bars:
         test.check(files)
         scores = []
-        named: dict[str, Policy] = {**named_policies(), "open_loop": open_loop(listed())}
-        for name in [*named, *files]:
+        for name in [*named_policies(), *files]:
             bar = bars.add_task(Path(name).name, total=test.decisions)
-            policy = named.get(str(name)) or test.policy(name)
-            flown = test.fly(policy, lambda taken, bar=bar: bars.update(bar, completed=taken))
-            scores.append(Score(shown(name), test.seeds, flown, test.bound))
+            one = test.score(name, lambda taken, bar=bar: bars.update(bar, completed=taken))
+            scores.append(replace(one, policy=shown(name)))
     scores.sort(key=lambda one: one.share.mean)
     write_text(NUMBERS, json.dumps([one.record() for one in scores], indent=None) + "\n")
     write_text(PAGE, page(scores))
@@ -58,29 +48,6 @@ def main() -> None:
 def shown(name: str | Path) -> str:
     """A scripted policy by its words, a file by its folder and name."""
     return f"{name.parent.name}/{name.name}" if isinstance(name, Path) else name.replace("_", " ")
-
-
-def listed() -> Ints:
-    """The commonest choice of each spacecraft at each step in flights of a rule, shape (steps, n)."""
-    config = MissionConfig(split="train", missions="all")
-    episodes = Episodes(config, WIDTH, default_threads())
-    taken: list[Ints] = []
-
-    def watched(observed: Observed) -> Ints:
-        taken.append(BASELINES[LISTED](observed))
-        return taken[-1]
-
-    groups = [LISTED_SEEDS[k : k + WIDTH] for k in range(0, len(LISTED_SEEDS), WIDTH)]
-    flights = []
-    for seeds in groups:
-        taken.clear()
-        fly(episodes, watched, seeds)
-        flights.append(np.array(taken))
-    episodes.close()
-    steps = min(len(part) for part in flights)
-    choices = np.concatenate([part[:steps] for part in flights], axis=1)
-    counts = (choices[..., None] == np.arange(episodes.choices)).sum(axis=1)
-    return np.asarray(counts.argmax(axis=2), np.int64)
 
 
 def page(scores: list[Score]) -> str:
@@ -96,8 +63,6 @@ def page(scores: list[Score]) -> str:
         table="\n".join([head, *rows]),
         count=len(TEST_SEEDS),
         seeds=f"{TEST_SEEDS[0]:,} to {TEST_SEEDS[-1]:,}",
-        listed=LISTED,
-        flights=len(LISTED_SEEDS),
     )
 
 
@@ -125,14 +90,15 @@ are in `docs/results/leaderboard.json`. +-: 95 % intervals.
   that some working camera passes in light, within the limits and with nothing in between counts as seen, in its best
   picture; data count up to what Earth hears in the time that is left. Slews, and that a camera sees one patch at a time, are
   left out: the best possible policy lies somewhere below 1.
-- **Open loop**: at each step the commonest choice of *{listed}* in {flights} episodes of the split `train`, flown again
-  and again without looking at anything but the clock.
+- **Open loop** (`baselines.OPEN_LOOP`): the best list of choices that hill climbing found on 128 episodes of the split
+  `train`, flown again and again without looking at anything but the clock.
 - **Random** takes any choice, also those that make no sense.
 
 ## Your own
 
     swarm-mj score policy.npz                   # or .onnx, or .zip of stable-baselines3
     swarm-mj score greedy policy.onnx --out scores.json
+    swarm-mj score --env SwarmObserve-v0 greedy trained   # that environment's own test episodes
 
 `.npz` is what the programs of `examples/learning` write; `.onnx` needs the extra `onnx`, and takes `observation` (E, F) and, if
 it likes, `action_mask` (E, n, C), and answers with choices or logits; `.zip` is what `PPO.save` of stable-baselines3 writes

@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 from rich.console import Console
 from swarm_mj.envs.baselines import POLICIES
 from swarm_mj.envs.evaluation import Returns, fly_seeds, interval
+from swarm_mj.envs.flyby_scores import TEST_SEEDS as SEEDS
+from swarm_mj.envs.flyby_scores import TRAINED
 from swarm_mj.envs.policy import load_policy
 from swarm_mj.envs.policy_behavior import PACKAGED
 from swarm_mj.envs.task import Task, make_task
@@ -31,9 +33,6 @@ PAGE = RESULTS / "learning.md"
 PICTURE = IMAGES / "learning_curve.png"
 CURVES = Path(__file__).parent / "learning_curves"
 
-#: Neither those of training nor those on which the best policy was picked.
-SEEDS = range(5_000, 5_100)
-TRAINED = "trained"
 #: The trained policy's actions in one flight of training's seeds, flown again without looking.
 REPLAYED = "replayed list of actions"
 RECORDED = 1

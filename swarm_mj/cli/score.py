@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from rich.table import Table
 
+    from swarm_mj.envs.flyby_scores import FlybyScore
     from swarm_mj.envs.missions.leaderboard import Score
 
 
@@ -16,18 +18,23 @@ def add(commands: argparse._SubParsersAction) -> None:
     """Add the command to the parser."""
     score = commands.add_parser(
         "score",
-        help="fly policies of SwarmObserve-v1 through the test episodes of the leaderboard",
-        description="Fly policies through frozen episodes that no training sees; the score is the share of what was possible. "
-        "See docs/results/leaderboard.md.",
+        help="fly policies of an environment through its test episodes",
+        description="Fly policies through frozen episodes that no training sees; of SwarmObserve-v1 those of the leaderboard, "
+        "whose score is a share of what was possible (docs/results/leaderboard.md).",
     )
     score.add_argument(
         "policy",
         nargs="+",
         metavar="POLICY",
-        help="random, sweep, greedy, greedy_ahead, ... or a file: .npz of examples/learning, .onnx, .zip of "
-        "stable-baselines3 (which executes what is pickled in it)",
+        help="random, open_loop, sweep, greedy, greedy_ahead, planner (of v0: body_centre, ..., greedy_ahead, trained), or a "
+        "file: .npz, and of v1 .onnx, .zip of stable-baselines3 (which executes what is pickled in it)",
     )
-    score.add_argument("--env", choices=["SwarmObserve-v1"], default="SwarmObserve-v1", help="(default: %(default)s)")
+    score.add_argument(
+        "--env",
+        choices=["SwarmObserve-v1", "SwarmObserve-v0"],
+        default="SwarmObserve-v1",
+        help="(default: %(default)s)",
+    )
     score.add_argument("--episodes", type=int, metavar="N", help="only the first so many, at least 2 (default: all)")
     score.add_argument(
         "--out", type=Path, metavar="FILE", help="write all numbers there as JSON, a list of the policies"
@@ -47,7 +54,7 @@ def _score(arguments: argparse.Namespace) -> int:
 
     console = Console()
     with progress_bars(console, arguments.quiet) as bars:
-        scores = score(arguments.policy, episodes=arguments.episodes, progress=bars)
+        scores = score(arguments.policy, env=arguments.env, episodes=arguments.episodes, progress=bars)
     console.print(_table(scores))
     if arguments.out is not None:
         write_text(arguments.out, json.dumps([one.record() for one in scores], indent=1) + "\n")
@@ -55,16 +62,15 @@ def _score(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _table(scores: list[Score]) -> Table:
+def _table(scores: Sequence[Score | FlybyScore]) -> Table:
     from rich.box import SIMPLE_HEAD
     from rich.table import Table
 
-    table = Table(title=f"SwarmObserve-v1, {len(scores[0].seeds)} test episodes", box=SIMPLE_HEAD, pad_edge=False)
+    first = scores[0]
+    table = Table(title=f"{first.environment}, {len(first.seeds)} test episodes", box=SIMPLE_HEAD, pad_edge=False)
     table.add_column("policy", overflow="fold")
-    for name in ("share of bound", "score", "seen", "delivered", "bound"):
+    for name in first.headings:
         table.add_column(name, justify="right", no_wrap=True)
     for one in scores:
-        means = [one.flown.score, one.flown.seen, one.flown.delivered, one.bound.score]
-        share = f"{one.share.mean:.3f} +- {one.share.half_width:.3f}"
-        table.add_row(Path(one.policy).name, share, *(f"{values.mean():.3f}" for values in means))
+        table.add_row(Path(one.policy).name, *one.cells)
     return table
