@@ -2,9 +2,9 @@
 
     x = (s - mean) / scale        h = tanh(W2 tanh(W1 x + b1) + b2)        l = W3 h + b3
 
-of what one agent is shown, s. A network for the whole swarm (`each` false) reads the flat observation and gives the logits of
-all spacecraft one after the other; a network for each reads what that spacecraft knows and is the same for all. The choice is
-the allowed one with the largest logit.
+of what is shown, s. A network that `reads` the swarm takes the flat observation and gives the logits of all spacecraft; one
+that reads a spacecraft takes what that one knows, and is the same for all; one that reads a choice takes what is known of that
+choice, and is the same for all choices. The choice made is the allowed one with the largest logit.
 """
 
 from __future__ import annotations
@@ -28,7 +28,9 @@ from swarm_mj.typing import Array, Ints
 from .provenance import Provenance
 
 #: Raise when the network or the meaning of its file changes.
-FORMAT = 2
+FORMAT = 3
+#: What a network may read at once.
+Reads = Literal["swarm", "spacecraft", "choice"]
 #: Arrays of the network.
 WEIGHTS = ("mean", "scale", "W1", "b1", "W2", "b2", "W3", "b3")
 #: Arrays of a file; `ABOUT` is JSON.
@@ -51,13 +53,13 @@ class NetworkAbout(Provenance):
 
     Attributes:
         format: Version of the file.
-        each: Whether it flies spacecraft by spacecraft.
+        reads: What it is shown at once.
         spacecraft: How many it was trained for.
         choices: Of each spacecraft.
     """
 
-    format: Literal[2]
-    each: bool
+    format: Literal[3]
+    reads: Reads
     spacecraft: PositiveInt
     choices: PositiveInt
 
@@ -80,7 +82,7 @@ class NetworkPolicy:
         return len(self.weights["mean"])
 
     def logits(self, shown: NDArray[np.floating]) -> Array:
-        """Preferences, shape (E, n, C), from what agents are shown: (E, F), or (E, n, F) of a network for each."""
+        """Preferences, shape (E, n, C), from what is shown: (E, F), (E, n, F) or (E, n, C, F), as the network reads."""
         # One after another: products of matrices round differently with their number.
         return np.concatenate([self._logits(row[None]) for row in np.asarray(shown)])
 
@@ -123,7 +125,10 @@ def load_network(file: str | Path) -> NetworkPolicy:
     with reading(f"policy {path}", REMEDY, ScenarioError):
         about = record_from(str(arrays_in(path, ABOUT)["about"]), NetworkAbout)
         arrays = arrays_in(path, ARRAYS)
-        logits = about["choices"] * (1 if about["each"] else about["spacecraft"])
-        if len(arrays["b3"]) != logits:
-            raise ValueError(f"b3 has the shape {arrays['b3'].shape}, must have {logits} entries, one for each choice")
+        logits = {"choice": 1, "spacecraft": about["choices"], "swarm": about["choices"] * about["spacecraft"]}
+        must = logits[about["reads"]]
+        if len(arrays["b3"]) != must:
+            raise ValueError(
+                f"b3 has the shape {arrays['b3'].shape}, must have {must} entries, as it reads a {about['reads']}"
+            )
     return NetworkPolicy({name: arrays[name].astype(np.float64) for name in WEIGHTS}, about)

@@ -16,10 +16,10 @@ from swarm_mj.errors import ScenarioError
 from swarm_mj.typing import Array, Ints
 
 from .episodes import Episodes
+from .layout import Observed
 from .mission import DURATION_S
 from .tables import GENERAL, PAIRS, SPACECRAFT
 
-Observed = Mapping[str, NDArray[Any]]
 Policy = Callable[[Observed], Ints]
 
 _COLUMN = {name: k for k, name in enumerate(SPACECRAFT)}
@@ -210,7 +210,7 @@ def _fly(episodes: Episodes, policy: Policy, seeds: Sequence[int], draw: Mapping
     score, seen, delivered = (np.zeros(episodes.count) for _ in range(3))
     live = np.arange(episodes.count) < len(seeds)
     while live.any():
-        result = episodes.step(policy(episodes.entities()), live)
+        result = episodes.fly(policy(episodes.entities()), live)
         score += result.reward
         seen += result.terms.seen
         delivered += result.terms.delivered

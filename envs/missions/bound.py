@@ -19,9 +19,10 @@ from swarm_mj.observation.horizon import look_at_cell, sight_of
 from swarm_mj.observation.horizon_kernels import Scene
 from swarm_mj.typing import Array, Ints, Mask, kernel
 
-from .baselines import Observed, fly
+from .baselines import fly
 from .episodes import Episodes
 from .flights import MissionFlights
+from .layout import Observed
 from .mission import EARTH_BIT_S, PERIOD_S
 
 

@@ -39,6 +39,7 @@ class MissionConfig:
         split: `train` or `test`.
         max_spacecraft: Most spacecraft of an episode.
         patches: Number of patches K of a target, a square number.
+        candidates: How many of the best patches each spacecraft chooses among; None for all, and everything is shown.
         decision_s: Length of a step [s].
         observation: `flat` or `entities`.
         randomise: Replaces distributions by name.
@@ -55,6 +56,7 @@ class MissionConfig:
     split: str = "train"
     max_spacecraft: int = 3
     patches: int = 16
+    candidates: int | None = None
     decision_s: float = 20.0
     observation: str = "flat"
     randomise: Mapping[str, Any] | None = None
@@ -68,6 +70,8 @@ class MissionConfig:
         most = checked_count("max_spacecraft", self.max_spacecraft)
         if most > MOST_SPACECRAFT:
             raise ScenarioError(f"max_spacecraft = {most}: must be at most {MOST_SPACECRAFT}")
+        if self.candidates is not None and checked_count("candidates", self.candidates, ", or None") > self.patches:
+            raise ScenarioError(f"candidates = {self.candidates}: must be at most patches = {self.patches}")
         checked_scales(self.reward_weights)
         checked_share(self.complete)
         checked_truth("horizon_terminates", self.horizon_terminates)
@@ -94,6 +98,7 @@ class MissionConfig:
             sorted((self.dispersions or {}).items()),
             self.max_spacecraft,
             self.patches,
+            self.candidates,
             float(self.decision_s),
             list(map(repr, self.weights)),
         ]

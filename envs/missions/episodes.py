@@ -16,7 +16,7 @@ from ..rewards import ENDS, RewardTerms, StepResult
 from .config import MissionConfig
 from .draws import EpisodeDraw, Randomisation
 from .flights import MissionFlights, no_facts
-from .layout import FlatLayout
+from .layout import FlatLayout, make_interface
 from .pool import MissionPool, Seats
 from .tables import BOUND, Tables, no_tables
 
@@ -38,8 +38,7 @@ class Episodes:
         count: Number of episodes E.
         n: Most spacecraft.
         patches: Patches of each target, K.
-        layout: Of a flat observation.
-        choices: Choices of a spacecraft, K + 1 + n.
+        interface: What agents are shown and choose among.
         tables: What the agents are shown, rows of E episodes.
         draws: What was drawn for each episode; None before it begins.
     """
@@ -47,8 +46,7 @@ class Episodes:
     def __init__(self, config: MissionConfig, count: int, threads: int = 1) -> None:
         self.config, self.count = config, count
         self.n, self.patches = config.max_spacecraft, config.patches
-        self.choices = self.patches + 1 + self.n
-        self.layout = FlatLayout(self.n, self.patches)
+        self.interface = make_interface(self.n, self.patches, config.candidates)
         self.pool: MissionPool = config.make_pool()
         self._random = Randomisation(config.randomise, self.pool.names, self.n)
         self._seats = Seats(self.pool, min(BATCH, count))
@@ -57,6 +55,16 @@ class Episodes:
         self.tables: Tables = no_tables(count, self.n, self.patches)
         self._facts = no_facts(count, self.n) | {"mission": np.zeros(count, np.int64)}
         self._pool = ThreadPoolExecutor(threads, "swarm_mj missions") if threads > 1 and count > 1 else None
+
+    @property
+    def layout(self) -> FlatLayout:
+        """Of a flat observation."""
+        return self.interface.layout
+
+    @property
+    def choices(self) -> int:
+        """Choices of a spacecraft."""
+        return self.interface.choices
 
     def locate(self, e: int) -> tuple[MissionFlights, int]:
         """The batch that flies episode e, and its number there."""
@@ -111,7 +119,11 @@ class Episodes:
             self.begin(e, seed, given)
 
     def step(self, actions: NDArray[Any], live: Mask) -> StepResult:
-        """Fly the live episodes, shape (E,), one step with the choices held, shape (E, n)."""
+        """Fly the live episodes, shape (E,), one step with the agents' choices held, shape (E, n)."""
+        return self.fly(self.interface.decoded(self._observed, actions), live)
+
+    def fly(self, actions: NDArray[Any], live: Mask) -> StepResult:
+        """The same with choices among all patches, Earth and relays, whatever the agents choose among."""
         result = _no_result(self.count, self.n)
         riders: dict[int, list[int]] = {}
         for e in np.flatnonzero(live).tolist():
@@ -119,7 +131,7 @@ class Episodes:
             assert place is not None
             riders.setdefault(place[0], []).append(e)
 
-        def fly(k: int) -> None:
+        def fly_on(k: int) -> None:
             batch, rows = self._seats.batches[k], np.array(riders[k])
             seats = np.array([self._places[e][1] for e in riders[k]])  # type: ignore[index]
             choice, flies = np.zeros((batch.count, self.n), np.int64), np.zeros(batch.count, np.bool_)
@@ -131,9 +143,9 @@ class Episodes:
 
         if self._pool is None:
             for k in riders:
-                fly(k)
+                fly_on(k)
         else:
-            list(self._pool.map(fly, riders))
+            list(self._pool.map(fly_on, riders))
         return result
 
     def _tell(self, batch: MissionFlights, seats: Any, rows: Any) -> None:
@@ -145,12 +157,12 @@ class Episodes:
     def info(self, e: int) -> dict[str, Any]:
         """What every step tells of episode e."""
         return {name: _plain(rows[e]) for name, rows in self._facts.items()} | {
-            "action_mask": self.tables.mask[e].copy()
+            "action_mask": self.action_mask[e].copy()
         }
 
     def infos(self) -> dict[str, NDArray[Any]]:
         """The same of all episodes, arrays over them; zeros of those that have not begun."""
-        return {name: rows.copy() for name, rows in self._facts.items()} | {"action_mask": self.tables.mask.copy()}
+        return {name: rows.copy() for name, rows in self._facts.items()} | {"action_mask": self.action_mask}
 
     def step_info(self, e: int, result: StepResult) -> dict[str, Any]:
         """What a step has to tell of episode e, beyond `info` its reward terms and how it ended."""
@@ -171,20 +183,30 @@ class Episodes:
         rows = self.observation
         return {name: part[e] for name, part in rows.items()} if isinstance(rows, dict) else rows[e]
 
+    @property
+    def action_mask(self) -> NDArray[np.int8]:
+        """Which choices make sense, shape (E, n, C)."""
+        mask: NDArray[np.int8] = self.interface.shown(self._observed)["action_mask"]
+        return mask.copy()
+
     def flat(self) -> Array32:
-        """The tables of all episodes as one row each, see `FlatLayout`, shape (E, F)."""
-        return self.layout.joined(self.tables)
+        """What agents are shown of all episodes as one row each, see `FlatLayout`, shape (E, F)."""
+        return self.interface.flat(self._observed)
 
     def entities(self) -> dict[str, NDArray[Any]]:
         """The tables of all episodes by name, copies."""
+        return {name: rows.copy() for name, rows in self._observed.items()}
+
+    @property
+    def _observed(self) -> dict[str, NDArray[Any]]:
         tables = self.tables
         return {
-            "spacecraft": tables.spacecraft.copy(),
-            "patches": tables.patches.copy(),
-            "pairs": tables.pairs.copy(),
-            "general": tables.general.copy(),
+            "spacecraft": tables.spacecraft,
+            "patches": tables.patches,
+            "pairs": tables.pairs,
+            "general": tables.general,
             "alive": tables.spacecraft[:, :, 0].astype(np.int8),
-            "action_mask": tables.mask.copy(),
+            "action_mask": tables.mask,
         }
 
     @property
@@ -198,7 +220,7 @@ class Episodes:
         if self.config.observation == "flat":
             return box(self.layout.size)
         found: dict[str, spaces.Space[Any]] = {}
-        for name, rows in self.entities().items():
+        for name, rows in self.shown().items():
             shape = rows.shape[1:]
             found[name] = spaces.MultiBinary(shape) if rows.dtype == np.int8 else box(*shape)
         return spaces.Dict(found)
@@ -206,7 +228,11 @@ class Episodes:
     @property
     def observation(self) -> Any:
         """Of all episodes, as `config.observation` asks for it."""
-        return self.flat() if self.config.observation == "flat" else self.entities()
+        return self.flat() if self.config.observation == "flat" else self.shown()
+
+    def shown(self) -> dict[str, NDArray[Any]]:
+        """What agents are shown of all episodes by name, copies."""
+        return {name: rows.copy() for name, rows in self.interface.shown(self._observed).items()}
 
     def close(self) -> None:
         """End the threads and release the observers."""

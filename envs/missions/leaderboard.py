@@ -16,10 +16,11 @@ from swarm_mj.typing import Array
 from ..arguments import checked_episodes
 from ..evaluation import Interval, interval
 from ..threads import default_threads
-from .baselines import BASELINES, Flown, Observed, Policy, fly, open_loop, random_choices
+from .baselines import BASELINES, Flown, Policy, fly, open_loop, random_choices
 from .bound import Bound, bounds
 from .config import MissionConfig
 from .episodes import Episodes
+from .layout import Observed
 from .mission import DURATION_S
 from .policies import open_policy
 from .single import NAME
@@ -27,7 +28,7 @@ from .single import NAME
 #: Flight seeds of the leaderboard: 96 episodes over all missions of the split `test`. They stay as they are for good.
 TEST_SEEDS = tuple(range(20_000, 20_096))
 #: Of the same split, for learning curves and for choosing among policies.
-VALIDATION_SEEDS = tuple(range(30_000, 30_048))
+VALIDATION_SEEDS = tuple(range(30_000, 30_096))
 #: What a policy is tested with.
 TEST = {"split": "test", "missions": "all"}
 #: Episodes at once.

@@ -41,10 +41,11 @@ class SwarmObserveV1ParallelEnv(RebuiltOnCopy, ParallelEnv[str, Any, Any]):
 
     Who does not fly in an episode is not among its `agents`; who is lost leaves them, terminated, and the others go on.
 
-    **Actions**: Discrete(K + 1 + n), one spacecraft's entry there. **Reward**: the team's. **Observation**: `entities`: a Dict
-    with its own row of the table of spacecraft (`self`), its own row of pairs (`pairs`), the rows of the others in cyclic order
-    (`others`), `patches`, `general`, and `action_mask`; `flat`: the same in one Box, without the mask. `state()` is the
-    flat observation of `SwarmObserveV1Env`. Infos hold `action_mask` and what that environment tells.
+    **Actions**: Discrete, one entry there. **Reward**: the team's. **Observation**: `entities`: a Dict with its own
+    row of the table of spacecraft (`self`), its own row of pairs (`pairs`), the rows of the others in cyclic order (`others`),
+    `patches`, `general`, and `action_mask`; or, if it chooses among candidates, these (`candidates`) in the place of pairs and
+    patches; `flat`: the same in one Box, without the mask. `state()` is the flat observation of `SwarmObserveV1Env`. Infos hold
+    `action_mask` and what that environment tells.
 
     Args:
         missions: See `SwarmObserveV1Env`.
@@ -176,20 +177,16 @@ class SwarmObserveV1ParallelEnv(RebuiltOnCopy, ParallelEnv[str, Any, Any]):
         return {agent: info | {"action_mask": mask[self._number[agent]].copy()} for agent in agents}
 
     def _parts(self, j: int) -> dict[str, NDArray[Any]]:
-        tables, n = self.episodes.tables, self.episodes.n
+        shown, n = self.episodes.shown(), self.episodes.n
         others = (j + 1 + np.arange(n - 1)) % n
-        return {
-            "self": tables.spacecraft[0, j].copy(),
-            "pairs": tables.pairs[0, j].copy(),
-            "others": tables.spacecraft[0, others],
-            "patches": tables.patches[0].copy(),
-            "general": tables.general[0].copy(),
-        }
+        own = "pairs" if "pairs" in shown else "candidates"
+        parts = {"self": shown["spacecraft"][0, j], own: shown[own][0, j], "others": shown["spacecraft"][0, others]}
+        return parts | {name: shown[name][0] for name in ("patches", "general") if name in shown}
 
     def _observation(self, j: int) -> Any:
         parts = self._parts(j)
         if self.config.observation == "entities":
-            return parts | {"action_mask": self.episodes.tables.mask[0, j].copy()}
+            return parts | {"action_mask": self.episodes.action_mask[0, j]}
         flat: Array32 = np.concatenate([part.ravel() for part in parts.values()])
         return flat
 

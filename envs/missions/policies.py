@@ -3,6 +3,9 @@
 Each tells what it was trained for, and is refused by name where that is not what it flies in. Observations of this environment
 are told in the target's own frame and scales, so that no file holds the geometry of a body.
 
+Policies that were trained with `candidates` are told so by their file, and fly everywhere: what they choose among is worked
+out from the tables.
+
 An ONNX model has an input `observation` of float32, shape (E, F), and, if it likes, `action_mask`, shape (E, n, C), of float32
 or bool; its first output is either choices, integers of shape (E, n), or logits, n C numbers for each of E. Its metadata may
 hold `swarm_mj`, JSON of `Provenance`. A zip of stable-baselines3 may hold the same as `swarm_mj.json`. Reading a zip executes
@@ -27,14 +30,16 @@ from swarm_mj.typing import Array32, Ints
 
 from ..policy_network import NetworkPolicy, load_network, masked_argmax
 from ..provenance import Provenance, check_provenance, provenance_of, refuse_other_environment
-from .baselines import Observed, Policy
+from .baselines import Policy
+from .choices import SIZE as CHOICE_SIZE
+from .choices import choice_rows
 from .config import MissionConfig
-from .layout import FLAT_PATCHES, FlatLayout
+from .layout import AllPatches, Interface, Observed, make_interface
 from .single import NAME
 from .tables import GENERAL, PAIRS, PATCHES, SPACECRAFT
 
 #: Raise when what stands where in an observation, or its scale, changes.
-LAYOUT = 1
+LAYOUT = 2
 #: Arguments that change what an observation or a choice means.
 MEANING = ("max_spacecraft", "patches", "decision_s")
 #: Kinds of files by their endings.
@@ -45,9 +50,8 @@ MEMBER = "swarm_mj.json"
 
 def flat_rows(observed: Observed) -> Array32:
     """The flat observation from the tables by name, shape (E, F)."""
-    patches = observed["patches"][:, :, :FLAT_PATCHES]
-    parts = [observed["spacecraft"], observed["pairs"], patches, observed["general"]]
-    return np.concatenate([np.reshape(part, (len(part), -1)) for part in parts], axis=1)
+    n, patches = observed["pairs"].shape[1:3]
+    return AllPatches(n, patches).flat(observed)
 
 
 def local_rows(observed: Observed) -> Array32:
@@ -84,6 +88,11 @@ def check(about: Mapping[str, Any], config: MissionConfig) -> None:
             )
 
 
+def interface_of(about: Mapping[str, Any], config: MissionConfig) -> Interface:
+    """What a policy was shown and chose among as it was trained; where it does not tell, all patches."""
+    return make_interface(config.max_spacecraft, config.patches, about.get("arguments", {}).get("candidates"))
+
+
 def open_policy(file: str | Path, config: MissionConfig) -> Policy:
     """The policy of a file, to be flown in an environment of these arguments.
 
@@ -103,12 +112,12 @@ def sizes(config: MissionConfig) -> tuple[int, int, int]:
     """Numbers of a flat observation and of what one agent is shown, and choices of a spacecraft."""
     n, patches = config.max_spacecraft, config.patches
     local = n * len(SPACECRAFT) + patches * (len(PAIRS) + len(PATCHES)) + len(GENERAL)
-    return FlatLayout(n, patches).size, local, patches + 1 + n
+    return AllPatches(n, patches).layout.size, local, patches + 1 + n
 
 
 def network_policy(network: NetworkPolicy) -> Policy:
     """A network as a policy that reads tables by name."""
-    rows = local_rows if network.about["each"] else flat_rows
+    rows = {"swarm": flat_rows, "spacecraft": local_rows, "choice": choice_rows}[network.about["reads"]]
 
     def choose(observed: Observed) -> Ints:
         return network.act(rows(observed), observed["action_mask"])
@@ -121,9 +130,10 @@ def _network(path: Path, config: MissionConfig) -> Policy:
     network = load_network(path)
     check(network.about, config)
     flat, local, choices = sizes(config)
+    shown = {"swarm": flat, "spacecraft": local, "choice": CHOICE_SIZE}
     _fits(path, "choices of each spacecraft", network.about["choices"], choices)
     _fits(path, "spacecraft", network.about["spacecraft"], config.max_spacecraft)
-    _fits(path, "numbers of an observation", network.readings, local if network.about["each"] else flat)
+    _fits(path, "numbers of an observation", network.readings, shown[network.about["reads"]])
     return network_policy(network)
 
 
@@ -142,14 +152,16 @@ def _onnx(path: Path, config: MissionConfig) -> Policy:
         raise ScenarioError(
             f"policy {path}: inputs {', '.join(inputs)}: must be observation and, if it likes, action_mask"
         )
-    _fits(path, "numbers of an observation", inputs["observation"].shape[-1], sizes(config)[0])
+    interface = interface_of(about, config)
+    _fits(path, "numbers of an observation", inputs["observation"].shape[-1], interface.layout.size)
     mask_type = np.bool_ if "action_mask" in inputs and "bool" in inputs["action_mask"].type else np.float32
 
     def choose(observed: Observed) -> Ints:
-        fed: dict[str, NDArray[Any]] = {"observation": flat_rows(observed)}
+        mask = interface.shown(observed)["action_mask"]
+        fed: dict[str, NDArray[Any]] = {"observation": interface.flat(observed)}
         if "action_mask" in inputs:
-            fed["action_mask"] = observed["action_mask"].astype(mask_type)
-        return _chosen(path, np.asarray(session.run(None, fed)[0]), observed["action_mask"])
+            fed["action_mask"] = mask.astype(mask_type)
+        return interface.decoded(observed, _chosen(path, np.asarray(session.run(None, fed)[0]), mask))
 
     return choose
 
@@ -164,11 +176,12 @@ def _sb3(path: Path, config: MissionConfig) -> Policy:
             about = record_from(archive.read(MEMBER), Provenance) if MEMBER in archive.namelist() else {}
         check(about, config)
         model = PPO.load(path, device="cpu")
-    _fits(path, "numbers of an observation", model.observation_space.shape[-1], sizes(config)[0])
-    _fits(path, "choices", model.action_space.nvec.tolist(), [sizes(config)[2]] * config.max_spacecraft)
+    interface = interface_of(about, config)
+    _fits(path, "numbers of an observation", model.observation_space.shape[-1], interface.layout.size)
+    _fits(path, "choices", model.action_space.nvec.tolist(), [interface.choices] * config.max_spacecraft)
 
     def choose(observed: Observed) -> Ints:
-        return np.asarray(model.predict(flat_rows(observed), deterministic=True)[0], np.int64)
+        return interface.decoded(observed, model.predict(interface.flat(observed), deterministic=True)[0])
 
     return choose
 

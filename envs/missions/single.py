@@ -76,9 +76,14 @@ flight; dark and shadowed cells do not count |
     in reach half a decision or one and a half ahead, Earth and relays for whom has data and is heard; to hold is always
     allowed, and all that who is no more may do. Other choices are flown as they are.
 
+    With `candidates=R` each spacecraft chooses among the R patches that are worth most to it, the best first, and, as the last
+    choice, to send what is aboard: to Earth, or to the first who hears Earth; MultiDiscrete([R + 1] * n). Plain networks learn
+    that sooner, as a number stands for how good a patch is and not for where it lies. It also means that a list of such
+    choices does look: always 0 is a rule.
+
     ## Observation space
 
-    `entities`: a Dict of `spacecraft` (n, 24), `patches` (K, 9), `pairs` (n, K, 6), `general` (14), `alive` (n) and
+    `entities`: a Dict of `spacecraft` (n, 24), `patches` (K, 9), `pairs` (n, K, 7), `general` (14), `alive` (n) and
     `action_mask`. `flat`: a Box of spacecraft, pairs, the first two columns of patches, and general; `episodes.layout.split`
     takes it apart. Frame: east, north, up at the target's middle, turning with the body. Units: H, 60 s, the target's area,
     data of what is possible. Columns are named in `tables.SPACECRAFT`, `PATCHES`, `PAIRS` and `GENERAL`:
@@ -90,9 +95,13 @@ sight; place, velocity and boresight (3 each); attitude error; rate over 0.1 rad
 whether any patch is in reach half a decision ahead, and a whole one later. All zero for who is no more |
     | patches | unseen and lit share; place and normal (3 each); area over the mean |
     | pairs | what a picture would be worth half a decision ahead, and a whole one later; ground sampling distance over the \
-limit; angle from the boresight over 90 deg; worth over that of its best patch; most that it is worth to another |
+limit; angle from the boresight over 90 deg; worth over that of its best patch; most that it is worth to another; largest \
+of the shares (worth over that of the best patch) that spacecraft of lower number have there |
     | general | time left; seen; delivered; share alive; half-width over H; picture over the target's half-width; turn of the \
 body in 60 s; share of the data that Earth hears in a decision; directions of Sun and Earth (3 each) |
+
+    With `candidates=R` there are `candidates` (n, R, 7), see `layout.CANDIDATE`, in the place of pairs and patches, and of the
+    columns of spacecraft and general those that `choices` names: no places and directions.
 
     ## Reward
 
@@ -118,6 +127,7 @@ body in 60 s; share of the data that Earth hears in a decision; directions of Su
     | split | "train" | or "test" |
     | max_spacecraft | 3 | n |
     | patches | 16 | K, a square number |
+    | candidates | None | R, or None for all patches |
     | decision_s | 20 | length of a step [s] |
     | observation | "flat" | or "entities" |
     | randomise | None | distributions by name |

@@ -28,7 +28,7 @@ SPACECRAFT = (
     *("attitude_error", "rate", "wheel_speed", "in_reach", "in_reach_next"),
 )
 PATCHES = ("unseen", "lit", "east", "north", "up", "normal_east", "normal_north", "normal_up", "area")
-PAIRS = ("worth", "worth_next", "gsd", "angle", "best", "others")
+PAIRS = ("worth", "worth_next", "gsd", "angle", "best", "others", "claimed")
 GENERAL = (
     *("time_left", "seen", "delivered", "alive", "half_width", "picture", "turn", "heard"),
     *("sun_east", "sun_north", "sun_up", "earth_east", "earth_north", "earth_up"),
@@ -342,7 +342,7 @@ def _look(
 
 @kernel
 def _write_choice(e: int, j: int, tables: Tables) -> None:
-    """What is best for one, whether there is anything, and what a patch is worth to the one of the others who sees it best."""
+    """What is best for one, whether there is anything, and what a patch is worth to the others; in order of the spacecraft."""
     pairs, best, later = tables.pairs[e], 0.0, 0.0
     for k in range(pairs.shape[1]):
         best, later = max(best, pairs[j, k, 0]), max(later, pairs[j, k, 1])
@@ -352,6 +352,9 @@ def _write_choice(e: int, j: int, tables: Tables) -> None:
     if best > 0.0:
         for k in range(pairs.shape[1]):
             pairs[j, k, 4] = pairs[j, k, 0] / best
+    for k in range(pairs.shape[1]):
+        for i in range(j):
+            pairs[j, k, 6] = max(pairs[j, k, 6], pairs[i, k, 4])
     tables.spacecraft[e, j, 22], tables.spacecraft[e, j, 23] = best > 0.0, later > 0.0
 
 

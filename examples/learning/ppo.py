@@ -4,9 +4,11 @@
     python examples/learning/ppo.py --steps 300000 --seed 1 --out runs/ppo-1
     swarm-mj score runs/ppo-1/policy.npz
 
-Proximal policy optimisation (Schulman and others 2017) with generalised advantages (Schulman and others 2016): the agent sees
-the flat observation, and makes one choice for each spacecraft; choices that `info["action_mask"]` rules out are never made
-(Huang and Ontanon 2022). An episode ends with the flight, whose time left is part of the observation: nothing is bootstrapped.
+Proximal policy optimisation (Schulman and others 2017) with generalised advantages (Schulman and others 2016). One network
+judges every choice of every spacecraft by what is known of that choice, so that what it learns of one patch holds for all;
+choices that `info["action_mask"]` rules out are never made (Huang and Ontanon 2022). Another network, which sees the whole
+swarm, judges how the episode stands while they learn. An episode ends with the flight, whose time left is part of the
+observation: nothing is bootstrapped.
 """
 
 from __future__ import annotations
@@ -20,8 +22,9 @@ import torch
 from common import TRAINING, Curve, Options, mean_of, options
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
+from swarm_mj.envs.missions.choices import choice_rows
 from swarm_mj.envs.missions.config import MissionConfig
-from swarm_mj.envs.missions.policies import network_policy, provenance
+from swarm_mj.envs.missions.policies import flat_rows, network_policy, provenance
 from swarm_mj.envs.policy_network import NetworkPolicy, save_network
 from torch import Tensor, nn
 
@@ -35,50 +38,47 @@ class Settings:
     epochs: int = 4
     minibatches: int = 8
     rate: float = 1e-3
-    gamma: float = 0.99
+    gamma: float = 0.97
     gae_lambda: float = 0.95
     clip: float = 0.2
     entropy: float = 0.01
     value: float = 0.5
     max_norm: float = 0.5
-    hidden: int = 128
+    hidden: int = 48
 
 
 class Agent(nn.Module):
-    """Two networks of two layers: logits of all choices of all spacecraft, and the value.
+    """Two networks of two layers: the logit of a choice, and the value of the whole.
 
     Args:
         episodes: Those of the environment.
         hidden: Width of the layers.
     """
 
-    #: What the environment should show.
-    observation = "flat"
-    #: Whether one agent decides for all spacecraft, so that their choices are one action.
+    #: Whether the choices of all spacecraft are one action.
     joint = True
 
     def __init__(self, episodes: Any, hidden: int) -> None:
         super().__init__()
-        self.shape: tuple[int, int] = episodes.n, episodes.choices
-        features = episodes.layout.size
-        self.actor = mlp(features, hidden, episodes.n * episodes.choices, 0.01)
-        self.critic = mlp(features, hidden, 1, 1.0)
+        observed = episodes.entities()
+        self.rows: tuple[int, int, int] = choice_rows(observed).shape[1:]
+        self._split = int(np.prod(self.rows))
+        self.actor = mlp(self.rows[-1], hidden, 1, 0.01)
+        self.critic = mlp(flat_rows(observed).shape[1], 2 * hidden, 1, 1.0)
 
     def shown(self, observed: Any) -> NDArray[np.float32]:
-        """What the networks read, one row an episode."""
-        return np.asarray(observed)
-
-    def logits(self, seen: Tensor) -> Tensor:
-        """Of each spacecraft's choices."""
-        return self.actor(seen).unflatten(-1, self.shape)
+        """What the networks read, one row an episode: what is known of each choice, and then the whole."""
+        rows = choice_rows(observed)
+        return np.concatenate([rows.reshape(len(rows), -1), flat_rows(observed)], axis=1)
 
     def choose(self, seen: Tensor, mask: Tensor) -> torch.distributions.Categorical:
         """What each spacecraft would choose, of what it may."""
-        return torch.distributions.Categorical(logits=self.logits(seen).masked_fill(~mask, -1e8))
+        logits = self.actor(seen[..., : self._split].unflatten(-1, self.rows)).squeeze(-1)
+        return torch.distributions.Categorical(logits=logits.masked_fill(~mask, -1e8))
 
     def value(self, seen: Tensor) -> Tensor:
         """What the rest of the episode will bring."""
-        return self.critic(seen).squeeze(-1)
+        return self.critic(seen[..., self._split :]).squeeze(-1)
 
 
 def mlp(inputs: int, hidden: int, outputs: int, gain: float) -> nn.Sequential:
@@ -135,7 +135,7 @@ def train(given: Options, use: Settings, kind: type[Agent] = Agent) -> None:
     """Fly and learn in turn."""
     torch.manual_seed(given.seed)
     torch.set_num_threads(1)
-    envs = make_envs(use.num_envs, kind.observation)
+    envs = make_envs(use.num_envs)
     agent = kind(envs.batch, use.hidden)
     optimizer = torch.optim.Adam(agent.parameters(), lr=use.rate, eps=1e-5)
     curve, flights = Curve(given), Flights(envs, agent, given.seed)
@@ -150,11 +150,11 @@ def train(given: Options, use: Settings, kind: type[Agent] = Agent) -> None:
     envs.close()
 
 
-def make_envs(count: int, observation: str) -> Any:
+def make_envs(count: int) -> Any:
     """Episodes of training; one that ends is followed by the next at once."""
     mode = AutoresetMode.SAME_STEP
     return gymnasium.make_vec(
-        "swarm_mj.envs:SwarmObserve-v1", count, autoreset_mode=mode, observation=observation, **TRAINING
+        "swarm_mj.envs:SwarmObserve-v1", count, autoreset_mode=mode, observation="entities", **TRAINING
     )
 
 
@@ -170,7 +170,7 @@ class Flights:
     def roll(self, horizon: int) -> tuple[Rollout, Tensor]:
         """So many steps with drawn choices, and the value of what comes after them."""
         agent, seen = self._agent, self._seen()
-        rollout = Rollout(horizon, *seen.shape, agent.shape)
+        rollout = Rollout(horizon, *seen.shape, agent.rows[:2])
         for t in range(horizon):
             rollout.seen[t], rollout.mask[t] = seen, torch.as_tensor(self._infos["action_mask"]).bool()
             with torch.no_grad():
@@ -201,8 +201,8 @@ def network_of(agent: Agent) -> NetworkPolicy:
     }
     arrays = {name: part.detach().numpy().astype(np.float64) for name, part in weights.items()}
     inputs = arrays["W1"].shape[1]
-    about = provenance(MissionConfig(**TRAINING)) | {"each": not agent.joint}
-    about |= {"spacecraft": agent.shape[0], "choices": agent.shape[1]}
+    about = provenance(MissionConfig(**TRAINING)) | {"reads": "choice"}
+    about |= {"spacecraft": agent.rows[0], "choices": agent.rows[1]}
     return NetworkPolicy(arrays | {"mean": np.zeros(inputs), "scale": np.ones(inputs)}, about)
 
 

@@ -40,6 +40,8 @@ METHODS = {
     "ppo": ("PPO in one file, with masks", look.BLUE),
     "mappo": ("MAPPO, one network for each spacecraft", look.GREEN),
 }
+#: Points of a curve.
+POINTS = 12
 #: Scripted policies in the picture.
 LINES = ("random", "sweep", "greedy", "greedy_ahead")
 
@@ -116,7 +118,18 @@ def start(name: str, seed: int, steps: int) -> subprocess.Popen[bytes]:
     folder = RUNS / f"{name}-{seed}"
     folder.mkdir(parents=True, exist_ok=True)
     program = ROOT / "examples" / "learning" / f"{name}.py"
-    words = [sys.executable, program, "--steps", steps, "--seed", seed, "--out", folder, "--every", max(steps // 20, 1)]
+    words = [
+        sys.executable,
+        program,
+        "--steps",
+        steps,
+        "--seed",
+        seed,
+        "--out",
+        folder,
+        "--every",
+        max(steps // POINTS, 1),
+    ]
     with (folder / "log.txt").open("wb") as log:
         return subprocess.Popen([str(word) for word in words], stdout=log, stderr=subprocess.STDOUT)
 

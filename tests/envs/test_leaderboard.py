@@ -9,10 +9,12 @@ import pytest
 from swarm_mj.envs.missions import leaderboard
 from swarm_mj.envs.missions.baselines import BASELINES
 from swarm_mj.envs.missions.bound import Path as FlownPath
+from swarm_mj.envs.missions.choices import KINDS, OF_GENERAL, OF_SPACECRAFT, SIZE, choice_rows
 from swarm_mj.envs.missions.config import MissionConfig
 from swarm_mj.envs.missions.episodes import Episodes
 from swarm_mj.envs.missions.leaderboard import TEST_SEEDS, VALIDATION_SEEDS, Score, Test, share_of
 from swarm_mj.envs.missions.policies import LAYOUT, flat_rows, local_rows, open_policy, provenance, sizes, tell_in_zip
+from swarm_mj.envs.missions.tables import GENERAL, SPACECRAFT
 from swarm_mj.envs.policy_network import save_network
 
 from swarm_mj.cli.main import main
@@ -23,6 +25,8 @@ from .test_policy_network import random_policy
 #: One mission, whose maps are quickly made.
 ONE = {"missions": ["ellipsoid-test-1"], "split": "test", "max_spacecraft": 4, "patches": 16, "decision_s": 20.0}
 SEEDS = (20_000, 20_001, 20_003, 20_007)
+#: What networks read.
+ROWS = {"swarm": flat_rows, "spacecraft": local_rows, "choice": choice_rows}
 
 
 @pytest.fixture(scope="module")
@@ -38,12 +42,13 @@ def greedy(test):
     return test.fly(BASELINES["greedy"])
 
 
-def network(*, each=False, **about):
+def network(*, reads="swarm", **about):
     """A random network that fits the environment."""
     config = MissionConfig(**ONE)
     flat, local, choices = sizes(config)
+    readings = {"swarm": flat, "spacecraft": local, "choice": SIZE}[reads]
     told = provenance(config) | about
-    return random_policy(each=each, readings=local if each else flat, spacecraft=4, choices=choices, **told)
+    return random_policy(reads=reads, readings=readings, spacecraft=4, choices=choices, **told)
 
 
 def test_no_policy_passes_the_bound_and_it_is_no_idle_one(test, greedy):
@@ -109,13 +114,30 @@ def test_rows_of_a_policy_are_those_of_the_environments(test):
     env.close()
 
 
-@pytest.mark.parametrize("each", [False, True])
-def test_a_file_of_a_network_flies_as_the_network_does(each, test, tmp_path):
-    policy, observed = network(each=each), test.episodes.entities()
+def test_a_row_of_a_choice_holds_what_is_known_of_it_and_nothing_of_others(test):
+    rng, tables = np.random.default_rng(0), test.episodes.entities()
+    observed = {name: rng.uniform(1.0, 2.0, rows.shape) for name, rows in tables.items()}
+    E, n, K, width = observed["pairs"].shape
+    rows = choice_rows(observed)
+    assert rows.shape == (E, n, K + 1 + n, SIZE)
+    own = [SPACECRAFT.index(name) for name in OF_SPACECRAFT]
+    general = [GENERAL.index(name) for name in OF_GENERAL]
+    for e, j, c in np.ndindex(E, n, K + 1 + n):
+        to = c - K - 1
+        kind = [c < K, c == K, c > K]
+        whom = observed["spacecraft"][e, to, own] if c > K and to != j else np.zeros(len(own))
+        patch = [*observed["pairs"][e, j, c], *observed["patches"][e, c, :2]] if c < K else np.zeros(width + 2)
+        wanted = [*observed["spacecraft"][e, j, own], *observed["general"][e, general], *kind, *whom, *patch]
+        assert rows[e, j, c] == pytest.approx(np.array(wanted, np.float64), rel=1e-6)
+    assert len(KINDS) == 3
+
+
+@pytest.mark.parametrize("reads", ROWS)
+def test_a_file_of_a_network_flies_as_the_network_does(reads, test, tmp_path):
+    policy, observed = network(reads=reads), test.episodes.entities()
     save_network(tmp_path / "policy.npz", policy)
     chosen = open_policy(tmp_path / "policy.npz", test.config)(observed)
-    rows = local_rows(observed) if each else flat_rows(observed)
-    assert np.array_equal(chosen, policy.act(rows, observed["action_mask"]))
+    assert np.array_equal(chosen, policy.act(ROWS[reads](observed), observed["action_mask"]))
     assert (np.take_along_axis(observed["action_mask"], chosen[:, :, None], 2) == 1).all()
 
 
@@ -152,7 +174,7 @@ def test_files_that_do_not_fit_are_refused_whatever_they_tell(tmp_path):
 
 
 def test_seeds_of_tests_and_of_validation_are_frozen_and_apart():
-    assert TEST_SEEDS == tuple(range(20_000, 20_096)) and VALIDATION_SEEDS == tuple(range(30_000, 30_048))
+    assert TEST_SEEDS == tuple(range(20_000, 20_096)) and VALIDATION_SEEDS == tuple(range(30_000, 30_096))
 
 
 def onnx_model(file, *, masked, choices, flat, told):

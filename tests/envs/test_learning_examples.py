@@ -11,6 +11,7 @@ import pytest
 
 torch = pytest.importorskip("torch")
 from swarm_mj.envs.missions import leaderboard  # noqa: E402
+from swarm_mj.envs.missions.tables import GENERAL, PAIRS, PATCHES, SPACECRAFT  # noqa: E402
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "examples" / "learning"))
 import common  # noqa: E402
@@ -47,19 +48,19 @@ def test_advantages_are_the_weighted_sums_of_their_definition():
 
 @pytest.mark.parametrize("kind", [ppo.Agent, mappo.Team])
 def test_choices_that_are_ruled_out_are_never_drawn_and_what_pays_is_learnt(kind):
-    """Two spacecraft: the first is paid for choice 2, choice 1 of the second is ruled out."""
+    """Two spacecraft and two patches: the first is paid for talking to Earth, choice 1 of the second is ruled out."""
     torch.manual_seed(0)
     torch.set_num_threads(1)
-    tables = {"spacecraft": (1, 2, 3), "pairs": (1, 2, 2, 2), "patches": (1, 2, 2), "general": (1, 4)}
-    observed = {name: np.ones(shape, np.float32) for name, shape in tables.items()}
-    layout = SimpleNamespace(size=22)
-    agent = kind(SimpleNamespace(n=2, choices=3, layout=layout, entities=lambda: observed), 16)
-    row = torch.as_tensor(agent.shown(observed if kind is mappo.Team else np.ones((1, 22), np.float32)))
-    mask = torch.ones(1, 2, 3, dtype=torch.bool)
+    widths = {"spacecraft": (2, len(SPACECRAFT)), "pairs": (2, 2, len(PAIRS)), "patches": (2, len(PATCHES))}
+    shapes = widths | {"general": (len(GENERAL),)}
+    observed = {name: np.ones((1, *shape), np.float32) for name, shape in shapes.items()}
+    agent = kind(SimpleNamespace(entities=lambda: observed), 16)
+    row = torch.as_tensor(agent.shown(observed))
+    mask = torch.ones(1, 2, 5, dtype=torch.bool)
     mask[0, 1, 1] = False
     optimizer = torch.optim.Adam(agent.parameters(), lr=3e-2)
     for _ in range(12):
-        rollout = ppo.Rollout(64, 1, row.shape[1], (2, 3))
+        rollout = ppo.Rollout(64, 1, row.shape[1], (2, 5))
         rollout.seen[:], rollout.mask[:] = row, mask
         chosen = agent.choose(rollout.seen, rollout.mask)
         rollout.choice = chosen.sample()

@@ -9,32 +9,31 @@ from swarm_mj.envs.policy_network import WEIGHTS, NetworkPolicy, load_network, s
 from swarm_mj.errors import ScenarioError
 
 
-def random_policy(*, each=False, readings=6, spacecraft=2, choices=4, **about):
+def random_policy(*, reads="swarm", readings=6, spacecraft=2, choices=4, **about):
     """Of a network of random weights."""
     rng = np.random.default_rng(0)
-    logits = choices if each else spacecraft * choices
+    logits = {"choice": 1, "spacecraft": choices, "swarm": spacecraft * choices}[reads]
     sizes = {"mean": (readings,), "scale": (readings,), "W1": (5, readings), "b1": (5,), "W2": (3, 5), "b2": (3,)}
     sizes |= {"W3": (logits, 3), "b3": (logits,)}
     weights = {name: rng.normal(size=shape).astype(np.float32).astype(np.float64) for name, shape in sizes.items()}
     weights["scale"] = np.float32(np.abs(weights["scale"]) + 0.5).astype(np.float64)
-    return NetworkPolicy(weights, {"each": each, "spacecraft": spacecraft, "choices": choices, **about})
+    return NetworkPolicy(weights, {"reads": reads, "spacecraft": spacecraft, "choices": choices, **about})
 
 
-@pytest.mark.parametrize("each", [False, True])
-def test_a_network_says_what_its_equations_say(each):
-    policy = random_policy(each=each)
-    shown = np.random.default_rng(1).normal(size=(3, 2, 6) if each else (3, 6))
+@pytest.mark.parametrize("reads", ["swarm", "spacecraft", "choice"])
+def test_a_network_says_what_its_equations_say(reads):
+    policy = random_policy(reads=reads)
+    shapes = {"swarm": (3, 6), "spacecraft": (3, 2, 6), "choice": (3, 2, 4, 6)}
+    shown = np.random.default_rng(1).normal(size=shapes[reads])
     w, logits = policy.weights, policy.logits(shown)
     assert logits.shape == (3, 2, 4)
-    for e in range(3):
-        for j in range(2):
-            s = shown[e, j] if each else shown[e]
-            x = [(s[i] - w["mean"][i]) / w["scale"][i] for i in range(6)]
-            first = [np.tanh(sum(w["W1"][a, i] * x[i] for i in range(6)) + w["b1"][a]) for a in range(5)]
-            hidden = [np.tanh(sum(w["W2"][b, a] * first[a] for a in range(5)) + w["b2"][b]) for b in range(3)]
-            rows = range(4) if each else range(4 * j, 4 * j + 4)
-            wanted = [sum(w["W3"][c, b] * hidden[b] for b in range(3)) + w["b3"][c] for c in rows]
-            assert logits[e, j] == pytest.approx(wanted)
+    for e, j, c in np.ndindex(3, 2, 4):
+        where, row = {"swarm": (e, 4 * j + c), "spacecraft": ((e, j), c), "choice": ((e, j, c), 0)}[reads]
+        s = shown[where]
+        x = [(s[i] - w["mean"][i]) / w["scale"][i] for i in range(6)]
+        first = [np.tanh(sum(w["W1"][a, i] * x[i] for i in range(6)) + w["b1"][a]) for a in range(5)]
+        hidden = [np.tanh(sum(w["W2"][b, a] * first[a] for a in range(5)) + w["b2"][b]) for b in range(3)]
+        assert logits[e, j, c] == pytest.approx(sum(w["W3"][row, b] * hidden[b] for b in range(3)) + w["b3"][row])
 
 
 def test_a_network_takes_the_best_of_the_choices_that_are_allowed():
@@ -59,7 +58,7 @@ def test_a_network_survives_its_file(tmp_path):
     policy = random_policy(environment="SwarmObserve-v1", layout=1, arguments={}, package="0.2.0")
     save_network(tmp_path / "policy.npz", policy)
     read = load_network(tmp_path / "policy.npz")
-    assert read.about == {"format": 2, **policy.about}
+    assert read.about == {"format": 3, **policy.about}
     assert all(np.array_equal(read.weights[name], policy.weights[name]) for name in WEIGHTS)
 
 
@@ -74,6 +73,6 @@ def test_files_that_are_no_network_are_refused_by_name(tmp_path):
     save_network(file, replace(policy, weights=policy.weights | {"W2": np.zeros((3, 4))}))
     with pytest.raises(ScenarioError, match=r"W2 has the shape \(3, 4\)"):
         load_network(file)
-    save_network(file, replace(policy, about={**policy.about, "format": 3}))
+    save_network(file, replace(policy, about={**policy.about, "format": 4}))
     with pytest.raises(ScenarioError, match="format"):
         load_network(file)
