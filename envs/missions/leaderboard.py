@@ -22,6 +22,7 @@ from .config import MissionConfig
 from .episodes import Episodes
 from .layout import Observed
 from .mission import DURATION_S
+from .planner import Planner
 from .policies import open_policy
 from .single import NAME
 
@@ -31,6 +32,8 @@ TEST_SEEDS = tuple(range(20_000, 20_096))
 VALIDATION_SEEDS = tuple(range(30_000, 30_096))
 #: What a policy is tested with.
 TEST = {"split": "test", "missions": "all"}
+#: The name of the planner, which reads more of its episodes than an observation has.
+PLANNER = "planner"
 #: Episodes at once.
 WIDTH = 32
 Progress = Callable[[int], None]
@@ -105,7 +108,9 @@ def policy_of(name_or_file: str | Path, config: MissionConfig) -> Policy:
     if str(name_or_file) in named:
         return named[str(name_or_file)]
     if not Path(name_or_file).is_file():
-        raise ScenarioError(f"policy {str(name_or_file)!r}: no such file, and no name; names are {', '.join(named)}")
+        raise ScenarioError(
+            f"policy {str(name_or_file)!r}: no such file, and no name; names are {', '.join([*named, PLANNER])}"
+        )
     return open_policy(name_or_file, config)
 
 
@@ -160,7 +165,7 @@ class Test:
 
     def policy(self, name_or_file: str | Path) -> Policy:
         """A scripted policy by name, or that of a file, see `score`."""
-        return policy_of(name_or_file, self.config)
+        return Planner(self.episodes) if str(name_or_file) == PLANNER else policy_of(name_or_file, self.config)
 
     def fly(self, policy: Policy, progress: Progress | None = None) -> Flown:
         """What a policy comes to; `progress` is called with the decisions taken."""
