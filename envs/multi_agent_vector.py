@@ -6,6 +6,7 @@ env = SwarmObserveParallelVectorEnv(num_envs=64, control="role")
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from typing import Any
 
 import numpy as np
@@ -29,22 +30,16 @@ class _Teams(SwarmObserveVectorEnv):
     continues_after_impact = True
 
 
-class SwarmObserveParallelVectorEnv:
-    """E flights whose spacecraft are agents; every flight is bit for bit one of `SwarmObserveParallelEnv`.
+class ParallelVectorEnv:
+    """E flights whose spacecraft are agents: what such environments of v0 and v1 share.
 
-    What that takes and gives by agent is here an array over the flights, with the number of the flight in front. Agents are
-    never taken out of `agents`, for each flies in some flight: `flying[e, j]` says whether the j-th still does in flight e. Of
-    who does not, actions are ignored and nothing ends; its rewards and observations mean nothing. A flight in which all have
-    ended is started anew by the next call of `step`, which ignores its actions and gives reward 0, as gymnasium's
-    vector environments do by default.
+    What a multi-agent environment takes and gives by agent is here an array over the flights, with the number of the flight in
+    front. Agents are never taken out of `agents`, for each flies in some flight: `flying[e, j]` says whether the j-th still
+    does in flight e. Of who does not, actions are ignored and nothing ends; its rewards and observations mean nothing. A
+    flight in which all have ended is started anew by the next call of `step`, which ignores its actions and gives reward 0, as
+    gymnasium's vector environments do by default.
 
-    Infos are those of `SwarmObserveVectorEnv`, of flights and not of agents.
-
-    Args:
-        num_envs: Number of flights E.
-        threads: Most that are used; None for the cores that this process may use.
-        agent_prefix: What stands before the numbers of the agents.
-        arguments: Those of `SwarmObserveEnv`, except `render_mode`.
+    Infos are those of the vector environment, of flights and not of agents.
 
     Attributes:
         num_envs: Number of flights E.
@@ -54,22 +49,32 @@ class SwarmObserveParallelVectorEnv:
         vector: All spacecraft of a flight as one agent; `get_state`, `set_state` and what else it offers serve here, too.
     """
 
-    def __init__(
-        self, num_envs: int = 1, *, threads: int | None = None, agent_prefix: str = "sc", **arguments: Any
-    ) -> None:
-        self.vector = _Teams(num_envs, threads=threads, **arguments)
-        task = self.vector.batch.task
-        n, whole = task.plan.n, self.vector.single_action_space
-        self.num_envs, self._layout = num_envs, task.observation_layout
+    vector: Any
+
+    def _set_up(self, vector: Any, agent_prefix: str, n: int) -> None:
+        """Take the flights of n spacecraft."""
+        self.vector, self.num_envs = vector, vector.num_envs
         self.possible_agents = [f"{checked_prefix(agent_prefix)}{j + 1}" for j in range(n)]
         self.agents = list(self.possible_agents)
+        whole = vector.single_action_space
         self._action_space = {agent: action_part(whole, j, n) for j, agent in enumerate(self.agents)}
-        self._observation_space = {agent: local_space(self._layout, n) for agent in self.agents}
-        self.flying: Mask = np.zeros((num_envs, n), np.bool_)
+        self.flying: Mask = np.zeros((self.num_envs, n), np.bool_)
 
-    def observation_space(self, agent: str) -> spaces.Box:
+    @abstractmethod
+    def observation_space(self, agent: str) -> spaces.Space[Any]:
         """Of one agent in one flight."""
-        return self._observation_space[agent]
+
+    @abstractmethod
+    def state(self) -> Array32:
+        """Observations of everything, for critics that see it all, shape (E, F)."""
+
+    @abstractmethod
+    def _lost(self) -> Mask:
+        """Who is no more, shape (E, n)."""
+
+    @abstractmethod
+    def _local(self, whole: Any) -> PerAgent:
+        """Observations of the agents, from those of the vector environment."""
 
     def action_space(self, agent: str) -> spaces.Space[Any]:
         """Of one agent in one flight."""
@@ -78,9 +83,10 @@ class SwarmObserveParallelVectorEnv:
     def reset(
         self, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[PerAgent, dict[str, Any]]:
-        """Start all flights, or those of `options["reset_mask"]`, with all spacecraft; see `SwarmObserveVectorEnv.reset`."""
+        """Start all flights, or those of `options["reset_mask"]`, see the `reset` of `vector`."""
         whole, infos = self.vector.reset(seed=seed, options=options)
-        self.flying[infos["_flight_seed"]] = True
+        begun = infos["_flight_seed"]
+        self.flying[begun] = ~self._lost()[begun]
         return self._local(whole), infos
 
     def step(self, actions: PerAgent) -> tuple[PerAgent, PerAgent, PerAgent, PerAgent, dict[str, Any]]:
@@ -99,7 +105,7 @@ class SwarmObserveParallelVectorEnv:
         flew = self.flying.copy()
         whole, reward, ended, truncated, infos = self.vector.step(self._joined(actions))
         began = infos.get("_flight_seed", np.zeros(self.num_envs, np.bool_))
-        flew[began] = True
+        flew[began] = ~self._lost()[began]
         over = ended[:, None] | (self._lost() & ~began[:, None])
         terminations, truncations = flew & over, flew & truncated[:, None] & ~over
         self.flying = flew & ~(terminations | truncations)
@@ -112,16 +118,9 @@ class SwarmObserveParallelVectorEnv:
             infos,
         )
 
-    def state(self) -> Array32:
-        """Observations of everything, for critics that see it all, shape (E, F)."""
-        return self.vector.batch.observation
-
     def close(self) -> None:
         """End the threads and release the observer."""
         self.vector.close()
-
-    def _lost(self) -> Mask:
-        return self.vector.batch.gather(lambda batch: batch.totals.lost)
 
     def _joined(self, actions: PerAgent) -> NDArray[Any]:
         if set(actions) != set(self.agents):
@@ -131,6 +130,39 @@ class SwarmObserveParallelVectorEnv:
         parts = [np.asarray(actions[agent]).reshape(self.num_envs, -1) for agent in self.agents]
         parts = [np.where(flies[:, None], part, 0) for part, flies in zip(parts, self.flying.T, strict=True)]
         return np.concatenate(parts, axis=1)
+
+
+class SwarmObserveParallelVectorEnv(ParallelVectorEnv):
+    """Flights of `SwarmObserve-v0`; every one is bit for bit one of `SwarmObserveParallelEnv`; see `ParallelVectorEnv`.
+
+    Args:
+        num_envs: Number of flights E.
+        threads: Most that are used; None for the cores that this process may use.
+        agent_prefix: What stands before the numbers of the agents.
+        arguments: Those of `SwarmObserveEnv`, except `render_mode`.
+    """
+
+    def __init__(
+        self, num_envs: int = 1, *, threads: int | None = None, agent_prefix: str = "sc", **arguments: Any
+    ) -> None:
+        vector = _Teams(num_envs, threads=threads, **arguments)
+        task = vector.batch.task
+        self._layout = task.observation_layout
+        self._set_up(vector, agent_prefix, task.plan.n)
+        self._observation_space = {agent: local_space(self._layout, task.plan.n) for agent in self.agents}
+
+    def observation_space(self, agent: str) -> spaces.Box:
+        """Of one agent in one flight."""
+        return self._observation_space[agent]
+
+    def state(self) -> Array32:
+        """Observations of everything, for critics that see it all, shape (E, F)."""
+        observation: Array32 = self.vector.batch.observation
+        return observation
+
+    def _lost(self) -> Mask:
+        lost: Mask = self.vector.batch.gather(lambda batch: batch.totals.lost)
+        return lost
 
     def _local(self, whole: Array32) -> PerAgent:
         layout, n = self._layout, len(self.agents)

@@ -8,12 +8,15 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from swarm_mj.errors import ObserverError
-from swarm_mj.typing import Pixels
+from swarm_mj.typing import Array, Pixels
 
 from .batch import EpisodeBatch
+
+if TYPE_CHECKING:
+    from swarm_mj.rendering.frame import Instant
 
 
 class EpisodeRenderer:
@@ -41,26 +44,11 @@ class EpisodeRenderer:
         Raises:
             ObserverError: OpenGL cannot be loaded.
         """
-        from swarm_mj.rendering.frame import Instant
-
         if self._drawing is None:
             self._open()
         batch, e = self._flights[k]
         state = batch.swarm_state(e)
-        picture: Pixels = self._drawing.draw(
-            Instant(
-                t=state.t,
-                r_BN_N=state.r_BN_N,
-                C_BN=state.C_BN,
-                C_AN=state.C_AN,
-                kind=batch.flights.kind[e].copy(),
-                tracked=batch.flights.index[e].copy(),
-                link=None,
-                seen=batch.totals.seen[e],
-                trail_N=self._trails[k].to(state.t, state.r_BN_N),
-                lost=batch.totals.lost[e].copy(),
-            )
-        )
+        picture: Pixels = self._drawing.draw(instant_of(batch, e, self._trails[k].to(state.t, state.r_BN_N)))
         return picture
 
     def _open(self) -> None:
@@ -78,6 +66,25 @@ class EpisodeRenderer:
         self._drawing = None
 
 
+def instant_of(batch: EpisodeBatch, e: int, trail_N: Array) -> Instant:
+    """What there is to draw of flight e now, with the ways so far, shape (m, n, 3) [m]."""
+    from swarm_mj.rendering.frame import Instant
+
+    state = batch.swarm_state(e)
+    return Instant(
+        t=state.t,
+        r_BN_N=state.r_BN_N,
+        C_BN=state.C_BN,
+        C_AN=state.C_AN,
+        kind=batch.flights.kind[e].copy(),
+        tracked=batch.flights.index[e].copy(),
+        link=None,
+        seen=batch.totals.seen[e],
+        trail_N=trail_N,
+        lost=batch.totals.lost[e].copy(),
+    )
+
+
 class Window:
     """Shows pictures of one size, at most so many a second, by pygame.
 
@@ -85,12 +92,13 @@ class Window:
         width: [px].
         height: [px].
         fps: Pictures a second at most.
+        title: What the window is called.
 
     Raises:
         ObserverError: pygame is not installed, or there is no display.
     """
 
-    def __init__(self, width: int, height: int, fps: float) -> None:
+    def __init__(self, width: int, height: int, fps: float, title: str = "SwarmObserve-v0") -> None:
         try:
             import pygame
         except ImportError as error:
@@ -109,7 +117,7 @@ class Window:
             raise ObserverError(
                 f"render_mode 'human' cannot open a window ({error}); use render_mode='rgb_array'"
             ) from error
-        pygame.display.set_caption("SwarmObserve-v0")
+        pygame.display.set_caption(title)
         self._clock, self._fps = pygame.time.Clock(), fps
 
     def show(self, picture: Pixels) -> None:

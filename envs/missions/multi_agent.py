@@ -18,15 +18,15 @@ from gymnasium.utils import seeding
 from numpy.typing import NDArray
 
 from swarm_mj.errors import ScenarioError
-from swarm_mj.typing import Array32
+from swarm_mj.typing import Array32, Pixels
 
 from ..actions import check_action
-from ..arguments import checked_options, checked_prefix, flight_seed
+from ..arguments import checked_options, checked_prefix, checked_render_mode, flight_seed
 from ..snapshots import FlightState, RebuiltOnCopy, must_have_begun, restore_state, take_state
 from .catalogue import DEFAULT_COUNT
 from .config import MissionConfig
 from .episodes import Episodes, box
-from .single import checked_render
+from .rendering import MissionRenderer
 
 try:
     from pettingzoo import ParallelEnv
@@ -50,14 +50,14 @@ class SwarmObserveV1ParallelEnv(RebuiltOnCopy, ParallelEnv[str, Any, Any]):
     Args:
         missions: See `SwarmObserveV1Env`.
         split: See `SwarmObserveV1Env`.
-        render_mode: None.
+        render_mode: None or `"rgb_array"`.
         agent_prefix: What stands before the numbers of the agents.
         arguments: The others of `SwarmObserveV1Env`.
     """
 
     metadata: ClassVar[dict[str, Any]] = {
         "name": "swarm_observe_v1",
-        "render_modes": [],
+        "render_modes": ["rgb_array"],
         "render_fps": 10,
         "is_parallelizable": True,
     }
@@ -73,15 +73,16 @@ class SwarmObserveV1ParallelEnv(RebuiltOnCopy, ParallelEnv[str, Any, Any]):
     ) -> None:
         self.made_of = {"missions": missions, "split": split, "render_mode": render_mode, **arguments}
         self.made_of["agent_prefix"] = agent_prefix
-        self.render_mode = checked_render(render_mode)
+        self.render_mode = checked_render_mode(render_mode, self.metadata["render_modes"])
         self.config = MissionConfig(missions=missions, split=split, **arguments)
         self._episodes: Episodes | None = Episodes(self.config, 1)
+        self._renderer = MissionRenderer(self._episodes, 1)
         prefix = checked_prefix(agent_prefix)
         self.possible_agents = [f"{prefix}{j + 1}" for j in range(self.config.max_spacecraft)]
         self.agents: list[str] = []
         self._number = {name: j for j, name in enumerate(self.possible_agents)}
         self.action_spaces = {name: spaces.Discrete(self.episodes.choices) for name in self.possible_agents}
-        self.observation_spaces = {name: self._space() for name in self.possible_agents}
+        self.observation_spaces = {name: local_space(self.episodes) for name in self.possible_agents}
         self.state_space: spaces.Box = box(self.episodes.layout.size)
         self._random, self._begun = seeding.np_random()[0], False
 
@@ -176,26 +177,9 @@ class SwarmObserveV1ParallelEnv(RebuiltOnCopy, ParallelEnv[str, Any, Any]):
         mask = info["action_mask"]
         return {agent: info | {"action_mask": mask[self._number[agent]].copy()} for agent in agents}
 
-    def _parts(self, j: int) -> dict[str, NDArray[Any]]:
-        shown, n = self.episodes.shown(), self.episodes.n
-        others = (j + 1 + np.arange(n - 1)) % n
-        own = "pairs" if "pairs" in shown else "candidates"
-        parts = {"self": shown["spacecraft"][0, j], own: shown[own][0, j], "others": shown["spacecraft"][0, others]}
-        return parts | {name: shown[name][0] for name in ("patches", "general") if name in shown}
-
     def _observation(self, j: int) -> Any:
-        parts = self._parts(j)
-        if self.config.observation == "entities":
-            return parts | {"action_mask": self.episodes.action_mask[0, j]}
-        flat: Array32 = np.concatenate([part.ravel() for part in parts.values()])
-        return flat
-
-    def _space(self) -> spaces.Space[Any]:
-        parts = self._parts(0)
-        if self.config.observation == "flat":
-            return box(sum(part.size for part in parts.values()))
-        found: dict[str, spaces.Space[Any]] = {name: box(*part.shape) for name, part in parts.items()}
-        return spaces.Dict(found | {"action_mask": spaces.MultiBinary(self.episodes.choices)})
+        shown = local_observations(self.episodes, j)
+        return {name: part[0] for name, part in shown.items()} if isinstance(shown, dict) else shown[0]
 
     def _observations(self) -> PerAgent:
         return {agent: self._observation(self._number[agent]) for agent in self.agents}
@@ -204,11 +188,43 @@ class SwarmObserveV1ParallelEnv(RebuiltOnCopy, ParallelEnv[str, Any, Any]):
         """The flat observation of `SwarmObserveV1Env`: everything, for critics that see it all."""
         return self.episodes.flat()[0]
 
+    def render(self) -> Pixels | None:
+        """The overview as a picture with `render_mode="rgb_array"`, see `SwarmObserveV1Env.render`."""
+        _ = self.episodes
+        pictures = self._renderer.render(self.render_mode, self._begun, "swarm_observe_v1")
+        return None if pictures is None else pictures[0]
+
     def close(self) -> None:
-        """Release the observers; may be called again."""
+        """Release observers and OpenGL context; may be called again."""
         if self._episodes is not None:
+            self._renderer.close()
             self._episodes.close()
         self._episodes, self.agents = None, []
+
+
+def local_observations(episodes: Episodes, j: int) -> Any:
+    """What spacecraft j is shown in every episode, arrays (E, ...) by name or one (E, L), copies."""
+    tables, n = episodes.tables, episodes.n
+    others = (j + 1 + np.arange(n - 1)) % n
+    parts: dict[str, NDArray[Any]] = {
+        "self": tables.spacecraft[:, j].copy(),
+        "pairs": tables.pairs[:, j].copy(),
+        "others": tables.spacecraft[:, others],
+        "patches": tables.patches.copy(),
+        "general": tables.general.copy(),
+    }
+    if episodes.config.observation == "entities":
+        return parts | {"action_mask": tables.mask[:, j].copy()}
+    return np.concatenate([part.reshape(episodes.count, -1) for part in parts.values()], axis=1)
+
+
+def local_space(episodes: Episodes) -> spaces.Space[Any]:
+    """Of what one spacecraft is shown in one episode."""
+    shown = local_observations(episodes, 0)
+    if not isinstance(shown, dict):
+        return box(shown.shape[1])
+    found: dict[str, spaces.Space[Any]] = {name: box(*part.shape[1:]) for name, part in shown.items()}
+    return spaces.Dict(found | {"action_mask": spaces.MultiBinary(episodes.choices)})
 
 
 #: PettingZoo's way to name an environment: `swarm_observe_v1.parallel_env(...)`.

@@ -7,25 +7,19 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from swarm_mj.errors import ScenarioError
+from swarm_mj.typing import Pixels
 
 from ..actions import check_action
-from ..arguments import checked_options, flight_seed
+from ..arguments import checked_options, checked_render_mode, checked_size, flight_seed
+from ..rendering import Window
 from ..rewards import TERMS
 from ..snapshots import FlightState, RebuiltOnCopy, must_have_begun, restore_state, take_state
 from .catalogue import DEFAULT_COUNT
 from .config import MissionConfig
 from .episodes import Episodes
+from .rendering import MissionRenderer
 
 NAME = "SwarmObserve-v1"
-
-
-def checked_render(mode: Any) -> str | None:
-    """The render mode: there is none yet."""
-    if mode is None:
-        return None
-    else:
-        raise ScenarioError(f"render_mode = {mode!r}: must be None; {NAME} draws no pictures, SwarmObserve-v0 does")
 
 
 class SwarmObserveV1Env(RebuiltOnCopy, gymnasium.Env[Any, Any]):
@@ -41,8 +35,8 @@ class SwarmObserveV1Env(RebuiltOnCopy, gymnasium.Env[Any, Any]):
 
     `catalogue.CATALOGUE` names 64: sixteen places on each of Eros, Bennu, Itokawa and an ellipsoid the size of 21 Lutetia.
     Places within 40 deg of longitude 0 are for training, those within 20 deg of 180 deg for tests; no part of a body belongs
-    to both. Lengths go with the imaging altitude H, times are the same for all: let go 2 H ahead, over the target 240 s later
-    at H / 120 s, 600 s in all. Cameras see about a patch at a time. A picture is taken every 10 s; cells count where the
+    to both. Lengths go with the imaging altitude H, times are the same for all: let go 3 1/3 H ahead, over the target 200 s
+    later at H / 60 s, 600 s in all. Cameras see about a patch at a time. A picture is taken every 10 s; cells count where the
     ground sampling distance is at most 1.25 times that straight down from H. Spacecraft fly with reaction wheels as momentum
     states, by the compiled stepper, and turn by the sliding-mode law. A mission takes up to 10 s to work out once, and is
     kept in the cache.
@@ -103,6 +97,9 @@ body in 60 s; share of the data that Earth hears in a decision; directions of Su
     With `candidates=R` there are `candidates` (n, R, 7), see `layout.CANDIDATE`, in the place of pairs and patches, and of the
     columns of spacecraft and general those that `choices` names: no places and directions.
 
+    `alive`, `camera` and `downlink` tell the health of a spacecraft, `wheel_speed` that of its wheels. There is no battery: no
+    flight of ten minutes models power; `SwarmDownlink-v0` has batteries, panels and eclipses.
+
     ## Reward
 
     The terms of `SwarmObserveEnv`, but `seen` and `delivered` count by what is possible in the episode: the lit cells that a
@@ -136,18 +133,31 @@ body in 60 s; share of the data that Earth hears in a decision; directions of Su
     | reward_weights | None | replaces weights by name |
     | complete | 99.9 | seen share of what is lit that counts as complete [%] |
     | horizon_terminates | False | whether the duration ends a flight as terminated |
+    | render_mode | None | None, `"rgb_array"`, or `"human"` for a window, drawn at every reset and step (needs pygame) |
+    | width, height | 640, 480 | of rendered pictures |
     """
 
-    metadata: dict[str, Any] = {"render_modes": [], "render_fps": 10}
+    metadata: dict[str, Any] = {"render_modes": ["human", "rgb_array"], "render_fps": 10}
 
     def __init__(
-        self, missions: Any = DEFAULT_COUNT, split: str = "train", render_mode: str | None = None, **arguments: Any
+        self,
+        missions: Any = DEFAULT_COUNT,
+        split: str = "train",
+        render_mode: str | None = None,
+        *,
+        width: int = 640,
+        height: int = 480,
+        **arguments: Any,
     ) -> None:
         self.made_of = {"missions": missions, "split": split, "render_mode": render_mode, **arguments}
+        self.made_of |= {"width": width, "height": height}
         self._episodes: Episodes | None = None
-        self.render_mode = checked_render(render_mode)
+        self._window: Window | None = None
+        self._size = checked_size("width", width), checked_size("height", height)
+        self.render_mode = checked_render_mode(render_mode, self.metadata["render_modes"])
         self.config = MissionConfig(missions=missions, split=split, **arguments)
         self._episodes = episodes = Episodes(self.config, 1)
+        self._renderer = MissionRenderer(episodes, 1, *self._size)
         self.observation_space, self.action_space = episodes.observation_space, episodes.action_space
         self._running = self._begun = False
 
@@ -179,6 +189,7 @@ body in 60 s; share of the data that Earth hears in a decision; directions of Su
         chosen = flight_seed(given, int(self.np_random.integers(2**31)))
         self.episodes.begin(0, chosen, values)
         self._running = self._begun = True
+        self._show()
         return self.episodes.observation_of(0), self.episodes.info(0) | {"flight_seed": chosen}
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
@@ -195,6 +206,7 @@ body in 60 s; share of the data that Earth hears in a decision; directions of Su
         terminated, truncated = bool(result.end[0]), bool(result.truncated[0])
         self._running = not (terminated or truncated)
         info = episodes.step_info(0, result)
+        self._show()
         return episodes.observation_of(0), float(result.reward[0]), terminated, truncated, info
 
     def get_state(self) -> FlightState:
@@ -229,8 +241,32 @@ body in 60 s; share of the data that Earth hears in a decision; directions of Su
         if standing["flight"] is not None:
             self.set_state(standing["flight"])
 
+    def render(self) -> Pixels | None:
+        """The overview as a picture, shape (height, width, 3), with `render_mode="rgb_array"`; `"human"` shows it in a window.
+
+        Raises:
+            ObserverError: OpenGL cannot be loaded, or there is no display for the window.
+            gymnasium.error.ResetNeeded: There is nothing to draw before the first `reset`.
+        """
+        _ = self.episodes
+        pictures = self._renderer.render(self.render_mode, self._begun, NAME)
+        if pictures is None or self.render_mode == "rgb_array":
+            return None if pictures is None else pictures[0]
+        if self._window is None:
+            self._window = Window(*self._size, self.metadata["render_fps"], NAME)
+        self._window.show(pictures[0])
+        return None
+
+    def _show(self) -> None:
+        """Where there is a window."""
+        if self.render_mode == "human":
+            self.render()
+
     def close(self) -> None:
-        """Release the observers; may be called again."""
+        """Release observers, OpenGL context and window; may be called again."""
         if self._episodes is not None:
+            self._renderer.close()
             self._episodes.close()
-        self._episodes, self._running = None, False
+        if self._window is not None:
+            self._window.close()
+        self._episodes, self._window, self._running = None, None, False

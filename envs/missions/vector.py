@@ -7,15 +7,16 @@ from typing import Any
 import numpy as np
 from gymnasium.vector import AutoresetMode
 
-from swarm_mj.typing import Mask
+from swarm_mj.typing import Mask, Pixels
 
-from ..arguments import checked_count, checked_index
+from ..arguments import checked_count, checked_index, checked_render_mode
 from ..autoreset import FlightsVectorEnv, Infos, checked_mode
 from ..snapshots import FlightState, RebuiltOnCopy, must_have_begun, restore_state, take_state
 from ..threads import default_threads
 from .config import MissionConfig
 from .episodes import Episodes
-from .single import NAME, checked_render
+from .rendering import MissionRenderer
+from .single import NAME
 
 
 class SwarmObserveV1VectorEnv(RebuiltOnCopy, FlightsVectorEnv):
@@ -29,8 +30,9 @@ class SwarmObserveV1VectorEnv(RebuiltOnCopy, FlightsVectorEnv):
         num_envs: Number of episodes.
         autoreset_mode: `NextStep` (default), `SameStep` or `Disabled`, see `SwarmObserveVectorEnv`.
         threads: Most that are used; None for the cores that this process may use.
-        render_mode: None.
-        arguments: The others of `SwarmObserveV1Env`.
+        render_mode: None or `"rgb_array"`.
+        render_flights: How many episodes `render` shows, the first ones.
+        arguments: The others of `SwarmObserveV1Env`, except `width` and `height`.
     """
 
     name = NAME
@@ -43,17 +45,20 @@ class SwarmObserveV1VectorEnv(RebuiltOnCopy, FlightsVectorEnv):
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         threads: int | None = None,
         render_mode: str | None = None,
+        render_flights: int = 4,
         **arguments: Any,
     ) -> None:
         self.made_of = {"num_envs": num_envs, "autoreset_mode": autoreset_mode, "threads": threads}
-        self.made_of |= {"render_mode": render_mode, **arguments}
+        self.made_of |= {"render_mode": render_mode, "render_flights": render_flights, **arguments}
         count = checked_count("num_envs", num_envs)
         used = default_threads() if threads is None else checked_count("threads", threads, ", or None")
-        self.render_mode = checked_render(render_mode)
+        self.render_mode = checked_render_mode(render_mode, ["rgb_array"])
+        shown = min(count, checked_count("render_flights", render_flights))
         mode = checked_mode(autoreset_mode)
-        self.metadata = {"render_modes": [], "render_fps": 10, "autoreset_mode": mode}
+        self.metadata = {"render_modes": ["rgb_array"], "render_fps": 10, "autoreset_mode": mode}
         self.config = MissionConfig(**arguments)
         batch = Episodes(self.config, count, used)
+        self._renderer = MissionRenderer(batch, shown)
         self._set_up(batch, mode, count, (batch.observation_space, batch.action_space))
 
     def _begin(self, flights: dict[int, int], given: Any) -> None:
@@ -85,3 +90,15 @@ class SwarmObserveV1VectorEnv(RebuiltOnCopy, FlightsVectorEnv):
         self.__dict__.update(standing["kept"])
         for e, state in standing["flights"].items():
             self.set_state(e, state)
+
+    def render(self) -> tuple[Pixels, ...] | None:
+        """The overviews of the first `render_flights` episodes, see `SwarmObserveV1Env.render`."""
+        _ = self.batch
+        pictures = self._renderer.render(self.render_mode, self._begun[: self._renderer.count], NAME)
+        return None if pictures is None else tuple(pictures)
+
+    def close_extras(self, **kwargs: Any) -> None:
+        """End the threads and release observers and OpenGL contexts."""
+        if self._batch is not None:
+            self._renderer.close()
+        super().close_extras(**kwargs)

@@ -45,6 +45,7 @@ class Instant:
         lost: Spacecraft that no longer work, shape (n,); None: all work.
         blind: Spacecraft whose cameras are off, shape (n,); None: none.
         traffic: Data under way; None: not known, or none in the whole flight.
+        note: Stands in a line of its own.
     """
 
     t: float
@@ -59,6 +60,7 @@ class Instant:
     lost: Mask | None = None
     blind: Mask | None = None
     traffic: Traffic | None = None
+    note: str = ""
 
     @property
     def n(self) -> int:

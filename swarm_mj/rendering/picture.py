@@ -193,6 +193,7 @@ class Drawing:
     def _lines(self, instant: Instant) -> list[Line]:
         title = f"{clock(instant.t)}   {self._note}"
         lines: list[Line] = [(title, TEXT), (f"{100.0 * self._share(instant):.1f} % observed", TEXT)]
+        lines += [(instant.note, TEXT)] if instant.note else []
         if self._layout.main is not None:
             lines += roles(instant, self._plan.names)
             lines += [(text, PACKET) for text in words(instant.traffic)] if instant.traffic is not None else []

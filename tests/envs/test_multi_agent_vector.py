@@ -65,3 +65,40 @@ def test_actions_that_do_not_fit_are_refused():
     with pytest.raises(gymnasium.error.InvalidAction):
         vector.step({agent: np.full(2, 99) for agent in vector.agents})
     vector.close()
+
+
+@pytest.mark.parametrize("observation", ["flat", "entities"])
+def test_episodes_of_v1_are_those_of_its_multi_agent_environment(observation):
+    from swarm_mj.envs.missions.multi_agent import SwarmObserveV1ParallelEnv
+    from swarm_mj.envs.missions.multi_agent_vector import SwarmObserveV1ParallelVectorEnv
+
+    made = {"missions": ["ellipsoid-train-1"], "observation": observation, "decision_s": 60.0}
+    # The first has two spacecraft, and loses one on the way; the second has all three to the end.
+    drawn = {"loss": [1, 0, 0], "loss_time": 0.3}
+    vector, singles = SwarmObserveV1ParallelVectorEnv(2, threads=2, **made), []
+    seen, infos = vector.reset(options={"flight_seed": [4, 9], "draw": drawn})
+    for seed in infos["flight_seed"]:
+        singles.append(SwarmObserveV1ParallelEnv(**made))
+        singles[-1].reset(options={"flight_seed": int(seed), "draw": drawn})
+    rng, live = np.random.default_rng(0), np.ones(2, bool)
+    while live.any():
+        actions = {agent: rng.integers(0, vector.action_space(agent).n, 2) for agent in vector.agents}
+        flew = vector.flying.copy()
+        seen, rewards, terminations, truncations, infos = vector.step(actions)
+        for e, env in enumerate(singles):
+            assert flew[e].tolist() == [agent in env.agents for agent in vector.agents] or not live[e]
+            if not live[e]:
+                continue
+            answer = env.step({agent: actions[agent][e] for agent in env.agents})
+            for agent, own in answer[0].items():
+                shown = seen[agent]
+                if observation == "flat":
+                    assert np.array_equal(shown[e], own) and own in vector.observation_space(agent)
+                else:
+                    assert all(np.array_equal(shown[name][e], part) for name, part in own.items())
+            for agent in answer[1]:
+                assert rewards[agent][e] == answer[1][agent]
+                assert terminations[agent][e] == answer[2][agent] and truncations[agent][e] == answer[3][agent]
+            assert np.array_equal(vector.state()[e], env.state())
+            live[e] = bool(env.agents)
+    vector.close()

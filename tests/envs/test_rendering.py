@@ -116,3 +116,34 @@ def test_the_vector_environment_draws_its_first_flights_as_single_ones_do(gl):
     assert not np.array_equal(pictures[0], pictures[1])
     vector.close()
     single.close()
+
+
+@pytest.mark.gl
+@pytest.mark.usefixtures("gl")
+def test_episodes_of_v1_are_drawn_each_in_its_own_light():
+    from swarm_mj.envs.missions.multi_agent import SwarmObserveV1ParallelEnv
+    from swarm_mj.envs.missions.single import SwarmObserveV1Env
+    from swarm_mj.envs.missions.vector import SwarmObserveV1VectorEnv
+
+    made = {"missions": ["ellipsoid-train-1"], "render_mode": "rgb_array"}
+    env = SwarmObserveV1Env(width=320, height=240, **made)
+    with pytest.raises(gymnasium.error.ResetNeeded):
+        env.render()
+    pictures = []
+    for elevation in (80.0, 80.0, 2.0):
+        env.reset(options={"flight_seed": 3, "draw": {"sun_elevation_deg": elevation}})
+        pictures.append(env.render().astype(float))
+    assert pictures[0].shape == (240, 320, 3) and pictures[0].std() > 5.0
+    assert np.array_equal(pictures[0], pictures[1])
+    # What the Sun hardly reaches is darker, seen from wherever it is.
+    assert np.abs(pictures[0] - pictures[2]).max() > 30
+    env.close()
+    vector = SwarmObserveV1VectorEnv(3, threads=1, render_flights=2, **made)
+    agents = SwarmObserveV1ParallelEnv(**made)
+    vector.reset(options={"flight_seed": [5, 6, 7]})
+    agents.reset(options={"flight_seed": 6})
+    shown = vector.render()
+    assert len(shown) == 2 and np.array_equal(shown[1], agents.render())
+    assert not np.array_equal(*shown)
+    vector.close()
+    agents.close()
