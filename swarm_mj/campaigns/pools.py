@@ -6,27 +6,33 @@ only the process that started the campaign writes.
 
 from __future__ import annotations
 
-import multiprocessing
-import os
 import signal
 import time
 from collections import deque
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from multiprocessing.connection import Connection, wait
-from multiprocessing.process import BaseProcess
 from typing import Any, Protocol
 
 from swarm_mj.campaigns.flying import Row, failed_row, fly_row
 from swarm_mj.campaigns.loading import Resolved
 from swarm_mj.campaigns.sampling import Sample
 from swarm_mj.errors import OutputError, SwarmError
-from swarm_mj.io.cores import ONE_THREAD, usable_cores
+from swarm_mj.io.cores import usable_cores
+from swarm_mj.io.nursery import begin
 
 #: A run during which this many workers died is recorded as failed.
 MAX_DEATHS = 3
 #: Workers that die before their first run, one after another, before the campaign gives up.
 MAX_STILLBORN = 5
+#: What every run needs, some of which is imported when the first one flies. Dask is asked for by xarray, where it is installed.
+LOADED = (
+    __name__,
+    "swarm_mj.smallbody.gravity.factory",
+    "swarm_mj.observation.horizon",
+    "swarm_mj.observation.raster",
+    "swarm_mj.observation.raycast",
+    "dask.array",
+)
 
 
 class Pool(Protocol):
@@ -61,8 +67,6 @@ class LocalPool:
         self._text, self._telemetry = resolved.dumps(), telemetry
         self._sample, self._limit = Sample(resolved.campaign), resolved.campaign.time_limit_s
         self._size = workers or usable_cores()
-        # Spawned, not forked: a GL context does not survive a fork.
-        self._context = multiprocessing.get_context("spawn")
         self._workers: list[_Worker] = []
         self._stillborn = 0
 
@@ -80,8 +84,7 @@ class LocalPool:
     def _keep_busy(self, waiting: deque[int]) -> None:
         busy = sum(worker.row is not None for worker in self._workers)
         while len(self._workers) < min(self._size, busy + len(waiting)):
-            with _one_thread():
-                self._workers.append(_Worker(self._context, self._text, self._telemetry))
+            self._workers.append(_Worker(self._text, self._telemetry))
         for worker in self._workers:
             if worker.ready and worker.row is None and waiting:
                 worker.send(waiting)
@@ -138,11 +141,8 @@ class LocalPool:
 class _Worker:
     """One process and the pipe to it."""
 
-    def __init__(self, context: Any, text: str, telemetry: str | None) -> None:
-        self.pipe, theirs = context.Pipe()
-        self.process: BaseProcess = context.Process(target=_work, args=(theirs, text, telemetry), daemon=True)
-        self.process.start()
-        theirs.close()
+    def __init__(self, text: str, telemetry: str | None) -> None:
+        self.process, self.pipe = begin(_work, (text, telemetry), modules=LOADED)
         self.ready, self.started = False, 0.0
         self.row: int | None = None
 
@@ -176,29 +176,10 @@ class _Worker:
 
 def _work(pipe: Connection, text: str, telemetry: str | None) -> None:
     """A worker's life: rows in, results out, until nobody listens any more."""
-    # Ctrl-C reaches the whole group of processes; the one that started the campaign decides what it means.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        pipe.send(("ready", None))
-        while True:
-            row = pipe.recv()
-            try:
-                pipe.send(("row", fly_row(text, telemetry, row)))
-            except SwarmError as error:
-                pipe.send(("error", error))
-    except (EOFError, OSError):
-        pass
-
-
-@contextmanager
-def _one_thread() -> Iterator[None]:
-    before = {name: os.environ.get(name) for name in ONE_THREAD}
-    os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
+    pipe.send(("ready", None))
+    while True:
+        row = pipe.recv()
+        try:
+            pipe.send(("row", fly_row(text, telemetry, row)))
+        except SwarmError as error:
+            pipe.send(("error", error))

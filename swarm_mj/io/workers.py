@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import multiprocessing
-import signal
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import suppress
 from multiprocessing.connection import Connection, wait
 from typing import Any, TypeVar
 
 from swarm_mj.errors import SwarmError
-from swarm_mj.io import interruption
+from swarm_mj.io import interruption, nursery
 
 Key = TypeVar("Key")
 
@@ -41,16 +38,11 @@ def answers(
     """
     waiting = iter(questions)
     asked: dict[Connection, Key] = {}
-    pool: dict[Connection, Any] = {}
-    # Spawned, not forked: a GL context does not survive a fork.
-    context = multiprocessing.get_context("spawn")
+    pool: dict[Connection, nursery.Worker] = {}
     try:
         for _ in range(workers):
-            with interruption.held():  # half-started it could not be killed
-                mine, theirs = context.Pipe()
-                pool[mine] = context.Process(target=_work, args=(theirs, answer), daemon=True)
-                pool[mine].start()
-                theirs.close()
+            process, pipe = nursery.begin(_work, (answer,), modules=(answer.__module__,))
+            pool[pipe] = process
         for pipe, process in pool.items():
             _tell(pipe, process, (begin, arguments))
             asked.update(_ask(pipe, process, waiting))
@@ -68,21 +60,23 @@ def answers(
             pipe.close()
 
 
-def _ask(pipe: Connection, process: Any, waiting: Iterator[tuple[Key, tuple[Any, ...]]]) -> dict[Connection, Key]:
+def _ask(
+    pipe: Connection, process: nursery.Worker, waiting: Iterator[tuple[Key, tuple[Any, ...]]]
+) -> dict[Connection, Key]:
     for key, question in waiting:
         _tell(pipe, process, question)
         return {pipe: key}
     return {}
 
 
-def _tell(pipe: Connection, process: Any, message: Any) -> None:
+def _tell(pipe: Connection, process: nursery.Worker, message: Any) -> None:
     try:
         pipe.send(message)
     except OSError:  # nobody is there to read it
         raise _death_of(process) from None
 
 
-def _hear(pipe: Connection, process: Any) -> Any:
+def _hear(pipe: Connection, process: nursery.Worker) -> Any:
     try:
         found, error = pipe.recv()
     except (EOFError, OSError):
@@ -92,7 +86,7 @@ def _hear(pipe: Connection, process: Any) -> Any:
     return found
 
 
-def _death_of(process: Any) -> SwarmError:
+def _death_of(process: nursery.Worker) -> SwarmError:
     process.join(1.0)
     return SwarmError(
         f"a process that shared the work died with exit status {process.exitcode}: in a script of your own call this below "
@@ -102,14 +96,11 @@ def _death_of(process: Any) -> SwarmError:
 
 
 def _work(pipe: Connection, answer: Callable[..., Any]) -> None:
-    # Ctrl-C reaches the whole group of processes; the one that waits decides what it means.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    with suppress(EOFError, OSError):
-        begin, arguments = pipe.recv()
-        _, problem = _tried(begin, arguments)
-        while True:
-            question = pipe.recv()
-            pipe.send(_tried(answer, question) if problem is None else (None, problem))
+    begin, arguments = pipe.recv()
+    _, problem = _tried(begin, arguments)
+    while True:
+        question = pipe.recv()
+        pipe.send(_tried(answer, question) if problem is None else (None, problem))
 
 
 def _tried(call: Callable[..., Any], arguments: tuple[Any, ...]) -> tuple[Any, Exception | None]:

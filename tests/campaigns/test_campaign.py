@@ -59,15 +59,19 @@ def interrupted(begin, folder, done, signalled):
 
 
 def children(process):
-    """Spawned workers of a process: direct children that are no resource tracker."""
+    """Workers of a process: forks of what it started to be forked."""
+    (nursery,) = (pid for pid in born_of(process.pid) if "nursery" in Path(f"/proc/{pid}/cmdline").read_text())
+    return born_of(nursery)
+
+
+def born_of(parent):
     found = []
     for pid in filter(str.isdecimal, os.listdir("/proc")):
         try:
             stat = open(f"/proc/{pid}/stat").read().rsplit(")", 1)[1].split()
-            command = open(f"/proc/{pid}/cmdline").read()
         except OSError:
             continue
-        if int(stat[1]) == process.pid and "spawn_main" in command:
+        if int(stat[1]) == parent:
             found.append(int(pid))
     return found
 

@@ -3,7 +3,6 @@
 import multiprocessing
 import subprocess
 import sys
-from types import SimpleNamespace
 
 import pytest
 
@@ -43,12 +42,6 @@ class Stillborn:
 
     exitcode = 1
 
-    def __init__(self, **_):
-        pass
-
-    def start(self):
-        pass
-
     def kill(self):
         pass
 
@@ -57,16 +50,21 @@ class Stillborn:
 
 
 def test_a_process_that_is_dead_before_it_is_told_anything_is_the_same_error(monkeypatch):
-    context = SimpleNamespace(Pipe=multiprocessing.Pipe, Process=Stillborn)
-    monkeypatch.setattr(workers.multiprocessing, "get_context", lambda kind: context)
+    def begin(*_, **__):
+        mine, theirs = multiprocessing.Pipe()
+        theirs.close()
+        return Stillborn(), mine
+
+    monkeypatch.setattr(workers.nursery, "begin", begin)
     with pytest.raises(SwarmError, match=DIED):
         ask(1.0)
 
 
-def test_a_script_that_its_processes_run_again_is_told_what_to_do(tmp_path):
+def test_where_processes_run_a_script_again_it_is_told_what_to_do(tmp_path):
     script = tmp_path / "script.py"
     script.write_text(
-        "from swarm_mj.io.workers import answers\nlist(answers([(0, (1,))], abs, workers=2, begin=list))\n"
+        "from swarm_mj.io import nursery\nfrom swarm_mj.io.workers import answers\nnursery.FORKS = False\n"
+        "list(answers([(0, (1,))], abs, workers=2, begin=list))\n"
     )
     done = subprocess.run([sys.executable, script], capture_output=True, text=True, timeout=120)
     assert done.returncode == 1

@@ -1,7 +1,9 @@
 """Candidates: flown where and pointed how the real flight is, judged as its pictures are, and kept on disk."""
 
-import multiprocessing
 import os
+import signal
+import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,6 +19,7 @@ from swarm_mj.errors import MissionError, PathError, ScenarioError
 from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.observe import criterion_from, observe_flight
 from swarm_mj.flight.plan import make_plan
+from swarm_mj.io import nursery, workers
 from swarm_mj.mission.trajectories import NO_TRAJECTORY
 from swarm_mj.observation.capture import observe
 from swarm_mj.results.design_files import left_out_words
@@ -249,21 +252,24 @@ def test_whole_faces_at_the_visit_need_as_many_as_the_corners_in_the_cone_say(fl
 
 
 def test_processes_for_whose_pictures_nobody_waits_any_more_are_gone(flights, own_cache, monkeypatch):
-    before = set(multiprocessing.active_children())
-    seen = []
+    begun = []
+
+    def begin(*arguments, **keywords):
+        begun.append(nursery.begin(*arguments, **keywords))
+        return begun[-1]
 
     def interrupted():
-        now = set(multiprocessing.active_children()) - before
-        if now:
-            seen.extend(now)
+        if begun:
+            while any(process.pid is None for process, _ in begun):
+                time.sleep(0.01)
             raise KeyboardInterrupt
 
+    monkeypatch.setattr(workers, "nursery", SimpleNamespace(begin=begin))
     monkeypatch.setattr(pictures.interruption, "check", interrupted)
     monkeypatch.setattr(pictures, "MIN_PARALLEL", 1)
     with pytest.raises(KeyboardInterrupt):
         all_shares(flights, flights.plan.region, imaging_model_from(scenario()), workers=2)
-    assert len(seen) == 2
-    assert not any(process.is_alive() for process in seen)
+    assert [process.exitcode for process, _ in begun] == [-signal.SIGKILL] * 2
 
 
 def test_candidates_whose_flight_would_hit_the_body_are_left_out_and_only_they(own_cache):
