@@ -11,6 +11,7 @@ import numpy as np
 
 from swarm_mj import __version__
 from swarm_mj.errors import ScenarioError
+from swarm_mj.io.resources import asset_path
 from swarm_mj.typing import Array
 
 from ..arguments import checked_episodes
@@ -34,6 +35,8 @@ VALIDATION_SEEDS = tuple(range(30_000, 30_096))
 TEST = {"split": "test", "missions": "all"}
 #: The name of the planner, which reads more of its episodes than an observation has.
 PLANNER = "planner"
+#: Name of the trained policy that travels with the package, and its file.
+TRAINED, PACKAGED = "trained", "policies/swarm-observe-v1.npz"
 #: Episodes at once.
 WIDTH = 32
 Progress = Callable[[int], None]
@@ -99,7 +102,7 @@ def named_policies() -> dict[str, Policy]:
 
 
 def policy_of(name_or_file: str | Path, config: MissionConfig) -> Policy:
-    """A scripted policy by name, or that of a file.
+    """A scripted policy or the trained one by name, or that of a file.
 
     Raises:
         ScenarioError: It is neither, or the file's policy cannot fly there.
@@ -107,10 +110,11 @@ def policy_of(name_or_file: str | Path, config: MissionConfig) -> Policy:
     named = named_policies()
     if str(name_or_file) in named:
         return named[str(name_or_file)]
+    if str(name_or_file) == TRAINED:
+        return open_policy(str(asset_path(PACKAGED)), config)
     if not Path(name_or_file).is_file():
-        raise ScenarioError(
-            f"policy {str(name_or_file)!r}: no such file, and no name; names are {', '.join([*named, PLANNER])}"
-        )
+        names = ", ".join([*named, PLANNER, TRAINED])
+        raise ScenarioError(f"policy {str(name_or_file)!r}: no such file, and no name; names are {names}")
     return open_policy(name_or_file, config)
 
 

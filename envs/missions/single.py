@@ -72,14 +72,14 @@ flight; dark and shadowed cells do not count |
     decision or one and a half ahead, Earth and relays for whom has data and is heard; to hold is always allowed, and all
     that who is no more may do. Other choices are flown as they are.
 
-    With `candidates=R` each spacecraft chooses among the R patches that are worth most to it, the best first, and, as the last
-    choice, to send what is aboard: to Earth, or to the first who hears Earth; MultiDiscrete([R + 1] * n). Plain networks learn
-    that sooner, as a number stands for how good a patch is and not for where it lies. It also means that a list of such
-    choices does look: always 0 is a rule.
+    With `candidates=R` each spacecraft chooses among the R patches that are worth most to it, the best first (0..R-1), to send
+    what is aboard to Earth or to the first who hears Earth (R), and to hold (R + 1); MultiDiscrete([R + 2] * n). Plain
+    networks learn that sooner, as a number stands for how good a patch is and not for where it lies. It also means that a list
+    of such choices does look: always 0 is a rule.
 
     ## Observation space
 
-    `entities`: a Dict of `spacecraft` (n, 24), `patches` (K, 9), `pairs` (n, K, 7), `general` (14), `alive` (n) and
+    `entities`: a Dict of `spacecraft` (n, 24), `patches` (K, 9), `pairs` (n, K, 9), `general` (14), `alive` (n) and
     `action_mask`. `flat`: a Box of spacecraft, pairs, the first two columns of patches, and general; `episodes.layout.split`
     takes it apart. Frame: east, north, up at the target's middle, turning with the body. Units: H, 60 s, the target's area,
     data of what is possible. Columns are named in `tables.SPACECRAFT`, `PATCHES`, `PAIRS` and `GENERAL`:
@@ -92,11 +92,12 @@ whether any patch is in reach half a decision ahead, and a whole one later. All 
     | patches | unseen and lit share; place and normal (3 each); area over the mean |
     | pairs | what a picture would be worth half a decision ahead, and a whole one later; ground sampling distance over the \
 limit; angle from the boresight over 90 deg; worth over that of its best patch; most that it is worth to another; largest \
-of the shares (worth over that of the best patch) that spacecraft of lower number have there |
+of the shares (worth over that of the best patch) that spacecraft of lower number have there; largest worth from now to nine \
+decisions later, and the decisions until then over ten |
     | general | time left; seen; delivered; share alive; half-width over H; picture over the target's half-width; turn of the \
 body in 60 s; share of the data that Earth hears in a decision; directions of Sun and Earth (3 each) |
 
-    With `candidates=R` there are `candidates` (n, R, 7), see `layout.CANDIDATE`, in the place of pairs and patches, and of the
+    With `candidates=R` there are `candidates` (n, R, 9), see `layout.CANDIDATE`, in the place of pairs and patches, and of the
     columns of spacecraft and general those that `choices` names: no places and directions.
 
     `alive`, `camera` and `downlink` tell the health of a spacecraft, `wheel_speed` that of its wheels. There is no battery: no

@@ -28,11 +28,13 @@ SPACECRAFT = (
     *("attitude_error", "rate", "wheel_speed", "in_reach", "in_reach_next"),
 )
 PATCHES = ("unseen", "lit", "east", "north", "up", "normal_east", "normal_north", "normal_up", "area")
-PAIRS = ("worth", "worth_next", "gsd", "angle", "best", "others", "claimed")
+PAIRS = ("worth", "worth_next", "gsd", "angle", "best", "others", "claimed", "peak", "peak_in")
 GENERAL = (
     *("time_left", "seen", "delivered", "alive", "half_width", "picture", "turn", "heard"),
     *("sun_east", "sun_north", "sun_up", "earth_east", "earth_north", "earth_up"),
 )
+#: Decisions that are looked ahead for the peak of what a picture would be worth.
+LOOKAHEAD = 10
 #: No entry is larger than this.
 BOUND = 5.0
 _SPACECRAFT, _EARTH, _DIRECTION = int(TargetKind.SPACECRAFT), int(TargetKind.EARTH), int(TargetKind.DIRECTION)
@@ -300,44 +302,71 @@ def _write_pairs(constants: TableConstants, standing: Standing, e: int, j: int, 
     out[:] = 0.0
     if totals.lost[e, j]:
         return
-    r, v = _motion(constants, now, e, j)
     C_BN, C_AN, boresight_A = estimate.C_BN[e, j], now.C_AN[e], np.empty(3)
     for m in range(3):
         boresight_A[m] = C_BN[2, 0] * C_AN[m, 0] + C_BN[2, 1] * C_AN[m, 1] + C_BN[2, 2] * C_AN[m, 2]
-    works = not tracking.blind[e, j]
+    works, left_s = not tracking.blind[e, j], constants.duration_s - now.t[e]
+    place = np.empty((LOOKAHEAD, 3))
+    for m in range(LOOKAHEAD):
+        _go_on(constants, now, e, j, (m + 0.5) * constants.step_s, place[m])
     for k in range(out.shape[0]):
         area = tables.patches[e, k, 0] * constants.patch_area[k] / sheet.possible_area[e]
-        first, gsd, angle = _look(constants, r, v, 0.5 * constants.step_s, boresight_A, k)
-        later, gsd_later, _ = _look(constants, r, v, 1.5 * constants.step_s, boresight_A, k)
-        if works:
-            scale = 4.0 * area  # of order 1 for a patch
-            out[k, 0] = min(scale * first * (gsd <= 1.0), BOUND)
-            out[k, 1] = min(scale * later * (gsd_later <= 1.0), BOUND)
-        out[k, 2], out[k, 3] = min(gsd, 2.0), angle
+        value, gsd = _look(constants, place[0], k)
+        out[k, 2], out[k, 3] = min(gsd, 2.0), _off(constants, place[0], boresight_A, k)
+        if not works:
+            continue
+        scale = 4.0 * area  # of order 1 for a patch
+        out[k, 0] = out[k, 7] = min(scale * value * (gsd <= 1.0), BOUND)
+        for m in range(1, LOOKAHEAD):
+            value, gsd = _look(constants, place[m], k)
+            found = min(scale * value * (gsd <= 1.0), BOUND)
+            if m == 1:
+                out[k, 1] = found
+            if found > out[k, 7] and (m + 0.5) * constants.step_s < left_s:
+                out[k, 7], out[k, 8] = found, m / LOOKAHEAD
 
 
 @kernel
-def _look(
-    constants: TableConstants, r: Array, v: Array, ahead_s: float, boresight_A: Array, k: int
-) -> tuple[float, float, float]:
-    """A look at a patch some time ahead.
+def _go_on(constants: TableConstants, now: Kinematics, e: int, j: int, ahead_s: float, out: Array) -> None:
+    """Place some time ahead without forces, relative to the target's middle, in A, which turns meanwhile [m]."""
+    r_A, v, C = now.r_A[e, j], now.v[e, j], now.C_AN[e]
+    x, y, z = r_A[0], r_A[1], r_A[2]
+    x += ahead_s * (C[0, 0] * v[0] + C[0, 1] * v[1] + C[0, 2] * v[2])
+    y += ahead_s * (C[1, 0] * v[0] + C[1, 1] * v[1] + C[1, 2] * v[2])
+    z += ahead_s * (C[2, 0] * v[0] + C[2, 1] * v[1] + C[2, 2] * v[2])
+    turned = constants.spin_rate * ahead_s
+    cosine, sine = np.cos(turned), np.sin(turned)
+    out[0] = cosine * x + sine * y - constants.centre_A[0]
+    out[1] = cosine * y - sine * x - constants.centre_A[1]
+    out[2] = z - constants.centre_A[2]
 
-    Returns:
-        What it would bring by area (1 in seen area and as much in data as it has pixels), ground sampling distance over the
-        limit, and angle from where the camera looks now over a right angle.
+
+@kernel
+def _look(constants: TableConstants, place: Array, k: int) -> tuple[float, float]:
+    """What a look at a patch from a place would bring by area, and ground sampling distance over the limit.
+
+    It brings 1 in seen area and as much in data as it has pixels.
     """
-    way, square, height, along = np.empty(3), 0.0, 0.0, 0.0
+    square = height = 0.0
     for m in range(3):
-        way[m] = r[m] + ahead_s * v[m] - (constants.patch_centre_A[k, m] - constants.centre_A[m])
-        square += way[m] * way[m]
-        height += way[m] * constants.patch_normal_A[k, m]
-        along -= way[m] * boresight_A[m]
+        way = place[m] - (constants.patch_centre_A[k, m] - constants.centre_A[m])
+        square += way * way
+        height += way * constants.patch_normal_A[k, m]
     distance = np.sqrt(square)
     cosine = max(height / distance, 1e-3)
     pixels = (constants.altitude_m / distance) ** 2 * cosine
-    gsd = distance * constants.pixel_angle / cosine / constants.max_gsd
-    angle = np.arccos(min(max(along / distance, -1.0), 1.0)) / (0.5 * np.pi)
-    return 1.0 + pixels, gsd, angle
+    return 1.0 + pixels, distance * constants.pixel_angle / cosine / constants.max_gsd
+
+
+@kernel
+def _off(constants: TableConstants, place: Array, boresight_A: Array, k: int) -> float:
+    """Angle between where the camera looks and where a patch stands from a place, over a right angle."""
+    square = along = 0.0
+    for m in range(3):
+        way = place[m] - (constants.patch_centre_A[k, m] - constants.centre_A[m])
+        square += way * way
+        along -= way * boresight_A[m]
+    return np.arccos(min(max(along / np.sqrt(square), -1.0), 1.0)) / (0.5 * np.pi)
 
 
 @kernel

@@ -3,7 +3,7 @@
     python -m scripts.pages.leaderboard
     python -m scripts.pages.leaderboard runs/learning_v1/*/policy.*     # with policies of one's own
 
-Flies the scripted policies, those in assets/policies that are for this environment, and those that are given.
+Flies the scripted policies, the trained one of the package, and those that are given.
 """
 
 from __future__ import annotations
@@ -17,17 +17,15 @@ import numpy as np
 from rich.console import Console
 from swarm_mj.envs.evaluation import interval
 from swarm_mj.envs.missions.baselines import Flown, fly
-from swarm_mj.envs.missions.leaderboard import PLANNER, TEST_SEEDS, Score, Test, named_policies
+from swarm_mj.envs.missions.leaderboard import PLANNER, TEST_SEEDS, TRAINED, Score, Test, named_policies
 from swarm_mj.envs.missions.planner import Planner
 
-from scripts.pages import RESULTS, ROOT
+from scripts.pages import RESULTS
 from swarm_mj.coordination.allocation.problem import Allocation
 from swarm_mj.io.atomic import write_text
 from swarm_mj.io.progress import progress_bars
 
 PAGE, NUMBERS = RESULTS / "leaderboard.md", RESULTS / "leaderboard.json"
-#: Policies that travel with the package.
-PACKAGED = sorted((ROOT / "assets" / "policies").glob("swarm-observe-v1*"))
 AGAINST = "greedy"
 #: Draws without failures, and time for the proof of a plan [s].
 SOUND, PROVE_S = {"loss": 0.0, "camera_off": 0.0, "downlink_off": 0.0}, 1.0
@@ -37,11 +35,11 @@ def main() -> None:
     """Fly and write."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("policy", nargs="*", type=Path, help="files besides those of the package")
-    files = [*PACKAGED, *parser.parse_args().policy]
+    files = parser.parse_args().policy
     with Test() as test, progress_bars(Console()) as bars:
         test.check(files)
         scores = []
-        for name in [*named_policies(), PLANNER, *files]:
+        for name in [*named_policies(), PLANNER, TRAINED, *files]:
             bar = bars.add_task(Path(name).name, total=test.decisions)
             one = test.score(name, lambda taken, bar=bar: bars.update(bar, completed=taken))
             scores.append(replace(one, policy=shown(name)))
@@ -114,6 +112,8 @@ are in `docs/results/leaderboard.json`. +-: 95 % intervals.
   picture is due. At the beginning of {plans} episodes its best plans were worth {planned:.3f} if everything were sent, and no
   plan of that kind is worth more than {proof:.3f} (mean of bounds by mixed-integer programs, {prove:g} s each; {proven} are
   proven to be the best). Without failures *greedy* comes to {sound_rule:.3f} and the planner to {sound_planner:.3f}.
+- **Trained** (`assets/policies/swarm-observe-v1.npz`): of the networks that `examples/learning` trained for the page
+  [learning](learning_v1.md), the one with the best score on the episodes of that page, which are others than these.
 - **Random** takes any choice, also those that make no sense.
 
 ## Your own

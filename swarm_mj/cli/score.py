@@ -26,8 +26,8 @@ def add(commands: argparse._SubParsersAction) -> None:
         "policy",
         nargs="+",
         metavar="POLICY",
-        help="random, open_loop, sweep, greedy, greedy_ahead, planner (of v0: body_centre, ..., greedy_ahead, trained), or a "
-        "file: .npz, and of v1 .onnx, .zip of stable-baselines3 (which executes what is pickled in it)",
+        help="random, open_loop, sweep, greedy, greedy_ahead, planner, trained (of v0: body_centre, ..., trained), "
+        "or a file: .npz, and of v1 .onnx, .zip of stable-baselines3 (which executes what is pickled in it)",
     )
     score.add_argument(
         "--env",
