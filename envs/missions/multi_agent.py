@@ -204,17 +204,17 @@ class SwarmObserveV1ParallelEnv(RebuiltOnCopy, ParallelEnv[str, Any, Any]):
 
 def local_observations(episodes: Episodes, j: int) -> Any:
     """What spacecraft j is shown in every episode, arrays (E, ...) by name or one (E, L), copies."""
-    tables, n = episodes.tables, episodes.n
+    shown, n = episodes.shown(), episodes.n
     others = (j + 1 + np.arange(n - 1)) % n
+    own = "pairs" if "pairs" in shown else "candidates"
     parts: dict[str, NDArray[Any]] = {
-        "self": tables.spacecraft[:, j].copy(),
-        "pairs": tables.pairs[:, j].copy(),
-        "others": tables.spacecraft[:, others],
-        "patches": tables.patches.copy(),
-        "general": tables.general.copy(),
+        "self": shown["spacecraft"][:, j],
+        own: shown[own][:, j],
+        "others": shown["spacecraft"][:, others],
     }
+    parts |= {name: shown[name] for name in ("patches", "general") if name in shown}
     if episodes.config.observation == "entities":
-        return parts | {"action_mask": tables.mask[:, j].copy()}
+        return parts | {"action_mask": shown["action_mask"][:, j]}
     return np.concatenate([part.reshape(episodes.count, -1) for part in parts.values()], axis=1)
 
 
