@@ -329,16 +329,12 @@ def _write_pairs(constants: TableConstants, standing: Standing, e: int, j: int, 
 @kernel
 def _go_on(constants: TableConstants, now: Kinematics, e: int, j: int, ahead_s: float, out: Array) -> None:
     """Place some time ahead without forces, relative to the target's middle, in A, which turns meanwhile [m]."""
-    r_A, v, C = now.r_A[e, j], now.v[e, j], now.C_AN[e]
-    x, y, z = r_A[0], r_A[1], r_A[2]
-    x += ahead_s * (C[0, 0] * v[0] + C[0, 1] * v[1] + C[0, 2] * v[2])
-    y += ahead_s * (C[1, 0] * v[0] + C[1, 1] * v[1] + C[1, 2] * v[2])
-    z += ahead_s * (C[2, 0] * v[0] + C[2, 1] * v[1] + C[2, 2] * v[2])
-    turned = constants.spin_rate * ahead_s
-    cosine, sine = np.cos(turned), np.sin(turned)
-    out[0] = cosine * x + sine * y - constants.centre_A[0]
-    out[1] = cosine * y - sine * x - constants.centre_A[1]
-    out[2] = z - constants.centre_A[2]
+    v, C, centre = now.v[e, j], now.C_AN[e], constants.centre_A
+    for k in range(3):
+        out[k] = now.r_A[e, j, k] + ahead_s * (C[k, 0] * v[0] + C[k, 1] * v[1] + C[k, 2] * v[2])
+    cosine, sine = np.cos(constants.spin_rate * ahead_s), np.sin(constants.spin_rate * ahead_s)
+    x, y = out[0], out[1]
+    out[0], out[1], out[2] = cosine * x + sine * y - centre[0], cosine * y - sine * x - centre[1], out[2] - centre[2]
 
 
 @kernel
