@@ -185,8 +185,12 @@ class EpisodeBatch(EpisodeState):
         totals, flights = self.totals, self.flights
         failed = flights.lost & ~totals.lost
         totals.lost[:] |= failed
-        area = self.task.plan.region.area
         for e in np.flatnonzero(new_area):
-            # From the cells, so that the order in which they were seen does not matter.
-            totals.percent[e] = 100.0 * float(area[totals.seen[e]].sum() / area.sum())
+            self.update_percent(int(e))
         return Flown(flights.tick, live, finite, new_area, flights.effort, failed)
+
+    def update_percent(self, e: int) -> None:
+        """Bring the seen share of a flight up to date."""
+        area = self.task.plan.region.area
+        # From the cells, so that the order in which they were seen does not matter.
+        self.totals.percent[e] = 100.0 * float(area[self.totals.seen[e]].sum() / area.sum())

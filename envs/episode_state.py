@@ -144,7 +144,11 @@ class EpisodeState:
             singly = gained.doubt
             if not singly.any():
                 return
-        sun = task.plan.environment.sun
+        self._judge_all(singly, area)
+
+    def _judge_all(self, singly: Mask, area: Array) -> None:
+        """Pictures that the observer itself must judge, shape (E, n), at the instant of pictures; `area` grows, see above."""
+        task, now, sun = self.task, self._at_picture, self.task.plan.environment.sun
         for e in np.flatnonzero(singly.any(axis=1)):
             t = float(now.t[e])
             moving = Motion(now.v[e], now.omega[e], task.plan.environment.spin_N)

@@ -49,6 +49,8 @@ WITHOUT_MUJOCO = (
 #: Names with an underscore that their libraries document (NamedTuple), or offer no public name for.
 OF_LIBRARIES = {"_replace", "_asdict", "_fields", "_make", "_field_defaults"}
 OF_LIBRARIES |= {"os._exit", "argparse._SubParsersAction", "mjmodel._address", "data._address"}
+# Of numba's struct proxies: its guide to extending it reads them so.
+OF_LIBRARIES |= {"_getvalue"}
 
 
 def modules():

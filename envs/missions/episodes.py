@@ -10,12 +10,13 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from swarm_mj.typing import Array32, Mask
+from swarm_mj.typing import Array32, Indices, Mask
 
-from ..rewards import ENDS, RewardTerms, StepResult
+from ..rewards import ENDS, StepResult, horizon_ended
 from .config import MissionConfig
 from .draws import EpisodeDraw, Randomisation
-from .flights import MissionFlights, no_facts
+from .flights import MissionFlights
+from .jobs import Jobs
 from .layout import FlatLayout, make_interface
 from .pool import MissionPool, Seats
 from .tables import BOUND, Tables, no_tables
@@ -53,8 +54,9 @@ class Episodes:
         self._places: list[tuple[int, int] | None] = [None] * count
         self.draws: list[EpisodeDraw | None] = [None] * count
         self.tables: Tables = no_tables(count, self.n, self.patches)
-        self._facts = no_facts(count, self.n) | {"mission": np.zeros(count, np.int64)}
+        self._missions = np.zeros(count, np.int64)
         self._pool = ThreadPoolExecutor(threads, "swarm_mj missions") if threads > 1 and count > 1 else None
+        self._jobs = Jobs(count, self.n, self.tables, self._pool, threads)
 
     @property
     def layout(self) -> FlatLayout:
@@ -94,8 +96,10 @@ class Episodes:
         if old is not None and place is not None:
             self._seats.give_back(old.mission, place)
         self.draws[e], self._places[e] = draw, self._seats.take(draw.mission)
-        self._facts["mission"][e] = draw.mission
-        return self.locate(e)
+        self._missions[e] = draw.mission
+        batch, k = self.locate(e)
+        self._jobs.seat(e, self._places[e][0], batch, k)  # type: ignore[index]
+        return batch, k
 
     @property
     def task(self) -> MissionConfig:
@@ -124,9 +128,17 @@ class Episodes:
 
     def fly(self, actions: NDArray[Any], live: Mask) -> StepResult:
         """The same with choices among all patches, Earth and relays, whatever the agents choose among."""
-        result = _no_result(self.count, self.n)
+        which = np.flatnonzero(live)
+        known = self._jobs.known(which)
+        result = self._jobs.step(which[known], actions)
+        if not known.all():
+            self._fly_others(which[~known], actions, result)
+        return horizon_ended(result) if self.config.horizon_terminates else result
+
+    def _fly_others(self, which: Indices, actions: NDArray[Any], result: StepResult) -> None:
+        """Fly episodes batch by batch in which Python has a say in every decision, and write what comes of it."""
         riders: dict[int, list[int]] = {}
-        for e in np.flatnonzero(live).tolist():
+        for e in which.tolist():
             place = self._places[e]
             assert place is not None
             riders.setdefault(place[0], []).append(e)
@@ -146,23 +158,24 @@ class Episodes:
                 fly_on(k)
         else:
             list(self._pool.map(fly_on, riders))
-        return result
 
     def _tell(self, batch: MissionFlights, seats: Any, rows: Any) -> None:
         """Copy what a batch has of the flights in some seats into the rows of their episodes."""
         _copy_rows(batch.tables, seats, self.tables, rows)
-        for name, values in batch.facts().items():
-            self._facts[name][rows] = values[seats]
+        _copy_rows(batch.facts(), seats, self._jobs.facts, rows)
 
     def info(self, e: int) -> dict[str, Any]:
         """What every step tells of episode e."""
-        return {name: _plain(rows[e]) for name, rows in self._facts.items()} | {
+        return {name: _plain(rows[e]) for name, rows in self._facts().items()} | {
             "action_mask": self.action_mask[e].copy()
         }
 
     def infos(self) -> dict[str, NDArray[Any]]:
         """The same of all episodes, arrays over them; zeros of those that have not begun."""
-        return {name: rows.copy() for name, rows in self._facts.items()} | {"action_mask": self.action_mask}
+        return {name: rows.copy() for name, rows in self._facts().items()} | {"action_mask": self.action_mask}
+
+    def _facts(self) -> dict[str, NDArray[Any]]:
+        return self._jobs.facts._asdict() | {"mission": self._missions}
 
     def step_info(self, e: int, result: StepResult) -> dict[str, Any]:
         """What a step has to tell of episode e, beyond `info` its reward terms and how it ended."""
@@ -255,10 +268,3 @@ def _copy_rows(source: Iterable[NDArray[Any]], seats: Any, target: Iterable[NDAr
     """Rows `seats` of arrays into rows `rows` of others."""
     for ours, theirs in zip(target, source, strict=True):
         ours[rows] = theirs[seats]
-
-
-def _no_result(count: int, n: int) -> StepResult:
-    """Of episodes that have not flown."""
-    terms = RewardTerms(*np.zeros((len(RewardTerms._fields), count)))
-    ends, over = np.zeros(count, np.int64), np.zeros(count, np.bool_)
-    return StepResult(terms, np.zeros(count), ends, over, np.zeros((count, n), np.bool_))

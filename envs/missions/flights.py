@@ -5,14 +5,24 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numba import types
 from numpy.typing import NDArray
 
+from swarm_mj.simulator.compiled_batch import CompiledBatch
+from swarm_mj.simulator.fast.bound_calls import BoundCall
+from swarm_mj.simulator.fast.flight_kernels import ADVANCE, DECIDE, WHOLE
+from swarm_mj.simulator.fast.flights import NEVER
 from swarm_mj.simulator.loop_state import InitialState
 from swarm_mj.smallbody.occultation import occluder_of
 from swarm_mj.typing import Array, Mask
 
+from ..actions import RoleLevel, choose_targets
 from ..batch import EpisodeBatch
-from ..rewards import StepResult
+from ..kinematics import Tracking, copy_truth, update_rotations
+from ..pictures import nothing_gained, take_pictures
+from ..rewards import Flown, Outcome, StepResult, no_outcome
+from ..step import finish_step
+from .decisions import Calls, Came, Facts, Held, Job, Rows, Told, decide_flight, schedule_of
 from .draws import EpisodeDraw
 from .mission import CROSSING_S, DURATION_S, EARTH_BIT_S, PICTURE_INTERVAL_S, TIME_OF_FLIGHT_S, Mission
 from .reach import cells_in_reach
@@ -44,6 +54,7 @@ class MissionFlights(EpisodeBatch):
         self._table_constants = _table_constants(mission)
         self._earth, self._hold = patches + n + 1, patches + n + 2
         self._itself = patches + 1 + np.arange(n)
+        self._doubt = np.zeros((count, n), np.bool_), np.zeros(count)
 
     def start(self, e: int, draw: EpisodeDraw) -> None:
         """Start episode e anew as it was drawn."""
@@ -91,18 +102,117 @@ class MissionFlights(EpisodeBatch):
         self._show(live & self.flights.finite)
         return result._replace(terms=terms, reward=sum(terms[1:], terms[0]))
 
-    def facts(self) -> dict[str, NDArray[Any]]:
-        """What every step tells of all episodes, see `no_facts`."""
+    def facts(self) -> Facts:
+        """What every step tells of all episodes."""
         totals = self.totals
-        return {
-            "time_s": self.time_s,
-            "coverage_percent": 100.0 * totals.area / self.sheet.possible_area,
-            "delivered_bit": totals.delivered,
-            "stored_bit": totals.stored,
-            "seen_bit": totals.seen_bit,
-            "lost_bit": totals.lost_bit,
-            "alive": ~totals.lost,
-        }
+        return Facts(
+            time_s=self.time_s,
+            coverage_percent=100.0 * totals.area / self.sheet.possible_area,
+            delivered_bit=totals.delivered,
+            stored_bit=totals.stored,
+            seen_bit=totals.seen_bit,
+            lost_bit=totals.lost_bit,
+            alive=~totals.lost,
+        )
+
+    def job(self, told: Told) -> BoundCall | None:
+        """The flights for `decide_flights`; None where `step` must fly them, because Python has a say in every decision.
+
+        Args:
+            told: Where episodes are told of.
+        """
+        flights, task, level = self.flights, self.task, self.level
+        if not isinstance(flights, CompiledBatch) or not isinstance(level, RoleLevel) or task.criterion.needs_sun:
+            return None
+        rows, outcome = self._rows(flights), no_outcome(self.observation, task.plan.n)
+        calls = self._calls(flights, level, rows, outcome)
+        if calls is None:
+            return None
+        totals = self.totals
+        came = Came(totals.area, totals.delivered, totals.stored, totals.seen_bit, totals.lost_bit, totals.lost)
+        self._doubt = rows.doubt, rows.area
+        job = Job(
+            calls=calls,
+            schedule=schedule_of(task),
+            rows=rows,
+            held=Held(*level.held),
+            before=self.before,
+            now=self.now,
+            at_picture=self._at_picture,
+            totals=came,
+            sheet=self.sheet,
+            result=outcome.result,
+            tables=self.tables,
+            told=told,
+        )
+        return BoundCall(decide_flight, (job,), (types.int64, types.int64, types.int64))
+
+    def _rows(self, flights: CompiledBatch) -> Rows:
+        count, n = self.count, self.task.plan.n
+        return Rows(
+            **{name: np.zeros(count, np.bool_) for name in ("mask", "fine", "finite", "shown")},
+            **{name: np.zeros((count, n), np.bool_) for name in ("failed", "doubt")},
+            until=np.zeros(count, np.int64),
+            choice=np.zeros((count, n), np.int64),
+            area=np.zeros(count),
+            sigma_BR=np.zeros((count, n, 3)),
+            tick=flights.tick,
+            flies=flights.finite,
+            effort=flights.effort,
+            qpos=flights.qpos,
+            qvel=flights.qvel,
+            kind=flights.kind,
+            whom=flights.index,
+            vector=flights.vector,
+            attitude_error=flights.sigma_BR,
+            lost=flights.lost,
+        )
+
+    def _calls(self, flights: CompiledBatch, level: RoleLevel, rows: Rows, outcome: Outcome) -> Calls | None:
+        """The kernels of a decision; None where one of them does not do."""
+        scene, never = self.task.scene, np.full(self.count, NEVER, np.int64)
+        decide, advance = (flights.bound(part, rows.mask, never) for part in (DECIDE, ADVANCE))
+        whole = flights.bound(WHOLE, rows.mask, rows.until)
+        if scene is None or decide is None or advance is None or whole is None:
+            return None
+        at_picture, now, totals, mask = self._at_picture, self.now, self.totals, rows.mask
+        gained = nothing_gained(scene, rows.area, self.task.plan.n)._replace(doubt=rows.doubt)
+        pictures = (scene, self._pictures, at_picture, totals, flights.kind, flights.blind, mask, gained)
+        tracking = Tracking(flights.kind, flights.index, rows.sigma_BR, flights.blind)
+        flown = Flown(flights.tick, mask, rows.finite, rows.area, flights.effort, rows.failed)
+        standing = Standing(now, self.estimate, tracking, totals, self.sheet)
+        finish = (self._constants, self.before, now, self.estimate, tracking, totals, flown, outcome)
+        boresight_N = self.estimate.C_BN[:, :, 2]
+        return Calls(
+            choose=BoundCall(choose_targets, (level.choices, rows.choice, boresight_N, mask, level.held)),
+            decide=decide,
+            advance=advance,
+            whole=whole,
+            picture_rotations=BoundCall(update_rotations, (self._rotation, at_picture, mask, rows.finite)),
+            pictures=BoundCall(take_pictures, pictures),
+            rotations=BoundCall(update_rotations, (self._rotation, now, mask, rows.finite)),
+            truth=BoundCall(copy_truth, (now, self.estimate, rows.finite)),
+            finish=BoundCall(finish_step, finish),
+            tables=BoundCall(write_tables, (self._table_constants, standing, rows.shown, self.tables)),
+        )
+
+    def fail(self, e: int) -> None:
+        """Let fail in episode e what fails now."""
+        self._fail(e)
+
+    def judge_pictures(self, e: int) -> None:
+        """Let the observer itself judge the pictures of episode e at this instant that compiled code was in doubt about."""
+        doubt, area = self._doubt
+        self._judge_all(doubt & (np.arange(self.count) == e)[:, None], area)
+
+    def find_cause(self, e: int) -> None:
+        """Say why episode e diverged, in `flights.causes`."""
+        flights, it = self.flights, np.arange(self.count) == e
+        if flights.finite[e]:
+            # Deciding again names the spacecraft.
+            flights.decide(it)
+        elif isinstance(flights, CompiledBatch):
+            flights.find_causes(it)
 
     @property
     def _remembered(self) -> list[NDArray[Any]]:
@@ -146,13 +256,6 @@ class MissionFlights(EpisodeBatch):
     def _show(self, live: Mask) -> None:
         standing = Standing(self.now, self.estimate, self._tracking(), self.totals, self.sheet)
         write_tables(self._table_constants, standing, live, self.tables)
-
-
-def no_facts(count: int, n: int) -> dict[str, NDArray[Any]]:
-    """What every step tells of that many episodes of up to n spacecraft, as the info of the environment names it."""
-    numbers = ("time_s", "coverage_percent", "delivered_bit", "seen_bit", "lost_bit")
-    found: dict[str, NDArray[Any]] = {name: np.zeros(count) for name in numbers}
-    return found | {"stored_bit": np.zeros((count, n)), "alive": np.zeros((count, n), np.bool_)}
 
 
 def _table_constants(mission: Mission) -> TableConstants:

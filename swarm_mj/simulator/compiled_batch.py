@@ -19,6 +19,7 @@ from swarm_mj.mission.behaviors import Behavior, SwarmView, Targets
 from swarm_mj.simulator.batch import Batch
 from swarm_mj.simulator.batch_conditions import BatchConditions
 from swarm_mj.simulator.fast import flight_kernels
+from swarm_mj.simulator.fast.bound_calls import BoundCall
 from swarm_mj.simulator.fast.conditions import CONDITION
 from swarm_mj.simulator.fast.flight_kernels import (
     ADVANCE,
@@ -190,6 +191,24 @@ class CompiledBatch(Batch):
             flying &= self.finite & (self.tick < end)
         return fine
 
+    def bound(self, part: int, live: Mask, until: Ints) -> BoundCall | None:
+        """The flight as a call for other compiled code; None where Python has a say in it.
+
+        Args:
+            part: WHOLE, DECIDE or ADVANCE.
+            live: Which flights, shape (E,); read at every call.
+            until: Ticks to fly to, shape (E,); read at every call.
+        """
+        if self._wrong is not None or self._behaviors is not None:
+            return None
+        shared = (self._world, self._flights, self._records, self._conditions, self._timesteps)
+        return BoundCall(flight_kernels.fly, (*shared, part, live, until))
+
+    def find_causes(self, live: Mask) -> None:
+        """Say why flights have diverged, in `causes`."""
+        for e in np.flatnonzero(live & ~self.finite):
+            self.causes[e] = self._divergence(int(e))
+
     def _fly(self, part: int, live: Mask, until: Ints) -> int:
         if part == WHOLE and self._behaviors is not None:
             until = np.minimum(until, self._behaviors.due)
@@ -225,8 +244,7 @@ class CompiledBatch(Batch):
         if answer == NO_SUCH_TARGET:
             raise PluginError("the behaviour aims at what is not there: an unknown kind, or a spacecraft that is not")
         if answer == NOT_FINITE:
-            for e in np.flatnonzero(live & ~self.finite):
-                self.causes[e] = self._divergence(int(e))
+            self.find_causes(live)
         return bool(answer == FINE)
 
     def _divergence(self, e: int) -> str:
