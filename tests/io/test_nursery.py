@@ -118,7 +118,8 @@ def test_no_process_outlives_the_one_that_asked_for_it_however_busy_it_is():
     asking = subprocess.Popen([sys.executable, "-c", BUSY], stdout=subprocess.PIPE, text=True, cwd=ROOT)
     worker = int(asking.stdout.readline())
     asking.kill()
-    asking.communicate()
+    asking.wait()
+    asking.stdout.close()
     end = time.monotonic() + 30.0
     while os.path.exists(f"/proc/{worker}"):
         assert time.monotonic() < end
