@@ -11,8 +11,8 @@ pytestmark = [pytest.mark.robust, pytest.mark.gl]
 #: Films after which encoder and driver have all they keep, about 35 MB more than after the first.
 WARM = 12
 #: What one film more may then cost [bytes]; a context that is not given back costs more.
-GROWTH = 2**19
-FILMS = 28
+GROWTH = 2**20
+FILMS = 20
 
 
 @pytest.mark.slow
