@@ -128,11 +128,16 @@ def test_a_disk_that_fills_up_at_any_file_keeps_the_earlier_result(tmp_path, mon
 
 
 def test_of_two_runs_into_one_folder_one_wins_and_the_other_says_so(tmp_path, capsys):
-    first = subprocess.Popen(command("run", "eros-quick", "--quiet", "--out", tmp_path / "run"), stderr=subprocess.PIPE)
+    first = subprocess.Popen(command(*QUICK, "--out", tmp_path / "run"), stderr=subprocess.PIPE)
     lock = tmp_path / ".run.lock"
     while first.poll() is None and not lock.exists():
         time.sleep(0.01)
-    assert main([*QUICK, "--out", str(tmp_path / "run")]) in {1, 2}
+    # Held where it is, lest it finishes before the second one asks.
+    first.send_signal(signal.SIGSTOP)
+    try:
+        assert main([*QUICK, "--out", str(tmp_path / "run")]) in {1, 2}
+    finally:
+        first.send_signal(signal.SIGCONT)
     message = capsys.readouterr().err
     assert "another run is writing there" in message
     assert f"process {first.pid}" in message
