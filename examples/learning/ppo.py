@@ -6,8 +6,8 @@
 
 Proximal policy optimisation (Schulman and others 2017) with generalised advantages (Schulman and others 2016). One network
 judges every choice of every spacecraft by what is known of that choice, so that what it learns of one patch holds for all;
-choices that `info["action_mask"]` rules out are never made (Huang and Ontanon 2022). Another network, which sees the whole
-swarm, judges how the episode stands while they learn. An episode ends with the flight, whose time left is part of the
+choices that `info["action_mask"]` rules out are never made (Huang and Ontanon 2022). Another network, which sees all choices of
+the swarm, judges how the episode stands while they learn. An episode ends with the flight, whose time left is part of the
 observation: nothing is bootstrapped.
 """
 
@@ -24,7 +24,7 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 from swarm_mj.envs.missions.choices import choice_rows
 from swarm_mj.envs.missions.config import MissionConfig
-from swarm_mj.envs.missions.policies import flat_rows, network_policy, provenance
+from swarm_mj.envs.missions.policies import network_policy, provenance
 from swarm_mj.envs.policy_network import NetworkPolicy, save_network
 from torch import Tensor, nn
 
@@ -34,9 +34,9 @@ class Settings:
     """Of the algorithm."""
 
     num_envs: int = 32
-    horizon: int = 96
+    horizon: int = 48
     epochs: int = 4
-    minibatches: int = 8
+    minibatches: int = 4
     rate: float = 1e-3
     gamma: float = 0.97
     gae_lambda: float = 0.95
@@ -60,25 +60,24 @@ class Agent(nn.Module):
 
     def __init__(self, episodes: Any, hidden: int) -> None:
         super().__init__()
-        observed = episodes.entities()
-        self.rows: tuple[int, int, int] = choice_rows(observed).shape[1:]
-        self._split = int(np.prod(self.rows))
-        self.actor = mlp(self.rows[-1], hidden, 1, 0.01)
-        self.critic = mlp(flat_rows(observed).shape[1], 2 * hidden, 1, 1.0)
+        n, choices, size = self.rows = choice_rows(episodes.entities()).shape[1:]
+        self.actor = mlp(size, hidden, 1, 0.01)
+        self.critic = mlp(2 * n * size, 2 * hidden, 1, 1.0)
 
     def shown(self, observed: Any) -> NDArray[np.float32]:
-        """What the networks read, one row an episode: what is known of each choice, and then the whole."""
+        """What the networks read, one row an episode."""
         rows = choice_rows(observed)
-        return np.concatenate([rows.reshape(len(rows), -1), flat_rows(observed)], axis=1)
+        return rows.reshape(len(rows), -1)
 
     def choose(self, seen: Tensor, mask: Tensor) -> torch.distributions.Categorical:
         """What each spacecraft would choose, of what it may."""
-        logits = self.actor(seen[..., : self._split].unflatten(-1, self.rows)).squeeze(-1)
+        logits = self.actor(seen.unflatten(-1, self.rows)).squeeze(-1)
         return torch.distributions.Categorical(logits=logits.masked_fill(~mask, -1e8))
 
     def value(self, seen: Tensor) -> Tensor:
-        """What the rest of the episode will bring."""
-        return self.critic(seen[..., self._split :]).squeeze(-1)
+        """What the rest of the episode will bring, by mean and maximum over the choices of each spacecraft."""
+        rows = seen.unflatten(-1, self.rows)
+        return self.critic(torch.cat([rows.mean(-2), rows.amax(-2)], dim=-1).flatten(-2)).squeeze(-1)
 
 
 def mlp(inputs: int, hidden: int, outputs: int, gain: float) -> nn.Sequential:
