@@ -1,7 +1,7 @@
 """What is known of each choice of each spacecraft, one row a choice: networks that judge choices one by one read it.
 
-Places and directions are left out: what they mean for a choice is in its worth, and a network that knows them learns the forty
-missions of training by heart.
+Places and directions are left out: what they mean for a choice is in its worth, and nothing of the forty missions of training
+can be learnt by heart.
 """
 
 from __future__ import annotations

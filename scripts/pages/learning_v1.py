@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from rich.console import Console
 from swarm_mj.envs.aggregates import Aggregate, aggregate
-from swarm_mj.envs.missions.leaderboard import VALIDATION_SEEDS, Test, named_policies
+from swarm_mj.envs.missions.leaderboard import VALIDATION_SEEDS, Test
 
 from scripts.pages import IMAGES, RESULTS, ROOT
 from swarm_mj.io.atomic import write_text
@@ -43,7 +43,7 @@ METHODS = {
 #: Points of a curve.
 POINTS = 12
 #: Scripted policies in the picture.
-LINES = ("random", "sweep", "greedy", "greedy_ahead")
+LINES = ("random", "sweep", "greedy", "greedy_ahead", "planner")
 
 
 class Learned(NamedTuple):
@@ -173,8 +173,7 @@ def read(name: str) -> Learned:
 def scripted() -> dict[str, float]:
     """Mean scores of the scripted policies on the episodes of the curves."""
     with Test(VALIDATION_SEEDS) as test:
-        named = named_policies()
-        return {name: float(test.fly(named[name]).score.mean()) for name in LINES} | {
+        return {name: float(test.fly(test.policy(name)).score.mean()) for name in LINES} | {
             "bound": float(test.bound.score.mean())
         }
 
@@ -190,7 +189,7 @@ def draw(learned: dict[str, Learned], lines: dict[str, float]) -> None:
             steps, [one.low for one in found], [one.high for one in found], color=colour, alpha=0.2, linewidth=0
         )
         ax.plot(steps, [one.mean for one in found], color=colour, linewidth=2, label=words)
-    colours = (look.LIGHT_GREY, look.GREY, look.DARK_GREY, "black")
+    colours = (look.LIGHT_GREY, look.GREY, look.DARK_GREY, "black", look.PURPLE)
     for name, colour in zip(LINES, colours, strict=True):
         ax.axhline(lines[name], color=colour, linewidth=1.2, linestyle=style.VISIT_DASHES, label=name.replace("_", " "))
     style.tidy(ax)
