@@ -20,10 +20,10 @@ Observed = Mapping[str, NDArray[Any]]
 #: Of the table of patches the first columns stand in the flat observation: what changes, `unseen`, and `lit`.
 FLAT_PATCHES = 2
 #: Columns of a candidate: those of the pair, and the unseen share of the patch.
-CANDIDATE = ("worth", "worth_next", "angle", "best", "others", "claimed", "peak", "peak_in", "unseen")
+CANDIDATE = ("worth", "worth_next", "angle", "best", "others", "claimed", "unseen")
 _PAIR = {name: k for k, name in enumerate(PAIRS)}
 _CANDIDATE_COLUMNS = [_PAIR[name] for name in CANDIDATE[:-1]]
-_ALIVE, _DOWNLINK, _STORED = (SPACECRAFT.index(name) for name in ("alive", "downlink", "stored"))
+_ALIVE, _DOWNLINK = SPACECRAFT.index("alive"), SPACECRAFT.index("downlink")
 
 
 class FlatLayout:
@@ -107,7 +107,7 @@ class AllPatches:
 
 
 class Candidates:
-    """Choices of a spacecraft are the R patches that are worth most to it, the best first, to send what is aboard, and to hold.
+    """Choices of a spacecraft are the R patches that are worth most to it, the best first, and, last, to send what is aboard.
 
     A patch that is in reach half a decision ahead comes before one that will be a whole one later, and that before those that
     come nearest to it. Who hears Earth sends there, who does not relays to the first who does.
@@ -121,7 +121,7 @@ class Candidates:
     def __init__(self, n: int, patches: int, count: int) -> None:
         shapes: dict[str, tuple[int, ...]] = {"spacecraft": (n, len(SPACECRAFT_COLUMNS))}
         shapes |= {"candidates": (n, count, len(CANDIDATE)), "general": (len(GENERAL_COLUMNS),)}
-        self.layout, self.choices, self._count = FlatLayout(shapes), count + 2, count
+        self.layout, self.choices, self._count = FlatLayout(shapes), count + 1, count
 
     def shown(self, observed: Observed) -> dict[str, NDArray[Any]]:
         """Spacecraft, candidates and general with the columns that `choices` names, see `CANDIDATE`."""
@@ -134,9 +134,8 @@ class Candidates:
             "candidates": np.take_along_axis(columns, order[..., None], axis=2),
             "general": observed["general"][:, GENERAL_COLUMNS],
             "alive": observed["alive"],
-            "action_mask": np.concatenate(
-                [mask, observed["spacecraft"][:, :, _STORED, None] > 0.0, np.ones_like(mask[:, :, :1])], axis=2
-            ),
+            # To send is to turn to Earth for whom has nothing aboard.
+            "action_mask": np.concatenate([mask, np.ones_like(mask[:, :, :1])], axis=2),
         }
 
     def flat(self, observed: Observed) -> Array32:
@@ -152,10 +151,7 @@ class Candidates:
         hears = (spacecraft[:, :, _DOWNLINK] > 0.5) & (spacecraft[:, :, _ALIVE] > 0.5)
         first = hears.argmax(axis=1)[:, None]
         send = np.where(hears | ~hears.any(axis=1, keepdims=True), K, K + 1 + first)
-        hold = K + 1 + np.arange(hears.shape[1])
-        return np.choose(
-            np.clip(np.asarray(chosen) - self._count + 1, 0, 2), [patch, send, np.broadcast_to(hold, patch.shape)]
-        )
+        return np.where(np.asarray(chosen) < self._count, patch, send)
 
     def _order(self, observed: Observed) -> Ints:
         """The best R patches of each spacecraft, shape (E, n, R)."""

@@ -72,10 +72,10 @@ flight; dark and shadowed cells do not count |
     decision or one and a half ahead, Earth and relays for whom has data and is heard; to hold is always allowed, and all
     that who is no more may do. Other choices are flown as they are.
 
-    With `candidates=R` each spacecraft chooses among the R patches that are worth most to it, the best first (0..R-1), to send
-    what is aboard to Earth or to the first who hears Earth (R), and to hold (R + 1); MultiDiscrete([R + 2] * n). Plain
-    networks learn that sooner, as a number stands for how good a patch is and not for where it lies. It also means that a list
-    of such choices does look: always 0 is a rule.
+    With `candidates=R` each spacecraft chooses among the R patches that are worth most to it, the best first (0..R-1), and to
+    send what is aboard to Earth or to the first who hears Earth (R); MultiDiscrete([R + 1] * n). Plain networks learn that
+    sooner, as a number stands for how good a patch is and not for where it lies. It also means that a list of such choices
+    does look: always 0 is a rule.
 
     ## Observation space
 
@@ -97,7 +97,7 @@ decisions later, and the decisions until then over ten |
     | general | time left; seen; delivered; share alive; half-width over H; picture over the target's half-width; turn of the \
 body in 60 s; share of the data that Earth hears in a decision; directions of Sun and Earth (3 each) |
 
-    With `candidates=R` there are `candidates` (n, R, 9), see `layout.CANDIDATE`, in the place of pairs and patches, and of the
+    With `candidates=R` there are `candidates` (n, R, 7), see `layout.CANDIDATE`, in the place of pairs and patches, and of the
     columns of spacecraft and general those that `choices` names: no places and directions.
 
     `alive`, `camera` and `downlink` tell the health of a spacecraft, `wheel_speed` that of its wheels. There is no battery: no

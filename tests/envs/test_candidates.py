@@ -56,9 +56,7 @@ def test_candidates_are_the_best_patches_in_their_order(flown):
                 assert shown["candidates"][e, j, r].tolist() == row
                 assert shown["action_mask"][e, j, r] == observed["action_mask"][e, j, k]
                 assert interface.decoded(observed, np.full((2, 3), r))[e, j] == k
-            assert shown["action_mask"][e, j, 4] == (observed["spacecraft"][e, j, COLUMN["stored"]] > 0.0)
-            assert shown["action_mask"][e, j, 5] == 1
-            assert interface.decoded(observed, np.full((2, 3), 5))[e, j] == K + 1 + j
+            assert shown["action_mask"][e, j, 4] == 1
 
 
 def test_what_spacecraft_of_lower_number_like_best_is_told(flown):
@@ -119,7 +117,7 @@ def test_single_vector_and_agents_see_and_fly_the_same(observation):
     vector.reset(options={"flight_seed": [5, 7]})
     rng = np.random.default_rng(0)
     for _ in range(8):
-        action = rng.integers(0, 6, (2, 3))
+        action = rng.integers(0, 5, (2, 3))
         seen, reward, *_, info = single.step(action[1])
         rows, rewards, *_, infos = vector.step(action)
         assert reward == rewards[1] and np.array_equal(info["action_mask"], infos["action_mask"][1])
@@ -139,7 +137,7 @@ def test_agents_see_their_own_candidates():
     seen, infos = env.reset(options={"flight_seed": 7, "draw": {"spacecraft": 3}})
     shown = env.episodes.shown()
     for j, agent in enumerate(env.agents):
-        assert env.observation_space(agent).contains(seen[agent]) and env.action_space(agent).n == 6
+        assert env.observation_space(agent).contains(seen[agent]) and env.action_space(agent).n == 5
         assert np.array_equal(seen[agent]["candidates"], shown["candidates"][0, j])
         assert infos[agent]["action_mask"].tolist() == shown["action_mask"][0, j].tolist()
     env.step(dict.fromkeys(env.agents, 4))
@@ -164,5 +162,5 @@ def test_a_policy_trained_with_candidates_says_so_and_flies_among_all_patches(fl
     about = provenance(MissionConfig(**ONE))
     assert about["arguments"]["candidates"] == 4
     found = interface_of(about, MissionConfig(max_spacecraft=3))
-    assert (found.choices, found.layout.size) == (6, make_interface(3, K, 4).layout.size)
+    assert (found.choices, found.layout.size) == (5, make_interface(3, K, 4).layout.size)
     assert interface_of({}, MissionConfig(max_spacecraft=3)).choices == K + 4

@@ -7,6 +7,7 @@ from swarm_mj.envs.missions.bound import Bound
 from swarm_mj.envs.missions.leaderboard import Score
 
 from scripts.pages import leaderboard, learning_v1
+from swarm_mj.coordination.allocation.problem import Allocation
 
 
 @pytest.fixture
@@ -38,7 +39,7 @@ def test_a_rule_counts_as_passed_from_where_it_stays_passed():
 def test_page_picture_and_numbers_tell_the_same(curves, tmp_path):
     lines = {"random": 0.1, "sweep": 0.3, "greedy": 0.4, "greedy_ahead": 0.9, "planner": 1.2, "bound": 3.0}
     text = learning_v1.page({"ppo": curves}, lines)
-    assert "*Greedy* is passed by: PPO in one file, with masks." in text
+    assert "passes *greedy* (0.400) with: PPO in one file, with masks." in text
     assert learning_v1.numbers({"ppo": curves}, lines)["curves"]["ppo"]["interquartile_mean"][2][0] == 1.0333
     learning_v1.draw({"ppo": curves}, lines)
     assert (tmp_path / "curves.png").stat().st_size > 1000
@@ -48,5 +49,8 @@ def test_the_leaderboard_compares_the_same_episodes():
     bound = Bound(*np.full((3, 4), 2.0))
     made = {"greedy": [1.0, 0.0, 1.0, 2.0], "random": [0.5, -0.5, 0.5, 1.5]}
     scores = [Score(name, (1, 2, 3, 4), Flown(*np.array([x, x, x])), bound) for name, x in made.items()]
-    text = leaderboard.page(scores)
+    plans = [Allocation((), np.zeros(0, np.int64), value=1.0, bound=bound) for bound in (1.0, 1.5)]
+    sound = {name: Flown(*np.full((3, 4), score)) for name, score in (("greedy", 0.7), ("planner", 0.8))}
+    text = leaderboard.page(scores, plans, sound)
+    assert "no\n  plan of that kind is worth more than 1.250" in text and "*greedy* comes to 0.700" in text
     assert "| random | 0.250 +- " in text and "-0.500 +- 0.000" in text and "| *bound* | 1 | 2.000 |" in text
