@@ -15,7 +15,7 @@ from swarm_mj.errors import SimulationError
 from swarm_mj.mission.behaviors import SwarmView, Targets
 from swarm_mj.scenarios.schema_faults import Dispersions
 from swarm_mj.simulator.fast import kernels
-from swarm_mj.simulator.fast.conditions import CONDITION, describe
+from swarm_mj.simulator.fast.conditions import CONDITION, described
 from swarm_mj.simulator.fast.flights import NEVER
 from swarm_mj.simulator.faults.dispersions import unscaled
 from swarm_mj.simulator.faults.schedule import Event
@@ -111,8 +111,7 @@ class FaultInjection:
         }
         if isinstance(field, SphericalHarmonics) and self.fault_model.dispersions.harmonics_percent > 0.0:
             arrays["series"] = field.acceleration_series.copy()
-        describe(
-            self.condition[0],
+        self.condition[0] = described(
             arrays,
             faults.sensing.knowledge,
             field_factor=factor,

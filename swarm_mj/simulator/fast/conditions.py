@@ -31,21 +31,21 @@ _OF_FILTER = tuple(f"filter_{name}" for name in FilterState._fields)
 _OF_CRAFT = ("series", "mass_ratio", "inertia_B", "dead", "wheel_speed", "last_r")
 _ARRAYS = (*_OF_CRAFT, *WheelState._fields, *Sensors._fields, *_OF_FILTER, *_OF_KNOWLEDGE)
 #: The conditions of one flight: addresses of the functions that read its sensors and drive its wheels (0: they are as planned);
-#: sizes, and whether it has a gravity field of its own; numbers; addresses of the arrays that `describe` names.
+#: sizes, and whether it has a gravity field of its own; numbers; addresses of the arrays that `described` names.
 CONDITION = np.dtype(
     [(name, np.int64) for name in _SIZES]
     + [(name, np.float64) for name in ("field_factor", "period", "max_torque", "max_speed", *_OF_ASSUMED)]
     + [(name, np.int64) for name in _ARRAYS]
 )
+_FIELDS = tuple(CONDITION.names or ())
 #: Those of E flights, with dtype `CONDITION`, shape (E,); all zeros: the flight is as planned.
 Conditions: TypeAlias = NDArray[np.void]
 
 
-def describe(record: np.void, arrays: Mapping[str, Array], known: Knowledge, **numbers: float) -> None:
-    """Write where the conditions of a flight stand; valid as long as all that is given here lives.
+def described(arrays: Mapping[str, Array], known: Knowledge, **numbers: float) -> tuple[float, ...]:
+    """Where the conditions of a flight stand, as an entry of `Conditions`; valid as long as all that is given here lives.
 
     Args:
-        record: Receives it; of dtype `CONDITION`.
         arrays: By name: `mass_ratio`, true over planned, shape (n,); `inertia_B`, in truth, (n, 3, 3) [kg m^2]; `dead`, who has
             no power, (n,); `wheel_speed`, of all wheels at the last decision, (n, w) [rad/s]; `last_r`, positions then, (n, 3)
             [m]; those of `WheelState`; and `series`, coefficients of the gravity field's harmonics in the shape of the
@@ -55,20 +55,18 @@ def describe(record: np.void, arrays: Mapping[str, Array], known: Knowledge, **n
             a motor [N m]; `max_speed`, of a wheel [rad/s].
     """
     n, w = arrays["wheel_speed"].shape
-    record["n"], record["w"], record["series"] = n, w, 0
-    record["own_field"] = "series" in arrays or numbers["field_factor"] != 1.0
-    record["command"] = _compiled(_command).address
-    record["sense"] = _compiled(_sense).address if known.estimating or len(known.q_past) > 1 else 0
-    record["estimating"], record["readings"] = known.estimating, len(known.q_past)
-    record["noise_rows"] = len(known.noise)
-    for name, number in (numbers | dict(zip(_OF_ASSUMED, known.assumed, strict=True))).items():
-        record[name] = number
+    values: dict[str, float] = numbers | dict(zip(_OF_ASSUMED, known.assumed, strict=True))
+    values |= {"n": n, "w": w, "series": 0, "command": _compiled(_command).address}
+    values["own_field"] = "series" in arrays or numbers["field_factor"] != 1.0
+    values["sense"] = _compiled(_sense).address if known.estimating or len(known.q_past) > 1 else 0
+    values |= {"estimating": known.estimating, "readings": len(known.q_past), "noise_rows": len(known.noise)}
     own = (known.noise, known.counts, known.delay, known.q_past, known.omega_past, known.q_BN, known.omega_BN_B)
     found = dict(arrays) | known.sensors._asdict() | dict(zip(_OF_FILTER, known.state, strict=True))
     found |= dict(zip(_OF_KNOWLEDGE, own, strict=True))
     for name, array in found.items():
         assert array.flags.c_contiguous and array.dtype in (np.float64, np.int64, np.bool_), name
-        record[name] = array.ctypes.data
+        values[name] = array.__array_interface__["data"][0]
+    return tuple(values[name] for name in _FIELDS)
 
 
 def _pointer(kind: Any) -> Any:
@@ -175,6 +173,7 @@ def _knowledge_of(at: Any, n: int) -> Knowledge:
             carray(_numbers(at.filter_q_tracked), (n, 4)),
             carray(_flags(at.filter_tracked), n),
             carray(_flags(at.filter_started), n),
+            carray(_numbers(at.filter_work), (n, 3, 3, 3)),
         ),
         carray(_numbers(at.noise), (at.noise_rows, n, 3, 3)),
         carray(_whole(at.counts), 3),

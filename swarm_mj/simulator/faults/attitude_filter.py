@@ -96,6 +96,7 @@ class FilterState(NamedTuple):
         q_tracked: The star tracker's previous attitude, shape (n, 4).
         tracked: Whether there is one of the previous period, shape (n,).
         started: Whether the filter runs, shape (n,).
+        work: Room for matrices of one reading, shape (n, 3, 3, 3).
     """
 
     q_BN: Array
@@ -107,6 +108,7 @@ class FilterState(NamedTuple):
     q_tracked: Array
     tracked: Mask
     started: Mask
+    work: Array
 
 
 def first_state(true_bias: Array) -> FilterState:
@@ -120,7 +122,16 @@ def first_state(true_bias: Array) -> FilterState:
     q = np.zeros((3, n, 4))
     q[..., 0] = 1.0
     return FilterState(
-        q[0], np.zeros((n, 3)), np.zeros((n, 6, 6)), np.zeros((n, 3)), true_bias.copy(), q[1], q[2], flags[0], flags[1]
+        q[0],
+        np.zeros((n, 3)),
+        np.zeros((n, 6, 6)),
+        np.zeros((n, 3)),
+        true_bias.copy(),
+        q[1],
+        q[2],
+        flags[0],
+        flags[1],
+        np.zeros((n, 3, 3, 3)),
     )
 
 
@@ -199,18 +210,18 @@ def _propagate(
         phi = scaled(period, vector(state.omega_BN_B, j))
         extra = (0.5 * _UNMEASURED_ACCELERATION * period**2) ** 2
     put_quaternion(state.q_BN, j, normalised(product(quaternion(state.q_BN, j), turn(phi))))
-    _grow(state.covariance[j], phi, period, assumed, extra, sensors.gyro_works[j])
+    _grow(state.covariance[j], state.work[j], phi, period, assumed, extra, sensors.gyro_works[j])
 
 
 @kernel
-def _grow(P: Array, phi: Vector, period: float, assumed: Assumed, extra: float, biased: bool) -> None:
+def _grow(P: Array, work: Array, phi: Vector, period: float, assumed: Assumed, extra: float, biased: bool) -> None:
     """Carry the covariance over one period in which the body turned by `phi`.
 
     With P in blocks A (attitude), B (attitude and bias), C (bias), and the transition R, G above: B' = R B + G C and
     A' = (R A + G B^T) R^T + B' G^T.
     """
     A, B, C = P[:3, :3], P[:3, 3:], P[3:, 3:]
-    R, G, part = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    R, G, part = work[0], work[1], work[2]
     _transition(phi, -period if biased else 0.0, R, G)
     noise, walk = assumed.gyro_noise**2, assumed.bias_walk**2
     for i in range(3):
@@ -226,7 +237,15 @@ def _grow(P: Array, phi: Vector, period: float, assumed: Assumed, extra: float, 
         C[i, i] += walk * period
         if biased:
             B[i, i] -= 0.5 * walk * period**2
-    P[3:, :3] = B.T
+    _mirror(P)
+
+
+@kernel
+def _mirror(P: Array) -> None:
+    """Write the block of bias and attitude below that of attitude and bias."""
+    for i in range(3):
+        for k in range(3):
+            P[3 + k, i] = P[i, 3 + k]
 
 
 @kernel
@@ -255,12 +274,10 @@ def _update(j: int, seen: Quaternion, sigma: float, state: FilterState) -> None:
     A, B, C = P[:3, :3], P[:3, 3:], P[3:, 3:]
     z = rotation_vector(product(conjugate(quaternion(state.q_BN, j)), seen))
     r = sigma**2
-    inverse, shrunk = np.empty((3, 3)), np.empty((3, 3))
+    inverse, shrunk = state.work[j, 0], state.work[j, 1]
     _invert_sum(A, r, inverse)
     # S^-1 times the residual gives all corrections.
-    w = np.empty(3)
-    for i in range(3):
-        w[i] = inverse[i, 0] * z[0] + inverse[i, 1] * z[1] + inverse[i, 2] * z[2]
+    w = (_dot_row(inverse, 0, z), _dot_row(inverse, 1, z), _dot_row(inverse, 2, z))
     theta = (_dot_row(A, 0, w), _dot_row(A, 1, w), _dot_row(A, 2, w))
     change = (_dot_column(B, 0, w), _dot_column(B, 1, w), _dot_column(B, 2, w))
     for i in range(3):
@@ -270,25 +287,27 @@ def _update(j: int, seen: Quaternion, sigma: float, state: FilterState) -> None:
         for k in range(i + 1):
             C[i, k] -= B[0, i] * shrunk[0, k] + B[1, i] * shrunk[1, k] + B[2, i] * shrunk[2, k]
             C[k, i] = C[i, k]
-    B[:] = r * shrunk
+    for i in range(3):
+        for k in range(3):
+            B[i, k] = r * shrunk[i, k]
     for i in range(3):
         for k in range(3):
             shrunk[i, k] = r * _row(inverse, i, A, k)
     for i in range(3):
         for k in range(3):
             A[i, k] = 0.5 * (shrunk[i, k] + shrunk[k, i])
-    P[3:, :3] = B.T
+    _mirror(P)
     put_quaternion(state.q_BN, j, normalised(product(quaternion(state.q_BN, j), turn(theta))))
     put_vector(state.bias, j, combine(1.0, vector(state.bias, j), 1.0, change))
 
 
 @kernel
-def _dot_row(a: Array, i: int, v: Array) -> float:
+def _dot_row(a: Array, i: int, v: Vector) -> float:
     return a[i, 0] * v[0] + a[i, 1] * v[1] + a[i, 2] * v[2]
 
 
 @kernel
-def _dot_column(a: Array, k: int, v: Array) -> float:
+def _dot_column(a: Array, k: int, v: Vector) -> float:
     return a[0, k] * v[0] + a[1, k] * v[1] + a[2, k] * v[2]
 
 
