@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from swarm_mj.envs.missions.baselines import greedy
 from swarm_mj.envs.missions.config import MissionConfig
 from swarm_mj.envs.missions.episodes import Episodes
@@ -27,9 +28,9 @@ def flown():
         terms.append(episodes.step(greedy(tables[-1]), live).terms)
         tables.append(episodes.entities())
         facts.append(episodes.infos())
-    task = episodes.locate(0)[0].task
+    mission = episodes.locate(0)[0].mission
     episodes.close()
-    return tables, terms, facts, task
+    return tables, terms, facts, mission
 
 
 def test_velocities_are_the_rates_of_places_on_the_turning_body():
@@ -50,18 +51,25 @@ def test_velocities_are_the_rates_of_places_on_the_turning_body():
 
 
 def test_the_worth_of_a_picture_is_its_area_and_its_pixels_ahead(flown):
-    tables, _, _, task = flown
-    compared = 0
+    tables, _, _, mission = flown
+    compared, H = 0, mission.altitude_m
+    spin, middle = (
+        mission.axes_A @ (0.0, 0.0, mission.task.plan.environment.spin_rate),
+        mission.axes_A @ mission.centre_A / H,
+    )
     for table in tables:
         spacecraft, patches, pairs, general = (table[name] for name in ("spacecraft", "patches", "pairs", "general"))
         r = part(spacecraft, SPACECRAFT, "east", "north", "up")
         v = part(spacecraft, SPACECRAFT, "v_east", "v_north", "v_up") / CROSSING_S
         centre, normal = part(patches, PATCHES, "east", "north", "up"), part(patches, PATCHES, *PATCHES[5:8])
         # Earth hears a volume that is known: what is possible follows from its share.
-        possible = EARTH_BIT_S * 20.0 / task.nominal_bit / part(general, GENERAL, "heard")[:, 0]
+        possible = EARTH_BIT_S * 20.0 / mission.task.nominal_bit / part(general, GENERAL, "heard")[:, 0]
         area = part(patches, PATCHES, "unseen", "area").prod(axis=-1) / 16.0 / possible[:, None]
         for ahead, name in ((10.0, "worth"), (30.0, "worth_next")):
-            way = (r + ahead * v)[:, :, None] - centre[:, None]
+            # Straight on among the stars, while the body turns.
+            there = middle + r + ahead * (v + np.cross(spin, middle + r))
+            there = Rotation.from_rotvec(-ahead * spin).apply(there.reshape(-1, 3)).reshape(r.shape) - middle
+            way = there[:, :, None] - centre[:, None]
             distance = np.linalg.norm(way, axis=3)
             cosine = (way * normal[:, None]).sum(axis=3) / distance
             gsd = distance / np.maximum(cosine, 1e-3) / REACH
@@ -84,7 +92,7 @@ def test_patches_in_reach_are_those_of_the_mask(flown):
 
 
 def test_rewards_add_up_to_what_was_seen_and_sent_of_what_is_possible(flown):
-    tables, terms, facts, task = flown
+    tables, terms, facts, _ = flown
     seen, delivered = (np.sum([getattr(term, name) for term in terms], axis=0) for name in ("seen", "delivered"))
     general = tables[-1]["general"]
     assert seen == pytest.approx(facts[-1]["coverage_percent"] / 100.0, abs=1e-9)
