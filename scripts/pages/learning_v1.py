@@ -22,6 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from rich.console import Console
 from swarm_mj.envs.aggregates import Aggregate, aggregate
+from swarm_mj.envs.evaluation import interval
 from swarm_mj.envs.missions.leaderboard import VALIDATION_SEEDS, Test
 
 from scripts.pages import IMAGES, RESULTS, ROOT
@@ -212,12 +213,12 @@ def numbers(learned: dict[str, Learned], lines: dict[str, float]) -> dict[str, o
 def page(learned: dict[str, Learned], lines: dict[str, float]) -> str:
     """The page."""
     rows = [row(name, runs, lines["greedy"]) for name, runs in learned.items()]
-    passed = [METHODS[name][0] for name, runs in learned.items() if np.isfinite(runs.passes(lines["greedy"]))]
-    verdict = (
-        f"The interquartile mean passes *greedy* ({lines['greedy']:.3f}) with: {'; '.join(passed)}."
-        if passed
-        else "None of them passes *greedy* within these steps."
-    )
+    above = {name: runs.aggregates[-1] for name, runs in learned.items() if np.isfinite(runs.passes(lines["greedy"]))}
+    surely = [METHODS[name][0] for name, last in above.items() if last.low > lines["greedy"]]
+    barely = [METHODS[name][0] for name, last in above.items() if last.low <= lines["greedy"]]
+    verdict = f"At the end the whole interval lies above *greedy* ({lines['greedy']:.3f}) with: {'; '.join(surely) or 'none'}."
+    if barely:
+        verdict += f" The mean alone does, so that nothing is proven, with: {'; '.join(barely)}."
     others = [f"| {name.replace('_', ' ')} | - | - | {score:.3f} | - | - |" for name, score in lines.items()]
     return TEXT.format(
         table="\n".join([*rows, *others]),
@@ -225,7 +226,15 @@ def page(learned: dict[str, Learned], lines: dict[str, float]) -> str:
         picture=PICTURE.name,
         episodes=len(VALIDATION_SEEDS),
         seeds=f"{VALIDATION_SEEDS[0]:,} to {VALIDATION_SEEDS[-1]:,}",
+        elsewhere=elsewhere(),
     )
+
+
+def elsewhere() -> str:
+    """What the packaged network comes to on the leaderboard's episodes, against the rule, from that page's numbers."""
+    scores = {one["policy"]: np.array(one["scores"]) for one in json.loads((RESULTS / "leaderboard.json").read_text())}
+    mean, half = interval(scores["trained"] - scores["greedy"])
+    return f"{mean:+.3f} +- {half:.3f}"
 
 
 def row(name: str, runs: Learned, greedy: float) -> str:
@@ -249,7 +258,9 @@ makes: it runs the programs of `examples/learning`. The numbers of the picture a
 |---|---|---|---|---|---|
 {table}
 
-{verdict}
+{verdict} One episode differs much from another: the network with
+the best score here, which travels with the package as `trained`, comes to {elsewhere} against *greedy* on the 96 other episodes
+of the [leaderboard](leaderboard.md), where the *planner* shows what is left to learn.
 
 - **Score.** Mean over {episodes} episodes of the split `test` (flight seeds {seeds}), flown with the likeliest choices.
   Training flies the split `train`, other places on the bodies. *Bound*: what no policy can pass, see
