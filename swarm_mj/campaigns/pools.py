@@ -18,7 +18,7 @@ from swarm_mj.campaigns.loading import Resolved
 from swarm_mj.campaigns.sampling import Sample
 from swarm_mj.errors import OutputError, SwarmError
 from swarm_mj.io.cores import usable_cores
-from swarm_mj.io.nursery import begin
+from swarm_mj.io.fork_server import begin
 
 #: A run during which this many workers died is recorded as failed.
 MAX_DEATHS = 3

@@ -7,7 +7,7 @@ from multiprocessing.connection import Connection, wait
 from typing import Any, TypeVar
 
 from swarm_mj.errors import SwarmError
-from swarm_mj.io import interruption, nursery
+from swarm_mj.io import fork_server, interruption
 
 Key = TypeVar("Key")
 
@@ -38,10 +38,10 @@ def answers(
     """
     waiting = iter(questions)
     asked: dict[Connection, Key] = {}
-    pool: dict[Connection, nursery.Worker] = {}
+    pool: dict[Connection, fork_server.Worker] = {}
     try:
         for _ in range(workers):
-            process, pipe = nursery.begin(_work, (answer,), modules=(answer.__module__,))
+            process, pipe = fork_server.begin(_work, (answer,), modules=(answer.__module__,))
             pool[pipe] = process
         for pipe, process in pool.items():
             _tell(pipe, process, (begin, arguments))
@@ -61,7 +61,7 @@ def answers(
 
 
 def _ask(
-    pipe: Connection, process: nursery.Worker, waiting: Iterator[tuple[Key, tuple[Any, ...]]]
+    pipe: Connection, process: fork_server.Worker, waiting: Iterator[tuple[Key, tuple[Any, ...]]]
 ) -> dict[Connection, Key]:
     for key, question in waiting:
         _tell(pipe, process, question)
@@ -69,14 +69,14 @@ def _ask(
     return {}
 
 
-def _tell(pipe: Connection, process: nursery.Worker, message: Any) -> None:
+def _tell(pipe: Connection, process: fork_server.Worker, message: Any) -> None:
     try:
         pipe.send(message)
     except OSError:  # nobody is there to read it
         raise _death_of(process) from None
 
 
-def _hear(pipe: Connection, process: nursery.Worker) -> Any:
+def _hear(pipe: Connection, process: fork_server.Worker) -> Any:
     try:
         found, error = pipe.recv()
     except (EOFError, OSError):
@@ -86,7 +86,7 @@ def _hear(pipe: Connection, process: nursery.Worker) -> Any:
     return found
 
 
-def _death_of(process: nursery.Worker) -> SwarmError:
+def _death_of(process: fork_server.Worker) -> SwarmError:
     process.join(1.0)
     return SwarmError(
         f"a process that shared the work died with exit status {process.exitcode}: in a script of your own call this below "

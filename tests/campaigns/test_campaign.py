@@ -60,8 +60,8 @@ def interrupted(begin, folder, done, signalled):
 
 def children(process):
     """Workers of a process: forks of what it started to be forked."""
-    (nursery,) = (pid for pid in born_of(process.pid) if "nursery" in Path(f"/proc/{pid}/cmdline").read_text())
-    return born_of(nursery)
+    (fork_server,) = (pid for pid in born_of(process.pid) if "fork_server" in Path(f"/proc/{pid}/cmdline").read_text())
+    return born_of(fork_server)
 
 
 def born_of(parent):

@@ -55,7 +55,7 @@ def test_a_process_that_is_dead_before_it_is_told_anything_is_the_same_error(mon
         theirs.close()
         return Stillborn(), mine
 
-    monkeypatch.setattr(workers.nursery, "begin", begin)
+    monkeypatch.setattr(workers.fork_server, "begin", begin)
     with pytest.raises(SwarmError, match=DIED):
         ask(1.0)
 
@@ -63,7 +63,7 @@ def test_a_process_that_is_dead_before_it_is_told_anything_is_the_same_error(mon
 def test_where_processes_run_a_script_again_it_is_told_what_to_do(tmp_path):
     script = tmp_path / "script.py"
     script.write_text(
-        "from swarm_mj.io import nursery\nfrom swarm_mj.io.workers import answers\nnursery.FORKS = False\n"
+        "from swarm_mj.io import fork_server\nfrom swarm_mj.io.workers import answers\nfork_server.FORKS = False\n"
         "list(answers([(0, (1,))], abs, workers=2, begin=list))\n"
     )
     done = subprocess.run([sys.executable, script], capture_output=True, text=True, timeout=120)

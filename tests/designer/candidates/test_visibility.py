@@ -19,7 +19,7 @@ from swarm_mj.errors import MissionError, PathError, ScenarioError
 from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.observe import criterion_from, observe_flight
 from swarm_mj.flight.plan import make_plan
-from swarm_mj.io import nursery, workers
+from swarm_mj.io import fork_server, workers
 from swarm_mj.mission.trajectories import NO_TRAJECTORY
 from swarm_mj.observation.capture import observe
 from swarm_mj.results.design_files import left_out_words
@@ -255,7 +255,7 @@ def test_processes_for_whose_pictures_nobody_waits_any_more_are_gone(flights, ow
     begun = []
 
     def begin(*arguments, **keywords):
-        begun.append(nursery.begin(*arguments, **keywords))
+        begun.append(fork_server.begin(*arguments, **keywords))
         return begun[-1]
 
     def interrupted():
@@ -264,7 +264,7 @@ def test_processes_for_whose_pictures_nobody_waits_any_more_are_gone(flights, ow
                 time.sleep(0.01)
             raise KeyboardInterrupt
 
-    monkeypatch.setattr(workers, "nursery", SimpleNamespace(begin=begin))
+    monkeypatch.setattr(workers, "fork_server", SimpleNamespace(begin=begin))
     monkeypatch.setattr(pictures.interruption, "check", interrupted)
     monkeypatch.setattr(pictures, "MIN_PARALLEL", 1)
     with pytest.raises(KeyboardInterrupt):

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from swarm_mj.io import nursery
+from swarm_mj.io import fork_server
 from swarm_mj.io.cores import ONE_THREAD
 
 ROOT = Path(__file__).parents[2]
-pytestmark = pytest.mark.skipif(not nursery.FORKS, reason="processes are forks on Linux alone")
+pytestmark = pytest.mark.skipif(not fork_server.FORKS, reason="processes are forks on Linux alone")
 
 
 def echo(pipe, *more):
@@ -30,15 +30,15 @@ def end_with_three(pipe):
 
 
 def begin(work=echo, *arguments):
-    return nursery.begin(work, arguments, modules=("json.tool", "no_such_module"))
+    return fork_server.begin(work, arguments, modules=("json.tool", "no_such_module"))
 
 
 @pytest.fixture
 def fresh(monkeypatch):
-    """No nursery has been started yet; the one of this test ends with it."""
-    monkeypatch.setattr(nursery, "_NURSERIES", {})
+    """No fork server has been started yet; the one of this test ends with it."""
+    monkeypatch.setattr(fork_server, "_SERVERS", {})
     yield
-    nursery._end()
+    fork_server._end()
 
 
 def test_processes_are_forks_of_one_and_see_what_the_one_that_asks_for_them_sees(fresh, monkeypatch, tmp_path):
@@ -85,14 +85,14 @@ def test_one_that_is_killed_before_it_is_born_is_not_waited_for_and_leaves_nothi
     assert process.exitcode == 0
 
 
-def test_when_the_nursery_dies_its_processes_count_as_dead_and_the_next_has_a_new_one(fresh):
+def test_when_the_fork_server_dies_its_processes_count_as_dead_and_the_next_has_a_new_one(fresh):
     process, pipe = begin()
     _, parent, *_ = pipe.recv()
     os.kill(parent, signal.SIGKILL)
     process.join()
     assert process.exitcode == -signal.SIGKILL
     pipe.close()
-    while nursery._NURSERIES[os.getpid()].is_there:
+    while fork_server._SERVERS[os.getpid()].is_there:
         time.sleep(0.01)
     process, pipe = begin()
     assert pipe.recv()[1] != parent
@@ -101,9 +101,9 @@ def test_when_the_nursery_dies_its_processes_count_as_dead_and_the_next_has_a_ne
 
 BUSY = """
 import time
-from swarm_mj.io import nursery
-from tests.io.test_nursery import busy
-process, pipe = nursery.begin(busy, (), modules=())
+from swarm_mj.io import fork_server
+from tests.io.test_fork_server import busy
+process, pipe = fork_server.begin(busy, (), modules=())
 print(pipe.recv(), flush=True)
 time.sleep(60)
 """
@@ -127,7 +127,7 @@ def test_no_process_outlives_the_one_that_asked_for_it_however_busy_it_is():
 
 
 def test_a_process_can_be_had_where_none_can_be_forked(fresh, monkeypatch):
-    monkeypatch.setattr(nursery, "FORKS", False)
+    monkeypatch.setattr(fork_server, "FORKS", False)
     process, pipe = begin()
     pid, parent, *_ = pipe.recv()
     assert (pid, parent) == (process.pid, os.getpid())

@@ -1,4 +1,4 @@
-"""The process that is forked for others, see `nursery.py`: it imports, then forks for every message on its socket.
+"""The process that is forked for others, see `fork_server.py`: it imports, then forks for every message on its socket.
 
 A message is one byte with two files: the pipe of the new process, and one that is told its number and how it ended. When the
 socket closes, whoever asked is gone, and all end. Nothing here opens a GL context or starts a thread.
@@ -18,7 +18,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from multiprocessing.connection import Connection
 
-from swarm_mj.io.nursery import NUMBER, live
+from swarm_mj.io.fork_server import NUMBER, live
 
 
 def serve(fd: int, modules: Sequence[str]) -> None:

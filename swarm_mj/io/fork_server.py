@@ -2,7 +2,7 @@
 
 Importing takes ten times as long as a short flight, so that processes which each did it for themselves would do little else.
 A fork of this process would share its OpenGL context and its threads, which do not survive one; the process that is forked, see
-`nursery_server.py`, has neither. Elsewhere than on Linux system libraries do not survive a fork either, and each process is a
+`fork_server_main.py`, has neither. Elsewhere than on Linux system libraries do not survive a fork either, and each process is a
 new interpreter that imports for itself. Nothing heavy is imported here.
 """
 
@@ -28,7 +28,7 @@ from swarm_mj.io.interruption import held
 #: Whether processes may be forks.
 FORKS = sys.platform == "linux"
 #: What the process that is forked runs; it finds modules where this one does.
-_SERVE = "import sys; sys.path[:] = {path!r}; from swarm_mj.io.nursery_server import serve; serve({fd}, {modules!r})"
+_SERVE = "import sys; sys.path[:] = {path!r}; from swarm_mj.io.fork_server_main import serve; serve({fd}, {modules!r})"
 #: Numbers go through pipes as so many bytes.
 NUMBER = 8
 
@@ -71,7 +71,7 @@ def begin(
         if FORKS:
             with suppress(OSError):  # where none can be had, a new interpreter is
                 with one_thread():
-                    fork = _nursery(modules).fork(theirs)
+                    fork = _fork_server(modules).fork(theirs)
                     mine.send((dict(os.environ), os.getcwd(), list(sys.path), work, arguments))
                 return fork, mine
         with held(), one_thread():  # half-started it could not be killed
@@ -113,7 +113,7 @@ def _restore(before: Mapping[str, str | None]) -> None:
             os.environ[name] = value
 
 
-class _Nursery:
+class _ForkServer:
     """The process that is forked, and the socket over which it is asked to."""
 
     def __init__(self, modules: Sequence[str]) -> None:
@@ -137,7 +137,7 @@ class _Nursery:
         """Ask for a process with this end of a pipe; does not wait for it.
 
         Raises:
-            OSError: The nursery is gone.
+            OSError: The fork server is gone.
         """
         told, tell = os.pipe()
         try:
@@ -157,7 +157,7 @@ class _Nursery:
 
 
 class _Fork:
-    """A process of the nursery, which tells of its birth and of its end through a pipe."""
+    """A process of the fork server, which tells of its birth and of its end through a pipe."""
 
     def __init__(self, told: int) -> None:
         self._told: int | None = told
@@ -195,7 +195,7 @@ class _Fork:
         while self._told is not None and select.select([self._told], [], [], timeout)[0]:
             told = os.read(self._told, NUMBER)
             if not told:
-                self._exitcode = -signal.SIGKILL  # with the nursery
+                self._exitcode = -signal.SIGKILL  # with the fork server
             elif self._pid is None:
                 self._pid = int.from_bytes(told, "little")
                 continue
@@ -209,20 +209,20 @@ class _Fork:
             self._told = None
 
 
-#: The nursery of this process, by its number: a fork of this process has none.
-_NURSERIES: dict[int, _Nursery] = {}
+#: The fork server of this process, by its number: a fork of this process has none.
+_SERVERS: dict[int, _ForkServer] = {}
 _MAKING = Lock()
 
 
-def _nursery(modules: Sequence[str]) -> _Nursery:
+def _fork_server(modules: Sequence[str]) -> _ForkServer:
     with _MAKING:
-        found = _NURSERIES.get(os.getpid())
+        found = _SERVERS.get(os.getpid())
         if found is None or not found.is_there:
-            _NURSERIES[os.getpid()] = found = _Nursery(modules)
+            _SERVERS[os.getpid()] = found = _ForkServer(modules)
         return found
 
 
 @atexit.register
 def _end() -> None:
-    if (nursery := _NURSERIES.pop(os.getpid(), None)) is not None:
-        nursery.end()
+    if (fork_server := _SERVERS.pop(os.getpid(), None)) is not None:
+        fork_server.end()
