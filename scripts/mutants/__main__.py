@@ -1,19 +1,18 @@
 """Plant faults in the code, one at a time, and see whether the tests notice: python -m scripts.mutants [NAME ...].
 
-Writes docs/results/mutants.md after a whole run. NAME picks the faults whose list, file or words hold it. An interrupted call
-goes on where it was; what changed since is run again. Exit status 1 where fewer than 95 % die, one survives without a reason,
-or one that is called equivalent dies.
+NAME picks the faults whose list, file or words hold it. Findings are kept in docs/results/mutants.json: an interrupted call
+goes on where it was, and only what is new or has changed is run. Every call writes docs/results/mutants.md. Exit status 1
+where fewer than 95 % die, one survives without a reason, or one that is called equivalent dies.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
 import shutil
 import sys
 import tempfile
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor, as_completed
-from dataclasses import asdict
 from pathlib import Path
 from queue import SimpleQueue
 
@@ -21,16 +20,17 @@ from rich.console import Console
 from rich.table import Table
 
 from scripts.mutants.faults import Fault, read_faults
-from scripts.mutants.page import PAGE, ROOT, faults_of, page_of, share_of
+from scripts.mutants.findings import Finding, finding_of, read_findings, write_findings
+from scripts.mutants.page import PAGE, ROOT, by_room, page_of
 from scripts.mutants.trees import copy_sources, plant
-from scripts.mutants.trial import BROKEN, DIED, SURVIVED, TIME_LIMIT, Runner, Trial
+from scripts.mutants.trial import DIED, SURVIVED, Runner, Trial
 from swarm_mj.io import interruption
 from swarm_mj.io.atomic import write_text
 from swarm_mj.io.cores import usable_cores
 from swarm_mj.io.progress import progress_bars
 
-#: Where results are kept between calls.
-KEPT = ROOT / "build" / "mutants.json"
+#: Where findings are kept between calls.
+KEPT = PAGE.with_suffix(".json")
 #: Least share of faults that must die.
 ENOUGH = 0.95
 #: For the tests of one fault, and for all of them without any fault [s].
@@ -42,7 +42,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m scripts.mutants", description=__doc__.partition(":")[0])
     parser.add_argument("names", nargs="*", metavar="NAME", help="only faults whose list, file or words hold this")
     parser.add_argument("--jobs", type=int, default=usable_cores(), help="faults at once (default: all cores)")
-    parser.add_argument("--afresh", action="store_true", help="forget what earlier calls found")
+    parser.add_argument("--afresh", action="store_true", help="run these faults whatever earlier calls found")
     asked = parser.parse_args(arguments)
     console = Console()
     try:
@@ -53,33 +53,37 @@ def main(arguments: list[str] | None = None) -> int:
     chosen = [
         fault for fault in every if not asked.names or any(name in f"{fault.room}/{fault.name}" for name in asked.names)
     ]
-    kept = {} if asked.afresh or not KEPT.exists() else _read_kept()
-    keys = {fault: fault.key(ROOT) for fault in chosen}
-    to_do = [fault for fault in chosen if keys[fault] not in kept]
+    found, unclear = read_findings(KEPT), dict[str, Trial]()
+
+    def keep(fault: Fault, trial: Trial) -> None:
+        finding = finding_of(fault, trial, ROOT)
+        if finding is None:
+            unclear[fault.name] = trial
+        else:
+            found[fault.name] = finding
+            write_findings(KEPT, found, every)
+
     try:
         with interruption.handled():
-            _run(to_do, keys, kept, asked.jobs, console)
+            _run([f for f in chosen if asked.afresh or not _is_known(f, found)], keep, asked.jobs, console)
     except KeyboardInterrupt:
         console.print("Interrupted; the next call goes on here.")
         return 130
     except RuntimeError as error:
         console.print(str(error), soft_wrap=True, markup=False, highlight=False)
         return 2
-    trials = {fault: kept[keys[fault]] for fault in chosen}
-    console.print(_table(trials))
-    if chosen == every:
-        write_text(PAGE, page_of(trials))
-        console.print(f"{PAGE.relative_to(ROOT)} written")
-    return _verdict(trials, console)
+    finally:
+        write_text(PAGE, page_of(every, found))
+    console.print(_table(chosen, found))
+    console.print(f"{PAGE.relative_to(ROOT)} written")
+    return _verdict(chosen, found, unclear, console)
 
 
-def _read_kept() -> dict[str, Trial]:
-    """Earlier trials that say something of the tests."""
-    trials = {key: Trial(**given) for key, given in json.loads(KEPT.read_text()).items()}
-    return {key: trial for key, trial in trials.items() if trial.outcome in (DIED, SURVIVED)}
+def _is_known(fault: Fault, found: dict[str, Finding]) -> bool:
+    return fault.name in found and found[fault.name].holds(fault, ROOT)
 
 
-def _run(to_do: list[Fault], keys: dict[Fault, str], kept: dict[str, Trial], jobs: int, console: Console) -> None:
+def _run(to_do: list[Fault], keep: Callable[[Fault, Trial], None], jobs: int, console: Console) -> None:
     """Try faults, several at once, and keep what came of each.
 
     Raises:
@@ -101,12 +105,11 @@ def _run(to_do: list[Fault], keys: dict[Fault, str], kept: dict[str, Trial], job
             bar = bars.add_task(f"{len(to_do)} faults", total=len(to_do))
             futures = {pool.submit(_try, free, fault, warm, folder): fault for fault in to_do}
             for future in as_completed(futures):
-                kept[keys[futures[future]]] = trial = future.result()
-                KEPT.parent.mkdir(exist_ok=True)
-                write_text(KEPT, json.dumps({key: asdict(trial) for key, trial in kept.items()}, indent=1))
+                fault, trial = futures[future], future.result()
+                keep(fault, trial)
                 bars.advance(bar)
                 if trial.outcome != DIED:
-                    bars.console.print(f"{trial.outcome}: {futures[future].name}", soft_wrap=True, markup=False)
+                    bars.console.print(f"{trial.outcome}: {fault.name}", soft_wrap=True, markup=False)
     finally:
         for runner in runners:
             runner.end()
@@ -138,30 +141,28 @@ def _try(free: SimpleQueue[Runner], fault: Fault, warm: Path, folder: Path) -> T
         shutil.rmtree(tree.parent, ignore_errors=True)
 
 
-def _table(trials: dict[Fault, Trial]) -> Table:
+def _table(faults: list[Fault], found: dict[str, Finding]) -> Table:
     table = Table("room", "faults", "died", "survived", "equivalent")
-    for room, some in faults_of(trials).items():
-        lived = [fault for fault, trial in some.items() if trial.outcome == SURVIVED]
-        died = sum(trial.outcome == DIED for trial in some.values())
-        excused = sum(bool(fault.equivalent) for fault in lived)
-        table.add_row(room, *map(str, (len(some), died, len(lived), excused)))
+    for room, some in by_room(faults).items():
+        outcomes = [found[fault.name].outcome if _is_known(fault, found) else "" for fault in some]
+        excused = sum(bool(f.equivalent) for f, outcome in zip(some, outcomes, strict=True) if outcome == SURVIVED)
+        table.add_row(room, *map(str, (len(some), outcomes.count(DIED), outcomes.count(SURVIVED), excused)))
     return table
 
 
-def _verdict(trials: dict[Fault, Trial], console: Console) -> int:
+def _verdict(faults: list[Fault], found: dict[str, Finding], unclear: dict[str, Trial], console: Console) -> int:
     """Say what is wrong and how many died; returns the exit status."""
-    wrong = []
-    for fault, trial in trials.items():
-        if trial.outcome in (BROKEN, TIME_LIMIT):
-            wrong.append(f"{fault.name}: {trial.outcome}: {trial.words}")
-        elif trial.outcome == SURVIVED and not fault.equivalent:
+    wrong = [f"{name}: {trial.outcome}: {trial.words}" for name, trial in unclear.items()]
+    known = {fault: found[fault.name] for fault in faults if _is_known(fault, found)}
+    for fault, finding in known.items():
+        if finding.outcome == SURVIVED and not fault.equivalent:
             wrong.append(f"{fault.name}: survived {', '.join(fault.tests)}")
-        elif trial.outcome != SURVIVED and fault.equivalent:
-            wrong.append(f"{fault.name}: is called equivalent, but {trial.test} notices")
+        elif finding.outcome != SURVIVED and fault.equivalent:
+            wrong.append(f"{fault.name}: is called equivalent, but {finding.test} notices")
     for line in wrong:
         console.print(line, soft_wrap=True, markup=False, highlight=False)
-    share = share_of(trials)
-    console.print(f"{100 * share:.1f} % of {len(trials)} faults died; at least {100 * ENOUGH:g} % must")
+    share = sum(finding.outcome == DIED for finding in known.values()) / max(1, len(faults))
+    console.print(f"{100 * share:.1f} % of {len(faults)} faults died; at least {100 * ENOUGH:g} % must")
     return int(bool(wrong) or share < ENOUGH)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import tomllib
 from dataclasses import dataclass
 from pathlib import Path
@@ -36,12 +35,6 @@ class Fault:
     def name(self) -> str:
         """Where and what, for people."""
         return f"{self.file}: {self.what}"
-
-    def key(self, root: Path) -> str:
-        """What a result depends on that is kept between calls: the fault, the file, and the files of the tests."""
-        parts = [repr(self), (root / self.file).read_text()]
-        parts += [(root / test.partition("::")[0]).read_text() for test in self.tests]
-        return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:24]
 
 
 def read_faults(root: Path, lists: Path = LISTS) -> list[Fault]:

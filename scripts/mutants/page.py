@@ -2,58 +2,68 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from scripts.mutants.faults import Fault
-from scripts.mutants.trial import DIED, SURVIVED, TIME_LIMIT, Trial
+from scripts.mutants.findings import Finding
+from scripts.mutants.trial import DIED, SURVIVED
 from scripts.pages import RESULTS, ROOT
 
 PAGE = RESULTS / "mutants.md"
-__all__ = ["PAGE", "ROOT", "faults_of", "page_of", "share_of"]
+__all__ = ["PAGE", "ROOT", "by_room", "page_of"]
 
 
-def share_of(trials: dict[Fault, Trial]) -> float:
-    """Part of the faults that died, equivalent ones counted as survivors."""
-    return sum(trial.outcome == DIED for trial in trials.values()) / max(1, len(trials))
+def by_room(faults: list[Fault]) -> dict[str, list[Fault]]:
+    """The same by the list that they stand in."""
+    return {room: [fault for fault in faults if fault.room == room] for room in dict.fromkeys(f.room for f in faults)}
 
 
-def faults_of(trials: dict[Fault, Trial]) -> dict[str, dict[Fault, Trial]]:
-    """The same by room."""
-    rooms = dict.fromkeys(fault.room for fault in trials)
-    return {room: {fault: trial for fault, trial in trials.items() if fault.room == room} for room in rooms}
+def page_of(faults: list[Fault], findings: dict[str, Finding], root: Path = ROOT) -> str:
+    """The whole page.
 
-
-def page_of(trials: dict[Fault, Trial]) -> str:
-    """The whole page."""
-    died = sum(trial.outcome == DIED for trial in trials.values())
+    Args:
+        faults: All that are listed.
+        findings: What came of them, by name; of some nothing may be known, or what was before the code changed.
+        root: Of the repository.
+    """
+    known = {fault.name: findings[fault.name] for fault in faults if fault.name in findings}
+    today = {fault.name for fault in faults if fault.name in known and known[fault.name].holds(fault, root)}
+    died = sum(known[name].outcome == DIED for name in today)
     lines = [
         "# Mutants",
         "",
         "Would the tests notice a fault? `make mutants` plants small ones in copies of the sources, one at a time (a sign,",
         "an index, a factor, a term left out, a limit), and runs the tests of that module. The faults are listed by hand in",
-        "`scripts/mutants/faults`, over physics, observation, design, faults of the spacecraft and the environment; they are",
-        "no random sample, and the share says nothing about faults of other kinds. A fault that is no program does not count",
-        "as noticed.",
+        "`scripts/mutants/faults`, by the parts of the program; they are no random sample, and the share says nothing about",
+        "faults of other kinds. A fault that is no program does not count as noticed.",
         "",
-        "Not all of these were made in one call: what is found is kept while fault, file and tests stay as they are, though",
-        "other modules may change; `make mutants ARGS=--afresh` finds all again.",
+        "Not all of these were run in one call: a finding is kept while the fault, the function that it stands in and the",
+        "test that noticed it stay as they are, though others may change. `make mutants` runs all others,",
+        "`make mutants ARGS=NAME` those of a list or a file, and `make mutants ARGS=--afresh` all again.",
         "",
-        f"**{died} of {len(trials)} died ({100 * share_of(trials):.1f} %).** {_of_survivors(trials)}",
+        f"**{died} of {len(today)} died ({100 * died / max(1, len(today)):.1f} %).** {_of_others(faults, known, today)}",
     ]
-    for room, some in faults_of(trials).items():
-        rows = [f"| `{f.file}` | {f.what} | {_end_of(f, t)} |" for f, t in some.items()]
+    for room, some in by_room(faults).items():
+        rows = [f"| `{f.file}` | {f.what} | {_end_of(f, known.get(f.name), f.name in today)} |" for f in some]
         lines += ["", f"## {room.capitalize()}", "", "| file | fault | noticed by |", "|---|---|---|", *rows]
     return "\n".join(lines) + "\n"
 
 
-def _of_survivors(trials: dict[Fault, Trial]) -> str:
-    if all(trial.outcome != SURVIVED for trial in trials.values()):
-        return "None survived."
-    return "What survived changes nothing that could be tested, for the reason given."
+def _of_others(faults: list[Fault], known: dict[str, Finding], today: set[str]) -> str:
+    lived = any(known[name].outcome == SURVIVED for name in today)
+    said = ["What survived changes nothing that could be tested, for the reason given." if lived else "None survived."]
+    if changed := len(known) - len(today):
+        said.append(f"{changed} more were run before their code or their test changed last.")
+    if never := len(faults) - len(known):
+        said.append(f"{never} are listed and were not run yet.")
+    return " ".join(said)
 
 
-def _end_of(fault: Fault, trial: Trial) -> str:
-    if trial.outcome == SURVIVED:
-        return f"**survived**: {fault.equivalent or 'no test notices'}"
-    if trial.outcome == TIME_LIMIT:
-        return f"{trial.words}"
-    file, _, name = trial.test.partition("::")
-    return f"`{file}`: {name.partition('[')[0].removeprefix('test_').replace('_', ' ')}"
+def _end_of(fault: Fault, finding: Finding | None, of_today: bool) -> str:
+    if finding is None:
+        return "not run yet"
+    before = "" if of_today else "before the last change: "
+    if finding.outcome == SURVIVED:
+        return f"{before}**survived**: {fault.equivalent or 'no test notices'}"
+    file, _, name = finding.test.partition("::")
+    return f"{before}`{file}`: {name.partition('[')[0].removeprefix('test_').replace('_', ' ')}"

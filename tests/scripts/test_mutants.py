@@ -5,10 +5,11 @@ import textwrap
 
 import pytest
 
-from scripts.mutants.faults import Fault, read_faults
-from scripts.mutants.page import page_of, share_of
+from scripts.mutants.faults import read_faults
+from scripts.mutants.findings import finding_of, read_findings, write_findings
+from scripts.mutants.page import page_of
 from scripts.mutants.trees import copy_sources, importers, plant
-from scripts.mutants.trial import BROKEN, DIED, SURVIVED, TIME_LIMIT, Runner, judge
+from scripts.mutants.trial import BROKEN, DIED, SURVIVED, TIME_LIMIT, Runner, Trial, judge
 
 FILES = {
     "swarm_mj/__init__.py": "",
@@ -69,8 +70,9 @@ def test_a_fault_dies_by_the_test_that_notices_it_and_an_equivalent_one_lives(ro
     assert (died.outcome, died.test) == (DIED, "tests/test_one.py::test_twice_is_double")
     assert lived.outcome == SURVIVED
     assert (root / "swarm_mj/one.py").read_text() == FILES["swarm_mj/one.py"]
-    page = page_of(outcomes)
-    assert share_of(outcomes) == 0.5 and "1 of 2 died (50.0 %)" in page
+    findings = {fault.name: finding_of(fault, trial, root) for fault, trial in outcomes.items()}
+    page = page_of(faults, findings, root)
+    assert "1 of 2 died (50.0 %)" in page
     assert "three times | `tests/test_one.py`: twice is double |" in page
     assert "**survived**: it is the same" in page
 
@@ -124,12 +126,54 @@ def test_what_is_no_program_counts_as_broken_and_not_as_noticed():
     assert judge(0, "3 passed")[0] == SURVIVED
 
 
-def test_a_result_is_kept_until_the_fault_its_file_or_its_tests_change(root):
-    (first, _) = read_faults(root, root / "faults")
-    key = first.key(root)
-    assert Fault(**vars(first)).key(root) == key
-    (root / "tests/test_one.py").write_text("def test_it():\n    pass\n")
-    assert first.key(root) != key
+NOTICED = Trial(DIED, "tests/test_one.py::test_twice_is_double", "AssertionError", 1.0)
+
+
+def rewrite(file, old, new):
+    text = file.read_text()
+    assert old in text
+    file.write_text(text.replace(old, new))
+
+
+@pytest.mark.parametrize(
+    ("name", "old", "new", "holds"),
+    [
+        ("swarm_mj/one.py", "def twice(x):", "def twice(x):\n    assert x", False),
+        ("swarm_mj/one.py", "def twice(x):", "def other():\n    pass\n\n\ndef twice(x):", True),
+        ("tests/test_one.py", "assert twice(3) == 6", "assert twice(4) == 8", False),
+        ("tests/test_one.py", "def test_twice_is_double", "def test_twice", False),
+        ("tests/test_one.py", "assert four(3) == 12", "assert four(4) == 16", True),
+        ("faults/physics.toml", "3 * x", "4 * x", False),
+    ],
+)
+def test_a_finding_holds_until_the_fault_its_function_or_the_test_that_noticed_it_change(root, name, old, new, holds):
+    fault = read_faults(root, root / "faults")[0]
+    finding = finding_of(fault, NOTICED, root)
+    assert finding.holds(fault, root)
+    rewrite(root / name, old, new)
+    changed = read_faults(root, root / "faults")[0]
+    assert finding.holds(changed, root) is holds
+    page = page_of([changed], {changed.name: finding}, root)
+    assert ("1 of 1 died" in page, "1 more were run before" in page) == (holds, not holds)
+
+
+def test_that_a_fault_survives_holds_until_a_file_of_its_tests_changes(root):
+    fault = read_faults(root, root / "faults")[1]
+    finding = finding_of(fault, Trial(SURVIVED, "", "2 passed", 1.0), root)
+    rewrite(root / "swarm_mj/two.py", "four", "fourfold")
+    assert finding.holds(fault, root)
+    rewrite(root / "tests/test_one.py", "four(3) == 12", "four(4) == 16")
+    assert not finding.holds(fault, root)
+
+
+def test_findings_of_listed_faults_come_back_and_trials_that_say_nothing_are_not_kept(root, tmp_path):
+    faults, file = read_faults(root, root / "faults"), tmp_path / "kept.json"
+    assert read_findings(file) == {}
+    assert finding_of(faults[0], Trial(TIME_LIMIT, "", "ran longer", 3.0), root) is None
+    first = finding_of(faults[0], NOTICED, root)
+    write_findings(file, {faults[0].name: first, "gone: it was": first}, faults)
+    assert read_findings(file) == {faults[0].name: first}
+    assert "1 are listed and were not run yet" in page_of(faults, read_findings(file), root)
 
 
 def test_every_listed_fault_fits_the_sources():
