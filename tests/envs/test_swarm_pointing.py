@@ -37,10 +37,10 @@ def env():
     made.close()
 
 
-def direction_N(batch, e=0):
-    """From the spacecraft to its target by plain geometry, shape (3,)."""
-    flights, t = batch.flights, float(batch.time_s[e])
-    environment, r = batch.task.plan.environment, flights.qpos[e][:3]
+def direction_N(batch, e=0, ahead_s=0.0):
+    """From the spacecraft to its target by plain geometry, also a moment from now, shape (3,)."""
+    flights, t = batch.flights, float(batch.time_s[e]) + ahead_s
+    environment, r = batch.task.plan.environment, flights.qpos[e][:3] + ahead_s * flights.qvel[e][:3]
     target = {
         int(TargetKind.ASTEROID): np.zeros(3),
         int(TargetKind.SURFACE): environment.C_AN(t).T @ flights.vector[e, 0],
@@ -48,6 +48,13 @@ def direction_N(batch, e=0):
         int(TargetKind.DIRECTION): r + flights.vector[e, 0],
     }[int(flights.kind[e, 0])]
     return (target - r) / np.linalg.norm(target - r)
+
+
+def rate_left(batch, e=0):
+    """Of the body relative to a frame that follows the line of sight by the shortest way [rad/s]."""
+    slope = (direction_N(batch, e, 0.1) - direction_N(batch, e, -0.1)) / 0.2
+    C_NB = Rotation.from_quat(batch.flights.qpos[e][3:7], scalar_first=True)
+    return np.linalg.norm(C_NB.apply(batch.flights.qvel[e][3:6]) - np.cross(direction_N(batch, e), slope))
 
 
 def boresight_N(batch, e=0):
@@ -160,6 +167,8 @@ def test_errors_and_rewards_are_those_of_plain_geometry(env):
             terms, share = info["reward_terms"], task.config.step_s / task.duration_s
             assert terms["precise"] == pytest.approx(80.0 * share / (1.0 + angle / np.radians(2.0)), rel=1e-5)
             assert terms["coarse"] == pytest.approx(-40.0 * share * angle / np.pi, rel=1e-6)
+            rate = min(1.0, rate_left(env.batch) / 0.1)
+            assert terms["rate"] == pytest.approx(-10.0 * share * rate, rel=1e-4)
             assert terms["effort"] == pytest.approx(-5.0 * share * np.mean(action.astype(float) ** 2), rel=1e-6)
             assert reward == pytest.approx(sum(terms.values()))
             kinds.add(aimed)
