@@ -55,8 +55,8 @@ def main(arguments: list[str] | None = None) -> int:
     ]
     found, unclear = read_findings(KEPT), dict[str, Trial]()
 
-    def keep(fault: Fault, trial: Trial) -> None:
-        finding = finding_of(fault, trial, ROOT)
+    def keep(fault: Fault, trial: Trial, tree: Path) -> None:
+        finding = finding_of(fault, trial, tree)
         if finding is None:
             unclear[fault.name] = trial
         else:
@@ -83,8 +83,8 @@ def _is_known(fault: Fault, found: dict[str, Finding]) -> bool:
     return fault.name in found and found[fault.name].holds(fault, ROOT)
 
 
-def _run(to_do: list[Fault], keep: Callable[[Fault, Trial], None], jobs: int, console: Console) -> None:
-    """Try faults, several at once, and keep what came of each.
+def _run(to_do: list[Fault], keep: Callable[[Fault, Trial, Path], None], jobs: int, console: Console) -> None:
+    """Try faults, several at once, and keep what came of each, and of which sources: those in the work may change meanwhile.
 
     Raises:
         RuntimeError: The tests fail without any fault.
@@ -106,7 +106,7 @@ def _run(to_do: list[Fault], keep: Callable[[Fault, Trial], None], jobs: int, co
             futures = {pool.submit(_try, free, fault, warm, folder): fault for fault in to_do}
             for future in as_completed(futures):
                 fault, trial = futures[future], future.result()
-                keep(fault, trial)
+                keep(fault, trial, warm)
                 bars.advance(bar)
                 if trial.outcome != DIED:
                     bars.console.print(f"{trial.outcome}: {fault.name}", soft_wrap=True, markup=False)

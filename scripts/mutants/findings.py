@@ -43,7 +43,7 @@ def finding_of(fault: Fault, trial: Trial, root: Path) -> Finding | None:
     Args:
         fault: That was planted.
         trial: What came of it.
-        root: Of the repository.
+        root: Of the sources that it was planted in a copy of.
     """
     if trial.outcome not in (DIED, SURVIVED):
         return None

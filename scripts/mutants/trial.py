@@ -21,6 +21,8 @@ from swarm_mj.io.cores import ONE_THREAD
 DIED, SURVIVED, TIME_LIMIT, BROKEN = "died", "survived", "time limit", "broken"
 #: Would lead past the copies' own folders, or cost every run the time to read all sources.
 NOT_OURS = ("NUMBA_CACHE_DIR", "PYTEST_ADDOPTS", "PYTHONDONTWRITEBYTECODE", "PYTHONPATH")
+#: The server has imported Numba, which reads this as it is imported, before `tests/conftest.py` could ask for it.
+SIMULATED_GPU = {"NUMBA_ENABLE_CUDASIM": "1"}
 #: Errors that a compiler or the interpreter raises, and no physics.
 _NO_PROGRAM = re.compile(
     r"\b(SyntaxError|NameError|UnboundLocalError|ImportError|TypingError|LoweringError|AttributeError)\b"
@@ -114,7 +116,7 @@ def _start() -> subprocess.Popen[str]:
     return subprocess.Popen(
         [sys.executable, "-m", "scripts.mutants.server"],
         cwd=ROOT,
-        env={**kept, **dict.fromkeys(ONE_THREAD, "1"), "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"},
+        env={**kept, **dict.fromkeys(ONE_THREAD, "1"), **SIMULATED_GPU, "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"},
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         text=True,
