@@ -7,13 +7,22 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from gymnasium import spaces
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
-from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices, VecEnvObs, VecEnvStepReturn
+from stable_baselines3.common.vec_env.base_vec_env import (
+    VecEnv,
+    VecEnvIndices,
+    VecEnvObs,
+    VecEnvStepReturn,
+    VecEnvWrapper,
+)
 
 from swarm_mj.errors import ScenarioError
 from swarm_mj.typing import Array32, Mask, Pixels
 
+from .missions.episodes import box
+from .missions.layout import local_rows
 from .missions.vector import SwarmObserveV1VectorEnv
 from .pointing.vector import SwarmPointingVectorEnv
 from .vector import SwarmObserveVectorEnv
@@ -147,6 +156,62 @@ class SwarmObserveV1VecEnv(SwarmObserveVecEnv):
 
     def _make(self, num_envs: int, threads: int | None, **arguments: Any) -> Any:
         return SwarmObserveV1VectorEnv(num_envs, threads=threads, **arguments)
+
+
+class SwarmObserveV1SharedVecEnv(VecEnvWrapper):
+    """Every spacecraft of every episode as one of stable-baselines3's environments, for one policy that flies them all.
+
+    They stand episode by episode. An action is the choice of one spacecraft; its observation is that of an agent of
+    `SwarmObserveV1ParallelEnv`, worked out from the flat observation (`layout.local_rows`); rewards and ends are those of the
+    episode. Who does not fly, or no more, has zeros in its own row, and its choices do nothing.
+
+    Args:
+        num_episodes: Number of episodes.
+        threads: Most that are used; None for the cores that this process may use.
+        arguments: Those of `SwarmObserveV1Env`, except `render_mode` and `observation`.
+    """
+
+    def __init__(self, num_episodes: int = 1, *, threads: int | None = None, **arguments: Any) -> None:
+        team = SwarmObserveV1VecEnv(num_episodes, threads=threads, observation="flat", **arguments)
+        self._layout, choices = team.vector.batch.layout, team.action_space.nvec
+        self._n = len(choices)
+        size = self._each(np.zeros((1, self._layout.size), np.float32)).shape[1]
+        super().__init__(team, box(size), spaces.Discrete(choices[0]))
+        self.num_envs = num_episodes * self._n
+
+    def reset(self) -> VecEnvObs:
+        """Start all episodes."""
+        observations = self._each(np.asarray(self.venv.reset()))
+        self.reset_infos = [info for info in self.venv.reset_infos for _ in range(self._n)]
+        return observations
+
+    def step_async(self, actions: NDArray[Any]) -> None:
+        """Keep the choices, shape (num_envs,), for `step_wait`."""
+        self.venv.step_async(actions.reshape(-1, self._n))
+
+    def step_wait(self) -> VecEnvStepReturn:
+        """Fly on for one step."""
+        observations, rewards, dones, infos = self.venv.step_wait()
+        told: list[dict[str, Any]] = []
+        for info in infos:
+            last = info.get("terminal_observation")
+            own = [{}] * self._n if last is None else [{"terminal_observation": row} for row in self._each(last)]
+            told += [info | one for one in own]
+        n = self._n
+        return self._each(np.asarray(observations)), rewards.repeat(n), dones.repeat(n), told
+
+    def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
+        """An attribute of the vector environment, which all share; one entry for each spacecraft asked for."""
+        return self.venv.get_attr(attr_name, 0) * len(list(self._get_indices(indices)))
+
+    def env_is_wrapped(self, wrapper_class: type[Any], indices: VecEnvIndices = None) -> list[bool]:
+        """Episodes are counted by the team's environment, which is what `Monitor` is for."""
+        return self.venv.env_is_wrapped(wrapper_class, 0) * len(list(self._get_indices(indices)))
+
+    def _each(self, flat: NDArray[Any]) -> Array32:
+        """One row a spacecraft, from one row an episode."""
+        rows = local_rows(self._layout.split(flat))
+        return rows.reshape(-1, rows.shape[2])
 
 
 class SwarmPointingVecEnv(SwarmObserveVecEnv):

@@ -162,6 +162,21 @@ class Candidates:
         return np.argsort(-key, axis=2, kind="stable")[:, :, : self._count]
 
 
+def local_rows(shown: Observed) -> Array32:
+    """What each spacecraft is told of a team's observation, shape (E, n, L).
+
+    Its own rows of spacecraft and of pairs or candidates, the rows of the others in cyclic order, and what concerns all.
+
+    Args:
+        shown: Parts of E episodes by name.
+    """
+    spacecraft, own = shown["spacecraft"], shown["pairs" if "pairs" in shown else "candidates"]
+    E, n = spacecraft.shape[:2]
+    others = (np.arange(n)[:, None] + 1 + np.arange(n - 1)) % n
+    common = [shown[name].reshape(E, 1, -1).repeat(n, axis=1) for name in ("patches", "general") if name in shown]
+    return np.concatenate([spacecraft, own.reshape(E, n, -1), spacecraft[:, others].reshape(E, n, -1), *common], axis=2)
+
+
 def make_interface(n: int, patches: int, candidates: int | None) -> Interface:
     """By the environment's arguments of these names."""
     return AllPatches(n, patches) if candidates is None else Candidates(n, patches, candidates)

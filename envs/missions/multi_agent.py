@@ -26,6 +26,7 @@ from ..snapshots import FlightState, RebuiltOnCopy, must_have_begun, restore_sta
 from .catalogue import DEFAULT_COUNT
 from .config import MissionConfig
 from .episodes import Episodes, box
+from .layout import local_rows
 from .rendering import MissionRenderer
 
 try:
@@ -177,12 +178,9 @@ class SwarmObserveV1ParallelEnv(RebuiltOnCopy, ParallelEnv[str, Any, Any]):
         mask = info["action_mask"]
         return {agent: info | {"action_mask": mask[self._number[agent]].copy()} for agent in agents}
 
-    def _observation(self, j: int) -> Any:
-        shown = local_observations(self.episodes, j)
-        return {name: part[0] for name, part in shown.items()} if isinstance(shown, dict) else shown[0]
-
     def _observations(self) -> PerAgent:
-        return {agent: self._observation(self._number[agent]) for agent in self.agents}
+        shown = local_observations(self.episodes)
+        return {agent: _first(shown[self._number[agent]]) for agent in self.agents}
 
     def state(self) -> Array32:
         """The flat observation of `SwarmObserveV1Env`: everything, for critics that see it all."""
@@ -202,25 +200,29 @@ class SwarmObserveV1ParallelEnv(RebuiltOnCopy, ParallelEnv[str, Any, Any]):
         self._episodes, self.agents = None, []
 
 
-def local_observations(episodes: Episodes, j: int) -> Any:
-    """What spacecraft j is shown in every episode, arrays (E, ...) by name or one (E, L), copies."""
+def _first(shown: Any) -> Any:
+    """Of the only episode."""
+    return {name: part[0] for name, part in shown.items()} if isinstance(shown, dict) else shown[0]
+
+
+def local_observations(episodes: Episodes) -> list[Any]:
+    """What each spacecraft is shown in every episode, arrays (E, ...) by name or one (E, L), copies."""
     shown, n = episodes.shown(), episodes.n
-    others = (j + 1 + np.arange(n - 1)) % n
+    if episodes.config.observation == "flat":
+        return list(local_rows(shown).transpose(1, 0, 2).copy())
     own = "pairs" if "pairs" in shown else "candidates"
-    parts: dict[str, NDArray[Any]] = {
-        "self": shown["spacecraft"][:, j],
-        own: shown[own][:, j],
-        "others": shown["spacecraft"][:, others],
-    }
-    parts |= {name: shown[name] for name in ("patches", "general") if name in shown}
-    if episodes.config.observation == "entities":
-        return parts | {"action_mask": shown["action_mask"][:, j]}
-    return np.concatenate([part.reshape(episodes.count, -1) for part in parts.values()], axis=1)
+    found = []
+    for j in range(n):
+        others = shown["spacecraft"][:, (j + 1 + np.arange(n - 1)) % n]
+        parts = {"self": shown["spacecraft"][:, j], own: shown[own][:, j], "others": others}
+        parts |= {name: shown[name].copy() for name in ("patches", "general") if name in shown}
+        found.append(parts | {"action_mask": shown["action_mask"][:, j]})
+    return found
 
 
 def local_space(episodes: Episodes) -> spaces.Space[Any]:
     """Of what one spacecraft is shown in one episode."""
-    shown = local_observations(episodes, 0)
+    shown = local_observations(episodes)[0]
     if not isinstance(shown, dict):
         return box(shown.shape[1])
     found: dict[str, spaces.Space[Any]] = {name: box(*part.shape[1:]) for name, part in shown.items()}

@@ -51,4 +51,4 @@ class SwarmObserveV1ParallelVectorEnv(ParallelVectorEnv):
         return np.logical_not(self.vector.batch.infos()["alive"])
 
     def _local(self, whole: Any) -> PerAgent:
-        return {agent: local_observations(self.vector.batch, j) for j, agent in enumerate(self.agents)}
+        return dict(zip(self.agents, local_observations(self.vector.batch), strict=True))

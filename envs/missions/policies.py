@@ -19,7 +19,7 @@ import zipfile
 from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,7 +34,7 @@ from .baselines import Policy
 from .choices import SIZE as CHOICE_SIZE
 from .choices import choice_rows
 from .config import MissionConfig
-from .layout import AllPatches, Interface, Observed, make_interface
+from .layout import AllPatches, Interface, Observed, local_rows, make_interface
 from .single import NAME
 from .tables import GENERAL, PAIRS, PATCHES, SPACECRAFT
 
@@ -48,20 +48,20 @@ ENDINGS = (".npz", ".onnx", ".zip")
 MEMBER = "swarm_mj.json"
 
 
+class ZipAbout(Provenance):
+    """What a zip of stable-baselines3 tells of its policy.
+
+    Attributes:
+        reads: What it is shown at once: all, or what each spacecraft is told.
+    """
+
+    reads: Literal["swarm", "spacecraft"] = "swarm"
+
+
 def flat_rows(observed: Observed) -> Array32:
     """The flat observation from the tables by name, shape (E, F)."""
     n, patches = observed["pairs"].shape[1:3]
     return AllPatches(n, patches).flat(observed)
-
-
-def local_rows(observed: Observed) -> Array32:
-    """What each agent of `SwarmObserveV1ParallelEnv` is shown with the flat observation, shape (E, n, L)."""
-    spacecraft = observed["spacecraft"]
-    E, n = spacecraft.shape[:2]
-    others = (np.arange(n)[:, None] + 1 + np.arange(n - 1)) % n
-    common = [np.reshape(observed[name], (E, 1, -1)).repeat(n, axis=1) for name in ("patches", "general")]
-    own = [spacecraft, observed["pairs"].reshape(E, n, -1), spacecraft[:, others].reshape(E, n, -1)]
-    return np.concatenate([*own, *common], axis=2)
 
 
 def provenance(config: MissionConfig) -> dict[str, Any]:
@@ -173,23 +173,30 @@ def _sb3(path: Path, config: MissionConfig) -> Policy:
         raise ScenarioError(f"policy {path}: needs the extra rl: pip install 'swarm_mj[rl]'") from None
     with reading(f"policy {path}", "give a zip that PPO of stable-baselines3 saved", ScenarioError):
         with zipfile.ZipFile(path) as archive:
-            about = record_from(archive.read(MEMBER), Provenance) if MEMBER in archive.namelist() else {}
+            about = record_from(archive.read(MEMBER), ZipAbout) if MEMBER in archive.namelist() else {}
         check(about, config)
         model = PPO.load(path, device="cpu")
-    interface = interface_of(about, config)
-    _fits(path, "numbers of an observation", model.observation_space.shape[-1], interface.layout.size)
-    _fits(path, "choices", model.action_space.nvec.tolist(), [interface.choices] * config.max_spacecraft)
+    interface, n = interface_of(about, config), config.max_spacecraft
+    shared = about.get("reads") == "spacecraft"
+    nothing = interface.layout.split(np.zeros(interface.layout.size, np.float32))
+    shown = local_rows(nothing).shape[2] if shared else interface.layout.size
+    _fits(path, "numbers of an observation", model.observation_space.shape[-1], shown)
+    space, each = model.action_space, [interface.choices]
+    _fits(path, "choices", [int(space.n)] if shared else space.nvec.tolist(), each if shared else each * n)
 
     def choose(observed: Observed) -> Ints:
-        return interface.decoded(observed, model.predict(interface.flat(observed), deterministic=True)[0])
+        rows = interface.flat(observed)
+        if shared:
+            rows = local_rows(interface.layout.split(rows)).reshape(-1, shown)
+        return interface.decoded(observed, model.predict(rows, deterministic=True)[0].reshape(-1, n))
 
     return choose
 
 
-def tell_in_zip(path: Path, config: MissionConfig) -> None:
-    """Add to a zip of stable-baselines3 what its policy was trained for."""
+def tell_in_zip(path: Path, config: MissionConfig, reads: Literal["swarm", "spacecraft"] = "swarm") -> None:
+    """Add to a zip of stable-baselines3 what its policy was trained for, and what it is shown at once."""
     with zipfile.ZipFile(path, "a") as archive:
-        archive.writestr(MEMBER, json.dumps(provenance(config), sort_keys=True))
+        archive.writestr(MEMBER, json.dumps(provenance(config) | {"reads": reads}, sort_keys=True))
 
 
 def _chosen(path: Path, out: NDArray[Any], mask: NDArray[Any]) -> Ints:

@@ -12,8 +12,9 @@ from swarm_mj.envs.missions.bound import Path as FlownPath
 from swarm_mj.envs.missions.choices import KINDS, OF_GENERAL, OF_SPACECRAFT, SIZE, choice_rows
 from swarm_mj.envs.missions.config import MissionConfig
 from swarm_mj.envs.missions.episodes import Episodes
+from swarm_mj.envs.missions.layout import local_rows, make_interface
 from swarm_mj.envs.missions.leaderboard import TEST_SEEDS, VALIDATION_SEEDS, Score, Test, share_of
-from swarm_mj.envs.missions.policies import LAYOUT, flat_rows, local_rows, open_policy, provenance, sizes, tell_in_zip
+from swarm_mj.envs.missions.policies import LAYOUT, flat_rows, open_policy, provenance, sizes, tell_in_zip
 from swarm_mj.envs.missions.tables import GENERAL, SPACECRAFT
 from swarm_mj.envs.policy_network import save_network
 
@@ -228,6 +229,26 @@ def test_a_zip_of_stable_baselines3_flies_and_what_it_was_trained_for_is_heeded(
     assert np.array_equal(chosen, model.predict(flat_rows(observed), deterministic=True)[0])
     with pytest.raises(ScenarioError, match="trained for patches = 16, but it is 9 here"):
         open_policy(tmp_path / "policy.zip", MissionConfig(**ONE | {"patches": 9}))
+
+
+def test_a_zip_that_reads_what_one_spacecraft_is_told_chooses_for_all(test, tmp_path):
+    sb3 = pytest.importorskip("stable_baselines3")
+    from swarm_mj.envs.sb3 import SwarmObserveV1SharedVecEnv
+
+    given = ONE | {"candidates": 3}
+    venv, config = SwarmObserveV1SharedVecEnv(1, **given), MissionConfig(**given)
+    model = sb3.PPO("MlpPolicy", venv, n_steps=8, batch_size=8, seed=0, device="cpu").learn(16)
+    venv.close()
+    file = tmp_path / "policy.zip"
+    model.save(file)
+    tell_in_zip(file, config, reads="spacecraft")
+    observed, interface = test.episodes.entities(), make_interface(config.max_spacecraft, config.patches, 3)
+    rows = local_rows(interface.layout.split(interface.flat(observed)))
+    likeliest = [model.predict(rows[:, j], deterministic=True)[0] for j in range(rows.shape[1])]
+    wanted = interface.decoded(observed, np.stack(likeliest, axis=1))
+    assert np.array_equal(open_policy(file, test.config)(observed), wanted)
+    with pytest.raises(ScenarioError, match="trained for max_spacecraft"):
+        open_policy(file, MissionConfig(**ONE | {"max_spacecraft": config.max_spacecraft + 1}))
 
 
 def test_the_command_writes_a_table_and_all_numbers(tmp_path, capsys, monkeypatch):

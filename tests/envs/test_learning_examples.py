@@ -18,6 +18,11 @@ import common  # noqa: E402
 import mappo  # noqa: E402
 import ppo  # noqa: E402
 
+try:
+    import sb3_ppo
+except ImportError:
+    sb3_ppo = None
+
 sys.path.pop(0)
 
 
@@ -25,7 +30,7 @@ sys.path.pop(0)
 def small(monkeypatch):
     """One mission of each split, and two episodes to validate on."""
     monkeypatch.setattr(leaderboard, "TEST", {"split": "test", "missions": ["ellipsoid-test-1"]})
-    for module in (common, ppo):
+    for module in (common, ppo, *([sb3_ppo] if sb3_ppo else [])):
         monkeypatch.setattr(module, "TRAINING", {"split": "train", "missions": ["ellipsoid-train-1"]})
     monkeypatch.setattr(common, "VALIDATION_SEEDS", (30_000, 30_001))
 
@@ -84,4 +89,18 @@ def test_a_program_keeps_its_curve_and_a_policy_that_flies_as_the_network_did(na
     with leaderboard.Test((30_000, 30_001)) as test:
         assert test.score(tmp_path / "policy.npz").flown.score.mean() == pytest.approx(
             float(rows[-1]["score"]), abs=0.02
+        )
+
+
+@pytest.mark.skipif(sb3_ppo is None, reason="needs stable-baselines3")
+def test_the_program_of_stable_baselines3_writes_a_policy_that_flies_as_it_did(small, tmp_path, monkeypatch):
+    real = sb3_ppo.PPO
+    monkeypatch.setattr(sb3_ppo, "PPO", lambda *given, **names: real(*given, n_steps=4, batch_size=8, **names))
+    sb3_ppo.train(common.Options(out=tmp_path, steps=16, seed=1, every=16))
+    with (tmp_path / "curve.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [int(row["steps"]) for row in rows] == [0, 16]
+    with leaderboard.Test((30_000, 30_001)) as test:
+        assert test.score(tmp_path / "policy.zip").flown.score.mean() == pytest.approx(
+            float(rows[-1]["score"]), abs=1e-3
         )

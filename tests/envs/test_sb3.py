@@ -8,7 +8,7 @@ pytest.importorskip("stable_baselines3")
 from stable_baselines3.common.env_util import make_vec_env  # noqa: E402
 from stable_baselines3.common.monitor import Monitor  # noqa: E402
 from stable_baselines3.common.vec_env import VecNormalize  # noqa: E402
-from swarm_mj.envs.sb3 import SwarmObserveVecEnv, SwarmPointingVecEnv  # noqa: E402
+from swarm_mj.envs.sb3 import SwarmObserveV1SharedVecEnv, SwarmObserveVecEnv, SwarmPointingVecEnv  # noqa: E402
 
 from swarm_mj.errors import ScenarioError  # noqa: E402
 
@@ -120,3 +120,38 @@ def test_pointing_ends_and_starts_as_stable_baselines3_expects():
     assert infos[1]["episode"]["l"] == 10 and infos[1]["episode"]["r"] == pytest.approx(total[1], rel=1e-5)
     assert (observations["state"][:, -1] == 1.0).all()
     env.close()
+
+
+def test_each_spacecraft_is_an_environment_and_all_of_an_episode_share_rewards_and_ends():
+    """Against the agents of PettingZoo's environment, which are shown the same in flights of the same seeds."""
+    from swarm_mj.envs.missions.multi_agent import SwarmObserveV1ParallelEnv
+
+    given = {"missions": ["ellipsoid-train-1"], "candidates": 3, "randomise": {"camera_off": 0.0, "loss": 0.3}}
+    venv = SwarmObserveV1SharedVecEnv(2, threads=1, **given)
+    venv.seed(4)
+    rows, seeds = venv.reset(), [info["flight_seed"] for info in venv.reset_infos[:: venv.num_envs // 2]]
+    teams = [SwarmObserveV1ParallelEnv(**given) for _ in seeds]
+    told = [team.reset(options={"flight_seed": seed})[0] for team, seed in zip(teams, seeds, strict=True)]
+    n, rng = venv.num_envs // 2, np.random.default_rng(0)
+    assert n == 3 and rows.shape == (6, *venv.observation_space.shape)
+    for step in range(30):
+        actions = rng.integers(0, 4, 6)
+        rows, rewards, dones, infos = venv.step(actions)
+        assert dones.tolist() == [step == 29] * 6
+        if step == 29:
+            rows = np.array([info["terminal_observation"] for info in infos])
+        for e, team in enumerate(teams):
+            if not team.agents:
+                continue
+            flew = [team.possible_agents.index(agent) for agent in team.agents]
+            answers = team.step({team.possible_agents[j]: actions[n * e + j] for j in flew})
+            for j in flew:
+                agent = team.possible_agents[j]
+                assert rewards[n * e + j] == np.float32(answers[1][agent])
+                if agent in team.agents or step == 29:
+                    assert np.array_equal(rows[n * e + j], answers[0][agent])
+    assert len(set(rewards.tolist())) <= 2 and all(info["episode"]["l"] == 30 for info in infos)
+    assert told[0].keys() and venv.get_attr("render_mode") == [None] * 6 and venv.env_is_wrapped(Monitor) == [True] * 6
+    venv.close()
+    for team in teams:
+        team.close()
