@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from .pointing.parallel import SwarmPointingParallelEnv
     from .pointing.single import SwarmPointingEnv
     from .pointing.vector import SwarmPointingVectorEnv
-    from .sb3 import SwarmObserveV1VecEnv, SwarmObserveVecEnv, SwarmPointingVecEnv
+    from .sb3 import SwarmObserveV1SharedVecEnv, SwarmObserveV1VecEnv, SwarmObserveVecEnv, SwarmPointingVecEnv
     from .swarm_map import SwarmMapEnv, SwarmMapVectorEnv
     from .swarm_observe import SwarmObserveEnv
     from .vector import SwarmObserveVectorEnv
@@ -36,6 +36,7 @@ _HOMES = {
     "SwarmObserveGpuVectorEnv": "gpu.vector",
     "SwarmObserveParallelEnv": "multi_agent",
     "SwarmObserveParallelVectorEnv": "multi_agent_vector",
+    "SwarmObserveV1SharedVecEnv": "sb3",
     "SwarmObserveV1VecEnv": "sb3",
     "SwarmObserveVecEnv": "sb3",
     "SwarmObserveVectorEnv": "vector",
@@ -56,6 +57,7 @@ __all__ = [
     "SwarmObserveGpuVectorEnv",
     "SwarmObserveParallelEnv",
     "SwarmObserveParallelVectorEnv",
+    "SwarmObserveV1SharedVecEnv",
     "SwarmObserveV1VecEnv",
     "SwarmObserveVecEnv",
     "SwarmObserveVectorEnv",

@@ -267,9 +267,11 @@ of the [leaderboard](leaderboard.md), where the *planner* shows what is left to 
   [leaderboard](leaderboard.md).
 - **Curves.** Interquartile mean of the runs, each of another seed, and its 95 % bootstrap interval, as rliable defines them
   (`envs/aggregates.py`). Of five runs the middle three are averaged.
-- **PPO of stable-baselines3** is `PPO("MlpPolicy", ...)` with every setting as it comes, on the flat observation with
-  `candidates=4`: each spacecraft chooses among its four best patches and sending. That order is part of the help it gets:
-  always the first is a rule of its own. It knows no masks.
+- **Decisions** are those of the swarm: every 20 s of flight all spacecraft choose.
+- **PPO of stable-baselines3** is `PPO("MlpPolicy", ...)` with every setting as it comes, with `candidates=4`: each spacecraft
+  chooses among its four best patches and sending. That order is part of the help it gets: always the first is a rule of its
+  own. Each of up to three spacecraft is an environment of its own (`envs.sb3.SwarmObserveV1SharedVecEnv`), so that a decision
+  is three of what stable-baselines3 counts as steps, and one policy flies all of them. It knows no masks.
 - **PPO in one file** is `examples/learning/ppo.py`, among all patches, with `info["action_mask"]`: one network judges choice by
   choice by what is known of it (`choices.choice_rows`). **MAPPO** has the same network, and clips the change of the choice of
   each spacecraft by itself.
