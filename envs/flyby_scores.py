@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
@@ -15,7 +14,8 @@ from swarm_mj.io.resources import asset_path
 from swarm_mj.typing import Array32, Ints
 
 from .arguments import checked_episodes
-from .evaluation import Interval, Returns, VectorPolicy, fly_seeds, interval
+from .evaluation import Interval, Progress, Returns, VectorPolicy, fly_seeds, interval
+from .frozen_episodes import FrozenEpisodes, policy_file
 from .policy import ENVIRONMENT, load_policy
 from .policy_behavior import PACKAGED, SCRIPTED
 from .provenance import refuse_other_environment
@@ -24,7 +24,6 @@ from .task import Task, make_task
 #: Seeds of the episodes; they stay as they are for good.
 TEST_SEEDS = tuple(range(5_000, 5_100))
 TRAINED = "trained"
-Progress = Callable[[int], None]
 
 
 @dataclass(frozen=True)
@@ -71,7 +70,7 @@ class FlybyScore:
         }
 
 
-class FlybyTest:
+class FlybyTest(FrozenEpisodes):
     """The test episodes, ready to be flown by one policy after another; a context manager.
 
     Args:
@@ -82,11 +81,7 @@ class FlybyTest:
         self.seeds = TEST_SEEDS[: checked_episodes(episodes, len(TEST_SEEDS))]
         self._task = make_task()
 
-    def __enter__(self) -> FlybyTest:
-        """Itself."""
-        return self
-
-    def __exit__(self, *_: object) -> None:
+    def close(self) -> None:
         """Release the observer."""
         self._task.close()
 
@@ -95,32 +90,19 @@ class FlybyTest:
         """How far `progress` of `score` counts: episodes."""
         return len(self.seeds)
 
-    def check(self, names_or_files: Sequence[str | Path]) -> None:
-        """Refuse those that cannot fly there, see `score`."""
-        for name_or_file in names_or_files:
-            self.policy(name_or_file)
-
     def policy(self, name_or_file: str | Path) -> VectorPolicy:
         """A scripted policy by name, `trained` for the packaged one, or that of a file, see `score`."""
         task, name = self._task, str(name_or_file)
         if name in SCRIPTED:
             return _each(name, task)
-        path = Path(str(asset_path(PACKAGED))) if name == TRAINED else Path(name_or_file)
-        if not path.is_file():
-            raise ScenarioError(
-                f"policy {name!r}: no such file, and no name; names are {TRAINED}, {', '.join(SCRIPTED)}"
-            )
+        path = policy_file(str(asset_path(PACKAGED)) if name == TRAINED else name_or_file, (TRAINED, *SCRIPTED))
         if path.suffix != ".npz":
             raise ScenarioError(f"policy {path}: must be an .npz of examples/train_sb3.py to be flown in {ENVIRONMENT}")
         refuse_other_environment(path, ENVIRONMENT)
         return load_policy(path).for_task(task).act
 
     def score(self, name_or_file: str | Path, progress: Progress | None = None) -> FlybyScore:
-        """Of a scripted policy by name, or of that of a file.
-
-        Raises:
-            ScenarioError: It is neither, or the file's policy cannot fly there; the message names why.
-        """
+        """See `FrozenEpisodes`."""
         return FlybyScore(str(name_or_file), self.seeds, fly_seeds(self.policy(name_or_file), self.seeds, progress))
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
@@ -15,7 +15,8 @@ from swarm_mj.io.resources import asset_path
 from swarm_mj.typing import Array
 
 from ..arguments import checked_episodes
-from ..evaluation import Interval, interval
+from ..evaluation import Interval, Progress, interval
+from ..frozen_episodes import FrozenEpisodes, policy_file
 from ..threads import default_threads
 from .baselines import BASELINES, Flown, Policy, fly, open_loop, random_choices
 from .bound import Bound, bounds
@@ -39,7 +40,6 @@ PLANNER = "planner"
 TRAINED, PACKAGED = "trained", "policies/swarm-observe-v1.npz"
 #: Episodes at once.
 WIDTH = 32
-Progress = Callable[[int], None]
 
 
 @dataclass(frozen=True)
@@ -112,13 +112,10 @@ def policy_of(name_or_file: str | Path, config: MissionConfig) -> Policy:
         return named[str(name_or_file)]
     if str(name_or_file) == TRAINED:
         return open_policy(str(asset_path(PACKAGED)), config)
-    if not Path(name_or_file).is_file():
-        names = ", ".join([*named, PLANNER, TRAINED])
-        raise ScenarioError(f"policy {str(name_or_file)!r}: no such file, and no name; names are {names}")
-    return open_policy(name_or_file, config)
+    return open_policy(policy_file(name_or_file, (*named, PLANNER, TRAINED)), config)
 
 
-class Test:
+class Test(FrozenEpisodes):
     """The test episodes, ready to be flown by one policy after another; a context manager.
 
     Args:
@@ -141,11 +138,7 @@ class Test:
         """Of the leaderboard's episodes only the first so many, at least 2; None: all."""
         return cls(TEST_SEEDS[: checked_episodes(episodes, len(TEST_SEEDS))])
 
-    def __enter__(self) -> Test:
-        """Itself."""
-        return self
-
-    def __exit__(self, *_: object) -> None:
+    def close(self) -> None:
         """Release the observers."""
         self.episodes.close()
 
@@ -161,11 +154,6 @@ class Test:
         if self._bound is None:
             self._bound = bounds(self.episodes, self.seeds)
         return self._bound
-
-    def check(self, names_or_files: Sequence[str | Path]) -> None:
-        """Refuse those that cannot fly there, see `score`."""
-        for name_or_file in names_or_files:
-            self.policy(name_or_file)
 
     def policy(self, name_or_file: str | Path) -> Policy:
         """A scripted policy by name, or that of a file, see `score`."""
@@ -185,10 +173,6 @@ class Test:
         return fly(self.episodes, watched, self.seeds)
 
     def score(self, name_or_file: str | Path, progress: Progress | None = None) -> Score:
-        """Of a scripted policy by name, or of that of a file.
-
-        Raises:
-            ScenarioError: It is neither, or the file's policy cannot fly there; the message names why.
-        """
+        """See `FrozenEpisodes`."""
         flown = self.fly(self.policy(name_or_file), progress)
         return Score(str(name_or_file), self.seeds, flown, self.bound)

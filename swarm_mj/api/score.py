@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 from rich.progress import Progress
 
 from swarm_mj.envs.flyby_scores import FlybyScore, FlybyTest
+from swarm_mj.envs.frozen_episodes import FrozenEpisodes
 from swarm_mj.envs.missions.leaderboard import Score, Test
 from swarm_mj.errors import ScenarioError
 from swarm_mj.io.progress import using_bars
 
 #: How the test episodes of each environment are made.
-TESTS: dict[str, Any] = {"SwarmObserve-v1": Test.of, "SwarmObserve-v0": FlybyTest}
+TESTS: dict[str, Callable[[int | None], FrozenEpisodes]] = {"SwarmObserve-v1": Test.of, "SwarmObserve-v0": FlybyTest}
 
 
 def score(
@@ -48,7 +49,7 @@ def score(
         return [_one(test, policy, bars) for policy in given]
 
 
-def _one(test: Any, policy: str | Path, bars: Progress | None) -> Any:
+def _one(test: FrozenEpisodes, policy: str | Path, bars: Progress | None) -> Any:
     if bars is None:
         return test.score(policy)
     task = bars.add_task(Path(policy).name, total=test.decisions)
