@@ -26,7 +26,8 @@ from .decisions import Calls, Came, Facts, Held, Job, Rows, Told, decide_flight,
 from .draws import EpisodeDraw
 from .mission import CROSSING_S, DURATION_S, EARTH_BIT_S, PICTURE_INTERVAL_S, TIME_OF_FLIGHT_S, Mission
 from .reach import cells_in_reach
-from .tables import EpisodeSheet, Standing, TableConstants, Tables, no_sheet, no_tables, write_tables
+from .table_kernels import write_tables
+from .tables import EpisodeSheet, Standing, TableConstants, Tables, no_sheet, no_tables
 
 #: Share of the target that counts as possible at least, so that no episode is about a few cells.
 LEAST_POSSIBLE = 0.2
