@@ -50,8 +50,14 @@ def given_arguments(config: EnvConfig) -> dict[str, Any]:
     return {name: value for name, (value, usual) in values.items() if value != usual}
 
 
-def check_provenance(about: Mapping[str, Any], environment: str, layout: int) -> None:
+def check_provenance(about: Mapping[str, Any], environment: str, layout: int, policy: str = "policy") -> None:
     """Refuse a policy of another environment or of another layout; an older file, which does not tell, passes.
+
+    Args:
+        about: What the file tells.
+        environment: Id of that in which it should fly.
+        layout: Version of the observation's layout there.
+        policy: What the message calls it.
 
     Raises:
         ScenarioError: The message names what differs.
@@ -59,13 +65,13 @@ def check_provenance(about: Mapping[str, Any], environment: str, layout: int) ->
     told, written = about.get("environment", ""), about.get("package") or "an older version"
     if told and told != environment:
         raise ScenarioError(
-            f"policy: trained for environment = {told!r}, but it is {environment!r} here; fly it in {told} or train one for "
+            f"{policy}: trained for environment = {told!r}, but it is {environment!r} here; fly it in {told} or train one for "
             f"{environment}"
         )
     if about.get("layout", layout) != layout:
         raise ScenarioError(
-            f"policy: trained for layout = {about['layout']} of the observation (swarm_mj {written}), but it is {layout} here "
-            f"(swarm_mj {__version__}); train it anew"
+            f"{policy}: trained for layout = {about['layout']} of the observation (swarm_mj {written}), but it is {layout} "
+            f"here (swarm_mj {__version__}); train it anew"
         )
 
 

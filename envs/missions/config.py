@@ -12,7 +12,7 @@ from typing import Any
 from swarm_mj import __version__
 from swarm_mj.errors import ScenarioError
 
-from ..arguments import checked_count, checked_share, checked_truth, is_number
+from ..arguments import checked_count, checked_share, checked_truth, is_number, is_whole
 from ..rewards import RewardScales, checked_scales
 from .catalogue import DEFAULT_COUNT, chosen_missions
 from .draws import Randomisation
@@ -70,8 +70,8 @@ class MissionConfig:
         most = checked_count("max_spacecraft", self.max_spacecraft)
         if most > MOST_SPACECRAFT:
             raise ScenarioError(f"max_spacecraft = {most}: must be at most {MOST_SPACECRAFT}")
-        if self.candidates is not None and checked_count("candidates", self.candidates, ", or None") > self.patches:
-            raise ScenarioError(f"candidates = {self.candidates}: must be at most patches = {self.patches}")
+        if is_whole(self.patches):  # other numbers of patches are refused with the first mission
+            checked_candidates(self.candidates, self.patches)
         checked_scales(self.reward_weights)
         checked_share(self.complete)
         checked_truth("horizon_terminates", self.horizon_terminates)
@@ -117,6 +117,26 @@ class MissionConfig:
             complete=self.complete,
             horizon_terminates=self.horizon_terminates,
         )
+
+
+def checked_candidates(count: Any, patches: int) -> int | None:
+    """How many patches each spacecraft chooses among; None for all.
+
+    Args:
+        count: As given.
+        patches: Number of patches of a target.
+
+    Raises:
+        ScenarioError: There are not so many.
+    """
+    if count is None:
+        return None
+    if not is_whole(count) or not 1 <= count <= patches:
+        raise ScenarioError(
+            f"candidates = {count!r}: must be a whole number, at least 1 and at most patches = {patches}, or None for all; "
+            "choose among fewer, or among all"
+        )
+    return int(count)
 
 
 def _check_dispersions(given: Any) -> None:

@@ -22,6 +22,8 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+from gymnasium import Space
+from gymnasium.spaces import Box, Discrete, MultiDiscrete
 from numpy.typing import NDArray
 
 from swarm_mj.errors import ScenarioError
@@ -33,7 +35,7 @@ from ..provenance import Provenance, check_provenance, provenance_of, refuse_oth
 from .baselines import Policy
 from .choices import SIZE as CHOICE_SIZE
 from .choices import choice_rows
-from .config import MissionConfig
+from .config import MissionConfig, checked_candidates
 from .layout import AllPatches, Interface, Observed, local_rows, make_interface
 from .single import NAME
 from .tables import GENERAL, PAIRS, PATCHES, SPACECRAFT
@@ -46,6 +48,7 @@ MEANING = ("max_spacecraft", "patches", "decision_s")
 ENDINGS = (".npz", ".onnx", ".zip")
 #: Where a zip of stable-baselines3 keeps what it was trained for.
 MEMBER = "swarm_mj.json"
+REMEDY = "give a zip that PPO of stable-baselines3 saved"
 
 
 class ZipAbout(Provenance):
@@ -72,20 +75,30 @@ def provenance(config: MissionConfig) -> dict[str, Any]:
     return provenance_of(NAME, LAYOUT, told)
 
 
-def check(about: Mapping[str, Any], config: MissionConfig) -> None:
+def check(about: Mapping[str, Any], config: MissionConfig, policy: str = "policy") -> None:
     """Refuse a policy whose observations or choices mean something else here; what a file does not tell passes.
+
+    Args:
+        about: What the file tells.
+        config: Of the environment in which it should fly.
+        policy: What the message calls it.
 
     Raises:
         ScenarioError: The message names what differs.
     """
-    check_provenance(about, NAME, LAYOUT)
+    check_provenance(about, NAME, LAYOUT, policy)
+    told = about.get("arguments", {})
     for name in MEANING:
         here = getattr(config, name)
-        trained = about.get("arguments", {}).get(name, here)
+        trained = told.get(name, here)
         if trained != here:
             raise ScenarioError(
-                f"policy: trained for {name} = {trained!r}, but it is {here!r} here; train one for that"
+                f"{policy}: trained for {name} = {trained!r}, but it is {here!r} here; train one for that"
             )
+    try:
+        checked_candidates(told.get("candidates"), config.patches)
+    except ScenarioError as error:
+        raise ScenarioError(f"{policy}: trained for {error}") from None
 
 
 def interface_of(about: Mapping[str, Any], config: MissionConfig) -> Interface:
@@ -128,7 +141,7 @@ def network_policy(network: NetworkPolicy) -> Policy:
 def _network(path: Path, config: MissionConfig) -> Policy:
     refuse_other_environment(path, NAME)
     network = load_network(path)
-    check(network.about, config)
+    check(network.about, config, f"policy {path}")
     flat, local, choices = sizes(config)
     shown = {"swarm": flat, "spacecraft": local, "choice": CHOICE_SIZE}
     _fits(path, "choices of each spacecraft", network.about["choices"], choices)
@@ -146,7 +159,7 @@ def _onnx(path: Path, config: MissionConfig) -> Policy:
         session = onnxruntime.InferenceSession(str(path), providers=["CPUExecutionProvider"])
         told = session.get_modelmeta().custom_metadata_map.get("swarm_mj")
         about = record_from(told, Provenance) if told else {}
-    check(about, config)
+    check(about, config, f"policy {path}")
     inputs = {item.name: item for item in session.get_inputs()}
     if "observation" not in inputs or set(inputs) - {"observation", "action_mask"}:
         raise ScenarioError(
@@ -171,17 +184,19 @@ def _sb3(path: Path, config: MissionConfig) -> Policy:
         from stable_baselines3 import PPO
     except ImportError:
         raise ScenarioError(f"policy {path}: needs the extra rl: pip install 'swarm_mj[rl]'") from None
-    with reading(f"policy {path}", "give a zip that PPO of stable-baselines3 saved", ScenarioError):
-        with zipfile.ZipFile(path) as archive:
-            about = record_from(archive.read(MEMBER), ZipAbout) if MEMBER in archive.namelist() else {}
-        check(about, config)
+    with reading(f"policy {path}", REMEDY, ScenarioError), zipfile.ZipFile(path) as archive:
+        about = record_from(archive.read(MEMBER), ZipAbout) if MEMBER in archive.namelist() else {}
+    check(about, config, f"policy {path}")
+    with reading(f"policy {path}", REMEDY, ScenarioError):
         model = PPO.load(path, device="cpu")
     interface, n = interface_of(about, config), config.max_spacecraft
     shared = about.get("reads") == "spacecraft"
     nothing = interface.layout.split(np.zeros(interface.layout.size, np.float32))
     shown = local_rows(nothing).shape[2] if shared else interface.layout.size
+    _made_of(path, "observations", model.observation_space, Box)
     _fits(path, "numbers of an observation", model.observation_space.shape[-1], shown)
-    space, each = model.action_space, [interface.choices]
+    space = _made_of(path, "choices", model.action_space, Discrete if shared else MultiDiscrete)
+    each = [interface.choices]
     _fits(path, "choices", [int(space.n)] if shared else space.nvec.tolist(), each if shared else each * n)
 
     def choose(observed: Observed) -> Ints:
@@ -214,6 +229,16 @@ def _fits(path: Path, what: str, found: Any, must: Any) -> None:
     # ONNX gives names to sizes that are left open.
     if found != must and not isinstance(found, str):
         raise ScenarioError(f"policy {path}: {what} = {found}, must be {must} here; fly what it was trained for")
+
+
+def _made_of(path: Path, what: str, space: Any, kind: type[Space[Any]]) -> Any:
+    """A space of a policy, if it is of that kind."""
+    if not isinstance(space, kind):
+        raise ScenarioError(
+            f"policy {path}: space of its {what} = {type(space).__name__}, must be {kind.__name__} here; train one on the "
+            "observation `flat`"
+        )
+    return space
 
 
 def _usual() -> dict[str, Any]:

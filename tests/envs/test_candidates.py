@@ -1,17 +1,23 @@
 """SwarmObserve-v1 with candidates: the best patches of each spacecraft, worked out anew one by one; all modes of use alike."""
 
+import re
+
+import gymnasium
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 from swarm_mj.envs.missions.config import MissionConfig
 from swarm_mj.envs.missions.episodes import Episodes
 from swarm_mj.envs.missions.layout import CANDIDATE, make_interface
-from swarm_mj.envs.missions.policies import interface_of, provenance
+from swarm_mj.envs.missions.policies import interface_of, open_policy, provenance
 from swarm_mj.envs.missions.single import SwarmObserveV1Env
 from swarm_mj.envs.missions.tables import PAIRS, PATCHES, SPACECRAFT
 from swarm_mj.envs.missions.vector import SwarmObserveV1VectorEnv
+from swarm_mj.envs.policy_network import save_network
 
 from swarm_mj.errors import ScenarioError
+
+from .test_policy_network import random_policy
 
 ONE = {"missions": ["ellipsoid-train-1"], "max_spacecraft": 3, "candidates": 4}
 PAIR = {name: k for k, name in enumerate(PAIRS)}
@@ -150,12 +156,18 @@ def test_gymnasium_finds_nothing_to_complain_of():
     env.close()
 
 
-@pytest.mark.parametrize(
-    ("given", "words"), [(17, "must be at most patches = 16"), (0, "candidates = 0"), (True, "candidates")]
-)
-def test_numbers_of_candidates_that_there_are_not_are_refused(given, words):
-    with pytest.raises(ScenarioError, match=words):
+@pytest.mark.parametrize("given", [17, 10**12, 0, -3, True, 2.5, 4.0, "4", [4]])
+def test_numbers_of_candidates_that_there_are_not_are_refused(given, tmp_path):
+    told = f"candidates = {given!r}: must be a whole number, at least 1 and at most patches = 16, or None for all"
+    with pytest.raises(ScenarioError, match=re.escape(told)):
         MissionConfig(candidates=given)
+    with pytest.raises(ScenarioError, match=re.escape(told)):
+        gymnasium.make("swarm_mj.envs:SwarmObserve-v1", missions=ONE["missions"], candidates=given)
+    file = tmp_path / "policy.npz"
+    save_network(file, random_policy(environment="SwarmObserve-v1", arguments={"patches": K, "candidates": given}))
+    with pytest.raises(ScenarioError, match=re.escape(f"policy {file}: trained for {told}")) as refused:
+        open_policy(file, MissionConfig())
+    assert "\n" not in str(refused.value) and str(refused.value).endswith("choose among fewer, or among all")
 
 
 def test_a_policy_trained_with_candidates_says_so_and_flies_among_all_patches(flown):
