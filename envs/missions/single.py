@@ -68,9 +68,10 @@ flight; dark and shadowed cells do not count |
     Patches are numbered row by row from the south-west. 20 s are enough to turn from a patch to the next and take a
     picture, and short against the one or two minutes over the target; between target and Earth it takes three or four
     decisions. Pictures are due 10 and 20 s after a decision, the second as the next one begins: who no longer looks then
-    takes none. `info["action_mask"]`, shape (n, K + 1 + n), says what makes sense: unseen patches in reach half a
-    decision or one and a half ahead, Earth and relays for whom has data and is heard; to hold is always allowed, and all
-    that who is no more may do. Other choices are flown as they are.
+    takes none. `info["action_mask"]`, shape (n, K + 1 + n), says what makes sense: unseen patches in reach at one of
+    ten instants, from half a decision to nine and a half ahead (who waits for the near picture may point there already),
+    Earth and relays for whom has data and is heard; to hold is always allowed, and all that who is no more may do. Other
+    choices are flown as they are.
 
     With `candidates=R` each spacecraft chooses among the R patches that are worth most to it, the best first (0..R-1), and to
     send what is aboard to Earth or to the first who hears Earth (R); MultiDiscrete([R + 1] * n). Plain networks learn that

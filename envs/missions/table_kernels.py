@@ -232,14 +232,14 @@ def _write_choice(e: int, j: int, tables: Tables) -> None:
 
 @kernel
 def _write_mask(totals: EpisodeTotals, sheet: EpisodeSheet, e: int, j: int, tables: Tables) -> None:
-    """What makes sense: unseen patches in reach soon, Earth for whom it hears, others to relay to; to hold always does."""
+    """What makes sense: unseen patches in reach within `LOOKAHEAD`, Earth for whom it hears, relays; to hold always does."""
     out, patches, n = tables.mask[e, j], tables.patches.shape[1], sheet.present.shape[1]
     out[:] = 0
     out[patches + 1 + j] = 1
     if totals.lost[e, j]:
         return
     for k in range(patches):
-        out[k] = tables.pairs[e, j, k, 0] > 0.0 or tables.pairs[e, j, k, 1] > 0.0
+        out[k] = tables.pairs[e, j, k, 7] > 0.0
     aboard = totals.stored[e, j] > 0.0
     out[patches] = sheet.downlink[e, j] and aboard
     for i in range(n):

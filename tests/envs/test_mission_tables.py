@@ -83,12 +83,16 @@ def test_the_worth_of_a_picture_is_its_area_and_its_pixels_ahead(flown):
     assert compared > 100
 
 
-def test_patches_in_reach_are_those_of_the_mask(flown):
+def test_patches_that_are_or_come_in_reach_are_those_of_the_mask(flown):
+    waits = 0
     for table in flown[0]:
-        worth = part(table["pairs"], PAIRS, "worth", "worth_next")
-        assert np.array_equal(table["action_mask"][:, :, :16], (worth > 0.0).any(axis=-1))
+        soon, peak = (part(table["pairs"], PAIRS, *names) for names in (("worth", "worth_next"), ("peak",)))
+        assert np.array_equal(table["action_mask"][:, :, :16], peak[..., 0] > 0.0)
+        assert (table["action_mask"][:, :, :16] >= (soon[..., :1] > 0.0).any(axis=-1)).all()
+        waits += (table["action_mask"][:, :, :16] > (soon > 0.0).any(axis=-1)).sum()
         stored, downlink = (part(table["spacecraft"], SPACECRAFT, name)[..., 0] for name in ("stored", "downlink"))
         assert np.array_equal(table["action_mask"][:, :, 16], (stored > 0.0) & (downlink > 0.5))
+    assert waits > 100
 
 
 def test_rewards_add_up_to_what_was_seen_and_sent_of_what_is_possible(flown):
