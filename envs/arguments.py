@@ -183,12 +183,19 @@ def checked_options(options: Any) -> dict[str, Any]:
     return dict(options or {})
 
 
-def flight_seed(options: dict[str, Any] | None, drawn: int) -> int:
-    """The seed that `reset` options ask for, else the one drawn."""
+def flight_seed(options: dict[str, Any] | None, drawn: int, others: Sequence[str] = ()) -> int:
+    """The seed that `reset` options ask for, else the one drawn.
+
+    Args:
+        options: Without those that somebody else has taken.
+        drawn: The seed where none is asked for.
+        others: Names of those, for the message.
+    """
     given = checked_options(options)
     seed = given.pop("flight_seed", drawn)
     if given:
-        raise ScenarioError(f"reset options {sorted(map(str, given))}: unknown; allowed: flight_seed")
+        allowed = ", ".join(["flight_seed", *others])
+        raise ScenarioError(f"reset options {sorted(map(str, given))}: unknown; allowed: {allowed}")
     if not is_whole(seed) or not 0 <= seed <= MAX_SEED:
         raise ScenarioError(f"reset option flight_seed = {seed!r}: must be a whole number from 0 to {MAX_SEED}")
     return int(seed)

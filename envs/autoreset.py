@@ -94,7 +94,8 @@ class FlightsVectorEnv(VectorEnv[Any, Any, Any]):
 
     def _draw(self, e: int, options: dict[str, Any], wanted: Any = None) -> int:
         drawn = int(self._random[e].integers(2**31))
-        return flight_seed(options | ({} if wanted is None else {"flight_seed": wanted}), drawn)
+        others = [*self._own_options, "reset_mask"]
+        return flight_seed(options | ({} if wanted is None else {"flight_seed": wanted}), drawn, others)
 
     def step(self, actions: NDArray[Any]) -> tuple[Any, Array, Mask, Mask, Infos]:
         """Fly on for one step with the actions held, shape (num_envs, ...).

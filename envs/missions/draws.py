@@ -7,7 +7,7 @@ of the others.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
@@ -50,6 +50,11 @@ NAMES: dict[str, tuple[int, float, float, dict[str, Any]]] = {
     "downlink_off": (1, 0, 1, {"distribution": "bernoulli", "probability": 0.15}),
     "downlink_off_time": (1, 0.0, 1.0, {"distribution": "uniform", "low": 0.0, "high": 0.8}),
 }
+#: Those that are whole numbers, and of them those that happen or do not.
+FLAGS = ("loss", "camera_off", "downlink_off")
+WHOLE = ("mission", "spacecraft", *FLAGS)
+#: How to ask for those, for messages.
+CHANCE = "a chance such as {'distribution': 'bernoulli', 'probability': 0.3}"
 _ADAPTER: TypeAdapter[Any] = TypeAdapter(Distribution)
 
 
@@ -95,7 +100,7 @@ class Randomisation:
         most: Most spacecraft, n.
 
     Raises:
-        ScenarioError: A name is unknown, or a distribution is none.
+        ScenarioError: A name is unknown, a distribution is none, or gives what is not allowed.
     """
 
     def __init__(self, given: Mapping[str, Any] | None, missions: tuple[str, ...], most: int) -> None:
@@ -107,7 +112,7 @@ class Randomisation:
             if name not in NAMES:
                 raise ScenarioError(f"randomise: unknown name {name!r}; {_known()}")
             is_law = isinstance(value, Mapping)
-            self._laws[name] = _law(name, value) if is_law else self._fixed(name, value, "randomise")
+            self._laws[name] = self._given_law(name, value) if is_law else self._fixed(name, value, "randomise")
 
     def draw(self, seed: int, given: Mapping[str, Any] | None = None) -> EpisodeDraw:
         """The episode of a flight seed.
@@ -141,34 +146,66 @@ class Randomisation:
         if name in ("mission", "spacecraft") and law == _DEFAULTS[name]:
             count = len(self._missions) if name == "mission" else self._most
             return np.floor(points * count) + (name == "spacecraft")
-        found = quantiles(law, points)
-        return self._checked(name, found, "randomise") if name in ("mission", "spacecraft") else found
+        return quantiles(law, points)
 
     def _fixed(self, name: str, value: Any, where: str) -> Array:
         """A given value as the array that is otherwise drawn."""
         size = NAMES[name][0]
-        if name == "mission" and isinstance(value, str):
-            if value not in self._missions:
-                pool = ", ".join(self._missions)
-                raise ScenarioError(f"{where}: mission {value!r} is not in this environment's pool: {pool}")
-            value = self._missions.index(value)
-        array = np.asarray(value, np.float64) if _numeric(value) else np.full(0, np.nan)
+        number = self._number(value, where) if name == "mission" else value
         shape = () if size == 0 else (self._most,) if size == 1 else (self._most, 3)
+        array = np.asarray(number, np.float64) if _numeric(number) else np.full(0, np.nan)
         try:
             array = np.broadcast_to(array, shape).copy()
         except ValueError:
-            raise ScenarioError(f"{where}: {name} = {value!r}: must be a number, or numbers of shape {shape}") from None
-        low, high = NAMES[name][1:3]
-        if not (np.isfinite(array) & (array >= low) & (array <= high)).all():
-            raise ScenarioError(f"{where}: {name} = {value!r}: must lie between {low:g} and {high:g}")
-        return self._checked(name, array, where)
-
-    def _checked(self, name: str, array: Array, where: str) -> Array:
-        """Refuse missions and spacecraft that there are not."""
-        low, high = (0, len(self._missions) - 1) if name == "mission" else (1, self._most)
-        if name in ("mission", "spacecraft") and not ((array >= low) & (array <= high) & (array % 1 == 0)).all():
-            raise ScenarioError(f"{where}: {name} = {array.tolist()}: must be a whole number from {low} to {high}")
+            self._refuse(name, value, where, shape)
+        if not self._allows(name, array):
+            self._refuse(name, value, where, shape)
         return array
+
+    def _given_law(self, name: str, given: Mapping[str, Any]) -> Any:
+        """A distribution in the place of the usual one, of which nothing that can be named lies beyond what is allowed."""
+        values = given.get("values")
+        if name == "mission" and isinstance(values, (list, tuple)):
+            given = {**given, "values": [self._number(value, "randomise") for value in values]}
+        law = _law(name, given)
+        steps = isinstance(law, (Integer, Bernoulli, Choice))
+        # Where there are no ends, tails are cut, but not half of it.
+        reached = law.levels() if isinstance(law, Choice) else _ends(law) or [law.draw(0.5)]
+        usual = name in WHOLE and law == _DEFAULTS[name]
+        fits = _numeric(reached) and self._allows(name, np.array(reached, np.float64))
+        if not usual and not (fits and (steps or name not in WHOLE)):
+            self._refuse(name, dict(given), "randomise", ())
+        return law
+
+    def _number(self, mission: Any, where: str) -> Any:
+        """Of a mission in the pool, from its name."""
+        if not isinstance(mission, str):
+            return mission
+        if mission not in self._missions:
+            pool = ", ".join(self._missions)
+            raise ScenarioError(f"{where}: mission {mission!r} is not in this environment's pool: {pool}")
+        return self._missions.index(mission)
+
+    def _limits(self, name: str) -> tuple[float, float]:
+        """Least and largest allowed value."""
+        most = {"mission": len(self._missions) - 1, "spacecraft": self._most}
+        return NAMES[name][1], most.get(name, NAMES[name][2])
+
+    def _allows(self, name: str, array: Array) -> bool:
+        low, high = self._limits(name)
+        inside = np.isfinite(array) & (array >= low) & (array <= high)
+        return bool((inside & ((array % 1 == 0) | (name not in WHOLE))).all())
+
+    def _refuse(self, name: str, value: Any, where: str, shape: tuple[int, ...]) -> NoReturn:
+        low, high = self._limits(name)
+        kind = "whole number" if name in WHOLE else "number"
+        allowed = f"a {kind} from {low:g} to {high:g}" + (f", or an array of them of shape {shape}" if shape else "")
+        if name == "mission":
+            allowed += ", or the name of a mission"
+        if where == "randomise":
+            law = "a distribution of such, integer or choice" if name in WHOLE else "a distribution of such"
+            allowed += f", or {CHANCE if name in FLAGS else law}"
+        raise ScenarioError(f"{where}: {name} = {value!r}: must be {allowed}")
 
 
 def quantiles(law: Any, u: Array) -> Array:
@@ -190,11 +227,22 @@ def quantiles(law: Any, u: Array) -> Array:
     return np.asarray(law.frozen.ppf(inside), np.float64)
 
 
+def _ends(law: Any) -> list[float]:
+    """Least and largest value of a distribution that has them."""
+    if isinstance(law, Bernoulli):
+        return [0.0, 1.0]
+    return [float(getattr(law, end)) for end in ("low", "high") if hasattr(law, end)]
+
+
 def _law(name: str, given: Mapping[str, Any]) -> Any:
     try:
         return _ADAPTER.validate_python(dict(given))
     except ValidationError as error:
         first = error.errors()[0]
+        if first["type"] == "union_tag_not_found":
+            raise ScenarioError(
+                f"randomise: {name} = {dict(given)!r}: must have a key 'distribution', such as 'uniform', 'normal' or 'choice'"
+            ) from None
         where = ".".join(str(part) for part in first["loc"][1:])
         raise ScenarioError(f"randomise: {name}{'.' + where if where else ''}: {first['msg']}") from None
 

@@ -190,7 +190,7 @@ body in 60 s; share of the data that Earth hears in a decision; directions of Su
         super().reset(seed=seed)
         given = checked_options(options)
         values = given.pop("draw", None)
-        chosen = flight_seed(given, int(self.np_random.integers(2**31)))
+        chosen = flight_seed(given, int(self.np_random.integers(2**31)), ["draw"])
         self.episodes.begin(0, chosen, values)
         self._running = self._begun = True
         self._show()

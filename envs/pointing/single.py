@@ -200,7 +200,7 @@ thrusters and four wheels are refused |
         super().reset(seed=seed)
         given = checked_options(options)
         spacecraft = checked_spacecraft(given.pop("spacecraft", None), self.task)
-        chosen = flight_seed(given, int(self.np_random.integers(2**31)))
+        chosen = flight_seed(given, int(self.np_random.integers(2**31)), ["spacecraft"])
         self.batch.reset(0, chosen, spacecraft)
         self._running = self._begun = True
         return one_of(self.batch.observed(), 0), self.batch.info(0) | {"flight_seed": chosen}

@@ -1,0 +1,72 @@
+"""What may be drawn for an episode of SwarmObserve-v1, and what is refused by name."""
+
+import re
+
+import numpy as np
+import pytest
+from swarm_mj.envs.missions.draws import Randomisation
+
+from swarm_mj.errors import ScenarioError
+
+POOL = ("bennu-train-1", "eros-train-1")
+CHANCE = "or a chance such as {'distribution': 'bernoulli', 'probability': 0.3}"
+
+
+def law(kind, **parameters):
+    return {"distribution": kind} | parameters
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ({"loss": 0.3}, f"loss = 0.3: must be a whole number from 0 to 1, or an array of them of shape (3,), {CHANCE}"),
+        ({"camera_off": law("uniform", low=0.0, high=1.0)}, CHANCE),
+        ({"spacecraft": 0}, "spacecraft = 0: must be a whole number from 1 to 3, or"),
+        ({"spacecraft": 4}, "spacecraft = 4: must be a whole number from 1 to 3, or"),
+        ({"spacecraft": law("integer", low=1, high=4)}, "must be a whole number from 1 to 3"),
+        ({"spacecraft": law("uniform", low=1.0, high=3.0)}, "a distribution of such, integer or choice"),
+        ({"mission": 2}, "mission = 2: must be a whole number from 0 to 1, or the name of a mission"),
+        ({"mission": "eros-train-9"}, "'eros-train-9' is not in this environment's pool: bennu-train-1, eros-train-1"),
+        ({"mission": law("choice", values=["eros-train-9"])}, "is not in this environment's pool"),
+        ({"speed": law("uniform", low=0.1, high=5.0)}, "must be a number from 0.5 to 2, or a distribution of such"),
+        ({"speed": law("normal", mean=9.0, std=0.1)}, "must be a number from 0.5 to 2"),
+        ({"speed": law("choice", values=["fast"])}, "must be a number from 0.5 to 2"),
+        ({"speed": {"low": 1.0, "high": 1.5}}, "must have a key 'distribution', such as 'uniform'"),
+        ({"speed": float("nan")}, "speed = nan: must be a number from 0.5 to 2"),
+    ],
+)
+def test_distributions_of_what_cannot_be_are_refused_before_anything_flies(given, told):
+    with pytest.raises(ScenarioError, match=re.escape(told)) as caught:
+        Randomisation(given, POOL, 3)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ({"loss": 0.3}, "reset option draw: loss = 0.3: must be a whole number from 0 to 1"),
+        ({"spacecraft": 0}, "spacecraft = 0: must be a whole number from 1 to 3"),
+        ({"mission": None}, "mission = None: must be a whole number from 0 to 1, or the name of a mission"),
+        ({"altitude": [1.0, 1.0]}, "must be a number from 0.75 to 1.25, or an array of them of shape (3,)"),
+        ({"sun_elevation_deg": "high"}, "sun_elevation_deg = 'high': must be a number from 0 to 90"),
+    ],
+)
+def test_values_that_an_episode_cannot_have_are_refused(given, told):
+    with pytest.raises(ScenarioError, match=re.escape(told)):
+        Randomisation(None, POOL, 3).draw(0, given)
+
+
+def test_a_chance_is_met_as_often_as_it_says_and_missions_are_chosen_by_name():
+    given = {"loss": law("bernoulli", probability=0.3), "mission": law("choice", values=["eros-train-1"])}
+    random = Randomisation(given | {"spacecraft": law("integer", low=2, high=3)}, POOL, 3)
+    drawn = [random.draw(seed) for seed in range(400)]
+    lost = np.mean([np.isfinite(one.fails[:, 0]) for one in drawn])
+    assert abs(lost - 0.3) < 4.0 * (0.3 * 0.7 / 1200) ** 0.5
+    assert {one.mission for one in drawn} == {1}
+    assert {one.spacecraft for one in drawn} == {2, 3}
+
+
+def test_tails_of_a_distribution_without_ends_are_cut():
+    random = Randomisation({"altitude": law("normal", mean=1.0, std=0.5)}, POOL, 3)
+    altitudes = np.array([random.draw(seed).altitude for seed in range(50)])
+    assert altitudes.min() == 0.75 and altitudes.max() == 1.25
