@@ -8,9 +8,12 @@ of `MOST_HALF_ANGLE_DEG`, and middles of the two kinds are at least 112 deg apar
 from __future__ import annotations
 
 from collections.abc import Sequence
+from difflib import get_close_matches
 from typing import Any, NamedTuple
 
 from swarm_mj.errors import ScenarioError
+
+from ..arguments import is_whole
 
 BODIES = ("eros", "bennu", "itokawa", "ellipsoid")
 #: East longitudes of the targets' middles by split, and their latitudes [deg].
@@ -91,7 +94,8 @@ def chosen_missions(missions: Any, split: str) -> tuple[MissionSpec, ...]:
     offered = mission_names(split)
     if missions == "all":
         missions = len(offered)
-    if isinstance(missions, int) and not isinstance(missions, bool):
+    if is_whole(missions):
+        missions = int(missions)
         if not 1 <= missions <= len(offered):
             raise ScenarioError(
                 f"missions = {missions}: must be from 1 to {len(offered)}, as many as {split} has, or names"
@@ -99,11 +103,14 @@ def chosen_missions(missions: Any, split: str) -> tuple[MissionSpec, ...]:
         return tuple(CATALOGUE[offered[k]] for k in _spread(missions, len(offered)))
     names = [missions] if isinstance(missions, str) else list(missions) if isinstance(missions, Sequence) else None
     if not names:
-        raise ScenarioError(f"missions = {missions!r}: must be a number, 'all', or names such as {offered[0]!r}")
+        raise ScenarioError(f"missions = {missions!r}: must be a whole number, 'all', or names such as {offered[0]!r}")
     for name in names:
         if name not in offered:
-            other = f"is one of split = {CATALOGUE[name].split!r}" if name in CATALOGUE else "is unknown"
-            raise ScenarioError(f"missions: {name!r} {other}; of split = {split!r} there are {', '.join(offered)}")
+            known = isinstance(name, str) and name in CATALOGUE
+            other = f"is one of split = {CATALOGUE[name].split!r}" if known else "is unknown"
+            ranges = ", ".join(f"{body}-{split}-1 to {len(offered) // len(BODIES)}" for body in BODIES)
+            near = "".join(f"; did you mean {match!r}?" for match in get_close_matches(str(name), offered, 1))
+            raise ScenarioError(f"missions: {name!r} {other}; of split = {split!r} there are {ranges}{near}")
     return tuple(CATALOGUE[name] for name in names)
 
 

@@ -7,10 +7,15 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from math import isqrt
 from typing import Any
+
+from pydantic import ValidationError
 
 from swarm_mj import __version__
 from swarm_mj.errors import ScenarioError
+from swarm_mj.scenarios.explaining import explained
+from swarm_mj.scenarios.schema_faults import Dispersions
 
 from ..arguments import checked_count, checked_share, checked_truth, is_number, is_whole
 from ..rewards import RewardScales, checked_scales
@@ -70,8 +75,8 @@ class MissionConfig:
         most = checked_count("max_spacecraft", self.max_spacecraft)
         if most > MOST_SPACECRAFT:
             raise ScenarioError(f"max_spacecraft = {most}: must be at most {MOST_SPACECRAFT}")
-        if is_whole(self.patches):  # other numbers of patches are refused with the first mission
-            checked_candidates(self.candidates, self.patches)
+        _check_patches(self.patches)
+        checked_candidates(self.candidates, self.patches)
         checked_scales(self.reward_weights)
         checked_share(self.complete)
         checked_truth("horizon_terminates", self.horizon_terminates)
@@ -139,10 +144,21 @@ def checked_candidates(count: Any, patches: int) -> int | None:
     return int(count)
 
 
+def _check_patches(count: Any) -> None:
+    """Refuse what is no square number; how many cells a target has is known with its mission."""
+    if not is_whole(count) or count < 1 or isqrt(count) ** 2 != count:
+        raise ScenarioError(f"patches = {count!r}: must be a whole square number such as 4, 9, 16 or 25")
+
+
 def _check_dispersions(given: Any) -> None:
-    """Refuse what does not act in flight; values are checked with the scenario."""
+    """Refuse what does not act in flight, and values that a scenario would not take."""
     if given is not None and not isinstance(given, Mapping):
         raise ScenarioError(f"dispersions = {given!r}: must be a mapping; there are {', '.join(DISPERSIONS)}")
     for name in given or {}:
         if name not in DISPERSIONS:
             raise ScenarioError(f"dispersions: {name!r} is not drawn here; there are {', '.join(DISPERSIONS)}")
+    try:
+        Dispersions.model_validate(dict(given or {}))
+    except ValidationError as error:
+        first = error.errors()[0]
+        raise ScenarioError(explained({**first, "loc": ("dispersions", *first["loc"])}).strip()) from None

@@ -1,9 +1,12 @@
-"""What may be drawn for an episode of SwarmObserve-v1, and what is refused by name."""
+"""Arguments of SwarmObserve-v1 and what may be drawn for an episode: what is refused by name, before anything flies."""
 
 import re
 
 import numpy as np
 import pytest
+from swarm_mj.envs.arguments import flight_seed
+from swarm_mj.envs.missions.catalogue import chosen_missions
+from swarm_mj.envs.missions.config import MissionConfig
 from swarm_mj.envs.missions.draws import Randomisation
 
 from swarm_mj.errors import ScenarioError
@@ -70,3 +73,32 @@ def test_tails_of_a_distribution_without_ends_are_cut():
     random = Randomisation({"altitude": law("normal", mean=1.0, std=0.5)}, POOL, 3)
     altitudes = np.array([random.draw(seed).altitude for seed in range(50)])
     assert altitudes.min() == 0.75 and altitudes.max() == 1.25
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ({"patches": "16"}, "patches = '16': must be a whole square number such as 4, 9, 16 or 25"),
+        ({"patches": 16.0, "candidates": 4}, "patches = 16.0: must be a whole square number"),
+        ({"patches": 10}, "patches = 10: must be a whole square number"),
+        ({"missions": [["a"]]}, "['a'] is unknown"),
+        ({"missions": 3.0}, "missions = 3.0: must be a whole number, 'all', or names such as 'eros-train-1'"),
+        ({"missions": "eros-trian-1"}, "eros-train-1 to 10, bennu-train-1 to 10,"),
+        ({"missions": "eros-trian-1"}, "did you mean 'eros-train-1'?"),
+        ({"dispersions": {"mass_percent": "much"}}, "dispersions.mass_percent = 'much': must be a number"),
+        ({"dispersions": {"mass_percent": 50}}, "dispersions.mass_percent = 50: must be less than or equal to 10"),
+    ],
+)
+def test_arguments_are_refused_in_one_line_as_the_environment_is_made(given, told):
+    with pytest.raises(ScenarioError, match=re.escape(told)) as caught:
+        MissionConfig(**given)
+    assert "\n" not in str(caught.value)
+
+
+def test_numbers_of_missions_may_be_those_of_numpy():
+    assert chosen_missions(np.int64(3), "train") == chosen_missions(3, "train")
+
+
+def test_an_unknown_option_of_reset_is_told_all_that_there_are():
+    with pytest.raises(ScenarioError, match=r"reset options \['draws'\]: unknown; allowed: flight_seed, draw$"):
+        flight_seed({"draws": {}}, 1, ["draw"])

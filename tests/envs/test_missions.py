@@ -94,7 +94,7 @@ def test_places_of_test_are_never_part_of_those_of_training():
     [
         ("randomise", {"sped": 1.0}, "sped"),
         ("randomise", {"speed": {"distribution": "uniform", "low": 2.0, "high": 1.0}}, "speed"),
-        ("randomise", {"speed": 9.0}, "speed = 9.0: must lie between 0.5 and 2"),
+        ("randomise", {"speed": 9.0}, "speed = 9.0: must be a number from 0.5 to 2"),
         ("missions", "eros-test-1", "is one of split = 'test'"),
         ("missions", 99, "missions = 99: must be from 1 to 40"),
         ("decision_s", 21, "decision_s = 21"),
