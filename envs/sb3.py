@@ -162,7 +162,8 @@ class SwarmObserveV1SharedVecEnv(VecEnvWrapper):
     """Every spacecraft of every episode as one of stable-baselines3's environments, for one policy that flies them all.
 
     They stand episode by episode. An action is the choice of one spacecraft; its observation is that of an agent of
-    `SwarmObserveV1ParallelEnv`, worked out from the flat observation (`layout.local_rows`); rewards and ends are those of the
+    `SwarmObserveV1ParallelEnv`, worked out from the flat observation (`layout.local_rows`), which without candidates holds
+    two columns of the patches only; rewards and ends are those of the
     episode. Who does not fly, or no more, has zeros in its own row, and its choices do nothing.
 
     Args:

@@ -113,7 +113,8 @@ are in `docs/results/leaderboard.json`. +-: 95 % intervals.
   plan of that kind is worth more than {proof:.3f} (mean of bounds by mixed-integer programs, {prove:g} s each; {proven} are
   proven to be the best). Without failures *greedy* comes to {sound_rule:.3f} and the planner to {sound_planner:.3f}.
 - **Trained** (`assets/policies/swarm-observe-v1.npz`): of the networks that `examples/learning` trained for the page
-  [learning](learning_v1.md), the one with the best score on the episodes of that page, which are others than these.
+  [learning](learning_v1.md), the one with the best score on the episodes of that page, which are others than these
+  over the same missions of `test`.
 - **Random** takes any choice, also those that make no sense.
 
 ## Your own
@@ -124,8 +125,9 @@ are in `docs/results/leaderboard.json`. +-: 95 % intervals.
 
 `.npz` is what the programs of `examples/learning` write; `.onnx` needs the extra `onnx`, and takes `observation` (E, F) and, if
 it likes, `action_mask` (E, n, C), and answers with choices or logits; `.zip` is what `PPO.save` of stable-baselines3 writes
-and needs the extra `rl`. Reading a zip executes what is pickled in it. A file tells the environment, its arguments and the
-layout of the observation that it was trained with, and is refused by name where they differ.
+and needs the extra `rl`. Reading a zip executes what is pickled in it. A file tells what it was trained for, and is refused by
+name where environment, layout of the observation, `max_spacecraft`, `patches` or `decision_s` differ. What a file does not tell
+(one of `PPO.save` alone, an `.onnx` without metadata) is judged by its sizes; `missions.policies.tell_in_zip` adds it.
 """
 
 

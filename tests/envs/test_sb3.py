@@ -126,7 +126,8 @@ def test_each_spacecraft_is_an_environment_and_all_of_an_episode_share_rewards_a
     """Against the agents of PettingZoo's environment, which are shown the same in flights of the same seeds."""
     from swarm_mj.envs.missions.multi_agent import SwarmObserveV1ParallelEnv
 
-    given = {"missions": ["ellipsoid-train-1"], "candidates": 3, "randomise": {"camera_off": 0.0, "loss": 0.3}}
+    loss = {"distribution": "bernoulli", "probability": 0.3}
+    given = {"missions": ["ellipsoid-train-1"], "candidates": 3, "randomise": {"camera_off": 0.0, "loss": loss}}
     venv = SwarmObserveV1SharedVecEnv(2, threads=1, **given)
     venv.seed(4)
     rows, seeds = venv.reset(), [info["flight_seed"] for info in venv.reset_infos[:: venv.num_envs // 2]]
