@@ -70,17 +70,22 @@ class EpisodeBatch(EpisodeState):
 
     def begin(self, e: int, start: InitialState) -> None:
         """Start episode e anew from a state of its swarm."""
+        live = self._put(e, start)
+        self._update_kinematics(self.now, live)
+        self._observe(live)
+
+    def _put(self, e: int, start: InitialState) -> Mask:
+        """Let episode e stand at its start; returns it as a mask."""
         self.level.reset(e)
         reset_totals(self.totals, e)
         live = np.arange(self.count) == e
         self.flights.reset(e, start)
-        # The first decision shows the attitude error; the second reset undoes whatever it left behind.
+        # The first decision shows the attitude error; whatever else it left behind is undone.
         self.flights.hold(self.level.held, self.level.torque_B)
         if not self.flights.decide(live):
             raise SimulationError(self.flights.causes[e])
-        self.flights.reset(e, start)
-        self._update_kinematics(self.now, live)
-        self._observe(live)
+        self.flights.rewind(e, start)
+        return live
 
     def step(self, actions: NDArray[Any], live: Mask | None = None) -> StepResult:
         """Fly on for one step with the actions held.

@@ -6,7 +6,7 @@ of the others.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
@@ -113,6 +113,24 @@ class Randomisation:
                 raise ScenarioError(f"randomise: unknown name {name!r}; {_known()}")
             is_law = isinstance(value, Mapping)
             self._laws[name] = self._given_law(name, value) if is_law else self._fixed(name, value, "randomise")
+        self._lay_out()
+
+    def _lay_out(self) -> None:
+        """Give every name its columns of the uniform numbers, and gather what uniform distributions make of theirs."""
+        sizes = [max(1, size * self._most) for size, *_ in NAMES.values()]
+        ends = np.cumsum(sizes)
+        self._columns = {
+            name: slice(int(end) - size, int(end)) for name, size, end in zip(NAMES, sizes, ends, strict=True)
+        }
+        self._low, self._width, self._bounds = np.zeros(ends[-1]), np.zeros(ends[-1]), np.zeros((2, ends[-1]))
+        for name, (_, low, high, _) in NAMES.items():
+            law, columns = self._laws[name], self._columns[name]
+            self._bounds[:, columns] = [[low], [high]]
+            if isinstance(law, Uniform):
+                self._low[columns], self._width[columns] = law.low, law.high - law.low
+        counted = ("mission", "spacecraft")  # by default uniform over what there is
+        rest = [name for name in NAMES if name in counted or not isinstance(self._laws[name], Uniform)]
+        self._others = {name: self._drawer(name) for name in rest}
 
     def draw(self, seed: int, given: Mapping[str, Any] | None = None) -> EpisodeDraw:
         """The episode of a flight seed.
@@ -129,24 +147,48 @@ class Randomisation:
         for name in given or {}:
             if name not in NAMES:
                 raise ScenarioError(f"reset option draw: unknown name {name!r}; {_known()}")
-        n = self._most
-        columns = [max(1, size * n) for size, *_ in NAMES.values()]
-        u = np.split(np.random.default_rng(seed).random(sum(columns)), np.cumsum(columns)[:-1])
-        values = {}
-        for (name, (size, low, high, _)), points in zip(NAMES.items(), u, strict=True):
-            law = self._laws[name]
-            if given and name in given:
-                law = self._fixed(name, given[name], "reset option draw")
-            drawn = law if isinstance(law, np.ndarray) else self._drawn(name, law, points)
-            values[name] = np.clip(drawn, low, high).reshape((n, 3) if size == 3 else (n,) if size else ())
-        return _episode(seed, values)
+        u = np.random.default_rng(seed).random(len(self._low))
+        drawn = self._low + self._width * u
+        for name, drawer in self._others.items():
+            if not given or name not in given:
+                drawn[self._columns[name]] = drawer(u[self._columns[name]])
+        for name, value in (given or {}).items():
+            drawn[self._columns[name]] = self._fixed(name, value, "reset option draw").ravel()
+        return self._episode(seed, np.minimum(np.maximum(drawn, self._bounds[0]), self._bounds[1]))
 
-    def _drawn(self, name: str, law: Any, points: Array) -> Array:
+    def _episode(self, seed: int, drawn: Array) -> EpisodeDraw:
+        columns = self._columns
+        mission, spacecraft, speed, elevation, azimuth = drawn[: columns["visiting_point"].start].tolist()
+        vectors = (drawn[columns[name]].reshape(-1, 3) for name in ("release_error", "attitude_mrp", "rate_rad_s"))
+        error, sigma_BN, omega_BN_B = vectors
+        # Each of what may fail has two columns, whether and when.
+        whether, when = drawn[columns["loss"].start :].reshape(3, 2, -1).swapaxes(0, 1)
+        return EpisodeDraw(
+            seed=seed,
+            mission=int(mission),
+            spacecraft=int(spacecraft),
+            speed=speed,
+            sun_elevation=float(np.radians(elevation)),
+            sun_azimuth=float(np.radians(azimuth)),
+            visiting_point=drawn[columns["visiting_point"]],
+            altitude=drawn[columns["altitude"]],
+            release_error=error,
+            sigma_BN=sigma_BN,
+            omega_BN_B=omega_BN_B,
+            fails=np.where(whether > 0.5, when, np.inf).T.copy(),
+        )
+
+    def _drawer(self, name: str) -> Callable[[Array], Array]:
+        """What makes the values of a name out of its uniform numbers."""
+        law = self._laws[name]
+        if isinstance(law, np.ndarray):
+            return lambda u: law.ravel()
         # By default whatever the pool and the swarm hold, equally likely.
-        if name in ("mission", "spacecraft") and law == _DEFAULTS[name]:
-            count = len(self._missions) if name == "mission" else self._most
-            return np.floor(points * count) + (name == "spacecraft")
-        return quantiles(law, points)
+        if name == "mission" and law == _DEFAULTS[name]:
+            return lambda u: np.floor(u * len(self._missions))
+        if name == "spacecraft" and law == _DEFAULTS[name]:
+            return lambda u: np.floor(u * self._most) + 1.0
+        return lambda u: quantiles(law, u)
 
     def _fixed(self, name: str, value: Any, where: str) -> Array:
         """A given value as the array that is otherwise drawn."""
@@ -210,13 +252,12 @@ class Randomisation:
 
 def quantiles(law: Any, u: Array) -> Array:
     """Values of a distribution at points of the unit interval, shape (m,); the usual ones without scipy's overhead."""
-    inside = np.clip(u, EDGE, 1.0 - EDGE)
     if isinstance(law, Uniform):
         return np.asarray(law.low + (law.high - law.low) * u)
     if isinstance(law, LogUniform):
         return np.asarray(law.low * (law.high / law.low) ** u)
     if isinstance(law, Normal):
-        return np.asarray(law.mean + law.std * ndtri(inside))
+        return np.asarray(law.mean + law.std * ndtri(np.clip(u, EDGE, 1.0 - EDGE)))
     if isinstance(law, Bernoulli):
         return (u >= 1.0 - law.probability).astype(np.float64)
     if isinstance(law, Integer):
@@ -224,7 +265,7 @@ def quantiles(law: Any, u: Array) -> Array:
     if isinstance(law, Choice):
         return np.array([law.draw(float(point)) for point in u], np.float64)
     assert isinstance(law, Continuous)
-    return np.asarray(law.frozen.ppf(inside), np.float64)
+    return np.asarray(law.frozen.ppf(np.clip(u, EDGE, 1.0 - EDGE)), np.float64)
 
 
 def _ends(law: Any) -> list[float]:
@@ -258,23 +299,3 @@ def _numeric(value: Any) -> bool:
     if isinstance(value, (list, tuple, np.ndarray)):
         return all(_numeric(part) for part in value)
     return is_number(value) or isinstance(value, (bool, np.bool_))
-
-
-def _episode(seed: int, values: Mapping[str, Array]) -> EpisodeDraw:
-    fails = [
-        np.where(values[name] > 0.5, values[f"{name}_time"], np.inf) for name in ("loss", "camera_off", "downlink_off")
-    ]
-    return EpisodeDraw(
-        seed=seed,
-        mission=int(values["mission"]),
-        spacecraft=int(values["spacecraft"]),
-        speed=float(values["speed"]),
-        sun_elevation=float(np.radians(values["sun_elevation_deg"])),
-        sun_azimuth=float(np.radians(values["sun_azimuth_deg"])),
-        visiting_point=values["visiting_point"],
-        altitude=values["altitude"],
-        release_error=values["release_error"],
-        sigma_BN=values["attitude_mrp"],
-        omega_BN_B=values["rate_rad_s"],
-        fails=np.column_stack(fails),
-    )

@@ -73,16 +73,17 @@ class MissionFlights(EpisodeBatch):
             wheel_speed=wheels,
             seed=draw.seed,
         )
-        self.begin(e, start)
-        sheet = self.sheet
+        live, sheet = self._put(e, start), self.sheet
+        if self.flights.senses:
+            # Sensors are read of all, before anybody is lost.
+            self._update_kinematics(self.now, live)
+            self._update_estimate(live)
         sheet.present[e] = np.arange(plan.n) < draw.spacecraft
         sheet.downlink[e] = True
         sheet.fails_s[e] = np.where(sheet.present[e, :, None], draw.fails * DURATION_S, np.inf)
         self._light(e, draw, place, velocity)
-        for j in np.flatnonzero(~sheet.present[e]):
-            self._lose(e, int(j))
+        self._lose(e, ~sheet.present[e])
         self._fail(e)
-        live = np.arange(self.count) == e
         self._update_kinematics(self.now, live)
         self._update_estimate(live)
         self._show(live)
@@ -239,7 +240,7 @@ class MissionFlights(EpisodeBatch):
         areas = task.patches.cell_area
         sheet.lit_area[e] = np.bincount(task.patches.of_cell, areas * lit, task.patches.count)
         until = np.where(sheet.present[e], np.minimum(sheet.fails_s[e, :, :2].min(axis=1), DURATION_S), 0.0)
-        reached = cells_in_reach(task.scene, task.body_rotation, r_N, v_N, until, PICTURE_INTERVAL_S, lit)
+        reached = cells_in_reach(task.scene, self._rotation, r_N, v_N, until, PICTURE_INTERVAL_S, lit)
         sheet.possible_area[e] = max(float(areas[reached].sum()), LEAST_POSSIBLE * float(areas.sum()))
 
     def _fail(self, e: int) -> None:
@@ -247,12 +248,12 @@ class MissionFlights(EpisodeBatch):
         lost, camera, downlink = (self.sheet.fails_s[e] <= self.time_s[e]).T
         self.flights.blind[e] |= camera
         self.sheet.downlink[e] &= ~downlink
-        for j in np.flatnonzero(lost & ~self.totals.lost[e]):
-            self._lose(e, int(j))
+        self._lose(e, lost & ~self.totals.lost[e])
 
-    def _lose(self, e: int, j: int) -> None:
-        self.totals.lost[e, j] = True
-        self.flights.park(e, j)
+    def _lose(self, e: int, who: Mask) -> None:
+        if who.any():
+            self.totals.lost[e] |= who
+            self.flights.park(e, *np.flatnonzero(who).tolist())
 
     def _show(self, live: Mask) -> None:
         standing = Standing(self.now, self.estimate, self._tracking(), self.totals, self.sheet)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from datetime import datetime, timedelta
+from functools import cached_property
 from math import atan, cos, degrees, radians, sin, tan
 from typing import Any
 
@@ -18,14 +19,17 @@ from swarm_mj.flight.plan import load_body_shape
 from swarm_mj.flight.surroundings import surroundings_from
 from swarm_mj.io.cache import cache_folder, hash_of, load_array, store_array
 from swarm_mj.mission.trajectories import solve_transfers
+from swarm_mj.observation.horizon_kernels import Scene
 from swarm_mj.scenarios.bodies import packaged_body
 from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.scenarios.schema import Scenario
-from swarm_mj.typing import Array, Mask
+from swarm_mj.spacecraft.attitude.algebra import Vector, combine, cross, scaled, vector
+from swarm_mj.typing import Array, Ints, Mask, kernel
 
 from ..config import EnvConfig
 from ..task import Task
 from .catalogue import MOST_HALF_ANGLE_DEG, MissionSpec
+from .reach import cells_in_view
 
 #: Flight from release to visit, and whole flight [s].
 TIME_OF_FLIGHT_S, DURATION_S = 200.0, 600.0
@@ -48,8 +52,8 @@ REACH = 1.25
 NOMINAL_BIT, EARTH_BIT_S, SWARM_BIT_S = 2e6, 8e3, 1e5
 #: Where Earth stands above the target's horizon at the visit, as nearly as the place allows [deg].
 EARTH_ELEVATION_DEG = 40.0
-#: How far off the Sun is taken to stand, in radii of the body; and the share of a cell that it must reach.
-SUN_RADII, LIT_SHARE = 1e4, 0.5
+#: Share of a cell that the Sun must reach.
+LIT_SHARE = 0.5
 #: Raise when the meaning of a stored table changes.
 TABLE_VERSION = 1
 
@@ -90,27 +94,50 @@ class Mission:
             speed: Over that of the mission; the way to where the target has turned until then is taken as straight.
         """
         count = len(self.v0_N)
-        rows = self.v0_N[np.minimum((point * count).astype(np.int64), count - 1)]
-        a, b, c = ALTITUDES
-        x = altitude[:, None]
+        which = np.minimum((point * count).astype(np.int64), count - 1)
+        spin_N = self.task.plan.environment.spin_N
+        return np.asarray(release_velocities(self.v0_N, which, altitude, speed, self.task.plan.deployment.r0_N, spin_N))
+
+    @cached_property
+    def _lighting(self) -> tuple[Scene, int, Array]:
+        """The scene, the least number of a cell's sample points that the Sun must reach, and each cell's highest horizon."""
+        scene = self.task.scene
+        assert scene is not None
+        highest = scene.horizon.highest
+        samples = next(k for k in range(1, highest.shape[1] + 1) if k / highest.shape[1] >= LIT_SHARE)
+        return scene, samples, highest.max(axis=1).astype(np.float64)
+
+    def lit(self, sun_A: Array) -> Mask:
+        """Cells that the Sun shines on from a direction, shape (C,): it sees half of them, as a camera far out would."""
+        # Any axes will do about the line of sight.
+        sun: Vector = (sun_A[0], sun_A[1], sun_A[2])
+        aside = np.array(cross(sun, (0.0, 0.0, 1.0) if abs(sun[2]) < 0.9 else (1.0, 0.0, 0.0)))
+        aside /= np.linalg.norm(aside)
+        right: Vector = (aside[0], aside[1], aside[2])
+        C_CA = np.array([right, cross((-sun[0], -sun[1], -sun[2]), right), -sun_A])
+        scene, samples, highest = self._lighting
+        return np.asarray(cells_in_view(scene, sun_A, C_CA, samples, highest))
+
+
+@kernel
+def release_velocities(v0_N: Array, which: Ints, altitude: Array, speed: float, r0_N: Array, spin_N: Array) -> Array:
+    """See `Mission.velocity_N`; of points `which` of the table, shape (n,), let go at `r0_N` [m] past a body that turns."""
+    a, b, c = ALTITUDES
+    found, visit_s = np.empty((which.shape[0], 3)), TIME_OF_FLIGHT_S / speed
+    start_N, spin = (r0_N[0], r0_N[1], r0_N[2]), (spin_N[0], spin_N[1], spin_N[2])
+    for j in range(which.shape[0]):
+        x, rows = altitude[j], v0_N[which[j]]
         # Lagrange's polynomial through the three altitudes.
         first = (x - b) * (x - c) / ((a - b) * (a - c))
         second = (x - a) * (x - c) / ((b - a) * (b - c))
         third = (x - a) * (x - b) / ((c - a) * (c - b))
-        velocity = first * rows[:, 0] + second * rows[:, 1] + third * rows[:, 2]
-        visit_s = TIME_OF_FLIGHT_S / speed
-        there_N = self.task.plan.deployment.r0_N + TIME_OF_FLIGHT_S * velocity
-        turned_N = np.cross(self.task.plan.environment.spin_N, there_N) * (visit_s - TIME_OF_FLIGHT_S)
-        return np.asarray(speed * velocity + turned_N / visit_s)
-
-    def lit(self, sun_A: Array) -> Mask:
-        """Cells that the Sun shines on from a direction, shape (C,): it sees half of them, as a camera far out would."""
-        radius = float(self.task.plan.region.mesh.max_radius)
-        # Any axes will do about the line of sight.
-        aside = np.cross(sun_A, [0.0, 0.0, 1.0] if abs(sun_A[2]) < 0.9 else [1.0, 0.0, 0.0])
-        aside /= np.linalg.norm(aside)
-        C_CA = np.vstack([aside, np.cross(-sun_A, aside), -sun_A])
-        return np.asarray(self.task.observer.visible_fraction(SUN_RADII * radius * sun_A, C_CA) >= LIT_SHARE)
+        for k in range(3):
+            found[j, k] = first * rows[0, k] + second * rows[1, k] + third * rows[2, k]
+        v = vector(found, j)
+        turned_N = scaled(visit_s - TIME_OF_FLIGHT_S, cross(spin, combine(1.0, start_N, TIME_OF_FLIGHT_S, v)))
+        for k in range(3):
+            found[j, k] = speed * v[k] + turned_N[k] / visit_s
+    return found
 
 
 def make_mission(

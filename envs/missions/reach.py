@@ -1,13 +1,18 @@
-"""What the cameras of a swarm could see of a target if they looked everywhere at once: the bound that scores are scaled by."""
+"""What can be seen of a target in an episode: by the Sun, and by cameras that look everywhere at once, the bound of scores."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from swarm_mj.observation.horizon import look_at_cell, sight_of
 from swarm_mj.observation.horizon_kernels import Scene
 from swarm_mj.typing import Array, Mask, kernel
 
 from ..kinematics import BodyRotation
+
+#: How far off what stands far off is taken to stand, in radii of the body; and by how much directions to it differ at most,
+#: from point to point of the body [rad], with room to spare.
+FAR, SLACK = 1e4, 3e-4
 
 
 @kernel
@@ -41,12 +46,37 @@ def cells_in_reach(
                     if wanted[i] and not found[i]:
                         x, y, z = place[0] - cells[i, 0], place[1] - cells[i, 1], place[2] - cells[i, 2]
                         height = x * cells[i, 3] + y * cells[i, 4] + z * cells[i, 5]
-                        if height > 0.0:
-                            square = x * x + y * y + z * z
+                        square = x * x + y * y + z * z
+                        # By far the most fail here, which takes neither root nor division; a cell seen from behind does, too.
+                        if square * limits.pixel_angle <= limits.max_gsd * height and height > 0.0:
                             cosine = height / np.sqrt(square)
-                            near = square * limits.pixel_angle <= limits.max_gsd * height
-                            found[i] = near and cosine >= limits.min_cos_emission and square <= limits.max_range**2
+                            found[i] = cosine >= limits.min_cos_emission and square <= limits.max_range**2
             t += interval_s
+    return found
+
+
+@kernel
+def cells_in_view(scene: Scene, direction_A: Array, C_CA: Array, needed: int, highest: Array) -> Mask:
+    """Cells that a camera far out sees, `FAR` radii of the body away, by at least so many of their sample points, shape (C,).
+
+    Args:
+        scene: Cells, horizon maps and field of view.
+        direction_A: Where the camera stands, a unit vector, shape (3,).
+        C_CA: How it is turned, shape (3, 3).
+        needed: Sample points.
+        highest: Sine of the highest elevation of each cell's horizons, shape (C,).
+    """
+    r_A = FAR * scene.radius * direction_A
+    camera, cells = sight_of(r_A, C_CA, scene.optics, scene.radius), scene.cells
+    answer, found = np.empty(scene.horizon.points.shape[1], np.int8), np.empty(cells.shape[0], np.bool_)
+    # All points of a cell see the camera in the same direction, almost, and it sees all of them if it looks at the body.
+    narrow = scene.optics.tan_half_angle < 2.0 * SLACK
+    for i in range(cells.shape[0]):
+        normal = cells[i, 3] * direction_A[0] + cells[i, 4] * direction_A[1] + cells[i, 5] * direction_A[2]
+        if narrow or -SLACK <= normal <= highest[i] + SLACK:
+            found[i] = look_at_cell(scene.horizon, camera, i, needed, answer)[0] >= needed
+        else:
+            found[i] = normal > 0.0
     return found
 
 

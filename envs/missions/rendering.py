@@ -15,7 +15,8 @@ from ..rendering import instant_of
 from .draws import EpisodeDraw
 from .episodes import Episodes
 from .flights import MissionFlights
-from .mission import DURATION_S, SUN_RADII, TIME_OF_FLIGHT_S
+from .mission import DURATION_S, TIME_OF_FLIGHT_S
+from .reach import FAR
 
 
 class _Picture:
@@ -27,7 +28,7 @@ class _Picture:
 
         plan, sheet = batch.task.plan, batch.sheet
         visit_s = TIME_OF_FLIGHT_S / draw.speed
-        sun_N = sheet.sun_A[k] @ plan.environment.C_AN(visit_s) * SUN_RADII * plan.shape.max_radius
+        sun_N = sheet.sun_A[k] @ plan.environment.C_AN(visit_s) * FAR * plan.shape.max_radius
         environment = replace(plan.environment, sun=LinearMotion(sun_N, np.zeros(3)))
         self.draw, self._start_N = draw, plan.deployment.r0_N
         plan = replace(plan, environment=environment)

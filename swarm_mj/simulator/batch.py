@@ -43,7 +43,10 @@ class Batch(ABC):
         blind: Spacecraft whose camera is off or that are lost, shape (E, n).
         finite: False where the flight has diverged, shape (E,).
         causes: Why, by flight.
+        senses: Whether sensors may be imperfect, so that `know` may give something else than the truth.
     """
+
+    senses = True
 
     def __init__(self, like: LoopState, count: int) -> None:
         self.model, self.environment, self.period = like.model, like.environment, like.period
@@ -68,15 +71,23 @@ class Batch(ABC):
     def ctrl(self) -> Array:
         """Motor torques of the coming hold, a copy, shape (E, n w) [N m]."""
 
-    def park(self, e: int, j: int) -> None:
-        """Put a spacecraft that is no more where it disturbs nothing: far out, at rest."""
+    def park(self, e: int, *which: int) -> None:
+        """Put spacecraft that are no more where they disturb nothing: far out, at rest."""
         qpos, qvel = (part.copy() for part in self.rows(e))
-        qpos[j, :3], qvel[j] = (PARKED * (1.0 + j), 0.0, 0.0), 0.0
+        for j in which:
+            qpos[j, :3], qvel[j] = (PARKED * (1.0 + j), 0.0, 0.0), 0.0
         self.place(e, qpos, qvel)
 
     def reset(self, e: int, initial: InitialState) -> None:
         """Put one flight at its start and forget everything about it."""
         self._start(e, initial)
+        self._forget(e)
+
+    def rewind(self, e: int, initial: InitialState) -> None:
+        """Put one flight that has decided, but not flown, back to the start that it was reset to."""
+        self.reset(e, initial)
+
+    def _forget(self, e: int) -> None:
         f = self._flights
         f.tick[e], f.finite[e], f.effort[e], f.peaks[e], self.causes[e] = 0, True, 0.0, 0.0, ""
         f.last_kind[e], f.last_spacecraft[e] = -1, -1

@@ -78,6 +78,7 @@ class CompiledBatch(Batch):
         self._timesteps, self._controller = simulation.state.timesteps, controller
         self._world = make_world(simulation.state, controller, remembered=REMEMBERED)
         self._wrong = None if simulation.injection is None else BatchConditions(simulation, self._flights)
+        self.senses = self._wrong is not None
         if self._wrong is None:
             self._datas = make_datas(self.model, simulation.stepper, count)
             self._integrator = Integrator(self.model, *self._datas)
@@ -139,6 +140,14 @@ class CompiledBatch(Batch):
         self.place(e, *initial.rows(self.model.properties.n_wheels))
         if self._behaviors is not None:
             self._behaviors.reset(e)
+
+    def rewind(self, e: int, initial: InitialState) -> None:
+        """See `Batch.rewind`; a decision moves nothing, so that only what it asked for is taken back."""
+        if self._wrong is not None or self._behaviors is not None:
+            self.reset(e, initial)
+            return
+        self._datas[e].ctrl[:], self._datas[e].xfrc_applied[:] = 0.0, 0.0
+        self._forget(e)
 
     def _own_state(self, e: int) -> Any:
         behavior = None if self._behaviors is None else self._behaviors.get_state(e)
@@ -221,6 +230,8 @@ class CompiledBatch(Batch):
 
     def _ask(self, live: Mask) -> None:
         """Let happen what is due, and ask the behaviours of live flights whose answers may not hold any more."""
+        if self._behaviors is None and self._wrong is None:
+            return
         due = self._never if self._behaviors is None else self._behaviors.due
         if self._wrong is not None:
             due = np.minimum(due, self._wrong.due)

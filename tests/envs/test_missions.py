@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 from pettingzoo.test import parallel_api_test
+from scipy import stats
 from swarm_mj.envs.missions.baselines import climbed, fly, greedy, open_loop, sweep
 from swarm_mj.envs.missions.catalogue import CATALOGUE, mission_names
 from swarm_mj.envs.missions.config import MissionConfig
-from swarm_mj.envs.missions.draws import NAMES
+from swarm_mj.envs.missions.draws import NAMES, Randomisation
 from swarm_mj.envs.missions.episodes import Episodes
 from swarm_mj.envs.missions.multi_agent import swarm_observe_v1
 
@@ -118,6 +119,42 @@ def test_a_given_value_changes_nothing_else_that_is_drawn(single):
         assert np.array_equal(getattr(drawn, name), getattr(given, name)), name
     with pytest.raises(ScenarioError, match=f"there are {', '.join(NAMES)}"):
         single.reset(options={"draw": {"weather": 1.0}})
+
+
+def test_each_name_draws_from_its_own_column_of_uniform_numbers():
+    """By scipy's quantiles, one name after the other, and cut to what is allowed."""
+    given = {"altitude": {"distribution": "normal", "mean": 1.0, "std": 0.2}, "rate_rad_s": 0.01, "mission": 1}
+    drawn = Randomisation(given, tuple("ab"), 3).draw(11)
+    sizes = [max(1, 3 * size) for size, *_ in NAMES.values()]
+    columns = dict(
+        zip(NAMES, np.split(np.random.default_rng(11).random(sum(sizes)), np.cumsum(sizes)[:-1]), strict=True)
+    )
+    assert (drawn.mission, drawn.spacecraft) == (1, int(columns["spacecraft"][0] * 3) + 1)
+    assert drawn.speed == pytest.approx(stats.loguniform(0.55, 1.8).ppf(columns["speed"][0]), rel=1e-12)
+    altitude = np.clip(stats.norm(1.0, 0.2).ppf(columns["altitude"]), *NAMES["altitude"][1:3])
+    np.testing.assert_allclose(drawn.altitude, altitude, rtol=1e-12)
+    np.testing.assert_allclose(drawn.sigma_BN.ravel(), 2.0 * columns["attitude_mrp"] - 1.0, rtol=1e-12)
+    np.testing.assert_allclose(drawn.release_error.ravel(), 0.06 * stats.norm.ppf(columns["release_error"]), rtol=1e-9)
+    assert (drawn.omega_BN_B == 0.01).all()
+    for k, (name, chance) in enumerate({"loss": 0.12, "camera_off": 0.15, "downlink_off": 0.15}.items()):
+        _, low, high, _ = NAMES[f"{name}_time"]
+        law = {"loss": (0.2, 0.6), "camera_off": (0.2, 0.4), "downlink_off": (0.0, 0.8)}[name]
+        when = np.clip(law[0] + law[1] * columns[f"{name}_time"], low, high)
+        np.testing.assert_allclose(drawn.fails[:, k], np.where(columns[name] >= 1.0 - chance, when, np.inf), rtol=1e-12)
+
+
+def test_cells_in_the_light_are_those_that_a_camera_where_the_sun_is_would_see(episodes):
+    """The quick way, which looks only at cells whose horizons are as high as the Sun stands, against the observer's."""
+    rng = np.random.default_rng(3)
+    for k in range(2):
+        mission = episodes.pool[k]
+        observer, radius = mission.task.observer, mission.task.plan.region.mesh.max_radius
+        for sun in rng.standard_normal((12, 3)) + 0.7 * mission.axes_A[2]:
+            sun /= np.linalg.norm(sun)
+            right = np.cross(sun, rng.standard_normal(3))
+            right /= np.linalg.norm(right)
+            C_CA = np.array([right, np.cross(-sun, right), -sun])
+            assert np.array_equal(mission.lit(sun), observer.visible_fraction(1e4 * radius * sun, C_CA) >= 0.5)
 
 
 def test_what_fails_shows_in_the_observation_and_in_the_mask(single):

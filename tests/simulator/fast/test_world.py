@@ -10,7 +10,7 @@ import pytest
 from swarm_mj.errors import PluginError, ScenarioError, SimulationError
 from swarm_mj.flight.fly import initial_state, make_simulation
 from swarm_mj.flight.plan import make_plan
-from swarm_mj.mission.behaviors import AdaptableRoles
+from swarm_mj.mission.behaviors import AdaptableRoles, TargetKind, Targets
 from swarm_mj.scenarios.constants import EROS_GM
 from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.simulator.compiled_batch import CompiledBatch
@@ -146,6 +146,26 @@ def test_flights_that_start_alike_share_gravity_and_others_do_not():
     alone.reset(0, moved)
     alone.fly(40, np.ones(1, bool))
     assert np.array_equal(alone.qpos[0], batch.qpos[1]) and np.array_equal(alone.qvel[0], batch.qvel[1])
+
+
+@pytest.mark.parametrize("overrides", [[], ["dispersions.mass_percent=5", "dispersions.star_tracker_noise_arcsec=30"]])
+def test_a_flight_that_was_put_back_after_its_first_decision_never_decided(overrides):
+    plan = plan_of("physics.wheels=gyrostat", "physics.stepper=kernel", *overrides)
+    batch, start, it = CompiledBatch(make_simulation(plan), 2, plan.controller), initial_state(plan), np.ones(2, bool)
+    for e in range(2):
+        batch.reset(e, start)
+    batch.hold(Targets(*(np.array([part] * 2) for part in towards_x(plan.n))), None)
+    assert batch.decide(np.array([True, False]))
+    assert batch.effort[0] > 0.0 and np.any(batch.ctrl[0])
+    batch.rewind(0, start)
+    assert not np.any(batch.ctrl) and np.array_equal(batch.tick, [0, 0])
+    assert batch.fly(30, it)
+    for part in (batch.qpos, batch.qvel, batch.effort):
+        assert np.array_equal(part[0], part[1])
+
+
+def towards_x(n):
+    return Targets(np.full(n, int(TargetKind.DIRECTION)), np.zeros(n, int), np.tile([1.0, 0.0, 0.0], (n, 1)))
 
 
 @pytest.mark.parametrize("law", [MrpSlidingMode(), MrpSlidingMode(rate_limit=None), MrpFeedback(), Proportional()])
