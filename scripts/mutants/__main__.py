@@ -33,7 +33,9 @@ from swarm_mj.io.progress import progress_bars
 KEPT = PAGE.with_suffix(".json")
 #: Least share of faults that must die.
 ENOUGH = 0.95
-#: For the tests of one fault, and for all of them without any fault [s].
+#: Where the copy of the sources is kept whose tests have been run, with the machine code of their kernels.
+WARM = ROOT / "build" / "mutants"
+#: Processor time of the tests of one fault, and of all of them without any fault [s].
 LIMIT_S, FIRST_LIMIT_S = 300.0, 3600.0
 
 
@@ -99,8 +101,11 @@ def _run(to_do: list[Fault], keep: Callable[[Fault, Trial, Path], None], jobs: i
         warm = folder / "warm"
         with progress_bars(console) as bars:
             bar = bars.add_task("the tests without faults", total=None)
+            if WARM.is_dir():
+                shutil.copytree(WARM, warm, symlinks=True)
             copy_sources(ROOT, warm)
             _warm_up(pool, runners, warm, to_do)
+            _keep(warm)
             bars.update(bar, total=1, completed=1)
             bar = bars.add_task(f"{len(to_do)} faults", total=len(to_do))
             futures = {pool.submit(_try, free, fault, warm, folder): fault for fault in to_do}
@@ -129,6 +134,15 @@ def _warm_up(pool: ThreadPoolExecutor, runners: list[Runner], warm: Path, faults
     for trial in (future.result() for future in first):
         if trial.outcome != SURVIVED:
             raise RuntimeError(f"The tests fail without any fault: {trial.outcome} {trial.test} {trial.words}")
+
+
+def _keep(warm: Path) -> None:
+    """Let the next call begin with this tree, without what the tests have kept on disk, which would hide faults."""
+    WARM.parent.mkdir(exist_ok=True)
+    made = Path(tempfile.mkdtemp(dir=WARM.parent))
+    shutil.copytree(warm, made, symlinks=True, ignore=shutil.ignore_patterns("build"), dirs_exist_ok=True)
+    shutil.rmtree(WARM, ignore_errors=True)
+    made.rename(WARM)
 
 
 def _try(free: SimpleQueue[Runner], fault: Fault, warm: Path, folder: Path) -> Trial:

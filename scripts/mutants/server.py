@@ -1,8 +1,8 @@
 """Runs pytest in forks of a process that has imported all that never changes; started by `trial.Runner`, one at a time.
 
 Importing NumPy, Numba and their like takes longer than most of the tests. Each line of the standard input is a JSON object with
-`tree`, `tests` and `output`; the answer is a line with the exit status of pytest. The packages under test are imported in the
-fork, from the tree.
+`tree`, `tests`, `output` and `limit_s`, of processor time, as others may need the machine too; the answer is a line with the
+exit status of pytest. The packages under test are imported in the fork, from the tree.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from __future__ import annotations
 import importlib
 import json
 import os
+import resource
 import sys
 from contextlib import suppress
 
@@ -30,6 +31,8 @@ def main() -> None:
         asked = json.loads(line)
         child = os.fork()
         if child == 0:
+            limit = max(1, round(asked["limit_s"]))
+            resource.setrlimit(resource.RLIMIT_CPU, (limit, limit))
             _run(asked["tree"], asked["tests"], asked["output"])
         _, status = os.waitpid(child, 0)
         print(os.waitstatus_to_exitcode(status), flush=True)

@@ -8,10 +8,11 @@ without the machine code of every module that imports the faulty one, directly o
 from __future__ import annotations
 
 import ast
+import filecmp
 import os
 import shutil
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import cache
 from pathlib import Path
 
@@ -22,7 +23,12 @@ MAPPED = {"swarm_mj/envs": "envs", "swarm_mj/assets": "assets"}
 
 
 def copy_sources(root: Path, tree: Path) -> None:
-    """Copy what git knows or would add, with dates, laid out so that the packages can be imported from there."""
+    """Make a folder a copy of what git knows or would add, laid out so that the packages can be imported from there.
+
+    Args:
+        root: Of the repository.
+        tree: The folder; what an earlier call left there is brought up to date.
+    """
     listed = subprocess.run(
         ["git", "ls-files", "--cached", "--others", "--exclude-standard", "-z"],
         cwd=root,
@@ -30,13 +36,24 @@ def copy_sources(root: Path, tree: Path) -> None:
         capture_output=True,
         text=True,
     )
-    for name in filter(None, listed.stdout.split("\0")):
-        source = root / name
-        if source.is_file():
-            (tree / name).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copy2(source, tree / name)
+    names = {name for name in listed.stdout.split("\0") if name and (root / name).is_file()}
+    there = {path.relative_to(tree).as_posix() for path in tree.rglob("*") if path.is_file() and _is_source(path)}
+    changed = {name for name in names & there if not filecmp.cmp(root / name, tree / name, shallow=False)}
+    for name in changed | (there - names):
+        _forget_compiled(tree, importers(tree, name))
+    _import_graph.cache_clear()
+    for name in there - names:
+        (tree / name).unlink()
+    for name in (names - there) | changed:
+        (tree / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy2(root / name, tree / name)
     for name, home in MAPPED.items():
-        (tree / name).symlink_to(Path("..") / home)
+        if not (tree / name).is_symlink():
+            (tree / name).symlink_to(Path("..") / home)
+
+
+def _is_source(path: Path) -> bool:
+    return path.parent.name != "__pycache__"
 
 
 def plant(fault: Fault, warm: Path, tree: Path) -> None:
@@ -54,7 +71,12 @@ def plant(fault: Fault, warm: Path, tree: Path) -> None:
     text = source.read_text()
     source.unlink()  # all other files are those of the warm tree; this one is new, with a date of today
     source.write_text(text.replace(fault.old, fault.new))
-    for name in importers(warm, fault.file):
+    _forget_compiled(tree, importers(warm, fault.file))
+
+
+def _forget_compiled(tree: Path, names: Iterable[str]) -> None:
+    """Remove the machine code of sources."""
+    for name in names:
         file = tree / name
         for compiled in file.parent.glob(f"__pycache__/{file.stem}.*.nb[ic]"):
             compiled.unlink()

@@ -21,6 +21,8 @@ from swarm_mj.io.cores import ONE_THREAD
 DIED, SURVIVED, TIME_LIMIT, BROKEN = "died", "survived", "time limit", "broken"
 #: Would lead past the copies' own folders, or cost every run the time to read all sources.
 NOT_OURS = ("NUMBA_CACHE_DIR", "PYTEST_ADDOPTS", "PYTHONDONTWRITEBYTECODE", "PYTHONPATH")
+#: A busy machine takes so much longer than the processor time of a test.
+WAITING = 20.0
 #: The server has imported Numba, which reads this as it is imported, before `tests/conftest.py` could ask for it.
 SIMULATED_GPU = {"NUMBA_ENABLE_CUDASIM": "1"}
 #: Errors that a compiler or the interpreter raises, and no physics.
@@ -60,7 +62,7 @@ class Runner:
         Args:
             tree: See `copy_sources`; the packages under test are imported from there.
             tests: Files or ids.
-            limit_s: After this time [s] they are ended.
+            limit_s: After so much processor time [s] they are ended, and where they only wait, after `WAITING` times as long.
 
         Raises:
             RuntimeError: The runner was ended, or the server died.
@@ -72,10 +74,12 @@ class Runner:
         server = self._server = self._server or _start()
         assert server.stdin is not None and server.stdout is not None
         self._late = False
-        timer = threading.Timer(limit_s, self._give_up)
+        timer = threading.Timer(WAITING * limit_s, self._give_up)
         timer.start()
         try:
-            server.stdin.write(json.dumps({"tree": str(tree), "tests": tests, "output": str(output)}) + "\n")
+            server.stdin.write(
+                json.dumps({"tree": str(tree), "tests": tests, "output": str(output), "limit_s": limit_s}) + "\n"
+            )
             server.stdin.flush()
             answer = server.stdout.readline()
         finally:
@@ -84,7 +88,7 @@ class Runner:
         if not answer:
             self._server = None
             if self._late:
-                return Trial(TIME_LIMIT, "", f"ran longer than {limit_s:g} s", seconds)
+                return Trial(TIME_LIMIT, "", f"waited longer than {WAITING * limit_s:g} s", seconds)
             raise RuntimeError(f"the server of {tree} ended by itself")
         return Trial(*judge(int(answer), output.read_text(errors="replace")), seconds)
 
@@ -102,6 +106,8 @@ class Runner:
 
 def judge(status: int, output: str) -> tuple[str, str, str]:
     """Outcome, the test that failed, and its words, from what pytest answers."""
+    if status in (-signal.SIGXCPU, -signal.SIGKILL):
+        return TIME_LIMIT, "", "took more processor time than is allowed"
     if status == 0:
         return SURVIVED, "", output.strip().rpartition("\n")[2]
     failed = _FAILED.search(output)

@@ -1,5 +1,6 @@
 """The tool that plants faults, on a program of three lines: what dies, what survives, and that nothing else is touched."""
 
+import signal
 import subprocess
 import textwrap
 
@@ -44,6 +45,12 @@ FILES = {
         equivalent = "it is the same"
     """,
 }
+
+
+def rewrite(file, old, new):
+    text = file.read_text()
+    assert old in text
+    file.write_text(text.replace(old, new))
 
 
 @pytest.fixture
@@ -100,6 +107,24 @@ def test_compiled_code_of_all_that_imports_a_faulty_file_is_left_behind_and_othe
     assert [(tree / kernel).exists() for kernel in kernels] == [False, False, True]
 
 
+def test_a_copy_that_is_brought_up_to_date_keeps_what_is_compiled_of_sources_that_did_not_change(root, tmp_path):
+    warm = tmp_path / "warm"
+    copy_sources(root, warm)
+    kernels = {name: warm / f"swarm_mj/__pycache__/{name}.f-1.py312.1.nbc" for name in ("one", "two", "three")}
+    (warm / "swarm_mj/__pycache__").mkdir()
+    for kernel in kernels.values():
+        kernel.write_text("")
+    (root / "swarm_mj/three.py").touch()
+    copy_sources(root, warm)
+    assert all(kernel.exists() for kernel in kernels.values())
+    rewrite(root / "swarm_mj/one.py", "2 * x", "x + x")
+    (root / "tests/test_one.py").unlink()
+    copy_sources(root, warm)
+    assert [name for name, kernel in kernels.items() if kernel.exists()] == ["three"]
+    assert (warm / "swarm_mj/one.py").read_text() == (root / "swarm_mj/one.py").read_text()
+    assert not (warm / "tests/test_one.py").exists()
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -124,15 +149,10 @@ def test_what_is_no_program_counts_as_broken_and_not_as_noticed():
     assert judge(1, "FAILED tests/test_one.py::test_it[two words] - it\n")[1] == "tests/test_one.py::test_it[two words]"
     assert judge(2, "ERROR tests/test_one.py\n")[0] == BROKEN
     assert judge(0, "3 passed")[0] == SURVIVED
+    assert judge(-signal.SIGXCPU, "")[0] == TIME_LIMIT
 
 
 NOTICED = Trial(DIED, "tests/test_one.py::test_twice_is_double", "AssertionError", 1.0)
-
-
-def rewrite(file, old, new):
-    text = file.read_text()
-    assert old in text
-    file.write_text(text.replace(old, new))
 
 
 @pytest.mark.parametrize(
