@@ -149,7 +149,8 @@ if it begins at or after `safety.separation_grace_s`; the motion within it is ta
     How good a plan for one flyby is, not feedback: with `eros-observe` only initial attitudes and rates vary, they have settled
     before the first picture, and a recorded list of actions flown again without looking scores nearly as well as the policy it
     was taken from (docs/results/learning.md). Faults, dispersions and sensor noise of a scenario make it otherwise; in
-    `SwarmObserve-v1` lists of actions lose.
+    `SwarmObserve-v1` lists of actions lose: learn there. gymnasium warns that v0 is out of date because of it; v0 stays as it
+    is, for scenarios of one's own and for scores to compare with.
 
     ## Starting state
 
