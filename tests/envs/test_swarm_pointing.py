@@ -15,10 +15,12 @@ from swarm_mj.envs.pointing.parallel import swarm_pointing_v0
 from swarm_mj.envs.pointing.policies import POLICIES, LawPolicy, fly, fly_policy
 from swarm_mj.envs.pointing.task import make_pointing_task
 from swarm_mj.envs.pointing.vector import SwarmPointingVectorEnv
+from swarm_mj.envs.pointing.view import assess, no_state
 
 from swarm_mj.errors import ScenarioError
 from swarm_mj.flight.fly import make_simulation
 from swarm_mj.mission.behaviors import TargetKind
+from swarm_mj.simulator.slots import Slot
 from swarm_mj.spacecraft.control.sliding_mode import MrpSlidingMode
 
 ID = "swarm_mj.envs:SwarmPointing-v0"
@@ -220,6 +222,18 @@ def test_a_reference_is_held_after_the_time_without_a_break_and_not_before(task)
         assert batch.state.held[0, 0] == (held_at is not None)
     assert held_at is not None and not batch.success[0]
     assert batch.state.steady[0] == 0  # the next reference has not been looked at
+
+
+def test_a_break_begins_the_time_of_a_hold_anew(task):
+    constants, state = task.constants, no_state(1, 2)
+    steady = constants.steady_steps
+    assert 2 * steady <= constants.hold_steps
+    held = []
+    for within in [True] * (steady - 1) + [False] + [True] * steady:
+        error = np.array([0.9 if within else 1.1]) * constants.tolerance
+        assess(constants, error, np.zeros((1, max(Slot) + 1, 1, 3)), np.zeros(1), np.ones(1, np.bool_), state)
+        held.append(bool(state.held[0, 0]))
+    assert held == [False] * (2 * steady - 1) + [True]
 
 
 def test_the_laws_beat_doing_nothing_and_anything(task):
