@@ -44,6 +44,16 @@ class FrozenEpisodes(ABC):
             ScenarioError: It is neither, or the file's policy cannot fly there; the message names why.
         """
 
+    @property
+    def preparations(self) -> int:
+        """How far `progress` of `prepare` counts; 0: there is nothing to prepare."""
+        return 0
+
+    def prepare(self, progress: Progress | None = None) -> None:
+        """Work out what takes long and every score needs; here nothing."""
+        if progress is not None:
+            progress(self.preparations)
+
     def check(self, names_or_files: Sequence[str | Path]) -> None:
         """Refuse those that cannot fly there, see `score`."""
         for name_or_file in names_or_files:

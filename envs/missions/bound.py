@@ -19,6 +19,7 @@ from swarm_mj.observation.horizon import look_at_cell, sight_of
 from swarm_mj.observation.horizon_kernels import Scene
 from swarm_mj.typing import Array, Ints, Mask, kernel
 
+from ..evaluation import Progress
 from .baselines import fly
 from .episodes import Episodes
 from .flights import MissionFlights
@@ -90,15 +91,24 @@ class _Recorder:
         return Path(*(np.array(part, np.float64) for part in zip(*self.paths[e], strict=True)))
 
 
-def bounds(episodes: Episodes, seeds: Sequence[int]) -> Bound:
-    """Of the episodes of flight seeds, which are flown once for it, as many at once as `episodes` has room for."""
-    found = []
+def bounds(episodes: Episodes, seeds: Sequence[int], progress: Progress | None = None) -> Bound:
+    """Of the episodes of flight seeds, which are flown once for it, as many at once as `episodes` has room for.
+
+    Args:
+        episodes: Where they fly.
+        seeds: Flight seeds.
+        progress: Called with the number of episodes that are done.
+    """
+    found = list[tuple[float, float]]()
     for start in range(0, len(seeds), episodes.count):
         some = seeds[start : start + episodes.count]
         recorder = _Recorder(episodes)
         # What fills up a short group is flown again and not counted.
         fly(episodes, recorder, [*some, *[some[0]] * (episodes.count - len(some))])
-        found += [_bound(*episodes.locate(e), recorder.path(e)) for e in range(len(some))]
+        for e in range(len(some)):
+            found.append(_bound(*episodes.locate(e), recorder.path(e)))
+            if progress is not None:
+                progress(len(found))
     seen, delivered = np.array(found).T
     return Bound(seen + delivered, seen, delivered)
 

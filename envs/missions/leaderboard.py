@@ -149,10 +149,20 @@ class Test(FrozenEpisodes):
         return groups * round(DURATION_S / self.config.decision_s)
 
     @property
+    def preparations(self) -> int:
+        """Episodes whose bound is not known yet."""
+        return len(self.seeds) if self._bound is None else 0
+
+    def prepare(self, progress: Progress | None = None) -> None:
+        """Make the missions and work out the bound; `progress` is called with the episodes done."""
+        if self._bound is None:
+            self._bound = bounds(self.episodes, self.seeds, progress)
+
+    @property
     def bound(self) -> Bound:
         """What no policy can pass; worked out once."""
-        if self._bound is None:
-            self._bound = bounds(self.episodes, self.seeds)
+        self.prepare()
+        assert self._bound is not None
         return self._bound
 
     def policy(self, name_or_file: str | Path) -> Policy:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -46,11 +47,14 @@ def score(
     given = [policies] if isinstance(policies, (str, Path)) else list(policies)
     with TESTS[env](episodes) as test, using_bars(progress) as bars:
         test.check(given)  # what is refused is so before another one is flown
-        return [_one(test, policy, bars) for policy in given]
+        if test.preparations:
+            _with_bar(bars, "test episodes", test.preparations, test.prepare)
+        return [_with_bar(bars, Path(one).name, test.decisions, partial(test.score, one)) for one in given]
 
 
-def _one(test: FrozenEpisodes, policy: str | Path, bars: Progress | None) -> Any:
+def _with_bar(bars: Progress | None, name: str, total: int, work: Callable[[Callable[[int], None] | None], Any]) -> Any:
+    """What work comes to that calls a function with how far it is."""
     if bars is None:
-        return test.score(policy)
-    task = bars.add_task(Path(policy).name, total=test.decisions)
-    return test.score(policy, lambda taken: bars.update(task, completed=taken))
+        return work(None)
+    task = bars.add_task(name, total=total)
+    return work(lambda done: bars.update(task, completed=done))

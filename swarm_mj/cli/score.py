@@ -26,8 +26,9 @@ def add(commands: argparse._SubParsersAction) -> None:
         "policy",
         nargs="+",
         metavar="POLICY",
-        help="random, open_loop, sweep, greedy, greedy_ahead, planner, trained (of v0: body_centre, ..., trained), "
-        "or a file: .npz, and of v1 .onnx, .zip of stable-baselines3 (which executes what is pickled in it)",
+        help="random, open_loop, sweep, greedy, greedy_ahead, planner, trained (of v0: body_centre, target_centre, sweep, "
+        "greedy, greedy_ahead, trained), or a file: .npz, and of v1 .onnx, .zip of stable-baselines3 (which executes what "
+        "is pickled in it)",
     )
     score.add_argument(
         "--env",
@@ -45,20 +46,25 @@ def add(commands: argparse._SubParsersAction) -> None:
 
 def _score(arguments: argparse.Namespace) -> int:
     import json
+    from contextlib import ExitStack
 
     from rich.console import Console
 
     from swarm_mj.api.score import score
-    from swarm_mj.io.atomic import write_text
+    from swarm_mj.io.atomic import atomic_file
     from swarm_mj.io.progress import progress_bars
 
-    console = Console()
-    with progress_bars(console, arguments.quiet) as bars:
-        scores = score(arguments.policy, env=arguments.env, episodes=arguments.episodes, progress=bars)
+    console, out = Console(), arguments.out
+    with ExitStack() as stack:
+        # What cannot be written is refused before anybody flies for it.
+        partial = None if out is None else stack.enter_context(atomic_file(out))
+        with progress_bars(console, arguments.quiet) as bars:
+            scores = score(arguments.policy, env=arguments.env, episodes=arguments.episodes, progress=bars)
+        if partial is not None:
+            partial.write_text(json.dumps([one.record() for one in scores], indent=1) + "\n", encoding="utf-8")
     console.print(_table(scores))
-    if arguments.out is not None:
-        write_text(arguments.out, json.dumps([one.record() for one in scores], indent=1) + "\n")
-        console.print(f"numbers in {arguments.out}", soft_wrap=True, highlight=False, markup=False)
+    if out is not None:
+        console.print(f"numbers in {out}", soft_wrap=True, highlight=False, markup=False)
     return 0
 
 

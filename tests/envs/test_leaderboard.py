@@ -265,10 +265,12 @@ def test_the_command_writes_a_table_and_all_numbers(tmp_path, capsys, monkeypatc
 
 
 def test_the_command_refuses_what_it_cannot_fly_before_it_flies(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr(Test, "fly", lambda *_: pytest.fail("flown already"))
+    for work in ("fly", "prepare"):
+        monkeypatch.setattr(Test, work, lambda *_: pytest.fail("flown already"))
     for given, words in (
         (["gready"], "policy 'gready': no such file, and no name; names are random, "),
         (["greedy", "--episodes", "97"], "episodes = 97: must be from 2 to 96"),
+        (["greedy", "--out", str(tmp_path / "none" / "out.json")], "out.json: cannot be written (No such file"),
     ):
         assert main(["score", *given, "--quiet"]) == 2
         assert words in capsys.readouterr().err
