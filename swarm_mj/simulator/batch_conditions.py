@@ -11,7 +11,7 @@ import numpy as np
 
 from swarm_mj.mission.behaviors import SwarmView, Targets
 from swarm_mj.simulator.fast import flight_kernels
-from swarm_mj.simulator.fast.conditions import CONDITION
+from swarm_mj.simulator.fast.conditions import CONDITION, noise_left
 from swarm_mj.simulator.fast.flights import Flights, one_of
 from swarm_mj.simulator.fast.integrator import Integrator
 from swarm_mj.simulator.fault_injection import FaultInjection
@@ -45,11 +45,17 @@ class BatchConditions:
         self.conditions = np.zeros(count, CONDITION)
         self.due, self.redirects = np.zeros(count, np.int64), np.ones(count, np.bool_)
         self._starts: list[tuple[int, Any]] = [(0, ())] * count
+        self._dry, self._no_matter = np.zeros(count, np.bool_), np.zeros(count, np.int64)
 
     def reset(self, e: int, initial: InitialState) -> None:
         """Begin a flight: what it is like and what will happen is drawn from the seed of its start."""
         self._starts[e] = initial.seed, initial.deployment
         self._injections[e].reset(*self._starts[e])
+        self._publish(e)
+
+    def rewind(self, e: int) -> None:
+        """Begin the same flight again."""
+        self._injections[e].rewind(*self._starts[e])
         self._publish(e)
 
     def _publish(self, e: int) -> None:
@@ -81,9 +87,14 @@ class BatchConditions:
     def limit(self, live: Mask, tick: Ints, until: Ints) -> Ints:
         """How far compiled code may fly, shape (E,): to the next event, and as far as noise has been drawn."""
         until = np.minimum(until, self.due)
-        for e in np.flatnonzero(live & (self.conditions["estimating"] != 0)).tolist():
-            until[e] = min(until[e], tick[e] + self._injections[e].faults.sensing.provide_noise())
+        self._provide_noise(live)
+        noise_left(self.conditions, live, tick, until, self._dry)
         return until
+
+    def _provide_noise(self, live: Mask) -> None:
+        if noise_left(self.conditions, live, self.due, self._no_matter, self._dry):
+            for e in np.flatnonzero(self._dry).tolist():
+                self._injections[e].faults.sensing.provide_noise()
 
     def know(self, live: Mask, tick: Ints, wheel_speed: Array, q: Array, omega: Array) -> Mask:
         """See `Batch.know`, and `FaultInjection.known_now` of one flight.
@@ -96,12 +107,10 @@ class BatchConditions:
             omega: True rates, replaced, shape (E, n, 3) [rad/s].
         """
         own: Mask = live & (self.conditions["sense"] != 0)
-        for e in np.flatnonzero(own).tolist():
-            faults = self._injections[e].faults
-            if tick[e] >= self.due[e]:
-                # A sensor that fails at this instant has failed before it is read.
-                faults.happen(int(tick[e]) * self._period, wheel_speed[e])
-            faults.sensing.provide_noise()
+        for e in np.flatnonzero(own & (tick >= self.due)).tolist():
+            # A sensor that fails at this instant has failed before it is read.
+            self._injections[e].faults.happen(int(tick[e]) * self._period, wheel_speed[e])
+        self._provide_noise(own)
         flight_kernels.sense_flights(self.conditions, own, tick, self._period, q, omega)
         return own
 

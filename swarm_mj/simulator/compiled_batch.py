@@ -143,9 +143,12 @@ class CompiledBatch(Batch):
 
     def rewind(self, e: int, initial: InitialState) -> None:
         """See `Batch.rewind`; a decision moves nothing, so that only what it asked for is taken back."""
-        if self._wrong is not None or self._behaviors is not None:
+        if self._behaviors is not None:
             self.reset(e, initial)
             return
+        if self._wrong is not None:
+            self._wrong.rewind(e)
+            self.lost[e], self.blind[e] = self._wrong.condition_of(e)[0], False
         self._datas[e].ctrl[:], self._datas[e].xfrc_applied[:] = 0.0, 0.0
         self._forget(e)
 

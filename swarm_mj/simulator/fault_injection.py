@@ -83,6 +83,11 @@ class FaultInjection:
             write_masses(state, self.faults.mass, self.faults.inertia_B)
         self._describe()
 
+    def rewind(self, seed: int, deployment: tuple[Event, ...]) -> None:
+        """Begin anew the flight that `reset` began, of the same seed, when no propellant has been burnt."""
+        self.faults.reset(seed, deployment)
+        self._describe()
+
     def get_state(self) -> dict[str, Any]:
         """What has become of the flight since `reset`, a copy."""
         return {"faults": self.faults.get_state(), "arrays": [array.copy() for array in self._arrays]}

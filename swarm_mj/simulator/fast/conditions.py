@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 
 from swarm_mj.simulator.fast.kernels import weigh
 from swarm_mj.simulator.faults.attitude_filter import Assumed, FilterState, Sensors
-from swarm_mj.simulator.faults.sensing_kernels import Knowledge, sense
+from swarm_mj.simulator.faults.sensing_kernels import Count, Knowledge, sense
 from swarm_mj.simulator.faults.wheels import WheelState, drive
-from swarm_mj.typing import Array, Ints, Mask, inlined, jittable
+from swarm_mj.typing import Array, Ints, Mask, inlined, jittable, kernel
 
 _SIZES = ("sense", "command", "n", "w", "own_field", "estimating", "readings", "noise_rows")
 _OF_KNOWLEDGE = ("noise", "counts", "delay", "q_past", "omega_past", "q_known", "omega_known")
@@ -123,6 +123,28 @@ def remember(conditions: Conditions, e: int, qvel: Array, r_N: Array) -> None:
             last_r[j, k] = r_N[j, k]
         for k in range(w):
             speed[j, k] = qvel[(6 + w) * j + 6 + k]
+
+
+@kernel
+def noise_left(conditions: Conditions, live: Mask, tick: Ints, until: Ints, dry: Mask) -> bool:
+    """How far noise has been drawn for the readings of the live flights, shape (E,).
+
+    Args:
+        conditions: Of all flights.
+        live: Which flights.
+        tick: Control periods flown.
+        until: Brought down to the ticks that they can be flown to.
+        dry: Receives whose noise is used up.
+
+    Returns:
+        Whether that of any is.
+    """
+    for e in range(live.shape[0]):
+        dry[e] = False
+        if live[e] and conditions[e].estimating != 0:
+            left = conditions[e].noise_rows - carray(_whole(conditions[e].counts), 3)[Count.NOISE]
+            until[e], dry[e] = min(until[e], tick[e] + left), left == 0
+    return bool(dry.any())
 
 
 @jittable

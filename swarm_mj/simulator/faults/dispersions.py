@@ -5,10 +5,12 @@ Means are zero, distributions normal unless the scenario says otherwise; what mu
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import radians
 
 import numpy as np
+from numpy.random import Generator
 
 from swarm_mj.errors import ScenarioError
 from swarm_mj.scenarios.schema_faults import Dispersions
@@ -58,36 +60,37 @@ def draw_spacecraft(given: Dispersions, seed: int, *, n: int, n_wheels: int, per
     """
     wheels = (n, n_wheels)
     most = int(given.delay_s / period_s + 1e-9)
+    delays = stream(seed, Stream.DELAY).integers(0, most, n, endpoint=True) if most else np.zeros(n, np.int64)
     return Dispersed(
-        mass_ratio=1.0 + 0.01 * given.mass_percent * _cut(stream(seed, Stream.MASS), (n,)),
-        second_moment_ratio=1.0 + 0.01 * given.inertia_percent * _cut(stream(seed, Stream.INERTIA), (n, 3)),
-        coulomb=given.wheel_coulomb_n_m * stream(seed, Stream.COULOMB).random(wheels),
-        viscous=given.wheel_viscous_n_m_s * stream(seed, Stream.VISCOUS).random(wheels),
-        gyro_bias=given.gyro_bias_deg_h * DEG_PER_HOUR * stream(seed, Stream.GYRO_BIAS).standard_normal((n, 3)),
-        star_tracker_bias=given.star_tracker_bias_arcsec
-        * ARCSEC
-        * stream(seed, Stream.STAR_TRACKER_BIAS).standard_normal((n, 3)),
-        delay_ticks=stream(seed, Stream.DELAY).integers(0, most, n, endpoint=True),
+        mass_ratio=1.0 + _scaled(0.01 * given.mass_percent, _cut, seed, Stream.MASS, (n,)),
+        second_moment_ratio=1.0 + _scaled(0.01 * given.inertia_percent, _cut, seed, Stream.INERTIA, (n, 3)),
+        coulomb=_scaled(given.wheel_coulomb_n_m, Generator.random, seed, Stream.COULOMB, wheels),
+        viscous=_scaled(given.wheel_viscous_n_m_s, Generator.random, seed, Stream.VISCOUS, wheels),
+        gyro_bias=_normal(given.gyro_bias_deg_h * DEG_PER_HOUR, seed, Stream.GYRO_BIAS, (n, 3)),
+        star_tracker_bias=_normal(given.star_tracker_bias_arcsec * ARCSEC, seed, Stream.STAR_TRACKER_BIAS, (n, 3)),
+        delay_ticks=delays,
     )
 
 
 def attitude_turns(given: Dispersions, seed: int, n: int) -> Array:
     """Extra initial rotations as rotation vectors in B, shape (n, 3) [rad]."""
-    return radians(given.attitude_deg) * stream(seed, Stream.ATTITUDE).standard_normal((n, 3))
+    return _normal(radians(given.attitude_deg), seed, Stream.ATTITUDE, (n, 3))
 
 
 def extra_rates(given: Dispersions, seed: int, n: int) -> Array:
     """Extra initial body rates in B, shape (n, 3) [rad/s]."""
-    return radians(given.rate_deg_s) * stream(seed, Stream.RATE).standard_normal((n, 3))
+    return _normal(radians(given.rate_deg_s), seed, Stream.RATE, (n, 3))
 
 
 def velocity_errors(given: Dispersions, seed: int, n: int) -> Array:
     """Errors of the deployment velocity in N, shape (n, 3) [m/s]."""
-    return given.deployment_velocity_m_s * stream(seed, Stream.DEPLOYMENT).standard_normal((n, 3))
+    return _normal(given.deployment_velocity_m_s, seed, Stream.DEPLOYMENT, (n, 3))
 
 
 def mothership_error(given: Dispersions, seed: int) -> tuple[Array, Array]:
     """Errors of the mothership's position [m] and velocity [m/s] in N at the epoch, two of shape (3,)."""
+    if not (given.mothership_position_m or given.mothership_velocity_m_s):
+        return np.zeros(3), np.zeros(3)
     drawn = stream(seed, Stream.MOTHERSHIP).standard_normal((2, 3))
     return given.mothership_position_m * drawn[0], given.mothership_velocity_m_s * drawn[1]
 
@@ -181,7 +184,16 @@ def _with_dispersed_coefficients(
     return SphericalHarmonics(field.gm, field.reference_radius, field.c * errors[0], field.s * errors[1])
 
 
-def _cut(rng: np.random.Generator, shape: tuple[int, ...]) -> Array:
+def _scaled(scale: float, draw: Callable[..., Array], seed: int, what: Stream, shape: tuple[int, ...]) -> Array:
+    """Drawn numbers times a scale; where that is zero nothing is drawn, for every stream costs as much as its numbers."""
+    return scale * draw(stream(seed, what), shape) if scale else np.zeros(shape)
+
+
+def _normal(scale: float, seed: int, what: Stream, shape: tuple[int, ...]) -> Array:
+    return _scaled(scale, Generator.standard_normal, seed, what, shape)
+
+
+def _cut(rng: Generator, shape: tuple[int, ...]) -> Array:
     """Normal numbers, those beyond three sigma drawn anew."""
     values = rng.standard_normal(shape)
     while (beyond := np.abs(values) > 3.0).any():

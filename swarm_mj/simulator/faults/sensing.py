@@ -81,7 +81,8 @@ class Sensing:
             max(given.gyro_bias_deg_h * DEG_PER_HOUR, LEAST_BIAS),
         )
         self.state = attitude_filter.first_state(drawn.gyro_bias)
-        self._rng, self._period = stream(seed, Stream.SENSOR_NOISE), period
+        self._rng = stream(seed, Stream.SENSOR_NOISE) if self.estimating else None
+        self._period = period
         self._own_delay = drawn.delay_ticks
         size = self._readings_kept(schedule, drawn)
         self.active = self.estimating or size > 1
@@ -129,7 +130,7 @@ class Sensing:
 
     def provide_noise(self) -> int:
         """See that there is noise for the next reading; returns for how many there is."""
-        if not self.estimating:
+        if self._rng is None:
             return NOISE_ROWS
         noise, counts = self.knowledge.noise, self.knowledge.counts
         if counts[Count.NOISE] == len(noise):

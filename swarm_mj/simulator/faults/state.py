@@ -26,7 +26,7 @@ from swarm_mj.scenarios.schema_faults import (
     WheelWeakened,
 )
 from swarm_mj.simulator.faults.deployment import in_flight
-from swarm_mj.simulator.faults.dispersions import disperse_environment, dispersed_inertia, draw_spacecraft
+from swarm_mj.simulator.faults.dispersions import Dispersed, disperse_environment, dispersed_inertia, draw_spacecraft
 from swarm_mj.simulator.faults.relay_election import Succession, relay_of
 from swarm_mj.simulator.faults.schedule import RELAY, Event, ScheduledFault, draw_schedule
 from swarm_mj.simulator.faults.sensing import SENSOR_FAULTS, Sensing
@@ -37,7 +37,7 @@ from swarm_mj.typing import Array
 
 #: Attributes of `FaultState` that `reset` draws from the seed and nothing changes afterwards.
 _DRAWN = frozenset(
-    ("_fault_model", "_properties", "_planned", "_n", "_period", "_speed_margin", "environment", "mass", "inertia_B")
+    "_fault_model _properties _planned _n _period _speed_margin _drawn environment mass inertia_B".split()
 )
 #: What is due so little later than a control period begins [s] happens with it: the difference is rounding.
 EARLY_S = 1e-9
@@ -96,6 +96,7 @@ class FaultState:
         self._fault_model, self._properties, self._planned = fault_model, properties, environment
         self._n, self._period, self._speed_margin = n, period, speed_margin
         self._succession = None if fault_model.election is None else Succession(fault_model.election)
+        self._drawn: tuple[int, tuple[ScheduledFault, ...], Dispersed, Environment] | None = None
         self.reset(0, ())
 
     def reset(self, seed: int, deployment: tuple[Event, ...]) -> None:
@@ -106,12 +107,9 @@ class FaultState:
             deployment: What went wrong when the swarm was deployed.
         """
         given, n = self._fault_model.dispersions, self._n
-        wheels = len(self._properties.wheel_axes_B)
-        schedule = draw_schedule(
-            self._fault_model.faults, seed, n=n, n_wheels=wheels, duration_s=self._fault_model.duration_s
-        )
-        drawn = draw_spacecraft(given, seed, n=n, n_wheels=wheels, period_s=self._period)
-        self.environment = disperse_environment(self._planned, given, seed)
+        if self._drawn is None or self._drawn[0] != seed:
+            self._drawn = seed, *self._draw(seed)
+        _, schedule, drawn, self.environment = self._drawn
         self.mass = drawn.mass_ratio * self._properties.mass
         self.inertia_B = drawn.mass_ratio[:, None, None] * dispersed_inertia(
             self._properties.inertia_B, drawn.second_moment_ratio
@@ -132,6 +130,15 @@ class FaultState:
             self.events.append(event)
             if event.kind == "missed_deployment":
                 self.lost[event.spacecraft] = self._known_lost[event.spacecraft] = True
+
+    def _draw(self, seed: int) -> tuple[tuple[ScheduledFault, ...], Dispersed, Environment]:
+        """What a seed alone decides."""
+        model, n, w = self._fault_model, self._n, len(self._properties.wheel_axes_B)
+        return (
+            draw_schedule(model.faults, seed, n=n, n_wheels=w, duration_s=model.duration_s),
+            draw_spacecraft(model.dispersions, seed, n=n, n_wheels=w, period_s=self._period),
+            disperse_environment(self._planned, model.dispersions, seed),
+        )
 
     def get_state(self) -> dict[str, Any]:
         """What has become of what `reset` drew, a copy."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from swarm_mj.scenarios.schema_faults import WheelFriction, WheelLost, WheelStuck, WheelWeakened
@@ -40,7 +42,7 @@ class WheelSet:
             stuck_speed=np.zeros((n, w)),
             coulomb=coulomb.copy(),
             viscous=viscous.copy(),
-            allocation=np.tile(allocate(self._axes, np.ones(w, np.bool_)), (n, 1, 1)),
+            allocation=np.tile(_by_all(self._axes.tobytes(), w), (n, 1, 1)),
             inertia=relative_inertia(properties, inertia_B),
             motor=np.zeros((n, w)),
             bearing=np.zeros((n, w)),
@@ -106,6 +108,12 @@ class WheelSet:
         left = self._axes[self._healthy[j]]
         rank = int(np.linalg.matrix_rank(left)) if len(left) else 0
         return f"torque shared by {len(left)} wheels, control about {rank} axes"
+
+
+@lru_cache(maxsize=8)
+def _by_all(axes_B: bytes, w: int) -> Array:
+    """See `allocate`, with all wheels healthy; the axes as the bytes of their array."""
+    return allocate(np.frombuffer(axes_B).reshape(w, 3), np.ones(w, np.bool_))
 
 
 def relative_inertia(properties: SpacecraftProperties, inertia_B: Array) -> Array:
