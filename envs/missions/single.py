@@ -138,7 +138,8 @@ body in 60 s; share of the data that Earth hears in a decision; directions of Su
     | missions | 8 | names, how many spread over places and bodies, or "all" |
     | split | "train" | or "test" |
     | max_spacecraft | 3 | n, at most 12 |
-    | patches | 16 | K, a square number |
+    | patches | 16 | K, a square number; up to 49 fit every mission, and where a patch would hold no cell, as in some from 64 \
+on, the mission is refused at its first episode |
     | candidates | None | R, at most K, or None for all patches |
     | decision_s | 20 | length of a step [s], whole seconds that divide 600 |
     | observation | "flat" | or "entities" |

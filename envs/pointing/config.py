@@ -74,6 +74,8 @@ class PointingConfig:
         for name in ("hold_s", "step_s", "steady_s"):
             checked_rate(name, getattr(self, name))
         _within("tolerance_deg", self.largest_error_deg, 0.0, 180.0)
+        if not self.largest_error_deg > 0.0:
+            raise ScenarioError("tolerance_deg = 0: must be above 0, as errors are measured in it")
         _within("start_deg", self.largest_start_deg, 0.0, 180.0)
         _within("rate_deg_s", self.rate_deg_s, 0.0, 90.0)
         _within("wheel_share", self.wheel_share, 0.0, 1.0)
@@ -97,6 +99,11 @@ class PointingConfig:
     @property
     def scales(self) -> PointingScales:
         """Weight of each reward term."""
+        if self.reward_weights is not None and not isinstance(self.reward_weights, Mapping):
+            raise ScenarioError(
+                f"reward_weights = {self.reward_weights!r}: must be a mapping from terms to numbers; "
+                f"terms are {', '.join(WEIGHTS)}"
+            )
         given = dict(self.reward_weights or {})
         if unknown := sorted(set(given) - set(WEIGHTS)):
             raise ScenarioError(f"reward_weights {unknown}: unknown; allowed: {', '.join(WEIGHTS)}")

@@ -152,8 +152,8 @@ thrusters and four wheels are refused |
     | holds | 2 | references in an episode |
     | hold_s | 60 | time for each [s] |
     | step_s | 0.5 | length of a step [s], a multiple of `control.period_s` |
-    | tolerance_deg | None | theta_0; None: 2, with `camera` 5, three pixels |
-    | steady_s | 10 | for how long a reference must be held [s] |
+    | tolerance_deg | None | theta_0, above 0; None: 2, with `camera` 5, three pixels |
+    | steady_s | 10 | for how long a reference must be held [s]; beyond `hold_s` none can be |
     | start_deg | None | largest angle between +z and the body's centre at the start; None: 180, with `camera` 40 |
     | rate_deg_s | 2 | largest component of the body rate at the start |
     | wheel_share | 0.2 | largest wheel speed at the start, over the top speed |
