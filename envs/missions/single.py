@@ -214,10 +214,11 @@ on, the mission is refused at its first episode |
         Raises:
             gymnasium.error.InvalidAction: The action does not lie in the action space.
             gymnasium.error.ResetNeeded: The episode has ended or has not begun.
+            gymnasium.error.ClosedEnvironmentError: The environment was closed.
         """
+        episodes = self.episodes
         if not self._running:
             raise gymnasium.error.ResetNeeded(f"{NAME}: the episode is over or has not begun; call reset first")
-        episodes = self.episodes
         result = episodes.step(check_action(self.action_space, action)[None], np.ones(1, np.bool_))
         terminated, truncated = bool(result.end[0]), bool(result.truncated[0])
         self._running = not (terminated or truncated)

@@ -212,9 +212,9 @@ thrusters and four wheels are refused |
             gymnasium.error.InvalidAction: The action does not lie in the action space.
             gymnasium.error.ResetNeeded: The episode has ended or has not begun.
         """
+        batch = self.batch
         if not self._running:
             raise gymnasium.error.ResetNeeded(f"{NAME}: the episode is over or has not begun; call reset first")
-        batch = self.batch
         batch.step(check_action(self.action_space, action)[None])
         truncated = bool(batch.over()[0])
         self._running = not truncated

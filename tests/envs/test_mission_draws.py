@@ -2,6 +2,7 @@
 
 import re
 
+import gymnasium
 import numpy as np
 import pytest
 from swarm_mj.envs.arguments import flight_seed
@@ -102,3 +103,10 @@ def test_numbers_of_missions_may_be_those_of_numpy():
 def test_an_unknown_option_of_reset_is_told_all_that_there_are():
     with pytest.raises(ScenarioError, match=r"reset options \['draws'\]: unknown; allowed: flight_seed, draw$"):
         flight_seed({"draws": {}}, 1, ["draw"])
+
+
+def test_a_step_of_a_closed_environment_says_that_it_is_closed():
+    env = gymnasium.make("swarm_mj.envs:SwarmObserve-v1", missions=["ellipsoid-train-1"]).unwrapped
+    env.close()
+    with pytest.raises(gymnasium.error.ClosedEnvironmentError, match="SwarmObserve-v1 was closed; make it anew"):
+        env.step(np.zeros(3, np.int64))
