@@ -49,6 +49,7 @@ class EpisodeBatch(EpisodeState):
         self.why_python = task.simulation.why_not_compiled(law)
         flights = self._python_batch(task, count) if self.why_python else self._compiled_batch(task, count, law)
         super().__init__(task, flights)
+        self._total_area = task.patches.cell_area.sum()
         self._constants = task.step_constants(continues_after_impact=continues_after_impact)
 
     def _compiled_batch(self, task: Task, count: int, law: Controller | None) -> CompiledBatch:
@@ -196,6 +197,6 @@ class EpisodeBatch(EpisodeState):
 
     def update_percent(self, e: int) -> None:
         """Bring the seen share of a flight up to date."""
-        area = self.task.plan.region.area
         # From the cells, so that the order in which they were seen does not matter.
-        self.totals.percent[e] = 100.0 * float(area[self.totals.seen[e]].sum() / area.sum())
+        area = self.task.patches.cell_area[self.totals.seen[e]].sum()
+        self.totals.percent[e] = 100.0 * float(area / self._total_area)

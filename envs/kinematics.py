@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from swarm_mj.spacecraft.attitude.algebra import Quaternion, quaternion, rotate
-from swarm_mj.typing import Array, Ints, Mask, kernel
+from swarm_mj.typing import Array, Ints, Mask, kernel, lean
 
 
 class Kinematics(NamedTuple):
@@ -100,7 +100,7 @@ def no_estimate(count: int, n: int) -> AttitudeEstimate:
     return AttitudeEstimate(np.zeros((count, n, 4)), np.zeros((count, n, 3)), np.zeros((count, n, 3, 3)))
 
 
-@kernel
+@lean
 def update_rotations(body: BodyRotation, now: Kinematics, live: Mask, finite: Mask) -> None:
     """Work out C_AN, r_A and C_BN of the live flights, shape (E,), from time, positions and attitudes.
 
@@ -114,7 +114,7 @@ def update_rotations(body: BodyRotation, now: Kinematics, live: Mask, finite: Ma
         finite[e] = live[e] and _update_flight(body, now, e)
 
 
-@kernel
+@lean
 def _update_flight(body: BodyRotation, now: Kinematics, e: int) -> bool:
     phase = body.phase0 + body.spin_rate * now.t[e]
     c, s = np.cos(phase), np.sin(phase)
@@ -134,7 +134,7 @@ def _update_flight(body: BodyRotation, now: Kinematics, e: int) -> bool:
     return np.isfinite(total)
 
 
-@kernel
+@lean
 def copy_truth(now: Kinematics, estimate: AttitudeEstimate, live: Mask) -> None:
     """Let the estimate of the live flights, shape (E,), be the truth."""
     for e in range(live.shape[0]):
@@ -157,7 +157,7 @@ def update_estimated_rotations(estimate: AttitudeEstimate, flights: Mask) -> Non
                 write_dcm(quaternion(estimate.q[e], j), estimate.C_BN[e, j])
 
 
-@kernel
+@lean
 def write_dcm(q: Quaternion, C: Array) -> None:
     """Write the rotation from N to B, shape (3, 3), of an attitude q_BN."""
     inverse = (q[0], -q[1], -q[2], -q[3])

@@ -13,7 +13,7 @@ from gymnasium import spaces
 from swarm_mj.flight.plan import Plan
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.observation.capture import takes_picture
-from swarm_mj.typing import Array, Array32, Ints, Mask, kernel
+from swarm_mj.typing import Array, Array32, Ints, Mask, lean
 
 from .kinematics import AttitudeEstimate, Kinematics, Tracking
 from .totals import EpisodeTotals
@@ -136,7 +136,7 @@ class ObservationConstants(NamedTuple):
     high: Array32
 
 
-@kernel
+@lean
 def write_observations(
     constants: ObservationConstants,
     now: Kinematics,
@@ -171,7 +171,7 @@ def write_observations(
                 out[i] = min(max(out[i], constants.low[i]), constants.high[i])
 
 
-@kernel
+@lean
 def _write_motion(
     constants: ObservationConstants,
     now: Kinematics,
@@ -196,7 +196,7 @@ def _write_motion(
         out[_WHEEL_SPEED + w] = now.wheel[e, j, w] / constants.wheel_speed_rad_s
 
 
-@kernel
+@lean
 def _write_activity(
     constants: ObservationConstants, tracking: Tracking, totals: EpisodeTotals, e: int, j: int, out: Array32
 ) -> None:
@@ -208,7 +208,7 @@ def _write_activity(
     out[_ROLE + kind] = 1.0
 
 
-@kernel
+@lean
 def _write_coverage(constants: ObservationConstants, t: float, totals: EpisodeTotals, e: int, out: Array32) -> None:
     patches = constants.patch_area.shape[0]
     for k in range(patches):

@@ -11,7 +11,7 @@ from swarm_mj.observation.capture import takes_picture
 from swarm_mj.observation.horizon import sight_of
 from swarm_mj.observation.horizon_kernels import Scene, new_cells
 from swarm_mj.spacecraft.attitude.algebra import relative_dcm
-from swarm_mj.typing import Array, Ints, Mask, kernel
+from swarm_mj.typing import Array, Ints, Mask, lean
 
 from .kinematics import Kinematics
 from .totals import EpisodeTotals, record_cells
@@ -56,7 +56,7 @@ def nothing_gained(scene: Scene, area: Array, n: int) -> Gained:
     return Gained(area, doubt, new, np.empty(samples, np.int8), np.empty((3, 3)))
 
 
-@kernel
+@lean
 def take_pictures(
     scene: Scene,
     constants: PictureConstants,

@@ -16,7 +16,7 @@ from swarm_mj.mission.links import Beams, Bearing, link_closed
 from swarm_mj.scenarios.constants import DAY, SPEED_OF_LIGHT
 from swarm_mj.smallbody.ephemeris import julian_date
 from swarm_mj.smallbody.occultation import Occluder
-from swarm_mj.typing import Array, Mask, jittable, kernel
+from swarm_mj.typing import Array, Mask, jittable, lean
 
 from .kinematics import Kinematics, Tracking
 from .totals import EpisodeTotals, room
@@ -86,7 +86,7 @@ def _radios(plan: Plan) -> Radios:
     return radios_from(plan.scenario.link, antennas_from(plan.scenario).beams)
 
 
-@kernel
+@lean
 def transmit(
     constants: RadioConstants,
     body: Occluder,
@@ -121,7 +121,7 @@ def transmit(
             totals.delivered[e] += received[e]
 
 
-@kernel
+@lean
 def _send_to_spacecraft(
     constants: RadioConstants, now: Kinematics, tracking: Tracking, totals: EpisodeTotals, e: int
 ) -> None:
@@ -138,7 +138,7 @@ def _send_to_spacecraft(
             stored[to] += sent
 
 
-@kernel
+@lean
 def _send_to_earth(
     constants: RadioConstants, now: Kinematics, tracking: Tracking, totals: EpisodeTotals, e: int
 ) -> float:

@@ -13,7 +13,7 @@ import numpy as np
 
 from swarm_mj.errors import ScenarioError
 from swarm_mj.smallbody.occultation import Occluder, way_blocked
-from swarm_mj.typing import Array, Array32, Ints, Mask, kernel
+from swarm_mj.typing import Array, Array32, Ints, Mask, lean
 
 from .arguments import is_number
 from .kinematics import Kinematics
@@ -128,7 +128,7 @@ class HazardLimits(NamedTuple):
     separation_grace_s: float
 
 
-@kernel
+@lean
 def measure_hazards(
     limits: HazardLimits,
     body: Occluder,
@@ -162,7 +162,7 @@ def measure_hazards(
                 hazards.hit[e, j] = flies and way_blocked(before.r_A[e, j], now.r_A[e, j], body)
 
 
-@kernel
+@lean
 def _saturation(wheel: Array, top_speed: float) -> float:
     total, n, wheels = 0.0, wheel.shape[0], wheel.shape[1]
     for j in range(n):
@@ -172,7 +172,7 @@ def _saturation(wheel: Array, top_speed: float) -> float:
     return total / (n * wheels)
 
 
-@kernel
+@lean
 def _close_pairs(before_N: Array, now_N: Array, lost: Mask, least: float) -> float:
     """Share of the pairs that came closer than `least` [m]; the relative motion within the step is taken as straight."""
     n, near = now_N.shape[0], 0
@@ -279,7 +279,7 @@ def no_outcome(observation: Array32, n: int) -> Outcome:
     return Outcome(observation, zero[7], Hazards(zero[8], zero[9], hit), result)
 
 
-@kernel
+@lean
 def compute_rewards(
     constants: RewardConstants,
     flown: Flown,
@@ -317,7 +317,7 @@ def compute_rewards(
             result.reward[e] += term[e]
 
 
-@kernel
+@lean
 def _write_terms(
     constants: RewardConstants, flown: Flown, delivered: float, hazards: Hazards, e: int, terms: RewardTerms
 ) -> None:
@@ -334,7 +334,7 @@ def _write_terms(
     terms.loss[e] = scales.loss * (losses if constants.continues_after_impact else min(1, hits))
 
 
-@kernel
+@lean
 def _end(constants: RewardConstants, hit: Mask, totals: EpisodeTotals, e: int) -> int:
     """The number in `ENDS` of how a flight with a finite state ends, 0 if it goes on."""
     any_hit, alive, aboard = False, 0, 0.0

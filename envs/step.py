@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from swarm_mj.smallbody.occultation import Occluder
-from swarm_mj.typing import kernel
+from swarm_mj.typing import lean
 
 from .kinematics import AttitudeEstimate, Kinematics, Tracking
 from .observations import ObservationConstants, write_observations
@@ -36,7 +36,7 @@ class StepConstants(NamedTuple):
     reward: RewardConstants
 
 
-@kernel
+@lean
 def finish_step(
     constants: StepConstants,
     before: Kinematics,

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from swarm_mj.typing import Array, Ints, Mask, jittable, kernel
+from swarm_mj.typing import Array, Ints, Mask, jittable, lean
 
 
 class EpisodeTotals(NamedTuple):
@@ -70,7 +70,7 @@ def room(totals: EpisodeTotals, e: int, j: int, storage_bit: float) -> float:
     return max(0.0, storage_bit - totals.stored[e, j])
 
 
-@kernel
+@lean
 def record_cells(
     totals: EpisodeTotals, e: int, j: int, new: Mask, t: float, area: float, bits: float, storage_bit: float
 ) -> None:

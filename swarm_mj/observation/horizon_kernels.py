@@ -16,7 +16,7 @@ from swarm_mj.observation.camera import Optics
 from swarm_mj.observation.capture import Limits, ObservationCriterion, keeps_limits, pixels_on, shows_enough
 from swarm_mj.observation.horizon import Horizon, HorizonObserver, Sight, look_at_cell
 from swarm_mj.spacecraft.attitude.algebra import Vector, dot
-from swarm_mj.typing import Array, Mask, kernel
+from swarm_mj.typing import Array, Mask, lean
 
 
 class Scene(NamedTuple):
@@ -80,7 +80,7 @@ def make_scene(observer: HorizonObserver, criterion: ObservationCriterion) -> Sc
     )
 
 
-@kernel
+@lean
 def new_cells(
     scene: Scene, camera: Sight, seen: Mask, new: Mask, answer: NDArray[np.int8]
 ) -> tuple[float, float, bool]:
@@ -122,18 +122,18 @@ def new_cells(
     return area, pixels, doubt
 
 
-@kernel
+@lean
 def _cell(cells: Array, i: int) -> Cell:
     centroid_A, normal_A = (cells[i, 0], cells[i, 1], cells[i, 2]), (cells[i, 3], cells[i, 4], cells[i, 5])
     return Cell(centroid_A, normal_A, cells[i, 6], cells[i, 7])
 
 
-@kernel
+@lean
 def _difference(a: Vector, b: Vector) -> Vector:
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
-@kernel
+@lean
 def _beside(camera: Sight, way: Vector, radius: float) -> bool:
     """Whether a ball lies beside the field of view, the camera being at `way` from its centre: then its cell does, too."""
     optics = camera.optics

@@ -13,13 +13,14 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from numba import types
 
 from swarm_mj.errors import PluginError, SimulationError
 from swarm_mj.mission.behaviors import Behavior, SwarmView, Targets
 from swarm_mj.simulator.batch import Batch
 from swarm_mj.simulator.batch_conditions import BatchConditions
 from swarm_mj.simulator.fast import flight_kernels
-from swarm_mj.simulator.fast.bound_calls import BoundCall
+from swarm_mj.simulator.fast.bound_calls import BoundCall, call_at
 from swarm_mj.simulator.fast.conditions import CONDITION
 from swarm_mj.simulator.fast.flight_kernels import (
     ADVANCE,
@@ -38,7 +39,7 @@ from swarm_mj.simulator.plugin_calls import BehaviorCalls, divergence_of, view_o
 from swarm_mj.simulator.simulation import Simulation
 from swarm_mj.simulator.slots import Slot
 from swarm_mj.spacecraft.control.base import Controller
-from swarm_mj.typing import Array, Ints, Mask
+from swarm_mj.typing import Array, Ints, Mask, kernel
 
 #: Ticks of a flight for which the flights of a batch share what gravity is where they are; memory comes as it is used.
 REMEMBERED = 16_384
@@ -87,6 +88,9 @@ class CompiledBatch(Batch):
             self._datas = list(self._wrong.datas)
             self._records, self._conditions = self._wrong.records, self._wrong.conditions
         self._behaviors = None if behaviors is None else BehaviorCalls(behaviors, self.period)
+        self._shared = (self._world, self._flights, self._records, self._conditions, self._timesteps)
+        free = (types.int64, types.boolean[::1], types.int64[::1])
+        self._call = BoundCall(flight_kernels.fly, self._shared, free)
         self._everyone, self._nobody = np.ones(count, np.bool_), np.zeros(count, np.bool_)
         self._never = np.full(count, NEVER, np.int64)
         self.qpos, self.qvel = self._flights.qpos, self._flights.qvel
@@ -213,8 +217,7 @@ class CompiledBatch(Batch):
         """
         if self._wrong is not None or self._behaviors is not None:
             return None
-        shared = (self._world, self._flights, self._records, self._conditions, self._timesteps)
-        return BoundCall(flight_kernels.fly, (*shared, part, live, until))
+        return BoundCall(flight_kernels.fly, (*self._shared, part, live, until))
 
     def find_causes(self, live: Mask) -> None:
         """Say why flights have diverged, in `causes`."""
@@ -226,9 +229,7 @@ class CompiledBatch(Batch):
             until = np.minimum(until, self._behaviors.due)
         if part & DECIDE and self._wrong is not None:
             until = self._wrong.limit(live, self.tick, until)
-        outcome: int = flight_kernels.fly(
-            self._world, self._flights, self._records, self._conditions, self._timesteps, part, live, until
-        )
+        outcome: int = _fly_bound(self._call, self._call.at, part, live, until)
         return outcome
 
     def _ask(self, live: Mask) -> None:
@@ -264,3 +265,10 @@ class CompiledBatch(Batch):
     def _divergence(self, e: int) -> str:
         state, t = np.hstack((self._q[e], self._v[e])), float(self.tick[e] * self.period)
         return divergence_of(state, self.torque_B[e], self._controller, self.model.names, t)
+
+
+@kernel
+def _fly_bound(flights: BoundCall, at: Ints, part: int, live: Mask, until: Ints) -> int:
+    """Fly flights that `fly` is bound to, see there; nothing is handed over again, and no references are counted."""
+    outcome: int = call_at(flights, at, (part, live, until))
+    return outcome

@@ -8,13 +8,13 @@ the equations of Schaub and Junkins, Analytical Mechanics of Space Systems, sect
 
 from __future__ import annotations
 
-from swarm_mj.typing import Array, kernel
+from swarm_mj.typing import Array, lean
 
 #: qpos and qvel of one spacecraft without wheel joints: a free joint.
 NQ_FREE, NV_FREE = 7, 6
 
 
-@kernel
+@lean
 def with_wheels(
     qpos: Array, qvel: Array, momentum: Array, spin_inertia: float, axes: Array, qpos_wheels: Array, qvel_wheels: Array
 ) -> None:

@@ -14,11 +14,12 @@ from typing import Any, TypeAlias
 
 import numpy as np
 from llvmlite import ir
-from numba import carray, cfunc, from_dtype, types
+from numba import cfunc, from_dtype, types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from swarm_mj.simulator.fast.kernels import weigh
+from swarm_mj.simulator.fast.mj_memory import array_of, numbers_at
 from swarm_mj.simulator.faults.attitude_filter import Assumed, FilterState, Sensors
 from swarm_mj.simulator.faults.sensing_kernels import Count, Knowledge, sense
 from swarm_mj.simulator.faults.wheels import WheelState, drive
@@ -69,41 +70,30 @@ def described(arrays: Mapping[str, Array], known: Knowledge, **numbers: float) -
     return tuple(values[name] for name in _FIELDS)
 
 
-def _pointer(kind: Any) -> Any:
-    @intrinsic
-    def pointer(typing_context: Any, address: Any) -> tuple[Any, Any]:
-        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            return builder.inttoptr(arguments[0], context.get_value_type(signature.return_type))
-
-        return types.CPointer(kind)(types.int64), generate
-
-    return pointer
-
-
-_numbers, _whole, _flags = (_pointer(kind) for kind in (types.float64, types.int64, types.boolean))
+_numbers, _whole, _flags = numbers_at, array_of(types.int64), array_of(types.boolean)
 
 
 @jittable
 def weigh_flight(conditions: Conditions, e: int, hub: Ints, xfrc: Array) -> None:
     """Let gravity pull with the true masses, where a flight has conditions; see `kernels.weigh`."""
     if conditions[e].command != 0:
-        weigh(carray(_numbers(conditions[e].mass_ratio), conditions[e].n), hub, xfrc)
+        weigh(_numbers(conditions[e].mass_ratio, conditions[e].n), hub, xfrc)
 
 
-@jittable
+@inlined
 def inertia_of(conditions: Conditions, e: int, planned: Array) -> Array:
     """True inertias of a flight, shape (n, 3, 3) [kg m^2]."""
     if conditions[e].command == 0:
         return planned
-    return carray(_numbers(conditions[e].inertia_B), planned.shape)
+    return _numbers(conditions[e].inertia_B, planned.shape)
 
 
-@jittable
+@inlined
 def series_of(conditions: Conditions, e: int, planned: Array) -> Array:
     """Coefficients of the harmonics of a flight's gravity field."""
     if conditions[e].series == 0:
         return planned
-    return carray(_numbers(conditions[e].series), planned.shape)
+    return _numbers(conditions[e].series, planned.shape)
 
 
 @jittable
@@ -117,7 +107,7 @@ def remember(conditions: Conditions, e: int, qvel: Array, r_N: Array) -> None:
         r_N: Positions, shape (n, 3) [m].
     """
     n, w = conditions[e].n, conditions[e].w
-    speed, last_r = carray(_numbers(conditions[e].wheel_speed), (n, w)), carray(_numbers(conditions[e].last_r), (n, 3))
+    speed, last_r = _numbers(conditions[e].wheel_speed, (n, w)), _numbers(conditions[e].last_r, (n, 3))
     for j in range(n):
         for k in range(3):
             last_r[j, k] = r_N[j, k]
@@ -142,32 +132,32 @@ def noise_left(conditions: Conditions, live: Mask, tick: Ints, until: Ints, dry:
     for e in range(live.shape[0]):
         dry[e] = False
         if live[e] and conditions[e].estimating != 0:
-            left = conditions[e].noise_rows - carray(_whole(conditions[e].counts), 3)[Count.NOISE]
+            left = conditions[e].noise_rows - _whole(conditions[e].counts, 3)[Count.NOISE]
             until[e], dry[e] = min(until[e], tick[e] + left), left == 0
     return bool(dry.any())
 
 
-@jittable
+@inlined
 def known_attitudes(conditions: Conditions, e: int, q_BN: Array) -> Array:
     """Attitudes that the controller of a flight is given, shape (n, 4): the truth unless sensors err."""
     if conditions[e].sense == 0:
         return q_BN
-    return carray(_numbers(conditions[e].q_known), q_BN.shape)
+    return _numbers(conditions[e].q_known, q_BN.shape)
 
 
 @inlined
 def _wheels_of(at: Any) -> WheelState:
     n, w = at.n, at.w
     return WheelState(
-        carray(_numbers(at.effectiveness), (n, w)),
-        carray(_flags(at.stuck), (n, w)),
-        carray(_numbers(at.stuck_speed), (n, w)),
-        carray(_numbers(at.coulomb), (n, w)),
-        carray(_numbers(at.viscous), (n, w)),
-        carray(_numbers(at.allocation), (n, w, 3)),
-        carray(_numbers(at.inertia), (n, w)),
-        carray(_numbers(at.motor), (n, w)),
-        carray(_numbers(at.bearing), (n, w)),
+        _numbers(at.effectiveness, (n, w)),
+        _flags(at.stuck, (n, w)),
+        _numbers(at.stuck_speed, (n, w)),
+        _numbers(at.coulomb, (n, w)),
+        _numbers(at.viscous, (n, w)),
+        _numbers(at.allocation, (n, w, 3)),
+        _numbers(at.inertia, (n, w)),
+        _numbers(at.motor, (n, w)),
+        _numbers(at.bearing, (n, w)),
     )
 
 
@@ -176,34 +166,34 @@ def _knowledge_of(at: Any, n: int) -> Knowledge:
     return Knowledge(
         at.estimating,
         Sensors(
-            carray(_numbers(at.gyro_noise), n),
-            carray(_numbers(at.bias_walk), n),
-            carray(_numbers(at.star_tracker_noise), n),
-            carray(_numbers(at.gyro_offset), (n, 3)),
-            carray(_numbers(at.star_tracker_offset), (n, 3)),
-            carray(_flags(at.gyro_works), n),
-            carray(_flags(at.star_tracker_works), n),
+            _numbers(at.gyro_noise, n),
+            _numbers(at.bias_walk, n),
+            _numbers(at.star_tracker_noise, n),
+            _numbers(at.gyro_offset, (n, 3)),
+            _numbers(at.star_tracker_offset, (n, 3)),
+            _flags(at.gyro_works, n),
+            _flags(at.star_tracker_works, n),
         ),
         Assumed(at.assumed_gyro_noise, at.assumed_bias_walk, at.assumed_star_tracker_noise, at.assumed_initial_bias),
         FilterState(
-            carray(_numbers(at.filter_q_BN), (n, 4)),
-            carray(_numbers(at.filter_bias), (n, 3)),
-            carray(_numbers(at.filter_covariance), (n, 6, 6)),
-            carray(_numbers(at.filter_omega_BN_B), (n, 3)),
-            carray(_numbers(at.filter_true_bias), (n, 3)),
-            carray(_numbers(at.filter_q_before), (n, 4)),
-            carray(_numbers(at.filter_q_tracked), (n, 4)),
-            carray(_flags(at.filter_tracked), n),
-            carray(_flags(at.filter_started), n),
-            carray(_numbers(at.filter_work), (n, 3, 3, 3)),
+            _numbers(at.filter_q_BN, (n, 4)),
+            _numbers(at.filter_bias, (n, 3)),
+            _numbers(at.filter_covariance, (n, 6, 6)),
+            _numbers(at.filter_omega_BN_B, (n, 3)),
+            _numbers(at.filter_true_bias, (n, 3)),
+            _numbers(at.filter_q_before, (n, 4)),
+            _numbers(at.filter_q_tracked, (n, 4)),
+            _flags(at.filter_tracked, n),
+            _flags(at.filter_started, n),
+            _numbers(at.filter_work, (n, 3, 3, 3)),
         ),
-        carray(_numbers(at.noise), (at.noise_rows, n, 3, 3)),
-        carray(_whole(at.counts), 3),
-        carray(_whole(at.delay), n),
-        carray(_numbers(at.q_past), (at.readings, n, 4)),
-        carray(_numbers(at.omega_past), (at.readings, n, 3)),
-        carray(_numbers(at.q_known), (n, 4)),
-        carray(_numbers(at.omega_known), (n, 3)),
+        _numbers(at.noise, (at.noise_rows, n, 3, 3)),
+        _whole(at.counts, 3),
+        _whole(at.delay, n),
+        _numbers(at.q_past, (at.readings, n, 4)),
+        _numbers(at.omega_past, (at.readings, n, 3)),
+        _numbers(at.q_known, (n, 4)),
+        _numbers(at.omega_known, (n, 3)),
     )
 
 
@@ -228,7 +218,7 @@ def _sense(conditions: Conditions, e: int, tick: int, period: float, q_BN: Array
 def _command(conditions: Conditions, e: int, torque_B: Array, released: Mask, ctrl: Array, peaks: Array) -> float:
     at = conditions[e]
     n, w = at.n, at.w
-    wheels, speed, dead = _wheels_of(at), carray(_numbers(at.wheel_speed), (n, w)), carray(_flags(at.dead), n)
+    wheels, speed, dead = _wheels_of(at), _numbers(at.wheel_speed, (n, w)), _flags(at.dead, n)
     drive(torque_B, wheels, speed, at.period, at.max_torque, at.max_speed, dead, peaks)
     effort = 0.0
     for j in range(n):

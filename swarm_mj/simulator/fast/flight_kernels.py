@@ -35,7 +35,7 @@ from swarm_mj.simulator.slots import Slot
 from swarm_mj.smallbody.gravity.compiled import write_attraction
 from swarm_mj.smallbody.perturbations import add_perturbations
 from swarm_mj.spacecraft.control.compiled import call_law
-from swarm_mj.typing import Array, Ints, Mask, inlined, jittable, kernel
+from swarm_mj.typing import Array, Ints, Mask, inlined, jittable, kernel, lean
 
 #: What came of a decision, the worst last.
 FINE, NOT_FINITE, NO_SUCH_TARGET = 0, 1, 2
@@ -44,7 +44,7 @@ DECIDE, ADVANCE = 1, 2
 WHOLE = DECIDE | ADVANCE
 
 
-@kernel
+@lean
 def fly(
     world: World,
     flights: Flights,
@@ -97,7 +97,8 @@ def fly(
 def _decide(world: World, flights: Flights, conditions: Conditions, e: int, mj: MjView) -> int:
     """Set forces and motor torques of the coming hold of one flight."""
     work, torque_B, t = flights.work[e], flights.torque_B[e], flights.tick[e] * world.period
-    flights.finite[e] = _read(world, flights, e, t)
+    _turn_frames(world, flights, e, mj)
+    flights.finite[e] = _read(world, flights, e)
     if not flights.finite[e]:
         return NOT_FINITE
     planned, own_sensors = conditions[e].command == 0, conditions[e].sense
@@ -149,10 +150,32 @@ def _are_finite(torque_B: Array, released: Mask) -> bool:
 
 
 @inlined
-def _read(world: World, flights: Flights, e: int, t: float) -> bool:
-    phase, half_hold, C_mid = world.phase0 + world.spin_rate * t, 0.5 * world.period, flights.C_mid[e]
-    turn_frames(world.C_PN, phase, half_hold * world.spin_rate, flights.C_AN[e], C_mid)
-    qpos, qvel, inertia, axes_B = flights.qpos[e], flights.qvel[e], world.wheel_inertia, world.wheel_axes_B
+def _turn_frames(world: World, flights: Flights, e: int, mj: MjView) -> None:
+    """Write C_AN, C_mid and the body's attitude; remembered, because they are the same in all flights at a tick."""
+    tick, known, C_AN, C_mid = flights.tick[e], world.frames, flights.C_AN[e], flights.C_mid[e]
+    q = mj.asteroid_quat
+    if tick >= known.shape[0] or known[tick, 22] == 0.0:
+        phase = world.phase0 + world.spin_rate * (tick * world.period)
+        turn_frames(world.C_PN, phase, 0.5 * world.period * world.spin_rate, C_AN, C_mid)
+        write_body_quaternion(world.q_P, phase, q)
+        if tick < known.shape[0]:
+            for k in range(9):
+                known[tick, k], known[tick, 9 + k] = C_AN[k // 3, k % 3], C_mid[k // 3, k % 3]
+            for k in range(4):
+                known[tick, 18 + k] = q[k]
+            known[tick, 22] = 1.0
+    else:
+        for i in range(3):
+            for k in range(3):
+                C_AN[i, k], C_mid[i, k] = known[tick, 3 * i + k], known[tick, 9 + 3 * i + k]
+        for k in range(4):
+            q[k] = known[tick, 18 + k]
+
+
+@inlined
+def _read(world: World, flights: Flights, e: int) -> bool:
+    half_hold, C_mid, qpos, qvel = 0.5 * world.period, flights.C_mid[e], flights.qpos[e], flights.qvel[e]
+    inertia, axes_B = world.wheel_inertia, world.wheel_axes_B
     return read_state(qpos, qvel, C_mid, half_hold, inertia, axes_B, flights.q_BN[e], flights.work[e])
 
 
@@ -178,7 +201,6 @@ def _hold_forces(world: World, flights: Flights, conditions: Conditions, e: int,
             if not flights.released[e, j]:
                 for k in range(3):
                     forces[world.hub[j], 3 + k] = 0.0
-    write_body_quaternion(world.q_P, world.phase0 + world.spin_rate * t, mj.asteroid_quat)
 
 
 @jittable
@@ -247,7 +269,7 @@ def _ask_law(world: World, work: Array, torque_B: Array) -> None:
     )
 
 
-@kernel
+@lean
 def split_states(qpos: Array, qvel: Array, r: Array, v: Array, q: Array, omega: Array, wheel: Array) -> None:
     """Copy states, shape (E, n, 7 + w) and (E, n, 6 + w), to positions, velocities, attitudes, rates and wheel speeds."""
     for e in range(qpos.shape[0]):

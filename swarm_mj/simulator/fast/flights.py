@@ -38,6 +38,7 @@ class World(NamedTuple):
         field: The gravity field.
         pulls: Places in A [m] and the accelerations there [m/s^2] that were last found at every tick, shape (T, n, 6): where no
             action moves the flights, gravity is evaluated for the first of them alone. Empty: it always is.
+        frames: C_AN, C_mid and the attitude of A at every tick, and 1 where they are known, shape (T, 23); see `pulls`.
         gradient_gm: Gravitational parameter whose gradient turns the spacecraft [m^3/s^2]; 0: none does.
         wheel_inertia: Spin inertia of a wheel [kg m^2].
         wheel_axes_B: Rows, shape (w, 3).
@@ -66,6 +67,7 @@ class World(NamedTuple):
     sunlight: Sunlight
     field: CompiledField
     pulls: Array
+    frames: Array
     gradient_gm: float
     wheel_inertia: float
     wheel_axes_B: Array

@@ -12,11 +12,10 @@ MuJoCo's arrays, so that whoever looks at an MjData sees the flight; nothing of 
 from __future__ import annotations
 
 from math import cos, sin, sqrt
+from typing import Any
 
 from swarm_mj.simulator.fast.mj_memory import MjView
 from swarm_mj.spacecraft.attitude.algebra import (
-    Quaternion,
-    Vector,
     combine,
     conjugate,
     cross,
@@ -25,7 +24,9 @@ from swarm_mj.spacecraft.attitude.algebra import (
     product,
     rotate,
     scaled,
+    select_each,
 )
+from swarm_mj.spacecraft.attitude.lanes import column, number, put_numbers, select, some, width
 from swarm_mj.typing import Array, inlined, jittable
 
 #: Squares of half an angle below which the series of sine and cosine are exact to rounding, their next terms below 1e-16.
@@ -37,37 +38,46 @@ def step_gyrostats(mj: MjView, nstep: int) -> None:
     """Integrate `nstep` timesteps of every spacecraft with motor torques and applied forces held."""
     axes, dt = mj.wheel_axes_B, mj.timestep
     hold = nstep * dt
-    for j in range(mj.qpos.shape[0] // 7):
+    for j in range(0, mj.qpos.shape[0] // 7, width()):
         p, v, w, hub = 7 * j, 6 * j, 3 * j, mj.first_hub + j
-        force = mj.xfrc_applied[hub]
-        for k in range(3):
-            acceleration = force[k] / mj.body_mass[hub]
-            mj.qpos[p + k] += hold * (mj.qvel[v + k] + 0.5 * hold * acceleration)
-            mj.qvel[v + k] += hold * acceleration
-        J = (mj.body_inertia[hub, 0], mj.body_inertia[hub, 1], mj.body_inertia[hub, 2])
-        q = (mj.qpos[p + 3], mj.qpos[p + 4], mj.qpos[p + 5], mj.qpos[p + 6])
-        omega = (mj.qvel[v + 3], mj.qvel[v + 4], mj.qvel[v + 5])
-        h = _on_axes(axes, mj.act[w], mj.act[w + 1], mj.act[w + 2])
-        u0, u1, u2 = _motor(mj, w), _motor(mj, w + 1), _motor(mj, w + 2)
-        u, tau_N = _on_axes(axes, u0, u1, u2), (force[3], force[4], force[5])
+        mass, r, speed = number(mj.body_mass, hub, 1), _three(mj.qpos, p, 7), _three(mj.qvel, v, 6)
+        force, tau_N = _columns(mj.xfrc_applied, hub, 0), _columns(mj.xfrc_applied, hub, 3)
+        a = (force[0] / mass, force[1] / mass, force[2] / mass)
+        put_numbers(mj.qpos, p, 7, combine(1.0, r, hold, combine(1.0, speed, 0.5 * hold, a)))
+        put_numbers(mj.qvel, v, 6, combine(1.0, speed, hold, a))
+        J, omega = _columns(mj.body_inertia, hub, 0), _three(mj.qvel, v + 3, 6)
+        x, y, z = _three(mj.qpos, p + 4, 7)
+        q, momenta = (number(mj.qpos, p + 3, 7), x, y, z), _three(mj.act, w, 3)
+        motors = (_motor(mj, w), _motor(mj, w + 1), _motor(mj, w + 2))
+        h, u = _on_axes(axes, momenta), _on_axes(axes, motors)
         for _ in range(nstep):
             q, omega = _turn(q, omega, h, u, tau_N, J, dt)
             h = combine(1.0, h, dt, u)
-        mj.qpos[p + 3], mj.qpos[p + 4], mj.qpos[p + 5], mj.qpos[p + 6] = q
-        mj.qvel[v + 3], mj.qvel[v + 4], mj.qvel[v + 5] = omega
-        mj.act[w] += hold * u0
-        mj.act[w + 1] += hold * u1
-        mj.act[w + 2] += hold * u2
+        put_numbers(mj.qpos, p + 3, 7, q)
+        put_numbers(mj.qvel, v + 3, 6, omega)
+        put_numbers(mj.act, w, 3, combine(1.0, momenta, hold, motors))
 
 
 @jittable
-def _motor(mj: MjView, w: int) -> float:
-    return min(mj.ctrlrange[w, 1], max(mj.ctrlrange[w, 0], mj.ctrl[w]))
+def _three(values: Array, first: int, step: int) -> Any:
+    return number(values, first, step), number(values, first + 1, step), number(values, first + 2, step)
 
 
 @jittable
-def _on_axes(axes: Array, a: float, b: float, c: float) -> Vector:
+def _columns(rows: Array, first: int, k: int) -> Any:
+    return column(rows, first, 1, k), column(rows, first, 1, k + 1), column(rows, first, 1, k + 2)
+
+
+@jittable
+def _motor(mj: MjView, w: int) -> Any:
+    least, most = column(mj.ctrlrange, w, 3, 0), column(mj.ctrlrange, w, 3, 1)
+    return min(most, max(least, number(mj.ctrl, w, 3)))
+
+
+@jittable
+def _on_axes(axes: Array, along: Any) -> Any:
     """Sum of what is along each wheel's axis, in B."""
+    a, b, c = along
     return (
         axes[0, 0] * a + axes[1, 0] * b + axes[2, 0] * c,
         axes[0, 1] * a + axes[1, 1] * b + axes[2, 1] * c,
@@ -76,9 +86,7 @@ def _on_axes(axes: Array, a: float, b: float, c: float) -> Vector:
 
 
 @jittable
-def _turn(
-    q: Quaternion, omega: Vector, h: Vector, u: Vector, tau_N: Vector, J: Vector, dt: float
-) -> tuple[Quaternion, Vector]:
+def _turn(q: Any, omega: Any, h: Any, u: Any, tau_N: Any, J: Any, dt: float) -> Any:
     """One timestep of the attitude and the body rate.
 
     Args:
@@ -109,41 +117,42 @@ def _turn(
 
 
 @jittable
-def _simpson(a: Vector, b: Vector, c: Vector, d: Vector) -> Vector:
+def _simpson(a: Any, b: Any, c: Any, d: Any) -> Any:
     """Mean of four stages of the Runge-Kutta method."""
     return combine(1.0 / 6.0, combine(1.0, a, 1.0, d), 1.0 / 3.0, combine(1.0, b, 1.0, c))
 
 
 @jittable
-def _in_body(q: Quaternion, rate: Vector, dt: float, tau_N: Vector) -> Vector:
+def _in_body(q: Any, rate: Any, dt: float, tau_N: Any) -> Any:
     """A torque in B at a stage that is turned from q by the rotation vector rate dt; nothing is turned for none."""
-    if tau_N[0] == 0.0 and tau_N[1] == 0.0 and tau_N[2] == 0.0:
-        return tau_N
-    return rotate(conjugate(_moved(q, rate, dt)), tau_N)
+    acts = (tau_N[0] != 0.0) | (tau_N[1] != 0.0) | (tau_N[2] != 0.0)
+    if some(acts):
+        return select_each(acts, rotate(conjugate(_moved(q, rate, dt)), tau_N), tau_N)
+    return tau_N
 
 
 @jittable
-def _acceleration(omega: Vector, h: Vector, torque: Vector, J: Vector) -> Vector:
+def _acceleration(omega: Any, h: Any, torque: Any, J: Any) -> Any:
     spin = (J[0] * omega[0] + h[0], J[1] * omega[1] + h[1], J[2] * omega[2] + h[2])
     x, y, z = combine(1.0, torque, -1.0, cross(omega, spin))
     return x / J[0], y / J[1], z / J[2]
 
 
 @jittable
-def _displacement_rate(p: Vector, omega: Vector) -> Vector:
+def _displacement_rate(p: Any, omega: Any) -> Any:
     """Rate of a rotation vector p at the body rate omega, up to terms beyond fourth order."""
     a = cross(p, omega)
     return combine(1.0, combine(1.0, omega, 0.5, a), 1.0 / 12.0, cross(p, a))
 
 
 @jittable
-def _moved(q: Quaternion, rate: Vector, dt: float) -> Quaternion:
+def _moved(q: Any, rate: Any, dt: float) -> Any:
     """The attitude turned by the rotation vector rate dt in B."""
     x = 0.25 * dt * dt * dot(rate, rate)  # of half the angle, the square
-    if x < SMALL:
-        c = 1.0 - x * (1.0 / 2.0 - x * (1.0 / 24.0 - x * (1.0 / 720.0 - x / 40_320.0)))
-        share = 0.5 * dt * (1.0 - x * (1.0 / 6.0 - x * (1.0 / 120.0 - x * (1.0 / 5_040.0 - x / 362_880.0))))
-    else:
+    c = 1.0 - x * (1.0 / 2.0 - x * (1.0 / 24.0 - x * (1.0 / 720.0 - x / 40_320.0)))
+    share = 0.5 * dt * (1.0 - x * (1.0 / 6.0 - x * (1.0 / 120.0 - x * (1.0 / 5_040.0 - x / 362_880.0))))
+    large = x >= SMALL
+    if some(large):
         angle = sqrt(x)
-        c, share = cos(angle), 0.5 * dt * sin(angle) / angle
+        c, share = select(large, cos(angle), c), select(large, 0.5 * dt * sin(angle) / angle, share)
     return normalised(product(q, (c, share * rate[0], share * rate[1], share * rate[2])))

@@ -52,7 +52,7 @@ from swarm_mj.simulator.fast.plain_data import Data
 from swarm_mj.spacecraft.gyrostat import NV_FREE, with_wheels
 from swarm_mj.spacecraft.model import SwarmModel
 from swarm_mj.spacecraft.model_guard import acting_elements, listed, swarm_options
-from swarm_mj.typing import Array, inlined, jittable, kernel
+from swarm_mj.typing import Array, inlined, jittable, kernel, lean
 
 #: Relative difference between inertia matrices of different states that is put down to rounding.
 _ROUNDING = 1e-12
@@ -166,7 +166,7 @@ def step(batch: MjBatch, e: int, nstep: int) -> None:
     integrate(mj_view(batch, e), nstep)
 
 
-@kernel
+@lean
 def integrate(mj: MjView, nstep: int) -> None:
     """The same for a `MjView`."""
     if mj.method == MJ_STEP:

@@ -8,14 +8,15 @@ N, body rate in B, wheel speeds. `work` holds the loop's vectors, shape (len(Slo
 from __future__ import annotations
 
 from math import cos, sin
+from typing import Any
 
 import numpy as np
 
 from swarm_mj.mission.behaviors import TargetKind
-from swarm_mj.simulator.slots import Peak, Slot
+from swarm_mj.simulator.slots import Slot
 from swarm_mj.smallbody.perturbations import gradient_torque_on
 from swarm_mj.smallbody.rotation import write_spin_dcm
-from swarm_mj.spacecraft.attitude.algebra import conjugate, put_vector, quaternion, rotate, vector
+from swarm_mj.spacecraft.attitude.algebra import conjugate, put_vector, quaternion, rotate, vector, vectors
 from swarm_mj.spacecraft.attitude.guidance import (
     LineOfSight,
     Reference,
@@ -23,10 +24,11 @@ from swarm_mj.spacecraft.attitude.guidance import (
     attitude_error,
     track_line_of_sight,
 )
-from swarm_mj.typing import Array, Ints, Mask, jittable, kernel
+from swarm_mj.spacecraft.attitude.lanes import put_columns, put_numbers, select, width
+from swarm_mj.typing import Array, Ints, Mask, jittable, kernel, lean
 
 
-@kernel
+@lean
 def turn_frames(C_PN: Array, phase: float, half_turn: float, C_AN: Array, C_mid: Array) -> None:
     """Write the rotations from N to A, now and at the middle of the hold.
 
@@ -41,7 +43,7 @@ def turn_frames(C_PN: Array, phase: float, half_turn: float, C_AN: Array, C_mid:
     write_spin_dcm(C_PN, phase + half_turn, C_mid)
 
 
-@kernel
+@lean
 def read_state(
     qpos: Array,
     qvel: Array,
@@ -67,18 +69,21 @@ def read_state(
     Returns:
         Whether every number is finite.
     """
-    total, wheels = 0.0, wheel_axes_B.shape[0]
+    # Several sums, so that none waits for the other; each is finite if everything in it is.
+    turned, placed, moving, total, wheels = 0.0, 0.0, 0.0, 0.0, wheel_axes_B.shape[0]
     for j in range(q_BN.shape[0]):
         p, v = (7 + wheels) * j, (6 + wheels) * j
         for k in range(4):
             q_BN[j, k] = qpos[p + 3 + k]
-            total += qpos[p + 3 + k]
+            turned += qpos[p + 3 + k]
         for k in range(3):
             work[Slot.R, j, k] = qpos[p + k]
             work[Slot.V, j, k] = qvel[v + k]
             work[Slot.OMEGA, j, k] = qvel[v + 3 + k]
             work[Slot.WHEEL, j, k] = qvel[v + 6 + k]
-            total += qpos[p + k] + qvel[v + k] + qvel[v + 3 + k] + qvel[v + 6 + k]
+            placed += qpos[p + k]
+            moving += qvel[v + k]
+            total += qvel[v + 3 + k] + qvel[v + 6 + k]
         for k in range(3):
             work[Slot.R_A, j, k] = (
                 C_mid[k, 0] * (qpos[p] + half_hold * qvel[v])
@@ -91,10 +96,10 @@ def read_state(
             work[Slot.MOMENTUM, j, k] = wheel_inertia * momentum
         for w in range(3, wheels):
             total += qvel[v + 6 + w]
-    return np.isfinite(total)
+    return np.isfinite(turned + placed + moving + total)
 
 
-@kernel
+@lean
 def hold_gravity(a_A: Array, C_mid: Array, mass: float, hub: Ints, xfrc: Array, work: Array) -> None:
     """Turn accelerations from A to N and hold them as forces at the centres of mass.
 
@@ -113,7 +118,7 @@ def hold_gravity(a_A: Array, C_mid: Array, mass: float, hub: Ints, xfrc: Array, 
             xfrc[hub[j], k] = mass * a
 
 
-@kernel
+@lean
 def weigh(mass_ratio: Array, hub: Ints, xfrc: Array) -> None:
     """Let gravity pull with the true masses instead of the planned ones: (n,) true over planned; see `hold_gravity`."""
     for j in range(hub.shape[0]):
@@ -121,7 +126,7 @@ def weigh(mass_ratio: Array, hub: Ints, xfrc: Array) -> None:
             xfrc[hub[j], k] *= mass_ratio[j]
 
 
-@kernel
+@lean
 def mark_new_targets(kind: Ints, spacecraft: Ints, last_kind: Ints, last_spacecraft: Ints, restart: Mask) -> bool:
     """Tell whose target is another one than at the decision before.
 
@@ -146,7 +151,7 @@ def mark_new_targets(kind: Ints, spacecraft: Ints, last_kind: Ints, last_spacecr
     return True
 
 
-@kernel
+@lean
 def locate_targets(
     kind: Ints,
     spacecraft: Ints,
@@ -210,7 +215,7 @@ def _add_surface_point(point_A: Array, C_AN: Array, w: Array, work: Array, j: in
     work[Slot.RHO_DDOT, j, 2] += w[0] * vy - w[1] * vx
 
 
-@kernel
+@lean
 def guide(q_BN: Array, restart: Mask, q_RN: Array, work: Array) -> None:
     """From lines of sight to references and tracking errors.
 
@@ -227,7 +232,7 @@ def guide(q_BN: Array, restart: Mask, q_RN: Array, work: Array) -> None:
     attitude_error(q_BN, work[Slot.OMEGA], reference, error)
 
 
-@kernel
+@lean
 def actuate(
     torque_B: Array,
     allocation: Array,
@@ -250,25 +255,30 @@ def actuate(
         ctrl: Receives the motor torques, shape (3 n,) [N m].
         peaks: Brought up to date, see `Peak`, shape (n, 3).
     """
-    for j in range(torque_B.shape[0]):
-        cut = False
-        for w in range(3):
-            u = (
-                allocation[w, 0] * torque_B[j, 0]
-                + allocation[w, 1] * torque_B[j, 1]
-                + allocation[w, 2] * torque_B[j, 2]
-            )
-            asked = u
-            u = min(max_torque, max(-max_torque, u))
-            # A torque that would carry the wheel past its top speed within the hold is cut to just reach it.
-            speed = work[Slot.WHEEL, j, w]
-            u = min(max(0.0, (max_speed - speed) / speed_gain), max(min(0.0, (-max_speed - speed) / speed_gain), u))
-            ctrl[3 * j + w] = u
-            cut = cut or u != asked
-            peaks[j, Peak.WHEEL_SPEED] = max(peaks[j, Peak.WHEEL_SPEED], abs(speed))
-            peaks[j, Peak.MOTOR_TORQUE] = max(peaks[j, Peak.MOTOR_TORQUE], abs(u))
-        if cut:
-            peaks[j, Peak.CUT_HOLDS] += 1.0
+    for j in range(0, torque_B.shape[0], width()):
+        L, speed = vectors(torque_B, j), vectors(work[Slot.WHEEL], j)
+        asked = (_motor_of(allocation, 0, L), _motor_of(allocation, 1, L), _motor_of(allocation, 2, L))
+        u0 = _within(asked[0], speed[0], speed_gain, max_torque, max_speed)
+        u1 = _within(asked[1], speed[1], speed_gain, max_torque, max_speed)
+        u2 = _within(asked[2], speed[2], speed_gain, max_torque, max_speed)
+        put_numbers(ctrl, 3 * j, 3, (u0, u1, u2))
+        fastest, strongest, holds = vectors(peaks, j)  # in the order of `Peak`
+        fastest = max(max(max(fastest, abs(speed[0])), abs(speed[1])), abs(speed[2]))
+        strongest = max(max(max(strongest, abs(u0)), abs(u1)), abs(u2))
+        cut = (u0 != asked[0]) | (u1 != asked[1]) | (u2 != asked[2])
+        put_columns(peaks, j, 1, (fastest, strongest, select(cut, holds + 1.0, holds)))
+
+
+@jittable
+def _motor_of(allocation: Array, w: int, torque_B: Any) -> Any:
+    return allocation[w, 0] * torque_B[0] + allocation[w, 1] * torque_B[1] + allocation[w, 2] * torque_B[2]
+
+
+@jittable
+def _within(u: Any, speed: Any, speed_gain: float, max_torque: float, max_speed: float) -> Any:
+    """A motor torque within the limits; one that would carry the wheel past its top speed in the hold just reaches it."""
+    u = min(max_torque, max(-max_torque, u))
+    return min(max(0.0, (max_speed - speed) / speed_gain), max(min(0.0, (-max_speed - speed) / speed_gain), u))
 
 
 @kernel
@@ -298,7 +308,7 @@ def hold_gravity_gradient(
         put_vector(xfrc[:, 3:], hub[j], rotate(q, torque_B))
 
 
-@kernel
+@lean
 def write_body_quaternion(q_P: Array, phase: float, mocap_quat: Array) -> None:
     """Write the attitude of A, the pole frame turned by `phase` [rad] about z, as MuJoCo's quaternion."""
     c, s = cos(0.5 * phase), sin(0.5 * phase)

@@ -11,8 +11,10 @@ from typing import Any, NamedTuple, TypeAlias
 
 import mujoco
 import numpy as np
-from numba import carray, types
+from numba import types
+from numba.core import cgutils
 from numba.extending import intrinsic
+from numba.np.arrayobj import make_array, populate_array
 from numpy.typing import NDArray
 
 from swarm_mj.simulator.fast.plain_data import Data
@@ -150,12 +152,34 @@ def mj_records(
     return records
 
 
-@intrinsic
-def _pointer(typing_context: Any, address: Any) -> tuple[Any, Any]:
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return builder.inttoptr(arguments[0], context.get_value_type(signature.return_type))
+def array_of(kind: Any) -> Any:
+    """What makes an array of elements of that type from an address and a shape: Numba's own `carray` without an owner.
 
-    return types.CPointer(types.float64)(types.int64), generate
+    Kernels that count no references may call it.
+    """
+
+    @intrinsic
+    def array_at(typing_context: Any, address: Any, shape: Any) -> tuple[Any, Any]:
+        sizes = [shape] if isinstance(shape, types.Integer) else list(shape)
+        made = types.Array(kind, len(sizes), "C")
+
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            array, given = make_array(made)(context, builder), arguments[1]
+            values = [given] if isinstance(shape, types.Integer) else cgutils.unpack_tuple(builder, given)
+            counts = [context.cast(builder, *each, types.intp) for each in zip(values, sizes, strict=True)]
+            strides = [context.get_constant(types.intp, context.get_abi_sizeof(context.get_data_type(kind)))]
+            for count in reversed(counts[1:]):
+                strides.insert(0, builder.mul(strides[0], count))
+            data = builder.inttoptr(arguments[0], array.data.type)
+            populate_array(array, data, counts, strides, strides[-1], None)
+            return array._getvalue()
+
+        return made(types.int64, shape), generate
+
+    return array_at
+
+
+numbers_at = array_of(types.float64)
 
 
 @inlined
@@ -170,26 +194,26 @@ def mj_view(records: MjBatch, e: int) -> MjView:
         at.first_hub,
         at.timestep,
         at.spin_inertia,
-        carray(_pointer(at.qpos), at.nq),
-        carray(_pointer(at.qvel), at.nv),
-        carray(_pointer(at.act), at.na),
-        carray(_pointer(at.qacc_smooth), at.nv),
-        carray(_pointer(at.qfrc_bias), at.nv),
-        carray(_pointer(at.qfrc_applied), at.nv),
-        carray(_pointer(at.ctrl), at.nu),
-        carray(_pointer(at.xfrc_applied), (at.nbody, 6)),
-        carray(_pointer(at.body_mass), at.nbody),
-        carray(_pointer(at.body_inertia), (at.nbody, 3)),
-        carray(_pointer(at.asteroid_quat), 4),
-        carray(_pointer(at.ctrlrange), (at.nu, 2)),
-        carray(_pointer(at.wheel_axes_B), (3, 3)),
+        numbers_at(at.qpos, at.nq),
+        numbers_at(at.qvel, at.nv),
+        numbers_at(at.act, at.na),
+        numbers_at(at.qacc_smooth, at.nv),
+        numbers_at(at.qfrc_bias, at.nv),
+        numbers_at(at.qfrc_applied, at.nv),
+        numbers_at(at.ctrl, at.nu),
+        numbers_at(at.xfrc_applied, (at.nbody, 6)),
+        numbers_at(at.body_mass, at.nbody),
+        numbers_at(at.body_inertia, (at.nbody, 3)),
+        numbers_at(at.asteroid_quat, 4),
+        numbers_at(at.ctrlrange, (at.nu, 2)),
+        numbers_at(at.wheel_axes_B, (3, 3)),
         Scratch(
-            carray(_pointer(at.qpos0), at.nq),
-            carray(_pointer(at.qvel0), at.nv),
-            carray(_pointer(at.act0), at.na),
-            carray(_pointer(at.rate), at.nv),
-            carray(_pointer(at.mean_rate), at.nv),
-            carray(_pointer(at.mean_acceleration), at.nv),
-            carray(_pointer(at.motor), at.na),
+            numbers_at(at.qpos0, at.nq),
+            numbers_at(at.qvel0, at.nv),
+            numbers_at(at.act0, at.na),
+            numbers_at(at.rate, at.nv),
+            numbers_at(at.mean_rate, at.nv),
+            numbers_at(at.mean_acceleration, at.nv),
+            numbers_at(at.motor, at.na),
         ),
     )

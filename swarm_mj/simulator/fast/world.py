@@ -85,6 +85,7 @@ def make_world(state: LoopState, controller: Controller | None, *, remembered: i
         sunlight=environment.sunlight,
         field=field,
         pulls=np.zeros((remembered, state.model.n, 6)),
+        frames=np.zeros((remembered, 23)),
         gradient_gm=float(state.gradient_gm),
         wheel_inertia=float(properties.wheel_spin_inertia),
         wheel_axes_B=state.wheel_axes_B,

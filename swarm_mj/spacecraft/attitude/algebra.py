@@ -7,6 +7,7 @@ nothing is allocated. Quaternions are (w, x, y, z) with MuJoCo's meaning, v_N = 
 from math import sqrt
 from typing import Any, TypeAlias
 
+from swarm_mj.spacecraft.attitude.lanes import cell, column, select
 from swarm_mj.typing import Array, jittable
 
 Vector: TypeAlias = tuple[float, float, float]
@@ -122,5 +123,40 @@ def z_axis(q: Quaternion) -> Vector:
 @jittable
 def short_mrp(q: Quaternion) -> Vector:
     """Return the MRP of a unit quaternion, of the set with |sigma| <= 1."""
-    scale = 1.0 / (1.0 + q[0]) if q[0] >= 0.0 else -1.0 / (1.0 - q[0])
+    scale = 1.0 / (1.0 + abs(q[0]))
+    scale = select(q[0] >= 0.0, scale, -scale)
     return scale * q[1], scale * q[2], scale * q[3]
+
+
+@jittable
+def select_each(flags: Any, a: Any, b: Any) -> Any:
+    """Return the vector a where a flag is set, otherwise b."""
+    return select(flags, a[0], b[0]), select(flags, a[1], b[1]), select(flags, a[2], b[2])
+
+
+@jittable
+def vectors(rows: Array, i: int) -> Any:
+    """Return as many rows of an array of shape (n, 3) as are taken at once, from row i on."""
+    return column(rows, i, 1, 0), column(rows, i, 1, 1), column(rows, i, 1, 2)
+
+
+@jittable
+def quaternions(rows: Array, i: int) -> Any:
+    """Return as many rows of an array of shape (n, 4) as are taken at once, from row i on."""
+    return column(rows, i, 1, 0), column(rows, i, 1, 1), column(rows, i, 1, 2), column(rows, i, 1, 3)
+
+
+@jittable
+def tensors(matrices: Array, i: int) -> Any:
+    """Return as many matrices of an array of shape (n, 3, 3), as tuples of rows."""
+    return (
+        (cell(matrices, i, 1, 0, 0), cell(matrices, i, 1, 0, 1), cell(matrices, i, 1, 0, 2)),
+        (cell(matrices, i, 1, 1, 0), cell(matrices, i, 1, 1, 1), cell(matrices, i, 1, 1, 2)),
+        (cell(matrices, i, 1, 2, 0), cell(matrices, i, 1, 2, 1), cell(matrices, i, 1, 2, 2)),
+    )
+
+
+@jittable
+def transformed(matrix: Any, v: Any) -> Any:
+    """Return the product of a matrix, a tuple of rows, with v."""
+    return dot(matrix[0], v), dot(matrix[1], v), dot(matrix[2], v)

@@ -25,7 +25,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from swarm_mj.errors import ScenarioError
-from swarm_mj.spacecraft.attitude.algebra import Vector, combine, cross, dot, put_vector, scaled, times, vector
+from swarm_mj.spacecraft.attitude.algebra import combine, cross, dot, scaled, tensors, transformed, vectors
+from swarm_mj.spacecraft.attitude.lanes import put_columns, width
 from swarm_mj.spacecraft.control.base import ControlInput, require_above
 from swarm_mj.spacecraft.control.compiled import CompiledLaw, torque_by
 from swarm_mj.typing import Array, jittable
@@ -164,22 +165,24 @@ def write_torque(
 ) -> None:
     """Write the torques; see `CompiledLaw`."""
     gains = _gains_of(numbers)
-    layer, damping, uncertainty = gains.layer, gains.damping, gains.uncertainty
-    for i in range(sigma_BR.shape[0]):
-        J, J_eff = inertia_B[i], inertia_effective_B[i]
-        omega, error = vector(omega_BN_B, i), vector(omega_BR_B, i)
-        slew, slew_dot = _slew(vector(sigma_BR, i), error, gains.slope, gains.rate_limit)
-        turning = cross(omega, vector(omega_RN_B, i))
-        on_manifold = combine(1.0, combine(gains.feed_forward, vector(domega_RN_B, i), -1.0, turning), -1.0, slew_dot)
-        for j in range(3):
-            s = error[j] + slew[j]
-            at_rest = _gain_at_rest(J_eff[j, j], gains)
-            in_motion = _model_error(j, J, J_eff, omega, on_manifold[j], uncertainty) / (1.0 - uncertainty)
-            saturation = min(1.0, max(-1.0, s / layer))
-            torque_B[i, j] = on_manifold[j] - (at_rest + in_motion) * saturation - damping * s
-        momentum = combine(1.0, times(J, omega), 1.0, vector(wheel_momentum_B, i))
-        inertial = times(J_eff, vector(torque_B, i))
-        put_vector(torque_B, i, combine(1.0, cross(omega, momentum), 1.0, inertial))
+    for i in range(0, sigma_BR.shape[0], width()):
+        J, J_eff = tensors(inertia_B, i), tensors(inertia_effective_B, i)
+        omega, error = vectors(omega_BN_B, i), vectors(omega_BR_B, i)
+        slew, slew_dot = _slew(vectors(sigma_BR, i), error, gains.slope, gains.rate_limit)
+        turning = cross(omega, vectors(omega_RN_B, i))
+        on_manifold = combine(1.0, combine(gains.feed_forward, vectors(domega_RN_B, i), -1.0, turning), -1.0, slew_dot)
+        # The gyroscopic torque of an axis comes of what turns about the other two.
+        gyroscopic_x = abs(omega[1] * omega[2]) * (J[1][1] + J[2][2])
+        gyroscopic_y = abs(omega[2] * omega[0]) * (J[2][2] + J[0][0])
+        gyroscopic_z = abs(omega[0] * omega[1]) * (J[0][0] + J[1][1])
+        commanded = (
+            _commanded(error[0] + slew[0], on_manifold[0], J_eff[0][0], gyroscopic_x, gains),
+            _commanded(error[1] + slew[1], on_manifold[1], J_eff[1][1], gyroscopic_y, gains),
+            _commanded(error[2] + slew[2], on_manifold[2], J_eff[2][2], gyroscopic_z, gains),
+        )
+        momentum = combine(1.0, transformed(J, omega), 1.0, vectors(wheel_momentum_B, i))
+        torque = combine(1.0, cross(omega, momentum), 1.0, transformed(J_eff, commanded))
+        put_columns(torque_B, i, 1, torque)
 
 
 @jittable
@@ -195,7 +198,15 @@ def _gain_at_rest(J_eff: Any, gains: Gains) -> Any:
 
 
 @jittable
-def _slew(sigma: Vector, omega_BR: Vector, slope: float, rate_limit: float) -> tuple[Vector, Vector]:
+def _commanded(s: Any, on_manifold: Any, J_eff: Any, gyroscopic: Any, gains: Gains) -> Any:
+    """Return the acceleration that is commanded of an axis [rad/s^2]."""
+    spoiled = _model_error(on_manifold, gyroscopic / J_eff, gains.uncertainty) / (1.0 - gains.uncertainty)
+    saturation = min(1.0, max(-1.0, s / gains.layer))
+    return on_manifold - (_gain_at_rest(J_eff, gains) + spoiled) * saturation - gains.damping * s
+
+
+@jittable
+def _slew(sigma: Any, omega_BR: Any, slope: float, rate_limit: float) -> Any:
     """Return m(sigma) = slope sigma / sqrt(1 + (slope |sigma| / rate_limit)^2) [rad/s] and dm/dt [rad/s^2]."""
     square, along = dot(sigma, sigma), dot(sigma, omega_BR)
     sigma_dot = combine(0.25 * (1.0 - square), omega_BR, 0.5, cross(sigma, omega_BR))
@@ -207,12 +218,15 @@ def _slew(sigma: Vector, omega_BR: Vector, slope: float, rate_limit: float) -> t
 
 
 @jittable
-def _model_error(j: int, J: Array, J_eff: Array, omega: Vector, on_manifold: float, uncertainty: float) -> float:
-    """Return how much of the commanded acceleration of axis j a wrong inertia can spoil [rad/s^2].
+def _model_error(on_manifold: Any, gyroscopic: Any, uncertainty: float) -> Any:
+    """Return how much of the commanded acceleration of an axis a wrong inertia can spoil [rad/s^2].
 
     The gyroscopic torque of axis j is omega_k omega_l (J_l - J_k), and each true moment of inertia is at most
     1 / (1 - uncertainty) of the one given; dividing by the true J_eff costs at most a factor 1 + uncertainty.
+
+    Args:
+        on_manifold: What is commanded [rad/s^2].
+        gyroscopic: |omega_k omega_l| (J_k + J_l) / J_eff of the axis [rad/s^2].
+        uncertainty: See `Gains`.
     """
-    k, m = (j + 1) % 3, (j + 2) % 3
-    gyroscopic = abs(omega[k] * omega[m]) * (J[k, k] + J[m, m]) / J_eff[j, j]
     return uncertainty * (abs(on_manifold) + (1.0 + uncertainty) / (1.0 - uncertainty) * gyroscopic)
