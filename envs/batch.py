@@ -12,6 +12,7 @@ from swarm_mj.errors import SimulationError
 from swarm_mj.flight.fly import initial_state, make_simulation
 from swarm_mj.simulator.batch import Batch
 from swarm_mj.simulator.compiled_batch import CompiledBatch
+from swarm_mj.simulator.fast.bound_calls import BoundCall
 from swarm_mj.simulator.loop_state import InitialState
 from swarm_mj.simulator.python_batch import PythonBatch
 from swarm_mj.spacecraft.control.base import Controller
@@ -19,7 +20,8 @@ from swarm_mj.typing import Array, Mask
 
 from .actions import ControlLevel, make_level
 from .episode_state import EpisodeState
-from .rewards import ENDS, Flown, StepResult, horizon_ended, no_outcome
+from .kinematics import Tracking
+from .rewards import ENDS, Flown, StepResult, copied, horizon_ended, no_outcome
 from .step import finish_step
 from .task import Task
 from .totals import reset_totals
@@ -51,6 +53,14 @@ class EpisodeBatch(EpisodeState):
         super().__init__(task, flights)
         self._total_area = task.patches.cell_area.sum()
         self._constants = task.step_constants(continues_after_impact=continues_after_impact)
+        n = task.plan.n
+        masks, area, failed = np.zeros((2, count), np.bool_), np.zeros(count), np.zeros((count, n), np.bool_)
+        self._flown = Flown(self.flights.tick, masks[0], masks[1], area, self.flights.effort, failed)
+        self._tracked = Tracking(self.flights.kind, self.flights.index, np.zeros((count, n, 3)), self.flights.blind)
+        self._outcome = no_outcome(self.observation, n)
+        instants = (self.before, self.now, self.estimate)
+        given = (self._constants, *instants, self._tracked, self.totals, self._flown, self._outcome)
+        self._finish = BoundCall(finish_step, given)
 
     def _compiled_batch(self, task: Task, count: int, law: Controller | None) -> CompiledBatch:
         level = self.level
@@ -97,15 +107,17 @@ class EpisodeBatch(EpisodeState):
         """
         live = self._all if live is None else live
         self.level.apply(actions, self.estimate.C_BN[:, :, 2], live)
-        self.before, self.now = self.now, self.before
+        self._turn_page()
         self.flights.effort[:] = 0.0
         self.flights.hold(self.level.held, self.level.torque_B)
-        new_area = np.zeros(self.count)
-        flown = self._flown(live, self._fly(live, new_area), new_area)
+        flown = self._flown
+        flown.area[:], flown.live[:] = 0.0, live
+        flown.finite[:] = self._fly(live, flown.area)
+        self._note_losses()
         self._update_estimate(flown.finite)
-        tracking, outcome = self._tracking(), no_outcome(self.observation, flown.failed.shape[1])
-        finish_step(self._constants, self.before, self.now, self.estimate, tracking, self.totals, flown, outcome)
-        result = outcome.result
+        self._tracked.sigma_BR[:] = self.flights.sigma_BR
+        self._finish()
+        result = copied(self._outcome.result)
         if self._continues and result.hit.any():
             for e, j in zip(*np.nonzero(result.hit), strict=True):
                 self.flights.park(int(e), int(j))
@@ -186,14 +198,13 @@ class EpisodeBatch(EpisodeState):
                 self._take_pictures(due & last & flying, new_area)
         return flying
 
-    def _flown(self, live: Mask, finite: Mask, new_area: Array) -> Flown:
-        """What the simulation tells of a step; losses to faults and the seen share are brought up to date."""
-        totals, flights = self.totals, self.flights
-        failed = flights.lost & ~totals.lost
-        totals.lost[:] |= failed
-        for e in np.flatnonzero(new_area):
+    def _note_losses(self) -> None:
+        """Bring losses to faults and the seen share up to date."""
+        totals, lost = self.totals, self.flights.lost
+        np.logical_and(lost, ~totals.lost, out=self._flown.failed)
+        totals.lost[:] |= lost
+        for e in np.flatnonzero(self._flown.area):
             self.update_percent(int(e))
-        return Flown(flights.tick, live, finite, new_area, flights.effort, failed)
 
     def update_percent(self, e: int) -> None:
         """Bring the seen share of a flight up to date."""

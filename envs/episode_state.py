@@ -5,9 +5,11 @@ from __future__ import annotations
 from typing import Any, Protocol
 
 import numpy as np
+from numba import types
 
 from swarm_mj.observation.capture import Picture, lit_cells, observe, pictures, pixels_on, sight, watching
 from swarm_mj.observation.smear import Motion
+from swarm_mj.simulator.fast.bound_calls import BoundCall
 from swarm_mj.typing import Array, Ints, Mask
 
 from .kinematics import (
@@ -80,6 +82,16 @@ class EpisodeState:
         self._all = np.ones(count, np.bool_)
         self._rotation, self._pictures = task.body_rotation, task.picture_constants
         self._observations = task.observation_constants
+        # Bound, because handing over their arrays would take as long as what they do.
+        flags, rotation = types.boolean[::1], self._rotation
+        self._rotate_now = BoundCall(update_rotations, (rotation, self.now), (flags, flags))
+        self._rotate_picture = BoundCall(update_rotations, (rotation, self._at_picture), (flags, flags))
+        self._copy_truth = BoundCall(copy_truth, (self.now, self.estimate), (flags,))
+        if task.scene is not None:
+            self._looking, self._gained = np.zeros(count, np.bool_), nothing_gained(task.scene, np.zeros(count), plan.n)
+            constants, now, totals = self._pictures, self._at_picture, self.totals
+            given = (task.scene, constants, now, totals, flights.kind, flights.blind, self._looking, self._gained)
+            self._shoot = BoundCall(take_pictures, given)
 
     @property
     def time_s(self) -> Array:
@@ -111,16 +123,22 @@ class EpisodeState:
         }
 
     def _update_kinematics(self, now: Kinematics, live: Mask) -> Mask:
-        """Bring an instant up to date; returns which flights are finite."""
+        """Bring an instant, `now` or that of pictures, up to date; returns which flights are finite."""
         self.flights.read(now.r, now.v, now.q, now.omega, now.wheel)
         now.t[:] = self.flights.tick * self.flights.period
         finite = np.zeros(self.count, np.bool_)
-        update_rotations(self._rotation, now, live, finite)
+        rotate = self._rotate_now if now is self.now else self._rotate_picture
+        rotate(live, finite)
         return finite
+
+    def _turn_page(self) -> None:
+        """Let the instant between two steps be the one before."""
+        for before, now in zip(self.before, self.now, strict=True):
+            before[:] = now
 
     def _update_estimate(self, live: Mask) -> None:
         """Bring up to date what the flight software knows: bit for bit the truth where sensors are perfect."""
-        copy_truth(self.now, self.estimate, live)
+        self._copy_truth(live)
         imperfect = self.flights.know(live, self.estimate.q, self.estimate.omega)
         if imperfect.any():
             update_estimated_rotations(self.estimate, imperfect)
@@ -135,13 +153,16 @@ class EpisodeState:
         if task.scene is None:
             singly = due[:, None] & watching(task.plan.n_observers, kind, ~(totals.lost | blind))
         else:
-            gained, dark = nothing_gained(task.scene, area, task.plan.n), self._dark(due)
-            # What is dark counts as seen already while pictures are judged.
-            judged = totals if dark is None else totals._replace(seen=totals.seen | dark)
-            take_pictures(task.scene, self._pictures, now, judged, kind, blind, due, gained)
-            if dark is not None:
+            gained, dark = self._gained, self._dark(due)
+            gained.area[:], gained.doubt[:], self._looking[:] = area, False, due
+            if dark is None:
+                self._shoot()
+            else:
+                # What is dark counts as seen already while pictures are judged.
+                judged = totals._replace(seen=totals.seen | dark)
+                take_pictures(task.scene, self._pictures, now, judged, kind, blind, due, gained)
                 totals.seen[:] |= judged.seen & ~dark
-            singly = gained.doubt
+            area[:], singly = gained.area, gained.doubt
             if not singly.any():
                 return
         self._judge_all(singly, area)

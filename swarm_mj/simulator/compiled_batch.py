@@ -20,7 +20,7 @@ from swarm_mj.mission.behaviors import Behavior, SwarmView, Targets
 from swarm_mj.simulator.batch import Batch
 from swarm_mj.simulator.batch_conditions import BatchConditions
 from swarm_mj.simulator.fast import flight_kernels
-from swarm_mj.simulator.fast.bound_calls import BoundCall, call_at
+from swarm_mj.simulator.fast.bound_calls import BoundCall
 from swarm_mj.simulator.fast.conditions import CONDITION
 from swarm_mj.simulator.fast.flight_kernels import (
     ADVANCE,
@@ -39,7 +39,7 @@ from swarm_mj.simulator.plugin_calls import BehaviorCalls, divergence_of, view_o
 from swarm_mj.simulator.simulation import Simulation
 from swarm_mj.simulator.slots import Slot
 from swarm_mj.spacecraft.control.base import Controller
-from swarm_mj.typing import Array, Ints, Mask, kernel
+from swarm_mj.typing import Array, Ints, Mask
 
 #: Ticks of a flight for which the flights of a batch share what gravity is where they are; memory comes as it is used.
 REMEMBERED = 16_384
@@ -229,7 +229,7 @@ class CompiledBatch(Batch):
             until = np.minimum(until, self._behaviors.due)
         if part & DECIDE and self._wrong is not None:
             until = self._wrong.limit(live, self.tick, until)
-        outcome: int = _fly_bound(self._call, self._call.at, part, live, until)
+        outcome: int = self._call(part, live, until)
         return outcome
 
     def _ask(self, live: Mask) -> None:
@@ -265,10 +265,3 @@ class CompiledBatch(Batch):
     def _divergence(self, e: int) -> str:
         state, t = np.hstack((self._q[e], self._v[e])), float(self.tick[e] * self.period)
         return divergence_of(state, self.torque_B[e], self._controller, self.model.names, t)
-
-
-@kernel
-def _fly_bound(flights: BoundCall, at: Ints, part: int, live: Mask, until: Ints) -> int:
-    """Fly flights that `fly` is bound to, see there; nothing is handed over again, and no references are counted."""
-    outcome: int = call_at(flights, at, (part, live, until))
-    return outcome

@@ -18,7 +18,7 @@ from numba.core import cgutils
 from numba.extending import NativeValue, intrinsic, models, register_model, unbox
 from numba.np.arrayobj import make_array, populate_array
 
-from swarm_mj.typing import Ints
+from swarm_mj.typing import Ints, kernel
 
 _WORD = ir.IntType(64)
 
@@ -57,6 +57,10 @@ class BoundCall:
         machine_code = compiled.library.get_pointer_to_function(compiled.fndesc.llvm_func_name)
         self.at: Ints = np.array([machine_code, self._words.ctypes.data], np.int64)
         self._numba_type_ = BoundType(bound, free, compiled.signature.return_type)
+
+    def __call__(self, *free: Any) -> Any:
+        """Call it from Python with the other arguments: what it is bound to is not handed over."""
+        return _call_it(self, self.at, free)
 
     @property
     def kind(self) -> BoundType:
@@ -178,3 +182,8 @@ def _call(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
     with cgutils.if_unlikely(builder, status.is_error):
         context.call_conv.return_status_propagate(builder, status)
     return answer
+
+
+@kernel
+def _call_it(bound: Any, at: Ints, free: Any) -> Any:
+    return call_at(bound, at, free)
