@@ -70,7 +70,7 @@ def _teach(function: Any, accepts: Any, kinds: Any, write: Any) -> None:
     """
 
     @infer_global(function)
-    class Known(AbstractTemplate):  # type: ignore[misc]
+    class Known(AbstractTemplate):
         def generic(self, args: Any, kws: Any) -> Any:
             answer = accepts(*args)
             return None if answer is None else signature(answer, *args)
@@ -106,6 +106,7 @@ _teach_pair(operator.add, LANES, lambda builder, a, b: builder.fadd(a, b))
 _teach_pair(operator.sub, LANES, lambda builder, a, b: builder.fsub(a, b))
 _teach_pair(operator.mul, LANES, lambda builder, a, b: builder.fmul(a, b))
 _teach_pair(operator.truediv, LANES, lambda builder, a, b: builder.fdiv(a, b))
+_function: Any
 for _function, _sign in ((operator.lt, "<"), (operator.le, "<="), (operator.gt, ">"), (operator.ge, ">=")):
     _teach_pair(_function, FLAGS, lambda builder, a, b, sign=_sign: builder.fcmp_ordered(sign, a, b))
 _teach_pair(operator.ne, FLAGS, lambda builder, a, b: builder.fcmp_unordered("!=", a, b))
