@@ -21,7 +21,7 @@ from swarm_mj.typing import Array, Mask
 from .actions import ControlLevel, make_level
 from .episode_state import EpisodeState
 from .kinematics import Tracking
-from .rewards import ENDS, Flown, StepResult, copied, horizon_ended, no_outcome
+from .rewards import ENDS, Flown, StepResult, horizon_ended, joined, no_outcome
 from .step import finish_step
 from .task import Task
 from .totals import reset_totals
@@ -117,7 +117,7 @@ class EpisodeBatch(EpisodeState):
         self._update_estimate(flown.finite)
         self._tracked.sigma_BR[:] = self.flights.sigma_BR
         self._finish()
-        result = copied(self._outcome.result)
+        result = joined([self._outcome.result])
         if self._continues and result.hit.any():
             for e, j in zip(*np.nonzero(result.hit), strict=True):
                 self.flights.park(int(e), int(j))

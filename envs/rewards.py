@@ -247,13 +247,8 @@ def horizon_ended(result: StepResult) -> StepResult:
     return result._replace(end=end, truncated=np.zeros_like(result.truncated))
 
 
-def copied(result: StepResult) -> StepResult:
-    """The same in arrays of its own."""
-    return StepResult(RewardTerms(*(term.copy() for term in result.terms)), *(part.copy() for part in result[1:]))
-
-
 def joined(results: Sequence[StepResult]) -> StepResult:
-    """The results of several batches as those of one."""
+    """The results of several batches as those of one, copies."""
     terms = RewardTerms(*map(np.concatenate, zip(*(result.terms for result in results), strict=True)))
     rest = (np.concatenate(values) for values in zip(*(result[1:] for result in results), strict=True))
     return StepResult(terms, *rest)
