@@ -148,7 +148,10 @@ def test_flights_that_start_alike_share_gravity_and_others_do_not():
     assert np.array_equal(alone.qpos[0], batch.qpos[1]) and np.array_equal(alone.qvel[0], batch.qvel[1])
 
 
-@pytest.mark.parametrize("overrides", [[], ["dispersions.mass_percent=5", "dispersions.star_tracker_noise_arcsec=30"]])
+LOST_AT_ONCE = "faults=[{kind: spacecraft_lost, spacecraft: sc2, at_s: 0}]"
+
+
+@pytest.mark.parametrize("overrides", [[], ["dispersions.star_tracker_noise_arcsec=30", LOST_AT_ONCE]])
 def test_a_flight_that_was_put_back_after_its_first_decision_never_decided(overrides):
     plan = plan_of("physics.wheels=gyrostat", "physics.stepper=kernel", *overrides)
     batch, start, it = CompiledBatch(make_simulation(plan), 2, plan.controller), initial_state(plan), np.ones(2, bool)
@@ -159,8 +162,10 @@ def test_a_flight_that_was_put_back_after_its_first_decision_never_decided(overr
     assert batch.effort[0] > 0.0 and np.any(batch.ctrl[0])
     batch.rewind(0, start)
     assert not np.any(batch.ctrl) and np.array_equal(batch.tick, [0, 0])
+    assert not batch.lost.any()
     assert batch.fly(30, it)
-    for part in (batch.qpos, batch.qvel, batch.effort):
+    assert batch.lost.any() == bool(overrides)
+    for part in (batch.qpos, batch.qvel, batch.effort, batch.lost):
         assert np.array_equal(part[0], part[1])
 
 
