@@ -107,7 +107,7 @@ class EpisodeBatch(EpisodeState):
         """
         live = self._all if live is None else live
         self.level.apply(actions, self.estimate.C_BN[:, :, 2], live)
-        self._turn_page()
+        self._shift_instants()
         self.flights.effort[:] = 0.0
         self.flights.hold(self.level.held, self.level.torque_B)
         flown = self._flown

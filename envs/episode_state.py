@@ -91,7 +91,7 @@ class EpisodeState:
             self._looking, self._gained = np.zeros(count, np.bool_), nothing_gained(task.scene, np.zeros(count), plan.n)
             constants, now, totals = self._pictures, self._at_picture, self.totals
             given = (task.scene, constants, now, totals, flights.kind, flights.blind, self._looking, self._gained)
-            self._shoot = BoundCall(take_pictures, given)
+            self._judge_pictures = BoundCall(take_pictures, given)
 
     @property
     def time_s(self) -> Array:
@@ -131,7 +131,7 @@ class EpisodeState:
         rotate(live, finite)
         return finite
 
-    def _turn_page(self) -> None:
+    def _shift_instants(self) -> None:
         """Let the instant between two steps be the one before."""
         for before, now in zip(self.before, self.now, strict=True):
             before[:] = now
@@ -156,7 +156,7 @@ class EpisodeState:
             gained, dark = self._gained, self._dark(due)
             gained.area[:], gained.doubt[:], self._looking[:] = area, False, due
             if dark is None:
-                self._shoot()
+                self._judge_pictures()
             else:
                 # What is dark counts as seen already while pictures are judged.
                 judged = totals._replace(seen=totals.seen | dark)

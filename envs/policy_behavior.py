@@ -232,7 +232,7 @@ class FollowedEpisode(EpisodeState):
         tick, everyone = int(self.flights.tick[0]), np.ones(1, np.bool_)
         # Nothing is decided at the end of a flight: the last picture is that of the last step.
         if begins or (tick % task.ticks == 0 and tick < task.last_tick):
-            self._turn_page()
+            self._shift_instants()
             self._update_kinematics(self.now, everyone)
             if not begins:
                 transmit(*self._radio, self.now, self._tracking(), self.totals, everyone, np.zeros(1))

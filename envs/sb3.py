@@ -163,8 +163,8 @@ class SwarmObserveV1SharedVecEnv(VecEnvWrapper):
 
     They stand episode by episode. An action is the choice of one spacecraft; its observation is that of an agent of
     `SwarmObserveV1ParallelEnv`, worked out from the flat observation (`layout.local_rows`), which without candidates holds
-    two columns of the patches only; rewards and ends are those of the
-    episode. Who does not fly, or no more, has zeros in its own row, and its choices do nothing.
+    two columns of the patches only; rewards and ends are those of the episode. Who does not fly, or no more, has zeros in
+    its own row, and its choices do nothing.
 
     Args:
         num_episodes: Number of episodes.

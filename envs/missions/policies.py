@@ -196,8 +196,8 @@ def _sb3(path: Path, config: MissionConfig) -> Policy:
     _made_of(path, "observations", model.observation_space, Box)
     _fits(path, "numbers of an observation", model.observation_space.shape[-1], shown)
     space = _made_of(path, "choices", model.action_space, Discrete if shared else MultiDiscrete)
-    each = [interface.choices]
-    _fits(path, "choices", [int(space.n)] if shared else space.nvec.tolist(), each if shared else each * n)
+    choices = [int(space.n)] * n if shared else space.nvec.tolist()
+    _fits(path, "choices", choices, [interface.choices] * n)
 
     def choose(observed: Observed) -> Ints:
         rows = interface.flat(observed)
