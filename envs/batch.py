@@ -27,13 +27,12 @@ from .task import Task
 from .totals import reset_totals
 
 
-class EpisodeBatch(EpisodeState):
-    """E episodes flown in one thread.
+class EpisodeFlights(EpisodeState):
+    """E episodes and the simulation that flies them in one thread.
 
     Args:
         task: What they share.
         count: Number of episodes E.
-        continues_after_impact: Whether a flight goes on without the spacecraft that hit the body.
 
     Attributes:
         level: How actions reach them.
@@ -43,8 +42,7 @@ class EpisodeBatch(EpisodeState):
 
     flights: Batch
 
-    def __init__(self, task: Task, count: int, *, continues_after_impact: bool = False) -> None:
-        self._continues = continues_after_impact
+    def __init__(self, task: Task, count: int) -> None:
         tracer = task.observer.tracer
         self.level: ControlLevel = make_level(task.config.control, task.plan, count, task.patches, tracer)
         law = None if self.level.torque_B is not None else task.plan.controller
@@ -52,15 +50,6 @@ class EpisodeBatch(EpisodeState):
         flights = self._python_batch(task, count) if self.why_python else self._compiled_batch(task, count, law)
         super().__init__(task, flights)
         self._total_area = task.patches.cell_area.sum()
-        self._constants = task.step_constants(continues_after_impact=continues_after_impact)
-        n = task.plan.n
-        masks, area, failed = np.zeros((2, count), np.bool_), np.zeros(count), np.zeros((count, n), np.bool_)
-        self._flown = Flown(self.flights.tick, masks[0], masks[1], area, self.flights.effort, failed)
-        self._tracked = Tracking(self.flights.kind, self.flights.index, np.zeros((count, n, 3)), self.flights.blind)
-        self._outcome = no_outcome(self.observation, n)
-        instants = (self.before, self.now, self.estimate)
-        given = (self._constants, *instants, self._tracked, self.totals, self._flown, self._outcome)
-        self._finish = BoundCall(finish_step, given)
 
     def _compiled_batch(self, task: Task, count: int, law: Controller | None) -> CompiledBatch:
         level = self.level
@@ -72,18 +61,6 @@ class EpisodeBatch(EpisodeState):
         laws = [level.controller(e, plan.controller) for e in range(count)]
         plans = [replace(plan, behavior=level.behavior(e), controller=law) for e, law in enumerate(laws)]
         return PythonBatch([make_simulation(flown) for flown in plans])
-
-    def reset(self, e: int, flight_seed: int) -> None:
-        """Start episode e anew from the seed of its initial attitudes and rates."""
-        plan = self.task.plan
-        scenario = plan.scenario.model_copy(update={"seed": flight_seed})
-        self.begin(e, initial_state(replace(plan, scenario=scenario)))
-
-    def begin(self, e: int, start: InitialState) -> None:
-        """Start episode e anew from a state of its swarm."""
-        live = self._put(e, start)
-        self._update_kinematics(self.now, live)
-        self._observe(live)
 
     def _put(self, e: int, start: InitialState) -> Mask:
         """Let episode e stand at its start; returns it as a mask."""
@@ -97,6 +74,66 @@ class EpisodeBatch(EpisodeState):
             raise SimulationError(self.flights.causes[e])
         self.flights.rewind(e, start)
         return live
+
+    def get_state(self, e: int) -> dict[str, Any]:
+        """All that episode e is between two steps, copied, for `set_state` of any batch of the same task.
+
+        Raises:
+            SimulationError: Something flies whose state cannot be taken; the message names it.
+        """
+        return {"rows": [array[e].copy() for array in self._remembered], "flight": self.flights.get_state(e)}
+
+    def set_state(self, e: int, state: dict[str, Any]) -> None:
+        """Go on from what `get_state` gave; bit for bit the flight that went on from there."""
+        for array, row in zip(self._remembered, state["rows"], strict=True):
+            array[e] = row
+        self.flights.set_state(e, state["flight"])
+
+    @property
+    def _remembered(self) -> list[NDArray[Any]]:
+        """What episodes remember besides their simulation, with the number of the episode in front."""
+        return [*self.totals, *self.before, *self.now, *self.estimate, *self.level.remembered]
+
+    def update_percent(self, e: int) -> None:
+        """Bring the seen share of a flight up to date."""
+        # From the cells, so that the order in which they were seen does not matter.
+        area = self.task.patches.cell_area[self.totals.seen[e]].sum()
+        self.totals.percent[e] = 100.0 * float(area / self._total_area)
+
+
+class EpisodeBatch(EpisodeFlights):
+    """E episodes of `SwarmObserve-v0`.
+
+    Args:
+        task: What they share.
+        count: Number of episodes E.
+        continues_after_impact: Whether a flight goes on without the spacecraft that hit the body.
+    """
+
+    def __init__(self, task: Task, count: int, *, continues_after_impact: bool = False) -> None:
+        super().__init__(task, count)
+        self._continues = continues_after_impact
+        self._constants = task.step_constants(continues_after_impact=continues_after_impact)
+        n = task.plan.n
+        masks, area, failed = np.zeros((2, count), np.bool_), np.zeros(count), np.zeros((count, n), np.bool_)
+        self._flown = Flown(self.flights.tick, masks[0], masks[1], area, self.flights.effort, failed)
+        self._tracked = Tracking(self.flights.kind, self.flights.index, np.zeros((count, n, 3)), self.flights.blind)
+        self._outcome = no_outcome(self.observation, n)
+        instants = (self.before, self.now, self.estimate)
+        given = (self._constants, *instants, self._tracked, self.totals, self._flown, self._outcome)
+        self._finish = BoundCall(finish_step, given)
+
+    def reset(self, e: int, flight_seed: int) -> None:
+        """Start episode e anew from the seed of its initial attitudes and rates."""
+        plan = self.task.plan
+        scenario = plan.scenario.model_copy(update={"seed": flight_seed})
+        self.begin(e, initial_state(replace(plan, scenario=scenario)))
+
+    def begin(self, e: int, start: InitialState) -> None:
+        """Start episode e anew from a state of its swarm."""
+        live = self._put(e, start)
+        self._update_kinematics(self.now, live)
+        self._observe(live)
 
     def step(self, actions: NDArray[Any], live: Mask | None = None) -> StepResult:
         """Fly on for one step with the actions held.
@@ -123,24 +160,10 @@ class EpisodeBatch(EpisodeState):
                 self.flights.park(int(e), int(j))
         return horizon_ended(result) if self.task.config.horizon_terminates else result
 
-    def get_state(self, e: int) -> dict[str, Any]:
-        """All that episode e is between two steps, copied, for `set_state` of any batch of the same task.
-
-        Raises:
-            SimulationError: Something flies whose state cannot be taken; the message names it.
-        """
-        return {"rows": [array[e].copy() for array in self._remembered], "flight": self.flights.get_state(e)}
-
-    def set_state(self, e: int, state: dict[str, Any]) -> None:
-        """Go on from what `get_state` gave; bit for bit the flight that went on from there."""
-        for array, row in zip(self._remembered, state["rows"], strict=True):
-            array[e] = row
-        self.flights.set_state(e, state["flight"])
-
     @property
     def _remembered(self) -> list[NDArray[Any]]:
-        """What episodes remember besides their simulation, with the number of the episode in front."""
-        return [*self.totals, *self.before, *self.now, *self.estimate, self.observation, *self.level.remembered]
+        """See `EpisodeFlights`."""
+        return [*super()._remembered, self.observation]
 
     def step_info(self, e: int, result: StepResult) -> dict[str, Any]:
         """What a step has to tell of flight e, beyond `info` its reward terms and how it ended."""
@@ -205,9 +228,3 @@ class EpisodeBatch(EpisodeState):
         totals.lost[:] |= lost
         for e in np.flatnonzero(self._flown.area):
             self.update_percent(int(e))
-
-    def update_percent(self, e: int) -> None:
-        """Bring the seen share of a flight up to date."""
-        # From the cells, so that the order in which they were seen does not matter.
-        area = self.task.patches.cell_area[self.totals.seen[e]].sum()
-        self.totals.percent[e] = 100.0 * float(area / self._total_area)

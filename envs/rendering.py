@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from swarm_mj.errors import ObserverError
 from swarm_mj.typing import Array, Pixels
 
-from .batch import EpisodeBatch
+from .batch import EpisodeFlights
 
 if TYPE_CHECKING:
     from swarm_mj.rendering.frame import Instant
@@ -28,7 +28,7 @@ class EpisodeRenderer:
         height: Of the picture [px].
     """
 
-    def __init__(self, flights: Sequence[tuple[EpisodeBatch, int]], width: int, height: int) -> None:
+    def __init__(self, flights: Sequence[tuple[EpisodeFlights, int]], width: int, height: int) -> None:
         self._flights, self._size = list(flights), (width, height)
         self._drawing: Any = None
         self._trails: list[Any] = []
@@ -66,7 +66,7 @@ class EpisodeRenderer:
         self._drawing = None
 
 
-def instant_of(batch: EpisodeBatch, e: int, trail_N: Array) -> Instant:
+def instant_of(batch: EpisodeFlights, e: int, trail_N: Array) -> Instant:
     """What there is to draw of flight e now, with the ways so far, shape (m, n, 3) [m]."""
     from swarm_mj.rendering.frame import Instant
 

@@ -59,8 +59,36 @@ def finish_step(
         flown: What the simulation tells of the step.
         outcome: Receives rewards and ends, and the observations of the flights with a finite state.
     """
+    _measure(constants, before, now, tracking, totals, flown, outcome)
+    write_observations(constants.observation, now, estimate, tracking, totals, flown.finite, outcome.observation)
+    compute_rewards(constants.reward, flown, outcome.received, outcome.hazards, totals, outcome.result)
+
+
+@lean
+def score_step(
+    constants: StepConstants,
+    before: Kinematics,
+    now: Kinematics,
+    tracking: Tracking,
+    totals: EpisodeTotals,
+    flown: Flown,
+    outcome: Outcome,
+) -> None:
+    """The same without observations, for environments that show their agents something else."""
+    _measure(constants, before, now, tracking, totals, flown, outcome)
+    compute_rewards(constants.reward, flown, outcome.received, outcome.hazards, totals, outcome.result)
+
+
+@lean
+def _measure(
+    constants: StepConstants,
+    before: Kinematics,
+    now: Kinematics,
+    tracking: Tracking,
+    totals: EpisodeTotals,
+    flown: Flown,
+    outcome: Outcome,
+) -> None:
     finite = flown.finite
     transmit(constants.radio, constants.body, now, tracking, totals, finite, outcome.received)
     measure_hazards(constants.limits, constants.body, before, now, totals.lost, finite, outcome.hazards)
-    write_observations(constants.observation, now, estimate, tracking, totals, finite, outcome.observation)
-    compute_rewards(constants.reward, flown, outcome.received, outcome.hazards, totals, outcome.result)

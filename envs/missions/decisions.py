@@ -1,203 +1,22 @@
 """A decision of one flight of SwarmObserve-v1 in one compiled call: flown, pictures taken, scored, and its tables written.
 
 Few flights over many missions have one flight or two of each: what Python costs for each mission would be most of the time.
-The kernels are those of `EpisodeBatch` and `MissionFlights`, called by address and flight by flight; Python is asked only where
-something fails, where a picture needs the observer itself, and for the seen share.
+The kernels are those of `EpisodeBatch`, called by address and flight by flight; Python is asked only where something fails,
+where a picture needs the observer itself, for the sensors' noise, and for the seen share.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
-import numpy as np
-
 from swarm_mj.simulator.fast.bound_calls import BoundCall, call, call_at
-from swarm_mj.typing import Array, Ints, Mask, inlined, kernel
+from swarm_mj.typing import Ints, inlined, jittable, kernel
 
 from ..kinematics import Kinematics
-from ..rewards import StepResult
-from ..task import Task
-from .tables import EpisodeSheet, Tables
+from .decision_data import Job, Rows
 
-#: Stages of a decision: begin, where nothing fails; begin; score. From 0: go on after the pictures at that instant.
-CHECK, BEGIN, FINISH = -1, -2, -3
-#: Answers: flown to the end; something fails at the beginning. From 0: at that instant the observer itself must judge pictures.
-DONE, FAILS = -1, -2
-
-
-class Calls(NamedTuple):
-    """The kernels of the flights of one mission, bound to their arrays and to `Rows.mask`.
-
-    Attributes:
-        choose: See `choose_targets`.
-        decide: See `fly`, which sets the torques of a control period.
-        advance: The same, which integrates it.
-        whole: The same, which does both up to `Rows.until`.
-        picture_rotations: See `update_rotations`, at a picture.
-        pictures: See `take_pictures`.
-        rotations: See `update_rotations`, at the end of the decision; writes `Rows.finite`.
-        truth: See `copy_truth`, of `Rows.finite`.
-        finish: See `finish_step`, of `Rows.finite`.
-        tables: See `write_tables`, of `Rows.shown`.
-    """
-
-    choose: BoundCall
-    decide: BoundCall
-    advance: BoundCall
-    whole: BoundCall
-    picture_rotations: BoundCall
-    pictures: BoundCall
-    rotations: BoundCall
-    truth: BoundCall
-    finish: BoundCall
-    tables: BoundCall
-
-
-class Schedule(NamedTuple):
-    """What all decisions of a mission share.
-
-    Attributes:
-        period: Of control [s].
-        step_s: Length of a decision [s].
-        last_tick: Control periods in a flight.
-        due: Whether pictures are due, by decision and control instant in it, shape (steps, ticks + 1).
-        total_area: Of the target [m^2].
-        patches: Number of patches.
-    """
-
-    period: float
-    step_s: float
-    last_tick: int
-    due: Mask
-    total_area: float
-    patches: int
-
-
-def schedule_of(task: Task) -> Schedule:
-    """Of the decisions of a mission."""
-    due = np.zeros((len(task.due_in_step), task.ticks + 1), np.bool_)
-    for step, instants in enumerate(task.due_in_step):
-        due[step, instants] = True
-    return Schedule(
-        period=float(task.simulation.period),
-        step_s=float(task.step_s),
-        last_tick=task.last_tick,
-        due=due,
-        total_area=float(task.plan.region.total_area),
-        patches=task.patches.count,
-    )
-
-
-class Rows(NamedTuple):
-    """Arrays of the E flights of a batch; those without a word belong to it, see `Batch`, `EpisodeState` and `EpisodeTotals`.
-
-    Attributes:
-        mask: The flight at hand, shape (E,).
-        until: To what tick, shape (E,).
-        choice: As those of the control level `role`, shape (E, n).
-        fine: Whether flights have flown to the end, shape (E,).
-        finite: The same of the flight at hand, shape (E,).
-        shown: Whether its tables are written, shape (E,).
-        failed: Spacecraft newly lost to faults, shape (E, n).
-        area: Newly seen, shape (E,) [m^2].
-        doubt: Pictures that the observer itself must judge, shape (E, n).
-        sigma_BR: A copy of the attitude errors at the last decision, shape (E, n, 3).
-    """
-
-    mask: Mask
-    until: Ints
-    choice: Ints
-    fine: Mask
-    finite: Mask
-    shown: Mask
-    failed: Mask
-    area: Array
-    doubt: Mask
-    sigma_BR: Array
-    tick: Ints
-    flies: Mask
-    effort: Array
-    qpos: Array
-    qvel: Array
-    kind: Ints
-    whom: Ints
-    vector: Array
-    attitude_error: Array
-    lost: Mask
-
-
-class Held(NamedTuple):
-    """The targets that hold, shape (E, n, ...)."""
-
-    kind: Ints
-    spacecraft: Ints
-    vector: Array
-
-
-class Came(NamedTuple):
-    """What is told of `EpisodeTotals`."""
-
-    area: Array
-    delivered: Array
-    stored: Array
-    seen_bit: Array
-    lost_bit: Array
-    lost: Mask
-
-
-class Facts(NamedTuple):
-    """What every step tells of E episodes of up to n spacecraft, as the info of the environment names it; (E,) or (E, n)."""
-
-    time_s: Array
-    coverage_percent: Array
-    delivered_bit: Array
-    stored_bit: Array
-    seen_bit: Array
-    lost_bit: Array
-    alive: Mask
-
-
-def no_facts(count: int, n: int) -> Facts:
-    """Of that many episodes of up to n spacecraft."""
-    numbers = {name: np.zeros(count) for name in Facts._fields}
-    return Facts(**numbers | {"stored_bit": np.zeros((count, n)), "alive": np.zeros((count, n), np.bool_)})
-
-
-class Told(NamedTuple):
-    """Arrays of all E episodes of the environment.
-
-    Attributes:
-        choice: What the agents chose, shape (E, n).
-        fine: Whether they have flown to the end, shape (E,).
-        area: Newly seen, shape (E,) [m^2].
-        result: Rewards and ends.
-        tables: What the agents are shown.
-        facts: See `Facts`.
-    """
-
-    choice: Ints
-    fine: Mask
-    area: Array
-    result: StepResult
-    tables: Tables
-    facts: Facts
-
-
-class Job(NamedTuple):
-    """The flights of a batch, ready for `decide_flight`."""
-
-    calls: Calls
-    schedule: Schedule
-    rows: Rows
-    held: Held
-    before: Kinematics
-    now: Kinematics
-    at_picture: Kinematics
-    totals: Came
-    sheet: EpisodeSheet
-    result: StepResult
-    tables: Tables
-    told: Told
+#: Stages of a decision: begin, where nothing fails; begin; go on where it stopped, see `Rows.instant`; score.
+CHECK, BEGIN, GO_ON, FINISH = range(4)
+#: Answers: flown to the end; something fails at the beginning; the observer itself must judge pictures; noise must be drawn.
+DONE, FAILS, DOUBTS, DRY = range(4)
 
 
 @kernel
@@ -238,9 +57,9 @@ def decide_flight(job: Job, k: int, e: int, stage: int) -> int:
         return DONE
     if stage == CHECK and _fails(job, k):
         return FAILS
-    if stage < 0:
+    if stage != GO_ON:
         _begin(job, k, e)
-    answer = _fly_on(job, k, stage)
+    answer = _fly_on(job, k)
     if answer == DONE:
         _read(job, job.now, k)
         call(job.calls.rotations, ())
@@ -276,6 +95,7 @@ def _begin(job: Job, k: int, e: int) -> None:
             rows.vector[k, j, i] = job.held.vector[k, j, i]
     _copy_instant(job.now, job.before, k)
     rows.effort[k] = rows.area[k] = 0.0
+    rows.instant[k], rows.judged[k] = 0, False
 
 
 @kernel
@@ -285,38 +105,44 @@ def _copy_instant(now: Kinematics, to: Kinematics, k: int) -> None:
 
 
 @inlined
-def _fly_on(job: Job, k: int, stage: int) -> int:
-    """Fly to the end of the decision from its beginning, or from where pictures have been judged."""
+def _fly_on(job: Job, k: int) -> int:
+    """Fly to the end of the decision from its beginning, or from where it stopped."""
     rows, due, ticks = job.rows, job.schedule.due, job.schedule.due.shape[1] - 1
-    at = max(stage, 0)
-    start, judged = rows.tick[k] - at, stage >= 0
-    step = start // ticks
+    start, judged = rows.tick[k] - rows.instant[k], rows.judged[k]
+    step, at = start // ticks, rows.instant[k]
     while at < ticks:
         stop = at
         while stop < ticks and not due[step, stop]:
             stop += 1
+        rows.until[k] = start + max(stop, at + 1)
+        if job.schedule.senses and call(job.calls.supply, ()):
+            return _stopped(rows, k, at, judged, DRY)
         if stop > at:
-            rows.until[k] = start + stop
             call(job.calls.whole, ())
         elif not judged:
             call(job.calls.decide, ())
             if rows.flies[k] and _take_pictures(job, k):
-                return at
+                return _stopped(rows, k, at, True, DOUBTS)
         if not rows.flies[k]:
             return DONE
         if stop == at:
             call(job.calls.advance, ())
-            at += 1
-        else:
-            at = stop
-        judged = False
+        at, judged = rows.tick[k] - start, False
+    if job.schedule.senses and call(job.calls.supply, ()):
+        return _stopped(rows, k, at, judged, DRY)
     if rows.tick[k] >= job.schedule.last_tick and not judged:
         effort = rows.effort[k]
         call(job.calls.decide, ())
         rows.effort[k] = effort
         if rows.flies[k] and due[step, ticks] and _take_pictures(job, k):
-            return ticks
+            return _stopped(rows, k, at, True, DOUBTS)
     return DONE
+
+
+@jittable
+def _stopped(rows: Rows, k: int, at: int, judged: bool, why: int) -> int:
+    rows.instant[k], rows.judged[k] = at, judged
+    return why
 
 
 @kernel
@@ -356,7 +182,10 @@ def _finish(job: Job, k: int, e: int) -> None:
         for i in range(3):
             rows.sigma_BR[k, j, i] = rows.attitude_error[k, j, i]
     call(job.calls.truth, ())
-    call(job.calls.finish, ())
+    if job.schedule.senses:
+        call(job.calls.sense, ())
+        call(job.calls.estimate, ())
+    call(job.calls.score, ())
     # As scores go by what is possible in the episode.
     scale, terms = job.schedule.total_area / job.sheet.possible_area[k], result.terms
     terms.seen[k] *= scale

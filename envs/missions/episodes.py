@@ -10,7 +10,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from swarm_mj.typing import Array32, Indices, Mask
+from swarm_mj.typing import Array32, Mask
 
 from ..rewards import ENDS, StepResult, horizon_ended
 from .config import MissionConfig
@@ -128,36 +128,8 @@ class Episodes:
 
     def fly(self, actions: NDArray[Any], live: Mask) -> StepResult:
         """The same with choices among all patches, Earth and relays, whatever the agents choose among."""
-        which = np.flatnonzero(live)
-        known = self._jobs.known(which)
-        result = self._jobs.step(which[known], actions)
-        if not known.all():
-            self._fly_others(which[~known], actions, result)
+        result = self._jobs.step(np.flatnonzero(live), actions)
         return horizon_ended(result) if self.config.horizon_terminates else result
-
-    def _fly_others(self, which: Indices, actions: NDArray[Any], result: StepResult) -> None:
-        """Fly episodes batch by batch in which Python has a say in every decision, and write what comes of it."""
-        riders: dict[int, list[int]] = {}
-        for e in which.tolist():
-            place = self._places[e]
-            assert place is not None
-            riders.setdefault(place[0], []).append(e)
-
-        def fly_on(k: int) -> None:
-            batch, rows = self._seats.batches[k], np.array(riders[k])
-            seats = np.array([self._places[e][1] for e in riders[k]])  # type: ignore[index]
-            choice, flies = np.zeros((batch.count, self.n), np.int64), np.zeros(batch.count, np.bool_)
-            choice[seats], flies[seats] = actions[rows], True
-            flown = batch.step(choice, flies)
-            _copy_rows(flown.terms, seats, result.terms, rows)
-            _copy_rows(flown[1:], seats, result[1:], rows)
-            self._tell(batch, seats, rows)
-
-        if self._pool is None:
-            for k in riders:
-                fly_on(k)
-        else:
-            list(self._pool.map(fly_on, riders))
 
     def _tell(self, batch: MissionFlights, seats: Any, rows: Any) -> None:
         """Copy what a batch has of the flights in some seats into the rows of their episodes."""

@@ -17,12 +17,13 @@ from swarm_mj.smallbody.occultation import occluder_of
 from swarm_mj.typing import Array, Mask
 
 from ..actions import RoleLevel, choose_targets
-from ..batch import EpisodeBatch
-from ..kinematics import Tracking, copy_truth, update_rotations
+from ..batch import EpisodeFlights
+from ..kinematics import Tracking, copy_truth, update_estimated_rotations, update_rotations
 from ..pictures import nothing_gained, take_pictures
-from ..rewards import Flown, Outcome, StepResult, no_outcome
-from ..step import finish_step
-from .decisions import Calls, Came, Facts, Held, Job, Rows, Told, decide_flight, schedule_of
+from ..rewards import Flown, Outcome, no_outcome
+from ..step import score_step
+from .decision_data import Calls, Came, Facts, Held, Job, Rows, Told, schedule_of
+from .decisions import decide_flight
 from .draws import EpisodeDraw
 from .mission import CROSSING_S, DURATION_S, EARTH_BIT_S, PICTURE_INTERVAL_S, TIME_OF_FLIGHT_S, Mission
 from .reach import cells_in_reach
@@ -33,7 +34,7 @@ from .tables import EpisodeSheet, Standing, TableConstants, Tables, no_sheet, no
 LEAST_POSSIBLE = 0.2
 
 
-class MissionFlights(EpisodeBatch):
+class MissionFlights(EpisodeFlights):
     """E episodes of one mission.
 
     Args:
@@ -46,16 +47,19 @@ class MissionFlights(EpisodeBatch):
         tables: What their agents are shown.
     """
 
+    flights: CompiledBatch
+    level: RoleLevel
+
     def __init__(self, mission: Mission, count: int) -> None:
         self.mission = mission
-        super().__init__(mission.task, count, continues_after_impact=True)
+        super().__init__(mission.task, count)
+        # Every mission is of this kind: its body, law and radios are this module's own choice.
+        assert isinstance(self.flights, CompiledBatch) and isinstance(self.level, RoleLevel), self.why_python
         n, patches = mission.task.plan.n, mission.task.patches.count
         self.sheet: EpisodeSheet = no_sheet(count, n, patches)
         self.tables: Tables = no_tables(count, n, patches)
         self._table_constants = _table_constants(mission)
-        self._earth, self._hold = patches + n + 1, patches + n + 2
-        self._itself = patches + 1 + np.arange(n)
-        self._doubt = np.zeros((count, n), np.bool_), np.zeros(count)
+        self._rows = self._make_rows()
 
     def start(self, e: int, draw: EpisodeDraw) -> None:
         """Start episode e anew as it was drawn."""
@@ -88,22 +92,6 @@ class MissionFlights(EpisodeBatch):
         self._update_estimate(live)
         self._show(live)
 
-    def step(self, actions: NDArray[Any], live: Mask | None = None) -> StepResult:
-        """Fly on for one step with the choices held, see `EpisodeBatch.step`; choices are those of SwarmObserve-v1, (E, n)."""
-        live = self._all if live is None else live
-        # What failed since the step before began.
-        now = self.time_s[:, None, None]
-        failing = (self.sheet.fails_s <= now) & (self.sheet.fails_s > now - self.task.step_s)
-        for e in np.flatnonzero(live & failing.any(axis=(1, 2))):
-            self._fail(int(e))
-        result = super().step(self._roles(np.asarray(actions, np.int64)), live)
-        # As scores go by what is possible in the episode.
-        scale = np.where(live, self.task.plan.region.total_area / self.sheet.possible_area, 1.0)
-        seen, delivered = result.terms.seen * scale, result.terms.delivered * scale
-        terms = result.terms._replace(seen=seen, delivered=delivered)
-        self._show(live & self.flights.finite)
-        return result._replace(terms=terms, reward=sum(terms[1:], terms[0]))
-
     def facts(self) -> Facts:
         """What every step tells of all episodes."""
         totals = self.totals
@@ -117,27 +105,21 @@ class MissionFlights(EpisodeBatch):
             alive=~totals.lost,
         )
 
-    def job(self, told: Told) -> BoundCall | None:
-        """The flights for `decide_flights`; None where `step` must fly them, because Python has a say in every decision.
+    def job(self, told: Told) -> BoundCall:
+        """The flights for `decide_flights`.
 
         Args:
             told: Where episodes are told of.
         """
-        flights, task, level = self.flights, self.task, self.level
-        if not isinstance(flights, CompiledBatch) or not isinstance(level, RoleLevel) or task.criterion.needs_sun:
-            return None
-        rows, outcome = self._rows(flights), no_outcome(self.observation, task.plan.n)
-        calls = self._calls(flights, level, rows, outcome)
-        if calls is None:
-            return None
+        # Agents are shown tables, not the observations of v0.
+        task, outcome = self.task, no_outcome(np.zeros((self.count, 0), np.float32), self.task.plan.n)
         totals = self.totals
         came = Came(totals.area, totals.delivered, totals.stored, totals.seen_bit, totals.lost_bit, totals.lost)
-        self._doubt = rows.doubt, rows.area
         job = Job(
-            calls=calls,
-            schedule=schedule_of(task),
-            rows=rows,
-            held=Held(*level.held),
+            calls=self._calls(outcome),
+            schedule=schedule_of(task, senses=self.flights.senses),
+            rows=self._rows,
+            held=Held(*self.level.held),
             before=self.before,
             now=self.now,
             at_picture=self._at_picture,
@@ -149,14 +131,20 @@ class MissionFlights(EpisodeBatch):
         )
         return BoundCall(decide_flight, (job,), (types.int64, types.int64, types.int64))
 
-    def _rows(self, flights: CompiledBatch) -> Rows:
-        count, n = self.count, self.task.plan.n
+    def _make_rows(self) -> Rows:
+        flights, count, n = self.flights, self.count, self.task.plan.n
         return Rows(
-            **{name: np.zeros(count, np.bool_) for name in ("mask", "fine", "finite", "shown")},
-            **{name: np.zeros((count, n), np.bool_) for name in ("failed", "doubt")},
+            mask=np.zeros(count, np.bool_),
             until=np.zeros(count, np.int64),
+            instant=np.zeros(count, np.int64),
+            judged=np.zeros(count, np.bool_),
             choice=np.zeros((count, n), np.int64),
+            fine=np.zeros(count, np.bool_),
+            finite=np.zeros(count, np.bool_),
+            shown=np.zeros(count, np.bool_),
+            failed=np.zeros((count, n), np.bool_),
             area=np.zeros(count),
+            doubt=np.zeros((count, n), np.bool_),
             sigma_BR=np.zeros((count, n, 3)),
             tick=flights.tick,
             flies=flights.finite,
@@ -170,31 +158,32 @@ class MissionFlights(EpisodeBatch):
             lost=flights.lost,
         )
 
-    def _calls(self, flights: CompiledBatch, level: RoleLevel, rows: Rows, outcome: Outcome) -> Calls | None:
-        """The kernels of a decision; None where one of them does not do."""
-        scene, never = self.task.scene, np.full(self.count, NEVER, np.int64)
-        decide, advance = (flights.bound(part, rows.mask, never) for part in (DECIDE, ADVANCE))
-        whole = flights.bound(WHOLE, rows.mask, rows.until)
-        if scene is None or decide is None or advance is None or whole is None:
-            return None
-        at_picture, now, totals, mask = self._at_picture, self.now, self.totals, rows.mask
+    def _calls(self, outcome: Outcome) -> Calls:
+        """The kernels of a decision."""
+        flights, level, rows, scene = self.flights, self.level, self._rows, self.task.scene
+        assert scene is not None
+        never = np.full(self.count, NEVER, np.int64)
+        at_picture, now, estimate, totals, mask = self._at_picture, self.now, self.estimate, self.totals, rows.mask
         gained = nothing_gained(scene, rows.area, self.task.plan.n)._replace(doubt=rows.doubt)
         pictures = (scene, self._pictures, at_picture, totals, flights.kind, flights.blind, mask, gained)
         tracking = Tracking(flights.kind, flights.index, rows.sigma_BR, flights.blind)
         flown = Flown(flights.tick, mask, rows.finite, rows.area, flights.effort, rows.failed)
-        standing = Standing(now, self.estimate, tracking, totals, self.sheet)
-        finish = (self._constants, self.before, now, self.estimate, tracking, totals, flown, outcome)
-        boresight_N = self.estimate.C_BN[:, :, 2]
+        standing = Standing(now, estimate, tracking, totals, self.sheet)
+        constants = self.task.step_constants(continues_after_impact=True)
+        choices = (level.choices, rows.choice, estimate.C_BN[:, :, 2], mask, level.held)
         return Calls(
-            choose=BoundCall(choose_targets, (level.choices, rows.choice, boresight_N, mask, level.held)),
-            decide=decide,
-            advance=advance,
-            whole=whole,
+            choose=BoundCall(choose_targets, choices),
+            decide=flights.bound(DECIDE, mask, never),
+            advance=flights.bound(ADVANCE, mask, never),
+            whole=flights.bound(WHOLE, mask, rows.until),
             picture_rotations=BoundCall(update_rotations, (self._rotation, at_picture, mask, rows.finite)),
             pictures=BoundCall(take_pictures, pictures),
             rotations=BoundCall(update_rotations, (self._rotation, now, mask, rows.finite)),
-            truth=BoundCall(copy_truth, (now, self.estimate, rows.finite)),
-            finish=BoundCall(finish_step, finish),
+            truth=BoundCall(copy_truth, (now, estimate, rows.finite)),
+            supply=flights.bound_supply(mask, rows.until),
+            sense=flights.bound_sense(rows.finite, estimate.q, estimate.omega),
+            estimate=BoundCall(update_estimated_rotations, (estimate, rows.finite)),
+            score=BoundCall(score_step, (constants, self.before, now, tracking, totals, flown, outcome)),
             tables=BoundCall(write_tables, (self._table_constants, standing, rows.shown, self.tables)),
         )
 
@@ -204,8 +193,12 @@ class MissionFlights(EpisodeBatch):
 
     def judge_pictures(self, e: int) -> None:
         """Let the observer itself judge the pictures of episode e at this instant that compiled code was in doubt about."""
-        doubt, area = self._doubt
-        self._judge_all(doubt & (np.arange(self.count) == e)[:, None], area)
+        rows = self._rows
+        self._judge_all(rows.doubt & (np.arange(self.count) == e)[:, None], rows.area)
+
+    def provide_noise(self, e: int) -> None:
+        """Draw more of the noise that the sensors of episode e add."""
+        self.flights.provide_noise(np.arange(self.count) == e)
 
     def find_cause(self, e: int) -> None:
         """Say why episode e diverged, in `flights.causes`."""
@@ -213,20 +206,13 @@ class MissionFlights(EpisodeBatch):
         if flights.finite[e]:
             # Deciding again names the spacecraft.
             flights.decide(it)
-        elif isinstance(flights, CompiledBatch):
+        else:
             flights.find_causes(it)
 
     @property
     def _remembered(self) -> list[NDArray[Any]]:
-        """See `EpisodeBatch`."""
+        """See `EpisodeFlights`."""
         return [*super()._remembered, *self.sheet, *self.tables]
-
-    def _roles(self, choice: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Choices as those of the control level `role`: Earth stands elsewhere there, and who is no more or unheard, holds."""
-        patches, lost = self.task.patches.count, self.totals.lost
-        earth = choice == patches
-        roles = np.where(earth, self._earth, choice)
-        return np.where(lost | (earth & ~self.sheet.downlink), self._hold, roles)
 
     def _light(self, e: int, draw: EpisodeDraw, r_N: Array, v_N: Array) -> None:
         """Count dark cells as seen, and find what of the others is possible; the Sun stands where it is at the visit."""

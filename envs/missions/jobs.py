@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarm_mj.simulator.fast.bound_calls import BoundCall
-from swarm_mj.typing import Indices, Mask
+from swarm_mj.typing import Indices
 
 from ..rewards import RewardTerms, StepResult
-from .decisions import BEGIN, CHECK, DONE, FAILS, FINISH, Facts, Told, decide_flights, no_facts
+from .decision_data import Facts, Told, no_facts
+from .decisions import BEGIN, CHECK, DONE, DOUBTS, FAILS, FINISH, GO_ON, decide_flights
 from .flights import MissionFlights
 from .tables import Tables
 
@@ -37,7 +38,7 @@ class Jobs:
         self._numbers = np.zeros((len(RewardTerms._fields) + 1, count))
         result, choice = result_of(self._numbers, n), np.zeros((count, n), np.int64)
         self._told = Told(choice, np.zeros(count, np.bool_), np.zeros(count), result, tables, self.facts)
-        self._made: dict[int, BoundCall | None] = {}
+        self._made: dict[int, BoundCall] = {}
         self._like: BoundCall | None = None
         self._at, self._seats = np.zeros((count, 2), np.int64), np.zeros(count, np.int64)
         self._stages, self._answers = np.zeros(count, np.int64), np.zeros(count, np.int64)
@@ -48,22 +49,15 @@ class Jobs:
     def seat(self, e: int, number: int, batch: MissionFlights, k: int) -> None:
         """Let episode e be flight k of a batch of that number."""
         if number not in self._made:
-            job = batch.job(self._told)
-            self._like = self._like or job
-            # Jobs that differ in more than their arrays are not called by the same code.
-            same = job is not None and self._like is not None and job.kind == self._like.kind
-            self._made[number] = job if same else None
+            self._made[number] = batch.job(self._told)
         job = self._made[number]
-        self._at[e] = 0 if job is None else job.at
-        self._seats[e], self._batch_of[e], self._flights[e] = k, number, batch
-
-    def known(self, which: Indices) -> Mask:
-        """Which of some episodes are flown here."""
-        known: Mask = self._at[which, 0] != 0
-        return known
+        self._like = self._like or job
+        # Jobs that differ in more than their arrays are not called by the same code.
+        assert job.kind == self._like.kind, "missions of one environment are of one kind"
+        self._at[e], self._seats[e], self._batch_of[e], self._flights[e] = job.at, k, number, batch
 
     def step(self, which: Indices, actions: NDArray[Any]) -> StepResult:
-        """Fly some episodes for one step with the choices held, shape (E, n); zeros of the others."""
+        """Fly some episodes for one step with the choices held, shape (E, n), see `Episodes.fly`; zeros of the others."""
         told = self._told
         self._numbers[:], told.result.end[:] = 0.0, 0
         told.result.truncated[:], told.result.hit[:] = False, False
@@ -102,15 +96,17 @@ class Jobs:
         decide_flights(self._like, self._at, self._seats, which, self._stages, self._answers)
 
     def _go_on(self, e: int) -> None:
-        """Fly an episode to the end of its step in which something fails, or pictures need the observer itself."""
+        """Fly an episode to the end of its step in which Python has to do something first."""
         one = np.array([e])
         while self._answers[e] != DONE:
-            if self._answers[e] == FAILS:
+            answer = self._answers[e]
+            self._stages[e] = BEGIN if answer == FAILS else GO_ON
+            if answer == FAILS:
                 self._of(e, MissionFlights.fail)
-                self._stages[e] = BEGIN
-            else:
+            elif answer == DOUBTS:
                 self._of(e, MissionFlights.judge_pictures)
-                self._stages[e] = self._answers[e]
+            else:
+                self._of(e, MissionFlights.provide_noise)
             self._fly(one)
 
 

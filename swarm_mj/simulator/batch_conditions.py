@@ -32,11 +32,14 @@ class BatchConditions:
         records: The MjData for compiled code, shape (E,).
         conditions: The conditions for compiled code, shape (E,).
         due: Ticks at which something has to be done before compiled code may fly on, shape (E,).
+        scheduled: Whether the scenario has faults that happen in flight.
         redirects: Flights in which the swarm may aim elsewhere than it is told, because of losses, shape (E,).
     """
 
     def __init__(self, simulation: Simulation, flights: Flights) -> None:
         count, self._period = len(flights.tick), simulation.period
+        given = simulation.injection
+        self.scheduled = given is not None and len(given.fault_model.faults) > 0
         self._injections = [_injection(simulation, one_of(flights, e)) for e in range(count)]
         states = [injection.state for injection in self._injections]
         self.datas = [state.data for state in states]
@@ -87,11 +90,12 @@ class BatchConditions:
     def limit(self, live: Mask, tick: Ints, until: Ints) -> Ints:
         """How far compiled code may fly, shape (E,): to the next event, and as far as noise has been drawn."""
         until = np.minimum(until, self.due)
-        self._provide_noise(live)
+        self.provide_noise(live)
         noise_left(self.conditions, live, tick, until, self._dry)
         return until
 
-    def _provide_noise(self, live: Mask) -> None:
+    def provide_noise(self, live: Mask) -> None:
+        """Draw the noise of the sensors of live flights, shape (E,), that have none left."""
         if noise_left(self.conditions, live, self.due, self._no_matter, self._dry):
             for e in np.flatnonzero(self._dry).tolist():
                 self._injections[e].faults.sensing.provide_noise()
@@ -110,7 +114,7 @@ class BatchConditions:
         for e in np.flatnonzero(own & (tick >= self.due)).tolist():
             # A sensor that fails at this instant has failed before it is read.
             self._injections[e].faults.happen(int(tick[e]) * self._period, wheel_speed[e])
-        self._provide_noise(own)
+        self.provide_noise(own)
         flight_kernels.sense_flights(self.conditions, own, tick, self._period, q, omega)
         return own
 

@@ -21,7 +21,7 @@ from swarm_mj.simulator.batch import Batch
 from swarm_mj.simulator.batch_conditions import BatchConditions
 from swarm_mj.simulator.fast import flight_kernels
 from swarm_mj.simulator.fast.bound_calls import BoundCall
-from swarm_mj.simulator.fast.conditions import CONDITION
+from swarm_mj.simulator.fast.conditions import CONDITION, noise_left
 from swarm_mj.simulator.fast.flight_kernels import (
     ADVANCE,
     DECIDE,
@@ -207,17 +207,35 @@ class CompiledBatch(Batch):
             flying &= self.finite & (self.tick < end)
         return fine
 
-    def bound(self, part: int, live: Mask, until: Ints) -> BoundCall | None:
-        """The flight as a call for other compiled code; None where Python has a say in it.
+    def bound(self, part: int, live: Mask, until: Ints) -> BoundCall:
+        """The flight as a call for other compiled code, which sees to it that noise is left (`bound_supply`).
 
         Args:
             part: WHOLE, DECIDE or ADVANCE.
             live: Which flights, shape (E,); read at every call.
             until: Ticks to fly to, shape (E,); read at every call.
+
+        Raises:
+            SimulationError: Behaviours or faults of the scenario are asked on the way, which is Python's.
         """
-        if self._wrong is not None or self._behaviors is not None:
-            return None
+        if self._behaviors is not None or (self._wrong is not None and self._wrong.scheduled):
+            raise SimulationError("compiled code asks no behaviours, and knows nothing of the scenario's faults")
         return BoundCall(flight_kernels.fly, (*self._shared, part, live, until))
+
+    def bound_supply(self, live: Mask, until: Ints) -> BoundCall:
+        """`noise_left` of these flights, arguments as of `bound`: `until` comes down to as far as noise has been drawn."""
+        return BoundCall(noise_left, (self._conditions, live, self.tick, until, np.zeros(self.count, np.bool_)))
+
+    def bound_sense(self, live: Mask, q: Array, omega: Array) -> BoundCall:
+        """`know` of these flights as a call for other compiled code, which sees to it that noise is left."""
+        return BoundCall(
+            flight_kernels.sense_flights, (self._conditions, live, self.tick, float(self.period), q, omega)
+        )
+
+    def provide_noise(self, live: Mask) -> None:
+        """Draw the noise of the sensors of live flights, shape (E,), that have none left."""
+        if self._wrong is not None:
+            self._wrong.provide_noise(live)
 
     def find_causes(self, live: Mask) -> None:
         """Say why flights have diverged, in `causes`."""

@@ -284,9 +284,9 @@ def split_states(qpos: Array, qvel: Array, r: Array, v: Array, q: Array, omega: 
 
 @kernel
 def sense_flights(conditions: Conditions, live: Mask, tick: Ints, period: float, q: Array, omega: Array) -> None:
-    """Put what the flight software knows in the place of attitudes, shape (E, n, 4), and rates, shape (E, n, 3)."""
+    """Put what the flight software knows in the place of attitudes, (E, n, 4), and rates, (E, n, 3), where sensors err."""
     for e in range(live.shape[0]):
-        if live[e]:
+        if live[e] and conditions[e].sense != 0:
             call_sense(conditions[e].sense, conditions, e, tick[e], period, q[e], omega[e])
             known = known_attitudes(conditions, e, q[e])
             for j in range(known.shape[0]):
