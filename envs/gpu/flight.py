@@ -252,7 +252,7 @@ def call_law(
     )
 
 
-def no_polyhedron(r_A: Array, body: Any, a_A: Array) -> None:
+def no_polyhedron(r_A: Array, body: Any, cell: float, known: Array, a_A: Array) -> None:
     """In the place of `write_near_and_far`, which allocates; `check_task` refuses what needs it."""
 
 

@@ -5,13 +5,14 @@ Times are seconds past the scenario's epoch; vectors are in N unless named A.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from swarm_mj.plugins import as_array, call
 from swarm_mj.scenarios import constants
 from swarm_mj.smallbody.gravity.base import Gravity
+from swarm_mj.smallbody.gravity.polyhedron import Polyhedron
 from swarm_mj.smallbody.perturbations import Sunlight, solar_radiation_pressure, solar_tide
 from swarm_mj.smallbody.rotation import spin_dcm
 from swarm_mj.typing import Array
@@ -83,6 +84,10 @@ class Environment:
         answer = call(self.gravity, "gravity field", "acceleration", r_A)
         what = "the gravity field {} answers an acceleration that"
         return as_array(answer, r_A.shape, np.float64, self.gravity, what)
+
+    def in_cells(self) -> Environment:
+        """The same where places that differ by rounding share gravity that is dear, see `Polyhedron.in_cells`."""
+        return replace(self, gravity=self.gravity.in_cells) if isinstance(self.gravity, Polyhedron) else self
 
     @property
     def perturbed(self) -> bool:

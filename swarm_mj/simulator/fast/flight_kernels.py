@@ -186,7 +186,7 @@ def _hold_forces(world: World, flights: Flights, conditions: Conditions, e: int,
     own_field = conditions[e].own_field != 0
     if own_field or not _recall(world.pulls, tick, r_A, a_A):
         series = series_of(conditions, e, world.field.series)
-        write_attraction(r_A, world.field, series, a_A)
+        write_attraction(r_A, world.field, series, world.cells[min(tick, world.cells.shape[0] - 1)], a_A)
         if own_field:
             _strengthen(conditions[e].field_factor, a_A)
         _add_sunlight(world, r_A, C_mid, t, flights.earth_N[e], a_A)

@@ -38,6 +38,8 @@ class World(NamedTuple):
         field: The gravity field.
         pulls: Places in A [m] and the accelerations there [m/s^2] that were last found at every tick, shape (T, n, 6): where no
             action moves the flights, gravity is evaluated for the first of them alone. Empty: it always is.
+        cells: Cells of a polyhedron in which spacecraft were last at every tick, and what it does there, see
+            `write_near_and_far`, shape (T, n, 12); the last one serves for all ticks from there on.
         frames: C_AN, C_mid and the attitude of A at every tick, and 1 where they are known, shape (T, 23); see `pulls`.
         gradient_gm: Gravitational parameter whose gradient turns the spacecraft [m^3/s^2]; 0: none does.
         wheel_inertia: Spin inertia of a wheel [kg m^2].
@@ -67,6 +69,7 @@ class World(NamedTuple):
     sunlight: Sunlight
     field: CompiledField
     pulls: Array
+    cells: Array
     frames: Array
     gradient_gm: float
     wheel_inertia: float

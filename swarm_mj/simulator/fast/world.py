@@ -10,7 +10,8 @@ from swarm_mj.simulator.fast.flights import World
 from swarm_mj.simulator.faults.dispersions import unscaled
 from swarm_mj.simulator.loop_state import LAW_SLOTS, LoopState, control_input
 from swarm_mj.simulator.plugin_calls import ask_for_torque
-from swarm_mj.smallbody.gravity.compiled import compiled_field, knows
+from swarm_mj.smallbody.gravity.compiled import POLYHEDRON, compiled_field, knows
+from swarm_mj.smallbody.gravity.polyhedron import CELL_NUMBERS
 from swarm_mj.spacecraft.control.base import ControlInput, Controller
 from swarm_mj.spacecraft.control.compiled import CompiledController, CompiledLaw, address_of, numbers_of
 from swarm_mj.typing import Array
@@ -61,6 +62,7 @@ def make_world(state: LoopState, controller: Controller | None, *, remembered: i
     environment, properties = state.environment, state.properties
     field = compiled_field(unscaled(environment.gravity)[0])
     assert field is not None
+    polyhedral = field.kind == POLYHEDRON
     inputs, law = state.inputs, law_of(controller)
     if controller is not None:
         ask_for_torque(controller, inputs, None)  # refuses a control period that is too long, whatever the state
@@ -84,7 +86,8 @@ def make_world(state: LoopState, controller: Controller | None, *, remembered: i
         sun_velocity_N=_writable(environment.sun.velocity),
         sunlight=environment.sunlight,
         field=field,
-        pulls=np.zeros((remembered, state.model.n, 6)),
+        pulls=np.zeros((0 if polyhedral else remembered, state.model.n, 6)),
+        cells=np.zeros((max(remembered, 1) if polyhedral else 1, state.model.n, CELL_NUMBERS)),
         frames=np.zeros((remembered, 23)),
         gradient_gm=float(state.gradient_gm),
         wheel_inertia=float(properties.wheel_spin_inertia),

@@ -8,7 +8,7 @@ import numpy as np
 
 from swarm_mj.smallbody.gravity.base import Gravity
 from swarm_mj.smallbody.gravity.point_mass import PointMass, write_point_mass
-from swarm_mj.smallbody.gravity.polyhedron import Elements, Polyhedron, no_elements, write_near_and_far
+from swarm_mj.smallbody.gravity.polyhedron import Elements, Polyhedron, any_far, no_elements, write_near_and_far
 from swarm_mj.smallbody.gravity.spherical_harmonics import SphericalHarmonics, write_series
 from swarm_mj.typing import Array, kernel
 
@@ -26,6 +26,7 @@ class CompiledField(NamedTuple):
         recursion: See `recursion_table`.
         series: Coefficients of their acceleration, see `SphericalHarmonics`.
         elements: The polyhedron.
+        cell: Side of the cells of its attraction [m]; 0: there are none, see `Polyhedron.in_cells`.
     """
 
     kind: int
@@ -34,16 +35,19 @@ class CompiledField(NamedTuple):
     recursion: Array
     series: Array
     elements: Elements
+    cell: float
 
 
 def compiled_field(gravity: Gravity) -> CompiledField | None:
     """A field as kernels take it; None where they do not know its kind."""
     if type(gravity) is PointMass:
-        return CompiledField(POINT_MASS, gravity.gm, 1.0, np.empty((0, 0, 2)), np.empty((0, 0, 3, 2)), no_elements())
+        return CompiledField(
+            POINT_MASS, gravity.gm, 1.0, np.empty((0, 0, 2)), np.empty((0, 0, 3, 2)), no_elements(), 0.0
+        )
     if type(gravity) is SphericalHarmonics:
-        return CompiledField(HARMONICS, 0.0, *_series_of(gravity), no_elements())
+        return CompiledField(HARMONICS, 0.0, *_series_of(gravity), no_elements(), 0.0)
     if type(gravity) is Polyhedron:
-        return CompiledField(POLYHEDRON, 0.0, *_series_of(gravity.far_field), gravity.elements)
+        return CompiledField(POLYHEDRON, 0.0, *_series_of(gravity.far_field), gravity.elements, gravity.cell)
     return None
 
 
@@ -58,13 +62,14 @@ def _series_of(field: SphericalHarmonics) -> tuple[float, Array, Array]:
 
 
 @kernel
-def write_attraction(r_A: Array, field: CompiledField, series: Array, out: Array) -> None:
+def write_attraction(r_A: Array, field: CompiledField, series: Array, known: Array, out: Array) -> None:
     """Accelerations at places of the turning body, as the field's `acceleration` gives them.
 
     Args:
         r_A: In A, shape (n, 3) [m].
         field: The field.
         series: Its own `series`, or another one of the same size in its place.
+        known: Cells of a polyhedron whose sums are known, brought up to date, see `write_near_and_far`, shape (n, 12).
         out: Receives the accelerations in A, shape (n, 3) [m/s^2].
     """
     if field.kind == HARMONICS:
@@ -72,5 +77,6 @@ def write_attraction(r_A: Array, field: CompiledField, series: Array, out: Array
     elif field.kind == POINT_MASS:
         write_point_mass(r_A, field.gm, out)
     else:
-        write_series(r_A, field.radius, field.recursion, series, out)
-        write_near_and_far(r_A, field.elements, out)
+        if any_far(r_A, field.elements.radius):
+            write_series(r_A, field.radius, field.recursion, series, out)
+        write_near_and_far(r_A, field.elements, field.cell, known, out)

@@ -17,7 +17,7 @@ from swarm_mj.simulator.compiled_batch import CompiledBatch
 from swarm_mj.simulator.simulation import Simulation
 from swarm_mj.smallbody.gravity.compiled import compiled_field, write_attraction
 from swarm_mj.smallbody.gravity.point_mass import PointMass
-from swarm_mj.smallbody.gravity.polyhedron import Polyhedron
+from swarm_mj.smallbody.gravity.polyhedron import CELL_NUMBERS, Polyhedron
 from swarm_mj.smallbody.shape_harmonics import build_eros
 from swarm_mj.spacecraft.control.base import ControlInput
 from swarm_mj.spacecraft.control.compiled import CompiledLaw
@@ -127,7 +127,7 @@ def test_fields_in_kernels_pull_as_in_python_near_and_far(radii):
     r_A = radii * body.shape.max_radius * np.array([[0.6, 0.0, 0.8], [-0.48, 0.64, -0.6]])
     for gravity in (body, PointMass(EROS_GM), body.far_field):
         field, found = compiled_field(gravity), np.full((2, 3), np.nan)
-        write_attraction(r_A, field, field.series, found)
+        write_attraction(r_A, field, field.series, np.zeros((2, CELL_NUMBERS)), found)
         assert np.array_equal(found, gravity.acceleration(r_A))
 
 

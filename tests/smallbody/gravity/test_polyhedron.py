@@ -1,5 +1,7 @@
 """The polyhedron against closed forms of a cuboid and a sphere, brute-force integration, and another program."""
 
+from copy import copy
+
 import numpy as np
 import pytest
 
@@ -8,6 +10,7 @@ from swarm_mj.scenarios import constants
 from swarm_mj.scenarios.constants import GRAVITATIONAL_CONSTANT as G
 from swarm_mj.smallbody.geodesic import geodesic_icosahedron
 from swarm_mj.smallbody.gravity import PointMass, Polyhedron
+from swarm_mj.smallbody.gravity.polyhedron import CELL_NUMBERS, write_near_and_far
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.smallbody.shape_harmonics import build_eros
 from swarm_mj.smallbody.solid_angle import points_inside
@@ -58,8 +61,9 @@ def test_attraction_is_exact_from_near_to_as_far_as_anybody_flies(cuboid, distan
     directions = rng.standard_normal((30, 3))
     r_A = distance * directions / np.linalg.norm(directions, axis=1, keepdims=True)
     expected = attraction_of_points(r_A, gm=cuboid.gm)
-    error = np.linalg.norm(cuboid.acceleration(r_A) - expected, axis=1) / np.linalg.norm(expected, axis=1)
-    assert error.max() < 1e-9
+    for field in (cuboid, cuboid.in_cells):
+        error = np.linalg.norm(field.acceleration(r_A) - expected, axis=1) / np.linalg.norm(expected, axis=1)
+        assert error.max() < 1e-9
 
 
 def test_far_attraction_is_that_of_a_point_at_the_centroid_of_thousands_of_faces():
@@ -180,6 +184,79 @@ def test_points_close_to_an_edge_lose_no_accuracy(cuboid):
     points = np.array([400.0, 700.0, 123.0]) + distance[:, None] * [0.6, 0.8, 0.0]
     expected = cuboid_attraction(points)
     assert np.abs(cuboid.acceleration(points) - expected).max() < 1e-10 * np.abs(expected).max()
+
+
+def places_above(height, count=40):
+    """Places that are so far from the cuboid: above points of its faces, and aside of its corners."""
+    rng, all_of_them = np.random.default_rng(3), np.arange(count)
+    below, side, axis = HALF * rng.uniform(-1.0, 1.0, (count, 3)), rng.choice([-1.0, 1.0], (count, 3)), all_of_them % 3
+    below[all_of_them, axis] = side[all_of_them, axis] * HALF[axis]
+    away = side * np.eye(3)[axis]
+    below[::4], away[::4] = side[::4] * HALF, side[::4] * np.array([0.48, 0.6, 0.64])
+    return below + height * away
+
+
+def with_cells(body, cell):
+    other = copy(body.in_cells)
+    object.__setattr__(other, "cell", cell)
+    return other
+
+
+@pytest.mark.parametrize("height", [1.0, 100.0, 3000.0])
+def test_what_cells_leave_out_is_of_second_order_and_within_its_bound(cuboid, height):
+    coarse, errors = 2.0 ** np.floor(np.log2(height / 32.0)), []
+    middles = coarse * np.rint(places_above(height) / coarse)
+    for cell in (coarse, 0.5 * coarse):
+        way, body = cell * np.array([0.45, -0.3, 0.4]), with_cells(cuboid, cell)
+        both = body.acceleration(middles + way) + body.acceleration(middles - way)
+        np.testing.assert_allclose(0.5 * both, cuboid.acceleration(middles), rtol=1e-9, atol=1e-18)
+        error = body.acceleration(middles + way) - cuboid.acceleration(middles + way)
+        errors.append(np.linalg.norm(error, axis=1))
+        assert errors[-1].max() <= 12.0 * np.pi * G * DENSITY * (np.sqrt(0.75) * cell) ** 2 / (height - 2.0 * coarse)
+    assert np.linalg.norm(errors[0]) / np.linalg.norm(errors[1]) == pytest.approx(4.0, rel=0.1)
+
+
+@pytest.mark.parametrize("height", [1.0, 100.0, 3000.0])
+def test_cells_are_so_small_that_the_sums_are_as_exact_as_before(cuboid, height):
+    cell = cuboid.in_cells.cell
+    assert np.log2(cell) % 1.0 == 0.0 and 2.0**-29 < cell / cuboid.shape.max_radius <= 2.0**-28
+    r_A = places_above(height)
+    away = np.abs(r_A / cell - np.rint(r_A / cell))
+    assert away.max() > 0.3  # not all in the middles
+    exact = cuboid.acceleration(r_A)
+    error = np.linalg.norm(cuboid.in_cells.acceleration(r_A) - exact, axis=1) / np.linalg.norm(exact, axis=1)
+    rounding = np.linalg.norm(exact - cuboid_attraction(r_A), axis=1) / np.linalg.norm(exact, axis=1)
+    assert error.max() < max(2.0 * rounding.max(), 1e-13)
+    assert cuboid.cell == 0.0 and cuboid.in_cells is cuboid.in_cells.in_cells
+    assert np.array_equal(cuboid.in_cells.gradient(r_A), cuboid.gradient(r_A))
+
+
+def pulled(body, r_A, kept):
+    a_A = body.far_field.acceleration(r_A[None])
+    write_near_and_far(r_A[None], body.elements, body.cell, kept, a_A)
+    return a_A[0]
+
+
+@pytest.mark.parametrize("radii", [1.2, 17.0, 23.0, 30.0])
+def test_attraction_in_cells_depends_on_the_place_alone_whoever_was_there_before(cuboid, radii):
+    body, rng = cuboid.in_cells, np.random.default_rng(4)
+    directions = rng.standard_normal((10, 3))
+    first = radii * body.shape.max_radius * directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    beside = first + 1e-10 * rng.standard_normal((10, 3))
+    moved = first[:3] + 10.0 * body.cell * np.eye(3)
+    r_A = np.vstack((first, beside, moved))
+    r_A[0] = 0.0 if radii < 2.0 else r_A[0]  # where what is kept of no cell would be at home
+    expected, kept = body.acceleration(r_A), np.zeros((1, CELL_NUMBERS))
+    for i in (*range(23), *range(22, -1, -1), *rng.permutation(23), 0, 20, 1, 21, 2, 22):
+        assert np.array_equal(pulled(body, r_A[i], kept), expected[i])
+
+
+def test_the_sums_of_a_cell_are_taken_once(cuboid):
+    body, r_A, kept = cuboid.in_cells, np.array([1500.3, 200.2, -1700.1]), np.zeros((1, CELL_NUMBERS))
+    pull = pulled(body, r_A, kept)
+    kept[0, 3:6] += 1.0  # to be found again
+    np.testing.assert_allclose(pulled(body, r_A + 1e-10, kept), pull + 1.0, rtol=1e-12)
+    np.testing.assert_allclose(pulled(body, r_A + 1e-3, kept), pull, rtol=1e-5)
 
 
 def test_density_and_gravitational_parameter_follow_from_each_other(cuboid):
