@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 from contextlib import nullcontext
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -90,6 +91,29 @@ def test_the_full_run_measures_every_level_of_control_single_and_vector(monkeypa
     names = {r.name for r in environment.rows(quick=False)}
     for level in ("role", "pointing", "torque"):
         assert {f"single, {level}", f"vector of 64, {level}"} <= names
+    wrong = ["masses", "friction and a wheel that fails", "perturbations", "sensors and filter"]
+    for name in (*wrong, environment.POLYHEDRAL, "four wheels"):
+        assert f"{name}, default stepper / as planned, by processor time" in names
+        assert (f"{name} / as planned, by processor time" in names) == (name != "four wheels")
+
+
+def test_first_flights_are_flown_before_what_they_fill_is_measured(monkeypatch):
+    flown = []
+
+    class Flown:
+        action_space = SimpleNamespace(seed=lambda seed: None, sample=lambda: 0)
+
+        def reset(self, seed):
+            flown.clear()
+
+        def step(self, action):
+            flown.append(action)
+            return None, None, np.array([False]), np.array([len(flown) == 5]), {}
+
+    monkeypatch.setattr(environment.gymnasium, "make_vec", lambda *a, **k: Flown())
+    for first, expected in ((False, 0), (True, 5)):
+        work = environment.vector_steps(3, first)
+        assert len(flown) == expected and work() == 3 and len(flown) == expected + 1
 
 
 def write_run(folder, wall_s, report_s):
