@@ -17,7 +17,7 @@ from swarm_mj.typing import Array, Ints
 
 from .episodes import Episodes
 from .layout import Observed
-from .mission import DURATION_S
+from .mission import DECISION_S, DURATION_S
 from .tables import GENERAL, PAIRS, SPACECRAFT
 
 Policy = Callable[[Observed], Ints]
@@ -96,25 +96,31 @@ def sweep(observed: Observed) -> Ints:
 
 def greedy(observed: Observed) -> Ints:
     """One after another takes the patch whose picture is worth most now, a different one; with none in reach, data are sent."""
-    return _greedy(observed, ahead=False)
+    return _greedy(observed, None)
 
 
-def greedy_ahead(observed: Observed) -> Ints:
-    """The same, but patches that leave reach come first, and who has least to see talks while the time is short."""
-    return _greedy(observed, ahead=True)
+def greedy_ahead(observed: Observed, decision_s: float = DECISION_S) -> Ints:
+    """The same, but patches that leave reach come first, and who has least to see talks while the time is short.
+
+    Args:
+        observed: Tables.
+        decision_s: Length of a decision [s], which they do not tell.
+    """
+    return _greedy(observed, DURATION_S / decision_s)
 
 
-def _greedy(observed: Observed, *, ahead: bool) -> Ints:
+def _greedy(observed: Observed, decisions: float | None) -> Ints:
+    """See `greedy` and, with the number of decisions of a flight, `greedy_ahead`."""
     pairs = observed["pairs"].astype(np.float64)
     E, n, patches, _ = pairs.shape
     out = np.empty((E, n), np.int64)
     for e in range(E):
         worth, later = pairs[e, :, :, _PAIR["worth"]].copy(), pairs[e, :, :, _PAIR["worth_next"]].copy()
-        if ahead:
+        if decisions is not None:
             # What nobody reaches a step later is worth half as much again.
             worth *= 1.0 + 0.5 * (later.max(axis=0) <= 0.0)
         spacecraft = observed["spacecraft"][e]
-        talker = _talker(observed, e, worth) if ahead else -1
+        talker = -1 if decisions is None else _talker(observed, e, worth, decisions)
         for j in range(n):
             if spacecraft[j, _COLUMN["alive"]] < 0.5:
                 out[e, j] = patches + 1 + j
@@ -131,14 +137,14 @@ def _greedy(observed: Observed, *, ahead: bool) -> Ints:
     return out
 
 
-def _talker(observed: Observed, e: int, worth: Array) -> int:
+def _talker(observed: Observed, e: int, worth: Array, decisions: float) -> int:
     """Who gives up its picture to send: where what is aboard takes the time that is left, the one with least to see; or -1."""
     spacecraft, general = observed["spacecraft"][e], observed["general"][e]
     stored = spacecraft[:, _COLUMN["stored"]]
     able = (
         (stored > 0.0) & (spacecraft[:, _COLUMN["downlink"]] > 0.5) & (spacecraft[:, _COLUMN["earth_in_sight"]] > 0.5)
     )
-    capacity = general[_GENERAL["heard"]] * general[_GENERAL["time_left"]] * 30.0
+    capacity = general[_GENERAL["heard"]] * general[_GENERAL["time_left"]] * decisions
     if not able.any() or stored.sum() < 0.8 * capacity:
         return -1
     return int(np.where(able, worth.max(axis=1), np.inf).argmin())

@@ -21,7 +21,7 @@ from ..arguments import checked_count, checked_share, checked_truth, is_number, 
 from ..rewards import RewardScales, checked_scales
 from .catalogue import DEFAULT_COUNT, chosen_missions
 from .draws import Randomisation
-from .mission import DURATION_S, PERIOD_S
+from .mission import DECISION_S, DURATION_S, PERIOD_S, check_patches
 from .pool import MissionPool
 
 #: Most spacecraft that an episode may have: more find no visiting points of their own.
@@ -62,7 +62,7 @@ class MissionConfig:
     max_spacecraft: int = 3
     patches: int = 16
     candidates: int | None = None
-    decision_s: float = 20.0
+    decision_s: float = DECISION_S
     observation: str = "flat"
     randomise: Mapping[str, Any] | None = None
     dispersions: Mapping[str, float] | None = None
@@ -75,7 +75,10 @@ class MissionConfig:
         most = checked_count("max_spacecraft", self.max_spacecraft)
         if most > MOST_SPACECRAFT:
             raise ScenarioError(f"max_spacecraft = {most}: must be at most {MOST_SPACECRAFT}")
+        chosen = chosen_missions(self.missions, self.split)
         _check_patches(self.patches)
+        for spec in chosen:
+            check_patches(spec, self.patches)
         checked_candidates(self.candidates, self.patches)
         checked_scales(self.reward_weights)
         checked_share(self.complete)
@@ -88,7 +91,7 @@ class MissionConfig:
             raise ScenarioError(
                 f"decision_s = {step!r}: must be a whole number of seconds that divides {DURATION_S:g} s, such as 20, 30 or 40"
             )
-        Randomisation(self.randomise, tuple(s.name for s in chosen_missions(self.missions, self.split)), most)
+        Randomisation(self.randomise, tuple(spec.name for spec in chosen), most)
 
     @property
     def weights(self) -> RewardScales:
@@ -145,7 +148,7 @@ def checked_candidates(count: Any, patches: int) -> int | None:
 
 
 def _check_patches(count: Any) -> None:
-    """Refuse what is no square number; how many cells a target has is known with its mission."""
+    """Refuse what is no square number."""
     if not is_whole(count) or count < 1 or isqrt(count) ** 2 != count:
         raise ScenarioError(f"patches = {count!r}: must be a whole square number such as 4, 9, 16 or 25")
 

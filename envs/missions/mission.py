@@ -17,6 +17,7 @@ import numpy as np
 from swarm_mj.errors import MissionError, PathError, ScenarioError
 from swarm_mj.flight.plan import load_body_shape
 from swarm_mj.flight.surroundings import surroundings_from
+from swarm_mj.flight.targets import target_from
 from swarm_mj.io.cache import cache_folder, hash_of, load_array, store_array
 from swarm_mj.mission.trajectories import solve_transfers
 from swarm_mj.observation.horizon_kernels import Scene
@@ -27,12 +28,17 @@ from swarm_mj.spacecraft.attitude.algebra import Vector, combine, cross, scaled,
 from swarm_mj.typing import Array, Ints, Mask, kernel
 
 from ..config import EnvConfig
+from ..patches import make_patches
 from ..task import Task
 from .catalogue import MOST_HALF_ANGLE_DEG, MissionSpec
 from .reach import cells_in_view
 
 #: Flight from release to visit, and whole flight [s].
 TIME_OF_FLIGHT_S, DURATION_S = 200.0, 600.0
+#: Length of a decision where nothing else is asked for [s].
+DECISION_S = 20.0
+#: Patches that every mission's target has cells for.
+PATCHES_FOR_ALL = 49
 #: Time in which a spacecraft flies as far as the imaging altitude [s].
 CROSSING_S = 60.0
 #: Control period and step of the integration [s]; time between pictures [s].
@@ -184,6 +190,23 @@ def make_mission(
         centre_A=centre,
         v0_N=_ways(task, altitude),
     )
+
+
+def check_patches(spec: MissionSpec, patches: int) -> None:
+    """Refuse so many patches that one would hold no cell of a mission's target.
+
+    Raises:
+        ScenarioError: The message names the mission.
+    """
+    if patches > PATCHES_FOR_ALL:
+        scenario = load_scenario(_scenario(spec, 1, patches)[0])
+        try:
+            make_patches(target_from(scenario, load_body_shape(scenario.body)), patches)
+        except ScenarioError:
+            raise ScenarioError(
+                f"patches = {patches}: one would hold no cell of the target of mission {spec.name}; at most "
+                f"{PATCHES_FOR_ALL} fit every mission, or take other missions"
+            ) from None
 
 
 def _ellipsoid() -> dict[str, Any]:

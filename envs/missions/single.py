@@ -39,7 +39,7 @@ class SwarmObserveV1Env(RebuiltOnCopy, gymnasium.Env[Any, Any]):
     later at H / 60 s, 600 s in all. Cameras see about a patch at a time. A picture is taken every 10 s; cells count where the
     ground sampling distance is at most 1.25 times that straight down from H. Spacecraft fly with reaction wheels as momentum
     states, by the compiled stepper, and turn by the sliding-mode law. A mission takes up to 10 s to work out once, and is
-    kept in the cache.
+    kept in the cache; on a new machine the first episode also waits while kernels are compiled, half a minute or so, once.
 
     ## What is drawn
 
@@ -138,8 +138,8 @@ body in 60 s; share of the data that Earth hears in a decision; directions of Su
     | missions | 8 | names, how many spread over places and bodies, or "all" |
     | split | "train" | or "test" |
     | max_spacecraft | 3 | n, at most 12 |
-    | patches | 16 | K, a square number; up to 49 fit every mission, and where a patch would hold no cell, as in some from 64 \
-on, the mission is refused at its first episode |
+    | patches | 16 | K, a square number; up to 49 fit every mission; from 64 on some are refused, where a patch would hold no \
+cell |
     | candidates | None | R, at most K, or None for all patches |
     | decision_s | 20 | length of a step [s], whole seconds that divide 600 |
     | observation | "flat" | or "entities" |

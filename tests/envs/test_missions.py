@@ -9,12 +9,13 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 from pettingzoo.test import parallel_api_test
 from scipy import stats
-from swarm_mj.envs.missions.baselines import climbed, fly, greedy, open_loop, sweep
+from swarm_mj.envs.missions.baselines import climbed, fly, greedy, greedy_ahead, open_loop, sweep
 from swarm_mj.envs.missions.catalogue import CATALOGUE, mission_names
 from swarm_mj.envs.missions.config import MissionConfig
 from swarm_mj.envs.missions.draws import NAMES, Randomisation
 from swarm_mj.envs.missions.episodes import Episodes
 from swarm_mj.envs.missions.multi_agent import swarm_observe_v1
+from swarm_mj.envs.missions.tables import GENERAL, PAIRS, SPACECRAFT
 
 from swarm_mj.errors import ScenarioError
 from swarm_mj.mission.trajectories import propagate
@@ -100,13 +101,13 @@ def test_places_of_test_are_never_part_of_those_of_training():
         ("missions", 99, "missions = 99: must be from 1 to 40"),
         ("decision_s", 21, "decision_s = 21"),
         ("patches", 5, "patches = 5"),
+        ("patches", 225, "patches = 225: one would hold no cell of the target of mission bennu"),
         ("dispersions", {"target_m": 3.0}, "'target_m' is not drawn here"),
     ],
 )
 def test_what_is_not_allowed_is_refused_by_name(where, given, told):
     with pytest.raises(ScenarioError, match=told.replace("(", r"\(")):
-        env = gymnasium.make(ID, **({"missions": POOL} | {where: given}))
-        env.reset(seed=0)
+        gymnasium.make(ID, **({"missions": POOL} | {where: given}))
 
 
 def test_a_given_value_changes_nothing_else_that_is_drawn(single):
@@ -249,3 +250,18 @@ def test_masses_differ_from_flight_to_flight_and_are_those_of_the_seed():
     assert np.array_equal(rates[0][0], rates[0][1])
     assert not np.array_equal(rates[0][0], rates[0][2])
     assert not np.array_equal(rates[0][0], rates[1][0])
+
+
+@pytest.mark.parametrize(("decision_s", "talks"), [(20.0, True), (10.0, False)])
+def test_who_looks_ahead_sends_where_the_time_left_is_short_for_what_is_stored(decision_s, talks):
+    shapes = {"spacecraft": (2, len(SPACECRAFT)), "pairs": (2, 4, len(PAIRS)), "general": (len(GENERAL),)}
+    observed = {name: np.zeros((1, *shape), np.float32) for name, shape in shapes.items()}
+    observed["pairs"][..., PAIRS.index("worth")] = [[0.3, 0.2, 0.1, 0.0], [0.1, 0.2, 0.1, 0.0]]
+    for name in ("alive", "camera", "downlink", "earth_in_sight"):
+        observed["spacecraft"][..., SPACECRAFT.index(name)] = 1.0
+    observed["spacecraft"][..., SPACECRAFT.index("stored")] = 0.65
+    observed["general"][0, GENERAL.index("time_left")] = 0.5
+    # In the half of 30 decisions that is left Earth hears 1.5 of the nominal volume, in that of 60 decisions 3.
+    observed["general"][0, GENERAL.index("heard")] = 0.1
+    choices = greedy_ahead(observed, decision_s)
+    assert choices.tolist() == [[0, 4 if talks else 1]]
