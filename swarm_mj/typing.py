@@ -66,3 +66,13 @@ def jittable(function: _Function) -> _Function:
     from numba.extending import register_jitable
 
     return register_jitable(error_model="numpy")(function)
+
+
+def woven(function: _Function) -> _Function:
+    """The same where it is worked into every kernel that calls it: for parts with many arguments that run once per spacecraft.
+
+    The compiler leaves longer functions aside, and handing over what stands in vector registers costs more than the work.
+    """
+    from numba.extending import register_jitable
+
+    return register_jitable(error_model="numpy", forceinline=True)(function)

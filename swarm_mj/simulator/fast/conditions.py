@@ -20,12 +20,13 @@ from numpy.typing import NDArray
 
 from swarm_mj.simulator.fast.kernels import weigh
 from swarm_mj.simulator.fast.mj_memory import array_of, numbers_at
-from swarm_mj.simulator.faults.attitude_filter import Assumed, FilterState, Sensors
+from swarm_mj.simulator.faults.filter_state import Assumed, FilterState, Sensors
 from swarm_mj.simulator.faults.sensing_kernels import Count, Knowledge, sense
 from swarm_mj.simulator.faults.wheels import WheelState, drive
+from swarm_mj.spacecraft.attitude.lanes import room
 from swarm_mj.typing import Array, Ints, Mask, inlined, jittable, kernel
 
-_SIZES = ("sense", "command", "n", "w", "own_field", "estimating", "readings", "noise_rows")
+_SIZES = ("sense", "command", "n", "m", "w", "own_field", "estimating", "readings", "noise_rows")
 _OF_KNOWLEDGE = ("noise", "counts", "delay", "q_past", "omega_past", "q_known", "omega_known")
 _OF_ASSUMED = tuple(f"assumed_{name}" for name in Assumed._fields)
 _OF_FILTER = tuple(f"filter_{name}" for name in FilterState._fields)
@@ -57,7 +58,7 @@ def described(arrays: Mapping[str, Array], known: Knowledge, **numbers: float) -
     """
     n, w = arrays["wheel_speed"].shape
     values: dict[str, float] = numbers | dict(zip(_OF_ASSUMED, known.assumed, strict=True))
-    values |= {"n": n, "w": w, "series": 0, "command": _compiled(_command).address}
+    values |= {"n": n, "m": room(n), "w": w, "series": 0, "command": _compiled(_command).address}
     values["own_field"] = "series" in arrays or numbers["field_factor"] != 1.0
     values["sense"] = _compiled(_sense).address if known.estimating or len(known.q_past) > 1 else 0
     values |= {"estimating": known.estimating, "readings": len(known.q_past), "noise_rows": len(known.noise)}
@@ -166,26 +167,25 @@ def _knowledge_of(at: Any, n: int) -> Knowledge:
     return Knowledge(
         at.estimating,
         Sensors(
-            _numbers(at.gyro_noise, n),
-            _numbers(at.bias_walk, n),
-            _numbers(at.star_tracker_noise, n),
-            _numbers(at.gyro_offset, (n, 3)),
-            _numbers(at.star_tracker_offset, (n, 3)),
-            _flags(at.gyro_works, n),
-            _flags(at.star_tracker_works, n),
+            _numbers(at.gyro_noise, at.m),
+            _numbers(at.bias_walk, at.m),
+            _numbers(at.star_tracker_noise, at.m),
+            _numbers(at.gyro_offset, (3, at.m)),
+            _numbers(at.star_tracker_offset, (3, at.m)),
+            _flags(at.gyro_works, at.m),
+            _flags(at.star_tracker_works, at.m),
         ),
         Assumed(at.assumed_gyro_noise, at.assumed_bias_walk, at.assumed_star_tracker_noise, at.assumed_initial_bias),
         FilterState(
             _numbers(at.filter_q_BN, (n, 4)),
-            _numbers(at.filter_bias, (n, 3)),
-            _numbers(at.filter_covariance, (n, 6, 6)),
             _numbers(at.filter_omega_BN_B, (n, 3)),
-            _numbers(at.filter_true_bias, (n, 3)),
-            _numbers(at.filter_q_before, (n, 4)),
-            _numbers(at.filter_q_tracked, (n, 4)),
-            _flags(at.filter_tracked, n),
-            _flags(at.filter_started, n),
-            _numbers(at.filter_work, (n, 3, 3, 3)),
+            _numbers(at.filter_bias, (3, at.m)),
+            _numbers(at.filter_covariance, (21, at.m)),
+            _numbers(at.filter_true_bias, (3, at.m)),
+            _numbers(at.filter_q_before, (4, at.m)),
+            _numbers(at.filter_q_tracked, (4, at.m)),
+            _flags(at.filter_tracked, at.m),
+            _flags(at.filter_started, 1),
         ),
         _numbers(at.noise, (at.noise_rows, n, 3, 3)),
         _whole(at.counts, 3),

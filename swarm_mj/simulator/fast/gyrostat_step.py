@@ -11,7 +11,6 @@ MuJoCo's arrays, so that whoever looks at an MjData sees the flight; nothing of 
 
 from __future__ import annotations
 
-from math import cos, sin, sqrt
 from typing import Any
 
 from swarm_mj.simulator.fast.mj_memory import MjView
@@ -20,17 +19,15 @@ from swarm_mj.spacecraft.attitude.algebra import (
     conjugate,
     cross,
     dot,
+    half_angle_terms,
     normalised,
     product,
     rotate,
     scaled,
     select_each,
 )
-from swarm_mj.spacecraft.attitude.lanes import column, number, put_numbers, select, some, width
+from swarm_mj.spacecraft.attitude.lanes import column, number, put_numbers, some, width
 from swarm_mj.typing import Array, inlined, jittable
-
-#: Squares of half an angle below which the series of sine and cosine are exact to rounding, their next terms below 1e-16.
-SMALL = 0.01
 
 
 @inlined
@@ -148,11 +145,5 @@ def _displacement_rate(p: Any, omega: Any) -> Any:
 @jittable
 def _moved(q: Any, rate: Any, dt: float) -> Any:
     """The attitude turned by the rotation vector rate dt in B."""
-    x = 0.25 * dt * dt * dot(rate, rate)  # of half the angle, the square
-    c = 1.0 - x * (1.0 / 2.0 - x * (1.0 / 24.0 - x * (1.0 / 720.0 - x / 40_320.0)))
-    share = 0.5 * dt * (1.0 - x * (1.0 / 6.0 - x * (1.0 / 120.0 - x * (1.0 / 5_040.0 - x / 362_880.0))))
-    large = x >= SMALL
-    if some(large):
-        angle = sqrt(x)
-        c, share = select(large, cos(angle), c), select(large, 0.5 * dt * sin(angle) / angle, share)
+    c, share = half_angle_terms(0.25 * dt * dt * dot(rate, rate), 0.5 * dt)
     return normalised(product(q, (c, share * rate[0], share * rate[1], share * rate[2])))

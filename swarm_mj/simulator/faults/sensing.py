@@ -16,9 +16,8 @@ from swarm_mj.scenarios.schema_faults import (
     StarTrackerDropout,
     StarTrackerNoise,
 )
-from swarm_mj.simulator.faults import attitude_filter
-from swarm_mj.simulator.faults.attitude_filter import Assumed, Noise, Sensors
 from swarm_mj.simulator.faults.dispersions import ARCSEC, DEG_PER_HOUR, DEG_PER_SQRT_HOUR, Dispersed
+from swarm_mj.simulator.faults.filter_state import Assumed, Noise, biases, first_state, sensors_of
 from swarm_mj.simulator.faults.random_streams import Stream, stream
 from swarm_mj.simulator.faults.schedule import ScheduledFault
 from swarm_mj.simulator.faults.sensing_kernels import Count, Knowledge, sense
@@ -65,22 +64,15 @@ class Sensing:
         dispersed = max(noise, walk, tracker, given.gyro_bias_deg_h, given.star_tracker_bias_arcsec) > 0.0
         self.estimating = dispersed or any(faulty)
         self._normal = (noise, tracker)
-        self._sensors = Sensors(
-            np.full(n, noise),
-            np.full(n, walk),
-            np.full(n, tracker),
-            np.zeros((n, 3)),
-            drawn.star_tracker_bias.copy(),
-            np.ones(n, np.bool_),
-            np.ones(n, np.bool_),
-        )
+        self._sensors = sensors_of(n, noise, walk, tracker)
+        self._sensors.star_tracker_offset[:, :n] = drawn.star_tracker_bias.T
         self._assumed = Assumed(
             max(noise, LEAST_GYRO_NOISE),
             max(walk, LEAST_BIAS_WALK) if any(faulty) else walk,
             max(tracker, LEAST_STAR_TRACKER_NOISE),
             max(given.gyro_bias_deg_h * DEG_PER_HOUR, LEAST_BIAS),
         )
-        self.state = attitude_filter.first_state(drawn.gyro_bias)
+        self.state = first_state(drawn.gyro_bias)
         self._rng = stream(seed, Stream.SENSOR_NOISE) if self.estimating else None
         self._period = period
         self._own_delay = drawn.delay_ticks
@@ -114,7 +106,12 @@ class Sensing:
     @property
     def gyro_bias(self) -> Array:
         """True biases with what faults add, shape (n, 3) [rad/s]."""
-        return self.state.true_bias + self._sensors.gyro_offset
+        return biases(self.state)[1] + self._sensors.gyro_offset[:, : len(self.state.q_BN)].T
+
+    @property
+    def gyro_bias_estimate(self) -> Array:
+        """The filter's, shape (n, 3) [rad/s]."""
+        return biases(self.state)[0]
 
     def know(self, tick: int, q_BN: Array, omega_BN_B: Array) -> tuple[Array, Array]:
         """Attitudes (n, 4) and rates (n, 3) [rad/s] that the controller is given; asked twice at a tick, the same again.
@@ -125,7 +122,8 @@ class Sensing:
             omega_BN_B: True rates, shape (n, 3) [rad/s].
         """
         self.provide_noise()
-        sense(tick, q_BN, omega_BN_B, self._period, self.knowledge)
+        # Contiguous, so that one compiled function serves all who ask.
+        sense(tick, np.ascontiguousarray(q_BN), np.ascontiguousarray(omega_BN_B), self._period, self.knowledge)
         return self.knowledge.q_BN, self.knowledge.omega_BN_B
 
     def provide_noise(self) -> int:
@@ -153,7 +151,7 @@ class Sensing:
             sensors.gyro_noise[j] = fault.angular_random_walk_deg_sqrt_h * DEG_PER_SQRT_HOUR
             return f"{fault.angular_random_walk_deg_sqrt_h:g} deg/sqrt(h)"
         if isinstance(fault, GyroBias):
-            sensors.gyro_offset[j] += DEG_PER_HOUR * np.array(fault.bias_deg_h)
+            sensors.gyro_offset[:, j] += DEG_PER_HOUR * np.array(fault.bias_deg_h)
             return f"{list(fault.bias_deg_h)} deg/h added"
         if isinstance(fault, GyroDropout):
             sensors.gyro_works[j] = False
@@ -162,7 +160,7 @@ class Sensing:
             sensors.star_tracker_noise[j] = fault.sigma_arcsec * ARCSEC
             return f"{fault.sigma_arcsec:g} arcsec"
         if isinstance(fault, StarTrackerBias):
-            sensors.star_tracker_offset[j] += ARCSEC * np.array(fault.bias_arcsec)
+            sensors.star_tracker_offset[:, j] += ARCSEC * np.array(fault.bias_arcsec)
             return f"{list(fault.bias_arcsec)} arcsec added"
         if isinstance(fault, StarTrackerDropout):
             sensors.star_tracker_works[j] = False
@@ -177,13 +175,13 @@ class Sensing:
         if isinstance(fault, GyroNoise):
             sensors.gyro_noise[j] = self._normal[0]
         elif isinstance(fault, GyroBias):
-            sensors.gyro_offset[j] -= DEG_PER_HOUR * np.array(fault.bias_deg_h)
+            sensors.gyro_offset[:, j] -= DEG_PER_HOUR * np.array(fault.bias_deg_h)
         elif isinstance(fault, GyroDropout):
             sensors.gyro_works[j] = True
         elif isinstance(fault, StarTrackerNoise):
             sensors.star_tracker_noise[j] = self._normal[1]
         elif isinstance(fault, StarTrackerBias):
-            sensors.star_tracker_offset[j] -= ARCSEC * np.array(fault.bias_arcsec)
+            sensors.star_tracker_offset[:, j] -= ARCSEC * np.array(fault.bias_arcsec)
         elif isinstance(fault, StarTrackerDropout):
             sensors.star_tracker_works[j] = True
         elif isinstance(fault, SensorDelay):

@@ -5,7 +5,8 @@ from __future__ import annotations
 from enum import IntEnum
 from typing import NamedTuple
 
-from swarm_mj.simulator.faults.attitude_filter import Assumed, FilterState, Sensors, estimate
+from swarm_mj.simulator.faults.attitude_filter import estimate
+from swarm_mj.simulator.faults.filter_state import Assumed, FilterState, Sensors
 from swarm_mj.typing import Array, Ints, kernel
 
 
@@ -25,7 +26,7 @@ class Knowledge(NamedTuple):
         sensors: The sensors.
         assumed: What the filter believes of them.
         state: Of the filter.
-        noise: Standard normal numbers of the readings to come, see `attitude_filter.Noise`, shape (rows, n, 3, 3).
+        noise: Standard normal numbers of the readings to come, see `filter_state.Noise`, shape (rows, n, 3, 3).
         counts: See `Count`, shape (3,).
         delay: Readings by which each is late, shape (n,).
         q_past: The last readings, one after the other in turn, shape (size, n, 4).
@@ -70,9 +71,10 @@ def sense(tick: int, q_BN: Array, omega_BN_B: Array, period: float, known: Knowl
         q, omega = known.state.q_BN, known.state.omega_BN_B
     count = counts[Count.READINGS]
     counts[Count.READINGS] += 1
+    place = count % size
     for j in range(q.shape[0]):
         # Before anything has arrived, the first reading stands.
-        place, which = count % size, (count - min(known.delay[j], count)) % size
+        which = place if known.delay[j] == 0 else (count - min(known.delay[j], count)) % size
         for k in range(4):
             known.q_past[place, j, k] = q[j, k]
             known.q_BN[j, k] = known.q_past[which, j, k]

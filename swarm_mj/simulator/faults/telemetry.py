@@ -47,7 +47,7 @@ class FaultRecord:
             self.imperfect_knowledge = True
             self._knowledge[row] = flight.sensing.knowledge_error(q_BN)
         if self._estimating:
-            self._bias[row] = flight.sensing.gyro_bias, flight.sensing.state.bias
+            self._bias[row] = flight.sensing.gyro_bias, flight.sensing.gyro_bias_estimate
 
     def variables(self) -> dict[str, tuple[tuple[str, ...], NDArray[Any], dict[str, Any]]]:
         """Variables for the telemetry: dimensions, values, attributes."""

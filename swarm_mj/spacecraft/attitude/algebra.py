@@ -4,14 +4,16 @@ Vectors and quaternions are tuples of numbers, so that numba inlines every funct
 nothing is allocated. Quaternions are (w, x, y, z) with MuJoCo's meaning, v_N = R(q_BN) v_B.
 """
 
-from math import sqrt
+from math import atan2, cos, sin, sqrt
 from typing import Any, TypeAlias
 
-from swarm_mj.spacecraft.attitude.lanes import cell, column, select
+from swarm_mj.spacecraft.attitude.lanes import cell, column, select, some
 from swarm_mj.typing import Array, jittable
 
 Vector: TypeAlias = tuple[float, float, float]
 Quaternion: TypeAlias = tuple[float, float, float, float]
+#: Squares of half an angle below which the series here are exact to rounding, their next terms below 1e-16.
+SMALL = 0.01
 
 
 @jittable
@@ -160,3 +162,51 @@ def tensors(matrices: Array, i: int) -> Any:
 def transformed(matrix: Any, v: Any) -> Any:
     """Return the product of a matrix, a tuple of rows, with v."""
     return dot(matrix[0], v), dot(matrix[1], v), dot(matrix[2], v)
+
+
+@jittable
+def half_angle_terms(x: Any, gain: float) -> Any:
+    """Return cos(h) and gain sin(h) / h for the square x = h^2 of half an angle."""
+    c = 1.0 - x * (1.0 / 2.0 - x * (1.0 / 24.0 - x * (1.0 / 720.0 - x / 40_320.0)))
+    share = gain * (1.0 - x * (1.0 / 6.0 - x * (1.0 / 120.0 - x * (1.0 / 5_040.0 - x / 362_880.0))))
+    large = x >= SMALL
+    if some(large):
+        h = sqrt(x)
+        c, share = select(large, cos(h), c), select(large, gain * sin(h) / h, share)
+    return c, share
+
+
+@jittable
+def turn(phi: Any) -> Any:
+    """Return the quaternion of a rotation vector [rad]."""
+    c, share = half_angle_terms(0.25 * dot(phi, phi), 0.5)
+    return c, share * phi[0], share * phi[1], share * phi[2]
+
+
+@jittable
+def rotation_vector(q: Any) -> Any:
+    """Return the rotation vector of a unit quaternion, taken the short way [rad]."""
+    x = q[1] * q[1] + q[2] * q[2] + q[3] * q[3]
+    # 2 asin(h) / h by its series, h the sine of half the angle.
+    scale = 143.0 / 10_240.0 * x + 231.0 / 13_312.0
+    scale = (((scale * x + 63.0 / 2_816.0) * x + 35.0 / 1_152.0) * x + 5.0 / 112.0) * x + 3.0 / 40.0
+    scale = 2.0 * ((scale * x + 1.0 / 6.0) * x + 1.0)
+    large = x >= SMALL
+    if some(large):
+        h = sqrt(x)
+        scale = select(large, 2.0 * atan2(h, abs(q[0])) / h, scale)
+    scale = select(q[0] < 0.0, -scale, scale)
+    return scale * q[1], scale * q[2], scale * q[3]
+
+
+@jittable
+def product_transposed(a: Any, b: Any) -> Any:
+    """Return a b^T of two matrices, tuples of rows."""
+    return transformed(b, a[0]), transformed(b, a[1]), transformed(b, a[2])
+
+
+@jittable
+def transposed(a: Any) -> Any:
+    """Return a^T of a matrix, a tuple of rows."""
+    x, y, z = a
+    return (x[0], y[0], z[0]), (x[1], y[1], z[1]), (x[2], y[2], z[2])

@@ -130,6 +130,24 @@ def _teach_one(function: Any, name: str) -> None:
 _teach_one(operator.neg, "")
 for _function, _name in ((abs, "fabs"), (math.sqrt, "sqrt"), (math.cos, "cos"), (math.sin, "sin")):
     _teach_one(_function, _name)
+
+
+def _teach_one_by_one(function: Any, count: int) -> None:
+    """A function of so many numbers that no processor has, lane by lane."""
+    alone = signature(types.float64, *[types.float64] * count)
+
+    def write(context: Any, builder: Any, kinds: Any, values: Any) -> Any:
+        call, lanes = context.get_function(function, alone), ir.Constant(_FLOATS, ir.Undefined)
+        for lane in range(WIDTH):
+            answer = call(builder, [builder.extract_element(value, _HALF(lane)) for value in values])
+            lanes = builder.insert_element(lanes, answer, _HALF(lane))
+        return lanes
+
+    _teach(function, lambda *args: LANES if args == (LANES,) * count else None, [(LANES,) * count], write)
+
+
+for _function, _count in ((math.atan2, 2), (math.exp, 1), (math.log, 1)):
+    _teach_one_by_one(_function, _count)
 for _function, _name in ((operator.and_, "and_"), (operator.or_, "or_")):
     _teach(
         _function,
@@ -146,26 +164,34 @@ class _Rows:
         self._builder = builder
         self._array = make_array(kinds[0])(context, builder, values[0])
         words = [context.cast(builder, *each, types.int64) for each in zip(values[1:], kinds[1:], strict=True)]
-        (self._first, step), self._inner = words[:2], words[2:]
+        (first, step), self._inner = words[:2], words[2:]
         self._strides = cgutils.unpack_tuple(builder, self._array.strides)
+        if kinds[0].layout == "C":
+            self._strides[-1] = _WORD(context.get_abi_sizeof(context.get_data_type(kinds[0].dtype)))
         count = cgutils.unpack_tuple(builder, self._array.shape)[0]
-        self._row = [builder.add(self._first, builder.mul(step, _WORD(lane))) for lane in range(WIDTH)]
-        self._there = [builder.icmp_signed("<", row, count) for row in self._row]
+        self._first, step = (builder.mul(number, self._strides[0]) for number in (first, step))
+        end = builder.mul(count, self._strides[0])
+        self._row = [self._first]
+        for _ in range(1, WIDTH):
+            self._row.append(builder.add(self._row[-1], step))
+        self._there = [builder.icmp_signed("<", row, end) for row in self._row]
 
     def _pointer(self, row: Any, inner: Any) -> Any:
-        builder, at = self._builder, _WORD(0)
-        for index, stride in zip((row, *inner), self._strides, strict=True):
-            at = builder.add(at, builder.mul(index, stride))
-        return cgutils.pointer_add(builder, self._array.data, at)
+        """Where an entry stands, from the bytes to its row and its places in it."""
+        builder = self._builder
+        for index, stride in zip(inner, self._strides[1:], strict=True):
+            row = builder.add(row, builder.mul(index, stride))
+        return cgutils.pointer_add(builder, self._array.data, row)
 
-    def read(self, kind: Any) -> Any:
-        """The entry of all lanes as a vector of that type."""
-        builder, lanes = self._builder, ir.Constant(kind, ir.Undefined)
-        for lane, (row, there) in enumerate(zip(self._row, self._there, strict=True)):
-            value = builder.load(self._pointer(builder.select(there, row, self._first), self._inner))
-            value = value if kind is _FLOATS else builder.icmp_unsigned("!=", value, value.type(0))
+    def read(self) -> Any:
+        """The entry of all lanes as a vector."""
+        builder, values = self._builder, []
+        for row, there in zip(self._row, self._there, strict=True):
+            values.append(builder.load(self._pointer(builder.select(there, row, self._first), self._inner)))
+        lanes = ir.Constant(ir.VectorType(values[0].type, WIDTH), ir.Undefined)
+        for lane, value in enumerate(values):
             lanes = builder.insert_element(lanes, value, _HALF(lane))
-        return lanes
+        return _as_lanes(builder, lanes)
 
     def write(self, values: Any) -> None:
         """Entries one after the other, of the lanes that have a row; of the array itself if that has one dimension."""
@@ -175,10 +201,21 @@ class _Rows:
             builder.cbranch(there, block, end)
             builder.position_at_end(block)
             for i, value in enumerate(values):
-                at = (row, [_WORD(i)]) if len(self._strides) == 2 else (builder.add(row, _WORD(i)), [])
-                builder.store(builder.extract_element(value, _HALF(lane)), self._pointer(*at))
+                inner = [_WORD(i)] if len(self._strides) == 2 else []
+                at = row if inner else builder.add(row, builder.mul(_WORD(i), self._strides[0]))
+                builder.store(builder.extract_element(value, _HALF(lane)), self._pointer(at, inner))
         builder.branch(end)
         builder.position_at_end(end)
+
+
+def _as_lanes(builder: Any, values: Any) -> Any:
+    """Numbers as they are; truth values, of a byte each, as bits."""
+    return values if values.type == _FLOATS else builder.icmp_unsigned("!=", values, ir.Constant(values.type, None))
+
+
+def room(n: int) -> int:
+    """Places for n spacecraft in arrays that `abreast` reads: whole groups of `WIDTH`."""
+    return -(-n // WIDTH) * WIDTH
 
 
 def width() -> int:
@@ -201,6 +238,11 @@ def cell(tensors: Array, first: int, step: int, k: int, m: int) -> Any:
     return tensors[first, k, m]
 
 
+def abreast(values: Array | Mask, first: int) -> Any:
+    """The same of numbers or truth values side by side, in a contiguous array of shape (`room(n)`,)."""
+    return values[first]
+
+
 def chosen(flags: Mask, first: int, step: int) -> Any:
     """The same of truth values."""
     return flags[first]
@@ -218,6 +260,12 @@ def put_columns(rows: Array, first: int, step: int, values: tuple[Any, ...]) -> 
         rows[first, k] = values[k]
 
 
+def put_abreast(rows: Array, first: int, values: tuple[Any, ...]) -> None:
+    """Write the first rows of an array of shape (rows, `room(n)`), from one place on, whether there is a spacecraft or not."""
+    for k in range(len(values)):
+        rows[k, first] = values[k]
+
+
 def select(flags: Any, a: Any, b: Any) -> Any:
     """The number a where a flag is set, otherwise b."""
     return a if flags else b
@@ -228,12 +276,41 @@ def some(flags: Any) -> bool:
     return bool(flags)
 
 
+def every(flags: Any) -> bool:
+    """Whether all flags are set."""
+    return bool(flags)
+
+
 def _read(context: Any, builder: Any, kinds: Any, values: Any) -> Any:
-    return _Rows(context, builder, kinds, values).read(_FLAGS if kinds[0].dtype == types.boolean else _FLOATS)
+    return _Rows(context, builder, kinds, values).read()
 
 
 def _write(context: Any, builder: Any, kinds: Any, values: Any) -> Any:
     _Rows(context, builder, kinds[:-1], values[:-1]).write(cgutils.unpack_tuple(builder, values[-1]))
+    return context.get_dummy_value()
+
+
+def _contiguous(context: Any, builder: Any, kinds: Any, values: Any) -> Any:
+    """An array and a place in it."""
+    array = make_array(kinds[0])(context, builder, values[0])
+    return array, context.cast(builder, values[1], kinds[1], types.int64)
+
+
+def _read_abreast(context: Any, builder: Any, kinds: Any, values: Any) -> Any:
+    array, first = _contiguous(context, builder, kinds, values)
+    kind = ir.VectorType(array.data.type.pointee, WIDTH).as_pointer()
+    at = builder.bitcast(builder.gep(array.data, [first]), kind)
+    return _as_lanes(builder, builder.load(at, align=context.get_abi_sizeof(array.data.type.pointee)))
+
+
+def _write_abreast(context: Any, builder: Any, kinds: Any, values: Any) -> Any:
+    array, first = _contiguous(context, builder, kinds, values)
+    stride = cgutils.unpack_tuple(builder, array.strides)[0]
+    entries = zip(cgutils.unpack_tuple(builder, values[2]), kinds[2].types, strict=True)
+    for k, (value, kind) in enumerate(entries):
+        row = cgutils.pointer_add(builder, array.data, builder.mul(_WORD(k), stride))
+        at = builder.bitcast(builder.gep(row, [first]), _FLOATS.as_pointer())
+        builder.store(_spread(builder, value, kind), at, align=8)
     return context.get_dummy_value()
 
 
@@ -245,6 +322,11 @@ def _select(context: Any, builder: Any, kinds: Any, values: Any) -> Any:
 def _some(context: Any, builder: Any, kinds: Any, values: Any) -> Any:
     whole = ir.IntType(WIDTH)
     return builder.icmp_unsigned("!=", builder.bitcast(values[0], whole), whole(0))
+
+
+def _every(context: Any, builder: Any, kinds: Any, values: Any) -> Any:
+    whole = ir.IntType(WIDTH)
+    return builder.icmp_unsigned("==", builder.bitcast(values[0], whole), whole((1 << WIDTH) - 1))
 
 
 def _teach_here(function: Any, answer: Any, kinds: tuple[Any, ...], write: Any) -> None:
@@ -268,3 +350,11 @@ for _function in (put_numbers, put_columns):
 for _kinds in ((LanesType, LanesType), (LanesType, types.Float), (types.Float, LanesType), (types.Float, types.Float)):
     _teach_here(select, LANES, (FlagsType, *_kinds), _select)
 _teach_here(some, types.boolean, (FlagsType,), _some)
+_teach_here(every, types.boolean, (FlagsType,), _every)
+_teach(
+    abreast,
+    lambda *args: (FLAGS if args[0].dtype == types.boolean else LANES) if len(args) == 2 else None,
+    [(types.Array, _INT)],
+    _read_abreast,
+)
+_teach_here(put_abreast, types.none, (types.Array, _INT, types.BaseTuple), _write_abreast)

@@ -6,8 +6,9 @@ from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
-from swarm_mj.simulator.faults.attitude_filter import Assumed, Sensors, estimate, first_state
+from swarm_mj.simulator.faults.attitude_filter import estimate
 from swarm_mj.simulator.faults.dispersions import ARCSEC, DEG_PER_HOUR, DEG_PER_SQRT_HOUR
+from swarm_mj.simulator.faults.filter_state import Assumed, biases, covariances, first_state, sensors_of
 
 PERIOD = 0.5
 NOISE = {
@@ -29,15 +30,7 @@ class Trial:
         self.rng = np.random.default_rng(seed)
         self.n, self.t, self.speed = n, 0.0, speed
         self.state = first_state(NOISE["bias"] * self.rng.standard_normal((n, 3)))
-        self.sensors = Sensors(
-            np.full(n, NOISE["gyro"]),
-            np.full(n, walk),
-            np.full(n, NOISE["tracker"]),
-            np.zeros((n, 3)),
-            np.zeros((n, 3)),
-            np.ones(n, bool),
-            np.ones(n, bool),
-        )
+        self.sensors = sensors_of(n, NOISE["gyro"], walk, NOISE["tracker"])
         self.assumed = Assumed(NOISE["gyro"], walk, NOISE["tracker"], NOISE["bias"])
         self.attitude = Rotation.random(n, rng=self.rng)
 
@@ -61,11 +54,12 @@ class Trial:
     def errors(self):
         estimated = Rotation.from_quat(self.state.q_BN, scalar_first=True)
         theta = (estimated.inv() * self.truth).as_rotvec()
-        return np.hstack((theta, self.state.true_bias + self.sensors.gyro_offset - self.state.bias))
+        estimated_bias, true = biases(self.state)
+        return np.hstack((theta, true + self.sensors.gyro_offset[:, : self.n].T - estimated_bias))
 
     @property
     def nees(self):
-        return np.einsum("ni,nij,nj->n", self.errors, np.linalg.inv(self.state.covariance), self.errors)
+        return np.einsum("ni,nij,nj->n", self.errors, np.linalg.inv(covariances(self.state)), self.errors)
 
 
 @pytest.mark.parametrize("periods", [2, 40, 400])
@@ -82,17 +76,17 @@ def test_the_errors_of_the_filter_are_as_large_as_its_covariance_says(periods):
 def test_the_errors_stay_as_large_as_the_covariance_says_through_a_dropout_of_the_star_tracker():
     trial = Trial(400)
     trial.fly(200)
-    settled = trial.state.covariance[0, 0, 0]
+    settled = covariances(trial.state)[0, 0, 0]
     trial.sensors.star_tracker_works[:] = False
     trial.fly(120)
     # Attitude variance of an unaided gyro: white noise, a bias error that integrates, and its walk.
     t = 120 * PERIOD
-    assert trial.state.covariance[0, 0, 0] > settled + 0.9 * NOISE["gyro"] ** 2 * t
+    assert covariances(trial.state)[0, 0, 0] > settled + 0.9 * NOISE["gyro"] ** 2 * t
     low, high = chi2.ppf([0.0005, 0.9995], 6 * trial.n) / trial.n
     assert low < trial.nees.mean() < high
     trial.sensors.star_tracker_works[:] = True
     trial.fly(60)
-    assert trial.state.covariance[0, 0, 0] < 1.5 * settled
+    assert covariances(trial.state)[0, 0, 0] < 1.5 * settled
 
 
 def test_the_filter_estimates_the_gyro_bias_and_its_steady_attitude_beats_the_star_tracker():
@@ -111,7 +105,7 @@ def test_without_a_walk_the_bias_variance_falls_as_least_squares_says():
     trial.assumed = Assumed(1e-12, 0.0, NOISE["tracker"], 1.0)
     trial.fly(200)
     expected = 12 * NOISE["tracker"] ** 2 / (PERIOD**2 * 200 * (200**2 - 1))
-    assert trial.state.covariance[0, 5, 5] == pytest.approx(expected, rel=1e-3)
+    assert covariances(trial.state)[0, 5, 5] == pytest.approx(expected, rel=1e-3)
 
 
 def test_a_jump_of_the_gyro_bias_is_found_again():
@@ -137,7 +131,7 @@ def test_without_gyro_the_rate_comes_from_the_star_tracker_with_its_noise():
 
 def test_a_mounting_error_of_the_star_tracker_goes_straight_into_the_attitude():
     trial = Trial(50, speed=0.0)
-    trial.sensors.star_tracker_offset[:] = (0.0, 1e-3, 0.0)
+    trial.sensors.star_tracker_offset[1] = 1e-3
     trial.fly(400)
     assert np.allclose(
         trial.errors[:, :3].mean(axis=0), (0.0, -1e-3, 0.0), atol=5 * NOISE["tracker"] / np.sqrt(50 * 10)
@@ -149,71 +143,121 @@ def cross(v):
 
 
 class TextbookFilter:
-    """One spacecraft's filter with whole matrices of six rows, and the gyro that drives it.
+    """Spacecraft j's filter with whole matrices of six rows, and the gyro that drives it.
 
     The transition is the matrix exponential of theta' = -[w x] theta - b, the noise that of Farrenkopf (1978), the update
-    that of any Kalman filter.
+    that of any Kalman filter. Without a gyro the rate is what the star tracker's last two attitudes say.
     """
 
-    def __init__(self, trial, seen):
-        self.trial, self.q, self.bias, self.before = trial, seen, np.zeros(3), trial.attitude[0]
-        self.true_bias, assumed = trial.state.true_bias[0].copy(), trial.assumed
+    def __init__(self, trial, seen, j=0):
+        self.trial, self.j, self.q, self.bias, self.before = trial, j, seen, np.zeros(3), trial.attitude[j]
+        self.true_bias, assumed = biases(trial.state)[1][j].copy(), trial.assumed
         self.P = np.diag(np.repeat([assumed.star_tracker_noise**2, assumed.initial_bias**2], 3))
+        self.rate, self.tracked = np.zeros(3), seen
 
     def step(self, attitude, noise):
-        assumed, sensors = self.trial.assumed, self.trial.sensors
-        walk, gyro = sensors.bias_walk[0], sensors.gyro_noise[0]
+        assumed, sensors, j = self.trial.assumed, self.trial.sensors, self.j
+        walk, gyro = sensors.bias_walk[j], sensors.gyro_noise[j]
         after = self.true_bias + walk * np.sqrt(PERIOD) * noise[1]
         white = np.sqrt(gyro**2 / PERIOD + walk**2 * PERIOD / 12) * noise[0]
         measured = (self.before.inv() * attitude).as_rotvec() / PERIOD + (self.true_bias + after) / 2 + white
         self.true_bias, self.before = after, attitude
-        rate = measured + sensors.gyro_offset[0] - self.bias
-        self.q = self.q * Rotation.from_rotvec(PERIOD * rate)
+        biased = float(sensors.gyro_works[j])
+        if biased:
+            self.rate = measured + sensors.gyro_offset[:, j] - self.bias
+        self.q = self.q * Rotation.from_rotvec(PERIOD * self.rate)
         drift = np.zeros((6, 6))
-        drift[:3, :3], drift[:3, 3:] = -cross(rate), -np.eye(3)
+        drift[:3, :3], drift[:3, 3:] = -cross(self.rate), -biased * np.eye(3)
         F, q, w = expm(drift * PERIOD), assumed.gyro_noise**2, assumed.bias_walk**2
-        Q = np.kron([[q * PERIOD + w * PERIOD**3 / 3, -w * PERIOD**2 / 2], [-w * PERIOD**2 / 2, w * PERIOD]], np.eye(3))
+        mixed = -biased * w * PERIOD**2 / 2
+        Q = np.kron([[q * PERIOD + w * PERIOD**3 / 3, mixed], [mixed, w * PERIOD]], np.eye(3))
+        Q[:3, :3] += (1.0 - biased) * (0.5 * 0.03 * PERIOD**2) ** 2 * np.eye(3)
         self.P = F @ self.P @ F.T + Q
-        seen = attitude * Rotation.from_rotvec(sensors.star_tracker_noise[0] * noise[2])
-        H, R = np.eye(3, 6), assumed.star_tracker_noise**2 * np.eye(3)
+        self.take(attitude * Rotation.from_rotvec(sensors.star_tracker_noise[j] * noise[2]), biased)
+
+    def take(self, seen, biased):
+        if not self.trial.sensors.star_tracker_works[self.j]:
+            self.tracked = None
+            return
+        H, R = np.eye(3, 6), self.trial.assumed.star_tracker_noise**2 * np.eye(3)
         K = self.P @ H.T @ np.linalg.inv(H @ self.P @ H.T + R)
         change = K @ (self.q.inv() * seen).as_rotvec()
         self.P = (np.eye(6) - K @ H) @ self.P
         self.q, self.bias = self.q * Rotation.from_rotvec(change[:3]), self.bias + change[3:]
+        if not biased and self.tracked is not None:
+            self.rate = (self.tracked.inv() * seen).as_rotvec() / PERIOD
+        self.tracked = seen
 
 
-def test_the_filter_is_a_kalman_filter_with_the_matrices_of_the_textbook():
-    # Large angles in a period, noise of all kinds of one size: no block and no term is small against another.
-    trial = Trial(1, seed=5)
-    trial.assumed = Assumed(2e-3, 3e-3, 1e-3, 4e-3)
-    trial.sensors = trial.sensors._replace(
-        gyro_noise=np.full(1, 2e-3),
-        bias_walk=np.full(1, 3e-3),
-        star_tracker_noise=np.full(1, 1e-3),
-        gyro_offset=np.array([[2e-3, -1e-3, 3e-3]]),
-    )
-    rng, turn = np.random.default_rng(1), Rotation.from_rotvec([0.4, -0.7, 0.5])
-    first = rng.standard_normal((1, 3, 3))
-    textbook = TextbookFilter(trial, trial.attitude[0] * Rotation.from_rotvec(1e-3 * first[0, 2]))
-    noise = first
-    for _ in range(12):
-        rate = turn.as_rotvec()[None] / PERIOD
+def of_all_kinds(n):
+    """A trial with noise of all kinds of one size: no block and no term is small against another."""
+    trial = Trial(n, seed=5)
+    trial.assumed, trial.sensors = Assumed(2e-3, 3e-3, 1e-3, 4e-3), sensors_of(n, 2e-3, 3e-3, 1e-3)
+    trial.sensors.gyro_offset[:, :n] = np.array([2e-3, -1e-3, 3e-3])[:, None] * (1 + np.arange(n))
+    return trial
+
+
+@pytest.mark.parametrize("angle", [0.95, 0.03], ids=["large", "small"])
+def test_the_filter_is_a_kalman_filter_with_the_matrices_of_the_textbook(angle):
+    """Nine spacecraft, of which some lose a gyro, a star tracker or both, beside others that do not."""
+    n, direction = 9, np.array([0.42, -0.74, 0.53])
+    turn = Rotation.from_rotvec(direction[None] * angle * np.linspace(0.3, 1.0, n)[:, None])
+    trial, rng = of_all_kinds(n), np.random.default_rng(1)
+    noise = rng.standard_normal((n, 3, 3))
+    books = [TextbookFilter(trial, trial.attitude[j] * Rotation.from_rotvec(1e-3 * noise[j, 2]), j) for j in range(n)]
+    for period in range(14):
+        rate = turn.as_rotvec() / PERIOD
         estimate(quaternions(trial.attitude), rate, PERIOD, noise, trial.sensors, trial.assumed, trial.state)
-        np.testing.assert_allclose(trial.state.covariance[0], textbook.P, rtol=0, atol=1e-9 * textbook.P.max())
-        np.testing.assert_allclose(trial.state.bias[0], textbook.bias, rtol=0, atol=1e-12)
-        np.testing.assert_allclose(trial.state.true_bias[0], textbook.true_bias, rtol=0, atol=1e-15)
-        off = textbook.q.inv() * Rotation.from_quat(trial.state.q_BN[0], scalar_first=True)
-        assert off.magnitude() < 1e-12
+        P = np.array([book.P for book in books])
+        np.testing.assert_allclose(covariances(trial.state), P, rtol=0, atol=1e-12 * P.max())
+        for found, name in zip(biases(trial.state), ("bias", "true_bias"), strict=True):
+            np.testing.assert_allclose(found, [getattr(book, name) for book in books], rtol=0, atol=1e-13)
+        estimated = Rotation.from_quat(trial.state.q_BN, scalar_first=True)
+        for j, book in enumerate(books):
+            assert (book.q.inv() * estimated[j]).magnitude() < 2e-13
+            if period > 0:
+                np.testing.assert_allclose(trial.state.omega_BN_B[j], book.rate, rtol=0, atol=1e-12)
+        trial.sensors.gyro_works[[1, 3, 8]] = not 4 <= period < 9
+        trial.sensors.star_tracker_works[[3, 7, 8]] = not 6 <= period < 11
         trial.attitude = trial.attitude * turn
-        noise = rng.standard_normal((1, 3, 3))
-        textbook.step(trial.attitude[0], noise[0])
-    assert np.abs(textbook.P[:3, 3:]).max() > 0.1 * np.abs(textbook.P[:3, :3]).max()
+        noise = rng.standard_normal((n, 3, 3))
+        for j, book in enumerate(books):
+            book.step(trial.attitude[j], noise[j])
+    assert np.abs(P[:, :3, 3:]).max() > 0.1 * np.abs(P[:, :3, :3]).max()
+
+
+@pytest.mark.parametrize("n", [5, 8, 9])
+def test_each_spacecraft_estimates_what_it_would_alone_to_the_last_bit(n):
+    together, alone, rng = of_all_kinds(n), [], np.random.default_rng(2)
+    for j in range(n):
+        one = of_all_kinds(n)
+        state = first_state(biases(one.state)[1][j : j + 1])
+        sensors = sensors_of(1, 2e-3, 3e-3, 1e-3)
+        sensors.gyro_offset[:, 0] = one.sensors.gyro_offset[:, j]
+        alone.append((sensors, state))
+    for period in range(9):
+        attitude = quaternions(Rotation.random(n, rng=rng))  # far from each other: every branch for large angles
+        rate, noise = rng.standard_normal((n, 3)), rng.standard_normal((n, 3, 3))
+        for j, (sensors, _) in enumerate(alone):
+            for mine in (together.sensors.gyro_works[j : j + 1], sensors.gyro_works[:1]):
+                mine[:] = not (j == 2 and 2 <= period < 5)
+            for mine in (together.sensors.star_tracker_works[j : j + 1], sensors.star_tracker_works[:1]):
+                mine[:] = not (j in (1, 2) and 4 <= period < 6)
+        estimate(attitude, rate, PERIOD, noise, together.sensors, together.assumed, together.state)
+        for j, (sensors, state) in enumerate(alone):
+            one = slice(j, j + 1)
+            estimate(attitude[one], rate[one], PERIOD, noise[one], sensors, together.assumed, state)
+            for found, expected in ((together.state.q_BN, state.q_BN), (together.state.omega_BN_B, state.omega_BN_B)):
+                assert np.array_equal(found[one], expected)
+            assert np.array_equal(covariances(together.state)[one], covariances(state))
+            for found, expected in zip(biases(together.state), biases(state), strict=True):
+                assert np.array_equal(found[one], expected)
 
 
 def test_the_bias_of_a_gyro_walks_with_the_variance_of_a_random_walk():
     trial = Trial(2000, walk=1e-5)
-    start = trial.state.true_bias.copy()
+    start = biases(trial.state)[1].copy()
     trial.fly(1)
-    assert np.array_equal(trial.state.true_bias, start)
+    assert np.array_equal(biases(trial.state)[1], start)
     trial.fly(64)
-    assert (trial.state.true_bias - start).std() == pytest.approx(1e-5 * np.sqrt(64 * PERIOD), rel=0.03)
+    assert (biases(trial.state)[1] - start).std() == pytest.approx(1e-5 * np.sqrt(64 * PERIOD), rel=0.03)

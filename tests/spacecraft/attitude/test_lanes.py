@@ -1,6 +1,6 @@
 """Numbers side by side are rounded as the numbers alone: kernels against their own Python, which takes one at a time."""
 
-from math import cos, sin, sqrt
+from math import atan2, cos, exp, log, sin, sqrt
 
 import numpy as np
 import pytest
@@ -14,12 +14,16 @@ from swarm_mj.spacecraft.attitude.guidance import (
 )
 from swarm_mj.spacecraft.attitude.lanes import (
     WIDTH,
+    abreast,
     cell,
     chosen,
     column,
+    every,
     number,
+    put_abreast,
     put_columns,
     put_numbers,
+    room,
     select,
     some,
     width,
@@ -41,6 +45,33 @@ def reckon(rows: Array, tensors: Array, flat: Array, wanted: Mask, out: Array, r
         put_columns(out, i, 1, (mixed, select(flag, -a, 3.0), sin(b), select(small, a, b)))
         put_numbers(rest, 2 * i, 2, (a - b, min(a, b)))
     return asked
+
+
+@kernel
+def reckon_abreast(values: Array, wanted: Mask, out: Array) -> int:
+    """The same where numbers stand side by side."""
+    asked = 0
+    for i in range(0, wanted.shape[0], width()):
+        a, b, flag = abreast(values[0], i), abreast(values[1], i), abreast(wanted, i)
+        if every(flag):
+            asked += 1
+        put_abreast(out, i, (a, 2.5))
+        put_abreast(out[2:], i, (select(flag, atan2(a, b), exp(b)), log(abs(b))))
+    return asked
+
+
+@pytest.mark.parametrize("n", [1, WIDTH, 2 * WIDTH + 3])
+def test_numbers_side_by_side_are_read_and_written_whole(n):
+    assert room(n) % WIDTH == 0 and n <= room(n) < n + WIDTH
+    values, found = np.random.default_rng(n).normal(size=(2, room(n))), []
+    wanted = np.arange(room(n)) // WIDTH != 1
+    wanted[-1] = False
+    for function in (reckon_abreast, reckon_abreast.py_func):
+        out = np.full((5, room(n)), 7.0)
+        found.append((function(values, wanted, out), out))
+    # One spacecraft at a time, Python counts flags one by one.
+    assert found[0][0] == wanted.reshape(-1, WIDTH).all(axis=1).sum() and found[1][0] == wanted.sum()
+    assert np.array_equal(found[0][1], found[1][1]) and (found[0][1][4] == 7.0).all()
 
 
 @pytest.mark.parametrize("n", [1, WIDTH - 1, WIDTH, 2 * WIDTH + 3])
