@@ -11,13 +11,14 @@ is known in closed form; the mean torque that leads there is held (equal to the 
 
 from __future__ import annotations
 
-from math import copysign, exp, log
-from typing import NamedTuple
+from math import exp, log
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from swarm_mj.simulator.slots import Peak
-from swarm_mj.typing import Array, Mask, kernel
+from swarm_mj.spacecraft.attitude.algebra import vectors
+from swarm_mj.spacecraft.attitude.lanes import cell, chosen, column, every, put_columns, select, some, width
+from swarm_mj.typing import Array, Mask, lean, woven
 
 #: A decay of less than this over one hold is treated as none: the closed form would lose its digits.
 _NO_DECAY = 1e-9
@@ -66,7 +67,7 @@ def allocate(axes_B: Array, healthy: Mask) -> Array:
     return allocation
 
 
-@kernel
+@lean
 def drive(
     torque_B: Array,
     wheels: WheelState,
@@ -89,37 +90,50 @@ def drive(
         dead: Spacecraft without power, shape (n,).
         peaks: Brought up to date, see `Peak`, shape (n, 3).
     """
-    motor, bearing = wheels.motor, wheels.bearing
-    for j in range(speed.shape[0]):
-        cut = False
+    for j in range(0, speed.shape[0], width()):
+        off = chosen(dead, j, 1)
+        fastest, strongest, holds = vectors(peaks, j)  # in the order of `Peak`
+        cut = holds
         for w in range(speed.shape[1]):
-            u = 0.0
-            for k in range(3):
-                u += wheels.allocation[j, w, k] * torque_B[j, k]
-            asked = u
-            turning, J = speed[j, w], wheels.inertia[j, w]
-            u = min(max_torque, max(-max_torque, u))
+            turning, J = column(speed, j, 1, w), column(wheels.inertia, j, 1, w)
+            asked = _asked(torque_B, wheels.allocation, j, w)
+            u = min(max_torque, max(-max_torque, asked))
             u = min(max(0.0, (max_speed - turning) * J / period), max(min(0.0, (-max_speed - turning) * J / period), u))
-            cut = cut or (u != asked and not dead[j])
-            u *= 0.0 if dead[j] else wheels.effectiveness[j, w]
-            if wheels.stuck[j, w]:
-                u = (wheels.stuck_speed[j, w] - turning) * J / period
-                u = min(max_torque, max(-max_torque, u))
-                bearing[j, w] = 0.0
-            elif wheels.coulomb[j, w] == 0.0 and wheels.viscous[j, w] == 0.0:
-                bearing[j, w] = 0.0
-            else:
-                after = speed_after(turning, u, wheels.coulomb[j, w], wheels.viscous[j, w], J, period)
-                bearing[j, w] = J * (after - turning) / period - u
-            motor[j, w] = u
-            peaks[j, Peak.WHEEL_SPEED] = max(peaks[j, Peak.WHEEL_SPEED], abs(turning))
-            peaks[j, Peak.MOTOR_TORQUE] = max(peaks[j, Peak.MOTOR_TORQUE], abs(u))
-        if cut:
-            peaks[j, Peak.CUT_HOLDS] += 1.0
+            cut = select(off, cut, select(u != asked, holds + 1.0, cut))
+            u = u * select(off, 0.0, column(wheels.effectiveness, j, 1, w))
+            stuck = chosen(wheels.stuck[:, w], j, 1)
+            if some(stuck):
+                brake = (column(wheels.stuck_speed, j, 1, w) - turning) * J / period
+                u = select(stuck, min(max_torque, max(-max_torque, brake)), u)
+            friction = _friction(
+                turning, u, column(wheels.coulomb, j, 1, w), column(wheels.viscous, j, 1, w), J, period
+            )
+            put_columns(wheels.motor[:, w:], j, 1, (u,))
+            put_columns(wheels.bearing[:, w:], j, 1, (select(stuck, 0.0, friction),))
+            fastest, strongest = max(fastest, abs(turning)), max(strongest, abs(u))
+        put_columns(peaks, j, 1, (fastest, strongest, cut))
 
 
-@kernel
-def speed_after(speed: float, motor: float, coulomb: float, viscous: float, inertia: float, time: float) -> float:
+@woven
+def _asked(torque_B: Array, allocation: Array, j: int, w: int) -> Any:
+    """Motor torques of wheels w [N m]."""
+    x, y, z = vectors(torque_B, j)
+    return cell(allocation, j, 1, w, 0) * x + cell(allocation, j, 1, w, 1) * y + cell(allocation, j, 1, w, 2) * z
+
+
+@woven
+def _friction(speed: Any, motor: Any, coulomb: Any, viscous: Any, inertia: Any, period: float) -> Any:
+    """Mean torque of bearings over a hold [N m], see `speed_after`."""
+    rubs = (coulomb != 0.0) | (viscous != 0.0)
+    torque = coulomb
+    if some(rubs):
+        after = speed_after(speed, motor, coulomb, viscous, inertia, period)
+        torque = select(rubs, inertia * (after - speed) / period - motor, 0.0)
+    return torque
+
+
+@woven
+def speed_after(speed: Any, motor: Any, coulomb: Any, viscous: Any, inertia: Any, time: Any) -> Any:
     """Wheel speed [rad/s] after `time` [s] under a constant motor torque and friction.
 
     A wheel that comes to rest stays there unless the motor overcomes the Coulomb friction.
@@ -132,33 +146,34 @@ def speed_after(speed: float, motor: float, coulomb: float, viscous: float, iner
         inertia: [kg m^2].
         time: [s].
     """
-    if coulomb == 0.0 and viscous == 0.0:
-        return speed + motor * time / inertia
-    if speed != 0.0:
-        force = motor - copysign(coulomb, speed)
-        rest = _time_to_rest(speed, force, viscous, inertia)
-        if rest >= time:
-            return _coast(speed, force, viscous, inertia, time)
-        time -= rest
-    if abs(motor) <= coulomb:
-        return 0.0
-    return _coast(0.0, motor - copysign(coulomb, motor), viscous, inertia, time)
+    moving, force = speed != 0.0, motor - select(speed < 0.0, -coulomb, coulomb)
+    rest = _time_to_rest(speed, force, viscous, inertia)
+    after, still_moving = _coast(speed, force, viscous, inertia, time), moving & (rest >= time)
+    if not every(still_moving):
+        left = select(moving, time - rest, time)
+        force = motor - select(motor < 0.0, -coulomb, coulomb)
+        anew = select(abs(motor) <= coulomb, 0.0, _coast(0.0, force, viscous, inertia, left))
+        after = select(still_moving, after, anew)
+    return after
 
 
-@kernel
-def _coast(speed: float, force: float, viscous: float, inertia: float, time: float) -> float:
-    decay = viscous * time / inertia
-    if decay < _NO_DECAY:
-        return speed + (force - viscous * speed) * time / inertia
-    final = force / viscous
-    return final + (speed - final) * exp(-decay)
+@woven
+def _coast(speed: Any, force: Any, viscous: Any, inertia: Any, time: Any) -> Any:
+    decay, after = viscous * time / inertia, speed + (force - viscous * speed) * time / inertia
+    decays = decay >= _NO_DECAY
+    if some(decays):
+        final = force / viscous
+        after = select(decays, final + (speed - final) * exp(-decay), after)
+    return after
 
 
-@kernel
-def _time_to_rest(speed: float, force: float, viscous: float, inertia: float) -> float:
+@woven
+def _time_to_rest(speed: Any, force: Any, viscous: Any, inertia: Any) -> Any:
     """When a wheel under a constant force and viscous friction first stands still [s]; infinite: never."""
-    if force * speed >= 0.0:
-        return np.inf
-    if viscous * abs(speed) < _NO_DECAY * abs(force):
-        return -speed * inertia / force
-    return inertia / viscous * log(1.0 - viscous * speed / force)
+    slows, damped = force * speed < 0.0, viscous * abs(speed) >= _NO_DECAY * abs(force)
+    rest = inertia
+    if some(slows):
+        rest = -speed * inertia / force
+    if some(slows & damped):
+        rest = select(damped, inertia / viscous * log(1.0 - viscous * speed / force), rest)
+    return select(slows, rest, np.inf)

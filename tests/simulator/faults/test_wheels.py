@@ -135,3 +135,29 @@ def test_the_swarm_drives_its_wheels_with_motor_and_bearing_together():
     wheels = WheelSet(properties, properties.inertia_B[None], np.full((1, 3), 2e-4), np.zeros((1, 3)), 0.0)
     total = wheels.drive(np.zeros((1, 3)), np.full((1, 3), 100.0), 0.5, np.zeros(1, bool), np.zeros((1, 3)))
     assert total == pytest.approx(-2e-4)
+
+
+def test_a_swarms_wheels_are_driven_as_those_of_each_spacecraft_alone():
+    """Stuck, weak, dry, oily and standing wheels beside each other, by compiled code and by Python one at a time."""
+    rng, (n, w) = np.random.default_rng(4), (11, 4)
+    some = lambda share: rng.random((n, w)) < share  # noqa: E731
+    state = WheelState(
+        np.where(some(0.3), rng.random((n, w)), 1.0),
+        some(0.15),
+        300.0 * rng.normal(size=(n, w)),
+        np.where(some(0.6), 2e-4 * rng.random((n, w)), 0.0),
+        np.where(some(0.4), 1e-5 * rng.random((n, w)), 0.0),
+        rng.normal(size=(n, w, 3)),
+        J * (1.0 + 0.1 * rng.random((n, w))),
+        *np.full((2, n, w), np.nan),
+    )
+    torque, speed = 2e-3 * rng.normal(size=(n, 3)), np.where(some(0.2), 0.0, 10.0 ** rng.uniform(-1, 2.7, (n, w)))
+    dead, found = np.arange(n) == 6, []
+    for function in (drive, drive.py_func):
+        ours = WheelState(*(part.copy() for part in state))
+        peaks = np.zeros((n, 3))
+        function(torque, ours, speed * np.sign(state.allocation[:, :, 0]), 0.5, 4e-3, 600.0, dead, peaks)
+        found.append((ours.motor, ours.bearing, peaks))
+    for compiled, python in zip(*found, strict=True):
+        assert np.isfinite(python).all() and np.array_equal(compiled, python)
+    assert (found[0][2][:, 2] > 0).any() and not found[0][0][6, ~state.stuck[6]].any()
