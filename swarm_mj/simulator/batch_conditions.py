@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from copy import copy
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,9 +12,11 @@ from swarm_mj.simulator.fast import flight_kernels
 from swarm_mj.simulator.fast.conditions import CONDITION, noise_left
 from swarm_mj.simulator.fast.flights import Flights, one_of
 from swarm_mj.simulator.fast.integrator import Integrator
+from swarm_mj.simulator.fast.plain_data import Data, make_datas, own_model
 from swarm_mj.simulator.fault_injection import FaultInjection
 from swarm_mj.simulator.loop_state import InitialState, LoopState
 from swarm_mj.simulator.simulation import Simulation
+from swarm_mj.spacecraft.model import SwarmModel
 from swarm_mj.typing import Array, Ints, Mask
 
 
@@ -38,12 +38,15 @@ class BatchConditions:
 
     def __init__(self, simulation: Simulation, flights: Flights) -> None:
         count, self._period = len(flights.tick), simulation.period
-        given = simulation.injection
-        self.scheduled = given is not None and len(given.fault_model.faults) > 0
-        self._injections = [_injection(simulation, one_of(flights, e)) for e in range(count)]
-        states = [injection.state for injection in self._injections]
-        self.datas = [state.data for state in states]
-        self._integrators = [Integrator(state.model, state.data) for state in states]
+        assert simulation.injection is not None
+        fault_model = simulation.injection.fault_model
+        self.scheduled = len(fault_model.faults) > 0
+        models = [own_model(simulation.state.model, simulation.stepper) for _ in range(count)]
+        self.datas = make_datas(models, simulation.stepper)
+        own = zip(models, self.datas, strict=True)
+        states = [_state(simulation, *each, one_of(flights, e)) for e, each in enumerate(own)]
+        self._injections = [FaultInjection(state, fault_model) for state in states]
+        self._integrators = [Integrator(state.model, data) for state, data in zip(states, self.datas, strict=True)]
         self.records = np.concatenate([integrator.batch for integrator in self._integrators])
         self.conditions = np.zeros(count, CONDITION)
         self.due, self.redirects = np.zeros(count, np.int64), np.ones(count, np.bool_)
@@ -119,16 +122,16 @@ class BatchConditions:
         return own
 
 
-def _injection(simulation: Simulation, flights: Flights) -> FaultInjection:
-    """What goes wrong in one more flight like a simulation's, whose arrays are given."""
+def _state(simulation: Simulation, model: SwarmModel, data: Data, flights: Flights) -> LoopState:
+    """One more flight like a simulation's."""
     like, given = simulation.state, simulation.injection
     assert given is not None
-    state = LoopState(
-        replace(like.model, mjmodel=copy(like.model.mjmodel)),
+    return LoopState(
+        model,
         properties=like.properties,
         environment=given.planned,
         period=like.period,
         gravity_gradient=like.gradient_gm > 0.0,
         flights=flights,
+        data=data,
     )
-    return FaultInjection(state, given.fault_model)

@@ -81,7 +81,7 @@ class CompiledBatch(Batch):
         self._wrong = None if simulation.injection is None else BatchConditions(simulation, self._flights)
         self.senses = self._wrong is not None
         if self._wrong is None:
-            self._datas = make_datas(self.model, simulation.stepper, count)
+            self._datas = make_datas([self.model] * count, simulation.stepper)
             self._integrator = Integrator(self.model, *self._datas)
             self._records, self._conditions = self._integrator.batch, np.zeros(count, CONDITION)
         else:

@@ -17,6 +17,7 @@ from swarm_mj.scenarios.schema_faults import Dispersions
 from swarm_mj.simulator.fast import kernels
 from swarm_mj.simulator.fast.conditions import CONDITION, described
 from swarm_mj.simulator.fast.flights import NEVER
+from swarm_mj.simulator.fast.plain_data import PlainModel
 from swarm_mj.simulator.faults.dispersions import unscaled
 from swarm_mj.simulator.faults.schedule import Event
 from swarm_mj.simulator.faults.state import EARLY_S, FaultModel, FaultState
@@ -289,6 +290,8 @@ def write_masses(state: LoopState, mass: Array, inertia_B: Array) -> None:
                 f"{np.round(moments, 6).tolist()} kg m^2, which no body has; make dispersions.inertia_percent smaller"
             )
         model.body_mass[hub], model.body_inertia[hub], model.body_iquat[hub] = mass[j] - wheels_mass, moments, turn
+    if isinstance(model, PlainModel):
+        return
     extent, centre = model.stat.extent, model.stat.center.copy()
     mujoco.mj_setConst(model, state.data)
     model.stat.extent, model.stat.center[:] = extent, centre

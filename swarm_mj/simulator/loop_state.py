@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import mujoco
 import numpy as np
@@ -17,7 +17,7 @@ from swarm_mj.errors import PluginError
 from swarm_mj.mission.behaviors import Targets
 from swarm_mj.simulator.fast.flights import NEVER, Flights, allocate_flights
 from swarm_mj.simulator.fast.integrator import timesteps_in
-from swarm_mj.simulator.fast.plain_data import restore_data, saved_data
+from swarm_mj.simulator.fast.plain_data import Data, restore_data, saved_data
 from swarm_mj.simulator.faults.schedule import Event
 from swarm_mj.simulator.slots import Slot
 from swarm_mj.smallbody.environment import Environment
@@ -114,6 +114,7 @@ class LoopState:
         period: Control period [s], a whole multiple of the model's timestep.
         gravity_gradient: Whether the torque of the central field acts; the field must know its `gm`.
         flights: Arrays for one flight, see `flights`; None: the flight gets its own.
+        data: The state of its bodies; None: an MjData. In a `PlainData` no spacecraft can come to rest.
 
     Attributes:
         model: As given.
@@ -165,10 +166,11 @@ class LoopState:
         period: float,
         gravity_gradient: bool = False,
         flights: Flights | None = None,
+        data: Data | None = None,
     ) -> None:
         environment = environment if model.stepper == "kernel" else environment.in_cells()
         self.model, self.properties, self.environment, self.period = model, properties, environment, period
-        self.data = mujoco.MjData(model.mjmodel)
+        self.data = mujoco.MjData(model.mjmodel) if data is None else cast(mujoco.MjData, data)
         self.timesteps = timesteps_in(period, model)
         self.gradient_gm = _gm_of_field(environment) if gravity_gradient else 0.0
         self.flights = allocate_flights(1, model.n, properties.n_wheels) if flights is None else flights

@@ -1,12 +1,15 @@
 """The states of many flights: MjData, or, where nothing of MuJoCo steps them, plain arrays of a twentieth of the size.
 
 An MjData takes half a megabyte with its Python binding, whatever the model. `physics.stepper: kernel` reads and writes a dozen
-of its arrays and calls no function of MuJoCo, so that these arrays are enough.
+of its arrays and calls no function of MuJoCo, so that these arrays are enough; of an MjModel it reads the masses.
 """
 
 from __future__ import annotations
 
-from typing import TypeAlias
+from collections.abc import Sequence
+from copy import copy
+from dataclasses import replace
+from typing import Any, TypeAlias
 
 import mujoco
 import numpy as np
@@ -55,6 +58,25 @@ class PlainData:
         self.mocap_quat[:] = self._model.body_quat[self._model.body_mocapid >= 0]
 
 
+class PlainModel:
+    """An MjModel whose bodies have masses of their own; everything else is the given one's. Nothing of MuJoCo may step it.
+
+    A copy of an MjModel takes as much as its meshes do.
+
+    Args:
+        model: As planned.
+    """
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        self._model = model
+        self.body_mass, self.body_inertia = model.body_mass.copy(), model.body_inertia.copy()
+        self.body_iquat = model.body_iquat.copy()
+
+    def __getattr__(self, name: str) -> Any:
+        """What is not its own."""
+        return getattr(self._model, name)
+
+
 #: Either kind.
 Data: TypeAlias = mujoco.MjData | PlainData
 
@@ -79,13 +101,19 @@ def size(model: mujoco.MjModel) -> int:
     return sum(int(np.prod(shape)) for shape in _shapes(model).values())
 
 
-def make_datas(swarm: SwarmModel, stepper: str, count: int) -> list[Data]:
-    """So many states of a swarm at its reference, for an `Integrator` of that stepper."""
-    model = swarm.mjmodel
+def make_datas(swarms: Sequence[SwarmModel], stepper: str) -> list[Data]:
+    """A state of each swarm at its reference, for an `Integrator` of that stepper; all are of one size."""
+    models = [swarm.mjmodel for swarm in swarms]
     if stepper != "kernel":
-        return [mujoco.MjData(model) for _ in range(count)]
-    numbers = np.zeros((count, size(model)))
-    return [PlainData(model, row) for row in numbers]
+        return [mujoco.MjData(model) for model in models]
+    numbers = np.zeros((len(models), size(models[0])))
+    return [PlainData(model, row) for model, row in zip(models, numbers, strict=True)]
+
+
+def own_model(swarm: SwarmModel, stepper: str) -> SwarmModel:
+    """The same swarm for a flight that writes masses of its own, for an `Integrator` of that stepper."""
+    model: Any = swarm.mjmodel
+    return replace(swarm, mjmodel=PlainModel(model) if stepper == "kernel" else copy(model))
 
 
 def reset_data(data: Data) -> None:
