@@ -7,7 +7,7 @@ BIN := $(VENV)/bin
 PYTEST := PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest --numprocesses auto --dist loadfile --no-loadscope-reorder
 
 .DEFAULT_GOAL := help
-.PHONY: help run test test-fast lint format types check wheel-test bench agreement docs docs-serve images pages pixel-to-earth convergence reproduction robustness swarm-classes learning mutants audit shape gl setup setup-dev clean
+.PHONY: help run fresh-kernels test test-fast lint format types check wheel-test bench agreement docs docs-serve images pages pixel-to-earth convergence reproduction robustness swarm-classes learning mutants audit shape gl setup setup-dev clean
 
 help: ## list the targets
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -35,10 +35,13 @@ gl: ## install the OpenGL libraries for offscreen rendering, or say how
 run: setup ## fly both configurations of the paper
 	@$(BIN)/swarm-mj run $(ARGS)
 
-test: setup-dev ## run every test
+fresh-kernels: setup-dev
+	@$(BIN)/python -m scripts.import_graph
+
+test: fresh-kernels ## run every test
 	@$(PYTEST) $(ARGS)
 
-test-fast: setup-dev ## run the tests that take less than a few seconds
+test-fast: fresh-kernels ## run the tests that take less than a few seconds
 	@$(PYTEST) -m "not slow" $(ARGS)
 
 lint: setup-dev ## check style

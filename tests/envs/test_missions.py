@@ -162,14 +162,17 @@ def test_what_fails_shows_in_the_observation_and_in_the_mask(single):
     off = {"spacecraft": 3, "loss": [1, 0, 0], "loss_time": 0.1, "camera_off": [0, 1, 0], "camera_off_time": 0.1}
     off |= {"downlink_off": [0, 0, 1], "downlink_off_time": 0.1}
     single.reset(seed=1, options={"draw": off})
+    batch, k = single.episodes.locate(0)
+    batch.totals.stored[k] = 1.0  # something to send
     for _ in range(4):
-        observation, *_, info = single.step(np.array([19, 19, 19]))
+        observation, *_, info = single.step(np.array([17, 18, 19]))  # all hold
     table = single.episodes.layout.split(observation)["spacecraft"][0]
     assert table[:, :3].tolist() == [[0, 0, 0], [1, 0, 1], [1, 1, 0]]
     assert info["alive"] == [False, True, True]
     mask = info["action_mask"]
     assert mask[0].tolist() == [0] * 17 + [1, 0, 0]
     assert not mask[1, :16].any()
+    assert mask[1, 16]
     assert not mask[2, 16]
 
 

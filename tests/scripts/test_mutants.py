@@ -1,15 +1,17 @@
 """The tool that plants faults, on a program of three lines: what dies, what survives, and that nothing else is touched."""
 
+import os
 import signal
 import subprocess
 import textwrap
 
 import pytest
 
+from scripts.import_graph import forget_stale, importers
 from scripts.mutants.faults import read_faults
 from scripts.mutants.findings import finding_of, read_findings, write_findings
 from scripts.mutants.page import page_of
-from scripts.mutants.trees import copy_sources, importers, plant
+from scripts.mutants.trees import copy_sources, plant
 from scripts.mutants.trial import BROKEN, DIED, SURVIVED, TIME_LIMIT, Runner, Trial, judge
 
 FILES = {
@@ -105,6 +107,19 @@ def test_compiled_code_of_all_that_imports_a_faulty_file_is_left_behind_and_othe
         (warm / kernel).write_text("")
     plant(read_faults(root, root / "faults")[0], warm, tree)
     assert [(tree / kernel).exists() for kernel in kernels] == [False, False, True]
+
+
+def test_machine_code_older_than_a_source_that_it_came_from_is_removed(root):
+    kernels = {name: root / f"swarm_mj/__pycache__/{name}.f-1.py312.1.nbc" for name in ("one", "two", "three")}
+    (root / "swarm_mj/__pycache__").mkdir()
+    for kernel in kernels.values():
+        kernel.write_text("")
+        os.utime(kernel, (2e9, 2e9))
+    assert forget_stale(root) == set()
+    # Two imports one.
+    os.utime(root / "swarm_mj/one.py", (2.1e9, 2.1e9))
+    assert forget_stale(root) == {"swarm_mj/one.py", "swarm_mj/two.py"}
+    assert [name for name, kernel in kernels.items() if kernel.exists()] == ["three"]
 
 
 def test_a_copy_that_is_brought_up_to_date_keeps_what_is_compiled_of_sources_that_did_not_change(root, tmp_path):
