@@ -119,8 +119,8 @@ class LoopState:
     Attributes:
         model: As given.
         properties: As given.
-        environment: As given, gravity in cells unless the stepper is the kernel, by which places of flights agree to the last
-            bit, see `Environment.in_cells`; fault injection replaces it at the start of a flight whose gravity is dispersed.
+        environment: As given, gravity in cells, see `Environment.in_cells`; fault injection replaces it at the start of a
+            flight whose gravity is dispersed.
         period: As given.
         timesteps: Of MuJoCo in a control period.
         gradient_gm: Gravitational parameter whose gradient turns the spacecraft [m^3/s^2]; 0: none does.
@@ -168,7 +168,7 @@ class LoopState:
         flights: Flights | None = None,
         data: Data | None = None,
     ) -> None:
-        environment = environment if model.stepper == "kernel" else environment.in_cells()
+        environment = environment.in_cells()
         self.model, self.properties, self.environment, self.period = model, properties, environment, period
         self.data = mujoco.MjData(model.mjmodel) if data is None else cast(mujoco.MjData, data)
         self.timesteps = timesteps_in(period, model)

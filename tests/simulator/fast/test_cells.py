@@ -62,7 +62,7 @@ def some_directions(count, n):
     return directions / np.linalg.norm(directions, axis=-1, keepdims=True)
 
 
-@pytest.mark.parametrize("overrides", [[], ["physics.wheels=gyrostat", *SUNLIT], ["dispersions.gravity_percent=5"]])
+@pytest.mark.parametrize("overrides", [[], [*KERNEL, *SUNLIT], ["dispersions.gravity_percent=5"]])
 def test_compiled_flights_share_sums_and_are_those_decided_in_python_to_the_last_bit(eros, overrides):
     plan = plan_of(eros, *overrides)
     quick, slow = (twin(plan, compiled=compiled) for compiled in (True, False))
@@ -120,15 +120,3 @@ def test_flights_are_pulled_as_the_sums_say_and_end_where_they_lead(eros, monkey
     assert worst < 1e-12
     off = np.abs(shared._q[0, :, :3] - exact._q[0, :, :3]).max()
     assert 0.0 < off < 1e-6
-
-
-def test_places_of_the_kernel_agree_to_the_last_bit_and_stay_their_own(eros):
-    for overrides, own in ((KERNEL, True), ([], False), (["physics.wheels=gyrostat"], False)):
-        simulation = make_simulation(plan_of(eros, *overrides))
-        assert (simulation.environment.gravity.cell == 0.0) == own
-    plan = plan_of(eros, *KERNEL)
-    batch = batch_of(plan, some_directions(2, plan.n))
-    assert batch.fly(40, np.ones(2, bool))
-    place, pull = batch._world.cells[39, :, :3], batch._world.cells[39, :, 3:6]
-    assert np.array_equal(batch.work[0, Slot.R_A], place) and np.array_equal(batch.work[1, Slot.R_A], place)
-    assert np.array_equal(pull, eros.acceleration(place))
