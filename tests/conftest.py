@@ -71,6 +71,7 @@ COMPILE = (
     "api/test_design.py",
     "smallbody/gravity/test_polyhedron.py",
     "simulator/faults/test_attitude_filter.py",
+    "envs/test_candidates.py",
 )
 #: What the other worker does meanwhile, which needs no kernels or has its own, and then files that take long: the last ones to
 #: run should be short, so that no worker waits for another in the end.

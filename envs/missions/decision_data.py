@@ -125,7 +125,7 @@ class Rows(NamedTuple):
     kind: Ints
     whom: Ints
     vector: Array
-    attitude_error: Array
+    work: Array
     lost: Mask
 
 

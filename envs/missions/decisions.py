@@ -8,6 +8,7 @@ where a picture needs the observer itself, for the sensors' noise, and for the s
 from __future__ import annotations
 
 from swarm_mj.simulator.fast.bound_calls import BoundCall, call, call_at
+from swarm_mj.simulator.slots import Slot
 from swarm_mj.typing import Ints, inlined, jittable, kernel
 
 from ..kinematics import Kinematics
@@ -180,7 +181,7 @@ def _finish(job: Job, k: int, e: int) -> None:
         rows.failed[k, j] = rows.lost[k, j] and not job.totals.lost[k, j]
         job.totals.lost[k, j] = job.totals.lost[k, j] or rows.lost[k, j]
         for i in range(3):
-            rows.sigma_BR[k, j, i] = rows.attitude_error[k, j, i]
+            rows.sigma_BR[k, j, i] = rows.work[k, Slot.SIGMA_BR, j, i]
     call(job.calls.truth, ())
     if job.schedule.senses:
         call(job.calls.sense, ())

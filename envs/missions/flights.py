@@ -154,7 +154,7 @@ class MissionFlights(EpisodeFlights):
             kind=flights.kind,
             whom=flights.index,
             vector=flights.vector,
-            attitude_error=flights.sigma_BR,
+            work=flights.work,
             lost=flights.lost,
         )
 
