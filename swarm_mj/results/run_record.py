@@ -24,7 +24,7 @@ from swarm_mj.results.modes import LOST, MODE_LOOKS, modes_shown, runs
 from swarm_mj.results.records import Event, RunSummary, contradiction
 from swarm_mj.results.run_files import read_coverage
 from swarm_mj.scenarios.design_record import DesignRecord
-from swarm_mj.scenarios.itinerary import itinerary, target_name
+from swarm_mj.scenarios.itinerary import Stop, itinerary, target_name
 from swarm_mj.scenarios.loading import MAX_BYTES, file_text, parse_yaml, scenario_from
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.simulator.telemetry import REMEDY, read_telemetry
@@ -69,7 +69,7 @@ class RunRecord:
         """Number of spacecraft that observe; they come first."""
         return int(self.summary["observers"])
 
-    @property
+    @cached_property
     def names(self) -> list[str]:
         """Names of the spacecraft."""
         return [str(name) for name in self.telemetry["spacecraft"].values]
@@ -83,6 +83,10 @@ class RunRecord:
     def mode(self) -> NDArray[np.int8]:
         """What each spacecraft tracks, or that it is lost, as `modes_shown` tells, shape (t, n)."""
         return modes_shown(self.telemetry)
+
+    @cached_property
+    def _stops(self) -> tuple[Stop, ...]:
+        return itinerary(self.scenario)
 
     def turns(self, j: int) -> list[tuple[float, str]]:
         """When spacecraft j chose another target [s], or was lost, and in words what came then."""
@@ -102,10 +106,9 @@ class RunRecord:
 
     def role(self, j: int) -> str:
         """What spacecraft j was sent to do."""
-        stops = itinerary(self.scenario)
-        if j >= len(stops):
+        if j >= len(self._stops):
             return "communications"
-        stop, several = stops[j], bool(self.scenario.designer.extra_targets)
+        stop, several = self._stops[j], bool(self.scenario.designer.extra_targets)
         return f"visits point {stop.point}" + (f" of target {target_name(stop.target)}" if several else "")
 
 
