@@ -77,7 +77,6 @@ COMPILE = (
 #: run should be short, so that no worker waits for another in the end.
 EARLY = (
     "docs/test_site.py",
-    "test_wheel.py",
     "docs/test_scenario_keys.py",
     "campaigns/test_campaign.py",
     "campaigns/test_dask.py",
@@ -85,6 +84,7 @@ EARLY = (
     "results/figures/test_missions.py",
     "designer/test_designs_fly.py",
     "robust/test_long.py",
+    "test_wheel.py",  # takes what is compiled by then
 )
 ORDER = {name: k for k, name in enumerate((*COMPILE, *EARLY))}
 
