@@ -45,8 +45,9 @@ def expected_states(start: Array, duration: float = DURATION_S) -> Array:
         def rates(t: float, y: Array, motor: Array = motor) -> Array:
             return np.concatenate((y[V], attraction(t, y[R]), body.rates(y[6:], motor)))
 
-        span = (t, t + PERIOD_S)
-        states.append(solve_ivp(rates, span, state, method="DOP853", rtol=1e-11, atol=1e-11).y[:, -1])
+        # Motions are slow for a period: its whole length, tried first, is nearly always fine enough.
+        given = {"method": "DOP853", "rtol": 1e-11, "atol": 1e-11, "first_step": PERIOD_S}
+        states.append(solve_ivp(rates, (t, t + PERIOD_S), state, **given).y[:, -1])
     return np.array(states)
 
 
