@@ -12,7 +12,7 @@ pytestmark = [pytest.mark.robust, pytest.mark.gl]
 WARM = 12
 #: What one film more may then cost [bytes]; a context that is not given back costs more.
 GROWTH = 2**20
-FILMS = 20
+FILMS = 17
 
 
 @pytest.mark.slow

@@ -131,7 +131,7 @@ def test_rendered_episodes_share_one_context():
 @pytest.mark.gl
 @pytest.mark.slow
 def test_environments_that_are_closed_give_their_context_back():
-    before, memory, count = None, [], 20
+    before, memory, count = None, [], 12
     for seed in range(count):
         env = gym.make("swarm_mj.envs:SwarmObserve-v0", render_mode="rgb_array")
         env.reset(seed=seed)

@@ -13,7 +13,7 @@ import pytest
 
 from swarm_mj.cli.main import main
 from swarm_mj.errors import OutputError
-from swarm_mj.verification.performance import environment, job, loop, observers
+from swarm_mj.verification.performance import environment, job, loop, observers, pictures
 from swarm_mj.verification.performance.measure import STATUS, in_turn, rates, row
 from swarm_mj.verification.performance.runner import GROUPS, on_gpu, page, run_bench
 
@@ -173,7 +173,11 @@ def test_the_page_says_whether_a_gpu_was_measured():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in GROUPS if name not in ("start", "job", "gpu")])
-def test_every_benchmark_runs_in_its_quick_version(name):
+def test_every_benchmark_runs_in_its_quick_version(name, monkeypatch):
+    """Of fewer pictures and spacecraft: how well rates are known is not judged here."""
+    monkeypatch.setattr(pictures, "PICTURES", 6)
+    monkeypatch.setattr(loop, "QUICK_SIZES", (1, 6))
+    monkeypatch.setattr(observers, "PICTURES", 2)
     rows = run_bench([name])
     assert rows and all(np.isfinite(r.value) and r.group for r in rows)
     assert all(r.low <= r.value <= r.high for r in rows)
