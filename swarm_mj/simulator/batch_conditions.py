@@ -61,7 +61,7 @@ class BatchConditions:
 
     def rewind(self, e: int) -> None:
         """Begin the same flight again."""
-        self._injections[e].rewind(*self._starts[e])
+        self._injections[e].rewind(self._starts[e][1])
         self._publish(e)
 
     def _publish(self, e: int) -> None:

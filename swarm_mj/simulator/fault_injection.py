@@ -84,10 +84,10 @@ class FaultInjection:
             write_masses(state, self.faults.mass, self.faults.inertia_B)
         self._describe()
 
-    def rewind(self, seed: int, deployment: tuple[Event, ...]) -> None:
-        """Begin anew the flight that `reset` began, of the same seed, when no propellant has been burnt."""
-        self.faults.reset(seed, deployment)
-        self._describe()
+    def rewind(self, deployment: tuple[Event, ...]) -> None:
+        """Begin the flight of the last `reset` again, when no propellant has been burnt."""
+        self.faults.rewind(deployment)
+        self.due = 0
 
     def get_state(self) -> dict[str, Any]:
         """What has become of the flight since `reset`, a copy."""
@@ -282,14 +282,17 @@ def write_masses(state: LoopState, mass: Array, inertia_B: Array) -> None:
     bodies = state.model.wheels == "bodies"
     wheels_mass = properties.n_wheels * properties.wheel_mass if bodies else 0.0
     wheels_inertia = properties.wheels_inertia_B if bodies else spin * axes.T @ axes
-    for j, hub in enumerate(state.hub):
-        moments, turn = principal_axes(inertia_B[j] - wheels_inertia)
-        if mass[j] <= wheels_mass or moments.min() <= 0.0 or 2.0 * moments.max() > moments.sum():
-            raise SimulationError(
-                f"{state.model.names[j]}: dispersions leave the hub {mass[j] - wheels_mass:.3g} kg and "
-                f"{np.round(moments, 6).tolist()} kg m^2, which no body has; make dispersions.inertia_percent smaller"
-            )
-        model.body_mass[hub], model.body_inertia[hub], model.body_iquat[hub] = mass[j] - wheels_mass, moments, turn
+    hubs = inertia_B - wheels_inertia
+    axes_of = [principal_axes(hub_inertia) for hub_inertia in hubs]
+    moments, turns = np.array([m for m, _ in axes_of]), np.array([turn for _, turn in axes_of])
+    fits = (mass > wheels_mass) & (moments.min(axis=1) > 0.0) & (2.0 * moments.max(axis=1) <= moments.sum(axis=1))
+    for j in np.flatnonzero(~fits):
+        raise SimulationError(
+            f"{state.model.names[j]}: dispersions leave the hub {mass[j] - wheels_mass:.3g} kg and "
+            f"{np.round(moments[j], 6).tolist()} kg m^2, which no body has; make dispersions.inertia_percent smaller"
+        )
+    model.body_mass[state.hub], model.body_inertia[state.hub] = mass - wheels_mass, moments
+    model.body_iquat[state.hub] = turns
     if isinstance(model, PlainModel):
         return
     extent, centre = model.stat.extent, model.stat.center.copy()
@@ -299,8 +302,9 @@ def write_masses(state: LoopState, mass: Array, inertia_B: Array) -> None:
 
 def principal_axes(inertia_B: Array) -> tuple[Array, Array]:
     """Principal moments (3,) and the quaternion of their axes in B; in the order x, y, z where the tensor is diagonal."""
-    if np.allclose(inertia_B, np.diag(np.diag(inertia_B)), rtol=0.0, atol=1e-15):
-        return np.diag(inertia_B).copy(), np.array([1.0, 0.0, 0.0, 0.0])
+    moments = inertia_B.diagonal().copy()
+    if np.abs(inertia_B - np.diag(moments)).max() <= 1e-15:
+        return moments, np.array([1.0, 0.0, 0.0, 0.0])
     moments, vectors = np.linalg.eigh(inertia_B)
     if np.linalg.det(vectors) < 0.0:
         vectors[:, 2] *= -1.0

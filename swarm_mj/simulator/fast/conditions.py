@@ -39,6 +39,8 @@ CONDITION = np.dtype(
     + [(name, np.float64) for name in ("field_factor", "period", "max_torque", "max_speed", *_OF_ASSUMED)]
     + [(name, np.int64) for name in _ARRAYS]
 )
+#: What arrays may hold, as they say it themselves: asking them for more takes as long as the rest of a reset.
+_KINDS = frozenset(np.dtype(kind).str for kind in (np.float64, np.int64, np.bool_))
 _FIELDS = tuple(CONDITION.names or ())
 #: Those of E flights, with dtype `CONDITION`, shape (E,); all zeros: the flight is as planned.
 Conditions: TypeAlias = NDArray[np.void]
@@ -60,14 +62,20 @@ def described(arrays: Mapping[str, Array], known: Knowledge, **numbers: float) -
     values: dict[str, float] = numbers | dict(zip(_OF_ASSUMED, known.assumed, strict=True))
     values |= {"n": n, "m": room(n), "w": w, "series": 0, "command": _compiled(_command).address}
     values["own_field"] = "series" in arrays or numbers["field_factor"] != 1.0
-    values["sense"] = _compiled(_sense).address if known.estimating or len(known.q_past) > 1 else 0
+    senses = bool(known.estimating) or len(known.q_past) > 1
+    values["sense"] = _compiled(_sense).address if senses else 0
     values |= {"estimating": known.estimating, "readings": len(known.q_past), "noise_rows": len(known.noise)}
-    own = (known.noise, known.counts, known.delay, known.q_past, known.omega_past, known.q_BN, known.omega_BN_B)
-    found = dict(arrays) | known.sensors._asdict() | dict(zip(_OF_FILTER, known.state, strict=True))
-    found |= dict(zip(_OF_KNOWLEDGE, own, strict=True))
+    found: dict[str, Any] = dict(arrays)
+    of_sensors = (*Sensors._fields, *_OF_FILTER, *_OF_KNOWLEDGE)
+    if senses:
+        own = (known.noise, known.counts, known.delay, known.q_past, known.omega_past, known.q_BN, known.omega_BN_B)
+        found |= dict(zip(of_sensors, (*known.sensors, *known.state, *own), strict=True))
+    else:
+        values |= dict.fromkeys(of_sensors, 0)
     for name, array in found.items():
-        assert array.flags.c_contiguous and array.dtype in (np.float64, np.int64, np.bool_), name
-        values[name] = array.__array_interface__["data"][0]
+        at = array.__array_interface__
+        assert at["strides"] is None and at["typestr"] in _KINDS, name
+        values[name] = at["data"][0]
     return tuple(values[name] for name in _FIELDS)
 
 

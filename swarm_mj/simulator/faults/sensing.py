@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from swarm_mj.scenarios.schema_faults import (
     StarTrackerNoise,
 )
 from swarm_mj.simulator.faults.dispersions import ARCSEC, DEG_PER_HOUR, DEG_PER_SQRT_HOUR, Dispersed
-from swarm_mj.simulator.faults.filter_state import Assumed, Noise, biases, first_state, sensors_of
+from swarm_mj.simulator.faults.filter_state import Assumed, Noise, Sensors, biases, first_state, sensors_of
 from swarm_mj.simulator.faults.random_streams import Stream, stream
 from swarm_mj.simulator.faults.schedule import ScheduledFault
 from swarm_mj.simulator.faults.sensing_kernels import Count, Knowledge, sense
@@ -64,8 +65,8 @@ class Sensing:
         dispersed = max(noise, walk, tracker, given.gyro_bias_deg_h, given.star_tracker_bias_arcsec) > 0.0
         self.estimating = dispersed or any(faulty)
         self._normal = (noise, tracker)
-        self._sensors = sensors_of(n, noise, walk, tracker)
-        self._sensors.star_tracker_offset[:, :n] = drawn.star_tracker_bias.T
+        self._walk, self._drawn = walk, drawn
+        self._sensors = self._at_start()
         self._assumed = Assumed(
             max(noise, LEAST_GYRO_NOISE),
             max(walk, LEAST_BIAS_WALK) if any(faulty) else walk,
@@ -73,9 +74,8 @@ class Sensing:
             max(given.gyro_bias_deg_h * DEG_PER_HOUR, LEAST_BIAS),
         )
         self.state = first_state(drawn.gyro_bias)
+        self._seed, self._period, self._blocks = seed, period, 0
         self._rng = stream(seed, Stream.SENSOR_NOISE) if self.estimating else None
-        self._period = period
-        self._own_delay = drawn.delay_ticks
         size = self._readings_kept(schedule, drawn)
         self.active = self.estimating or size > 1
         self.knowledge = self._begin(n, size, drawn)
@@ -99,6 +99,25 @@ class Sensing:
             q_BN=np.zeros((n, 4)),
             omega_BN_B=np.zeros((n, 3)),
         )
+
+    def restart(self) -> None:
+        """Begin the same flight again, in the same arrays."""
+        known = self.knowledge
+        old = (*known.sensors, *known.state, known.delay, known.q_past, known.omega_past, known.q_BN, known.omega_BN_B)
+        begun = (*self._at_start(), *first_state(self._drawn.gyro_bias), self._drawn.delay_ticks)
+        new: tuple[Any, ...] = (*begun, 0.0, 0.0, 0.0, 0.0)
+        for array, start in zip(old, new, strict=True):
+            array[...] = start
+        if self._blocks > 1:
+            self._rng, self._blocks = stream(self._seed, Stream.SENSOR_NOISE), 0
+        # The first numbers may still be there.
+        known.counts[:] = 0 if self._blocks == 1 else len(known.noise), 0, -1
+
+    def _at_start(self) -> Sensors:
+        n = len(self._drawn.mass_ratio)
+        sensors = sensors_of(n, self._normal[0], self._walk, self._normal[1])
+        sensors.star_tracker_offset[:, :n] = self._drawn.star_tracker_bias.T
+        return sensors
 
     def _ticks(self, delay_s: float) -> int:
         return round(delay_s / self._period)
@@ -135,6 +154,7 @@ class Sensing:
             # The numbers that one reading after the other would draw.
             self._rng.standard_normal(out=noise)
             counts[Count.NOISE] = 0
+            self._blocks += 1
         return len(noise) - int(counts[Count.NOISE])
 
     def knowledge_error(self, q_BN: Array) -> Array:
@@ -185,4 +205,4 @@ class Sensing:
         elif isinstance(fault, StarTrackerDropout):
             sensors.star_tracker_works[j] = True
         elif isinstance(fault, SensorDelay):
-            self.knowledge.delay[j] = self._own_delay[j]
+            self.knowledge.delay[j] = self._drawn.delay_ticks[j]

@@ -109,19 +109,30 @@ class FaultState:
         given, n = self._fault_model.dispersions, self._n
         if self._drawn is None or self._drawn[0] != seed:
             self._drawn = seed, *self._draw(seed)
+            ratio = self._drawn[2]
+            self.mass = ratio.mass_ratio * self._properties.mass
+            inertia_B = dispersed_inertia(self._properties.inertia_B, ratio.second_moment_ratio)
+            self.inertia_B = ratio.mass_ratio[:, None, None] * inertia_B
         _, schedule, drawn, self.environment = self._drawn
-        self.mass = drawn.mass_ratio * self._properties.mass
-        self.inertia_B = drawn.mass_ratio[:, None, None] * dispersed_inertia(
-            self._properties.inertia_B, drawn.second_moment_ratio
-        )
         self.wheels = WheelSet(self._properties, self.inertia_B, drawn.coulomb, drawn.viscous, self._speed_margin)
         self.sensing = Sensing(given, drawn, schedule, seed, self._period)
         self.lost, self.camera_on = np.zeros(n, np.bool_), np.ones(n, np.bool_)
         self._known_lost = np.zeros(n, np.bool_)
+        self._begin_lists(deployment)
+
+    def rewind(self, deployment: tuple[Event, ...]) -> None:
+        """Begin the flight of the last `reset` again, in the same arrays."""
+        self.wheels.restart()
+        self.sensing.restart()
+        self.lost[:], self.camera_on[:], self._known_lost[:] = False, True, False
+        self._begin_lists(deployment)
+
+    def _begin_lists(self, deployment: tuple[Event, ...]) -> None:
+        assert self._drawn is not None
         if self._succession is not None:
             self._succession.reset()
         self.events: list[Event] = []
-        self._agenda = in_flight(schedule)
+        self._agenda = in_flight(self._drawn[1])
         self._notices: list[tuple[float, ScheduledFault]] = []
         self._endings: list[ScheduledFault] = []
         self._due_relay: list[ScheduledFault] = []

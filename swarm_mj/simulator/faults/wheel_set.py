@@ -36,18 +36,29 @@ class WheelSet:
         self._max_speed = (1.0 - speed_margin) * properties.max_wheel_speed
         self._own_friction = coulomb, viscous
         self._healthy = np.ones((n, w), np.bool_)
-        self.state = WheelState(
+        self.state = self._at_start(relative_inertia(properties, inertia_B))
+        self.motor, self.bearing = self.state.motor, self.state.bearing
+
+    def restart(self) -> None:
+        """Begin the same flight again, in the same arrays."""
+        self._healthy[:] = True
+        for array, start in zip(self.state, self._at_start(self.state.inertia), strict=True):
+            array[...] = start
+
+    def _at_start(self, inertia: Array) -> WheelState:
+        coulomb, viscous = self._own_friction
+        n, w = coulomb.shape
+        return WheelState(
             effectiveness=np.ones((n, w)),
             stuck=np.zeros((n, w), np.bool_),
             stuck_speed=np.zeros((n, w)),
             coulomb=coulomb.copy(),
             viscous=viscous.copy(),
             allocation=np.tile(_by_all(self._axes.tobytes(), w), (n, 1, 1)),
-            inertia=relative_inertia(properties, inertia_B),
+            inertia=inertia,
             motor=np.zeros((n, w)),
             bearing=np.zeros((n, w)),
         )
-        self.motor, self.bearing = self.state.motor, self.state.bearing
 
     def drive(self, torque_B: Array, speed: Array, period: float, dead: Mask, peaks: Array) -> Array:
         """Torque on every wheel about its axis, motor and bearing together, shape (n, w) [N m].
