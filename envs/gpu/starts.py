@@ -114,7 +114,7 @@ def memory_of(batch: EpisodeBatch) -> Memory:
         now=now,
         estimate=estimate,
         totals=totals,
-        observation=next(taken).copy(),
+        observation=rows[-1].copy(),
     )
 
 
