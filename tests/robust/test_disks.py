@@ -130,7 +130,8 @@ def test_a_disk_that_fills_up_at_any_file_keeps_the_earlier_result(tmp_path, mon
 def test_of_two_runs_into_one_folder_one_wins_and_the_other_says_so(tmp_path, capsys):
     first = subprocess.Popen(command(*QUICK, "--out", tmp_path / "run"), stderr=subprocess.PIPE)
     lock = tmp_path / ".run.lock"
-    while first.poll() is None and not lock.exists():
+    # The file is there a moment before it is locked; who holds it writes its number there.
+    while first.poll() is None and not (lock.exists() and lock.read_text()):
         time.sleep(0.01)
     # Held where it is, lest it finishes before the second one asks.
     first.send_signal(signal.SIGSTOP)
