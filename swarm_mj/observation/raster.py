@@ -47,6 +47,11 @@ class Mesh(NamedTuple):
     faces: Ints32
 
 
+def make_mesh(vertices: Array, faces: NDArray[np.integer]) -> Mesh:
+    """Of copies: Numba compiles apart what takes an array that is read-only."""
+    return Mesh(np.array(vertices, np.float64, order="C"), np.array(faces, np.int32, order="C"))
+
+
 class View(NamedTuple):
     """From where it is drawn.
 
@@ -93,7 +98,7 @@ class CompiledFaces:
 
     def __init__(self, vertices: Array, faces: NDArray[np.integer], camera: CameraModel) -> None:
         self.camera, size = camera, camera.resolution_px
-        self._mesh = Mesh(np.ascontiguousarray(vertices, np.float64), np.ascontiguousarray(faces, np.int32))
+        self._mesh = make_mesh(vertices, faces)
         self._near = NEAREST * float(np.ptp(vertices, axis=0).max())
         self._picture_from_camera = np.array([[1.0 / camera.tan_half_angle], [1.0 / camera.tan_half_angle], [1.0]])
         self._canvas = Canvas(

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarm_mj.observation.camera import CameraModel
-from swarm_mj.observation.raster import LANES, NEAREST, Canvas, Mesh, View, draw_faces
+from swarm_mj.observation.raster import LANES, NEAREST, Canvas, Mesh, View, draw_faces, make_mesh
 from swarm_mj.typing import Array, Array32, Mask, jittable, kernel
 
 #: Pixels along a side unless said otherwise.
@@ -58,8 +58,8 @@ class ThumbnailDrawer:
         normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         normals /= np.linalg.norm(normals, axis=1, keepdims=True)
         self.camera = camera
-        mesh = Mesh(np.ascontiguousarray(vertices, np.float64), np.ascontiguousarray(faces, np.int32))
-        self._body = _Body(mesh, np.ascontiguousarray(normals), float(np.linalg.norm(vertices, axis=1).max()))
+        radius = float(np.linalg.norm(vertices, axis=1).max())
+        self._body = _Body(make_mesh(vertices, faces), np.ascontiguousarray(normals), radius)
         self._near = NEAREST * float(np.ptp(vertices, axis=0).max())
         self._canvas = Canvas(
             picture=np.empty(size**2 + LANES, np.uint32),
