@@ -23,7 +23,8 @@ $(VENV)/.installed: pyproject.toml | $(BIN)/python
 
 $(VENV)/.installed-dev: pyproject.toml | $(BIN)/python
 	@echo "Installing swarm_mj and its development tools into $(VENV) (once) ..."
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable ".[all]"
+	@# Without bytecode of all modules, which would take a third of the time: few of them are ever imported.
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile --editable ".[all]"
 	@touch $@ $(VENV)/.installed
 
 setup: $(VENV)/.installed gl
