@@ -73,10 +73,14 @@ COMPILE = (
     "simulator/faults/test_attitude_filter.py",
     "envs/test_candidates.py",
 )
-#: What the other worker does meanwhile, which needs no kernels or has its own, and then files that take long: the last ones to
+#: What other workers do meanwhile, which needs no kernels or has its own, and then files that take long: the last ones to
 #: run should be short, so that no worker waits for another in the end.
 EARLY = (
     "docs/test_site.py",
+    "designer/test_genetic.py",
+    "designer/test_pareto.py",
+    "designer/test_exact.py",
+    "test_layers.py",
     "docs/test_scenario_keys.py",
     "campaigns/test_campaign.py",
     "campaigns/test_dask.py",
@@ -84,6 +88,9 @@ EARLY = (
     "results/figures/test_missions.py",
     "designer/test_designs_fly.py",
     "robust/test_long.py",
+    "verification/performance/test_bench.py",
+    "test_extending.py",
+    "test_spacecraft_page.py",
     "test_wheel.py",  # takes what is compiled by then
 )
 ORDER = {name: k for k, name in enumerate((*COMPILE, *EARLY))}
