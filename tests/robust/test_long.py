@@ -141,8 +141,9 @@ def test_environments_that_are_closed_give_their_context_back():
         memory.append(resident())
         before = held() if seed == 2 else before
     assert held() == before
-    # A picture and its depth take 2.5 MB, a context with the body's mesh some ten.
-    assert (memory[-1] - memory[5]) / (count - 6) < 2 * 2**20, [round(m / 2**20) for m in memory]
+    # A picture and its depth take 2.5 MB, a context with the body's mesh some ten: kept, they would be added every time. The
+    # memory of a process that has done much else also grows once in a while, by more than that.
+    assert np.median(np.diff(memory[5:])) < 2 * 2**20, [round(m / 2**20) for m in memory]
 
 
 @pytest.mark.gl
