@@ -39,7 +39,7 @@ DEFAULTS: dict[str, Any] = {"target": "body", "patches": 150, "step_s": 120.0, "
 class SwarmMapEnv(SwarmObserveEnv):
     """Three CubeSats pass Bennu within four hours, most of a turn of it, and map all of it in daylight, picture by picture.
 
-    `gymnasium.make("swarm_mj:SwarmMap-v0")` makes it. It is `SwarmObserve-v0` with the whole body as the target and other
+    `gymnasium.make("swarm_mj.envs:SwarmMap-v0")` makes it. It is `SwarmObserve-v0` with the whole body as the target and other
     defaults; everything that is not said here, every space, table, info and argument, is documented there.
 
     ## Action space

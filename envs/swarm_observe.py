@@ -28,8 +28,8 @@ Observation = Array32
 class SwarmObserveEnv(RebuiltOnCopy, gymnasium.Env[Observation, Any]):
     """A swarm of n CubeSats flies past a small body, images a target on it and sends the pictures to Earth.
 
-    `gymnasium.make("swarm_mj:SwarmObserve-v0")` makes it; in a program that imports swarm_mj before gymnasium,
-    `"swarm_mj.envs:SwarmObserve-v0"`, which works in any order.
+    `gymnasium.make("swarm_mj.envs:SwarmObserve-v0")` makes it; where gymnasium is imported before swarm_mj,
+    `"swarm_mj:SwarmObserve-v0"` does too.
 
     One episode is one flyby of a scenario, flown by the same `Simulation`, plug-ins, observers and criteria as
     `swarm-mj run`. Only attitudes are controlled: the trajectories follow from the deployment. Frames: N inertial, A fixed in

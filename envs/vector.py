@@ -1,4 +1,4 @@
-"""SwarmObserve-v0 as gymnasium's vector environment: many batch at once, bit for bit those of single environments."""
+"""SwarmObserve-v0 as gymnasium's vector environment: many flights at once, bit for bit those of single environments."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from .threads import ThreadedBatch, default_threads
 
 
 class SwarmObserveVectorEnv(RebuiltOnCopy, FlightsVectorEnv):
-    """`num_envs` batch of one scenario; made by `gymnasium.make_vec("swarm_mj:SwarmObserve-v0", ...)`.
+    """`num_envs` flights of one scenario; made by `gymnasium.make_vec("swarm_mj.envs:SwarmObserve-v0", ...)`.
 
     Spaces, rewards and episode ends are those of `SwarmObserveEnv`, which documents them, and so are the numbers: with the
     same seeds every flight is bit for bit that of the single environment, whatever `num_envs` and `threads` are.

@@ -10,7 +10,7 @@ while sim.time < 120.0:
     if sim.time % 30.0 == 0.0:
         print(f"{sim.time:5.0f} s: fastest wheel {abs(sim.data.qvel).max():6.1f} rad/s, contacts {sim.data.ncon}")
 
-env = gym.make("swarm_mj:SwarmObserve-v0", control="role")
+env = gym.make("swarm_mj.envs:SwarmObserve-v0", control="role")
 observation, info = env.reset(seed=0)
 for _ in range(10):
     observation, reward, terminated, truncated, info = env.step(env.action_space.sample())

@@ -28,7 +28,7 @@ NAME = "SwarmDownlink-v0"
 class SwarmDownlinkEnv(RebuiltOnCopy, gymnasium.Env[Any, Any]):
     """After (and while) n spacecraft fly past a small body, decide every ten minutes who talks to whom, for a day.
 
-    `gymnasium.make("swarm_mj:SwarmDownlink-v0")` makes it. Data products are asked for, are aboard one spacecraft, have a
+    `gymnasium.make("swarm_mj.envs:SwarmDownlink-v0")` makes it. Data products are asked for, are aboard one spacecraft, have a
     size, a value and a time at which they expire; each counts when all of it is on Earth. Earth hears one spacecraft at a
     time, only while a pass of an antenna is allotted to the swarm and its station sees the body, at the rate that the link
     budget of `swarm_mj.dataflow` closes; crosslinks carry what that says over the distance. Talking to Earth turns the panels

@@ -19,7 +19,7 @@ from .world import DownlinkTask
 
 
 class SwarmDownlinkVectorEnv(RebuiltOnCopy, FlightsVectorEnv):
-    """`num_envs` episodes of one mission; made by `gymnasium.make_vec("swarm_mj:SwarmDownlink-v0", ...)`.
+    """`num_envs` episodes of one mission; made by `gymnasium.make_vec("swarm_mj.envs:SwarmDownlink-v0", ...)`.
 
     Spaces, rewards and ends are those of `SwarmDownlinkEnv`, which documents them, and so are the numbers, bit for bit. Infos
     hold arrays over the episodes, with the mask of those to whom they apply under the same name with a leading underscore.

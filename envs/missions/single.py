@@ -25,8 +25,8 @@ NAME = "SwarmObserve-v1"
 class SwarmObserveV1Env(RebuiltOnCopy, gymnasium.Env[Any, Any]):
     """A swarm flies past a small body that differs from episode to episode, images what is lit, and sends it to Earth.
 
-    `gymnasium.make("swarm_mj:SwarmObserve-v1")` makes it; in a program that imports swarm_mj before gymnasium,
-    `"swarm_mj.envs:SwarmObserve-v1"`.
+    `gymnasium.make("swarm_mj.envs:SwarmObserve-v1")` makes it; where gymnasium is imported before swarm_mj,
+    `"swarm_mj:SwarmObserve-v1"` does too.
 
     SwarmObserve-v0 is one flyby, and a recorded list of actions does there as well as a policy. Here body, place, light, paths,
     number and health of the spacecraft are drawn anew, and a list loses (`baselines.open_loop`): what pays is to look.
@@ -145,7 +145,8 @@ cell |
     | observation | "flat" | or "entities" |
     | randomise | None | distributions by name |
     | dispersions | None | masses, wheels, gravity and sensors that differ from flight to flight, keys of a scenario's \
-`dispersions` such as `mass_percent`, `wheel_coulomb_n_m`, `star_tracker_noise_arcsec`; a third slower |
+`dispersions` such as `mass_percent`, `wheel_coulomb_n_m`, `star_tracker_noise_arcsec`; 0.8 of the \
+usual speed with masses, 0.6 with sensors |
     | reward_weights | None | replaces weights by name |
     | complete | 99.9 | share of the target, seen or dark, that counts as complete [%] |
     | horizon_terminates | False | whether the duration ends a flight as terminated |

@@ -20,7 +20,7 @@ from .single import NAME
 
 
 class SwarmObserveV1VectorEnv(RebuiltOnCopy, FlightsVectorEnv):
-    """`num_envs` episodes; made by `gymnasium.make_vec("swarm_mj:SwarmObserve-v1", ...)`.
+    """`num_envs` episodes; made by `gymnasium.make_vec("swarm_mj.envs:SwarmObserve-v1", ...)`.
 
     Spaces, rewards and ends are those of `SwarmObserveV1Env`, which documents them, and so are the numbers: an episode is a
     function of its flight seed alone, whatever `num_envs` and `threads` are. Infos hold arrays over the flights, with the mask

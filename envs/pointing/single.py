@@ -30,7 +30,7 @@ ZOOM = 6
 class SwarmPointingEnv(RebuiltOnCopy, gymnasium.Env[Observation, Any]):
     """One spacecraft of a swarm turns to what it is told to look at, and holds it, by the torques of its wheels' motors.
 
-    `gymnasium.make("swarm_mj:SwarmPointing-v0")` makes it; `gymnasium.make_vec(...)` makes many, each a spacecraft in an
+    `gymnasium.make("swarm_mj.envs:SwarmPointing-v0")` makes it; `gymnasium.make_vec(...)` makes many, each a spacecraft in an
     episode of its own; `swarm_mj.envs.pointing.parallel` has a whole swarm, an agent for each spacecraft. All fly the same
     numbers, bit for bit.
 

@@ -76,7 +76,7 @@ class PointingFlights:
 
 
 class SwarmPointingVectorEnv(SwarmObserveVectorEnv):
-    """`num_envs` spacecraft; made by `gymnasium.make_vec("swarm_mj:SwarmPointing-v0", ...)`.
+    """`num_envs` spacecraft; made by `gymnasium.make_vec("swarm_mj.envs:SwarmPointing-v0", ...)`.
 
     Spaces and rewards are those of `SwarmPointingEnv`, which documents them, and so are the numbers: with the same seeds
     every episode is bit for bit that of the single environment. Autoreset is as in `SwarmObserveVectorEnv`. `reset` takes

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import matplotlib
 import pytest
-import swarm_mj.envs  # noqa: F401  registers them: in this process swarm_mj is imported before gymnasium
 
 from swarm_mj.cli.main import main
 
@@ -58,6 +57,11 @@ def test_the_python_of_a_page_runs_from_top_to_bottom(page, desk):
     names = {"__name__": "__main__"}
     for number, snippet in enumerate(code):
         exec(compile(snippet, f"{page}, snippet {number}", "exec"), names)
+
+
+def test_pages_name_environments_so_that_the_order_of_imports_does_not_matter():
+    pages = [ROOT / "README.md", *(ROOT / "docs").glob("[hit]*/*.md"), *(ROOT / "examples").rglob("*.py")]
+    assert not [page.name for page in pages if re.search(r"make(_vec)?\(\s*\"swarm_mj:", page.read_text("utf-8"))]
 
 
 @pytest.mark.parametrize("name", [name for name in TUTORIAL if snippets(f"docs/tutorial/{name}.md", "sh")])
