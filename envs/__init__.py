@@ -14,6 +14,10 @@ if TYPE_CHECKING:
     from .downlink.single import SwarmDownlinkEnv
     from .downlink.vector import SwarmDownlinkVectorEnv
     from .gpu.vector import SwarmObserveGpuVectorEnv
+    from .missions.multi_agent import SwarmObserveV1ParallelEnv
+    from .missions.multi_agent_vector import SwarmObserveV1ParallelVectorEnv
+    from .missions.single import SwarmObserveV1Env
+    from .missions.vector import SwarmObserveV1VectorEnv
     from .multi_agent import SwarmObserveParallelEnv
     from .multi_agent_vector import SwarmObserveParallelVectorEnv
     from .pointing.parallel import SwarmPointingParallelEnv
@@ -24,7 +28,8 @@ if TYPE_CHECKING:
     from .swarm_observe import SwarmObserveEnv
     from .vector import SwarmObserveVectorEnv
 
-#: Where each class is defined; those of agents (`*parallel`, `multi_agent*`) and `sb3` need the extra `rl`, `gpu.vector` `gpu`.
+#: Where each class is defined; those of agents (`*parallel`, `*multi_agent*`) and `sb3` need the extra `rl`, `gpu.vector`
+#: the extra `gpu`.
 _HOMES = {
     "CameraObservation": "camera_observation",
     "SwarmDownlinkEnv": "downlink.single",
@@ -36,8 +41,12 @@ _HOMES = {
     "SwarmObserveGpuVectorEnv": "gpu.vector",
     "SwarmObserveParallelEnv": "multi_agent",
     "SwarmObserveParallelVectorEnv": "multi_agent_vector",
+    "SwarmObserveV1Env": "missions.single",
+    "SwarmObserveV1ParallelEnv": "missions.multi_agent",
+    "SwarmObserveV1ParallelVectorEnv": "missions.multi_agent_vector",
     "SwarmObserveV1SharedVecEnv": "sb3",
     "SwarmObserveV1VecEnv": "sb3",
+    "SwarmObserveV1VectorEnv": "missions.vector",
     "SwarmObserveVecEnv": "sb3",
     "SwarmObserveVectorEnv": "vector",
     "SwarmPointingEnv": "pointing.single",
@@ -57,8 +66,12 @@ __all__ = [
     "SwarmObserveGpuVectorEnv",
     "SwarmObserveParallelEnv",
     "SwarmObserveParallelVectorEnv",
+    "SwarmObserveV1Env",
+    "SwarmObserveV1ParallelEnv",
+    "SwarmObserveV1ParallelVectorEnv",
     "SwarmObserveV1SharedVecEnv",
     "SwarmObserveV1VecEnv",
+    "SwarmObserveV1VectorEnv",
     "SwarmObserveVecEnv",
     "SwarmObserveVectorEnv",
     "SwarmPointingEnv",

@@ -364,7 +364,7 @@ def check_action(space: spaces.Space[Any], action: Any) -> NDArray[Any]:
     except (TypeError, ValueError, OverflowError):
         exact, array = False, action
     if not exact or not space.contains(array):
-        raise error.InvalidAction(f"action {action!r} does not lie in the action space {space}")
+        raise error.InvalidAction(f"action {' '.join(repr(action).split())} does not lie in the action space {space}")
     return np.asarray(array)
 
 

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import fields
+from difflib import get_close_matches
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -17,6 +19,28 @@ from swarm_mj.scenarios.schema import Scenario, is_multiple
 MAX_SEED = 2**63 - 1
 #: Length of a step at the levels at which a control law turns the spacecraft [s].
 STEP_S = 10.0
+Record = TypeVar("Record")
+
+
+def record_of(kind: type[Record], name: str, given: Mapping[str, Any]) -> Record:
+    """The record of an environment's arguments.
+
+    Args:
+        kind: A dataclass that checks them.
+        name: Of the environment, for the message.
+        given: As given, by name.
+
+    Raises:
+        ScenarioError: There is no argument of that name.
+    """
+    known = [item.name for item in fields(kind)]  # type: ignore[arg-type]
+    for argument in given:
+        if argument not in known:
+            near = "".join(f"; did you mean {match}?" for match in get_close_matches(argument, known, 1))
+            raise ScenarioError(
+                f"{name}: unknown argument {argument}{near}; beside those of rendering and vectors it takes {', '.join(known)}"
+            )
+    return kind(**given)
 
 
 def checked_render_mode(mode: str | None, modes: Sequence[str]) -> str | None:
@@ -136,7 +160,7 @@ def checked_truth(name: str, value: Any) -> bool:
 
 def checked_overrides(overrides: Any) -> tuple[str, ...]:
     """Changes of the scenario; what stands in them is looked at when they are applied."""
-    if not isinstance(overrides, (list, tuple)) or not all(isinstance(text, str) for text in overrides):
+    if not isinstance(overrides, (list, tuple)) or not all(isinstance(one, str) and "=" in one for one in overrides):
         raise ScenarioError(
             f"overrides = {overrides!r}: must be a list of texts key=value, such as ['physics.wheels=gyrostat']"
         )

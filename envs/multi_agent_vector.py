@@ -127,9 +127,15 @@ class ParallelVectorEnv:
             raise ScenarioError(
                 f"actions of {sorted(map(str, actions))}: give one array for each of {', '.join(self.agents)}"
             )
-        parts = [np.asarray(actions[agent]).reshape(self.num_envs, -1) for agent in self.agents]
+        parts = [self._part(agent, actions[agent]) for agent in self.agents]
         parts = [np.where(flies[:, None], part, 0) for part, flies in zip(parts, self.flying.T, strict=True)]
         return np.concatenate(parts, axis=1)
+
+    def _part(self, agent: str, given: Any) -> NDArray[Any]:
+        must = (self.num_envs, *(self._action_space[agent].shape or ()))
+        if np.shape(given) != must:
+            raise ScenarioError(f"actions of {agent}: must be an array of shape {must}, not {np.shape(given)}")
+        return np.asarray(given).reshape(self.num_envs, -1)
 
 
 class SwarmObserveParallelVectorEnv(ParallelVectorEnv):

@@ -10,13 +10,6 @@ import numpy as np
 from gymnasium import spaces
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
-from stable_baselines3.common.vec_env.base_vec_env import (
-    VecEnv,
-    VecEnvIndices,
-    VecEnvObs,
-    VecEnvStepReturn,
-    VecEnvWrapper,
-)
 
 from swarm_mj.errors import ScenarioError
 from swarm_mj.typing import Array32, Mask, Pixels
@@ -26,6 +19,17 @@ from .missions.layout import local_rows
 from .missions.vector import SwarmObserveV1VectorEnv
 from .pointing.vector import SwarmPointingVectorEnv
 from .vector import SwarmObserveVectorEnv
+
+try:
+    from stable_baselines3.common.vec_env.base_vec_env import (
+        VecEnv,
+        VecEnvIndices,
+        VecEnvObs,
+        VecEnvStepReturn,
+        VecEnvWrapper,
+    )
+except ImportError as error:
+    raise ImportError("environments of stable-baselines3 need it: pip install 'swarm_mj[rl]'") from error
 
 
 class SwarmObserveVecEnv(VecEnv):

@@ -24,7 +24,7 @@ from swarm_mj.simulator.simulation import Simulation
 from swarm_mj.smallbody.occultation import Occluder, occluder_of
 from swarm_mj.typing import Mask
 
-from .arguments import checked_scenario, checked_step, refuse_extra_targets, step_of
+from .arguments import checked_scenario, checked_step, record_of, refuse_extra_targets, step_of
 from .config import EnvConfig
 from .kinematics import BodyRotation
 from .observations import ObservationConstants, ObservationLayout
@@ -215,4 +215,4 @@ def _planned(given: Scenario, target: str) -> Plan:
 
 def make_task(**arguments: Any) -> Task:
     """The task of an environment's arguments, which `SwarmObserveEnv` documents."""
-    return Task(EnvConfig(**arguments))
+    return Task(record_of(EnvConfig, "SwarmObserve-v0", arguments))

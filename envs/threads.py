@@ -53,12 +53,26 @@ def flight_bytes(task: FlownTask) -> int:
 
 def refuse_beyond_memory(task: FlownTask, count: int) -> None:
     """Foresee what MuJoCo would answer with an error that ends the process."""
-    each, free, lean = flight_bytes(task), available_bytes(), task.simulation.stepper == "kernel"
+    lean = task.simulation.stepper == "kernel"
+    refuse_more_than_fit(count, flight_bytes(task), "" if lean else f"; with overrides={LEAN} each takes a tenth")
+
+
+def refuse_more_than_fit(count: int, each: int, remedy: str = "") -> None:
+    """Refuse more flights than memory holds.
+
+    Args:
+        count: How many.
+        each: What one takes, an upper estimate [B].
+        remedy: What else helps, for the message.
+
+    Raises:
+        ScenarioError: They would not fit; the message says how many would.
+    """
+    free = available_bytes()
     if free is not None and count * each > free:
         raise ScenarioError(
             f"num_envs = {count}: so many flights take about {count * each / 2**30:.1f} GiB, {each / 2**20:.2f} MiB each, and "
-            f"{free / 2**30:.1f} GiB are free; at most {free // each} fit here"
-            + ("" if lean else f"; with overrides={LEAN} each takes a tenth")
+            f"{free / 2**30:.1f} GiB are free; at most {free // each} fit here{remedy}"
         )
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from swarm_mj.dataflow.network import Access
 from swarm_mj.typing import Array, Array32, Ints, Mask
 
+from ..threads import refuse_more_than_fit
 from .kernels import (
     LAPSED,
     NEW,
@@ -58,10 +59,15 @@ class DownlinkBatch:
         conditions: Of all of them.
         delivered: Value on Earth, shape (E,).
         tables: Their observations.
+
+    Raises:
+        ScenarioError: So many episodes would take more memory than there is.
     """
 
     def __init__(self, task: DownlinkTask, count: int) -> None:
         n, products, slots = task.n, task.config.products, task.config.slots
+        one = (*no_state(1, n, products), *_no_conditions(1, slots, n, products), *no_tables(1, n, products))
+        refuse_more_than_fit(count, sum(array.nbytes for array in one))
         self.task, self.count = task, count
         self.state, self.delivered = no_state(count, n, products), np.zeros(count)
         self.conditions = _no_conditions(count, slots, n, products)

@@ -14,7 +14,7 @@ from swarm_mj.errors import ScenarioError
 from swarm_mj.scenarios.schema import Scenario
 
 from ..actions import check_action
-from ..arguments import flight_seed
+from ..arguments import flight_seed, record_of
 from ..autoreset import one_of
 from ..snapshots import FlightState, RebuiltOnCopy, must_have_begun, restore_state, take_state
 from .batch import DOWNLINK_ENDS, DownlinkBatch
@@ -170,7 +170,7 @@ slew_J 200, slew_s 120, restart 0.2 |
         refuse_rendering(render_mode)
         self.made_of = {"scenario": scenario, "power": power, "draw": draw, **arguments}
         self.render_mode = None
-        self.task = DownlinkTask(DownlinkConfig(scenario=scenario, power=power, draw=draw, **arguments))
+        self.task = DownlinkTask(record_of(DownlinkConfig, NAME, self.made_of))
         self.batch = DownlinkBatch(self.task, 1)
         self.observation_space = self.batch.space
         self.action_space = choices_of(self.task)

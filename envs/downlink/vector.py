@@ -9,7 +9,7 @@ from gymnasium.vector import AutoresetMode
 
 from swarm_mj.typing import Mask
 
-from ..arguments import checked_count, checked_index
+from ..arguments import checked_count, checked_index, record_of
 from ..autoreset import FlightsVectorEnv, Infos, checked_mode, one_of, put_infos
 from ..snapshots import FlightState, RebuiltOnCopy, must_have_begun, restore_state, take_state
 from .batch import DOWNLINK_ENDS, DownlinkBatch
@@ -45,7 +45,7 @@ class SwarmDownlinkVectorEnv(RebuiltOnCopy, FlightsVectorEnv):
         self.made_of = {"num_envs": num_envs, "autoreset_mode": autoreset_mode, **arguments}
         count, mode = checked_count("num_envs", num_envs), checked_mode(autoreset_mode)
         self.render_mode, self.metadata = None, {"render_modes": [], "autoreset_mode": mode}
-        self.task = DownlinkTask(DownlinkConfig(**arguments))
+        self.task = DownlinkTask(record_of(DownlinkConfig, NAME, arguments))
         batch = DownlinkBatch(self.task, count)
         self._set_up(batch, mode, count, (batch.space, choices_of(self.task)))
 

@@ -203,7 +203,12 @@ def fly(episodes: Episodes, policy: Policy, seeds: Sequence[int], draw: Mapping[
         policy: From tables to choices.
         seeds: Flight seeds.
         draw: Values by name in the place of drawn ones.
+
+    Raises:
+        ScenarioError: There are no seeds.
     """
+    if np.ndim(seeds) != 1 or not len(seeds):
+        raise ScenarioError(f"seeds = {seeds!r}: must be a sequence of at least one flight seed, such as range(8)")
     parts = [
         _fly(episodes, policy, seeds[start : start + episodes.count], draw)
         for start in range(0, len(seeds), episodes.count)

@@ -24,6 +24,7 @@ from swarm_mj.campaigns.distributions import (
     Normal,
     Uniform,
 )
+from swarm_mj.campaigns.loading import explained
 from swarm_mj.errors import ScenarioError
 from swarm_mj.typing import Array
 
@@ -280,12 +281,8 @@ def _law(name: str, given: Mapping[str, Any]) -> Any:
         return _ADAPTER.validate_python(dict(given))
     except ValidationError as error:
         first = error.errors()[0]
-        if first["type"] == "union_tag_not_found":
-            raise ScenarioError(
-                f"randomise: {name} = {dict(given)!r}: must have a key 'distribution', such as 'uniform', 'normal' or 'choice'"
-            ) from None
-        where = ".".join(str(part) for part in first["loc"][1:])
-        raise ScenarioError(f"randomise: {name}{'.' + where if where else ''}: {first['msg']}") from None
+        told = explained({**first, "loc": ("parameters", name, *first["loc"])}).strip()
+        raise ScenarioError(f"randomise: {told.removeprefix('parameters.')}") from None
 
 
 _DEFAULTS = {name: _law(name, default) for name, (*_, default) in NAMES.items()}

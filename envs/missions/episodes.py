@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 
 from swarm_mj.typing import Array32, Mask
 
+from ..arguments import checked_count
 from ..rewards import ENDS, StepResult, horizon_ended
+from ..threads import refuse_more_than_fit
 from .config import MissionConfig
 from .draws import EpisodeDraw, Randomisation
 from .flights import MissionFlights
@@ -23,6 +25,8 @@ from .tables import BOUND, Tables, no_tables
 
 #: Episodes of one mission that fly in one batch, at most.
 BATCH = 16
+#: What an episode takes in memory, measured, upper estimates: of its own, and for each pair of spacecraft [B].
+EPISODE_BYTES, PAIR_BYTES = 96 * 1024, 4608
 
 
 class Episodes:
@@ -42,9 +46,13 @@ class Episodes:
         interface: What agents are shown and choose among.
         tables: What the agents are shown, rows of E episodes.
         draws: What was drawn for each episode; None before it begins.
+
+    Raises:
+        ScenarioError: There are no episodes, or more than memory holds.
     """
 
     def __init__(self, config: MissionConfig, count: int, threads: int = 1) -> None:
+        refuse_more_than_fit(checked_count("count", count), EPISODE_BYTES + config.max_spacecraft**2 * PAIR_BYTES)
         self.config, self.count = config, count
         self.n, self.patches = config.max_spacecraft, config.patches
         self.interface = make_interface(self.n, self.patches, config.candidates)

@@ -21,7 +21,7 @@ from swarm_mj.errors import ScenarioError
 from swarm_mj.typing import Array32, Pixels
 
 from ..actions import check_action
-from ..arguments import checked_options, checked_prefix, checked_render_mode, flight_seed
+from ..arguments import checked_options, checked_prefix, checked_render_mode, flight_seed, record_of
 from ..snapshots import FlightState, RebuiltOnCopy, must_have_begun, restore_state, take_state
 from .catalogue import DEFAULT_COUNT
 from .config import MissionConfig
@@ -75,7 +75,8 @@ class SwarmObserveV1ParallelEnv(RebuiltOnCopy, ParallelEnv[str, Any, Any]):
         self.made_of = {"missions": missions, "split": split, "render_mode": render_mode, **arguments}
         self.made_of["agent_prefix"] = agent_prefix
         self.render_mode = checked_render_mode(render_mode, self.metadata["render_modes"])
-        self.config = MissionConfig(missions=missions, split=split, **arguments)
+        given = {"missions": missions, "split": split, **arguments}
+        self.config = record_of(MissionConfig, "SwarmObserve-v1", given)
         self._episodes: Episodes | None = Episodes(self.config, 1)
         self._renderer = MissionRenderer(self._episodes, 1)
         prefix = checked_prefix(agent_prefix)

@@ -48,7 +48,11 @@ MEANING = ("max_spacecraft", "patches", "decision_s")
 ENDINGS = (".npz", ".onnx", ".zip")
 #: Where a zip of stable-baselines3 keeps what it was trained for.
 MEMBER = "swarm_mj.json"
-REMEDY = "give a zip that PPO of stable-baselines3 saved"
+REMEDY = "give a zip that PPO of stable-baselines3, or MaskablePPO of sb3-contrib, saved"
+TELL = (
+    "it does not tell what it was trained for: tell_in_zip(file, MissionConfig(...)) of swarm_mj.envs.missions.policies adds "
+    "that, candidates too"
+)
 
 
 class ZipAbout(Provenance):
@@ -144,9 +148,9 @@ def _network(path: Path, config: MissionConfig) -> Policy:
     check(network.about, config, f"policy {path}")
     flat, local, choices = sizes(config)
     shown = {"swarm": flat, "spacecraft": local, "choice": CHOICE_SIZE}
-    _fits(path, "choices of each spacecraft", network.about["choices"], choices)
-    _fits(path, "spacecraft", network.about["spacecraft"], config.max_spacecraft)
-    _fits(path, "numbers of an observation", network.readings, shown[network.about["reads"]])
+    _fits(path, "choices of each spacecraft", network.about["choices"], choices, network.about)
+    _fits(path, "spacecraft", network.about["spacecraft"], config.max_spacecraft, network.about)
+    _fits(path, "numbers of an observation", network.readings, shown[network.about["reads"]], network.about)
     return network_policy(network)
 
 
@@ -166,7 +170,7 @@ def _onnx(path: Path, config: MissionConfig) -> Policy:
             f"policy {path}: inputs {', '.join(inputs)}: must be observation and, if it likes, action_mask"
         )
     interface = interface_of(about, config)
-    _fits(path, "numbers of an observation", inputs["observation"].shape[-1], interface.layout.size)
+    _fits(path, "numbers of an observation", inputs["observation"].shape[-1], interface.layout.size, about)
     mask_type = np.bool_ if "action_mask" in inputs and "bool" in inputs["action_mask"].type else np.float32
 
     def choose(observed: Observed) -> Ints:
@@ -180,36 +184,54 @@ def _onnx(path: Path, config: MissionConfig) -> Policy:
 
 
 def _sb3(path: Path, config: MissionConfig) -> Policy:
-    try:
-        from stable_baselines3 import PPO
-    except ImportError:
-        raise ScenarioError(f"policy {path}: needs the extra rl: pip install 'swarm_mj[rl]'") from None
     with reading(f"policy {path}", REMEDY, ScenarioError), zipfile.ZipFile(path) as archive:
         about = record_from(archive.read(MEMBER), ZipAbout) if MEMBER in archive.namelist() else {}
+        masked = "data" in archive.namelist() and b"sb3_contrib.common.maskable" in archive.read("data")
     check(about, config, f"policy {path}")
+    algorithm = _algorithm(path, masked)
     with reading(f"policy {path}", REMEDY, ScenarioError):
-        model = PPO.load(path, device="cpu")
+        model = algorithm.load(path, device="cpu")
     interface, n = interface_of(about, config), config.max_spacecraft
     shared = about.get("reads") == "spacecraft"
     nothing = interface.layout.split(np.zeros(interface.layout.size, np.float32))
     shown = local_rows(nothing).shape[2] if shared else interface.layout.size
     _made_of(path, "observations", model.observation_space, Box)
-    _fits(path, "numbers of an observation", model.observation_space.shape[-1], shown)
+    _fits(path, "numbers of an observation", model.observation_space.shape[-1], shown, about)
     space = _made_of(path, "choices", model.action_space, Discrete if shared else MultiDiscrete)
     choices = [int(space.n)] * n if shared else space.nvec.tolist()
-    _fits(path, "choices", choices, [interface.choices] * n)
+    _fits(path, "choices", choices, [interface.choices] * n, about)
 
     def choose(observed: Observed) -> Ints:
         rows = interface.flat(observed)
         if shared:
             rows = local_rows(interface.layout.split(rows)).reshape(-1, shown)
-        return interface.decoded(observed, model.predict(rows, deterministic=True)[0].reshape(-1, n))
+        mask = {"action_masks": interface.shown(observed)["action_mask"].reshape(len(rows), -1)} if masked else {}
+        return interface.decoded(observed, model.predict(rows, deterministic=True, **mask)[0].reshape(-1, n))
 
     return choose
 
 
-def tell_in_zip(path: Path, config: MissionConfig, reads: Literal["swarm", "spacecraft"] = "swarm") -> None:
-    """Add to a zip of stable-baselines3 what its policy was trained for, and what it is shown at once."""
+def _algorithm(path: Path, masked: bool) -> Any:
+    """What reads a zip."""
+    try:
+        from stable_baselines3 import PPO
+
+        if masked:
+            from sb3_contrib import MaskablePPO
+    except ImportError as error:
+        install = "sb3-contrib" if error.name == "sb3_contrib" else "'swarm_mj[rl]'"
+        raise ScenarioError(f"policy {path}: needs {error.name}: pip install {install}") from None
+    return MaskablePPO if masked else PPO
+
+
+def tell_in_zip(path: str | Path, config: MissionConfig, reads: Literal["swarm", "spacecraft"] = "swarm") -> None:
+    """Add to a zip of stable-baselines3 what its policy was trained for.
+
+    Args:
+        path: What `PPO.save` wrote.
+        config: The arguments of the environment that it was trained in.
+        reads: What it is shown at once, see `ZipAbout`.
+    """
     with zipfile.ZipFile(path, "a") as archive:
         archive.writestr(MEMBER, json.dumps(provenance(config) | {"reads": reads}, sort_keys=True))
 
@@ -225,10 +247,11 @@ def _chosen(path: Path, out: NDArray[Any], mask: NDArray[Any]) -> Ints:
     )
 
 
-def _fits(path: Path, what: str, found: Any, must: Any) -> None:
+def _fits(path: Path, what: str, found: Any, must: Any, about: Mapping[str, Any]) -> None:
     # ONNX gives names to sizes that are left open.
     if found != must and not isinstance(found, str):
-        raise ScenarioError(f"policy {path}: {what} = {found}, must be {must} here; fly what it was trained for")
+        remedy = TELL if path.suffix == ".zip" and not about else "fly what it was trained for"
+        raise ScenarioError(f"policy {path}: {what} = {found}, must be {must} here; {remedy}")
 
 
 def _made_of(path: Path, what: str, space: Any, kind: type[Space[Any]]) -> Any:

@@ -6,11 +6,12 @@ from typing import Any
 
 import gymnasium
 import numpy as np
+from numpy.typing import NDArray
 
 from swarm_mj.typing import Pixels
 
 from ..actions import check_action
-from ..arguments import checked_options, checked_render_mode, checked_size, flight_seed
+from ..arguments import checked_options, checked_render_mode, checked_size, flight_seed, record_of
 from ..rendering import Window
 from ..rewards import TERMS
 from ..snapshots import FlightState, RebuiltOnCopy, must_have_begun, restore_state, take_state
@@ -172,7 +173,8 @@ usual speed with masses, 0.6 with sensors |
         self._window: Window | None = None
         self._size = checked_size("width", width), checked_size("height", height)
         self.render_mode = checked_render_mode(render_mode, self.metadata["render_modes"])
-        self.config = MissionConfig(missions=missions, split=split, **arguments)
+        given = {"missions": missions, "split": split, **arguments}
+        self.config = record_of(MissionConfig, NAME, given)
         self._episodes = episodes = Episodes(self.config, 1)
         self._renderer = MissionRenderer(episodes, 1, *self._size)
         self.observation_space, self.action_space = episodes.observation_space, episodes.action_space
@@ -226,6 +228,11 @@ usual speed with masses, 0.6 with sensors |
         info = episodes.step_info(0, result)
         self._show()
         return episodes.observation_of(0), float(result.reward[0]), terminated, truncated, info
+
+    def action_masks(self) -> NDArray[np.int8]:
+        """`info["action_mask"]`, as MaskablePPO of sb3-contrib asks for it, shape (n, C)."""
+        must_have_begun(self._begun, "action_masks", NAME)
+        return self.episodes.action_mask[0].copy()
 
     def get_state(self) -> FlightState:
         """Where the flight stands, to go back to by `set_state`, here or in any other environment made with the same arguments.

@@ -9,7 +9,7 @@ from gymnasium.vector import AutoresetMode
 
 from swarm_mj.typing import Mask, Pixels
 
-from ..arguments import checked_count, checked_index, checked_render_mode
+from ..arguments import checked_count, checked_index, checked_render_mode, record_of
 from ..autoreset import FlightsVectorEnv, Infos, checked_mode
 from ..snapshots import FlightState, RebuiltOnCopy, must_have_begun, restore_state, take_state
 from ..threads import default_threads
@@ -56,7 +56,7 @@ class SwarmObserveV1VectorEnv(RebuiltOnCopy, FlightsVectorEnv):
         shown = min(count, checked_count("render_flights", render_flights))
         mode = checked_mode(autoreset_mode)
         self.metadata = {"render_modes": ["rgb_array"], "render_fps": 10, "autoreset_mode": mode}
-        self.config = MissionConfig(**arguments)
+        self.config = record_of(MissionConfig, NAME, arguments)
         batch = Episodes(self.config, count, used)
         self._renderer = MissionRenderer(batch, shown)
         self._set_up(batch, mode, count, (batch.observation_space, batch.action_space))

@@ -25,7 +25,7 @@ from swarm_mj.spacecraft.attitude.mrp import mrp_from_quaternion
 from swarm_mj.spacecraft.model import build_model
 from swarm_mj.typing import Array, Ints
 
-from ..arguments import checked_scenario
+from ..arguments import checked_scenario, record_of
 from ..pixels import IMAGE_SPACE, BodyPictures
 from ..threads import LEAN
 from .config import PointingConfig, PointingScales
@@ -244,4 +244,4 @@ def _simulation_of_one(plan: Plan) -> Simulation:
 
 def make_pointing_task(**arguments: Any) -> PointingTask:
     """The task of an environment's arguments, which `SwarmPointingEnv` documents."""
-    return PointingTask(PointingConfig(**arguments))
+    return PointingTask(record_of(PointingConfig, "SwarmPointing-v0", arguments))

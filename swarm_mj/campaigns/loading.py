@@ -137,7 +137,7 @@ def _validated(data: dict[str, Any], source: str) -> Campaign:
     try:
         campaign = Campaign.model_validate(data)
     except ValidationError as error:
-        raise ScenarioError(f"{source}:\n{loading.listed(error, _explain)}") from None
+        raise ScenarioError(f"{source}:\n{loading.listed(error, explained)}") from None
     rows = Sample(campaign).rows
     if rows > MAX_ROWS:
         raise ScenarioError(
@@ -255,7 +255,7 @@ def _hash_of_file(key: str, path: str) -> str:
         raise ScenarioError(f"{key} = {path}: cannot be read ({error.strerror})") from None
 
 
-def _explain(error: Any) -> str:
+def explained(error: Any) -> str:
     """One error in words: key, value, what is allowed."""
     keys = [part for k, part in enumerate(error["loc"]) if not (k == 2 and error["loc"][0] == "parameters")]
     key = ".".join(map(str, keys))

@@ -30,6 +30,7 @@ from .flights import ID, resident_mib
         ({"patches": 2**70}, ["patches = 1180591620717411303424", "number of cells of this target, 552"]),
         ({"width": "640"}, ["width = '640'", "whole number of pixels from 64 to 8192"]),
         ({"height": 0}, ["height = 0", "whole number of pixels from 64 to 8192"]),
+        ({"overrides": ["physics.wheels"]}, ["overrides = ['physics.wheels']", "key=value"]),
         ({"height": 100_000}, ["height = 100000", "from 64 to 8192"]),
     ],
 )
@@ -55,6 +56,37 @@ def test_arguments_of_the_vector_environment(arguments, words):
         gymnasium.make_vec(ID, **arguments)
     for word in words:
         assert word in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "argument", "words"),
+    [
+        ("SwarmObserve-v1", "overrides", "unknown argument overrides; .* it takes missions, split"),
+        ("SwarmObserve-v0", "patchs", "unknown argument patchs; did you mean patches.; .* it takes scenario, control"),
+        ("SwarmPointing-v0", "threads", "unknown argument threads; .* it takes scenario, observation"),
+        ("SwarmDownlink-v0", "control", "unknown argument control; .* it takes scenario, step_s, horizon_s"),
+    ],
+)
+@pytest.mark.parametrize("make", [gymnasium.make, gymnasium.make_vec])
+def test_an_argument_that_there_is_not_is_told_which_there_are(name, argument, words, make):
+    # The vector environment of v0 has `threads`, and no other of these.
+    with pytest.raises(ScenarioError, match=f"^{name}: {words}"):
+        make(f"swarm_mj.envs:{name}", **{argument: 1})
+
+
+@pytest.mark.parametrize("name", ["SwarmObserve-v1", "SwarmDownlink-v0"])
+def test_more_episodes_than_memory_holds_are_refused_too(name):
+    with pytest.raises(ScenarioError, match=r"num_envs = 10000000000: so many .* at most \d+ fit here"):
+        gymnasium.make_vec(f"swarm_mj.envs:{name}", num_envs=10_000_000_000)
+
+
+def test_an_action_of_many_flights_is_refused_in_one_line():
+    vector = gymnasium.make_vec("swarm_mj.envs:SwarmObserve-v1", num_envs=2, missions=["ellipsoid-train-1"])
+    vector.reset(seed=0)
+    with pytest.raises(gymnasium.error.InvalidAction, match=r"^action .*20.* does not lie in .*$") as caught:
+        vector.step(np.full((2, 3), 20))
+    assert "\n" not in str(caught.value)
+    vector.close()
 
 
 def test_more_flights_than_memory_holds_are_refused_before_anything_is_allocated():

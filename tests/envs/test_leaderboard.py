@@ -4,6 +4,7 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import gymnasium
 import numpy as np
 import pytest
 from swarm_mj.envs.missions import leaderboard
@@ -229,6 +230,43 @@ def test_a_zip_of_stable_baselines3_flies_and_what_it_was_trained_for_is_heeded(
     assert np.array_equal(chosen, model.predict(flat_rows(observed), deterministic=True)[0])
     with pytest.raises(ScenarioError, match="trained for patches = 16, but it is 9 here"):
         open_policy(tmp_path / "policy.zip", MissionConfig(**ONE | {"patches": 9}))
+
+
+def test_a_zip_that_tells_nothing_and_does_not_fit_is_told_how_to_tell(test, tmp_path):
+    sb3 = pytest.importorskip("stable_baselines3")
+    env = gymnasium.make("swarm_mj.envs:SwarmObserve-v1", **ONE, candidates=4)
+    model = sb3.PPO("MlpPolicy", env, n_steps=8, batch_size=8, device="cpu")
+    file = tmp_path / "policy.zip"
+    model.save(file)
+    with pytest.raises(
+        ScenarioError, match=r"numbers of an observation = .* tell_in_zip\(file, MissionConfig\(...\)\)"
+    ):
+        open_policy(file, test.config)
+    tell_in_zip(file, MissionConfig(**ONE, candidates=4))
+    assert open_policy(file, test.config)(test.episodes.entities()).shape[1] == test.config.max_spacecraft
+    env.close()
+
+
+@pytest.mark.parametrize("given", [{}, {"candidates": 4}])
+def test_a_zip_of_maskable_ppo_chooses_what_makes_sense(given, test, tmp_path):
+    contrib = pytest.importorskip("sb3_contrib")
+    env = gymnasium.make("swarm_mj.envs:SwarmObserve-v1", **ONE, **given)
+    model, file = (
+        contrib.MaskablePPO("MlpPolicy", env, n_steps=8, batch_size=8, seed=0, device="cpu"),
+        tmp_path / "p.zip",
+    )
+    model.save(file)
+    tell_in_zip(file, MissionConfig(**ONE, **given))
+    test.episodes.reset(dict(enumerate(SEEDS)))
+    observed = test.episodes.entities()
+    chosen = open_policy(file, test.config)(observed)
+    interface = make_interface(test.config.max_spacecraft, test.config.patches, given.get("candidates"))
+    mask = interface.shown(observed)["action_mask"].reshape(len(chosen), -1)
+    likeliest = model.predict(interface.flat(observed), deterministic=True, action_masks=mask)[0]
+    assert np.array_equal(chosen, interface.decoded(observed, likeliest))
+    if not given:
+        assert np.take_along_axis(observed["action_mask"], chosen[..., None], axis=2).all()
+    env.close()
 
 
 def test_a_zip_that_reads_what_one_spacecraft_is_told_chooses_for_all(test, tmp_path):

@@ -35,7 +35,7 @@ def law(kind, **parameters):
         ({"speed": law("uniform", low=0.1, high=5.0)}, "must be a number from 0.5 to 2, or a distribution of such"),
         ({"speed": law("normal", mean=9.0, std=0.1)}, "must be a number from 0.5 to 2"),
         ({"speed": law("choice", values=["fast"])}, "must be a number from 0.5 to 2"),
-        ({"speed": {"low": 1.0, "high": 1.5}}, "must have a key 'distribution', such as 'uniform'"),
+        ({"speed": {"low": 1.0, "high": 1.5}}, "distribution: missing; allowed: uniform"),
         ({"speed": float("nan")}, "speed = nan: must be a number from 0.5 to 2"),
     ],
 )
@@ -103,6 +103,32 @@ def test_numbers_of_missions_may_be_those_of_numpy():
 def test_an_unknown_option_of_reset_is_told_all_that_there_are():
     with pytest.raises(ScenarioError, match=r"reset options \['draws'\]: unknown; allowed: flight_seed, draw$"):
         flight_seed({"draws": {}}, 1, ["draw"])
+
+
+@pytest.mark.parametrize(
+    ("law", "words"),
+    [
+        ({"distribution": "gauss"}, r"speed.distribution = 'gauss': unknown; allowed: uniform, log_uniform, normal"),
+        ({"low": 1.0}, r"speed.distribution: missing; allowed: uniform"),
+        ({"distribution": "uniform", "low": 1.0}, r"speed.high: missing, a value is required"),
+        ({"distribution": "uniform", "low": 2.0, "high": 1.0}, r"speed.high = 1: must be above low = 2"),
+        ({"distribution": "uniform", "low": 1, "high": 2, "std": 3}, r"speed.std: unknown key. Allowed: .*low, high"),
+    ],
+)
+def test_a_distribution_that_is_none_is_told_what_is_allowed(law, words):
+    with pytest.raises(ScenarioError, match=f"^randomise: {words}"):
+        MissionConfig(missions=["ellipsoid-train-1"], randomise={"speed": law})
+
+
+def test_the_masks_are_offered_as_maskable_ppo_asks_for_them():
+    env = gymnasium.make("swarm_mj.envs:SwarmObserve-v1", missions=["ellipsoid-train-1"]).unwrapped
+    with pytest.raises(gymnasium.error.ResetNeeded, match="call reset before action_masks"):
+        env.action_masks()
+    info = env.reset(seed=1)[1]
+    assert np.array_equal(env.action_masks(), info["action_mask"]) and env.action_masks().any()
+    info = env.step(np.full(3, 16))[-1]
+    assert np.array_equal(env.action_masks(), info["action_mask"])
+    env.close()
 
 
 def test_a_step_of_a_closed_environment_says_that_it_is_closed():

@@ -24,6 +24,14 @@ def let_crash(batch, e, j):
     batch.now.r_A[e, j] = above_A
 
 
+def test_actions_of_another_shape_are_refused():
+    vector = SwarmObserveParallelVectorEnv(2, **SHORT)
+    vector.reset(seed=0)
+    with pytest.raises(ScenarioError, match=r"actions of sc1: must be an array of shape \(2,\), not \(3,\)"):
+        vector.step({agent: np.zeros(3, np.int64) for agent in vector.agents})
+    vector.close()
+
+
 @pytest.mark.parametrize("control", ["role", "pointing"])
 def test_flights_are_those_of_the_multi_agent_environment(control):
     vector = SwarmObserveParallelVectorEnv(2, threads=2, control=control, **SHORT)
