@@ -7,9 +7,13 @@ from pathlib import Path
 import pytest
 
 from swarm_mj.errors import OutputError
+from swarm_mj.io.atomic import FIGURES
+from swarm_mj.results import drawing
 from swarm_mj.results.drawing import compile_beside, draw_all, drawing_beside
-from swarm_mj.results.figures import COMPOSERS
-from swarm_mj.results.optional_figures import figures_of
+from swarm_mj.results.figures import COMPOSERS, draw
+
+#: One figure of each kind: a scene, a map, a page of many axes, and histories.
+FEW = ("trajectories", "footprints", "operation", "links", "propulsion")
 
 
 class Deadly:
@@ -40,7 +44,15 @@ def started():
     return lambda: processes_below(os.getpid()) - before
 
 
-def test_other_processes_draw_the_same_for_one_run_after_another(flown, written, tmp_path, started):
+@pytest.fixture
+def few(monkeypatch):
+    """So many figures of a run are drawn, here and by other processes."""
+    monkeypatch.setitem(FIGURES, "run", FEW)
+    there = f"from swarm_mj.io.atomic import FIGURES; FIGURES['run'] = {FEW}; from swarm_mj"
+    monkeypatch.setattr(drawing, "_SERVE", drawing._SERVE.replace("from swarm_mj", there, 1))
+
+
+def test_other_processes_draw_the_same_for_one_run_after_another(flown, tmp_path, started, few):
     plan, telemetry, result = flown
     mine = replace(plan.environment, gravity=lambda: "no pickle")
     own = replace(plan, controller=lambda: "no pickle", environment=mine)  # plug-ins are not handed over
@@ -54,10 +66,10 @@ def test_other_processes_draw_the_same_for_one_run_after_another(flown, written,
             draw_all(tmp_path / name, *flight, progress=told.append)
         assert started() == server  # those that drew or compiled have gone
     assert started() == set()
-    names = figures_of(telemetry)
-    assert told == 2 * list(range(1, len(names) + 1))
-    for name in names:
-        drawn = [(folder / f"{name}.png").read_bytes() for folder in (tmp_path / "one", tmp_path / "two", written)]
+    assert told == 2 * list(range(1, len(FEW) + 1))
+    for name in FEW:
+        draw(name, tmp_path, *flown)
+        drawn = [(tmp_path / folder / f"{name}.png").read_bytes() for folder in (".", "one", "two")]
         assert drawn[0] == drawn[1] == drawn[2]
 
 

@@ -105,20 +105,20 @@ def test_text_is_large_enough_to_be_read_at_half_the_size(composed, name):
     assert min(sizes) >= 7.0
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("n", [1, 7, 100])
-@pytest.mark.parametrize("name", NAMES)
+def sizes():
+    """Figures and numbers of spacecraft; all but the figures that grow most with the swarm count as slow."""
+    growing = ("links", "contacts", "data", "ground_track", "trajectories", "wheel_momentum", "propulsion")
+    for name in NAMES:
+        for n in (1, 7, 100):
+            quick = n == 100 and name in growing
+            yield pytest.param(name, n, marks=[] if quick else pytest.mark.slow)
+
+
+@pytest.mark.parametrize(("name", "n"), sizes())
 def test_swarms_of_any_size_fit_on_the_page(flown, name, n):
     figure = COMPOSERS[name](*swarm_of(flown, n))
     assert_nothing_is_cut_off(figure)
     assert_labels_do_not_overlap(figure)
-
-
-@pytest.mark.parametrize(
-    "name", ["links", "contacts", "data", "ground_track", "trajectories", "wheel_momentum", "propulsion"]
-)
-def test_a_hundred_spacecraft_fit_on_the_page(flown, name):
-    assert_nothing_is_cut_off(COMPOSERS[name](*swarm_of(flown, 100)))
 
 
 @pytest.mark.parametrize("name", ["coverage", "footprints", "operation", "illumination"])
