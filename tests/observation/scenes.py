@@ -37,6 +37,14 @@ def exact_seen_areas(camera, *views, **how):
     return np.array([eros_oracle().visible_area(exact_view(p, camera)).sum() for p in random_views(*views, **how)])
 
 
+@cache
+def exact_cell_shares(cell_size, camera, *views, **how):
+    """Exactly visible share of each cell of `eros_target(cell_size)` in each of the random views, shape (views, cells)."""
+    region = eros_target(cell_size)
+    oracle = cell_oracle(region)
+    return np.array([oracle.visible_area(exact_view(p, camera)) / region.area for p in random_views(*views, **how)])
+
+
 def cell_oracle(region):
     """Exact visibility of each cell of a target on Eros."""
     patches = [

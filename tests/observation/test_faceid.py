@@ -13,10 +13,9 @@ from swarm_mj.observation.raycast import RayCastObserver
 from swarm_mj.observation.raytracing import RayTracer
 
 from .scenes import (
-    cell_oracle,
     eros_target,
+    exact_cell_shares,
     exact_seen_areas,
-    exact_view,
     ground_with_plate,
     on_ground,
     random_views,
@@ -42,9 +41,9 @@ def rms(values):
 
 
 @pytest.mark.parametrize("crop", [True, False])
-def test_seen_area_agrees_with_the_oracle_over_sixty_random_views(crop, face_id):
+def test_seen_area_agrees_with_the_oracle_over_thirty_random_views(crop, face_id):
     with face_id(eros_target(), CameraModel(resolution_px=512), crop=crop) as observer:
-        error = errors_percent(observer, 60, seed=1)
+        error = errors_percent(observer, 30, seed=1)
     assert rms(error) < 1.0
     assert np.abs(error).max() < 4.0
 
@@ -71,12 +70,11 @@ def test_any_pixel_overstates_and_half_the_pixels_does_not(face_id):
 @pytest.mark.parametrize("views", [dict(seed=1), dict(seed=5, spread_deg=95.0), dict(seed=2, off_deg=25.0)], ids=str)
 def test_no_hidden_cell_is_ever_seen_and_no_wholly_visible_one_ever_lost(views, cell_size, face_id):
     region = eros_target(cell_size)
-    oracle, camera = cell_oracle(region), CameraModel(resolution_px=512)
+    camera = CameraModel(resolution_px=512)
     coarse = CameraModel(resolution_px=100)
     observers = [face_id(region, camera), face_id(region, coarse, crop=False)]
     hidden_cells = whole_cells = 0
-    for pose in random_views(12, **views):
-        exact = oracle.visible_area(exact_view(pose, camera)) / region.area
+    for pose, exact in zip(random_views(8, **views), exact_cell_shares(cell_size, camera, 8, **views), strict=True):
         hidden, whole = exact < 1e-9, exact > 1 - 1e-9
         hidden_cells, whole_cells = hidden_cells + hidden.sum(), whole_cells + whole.sum()
         for observer in observers:

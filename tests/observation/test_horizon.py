@@ -9,7 +9,7 @@ from swarm_mj.observation.horizon import SHOWN, HorizonObserver, look
 from swarm_mj.observation.observer import make_observer
 from swarm_mj.observation.raycast import RayCastObserver
 
-from .scenes import cell_oracle, eros_target, exact_seen_areas, exact_view, ground_with_plate, on_ground, random_views
+from .scenes import eros_target, exact_cell_shares, exact_seen_areas, ground_with_plate, on_ground, random_views
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -24,11 +24,11 @@ def observer():
     return HorizonObserver(eros_target(), CameraModel())
 
 
-def test_seen_area_agrees_with_the_oracle_over_sixty_random_views(observer):
+def test_seen_area_agrees_with_the_oracle_over_thirty_random_views(observer):
     region = observer.region
     error, share_error = [], []
-    exact_areas = exact_seen_areas(observer.camera, 60, seed=1)
-    for pose, exact in zip(random_views(60, seed=1), exact_areas, strict=True):
+    exact_areas = exact_seen_areas(observer.camera, 30, seed=1)
+    for pose, exact in zip(random_views(30, seed=1), exact_areas, strict=True):
         fraction = observer.visible_fraction(pose.r_A, pose.C_CA)
         error.append((region.area[fraction >= 0.5].sum() - exact) / region.total_area)
         share_error.append((region.area @ fraction - exact) / region.total_area)
@@ -39,9 +39,7 @@ def test_seen_area_agrees_with_the_oracle_over_sixty_random_views(observer):
 
 @pytest.mark.parametrize("views", [dict(seed=5, spread_deg=95.0), dict(seed=2, off_deg=25.0)], ids=str)
 def test_no_hidden_cell_is_ever_seen(observer, views):
-    oracle = cell_oracle(observer.region)
-    for pose in random_views(15, **views):
-        exact = oracle.visible_area(exact_view(pose, observer.camera)) / observer.region.area
+    for pose, exact in zip(random_views(8, **views), exact_cell_shares(None, observer.camera, 8, **views), strict=True):
         assert not observer.visible_fraction(pose.r_A, pose.C_CA)[exact < 1e-9].any()
 
 
@@ -78,7 +76,7 @@ def test_field_of_view_and_facing_are_those_of_the_ray_caster():
 
 
 def test_the_plate_hides_the_ground_beneath_it():
-    region = ground_with_plate(0.2)
+    region = ground_with_plate(0.3)
     pose = look_at([0.0, 7.0, 0.0], [0.0, 0.0, 0.0])
     seen = HorizonObserver(region, CameraModel(half_angle_deg=60.0), samples=4).visible_fraction(pose.r_A, pose.C_CA)
     hidden = on_ground(region) @ (region.area * (1 - seen))

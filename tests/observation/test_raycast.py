@@ -7,15 +7,15 @@ from swarm_mj.observation.raycast import RayCastObserver
 from swarm_mj.observation.raytracing import RayTracer
 from swarm_mj.observation.sampling import barycentric_samples
 
-from .scenes import cell_oracle, eros_target, exact_seen_areas, exact_view, ground_with_plate, on_ground, random_views
+from .scenes import eros_target, exact_cell_shares, exact_seen_areas, ground_with_plate, on_ground, random_views
 
 
-def test_seen_area_agrees_with_the_oracle_over_sixty_random_views():
+def test_seen_area_agrees_with_the_oracle_over_thirty_random_views():
     region, camera = eros_target(), CameraModel()
     observer = RayCastObserver(region, camera)
     error, share_error = [], []
-    exact_areas = exact_seen_areas(camera, 60, seed=1)
-    for pose, exact in zip(random_views(60, seed=1), exact_areas, strict=True):
+    exact_areas = exact_seen_areas(camera, 30, seed=1)
+    for pose, exact in zip(random_views(30, seed=1), exact_areas, strict=True):
         fraction = observer.visible_fraction(pose.r_A, pose.C_CA)
         error.append((region.area[fraction >= 0.5].sum() - exact) / region.total_area)
         share_error.append((region.area @ fraction - exact) / region.total_area)
@@ -27,9 +27,8 @@ def test_seen_area_agrees_with_the_oracle_over_sixty_random_views():
 @pytest.mark.parametrize("views", [dict(seed=1), dict(seed=5, spread_deg=95.0), dict(seed=2, off_deg=25.0)], ids=str)
 def test_no_hidden_cell_is_ever_seen_and_no_wholly_visible_one_ever_lost(views):
     region, camera = eros_target(600.0), CameraModel()
-    oracle, observer = cell_oracle(region), RayCastObserver(region, camera)
-    for pose in random_views(12, **views):
-        exact = oracle.visible_area(exact_view(pose, camera)) / region.area
+    observer = RayCastObserver(region, camera)
+    for pose, exact in zip(random_views(8, **views), exact_cell_shares(600.0, camera, 8, **views), strict=True):
         fraction = observer.visible_fraction(pose.r_A, pose.C_CA)
         assert not fraction[exact < 1e-9].any()
         assert (fraction[exact > 1 - 1e-9] >= 0.5).all()
