@@ -55,6 +55,10 @@ class Plant:
     inertia: Floats = field(default_factory=lambda: INERTIA)
     external: Callable[[float, State], Floats] = lambda t, state: np.zeros_like(state.omega)
 
+    def __post_init__(self) -> None:
+        """The inverse of the inertia without that of the wheels about their axes, once."""
+        self.inverse = np.linalg.inv(self.inertia - WHEEL_INERTIA * np.eye(3))
+
     def momentum_N(self, state: State) -> Floats:
         """Return the total angular momentum in N."""
         return rotate(state.q, state.omega @ self.inertia + WHEEL_INERTIA * state.wheels)
@@ -63,8 +67,8 @@ class Plant:
         """Return the time derivatives of q, omega and wheels under motor torques (n, 3)."""
         total = state.omega @ self.inertia + WHEEL_INERTIA * state.wheels
         push = np.where((np.abs(state.wheels) >= WHEEL_SPEED) & (motor * state.wheels > 0), 0.0, motor)
-        torque = self.external(t, state) - np.cross(state.omega, total) - push
-        omega_dot = torque @ np.linalg.inv(self.inertia - WHEEL_INERTIA * np.eye(3))
+        torque = self.external(t, state) - cross(state.omega, total) - push
+        omega_dot = torque @ self.inverse
         q_dot = 0.5 * multiply(state.q, np.concatenate([np.zeros((len(state.q), 1)), state.omega], axis=1))
         return q_dot, omega_dot, push / WHEEL_INERTIA - omega_dot
 
@@ -161,16 +165,22 @@ def moved(state: State, rates: tuple[Floats, ...], h: float) -> State:
     return State(state.q + h * rates[0], state.omega + h * rates[1], state.wheels + h * rates[2])
 
 
+def cross(a: Floats, b: Floats) -> Floats:
+    """Return a x b, rows (n, 3); np.cross takes longer for few rows than all the rest of a step."""
+    (ax, ay, az), (bx, by, bz) = a.T, b.T
+    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=1)
+
+
 def multiply(a: Floats, b: Floats) -> Floats:
     """Return Hamilton's product of quaternions (n, 4)."""
     scalar = a[:, :1] * b[:, :1] - np.sum(a[:, 1:] * b[:, 1:], axis=1, keepdims=True)
-    return np.concatenate([scalar, a[:, :1] * b[:, 1:] + b[:, :1] * a[:, 1:] + np.cross(a[:, 1:], b[:, 1:])], axis=1)
+    return np.concatenate([scalar, a[:, :1] * b[:, 1:] + b[:, :1] * a[:, 1:] + cross(a[:, 1:], b[:, 1:])], axis=1)
 
 
 def rotate(q: Floats, v: Floats) -> Floats:
     """Return R(q) v."""
-    t = 2 * np.cross(q[:, 1:], v)
-    return v + q[:, :1] * t + np.cross(q[:, 1:], t)
+    t = 2 * cross(q[:, 1:], v)
+    return v + q[:, :1] * t + cross(q[:, 1:], t)
 
 
 def unit(rows: Floats) -> Floats:

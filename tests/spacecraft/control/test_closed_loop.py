@@ -50,25 +50,25 @@ def test_every_random_start_settles_within_130_s_and_the_wheels_limits(law: Cont
 
 
 @pytest.mark.parametrize("law", LAWS)
-@pytest.mark.parametrize("speed", [14.0, 60.0, 70.0])
-def test_a_moving_line_of_sight_is_tracked_to_thousandths_of_a_degree(law: Controller, speed: float) -> None:
-    """Closest at 14 km after 150 s: 1 to 5 mrad/s."""
+def test_a_moving_line_of_sight_is_tracked_to_thousandths_of_a_degree(law: Controller) -> None:
+    """Closest at 14 km after 150 s, at 14, 60 and 70 m/s: 1 to 5 mrad/s."""
     rng = np.random.default_rng(2)
-    nearest = 14e3 * unit(rng.normal(size=(30, 3)))
-    velocity = speed * unit(np.cross(nearest, rng.normal(size=(30, 3))))
-    a = 2e-3 * rng.normal(size=(30, 3))
+    speed = np.repeat([14.0, 60.0, 70.0], 30)[:, None]
+    nearest = 14e3 * unit(rng.normal(size=(90, 3)))
+    velocity = speed * unit(np.cross(nearest, rng.normal(size=(90, 3))))
+    a = 2e-3 * rng.normal(size=(90, 3))
 
     def target(t: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         return nearest + velocity * (t - 150) + 0.5 * a * (t - 150) ** 2, velocity + a * (t - 150), a
 
-    flight = fly(law, State.random(rng, 30), target, 300.0)
+    flight = fly(law, State.random(rng, 90), target, 300.0)
     assert np.rad2deg(flight.pointing[flight.time > 200.0].max()) < 1e-3
 
 
 def test_small_errors_decay_along_the_closed_form_of_the_sliding_law() -> None:
     law = MrpSlidingMode(disturbance_torque=0.0, inertia_uncertainty=0.0)
     state, target = at_rest([0.2])
-    flight = fly(law, state, target, 40.0, period=0.01, steps=1)
+    flight = fly(law, state, target, 40.0, period=0.02, steps=1)
     fast, slow = law.reaching_rate / law.layer + law.damping, law.slope / 4
     closed = (fast * np.exp(-slow * flight.time) - slow * np.exp(-fast * flight.time)) / (fast - slow)
     np.testing.assert_allclose(flight.pointing[:, 0] / flight.pointing[0, 0], closed, rtol=0, atol=1e-3)
@@ -76,7 +76,7 @@ def test_small_errors_decay_along_the_closed_form_of_the_sliding_law() -> None:
 
 def test_small_errors_decay_along_the_closed_form_of_the_feedback_law() -> None:
     state, target = at_rest([0.2])
-    flight = fly(MrpFeedback(frequency=0.1), state, target, 60.0, period=0.01, steps=1)
+    flight = fly(MrpFeedback(frequency=0.1), state, target, 60.0, period=0.02, steps=1)
     closed = (1 + 0.1 * flight.time) * np.exp(-0.1 * flight.time)
     np.testing.assert_allclose(flight.pointing[:, 0] / flight.pointing[0, 0], closed, rtol=0, atol=1e-3)
 
