@@ -20,6 +20,10 @@ def refuse(event, arguments):
         raise RuntimeError(f"network: {event} {arguments}")
 
 sys.addaudithook(refuse)
+
+# Two figures in the place of all.
+from swarm_mj.io.atomic import FIGURES
+FIGURES["run"] = FIGURES["design"] = ("operation", "links", "cover")
 """
 
 
@@ -55,39 +59,29 @@ def test_the_guard_refuses_the_network_in_this_process_and_its_children(offline,
     assert "RuntimeError: network" in done.stderr
 
 
-def test_a_flight_with_figures_needs_no_network(offline, tmp_path):
-    done = run(["-m", "swarm_mj.cli.main", "run", "eros-quick", "--quiet", "--out", "run"], offline, tmp_path)
-    assert done.returncode == 0, done.stderr
+#: In one process, which loads once what it needs. The design has a cache of its own, so that its pictures are judged here, by
+#: worker processes, as the figures are drawn by others.
+WORK = """
+import gymnasium
+from swarm_mj.cli.main import main
+
+if __name__ == "__main__":
+    quick = ["eros-quick", "--quiet"]
+    assert main(["run", *quick, "--out", "run"]) == 0
+    short = ["--workers", "2", "--set", "designer.max_generations=5"]
+    assert main(["design", *quick, *short, "--out", "found"]) == 0
+    assert main(["run", *quick, "--no-figures", "--design", "found/design.json", "--out", "flown"]) == 0
+    env = gymnasium.make("swarm_mj.envs:SwarmObserve-v0")
+    env.reset(seed=0)
+    env.step(env.action_space.sample())
+    print("all done")
+"""
+
+
+def test_a_flight_its_figures_a_design_and_an_episode_need_no_network(offline, tmp_path):
+    (tmp_path / "work.py").write_text(WORK)
+    done = run(["work.py"], {**offline, "SWARM_MJ_CACHE": str(tmp_path / "cache")}, tmp_path)
+    assert done.returncode == 0 and done.stdout.endswith("all done\n"), done.stderr
     assert (tmp_path / "run" / "operation.png").stat().st_size > 1000
-
-
-def test_a_design_and_the_flight_of_it_need_no_network(offline, tmp_path):
-    # A cache of its own, so that the pictures are judged here, by worker processes.
-    environment = {**offline, "SWARM_MJ_CACHE": str(tmp_path / "cache")}
-    design = [
-        "design",
-        "eros-quick",
-        "--quiet",
-        "--workers",
-        "2",
-        "--out",
-        "found",
-        "--set",
-        "designer.max_generations=5",
-    ]
-    done = run(["-m", "swarm_mj.cli.main", *design], environment, tmp_path)
-    assert done.returncode == 0, done.stderr
-    flight = ["run", "eros-quick", "--quiet", "--no-figures", "--design", "found/design.json", "--out", "flown"]
-    done = run(["-m", "swarm_mj.cli.main", *flight], environment, tmp_path)
-    assert done.returncode == 0, done.stderr
     found = json.loads((tmp_path / "found" / "design.json").read_text())
     assert json.loads((tmp_path / "flown" / "summary.json").read_text())["observers"] == found["n_observers"]
-
-
-def test_an_episode_needs_no_network(offline, tmp_path):
-    code = (
-        "import gymnasium as gym; env = gym.make('swarm_mj:SwarmObserve-v0'); env.reset(seed=0); "
-        "env.step(env.action_space.sample())"
-    )
-    done = run(["-c", code], offline, tmp_path)
-    assert done.returncode == 0, done.stderr
