@@ -13,7 +13,7 @@ import pytest
 
 from swarm_mj.cli.main import main
 from swarm_mj.errors import OutputError
-from swarm_mj.verification.performance import environment, job, loop, observers, pictures
+from swarm_mj.verification.performance import designer, environment, job, loop, observers, pictures
 from swarm_mj.verification.performance.measure import STATUS, in_turn, rates, row
 from swarm_mj.verification.performance.runner import GROUPS, on_gpu, page, run_bench
 
@@ -174,10 +174,14 @@ def test_the_page_says_whether_a_gpu_was_measured():
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in GROUPS if name not in ("start", "job", "gpu")])
 def test_every_benchmark_runs_in_its_quick_version(name, monkeypatch):
-    """Of fewer pictures and spacecraft: how well rates are known is not judged here."""
+    """Of fewer pictures, spacecraft and generations, and sooner: how well rates are known is not judged here."""
+    opened = pictures._page_rows
     monkeypatch.setattr(pictures, "PICTURES", 6)
-    monkeypatch.setattr(loop, "QUICK_SIZES", (1, 6))
+    monkeypatch.setattr(pictures, "_page_rows", lambda page, openings: opened(page, 1))
+    monkeypatch.setattr(loop, "QUICK_SIZES", (6,))
     monkeypatch.setattr(observers, "PICTURES", 2)
+    monkeypatch.setattr(environment, "rates", lambda work, seconds: rates(work, 0.05 * seconds))
+    monkeypatch.setattr(designer, "GENERATIONS", 7)
     rows = run_bench([name])
     assert rows and all(np.isfinite(r.value) and r.group for r in rows)
     assert all(r.low <= r.value <= r.high for r in rows)
