@@ -83,6 +83,13 @@ def alive(pid):
         return False
 
 
+def wait_for_the_end_of(workers):
+    end = time.monotonic() + 30.0
+    while any(map(alive, workers)):
+        assert time.monotonic() < end, "workers outlive the campaign"
+        time.sleep(0.1)
+
+
 @pytest.fixture
 def command(capsys):
     """`swarm-mj campaign` in this process, which has loaded all that a new one would load first; returns status and errors."""
@@ -97,12 +104,12 @@ def command(capsys):
 
 @pytest.fixture(scope="module")
 def reference(tmp_path_factory):
-    """A campaign of 16 plain runs that nothing disturbed."""
+    """A campaign of ten plain runs that nothing disturbed."""
     from .conftest import PLAIN
 
     folder = tmp_path_factory.mktemp("reference")
     path = folder / "campaign.yaml"
-    path.write_text(PLAIN.format(runs=16, more=""))
+    path.write_text(PLAIN.format(runs=10, more=""))
     run_campaign(load_campaign(path), folder / "out", workers=2, figures=False)
     return path, rows(folder / "out")
 
@@ -121,33 +128,29 @@ def test_results_do_not_depend_on_the_number_of_workers(write, tmp_path, method,
 def test_a_killed_worker_costs_nothing(reference, start, tmp_path):
     path, expected = reference
     process = start(path, "--out", tmp_path / "out", "--workers", 2, "--no-figures")
-    for done in (2, 8):
+    for done in (2, 5):
         wait_for(lambda done=done: finished(tmp_path / "out") >= done, process)
         os.kill(children(process)[0], signal.SIGKILL)
     assert process.wait(120) == 0, process.communicate()[1]
     assert rows(tmp_path / "out").equals(expected)
 
 
-@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
 def test_an_interrupted_campaign_goes_on_where_it_was(reference, start, command, tmp_path, how):
     """Ctrl-C reaches the whole group, as a terminal sends it."""
     path, expected = reference
     out, process, (said, errors), workers = interrupted(
         lambda out: start(path, "--out", out, "--workers", 2, "--no-figures"),
         tmp_path,
-        5,
+        3,
         lambda process: (os.killpg if how == signal.SIGINT else os.kill)(process.pid, how),
     )
     assert "Traceback" not in errors
-    assert process.returncode == (-9 if how == signal.SIGKILL else 130)
+    assert process.returncode == 130
     kept = finished(out)
-    assert kept >= 5
-    if how != signal.SIGKILL:
-        assert f"{kept} of 16 runs are kept" in said and "--resume" in said
-    end = time.monotonic() + 30.0
-    while any(map(alive, workers)):
-        assert time.monotonic() < end, "workers outlive the campaign"
-        time.sleep(0.1)
+    assert kept >= 3
+    assert f"{kept} of 10 runs are kept" in said and "--resume" in said
+    wait_for_the_end_of(workers)
     assert command(path, "--out", out)[0] == 2
     status, errors = command(path, "--out", out, "--resume", "--workers", 1)
     assert status == 0, errors
@@ -162,14 +165,16 @@ def test_a_changed_campaign_is_not_resumed(reference, command, tmp_path):
     changed.write_text(path.read_text().replace("telemetry.interval_s: 10", "telemetry.interval_s: 5"))
     assert command(path, "--out", out, "--runs", 2, "--workers", 1)[0] == 0
     for arguments, words in (
-        ([path, "--runs", 16], "campaign.runs = 16, was 2"),
+        ([path, "--runs", 10], "campaign.runs = 10, was 2"),
         ([changed, "--runs", 2], "telemetry.interval_s = 5"),
     ):
         status, errors = command(*arguments, "--out", out, "--resume")
         assert status == 2 and words in errors, errors
 
 
-def test_of_two_campaigns_in_one_folder_one_wins_and_the_other_says_so(reference, start, command, tmp_path):
+def test_of_two_campaigns_in_one_folder_one_wins_and_the_other_goes_on_once_it_is_killed(
+    reference, start, command, tmp_path
+):
     path, expected = reference
     first = start(path, "--out", tmp_path / "out", "--workers", 1, "--no-figures")
     wait_for(lambda: finished(tmp_path / "out") >= 1, first)
@@ -181,10 +186,18 @@ def test_of_two_campaigns_in_one_folder_one_wins_and_the_other_says_so(reference
             status, errors = command(path, "--out", tmp_path / "out", "--workers", 1, *more)
             assert status == 2
             assert f"another campaign is writing here (process {first.pid}" in errors
+        workers = children(first)
     finally:
-        first.send_signal(signal.SIGCONT)
-    assert first.wait(120) == 0, first.communicate()[1]
+        first.kill()
+    assert "Traceback" not in first.communicate(timeout=60)[1]
+    assert first.returncode == -signal.SIGKILL
+    wait_for_the_end_of(workers)
+    assert 1 <= finished(tmp_path / "out") < len(expected)
+    assert command(path, "--out", tmp_path / "out")[0] == 2
+    status, errors = command(path, "--out", tmp_path / "out", "--resume", "--workers", 1)
+    assert status == 0, errors
     assert rows(tmp_path / "out").equals(expected)
+    assert (tmp_path / "out" / RESULTS).exists()
 
 
 HOLD = """
