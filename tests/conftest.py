@@ -86,6 +86,7 @@ EARLY = (
     "campaigns/test_dask.py",
     "verification/physics/test_validation.py",
     "results/figures/test_missions.py",
+    "results/figures/test_every_figure.py",
     "designer/test_designs_fly.py",
     "robust/test_long.py",
     "verification/performance/test_bench.py",
@@ -93,6 +94,8 @@ EARLY = (
     "test_spacecraft_page.py",
     "test_wheel.py",  # takes what is compiled by then
 )
+#: Files that share figures which are drawn once for all of them; one worker runs them.
+FIGURES = ("results/figures/test_missions.py", "results/figures/test_every_figure.py")
 ORDER = {name: k for k, name in enumerate((*COMPILE, *EARLY))}
 
 
@@ -102,7 +105,7 @@ def _place(item):
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config, log):
-    """Hand out whole files, and those that compile as if they were one."""
+    """Hand out whole files, and those that compile, or share figures, as if they were one."""
     if config.getvalue("dist") != "loadfile":
         return None
     from xdist.scheduler import LoadFileScheduling
@@ -110,7 +113,8 @@ def pytest_xdist_make_scheduler(config, log):
     class Scheduling(LoadFileScheduling):
         def _split_scope(self, nodeid):
             file = super()._split_scope(nodeid)
-            return "compile" if file.removeprefix("tests/") in COMPILE else file
+            together = {"compile": COMPILE, "figures": FIGURES}
+            return next((name for name, files in together.items() if file.removeprefix("tests/") in files), file)
 
     return Scheduling(config, log)
 
