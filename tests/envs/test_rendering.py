@@ -16,8 +16,9 @@ from .flights import ID, resident_mib
 
 @pytest.mark.gl
 @pytest.mark.usefixtures("gl")
-@pytest.mark.parametrize("control", ["torque", "pointing", "role"])
-@pytest.mark.parametrize("mode", [None, "rgb_array"])
+@pytest.mark.parametrize(
+    ("control", "mode"), [("torque", "rgb_array"), ("pointing", "rgb_array"), ("role", "rgb_array"), ("role", None)]
+)
 def test_gymnasiums_checker_has_no_complaint_about_rendering(control, mode, monkeypatch):
     # The checker tries every render mode, the window too.
     pytest.importorskip("pygame")

@@ -23,10 +23,15 @@ CRITERIA = [
     {"criterion": "visit"},
     {"interval_s": 35.0},
 ]
+#: Those that rays are cast for in another way than for the others.
+BY_RAYS = ({"min_fraction": 0.28}, {"any_pixel": True}, {"shadows": True}, {"occlusion": False})
 
 
-@pytest.mark.parametrize("observer", ["horizon", "raster", "raycast"])
-@pytest.mark.parametrize("name", PACKAGED)
+@pytest.mark.parametrize(
+    ("name", "observer"),
+    [(name, "horizon") for name in PACKAGED]
+    + [(name, observer) for name in ("eros-literal", "eros-faults") for observer in ("raster", "raycast")],
+)
 def test_the_environment_sees_the_cells_of_a_run_at_the_same_times(flight, name, observer):
     plan, telemetry = flight(name, observer=observer)
     result = observe_flight(plan, telemetry)
@@ -36,8 +41,11 @@ def test_the_environment_sees_the_cells_of_a_run_at_the_same_times(flight, name,
     assert percent == result.coverage.percent > 40.0
 
 
-@pytest.mark.parametrize("observer", ["horizon", "raycast"])
-@pytest.mark.parametrize("change", CRITERIA, ids=str)
+@pytest.mark.parametrize(
+    ("change", "observer"),
+    [(change, observer) for change in CRITERIA for observer in ("horizon", "raycast")[: 1 + (change in BY_RAYS)]],
+    ids=str,
+)
 def test_the_environment_judges_as_a_run_does_by_every_part_of_the_criterion(flight, change, observer):
     plan, telemetry = flight("eros-observe", observer=observer, **change)
     result = observe_flight(plan, telemetry)

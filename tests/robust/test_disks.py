@@ -20,13 +20,21 @@ from swarm_mj.io.atomic import MARKER, atomic_folder
 pytestmark = pytest.mark.robust
 
 QUICK = ["run", "eros-quick", "--quiet", "--no-figures"]
-#: A program that may write no file beyond a size, as on a full disk; the kernel's signal is ignored as Python does. It is run
-#: with -B, because Python would keep bytecode that is cut off.
+#: A program that may write no file beyond a size, as on a full disk, for each size in a process of its own, which is forked
+#: when everything is loaded; the kernel's signal is ignored as Python does. It is run with -B, because Python would keep
+#: bytecode that is cut off.
 LIMITED = """
-import resource, sys
-resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[1]), resource.RLIM_INFINITY))
+import os, resource, sys
+import swarm_mj.api.flight
 from swarm_mj.cli.main import main
-sys.exit(main(sys.argv[2:]))
+sizes = sys.argv[1].split(",")
+for size in sizes:
+    child = os.fork()
+    if not child:
+        os.dup2(os.open(f"{size}.err", os.O_WRONLY | os.O_CREAT), 2)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (int(size), resource.RLIM_INFINITY))
+        sys.exit(main([*sys.argv[2:], f"{size}/run"]))
+    print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), flush=True)
 """
 
 
@@ -71,17 +79,22 @@ def warm():
     subprocess.run(command("--version"), check=True, capture_output=True)
 
 
-@pytest.mark.parametrize("size", [1_000, 60_000])
-def test_a_full_disk_is_a_clear_error_and_the_earlier_result_stays(tmp_path, warm, size):
-    put(tmp_path / "run", "earlier")
-    arguments = [sys.executable, "-B", "-c", LIMITED, str(size), *QUICK, "--out", str(tmp_path / "run")]
-    done = subprocess.run(arguments, capture_output=True, text=True, timeout=300)
-    assert done.returncode in {1, 2}, done.stderr  # and not a crash of the interpreter
-    assert done.stderr.count("swarm-mj: error:") == 1
-    assert f"{tmp_path / 'run'}: cannot be written" in done.stderr
-    assert "Traceback" not in done.stderr
-    assert read(tmp_path / "run") == "earlier"
-    assert [p.name for p in tmp_path.iterdir()] == ["run"]
+def test_a_full_disk_is_a_clear_error_and_the_earlier_result_stays(tmp_path, warm):
+    sizes = ("1000", "60000")
+    for size in sizes:
+        (tmp_path / size).mkdir()
+        put(tmp_path / size / "run", "earlier")
+    arguments = [sys.executable, "-B", "-c", LIMITED, ",".join(sizes), *QUICK, "--out"]
+    done = subprocess.run(arguments, cwd=tmp_path, capture_output=True, text=True, timeout=300)
+    assert len(done.stdout.split()) == len(sizes), done.stderr
+    for size, status in zip(sizes, done.stdout.split(), strict=True):
+        said = (tmp_path / f"{size}.err").read_text()
+        assert int(status) in {1, 2}, said  # and not a crash of the interpreter
+        assert said.count("swarm-mj: error:") == 1
+        assert f"{size}/run: cannot be written" in said
+        assert "Traceback" not in said
+        assert read(tmp_path / size / "run") == "earlier"
+        assert [p.name for p in (tmp_path / size).iterdir()] == ["run"]
 
 
 def test_a_disk_without_room_is_a_clear_error_and_stays_clean(tmp_path, warm):

@@ -96,19 +96,22 @@ def test_pickles_among_the_arrays_are_not_opened(run, spoilt, tmp_path, reader):
     assert not trap.exists()
 
 
-@pytest.mark.parametrize("reader", READERS)
-def test_an_archive_that_unfolds_into_gigabytes_is_refused(run, spoilt, reader):
+def test_an_archive_that_unfolds_into_gigabytes_is_refused(run, spoilt):
     header = b"{'descr': '<f8', 'fortran_order': False, 'shape': (1250000000,), }"
     header += b" " * (118 - len(header) - 1) + b"\n"
     start = b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header
     content = io.BytesIO()
-    with np.load(run / "coverage.npz") as file, zipfile.ZipFile(content, "w", zipfile.ZIP_DEFLATED) as archive:
+    with (
+        np.load(run / "coverage.npz") as file,
+        zipfile.ZipFile(content, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive,
+    ):
         for name in file.files:
             with archive.open(f"{name}.npy", "w") as member:
                 member.write(start)
                 member.write(bytes(50_000_000))
-    with bounded(), pytest.raises(SwarmError, match="cannot be read"):
-        readers()[reader](spoilt("coverage.npz", content.getvalue()))
+    for reader in READERS:
+        with bounded(), pytest.raises(SwarmError, match="cannot be read"):
+            readers()[reader](spoilt("coverage.npz", content.getvalue()))
 
 
 @pytest.mark.parametrize("reader", READERS)

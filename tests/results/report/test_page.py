@@ -301,7 +301,7 @@ def test_the_command_writes_where_it_is_told_and_ends_with_an_error_for_no_run(f
 @pytest.mark.slow
 def test_a_thousand_spacecraft_over_a_fine_mesh_stay_below_15_megabytes(folder):
     run = read_run(folder)
-    n, samples = 1000, 4000
+    n, samples = 1000, 2000
     places = np.linspace(0, len(run.times) - 1, samples).astype(int)
     telemetry = run.telemetry.isel(time=places).assign_coords(time=np.linspace(0.0, 1200.0, samples))
     telemetry = telemetry.isel(spacecraft=np.arange(n) % run.n).assign_coords(
