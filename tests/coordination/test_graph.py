@@ -81,6 +81,13 @@ def test_a_message_arrives_after_it_was_sent_and_the_way_and_once():
     assert bus.bits.tolist() == [0, 200, 0] and bus.airtime_s.tolist() == [0.0, 2.0, 0.0]
 
 
+def test_all_neighbours_hear_a_message_at_the_rate_of_the_slowest():
+    bus, g = Bus(3, np.random.default_rng(0)), links_of(3, (0, 1), (1, 2))
+    g.rate_bit_s[1, 2] = 50.0
+    bus.broadcast(0.0, 1, 100, "hello", g)
+    assert [m.arrives_s for m in bus.arrived(99.0)] == [2.25, 2.25] and bus.airtime_s[1] == 2.0
+
+
 @pytest.mark.parametrize(
     ("access", "arrive"),
     [(Access.ONE_AT_A_TIME, [1.25, 2.25]), (Access.PARALLEL, [1.25, 1.25]), (Access.TDMA, [2.25, 2.25])],

@@ -43,6 +43,8 @@ DATA = {
     "camera": {"resolution_px": 64},
     "observation": {"observer": "horizon"},
     "telemetry": {"interval_s": 10},
+    # Turns who has left, and nobody aboard.
+    "perturbations": {"gravity_gradient_torque": True},
 }
 
 
@@ -115,6 +117,7 @@ def test_compiled_and_call_by_call_are_the_same_to_the_bit(plan, telemetry):
         behavior=plan.behavior,
         controller=plan.controller,
         control_period=plan.scenario.control.period_s,
+        gravity_gradient_torque=True,
         compiled=False,
     )
     slow.reset(initial_state(plan))
