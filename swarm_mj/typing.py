@@ -29,9 +29,9 @@ def kernel(function: Callable[..., Any]) -> Any:
     wrapper for C, which nobody calls and which takes a tenth of the time of compiling. Numba is imported here, so that modules
     which only name types do not pay for it.
     """
-    from numba import njit
+    from swarm_mj.machine_code import compiled
 
-    return njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True, _nrt=True)(function)
+    return compiled(function, _nrt=True)
 
 
 def lean(function: Callable[..., Any]) -> Any:
@@ -39,9 +39,9 @@ def lean(function: Callable[..., Any]) -> Any:
 
     Numba counts one for every row that is looked at, which takes a tenth of the time of a flight.
     """
-    from numba import njit
+    from swarm_mj.machine_code import compiled
 
-    return njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True, _nrt=False)(function)
+    return compiled(function, _nrt=False)
 
 
 def inlined(function: Callable[..., Any]) -> Any:
@@ -49,9 +49,9 @@ def inlined(function: Callable[..., Any]) -> Any:
 
     For parts with one or two callers that are given many arrays: the machine code is the same, and takes less time to compile.
     """
-    from numba import njit
+    from swarm_mj.machine_code import compiled
 
-    return njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True, inline="always")(function)
+    return compiled(function, inline="always")
 
 
 def jittable(function: _Function) -> _Function:

@@ -9,7 +9,7 @@ ROOT = Path(__file__).parents[1]
 
 #: The rooms in the order in which they build on each other; a module may import from its own room and from earlier ones.
 ORDER = (
-    ("errors", "moved", "typing", "plugins", "assets"),
+    ("errors", "moved", "machine_code", "typing", "plugins", "assets"),
     ("io",),
     ("scenarios",),
     ("smallbody",),
@@ -51,6 +51,8 @@ OF_LIBRARIES = {"_replace", "_asdict", "_fields", "_make", "_field_defaults"}
 OF_LIBRARIES |= {"os._exit", "argparse._SubParsersAction", "mjmodel._address", "data._address"}
 # Of numba's struct proxies: its guide to extending it reads them so.
 OF_LIBRARIES |= {"_getvalue"}
+# Numba offers no other way to keep machine code otherwise than by its own class.
+OF_LIBRARIES |= {"dispatcher._cache"}
 
 
 def modules():
