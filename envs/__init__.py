@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 from .registration import register_environments
 
 if TYPE_CHECKING:
-    from .camera_observation import CameraObservation
     from .downlink.parallel import SwarmDownlinkParallelEnv
     from .downlink.single import SwarmDownlinkEnv
     from .downlink.vector import SwarmDownlinkVectorEnv
@@ -18,40 +17,41 @@ if TYPE_CHECKING:
     from .missions.multi_agent_vector import SwarmObserveV1ParallelVectorEnv
     from .missions.single import SwarmObserveV1Env
     from .missions.vector import SwarmObserveV1VectorEnv
-    from .multi_agent import SwarmObserveParallelEnv
-    from .multi_agent_vector import SwarmObserveParallelVectorEnv
+    from .observe.camera_observation import CameraObservation
+    from .observe.multi_agent import SwarmObserveParallelEnv
+    from .observe.multi_agent_vector import SwarmObserveParallelVectorEnv
+    from .observe.single import SwarmObserveEnv
+    from .observe.swarm_map import SwarmMapEnv, SwarmMapVectorEnv
+    from .observe.vector import SwarmObserveVectorEnv
     from .pointing.parallel import SwarmPointingParallelEnv
     from .pointing.single import SwarmPointingEnv
     from .pointing.vector import SwarmPointingVectorEnv
-    from .sb3 import SwarmObserveV1SharedVecEnv, SwarmObserveV1VecEnv, SwarmObserveVecEnv, SwarmPointingVecEnv
-    from .swarm_map import SwarmMapEnv, SwarmMapVectorEnv
-    from .swarm_observe import SwarmObserveEnv
-    from .vector import SwarmObserveVectorEnv
+    from .training.sb3 import SwarmObserveV1SharedVecEnv, SwarmObserveV1VecEnv, SwarmObserveVecEnv, SwarmPointingVecEnv
 
 #: Where each class is defined; those of agents (`*parallel`, `*multi_agent*`) and `sb3` need the extra `rl`, `gpu.vector`
 #: the extra `gpu`.
 _HOMES = {
-    "CameraObservation": "camera_observation",
+    "CameraObservation": "observe.camera_observation",
     "SwarmDownlinkEnv": "downlink.single",
     "SwarmDownlinkParallelEnv": "downlink.parallel",
     "SwarmDownlinkVectorEnv": "downlink.vector",
-    "SwarmMapEnv": "swarm_map",
-    "SwarmMapVectorEnv": "swarm_map",
-    "SwarmObserveEnv": "swarm_observe",
+    "SwarmMapEnv": "observe.swarm_map",
+    "SwarmMapVectorEnv": "observe.swarm_map",
+    "SwarmObserveEnv": "observe.single",
     "SwarmObserveGpuVectorEnv": "gpu.vector",
-    "SwarmObserveParallelEnv": "multi_agent",
-    "SwarmObserveParallelVectorEnv": "multi_agent_vector",
+    "SwarmObserveParallelEnv": "observe.multi_agent",
+    "SwarmObserveParallelVectorEnv": "observe.multi_agent_vector",
     "SwarmObserveV1Env": "missions.single",
     "SwarmObserveV1ParallelEnv": "missions.multi_agent",
     "SwarmObserveV1ParallelVectorEnv": "missions.multi_agent_vector",
-    "SwarmObserveV1SharedVecEnv": "sb3",
-    "SwarmObserveV1VecEnv": "sb3",
+    "SwarmObserveV1SharedVecEnv": "training.sb3",
+    "SwarmObserveV1VecEnv": "training.sb3",
     "SwarmObserveV1VectorEnv": "missions.vector",
-    "SwarmObserveVecEnv": "sb3",
-    "SwarmObserveVectorEnv": "vector",
+    "SwarmObserveVecEnv": "training.sb3",
+    "SwarmObserveVectorEnv": "observe.vector",
     "SwarmPointingEnv": "pointing.single",
     "SwarmPointingParallelEnv": "pointing.parallel",
-    "SwarmPointingVecEnv": "sb3",
+    "SwarmPointingVecEnv": "training.sb3",
     "SwarmPointingVectorEnv": "pointing.vector",
 }
 

@@ -195,8 +195,8 @@ def refuse_graph(observability: str) -> None:
     """One agent that decides for all knows all."""
     if observability != "full":
         raise ScenarioError(
-            f"observability = {observability!r}: must be full where one agent decides for all; swarm_mj.envs.multi_agent has "
-            "an agent for each spacecraft"
+            f"observability = {observability!r}: must be full where one agent decides for all; "
+            "swarm_mj.envs.observe.multi_agent has an agent for each spacecraft"
         )
 
 

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from swarm_mj.errors import ScenarioError
 from swarm_mj.typing import Array, Mask
 
-from .actions import check_action
 from .arguments import checked_options, first_seeds, flight_seed, flight_seeds
-from .rewards import ENDS, TERMS, StepResult
+from .observe.actions import check_action
+from .observe.rewards import ENDS, TERMS, StepResult
 
 Infos = dict[str, Any]
 

@@ -11,7 +11,10 @@ import gymnasium
 
 #: Environments by name, and where their classes are: the single one and the vector one.
 ENVIRONMENTS = {
-    "SwarmObserve-v0": ("swarm_mj.envs.swarm_observe:SwarmObserveEnv", "swarm_mj.envs.vector:SwarmObserveVectorEnv"),
+    "SwarmObserve-v0": (
+        "swarm_mj.envs.observe.single:SwarmObserveEnv",
+        "swarm_mj.envs.observe.vector:SwarmObserveVectorEnv",
+    ),
     "SwarmDownlink-v0": (
         "swarm_mj.envs.downlink.single:SwarmDownlinkEnv",
         "swarm_mj.envs.downlink.vector:SwarmDownlinkVectorEnv",
@@ -24,7 +27,7 @@ ENVIRONMENTS = {
         "swarm_mj.envs.missions.single:SwarmObserveV1Env",
         "swarm_mj.envs.missions.vector:SwarmObserveV1VectorEnv",
     ),
-    "SwarmMap-v0": ("swarm_mj.envs.swarm_map:SwarmMapEnv", "swarm_mj.envs.swarm_map:SwarmMapVectorEnv"),
+    "SwarmMap-v0": ("swarm_mj.envs.observe.swarm_map:SwarmMapEnv", "swarm_mj.envs.observe.swarm_map:SwarmMapVectorEnv"),
 }
 
 

@@ -16,9 +16,9 @@ from swarm_mj.io.memory import available_bytes
 from swarm_mj.simulator.simulation import Simulation
 from swarm_mj.typing import Array32, Mask
 
-from .batch import EpisodeBatch
-from .rewards import StepResult, joined
-from .task import Task
+from .observe.batch import EpisodeBatch
+from .observe.rewards import StepResult, joined
+from .observe.task import Task
 
 #: What a flight takes, measured: its arrays whatever it flies, those of each spacecraft and cell of the target, and what the
 #: Python binding keeps for an MjData besides MuJoCo's own memory.

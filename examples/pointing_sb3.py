@@ -14,7 +14,7 @@ from pathlib import Path
 from stable_baselines3 import PPO
 from swarm_mj.envs.pointing.policies import POLICIES, PointingOutcome, fly, fly_policy
 from swarm_mj.envs.pointing.task import make_pointing_task
-from swarm_mj.envs.sb3 import SwarmPointingVecEnv
+from swarm_mj.envs.training.sb3 import SwarmPointingVecEnv
 
 #: Spacecraft side by side, and how often the policy is looked at.
 ENVS, LOOKS, EPISODES = 16, 10, 50

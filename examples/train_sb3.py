@@ -11,8 +11,8 @@ With `--minutes 2` on two cores nearly all of the difference that is printed at 
 
 import sys
 
-from swarm_mj.envs.sb3_options import TrainingOptions, command_line
-from swarm_mj.envs.sb3_training import Training
+from swarm_mj.envs.training.sb3_options import TrainingOptions, command_line
+from swarm_mj.envs.training.sb3_training import Training
 
 
 def train(options: TrainingOptions) -> None:

@@ -16,6 +16,11 @@ MOVED = {
     "swarm_mj.attitude.controllers": "swarm_mj.spacecraft.control",
     "swarm_mj.attitude": "swarm_mj.spacecraft.attitude",
     "swarm_mj.campaign": "swarm_mj.campaigns",
+    "swarm_mj.envs.evaluation": "swarm_mj.envs.policies.evaluation",
+    "swarm_mj.envs.multi_agent": "swarm_mj.envs.observe.multi_agent",
+    "swarm_mj.envs.policy": "swarm_mj.envs.policies.policy",
+    "swarm_mj.envs.sb3": "swarm_mj.envs.training.sb3",
+    "swarm_mj.envs.sb3_policy": "swarm_mj.envs.training.sb3_policy",
     "swarm_mj.planning": "swarm_mj.flight.plan",
 }
 

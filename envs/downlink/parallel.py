@@ -16,8 +16,8 @@ from gymnasium import spaces
 
 from swarm_mj.errors import ScenarioError
 
-from ..actions import check_action
 from ..arguments import checked_options, checked_prefix
+from ..observe.actions import check_action
 from .observations import dict_space
 from .single import SwarmDownlinkEnv
 

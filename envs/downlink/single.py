@@ -13,9 +13,9 @@ from gymnasium import spaces
 from swarm_mj.errors import ScenarioError
 from swarm_mj.scenarios.schema import Scenario
 
-from ..actions import check_action
 from ..arguments import flight_seed, record_of
 from ..autoreset import one_of
+from ..observe.actions import check_action
 from ..snapshots import FlightState, RebuiltOnCopy, must_have_begun, restore_state, take_state
 from .batch import DOWNLINK_ENDS, DownlinkBatch
 from .config import DownlinkConfig, DownlinkWeights

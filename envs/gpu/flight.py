@@ -17,8 +17,8 @@ from swarm_mj.simulator.slots import Slot
 from swarm_mj.spacecraft.control.sliding_mode import write_torque
 from swarm_mj.typing import Array, Array32, Ints, Mask
 
-from ..actions import Choices, choose_targets
-from ..kinematics import (
+from ..observe.actions import Choices, choose_targets
+from ..observe.kinematics import (
     AttitudeEstimate,
     BodyRotation,
     Kinematics,
@@ -26,10 +26,10 @@ from ..kinematics import (
     copy_truth,
     update_rotations,
 )
-from ..pictures import Gained, PictureConstants, take_pictures
-from ..rewards import Flown, Hazards, Outcome, StepResult
-from ..step import StepConstants, finish_step
-from ..totals import EpisodeTotals
+from ..observe.pictures import Gained, PictureConstants, take_pictures
+from ..observe.rewards import Flown, Hazards, Outcome, StepResult
+from ..observe.step import StepConstants, finish_step
+from ..observe.totals import EpisodeTotals
 
 #: Of `ENDS`: over by its duration, where that counts as an end.
 HORIZON = 5

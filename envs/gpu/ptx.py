@@ -14,8 +14,8 @@ from unittest.mock import patch
 import numpy as np
 from numba import cuda, typeof
 
-from ..batch import EpisodeBatch
-from ..task import make_task
+from ..observe.batch import EpisodeBatch
+from ..observe.task import make_task
 from .columns import Columns
 from .device import SIMULATED, HostMemory, placed
 from .kernels import kernel_sources

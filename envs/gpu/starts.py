@@ -15,12 +15,12 @@ from swarm_mj.smallbody.gravity.polyhedron import Polyhedron
 from swarm_mj.spacecraft.control.compiled import CompiledLaw
 from swarm_mj.spacecraft.model import NQ, NV
 
-from ..actions import RoleLevel
-from ..batch import EpisodeBatch
-from ..kinematics import AttitudeEstimate, Kinematics, no_kinematics
-from ..rewards import no_outcome
-from ..task import Task
-from ..totals import EpisodeTotals
+from ..observe.actions import RoleLevel
+from ..observe.batch import EpisodeBatch
+from ..observe.kinematics import AttitudeEstimate, Kinematics, no_kinematics
+from ..observe.rewards import no_outcome
+from ..observe.task import Task
+from ..observe.totals import EpisodeTotals
 from .flight import Answer, Constants, Hold, Memory, Plain
 
 

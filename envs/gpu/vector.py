@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from swarm_mj.typing import Ints
 
-from ..actions import RoleLevel, check_action
 from ..arguments import checked_count, checked_options, flight_seed, flight_seeds, refuse_graph
-from ..batch import EpisodeBatch
-from ..rewards import TERMS
-from ..task import make_task
+from ..observe.actions import RoleLevel, check_action
+from ..observe.batch import EpisodeBatch
+from ..observe.rewards import TERMS
+from ..observe.task import make_task
 from .columns import Columns, Tables
 from .device import SIMULATED, make_memory, on_host, placed, require_device
 from .kernels import launch, make_kernels

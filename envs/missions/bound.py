@@ -19,7 +19,7 @@ from swarm_mj.observation.horizon import look_at_cell, sight_of
 from swarm_mj.observation.horizon_kernels import Scene
 from swarm_mj.typing import Array, Ints, Mask, kernel
 
-from ..evaluation import Progress
+from ..policies.evaluation import Progress
 from .baselines import fly
 from .episodes import Episodes
 from .flights import MissionFlights

@@ -18,7 +18,7 @@ from swarm_mj.scenarios.explaining import explained
 from swarm_mj.scenarios.schema_faults import Dispersions
 
 from ..arguments import checked_count, checked_share, checked_truth, is_number, is_whole
-from ..rewards import RewardScales, checked_scales
+from ..observe.rewards import RewardScales, checked_scales
 from .catalogue import DEFAULT_COUNT, chosen_missions
 from .draws import Randomisation
 from .mission import DECISION_S, DURATION_S, PERIOD_S, check_patches

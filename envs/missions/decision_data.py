@@ -9,9 +9,9 @@ import numpy as np
 from swarm_mj.simulator.fast.bound_calls import BoundCall
 from swarm_mj.typing import Array, Ints, Mask
 
-from ..kinematics import Kinematics
-from ..rewards import StepResult
-from ..task import Task
+from ..observe.kinematics import Kinematics
+from ..observe.rewards import StepResult
+from ..observe.task import Task
 from .tables import EpisodeSheet, Tables
 
 

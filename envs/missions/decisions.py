@@ -11,7 +11,7 @@ from swarm_mj.simulator.fast.bound_calls import BoundCall, call, call_at
 from swarm_mj.simulator.slots import Slot
 from swarm_mj.typing import Ints, inlined, jittable, kernel
 
-from ..kinematics import Kinematics
+from ..observe.kinematics import Kinematics
 from .decision_data import Job, Rows
 
 #: Stages of a decision: begin, where nothing fails; begin; go on where it stopped, see `Rows.instant`; score.

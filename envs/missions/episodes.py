@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from swarm_mj.typing import Array32, Mask
 
 from ..arguments import checked_count
-from ..rewards import ENDS, StepResult, horizon_ended
+from ..observe.rewards import ENDS, StepResult, horizon_ended
 from ..threads import refuse_more_than_fit
 from .config import MissionConfig
 from .draws import EpisodeDraw, Randomisation

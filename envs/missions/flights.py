@@ -16,12 +16,12 @@ from swarm_mj.simulator.loop_state import InitialState
 from swarm_mj.smallbody.occultation import occluder_of
 from swarm_mj.typing import Array, Mask
 
-from ..actions import RoleLevel, choose_targets
-from ..batch import EpisodeFlights
-from ..kinematics import Tracking, copy_truth, update_estimated_rotations, update_rotations
-from ..pictures import nothing_gained, take_pictures
-from ..rewards import Flown, Outcome, no_outcome
-from ..step import score_step
+from ..observe.actions import RoleLevel, choose_targets
+from ..observe.batch import EpisodeFlights
+from ..observe.kinematics import Tracking, copy_truth, update_estimated_rotations, update_rotations
+from ..observe.pictures import nothing_gained, take_pictures
+from ..observe.rewards import Flown, Outcome, no_outcome
+from ..observe.step import score_step
 from .decision_data import Calls, Came, Facts, Held, Job, Rows, Told, schedule_of
 from .decisions import decide_flight
 from .draws import EpisodeDraw

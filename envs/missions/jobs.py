@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from swarm_mj.simulator.fast.bound_calls import BoundCall
 from swarm_mj.typing import Indices
 
-from ..rewards import RewardTerms, StepResult
+from ..observe.rewards import RewardTerms, StepResult
 from .decision_data import Facts, Told, no_facts
 from .decisions import BEGIN, CHECK, DONE, DOUBTS, FAILS, FINISH, GO_ON, decide_flights
 from .flights import MissionFlights

@@ -15,8 +15,8 @@ from swarm_mj.io.resources import asset_path
 from swarm_mj.typing import Array
 
 from ..arguments import checked_episodes
-from ..evaluation import Interval, Progress, interval
-from ..frozen_episodes import FrozenEpisodes, policy_file
+from ..policies.evaluation import Interval, Progress, interval
+from ..policies.frozen_episodes import FrozenEpisodes, policy_file
 from ..threads import default_threads
 from .baselines import BASELINES, Flown, Policy, fly, open_loop, random_choices
 from .bound import Bound, bounds

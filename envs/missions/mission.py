@@ -27,9 +27,9 @@ from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.spacecraft.attitude.algebra import Vector, combine, cross, scaled, vector
 from swarm_mj.typing import Array, Ints, Mask, kernel
 
-from ..config import EnvConfig
-from ..patches import make_patches
-from ..task import Task
+from ..observe.config import EnvConfig
+from ..observe.patches import make_patches
+from ..observe.task import Task
 from .catalogue import MOST_HALF_ANGLE_DEG, MissionSpec
 from .reach import cells_in_view
 

@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from swarm_mj.errors import ScenarioError
 from swarm_mj.typing import Array32, Pixels
 
-from ..actions import check_action
 from ..arguments import checked_options, checked_prefix, checked_render_mode, flight_seed, record_of
+from ..observe.actions import check_action
 from ..snapshots import FlightState, RebuiltOnCopy, must_have_begun, restore_state, take_state
 from .catalogue import DEFAULT_COUNT
 from .config import MissionConfig

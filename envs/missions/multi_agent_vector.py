@@ -13,7 +13,7 @@ from gymnasium import spaces
 
 from swarm_mj.typing import Array32, Mask
 
-from ..multi_agent_vector import ParallelVectorEnv, PerAgent
+from ..observe.multi_agent_vector import ParallelVectorEnv, PerAgent
 from .multi_agent import local_observations, local_space
 from .vector import SwarmObserveV1VectorEnv
 

@@ -30,8 +30,8 @@ from swarm_mj.errors import ScenarioError
 from swarm_mj.io.records import reading, record_from
 from swarm_mj.typing import Array32, Ints
 
-from ..policy_network import NetworkPolicy, load_network, masked_argmax
-from ..provenance import Provenance, check_provenance, provenance_of, refuse_other_environment
+from ..policies.policy_network import NetworkPolicy, load_network, masked_argmax
+from ..policies.provenance import Provenance, check_provenance, provenance_of, refuse_other_environment
 from .baselines import Policy
 from .choices import SIZE as CHOICE_SIZE
 from .choices import choice_rows

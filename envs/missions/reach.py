@@ -8,7 +8,7 @@ from swarm_mj.observation.horizon import look_at_cell, sight_of
 from swarm_mj.observation.horizon_kernels import Scene
 from swarm_mj.typing import Array, Mask, kernel
 
-from ..kinematics import BodyRotation
+from ..observe.kinematics import BodyRotation
 
 #: How far off what stands far off is taken to stand, in radii of the body; and by how much directions to it differ at most,
 #: from point to point of the body [rad], with room to spare.

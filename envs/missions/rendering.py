@@ -11,7 +11,7 @@ import numpy as np
 from swarm_mj.smallbody.environment import LinearMotion
 from swarm_mj.typing import Pixels
 
-from ..rendering import instant_of
+from ..observe.rendering import instant_of
 from .draws import EpisodeDraw
 from .episodes import Episodes
 from .flights import MissionFlights

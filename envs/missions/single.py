@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from swarm_mj.typing import Pixels
 
-from ..actions import check_action
 from ..arguments import checked_options, checked_render_mode, checked_size, flight_seed, record_of
-from ..rendering import Window
-from ..rewards import TERMS
+from ..observe.actions import check_action
+from ..observe.rendering import Window
+from ..observe.rewards import TERMS
 from ..snapshots import FlightState, RebuiltOnCopy, must_have_begun, restore_state, take_state
 from .catalogue import DEFAULT_COUNT
 from .config import MissionConfig

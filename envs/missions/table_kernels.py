@@ -9,9 +9,9 @@ from swarm_mj.observation.capture import takes_picture
 from swarm_mj.smallbody.occultation import way_blocked
 from swarm_mj.typing import Array, Array32, Mask, kernel
 
-from ..kinematics import Kinematics
-from ..observations import RATE_SCALE
-from ..totals import EpisodeTotals
+from ..observe.kinematics import Kinematics
+from ..observe.observations import RATE_SCALE
+from ..observe.totals import EpisodeTotals
 from .tables import BOUND, LOOKAHEAD, EpisodeSheet, Standing, TableConstants, Tables
 
 _SPACECRAFT, _EARTH, _DIRECTION = int(TargetKind.SPACECRAFT), int(TargetKind.EARTH), int(TargetKind.DIRECTION)

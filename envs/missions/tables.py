@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from swarm_mj.smallbody.occultation import Occluder
 from swarm_mj.typing import Array, Array32, Ints, Mask
 
-from ..kinematics import AttitudeEstimate, Kinematics, Tracking
-from ..totals import EpisodeTotals
+from ..observe.kinematics import AttitudeEstimate, Kinematics, Tracking
+from ..observe.totals import EpisodeTotals
 
 #: Columns of the tables.
 SPACECRAFT = (

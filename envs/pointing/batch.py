@@ -13,7 +13,7 @@ from swarm_mj.simulator.slots import Slot
 from swarm_mj.spacecraft.attitude.guidance import pointing_error
 from swarm_mj.typing import Array, Ints, Mask
 
-from ..actions import body_torques
+from ..observe.actions import body_torques
 from ..pixels import IMAGE_SPACE, Poses
 from .config import WEIGHTS
 from .task import PointingTask

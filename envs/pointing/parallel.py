@@ -17,9 +17,9 @@ from gymnasium.utils import seeding
 
 from swarm_mj.errors import ScenarioError
 
-from ..actions import check_action
 from ..arguments import checked_options, checked_prefix, checked_render_mode, flight_seed
 from ..autoreset import one_of
+from ..observe.actions import check_action
 from ..snapshots import RebuiltOnCopy, must_have_begun
 from .batch import PointingBatch
 from .single import ACTION_SPACE, crossed

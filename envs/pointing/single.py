@@ -11,9 +11,9 @@ from gymnasium import spaces
 from swarm_mj.errors import ScenarioError
 from swarm_mj.typing import Array32, Pixels
 
-from ..actions import check_action
 from ..arguments import checked_options, checked_render_mode, flight_seed, is_whole
 from ..autoreset import one_of
+from ..observe.actions import check_action
 from ..snapshots import FlightState, RebuiltOnCopy, must_have_begun, restore_state, take_state
 from .batch import PointingBatch
 from .task import PointingTask, make_pointing_task

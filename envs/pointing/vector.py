@@ -16,10 +16,10 @@ from swarm_mj.typing import Array32, Mask, Pixels
 
 from ..arguments import checked_count, checked_index, checked_options, checked_render_mode, flight_seeds
 from ..autoreset import Infos, checked_mode, one_of
-from ..rewards import StepResult
+from ..observe.rewards import StepResult
+from ..observe.vector import SwarmObserveVectorEnv
 from ..snapshots import FlightState, must_have_begun, restore_state
 from ..threads import refuse_beyond_memory
-from ..vector import SwarmObserveVectorEnv
 from .batch import PointingBatch
 from .config import WEIGHTS
 from .single import ACTION_SPACE, NAME, checked_spacecraft, crossed

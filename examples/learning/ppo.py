@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from swarm_mj.envs.missions.choices import choice_rows
 from swarm_mj.envs.missions.config import MissionConfig
 from swarm_mj.envs.missions.policies import network_policy, provenance
-from swarm_mj.envs.policy_network import NetworkPolicy, save_network
+from swarm_mj.envs.policies.policy_network import NetworkPolicy, save_network
 from torch import Tensor, nn
 
 

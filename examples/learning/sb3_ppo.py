@@ -21,7 +21,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 from swarm_mj.envs.missions.config import MissionConfig
 from swarm_mj.envs.missions.layout import local_rows, make_interface
 from swarm_mj.envs.missions.policies import tell_in_zip
-from swarm_mj.envs.sb3 import SwarmObserveV1SharedVecEnv
+from swarm_mj.envs.training.sb3 import SwarmObserveV1SharedVecEnv
 
 #: What each spacecraft chooses among, beside sending.
 CANDIDATES = 4

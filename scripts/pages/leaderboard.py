@@ -15,10 +15,10 @@ from pathlib import Path
 
 import numpy as np
 from rich.console import Console
-from swarm_mj.envs.evaluation import interval
 from swarm_mj.envs.missions.baselines import Flown, fly
 from swarm_mj.envs.missions.leaderboard import PLANNER, TEST_SEEDS, TRAINED, Score, Test, named_policies
 from swarm_mj.envs.missions.planner import Planner
+from swarm_mj.envs.policies.evaluation import interval
 
 from scripts.pages import RESULTS
 from swarm_mj.coordination.allocation.problem import Allocation

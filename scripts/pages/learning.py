@@ -14,13 +14,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
-from swarm_mj.envs.baselines import POLICIES
-from swarm_mj.envs.evaluation import Returns, fly_seeds, interval
-from swarm_mj.envs.flyby_scores import TEST_SEEDS as SEEDS
-from swarm_mj.envs.flyby_scores import TRAINED
-from swarm_mj.envs.policy import load_policy
-from swarm_mj.envs.policy_behavior import PACKAGED
-from swarm_mj.envs.task import Task, make_task
+from swarm_mj.envs.observe.task import Task, make_task
+from swarm_mj.envs.policies.baselines import POLICIES
+from swarm_mj.envs.policies.evaluation import Returns, fly_seeds, interval
+from swarm_mj.envs.policies.flyby_scores import TEST_SEEDS as SEEDS
+from swarm_mj.envs.policies.flyby_scores import TRAINED
+from swarm_mj.envs.policies.policy import load_policy
+from swarm_mj.envs.policies.policy_behavior import PACKAGED
 
 from scripts.pages import IMAGES, RESULTS
 from swarm_mj.io.atomic import write_text
@@ -268,7 +268,7 @@ The trained policy {budget_verdict} the best scripted one there, *{budget_best}*
 
 - **Network.** One small network for all spacecraft. It gives every patch a score from the features of that patch (what is
   unseen, what a picture would bring, range and angle, who else looks there) and of the spacecraft, and scores the other
-  choices from the spacecraft alone. `envs/policy.py` has the equations and the features.
+  choices from the spacecraft alone. `envs/policies/policy.py` has the equations and the features.
 - **Imitation.** Three rounds of DAgger: the network flies, *greedy ahead* says what it would have done. On two shared cores
   that took {imitated_min} minutes and brought the return from about 0 to {imitated}; PPO passed it after {passed} steps, at
   {passed_min} minutes. With `--minutes 2`, the default, nearly all of the gain that the script prints there is therefore of

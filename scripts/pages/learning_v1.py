@@ -21,9 +21,9 @@ from typing import NamedTuple
 
 import numpy as np
 from rich.console import Console
-from swarm_mj.envs.aggregates import Aggregate, aggregate
-from swarm_mj.envs.evaluation import interval
 from swarm_mj.envs.missions.leaderboard import TRAINED, VALIDATION_SEEDS, Test
+from swarm_mj.envs.policies.evaluation import interval
+from swarm_mj.envs.training.aggregates import Aggregate, aggregate
 
 from scripts.pages import IMAGES, RESULTS, ROOT
 from swarm_mj.io.atomic import write_text
@@ -276,11 +276,11 @@ these, and to {elsewhere} on the 96 others of the [leaderboard](leaderboard.md),
   Training flies the split `train`, other places on the bodies. *Bound*: what no policy can pass, see
   [leaderboard](leaderboard.md).
 - **Curves.** Interquartile mean of the runs, each of another seed, and its 95 % bootstrap interval, as rliable defines them
-  (`envs/aggregates.py`). Of five runs the middle three are averaged.
+  (`envs/training/aggregates.py`). Of five runs the middle three are averaged.
 - **Decisions** are those of the swarm: every 20 s of flight all spacecraft choose.
 - **PPO of stable-baselines3** is `PPO("MlpPolicy", ...)` with every setting as it comes, with `candidates=4`: each spacecraft
   chooses among its four best patches and sending. That order is part of the help it gets: always the first is a rule of its
-  own. Each of up to three spacecraft is an environment of its own (`envs.sb3.SwarmObserveV1SharedVecEnv`), so that a decision
+  own. Each of up to three spacecraft is an environment of its own (`envs.SwarmObserveV1SharedVecEnv`), so that a decision
   is three of what stable-baselines3 counts as steps, and one policy flies all of them. It knows no masks.
 - **PPO in one file** is `examples/learning/ppo.py`, among all patches, with `info["action_mask"]`: one network judges choice by
   choice by what is known of it (`choices.choice_rows`). **MAPPO** has the same network, and clips the change of the choice of

@@ -123,7 +123,7 @@ def load(
         asked += [f"design.reference={quoted(design)}", *design_overrides(design_section(str(design)))]
     scenario = load_scenario(source, asked)
     if policy is not None:
-        from swarm_mj.envs.policy_behavior import policy_overrides
+        from swarm_mj.envs.policies.policy_behavior import policy_overrides
 
         scenario = load_scenario(source, [*asked, *policy_overrides(policy, scenario)])
     return Scenario.of(scenario)

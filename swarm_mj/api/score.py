@@ -9,9 +9,9 @@ from typing import Any
 
 from rich.progress import Progress
 
-from swarm_mj.envs.flyby_scores import FlybyScore, FlybyTest
-from swarm_mj.envs.frozen_episodes import FrozenEpisodes
 from swarm_mj.envs.missions.leaderboard import Score, Test
+from swarm_mj.envs.policies.flyby_scores import FlybyScore, FlybyTest
+from swarm_mj.envs.policies.frozen_episodes import FrozenEpisodes
 from swarm_mj.errors import ScenarioError
 from swarm_mj.io.progress import using_bars
 

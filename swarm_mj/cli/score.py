@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from swarm_mj.envs.flyby_scores import FlybyScore
     from swarm_mj.envs.missions.leaderboard import Score
+    from swarm_mj.envs.policies.flyby_scores import FlybyScore
 
 
 def add(commands: argparse._SubParsersAction) -> None:

@@ -44,6 +44,8 @@ OLD = [
     ("swarm_mj.attitude.controllers.compiled", "CompiledLaw"),
     ("swarm_mj.attitude.mrp", "dcm"),
     ("swarm_mj.campaign.store", "read_results"),
+    ("swarm_mj.envs.evaluation", "interval"),
+    ("swarm_mj.envs.policy", "PatchGeometry"),
 ]
 
 

@@ -7,7 +7,7 @@ from typing import ClassVar
 import gymnasium
 import numpy as np
 import pytest
-from swarm_mj.envs.policy import OWN, PER_PATCH, WEIGHTS, ArrayPolicy, describe, geometry_of
+from swarm_mj.envs.policies.policy import OWN, PER_PATCH, WEIGHTS, ArrayPolicy, describe, geometry_of
 
 from swarm_mj.mission.behaviors import TargetKind, Targets
 

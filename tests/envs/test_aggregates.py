@@ -4,7 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
-from swarm_mj.envs.aggregates import aggregate, interquartile_mean
+from swarm_mj.envs.training.aggregates import aggregate, interquartile_mean
 
 from swarm_mj.errors import OutputError
 

@@ -5,7 +5,7 @@ import os
 import gymnasium
 import numpy as np
 import pytest
-from swarm_mj.envs.task import make_task
+from swarm_mj.envs.observe.task import make_task
 from swarm_mj.envs.threads import LEAN, ThreadedBatch, flight_bytes
 
 from swarm_mj.errors import ScenarioError, SwarmError

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from swarm_mj.envs.baselines import POLICIES, fly, middle_patch
+from swarm_mj.envs.policies.baselines import POLICIES, fly, middle_patch
 
 
 @pytest.fixture(scope="module")

@@ -13,7 +13,7 @@ from swarm_mj.envs.missions.policies import interface_of, open_policy, provenanc
 from swarm_mj.envs.missions.single import SwarmObserveV1Env
 from swarm_mj.envs.missions.tables import PAIRS, PATCHES, SPACECRAFT
 from swarm_mj.envs.missions.vector import SwarmObserveV1VectorEnv
-from swarm_mj.envs.policy_network import save_network
+from swarm_mj.envs.policies.policy_network import save_network
 
 from swarm_mj.errors import ScenarioError
 

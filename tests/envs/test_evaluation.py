@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from swarm_mj.envs.baselines import POLICIES, fly
-from swarm_mj.envs.evaluation import fly_seeds, interval
+from swarm_mj.envs.policies.baselines import POLICIES, fly
+from swarm_mj.envs.policies.evaluation import fly_seeds, interval
 
 
 def test_seeds_flown_together_give_the_returns_of_single_episodes(roles):

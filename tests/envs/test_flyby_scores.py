@@ -3,14 +3,14 @@
 import json
 
 import pytest
-from swarm_mj.envs import flyby_scores
-from swarm_mj.envs.baselines import POLICIES, fly
-from swarm_mj.envs.flyby_scores import TEST_SEEDS, FlybyTest
 from swarm_mj.envs.missions.config import MissionConfig
 from swarm_mj.envs.missions.policies import open_policy
-from swarm_mj.envs.policy_behavior import PACKAGED
-from swarm_mj.envs.policy_network import save_network
-from swarm_mj.envs.swarm_observe import SwarmObserveEnv
+from swarm_mj.envs.observe.single import SwarmObserveEnv
+from swarm_mj.envs.policies import flyby_scores
+from swarm_mj.envs.policies.baselines import POLICIES, fly
+from swarm_mj.envs.policies.flyby_scores import TEST_SEEDS, FlybyTest
+from swarm_mj.envs.policies.policy_behavior import PACKAGED
+from swarm_mj.envs.policies.policy_network import save_network
 
 from swarm_mj.cli.main import main
 from swarm_mj.errors import ScenarioError

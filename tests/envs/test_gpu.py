@@ -6,7 +6,7 @@ import gymnasium
 import numpy as np
 import pytest
 import swarm_mj.envs as envs
-from swarm_mj.envs.batch import EpisodeBatch
+from swarm_mj.envs.observe.batch import EpisodeBatch
 
 from swarm_mj.errors import ScenarioError
 from swarm_mj.simulator.fast import kernels as decisions
@@ -101,7 +101,7 @@ def test_a_device_sees_no_function_of_the_processor(gpu):
     from swarm_mj.envs.gpu import kernels, starts
 
     task = envs.task.make_task(overrides=[*gpu.OVERRIDES, *SHORT]) if hasattr(envs, "task") else None
-    task = task or __import__("swarm_mj.envs.task", fromlist=["make_task"]).make_task(
+    task = task or __import__("swarm_mj.envs.observe.task", fromlist=["make_task"]).make_task(
         overrides=[*gpu.OVERRIDES, *SHORT]
     )
 
@@ -171,7 +171,7 @@ def test_the_memory_of_a_device_is_laid_out_as_that_of_the_simulator(gpu, monkey
 def test_columns_share_what_shares_memory(gpu):
     from swarm_mj.envs.gpu.columns import Columns
     from swarm_mj.envs.gpu.device import HostMemory
-    from swarm_mj.envs.kinematics import AttitudeEstimate
+    from swarm_mj.envs.observe.kinematics import AttitudeEstimate
 
     numbers = np.arange(6.0)[None]
     columns = Columns(AttitudeEstimate(numbers, numbers.reshape(1, 2, 3), np.full((1, 2), 7, np.int64)))

@@ -5,9 +5,9 @@ import pytest
 
 pytest.importorskip("pettingzoo")
 
-from swarm_mj.envs.graph_knowledge import GraphKnowledge, News  # noqa: E402
-from swarm_mj.envs.multi_agent import swarm_observe_v0  # noqa: E402
-from swarm_mj.envs.patches import Patches  # noqa: E402
+from swarm_mj.envs.observe.graph_knowledge import GraphKnowledge, News  # noqa: E402
+from swarm_mj.envs.observe.multi_agent import swarm_observe_v0  # noqa: E402
+from swarm_mj.envs.observe.patches import Patches  # noqa: E402
 
 from swarm_mj.errors import ScenarioError  # noqa: E402
 from swarm_mj.scenarios.loading import load_scenario  # noqa: E402

@@ -17,7 +17,7 @@ from swarm_mj.envs.missions.layout import local_rows, make_interface
 from swarm_mj.envs.missions.leaderboard import TEST_SEEDS, VALIDATION_SEEDS, Score, Test, share_of
 from swarm_mj.envs.missions.policies import LAYOUT, flat_rows, open_policy, provenance, sizes, tell_in_zip
 from swarm_mj.envs.missions.tables import GENERAL, SPACECRAFT
-from swarm_mj.envs.policy_network import save_network
+from swarm_mj.envs.policies.policy_network import save_network
 
 from swarm_mj.cli.main import main
 from swarm_mj.errors import ScenarioError
@@ -218,7 +218,7 @@ def test_an_onnx_model_flies_and_its_metadata_are_heeded(masked, test, tmp_path)
 
 def test_a_zip_of_stable_baselines3_flies_and_what_it_was_trained_for_is_heeded(test, tmp_path):
     sb3 = pytest.importorskip("stable_baselines3")
-    from swarm_mj.envs.sb3 import SwarmObserveV1VecEnv
+    from swarm_mj.envs.training.sb3 import SwarmObserveV1VecEnv
 
     venv = SwarmObserveV1VecEnv(2, **ONE)
     model = sb3.PPO("MlpPolicy", venv, n_steps=8, batch_size=8, seed=0, device="cpu").learn(16)
@@ -271,7 +271,7 @@ def test_a_zip_of_maskable_ppo_chooses_what_makes_sense(given, test, tmp_path):
 
 def test_a_zip_that_reads_what_one_spacecraft_is_told_chooses_for_all(test, tmp_path):
     sb3 = pytest.importorskip("stable_baselines3")
-    from swarm_mj.envs.sb3 import SwarmObserveV1SharedVecEnv
+    from swarm_mj.envs.training.sb3 import SwarmObserveV1SharedVecEnv
 
     given = ONE | {"candidates": 3}
     venv, config = SwarmObserveV1SharedVecEnv(1, **given), MissionConfig(**given)

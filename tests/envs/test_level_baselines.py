@@ -3,8 +3,8 @@
 import gymnasium
 import numpy as np
 import pytest
-from swarm_mj.envs.baselines import fly
-from swarm_mj.envs.level_baselines import LEVEL_POLICIES
+from swarm_mj.envs.policies.baselines import fly
+from swarm_mj.envs.policies.level_baselines import LEVEL_POLICIES
 
 from .flights import ID
 

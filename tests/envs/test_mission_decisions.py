@@ -5,12 +5,12 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 from numba import types
-from swarm_mj.envs.batch import EpisodeBatch
 from swarm_mj.envs.missions import pool
 from swarm_mj.envs.missions.config import MissionConfig
 from swarm_mj.envs.missions.episodes import Episodes
 from swarm_mj.envs.missions.flights import MissionFlights
 from swarm_mj.envs.missions.jobs import result_of
+from swarm_mj.envs.observe.batch import EpisodeBatch
 
 from swarm_mj.simulator.fast.bound_calls import BoundCall, call, call_at
 from swarm_mj.simulator.fast.flights import NEVER

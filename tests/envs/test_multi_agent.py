@@ -8,7 +8,7 @@ import pytest
 
 pettingzoo_test = pytest.importorskip("pettingzoo.test")
 
-from swarm_mj.envs.multi_agent import swarm_observe_v0  # noqa: E402
+from swarm_mj.envs.observe.multi_agent import swarm_observe_v0  # noqa: E402
 
 from swarm_mj.errors import ScenarioError  # noqa: E402
 from swarm_mj.scenarios.loading import load_scenario  # noqa: E402

@@ -7,7 +7,7 @@ import pytest
 pytest.importorskip("pettingzoo")
 
 from swarm_mj.envs import SwarmObserveParallelVectorEnv  # noqa: E402
-from swarm_mj.envs.multi_agent import swarm_observe_v0  # noqa: E402
+from swarm_mj.envs.observe.multi_agent import swarm_observe_v0  # noqa: E402
 
 from swarm_mj.errors import ScenarioError  # noqa: E402
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import trimesh
-from swarm_mj.envs.patches import make_patches, surface_points, tangents
+from swarm_mj.envs.observe.patches import make_patches, surface_points, tangents
 
 from swarm_mj.mission.target import build_target
 from swarm_mj.observation.raytracing import RayTracer

@@ -5,7 +5,7 @@ from dataclasses import replace
 import gymnasium
 import numpy as np
 import pytest
-from swarm_mj.envs.baselines import POLICIES
+from swarm_mj.envs.policies.baselines import POLICIES
 
 from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.observe import observe_flight

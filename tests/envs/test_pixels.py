@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
-from swarm_mj.envs.camera_observation import CameraObservation
+from swarm_mj.envs.observe.camera_observation import CameraObservation
 from swarm_mj.envs.pixels import MOST_FACES
 from swarm_mj.envs.pointing.batch import PointingBatch
 from swarm_mj.envs.pointing.task import make_pointing_task

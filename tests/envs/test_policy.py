@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import swarm_mj.envs  # noqa: F401
-from swarm_mj.envs.baselines import POLICIES, fly
-from swarm_mj.envs.evaluation import fly_seeds
-from swarm_mj.envs.observations import LAYOUT
-from swarm_mj.envs.policy import (
+from swarm_mj.envs.observe.observations import LAYOUT
+from swarm_mj.envs.observe.task import make_task
+from swarm_mj.envs.policies.baselines import POLICIES, fly
+from swarm_mj.envs.policies.evaluation import fly_seeds
+from swarm_mj.envs.policies.policy import (
     OWN,
     PER_PATCH,
     assign,
@@ -17,8 +18,7 @@ from swarm_mj.envs.policy import (
     provenance,
     save_policy,
 )
-from swarm_mj.envs.policy_behavior import PACKAGED, TrainedPolicy
-from swarm_mj.envs.task import make_task
+from swarm_mj.envs.policies.policy_behavior import PACKAGED, TrainedPolicy
 
 from swarm_mj import __version__
 from swarm_mj.errors import ScenarioError

@@ -6,9 +6,9 @@ from dataclasses import replace
 import gymnasium
 import numpy as np
 import pytest
-from swarm_mj.envs.baselines import POLICIES
-from swarm_mj.envs.policy import ArrayPolicy, load_policy, save_policy
-from swarm_mj.envs.policy_behavior import PACKAGED, ScriptedPolicy, TrainedPolicy, policy_overrides
+from swarm_mj.envs.policies.baselines import POLICIES
+from swarm_mj.envs.policies.policy import ArrayPolicy, load_policy, save_policy
+from swarm_mj.envs.policies.policy_behavior import PACKAGED, ScriptedPolicy, TrainedPolicy, policy_overrides
 
 from swarm_mj.cli.main import main
 from swarm_mj.errors import MissionError, ScenarioError

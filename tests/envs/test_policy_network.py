@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from swarm_mj.envs.policy_network import WEIGHTS, NetworkPolicy, load_network, save_network
+from swarm_mj.envs.policies.policy_network import WEIGHTS, NetworkPolicy, load_network, save_network
 
 from swarm_mj.errors import ScenarioError
 

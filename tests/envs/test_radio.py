@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
-from swarm_mj.envs.kinematics import Tracking, no_kinematics
-from swarm_mj.envs.radio import RadioConstants, earth_rates, transmit
-from swarm_mj.envs.totals import no_totals
+from swarm_mj.envs.observe.kinematics import Tracking, no_kinematics
+from swarm_mj.envs.observe.radio import RadioConstants, earth_rates, transmit
+from swarm_mj.envs.observe.totals import no_totals
 
 from swarm_mj.dataflow.ground import elevations_deg, stations_from
 from swarm_mj.dataflow.link_budget import RateTable

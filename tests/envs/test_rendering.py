@@ -7,7 +7,7 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
-from swarm_mj.envs.rendering import Window
+from swarm_mj.envs.observe.rendering import Window
 
 from swarm_mj.errors import SwarmError
 

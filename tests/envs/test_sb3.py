@@ -8,7 +8,7 @@ pytest.importorskip("stable_baselines3")
 from stable_baselines3.common.env_util import make_vec_env  # noqa: E402
 from stable_baselines3.common.monitor import Monitor  # noqa: E402
 from stable_baselines3.common.vec_env import VecNormalize  # noqa: E402
-from swarm_mj.envs.sb3 import SwarmObserveV1SharedVecEnv, SwarmObserveVecEnv, SwarmPointingVecEnv  # noqa: E402
+from swarm_mj.envs.training.sb3 import SwarmObserveV1SharedVecEnv, SwarmObserveVecEnv, SwarmPointingVecEnv  # noqa: E402
 
 from swarm_mj.errors import ScenarioError  # noqa: E402
 

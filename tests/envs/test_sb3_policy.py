@@ -6,9 +6,9 @@ import pytest
 torch = pytest.importorskip("torch")
 pytest.importorskip("stable_baselines3")
 from stable_baselines3 import PPO  # noqa: E402
-from swarm_mj.envs.policy import load_policy, save_policy  # noqa: E402
-from swarm_mj.envs.sb3 import SwarmObserveVecEnv  # noqa: E402
-from swarm_mj.envs.sb3_policy import SwarmActorCritic, VecPolicyFeatures, to_array_policy  # noqa: E402
+from swarm_mj.envs.policies.policy import load_policy, save_policy  # noqa: E402
+from swarm_mj.envs.training.sb3 import SwarmObserveVecEnv  # noqa: E402
+from swarm_mj.envs.training.sb3_policy import SwarmActorCritic, VecPolicyFeatures, to_array_policy  # noqa: E402
 
 
 def test_the_network_in_torch_and_the_policy_in_numpy_give_the_same_logits(tmp_path):

@@ -4,7 +4,7 @@ import json
 import math
 
 import pytest
-from swarm_mj.envs.sb3_state import TrainingState, read_state
+from swarm_mj.envs.training.sb3_state import TrainingState, read_state
 
 from swarm_mj.errors import ScenarioError
 

@@ -12,9 +12,9 @@ import pytest
 
 pytest.importorskip("torch")
 pytest.importorskip("stable_baselines3")
-from swarm_mj.envs import sb3_training  # noqa: E402
-from swarm_mj.envs.evaluation import Returns  # noqa: E402
-from swarm_mj.envs.sb3_options import command_line  # noqa: E402
+from swarm_mj.envs.policies.evaluation import Returns  # noqa: E402
+from swarm_mj.envs.training import sb3_training  # noqa: E402
+from swarm_mj.envs.training.sb3_options import command_line  # noqa: E402
 
 SCRIPT = Path(__file__).parents[2] / "examples" / "train_sb3.py"
 
@@ -51,7 +51,7 @@ class Example:
         return command_line(self._module.train, argv=argv)
 
     def fly_seeds(self, policy, seeds, **arguments):
-        """Instead of `swarm_mj.envs.evaluation.fly_seeds`."""
+        """Instead of `swarm_mj.envs.policies.evaluation.fly_seeds`."""
         mean = self.returns.pop(0) if seeds is sb3_training.VALIDATION else 0.0
         return Returns(np.full(len(seeds), mean), np.full(len(seeds), 50.0 * mean), np.zeros(len(seeds)))
 

@@ -188,7 +188,7 @@ def flown_to_the_end(env):
 @pytest.mark.parametrize("duplicate", [*DUPLICATES, None], ids=["copy", "pickle", "state"])
 def test_a_flight_of_agents_goes_on_from_its_state_and_from_a_copy(duplicate, observability):
     pytest.importorskip("pettingzoo")
-    from swarm_mj.envs.multi_agent import swarm_observe_v0
+    from swarm_mj.envs.observe.multi_agent import swarm_observe_v0
 
     deaf = ["link.crosslink.power_w=1e-9"] if observability == "graph" else []
     env = swarm_observe_v0.parallel_env(agent_prefix="sc_", observability=observability, overrides=deaf)
@@ -210,7 +210,7 @@ def test_a_flight_of_agents_goes_on_from_its_state_and_from_a_copy(duplicate, ob
 
 def test_agents_are_named_by_a_text():
     pytest.importorskip("pettingzoo")
-    from swarm_mj.envs.multi_agent import swarm_observe_v0
+    from swarm_mj.envs.observe.multi_agent import swarm_observe_v0
 
     with pytest.raises(ScenarioError, match="agent_prefix = ''"):
         swarm_observe_v0.parallel_env(agent_prefix="")

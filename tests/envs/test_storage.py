@@ -3,7 +3,7 @@
 import gymnasium
 import numpy as np
 import pytest
-from swarm_mj.envs.config import EnvConfig
+from swarm_mj.envs.observe.config import EnvConfig
 
 from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.scenarios.schema_link import Data

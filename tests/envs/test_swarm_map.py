@@ -4,10 +4,10 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
-from swarm_mj.envs.baselines import fly
-from swarm_mj.envs.map_baselines import MAP_POLICIES
-from swarm_mj.envs.patches import make_sphere_patches
-from swarm_mj.envs.swarm_map import LONG_STAY, mapped
+from swarm_mj.envs.observe.patches import make_sphere_patches
+from swarm_mj.envs.observe.swarm_map import LONG_STAY, mapped
+from swarm_mj.envs.policies.baselines import fly
+from swarm_mj.envs.policies.map_baselines import MAP_POLICIES
 
 from swarm_mj.errors import ScenarioError
 from swarm_mj.mission.target import whole_body

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 from swarm_mj.envs import SwarmObserveEnv
-from swarm_mj.envs.config import EnvConfig
+from swarm_mj.envs.observe.config import EnvConfig
 
 from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.simulator.simulation import Simulation

@@ -1,7 +1,7 @@
 """What episodes have come to, entered picture by picture."""
 
 import numpy as np
-from swarm_mj.envs.totals import no_totals, record_cells, reset_totals
+from swarm_mj.envs.observe.totals import no_totals, record_cells, reset_totals
 
 
 def test_pictures_enter_their_cells_times_area_and_data_and_a_reset_forgets_one_episode():

@@ -109,7 +109,7 @@ def test_separate_simulations_fly_bit_for_bit_what_the_batch_flies(control, whee
         simulation.why_not_compiled = lambda law: "the test says so"
         return simulation
 
-    monkeypatch.setattr("swarm_mj.envs.task.make_simulation", refused)
+    monkeypatch.setattr("swarm_mj.envs.observe.task.make_simulation", refused)
     separate, others = fly()
     assert (compiled, separate) == (True, False)
     assert np.array_equal(rows, others)

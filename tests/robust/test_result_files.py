@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from swarm_mj.envs.policy import load_policy
+from swarm_mj.envs.policies.policy import load_policy
 
 import swarm_mj as sm
 from swarm_mj.campaigns.config import Campaign

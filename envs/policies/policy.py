@@ -29,9 +29,9 @@ from swarm_mj.io.atomic import atomic_file
 from swarm_mj.io.records import Record, reading, record_from
 from swarm_mj.typing import Array, Ints
 
-from .observations import COLUMNS, FEATURES, LAYOUT
+from ..observe.observations import COLUMNS, FEATURES, LAYOUT
+from ..observe.task import Task
 from .provenance import Provenance, check_provenance, given_arguments, provenance_of
-from .task import Task
 
 Arrays = dict[str, NDArray[Any]]
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from swarm_mj.errors import ScenarioError
 from swarm_mj.typing import Array, Array32, Mask
 
-from .arguments import checked_prefix
+from ..arguments import checked_prefix
 from .local_observations import action_part, local_observation, local_space
 from .vector import SwarmObserveVectorEnv
 

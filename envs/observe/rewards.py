@@ -15,7 +15,7 @@ from swarm_mj.errors import ScenarioError
 from swarm_mj.smallbody.occultation import Occluder, way_blocked
 from swarm_mj.typing import Array, Array32, Ints, Mask, lean
 
-from .arguments import is_number
+from ..arguments import is_number
 from .kinematics import Kinematics
 from .totals import EpisodeTotals
 

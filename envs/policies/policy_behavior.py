@@ -28,15 +28,15 @@ from swarm_mj.mission.behaviors import Behavior, SwarmView, Targets
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.typing import Array, Array32, Ints, Mask
 
-from .actions import RoleLevel
-from .arguments import checked_step
+from ..arguments import checked_step
+from ..observe.actions import RoleLevel
+from ..observe.episode_state import EpisodeState
+from ..observe.observations import LAYOUT
+from ..observe.radio import transmit
+from ..observe.task import Task, make_task
 from .baselines import POLICIES
-from .episode_state import EpisodeState
-from .observations import LAYOUT
 from .policy import ENVIRONMENT, ArrayPolicy, load_policy
 from .provenance import check_provenance
-from .radio import transmit
-from .task import Task, make_task
 
 Act = Callable[[Array32], Ints]
 
@@ -51,7 +51,7 @@ def policy_overrides(policy: str, scenario: Scenario) -> list[str]:
     """What has to be set in a scenario for a policy to fly it, with the same swarm as the scenario's own behaviour.
 
     Args:
-        policy: A scripted one by name, `trained` for the packaged one, or a file of `swarm_mj.envs.policy`.
+        policy: A scripted one by name, `trained` for the packaged one, or a file of `swarm_mj.envs.policies.policy`.
         scenario: As it is without the policy.
 
     Raises:
@@ -71,7 +71,7 @@ def policy_overrides(policy: str, scenario: Scenario) -> list[str]:
 
 @dataclass(frozen=True)
 class ScriptedPolicy:
-    """One of the scripted policies of `swarm_mj.envs.baselines`.
+    """One of the scripted policies of `swarm_mj.envs.policies.baselines`.
 
     Attributes:
         n_observers: Number of spacecraft that observe.
@@ -116,7 +116,7 @@ class ScriptedPolicy:
 
 @dataclass(frozen=True)
 class TrainedPolicy:
-    """A policy from a file of `swarm_mj.envs.policy`.
+    """A policy from a file of `swarm_mj.envs.policies.policy`.
 
     Attributes:
         n_observers: Number of spacecraft that observe.

@@ -16,7 +16,7 @@ from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.raytracing import RayTracer
 from swarm_mj.typing import Array, Indices, Mask
 
-from .arguments import is_whole
+from ..arguments import is_whole
 
 
 @dataclass(frozen=True, eq=False)

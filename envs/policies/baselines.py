@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from swarm_mj.typing import Array, Array32
 
+from ..observe.single import SwarmObserveEnv
+from ..observe.task import Task
 from .policy import geometry_of, greedy_actions
-from .swarm_observe import SwarmObserveEnv
-from .task import Task
 
 Action = NDArray[Any]
 Policy = Callable[[Task, Array32], Action]

@@ -1,6 +1,6 @@
 """SwarmObserve-v0 for many agents: each spacecraft decides for itself, through PettingZoo's ParallelEnv.
 
-from swarm_mj.envs.multi_agent import swarm_observe_v0
+from swarm_mj.envs.observe.multi_agent import swarm_observe_v0
 env = swarm_observe_v0.parallel_env(control="role")
 """
 
@@ -23,14 +23,14 @@ from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.typing import Array, Array32, Pixels
 
+from ..arguments import checked_options, checked_prefix, checked_render_mode, flight_seed
+from ..snapshots import FlightState, RebuiltOnCopy, must_have_begun, restore_state, take_state
 from .actions import check_action
-from .arguments import checked_options, checked_prefix, checked_render_mode, flight_seed
 from .batch import EpisodeBatch
 from .config import EnvConfig
 from .graph_knowledge import GraphKnowledge, News, groups_of
 from .local_observations import action_part, local_observation, local_space
 from .rendering import EpisodeRenderer
-from .snapshots import FlightState, RebuiltOnCopy, must_have_begun, restore_state, take_state
 from .task import make_task
 
 try:

@@ -13,13 +13,13 @@ from swarm_mj.errors import ScenarioError
 from swarm_mj.io.resources import asset_path
 from swarm_mj.typing import Array32, Ints
 
-from .arguments import checked_episodes
+from ..arguments import checked_episodes
+from ..observe.task import Task, make_task
 from .evaluation import Interval, Progress, Returns, VectorPolicy, fly_seeds, interval
 from .frozen_episodes import FrozenEpisodes, policy_file
 from .policy import ENVIRONMENT, load_policy
 from .policy_behavior import PACKAGED, SCRIPTED
 from .provenance import refuse_other_environment
-from .task import Task, make_task
 
 #: Seeds of the episodes; they stay as they are for good.
 TEST_SEEDS = tuple(range(5_000, 5_100))

@@ -11,9 +11,9 @@ import numpy as np
 from swarm_mj.spacecraft.control.feedback import MrpFeedback
 from swarm_mj.typing import Array, Array32
 
+from ..observe.patches import tangents
+from ..observe.task import Task
 from .baselines import POLICIES, Policy, body_centre, greedy, sweep
-from .patches import tangents
-from .task import Task
 
 #: Which of the numbers `role` of an observation says that a spacecraft looks at the body's centre.
 _CENTRE = 0

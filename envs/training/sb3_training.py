@@ -16,8 +16,8 @@ import numpy as np
 from swarm_mj.errors import ScenarioError
 from swarm_mj.io.atomic import atomic_file
 
-from .evaluation import fly_seeds, interval
-from .policy import greedy_actions, load_policy, save_policy
+from ..policies.evaluation import fly_seeds, interval
+from ..policies.policy import greedy_actions, load_policy, save_policy
 from .sb3 import SwarmObserveVecEnv
 from .sb3_options import TrainingOptions
 from .sb3_policy import SwarmActorCritic, VecPolicyFeatures, to_array_policy

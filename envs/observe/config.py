@@ -10,8 +10,8 @@ from swarm_mj.errors import ScenarioError
 from swarm_mj.observation.observer import ObserverKind
 from swarm_mj.scenarios.schema import Scenario
 
+from ..arguments import checked_overrides, checked_rate, checked_share, checked_truth
 from .actions import check_level
-from .arguments import checked_overrides, checked_rate, checked_share, checked_truth
 from .rewards import checked_scales
 
 #: What is to be seen: the scenario's target, or all of its body.

@@ -10,12 +10,12 @@ from gymnasium.vector import AutoresetMode
 
 from swarm_mj.typing import Array32, Mask, Pixels
 
-from .arguments import checked_count, checked_index, checked_render_mode, refuse_graph
-from .autoreset import FlightsVectorEnv, Infos, checked_mode
+from ..arguments import checked_count, checked_index, checked_render_mode, refuse_graph
+from ..autoreset import FlightsVectorEnv, Infos, checked_mode
+from ..snapshots import FlightState, RebuiltOnCopy, must_have_begun, restore_state, take_state
+from ..threads import ThreadedBatch, default_threads
 from .rendering import EpisodeRenderer
-from .snapshots import FlightState, RebuiltOnCopy, must_have_begun, restore_state, take_state
 from .task import make_task
-from .threads import ThreadedBatch, default_threads
 
 
 class SwarmObserveVectorEnv(RebuiltOnCopy, FlightsVectorEnv):

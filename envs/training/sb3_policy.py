@@ -16,8 +16,8 @@ from torch import Tensor, nn
 
 from swarm_mj.typing import Array, Array32
 
-from .observations import COLUMNS, FEATURES
-from .policy import OWN, PER_PATCH, ArrayPolicy, PatchGeometry, describe, geometry_of, provenance
+from ..observe.observations import COLUMNS, FEATURES
+from ..policies.policy import OWN, PER_PATCH, ArrayPolicy, PatchGeometry, describe, geometry_of, provenance
 from .sb3 import SwarmObserveVecEnv
 
 

@@ -11,8 +11,8 @@ from scipy.stats import t as student
 
 from swarm_mj.typing import Array, Array32, Ints
 
-from .task import Task
-from .vector import SwarmObserveVectorEnv
+from ..observe.task import Task
+from ..observe.vector import SwarmObserveVectorEnv
 
 #: From observations, shape (E, F), to actions, shape (E, n).
 VectorPolicy = Callable[[Array32], Ints]

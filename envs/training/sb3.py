@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from swarm_mj.errors import ScenarioError
 from swarm_mj.typing import Array32, Mask, Pixels
 
-from .missions.episodes import box
-from .missions.layout import local_rows
-from .missions.vector import SwarmObserveV1VectorEnv
-from .pointing.vector import SwarmPointingVectorEnv
-from .vector import SwarmObserveVectorEnv
+from ..missions.episodes import box
+from ..missions.layout import local_rows
+from ..missions.vector import SwarmObserveV1VectorEnv
+from ..observe.vector import SwarmObserveVectorEnv
+from ..pointing.vector import SwarmPointingVectorEnv
 
 try:
     from stable_baselines3.common.vec_env.base_vec_env import (

@@ -19,7 +19,7 @@ from swarm_mj.io.arrays import Declared, arrays_in
 from swarm_mj.io.records import Record, reading, record_from
 from swarm_mj.scenarios.schema import Scenario
 
-from .config import EnvConfig
+from ..observe.config import EnvConfig
 
 
 class Provenance(Record):

@@ -24,7 +24,7 @@ from swarm_mj.simulator.simulation import Simulation
 from swarm_mj.smallbody.occultation import Occluder, occluder_of
 from swarm_mj.typing import Mask
 
-from .arguments import checked_scenario, checked_step, record_of, refuse_extra_targets, step_of
+from ..arguments import checked_scenario, checked_step, record_of, refuse_extra_targets, step_of
 from .config import EnvConfig
 from .kinematics import BodyRotation
 from .observations import ObservationConstants, ObservationLayout

@@ -11,9 +11,9 @@ from gymnasium import spaces
 from swarm_mj.errors import ScenarioError
 from swarm_mj.typing import Array32, Pixels
 
-from .arguments import is_number
-from .pixels import IMAGE_SPACE, LIGHTS, BodyPictures, Poses
-from .swarm_observe import SwarmObserveEnv
+from ..arguments import is_number
+from ..pixels import IMAGE_SPACE, LIGHTS, BodyPictures, Poses
+from .single import SwarmObserveEnv
 
 
 class CameraObservation(gymnasium.ObservationWrapper[dict[str, Any], Any, Array32]):

@@ -11,14 +11,14 @@ import gymnasium
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.typing import Array, Array32, Pixels
 
+from ..arguments import checked_render_mode, checked_size, flight_seed, refuse_graph
+from ..snapshots import FlightState, RebuiltOnCopy, must_have_begun, restore_state, take_state
 from .actions import check_action
-from .arguments import checked_render_mode, checked_size, flight_seed, refuse_graph
 from .batch import EpisodeBatch
 from .config import EnvConfig
 from .observations import ObservationLayout
 from .rendering import EpisodeRenderer, Window
 from .rewards import TERMS
-from .snapshots import FlightState, RebuiltOnCopy, must_have_begun, restore_state, take_state
 from .state import SwarmState
 from .task import make_task
 

@@ -6,9 +6,9 @@ import numpy as np
 
 from swarm_mj.typing import Array, Array32
 
+from ..observe.task import Task
 from .baselines import Action, Policy, positions_A
 from .policy import geometry_of
-from .task import Task
 
 #: How long the sweep stays on a patch [s].
 DWELL_S = 240.0

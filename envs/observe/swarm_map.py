@@ -9,7 +9,7 @@ from typing import Any
 from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.scenarios.schema import Scenario
 
-from .swarm_observe import SwarmObserveEnv
+from .single import SwarmObserveEnv
 from .vector import SwarmObserveVectorEnv
 
 #: What makes `bennu-slow` a stay of four hours, most of a turn of the body: the swarm is let go 4 km away at 0.5 m/s. The
@@ -77,7 +77,7 @@ class SwarmMapEnv(SwarmObserveEnv):
 
     | argument | default | meaning |
     |---|---|---|
-    | scenario | None | `bennu-slow` with `swarm_mj.envs.swarm_map.LONG_STAY`; any other scenario is mapped the same way |
+    | scenario | None | `bennu-slow` with `swarm_mj.envs.observe.swarm_map.LONG_STAY`; others are mapped the same way |
     | control | `"role"` | or `torque`; `pointing` has no whole body |
     | patches | 150 | K = 6 k^2 |
     | step_s | 120 | length of a step [s] |
@@ -86,9 +86,9 @@ class SwarmMapEnv(SwarmObserveEnv):
 
     ## Baselines, and what it measures
 
-    Seen share of the body, mean over seeds 1 to 5, `swarm_mj.envs.map_baselines`: body's centre 16 %, sweep 43 %, random 56
-    %, greedy 59 %; a camera that sees the whole disc at the same resolution 68 %, which no policy can exceed. Only attitudes
-    vary, so that a recorded list is nearly as good (58 %): it measures plans, as `SwarmObserve-v0` does.
+    Seen share of the body, mean over seeds 1 to 5, `swarm_mj.envs.policies.map_baselines`: body's centre 16 %, sweep 43 %,
+    random 56 %, greedy 59 %; a camera that sees the whole disc at the same resolution 68 %, which no policy can exceed. Only
+    attitudes vary, so that a recorded list is nearly as good (58 %): it measures plans, as `SwarmObserve-v0` does.
 
     ## Version history
 

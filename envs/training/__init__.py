@@ -1,0 +1,1 @@
+"""Training with stable-baselines3 (extra `rl`), and what several runs say together."""
