@@ -77,6 +77,17 @@ def _table(scores: Sequence[Score | FlybyScore]) -> Table:
     table.add_column("policy", overflow="fold")
     for name in first.headings:
         table.add_column(name, justify="right", no_wrap=True)
-    for one in scores:
-        table.add_row(Path(one.policy).name, *one.cells)
+    for name, one in zip(_told_apart([str(one.policy) for one in scores]), scores, strict=True):
+        table.add_row(name, *one.cells)
     return table
+
+
+def _told_apart(policies: Sequence[str]) -> list[str]:
+    """Names and ends of paths, as long as it takes to tell them apart: training programs call every file `policy.npz`."""
+    paths, short = [Path(one).parts for one in policies], list(policies)
+    for length in range(max(map(len, paths)), 0, -1):
+        shorter = [str(Path(*parts[-length:])) for parts in paths]
+        if len(set(shorter)) < len(set(policies)):
+            break
+        short = shorter
+    return short

@@ -302,6 +302,17 @@ def test_the_command_writes_a_table_and_all_numbers(tmp_path, capsys, monkeypatc
     assert first["seeds"] == [20_000, 20_001] and first["share"] > second["share"]
 
 
+def test_files_of_one_name_are_told_apart_in_the_table(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(leaderboard, "TEST", ONE)
+    files = [tmp_path / run / "policy.npz" for run in ("first", "second")]
+    for file in files:
+        file.parent.mkdir()
+        save_network(file, network())
+    assert main(["score", *map(str, files), "greedy", "--episodes", "2", "--quiet"]) == 0
+    said = capsys.readouterr().out
+    assert "first/policy.npz" in said and "second/policy.npz" in said and tmp_path.name not in said
+
+
 def test_the_command_refuses_what_it_cannot_fly_before_it_flies(tmp_path, capsys, monkeypatch):
     for work in ("fly", "prepare"):
         monkeypatch.setattr(Test, work, lambda *_: pytest.fail("flown already"))
