@@ -125,13 +125,22 @@ def test_results_do_not_depend_on_the_number_of_workers(write, tmp_path, method,
     assert set(one["status"].to_pylist()) == {"ok"}
 
 
-def test_a_killed_worker_costs_nothing(reference, start, tmp_path):
+def test_a_killed_worker_costs_nothing(reference, tmp_path, monkeypatch):
     path, expected = reference
-    process = start(path, "--out", tmp_path / "out", "--workers", 2, "--no-figures")
-    for done in (2, 5):
-        wait_for(lambda done=done: finished(tmp_path / "out") >= done, process)
-        os.kill(children(process)[0], signal.SIGKILL)
-    assert process.wait(120) == 0, process.communicate()[1]
+    made, killed = [], []
+    monkeypatch.setattr(runner, "LocalPool", lambda *arguments: made.append(pools.LocalPool(*arguments)) or made[0])
+
+    def kill():
+        for done in (2, 5):
+            while finished(tmp_path / "out") < done:
+                time.sleep(0.01)
+            killed.append(made[0]._workers[0].process.pid)
+            os.kill(killed[-1], signal.SIGKILL)
+
+    killer = threading.Thread(target=kill, daemon=True)
+    killer.start()
+    run_campaign(load_campaign(path), tmp_path / "out", workers=2, figures=False)
+    assert len(set(killed)) == 2
     assert rows(tmp_path / "out").equals(expected)
 
 
