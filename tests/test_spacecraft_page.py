@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from swarm_mj.cli.main import main
+from swarm_mj.results import drawing
 from swarm_mj.simulator.telemetry import read_telemetry
 
 PAGE = (Path(__file__).parents[1] / "docs/how-to/spacecraft.md").read_text("utf-8")
@@ -27,6 +28,7 @@ def desk(tmp_path_factory):
     (folder / "my_flight.yaml").write_text(snippet("yaml"))
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
+        patch.setattr(drawing, "usable_cores", lambda: 1)  # figures are drawn here, where everything is loaded
         assert main([*shlex.split(snippet("sh"))[1:], "--quiet", "--no-report"]) == 0
         yield folder
 

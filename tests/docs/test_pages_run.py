@@ -8,6 +8,8 @@ import matplotlib
 import pytest
 
 from swarm_mj.cli.main import main
+from swarm_mj.io.atomic import FIGURES
+from swarm_mj.results import drawing
 
 ROOT = Path(__file__).parents[2]
 TUTORIAL = ("fly", "look", "change", "design", "train")
@@ -26,6 +28,9 @@ def snippets(page, language):
 def desk(tmp_path, monkeypatch):
     """An empty folder, the current one."""
     monkeypatch.chdir(tmp_path)
+    # Two figures in the place of all, and drawn here: both have tests of their own.
+    monkeypatch.setitem(FIGURES, "run", ("operation", "coverage"))
+    monkeypatch.setattr(drawing, "usable_cores", lambda: 1)
     matplotlib.use("Agg")
     return tmp_path
 
