@@ -36,7 +36,7 @@ def rays_N(batch, e):
 
 def test_the_silhouette_is_the_bodys_within_two_pixels(task):
     """Rays with the body's own mesh, of four times as many faces: what is simplified shifts the limb by no more."""
-    batch = begun(task)
+    batch = begun(task, 3)
     assert len(task.pictures.kept) <= MOST_FACES < len(task.plan.shape.faces)
     for e in range(batch.count):
         C_AN = task.plan.environment.C_AN(float(batch.time_s[e]))

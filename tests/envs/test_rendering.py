@@ -95,10 +95,10 @@ def test_rendering_again_and_again_keeps_one_context_and_closing_frees_it():
     for _ in range(4):
         use()
     files, memory = len(os.listdir("/proc/self/fd")), resident_mib()
-    for _ in range(8):
+    for _ in range(5):
         use()
     assert len(os.listdir("/proc/self/fd")) <= files
-    assert resident_mib() - memory < 40.0
+    assert resident_mib() - memory < 25.0
 
 
 def test_the_vector_environment_draws_its_first_flights_as_single_ones_do(gl):

@@ -30,8 +30,8 @@ def test_a_flight_is_that_of_the_same_law_by_dop853():
     plan = planned(
         "bennu-slow",
         "{shape: cartesian, start_s: 10, dead_band_m: 0, bandwidth_rad_s: 0.05}",
-        "duration_s=100",
-        "design.time_of_flight_s=90",
+        "duration_s=50",
+        "design.time_of_flight_s=45",
         "telemetry.interval_s=0.5",
         "spacecraft.thrusters.min_impulse_bit_n_s=0",
     )
@@ -41,7 +41,7 @@ def test_a_flight_is_that_of_the_same_law_by_dop853():
     start = simulation.model.state(simulation.data)[1][:, :3]
     r, v = np.broadcast_to(plan.deployment.r0_N, (plan.n, 3)), start
     gained, mass = np.zeros((plan.n, 3)), flown["mass_kg"].values
-    for k in range(200):
+    for k in range(100):
         view = ForceView(
             t=0.5 * k,
             period=0.5,
@@ -64,7 +64,7 @@ def test_a_flight_is_that_of_the_same_law_by_dop853():
 
         y = solve_ivp(rhs, (0.5 * k, 0.5 * k + 0.5), np.concatenate((r.ravel(), v.ravel())), method="DOP853").y[:, -1]
         r, v = y.reshape(2, plan.n, 3)
-    assert np.linalg.norm(gained, axis=1).max() > 0.3
+    assert np.linalg.norm(gained, axis=1).max() > 0.25
     np.testing.assert_allclose(flown["r_BN_N"].values[-1], r, atol=0.05)
 
 

@@ -63,7 +63,7 @@ def test_the_unspoiled_folder_is_read(reader, run):
 
 @pytest.mark.parametrize("name", FILES)
 @pytest.mark.parametrize("reader", READERS)
-@examples(25)
+@examples(15)
 @given(data=st.data())
 def test_any_bytes_in_any_file_are_read_or_refused(run, spoilt, reader, name, data):
     content = (run / name).read_bytes()

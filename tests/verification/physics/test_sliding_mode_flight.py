@@ -7,7 +7,7 @@ from swarm_mj.verification.physics.experiment import Bench
 
 
 @pytest.mark.slow
-def test_the_sliding_mode_flight_of_twenty_minutes_is_what_its_equations_give():
-    flight = slew(Bench(), 1200.0)
-    assert len(flight.time) == 2401
-    assert largest_angle(flight, 1200.0) < 1e-6
+def test_the_sliding_mode_flight_of_ten_minutes_is_what_its_equations_give():
+    flight = slew(Bench(), 600.0)
+    assert len(flight.time) == 1201
+    assert largest_angle(flight, 600.0) < 1e-6
