@@ -39,7 +39,7 @@ class SwarmObserveV1Env(RebuiltOnCopy, gymnasium.Env[Any, Any]):
     to both. Lengths go with the imaging altitude H, times are the same for all: let go 3 1/3 H ahead, over the target 200 s
     later at H / 60 s, 600 s in all. Cameras see about a patch at a time. A picture is taken every 10 s; cells count where the
     ground sampling distance is at most 1.25 times that straight down from H. Spacecraft fly with reaction wheels as momentum
-    states, by the compiled stepper, and turn by the sliding-mode law. A mission takes up to 10 s to work out once, and is
+    states, by the compiled stepper, and turn by the sliding-mode law. A mission takes 2 to 13 s to work out once, and is
     kept in the cache; on a new machine the first episode also waits while kernels are compiled, half a minute or so, once.
 
     ## What is drawn
