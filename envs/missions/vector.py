@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 from gymnasium.vector import AutoresetMode
+from numpy.typing import NDArray
 
 from swarm_mj.typing import Mask, Pixels
 
@@ -67,6 +68,10 @@ class SwarmObserveV1VectorEnv(RebuiltOnCopy, FlightsVectorEnv):
     def _infos(self, mask: Mask) -> Infos:
         values = self.batch.infos()
         return values | {f"_{name}": mask.copy() for name in values}
+
+    def action_masks(self) -> NDArray[np.int8]:
+        """`infos["action_mask"]` of now, shape (num_envs, n, C)."""
+        return self.batch.action_mask.copy()
 
     def get_state(self, e: int) -> FlightState:
         """Where flight e stands; single and vector environments take each other's states."""

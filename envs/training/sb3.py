@@ -161,6 +161,12 @@ class SwarmObserveV1VecEnv(SwarmObserveVecEnv):
     def _make(self, num_envs: int, threads: int | None, **arguments: Any) -> Any:
         return SwarmObserveV1VectorEnv(num_envs, threads=threads, **arguments)
 
+    def env_method(self, method_name: str, *args: Any, indices: VecEnvIndices = None, **kwargs: Any) -> list[Any]:
+        """As of `SwarmObserveVecEnv`; of `action_masks`, which MaskablePPO calls, each episode has its own, shape (n, C)."""
+        answers = super().env_method(method_name, *args, indices=indices, **kwargs)
+        own = method_name == "action_masks"
+        return [answer[e] if own else answer for e, answer in zip(self._get_indices(indices), answers, strict=True)]
+
 
 class SwarmObserveV1SharedVecEnv(VecEnvWrapper):
     """Every spacecraft of every episode as one of stable-baselines3's environments, for one policy that flies them all.
@@ -177,6 +183,10 @@ class SwarmObserveV1SharedVecEnv(VecEnvWrapper):
     """
 
     def __init__(self, num_episodes: int = 1, *, threads: int | None = None, **arguments: Any) -> None:
+        if "observation" in arguments:
+            raise ScenarioError(
+                f"observation = {arguments['observation']!r}: each spacecraft is shown its own rows here; leave it out"
+            )
         team = SwarmObserveV1VecEnv(num_episodes, threads=threads, observation="flat", **arguments)
         self._layout, choices = team.vector.batch.layout, team.action_space.nvec
         self._n = len(choices)
@@ -208,6 +218,14 @@ class SwarmObserveV1SharedVecEnv(VecEnvWrapper):
     def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
         """An attribute of the vector environment, which all share; one entry for each spacecraft asked for."""
         return self.venv.get_attr(attr_name, 0) * len(list(self._get_indices(indices)))
+
+    def env_method(self, method_name: str, *args: Any, indices: VecEnvIndices = None, **kwargs: Any) -> list[Any]:
+        """Call a method of the vector environment; of `action_masks` each spacecraft has its own, shape (C,)."""
+        asked = list(self._get_indices(indices))
+        if method_name == "action_masks":
+            masks = self.venv.env_method(method_name)
+            return [masks[k // self._n][k % self._n] for k in asked]
+        return self.venv.env_method(method_name, *args, indices=0, **kwargs) * len(asked)
 
     def env_is_wrapped(self, wrapper_class: type[Any], indices: VecEnvIndices = None) -> list[bool]:
         """Episodes are counted by the team's environment, which is what `Monitor` is for."""

@@ -8,7 +8,12 @@ pytest.importorskip("stable_baselines3")
 from stable_baselines3.common.env_util import make_vec_env  # noqa: E402
 from stable_baselines3.common.monitor import Monitor  # noqa: E402
 from stable_baselines3.common.vec_env import VecNormalize  # noqa: E402
-from swarm_mj.envs.training.sb3 import SwarmObserveV1SharedVecEnv, SwarmObserveVecEnv, SwarmPointingVecEnv  # noqa: E402
+from swarm_mj.envs.training.sb3 import (  # noqa: E402
+    SwarmObserveV1SharedVecEnv,
+    SwarmObserveV1VecEnv,
+    SwarmObserveVecEnv,
+    SwarmPointingVecEnv,
+)
 
 from swarm_mj.errors import ScenarioError  # noqa: E402
 
@@ -120,6 +125,26 @@ def test_pointing_ends_and_starts_as_stable_baselines3_expects():
     assert infos[1]["episode"]["l"] == 10 and infos[1]["episode"]["r"] == pytest.approx(total[1], rel=1e-5)
     assert (observations["state"][:, -1] == 1.0).all()
     env.close()
+
+
+@pytest.mark.parametrize("shared", [False, True])
+def test_masks_of_every_episode_are_those_that_maskable_ppo_asks_for(shared):
+    made = SwarmObserveV1SharedVecEnv if shared else SwarmObserveV1VecEnv
+    venv = made(2, missions=["ellipsoid-train-1"])
+    venv.seed(4)
+    venv.reset()
+    _, _, _, infos = venv.step(np.full((6,) if shared else (2, 3), 16))
+    wanted = [info["action_mask"] for info in infos]
+    if shared:
+        wanted = [mask[k % 3] for k, mask in enumerate(wanted)]
+    assert venv.has_attr("action_masks") and np.array_equal(np.stack(venv.env_method("action_masks")), np.stack(wanted))
+    assert np.array_equal(venv.env_method("action_masks", indices=1), [wanted[1]]) and not np.array_equal(*wanted[:2])
+    venv.close()
+
+
+def test_a_shared_policy_cannot_be_shown_something_else():
+    with pytest.raises(ScenarioError, match="observation = 'entities': each spacecraft is shown .*; leave it out"):
+        SwarmObserveV1SharedVecEnv(1, missions=["ellipsoid-train-1"], observation="entities")
 
 
 def test_each_spacecraft_is_an_environment_and_all_of_an_episode_share_rewards_and_ends():
