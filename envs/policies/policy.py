@@ -31,7 +31,7 @@ from swarm_mj.typing import Array, Ints
 
 from ..observe.observations import COLUMNS, FEATURES, LAYOUT
 from ..observe.task import Task
-from .provenance import Provenance, check_provenance, given_arguments, provenance_of
+from .provenance import Provenance, check_provenance, given_arguments, provenance_of, refuse_other_environment
 
 Arrays = dict[str, NDArray[Any]]
 
@@ -349,12 +349,15 @@ def load_policy(file: str | Path) -> ArrayPolicy:
     """Read what `save_policy` wrote; nothing in the file is executed.
 
     Raises:
-        ScenarioError: The file is missing, is no policy, or has another format.
+        ScenarioError: The file is missing, is no policy, or one of another environment or format.
     """
     path = Path(file)
     with reading(f"policy {path}", REMEDY, ScenarioError):
         text = str(arrays_in(path, ABOUT)["about"])
         found = record_from(text, PolicyFormat)["format"]
+    if found != FORMAT:
+        refuse_other_environment(path, ENVIRONMENT)
+    with reading(f"policy {path}", REMEDY, ScenarioError):
         if found != FORMAT:
             raise ValueError(f"it has format {found}, this program reads {FORMAT}")
         about = record_from(text, PolicyAbout)

@@ -78,6 +78,13 @@ def test_a_policy_survives_its_file_and_the_file_needs_no_pickle(tmp_path, roles
     assert [p.name for p in tmp_path.iterdir()] == ["policy.npz"]
 
 
+def test_a_policy_of_another_environment_is_refused_by_its_name():
+    with pytest.raises(
+        ScenarioError, match="trained for environment = 'SwarmObserve-v1', but it is 'SwarmObserve-v0' here"
+    ):
+        load_policy(asset_path("policies/swarm-observe-v1.npz"))
+
+
 def test_files_that_are_no_policy_are_refused_by_name(tmp_path, roles, random_policy):
     with pytest.raises(ScenarioError, match="nowhere.npz: cannot be read .no such file"):
         load_policy(tmp_path / "nowhere.npz")
