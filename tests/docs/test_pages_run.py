@@ -50,6 +50,7 @@ def test_the_tutorial_is_the_five_pages_in_the_navigation():
         "docs/how-to/faults.md",
         "docs/how-to/reports.md",
         "docs/how-to/swarm_observe_v1.md",
+        "docs/how-to/swarm_pointing.md",
         ELSEWHERE,
         *(f"docs/tutorial/{name}.md" for name in TUTORIAL),
     ],
