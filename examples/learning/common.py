@@ -43,7 +43,9 @@ def options(description: str | None, name: str) -> Options:
     add("--steps", type=int, default=300_000, help=f"decisions of all episodes together {shown}")
     add("--seed", type=int, default=1, help=f"of network, choices and episodes {shown}")
     add("--every", type=int, default=25_000, help=f"steps between points of the curve {shown}")
-    return Options(**vars(parser.parse_args()))
+    given = Options(**vars(parser.parse_args()))
+    print("Working out the missions: some minutes the first time; they are kept in the cache.", flush=True)
+    return given
 
 
 class Curve:
