@@ -209,6 +209,7 @@ that know no truncation; the observation holds the time left |
     """
 
     metadata: dict[str, Any] = {"render_modes": ["human", "rgb_array"], "render_fps": 10}
+    name = "SwarmObserve-v0"
 
     def __init__(
         self,
@@ -248,7 +249,7 @@ that know no truncation; the observation holds the time left |
             gymnasium.error.ClosedEnvironmentError: The environment was closed.
         """
         if self._batch is None:
-            raise gymnasium.error.ClosedEnvironmentError("SwarmObserve-v0 was closed; make it anew")
+            raise gymnasium.error.ClosedEnvironmentError(f"{self.name} was closed; make it anew")
         return self._batch
 
     @property
@@ -293,7 +294,7 @@ that know no truncation; the observation holds the time left |
             gymnasium.error.ResetNeeded: The episode has ended or has not begun.
         """
         if not self._running:
-            raise gymnasium.error.ResetNeeded("SwarmObserve-v0: the episode is over or has not begun; call reset first")
+            raise gymnasium.error.ResetNeeded(f"{self.name}: the episode is over or has not begun; call reset first")
         batch = self.batch
         result = batch.step(check_action(self.action_space, action)[None])
         terminated, truncated = bool(result.end[0]), bool(result.truncated[0])
@@ -349,7 +350,7 @@ that know no truncation; the observation holds the time left |
             gymnasium.logger.warn("render() draws nothing: make the environment with render_mode='rgb_array'")
             return None
         if not self._begun:
-            raise gymnasium.error.ResetNeeded("SwarmObserve-v0: call reset before render")
+            raise gymnasium.error.ResetNeeded(f"{self.name}: call reset before render")
         _ = self.batch
         picture = self._renderer.draw()
         if self.render_mode == "rgb_array":

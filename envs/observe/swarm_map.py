@@ -95,6 +95,8 @@ class SwarmMapEnv(SwarmObserveEnv):
     v0: first version.
     """
 
+    name = "SwarmMap-v0"
+
     def __init__(
         self,
         scenario: str | Path | Scenario | None = None,
@@ -107,6 +109,8 @@ class SwarmMapEnv(SwarmObserveEnv):
 
 class SwarmMapVectorEnv(SwarmObserveVectorEnv):
     """`num_envs` flights of `SwarmMapEnv` at once; arguments as of `SwarmObserveVectorEnv`, with the defaults of that."""
+
+    name = "SwarmMap-v0"
 
     def __init__(self, num_envs: int = 1, *, scenario: str | Path | Scenario | None = None, **arguments: Any) -> None:
         super().__init__(num_envs, scenario=mapped(scenario), **DEFAULTS | arguments)

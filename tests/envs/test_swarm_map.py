@@ -35,6 +35,8 @@ def env(small):
     env = gymnasium.make(ID, patches=96, overrides=small).unwrapped
     yield env
     env.close()
+    with pytest.raises(gymnasium.error.ClosedEnvironmentError, match="SwarmMap-v0 was closed"):
+        env.reset()
 
 
 def test_the_target_is_the_whole_surface_and_every_cell_has_the_patch_of_its_direction():
