@@ -12,7 +12,17 @@ DISTRIBUTION = {"yaml": "pyyaml", "mpl_toolkits": "matplotlib", "PIL": "pillow",
 #: Imported where present, with something else in their place where not.
 OPTIONAL = {"polyhedral_gravity", "astropy", "shapely", "glfw"}
 #: Imported by what an extra brings: training, multi-agent, the window, campaigns on clusters, SPICE kernels, ONNX.
-EXTRAS = {"stable_baselines3", "torch", "pettingzoo", "pygame", "distributed", "pyarrow", "spiceypy", "onnxruntime"}
+EXTRAS = {
+    "stable_baselines3",
+    "sb3_contrib",
+    "torch",
+    "pettingzoo",
+    "pygame",
+    "distributed",
+    "pyarrow",
+    "spiceypy",
+    "onnxruntime",
+}
 
 
 def test_every_imported_package_is_a_declared_dependency():

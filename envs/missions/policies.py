@@ -219,8 +219,7 @@ def _algorithm(path: Path, masked: bool) -> Any:
         if masked:
             from sb3_contrib import MaskablePPO
     except ImportError as error:
-        install = "sb3-contrib" if error.name == "sb3_contrib" else "'swarm_mj[rl]'"
-        raise ScenarioError(f"policy {path}: needs {error.name}: pip install {install}") from None
+        raise ScenarioError(f"policy {path}: needs {error.name}: pip install 'swarm_mj[rl]'") from None
     return MaskablePPO if masked else PPO
 
 

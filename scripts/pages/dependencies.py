@@ -52,6 +52,7 @@ PURPOSE = {
     "stable-baselines3": "training of the baselines",
     "onnxruntime": "scores of policies in ONNX files",
     "numba-cuda": "flights on a GPU",
+    "sb3-contrib": "policies with masks, trained and scored",
     "tensorboard": "curves of the training",
     "distributed": "campaigns on a Dask cluster",
     "pyarrow": "tables of campaigns (Parquet)",
