@@ -88,7 +88,7 @@ class SwarmMapEnv(SwarmObserveEnv):
 
     Seen share of the body, mean over seeds 1 to 5, `swarm_mj.envs.policies.map_baselines`: body's centre 16 %, sweep 43 %,
     random 56 %, greedy 59 %; a camera that sees the whole disc at the same resolution 68 %, which no policy can exceed. Only
-    attitudes vary, so that a recorded list is nearly as good (58 %): it measures plans, as `SwarmObserve-v0` does.
+    attitudes vary, so that a recorded list is as good (58 to 60 %): it measures plans, as `SwarmObserve-v0` does.
 
     ## Version history
 
