@@ -7,7 +7,7 @@ BIN := $(VENV)/bin
 PYTEST := PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest --numprocesses auto --dist loadfile --no-loadscope-reorder
 
 .DEFAULT_GOAL := help
-.PHONY: help run fresh-kernels test test-fast lint format types check wheel-test bench agreement docs docs-serve images pages pixel-to-earth convergence reproduction robustness swarm-classes learning mutants audit shape gl setup setup-dev clean
+.PHONY: help run fresh-kernels test test-all test-fast lint format types check wheel-test bench agreement docs docs-serve images pages pixel-to-earth convergence reproduction robustness swarm-classes learning mutants audit shape gl setup setup-dev clean
 
 help: ## list the targets
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -17,15 +17,22 @@ $(BIN)/python:
 	@sh scripts/make-venv.sh "$(PYTHON)" "$(VENV)"
 
 $(VENV)/.installed: pyproject.toml | $(BIN)/python
-	@echo "Installing swarm_mj into $(VENV) (once; about 1.1 GB) ..."
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable .
+	@echo "Installing swarm_mj into $(VENV) (once; about 850 MB) ..."
+	@# Without bytecode of all modules, 230 MB and a third of the time: few of them are ever imported.
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile --editable .
 	@touch $@
 
 $(VENV)/.installed-dev: pyproject.toml | $(BIN)/python
 	@echo "Installing swarm_mj and its development tools into $(VENV) (once) ..."
-	@# Without bytecode of all modules, which would take a third of the time: few of them are ever imported.
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile --editable ".[all]"
 	@touch $@ $(VENV)/.installed
+
+$(VENV)/.installed-all: $(VENV)/.installed-dev
+	@echo "Installing what trains policies, PyTorch for processors alone, and a browser (once; about 1 GB) ..."
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile --extra-index-url https://download.pytorch.org/whl/cpu torch
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile --editable ".[all,rl,onnx]" onnx
+	@sh scripts/install-chromium.sh
+	@touch $@
 
 setup: $(VENV)/.installed gl
 setup-dev: $(VENV)/.installed-dev gl
@@ -34,13 +41,15 @@ gl: ## install the OpenGL libraries for offscreen rendering, or say how
 	@sh scripts/install-gl.sh
 
 run: setup ## fly both configurations of the paper
-	@$(BIN)/swarm-mj run $(ARGS)
+	@$(BIN)/swarm-mj fly $(ARGS)
 
 fresh-kernels: setup-dev
 	@$(BIN)/python -m scripts.import_graph
 
 test: fresh-kernels ## run every test
 	@$(PYTEST) $(ARGS)
+
+test-all: $(VENV)/.installed-all test ## the same with what trains policies and a browser, so that nothing is skipped for want of them
 
 test-fast: fresh-kernels ## run the tests that take less than a few seconds
 	@$(PYTEST) -m "not slow" $(ARGS)
@@ -62,7 +71,7 @@ audit: setup-dev ## look for known vulnerabilities of what is installed, where a
 	@sh scripts/audit.sh $(BIN)
 
 bench: setup ## measure how fast the program is on this machine
-	@$(BIN)/swarm-mj bench $(ARGS)
+	@$(BIN)/python -m benchmarks.performance --quick $(ARGS)
 	@$(BIN)/python -m benchmarks.basilisk
 
 agreement: setup ## fly and read our flights by Orekit, brahe, SPICE and Basilisk, rewrite docs/results/agreement.md
@@ -105,7 +114,7 @@ mutants: setup-dev ## plant faults in copies of the code, see whether tests noti
 	@$(BIN)/python -m scripts.mutants $(ARGS)
 
 shape: setup ## rebuild assets/eros.obj from its harmonics
-	@$(BIN)/swarm-mj shape --out assets/eros.obj
+	@$(BIN)/swarm-mj build-shape --out assets/eros.obj
 
 clean: ## remove what the targets made
 	rm -rf $(VENV) build dist site *.egg-info .pytest_cache .mypy_cache .ruff_cache results

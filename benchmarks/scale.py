@@ -42,7 +42,7 @@ def warm_up() -> None:
     from swarm_mj.designer.problem import CoverProblem
     from swarm_mj.scenarios.loading import load_scenario
 
-    warm = load_scenario("eros-quick", ["observation.criterion=visit", "observation.observer=horizon"])
+    warm = load_scenario("eros-quick", {"observation.criterion": "visit", "observation.observer": "horizon"})
     flights = fly_candidates(warm)
     sees = in_order(seen_rows(warm, flights, flights.plan.region, imaging_model_from(warm), workers=1))
     small = CoverProblem(sees=sees, area=flights.plan.region.area)
@@ -72,12 +72,12 @@ def run_case(frequency: int, target: float, camera: float) -> dict[str, Any]:
         body = eros_at(frequency, Path(folder))[1]
         scenario = load_scenario(
             "eros-config1",
-            [
-                *body,
-                f"target.half_angle_deg={target}",
-                f"camera.half_angle_deg={camera}",
-                "observation.observer=horizon",
-            ],
+            {
+                **body,
+                "target.half_angle_deg": target,
+                "camera.half_angle_deg": camera,
+                "observation.observer": "horizon",
+            },
         )
         start = time.perf_counter()
         flights = fly_candidates(scenario)

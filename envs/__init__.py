@@ -9,50 +9,33 @@ from typing import TYPE_CHECKING, Any
 from .registration import register_environments
 
 if TYPE_CHECKING:
+    from .downlink.env import SwarmDownlinkEnv, SwarmDownlinkVectorEnv
     from .downlink.parallel import SwarmDownlinkParallelEnv
-    from .downlink.single import SwarmDownlinkEnv
-    from .downlink.vector import SwarmDownlinkVectorEnv
-    from .gpu.vector import SwarmObserveGpuVectorEnv
-    from .missions.multi_agent import SwarmObserveV1ParallelEnv
-    from .missions.multi_agent_vector import SwarmObserveV1ParallelVectorEnv
-    from .missions.single import SwarmObserveV1Env
-    from .missions.vector import SwarmObserveV1VectorEnv
-    from .observe.camera_observation import CameraObservation
-    from .observe.multi_agent import SwarmObserveParallelEnv
-    from .observe.multi_agent_vector import SwarmObserveParallelVectorEnv
+    from .observe.camera import CameraObservation
+    from .observe.parallel import SwarmObserveParallelEnv
+    from .observe.parallel_vector import SwarmObserveParallelVectorEnv
     from .observe.single import SwarmObserveEnv
-    from .observe.swarm_map import SwarmMapEnv, SwarmMapVectorEnv
     from .observe.vector import SwarmObserveVectorEnv
+    from .pointing.env import SwarmPointingEnv, SwarmPointingVectorEnv
     from .pointing.parallel import SwarmPointingParallelEnv
-    from .pointing.single import SwarmPointingEnv
-    from .pointing.vector import SwarmPointingVectorEnv
-    from .training.sb3 import SwarmObserveV1SharedVecEnv, SwarmObserveV1VecEnv, SwarmObserveVecEnv, SwarmPointingVecEnv
+    from .training.sb3 import SwarmObserveSharedVecEnv, SwarmObserveVecEnv, SwarmPointingVecEnv
 
-#: Where each class is defined; those of agents (`*parallel`, `*multi_agent*`) and `sb3` need the extra `rl`, `gpu.vector`
-#: the extra `gpu`.
+#: Where each class is defined; those of agents (`*parallel*`) and `sb3` need the extra `rl`.
 _HOMES = {
-    "CameraObservation": "observe.camera_observation",
-    "SwarmDownlinkEnv": "downlink.single",
+    "CameraObservation": "observe.camera",
+    "SwarmDownlinkEnv": "downlink.env",
     "SwarmDownlinkParallelEnv": "downlink.parallel",
-    "SwarmDownlinkVectorEnv": "downlink.vector",
-    "SwarmMapEnv": "observe.swarm_map",
-    "SwarmMapVectorEnv": "observe.swarm_map",
+    "SwarmDownlinkVectorEnv": "downlink.env",
     "SwarmObserveEnv": "observe.single",
-    "SwarmObserveGpuVectorEnv": "gpu.vector",
-    "SwarmObserveParallelEnv": "observe.multi_agent",
-    "SwarmObserveParallelVectorEnv": "observe.multi_agent_vector",
-    "SwarmObserveV1Env": "missions.single",
-    "SwarmObserveV1ParallelEnv": "missions.multi_agent",
-    "SwarmObserveV1ParallelVectorEnv": "missions.multi_agent_vector",
-    "SwarmObserveV1SharedVecEnv": "training.sb3",
-    "SwarmObserveV1VecEnv": "training.sb3",
-    "SwarmObserveV1VectorEnv": "missions.vector",
+    "SwarmObserveParallelEnv": "observe.parallel",
+    "SwarmObserveParallelVectorEnv": "observe.parallel_vector",
+    "SwarmObserveSharedVecEnv": "training.sb3",
     "SwarmObserveVecEnv": "training.sb3",
     "SwarmObserveVectorEnv": "observe.vector",
-    "SwarmPointingEnv": "pointing.single",
+    "SwarmPointingEnv": "pointing.env",
     "SwarmPointingParallelEnv": "pointing.parallel",
     "SwarmPointingVecEnv": "training.sb3",
-    "SwarmPointingVectorEnv": "pointing.vector",
+    "SwarmPointingVectorEnv": "pointing.env",
 }
 
 __all__ = [
@@ -60,18 +43,10 @@ __all__ = [
     "SwarmDownlinkEnv",
     "SwarmDownlinkParallelEnv",
     "SwarmDownlinkVectorEnv",
-    "SwarmMapEnv",
-    "SwarmMapVectorEnv",
     "SwarmObserveEnv",
-    "SwarmObserveGpuVectorEnv",
     "SwarmObserveParallelEnv",
     "SwarmObserveParallelVectorEnv",
-    "SwarmObserveV1Env",
-    "SwarmObserveV1ParallelEnv",
-    "SwarmObserveV1ParallelVectorEnv",
-    "SwarmObserveV1SharedVecEnv",
-    "SwarmObserveV1VecEnv",
-    "SwarmObserveV1VectorEnv",
+    "SwarmObserveSharedVecEnv",
     "SwarmObserveVecEnv",
     "SwarmObserveVectorEnv",
     "SwarmPointingEnv",

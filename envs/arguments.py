@@ -5,20 +5,20 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from difflib import get_close_matches
-from pathlib import Path
 from typing import Any, TypeVar
 
+import gymnasium
 import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
 
 from swarm_mj.errors import ScenarioError
-from swarm_mj.rendering.layout import LEAST_SIDE, MOST_SIDE
-from swarm_mj.scenarios.loading import load_scenario
+from swarm_mj.rendering.canvas import LEAST_SIDE, MOST_SIDE
+from swarm_mj.scenarios.loading import load_scenario, parse_overrides
 from swarm_mj.scenarios.schema import Scenario, is_multiple
 
 #: Largest seed of a flight; infos hold seeds as 64-bit integers.
 MAX_SEED = 2**63 - 1
-#: Length of a step at the levels at which a control law turns the spacecraft [s].
-STEP_S = 10.0
 Record = TypeVar("Record")
 
 
@@ -128,15 +128,8 @@ def checked_rate(name: str, value: Any, otherwise: str = "") -> float:
     return float(value)
 
 
-def step_of(scenario: Scenario, control: str, asked: float | None) -> float:
-    """Length of a step [s]: the one asked for, or that of the control level."""
-    if asked is not None:
-        return asked
-    return scenario.control.period_s if control == "torque" else STEP_S
-
-
-def checked_step(scenario: Scenario, step_s: float) -> tuple[int, int]:
-    """Control periods in a step of that length [s] and in the flight."""
+def checked_step(scenario: Scenario, step_s: float, name: str = "step_s") -> tuple[int, int]:
+    """Control periods in a step of that length [s], an argument of that name, and in the flight."""
     period, duration = scenario.control.period_s, scenario.duration_s
     if (
         not is_number(step_s)
@@ -145,7 +138,7 @@ def checked_step(scenario: Scenario, step_s: float) -> tuple[int, int]:
         or not is_multiple(duration, step_s)
     ):
         raise ScenarioError(
-            f"step_s = {step_s!r}: must be a number, a whole multiple of control.period_s = {period:g} s, and divide the "
+            f"{name} = {step_s!r}: must be a number, a whole multiple of control.period_s = {period:g} s, and divide the "
             f"scenario's duration_s = {duration:g} s"
         )
     return round(step_s / period), round(duration / period)
@@ -162,18 +155,14 @@ def checked_overrides(overrides: Any) -> tuple[str, ...]:
     """Changes of the scenario; what stands in them is looked at when they are applied."""
     if not isinstance(overrides, (list, tuple)) or not all(isinstance(one, str) and "=" in one for one in overrides):
         raise ScenarioError(
-            f"overrides = {overrides!r}: must be a list of texts key=value, such as ['physics.wheels=gyrostat']"
+            f"overrides = {overrides!r}: must be a list of texts key=value, such as ['physics.timestep_s=0.5']"
         )
     return tuple(overrides)
 
 
 def checked_scenario(scenario: Any, overrides: Sequence[str] = ()) -> Scenario:
     """The scenario of that name or file, or as it was given, with changes."""
-    if isinstance(scenario, Scenario):
-        return load_scenario(scenario.model_dump(mode="json"), overrides) if overrides else scenario
-    if not isinstance(scenario, (str, Path)):
-        raise ScenarioError(f"scenario = {scenario!r}: must be a packaged name, the path of a YAML file, or a Scenario")
-    return load_scenario(scenario, overrides)
+    return load_scenario(scenario, parse_overrides(overrides))
 
 
 def refuse_extra_targets(scenario: Scenario) -> None:
@@ -188,15 +177,6 @@ def refuse_extra_targets(scenario: Scenario) -> None:
         raise ScenarioError(
             f"designer.extra_targets: {scenario.name} has {len(extra)} targets besides its own, which the environment would "
             "ignore; make one environment for each with target.latitude_deg, ..., and leave designer.extra_targets empty"
-        )
-
-
-def refuse_graph(observability: str) -> None:
-    """One agent that decides for all knows all."""
-    if observability != "full":
-        raise ScenarioError(
-            f"observability = {observability!r}: must be full where one agent decides for all; "
-            "swarm_mj.envs.observe.multi_agent has an agent for each spacecraft"
         )
 
 
@@ -252,3 +232,25 @@ def first_seeds(seed: Any, count: int) -> list[int | None]:
         if own is not None and (not is_whole(own) or own < 0):
             raise ScenarioError(f"seed = {own!r}: must be a whole number of at least 0, a list of them, or None")
     return [None if own is None else int(own) for own in seeds]
+
+
+def check_action(space: spaces.Space[Any], action: Any) -> NDArray[Any]:
+    """The action as an array of the space's own type.
+
+    Raises:
+        gymnasium.error.InvalidAction: It does not lie in the space.
+    """
+    try:
+        given = np.asarray(action)
+        if given.dtype.kind not in "biuf":
+            raise TypeError
+        with np.errstate(invalid="ignore"):
+            array = given.astype(space.dtype, copy=False)
+        exact = array is given or space.dtype == np.float32 or np.array_equal(array, given)
+    except (TypeError, ValueError, OverflowError):
+        exact, array = False, action
+    if not exact or not space.contains(array):
+        raise gymnasium.error.InvalidAction(
+            f"action {' '.join(repr(action).split())} does not lie in the action space {space}"
+        )
+    return np.asarray(array)

@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from swarm_mj.errors import ScenarioError
 from swarm_mj.typing import Array, Mask
 
-from .arguments import checked_options, first_seeds, flight_seed, flight_seeds
-from .observe.actions import check_action
+from .arguments import check_action, checked_options, first_seeds, flight_seed, flight_seeds
 from .observe.rewards import ENDS, TERMS, StepResult
 
 Infos = dict[str, Any]

@@ -10,8 +10,8 @@ from gymnasium import spaces
 from swarm_mj.flight.plan import Plan
 from swarm_mj.observation.camera import CameraModel
 from swarm_mj.observation.thumbnails import SIDE_PX, ThumbnailDrawer, Thumbnails
-from swarm_mj.results.report.simplify import simplify
 from swarm_mj.smallbody.shape import ShapeModel
+from swarm_mj.smallbody.simplify import simplify
 from swarm_mj.spacecraft.attitude.algebra import put_vector, quaternion, rotate
 from swarm_mj.typing import Array, Ints, Mask, Pixels, kernel
 

@@ -16,18 +16,13 @@ ENVIRONMENTS = {
         "swarm_mj.envs.observe.vector:SwarmObserveVectorEnv",
     ),
     "SwarmDownlink-v0": (
-        "swarm_mj.envs.downlink.single:SwarmDownlinkEnv",
-        "swarm_mj.envs.downlink.vector:SwarmDownlinkVectorEnv",
+        "swarm_mj.envs.downlink.env:SwarmDownlinkEnv",
+        "swarm_mj.envs.downlink.env:SwarmDownlinkVectorEnv",
     ),
     "SwarmPointing-v0": (
-        "swarm_mj.envs.pointing.single:SwarmPointingEnv",
-        "swarm_mj.envs.pointing.vector:SwarmPointingVectorEnv",
+        "swarm_mj.envs.pointing.env:SwarmPointingEnv",
+        "swarm_mj.envs.pointing.env:SwarmPointingVectorEnv",
     ),
-    "SwarmObserve-v1": (
-        "swarm_mj.envs.missions.single:SwarmObserveV1Env",
-        "swarm_mj.envs.missions.vector:SwarmObserveV1VectorEnv",
-    ),
-    "SwarmMap-v0": ("swarm_mj.envs.observe.swarm_map:SwarmMapEnv", "swarm_mj.envs.observe.swarm_map:SwarmMapVectorEnv"),
 }
 
 

@@ -6,7 +6,7 @@ import swarm_mj as sm
 
 rows = []
 for half_angle_deg in (2, 3, 4, 6, 8):
-    scenario = sm.load("eros-quick", [f"camera.half_angle_deg={half_angle_deg}"])
+    scenario = sm.load("eros-quick", {"camera.half_angle_deg": half_angle_deg})
     flight = sm.fly(scenario)
     rows.append(
         {

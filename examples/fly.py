@@ -4,7 +4,7 @@ import numpy as np
 
 import swarm_mj as sm
 
-flight = sm.fly(sm.load("eros-quick", ["camera.half_angle_deg=4"]))
+flight = sm.fly(sm.load("eros-quick", {"camera.half_angle_deg": 4}))
 print(flight)
 print(flight.spacecraft[["visits_point", "observed_percent", "delta_v_m_s"]].round(3).to_string())
 

@@ -114,7 +114,7 @@ def worth(network: Network, task) -> dict[str, float]:
 
     def act(batch) -> np.ndarray:
         with torch.no_grad():
-            return network(*tensors(batch.observed()))[0].mean.clamp(-1.0, 1.0).numpy()
+            return network(*tensors(batch.observation))[0].mean.clamp(-1.0, 1.0).numpy()
 
     return told(fly(task, act, TEST_EPISODES))
 

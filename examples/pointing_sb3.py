@@ -41,7 +41,7 @@ def main() -> None:
     curve = []
     for _ in range(LOOKS):
         model.learn(max(1, options.steps // LOOKS), reset_num_timesteps=False)
-        outcome = fly(task, lambda batch: model.predict(batch.observation, deterministic=True)[0], EPISODES)
+        outcome = fly(task, lambda batch: model.predict(batch.numbers, deterministic=True)[0], EPISODES)
         curve.append({"steps": model.num_timesteps, "seconds": time.perf_counter() - start, **told(outcome)})
         print({key: round(value, 3) for key, value in curve[-1].items()}, flush=True)
     options.out.mkdir(parents=True, exist_ok=True)

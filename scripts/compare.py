@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from swarm_mj.io.records import read_record
-from swarm_mj.results.design_files import read_sightings
-from swarm_mj.results.run_files import read_coverage
+from swarm_mj.records.design_files import read_sightings
+from swarm_mj.records.run_files import read_coverage
 from swarm_mj.simulator.telemetry import read_telemetry
 
 #: Keys whose values depend on the machine and the day.

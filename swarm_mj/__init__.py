@@ -4,35 +4,37 @@ The public names are imported when they are first used, so that `import swarm_mj
 
     import swarm_mj as sm
 
-    flight = sm.fly(sm.load("eros-config2", ["camera.half_angle_deg=6"]))
+    flight = sm.fly("eros-config2", {"camera.half_angle_deg": 6})
     flight.coverage.percent
 """
 
 from __future__ import annotations
 
+import atexit
 import os
+import shutil
 import sys
 import tempfile
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from swarm_mj.moved import warn_of_old_paths
-
 if TYPE_CHECKING:
-    from swarm_mj.api.campaign import campaign, replay_row
-    from swarm_mj.api.checks import bench, validate
+    from swarm_mj.api.campaign import campaign, replay
+    from swarm_mj.api.checks import validate
     from swarm_mj.api.classes import compare_classes
     from swarm_mj.api.design import Design, design
     from swarm_mj.api.flight import Flight, fly
     from swarm_mj.api.navigate import Navigation, navigate
     from swarm_mj.api.observe import Observation, observe
-    from swarm_mj.api.results import open, report
-    from swarm_mj.api.scenario import Scenario, available, load
+    from swarm_mj.api.results import open, open_design, report
+    from swarm_mj.api.scenario import Scenario, available, explain, load, packaged
     from swarm_mj.api.score import score
     from swarm_mj.api.simulation import simulation, view
     from swarm_mj.errors import SwarmError
-    from swarm_mj.smallbody.shape_io import load_shape
+    from swarm_mj.scenarios.json_schema import json_schema
+    from swarm_mj.smallbody.shape_harmonics import build_shape
+    from swarm_mj.smallbody.shape_io import load_shape, save_shape
 
 __version__ = "0.2.0"
 
@@ -44,19 +46,23 @@ __all__ = [
     "Scenario",
     "SwarmError",
     "available",
-    "bench",
+    "build_shape",
     "campaign",
     "compare_classes",
     "design",
     "explain",
     "fly",
+    "json_schema",
     "load",
     "load_shape",
     "navigate",
     "observe",
     "open",
-    "replay_row",
+    "open_design",
+    "packaged",
+    "replay",
     "report",
+    "save_shape",
     "score",
     "simulation",
     "validate",
@@ -72,18 +78,22 @@ _HOMES = {
     "Scenario": "api.scenario",
     "SwarmError": "errors",
     "available": "api.scenario",
-    "bench": "api.checks",
     "campaign": "api.campaign",
     "compare_classes": "api.classes",
     "design": "api.design",
     "explain": "api.scenario",
     "fly": "api.flight",
     "load": "api.scenario",
+    "build_shape": "smallbody.shape_harmonics",
+    "json_schema": "scenarios.json_schema",
     "load_shape": "smallbody.shape_io",
+    "packaged": "api.scenario",
+    "save_shape": "smallbody.shape_io",
     "navigate": "api.navigate",
     "observe": "api.observe",
     "open": "api.results",
-    "replay_row": "api.campaign",
+    "open_design": "api.results",
+    "replay": "api.campaign",
     "report": "api.results",
     "score": "api.score",
     "simulation": "api.simulation",
@@ -107,14 +117,24 @@ def __dir__() -> list[str]:
 
 
 def _give_numba_a_cache() -> None:
-    """Name a folder for compiled code where neither the package nor the home folder can be written."""
-    package, home = Path(__file__).parent, Path.home()
-    if "NUMBA_CACHE_DIR" in os.environ or os.access(package, os.W_OK) or os.access(home, os.W_OK):
+    """Let Numba keep machine code in a private folder until the program ends, where it could be kept nowhere else safely.
+
+    Numba keeps it beside the sources if it can, otherwise in the user's cache folder. It runs what it finds there, so that
+    nobody else may write into that.
+    """
+    if "NUMBA_CACHE_DIR" in os.environ or os.access(Path(__file__).parent, os.W_OK):
         return
-    os.environ["NUMBA_CACHE_DIR"] = str(Path(tempfile.gettempdir()) / f"swarm_mj-{os.getuid()}")
+    cache = Path(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")) / "numba"
+    if cache.is_absolute():  # without a home folder "~" stays as it is
+        nearest = next(folder for folder in (cache, *cache.parents) if folder.exists())
+        status = nearest.stat()
+        if os.access(nearest, os.W_OK) and status.st_uid == os.getuid() and not status.st_mode & 0o022:
+            return
+    private = tempfile.mkdtemp(prefix="swarm_mj-")
+    atexit.register(shutil.rmtree, private, ignore_errors=True)
+    os.environ["NUMBA_CACHE_DIR"] = private
 
 
 _give_numba_a_cache()
-warn_of_old_paths()
 if "gymnasium" in sys.modules:  # as in gymnasium.make("swarm_mj:SwarmObserve-v0"); it then learns the environments
     import_module("swarm_mj.envs")

@@ -6,10 +6,13 @@ Shapes, units and frames are no part of a type; the docstrings say them.
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+
+from swarm_mj import __version__
 
 Array: TypeAlias = NDArray[np.float64]
 Array32: TypeAlias = NDArray[np.float32]
@@ -18,6 +21,9 @@ Ints32: TypeAlias = NDArray[np.int32]
 Indices: TypeAlias = NDArray[np.intp]
 Mask: TypeAlias = NDArray[np.bool_]
 Pixels: TypeAlias = NDArray[np.uint8]
+
+#: Another one after an upgrade: the package's version and when its files were written.
+INSTALLATION = f"{__version__}-{Path(__file__).with_name('__init__.py').stat().st_mtime_ns:x}"
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
@@ -29,9 +35,7 @@ def kernel(function: Callable[..., Any]) -> Any:
     wrapper for C, which nobody calls and which takes a tenth of the time of compiling. Numba is imported here, so that modules
     which only name types do not pay for it.
     """
-    from swarm_mj.machine_code import compiled
-
-    return compiled(function, _nrt=True)
+    return _compiled(function, _nrt=True)  # whoever calls it: a lean kernel would pass its own choice on
 
 
 def lean(function: Callable[..., Any]) -> Any:
@@ -39,9 +43,7 @@ def lean(function: Callable[..., Any]) -> Any:
 
     Numba counts one for every row that is looked at, which takes a tenth of the time of a flight.
     """
-    from swarm_mj.machine_code import compiled
-
-    return compiled(function, _nrt=False)
+    return _compiled(function, _nrt=False)
 
 
 def inlined(function: Callable[..., Any]) -> Any:
@@ -49,9 +51,19 @@ def inlined(function: Callable[..., Any]) -> Any:
 
     For parts with one or two callers that are given many arrays: the machine code is the same, and takes less time to compile.
     """
-    from swarm_mj.machine_code import compiled
+    return _compiled(function, inline="always")
 
-    return compiled(function, inline="always")
+
+def _compiled(function: Callable[..., Any], **options: Any) -> Any:
+    """Compile as `kernel` says, with more options of `numba.njit`.
+
+    Numba finds what it kept by this name and reads it before it looks at its age. After an upgrade it would fail on types that
+    have since moved, so that each installation has names of its own.
+    """
+    from numba import njit
+
+    function.__qualname__ += f"-{INSTALLATION}"
+    return njit(nogil=True, error_model="numpy", no_cfunc_wrapper=True, cache=True, **options)(function)
 
 
 def jittable(function: _Function) -> _Function:
@@ -66,13 +78,3 @@ def jittable(function: _Function) -> _Function:
     from numba.extending import register_jitable
 
     return register_jitable(error_model="numpy")(function)
-
-
-def woven(function: _Function) -> _Function:
-    """The same where it is worked into every kernel that calls it: for parts with many arguments that run once per spacecraft.
-
-    The compiler leaves longer functions aside, and handing over what stands in vector registers costs more than the work.
-    """
-    from numba.extending import register_jitable
-
-    return register_jitable(error_model="numpy", forceinline=True)(function)

@@ -21,9 +21,6 @@ def _egl_loads():
 if _egl_loads():
     os.environ.setdefault("MUJOCO_GL", "egl")
 
-# Numba reads it on import. What is flown on a GPU is tested without one.
-os.environ["NUMBA_ENABLE_CUDASIM"] = "1"
-
 
 @pytest.fixture(scope="module", autouse=True)
 def older_objects_are_left_alone():
@@ -84,18 +81,18 @@ EARLY = (
     "docs/test_scenario_keys.py",
     "campaigns/test_campaign.py",
     "campaigns/test_dask.py",
-    "verification/physics/test_validation.py",
-    "results/figures/test_missions.py",
-    "results/figures/test_every_figure.py",
+    "verification/test_validation.py",
+    "figures/test_missions.py",
+    "figures/test_every_figure.py",
     "designer/test_designs_fly.py",
     "robust/test_long.py",
-    "verification/performance/test_bench.py",
+    "benchmarks/test_performance.py",
     "test_extending.py",
     "test_spacecraft_page.py",
     "test_wheel.py",  # takes what is compiled by then
 )
 #: Files that share figures which are drawn once for all of them; one worker runs them.
-FIGURES = ("results/figures/test_missions.py", "results/figures/test_every_figure.py")
+FIGURES = ("figures/test_missions.py", "figures/test_every_figure.py")
 ORDER = {name: k for k, name in enumerate((*COMPILE, *EARLY))}
 
 

@@ -52,7 +52,7 @@ def test_at_the_default_epoch_earth_is_never_occulted(config_flights, name):
 
 
 def test_at_the_epoch_of_the_elements_the_sun_would_only_graze_the_target():
-    plan = make_plan(load_scenario("eros-quick", ["epoch=2019-05-02T00:00:00"]))
+    plan = make_plan(load_scenario("eros-quick", {"epoch": "2019-05-02T00:00:00"}))
     C_AN, sun = plan.environment.C_AN(0.0), plan.environment.sun.position
     latitude, _ = sub_point(sun, C_AN)
     angle = np.degrees(incidence(plan.region, C_AN @ sun))

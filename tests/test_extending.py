@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from swarm_mj.cli.main import main
-from swarm_mj.results.findings import borrowed_findings
+from swarm_mj.records.findings import borrowed_findings
 from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.simulator.telemetry import MODES, read_telemetry
 
@@ -53,7 +53,8 @@ def desk(tmp_path_factory):
 def typed(text):
     for line in text.strip().replace("\\\n", " ").splitlines():
         assert (
-            main([*shlex.split(line)[1:], *([] if line.split()[1] == "shape" else ["--quiet", "--no-figures"])]) == 0
+            main([*shlex.split(line)[1:], *([] if line.split()[1] == "load-shape" else ["--quiet", "--no-figures"])])
+            == 0
         ), line
 
 

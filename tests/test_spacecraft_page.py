@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from swarm_mj.cli.main import main
-from swarm_mj.results import drawing
+from swarm_mj.figures import drawing
 from swarm_mj.simulator.telemetry import read_telemetry
 
 PAGE = (Path(__file__).parents[1] / "docs/how-to/spacecraft.md").read_text("utf-8")
@@ -40,7 +40,7 @@ def test_the_file_of_the_page_opens_in_mujoco_itself(desk):
 
 def test_the_flight_of_the_page_settles_with_panels_and_fuel_at_rest(desk):
     summary = json.loads((desk / "results/my_flight/summary.json").read_text())
-    assert summary["stepper"] == "mj_step" and summary["stepper_note"] == "spacecraft.mjcf"
+    assert summary["stepper"] == "mujoco"
     assert summary["spacecraft_file"] == str(desk / "my_cubesat.xml")
     assert any("centre of mass stands" in note for note in summary["spacecraft_notes"])
     assert summary["coverage_percent"] > 99.0

@@ -23,7 +23,7 @@ def wheel(tmp_path_factory):
     patterns = shutil.ignore_patterns(".*", "*.egg-info", "__pycache__")
 
     def ignore(folder, names):
-        made = {"build", "dist", "results", "site"} if Path(folder) == ROOT else set()  # swarm_mj/results is a room
+        made = {"build", "dist", "results", "site"} if Path(folder) == ROOT else set()
         return patterns(folder, names) | (made & set(names))
 
     shutil.copytree(ROOT, source, ignore=ignore)
@@ -79,7 +79,7 @@ def test_the_wheel_holds_assets_envs_and_scenarios_and_no_other_top_level_packag
         "swarm_mj/assets/mjcf/cubesat.xml",
         "swarm_mj/assets/mjcf/scene.xml",
         "swarm_mj/envs/__init__.py",
-        "swarm_mj/envs/gpu/vector.py",
+        "swarm_mj/envs/observe/vector.py",
         "swarm_mj/scenarios/eros-config1.yaml",
         "swarm_mj/py.typed",
     ):
@@ -94,7 +94,7 @@ def test_the_installed_wheel_flies_a_scenario_outside_the_checkout(installed):
     run, outside, folder = installed
     where = run("python", "-c", "import swarm_mj.envs, swarm_mj.assets as a; print(a.__file__)")
     assert str(folder) in where.stdout, where.stderr
-    assert "eros-config1" in run("swarm-mj", "scenarios").stdout
-    flown = run("swarm-mj", "run", "eros-quick", "--quiet", "--no-figures")
+    assert "eros-config1" in run("swarm-mj", "available").stdout
+    flown = run("swarm-mj", "fly", "eros-quick", "--quiet", "--no-figures")
     assert flown.returncode == 0, flown.stderr
     assert (outside / "results" / "eros-quick" / "summary.json").exists()

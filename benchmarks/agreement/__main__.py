@@ -15,8 +15,8 @@ from typing import Any
 
 from benchmarks.agreement.page import page
 from benchmarks.agreement.programs import PROGRAMS, ask, installed
+from benchmarks.measure import machine
 from swarm_mj.io.atomic import write_text
-from swarm_mj.verification.performance.record import machine
 
 PAGE = Path("docs/results/agreement.md")
 #: The shorter control period that shows what gravity held over it costs.
@@ -83,28 +83,28 @@ def causes(flights: dict[str, Any]) -> dict[str, list[dict[str, Any]]]:
     """Distances from SciPy of the paper's flight as it is, and flown otherwise where a difference is thought to come from."""
     name = "eros-config1"
     given = {row["quantity"]: row["difference"] for row in flights[name]["rows"] if row["program"] == "scipy"}
-    shorter = again(name, f"control.period_s={SHORTER_PERIOD_S}")
-    gyrostat = again(name, "physics.wheels=gyrostat")
+    shorter = again(name, {"control.period_s": SHORTER_PERIOD_S})
+    kernel = again(name, {"physics.stepper": "kernel"})
     return {
         "hold": [
             {"period_s": 0.5, "path_m": given["path"]},
             {"period_s": SHORTER_PERIOD_S, "path_m": shorter["path"]},
         ],
-        "wheels": [
-            {"wheels": "bodies", "attitude_urad": given["attitude"]},
-            {"wheels": "gyrostat", "attitude_urad": gyrostat["attitude"]},
+        "steppers": [
+            {"stepper": "mujoco", "attitude_urad": given["attitude"]},
+            {"stepper": "kernel", "attitude_urad": kernel["attitude"]},
         ],
     }
 
 
-def again(name: str, change: str) -> dict[str, float]:
+def again(name: str, change: dict[str, Any]) -> dict[str, float]:
     """Differences from SciPy of a flight with one key changed, by quantity."""
     from benchmarks.agreement.comparison import compare
     from benchmarks.agreement.flights import MISSIONS, fly
 
     with tempfile.TemporaryDirectory() as folder:
         report(f"{name}: {change}")
-        flown = fly(MISSIONS[name], Path(folder), [change])
+        flown = fly(MISSIONS[name], Path(folder), change)
         rows = compare(flown, {"scipy": ask("scipy", Path(folder))})
     return {row["quantity"]: row["difference"] for row in rows}
 

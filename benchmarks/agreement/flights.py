@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import degrees
 from pathlib import Path
@@ -17,6 +17,7 @@ from benchmarks.agreement.coefficients import terms
 from swarm_mj.interop.kernels_text import rotation_constants
 from swarm_mj.interop.states import FlightStates, states_of
 from swarm_mj.scenarios.constants import AU, DAY, GM_SUN
+from swarm_mj.scenarios.loading import NO_OVERRIDES
 from swarm_mj.smallbody.ephemeris import julian_date
 from swarm_mj.smallbody.gravity import SphericalHarmonics
 from swarm_mj.spacecraft.attitude.mrp import dcm
@@ -45,7 +46,7 @@ class Mission:
 
     scenario: str
     title: str
-    changes: tuple[str, ...]
+    changes: Mapping[str, Any]
     elements_epoch: str
     basilisk_step_s: float
     wheels: bool
@@ -53,9 +54,9 @@ class Mission:
 
 MISSIONS: Final = {
     "eros-config1": Mission(
-        "eros-config1", "The paper's flight", ("telemetry.interval_s=0.5",), "2019-05-02T00:00:00.000", 0.5, True
+        "eros-config1", "The paper's flight", {"telemetry.interval_s": 0.5}, "2019-05-02T00:00:00.000", 0.5, True
     ),
-    "fast-flyby": Mission("fast-flyby", "The fast flyby", (), "2019-04-27T00:00:00.000", 5.0, False),
+    "fast-flyby": Mission("fast-flyby", "The fast flyby", {}, "2019-04-27T00:00:00.000", 5.0, False),
 }
 
 
@@ -82,9 +83,9 @@ class Flown:
         return np.unique(np.round(np.linspace(0.0, self.states.times[-1], TURNS)))
 
 
-def fly(mission: Mission, folder: Path, changes: Sequence[str] = ()) -> Flown:
+def fly(mission: Mission, folder: Path, changes: Mapping[str, Any] = NO_OVERRIDES) -> Flown:
     """Fly, export into the folder and write the job down."""
-    flight = sm.fly(sm.load(mission.scenario, [*mission.changes, *changes]))
+    flight = sm.fly(mission.scenario, {**mission.changes, **changes})
     flight.export(folder / "export", formats=FORMATS)
     flight.export(folder / "export3", formats=["oem", "aem"], ccsds=3)
     flown = Flown(mission, states_of(flight.plan, flight.telemetry))

@@ -61,7 +61,6 @@ NOT_COMPARED = """## What is not compared
 - **Gravity of the polyhedron**: compared with the program `polyhedral-gravity`, see [validation](validation.md).
 - **Tide of the Sun and radiation pressure** are off in both flights.
 - **Light time and aberration**: swarm_mj's positions are geometric.
-- **Vizard, STK, Cosmographia**: their files are read back by the tests, not by those programs, which are not on the package index.
 """
 
 
@@ -174,12 +173,12 @@ def _why(results: dict[str, Any]) -> list[str]:
             f"flight is {path:.2g} m from SciPy, and {fast['without_rounding_m']:.2g} m where that is taken off. The other programs, "
             "which take longer steps, are right."
         )
-    wheels = results["causes"].get("wheels")
-    if wheels:
-        bodies, gyrostat = (row["attitude_urad"] for row in wheels)
+    steppers = results["causes"].get("steppers")
+    if steppers:
+        bodies, kernel = (row["attitude_urad"] for row in steppers)
         out.append(
-            f"- **Attitude.** The torques are given, so that nothing takes an error back. With `physics.wheels: gyrostat` the distance "
-            f"from SciPy is {gyrostat:.2g} µrad instead of {bodies:.2g} µrad. The rest comes from wheels as bodies: the rounding of "
+            f"- **Attitude.** The torques are given, so that nothing takes an error back. With `physics.stepper: kernel` the distance "
+            f"from SciPy is {kernel:.2g} µrad instead of {bodies:.2g} µrad. The rest comes from wheels as bodies: the rounding of "
             "MuJoCo's momentum balance of linked bodies, which grows with the speed of travel; see [Basilisk](basilisk.md)."
         )
     published = _find(results, "eros-config1", "scipy", "rotation published")

@@ -14,7 +14,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from benchmarks.basilisk.page import page
-from swarm_mj.verification.performance.record import FOLDER, machine, write_results
+from benchmarks.measure import FOLDER, machine, write_results
 
 ROUNDS = 15
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from benchmarks.basilisk import ours, peer, reference
 from benchmarks.basilisk.clock import seconds
-from benchmarks.basilisk.problem import EQUAL_STEP_S, PERIOD_S, PROGRAMS, WHEELS, Flight, Problem, difference
+from benchmarks.basilisk.problem import EQUAL_STEP_S, PERIOD_S, PROGRAMS, STEPPERS, Flight, Problem, difference
 from benchmarks.basilisk.rounding import drift
 
 #: Whole fractions of the control period, longest first.
@@ -25,14 +25,14 @@ Array = NDArray[np.float64]
 
 def fly(program: str, problem: Problem, step: float) -> Flight:
     """The flight by a program, recorded."""
-    return peer.fly(problem, step) if program == "basilisk" else ours.fly(problem, step, WHEELS[program])
+    return peer.fly(problem, step) if program == "basilisk" else ours.fly(problem, step, program)
 
 
 def ready(program: str, problem: Problem, step: float) -> Callable[[], object]:
     """The flight by a program, set up and not recorded."""
     if program == "basilisk":
         return peer.ready(problem, step)
-    return ours.ready(problem, step, WHEELS[program])
+    return ours.ready(problem, step, program)
 
 
 def agreement(problem: Problem, report: Callable[[str], None]) -> Results:
@@ -78,8 +78,8 @@ def timing(problem: Problem, rows: list[Results], rounds: int, report: Callable[
     chosen = [(EQUAL_STEP_S,) * 3, tuple(cheapest_step(rows, program) for program in PROGRAMS)]
     cases = {(program, step): partial(ready, program, problem, step) for program, step in _cases(chosen)}
     for program, step in _cases(chosen):
-        if program in WHEELS:
-            cases[f"{program} stepping", step] = partial(ours.stepping, problem, step, WHEELS[program])
+        if program in STEPPERS:
+            cases[f"{program} stepping", step] = partial(ours.stepping, problem, step, program)
     for case in cases.values():
         case()()  # compiles
     times: dict[tuple[str, float], list[tuple[float, float]]] = {key: [] for key in cases}
@@ -105,7 +105,7 @@ def _row(what: str, program: str, their_step: float, step: float, measured: dict
     ratios = theirs[:, 0] / mine[:, 0]
     return {
         "what": what,
-        "wheels": program,
+        "stepper": program,
         "basilisk_step_s": their_step,
         "step_s": step,
         "basilisk_cpu_s": float(np.median(theirs[:, 0])),

@@ -8,18 +8,19 @@ from functools import partial
 from math import inf
 from typing import ClassVar
 
+import mujoco
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from benchmarks.basilisk.problem import DURATION_S, K_N_M, LEG_S, P_N_M_S, PERIOD_S, Flight, Problem
 from swarm_mj.mission.behaviors import SwarmView, TargetKind, Targets
-from swarm_mj.simulator.fast.integrator import Integrator
+from swarm_mj.simulator.kernel import turn_gyrostats
 from swarm_mj.simulator.simulation import Simulation
 from swarm_mj.spacecraft.attitude.algebra import combine, cross, put_vector, times, vector
 from swarm_mj.spacecraft.control.base import ControlInput
 from swarm_mj.spacecraft.control.compiled import CompiledLaw
-from swarm_mj.spacecraft.model import WheelModel, build_model
+from swarm_mj.spacecraft.model import Stepper, build_model
 
 Array = NDArray[np.float64]
 
@@ -95,13 +96,13 @@ class Swarm:
 
     def state(self) -> Flight:
         """Where the swarm is now, a flight of one sample."""
-        qpos, qvel = self.simulation.model.state(self.simulation.data)
+        state = self.simulation.state
         return Flight(
-            r_N=qpos[None, :, :3].copy(), attitude=qpos[None, :, 3:7].copy(), wheel_speed=qvel[None, :, 6:9].copy()
+            r_N=state.r_N[None].copy(), attitude=state.q_BN[None].copy(), wheel_speed=state.wheel_speed[None].copy()
         )
 
 
-def make(problem: Problem, timestep: float, wheels: WheelModel) -> Simulation:
+def make(problem: Problem, timestep: float, stepper: Stepper) -> Simulation:
     """The simulation at its start."""
     simulation = Simulation(
         build_model(
@@ -109,10 +110,9 @@ def make(problem: Problem, timestep: float, wheels: WheelModel) -> Simulation:
             shape=problem.plan.shape,
             properties=problem.properties,
             timestep=timestep,
-            wheels=wheels,
+            stepper=stepper,
             geometry=False,
         ),
-        properties=problem.properties,
         environment=problem.environment,
         behavior=Legs(problem.directions_N),
         controller=ScalarFeedback(),
@@ -122,21 +122,27 @@ def make(problem: Problem, timestep: float, wheels: WheelModel) -> Simulation:
     return simulation
 
 
-def fly(problem: Problem, timestep: float, wheels: WheelModel = "bodies") -> Flight:
+def fly(problem: Problem, timestep: float, stepper: Stepper = "mujoco") -> Flight:
     """Fly and record every control period."""
-    record = make(problem, timestep, wheels).run(DURATION_S, PERIOD_S)
+    record = make(problem, timestep, stepper).run(DURATION_S, PERIOD_S)
     return Flight(r_N=record.vectors[:, 0], attitude=record.attitude[:, 0], wheel_speed=record.vectors[:, 4])
 
 
-def stepping(problem: Problem, timestep: float, wheels: WheelModel) -> Callable[[], object]:
+def stepping(problem: Problem, timestep: float, stepper: Stepper) -> Callable[[], object]:
     """A function that only steps for the time of the flight, with the first forces and no torques held."""
-    simulation = make(problem, timestep, wheels)
-    simulation.decide()
-    simulation.data.ctrl[:] = 0.0
-    return partial(Integrator(simulation.model, simulation.data).step, round(DURATION_S / timestep))
+    simulation, steps = make(problem, timestep, stepper), round(DURATION_S / timestep)
+    simulation.step()
+    state, world = simulation.state, simulation.batch.world
+    state.motor[:] = 0.0
+    if stepper == "mujoco":
+        simulation.data.ctrl[:] = 0.0
+        return partial(mujoco.mj_step, simulation.model.mjmodel, simulation.data, nstep=steps)
+    rotation = state.q_BN, state.omega_B, state.flights.momentum[0], state.wheel_speed, state.motor, state.torque_N
+    body = state.inertia_B, world.wheel_axes_B, world.wheel_inertia
+    return partial(turn_gyrostats, *rotation, *body, timestep, steps)
 
 
-def ready(problem: Problem, timestep: float, wheels: WheelModel) -> Callable[[], object]:
+def ready(problem: Problem, timestep: float, stepper: Stepper) -> Callable[[], object]:
     """A function that flies the whole flight without recording it; set-up is done."""
-    simulation = make(problem, timestep, wheels)
+    simulation = make(problem, timestep, stepper)
     return lambda: simulation.run(DURATION_S, DURATION_S)

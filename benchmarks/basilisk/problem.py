@@ -20,11 +20,11 @@ from scipy.spatial.transform import Rotation
 from swarm_mj.flight.fly import initial_state
 from swarm_mj.flight.plan import Plan, make_plan
 from swarm_mj.scenarios.loading import load_scenario
-from swarm_mj.simulator.simulation import InitialState
+from swarm_mj.simulator.state import InitialState
 from swarm_mj.smallbody.environment import Environment
-from swarm_mj.spacecraft.model import WheelModel
+from swarm_mj.spacecraft.model import Stepper
 from swarm_mj.spacecraft.properties import SpacecraftProperties
-from swarm_mj.verification.physics.control import aligned
+from swarm_mj.verification.control import aligned
 
 Array = NDArray[np.float64]
 
@@ -33,9 +33,9 @@ DURATION_S, PERIOD_S, LEG_S = 1200.0, 0.5, 300.0
 K_N_M, P_N_M_S = 1e-3, 2e-2
 WHEEL_SPEED_RAD_S = 100.0
 SEED = 7
-#: The peer, and how our program models the wheels.
-WHEELS: dict[str, WheelModel] = {"bodies": "bodies", "gyrostat": "gyrostat"}
-PROGRAMS = ("basilisk", *WHEELS)
+#: The peer, and who steps in our program.
+STEPPERS: tuple[Stepper, ...] = ("mujoco", "kernel")
+PROGRAMS = ("basilisk", *STEPPERS)
 #: The step [s] at which costs are compared, the same in both programs.
 EQUAL_STEP_S = 0.1
 
@@ -134,7 +134,7 @@ def make_problem(n: int | None = None) -> Problem:
 def _plan_of(n: int) -> Plan:
     n_points = make_plan(load_scenario("eros-config2")).region.n_visiting
     points = [1 + j % n_points for j in range(n)]
-    scenario = load_scenario("eros-config2", [f"design.visiting_points={points}"])
+    scenario = load_scenario("eros-config2", {"design.visiting_points": points})
     # Spacecraft with a common point fly one orbit; only attitudes, directions and wheels tell them apart.
     return make_plan(scenario, check_separation=False)
 

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from benchmarks.basilisk.problem import DURATION_S, K_N_M, LEG_S, P_N_M_S, PERIOD_S, Flight, Problem
 from swarm_mj.scenarios import constants
-from swarm_mj.verification.physics.reference import degree_2_matrix, eros_attitude
+from swarm_mj.verification.reference import degree_2_matrix, eros_attitude
 
 Array = NDArray[np.float64]
 

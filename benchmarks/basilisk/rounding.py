@@ -6,16 +6,18 @@ which they vanish. Far from everything, no motor torque, against SciPy's DOP853.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
-import mujoco
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from benchmarks.basilisk.problem import Problem
-from swarm_mj.simulator.fast.integrator import Integrator
-from swarm_mj.spacecraft.model import WheelModel, build_model
-from swarm_mj.verification.physics.reference import Gyrostat
+from benchmarks.basilisk.problem import PERIOD_S, STEPPERS, Problem
+from swarm_mj.mission.behaviors import TargetKind, Targets
+from swarm_mj.simulator.batch import FlightBatch, FlightSetup
+from swarm_mj.simulator.state import InitialState
+from swarm_mj.spacecraft.model import Stepper, build_model
+from swarm_mj.verification.reference import Gyrostat
 
 SPEEDS_M_S = (0.0, 10.0, 40.0)
 DURATION_S, STEP_S = 600.0, 0.05
@@ -23,8 +25,16 @@ ROTATION = np.array([0.02, -0.03, 0.01, 100.0, -50.0, 80.0])
 HEADING = np.array([10.0, 7.0, -4.0]) / np.linalg.norm([10.0, 7.0, -4.0])
 
 
+class Nothing:
+    """A field that pulls nobody."""
+
+    def acceleration(self, r_A: np.ndarray) -> np.ndarray:
+        """None [m/s^2]."""
+        return np.zeros_like(r_A)
+
+
 def drift(problem: Problem) -> list[dict[str, Any]]:
-    """Angle from SciPy after the tumble [rad], by speed and model of the wheels."""
+    """Angle from SciPy after the tumble [rad], by speed and stepper."""
     properties = problem.properties
     plant = Gyrostat(inertia=properties.inertia_B, wheel_inertia=properties.wheel_spin_inertia)
     start = np.concatenate(([1.0, 0.0, 0.0, 0.0], ROTATION))
@@ -32,20 +42,30 @@ def drift(problem: Problem) -> list[dict[str, Any]]:
     end = solve_ivp(lambda t, y: plant.rates(y, np.zeros(3)), span, start, "DOP853", rtol=1e-13, atol=1e-13).y[:4, -1]
     rows = []
     for speed in SPEEDS_M_S:
-        angles = {wheels: _angle(tumble(problem, speed, wheels), end) for wheels in ("bodies", "gyrostat")}
+        angles = {stepper: _angle(tumble(problem, speed, stepper), end) for stepper in STEPPERS}
         rows.append({"speed_m_s": speed, **angles})
     return rows
 
 
-def tumble(problem: Problem, speed: float, wheels: WheelModel) -> np.ndarray:
+def tumble(problem: Problem, speed: float, stepper: Stepper) -> np.ndarray:
     """Attitude at the end, (w, x, y, z)."""
-    built = build_model(1, shape=problem.plan.shape, properties=problem.properties, timestep=STEP_S, wheels=wheels)
-    data = mujoco.MjData(built.mjmodel)
-    qpos = np.zeros((1, 10))
-    qpos[0, 3] = 1.0
-    built.set_state(data, qpos, np.concatenate((speed * HEADING, ROTATION))[None])
-    Integrator(built, data).step(round(DURATION_S / STEP_S))
-    return built.state(data)[0][0, 3:7].copy()
+    model = build_model(1, shape=problem.plan.shape, properties=problem.properties, timestep=STEP_S, stepper=stepper)
+    nowhere = replace(problem.environment, gravity=Nothing())
+    batch = FlightBatch(FlightSetup(model=model, environment=nowhere, period=PERIOD_S), 1)
+    none = np.zeros((1, 3))
+    start = InitialState(
+        r_BN_N=none,
+        v_BN_N=speed * HEADING[None],
+        sigma_BN=none,
+        omega_BN_B=ROTATION[None, :3],
+        wheel_speed=ROTATION[None, 3:],
+    )
+    batch.reset(0, start)
+    batch.hold(
+        Targets(np.full((1, 1), int(TargetKind.EARTH)), np.zeros((1, 1), np.int64), np.zeros((1, 1, 3))), none[None]
+    )
+    batch.fly(round(DURATION_S / PERIOD_S))
+    return batch.flights.q_BN[0, 0].copy()
 
 
 def _angle(one: np.ndarray, other: np.ndarray) -> float:

@@ -24,13 +24,13 @@ from benchmarks.basilisk.problem import (
     DURATION_S,
     EQUAL_STEP_S,
     PROGRAMS,
-    WHEELS,
+    STEPPERS,
     Flight,
     Problem,
     difference,
     make_problem,
 )
-from swarm_mj.verification.performance.measure import peak_memory_mib
+from benchmarks.measure import peak_memory_mib
 
 SIZES = (1, 6, 20, 100, 1000)
 #: Spacecraft times seconds that are flown in a round at most, and seconds at least.
@@ -60,7 +60,7 @@ def start(program: str, problem: Problem) -> Flying:
         return peer.make(problem, EQUAL_STEP_S, record=False)
     from benchmarks.basilisk import ours
 
-    return ours.Swarm(ours.make(problem, EQUAL_STEP_S, WHEELS[program]))
+    return ours.Swarm(ours.make(problem, EQUAL_STEP_S, program))
 
 
 def stretch(n: int, rounds: int) -> int:
@@ -69,7 +69,7 @@ def stretch(n: int, rounds: int) -> int:
 
 
 def scaling(rounds: int, report: Callable[[str], None], sizes: Sequence[int] = SIZES) -> list[Results]:
-    """Processor time and memory by number of spacecraft and model of the wheels, and Basilisk's over ours."""
+    """Processor time and memory by number of spacecraft and stepper, and Basilisk's over ours."""
     rows = []
     for n in sizes:
         report(f"{n:,} spacecraft, {rounds} rounds")
@@ -91,13 +91,13 @@ def _size_rows(problem: Problem, rounds: int) -> list[Results]:
     memories = {program: memory(program, problem) for program in PROGRAMS}
     theirs = measured["basilisk"]
     rows = []
-    for program in WHEELS:
+    for program in STEPPERS:
         mine = measured[program]
         ratios = theirs[:, 0] / mine[:, 0]
         rows.append(
             {
                 "spacecraft": problem.n,
-                "wheels": program,
+                "stepper": program,
                 "flown_s": flown,
                 "basilisk_cpu_s": float(np.median(theirs[:, 0])),
                 "cpu_s": float(np.median(mine[:, 0])),

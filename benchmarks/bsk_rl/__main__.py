@@ -16,8 +16,8 @@ from pathlib import Path
 
 from benchmarks.bsk_rl.link import Peer, PeerMissing
 from benchmarks.bsk_rl.page import page
+from benchmarks.measure import FOLDER, machine, write_results
 from swarm_mj.io.atomic import write_text
-from swarm_mj.verification.performance.record import FOLDER, machine, write_results
 
 ROUNDS, SECONDS = 15, 3.0
 

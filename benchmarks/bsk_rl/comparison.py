@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.bsk_rl.link import Peer
+from benchmarks.measure import Row, rates, row
+from benchmarks.performance.environment import single_steps, vector_steps
 from swarm_mj.scenarios.loading import load_scenario
-from swarm_mj.verification.performance.environment import single_steps, vector_steps
-from swarm_mj.verification.performance.measure import Row, rates, row
 
 Array = NDArray[np.float64]
 
@@ -30,9 +30,9 @@ MEASURES = {STEPS: "steps/s", STEPS_CPU: "steps/s", SIMULATED: "s/s", SIMULATED_
 def compare(peer: Peer, rounds: int, seconds: float, report: Callable[[str], None]) -> dict[str, Any]:
     """Measure everything; each work takes `seconds` of wall clock in every round."""
     works = {"single": single_steps(), f"vector of {NUM_ENVS}": vector_steps(NUM_ENVS)}
-    gyrostats = load_scenario("eros-observe", ["physics.wheels=gyrostat"])
-    works["single, gyrostats"] = single_steps(scenario=gyrostats)
-    works[f"vector of {NUM_ENVS}, gyrostats"] = vector_steps(NUM_ENVS, scenario=gyrostats)
+    kernel = load_scenario("eros-observe", {"physics.stepper": "kernel"})
+    works["single, kernel"] = single_steps(scenario=kernel)
+    works[f"vector of {NUM_ENVS}, kernel"] = vector_steps(NUM_ENVS, scenario=kernel)
     ours: dict[str, list[dict[str, float]]] = {name: [] for name in works}
     theirs: dict[str, list[dict[str, float]]] = {name: [] for name in EXAMPLES}
     answers: dict[str, list[dict[str, float]]] = {name: [] for name in EXAMPLES}

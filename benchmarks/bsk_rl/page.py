@@ -21,7 +21,7 @@ DIFFERENCES = """## What is modelled
 | spacecraft | 5 satellites of 330 kg | 5 CubeSats of 8 kg |
 | translation | Earth's field to degree 10, the Sun, drag | Eros's field to degree 2 |
 | attitude | rigid body, three wheels as momentum states | rigid body, three wheels as bodies on hinges; rows \
-"gyrostats": as momentum states |
+"kernel": as momentum states |
 | step of the dynamics | RK4, 1 s | RK4, 0.5 s |
 | flight software | every 1 s: pointing at nadir, Sun or a place on the ground; MRP feedback or steering | every 0.5 s: \
 pointing at the body, a place on it, a spacecraft or Earth; MRP sliding mode |

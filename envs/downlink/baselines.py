@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from swarm_mj.typing import Array, Array32, Ints
 
 from .batch import DownlinkBatch
-from .kernels import EARTH, IDLE, SWARM
 from .observations import PRODUCT, no_tables
+from .slot import EARTH, IDLE, SWARM
 from .world import DownlinkTask
 
 #: The observation of one episode by tables.
@@ -123,8 +123,7 @@ def fly_downlink(
     """
     batch, total, value = DownlinkBatch(task, 1), np.zeros(len(seeds)), np.zeros(len(seeds))
     for k, seed in enumerate(seeds):
-        batch.reset(0, seed)
-        batch.observe()
+        batch.reset({0: seed})
         flown: list[Ints] = []
         over = False
         while not over:
@@ -133,7 +132,7 @@ def fly_downlink(
             result = batch.step(flown[-1][None])
             total[k] += result.reward[0]
             over = bool(result.end[0] or result.truncated[0])
-        value[k] = batch.delivered[0]
+        value[k] = batch.state.delivered[0]
         if actions is not None:
             actions[:] = flown
     return total, value

@@ -20,11 +20,11 @@ import numpy as np
 from scipy.optimize import Bounds, LinearConstraint, milp
 from scipy.sparse import coo_array
 
+from swarm_mj.dataflow.network import Access
 from swarm_mj.errors import MissionError
 from swarm_mj.typing import Array, Ints
 
 from .batch import constants_of
-from .kernels import ONE_AT_A_TIME, TDMA
 from .world import Conditions, DownlinkTask
 
 
@@ -62,8 +62,8 @@ class _Program:
     """Columns and rows: y, x by link and product, h, e, unmet, in this order."""
 
     def __init__(self, task: DownlinkTask, drawn: Conditions) -> None:
-        self._constants, self._drawn = constants_of(task), drawn
-        self._slots, self._n = drawn.earth_bit.shape
+        self._constants, self._drawn, self._access = constants_of(task), drawn, task.access
+        self._slots, self._n = drawn.sun_J.shape
         self.products: Ints = np.flatnonzero((drawn.size > 0) & (drawn.ready < self._slots))
         count = len(self.products)
         self._links = self._open_links()
@@ -79,11 +79,8 @@ class _Program:
 
     def _open_links(self) -> Ints:
         """Slot, sender, receiver (n for Earth) and capacity of the links that carry something, shape (L, 4)."""
-        drawn, n = self._drawn, self._n
-        t, i, j = np.nonzero(drawn.swarm_bit)
-        te, ie = np.nonzero(drawn.earth_bit)
-        inside = np.column_stack([t, i, j, drawn.swarm_bit[t, i, j]])
-        return np.vstack([inside, np.column_stack([te, ie, np.full(len(te), n), drawn.earth_bit[te, ie]])])
+        t, i, j = np.nonzero(self._drawn.capacity_bit)
+        return np.column_stack([t, i, j, self._drawn.capacity_bit[t, i, j]])
 
     def upper(self) -> Array:
         """Of the columns; nothing is sent of a product before it is asked for and after it expired."""
@@ -149,13 +146,13 @@ class _Program:
         for t in range(self._slots):
             number, sender, receiver = self._at(t).T
             to_earth = receiver == self._n
-            groups = [(number[to_earth], constants.channels)]
+            groups = [(number[to_earth], constants.rules.channels)]
             groups += [(number[sender == i], 1.0) for i in range(self._n)]
-            if constants.access == ONE_AT_A_TIME:
+            if self._access is Access.ONE_AT_A_TIME:
                 groups.append((number[~to_earth], 1.0))
-            elif constants.access == TDMA:
+            elif self._access is Access.TDMA:
                 groups += [(number[~to_earth & (sender == i)], 1.0 / self._n) for i in range(self._n)]
-            elif constants.half_duplex:
+            elif constants.rules.half_duplex:
                 groups += [(number[~to_earth & ((sender == i) | (receiver == i))], 1.0) for i in range(self._n)]
             for links, limit in groups:
                 if len(links):

@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from gymnasium import spaces
 
-from swarm_mj.typing import Array, Array32, Mask, kernel
+from swarm_mj.typing import Array32, Mask, kernel
 
-from .kernels import OPEN, DownlinkState
+from .slot import OPEN, DownlinkState
 from .world import Conditions, DownlinkTask
 
 #: Numbers of a spacecraft before those of its links, of a product before those of who holds it, and of the swarm.
@@ -94,34 +94,29 @@ def flat(tables: DownlinkTables) -> Array32:
 
 
 @kernel
-def write_tables(
-    scales: DownlinkScales, conditions: Conditions, state: DownlinkState, delivered: Array, tables: DownlinkTables
-) -> None:
+def write_tables(scales: DownlinkScales, conditions: Conditions, state: DownlinkState, tables: DownlinkTables) -> None:
     """Write observations of all episodes, but for the masks.
 
     Args:
         scales: See `DownlinkScales`.
         conditions: Of all episodes.
         state: Where they stand.
-        delivered: Value on Earth, shape (E,).
         tables: Written to.
     """
-    slots, n = conditions.earth_bit.shape[1], state.alive.shape[1]
+    slots, n = conditions.capacity_bit.shape[1], state.alive.shape[1]
     for e in range(state.slot.shape[0]):
         slot = min(state.slot[e], slots - 1)
         over = state.slot[e] >= slots
         for i in range(n):
-            row, aboard = tables.spacecraft[e, i], 0
-            for k in range(state.hold.shape[2]):
-                aboard += state.hold[e, i, k]
+            row = tables.spacecraft[e, i]
             row[0] = state.charge_J[e, i] / scales.battery_J
-            row[1] = aboard / scales.storage_bit
+            row[1] = state.hold[e, i].sum() / scales.storage_bit
             row[2] = 0.0 if over else min(10.0, conditions.sun_J[e, slot, i] / scales.sun_J)
             row[3] = 0.0 if over else min(10.0, conditions.earth_J[e, slot, i] / scales.sun_J)
-            row[4] = 0.0 if over else min(10.0, conditions.earth_bit[e, slot, i] / scales.earth_bit)
+            row[4] = 0.0 if over else min(10.0, conditions.capacity_bit[e, slot, i, n] / scales.earth_bit)
             row[5], row[6], row[7] = state.at_earth[e, i], state.safe[e, i], state.alive[e, i]
             for j in range(n):
-                row[8 + j] = 0.0 if over else min(10.0, conditions.swarm_bit[e, slot, i, j] / scales.swarm_bit)
+                row[8 + j] = 0.0 if over else min(10.0, conditions.capacity_bit[e, slot, i, j] / scales.swarm_bit)
         for k in range(state.status.shape[1]):
             entry, size = tables.products[e, k], conditions.size[e, k]
             entry[:] = 0.0
@@ -133,11 +128,11 @@ def write_tables(
                 entry[4] = state.on_earth[e, k] / size
                 for i in range(n):
                     entry[5 + i] = state.hold[e, i, k] / size
-        _write_swarm(conditions, state, delivered[e], e, tables.swarm[e])
+        _write_swarm(conditions, state, e, tables.swarm[e])
 
 
 @kernel
-def _write_swarm(conditions: Conditions, state: DownlinkState, delivered: float, e: int, row: Array32) -> None:
+def _write_swarm(conditions: Conditions, state: DownlinkState, e: int, row: Array32) -> None:
     """Time left, whether a pass is on, its rest, the time to the next one, and the value on Earth."""
     slots, now = conditions.allotted.shape[1], state.slot[e]
     end = now
@@ -150,4 +145,4 @@ def _write_swarm(conditions: Conditions, state: DownlinkState, delivered: float,
     row[1] = 1.0 if end > now else 0.0
     row[2] = (end - now) / slots
     row[3] = (start - end) / slots
-    row[4] = min(1.0, delivered)
+    row[4] = min(1.0, state.delivered[e])

@@ -16,10 +16,9 @@ from gymnasium import spaces
 
 from swarm_mj.errors import ScenarioError
 
-from ..arguments import checked_options, checked_prefix
-from ..observe.actions import check_action
+from ..arguments import check_action, checked_options, checked_prefix
+from .env import SwarmDownlinkEnv
 from .observations import dict_space
-from .single import SwarmDownlinkEnv
 
 try:
     from pettingzoo import ParallelEnv

@@ -10,7 +10,7 @@ import numpy as np
 
 from swarm_mj import __version__
 from swarm_mj.dataflow.contacts import Contacts, Instants, find_contacts, radios_from, samples_of
-from swarm_mj.dataflow.ground import listening_station
+from swarm_mj.dataflow.ground import earth_schedule
 from swarm_mj.dataflow.network import Access
 from swarm_mj.dataflow.radios import radio_from
 from swarm_mj.errors import ScenarioError
@@ -18,8 +18,7 @@ from swarm_mj.flight.afterwards import turned
 from swarm_mj.flight.plan import Plan, antennas_from, make_plan
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.mission.trajectories import propagate
-from swarm_mj.scenarios.constants import AU, DAY, SPEED_OF_LIGHT
-from swarm_mj.smallbody.ephemeris import julian_date
+from swarm_mj.scenarios.constants import AU, DAY
 from swarm_mj.smallbody.occultation import occluder_of, segments_blocked
 from swarm_mj.typing import Array, Ints, Mask
 
@@ -36,8 +35,7 @@ class Conditions(NamedTuple):
     """What surrounds one episode of T slots, n spacecraft and up to K products; failures are in it.
 
     Attributes:
-        swarm_bit: Most that i can send to j in a slot [bit], shape (T, n, n).
-        earth_bit: Most that Earth can hear of i in a slot [bit], shape (T, n).
+        capacity_bit: Most that i can send to j in a slot, in the last column to Earth [bit], shape (T, n, n + 1).
         sun_J: What panels that face the Sun bring in a slot, shape (T, n).
         earth_J: What they bring while the dish points at Earth, shape (T, n).
         allotted: Whether a pass is allotted to the swarm and a station sees it in any part of the slot, shape (T,).
@@ -51,8 +49,7 @@ class Conditions(NamedTuple):
         order: Products by value of a bit, most valuable first, shape (K,).
     """
 
-    swarm_bit: Ints
-    earth_bit: Ints
+    capacity_bit: Ints
     sun_J: Array
     earth_J: Array
     allotted: Mask
@@ -140,10 +137,10 @@ class DownlinkTask:
         sun_J, earth_J = self.sunlight(paths)
         products = _products(config, draw, self.n, rng)
         charge_J = self._power.battery_J * rng.uniform(min(draw.charge, 1.0), 1.0, self.n)
-        swarm_bit, earth_bit = contacts.swarm_bit.copy(), contacts.earth_bit.copy()
-        lost_slot = self._fail(swarm_bit, earth_bit, (sun_J, earth_J), rng)
+        capacity_bit = np.concatenate([contacts.swarm_bit, contacts.earth_bit[:, :, None]], axis=2)
+        lost_slot = self._fail(capacity_bit, (sun_J, earth_J), rng)
         seen = np.any((station >= 0).reshape(config.slots, PER_SLOT), axis=1)
-        return Conditions(swarm_bit, earth_bit, sun_J, earth_J, seen, lost_slot, charge_J, *products)
+        return Conditions(capacity_bit, sun_J, earth_J, seen, lost_slot, charge_J, *products)
 
     def draw_paths(self, rng: np.random.Generator) -> Paths:
         """The plan's paths from a drawn time after the visit on, each spacecraft drifting off by a drawn velocity."""
@@ -163,10 +160,10 @@ class DownlinkTask:
             turn_s: By which Earth has turned on [s].
         """
         plan, (t, r_N, earth_N) = self.plan, paths
-        light_s = np.linalg.norm(earth_N, axis=1) / SPEED_OF_LIGHT
-        heard_jd = julian_date(plan.scenario.epoch) + (t + light_s + turn_s) / DAY
-        station = listening_station(plan.scenario.link.ground, heard_jd, r_N.mean(axis=1) - earth_N)
-        station = np.where(allotted, station, -1)
+        heard = earth_schedule(
+            plan.scenario.link.ground, plan.scenario.epoch, t, r_N.mean(axis=1), earth_N, turn_s=turn_s
+        )
+        heard = heard._replace(station=np.where(allotted, heard.station, -1))
         instants = Instants(
             t=t,
             r_BN_N=r_N,
@@ -178,10 +175,7 @@ class DownlinkTask:
             works=np.ones(r_N.shape[:2], np.bool_),
         )
         edges = self.config.step_s * np.arange(self.config.slots + 1.0)
-        contacts = find_contacts(
-            edges, instants, radios=self._radios, body=self._body, station=station, light_time_s=light_s
-        )
-        return contacts, station
+        return find_contacts(edges, instants, radios=self._radios, body=self._body, heard=heard), heard.station
 
     def sunlight(self, paths: Paths) -> tuple[Array, Array]:
         """What panels bring in each slot that face the Sun, and that are turned about a dish that points at Earth.
@@ -223,7 +217,7 @@ class DownlinkTask:
 
     def _best_earth_rate(self) -> float:
         distance = np.linalg.norm(self._paths.earth_N[0])
-        rates = [table.rate_bit_s[distance <= table.range_m] for table in self._radios.earth]
+        rates = [rate[distance <= range_m] for range_m, rate in zip(*self._radios.earth, strict=True)]
         best = max((float(fits[0]) for fits in rates if len(fits)), default=0.0)
         if not best > 0.0:
             raise ScenarioError(
@@ -232,14 +226,14 @@ class DownlinkTask:
             )
         return best
 
-    def _fail(self, swarm_bit: Ints, earth_bit: Ints, energy: tuple[Array, Array], rng: np.random.Generator) -> Ints:
+    def _fail(self, capacity_bit: Ints, energy: tuple[Array, Array], rng: np.random.Generator) -> Ints:
         """Draw failures and put them into the tables; returns from which slot on each spacecraft is lost."""
         draw, slots = self._draw, self.config.slots
         fails = rng.random((3, self.n)) < np.array([draw.radio_fails, draw.panel_fails, draw.lost])[:, None]
         when = np.where(fails, rng.integers(1, slots + 1, (3, self.n)), slots)
         for i, (radio, panel, lost) in enumerate(when.T):
-            earth_bit[min(radio, lost) :, i] = 0
-            swarm_bit[lost:, i], swarm_bit[lost:, :, i] = 0, 0
+            capacity_bit[min(radio, lost) :, i, self.n] = 0
+            capacity_bit[lost:, i], capacity_bit[lost:, :, i] = 0, 0
             for brings_J in energy:
                 brings_J[panel:, i] *= 0.5
                 brings_J[lost:, i] = 0.0

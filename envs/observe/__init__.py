@@ -1,1 +1,1 @@
-"""SwarmObserve: a flyby of a scenario of one's own, for one flight, many, and many agents; SwarmMap is one of its kinds."""
+"""SwarmObserve-v0: flybys drawn from a catalogue, or one of a user's own, for one episode, many, and many agents."""

@@ -1,23 +1,47 @@
-"""The arguments of an environment, checked; `Task` works out what follows from them."""
+"""The arguments of SwarmObserve-v0, checked."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import hashlib
+import json
+from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
+from functools import cached_property
+from math import isqrt
+from threading import Lock
+from typing import Any, get_args
 
+from pydantic import ValidationError
+
+from swarm_mj import __version__
 from swarm_mj.errors import ScenarioError
+from swarm_mj.flight.plan import unchecked_behavior
 from swarm_mj.observation.observer import ObserverKind
+from swarm_mj.scenarios.explaining import explained
 from swarm_mj.scenarios.schema import Scenario
+from swarm_mj.scenarios.schema_faults import Dispersions
 
-from ..arguments import checked_overrides, checked_rate, checked_share, checked_truth
-from .actions import check_level
-from .rewards import checked_scales
+from ..arguments import checked_count, checked_share, checked_step, checked_truth, is_number, is_whole
+from .catalogue import DEFAULT_COUNT, MissionSpec, chosen_missions
+from .draws import Randomisation
+from .flybys import DECISION_S, DURATION_S, PERIOD_S, check_patches
+from .mission import Mission, Target, environment_scenario, make_flyby, make_own
+from .rewards import RewardWeights, checked_weights
 
-#: What is to be seen: the scenario's target, or all of its body.
-TARGETS = ("scenario", "body")
-#: What agents may know.
-OBSERVABILITY = ("full", "graph")
+#: Most spacecraft that an episode over the catalogue may have: more find no visiting points of their own; and how many it has
+#: where nothing else is asked for.
+MOST_SPACECRAFT, SPACECRAFT = 12, 3
+#: Of a scenario's `dispersions` those that act in flight; the others are what `randomise` draws.
+DISPERSIONS = (
+    *("mass_percent", "inertia_percent", "wheel_coulomb_n_m", "wheel_viscous_n_m_s", "gravity_percent"),
+    *("harmonics_percent", "gyro_angular_random_walk_deg_sqrt_h", "gyro_bias_deg_h"),
+    *("gyro_rate_random_walk_deg_h_sqrt_h", "star_tracker_noise_arcsec", "star_tracker_bias_arcsec", "delay_s"),
+)
+OBSERVATIONS = ("flat", "entities")
+#: What is to be seen: the target, or the whole body; and what agents of the multi-agent environment know.
+TARGETS, KNOWLEDGE = get_args(Target), ("full", "graph")
+#: What only flybys of the catalogue have.
+OF_CATALOGUE = ("missions", "split", "max_spacecraft", "dispersions")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,56 +49,231 @@ class EnvConfig:
     """What makes one environment different from another; `SwarmObserveEnv` explains each argument.
 
     Attributes:
-        scenario: Packaged name, path of a YAML file, or a `Scenario`.
-        control: Level at which the agent acts: `torque`, `pointing` or `role`.
-        step_s: Length of a step [s]; None: 10 s, but at the level `torque` the scenario's control period, because an attitude
-            cannot be controlled by torques that are held for longer.
-        patches: Number of patches K of the target, a square number.
+        missions: Names of missions of the catalogue, how many of them, or "all".
+        split: `train` or `test`.
+        scenario: The one flyby that is flown in the place of those of the catalogue: a packaged name, the path of a YAML file,
+            a dict, or a `Scenario`; None: the catalogue.
+        target: What is to be seen of it: the `scenario`'s target, or the whole `body`.
+        max_spacecraft: Most spacecraft of an episode over the catalogue; None: 3.
+        patches: Number of patches K of a target, a square number; six times one for a whole body.
+        candidates: How many of the best patches each spacecraft chooses among; None for all, and everything is shown.
+        decision_s: Length of a step [s].
+        observation: `flat` or `entities`.
+        knowledge: What agents of the multi-agent environment know: `full`, or by the `graph`, what has reached them.
+        randomise: Replaces distributions by name.
+        dispersions: What differs from flight to flight within the spacecraft, see `DISPERSIONS`; a scenario has its own.
         observer: The judge of pictures.
-        complete: Seen share of the target that counts as complete [%].
         reward_weights: Replaces weights of reward terms by name.
-        bits_per_pixel: Data of a picture after compression.
-        swarm_rate_bit_s: From a spacecraft to the one it tracks [bit/s]; None: by the link budget of `link.crosslink`.
-        earth_rate_bit_s: To Earth, which hears one spacecraft at a time [bit/s]; None: by that of `link.earth` and
-            `link.ground`.
-        observability: What agents of the multi-agent environment know: `full`, or by the `graph`, what has reached them.
-        overrides: Changes of the scenario, texts `key=value` with dotted keys, as those of `swarm-mj run --set`.
-        target: What is to be seen: the `scenario`'s target, or the whole `body`.
-        horizon_terminates: Whether a flight that reaches the scenario's duration counts as terminated, not as truncated.
+        complete: Seen share of what is lit that counts as complete [%].
+        horizon_terminates: Whether the duration ends a flight as terminated.
 
     Raises:
-        ScenarioError: A value is not allowed; those that depend on the scenario are checked by `Task`.
+        ScenarioError: A value is not allowed.
     """
 
-    scenario: str | Path | Scenario = "eros-observe"
-    control: str = "role"
-    step_s: float | None = None
+    missions: Any = DEFAULT_COUNT
+    split: str = "train"
+    scenario: Any = None
+    target: Target = "scenario"
+    max_spacecraft: int | None = None
     patches: int = 16
+    candidates: int | None = None
+    decision_s: float = DECISION_S
+    observation: str = "flat"
+    knowledge: str = "full"
+    randomise: Mapping[str, Any] | None = None
+    dispersions: Mapping[str, float] | None = None
     observer: ObserverKind = "horizon"
-    complete: float = 99.9
     reward_weights: Mapping[str, float] | None = None
-    bits_per_pixel: float = 1.0
-    swarm_rate_bit_s: float | None = 1e5
-    earth_rate_bit_s: float | None = 8e3
-    observability: str = "full"
-    overrides: Sequence[str] = ()
+    complete: float = 99.9
     horizon_terminates: bool = False
-    target: str = "scenario"
 
     def __post_init__(self) -> None:
-        """Refuse what is not allowed whatever the scenario."""
-        check_level(self.control)
-        checked_scales(self.reward_weights)
+        """Refuse what is not allowed."""
+        for name, allowed in (("observation", OBSERVATIONS), ("knowledge", KNOWLEDGE), ("target", TARGETS)):
+            if getattr(self, name) not in allowed:
+                raise ScenarioError(f"{name} = {getattr(self, name)!r}: must be one of {', '.join(allowed)}")
+        if self.observer not in get_args(ObserverKind):
+            raise ScenarioError(f"observer = {self.observer!r}: must be one of {', '.join(get_args(ObserverKind))}")
+        checked_weights(self.reward_weights)
         checked_share(self.complete)
-        checked_overrides(self.overrides)
         checked_truth("horizon_terminates", self.horizon_terminates)
-        checked_rate("bits_per_pixel", self.bits_per_pixel)
-        if self.observability not in OBSERVABILITY:
-            raise ScenarioError(f"observability = {self.observability!r}: must be one of {', '.join(OBSERVABILITY)}")
-        if self.target not in TARGETS or (self.target == "body" and self.control == "pointing"):
+        if self.scenario is None:
+            self._check_catalogue()
+        else:
+            self._check_own()
+        checked_candidates(self.candidates, self.patches)
+        _ = self.laws
+
+    def _check_catalogue(self) -> None:
+        if self.target != "scenario":
             raise ScenarioError(
-                f"target = {self.target!r}: must be one of {', '.join(TARGETS)}; with control = pointing, scenario"
+                f"target = {self.target!r}: needs scenario=; flybys of the catalogue have targets of their own"
             )
-        for name in ("swarm_rate_bit_s", "earth_rate_bit_s"):
-            if (rate := getattr(self, name)) is not None:
-                checked_rate(name, rate, ", or None for the scenario's link budget")
+        if checked_count("max_spacecraft", self.spacecraft) > MOST_SPACECRAFT:
+            raise ScenarioError(f"max_spacecraft = {self.spacecraft}: must be at most {MOST_SPACECRAFT}")
+        _check_square(self.patches)
+        for spec in self._specs:
+            check_patches(spec, self.patches)
+        _check_dispersions(self.dispersions)
+        step = self.decision_s
+        if not is_number(step) or step < PERIOD_S or step % PERIOD_S or DURATION_S % step:
+            raise ScenarioError(
+                f"decision_s = {step!r}: must be a whole number of seconds that divides {DURATION_S:g} s, such as 20, 30 or 40"
+            )
+
+    def _check_own(self) -> None:
+        for name in OF_CATALOGUE:
+            if getattr(self, name) != self.__dataclass_fields__[name].default:
+                raise ScenarioError(
+                    f"{name} = {getattr(self, name)!r}: scenario= says that itself; leave one of them out"
+                )
+        if self.target == "scenario":
+            _check_square(self.patches)
+        checked_step(self._own, self.decision_s, "decision_s")
+
+    @cached_property
+    def _own(self) -> Scenario:
+        """The scenario of one's own."""
+        return environment_scenario(self.scenario)
+
+    @cached_property
+    def _specs(self) -> tuple[MissionSpec, ...]:
+        return chosen_missions(self.missions, self.split)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the missions."""
+        return tuple(spec.name for spec in self._specs) if self.scenario is None else (self._own.name,)
+
+    @cached_property
+    def spacecraft(self) -> int:
+        """Most spacecraft of an episode, n."""
+        if self.scenario is None:
+            return SPACECRAFT if self.max_spacecraft is None else self.max_spacecraft
+        behavior = unchecked_behavior(self._own)
+        return len(self._own.design.visiting_points) + behavior.dedicated_communications
+
+    @cached_property
+    def laws(self) -> Randomisation:
+        """What is drawn for an episode."""
+        return Randomisation(self.randomise, self.names, self.spacecraft, own=self.scenario is not None)
+
+    @property
+    def weights(self) -> RewardWeights:
+        """Of the reward terms."""
+        return checked_weights(self.reward_weights)
+
+    @property
+    def duration_s(self) -> float:
+        """Of a flight [s]."""
+        return DURATION_S if self.scenario is None else float(self._own.duration_s)
+
+    @property
+    def decisions(self) -> int:
+        """Of a flight."""
+        return round(self.duration_s / self.decision_s)
+
+    @cached_property
+    def fingerprint(self) -> str:
+        """Digest of all that must agree where the state of a flight is taken up."""
+        own = None if self.scenario is None else self._own.model_dump(mode="json")
+        rest = [
+            self.names,
+            own,
+            self.target,
+            sorted((self.dispersions or {}).items()),
+            self.spacecraft,
+            self.patches,
+            self.candidates,
+            float(self.decision_s),
+            self.observer,
+            self.knowledge,
+            list(map(repr, self.weights)),
+        ]
+        text = json.dumps([__version__, rest, repr(self.complete), bool(self.horizon_terminates)])
+        return hashlib.sha256(text.encode()).hexdigest()
+
+    def make_mission(self, number: int) -> Mission:
+        """One of the missions, by its number in `names`."""
+        shared: dict[str, Any] = {
+            "patches": self.patches,
+            "decision_s": float(self.decision_s),
+            "weights": self.weights,
+        }
+        shared |= {"complete": self.complete, "observer": self.observer}
+        if self.scenario is not None:
+            return make_own(self._own, target=self.target, **shared)
+        return make_flyby(self._specs[number], spacecraft=self.spacecraft, dispersions=self.dispersions, **shared)
+
+
+class MissionPool:
+    """The missions of an environment, made when they are first flown; a mission once made stays.
+
+    Args:
+        config: Whose.
+
+    Attributes:
+        names: Of the missions, in their order.
+    """
+
+    def __init__(self, config: EnvConfig) -> None:
+        self._config, self.names = config, config.names
+        self._made: dict[int, Mission] = {}
+        self._lock = Lock()
+
+    def __len__(self) -> int:
+        """Number of missions."""
+        return len(self.names)
+
+    def __getitem__(self, k: int) -> Mission:
+        """Mission k."""
+        with self._lock:
+            if k not in self._made:
+                self._made[k] = self._config.make_mission(k)
+            return self._made[k]
+
+    def close(self) -> None:
+        """Release the observers."""
+        for mission in self._made.values():
+            mission.close()
+
+
+def checked_candidates(count: Any, patches: int) -> int | None:
+    """How many patches each spacecraft chooses among; None for all.
+
+    Args:
+        count: As given.
+        patches: Number of patches of a target.
+
+    Raises:
+        ScenarioError: There are not so many.
+    """
+    if count is None:
+        return None
+    if not is_whole(count) or not 1 <= count <= patches:
+        raise ScenarioError(
+            f"candidates = {count!r}: must be a whole number, at least 1 and at most patches = {patches}, or None for all; "
+            "choose among fewer, or among all"
+        )
+    return int(count)
+
+
+def _check_square(count: Any) -> None:
+    """Refuse what is no square number."""
+    if not is_whole(count) or count < 1 or isqrt(count) ** 2 != count:
+        raise ScenarioError(f"patches = {count!r}: must be a whole square number such as 4, 9, 16 or 25")
+
+
+def _check_dispersions(given: Any) -> None:
+    """Refuse what does not act in flight, and values that a scenario would not take."""
+    if given is not None and not isinstance(given, Mapping):
+        raise ScenarioError(f"dispersions = {given!r}: must be a mapping; there are {', '.join(DISPERSIONS)}")
+    for name in given or {}:
+        if name not in DISPERSIONS:
+            raise ScenarioError(f"dispersions: {name!r} is not drawn here; there are {', '.join(DISPERSIONS)}")
+    try:
+        Dispersions.model_validate(dict(given or {}))
+    except ValidationError as error:
+        first = error.errors()[0]
+        raise ScenarioError(explained({**first, "loc": ("dispersions", *first["loc"])}).strip()) from None

@@ -2,12 +2,31 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
+from numba.typed import List
 
 from swarm_mj.spacecraft.attitude.algebra import Quaternion, quaternion, rotate
 from swarm_mj.typing import Array, Ints, Mask, kernel, lean
+
+#: Constants of the missions of an environment, one after another, a typed list for compiled code.
+PerMission = Sequence
+
+
+@kernel
+def listed(first: Any) -> Any:
+    """A list for compiled code, of constants of one kind."""
+    items = List()
+    items.append(first)
+    return items
+
+
+@kernel
+def add_listed(items: Any, item: Any) -> None:
+    """Append to such a list."""
+    items.append(item)
 
 
 class Kinematics(NamedTuple):
@@ -100,18 +119,24 @@ def no_estimate(count: int, n: int) -> AttitudeEstimate:
     return AttitudeEstimate(np.zeros((count, n, 4)), np.zeros((count, n, 3)), np.zeros((count, n, 3, 3)))
 
 
-@lean
-def update_rotations(body: BodyRotation, now: Kinematics, live: Mask, finite: Mask) -> None:
+@kernel
+def update_rotations(
+    bodies: PerMission[BodyRotation], mission: Ints, now: Kinematics, live: Mask, finite: Mask
+) -> None:
     """Work out C_AN, r_A and C_BN of the live flights, shape (E,), from time, positions and attitudes.
 
     Args:
-        body: How it turns.
+        bodies: How they turn, by mission.
+        mission: Of each flight, shape (E,).
         now: Read and written to.
         live: Which flights, shape (E,).
         finite: Receives which of them have a finite state, shape (E,).
     """
-    for e in range(live.shape[0]):
-        finite[e] = live[e] and _update_flight(body, now, e)
+    for m in range(len(bodies)):
+        body = bodies[m]
+        for e in range(live.shape[0]):
+            if live[e] and mission[e] == m:
+                finite[e] = _update_flight(body, now, e)
 
 
 @lean
@@ -132,6 +157,15 @@ def _update_flight(body: BodyRotation, now: Kinematics, e: int) -> bool:
         for w in range(now.wheel.shape[2]):
             total += now.wheel[e, j, w]
     return np.isfinite(total)
+
+
+@kernel
+def copy_instant(now: Kinematics, to: Kinematics, live: Mask) -> None:
+    """Copy what the live flights, shape (E,), are at one instant."""
+    for e in range(live.shape[0]):
+        if live[e]:
+            to.t[e], to.r[e], to.v[e], to.q[e], to.omega[e] = now.t[e], now.r[e], now.v[e], now.q[e], now.omega[e]
+            to.wheel[e], to.C_AN[e], to.r_A[e], to.C_BN[e] = now.wheel[e], now.C_AN[e], now.r_A[e], now.C_BN[e]
 
 
 @lean

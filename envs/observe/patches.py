@@ -13,8 +13,7 @@ import numpy as np
 
 from swarm_mj.errors import ScenarioError
 from swarm_mj.mission.target import TargetRegion
-from swarm_mj.observation.raytracing import RayTracer
-from swarm_mj.typing import Array, Indices, Mask
+from swarm_mj.typing import Array, Indices
 
 from ..arguments import is_whole
 
@@ -40,9 +39,12 @@ class Patches:
         """Number of patches."""
         return len(self.area)
 
-    def seen_fraction(self, seen: Mask) -> Array:
-        """Share of each patch's area that was seen, from the cells that were, shape (count,)."""
-        return np.bincount(self.of_cell, self.cell_area * seen, self.count) / self.area
+    def normals_A(self, region: TargetRegion) -> Array:
+        """Mean normals of the patches of a target, shape (count, 3)."""
+        normal = np.column_stack(
+            [np.bincount(self.of_cell, region.area * region.normal_A[:, i], self.count) for i in range(3)]
+        )
+        return np.asarray(normal / np.linalg.norm(normal, axis=1, keepdims=True))
 
 
 def make_patches(region: TargetRegion, count: int) -> Patches:
@@ -106,34 +108,3 @@ def tangents(region: TargetRegion, points_A: Array) -> Array:
     """East and north tangents of points seen from the body's centre, -1 to 1 inside the pyramid, shape (n, 2)."""
     east, north, out = (points_A @ region.axes_A.T).T
     return np.column_stack([east / out, north / out]) / np.tan(region.side_half_angle)
-
-
-def surface_points(region: TargetRegion, tracer: RayTracer, tangent: Array) -> Array:
-    """Where rays from the body's centre with these tangents meet the surface first, the inverse of `tangents`.
-
-    Args:
-        region: The target.
-        tracer: Over the region's mesh.
-        tangent: East and north, in units of the pyramid's half width, shape (n, 2).
-
-    Returns:
-        Points in A [m], shape (n, 3).
-    """
-    # Sums written out: products of matrices and norms may round differently with the number of points.
-    east, north, out = region.axes_A
-    wide = tangent * np.tan(region.side_half_angle)
-    ahead = wide[:, :1] * east + wide[:, 1:] * north + out
-    hit = tracer.first_hit(np.zeros(3), ahead)
-    normal, corner = region.mesh.face_normals[hit], region.vertices[region.faces[hit, 0]]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        reach = _dot(normal, corner) / _dot(normal, ahead)
-    good = (hit >= 0) & np.isfinite(reach) & (reach > 0.0)
-    if not good.all():
-        # A ray may slip through a seam, or the centre may lie outside: then the target's mean distance serves.
-        mean = np.linalg.norm(region.centroid_A, axis=1).mean() / np.sqrt(_dot(ahead, ahead))
-        reach = np.where(good, reach, mean)
-    return ahead * reach[:, None]
-
-
-def _dot(a: Array, b: Array) -> Array:
-    return np.asarray(a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1] + a[:, 2] * b[:, 2])

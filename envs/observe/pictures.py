@@ -5,15 +5,14 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swarm_mj.observation.capture import takes_picture
 from swarm_mj.observation.horizon import sight_of
 from swarm_mj.observation.horizon_kernels import Scene, new_cells
 from swarm_mj.spacecraft.attitude.algebra import relative_dcm
-from swarm_mj.typing import Array, Ints, Mask, lean
+from swarm_mj.typing import Array, Ints, Mask, kernel
 
-from .kinematics import Kinematics
+from .kinematics import Kinematics, PerMission, Tracking
 from .totals import EpisodeTotals, record_cells
 
 
@@ -32,65 +31,70 @@ class PictureConstants(NamedTuple):
 
 
 class Gained(NamedTuple):
-    """What pictures of E flights bring, and room for how they are judged.
+    """What pictures of E flights of n spacecraft bring.
 
     Attributes:
         area: Grows by the newly seen area of each flight, shape (E,) [m^2].
         doubt: Receives which pictures may show more than the maps could tell, shape (E, n).
-        new: Scratch, shape (C,).
-        answer: Scratch, shape (samples,).
-        C_CA: Scratch, shape (3, 3).
     """
 
     area: Array
     doubt: Mask
-    new: Mask
-    answer: NDArray[np.int8]
-    C_CA: Array
 
 
-def nothing_gained(scene: Scene, area: Array, n: int) -> Gained:
-    """Before pictures of n spacecraft, with the areas so far, shape (E,) [m^2], which will grow."""
-    cells, samples = scene.horizon.points.shape[:2]
-    doubt, new = np.zeros((len(area), n), np.bool_), np.empty(cells, np.bool_)
-    return Gained(area, doubt, new, np.empty(samples, np.int8), np.empty((3, 3)))
-
-
-@lean
+@kernel
 def take_pictures(
-    scene: Scene,
-    constants: PictureConstants,
+    scenes: PerMission[Scene],
+    constants: PerMission[PictureConstants],
+    mission: Ints,
     now: Kinematics,
     totals: EpisodeTotals,
-    kind: Ints,
-    blind: Mask,
+    tracking: Tracking,
+    light: Mask,
     due: Mask,
     gained: Gained,
 ) -> None:
     """Let every observer that looks at the body take its picture, one after another, and record the cells that are new.
 
     Args:
-        scene: Target, maps, camera and criterion.
-        constants: See `PictureConstants`.
+        scenes: Target, maps, camera and criterion, by mission.
+        constants: By mission.
+        mission: Of each flight, shape (E,).
         now: At the instant of the pictures.
         totals: Written to.
-        kind: What each spacecraft tracks, shape (E, n).
-        blind: Whose camera is off, shape (E, n).
+        tracking: What each spacecraft tracks, and whose camera is off.
+        light: Cells that are lit now, shape (E, C); of no flights where light does not change.
         due: Flights in which pictures are due, shape (E,).
         gained: Written to.
     """
-    observers, new, C_CA = constants.n_observers, gained.new, gained.C_CA
-    for e in range(due.shape[0]):
-        if not due[e]:
+    skipped, new = np.empty(totals.seen.shape[1], np.bool_), np.empty(totals.seen.shape[1], np.bool_)
+    C_CA, changes = np.empty((3, 3)), light.shape[0] > 0
+    for m in range(len(scenes)):
+        some = False
+        for e in range(due.shape[0]):
+            some = some or (due[e] and mission[e] == m)
+        if not some:
             continue
-        for j in range(observers):
-            if not takes_picture(j, observers, kind[e, j], not (totals.lost[e, j] or blind[e, j])):
+        scene, of = scenes[m], constants[m]
+        cells = scene.cells.shape[0]
+        answer = np.empty(scene.horizon.points.shape[1], np.int8)
+        for e in range(due.shape[0]):
+            if not (due[e] and mission[e] == m):
                 continue
-            relative_dcm(now.C_BN[e, j], now.C_AN[e], C_CA)
-            camera = sight_of(now.r_A[e, j], C_CA, scene.optics, scene.radius)
-            area, pixels, doubt = new_cells(scene, camera, totals.seen[e], new, gained.answer)
-            gained.doubt[e, j] = doubt
-            if area > 0.0:
-                bits = pixels * constants.bits_per_pixel
-                record_cells(totals, e, j, new, now.t[e], area, bits, constants.storage_bit)
-                gained.area[e] += area
+            for i in range(cells):
+                dark = changes and not light[e, i]
+                skipped[i] = totals.seen[e, i] or not totals.target[e, i] or dark
+            for j in range(of.n_observers):
+                works = not (totals.lost[e, j] or tracking.blind[e, j])
+                if not takes_picture(j, of.n_observers, tracking.kind[e, j], works):
+                    continue
+                relative_dcm(now.C_BN[e, j], now.C_AN[e], C_CA)
+                camera = sight_of(now.r_A[e, j], C_CA, scene.optics, scene.radius)
+                area, pixels, doubt = new_cells(scene, camera, skipped[:cells], new[:cells], answer)
+                gained.doubt[e, j] = doubt
+                if area > 0.0:
+                    bits = pixels * of.bits_per_pixel
+                    record_cells(totals, e, j, new[:cells], area, bits, of.storage_bit)
+                    for i in range(cells):
+                        skipped[i] = skipped[i] or new[i]
+                    gained.area[e] += area

@@ -1,4 +1,4 @@
-"""The picture of an episode, the overview of `swarm-mj video`, and the window that shows it.
+"""Pictures of episodes, each in its own light and with its own ways, and the window that shows them.
 
 OpenGL and pygame are imported only when something is drawn.
 """
@@ -7,82 +7,132 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from dataclasses import replace
+from typing import Any
+
+import gymnasium
+import numpy as np
 
 from swarm_mj.errors import ObserverError
-from swarm_mj.typing import Array, Pixels
+from swarm_mj.flight.plan import Plan
+from swarm_mj.smallbody.environment import LinearMotion
+from swarm_mj.typing import Pixels
 
-from .batch import EpisodeFlights
+from .draws import EpisodeDraw
+from .episodes import Episodes
+from .flybys import TIME_OF_FLIGHT_S
+from .reach import FAR
 
-if TYPE_CHECKING:
-    from swarm_mj.rendering.frame import Instant
+
+def lit_plan(episodes: Episodes, e: int) -> Plan:
+    """The plan of episode e, with the Sun that was drawn for it where it is at the visit."""
+    mission, draw = episodes.mission_of(e), episodes.draws[e]
+    assert draw is not None
+    plan = mission.plan
+    if not mission.drawn_light:
+        return plan
+    sun_N = episodes.sheet.sun_A[e] @ plan.environment.C_AN(TIME_OF_FLIGHT_S / draw.speed) * FAR * plan.shape.max_radius
+    return replace(plan, environment=replace(plan.environment, sun=LinearMotion(sun_N, np.zeros(3))))
+
+
+class _Picture:
+    """The drawing of one episode; holds an OpenGL context until closed."""
+
+    def __init__(self, episodes: Episodes, e: int, draw: EpisodeDraw, width: int, height: int) -> None:
+        from swarm_mj.rendering.live import Trail, planned_path
+        from swarm_mj.rendering.picture import Drawing
+
+        mission, sheet = episodes.mission_of(e), episodes.sheet
+        plan = lit_plan(episodes, e)
+        self.draw, self._start_N = draw, plan.deployment.r0_N
+        if mission.drawn_light:
+            velocity = mission.velocity_N(draw.visiting_point, draw.altitude, draw.speed)
+            times = np.linspace(0.0, mission.duration_s, 61)
+            path_N = self._start_N + times[:, None, None] * np.where(sheet.present[e, :, None], velocity, 0.0)
+        else:
+            path_N = planned_path(plan)
+        self._trail = Trail(plan)
+        self._last_N = np.repeat(self._start_N[None], plan.n, axis=0)
+        self._drawing = Drawing(plan, path_N, width=width, height=height)
+
+    def at(self, episodes: Episodes, e: int) -> Pixels:
+        """The episode as it stands."""
+        from swarm_mj.rendering.frame import Instant
+
+        totals, mission, now = episodes.totals, episodes.mission_of(e), episodes.now
+        # Who is lost is shown where it was seen last.
+        self._last_N = np.where(~totals.lost[e, :, None], now.r[e], self._last_N)
+        possible, t = float(episodes.sheet.possible_area[e]), float(now.t[e])
+        seen = float(totals.area[e]) / possible
+        sent = float(totals.delivered[e]) * mission.plan.region.total_area / (mission.nominal_bit * possible)
+        instant = Instant(
+            t=t,
+            r_BN_N=self._last_N,
+            C_BN=now.C_BN[e].copy(),
+            C_AN=now.C_AN[e].copy(),
+            kind=episodes.tracking.kind[e].copy(),
+            tracked=episodes.tracking.spacecraft[e].copy(),
+            link=None,
+            seen=totals.seen[e, : mission.plan.region.n_cells],
+            trail_N=self._trail.to(t, self._last_N),
+            lost=totals.lost[e].copy(),
+            note=f"seen {seen:.2f} + sent {sent:.2f} of what is possible",
+        )
+        picture: Pixels = self._drawing.draw(instant)
+        return picture
+
+    def close(self) -> None:
+        """Release the OpenGL context."""
+        self._drawing.close()
 
 
 class EpisodeRenderer:
-    """Draws flights; holds one OpenGL context from the first picture until closed.
+    """Draws the first episodes of some.
 
     Args:
-        flights: Batches, which are only read, and numbers of flights in them; at least one.
-        width: Of the picture [px].
-        height: Of the picture [px].
+        episodes: Which; they are only read.
+        count: How many are drawn.
+        width: Of a picture [px].
+        height: Of a picture [px].
     """
 
-    def __init__(self, flights: Sequence[tuple[EpisodeFlights, int]], width: int, height: int) -> None:
-        self._flights, self._size = list(flights), (width, height)
-        self._drawing: Any = None
-        self._trails: list[Any] = []
+    def __init__(self, episodes: Episodes, count: int, width: int = 640, height: int = 480) -> None:
+        self._episodes, self.count, self._size = episodes, count, (width, height)
+        self._pictures: list[_Picture | None] = [None] * count
 
-    @property
-    def count(self) -> int:
-        """Number of flights that are drawn."""
-        return len(self._flights)
-
-    def draw(self, k: int = 0) -> Pixels:
-        """The overview of the k-th flight, shape (height, width, 3).
+    def draw(self, e: int = 0) -> Pixels:
+        """The overview of episode e, shape (height, width, 3).
 
         Raises:
             ObserverError: OpenGL cannot be loaded.
         """
-        if self._drawing is None:
-            self._open()
-        batch, e = self._flights[k]
-        state = batch.swarm_state(e)
-        picture: Pixels = self._drawing.draw(instant_of(batch, e, self._trails[k].to(state.t, state.r_BN_N)))
-        return picture
+        drawn, picture = self._episodes.draws[e], self._pictures[e]
+        assert drawn is not None
+        if picture is None or picture.draw is not drawn:
+            if picture is not None:
+                picture.close()
+            picture = self._pictures[e] = _Picture(self._episodes, e, drawn, *self._size)
+        return picture.at(self._episodes, e)
 
-    def _open(self) -> None:
-        from swarm_mj.rendering.live import Trail, planned_path
-        from swarm_mj.rendering.picture import Drawing
+    def render(self, mode: str | None, begun: Any, name: str) -> list[Pixels] | None:
+        """All that are drawn, with `render_mode="rgb_array"` or `"human"`; None and a warning without.
 
-        plan, (width, height) = self._flights[0][0].task.plan, self._size
-        self._trails = [Trail(plan) for _ in self._flights]
-        self._drawing = Drawing(plan, planned_path(plan), width=width, height=height)
+        Raises:
+            gymnasium.error.ResetNeeded: There is nothing to draw before the first `reset`.
+        """
+        if mode is None:
+            gymnasium.logger.warn("render() draws nothing: make the environment with render_mode='rgb_array'")
+            return None
+        if not np.all(begun):
+            raise gymnasium.error.ResetNeeded(f"{name}: call reset before render")
+        return [self.draw(e) for e in range(self.count)]
 
     def close(self) -> None:
-        """Release the OpenGL context; may be called again."""
-        if self._drawing is not None:
-            self._drawing.close()
-        self._drawing = None
-
-
-def instant_of(batch: EpisodeFlights, e: int, trail_N: Array) -> Instant:
-    """What there is to draw of flight e now, with the ways so far, shape (m, n, 3) [m]."""
-    from swarm_mj.rendering.frame import Instant
-
-    state = batch.swarm_state(e)
-    return Instant(
-        t=state.t,
-        r_BN_N=state.r_BN_N,
-        C_BN=state.C_BN,
-        C_AN=state.C_AN,
-        kind=batch.flights.kind[e].copy(),
-        tracked=batch.flights.index[e].copy(),
-        link=None,
-        seen=batch.totals.seen[e],
-        trail_N=trail_N,
-        lost=batch.totals.lost[e].copy(),
-    )
+        """Release the OpenGL contexts; may be called again."""
+        for picture in self._pictures:
+            if picture is not None:
+                picture.close()
+        self._pictures = [None] * self.count
 
 
 class Window:
@@ -98,7 +148,7 @@ class Window:
         ObserverError: pygame is not installed, or there is no display.
     """
 
-    def __init__(self, width: int, height: int, fps: float, title: str = "SwarmObserve-v0") -> None:
+    def __init__(self, width: int, height: int, fps: float, title: str) -> None:
         try:
             import pygame
         except ImportError as error:

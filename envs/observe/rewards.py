@@ -1,38 +1,39 @@
 """The reward, term by term, and how an episode ends; `SwarmObserveEnv` has the table of terms.
 
-Each term is its scale times a measure of the step, and the measures that are sums over time are shares of the whole flight, so
-that an episode's return does not depend on the length of a step.
+The reward of a step is the sum of its terms, and each term its weight times its measure of the step. Measures that are sums
+over time are shares of the whole flight, so that an episode's return does not depend on the length of a step.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
 
 from swarm_mj.errors import ScenarioError
 from swarm_mj.smallbody.occultation import Occluder, way_blocked
-from swarm_mj.typing import Array, Array32, Ints, Mask, lean
+from swarm_mj.typing import Array, Ints, Mask, kernel, lean
 
 from ..arguments import is_number
-from .kinematics import Kinematics
+from .kinematics import Kinematics, PerMission, Tracking
+from .radio import RadioConstants, transmit
 from .totals import EpisodeTotals
 
 #: Wheel speed over its limit from which on saturation costs.
 SATURATION_FROM = 0.9
 
 
-class RewardScales(NamedTuple):
-    """Weight of each term; the first two terms reach 1 each when the whole target is seen and delivered at nominal volume.
+class RewardWeights(NamedTuple):
+    """Weight of each term's measure; the first two terms reach 1 each where all that is possible is seen and delivered.
 
     Attributes:
-        seen: Of newly seen area over the target's area.
-        delivered: Of data that Earth received over the nominal volume.
+        seen: Of newly seen area over what is possible in the episode.
+        delivered: Of data that Earth received over the volume of what is possible.
         effort: Of the mean square of motor torques over their limit, times step over duration.
         saturation: Of the mean share by which wheels are in the last tenth below their top speed, times step over duration.
         approach: Of the share of pairs of spacecraft that come too close, times step over duration.
-        loss: Of an impact on the body, or divergence.
+        loss: Of the spacecraft that hit the body, or of divergence.
     """
 
     seen: float = 1.0
@@ -43,26 +44,16 @@ class RewardScales(NamedTuple):
     loss: float = -1.0
 
 
-class RewardTerms(NamedTuple):
-    """The terms of `RewardScales`, weighted, each of shape (E,)."""
-
-    seen: Array
-    delivered: Array
-    effort: Array
-    saturation: Array
-    approach: Array
-    loss: Array
-
-
 #: Names of the terms in their order.
-TERMS = RewardScales._fields
+TERMS = RewardWeights._fields
+_SEEN, _DELIVERED, _EFFORT, _SATURATION, _APPROACH, _LOSS = range(len(TERMS))
 
 #: How an episode can end by itself; 0 goes on.
-ENDS = ("", "complete", "impact", "lost", "diverged", "horizon")
-_GOES_ON, _COMPLETE, _IMPACT, _LOST, _DIVERGED, _HORIZON = range(6)
+ENDS = ("", "complete", "lost", "diverged", "horizon")
+_GOES_ON, _COMPLETE, _LOST, _DIVERGED, _HORIZON = range(len(ENDS))
 
 
-def checked_scales(given: Mapping[str, float] | None) -> RewardScales:
+def checked_weights(given: Mapping[str, float] | None) -> RewardWeights:
     """All weights, with those given in place of the defaults.
 
     Raises:
@@ -77,11 +68,11 @@ def checked_scales(given: Mapping[str, float] | None) -> RewardScales:
             raise ScenarioError(f"reward_weights: unknown term {name!r}; there are {', '.join(TERMS)}")
         if not is_number(value):
             raise ScenarioError(f"reward_weights[{name!r}] = {value!r}: must be a finite number")
-    return RewardScales(**{name: float(value) for name, value in (given or {}).items()})
+    return RewardWeights(**{name: float(value) for name, value in (given or {}).items()})
 
 
 class Flown(NamedTuple):
-    """What the simulation tells of a step of E flights of n spacecraft.
+    """What the simulation tells of a step of E flights.
 
     Attributes:
         tick: Control periods flown since the start, shape (E,).
@@ -89,7 +80,7 @@ class Flown(NamedTuple):
         finite: Those that ended it with a finite state, shape (E,).
         area: Newly seen, shape (E,) [m^2].
         effort: Sum of squared motor torques, shape (E,) [N^2 m^2].
-        failed: Spacecraft newly lost to faults, shape (E, n).
+        possible: Area that can be seen in the episode, shape (E,) [m^2].
     """
 
     tick: Ints
@@ -97,7 +88,7 @@ class Flown(NamedTuple):
     finite: Mask
     area: Array
     effort: Array
-    failed: Mask
+    possible: Array
 
 
 class Hazards(NamedTuple):
@@ -146,14 +137,12 @@ def measure_hazards(
         before: At the beginning of the step.
         now: At its end.
         lost: Spacecraft that are no more, shape (E, n).
-        live: Which flights, shape (E,); the others are in no danger.
+        live: Which flights, shape (E,); nothing is written of the others.
         hazards: Receives the answer.
     """
     for e in range(lost.shape[0]):
-        hazards.saturation[e] = hazards.close_pairs[e] = 0.0
-        for j in range(lost.shape[1]):
-            hazards.hit[e, j] = False
         if live[e]:
+            hazards.close_pairs[e] = 0.0
             hazards.saturation[e] = _saturation(now.wheel[e], limits.max_wheel_speed)
             if before.t[e] >= limits.separation_grace_s:
                 hazards.close_pairs[e] = _close_pairs(before.r[e], now.r[e], lost[e], limits.min_separation_m)
@@ -197,40 +186,54 @@ class RewardConstants(NamedTuple):
     """What turns measures into rewards and ends.
 
     Attributes:
-        scales: Weight of each term.
-        target_area_m2: Of the target [m^2].
+        weights: Of the terms, in the order of `TERMS`.
+        cell_area: Of the target, shape (C,) [m^2].
         nominal_bit: Volume of the whole target seen straight down from the imaging altitude [bit].
         step_share: Length of a step over that of the flight.
         max_effort: Sum of squared motor torques of a step at the limit [N^2 m^2].
         complete_percent: Seen share that counts as complete [%].
         empty_bit: Data aboard that count as none [bit].
         last_tick: Control periods in the flight.
-        continues_after_impact: Whether flights go on without a spacecraft that hit the body.
     """
 
-    scales: RewardScales
-    target_area_m2: float
+    weights: Array
+    cell_area: Array
     nominal_bit: float
     step_share: float
     max_effort: float
     complete_percent: float
     empty_bit: float
     last_tick: int
-    continues_after_impact: bool
+
+
+class ScoreConstants(NamedTuple):
+    """What the score of every step of a mission shares.
+
+    Attributes:
+        body: As what hides and is hit.
+        radio: See `transmit`.
+        limits: See `measure_hazards`.
+        reward: See `compute_rewards`.
+    """
+
+    body: Occluder
+    radio: RadioConstants
+    limits: HazardLimits
+    reward: RewardConstants
 
 
 class StepResult(NamedTuple):
     """Rewards and ends of a step of E flights.
 
     Attributes:
-        terms: Weighted terms, each of shape (E,).
+        terms: Weighted terms in the order of `TERMS`, shape (terms, E).
         reward: Their sum, shape (E,).
         end: Number in `ENDS`, shape (E,).
         truncated: Whether the flight is over by its duration, shape (E,).
         hit: Spacecraft that hit the body in the step, shape (E, n).
     """
 
-    terms: RewardTerms
+    terms: Array
     reward: Array
     end: Ints
     truncated: Mask
@@ -241,110 +244,130 @@ class StepResult(NamedTuple):
         return {name: float(values[e]) for name, values in zip(TERMS, self.terms, strict=True)}
 
 
+def no_result(count: int, n: int) -> StepResult:
+    """Of a step of that many flights of n spacecraft that nothing has come of."""
+    return StepResult(
+        terms=np.zeros((len(TERMS), count)),
+        reward=np.zeros(count),
+        end=np.zeros(count, np.int64),
+        truncated=np.zeros(count, np.bool_),
+        hit=np.zeros((count, n), np.bool_),
+    )
+
+
 def horizon_ended(result: StepResult) -> StepResult:
     """The same with flights that are over by their duration reported as ended, not as truncated."""
     end = np.where(result.truncated, _HORIZON, result.end)
     return result._replace(end=end, truncated=np.zeros_like(result.truncated))
 
 
-def joined(results: Sequence[StepResult]) -> StepResult:
-    """The results of several batches as those of one, copies."""
-    terms = RewardTerms(*map(np.concatenate, zip(*(result.terms for result in results), strict=True)))
-    rest = (np.concatenate(values) for values in zip(*(result[1:] for result in results), strict=True))
-    return StepResult(terms, *rest)
-
-
-class Outcome(NamedTuple):
-    """What the end of a step writes.
+class Measures(NamedTuple):
+    """What is measured of a step.
 
     Attributes:
-        observation: Of every flight, shape (E, F).
         received: By Earth in the step, shape (E,) [bit].
         hazards: How dangerous it was.
-        result: Rewards and ends.
     """
 
-    observation: Array32
     received: Array
     hazards: Hazards
-    result: StepResult
 
 
-def no_outcome(observation: Array32, n: int) -> Outcome:
-    """Of flights of n spacecraft, before anything has happened; their observations go into an array of the caller."""
-    count = len(observation)
-    zero, hit = np.zeros((10, count)), np.zeros((count, n), np.bool_)
-    terms = RewardTerms(*zero[:6])
-    result = StepResult(terms, zero[6], np.zeros(count, np.int64), np.zeros(count, np.bool_), hit)
-    return Outcome(observation, zero[7], Hazards(zero[8], zero[9], hit), result)
+def no_measures(result: StepResult) -> Measures:
+    """Of the flights of a result, whose hits are those of the hazards."""
+    count = len(result.reward)
+    return Measures(np.zeros(count), Hazards(np.zeros(count), np.zeros(count), result.hit))
 
 
-@lean
-def compute_rewards(
-    constants: RewardConstants,
-    flown: Flown,
-    delivered: Array,
-    hazards: Hazards,
+@kernel
+def score_step(
+    constants: PerMission[ScoreConstants],
+    mission: Ints,
+    before: Kinematics,
+    now: Kinematics,
+    tracking: Tracking,
     totals: EpisodeTotals,
+    flown: Flown,
+    measures: Measures,
     result: StepResult,
 ) -> None:
-    """Rewards and ends of a step, flight by flight; zero of the flights that did not begin it.
+    """Send data, measure dangers, and work out rewards and ends of the live flights.
 
     Args:
-        constants: See `RewardConstants`.
+        constants: By mission.
+        mission: Of each flight, shape (E,).
+        before: At the beginning of the step.
+        now: At its end.
+        tracking: What the spacecraft track.
+        totals: Brought up to date; spacecraft that hit the body become lost.
         flown: What the simulation tells.
-        delivered: Received by Earth in the step, shape (E,) [bit].
-        hazards: How dangerous it was.
-        totals: What the flights have come to; spacecraft that hit the body become lost where flights go on.
-        result: Receives them.
+        measures: Receives what is measured of the flights with a finite state.
+        result: Receives rewards and ends.
     """
-    for e in range(flown.live.shape[0]):
-        result.reward[e], result.end[e], result.truncated[e] = 0.0, _GOES_ON, False
-        for term in result.terms:
-            term[e] = 0.0
-        if not flown.live[e]:
+    count = mission.shape[0]
+    mine, received = np.empty(count, np.bool_), np.empty(count)
+    for m in range(len(constants)):
+        some = False
+        for e in range(count):
+            mine[e] = flown.finite[e] and mission[e] == m
+            some = some or (flown.live[e] and mission[e] == m)
+        if not some:
             continue
-        if flown.finite[e]:
-            if constants.continues_after_impact:
-                for j in range(totals.lost.shape[1]):
-                    totals.lost[e, j] = totals.lost[e, j] or hazards.hit[e, j]
-            _write_terms(constants, flown, delivered[e], hazards, e, result.terms)
-            result.end[e] = _end(constants, hazards.hit[e], totals, e)
-            result.truncated[e] = result.end[e] == _GOES_ON and flown.tick[e] >= constants.last_tick
-        else:
-            result.terms.loss[e], result.end[e] = constants.scales.loss, _DIVERGED
-        for term in result.terms:
-            result.reward[e] += term[e]
+        of = constants[m]
+        transmit(of.radio, of.body, now, tracking, totals, mine, received)
+        measure_hazards(of.limits, of.body, before, now, totals.lost, mine, measures.hazards)
+        for e in range(count):
+            if mine[e]:
+                measures.received[e] = received[e]
+            if flown.live[e] and mission[e] == m:
+                _reward(of.reward, flown, measures, totals, e, result)
 
 
 @lean
-def _write_terms(
-    constants: RewardConstants, flown: Flown, delivered: float, hazards: Hazards, e: int, terms: RewardTerms
+def _reward(
+    constants: RewardConstants, flown: Flown, measures: Measures, totals: EpisodeTotals, e: int, result: StepResult
 ) -> None:
-    scales, share = constants.scales, constants.step_share
-    hits = losses = 0
-    for j in range(hazards.hit.shape[1]):
-        hits += hazards.hit[e, j]
-        losses += hazards.hit[e, j] or flown.failed[e, j]
-    terms.seen[e] = scales.seen * (flown.area[e] / constants.target_area_m2)
-    terms.delivered[e] = scales.delivered * (delivered / constants.nominal_bit)
-    terms.effort[e] = scales.effort * (share * (flown.effort[e] / constants.max_effort))
-    terms.saturation[e] = scales.saturation * (share * hazards.saturation[e])
-    terms.approach[e] = scales.approach * (share * hazards.close_pairs[e])
-    terms.loss[e] = scales.loss * (losses if constants.continues_after_impact else min(1, hits))
+    """Terms, reward and end of a step of flight e."""
+    terms, share, hazards = result.terms, constants.step_share, measures.hazards
+    for k in range(terms.shape[0]):
+        terms[k, e] = 0.0
+    if flown.finite[e]:
+        hits = 0
+        for j in range(hazards.hit.shape[1]):
+            hits += hazards.hit[e, j]
+            totals.lost[e, j] = totals.lost[e, j] or hazards.hit[e, j]
+        target, can_count, seen = 0.0, 0.0, 0.0
+        for i in range(constants.cell_area.shape[0]):
+            target += constants.cell_area[i]
+            if totals.target[e, i]:
+                can_count += constants.cell_area[i]
+            if totals.seen[e, i]:
+                seen += constants.cell_area[i]
+        terms[_SEEN, e] = flown.area[e] / flown.possible[e]
+        terms[_DELIVERED, e] = measures.received[e] / (constants.nominal_bit * flown.possible[e] / target)
+        terms[_EFFORT, e] = share * (flown.effort[e] / constants.max_effort)
+        terms[_SATURATION, e] = share * hazards.saturation[e]
+        terms[_APPROACH, e] = share * hazards.close_pairs[e]
+        terms[_LOSS, e] = hits
+        percent = 100.0 * (1.0 - (can_count - seen) / target)
+        result.end[e] = _end(constants, totals, percent, e)
+        result.truncated[e] = result.end[e] == _GOES_ON and flown.tick[e] >= constants.last_tick
+    else:
+        terms[_LOSS, e], result.end[e], result.truncated[e] = 1.0, _DIVERGED, False
+    result.reward[e] = 0.0
+    for k in range(terms.shape[0]):
+        terms[k, e] *= constants.weights[k]
+        result.reward[e] += terms[k, e]
 
 
 @lean
-def _end(constants: RewardConstants, hit: Mask, totals: EpisodeTotals, e: int) -> int:
+def _end(constants: RewardConstants, totals: EpisodeTotals, percent: float, e: int) -> int:
     """The number in `ENDS` of how a flight with a finite state ends, 0 if it goes on."""
-    any_hit, alive, aboard = False, 0, 0.0
+    alive, aboard = 0, 0.0
     for j in range(totals.lost.shape[1]):
-        any_hit = any_hit or hit[j]
         if not totals.lost[e, j]:
             alive += 1
             aboard += totals.stored[e, j]
-    if any_hit and not constants.continues_after_impact:
-        return _IMPACT
-    if totals.percent[e] >= constants.complete_percent and aboard <= constants.empty_bit:
+    if percent >= constants.complete_percent and aboard <= constants.empty_bit:
         return _COMPLETE
     return _LOST if alive == 0 else _GOES_ON

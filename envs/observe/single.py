@@ -1,323 +1,317 @@
-"""SwarmObserve-v0: one flyby of a small body by a swarm as a gymnasium environment, on the simulation of `swarm-mj run`."""
+"""SwarmObserve-v0: flybys that differ from episode to episode, as a gymnasium environment."""
 
 from __future__ import annotations
 
-import warnings
-from pathlib import Path
 from typing import Any
 
 import gymnasium
+import numpy as np
+from numpy.typing import NDArray
 
-from swarm_mj.scenarios.schema import Scenario
-from swarm_mj.typing import Array, Array32, Pixels
+from swarm_mj.errors import ScenarioError
+from swarm_mj.typing import Pixels
 
-from ..arguments import checked_render_mode, checked_size, flight_seed, refuse_graph
+from ..arguments import check_action, checked_options, checked_render_mode, checked_size, flight_seed, record_of
 from ..snapshots import FlightState, RebuiltOnCopy, must_have_begun, restore_state, take_state
-from .actions import check_action
-from .batch import EpisodeBatch
+from .catalogue import DEFAULT_COUNT
 from .config import EnvConfig
-from .observations import ObservationLayout
+from .episodes import Episodes
 from .rendering import EpisodeRenderer, Window
 from .rewards import TERMS
-from .state import SwarmState
-from .task import make_task
 
-Observation = Array32
+NAME = "SwarmObserve-v0"
 
 
-class SwarmObserveEnv(RebuiltOnCopy, gymnasium.Env[Observation, Any]):
-    """A swarm of n CubeSats flies past a small body, images a target on it and sends the pictures to Earth.
+def refuse_graph(config: EnvConfig) -> None:
+    """One agent that decides for all knows all.
+
+    Raises:
+        ScenarioError: The arguments say otherwise.
+    """
+    if config.knowledge != "full":
+        raise ScenarioError(
+            f"knowledge = {config.knowledge!r}: must be full where one agent decides for all; "
+            "SwarmObserveParallelEnv has an agent for each spacecraft"
+        )
+
+
+class SwarmObserveEnv(RebuiltOnCopy, gymnasium.Env[Any, Any]):
+    """A swarm of CubeSats flies past a small body that differs from episode to episode, images it and sends it to Earth.
 
     `gymnasium.make("swarm_mj.envs:SwarmObserve-v0")` makes it; where gymnasium is imported before swarm_mj,
     `"swarm_mj:SwarmObserve-v0"` does too.
 
-    One episode is one flyby of a scenario, flown by the same `Simulation`, plug-ins, observers and criteria as
-    `swarm-mj run`. Only attitudes are controlled: the trajectories follow from the deployment. Frames: N inertial, A fixed in
-    the body, B the spacecraft, camera and dish along its +z (docs/theory/overview.md). n counts the observers and, where the
-    scenario's behaviour asks for one, a dedicated communications spacecraft, which comes last. w counts the reaction wheels of
-    a spacecraft: 3, or 4 with `spacecraft.wheel_layout: pyramid` as in `eros-faults`.
+    Only attitudes are controlled: the trajectories follow from the release. Body, place, light, paths, number and health of the
+    spacecraft are drawn anew, and a recorded list of actions loses (`baselines.open_loop`): what pays is to look.
+
+    ## Missions
+
+    `catalogue.CATALOGUE` names 64: sixteen places on each of Eros, Bennu, Itokawa and an ellipsoid the size of 21 Lutetia.
+    Places within 40 deg of longitude 0 are for training, those within 20 deg of 180 deg for tests; no part of a body belongs
+    to both. Lengths go with the imaging altitude H, times are the same for all: let go 3 1/3 H ahead, over the target 200 s
+    later at H / 60 s, 600 s in all. Cameras see about a patch at a time. A picture is taken every 10 s; cells count where the
+    ground sampling distance is at most 1.25 times that straight down from H. Spacecraft fly with reaction wheels as momentum
+    states, by the kernel stepper, and turn by the sliding-mode law. A mission takes 2 to 13 s to work out once, and is
+    kept in the cache; on a new machine the first episode also waits while kernels are compiled, half a minute or so, once.
+
+    ## A flyby of one's own
+
+    `scenario="eros-observe"`, a path, a dict or a `Scenario` pins the environment to one flyby: paths, criterion, H, light,
+    link budget, faults and dispersions are the scenario's, times go with the time in which its swarm flies as far as H. The
+    Sun is where it is, and counts where `observation.max_incidence_deg` or `shadows` asks for light. An episode starts as
+    `swarm-mj fly SCENARIO --set seed=FLIGHT_SEED` does; of what is drawn there are `spacecraft`, `release_error`,
+    `attitude_mrp`, `rate_rad_s` and the failures, as planned unless `randomise` or `draw` says otherwise. It flies by the
+    kernel stepper, whatever the scenario's `physics` says, and what that cannot fly is refused by name. A scenario says
+    itself how many spacecraft fly; a dedicated communications spacecraft comes last, and takes no pictures.
+
+    `target="body"` makes the whole body the target, as for a map of it in hours: `scenario="bennu-map"`, `patches=150`,
+    `decision_s=120`. Patches divide the sphere of directions from the body's centre: the six faces of a cube about the axes of
+    A in the order +x, -x, +y, -y, +z, -z, each into k x k equal angles, K = 6 k^2; within a face rows go by the later of the
+    two other axes and columns by the earlier one, from their negative ends. Tables are then told in A, from the body's centre.
+
+    ## What is drawn
+
+    By `randomise={name: distribution}`, as in campaigns, or a number that always holds.
+    `reset(options={"draw": {name: value}})` gives values for one episode: a number, or one for each spacecraft. Changing
+    one leaves all others as they were. Whether something fails is 0 or 1; a chance is a distribution,
+    `{"loss": {"distribution": "bernoulli", "probability": 0.3}}`. What lies beyond what is allowed is refused; of
+    distributions without ends the tails are cut there.
+
+    | name | default | allowed | meaning |
+    |---|---|---|---|
+    | mission | any of the pool | those of the pool | its number in `episodes.pool.names`, or its name |
+    | spacecraft | any from 1 to `max_spacecraft` | these | how many fly; the others are lost from the start |
+    | speed | 0.55 to 1.8, log-uniform | 0.5 to 2 | over that of the mission: when the target is passed |
+    | sun_elevation_deg, sun_azimuth_deg | 5 to 50, any | 0 to 90, -360 to 360 | of the Sun over the target, from north over \
+east, for the whole flight; dark and shadowed cells do not count |
+    | visiting_point | 0 to 1 | 0 to 1 | which of the points that the trajectory designer offers, for each spacecraft |
+    | altitude | 0.75 to 1.15 | 0.75 to 1.25 | of the visit, over H, for each |
+    | release_error | normal, 0.06 | -1 to 1 | of the velocity, over H / 200 s: of the place 200 s later, over H; three \
+numbers for each |
+    | attitude_mrp, rate_rad_s | -1 to 1, -0.02 to 0.02 | -1 to 1, -0.2 to 0.2 | at release, three numbers for each |
+    | loss, camera_off, downlink_off | chances 0.12, 0.15, 0.15 | 0 or 1 | whether a spacecraft is lost, its camera or Earth \
+link off |
+    | loss_time, camera_off_time, downlink_off_time | 0.2 to 0.8, 0.2 to 0.6, 0 to 0.8 | 0 to 1 | when, as a share of the \
+flight |
 
     ## Action space
 
-    An action is held for one step of `step_s` seconds.
+    MultiDiscrete([K + 1 + n] * n) with n the most spacecraft of an episode and K = `patches`, held for `decision_s` seconds. Of
+    spacecraft j: 0..K-1 look at a patch; K talk to Earth; K+1..K+n relay to spacecraft 1..n (itself: hold the attitude).
+    Patches are numbered row by row from the south-west. 20 s are enough to turn from a patch to the next and take a
+    picture, and short against the one or two minutes over the target; between target and Earth it takes three or four
+    decisions. Pictures are due 10 and 20 s after a decision, the second as the next one begins: who no longer looks then
+    takes none. `info["action_mask"]`, shape (n, K + 1 + n), says what makes sense: unseen patches in reach at one of
+    ten instants, from half a decision to nine and a half ahead (who waits for the near picture may point there already),
+    Earth and relays for whom has data and is heard; to hold is always allowed, and all that who is no more may do. Other
+    choices are flown as they are.
 
-    | control | space | meaning for spacecraft j |
-    |---|---|---|
-    | `torque` | Box(-1, 1, (w n,)) | entries w j..w j + w - 1: motor torques of its wheels over their limit (4 mN m by \
-default); the scenario's behaviour still decides who observes and who talks, and gives `sigma_BR` |
-    | `pointing` | Box(-1, 1, (2n,)) | entries 2j, 2j+1: east and north tangent, seen from the body's centre, of the surface \
-point to look at, over the half width of the target's pyramid: (0, 0) is the target's middle, (-1, -1) its south-west corner. \
-It is tracked, turning with the body, by the scenario's control law while the scenario's behaviour has spacecraft j observe, \
-and ignored while that has it talk |
-    | `role` | MultiDiscrete([K + n + 3] * n) | 0..K-1: centre of a patch of the target; K: the body's centre; K+1..K+n: \
-spacecraft 1..n (itself: hold); K+n+1: Earth; K+n+2: hold the direction of +z in N. Tracked by the scenario's control law |
-
-    With four wheels, or where faults have put wheels out, the torque on the body that these motor torques would exert is shared
-    anew by the wheels that work, with the least sum of squares; three healthy wheels get what the action says. Wheels at their
-    top speed get no more.
-
-    At the levels `torque` and `pointing` the scenario's behaviour decides who talks to whom. With directed crosslinks
-    (`link.crosslink.antenna: hemispherical`) a relay hears only those on one side of it; there who is to talk to another
-    spacecraft talks to Earth itself, one after another, so that at every level what was seen can be delivered.
-
-    K is the number of patches (16): a square grid on the target's pyramid, row by row from its south-west corner, west to east.
+    With `candidates=R` each spacecraft chooses among the R patches that are worth most to it, the best first (0..R-1), and to
+    send what is aboard to Earth or to the first who hears Earth (R); MultiDiscrete([R + 1] * n). Plain networks learn that
+    sooner, as a number stands for how good a patch is and not for where it lies. It also means that a list of such choices
+    does look: always 0 is a rule.
 
     ## Observation space
 
-    Box, float32, finite; values beyond the bounds are clipped. First a block of 26 + w numbers for each spacecraft, 29 with the
-    usual three wheels:
+    `entities`: a Dict of `spacecraft` (n, 24), `patches` (K, 9), `pairs` (n, K, 9), `general` (14), `alive` (n) and
+    `action_mask`. `flat`: a Box of spacecraft, pairs, the first two columns of patches, and general; `episodes.layout.split`
+    takes it apart. Frame: east, north, up at the target's middle, turning with the body. Units: H, 60 s, the target's area,
+    data of what is possible. Columns are named in `tables.SPACECRAFT`, `PATCHES`, `PAIRS` and `GENERAL`:
 
-    | entries | name | meaning | divided by | bounds |
-    |---|---|---|---|---|
-    | 0-2 | position | r in A | imaging radius [m] (35 km) | -10, 10 |
-    | 3-5 | velocity | relative to the turning body, in A | mothership's distance over time of flight (50 m/s) | -10, 10 |
-    | 6-8 | sigma_BR | attitude error, MRP, as the control law saw it last (one control period ago) | 1 | -1, 1 |
-    | 9-11 | boresight | unit vector +z of B, in A | 1 | -1, 1 |
-    | 12-14 | x_axis | unit vector +x of B, in A | 1 | -1, 1 |
-    | 15-17 | rate | omega_BN in B | 0.1 rad/s | -10, 10 |
-    | 18 to 17+w | wheel_speed | of the w wheels | top speed | -1, 1 |
-    | 18+w | imaging | 1 if it is an observer that looks at the body, and its camera works | 1 | 0, 1 |
-    | 19+w | link | 1 if its radio link was closed at the end of the step | 1 | 0, 1 |
-    | 20+w | stored | data aboard | nominal volume | 0, 10 |
-    | 21+w to 25+w | role | one of: body's centre, spacecraft, Earth, surface point, held direction | 1 | 0, 1 |
+    | table | columns |
+    |---|---|
+    | spacecraft | alive, camera and downlink work; images, relays, talks to Earth, holds; link closed; data aboard; Earth in \
+sight; place, velocity and boresight (3 each); attitude error; rate over 0.1 rad/s; fastest wheel over its top speed; \
+whether any patch is in reach half a decision ahead, and a whole one later. All zero for who is no more |
+    | patches | unseen and lit share; place and normal (3 each); area over the mean |
+    | pairs | what a picture would be worth half a decision ahead, and a whole one later; ground sampling distance over the \
+limit; angle from the boresight over 90 deg; worth over that of its best patch; most that it is worth to another; largest \
+of the shares (worth over that of the best patch) that spacecraft of lower number have there; largest worth from now to nine \
+decisions later, and the decisions until then over ten |
+    | general | time left; seen; delivered; share alive; half-width over H; picture over the target's half-width; turn of the \
+body in 60 s; share of the data that Earth hears in a decision; directions of Sun and Earth (3 each) |
 
-    then seen share of each of the K patches (0, 1), time left over the duration (0, 1), seen share of the target (0, 1) and
-    data delivered over the nominal volume (0, 10). `env.unwrapped.observation_layout.split(observation)` gives them by name.
+    With `candidates=R` there are `candidates` (n, R, 7), see `layout.CANDIDATE`, in the place of pairs and patches, and of the
+    columns of spacecraft and general those that `choices` names: no places and directions.
 
-    The agent is given what the spacecraft knows. Where the scenario flies noise or delay of the sensors (its `faults` and
-    `dispersions`), boresight, x_axis and rate are those of the estimated attitude and the measured rate that the flight
-    software has at the end of the step, sigma_BR is the error by its estimate, and "hold" holds where it believes +z to point.
-    Positions, velocities and wheel speeds are the truth, since no errors of navigation and tachometers are modelled. Pictures,
-    links, rewards, `state`, `info` and rendering follow the truth. Without noise and delay estimate and truth are the same.
+    `alive`, `camera` and `downlink` tell the health of a spacecraft, `wheel_speed` that of its wheels. There is no battery: no
+    flight of ten minutes models power; `SwarmDownlink-v0` has batteries, panels and eclipses.
 
     ## Reward
 
-    The sum of `info["reward_terms"]`, each its weight (argument `reward_weights`) times its measure of the step, a pure number.
-    Step h and duration T of the flight in s.
+    The sum of `info["reward_terms"]`, each its weight (argument `reward_weights`) times its measure of the step, a pure number;
+    step h and duration T of the flight in s.
 
     | term | weight | measure of a step |
     |---|---|---|
-    | seen | 1 | dA / A: area of the cells seen for the first time over that of the target [m^2] |
-    | delivered | 1 | dD / D: data that Earth received over the nominal volume [bit] |
-    | effort | -0.02 | (h / T) mean (u / u_max)^2 over wheels and control periods, u the motor torque [N m] |
+    | seen | 1 | dA / A: area of the cells seen for the first time over what is possible in the episode |
+    | delivered | 1 | dD / D: data that Earth received over the volume of what is possible |
+    | effort | -0.02 | (h / T) mean (u / u_max)^2 over wheels and control periods, u the motor torque |
     | saturation | -0.1 | (h / T) mean over wheels of min(1, max(0, (abs(W) / W_max - 0.9) / 0.1)), W the wheel speed at the \
-end of the step [rad/s] |
+end of the step |
     | approach | -0.1 | (h / T) c / (n (n - 1) / 2), c the pairs that come closer than `safety.min_separation_m` in the step, \
 if it begins at or after `safety.separation_grace_s`; the motion within it is taken as straight |
-    | loss | -1 | 1 at an impact on the body or divergence |
+    | loss | -1 | the spacecraft that hit the body; 1 at divergence |
 
-    The nominal volume D is that of the whole target seen straight down from the imaging altitude H with the pixel angle p of
-    the camera: `bits_per_pixel` A / (H p)^2.
+    Possible, A, are the lit cells that a working camera passes within reach as the swarm was let go (at least a fifth of the
+    target), and D their data straight down from H. To see all of that brings 1, and to deliver it 1 where every cell was
+    pictured straight down from H: pictures from below H hold more, those from afar or aslant less. In the mean of the 96 test
+    episodes no policy can pass 2.33, of which 1.39 for data (docs/results/leaderboard.md); single episodes allow from 0 to
+    6.2. That bound ignores turning and the footprint.
 
-    A picture is taken every `observation.interval_s`, and at the visit, by each observer that looks at the body (centre or
-    surface point); with the criterion `visit` only the visit counts. It adds data for each cell that nobody saw before: area
-    over the foreshortened square of the ground sampling distance, times `bits_per_pixel`. A spacecraft that tracks another
-    sends it what is aboard, one that tracks Earth sends to Earth, while the link is closed as in `swarm_mj.mission.links`:
-    in range, the body not in between, and to Earth the dish within its beam. Crosslinks close whichever way the spacecraft are
-    turned; with `link.crosslink.antenna: hemispherical` the sender's dish and the other's antenna must have each other within
-    their beams. Earth hears one spacecraft at a time: of several, the first in gene order until it has nothing left to send.
-    Whether a link is closed, and its rate, is judged at the end of the step, for all of it.
+    A picture adds data for each cell that nobody saw before: area over the foreshortened square of the ground sampling
+    distance, times the bits of a pixel. A spacecraft that tracks another sends it what is aboard, one that tracks Earth sends
+    to Earth, while the link is closed as in `swarm_mj.mission.links`, which is judged at the end of the step, for all of it.
+    Earth hears one spacecraft at a time: in flybys of the catalogue at 8 kbit/s, so that a whole target takes four minutes
+    where it is flat, eleven in the roughest place, and between spacecraft 100 kbit/s; in those of one's own by the link budget
+    of `link.crosslink`, `link.earth` and `link.ground`. A spacecraft holds `data.storage_bit`; what a picture brings beyond
+    that is lost, though its cells count as seen. At any time `seen_bit` = sum of `stored_bit` + `delivered_bit` + `lost_bit`.
 
-    By default rates are constant and Earth always hears, so that rewards can be compared between scenarios and versions. With
-    `swarm_rate_bit_s=None` a crosslink carries what the budget of `link.crosslink` closes over the distance. With
-    `earth_rate_bit_s=None` Earth hears what the budget of `link.earth` closes to the best station of `link.ground` that sees
-    the body at the time (2 kbit/s in `eros-observe`, 2.7 au away); while none does, no link to Earth is closed. Every link
-    has its whole rate: `access`, `duplex` and `channels` of the scenario are for `swarm-mj run`.
-
-    A spacecraft holds `data.storage_bit` (32 Gbit, 10,000 times the nominal volume of `eros-observe`). What a picture brings
-    beyond that is lost, though its cells count as seen, and a receiver takes no more than it has room for. At any time
-    `seen_bit` = sum of `stored_bit` + `delivered_bit` + `lost_bit`; what is aboard a spacecraft that is no more stays in
-    `stored_bit`.
+    A spacecraft that hits the body is lost, costs 1, and the others fly on.
 
     ## Info
 
     | key | when | meaning |
     |---|---|---|
     | time_s | always | since the epoch [s] |
-    | coverage_percent | always | seen share of the target [%] |
+    | coverage_percent | always | seen share of what is possible [%] |
     | delivered_bit | always | received by Earth so far [bit] |
     | stored_bit | always | aboard each spacecraft, a list of n [bit] |
     | seen_bit | always | brought by all pictures so far [bit] |
     | lost_bit | always | of that, found no room aboard [bit] |
+    | alive | always | who still flies, a list of n |
+    | mission | always | its number |
+    | action_mask | always | choices that make sense, shape (n, C) |
     | flight_seed | `reset` | seed of the flight |
     | reward_terms | `step` | weighted terms by name |
     | end | an end by itself | see below |
     | cause | divergence | which spacecraft, and what is not finite |
 
-    ## What it measures
-
-    How good a plan for one flyby is, not feedback: with `eros-observe` only initial attitudes and rates vary, they have settled
-    before the first picture, and a recorded list of actions flown again without looking scores nearly as well as the policy it
-    was taken from (docs/results/learning.md). Faults, dispersions and sensor noise of a scenario make it otherwise; in
-    `SwarmObserve-v1` lists of actions lose: learn there. gymnasium warns that v0 is out of date because of it; v0 stays as it
-    is, for scenarios of one's own and for scores to compare with.
-
-    ## Starting state
-
-    The scenario's deployment: all at the mothership with solved velocities, wheels at rest, random attitudes and rates in
-    the scenario's ranges. With the scenario's `faults` and `dispersions`, what goes wrong is drawn anew for every episode. All
-    of it comes from a flight seed that `reset` draws from `self.np_random` (or takes from `options={"flight_seed": k}`) and
-    gives in `info["flight_seed"]`: `swarm-mj run SCENARIO --set seed=k` starts the same.
-
-    One thing is not drawn anew: the true place of the target. `dispersions.target_m` shifts it once for each environment, by
-    the scenario's own `seed`, since patches, cells and horizon maps belong to the place (about 10 s of one core to work out).
-    To train over many places, make one environment for each, with another scenario seed:
-    `scenario=load_scenario("eros-observe", ["dispersions.target_m=300", "seed=7"])`. With `target_m` above zero
-    `swarm-mj run` shifts the target by k, too, so that it starts the same only where k is the scenario's seed.
-
     ## Episode end
 
-    Terminated: the target is seen to `complete` percent and all data are delivered; or a spacecraft hits the body; or all are
-    lost to faults; or the flight diverges (the observation is then the last finite one). `info["end"]` says `complete`,
-    `impact`, `lost` or `diverged`.
-    Truncated: at the scenario's duration; with `horizon_terminates` terminated, with `info["end"]` `horizon`.
+    Terminated: all that is lit is seen, out of reach or not, and delivered; or nobody is left; or the flight diverges.
+    `info["end"]` says `complete`, `lost` or `diverged`. Truncated: at the duration; with `horizon_terminates` terminated, with
+    `info["end"]` `horizon`.
 
     ## Arguments
 
     | argument | default | meaning |
     |---|---|---|
-    | scenario | `"eros-observe"` | packaged name, path of a YAML file, or a `Scenario` |
-    | control | `"role"` | `torque`, `pointing` or `role` |
+    | missions | 8 | names, how many spread over places and bodies, or "all" |
+    | split | "train" | or "test" |
+    | scenario | None | a flyby of one's own in the place of those of the catalogue, see above |
+    | target | "scenario" | what is to be seen of that: its target, or the whole "body" |
+    | max_spacecraft | None | n, at most 12; 3 where nothing else is said |
+    | patches | 16 | K, a square number; up to 49 fit every mission; from 64 on some are refused, where a patch would hold no \
+cell |
+    | candidates | None | R, at most K, or None for all patches |
+    | decision_s | 20 | length of a step [s]: whole control periods (1 s) that divide the duration (600 s) |
+    | observation | "flat" | or "entities"; `CameraObservation` adds what the cameras see |
+    | knowledge | "full" | what agents of the multi-agent environment know, or by the "graph"; here one agent decides for all, \
+and only "full" is allowed |
+    | observer | "horizon" | the judge of pictures: `horizon` (maps, constant time), `raycast`, `faceid`, `raster` or `auto` |
+    | randomise | None | distributions by name |
+    | dispersions | None | masses, wheels, gravity and sensors that differ from flight to flight, keys of a scenario's \
+`dispersions` such as `mass_percent`, `wheel_coulomb_n_m`, `star_tracker_noise_arcsec`; 0.8 of the \
+usual speed with masses, 0.6 with sensors; a scenario has its own |
+    | reward_weights | None | replaces weights by name |
+    | complete | 99.9 | share of the target, seen or dark, that counts as complete [%] |
+    | horizon_terminates | False | whether the duration ends a flight as terminated |
     | render_mode | None | None, `"rgb_array"`, or `"human"` for a window, drawn at every reset and step (needs pygame) |
-    | step_s | None | length of a step [s]; a multiple of `control.period_s` that divides the duration; None: 10 s, at the \
-level `torque` `control.period_s`, because an attitude cannot be controlled by torques held for 10 s |
-    | patches | 16 | number of patches K, a square number |
-    | observer | `"horizon"` | the judge of pictures: `horizon` (maps, constant time), `raycast`, `faceid`, `raster` or `auto` |
-    | complete | 99.9 | seen share of the target that counts as complete [%] |
-    | reward_weights | None | mapping that replaces weights by name |
-    | bits_per_pixel | 1.0 | data of a picture after compression |
-    | swarm_rate_bit_s | 1e5 | from a spacecraft to the one it tracks; None: by the scenario's link budget |
-    | earth_rate_bit_s | 8e3 | to Earth, all together; the rate of the MarCO CubeSats at Mars; None: by the scenario's link \
-budget and stations |
-    | observability | full | what agents of the multi-agent environment know, `full` or `graph`; here one agent decides for \
-all, and only `full` is allowed |
-    | overrides | () | changes of the scenario, a list of texts `key=value` as of `swarm-mj run --set`; goes through \
-`spec.to_json()`, which a `Scenario` does not |
-    | horizon_terminates | False | whether the duration ends a flight as terminated, `info["end"]` being `horizon`, for tools \
-that know no truncation; the observation holds the time left |
-    | target | `"scenario"` | what is to be seen: the scenario's target, or the whole `"body"`, in `patches` = 6 k^2, see \
-`SwarmMapEnv` |
     | width, height | 640, 480 | of rendered pictures |
-
-    ## Version history
-
-    v0: first version. In 0.2 of the package the flights are the same; `imaging` is 0 while a fault has the camera off,
-    and a step at the level `torque` is one control period unless asked otherwise; `readings` became
-    `observation_layout`, `setting` became `task`, and `flybys` became `batch`. Crosslinks are omnidirectional by default, so
-    that at `torque` and `pointing` the scripted relay hears everybody; with directed ones there is no relay at these two levels
-    any more, since it heard two of five. The level `role` is as before.
     """
 
     metadata: dict[str, Any] = {"render_modes": ["human", "rgb_array"], "render_fps": 10}
-    name = "SwarmObserve-v0"
 
     def __init__(
         self,
-        scenario: str | Path | Scenario = EnvConfig.scenario,
-        control: str = EnvConfig.control,
+        missions: Any = DEFAULT_COUNT,
+        split: str = "train",
         render_mode: str | None = None,
         *,
         width: int = 640,
         height: int = 480,
         **arguments: Any,
     ) -> None:
-        self.made_of = {"scenario": scenario, "control": control, "render_mode": render_mode, **arguments}
+        self.made_of = {"missions": missions, "split": split, "render_mode": render_mode, **arguments}
         self.made_of |= {"width": width, "height": height}
-        self._batch: EpisodeBatch | None = None
+        self._episodes: Episodes | None = None
         self._window: Window | None = None
-        self._size = width, height = checked_size("width", width), checked_size("height", height)
+        self._size = checked_size("width", width), checked_size("height", height)
         self.render_mode = checked_render_mode(render_mode, self.metadata["render_modes"])
-        self.task = make_task(scenario=scenario, control=control, **arguments)
-        refuse_graph(self.task.config.observability)
-        self._batch = batch = EpisodeBatch(self.task, 1)
-        self._renderer = EpisodeRenderer([(batch, 0)], width, height)
-        self.plan, self.patches = self.task.plan, self.task.patches
-        self.observation_layout = self.task.observation_layout
-        self.observation_space, self.action_space = self.observation_layout.space, batch.level.action_space
+        given = {"missions": missions, "split": split, **arguments}
+        self.config = record_of(EnvConfig, NAME, given)
+        refuse_graph(self.config)
+        self._episodes = episodes = Episodes(self.config, 1)
+        self._renderer = EpisodeRenderer(episodes, 1, *self._size)
+        self.observation_space, self.action_space = episodes.observation_space, episodes.action_space
         self._running = self._begun = False
 
     @property
-    def reward_weights(self) -> dict[str, float]:
-        """Weight of each reward term."""
-        return dict(zip(TERMS, self.task.reward_scales, strict=True))
-
-    @property
-    def batch(self) -> EpisodeBatch:
-        """The episode, as a batch of one.
+    def episodes(self) -> Episodes:
+        """The episode, as one of one.
 
         Raises:
             gymnasium.error.ClosedEnvironmentError: The environment was closed.
         """
-        if self._batch is None:
-            raise gymnasium.error.ClosedEnvironmentError(f"{self.name} was closed; make it anew")
-        return self._batch
+        if self._episodes is None:
+            raise gymnasium.error.ClosedEnvironmentError(f"{NAME} was closed; make it anew")
+        return self._episodes
 
     @property
-    def readings(self) -> ObservationLayout:
-        """The name of `observation_layout` in 0.1; gone in 0.3."""
-        warnings.warn(
-            "readings is now observation_layout; the old name goes with 0.3", DeprecationWarning, stacklevel=2
-        )
-        return self.observation_layout
+    def reward_weights(self) -> dict[str, float]:
+        """Weight of each reward term."""
+        return dict(zip(TERMS, self.config.weights, strict=True))
 
-    @property
-    def state(self) -> SwarmState:
-        """The swarm now."""
-        return self.batch.swarm_state(0)
-
-    @property
-    def first_seen_s(self) -> Array:
-        """When the swarm first saw each cell of the target in this episode, NaN for never, shape (n_cells,) [s]."""
-        return self.batch.totals.first_seen[0].copy()
-
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Observation, dict[str, Any]]:
-        """Start a flyby; see the class for the starting state.
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
+        """Start an episode; see the class for what is drawn.
 
         Raises:
-            ScenarioError: `options` holds something else than a valid `flight_seed`.
+            ScenarioError: `options` holds something else than a valid `flight_seed` and a valid `draw`.
         """
         super().reset(seed=seed)
-        chosen = flight_seed(options, int(self.np_random.integers(2**31)))
-        self.batch.reset(0, chosen)
+        given = checked_options(options)
+        values = given.pop("draw", None)
+        chosen = flight_seed(given, int(self.np_random.integers(2**31)), ["draw"])
+        self.episodes.begin(0, chosen, values)
         self._running = self._begun = True
-        if self.render_mode == "human":
-            self.render()
-        return self.batch.observation[0].copy(), self.batch.info(0) | {"flight_seed": chosen}
+        self._show()
+        return self.episodes.observation_of(0), self.episodes.info(0) | {"flight_seed": chosen}
 
-    def step(self, action: Any) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """Fly on for one step with the action held.
+    def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        """Fly on for one step with the choices held.
 
         Raises:
             gymnasium.error.InvalidAction: The action does not lie in the action space.
             gymnasium.error.ResetNeeded: The episode has ended or has not begun.
+            gymnasium.error.ClosedEnvironmentError: The environment was closed.
         """
+        episodes = self.episodes
         if not self._running:
-            raise gymnasium.error.ResetNeeded(f"{self.name}: the episode is over or has not begun; call reset first")
-        batch = self.batch
-        result = batch.step(check_action(self.action_space, action)[None])
+            raise gymnasium.error.ResetNeeded(f"{NAME}: the episode is over or has not begun; call reset first")
+        result = episodes.step(check_action(self.action_space, action)[None], np.ones(1, np.bool_))
         terminated, truncated = bool(result.end[0]), bool(result.truncated[0])
         self._running = not (terminated or truncated)
-        if self.render_mode == "human":
-            self.render()
-        observation, info = batch.observation[0].copy(), batch.step_info(0, result)
-        return observation, float(result.reward[0]), terminated, truncated, info
+        info = episodes.step_info(0, result)
+        self._show()
+        return episodes.observation_of(0), float(result.reward[0]), terminated, truncated, info
+
+    def action_masks(self) -> NDArray[np.int8]:
+        """`info["action_mask"]`, as MaskablePPO of sb3-contrib asks for it, shape (n, C)."""
+        must_have_begun(self._begun, "action_masks", NAME)
+        return self.episodes.action_mask[0].copy()
 
     def get_state(self) -> FlightState:
         """Where the flight stands, to go back to by `set_state`, here or in any other environment made with the same arguments.
 
-        It can be pickled. The random numbers of the resets to come are part of it. One takes some 18 KiB with `eros-observe`.
-
         Raises:
             gymnasium.error.ResetNeeded: There is no flight before the first `reset`.
-            SimulationError: The scenario flies thrusters, whose state cannot be taken.
         """
-        must_have_begun(self._begun, "get_state")
-        return take_state(self.batch, 0, running=self._running, random=self.np_random)
+        must_have_begun(self._begun, "get_state", NAME)
+        return take_state(self.episodes, 0, running=self._running, random=self.np_random)
 
-    def set_state(self, state: FlightState) -> tuple[Observation, dict[str, Any]]:
-        """Go on from a state: the same actions give the same observations, rewards and infos as there, bit for bit.
+    def set_state(self, state: FlightState) -> tuple[Any, dict[str, Any]]:
+        """Go on from a state: the same choices give the same observations, rewards and infos as there, bit for bit.
 
         Returns:
             Observation and info of that instant.
@@ -325,14 +319,14 @@ that know no truncation; the observation holds the time left |
         Raises:
             ScenarioError: It is no such state, or was taken from an environment with other arguments.
         """
-        self._running = restore_state(self.batch, 0, self.np_random, state).running
+        self._running = restore_state(self.episodes, 0, self.np_random, state).running
         self._begun = True
-        return self.batch.observation[0].copy(), self.batch.info(0)
+        return self.episodes.observation_of(0), self.episodes.info(0)
 
     def _standing(self) -> dict[str, Any]:
         names = ("spec", "action_space", "observation_space", "_np_random", "_np_random_seed")
         kept = {name: getattr(self, name) for name in names}
-        return {"kept": kept, "flight": self.get_state() if self._begun and self.batch else None}
+        return {"kept": kept, "flight": self.get_state() if self._begun and self.episodes else None}
 
     def _stand(self, standing: dict[str, Any]) -> None:
         self.__dict__.update(standing["kept"])
@@ -346,25 +340,25 @@ that know no truncation; the observation holds the time left |
             ObserverError: OpenGL cannot be loaded, or there is no display for the window.
             gymnasium.error.ResetNeeded: There is nothing to draw before the first `reset`.
         """
-        if self.render_mode is None:
-            gymnasium.logger.warn("render() draws nothing: make the environment with render_mode='rgb_array'")
-            return None
-        if not self._begun:
-            raise gymnasium.error.ResetNeeded(f"{self.name}: call reset before render")
-        _ = self.batch
-        picture = self._renderer.draw()
-        if self.render_mode == "rgb_array":
-            return picture
+        _ = self.episodes
+        pictures = self._renderer.render(self.render_mode, self._begun, NAME)
+        if pictures is None or self.render_mode == "rgb_array":
+            return None if pictures is None else pictures[0]
         if self._window is None:
-            self._window = Window(*self._size, self.metadata["render_fps"])
-        self._window.show(picture)
+            self._window = Window(*self._size, self.metadata["render_fps"], NAME)
+        self._window.show(pictures[0])
         return None
 
+    def _show(self) -> None:
+        """Where there is a window."""
+        if self.render_mode == "human":
+            self.render()
+
     def close(self) -> None:
-        """Release the observer and the OpenGL context; may be called again."""
-        if self._batch is not None:
+        """Release observers, OpenGL context and window; may be called again."""
+        if self._episodes is not None:
             self._renderer.close()
-            self.task.close()
+            self._episodes.close()
         if self._window is not None:
             self._window.close()
-        self._batch, self._window, self._running = None, None, False
+        self._episodes, self._window, self._running = None, None, False

@@ -1,35 +1,319 @@
-"""The swarm of one episode at one instant."""
+"""Where E episodes stand: what their cameras have seen and their radios sent, what their software knows and agents are shown.
+
+The steps of a decision are a few kernels, each called once for all flights of all missions. Who flies the flights is another
+matter: a `Fleet` in the environments, and in `swarm-mj fly` the simulation that asks a policy.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import Any, NamedTuple, Protocol
 
-from swarm_mj.typing import Array
+import numpy as np
+from numpy.typing import NDArray
+
+from swarm_mj.mission.behaviors import TargetKind, Targets
+from swarm_mj.observation.capture import Picture, observe, pictures, pixels_on, sight, watching
+from swarm_mj.observation.smear import Motion
+from swarm_mj.typing import Array, Ints, Mask, kernel
+
+from .kinematics import (
+    AttitudeEstimate,
+    Kinematics,
+    Tracking,
+    add_listed,
+    copy_instant,
+    copy_truth,
+    listed,
+    no_estimate,
+    no_kinematics,
+    update_estimated_rotations,
+    update_rotations,
+)
+from .mission import Mission
+from .pictures import Gained, take_pictures
+from .rewards import Flown, Measures, StepResult, no_measures, no_result, score_step
+from .table_kernels import write_tables
+from .tables import EpisodeSheet, Standing, Tables, no_sheet, no_tables
+from .totals import EpisodeTotals, no_totals, record_cells, reset_totals, with_room_for
+
+_SPACECRAFT, _EARTH = int(TargetKind.SPACECRAFT), int(TargetKind.EARTH)
+_SURFACE, _DIRECTION = int(TargetKind.SURFACE), int(TargetKind.DIRECTION)
 
 
-@dataclass(frozen=True, eq=False)
-class SwarmState:
-    """The swarm in truth, whatever its sensors say; copies, not views.
+class Flights(Protocol):
+    """E flights as their episodes need to see them; see `Fleet`."""
+
+    tick: Ints
+    held: Targets
+    kind: Ints
+    spacecraft: Ints
+    sigma_BR: Array
+    off: Mask
+
+    def read(self, now: Kinematics, live: Mask) -> None:
+        """Copy times and states of the live flights into an instant."""
+        ...
+
+    def know(self, estimate: AttitudeEstimate, live: Mask) -> Mask:
+        """Put what the flight software has in the place of the truth; returns where that differs."""
+        ...
+
+
+class PerMissionConstants(NamedTuple):
+    """What compiled code reads of the missions, lists of constants one mission after another.
 
     Attributes:
-        t: Time past the epoch [s].
-        r_BN_N: Positions, shape (n, 3) [m].
-        v_BN_N: Velocities, shape (n, 3) [m/s].
-        C_BN: Rotations from N to B, shape (n, 3, 3).
-        omega_BN_B: Body rates, shape (n, 3) [rad/s].
-        wheel_speed: Shape (n, w) [rad/s].
-        C_AN: Rotation from N to A, shape (3, 3).
+        rotations: See `update_rotations`.
+        scenes: See `take_pictures`; None where the observer judges every picture.
+        pictures: See `take_pictures`.
+        scores: See `score_step`.
+        tables: See `write_tables`.
     """
 
-    t: float
-    r_BN_N: Array
-    v_BN_N: Array
-    C_BN: Array
-    omega_BN_B: Array
-    wheel_speed: Array
-    C_AN: Array
+    rotations: Any
+    scenes: Any
+    pictures: Any
+    scores: Any
+    tables: Any
+
+
+class EpisodeState:
+    """The state of E episodes.
+
+    Args:
+        flights: Who flies them.
+        count: Number of episodes E.
+        n: Spacecraft of each.
+        patches: Patches of each target, K.
+
+    Attributes:
+        flights: Who flies them.
+        count: Number of episodes E.
+        n: Spacecraft of each.
+        patches: Patches of each target, K.
+        missions: Those that fly, in the order in which they were added.
+        mission: Which of them each episode flies, shape (E,).
+        totals: What the episodes have come to.
+        sheet: What was drawn for them.
+        tables: What their agents are shown.
+        now: The instant between two steps, in truth.
+        before: The one a step earlier.
+        estimate: Attitudes and rates at that instant as the flight software has them.
+        result: Rewards and ends of the last step.
+    """
+
+    def __init__(self, flights: Flights, count: int, n: int, patches: int) -> None:
+        self.flights, self.count, self.n, self.patches = flights, count, n, patches
+        self.missions: list[Mission] = []
+        self.mission: Ints = np.zeros(count, np.int64)
+        self.totals: EpisodeTotals = no_totals(count, n, 0)
+        self.sheet: EpisodeSheet = no_sheet(count, n)
+        self.tables: Tables = no_tables(count, n, patches)
+        self.before, self.now, self._at_picture = (no_kinematics(count, n, 0) for _ in range(3))
+        self.estimate = no_estimate(count, n)
+        self.result: StepResult = no_result(count, n)
+        self._measures: Measures = no_measures(self.result)
+        self._gained = Gained(np.zeros(count), np.zeros((count, n), np.bool_))
+        self._aims_A: Array = np.zeros((0, patches, 3))
+        self._of: PerMissionConstants | None = None
+
+    def add(self, mission: Mission) -> int:
+        """Let some episodes fly a mission; returns its number."""
+        constants = (mission.rotation, mission.scene, mission.pictures, mission.score, mission.tables)
+        if self._of is None:
+            self._of = PerMissionConstants(*(None if part is None else listed(part) for part in constants))
+            wheels = len(mission.plan.properties.wheel_axes_B)
+            self.before, self.now, self._at_picture = (no_kinematics(self.count, self.n, wheels) for _ in range(3))
+        else:
+            for items, part in zip(self._of, constants, strict=True):
+                add_listed(items, part)
+        self.missions.append(mission)
+        self._aims_A = np.concatenate([self._aims_A, mission.patches.centre_A[None]])
+        self.totals = with_room_for(self.totals, mission.plan.region.n_cells)
+        return len(self.missions) - 1
 
     @property
-    def boresight_N(self) -> Array:
-        """Where +z looks in N, shape (n, 3)."""
-        return self.C_BN[:, 2].copy()
+    def constants(self) -> PerMissionConstants:
+        """Of the missions."""
+        assert self._of is not None, "there is no mission yet"
+        return self._of
+
+    @property
+    def time_s(self) -> Array:
+        """Seconds past the epoch, shape (E,)."""
+        return self.now.t.copy()
+
+    @property
+    def tracking(self) -> Tracking:
+        """What the spacecraft track."""
+        flights = self.flights
+        return Tracking(flights.kind, flights.spacecraft, flights.sigma_BR, flights.off | self.sheet.camera_off)
+
+    def forget(self, e: int) -> None:
+        """Let episode e stand before its beginning."""
+        reset_totals(self.totals, e)
+        self.totals.target[e, : self.missions[self.mission[e]].plan.region.n_cells] = True
+
+    def begin_step(self, live: Mask) -> None:
+        """Let the instant between two steps be the one before."""
+        copy_instant(self.now, self.before, live)
+        self._gained.area[live] = 0.0
+
+    def choose(self, choice: NDArray[Any], live: Mask) -> None:
+        """Let targets be what was chosen, shape (E, n), among patches, Earth and relays."""
+        kinds = np.asarray(choice, np.int64)
+        boresight_N = np.ascontiguousarray(self.estimate.C_BN[:, :, 2])
+        works = ~self.totals.lost
+        choose_targets(
+            self._aims_A, self.mission, kinds, works, works & self.sheet.downlink, boresight_N, live, self.flights.held
+        )
+
+    def take_pictures(self, due: Mask) -> None:
+        """Take the pictures of the flights in which they are due, shape (E,)."""
+        now, tracking, gained, of = self._at_picture, self.tracking, self._gained, self.constants
+        self.flights.read(now, due)
+        update_rotations(of.rotations, self.mission, now, due, np.zeros(self.count, np.bool_))
+        if of.scenes is None:
+            n_observers = self.missions[0].plan.n_observers
+            singly = due[:, None] & watching(n_observers, tracking.kind, ~(self.totals.lost | tracking.blind))
+        else:
+            gained.doubt[due] = False
+            light = self._light(due)
+            take_pictures(of.scenes, of.pictures, self.mission, now, self.totals, tracking, light, due, gained)
+            singly = gained.doubt & due[:, None]
+        for e in np.flatnonzero(singly.any(axis=1)):
+            self._judge(int(e), singly[e])
+
+    def _light(self, due: Mask) -> Mask:
+        """Cells that are lit where pictures are due, shape (E, C); of no flights where light does not change."""
+        if not any(mission.sun_changes for mission in self.missions):
+            return np.zeros((0, 0), np.bool_)
+        light = np.ones(self.totals.seen.shape, np.bool_)
+        known: dict[tuple[int, float], Mask] = {}
+        for e in np.flatnonzero(due):
+            mission, t = self.missions[self.mission[e]], float(self._at_picture.t[e])
+            if mission.sun_changes:
+                key = int(self.mission[e]), t
+                if key not in known:
+                    known[key] = mission.lit_at(t)
+                light[e, : len(known[key])] = known[key]
+        return light
+
+    def _judge(self, e: int, who: Mask) -> None:
+        """Judge pictures of flight e by the observer itself: where the maps are in doubt, or there are none."""
+        mission, now = self.missions[self.mission[e]], self._at_picture
+        environment = mission.plan.environment
+        t, moving = float(now.t[e]), Motion(now.v[e], now.omega[e], environment.spin_N)
+        for picture in pictures(t, who, now.r[e], now.C_BN[e], now.C_AN[e], environment.sun.at(t), moving):
+            self._judge_singly(e, mission, picture)
+
+    def _judge_singly(self, e: int, mission: Mission, picture: Picture) -> None:
+        totals, region = self.totals, mission.plan.region
+        shown = observe(mission.observer, picture.r_A, picture.C_CA, mission.criterion, picture.sun_A, picture.motion)
+        new = shown & ~totals.seen[e, : region.n_cells] & totals.target[e, : region.n_cells]
+        gained = float(region.area[new].sum())
+        if gained > 0.0:
+            limits = mission.criterion.limits(mission.observer.camera)
+            pixels = pixels_on(limits, region.area[new], *sight(region, picture.r_A, new)).sum()
+            bits = float(pixels) * mission.bits_per_pixel
+            most = float(mission.plan.scenario.data.storage_bit)
+            record_cells(totals, e, picture.spacecraft, new, gained, bits, most)
+            self._gained.area[e] += gained
+
+    def update(self, live: Mask) -> Mask:
+        """Bring the instant between two steps up to date; returns which of the live flights are finite."""
+        finite = np.zeros(self.count, np.bool_)
+        self.flights.read(self.now, live)
+        update_rotations(self.constants.rotations, self.mission, self.now, live, finite)
+        return finite
+
+    def update_estimate(self, live: Mask) -> None:
+        """Bring up to date what the flight software knows: bit for bit the truth where sensors are perfect."""
+        copy_truth(self.now, self.estimate, live)
+        imperfect = self.flights.know(self.estimate, live)
+        if imperfect.any():
+            update_estimated_rotations(self.estimate, imperfect)
+
+    def score(self, live: Mask, finite: Mask, effort: Array) -> None:
+        """Send data, and work out rewards and ends of a step of the live flights, into `result`."""
+        flown = Flown(self.flights.tick, live, finite, self._gained.area, effort, self.sheet.possible_area)
+        instants = self.before, self.now
+        score_step(
+            self.constants.scores,
+            self.mission,
+            *instants,
+            self.tracking,
+            self.totals,
+            flown,
+            self._measures,
+            self.result,
+        )
+
+    def show(self, live: Mask) -> None:
+        """Write the tables of the live flights."""
+        standing = Standing(self.now, self.estimate, self.tracking, self.totals, self.sheet)
+        write_tables(self.constants.tables, self.mission, standing, live, self.tables)
+
+    @property
+    def _remembered(self) -> list[NDArray[Any]]:
+        """Arrays over the episodes that hold what they are between two steps."""
+        return [*self.totals, *self.sheet, *self.tables, *self.now, *self.before, *self.estimate]
+
+    def rows_of(self, e: int) -> list[Any]:
+        """What episode e is, besides its flight, copied."""
+        return [rows[e].copy() for rows in self._remembered]
+
+    def put_rows(self, e: int, found: list[Any]) -> None:
+        """Go on from what `rows_of` gave, in episodes of the same missions."""
+        for rows, row in zip(self._remembered, found, strict=True):
+            if rows[e].shape == np.shape(row):
+                rows[e] = row
+            else:  # targets of other missions may have more cells
+                rows[e] = 0
+                rows[e][: len(row)] = row[: rows.shape[1]]
+
+
+@kernel
+def choose_targets(
+    aims_A: Array,
+    mission: Ints,
+    choice: Ints,
+    works: Mask,
+    downlink: Mask,
+    boresight_N: Array,
+    live: Mask,
+    held: Targets,
+) -> None:
+    """Let targets be what was chosen: a patch, Earth, or a spacecraft; itself, and what cannot be, means to hold the attitude.
+
+    Args:
+        aims_A: Middles of the K patches by mission, shape (M, K, 3) [m].
+        mission: Of each flight, shape (E,).
+        choice: 0 to K - 1 for patches, K for Earth, K + 1 to K + n for spacecraft, shape (E, n).
+        works: Who is not lost, shape (E, n).
+        downlink: Who of these reaches Earth, shape (E, n).
+        boresight_N: Where +z looks in N, shape (E, n, 3).
+        live: Flights to do so, shape (E,).
+        held: Receives the targets, shape (E, n, ...).
+    """
+    patches = aims_A.shape[1]
+    for e in range(choice.shape[0]):
+        if not live[e]:
+            continue
+        for j in range(choice.shape[1]):
+            c, goes_on = choice[e, j], held.kind[e, j] == _DIRECTION
+            held.spacecraft[e, j] = 0
+            if not works[e, j] or c == patches + 1 + j or (c == patches and not downlink[e, j]):
+                held.kind[e, j] = _DIRECTION
+                if not goes_on:
+                    for k in range(3):
+                        held.vector[e, j, k] = boresight_N[e, j, k]
+                continue
+            for k in range(3):
+                held.vector[e, j, k] = aims_A[mission[e], c, k] if c < patches else 0.0
+            if c < patches:
+                held.kind[e, j] = _SURFACE
+            elif c == patches:
+                held.kind[e, j] = _EARTH
+            else:
+                held.kind[e, j], held.spacecraft[e, j] = _SPACECRAFT, c - patches - 1

@@ -10,14 +10,13 @@ from swarm_mj.typing import Array, Ints, Mask, jittable, lean
 
 
 class EpisodeTotals(NamedTuple):
-    """Totals of E episodes of n spacecraft over a target of C cells.
+    """Totals of E episodes of n spacecraft over targets of up to C cells.
 
     Attributes:
-        seen: Cells that the swarm has seen, shape (E, C).
-        first_seen: When, NaN for never, shape (E, C) [s].
+        target: Cells that can count: those in the light of the flight, shape (E, C).
+        seen: Of these, the ones that the swarm has seen, shape (E, C).
         first_by: By whom, -1 for nobody, shape (E, C).
-        area: Seen area, in the order in which it was seen, shape (E,) [m^2].
-        percent: Seen share of the target, summed over the cells, whatever their order, shape (E,) [%].
+        area: Seen, shape (E,) [m^2].
         stored: Aboard each spacecraft, shape (E, n) [bit].
         seen_bit: Brought by pictures, whatever became of it, shape (E,) [bit].
         lost_bit: Of that, what found no room aboard and is gone, shape (E,) [bit].
@@ -26,11 +25,10 @@ class EpisodeTotals(NamedTuple):
         lost: Spacecraft that are no more, shape (E, n).
     """
 
+    target: Mask
     seen: Mask
-    first_seen: Array
     first_by: Ints
     area: Array
-    percent: Array
     stored: Array
     seen_bit: Array
     lost_bit: Array
@@ -42,11 +40,10 @@ class EpisodeTotals(NamedTuple):
 def no_totals(count: int, n: int, cells: int) -> EpisodeTotals:
     """Of that many episodes, spacecraft and cells, before anything has happened."""
     return EpisodeTotals(
+        target=np.zeros((count, cells), np.bool_),
         seen=np.zeros((count, cells), np.bool_),
-        first_seen=np.full((count, cells), np.nan),
         first_by=np.full((count, cells), -1, np.int64),
         area=np.zeros(count),
-        percent=np.zeros(count),
         stored=np.zeros((count, n)),
         seen_bit=np.zeros(count),
         lost_bit=np.zeros(count),
@@ -60,8 +57,18 @@ def reset_totals(totals: EpisodeTotals, e: int) -> None:
     """Forget what episode e had come to."""
     for values in totals:
         values[e] = 0
-    totals.first_seen[e] = np.nan
     totals.first_by[e] = -1
+
+
+def with_room_for(totals: EpisodeTotals, cells: int) -> EpisodeTotals:
+    """The same with room for targets of so many cells."""
+    missing = cells - totals.seen.shape[1]
+    if missing <= 0:
+        return totals
+    wider = no_totals(len(totals.area), totals.lost.shape[1], cells)
+    for name in ("target", "seen", "first_by"):
+        getattr(wider, name)[:, :-missing] = getattr(totals, name)
+    return totals._replace(target=wider.target, seen=wider.seen, first_by=wider.first_by)
 
 
 @jittable
@@ -72,7 +79,7 @@ def room(totals: EpisodeTotals, e: int, j: int, storage_bit: float) -> float:
 
 @lean
 def record_cells(
-    totals: EpisodeTotals, e: int, j: int, new: Mask, t: float, area: float, bits: float, storage_bit: float
+    totals: EpisodeTotals, e: int, j: int, new: Mask, area: float, bits: float, storage_bit: float
 ) -> None:
     """Enter what a picture of spacecraft j has brought.
 
@@ -81,17 +88,16 @@ def record_cells(
         e: Episode.
         j: Spacecraft.
         new: Cells seen for the first time, shape (C,).
-        t: Time of the picture [s].
         area: Of those cells [m^2].
-        bits: Their data [bit].
+        bits: Their data, of which whole bits count [bit].
         storage_bit: Most that the spacecraft holds; what is beyond is gone [bit].
     """
     for i in range(new.shape[0]):
         if new[i]:
             totals.seen[e, i] = True
-            totals.first_seen[e, i] = t
             totals.first_by[e, i] = j
     totals.area[e] += area
+    bits = np.floor(bits)
     kept = min(bits, room(totals, e, j, storage_bit))
     totals.stored[e, j] += kept
     totals.seen_bit[e] += bits

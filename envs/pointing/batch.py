@@ -5,23 +5,27 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from gymnasium import spaces
 from numpy.typing import NDArray
 
-from swarm_mj.errors import SimulationError
+from swarm_mj.errors import ScenarioError
 from swarm_mj.observation.thumbnails import Thumbnails
 from swarm_mj.simulator.slots import Slot
-from swarm_mj.spacecraft.attitude.guidance import pointing_error
-from swarm_mj.typing import Array, Ints, Mask
+from swarm_mj.typing import Array, Ints, Mask, Pixels
 
-from ..observe.actions import body_torques
+from ..arguments import flight_seeds, is_whole
+from ..batch_env import StepOutcome
 from ..pixels import IMAGE_SPACE, Poses
-from .config import WEIGHTS
+from ..threads import refuse_beyond_memory
 from .task import PointingTask
-from .view import assess, no_state, write_views
+from .view import assess, no_state, view
+
+#: Pixels of a rendered picture for each of the camera's.
+ZOOM = 6
 
 
 class PointingBatch:
-    """E episodes flown in one thread.
+    """E episodes flown in one thread, see `swarm_mj.envs.batch_env`.
 
     Args:
         task: What they share.
@@ -35,19 +39,19 @@ class PointingBatch:
         spacecraft: Which of the swarm flies, shape (E,).
         kind: `TargetKind` of the references, shape (E, H).
         vector: Their surface points in A [m] or directions in N, shape (E, H, 3).
-        observation: The numbers of every episode, shape (E, F).
+        numbers: That are observed of every episode, shape (E, F).
         image: What the cameras see where that is observed, shape (E, 3, S, S); else of none.
     """
 
     def __init__(self, task: PointingTask, count: int) -> None:
+        refuse_beyond_memory(task, count)
         self.task, self.count = task, count
         self.flights = task.flights(count)
         holds = task.config.holds
         self.state = no_state(count, holds)
         self.spacecraft = np.zeros(count, np.int64)
-        self.observation = np.zeros((count, *task.layout.space.shape), np.float32)
+        self.numbers = np.zeros((count, *task.layout.space.shape), np.float32)
         self.image = np.zeros((count if task.layout.camera else 0, *IMAGE_SPACE.shape), np.uint8)
-        self._start = np.zeros(count, np.int64)
         self.kind: Ints = np.zeros((count, holds), np.int64)
         self.vector: Array = np.zeros((count, holds, 3))
         self._constants, self._axes = task.constants, task.plan.properties.wheel_axes_B
@@ -63,75 +67,85 @@ class PointingBatch:
         """Whether every reference so far has been held for long enough, shape (E,)."""
         return np.asarray(self.state.held.all(axis=1))
 
-    def reset(self, e: int, seed: int, spacecraft: int | None = None) -> None:
-        """Start episode e anew, see `PointingTask.draw`."""
-        draw, live = self.task.draw(seed, spacecraft), np.arange(self.count) == e
-        self.flights.reset(e, draw.initial)
-        self.flights.tick[e] = self._start[e] = draw.tick
-        self.spacecraft[e] = draw.spacecraft
-        self.kind[e], self.vector[e], self._torque_B[e] = draw.kind, draw.vector, 0.0
-        for array in self.state:
-            array[e] = 0
-        self._aim(live)
-        self._look(live)
-        self.state.error[e] = self._errors()[e]
+    def reset(self, flights: dict[int, int], spacecraft: Any = None) -> None:
+        """Start episodes anew, see `PointingTask.draw`.
 
-    def step(self, actions: NDArray[Any], live: Mask | None = None) -> None:
-        """Fly on for one step with the motors' torques held; `state` has what came of it.
+        Args:
+            flights: Their flight seeds, by number of the episode.
+            spacecraft: Which of the swarm flies, from 1, in all or a list with one for each of the E episodes; None: any.
+
+        Raises:
+            ScenarioError: There is no such spacecraft.
+        """
+        wanted = [checked_spacecraft(j, self.task) for j in flight_seeds(spacecraft, self.count)]
+        for e, seed in flights.items():
+            draw = self.task.draw(seed, wanted[e])
+            self.flights.reset(e, draw.initial)
+            self.flights.tick[e] = draw.tick
+            self.spacecraft[e], self.kind[e], self.vector[e] = draw.spacecraft, draw.kind, draw.vector
+            self._torque_B[e] = 0.0
+            for array in self.state:
+                array[e] = 0
+        began = np.isin(np.arange(self.count), list(flights))
+        self._aim(began)
+        self._look(began)
+        self.state.error[began] = self.flights.error[began]
+
+    def step(self, actions: NDArray[Any], live: Mask | None = None) -> StepOutcome:
+        """Fly on for one step with the motors' torques held.
 
         Args:
             actions: Motor torques over their limit, shape (E, 3).
             live: Episodes to go on with, shape (E,); None for all.
         """
-        live = np.ones(self.count, np.bool_) if live is None else live
+        live, state, hold = (
+            np.ones(self.count, np.bool_) if live is None else live,
+            self.state,
+            self._constants.hold_steps,
+        )
         limit = self.task.plan.properties.max_wheel_torque
         torque_B = body_torques(limit * np.asarray(actions, np.float64)[:, None], self._axes)
         self._torque_B[live] = torque_B[live]
-        self.flights.effort[:] = 0.0
-        self.flights.hold(None, self._torque_B)
-        self.flights.fly(self.task.ticks, live)
-        effort = self.flights.effort.copy()
-        self._decide(live)
-        assess(self._constants, self._errors(), self.flights.work, effort, live, self.state)
-        hold = self._constants.hold_steps
-        switching = live & (self.state.step % hold == 0) & (self.state.step < self._constants.steps)
+        effort = self.flights.turn(self._torque_B, self.task.ticks, live)
+        rate = np.linalg.norm(self.flights.reading(Slot.OMEGA_BR), axis=1)
+        assess(self._constants, self.flights.error, rate, effort, live, state)
+        switching = live & (state.step % hold == 0) & (state.step < self._constants.steps)
         if switching.any():
-            self.state.steady[switching] = 0
+            state.steady[switching] = 0
             self._aim(switching)
         self._look(live)
+        over = live & (state.step >= self._constants.steps)
+        return StepOutcome(state.terms.copy(), state.reward.copy(), np.zeros(self.count, np.int64), over)
 
     def pictures(self, chosen: Mask) -> Thumbnails:
         """What the cameras of some episodes see now, shape (E,)."""
         at, flights = np.flatnonzero(chosen), self.flights
-        r_N, q_BN, C_AN = flights.work[at, Slot.R, 0], flights.q_BN[at, 0], flights.C_AN[at]
+        r_N, q_BN, C_AN = flights.reading(Slot.R)[at], flights.q_BN[at, 0], flights.C_AN[at]
         return self.task.pictures.draw(Poses(r_N, q_BN, C_AN, self.time_s[at]))
 
-    def observed(self) -> Any:
+    @property
+    def space(self) -> spaces.Space[Any]:
+        """Of the observation of one episode."""
+        return self.task.observation_space
+
+    @property
+    def observation(self) -> Any:
         """The observations of all episodes, copied: the numbers, with pixels a dict of both."""
         if not self.task.layout.camera:
-            return self.observation.copy()
-        return {"image": self.image.copy(), "state": self.observation.copy()}
+            return self.numbers.copy()
+        return {"image": self.image.copy(), "state": self.numbers.copy()}
 
-    def over(self) -> Mask:
-        """Which episodes have come to their end, shape (E,)."""
-        return np.asarray(self.state.step >= self._constants.steps)
-
-    def info(self, e: int) -> dict[str, Any]:
-        """What every step tells of episode e."""
+    def infos(self) -> dict[str, NDArray[Any]]:
+        """What every step tells of all episodes, each array with their number in front."""
         state = self.state
-        steps = int(state.step[e])
         return {
-            "time_s": float(self.time_s[e]),
-            "spacecraft": int(self.spacecraft[e]) + 1,
-            "error_deg": float(np.degrees(state.error[e])),
-            "on_target": float(state.on_target[e]) / steps if steps else 0.0,
-            "held": int(state.held[e].sum()),
-            "success": bool(state.held[e].all()),
+            "time_s": self.time_s,
+            "spacecraft": self.spacecraft + 1,
+            "error_deg": np.degrees(state.error),
+            "on_target": state.on_target / np.maximum(state.step, 1),
+            "held": state.held.sum(axis=1),
+            "success": self.success,
         }
-
-    def terms(self, e: int) -> dict[str, float]:
-        """Weighted reward terms of the last step by name."""
-        return dict(zip(WEIGHTS, self.state.terms[e].tolist(), strict=True))
 
     def get_state(self, e: int) -> dict[str, Any]:
         """All that episode e is between two steps, copied, for `set_state` of any batch of the same task."""
@@ -145,35 +159,50 @@ class PointingBatch:
 
     @property
     def _remembered(self) -> list[NDArray[Any]]:
-        own: list[NDArray[Any]] = [
-            self.spacecraft,
-            self.observation,
-            self._start,
-            self.kind,
-            self.vector,
-            self._torque_B,
-        ]
-        return [*list(self.state), *own, *([self.image] if self.task.layout.camera else [])]
+        own: list[NDArray[Any]] = [self.spacecraft, self.numbers, self.kind, self.vector, self._torque_B]
+        return [*self.state, *own, *([self.image] if self.task.layout.camera else [])]
 
     def _aim(self, live: Mask) -> None:
         """Turn guidance to the present references of some episodes."""
-        flights, last = self.flights, self.kind.shape[1] - 1
-        at = np.minimum(self.state.step // self._constants.hold_steps, last)
+        at = np.minimum(self.state.step // self._constants.hold_steps, self.kind.shape[1] - 1)
         for e in np.flatnonzero(live):
-            flights.kind[e], flights.index[e] = self.kind[e, at[e]], 0
-            flights.vector[e] = self.vector[e, at[e]]
-        self._decide(live)
-
-    def _decide(self, live: Mask) -> None:
-        if not self.flights.decide(live):
-            raise SimulationError("; ".join(cause for cause in self.flights.causes if cause))
+            self.flights.aim(int(e), int(self.kind[e, at[e]]), self.vector[e, at[e]])
+        self.flights.guide(live)
 
     def _look(self, live: Mask) -> None:
         camera = self.task.layout.camera
-        write_views(self._constants, self.flights.work, live, self.state, camera, self.observation)
+        self.numbers[live] = view(self._constants, self.flights, self.state, camera=camera)[live]
         if camera and live.any():
             self.image[live] = self.task.pictures.images(self.pictures(live))
 
-    def _errors(self) -> Array:
-        """Angle between +z and the target at the last decision [rad], shape (E,)."""
-        return np.asarray(pointing_error(self.flights.q_BN[:, 0], self.flights.line_of_sight_N[:, 0]))
+
+def checked_spacecraft(given: Any, task: PointingTask) -> int | None:
+    """The option `spacecraft`, counted from 1, as a number from 0.
+
+    Raises:
+        ScenarioError: There is no such spacecraft.
+    """
+    if given is None:
+        return None
+    if not is_whole(given) or not 1 <= given <= task.plan.n:
+        raise ScenarioError(
+            f"reset option spacecraft = {given!r}: must be a whole number from 1 to {task.plan.n}, or None for any"
+        )
+    return int(given) - 1
+
+
+def crossed(batch: PointingBatch, e: int) -> Pixels:
+    """What the camera of episode e sees, enlarged, with a cross in the middle."""
+    grey = batch.pictures(np.arange(batch.count) == e).grey[0]
+    picture = np.repeat((255.0 * np.kron(grey, np.ones((ZOOM, ZOOM)))).astype(np.uint8)[..., None], 3, axis=2)
+    middle = len(picture) // 2
+    near = slice(middle - 2 * ZOOM, middle + 2 * ZOOM)
+    picture[middle, near] = picture[near, middle] = (255, 160, 0)
+    return picture
+
+
+def body_torques(motor: Array, axes_B: Array) -> Array:
+    """Torques on the bodies [N m], shape (E, n, 3), of motor torques u on the wheels [N m], shape (E, n, w): L = -A^T u."""
+    # Summed wheel by wheel: a product of matrices would round differently with their number.
+    torque: Array = -sum(motor[:, :, w, None] * axes_B[w] for w in range(len(axes_B)))
+    return torque

@@ -17,12 +17,13 @@ from gymnasium.utils import seeding
 
 from swarm_mj.errors import ScenarioError
 
-from ..arguments import checked_options, checked_prefix, checked_render_mode, flight_seed
+from ..arguments import check_action, checked_options, checked_prefix, checked_render_mode, flight_seed
 from ..autoreset import one_of
-from ..observe.actions import check_action
+from ..batch_env import info_of
 from ..snapshots import RebuiltOnCopy, must_have_begun
-from .batch import PointingBatch
-from .single import ACTION_SPACE, crossed
+from .batch import PointingBatch, crossed
+from .config import WEIGHTS
+from .env import ACTION_SPACE
 from .task import make_pointing_task
 
 try:
@@ -93,10 +94,10 @@ class SwarmPointingParallelEnv(RebuiltOnCopy, ParallelEnv[str, Any, Any]):
             self._random = seeding.np_random(seed)[0]
         known = {name: value for name, value in checked_options(options).items() if name == "flight_seed"}
         chosen = flight_seed(known, int(self._random.integers(2**31)))
-        for j in range(self.task.plan.n):
-            self.batch.reset(j, chosen, j)
+        n = self.task.plan.n
+        self.batch.reset(dict.fromkeys(range(n), chosen), list(range(1, n + 1)))
         self._begun, self.agents = True, list(self.possible_agents)
-        return self._by_agent(self.batch.observed()), self._infos(flight_seed=chosen)
+        return self._by_agent(self.batch.observation), self._infos(flight_seed=chosen)
 
     def step(self, actions: PerAgent) -> tuple[PerAgent, PerAgent, PerAgent, PerAgent, PerAgent]:
         """Fly on for one step with the actions of the agents held, one for each.
@@ -115,19 +116,19 @@ class SwarmPointingParallelEnv(RebuiltOnCopy, ParallelEnv[str, Any, Any]):
                 f"actions of {list(actions)}: must be a mapping with one for each of {', '.join(self.agents)}"
             )
         batch, flew = self.batch, self.agents
-        batch.step(np.array([check_action(ACTION_SPACE, actions[agent]) for agent in flew]))
-        over = bool(batch.over().all())
+        result = batch.step(np.array([check_action(ACTION_SPACE, actions[agent]) for agent in flew]))
+        over = bool(result.truncated.all())
         infos = self._infos()
         for j, agent in enumerate(flew):
-            infos[agent]["reward_terms"] = batch.terms(j)
-        rewards = dict(zip(flew, batch.state.reward.tolist(), strict=True))
+            infos[agent]["reward_terms"] = dict(zip(WEIGHTS, result.terms[j].tolist(), strict=True))
+        rewards = dict(zip(flew, result.reward.tolist(), strict=True))
         self.agents = [] if over else flew
         never, ended = dict.fromkeys(flew, False), dict.fromkeys(flew, over)
-        return self._by_agent(batch.observed()), rewards, never, ended, infos
+        return self._by_agent(batch.observation), rewards, never, ended, infos
 
     def state(self) -> Any:
         """The numbers of all agents one after the other, for critics that see it all."""
-        return self.batch.observation.ravel().copy()
+        return self.batch.numbers.ravel().copy()
 
     def render(self) -> Any:
         """What the camera of the first agent sees with `render_mode="rgb_array"`."""
@@ -145,7 +146,7 @@ class SwarmPointingParallelEnv(RebuiltOnCopy, ParallelEnv[str, Any, Any]):
         return {agent: one_of(observed, j) for j, agent in enumerate(self.possible_agents)}
 
     def _infos(self, **more: Any) -> PerAgent:
-        return {agent: self.batch.info(j) | more for j, agent in enumerate(self.possible_agents)}
+        return {agent: info_of(self.batch, j) | more for j, agent in enumerate(self.possible_agents)}
 
     def _standing(self) -> dict[str, Any]:
         batch = self._batch

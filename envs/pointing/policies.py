@@ -112,8 +112,7 @@ def fly(task: PointingTask, act: Callable[[PointingBatch], Array], episodes: int
         seed: The first flight seed.
     """
     batch = PointingBatch(task, episodes)
-    for e in range(episodes):
-        batch.reset(e, seed + e)
+    batch.reset({e: seed + e for e in range(episodes)})
     total = np.zeros(episodes)
     for _ in range(task.steps):
         batch.step(act(batch))
@@ -124,4 +123,4 @@ def fly(task: PointingTask, act: Callable[[PointingBatch], Array], episodes: int
 
 def fly_policy(task: PointingTask, policy: PointingPolicy, episodes: int, seed: int = 0) -> PointingOutcome:
     """The same with a policy of the numbers that are observed."""
-    return fly(task, lambda batch: policy(task, batch.observation), episodes, seed)
+    return fly(task, lambda batch: policy(task, batch.numbers), episodes, seed)

@@ -13,22 +13,18 @@ from gymnasium import spaces
 
 from swarm_mj import __version__
 from swarm_mj.errors import ScenarioError
-from swarm_mj.flight.fly import make_simulation
 from swarm_mj.flight.plan import Plan, make_plan
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.scenarios.schema import Scenario, is_multiple
-from swarm_mj.simulator.compiled_batch import CompiledBatch
-from swarm_mj.simulator.loop_state import InitialState
-from swarm_mj.simulator.simulation import Simulation
 from swarm_mj.spacecraft.attitude.algebra import normalised, product
 from swarm_mj.spacecraft.attitude.mrp import mrp_from_quaternion
-from swarm_mj.spacecraft.model import build_model
 from swarm_mj.typing import Array, Ints
 
 from ..arguments import checked_scenario, record_of
 from ..pixels import IMAGE_SPACE, BodyPictures
 from ..threads import LEAN
 from .config import PointingConfig, PointingScales
+from .flights import InitialState, PointingFlights, flyby_states, setup_of_one
 from .view import PointingConstants, PointingLayout
 
 #: Instants of the flyby at which an episode may begin are so far apart [s].
@@ -65,7 +61,7 @@ class PointingTask:
         config: The environment's arguments.
         given: Their scenario, overrides applied.
         plan: The mission, which says where each spacecraft of the swarm is.
-        simulation: A swarm of one.
+        setup: A swarm of one.
         layout: Which numbers stand where in an observation.
         ticks: Control periods in a step.
         hold_ticks: The same in a hold.
@@ -89,17 +85,11 @@ class PointingTask:
                 f"{given.duration_s:g} s; shorten the holds"
             )
         self.plan: Plan = make_plan(given)
-        swarm = make_simulation(self.plan)
-        if swarm.injection is not None:
-            raise ScenarioError(
-                f"scenario = {given.name}: SwarmPointing-v0 knows no faults and dispersions; leave faults and dispersions out"
-            )
-        if why := swarm.why_not_compiled(None):
-            raise ScenarioError(
-                f"scenario = {given.name}: SwarmPointing-v0 flies in compiled code, which knows nothing of {why}; leave it out"
-            )
-        self._r, self._v = self._states(swarm)
-        self.simulation = _simulation_of_one(self.plan)
+        period = given.control.period_s
+        self._grid = max(1, round(GRID_S / period))
+        last = round((given.duration_s - self.duration_s) / period)
+        self._r, self._v = flyby_states(self.plan, self._grid, last)
+        self.setup = setup_of_one(self.plan)
         self.layout = PointingLayout(config.observation)
 
     @cached_property
@@ -193,21 +183,9 @@ class PointingTask:
             q = product(q, (turn[0], turn[1], turn[2], turn[3]))
         return np.array(q)
 
-    def _states(self, swarm: Simulation) -> tuple[Array, Array]:
-        """Positions and velocities in N at the instants at which an episode may begin, shape (starts, n, 3) [m, m/s]."""
-        self._grid = max(1, round(GRID_S / self.given.control.period_s))
-        last = round((self.given.duration_s - self.duration_s) / self.given.control.period_s)
-        rows = []
-        for tick in range(0, last + 1, self._grid):
-            if tick:
-                swarm.fly(self._grid)
-            qpos, qvel = swarm.model.state(swarm.data)
-            rows.append((qpos[:, :3].copy(), qvel[:, :3].copy()))
-        return np.array([r for r, _ in rows]), np.array([v for _, v in rows])
-
-    def flights(self, count: int) -> CompiledBatch:
+    def flights(self, count: int) -> PointingFlights:
         """So many spacecraft, each in a flight of its own, their motors held."""
-        return CompiledBatch(self.simulation, count, None, None)
+        return PointingFlights(self.setup, count)
 
 
 def _periods(given: Scenario, name: str, length_s: float) -> int:
@@ -217,29 +195,6 @@ def _periods(given: Scenario, name: str, length_s: float) -> int:
             f"{name} = {length_s:g}: must be a whole multiple of control.period_s = {period:g} s; take one"
         )
     return round(length_s / period)
-
-
-def _simulation_of_one(plan: Plan) -> Simulation:
-    """A swarm of one free gyrostat in the plan's surroundings."""
-    scenario = plan.scenario
-    model = build_model(
-        1,
-        shape=plan.shape,
-        properties=plan.properties,
-        timestep=scenario.physics.timestep_s,
-        wheels=scenario.physics.wheels,
-        geometry=False,
-        stepper=scenario.physics.stepper,
-    )
-    return Simulation(
-        model,
-        properties=plan.properties,
-        environment=plan.environment,
-        behavior=plan.behavior,
-        controller=plan.controller,
-        control_period=scenario.control.period_s,
-        gravity_gradient_torque=scenario.perturbations.gravity_gradient_torque,
-    )
 
 
 def make_pointing_task(**arguments: Any) -> PointingTask:

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from math import pi, sqrt
+from math import pi
 from typing import NamedTuple
 
 import numpy as np
 from gymnasium import spaces
 
 from swarm_mj.simulator.slots import Slot
-from swarm_mj.spacecraft.attitude.algebra import dot, vector
-from swarm_mj.typing import Array, Array32, Ints, Mask, kernel
+from swarm_mj.typing import Array, Array32, Ints, Mask
+
+from .flights import PointingFlights
 
 #: Number of reward terms.
 TERM_COUNT = 4
@@ -122,80 +123,52 @@ def no_state(count: int, holds: int) -> PointingState:
     )
 
 
-@kernel
 def assess(
-    constants: PointingConstants, error: Array, work: Array, effort: Array, live: Mask, state: PointingState
+    constants: PointingConstants, error: Array, rate: Array, effort: Array, live: Mask, state: PointingState
 ) -> None:
     """Enter what a step has come to.
 
     Args:
         constants: See there.
         error: Angle between +z and the target now [rad], shape (E,).
-        work: Of the decision at the end of the step, see `Slot`, shape (E, slots, 1, 3).
+        rate: Of the body relative to the reference now [rad/s], shape (E,).
         effort: Sum of the squares of the motor torques of the step, shape (E,) [N^2 m^2].
         live: Which flew, shape (E,).
         state: Brought up to date.
     """
-    scales = constants.scales
-    for e in range(live.shape[0]):
-        state.reward[e] = 0.0
-        for k in range(TERM_COUNT):
-            state.terms[e, k] = 0.0
-        if not live[e]:
-            continue
-        hold = min(state.step[e] // constants.hold_steps, state.held.shape[1] - 1)
-        state.step[e] += 1
-        state.error[e] = error[e]
-        within = error[e] <= constants.tolerance
-        state.steady[e] = state.steady[e] + 1 if within else 0
-        state.on_target[e] += within
-        state.held[e, hold] |= state.steady[e] >= constants.steady_steps
-        omega = vector(work[e, Slot.OMEGA_BR], 0)
-        share = error[e] / constants.tolerance
-        state.terms[e, 0] = scales[0] * constants.step_share / (1.0 + share)
-        state.terms[e, 1] = scales[1] * constants.step_share * error[e] / pi
-        state.terms[e, 2] = scales[2] * constants.step_share * min(1.0, sqrt(dot(omega, omega)) / RATE)
-        state.terms[e, 3] = scales[3] * constants.step_share * effort[e] / constants.max_effort
-        state.reward[e] = state.terms[e, 0] + state.terms[e, 1] + state.terms[e, 2] + state.terms[e, 3]
+    within = error <= constants.tolerance
+    hold = np.minimum(state.step // constants.hold_steps, state.held.shape[1] - 1)
+    state.step[live] += 1
+    state.error[live] = error[live]
+    state.steady[live] = np.where(within, state.steady + 1, 0)[live]
+    state.on_target[live] += within[live]
+    state.held[live, hold[live]] |= (state.steady >= constants.steady_steps)[live]
+    measures = (
+        1.0 / (1.0 + error / constants.tolerance),
+        error / pi,
+        np.minimum(1.0, rate / RATE),
+        effort / constants.max_effort,
+    )
+    state.terms[:] = constants.scales * constants.step_share * np.stack(measures, axis=1) * live[:, None]
+    state.reward[:] = state.terms.sum(axis=1)
 
 
-@kernel
-def write_views(
-    constants: PointingConstants, work: Array, live: Mask, state: PointingState, camera: bool, out: Array32
-) -> None:
-    """Write observations, see `STATE` and `CAMERA`.
+def view(constants: PointingConstants, flights: PointingFlights, state: PointingState, *, camera: bool) -> Array32:
+    """Observations, see `STATE` and `CAMERA`, shape (E, F).
 
     Args:
         constants: See there.
-        work: Of the decision now, see `Slot`, shape (E, slots, 1, 3).
-        live: Which episodes, shape (E,).
+        flights: As they are.
         state: How far they are.
         camera: Whether the reference is left out.
-        out: Receives the observations, shape (E, F).
     """
-    for e in range(live.shape[0]):
-        if not live[e]:
-            continue
-        at = 0
-        if camera:
-            at = _put(out[e], at, work[e, Slot.OMEGA, 0], RATE, 10.0)
-            at = _put(out[e], at, work[e, Slot.OMEGA, 0], FINE_RATE, 1.0)
-        else:
-            at = _put(out[e], at, work[e, Slot.SIGMA_BR, 0], 1.0, 1.0)
-            at = _put(out[e], at, work[e, Slot.SIGMA_BR, 0], FINE_SIGMA, 1.0)
-            at = _put(out[e], at, work[e, Slot.OMEGA_BR, 0], RATE, 10.0)
-            at = _put(out[e], at, work[e, Slot.OMEGA_BR, 0], FINE_RATE, 1.0)
-        at = _put(out[e], at, work[e, Slot.WHEEL, 0], constants.max_wheel_speed, 1.0)
-        if not camera:
-            at = _put(out[e], at, work[e, Slot.OMEGA_R_B, 0], REFERENCE_RATE, 10.0)
-        left = constants.steps - state.step[e]
-        hold = left % constants.hold_steps
-        out[e, at] = (hold if hold > 0 or left == 0 else constants.hold_steps) / constants.hold_steps
-        out[e, at + 1] = left / constants.steps
-
-
-@kernel
-def _put(row: Array32, at: int, values: Array, scale: float, bound: float) -> int:
-    for k in range(3):
-        row[at + k] = min(bound, max(-bound, values[k] / scale))
-    return at + 3
+    omega = flights.reading(Slot.OMEGA if camera else Slot.OMEGA_BR)
+    sigma, wheel = flights.reading(Slot.SIGMA_BR), flights.reading(Slot.WHEEL) / constants.max_wheel_speed
+    left = (constants.steps - state.step)[:, None]
+    hold = np.where((left % constants.hold_steps == 0) & (left > 0), constants.hold_steps, left % constants.hold_steps)
+    rates, ends = [omega / RATE, omega / FINE_RATE, wheel], [hold / constants.hold_steps, left / constants.steps]
+    errors, reference = [sigma, sigma / FINE_SIGMA], [flights.reading(Slot.OMEGA_R_B) / REFERENCE_RATE]
+    parts = [*rates, *ends] if camera else [*errors, *rates, *reference, *ends]
+    bounds = [bound for _, _, bound in (CAMERA if camera else STATE)]
+    clipped = [np.clip(part, -bound, bound) for part, bound in zip(parts, bounds, strict=True)]
+    return np.concatenate(clipped, axis=1, dtype=np.float32, casting="same_kind")

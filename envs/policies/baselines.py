@@ -1,129 +1,235 @@
-"""Scripted policies for the control level `role`: what a trained agent has to beat.
+"""Scripted policies for SwarmObserve-v0: what a trained agent has to beat.
 
-Each is a function of the environment's task and an observation that returns an action. Inside the imaging radius a
-spacecraft looks at what the policy says; outside it talks to Earth, which hears the spacecraft one after another.
+Each takes the tables of E episodes by name, as the observation `entities` has them and `FlatLayout.split` gives them of a flat
+one, and returns choices, shape (E, n). `fly` flies one over flight seeds.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from swarm_mj.typing import Array, Array32
+from swarm_mj.errors import ScenarioError
+from swarm_mj.typing import Array, Ints
 
-from ..observe.single import SwarmObserveEnv
-from ..observe.task import Task
-from .policy import geometry_of, greedy_actions
+from ..observe.config import EnvConfig
+from ..observe.episodes import Episodes
+from ..observe.layout import Observed
+from ..observe.rewards import TERMS
+from ..observe.tables import GENERAL, PAIRS, SPACECRAFT
 
-Action = NDArray[Any]
-Policy = Callable[[Task, Array32], Action]
+Policy = Callable[[Observed], Ints]
 
-#: How long the sweep stays on a patch [s]: on `eros-observe` 30 s sees more than 60 s.
-DWELL_S = 30.0
-
-
-class Outcome(NamedTuple):
-    """What an episode came to."""
-
-    total_reward: float
-    coverage_percent: float
-    delivered_bit: float
-    terms: dict[str, float]
-
-
-def body_centre(task: Task, observation: Array32) -> Action:
-    """All look at the body's centre, as in the paper."""
-    return _talk_outside(task, observation, np.full(task.plan.n, task.patches.count))
+_SEEN, _DELIVERED = TERMS.index("seen"), TERMS.index("delivered")
+_COLUMN = {name: k for k, name in enumerate(SPACECRAFT)}
+_PAIR = {name: k for k, name in enumerate(PAIRS)}
+_GENERAL = {name: k for k, name in enumerate(GENERAL)}
+#: Someone else takes a patch that is taken only where nothing else is left.
+TAKEN = 1e-3
+#: Share of a flight that the sweep stays on a patch, and looks at all; with a half or 0.7 it comes to less.
+DWELL, LOOKS = 1.0 / 30.0, 0.6
+#: Decisions of a flight where nothing else is said: 20 s in 600 s.
+DECISIONS = 30
 
 
-def target_centre(task: Task, observation: Array32) -> Action:
-    """All look at the patch whose centre is nearest to the middle of the target."""
-    return _talk_outside(task, observation, np.full(task.plan.n, middle_patch(task)))
+#: The best list of choices that hill climbing from the sweep found on flight seeds 0 to 127 of the default pool of missions,
+#: one row a spacecraft; 287 changes were tried and 71 kept.
+OPEN_LOOP = (
+    "0 1 7 1 12 1 7 0 9 1 7 13 0 4 2 7 15 1 3 16 16 16 16 16 16 16 16 16 16 16",
+    "14 4 10 10 5 1 14 2 9 7 1 3 12 11 3 13 2 5 1 14 7 15 7 16 16 16 16 16 16 16",
+    "10 11 6 3 3 12 0 13 1 12 0 15 5 4 8 3 14 4 15 11 16 16 16 16 16 16 16 16 16 16",
+)
 
 
-def sweep(task: Task, observation: Array32) -> Action:
-    """Everyone goes through the patches row by row, to and fro, each starting at another place."""
-    n, count = task.plan.n, task.patches.count
-    k = round(count**0.5)
-    order = np.arange(count).reshape(k, k)
+class Flown(NamedTuple):
+    """What episodes came to, each of shape (m,).
+
+    Attributes:
+        score: Sum of rewards.
+        seen: Of which for seen area.
+        delivered: Of which for delivered data.
+    """
+
+    score: Array
+    seen: Array
+    delivered: Array
+
+
+def random_choices(seed: int = 0) -> Policy:
+    """Any choice, equally likely."""
+    rng = np.random.default_rng(seed)
+
+    def choose(observed: Observed) -> Ints:
+        E, n, patches, _ = observed["pairs"].shape
+        return rng.integers(0, patches + 1 + n, (E, n))
+
+    return choose
+
+
+def open_loop(actions: NDArray[Any] | None = None) -> Policy:
+    """A list of choices, step by step, shape (steps, n), whatever is seen; the clock alone is looked at. None: `OPEN_LOOP`."""
+    listed = np.array([row.split() for row in OPEN_LOOP]).T if actions is None else np.asarray(actions)
+    listed = listed.astype(np.int64)
+
+    def choose(observed: Observed) -> Ints:
+        if observed["pairs"].shape[1] != listed.shape[1]:
+            raise ScenarioError(
+                f"open loop: lists choices of {listed.shape[1]} spacecraft, not of {observed['pairs'].shape[1]}"
+            )
+        left = observed["general"][:, _GENERAL["time_left"]].astype(np.float64)
+        step = np.rint((1.0 - left) * len(listed)).astype(np.int64)
+        return np.asarray(listed[np.minimum(step, len(listed) - 1)])
+
+    return choose
+
+
+def sweep(observed: Observed) -> Ints:
+    """Everyone goes through the patches row by row, to and fro, each starting at another place, then talks to Earth."""
+    E, n, patches, _ = observed["pairs"].shape
+    k = round(patches**0.5)
+    order = np.arange(patches).reshape(k, k)
     order[1::2] = order[1::2, ::-1].copy()
-    elapsed = (1.0 - float(task.observation_layout.split(observation)["time_left"])) * task.plan.scenario.duration_s
-    start = np.arange(n) * count // n
-    return _talk_outside(task, observation, order.ravel()[(start + int(elapsed / DWELL_S)) % count])
+    elapsed = 1.0 - observed["general"][:, _GENERAL["time_left"]].astype(np.float64)
+    step = np.rint(elapsed / DWELL).astype(np.int64)
+    place = (step[:, None] + np.arange(n) * patches // n) % patches
+    return np.where((elapsed < LOOKS - 1e-6)[:, None], order.ravel()[place], patches)
 
 
-def greedy(task: Task, observation: Array32) -> Action:
-    """Everyone takes the unseen patch that it can picture best, each a different one; with none in reach, it talks."""
-    parts = task.observation_layout.split(observation)
-    worth = _worth(task, parts)
-    choice = np.zeros(task.plan.n, np.int64)
-    for j in range(task.plan.n):
-        choice[j] = int(np.argmax(worth[j]))
-        worth[:, choice[j]] *= 1e-3  # others take it only when nothing else is left
-    receding = (parts["position"] * parts["velocity"]).sum(axis=1) > 0.0
-    done = (worth.max(axis=1) <= 0.0) & receding | (parts["seen"] >= 1.0)
-    return np.where(done, _earth(task), _talk_outside(task, observation, choice))
+def greedy(observed: Observed) -> Ints:
+    """One after another takes the patch whose picture is worth most now, a different one; with none in reach, data are sent."""
+    return _greedy(observed, None)
 
 
-def greedy_ahead(task: Task, observation: Array32) -> Action:
-    """The greedy rule by worth of the pictures, area and data; while nothing is in reach, everyone turns to what will be."""
-    geometry = geometry_of(task)
-    return greedy_actions(geometry.features(observation[None]), geometry)[0]
+def greedy_ahead(observed: Observed, decisions: int = DECISIONS) -> Ints:
+    """The same, but patches that leave reach come first, and who has least to see talks while the time is short.
+
+    Args:
+        observed: Tables.
+        decisions: Of a flight, which they do not tell.
+    """
+    return _greedy(observed, decisions)
 
 
-def _worth(task: Task, parts: dict[str, Array32]) -> Array:
-    """Unseen area of every patch for every spacecraft, zero where no picture of it would count, shape (n, count) [m^2]."""
-    patches, scenario = task.patches, task.plan.scenario
-    to_camera = positions_A(task, parts)[:, None] - patches.centre_A
-    distance = np.linalg.norm(to_camera, axis=2)
-    up = patches.centre_A / np.linalg.norm(patches.centre_A, axis=1, keepdims=True)
-    cosine = np.maximum(np.einsum("jki,ki->jk", to_camera, up) / distance, 1e-6)
-    gsd = distance * task.observer.camera.pixel_angle / cosine
-    limit = scenario.observation.max_gsd_m or np.inf
-    return (1.0 - parts["patches"]) * patches.area * (gsd <= limit)
+def _greedy(observed: Observed, decisions: int | None) -> Ints:
+    """The greedy rule, and with the number of decisions of a flight the one that looks ahead."""
+    pairs = observed["pairs"].astype(np.float64)
+    E, n, patches, _ = pairs.shape
+    out = np.empty((E, n), np.int64)
+    for e in range(E):
+        worth, later = pairs[e, :, :, _PAIR["worth"]].copy(), pairs[e, :, :, _PAIR["worth_next"]].copy()
+        if decisions is not None:
+            # What nobody reaches a step later is worth half as much again.
+            worth *= 1.0 + 0.5 * (later.max(axis=0) <= 0.0)
+        spacecraft = observed["spacecraft"][e]
+        talker = -1 if decisions is None else _talker(observed, e, worth, decisions)
+        for j in range(n):
+            if spacecraft[j, _COLUMN["alive"]] < 0.5:
+                out[e, j] = patches + 1 + j
+                continue
+            k = int(worth[j].argmax())
+            if worth[j, k] > 0.0 and j != talker:
+                out[e, j] = k
+                worth[:, k] *= TAKEN
+                later[:, k] *= TAKEN
+            else:
+                out[e, j] = _otherwise(spacecraft, j, later[j], pairs[e, j, :, _PAIR["gsd"]])
+                if out[e, j] < patches:
+                    later[:, out[e, j]] *= TAKEN
+    return out
 
 
-def positions_A(task: Task, parts: dict[str, Array32]) -> Array:
-    """Positions in A, shape (n, 3) [m]."""
-    return parts["position"].astype(np.float64) * task.plan.scenario.behavior.imaging_radius_m
+def _talker(observed: Observed, e: int, worth: Array, decisions: int) -> int:
+    """Who gives up its picture to send: where what is aboard takes the time that is left, the one with least to see; or -1."""
+    spacecraft, general = observed["spacecraft"][e], observed["general"][e]
+    stored = spacecraft[:, _COLUMN["stored"]]
+    able = (
+        (stored > 0.0) & (spacecraft[:, _COLUMN["downlink"]] > 0.5) & (spacecraft[:, _COLUMN["earth_in_sight"]] > 0.5)
+    )
+    capacity = general[_GENERAL["heard"]] * general[_GENERAL["time_left"]] * decisions
+    if not able.any() or stored.sum() < 0.8 * capacity:
+        return -1
+    return int(np.where(able, worth.max(axis=1), np.inf).argmin())
 
 
-POLICIES: dict[str, Policy] = {
-    "body centre": body_centre,
-    "target centre": target_centre,
-    "sweep": sweep,
-    "greedy": greedy,
-    "greedy ahead": greedy_ahead,
-}
+def _otherwise(spacecraft: NDArray[Any], j: int, later: Array, gsd: Array) -> int:
+    """With nothing in reach: send to Earth, or to the first who is heard there, or turn to what will be reached."""
+    n, patches = len(spacecraft), len(later)
+    if spacecraft[j, _COLUMN["stored"]] > 0.0:
+        if spacecraft[j, _COLUMN["downlink"]] > 0.5:
+            return patches
+        heard = (spacecraft[:, _COLUMN["downlink"]] > 0.5) & (np.arange(n) != j)
+        if heard.any():
+            return patches + 1 + int(heard.argmax())
+    if spacecraft[j, _COLUMN["camera"]] < 0.5:
+        return patches + 1 + j
+    return int(later.argmax() if later.max() > 0.0 else gsd.argmin())
 
 
-def middle_patch(task: Task) -> int:
-    """The patch whose centre lies nearest to the axis of the target's pyramid."""
-    centre = task.patches.centre_A / np.linalg.norm(task.patches.centre_A, axis=1, keepdims=True)
-    return int(np.argmax(centre @ task.plan.region.axes_A[2]))
+def climbed(
+    episodes: Episodes, start: NDArray[Any], seeds: Sequence[int], rounds: int, seed: int = 0
+) -> tuple[Ints, float]:
+    """A list of choices that hill climbing finds on some flight seeds, and its mean score on them.
+
+    Args:
+        episodes: Where they fly.
+        start: The list to begin with, shape (steps, n).
+        seeds: Flight seeds.
+        rounds: How many changes are tried; one that does not lower the mean is kept.
+        seed: Of the changes.
+    """
+    rng, best = np.random.default_rng(seed), np.array(start, np.int64)
+    steps, n = best.shape
+    score = float(fly(episodes, open_loop(best), seeds).score.mean())
+    for _ in range(rounds):
+        tried, j, first = best.copy(), int(rng.integers(n)), int(rng.integers(steps))
+        length = int(rng.integers(1, 7)) if rng.random() < 0.5 else 1
+        part = tried[first : first + length, j]
+        # Another patch each, or talk all the time.
+        part[:] = rng.integers(0, episodes.patches, len(part)) if rng.random() < 0.7 else episodes.patches
+        found = float(fly(episodes, open_loop(tried), seeds).score.mean())
+        if found >= score:
+            best, score = tried, found
+    return best, score
 
 
-def fly(env: SwarmObserveEnv, policy: Policy, seed: int) -> Outcome:
-    """One episode from `reset(seed=seed)`."""
-    observation, _ = env.reset(seed=seed)
-    total, terms, done = 0.0, dict.fromkeys(env.reward_weights, 0.0), False
-    while not done:
-        observation, reward, terminated, truncated, info = env.step(policy(env.task, observation))
-        total += reward
-        for name, value in info["reward_terms"].items():
-            terms[name] += value
-        done = terminated or truncated
-    return Outcome(total, info["coverage_percent"], info["delivered_bit"], terms)
+def scripted_policies(config: EnvConfig) -> dict[str, Policy]:
+    """Those that need nothing else, by name, for an environment of these arguments."""
+    return {"sweep": sweep, "greedy": greedy, "greedy_ahead": partial(greedy_ahead, decisions=config.decisions)}
 
 
-def _earth(task: Task) -> int:
-    return task.patches.count + task.plan.n + 1
+def fly(episodes: Episodes, policy: Policy, seeds: Sequence[int], draw: Mapping[str, Any] | None = None) -> Flown:
+    """One episode for each flight seed, as many at once as `episodes` has room for.
+
+    Args:
+        episodes: Where they fly.
+        policy: From tables to choices.
+        seeds: Flight seeds.
+        draw: Values by name in the place of drawn ones.
+
+    Raises:
+        ScenarioError: There are no seeds.
+    """
+    if np.ndim(seeds) != 1 or not len(seeds):
+        raise ScenarioError(f"seeds = {seeds!r}: must be a sequence of at least one flight seed, such as range(8)")
+    parts = [
+        _fly(episodes, policy, seeds[start : start + episodes.count], draw)
+        for start in range(0, len(seeds), episodes.count)
+    ]
+    return Flown(*(np.concatenate(values) for values in zip(*parts, strict=True)))
 
 
-def _talk_outside(task: Task, observation: Array32, looking: NDArray[np.integer]) -> Action:
-    # Positions are given in imaging radii.
-    outside = np.linalg.norm(task.observation_layout.split(observation)["position"], axis=1) > 1.0
-    return np.where(outside, _earth(task), looking).astype(np.int64)
+def _fly(episodes: Episodes, policy: Policy, seeds: Sequence[int], draw: Mapping[str, Any] | None) -> Flown:
+    episodes.reset({e: int(seed) for e, seed in enumerate(seeds)}, draw)
+    score, seen, delivered = (np.zeros(episodes.count) for _ in range(3))
+    live = np.arange(episodes.count) < len(seeds)
+    while live.any():
+        result = episodes.fly(policy(episodes.entities()), live)
+        score += result.reward
+        seen += result.terms[_SEEN]
+        delivered += result.terms[_DELIVERED]
+        live = live & (result.end == 0) & ~result.truncated
+    return Flown(*(values[: len(seeds)] for values in (score, seen, delivered)))

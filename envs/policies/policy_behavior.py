@@ -1,9 +1,9 @@
-"""Policies of the control level `role` as behaviours of scripted flights, for `swarm-mj run`.
+"""Policies of SwarmObserve-v0 as behaviours of scripted flights, for `swarm-mj fly`.
 
 A policy must know what has been seen and sent so far, which no `SwarmView` tells. The behaviour keeps these totals by itself,
 with the same code as the environment: at every control instant it looks at the attitudes it is given, judges the pictures that
-are due with the scenario's camera and the horizon maps, and every `step_s` reads its observation and decides. For the same
-seed it decides as the policy does in the environment, unless sensor noise or delay is flown: behaviours are given true
+are due with the scenario's camera and the horizon maps, and every `step_s` reads its tables and decides. For the same seed it
+decides as the policy does in the environment with `scenario=`, unless sensor noise or delay is flown: behaviours are given true
 attitudes.
 
 The swarm is the environment's, too: where the scenario's own behaviour brings a dedicated communications spacecraft, that one
@@ -12,10 +12,7 @@ flies along and the policy decides for it as for the others. It takes no picture
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -24,49 +21,44 @@ import numpy as np
 from swarm_mj.errors import MissionError, ScenarioError
 from swarm_mj.flight.plan import Plan, unchecked_behavior
 from swarm_mj.io.resources import asset_path
-from swarm_mj.mission.behaviors import Behavior, SwarmView, Targets
+from swarm_mj.mission.behaviors import Behavior, SwarmView, TargetKind, Targets
 from swarm_mj.scenarios.schema import Scenario
-from swarm_mj.typing import Array, Array32, Ints, Mask
+from swarm_mj.typing import Mask
 
 from ..arguments import checked_step
-from ..observe.actions import RoleLevel
-from ..observe.episode_state import EpisodeState
-from ..observe.observations import LAYOUT
-from ..observe.radio import transmit
-from ..observe.task import Task, make_task
-from .baselines import POLICIES
-from .policy import ENVIRONMENT, ArrayPolicy, load_policy
-from .provenance import check_provenance
-
-Act = Callable[[Array32], Ints]
-
-#: The trained policy that travels with the package.
-PACKAGED = "policies/eros-observe.npz"
+from ..observe.config import EnvConfig
+from ..observe.flybys import DECISION_S
+from ..observe.kinematics import AttitudeEstimate, Kinematics
+from ..observe.layout import observed_from
+from ..observe.mission import Mission
+from ..observe.state import EpisodeState
+from .baselines import Policy, scripted_policies
+from .policy_files import PACKAGED, open_policy, told_arguments
 
 #: Scripted policies by the names that a scenario knows.
-SCRIPTED = {name.replace(" ", "_"): policy for name, policy in POLICIES.items()}
+NAMES = ("sweep", "greedy", "greedy_ahead")
 
 
-def policy_overrides(policy: str, scenario: Scenario) -> list[str]:
+def policy_overrides(policy: str, scenario: Scenario) -> dict[str, Any]:
     """What has to be set in a scenario for a policy to fly it, with the same swarm as the scenario's own behaviour.
 
     Args:
-        policy: A scripted one by name, `trained` for the packaged one, or a file of `swarm_mj.envs.policies.policy`.
+        policy: A scripted one by name, `trained` for the packaged one, or a file, see `policy_files`.
         scenario: As it is without the policy.
 
     Raises:
         MissionError: It is neither a name nor a file.
         PluginError: The scenario's own behaviour, which says what the swarm is, cannot be had.
     """
-    if policy not in SCRIPTED and policy != "trained" and not Path(policy).is_file():
-        raise MissionError(f"--policy {policy!r}: no such file, and no name; names are trained, {', '.join(SCRIPTED)}")
-    name = "scripted_policy" if policy in SCRIPTED else "trained_policy"
+    if policy not in NAMES and policy != "trained" and not Path(policy).is_file():
+        raise MissionError(f"--policy {policy!r}: no such file, and no name; names are trained, {', '.join(NAMES)}")
+    name = "scripted_policy" if policy in NAMES else "trained_policy"
     parameters: dict[str, Any] = {}
     if policy != "trained":
-        parameters["policy" if policy in SCRIPTED else "file"] = policy
+        parameters["policy" if policy in NAMES else "file"] = policy
     if unchecked_behavior(scenario).dedicated_communications:
         parameters["dedicated_communications"] = True
-    return [f"behavior.name={name}", f"behavior.parameters={json.dumps(parameters)}"]
+    return {"behavior.name": name, "behavior.parameters": parameters}
 
 
 @dataclass(frozen=True)
@@ -76,8 +68,9 @@ class ScriptedPolicy:
     Attributes:
         n_observers: Number of spacecraft that observe.
         imaging_radius_m: R_im [m].
-        policy: `body_centre`, `target_centre`, `sweep`, `greedy` or `greedy_ahead`.
+        policy: `sweep`, `greedy` or `greedy_ahead`.
         step_s: Time between decisions [s].
+        patches: Patches of the target, a square number.
         dedicated_communications: Whether one more spacecraft flies along, which takes no pictures.
 
     Raises:
@@ -87,13 +80,14 @@ class ScriptedPolicy:
     n_observers: int
     imaging_radius_m: float
     policy: str = "greedy"
-    step_s: float = 10.0
+    step_s: float = DECISION_S
+    patches: int = 16
     dedicated_communications: bool = False
 
     def __post_init__(self) -> None:
         """Refuse unknown policies."""
-        if self.policy not in SCRIPTED:
-            raise MissionError(f"behavior.parameters.policy = {self.policy!r}: must be one of {', '.join(SCRIPTED)}")
+        if self.policy not in NAMES:
+            raise MissionError(f"behavior.parameters.policy = {self.policy!r}: must be one of {', '.join(NAMES)}")
         _check_dedicated(self.dedicated_communications)
 
     def check_scenario(self, scenario: Scenario) -> None:
@@ -102,8 +96,8 @@ class ScriptedPolicy:
 
     def for_flight(self, plan: Plan) -> Behavior:
         """The behaviour of one flight."""
-        task = _task_of(plan, self.step_s)
-        return PolicyFlight(task, partial(SCRIPTED[self.policy], task))
+        config = _config_of(plan, self.step_s, self.patches)
+        return PolicyFlight(config, scripted_policies(config)[self.policy])
 
     def targets(self, view: SwarmView, memory: Any) -> tuple[Targets, Any]:
         """Not before `for_flight`.
@@ -116,12 +110,12 @@ class ScriptedPolicy:
 
 @dataclass(frozen=True)
 class TrainedPolicy:
-    """A policy from a file of `swarm_mj.envs.policies.policy`.
+    """A policy from a file, see `swarm_mj.envs.policies.policy_files`.
 
     Attributes:
         n_observers: Number of spacecraft that observe.
         imaging_radius_m: R_im [m].
-        file: The file; empty for the one that travels with the package, trained for `eros-observe`.
+        file: The file; empty for the one that travels with the package, which reads choice by choice and flies any swarm.
         dedicated_communications: Whether one more spacecraft flies along, which takes no pictures.
 
     Raises:
@@ -137,40 +131,27 @@ class TrainedPolicy:
         """Refuse what is no answer to a yes-or-no question."""
         _check_dedicated(self.dedicated_communications)
 
+    @property
+    def _path(self) -> str:
+        return self.file or str(asset_path(PACKAGED))
+
     def check_scenario(self, scenario: Scenario) -> None:
-        """Refuse a scenario with another number of spacecraft than trained for, or whose times do not fit the policy's step.
+        """Refuse a scenario whose times do not fit the policy's step.
 
         Raises:
-            ScenarioError: So it is, the file cannot be read, or it is of another environment or layout of observations.
+            ScenarioError: The file cannot be read, or is of another environment.
             MissionError: The times do not fit.
         """
-        about = self._policy().about
-        check_provenance(about, ENVIRONMENT, LAYOUT)
-        trained = about.get("spacecraft")
-        if trained != self.n_observers + self.dedicated_communications:
-            message = (
-                f"behavior.name = 'trained_policy': trained for {trained} spacecraft, but design.visiting_points of "
-                f"{scenario.name} gives {self.n_observers}"
-            )
-            if self.dedicated_communications:
-                message += " and behavior.parameters.dedicated_communications = true one more"
-            elif trained == self.n_observers + 1:
-                message += "; behavior.parameters.dedicated_communications = true would add one"
-            raise ScenarioError(message)
-        _check_step(scenario, float(about["step_s"]))
-
-    def _policy(self) -> ArrayPolicy:
-        return load_policy(self.file or str(asset_path(PACKAGED)))
+        _check_step(scenario, _times(self._path)[0])
 
     def for_flight(self, plan: Plan) -> Behavior:
         """The behaviour of one flight.
 
         Raises:
-            ScenarioError: The file cannot be read, or was trained for another swarm or target grid.
+            ScenarioError: The file cannot be read, or was trained for another swarm, other patches or another step.
         """
-        policy = self._policy()
-        task = _task_of(plan, float(policy.about["step_s"]), policy.geometry.count)
-        return PolicyFlight(task, policy.for_task(task).act)
+        config = _config_of(plan, *_times(self._path))
+        return PolicyFlight(config, open_policy(self._path, config))
 
     def targets(self, view: SwarmView, memory: Any) -> tuple[Targets, Any]:
         """Not before `for_flight`.
@@ -185,17 +166,18 @@ class PolicyFlight:
     """A policy at work in one flight.
 
     Args:
-        task: Of an environment of the same mission, at the control level `role`.
-        act: From an observation to an action.
+        config: Of an environment of the same flyby.
+        policy: From tables to choices.
     """
 
-    def __init__(self, task: Task, act: Act) -> None:
-        self.task, self._act = task, act
+    def __init__(self, config: EnvConfig, policy: Policy) -> None:
+        self._policy, self._config = policy, config
+        self.mission = config.make_mission(0)
 
     @property
     def dedicated_communications(self) -> bool:
         """See `Behavior`."""
-        return self.task.plan.behavior.dedicated_communications
+        return self.mission.plan.n > self.mission.plan.n_observers
 
     def targets(self, view: SwarmView, memory: FollowedEpisode | None) -> tuple[Targets, FollowedEpisode]:
         """See `Behavior`; the memory is the state of the episode, brought up to date in place.
@@ -205,86 +187,97 @@ class PolicyFlight:
         """
         if view.q_BN is None:
             raise MissionError("a policy as behaviour needs attitudes: it can fly, but no design can be made with it")
-        followed = FollowedEpisode(self.task) if memory is None else memory
-        return followed.follow(view, self._act), followed
+        followed = FollowedEpisode(self._config, self.mission) if memory is None else memory
+        return followed.follow(view, self._policy), followed
 
 
 class FollowedEpisode(EpisodeState):
     """The state of one flight that something else flies, and what a policy decides in it.
 
     Args:
-        task: Of an environment of the same mission, at the control level `role`.
+        config: Of an environment of the same flyby.
+        mission: That flyby.
     """
 
-    flights: _ViewSource
+    flights: _ViewedFlight
 
-    def __init__(self, task: Task) -> None:
-        plan = task.plan
-        self._level = RoleLevel(plan, 1, task.patches)
-        self._level.reset(0)
-        self._radio = task.radio_constants, task.occluder
-        super().__init__(task, _ViewSource(plan.n, plan.scenario.control.period_s, self._level.held))
+    def __init__(self, config: EnvConfig, mission: Mission) -> None:
+        n = config.spacecraft
+        super().__init__(_ViewedFlight(n, mission.period_s), 1, n, config.patches)
+        self.add(mission)
+        self.forget(0)
+        self.sheet.present[:] = self.sheet.downlink[:] = True
+        everything = mission.possible_area(np.full(n, mission.duration_s), self.totals.target[0])
+        self.sheet.possible_area[:] = everything
 
-    def follow(self, view: SwarmView, act: Act) -> Targets:
+    def follow(self, view: SwarmView, policy: Policy) -> Targets:
         """Bring the episode up to this instant; the targets that hold from now on."""
-        task, begins = self.task, self.flights.view is None
-        self.flights.update(view)
-        tick, everyone = int(self.flights.tick[0]), np.ones(1, np.bool_)
+        mission, flight, begins, one = self.missions[0], self.flights, self.flights.view is None, np.ones(1, np.bool_)
+        flight.update(view)
+        tick = int(flight.tick[0])
         # Nothing is decided at the end of a flight: the last picture is that of the last step.
-        if begins or (tick % task.ticks == 0 and tick < task.last_tick):
-            self._shift_instants()
-            self._update_kinematics(self.now, everyone)
+        if begins or (tick % mission.ticks == 0 and tick < mission.last_tick):
+            self.begin_step(one)
+            self.update(one)
+            self.update_estimate(one)
             if not begins:
-                transmit(*self._radio, self.now, self._tracking(), self.totals, everyone, np.zeros(1))
-            self._observe(everyone)
-            self._level.apply(act(self.observation[0])[None], self.now.C_BN[:, :, 2], everyone)
-        if task.is_due[tick]:
-            self._take_pictures(everyone, np.zeros(1))
-        return Targets(*(part[0].copy() for part in self._level.held))
+                self.score(one, one, np.zeros(1))
+            self.show(one)
+            self.choose(policy(observed_from(self.tables)), one)
+        if mission.is_due[tick]:
+            self.take_pictures(one)
+        return Targets(*(part[0].copy() for part in flight.held))
 
 
-class _ViewSource:
+class _ViewedFlight:
     """What an `EpisodeState` reads, taken from a `SwarmView`; attitude errors, losses and blindness are not known.
 
     Args:
         n: Number of spacecraft.
         period: Time between two decisions [s].
-        held: Targets, rewritten in place by who decides, shape (1, n, ...).
     """
 
-    def __init__(self, n: int, period: float, held: Targets) -> None:
-        self.count, self.period = 1, period
+    def __init__(self, n: int, period: float) -> None:
+        self._period = period
         self.view: SwarmView | None = None
         self.tick = np.zeros(1, np.int64)
-        self.kind, self.index, _ = held
+        self.held = Targets(np.zeros((1, n), np.int64), np.zeros((1, n), np.int64), np.zeros((1, n, 3)))
+        self.kind, self.spacecraft, _ = self.held
+        self.kind[:] = int(TargetKind.ASTEROID)
         self.sigma_BR = np.zeros((1, n, 3))
-        self.lost, self.blind = np.zeros((1, n), np.bool_), np.zeros((1, n), np.bool_)
+        self.off = np.zeros((1, n), np.bool_)
 
     def update(self, view: SwarmView) -> None:
         """Take the swarm as it is now."""
         self.view = view
-        self.tick[0] = round(view.t / self.period)
+        self.tick[0] = round(view.t / self._period)
 
-    def read(self, r: Array, v: Array, q: Array, omega: Array, wheel: Array) -> None:
-        """See `Batch`."""
+    def read(self, now: Kinematics, live: Mask) -> None:
+        """Copy time and states into an instant."""
         assert self.view is not None
-        r[0], v[0], q[0] = self.view.r_BN_N, self.view.v_BN_N, self.view.q_BN
-        omega[0], wheel[0] = self.view.omega_BN_B, self.view.wheel_speed
+        now.t[0] = self.tick[0] * self._period
+        now.r[0], now.v[0], now.q[0] = self.view.r_BN_N, self.view.v_BN_N, self.view.q_BN
+        now.omega[0], now.wheel[0] = self.view.omega_BN_B, self.view.wheel_speed
 
-    def know(self, live: Mask, q: Array, omega: Array) -> Mask:
-        """See `Batch`: what is shown is taken for the truth."""
+    def know(self, estimate: AttitudeEstimate, live: Mask) -> Mask:
+        """What is shown is taken for the truth."""
         return np.zeros(1, np.bool_)
 
 
-def _task_of(plan: Plan, step_s: float, patches: int = 16) -> Task:
-    """The task of an environment that flies the same mission."""
+def _times(file: str) -> tuple[float, int]:
+    """Length of a decision [s] and number of patches that a policy was trained for, as its file tells."""
+    told = told_arguments(file)
+    return float(told.get("decision_s", DECISION_S)), int(told.get("patches", 16))
+
+
+def _config_of(plan: Plan, step_s: float, patches: int) -> EnvConfig:
+    """The arguments of an environment that flies the same mission."""
     given = plan.scenario
-    # The level `role` asks no behaviour, but the behaviour says whether one more spacecraft flies along; one that needs a
-    # task must not ask for another.
+    # The behaviour says whether one more spacecraft flies along; one that needs an environment must not ask for another.
     name = "dedicated_communications" if plan.n > plan.n_observers else "adaptable_roles"
     behavior = given.behavior.model_copy(update={"name": name, "parameters": {}})
     try:
-        return make_task(scenario=given.model_copy(update={"behavior": behavior}), step_s=step_s, patches=patches)
+        return EnvConfig(scenario=given.model_copy(update={"behavior": behavior}), decision_s=step_s, patches=patches)
     except ScenarioError as error:
         raise MissionError(f"behavior.name = {given.behavior.name!r}: {error}") from None
 

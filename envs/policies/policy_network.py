@@ -4,7 +4,8 @@
 
 of what is shown, s. A network that `reads` the swarm takes the flat observation and gives the logits of all spacecraft; one
 that reads a spacecraft takes what that one knows, and is the same for all; one that reads a choice takes what is known of that
-choice, and is the same for all choices. The choice made is the allowed one with the largest logit.
+choice, is the same for all choices, and flies with any number of them. The choice made is the allowed one with the largest
+logit.
 """
 
 from __future__ import annotations
@@ -90,8 +91,9 @@ class NetworkPolicy:
         w = self.weights
         x = (np.asarray(shown, np.float64) - w["mean"]) / w["scale"]
         hidden = np.tanh(np.tanh(x @ w["W1"].T + w["b1"]) @ w["W2"].T + w["b2"])
-        out = hidden @ w["W3"].T + w["b3"]
-        return np.asarray(out).reshape(len(x), -1, self.about["choices"])
+        out = np.asarray(hidden @ w["W3"].T + w["b3"])
+        # Of a choice there is one logit, whatever the number of choices.
+        return out[..., 0] if self.about["reads"] == "choice" else out.reshape(len(x), -1, self.about["choices"])
 
     def act(self, shown: NDArray[np.floating], mask: NDArray[Any]) -> Ints:
         """Choices, shape (E, n), of those that the mask (E, n, C) allows."""

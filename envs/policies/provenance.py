@@ -1,13 +1,9 @@
-"""What a policy was trained for, as its file tells it: environment, arguments, layout of the observation, package.
-
-The patches and the camera that its features were worked out with stand in the file as arrays, see `policy.PatchGeometry`.
-"""
+"""What a policy was trained for, as its file tells it: environment, arguments, layout of the observation, package."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +14,6 @@ from swarm_mj.errors import ScenarioError
 from swarm_mj.io.arrays import Declared, arrays_in
 from swarm_mj.io.records import Record, reading, record_from
 from swarm_mj.scenarios.schema import Scenario
-
-from ..observe.config import EnvConfig
 
 
 class Provenance(Record):
@@ -42,12 +36,6 @@ def provenance_of(environment: str, layout: int, arguments: Mapping[str, Any]) -
     """What a file should tell of a policy trained now; arguments in values that JSON has."""
     plain = json.loads(json.dumps(dict(arguments), default=_plain))
     return {"environment": environment, "arguments": plain, "layout": layout, "package": __version__}
-
-
-def given_arguments(config: EnvConfig) -> dict[str, Any]:
-    """The arguments that are not the defaults."""
-    values = {item.name: (getattr(config, item.name), item.default) for item in fields(config)}
-    return {name: value for name, (value, usual) in values.items() if value != usual}
 
 
 def check_provenance(about: Mapping[str, Any], environment: str, layout: int, policy: str = "policy") -> None:
@@ -76,7 +64,7 @@ def check_provenance(about: Mapping[str, Any], environment: str, layout: int, po
 
 
 class _Named(Provenance):
-    """What tells the environment of any `.npz`: those of format 1 knew one only."""
+    """What tells the environment of any `.npz`."""
 
     format: int
 
@@ -89,11 +77,9 @@ def refuse_other_environment(file: str | Path, environment: str) -> None:
     """
     with reading(f"policy {file}", "give a policy that a program of this package wrote", ScenarioError):
         about = record_from(str(arrays_in(Path(file), {"about": Declared("U")})["about"]), _Named)
-    told = about.get("environment") or ("SwarmObserve-v0" if about["format"] == 1 else environment)
+    told = about.get("environment") or environment
     if told != environment:
-        raise ScenarioError(
-            f"policy {file}: trained for environment = {told!r}, but it is {environment!r} here; swarm-mj score --env {told}"
-        )
+        raise ScenarioError(f"policy {file}: trained for environment = {told!r}, but it is {environment!r} here")
 
 
 def _plain(value: Any) -> Any:

@@ -1,4 +1,4 @@
-"""SwarmObserve-v0 as stable-baselines3's own VecEnv; needs the extra `rl`."""
+"""SwarmObserve-v0 and SwarmPointing-v0 as stable-baselines3's own VecEnv; needs the extra `rl`."""
 
 from __future__ import annotations
 
@@ -14,11 +14,10 @@ from numpy.typing import NDArray
 from swarm_mj.errors import ScenarioError
 from swarm_mj.typing import Array32, Mask, Pixels
 
-from ..missions.episodes import box
-from ..missions.layout import local_rows
-from ..missions.vector import SwarmObserveV1VectorEnv
+from ..observe.episodes import box
+from ..observe.layout import local_rows
 from ..observe.vector import SwarmObserveVectorEnv
-from ..pointing.vector import SwarmPointingVectorEnv
+from ..pointing.env import SwarmPointingVectorEnv
 
 try:
     from stable_baselines3.common.vec_env.base_vec_env import (
@@ -53,7 +52,7 @@ class SwarmObserveVecEnv(VecEnv):
         self._start = time.monotonic()
         self._return, self._length = np.zeros(num_envs), np.zeros(num_envs, np.int64)
 
-    def _make(self, num_envs: int, threads: int | None, **arguments: Any) -> SwarmObserveVectorEnv:
+    def _make(self, num_envs: int, threads: int | None, **arguments: Any) -> Any:
         return SwarmObserveVectorEnv(num_envs, threads=threads, **arguments)
 
     def reset(self) -> VecEnvObs:
@@ -134,9 +133,13 @@ class SwarmObserveVecEnv(VecEnv):
         setattr(self.vector, attr_name, value)
 
     def env_method(self, method_name: str, *args: Any, indices: VecEnvIndices = None, **kwargs: Any) -> list[Any]:
-        """Call a method of the vector environment once; its answer, for each flight asked for."""
+        """Call a method of the vector environment once; its answer, for each flight asked for.
+
+        Of `action_masks`, which MaskablePPO calls, each flight has its own, shape (n, C).
+        """
         answer = getattr(self.vector, method_name)(*args, **kwargs)
-        return [answer for _ in self._get_indices(indices)]
+        own = method_name == "action_masks"
+        return [answer[e] if own else answer for e in self._get_indices(indices)]
 
     def env_is_wrapped(self, wrapper_class: type[Any], indices: VecEnvIndices = None) -> list[bool]:
         """No flight is wrapped by itself; episodes are counted here, which is what `Monitor` is for."""
@@ -149,37 +152,18 @@ class SwarmObserveVecEnv(VecEnv):
         return [None] * self.num_envs
 
 
-class SwarmObserveV1VecEnv(SwarmObserveVecEnv):
-    """`SwarmObserveV1VectorEnv` with the conventions of stable-baselines3, as `SwarmObserveVecEnv` has those of v0.
-
-    Args:
-        num_envs: Number of episodes.
-        threads: Most that are used; None for the cores that this process may use.
-        arguments: Those of `SwarmObserveV1Env`, except `render_mode`.
-    """
-
-    def _make(self, num_envs: int, threads: int | None, **arguments: Any) -> Any:
-        return SwarmObserveV1VectorEnv(num_envs, threads=threads, **arguments)
-
-    def env_method(self, method_name: str, *args: Any, indices: VecEnvIndices = None, **kwargs: Any) -> list[Any]:
-        """As of `SwarmObserveVecEnv`; of `action_masks`, which MaskablePPO calls, each episode has its own, shape (n, C)."""
-        answers = super().env_method(method_name, *args, indices=indices, **kwargs)
-        own = method_name == "action_masks"
-        return [answer[e] if own else answer for e, answer in zip(self._get_indices(indices), answers, strict=True)]
-
-
-class SwarmObserveV1SharedVecEnv(VecEnvWrapper):
+class SwarmObserveSharedVecEnv(VecEnvWrapper):
     """Every spacecraft of every episode as one of stable-baselines3's environments, for one policy that flies them all.
 
     They stand episode by episode. An action is the choice of one spacecraft; its observation is that of an agent of
-    `SwarmObserveV1ParallelEnv`, worked out from the flat observation (`layout.local_rows`), which without candidates holds
+    `SwarmObserveParallelEnv`, worked out from the flat observation (`layout.local_rows`), which without candidates holds
     two columns of the patches only; rewards and ends are those of the episode. Who does not fly, or no more, has zeros in
     its own row, and its choices do nothing.
 
     Args:
         num_episodes: Number of episodes.
         threads: Most that are used; None for the cores that this process may use.
-        arguments: Those of `SwarmObserveV1Env`, except `render_mode` and `observation`.
+        arguments: Those of `SwarmObserveEnv`, except `render_mode` and `observation`.
     """
 
     def __init__(self, num_episodes: int = 1, *, threads: int | None = None, **arguments: Any) -> None:
@@ -187,7 +171,7 @@ class SwarmObserveV1SharedVecEnv(VecEnvWrapper):
             raise ScenarioError(
                 f"observation = {arguments['observation']!r}: each spacecraft is shown its own rows here; leave it out"
             )
-        team = SwarmObserveV1VecEnv(num_episodes, threads=threads, observation="flat", **arguments)
+        team = SwarmObserveVecEnv(num_episodes, threads=threads, observation="flat", **arguments)
         self._layout, choices = team.vector.batch.layout, team.action_space.nvec
         self._n = len(choices)
         size = self._each(np.zeros((1, self._layout.size), np.float32)).shape[1]
@@ -248,7 +232,7 @@ class SwarmPointingVecEnv(SwarmObserveVecEnv):
     def __init__(self, num_envs: int = 1, **arguments: Any) -> None:
         super().__init__(num_envs, **arguments)
 
-    def _make(self, num_envs: int, threads: int | None, **arguments: Any) -> SwarmObserveVectorEnv:
+    def _make(self, num_envs: int, threads: int | None, **arguments: Any) -> Any:
         return SwarmPointingVectorEnv(num_envs, **arguments)
 
 

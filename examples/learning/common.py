@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from swarm_mj.envs.missions.baselines import Policy
-from swarm_mj.envs.missions.leaderboard import VALIDATION_SEEDS, Test
+from swarm_mj.envs.policies.baselines import Policy
+from swarm_mj.envs.policies.leaderboard import VALIDATION_SEEDS, Test
 
 #: What all of them train in; the rest are defaults.
 TRAINING: dict[str, Any] = {"split": "train", "missions": "all"}

@@ -5,7 +5,7 @@
     swarm-mj score runs/mappo-1/policy.npz
 
 Yu and others 2022, "The Surprising Effectiveness of PPO in Cooperative Multi-Agent Games": PPO for each agent with shared
-weights, and advantages from a central critic. An agent reads what `SwarmObserveV1ParallelEnv` shows it. Networks and update are
+weights, and advantages from a central critic. An agent reads what `SwarmObserveParallelEnv` shows it. Networks and update are
 those of `ppo.py`, but that the change of each agent's choice is clipped by itself.
 """
 

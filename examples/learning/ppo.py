@@ -22,9 +22,9 @@ import torch
 from common import TRAINING, Curve, Options, mean_of, options
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
-from swarm_mj.envs.missions.choices import choice_rows
-from swarm_mj.envs.missions.config import MissionConfig
-from swarm_mj.envs.missions.policies import network_policy, provenance
+from swarm_mj.envs.observe.choices import choice_rows
+from swarm_mj.envs.observe.config import EnvConfig
+from swarm_mj.envs.policies.policy_files import network_policy, provenance
 from swarm_mj.envs.policies.policy_network import NetworkPolicy, save_network
 from torch import Tensor, nn
 
@@ -153,7 +153,7 @@ def make_envs(count: int) -> Any:
     """Episodes of training; one that ends is followed by the next at once."""
     mode = AutoresetMode.SAME_STEP
     return gymnasium.make_vec(
-        "swarm_mj.envs:SwarmObserve-v1", count, autoreset_mode=mode, observation="entities", **TRAINING
+        "swarm_mj.envs:SwarmObserve-v0", count, autoreset_mode=mode, observation="entities", **TRAINING
     )
 
 
@@ -200,7 +200,7 @@ def network_of(agent: Agent) -> NetworkPolicy:
     }
     arrays = {name: part.detach().numpy().astype(np.float64) for name, part in weights.items()}
     inputs = arrays["W1"].shape[1]
-    about = provenance(MissionConfig(**TRAINING)) | {"reads": "choice"}
+    about = provenance(EnvConfig(**TRAINING)) | {"reads": "choice"}
     about |= {"spacecraft": agent.rows[0], "choices": agent.rows[1]}
     return NetworkPolicy(arrays | {"mean": np.zeros(inputs), "scale": np.ones(inputs)}, about)
 

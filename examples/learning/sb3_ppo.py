@@ -1,4 +1,4 @@
-"""PPO of stable-baselines3 as it comes, on SwarmObserve-v1 with candidates: one policy for all spacecraft.
+"""PPO of stable-baselines3 as it comes, on SwarmObserve-v0 with candidates: one policy for all spacecraft.
 
     pip install 'swarm_mj[rl]'
     python examples/learning/sb3_ppo.py --steps 300000 --seed 1 --out runs/sb3-1
@@ -18,10 +18,10 @@ import torch
 from common import TRAINING, Curve, Options, mean_of, options
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
-from swarm_mj.envs.missions.config import MissionConfig
-from swarm_mj.envs.missions.layout import local_rows, make_interface
-from swarm_mj.envs.missions.policies import tell_in_zip
-from swarm_mj.envs.training.sb3 import SwarmObserveV1SharedVecEnv
+from swarm_mj.envs.observe.config import EnvConfig
+from swarm_mj.envs.observe.layout import local_rows, make_interface
+from swarm_mj.envs.policies.policy_files import tell_in_zip
+from swarm_mj.envs.training.sb3 import SwarmObserveSharedVecEnv
 
 #: What each spacecraft chooses among, beside sending.
 CANDIDATES = 4
@@ -32,9 +32,9 @@ NUM_EPISODES = 4
 class Points(BaseCallback):
     """Points of the learning curve, between updates."""
 
-    def __init__(self, curve: Curve, config: MissionConfig) -> None:
+    def __init__(self, curve: Curve, config: EnvConfig) -> None:
         super().__init__()
-        self.curve, self.n = curve, config.max_spacecraft
+        self.curve, self.n = curve, config.spacecraft
         self.interface = make_interface(self.n, config.patches, config.candidates)
 
     @property
@@ -61,10 +61,10 @@ def train(given: Options) -> None:
     torch.set_num_threads(1)
     # An episode ends with the flight, whose time left is part of the observation: nothing is bootstrapped.
     arguments = {**TRAINING, "candidates": CANDIDATES, "horizon_terminates": True}
-    config, venv = MissionConfig(**arguments), SwarmObserveV1SharedVecEnv(NUM_EPISODES, **arguments)
+    config, venv = EnvConfig(**arguments), SwarmObserveSharedVecEnv(NUM_EPISODES, **arguments)
     model = PPO("MlpPolicy", venv, seed=given.seed, device="cpu")
     points = Points(Curve(given), config)
-    model.learn(given.steps * config.max_spacecraft, callback=points)
+    model.learn(given.steps * config.spacecraft, callback=points)
     model.save(given.out / "policy.zip")
     tell_in_zip(given.out / "policy.zip", config, reads="spacecraft")
     points.curve.end(points.decisions, points.policy)

@@ -23,8 +23,6 @@ DIED, SURVIVED, TIME_LIMIT, BROKEN = "died", "survived", "time limit", "broken"
 NOT_OURS = ("NUMBA_CACHE_DIR", "PYTEST_ADDOPTS", "PYTHONDONTWRITEBYTECODE", "PYTHONPATH")
 #: A busy machine takes so much longer than the processor time of a test.
 WAITING = 20.0
-#: The server has imported Numba, which reads this as it is imported, before `tests/conftest.py` could ask for it.
-SIMULATED_GPU = {"NUMBA_ENABLE_CUDASIM": "1"}
 #: Errors that a compiler or the interpreter raises, and no physics.
 _NO_PROGRAM = re.compile(
     r"\b(SyntaxError|NameError|UnboundLocalError|ImportError|TypingError|LoweringError|AttributeError)\b"
@@ -122,7 +120,7 @@ def _start() -> subprocess.Popen[str]:
     return subprocess.Popen(
         [sys.executable, "-m", "scripts.mutants.server"],
         cwd=ROOT,
-        env={**kept, **dict.fromkeys(ONE_THREAD, "1"), **SIMULATED_GPU, "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"},
+        env={**kept, **dict.fromkeys(ONE_THREAD, "1"), "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"},
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         text=True,

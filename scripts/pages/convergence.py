@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -22,14 +23,14 @@ from swarm_mj.flight.observe import observe_flight, visit_sample
 from swarm_mj.flight.plan import Plan, make_plan, target_from
 from swarm_mj.io.atomic import write_text
 from swarm_mj.observation.gl_context import gl_available
-from swarm_mj.scenarios.loading import load_scenario
+from swarm_mj.scenarios.loading import NO_OVERRIDES, load_scenario
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.spacecraft.attitude.mrp import dcm
 
 PAGE = RESULTS / "convergence.md"
 SCENARIO = "eros-config1"
 #: A camera that leaves a part of the target unseen, so that the seen share can move.
-NARROW = "camera.half_angle_deg=3"
+NARROW = {"camera.half_angle_deg": 3}
 #: What is judged, by `target.cell_size_m`: uncut faces, and cells so small that a little more or less of them shows.
 CELL_SIZES_M = (None, 300.0)
 
@@ -39,9 +40,9 @@ RESOLUTIONS_PX = (64, 128, 256, 512, 1024, 2048)
 FREQUENCIES = (10, 14, 20, 28, 40)
 
 
-def flown(overrides: Sequence[str] = ()) -> tuple[Plan, xr.Dataset]:
+def flown(overrides: Mapping[str, Any] = NO_OVERRIDES) -> tuple[Plan, xr.Dataset]:
     """A flight of the paper's first configuration with the narrow camera."""
-    plan = make_plan(load_scenario(SCENARIO, [NARROW, *overrides]))
+    plan = make_plan(load_scenario(SCENARIO, {**NARROW, **overrides}))
     return plan, simulate(plan)
 
 
@@ -76,16 +77,16 @@ def pointing_error_at_visit(plan: Plan, telemetry: xr.Dataset) -> str:
     return f"{np.degrees(errors.max()):.1e} | {ground:.0f}"
 
 
-def fewest_observers(overrides: Sequence[str]) -> tuple[CoverProblem, ExactResult]:
+def fewest_observers(overrides: Mapping[str, Any]) -> tuple[CoverProblem, ExactResult]:
     """The design problem with the scenario's own camera, and its proven answer."""
-    scenario = load_scenario(SCENARIO, list(overrides))
+    scenario = load_scenario(SCENARIO, overrides)
     problem = cover_problem(scenario, visibility(scenario))
     return problem, solve_exact(problem)
 
 
 def timestep_rows() -> Iterable[str]:
     """The physics step, against the smallest, with the control period fixed."""
-    flights = {dt: flown([f"physics.timestep_s={dt}"]) for dt in TIMESTEPS_S}
+    flights = {dt: flown({"physics.timestep_s": dt}) for dt in TIMESTEPS_S}
     reference = flights[TIMESTEPS_S[-1]][1]
     for dt, (plan, telemetry) in flights.items():
         distance, angle = differences(telemetry, reference)
@@ -97,11 +98,11 @@ def period_rows() -> Iterable[str]:
     """The control period, with a physics step that divides it."""
     for period in PERIODS_S:
         step = 0.1 if period >= 0.5 else 0.05
-        changes = [
-            f"control.period_s={period}",
-            f"physics.timestep_s={step}",
-            f"telemetry.interval_s={max(1.0, period):g}",
-        ]
+        changes = {
+            "control.period_s": period,
+            "physics.timestep_s": step,
+            "telemetry.interval_s": max(1.0, period),
+        }
         try:
             plan, telemetry = flown(changes)
         except ScenarioError as error:  # the law may refuse a period that is too long for it
@@ -122,8 +123,11 @@ def picture_rows() -> Iterable[str]:
     telemetry = flown()[1]
     kinds = [("faceid", px) for px in RESOLUTIONS_PX] if gl_available()[0] else []
     for kind, px in [*kinds, ("raster", 512), ("raycast", 512), ("horizon", 512)]:
-        overrides = [f"observation.observer={kind}", f"camera.resolution_px={px}"]
-        plan, best = make_plan(load_scenario(SCENARIO, [NARROW, *overrides])), fewest_observers(overrides)[1]
+        overrides = {"observation.observer": kind, "camera.resolution_px": px}
+        plan, best = (
+            make_plan(load_scenario(SCENARIO, {**NARROW, **overrides})),
+            fewest_observers(overrides)[1],
+        )
         names = {"raster": f"face-ID, {px} px, compiled", "raycast": "rays, 16 a cell", "horizon": "horizon maps"}
         name = names.get(kind, f"face-ID, {px} px")
         yield f"| {name} | {shares(plan, telemetry)} | {best.n_observers} ({best.status}) |"
@@ -135,8 +139,8 @@ def mesh_rows() -> Iterable[str]:
     with tempfile.TemporaryDirectory() as folder:
         for frequency in FREQUENCIES:
             shape, body = eros_at(frequency, Path(folder))
-            problem, best = fewest_observers([*body, "observation.observer=horizon"])
-            own = flown([*body, f"design.visiting_points={[int(point) for point in best.points]}"])
+            problem, best = fewest_observers({**body, "observation.observer": "horizon"})
+            own = flown({**body, "design.visiting_points": [int(point) for point in best.points]})
             yield (
                 f"| {len(shape.faces):,} | {problem.n_faces} | {problem.n_points} | {best.n_observers} ({best.status}) "
                 f"| {pointing_error_at_visit(*own)} | {shares(*same, shape)} | {shape.surface_area / 1e6:.1f} |"
@@ -146,7 +150,7 @@ def mesh_rows() -> Iterable[str]:
 def cell_rows() -> Iterable[str]:
     """The fewest observers by the size of the cells that are judged, on the packaged mesh."""
     for size in ("null", "600", "300", "150"):
-        problem, best = fewest_observers([f"target.cell_size_m={size}", "observation.observer=raster"])
+        problem, best = fewest_observers({"target.cell_size_m": size, "observation.observer": "raster"})
         name = "uncut faces" if size == "null" else f"cells of {size} m"
         yield f"| {name} | {problem.n_faces:,} | {best.n_observers} ({best.status}) |"
 

@@ -14,15 +14,16 @@ from swarm_mj.flight.fly import make_simulation
 from swarm_mj.flight.plan import Plan
 from swarm_mj.io.atomic import write_text
 from swarm_mj.mission.gaussian import sample_chance
+from swarm_mj.scenarios.loading import parse_overrides
 from swarm_mj.typing import Array
 
 PAGE = ROOT / "docs" / "how-to" / "corrections.md"
-ERRORS = (
-    "spacecraft.thrusters={}",
-    "dispersions.deployment_velocity_m_s=0.1",
-    "dispersions.burn_magnitude_percent=2",
-    "dispersions.burn_pointing_deg=1",
-)
+ERRORS = {
+    "spacecraft.thrusters": {},
+    "dispersions.deployment_velocity_m_s": 0.1,
+    "dispersions.burn_magnitude_percent": 2,
+    "dispersions.burn_pointing_deg": 1,
+}
 #: Name, what it knows of itself, corrections to choose from.
 MISSIONS: tuple[tuple[str, tuple[float, float], tuple[str, ...]], ...] = (
     (
@@ -98,7 +99,7 @@ holds, or where a burn would last beyond the next correction, a finding says so.
 
 ## In flight
 
-`swarm-mj run` flies the corrections with the thrusters in MuJoCo. A burn begins at its time and lasts as long as the thrust
+`swarm-mj fly` flies the corrections with the thrusters in MuJoCo. A burn begins at its time and lasts as long as the thrust
 asks for: 0.2 m/s of 8 kg by 55 mN takes half a minute. Each control period asks for what, given at the middle of the rest of
 the burn, takes away the rest of the miss. `summary.json` has the expected numbers under `navigation`; its findings are told
 at the end of the run and in the report. A lost spacecraft, and one that stays in its deployer, burns nothing.
@@ -126,10 +127,10 @@ def missions() -> tuple[str, list[Navigation]]:
     ]
     checked = []
     for name, known, choices in MISSIONS:
-        known_keys = (f"navigation.position_m={known[0]}", f"navigation.velocity_m_s={known[1]}")
+        known_keys = {"navigation.position_m": known[0], "navigation.velocity_m_s": known[1]}
         for corrections in choices:
             last = corrections is choices[-1]
-            overrides = [*ERRORS, *known_keys, f"trajectory.corrections={corrections}"]
+            overrides = {**ERRORS, **known_keys, **parse_overrides([f"trajectory.corrections={corrections}"])}
             found = navigate(name, overrides, runs=RUNS if last else 0)
             if corrections is choices[0]:
                 lines.append(_row(name, known, "none", found, 0))
@@ -191,7 +192,7 @@ def flown_to_the_visit(plan: Plan, seed: int) -> tuple[Array, Array]:
     simulation = make_simulation(replace(plan, scenario=plan.scenario.model_copy(update={"seed": seed})))
     while simulation.time < plan.scenario.design.time_of_flight_s - 1e-6:
         simulation.step()
-    r_N = simulation.state.data.qpos[simulation.model.layout.qpos[:, :3]]
+    r_N = simulation.state.r_N.copy()
     burnt = np.zeros(plan.n) if simulation.propulsion is None else simulation.propulsion.delta_v
     return r_N - plan.deployment.destination_N, burnt
 

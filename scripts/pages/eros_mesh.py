@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
+from typing import Any
 
 from swarm_mj.scenarios import constants
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.smallbody.shape_harmonics import build_eros
-from swarm_mj.smallbody.shape_io import save_obj
+from swarm_mj.smallbody.shape_io import save_shape
 
 #: A mesh of one's own takes no gravity from Eros by itself; here it is Eros's on purpose.
 EROS_FIELD = {
@@ -18,12 +18,12 @@ EROS_FIELD = {
 }
 
 
-def eros_at(frequency: int, folder: Path) -> tuple[ShapeModel, list[str]]:
+def eros_at(frequency: int, folder: Path) -> tuple[ShapeModel, dict[str, Any]]:
     """Write Eros as a mesh of 20 `frequency`^2 faces into a folder.
 
     Returns:
         The mesh, and the overrides with which a scenario flies past it in Eros's measured field.
     """
     shape, path = build_eros(frequency), folder / f"eros-{frequency}.obj"
-    save_obj(shape, path)
-    return shape, [f"body.shape={path}", f"body.gravity.parameters={json.dumps(EROS_FIELD)}"]
+    save_shape(shape, path)
+    return shape, {"body.shape": str(path), "body.gravity.parameters": EROS_FIELD}

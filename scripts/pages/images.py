@@ -1,4 +1,4 @@
-"""Redraw the pictures of README and docs with the program's own commands: `swarm-mj run` and `swarm-mj design`.
+"""Redraw the pictures of README and docs with the program's own commands: `swarm-mj fly` and `swarm-mj design`.
 
 Run as `python -m scripts.pages.images` or `make images`. The same versions of the libraries give the same bytes.
 """
@@ -15,13 +15,13 @@ from scripts.pages import IMAGES
 
 #: What is run for the pictures: name of the result folder and the command that makes it.
 COMMANDS = {
-    "eros-config1": ("run", "eros-config1"),
-    "eros-config2": ("run", "eros-config2"),
-    "eros-literal": ("run", "eros-literal"),
-    "eros-faults": ("run", "eros-faults"),
-    "eros-hemispherical": ("run", "eros-config1", "--set", "link.crosslink.antenna=hemispherical"),
+    "eros-config1": ("fly", "eros-config1"),
+    "eros-config2": ("fly", "eros-config2"),
+    "eros-literal": ("fly", "eros-literal"),
+    "eros-faults": ("fly", "eros-faults"),
+    "eros-hemispherical": ("fly", "eros-config1", "--set", "link.crosslink.antenna=hemispherical"),
     "eros-thrusters": (
-        "run",
+        "fly",
         "eros-config1",
         "--set",
         "spacecraft.thrusters={}",
@@ -31,7 +31,7 @@ COMMANDS = {
         "trajectory.corrections=[{after_release_s: 60}, {before_visit_s: 120}]",
     ),
     "eros-formation": (
-        "run",
+        "fly",
         "eros-config2",
         "--set",
         "swarm={class: 1, formation: {reference: mean, start_s: 60}}",

@@ -1,7 +1,7 @@
-"""Write docs/results/leaderboard.md: policies of SwarmObserve-v1 on its frozen test episodes.
+"""Write docs/results/leaderboard.md: policies of SwarmObserve-v0 on its frozen test episodes.
 
     python -m scripts.pages.leaderboard
-    python -m scripts.pages.leaderboard runs/learning_v1/*/policy.*     # with policies of one's own
+    python -m scripts.pages.leaderboard runs/learning/*/policy.*     # with policies of one's own
 
 Flies the scripted policies, the trained one of the package, and those that are given.
 """
@@ -15,10 +15,10 @@ from pathlib import Path
 
 import numpy as np
 from rich.console import Console
-from swarm_mj.envs.missions.baselines import Flown, fly
-from swarm_mj.envs.missions.leaderboard import PLANNER, TEST_SEEDS, TRAINED, Score, Test, named_policies
-from swarm_mj.envs.missions.planner import Planner
+from swarm_mj.envs.policies.baselines import Flown, fly
 from swarm_mj.envs.policies.evaluation import interval
+from swarm_mj.envs.policies.leaderboard import PLANNER, TEST_SEEDS, TRAINED, Score, Test, named_policies
+from swarm_mj.envs.policies.planner import Planner
 
 from scripts.pages import RESULTS
 from swarm_mj.coordination.allocation.problem import Allocation
@@ -92,7 +92,7 @@ def row(one: Score, against: Score) -> str:
 TEXT = """\
 # Leaderboard
 
-Written by `python -m scripts.pages.leaderboard`. Every policy flies the same {count} episodes of `SwarmObserve-v1`: split
+Written by `python -m scripts.pages.leaderboard`. Every policy flies the same {count} episodes of `SwarmObserve-v0`: split
 `test`, all missions, flight seeds {seeds}, everything else as it comes. They stay as they are. Scores of every episode
 are in `docs/results/leaderboard.json`. +-: 95 % intervals.
 
@@ -100,20 +100,20 @@ are in `docs/results/leaderboard.json`. +-: 95 % intervals.
 
 - **Score**: sum of rewards, most of it for seen area and for delivered data, both over what the swarm of that episode could
   reach.
-- **Bound** (`envs/missions/bound.py`): no policy passes it. Paths do not depend on where spacecraft look, so that every cell
+- **Bound** (`envs/policies/bound.py`): no policy passes it. Paths do not depend on where spacecraft look, so that every cell
   that some working camera passes in light, within the limits and with nothing in between counts as seen, in its best
   picture; data count up to what Earth hears in the time that is left. Slews, and that a camera sees one patch at a time, are
   left out: the best possible policy lies somewhere below 1.
 - **Open loop** (`baselines.OPEN_LOOP`): the best list of choices that hill climbing found on 128 episodes of the split
   `train`, flown again and again without looking at anything but the clock.
-- **Planner** (`envs/missions/planner.py`): plans pictures cell by cell to the end of the episode and anew every third decision,
+- **Planner** (`envs/policies/planner.py`): plans pictures cell by cell to the end of the episode and anew every third decision,
   from what the flight software knows. *Greedy* takes whatever is in reach now, from far and with few data, and turns between
   target and Earth, which takes three or four decisions; the planner waits for the near picture where it can, and sends when no
   picture is due. At the beginning of {plans} episodes its best plans were worth {planned:.3f} if everything were sent, and no
   plan of that kind is worth more than {proof:.3f} (mean of bounds by mixed-integer programs, {prove:g} s each; {proven} are
   proven to be the best). Without failures *greedy* comes to {sound_rule:.3f} and the planner to {sound_planner:.3f}.
 - **Trained** (`assets/policies/swarm-observe-v1.npz`): of the networks that `examples/learning` trained for the page
-  [learning](learning_v1.md), the one with the best score on the episodes of that page, which are others than these
+  [learning](learning.md), the one with the best score on the episodes of that page, which are others than these
   over the same missions of `test`.
 - **Random** takes any choice, also those that make no sense.
 
@@ -128,7 +128,7 @@ it likes, `action_mask` (E, n, C), and answers with choices or logits; `.zip` is
 `MaskablePPO.save` of sb3-contrib writes and needs the extra `rl`. Reading a zip executes what is pickled in it. A file tells
 what it was trained for, and is refused by name where environment, layout of the observation, `max_spacecraft`, `patches` or
 `decision_s` differ. What a file does not tell (a zip of stable-baselines3, an `.onnx` without metadata) is judged by its sizes;
-`missions.policies.tell_in_zip` adds it.
+`policies.policy_files.tell_in_zip` adds it.
 """
 
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -19,38 +20,39 @@ from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.observe import ObservationResult, observe_flight
 from swarm_mj.flight.plan import Plan, make_plan
 from swarm_mj.io.atomic import write_text
-from swarm_mj.results.delivered import delivered_summary
+from swarm_mj.records.delivered import delivered_summary
 from swarm_mj.scenarios.constants import AU, SPEED_OF_LIGHT
 from swarm_mj.scenarios.loading import load_scenario
 
 PAGE = RESULTS / "pixel_to_earth.md"
-HEMISPHERE = "link.crosslink.antenna=hemispherical"
+HEMISPHERE = {"link.crosslink.antenna": "hemispherical"}
+MEDOID = {"behavior.parameters.election": "medoid"}
 #: A pixel of 10 cm from 14 km, and 20 days to send what it gives.
-TEN_CM = ("camera.detector_ifov_rad=7.142857e-6", "data.horizon_s=1728000")
+TEN_CM = {"camera.detector_ifov_rad": 7.142857e-6, "data.horizon_s": 1728000}
 #: What is sent anew, with the flight as it was: words, scenario and changes.
-CASES: tuple[tuple[str, str, tuple[str, ...]], ...] = (
-    ("omnidirectional, the default", "eros-config1", ()),
-    ("one hemisphere", "eros-config1", (HEMISPHERE,)),
-    ("omnidirectional", "eros-config2", ()),
-    ("one hemisphere", "eros-config2", (HEMISPHERE,)),
-    ("one hemisphere, the medoid relays", "eros-config2", (HEMISPHERE, "behavior.parameters.election=medoid")),
+CASES: tuple[tuple[str, str, dict[str, Any]], ...] = (
+    ("omnidirectional, the default", "eros-config1", {}),
+    ("one hemisphere", "eros-config1", HEMISPHERE),
+    ("omnidirectional", "eros-config2", {}),
+    ("one hemisphere", "eros-config2", HEMISPHERE),
+    ("one hemisphere, the medoid relays", "eros-config2", {**HEMISPHERE, **MEDOID}),
     (
         "the same, nothing sent after the flight",
         "eros-config2",
-        (HEMISPHERE, "behavior.parameters.election=medoid", "data.horizon_s=0"),
+        {**HEMISPHERE, **MEDOID, "data.horizon_s": 0},
     ),
-    ("one hemisphere, election by delivery", "eros-config2", (HEMISPHERE, "data.election=delivery")),
-    ("whole pictures are sent", "eros-config1", ("data.product=frame",)),
-    ("dishes of 34 m on Earth", "eros-config1", ("link.ground.network=dsn34",)),
-    ("a small array of patches to Earth", "eros-config1", ("link.earth.radio=iris_patch_array",)),
-    ("one patch to Earth", "eros-config1", ("link.earth.radio=iris_patch",)),
-    ("storage of 150 kbit", "eros-config1", ("data.storage_bit=150000",)),
+    ("one hemisphere, election by delivery", "eros-config2", {**HEMISPHERE, "data.election": "delivery"}),
+    ("whole pictures are sent", "eros-config1", {"data.product": "frame"}),
+    ("dishes of 34 m on Earth", "eros-config1", {"link.ground.network": "dsn34"}),
+    ("a small array of patches to Earth", "eros-config1", {"link.earth.radio": "iris_patch_array"}),
+    ("one patch to Earth", "eros-config1", {"link.earth.radio": "iris_patch"}),
+    ("storage of 150 kbit", "eros-config1", {"data.storage_bit": 150000}),
     ("pixels of 10 cm, 20 days", "eros-config1", TEN_CM),
 )
 
 TEXT = """# From pixel to Earth
 
-`swarm-mj run` follows every picture that counts to the ground: how many bits it is, who holds it, which radio can send it
+`swarm-mj fly` follows every picture that counts to the ground: how many bits it is, who holds it, which radio can send it
 where, and when the last bit of it is on Earth. This page is written by `python -m scripts.pages.pixel_to_earth`, which
 flies `eros-config1` and `eros-config2`, the package's readings of the paper's two configurations (camera of 4.1 deg
 half-angle, the instant of the visit alone), and sends what they saw in different ways.
@@ -115,9 +117,9 @@ def main() -> None:
     flights: dict[tuple[str, ...], tuple[Plan, xr.Dataset, ObservationResult]] = {}
     rows, first = [], ""
     for words, name, changes in CASES:
-        in_flight = tuple(change for change in changes if change.startswith("behavior"))
+        in_flight = {key: value for key, value in changes.items() if key.startswith("behavior")}
         plan, telemetry, result = flights.setdefault((name, *in_flight), flown(name, in_flight))
-        plan = replace(plan, scenario=load_scenario(name, list(changes)))
+        plan = replace(plan, scenario=load_scenario(name, changes))
         delivery = deliver(plan, telemetry, result.coverage)
         assert delivery is not None
         summary = delivered_summary(plan, delivery)
@@ -137,9 +139,9 @@ def main() -> None:
     print(f"wrote {PAGE}")
 
 
-def flown(name: str, changes: Sequence[str]) -> tuple[Plan, xr.Dataset, ObservationResult]:
+def flown(name: str, changes: Mapping[str, Any]) -> tuple[Plan, xr.Dataset, ObservationResult]:
     """A scenario flown and judged."""
-    plan = make_plan(load_scenario(name, list(changes)))
+    plan = make_plan(load_scenario(name, changes))
     telemetry = simulate(plan)
     return plan, telemetry, observe_flight(plan, telemetry)
 

@@ -17,7 +17,7 @@ from scripts.pages import RESULTS
 from swarm_mj.designer.candidates.visibility import visibility
 from swarm_mj.designer.exact import solve_exact
 from swarm_mj.designer.genetic import GeneticSettings, Operators, evolve
-from swarm_mj.designer.study import cover_problem, growth, with_overrides
+from swarm_mj.designer.study import cover_problem, growth
 from swarm_mj.errors import MissionError
 from swarm_mj.flight.plan import load_body_shape, target_from
 from swarm_mj.io.atomic import write_text
@@ -53,26 +53,23 @@ class Reading(NamedTuple):
     cell_size_m: float | str | None = None
 
     @property
-    def overrides(self) -> dict[str, dict[str, Any]]:
+    def overrides(self) -> dict[str, Any]:
         """The scenario values that make this reading."""
         return {
-            "camera": {
-                "half_angle_deg": self.half_angle_deg,
-                "shape": "cone" if self.field == "cone" else "square",
-                "detector_ifov_rad": PAPER_IFOV,
-            },
-            "observation": {
-                "observer": "raster",
-                "criterion": self.criterion,
-                "any_pixel": self.part == "any pixel",
-                "min_fraction": 1.0 if self.part == "whole" else 0.5,
-                "max_emission_deg": self.emission_deg,
-                "max_gsd_m": None if self.gsd_cm is None else self.gsd_cm / 100.0,
-                "occlusion": self.occlusion,
-            },
-            "designer": {"any_roll": self.field == "cone in square"},
-            "target": {"edges": self.edges, "cell_size_m": self.cell_size_m},
-            "design": {"projection": self.projection},
+            "camera.half_angle_deg": self.half_angle_deg,
+            "camera.shape": "cone" if self.field == "cone" else "square",
+            "camera.detector_ifov_rad": PAPER_IFOV,
+            "observation.observer": "raster",
+            "observation.criterion": self.criterion,
+            "observation.any_pixel": self.part == "any pixel",
+            "observation.min_fraction": 1.0 if self.part == "whole" else 0.5,
+            "observation.max_emission_deg": self.emission_deg,
+            "observation.max_gsd_m": None if self.gsd_cm is None else self.gsd_cm / 100.0,
+            "observation.occlusion": self.occlusion,
+            "designer.any_roll": self.field == "cone in square",
+            "target.edges": self.edges,
+            "target.cell_size_m": self.cell_size_m,
+            "design.projection": self.projection,
         }
 
     @property
@@ -157,7 +154,7 @@ def target_numbers(scenario: Scenario) -> dict[str, Any]:
     """Faces, visiting points and size of the target [km], and its points with the half-angle measured to the sides."""
     shape = load_body_shape(scenario.body)
     region, side = (
-        target_from(with_overrides(scenario, {"target": {"edges": edges}}), shape) for edges in ("corner", "side")
+        target_from(load_scenario(scenario, {"target.edges": edges}), shape) for edges in ("corner", "side")
     )
     width, height = np.ptp(region.corners_A.reshape(-1, 3) @ region.axes_A[:2].T, axis=0) / 1e3
     return {
@@ -210,7 +207,7 @@ def main() -> None:
         for title, group in groups:
             lines += [f"\n### {title}\n", HEADER]
             for reading in group:
-                answer = minimum(with_overrides(literal, reading.overrides))
+                answer = minimum(load_scenario(literal, reading.overrides))
                 lines.append(row(reading, answer))
                 if answer == "5":
                     fives.append(row(reading, answer))

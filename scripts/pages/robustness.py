@@ -30,13 +30,13 @@ from swarm_mj.campaigns.runner import run_campaign
 from swarm_mj.campaigns.statistics import Estimate
 from swarm_mj.campaigns.store import read_results
 from swarm_mj.campaigns.summary import by_scenario
+from swarm_mj.figures.palette import GREY
+from swarm_mj.figures.style import TICK_PT, label, new_figure, save, tidy
 from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.observe import observe_flight
 from swarm_mj.flight.plan import make_plan
 from swarm_mj.io.atomic import write_text
 from swarm_mj.io.progress import progress_bars
-from swarm_mj.results.figures.style import TICK_PT, label, new_figure, save, tidy
-from swarm_mj.results.look import GREY
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.scenarios.schema_faults import Dispersions
 

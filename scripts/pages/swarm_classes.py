@@ -9,42 +9,52 @@ from __future__ import annotations
 import argparse
 import os
 import time
+from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
+import numpy as np
 from rich.console import Console
 
 import swarm_mj as sm
 from scripts.pages import IMAGES, RESULTS
 from swarm_mj.api.classes import ComparedClasses, compare_classes
 from swarm_mj.campaigns.classes import Recovery
-from swarm_mj.campaigns.classes_bound import LossBound, loss_bounds
 from swarm_mj.campaigns.classes_report import compose_by_lost, compose_chance, table_by_lost, table_of_classes
 from swarm_mj.campaigns.store import read_results
+from swarm_mj.coordination.allocation.optimum import optimum
+from swarm_mj.coordination.replanning import problem_of
+from swarm_mj.figures.style import save
+from swarm_mj.flight.encounter_table import encounter_of
+from swarm_mj.flight.plan import as_planned, make_plan
 from swarm_mj.io.atomic import write_text
 from swarm_mj.io.progress import progress_bars
+from swarm_mj.rendering.cameras import OVERVIEW
+from swarm_mj.rendering.film import picture_times
+from swarm_mj.rendering.picture import Drawing
 from swarm_mj.rendering.replay import Replay
-from swarm_mj.rendering.side_by_side import make_side_by_side
-from swarm_mj.results.figures.style import save
+from swarm_mj.rendering.video import film
 from swarm_mj.scenarios.loading import load_scenario
+from swarm_mj.scenarios.schema import Scenario
 
 PAGE = RESULTS / "swarm_classes.md"
 SCENARIO = "eros-observe"
 FILM = "swarm_classes.mp4"
 #: What is shown in the film, and how fast.
-FILMED = (
-    "duration_s=840",
-    "faults=[{kind: spacecraft_lost, spacecraft: sc5, at_s: 420}]",
-    "observation.observer=horizon",
-)
-FILM_SPEED, HALF = 60.0, (480, 420)
+FILMED = {
+    "duration_s": 840,
+    "faults": [{"kind": "spacecraft_lost", "spacecraft": "sc5", "at_s": 420}],
+    "observation.observer": "horizon",
+}
+FILM_SPEED, FILM_FPS, HALF = 60.0, 25.0, (480, 420)
 PICTURES = ("swarm_classes_chance.png", "swarm_classes_lost.png")
 
 HEAD = """# Swarm classes: what coordination buys
 
-Written by `python -m scripts.pages.swarm_classes`, which runs what `swarm-mj classes {scenario}` does: {runs} dispersed
+Written by `python -m scripts.pages.swarm_classes`, which runs what `swarm-mj compare-classes {scenario}` does: {runs} dispersed
 encounters of `{scenario}`, each flown by every [class](../theory/coordination.md) with the same seed and the same losses. In
 each encounter every spacecraft is lost with one chance between 0 and 40 %, at a random time before the visit. All fly with
-`physics.wheels: gyrostat` and `physics.stepper: kernel`, the same motion in less time. {took}
+`physics.stepper: kernel`, the same motion in less time. {took}
 
 {table}
 Brackets: 95 % intervals. *Delivered*: on Earth within two days after the flight, by what the swarm can run alone. In every
@@ -103,6 +113,45 @@ was lost.
 """
 
 
+class LossBound(NamedTuple):
+    """The table's problem without one observer, lost before its first picture.
+
+    Attributes:
+        spacecraft: Who is lost; empty: nobody.
+        in_view: Area that the others could show with all pictures of the table, turns left out [%].
+        best: Area of the best plan found for them [%].
+        bound: No plan has more [%].
+    """
+
+    spacecraft: str
+    in_view: float
+    best: float
+    bound: float
+
+
+def loss_bounds(scenario: Scenario, time_limit_s: float = 6.0) -> list[LossBound]:
+    """For nobody and for each observer lost: what those that are left can still show, by an omniscient plan.
+
+    Args:
+        scenario: Faults and dispersions are left out.
+        time_limit_s: For each plan and its proof [s].
+
+    Raises:
+        SwarmError: The scenario cannot be planned.
+    """
+    plan = make_plan(as_planned(scenario))
+    encounter = encounter_of(plan)
+    problem, percent = problem_of(encounter), 100.0 / float(encounter.area.sum())
+    found = []
+    for lost in range(-1, plan.n_observers):
+        left = np.arange(problem.n_agents) != lost
+        rest = replace(problem, available=np.tile(left[:, None], (1, problem.n_slots)))
+        best = optimum(rest, time_limit_s)
+        name = plan.names[lost] if lost >= 0 else ""
+        found.append(LossBound(name, percent * rest.coverable, percent * best.value, percent * best.bound))
+    return found
+
+
 def main() -> None:
     """Fly, and write the page."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -124,7 +173,7 @@ def main() -> None:
             progress=bars or False,
         )
     bounds = {"as designed": loss_bounds(load_scenario(SCENARIO))}
-    placed = load_scenario(SCENARIO, [f"design.visiting_points={list(compared.places)}"])
+    placed = load_scenario(SCENARIO, {"design.visiting_points": compared.places})
     bounds["placed"] = loss_bounds(placed)
     write_film()
     write_page(compared, bounds, arguments.out, arguments.runs, _took(time.perf_counter() - begun) if fresh else "")
@@ -167,11 +216,20 @@ def write_page(
 
 def write_film() -> None:
     """Fly one encounter with classes 2 and 4, and film both side by side; needs OpenGL."""
+    width, height = HALF
     halves = []
     for level in (2, 4):
-        flight = sm.fly(sm.load(SCENARIO).changed(*FILMED, f"swarm={{class: {level}}}"))
-        halves.append(Replay(flight.plan, flight.telemetry, flight.coverage.first_seen_s, flight.delivered))
-    make_side_by_side(halves[0], halves[1], IMAGES / FILM, notes=("class 2", "class 4"), size=HALF, speed=FILM_SPEED)
+        flight = sm.fly(SCENARIO, {**FILMED, "swarm": {"class": level}})
+        replay = Replay(flight.plan, flight.telemetry, flight.coverage.first_seen_s, flight.delivered)
+        drawing = Drawing(
+            replay.plan, replay.path_N, camera=OVERVIEW, width=width, height=height, note=f"class {level}"
+        )
+        with drawing:  # one OpenGL context at a time
+            times = picture_times(replay, FILM_FPS, FILM_SPEED)
+            halves.append([drawing.draw(replay.at(float(t))).copy() for t in times])
+    with film(IMAGES / FILM, width=2 * width, height=height, fps=FILM_FPS, sample=()) as reel:
+        for left, right in zip(*halves, strict=True):
+            reel.add(np.hstack([left, right]))
 
 
 #: Steps of coordination: from which class to which, and what that is.

@@ -42,6 +42,6 @@ INTRODUCTION = """# Examples
 
 Short programs from the folder `examples`, each at most 30 lines, run when this page is built: below each stands what it
 prints. [fly](fly.md), [design](design.md) and [train](train.md) are notebooks, in `examples/notebooks`. One more program,
-`examples/train_sb3.py`, trains by PPO and needs the extra `rl`; [learning](../results/learning.md) has its scores.
+`examples/train_sb3.py`, trains by PPO and needs the extra `rl`.
 `examples/pointing_sb3.py` and `examples/pointing_pixels.py` learn [SwarmPointing-v0](../how-to/swarm_pointing.md).
 """

@@ -42,7 +42,7 @@ def _cell(words: str) -> str:
 
 INTRODUCTION = """# Plug-ins
 
-Generated from the installed entry points when the site is built; `swarm-mj plugins NAME` prints the same. A scenario names a
+Generated from the installed entry points when the site is built; `swarm-mj explain NAME` prints the same. A scenario names a
 plug-in and gives its arguments; a package of one's own adds plug-ins by entry points: [your own body and
 plug-ins](../how-to/body_and_plug_ins.md), [a control law of one's own](../how-to/control_law.md).
 """

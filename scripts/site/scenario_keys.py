@@ -40,9 +40,9 @@ def _cell(words: str) -> str:
 INTRODUCTION = """# Scenario keys
 
 Generated from the schema (`swarm_mj.scenarios.schema`) when the site is built. A scenario is a YAML file with these sections;
-what it leaves out takes the default. `swarm-mj scenarios eros-config1` prints a whole one to start from, `swarm-mj scenarios
---json-schema` the schema for editors. Any value may be changed by its dotted key: `--set camera.half_angle_deg=6` on the
-command line, `sm.load("eros-config1", ["camera.half_angle_deg=6"])` in Python. Unknown keys, values of the wrong type and
+what it leaves out takes the default. `swarm-mj packaged eros-config1` prints a whole one to start from, `swarm-mj
+json-schema` the schema for editors. Any value may be changed by its dotted key: `--set camera.half_angle_deg=6` on the
+command line, `sm.load("eros-config1", {"camera.half_angle_deg": 6})` in Python. Unknown keys, values of the wrong type and
 numbers outside of what is allowed are refused with an error that names the key, the value and what is allowed.
 """
 FAULTS = """## Faults

@@ -1,4 +1,4 @@
-"""Checks of the installed program as tables: its physics against independent references, and its speed."""
+"""Checks of the installed program as a table: its physics against independent references."""
 
 from __future__ import annotations
 
@@ -24,27 +24,8 @@ def validate(only: Sequence[str] = (), *, progress: bool | Progress = False) -> 
     Raises:
         SwarmError: A name is unknown.
     """
-    from swarm_mj.verification.physics.registry import choose
-    from swarm_mj.verification.physics.runner import run_experiments
+    from swarm_mj.verification.runner import choose, run_experiments
 
     with using_bars(progress) as bars:
         checks = run_experiments(choose(only), bars)
     return pd.DataFrame([asdict(check) for check in checks]).set_index("name")
-
-
-def bench(only: Sequence[str] = (), *, full: bool = False) -> pd.DataFrame:
-    """Measure how fast the installed program is, as ratios side by side; prints nothing.
-
-    Args:
-        only: start, loop, observers, designer, environment, pictures or job; empty: all.
-        full: More rounds and large cases.
-
-    Returns:
-        One row a measurement: median, quartiles, unit, target and whether it is met.
-
-    Raises:
-        OutputError: A name is unknown.
-    """
-    from swarm_mj.verification.performance.runner import measured
-
-    return pd.DataFrame([row.as_json() for row in measured(only, quick=not full)])

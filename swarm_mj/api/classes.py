@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import tempfile
+from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 from rich.progress import Progress
@@ -16,7 +18,7 @@ from swarm_mj.campaigns.runner import run_campaign
 from swarm_mj.designer.places import plan_places
 from swarm_mj.errors import OutputError
 from swarm_mj.io.progress import using_bars
-from swarm_mj.scenarios.loading import load_scenario
+from swarm_mj.scenarios.loading import NO_OVERRIDES, ScenarioSource, load_scenario
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +39,8 @@ class ComparedClasses:
 
 
 def compare_classes(
-    scenario: str | Path = "eros-observe",
+    scenario: ScenarioSource = "eros-observe",
+    overrides: Mapping[str, Any] = NO_OVERRIDES,
     *,
     runs: int = 200,
     out: str | Path | None = None,
@@ -50,7 +53,8 @@ def compare_classes(
     """Fly the swarm classes 0 to 4 through the same dispersed encounters with losses; needs the extra `cluster`.
 
     Args:
-        scenario: Packaged name or path.
+        scenario: What is flown, as `load` takes it.
+        overrides: Values by dotted key that change it.
         runs: Encounters; each spacecraft is lost with a chance that goes from 0 to 40 % over them.
         out: Folder for results, tables and figures; None: nothing is kept.
         workers: Processes; None: one per core.
@@ -66,8 +70,9 @@ def compare_classes(
         raise OutputError(f"workers = {workers}: must be at least 1")
     if resume and out is None:
         raise OutputError("resume = True: give the folder to go on from, out=")
-    chosen = plan_places(load_scenario(scenario)) if places else ()
-    resolved = classes_campaign(str(scenario), runs=runs, places=chosen)
+    base = load_scenario(scenario, overrides)
+    chosen = plan_places(base) if places else ()
+    resolved = classes_campaign(base, runs=runs, places=chosen)
     with ExitStack() as stack:
         folder = Path(out or Path(stack.enter_context(tempfile.TemporaryDirectory())) / resolved.campaign.name)
         bars = stack.enter_context(using_bars(progress))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from functools import partial
 from pathlib import Path
@@ -13,16 +13,16 @@ from rich.progress import Progress, TaskID
 
 from swarm_mj.api.notebook import figure_html, png_html, rows_html
 from swarm_mj.api.plots import Plots
-from swarm_mj.api.scenario import Scenario, quoted
+from swarm_mj.api.scenario import Scenario, load
 from swarm_mj.designer.study import EXTENSIONS, Growth, Study, Tell, growth, study_design
 from swarm_mj.errors import MissionError, OutputError
 from swarm_mj.flight.plan import check_plugins
 from swarm_mj.io.atomic import MARKER, Result, atomic_folder
 from swarm_mj.io.interruption import held
 from swarm_mj.io.progress import Stages, using_bars
-from swarm_mj.results.design_files import design_record, left_out_words, read_design_folder, write_design, write_growth
+from swarm_mj.records.design_files import design_record, left_out_words, read_design_folder, write_design, write_growth
 from swarm_mj.scenarios import schema
-from swarm_mj.scenarios.loading import design_overrides
+from swarm_mj.scenarios.loading import NO_OVERRIDES, ScenarioSource, design_overrides
 
 #: The methods of a design in words, by their keys in its record.
 METHODS = {"repair": "genetic algorithm, repair", "plain": "genetic algorithm, plain"}
@@ -133,7 +133,7 @@ class Design:
     @property
     def plot(self) -> Plots:
         """The pictures of the design by name, e.g. `design.plot.history()`; each returns its Matplotlib axes."""
-        from swarm_mj.results.figures.design import composers
+        from swarm_mj.figures.design_figures import composers
 
         study = self._studied("plot")
         return Plots({name: partial(compose, study) for name, compose in composers(study).items()})
@@ -151,8 +151,8 @@ class Design:
             )
         overrides = design_overrides({"observers": [], **self.record})
         if self.folder is not None:
-            overrides.append(f"design.reference={quoted((self.folder / 'design.json').resolve())}")
-        return self.scenario.changed(*overrides)
+            overrides["design.reference"] = (self.folder / "design.json").resolve()
+        return self.scenario.changed(overrides)
 
     def save(
         self, folder: str | Path, *, figures: bool = True, pdf: bool = False, progress: bool | Progress = False
@@ -182,7 +182,7 @@ class Design:
         if self._compared:
             write_growth(folder, self._compared)
         if figures:
-            from swarm_mj.results.figures.design import draw_all
+            from swarm_mj.figures.design_figures import draw_all
 
             draw_all(folder, study, pdf=pdf)
 
@@ -208,13 +208,14 @@ class Design:
         if self.study is None:
             picture = (self.folder or Path()) / "cover.png"
             return table + (png_html(picture.read_bytes()) if picture.is_file() else "")
-        from swarm_mj.results.figures.design import composers
+        from swarm_mj.figures.design_figures import composers
 
         return table + figure_html(partial(composers(self.study)["cover"], self.study))
 
 
 def design(
-    scenario: schema.Scenario,
+    scenario: ScenarioSource,
+    overrides: Mapping[str, Any] = NO_OVERRIDES,
     *,
     out: str | Path | None = None,
     pareto: bool = False,
@@ -227,7 +228,8 @@ def design(
     """Find the fewest observers that see the whole target, by genetic algorithm and with proof.
 
     Args:
-        scenario: The problem; its sections `designer` and `observation` say how it is read.
+        scenario: The problem, as `load` takes it; its sections `designer` and `observation` say how it is read.
+        overrides: Values by dotted key that change it.
         out: Folder for the results, which appears when the design is finished and is exchanged for one with the comparison and
             the pictures when these are done; None: nothing is written, see `Design.save`.
         pareto: Whether to trade spacecraft against delta-v and area too (NSGA-II).
@@ -243,6 +245,7 @@ def design(
             and a finished one stands in its folder.
         SwarmError: The scenario cannot be flown or the folder cannot be written.
     """
+    scenario = load(scenario, overrides)
     check_plugins(scenario)
     if workers is not None and workers < 1:
         raise OutputError(f"workers = {workers}: must be at least 1")

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -15,8 +15,10 @@ from rich.progress import Progress
 
 from swarm_mj.api.notebook import figure_html, rows_html
 from swarm_mj.api.plots import Plots
-from swarm_mj.api.scenario import Scenario
+from swarm_mj.api.scenario import Scenario, load
 from swarm_mj.dataflow.delivery import Delivery
+from swarm_mj.figures.drawing import compile_in_background, draw_all, prepare_drawing
+from swarm_mj.figures.optional_figures import figures_of
 from swarm_mj.flight.compile_ahead import kernels_compiled
 from swarm_mj.flight.deliver import deliver
 from swarm_mj.flight.fly import simulate
@@ -26,12 +28,11 @@ from swarm_mj.io.atomic import Result, atomic_folder, check_place
 from swarm_mj.io.progress import Forecast, Stages, using_bars
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.coverage import CoverageMap
-from swarm_mj.results.drawing import compile_beside, draw_all, drawing_beside
-from swarm_mj.results.optional_figures import figures_of
-from swarm_mj.results.run_files import coverage_arrays, flown_design, write_results, write_summary
-from swarm_mj.results.run_record import RunRecord, observation_of, read_run
-from swarm_mj.results.summary import summarise
+from swarm_mj.records.run_files import coverage_arrays, flown_design, write_results, write_summary
+from swarm_mj.records.run_record import RunRecord, observation_of, read_run
+from swarm_mj.records.summary import summarise
 from swarm_mj.scenarios import schema
+from swarm_mj.scenarios.loading import NO_OVERRIDES, ScenarioSource
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -111,7 +112,7 @@ class Flight:
     @property
     def findings(self) -> list[str]:
         """What to know before believing the numbers, one sentence each."""
-        from swarm_mj.results.findings import findings
+        from swarm_mj.records.findings import findings
 
         return findings(self.record)
 
@@ -131,7 +132,7 @@ class Flight:
     @property
     def plot(self) -> Plots:
         """The figures of the flight by name, e.g. `flight.plot.coverage()`; each returns its Matplotlib axes."""
-        from swarm_mj.results.figures import composers
+        from swarm_mj.figures.run_figures import composers
 
         here = self.plan, self.telemetry, self.result
         return Plots({name: partial(compose, *here) for name, compose in composers(self.telemetry).items()})
@@ -163,8 +164,9 @@ class Flight:
         with using_bars(progress) as bars:
             stages = Stages(self.plan.scenario.name, bars)
             stages.wall_s = dict(self.summary["wall_s"])
-            beside = drawing_beside() if figures else nullcontext()
-            with beside, _run_folder(Path(folder), self.plan.scenario, stages) as partial_folder:
+            if figures:
+                prepare_drawing()
+            with _run_folder(Path(folder), self.plan.scenario, stages) as partial_folder:
                 _write(partial_folder, self, stages, figures=figures, pdf=pdf)
             self.folder = Path(folder)
             if report:
@@ -177,7 +179,7 @@ class Flight:
         Raises:
             OutputError: The file cannot be written.
         """
-        from swarm_mj.results.report.page import write_report
+        from swarm_mj.reports.page import write_report
 
         return write_report([self.record, *([] if beside is None else [beside.record])], Path(path))
 
@@ -221,8 +223,8 @@ class Flight:
 
         Args:
             folder: Where; an earlier export is replaced, anything else is refused.
-            formats: `oem`, `aem` (CCSDS messages), `spk`, `ck`, `dsk` (SPICE kernels and what belongs to them), `stk`,
-                `vizard`, `cosmographia`, `gltf`, `csv`, or `all`.
+            formats: `oem`, `aem` (CCSDS messages), `spk`, `ck`, `dsk` (SPICE kernels and what belongs to them), `gltf`,
+                `csv`, or `all`.
             ccsds: Version of the messages: 2 (OEM 2.0, AEM 1.0) or 3 (OEM 3.0, AEM 2.0).
 
         Returns:
@@ -278,13 +280,14 @@ def cells_table(region: TargetRegion, coverage: CoverageMap) -> pd.DataFrame:
 
 def composed(name: str, flight: Flight) -> Figure:
     """A figure of a flight by its name."""
-    from swarm_mj.results.figures import COMPOSERS
+    from swarm_mj.figures.run_figures import COMPOSERS
 
     return COMPOSERS[name](flight.plan, flight.telemetry, flight.result)
 
 
 def fly(
-    scenario: schema.Scenario,
+    scenario: ScenarioSource,
+    overrides: Mapping[str, Any] = NO_OVERRIDES,
     *,
     out: str | Path | None = None,
     figures: bool = True,
@@ -295,7 +298,8 @@ def fly(
     """Fly a scenario and judge what its cameras saw.
 
     Args:
-        scenario: What to fly, see `load`.
+        scenario: What to fly, as `load` takes it.
+        overrides: Values by dotted key that change it, e.g. `{"camera.half_angle_deg": 6}`.
         out: Folder for the results, held while the flight is under way, which appears only when all is done; None: nothing is
             written, see `Flight.save`.
         figures: Whether to write the figures into the folder as PNG, and with `pdf` as PDF too.
@@ -306,12 +310,15 @@ def fly(
     Raises:
         SwarmError: The scenario cannot be flown or the folder cannot be written.
     """
+    scenario = load(scenario, overrides)
     check(scenario, out)
     with using_bars(progress) as bars:
         stages = Stages(scenario.name, bars)
         if out is None:
             return _fly(scenario, stages)
-        with drawing_beside() if figures else nullcontext(), _run_folder(Path(out), scenario, stages) as partial_folder:
+        if figures:
+            prepare_drawing()
+        with _run_folder(Path(out), scenario, stages) as partial_folder:
             flight = _fly(scenario, stages)
             _write(partial_folder, flight, stages, figures=figures, pdf=pdf)
         flight.folder = Path(out)
@@ -337,7 +344,7 @@ def _fly(scenario: schema.Scenario, stages: Stages) -> Flight:
         before = kernels_compiled()
         plan = make_plan(scenario)
     if kernels_compiled() > before:
-        compile_beside(plan)
+        compile_in_background(plan)
     steps = round(scenario.duration_s / scenario.physics.timestep_s)
     with stages.stage("simulate", "flight", scenario.duration_s) as done:
         words = f"the flight of {plan.n} spacecraft, {steps:,} steps each,"
@@ -370,14 +377,14 @@ def _write(folder: Path, flight: Flight, stages: Stages, *, figures: bool, pdf: 
 
 
 def _write_report(folder: Path, stages: Stages) -> None:
-    from swarm_mj.results.report.page import write_report
+    from swarm_mj.reports.page import write_report
 
     with stages.stage("report", "report"):
         write_report([read_run(folder)])
 
 
 def read_flight(folder: Path) -> Flight:
-    """The flight in a folder of `Flight.save` or `swarm-mj run`.
+    """The flight in a folder of `Flight.save` or `swarm-mj fly`.
 
     Raises:
         OutputError: It is no finished run, or was written by another version whose target differs.

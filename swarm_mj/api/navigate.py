@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -22,8 +22,8 @@ from swarm_mj.io.progress import Stages, using_bars
 from swarm_mj.mission.covariance import visit_axes
 from swarm_mj.mission.dispersed import DispersedFlights, fly_dispersed
 from swarm_mj.mission.gaussian import sample_chance
-from swarm_mj.results.navigation import navigation_findings, navigation_rows, total_delta_v
-from swarm_mj.scenarios import schema
+from swarm_mj.records.navigation import navigation_findings, navigation_rows, total_delta_v
+from swarm_mj.scenarios.loading import NO_OVERRIDES, ScenarioSource
 from swarm_mj.typing import Array
 
 #: Fewest flights from which a covariance of three components can be judged, and most that are flown.
@@ -140,8 +140,8 @@ class Navigation:
 
 
 def navigate(
-    scenario: schema.Scenario | str | Path | Mapping[str, Any],
-    overrides: Sequence[str] = (),
+    scenario: ScenarioSource,
+    overrides: Mapping[str, Any] = NO_OVERRIDES,
     *,
     runs: int = 0,
     progress: bool | Progress = False,
@@ -149,8 +149,8 @@ def navigate(
     """Carry the covariance of release, navigation and burns through the corrections to the visit; nothing is flown in MuJoCo.
 
     Args:
-        scenario: A scenario, or what `load` takes.
-        overrides: Changes, e.g. `dispersions.deployment_velocity_m_s=0.1`.
+        scenario: What is to be flown, as `load` takes it.
+        overrides: Values by dotted key that change it, e.g. `{"dispersions.deployment_velocity_m_s": 0.1}`.
         runs: Flights under all forces to check it with, drawn from the scenario's seed; 0: none.
         progress: Whether to show progress bars, or the bars to use.
 
@@ -159,9 +159,7 @@ def navigate(
     """
     if runs and not RUNS[0] <= runs <= RUNS[1]:
         raise ScenarioError(f"runs = {runs}: must be 0 or {RUNS[0]} to {RUNS[1]}")
-    if not isinstance(scenario, schema.Scenario):
-        scenario = load(scenario)
-    scenario = Scenario.of(scenario).changed(*overrides)
+    scenario = load(scenario, overrides)
     with using_bars(progress) as bars:
         stages = Stages(scenario.name, bars)
         with stages.stage("design", "trajectories"):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -26,8 +26,8 @@ from swarm_mj.interop.foreign import (
 from swarm_mj.io.atomic import atomic_file
 from swarm_mj.io.progress import Stages, using_bars
 from swarm_mj.observation.coverage import CoverageMap
-from swarm_mj.results.run_files import write_coverage
-from swarm_mj.scenarios import schema
+from swarm_mj.records.run_files import write_coverage
+from swarm_mj.scenarios.loading import NO_OVERRIDES, ScenarioSource
 
 Files = str | Path | Sequence[str | Path]
 
@@ -115,9 +115,9 @@ def observe(
     oem: Files,
     aem: Files = (),
     *,
-    scenario: str | Path | Mapping[str, Any] | schema.Scenario | None = None,
+    scenario: ScenarioSource | None = None,
+    overrides: Mapping[str, Any] = NO_OVERRIDES,
     body: str | None = None,
-    overrides: Iterable[str] = (),
     pointing: Pointing = "nadir",
     progress: bool | Progress = False,
 ) -> Observation:
@@ -126,9 +126,10 @@ def observe(
     Args:
         oem: Orbit Ephemeris Messages (CCSDS, KVN), one a spacecraft, relative to the body.
         aem: Attitude Ephemeris Messages, as many and in the same order; none: `pointing`.
-        scenario: Body, target, camera, criterion, epoch and duration, see `load`; None: `body`, as long as the files last.
+        scenario: Body, target, camera, criterion, epoch and duration, as `load` takes it; None: `body`, as long as the files
+            last.
+        overrides: Values by dotted key that change the scenario, e.g. `{"camera.half_angle_deg": 6}`.
         body: A packaged body, instead of a scenario.
-        overrides: Texts `key=value` that change the scenario, e.g. `camera.half_angle_deg=6`.
         pointing: Where the cameras look without an AEM: at the body's centre (`nadir`) or the target's (`target`).
         progress: Whether to show progress bars, or the bars to use.
 
@@ -143,17 +144,13 @@ def observe(
         paths, attitudes = read_tracks(_paths(oem), _paths(aem), str(section["name"]))
         asked = load(scenario_of(paths, section), overrides)
     else:
-        asked = load(_given(scenario), overrides)
+        asked = load(scenario, overrides)
         paths, attitudes = read_tracks(_paths(oem), _paths(aem), asked.body.name)
     flight = foreign_flight(asked, paths, attitudes, pointing)
     with using_bars(progress) as bars:
         stages = Stages(asked.name, bars)
         with stages.stage("coverage", "images", picture_count(flight, flight.telemetry)) as done:
             return Observation(flight, observe_flight(flight, flight.telemetry, done))
-
-
-def _given(scenario: str | Path | Mapping[str, Any] | schema.Scenario) -> str | Path | Mapping[str, Any]:
-    return scenario.model_dump(mode="json") if isinstance(scenario, schema.Scenario) else scenario
 
 
 def _paths(files: Files) -> list[Path]:

@@ -7,23 +7,40 @@ from pathlib import Path
 
 from swarm_mj.api.design import Design, read_design
 from swarm_mj.api.flight import Flight, read_flight
+from swarm_mj.errors import OutputError
 from swarm_mj.io.atomic import result_in
 
 
-def open(folder: str | Path) -> Flight | Design:
-    """The flight or the design in a result folder, as the object that was saved there.
+def open(folder: str | Path) -> Flight:
+    """The flight in a result folder.
 
     Args:
-        folder: Of `Flight.save`, `Design.save`, `swarm-mj run` or `swarm-mj design`.
+        folder: Of `Flight.save` or `swarm-mj fly`.
 
     Raises:
-        OutputError: There is no finished result, or it was written by a version whose target differs.
+        OutputError: There is no finished flight, or it was written by a version whose target differs.
     """
-    folder = Path(folder)
+    _require(Path(folder), "run", "design", "open_design")
+    return read_flight(Path(folder))
+
+
+def open_design(folder: str | Path) -> Design:
+    """The design in a result folder.
+
+    Args:
+        folder: Of `Design.save` or `swarm-mj design`.
+
+    Raises:
+        OutputError: There is no finished design.
+    """
+    _require(Path(folder), "design", "run", "open")
+    return read_design(Path(folder))
+
+
+def _require(folder: Path, kind: str, other: str, verb: str) -> None:
     found = result_in(folder)
-    if found is not None and found.kind == "design":
-        return read_design(folder)
-    return read_flight(folder)  # which says what is wrong, if anything is
+    if found is not None and found.kind == other:
+        raise OutputError(f"{folder}: holds a {other}, not a {kind}; read it by swarm_mj.{verb}")
 
 
 def report(runs: Sequence[Flight | str | Path], path: str | Path | None = None) -> Path:
@@ -36,8 +53,8 @@ def report(runs: Sequence[Flight | str | Path], path: str | Path | None = None) 
     Raises:
         OutputError: They are more than two, a folder is no finished run, or the file cannot be written.
     """
-    from swarm_mj.results.report.page import write_report
-    from swarm_mj.results.run_record import read_run
+    from swarm_mj.records.run_record import read_run
+    from swarm_mj.reports.page import write_report
 
     records = [each.record if isinstance(each, Flight) else read_run(Path(each)) for each in runs]
     return write_report(records, None if path is None else Path(path))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +12,16 @@ import yaml
 from swarm_mj.api.notebook import figure_html, rows_html
 from swarm_mj.flight.plan import Plan, make_plan
 from swarm_mj.io.atomic import atomic_file
-from swarm_mj.scenarios import schema
-from swarm_mj.scenarios.catalogue import Named, explained, installed_plugins, packaged_scenarios
-from swarm_mj.scenarios.loading import design_overrides, design_section, load_scenario
+from swarm_mj.scenarios import catalogue, schema
+from swarm_mj.scenarios.loading import (
+    NO_OVERRIDES,
+    ScenarioSource,
+    checked_overrides,
+    design_overrides,
+    design_section,
+    load_scenario,
+    packaged_text,
+)
 
 #: What the short table of a scenario shows, by its words.
 SHOWN: dict[str, Callable[[schema.Scenario], str]] = {
@@ -47,16 +54,16 @@ class Scenario(schema.Scenario):
             return scenario
         return cls.model_construct(_fields_set=scenario.model_fields_set, **dict(scenario))
 
-    def changed(self, *overrides: str) -> Scenario:
+    def changed(self, overrides: Mapping[str, Any]) -> Scenario:
         """A scenario with some values changed.
 
         Args:
-            overrides: Texts `key=value` with dotted keys, e.g. `camera.half_angle_deg=6`; the value is YAML.
+            overrides: Values by dotted key, e.g. `{"camera.half_angle_deg": 6}`.
 
         Raises:
             ScenarioError: A key does not exist or a value is not allowed.
         """
-        return load(self.model_dump(mode="json"), overrides)
+        return load(self, overrides)
 
     def plan(self) -> Plan:
         """Target, visiting points and trajectories, ready to fly; what `swarm_mj.fly` begins with.
@@ -85,25 +92,25 @@ class Scenario(schema.Scenario):
 
     def _repr_html_(self) -> str:
         """For notebooks: a short table and the target with its visiting points."""
-        from swarm_mj.results.figures.target import draw_target
+        from swarm_mj.figures.target import draw_target
 
         rows = [(words, look(self)) for words, look in SHOWN.items()]
         return rows_html(self.name, self.description, rows) + figure_html(lambda: draw_target(self.plan()))
 
 
 def load(
-    source: str | Path | Mapping[str, Any],
-    overrides: Iterable[str] = (),
+    source: ScenarioSource,
+    overrides: Mapping[str, Any] = NO_OVERRIDES,
     *,
     seed: int | None = None,
     design: str | Path | None = None,
     policy: str | None = None,
 ) -> Scenario:
-    """Read a scenario.
+    """Read a scenario; `fly`, `design` and all others that take one read what they are given in the same way.
 
     Args:
-        source: A packaged name (see `available`), the path of a YAML file, or what such a file holds as a mapping.
-        overrides: Texts `key=value` with dotted keys, e.g. `camera.half_angle_deg=6`; the value is YAML.
+        source: A packaged name (see `available`), the path of a YAML file, what such a file holds as a mapping, or a scenario.
+        overrides: Values by dotted key, e.g. `{"camera.half_angle_deg": 6}`.
         seed: Of the random initial attitudes, faults and dispersions; None: the scenario's.
         design: A design.json of `swarm_mj.design`, or the name of a packaged design, whose points are visited.
         policy: Who points at what instead of the scenario's behaviour: a policy file, `trained`, or the name of a scripted one.
@@ -113,25 +120,27 @@ def load(
         MissionError: There is no such policy.
 
     Examples:
-        >>> load("eros-config2", ["camera.half_angle_deg=6"]).camera.half_angle_deg
+        >>> load("eros-config2", {"camera.half_angle_deg": 6}).camera.half_angle_deg
         6.0
     """
-    asked = [overrides] if isinstance(overrides, str) else list(overrides)
-    if seed is not None:
-        asked.append(f"seed={seed}")
+    asked = {**checked_overrides(overrides), **({} if seed is None else {"seed": seed})}
     if design is not None:
-        asked += [f"design.reference={quoted(design)}", *design_overrides(design_section(str(design)))]
+        asked |= {"design.reference": design, **design_overrides(design_section(str(design)))}
     scenario = load_scenario(source, asked)
     if policy is not None:
         from swarm_mj.envs.policies.policy_behavior import policy_overrides
 
-        scenario = load_scenario(source, [*asked, *policy_overrides(policy, scenario)])
+        scenario = load_scenario(source, {**asked, **policy_overrides(policy, scenario)})
     return Scenario.of(scenario)
 
 
-def quoted(path: str | Path) -> str:
-    """A path as a YAML string."""
-    return "'" + str(path).replace("'", "''") + "'"
+def packaged(name: str) -> str:
+    """Text of a packaged scenario, a start for a file of one's own.
+
+    Raises:
+        ScenarioError: There is none of that name; the message lists them.
+    """
+    return packaged_text(name)
 
 
 def available() -> pd.DataFrame:
@@ -139,12 +148,7 @@ def available() -> pd.DataFrame:
 
     A plug-in that cannot be loaded is listed with the reason.
     """
-    from swarm_mj.campaigns.loading import packaged_descriptions
-
-    rows = packaged_scenarios()
-    rows += [Named("campaign", name, " ".join(words.split())) for name, words in packaged_descriptions().items()]
-    rows += installed_plugins()
-    return pd.DataFrame(rows, columns=["kind", "name", "description"]).set_index("name")
+    return pd.DataFrame(catalogue.available(), columns=catalogue.Named._fields).set_index("name")
 
 
 def explain(name: str = "") -> pd.DataFrame:
@@ -155,11 +159,11 @@ def explain(name: str = "") -> pd.DataFrame:
             (`mrp_sliding_mode`); empty: every key there is.
 
     Returns:
-        One row a key, by its dotted name: unit, default, what is allowed, meaning; of a plug-in one row an argument.
+        One row a key, by its dotted name: type, unit, default, what is allowed, meaning; texts, empty where there is nothing
+        to say.
 
     Raises:
         ScenarioError: There is no such section, key or plug-in.
         PluginError: The plug-in cannot be loaded.
     """
-    columns, rows = explained(name)
-    return pd.DataFrame(rows, columns=list(columns)).set_index("key")
+    return pd.DataFrame(catalogue.explained(name), columns=catalogue.Explained._fields).set_index("key")

@@ -1,4 +1,4 @@
-"""How good policies of an environment are, on episodes that never change."""
+"""How good policies of SwarmObserve-v0 are, on episodes that never change."""
 
 from __future__ import annotations
 
@@ -9,29 +9,20 @@ from typing import Any
 
 from rich.progress import Progress
 
-from swarm_mj.envs.missions.leaderboard import Score, Test
-from swarm_mj.envs.policies.flyby_scores import FlybyScore, FlybyTest
-from swarm_mj.envs.policies.frozen_episodes import FrozenEpisodes
-from swarm_mj.errors import ScenarioError
+from swarm_mj.envs.policies.leaderboard import Score, Test
 from swarm_mj.io.progress import using_bars
-
-#: How the test episodes of each environment are made.
-TESTS: dict[str, Callable[[int | None], FrozenEpisodes]] = {"SwarmObserve-v1": Test.of, "SwarmObserve-v0": FlybyTest}
 
 
 def score(
     policies: str | Path | Sequence[str | Path],
     *,
-    env: str = "SwarmObserve-v1",
     episodes: int | None = None,
     progress: bool | Progress = False,
-) -> list[Score] | list[FlybyScore]:
-    """Fly policies of an environment through its frozen test episodes.
+) -> list[Score]:
+    """Fly policies of SwarmObserve-v0 through the frozen test episodes of its leaderboard.
 
     Args:
-        policies: One or more: scripted ones by name, or files: `.npz` of swarm_mj, and for SwarmObserve-v1 `.onnx`, or `.zip`
-            of stable-baselines3.
-        env: SwarmObserve-v1, or SwarmObserve-v0.
+        policies: One or more: scripted ones by name, or files: `.npz` of swarm_mj, `.onnx`, or `.zip` of stable-baselines3.
         episodes: Only the first so many, at least 2; None: all.
         progress: Whether to show bars, or bars to move.
 
@@ -39,13 +30,10 @@ def score(
         One for each policy, in their order.
 
     Raises:
-        ScenarioError: There is no such environment or there are not so many episodes, or a policy cannot fly there; the message
-            names why.
+        ScenarioError: There are not so many episodes, or a policy cannot fly there; the message names why.
     """
-    if env not in TESTS:
-        raise ScenarioError(f"env = {env!r}: must be one of {', '.join(TESTS)}")
     given = [policies] if isinstance(policies, (str, Path)) else list(policies)
-    with TESTS[env](episodes) as test, using_bars(progress) as bars:
+    with Test.of(episodes) as test, using_bars(progress) as bars:
         test.check(given)  # what is refused is so before another one is flown
         if test.preparations:
             _with_bar(bars, "test episodes", test.preparations, test.prepare)

@@ -16,7 +16,7 @@ from swarm_mj.campaigns.loading import Resolved, resolve
 from swarm_mj.campaigns.statistics import Estimate, mean, probability
 from swarm_mj.errors import ScenarioError
 from swarm_mj.scenarios.itinerary import itinerary, visit_times
-from swarm_mj.scenarios.loading import load_scenario
+from swarm_mj.scenarios.loading import NO_OVERRIDES
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.typing import Array
 
@@ -42,7 +42,7 @@ OVER = 1.4
 DISPERSIONS = {"deployment_velocity_m_s": 0.05, "mass_percent": 1, "inertia_percent": 3, "attitude_deg": 5}
 OF_MASSES = ("mass_percent", "inertia_percent")
 #: The same motion in less time, where the spacecraft is the packaged one with three wheels.
-QUICK = {"physics.wheels": "gyrostat", "physics.stepper": "kernel"}
+QUICK = {"physics.stepper": "kernel"}
 #: From when on class 1 holds its formation at the latest, past the epoch [s]; earlier where the flight to the visit is short.
 FORMED_S, FORMED_SHARE = 60.0, 0.1
 #: What is kept of every flight.
@@ -60,27 +60,27 @@ RECORD = (
 
 
 def classes_campaign(
-    scenario: str,
+    base: Scenario,
     *,
     runs: int = 200,
     seed: int = 0,
     places: Sequence[int] = (),
-    settings: Mapping[str, Any] | None = None,
+    overrides: Mapping[str, Any] = NO_OVERRIDES,
 ) -> Resolved:
     """The campaign that flies all classes.
 
     Args:
-        scenario: Packaged name, or path of a scenario.
+        base: The scenario whose classes are compared.
         runs: Encounters.
         seed: Of all draws.
         places: Visiting points planned together with the pictures, see `plan_places`; none: all are flown as designed
             alone.
-        settings: Values by dotted key for all classes.
+        overrides: Values by dotted key for all classes.
 
     Raises:
         ScenarioError: The scenario cannot be read, or not be flown so.
     """
-    base = load_scenario(scenario)
+    whole = base.model_dump(mode="json")
     data = {
         "name": f"{base.name}-classes",
         "description": f"Swarm classes on {base.name}: the same encounters, the same losses",
@@ -89,10 +89,10 @@ def classes_campaign(
         "method": "latin_hypercube",
         "paired": True,
         "scenarios": [
-            {"name": f"class {name}", "scenario": scenario, "set": _changes(base, name, places)}
+            {"name": f"class {name}", "scenario": whole, "set": _changes(base, name, places)}
             for name in (*VARIANTS, *(PLACED if places else ()))
         ],
-        "set": {**_overrides(base), "duration_s": _duration_s(base), "faults": [_losses(base)], **(settings or {})},
+        "set": {**_common(base), "duration_s": _duration_s(base), "faults": [_losses(base)], **overrides},
         "parameters": {"faults.0.probability": {"distribution": "uniform", "low": 0.0, "high": MOST_LOST}},
         "record": list(RECORD),
     }
@@ -111,7 +111,7 @@ def _changes(base: Scenario, name: str, places: Sequence[int]) -> dict[str, Any]
     return changes
 
 
-def _overrides(base: Scenario) -> dict[str, Any]:
+def _common(base: Scenario) -> dict[str, Any]:
     """What all classes have in common; horizon maps judge pictures in no time."""
     own = base.spacecraft.mjcf is not None
     dispersions = {key: value for key, value in DISPERSIONS.items() if not (own and key in OF_MASSES)}

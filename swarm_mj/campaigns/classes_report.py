@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 from swarm_mj.campaigns.classes import MOST_LOST, PLACED, VARIANTS, ClassResult
 from swarm_mj.campaigns.figures import COLOURS, DASHES
 from swarm_mj.campaigns.statistics import Estimate
+from swarm_mj.figures.style import TICK_PT, label, new_figure, save, tidy
 from swarm_mj.io.atomic import write_text
-from swarm_mj.results.figures.style import TICK_PT, label, new_figure, save, tidy
 
 #: Parts of the range of the chance of loss that are one point of a curve.
 PARTS = 5

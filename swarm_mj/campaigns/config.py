@@ -30,7 +30,7 @@ RECORD = (
     "images",
 )
 
-#: Columns of the results that every campaign has; see `swarm_mj.campaigns.table`.
+#: Columns of the results that every campaign has; see `swarm_mj.campaigns.store`.
 FIXED_COLUMNS = ("row", "run", "scenario", "seed", "status", "error", "covered", "spacecraft", "events", "wall_s")
 
 
@@ -42,7 +42,9 @@ class Base(Section):
     name: str = Field(
         "", pattern=r"^[A-Za-z0-9][A-Za-z0-9 ._-]*$|^$", description="in results; default: the scenario's"
     )
-    scenario: str = Field(description="packaged name, or path of a scenario file relative to the campaign file")
+    scenario: str | dict[str, Any] = Field(
+        description="packaged name, path of a scenario file relative to the campaign file, or what such a file holds"
+    )
     overrides: dict[str, Any] = Field(default_factory=dict, alias="set", description="values by dotted key")
 
     @model_validator(mode="before")
@@ -53,7 +55,8 @@ class Base(Section):
     @property
     def label(self) -> str:
         """What results call it; until the scenario is read, by its file where the campaign gives no name."""
-        return self.name or PurePath(self.scenario).stem
+        given = self.scenario
+        return self.name or (PurePath(given).stem if isinstance(given, str) else str(given.get("name", "scenario")))
 
 
 class Campaign(Section):

@@ -20,13 +20,15 @@ from swarm_mj.campaigns.flying import Row, failed_row, fly_row
 from swarm_mj.campaigns.loading import Resolved
 from swarm_mj.campaigns.sampling import Sample
 from swarm_mj.errors import OutputError, SwarmError
-from swarm_mj.io.plain import shortened
-from swarm_mj.results.summary import library_versions
+from swarm_mj.io.plain_values import shortened
+from swarm_mj.records.summary import library_versions
 
 #: Runs that the cluster knows of at a time, per thread of its workers.
 AHEAD = 3
 #: How long to wait for the scheduler, and how often to ask whether it is still there [s].
 CONNECT_S, ASK_S = 20.0, 2.0
+#: However its client says so: by its status, by a call that fails, by cancelled futures.
+LOST = "the connection to the scheduler was lost"
 
 
 class DaskPool:
@@ -98,8 +100,8 @@ class DaskPool:
             self._require_scheduler()
             try:
                 self._threads = sum(self._client.nthreads().values())
-            except (OSError, TimeoutError) as error:
-                raise self._gone(error) from None
+            except (CancelledError, OSError):  # a TimeoutError is one of them
+                raise self._gone(LOST) from None
             self._asked = time.monotonic()
         return AHEAD * max(1, self._threads)
 
@@ -113,7 +115,7 @@ class DaskPool:
             self._require_scheduler()
             return ()
         except (CancelledError, OSError):
-            raise self._gone("the connection to the scheduler was lost") from None
+            raise self._gone(LOST) from None
         return done
 
     def _row(self, future: Any, row: int) -> Row:
@@ -130,7 +132,7 @@ class DaskPool:
 
     def _require_scheduler(self) -> None:
         if self._client.status != "running":
-            raise self._gone(self._client.status)
+            raise self._gone(LOST)
 
     def _gone(self, reason: object) -> OutputError:
         return OutputError(

@@ -21,7 +21,7 @@ from swarm_mj.errors import OutputError
 from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.observe import ObservationResult, observe_flight
 from swarm_mj.flight.plan import Plan, check_faults_of, make_plan
-from swarm_mj.results.run_files import write_telemetry
+from swarm_mj.records.run_files import write_telemetry
 from swarm_mj.scenarios.schema import Scenario
 
 Row = dict[str, Any]

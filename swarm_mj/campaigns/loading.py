@@ -10,21 +10,35 @@ from importlib import resources
 from pathlib import Path
 from typing import Any, NamedTuple, get_args
 
+import numpy as np
 from pydantic import BaseModel, ValidationError
 
-from swarm_mj.campaigns import maps
 from swarm_mj.campaigns.config import Base, Campaign
 from swarm_mj.campaigns.distributions import Distribution
 from swarm_mj.campaigns.sampling import Sample
-from swarm_mj.errors import ScenarioError
+from swarm_mj.errors import ScenarioError, SwarmError
+from swarm_mj.flight.plan import load_body_shape, target_from, true_target
 from swarm_mj.io.cache import hash_of
-from swarm_mj.io.plain import shortened, shown
+from swarm_mj.io.plain_values import check_plain, shortened, shown
 from swarm_mj.scenarios import loading
 from swarm_mj.scenarios.bodies import PACKAGED_SHAPES
+from swarm_mj.scenarios.loading import ScenarioSource
 from swarm_mj.scenarios.schema import Scenario
+from swarm_mj.smallbody.shape import ShapeModel
 
 #: Flights of a campaign: a year of computing at three seconds each.
 MAX_ROWS = 10_000_000
+#: Keys and sections of a scenario that decide where the target's cells lie.
+CELL_KEYS = (
+    "body.shape",
+    "body.shape_unit",
+    "target",
+    "design.imaging_altitude_m",
+    "camera.half_angle_deg",
+    "dispersions.target_m",
+)
+#: Runs of a scenario whose targets are compared; they are spread over the campaign.
+PROBES = 8
 
 
 class Resolved(NamedTuple):
@@ -71,35 +85,55 @@ def packaged_campaigns() -> list[str]:
     return sorted(p.name.removesuffix(".yaml") for p in folder.iterdir() if p.name.endswith(".yaml"))
 
 
-def packaged_descriptions() -> dict[str, str]:
-    """What the packaged campaigns are for, by name."""
-    return {
-        name: loading.parse_yaml(_packaged_text(name), name).get("description", "") for name in packaged_campaigns()
-    }
-
-
 def _packaged_text(name: str) -> str:
     return (resources.files("swarm_mj.scenarios") / "campaigns" / f"{name}.yaml").read_text("utf-8")
 
 
-def load_campaign(name_or_path: str | Path, *, runs: int | None = None) -> Resolved:
+def load_campaign(
+    source: ScenarioSource, overrides: Mapping[str, Any] = loading.NO_OVERRIDES, *, runs: int | None = None
+) -> Resolved:
     """Read a campaign and the scenarios it flies.
 
     Args:
-        name_or_path: A packaged name (see `packaged_campaigns`) or the path of a YAML file.
+        source: A packaged name (see `packaged_campaigns`), the path of a YAML file, or what such a file holds as a mapping. A
+            scenario instead, as `load_scenario` takes it, is flown again and again, each time with another seed.
+        overrides: Values by dotted key, in all scenarios; they go before the file's `set`.
         runs: Takes the place of the file's `runs`.
 
     Raises:
         ScenarioError: Missing, unreadable or invalid; the message names the key, the value and what is allowed.
     """
-    text, source, folder = _read(str(name_or_path))
-    # YAML reads an unquoted date as one; here it stays text, which workers and results are told.
-    data = json.loads(json.dumps(loading.parse_yaml(text, source), default=lambda moment: moment.isoformat()))
-    if _is_scenario(data):
-        raise _scenario_instead(source)
+    data, origin, folder = _mapping_of(source)
+    if overrides:
+        given = data.get("set", {})
+        data["set"] = {**(given if isinstance(given, Mapping) else {}), **loading.checked_overrides(overrides)}
     if runs is not None:
         data["runs"] = runs
-    return resolve(data, source, folder)
+    return resolve(data, origin, folder)
+
+
+def _mapping_of(source: ScenarioSource) -> tuple[dict[str, Any], str, Path]:
+    """What a campaign's file holds, its origin for errors, and the folder that paths in it are relative to."""
+    if isinstance(source, str | Path) and str(source) in loading.packaged_names():
+        return _campaign_of(loading.load_scenario(source))
+    if isinstance(source, Scenario):
+        return _campaign_of(source)
+    if isinstance(source, Mapping):
+        check_plain(source, "campaign")
+        data, origin, folder = dict(source), "campaign", Path()
+    else:
+        text, origin, folder = _read(str(source))
+        data = loading.parse_yaml(text, origin)
+    if _is_scenario(data):
+        return _campaign_of(loading.load_scenario(source))
+    # YAML reads an unquoted date as one; here it stays text, which workers and results are told.
+    return json.loads(json.dumps(data, default=lambda moment: moment.isoformat())), origin, folder
+
+
+def _campaign_of(scenario: Scenario) -> tuple[dict[str, Any], str, Path]:
+    """A campaign of one scenario, in which nothing but the seed differs."""
+    name = f"{scenario.name}-campaign"
+    return {"name": name, "scenarios": [{"scenario": scenario.model_dump(mode="json")}]}, name, Path()
 
 
 def resolve(data: dict[str, Any], source: str, folder: Path = Path()) -> Resolved:
@@ -126,10 +160,6 @@ def _is_scenario(data: Mapping[str, Any]) -> bool:
     """Whether a mapping has keys of a scenario alone, and none of a campaign alone."""
     ours, theirs = set(_allowed(())), set(Scenario.model_fields)
     return bool(data.keys() & (theirs - ours)) and not data.keys() & (ours - theirs)
-
-
-def _scenario_instead(source: str) -> ScenarioError:
-    return ScenarioError(f"{shortened(source)}: this is a scenario; fly it with `swarm-mj run`")
 
 
 def _validated(data: dict[str, Any], source: str) -> Campaign:
@@ -187,8 +217,6 @@ def _read(name_or_path: str) -> tuple[str, str, Path]:
         return loading.file_text(path, "campaign"), str(path), path.parent
     known = packaged_campaigns()
     if name_or_path not in known:
-        if name_or_path in loading.packaged_names():
-            raise _scenario_instead(name_or_path)
         raise ScenarioError(
             f"{shortened(name_or_path)}: no such campaign. Packaged: {', '.join(known)}. The name of a file must end in .yaml"
         )
@@ -209,15 +237,14 @@ def _with_labels(campaign: Campaign, scenarios: list[Scenario], source: str) -> 
 
 
 def _load_base(base: Base, campaign: Campaign, folder: Path) -> Scenario:
-    beside = folder / base.scenario
-    source = str(beside) if beside.suffix in {".yaml", ".yml"} else base.scenario
+    source: str | dict[str, Any] = base.scenario
+    if isinstance(source, str) and Path(source).suffix in {".yaml", ".yml"}:
+        source = str(folder / source)
     overrides = {**campaign.overrides, **base.overrides}
     try:
-        return loading.load_scenario(
-            source, [f"{key}={json.dumps(value, ensure_ascii=False)}" for key, value in overrides.items()]
-        )
+        return loading.load_scenario(source, overrides)
     except ScenarioError as error:
-        raise ScenarioError(f"scenarios, {base.label}: {error}".replace("--set ", "set: ")) from None
+        raise ScenarioError(f"scenarios, {base.label}: {error}") from None
 
 
 def _try_one_of_each(resolved: Resolved, source: str) -> None:
@@ -234,9 +261,57 @@ def _try_one_of_each(resolved: Resolved, source: str) -> None:
 def _without_single_maps(resolved: Resolved) -> Resolved:
     """The campaign with face-ID buffers in place of horizon maps that would serve one run each."""
     campaign, bases = resolved.campaign, resolved.bases
-    single = tuple(label for label, base in bases.items() if maps.serve_once(campaign, label, base, scenario_of))
-    replaced = {label: maps.observed_by_buffers(bases[label]) for label in single}
-    return resolved._replace(bases={**bases, **replaced}, without_maps=single)
+    single = tuple(label for label, base in bases.items() if _maps_serve_once(campaign, label, base))
+    for label in single:
+        observation = bases[label].observation.model_copy(update={"observer": "raster"})
+        bases = {**bases, label: bases[label].model_copy(update={"observation": observation})}
+    return resolved._replace(bases=bases, without_maps=single)
+
+
+def _maps_serve_once(campaign: Campaign, label: str, base: Scenario) -> bool:
+    """Whether a scenario asks for horizon maps that would serve one run each.
+
+    Where the target's cells differ from run to run, every map would be traced, kept on disk and used for a single run; face-ID
+    buffers, drawn by compiled code in about a millisecond each, need none. The answer depends on the campaign alone, so that
+    rows stay the same whoever flies them and in whichever order. A campaign that draws `observation.observer` means what it
+    draws.
+    """
+    if base.observation.observer != "horizon" or not base.observation.occlusion:
+        return False
+    if _is_drawn("observation.observer", campaign) or not _cells_may_differ(campaign, base):
+        return False
+    targets = list(_targets(campaign, label, base))
+    return len(targets) > 1 and len(set(targets)) == len(targets)
+
+
+def _cells_may_differ(campaign: Campaign, base: Scenario) -> bool:
+    return base.dispersions.target_m > 0.0 or any(_is_drawn(key, campaign) for key in CELL_KEYS)
+
+
+def _is_drawn(key: str, campaign: Campaign) -> bool:
+    """Whether a key, its section or something inside it is drawn."""
+    return any(f"{key}.".startswith(f"{drawn}.") or drawn.startswith(f"{key}.") for drawn in campaign.parameters)
+
+
+def _targets(campaign: Campaign, label: str, base: Scenario) -> Iterator[str]:
+    """Hashes of the targets of some runs; runs whose values allow none are left out."""
+    sample = Sample(campaign)
+    shapes: dict[str, ShapeModel] = {}
+    place, scenarios = sample.names.index(label), len(sample.names)
+    for run in np.unique(np.linspace(0, sample.runs - 1, PROBES).astype(int)):
+        trial = sample.trial(int(run) * scenarios + place)
+        try:
+            yield _target(scenario_of(base, trial.values, trial.seed), shapes)
+        except SwarmError:
+            continue
+
+
+def _target(scenario: Scenario, shapes: dict[str, ShapeModel]) -> str:
+    body = scenario.body.model_dump_json()
+    if body not in shapes:
+        shapes[body] = load_body_shape(scenario.body)
+    region = true_target(scenario, shapes[body], target_from(scenario, shapes[body]))
+    return hash_of(region.vertices, region.faces, region.corners_A)
 
 
 def _hashes(scenarios: Iterable[Scenario]) -> Iterator[tuple[str, str]]:

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from swarm_mj.campaigns.config import Campaign
-from swarm_mj.campaigns.loading import Resolved
+from swarm_mj.campaigns.loading import Resolved, load_campaign
 from swarm_mj.errors import OutputError
 from swarm_mj.io.atomic import write_text
 from swarm_mj.io.cache import hash_of
 from swarm_mj.io.lock import LOCK
-from swarm_mj.io.plain import shown
+from swarm_mj.io.plain_values import shown
 from swarm_mj.io.records import Record, one_line, read_record
-from swarm_mj.results.summary import library_versions
+from swarm_mj.records.summary import library_versions
+from swarm_mj.scenarios.loading import NO_OVERRIDES, ScenarioSource
 
 #: Where a campaign's folder says what it flies: `Resolved.dump` and what it was flown with.
 MANIFEST = "campaign.json"
@@ -71,6 +73,22 @@ def take_over(resolved: Resolved, folder: Path, *, resume: bool) -> None:
             f"{folder}: holds a campaign already; go on with --resume, or choose another folder with --out"
         )
     require_same(_read_manifest(manifest), ours, folder)
+
+
+def load_campaign_of(
+    folder: Path, source: ScenarioSource, overrides: Mapping[str, Any] = NO_OVERRIDES, *, runs: int | None = None
+) -> Resolved:
+    """A campaign as `load_campaign` reads it, with as many runs as the one of that name that began in a folder has.
+
+    Args:
+        folder: Of the campaign; where it holds none, or one of another name or method, the file's `runs` hold.
+        source: See `load_campaign`.
+        overrides: See `load_campaign`.
+        runs: Flights of each scenario whatever the folder says; None: the folder's.
+    """
+    resolved = load_campaign(source, overrides, runs=runs)
+    kept = kept_runs(folder, resolved.campaign) if runs is None else None
+    return resolved if kept in (None, resolved.campaign.runs) else load_campaign(source, overrides, runs=kept)
 
 
 def kept_runs(folder: Path, campaign: Campaign) -> int | None:

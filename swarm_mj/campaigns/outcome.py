@@ -1,6 +1,6 @@
 """What is kept of a run: numbers from its summary by name, and a few of its telemetry that the summary lacks.
 
-A name is a key of the summary (see `swarm_mj.results.summary`); where the key holds one number per spacecraft, `.max`, `.min`,
+A name is a key of the summary (see `swarm_mj.records.summary`); where the key holds one number per spacecraft, `.max`, `.min`,
 `.mean` or `.sum` reduces them, and a spacecraft's name takes its own. A list counts. Besides the summary there are
 
 - `pointing_error_deg_visit`: by observer, at the instant of the visit;
@@ -27,9 +27,9 @@ from swarm_mj.errors import ScenarioError
 from swarm_mj.flight.deliver import deliver
 from swarm_mj.flight.observe import ObservationResult, visit_samples
 from swarm_mj.flight.plan import Plan
-from swarm_mj.io.plain import shown
-from swarm_mj.results.propulsion import KEYS as PROPULSION
-from swarm_mj.results.summary import summarise, working
+from swarm_mj.io.plain_values import shown
+from swarm_mj.records.propulsion import KEYS as PROPULSION
+from swarm_mj.records.summary import summarise, working
 from swarm_mj.simulator.telemetry import working as at_work
 
 REDUCTIONS: dict[str, Callable[[list[float]], Any]] = {

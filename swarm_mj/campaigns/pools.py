@@ -18,14 +18,14 @@ from swarm_mj.campaigns.loading import Resolved
 from swarm_mj.campaigns.sampling import Sample
 from swarm_mj.errors import OutputError, SwarmError
 from swarm_mj.io.cores import usable_cores
-from swarm_mj.io.fork_server import begin
+from swarm_mj.io.workers import begin
 
 #: A run during which this many workers died is recorded as failed.
 MAX_DEATHS = 3
 #: Workers that die before their first run, one after another, before the campaign gives up.
-MAX_STILLBORN = 5
+MAX_FAILED_STARTS = 5
 #: What every run needs, some of which is imported when the first one flies. Dask is asked for by xarray, where it is installed.
-LOADED = (
+PRELOADED = (
     __name__,
     "swarm_mj.smallbody.gravity.factory",
     "swarm_mj.observation.horizon",
@@ -68,7 +68,7 @@ class LocalPool:
         self._sample, self._limit = Sample(resolved.campaign), resolved.campaign.time_limit_s
         self._size = workers or usable_cores()
         self._workers: list[_Worker] = []
-        self._stillborn = 0
+        self._failed_starts = 0
 
     def results(self, rows: Sequence[int]) -> Iterator[Row]:
         """See `Pool.results`."""
@@ -77,7 +77,7 @@ class LocalPool:
             self._keep_busy(waiting)
             wait([w.pipe for w in self._workers], timeout=self._patience())
             for worker in list(self._workers):
-                row = self._hear(worker, waiting, deaths)
+                row = self._receive(worker, waiting, deaths)
                 if row is not None:
                     yield row
 
@@ -89,30 +89,29 @@ class LocalPool:
             if worker.ready and worker.row is None and waiting:
                 worker.send(waiting)
 
-    def _hear(self, worker: _Worker, waiting: deque[int], deaths: dict[int, int]) -> Row | None:
-        """What a worker has to say: a row, or nothing yet."""
+    def _receive(self, worker: _Worker, waiting: deque[int], deaths: dict[int, int]) -> Row | None:
+        """A row, if a worker has finished one; a worker that is late or dead is retired."""
         if not worker.pipe.poll():  # what is finished counts, however late it is heard
-            return self._bury(worker, True, waiting, deaths) if worker.overdue(self._limit) else None
-        kind, value = worker.hear()
+            return self._retire(worker, True, waiting, deaths) if worker.overdue(self._limit) else None
+        kind, value = worker.receive()
         if kind == "ready":
-            worker.ready, self._stillborn = True, 0
+            worker.ready, self._failed_starts = True, 0
             return None
         if kind == "row":
             worker.row = None
             return dict(value)
         if kind == "error":
             raise value
-        return self._bury(worker, False, waiting, deaths)
+        return self._retire(worker, False, waiting, deaths)
 
-    def _bury(self, worker: _Worker, overdue: bool, waiting: deque[int], deaths: dict[int, int]) -> Row | None:
+    def _retire(self, worker: _Worker, overdue: bool, waiting: deque[int], deaths: dict[int, int]) -> Row | None:
+        """End a worker; its run is flown again, or its row says why it has failed."""
         worker.stop()
         self._workers.remove(worker)
         if not worker.ready:
-            self._stillborn += 1
-            if self._stillborn >= MAX_STILLBORN:
-                raise OutputError(
-                    f"worker processes end before they start ({worker.last_words}); see the messages above"
-                )
+            self._failed_starts += 1
+            if self._failed_starts >= MAX_FAILED_STARTS:
+                raise OutputError(f"worker processes end before they start ({worker.ending}); see the messages above")
         if worker.row is None:
             return None
         if overdue:
@@ -122,7 +121,7 @@ class LocalPool:
             waiting.appendleft(worker.row)
             return None
         return failed_row(
-            self._sample.trial(worker.row), f"its process died {MAX_DEATHS} times, the last time {worker.last_words}"
+            self._sample.trial(worker.row), f"its process died {MAX_DEATHS} times, the last time {worker.ending}"
         )
 
     def _patience(self) -> float | None:
@@ -142,7 +141,7 @@ class _Worker:
     """One process and the pipe to it."""
 
     def __init__(self, text: str, telemetry: str | None) -> None:
-        self.process, self.pipe = begin(_work, (text, telemetry), modules=LOADED)
+        self.process, self.pipe = begin(_work, (text, telemetry), modules=PRELOADED)
         self.ready, self.started = False, 0.0
         self.row: int | None = None
 
@@ -153,7 +152,7 @@ class _Worker:
         except OSError:
             pass  # it has died; its end of the pipe says so when it is listened to
 
-    def hear(self) -> tuple[str, Any]:
+    def receive(self) -> tuple[str, Any]:
         try:
             kind, value = self.pipe.recv()
         except (EOFError, OSError):
@@ -169,7 +168,7 @@ class _Worker:
         self.pipe.close()
 
     @property
-    def last_words(self) -> str:
+    def ending(self) -> str:
         code = self.process.exitcode or 0
         return f"by signal {signal.Signals(-code).name}" if code < 0 else f"with exit status {code}"
 

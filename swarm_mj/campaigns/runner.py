@@ -80,9 +80,8 @@ def run_campaign(
         KeyboardInterrupt: It was interrupted; likewise.
     """
     _require_parquet()
-    from swarm_mj.campaigns.store import Store, read_results
+    from swarm_mj.campaigns.store import Store, read_results, schema_of
     from swarm_mj.campaigns.summary import write_summary
-    from swarm_mj.campaigns.table import schema_of
 
     # Both before anything is written, so that what is refused leaves no trace.
     require_place(folder, resume=resume)
@@ -116,7 +115,7 @@ def replay(resolved: Resolved, row: int, folder: Path) -> Replayed:
     """
     _require_parquet()
     require_place(folder)
-    from swarm_mj.campaigns.table import WALL, schema_of, table_of
+    from swarm_mj.campaigns.store import WALL, schema_of, table_of
 
     flyer = Flyer(resolved)
     if not 0 <= row < flyer.sample.rows:
@@ -218,7 +217,7 @@ def _write_replay(flyer: Flyer, row: int, folder: Path, flown: dict[str, Any]) -
     import yaml
 
     from swarm_mj.flight.observe import add_coverage
-    from swarm_mj.results.run_files import flown_design, write_results
+    from swarm_mj.records.run_files import flown_design, write_results
 
     trial = flyer.sample.trial(row)
     try:

@@ -8,6 +8,9 @@
 A row is in the operating system's hands before the next one is asked for, so that no death of a process loses it. A crash
 between two steps leaves a row in two places at most, and reading takes each row once. What is torn is set aside and its rows
 are flown again.
+
+The columns are `row`, `run`, `scenario`, `seed`; the drawn parameters by dotted key; `status`, `error`, `covered`,
+`spacecraft`; what is recorded; `events`; and last `wall_s`, the only one that differs when a run is flown again.
 """
 
 from __future__ import annotations
@@ -16,7 +19,7 @@ import json
 import os
 import time
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -26,12 +29,16 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 from pydantic import NonNegativeInt
 
+from swarm_mj.campaigns.config import Campaign
+from swarm_mj.campaigns.distributions import Bernoulli, Choice, Integer
 from swarm_mj.campaigns.manifest import campaign_in
-from swarm_mj.campaigns.table import schema_of, table_of
+from swarm_mj.campaigns.outcome import recorded
 from swarm_mj.errors import OutputError
 from swarm_mj.io.arrays import MAX_BYTES
 from swarm_mj.io.records import Record, one_line, record_from
 
+#: The column that is not the same when a run is flown again.
+WALL = "wall_s"
 RESULTS, JOURNAL, PARTS = "results.parquet", "journal.jsonl", "parts"
 
 #: The journal is sealed after this time [s], or this share of the time since the start, so that parts stay few.
@@ -281,3 +288,40 @@ def _check_bytes(size: int) -> None:
 def _text_bytes(column: pa.ChunkedArray) -> int:
     """What the texts of a packed column take when each is written out [bytes]."""
     return sum(pc.sum(pc.binary_length(part.dictionary).take(part.indices)).as_py() or 0 for part in column.chunks)
+
+
+def schema_of(campaign: Campaign) -> pa.Schema:
+    """Names and types of the columns."""
+    fields = [("row", pa.int64()), ("run", pa.int64()), ("scenario", pa.string()), ("seed", pa.int64())]
+    fields += [(key, _type_of(law)) for key, law in campaign.parameters.items()]
+    fields += [("status", pa.string()), ("error", pa.string()), ("covered", pa.bool_()), ("spacecraft", pa.int64())]
+    fields += [(column, pa.float64()) for column in recorded(campaign)]
+    fields += [("events", pa.string()), (WALL, pa.float64())]
+    return pa.schema(fields)
+
+
+def table_of(rows: Sequence[dict[str, Any]], schema: pa.Schema) -> pa.Table:
+    """Rows as a table; what a row lacks is null."""
+    columns = [pa.array([_cell(row.get(f.name), f.type) for row in rows], f.type) for f in schema]
+    return pa.Table.from_arrays(columns, schema=schema)
+
+
+def _type_of(law: Any) -> pa.DataType:
+    if isinstance(law, Bernoulli):
+        return pa.bool_()
+    if isinstance(law, Integer):
+        return pa.int64()
+    if isinstance(law, Choice):
+        kinds = {type(value) for value in law.values}
+        if kinds == {bool}:
+            return pa.bool_()
+        if kinds == {int}:
+            return pa.int64()
+        return pa.float64() if kinds <= {int, float} else pa.string()
+    return pa.float64()
+
+
+def _cell(value: Any, kind: pa.DataType) -> Any:
+    if value is not None and kind == pa.string() and not isinstance(value, str):
+        return json.dumps(value, sort_keys=True)
+    return value

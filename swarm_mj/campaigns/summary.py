@@ -20,10 +20,10 @@ from swarm_mj.campaigns.loading import Resolved
 from swarm_mj.campaigns.outcome import recorded
 from swarm_mj.campaigns.sampling import Sample
 from swarm_mj.campaigns.statistics import Estimate
-from swarm_mj.campaigns.table import WALL
+from swarm_mj.campaigns.store import WALL
 from swarm_mj.errors import OutputError
 from swarm_mj.io.atomic import write_text
-from swarm_mj.results.summary import library_versions
+from swarm_mj.records.summary import library_versions
 from swarm_mj.typing import Array
 
 SUMMARY = "summary.json"

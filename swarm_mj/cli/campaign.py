@@ -7,8 +7,8 @@ import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from swarm_mj.cli.common import DEFAULT_OUT
-from swarm_mj.errors import OutputError, ScenarioError
+from swarm_mj.cli.common import DEFAULT_OUT, add_overrides, overrides_of
+from swarm_mj.errors import OutputError
 
 if TYPE_CHECKING:
     from swarm_mj.campaigns.loading import Resolved
@@ -18,15 +18,15 @@ def add(commands: argparse._SubParsersAction) -> None:
     """Add the command to the parser."""
     campaign = commands.add_parser(
         "campaign",
-        help="fly many runs with drawn parameters, on all cores or a Dask cluster; list the packaged campaigns",
+        help="fly many runs with drawn parameters, on all cores or a Dask cluster",
         description="Fly a campaign: scenarios with drawn parameters, one row of results a run, and what they say in sum. "
-        "An interrupted campaign goes on with --resume. Without a FILE, list the packaged campaigns.",
+        "An interrupted campaign goes on with --resume.",
     )
     campaign.add_argument(
         "file",
-        nargs="?",
         metavar="FILE",
-        help="YAML file of the campaign, or the name of a packaged one (none: list them)",
+        help="YAML file of the campaign, or the name of a packaged one; or a scenario, which is flown with "
+        "one seed after the other",
     )
     campaign.add_argument("--out", type=Path, metavar="DIR", help=f"result folder (default: {DEFAULT_OUT}/NAME)")
     campaign.add_argument(
@@ -40,14 +40,13 @@ def add(commands: argparse._SubParsersAction) -> None:
     campaign.add_argument("--scheduler", metavar="ADDRESS", help="fly on the Dask cluster there, e.g. tcp://host:8786")
     campaign.add_argument("--resume", action="store_true", help="go on with the campaign in the result folder")
     campaign.add_argument("--replay", type=int, metavar="ROW", help="fly this row again, alone, and compare")
+    add_overrides(campaign, "camera.half_angle_deg=3, in all its scenarios")
     campaign.add_argument("--no-figures", action="store_true", help="write no pictures")
     campaign.add_argument("--quiet", action="store_true", help="no progress bar")
     campaign.set_defaults(command=_campaign)
 
 
 def _campaign(arguments: argparse.Namespace) -> int:
-    if arguments.file is None:
-        return _list(arguments)
     if arguments.workers is not None and arguments.workers < 1:
         raise OutputError(f"--workers {arguments.workers}: must be at least 1")
     resolved, folder = _loaded(arguments)
@@ -112,32 +111,19 @@ def _replay(arguments: argparse.Namespace, resolved: Resolved, folder: Path) -> 
     return 1 if again.differs else 0
 
 
-def _list(arguments: argparse.Namespace) -> int:
-    from swarm_mj.campaigns.loading import packaged_descriptions
-
-    found = packaged_descriptions()
-    given = (arguments.out, arguments.runs, arguments.workers, arguments.scheduler, arguments.replay)
-    if arguments.resume or any(value is not None for value in given):
-        raise ScenarioError(f"name the campaign: a YAML file, or a packaged one: {', '.join(found)}")
-    width = max(map(len, found))
-    for name, description in found.items():
-        print(f"{name:{width}}  {' '.join(description.split())}")
-    return 0
-
-
 def _loaded(arguments: argparse.Namespace) -> tuple[Resolved, Path]:
     """The campaign and its folder; what goes on or is replayed has as many runs as when it began, unless --runs says else."""
     from swarm_mj.campaigns.loading import load_campaign
-    from swarm_mj.campaigns.manifest import kept_runs
+    from swarm_mj.campaigns.manifest import load_campaign_of
 
-    resolved = load_campaign(arguments.file, runs=arguments.runs)
-    campaign = resolved.campaign
-    folder = arguments.out or DEFAULT_OUT / campaign.name
-    if arguments.runs is None and (arguments.resume or arguments.replay is not None):
-        runs = kept_runs(folder, campaign)
-        if runs is not None and runs != campaign.runs:
-            print(f"{campaign.name}: runs = {runs}, with which it began in {folder}; the file says {campaign.runs}")
-            resolved = load_campaign(arguments.file, runs=runs)
+    overrides = overrides_of(arguments)
+    resolved = load_campaign(arguments.file, overrides, runs=arguments.runs)
+    name, runs = resolved.campaign.name, resolved.campaign.runs
+    folder = arguments.out or DEFAULT_OUT / name
+    if arguments.resume or arguments.replay is not None:
+        resolved = load_campaign_of(folder, arguments.file, overrides, runs=arguments.runs)
+        if resolved.campaign.runs != runs:
+            print(f"{name}: runs = {resolved.campaign.runs}, with which it began in {folder}; the file says {runs}")
     return resolved, folder
 
 
@@ -148,6 +134,7 @@ def _going_on(arguments: argparse.Namespace) -> str:
         value = getattr(arguments, option)
         if value is not None:
             words += [f"--{option}", str(value)]
+    words += [word for text in arguments.overrides for word in ("--set", text)]
     words += ["--no-figures"] if arguments.no_figures else []
     words += ["--quiet"] if arguments.quiet else []
     return shlex.join([*words, "--resume"])

@@ -53,9 +53,9 @@ def _design(arguments: argparse.Namespace) -> int:
         raise OutputError(f"--workers {arguments.workers}: must be at least 1")
     overrides = overrides_of(arguments)
     if arguments.fold is not None:
-        overrides.append(f"designer.fold={arguments.fold}")
+        overrides["designer.fold"] = arguments.fold
     if arguments.deliver_within is not None:
-        overrides.append(f"designer.deliver_within_h={arguments.deliver_within}")
+        overrides["designer.deliver_within_h"] = arguments.deliver_within
     scenario, console = load(arguments.scenario, overrides), Console()
     folder = arguments.out or DEFAULT_OUT / f"{scenario.name}-design"
     with progress_bars(console, arguments.quiet) as bars:
@@ -84,4 +84,4 @@ def _hint(arguments: argparse.Namespace, flyable: bool, folder: Path) -> str:
             "This design is of a version that did not write down how it is flown: make it again with `swarm-mj design`"
         )
     asked = shlex.join([arguments.scenario, *(word for text in arguments.overrides for word in ("--set", text))])
-    return f"To fly it: swarm-mj run {asked} --design {shlex.quote(str(folder / 'design.json'))}"
+    return f"To fly it: swarm-mj fly {asked} --design {shlex.quote(str(folder / 'design.json'))}"

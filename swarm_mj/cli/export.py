@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 #: Those of `swarm_mj.interop.export`, which a test compares; written out so that help is quick.
-FORMATS = ("oem", "aem", "spk", "ck", "dsk", "stk", "vizard", "cosmographia", "gltf", "csv")
+FORMATS = ("oem", "aem", "spk", "ck", "dsk", "gltf", "csv")
 
 
 def add(commands: argparse._SubParsersAction) -> None:
@@ -14,9 +14,9 @@ def add(commands: argparse._SubParsersAction) -> None:
     export = commands.add_parser(
         "export",
         help="write a run in the formats of other programs",
-        description="Write a run as CCSDS messages, SPICE kernels, files of STK, Vizard and Cosmographia, glTF or CSV.",
+        description="Write a run as CCSDS messages, SPICE kernels, glTF or CSV.",
     )
-    export.add_argument("run", type=Path, metavar="RUN_DIR", help="result folder of `swarm-mj run`")
+    export.add_argument("run", type=Path, metavar="RUN_DIR", help="result folder of `swarm-mj fly`")
     export.add_argument(
         "--format",
         nargs="+",
@@ -24,7 +24,7 @@ def add(commands: argparse._SubParsersAction) -> None:
         choices=(*FORMATS, "all"),
         dest="formats",
         metavar="FORMAT",
-        help=f"{' '.join(FORMATS)}, or all; SPICE kernels and Cosmographia need the extra `spice`",
+        help=f"{' '.join(FORMATS)}, or all; SPICE kernels need the extra `spice`",
     )
     export.add_argument(
         "--ccsds",

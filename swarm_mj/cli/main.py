@@ -15,7 +15,7 @@ from swarm_mj import __version__
 from swarm_mj.errors import SwarmError
 from swarm_mj.io.cores import keep_algebra_on_one_thread
 from swarm_mj.io.interruption import handled
-from swarm_mj.io.last_resort import INTERRUPTED
+from swarm_mj.io.signal_watchdog import INTERRUPTED
 
 if TYPE_CHECKING:
     import argparse
@@ -60,17 +60,15 @@ def _parser() -> argparse.ArgumentParser:
     import argparse
 
     from swarm_mj.cli import (
-        bench,
         campaign,
-        classes,
+        compare_classes,
         design,
         export,
+        fly,
+        names,
         navigate,
         observe,
-        plugins,
         report,
-        run,
-        scenarios,
         score,
         shape,
         validate,
@@ -84,10 +82,10 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"swarm-mj {__version__}")
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
     for module in (
-        run,
+        fly,
         design,
         campaign,
-        classes,
+        compare_classes,
         video,
         report,
         export,
@@ -95,11 +93,9 @@ def _parser() -> argparse.ArgumentParser:
         observe,
         score,
         view,
-        scenarios,
-        plugins,
+        names,
         shape,
         validate,
-        bench,
     ):
         module.add(commands)
     return parser

@@ -6,6 +6,8 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from swarm_mj.cli.common import add_overrides, overrides_of
+
 if TYPE_CHECKING:
     from rich.table import Table
 
@@ -21,14 +23,7 @@ def add(commands: argparse._SubParsersAction) -> None:
         "(dispersions, navigation) carried through trajectory.corrections. See docs/how-to/corrections.md.",
     )
     navigate.add_argument("scenario", metavar="NAME_OR_FILE", help="packaged name or YAML file")
-    navigate.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        dest="overrides",
-        metavar="KEY=VALUE",
-        help="change one value, e.g. dispersions.deployment_velocity_m_s=0.1; may be repeated",
-    )
+    add_overrides(navigate, "dispersions.deployment_velocity_m_s=0.1")
     navigate.add_argument(
         "--runs",
         type=int,
@@ -49,7 +44,7 @@ def _navigate(arguments: argparse.Namespace) -> int:
 
     console = Console()
     with progress_bars(console, arguments.quiet) as bars:
-        found = navigate(arguments.scenario, arguments.overrides, runs=arguments.runs, progress=bars)
+        found = navigate(arguments.scenario, overrides_of(arguments), runs=arguments.runs, progress=bars)
     console.print(_table(found))
     lines = [f"{found.scenario.name}: {words}" for words in found.findings]
     if arguments.out is not None:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from swarm_mj.cli.common import add_overrides, overrides_of
+
 
 def add(commands: argparse._SubParsersAction) -> None:
     """Add the command to the parser."""
@@ -36,14 +38,7 @@ def add(commands: argparse._SubParsersAction) -> None:
         default="nadir",
         help="without an AEM: at the body's centre (default) or at the target's",
     )
-    observe.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        dest="overrides",
-        metavar="KEY=VALUE",
-        help="change one value of the scenario, e.g. target.longitude_deg=30; may be repeated",
-    )
+    add_overrides(observe, "target.longitude_deg=30")
     observe.add_argument("--out", type=Path, metavar="DIR", help="write observation.json and coverage.npz there")
     observe.add_argument("--quiet", action="store_true", help="no progress bar")
     observe.set_defaults(command=_observe)
@@ -55,7 +50,7 @@ def _observe(arguments: argparse.Namespace) -> int:
     from swarm_mj.api.observe import observe
     from swarm_mj.io.progress import progress_bars
 
-    camera = [] if arguments.camera is None else [f"camera.half_angle_deg={arguments.camera}"]
+    camera = {} if arguments.camera is None else {"camera.half_angle_deg": arguments.camera}
     console = Console()
     with progress_bars(console, arguments.quiet) as bars:
         seen = observe(
@@ -63,7 +58,7 @@ def _observe(arguments: argparse.Namespace) -> int:
             arguments.aem,
             scenario=arguments.scenario,
             body=arguments.body,
-            overrides=[*arguments.overrides, *camera],
+            overrides=overrides_of(arguments) | camera,
             pointing=arguments.pointing,
             progress=bars,
         )

@@ -14,7 +14,7 @@ def add(commands: argparse._SubParsersAction) -> None:
         description="Write one HTML file that opens in any browser without a network.",
     )
     report.add_argument(
-        "runs", nargs="+", type=Path, metavar="RUN_DIR", help="one or two result folders of `swarm-mj run`"
+        "runs", nargs="+", type=Path, metavar="RUN_DIR", help="one or two result folders of `swarm-mj fly`"
     )
     report.add_argument(
         "--out",

@@ -10,31 +10,23 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from swarm_mj.envs.missions.leaderboard import Score
-    from swarm_mj.envs.policies.flyby_scores import FlybyScore
+    from swarm_mj.envs.policies.leaderboard import Score
 
 
 def add(commands: argparse._SubParsersAction) -> None:
     """Add the command to the parser."""
     score = commands.add_parser(
         "score",
-        help="fly policies of an environment through its test episodes",
-        description="Fly policies through frozen episodes that no training sees; of SwarmObserve-v1 those of the leaderboard, "
-        "whose score is a share of what was possible (docs/results/leaderboard.md).",
+        help="fly policies of SwarmObserve-v0 through its test episodes",
+        description="Fly policies through the frozen episodes of the leaderboard, which no training sees; the score is a share "
+        "of what was possible (docs/results/leaderboard.md).",
     )
     score.add_argument(
         "policy",
         nargs="+",
         metavar="POLICY",
-        help="random, open_loop, sweep, greedy, greedy_ahead, planner, trained (of v0: body_centre, target_centre, sweep, "
-        "greedy, greedy_ahead, trained), or a file: .npz, and of v1 .onnx, .zip of stable-baselines3 (which executes what "
-        "is pickled in it)",
-    )
-    score.add_argument(
-        "--env",
-        choices=["SwarmObserve-v1", "SwarmObserve-v0"],
-        default="SwarmObserve-v1",
-        help="(default: %(default)s)",
+        help="random, open_loop, sweep, greedy, greedy_ahead, planner, trained, or a file: .npz, .onnx, .zip of "
+        "stable-baselines3 (which executes what is pickled in it)",
     )
     score.add_argument("--episodes", type=int, metavar="N", help="only the first so many, at least 2 (default: all)")
     score.add_argument(
@@ -59,7 +51,7 @@ def _score(arguments: argparse.Namespace) -> int:
         # What cannot be written is refused before anybody flies for it.
         partial = None if out is None else stack.enter_context(atomic_file(out))
         with progress_bars(console, arguments.quiet) as bars:
-            scores = score(arguments.policy, env=arguments.env, episodes=arguments.episodes, progress=bars)
+            scores = score(arguments.policy, episodes=arguments.episodes, progress=bars)
         if partial is not None:
             partial.write_text(json.dumps([one.record() for one in scores], indent=1) + "\n", encoding="utf-8")
     console.print(_table(scores))
@@ -68,7 +60,7 @@ def _score(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _table(scores: Sequence[Score | FlybyScore]) -> Table:
+def _table(scores: Sequence[Score]) -> Table:
     from rich.box import SIMPLE_HEAD
     from rich.table import Table
 

@@ -9,7 +9,7 @@ import pandas as pd
 from rich.markup import escape
 from rich.table import Table
 
-from swarm_mj.results.summary import working
+from swarm_mj.records.summary import working
 
 
 def results_table(summaries: Sequence[dict[str, Any]]) -> Table:

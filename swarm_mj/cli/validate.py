@@ -24,6 +24,6 @@ def add(commands: argparse._SubParsersAction) -> None:
 
 
 def _validate(arguments: argparse.Namespace) -> int:
-    from swarm_mj.verification.physics.runner import run_validation
+    from swarm_mj.verification.runner import run_validation
 
     return run_validation(arguments.only, arguments.json, arguments.markdown, arguments.quiet)

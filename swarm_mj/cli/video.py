@@ -15,7 +15,7 @@ def add(commands: argparse._SubParsersAction) -> None:
         help="make a film of a run",
         description="Render a finished run offscreen to H.264 MP4 or GIF.",
     )
-    video.add_argument("run", type=Path, metavar="RUN_DIR", help="result folder of `swarm-mj run`")
+    video.add_argument("run", type=Path, metavar="RUN_DIR", help="result folder of `swarm-mj fly`")
     video.add_argument(
         "--camera",
         default="overview",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from swarm_mj.cli.common import DEFAULT_SCENARIOS
+from swarm_mj.cli.common import DEFAULT_SCENARIOS, add_overrides, overrides_of
 
 
 def add(commands: argparse._SubParsersAction) -> None:
@@ -12,7 +12,7 @@ def add(commands: argparse._SubParsersAction) -> None:
     view = commands.add_parser(
         "view",
         help="watch a scenario fly in MuJoCo's viewer",
-        description="Fly a scenario in MuJoCo's viewer, or in the browser where there is no display.",
+        description="Fly a scenario in MuJoCo's viewer; needs a display.",
     )
     view.add_argument(
         "scenario",
@@ -24,30 +24,12 @@ def add(commands: argparse._SubParsersAction) -> None:
     view.add_argument(
         "--speed", type=float, default=10.0, metavar="X", help="seconds of flight per second at the start (default 10)"
     )
-    view.add_argument("--web", action="store_true", help="use the browser even where there is a display")
-    view.add_argument(
-        "--port",
-        type=int,
-        default=0,
-        metavar="N",
-        help="of the browser's page (default: the first free); implies --web",
-    )
-    view.add_argument(
-        "--host",
-        metavar="ADDRESS",
-        help="that the browser's page is served on (default 127.0.0.1: this machine alone; 0.0.0.0: everybody, without "
-        "password or encryption); implies --web",
-    )
-    view.add_argument(
-        "--set", action="append", default=[], dest="overrides", metavar="KEY=VALUE", help="change one value"
-    )
+    add_overrides(view)
     view.set_defaults(command=_view)
 
 
 def _view(arguments: argparse.Namespace) -> int:
-    from swarm_mj.api.scenario import load
     from swarm_mj.api.simulation import view
 
-    scenario = load(arguments.scenario, arguments.overrides)
-    view(scenario, speed=arguments.speed, web=arguments.web, port=arguments.port, host=arguments.host)
+    view(arguments.scenario, overrides_of(arguments), speed=arguments.speed)
     return 0

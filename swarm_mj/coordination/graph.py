@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
-from swarm_mj.dataflow.contacts import Instant, Radios, swarm_rates
+from swarm_mj.dataflow.contacts import Instant, Radios, link_rates
 from swarm_mj.dataflow.relays import closed_both_ways
 from swarm_mj.errors import MissionError
 from swarm_mj.scenarios.constants import SPEED_OF_LIGHT
@@ -109,8 +109,9 @@ def graph_at(radios: Radios, body: Occluder, now: Instant, *, loss: float = 0.0,
         processing_s: What a message takes aboard, on top of the light's way [s].
     """
     n = len(now.works)
-    rate, why = np.zeros((n, n)), np.zeros((n, n), np.int8)
-    swarm_rates(radios.beams, radios.swarm, body, now, rate, why)
+    rates = np.zeros((n, n + 1))
+    link_rates(radios, body, now, -1, rates, np.zeros((n, n + 1), np.int8))
+    rate = rates[:, :n]
     distance = np.linalg.norm(now.r_N[:, None] - now.r_N[None], axis=-1)
     return Graph(
         rate_bit_s=rate,

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from swarm_mj.dataflow.ground import stations_from
+from swarm_mj.dataflow.ground import EarthSchedule, stations_from
 from swarm_mj.dataflow.link_budget import RateTable, rate_at, rate_table
 from swarm_mj.dataflow.radios import radio_from
 from swarm_mj.mission.behaviors import TargetKind
@@ -28,12 +28,12 @@ class Radios(NamedTuple):
     Attributes:
         beams: Their antennas.
         swarm: Rates between two spacecraft by range.
-        earth: Rates by range to each station.
+        earth: Rates by range to each of s stations, arrays of shape (s, k).
     """
 
     beams: Beams
     swarm: RateTable
-    earth: tuple[RateTable, ...]
+    earth: RateTable
 
 
 def radios_from(link: Link, beams: Beams) -> Radios:
@@ -43,11 +43,9 @@ def radios_from(link: Link, beams: Beams) -> Radios:
         ScenarioError: A radio or network does not exist.
     """
     crosslink, to_earth = radio_from(link.crosslink, "link.crosslink"), radio_from(link.earth, "link.earth")
-    return Radios(
-        beams,
-        rate_table(crosslink, crosslink.g_over_t_db_k),
-        tuple(rate_table(to_earth, station.g_over_t_db_k) for station in stations_from(link.ground)),
-    )
+    heard = [rate_table(to_earth, station.g_over_t_db_k) for station in stations_from(link.ground)]
+    earth = RateTable(np.array([table.range_m for table in heard]), np.array([table.rate_bit_s for table in heard]))
+    return Radios(beams, rate_table(crosslink, crosslink.g_over_t_db_k), earth)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -131,7 +129,7 @@ def samples_of(edges_s: Array, per_slot: int) -> Array:
 
 
 def find_contacts(
-    edges_s: Array, instants: Instants, *, radios: Radios, body: Occluder, station: Ints, light_time_s: Array
+    edges_s: Array, instants: Instants, *, radios: Radios, body: Occluder, heard: EarthSchedule
 ) -> Contacts:
     """Capacities of all links.
 
@@ -140,91 +138,84 @@ def find_contacts(
         instants: The swarm at the `samples_of` the slots, in their order, shape (T * k,).
         radios: See `Radios`.
         body: The asteroid, which may stand in between.
-        station: Which station hears the swarm best at each instant, -1 for none, shape (T * k,).
-        light_time_s: Of the way to Earth at each instant, shape (T * k,).
+        heard: By whom on Earth, at each instant.
     """
     slots, n = len(edges_s) - 1, instants.works.shape[1]
     per_slot = len(instants.t) // slots
-    swarm, earth = np.zeros((slots, n, n)), np.zeros((slots, n))
-    why_swarm, why_earth = np.zeros((slots, n, n), np.int8), np.zeros((slots, n), np.int8)
+    bit, obstacle = np.zeros((slots, n, n + 1)), np.zeros((slots, n, n + 1), np.int8)
     heard_by, middle = np.full((slots, n), -1, np.int64), np.arange(slots) * per_slot + per_slot // 2
+    rate, why = np.zeros((n, n + 1)), np.zeros((n, n + 1), np.int8)
     for k in range(slots * per_slot):
         slot = k // per_slot
-        share = (edges_s[slot + 1] - edges_s[slot]) / per_slot
-        rate, why = np.zeros((n, n)), np.zeros((n, n), np.int8)
-        now = instants.at(k)
-        swarm_rates(radios.beams, radios.swarm, body, now, rate, why)
-        to_earth, why_not = earth_rates(radios, body, now, int(station[k]))
-        swarm[slot] += share * rate
-        earth[slot] += share * to_earth
+        link_rates(radios, body, instants.at(k), int(heard.station[k]), rate, why)
+        bit[slot] += (edges_s[slot + 1] - edges_s[slot]) / per_slot * rate
         if k == middle[slot]:
-            why_swarm[slot], why_earth[slot] = why, why_not
-        heard_by[slot] = np.where(to_earth > 0.0, station[k], heard_by[slot])
+            obstacle[slot] = why
+        heard_by[slot] = np.where(rate[:, n] > 0.0, heard.station[k], heard_by[slot])
+    whole = np.floor(bit).astype(np.int64)
     r_N = instants.r_BN_N[middle]
     return Contacts(
         edges_s=edges_s,
-        swarm_bit=np.floor(swarm).astype(np.int64),
-        earth_bit=np.floor(earth).astype(np.int64),
+        swarm_bit=whole[:, :, :n].copy(),
+        earth_bit=whole[:, :, n].copy(),
         station=heard_by,
-        light_time_s=light_time_s[middle],
-        why_swarm=why_swarm,
-        why_earth=why_earth,
+        light_time_s=heard.light_time_s[middle],
+        why_swarm=obstacle[:, :, :n].copy(),
+        why_earth=obstacle[:, :, n].copy(),
         distance_m=np.linalg.norm(r_N[:, :, None] - r_N[:, None], axis=-1),
     )
 
 
 @kernel
-def swarm_rates(
-    beams: Beams, table: RateTable, body: Occluder, now: Instant, rate: Array, why: NDArray[np.int8]
-) -> None:
-    """Rates of all links between spacecraft at one instant.
-
-    With omnidirectional antennas everybody may speak to everybody; with directed ones, a spacecraft to whom it tracks.
-
-    Args:
-        beams: Of the antennas.
-        table: Rates by range.
-        body: The asteroid.
-        now: The instant.
-        rate: Receives the rate from i to j [bit/s], shape (n, n).
-        why: Receives the `Obstacle`, shape (n, n).
-    """
-    r_N, works, mode, tracked = now.r_N, now.works, now.mode, now.tracked
-    for i in range(mode.shape[0]):
-        for j in range(mode.shape[0]):
-            rate[i, j] = 0.0
-            if i == j or not (works[i] and works[j]):
-                why[i, j] = _LOST
-            elif not beams.omnidirectional and (mode[i] != _SPACECRAFT or tracked[i] != j):
-                why[i, j] = _ROLE
-            else:
-                x, y, z = r_N[j, 0] - r_N[i, 0], r_N[j, 1] - r_N[i, 1], r_N[j, 2] - r_N[i, 2]
-                fastest = rate_at(table, np.sqrt(x * x + y * y + z * z))
-                closes = fastest > 0.0
-                why[i, j] = obstacle_between(beams, body, r_N, now.C_BN, now.C_AN, i, j) if closes else _RANGE
-                rate[i, j] = fastest if why[i, j] == _NONE else 0.0
-
-
-def earth_rates(radios: Radios, body: Occluder, now: Instant, station: int) -> tuple[Array, NDArray[np.int8]]:
-    """Rates to Earth at one instant.
+def link_rates(radios: Radios, body: Occluder, now: Instant, station: int, rate: Array, why: NDArray[np.int8]) -> None:
+    """Rates of all links of n spacecraft at one instant: to each other, and in the last column to Earth.
 
     Args:
         radios: See `Radios`.
         body: The asteroid.
         now: The instant.
-        station: Which sees the swarm best, -1 for none.
-
-    Returns:
-        Rate of each spacecraft [bit/s], and the `Obstacle`, each of shape (n,).
+        station: Which station hears the swarm best, -1 for none.
+        rate: Receives the rate from i to j [bit/s], shape (n, n + 1).
+        why: Receives the `Obstacle`, shape (n, n + 1).
     """
-    rate, why = np.zeros(len(now.works)), np.where(now.works, _ROLE, _LOST).astype(np.int8)
-    for j in np.flatnonzero(now.works & (now.mode == _EARTH)):
-        distance = float(np.linalg.norm(now.earth_N - now.r_N[j]))
-        fastest = max(rate_at(table, distance) for table in radios.earth)
-        heard = rate_at(radios.earth[station], distance) if station >= 0 else 0.0
-        earth_N = (now.earth_N[0], now.earth_N[1], now.earth_N[2])
-        why[j] = obstacle_to_earth(radios.beams, body, now.r_N, now.C_BN, now.C_AN, earth_N, j)
-        if why[j] == _NONE and not heard > 0.0:
-            why[j] = _STATION if fastest > 0.0 else _RANGE
-        rate[j] = heard if why[j] == _NONE else 0.0
-    return rate, why
+    n = now.mode.shape[0]
+    for i in range(n):
+        for j in range(n):
+            rate[i, j], why[i, j] = crosslink_rate(radios, body, now, i, j)
+        rate[i, n], why[i, n] = earth_rate(radios, body, now, station, i)
+
+
+@kernel
+def crosslink_rate(radios: Radios, body: Occluder, now: Instant, i: int, j: int) -> tuple[float, int]:
+    """Rate from spacecraft i to spacecraft j [bit/s], and the `Obstacle`.
+
+    With omnidirectional antennas everybody may speak to everybody; with directed ones, a spacecraft to whom it tracks.
+    """
+    if i == j or not (now.works[i] and now.works[j]):
+        return 0.0, _LOST
+    if not radios.beams.omnidirectional and (now.mode[i] != _SPACECRAFT or now.tracked[i] != j):
+        return 0.0, _ROLE
+    r_N = now.r_N
+    x, y, z = r_N[j, 0] - r_N[i, 0], r_N[j, 1] - r_N[i, 1], r_N[j, 2] - r_N[i, 2]
+    fastest = rate_at(radios.swarm, np.sqrt(x * x + y * y + z * z))
+    why = obstacle_between(radios.beams, body, r_N, now.C_BN, now.C_AN, i, j) if fastest > 0.0 else _RANGE
+    return (fastest if why == _NONE else 0.0), why
+
+
+@kernel
+def earth_rate(radios: Radios, body: Occluder, now: Instant, station: int, i: int) -> tuple[float, int]:
+    """Rate from spacecraft i, which has to track Earth, to a station, -1 for none [bit/s], and the `Obstacle`."""
+    if not now.works[i] or now.mode[i] != _EARTH:
+        return 0.0, (_ROLE if now.works[i] else _LOST)
+    earth_N, r_N, tables = (now.earth_N[0], now.earth_N[1], now.earth_N[2]), now.r_N, radios.earth
+    why = obstacle_to_earth(radios.beams, body, r_N, now.C_BN, now.C_AN, earth_N, i)
+    if why != _NONE:
+        return 0.0, why
+    x, y, z = earth_N[0] - r_N[i, 0], earth_N[1] - r_N[i, 1], earth_N[2] - r_N[i, 2]
+    distance, in_range = np.sqrt(x * x + y * y + z * z), False
+    for k in range(tables.range_m.shape[0]):
+        rate = rate_at(RateTable(tables.range_m[k], tables.rate_bit_s[k]), distance)
+        in_range |= rate > 0.0
+        if k == station and rate > 0.0:
+            return rate, _NONE
+    return 0.0, (_STATION if in_range else _RANGE)

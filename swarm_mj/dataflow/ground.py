@@ -12,12 +12,15 @@ import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isfinite
+from typing import NamedTuple
 
 import numpy as np
 
 from swarm_mj.dataflow.radios import known_name
 from swarm_mj.errors import ScenarioError
+from swarm_mj.scenarios.constants import DAY, SPEED_OF_LIGHT
 from swarm_mj.scenarios.schema_link import Ground
+from swarm_mj.smallbody.ephemeris import julian_date
 from swarm_mj.smallbody.rotation import equatorial_from_ecliptic
 from swarm_mj.typing import Array, Ints, Mask
 
@@ -172,13 +175,33 @@ def best_station(stations: Sequence[Station], elevation_deg: Array, min_elevatio
     return np.where(sees.any(axis=1), highest, -1)
 
 
-def listening_station(ground: Ground, jd_tdb: Array, r_SE_N: Array) -> Ints:
-    """The `best_station` of a scenario's network, by number from 0; -1 where none sees the spacecraft, shape (t,).
+class EarthSchedule(NamedTuple):
+    """Who on Earth hears a spacecraft at t instants.
+
+    Attributes:
+        station: The `best_station` when the signal arrives, by number from 0; -1 where none sees it, shape (t,).
+        light_time_s: Of the way from the origin of N to Earth, shape (t,).
+    """
+
+    station: Ints
+    light_time_s: Array
+
+
+def earth_schedule(
+    ground: Ground, epoch: str, t: Array, r_N: Array, earth_N: Array, *, turn_s: float = 0.0
+) -> EarthSchedule:
+    """When which station of a scenario's network hears what a spacecraft sends.
 
     Args:
         ground: Names the network, and from which elevation on its stations hear.
-        jd_tdb: See `elevations_deg`.
-        r_SE_N: See `elevations_deg`.
+        epoch: Of the scenario (TDB).
+        t: Past it, when it is sent [s], shape (t,).
+        r_N: Where the spacecraft is, shape (t, 3) or (3,) [m].
+        earth_N: Position of Earth, shape (t, 3) [m].
+        turn_s: By which Earth has turned on, for a visit at another hour of the day [s].
     """
     stations = stations_from(ground)
-    return best_station(stations, elevations_deg(stations, jd_tdb, r_SE_N), ground.min_elevation_deg)
+    light_time_s = np.linalg.norm(earth_N, axis=1) / SPEED_OF_LIGHT
+    heard_jd = julian_date(epoch) + (t + light_time_s + turn_s) / DAY
+    elevation_deg = elevations_deg(stations, heard_jd, r_N - earth_N)
+    return EarthSchedule(best_station(stations, elevation_deg, ground.min_elevation_deg), light_time_s)

@@ -8,7 +8,7 @@ compiled code alike.
 
 from __future__ import annotations
 
-from math import inf, log2, log10, pi
+from math import e, inf, log2, log10, pi
 from typing import NamedTuple
 
 import numpy as np
@@ -57,7 +57,7 @@ def required_c_n0_db_hz(transmitter: Radio, rate_bit_s: float) -> float:
     per_hertz = rate_bit_s / transmitter.bandwidth_hz
     if per_hertz > 1000.0:  # 2^x would overflow
         return inf
-    by_shannon = 10.0 * log10(transmitter.bandwidth_hz * float(np.expm1(per_hertz / log2(np.e))))
+    by_shannon = 10.0 * log10(transmitter.bandwidth_hz * float(np.expm1(per_hertz / log2(e))))
     return transmitter.margin_db + max(transmitter.required_eb_n0_db + 10.0 * log10(rate_bit_s), by_shannon)
 
 
@@ -100,7 +100,7 @@ def rates_bit_s(transmitter: Radio, receiver_g_over_t_db_k: float, range_m: Arra
 
 @kernel
 def rate_at(table: RateTable, range_m: float) -> float:
-    """The same for one range from a table, compiled [bit/s]."""
+    """The fastest rate of a table that closes over a distance, 0 where none does [bit/s]."""
     for k in range(table.range_m.shape[0]):
         if range_m <= table.range_m[k]:
             return float(table.rate_bit_s[k])

@@ -12,8 +12,6 @@ Copies of tiles that are on Earth are deleted where storage may run short in a s
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable
-from fractions import Fraction
 from typing import NamedTuple
 
 import numpy as np
@@ -21,7 +19,8 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from swarm_mj.dataflow.account import ON_EARTH, SPACECRAFT_LOST, STORAGE_FULL, Account, Loss, Transfer
-from swarm_mj.dataflow.network import EARTH, Access, Network
+from swarm_mj.dataflow.carry import NOBODY, carry, link_rules
+from swarm_mj.dataflow.network import EARTH, Network
 from swarm_mj.errors import MissionError
 from swarm_mj.typing import Array, Ints, Mask
 
@@ -68,7 +67,9 @@ class _Swarm:
 
     def __init__(self, network: Network) -> None:
         self.network = network
-        self.links, self.to_earth = network.open_links()
+        links, to_earth = network.open_links()
+        self.capacity = np.concatenate([links, to_earth[:, :, None]], axis=2)
+        self.rules = link_rules(network.access, half_duplex=network.half_duplex, channels=network.earth_channels)
         self.origin, self.tile = np.nonzero(network.seen)
         self.size = network.bits[self.origin, self.tile]
         self.ready = network.ready[self.origin, self.tile]
@@ -114,56 +115,26 @@ class _Swarm:
 
     def send(self, slot: int, relay: Mask) -> None:
         """Everything that is sent in a slot; it was aboard at its start."""
-        routes = _routes(self.links[slot], relay)
+        routes = _routes(self.capacity[slot, :, :-1], relay)
+        to = np.where(relay, EARTH, np.where(routes.following >= 0, routes.following, NOBODY))
         underway = np.flatnonzero(self._underway(routes))
         holder, place = np.nonzero(self.held[:, underway])
         copy = underway[place]
-        first = np.lexsort((holder, self.rank[copy]))
-        queue = np.stack([holder[first], copy[first]], axis=1)
-        room = self.network.storage_bit - self.held.sum(axis=1)
-        to_earth = self._send_to_earth(slot, queue[relay[queue[:, 0]]].tolist(), room)
-        inside = self._send_inside(slot, queue[routes.following[queue[:, 0]] >= 0].tolist(), room, routes)
-        for part, sent in to_earth:
-            self.on_earth[part] += sent.bits
-            if self.on_earth[part] == self.size[part]:
-                self.delivered_slot[sent.tile] = slot
-        for part, sent in inside:
-            self.held[sent.receiver, part] += sent.bits
-        self.transfers += [sent for _, sent in (*to_earth, *inside)]
+        queue = np.column_stack([holder, copy])[np.lexsort((holder, self.rank[copy]))]
+        moved, everybody = np.zeros(len(queue), np.int64), np.ones(len(relay))
+        carry(self.rules, self.capacity[slot], everybody, to, queue, self.network.storage_bit, self.held, moved)
+        inside = to[queue[:, 0]] != EARTH
+        for q in np.argsort(inside, kind="stable").tolist():
+            if moved[q]:
+                self._record(slot, int(to[queue[q, 0]]), *queue[q].tolist(), bits=int(moved[q]))
 
-    def _send_to_earth(self, slot: int, queue: list[list[int]], room: Ints) -> list[tuple[int, Transfer]]:
-        turns, capacity = _Turns(), self.to_earth[slot].tolist()
-        sent: list[tuple[int, Transfer]] = []
-        for i, copy in queue:
-            if (i, EARTH) in turns.over:
-                continue
-            limits = [(i, Fraction(1)), (EARTH, Fraction(self.network.earth_channels))]
-            bits = turns.take(limits, int(self.held[i, copy]), (i, EARTH), capacity[i])
-            if bits:
-                sent.append((copy, self._remove(slot, i, EARTH, copy, bits)))
-                room[i] += bits
-        return sent
-
-    def _send_inside(
-        self, slot: int, queue: list[list[int]], room: Ints, routes: _Routes
-    ) -> list[tuple[int, Transfer]]:
-        turns, following = _Turns(), routes.following.tolist()
-        sent: list[tuple[int, Transfer]] = []
-        for i, copy in queue:
-            j = following[i]
-            if (i, j) in turns.over:
-                continue
-            fits = min(int(self.held[i, copy]), int(room[j]))
-            bits = turns.take(_limits(self.network, i, j), fits, (i, j), int(self.links[slot, i, j]))
-            if bits:
-                sent.append((copy, self._remove(slot, i, j, copy, bits)))
-                room[i] += bits
-                room[j] -= bits
-        return sent
-
-    def _remove(self, slot: int, sender: int, receiver: int, copy: int, bits: int) -> Transfer:
-        self.held[sender, copy] -= bits
-        return Transfer(slot, sender, receiver, int(self.origin[copy]), int(self.tile[copy]), bits)
+    def _record(self, slot: int, receiver: int, sender: int, copy: int, *, bits: int) -> None:
+        tile = int(self.tile[copy])
+        self.transfers.append(Transfer(slot, sender, receiver, int(self.origin[copy]), tile, bits))
+        if receiver == EARTH:
+            self.on_earth[copy] += bits
+            if self.on_earth[copy] == self.size[copy]:
+                self.delivered_slot[tile] = slot
 
     def _underway(self, routes: _Routes) -> Mask:
         """Which copy of each tile is on its way, shape (copies,)."""
@@ -205,36 +176,3 @@ def _routes(links: Ints, relay: Mask) -> _Routes:
     backwards = csr_array((1.0 / links[sender, receiver], (receiver, sender)), shape=(n, n))
     seconds, following, _ = dijkstra(backwards, indices=np.flatnonzero(relay), min_only=True, return_predecessors=True)
     return _Routes(relay, following.astype(np.int64), seconds)
-
-
-def _limits(network: Network, i: int, j: int) -> list[tuple[Hashable, Fraction]]:
-    """The limits of time in which a crosslink from i to j takes part."""
-    if network.access is Access.ONE_AT_A_TIME:
-        return [("channel", Fraction(1))]
-    if network.access is Access.TDMA:
-        return [(i, Fraction(1, network.n_spacecraft))]
-    return [(i, Fraction(1)), (j, Fraction(1))] if network.half_duplex else [(i, Fraction(1))]
-
-
-class _Turns:
-    """What is left of each limit of time in a slot, exactly."""
-
-    def __init__(self) -> None:
-        self.left: dict[Hashable, Fraction] = {}
-        self.over: set[tuple[int, int]] = set()
-
-    def take(self, limits: Iterable[tuple[Hashable, Fraction]], bits: int, link: tuple[int, int], capacity: int) -> int:
-        """As many of the bits as there is time for, over a link that carries `capacity` in the whole slot.
-
-        The link is `over` when there is time for no more.
-        """
-        if bits <= 0:
-            return 0
-        left = {name: self.left.get(name, whole) for name, whole in limits}
-        most = int(min(left.values()) * capacity)
-        if most <= bits:
-            self.over.add(link)
-        bits = min(bits, most)
-        if bits:
-            self.left.update({name: share - Fraction(bits, capacity) for name, share in left.items()})
-        return bits

@@ -14,7 +14,7 @@ from scipy.sparse import csr_array, vstack
 from swarm_mj.dataflow.network import EARTH, Network
 from swarm_mj.dataflow.program import Program, build_program
 from swarm_mj.errors import MissionError
-from swarm_mj.io import beside
+from swarm_mj.io import highs
 from swarm_mj.typing import Array, Ints
 
 #: Values that differ relatively by less are taken for the same: HiGHS works to this accuracy, not to the last bit.
@@ -174,7 +174,7 @@ def _solve_shares(program: Program, time_limit_s: float | None, waiting: Waiting
         "method": "highs-ipm" if len(program.c) > LARGE else "highs",
         "options": {"primal_feasibility_tolerance": _TOLERANCE, "dual_feasibility_tolerance": _TOLERANCE},
     }
-    return beside.solve(arguments, time_limit_s, waiting, by=linprog)
+    return highs.solve(arguments, time_limit_s, waiting, by=linprog)
 
 
 def _solve_whole(program: Program, time_limit_s: float | None, waiting: Waiting) -> Any:
@@ -188,7 +188,7 @@ def _solve_whole(program: Program, time_limit_s: float | None, waiting: Waiting)
         "integrality": (np.arange(len(program.c)) < len(program.copies)).astype(np.int64),
         "options": {"mip_rel_gap": 0.0},
     }
-    return beside.solve(arguments, time_limit_s, waiting, by=milp)
+    return highs.solve(arguments, time_limit_s, waiting, by=milp)
 
 
 def _schedule(network: Network, program: Program, x: Array, bound: float, status: str, start: float) -> Schedule:

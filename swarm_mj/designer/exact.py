@@ -25,7 +25,7 @@ from swarm_mj.designer.problem import CoverProblem, check_cost
 from swarm_mj.designer.reduction import ReducedProblem, merge_cells, reduce_problem
 from swarm_mj.designer.repair import repair_designs
 from swarm_mj.errors import MissionError
-from swarm_mj.io import beside
+from swarm_mj.io import highs
 from swarm_mj.typing import Array, Ints
 
 #: HiGHS accepts constraints violated by this much; the tolerance is loosened by it so that no true design is lost.
@@ -285,7 +285,7 @@ def _milp(
         "integrality": np.ones(len(upper)),
         "options": {"mip_rel_gap": 0.0},
     }
-    return beside.solve(program, time_limit_s, waiting)
+    return highs.solve(program, time_limit_s, waiting)
 
 
 def _identity(n: int) -> Any:

@@ -11,23 +11,25 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from swarm_mj.designer.arrival import HOUR, Arrival, fly_design, needs_of
 from swarm_mj.designer.candidates.visibility import Candidate, Visibility, visibility
 from swarm_mj.designer.exact import ExactResult, Waiting, solve_budget, solve_exact, without_proof
-from swarm_mj.designer.genetic import GeneticResult, GeneticSettings, evolve
-from swarm_mj.designer.pareto import ParetoFront, pareto_front
 from swarm_mj.designer.problem import CoverProblem
 from swarm_mj.designer.within import Within
 from swarm_mj.errors import MissionError
 from swarm_mj.io.interruption import held
 from swarm_mj.scenarios.itinerary import target_name
-from swarm_mj.scenarios.loading import scenario_from
+from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.typing import Ints
+
+if TYPE_CHECKING:  # they load pymoo, which a study that is read back does not need
+    from swarm_mj.designer.genetic import GeneticResult, GeneticSettings
+    from swarm_mj.designer.pareto import ParetoFront
 
 Stage = Callable[[str], None]
 #: Told the name of a stage and the share of it that is done, 0 to 1.
@@ -186,6 +188,8 @@ class _Work:
             self.exact = self.prove(limit, waiting)
         self.evolve("plain")
         if pareto:
+            from swarm_mj.designer.pareto import pareto_front
+
             with self.clock.stage("trade-off", "trade-off"):
                 # The best coverage for each number of spacecraft, with proof, for evolution to start from.
                 known = [solve_budget(problem, n).points for n in range(1, self.exact.n_observers + 1)]
@@ -199,6 +203,8 @@ class _Work:
 
     def evolve(self, operators: str) -> None:
         """One run of the genetic algorithm; and when its design is on Earth, where that matters."""
+        from swarm_mj.designer.genetic import evolve
+
         name = f"evolution, {operators}"
         with self.clock.stage(name, name) as (tell,):
             found = self.genetic[operators] = evolve(self.problem, _settings(self.scenario, operators), tell)
@@ -258,38 +264,31 @@ class Growth(NamedTuple):
 
 
 #: Demands and freedoms beyond the paper, as overrides of the scenario.
-EXTENSIONS: dict[str, dict[str, dict[str, Any]]] = {
+EXTENSIONS: dict[str, dict[str, Any]] = {
     "as asked": {},
-    "every face seen by 2": {"designer": {"fold": 2}},
-    "every face seen by 3": {"designer": {"fold": 3}},
+    "every face seen by 2": {"designer.fold": 2},
+    "every face seen by 3": {"designer.fold": 3},
     "only sunlit faces count, incidence up to 70 deg, with shadows": {
-        "observation": {"max_incidence_deg": 70.0, "shadows": True}
+        "observation.max_incidence_deg": 70.0,
+        "observation.shadows": True,
     },
     "a second target at 0 N, 60 E, 15 deg": {
-        "designer": {"extra_targets": [{"latitude_deg": 0.0, "longitude_deg": 60.0, "half_angle_deg": 15.0}]}
+        "designer.extra_targets": [{"latitude_deg": 0.0, "longitude_deg": 60.0, "half_angle_deg": 15.0}]
     },
-    "altitude free among 10, 14 and 18 km": {"designer": {"altitudes_m": [10e3, 14e3, 18e3]}},
-    "time of flight free among 480, 600 and 720 s": {"designer": {"times_of_flight_s": [480.0, 600.0, 720.0]}},
+    "altitude free among 10, 14 and 18 km": {"designer.altitudes_m": [10e3, 14e3, 18e3]},
+    "time of flight free among 480, 600 and 720 s": {"designer.times_of_flight_s": [480.0, 600.0, 720.0]},
 }
 
 
 def growth(scenario: Scenario, *, workers: int | None = None, stage: Stage | None = None) -> list[Growth]:
     """The proven minimum under each of `EXTENSIONS`, of seeing alone: when the map is on Earth is not asked."""
     rows = []
-    scenario = with_overrides(scenario, {"designer": {"deliver_within_h": None}})
+    scenario = load_scenario(scenario, {"designer.deliver_within_h": None})
     for change, overrides in EXTENSIONS.items():
         if stage is not None:
             stage(change)
-        rows.append(_grown(change, with_overrides(scenario, overrides), workers))
+        rows.append(_grown(change, load_scenario(scenario, overrides), workers))
     return rows
-
-
-def with_overrides(scenario: Scenario, overrides: dict[str, dict[str, Any]]) -> Scenario:
-    """A scenario with some values of its sections changed, validated again."""
-    data = scenario.model_dump()
-    for section, values in overrides.items():
-        data[section] = {**data[section], **values}
-    return scenario_from(data, f"{scenario.name} with {overrides}")
 
 
 def _grown(change: str, scenario: Scenario, workers: int | None) -> Growth:
@@ -314,6 +313,8 @@ def describe(candidate: Candidate, seen: Visibility) -> str:
 
 
 def _settings(scenario: Scenario, operators: str) -> GeneticSettings:
+    from swarm_mj.designer.genetic import GeneticSettings
+
     designer = scenario.designer
     return GeneticSettings(
         operators=operators,  # type: ignore[arg-type]

@@ -6,10 +6,9 @@ nothing is handed back: what is compiled by then is loaded, and the rest compile
 
 from __future__ import annotations
 
-import mujoco
 import numpy as np
 
-from swarm_mj.flight.fly import model_of
+from swarm_mj.flight.fly import make_simulation
 from swarm_mj.flight.observe import criterion_from, observer_from
 from swarm_mj.flight.plan import Plan, antennas_from
 from swarm_mj.mission.behaviors import TargetKind
@@ -17,7 +16,6 @@ from swarm_mj.mission.links import links_closed
 from swarm_mj.observation.camera import look_at
 from swarm_mj.observation.capture import observe
 from swarm_mj.observation.smear import CameraMotion
-from swarm_mj.simulator.fast.integrator import Integrator
 from swarm_mj.smallbody.rotation import spin_dcm
 from swarm_mj.spacecraft.attitude.mrp import dcm
 
@@ -30,8 +28,7 @@ def kernels_compiled() -> int:
 
 def compile_ahead(plan: Plan) -> None:
     """Do a little of what a flight of this plan will do, the most urgent first: a step, links at an instant, a picture."""
-    model = model_of(plan)
-    Integrator(model, mujoco.MjData(model.mjmodel)).step(1)
+    make_simulation(plan).step()
     _judge_links(plan)
     _take_picture(plan)
 

@@ -14,7 +14,7 @@ import xarray as xr
 from swarm_mj.dataflow.account import ON_EARTH, SPACECRAFT_LOST, STORAGE_FULL, Account
 from swarm_mj.dataflow.contacts import Contacts, Instants, find_contacts, radios_from, samples_of
 from swarm_mj.dataflow.delivery import Delivery
-from swarm_mj.dataflow.ground import listening_station
+from swarm_mj.dataflow.ground import earth_schedule
 from swarm_mj.dataflow.network import EARTH, Access, Network
 from swarm_mj.dataflow.online import run_online
 from swarm_mj.dataflow.optimum import SAME, earliest_full, optimum
@@ -30,9 +30,7 @@ from swarm_mj.flight.plan import Plan, antennas_from
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.observation.capture import pixels_on, sight
 from swarm_mj.observation.coverage import CoverageMap
-from swarm_mj.scenarios.constants import DAY, SPEED_OF_LIGHT
 from swarm_mj.scenarios.schema import Scenario
-from swarm_mj.smallbody.ephemeris import julian_date
 from swarm_mj.smallbody.occultation import occluder_of
 from swarm_mj.typing import Array, Ints, Mask
 
@@ -354,14 +352,9 @@ def speaking(instants: Instants) -> Mask:
 def contacts_of(plan: Plan, edges_s: Array, instants: Instants) -> Contacts:
     """What geometry and the scenario's radios allow."""
     link = plan.scenario.link
-    light_time_s = np.linalg.norm(instants.earth_N, axis=1) / SPEED_OF_LIGHT
-    from_earth_N = instants.r_BN_N.mean(axis=1) - instants.earth_N
-    heard_jd = julian_date(plan.scenario.epoch) + (instants.t + light_time_s) / DAY
-    station = listening_station(link.ground, heard_jd, from_earth_N)
+    heard = earth_schedule(link.ground, plan.scenario.epoch, instants.t, instants.r_BN_N.mean(axis=1), instants.earth_N)
     radios = radios_from(link, antennas_from(plan.scenario).beams)
-    return find_contacts(
-        edges_s, instants, radios=radios, body=occluder_of(plan.shape), station=station, light_time_s=light_time_s
-    )
+    return find_contacts(edges_s, instants, radios=radios, body=occluder_of(plan.shape), heard=heard)
 
 
 def network_of(scenario: Scenario, tiles: Tiles, contacts: Contacts, instants: Instants) -> Network:

@@ -28,8 +28,8 @@ from swarm_mj.simulator.faults.deployment import deployed_velocities
 from swarm_mj.simulator.faults.dispersions import attitude_turns, extra_rates, mothership_error, velocity_errors
 from swarm_mj.simulator.faults.schedule import draw_schedule
 from swarm_mj.simulator.faults.state import FaultModel
-from swarm_mj.simulator.loop_state import Release
-from swarm_mj.simulator.simulation import InitialState, Simulation
+from swarm_mj.simulator.simulation import Simulation
+from swarm_mj.simulator.state import InitialState, Release
 from swarm_mj.simulator.telemetry import dataset, released_flags, working
 from swarm_mj.spacecraft.attitude.mrp import add_mrp, dcm, mrp_from_quaternion
 from swarm_mj.spacecraft.model import SwarmModel, build_model
@@ -133,7 +133,6 @@ def make_simulation(plan: Plan, *, geometry: bool = False) -> Simulation:
     behavior = plan.behavior
     simulation = Simulation(
         model,
-        properties=plan.properties,
         environment=plan.environment,
         behavior=behavior.for_flight(plan) if isinstance(behavior, MissionBehavior) else behavior,
         controller=plan.controller,
@@ -178,7 +177,6 @@ def model_of(plan: Plan, *, geometry: bool = False) -> SwarmModel:
         timestep=timestep,
         camera_half_angle_deg=scenario.camera.half_angle_deg,
         sun_N=sun_N,
-        wheels=scenario.physics.wheels,
         geometry=geometry,
         stepper=scenario.physics.stepper,
     )
@@ -197,7 +195,7 @@ def simulate(plan: Plan, progress: Progress | None = None) -> xr.Dataset:
     telemetry.attrs |= provenance(plan)
     record_coordination(telemetry, simulation.behavior)
     record_formation(telemetry, plan, simulation)
-    telemetry.attrs |= {"stepper": simulation.stepper, "stepper_note": simulation.why_mj_step}
+    telemetry.attrs |= {"stepper": simulation.stepper}
     closed = links_closed(
         antennas=antennas_from(scenario),
         shape=plan.shape,

@@ -20,7 +20,7 @@ from swarm_mj.flight.plan import Plan
 from swarm_mj.mission.behaviors import SwarmView
 from swarm_mj.mission.covariance import visit_axes
 from swarm_mj.mission.deployment import planned_paths
-from swarm_mj.scenarios.schema_formation import Formation
+from swarm_mj.scenarios.schema_swarm import Formation
 from swarm_mj.simulator.simulation import Simulation
 from swarm_mj.spacecraft.control.force import ForceView, SumOfForces
 from swarm_mj.typing import Array, Mask
@@ -43,8 +43,9 @@ def structure_of(plan: Plan, formation: Formation) -> Structure:
     scenario, deployment, gravity = plan.scenario, plan.deployment, plan.environment.acceleration_N
     _check(plan, formation)
     times = nodes(scenario.duration_s)
-    end = scenario.duration_s if formation.end_s is None else min(formation.end_s, scenario.duration_s)
-    planned = planned_structure(gravity, times, *planned_paths(gravity, deployment, times), (formation.start_s, end))
+    planned = planned_structure(
+        gravity, times, *planned_paths(gravity, deployment, times), (formation.start_s, scenario.duration_s)
+    )
     if formation.shape == "planned" or (formation.shape == "natural" and formation.offsets_m is None):
         return planned
     if formation.offsets_m is None:

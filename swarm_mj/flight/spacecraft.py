@@ -13,7 +13,7 @@ from swarm_mj.scenarios.schema import Scenario, Spacecraft, Wheel
 from swarm_mj.scenarios.schema_thrusters import Thrusters as ThrusterKeys
 from swarm_mj.spacecraft.elastic import lost_to_the_step
 from swarm_mj.spacecraft.model_guard import listed
-from swarm_mj.spacecraft.own_spacecraft import OwnSpacecraft, examine_file, read_spacecraft, small_motions
+from swarm_mj.spacecraft.own_spacecraft import OwnSpacecraft, read_spacecraft, small_motions
 from swarm_mj.spacecraft.properties import RPM, WHEEL_AXES, SpacecraftProperties
 from swarm_mj.spacecraft.template import TEMPLATE, examine_template
 from swarm_mj.spacecraft.thrusters import Thrusters
@@ -68,11 +68,9 @@ def own_spacecraft_from(scenario: Scenario) -> OwnSpacecraft | None:
             return None
         path, why = Path(str(asset_path(TEMPLATE))), listed(findings)
     own = read_spacecraft(path, planned, why)
-    if scenario.physics.stepper == "fast" or scenario.physics.wheels == "gyrostat":
-        key = "stepper = fast" if scenario.physics.stepper == "fast" else "wheels = gyrostat"
-        strange = listed(examine_file(own)) or "spacecraft from files are stepped by mj_step"
+    if scenario.physics.stepper == "kernel":
         raise ScenarioError(
-            f"physics.{key}: cannot fly {path}: {strange}. Use physics.stepper: mj_step or auto, and physics.wheels: bodies"
+            f"physics.stepper = kernel: flies the packaged CubeSat, not {path} ({why}); use physics.stepper: mujoco"
         )
     if wrong := list(_contradictions(scenario.spacecraft, own)):
         raise ScenarioError(

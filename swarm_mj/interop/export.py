@@ -12,7 +12,7 @@ from typing import Final, get_args
 
 from swarm_mj import __version__
 from swarm_mj.errors import InteropError, OutputError
-from swarm_mj.interop import ccsds_out, cosmographia, gltf, kernels_binary, kernels_text, stk, tables, vizard
+from swarm_mj.interop import ccsds_out, gltf, kernels_binary, kernels_text, tables
 from swarm_mj.interop.ccsds_out import Generation
 from swarm_mj.interop.states import FlightStates
 from swarm_mj.io.atomic import write_text
@@ -22,8 +22,8 @@ from swarm_mj.io.spice import spiceypy
 
 #: What lists the files of an export; only a folder that has it is written again.
 MANIFEST: Final = "export.json"
-#: Formats that are SPICE kernels or need them.
-KERNELS: Final = ("spk", "ck", "dsk", "cosmographia")
+#: Formats that are SPICE kernels.
+KERNELS: Final = ("spk", "ck", "dsk")
 
 
 def export_flight(states: FlightStates, folder: Path, formats: Iterable[str], generation: Generation = 2) -> list[Path]:
@@ -121,32 +121,8 @@ def _kernels(states: FlightStates, folder: Path) -> Path:
 
 
 def _meta_kernel(states: FlightStates, place: Path) -> None:
-    _put(place / "swarm.tm", kernels_text.meta_kernel(states, _names_of_kernels(place)))
-
-
-def _names_of_kernels(place: Path) -> list[str]:
-    """Names of the kernels, text before binary."""
     binary = sorted(p.name for p in place.iterdir() if p.suffix in (".bsp", ".bc", ".bds"))
-    return [*TEXT_KERNELS, *binary]
-
-
-def _cosmographia(states: FlightStates, folder: Path, generation: Generation) -> None:
-    for write, name in ((_spk, "swarm.bsp"), (_ck, "swarm.bc"), (_dsk, "body.bds")):
-        if not (folder / "spice" / name).exists():  # SPICE writes no file that is there
-            write(states, folder, generation)
-    kernels = [f"../spice/{name}" for name in _names_of_kernels(folder / "spice")]
-    for name, text in cosmographia.write_catalogues(states, kernels).items():
-        _put(folder / "cosmographia" / name, text)
-
-
-def _stk(states: FlightStates, folder: Path, generation: Generation) -> None:
-    for j, name in enumerate(states.names):
-        _put(folder / "stk" / f"{name}.e", stk.write_ephemeris(states, j))
-        _put(folder / "stk" / f"{name}.a", stk.write_attitude(states, j))
-
-
-def _vizard(states: FlightStates, folder: Path, generation: Generation) -> None:
-    _put(folder / "vizard" / "flight.bin", vizard.write_recording(states))
+    _put(place / "swarm.tm", kernels_text.meta_kernel(states, [*TEXT_KERNELS, *binary]))
 
 
 def _gltf(states: FlightStates, folder: Path, generation: Generation) -> None:
@@ -168,9 +144,6 @@ FORMATS: Final[dict[str, Callable[[FlightStates, Path, Generation], None]]] = {
     "spk": _spk,
     "ck": _ck,
     "dsk": _dsk,
-    "stk": _stk,
-    "vizard": _vizard,
-    "cosmographia": _cosmographia,
     "gltf": _gltf,
     "csv": _csv,
 }
@@ -194,12 +167,12 @@ def _manifest(states: FlightStates, folder: Path, chosen: list[str]) -> str:
                 "formats": chosen,
                 "centre": f"{states.body.name}, NAIF {states.body.code}",
                 "frames": {
-                    "oem, aem, stk, vizard": "EME2000",
+                    "oem, aem": "EME2000",
                     "spk, ck, csv": "ECLIPJ2000, which is N",
                     "dsk, csv (A)": f"{states.body.frame}, which is A",
                     "gltf": "N, its z axis up (y of glTF)",
                 },
-                "time": "TDB; stk and vizard: an epoch in UTC",
+                "time": "TDB",
                 "comments": states.comments,
                 "files": _files(folder),
             },

@@ -10,11 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from swarm_mj.interop.cosmographia import COLORS
 from swarm_mj.interop.states import FlightStates
 from swarm_mj.spacecraft.attitude.mrp import dcm
 from swarm_mj.typing import Array, Pixels
 
+#: Colours of the spacecraft in turn.
+COLORS = ((0.9, 0.4, 0.3), (0.3, 0.7, 0.9), (0.5, 0.8, 0.3), (0.9, 0.8, 0.3), (0.7, 0.5, 0.9), (0.9, 0.6, 0.8))
 #: The long edge of a spacecraft in the picture, in radii of the body.
 SPACECRAFT_SIZE = 0.05
 #: More points of a path are left out.

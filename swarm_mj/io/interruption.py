@@ -15,7 +15,7 @@ from contextlib import contextmanager, nullcontext
 from types import FrameType
 from typing import Any
 
-from swarm_mj.io import last_resort
+from swarm_mj.io import signal_watchdog
 
 #: Ctrl-C, and whoever ends the program politely: both get the same tidy end.
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
@@ -43,7 +43,7 @@ def handled(say: Callable[[], object] | None = None) -> Iterator[Interruption]:
 
     Args:
         say: Tells the user of an interruption that compiled code kept from being heard, before the program is ended all the
-            same, see `last_resort`; None: it waits until that code is done.
+            same, see `signal_watchdog`; None: it waits until that code is done.
     """
     interruption = Interruption()
     if threading.current_thread() is not threading.main_thread():
@@ -65,7 +65,7 @@ def handled(say: Callable[[], object] | None = None) -> Iterator[Interruption]:
     def answered(number: int) -> bool:
         return interruption.asked or number not in SIGNALS or signal.getsignal(number) is not interruption
 
-    watched = nullcontext() if say is None else last_resort.watched(answered, lambda: interruption.held > 0, say)
+    watched = nullcontext() if say is None else signal_watchdog.watched(answered, lambda: interruption.held > 0, say)
     try:
         with watched:
             yield interruption

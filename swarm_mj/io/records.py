@@ -15,7 +15,7 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
 
 from swarm_mj.errors import OutputError, SwarmError
-from swarm_mj.io.plain import check_plain, shortened, shown
+from swarm_mj.io.plain_values import check_plain, shortened, shown
 
 #: Larger than the summary of the largest flight; what is larger is no record [bytes].
 MAX_RECORD_BYTES = 64_000_000

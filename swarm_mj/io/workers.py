@@ -1,106 +1,239 @@
-"""Processes of this machine that share work, and are killed at once when nobody waits for their answers any more."""
+"""Processes of this machine that share work, and are killed at once when nobody waits for their answers any more.
+
+On Linux they are forks of the standard library's fork server, which imports once what they need: importing takes ten times as
+long as a short flight. The fork server is an interpreter of its own, without an OpenGL context or threads, which do not survive
+a fork. Elsewhere system libraries do not survive one either, and each process is a new interpreter. Nothing heavy is imported
+here.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+import multiprocessing
+import os
+import signal
+import sys
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from multiprocessing import forkserver, resource_tracker
 from multiprocessing.connection import Connection, wait
+from multiprocessing.process import BaseProcess
+from threading import Lock
+from types import ModuleType
 from typing import Any, TypeVar
 
 from swarm_mj.errors import SwarmError
-from swarm_mj.io import fork_server, interruption
+from swarm_mj.io import interruption
+from swarm_mj.io.cores import ONE_THREAD
 
 Key = TypeVar("Key")
 
+#: Whether processes are forks.
+FORKS = sys.platform == "linux"
 #: Time between two looks for an interruption that Python lost [s].
 LOOK_S = 0.5
 
+_CONTEXT: Any = multiprocessing.get_context("forkserver" if FORKS else "spawn")
+_STARTING = Lock()
 
-def answers(
-    questions: Iterable[tuple[Key, tuple[Any, ...]]],
-    answer: Callable[..., Any],
-    *,
-    workers: int,
-    begin: Callable[..., object],
-    arguments: tuple[Any, ...] = (),
-) -> Iterator[tuple[Key, Any]]:
-    """Answers to questions, in the order in which they are found.
+
+def preload(modules: Sequence[str]) -> None:
+    """Let the fork server import modules, without waiting for it; the first call for this process decides which.
+
+    Processes load what the fork server has not.
 
     Args:
-        questions: Pairs of what names a question and the arguments of `answer`.
-        answer: What each process calls for a question; of the top level of a module.
+        modules: Names; what is not installed is left out.
+    """
+    if not FORKS:
+        return
+    with _STARTING:
+        _CONTEXT.set_forkserver_preload(list(modules))
+        resource_tracker.ensure_running()  # the call below would start it, and let Ctrl-C through again
+        # It opens no window, for which mujoco would get ready. Ctrl-C while it imports is not for it.
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            with _environment({**dict.fromkeys(ONE_THREAD, "1"), "MUJOCO_GL": "disable"}):
+                forkserver.ensure_running()
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def begin(
+    work: Callable[..., object], arguments: tuple[Any, ...], *, modules: Sequence[str]
+) -> tuple[BaseProcess, Connection]:
+    """Start a process that calls `work(pipe, *arguments)` on one core, is deaf to Ctrl-C, and ends with this process.
+
+    It ends as well, without a word, when `work` finds its pipe closed at the other end. It does not run the user's script
+    again, which therefore needs no `if __name__ == "__main__":`.
+
+    Args:
+        work: Of the top level of a module.
+        arguments: What can be pickled.
+        modules: What processes should have loaded, see `preload`.
+
+    Returns:
+        The process, and this one's end of the pipe.
+
+    Raises:
+        OSError: No process can be had.
+    """
+    preload(modules)
+    mine, theirs = _CONTEXT.Pipe()
+    try:
+        environment = os.environ | dict.fromkeys(ONE_THREAD, "1")
+        process = _CONTEXT.Process(target=_live, args=(theirs, environment, work, arguments), daemon=True)
+        # Interruptions are not held back: a fork is waited for until the fork server has imported its modules.
+        with _STARTING, _environment(dict.fromkeys(ONE_THREAD, "1")), _without_main():
+            process.start()
+    except BaseException:
+        mine.close()
+        raise
+    finally:
+        theirs.close()
+    return process, mine
+
+
+@contextmanager
+def _environment(values: dict[str, str]) -> Iterator[None]:
+    before = dict(os.environ)
+    os.environ.update(values)
+    try:
+        yield
+    finally:
+        for name in values:
+            if name in before:
+                os.environ[name] = before[name]
+            else:
+                del os.environ[name]
+
+
+@contextmanager
+def _without_main() -> Iterator[None]:
+    """Keep `multiprocessing` from running this process's script in a process that is started meanwhile."""
+    main = sys.modules["__main__"]
+    sys.modules["__main__"] = ModuleType("__main__")
+    try:
+        yield
+    finally:
+        sys.modules["__main__"] = main
+
+
+def _live(
+    pipe: Connection, environment: dict[str, str], work: Callable[..., object], arguments: tuple[Any, ...]
+) -> None:
+    """What a process of `begin` does."""
+    # Ctrl-C reaches the whole group of processes; the one that started them decides what it means.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if FORKS:
+        _end_with_parent()
+    os.environ.clear()
+    os.environ.update(environment)
+    with suppress(EOFError, BrokenPipeError, ConnectionResetError):  # nobody listens any more
+        work(pipe, *arguments)
+
+
+def _end_with_parent() -> None:
+    """Have the kernel kill this process by SIGIO once the one that asked for it is gone, whatever code runs then.
+
+    PR_SET_PDEATHSIG would tell of the end of the fork server.
+    """
+    import fcntl
+
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    sentinel = parent.sentinel
+    fcntl.fcntl(sentinel, fcntl.F_SETOWN, os.getpid())
+    fcntl.fcntl(sentinel, fcntl.F_SETFL, fcntl.fcntl(sentinel, fcntl.F_GETFL) | os.O_ASYNC)
+    if wait([sentinel], timeout=0.0):  # it ended before
+        os._exit(1)
+
+
+def run_jobs(
+    jobs: Iterable[tuple[Key, tuple[Any, ...]]],
+    work: Callable[..., Any],
+    *,
+    workers: int,
+    setup: Callable[..., Any],
+    arguments: tuple[Any, ...] = (),
+    modules: Sequence[str] | None = None,
+) -> Iterator[tuple[Key, Any]]:
+    """Results of jobs, in the order in which they are done.
+
+    Args:
+        jobs: Pairs of what names a job and its arguments.
+        work: Called as `work(state, *job_arguments)` in one of the processes; of the top level of a module.
         workers: Number of processes.
-        begin: What each calls first.
-        arguments: Of `begin`.
+        setup: Called first in each process; returns its `state`.
+        arguments: Of `setup`.
+        modules: See `preload`; default: that of `work`.
 
     Raises:
         SwarmError: A process died.
-        Exception: Whatever `begin` or `answer` raises there.
+        Exception: Whatever `setup` or `work` raises there.
     """
-    waiting = iter(questions)
-    asked: dict[Connection, Key] = {}
-    pool: dict[Connection, fork_server.Worker] = {}
+    waiting = iter(jobs)
+    running: dict[Connection, Key] = {}
+    pool: dict[Connection, BaseProcess] = {}
     try:
         for _ in range(workers):
-            process, pipe = fork_server.begin(_work, (answer,), modules=(answer.__module__,))
+            process, pipe = begin(_serve, (work, setup), modules=modules or (work.__module__,))
             pool[pipe] = process
-        for pipe, process in pool.items():
-            _tell(pipe, process, (begin, arguments))
-            asked.update(_ask(pipe, process, waiting))
-        while asked:
+            _send(pipe, process, arguments)
+            running.update(_next_job(pipe, process, waiting))
+        while running:
             interruption.check()
-            heard = set(wait(list(asked), timeout=LOOK_S))
-            for pipe in [pipe for pipe in asked if pipe in heard]:
-                key, found = asked.pop(pipe), _hear(pipe, pool[pipe])
-                asked.update(_ask(pipe, pool[pipe], waiting))
-                yield key, found
+            ready = wait(list(running), timeout=LOOK_S)
+            for pipe in [pipe for pipe in running if pipe in ready]:
+                key, result = running.pop(pipe), _receive(pipe, pool[pipe])
+                running.update(_next_job(pipe, pool[pipe], waiting))
+                yield key, result
     finally:
-        for pipe, process in pool.items():
-            process.kill()
-            process.join()
-            pipe.close()
+        with interruption.held():
+            for process in pool.values():
+                process.kill()
+            for pipe, process in pool.items():
+                process.join()
+                pipe.close()
 
 
-def _ask(
-    pipe: Connection, process: fork_server.Worker, waiting: Iterator[tuple[Key, tuple[Any, ...]]]
+def _next_job(
+    pipe: Connection, process: BaseProcess, waiting: Iterator[tuple[Key, tuple[Any, ...]]]
 ) -> dict[Connection, Key]:
-    for key, question in waiting:
-        _tell(pipe, process, question)
+    for key, job in waiting:
+        _send(pipe, process, job)
         return {pipe: key}
     return {}
 
 
-def _tell(pipe: Connection, process: fork_server.Worker, message: Any) -> None:
+def _send(pipe: Connection, process: BaseProcess, message: Any) -> None:
     try:
         pipe.send(message)
     except OSError:  # nobody is there to read it
         raise _death_of(process) from None
 
 
-def _hear(pipe: Connection, process: fork_server.Worker) -> Any:
+def _receive(pipe: Connection, process: BaseProcess) -> Any:
     try:
-        found, error = pipe.recv()
+        result, error = pipe.recv()
     except (EOFError, OSError):
         raise _death_of(process) from None
     if error is not None:
         raise error
-    return found
+    return result
 
 
-def _death_of(process: fork_server.Worker) -> SwarmError:
+def _death_of(process: BaseProcess) -> SwarmError:
     process.join(1.0)
     return SwarmError(
-        f"a process that shared the work died with exit status {process.exitcode}: in a script of your own call this below "
-        "`if __name__ == '__main__':`, which keeps its processes from running it again; if memory is short, ask for fewer "
-        "workers"
+        f"a process that shared the work died with exit status {process.exitcode}; if memory is short, ask for fewer workers"
     )
 
 
-def _work(pipe: Connection, answer: Callable[..., Any]) -> None:
-    begin, arguments = pipe.recv()
-    _, problem = _tried(begin, arguments)
+def _serve(pipe: Connection, work: Callable[..., Any], setup: Callable[..., Any]) -> None:
+    state, problem = _tried(setup, pipe.recv())
     while True:
-        question = pipe.recv()
-        pipe.send(_tried(answer, question) if problem is None else (None, problem))
+        job = pipe.recv()
+        pipe.send(_tried(work, (state, *job)) if problem is None else (None, problem))
 
 
 def _tried(call: Callable[..., Any], arguments: tuple[Any, ...]) -> tuple[Any, Exception | None]:

@@ -16,6 +16,8 @@ from swarm_mj.rendering.decorations import NextGeom
 from swarm_mj.rendering.model import BODY_GROUP, SPACECRAFT_GROUP, DrawingModel
 from swarm_mj.typing import Array, Mask, Pixels
 
+#: Sizes that can be drawn and encoded [pixel].
+LEAST_SIDE, MOST_SIDE = 64, 8192
 #: Most geoms in a scene; what is beyond is left out.
 MAX_GEOMS = 20_000
 

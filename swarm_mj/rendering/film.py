@@ -1,21 +1,26 @@
-"""Making a film of a recorded flight: which pictures, how fast, how large, and in what file."""
+"""A film of a recorded flight, or stills of it: which pictures, how fast, how large, and in what file.
+
+Stills stand side by side, as Figure 11 of AAS 19-144 shows the operation.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
+from PIL import Image
 from rich.progress import Progress
 
 from swarm_mj.errors import OutputError
 from swarm_mj.io import interruption
+from swarm_mj.io.atomic import atomic_file
 from swarm_mj.rendering.cameras import CHASE, OVERVIEW, SPLIT
 from swarm_mj.rendering.picture import Drawing
 from swarm_mj.rendering.replay import Replay
-from swarm_mj.rendering.stills import write_stills
 from swarm_mj.rendering.video import SUFFIXES, Film, check_film, film
+from swarm_mj.scenarios.itinerary import last_visit_s
 from swarm_mj.typing import Array, Pixels
 
 #: Begin and end of a part of a flight [s], each None for the flight's own; None: as suits the flight.
@@ -26,6 +31,8 @@ LENGTH_S = 30.0
 MAX_PICTURES = 200_000
 #: Pictures from which the colours of a GIF are chosen.
 SAMPLES = 6
+#: Free pixels between two stills.
+GAP = 8
 #: Pictures' sizes where none is given [pixel].
 DEFAULT_SIZE, DEFAULT_SPLIT_SIZE, DEFAULT_CAMERA_SIZE = (960, 540), (1280, 720), (720, 720)
 
@@ -159,3 +166,37 @@ def _sample(drawing: Drawing, replay: Replay, path: Path) -> Iterator[Pixels]:
     if path.suffix.lower() == ".gif":
         for t in np.linspace(replay.times[0], replay.times[-1], SAMPLES):
             yield drawing.draw(replay.at(float(t)))
+
+
+def write_stills(
+    path: Path,
+    replay: Replay,
+    times: Sequence[float] | None = None,
+    *,
+    camera: str = OVERVIEW,
+    width: int = 960,
+    height: int = 720,
+) -> None:
+    """Write pictures of a flight beside each other as a PNG, under a temporary name that is then changed.
+
+    Args:
+        path: Where.
+        replay: The flight.
+        times: Instants [s]; None: the visit and the end, as in the paper.
+        camera: `overview`, `chase`, `split`, or `sc1`, `sc2`, ...
+        width: Of one picture [pixel].
+        height: Of one picture [pixel].
+
+    Raises:
+        OutputError: There is no camera of that name, the size is out of range, or the file cannot be written.
+        ObserverError: OpenGL cannot be loaded here.
+    """
+    if times is None:
+        times = (last_visit_s(replay.plan.scenario), float(replay.times[-1]))
+    span_s = (float(replay.times[0]), float(replay.times[-1]))
+    with Drawing(replay.plan, replay.path_N, camera=camera, width=width, height=height, span_s=span_s) as drawing:
+        pictures = [drawing.draw(replay.at(t)) for t in times]
+    gap = np.full((height, GAP, 3), 255, np.uint8)
+    strip = [part for picture in pictures for part in (gap, picture)][1:]
+    with atomic_file(path) as partial:
+        Image.fromarray(np.hstack(strip)).save(partial, format="PNG")

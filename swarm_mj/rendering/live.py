@@ -135,9 +135,9 @@ class LiveFlight:
 
     def instant(self) -> Instant:
         """What there is to draw now."""
-        state, _ = self._simulation.model.state(self._simulation.data)
-        r_BN_N = state[:, :3].copy()
-        C_BN, C_AN = dcm(mrp_from_quaternion(state[:, 3:7])), self.plan.environment.C_AN(self.time)
+        state = self._simulation.state
+        r_BN_N = state.r_N.copy()
+        C_BN, C_AN = dcm(mrp_from_quaternion(state.q_BN)), self.plan.environment.C_AN(self.time)
         link = self._links(r_BN_N, C_BN, C_AN)
         return Instant(
             t=self.time,
@@ -181,8 +181,8 @@ class LiveFlight:
         now, sun = self.instant(), self.plan.environment.sun
         who = watching(self.plan.n_observers, now.kind, self._simulation.camera_on)
         who &= self._schedule.takers(self._simulation.tick, self.plan.n)
-        _, rates = self._simulation.model.state(self._simulation.data)
-        moving = Motion(rates[:, :3], rates[:, 3:6], self.plan.environment.spin_N)
+        state = self._simulation.state
+        moving = Motion(state.v_N, state.omega_B, self.plan.environment.spin_N)
         for picture in pictures(now.t, who, now.r_BN_N, now.C_BN, now.C_AN, sun.at(now.t), moving):
             seen = observe(self._observer, picture.r_A, picture.C_CA, self._criterion, picture.sun_A, picture.motion)
             self._coverage.add(picture.t, picture.spacecraft, seen)

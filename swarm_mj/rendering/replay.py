@@ -17,11 +17,10 @@ from scipy.spatial.transform import Rotation
 from swarm_mj.dataflow.delivery import Delivery
 from swarm_mj.errors import OutputError
 from swarm_mj.flight.plan import Plan, make_plan
+from swarm_mj.records.run_files import read_coverage, read_delivery
+from swarm_mj.records.run_record import read_scenario
 from swarm_mj.rendering.frame import Instant
 from swarm_mj.rendering.transfers import transfers_of
-from swarm_mj.results.delivery_files import read_delivery
-from swarm_mj.results.run_files import read_coverage
-from swarm_mj.results.run_record import read_scenario
 from swarm_mj.scenarios.itinerary import last_visit_s
 from swarm_mj.simulator.telemetry import read_telemetry
 from swarm_mj.spacecraft.attitude.mrp import quaternion_from_mrp
@@ -154,7 +153,7 @@ def _flags(telemetry: xr.Dataset, name: str) -> Mask | None:
 
 
 def load_replay(folder: Path) -> Replay:
-    """The flight recorded in a result folder of `swarm-mj run`.
+    """The flight recorded in a result folder of `swarm-mj fly`.
 
     Raises:
         OutputError: The folder is not a run's, or its files are damaged or of another version.
@@ -165,7 +164,7 @@ def load_replay(folder: Path) -> Replay:
         raise OutputError(f"{folder}: cannot be read ({error.strerror})") from None
     if missing:
         raise OutputError(
-            f"{folder}: is not the result of a run ({missing[0]} is missing); give a folder that `swarm-mj run` wrote"
+            f"{folder}: is not the result of a run ({missing[0]} is missing); give a folder that `swarm-mj fly` wrote"
         )
     plan = make_plan(read_scenario(folder / "scenario.yaml"), check_separation=False)
     telemetry = read_telemetry(folder / "telemetry.nc")

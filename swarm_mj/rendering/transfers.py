@@ -9,11 +9,11 @@ import mujoco
 import numpy as np
 
 from swarm_mj.dataflow.delivery import Delivery
+from swarm_mj.figures.delivery_view import on_earth
+from swarm_mj.figures.units import data_unit
 from swarm_mj.rendering.decorations import NextGeom, line, sights
 from swarm_mj.rendering.frame import Instant, Traffic
 from swarm_mj.rendering.palette import PACKET, PACKET_LINE, rgba
-from swarm_mj.results.delivery_view import on_earth
-from swarm_mj.results.look import data_unit
 from swarm_mj.typing import Array
 
 #: Packets on a line, and how many times a line is passed in a whole flight: about once a second of a film of usual length.

@@ -1,7 +1,4 @@
-"""The command `swarm-mj view`: a flight in MuJoCo's own viewer, with speed, pause and the drawing of the videos.
-
-Where a display exists this is MuJoCo's native viewer, elsewhere its web viewer, which a browser on this machine opens.
-"""
+"""The command `swarm-mj view`: a flight in MuJoCo's own viewer, with speed, pause and the drawing of the videos."""
 
 from __future__ import annotations
 
@@ -37,29 +34,21 @@ PAUSE, FASTER, SLOWER, RESTART = (32,), (61, 334), (45, 333), (82,)
 HELP = "space pause, + and - speed, R restart, mouse turns and zooms, [ and ] cameras"
 
 
-def run_view(
-    scenario: Scenario, *, speed: float = 10.0, web: bool = False, port: int = 0, host: str | None = None
-) -> None:
-    """Fly a scenario in a viewer until that is closed.
+def run_view(scenario: Scenario, *, speed: float = 10.0) -> None:
+    """Fly a scenario in MuJoCo's viewer until its window is closed.
 
     Args:
         scenario: What to fly.
         speed: Seconds of flight per second at the start.
-        web: Use the web viewer even where a display exists; so does a port or a host.
-        port: Of the web viewer; 0: the first free one from 8080.
-        host: Address on which the web viewer listens; None: 127.0.0.1, for browsers on this machine alone.
 
     Raises:
         SwarmError: The scenario cannot be flown.
-        ObserverError: No viewer can be opened here.
-        OutputError: The speed or the port is out of range.
+        ObserverError: No window can be opened here.
+        OutputError: The speed is out of range.
     """
     if not SPEEDS[0] <= speed <= SPEEDS[-1]:
         raise OutputError(f"speed {speed:g}: must be {SPEEDS[0]:g} to {SPEEDS[-1]:g} seconds of flight per second")
-    if in_browser := web or port != 0 or host is not None or not has_display():
-        from swarm_mj.rendering.web_viewer import LOOPBACK, check_address, show_in_browser
-
-        check_address(host or LOOPBACK, port)
+    check_window()
     console = Console()
     console.print(f"{scenario.name}: preparing the flight (compiles on first use)", markup=False, highlight=False)
     plan = make_plan(scenario)
@@ -67,21 +56,36 @@ def run_view(
     view = overview(plan, path_N, ASPECT)
     reach = ZOOM_OUT * reach_of(path_N, view)
     model = build_drawing_model(plan, magnification_for(plan, view.distance), reach=reach)
-    with closing(LiveFlight(plan)) as flight, suppress(KeyboardInterrupt):  # the way to end it in a browser
+    with closing(LiveFlight(plan)) as flight, suppress(KeyboardInterrupt):
         player = Player(flight, speed)
         model.place(player.now)
-        if in_browser:
-            show_in_browser(model, player, view, port, host or LOOPBACK)
-        else:
-            console.print(HELP, markup=False, highlight=False)
-            show_in_window(model, player, view.camera())
+        console.print(HELP, markup=False, highlight=False)
+        show_in_window(model, player, view.camera())
 
 
-def has_display() -> bool:
-    """Whether a window can be opened; on macOS MuJoCo's needs its own launcher, mjpython."""
-    if sys.platform == "linux":
-        return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
-    return sys.platform != "darwin" or "MJPYTHON_BIN" in os.environ
+def check_window() -> None:
+    """Refuse where no window can be opened; MuJoCo's viewer would end the process instead.
+
+    Raises:
+        ObserverError: There is no display, or, on macOS, the program was not started by MuJoCo's launcher.
+    """
+    if sys.platform == "darwin" and "MJPYTHON_BIN" not in os.environ:
+        reason = "on macOS MuJoCo opens windows under its own launcher alone: mjpython -m swarm_mj view"
+    else:
+        try:
+            import mujoco.viewer
+
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                if mujoco.viewer.glfw.init():
+                    return
+            reason = f"DISPLAY={os.environ.get('DISPLAY', '')!r}"
+        except (ImportError, RuntimeError) as error:
+            reason = str(error)
+    raise ObserverError(
+        f"MuJoCo's viewer cannot open a window here ({reason}); "
+        "`swarm-mj fly` writes a report that replays the flight in a browser, `swarm-mj video` a film"
+    )
 
 
 def show_in_window(
@@ -94,11 +98,7 @@ def show_in_window(
         player: The flight.
         camera: From where at first.
         go_on: Asked before every picture; False closes the window.
-
-    Raises:
-        ObserverError: No window can be opened.
     """
-    _check_window()
     import mujoco.viewer
 
     others = set(threading.enumerate())
@@ -115,21 +115,6 @@ def show_in_window(
         # The window's thread still uses the model; if that is freed before the thread ends, the process crashes.
         for thread in set(threading.enumerate()) - others:
             thread.join(CLOSING_S)
-
-
-def _check_window() -> None:
-    """Refuse where no window can be opened; MuJoCo's viewer would end the process instead."""
-    try:
-        import mujoco.viewer
-
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            if mujoco.viewer.glfw.init():
-                return
-        reason = f"DISPLAY={os.environ.get('DISPLAY', '')!r}"
-    except (ImportError, RuntimeError) as error:
-        reason = str(error)
-    raise ObserverError(f"MuJoCo's viewer cannot open a window here ({reason}); use the web viewer with --web")
 
 
 def _keys(player: Player) -> Callable[[int], None]:

@@ -1,1 +1,1 @@
-"""The packaged scenarios: YAML files that `swarm-mj scenarios` lists."""
+"""The packaged scenarios: YAML files that `swarm-mj available` lists."""

@@ -7,6 +7,7 @@ that of a plug-in of this package from the source of its module.
 from __future__ import annotations
 
 import ast
+from importlib import resources
 from importlib.metadata import EntryPoint
 from importlib.util import find_spec
 from pathlib import Path
@@ -20,9 +21,6 @@ from swarm_mj.scenarios.plugin_arguments import GROUPS, PluginGroup, arguments, 
 
 #: The package whose own plug-ins are known to load.
 OWN = "swarm_mj"
-#: Columns of what explains keys, and arguments of plug-ins.
-KEY_COLUMNS = ("key", "type", "unit", "default", "allowed", "meaning")
-ARGUMENT_COLUMNS = ("key", "default", "meaning")
 
 
 class Named(NamedTuple):
@@ -33,13 +31,30 @@ class Named(NamedTuple):
     description: str
 
 
-def packaged_scenarios() -> list[Named]:
-    """The packaged scenarios, by name."""
-    return [Named("scenario", name, _line(_description(name))) for name in packaged_names()]
+class Explained(NamedTuple):
+    """A key of a scenario, or an argument of a plug-in, whose type, unit and bounds stand in its meaning."""
+
+    key: str
+    type: str
+    unit: str
+    default: str
+    allowed: str
+    meaning: str
 
 
-def installed_plugins() -> list[Named]:
-    """The installed plug-ins by kind and name; one that cannot be loaded with the reason."""
+def available() -> list[Named]:
+    """What can be named: packaged scenarios and campaigns, installed plug-ins; one that cannot be loaded with the reason."""
+    scenarios = [Named("scenario", name, _description(packaged_text(name), name)) for name in packaged_names()]
+    return [*scenarios, *_packaged_campaigns(), *_installed_plugins()]
+
+
+def _packaged_campaigns() -> list[Named]:
+    folder = resources.files("swarm_mj.scenarios") / "campaigns"
+    texts = {file.name.removesuffix(".yaml"): file.read_text("utf-8") for file in folder.iterdir()}
+    return [Named("campaign", name, _description(texts[name], name)) for name in sorted(texts)]
+
+
+def _installed_plugins() -> list[Named]:
     return [
         Named(place.kind, entry.name, _line(_summary(group, entry)))
         for group, place in GROUPS.items()
@@ -47,8 +62,11 @@ def installed_plugins() -> list[Named]:
     ]
 
 
-def explained(name: str = "") -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
-    """Columns and rows that explain keys of a scenario or the arguments of a plug-in; see `swarm_mj.explain`.
+def explained(name: str = "") -> list[Explained]:
+    """Keys of a scenario, or the arguments of a plug-in, explained.
+
+    Args:
+        name: A section, a key or a plug-in; empty: every key.
 
     Raises:
         ScenarioError: There is no such section, key or plug-in.
@@ -56,20 +74,20 @@ def explained(name: str = "") -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
     """
     for group, place in GROUPS.items():
         if name in plugins.names(group):
-            return ARGUMENT_COLUMNS, _arguments(group, name, place)
-    return KEY_COLUMNS, [
-        (key, about.type, about.unit, about.default.strip("`"), about.allowed, about.meaning)
+            return _arguments(group, name, place)
+    return [
+        Explained(key, about.type, about.unit, about.default.strip("`"), about.allowed, about.meaning)
         for key, about in find_keys(name)
     ]
 
 
-def _description(scenario: str) -> str:
-    return str(parse_yaml(packaged_text(scenario), scenario).get("description", ""))
+def _description(text: str, name: str) -> str:
+    return _line(str(parse_yaml(text, name).get("description", "")))
 
 
-def _arguments(group: str, name: str, place: PluginGroup) -> list[tuple[str, ...]]:
+def _arguments(group: str, name: str, place: PluginGroup) -> list[Explained]:
     known = arguments(plugins.find(group, name), place.given)
-    return [(f"{place.section}.parameters.{a.name}", a.default, a.meaning) for a in known]
+    return [Explained(f"{place.section}.parameters.{a.name}", "", "", a.default, "", a.meaning) for a in known]
 
 
 def _summary(group: str, entry: EntryPoint) -> str:

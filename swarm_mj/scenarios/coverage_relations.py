@@ -40,7 +40,7 @@ from dataclasses import dataclass
 from math import asin, atan2, cos, degrees, isfinite, radians, sin, tan
 
 from swarm_mj.errors import MissionError, ScenarioError
-from swarm_mj.io.plain import shown
+from swarm_mj.io.plain_values import shown
 from swarm_mj.scenarios.constants import CUBESAT_APERTURE_M, GREEN_LIGHT_M, LONGEST_EXTENT_M
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.scenarios.schema_body import Body

@@ -44,7 +44,7 @@ class MadeFor(Record):
 
 
 class DesignRecord(Record):
-    """design.json, see `swarm_mj.results.design_files.design_record`."""
+    """design.json, see `swarm_mj.records.design_files.design_record`."""
 
     visiting_points: Points
     proof: Proof

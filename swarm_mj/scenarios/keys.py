@@ -1,10 +1,11 @@
 """Every key of a scenario with type, unit, default, allowed values and meaning, read off the schema.
 
-The page of scenario keys and `swarm-mj scenarios --keys` are made of it.
+The page of scenario keys and `swarm-mj explain` are made of it.
 """
 
 from __future__ import annotations
 
+import difflib
 import types
 from collections.abc import Iterator
 from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_origin
@@ -85,9 +86,11 @@ def find_keys(path: str = "") -> list[tuple[str, Key]]:
     ]
     chosen = [(name, key) for name, key in found if f"{name}.".startswith(f"{path}.") or not path]
     if not chosen:
-        likely = [name for name, _ in found if name.rsplit(".", 1)[-1] == path.rsplit(".", 1)[-1]]
+        names = [name for name, _ in found]
+        likely = [name for name in names if name.rsplit(".", 1)[-1] == path.rsplit(".", 1)[-1]]
+        likely = likely or difflib.get_close_matches(path, [*names, *(name.rsplit(".", 1)[0] for name in names)], n=1)
         hint = f"; did you mean {' or '.join(likely)}?" if likely else ""
-        tops = ", ".join(dict.fromkeys(name.split(".")[0] for name, _ in found))
+        tops = ", ".join(dict.fromkeys(name.split(".")[0] for name in names))
         raise ScenarioError(
             f"{path!r} is neither a section nor a key of a scenario; at the top level there are {tops}{hint}"
         )

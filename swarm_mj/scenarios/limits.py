@@ -1,7 +1,7 @@
 """Limits on what a scenario may hold and ask for, so that a mistyped or hostile one is refused and not suffered.
 
-A schema says what each value may be, `swarm_mj.io.plain` how deep and long a mapping; here stand the bounds of the whole: how
-much time and memory its flight may take.
+A schema says what each value may be, `swarm_mj.io.plain_values` how deep and long a mapping; here stand the bounds of the
+whole: how much time and memory its flight may take.
 """
 
 from __future__ import annotations

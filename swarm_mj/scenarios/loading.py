@@ -1,22 +1,22 @@
-"""Reading scenarios: packaged ones by name, files by path, single values by `key=value`."""
+"""Reading scenarios: packaged ones by name, files by path, what such a file holds, and single values by their dotted keys."""
 
 from __future__ import annotations
 
 import difflib
-import json
 import re
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from copy import deepcopy
 from importlib import resources
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import yaml
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 
 from swarm_mj.errors import ScenarioError
-from swarm_mj.io.plain import MAX_DEPTH, check_plain, shortened, shown
+from swarm_mj.io.plain_values import MAX_DEPTH, check_plain, shortened, shown
 from swarm_mj.io.records import bytes_of, one_line, record_from
 from swarm_mj.scenarios.bodies import PACKAGED_SHAPES, packaged_body
 from swarm_mj.scenarios.coverage_relations import with_ground_resolution
@@ -24,6 +24,11 @@ from swarm_mj.scenarios.design_record import DesignRecord
 from swarm_mj.scenarios.explaining import explained, listed
 from swarm_mj.scenarios.limits import MAX_INTEGER_CHARACTERS, check_work
 from swarm_mj.scenarios.schema import Scenario
+
+#: What a scenario is read from: a packaged name, the path of a YAML file, what such a file holds, or a scenario.
+ScenarioSource = str | Path | Mapping[str, Any] | Scenario
+#: No value of a scenario is changed.
+NO_OVERRIDES: Mapping[str, Any] = MappingProxyType({})
 
 #: A scenario is a page of text; anything larger is a mistake or an attack.
 MAX_BYTES = 1_000_000
@@ -70,31 +75,89 @@ def _is_campaign(source: str) -> str:
     return f"{source}: this is a campaign; fly it with `swarm-mj campaign {source}`"
 
 
-def load_scenario(source: str | Path | Mapping[str, Any], overrides: Iterable[str] = ()) -> Scenario:
+def load_scenario(source: ScenarioSource, overrides: Mapping[str, Any] = NO_OVERRIDES) -> Scenario:
     """Read a scenario and apply overrides.
 
     Args:
-        source: A packaged name (see `packaged_names`), whatever stands in the current folder; the path of a YAML file; or what
-            such a file holds, as a mapping, whose paths are relative to the current folder.
-        overrides: Texts `key=value` with dotted keys, e.g. `camera.half_angle_deg=3`; the value is YAML.
+        source: A packaged name (see `packaged_names`), whatever stands in the current folder; the path of a YAML file; what
+            such a file holds, as a mapping, whose paths are relative to the current folder; or a scenario.
+        overrides: Values by dotted key, e.g. `{"camera.half_angle_deg": 3}`; numbers, arrays and paths may be NumPy's and
+            pathlib's.
 
     Raises:
         ScenarioError: Missing, unreadable or invalid; the message names the key, the value and what is allowed.
     """
+    if isinstance(source, Scenario) and not overrides:
+        return source
     data, origin = _mapping_of(source)
     if "scenarios" in data:
         raise ScenarioError(_is_campaign(origin))
-    for override in overrides:
-        _apply(data, override)
+    for key, value in checked_overrides(overrides).items():
+        _apply(data, key, _plain(value))
     _resolve_design(data)
     return scenario_from(data, origin)
 
 
-def _mapping_of(source: str | Path | Mapping[str, Any]) -> tuple[dict[str, Any], str]:
+def parse_overrides(texts: Iterable[str]) -> dict[str, Any]:
+    """Overrides as the command line gives them, texts `key=value` whose value is YAML, as values by dotted key.
+
+    Raises:
+        ScenarioError: A text is not of that form.
+    """
+    overrides: dict[str, Any] = {}
+    for text in texts:
+        key, separator, value = text.partition("=")
+        if not separator or not key.strip():
+            raise ScenarioError(f"--set {shortened(text)}: must read key=value, for example camera.half_angle_deg=3")
+        try:
+            parsed = _yaml(value)
+        except (ValueError, RecursionError) as error:
+            raise ScenarioError(f"--set {shortened(text)}: the value is not valid YAML: {error}") from None
+        overrides.pop(key.strip(), None)  # the last one is applied, in its place
+        overrides[key.strip()] = parsed
+    return overrides
+
+
+def checked_overrides(overrides: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Values by dotted key as they were given; what stands in them is looked at when they are applied.
+
+    Raises:
+        ScenarioError: They are something else, such as a list of texts.
+    """
+    if not isinstance(overrides, Mapping) or not all(isinstance(key, str) for key in overrides):
+        raise ScenarioError(
+            f"overrides = {shown(overrides)}: must be a mapping of dotted keys to values, for example "
+            "{'camera.half_angle_deg': 3}"
+        )
+    return overrides
+
+
+def _plain(value: Any, depth: int = 0) -> Any:
+    """A value as YAML would give it: arrays as lists, numbers of NumPy as Python's, paths as text, sections as mappings."""
+    if isinstance(value, Path):
+        return str(value)
+    if isinstance(value, BaseModel):
+        return value.model_dump(mode="json")
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    if depth > MAX_DEPTH:  # which `check_plain` refuses
+        return value
+    if isinstance(value, list | tuple):
+        return [_plain(one, depth + 1) for one in value]
+    return {key: _plain(one, depth + 1) for key, one in value.items()} if isinstance(value, Mapping) else value
+
+
+def _mapping_of(source: ScenarioSource) -> tuple[dict[str, Any], str]:
     """What a scenario holds, paths resolved, and its origin for errors."""
+    if isinstance(source, Scenario):
+        return source.model_dump(mode="json"), source.name
     if isinstance(source, Mapping):
         check_plain(source, "scenario")
         return deepcopy(dict(source)), "scenario"
+    if not isinstance(source, str | Path):
+        raise ScenarioError(
+            f"scenario = {shown(source)}: must be a packaged name, the path of a YAML file, a mapping or a Scenario"
+        )
     text, origin, folder = _read(source)
     data = parse_yaml(text, origin)
     if folder is not None:
@@ -169,15 +232,9 @@ def design_section(reference: str) -> dict[str, Any]:
     return {"visiting_points": design["visiting_points"], "observers": design.get("observers", [])}
 
 
-def read_design(reference: str) -> list[int]:
-    """Visiting points of a design that `swarm-mj design` made; args and errors as of `design_section`."""
-    points: list[int] = design_section(reference)["visiting_points"]
-    return points
-
-
-def design_overrides(found: Mapping[str, Any]) -> list[str]:
-    """The same as overrides."""
-    return [f"design.{key}={json.dumps(found[key])}" for key in ("visiting_points", "observers")]
+def design_overrides(section: Mapping[str, Any]) -> dict[str, Any]:
+    """What `design_section` gives, as overrides."""
+    return {f"design.{key}": section[key] for key in ("visiting_points", "observers")}
 
 
 def design_record(reference: str) -> dict[str, Any]:
@@ -327,33 +384,28 @@ def parse_yaml(text: str, source: str) -> dict[str, Any]:
     return data
 
 
-def _apply(data: dict[str, Any], override: str) -> None:
-    key, separator, text = override.partition("=")
-    if not separator or not key.strip():
-        raise ScenarioError(f"--set {shortened(override)}: must read key=value, for example camera.half_angle_deg=3")
-    try:
-        value = _yaml(text)
-    except (ValueError, RecursionError) as error:
-        raise ScenarioError(f"--set {shortened(override)}: the value is not valid YAML: {error}") from None
-    check_plain({"value": value}, f"--set {shortened(override)}")
-    *parents, last = key.strip().split(".")
+def _apply(data: dict[str, Any], key: str, value: Any) -> None:
+    """Put a value at a dotted key."""
+    told = f"{shortened(key)} = {shown(value)}"
+    check_plain({"value": value}, told)
+    *parents, last = key.split(".")
     node = data
     for level, name in enumerate(parents, start=1):
         child = node.setdefault(name, {})
         if level == 1 and name == "body" and isinstance(child, str):
-            child = node[name] = _body_by_name(child, override)
+            child = node[name] = _body_by_name(child, told)
         if not isinstance(child, dict):
             what = (
                 "a list: give the whole of it" if isinstance(child, list) else "a single value: it has no keys inside"
             )
-            raise ScenarioError(f"--set {shortened(override)}: {'.'.join(parents[:level])} is {what}")
+            raise ScenarioError(f"{told}: {'.'.join(parents[:level])} is {what}")
         node = child
     node[last] = value
 
 
-def _body_by_name(name: str, override: str) -> dict[str, Any]:
+def _body_by_name(name: str, told: str) -> dict[str, Any]:
     """The keys of a packaged body, one of which is about to be changed."""
     try:
         return packaged_body(name)
     except ValueError as error:
-        raise ScenarioError(f"--set {shortened(override)}: body {error}") from None
+        raise ScenarioError(f"{told}: body {error}") from None

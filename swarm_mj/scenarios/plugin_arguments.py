@@ -1,6 +1,6 @@
 """What a scenario may give to a plug-in: its arguments with type, default and meaning, from signature and docstring.
 
-The page of plug-ins, `swarm-mj plugins` and the JSON schema are made of it.
+The page of plug-ins, `swarm-mj available` and the JSON schema are made of it.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 A scenario is a tree of frozen pydantic models. Unknown keys, NaN, wrong units and infeasible numbers are refused with an
 error that names the key, the value and what is allowed. Assumptions that AAS 19-144 leaves open are fields with a default
-and a reason in their description; `swarm-mj scenarios --json-schema` prints them all.
+and a reason in their description; `swarm-mj json-schema` prints them all.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ class Spacecraft(Section):
     mjcf: str | None = Field(
         None,
         description="path of an MJCF file with a spacecraft of your own, relative to the scenario's file: panels on hinges, "
-        "sloshing masses, sensors; masses, wheels and torque limit are then the file's, and mj_step flies it; null: the box "
+        "sloshing masses, sensors; masses, wheels and torque limit are then the file's; null: the box "
         "below; see docs/how-to/spacecraft.md",
     )
     mass_kg: float = Field(8.0, gt=0, description="of the whole spacecraft, wheels included [kg]")
@@ -104,26 +104,21 @@ class Control(Section):
     slew: Literal["law", "time_optimal"] = Field(
         "law",
         description="how the spacecraft turns to a new target: as the gains of the law have it, or by the quickest turn about "
-        "one axis within 80 % of the wheels' torque and momentum, which the law follows (by Python, not compiled code)",
+        "one axis within 80 % of the wheels' torque and momentum, which the law follows",
     )
     period_s: float = Field(0.5, ge=1e-3, le=60, description="how long wheel torques and forces are held [s]")
 
 
 class Physics(Section):
-    """Time integration by MuJoCo's RK4."""
+    """Time integration by a Runge-Kutta method of fourth order."""
 
     timestep_s: float = Field(
-        0.1, ge=1e-3, le=1.0, description="step of RK4 [s]; control.period_s is a whole multiple of it"
+        0.1, ge=1e-3, le=1.0, description="its step [s]; control.period_s is a whole multiple of it"
     )
-    wheels: Literal["bodies", "gyrostat"] = Field(
-        "bodies",
-        description="three bodies on hinges, or three momentum states of the spacecraft: the same motion, faster",
-    )
-    stepper: Literal["auto", "fast", "mj_step", "kernel"] = Field(
-        "auto",
-        description="compiled code around MuJoCo's accelerations, or MuJoCo's own mj_step, which flies anything; auto: fast "
-        "where the model holds nothing else than it knows; kernel: the equations of a free gyrostat in compiled code, several "
-        "times as fast, with wheels: gyrostat; summary.json says which and why",
+    stepper: Literal["mujoco", "kernel"] = Field(
+        "mujoco",
+        description="mujoco: mj_step on the MJCF model, with wheels as bodies; kernel: the equations of free gyrostats in "
+        "compiled code, wheels as momentum states, for large numbers of flights; it flies the packaged CubeSat",
     )
 
 
@@ -286,16 +281,6 @@ class Scenario(Section):
         return moment.isoformat()
 
     @model_validator(mode="after")
-    def _wheels_are_modelled(self) -> Self:
-        if self.physics.wheels == "gyrostat" and self.spacecraft.wheel_layout != "orthogonal":
-            raise ValueError("physics.wheels = gyrostat: has three orthogonal wheels; use bodies for other layouts")
-        if self.physics.wheels == "bodies" and self.physics.stepper == "kernel":
-            raise ValueError("physics.stepper = kernel: knows no wheels that are bodies; use physics.wheels: gyrostat")
-        if self.physics.wheels == "gyrostat" and self.physics.stepper == "mj_step":
-            raise ValueError("physics.stepper = mj_step: knows wheels that are bodies; use physics.wheels: bodies")
-        return self
-
-    @model_validator(mode="after")
     def _smear_has_an_exposure(self) -> Self:
         if (limit := self.observation.max_smear_px) is not None and not self.camera.exposure_s:
             raise ValueError(
@@ -326,8 +311,10 @@ class Scenario(Section):
     def _own_spacecraft_can_fly(self) -> Self:
         if self.spacecraft.mjcf is None:
             return self
-        if self.physics.wheels == "gyrostat":
-            raise ValueError("physics.wheels = gyrostat: the wheels of spacecraft.mjcf are bodies; must be 'bodies'")
+        if self.physics.stepper == "kernel":
+            raise ValueError(
+                "physics.stepper = kernel: flies the packaged CubeSat, not spacecraft.mjcf; must be 'mujoco'"
+            )
         for key in ("mass_percent", "inertia_percent"):
             if value := getattr(self.dispersions, key):
                 raise ValueError(

@@ -30,5 +30,7 @@ class Section(BaseModel):
         for key in update or {}:
             if key not in type(self).model_fields:
                 words = f"{key} is no key of {type(self).__name__.lower()}: must be one of {', '.join(type(self).model_fields)}"
-                raise ScenarioError(f"model_copy: {words}; dotted keys go to changed(), e.g. .changed('{key}=...')")
+                raise ScenarioError(
+                    f"model_copy: {words}; dotted keys go to changed(), e.g. .changed({{'{key}': ...}})"
+                )
         return super().model_copy(update=update, deep=deep)

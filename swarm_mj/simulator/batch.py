@@ -1,132 +1,412 @@
-"""Many flights of one swarm at once: what `CompiledBatch` and `PythonBatch` have in common."""
+"""E flights of one swarm, flown together by the one loop; `Simulation` is one of them with names.
+
+`loop.run` flies as far as compiled code can; what a flight asks for on the way (plug-ins, faults, thrusters, MuJoCo's step) is
+done here. Who steps is `SwarmModel.stepper`: MuJoCo, or the kernel for gyrostats.
+"""
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
+import mujoco
 import numpy as np
 
-from swarm_mj.mission.behaviors import Targets
-from swarm_mj.simulator.fast.flights import allocate_flights
-from swarm_mj.simulator.loop_state import InitialState, LoopState
+from swarm_mj.errors import PluginError, SimulationError
+from swarm_mj.mission.behaviors import Behavior, SwarmView, Targets
+from swarm_mj.plugins import name_of
+from swarm_mj.simulator.fault_injection import FaultInjection, conditions_for
+from swarm_mj.simulator.faults.state import FaultModel
+from swarm_mj.simulator.flights import NEVER, Flights, allocate_flights
+from swarm_mj.simulator.loop import Ask, Stage, run, sense_flights
+from swarm_mj.simulator.mujoco import MujocoStepper, own_copy, timesteps_in
+from swarm_mj.simulator.plugin_calls import BehaviorCalls, ControllerCalls, divergence_of, no_such_target, view_of
+from swarm_mj.simulator.propulsion import Propulsion
+from swarm_mj.simulator.slews import Slews
 from swarm_mj.simulator.slots import Slot
-from swarm_mj.typing import Array, Mask
+from swarm_mj.simulator.state import FlightState, InitialState
+from swarm_mj.simulator.world import compiled_law_of, gravity_is_compiled, make_world
+from swarm_mj.smallbody.environment import Environment
+from swarm_mj.spacecraft.control.base import Controller
+from swarm_mj.spacecraft.control.compiled import NO_LAW, LawFunction
+from swarm_mj.spacecraft.control.force import ForceLaw
+from swarm_mj.spacecraft.model import SwarmModel
+from swarm_mj.spacecraft.properties import SpacecraftProperties
+from swarm_mj.typing import Array, Ints, Mask
 
 #: Where lost spacecraft stand, times their number [m].
 PARKED = 1e7
+#: Ticks of a flight for which the flights of a batch share cells of a polyhedron; memory comes as it is used.
+REMEMBERED = 16_384
 
 
-class Batch(ABC):
-    """E flights of one swarm of n spacecraft with w wheels, decided and advanced together.
-
-    A flight whose state is no longer finite is marked in `finite` and stands still until it is reset; the others fly on.
-
-    Args:
-        like: One such flight; model, environment and control period are taken from it.
-        count: Number of flights E.
+@dataclass(frozen=True, kw_only=True)
+class FlightSetup:
+    """What all flights of a batch have in common, but for behaviours and laws.
 
     Attributes:
         model: The compiled swarm.
         environment: Gravity, rotation, Sun and Earth.
-        period: Control period [s].
-        n: Number of spacecraft.
-        count: Number of flights E.
-        tick: Control periods flown, shape (E,).
-        kind: `TargetKind` values, shape (E, n).
-        index: Spacecraft to follow, shape (E, n).
-        vector: Surface point in A [m] or direction in N, shape (E, n, 3).
-        torque_B: Torques on the bodies, given where they are held, shape (E, n, 3) [N m].
-        sigma_BR: Attitude errors at the last decision, shape (E, n, 3).
-        effort: Sum of the squares of all motor torques since the caller last set it to zero, shape (E,) [N^2 m^2].
-        lost: Spacecraft lost to faults, shape (E, n).
-        blind: Spacecraft whose camera is off or that are lost, shape (E, n).
-        finite: False where the flight has diverged, shape (E,).
-        causes: Why, by flight.
-        senses: Whether sensors may be imperfect, so that `know` may give something else than the truth.
+        period: How long torques and forces are held [s]; a whole multiple of the model's timestep.
+        gravity_gradient: Whether the torque of the central field acts; the field must know its `gm`.
+        fault_model: What may go wrong; None: nothing, all is as planned.
+        quickest_slews: Whether turns to new targets go by the quickest profile, see `Slews`, and not by the law's gains.
     """
 
-    senses = True
-
-    def __init__(self, like: LoopState, count: int) -> None:
-        self.model, self.environment, self.period = like.model, like.environment, like.period
-        self.n, self.count = self.model.n, count
-        self._flights = f = allocate_flights(count, self.n, self.model.properties.n_wheels)
-        self.kind, self.index, self.vector, self.torque_B = f.kind, f.spacecraft, f.vector, f.torque_B
-        self.tick, self.finite, self.effort = f.tick, f.finite, f.effort
-        self.sigma_BR: Array = f.work[:, Slot.SIGMA_BR]
-        self.lost, self.blind = np.zeros((count, self.n), np.bool_), np.zeros((count, self.n), np.bool_)
-        self.causes = [""] * count
-
-    @abstractmethod
-    def rows(self, e: int) -> tuple[Array, Array]:
-        """The state of one flight by spacecraft, shape (n, 7 + w) and (n, 6 + w); see `SwarmModel.state`."""
-
-    @abstractmethod
-    def place(self, e: int, qpos: Array, qvel: Array) -> None:
-        """Put one flight into a state, as `rows` gives it; its behaviour is asked again."""
+    model: SwarmModel
+    environment: Environment
+    period: float
+    gravity_gradient: bool = False
+    fault_model: FaultModel | None = None
+    quickest_slews: bool = False
 
     @property
-    @abstractmethod
-    def ctrl(self) -> Array:
-        """Motor torques of the coming hold, a copy, shape (E, n w) [N m]."""
+    def properties(self) -> SpacecraftProperties:
+        """Mass properties and wheel limits of every spacecraft, as planned."""
+        return self.model.properties
+
+    @property
+    def gradient_gm(self) -> float:
+        """Gravitational parameter whose gradient turns the spacecraft [m^3/s^2]; 0: none does.
+
+        Raises:
+            PluginError: The field does not know its gravitational parameter, and the gradient needs it.
+        """
+        gm = getattr(self.environment.gravity, "gm", None) if self.gravity_gradient else 0.0
+        if gm is None:
+            raise PluginError("the gravity-gradient torque needs a gravity field with an attribute gm [m^3/s^2]")
+        return float(gm)
+
+
+class FlightBatch:
+    """E flights of one swarm of n spacecraft with w wheels; faults and dispersions of each are drawn from its start's seed.
+
+    A flight as planned whose state is no longer finite is marked in `flights.finite` and stands still until it is reset; where
+    faults are flown, the spacecraft is lost and the others fly on.
+
+    Args:
+        setup: What the flights share.
+        count: Number of flights E.
+        controller: The control law; None where torques are held, see `hold`.
+        behaviors: Who points at what in each flight; None where targets are held, see `hold`.
+        force_law: Who asks the thrusters for forces; None: nobody, and they stay shut.
+
+    Attributes:
+        setup: As given.
+        count: Number of flights E.
+        n: Number of spacecraft.
+        environment: Gravity, rotation, Sun and Earth as planned.
+        flights: The arrays of the flights, live; whoever changes a state in flight does it by `place`.
+        conditions: What faults and dispersions make of them; None: nothing.
+        causes: Why flights diverged, by flight.
+
+    Raises:
+        ScenarioError: The control period is no whole multiple of the timestep, or too long for the law.
+        PluginError: A plug-in does not fit what is asked of it.
+        SimulationError: The kernel is to step what only MuJoCo can.
+    """
+
+    def __init__(
+        self,
+        setup: FlightSetup,
+        count: int,
+        controller: Controller | None = None,
+        behaviors: Sequence[Behavior] | None = None,
+        force_law: ForceLaw | None = None,
+    ) -> None:
+        model, timestep = setup.model, float(setup.model.mjmodel.opt.timestep)
+        self.setup, self.count, self.n = setup, count, model.n
+        self.environment = setup.environment.in_cells()
+        self.flights: Flights = allocate_flights(count, model.n, setup.properties.n_wheels)
+        self.flights.mass[:], self.flights.inertia_B[:] = setup.properties.mass, setup.properties.inertia_B
+        self.world = make_world(
+            setup.properties,
+            self.environment,
+            n=model.n,
+            period=setup.period,
+            timestep=timestep,
+            timesteps=timesteps_in(setup.period, timestep),
+            gradient_gm=setup.gradient_gm if model.own is None else 0.0,  # bodies of one's own are turned one by one
+            remembered=REMEMBERED if count > 1 else 0,
+        )
+        self.conditions = None if setup.fault_model is None else conditions_for(setup.fault_model, self.world, count)
+        self.causes = [""] * count
+        self._starts: list[InitialState | None] = [None] * count
+        self._everyone = np.ones(count, np.bool_)
+        self._behaviors = None if behaviors is None else BehaviorCalls(behaviors, setup.period)
+        self._law: ControllerCalls | None = None
+        self._held = self._copied_targets()
+        self._states: dict[int, FlightState] = {}
+        self._make_parts()
+        self._hooks: dict[int, Callable[[int], None]] = {
+            Ask.PREPARE: self._prepare,
+            Ask.DIVERGED: self._diverge,
+            Ask.GRAVITY: self._attract,
+            Ask.THRUST: self._thrust,
+            Ask.NO_TARGET: self._refuse_targets,
+            Ask.SLEW: lambda e: self._slews[e].follow(self._attitudes_known(e)),
+            Ask.LAW: self._ask_law,
+            Ask.TORQUE: self._give_up_torque,
+            Ask.STEP: self._step,
+        }
+        self.controller = controller
+        self.force_law = force_law
+
+    def _make_parts(self) -> None:
+        """What every flight has of its own beside the arrays: none of it where the kernel flies as planned."""
+        setup, every = self.setup, range(self.count)
+        model, faults, thrusters = setup.model, setup.fault_model, setup.properties.thrusters
+        # With gyrostats the kernel steps here; compiled code for MuJoCo's step is compiled without it.
+        self._kernel = True if model.stepper == "kernel" else None
+        if self._kernel and model.own is not None:
+            raise SimulationError(
+                f"physics.stepper = kernel flies the packaged CubeSat, not {model.own.path.name}; use physics.stepper: mujoco"
+            )
+        self._own_models = faults is not None or thrusters is not None
+        self._keeps_states = not self._kernel or self._own_models or setup.quickest_slews
+        self._steppers: list[MujocoStepper] = []
+        if not self._kernel:
+            timesteps, gm = self.world.timesteps, 0.0 if model.own is None else setup.gradient_gm
+            self._steppers = [MujocoStepper(self.state(e), timesteps, gm) for e in every]
+        self._injections: list[FaultInjection] = []
+        if faults is not None and self.conditions is not None:
+            self._injections = [FaultInjection(self.state(e), faults, self.conditions, e) for e in every]
+        self._propulsion: list[Propulsion] = []
+        if thrusters is not None:
+            gradient = self.world.gradient_gm > 0.0
+            self._propulsion = [Propulsion(self.state(e), thrusters, gradient=gradient) for e in every]
+        self._slews = [Slews(self.state(e)) for e in every] if setup.quickest_slews else []
+        self._intended = [Targets(*(part[e] for part in self._held)) for e in every] if thrusters else []
+
+    def state(self, e: int) -> FlightState:
+        """Flight e with names."""
+        found = self._states.get(e)
+        if found is None:
+            setup = self.setup
+            own = self._own_models and not self._kernel
+            model = own_copy(setup.model, limits_by_loop=setup.fault_model is not None) if own else setup.model
+            data = None if self._kernel else mujoco.MjData(model.mjmodel)
+            found = FlightState(self.flights, e, model=model, environment=self.environment, world=self.world, data=data)
+            if self._keeps_states:
+                self._states[e] = found
+        return found
+
+    @property
+    def model(self) -> SwarmModel:
+        """The compiled swarm, as planned."""
+        return self.setup.model
+
+    @property
+    def period(self) -> float:
+        """Control period [s]."""
+        return self.setup.period
+
+    @property
+    def senses(self) -> bool:
+        """Whether sensors may be imperfect, so that `know` may give something else than the truth."""
+        return self.conditions is not None
+
+    @property
+    def blind(self) -> Mask:
+        """Spacecraft that take no pictures, a copy, shape (E, n)."""
+        off: Mask = self.flights.lost | ~self.flights.released
+        for e, injection in enumerate(self._injections):
+            off[e] |= ~injection.faults.camera_on
+        return off
+
+    def injection(self, e: int) -> FaultInjection | None:
+        """What goes wrong in flight e; None: nothing can."""
+        return self._injections[e] if self._injections else None
+
+    def propulsion(self, e: int) -> Propulsion | None:
+        """The thrusters of flight e; None: it has none."""
+        return self._propulsion[e] if self._propulsion else None
+
+    @property
+    def controller(self) -> Controller | None:
+        """The control law; another one may take over in flight, without memory."""
+        return None if self._law is None else self._law.controller
+
+    @controller.setter
+    def controller(self, controller: Controller | None) -> None:
+        law = None if controller is None else compiled_law_of(controller, self.world)
+        self._law = None if controller is None else ControllerCalls(controller, self.count)
+        self._compiled_law: LawFunction
+        self._compiled_law, numbers = (NO_LAW, np.zeros(0)) if law is None else law
+        self.world = self.world._replace(law_numbers=numbers)
+        self._law_in_python = controller is not None and law is None
+        self._note_what_is_asked()
+
+    @property
+    def behaviors(self) -> list[Behavior]:
+        """Who points at what in each flight; others may take over in flight, without memory; none where targets are held."""
+        return [] if self._behaviors is None else self._behaviors.behaviors
+
+    @behaviors.setter
+    def behaviors(self, behaviors: Sequence[Behavior]) -> None:
+        self._behaviors = BehaviorCalls(behaviors, self.period)
+        self.ask_again()
+
+    @property
+    def force_law(self) -> ForceLaw | None:
+        """Who asks the thrusters for forces; another one may take over in flight, without memory.
+
+        Raises:
+            PluginError: The spacecraft have no thrusters.
+            SimulationError: They cannot push as the law needs.
+        """
+        return self._propulsion[0].law if self._propulsion else None
+
+    @force_law.setter
+    def force_law(self, law: ForceLaw | None) -> None:
+        if law is not None and not self._propulsion:
+            raise PluginError(
+                f"the force law {name_of(law)}: the spacecraft have no thrusters; give spacecraft.thrusters, or "
+                "SpacecraftProperties(thrusters=...)"
+            )
+        for propulsion in self._propulsion:
+            propulsion.law = law
+        self._note_what_is_asked()
+
+    def _note_what_is_asked(self) -> None:
+        """Tell compiled code what Python does in every period."""
+        asks = 0 if gravity_is_compiled(self.environment) else Ask.GRAVITY
+        asks |= Ask.SLEW if self._slews else 0
+        asks |= Ask.LAW if self._law_in_python else 0
+        asks |= Ask.THRUST if self.force_law is not None else 0
+        self.world = self.world._replace(asks=int(asks))
+        self.ask_again()
+
+    def ask_again(self, which: Any = slice(None)) -> None:
+        """Decide anew, and ask the behaviours first, because they or the states have been told something new."""
+        self.flights.due[which], self.flights.stage[which] = 0, Stage.BEGIN
+        if self._behaviors is not None:
+            self._behaviors.due[which] = 0
+
+    def hold(self, targets: Targets | None, torque_B: Array | None) -> None:
+        """Let targets, shape (E, n, ...), and torques [N m], shape (E, n, 3), hold where no behaviour and no law decides."""
+        f = self.flights
+        f.stage[:] = Stage.BEGIN
+        if targets is not None:
+            self._held = targets
+            for array, values in zip((f.kind, f.spacecraft, f.vector), targets, strict=True):
+                array[:] = values
+            for e, injection in enumerate(self._injections):
+                if injection.faults.redirects:
+                    f.due[e] = 0
+            self._intended = [Targets(*(part[e] for part in targets)) for e in range(len(self._intended))]
+        if torque_B is not None:
+            f.torque_B[:] = torque_B
+        if self._behaviors is not None:
+            self.ask_again()
+
+    def _copied_targets(self) -> Targets:
+        f = self.flights
+        return Targets(f.kind.copy(), f.spacecraft.copy(), f.vector.copy())
+
+    def reset(self, e: int, initial: InitialState) -> None:
+        """Put one flight at its start and forget everything about it; its seed says what will go wrong."""
+        state, injection, propulsion = self.state(e), self.injection(e), self.propulsion(e)
+        self._starts[e], self.causes[e] = initial, ""
+        if propulsion is not None:
+            propulsion.refill()
+        state.mass[:], state.inertia_B[:] = self.setup.properties.mass, self.setup.properties.inertia_B
+        if injection is not None:
+            injection.reset(initial.seed, initial.deployment)
+        if propulsion is not None:
+            propulsion.reset()
+        state.start(initial)
+        if self._steppers:
+            self._steppers[e].start()
+        else:
+            self._spin_up(e)
+        if self._behaviors is not None:
+            self._behaviors.reset(e)
+        if self._law is not None:
+            self._law.reset(e)
+
+    def _spin_up(self, e: int) -> None:
+        """Momenta of the wheels from their speeds."""
+        f, axes = self.flights, self.world.wheel_axes_B
+        f.momentum[e] = self.world.wheel_inertia * (f.wheel_speed[e] + f.omega_B[e] @ axes.T)
+
+    def place(self, e: int, qpos: Array, qvel: Array) -> None:
+        """Put one flight into a state; its behaviour is asked again.
+
+        Args:
+            e: Number of the flight.
+            qpos: Positions in N [m] and attitudes, shape (n, 7) or, with wheel angles, more.
+            qvel: Velocities in N [m/s], body rates and wheel speeds [rad/s], shape (n, 6 + w).
+        """
+        f = self.flights
+        f.r_N[e], f.q_BN[e] = qpos[:, :3], qpos[:, 3:7]
+        f.v_N[e], f.omega_B[e], f.wheel_speed[e] = qvel[:, :3], qvel[:, 3:6], qvel[:, 6:]
+        self._write(e)
+        self.ask_again(e)
+
+    def _write(self, e: int) -> None:
+        """Tell whoever steps that a state was changed."""
+        if self._steppers:
+            self._steppers[e].write()
+        else:
+            self._spin_up(e)
 
     def park(self, e: int, *which: int) -> None:
         """Put spacecraft that are no more where they disturb nothing: far out, at rest."""
-        qpos, qvel = (part.copy() for part in self.rows(e))
+        f = self.flights
         for j in which:
-            qpos[j, :3], qvel[j] = (PARKED * (1.0 + j), 0.0, 0.0), 0.0
-        self.place(e, qpos, qvel)
-
-    def reset(self, e: int, initial: InitialState) -> None:
-        """Put one flight at its start and forget everything about it."""
-        self._start(e, initial)
-        self._forget(e)
-
-    def rewind(self, e: int, initial: InitialState) -> None:
-        """Put one flight that has decided, but not flown, back to the start that it was reset to."""
-        self.reset(e, initial)
-
-    def _forget(self, e: int) -> None:
-        f = self._flights
-        f.tick[e], f.finite[e], f.effort[e], f.peaks[e], self.causes[e] = 0, True, 0.0, 0.0, ""
-        f.last_kind[e], f.last_spacecraft[e] = -1, -1
-
-    @abstractmethod
-    def _start(self, e: int, initial: InitialState) -> None:
-        """Put one flight at its start."""
+            f.r_N[e, j] = PARKED * (1.0 + j), 0.0, 0.0
+            f.v_N[e, j], f.omega_B[e, j], f.wheel_speed[e, j] = 0.0, 0.0, 0.0
+        self._write(e)
+        self.ask_again(e)
 
     def get_state(self, e: int) -> dict[str, Any]:
-        """All that one flight is between two control periods, copied; for `set_state` of any batch of the same swarm.
+        """All that one flight is between two control periods, copied, and can be pickled; for `set_state` of any such batch.
 
         Raises:
-            SimulationError: Something flies whose state cannot be taken; the message names it.
+            SimulationError: The flight has not begun, or its thrusters fire, whose tanks and programme are not saved.
         """
-        rows = [array[e].copy() for array in (*self._flights, self.lost, self.blind)]
-        return {"rows": rows, "cause": self.causes[e], "own": self._own_state(e)}
+        if self._starts[e] is None:
+            raise SimulationError("the flight has not begun, so that it has no state; call reset first")
+        if self.force_law is not None:
+            raise SimulationError(
+                f"the state of a flight cannot be taken while thrusters fly the force law {name_of(self.force_law)}; leave "
+                "trajectory.corrections and spacecraft.thrusters out"
+            )
+        return {
+            "start": self._starts[e],
+            "arrays": [array[e].copy() for array in self.flights],
+            "cause": self.causes[e],
+            "mujoco": self._steppers[e].get_state() if self._steppers else None,
+            "behavior": None if self._behaviors is None else self._behaviors.get_state(e),
+            "law": None if self._law is None else self._law.get_state(e),
+            "faults": self._injections[e].get_state() if self._injections else None,
+            "slews": self._slews[e].get_state() if self._slews else None,
+        }
 
-    def set_state(self, e: int, state: dict[str, Any]) -> None:
-        """Go on from what `get_state` gave: bit for bit as the flight that went on from there."""
-        self._take_own_state(e, state["own"])
-        for array, row in zip((*self._flights, self.lost, self.blind), state["rows"], strict=True):
+    def set_state(self, e: int, saved: dict[str, Any]) -> None:
+        """Go on from what `get_state` gave, bit for bit."""
+        self.reset(e, saved["start"])
+        if self._steppers:
+            self._steppers[e].set_state(saved["mujoco"])
+        if self._injections:
+            self._injections[e].set_state(saved["faults"])
+        for array, row in zip(self.flights, saved["arrays"], strict=True):
             array[e] = row
-        self.causes[e] = state["cause"]
+        self.causes[e] = saved["cause"]
+        if self._behaviors is not None:
+            self._behaviors.set_state(e, saved["behavior"])
+        if self._law is not None:
+            self._law.set_state(e, saved["law"])
+        if self._slews:
+            self._slews[e].set_state(saved["slews"])
 
-    @abstractmethod
-    def _own_state(self, e: int) -> Any:
-        """What a kind of batch has of one flight besides the arrays here."""
-
-    @abstractmethod
-    def _take_own_state(self, e: int, state: Any) -> None:
-        """Go on from what `_own_state` gave."""
-
-    @abstractmethod
-    def read(self, r: Array, v: Array, q: Array, omega: Array, wheel: Array) -> None:
-        """Copy positions and velocities in N [m, m/s], attitudes, body rates and wheel speeds [rad/s], shape (E, n, ...)."""
-
-    @abstractmethod
     def know(self, live: Mask, q: Array, omega: Array) -> Mask:
         """Put what the flight software has of attitudes and rates in the place of the truth, where sensors are not perfect.
+
+        The controller is given the same by the decision that follows; asking ahead of it changes nothing in the flight.
 
         Args:
             live: Which flights, shape (E,); their states must be finite.
@@ -136,36 +416,124 @@ class Batch(ABC):
         Returns:
             Flights whose sensors are not perfect, shape (E,).
         """
+        if self.conditions is None:
+            return np.zeros(self.count, np.bool_)
+        own: Mask = live & self.conditions.senses
+        for e in np.flatnonzero(own).tolist():
+            self._injections[e].prepare_sensors()
+        sense_flights(self.world, self.flights, self.conditions, own, q, omega)
+        return own
 
-    @abstractmethod
-    def hold(self, targets: Targets | None, torque_B: Array | None) -> None:
-        """Let targets, shape (E, n, ...), and torques [N m], shape (E, n, 3), hold where no behaviour and no law decides.
+    def decide(self, live: Mask | None = None) -> bool:
+        """Make the decision of the present tick, if it has not been made; see `advance`."""
+        return self.advance(self.flights.tick.copy(), live, decide=True)
 
-        Behaviours, where there are any, are asked again, because they have been told something new.
-        """
+    def fly(self, periods: int, live: Mask | None = None) -> bool:
+        """Fly so many control periods; see `advance`."""
+        return self.advance(self.flights.tick + periods, live)
 
-    @abstractmethod
-    def decide(self, live: Mask) -> bool:
-        """Set forces and motor torques of the coming hold.
+    def advance(self, until: Ints, live: Mask | None = None, *, decide: bool = False) -> bool:
+        """Decide and step, until each flight has reached its tick; the only loop there is.
 
         Args:
-            live: Which flights, shape (E,).
+            until: Ticks, shape (E,); a flight that has reached its own is left alone.
+            live: Which flights, shape (E,); None: all.
+            decide: Whether the decision of the last tick is made too; it then stands until it is flown.
 
         Returns:
             Whether all of them are finite.
 
         Raises:
-            PluginError: A behaviour or control law fails, or a behaviour aims at what is not there.
+            PluginError: A plug-in fails, answers something else than its protocol says, or aims at what is not there.
+            SimulationError: A force or control law cannot be flown.
         """
+        live, f = self._everyone if live is None else live, self.flights
+        while run(self.world, self._compiled_law, f, self.conditions, self._kernel, until, live, decide):
+            for e in np.flatnonzero(f.ask).tolist():
+                self._hooks[int(f.ask[e])](e)
+        if decide and self._steppers:
+            for e in np.flatnonzero(live & f.finite).tolist():
+                self._steppers[e].hold()  # for whoever looks at MuJoCo's data: sensors, viewers
+        return bool(f.finite[live].all())
 
-    @abstractmethod
-    def advance(self, live: Mask | None) -> None:
-        """Let MuJoCo integrate one control period of the live flights, None for all, with everything held."""
+    def _prepare(self, e: int) -> None:
+        """Let happen what is due before a decision, and ask for the targets that hold until the next such instant."""
+        state, injection, initial, tick = self.state(e), self.injection(e), self._starts[e], int(self.flights.tick[e])
+        release = None if initial is None else initial.release
+        if release is not None and state.let_go(release):
+            self._write(e)
+            self.ask_again(e)
+        if injection is not None:
+            injection.provide_noise()
+        if tick < self.flights.due[e]:
+            return
+        if not self._is_finite(e):
+            self._diverge(e)
+            if not self.flights.finite[e]:
+                return
+        view = view_of(state, state.environment.C_AN(state.time))
+        ask = partial(self._targets, e)
+        targets = ask(view) if injection is None else injection.aim(view, ask)
+        state.aim_at(targets)
+        if self._intended:
+            self._intended[e] = Targets._make(part.copy() for part in targets)
+        due = NEVER if release is None else release.next_after(tick)
+        due = due if self._behaviors is None else min(due, int(self._behaviors.due[e]))
+        self.flights.due[e] = due if injection is None else min(due, injection.due)
 
-    @abstractmethod
-    def fly(self, periods: int, live: Mask) -> bool:
-        """Decide and advance so many control periods of the live flights; one that is not finite stops.
+    def _targets(self, e: int, view: SwarmView) -> Targets:
+        if self._behaviors is not None:
+            return self._behaviors.ask(e, view, int(self.flights.tick[e]))
+        # Where losses have had the swarm aim elsewhere, what was asked for stands in `_held` alone.
+        return Targets(*(part[e] for part in self._held)) if self._injections else self.state(e).targets
 
-        Returns:
-            Whether all of them are finite.
-        """
+    def _is_finite(self, e: int) -> bool:
+        f = self.flights
+        return all(np.isfinite(part[e]).all() for part in (f.r_N, f.v_N, f.q_BN, f.omega_B, f.wheel_speed))
+
+    def _diverge(self, e: int) -> None:
+        injection = self.injection(e)
+        if injection is None:
+            self._mark_diverged(e)
+        else:
+            injection.diverged()
+            self._write(e)
+
+    def _mark_diverged(self, e: int) -> None:
+        self.flights.finite[e] = False
+        state, controller = self.state(e), None if self._law is None else self._law.controller
+        self.causes[e] = divergence_of(state, controller)
+
+    def _attract(self, e: int) -> None:
+        state = self.state(e)
+        state.work[Slot.RHO] = state.environment.attraction_A(state.work[Slot.R_A])
+
+    def _attitudes_known(self, e: int) -> Array:
+        known = self.conditions is not None and bool(self.conditions.senses[e])
+        return self.conditions.q_known[e] if self.conditions is not None and known else self.flights.q_BN[e]
+
+    def _thrust(self, e: int) -> None:
+        state = self.state(e)
+        state.aim_at(self._propulsion[e].aim(state.time, self._intended[e]))
+        self._propulsion[e].thrust(self._attitudes_known(e))
+
+    def _refuse_targets(self, e: int) -> None:
+        raise PluginError(no_such_target(self.state(e).targets))
+
+    def _ask_law(self, e: int) -> None:
+        assert self._law is not None
+        state = self.state(e)
+        state.torque_B[:] = self._law.ask(e, state.control_input())
+
+    def _give_up_torque(self, e: int) -> None:
+        """Go on without the spacecraft to which the control law gives no finite torque."""
+        injection = self.injection(e)
+        if injection is None:
+            self._mark_diverged(e)
+        else:
+            injection.without_torque()
+
+    def _step(self, e: int) -> None:
+        self._steppers[e].step()
+        self.flights.tick[e] += 1
+        self.flights.stage[e] = Stage.BEGIN

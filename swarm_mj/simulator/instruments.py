@@ -15,9 +15,9 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from swarm_mj.simulator.loop_state import LoopState
-from swarm_mj.simulator.multibody import tide
+from swarm_mj.simulator.mujoco import tide
 from swarm_mj.simulator.slots import Slot
+from swarm_mj.simulator.state import FlightState
 from swarm_mj.spacecraft.elements import id_of, qpos_places, qvel_places
 from swarm_mj.spacecraft.own_spacecraft import ExtraJoint
 from swarm_mj.spacecraft.sensors import Sensor
@@ -35,11 +35,12 @@ class Instruments:
     Args:
         state: Of the flight, whose spacecraft come from a file.
         samples: How many are taken.
+        gradient_gm: Gravitational parameter whose gradient acts [m^3/s^2]; 0: none does.
     """
 
-    def __init__(self, state: LoopState, samples: int) -> None:
+    def __init__(self, state: FlightState, samples: int, gradient_gm: float) -> None:
         assert state.model.own is not None
-        self._state, self._own = state, state.model.own
+        self._state, self._own, self._gradient_gm = state, state.model.own, gradient_gm
         self._copy = mujoco.MjData(state.model.mjmodel)
         n = state.model.n
         self._sensors = [self._places(sensor) for sensor in self._own.sensors]
@@ -92,8 +93,9 @@ class Instruments:
         environment, r_N = state.environment, state.work[Slot.R_A] @ state.C_mid
         push = environment.pressure_acceleration_N(state.time + 0.5 * state.period, r_N)
         gravity_N = state.work[Slot.A] - push
-        if state.gradient_gm > 0.0:
-            gravity_N = gravity_N + tide(copy.site_xpos[sites] - copy.subtree_com[state.hub], r_N, state.gradient_gm)
+        if self._gradient_gm > 0.0:
+            arm_N = copy.site_xpos[sites] - copy.subtree_com[state.model.hub_body]
+            gravity_N = gravity_N + tide(arm_N, r_N, self._gradient_gm)
         return np.einsum("nij,ni->nj", copy.site_xmat[sites].reshape(-1, 3, 3), gravity_N)
 
     def variables(self, taken: set[str]) -> dict[str, Variable]:

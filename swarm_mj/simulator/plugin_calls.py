@@ -14,6 +14,7 @@ import numpy as np
 from swarm_mj.errors import PluginError
 from swarm_mj.mission.behaviors import Behavior, SteadyBehavior, SwarmView, TargetKind, Targets
 from swarm_mj.plugins import as_array, call, name_of, shown
+from swarm_mj.simulator.state import FlightState
 from swarm_mj.spacecraft.control.base import ControlInput, Controller
 from swarm_mj.typing import Array
 
@@ -67,37 +68,49 @@ class BehaviorCalls:
 
 
 class ControllerCalls:
-    """The control law of a flight and what it remembers.
+    """The control law of E flights and what it remembers in each.
 
     Args:
         controller: The law.
+        count: Number of flights E.
 
     Attributes:
         controller: The law.
     """
 
-    def __init__(self, controller: Controller) -> None:
+    def __init__(self, controller: Controller, count: int) -> None:
         self.controller = controller
-        self._memory: Array | None = None
+        self._memories: list[Any] = [None] * count
 
-    def get_state(self) -> Any:
-        """What the law remembers, a copy."""
-        return deepcopy(self._memory)
+    def reset(self, e: int) -> None:
+        """Forget everything about a flight: a new one begins."""
+        self._memories[e] = None
 
-    def set_state(self, state: Any) -> None:
+    def get_state(self, e: int) -> Any:
+        """What the law remembers of a flight, a copy."""
+        return deepcopy(self._memories[e])
+
+    def set_state(self, e: int, state: Any) -> None:
         """Go on from what `get_state` gave."""
-        self._memory = deepcopy(state)
+        self._memories[e] = deepcopy(state)
 
-    def ask(self, inputs: ControlInput) -> Array:
-        """Torques on the bodies, shape (n, 3) [N m]; see `ask_for_torque`."""
-        torque_B, self._memory = ask_for_torque(self.controller, inputs, self._memory)
+    def ask(self, e: int, inputs: ControlInput) -> Array:
+        """Torques on the bodies of a flight, shape (n, 3) [N m]; see `ask_for_torque`."""
+        torque_B, self._memories[e] = ask_for_torque(self.controller, inputs, self._memories[e])
         return torque_B
 
 
-def view_of(t: float, C_AN: Array, q: Array, v: Array) -> SwarmView:
-    """What a behaviour is shown of a state, see `SwarmModel.state`; copied, for it may be kept."""
-    q, v = q.copy(), v.copy()
-    return SwarmView(t, q[:, :3], v[:, :3], C_AN, q[:, 3:7], v[:, 3:6], v[:, 6:])
+def view_of(state: FlightState, C_AN: Array) -> SwarmView:
+    """What a behaviour is shown of a flight; copied, for it may be kept."""
+    return SwarmView(
+        t=state.time,
+        r_BN_N=state.r_N.copy(),
+        v_BN_N=state.v_N.copy(),
+        C_AN=C_AN,
+        q_BN=state.q_BN.copy(),
+        omega_BN_B=state.omega_B.copy(),
+        wheel_speed=state.wheel_speed.copy(),
+    )
 
 
 def ask_for_targets(behavior: Behavior, view: SwarmView, memory: Any) -> tuple[Targets, Any]:
@@ -167,32 +180,31 @@ def ask_for_torque(controller: Controller, inputs: ControlInput, memory: Any) ->
 
 
 def no_such_target(targets: Targets) -> str:
-    """In words, that targets cannot be aimed at; see `kernels.guide`."""
+    """In words, that targets cannot be aimed at; see `decide.mark_new_targets`."""
     return (
         f"the behaviour aims at what is not there: kinds {targets.kind.tolist()}, spacecraft "
         f"{targets.spacecraft.tolist()} of {len(targets.kind)}, counted from 0"
     )
 
 
-def divergence_of(state: Array, torque_B: Array, controller: Controller | None, names: Sequence[str], t: float) -> str:
+def divergence_of(state: FlightState, controller: Controller | None) -> str:
     """In words, why a flight cannot go on.
 
     Args:
-        state: Of every spacecraft, shape (n, ...).
-        torque_B: What the control law answered last, shape (n, 3) [N m].
-        controller: The law; None where torques are held.
-        names: Of the spacecraft.
-        t: Time [s].
+        state: Of the flight.
+        controller: The law that answered last; None where torques are held.
     """
-    fine = np.isfinite(state).all(axis=1)
+    names, t = state.model.names, state.time
+    numbers = np.hstack((state.r_N, state.v_N, state.q_BN, state.omega_B, state.wheel_speed))
+    fine = np.isfinite(numbers).all(axis=1)
     if not fine.all():
         return (
             f"the flight diverged: {names[int(np.argmin(fine))]} has a state that is not finite at t = {t:g} s. Check gains, "
             "wheel limits, gravity and physics.timestep_s"
         )
-    j = int(np.argmin(np.isfinite(torque_B).all(axis=1)))
+    j = int(np.argmin(np.isfinite(state.torque_B).all(axis=1)))
     who = "what holds torques" if controller is None else f"the control law {name_of(controller)}"
     return (
-        f"the flight diverged: {who} gives {names[j]} the torque {torque_B[j].tolist()} N m at t = {t:g} s, whose state is "
-        "finite. Check the law and its parameters"
+        f"the flight diverged: {who} gives {names[j]} the torque {state.torque_B[j].tolist()} N m at t = {t:g} s, whose state "
+        "is finite. Check the law and its parameters"
     )

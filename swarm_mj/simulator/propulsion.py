@@ -13,15 +13,18 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from swarm_mj.errors import SimulationError
 from swarm_mj.mission.behaviors import TargetKind, Targets
-from swarm_mj.simulator.loop_state import LoopState
 from swarm_mj.simulator.slots import Slot
+from swarm_mj.simulator.state import FlightState
 from swarm_mj.spacecraft.control.force import AimingForceLaw, ForceLaw, ForceView, ask_for_forces
 from swarm_mj.spacecraft.thrusters import Allocation, Thrusters, read_nozzles
 from swarm_mj.typing import Array, Mask
+
+Variable = tuple[tuple[str, ...], NDArray[Any], dict[str, Any]]
 
 #: The long axis, by which spacecraft are pointed, must be the axis of nozzles that have to be turned, to so much.
 ALONG_Z = np.cos(np.radians(1.0))
@@ -33,29 +36,28 @@ class Propulsion:
     Args:
         state: Of the flight, whose properties have thrusters; its model is changed, and must be its own.
         thrusters: Their numbers.
+        gradient: Whether the gravity gradient is held in `FlightState.torque_N` already.
 
     Attributes:
         thrusters: As given.
         allocation: How wishes are shared among the nozzles.
-        propellant: Left in the tanks, shape (n,) [kg].
-        force_N: Of the hold that was decided last, shape (n, 3) [N].
-        delta_v: Velocity gained by thrust so far, whatever its direction, shape (n,) [m/s].
-        delta_v_N: The same as a vector, as accelerometers have it, shape (n, 3) [m/s].
     """
 
-    def __init__(self, state: LoopState, thrusters: Thrusters) -> None:
-        model, hub, n = state.model.mjmodel, state.hub, state.model.n
-        self._state, self.thrusters = state, thrusters
+    def __init__(self, state: FlightState, thrusters: Thrusters, *, gradient: bool) -> None:
+        model, hub, n = state.model.mjmodel, state.model.hub_body, state.model.n
+        self._state, self.thrusters, self._gradient = state, thrusters, gradient
         nozzles = read_nozzles(model, int(hub[0]), f"{state.model.names[0]}_")
         self.allocation = Allocation(nozzles, model.body_ipos[hub[0]])
         axes = Rotation.from_quat(model.body_iquat[hub[0]], scalar_first=True).as_matrix()
         self._to_B, offset = (axes**2).T, model.body_ipos[hub[0]]
+        self._axes_B = axes
         self._offset = offset @ offset - offset**2
         self._law: ForceLaw | None = None
         self._memory: Any = None
         self._as_built = model.body_mass[hub].copy(), model.body_inertia[hub].copy()
-        self.force_N, self.delta_v_N, self.delta_v = np.zeros((n, 3)), np.zeros((n, 3)), np.zeros(n)
-        self.propellant, self._used, self._gain_N = np.zeros(n), np.zeros(n), np.zeros((n, 3))
+        self._delta_v_N, self._delta_v = np.zeros((n, 3)), np.zeros(n)
+        self._propellant, self._used, self._gain_N = np.zeros(n), np.zeros(n), np.zeros((n, 3))
+        self._fired_at = 0
         self._start()
 
     @property
@@ -74,18 +76,40 @@ class Propulsion:
         self._law, self._memory = law, None
 
     @property
+    def force_N(self) -> Array:
+        """Mean forces of the hold that was decided last, shape (n, 3) [N]."""
+        return self._state.thrust_N
+
+    @property
+    def propellant(self) -> Array:
+        """Left in the tanks, shape (n,) [kg]."""
+        self._burn()
+        return self._propellant
+
+    @property
+    def delta_v(self) -> Array:
+        """Velocity gained by thrust so far, whatever its direction, shape (n,) [m/s]."""
+        self._burn()
+        return self._delta_v
+
+    @property
+    def delta_v_N(self) -> Array:
+        """The same as a vector, as accelerometers have it, shape (n, 3) [m/s]."""
+        self._burn()
+        return self._delta_v_N
+
+    @property
     def mass(self) -> Array:
         """Of the spacecraft with what is left in their tanks, shape (n,) [kg]."""
         return self._full_mass - (self.thrusters.propellant - self.propellant)
 
     def refill(self) -> None:
         """Give the model the masses that it was built with; dispersions may change them before `reset`."""
-        model, hub = self._state.model.mjmodel, self._state.hub
-        self._write_masses(self._as_built[0], self._as_built[1])
-        model.body_mass[hub], model.body_inertia[hub] = self._as_built
+        if self._state.data is not None:
+            self._write_masses(*self._as_built)
 
     def reset(self) -> None:
-        """Begin a flight with full tanks.
+        """Begin a flight with full tanks; masses have been written.
 
         Raises:
             SimulationError: A tank does not fit into a hub.
@@ -94,21 +118,25 @@ class Propulsion:
         self._start()
 
     def _start(self) -> None:
-        state, model = self._state, self._state.model.mjmodel
-        self._hub_mass, self._hub_inertia = model.body_mass[state.hub].copy(), model.body_inertia[state.hub].copy()
-        self._full_mass = model.body_subtreemass[state.hub].copy()
-        properties, gyrostat = state.properties, state.model.wheels == "gyrostat"
-        # Wheels that are momentum states are part of the hub, and lose no mass.
-        dry = self._hub_mass - (properties.n_wheels * properties.wheel_mass if gyrostat else 0.0)
-        inertia = properties.hub_inertia * (dry / properties.hub_mass)[:, None] if gyrostat else self._hub_inertia
-        if dry.min() <= self.thrusters.propellant:
+        state, model, properties = self._state, self._state.model.mjmodel, self._state.properties
+        hub, rigid = state.model.hub_body, state.model.own is None
+        if state.data is not None:
+            self._hub_mass, self._hub_inertia = model.body_mass[hub].copy(), model.body_inertia[hub].copy()
+        else:
+            self._hub_mass = state.mass - properties.n_wheels * properties.wheel_mass
+            self._hub_inertia = np.einsum(
+                "ji,njk,ki->ni", self._axes_B, state.inertia_B - properties.wheels_inertia_B, self._axes_B
+            )
+        self._full_mass = state.mass.copy() if rigid else model.body_subtreemass[hub].copy()
+        self._full_inertia_B = state.inertia_B.copy()
+        if self._hub_mass.min() <= self.thrusters.propellant:
             raise SimulationError(
                 f"spacecraft.thrusters.propellant_kg = {self.thrusters.propellant:g}: must be below the hub's "
-                f"{dry.min():.6g} kg"
+                f"{self._hub_mass.min():.6g} kg"
             )
-        self._inertia_per_kg = inertia / dry[:, None]
-        self.propellant[:] = self.thrusters.propellant
-        for array in (self.force_N, self.delta_v, self.delta_v_N, self._used, self._gain_N):
+        self._inertia_per_kg = self._hub_inertia / self._hub_mass[:, None]
+        self._propellant[:] = self.thrusters.propellant
+        for array in (self.force_N, self._delta_v, self._delta_v_N, self._used, self._gain_N):
             array[:] = 0.0
 
     def aim(self, t: float, targets: Targets) -> Targets:
@@ -123,35 +151,34 @@ class Propulsion:
         kind[turning], vector[turning] = int(TargetKind.DIRECTION), directions[turning]
         return Targets(kind, targets.spacecraft, vector)
 
-    def thrust(self, q_known: Array, omega_known: Array, omega: Array, working: Mask) -> None:
-        """Ask for forces and hold those that the thrusters give; gravity is held already.
+    def thrust(self, q_known: Array) -> None:
+        """Ask for forces and hold those that the thrusters give; what the hold before used is gone from the tanks.
 
         Args:
-            q_known: Attitudes that the flight software has, by which it opens nozzles, shape (n, 4).
-            omega_known: Body rates that it has, shape (n, 3) [rad/s].
-            omega: True body rates, shape (n, 3) [rad/s].
-            working: Who is not lost, shape (n,); who is still aboard the mothership pushes no more than they.
+            q_known: Attitudes that the flight software has, by which it opens nozzles, shape (n, 4); its rates stand in
+                `Slot.OMEGA`.
         """
         state = self._state
-        working = working & state.released
+        self._burn()
+        self._fired_at = state.tick
+        working = ~state.lost & state.released  # who is still aboard the mothership pushes no more than the lost
         wish_N = self._ask(q_known, working)
         firing = (wish_N != 0.0).any(axis=1) & working & (self.propellant > 0.0)
-        self._used[:], self.force_N[:], self._gain_N[:] = 0.0, 0.0, 0.0
-        mean_mass, forces = self.mass, state.data.xfrc_applied
-        if state.gradient_gm == 0.0:
-            forces[state.hub, 3:] = 0.0
-        torque_N = np.zeros((len(wish_N), 3))
+        self._used[:], self._gain_N[:], state.thrust_N[:] = 0.0, 0.0, 0.0
+        mean_mass, torque_N = self.mass, np.zeros_like(wish_N)
         if firing.any():
+            omega_known = state.work[Slot.OMEGA]
             thrusts = self._open(_mid_attitude(q_known, omega_known, state.period)[firing], wish_N[firing], firing)
-            to_N = _mid_attitude(state.q_BN, omega, state.period)[firing]
-            self.force_N[firing] = to_N.apply(thrusts @ self.allocation.force_B)
+            to_N = _mid_attitude(state.q_BN, state.omega_B, state.period)[firing]
+            state.thrust_N[firing] = to_N.apply(thrusts @ self.allocation.force_B)
             torque_N[firing] = to_N.apply(thrusts @ self.allocation.torque_B)
             self._used[firing] = thrusts.sum(axis=1) * state.period / self.thrusters.exhaust_speed
             mean_mass = logarithmic_mean(self.mass, self._used)
-            self._gain_N[:] = self.force_N * (state.period / mean_mass)[:, None]
+            self._gain_N[:] = state.thrust_N * (state.period / mean_mass)[:, None]
         self._weigh(mean_mass)
-        forces[state.hub, :3] += self.force_N
-        forces[state.hub, 3:] += torque_N
+        if not self._gradient:
+            state.torque_N[:] = 0.0
+        state.torque_N[:] += torque_N
 
     def _ask(self, q_known: Array, working: Mask) -> Array:
         state, work = self._state, self._state.work
@@ -185,20 +212,20 @@ class Propulsion:
         return np.asarray(thrusts * share[:, None])
 
     def _weigh(self, mean_mass: Array) -> None:
-        """Give MuJoCo the masses of the hold, and gravity as well."""
-        state, model = self._state, self._state.model.mjmodel
+        """Give the spacecraft, and MuJoCo, the masses of the hold."""
+        state = self._state
         gone = self._full_mass - mean_mass
+        per_kg_B = np.einsum("ij,nj,kj->nik", self._axes_B, self._inertia_per_kg, self._axes_B)
+        state.mass[:], state.inertia_B[:] = mean_mass, self._full_inertia_B - gone[:, None, None] * per_kg_B
         hub_mass = self._hub_mass - gone
-        held = model.body_mass[state.hub] if state.model.own is not None else self._full_mass
-        now = hub_mass if state.model.own is not None else mean_mass
-        state.data.xfrc_applied[state.hub, :3] *= (now / held)[:, None]
-        if not np.array_equal(hub_mass, model.body_mass[state.hub]):
+        if state.data is not None and not np.array_equal(hub_mass, state.model.mjmodel.body_mass[state.model.hub_body]):
             self._write_masses(hub_mass, self._hub_inertia - gone[:, None] * self._inertia_per_kg)
 
     def _write_masses(self, hub_mass: Array, hub_inertia: Array) -> None:
         # And what a free body's motion depends on besides, for `mj_setConst` would take too long: MuJoCo reads the inertia
         # matrix of a body without others from `dof_M0`.
-        model, hub, qvel = self._state.model.mjmodel, self._state.hub, self._state.model.layout.qvel
+        swarm = self._state.model
+        model, hub, qvel = swarm.mjmodel, swarm.hub_body, swarm.layout.qvel
         change, turned = hub_mass - model.body_mass[hub], hub_inertia - model.body_inertia[hub]
         model.body_mass[hub], model.body_inertia[hub] = hub_mass, hub_inertia
         model.body_subtreemass[hub] += change
@@ -206,11 +233,13 @@ class Propulsion:
         model.dof_M0[qvel[:, :3]] += change[:, None]
         model.dof_M0[qvel[:, 3:6]] += turned @ self._to_B + change[:, None] * self._offset
 
-    def burn(self) -> None:
+    def _burn(self) -> None:
         """Take from the tanks what the hold that has been flown used."""
-        self.propellant[:] = np.maximum(self.propellant - self._used, 0.0)
-        self.delta_v_N += self._gain_N
-        self.delta_v += np.linalg.norm(self._gain_N, axis=1)
+        if self._state.tick > self._fired_at:
+            self._propellant[:] = np.maximum(self._propellant - self._used, 0.0)
+            self._delta_v_N += self._gain_N
+            self._delta_v += np.linalg.norm(self._gain_N, axis=1)
+            self._used[:], self._gain_N[:] = 0.0, 0.0
 
 
 def logarithmic_mean(mass: Array, used: Array) -> Array:
@@ -225,3 +254,40 @@ def logarithmic_mean(mass: Array, used: Array) -> Array:
 def _mid_attitude(q_BN: Array, omega_B: Array, period: float) -> Rotation:
     """Rotations from B to N at the middle of a hold."""
     return Rotation.from_quat(q_BN, scalar_first=True) * Rotation.from_rotvec(0.5 * period * omega_B)
+
+
+class PropulsionRecord:
+    """Samples of thrust, tanks and velocity gained.
+
+    Args:
+        samples: Number of samples.
+        n: Number of spacecraft.
+    """
+
+    def __init__(self, samples: int, n: int) -> None:
+        self._thrust = np.zeros((samples, n, 3))
+        self._scalars = np.zeros((3, samples, n))
+
+    def keep(self, row: int, propulsion: Propulsion) -> None:
+        """Take a sample; the force of the coming hold has been set."""
+        self._thrust[row] = propulsion.force_N
+        self._scalars[:, row] = propulsion.propellant, propulsion.mass, propulsion.delta_v
+
+    def variables(self) -> dict[str, Variable]:
+        """Variables for the telemetry: dimensions, values, attributes."""
+        place = ("time", "spacecraft")
+        words = {
+            "propellant_kg": ("kg", "propellant left in the tank"),
+            "mass_kg": ("kg", "mass with what is left in the tank"),
+            "delta_v_m_s": ("m s-1", "velocity gained by thrust so far, in whatever direction"),
+        }
+        found: dict[str, Variable] = {
+            "thrust_N": (
+                (*place, "xyz"),
+                self._thrust,
+                {"units": "N", "frame": "N", "long_name": "mean force of the thrusters, held from this sample on"},
+            )
+        }
+        for (name, (units, long_name)), values in zip(words.items(), self._scalars, strict=True):
+            found[name] = place, values, {"units": units, "frame": "none", "long_name": long_name}
+        return found

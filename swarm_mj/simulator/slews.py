@@ -19,7 +19,7 @@ from swarm_mj.spacecraft.attitude.slew import Turning, rotation_about, slew_prof
 from swarm_mj.typing import Array
 
 if TYPE_CHECKING:
-    from swarm_mj.simulator.loop_state import LoopState
+    from swarm_mj.simulator.state import FlightState
 
 #: Share of torque and momentum that a profile takes; the rest is for the law's corrections.
 SHARE = 0.8
@@ -34,7 +34,7 @@ class Slews:
         state: Of the flight; its work arrays receive references and errors.
     """
 
-    def __init__(self, state: LoopState) -> None:
+    def __init__(self, state: FlightState) -> None:
         n = state.model.n
         self._state = state
         self._start, self._angle, self._axis = np.zeros(n), np.zeros(n), np.zeros((n, 3))

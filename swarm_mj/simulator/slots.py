@@ -37,3 +37,11 @@ class Peak(IntEnum):
     WHEEL_SPEED = 0  #: largest speed of a wheel [rad/s]
     MOTOR_TORQUE = 1  #: largest motor torque [N m]
     CUT_HOLDS = 2  #: holds in which a limit cut a torque
+
+
+class Resting(IntEnum):
+    """Whether the flight of a spacecraft is over."""
+
+    FLYING = 0
+    ON_THE_BODY = 1  #: it hit the body and turns with it
+    HELD = 2  #: it diverged, and is held where it was

@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from swarm_mj.io.arrays import Declared
 from swarm_mj.io.netcdf import read_netcdf
-from swarm_mj.simulator.recorder import Record
+from swarm_mj.simulator.record import Record
 from swarm_mj.smallbody.environment import Environment
 from swarm_mj.spacecraft.attitude.guidance import pointing_error
 from swarm_mj.spacecraft.attitude.mrp import mrp_from_quaternion, subtract_mrp
@@ -84,7 +84,7 @@ ATTRIBUTES = {
     "earth_N_m": Declared("f8", (3,), -FARTHEST, FARTHEST),
 }
 #: What to do about a file that cannot be read.
-REMEDY = "fly the scenario again with `swarm-mj run`"
+REMEDY = "fly the scenario again with `swarm-mj fly`"
 #: Names that are given to what is added once the flight is over.
 LATER = ("link_closed", "released", "coverage_percent", "time", "spacecraft", "xyz", "wheel")
 

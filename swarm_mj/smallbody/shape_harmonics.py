@@ -5,7 +5,7 @@ orthonormal spherical harmonics. Those of 433 Eros go to degree 40 with (16, 8, 
 model with 7,790 facets (Thomas et al. 2002; PDS data set NEAR-A-5-COLLECTED-MODELS-V1.0), whose facets they pass at 12 m rms.
 The tables of 101955 Bennu (degree 24) and 25143 Itokawa (degree 36) name their models in their first lines.
 
-`swarm-mj shape --out assets/eros.obj` builds the mesh of Eros that this project flies around.
+`swarm-mj build-shape --out assets/eros.obj` builds the mesh of Eros that this project flies around.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ BODIES = {
 }
 
 
-def build_body(body: str, frequency: int = FREQUENCY) -> ShapeModel:
+def build_shape(body: str, frequency: int = FREQUENCY) -> ShapeModel:
     """Build the mesh of a packaged body on the vertices of a geodesic icosahedron.
 
     Args:
@@ -81,7 +81,7 @@ def build_body(body: str, frequency: int = FREQUENCY) -> ShapeModel:
 
 
 def build_eros(frequency: int = FREQUENCY, *, harmonics_path: str | os.PathLike[str] | None = None) -> ShapeModel:
-    """Build the mesh of Eros; args and errors as of `build_body`, with a table of one's own if one is named."""
+    """Build the mesh of Eros; args and errors as of `build_shape`, with a table of one's own if one is named."""
     return _build(NAME, SEMI_AXES_M, frequency, read_harmonics(harmonics_path))
 
 
@@ -108,9 +108,9 @@ def load_body(body: str) -> ShapeModel:
     """The mesh of a packaged body that flights use: 4,002 vertices, 8,000 faces; that of Eros is a file, others are built.
 
     Raises:
-        ShapeError: see `build_body`.
+        ShapeError: see `build_shape`.
     """
-    return load_eros() if body == "eros" else build_body(body)
+    return load_eros() if body == "eros" else build_shape(body)
 
 
 def load_eros() -> ShapeModel:

@@ -71,7 +71,7 @@ def load_shape(
     return check_shape(vertices * METRES[unit], faces, name or path.name, expect_radius_m=expect_radius_m)
 
 
-def save_obj(shape: ShapeModel, path: str | os.PathLike[str]) -> None:
+def save_shape(shape: ShapeModel, path: str | os.PathLike[str]) -> None:
     """Write a shape as OBJ in metres; the same shape always gives the same bytes, and reading it back the same numbers.
 
     The file appears whole or not at all: it is written under another name beside its place and then moved.

@@ -29,9 +29,8 @@ class Layout:
     Attributes:
         hub_body: Body ids of the hubs, shape (n,).
         bodies: Body ids of every body of a spacecraft, the hub first, shape (n, bodies).
-        qpos: Where hub position (3), hub attitude (4) and wheel angles stand in `qpos`, shape (n, 7 + w); without wheel angles
-            where wheels are no bodies, shape (n, 7).
-        qvel: Where hub velocity (3), body rate (3) and wheel speeds stand in `qvel`, shape (n, 6 + w) or (n, 6).
+        qpos: Where hub position (3), hub attitude (4) and wheel angles stand in `qpos`, shape (n, 7 + w).
+        qvel: Where hub velocity (3), body rate (3) and wheel speeds stand in `qvel`, shape (n, 6 + w).
         actuators: Ids of the wheels' motors, shape (n, w).
         ctrl: Where their torques stand in `ctrl`, shape (n, w).
         all_qpos: Every number of a spacecraft in `qpos`, shape (n, ...).
@@ -48,9 +47,7 @@ class Layout:
     all_qvel: Ints
 
 
-def resolve_layout(
-    model: mujoco.MjModel, names: Sequence[str], *, hub: str, wheels: Sequence[str], wheels_are_joints: bool = True
-) -> Layout:
+def resolve_layout(model: mujoco.MjModel, names: Sequence[str], *, hub: str, wheels: Sequence[str]) -> Layout:
     """Find the parts of every spacecraft.
 
     Args:
@@ -58,7 +55,6 @@ def resolve_layout(
         names: Of the spacecraft; `NAME_` is the prefix of their parts.
         hub: Name of the hub's body without prefix; the free joint is its only one.
         wheels: Names of the wheels' joints and motors without prefix, in order.
-        wheels_are_joints: Whether wheels are bodies on hinges.
 
     Raises:
         MissionError: A part is not there, or is something else; the message names it.
@@ -66,9 +62,8 @@ def resolve_layout(
     hubs = [_named(model, "body", f"{name}_{hub}") for name in names]
     motors = [[_named(model, "actuator", f"{name}_{wheel}") for wheel in wheels] for name in names]
     joints = [[_free_joint(model, body)] for body in hubs]
-    if wheels_are_joints:
-        for row, name in zip(joints, names, strict=True):
-            row += [_named(model, "joint", f"{name}_{wheel}") for wheel in wheels]
+    for row, name in zip(joints, names, strict=True):
+        row += [_named(model, "joint", f"{name}_{wheel}") for wheel in wheels]
     bodies = [list(subtree_of(model, body)) for body in hubs]
     every = [[j for body in row for j in joints_of(model, body)] for row in bodies]
     actuators = np.array(motors, np.int64)

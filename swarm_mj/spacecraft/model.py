@@ -17,7 +17,6 @@ from swarm_mj.errors import MissionError
 from swarm_mj.io.resources import asset_path
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.spacecraft.elements import title_of
-from swarm_mj.spacecraft.gyrostat import NQ_FREE, NV_FREE, axial_momentum, with_wheels
 from swarm_mj.spacecraft.layout import Layout, resolve_layout, spacecraft_names
 from swarm_mj.spacecraft.model_guard import ROUNDING
 from swarm_mj.spacecraft.own_spacecraft import OwnSpacecraft
@@ -26,17 +25,14 @@ from swarm_mj.spacecraft.template import (
     HUB,
     compile_spec,
     make_template,
-    replace_wheels,
     require_known,
     strip,
     wheel_names,
 )
 from swarm_mj.typing import Array, Ints
 
-#: qpos and qvel of one spacecraft: free joint (7, 6) and three wheels; the loop's kernels rely on this contiguous layout.
-#: With four wheels MuJoCo holds one number more of each.
-#: Where wheels are no bodies, `SwarmModel.state` gives the same layout.
-NQ, NV = 10, 9
+#: qpos and qvel of a free joint.
+NQ_FREE, NV_FREE = 7, 6
 
 #: Working memory of MuJoCo for each spacecraft of a model without geometry; a step uses 1.7 KiB of it, 0.2 for each degree of
 #: freedom, as any function of MuJoCo that was tried.
@@ -46,10 +42,8 @@ STACK_BYTES = 8 * 1024
 #: The log file that MuJoCo writes into the current folder unless told otherwise.
 DEFAULT_LOG = "MUJOCO_LOG.TXT"
 
-WheelModel = Literal["bodies", "gyrostat"]
-#: How a swarm is to be stepped: by compiled code around MuJoCo's accelerations, by `mj_step`, or by the first that can; or by
-#: the equations of a free gyrostat alone.
-Stepper = Literal["auto", "fast", "mj_step", "kernel"]
+#: Who steps a swarm: MuJoCo's `mj_step` on its model, or compiled code by the equations of free gyrostats.
+Stepper = Literal["mujoco", "kernel"]
 
 
 @dataclass(frozen=True)
@@ -62,9 +56,8 @@ class SwarmModel:
         layout: Where the spacecraft's parts stand in MuJoCo's arrays.
         asteroid_mocap: Mocap id of the asteroid.
         properties: Mass properties and wheels of every spacecraft.
-        wheels: Whether wheels are bodies on hinges or momentum states; `Integrator` steps both, `mj_step` the former.
-        stepper: How it is to be stepped.
-        own: What was read of a spacecraft of one's own, which flies by `mj_step`; None: the packaged CubeSat.
+        stepper: Who steps it.
+        own: What was read of a spacecraft of one's own, which MuJoCo steps; None: the packaged CubeSat.
     """
 
     mjmodel: mujoco.MjModel
@@ -72,8 +65,7 @@ class SwarmModel:
     layout: Layout
     asteroid_mocap: int
     properties: SpacecraftProperties
-    wheels: WheelModel = "bodies"
-    stepper: Stepper = "auto"
+    stepper: Stepper = "mujoco"
     own: OwnSpacecraft | None = None
 
     @property
@@ -87,21 +79,16 @@ class SwarmModel:
         return self.layout.hub_body
 
     def state(self, data: mujoco.MjData) -> tuple[Array, Array]:
-        """Positions and velocities by spacecraft, wheels included, whichever way they are modelled.
+        """Positions and velocities by spacecraft, wheels included.
 
         Returns:
             Position in N [m], quaternion, w wheel angles, shape (n, 7 + w), and velocity in N [m/s], body rate in B [rad/s],
             wheel speeds relative to the hub [rad/s], shape (n, 6 + w). Views of MuJoCo's arrays where these hold nothing else;
-            copies of a spacecraft of one's own, and, with zero for the angles, where wheels are momentum states.
+            copies of a spacecraft of one's own.
         """
         if self.own is not None:
             return data.qpos[self.layout.qpos], data.qvel[self.layout.qvel]
-        if self.wheels == "bodies":
-            return data.qpos.reshape(self.n, -1), data.qvel.reshape(self.n, -1)
-        qpos, qvel = np.empty((self.n, NQ)), np.empty((self.n, NV))
-        spin, axes = self.properties.wheel_spin_inertia, self.properties.wheel_axes_B
-        with_wheels(data.qpos, data.qvel, data.act, spin, axes, qpos.reshape(-1), qvel.reshape(-1))
-        return qpos, qvel
+        return data.qpos.reshape(self.n, -1), data.qvel.reshape(self.n, -1)
 
     def start(self, data: mujoco.MjData, qpos: Array, qvel: Array) -> None:
         """Put a flight at its start, see `set_state`: of a spacecraft of one's own the centre of mass stands and moves so.
@@ -136,13 +123,8 @@ class SwarmModel:
         """Write positions, shape (n, 7 + w), and velocities, shape (n, 6 + w), as `state` gives them; other joints stay."""
         if self.own is not None:
             data.qpos[self.layout.qpos], data.qvel[self.layout.qvel] = qpos, qvel
-            return
-        if self.wheels == "bodies":
+        else:
             data.qpos[:], data.qvel[:] = qpos.ravel(), qvel.ravel()
-            return
-        data.qpos[:], data.qvel[:] = qpos[:, :NQ_FREE].ravel(), qvel[:, :NV_FREE].ravel()
-        spin, axes = self.properties.wheel_spin_inertia, self.properties.wheel_axes_B
-        data.act[:] = axial_momentum(qvel[:, 3:6], qvel[:, 6:9], spin, axes).ravel()
 
 
 def build_model(
@@ -153,9 +135,8 @@ def build_model(
     timestep: float = 0.1,
     camera_half_angle_deg: float = 21.5,
     sun_N: Sequence[float] = (1.0, 0.0, 0.0),
-    wheels: WheelModel = "bodies",
     geometry: bool = True,
-    stepper: Stepper = "auto",
+    stepper: Stepper = "mujoco",
 ) -> SwarmModel:
     """Assemble and compile the model of n spacecraft around a body.
 
@@ -166,10 +147,9 @@ def build_model(
         timestep: Integration step [s].
         camera_half_angle_deg: Half of the drawn camera's vertical field of view [deg].
         sun_N: Direction to the Sun in N; lights the scene.
-        wheels: Bodies on hinges, or momentum states of gyrostats.
         geometry: Whether the model holds what can be seen (the body's mesh, the spacecraft's boxes, cameras, light) and what
             is measured (sites, sensors). None of it moves anything; without it, a step takes about a fifth less time.
-        stepper: How it is to be stepped.
+        stepper: Who steps it.
 
     Raises:
         MissionError: The spacecraft is impossible, or the template holds what would not be flown; the message names it.
@@ -179,8 +159,6 @@ def build_model(
     properties = properties or SpacecraftProperties()
     part = make_template(properties, timestep, camera_half_angle_deg)
     require_known(part, properties)
-    if wheels == "gyrostat":
-        replace_wheels(part, properties)
     spec = scene(shape, timestep, np.asarray(sun_N, float))
     if not geometry:
         strip(spec)
@@ -193,16 +171,14 @@ def build_model(
         spacecraft_names(n),
         hub=HUB,
         wheels=wheel_names(properties),
-        wheels_are_joints=wheels == "bodies",
     )
-    _require_fast_layout(compiled, layout, properties, wheels)
+    _require_plain_layout(compiled, layout, properties)
     return SwarmModel(
         mjmodel=compiled,
         names=spacecraft_names(n),
         layout=layout,
         asteroid_mocap=int(compiled.body("asteroid").mocapid[0]),
         properties=properties,
-        wheels=wheels,
         stepper=stepper,
     )
 
@@ -237,21 +213,19 @@ def scene(shape: ShapeModel, timestep: float, sun_N: Array) -> mujoco.MjSpec:
     return spec
 
 
-def _require_fast_layout(
-    model: mujoco.MjModel, layout: Layout, properties: SpacecraftProperties, wheels: WheelModel
-) -> None:
-    """See that MuJoCo's arrays hold the spacecraft in the order and width that compiled code reads, and nothing else.
+def _require_plain_layout(model: mujoco.MjModel, layout: Layout, properties: SpacecraftProperties) -> None:
+    """See that MuJoCo's arrays hold the spacecraft in order, and nothing else.
 
     Raises:
         MissionError: They do not; the message names what stands in the way.
     """
-    n, w, bodies = len(layout.hub_body), properties.n_wheels, wheels == "bodies"
+    n, w = len(layout.hub_body), properties.n_wheels
     expected = {
-        "nq": (model.nq, n * (NQ_FREE + w * bodies)),
-        "nv": (model.nv, n * (NV_FREE + w * bodies)),
+        "nq": (model.nq, n * (NQ_FREE + w)),
+        "nv": (model.nv, n * (NV_FREE + w)),
         "nu": (model.nu, n * w),
-        "na": (model.na, 0 if bodies else n * w),
-        "nbody": (model.nbody, 2 + n * (1 + w * bodies)),  # the world and the asteroid
+        "na": (model.na, 0),
+        "nbody": (model.nbody, 2 + n * (1 + w)),  # the world and the asteroid
     }
     wrong = [f"{key} = {found}, not {right}" for key, (found, right) in expected.items() if found != right]
     rows = {"qpos": layout.qpos, "qvel": layout.qvel, "ctrl": layout.ctrl}
@@ -260,7 +234,7 @@ def _require_fast_layout(
         strange = set(range(1, model.nbody)) - set(layout.bodies.ravel().tolist()) - {model.body("asteroid").id}
         others = ", ".join(title_of(model, "body", i) for i in sorted(strange)) or "an actuator or a joint"
         raise MissionError(
-            f"the compiled swarm is not what the fast stepper reads ({'; '.join(wrong)}): mjcf/scene.xml holds {others}; "
+            f"the compiled swarm is not what the loop reads ({'; '.join(wrong)}): mjcf/scene.xml holds {others}; "
             "it must hold the asteroid alone"
         )
     weight = model.body_subtreemass[layout.hub_body]

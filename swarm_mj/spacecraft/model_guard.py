@@ -1,8 +1,8 @@
-"""What of a MuJoCo model the fast stepper cannot fly, by name.
+"""What of a MuJoCo model is more than the packaged CubeSat, by name.
 
-The fast stepper (`swarm_mj.simulator.fast`) knows free bodies that carry reaction wheels, driven by motors and by forces that
-are applied to the hubs. It would pass over anything else without a word: weigh no further body, drive another wheel by an
-actuator that stands before it, read no sensor, feel no spring. So everything in a model is either known here or named.
+The loop knows rigid hubs that carry reaction wheels, driven by motors. It would pass over anything else without a word: weigh
+no further body, drive another wheel by an actuator that stands before it, read no sensor. So everything in a model is either
+known here or named, and what is named flies as a spacecraft of one's own.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ CENTRED_M = 1e-9
 
 
 class Finding(NamedTuple):
-    """Something that the fast stepper cannot fly.
+    """Something that the packaged CubeSat does not have.
 
     Attributes:
         element: Kind and name, such as `joint panel`.
         what: What it is.
-        allowed: What the fast stepper flies in its place.
+        allowed: What it has in its place.
     """
 
     element: str
@@ -52,7 +52,7 @@ def listed(findings: Sequence[Finding], most: int = 8) -> str:
 def examine_spacecraft(
     model: mujoco.MjModel, properties: SpacecraftProperties, hub: str, wheels: Sequence[str]
 ) -> list[Finding]:
-    """Everything in the model of one spacecraft that the fast stepper cannot fly; empty if it can.
+    """Everything in the model of one spacecraft that the packaged CubeSat does not have; empty: it is that.
 
     Args:
         model: The spacecraft alone, with all that its MJCF file holds.
@@ -103,14 +103,9 @@ def _contacts(model: mujoco.MjModel) -> Iterator[Finding]:
         yield Finding(f"contact pair {model.pair(0).name or 'number 0'}", "a contact", "no contacts")
 
 
-def acting_elements(model: mujoco.MjModel, *, gyrostat: bool = False) -> list[Finding]:
-    """Everything that acts in a model besides applied forces, motors of constant torque and the bodies' inertia.
-
-    Args:
-        model: Of one spacecraft or of a swarm.
-        gyrostat: Whether activations are the wheels' momenta.
-    """
-    found = [*_passive(model), *_drives(model, gyrostat)]
+def acting_elements(model: mujoco.MjModel) -> list[Finding]:
+    """Everything that acts in a model besides applied forces, motors of constant torque and the bodies' inertia."""
+    found = [*_passive(model), *_drives(model)]
     kinds = {"equality": model.neq, "tendon": model.ntendon, "flex": model.nflex, "plugin": model.nplugin}
     for kind, count in kinds.items():
         if count:
@@ -120,22 +115,6 @@ def acting_elements(model: mujoco.MjModel, *, gyrostat: bool = False) -> list[Fi
         found.append(Finding(title_of(model, "body", body), "gravcomp", "no gravity compensation"))
     if model.opt.density or model.opt.viscosity:
         found.append(Finding("option", "density or viscosity of a medium", "a vacuum"))
-    return found
-
-
-def swarm_options(model: mujoco.MjModel) -> list[Finding]:
-    """Options of a swarm's model, and callbacks of this process, that the fast stepper does not follow."""
-    found = []
-    disabled = mujoco.mjtDisableBit.mjDSBL_CONSTRAINT | mujoco.mjtDisableBit.mjDSBL_CONTACT
-    if model.opt.integrator != mujoco.mjtIntegrator.mjINT_RK4:
-        integrator = mujoco.mjtIntegrator(model.opt.integrator).name.removeprefix("mjINT_")
-        found.append(Finding("option integrator", integrator, "RK4"))
-    if model.opt.disableflags & disabled != disabled:
-        found.append(Finding("option flag", "contacts or constraints are on", "constraint and contact disabled"))
-    callbacks = ("control", "passive", "act_gain", "act_bias")
-    for name in callbacks:
-        if getattr(mujoco, f"get_mjcb_{name}")() is not None:
-            found.append(Finding(f"callback mjcb_{name}", "is set in this process", "no callbacks"))
     return found
 
 
@@ -156,17 +135,16 @@ def _passive(model: mujoco.MjModel) -> Iterator[Finding]:
         yield Finding(title_of(model, "joint", joint), what, "joints that turn freely")
 
 
-def _drives(model: mujoco.MjModel, gyrostat: bool) -> Iterator[Finding]:
+def _drives(model: mujoco.MjModel) -> Iterator[Finding]:
     """Actuators that are more than torques on their joints."""
-    for actuator, what in _flagged(_drive_facts(model, gyrostat)):
+    for actuator, what in _flagged(_drive_facts(model)):
         yield Finding(title_of(model, "actuator", actuator), what, "motors of constant torque")
 
 
-def _drive_facts(model: mujoco.MjModel, gyrostat: bool) -> dict[str, Mask]:
+def _drive_facts(model: mujoco.MjModel) -> dict[str, Mask]:
     """How actuators differ from motors that turn their control into torque, each of shape (actuators,)."""
-    dynamics = mujoco.mjtDyn.mjDYN_INTEGRATOR if gyrostat else mujoco.mjtDyn.mjDYN_NONE
     return {
-        "dynamics": model.actuator_dyntype != dynamics,
+        "dynamics": model.actuator_dyntype != mujoco.mjtDyn.mjDYN_NONE,
         "a gain that is not constant": model.actuator_gaintype != mujoco.mjtGain.mjGAIN_FIXED,
         "a bias": model.actuator_biastype != mujoco.mjtBias.mjBIAS_NONE,
         "damping": (model.actuator_damping != 0.0) | model.actuator_dampingpoly.any(axis=1),
@@ -193,7 +171,7 @@ def motor_faults(model: mujoco.MjModel, actuator: int, joint: int) -> str:
         f"gear {' '.join(f'{g:g}' for g in gear)}, not 1": gear[0] != 1.0 or gear[1:].any(),
         f"gain {model.actuator_gainprm[actuator, 0]:g}, not 1": model.actuator_gainprm[actuator, 0] != 1.0,
     }
-    drive = [word for word, true in _drive_facts(model, False).items() if true[actuator]]
+    drive = [word for word, true in _drive_facts(model).items() if true[actuator]]
     return " and ".join([*drive, *(word for word, true in facts.items() if true)])
 
 

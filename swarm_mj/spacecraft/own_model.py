@@ -70,7 +70,6 @@ def build_own_model(
         layout=layout,
         asteroid_mocap=int(model.body("asteroid").mocapid[0]),
         properties=own.properties,
-        stepper="mj_step",
         own=own,
     )
 

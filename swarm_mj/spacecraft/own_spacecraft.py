@@ -29,7 +29,7 @@ from swarm_mj.spacecraft.elements import (
     name_of,
     title_of,
 )
-from swarm_mj.spacecraft.model_guard import Finding, Measured, examine_spacecraft, measure, motor_faults, torque_range
+from swarm_mj.spacecraft.model_guard import Measured, measure, motor_faults, torque_range
 from swarm_mj.spacecraft.properties import SpacecraftProperties
 from swarm_mj.spacecraft.sensors import Sensor, sensors_of
 from swarm_mj.spacecraft.thrusters import read_nozzles
@@ -143,11 +143,6 @@ def read_spacecraft(path: Path, planned: SpacecraftProperties, why: str = "") ->
         return replace(_read(path, model, planned), why=why)
     except (ValueError, _Refused) as error:
         raise ScenarioError(f"spacecraft.mjcf = {path}: {error}") from None
-
-
-def examine_file(own: OwnSpacecraft) -> list[Finding]:
-    """What of a spacecraft's file the fast stepper could not fly."""
-    return examine_spacecraft(load_part(own.path).compile(), own.properties, own.hub, own.wheels)
 
 
 def small_motions(own: OwnSpacecraft) -> list[Mode]:

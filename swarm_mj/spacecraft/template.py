@@ -1,6 +1,6 @@
 """The packaged CubeSat: an MJCF template that the scenario fills with masses, wheels and a camera.
 
-A person may open the file in MuJoCo's viewer, and may change it; what the fast stepper would then fly wrong, or leave out, is
+A person may open the file in MuJoCo's viewer, and may change it; what then makes it another spacecraft than the scenario's is
 named by `model_guard`.
 """
 
@@ -23,7 +23,7 @@ TEMPLATE, HUB, WHEELS = "mjcf/cubesat.xml", "cubesat", ("wheel_x", "wheel_y", "w
 
 
 def examine_template(properties: SpacecraftProperties) -> list[Finding]:
-    """What of the packaged spacecraft the fast stepper cannot fly; empty unless its file was changed."""
+    """What makes the packaged spacecraft another one than the scenario's; empty unless its file was changed."""
     return examine(make_template(properties, 0.1, 21.5), properties)
 
 
@@ -35,20 +35,19 @@ def wheel_names(properties: SpacecraftProperties) -> tuple[str, ...]:
 
 
 def require_known(part: mujoco.MjSpec, properties: SpacecraftProperties) -> None:
-    """See that the fast stepper can fly a filled template.
+    """See that a filled template is the scenario's spacecraft.
 
     Raises:
-        MissionError: It cannot; the message names what stands in the way.
+        MissionError: It is not; the message names what makes it another one.
     """
     if findings := examine(part, properties):
         raise MissionError(
-            f"{TEMPLATE} was changed, and the fast stepper cannot fly it: {listed(findings)}. Fly it with physics.stepper: "
-            "mj_step or auto, or as a spacecraft of your own (spacecraft.mjcf)"
+            f"{TEMPLATE} was changed: {listed(findings)}. Fly it as a spacecraft of your own (spacecraft.mjcf)"
         )
 
 
 def make_template(properties: SpacecraftProperties, timestep: float, camera_half_angle_deg: float) -> mujoco.MjSpec:
-    """The packaged spacecraft with the scenario's numbers, its wheels as bodies.
+    """The packaged spacecraft with the scenario's numbers.
 
     Args:
         properties: Mass properties and wheels.
@@ -67,7 +66,7 @@ def make_template(properties: SpacecraftProperties, timestep: float, camera_half
 
 
 def examine(part: mujoco.MjSpec, properties: SpacecraftProperties) -> list[Finding]:
-    """What of a filled template the fast stepper cannot fly."""
+    """What makes a filled template another spacecraft than the scenario's."""
     return examine_spacecraft(compile_spec(part.copy()), properties, HUB, wheel_names(properties))
 
 
@@ -160,20 +159,3 @@ def _drawn_wheel(part: mujoco.MjSpec) -> tuple[str, float, float]:
 
 def _six(tensor: Array) -> list[float]:
     return [float(tensor[i, j]) for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
-
-
-def replace_wheels(part: mujoco.MjSpec, properties: SpacecraftProperties) -> None:
-    """Take the wheels' bodies away: their momenta become activations of motors that push nothing, see `gyrostat`."""
-    for name, axis in zip(WHEELS, properties.wheel_axes_B, strict=True):
-        part.delete(part.body(name))
-        part.add_actuator(
-            name=name,
-            target="free",
-            trntype=mujoco.mjtTrn.mjTRN_JOINT,
-            gear=[0.0, 0.0, 0.0, *axis],
-            dyntype=mujoco.mjtDyn.mjDYN_INTEGRATOR,
-            gainprm=[0.0] * 10,
-            ctrlrange=[-properties.max_wheel_torque, properties.max_wheel_torque],
-        )
-    hub = part.body(HUB)
-    hub.mass, hub.inertia = properties.mass, np.diag(properties.inertia_effective_B).tolist()

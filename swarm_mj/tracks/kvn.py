@@ -13,7 +13,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from swarm_mj.errors import InteropError
-from swarm_mj.io.plain import shortened
+from swarm_mj.io.plain_values import shortened
 from swarm_mj.io.records import bytes_of, one_line
 
 #: A larger file, a longer line and more keys are mistakes or attacks.

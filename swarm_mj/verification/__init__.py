@@ -1,1 +1,1 @@
-"""Checks of the installed program: its physics (`swarm-mj validate`) and its speed (`swarm-mj bench`)."""
+"""The physics checks that `swarm-mj validate` runs on the installed program, each against something independent of it."""

@@ -1,6 +1,7 @@
 import pytest
 
 import swarm_mj as sm
+from swarm_mj.scenarios.loading import parse_overrides
 
 #: Coarse, so that a flight takes a second.
 CHEAP = ("telemetry.interval_s=10", "observation.interval_s=60", "camera.resolution_px=128")
@@ -8,10 +9,10 @@ CHEAP = ("telemetry.interval_s=10", "observation.interval_s=60", "camera.resolut
 
 @pytest.fixture(scope="session")
 def flight():
-    return sm.fly(sm.load("eros-quick", CHEAP))
+    return sm.fly(sm.load("eros-quick", parse_overrides(CHEAP)))
 
 
 @pytest.fixture(scope="session")
 def designed(tmp_path_factory):
     folder = tmp_path_factory.mktemp("designs") / "quick"
-    return sm.design(sm.load("eros-quick", CHEAP), out=folder, figures=False, workers=1)
+    return sm.design(sm.load("eros-quick", parse_overrides(CHEAP)), out=folder, figures=False, workers=1)

@@ -26,7 +26,7 @@ def test_a_campaign_is_a_table_and_leaves_nothing_unless_asked_to(file, tmp_path
     assert [p.name for p in tmp_path.iterdir()] == ["small.yaml"]
     kept = sm.campaign(file, workers=1, out=tmp_path / "out", figures=False)
     assert kept.drop(columns="wall_s").equals(table.drop(columns="wall_s"))
-    again = sm.replay_row(file, 1, tmp_path / "out")
+    again = sm.replay(file, 1, tmp_path / "out")
     assert again.differs == []
 
 

@@ -7,8 +7,3 @@ def test_validation_is_a_table_with_a_row_a_check():
     table = sm.validate(["gravity-point-mass", "gravity-harmonics"])
     assert table["passed"].notna().any() and table.loc[table["passed"].notna(), "passed"].all()
     assert {"measured", "tolerance", "unit", "reference"} <= set(table.columns)
-
-
-def test_a_benchmark_is_a_table_with_a_row_a_measurement():
-    table = sm.bench(["start"])
-    assert (table["value"] > 0).all() and {"name", "unit", "low", "high"} <= set(table.columns)

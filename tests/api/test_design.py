@@ -25,7 +25,7 @@ def test_what_is_designed_is_flown_and_its_record_travels_along(designed, tmp_pa
 
 
 def test_a_design_is_read_back_and_says_what_it_has_not(designed):
-    again = sm.open(designed.folder)
+    again = sm.open_design(designed.folder)
     assert (again.points, again.bound, again.proven) == (designed.points, designed.bound, designed.proven)
     assert again.table.equals(designed.table) and again.scenario == designed.scenario
     with pytest.raises(sm.SwarmError, match="read back has no plot"):

@@ -19,7 +19,7 @@ def test_a_flight_is_what_the_command_line_flies(flight, tmp_path):
     changes = ["telemetry.interval_s=10", "observation.interval_s=60", "camera.resolution_px=128"]
     asked = [part for change in changes for part in ("--set", change)]
     out = tmp_path / "run"
-    assert main(["run", "eros-quick", *asked, "--quiet", "--no-figures", "--no-report", "--out", str(out)]) == 0
+    assert main(["fly", "eros-quick", *asked, "--quiet", "--no-figures", "--no-report", "--out", str(out)]) == 0
     theirs = json.loads((out / "summary.json").read_text())
     differ = {key for key in theirs if theirs[key] != flight.summary[key]}
     assert differ <= {"wall_s"}

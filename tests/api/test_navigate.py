@@ -11,7 +11,7 @@ from swarm_mj.cli.main import main
 from swarm_mj.errors import SwarmError
 from swarm_mj.flight.navigation import navigated
 from swarm_mj.flight.plan import as_planned, make_plan
-from swarm_mj.scenarios.loading import load_scenario
+from swarm_mj.scenarios.loading import load_scenario, parse_overrides
 
 ERRORS = (
     "dispersions.deployment_velocity_m_s=0.1",
@@ -26,7 +26,7 @@ TWO = "trajectory.corrections=[{after_release_s: 60}, {before_visit_s: 120}]"
 
 @pytest.fixture(scope="module")
 def eros():
-    return sm.navigate("eros-config1", [*ERRORS, THRUSTERS, TWO], runs=300)
+    return sm.navigate("eros-config1", parse_overrides([*ERRORS, THRUSTERS, TWO]), runs=300)
 
 
 def test_corrections_narrow_the_spread_to_what_navigation_leaves(eros):
@@ -77,7 +77,9 @@ def test_a_late_correction_of_a_fast_flyby_takes_away_what_two_days_have_made():
     errors = ("dispersions.deployment_velocity_m_s=0.1", "navigation.position_m=50", "navigation.velocity_m_s=0.01")
     found = sm.navigate(
         "fast-flyby",
-        [*errors, THRUSTERS, "trajectory.corrections=[{after_release_s: 3600}, {before_visit_s: 7200}]"],
+        parse_overrides(
+            [*errors, THRUSTERS, "trajectory.corrections=[{after_release_s: 3600}, {before_visit_s: 7200}]"]
+        ),
     )
     left = found.table["position_3_sigma_m"].loc["sc1"]
     assert left[0] == pytest.approx(3 * 0.1 * 172_800, rel=1e-3)
@@ -89,20 +91,20 @@ def test_a_late_correction_of_a_fast_flyby_takes_away_what_two_days_have_made():
 def test_exact_knowledge_leaves_numbers():
     """A burn without errors takes away all but rounding, whose variance may be below zero."""
     changes = ("dispersions.deployment_velocity_m_s=0.1", THRUSTERS, "trajectory.corrections=[{before_visit_s: 7200}]")
-    after = sm.navigate("fast-flyby", changes).table.xs(1, level="corrections")
+    after = sm.navigate("fast-flyby", parse_overrides(changes)).table.xs(1, level="corrections")
     assert (after[["sigma_R_m", "sigma_T_m", "sigma_S_m"]] >= 0.0).all(axis=None)
     assert (after["position_3_sigma_m"] < 0.01).all()
 
 
 def test_the_mothership_errs_for_all_that_it_lets_go():
     found = sm.navigate(
-        "bennu-slow", ["dispersions.mothership_position_m=30", "dispersions.mothership_velocity_m_s=0.02"]
+        "bennu-slow", {"dispersions.mothership_position_m": 30, "dispersions.mothership_velocity_m_s": 0.02}
     )
     assert found.table["position_3_sigma_m"].loc["sc1"][0] == pytest.approx(3 * np.hypot(30, 12), rel=1e-3)
 
 
 def test_a_release_that_comes_later_carries_the_mothership_there():
-    plan = make_plan(load_scenario("bennu-slow", ["dispersions.mothership_velocity_m_s=0.02"]), check_separation=False)
+    plan = make_plan(load_scenario("bennu-slow", {"dispersions.mothership_velocity_m_s": 0.02}), check_separation=False)
     late = replace(plan, deployment=replace(plan.deployment, release_s=np.full(plan.n, 100.0)))
     deviation = np.sqrt(np.diagonal(navigated(late).spread.at_visit[0, 0])[:3])
     assert deviation == pytest.approx(np.full(3, 0.02 * 600), rel=1e-3)
@@ -110,12 +112,14 @@ def test_a_release_that_comes_later_carries_the_mothership_there():
 
 def test_what_is_not_worth_it_or_too_much_is_said():
     poor = [*ERRORS, THRUSTERS, TWO, "navigation.velocity_m_s=0.5"]
-    assert any("correction 1 does not pay" in words for words in sm.navigate("eros-config1", poor).findings)
+    assert any(
+        "correction 1 does not pay" in words for words in sm.navigate("eros-config1", parse_overrides(poor)).findings
+    )
     dear = [*ERRORS, TWO, "spacecraft.thrusters={propellant_kg: 0.001, thrust_n: 0.001, min_impulse_bit_n_s: 0}"]
-    said = sm.navigate("eros-config1", dear).findings
+    said = sm.navigate("eros-config1", parse_overrides(dear)).findings
     tank = next(words for words in said if "the tank may not do" in words)
     # 99 % of both burns of 8 kg at 65 s by the rocket equation; three nozzles that share an oblique force take sqrt(3) as much.
-    burnt = sm.navigate("eros-config1", dear).delta_v["percentile_99_m_s"].max()
+    burnt = sm.navigate("eros-config1", parse_overrides(dear)).delta_v["percentile_99_m_s"].max()
     needed = 8.0 * (1 - np.exp(-np.sqrt(3) * burnt / (65 * 9.80665)))
     assert f"burn up to {needed:.3g} kg" in tank and "propellant_kg = 0.001" in tank
     assert any("correction 2 of sc" in words and "longer than the 120 s" in words for words in said)
@@ -138,7 +142,7 @@ def test_what_is_not_worth_it_or_too_much_is_said():
 )
 def test_corrections_that_cannot_be_flown_are_refused(changes, words):
     with pytest.raises(SwarmError, match=words):
-        sm.navigate("eros-config1", changes)
+        sm.navigate("eros-config1", parse_overrides(changes))
 
 
 def test_too_few_flights_judge_nothing():
@@ -147,5 +151,5 @@ def test_too_few_flights_judge_nothing():
 
 
 def test_a_design_counts_on_neither_errors_nor_their_corrections():
-    planned = as_planned(load_scenario("eros-config1", [*ERRORS, THRUSTERS, TWO]))
+    planned = as_planned(load_scenario("eros-config1", parse_overrides([*ERRORS, THRUSTERS, TWO])))
     assert not planned.trajectory.corrections and planned.navigation.position_m == 0.0

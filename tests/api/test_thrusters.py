@@ -8,10 +8,10 @@ import pytest
 
 import swarm_mj as sm
 from swarm_mj.campaigns.outcome import outcome, pick
-from swarm_mj.results.propulsion import KEYS, propulsion_findings
-from swarm_mj.results.report.page import report_html
-from swarm_mj.results.run_record import read_run
-from swarm_mj.scenarios.loading import load_scenario
+from swarm_mj.records.propulsion import KEYS, propulsion_findings
+from swarm_mj.records.run_record import read_run
+from swarm_mj.reports.page import report_html
+from swarm_mj.scenarios.loading import load_scenario, parse_overrides
 from tests.spacecraft.own.files import mjcf
 
 KEPT = (
@@ -35,7 +35,7 @@ def run(tmp_path_factory):
     """The flight and its folder."""
     out = tmp_path_factory.mktemp("thrust") / "quick"
     thrusters = "spacecraft.thrusters={thrust_n: 0.5, propellant_kg: 0.3}"
-    return sm.fly(sm.load("eros-quick", [*KEPT, thrusters]), out=out, figures=False, report=False), out
+    return sm.fly(sm.load("eros-quick", parse_overrides([*KEPT, thrusters])), out=out, figures=False, report=False), out
 
 
 def test_a_run_is_read_back_as_it_was_flown(run):
@@ -104,7 +104,7 @@ def test_nozzles_of_a_file_of_ones_own_reach_the_point(tmp_path):
     path = tmp_path / "own.xml"
     path.write_text(mjcf(SITES))
     thrusters = "spacecraft.thrusters={layout: sites, thrust_n: 0.5, propellant_kg: 0.3, min_impulse_bit_n_s: 0}"
-    flight = sm.fly(load_scenario("eros-quick", [*KEPT, f"spacecraft.mjcf={path}", thrusters]))
+    flight = sm.fly(load_scenario("eros-quick", parse_overrides([*KEPT, f"spacecraft.mjcf={path}", thrusters])))
     assert len(flight.plan.deployment.burns) == 2
     assert max(flight.summary["visit_miss_mm"].values()) < 5e3
     for name, planned in flight.summary["planned_burns_m_s"].items():

@@ -86,7 +86,7 @@ def test_differences_are_angles_and_distances_however_small():
 
 
 #: Coarse and short of spacecraft, so that it takes seconds.
-CHANGES = ("telemetry.interval_s=0.5", "physics.timestep_s=0.1", "duration_s=600")
+CHANGES = {"telemetry.interval_s": 0.5, "physics.timestep_s": 0.1, "duration_s": 600}
 SMALL = replace(MISSIONS["eros-config1"], scenario="eros-quick", changes=CHANGES)
 
 
@@ -94,7 +94,7 @@ SMALL = replace(MISSIONS["eros-config1"], scenario="eros-quick", changes=CHANGES
 def flown(tmp_path_factory):
     pytest.importorskip("spiceypy")
     folder = tmp_path_factory.mktemp("job")
-    return fly(SMALL, folder, ["observation.interval_s=600", "camera.resolution_px=128"]), folder
+    return fly(SMALL, folder, {"observation.interval_s": 600, "camera.resolution_px": 128}), folder
 
 
 #: What is agreed on, for each program: quantity and the most.

@@ -15,7 +15,7 @@ from benchmarks.basilisk.page import page  # noqa: E402
 from benchmarks.basilisk.problem import DURATION_S, LEG_S, PERIOD_S, Flight, difference, make_problem  # noqa: E402
 from benchmarks.basilisk.scale import SIZES, memory, scaling, stretch  # noqa: E402
 
-PROGRAMS = ("bodies", "gyrostat", "basilisk")
+PROGRAMS = ("mujoco", "kernel", "basilisk")
 
 
 @pytest.fixture(scope="module")
@@ -55,9 +55,9 @@ def assert_equal(one, other):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("wheels", ["bodies", "gyrostat"])
-def test_the_swarm_flies_in_basilisk_as_it_does_here(flights, wheels):
-    assert_equal(flights(wheels), flights("basilisk"))
+@pytest.mark.parametrize("stepper", ["mujoco", "kernel"])
+def test_the_swarm_flies_in_basilisk_as_it_does_here(flights, stepper):
+    assert_equal(flights(stepper), flights("basilisk"))
 
 
 @pytest.mark.slow
@@ -113,7 +113,7 @@ def test_all_rounds_fit_into_the_flight_and_many_spacecraft_fly_shorter(rounds):
 def test_cost_and_memory_are_told_for_every_number_of_spacecraft():
     pytest.importorskip("Basilisk")
     rows = scaling(1, lambda what: None, sizes=(2,))
-    assert [(row["spacecraft"], row["wheels"]) for row in rows] == [(2, wheels) for wheels in PROGRAMS[:2]]
+    assert [(row["spacecraft"], row["stepper"]) for row in rows] == [(2, stepper) for stepper in PROGRAMS[:2]]
     for row in rows:
         assert row["ratio"] > 0.0 and row["faster_than_flight"] > 0.0 and row["basilisk_faster_than_flight"] > 0.0
         assert row["memory"]["peak_mib"] >= row["memory"]["before_mib"] > 0.0
@@ -124,7 +124,7 @@ def test_cost_and_memory_are_told_for_every_number_of_spacecraft():
 @pytest.mark.slow
 def test_memory_is_that_of_a_process_of_its_own(problem):
     ballast = np.ones(100_000_000)
-    assert memory("gyrostat", problem)["before_mib"] < 600.0 < ballast.nbytes / 2**20
+    assert memory("kernel", problem)["before_mib"] < 600.0 < ballast.nbytes / 2**20
 
 
 @pytest.mark.slow
@@ -184,14 +184,14 @@ def agreement():
         for program in PROGRAMS
     ]
     between = [{"program": program, "step_s": 0.1, **NUMBERS} for program in PROGRAMS[:2]]
-    drift = [{"speed_m_s": 40.0, "bodies": 3e-7, "gyrostat": 4e-11}]
+    drift = [{"speed_m_s": 40.0, "mujoco": 3e-7, "kernel": 4e-11}]
     return {"reference_with_longer_steps": NUMBERS, "steps": steps, "between": between, "drift": drift}
 
 
-def timing(what, wheels):
+def timing(what, stepper):
     return {
         "what": what,
-        "wheels": wheels,
+        "stepper": stepper,
         "basilisk_step_s": 0.1,
         "step_s": 0.1,
         "basilisk_cpu_s": 0.8,
@@ -202,10 +202,10 @@ def timing(what, wheels):
     }
 
 
-def scale(wheels):
+def scale(stepper):
     return {
         "spacecraft": 1000,
-        "wheels": wheels,
+        "stepper": stepper,
         "flown_s": 5,
         "basilisk_cpu_s": 1.25,
         "cpu_s": 0.25,
@@ -235,8 +235,8 @@ def test_the_page_shows_every_number(words):
         "basilisk": "2.12.1",
         "rounds": 3,
         "agreement": agreement(),
-        "timing": [timing(what, wheels) for what in cases for wheels in PROGRAMS[:2]],
-        "scale": [scale(wheels) for wheels in PROGRAMS[:2]],
+        "timing": [timing(what, stepper) for what in cases for stepper in PROGRAMS[:2]],
+        "scale": [scale(stepper) for stepper in PROGRAMS[:2]],
     }
     text = page(results, {"processor": "a processor", "cores": 2, "python": "3.11", "mujoco": "4.0"})
     for word in words:

@@ -59,9 +59,9 @@ def interrupted(begin, folder, done, signalled):
 
 
 def children(process):
-    """Workers of a process: forks of what it started to be forked."""
-    (fork_server,) = (pid for pid in born_of(process.pid) if "fork_server" in Path(f"/proc/{pid}/cmdline").read_text())
-    return born_of(fork_server)
+    """Workers of a process: forks of its fork server."""
+    (server,) = (pid for pid in born_of(process.pid) if ".forkserver" in Path(f"/proc/{pid}/cmdline").read_text())
+    return born_of(server)
 
 
 def born_of(parent):

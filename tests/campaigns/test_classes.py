@@ -4,18 +4,18 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from swarm_mj.campaigns.classes import _formed_s, _overrides, class_results, classes_campaign, recovery
+from swarm_mj.campaigns.classes import _common, _formed_s, class_results, classes_campaign, recovery
 from swarm_mj.campaigns.classes_report import table_by_lost, table_of_classes
 from swarm_mj.campaigns.flying import Flyer
 from swarm_mj.campaigns.loading import resolve
 from swarm_mj.campaigns.sampling import Sample
 from swarm_mj.designer.places import chosen_places
 from swarm_mj.errors import ScenarioError
-from swarm_mj.scenarios.loading import load_scenario
+from swarm_mj.scenarios.loading import load_scenario, parse_overrides
 
 
 def test_every_class_flies_the_same_encounters_with_the_same_losses():
-    resolved = classes_campaign("eros-observe", runs=4, places=(6, 13, 18, 33, 45))
+    resolved = classes_campaign(load_scenario("eros-observe"), runs=4, places=(6, 13, 18, 33, 45))
     sample, flyer = Sample(resolved.campaign), Flyer(resolved)
     trials = [sample.trial(row) for row in range(sample.rows)]
     for run in range(4):
@@ -34,8 +34,8 @@ def test_every_class_flies_the_same_encounters_with_the_same_losses():
 
 def test_a_formation_begins_when_all_have_left_and_before_a_short_flight_is_over():
     late = {"design.release_s": 100, "design.observers": [{}, {"release_s": 130}, {}, {}, {}]}
-    changed = load_scenario("eros-observe", [f"{key}={value}" for key, value in late.items()])
-    short = load_scenario("eros-observe", ["design.time_of_flight_s=150"])
+    changed = load_scenario("eros-observe", parse_overrides([f"{key}={value}" for key, value in late.items()]))
+    short = load_scenario("eros-observe", {"design.time_of_flight_s": 150})
     for base, start in (
         (load_scenario("eros-observe"), 60.0),
         (load_scenario("fast-flyby"), 60.0),
@@ -46,14 +46,16 @@ def test_a_formation_begins_when_all_have_left_and_before_a_short_flight_is_over
 
 
 def test_a_spacecraft_that_the_quick_stepper_cannot_fly_is_flown_by_another():
-    plain, four = (load_scenario("eros-observe", more) for more in ([], ["spacecraft.wheel_layout=pyramid"]))
-    assert "physics.stepper" in _overrides(plain) and "physics.stepper" not in _overrides(four)
+    plain, four = (
+        load_scenario("eros-observe", parse_overrides(more)) for more in ([], ["spacecraft.wheel_layout=pyramid"])
+    )
+    assert "physics.stepper" in _common(plain) and "physics.stepper" not in _common(four)
 
 
 def test_class_1_flies_uses_propellant_and_talks_and_class_0_does_not():
     lost = {"kind": "spacecraft_lost", "spacecraft": "sc5", "probability": 0.0, "between_s": [0, 50]}
     settings = {"duration_s": 70, "design.time_of_flight_s": 60, "target.cell_size_m": 900, "faults": [lost]}
-    flyer = Flyer(classes_campaign("eros-observe", runs=1, settings=settings))
+    flyer = Flyer(classes_campaign(load_scenario("eros-observe"), runs=1, overrides=settings))
     rows = {flyer.sample.trial(row).scenario: flyer.fly(row) for row in range(2)}
     one, none = rows["class 1"], rows["class 0"]
     assert one["status"] == none["status"] == "ok", (one["error"], none["error"])

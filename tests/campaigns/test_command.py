@@ -5,7 +5,7 @@ import shlex
 import pytest
 
 from swarm_mj.campaigns import runner
-from swarm_mj.campaigns.loading import load_campaign, packaged_campaigns, packaged_descriptions
+from swarm_mj.campaigns.loading import load_campaign
 from swarm_mj.campaigns.manifest import kept_runs, take_over
 from swarm_mj.campaigns.store import read_results
 from swarm_mj.cli.main import main
@@ -32,15 +32,6 @@ def begun(path, folder, runs):
     """A campaign that has begun and flown nothing yet."""
     with only_one(folder):
         take_over(load_campaign(path, runs=runs), folder, resume=False)
-
-
-def test_without_a_file_the_packaged_campaigns_are_listed_with_their_descriptions(said):
-    status, words = said()
-    assert status == 0
-    assert [line.split()[0] for line in words.splitlines()] == packaged_campaigns()
-    assert all(description and description in words for description in packaged_descriptions().values())
-    status, words = said("--resume")
-    assert status == 2 and "name the campaign" in words and "eros-losses" in words
 
 
 def test_a_refused_campaign_leaves_the_result_of_a_run_as_it_was(said, write, tmp_path):

@@ -13,8 +13,8 @@ from swarm_mj.campaigns.config import FIXED_COLUMNS
 from swarm_mj.campaigns.flying import Flyer
 from swarm_mj.campaigns.loading import load_campaign
 from swarm_mj.campaigns.runner import replay
+from swarm_mj.campaigns.store import schema_of, table_of
 from swarm_mj.campaigns.summary import summarise_campaign
-from swarm_mj.campaigns.table import schema_of, table_of
 from swarm_mj.errors import ScenarioError
 
 #: Values below 1 km put the mothership inside the body.
@@ -55,7 +55,7 @@ def test_a_row_agrees_with_the_flight_of_its_own_scenario(write):
     from swarm_mj.flight.fly import simulate
     from swarm_mj.flight.observe import observe_flight
     from swarm_mj.flight.plan import make_plan
-    from swarm_mj.results.summary import summarise
+    from swarm_mj.records.summary import summarise
 
     flyer = Flyer(load_campaign(write(runs=2)))
     row = flyer.fly(1)

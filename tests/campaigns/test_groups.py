@@ -10,8 +10,8 @@ from swarm_mj.campaigns import statistics
 from swarm_mj.campaigns.figures import _by_design, compose_coverage, compose_sensitivity, compose_trade
 from swarm_mj.campaigns.loading import load_campaign
 from swarm_mj.campaigns.sampling import Sample
+from swarm_mj.campaigns.store import schema_of, table_of
 from swarm_mj.campaigns.summary import group_table, summarise_campaign
-from swarm_mj.campaigns.table import schema_of, table_of
 
 from .conftest import ONE
 

@@ -1,12 +1,14 @@
 """A wrong campaign file ends in an error that names the key, the value and what is allowed."""
 
 import pytest
+import yaml
 
 from swarm_mj.campaigns.flying import failed_row
 from swarm_mj.campaigns.loading import load_campaign, restore, scenario_of
 from swarm_mj.campaigns.sampling import Sample
-from swarm_mj.campaigns.table import schema_of, table_of
+from swarm_mj.campaigns.store import schema_of, table_of
 from swarm_mj.errors import ScenarioError
+from swarm_mj.scenarios.loading import load_scenario
 
 from .conftest import ONE
 
@@ -86,12 +88,29 @@ def test_a_wrong_file_is_explained(write, case):
     assert words in str(told.value)
 
 
-def test_a_scenario_is_told_from_a_campaign_in_one_line(write, tmp_path):
-    path = write("name: mine\nseed: 3\nduration_s: 600\ncamera: {{half_angle_deg: 5}}\ncamra: 1\n")
-    for source in (path, "eros-quick"):
-        with pytest.raises(ScenarioError) as told:
-            load_campaign(source)
-        assert str(told.value) == f"{source}: this is a scenario; fly it with `swarm-mj run`"
+def test_a_scenario_in_place_of_a_campaign_is_flown_with_one_seed_after_the_other(write, tmp_path):
+    text = "name: mine\nseed: 3\nduration_s: 600\ncamera: {{half_angle_deg: 5}}\n"
+    path = write(text)
+    for source in (path, yaml.safe_load(text.replace("{{", "{").replace("}}", "}")), load_scenario(path)):
+        resolved = load_campaign(source, {"camera.half_angle_deg": 6}, runs=7)
+        assert (resolved.campaign.name, resolved.campaign.runs) == ("mine-campaign", 7)
+        assert resolved.bases["mine"] == load_scenario(path, {"camera.half_angle_deg": 6})
+        seeds = {
+            scenario_of(resolved.bases["mine"], {}, Sample(resolved.campaign).trial(row).seed).seed for row in range(7)
+        }
+        assert len(seeds) == 7
+    assert list(load_campaign("eros-quick").bases) == ["eros-quick"]
+    with pytest.raises(ScenarioError, match="camra: unknown key.*camera"):
+        load_campaign(write(text + "camra: 1\n"))
+
+
+def test_a_campaign_is_read_from_a_mapping_too(write):
+    path = write(ONE)
+    data = yaml.safe_load(path.read_text())
+    assert load_campaign(data) == load_campaign(path)
+    assert load_campaign(data, {"duration_s": 900}).bases["one"].duration_s == 900.0
+    with pytest.raises(ScenarioError, match="half_angel_deg: unknown key"):
+        load_campaign(data, {"camera.half_angel_deg": 3})
     with pytest.raises(ScenarioError, match="camera: unknown key"):
         load_campaign(write("name: mine\nruns: 3\ncamera: {{half_angle_deg: 5}}\n"))
 

@@ -15,7 +15,7 @@ class Late:
     def poll(self):
         return self._finished
 
-    def hear(self):
+    def receive(self):
         return "row", {"row": 0, "status": "ok"}
 
     def overdue(self, limit):
@@ -28,7 +28,7 @@ class Late:
 def heard(path, worker):
     pool = LocalPool(load_campaign(path), None, workers=1)
     pool._workers.append(worker)
-    return pool._hear(worker, deque(), {0: 0})
+    return pool._receive(worker, deque(), {0: 0})
 
 
 def test_a_run_that_is_over_counts_though_it_is_heard_after_the_limit(write):

@@ -8,8 +8,8 @@ import pytest
 from swarm_mj.campaigns.figures import NOT_TOLD, compose_sobol
 from swarm_mj.campaigns.loading import load_campaign
 from swarm_mj.campaigns.sampling import Sample
+from swarm_mj.campaigns.store import schema_of, table_of
 from swarm_mj.campaigns.summary import sobol_findings, summarise_campaign
-from swarm_mj.campaigns.table import schema_of, table_of
 
 from .conftest import ONE
 

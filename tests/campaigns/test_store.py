@@ -13,8 +13,7 @@ import pytest
 
 from swarm_mj.campaigns.config import Campaign
 from swarm_mj.campaigns.manifest import MANIFEST
-from swarm_mj.campaigns.store import JOURNAL, PARTS, RESULTS, Store, read_journal, read_results
-from swarm_mj.campaigns.table import schema_of
+from swarm_mj.campaigns.store import JOURNAL, PARTS, RESULTS, Store, read_journal, read_results, schema_of
 from swarm_mj.errors import OutputError
 
 pytestmark = pytest.mark.robust

@@ -17,7 +17,7 @@ from swarm_mj.errors import OutputError
 from swarm_mj.io import interruption
 from swarm_mj.io.atomic import MARKER, Result, atomic_folder
 
-QUICK = ["run", "eros-quick", "--quiet", "--no-figures", "--no-report"]
+QUICK = ["fly", "eros-quick", "--quiet", "--no-figures", "--no-report"]
 SUMMARY = '{"scenario": "a", "versions": {"swarm_mj": "0"}}'
 SAID = "\nswarm-mj: interrupted; nothing half-written was left behind\n"
 
@@ -35,7 +35,7 @@ def command(monkeypatch):
     """Makes a function what every command does; the function runs in `main`, between its handlers."""
 
     def does(function):
-        monkeypatch.setattr("swarm_mj.cli.scenarios._scenarios", lambda arguments: function(), raising=True)
+        monkeypatch.setattr("swarm_mj.cli.names._available", lambda arguments: function(), raising=True)
 
     return does
 
@@ -86,7 +86,7 @@ def test_an_interrupt_that_python_dropped_is_noticed_at_the_next_movement_of_a_b
             reached.append("after the bar")
 
     command(work)
-    assert main(["scenarios"]) == 130
+    assert main(["available"]) == 130
     assert reached == ["after the loss"]
     assert capsys.readouterr().err == SAID
 
@@ -104,7 +104,7 @@ def test_an_interrupt_that_python_dropped_replaces_no_earlier_result(command, ca
             lose()
 
     command(work)
-    assert main(["scenarios"]) == 130
+    assert main(["available"]) == 130
     assert capsys.readouterr().err == SAID
     assert sorted(p.name for p in run.iterdir()) == ["links.png", MARKER]
     assert [p.name for p in tmp_path.iterdir()] == ["run"]
@@ -132,7 +132,7 @@ def test_an_interrupt_during_the_exchange_of_results_waits_until_all_is_in_its_p
 
     monkeypatch.setattr(type(run), "rename", interrupted)
     command(work)
-    assert main(["scenarios"]) == 130
+    assert main(["available"]) == 130
     assert capsys.readouterr().err == SAID
     assert sorted(p.name for p in run.iterdir()) == ["my.mp4", MARKER, "target.png"]
     assert [p.name for p in tmp_path.iterdir()] == ["run"]
@@ -150,7 +150,7 @@ def test_an_error_that_an_interruption_turned_into_is_reported_as_the_interrupti
             raise error from None
 
     command(work)
-    assert main(["scenarios"]) == 130
+    assert main(["available"]) == 130
     assert capsys.readouterr().err == SAID
 
 
@@ -160,7 +160,7 @@ def test_an_error_that_nobody_asked_for_stays_what_it_is(command):
 
     command(work)
     with pytest.raises(ValueError, match="bounding box"):
-        main(["scenarios"])
+        main(["available"])
 
 
 def test_a_command_that_takes_ctrl_c_as_its_end_has_ended_well(command):
@@ -172,7 +172,7 @@ def test_a_command_that_takes_ctrl_c_as_its_end_has_ended_well(command):
             return 0
 
     command(view)
-    assert main(["scenarios"]) == 0
+    assert main(["available"]) == 0
 
 
 def test_the_handlers_are_those_of_before_when_a_command_has_ended(command, tmp_path):
@@ -181,7 +181,7 @@ def test_the_handlers_are_those_of_before_when_a_command_has_ended(command, tmp_
 
     before, within = handlers(), []
     command(lambda: within.append(handlers()[0]))
-    assert main(["scenarios"]) == 0
+    assert main(["available"]) == 0
     assert main([*QUICK, "--set", "camera=3", "--out", str(tmp_path / "run")]) == 2
     assert handlers() == before
     assert all(isinstance(handler, interruption.Interruption) for handler in within[0])
@@ -192,10 +192,10 @@ def test_a_signal_that_is_to_be_ignored_stays_ignored_and_other_threads_touch_no
     command(lambda: seen.append(signal.getsignal(signal.SIGINT)))
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
-        assert main(["scenarios"]) == 0
+        assert main(["available"]) == 0
     finally:
         signal.signal(signal.SIGINT, before)
-    thread = threading.Thread(target=main, args=(["scenarios"],))
+    thread = threading.Thread(target=main, args=(["available"],))
     thread.start()
     thread.join()
     assert seen == [signal.SIG_IGN, before]
@@ -218,7 +218,7 @@ def interrupted(name, *rest):
         os.kill(os.getpid(), signal.SIGINT)
     return plain(name, *rest)
 builtins.__import__ = interrupted
-sys.exit(cli.main(["scenarios"]))
+sys.exit(cli.main(["available"]))
 """
 
 
@@ -242,7 +242,7 @@ def test_a_second_scenarios_interruption_leaves_the_first_ones_result(tmp_path, 
         return simulate(plan, progress)
 
     monkeypatch.setattr(runner, "simulate", interrupted)
-    both = ["run", "eros-quick", str(tmp_path / "second.yaml"), *QUICK[2:], "--out", str(tmp_path / "multi")]
+    both = ["fly", "eros-quick", str(tmp_path / "second.yaml"), *QUICK[2:], "--out", str(tmp_path / "multi")]
     assert main(both) == 130
     assert [p.name for p in (tmp_path / "multi").iterdir()] == ["eros-quick"]
     monkeypatch.setattr(runner, "make_plan", lambda scenario: os.kill(os.getpid(), signal.SIGINT) or time.sleep(1))
@@ -253,13 +253,13 @@ def test_a_second_scenarios_interruption_leaves_the_first_ones_result(tmp_path, 
 @pytest.mark.parametrize("wrong", ["afile", "afile/run"])
 def test_a_place_that_cannot_be_is_refused_without_an_empty_line(tmp_path, capsys, wrong):
     (tmp_path / "afile").touch()
-    assert main(["run", "eros-quick", "--out", str(tmp_path / wrong)]) == 2
+    assert main(["fly", "eros-quick", "--out", str(tmp_path / wrong)]) == 2
     said = capsys.readouterr()
     assert said.out == ""
     assert said.err.startswith("swarm-mj: error:")
 
 
-@pytest.mark.parametrize("command_line", [["run", "eros-quick"], ["design", "eros-quick"]])
+@pytest.mark.parametrize("command_line", [["fly", "eros-quick"], ["design", "eros-quick"]])
 @pytest.mark.parametrize(
     ("key", "available"),
     [
@@ -318,7 +318,7 @@ class Watch(MetaPathFinder):
             print("threads:", os.environ.get("OPENBLAS_NUM_THREADS"))
 from swarm_mj.cli.main import main
 sys.meta_path.insert(0, Watch())
-main(["scenarios"])
+main(["available"])
 """
 
 

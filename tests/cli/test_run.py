@@ -1,4 +1,4 @@
-"""The command `swarm-mj run` as a user meets it: files, numbers, and bad input without partial output."""
+"""The command `swarm-mj fly` as a user meets it: files, numbers, and bad input without partial output."""
 
 import json
 import os
@@ -13,13 +13,13 @@ import xarray as xr
 from swarm_mj.cli.main import main
 from swarm_mj.io.atomic import FIGURES
 
-QUICK = ["run", "eros-quick", "--quiet", "--no-figures"]
+QUICK = ["fly", "eros-quick", "--quiet", "--no-figures"]
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     out = tmp_path_factory.mktemp("runs") / "quick"
-    assert main(["run", "eros-quick", "--quiet", "--out", str(out)]) == 0
+    assert main(["fly", "eros-quick", "--quiet", "--out", str(out)]) == 0
     return out
 
 
@@ -111,7 +111,7 @@ def test_coverage_file_and_summary_agree(folder, summary):
 
 def test_the_written_scenario_flies_the_same_again(folder, tmp_path, summary):
     assert (
-        main(["run", str(folder / "scenario.yaml"), "--quiet", "--no-figures", "--out", str(tmp_path / "again")]) == 0
+        main(["fly", str(folder / "scenario.yaml"), "--quiet", "--no-figures", "--out", str(tmp_path / "again")]) == 0
     )
     again = json.loads((tmp_path / "again" / "summary.json").read_text())
     for key in ("coverage_percent", "pointing_error_deg_final", "max_wheel_speed_fraction", "mode_switches"):
@@ -167,7 +167,7 @@ def test_the_visit_is_found_at_times_that_rounding_disturbs(tmp_path):
 @pytest.mark.parametrize(("scenario", "begun"), [("eros-config1", ".run.*"), ("eros-quick", ".run.*/*.png")])
 def test_a_polite_end_leaves_nothing_half_written(tmp_path, scenario, begun):
     """At the start, and while the figures are drawn."""
-    command = [sys.executable, "-m", "swarm_mj.cli.main", "run", scenario, "--quiet", "--out", str(tmp_path / "run")]
+    command = [sys.executable, "-m", "swarm_mj.cli.main", "fly", scenario, "--quiet", "--out", str(tmp_path / "run")]
     process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
     while process.poll() is None and not list(tmp_path.glob(begun)):
         time.sleep(0.02)
@@ -189,7 +189,7 @@ def test_pointing_that_did_not_settle_and_wheel_limits_are_remarked(tmp_path, ca
 @pytest.mark.parametrize("name", ["eros-config1", "eros-config2", "eros-literal"])
 def test_the_papers_missions_see_the_whole_target(name, tmp_path):
     out = tmp_path / name
-    assert main(["run", name, "--quiet", "--no-figures", "--out", str(out)]) == 0
+    assert main(["fly", name, "--quiet", "--no-figures", "--out", str(out)]) == 0
     summary = json.loads((out / "summary.json").read_text())
     assert summary["coverage_percent"] == pytest.approx(100.0, abs=0.1)
     assert summary["coverage_percent_passage"] == pytest.approx(100.0, abs=0.1)
@@ -272,7 +272,7 @@ def test_bad_input_ends_in_a_clear_error_and_no_output(tmp_path, capsys, overrid
 
 
 def test_a_missing_scenario_and_an_unwritable_folder_are_clear_errors(tmp_path, capsys):
-    assert main(["run", str(tmp_path / "none.yaml")]) == 2
+    assert main(["fly", str(tmp_path / "none.yaml")]) == 2
     assert "cannot be read" in capsys.readouterr().err
     assert main([*QUICK, "--out", "/proc/nowhere/run"]) == 2
     assert "/proc/nowhere/run" in capsys.readouterr().err
@@ -284,7 +284,7 @@ def test_help_and_import_load_no_heavy_module():
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout.strip() == "[]"
 
 
-@pytest.mark.parametrize("command", ["scenarios", "scenarios --keys", "scenarios --keys camera", "plugins"])
+@pytest.mark.parametrize("command", ["available", "explain", "explain camera"])
 def test_lists_and_explanations_load_no_heavy_module(command):
     heavy = "{'pandas', 'scipy', 'mujoco', 'numba', 'gymnasium'}"
     code = f"""import sys
@@ -300,7 +300,7 @@ def test_several_scenarios_go_into_folders_of_their_own(tmp_path):
     (tmp_path / "second.yaml").write_text("name: second\nduration_s: 600\nphysics: {timestep_s: 0.5}\n"
                                           "design: {visiting_points: [3]}\nbehavior: {name: adaptable_roles}\n")  # fmt: skip
     arguments = [
-        "run",
+        "fly",
         "eros-quick",
         str(tmp_path / "second.yaml"),
         "--quiet",

@@ -1,4 +1,4 @@
-"""The command `swarm-mj shape`: sizes that small bodies keep, and advice in its own words."""
+"""The command `swarm-mj build-shape` and `load-shape`: sizes that small bodies keep, and advice in its own words."""
 
 import pickle
 
@@ -8,12 +8,12 @@ from swarm_mj.cli.main import main
 from swarm_mj.smallbody.geodesic import geodesic_icosahedron
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.smallbody.shape_check import BodySizeError, shown_size
-from swarm_mj.smallbody.shape_io import save_obj
+from swarm_mj.smallbody.shape_io import save_shape
 
 
 def ellipsoid(folder, *semi_axes_m):
     directions, faces = geodesic_icosahedron(6)
-    save_obj(ShapeModel(directions * semi_axes_m, faces), folder / "body.obj")
+    save_shape(ShapeModel(directions * semi_axes_m, faces), folder / "body.obj")
     return str(folder / "body.obj")
 
 
@@ -26,7 +26,7 @@ def ellipsoid(folder, *semi_axes_m):
     ],
 )
 def test_small_bodies_are_not_rounded_away(tmp_path, capsys, semi_axes_m, words):
-    assert main(["shape", ellipsoid(tmp_path, *semi_axes_m)]) == 0
+    assert main(["load-shape", ellipsoid(tmp_path, *semi_axes_m)]) == 0
     said = capsys.readouterr().out
     assert all(word in said for word in words), said
 
@@ -49,28 +49,14 @@ def test_sizes_keep_four_digits_in_the_unit_that_fits(value, power, words):
 
 def test_a_body_of_23_m_is_refused_in_the_words_of_the_command_and_taken_when_told(tmp_path, capsys):
     file = ellipsoid(tmp_path, 23.0, 20.0, 18.0)
-    assert main(["shape", file]) == 2
+    assert main(["load-shape", file]) == 2
     said = capsys.readouterr().err
     assert "--unit km" in said and "--radius-range LOW HIGH" in said and "expect_radius_m" not in said
-    assert main(["shape", file, "--radius-range", "10", "40"]) == 0
+    assert main(["load-shape", file, "--radius-range", "10", "40"]) == 0
     assert "34,150 m^3" in capsys.readouterr().out
     for wrong in (["40", "10"], ["nan", "40"], ["0", "40"]):
-        assert main(["shape", file, "--radius-range", *wrong]) == 2
+        assert main(["load-shape", file, "--radius-range", *wrong]) == 2
         assert "--radius-range" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize("option", [("--body", "bennu"), ("--body", "eros"), ("--frequency", "20")])
-def test_options_of_building_are_refused_for_a_file_instead_of_ignored(tmp_path, capsys, option):
-    assert main(["shape", ellipsoid(tmp_path, 300.0, 250.0, 200.0), *option]) == 2
-    said = capsys.readouterr()
-    assert f"error: {' '.join(option)}: is for building" in said.err and "body.obj" in said.err and not said.out
-
-
-@pytest.mark.parametrize("option", [("--unit", "km"), ("--radius-range", "10", "40")])
-def test_options_of_reading_are_refused_without_a_file(capsys, option):
-    assert main(["shape", "--frequency", "2", *option]) == 2
-    said = capsys.readouterr()
-    assert f"error: {option[0]}: says how a FILE is read" in said.err and not said.out
 
 
 def test_a_size_error_survives_the_way_between_processes():

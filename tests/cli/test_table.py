@@ -1,4 +1,4 @@
-"""The table that `swarm-mj run` ends with."""
+"""The table that `swarm-mj fly` ends with."""
 
 from swarm_mj.cli.tables import _ROWS
 

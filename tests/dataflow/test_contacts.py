@@ -5,6 +5,7 @@ import pytest
 import trimesh
 
 from swarm_mj.dataflow.contacts import Instants, Radios, find_contacts, samples_of
+from swarm_mj.dataflow.ground import EarthSchedule
 from swarm_mj.dataflow.link_budget import RateTable
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.mission.links import Antennas, Obstacle
@@ -14,7 +15,7 @@ from swarm_mj.smallbody.shape import ShapeModel
 EARTH_N = np.array([1.5e11, 0.0, 0.0])
 #: 100 bit/s up to 10 km, 10 bit/s up to 40 km; Earth hears 8 bit/s by one station and 2 by the other.
 SWARM = RateTable(np.array([10e3, 40e3]), np.array([100.0, 10.0]))
-EARTH = (RateTable(np.array([2e11]), np.array([2.0])), RateTable(np.array([2e11]), np.array([8.0])))
+EARTH = RateTable(np.full((2, 1), 2e11), np.array([[2.0], [8.0]]))
 ALONG_X = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])  # +z of B along x of N: to Earth
 
 
@@ -53,8 +54,7 @@ def contacts(body, r_N, *, omnidirectional=True, mode=None, tracked=None, works=
         instants,
         radios=Radios(antennas.beams, SWARM, EARTH),
         body=body,
-        station=np.full(m, station),
-        light_time_s=np.full(m, 500.0),
+        heard=EarthSchedule(np.full(m, station), np.full(m, 500.0)),
     )
 
 

@@ -9,7 +9,6 @@ from swarm_mj.dataflow.network import Access
 from swarm_mj.dataflow.optimum import dual_bound, earliest_full, optimum
 from swarm_mj.dataflow.program import build_program
 from swarm_mj.errors import MissionError
-from swarm_mj.io import beside
 from tests.dataflow.brute import (
     Paths,
     most_by_flows,
@@ -177,28 +176,3 @@ def test_a_window_and_neighbours_out_of_range_are_told():
         chain().until(5)
     with pytest.raises(MissionError, match="neighbours = -1: must be 0, more, or None"):
         optimum(chain(), neighbours=-1)
-
-
-def test_a_program_larger_than_a_pipe_reaches_the_other_process(monkeypatch):
-    rng = np.random.default_rng(1)
-    swarm = rng.integers(0, 9, (120, 5, 5)) * (1 - np.eye(5, dtype=np.int64))
-    network = chain(
-        edges_s=np.arange(121.0),
-        swarm_bit=swarm,
-        earth_bit=rng.integers(0, 3, (120, 5)) * (np.arange(5) < 2),
-        storage_bit=np.full(5, 999),
-        value=np.ones(30),
-        bits=rng.integers(1, 9, (5, 30)),
-        ready=np.zeros((5, 30), np.int64),
-    )
-    program = build_program(network)
-    assert program.a_ub.data.nbytes + program.a_eq.data.nbytes > 32768  # and as much again for the indices
-    here = optimum(network)
-
-    def waiting(seconds):
-        assert seconds < 60.0, "the other process never got its question"
-
-    monkeypatch.setattr(beside, "HERE_S", 0.0)
-    monkeypatch.setattr(beside, "LOOK_S", 0.01)
-    there = optimum(network, waiting=waiting)
-    assert there.value == here.value and there.bound == here.bound

@@ -70,7 +70,7 @@ def random_scenario(seed):
                 "times_of_flight_s": times,
             },
             "telemetry": {"interval_s": 10},
-            "physics": {"wheels": "gyrostat"},
+            "physics": {"stepper": "kernel"},
         }
     )
 
@@ -96,7 +96,7 @@ def test_a_flight_covers_what_its_design_promises(seed):
     study = Study(scenario=scenario, visibility=seen, problem=problem, exact=exact, genetic={}, front=None, wall_s={})
     points = [seen.candidates[p - 1].point for p in study.selected]
     asked = design_overrides({"visiting_points": points, "observers": study.observers})
-    plan = make_plan(load_scenario(scenario.model_dump(mode="json"), asked))
+    plan = make_plan(load_scenario(scenario, asked))
     flown = observe_flight(plan, simulate(plan)).coverage.percent
     promised = problem.covered_percent(study.selected)
     assert promised >= 100.0 - scenario.designer.tolerance_percent

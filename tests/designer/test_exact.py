@@ -1,4 +1,3 @@
-import subprocess
 from itertools import combinations, combinations_with_replacement
 
 import numpy as np
@@ -8,7 +7,6 @@ from swarm_mj.designer.exact import solve_budget, solve_cheapest, solve_exact, w
 from swarm_mj.designer.problem import CoverProblem
 from swarm_mj.designer.reduction import reduce_problem
 from swarm_mj.errors import MissionError
-from swarm_mj.io import beside
 
 
 def best_by_enumeration(problem, cost, n_observers):
@@ -180,36 +178,6 @@ def test_faces_that_cannot_be_covered_are_taken_from_the_tolerance():
     reduced = reduce_problem(problem, np.ones(2))
     assert reduced.slack / problem.total_weight == pytest.approx(0.02)
     assert reduced.points.tolist() == [0]
-
-
-def test_a_program_that_takes_long_is_solved_by_another_process_to_the_same_answer(make_discs, monkeypatch):
-    problem, waited = make_discs(3, n_points=40), []
-    here = solve_exact(problem)
-    monkeypatch.setattr(beside, "HERE_S", 0.0)
-    monkeypatch.setattr(beside, "LOOK_S", 0.01)
-    there = solve_exact(problem, 100.0, waited.append)
-    assert (there.n_observers, there.bound, there.status) == (here.n_observers, here.bound, "optimal")
-    assert waited and waited == sorted(waited)
-
-
-def test_an_interruption_ends_the_process_that_solves(make_discs, monkeypatch):
-    started = []
-
-    class Noted(subprocess.Popen):
-        def __init__(self, *arguments, **keywords):
-            super().__init__(*arguments, **keywords)
-            started.append(self)
-
-    def check():
-        if started:
-            raise KeyboardInterrupt
-
-    monkeypatch.setattr(beside, "HERE_S", 0.0)
-    monkeypatch.setattr(beside.subprocess, "Popen", Noted)
-    monkeypatch.setattr(beside.interruption, "check", check)
-    with pytest.raises(KeyboardInterrupt):
-        solve_exact(make_discs(3, n_points=40), 100.0)
-    assert started[0].returncode is not None
 
 
 @pytest.mark.parametrize("fold", [1, 2])

@@ -15,7 +15,7 @@ from swarm_mj.designer.study import study_design
 from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.observe import observe_flight
 from swarm_mj.flight.plan import make_plan
-from swarm_mj.scenarios.loading import load_scenario, read_design
+from swarm_mj.scenarios.loading import design_section, load_scenario, parse_overrides
 
 FAST = ["observation.criterion=visit", "observation.observer=raycast", "target.cell_size_m=null", "camera.half_angle_deg=6",
         "designer.max_generations=30"]  # fmt: skip
@@ -69,7 +69,7 @@ def test_the_command_run_takes_a_design(folder, tmp_path):
     assert (
         main(
             [
-                "run",
+                "fly",
                 "eros-quick",
                 "--design",
                 design,
@@ -89,7 +89,7 @@ def test_the_command_run_takes_a_design(folder, tmp_path):
     assert np.shape(record["visiting_points_A_m"]) == (record["n_observers"], 3)
     assert len(record["delta_v_m_s"]) == record["n_observers"]
     assert record["versions"]["pymoo"]
-    assert main(["run", "eros-quick", "--design", str(tmp_path / "none.json"), "--quiet"]) == 2
+    assert main(["fly", "eros-quick", "--design", str(tmp_path / "none.json"), "--quiet"]) == 2
 
 
 def test_the_record_tells_what_the_design_was_made_for_and_run_says_where_that_is_another_case(
@@ -98,10 +98,10 @@ def test_the_record_tells_what_the_design_was_made_for_and_run_says_where_that_i
     made = json.loads((folder / "design.json").read_text())["made_for"]
     assert made["body.volume_m3"] == pytest.approx(2.518e12, rel=1e-3) and made["target.longitude_deg"] == 90.0
     flight = ["--design", str(folder / "design.json"), "--quiet", "--no-figures", "--no-report", *arguments()]
-    assert main(["run", "eros-quick", "--out", str(tmp_path / "same"), *flight]) == 0
+    assert main(["fly", "eros-quick", "--out", str(tmp_path / "same"), *flight]) == 0
     assert "does not hold" not in capsys.readouterr().out
     other = ["--set", "target.longitude_deg=95", "--set", "body.rotation.w_rate_deg_per_day=1000"]
-    assert main(["run", "eros-quick", "--out", str(tmp_path / "other"), *flight, *other]) == 0
+    assert main(["fly", "eros-quick", "--out", str(tmp_path / "other"), *flight, *other]) == 0
     said = capsys.readouterr().out
     assert "does not hold for this run: body.rotation.w_rate_deg_per_day: 1639.389232 there, 1000.0 here" in said
     assert "target.longitude_deg: 90.0 there, 95.0 here" in said and "its visiting points lie elsewhere" in said
@@ -114,7 +114,7 @@ def test_the_hint_at_the_end_repeats_what_was_typed(tmp_path, capsys):
     assert main(["design", str(file), *typed]) == 0
     hint = next(line for line in capsys.readouterr().out.splitlines() if line.startswith("To fly it: "))
     words = shlex.split(hint.removeprefix("To fly it: "))
-    assert words[:3] == ["swarm-mj", "run", str(file)] and "camera.half_angle_deg=12" in words
+    assert words[:3] == ["swarm-mj", "fly", str(file)] and "camera.half_angle_deg=12" in words
     assert words[-2:] == ["--design", str(out / "design.json")]
     assert main([*words[1:], "--quiet", "--no-figures", "--no-report", "--out", str(tmp_path / "flown")]) == 0
     assert "does not hold" not in capsys.readouterr().out
@@ -128,7 +128,7 @@ def test_a_design_can_be_flown_by_reference_and_covers_the_target(folder, tmp_pa
     )
     sets = [part for override in reference for part in ("--set", override)]
     assert (
-        main(["run", str(tmp_path / "flown.yaml"), "--quiet", "--no-figures", "--out", str(tmp_path / "o"), *sets]) == 0
+        main(["fly", str(tmp_path / "flown.yaml"), "--quiet", "--no-figures", "--out", str(tmp_path / "o"), *sets]) == 0
     )
     summary = json.loads((tmp_path / "o" / "summary.json").read_text())
     assert summary["visiting_points"] == json.loads((folder / "design.json").read_text())["visiting_points"]
@@ -147,7 +147,7 @@ def test_a_design_of_other_altitudes_or_targets_is_flown_by_run(tmp_path, freedo
     assert main(["design", "eros-quick", "--quiet", "--no-figures", "--out", str(out), *arguments(freedom)]) == 0
     design = json.loads((out / "design.json").read_text())
     assert design["observers"] and design["flyable"]
-    asked = ["run", "eros-quick", "--quiet", "--no-figures", "--design", str(out / "design.json"), *arguments(freedom)]
+    asked = ["fly", "eros-quick", "--quiet", "--no-figures", "--design", str(out / "design.json"), *arguments(freedom)]
     assert main([*asked, "--out", str(flown)]) == 0
     summary = json.loads((flown / "summary.json").read_text())
     assert summary["coverage_percent"] >= design["covered_percent"] - 1e-6
@@ -157,8 +157,8 @@ def test_a_design_of_other_altitudes_or_targets_is_flown_by_run(tmp_path, freedo
 
 
 def test_two_fold_coverage_survives_the_loss_of_any_one_spacecraft():
-    single = study_design(load_scenario("eros-quick", FAST))
-    study = study_design(load_scenario("eros-quick", [*FAST, "designer.fold=2"]))
+    single = study_design(load_scenario("eros-quick", parse_overrides(FAST)))
+    study = study_design(load_scenario("eros-quick", parse_overrides([*FAST, "designer.fold=2"])))
     assert study.exact.n_observers > single.exact.n_observers
     points = study.exact.points
     area, sees = study.problem.area, study.problem.sees
@@ -170,9 +170,11 @@ def test_two_fold_coverage_survives_the_loss_of_any_one_spacecraft():
 def test_a_swarm_designed_for_two_fold_coverage_loses_any_one_in_flight_and_still_sees_the_whole_target():
     demands = ["observation.criterion=visit", "observation.observer=raycast", "target.cell_size_m=null", "designer.fold=2",
                "camera.half_angle_deg=6"]  # fmt: skip
-    study = study_design(load_scenario("eros-quick", demands))
+    study = study_design(load_scenario("eros-quick", parse_overrides(demands)))
     points = [study.visibility.candidates[p - 1].point for p in study.selected]
-    plan = make_plan(load_scenario("eros-quick", [*demands, f"design.visiting_points={points}", "seed=5"]))
+    plan = make_plan(
+        load_scenario("eros-quick", parse_overrides([*demands, f"design.visiting_points={points}", "seed=5"]))
+    )
     result = observe_flight(plan, simulate(plan))
     area = plan.region.area
     for lost in range(plan.n):
@@ -183,10 +185,12 @@ def test_a_swarm_designed_for_two_fold_coverage_loses_any_one_in_flight_and_stil
 def test_self_shadowing_and_the_sun_take_candidates_away():
     # An hour of rotation after the default epoch the Sun still stands over the target's faces, but a lobe over the Sun.
     low_sun = ["epoch=2018-01-01T04:15:00", "observation.max_incidence_deg=89", "designer.tolerance_percent=90"]
-    lit = study_design(load_scenario("eros-quick", [*FAST, *low_sun])).problem
+    lit = study_design(load_scenario("eros-quick", parse_overrides([*FAST, *low_sun]))).problem
     shadowed = [*low_sun, "observation.shadows=true"]
     for kind in ("raycast", "horizon"):
-        dark = study_design(load_scenario("eros-quick", [*FAST, *shadowed, f"observation.observer={kind}"])).problem
+        dark = study_design(
+            load_scenario("eros-quick", parse_overrides([*FAST, *shadowed, f"observation.observer={kind}"]))
+        ).problem
         assert 60.0 < dark.coverable_percent < lit.coverable_percent - 20.0
 
 
@@ -207,11 +211,11 @@ def test_the_packaged_design_is_still_a_proven_minimum_of_five():
     study = study_design(scenario)
     assert study.exact.n_observers == 5
     assert study.exact.status == "optimal"
-    assert study.problem.covered_percent(read_design("eros-visit")) >= 99.9
+    assert study.problem.covered_percent(design_section("eros-visit")["visiting_points"]) >= 99.9
 
 
 def test_the_literal_reading_needs_one():
-    assert study_design(load_scenario("eros-literal", ["observation.interval_s=100"])).exact.n_observers == 1
+    assert study_design(load_scenario("eros-literal", {"observation.interval_s": 100})).exact.n_observers == 1
 
 
 @pytest.mark.parametrize(
@@ -275,7 +279,7 @@ def test_a_proof_whose_time_is_up_leaves_no_gap_to_it(tmp_path, capsys, monkeypa
 
 def test_an_interrupted_design_does_not_take_the_place_of_a_finished_one(folder, capsys, monkeypatch):
     before = (folder / "design.json").read_bytes()
-    monkeypatch.setattr("swarm_mj.designer.study.evolve", interrupt)
+    monkeypatch.setattr("swarm_mj.designer.genetic.evolve", interrupt)
     assert main(["design", "eros-quick", "--quiet", "--out", str(folder), *arguments()]) == 130
     assert f"the earlier design in {folder} stays" in capsys.readouterr().out.replace("\n", " ")
     assert (folder / "design.json").read_bytes() == before
@@ -283,7 +287,7 @@ def test_an_interrupted_design_does_not_take_the_place_of_a_finished_one(folder,
 
 @pytest.mark.parametrize(
     ("what", "compare"),
-    [("swarm_mj.api.design.growth", ["--compare"]), ("swarm_mj.results.figures.design.draw_all", [])],
+    [("swarm_mj.api.design.growth", ["--compare"]), ("swarm_mj.figures.design_figures.draw_all", [])],
 )
 def test_an_interruption_after_the_design_is_finished_leaves_it_in_its_place(
     folder, tmp_path, capsys, monkeypatch, what, compare

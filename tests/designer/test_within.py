@@ -14,7 +14,7 @@ from swarm_mj.designer.arrival import HOUR, Arrival, Needs, fly_design
 from swarm_mj.designer.study import study_design
 from swarm_mj.designer.within import Within
 from swarm_mj.errors import MissionError, ScenarioError
-from swarm_mj.scenarios.loading import load_scenario
+from swarm_mj.scenarios.loading import load_scenario, parse_overrides
 
 FAST = ["observation.criterion=visit", "observation.observer=raycast", "target.cell_size_m=null", "data.slot_s=10",
         "designer.max_generations=10"]  # fmt: skip
@@ -135,7 +135,7 @@ def flown(request):
         "camera.half_angle_deg=4",
         "camera.resolution_px=512",
     ]
-    scenario = load_scenario("eros-quick", [*FAST, *few, "designer.deliver_within_h=48"])
+    scenario = load_scenario("eros-quick", parse_overrides([*FAST, *few, "designer.deliver_within_h=48"]))
     study = study_design(scenario)
     n = len(study.visibility.candidates)
     sets = [np.array(points) for k in (1, 2) for points in combinations(range(1, n + 1), k)]
@@ -177,7 +177,7 @@ def test_one_would_see_all_but_two_are_sooner_and_their_flight_delivers_in_time(
     assert record["genetic"]["repair"]["n_observers"] == 1 and record["gap"] is None
     assert record["genetic_delivered_in_time"]["repair"] is False and record["delivered_in_time"] is True
     assert record["delivery_bound_h"] <= record["delivered_by_h"] <= 0.631 < record["genetic_delivered_by_h"]["repair"]
-    flight = ["run", "eros-quick", "--quiet", "--no-figures", "--no-report", "--out", str(tmp_path / "o")]
+    flight = ["fly", "eros-quick", "--quiet", "--no-figures", "--no-report", "--out", str(tmp_path / "o")]
     assert main([*flight, "--design", str(out / "design.json"), *sets]) == 0
     summary = json.loads((tmp_path / "o" / "summary.json").read_text())
     assert summary["time_to_full_map_s_bound"] / HOUR == pytest.approx(record["delivered_by_h"], abs=1e-6)
@@ -197,13 +197,13 @@ def test_hours_that_no_design_can_keep_are_refused_with_a_bound_and_with_hours_t
     assert 0.5 < float(bound) < float(enough)
     assert not list(tmp_path.iterdir())
     point = int(re.search(r"at points (\d+)", said)[1])
-    scenario = load_scenario("eros-quick", [*FAST, "camera.half_angle_deg=8"])
+    scenario = load_scenario("eros-quick", parse_overrides([*FAST, "camera.half_angle_deg=8"]))
     assert fly_design(scenario, np.array([point])).meets(float(enough) * HOUR, 0.1)
 
 
 def test_a_design_of_several_flights_cannot_be_asked_to_deliver():
     with pytest.raises(ScenarioError, match=r"altitudes_m: must be empty with deliver_within_h = 2"):
-        load_scenario("eros-quick", ["designer.deliver_within_h=2", "designer.altitudes_m=[18000]"])
+        load_scenario("eros-quick", {"designer.deliver_within_h": 2, "designer.altitudes_m": [18000]})
 
 
 def test_an_interruption_while_designs_are_flown_leaves_one_that_is_not_checked(tmp_path, monkeypatch, capsys):

@@ -17,7 +17,7 @@ SAYS = {
     "design.py": "proven minimal",
     "own_body.py": "Flight('peanut', 2 spacecraft",
     "campaign.py": "16 flights, of which 16 went through",
-    "step.py": "after 100 s:",
+    "step.py": "after 200 s:",
 }
 
 

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import swarm_mj as sm
-from swarm_mj.results.propulsion import KEYS
+from swarm_mj.records.propulsion import KEYS
+from swarm_mj.scenarios.loading import parse_overrides
 from swarm_mj.simulator.telemetry import read_telemetry
 
 PAGE = (Path(__file__).parents[2] / "docs" / "reference" / "files.md").read_text("utf-8")
@@ -31,7 +32,7 @@ def names(text):
 
 @pytest.fixture(scope="module")
 def flown(tmp_path_factory):
-    flight = sm.fly(sm.load("eros-quick", FAULTY))
+    flight = sm.fly(sm.load("eros-quick", parse_overrides(FAULTY)))
     return flight.save(tmp_path_factory.mktemp("run") / "flight", figures=False, report=False)
 
 
@@ -65,7 +66,8 @@ def test_the_page_lists_every_array_of_the_coverage(flown):
 def test_the_page_lists_every_key_of_a_design(tmp_path):
     design = sm.design(
         sm.load(
-            "eros-quick", ["observation.criterion=visit", "designer.max_generations=1", "designer.deliver_within_h=24"]
+            "eros-quick",
+            {"observation.criterion": "visit", "designer.max_generations": 1, "designer.deliver_within_h": 24},
         )
     )
     folder = design.save(tmp_path / "design", figures=False)

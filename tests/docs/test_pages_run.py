@@ -8,15 +8,15 @@ import matplotlib
 import pytest
 
 from swarm_mj.cli.main import main
+from swarm_mj.figures import drawing
 from swarm_mj.io.atomic import FIGURES
-from swarm_mj.results import drawing
 
 ROOT = Path(__file__).parents[2]
 TUTORIAL = ("fly", "look", "change", "design", "train")
 #: Its commands and its Python need the extra `spice`.
 ELSEWHERE = "docs/how-to/take_results_elsewhere.md"
 #: What makes commands quick; what is left out has tests of its own.
-QUICK = {"run": ["--quiet", "--no-figures", "--no-report"], "design": ["--quiet", "--no-figures"]}
+QUICK = {"fly": ["--quiet", "--no-figures", "--no-report"], "design": ["--quiet", "--no-figures"]}
 QUICK |= {"export": [], "observe": ["--quiet"]}
 
 
@@ -49,7 +49,7 @@ def test_the_tutorial_is_the_five_pages_in_the_navigation():
         "docs/how-to/environments.md",
         "docs/how-to/faults.md",
         "docs/how-to/reports.md",
-        "docs/how-to/swarm_observe_v1.md",
+        "docs/how-to/swarm_observe.md",
         "docs/how-to/swarm_pointing.md",
         ELSEWHERE,
         *(f"docs/tutorial/{name}.md" for name in TUTORIAL),

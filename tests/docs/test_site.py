@@ -83,7 +83,7 @@ def test_every_command_and_option_is_on_the_page_of_the_command_line(site):
     page = (site / "reference" / "command_line.html").read_text("utf-8")
     usage = subprocess.run([sys.executable, "-m", "swarm_mj", "--help"], capture_output=True, text=True).stdout
     commands = re.findall(r"^    (\w+) ", usage, re.MULTILINE)
-    assert {"run", "design", "campaign", "validate"} <= set(commands)
+    assert {"fly", "design", "campaign", "validate"} <= set(commands)
     for command in commands:
         assert f"swarm-mj {command}" in page
     assert "--overlay" not in page and "--scheduler" in page and "--policy" in page

@@ -1,4 +1,4 @@
-"""SwarmObserve-v1 with candidates: the best patches of each spacecraft, worked out anew one by one; all modes of use alike."""
+"""SwarmObserve-v0 with candidates: the best patches of each spacecraft, worked out anew one by one; all modes of use alike."""
 
 import re
 
@@ -6,13 +6,13 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
-from swarm_mj.envs.missions.config import MissionConfig
-from swarm_mj.envs.missions.episodes import Episodes
-from swarm_mj.envs.missions.layout import CANDIDATE, make_interface
-from swarm_mj.envs.missions.policies import interface_of, open_policy, provenance
-from swarm_mj.envs.missions.single import SwarmObserveV1Env
-from swarm_mj.envs.missions.tables import PAIRS, PATCHES, SPACECRAFT
-from swarm_mj.envs.missions.vector import SwarmObserveV1VectorEnv
+from swarm_mj.envs.observe.config import EnvConfig
+from swarm_mj.envs.observe.episodes import Episodes
+from swarm_mj.envs.observe.layout import CANDIDATE, make_interface
+from swarm_mj.envs.observe.single import SwarmObserveEnv
+from swarm_mj.envs.observe.tables import PAIRS, PATCHES, SPACECRAFT
+from swarm_mj.envs.observe.vector import SwarmObserveVectorEnv
+from swarm_mj.envs.policies.policy_files import interface_of, open_policy, provenance
 from swarm_mj.envs.policies.policy_network import save_network
 
 from swarm_mj.errors import ScenarioError
@@ -28,7 +28,7 @@ K = 16
 @pytest.fixture(scope="module")
 def flown():
     """Tables of two episodes at six instants, flown with the best candidate of each."""
-    episodes, found = Episodes(MissionConfig(**ONE), 2), []
+    episodes, found = Episodes(EnvConfig(**ONE), 2), []
     episodes.reset({0: 3, 1: 11})
     for _ in range(18):
         found.append(episodes.entities())
@@ -78,7 +78,7 @@ def test_what_spacecraft_of_lower_number_like_best_is_told(flown):
 
 def test_the_peak_is_the_largest_worth_of_the_instants_ahead():
     """On a straight way in the turning frame, of what is not seen meanwhile, as a spacecraft that holds finds it."""
-    episodes = Episodes(MissionConfig(**ONE), 1)
+    episodes = Episodes(EnvConfig(**ONE), 1)
     episodes.reset({0: 3}, {"camera_off": 0, "loss": 0, "spacecraft": 3})
     found = []
     for _ in range(20):
@@ -117,8 +117,8 @@ def test_who_does_not_hear_earth_sends_by_the_first_who_does(alive, hears, wante
 
 @pytest.mark.parametrize("observation", ["flat", "entities"])
 def test_single_vector_and_agents_see_and_fly_the_same(observation):
-    single = SwarmObserveV1Env(**ONE, observation=observation)
-    vector = SwarmObserveV1VectorEnv(2, **ONE, observation=observation)
+    single = SwarmObserveEnv(**ONE, observation=observation)
+    vector = SwarmObserveVectorEnv(2, **ONE, observation=observation)
     seen, info = single.reset(options={"flight_seed": 7})
     vector.reset(options={"flight_seed": [5, 7]})
     rng = np.random.default_rng(0)
@@ -138,7 +138,7 @@ def test_single_vector_and_agents_see_and_fly_the_same(observation):
 
 
 def test_agents_see_their_own_candidates():
-    parallel = pytest.importorskip("swarm_mj.envs.missions.multi_agent").SwarmObserveV1ParallelEnv
+    parallel = pytest.importorskip("swarm_mj.envs.observe.parallel").SwarmObserveParallelEnv
     env = parallel(**ONE, observation="entities")
     seen, infos = env.reset(options={"flight_seed": 7, "draw": {"spacecraft": 3}})
     shown = env.episodes.shown()
@@ -151,7 +151,7 @@ def test_agents_see_their_own_candidates():
 
 
 def test_gymnasium_finds_nothing_to_complain_of():
-    env = SwarmObserveV1Env(**ONE)
+    env = SwarmObserveEnv(**ONE)
     check_env(env, skip_render_check=True)
     env.close()
 
@@ -160,19 +160,19 @@ def test_gymnasium_finds_nothing_to_complain_of():
 def test_numbers_of_candidates_that_there_are_not_are_refused(given, tmp_path):
     told = f"candidates = {given!r}: must be a whole number, at least 1 and at most patches = 16, or None for all"
     with pytest.raises(ScenarioError, match=re.escape(told)):
-        MissionConfig(candidates=given)
+        EnvConfig(candidates=given)
     with pytest.raises(ScenarioError, match=re.escape(told)):
-        gymnasium.make("swarm_mj.envs:SwarmObserve-v1", missions=ONE["missions"], candidates=given)
+        gymnasium.make("swarm_mj.envs:SwarmObserve-v0", missions=ONE["missions"], candidates=given)
     file = tmp_path / "policy.npz"
-    save_network(file, random_policy(environment="SwarmObserve-v1", arguments={"patches": K, "candidates": given}))
+    save_network(file, random_policy(environment="SwarmObserve-v0", arguments={"patches": K, "candidates": given}))
     with pytest.raises(ScenarioError, match=re.escape(f"policy {file}: trained for {told}")) as refused:
-        open_policy(file, MissionConfig())
+        open_policy(file, EnvConfig())
     assert "\n" not in str(refused.value) and str(refused.value).endswith("choose among fewer, or among all")
 
 
 def test_a_policy_trained_with_candidates_says_so_and_flies_among_all_patches(flown):
-    about = provenance(MissionConfig(**ONE))
+    about = provenance(EnvConfig(**ONE))
     assert about["arguments"]["candidates"] == 4
-    found = interface_of(about, MissionConfig(max_spacecraft=3))
+    found = interface_of(about, EnvConfig(max_spacecraft=3))
     assert (found.choices, found.layout.size) == (5, make_interface(3, K, 4).layout.size)
-    assert interface_of({}, MissionConfig(max_spacecraft=3)).choices == K + 4
+    assert interface_of({}, EnvConfig(max_spacecraft=3)).choices == K + 4

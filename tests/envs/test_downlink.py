@@ -45,10 +45,13 @@ def tiny():
 
 def batch_of(task, seeds):
     batch = DownlinkBatch(task, len(seeds))
-    for e, seed in enumerate(seeds):
-        batch.reset(e, seed)
-    batch.observe()
+    batch.reset(dict(enumerate(seeds)))
     return batch
+
+
+def to_earth_alone(bits, slots, n):
+    """Capacities of links to Earth, without crosslinks."""
+    return np.concatenate([np.zeros((slots, n, n), np.int64), np.full((slots, n, 1), bits)], axis=2)
 
 
 def legal(batch, rng):
@@ -84,8 +87,7 @@ def test_a_spacecraft_that_talks_spends_what_its_transmitter_takes_and_loses_the
     slots, size = task.config.slots, np.zeros(24, np.int64)
     size[:5] = 600_000
     full = drawn._replace(
-        earth_bit=np.full((slots, 5), 1_200_000),
-        swarm_bit=np.zeros((slots, 5, 5), np.int64),
+        capacity_bit=to_earth_alone(1_200_000, slots, 5),
         sun_J=np.full((slots, 5), 7000.0),
         earth_J=np.full((slots, 5), 300.0),
         lost_slot=np.full(5, slots),
@@ -156,12 +158,12 @@ def test_no_policy_passes_the_best_of_all_lists_nor_that_the_proven_bound(tiny):
         batch.observe()
         for k in range(4):
             batch.step(lists[:, k])
-        best, bound = batch.delivered.max(), value_bound(tiny, drawn)
+        best, bound = batch.state.delivered.max(), value_bound(tiny, drawn)
         values = [fly_downlink(tiny, policy, [seed])[1][0] for policy in (round_robin, greedy, random_policy(0))]
         assert max(values) <= best + 1e-12 <= bound + 1e-6
         better += best > values[0] + 1e-9
         # Seen as a list of actions, the best one brings the same again.
-        k = int(batch.delivered.argmax())
+        k = int(batch.state.delivered.argmax())
         assert fly_downlink(tiny, recorded(list(lists[k])), [seed])[1][0] == best
     assert better > 0
 
@@ -172,13 +174,13 @@ def test_with_endless_power_and_time_the_bound_is_the_optimum_of_the_data_flow(t
         drawn = endless.draw(np.random.default_rng(seed))
         drawn = drawn._replace(expiry=np.full(3, 4), charge_J=np.full(2, 1e12))
         if seed % 2:  # one cannot talk to Earth, so that the other has to
-            drawn.earth_bit[:, drawn.origin[0]] = 0
+            drawn.capacity_bit[:, drawn.origin[0], 2] = 0
         bits = np.zeros((2, 3), np.int64)
         bits[drawn.origin, np.arange(3)] = drawn.size
         network = Network(
             edges_s=1800.0 * np.arange(5),
-            swarm_bit=drawn.swarm_bit,
-            earth_bit=drawn.earth_bit,
+            swarm_bit=drawn.capacity_bit[:, :, :2],
+            earth_bit=drawn.capacity_bit[:, :, 2],
             storage_bit=np.full(2, int(1.2e7)),
             access=endless.access,
             half_duplex=endless.half_duplex,
@@ -198,8 +200,7 @@ def test_the_bound_knows_what_it_takes_to_talk(tiny, charge_J, arrives):
     base_J, takes_J = power.base_W * 1800.0, (power.earth_W + 0.5 * power.base_W) * 1800.0
     assert 60e3 < takes_J < 66e3
     alone = drawn._replace(
-        earth_bit=np.full((4, 2), 7_200_000),
-        swarm_bit=np.zeros((4, 2, 2), np.int64),
+        capacity_bit=to_earth_alone(7_200_000, 4, 2),
         sun_J=np.full((4, 2), base_J),
         earth_J=np.full((4, 2), 0.5 * base_J),
         charge_J=np.array([takes_J - 62e3 + charge_J, 0.0]),

@@ -1,4 +1,4 @@
-"""Scores of SwarmObserve-v1: the bound that nobody passes, files of every kind, refusals by name, the command."""
+"""Scores of SwarmObserve-v0: the bound that nobody passes, files of every kind, refusals by name, the command."""
 
 import json
 from dataclasses import replace
@@ -7,16 +7,17 @@ from pathlib import Path
 import gymnasium
 import numpy as np
 import pytest
-from swarm_mj.envs.missions import leaderboard
-from swarm_mj.envs.missions.baselines import BASELINES
-from swarm_mj.envs.missions.bound import Path as FlownPath
-from swarm_mj.envs.missions.choices import KINDS, OF_GENERAL, OF_SPACECRAFT, SIZE, choice_rows
-from swarm_mj.envs.missions.config import MissionConfig
-from swarm_mj.envs.missions.episodes import Episodes
-from swarm_mj.envs.missions.layout import local_rows, make_interface
-from swarm_mj.envs.missions.leaderboard import TEST_SEEDS, VALIDATION_SEEDS, Score, Test, share_of
-from swarm_mj.envs.missions.policies import LAYOUT, flat_rows, open_policy, provenance, sizes, tell_in_zip
-from swarm_mj.envs.missions.tables import GENERAL, SPACECRAFT
+from swarm_mj.envs.observe.choices import KINDS, OF_GENERAL, OF_SPACECRAFT, SIZE, choice_rows
+from swarm_mj.envs.observe.config import EnvConfig
+from swarm_mj.envs.observe.episodes import Episodes
+from swarm_mj.envs.observe.layout import local_rows, make_interface
+from swarm_mj.envs.observe.tables import GENERAL, SPACECRAFT
+from swarm_mj.envs.policies import leaderboard
+from swarm_mj.envs.policies.baselines import greedy as greedy_rule
+from swarm_mj.envs.policies.baselines import sweep
+from swarm_mj.envs.policies.bound import Path as FlownPath
+from swarm_mj.envs.policies.leaderboard import TEST_SEEDS, VALIDATION_SEEDS, Score, Test, share_of
+from swarm_mj.envs.policies.policy_files import LAYOUT, flat_rows, open_policy, provenance, sizes, tell_in_zip
 from swarm_mj.envs.policies.policy_network import save_network
 
 from swarm_mj.cli.main import main
@@ -41,12 +42,12 @@ def test():
 @pytest.fixture(scope="module")
 def greedy(test):
     """What the rule comes to."""
-    return test.fly(BASELINES["greedy"])
+    return test.fly(greedy_rule)
 
 
 def network(*, reads="swarm", **about):
     """A random network that fits the environment."""
-    config = MissionConfig(**ONE)
+    config = EnvConfig(**ONE)
     flat, local, choices = sizes(config)
     readings = {"swarm": flat, "spacecraft": local, "choice": SIZE}[reads]
     told = provenance(config) | about
@@ -54,7 +55,7 @@ def network(*, reads="swarm", **about):
 
 
 def test_no_policy_passes_the_bound_and_it_is_no_idle_one(test, greedy):
-    for flown in (greedy, test.fly(BASELINES["sweep"])):
+    for flown in (greedy, test.fly(sweep)):
         assert (flown.seen <= test.bound.seen + 1e-9).all()
         assert (flown.delivered <= test.bound.delivered + 1e-9).all()
     assert greedy.seen.mean() > 0.4 * test.bound.seen.mean()
@@ -62,15 +63,15 @@ def test_no_policy_passes_the_bound_and_it_is_no_idle_one(test, greedy):
 
 def test_the_bound_of_seen_area_is_what_cameras_that_look_everywhere_would_see(test):
     """At one instant all cells are judged by the observer itself, with the camera turned to each."""
-    from swarm_mj.envs.missions.bound import best_pixels
+    from swarm_mj.envs.policies.bound import best_pixels
 
     from swarm_mj.observation.camera import look_at
     from swarm_mj.observation.capture import keeps_limits, pixels_on, sight
 
-    batch, _ = test.episodes.locate(0)
-    task, region = batch.task, batch.task.plan.region
+    task = test.episodes.mission_of(0)
+    region = task.plan.region
     up = region.axes_A[2]
-    places = np.array([[(np.linalg.norm(region.centroid_A, axis=1).max() + batch.mission.altitude_m) * up]])
+    places = np.array([[(np.linalg.norm(region.centroid_A, axis=1).max() + task.altitude_m) * up]])
     pixels, first = best_pixels(task.scene, places, np.ones((1, 1), bool), np.ones(region.n_cells, bool))
     limits = task.criterion.limits(task.observer.camera)
     distance, height = sight(region, places[0, 0])
@@ -105,7 +106,7 @@ def test_the_share_is_the_ratio_of_means_and_its_interval_covers_it():
 
 
 def test_rows_of_a_policy_are_those_of_the_environments(test):
-    parallel = pytest.importorskip("swarm_mj.envs.missions.multi_agent").SwarmObserveV1ParallelEnv
+    parallel = pytest.importorskip("swarm_mj.envs.observe.parallel").SwarmObserveParallelEnv
     env = parallel(**ONE)
     seen, _ = env.reset(options={"flight_seed": 5})
     observed = env.episodes.entities()
@@ -147,12 +148,12 @@ def test_a_file_of_a_network_flies_as_the_network_does(reads, test, tmp_path):
     ("about", "arguments", "words"),
     [
         (
-            {"environment": "SwarmObserve-v0"},
+            {"environment": "SwarmMap-v7"},
             {},
-            "trained for environment = 'SwarmObserve-v0', but it is 'SwarmObserve-v1'",
+            "trained for environment = 'SwarmMap-v7', but it is 'SwarmObserve-v0'",
         ),
         ({"layout": LAYOUT + 1}, {}, f"trained for layout = {LAYOUT + 1}"),
-        ({}, {"max_spacecraft": 5}, "trained for max_spacecraft = 4, but it is 5 here"),
+        ({}, {"max_spacecraft": 5}, "trained for spacecraft = 4, but it is 5 here"),
         ({}, {"decision_s": 30.0}, "trained for decision_s = 20.0, but it is 30.0 here"),
         ({"arguments": {"patches": 25}}, {}, "trained for patches = 25, but it is 16 here"),
     ],
@@ -160,11 +161,11 @@ def test_a_file_of_a_network_flies_as_the_network_does(reads, test, tmp_path):
 def test_a_policy_trained_for_something_else_is_refused_by_name(about, arguments, words, tmp_path):
     save_network(tmp_path / "policy.npz", network(**about))
     with pytest.raises(ScenarioError, match=words):
-        open_policy(tmp_path / "policy.npz", MissionConfig(**ONE | arguments))
+        open_policy(tmp_path / "policy.npz", EnvConfig(**ONE | arguments))
 
 
 def test_files_that_do_not_fit_are_refused_whatever_they_tell(tmp_path):
-    config = MissionConfig(**ONE)
+    config = EnvConfig(**ONE)
     save_network(
         tmp_path / "policy.npz", replace(random_policy(), about=network().about | {"choices": 4, "spacecraft": 2})
     )
@@ -218,9 +219,9 @@ def test_an_onnx_model_flies_and_its_metadata_are_heeded(masked, test, tmp_path)
 
 def test_a_zip_of_stable_baselines3_flies_and_what_it_was_trained_for_is_heeded(test, tmp_path):
     sb3 = pytest.importorskip("stable_baselines3")
-    from swarm_mj.envs.training.sb3 import SwarmObserveV1VecEnv
+    from swarm_mj.envs.training.sb3 import SwarmObserveVecEnv
 
-    venv = SwarmObserveV1VecEnv(2, **ONE)
+    venv = SwarmObserveVecEnv(2, **ONE)
     model = sb3.PPO("MlpPolicy", venv, n_steps=8, batch_size=8, seed=0, device="cpu").learn(16)
     venv.close()
     model.save(tmp_path / "policy.zip")
@@ -229,38 +230,36 @@ def test_a_zip_of_stable_baselines3_flies_and_what_it_was_trained_for_is_heeded(
     chosen = open_policy(tmp_path / "policy.zip", test.config)(observed)
     assert np.array_equal(chosen, model.predict(flat_rows(observed), deterministic=True)[0])
     with pytest.raises(ScenarioError, match="trained for patches = 16, but it is 9 here"):
-        open_policy(tmp_path / "policy.zip", MissionConfig(**ONE | {"patches": 9}))
+        open_policy(tmp_path / "policy.zip", EnvConfig(**ONE | {"patches": 9}))
 
 
 def test_a_zip_that_tells_nothing_and_does_not_fit_is_told_how_to_tell(test, tmp_path):
     sb3 = pytest.importorskip("stable_baselines3")
-    env = gymnasium.make("swarm_mj.envs:SwarmObserve-v1", **ONE, candidates=4)
+    env = gymnasium.make("swarm_mj.envs:SwarmObserve-v0", **ONE, candidates=4)
     model = sb3.PPO("MlpPolicy", env, n_steps=8, batch_size=8, device="cpu")
     file = tmp_path / "policy.zip"
     model.save(file)
-    with pytest.raises(
-        ScenarioError, match=r"numbers of an observation = .* tell_in_zip\(file, MissionConfig\(...\)\)"
-    ):
+    with pytest.raises(ScenarioError, match=r"numbers of an observation = .* tell_in_zip\(file, EnvConfig\(...\)\)"):
         open_policy(file, test.config)
-    tell_in_zip(file, MissionConfig(**ONE, candidates=4))
-    assert open_policy(file, test.config)(test.episodes.entities()).shape[1] == test.config.max_spacecraft
+    tell_in_zip(file, EnvConfig(**ONE, candidates=4))
+    assert open_policy(file, test.config)(test.episodes.entities()).shape[1] == test.config.spacecraft
     env.close()
 
 
 @pytest.mark.parametrize("given", [{}, {"candidates": 4}])
 def test_a_zip_of_maskable_ppo_chooses_what_makes_sense(given, test, tmp_path):
     contrib = pytest.importorskip("sb3_contrib")
-    env = gymnasium.make("swarm_mj.envs:SwarmObserve-v1", **ONE, **given)
+    env = gymnasium.make("swarm_mj.envs:SwarmObserve-v0", **ONE, **given)
     model, file = (
         contrib.MaskablePPO("MlpPolicy", env, n_steps=8, batch_size=8, seed=0, device="cpu"),
         tmp_path / "p.zip",
     )
     model.save(file)
-    tell_in_zip(file, MissionConfig(**ONE, **given))
+    tell_in_zip(file, EnvConfig(**ONE, **given))
     test.episodes.reset(dict(enumerate(SEEDS)))
     observed = test.episodes.entities()
     chosen = open_policy(file, test.config)(observed)
-    interface = make_interface(test.config.max_spacecraft, test.config.patches, given.get("candidates"))
+    interface = make_interface(test.config.spacecraft, test.config.patches, given.get("candidates"))
     mask = interface.shown(observed)["action_mask"].reshape(len(chosen), -1)
     likeliest = model.predict(interface.flat(observed), deterministic=True, action_masks=mask)[0]
     assert np.array_equal(chosen, interface.decoded(observed, likeliest))
@@ -271,22 +270,22 @@ def test_a_zip_of_maskable_ppo_chooses_what_makes_sense(given, test, tmp_path):
 
 def test_a_zip_that_reads_what_one_spacecraft_is_told_chooses_for_all(test, tmp_path):
     sb3 = pytest.importorskip("stable_baselines3")
-    from swarm_mj.envs.training.sb3 import SwarmObserveV1SharedVecEnv
+    from swarm_mj.envs.training.sb3 import SwarmObserveSharedVecEnv
 
     given = ONE | {"candidates": 3}
-    venv, config = SwarmObserveV1SharedVecEnv(1, **given), MissionConfig(**given)
+    venv, config = SwarmObserveSharedVecEnv(1, **given), EnvConfig(**given)
     model = sb3.PPO("MlpPolicy", venv, n_steps=8, batch_size=8, seed=0, device="cpu").learn(16)
     venv.close()
     file = tmp_path / "policy.zip"
     model.save(file)
     tell_in_zip(file, config, reads="spacecraft")
-    observed, interface = test.episodes.entities(), make_interface(config.max_spacecraft, config.patches, 3)
+    observed, interface = test.episodes.entities(), make_interface(config.spacecraft, config.patches, 3)
     rows = local_rows(interface.layout.split(interface.flat(observed)))
     likeliest = [model.predict(rows[:, j], deterministic=True)[0] for j in range(rows.shape[1])]
     wanted = interface.decoded(observed, np.stack(likeliest, axis=1))
     assert np.array_equal(open_policy(file, test.config)(observed), wanted)
-    with pytest.raises(ScenarioError, match="trained for max_spacecraft"):
-        open_policy(file, MissionConfig(**ONE | {"max_spacecraft": config.max_spacecraft + 1}))
+    with pytest.raises(ScenarioError, match="trained for spacecraft"):
+        open_policy(file, EnvConfig(**ONE | {"max_spacecraft": config.spacecraft + 1}))
 
 
 def test_the_command_writes_a_table_and_all_numbers(tmp_path, capsys, monkeypatch):
@@ -295,7 +294,7 @@ def test_the_command_writes_a_table_and_all_numbers(tmp_path, capsys, monkeypatc
     save_network(file, network())
     assert main(["score", "greedy", str(file), "--episodes", "2", "--quiet", "--out", str(tmp_path / "out.json")]) == 0
     said = capsys.readouterr().out
-    assert "SwarmObserve-v1, 2 test episodes" in said and "policy.npz" in said
+    assert "SwarmObserve-v0, 2 test episodes" in said and "policy.npz" in said
     first, second = json.loads((tmp_path / "out.json").read_text())
     assert (first["policy"], Path(second["policy"]).name) == ("greedy", "policy.npz")
     assert first["share"] == pytest.approx(sum(first["scores"]) / sum(first["bounds"]), abs=1e-4)
@@ -327,7 +326,7 @@ def test_the_command_refuses_what_it_cannot_fly_before_it_flies(tmp_path, capsys
 
 def test_a_score_is_the_same_however_many_fly_at_once(test, greedy):
     episodes = Episodes(test.config, 3)
-    flown = leaderboard.fly(episodes, BASELINES["greedy"], SEEDS)
+    flown = leaderboard.fly(episodes, greedy_rule, SEEDS)
     episodes.close()
     assert np.array_equal(flown.score, greedy.score)
     assert Score("greedy", SEEDS, greedy, test.bound).share.mean == pytest.approx(
@@ -337,13 +336,13 @@ def test_a_score_is_the_same_however_many_fly_at_once(test, greedy):
 
 def test_no_mission_of_the_leaderboard_leads_into_the_body():
     """Of the most uneven body; plans are made without the maps, which take long."""
-    from swarm_mj.envs.missions.catalogue import CATALOGUE
-    from swarm_mj.envs.missions.mission import _scenario
+    from swarm_mj.envs.observe.catalogue import CATALOGUE
+    from swarm_mj.envs.observe.flybys import flyby
 
     from swarm_mj.flight.plan import make_plan
     from swarm_mj.scenarios.loading import load_scenario
 
     for name, spec in CATALOGUE.items():
         if name.startswith("itokawa-test"):
-            plan = make_plan(load_scenario(_scenario(spec, 4, 16)[0]))
+            plan = make_plan(load_scenario(flyby(spec, 4, 16)[0]))
             assert plan.scenario.name == name

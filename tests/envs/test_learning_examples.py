@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 torch = pytest.importorskip("torch")
-from swarm_mj.envs.missions import leaderboard  # noqa: E402
-from swarm_mj.envs.missions.tables import GENERAL, PAIRS, PATCHES, SPACECRAFT  # noqa: E402
+from swarm_mj.envs.observe.tables import GENERAL, PAIRS, PATCHES, SPACECRAFT  # noqa: E402
+from swarm_mj.envs.policies import leaderboard  # noqa: E402
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "examples" / "learning"))
 import common  # noqa: E402

@@ -5,11 +5,10 @@ import numpy as np
 import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
-from swarm_mj.envs.observe.camera_observation import CameraObservation
+from swarm_mj.envs.observe.camera import CameraObservation
 from swarm_mj.envs.pixels import MOST_FACES
 from swarm_mj.envs.pointing.batch import PointingBatch
 from swarm_mj.envs.pointing.task import make_pointing_task
-from swarm_mj.envs.threads import LEAN
 
 from swarm_mj.errors import ScenarioError
 
@@ -22,7 +21,7 @@ def task():
 def begun(task, count=6):
     batch = PointingBatch(task, count)
     for e in range(count):
-        batch.reset(e, e)
+        batch.reset({e: e})
     return batch
 
 
@@ -30,7 +29,7 @@ def rays_N(batch, e):
     """Through the centres of the pixels in N, shape (64, 64, 3), by camera +x right, +y down, 45 deg."""
     at = (np.arange(64) + 0.5) / 32.0 - 1.0
     y, x = np.meshgrid(at, at, indexing="ij")
-    C_NB = Rotation.from_quat(batch.flights.qpos[e][3:7], scalar_first=True).as_matrix()
+    C_NB = Rotation.from_quat(batch.flights.state(e).q_BN[0], scalar_first=True).as_matrix()
     return np.stack([x, y, np.ones_like(x)], -1) @ C_NB.T
 
 
@@ -40,7 +39,7 @@ def test_the_silhouette_is_the_bodys_within_two_pixels(task):
     assert len(task.pictures.kept) <= MOST_FACES < len(task.plan.shape.faces)
     for e in range(batch.count):
         C_AN = task.plan.environment.C_AN(float(batch.time_s[e]))
-        r_A = C_AN @ batch.flights.qpos[e][:3]
+        r_A = C_AN @ batch.flights.state(e).r_N[0]
         rays = rays_N(batch, e).reshape(-1, 3) @ C_AN.T
         mesh = trimesh.Trimesh(task.plan.shape.vertices, task.plan.shape.faces, process=False)
         hit = mesh.ray.intersects_any(np.tile(r_A, (len(rays), 1)), rays).reshape(64, 64)
@@ -69,7 +68,7 @@ def test_the_sunlit_side_is_bright(task):
         grey, near = batch.image[e, 0].astype(float), batch.image[e, 2].astype(float)
         body = (batch.image[e, 1] > 0) & (near > 0) & (near < 255)
         depth = 255.0 * task.plan.shape.max_radius / np.maximum(near, 1.0)
-        points = batch.flights.qpos[e][:3] + rays_N(batch, e) * depth[..., None]
+        points = batch.flights.state(e).r_N[0] + rays_N(batch, e) * depth[..., None]
         cosine = (points / np.linalg.norm(points, axis=-1, keepdims=True)) @ sun
         lit += grey[body & (cosine > 0.5)].tolist()
         dark += grey[body & (cosine < -0.5)].tolist()
@@ -84,7 +83,7 @@ def test_nearness_is_the_depth_along_the_camera(task):
         depth = pictures.depth[k]
         near = np.where(depth > 0.0, np.minimum(1.0, task.plan.shape.max_radius / np.maximum(depth, 1.0)), 0.0)
         assert np.abs(batch.image[e, 2] - 255.0 * near).max() <= 0.51
-        distance = np.linalg.norm(batch.flights.qpos[e][:3])
+        distance = np.linalg.norm(batch.flights.state(e).r_N[0])
         assert abs(np.median(depth[depth > 0.0]) - distance) < task.plan.shape.max_radius
 
 
@@ -99,21 +98,21 @@ def test_a_step_shows_the_body_where_it_is_then(task):
 
 def test_the_swarms_cameras_show_what_has_been_seen():
     """The mask of SwarmObserve-v0 against rays: a marked pixel lies on a cell that counts as seen, and the others do not."""
-    env = CameraObservation(gymnasium.make("swarm_mj.envs:SwarmObserve-v0", overrides=LEAN))
+    env = CameraObservation(gymnasium.make("swarm_mj.envs:SwarmObserve-v0", scenario="eros-observe"))
     observation, _ = env.reset(seed=0)
     assert env.observation_space.contains(observation) and not observation["image"][:, 1].any()
     inner = env.unwrapped
-    while inner.batch.totals.percent[0] < 5.0:
+    while float(inner.episodes.infos()["coverage_percent"][0]) < 5.0:
         observation, *_ = env.step(np.full(5, 5))
-    region, now = inner.plan.region, inner.batch.now
+    region, now = inner.episodes.mission_of(0).plan.region, inner.episodes.now
     mesh = trimesh.Trimesh(region.mesh.vertices, region.mesh.faces, process=False)
     seen = np.zeros(len(region.mesh.faces), bool)
-    seen[region.target[inner.batch.totals.seen[0]]] = True
+    seen[region.target[inner.episodes.totals.seen[0, : region.n_cells]]] = True
     at, marked = ((np.arange(64) + 0.5) / 32.0 - 1.0) * np.tan(np.radians(2.5)), 0
     y, x = np.meshgrid(at, at, indexing="ij")
     for j in range(5):
         rays = np.stack([x, y, np.ones_like(x)], -1).reshape(-1, 3) @ now.C_BN[0, j] @ now.C_AN[0].T
-        face = mesh.ray.intersects_first(np.tile(now.r_A[0, j], (len(rays), 1)), rays).reshape(64, 64)
+        face = mesh.ray.intersects_first(np.tile(now.C_AN[0] @ now.r[0, j], (len(rays), 1)), rays).reshape(64, 64)
         expected = (face >= 0) & seen[face]
         assert ((observation["image"][j, 1] == 255) != expected).mean() < 0.005
         marked += expected.sum()

@@ -1,10 +1,10 @@
-"""The planner of SwarmObserve-v1: what it expects of pictures, what it may do, what it knows, and that it pays."""
+"""The planner of SwarmObserve-v0: what it expects of pictures, what it may do, what it knows, and that it pays."""
 
 import numpy as np
 import pytest
-from swarm_mj.envs.missions.baselines import BASELINES
-from swarm_mj.envs.missions.leaderboard import Test
-from swarm_mj.envs.missions.planner import NEAR, Planner, look, look_ahead, problem_of, turn_toward
+from swarm_mj.envs.policies.baselines import greedy as scripted_greedy
+from swarm_mj.envs.policies.leaderboard import Test
+from swarm_mj.envs.policies.planner import NEAR, Planner, look, look_ahead, problem_of, turn_toward
 
 from swarm_mj.coordination.allocation.greedy import greedy
 from swarm_mj.observation.camera import look_at
@@ -37,20 +37,20 @@ def test_a_turn_is_the_shortest_that_ends_on_the_aim():
 
 
 def test_what_pictures_would_show_is_what_the_observer_sees_of_them(test):
-    batch, _ = test.episodes.locate(0)
-    task, region = batch.task, batch.task.plan.region
-    place = batch.mission.centre_A + batch.mission.altitude_m * batch.mission.axes_A[2]
-    start, aims = look_at(place, batch.mission.centre_A, roll=0.3).C_CA, task.patches.centre_A
+    mission = test.episodes.mission_of(0)
+    region = mission.plan.region
+    place = mission.centre_A + mission.altitude_m * mission.axes_A[2]
+    start, aims = look_at(place, mission.centre_A, roll=0.3).C_CA, mission.patches.centre_A
     pixels = np.zeros((2, 1, len(aims), region.n_cells), np.float32)
     places, cameras = np.tile(place, (1, 2, 1)), np.tile(start, (2, 1, 1))
-    look(task.scene, places, cameras, aims, np.array([True, False]), np.ones(region.n_cells, bool), pixels)
-    limits = task.criterion.limits(task.observer.camera)
+    look(mission.scene, places, cameras, aims, np.array([True, False]), np.ones(region.n_cells, bool), pixels)
+    limits = mission.criterion.limits(mission.observer.camera)
     distance, height = sight(region, place)
     for k, aim in enumerate(aims):
         C_CA = np.empty((3, 3))
         turn_toward(start, (aim - place) / np.linalg.norm(aim - place), C_CA)
-        share = task.observer.visible_fraction(place, C_CA)
-        counts = (share >= task.criterion.min_fraction) & keeps_limits(limits, distance, height)
+        share = mission.observer.visible_fraction(place, C_CA)
+        counts = (share >= mission.criterion.min_fraction) & keeps_limits(limits, distance, height)
         assert pixels[0, 0, k] == pytest.approx(counts * pixels_on(limits, region.area, distance, height), rel=1e-6)
     assert pixels[0].any() and not pixels[1].any()
 
@@ -58,26 +58,26 @@ def test_what_pictures_would_show_is_what_the_observer_sees_of_them(test):
 def test_plans_keep_what_can_be_done_and_weigh_what_the_score_does(test):
     test.episodes.reset(dict(enumerate(SEEDS)))
     for e in range(len(SEEDS)):
-        batch, k = test.episodes.locate(e)
-        problem = problem_of(batch, k, 0)
+        episodes, mission = test.episodes, test.episodes.mission_of(e)
+        problem = problem_of(episodes, e, 0)
         plan = greedy(problem)
         problem.check(plan.pictures)
         assert plan.value > 0.0
         # Seen and wholly sent from nearby, a cell brings its area over what is possible, and its data over their volume.
-        pixels = look_ahead(batch, k, 0).pixels.max(axis=(0, 1, 2))
+        pixels = look_ahead(episodes, e, 0).pixels.max(axis=(0, 1, 2))
         some = np.flatnonzero(pixels)
-        cells, possible = len(some), batch.sheet.possible_area[k]
-        volume = batch.task.nominal_bit * possible / batch.task.plan.region.total_area
-        data = NEAR * pixels[some] * batch.task.config.bits_per_pixel / volume
-        whole = batch.task.patches.cell_area[some] / possible + data
+        cells, possible = len(some), episodes.sheet.possible_area[e]
+        volume = mission.nominal_bit * possible / mission.plan.region.total_area
+        data = NEAR * pixels[some] * mission.bits_per_pixel / volume
+        whole = mission.patches.cell_area[some] / possible + data
         assert problem.weight[:cells] + problem.weight[cells:] == pytest.approx(whole, rel=1e-5)
-        assert not problem.shows[~batch.sheet.present[k]].any()
+        assert not problem.shows[~episodes.sheet.present[e]].any()
         assert (problem.shows[..., :cells] | ~problem.shows[..., cells:]).all()  # near pictures are pictures
 
 
 def test_the_planner_beats_the_greedy_rule_and_stays_below_the_bound(test):
     planner = Planner(test.episodes, prove_s=0.2)
-    flown, rule = test.fly(planner), test.fly(BASELINES["greedy"])
+    flown, rule = test.fly(planner), test.fly(scripted_greedy)
     assert flown.score.mean() > rule.score.mean() + 0.05
     assert (flown.seen <= test.bound.seen + 1e-9).all() and (flown.delivered <= test.bound.delivered + 1e-9).all()
     assert len(planner.first) == len(SEEDS) and all(plan.value <= plan.bound + 1e-9 for plan in planner.first)

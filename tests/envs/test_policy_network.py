@@ -55,7 +55,7 @@ def test_a_network_acts_alike_alone_and_among_others():
 
 
 def test_a_network_survives_its_file(tmp_path):
-    policy = random_policy(environment="SwarmObserve-v1", layout=1, arguments={}, package="0.2.0")
+    policy = random_policy(environment="SwarmObserve-v0", layout=1, arguments={}, package="0.2.0")
     save_network(tmp_path / "policy.npz", policy)
     read = load_network(tmp_path / "policy.npz")
     assert read.about == {"format": 3, **policy.about}

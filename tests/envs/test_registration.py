@@ -42,7 +42,7 @@ def test_gymnasium_finds_the_environment():
 
 
 @pytest.mark.parametrize(
-    ("name", "module"), [("SwarmObserveV1VecEnv", "stable_baselines3"), ("SwarmObserveV1ParallelEnv", "pettingzoo")]
+    ("name", "module"), [("SwarmObserveVecEnv", "stable_baselines3"), ("SwarmObserveParallelEnv", "pettingzoo")]
 )
 def test_a_class_whose_extra_is_missing_names_it(name, module):
     tried = f"try:\n    from swarm_mj.envs import {name}\nexcept ImportError as error:\n    print(error)"
@@ -50,8 +50,8 @@ def test_a_class_whose_extra_is_missing_names_it(name, module):
 
 
 def test_classes_are_found_where_their_names_are_offered():
-    names = [name for name in envs.__all__ if not any(extra in name for extra in ("VecEnv", "Parallel", "Gpu"))]
-    assert "SwarmObserveV1Env" in names and [getattr(envs, name).__name__ for name in names] == names
+    names = [name for name in envs.__all__ if not any(extra in name for extra in ("VecEnv", "Parallel"))]
+    assert "SwarmObserveEnv" in names and [getattr(envs, name).__name__ for name in names] == names
 
 
 def test_importing_the_package_loads_no_heavy_module_and_leaves_gymnasium_as_it_is():

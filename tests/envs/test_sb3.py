@@ -9,20 +9,25 @@ from stable_baselines3.common.env_util import make_vec_env  # noqa: E402
 from stable_baselines3.common.monitor import Monitor  # noqa: E402
 from stable_baselines3.common.vec_env import VecNormalize  # noqa: E402
 from swarm_mj.envs.training.sb3 import (  # noqa: E402
-    SwarmObserveV1SharedVecEnv,
-    SwarmObserveV1VecEnv,
+    SwarmObserveSharedVecEnv,
     SwarmObserveVecEnv,
     SwarmPointingVecEnv,
 )
 
 from swarm_mj.errors import ScenarioError  # noqa: E402
 
-STEPS = 150
+#: Two missions that are quickly worked out, in decisions of a minute.
+GIVEN = {
+    "missions": ["bennu-train-1", "ellipsoid-train-1"],
+    "decision_s": 60.0,
+    "randomise": {"spacecraft": 3, "loss": 0},
+}
+STEPS = 10
 
 
 @pytest.fixture(scope="module")
 def venv():
-    venv = SwarmObserveVecEnv(3, threads=1)
+    venv = SwarmObserveVecEnv(3, threads=1, **GIVEN)
     yield venv
     venv.close()
 
@@ -32,13 +37,13 @@ def episode(venv):
     """Every step of three flights and one step beyond, with random actions: (actions, start, answers)."""
     venv.seed(5)
     start = venv.reset()
-    actions = np.random.default_rng(0).integers(0, 24, (STEPS + 1, 3, 5))
+    actions = np.random.default_rng(0).integers(0, 20, (STEPS + 1, 3, 3))
     return actions, start, [venv.step(action) for action in actions]
 
 
 def test_it_does_what_stable_baselines3s_own_wrapper_of_single_environments_does(episode):
     actions, start, answers = episode
-    theirs = make_vec_env("swarm_mj.envs:SwarmObserve-v0", n_envs=3, seed=5)
+    theirs = make_vec_env("swarm_mj.envs:SwarmObserve-v0", n_envs=3, seed=5, env_kwargs=GIVEN)
     assert np.array_equal(theirs.reset(), start)
     for action, (observations, rewards, dones, infos) in zip(actions, answers, strict=True):
         expected = theirs.step(action)
@@ -63,9 +68,9 @@ def test_a_flight_that_ends_starts_anew_at_once(episode):
     assert dones.all()
     for e in range(3):
         assert infos[e]["TimeLimit.truncated"]
-        assert infos[e]["time_s"] == 1500.0
+        assert infos[e]["time_s"] == 600.0
         assert not np.array_equal(infos[e]["terminal_observation"], observations[e])
-    assert answers[STEPS][3][0]["time_s"] == 10.0
+    assert answers[STEPS][3][0]["time_s"] == 60.0
 
 
 def test_seeds_repeat_flights_and_count_for_one_reset_only(venv, episode):
@@ -77,10 +82,10 @@ def test_seeds_repeat_flights_and_count_for_one_reset_only(venv, episode):
 
 def test_flights_can_be_broken_off(venv):
     venv.reset()
-    venv.step(np.zeros((3, 5), np.int64))
+    venv.step(np.zeros((3, 3), np.int64))
     observations = venv.restart(np.array([False, True, False]))
-    *_, infos = venv.step(np.zeros((3, 5), np.int64))
-    assert [info["time_s"] for info in infos] == [20.0, 10.0, 20.0]
+    *_, infos = venv.step(np.zeros((3, 3), np.int64))
+    assert [info["time_s"] for info in infos] == [120.0, 60.0, 120.0]
     assert observations.shape == (3, *venv.observation_space.shape)
     assert venv.reset_infos[1]["flight_seed"] >= 0
 
@@ -102,9 +107,9 @@ def test_attributes_and_methods_reach_the_vector_environment(venv):
 
 
 def test_a_wrapper_of_stable_baselines3_takes_it():
-    venv = VecNormalize(SwarmObserveVecEnv(2, threads=1, control="pointing"))
+    venv = VecNormalize(SwarmObserveVecEnv(2, threads=1, **GIVEN))
     venv.reset()
-    observations, rewards, dones, _ = venv.step(np.zeros((2, 10), np.float32))
+    observations, rewards, dones, _ = venv.step(np.zeros((2, 3), np.int64))
     assert np.isfinite(observations).all() and rewards.shape == dones.shape == (2,)
     venv.close()
 
@@ -129,7 +134,7 @@ def test_pointing_ends_and_starts_as_stable_baselines3_expects():
 
 @pytest.mark.parametrize("shared", [False, True])
 def test_masks_of_every_episode_are_those_that_maskable_ppo_asks_for(shared):
-    made = SwarmObserveV1SharedVecEnv if shared else SwarmObserveV1VecEnv
+    made = SwarmObserveSharedVecEnv if shared else SwarmObserveVecEnv
     venv = made(2, missions=["ellipsoid-train-1"])
     venv.seed(4)
     venv.reset()
@@ -144,19 +149,19 @@ def test_masks_of_every_episode_are_those_that_maskable_ppo_asks_for(shared):
 
 def test_a_shared_policy_cannot_be_shown_something_else():
     with pytest.raises(ScenarioError, match="observation = 'entities': each spacecraft is shown .*; leave it out"):
-        SwarmObserveV1SharedVecEnv(1, missions=["ellipsoid-train-1"], observation="entities")
+        SwarmObserveSharedVecEnv(1, missions=["ellipsoid-train-1"], observation="entities")
 
 
 def test_each_spacecraft_is_an_environment_and_all_of_an_episode_share_rewards_and_ends():
     """Against the agents of PettingZoo's environment, which are shown the same in flights of the same seeds."""
-    from swarm_mj.envs.missions.multi_agent import SwarmObserveV1ParallelEnv
+    from swarm_mj.envs.observe.parallel import SwarmObserveParallelEnv
 
     loss = {"distribution": "bernoulli", "probability": 0.3}
     given = {"missions": ["ellipsoid-train-1"], "candidates": 3, "randomise": {"camera_off": 0.0, "loss": loss}}
-    venv = SwarmObserveV1SharedVecEnv(2, threads=1, **given)
+    venv = SwarmObserveSharedVecEnv(2, threads=1, **given)
     venv.seed(4)
     rows, seeds = venv.reset(), [info["flight_seed"] for info in venv.reset_infos[:: venv.num_envs // 2]]
-    teams = [SwarmObserveV1ParallelEnv(**given) for _ in seeds]
+    teams = [SwarmObserveParallelEnv(**given) for _ in seeds]
     told = [team.reset(options={"flight_seed": seed})[0] for team, seed in zip(teams, seeds, strict=True)]
     n, rng = venv.num_envs // 2, np.random.default_rng(0)
     assert n == 3 and rows.shape == (6, *venv.observation_space.shape)

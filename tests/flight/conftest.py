@@ -7,7 +7,7 @@ import pytest
 
 from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.plan import make_plan
-from swarm_mj.scenarios.loading import load_scenario
+from swarm_mj.scenarios.loading import load_scenario, parse_overrides
 
 
 @cache
@@ -15,7 +15,7 @@ def _flown(name):
     period = load_scenario(name).control.period_s
     # Cells that are not clipped further, where there would be many: how they are judged does not depend on their number.
     few = ["target.cell_size_m=null"] if name == "eros-faults" else []
-    plan = make_plan(load_scenario(name, [f"telemetry.interval_s={period}", *few]))
+    plan = make_plan(load_scenario(name, parse_overrides([f"telemetry.interval_s={period}", *few])))
     return plan, simulate(plan)
 
 

@@ -12,8 +12,8 @@ from swarm_mj.flight.fly import initial_state, make_simulation, simulate
 from swarm_mj.flight.plan import make_plan
 from swarm_mj.mission.finite_burns import propellant_for
 from swarm_mj.mission.trajectories import PlannedBurn, propagate
-from swarm_mj.results.propulsion import propulsion_summary
-from swarm_mj.scenarios.loading import load_scenario
+from swarm_mj.records.propulsion import propulsion_summary
+from swarm_mj.scenarios.loading import load_scenario, parse_overrides
 from swarm_mj.simulator.planned_burns import PlannedBurns
 from swarm_mj.simulator.telemetry import VARIABLES
 
@@ -21,7 +21,7 @@ KEYS = ["duration_s=400", "design.time_of_flight_s=400"]
 
 
 def plan_with(burns, *keys):
-    plan = make_plan(load_scenario("eros-quick", [*KEYS, *keys]))
+    plan = make_plan(load_scenario("eros-quick", parse_overrides([*KEYS, *keys])))
     return replace(plan, deployment=replace(plan.deployment, burns=tuple(burns)))
 
 
@@ -87,7 +87,7 @@ def test_a_second_flight_of_a_simulation_burns_again():
     for _ in range(2):
         simulation.reset(initial_state(plan))
         simulation.fly(120)
-        ends.append((simulation.state.rows()[0].copy(), simulation.propulsion.propellant.copy()))
+        ends.append((simulation.state.r_N.copy(), simulation.propulsion.propellant.copy()))
     assert np.array_equal(ends[0][0], ends[1][0]) and np.array_equal(ends[0][1], ends[1][1])
     assert ends[0][1][0] < 0.2
 

@@ -46,6 +46,6 @@ def test_links_and_pictures_need_nothing_more_than_was_compiled_ahead():
 def test_only_a_first_flight_has_anything_compiled_ahead(cold, monkeypatch):
     asked, found = [], iter((3, 4 if cold else 3))
     monkeypatch.setattr(flight, "kernels_compiled", lambda: next(found))
-    monkeypatch.setattr(flight, "compile_beside", lambda plan: asked.append(plan.scenario.name))
+    monkeypatch.setattr(flight, "compile_in_background", lambda plan: asked.append(plan.scenario.name))
     flight.fly(load_scenario("eros-quick"))
     assert asked == ["eros-quick"] * cold

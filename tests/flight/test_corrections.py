@@ -11,8 +11,8 @@ from swarm_mj.flight.fly import make_simulation
 from swarm_mj.flight.navigation import navigated
 from swarm_mj.flight.plan import make_plan
 from swarm_mj.mission.trajectories import propagate
-from swarm_mj.results.navigation import total_delta_v
-from swarm_mj.scenarios.loading import load_scenario
+from swarm_mj.records.navigation import total_delta_v
+from swarm_mj.scenarios.loading import load_scenario, parse_overrides
 from swarm_mj.simulator.faults.dispersions import mothership_error
 
 OFF = "dispersions.deployment_velocity_m_s=0.1"
@@ -29,7 +29,9 @@ ONE = "trajectory.corrections=[{after_release_s: 60}]"
 
 def planned(name, *changes):
     thrusters = "spacecraft.thrusters={min_impulse_bit_n_s: 1.0e-4}"
-    return make_plan(load_scenario(name, [thrusters, "physics.timestep_s=0.5", *changes]), check_separation=False)
+    return make_plan(
+        load_scenario(name, parse_overrides([thrusters, "physics.timestep_s=0.5", *changes])), check_separation=False
+    )
 
 
 def flown(plan, seed=0):
@@ -37,7 +39,7 @@ def flown(plan, seed=0):
     simulation = make_simulation(replace(plan, scenario=plan.scenario.model_copy(update={"seed": seed})))
     while simulation.time < plan.deployment.arrival_s[0] - 1e-6:
         simulation.step()
-    r_N = simulation.state.data.qpos[simulation.model.layout.qpos[:, :3]]
+    r_N = simulation.state.r_N
     return r_N - plan.deployment.destination_N, simulation
 
 
@@ -112,13 +114,11 @@ def test_the_mothership_errs_alike_for_all():
     start, other = (
         make_simulation(replace(plan, scenario=plan.scenario.model_copy(update={"seed": s}))) for s in (0, 1)
     )
-    place = start.state.data.qpos[start.model.layout.qpos[:, :3]] - plan.deployment.release_r_N
-    speed = start.state.data.qvel[start.model.layout.qvel[:, :3]] - plan.deployment.v0_N
+    place = start.state.r_N - plan.deployment.release_r_N
+    speed = start.state.v_N - plan.deployment.v0_N
     assert np.allclose(place, place[0]) and np.allclose(speed, speed[0])
     assert 5.0 < np.linalg.norm(place[0]) < 120.0 and 0.003 < np.linalg.norm(speed[0]) < 0.08
-    assert not np.allclose(
-        place[0], (other.state.data.qpos[other.model.layout.qpos[:, :3]] - plan.deployment.release_r_N)[0]
-    )
+    assert not np.allclose(place[0], (other.state.r_N - plan.deployment.release_r_N)[0])
 
 
 #: Three that leave one after the other.
@@ -137,7 +137,7 @@ def at_visits(plan, seed=0):
     off, arrival_s = np.zeros((plan.n, 3)), plan.deployment.arrival_s
     for t in np.unique(arrival_s):
         simulation.fly(round((t - simulation.time) / plan.scenario.control.period_s))
-        r_N = simulation.state.data.qpos[simulation.model.layout.qpos[:, :3]]
+        r_N = simulation.state.r_N
         off[arrival_s == t] = (r_N - plan.deployment.destination_N)[arrival_s == t]
     return off, simulation
 

@@ -13,8 +13,8 @@ from swarm_mj.errors import ScenarioError
 from swarm_mj.flight import deliver as module
 from swarm_mj.flight.deliver import deliver, slot_edges, tiles_of
 from swarm_mj.flight.observe import camera_from, observe_flight
-from swarm_mj.results.delivered import delivered_summary, undelivered_findings
-from swarm_mj.scenarios.loading import load_scenario
+from swarm_mj.records.delivered import delivered_summary, undelivered_findings
+from swarm_mj.scenarios.loading import load_scenario, parse_overrides
 
 HEMISPHERE = "link.crosslink.antenna=hemispherical"
 
@@ -31,7 +31,7 @@ def sent(config_flights, seen):
 
     def send(*changes, name="eros-config1", prove=False):
         plan, telemetry = config_flights[name]
-        plan = replace(plan, scenario=load_scenario(name, list(changes)))
+        plan = replace(plan, scenario=load_scenario(name, parse_overrides(list(changes))))
         return plan, deliver(plan, telemetry, seen[name], prove=prove)
 
     return send

@@ -18,8 +18,8 @@ from swarm_mj.flight.elections import Elections, elect_relays, election_slots
 from swarm_mj.flight.observe import observe_flight
 from swarm_mj.flight.plan import make_plan
 from swarm_mj.mission.behaviors import TargetKind, elect_medoid
-from swarm_mj.results.delivered import delivered_summary
-from swarm_mj.scenarios.loading import load_scenario
+from swarm_mj.records.delivered import delivered_summary
+from swarm_mj.scenarios.loading import load_scenario, parse_overrides
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +29,7 @@ def config2(config_flights):
     coverage = observe_flight(plan, telemetry).coverage
 
     def told(*overrides, antenna="hemispherical"):
-        scenario = load_scenario("eros-config2", [f"link.crosslink.antenna={antenna}", *overrides])
+        scenario = load_scenario("eros-config2", parse_overrides([f"link.crosslink.antenna={antenna}", *overrides]))
         return replace(plan, scenario=scenario), telemetry, coverage
 
     return told
@@ -127,7 +127,7 @@ def line(x):
 
 def elections(later, *overrides, works=None, at_the_end=(0.0, 10.0, 25.0), lost=()):
     """Elections of spacecraft that stand on a line after a flight of 100 s, at one place in each later slot."""
-    scenario = load_scenario("eros-quick", ["data.election=medoid", *overrides])
+    scenario = load_scenario("eros-quick", parse_overrides(["data.election=medoid", *overrides]))
     n = len(at_the_end)
     operational, mode = np.ones((2, n), np.int8), np.full((2, n), TargetKind.SPACECRAFT, np.int8)
     mode[:, 2] = TargetKind.EARTH
@@ -223,4 +223,4 @@ def test_elections_are_held_at_the_first_slot_after_each_interval():
 
 def test_more_relays_than_spacecraft_are_refused_before_the_flight():
     with pytest.raises(MissionError, match=r"data.relays = 3: must be >= 1 and <= 2"):
-        make_plan(load_scenario("eros-quick", ["data.relays=3", "data.election=first"]))
+        make_plan(load_scenario("eros-quick", {"data.relays": 3, "data.election": "first"}))

@@ -16,11 +16,14 @@ from swarm_mj.mission.trajectories import propagate
 from swarm_mj.observation.camera import look_at
 from swarm_mj.observation.capture import observe
 from swarm_mj.observation.observer import make_observer
+from swarm_mj.scenarios.loading import parse_overrides
 
 
 @cache
 def plan(*changes):
-    return make_plan(sm.load("eros-observe").changed("target.cell_size_m=900", *changes), check_separation=False)
+    return make_plan(
+        sm.load("eros-observe").changed(parse_overrides(["target.cell_size_m=900", *changes])), check_separation=False
+    )
 
 
 def test_the_track_is_that_of_the_plan():
@@ -64,9 +67,9 @@ def test_pictures_as_planned_show_what_the_table_says():
 
 
 def test_the_table_of_a_plan_that_is_flown_again_is_made_once_and_that_of_another_anew():
-    again = replace(plan(), scenario=sm.load("eros-observe").changed("target.cell_size_m=900", "seed=7"))
+    again = replace(plan(), scenario=sm.load("eros-observe").changed({"target.cell_size_m": 900, "seed": 7}))
     assert encounter_of(again) is encounter_of(plan())
-    narrow = replace(plan(), scenario=sm.load("eros-observe").changed("observation.max_gsd_m=2.5"))
+    narrow = replace(plan(), scenario=sm.load("eros-observe").changed({"observation.max_gsd_m": 2.5}))
     assert encounter_of(narrow).shows.sum() < encounter_of(plan()).shows.sum()
 
 

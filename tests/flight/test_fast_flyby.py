@@ -13,8 +13,8 @@ from swarm_mj.flight.fly import asteroid_attitudes, simulate
 from swarm_mj.flight.observe import camera_from, criterion_from, observe_flight
 from swarm_mj.flight.plan import make_plan
 from swarm_mj.observation.smear import CameraMotion, smear_px
-from swarm_mj.results.summary import summarise
-from swarm_mj.scenarios.loading import load_scenario
+from swarm_mj.records.summary import summarise
+from swarm_mj.scenarios.loading import load_scenario, parse_overrides
 from swarm_mj.spacecraft.attitude.mrp import dcm
 
 SPEED, DISTANCE, VISIT = 7000.0, 100e3, 150.0
@@ -38,14 +38,14 @@ FLYBY = {
     "behavior": {"name": "adaptable_roles", "imaging_radius_m": 2e6},
     "camera": {"half_angle_deg": 3, "exposure_s": 0.01},
     "observation": {"interval_s": 10, "observer": "raycast"},
-    "physics": {"timestep_s": 0.5, "wheels": "gyrostat"},
+    "physics": {"timestep_s": 0.5, "stepper": "kernel"},
     "telemetry": {"interval_s": 0.5},
 }
 
 
 @cache
 def flight(*overrides):
-    plan = make_plan(load_scenario(FLYBY, overrides))
+    plan = make_plan(load_scenario(FLYBY, parse_overrides(overrides)))
     return plan, simulate(plan)
 
 
@@ -134,7 +134,9 @@ def test_the_designer_judges_smear_by_the_commanded_rates():
     plan, telemetry = flight()
     seen, limit = {}, 0.12
     for limited in ("null", str(limit)):
-        scenario = load_scenario(FLYBY, [f"observation.max_smear_px={limited}", "observation.criterion=visit"])
+        scenario = load_scenario(
+            FLYBY, parse_overrides([f"observation.max_smear_px={limited}", "observation.criterion=visit"])
+        )
         flights = fly_candidates(scenario)
         with Judge(flights.plan.region, imaging_model_from(scenario), criterion_from(scenario), workers=1) as judge:
             seen[limited] = dict(judge.seen([Watcher(flights, 0)]))[0]

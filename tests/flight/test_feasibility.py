@@ -9,7 +9,7 @@ import pytest
 from swarm_mj.errors import ScenarioError
 from swarm_mj.flight.feasibility import encounter_of, sight_rates
 from swarm_mj.flight.plan import make_plan
-from swarm_mj.scenarios.loading import load_scenario
+from swarm_mj.scenarios.loading import load_scenario, parse_overrides
 from swarm_mj.spacecraft.attitude.slew import slew_profile, slew_time, turning_limits
 from swarm_mj.spacecraft.properties import SpacecraftProperties
 
@@ -21,7 +21,7 @@ OBLIQUE = f"mothership.position_A_m=[0,{DISTANCE + 0.5 * SPEED * VISIT},{-0.87 *
 
 
 def planned(*overrides):
-    return make_plan(load_scenario(deepcopy(FLYBY), overrides))
+    return make_plan(load_scenario(deepcopy(FLYBY), parse_overrides(overrides)))
 
 
 def found(*overrides):

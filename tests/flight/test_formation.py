@@ -9,21 +9,23 @@ from scipy.integrate import solve_ivp
 from swarm_mj.dataflow.contacts import Contacts
 from swarm_mj.dataflow.network import Access
 from swarm_mj.errors import ScenarioError
+from swarm_mj.figures.formation import compose_formation
 from swarm_mj.flight.coordination_record import less_coordination
 from swarm_mj.flight.fly import make_simulation, simulate
 from swarm_mj.flight.formation import formation_law
 from swarm_mj.flight.plan import make_plan
 from swarm_mj.mission.trajectories import PlannedBurn
-from swarm_mj.results.figures.formation import compose_formation
-from swarm_mj.results.formation import formation_findings, formation_summary
-from swarm_mj.scenarios.loading import load_scenario
+from swarm_mj.records.formation import formation_findings, formation_summary
+from swarm_mj.scenarios.loading import load_scenario, parse_overrides
 from swarm_mj.spacecraft.control.force import ForceView
 
 GAS = "spacecraft.thrusters={}"
 
 
 def planned(name, formation, *more, level=1):
-    return make_plan(load_scenario(name, [GAS, f"swarm={{class: {level}, formation: {formation}}}", *more]))
+    return make_plan(
+        load_scenario(name, parse_overrides([GAS, f"swarm={{class: {level}, formation: {formation}}}", *more]))
+    )
 
 
 def test_a_flight_is_that_of_the_same_law_by_dop853():
@@ -73,7 +75,7 @@ def dispersed():
     """Configuration 2 with deployment errors that the plan's formation takes away, and the same without a formation."""
     more = ["dispersions={deployment_velocity_m_s: 0.1}", "duration_s=700"]
     plan = planned("eros-config2", "{dead_band_m: 0}", *more, level=2)
-    free = make_plan(load_scenario("eros-config2", [GAS, *more]))
+    free = make_plan(load_scenario("eros-config2", parse_overrides([GAS, *more])))
     return plan, simulate(plan), simulate(free)
 
 
@@ -209,11 +211,10 @@ def test_burns_and_a_formation_do_not_go_together():
         ([GAS, "swarm={class: 0, formation: {}}"], "class 0 coordinates no movement"),
         (["spacecraft.thrusters={layout: four_z}", "swarm={class: 1, formation: {}}"], "pushes along one axis"),
         ([GAS, "swarm={class: 1, formation: {start_s: 9000}}"], "must be before the flight's end"),
-        ([GAS, "swarm={class: 1, formation: {start_s: 90, end_s: 80}}"], "must be after start_s = 90"),
         ([GAS, "swarm={class: 1, formation: {offsets_m: [[0, 0, 0]]}}"], "shape = planned takes none"),
         ([GAS, "swarm={class: 1, formation: {shape: natural, offset_rates_m_s: [[0, 0, 0]]}}"], "needs offsets_m"),
     ],
 )
 def test_keys_that_do_not_fit_together_are_refused(settings, words):
     with pytest.raises(ScenarioError, match=words):
-        load_scenario("bennu-slow", settings)
+        load_scenario("bennu-slow", parse_overrides(settings))

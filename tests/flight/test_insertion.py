@@ -13,15 +13,15 @@ from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.plan import make_plan
 from swarm_mj.mission.deployment import planned_paths
 from swarm_mj.mission.trajectories import PlannedBurn
-from swarm_mj.results.visit import visit_miss_m
-from swarm_mj.scenarios.loading import load_scenario
+from swarm_mj.records.summary import visit_miss_m
+from swarm_mj.scenarios.loading import load_scenario, parse_overrides
 
 SLOW = "mothership.deployer={max_speed_m_s: 0.5, insertion_after_s: 40}"
 STRONG = "spacecraft.thrusters={thrust_n: 0.5, propellant_kg: 1.0, min_impulse_bit_n_s: 0}"
 
 
 def plan_of(*keys):
-    return make_plan(load_scenario("eros-quick", ["duration_s=620", *keys]))
+    return make_plan(load_scenario("eros-quick", parse_overrides(["duration_s=620", *keys])))
 
 
 @pytest.fixture(scope="module")
@@ -118,11 +118,11 @@ def test_burns_that_overlap_or_begin_aboard_are_refused(slow):
 def test_candidates_that_need_more_than_the_tank_are_left_out_with_the_reason():
     rest = "mothership.velocity=[0, 0, 0]"
     keys = ["duration_s=620", rest, "spacecraft.thrusters={thrust_n: 50, propellant_kg: 0.55}"]
-    free = fly_candidates(load_scenario("eros-quick", keys))
+    free = fly_candidates(load_scenario("eros-quick", parse_overrides(keys)))
     middle = float(np.median(free.delta_v))
     gives = 65.0 * 9.80665 * np.log(8.0 / 7.45)
     limit = f"mothership.deployer={{max_speed_m_s: {middle - 0.999 * gives}, insertion_after_s: 0}}"
-    found = fly_candidates(load_scenario("eros-quick", [*keys, limit]))
+    found = fly_candidates(load_scenario("eros-quick", parse_overrides([*keys, limit])))
     assert set(found.left_out.values()) == {"beyond the tank"}
     assert set(found.points) | set(found.left_out) == set(free.points) and 0 < len(found.left_out) < len(free.points)
     fastest = max(found.left_out, key=lambda p: free.delta_v[free.points.index(p)])

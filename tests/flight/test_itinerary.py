@@ -1,21 +1,19 @@
-"""Own targets, altitudes, times of flight and releases: flown as asked, compiled and call by call; and refused with reasons."""
+"""Own targets, altitudes, times of flight and releases: flown as asked; and refused with reasons."""
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
 from swarm_mj.errors import MissionError, ScenarioError
-from swarm_mj.flight.fly import initial_state, make_simulation, simulate
+from swarm_mj.figures.histories import compose_pointing_error
+from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.observe import observe_flight, picture_count, schedule_from
 from swarm_mj.flight.plan import make_plan
 from swarm_mj.mission.deployer import check_deployer
-from swarm_mj.results.figures.histories import compose_pointing_error
-from swarm_mj.results.modes import ABOARD, modes_shown
-from swarm_mj.results.summary import summarise
-from swarm_mj.results.target_dwell import held_s
+from swarm_mj.records.modes import ABOARD, held_s, modes_shown
+from swarm_mj.records.summary import summarise
 from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.scenarios.schema_itinerary import Deployer
-from swarm_mj.simulator.simulation import Simulation
 
 BALL = {
     "name": "Ball",
@@ -107,23 +105,11 @@ def test_each_is_above_its_own_vertex_of_its_own_target_at_its_own_time(plan, te
         assert np.linalg.norm(plan.environment.C_AN(arrival) @ flown_N - wanted_A) < 0.05
 
 
-def test_compiled_and_call_by_call_are_the_same_to_the_bit(plan, telemetry):
-    made = make_simulation(plan)
-    assert made.why_not_compiled(plan.controller) == ""
-    slow = Simulation(
-        made.model,
-        properties=plan.properties,
-        environment=plan.environment,
-        behavior=plan.behavior,
-        controller=plan.controller,
-        control_period=plan.scenario.control.period_s,
-        gravity_gradient_torque=True,
-        compiled=False,
-    )
-    slow.reset(initial_state(plan))
-    record = slow.run(150.0, 10.0)
-    for k, name in enumerate(("r_BN_N", "v_BN_N", "omega_BN_B")):
-        assert np.array_equal(record.vectors[:, k], telemetry[name].values[:16])
+def test_the_kernel_lets_go_and_turns_who_has_left_as_mujoco_does(telemetry):
+    other = simulate(make_plan(scenario(physics={"stepper": "kernel"})))
+    assert other.attrs["stepper"] == "kernel"
+    for name, most in (("r_BN_N", 1e-8), ("v_BN_N", 1e-10), ("omega_BN_B", 1e-8)):
+        assert np.abs(other[name].values - telemetry[name].values).max() < most
 
 
 def test_the_whole_is_the_union_of_the_targets_and_each_is_counted(plan, telemetry, seen):

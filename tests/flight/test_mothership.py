@@ -7,7 +7,7 @@ from swarm_mj.errors import PathError, ScenarioError
 from swarm_mj.flight.mothership import axes_in_N, check_way_in, mothership_state, way_in
 from swarm_mj.flight.plan import Plan, environment_from, load_body_shape, make_plan
 from swarm_mj.mission.trajectories import propagate
-from swarm_mj.scenarios.loading import load_scenario, scenario_from
+from swarm_mj.scenarios.loading import load_scenario, parse_overrides, scenario_from
 from swarm_mj.smallbody.environment import Environment
 from swarm_mj.smallbody.rotation import equatorial_from_ecliptic
 
@@ -267,4 +267,4 @@ def test_the_packaged_approach_passes_over_its_target(approach_plan):
 def test_a_spacecraft_that_hits_the_body_names_the_way_in():
     far = {**APPROACH, "longitude_deg": 1.0, "latitude_deg": 2.0}
     with pytest.raises(PathError, match=r"sc\d hits .* or mothership.approach"):
-        make_plan(load_scenario("bennu-slow", [f"mothership={{approach: {far}}}"]))
+        make_plan(load_scenario("bennu-slow", parse_overrides([f"mothership={{approach: {far}}}"])))

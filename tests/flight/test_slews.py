@@ -5,9 +5,9 @@ from functools import cache
 import numpy as np
 import pytest
 
-from swarm_mj.flight.fly import make_simulation, simulate
+from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.plan import make_plan
-from swarm_mj.scenarios.loading import load_scenario
+from swarm_mj.scenarios.loading import load_scenario, parse_overrides
 from swarm_mj.simulator.slews import SHARE
 from swarm_mj.spacecraft.attitude.slew import Turning, slew_time, turning_about
 
@@ -19,7 +19,7 @@ QUICK = "control.slew=time_optimal"
 
 @cache
 def flown(seed, *overrides):
-    plan = make_plan(load_scenario(FLYBY, [*STILL, f"seed={seed}", *overrides]))
+    plan = make_plan(load_scenario(FLYBY, parse_overrides([*STILL, f"seed={seed}", *overrides])))
     return plan, simulate(plan)
 
 
@@ -51,14 +51,12 @@ def dcm_of(sigma):
     return np.eye(3) + (8 * s @ s - 4 * (1 - square) * s) / (1 + square) ** 2
 
 
-def test_tumbling_spacecraft_slew_within_the_limits_of_the_wheels_and_python_says_why_it_flies():
-    plan = make_plan(load_scenario("eros-quick", [QUICK, "duration_s=1200"]))
-    simulation = make_simulation(plan)
-    assert "control.slew = time_optimal" in simulation.why_not_compiled(plan.controller)
+def test_tumbling_spacecraft_slew_within_the_limits_of_the_wheels():
+    plan = make_plan(load_scenario("eros-quick", parse_overrides([QUICK, "duration_s=1200"])))
     telemetry = simulate(plan)
     # Only the rates of the release, which no profile knows, take the wheels to their limit for some seconds.
     assert telemetry["wheel_saturation_time"].values.max() < 5.0
-    usual = simulate(make_plan(load_scenario("eros-quick", ["duration_s=1200"])))
+    usual = simulate(make_plan(load_scenario("eros-quick", {"duration_s": 1200})))
     k = int(np.searchsorted(telemetry["time"].values, 60.0))
     assert (
         np.degrees(telemetry["pointing_error"].values[k]).max()

@@ -9,14 +9,18 @@ from swarm_mj.flight.deliver import deliver
 from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.observe import observe_flight
 from swarm_mj.flight.plan import behavior_from, make_plan
-from swarm_mj.results.summary import summarise
-from swarm_mj.scenarios.loading import load_scenario
+from swarm_mj.records.summary import summarise
+from swarm_mj.scenarios.loading import load_scenario, parse_overrides
 
 QUICK = ("observation.observer=horizon", "duration_s=800", "target.cell_size_m=900")
 
 
 def flown(level, *more):
-    plan = make_plan(load_scenario("eros-observe", [*QUICK, f"swarm={{class: {level}, plan_time_limit_s: 2}}", *more]))
+    plan = make_plan(
+        load_scenario(
+            "eros-observe", parse_overrides([*QUICK, f"swarm={{class: {level}, plan_time_limit_s: 2}}", *more])
+        )
+    )
     return plan, simulate(plan)
 
 
@@ -26,19 +30,19 @@ def talked():
 
 
 def test_class_2_is_the_behaviour_itself():
-    plain, classed = (load_scenario("eros-observe", more) for more in ([], ["swarm.class=2"]))
+    plain, classed = (load_scenario("eros-observe", parse_overrides(more)) for more in ([], ["swarm.class=2"]))
     assert behavior_from(classed) == behavior_from(plain)
-    assert isinstance(behavior_from(load_scenario("eros-observe", ["swarm.class=4"])), CoordinatedBehavior)
+    assert isinstance(behavior_from(load_scenario("eros-observe", {"swarm.class": 4})), CoordinatedBehavior)
 
 
 def test_the_class_is_read_and_written_by_its_key():
-    scenario = load_scenario("eros-observe", ["swarm.class=3"])
+    scenario = load_scenario("eros-observe", {"swarm.class": 3})
     assert scenario.swarm.level == 3 and scenario.model_dump(mode="json")["swarm"]["class"] == 3
     assert load_scenario(scenario.model_dump(mode="json")) == scenario
     with pytest.raises(ScenarioError, match="swarm.class"):
-        load_scenario("eros-observe", ["swarm.class=5"])
+        load_scenario("eros-observe", {"swarm.class": 5})
     with pytest.raises(MissionError, match="swarm.sensing"):
-        behavior_from(load_scenario("eros-observe", ["swarm={class: 4, relay: behavior}"]))
+        behavior_from(load_scenario("eros-observe", {"swarm": {"class": 4, "relay": "behavior"}}))
 
 
 def test_a_swarm_of_class_4_covers_for_a_lost_one_and_says_when_it_knew(talked):

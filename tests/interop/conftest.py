@@ -4,6 +4,7 @@ import pytest
 
 import swarm_mj as sm
 from swarm_mj.interop.states import states_of
+from swarm_mj.scenarios.loading import parse_overrides
 
 #: Coarse, so that a flight takes a second.
 CHEAP = ("telemetry.interval_s=5", "observation.interval_s=60", "camera.resolution_px=128")
@@ -11,7 +12,7 @@ CHEAP = ("telemetry.interval_s=5", "observation.interval_s=60", "camera.resoluti
 
 @pytest.fixture(scope="session")
 def flown():
-    return sm.fly(sm.load("eros-quick", CHEAP))
+    return sm.fly(sm.load("eros-quick", parse_overrides(CHEAP)))
 
 
 @pytest.fixture(scope="session")

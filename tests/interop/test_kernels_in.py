@@ -9,6 +9,7 @@ import yaml
 import swarm_mj as sm
 from swarm_mj.errors import InteropError, ScenarioError, ShapeError, SwarmError
 from swarm_mj.flight.plan import environment_from, load_body_shape, make_plan
+from swarm_mj.scenarios.loading import parse_overrides
 from tests.interop.conftest import CHEAP
 from tests.interop.test_kernels import angle
 
@@ -31,7 +32,7 @@ def kernels(exported):
 
 def by(kernels, *overrides, **keys):
     names = [str(kernel) for kernel in kernels]
-    return sm.load({"name": "by-kernels", "ephemerides": {"kernels": names, **keys}}, overrides)
+    return sm.load({"name": "by-kernels", "ephemerides": {"kernels": names, **keys}}, parse_overrides(overrides))
 
 
 def environment(scenario):
@@ -39,7 +40,7 @@ def environment(scenario):
 
 
 def test_a_flight_by_its_own_exported_kernels_is_the_same_flight(flown, kernels):
-    again = sm.fly(sm.load("eros-quick", [*CHEAP, f"ephemerides.kernels={kernels}"]))
+    again = sm.fly(sm.load("eros-quick", parse_overrides([*CHEAP, f"ephemerides.kernels={kernels}"])))
     ours, theirs = flown.plan.environment, again.plan.environment
     for t in (0.0, 600.0, 1200.0):
         assert angle(ours.C_AN(t) @ theirs.C_AN(t).T) < 1e-9
@@ -151,11 +152,13 @@ def test_a_shape_kernel_is_a_shape(exported, states):
     assert np.array_equal(shape.faces, states.plan.shape.faces)
     scenario = sm.load(
         "eros-quick",
-        [
-            f"body.shape={exported / 'spice' / 'body.bds'}",
-            "body.gravity.model=point_mass",
-            "body.gravity.parameters={gm: 446275}",
-        ],
+        parse_overrides(
+            [
+                f"body.shape={exported / 'spice' / 'body.bds'}",
+                "body.gravity.model=point_mass",
+                "body.gravity.parameters={gm: 446275}",
+            ]
+        ),
     )
     assert len(make_plan(scenario).shape.faces) == len(shape.faces)
 

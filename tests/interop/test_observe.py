@@ -9,6 +9,7 @@ import pytest
 import swarm_mj as sm
 from swarm_mj.cli.main import main
 from swarm_mj.errors import InteropError, SwarmError
+from swarm_mj.scenarios.loading import parse_overrides
 from tests.interop.conftest import CHEAP
 
 
@@ -34,7 +35,9 @@ def test_a_run_that_is_exported_and_observed_again_has_the_same_cells_at_the_sam
 def test_so_has_one_whose_visit_alone_counts_and_whose_relay_takes_no_pictures(tmp_path):
     scenario = sm.load(
         "eros-quick",
-        [*CHEAP, "observation.criterion=visit", "behavior.name=dedicated_communications", "camera.half_angle_deg=6"],
+        parse_overrides(
+            [*CHEAP, "observation.criterion=visit", "behavior.name=dedicated_communications", "camera.half_angle_deg=6"]
+        ),
     )
     flown = sm.fly(scenario)
     assert flown.plan.n == 3
@@ -77,7 +80,7 @@ def test_without_attitudes_the_cameras_look_where_it_is_said(flown, messages):
 
 def test_for_a_body_alone_the_files_tell_when(messages, flown):
     seen = sm.observe(
-        files(messages, "oem"), files(messages, "aem"), body="eros", overrides=["camera.resolution_px=128"]
+        files(messages, "oem"), files(messages, "aem"), body="eros", overrides={"camera.resolution_px": 128}
     )
     scenario = seen.scenario
     assert (scenario.epoch, scenario.duration_s) == ("2018-01-01T03:15:00", 1200.0)
@@ -101,11 +104,11 @@ def test_what_lies_outside_a_files_time_is_no_picture_and_is_said(messages, flow
     with pytest.raises(
         InteropError, match="criterion = visit: at the visit, 2018-01-01T03:25:00.000 TDB, none of .*half.oem"
     ):
-        sm.observe(path, aem, scenario=flown.scenario, overrides=["observation.criterion=visit"])
+        sm.observe(path, aem, scenario=flown.scenario, overrides={"observation.criterion": "visit"})
     with pytest.raises(
         InteropError, match="half.oem: covers 2018-01-01T03:15.* and nothing of the flight, 2019-.*; set epoch"
     ):
-        sm.observe(path, aem, scenario=flown.scenario, overrides=["epoch=2019-01-01T00:00:00"])
+        sm.observe(path, aem, scenario=flown.scenario, overrides={"epoch": "2019-01-01T00:00:00"})
 
 
 def test_files_that_do_not_belong_together_are_refused(messages, flown, tmp_path):
@@ -129,7 +132,7 @@ def test_files_that_do_not_belong_together_are_refused(messages, flown, tmp_path
     with pytest.raises(InteropError, match=r"small.oem: lies inside .* at 2018-01-01T03:.*lengths are km"):
         sm.observe(metres, body="eros")
     with pytest.raises(SwarmError):
-        sm.observe(oem, body="eros", overrides=["camera.half_angle_deg=900"])
+        sm.observe(oem, body="eros", overrides={"camera.half_angle_deg": 900})
 
 
 def test_the_command_says_what_was_seen_and_writes_it(messages, tmp_path, capsys):

@@ -261,20 +261,20 @@ def test_folders_that_were_made_for_a_result_go_with_it_and_others_stay(tmp_path
 
 
 def test_the_names_of_a_results_files_are_those_that_are_written(tmp_path, monkeypatch):
-    from swarm_mj.results.figures import COMPOSERS
-    from swarm_mj.results.figures.design import COMPOSERS as OF_DESIGNS
-    from swarm_mj.results.optional_figures import OPTIONAL
-    from swarm_mj.results.report import REPORT_NAME
+    from swarm_mj.figures.design_figures import COMPOSERS as OF_DESIGNS
+    from swarm_mj.figures.optional_figures import OPTIONAL
+    from swarm_mj.figures.run_figures import COMPOSERS
+    from swarm_mj.reports import REPORT_NAME
 
     assert set(FIGURES["run"]) == set(COMPOSERS) and set(FIGURES["design"]) == set(OF_DESIGNS)
     assert REPORT_NAME in FILES["run"] and all(Path(name).suffix in KINDS for name in sum(FILES.values(), ()))
     # Only names matter here, and other processes would not know of that.
-    monkeypatch.setattr("swarm_mj.results.figures.style.save", lambda figure, path: path.touch())
-    monkeypatch.setattr("swarm_mj.results.drawing.usable_cores", lambda: 1)
+    monkeypatch.setattr("swarm_mj.figures.style.save", lambda figure, path: path.touch())
+    monkeypatch.setattr("swarm_mj.figures.drawing.usable_cores", lambda: 1)
     run, design = tmp_path / "run", tmp_path / "design"
     assert main(["design", "eros-quick", "--quiet", "--pareto", "--compare", "--pdf", "--out", str(design)]) == 0
     flown = ["--design", str(design / "design.json"), "--quiet", "--pdf", "--out", str(run)]
-    assert main(["run", "eros-quick", *flown]) == 0
+    assert main(["fly", "eros-quick", *flown]) == 0
     for folder, result in ((run, Result("run", "eros-quick")), (design, Result("design", "eros-quick"))):
         written = {p.name for p in folder.iterdir()}
         assert not [name for name in written if not result.owns(name)]
@@ -287,7 +287,7 @@ def test_the_names_of_a_results_files_are_those_that_are_written(tmp_path, monke
 
 def test_the_command_keeps_films_and_says_which(tmp_path, capsys):
     run = tmp_path / "run"
-    quick = ["run", "eros-quick", "--quiet", "--no-figures", "--no-report", "--out"]
+    quick = ["fly", "eros-quick", "--quiet", "--no-figures", "--no-report", "--out"]
     assert main([*quick, str(run)]) == 0
     (run / "overview.mp4").write_text("a film")
     (run / "my.mp4").write_text("my film")
@@ -304,7 +304,7 @@ def test_the_command_refuses_the_place_of_another_result_before_anything_is_flow
     monkeypatch.setattr("swarm_mj.api.flight.make_plan", lambda scenario: pytest.fail("was flown"))
     monkeypatch.setattr("swarm_mj.api.design.study_design", lambda *a, **k: pytest.fail("was designed"))
     # The first of two would have its place.
-    assert main(["run", "eros-quick", "eros-config2", "--out", str(tmp_path)]) == 2
+    assert main(["fly", "eros-quick", "eros-config2", "--out", str(tmp_path)]) == 2
     assert "holds a run of a, which a run of eros-config2 does not replace" in capsys.readouterr().err
     assert main(["design", "eros-quick", "--out", str(tmp_path / "eros-config2")]) == 2
     assert "holds a run of a, which a design of eros-quick does not replace" in capsys.readouterr().err

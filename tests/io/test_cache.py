@@ -7,6 +7,7 @@ import time
 import numpy as np
 
 from swarm_mj.io import cache
+from swarm_mj.scenarios.loading import parse_overrides
 
 SHAPE = (64, 128)
 #: A stored array with its header [bytes].
@@ -85,7 +86,9 @@ def test_horizon_maps_are_kept_within_their_bound(tmp_path, monkeypatch):
     monkeypatch.setenv("SWARM_MJ_CACHE", str(tmp_path))
     monkeypatch.setattr(horizon, "MAX_CACHE_BYTES", 1)
     for latitude in (-56.0, -57.0):
-        scenario = load_scenario("eros-quick", [f"target.latitude_deg={latitude}", "target.half_angle_deg=8"])
+        scenario = load_scenario(
+            "eros-quick", parse_overrides([f"target.latitude_deg={latitude}", "target.half_angle_deg=8"])
+        )
         region = target_from(scenario, load_body_shape(scenario.body))
         horizon.HorizonMap(region, samples=1, tracer=horizon.RayTracer(region.vertices, region.faces))
         assert len(names(tmp_path / "horizons")) == 1

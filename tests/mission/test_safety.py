@@ -6,10 +6,10 @@ import pytest
 from swarm_mj.errors import MissionError
 from swarm_mj.flight.plan import make_plan
 from swarm_mj.mission.safety import close_approaches, find_impacts
-from swarm_mj.scenarios.loading import load_scenario
+from swarm_mj.scenarios.loading import load_scenario, parse_overrides
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.smallbody.shape_harmonics import build_eros
-from swarm_mj.smallbody.shape_io import save_obj
+from swarm_mj.smallbody.shape_io import save_shape
 
 TIMES = np.arange(0.0, 101.0, 1.0)
 
@@ -105,7 +105,7 @@ def test_the_grace_time_after_deployment_is_left_out():
 
 def test_a_mission_that_hits_the_asteroid_is_refused_with_place_and_time(tmp_path):
     # A polyhedron's field is finite inside the body, so that a path through it exists; a coarse mesh makes it quick.
-    save_obj(build_eros(6), tmp_path / "coarse.obj")
+    save_shape(build_eros(6), tmp_path / "coarse.obj")
     through = [
         f"body.shape={tmp_path / 'coarse.obj'}",
         "body.gravity={model: polyhedron, parameters: {gm: 446275.472004}}",
@@ -113,10 +113,10 @@ def test_a_mission_that_hits_the_asteroid_is_refused_with_place_and_time(tmp_pat
         "design.visiting_points=[1, 2]",
     ]
     with pytest.raises(MissionError, match=r"sc1 hits 433 Eros at t = \d+ s, latitude"):
-        make_plan(load_scenario("eros-quick", through))
+        make_plan(load_scenario("eros-quick", parse_overrides(through)))
 
 
 def test_two_spacecraft_with_the_same_point_are_reported():
-    plan = make_plan(load_scenario("eros-quick", ["design.visiting_points=[12, 12]"]))
+    plan = make_plan(load_scenario("eros-quick", {"design.visiting_points": [12, 12]}))
     assert plan.near_collisions
     assert plan.near_collisions[0].distance == pytest.approx(0.0, abs=1e-3)

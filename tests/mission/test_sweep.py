@@ -10,7 +10,7 @@ from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.plan import behavior_from, make_plan
 from swarm_mj.mission.behaviors import AdaptableRoles, SwarmView, TargetKind
 from swarm_mj.mission.sweep import TargetSweep
-from swarm_mj.scenarios.loading import load_scenario
+from swarm_mj.scenarios.loading import load_scenario, parse_overrides
 from swarm_mj.spacecraft.attitude.mrp import dcm
 
 
@@ -92,7 +92,9 @@ def test_impossible_sweeps_are_clear_errors(parameters, word):
 
 
 def swept_in(*overrides):
-    return behavior_from(load_scenario("eros-quick", ["behavior.name=target_sweep", *overrides])).points_A
+    return behavior_from(
+        load_scenario("eros-quick", parse_overrides(["behavior.name=target_sweep", *overrides]))
+    ).points_A
 
 
 def test_the_sweep_is_over_the_scenarios_target_unless_it_is_told_another():

@@ -94,9 +94,9 @@ def test_the_mothership_starts_where_the_paper_says_and_deploys_at_ten_metres_a_
     plan = make_plan(load_scenario("eros-config1"))
     assert np.allclose(plan.environment.C_AN(0.0) @ plan.deployment.r0_N, [0, 0, -30e3], atol=1e-6)
     assert plan.deployment.delta_v.max() < 10.5
-    resting = make_plan(load_scenario("eros-config1", ["mothership.velocity=rest"]))
+    resting = make_plan(load_scenario("eros-config1", {"mothership.velocity": "rest"}))
     assert 50.0 < resting.deployment.delta_v[:5].min() < resting.deployment.delta_v[:5].max() < 70.0
-    given = make_plan(load_scenario("eros-config1", ["mothership.velocity=[1, 2, 3]"]))
+    given = make_plan(load_scenario("eros-config1", {"mothership.velocity": [1, 2, 3]}))
     assert np.allclose(given.deployment.delta_v, np.linalg.norm(given.deployment.v0_N - [1, 2, 3], axis=1))
 
 

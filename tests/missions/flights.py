@@ -13,7 +13,7 @@ import trimesh
 from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.observe import add_coverage, observe_flight
 from swarm_mj.flight.plan import make_plan
-from swarm_mj.scenarios.loading import load_scenario
+from swarm_mj.scenarios.loading import load_scenario, parse_overrides
 from swarm_mj.smallbody.geodesic import geodesic_icosahedron
 
 #: The packaged flight, and the files beside this one.
@@ -65,12 +65,12 @@ def mission(name, folder, overrides=()):
         raise ValueError(f"mission {name}: must be one of {', '.join(MISSIONS)}")
     own = Path(__file__).parent / f"{name}.yaml"
     if not own.exists():
-        return load_scenario(name, overrides)
+        return load_scenario(name, parse_overrides(overrides))
     text = own.read_text()
     for mesh, make in MESHES.items():
         if f"shape: {mesh}" in text:
             make().export(Path(folder) / mesh)
-    return load_scenario(str(shutil.copy(own, folder)), overrides)
+    return load_scenario(str(shutil.copy(own, folder)), parse_overrides(overrides))
 
 
 def fly(name, folder, overrides=()):

@@ -7,7 +7,7 @@ from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.observe import observe_flight
 from swarm_mj.flight.plan import make_plan
 from swarm_mj.observation.camera import CameraModel, CameraPose
-from swarm_mj.scenarios.loading import load_scenario
+from swarm_mj.scenarios.loading import load_scenario, parse_overrides
 from swarm_mj.spacecraft.attitude.mrp import dcm
 
 from .scenes import eros_oracle, exact_view
@@ -30,7 +30,7 @@ def flown_views(plan, telemetry):
 @pytest.mark.gl
 @pytest.mark.slow
 def test_accumulated_coverage_of_the_papers_flight_with_a_3_degree_camera_agrees_with_the_oracle():
-    plan = make_plan(load_scenario("eros-literal", NARROW))
+    plan = make_plan(load_scenario("eros-literal", parse_overrides(NARROW)))
     telemetry = simulate(plan)
     result = observe_flight(plan, telemetry)
     oracle = eros_oracle()

@@ -19,7 +19,7 @@ def gl():
 @pytest.fixture(scope="session")
 def flown():
     """A quick flight: plan, telemetry, result, by ray casting."""
-    plan = make_plan(load_scenario("eros-quick", ["observation.observer=raycast"]))
+    plan = make_plan(load_scenario("eros-quick", {"observation.observer": "raycast"}))
     telemetry = simulate(plan)
     return plan, telemetry, observe_flight(plan, telemetry)
 

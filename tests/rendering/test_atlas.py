@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from swarm_mj.flight.plan import make_plan
-from swarm_mj.rendering.atlas import BORDER, MARGIN, Atlas
+from swarm_mj.rendering.model import BORDER, MARGIN, Atlas
 from swarm_mj.rendering.palette import GROUND, UNSEEN_BORDER
 from swarm_mj.scenarios.loading import load_scenario
 
@@ -12,7 +12,7 @@ from swarm_mj.scenarios.loading import load_scenario
 @pytest.fixture(scope="module")
 def region():
     """A target whose larger faces are cut into several cells."""
-    return make_plan(load_scenario("eros-quick", ["target.cell_size_m=600"])).region
+    return make_plan(load_scenario("eros-quick", {"target.cell_size_m": 600})).region
 
 
 def outline(region, group):

@@ -14,7 +14,7 @@ from swarm_mj.rendering.picture import Drawing
 from swarm_mj.rendering.replay import Replay
 from swarm_mj.smallbody.geodesic import geodesic_icosahedron
 from swarm_mj.smallbody.shape import ShapeModel
-from swarm_mj.smallbody.shape_io import save_obj
+from swarm_mj.smallbody.shape_io import save_shape
 
 pytestmark = [pytest.mark.gl, pytest.mark.usefixtures("gl")]
 
@@ -22,7 +22,7 @@ pytestmark = [pytest.mark.gl, pytest.mark.usefixtures("gl")]
 def flown(folder, radius_m, start_radii, speed_m_s, samples=10):
     """One observer past a ball from so many radii away, sampled so often on the way; it ends as far out on the other side."""
     directions, faces = geodesic_icosahedron(6)
-    save_obj(ShapeModel(radius_m * directions, faces), folder / "ball.obj")
+    save_shape(ShapeModel(radius_m * directions, faces), folder / "ball.obj")
     to_visit = 10.0 * round(start_radii * radius_m / speed_m_s / 10.0)
     scenario = {
         "name": "ball",

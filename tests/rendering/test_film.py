@@ -8,10 +8,10 @@ from PIL import Image
 from swarm_mj.cli.main import main
 from swarm_mj.cli.video import parse_size
 from swarm_mj.errors import OutputError
+from swarm_mj.records.run_files import write_results
 from swarm_mj.rendering import film as film_module
 from swarm_mj.rendering.film import make_film, picture_times, suitable_speed
 from swarm_mj.rendering.picture import Drawing
-from swarm_mj.results.run_files import write_results
 
 
 @pytest.fixture(scope="module")

@@ -9,8 +9,7 @@ import pytest
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.rendering import picture
 from swarm_mj.rendering.canvas import Box
-from swarm_mj.rendering.labels import Rect, groups, place_label
-from swarm_mj.rendering.overlay import Corner, Lettering
+from swarm_mj.rendering.overlay import Corner, Lettering, Rect, groups, place_label
 from swarm_mj.rendering.picture import Drawing
 
 VIEW = Rect(0.0, 0.0, 640.0, 480.0)

@@ -17,10 +17,9 @@ from swarm_mj.rendering import canvas as canvas_module
 from swarm_mj.rendering.cameras import overview, view_direction
 from swarm_mj.rendering.canvas import Box, Canvas
 from swarm_mj.rendering.decorations import dashes, decorate
-from swarm_mj.rendering.layout import layout_of
 from swarm_mj.rendering.model import build_drawing_model
 from swarm_mj.rendering.overlay import Lettering, clock, roles
-from swarm_mj.rendering.picture import Drawing
+from swarm_mj.rendering.picture import Drawing, layout_of
 
 pytestmark = [pytest.mark.gl, pytest.mark.usefixtures("gl")]
 
@@ -293,7 +292,7 @@ from swarm_mj.errors import ObserverError
 from swarm_mj.flight.plan import make_plan
 from swarm_mj.scenarios.loading import load_scenario
 
-plan = make_plan(load_scenario("eros-quick", ["observation.observer=raycast"]))
+plan = make_plan(load_scenario("eros-quick", {"observation.observer": "raycast"}))
 make = lambda: Drawing(plan, planned_path(plan), width=64, height=64)
 drawing, found = make(), []
 

@@ -17,7 +17,7 @@ from swarm_mj.spacecraft.attitude.mrp import dcm, mrp_from_quaternion
 
 
 def test_positions_and_attitudes_between_samples_are_those_of_a_ten_times_denser_recording(replay):
-    dense = simulate(make_plan(load_scenario("eros-quick", ["telemetry.interval_s=0.5"])))
+    dense = simulate(make_plan(load_scenario("eros-quick", {"telemetry.interval_s": 0.5})))
     for k in range(207, 2400, 331):
         now = replay.at(float(dense["time"][k]))
         assert np.abs(now.r_BN_N - dense["r_BN_N"].values[k]).max() < 1e-3

@@ -8,7 +8,7 @@ import pytest
 from swarm_mj.rendering.picture import Drawing
 from swarm_mj.rendering.replay import Replay
 from swarm_mj.rendering.transfers import BEATS, PACKETS, Way, packets, transfers_of, ways, words
-from tests.results.deliveries import delivery_of
+from tests.records.deliveries import delivery_of
 
 
 @pytest.fixture(scope="module")

@@ -10,5 +10,5 @@ def run(tmp_path_factory):
     folder = tmp_path_factory.mktemp("runs") / "run"
     # One sample in ten seconds keeps the files small.
     short = ["--set", "telemetry.interval_s=10", "--quiet", "--no-figures"]
-    assert main(["run", "eros-quick", *short, "--out", str(folder)]) == 0
+    assert main(["fly", "eros-quick", *short, "--out", str(folder)]) == 0
     return folder

@@ -21,31 +21,31 @@ LONG = "x" * 5000
 COMMANDS = {
     "nothing": [],
     "no such command": ["frobnicate"],
-    "no such option": ["run", "eros-quick", "--fast"],
-    "an empty name": ["run", ""],
-    "an endless name": ["run", LONG],
-    "a folder": ["run", "."],
-    "a device": ["run", "/dev/zero"],
-    "a seed that is none": ["run", "eros-quick", "--seed", "lucky"],
-    "a negative seed": ["run", "eros-quick", "--seed", "-1"],
-    "an endless seed": ["run", "eros-quick", "--seed", "9" * 5000],
-    "an override of nothing": ["run", "eros-quick", "--set", ""],
-    "an override with a bomb": ["run", "eros-quick", "--set", "camera=[&a [1], *a]"],
-    "a design that is a device": ["run", "eros-quick", "--design", "/dev/zero"],
-    "a design without end": ["run", "eros-quick", "--design", LONG],
-    "a folder that is the present one": ["run", "eros-quick", "--out", "."],
-    "a folder without end": ["run", "eros-quick", "--out", LONG],
-    "a folder inside a file": ["run", "eros-quick", "--out", os.path.join(__file__, "run")],
-    "two of one name": ["run", "eros-quick", "eros-quick"],
+    "no such option": ["fly", "eros-quick", "--fast"],
+    "an empty name": ["fly", ""],
+    "an endless name": ["fly", LONG],
+    "a folder": ["fly", "."],
+    "a device": ["fly", "/dev/zero"],
+    "a seed that is none": ["fly", "eros-quick", "--seed", "lucky"],
+    "a negative seed": ["fly", "eros-quick", "--seed", "-1"],
+    "an endless seed": ["fly", "eros-quick", "--seed", "9" * 5000],
+    "an override of nothing": ["fly", "eros-quick", "--set", ""],
+    "an override with a bomb": ["fly", "eros-quick", "--set", "camera=[&a [1], *a]"],
+    "a design that is a device": ["fly", "eros-quick", "--design", "/dev/zero"],
+    "a design without end": ["fly", "eros-quick", "--design", LONG],
+    "a folder that is the present one": ["fly", "eros-quick", "--out", "."],
+    "a folder without end": ["fly", "eros-quick", "--out", LONG],
+    "a folder inside a file": ["fly", "eros-quick", "--out", os.path.join(__file__, "run")],
+    "two of one name": ["fly", "eros-quick", "eros-quick"],
     "a fold of none": ["design", "eros-quick", "--fold", "0"],
-    "a scenario above": ["scenarios", "../schema"],
-    "a shape that is a device": ["shape", "/dev/zero"],
-    "a shape that is a folder": ["shape", "."],
-    "a shape without end": ["shape", LONG + ".obj"],
-    "a mesh of no faces": ["shape", "--frequency", "0"],
-    "a mesh of too many faces": ["shape", "--frequency", "1000000"],
-    "a mesh that goes nowhere": ["shape", "--frequency", "2", "--out", ""],
-    "a mesh that goes into a folder": ["shape", "--frequency", "2", "--out", "."],
+    "a scenario above": ["packaged", "../schema"],
+    "a shape that is a device": ["load-shape", "/dev/zero"],
+    "a shape that is a folder": ["load-shape", "."],
+    "a shape without end": ["load-shape", LONG + ".obj"],
+    "a mesh of no faces": ["build-shape", "--frequency", "0"],
+    "a mesh of too many faces": ["build-shape", "--frequency", "1000000"],
+    "a mesh that goes nowhere": ["build-shape", "--frequency", "2", "--out", ""],
+    "a mesh that goes into a folder": ["build-shape", "--frequency", "2", "--out", "."],
     "a check that is none": ["validate", "--only", "nonsense"],
 }
 
@@ -68,8 +68,8 @@ def test_a_wrong_command_is_refused_with_one_message_and_no_file(case, tmp_path,
     assert not list(tmp_path.iterdir())
 
 
-KNOWN = """run design scenarios shape validate --seed --set --out --design --fold --workers --json-schema --quiet
-    --no-figures --only --unit km nobody -1 1e9 . .. -- -h a=b""".split()
+KNOWN = """fly design available explain packaged json-schema build-shape load-shape validate --seed --set --out --design --fold
+    --workers --quiet --no-figures --only --unit km nobody -1 1e9 . .. -- -h a=b""".split()
 WORDS = st.sampled_from(["", *KNOWN]) | st.text(st.characters(exclude_characters="\0"), max_size=10)
 
 
@@ -79,7 +79,7 @@ def test_any_words_end_in_an_exit_status(words, tmp_path_factory, monkeypatch_mo
     monkeypatch_module.chdir(tmp_path_factory.getbasetemp())
     # A mistake at the end, so that nothing flies for minutes.
     assert ended([*words, "--no-such-option"]) in {0, *REFUSED}
-    if not {"run", "design", "shape", "validate"} & set(words):
+    if not {"fly", "design", "build-shape", "load-shape", "validate"} & set(words):
         assert ended(words) in {0, *REFUSED}
 
 
@@ -94,13 +94,13 @@ def test_a_mesh_is_not_written_where_it_must_not_be(tmp_path, monkeypatch, capsy
     (tmp_path / "folder").mkdir()
     monkeypatch.chdir(tmp_path / "folder")
     for place in ("", ".", "a/b/c.obj", "x" * 300):
-        assert main(["shape", str(tmp_path / "ball.obj"), "--out", place]) in REFUSED
+        assert main(["load-shape", str(tmp_path / "ball.obj"), "--out", place]) in REFUSED
     assert not list((tmp_path / "folder").iterdir())
     assert capsys.readouterr().err.count("cannot be written") == 4
 
 
 def test_the_program_itself_shows_no_traceback(tmp_path, monkeypatch, capsys):
-    command = [sys.executable, "-m", "swarm_mj.cli.main", "run", "eros-quick", "--set", b"description=\xff"]
+    command = [sys.executable, "-m", "swarm_mj.cli.main", "fly", "eros-quick", "--set", b"description=\xff"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120)
     assert done.returncode in REFUSED
     assert done.stderr.startswith("swarm-mj: error: --set")
@@ -108,5 +108,5 @@ def test_the_program_itself_shows_no_traceback(tmp_path, monkeypatch, capsys):
 
     (tmp_path / "bad.yaml").write_bytes(b"name: !!timestamp soon\n")
     monkeypatch.chdir(tmp_path)
-    assert main(["run", "bad.yaml"]) in REFUSED
+    assert main(["fly", "bad.yaml"]) in REFUSED
     assert capsys.readouterr().err.startswith("swarm-mj: error: bad.yaml: not valid YAML")

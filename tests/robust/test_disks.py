@@ -19,7 +19,7 @@ from swarm_mj.io.atomic import MARKER, atomic_folder
 
 pytestmark = pytest.mark.robust
 
-QUICK = ["run", "eros-quick", "--quiet", "--no-figures"]
+QUICK = ["fly", "eros-quick", "--quiet", "--no-figures"]
 #: A program that may write no file beyond a size, as on a full disk, for each size in a process of its own, which is forked
 #: when everything is loaded; the kernel's signal is ignored as Python does. It is run with -B, because Python would keep
 #: bytecode that is cut off.
@@ -112,7 +112,7 @@ def test_a_read_only_disk_is_a_clear_error(tmp_path, capsys):
         put(disk / "run", "earlier")
         subprocess.run(["mount", "-o", "remount,ro", str(disk)], check=True)
         assert main([*QUICK, "--out", str(disk / "run")]) in {1, 2}
-        assert main(["shape", "--frequency", "2", "--out", str(disk / "eros.obj")]) in {1, 2}
+        assert main(["build-shape", "--frequency", "2", "--out", str(disk / "eros.obj")]) in {1, 2}
         message = capsys.readouterr().err
         assert message.count("cannot be written (Read-only file system)") == 2
         assert read(disk / "run") == "earlier"

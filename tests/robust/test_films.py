@@ -23,7 +23,7 @@ def test_many_films_leave_nothing_behind(tmp_path):
 
     run = tmp_path / "run"
     short = ["--set", "telemetry.interval_s=10", "--quiet", "--no-figures"]
-    assert main(["run", "eros-quick", *short, "--out", str(run)]) == 0
+    assert main(["fly", "eros-quick", *short, "--out", str(run)]) == 0
     memory, before = [], None
     for k in range(FILMS):
         path = make_film(load_replay(run), tmp_path / "film.mp4", fps=5.0, size=(160, 120), speed=2400.0).path

@@ -14,7 +14,7 @@ import pytest
 from swarm_mj.flight.fly import make_simulation
 from swarm_mj.flight.plan import make_plan
 from swarm_mj.io.atomic import MARKER, atomic_folder
-from swarm_mj.scenarios.loading import load_scenario
+from swarm_mj.scenarios.loading import load_scenario, parse_overrides
 
 pytestmark = pytest.mark.robust
 
@@ -41,7 +41,9 @@ def held():
 
 @pytest.mark.parametrize("hours", [2, pytest.param(24, marks=pytest.mark.slow)])
 def test_memory_stays_flat_over_a_long_flight(hours):
-    plan = make_plan(load_scenario("eros-quick", [f"duration_s={3600 * hours}", "telemetry.interval_s=60"]))
+    plan = make_plan(
+        load_scenario("eros-quick", parse_overrides([f"duration_s={3600 * hours}", "telemetry.interval_s=60"]))
+    )
     simulation = make_simulation(plan)
     periods = round(3600 * hours / simulation.period)
     memory, before = [], None
@@ -79,7 +81,7 @@ def test_python_objects_do_not_grow_with_the_time_of_flight(quick_plan):
 
 
 def test_ten_thousand_resets_keep_memory_and_files_flat():
-    env = gym.make("swarm_mj.envs:SwarmObserve-v0")
+    env = gym.make("swarm_mj.envs:SwarmObserve-v0", missions=["ellipsoid-train-1"])
     try:
         for seed in range(500):
             env.reset(seed=seed)
@@ -94,7 +96,7 @@ def test_ten_thousand_resets_keep_memory_and_files_flat():
 
 
 def test_resets_with_steps_between_keep_memory_flat():
-    env = gym.make("swarm_mj.envs:SwarmObserve-v0")
+    env = gym.make("swarm_mj.envs:SwarmObserve-v0", missions=["ellipsoid-train-1"])
     env.action_space.seed(0)
     try:
         memory = None
@@ -113,7 +115,7 @@ def test_resets_with_steps_between_keep_memory_flat():
 
 @pytest.mark.gl
 def test_rendered_episodes_share_one_context():
-    env = gym.make("swarm_mj.envs:SwarmObserve-v0", render_mode="rgb_array")
+    env = gym.make("swarm_mj.envs:SwarmObserve-v0", missions=["ellipsoid-train-1"], render_mode="rgb_array")
     try:
         for seed in range(20):
             env.reset(seed=seed)
@@ -133,7 +135,7 @@ def test_rendered_episodes_share_one_context():
 def test_environments_that_are_closed_give_their_context_back():
     before, memory, count = None, [], 12
     for seed in range(count):
-        env = gym.make("swarm_mj.envs:SwarmObserve-v0", render_mode="rgb_array")
+        env = gym.make("swarm_mj.envs:SwarmObserve-v0", missions=["ellipsoid-train-1"], render_mode="rgb_array")
         env.reset(seed=seed)
         env.render()
         env.close()

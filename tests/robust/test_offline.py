@@ -23,7 +23,7 @@ sys.addaudithook(refuse)
 
 # Two figures in the place of all.
 from swarm_mj.io.atomic import FIGURES
-FIGURES["run"] = FIGURES["design"] = ("operation", "links", "cover")
+FIGURES["run"], FIGURES["design"] = ("operation", "links"), ("cover",)
 """
 
 
@@ -67,11 +67,11 @@ from swarm_mj.cli.main import main
 
 if __name__ == "__main__":
     quick = ["eros-quick", "--quiet"]
-    assert main(["run", *quick, "--out", "run"]) == 0
+    assert main(["fly", *quick, "--out", "run"]) == 0
     short = ["--workers", "2", "--set", "designer.max_generations=5"]
     assert main(["design", *quick, *short, "--out", "found"]) == 0
-    assert main(["run", *quick, "--no-figures", "--design", "found/design.json", "--out", "flown"]) == 0
-    env = gymnasium.make("swarm_mj.envs:SwarmObserve-v0")
+    assert main(["fly", *quick, "--no-figures", "--design", "found/design.json", "--out", "flown"]) == 0
+    env = gymnasium.make("swarm_mj.envs:SwarmObserve-v0", missions=["ellipsoid-train-1"])
     env.reset(seed=0)
     env.step(env.action_space.sample())
     print("all done")

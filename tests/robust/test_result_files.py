@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from swarm_mj.envs.policies.policy import load_policy
+from swarm_mj.envs.policies.policy_network import load_network
 
 import swarm_mj as sm
 from swarm_mj.campaigns.config import Campaign
@@ -18,13 +18,13 @@ from swarm_mj.cli.main import main
 from swarm_mj.errors import OutputError, SwarmError
 from swarm_mj.io.atomic import result_in
 from swarm_mj.io.records import read_record, reading
-from swarm_mj.results import findings
-from swarm_mj.results.design_files import SIGHTINGS, read_sightings
-from swarm_mj.results.records import RunSummary, contradiction
-from swarm_mj.results.report import compare, sections
-from swarm_mj.results.run_files import read_coverage
-from swarm_mj.results.run_record import read_run
-from swarm_mj.scenarios.loading import read_design
+from swarm_mj.records import findings
+from swarm_mj.records.design_files import SIGHTINGS, read_sightings
+from swarm_mj.records.run_files import read_coverage
+from swarm_mj.records.run_record import read_run
+from swarm_mj.records.summary_schema import RunSummary, contradiction
+from swarm_mj.reports import compare, sections
+from swarm_mj.scenarios.loading import design_section
 from swarm_mj.simulator.telemetry import read_telemetry
 
 from .limits import bounded
@@ -96,17 +96,17 @@ def test_telemetry_is_refused_in_one_line_or_has_numbers_only(run, tmp_path):
 def test_designs_are_refused_in_one_line_or_flown(tmp_path):
     packaged = (resources.files("swarm_mj.scenarios") / "designs" / "eros-visit.json").read_bytes()
     accepted, refused = answers(
-        tmp_path / "design.json", islice(spoilt_json(packaged), 0, None, 3), lambda path: read_design(str(path))
+        tmp_path / "design.json", islice(spoilt_json(packaged), 0, None, 3), lambda path: design_section(str(path))
     )
     assert refused > 40 and accepted > 20
 
 
 def test_policies_are_refused_in_one_line_or_act(tmp_path):
-    packaged = (resources.files("swarm_mj.assets") / "policies" / "eros-observe.npz").read_bytes()
+    packaged = (resources.files("swarm_mj.assets") / "policies" / "swarm-observe.npz").read_bytes()
 
     def read(path):
-        policy = load_policy(path)
-        assert policy.logits(np.zeros((1, 5, policy.weights["W1"].shape[1]))).shape == (1, 5, 24)
+        network = load_network(path)
+        assert network.logits(np.zeros((1, 5, 24, network.readings))).shape == (1, 5, 24)
 
     accepted, refused = answers(tmp_path / "policy.npz", islice(spoilt_npz(packaged), 0, None, 3), read)
     assert refused > 40 and accepted >= 1
@@ -177,8 +177,8 @@ def test_a_summary_of_other_spacecraft_is_refused(run, tmp_path):
 )
 def test_a_path_that_no_terminal_can_show_is_named_all_the_same(place, capsys):
     assert main(["report", place]) == 2
-    assert main(["run", "eros-quick", "--design", place, "--no-figures", "--quiet"]) == 2
+    assert main(["fly", "eros-quick", "--design", place, "--no-figures", "--quiet"]) == 2
     assert capsys.readouterr().err.count("\n") == 2
     with pytest.raises(SwarmError) as error:
-        load_policy(Path(place))
+        load_network(Path(place))
     str(error.value).encode()

@@ -28,8 +28,8 @@ READERS = ["report", "replay"]
 
 
 def readers():
+    from swarm_mj.records.run_record import read_run
     from swarm_mj.rendering.replay import load_replay
-    from swarm_mj.results.run_record import read_run
 
     return {"report": read_run, "replay": load_replay}
 

@@ -14,10 +14,10 @@ from swarm_mj.errors import ScenarioError, SwarmError
 from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.observe import add_coverage, observe_flight
 from swarm_mj.flight.plan import make_plan
-from swarm_mj.io import plain
-from swarm_mj.results.summary import summarise
+from swarm_mj.io import plain_values
+from swarm_mj.records.summary import summarise
 from swarm_mj.scenarios import limits, loading
-from swarm_mj.scenarios.loading import load_scenario, read_design, scenario_from
+from swarm_mj.scenarios.loading import design_section, load_scenario, parse_overrides, scenario_from
 
 from .hostile_scenarios import BASE, JUNK, LEAVES, changed, overrides
 from .limits import bounded, examples
@@ -26,7 +26,7 @@ pytestmark = pytest.mark.robust
 
 
 def flown(scenario):
-    """Everything that `swarm-mj run` does, but for files and figures."""
+    """Everything that `swarm-mj fly` does, but for files and figures."""
     plan = make_plan(scenario)
     telemetry = simulate(plan)
     result = observe_flight(plan, telemetry)
@@ -66,7 +66,7 @@ def test_any_mapping_is_read_or_refused(data):
 def test_any_override_is_taken_or_refused(texts):
     with bounded():
         try:
-            load_scenario("eros-quick", texts)
+            load_scenario("eros-quick", parse_overrides(texts))
         except ScenarioError as error:
             assert str(error).strip()
 
@@ -88,13 +88,13 @@ def test_a_tag_that_does_not_fit_its_value_is_refused(tmp_path, tag):
     with pytest.raises(ScenarioError, match=r"a\.yaml"):
         load_scenario(tmp_path / "a.yaml")
     with pytest.raises(ScenarioError, match="name"):
-        load_scenario("eros-quick", [f"name=!!{tag}"])
+        load_scenario("eros-quick", parse_overrides([f"name=!!{tag}"]))
 
 
 @pytest.mark.parametrize("override", ["control.parameters=&a {x: *a}", "camera=[&a [1, 1], &b [*a, *a], [*b, *b]]"])
 def test_aliases_are_refused_in_overrides_too(override):
     with pytest.raises(ScenarioError, match="aliases"):
-        load_scenario("eros-quick", [override])
+        load_scenario("eros-quick", parse_overrides([override]))
 
 
 def test_a_mapping_that_contains_itself_or_is_too_deep_is_refused():
@@ -107,7 +107,7 @@ def test_a_mapping_that_contains_itself_or_is_too_deep_is_refused():
         with pytest.raises(ScenarioError, match="MAX_DEPTH"):
             scenario_from({**BASE, "control": {"parameters": parameters}})
     with pytest.raises(ScenarioError, match="MAX_DEPTH"):
-        load_scenario("eros-quick", ["control.parameters." + "a." * 10_000 + "b=1"])
+        load_scenario("eros-quick", parse_overrides(["control.parameters." + "a." * 10_000 + "b=1"]))
 
 
 def test_a_list_that_unfolds_into_millions_of_values_is_refused():
@@ -139,7 +139,7 @@ def test_thousands_of_mistakes_make_a_message_of_a_screen(tmp_path):
         load_scenario(tmp_path / "many.yaml")
     assert len(str(error.value)) < 10_000
     with pytest.raises(ScenarioError) as error:
-        load_scenario("eros-quick", ["camera=[" + "[]," * 20_000 + "]"])
+        load_scenario("eros-quick", parse_overrides(["camera=[" + "[]," * 20_000 + "]"]))
     assert len(str(error.value)) < 1_000
 
 
@@ -196,14 +196,14 @@ def test_a_design_that_is_none_is_refused(tmp_path, case):
     path = tmp_path / "design.json"
     path.write_bytes(DESIGNS[case])
     with bounded(), pytest.raises(ScenarioError, match="design.reference") as error:
-        read_design(str(path))
+        design_section(str(path))
     assert len(str(error.value)) < 2_000
 
 
 @pytest.mark.parametrize("reference", ["x" * 5000, "a\0b", "../eros-visit", "/", "/dev/zero", ".", ""])
 def test_a_reference_that_names_no_design_is_refused(reference):
     with bounded(), pytest.raises(ScenarioError, match="design.reference"):
-        read_design(reference)
+        design_section(reference)
 
 
 PARTS = st.none() | st.integers() | st.floats() | st.text(max_size=5)
@@ -218,7 +218,7 @@ def test_any_design_file_is_read_or_refused(tmp_path_factory, content):
     path.write_bytes(content)
     with bounded():
         try:
-            assert all(type(point) is int for point in read_design(str(path)))
+            assert all(type(point) is int for point in design_section(str(path)))
         except ScenarioError as error:
             assert "design.reference" in str(error)
 
@@ -241,7 +241,7 @@ def test_an_integer_too_long_to_be_written_is_refused_in_any_notation(tmp_path, 
         load_scenario(tmp_path / "long.yaml")
     assert len(str(error.value)) < 1_000
     with bounded(10), pytest.raises(ScenarioError, match=r"--set duration_s=.*MAX_INTEGER_CHARACTERS"):
-        load_scenario("eros-quick", [f"duration_s={text}"])
+        load_scenario("eros-quick", parse_overrides([f"duration_s={text}"]))
     with pytest.raises(ScenarioError, match="MAX_INTEGER_CHARACTERS"):
         loading.parse_yaml(f"? {text}\n: 1\n", "key")
 
@@ -249,12 +249,12 @@ def test_an_integer_too_long_to_be_written_is_refused_in_any_notation(tmp_path, 
 @pytest.mark.parametrize("value", ["0x" + "f" * 900, "0b" + "1" * 900, ":".join(["59"] * 300)])
 def test_an_integer_that_fits_no_machine_is_refused_by_name(value):
     with pytest.raises(ScenarioError, match=r"value = \d+\.\.\.\d+: must be less than"):
-        load_scenario("eros-quick", [f"duration_s={value}"])
+        load_scenario("eros-quick", parse_overrides([f"duration_s={value}"]))
 
 
 def test_a_message_shows_integers_of_any_size():
     for value in (10**5000, -(10**5000), [1 << 100_000], {"a": -(1 << 100_000)}):
-        assert "bits" in plain.shown(value)
+        assert "bits" in plain_values.shown(value)
         with pytest.raises(ScenarioError, match="bits"):
             scenario_from({**BASE, "duration_s": value if isinstance(value, int) else 1 << 100_000})
 
@@ -270,7 +270,7 @@ def test_depth_is_refused_in_a_time_that_does_not_depend_on_it(tmp_path, opening
     with bounded(), pytest.raises(ScenarioError, match="MAX_DEPTH"):
         load_scenario(tmp_path / "deep.yaml")
     with bounded(), pytest.raises(ScenarioError, match="MAX_DEPTH"):
-        load_scenario("eros-quick", [f"name={opening * 40_000}"])
+        load_scenario("eros-quick", parse_overrides([f"name={opening * 40_000}"]))
     assert time.process_time() - start < 3.0  # a fraction of a second; 150 s where time grows with the square
 
 
@@ -289,8 +289,8 @@ def test_any_nesting_is_read_or_refused_soon(opening, count):
 
 
 def test_the_deepest_mapping_that_a_scenario_may_hold_is_still_read():
-    text = "{a: " * (plain.MAX_DEPTH + 1) + "{b: 1}" + "}" * (plain.MAX_DEPTH + 1)
+    text = "{a: " * (plain_values.MAX_DEPTH + 1) + "{b: 1}" + "}" * (plain_values.MAX_DEPTH + 1)
     with pytest.raises(ScenarioError, match="MAX_DEPTH"):
         loading.parse_yaml(text, "deep")
-    text = "{a: " * (plain.MAX_DEPTH - 1) + "{b: 1}" + "}" * (plain.MAX_DEPTH - 1)
+    text = "{a: " * (plain_values.MAX_DEPTH - 1) + "{b: 1}" + "}" * (plain_values.MAX_DEPTH - 1)
     assert loading.parse_yaml(text, "deep")["a"]["a"]

@@ -9,8 +9,9 @@ from swarm_mj.errors import ScenarioError, ShapeError
 from swarm_mj.flight.plan import environment_from, load_body_shape
 from swarm_mj.scenarios.bodies import PACKAGED_SHAPES, packaged_bodies, packaged_body
 from swarm_mj.scenarios.constants import LONGEST_EXTENT_M
+from swarm_mj.scenarios.loading import parse_overrides
 from swarm_mj.smallbody.gravity.polyhedron import Polyhedron
-from swarm_mj.smallbody.shape_harmonics import BODIES, build_body
+from swarm_mj.smallbody.shape_harmonics import BODIES, build_shape
 
 #: Volume [m^3], its tolerance, and the longest extent [m], its tolerance, as published: Eros, NEAR (Thomas et al. 2002); Bennu,
 #: OSIRIS-REx (Barnouin et al. 2019); Itokawa, Hayabusa (Fujiwara et al. 2006; Gaskell's model); Lutetia, an ellipsoid.
@@ -23,7 +24,7 @@ PUBLISHED = {
 
 
 def scenario(body, *changes):
-    return sm.load({"name": "own", "body": body}, changes)
+    return sm.load({"name": "own", "body": body}, parse_overrides(changes))
 
 
 def test_the_shapes_that_scenarios_name_are_those_that_are_built_and_every_one_has_a_size():
@@ -79,7 +80,7 @@ def test_a_name_stands_for_its_keys_and_a_single_one_can_be_changed(body):
     assert by_name.body == by_keys.body
     changed = scenario(body, "body.name=Mine")
     assert changed.body.name == "Mine" and changed.body.gravity == by_name.body.gravity
-    assert sm.load("eros-quick", [f"body={body}"]).body == by_name.body
+    assert sm.load("eros-quick", parse_overrides([f"body={body}"])).body == by_name.body
 
 
 def test_an_ellipsoid_by_its_axes_has_the_volume_of_an_ellipsoid():
@@ -106,7 +107,7 @@ def test_bodies_that_do_not_exist_are_refused(body, words):
 
 def test_no_other_body_can_be_built():
     with pytest.raises(ShapeError, match="'ida': no packaged body; there are eros, bennu, itokawa"):
-        build_body("ida")
+        build_shape("ida")
 
 
 def test_every_number_of_a_packaged_body_has_a_source():

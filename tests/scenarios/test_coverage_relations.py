@@ -10,7 +10,7 @@ from swarm_mj.scenarios.coverage_relations import (
     nadir_angle_deg,
     pixels_across,
 )
-from swarm_mj.scenarios.loading import load_scenario
+from swarm_mj.scenarios.loading import load_scenario, parse_overrides
 
 
 def test_ten_centimetres_give_the_altitude_and_nearly_the_half_angle_of_the_paper():
@@ -83,7 +83,7 @@ def test_a_scenario_that_states_the_ground_resolution_gets_altitude_and_half_ang
     aside, below = 17_200 * np.sin(np.radians(20)), 17_200 * np.cos(np.radians(20))
     seen_at = np.degrees(np.arctan2(aside, 17_200 + found.design.imaging_altitude_m - below))
     assert found.camera.half_angle_deg == pytest.approx(seen_at, rel=1e-12)
-    coarser = load_scenario(RESOLUTION, ["camera.ground_resolution_m=0.2", "camera.aperture_m=0.047"])
+    coarser = load_scenario(RESOLUTION, {"camera.ground_resolution_m": 0.2, "camera.aperture_m": 0.047})
     assert coarser.design.imaging_altitude_m == pytest.approx(found.design.imaging_altitude_m, rel=1e-14)
 
 
@@ -99,7 +99,7 @@ def test_the_half_angle_follows_from_the_longest_extent_of_packaged_bodies_and_e
 
 
 def test_what_a_scenario_gives_itself_is_kept_and_reading_it_again_changes_nothing():
-    given = load_scenario(RESOLUTION, ["design.imaging_altitude_m=9000", "camera.half_angle_deg=4.1"])
+    given = load_scenario(RESOLUTION, {"design.imaging_altitude_m": 9000, "camera.half_angle_deg": 4.1})
     assert (given.design.imaging_altitude_m, given.camera.half_angle_deg) == (9000.0, 4.1)
     found = load_scenario(RESOLUTION)
     assert load_scenario(found.model_dump(mode="json")) == found
@@ -118,4 +118,4 @@ def test_what_a_scenario_gives_itself_is_kept_and_reading_it_again_changes_nothi
 )
 def test_a_ground_resolution_that_does_not_fit_is_refused_by_the_keys_to_change(overrides, named):
     with pytest.raises(ScenarioError, match=named):
-        load_scenario(RESOLUTION, overrides)
+        load_scenario(RESOLUTION, parse_overrides(overrides))

@@ -65,14 +65,16 @@ def test_descriptions_are_those_of_the_scenarios_and_plug_ins_that_are_loaded():
 def test_an_unknown_key_names_the_likely_one():
     with pytest.raises(ScenarioError, match="'half_angle_deg' is neither .* did you mean .*camera.half_angle_deg"):
         sm.explain("half_angle_deg")
+    with pytest.raises(ScenarioError, match=r"'camrea' is neither .* did you mean camera\?"):
+        sm.explain("camrea")
 
 
 def test_the_command_line_explains(capsys):
-    assert main(["scenarios", "--keys", "camera"]) == 0
+    assert main(["explain", "camera"]) == 0
     assert "camera.half_angle_deg: number, [deg], default 21.5, > 0, < 90" in capsys.readouterr().out
-    assert main(["plugins"]) == 0
+    assert main(["available"]) == 0
     assert "  mrp_sliding_mode " in capsys.readouterr().out
-    assert main(["plugins", "target_sweep"]) == 0
+    assert main(["explain", "target_sweep"]) == 0
     assert "behavior.parameters.surface_radius_m: required" in capsys.readouterr().out
-    assert main(["plugins", "nope"]) == 2
-    assert "'nope': no such plug-in is installed; there are mrp_feedback" in capsys.readouterr().err
+    assert main(["explain", "nope"]) == 2
+    assert "'nope'" in capsys.readouterr().err

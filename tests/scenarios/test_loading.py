@@ -11,10 +11,11 @@ from swarm_mj.cli.main import main
 from swarm_mj.errors import ScenarioError
 from swarm_mj.scenarios.loading import (
     design_record,
+    design_section,
     load_scenario,
     packaged_names,
+    parse_overrides,
     parse_yaml,
-    read_design,
     scenario_from,
 )
 from swarm_mj.scenarios.schema import Scenario
@@ -47,25 +48,25 @@ def test_the_packaged_configurations_name_their_design_and_say_which_reading_the
     for name in ("eros-config1", "eros-config2"):
         s = load_scenario(name)
         assert s.design.reference == "eros-visit"
-        assert list(s.design.visiting_points) == read_design("eros-visit")
+        assert list(s.design.visiting_points) == design_section("eros-visit")["visiting_points"]
         assert len(s.design.visiting_points) == 5
         assert "instant of the visit" in s.description
 
 
 def test_points_that_are_given_go_before_a_reference_and_a_broken_reference_is_a_clear_error(tmp_path):
-    assert load_scenario("eros-config1", ["design.visiting_points=[3]"]).design.visiting_points == (3,)
+    assert load_scenario("eros-config1", {"design.visiting_points": [3]}).design.visiting_points == (3,)
     path = tmp_path / "design.json"
     path.write_text(json.dumps({**design_record("eros-visit"), "visiting_points": [4, 5]}))
-    assert load_scenario("eros-config1", [f"design.reference={path}"]).design.visiting_points == (4, 5)
+    assert load_scenario("eros-config1", {"design.reference": path}).design.visiting_points == (4, 5)
     wrong = [
         json.dumps({**design_record("eros-visit"), "visiting_points": points}) for points in ("all", [1.5], [], None)
     ]
     for broken in ("", "[]", "{}", '{"visiting_points": [4, 5]}', *wrong, "[" * 100_000):
         path.write_text(broken)
         with pytest.raises(ScenarioError, match="design.reference"):
-            load_scenario("eros-config1", [f"design.reference={path}"])
+            load_scenario("eros-config1", {"design.reference": path})
     with pytest.raises(ScenarioError, match="eros-visit"):
-        load_scenario("eros-config1", ["design.reference=nobody"])
+        load_scenario("eros-config1", {"design.reference": "nobody"})
 
 
 @pytest.mark.parametrize(
@@ -83,7 +84,7 @@ def test_a_design_that_lacks_what_a_report_says_of_it_is_refused_and_what_lacks_
     path = tmp_path / "design.json"
     path.write_text(json.dumps(record))
     with pytest.raises(ScenarioError, match=re.escape(f"is no design.json of `swarm-mj design` ({key} is missing)")):
-        read_design(str(path))
+        design_section(str(path))
 
 
 @pytest.mark.parametrize(
@@ -95,7 +96,7 @@ def test_a_file_that_is_no_design_is_told_in_words_and_with_the_option(tmp_path,
     if content is not None:
         path.write_bytes(content.encode() if isinstance(content, str) else content)
     with pytest.raises(ScenarioError, match="^design.reference \\(--design\\) = ") as error:
-        read_design(str(path))
+        design_section(str(path))
     assert words in str(error.value)
     assert "Error" not in str(error.value)
 
@@ -137,7 +138,7 @@ def test_a_campaign_is_told_from_a_scenario(tmp_path):
 )  # fmt: skip
 def test_a_value_of_the_wrong_kind_is_told_in_one_line_of_plain_words(override, line):
     with pytest.raises(ScenarioError) as error:
-        load_scenario("eros-quick", [override])
+        load_scenario("eros-quick", parse_overrides([override]))
     first, *rest = str(error.value).splitlines()
     assert first == "eros-quick:" and len(rest) == 1
     assert rest[0].startswith(f"  {line}")
@@ -145,7 +146,7 @@ def test_a_value_of_the_wrong_kind_is_told_in_one_line_of_plain_words(override, 
 
 
 def test_overrides_change_nested_values_and_keep_the_rest():
-    scenario = load_scenario("eros-quick", ["camera.half_angle_deg=3", "design.visiting_points=[1, 2, 3]", "seed=9"])
+    scenario = load_scenario("eros-quick", {"camera.half_angle_deg": 3, "design.visiting_points": [1, 2, 3], "seed": 9})
     assert scenario.camera.half_angle_deg == 3
     assert scenario.camera.resolution_px == 128
     assert scenario.design.visiting_points == (1, 2, 3)
@@ -180,13 +181,13 @@ def test_overrides_change_nested_values_and_keep_the_rest():
 )
 def test_a_wrong_value_is_refused_with_key_value_and_what_is_allowed(override, words):
     with pytest.raises(ScenarioError) as error:
-        load_scenario("eros-quick", [override])
+        load_scenario("eros-quick", parse_overrides([override]))
     for word in words:
         assert word in str(error.value)
 
 
 def test_numbers_with_an_exponent_and_no_point_are_numbers():
-    scenario = load_scenario("eros-quick", ["control.parameters.disturbance_torque=1e-5", "spacecraft.mass_kg=8e0"])
+    scenario = load_scenario("eros-quick", {"control.parameters.disturbance_torque": 1e-05, "spacecraft.mass_kg": 8.0})
     assert scenario.control.parameters["disturbance_torque"] == 1e-5
     assert scenario.spacecraft.mass_kg == 8.0
 
@@ -217,7 +218,10 @@ def test_a_packaged_shape_and_design_are_meant_by_their_names_whatever_stands_be
     for name in ("eros", "eros-visit"):
         (tmp_path / name).write_text('{"visiting_points": [1]}')
     assert load_scenario(tmp_path / "mine.yaml") == expected
-    assert expected.body.shape == "eros" and list(expected.design.visiting_points) == read_design("eros-visit")
+    assert (
+        expected.body.shape == "eros"
+        and list(expected.design.visiting_points) == design_section("eros-visit")["visiting_points"]
+    )
 
 
 def test_a_pipe_and_an_endless_name_are_refused(tmp_path):
@@ -247,7 +251,7 @@ def test_a_pipe_and_an_endless_name_are_refused(tmp_path):
 )
 def test_a_malformed_override_is_refused(override, words):
     with pytest.raises(ScenarioError, match=words):
-        load_scenario("eros-quick", [override])
+        load_scenario("eros-quick", parse_overrides([override]))
 
 
 @pytest.mark.parametrize("word", ["float", "str", "none", "tuple", "a[b", "[0]"])
@@ -272,7 +276,7 @@ def test_an_unknown_key_may_be_any_word_and_is_named_with_what_is_allowed(word):
 )  # fmt: skip
 def test_a_wrong_entry_of_a_list_is_told_what_is_allowed(override, words):
     with pytest.raises(ScenarioError, match=re.escape(words)):
-        load_scenario("eros-quick", [override])
+        load_scenario("eros-quick", parse_overrides([override]))
 
 
 def test_a_key_that_is_no_word_is_told_after_its_source():
@@ -322,15 +326,15 @@ def test_a_scenario_survives_a_round_trip_through_yaml():
 
 
 def test_the_command_lists_names_prints_files_and_the_schema(capsys):
-    assert main(["scenarios"]) == 0
+    assert main(["available"]) == 0
     listing = capsys.readouterr().out
     assert all(name in listing for name in packaged_names())
-    assert main(["scenarios", "eros-quick"]) == 0
+    assert main(["packaged", "eros-quick"]) == 0
     assert "name: eros-quick" in capsys.readouterr().out
-    assert main(["scenarios", "--json-schema"]) == 0
+    assert main(["json-schema"]) == 0
     schema = json.loads(capsys.readouterr().out)
     assert "imaging_radius_m" in schema["$defs"]["Behavior"]["properties"]
-    assert main(["scenarios", "nothing"]) == 2
+    assert main(["packaged", "nothing"]) == 2
 
 
 @pytest.mark.parametrize("key", ["camera.half_angle_deg", "half_angle_deg", "camrea"])

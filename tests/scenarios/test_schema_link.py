@@ -5,7 +5,7 @@ import pytest
 from swarm_mj.dataflow.ground import NETWORKS
 from swarm_mj.dataflow.radios import CATALOGUE
 from swarm_mj.errors import ScenarioError
-from swarm_mj.scenarios.loading import load_scenario
+from swarm_mj.scenarios.loading import load_scenario, parse_overrides
 from swarm_mj.scenarios.schema_link import CrosslinkRadio, Data, EarthRadio, Ground
 
 
@@ -45,13 +45,18 @@ def test_descriptions_and_defaults_name_every_radio_and_network_that_there_is():
 )
 def test_what_cannot_be_meant_is_refused_by_its_key(override, words):
     with pytest.raises(ScenarioError, match=words):
-        load_scenario("eros-quick", [override])
+        load_scenario("eros-quick", parse_overrides([override]))
 
 
 def test_sections_are_read_from_a_scenario():
     scenario = load_scenario(
         "eros-quick",
-        ["link.max_range_m=null", "data.sensor_px=[2048, 1536]", "data.election=k_medoids", "link.earth.power_w=2"],
+        {
+            "link.max_range_m": None,
+            "data.sensor_px": [2048, 1536],
+            "data.election": "k_medoids",
+            "link.earth.power_w": 2,
+        },
     )
     assert scenario.link.max_range_m is None and scenario.data.sensor_px == (2048, 1536)
     assert scenario.data.election == "k_medoids" and scenario.link.earth.power_w == 2.0

@@ -2,25 +2,25 @@
 
 import numpy as np
 import pytest
-from swarm_mj.envs.missions.baselines import Flown
-from swarm_mj.envs.missions.bound import Bound
-from swarm_mj.envs.missions.leaderboard import Score
+from swarm_mj.envs.policies.baselines import Flown
+from swarm_mj.envs.policies.bound import Bound
+from swarm_mj.envs.policies.leaderboard import Score
 
-from scripts.pages import leaderboard, learning_v1
+from scripts.pages import leaderboard, learning
 from swarm_mj.coordination.allocation.problem import Allocation
 
 
 @pytest.fixture
 def curves(tmp_path, monkeypatch):
     """Five runs of one method, of which the third is far off and one goes on for longer."""
-    monkeypatch.setattr(learning_v1, "CURVES", tmp_path)
-    monkeypatch.setattr(learning_v1, "PICTURE", tmp_path / "curves.png")
+    monkeypatch.setattr(learning, "CURVES", tmp_path)
+    monkeypatch.setattr(learning, "PICTURE", tmp_path / "curves.png")
     for seed, offset in enumerate((0.0, 0.1, 9.0, -0.1, 0.0)):
         rows = [f"{step},{step / 10},{step / 100 + offset},0,0,nan" for step in (0, 50, 100, 150)]
         rows = rows if seed == 1 else rows[:3]
         text = "\n".join(["steps,seconds,score,seen,delivered,sampled_score", *rows]) + "\n"
         (tmp_path / f"ppo-{seed + 1}.csv").write_text(text)
-    return learning_v1.read("ppo")
+    return learning.read("ppo")
 
 
 def test_a_curve_is_the_interquartile_mean_at_the_points_that_all_runs_have(curves):
@@ -33,15 +33,15 @@ def test_a_curve_is_the_interquartile_mean_at_the_points_that_all_runs_have(curv
 
 def test_a_rule_counts_as_passed_from_where_it_stays_passed():
     scores = np.array([[0.0, 1.0, 0.2, 1.0, 1.1]] * 5)
-    assert learning_v1.Learned(np.arange(5.0), scores, 1.0).passes(0.5) == 3.0
+    assert learning.Learned(np.arange(5.0), scores, 1.0).passes(0.5) == 3.0
 
 
 def test_page_picture_and_numbers_tell_the_same(curves, tmp_path):
     lines = {"random": 0.1, "sweep": 0.3, "greedy": 0.4, "greedy_ahead": 0.9, "planner": 1.2, "bound": 3.0}
-    text = learning_v1.page({"ppo": curves}, lines, "+0.125 +- 0.250")
+    text = learning.page({"ppo": curves}, lines, "+0.125 +- 0.250")
     assert "whole interval lies above *greedy* (0.400) with: PPO in one file, with masks." in text
-    assert learning_v1.numbers({"ppo": curves}, lines)["curves"]["ppo"]["interquartile_mean"][2][0] == 1.0333
-    learning_v1.draw({"ppo": curves}, lines)
+    assert learning.numbers({"ppo": curves}, lines)["curves"]["ppo"]["interquartile_mean"][2][0] == 1.0333
+    learning.draw({"ppo": curves}, lines)
     assert (tmp_path / "curves.png").stat().st_size > 1000
 
 

@@ -7,17 +7,17 @@ from scipy.spatial.transform import Rotation
 from swarm_mj.flight.fly import make_simulation
 from swarm_mj.flight.plan import make_plan
 from swarm_mj.scenarios.loading import load_scenario
-from swarm_mj.simulator.fault_injection import principal_axes
+from swarm_mj.simulator.mujoco import principal_axes
 
 
 @pytest.fixture
 def resting():
     """A flight in which the first spacecraft is said to have hit the body where it is, and the place in A."""
-    plan = make_plan(load_scenario("eros-quick", ["faults=[{kind: camera_off, spacecraft: sc2, at_s: 0}]"]))
+    plan = make_plan(load_scenario("eros-quick", {"faults": [{"kind": "camera_off", "spacecraft": "sc2", "at_s": 0}]}))
     simulation = make_simulation(plan)
     simulation.run(10.0, 5.0)
     place_A = np.array([7e3, 3e3, -4e3])
-    simulation.injection.impact(10.0, 0, place_A)
+    simulation.injection.impact(0, place_A)
     return simulation, place_A
 
 

@@ -11,7 +11,7 @@ from swarm_mj import plugins
 from swarm_mj.errors import PluginError, ScenarioError, SimulationError
 from swarm_mj.flight.fly import initial_state, make_simulation
 from swarm_mj.mission.behaviors import AdaptableRoles, Targets
-from swarm_mj.simulator.compiled_batch import CompiledBatch
+from swarm_mj.simulator.batch import FlightBatch
 from swarm_mj.simulator.simulation import Simulation
 from swarm_mj.spacecraft.control.compiled import CompiledLaw
 from swarm_mj.spacecraft.control.sliding_mode import MrpSlidingMode
@@ -19,14 +19,12 @@ from swarm_mj.spacecraft.control.sliding_mode import MrpSlidingMode
 N = 2
 
 
-def fly(plan, periods=3, *, compiled=True, control_period=None, **changed):
+def fly(plan, periods=3, *, control_period=None, **changed):
     made = make_simulation(plan)
     parts = {"behavior": made.behavior, "controller": plan.controller, "environment": plan.environment, **changed}
     simulation = Simulation(
         made.model,
-        properties=plan.properties,
         control_period=control_period or made.period,
-        compiled=compiled,
         **parts,
     )
     simulation.reset(initial_state(plan))
@@ -87,7 +85,7 @@ LAWS = [
 
 @pytest.mark.parametrize(("answer", "words"), LAWS)
 def test_a_law_that_answers_no_torques_is_named(answer, words, quick_plan):
-    with pytest.raises(PluginError, match=rf"the control law tests.*test_plugin_calls\.Law .*{words}"):
+    with pytest.raises(PluginError, match=rf"the control law .*test_plugin_calls\.Law .*{words}"):
         fly(quick_plan, controller=Law(answer))
 
 
@@ -124,11 +122,10 @@ BEHAVIOURS = [
 ]
 
 
-@pytest.mark.parametrize("compiled", [True, False])
 @pytest.mark.parametrize(("answer", "words"), BEHAVIOURS)
-def test_a_behaviour_that_answers_no_targets_is_told_what_is_wrong(answer, words, compiled, quick_plan):
+def test_a_behaviour_that_answers_no_targets_is_told_what_is_wrong(answer, words, quick_plan):
     with pytest.raises(PluginError, match=words):
-        fly(quick_plan, behavior=Behaviour(answer), compiled=compiled)
+        fly(quick_plan, behavior=Behaviour(answer))
 
 
 @pytest.mark.parametrize("rest", [np.nan, None, "soon", np.zeros(2)])
@@ -151,7 +148,7 @@ def test_any_number_of_seconds_is_a_time_to_rest(rest, quick_plan):
     ],
 )
 def test_a_gravity_field_that_answers_no_accelerations_is_named(answer, words, quick_plan):
-    with pytest.raises(PluginError, match=rf"the gravity field tests.*Field .*{words}"):
+    with pytest.raises(PluginError, match=rf"the gravity field .*Field .*{words}"):
         fly(quick_plan, environment=replace(quick_plan.environment, gravity=Field(answer)))
 
 
@@ -229,26 +226,9 @@ class Late(Compiled):
         return torque_B, None
 
 
-@pytest.mark.parametrize("compiled", [True, False])
-def test_a_torque_that_is_not_finite_ends_the_flight_by_name_instead_of_turning_the_motors_up(compiled, quick_plan):
+def test_a_torque_that_is_not_finite_ends_the_flight_by_name_instead_of_turning_the_motors_up(quick_plan):
     with pytest.raises(SimulationError, match=r"test_plugin_calls\.Late gives sc2 the torque \[.*nan\] N m at t = 0 s"):
-        fly(quick_plan, controller=Late(), compiled=compiled)
-
-
-def test_a_flight_of_a_batch_ends_alone_by_such_a_torque(quick_plan):
-    simulation = make_simulation(quick_plan)
-    flights = CompiledBatch(simulation, 2, Late(), [AdaptableRoles(N, 3e4)] * 2)
-    for e in range(2):
-        flights.reset(e, initial_state(quick_plan))
-    assert not flights.fly(20, np.array([True, False]))
-    assert flights.finite.tolist() == [False, True]
-    assert "Late gives sc2 the torque" in flights.causes[0]
-    assert flights.tick[0] < 20 and flights.tick[1] == 0 and np.isfinite(flights.qpos).all()
-
-
-def test_a_batch_refuses_what_it_does_not_know(quick_plan):
-    with pytest.raises(SimulationError, match="knows nothing of the control law Law; use PythonBatch"):
-        CompiledBatch(make_simulation(quick_plan), 2, Law(lambda s: s), None)
+        fly(quick_plan, controller=Late())
 
 
 class Keeper(AdaptableRoles):
@@ -263,12 +243,11 @@ class Keeper(AdaptableRoles):
         return targets, kept
 
 
-@pytest.mark.parametrize("compiled", [True, False])
-def test_views_belong_to_the_behaviour(compiled, quick_plan):
+def test_views_belong_to_the_behaviour(quick_plan):
     behavior = Keeper(N, 3e4)
     object.__setattr__(behavior, "moved", [])
     object.__setattr__(behavior, "steady_for", lambda view, memory: 0.0)
-    end = fly(quick_plan, 5, behavior=behavior, compiled=compiled).data.qpos.copy()
+    end = fly(quick_plan, 5, behavior=behavior).data.qpos.copy()
     assert len(behavior.moved) == 4 and min(behavior.moved) > 1.0
     assert np.array_equal(end, fly(quick_plan, 5, behavior=AdaptableRoles(N, 3e4)).data.qpos)
 
@@ -290,7 +269,6 @@ def test_a_dispersed_simulation_leaves_others_of_the_same_model_alone(quick_plan
     masses, limits = made.model.mjmodel.body_mass.copy(), made.model.mjmodel.actuator_ctrlrange.copy()
     other = Simulation(
         made.model,
-        properties=quick_plan.properties,
         environment=quick_plan.environment,
         behavior=made.behavior,
         controller=MrpSlidingMode(),
@@ -306,7 +284,7 @@ def test_a_dispersed_simulation_leaves_others_of_the_same_model_alone(quick_plan
 @pytest.mark.parametrize("again", [copy.deepcopy, pickle.dumps])
 def test_a_simulation_cannot_be_copied_and_says_what_to_do(again, quick_plan):
     simulation = make_simulation(quick_plan)
-    flights = CompiledBatch(simulation, 1, None)
+    flights = FlightBatch(simulation.setup, 1)
     for whole in (simulation, flights):
         with pytest.raises(TypeError, match="cannot be copied or pickled; make another one"):
             again(whole)

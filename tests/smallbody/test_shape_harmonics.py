@@ -10,7 +10,7 @@ from swarm_mj.errors import ShapeError
 from swarm_mj.io.resources import asset_path
 from swarm_mj.smallbody.geodesic import geodesic_icosahedron
 from swarm_mj.smallbody.shape_harmonics import SEMI_AXES_M, build_eros, load_eros, radius_factor, read_harmonics
-from swarm_mj.smallbody.shape_io import load_shape, save_obj
+from swarm_mj.smallbody.shape_io import load_shape, save_shape
 
 NEAR_MODEL = Path(__file__).parents[3] / "shared" / "data" / "eros007790.tab"
 
@@ -54,7 +54,7 @@ def test_packaged_mesh_holds_51_vertices_in_the_target_pyramid(eros):
 
 def test_rebuilding_the_mesh_gives_the_packaged_bytes(tmp_path):
     for name in ("first.obj", "second.obj"):
-        save_obj(build_eros(), tmp_path / name)
+        save_shape(build_eros(), tmp_path / name)
         assert (tmp_path / name).read_bytes() == asset_path("eros.obj").read_bytes()
 
 

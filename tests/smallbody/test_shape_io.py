@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from swarm_mj.errors import OutputError, ShapeError
 from swarm_mj.smallbody.geodesic import geodesic_icosahedron
 from swarm_mj.smallbody.shape import ShapeModel
-from swarm_mj.smallbody.shape_io import load_shape, save_obj
+from swarm_mj.smallbody.shape_io import load_shape, save_shape
 
 
 def potato(frequency=3) -> ShapeModel:
@@ -101,11 +101,11 @@ def test_saved_obj_is_read_back_bit_for_bit_and_written_the_same_again(tmp_path)
     rng = np.random.default_rng(1)
     shape = potato()
     rough = ShapeModel(shape.vertices * (1.0 + 1e-3 * rng.standard_normal((len(shape.vertices), 1))), shape.faces)
-    save_obj(rough, tmp_path / "a.obj")
+    save_shape(rough, tmp_path / "a.obj")
     loaded = load_shape(tmp_path / "a.obj", name=rough.name)
     np.testing.assert_array_equal(loaded.vertices, rough.vertices)
     np.testing.assert_array_equal(loaded.faces, rough.faces)
-    save_obj(loaded, tmp_path / "b.obj")
+    save_shape(loaded, tmp_path / "b.obj")
     assert (tmp_path / "a.obj").read_bytes() == (tmp_path / "b.obj").read_bytes()
     assert sorted(os.listdir(tmp_path)) == ["a.obj", "b.obj"]
     assert stat.S_IMODE((tmp_path / "a.obj").stat().st_mode) & 0o044 == 0o044
@@ -120,11 +120,11 @@ def test_failed_save_leaves_the_old_file_and_nothing_else(tmp_path, monkeypatch)
 
     monkeypatch.setattr(os, "replace", full)
     with pytest.raises(OutputError, match="eros.obj: cannot be written .No space left"):
-        save_obj(potato(), path)
+        save_shape(potato(), path)
     assert path.read_text() == "old"
     assert os.listdir(tmp_path) == ["eros.obj"]
     with pytest.raises(OutputError, match="No such file"):
-        save_obj(potato(), tmp_path / "missing" / "eros.obj")
+        save_shape(potato(), tmp_path / "missing" / "eros.obj")
 
 
 def test_obj_decorations_negative_indices_and_polygons_are_understood(tmp_path):

@@ -1,16 +1,15 @@
-"""What the fast stepper cannot fly is refused by name: each of these was flown wrong without a word, or left out."""
+"""What the packaged spacecraft does not have is named: each of these was flown wrong without a word, or left out."""
 
 import mujoco
 import numpy as np
 import pytest
 
-from swarm_mj.errors import MissionError, ScenarioError, SimulationError
+from swarm_mj.errors import MissionError, ScenarioError
 from swarm_mj.flight import spacecraft as flown_spacecraft
 from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.plan import make_plan
 from swarm_mj.io.resources import asset_path
 from swarm_mj.scenarios.loading import load_scenario
-from swarm_mj.simulator.fast.integrator import Integrator
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.spacecraft import model as swarm_model
 from swarm_mj.spacecraft import template
@@ -110,20 +109,20 @@ def change_asset(tmp_path, monkeypatch):
     return change
 
 
-def test_the_packaged_spacecraft_can_be_flown_fast_with_any_layout_of_wheels_and_any_mass():
+def test_the_packaged_spacecraft_holds_nothing_else_with_any_layout_of_wheels_and_any_mass():
     for layout in ("orthogonal", "orthogonal_and_skew", "pyramid"):
         properties = SpacecraftProperties(wheel_layout=layout, mass=12.0, size=(0.1, 0.2, 0.3), max_wheel_torque=0.01)
         assert template.examine_template(properties) == []
 
 
 @pytest.mark.parametrize("change", CHANGES.values(), ids=CHANGES)
-def test_what_the_fast_stepper_cannot_fly_is_named(tetrahedron, change_asset, change):
+def test_what_the_packaged_spacecraft_does_not_have_is_named(tetrahedron, change_asset, change):
     before, after, named = change
     change_asset("cubesat.xml", before, after)
     with pytest.raises(MissionError) as refused:
         build_model(2, shape=tetrahedron)
     assert named in str(refused.value)
-    assert "allowed: " in str(refused.value) and "physics.stepper: mj_step or auto" in str(refused.value)
+    assert "allowed: " in str(refused.value) and "(spacecraft.mjcf)" in str(refused.value)
 
 
 @pytest.mark.parametrize("part", [MOTOR, BUS + "/>"])
@@ -166,53 +165,11 @@ def test_a_scene_that_holds_more_than_the_asteroid_is_refused(tetrahedron, chang
         build_model(2, shape=tetrahedron)
 
 
-@pytest.mark.parametrize("stepper", ["auto", "mj_step"])
-def test_a_changed_template_is_flown_by_mj_step_with_all_that_it_holds(change_asset, stepper):
+def test_a_changed_template_is_flown_by_mujoco_with_all_that_it_holds(change_asset):
     before, after, _ = CHANGES["a sensor, which was left out"]
-    file = change_asset("cubesat.xml", before, after)
-    telemetry = simulate(make_plan(load_scenario("eros-quick", ["duration_s=600", f"physics.stepper={stepper}"])))
+    change_asset("cubesat.xml", before, after)
+    telemetry = simulate(make_plan(load_scenario("eros-quick", {"duration_s": 600})))
     assert telemetry["felt"].dims == ("time", "spacecraft", "xyz") and telemetry["felt"].attrs["units"] == "m s-2"
-    assert telemetry.attrs["stepper"] == "mj_step"
-    assert "sensor felt: accelerometer" in telemetry.attrs["stepper_note"]
-    with pytest.raises(ScenarioError, match=rf"physics\.stepper = fast: cannot fly {file}: sensor felt"):
-        make_plan(load_scenario("eros-quick", ["physics.stepper=fast"]))
-    with pytest.raises(ScenarioError, match=r"physics\.wheels = gyrostat: cannot fly .*sensor felt"):
-        make_plan(load_scenario("eros-quick", ["physics.wheels=gyrostat"]))
-
-
-def test_the_packaged_spacecraft_flies_the_same_by_both_steppers_to_rounding():
-    flown = {
-        stepper: simulate(make_plan(load_scenario("eros-quick", [f"physics.stepper={stepper}", "duration_s=600"])))
-        for stepper in ("auto", "fast", "mj_step")
-    }
-    assert [flown[stepper].attrs["stepper"] for stepper in flown] == ["fast", "fast", "mj_step"]
-    assert flown["mj_step"].attrs["stepper_note"] == "physics.stepper = mj_step"
-    assert flown["auto"].attrs["stepper_note"] == flown["fast"].attrs["stepper_note"] == ""
-    for name, largest in {
-        "r_BN_N": 1e-9,
-        "v_BN_N": 1e-11,
-        "sigma_BN": 1e-9,
-        "omega_BN_B": 1e-9,
-        "wheel_speed": 1e-4,
-    }.items():
-        one, other = flown["fast"][name].values, flown["mj_step"][name].values
-        assert np.array_equal(flown["auto"][name].values, one)
-        assert 0.0 < np.abs(one - other).max() < largest, name
-
-
-def test_a_fast_stepper_that_is_asked_for_refuses_what_is_added_later_and_auto_does_not(tetrahedron):
-    for stepper in ("fast", "auto"):
-        swarm = build_model(2, shape=tetrahedron, stepper=stepper)
-        swarm.mjmodel.dof_damping[8] = 1e-6
-        data = mujoco.MjData(swarm.mjmodel)
-        if stepper == "fast":
-            with pytest.raises(SimulationError, match=r"physics\.stepper = fast.*joint sc1_wheel_z: a damper"):
-                Integrator(swarm, data)
-            continue
-        integrator = Integrator(swarm, data)
-        assert integrator.stepper == "mj_step" and "sc1_wheel_z" in integrator.why
-
-
-def test_gyrostats_cannot_be_stepped_by_mj_step():
-    with pytest.raises(ScenarioError, match=r"physics\.stepper = mj_step.*physics\.wheels: bodies"):
-        load_scenario("eros-quick", ["physics.stepper=mj_step", "physics.wheels=gyrostat"])
+    assert telemetry.attrs["stepper"] == "mujoco"
+    with pytest.raises(ScenarioError, match=r"physics\.stepper = kernel: .*sensor felt"):
+        make_plan(load_scenario("eros-quick", {"physics.stepper": "kernel"}))

@@ -7,7 +7,7 @@ from scipy.optimize import nnls
 
 from swarm_mj.errors import MissionError, ScenarioError
 from swarm_mj.flight.spacecraft import own_spacecraft_from
-from swarm_mj.scenarios.loading import load_scenario
+from swarm_mj.scenarios.loading import load_scenario, parse_overrides
 from swarm_mj.spacecraft.properties import SpacecraftProperties
 from swarm_mj.spacecraft.template import HUB, make_template
 from swarm_mj.spacecraft.thrusters import CANT, Allocation, Nozzles, Thrusters, packaged_nozzles, read_nozzles
@@ -89,7 +89,7 @@ def own(tmp_path, sites="", inner="", **thrusters):
     path.write_text(OWN.format(sites=sites, inner=inner))
     keys = {"layout": "sites", **thrusters}
     given = [f"spacecraft.mjcf={path}", *(f"spacecraft.thrusters.{key}={value}" for key, value in keys.items())]
-    return own_spacecraft_from(load_scenario("eros-quick", given))
+    return own_spacecraft_from(load_scenario("eros-quick", parse_overrides(given)))
 
 
 def test_an_own_spacecraft_has_its_nozzles_in_its_file(tmp_path):
@@ -122,7 +122,7 @@ def test_an_own_spacecraft_has_its_nozzles_in_its_file(tmp_path):
 )
 def test_thrusters_that_cannot_be_are_refused(thrusters, words):
     with pytest.raises(ScenarioError, match=words):
-        load_scenario("eros-quick", [f"spacecraft.thrusters={thrusters}"])
+        load_scenario("eros-quick", parse_overrides([f"spacecraft.thrusters={thrusters}"]))
 
 
 def test_a_model_without_nozzles_says_what_is_missing():

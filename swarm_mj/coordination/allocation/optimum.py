@@ -25,7 +25,7 @@ from scipy.sparse import csr_array, eye_array, hstack
 from swarm_mj.coordination.allocation.greedy import greedy, pictures_of
 from swarm_mj.coordination.allocation.problem import Allocation, AllocationProblem, allocation_of
 from swarm_mj.errors import MissionError
-from swarm_mj.io import beside
+from swarm_mj.io import highs
 from swarm_mj.typing import Ints, Mask
 
 #: Relative difference below which value and bound are taken for the same: HiGHS works to such an accuracy.
@@ -56,7 +56,7 @@ def optimum(
         return replace(start, status="optimal")
     program = _program(problem)
     left = None if time_limit_s is None else max(time_limit_s - (time.perf_counter() - begun), LEAST_S)
-    answer = beside.solve(program, left, waiting)
+    answer = highs.solve(program, left, waiting)
     if answer.status not in (0, 1):
         raise MissionError(f"HiGHS could not solve the problem: {answer.message}")
     best = start.pictures

@@ -17,7 +17,7 @@ from swarm_mj.designer.candidates.flights import CandidateFlights
 from swarm_mj.io import interruption
 from swarm_mj.io.cache import cache_folder, hash_of, load_array, store_array
 from swarm_mj.io.cores import usable_cores
-from swarm_mj.io.workers import answers
+from swarm_mj.io.workers import run_jobs
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.camera import CameraModel
 from swarm_mj.observation.capture import visible_share
@@ -131,30 +131,24 @@ def _compute(
     }
     workers = min(workers or usable_cores(), len(parts))
     if workers > 1 and sum(len(r_A) for r_A, _ in jobs.values()) >= MIN_PARALLEL:
-        yield from answers(parts.items(), _judge, workers=workers, begin=_open, arguments=(region, imaging_model))
+        yield from run_jobs(parts.items(), _judge, workers=workers, setup=_opened, arguments=(region, imaging_model))
     elif parts:
-        _open(region, imaging_model)
+        judge = _opened(region, imaging_model)
         try:
             for key, part in parts.items():
                 interruption.check()
-                yield key, _judge(*part)
+                yield key, _judge(judge, *part)
         finally:
-            _close()
+            judge[0].close()
 
 
-_looking: list[tuple[Observer, bool]] = []  # who, and whether for whole cells; one per process, opened when it starts
+def _opened(region: TargetRegion, imaging_model: ImagingModel) -> tuple[Observer, bool]:
+    """An observer of the region, and whether only whole cells count."""
+    return imaging_model.open(region), imaging_model.whole
 
 
-def _open(region: TargetRegion, imaging_model: ImagingModel) -> None:
-    _looking.append((imaging_model.open(region), imaging_model.whole))
-
-
-def _close() -> None:
-    _looking.pop()[0].close()
-
-
-def _judge(r_A: Array, C_CA: Array) -> Array:
-    observer, whole = _looking[-1]
+def _judge(judge: tuple[Observer, bool], r_A: Array, C_CA: Array) -> Array:
+    observer, whole = judge
     shares = np.empty((len(r_A), observer.region.n_cells))
     for k in range(len(r_A)):
         shares[k] = visible_share(observer, r_A[k], C_CA[k], whole=whole)

@@ -20,7 +20,7 @@ from swarm_mj.flight.plan import load_body_shape, target_from
 from swarm_mj.io import interruption
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.scenarios.itinerary import all_targets
-from swarm_mj.scenarios.loading import scenario_from
+from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.typing import Array, Indices, Mask
 
@@ -239,12 +239,7 @@ def flight_variants(scenario: Scenario) -> list[Scenario]:
     times = designer.times_of_flight_s or (design.time_of_flight_s,)
     return [
         # Read again, so that a value that does not fit is refused like one in the file.
-        scenario_from(
-            scenario.model_copy(
-                update={"design": design.model_copy(update={"imaging_altitude_m": h, "time_of_flight_s": t})}
-            ).model_dump(),
-            f"{scenario.name} with the designer's choices",
-        )
+        load_scenario(scenario, {"design.imaging_altitude_m": h, "design.time_of_flight_s": t})
         for h, t in product(altitudes, times)
     ]
 

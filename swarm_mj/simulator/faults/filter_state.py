@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from swarm_mj.spacecraft.attitude.lanes import room
 from swarm_mj.typing import Array, Mask
 
 
@@ -20,16 +19,16 @@ class Noise(IntEnum):
 
 
 class Sensors(NamedTuple):
-    """True properties of the sensors of n spacecraft, which faults may change; m = `room(n)` places, the first n theirs.
+    """True properties of the sensors of n spacecraft, which faults may change.
 
     Attributes:
-        gyro_noise: Angular random walk, shape (m,) [rad/sqrt(s)].
-        bias_walk: Random walk of the gyro's bias, shape (m,) [rad/s/sqrt(s)].
-        star_tracker_noise: One sigma about each axis, shape (m,) [rad].
-        gyro_offset: Added to the gyro's bias, shape (3, m) [rad/s].
-        star_tracker_offset: Mounting error as a rotation vector in B, shape (3, m) [rad].
-        gyro_works: Shape (m,).
-        star_tracker_works: Shape (m,).
+        gyro_noise: Angular random walk, shape (n,) [rad/sqrt(s)].
+        bias_walk: Random walk of the gyro's bias, shape (n,) [rad/s/sqrt(s)].
+        star_tracker_noise: One sigma about each axis, shape (n,) [rad].
+        gyro_offset: Added to the gyro's bias, shape (n, 3) [rad/s].
+        star_tracker_offset: Mounting error as a rotation vector in B, shape (n, 3) [rad].
+        gyro_works: Shape (n,).
+        star_tracker_works: Shape (n,).
     """
 
     gyro_noise: Array
@@ -43,15 +42,14 @@ class Sensors(NamedTuple):
 
 def sensors_of(n: int, gyro_noise: float, bias_walk: float, star_tracker_noise: float) -> Sensors:
     """Sensors of n spacecraft that are all alike, work, and have no offsets; see `Sensors`."""
-    m = room(n)
     return Sensors(
-        np.full(m, gyro_noise),
-        np.full(m, bias_walk),
-        np.full(m, star_tracker_noise),
-        np.zeros((3, m)),
-        np.zeros((3, m)),
-        np.ones(m, np.bool_),
-        np.ones(m, np.bool_),
+        np.full(n, gyro_noise),
+        np.full(n, bias_walk),
+        np.full(n, star_tracker_noise),
+        np.zeros((n, 3)),
+        np.zeros((n, 3)),
+        np.ones(n, np.bool_),
+        np.ones(n, np.bool_),
     )
 
 
@@ -72,17 +70,17 @@ class Assumed(NamedTuple):
 
 
 class FilterState(NamedTuple):
-    """What is carried from one period to the next; m = `room(n)` places, of which the first n are spacecraft's.
+    """What is carried from one period to the next.
 
     Attributes:
         q_BN: Estimated attitudes, shape (n, 4).
         omega_BN_B: Estimated rates, shape (n, 3) [rad/s].
-        bias: Estimated gyro biases, shape (3, m) [rad/s].
-        covariance: Of attitude error and bias error, see `covariances`, shape (21, m).
-        true_bias: The gyro's walking bias, without `Sensors.gyro_offset`, shape (3, m) [rad/s].
-        q_before: True attitudes at the previous call, shape (4, m).
-        q_tracked: The star tracker's previous attitude, shape (4, m).
-        tracked: Whether there is one of the previous period, shape (m,).
+        bias: Estimated gyro biases, shape (n, 3) [rad/s].
+        covariance: Of attitude error [rad] and bias error [rad/s], shape (n, 6, 6).
+        true_bias: The gyro's walking bias, without `Sensors.gyro_offset`, shape (n, 3) [rad/s].
+        q_before: True attitudes at the previous call, shape (n, 4).
+        q_tracked: The star tracker's previous attitude, shape (n, 4).
+        tracked: Whether there is one of the previous period, shape (n,).
         started: Whether the filter runs, shape (1,).
     """
 
@@ -97,11 +95,6 @@ class FilterState(NamedTuple):
     started: Mask
 
 
-#: Where the blocks of a covariance begin: that of the attitude, of attitude and bias, of the bias. Of the first and the last
-#: there is the upper triangle.
-ATTITUDE, MIXED, BIAS = 0, 6, 15
-
-
 def first_state(true_bias: Array) -> FilterState:
     """The state before the first measurement.
 
@@ -109,34 +102,14 @@ def first_state(true_bias: Array) -> FilterState:
         true_bias: Of the gyros at the start, shape (n, 3) [rad/s].
     """
     n = len(true_bias)
-    m = room(n)
-    walking = np.zeros((3, m))
-    walking[:, :n] = true_bias.T
     return FilterState(
         q_BN=np.tile([1.0, 0.0, 0.0, 0.0], (n, 1)),
         omega_BN_B=np.zeros((n, 3)),
-        bias=np.zeros((3, m)),
-        covariance=np.zeros((21, m)),
-        true_bias=walking,
-        q_before=np.zeros((4, m)),
-        q_tracked=np.zeros((4, m)),
-        tracked=np.zeros(m, np.bool_),
+        bias=np.zeros((n, 3)),
+        covariance=np.zeros((n, 6, 6)),
+        true_bias=true_bias.copy(),
+        q_before=np.zeros((n, 4)),
+        q_tracked=np.zeros((n, 4)),
+        tracked=np.zeros(n, np.bool_),
         started=np.zeros(1, np.bool_),
     )
-
-
-def biases(state: FilterState) -> tuple[Array, Array]:
-    """Estimated biases, and the true ones without `Sensors.gyro_offset`, two of shape (n, 3) [rad/s]."""
-    n = len(state.q_BN)
-    return state.bias[:, :n].T, state.true_bias[:, :n].T
-
-
-def covariances(state: FilterState) -> Array:
-    """Of attitude error [rad] and bias error [rad/s], shape (n, 6, 6)."""
-    n, upper = len(state.q_BN), np.triu_indices(3)
-    P, rows = np.empty((n, 6, 6)), state.covariance[:, :n].T
-    for first, block in ((ATTITUDE, P[:, :3, :3]), (BIAS, P[:, 3:, 3:])):
-        block[:, upper[0], upper[1]] = block[:, upper[1], upper[0]] = rows[:, first : first + 6]
-    P[:, :3, 3:] = rows[:, MIXED:BIAS].reshape(n, 3, 3)
-    P[:, 3:, :3] = P[:, :3, 3:].swapaxes(1, 2)
-    return P

@@ -31,14 +31,13 @@ from swarm_mj.simulator.faults.relay_election import Succession, relay_of
 from swarm_mj.simulator.faults.schedule import RELAY, Event, ScheduledFault, draw_schedule
 from swarm_mj.simulator.faults.sensing import SENSOR_FAULTS, Sensing
 from swarm_mj.simulator.faults.wheel_set import WheelSet
+from swarm_mj.simulator.flights import Conditions, wheels_of_flight
 from swarm_mj.smallbody.environment import Environment
 from swarm_mj.spacecraft.properties import SpacecraftProperties
-from swarm_mj.typing import Array
+from swarm_mj.typing import Array, Mask
 
-#: Attributes of `FaultState` that `reset` draws from the seed and nothing changes afterwards.
-_DRAWN = frozenset(
-    "_fault_model _properties _planned _n _period _speed_margin _drawn environment mass inertia_B".split()
-)
+#: Lists of what has happened and will happen, which change in flight.
+_LISTS = ("events", "_agenda", "_notices", "_endings", "_due_relay", "_succession")
 #: What is due so little later than a control period begins [s] happens with it: the difference is rounding.
 EARLY_S = 1e-9
 WHEEL_FAULTS = (WheelLost, WheelStuck, WheelWeakened, WheelFriction)
@@ -70,6 +69,9 @@ class FaultState:
         environment: The body's surroundings as planned.
         n: Number of spacecraft.
         period: Control period [s].
+        conditions: Receives what wheels and sensors are like, see `Conditions`.
+        flight: Number of the flight there.
+        lost: Receives who no longer works, shape (n,).
         speed_margin: See `WheelSet`.
 
     Attributes:
@@ -91,10 +93,15 @@ class FaultState:
         environment: Environment,
         n: int,
         period: float,
+        conditions: Conditions,
+        flight: int,
+        lost: Mask,
         speed_margin: float = 0.0,
     ) -> None:
         self._fault_model, self._properties, self._planned = fault_model, properties, environment
         self._n, self._period, self._speed_margin = n, period, speed_margin
+        self._conditions, self._flight, self.lost = conditions, flight, lost
+        self.camera_on, self._known_lost = np.ones(n, np.bool_), np.zeros(n, np.bool_)
         self._succession = None if fault_model.election is None else Succession(fault_model.election)
         self._drawn: tuple[int, tuple[ScheduledFault, ...], Dispersed, Environment] | None = None
         self.reset(0, ())
@@ -106,7 +113,7 @@ class FaultState:
             seed: Of the scenario.
             deployment: What went wrong when the swarm was deployed.
         """
-        given, n = self._fault_model.dispersions, self._n
+        given = self._fault_model.dispersions
         if self._drawn is None or self._drawn[0] != seed:
             self._drawn = seed, *self._draw(seed)
             ratio = self._drawn[2]
@@ -114,29 +121,24 @@ class FaultState:
             inertia_B = dispersed_inertia(self._properties.inertia_B, ratio.second_moment_ratio)
             self.inertia_B = ratio.mass_ratio[:, None, None] * inertia_B
         _, schedule, drawn, self.environment = self._drawn
-        self.wheels = WheelSet(self._properties, self.inertia_B, drawn.coulomb, drawn.viscous, self._speed_margin)
-        self.sensing = Sensing(given, drawn, schedule, seed, self._period)
-        self.lost, self.camera_on = np.zeros(n, np.bool_), np.ones(n, np.bool_)
-        self._known_lost = np.zeros(n, np.bool_)
-        self._begin_lists(deployment)
-
-    def rewind(self, deployment: tuple[Event, ...]) -> None:
-        """Begin the flight of the last `reset` again, in the same arrays."""
-        self.wheels.restart()
-        self.sensing.restart()
+        conditions, flight = self._conditions, self._flight
+        self.wheels = WheelSet(
+            self._properties,
+            self.inertia_B,
+            drawn.coulomb,
+            drawn.viscous,
+            wheels_of_flight(conditions, flight),
+            self._speed_margin,
+        )
+        self.sensing = Sensing(given, drawn, schedule, seed, self._period, conditions, flight)
         self.lost[:], self.camera_on[:], self._known_lost[:] = False, True, False
-        self._begin_lists(deployment)
-
-    def _begin_lists(self, deployment: tuple[Event, ...]) -> None:
-        assert self._drawn is not None
         if self._succession is not None:
             self._succession.reset()
         self.events: list[Event] = []
-        self._agenda = in_flight(self._drawn[1])
+        self._agenda = in_flight(schedule)
         self._notices: list[tuple[float, ScheduledFault]] = []
         self._endings: list[ScheduledFault] = []
         self._due_relay: list[ScheduledFault] = []
-        self.resting: dict[int, Array | None] = {}
         for event in deployment:
             self.events.append(event)
             if event.kind == "missed_deployment":
@@ -152,12 +154,21 @@ class FaultState:
         )
 
     def get_state(self) -> dict[str, Any]:
-        """What has become of what `reset` drew, a copy."""
-        return deepcopy({name: value for name, value in vars(self).items() if name not in _DRAWN})
+        """What has become of what `reset` drew, a copy; who is lost is saved with the flight's arrays."""
+        return {
+            "lists": deepcopy([getattr(self, name) for name in _LISTS]),
+            "flags": (self.camera_on.copy(), self._known_lost.copy()),
+            "wheels": self.wheels.get_state(),
+            "sensing": self.sensing.get_state(),
+        }
 
     def set_state(self, state: dict[str, Any]) -> None:
         """Go on from what `get_state` gave, after a `reset` with the seed of that flight."""
-        vars(self).update(deepcopy(state))
+        for name, value in zip(_LISTS, deepcopy(state["lists"]), strict=True):
+            setattr(self, name, value)
+        self.camera_on[:], self._known_lost[:] = state["flags"]
+        self.wheels.set_state(state["wheels"])
+        self.sensing.set_state(state["sensing"])
 
     def happen(self, t: float, wheel_speed: Array) -> None:
         """Let everything happen that is due at `t` [s].
@@ -239,9 +250,8 @@ class FaultState:
         else:
             self._known_lost[j] = True
 
-    def rest(self, t: float, j: int, kind: str, detail: str, r_A: Array | None) -> None:
-        """A spacecraft's flight is over: it hit the body (and lies at `r_A` [m]) or diverged (and is held where it was)."""
-        self.resting[j] = r_A
+    def give_up(self, t: float, j: int, kind: str, detail: str) -> None:
+        """A spacecraft's flight is over: it hit the body, or diverged."""
         if self.lost[j]:
             self.events.append(Event(t, j, kind, detail))
         else:

@@ -21,6 +21,7 @@ class WheelSet:
         inertia_B: True inertia of every spacecraft with its wheels, shape (n, 3, 3) [kg m^2].
         coulomb: Friction, shape (n, w) [N m].
         viscous: Shape (n, w) [N m s/rad].
+        state: Receives how they are.
         speed_margin: How far below the limit the limiter aims, relative.
 
     Attributes:
@@ -29,36 +30,33 @@ class WheelSet:
     """
 
     def __init__(
-        self, properties: SpacecraftProperties, inertia_B: Array, coulomb: Array, viscous: Array, speed_margin: float
+        self,
+        properties: SpacecraftProperties,
+        inertia_B: Array,
+        coulomb: Array,
+        viscous: Array,
+        state: WheelState,
+        speed_margin: float = 0.0,
     ) -> None:
         self._properties, self._axes = properties, properties.wheel_axes_B
         n, w = coulomb.shape
         self._max_speed = (1.0 - speed_margin) * properties.max_wheel_speed
-        self._own_friction = coulomb, viscous
         self._healthy = np.ones((n, w), np.bool_)
-        self.state = self._at_start(relative_inertia(properties, inertia_B))
-        self.motor, self.bearing = self.state.motor, self.state.bearing
+        self.state, self.motor, self.bearing = state, state.motor, state.bearing
+        for array in state:
+            array[:] = 0
+        state.effectiveness[:], state.coulomb[:], state.viscous[:] = 1.0, coulomb, viscous
+        state.allocation[:] = _by_all(self._axes.tobytes(), w)
+        state.inertia[:] = relative_inertia(properties, inertia_B)
 
-    def restart(self) -> None:
-        """Begin the same flight again, in the same arrays."""
-        self._healthy[:] = True
-        for array, start in zip(self.state, self._at_start(self.state.inertia), strict=True):
-            array[...] = start
+    def get_state(self) -> list[Array | Mask]:
+        """What faults have made of the wheels, a copy."""
+        return [array.copy() for array in (*self.state, self._healthy)]
 
-    def _at_start(self, inertia: Array) -> WheelState:
-        coulomb, viscous = self._own_friction
-        n, w = coulomb.shape
-        return WheelState(
-            effectiveness=np.ones((n, w)),
-            stuck=np.zeros((n, w), np.bool_),
-            stuck_speed=np.zeros((n, w)),
-            coulomb=coulomb.copy(),
-            viscous=viscous.copy(),
-            allocation=np.tile(_by_all(self._axes.tobytes(), w), (n, 1, 1)),
-            inertia=inertia,
-            motor=np.zeros((n, w)),
-            bearing=np.zeros((n, w)),
-        )
+    def set_state(self, saved: list[Array | Mask]) -> None:
+        """Go on from what `get_state` gave."""
+        for array, value in zip((*self.state, self._healthy), saved, strict=True):
+            array[:] = value
 
     def drive(self, torque_B: Array, speed: Array, period: float, dead: Mask, peaks: Array) -> Array:
         """Torque on every wheel about its axis, motor and bearing together, shape (n, w) [N m].

@@ -11,14 +11,13 @@ is known in closed form; the mean torque that leads there is held (equal to the 
 
 from __future__ import annotations
 
-from math import exp, log
-from typing import Any, NamedTuple
+from math import exp, inf, log
+from typing import NamedTuple
 
 import numpy as np
 
-from swarm_mj.spacecraft.attitude.algebra import vectors
-from swarm_mj.spacecraft.attitude.lanes import cell, chosen, column, every, put_columns, select, some, width
-from swarm_mj.typing import Array, Mask, lean, woven
+from swarm_mj.spacecraft.attitude.algebra import dot, put_vector, vector
+from swarm_mj.typing import Array, Mask, jittable, lean
 
 #: A decay of less than this over one hold is treated as none: the closed form would lose its digits.
 _NO_DECAY = 1e-9
@@ -67,6 +66,21 @@ def allocate(axes_B: Array, healthy: Mask) -> Array:
     return allocation
 
 
+@jittable
+def limited(u: float, speed: float, speed_gain: float, max_torque: float, max_speed: float) -> float:
+    """A motor torque within the limits [N m]; one that would carry the wheel past its top speed in the hold just reaches it.
+
+    Args:
+        u: Asked for [N m].
+        speed: Of the wheel [rad/s].
+        speed_gain: Change of its speed in the hold per motor torque [rad/s per N m].
+        max_torque: [N m].
+        max_speed: [rad/s].
+    """
+    u = min(max_torque, max(-max_torque, u))
+    return min(max(0.0, (max_speed - speed) / speed_gain), max(min(0.0, (-max_speed - speed) / speed_gain), u))
+
+
 @lean
 def drive(
     torque_B: Array,
@@ -90,50 +104,37 @@ def drive(
         dead: Spacecraft without power, shape (n,).
         peaks: Brought up to date, see `Peak`, shape (n, 3).
     """
-    for j in range(0, speed.shape[0], width()):
-        off = chosen(dead, j, 1)
-        fastest, strongest, holds = vectors(peaks, j)  # in the order of `Peak`
-        cut = holds
+    for j in range(speed.shape[0]):
+        L, (fastest, strongest, holds) = vector(torque_B, j), vector(peaks, j)  # in the order of `Peak`
+        cut = False
         for w in range(speed.shape[1]):
-            turning, J = column(speed, j, 1, w), column(wheels.inertia, j, 1, w)
-            asked = _asked(torque_B, wheels.allocation, j, w)
-            u = min(max_torque, max(-max_torque, asked))
-            u = min(max(0.0, (max_speed - turning) * J / period), max(min(0.0, (-max_speed - turning) * J / period), u))
-            cut = select(off, cut, select(u != asked, holds + 1.0, cut))
-            u = u * select(off, 0.0, column(wheels.effectiveness, j, 1, w))
-            stuck = chosen(wheels.stuck[:, w], j, 1)
-            if some(stuck):
-                brake = (column(wheels.stuck_speed, j, 1, w) - turning) * J / period
-                u = select(stuck, min(max_torque, max(-max_torque, brake)), u)
-            friction = _friction(
-                turning, u, column(wheels.coulomb, j, 1, w), column(wheels.viscous, j, 1, w), J, period
-            )
-            put_columns(wheels.motor[:, w:], j, 1, (u,))
-            put_columns(wheels.bearing[:, w:], j, 1, (select(stuck, 0.0, friction),))
+            turning, J = speed[j, w], wheels.inertia[j, w]
+            asked = dot((wheels.allocation[j, w, 0], wheels.allocation[j, w, 1], wheels.allocation[j, w, 2]), L)
+            u = limited(asked, turning, period / J, max_torque, max_speed)
+            cut |= u != asked
+            u = u * (0.0 if dead[j] else wheels.effectiveness[j, w])
+            friction = 0.0
+            if wheels.stuck[j, w]:
+                brake = (wheels.stuck_speed[j, w] - turning) * J / period
+                u = min(max_torque, max(-max_torque, brake))
+            else:
+                friction = _friction(turning, u, wheels.coulomb[j, w], wheels.viscous[j, w], J, period)
+            wheels.motor[j, w], wheels.bearing[j, w] = u, friction
             fastest, strongest = max(fastest, abs(turning)), max(strongest, abs(u))
-        put_columns(peaks, j, 1, (fastest, strongest, cut))
+        put_vector(peaks, j, (fastest, strongest, holds + 1.0 if cut and not dead[j] else holds))
 
 
-@woven
-def _asked(torque_B: Array, allocation: Array, j: int, w: int) -> Any:
-    """Motor torques of wheels w [N m]."""
-    x, y, z = vectors(torque_B, j)
-    return cell(allocation, j, 1, w, 0) * x + cell(allocation, j, 1, w, 1) * y + cell(allocation, j, 1, w, 2) * z
+@jittable
+def _friction(speed: float, motor: float, coulomb: float, viscous: float, inertia: float, period: float) -> float:
+    """Mean torque of a bearing over a hold [N m], see `speed_after`."""
+    if coulomb == 0.0 and viscous == 0.0:
+        return 0.0
+    after = speed_after(speed, motor, coulomb, viscous, inertia, period)
+    return inertia * (after - speed) / period - motor
 
 
-@woven
-def _friction(speed: Any, motor: Any, coulomb: Any, viscous: Any, inertia: Any, period: float) -> Any:
-    """Mean torque of bearings over a hold [N m], see `speed_after`."""
-    rubs = (coulomb != 0.0) | (viscous != 0.0)
-    torque = coulomb
-    if some(rubs):
-        after = speed_after(speed, motor, coulomb, viscous, inertia, period)
-        torque = select(rubs, inertia * (after - speed) / period - motor, 0.0)
-    return torque
-
-
-@woven
-def speed_after(speed: Any, motor: Any, coulomb: Any, viscous: Any, inertia: Any, time: Any) -> Any:
+@jittable
+def speed_after(speed: float, motor: float, coulomb: float, viscous: float, inertia: float, time: float) -> float:
     """Wheel speed [rad/s] after `time` [s] under a constant motor torque and friction.
 
     A wheel that comes to rest stays there unless the motor overcomes the Coulomb friction.
@@ -146,34 +147,33 @@ def speed_after(speed: Any, motor: Any, coulomb: Any, viscous: Any, inertia: Any
         inertia: [kg m^2].
         time: [s].
     """
-    moving, force = speed != 0.0, motor - select(speed < 0.0, -coulomb, coulomb)
-    rest = _time_to_rest(speed, force, viscous, inertia)
-    after, still_moving = _coast(speed, force, viscous, inertia, time), moving & (rest >= time)
-    if not every(still_moving):
-        left = select(moving, time - rest, time)
-        force = motor - select(motor < 0.0, -coulomb, coulomb)
-        anew = select(abs(motor) <= coulomb, 0.0, _coast(0.0, force, viscous, inertia, left))
-        after = select(still_moving, after, anew)
-    return after
+    left = time
+    if speed != 0.0:
+        force = motor - (-coulomb if speed < 0.0 else coulomb)
+        rest = _time_to_rest(speed, force, viscous, inertia)
+        if rest >= time:
+            return _coast(speed, force, viscous, inertia, time)
+        left = time - rest
+    if abs(motor) <= coulomb:
+        return 0.0
+    return _coast(0.0, motor - (-coulomb if motor < 0.0 else coulomb), viscous, inertia, left)
 
 
-@woven
-def _coast(speed: Any, force: Any, viscous: Any, inertia: Any, time: Any) -> Any:
-    decay, after = viscous * time / inertia, speed + (force - viscous * speed) * time / inertia
-    decays = decay >= _NO_DECAY
-    if some(decays):
-        final = force / viscous
-        after = select(decays, final + (speed - final) * exp(-decay), after)
-    return after
+@jittable
+def _coast(speed: float, force: float, viscous: float, inertia: float, time: float) -> float:
+    """Wheel speed [rad/s] after `time` [s] under a constant force [N m] and viscous friction."""
+    decay = viscous * time / inertia
+    if decay < _NO_DECAY:
+        return speed + (force - viscous * speed) * time / inertia
+    final = force / viscous
+    return final + (speed - final) * exp(-decay)
 
 
-@woven
-def _time_to_rest(speed: Any, force: Any, viscous: Any, inertia: Any) -> Any:
+@jittable
+def _time_to_rest(speed: float, force: float, viscous: float, inertia: float) -> float:
     """When a wheel under a constant force and viscous friction first stands still [s]; infinite: never."""
-    slows, damped = force * speed < 0.0, viscous * abs(speed) >= _NO_DECAY * abs(force)
-    rest = inertia
-    if some(slows):
-        rest = -speed * inertia / force
-    if some(slows & damped):
-        rest = select(damped, inertia / viscous * log(1.0 - viscous * speed / force), rest)
-    return select(slows, rest, np.inf)
+    if force * speed >= 0.0:
+        return inf
+    if viscous * abs(speed) >= _NO_DECAY * abs(force):
+        return inertia / viscous * log(1.0 - viscous * speed / force)
+    return -speed * inertia / force

@@ -1,17 +1,18 @@
 """Compiled algebra of three-vectors and quaternions, which the attitude kernels share.
 
-Vectors and quaternions are tuples of numbers, so that numba inlines every function into the loops over spacecraft and
-nothing is allocated. Quaternions are (w, x, y, z) with MuJoCo's meaning, v_N = R(q_BN) v_B.
+Vectors, quaternions and matrices are tuples of numbers, so that Numba inlines every function into the loops over spacecraft
+and nothing is allocated. Quaternions are (w, x, y, z) with MuJoCo's meaning, v_N = R(q_BN) v_B.
 """
 
 from math import atan2, cos, sin, sqrt
 from typing import Any, TypeAlias
 
-from swarm_mj.spacecraft.attitude.lanes import cell, column, select, some
 from swarm_mj.typing import Array, jittable
 
 Vector: TypeAlias = tuple[float, float, float]
 Quaternion: TypeAlias = tuple[float, float, float, float]
+#: Three rows.
+Matrix: TypeAlias = tuple[Vector, Vector, Vector]
 #: Squares of half an angle below which the series here are exact to rounding, their next terms below 1e-16.
 SMALL = 0.01
 
@@ -126,87 +127,70 @@ def z_axis(q: Quaternion) -> Vector:
 def short_mrp(q: Quaternion) -> Vector:
     """Return the MRP of a unit quaternion, of the set with |sigma| <= 1."""
     scale = 1.0 / (1.0 + abs(q[0]))
-    scale = select(q[0] >= 0.0, scale, -scale)
+    if q[0] < 0.0:
+        scale = -scale
     return scale * q[1], scale * q[2], scale * q[3]
 
 
 @jittable
-def select_each(flags: Any, a: Any, b: Any) -> Any:
-    """Return the vector a where a flag is set, otherwise b."""
-    return select(flags, a[0], b[0]), select(flags, a[1], b[1]), select(flags, a[2], b[2])
-
-
-@jittable
-def vectors(rows: Array, i: int) -> Any:
-    """Return as many rows of an array of shape (n, 3) as are taken at once, from row i on."""
-    return column(rows, i, 1, 0), column(rows, i, 1, 1), column(rows, i, 1, 2)
-
-
-@jittable
-def quaternions(rows: Array, i: int) -> Any:
-    """Return as many rows of an array of shape (n, 4) as are taken at once, from row i on."""
-    return column(rows, i, 1, 0), column(rows, i, 1, 1), column(rows, i, 1, 2), column(rows, i, 1, 3)
-
-
-@jittable
-def tensors(matrices: Array, i: int) -> Any:
-    """Return as many matrices of an array of shape (n, 3, 3), as tuples of rows."""
+def matrix(matrices: Array, i: int) -> Matrix:
+    """Return matrix i of an array of shape (n, 3, 3)."""
     return (
-        (cell(matrices, i, 1, 0, 0), cell(matrices, i, 1, 0, 1), cell(matrices, i, 1, 0, 2)),
-        (cell(matrices, i, 1, 1, 0), cell(matrices, i, 1, 1, 1), cell(matrices, i, 1, 1, 2)),
-        (cell(matrices, i, 1, 2, 0), cell(matrices, i, 1, 2, 1), cell(matrices, i, 1, 2, 2)),
+        (matrices[i, 0, 0], matrices[i, 0, 1], matrices[i, 0, 2]),
+        (matrices[i, 1, 0], matrices[i, 1, 1], matrices[i, 1, 2]),
+        (matrices[i, 2, 0], matrices[i, 2, 1], matrices[i, 2, 2]),
     )
 
 
 @jittable
-def transformed(matrix: Any, v: Any) -> Any:
-    """Return the product of a matrix, a tuple of rows, with v."""
+def transformed(matrix: Matrix, v: Vector) -> Vector:
+    """Return the product of a matrix with v."""
     return dot(matrix[0], v), dot(matrix[1], v), dot(matrix[2], v)
 
 
 @jittable
-def half_angle_terms(x: Any, gain: float) -> Any:
+def half_angle_terms(x: float, gain: float) -> tuple[float, float]:
     """Return cos(h) and gain sin(h) / h for the square x = h^2 of half an angle."""
+    if x >= SMALL:
+        h = sqrt(x)
+        return cos(h), gain * sin(h) / h
     c = 1.0 - x * (1.0 / 2.0 - x * (1.0 / 24.0 - x * (1.0 / 720.0 - x / 40_320.0)))
     share = gain * (1.0 - x * (1.0 / 6.0 - x * (1.0 / 120.0 - x * (1.0 / 5_040.0 - x / 362_880.0))))
-    large = x >= SMALL
-    if some(large):
-        h = sqrt(x)
-        c, share = select(large, cos(h), c), select(large, gain * sin(h) / h, share)
     return c, share
 
 
 @jittable
-def turn(phi: Any) -> Any:
+def turn(phi: Vector) -> Quaternion:
     """Return the quaternion of a rotation vector [rad]."""
     c, share = half_angle_terms(0.25 * dot(phi, phi), 0.5)
     return c, share * phi[0], share * phi[1], share * phi[2]
 
 
 @jittable
-def rotation_vector(q: Any) -> Any:
+def rotation_vector(q: Quaternion) -> Vector:
     """Return the rotation vector of a unit quaternion, taken the short way [rad]."""
     x = q[1] * q[1] + q[2] * q[2] + q[3] * q[3]
-    # 2 asin(h) / h by its series, h the sine of half the angle.
-    scale = 143.0 / 10_240.0 * x + 231.0 / 13_312.0
-    scale = (((scale * x + 63.0 / 2_816.0) * x + 35.0 / 1_152.0) * x + 5.0 / 112.0) * x + 3.0 / 40.0
-    scale = 2.0 * ((scale * x + 1.0 / 6.0) * x + 1.0)
-    large = x >= SMALL
-    if some(large):
+    if x >= SMALL:
         h = sqrt(x)
-        scale = select(large, 2.0 * atan2(h, abs(q[0])) / h, scale)
-    scale = select(q[0] < 0.0, -scale, scale)
+        scale = 2.0 * atan2(h, abs(q[0])) / h
+    else:
+        # 2 asin(h) / h by its series, h the sine of half the angle.
+        scale = 143.0 / 10_240.0 * x + 231.0 / 13_312.0
+        scale = (((scale * x + 63.0 / 2_816.0) * x + 35.0 / 1_152.0) * x + 5.0 / 112.0) * x + 3.0 / 40.0
+        scale = 2.0 * ((scale * x + 1.0 / 6.0) * x + 1.0)
+    if q[0] < 0.0:
+        scale = -scale
     return scale * q[1], scale * q[2], scale * q[3]
 
 
 @jittable
-def product_transposed(a: Any, b: Any) -> Any:
-    """Return a b^T of two matrices, tuples of rows."""
+def product_transposed(a: Matrix, b: Matrix) -> Matrix:
+    """Return a b^T of two matrices."""
     return transformed(b, a[0]), transformed(b, a[1]), transformed(b, a[2])
 
 
 @jittable
-def transposed(a: Any) -> Any:
-    """Return a^T of a matrix, a tuple of rows."""
+def transposed(a: Matrix) -> Matrix:
+    """Return a^T of a matrix."""
     x, y, z = a
     return (x[0], y[0], z[0]), (x[1], y[1], z[1]), (x[2], y[2], z[2])

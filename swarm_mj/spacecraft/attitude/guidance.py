@@ -11,28 +11,28 @@ Everything is compiled, loops over spacecraft and writes into arrays of the call
 """
 
 from math import atan2, sqrt
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from swarm_mj.spacecraft.attitude.algebra import (
+    Quaternion,
+    Vector,
     combine,
     conjugate,
     cross,
     dot,
     normalised,
     product,
+    put_quaternion,
+    put_vector,
     quaternion,
-    quaternions,
     rotate,
     scaled,
-    select_each,
     short_mrp,
     vector,
-    vectors,
     z_axis,
 )
-from swarm_mj.spacecraft.attitude.lanes import chosen, put_columns, select, some, width
 from swarm_mj.typing import Array, Mask, jittable, kernel, lean
 
 #: Bodies closer than this [m] have no line of sight: spacecraft leave the mothership from one point.
@@ -101,14 +101,14 @@ def track_line_of_sight(sight: LineOfSight, q_BN: Array, restart: Mask, referenc
         restart: Whether the target is new, so that the body attitude becomes the base, shape (n,).
         reference: Holds the previous attitudes, which are replaced by the present ones, and receives the rest.
     """
-    for i in range(0, q_BN.shape[0], width()):
-        base = _either(chosen(restart, i, 1), quaternions(q_BN, i), quaternions(reference.q_RN, i))
-        rho, rho_dot, rho_ddot = vectors(sight.rho_N, i), vectors(sight.rho_dot_N, i), vectors(sight.rho_ddot_N, i)
+    for i in range(q_BN.shape[0]):
+        base = quaternion(q_BN, i) if restart[i] else quaternion(reference.q_RN, i)
+        rho, rho_dot, rho_ddot = vector(sight.rho_N, i), vector(sight.rho_dot_N, i), vector(sight.rho_ddot_N, i)
         q, omega, domega, los = _carried(normalised(base), rho, rho_dot, rho_ddot)
-        put_columns(reference.q_RN, i, 1, q)
-        put_columns(reference.omega_RN_N, i, 1, omega)
-        put_columns(reference.domega_RN_N, i, 1, domega)
-        put_columns(reference.los_N, i, 1, los)
+        put_quaternion(reference.q_RN, i, q)
+        put_vector(reference.omega_RN_N, i, omega)
+        put_vector(reference.domega_RN_N, i, domega)
+        put_vector(reference.los_N, i, los)
 
 
 @lean
@@ -121,14 +121,14 @@ def attitude_error(q_BN: Array, omega_BN_B: Array, reference: Reference, error: 
         reference: What they should be.
         error: Receives how they differ.
     """
-    for i in range(0, q_BN.shape[0], width()):
-        q_B = quaternions(q_BN, i)
+    for i in range(q_BN.shape[0]):
+        q_B = quaternion(q_BN, i)
         q_NB = conjugate(q_B)
-        omega_RN = rotate(q_NB, vectors(reference.omega_RN_N, i))
-        put_columns(error.sigma_BR, i, 1, short_mrp(product(conjugate(quaternions(reference.q_RN, i)), q_B)))
-        put_columns(error.omega_RN_B, i, 1, omega_RN)
-        put_columns(error.omega_BR_B, i, 1, combine(1.0, vectors(omega_BN_B, i), -1.0, omega_RN))
-        put_columns(error.domega_RN_B, i, 1, rotate(q_NB, vectors(reference.domega_RN_N, i)))
+        omega_RN = rotate(q_NB, vector(reference.omega_RN_N, i))
+        put_vector(error.sigma_BR, i, short_mrp(product(conjugate(quaternion(reference.q_RN, i)), q_B)))
+        put_vector(error.omega_RN_B, i, omega_RN)
+        put_vector(error.omega_BR_B, i, combine(1.0, vector(omega_BN_B, i), -1.0, omega_RN))
+        put_vector(error.domega_RN_B, i, rotate(q_NB, vector(reference.domega_RN_N, i)))
 
 
 @kernel
@@ -148,38 +148,29 @@ def pointing_error(q_BN: Array, los_N: Array) -> Array:
 
 
 @jittable
-def _either(flags: Any, a: Any, b: Any) -> Any:
-    """The quaternion a where a flag is set, otherwise b."""
-    w, (x, y, z) = select(flags, a[0], b[0]), select_each(flags, a[1:], b[1:])
-    return w, x, y, z
-
-
-@jittable
-def _carried(base: Any, rho: Any, rho_dot: Any, rho_ddot: Any) -> Any:
-    """Attitude, rate, its derivative and line of sight of references that are carried on from unit quaternions."""
+def _carried(
+    base: Quaternion, rho: Vector, rho_dot: Vector, rho_ddot: Vector
+) -> tuple[Quaternion, Vector, Vector, Vector]:
+    """Attitude, rate, its derivative and line of sight of a reference that is carried on from a unit quaternion."""
     distance = sqrt(dot(rho, rho))
+    if distance < COINCIDENCE_DISTANCE:
+        return base, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), z_axis(base)
     los = (rho[0] / distance, rho[1] / distance, rho[2] / distance)
     # The first turn is ill-conditioned when it is near half a turn; the second takes out what rounding left.
     q = _shortest_to(los, _shortest_to(los, base))
     omega, domega = _sight_rates(los, distance, rho_dot, rho_ddot)
-    near = distance < COINCIDENCE_DISTANCE
-    if some(near):
-        still = (0.0, 0.0, 0.0)
-        q, los = _either(near, base, q), select_each(near, z_axis(base), los)
-        omega, domega = select_each(near, still, omega), select_each(near, still, domega)
     return q, omega, domega, los
 
 
 @jittable
-def _shortest_to(los: Any, q: Any) -> Any:
+def _shortest_to(los: Vector, q: Quaternion) -> Quaternion:
     """Return the attitude with +z on the line of sight that is closest to the unit quaternion q."""
     z = z_axis(q)
     half = combine(1.0, z, 1.0, los)
-    opposite = dot(half, half) < _OPPOSITE * _OPPOSITE
-    if some(opposite):
+    if dot(half, half) < _OPPOSITE * _OPPOSITE:
         # Half a turn about the attitude's own x axis; what then remains is tiny and well defined.
-        q = _either(opposite, (-q[1], q[0], q[3], -q[2]), q)
-        z = select_each(opposite, scaled(-1.0, z), z)
+        q = (-q[1], q[0], q[3], -q[2])
+        z = scaled(-1.0, z)
         half = combine(1.0, z, 1.0, los)
     half = scaled(1.0 / sqrt(dot(half, half)), half)
     # The rotation from z to a direction, with the unit vector h halfway between them, is the quaternion (z.h, z x h).
@@ -188,7 +179,7 @@ def _shortest_to(los: Any, q: Any) -> Any:
 
 
 @jittable
-def _sight_rates(los: Any, distance: Any, rho_dot: Any, rho_ddot: Any) -> Any:
+def _sight_rates(los: Vector, distance: float, rho_dot: Vector, rho_ddot: Vector) -> tuple[Vector, Vector]:
     """Return omega = l x rho_dot / r and its derivative l x l_ddot = (l x rho_ddot - 2 r_dot omega) / r."""
     omega = scaled(1.0 / distance, cross(los, rho_dot))
     closing = dot(los, rho_dot)

@@ -1,8 +1,8 @@
 """Control laws that compiled code can call, so that whole stretches of a flight need no Python.
 
 A controller may offer the arithmetic of its law as a function of arrays (`CompiledController`). Numba compiles it once into
-a C function of a fixed signature, and the flight's kernels call it by its address: one kernel, kept in Numba's cache, serves
-every law, plug-ins included.
+a C function of a fixed signature, and the flight's kernels are given it: one kernel, kept in Numba's cache, serves every law,
+plug-ins included.
 """
 
 from __future__ import annotations
@@ -14,10 +14,9 @@ from pathlib import Path
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
-from llvmlite import ir
 from numba import cfunc, types
 from numba.core.errors import NumbaError
-from numba.extending import intrinsic
+from numba.extending import typeof_impl
 
 from swarm_mj.errors import PluginError
 from swarm_mj.spacecraft.control.base import ControlInput
@@ -25,6 +24,7 @@ from swarm_mj.typing import Array, kernel
 
 _numbers, _vectors, _tensors = (types.Array(types.float64, dimensions, "C") for dimensions in (1, 2, 3))
 _SIGNATURE = types.void(*[_vectors] * 6, *[_tensors] * 2, _numbers, _vectors)
+_LAW = types.FunctionType(_SIGNATURE)
 
 
 class CompiledLaw(NamedTuple):
@@ -42,6 +42,32 @@ class CompiledLaw(NamedTuple):
     numbers: Array
 
 
+class LawFunction(types.WrapperAddressProtocol):
+    """A compiled law as an argument of kernels, which call it as a function.
+
+    Numba takes its own C functions too, but works their type out anew at every call, for as long as a decision takes.
+
+    Args:
+        function: The C function.
+    """
+
+    def __init__(self, function: Any) -> None:
+        self._function = function
+
+    def __wrapper_address__(self) -> int:
+        """Address of the C function."""
+        return int(self._function.address)
+
+    def signature(self) -> Any:
+        """Types of its arguments."""
+        return _SIGNATURE
+
+
+@typeof_impl.register(LawFunction)
+def _type_of_law(law: LawFunction, context: Any) -> Any:
+    return _LAW
+
+
 @runtime_checkable
 class CompiledController(Protocol):
     """A controller whose law is offered for compiled code."""
@@ -52,7 +78,7 @@ class CompiledController(Protocol):
 
 
 @cache
-def compile_law(write_torque: Callable[..., Any]) -> Any:
+def compile_law(write_torque: Callable[..., Any]) -> LawFunction:
     """Compile the function of a `CompiledLaw`; kept for the life of the process, and in Numba's cache beyond it.
 
     Raises:
@@ -61,7 +87,7 @@ def compile_law(write_torque: Callable[..., Any]) -> Any:
     function = getattr(write_torque, "py_func", write_torque)
     on_disk = Path(getattr(inspect.getmodule(function), "__file__", None) or "").is_file()
     try:
-        return cfunc(_SIGNATURE, cache=on_disk, error_model="numpy")(function)
+        return LawFunction(cfunc(_SIGNATURE, cache=on_disk, error_model="numpy")(function))
     except (NumbaError, TypeError) as error:
         reason = " ".join([line.strip() for line in str(error).splitlines() if line.strip()][:2])
         raise PluginError(
@@ -70,47 +96,21 @@ def compile_law(write_torque: Callable[..., Any]) -> Any:
         ) from None
 
 
-@intrinsic
-def call_law(
-    typing_context: Any,
-    address: Any,
-    sigma_BR: Any,
-    omega_BR_B: Any,
-    omega_BN_B: Any,
-    omega_RN_B: Any,
-    domega_RN_B: Any,
-    wheel_momentum_B: Any,
-    inertia_B: Any,
-    inertia_effective_B: Any,
-    numbers: Any,
-    torque_B: Any,
-) -> tuple[Any, Any]:
-    """Call the compiled law at an address; within compiled code alone."""
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        parameters = [context.get_value_type(each) for each in _SIGNATURE.args]
-        kind = ir.FunctionType(context.get_value_type(types.void), parameters)
-        builder.call(builder.inttoptr(arguments[0], kind.as_pointer()), arguments[1:])
-        return context.get_dummy_value()
-
-    return types.void(types.int64, *_SIGNATURE.args), generate
-
-
-def address_of(law: CompiledLaw) -> int:
-    """Address of the compiled function of a law; valid for the life of the process."""
-    return int(compile_law(law.write_torque).address)
-
-
 def torque_by(law: CompiledLaw, inputs: ControlInput) -> Array:
     """The torques of a law's compiled function, which flights and their decisions in Python so share, shape (n, 3) [N m]."""
     torque_B = np.empty_like(inputs.sigma_BR)
-    _call(address_of(law), *(np.array(each, np.float64, order="C") for each in inputs[:8]), law.numbers, torque_B)
+    _call(
+        compile_law(law.write_torque),
+        *(np.array(each, np.float64, order="C") for each in inputs[:8]),
+        law.numbers,
+        torque_B,
+    )
     return torque_B
 
 
 @kernel
 def _call(
-    address: int,
+    law: Any,
     sigma_BR: Array,
     omega_BR_B: Array,
     omega_BN_B: Array,
@@ -122,8 +122,7 @@ def _call(
     numbers: Array,
     torque_B: Array,
 ) -> None:
-    call_law(
-        address,
+    law(
         sigma_BR,
         omega_BR_B,
         omega_BN_B,
@@ -135,6 +134,25 @@ def _call(
         numbers,
         torque_B,
     )
+
+
+def _do_nothing(
+    sigma_BR: Array,
+    omega_BR_B: Array,
+    omega_BN_B: Array,
+    omega_RN_B: Array,
+    domega_RN_B: Array,
+    wheel_momentum_B: Array,
+    inertia_B: Array,
+    inertia_effective_B: Array,
+    numbers: Array,
+    torque_B: Array,
+) -> None:
+    """Leave the torques that are held."""
+
+
+#: Stands for the law where torques are held.
+NO_LAW = compile_law(_do_nothing)
 
 
 def numbers_of(law: CompiledLaw) -> Array:

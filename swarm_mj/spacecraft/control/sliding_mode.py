@@ -25,8 +25,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from swarm_mj.errors import ScenarioError
-from swarm_mj.spacecraft.attitude.algebra import combine, cross, dot, scaled, tensors, transformed, vectors
-from swarm_mj.spacecraft.attitude.lanes import put_columns, width
+from swarm_mj.spacecraft.attitude.algebra import (
+    Vector,
+    combine,
+    cross,
+    dot,
+    matrix,
+    put_vector,
+    scaled,
+    transformed,
+    vector,
+)
 from swarm_mj.spacecraft.control.base import ControlInput, require_above
 from swarm_mj.spacecraft.control.compiled import CompiledLaw, torque_by
 from swarm_mj.typing import Array, jittable
@@ -165,12 +174,12 @@ def write_torque(
 ) -> None:
     """Write the torques; see `CompiledLaw`."""
     gains = _gains_of(numbers)
-    for i in range(0, sigma_BR.shape[0], width()):
-        J, J_eff = tensors(inertia_B, i), tensors(inertia_effective_B, i)
-        omega, error = vectors(omega_BN_B, i), vectors(omega_BR_B, i)
-        slew, slew_dot = _slew(vectors(sigma_BR, i), error, gains.slope, gains.rate_limit)
-        turning = cross(omega, vectors(omega_RN_B, i))
-        on_manifold = combine(1.0, combine(gains.feed_forward, vectors(domega_RN_B, i), -1.0, turning), -1.0, slew_dot)
+    for i in range(sigma_BR.shape[0]):
+        J, J_eff = matrix(inertia_B, i), matrix(inertia_effective_B, i)
+        omega, error = vector(omega_BN_B, i), vector(omega_BR_B, i)
+        slew, slew_dot = _slew(vector(sigma_BR, i), error, gains.slope, gains.rate_limit)
+        turning = cross(omega, vector(omega_RN_B, i))
+        on_manifold = combine(1.0, combine(gains.feed_forward, vector(domega_RN_B, i), -1.0, turning), -1.0, slew_dot)
         # The gyroscopic torque of an axis comes of what turns about the other two.
         gyroscopic_x = abs(omega[1] * omega[2]) * (J[1][1] + J[2][2])
         gyroscopic_y = abs(omega[2] * omega[0]) * (J[2][2] + J[0][0])
@@ -180,9 +189,9 @@ def write_torque(
             _commanded(error[1] + slew[1], on_manifold[1], J_eff[1][1], gyroscopic_y, gains),
             _commanded(error[2] + slew[2], on_manifold[2], J_eff[2][2], gyroscopic_z, gains),
         )
-        momentum = combine(1.0, transformed(J, omega), 1.0, vectors(wheel_momentum_B, i))
+        momentum = combine(1.0, transformed(J, omega), 1.0, vector(wheel_momentum_B, i))
         torque = combine(1.0, cross(omega, momentum), 1.0, transformed(J_eff, commanded))
-        put_columns(torque_B, i, 1, torque)
+        put_vector(torque_B, i, torque)
 
 
 @jittable
@@ -198,7 +207,7 @@ def _gain_at_rest(J_eff: Any, gains: Gains) -> Any:
 
 
 @jittable
-def _commanded(s: Any, on_manifold: Any, J_eff: Any, gyroscopic: Any, gains: Gains) -> Any:
+def _commanded(s: float, on_manifold: float, J_eff: float, gyroscopic: float, gains: Gains) -> float:
     """Return the acceleration that is commanded of an axis [rad/s^2]."""
     spoiled = _model_error(on_manifold, gyroscopic / J_eff, gains.uncertainty) / (1.0 - gains.uncertainty)
     saturation = min(1.0, max(-1.0, s / gains.layer))
@@ -206,7 +215,7 @@ def _commanded(s: Any, on_manifold: Any, J_eff: Any, gyroscopic: Any, gains: Gai
 
 
 @jittable
-def _slew(sigma: Any, omega_BR: Any, slope: float, rate_limit: float) -> Any:
+def _slew(sigma: Vector, omega_BR: Vector, slope: float, rate_limit: float) -> tuple[Vector, Vector]:
     """Return m(sigma) = slope sigma / sqrt(1 + (slope |sigma| / rate_limit)^2) [rad/s] and dm/dt [rad/s^2]."""
     square, along = dot(sigma, sigma), dot(sigma, omega_BR)
     sigma_dot = combine(0.25 * (1.0 - square), omega_BR, 0.5, cross(sigma, omega_BR))
@@ -218,7 +227,7 @@ def _slew(sigma: Any, omega_BR: Any, slope: float, rate_limit: float) -> Any:
 
 
 @jittable
-def _model_error(on_manifold: Any, gyroscopic: Any, uncertainty: float) -> Any:
+def _model_error(on_manifold: float, gyroscopic: float, uncertainty: float) -> float:
     """Return how much of the commanded acceleration of an axis a wrong inertia can spoil [rad/s^2].
 
     The gyroscopic torque of axis j is omega_k omega_l (J_l - J_k), and each true moment of inertia is at most

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from swarm_mj.designer.candidates.flights import fly_candidates
-from swarm_mj.scenarios.loading import load_scenario
+from swarm_mj.scenarios.loading import load_scenario, parse_overrides
 
 SWEEP = "behavior={name: target_sweep, parameters: {surface_radius_m: 8000, rows: 3, dwell_s: 60}}"
 
@@ -21,7 +21,7 @@ def shortest_turn(q_from, direction):
 @pytest.fixture(scope="module", params=[(), (SWEEP,)], ids=["centre", "sweep"])
 def flights(request):
     overrides = ["observation.criterion=visit", "target.cell_size_m=null", "telemetry.interval_s=20", *request.param]
-    return fly_candidates(load_scenario("eros-quick", overrides))
+    return fly_candidates(load_scenario("eros-quick", parse_overrides(overrides)))
 
 
 def aims_A(flights, k):
@@ -63,6 +63,6 @@ def test_the_visiting_points_are_reached_at_the_time_of_flight_and_speeds_are_re
 
 
 def test_a_replaced_seed_changes_no_candidate():
-    scenario = load_scenario("eros-quick", ["observation.criterion=visit", "dispersions.deployment_velocity_m_s=1"])
+    scenario = load_scenario("eros-quick", {"observation.criterion": "visit", "dispersions.deployment_velocity_m_s": 1})
     first, second = (fly_candidates(scenario.model_copy(update={"seed": seed})) for seed in (1, 2))
     assert np.array_equal(first.r_A, second.r_A)

@@ -11,8 +11,8 @@ from swarm_mj.designer.candidates.visibility import visibility
 from swarm_mj.designer.exact import solve_exact
 from swarm_mj.designer.problem import CoverProblem
 from swarm_mj.designer.study import study_design
-from swarm_mj.results.design_files import design_record, left_out_words
-from swarm_mj.scenarios.loading import load_scenario
+from swarm_mj.records.design_files import design_record, left_out_words
+from swarm_mj.scenarios.loading import load_scenario, parse_overrides
 
 
 def cheapest(sees, cost, fold):
@@ -87,8 +87,8 @@ CASES = {
 @pytest.mark.parametrize("case", CASES)
 def test_flown_candidates_are_thinned_to_the_same_minimum(tmp_path, monkeypatch, case):
     monkeypatch.setenv("SWARM_MJ_CACHE", str(tmp_path))
-    every = load_scenario("eros-quick", [*FAST, *CASES[case][0]])
-    few = load_scenario("eros-quick", [*FAST, *CASES[case][0], "designer.thin_from=1"])
+    every = load_scenario("eros-quick", parse_overrides([*FAST, *CASES[case][0]]))
+    few = load_scenario("eros-quick", parse_overrides([*FAST, *CASES[case][0], "designer.thin_from=1"]))
     told = []
     whole, thin = visibility(every), visibility(few, progress=told.append)
     rows = dict(zip(whole.candidates, whole.sees, strict=True))
@@ -106,13 +106,13 @@ def test_flown_candidates_are_thinned_to_the_same_minimum(tmp_path, monkeypatch,
 
 def test_a_thinned_design_says_how_many_and_the_trade_off_keeps_the_cheap():
     overrides = [*FAST, "observation.interval_s=200", "designer.max_generations=5"]
-    scenario = load_scenario("eros-quick", [*overrides, "designer.thin_from=51"])
+    scenario = load_scenario("eros-quick", parse_overrides([*overrides, "designer.thin_from=51"]))
     study = study_design(scenario)
     record, n = design_record(study), len(study.visibility.thinned)
     assert record["candidates_thinned"] == n > 5 and record["candidates_count"] == 51 - n
     assert left_out_words(study.visibility).startswith(f"{n} of 51 candidates are left out: {n} seeing no more")
     by_cost = visibility(scenario, costs=True)
-    whole = visibility(load_scenario("eros-quick", [*overrides, "designer.thin_from=52"]))
+    whole = visibility(load_scenario("eros-quick", parse_overrides([*overrides, "designer.thin_from=52"])))
     delta_v = dict(zip(whole.candidates, whole.delta_v, strict=True))
     assert not whole.thinned and not left_out_words(whole)
     assert 0 < len(by_cost.thinned) < n

@@ -2,8 +2,6 @@
 
 import os
 import signal
-import time
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -19,11 +17,11 @@ from swarm_mj.errors import MissionError, PathError, ScenarioError
 from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.observe import criterion_from, observe_flight
 from swarm_mj.flight.plan import make_plan
-from swarm_mj.io import fork_server, workers
+from swarm_mj.io import workers
 from swarm_mj.mission.trajectories import NO_TRAJECTORY
 from swarm_mj.observation.capture import observe
-from swarm_mj.results.design_files import left_out_words
-from swarm_mj.scenarios.loading import load_scenario
+from swarm_mj.records.design_files import left_out_words
+from swarm_mj.scenarios.loading import load_scenario, parse_overrides
 from swarm_mj.spacecraft.attitude.mrp import dcm
 
 #: Visits only, few cells, rays: quick enough for tests.
@@ -36,7 +34,7 @@ FAST = [
 
 
 def scenario(*overrides):
-    return load_scenario("eros-quick", [*FAST, *overrides])
+    return load_scenario("eros-quick", parse_overrides([*FAST, *overrides]))
 
 
 def all_shares(flights, *what, at=None, **how):
@@ -111,17 +109,17 @@ def test_pictures_are_kept_and_an_interrupted_computation_goes_on(flights, own_c
     judged = []
     real = pictures._judge
 
-    def interrupted(r_A, C_CA):
+    def interrupted(judge, r_A, C_CA):
         if len(judged) == 20:
             raise KeyboardInterrupt
         judged.append(r_A)
-        return real(r_A, C_CA)
+        return real(judge, r_A, C_CA)
 
     monkeypatch.setattr(pictures, "_judge", interrupted)
     with pytest.raises(KeyboardInterrupt):
         all_shares(flights, region, imaging_model, at=at)
     assert len(list(own_cache.rglob("*.npy"))) == 20
-    monkeypatch.setattr(pictures, "_judge", lambda r, C: judged.append(r) or real(r, C))
+    monkeypatch.setattr(pictures, "_judge", lambda judge, r, C: judged.append(r) or real(judge, r, C))
     shares = all_shares(flights, region, imaging_model, at=at, progress=done.append)
     assert len(judged) == 51
     assert done[0] == 20 and done[-1] == 51
@@ -252,19 +250,17 @@ def test_whole_faces_at_the_visit_need_as_many_as_the_corners_in_the_cone_say(fl
 
 
 def test_processes_for_whose_pictures_nobody_waits_any_more_are_gone(flights, own_cache, monkeypatch):
-    begun = []
+    begun, begin = [], workers.begin
 
-    def begin(*arguments, **keywords):
-        begun.append(fork_server.begin(*arguments, **keywords))
+    def noted(*arguments, **keywords):
+        begun.append(begin(*arguments, **keywords))
         return begun[-1]
 
     def interrupted():
         if begun:
-            while any(process.pid is None for process, _ in begun):
-                time.sleep(0.01)
             raise KeyboardInterrupt
 
-    monkeypatch.setattr(workers, "fork_server", SimpleNamespace(begin=begin))
+    monkeypatch.setattr(workers, "begin", noted)
     monkeypatch.setattr(pictures.interruption, "check", interrupted)
     monkeypatch.setattr(pictures, "MIN_PARALLEL", 1)
     with pytest.raises(KeyboardInterrupt):

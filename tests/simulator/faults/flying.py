@@ -8,10 +8,11 @@ import numpy as np
 from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.plan import environment_from, load_body_shape, make_plan
 from swarm_mj.mission.behaviors import AdaptableRoles
-from swarm_mj.scenarios.loading import load_scenario
+from swarm_mj.scenarios.loading import load_scenario, parse_overrides
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.simulator.faults.state import FaultModel
-from swarm_mj.simulator.simulation import InitialState, Simulation
+from swarm_mj.simulator.simulation import Simulation
+from swarm_mj.simulator.state import InitialState
 from swarm_mj.spacecraft.model import build_model
 from swarm_mj.spacecraft.properties import SpacecraftProperties
 
@@ -37,7 +38,7 @@ def fault(text):
 
 @cache
 def plan_of(name, overrides):
-    return make_plan(load_scenario(name, overrides))
+    return make_plan(load_scenario(name, parse_overrides(overrides)))
 
 
 @cache
@@ -55,7 +56,7 @@ def events_of(telemetry, kind=None):
 
 
 def alone(
-    controller, *, faults=(), dispersions=None, layout="orthogonal", wheels="bodies", speed=0.0, rate=0.0, seed=0
+    controller, *, faults=(), dispersions=None, layout="orthogonal", stepper="mujoco", speed=0.0, rate=0.0, seed=0
 ):
     """One spacecraft far from the body, so that only its own torques act; wheels turn at `speed`, it at `rate` [rad/s]."""
     checked = Scenario.model_validate({"name": "x", "faults": list(faults), "dispersions": dispersions or {}})
@@ -63,8 +64,7 @@ def alone(
     shape = load_body_shape(scenario.body)
     properties = SpacecraftProperties(wheel_layout=layout)
     simulation = Simulation(
-        build_model(1, shape=shape, properties=properties, wheels=wheels),
-        properties=properties,
+        build_model(1, shape=shape, properties=properties, stepper=stepper),
         environment=environment_from(scenario, shape),
         behavior=AdaptableRoles(1, 35e3),
         controller=controller,

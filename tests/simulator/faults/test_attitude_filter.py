@@ -8,7 +8,7 @@ from scipy.stats import chi2
 
 from swarm_mj.simulator.faults.attitude_filter import estimate
 from swarm_mj.simulator.faults.dispersions import ARCSEC, DEG_PER_HOUR, DEG_PER_SQRT_HOUR
-from swarm_mj.simulator.faults.filter_state import Assumed, biases, covariances, first_state, sensors_of
+from swarm_mj.simulator.faults.filter_state import Assumed, first_state, sensors_of
 
 PERIOD = 0.5
 NOISE = {
@@ -54,12 +54,11 @@ class Trial:
     def errors(self):
         estimated = Rotation.from_quat(self.state.q_BN, scalar_first=True)
         theta = (estimated.inv() * self.truth).as_rotvec()
-        estimated_bias, true = biases(self.state)
-        return np.hstack((theta, true + self.sensors.gyro_offset[:, : self.n].T - estimated_bias))
+        return np.hstack((theta, self.state.true_bias + self.sensors.gyro_offset - self.state.bias))
 
     @property
     def nees(self):
-        return np.einsum("ni,nij,nj->n", self.errors, np.linalg.inv(covariances(self.state)), self.errors)
+        return np.einsum("ni,nij,nj->n", self.errors, np.linalg.inv(self.state.covariance), self.errors)
 
 
 @pytest.mark.parametrize("periods", [2, 40, 400])
@@ -76,17 +75,17 @@ def test_the_errors_of_the_filter_are_as_large_as_its_covariance_says(periods):
 def test_the_errors_stay_as_large_as_the_covariance_says_through_a_dropout_of_the_star_tracker():
     trial = Trial(400)
     trial.fly(200)
-    settled = covariances(trial.state)[0, 0, 0]
+    settled = trial.state.covariance[0, 0, 0]
     trial.sensors.star_tracker_works[:] = False
     trial.fly(120)
     # Attitude variance of an unaided gyro: white noise, a bias error that integrates, and its walk.
     t = 120 * PERIOD
-    assert covariances(trial.state)[0, 0, 0] > settled + 0.9 * NOISE["gyro"] ** 2 * t
+    assert trial.state.covariance[0, 0, 0] > settled + 0.9 * NOISE["gyro"] ** 2 * t
     low, high = chi2.ppf([0.0005, 0.9995], 6 * trial.n) / trial.n
     assert low < trial.nees.mean() < high
     trial.sensors.star_tracker_works[:] = True
     trial.fly(60)
-    assert covariances(trial.state)[0, 0, 0] < 1.5 * settled
+    assert trial.state.covariance[0, 0, 0] < 1.5 * settled
 
 
 def test_the_filter_estimates_the_gyro_bias_and_its_steady_attitude_beats_the_star_tracker():
@@ -105,7 +104,7 @@ def test_without_a_walk_the_bias_variance_falls_as_least_squares_says():
     trial.assumed = Assumed(1e-12, 0.0, NOISE["tracker"], 1.0)
     trial.fly(200)
     expected = 12 * NOISE["tracker"] ** 2 / (PERIOD**2 * 200 * (200**2 - 1))
-    assert covariances(trial.state)[0, 5, 5] == pytest.approx(expected, rel=1e-3)
+    assert trial.state.covariance[0, 5, 5] == pytest.approx(expected, rel=1e-3)
 
 
 def test_a_jump_of_the_gyro_bias_is_found_again():
@@ -131,7 +130,7 @@ def test_without_gyro_the_rate_comes_from_the_star_tracker_with_its_noise():
 
 def test_a_mounting_error_of_the_star_tracker_goes_straight_into_the_attitude():
     trial = Trial(50, speed=0.0)
-    trial.sensors.star_tracker_offset[1] = 1e-3
+    trial.sensors.star_tracker_offset[:, 1] = 1e-3
     trial.fly(400)
     assert np.allclose(
         trial.errors[:, :3].mean(axis=0), (0.0, -1e-3, 0.0), atol=5 * NOISE["tracker"] / np.sqrt(50 * 10)
@@ -151,7 +150,7 @@ class TextbookFilter:
 
     def __init__(self, trial, seen, j=0):
         self.trial, self.j, self.q, self.bias, self.before = trial, j, seen, np.zeros(3), trial.attitude[j]
-        self.true_bias, assumed = biases(trial.state)[1][j].copy(), trial.assumed
+        self.true_bias, assumed = trial.state.true_bias[j].copy(), trial.assumed
         self.P = np.diag(np.repeat([assumed.star_tracker_noise**2, assumed.initial_bias**2], 3))
         self.rate, self.tracked = np.zeros(3), seen
 
@@ -164,7 +163,7 @@ class TextbookFilter:
         self.true_bias, self.before = after, attitude
         biased = float(sensors.gyro_works[j])
         if biased:
-            self.rate = measured + sensors.gyro_offset[:, j] - self.bias
+            self.rate = measured + sensors.gyro_offset[j] - self.bias
         self.q = self.q * Rotation.from_rotvec(PERIOD * self.rate)
         drift = np.zeros((6, 6))
         drift[:3, :3], drift[:3, 3:] = -cross(self.rate), -biased * np.eye(3)
@@ -193,7 +192,7 @@ def of_all_kinds(n):
     """A trial with noise of all kinds of one size: no block and no term is small against another."""
     trial = Trial(n, seed=5)
     trial.assumed, trial.sensors = Assumed(2e-3, 3e-3, 1e-3, 4e-3), sensors_of(n, 2e-3, 3e-3, 1e-3)
-    trial.sensors.gyro_offset[:, :n] = np.array([2e-3, -1e-3, 3e-3])[:, None] * (1 + np.arange(n))
+    trial.sensors.gyro_offset[:] = np.array([2e-3, -1e-3, 3e-3]) * (1 + np.arange(n))[:, None]
     return trial
 
 
@@ -209,9 +208,10 @@ def test_the_filter_is_a_kalman_filter_with_the_matrices_of_the_textbook(angle):
         rate = turn.as_rotvec() / PERIOD
         estimate(quaternions(trial.attitude), rate, PERIOD, noise, trial.sensors, trial.assumed, trial.state)
         P = np.array([book.P for book in books])
-        np.testing.assert_allclose(covariances(trial.state), P, rtol=0, atol=1e-12 * P.max())
-        for found, name in zip(biases(trial.state), ("bias", "true_bias"), strict=True):
-            np.testing.assert_allclose(found, [getattr(book, name) for book in books], rtol=0, atol=1e-13)
+        np.testing.assert_allclose(trial.state.covariance, P, rtol=0, atol=1e-12 * P.max())
+        for name in ("bias", "true_bias"):
+            expected = [getattr(book, name) for book in books]
+            np.testing.assert_allclose(getattr(trial.state, name), expected, rtol=0, atol=1e-13)
         estimated = Rotation.from_quat(trial.state.q_BN, scalar_first=True)
         for j, book in enumerate(books):
             assert (book.q.inv() * estimated[j]).magnitude() < 2e-13
@@ -231,9 +231,9 @@ def test_each_spacecraft_estimates_what_it_would_alone_to_the_last_bit(n):
     together, alone, rng = of_all_kinds(n), [], np.random.default_rng(2)
     for j in range(n):
         one = of_all_kinds(n)
-        state = first_state(biases(one.state)[1][j : j + 1])
+        state = first_state(one.state.true_bias[j : j + 1])
         sensors = sensors_of(1, 2e-3, 3e-3, 1e-3)
-        sensors.gyro_offset[:, 0] = one.sensors.gyro_offset[:, j]
+        sensors.gyro_offset[0] = one.sensors.gyro_offset[j]
         alone.append((sensors, state))
     for period in range(9):
         attitude = quaternions(Rotation.random(n, rng=rng))  # far from each other: every branch for large angles
@@ -247,17 +247,14 @@ def test_each_spacecraft_estimates_what_it_would_alone_to_the_last_bit(n):
         for j, (sensors, state) in enumerate(alone):
             one = slice(j, j + 1)
             estimate(attitude[one], rate[one], PERIOD, noise[one], sensors, together.assumed, state)
-            for found, expected in ((together.state.q_BN, state.q_BN), (together.state.omega_BN_B, state.omega_BN_B)):
-                assert np.array_equal(found[one], expected)
-            assert np.array_equal(covariances(together.state)[one], covariances(state))
-            for found, expected in zip(biases(together.state), biases(state), strict=True):
-                assert np.array_equal(found[one], expected)
+            for name in ("q_BN", "omega_BN_B", "bias", "true_bias", "covariance"):
+                assert np.array_equal(getattr(together.state, name)[one], getattr(state, name))
 
 
 def test_the_bias_of_a_gyro_walks_with_the_variance_of_a_random_walk():
     trial = Trial(2000, walk=1e-5)
-    start = biases(trial.state)[1].copy()
+    start = trial.state.true_bias.copy()
     trial.fly(1)
-    assert np.array_equal(biases(trial.state)[1], start)
+    assert np.array_equal(trial.state.true_bias, start)
     trial.fly(64)
-    assert (biases(trial.state)[1] - start).std() == pytest.approx(1e-5 * np.sqrt(64 * PERIOD), rel=0.03)
+    assert (trial.state.true_bias - start).std() == pytest.approx(1e-5 * np.sqrt(64 * PERIOD), rel=0.03)

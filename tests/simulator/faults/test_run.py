@@ -8,7 +8,7 @@ import xarray as xr
 from swarm_mj.cli.main import main
 from swarm_mj.scenarios.loading import load_scenario
 
-RUN = ["run", "eros-faults", "--quiet", "--no-figures", "--set", "observation.observer=raycast"]
+RUN = ["fly", "eros-faults", "--quiet", "--no-figures", "--set", "observation.observer=raycast"]
 
 
 def test_a_run_with_faults_ends_with_its_result_and_the_list_of_events(tmp_path, capsys):

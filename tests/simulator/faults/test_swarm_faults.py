@@ -10,6 +10,7 @@ from swarm_mj.mission.behaviors import TargetKind, Targets
 from swarm_mj.mission.trajectories import propagate
 from swarm_mj.simulator.faults.relay_election import Succession, relay_of
 
+from ..flying import place
 from .flying import events_of, fault, fly, plan_of
 
 SPACECRAFT, EARTH = int(TargetKind.SPACECRAFT), int(TargetKind.EARTH)
@@ -170,7 +171,9 @@ def test_an_impact_is_found_within_a_control_period_and_the_others_fly_on():
 def test_without_faults_an_impact_stops_the_flight_with_time_and_spacecraft():
     plan = plan_of("eros-quick", ())
     simulation = make_simulation(plan)
-    simulation.data.qvel[:3] += head_for_the_body(plan)
+    velocity = simulation.state.v_N.copy()
+    velocity[0] += head_for_the_body(plan)
+    place(simulation, v_N=velocity)
     with pytest.raises(SimulationError, match=r"sc1 hits the body at t = \d+(\.5)? s, latitude"):
         simulation.run(600.0, 5.0)
 
@@ -179,13 +182,14 @@ def test_a_spacecraft_whose_state_is_no_number_is_given_up_at_the_next_control_p
     plan = plan_of("eros-quick", (fault("{kind: camera_off, spacecraft: sc1, at_s: 0}"),))
     simulation = make_simulation(plan)
     simulation.run(100.0, 5.0)
-    place = simulation.data.qpos[:3].copy()
-    simulation.data.qvel[4] = np.nan
+    before, rates = simulation.state.r_N[0].copy(), simulation.state.omega_B.copy()
+    rates[0, 1] = np.nan
+    place(simulation, omega_B=rates)
     record = simulation.run(500.0, 5.0)
     (event,) = [e for e in simulation.events if e.kind == "diverged"]
     assert (event.time_s, event.spacecraft) == (100.0, 0)
     assert simulation.lost.tolist() == [True, False]
-    assert np.linalg.norm(simulation.data.qpos[:3] - place) < 1e-6
+    assert np.linalg.norm(simulation.state.r_N[0] - before) < 1e-6
     healthy = fly()[1]
     assert np.abs(record.vectors[:, 0, 1] - healthy["r_BN_N"].values[20:121, 1]).max() < 1e-6
     assert np.abs(record.vectors[:, 4, 1] - healthy["wheel_speed"].values[20:121, 1]).max() < 1e-6

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from swarm_mj.spacecraft.properties import RPM, SpacecraftProperties
+from swarm_mj.spacecraft.properties import SpacecraftProperties
 
+from ..flying import place
 from .flying import Constant, NoTorque, alone, events_of, fault, fly, momentum
 
 
@@ -25,7 +26,7 @@ def test_a_stuck_wheel_keeps_its_speed_gives_no_torque_and_momentum_is_conserved
 def test_a_wheel_that_seizes_gives_its_momentum_to_the_body():
     seized = {"kind": "wheel_stuck", "spacecraft": "sc1", "wheel": 3, "at_s": 5, "speed_rpm": 0}
     simulation = alone(NoTorque(), faults=[seized], speed=300.0)
-    simulation.data.qvel[6:8] = 0.0
+    place(simulation, wheel_speed=np.array([[0.0, 0.0, 300.0]]))
     simulation.run(60.0, 60.0)
     properties = SpacecraftProperties()
     expected = properties.wheel_spin_inertia * 300.0 / properties.inertia_B[2, 2]
@@ -56,8 +57,8 @@ def test_a_weakened_wheel_turns_the_spacecraft_by_its_part_and_recovers():
     assert [event.kind for event in simulation.events] == ["wheel_weakened", "over"]
 
 
-@pytest.mark.parametrize("wheels", ["bodies", "gyrostat"])
-def test_friction_slows_a_wheel_as_the_closed_form_says_and_spins_the_body_up(wheels):
+@pytest.mark.parametrize("stepper", ["mujoco", "kernel"])
+def test_friction_slows_a_wheel_as_the_closed_form_says_and_spins_the_body_up(stepper):
     coulomb, viscous = 3e-5, 5e-7
     rubs = {
         "kind": "wheel_friction",
@@ -67,12 +68,10 @@ def test_friction_slows_a_wheel_as_the_closed_form_says_and_spins_the_body_up(wh
         "coulomb_n_m": coulomb,
         "viscous_n_m_s": viscous,
     }
-    simulation = alone(NoTorque(), faults=[rubs], wheels=wheels)
+    simulation = alone(NoTorque(), faults=[rubs], stepper=stepper)
     properties = SpacecraftProperties()
     J_s, J = properties.wheel_spin_inertia, properties.inertia_effective_B[2, 2]
-    qpos, qvel = (array.copy() for array in simulation.model.state(simulation.data))
-    qvel[0, 8] = 250.0
-    simulation.model.set_state(simulation.data, qpos, qvel)
+    place(simulation, wheel_speed=np.array([[0.0, 0.0, 250.0]]))
     record = simulation.run(200.0, 0.5)
     reduced = 1.0 / (1.0 / J_s + 1.0 / J)
     t = record.time
@@ -115,14 +114,3 @@ def test_four_wheels_stand_inside_the_mass_and_inertia_of_the_box_and_conserve_m
     simulation.run(60.0, 60.0)
     assert np.linalg.norm(simulation.data.qvel[6:] - 100.0) > 100.0
     assert np.allclose(momentum(simulation), before, atol=1e-7)
-
-
-def test_both_wheel_models_fly_the_same_faults():
-    faults = fault(
-        "{kind: wheel_friction, spacecraft: sc1, wheel: 1, at_s: 20, coulomb_n_m: 1.0e-5}, "
-        "{kind: wheel_stuck, spacecraft: sc2, wheel: 1, at_s: 700, speed_rpm: 100}"
-    )
-    _, bodies = fly(faults)
-    _, gyrostats = fly(faults, "physics.wheels=gyrostat")
-    for name, scale in (("sigma_BN", 1.0), ("wheel_speed", 6000 * RPM)):
-        assert np.abs(bodies[name].values[:180] - gyrostats[name].values[:180]).max() < 1e-4 * scale

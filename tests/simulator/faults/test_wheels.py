@@ -6,6 +6,7 @@ from scipy.integrate import solve_ivp
 
 from swarm_mj.simulator.faults.wheel_set import WheelSet
 from swarm_mj.simulator.faults.wheels import WheelState, allocate, drive, speed_after
+from swarm_mj.simulator.flights import allocate_conditions, wheels_of_flight
 from swarm_mj.spacecraft.properties import SpacecraftProperties
 
 J = 2.4e-5
@@ -132,7 +133,8 @@ def test_a_dead_spacecraft_drives_no_wheel_but_friction_goes_on():
 
 def test_the_swarm_drives_its_wheels_with_motor_and_bearing_together():
     properties = SpacecraftProperties()
-    wheels = WheelSet(properties, properties.inertia_B[None], np.full((1, 3), 2e-4), np.zeros((1, 3)), 0.0)
+    state = wheels_of_flight(allocate_conditions(1, 1, 3, noise_rows=0, readings=1, series=()), 0)
+    wheels = WheelSet(properties, properties.inertia_B[None], np.full((1, 3), 2e-4), np.zeros((1, 3)), state)
     total = wheels.drive(np.zeros((1, 3)), np.full((1, 3), 100.0), 0.5, np.zeros(1, bool), np.zeros((1, 3)))
     assert total == pytest.approx(-2e-4)
 

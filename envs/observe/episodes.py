@@ -1,0 +1,307 @@
+"""E episodes over a pool of missions: what the single, the vector and the multi-agent environments share."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from swarm_mj.typing import Array32, Mask
+
+from ..arguments import checked_count
+from ..threads import refuse_more_than_fit
+from .config import EnvConfig, MissionPool
+from .draws import EpisodeDraw
+from .flying import BATCH, Fleet
+from .layout import FlatLayout, make_interface, observed_from
+from .mission import Mission
+from .rewards import ENDS, StepResult, horizon_ended
+from .state import EpisodeState
+from .tables import BOUND
+
+#: What an episode takes in memory, measured, upper estimates: of its own, and for each pair of spacecraft [B].
+EPISODE_BYTES, PAIR_BYTES = 96 * 1024, 4608
+
+
+class Episodes(EpisodeState):
+    """E episodes; each is a function of its flight seed alone.
+
+    Args:
+        config: The environment's arguments.
+        count: Number of episodes E.
+        threads: Most that are used.
+
+    Attributes:
+        config: The environment's arguments.
+        pool: Its missions.
+        interface: What agents are shown and choose among.
+        draws: What was drawn for each episode; None before it begins.
+
+    Raises:
+        ScenarioError: There are no episodes, or more than memory holds.
+    """
+
+    flights: Fleet
+
+    def __init__(self, config: EnvConfig, count: int, threads: int = 1) -> None:
+        n, used = config.spacecraft, max(1, min(threads, count))
+        refuse_more_than_fit(checked_count("count", count), EPISODE_BYTES + n**2 * PAIR_BYTES)
+        self.config, self.pool = config, MissionPool(config)
+        each = -(-count // used)
+        super().__init__(
+            Fleet(count, n, used, each if len(self.pool) == 1 else min(BATCH, each)), count, n, config.patches
+        )
+        self.interface = make_interface(n, config.patches, config.candidates)
+        self.draws: list[EpisodeDraw | None] = [None] * count
+        self._numbers: dict[int, int] = {}
+        thread = np.array([self.flights.thread_of(e) for e in range(count)])
+        self._parts: list[Mask] = [thread == k for k in range(used)]
+        self._pool = ThreadPoolExecutor(used, "swarm_mj episodes") if used > 1 else None
+
+    @property
+    def layout(self) -> FlatLayout:
+        """Of a flat observation."""
+        return self.interface.layout
+
+    @property
+    def choices(self) -> int:
+        """Choices of a spacecraft."""
+        return self.interface.choices
+
+    def mission_of(self, e: int) -> Mission:
+        """The mission that episode e flies."""
+        assert self.draws[e] is not None, "the episode has not begun"
+        return self.missions[self.mission[e]]
+
+    def begin(self, e: int, seed: int, given: Mapping[str, Any] | None = None) -> None:
+        """Start episode e anew.
+
+        Args:
+            e: Which.
+            seed: Of the flight.
+            given: Values by name in the place of drawn ones.
+
+        Raises:
+            ScenarioError: A name is unknown or a value not allowed.
+        """
+        draw = self.config.laws.draw(seed, given)
+        mission = self._seat(e, draw)
+        start, live = mission.start(draw), np.arange(self.count) == e
+        self.forget(e)
+        self.flights.start(e, start)
+        self.update(live)
+        # Sensors are read of all, before anybody is lost.
+        self.update_estimate(live)
+        self._deal(e, draw, mission)
+        until = np.where(
+            self.sheet.present[e], np.minimum(self.sheet.fails_s[e, :, :2].min(axis=1), mission.duration_s), 0.0
+        )
+        target = self.totals.target[e, : mission.plan.region.n_cells]
+        self.sheet.possible_area[e] = mission.possible_area(until, target, start)
+        self._lose(e, ~self.sheet.present[e])
+        self._fail(live)
+        self.update(live)
+        self.update_estimate(live)
+        self.show(live)
+
+    def _seat(self, e: int, draw: EpisodeDraw) -> Mission:
+        """Let episode e fly its mission, which is made where it is the first to."""
+        mission = self.pool[draw.mission]
+        if draw.mission not in self._numbers:
+            self._numbers[draw.mission] = self.add(mission)
+        self.mission[e], self.draws[e] = self._numbers[draw.mission], draw
+        self.flights.seat(e, draw.mission, mission)
+        return mission
+
+    def _deal(self, e: int, draw: EpisodeDraw, mission: Mission) -> None:
+        """Write down what was drawn, and which cells can count in its light."""
+        sheet = self.sheet
+        sheet.present[e] = np.arange(self.n) < draw.spacecraft
+        sheet.downlink[e], sheet.camera_off[e] = True, False
+        sheet.fails_s[e] = np.where(sheet.present[e, :, None], draw.fails * mission.duration_s, np.inf)
+        if mission.drawn_light:
+            sheet.sun_A[e] = mission.sun_A(draw)
+            self.totals.target[e, : mission.plan.region.n_cells] = mission.lit(sheet.sun_A[e])
+
+    def _fail(self, live: Mask) -> None:
+        """Let fail in the live flights what has failed by now, as it was drawn."""
+        sheet, failed = self.sheet, self.sheet.fails_s <= self.now.t[:, None, None]
+        if (failed & live[:, None, None]).any():
+            sheet.camera_off[live] |= failed[live, :, 1]
+            sheet.downlink[live] &= ~failed[live, :, 2]
+            for e in np.flatnonzero((failed[:, :, 0] & ~self.totals.lost).any(axis=1) & live):
+                self._lose(int(e), failed[e, :, 0] & ~self.totals.lost[e])
+
+    def _lose(self, e: int, who: Mask) -> None:
+        if who.any():
+            self.totals.lost[e] |= who
+            self.flights.park(e, *np.flatnonzero(who).tolist())
+
+    @property
+    def task(self) -> EnvConfig:
+        """What tells whether a state fits, see `take_state`."""
+        return self.config
+
+    def get_state(self, e: int) -> dict[str, Any]:
+        """All that episode e is between two steps, copied, for `set_state` of any episodes of the same arguments."""
+        return {"draw": self.draws[e], "rows": self.rows_of(e), "flight": self.flights.get_state(e)}
+
+    def set_state(self, e: int, state: dict[str, Any]) -> None:
+        """Go on from what `get_state` gave; bit for bit the episode that went on from there."""
+        self._seat(e, state["draw"])
+        self.flights.set_state(e, state["flight"])
+        self.put_rows(e, state["rows"])
+
+    def reset(self, seeds: Mapping[int, int], given: Mapping[str, Any] | None = None) -> None:
+        """Start episodes anew from their flight seeds, by number of the episode; `given` as of `begin`."""
+        for e, seed in seeds.items():
+            self.begin(e, seed, given)
+
+    def step(self, actions: NDArray[Any], live: Mask) -> StepResult:
+        """Fly the live episodes, shape (E,), one step with the agents' choices held, shape (E, n)."""
+        return self.fly(self.interface.decoded(self._observed, actions), live)
+
+    def fly(self, choices: NDArray[Any], live: Mask) -> StepResult:
+        """The same with choices among all patches, Earth and relays, whatever the agents choose among."""
+        self.result.terms[:], self.result.reward[:], self.result.end[:] = 0.0, 0.0, 0
+        self.result.truncated[:], self.result.hit[:] = False, False
+        given = np.asarray(choices, np.int64)
+        if self._pool is None:
+            self._decide(given, live)
+        else:
+            list(self._pool.map(lambda part: self._decide(given, live & part), self._parts))
+        found = StepResult._make(part.copy() for part in self.result)
+        return horizon_ended(found) if self.config.horizon_terminates else found
+
+    def _decide(self, choices: NDArray[Any], live: Mask) -> None:
+        """A decision of the live episodes: what fails, fails; targets are held, pictures taken, and what came of it scored."""
+        if not live.any():
+            return
+        flights, mission = self.flights, self.missions[0]
+        self._fail(live)
+        self.choose(choices, live)
+        self.begin_step(live)
+        flights.hold(live)
+        ticks, flown, flying = mission.ticks, 0, live.copy()
+        # Pictures at the end of a decision belong to the next one, if there is one.
+        due = mission.is_due[np.minimum(flights.tick[:, None] + np.arange(ticks + 1), mission.last_tick)]
+        due[:, ticks] &= flights.tick + ticks >= mission.last_tick
+        for k in [*np.flatnonzero(due[live, :ticks].any(axis=0)).tolist(), ticks]:
+            if k > flown:
+                flights.fly(k - flown, flying)
+                flying, flown = flying & flights.finite, k
+            if (pictured := due[:, k] & flying).any():
+                self.take_pictures(pictured)
+        self._end_step(live, flying)
+
+    def _end_step(self, live: Mask, flying: Mask) -> None:
+        flights, fine = self.flights, self.update(flying)
+        self.totals.lost[live] |= flights.lost[live]
+        self.update_estimate(fine)
+        self.score(live, fine, flights.effort)
+        for e, j in zip(*np.nonzero(self.result.hit & live[:, None]), strict=True):
+            flights.park(int(e), int(j))
+        self.show(fine)
+
+    def info(self, e: int) -> dict[str, Any]:
+        """What every step tells of episode e."""
+        told = {name: _plain(rows[e]) for name, rows in self._facts().items()}
+        return told | {"action_mask": self.action_mask[e].copy()}
+
+    def infos(self) -> dict[str, NDArray[Any]]:
+        """The same of all episodes, arrays over them; zeros of those that have not begun."""
+        return {name: rows.copy() for name, rows in self._facts().items()} | {"action_mask": self.action_mask}
+
+    def _facts(self) -> dict[str, NDArray[Any]]:
+        totals = self.totals
+        return {
+            "time_s": self.flights.tick * self.flights.period,
+            "coverage_percent": 100.0 * totals.area / self.sheet.possible_area,
+            "delivered_bit": totals.delivered,
+            "stored_bit": totals.stored,
+            "seen_bit": totals.seen_bit,
+            "lost_bit": totals.lost_bit,
+            "alive": self.sheet.present & ~totals.lost,
+            "mission": np.array([0 if draw is None else draw.mission for draw in self.draws]),
+        }
+
+    def step_info(self, e: int, result: StepResult) -> dict[str, Any]:
+        """What a step has to tell of episode e, beyond `info` its reward terms and how it ended."""
+        info, end = self.info(e) | {"reward_terms": result.terms_of(e)}, ENDS[result.end[e]]
+        if end:
+            info["end"] = end
+        if end == "diverged":
+            info["cause"] = self.cause(e)
+        return info
+
+    def cause(self, e: int) -> str:
+        """Why episode e diverged."""
+        return self.flights.cause(e)
+
+    def observation_of(self, e: int) -> Any:
+        """Of one episode, a copy."""
+        rows = self.observation
+        return {name: part[e] for name, part in rows.items()} if isinstance(rows, dict) else rows[e]
+
+    @property
+    def action_mask(self) -> NDArray[np.int8]:
+        """Which choices make sense, shape (E, n, C)."""
+        mask: NDArray[np.int8] = self.interface.shown(self._observed)["action_mask"]
+        return mask.copy()
+
+    def flat(self) -> Array32:
+        """What agents are shown of all episodes as one row each, see `FlatLayout`, shape (E, F)."""
+        return self.interface.flat(self._observed)
+
+    def entities(self) -> dict[str, NDArray[Any]]:
+        """The tables of all episodes by name, copies."""
+        return {name: rows.copy() for name, rows in self._observed.items()}
+
+    @property
+    def _observed(self) -> dict[str, NDArray[Any]]:
+        return observed_from(self.tables)
+
+    @property
+    def action_space(self) -> spaces.MultiDiscrete:
+        """Of one episode."""
+        return spaces.MultiDiscrete(np.full(self.n, self.choices))
+
+    @property
+    def observation_space(self) -> spaces.Space[Any]:
+        """Of one episode, as `config.observation` asks for it."""
+        if self.config.observation == "flat":
+            return box(self.layout.size)
+        found: dict[str, spaces.Space[Any]] = {}
+        for name, rows in self.shown().items():
+            shape = rows.shape[1:]
+            found[name] = spaces.MultiBinary(shape) if rows.dtype == np.int8 else box(*shape)
+        return spaces.Dict(found)
+
+    @property
+    def observation(self) -> Any:
+        """Of all episodes, as `config.observation` asks for it."""
+        return self.flat() if self.config.observation == "flat" else self.shown()
+
+    def shown(self) -> dict[str, NDArray[Any]]:
+        """What agents are shown of all episodes by name, copies."""
+        return {name: rows.copy() for name, rows in self.interface.shown(self._observed).items()}
+
+    def close(self) -> None:
+        """End the threads and release the observers."""
+        if self._pool is not None:
+            self._pool.shutdown()
+        self.pool.close()
+
+
+def box(*shape: int) -> spaces.Box:
+    """Numbers as they stand in the tables."""
+    return spaces.Box(-BOUND, BOUND, shape, np.float32)
+
+
+def _plain(value: Any) -> Any:
+    """A row as numbers and lists of Python's own."""
+    return np.asarray(value).tolist()

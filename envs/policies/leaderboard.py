@@ -1,0 +1,186 @@
+"""How good a policy of SwarmObserve-v0 is: frozen test episodes, and scores as a share of what was possible in them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+
+from swarm_mj import __version__
+from swarm_mj.errors import ScenarioError
+from swarm_mj.io.resources import asset_path
+from swarm_mj.typing import Array
+
+from ..arguments import checked_episodes
+from ..observe.config import EnvConfig
+from ..observe.episodes import Episodes
+from ..observe.layout import Observed
+from ..observe.single import NAME
+from ..threads import default_threads
+from .baselines import Flown, Policy, fly, open_loop, random_choices, scripted_policies
+from .bound import Bound, bounds
+from .evaluation import Interval, Progress, interval
+from .frozen_episodes import FrozenEpisodes, policy_file
+from .planner import Planner
+from .policy_files import PACKAGED, open_policy
+
+#: Flight seeds of the leaderboard: 96 episodes over all missions of the split `test`. They stay as they are for good.
+TEST_SEEDS = tuple(range(20_000, 20_096))
+#: Of the same split, for learning curves and for choosing among policies.
+VALIDATION_SEEDS = tuple(range(30_000, 30_096))
+#: What a policy is tested with.
+TEST = {"split": "test", "missions": "all"}
+#: The name of the planner, which reads more of its episodes than an observation has.
+PLANNER = "planner"
+#: Name of the trained policy that travels with the package.
+TRAINED = "trained"
+#: Episodes at once.
+WIDTH = 32
+
+
+@dataclass(frozen=True)
+class Score:
+    """Of a policy on some episodes.
+
+    Attributes:
+        policy: Its name or file.
+        seeds: Flight seeds of the episodes.
+        flown: What the policy came to.
+        bound: What no policy can pass.
+    """
+
+    headings: ClassVar[tuple[str, ...]] = ("share of bound", "score", "seen", "delivered", "bound")
+    environment: ClassVar[str] = NAME
+    policy: str
+    seeds: tuple[int, ...]
+    flown: Flown
+    bound: Bound
+
+    @property
+    def cells(self) -> list[str]:
+        """Under `headings`."""
+        means = [float(values.mean()) for values in (*self.flown, self.bound.score)]
+        return [f"{self.share.mean:.3f} +- {self.share.half_width:.3f}", *(f"{mean:.3f}" for mean in means)]
+
+    @property
+    def share(self) -> Interval:
+        """Score over bound, all episodes together, with the half-width of its 95 % interval."""
+        return share_of(self.flown.score, self.bound.score)
+
+    def record(self) -> dict[str, Any]:
+        """As JSON has it; scores by episode, rounded."""
+        mean = {name: float(np.mean(values)) for name, values in self.flown._asdict().items()}
+        return {
+            "environment": NAME,
+            "package": __version__,
+            "policy": self.policy,
+            "episodes": len(self.seeds),
+            "share": self.share.mean,
+            "share_half_width": self.share.half_width,
+            **mean,
+            "bound": float(self.bound.score.mean()),
+            "seeds": list(self.seeds),
+            "scores": np.round(self.flown.score, 4).tolist(),
+            "bounds": np.round(self.bound.score, 4).tolist(),
+        }
+
+
+def share_of(score: Array, bound: Array) -> Interval:
+    """Ratio of two means over the same episodes, by the delta method; shape (m,), m at least 2."""
+    share = float(score.mean() / bound.mean())
+    return Interval(share, interval((score - share * bound) / bound.mean()).half_width)
+
+
+def named_policies(config: EnvConfig) -> dict[str, Policy]:
+    """Scripted policies by the names of a command line, for an environment of these arguments."""
+    return {"random": random_choices(), "open_loop": open_loop(), **scripted_policies(config)}
+
+
+def policy_of(name_or_file: str | Path, config: EnvConfig) -> Policy:
+    """A scripted policy or the trained one by name, or that of a file.
+
+    Raises:
+        ScenarioError: It is neither, or the file's policy cannot fly there.
+    """
+    named = named_policies(config)
+    if str(name_or_file) in named:
+        return named[str(name_or_file)]
+    if str(name_or_file) == TRAINED:
+        return open_policy(str(asset_path(PACKAGED)), config)
+    return open_policy(policy_file(name_or_file, (*named, PLANNER, TRAINED)), config)
+
+
+class Test(FrozenEpisodes):
+    """The test episodes, ready to be flown by one policy after another; a context manager.
+
+    Args:
+        seeds: Flight seeds.
+        arguments: Of the environment, where they are not those of the leaderboard.
+    """
+
+    __test__ = False  # pytest takes it for a case otherwise
+
+    def __init__(self, seeds: Sequence[int] = TEST_SEEDS, **arguments: Any) -> None:
+        self.seeds = tuple(int(seed) for seed in seeds)
+        if len(self.seeds) < 2:
+            raise ScenarioError(f"{len(self.seeds)} episodes: must be at least 2 for an interval")
+        self.config = EnvConfig(**TEST | arguments)
+        self.episodes = Episodes(self.config, min(WIDTH, len(self.seeds)), default_threads())
+        self._bound: Bound | None = None
+
+    @classmethod
+    def of(cls, episodes: int | None = None) -> Test:
+        """Of the leaderboard's episodes only the first so many, at least 2; None: all."""
+        return cls(TEST_SEEDS[: checked_episodes(episodes, len(TEST_SEEDS))])
+
+    def close(self) -> None:
+        """Release the observers."""
+        self.episodes.close()
+
+    @property
+    def decisions(self) -> int:
+        """That all episodes take, of as many at once as fly together."""
+        groups = -(-len(self.seeds) // self.episodes.count)
+        return groups * self.config.decisions
+
+    @property
+    def preparations(self) -> int:
+        """Episodes whose bound is not known yet."""
+        return len(self.seeds) if self._bound is None else 0
+
+    def prepare(self, progress: Progress | None = None) -> None:
+        """Make the missions and work out the bound; `progress` is called with the episodes done."""
+        if self._bound is None:
+            self._bound = bounds(self.episodes, self.seeds, progress)
+
+    @property
+    def bound(self) -> Bound:
+        """What no policy can pass; worked out once."""
+        self.prepare()
+        assert self._bound is not None
+        return self._bound
+
+    def policy(self, name_or_file: str | Path) -> Policy:
+        """A scripted policy by name, or that of a file, see `score`."""
+        return Planner(self.episodes) if str(name_or_file) == PLANNER else policy_of(name_or_file, self.config)
+
+    def fly(self, policy: Policy, progress: Progress | None = None) -> Flown:
+        """What a policy comes to; `progress` is called with the decisions taken."""
+        taken = 0
+
+        def watched(observed: Observed) -> Any:
+            nonlocal taken
+            taken += 1
+            if progress is not None:
+                progress(taken)
+            return policy(observed)
+
+        return fly(self.episodes, watched, self.seeds)
+
+    def score(self, name_or_file: str | Path, progress: Progress | None = None) -> Score:
+        """See `FrozenEpisodes`."""
+        flown = self.fly(self.policy(name_or_file), progress)
+        return Score(str(name_or_file), self.seeds, flown, self.bound)

@@ -1,0 +1,187 @@
+"""Who could send to whom when, who did, and what was in the way: the links of the way to Earth as a timeline."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from swarm_mj.dataflow.delivery import Delivery
+from swarm_mj.dataflow.ground import stations_from
+from swarm_mj.figures.delivery_view import (
+    LINK_STYLES,
+    AreaStyle,
+    LinkHistory,
+    busy_until_s,
+    last_shown_s,
+    link_in_swarm,
+    links_to_earth,
+    speakers,
+    stretches,
+)
+from swarm_mj.figures.modes import axes_pt, width_pt
+from swarm_mj.figures.palette import BLACK, DARK_GREY, GREY, VERMILLION
+from swarm_mj.figures.panels import legend_below
+from swarm_mj.figures.style import (
+    HALO,
+    SMALL_PT,
+    TICK_PT,
+    caption,
+    new_figure,
+    note_of_omission,
+    plain,
+    shown_spacecraft,
+    tidy,
+)
+from swarm_mj.figures.timescale import TimeScale, delivery_scale, visit_handle
+from swarm_mj.figures.units import data_unit
+from swarm_mj.flight.observe import ObservationResult
+from swarm_mj.flight.plan import Plan
+from swarm_mj.mission.links import Obstacle
+
+#: More spacecraft than these are not shown row by row.
+MOST_ROWS = 12
+#: Heights in rows: of a bar of contacts, of one that holds names, of a transfer that takes all of the time, and of any.
+CONTACT, NAMED, TRANSFER, LEAST_TRANSFER = 0.24, 0.36, 0.4, 0.06
+#: Lines between neighbouring bars, and room around a name [pt].
+GAP_PT, ROOM_PT = 0.6, 4.0
+ARROW = "\N{RIGHTWARDS ARROW}"
+
+
+def compose_contacts(plan: Plan, telemetry: xr.Dataset, result: ObservationResult) -> Figure:
+    """Timeline of contacts, transfers and obstacles: a row for each spacecraft and for each way to Earth."""
+    title = f"Contacts and transfers: {plan.scenario.name}"
+    delivery = result.delivery
+    if delivery is None:
+        return not_computed(title)
+    shown = shown_spacecraft(plan.n, MOST_ROWS)
+    in_swarm = [row for j in shown if (row := link_in_swarm(delivery, int(j))) is not None]
+    rows = [*in_swarm, *links_to_earth(delivery)]
+    figure = new_figure(2.3 + 0.46 * len(rows), f"{title}{note_of_omission(plan.n, shown)}")
+    ax = figure.subplots()
+    scale = delivery_scale(plan, telemetry, busy_until_s(delivery), last_shown_s(delivery))
+    for place, row in enumerate(rows):
+        _draw_row(ax, place, row, delivery, scale)
+    _name_stations(ax, rows, plan, delivery, scale)
+    marks = mark_times(ax, plan, scale)
+    tidy(ax)
+    ax.grid(False, axis="y")
+    scale.show(ax)
+    ax.set_ylim(len(rows) - 0.4, -0.6)
+    ax.set_yticks(range(len(rows)), [_name(row, plan, delivery) for row in rows])
+    ax.tick_params(axis="y", length=0)
+    scale.name(ax)
+    _draw_totals(ax, rows)
+    legend_below(figure, [*_handles(rows, delivery, scale), *marks])
+    return figure
+
+
+def not_computed(title: str) -> Figure:
+    """The page that stands for a figure of the way to Earth where that was not computed."""
+    figure = new_figure(2.2, title)
+    figure.text(
+        0.5,
+        0.45,
+        "not computed: the way to Earth of this flight is not known",
+        ha="center",
+        fontsize=TICK_PT + 1,
+        color=GREY,
+    )
+    return figure
+
+
+def mark_times(ax: Axes, plan: Plan, scale: TimeScale) -> list[Line2D]:
+    """Mark the visit, the end of the flight and what is drawn wider; gives the legend's entries."""
+    unit, end_s = scale.axis.seconds, plan.scenario.duration_s
+    flight_wider = scale.encounter_s == (0.0, end_s)
+    scale.draw_visit(ax, BLACK, zorder=2.0)
+    ends = "end of the flight" + ("; wider before" if flight_wider else "")
+    handles = [visit_handle(BLACK)]
+    if end_s < scale.duration_s:
+        ax.axvline(end_s / unit, color=BLACK, linewidth=1.3)
+        handles.append(Line2D([], [], color=BLACK, linewidth=1.3, label=ends))
+    if flight_wider:
+        return handles
+    scale.draw_borders(ax)
+    return [*handles, *scale.border_handles()]
+
+
+def area_style(style: AreaStyle) -> dict[str, Any]:
+    """How an area is painted, as Matplotlib takes it."""
+    hatched = {"edgecolor": DARK_GREY, "linewidth": 0.0, "hatch": style.hatch}
+    return {"facecolor": style.colour, **(hatched if style.hatch else {"edgecolor": "white", "linewidth": GAP_PT})}
+
+
+def _name(row: LinkHistory, plan: Plan, delivery: Delivery) -> str:
+    who = speakers(delivery)
+    others = who[who != row.spacecraft]
+    to = "Earth" if row.to_earth else plan.names[others[0]] if len(others) == 1 else "relays"
+    return f"{plan.names[row.spacecraft]} {ARROW} {to}"
+
+
+def _draw_row(ax: Axes, place: int, row: LinkHistory, delivery: Delivery, scale: TimeScale) -> None:
+    unit, edges = scale.axis.seconds, delivery.edges_s
+    top = place + 0.02
+    for start, end, state in stretches(edges, row.state):
+        style = LINK_STYLES[state]
+        ax.broken_barh(
+            [(start / unit, (end - start) / unit)],
+            (top, NAMED if row.to_earth else CONTACT),
+            **area_style(style),
+        )
+    height = np.where(row.used > 0.0, LEAST_TRANSFER + (TRANSFER - LEAST_TRANSFER) * row.used, 0.0)
+    ax.fill_between(
+        np.repeat(edges, 2)[1:-1] / unit, top - np.repeat(height, 2), top, facecolor=VERMILLION, linewidth=0, zorder=2
+    )
+
+
+def _name_stations(ax: Axes, rows: list[LinkHistory], plan: Plan, delivery: Delivery, scale: TimeScale) -> None:
+    """Write into contacts with Earth which station hears, as far as there is room; all in words above."""
+    stations = stations_from(plan.scenario.link.ground)
+    heard: set[int] = set()
+    for place, row in enumerate(rows):
+        if not row.to_earth:
+            continue
+        station = np.where(row.state == Obstacle.NONE, row.station, -1)
+        for start, end, k in stretches(delivery.edges_s, station):
+            end = min(end, scale.duration_s)
+            if k < 0 or start >= end:
+                continue
+            heard.add(k)
+            room = scale.share(start, end) * axes_pt(ax) - ROOM_PT
+            name = stations[k].name
+            words = next((w for w in (name, name.split()[0], name[0]) if width_pt(w) <= room), "")
+            if words:
+                middle = scale.middle(start, end) / scale.axis.seconds
+                ax.text(middle, place + 0.02 + NAMED / 2, plain(words), ha="center", va="center", fontsize=SMALL_PT,
+                        fontweight="bold", path_effects=HALO)  # fmt: skip
+    if heard:
+        caption(ax, plain(f"heard by {', '.join(stations[k].name for k in sorted(heard))}"))
+
+
+def _draw_totals(ax: Axes, rows: list[LinkHistory]) -> None:
+    """How much was sent, at the right of its row."""
+    unit = data_unit(max((row.sent_bit for row in rows), default=0))
+    right = ax.secondary_yaxis("right")
+    right.set_yticks(range(len(rows)), [f"{row.sent_bit / unit.bits:.4g}" for row in rows])
+    right.tick_params(labelsize=TICK_PT, length=0)
+    right.set_ylabel(f"sent [{unit.unit}]", fontsize=TICK_PT + 1)
+    right.spines["right"].set_visible(False)
+
+
+def _handles(rows: list[LinkHistory], delivery: Delivery, scale: TimeScale) -> list[Patch]:
+    """Legend entries of what there is to see."""
+    visible = delivery.edges_s[:-1] < scale.duration_s
+    found = np.unique(np.concatenate([row.state[visible] for row in rows])) if rows else np.empty(0, int)
+    handles = []
+    if any(row.sent_bit for row in rows):
+        handles.append(Patch(facecolor=VERMILLION, label="data sent; height: share used"))
+    return [
+        *handles,
+        *(Patch(**area_style(style), label=style.words) for state, style in LINK_STYLES.items() if state in found),
+    ]

@@ -1,0 +1,146 @@
+"""Where the data are over time, aboard and on Earth, and how much of the map has arrived."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from swarm_mj.dataflow.delivery import Delivery
+from swarm_mj.figures.contacts import mark_times, not_computed
+from swarm_mj.figures.delivery_view import busy_until_s, is_proven, last_shown_s, on_earth, percent_over_time
+from swarm_mj.figures.palette import (
+    BLACK,
+    GREY,
+    SKY_BLUE,
+    VERMILLION,
+    Dashes,
+    spacecraft_styles,
+)
+from swarm_mj.figures.panels import legend_below, spacecraft_handles
+from swarm_mj.figures.style import caption, label, new_figure, note_of_omission, shown_spacecraft, tidy
+from swarm_mj.figures.timescale import TimeScale, delivery_scale
+from swarm_mj.figures.units import DataUnit, data_unit, instant
+from swarm_mj.flight.observe import ObservationResult
+from swarm_mj.flight.plan import Plan
+from swarm_mj.typing import Array, Indices
+
+#: Instants at which the area is drawn.
+INSTANTS = 2000
+BEST_DASHES: Dashes = (0.0, (2.5, 2.0))
+LOST_DASHES: Dashes = (0.0, (7.0, 1.5, 1.5, 1.5, 1.5, 1.5))
+BOUND_DASHES: Dashes = (0.0, (6.0, 3.0))
+
+
+def compose_data(plan: Plan, telemetry: xr.Dataset, result: ObservationResult) -> Figure:
+    """Bits aboard each spacecraft and on Earth, and the share of the target that is seen and that has arrived."""
+    title = f"Data on their way to Earth: {plan.scenario.name}"
+    delivery = result.delivery
+    if delivery is None:
+        return not_computed(title)
+    shown = shown_spacecraft(plan.n)
+    figure = new_figure(7.4, f"{title}{note_of_omission(plan.n, shown)}")
+    bits, area = figure.subplots(2, 1, sharex=True, height_ratios=(1.25, 1.0))
+    scale = delivery_scale(plan, telemetry, busy_until_s(delivery), last_shown_s(delivery))
+    handles = [*_draw_bits(bits, plan, delivery, shown, scale), *_draw_area(area, plan, result, delivery, scale)]
+    scale.show(area)
+    for ax in (bits, area):
+        marks = mark_times(ax, plan, scale)
+        tidy(ax)
+    scale.name(area)
+    legend_below(figure, [*handles, *marks])
+    return figure
+
+
+def _draw_bits(ax: Axes, plan: Plan, delivery: Delivery, shown: Indices, scale: TimeScale) -> list[Line2D]:
+    """Aboard, on Earth by what the swarm does and by the proven best, and lost; gives the legend's entries."""
+    received = max(delivery.delivered_bit, float(np.nansum(delivery.best_earth_bit)))
+    lost = delivery.lost_bit.sum(axis=1)
+    most = max(int(delivery.aboard_bit.max(initial=0)), received, float(lost.max()), 1.0)
+    unit = data_unit(most)
+    handles = [
+        *_draw_aboard(ax, plan, delivery, shown, scale, unit),
+        *_draw_received(ax, delivery, scale, unit),
+    ]
+    if lost.any():
+        style: dict[str, Any] = {
+            "color": VERMILLION,
+            "linewidth": 1.8,
+            "linestyle": LOST_DASHES,
+            "label": "lost so far",
+        }
+        handles += ax.plot(delivery.edges_s / scale.axis.seconds, lost / unit.bits, **style)
+    ax.set_ylim(-0.03 * most / unit.bits, 1.06 * most / unit.bits)
+    label(ax, y=f"data [{unit.unit}]")
+    left = int(delivery.aboard_bit[-1].sum())
+    parts = (
+        ("seen", delivery.seen_bit),
+        ("delivered", delivery.delivered_bit),
+        ("aboard", left),
+        ("lost", int(lost[-1])),
+    )
+    words = [f"{bits / unit.bits:.4g} {unit.unit} {what}" for what, bits in parts if bits or what != "lost"]
+    caption(ax, f"at the end of the plan: {', '.join(words)}")
+    return handles
+
+
+def _draw_aboard(
+    ax: Axes, plan: Plan, delivery: Delivery, shown: Indices, scale: TimeScale, unit: DataUnit
+) -> list[Line2D]:
+    """Lines of each spacecraft; with one legend entry for all where they cannot be told apart."""
+    for j, style in zip(shown, spacecraft_styles(len(shown)), strict=True):
+        ax.plot(delivery.edges_s / scale.axis.seconds, delivery.aboard_bit[:, j] / unit.bits, linewidth=1.4, **style)
+    return spacecraft_handles(plan, shown, 1.4, together="aboard each spacecraft", before="aboard ")
+
+
+def _draw_received(ax: Axes, delivery: Delivery, scale: TimeScale, unit: DataUnit) -> list[Line2D]:
+    """What Earth has received, by the swarm alone and, where it is known, in the schedule that is proven best."""
+    own: dict[str, Any] = {"color": BLACK, "linewidth": 3.0, "label": "on Earth"}
+    best: dict[str, Any] = {"color": GREY, "linewidth": 1.8, "linestyle": BEST_DASHES, "zorder": 2.5}
+    lines: list[Line2D] = []
+    for sent, style in (
+        (delivery.earth_bit.astype(np.float64), own),
+        (delivery.best_earth_bit, {**best, "label": "on Earth, best by area"}),
+    )[: 1 + is_proven(delivery)]:
+        when, received = on_earth(delivery, sent)
+        when, received = np.append(when, max(scale.duration_s, when[-1])), np.append(received, received[-1])
+        lines += ax.plot(when / scale.axis.seconds, received / unit.bits, **style)
+    return lines
+
+
+def _draw_area(ax: Axes, plan: Plan, result: ObservationResult, delivery: Delivery, scale: TimeScale) -> list[Line2D]:
+    """Seen, delivered, and the most that any schedule delivers; gives the legend's entries."""
+    area, seconds = plan.region.total_area, scale.axis.seconds
+    times = _instants(delivery, scale)
+    seen, arrived = result.coverage.percent_over_time(times), percent_over_time(delivery, area, times)
+    handles = ax.step(times / seconds, seen, where="post", color=SKY_BLUE, linewidth=4.0, label="seen")
+    handles += ax.step(times / seconds, arrived, where="post", color=BLACK, linewidth=2.0, label="delivered")
+    if is_proven(delivery):
+        style: dict[str, Any] = {"color": VERMILLION, "linewidth": 1.3, "linestyle": BOUND_DASHES}
+        bound = 100.0 / area * float(delivery.best_bound_area)
+        handles.append(ax.axhline(bound, label="no schedule delivers more", **style))
+    ax.set_ylim(-3.0, 107.0)
+    label(ax, y="share of the target [%]")
+    caption(ax, _outcome(result, delivery, area, scale))
+    return handles
+
+
+def _instants(delivery: Delivery, scale: TimeScale) -> Array:
+    """Times for a history of steps [s]: even on the page, and every arrival."""
+    even = scale.from_page(np.linspace(0.0, 1.0, INSTANTS))
+    return np.union1d(even, delivery.tile_arrives_s[delivery.arrived])
+
+
+def _outcome(result: ObservationResult, delivery: Delivery, area: float, scale: TimeScale) -> str:
+    """Seen and delivered in words, and when the map is complete."""
+    percent = 100.0 / area * delivery.delivered_area
+    words = f"{result.coverage.percent:.2f} % seen, {percent:.2f} % delivered"
+    if delivery.complete and len(delivery.tile_area):
+        words += f"; the last of it at t = {instant(delivery.full_s, scale.axis)}"
+        if not np.isnan(delivery.best_full_s):
+            words += f", at the earliest at {instant(float(delivery.best_full_s), scale.axis)}"
+    return words

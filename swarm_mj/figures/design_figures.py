@@ -1,0 +1,183 @@
+"""Pictures of a design: the paper's Figures 7 and 8, who covers what, and the trade-off."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.ticker import MaxNLocator
+from matplotlib.transforms import Bbox
+
+from swarm_mj.designer.study import Study
+from swarm_mj.figures.cells import draw_cells
+from swarm_mj.figures.palette import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY_BLUE, VERMILLION
+from swarm_mj.figures.style import HALO, TICK_PT, caption, label, new_figure, plain, tidy, write
+from swarm_mj.mission.target import angles
+from swarm_mj.scenarios.itinerary import target_name
+
+#: Colour of a cell by how many of the chosen spacecraft see it; the last stands for all larger numbers.
+TIMES_SEEN = (ORANGE, SKY_BLUE, BLUE, "#00466E")
+#: More genes than these have no room in one row.
+MAX_GENES = 12
+#: Legend entries that have room above each other.
+MAX_ENTRIES = 16
+OPERATOR_COLOURS = {"repair": BLUE, "plain": VERMILLION}
+
+
+def compose_history(study: Study) -> Figure:
+    """Figure 7: best and mean fitness by generation, for both sets of operators, with the proven minimum."""
+    figure = new_figure(4.2, f"Evolution of the design: {plain(study.scenario.name)}")
+    ax = figure.add_subplot()
+    for name, result in study.genetic.items():
+        generation = np.arange(len(result.history.best))
+        colour = OPERATOR_COLOURS[name]
+        words = {"repair": "with repair and pruning", "plain": "plain crossover and mutation"}[name]
+        ax.step(generation, result.history.best, where="post", color=colour, linewidth=2, label=f"best, {words}")
+        ax.plot(generation, result.history.mean, color=colour, linewidth=1, linestyle=":", label=f"mean, {words}")
+    n_max = study.problem.max_observers
+    ax.axhline(study.exact.n_observers, color=BLACK, linewidth=0.9, linestyle="--", label="proven minimum")
+    ax.axhspan(n_max + 1, n_max + 2, color=GREY, alpha=0.15, linewidth=0, label="target not covered")
+    ax.set_ylim(0, n_max + 2)
+    ax.margins(x=0.0)
+    ax.yaxis.set_major_locator(MaxNLocator(integer=True))
+    ax.xaxis.set_major_locator(MaxNLocator(integer=True))
+    tidy(ax)
+    label(ax, "generation [-]", "fitness: number of observers [-]")
+    figure.legend(loc="outside lower center", ncols=3, fontsize=TICK_PT, frameon=False)
+    return figure
+
+
+def compose_gene_map(study: Study) -> Figure:
+    """Figures 5 and 8: the gene map of a design, and the selected design in it."""
+    points = [study.visibility.candidates[p - 1].point for p in study.selected]
+    shown = points[:MAX_GENES]
+    more = "" if len(shown) == len(points) else f" (first {len(shown)} of {len(points)} points)"
+    title = f"Selected design: {plain(study.scenario.name)}{more}"
+    figure = new_figure(2.3, title, width_in=max(9.0, 1.15 * (len(shown) + 2)))
+    ax = figure.add_subplot()
+    ax.set_axis_off()
+    numbers = range(1, len(shown) + 1)
+    rows = [
+        ["observing\nspacecraft"] + [f"spacecraft {k}\nvisits point" for k in numbers],
+        ["$N_{Obs}$"] + [f"$p_{{{k}}}$" for k in numbers],
+        [f"1 to {study.problem.max_observers}"] + [f"1 to {_points_of(study)}"] * len(shown),
+        [str(len(points)), *map(str, shown)],
+    ]
+    heads = ["description", "symbol", "domain", "selected"]
+    table = ax.table(cellText=rows, rowLabels=heads, cellLoc="center", rowLoc="center", bbox=Bbox.unit())
+    table.auto_set_font_size(False)
+    table.set_fontsize(TICK_PT)
+    for (row, column), cell in table.get_celld().items():
+        cell.set_edgecolor(GREY)
+        if row == 0 or column < 0:
+            cell.set_facecolor("#EEF3F8")
+        elif row == len(rows) - 1:
+            cell.get_text().set_fontweight("bold")
+    return figure
+
+
+def _points_of(study: Study) -> int:
+    """Highest number of a visiting point."""
+    return max(candidate.point for candidate in study.visibility.candidates)
+
+
+def compose_cover(study: Study) -> Figure:
+    """Each target as seen from the body's centre: how many of the chosen spacecraft see each cell."""
+    whole = study.visibility.regions[0]
+    regions = whole.targets
+    figure = new_figure(5.6, f"Who covers what: {plain(study.scenario.name)}", width_in=max(6.5, 5.0 * len(regions)))
+    rows = study.visibility.sees[study.selected - 1]
+    times = rows.sum(axis=0)
+    for k, region in enumerate(regions):
+        ax = figure.add_subplot(1, len(regions), k + 1)
+        part = np.minimum(times[whole.cells_of(k)], len(TIMES_SEEN) - 1)
+        draw_cells(ax, region, np.array([to_rgb(TIMES_SEEN[n]) for n in part]))
+        _draw_points(ax, study, k)
+        tidy(ax)
+        ax.grid(False)
+        if len(regions) > 1:
+            caption(ax, f"target {target_name(k)}")
+        label(ax, "angle east of the target's centre [deg]", "angle north of the target's centre [deg]")
+    words = ("not seen", "seen by 1", "by 2", "by 3 or more")
+    handles: list[Patch | Line2D] = [Patch(color=c, label=w) for c, w in zip(TIMES_SEEN, words, strict=True)]
+    handles.append(
+        Line2D([], [], marker="o", linestyle="", color=VERMILLION, markeredgecolor="white", label="visited point")
+    )
+    figure.legend(handles=handles, loc="outside lower center", ncols=5, fontsize=TICK_PT, frameon=False)
+    return figure
+
+
+def _draw_points(ax: Axes, study: Study, target: int) -> None:
+    region = study.visibility.regions[0].targets[target]
+    flat = angles(region.vertices[region.visiting_vertex], region.axes_A)
+    ax.plot(*flat.T, "o", color=BLACK, markersize=1.8)
+    chosen = [study.visibility.candidates[p - 1] for p in study.selected]
+    for number in sorted({c.point for c in chosen if c.target == target}):
+        east, north = (float(a) for a in flat[number - 1])
+        ax.plot(east, north, "o", color=VERMILLION, markersize=8, markeredgecolor="white")
+        text = ax.annotate(
+            str(number), (east, north), xytext=(0, 8), textcoords="offset points", ha="center", fontweight="bold"
+        )
+        text.set(path_effects=HALO)
+
+
+def compose_pareto(study: Study) -> Figure:
+    """The trade-off: observed area against delta-v, one colour per number of observers."""
+    front = study.front
+    assert front is not None
+    figure = new_figure(4.6, f"Trade-off of the design: {plain(study.scenario.name)}")
+    ax = figure.add_subplot()
+    numbers = np.unique(front.n_observers)
+    cycle = (BLUE, ORANGE, GREEN, VERMILLION, PURPLE, SKY_BLUE, BLACK, GREY)
+    markers = "osD^vP*X<>"
+    for k, n in enumerate(numbers):
+        same = front.n_observers == n
+        ax.plot(
+            front.delta_v[same],
+            100.0 - front.uncovered_percent[same],
+            markers[k % len(markers)],
+            color=cycle[k % len(cycle)],
+            markersize=4.5,
+            label=str(n),
+        )
+    tolerance = study.problem.tolerance_percent
+    ax.axhline(100.0 - tolerance, color=BLACK, linestyle="--", linewidth=0.9)
+    ax.annotate("covered within the tolerance", (0.99, 100.0 - tolerance), xycoords=("axes fraction", "data"), ha="right",
+                va="bottom", fontsize=TICK_PT, xytext=(0, 2), textcoords="offset points")  # fmt: skip
+    ax.set_ylim(min(0.0, float((100.0 - front.uncovered_percent).min())), 106.0)
+    tidy(ax)
+    label(ax, "deployment delta-v of all observers [m/s]", "observed share of the target [%]")
+    figure.legend(
+        title="observers",
+        loc="outside right center",
+        ncols=1 + (len(numbers) - 1) // MAX_ENTRIES,
+        fontsize=TICK_PT,
+        frameon=False,
+        title_fontsize=TICK_PT,
+    )
+    return figure
+
+
+COMPOSERS: dict[str, Callable[[Study], Figure]] = {
+    "history": compose_history,
+    "gene_map": compose_gene_map,
+    "cover": compose_cover,
+    "pareto": compose_pareto,
+}
+
+
+def composers(study: Study) -> dict[str, Callable[[Study], Figure]]:
+    """What composes the pictures that a design has the numbers for, by file stem."""
+    return {name: compose for name, compose in COMPOSERS.items() if name != "pareto" or study.front is not None}
+
+
+def draw_all(folder: Path, study: Study, *, pdf: bool = False) -> None:
+    """Write every picture of a design that it has the numbers for, and with `pdf` as PDF too."""
+    for name, compose in composers(study).items():
+        write(compose(study), folder / f"{name}.png", pdf=pdf)

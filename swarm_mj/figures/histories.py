@@ -1,0 +1,168 @@
+"""Attitude over time, one panel per spacecraft: tracking error (AAS 19-144, Figures 9, 10), pointing error, wheels."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from swarm_mj.figures.palette import BLACK, BLUE, COMPONENTS, DASHES, ORANGE, SKY_BLUE, VERMILLION
+from swarm_mj.figures.panels import Panels, compose_panels
+from swarm_mj.figures.timescale import time_scale
+from swarm_mj.flight.observe import ObservationResult
+from swarm_mj.flight.plan import Plan
+from swarm_mj.spacecraft.properties import RPM, SpacecraftProperties
+from swarm_mj.typing import Array, Indices
+
+#: Exponent of ten below which errors [deg] are rounding; zero has no place on a logarithmic axis.
+FLOOR = -8
+MILLI = 1e-3
+#: Of the components x, y, z, or of the wheels, of which there may be a fourth.
+COLOURS = (*COMPONENTS, SKY_BLUE)
+
+
+def compose_tracking_error(plan: Plan, telemetry: xr.Dataset, result: ObservationResult) -> Figure:
+    """MRP tracking error sigma_BR of every spacecraft."""
+    names = [rf"$\sigma_{{{k}}}$" for k in (1, 2, 3)]
+    values = _after_release(telemetry, telemetry["sigma_BR"].values)
+    reach = _reach(values, at_least=0.02)
+    panels = Panels(
+        title="MRP tracking errors",
+        y_label=r"tracking error $\sigma_{B/R}$ [-]",
+        draw=_components(plan, telemetry, values),
+        limits=(-reach, reach),
+        handles=_handles(names),
+    )
+    return compose_panels(plan, telemetry, panels)
+
+
+def compose_wheel_speed(plan: Plan, telemetry: xr.Dataset, result: ObservationResult) -> Figure:
+    """Speeds of the wheels of every spacecraft and their limit."""
+    values = telemetry["wheel_speed"].values / RPM
+    limit = plan.properties.max_wheel_speed / RPM
+    curves = _components(plan, telemetry, values)
+
+    def draw(ax: Axes, j: int) -> None:
+        curves(ax, j)
+        for bound in (-limit, limit):
+            ax.axhline(bound, color=VERMILLION, linewidth=1.1, linestyle=(0, (6, 2)))
+
+    reach = max(1.08 * limit, _reach(values, at_least=0.0))
+    bound = Line2D([], [], color=VERMILLION, linewidth=1.1, linestyle=(0, (6, 2)), label=f"limit, {limit:,.0f} rpm")
+    panels = Panels(
+        title="Reaction wheel speeds",
+        y_label="wheel speed [rpm]",
+        draw=draw,
+        limits=(-reach, reach),
+        handles=[*_handles([f"wheel {k}" for k in telemetry["wheel"].values]), bound],
+    )
+    return compose_panels(plan, telemetry, panels)
+
+
+def compose_wheel_momentum(plan: Plan, telemetry: xr.Dataset, result: ObservationResult) -> Figure:
+    """Angular momentum that the wheels hold, that of the turning body, and their sum, which only outer torques change."""
+    body, wheels = angular_momenta_B(telemetry, plan.properties)
+    limit = plan.properties.wheel_spin_inertia * plan.properties.max_wheel_speed / MILLI
+    styles: list[tuple[Array, dict[str, Any]]] = [
+        (body, {"color": ORANGE, "linewidth": 1.2, "linestyle": DASHES[1], "label": r"body, $|J\omega|$"}),
+        (wheels, {"color": BLUE, "linewidth": 1.6, "label": "wheels, $|h_w|$"}),
+        (
+            body + wheels,
+            {"color": BLACK, "linewidth": 1.2, "linestyle": (0, (2, 2)), "label": r"sum, $|J\omega + h_w|$"},
+        ),
+    ]
+    curves = [(np.linalg.norm(part, axis=-1) / MILLI, style) for part, style in styles]
+    some, times = _drawn(plan, telemetry)
+    bound: dict[str, Any] = {
+        "color": VERMILLION,
+        "linewidth": 1.1,
+        "linestyle": (0, (6, 2)),
+        "label": "limit of one wheel",
+    }
+
+    def draw(ax: Axes, j: int) -> None:
+        for values, style in curves:
+            ax.plot(times, values[some, j], **style)
+        ax.axhline(limit, **bound)
+
+    panels = Panels(
+        title="Momentum of wheels and body",
+        y_label="angular momentum [mN m s]",
+        draw=draw,
+        limits=(0.0, 1.08 * max(limit, *(float(values.max()) for values, _ in curves))),
+        handles=[Line2D([], [], **style) for style in (*(style for _, style in curves), bound)],
+    )
+    return compose_panels(plan, telemetry, panels)
+
+
+def angular_momenta_B(telemetry: xr.Dataset, properties: SpacecraftProperties) -> tuple[Array, Array]:
+    """Angular momentum about the centre of mass in B: of the body with locked wheels, J omega, and of the wheels' spin, h_w.
+
+    Returns:
+        Two arrays of shape (time, spacecraft, 3) [N m s].
+    """
+    body = telemetry["omega_BN_B"].values @ properties.inertia_B.T
+    wheels = properties.wheel_spin_inertia * telemetry["wheel_speed"].values @ properties.wheel_axes_B
+    return body, wheels
+
+
+def compose_pointing_error(plan: Plan, telemetry: xr.Dataset, result: ObservationResult) -> Figure:
+    """Angle between +z and the line of sight of every spacecraft, on a logarithmic axis."""
+    error = np.maximum(np.degrees(_after_release(telemetry, telemetry["pointing_error"].values)), 10.0**FLOOR)
+    some, times = _drawn(plan, telemetry)
+
+    def draw(ax: Axes, j: int) -> None:
+        ax.plot(times, error[some, j], color=BLUE, linewidth=1.2)
+
+    floored = f" (drawn at $10^{{{FLOOR}}}$ deg where below)" if (error <= 10.0**FLOOR).any() else ""
+    name = f"pointing error{floored}"
+    low, high = np.log10(np.nanmin(error)) - 0.3, np.log10(max(np.nanmax(error), 1.0)) + 0.3
+    panels = Panels(
+        title="Pointing errors",
+        y_label="angle between +z and line of sight [deg]",
+        draw=draw,
+        limits=(10.0**low, 10.0**high),
+        handles=[Line2D([], [], color=BLUE, linewidth=1.2, label=name)],
+        log=True,
+    )
+    return compose_panels(plan, telemetry, panels)
+
+
+def _components(plan: Plan, telemetry: xr.Dataset, values: Array) -> Callable[[Axes, int], None]:
+    """A function that draws the components of one spacecraft; `values` has shape (time, spacecraft, 3 or 4)."""
+    some, times = _drawn(plan, telemetry)
+
+    def draw(ax: Axes, j: int) -> None:
+        for component, colour, dashes in zip(values[some, j].T, COLOURS, DASHES, strict=False):
+            ax.plot(times, component, color=colour, linewidth=1.2, linestyle=dashes)
+
+    return draw
+
+
+def _handles(names: list[str]) -> list[Line2D]:
+    styles = zip(COLOURS, DASHES, names, strict=False)
+    return [Line2D([], [], color=c, linewidth=1.6, linestyle=dashes, label=name) for c, dashes, name in styles]
+
+
+def _after_release(telemetry: xr.Dataset, values: Array) -> Array:
+    """The values, nan of spacecraft that are still aboard; shape (time, spacecraft, ...)."""
+    if "released" not in telemetry:
+        return values
+    aboard = telemetry["released"].values == 0
+    return np.where(aboard.reshape(aboard.shape + (1,) * (values.ndim - 2)), np.nan, values)
+
+
+def _drawn(plan: Plan, telemetry: xr.Dataset) -> tuple[Indices, Array]:
+    """Which samples are drawn, and their times in the unit of the axis."""
+    scale, times = time_scale(plan, telemetry), telemetry["time"].values
+    some = scale.samples(times)
+    return some, times[some] / scale.axis.seconds
+
+
+def _reach(values: Array, *, at_least: float) -> float:
+    return max(1.08 * float(np.nanmax(np.abs(values))), at_least)

@@ -1,0 +1,191 @@
+"""Maps of a body by latitude and longitude: the ground as seen from outside, with outlines and tracks on it.
+
+Latitudes are planetocentric, longitudes count eastwards; both are in degrees in A. Where the ground overhangs, a map shows
+what lies outermost.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.ticker import FuncFormatter, MaxNLocator
+
+from swarm_mj.figures.palette import AMBIENT
+from swarm_mj.figures.style import label, tidy
+from swarm_mj.figures.view import depth_of, shade, tracer_of
+from swarm_mj.mission.target import TargetRegion
+from swarm_mj.smallbody.shape import ShapeModel
+from swarm_mj.typing import Array, Indices
+
+#: Rays that one map may cost: Embree traces them at once, the compiled loop visits every face for each.
+MAX_RAYS = {"embree": 300_000, "numba": 12_000}
+
+#: How much darker than level ground a vertical slope is painted.
+RELIEF = 0.7
+#: On a map wider than this [deg] degrees of longitude and of latitude are equally long.
+WIDE_DEG = 90.0
+#: Closer to a pole than this a longitude says nothing [deg].
+POLAR = 1.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Window:
+    """The part of a map that is shown [deg]; `east` may exceed 180, and `west` be less than -180."""
+
+    west: float
+    east: float
+    south: float
+    north: float
+
+    @property
+    def centre_longitude(self) -> float:
+        """Longitude in the middle [deg]."""
+        return 0.5 * (self.west + self.east)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ground:
+    """The ground on a grid.
+
+    Attributes:
+        longitudes: Of the columns, shape (c,) [deg].
+        latitudes: Of the rows, southernmost first, shape (r,) [deg].
+        face: Face of the mesh at each place, -1 where the body has none, shape (r, c).
+        points_A: Places in A, NaN where the body has none, shape (r, c, 3) [m].
+    """
+
+    longitudes: Array
+    latitudes: Array
+    face: Indices
+    points_A: Array
+
+    def every(self, step: int) -> Ground:
+        """The same of every so many places along both axes."""
+        return Ground(
+            longitudes=self.longitudes[::step],
+            latitudes=self.latitudes[::step],
+            face=self.face[::step, ::step],
+            points_A=self.points_A[::step, ::step],
+        )
+
+
+def whole_body(centre_longitude: float) -> Window:
+    """The map of a whole body with a given longitude in the middle [deg]."""
+    return Window(west=centre_longitude - 180.0, east=centre_longitude + 180.0, south=-90.0, north=90.0)
+
+
+def survey(body: ShapeModel, window: Window, columns: int) -> Ground:
+    """Find the ground below a grid of places, by rays from outside towards the body's centre.
+
+    Args:
+        body: The mesh in A [m].
+        window: What to cover.
+        columns: Places along a parallel; as many along a meridian as keep the spacing in degrees.
+    """
+    tracer = tracer_of(body)
+    width, height = window.east - window.west, window.north - window.south
+    columns = min(columns, int(np.sqrt(MAX_RAYS[tracer.engine] * width / height)))
+    rows = max(2, round(columns * height / width))
+    longitudes = window.west + (np.arange(columns) + 0.5) * width / columns
+    latitudes = window.south + (np.arange(rows) + 0.5) * height / rows
+    outward = directions(*np.meshgrid(latitudes, longitudes, indexing="ij"))
+    start = 1.5 * body.max_radius * outward
+    face = tracer.first_hit(start.reshape(-1, 3), -outward.reshape(-1, 3)).reshape(rows, columns)
+    depth = depth_of(face, start, -outward, body)
+    points = np.where(face[..., None] >= 0, start - depth[..., None] * outward, np.nan)
+    return Ground(longitudes=longitudes, latitudes=latitudes, face=face, points_A=points)
+
+
+def directions(latitude_deg: Array, longitude_deg: Array) -> Array:
+    """Unit vectors in A of places given in degrees, shape (..., 3)."""
+    latitude, longitude = np.radians(latitude_deg), np.radians(longitude_deg)
+    return np.stack(
+        (np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude), np.sin(latitude)), axis=-1
+    )
+
+
+def latitude_longitude(points_A: Array, centre_longitude: float = 0.0) -> tuple[Array, Array]:
+    """Latitudes and longitudes of points (..., 3) [deg], longitudes within 180 deg of the centre's."""
+    x, y, z = np.moveaxis(np.asarray(points_A, float), -1, 0)
+    longitude = np.degrees(np.arctan2(y, x)) - centre_longitude
+    return np.degrees(np.arctan2(z, np.hypot(x, y))), centre_longitude + (longitude + 180.0) % 360.0 - 180.0
+
+
+def target_outlines(region: TargetRegion) -> list[Array]:
+    """The same of every target of a region."""
+    return [target_outline(target) for target in region.targets]
+
+
+def target_outline(region: TargetRegion, per_side: int = 60) -> Array:
+    """Directions along the border of a target, a closed line, shape (4 per_side + 1, 3)."""
+    reach = np.tan(region.side_half_angle)
+    corners = reach * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0]])
+    share = np.linspace(0.0, 4.0, 4 * per_side + 1)
+    east, north = (np.interp(share, np.arange(5), corners[:, k]) for k in range(2))
+    return np.column_stack((east, north, np.ones(len(share)))) @ region.axes_A
+
+
+def paint(ax: Axes, ground: Ground, body: ShapeModel, colours: Array, lamp_A: Array, *, relief: float = RELIEF) -> None:
+    """Paint a map in the colours of the mesh's faces (F, 3), lit from a direction in A.
+
+    With `relief` slopes are darker, so that the night side shows its ground too. Where the body has none the map stays white.
+    """
+    outward = ground.points_A / np.linalg.norm(ground.points_A, axis=-1, keepdims=True)
+    level = np.einsum("...i,...i", outward, body.face_normals[ground.face])
+    brightness = 1.0 - relief * (1.0 - np.clip(level, 0.0, 1.0))
+    picture = shade(colours, body.face_normals, lamp_A, AMBIENT)[ground.face] * brightness[..., None]
+    half_x, half_y = (0.5 * (places[1] - places[0]) for places in (ground.longitudes, ground.latitudes))
+    ax.imshow(
+        np.nan_to_num(picture, nan=1.0),
+        origin="lower",
+        extent=(
+            ground.longitudes[0] - half_x,
+            ground.longitudes[-1] + half_x,
+            ground.latitudes[0] - half_y,
+            ground.latitudes[-1] + half_y,
+        ),
+        interpolation="nearest",
+        zorder=0,
+    )
+
+
+def draw_track(ax: Axes, points_A: Array, centre_longitude: float, **style: Any) -> None:
+    """Draw a line through points (n, 3) on a map, broken at its sides and at the poles."""
+    latitude, longitude = latitude_longitude(points_A, centre_longitude)
+    latitude = np.where(np.abs(latitude) > 90.0 - POLAR, np.nan, latitude)
+    breaks = 1 + np.flatnonzero(np.abs(np.diff(longitude)) > 180.0)
+    ax.plot(np.insert(longitude, breaks, np.nan), np.insert(latitude, breaks, np.nan), **style)
+
+
+def draw_places(ax: Axes, points_A: Array, centre_longitude: float, **style: Any) -> None:
+    """Draw markers at points (n, 3) on a map, but for those on a pole."""
+    latitude, longitude = latitude_longitude(points_A, centre_longitude)
+    latitude = np.where(np.abs(latitude) > 90.0 - POLAR, np.nan, latitude)
+    ax.plot(longitude, latitude, **{"linestyle": "none", **style})
+
+
+def map_aspect(window: Window) -> float:
+    """Length of a degree of longitude on a map over that of a degree of latitude."""
+    middle = np.radians(0.5 * (window.south + window.north))
+    return 1.0 if window.east - window.west > WIDE_DEG else max(0.2, float(np.cos(middle)))
+
+
+def name_map(ax: Axes, window: Window) -> None:
+    """Scales and names of a map's axes; longitudes from 0 to 360 deg."""
+    ax.set_xlim(window.west, window.east)
+    ax.set_ylim(window.south, window.north)
+    width, height = window.east - window.west, window.north - window.south
+    if width > 4.0 * height:  # a cap around a pole would be a thread
+        ax.set_aspect("auto")
+    else:
+        ax.set_aspect(1.0 / map_aspect(window))
+    wide = width > WIDE_DEG
+    for axis in (ax.xaxis, ax.yaxis):
+        axis.set_major_locator(MaxNLocator(7, steps=[3, 4.5, 6, 9] if wide else [1, 2, 5, 10]))
+    ax.xaxis.set_major_formatter(FuncFormatter(lambda longitude, _: f"{longitude % 360.0:g}"))
+    tidy(ax)
+    ax.grid(True, color="white", linewidth=0.5, alpha=0.6)
+    label(ax, "east longitude [deg]", "latitude [deg]")

@@ -1,0 +1,170 @@
+"""The operation at the visit and at the end: body, observed faces, spacecraft, trails (AAS 19-144, Figure 11).
+
+Drawn in the body-fixed frame A, so that the target stays where it is and only the swarm moves.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from swarm_mj.figures.box import box_around, draw_box, keep_inside
+from swarm_mj.figures.cells import draw_cells
+from swarm_mj.figures.framing import enlarge_small_body, framed, near_visit
+from swarm_mj.figures.numbering import number_beside
+from swarm_mj.figures.palette import BLACK, BLUE, GREY, MODE_STYLES, ORANGE, SKY_BLUE, VERMILLION
+from swarm_mj.figures.panels import legend_below, marker_handle
+from swarm_mj.figures.scene import FREE_AXIS, Scene, axis_tips, best_view, scene_from
+from swarm_mj.figures.style import HALO, SMALL_PT, TICK_PT, caption, label, new_figure, tidy
+from swarm_mj.figures.timescale import time_scale
+from swarm_mj.figures.view import (
+    HIDDEN_ALPHA,
+    View,
+    draw_body,
+    draw_line,
+    draw_points,
+    face_colours,
+    straight,
+    unit,
+)
+from swarm_mj.flight.observe import ObservationResult
+from swarm_mj.flight.plan import Plan
+from swarm_mj.mission.behaviors import TargetKind
+from swarm_mj.records.modes import LOST
+from swarm_mj.scenarios.itinerary import last_visit_s
+from swarm_mj.typing import Array, Indices, Mask
+
+#: Corners of a trail; a flyby bends little.
+TRAIL_POINTS = 120
+#: More spacecraft than these are not numbered: the numbers would cover each other.
+MAX_NUMBERED = 12
+DASHES = (0, (4, 2.5))
+
+
+def compose_operation(plan: Plan, telemetry: xr.Dataset, result: ObservationResult) -> Figure:
+    """The swarm around the body at the time of flight and at the end, or when it leaves the body far behind."""
+    scale = time_scale(plan, telemetry)
+    telemetry = near_visit(plan, telemetry)
+    scene = scene_from(plan, telemetry)
+    figure = new_figure(8.2, f"Operation of the swarm: {plan.scenario.name}", width_in=11.0)
+    visit = int(np.argmin(np.abs(scene.times - last_visit_s(plan.scenario))))
+    instants = (visit, len(scene.times) - 1)
+    view = best_view(plan.region, scene, instants)
+    grid = figure.subplots(2, 2, height_ratios=(3.0, 1.0))
+    seen_by_then = [np.nan_to_num(result.coverage.first_seen_s, nan=np.inf) <= scene.times[k] for k in instants]
+    started = []
+    for column, (k, seen) in enumerate(zip(instants, seen_by_then, strict=True)):
+        percent = 100.0 * plan.region.area[seen].sum() / plan.region.total_area
+        caption(grid[0, column], f"t = {scale.instant(scene.times[k])}, $P_{{TO}}$ = {percent:.2f} %", size=TICK_PT + 1)
+        started.append(_draw_instant(grid[0, column], plan, telemetry, seen, scene, view, k))
+        _draw_target(grid[1, column], plan, seen)
+    legend_below(figure, _handles(scene, seen_by_then, any(started), any(_hides(ax) for ax in grid[0])))
+    return figure
+
+
+def _draw_instant(ax: Axes, plan: Plan, telemetry: xr.Dataset, seen: Mask, scene: Scene, view: View, k: int) -> bool:
+    """One picture; gives whether the mothership's place at deployment is in it."""
+    body, region = plan.region.mesh, plan.region
+    inside, held = framed(plan, scene, k)
+    extent = float(np.ptp(inside, axis=0).max())
+    tips = axis_tips(telemetry, scene, body, k, FREE_AXIS * extent)
+    box = box_around(np.vstack((inside, tips)))
+    trail = np.unique(np.linspace(max(held[0] - 1, 0), k, TRAIL_POINTS).astype(int))
+    colours = face_colours(body, [(region.target, ORANGE), (region.target[seen], SKY_BLUE)])
+    ax.set_anchor("N")
+    draw_box(ax, view, box)
+    draw_body(ax, view, body, colours)
+    faint = 0.55 if plan.n <= MAX_NUMBERED else 0.3
+    for j in range(plan.n):
+        colour, marker = _colour_and_marker(scene, j, k)
+        draw_line(ax, view, body, scene.r_A[trail, j], color=colour, linewidth=0.9, alpha=faint)
+        if scene.mode[k, j] < LOST:
+            sight = straight(scene.r_A[k, j], tips[j])
+            draw_line(ax, view, body, sight, color=colour, linewidth=1.0, linestyle=DASHES)
+    started = bool(scene.times[held[0]] == 0.0)
+    if started:
+        draw_points(ax, view, body, scene.r_A[0, :1], marker="s", markersize=6, color=BLACK)
+    for j in range(plan.n):
+        colour, marker = _colour_and_marker(scene, j, k)
+        draw_points(ax, view, body, scene.r_A[k, j : j + 1], marker=marker, markersize=6.5, color=colour, mec="white")
+    _name(ax, plan, scene, view, k, trail, tips)
+    keep_inside(ax, view, box)
+    swarm = view.project(np.vstack((scene.r_A[trail].reshape(-1, 3), tips)))
+    enlarge_small_body(ax, view, body, colours, swarm, low=False)
+    return started
+
+
+def _name(ax: Axes, plan: Plan, scene: Scene, view: View, k: int, trail: Indices, tips: Array) -> None:
+    """Number the spacecraft, and say which axes lead to Earth."""
+    for relay in np.flatnonzero(scene.mode[k] == TargetKind.EARTH):
+        _name_earth(ax, view.project(scene.r_A[k, relay]), view.project(tips[relay]))
+    if plan.n <= MAX_NUMBERED:
+        flown = [view.project(scene.r_A[trail, j]) for j in range(plan.n)]
+        sights = [view.project(np.stack(ends)) for ends in zip(scene.r_A[k], tips, strict=True)]
+        colours = [_colour_and_marker(scene, j, k)[0] for j in range(plan.n)]
+        number_beside(ax, view.project(scene.r_A[k]), colours, lines=[*flown, *sights])
+
+
+def _hides(ax: Axes) -> bool:
+    """Whether lines are drawn pale because they are behind the body."""
+    return any((line.get_alpha() or 1.0) < HIDDEN_ALPHA for line in ax.lines if line.get_linestyle() == "-")
+
+
+def _draw_target(ax: Axes, plan: Plan, seen: Mask) -> None:
+    """The target alone, so that what was observed of it can be made out."""
+    region = plan.region
+    draw_cells(ax, region, np.where(seen[:, None], to_rgb(SKY_BLUE), to_rgb(ORANGE)))
+    tidy(ax)
+    ax.grid(False)
+    label(ax, "angle east [deg]", "angle north [deg]")
+    ax.set_title("target, seen from the body's centre", fontsize=TICK_PT)
+
+
+def _colour_and_marker(scene: Scene, j: int, k: int) -> tuple[str, str]:
+    """Colour and marker of spacecraft j at sample k."""
+    if scene.mode[k, j] == LOST:
+        return MODE_STYLES[LOST].line_colour, "X"
+    return (BLUE, "D") if scene.relays[j] else (VERMILLION, "o")
+
+
+def _name_earth(ax: Axes, start: Array, tip: Array) -> None:
+    """Say where an axis without a visible end leads."""
+    offset = 5.0 * unit(tip - start)
+    ax.annotate(
+        "to Earth",
+        (float(tip[0]), float(tip[1])),
+        xytext=(float(offset[0]), float(offset[1])),
+        textcoords="offset points",
+        ha="left" if offset[0] >= 0.0 else "right",
+        va="center",
+        fontsize=SMALL_PT,
+        color=BLUE,
+        path_effects=HALO,
+        zorder=7,
+    )
+
+
+def _handles(scene: Scene, seen_by_then: list[Mask], started: bool, hides: bool) -> list[Line2D | Patch]:
+    """Legend entries of what is in the pictures, given which cells were observed at each instant."""
+    handles: list[Line2D | Patch] = []
+    if any(seen.any() for seen in seen_by_then):
+        handles.append(Patch(facecolor=SKY_BLUE, label="target, observed so far"))
+    if not all(seen.all() for seen in seen_by_then):
+        handles.append(Patch(facecolor=ORANGE, label="target, not yet observed"))
+    if not scene.relays.all():
+        handles.append(marker_handle("observing spacecraft", VERMILLION, "o"))
+    if scene.relays.any():
+        handles.append(marker_handle("communications spacecraft", BLUE, "D"))
+    if (scene.mode[-1] == LOST).any():
+        handles.append(marker_handle("lost spacecraft", MODE_STYLES[LOST].line_colour, "X"))
+    path = "path flown" + ("; pale: behind the body" if hides else "")
+    handles += [
+        Line2D([], [], color=GREY, linewidth=1.0, linestyle=DASHES, label="spacecraft +z axis"),
+        Line2D([], [], color=GREY, linewidth=0.9, alpha=0.7, label=path),
+    ]
+    return [*handles, marker_handle("mothership at deployment", BLACK, "s")] if started else handles

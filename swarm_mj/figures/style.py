@@ -1,0 +1,130 @@
+"""Common look: sizes, labels, saving; colours are in `figures/palette.py`. Sizes hold when a picture is shown at half."""
+
+from __future__ import annotations
+
+import os
+import threading
+from pathlib import Path
+
+import numpy as np
+from matplotlib import patheffects, rc_context
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from PIL import Image
+
+from swarm_mj.figures.palette import GREY, LIGHT_GREY
+from swarm_mj.flight.plan import Plan
+from swarm_mj.typing import Indices
+
+DPI = 150
+#: Of what a PDF cannot hold as lines: shaded bodies and maps.
+RASTER_DPI = 300
+#: Of PNGs: a third of the time of Pillow's own choice, and files no larger than with transparency.
+COMPRESSION = 3
+WIDTH_IN = 9.0
+TITLE_PT = 12
+LABEL_PT = 10
+TICK_PT = 9
+SMALL_PT = 8
+
+#: Lets text read on any ground.
+HALO = [patheffects.withStroke(linewidth=2.5, foreground="white")]
+#: How the instant of the visit is marked.
+VISIT_DASHES = (0, (4, 2))
+
+#: More panels or rows than these no longer read on one page.
+MAX_PANELS = 20
+
+
+#: All figures of a process share Matplotlib's parser of formulas, which is not made for threads.
+_RENDERING = threading.Lock()
+
+
+def new_figure(height_in: float, title: str, *, width_in: float = WIDTH_IN) -> Figure:
+    """An empty figure whose parts arrange themselves."""
+    figure = Figure(figsize=(width_in, height_in), dpi=DPI, layout="constrained", facecolor="white")
+    room_pt = 72.0 * width_in / (0.68 * len(title))  # a bold letter is about 0.68 of its size wide
+    figure.suptitle(plain(title), fontsize=min(TITLE_PT, room_pt), fontweight="bold")
+    return figure
+
+
+def plain(text: str) -> str:
+    """Text in which Matplotlib finds no formula."""
+    return text.replace("$", r"\$")
+
+
+def tidy(ax: Axes) -> None:
+    """Common look of a plain diagram."""
+    ax.tick_params(labelsize=TICK_PT, color=GREY, length=3)
+    ax.grid(True, color=LIGHT_GREY, linewidth=0.6)
+    ax.set_axisbelow(True)
+    for side in ("top", "right"):
+        ax.spines[side].set_visible(False)
+    for side in ("left", "bottom"):
+        ax.spines[side].set_color(GREY)
+
+
+def label(ax: Axes, x: str | None = None, y: str | None = None) -> None:
+    """Name the axes; every name carries its unit."""
+    if x is not None:
+        ax.set_xlabel(x, fontsize=LABEL_PT)
+    if y is not None:
+        ax.set_ylabel(y, fontsize=LABEL_PT)
+
+
+def caption(ax: Axes, text: str, *, size: float = TICK_PT, pad: float | None = None) -> None:
+    """A line of text over the left end of axes above which no ticks or scales stand."""
+    ax.set_title(text, fontsize=size, loc="left", pad=pad, y=1.0)  # where it is put: no search for a free height
+
+
+def shown_spacecraft(n: int, limit: int = MAX_PANELS) -> Indices:
+    """Spacecraft that a picture has room for: all, or the first ones and the last, which may be the relay."""
+    return np.arange(n) if n <= limit else np.append(np.arange(limit - 1), n - 1)
+
+
+def note_of_omission(n: int, shown: Indices) -> str:
+    """Words for the title when not all spacecraft are shown."""
+    return "" if len(shown) == n else f" ({len(shown)} of {n} spacecraft shown)"
+
+
+def role(plan: Plan, j: int) -> str:
+    """What spacecraft j was sent to do."""
+    points = plan.scenario.design.visiting_points
+    return f"visits point {points[j]}" if j < plan.n_observers else "communications"
+
+
+def write(figure: Figure, path: Path, *, pdf: bool) -> None:
+    """Write a PNG to `path`, and with `pdf` a PDF beside it."""
+    save(figure, path)
+    if pdf:
+        figure.set_layout_engine("none")  # the parts stay where the first rendering put them
+        save(figure, path.with_suffix(".pdf"))
+
+
+def save(figure: Figure, path: Path) -> None:
+    """Write a PNG or a PDF, as the path's suffix says, under a temporary name, then rename it.
+
+    Equal figures give equal bytes.
+    """
+    partial = path.with_name(f".{path.name}.partial")
+    try:
+        with _RENDERING:
+            (_save_pdf if path.suffix == ".pdf" else _save_png)(figure, partial)
+        os.replace(partial, path)
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def _save_png(figure: Figure, path: Path) -> None:
+    """Draw once: `savefig` draws twice where the parts arrange themselves."""
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    picture = Image.frombuffer("RGBA", canvas.get_width_height(), canvas.buffer_rgba(), "raw", "RGBA", 0, 1)
+    picture.convert("RGB").save(path, format="png", dpi=(DPI, DPI), compress_level=COMPRESSION)
+
+
+def _save_pdf(figure: Figure, path: Path) -> None:
+    nothing = {"CreationDate": None, "Creator": None, "Producer": None}  # they would make equal figures differ
+    with rc_context({"pdf.fonttype": 42}):  # fonts that other programs can edit
+        figure.savefig(path, format="pdf", dpi=RASTER_DPI, metadata=nothing)

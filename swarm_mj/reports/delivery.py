@@ -1,0 +1,379 @@
+"""The part of the page on the way to Earth: what arrives when, what does not and why, with plots of the contacts and data."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import plotly.graph_objects as go
+from plotly.colors import sample_colorscale
+from plotly.subplots import make_subplots
+
+from swarm_mj.dataflow.delivery import Delivery
+from swarm_mj.figures.delivery_view import (
+    LEAST_PERCENT,
+    LINK_STYLES,
+    REASON_STYLES,
+    AreaStyle,
+    LinkHistory,
+    busy_until_s,
+    cells_by_reason,
+    is_proven,
+    link_in_swarm,
+    links_to_earth,
+    on_earth,
+    percent_over_time,
+    speakers,
+    stretches,
+)
+from swarm_mj.figures.palette import GREY, LIGHT_GREY, SKY_BLUE, SPACECRAFT, VERMILLION, spacecraft_colours
+from swarm_mj.figures.units import TimeAxis, data_unit, instant, time_axis
+from swarm_mj.mission.links import Obstacle
+from swarm_mj.mission.target import angles, local_axes
+from swarm_mj.observation.coverage import CoverageMap
+from swarm_mj.records.run_record import RunRecord
+from swarm_mj.reports.markup import Content, Html, table, tag
+from swarm_mj.reports.plots import INK, MAX_ROWS
+from swarm_mj.reports.sections import section
+from swarm_mj.scenarios.itinerary import last_visit_s
+from swarm_mj.typing import Array, Mask
+
+HINT = (
+    "Dashed line: the visit; full line: the end of the flight. The plots begin with the first picture and end when data no "
+    "longer move; a double-click shows all that was planned."
+)
+#: Plots of a run, and what they are called.
+PLOTS = {"contacts": "Contacts and transfers", "data": "Data on their way", "map": "The map as it arrives"}
+#: Colours of the map, and instants of a curve.
+CLASSES, INSTANTS = 8, 600
+#: Heights of bars, in rows, and of a row and of what is around the rows [px].
+CONTACT, TRANSFER, LEAST_TRANSFER = 0.28, 0.45, 0.08
+ROW_PX, AROUND_PX, DATA_PX, MAP_PX = 34, 150, 600, 560
+#: Opacity of bars that say no more than that nobody wanted to send: on a dark page a pale colour would stand out.
+FAINT = 0.2
+#: Matplotlib's hatches as plotly writes them.
+HATCHES = {"": "", "/": "/", "\\": "\\", "x": "x", ".": ".", "o": "+", "-": "-"}
+MARGINS_PX = {"l": 76, "r": 12, "t": 28, "b": 40}
+#: How far below a plot its legend stands, so that the axis' numbers and title have room [px].
+LEGEND_PX = 46
+#: Dashes of single spacecraft, which differ by more than their colour, in the order of `SPACECRAFT`.
+DASHES = ("solid", "dash", "dot", "dashdot", "longdash", "longdashdot")
+#: What is shown before the first picture, as a share of the time shown.
+BEFORE = 0.03
+
+
+def delivery_section(runs: Sequence[RunRecord], labels: Sequence[str]) -> Html | None:
+    """What of each run reaches Earth; nothing where none of them knows."""
+    if all(run.delivery is None for run in runs):
+        return None
+    parts: list[Content] = []
+    for number, (run, label) in enumerate(zip(runs, labels, strict=True)):
+        parts.append(tag("h3", label) if len(runs) > 1 else None)
+        if run.delivery is None:
+            parts.append(tag("p", "The way to Earth of this run was not computed."))
+            continue
+        some = "" if run.n <= MAX_ROWS else f", {MAX_ROWS} of {run.n} spacecraft"
+        boxes = [
+            tag(
+                "figure",
+                tag("h3", words, some if name == "contacts" else None),
+                tag("div", id=box_id(number, name), role="img", aria_label=words),
+                class_=name,
+            )
+            for name, words in PLOTS.items()
+        ]
+        parts += [
+            tag("p", outcome(run, run.delivery)),
+            _undelivered_table(run),
+            tag("div", boxes, class_="ways"),
+            tag("p", HINT, class_="soft"),
+        ]
+    return section("delivery", "Delivery to Earth", parts)
+
+
+def box_id(number: int, name: str) -> str:
+    """The id of the box that a plot of a run stands in."""
+    return f"way-{number}-{name}"
+
+
+def outcome(run: RunRecord, delivery: Delivery) -> str:
+    """Seen and delivered in words, when the last of it arrives, and what no schedule betters."""
+    summary = run.summary
+    words = f"{summary['coverage_percent']:.2f} % of the target is seen, {summary['delivered_percent']:.2f} % reaches Earth. "
+    if delivery.complete and len(delivery.tile_area):
+        words += f"All that was seen is there at t = {_time(delivery.full_s)}"
+        if not np.isnan(delivery.best_full_s):
+            words += f"; no schedule has it there before t = {_time(float(delivery.best_full_s))}"
+        words += ". "
+    if summary.get("delivered_percent_bound") is not None:
+        words += f"No schedule delivers more than {summary['delivered_percent_bound']:.2f} %. "
+    unit = data_unit(delivery.seen_bit)
+    parts = [
+        f"{bits / unit.bits:.4g} {unit.unit} {what}"
+        for what, bits in (
+            ("seen", delivery.seen_bit),
+            ("delivered", delivery.delivered_bit),
+            ("left aboard", int(delivery.aboard_bit[-1].sum())),
+            ("lost", int(delivery.lost_bit[-1].sum())),
+        )
+    ]
+    words += f"Data: {', '.join(parts)}; a picture may stay aboard where another one shows the same."
+    return words.replace(" %", "\N{NO-BREAK SPACE}%")
+
+
+def _time(t: float) -> str:
+    return instant(t, time_axis(t))
+
+
+def _undelivered_table(run: RunRecord) -> Html | None:
+    parts = run.summary.get("not_delivered", ())
+    rows = [(part["reason"], f"{part['percent']:.2f}", ", ".join(part["spacecraft"]), part["remedy"]) for part in parts]
+    head = ("reason", "of the target [%]", "seen by", "remedy")
+    return table(head, rows, caption="Seen and not delivered") if rows else None
+
+
+def delivery_figures(run: RunRecord) -> dict[str, go.Figure]:
+    """The plots of a run by name; none where its way to Earth was not computed."""
+    if run.delivery is None:
+        return {}
+    return {
+        "contacts": contacts_figure(run, run.delivery),
+        "data": data_figure(run, run.delivery),
+        "map": map_figure(run, run.delivery),
+    }
+
+
+def contacts_figure(run: RunRecord, delivery: Delivery) -> go.Figure:
+    """A row for each spacecraft and each way to Earth: contacts, transfers, and what is in the way."""
+    in_swarm = [row for j in range(min(run.n, MAX_ROWS)) if (row := link_in_swarm(delivery, j)) is not None]
+    rows = [*in_swarm, *links_to_earth(delivery)]
+    axis, names = time_axis(_until_s(run, delivery)), [_name(row, run, delivery) for row in rows]
+    found = np.unique(np.concatenate([row.state for row in rows])) if rows else np.empty(0, int)
+    figure = go.Figure([_bars(delivery, rows, names, state, axis) for state in LINK_STYLES if state in found])
+    figure.add_trace(_transfers(delivery, rows, names, axis))
+    figure.update_yaxes(
+        tickvals=list(range(len(rows))), ticktext=names, range=[len(rows) - 0.4, -0.6], showgrid=False, fixedrange=True
+    )
+    _finish(figure, run, delivery, axis, ROW_PX * len(rows) + AROUND_PX)
+    figure.update_layout(barmode="overlay", hovermode="closest")
+    return figure
+
+
+def _name(row: LinkHistory, run: RunRecord, delivery: Delivery) -> str:
+    others = [run.names[j] for j in speakers(delivery) if j != row.spacecraft]
+    to = "Earth" if row.to_earth else others[0] if len(others) == 1 else "relays"
+    return f"{run.names[row.spacecraft]} → {to}"
+
+
+def _bars(delivery: Delivery, rows: Sequence[LinkHistory], names: Sequence[str], state: int, axis: TimeAxis) -> go.Bar:
+    found = [
+        (place, start / axis.seconds, end / axis.seconds)
+        for place, row in enumerate(rows)
+        for start, end, there in stretches(delivery.edges_s, row.state)
+        if there == state
+    ]
+    style = LINK_STYLES[state]
+    return go.Bar(
+        orientation="h",
+        y=[place for place, _, _ in found],
+        base=[start for _, start, _ in found],
+        x=[end - start for _, start, end in found],
+        offset=0.0,
+        width=CONTACT,
+        marker=_painted(style) if state != Obstacle.ROLE else {"color": GREY, "opacity": FAINT},
+        name=style.words,
+        hovertext=[f"{names[p]}: {style.words}<br>{a:.4g} to {b:.4g} {axis.unit}" for p, a, b in found],
+        hoverinfo="text",
+    )
+
+
+def _transfers(delivery: Delivery, rows: Sequence[LinkHistory], names: Sequence[str], axis: TimeAxis) -> go.Bar:
+    found = [(place, t, float(row.used[t])) for place, row in enumerate(rows) for t in np.flatnonzero(row.used > 0.0)]
+    edges = delivery.edges_s / axis.seconds
+    height = [LEAST_TRANSFER + (TRANSFER - LEAST_TRANSFER) * share for _, _, share in found]
+    return go.Bar(
+        orientation="h",
+        y=[place for place, _, _ in found],
+        base=[float(edges[t]) for _, t, _ in found],
+        x=[float(edges[t + 1] - edges[t]) for _, t, _ in found],
+        offset=[-part for part in height],
+        width=height,
+        marker={"color": VERMILLION, "line": {"width": 0}},
+        name="data sent; height: share used",
+        hovertext=[f"{names[p]}: {100.0 * share:.3g} % of the link used" for p, _, share in found],
+        hoverinfo="text",
+    )
+
+
+def _painted(style: AreaStyle) -> dict[str, Any]:
+    pattern = {"shape": HATCHES[style.hatch[:1]], "fgcolor": GREY, "bgcolor": style.colour, "size": 6, "solidity": 0.3}
+    return {"color": style.colour, "line": {"width": 0}, "pattern": pattern}
+
+
+def data_figure(run: RunRecord, delivery: Delivery) -> go.Figure:
+    """Data aboard and on Earth over time, and the share of the target that is seen and has arrived."""
+    axis = time_axis(_until_s(run, delivery))
+    unit = data_unit(max(int(delivery.aboard_bit.max(initial=0)), delivery.delivered_bit))
+    figure = make_subplots(rows=2, cols=1, shared_xaxes=True, vertical_spacing=0.1)
+    edges, end = delivery.edges_s / axis.seconds, float(delivery.edges_s[-1])
+    if run.n <= len(SPACECRAFT):
+        for j, colour in enumerate(spacecraft_colours(run.n)):
+            _curve(figure, 1, edges, delivery.aboard_bit[:, j] / unit.bits, f"aboard {run.names[j]}", colour, DASHES[j])
+    else:
+        _curve(figure, 1, edges, delivery.aboard_bit.max(axis=1) / unit.bits, "aboard the fullest", SPACECRAFT[0])
+    ways = (
+        ("on Earth", delivery.earth_bit, INK, "solid"),
+        ("on Earth, best by area", delivery.best_earth_bit, GREY, "dot"),
+    )
+    for name, sent, colour, dash in ways[: 1 + is_proven(delivery)]:
+        times, received = on_earth(delivery, sent.astype(np.float64))
+        x, y = np.append(times, max(end, times[-1])) / axis.seconds, np.append(received, received[-1]) / unit.bits
+        _curve(figure, 1, x, y, name, colour, dash)
+    if (lost := delivery.lost_bit.sum(axis=1)).any():
+        _curve(figure, 1, edges, lost / unit.bits, "lost so far", VERMILLION, "dashdot")
+    _area_curves(figure, run, delivery, axis)
+    figure.update_yaxes(title=f"data [{unit.unit}]", row=1, col=1)
+    figure.update_yaxes(title="share of the target [%]", range=[-4.0, 106.0], row=2, col=1)
+    _finish(figure, run, delivery, axis, DATA_PX)
+    return figure
+
+
+def _area_curves(figure: go.Figure, run: RunRecord, delivery: Delivery, axis: TimeAxis) -> None:
+    area, by = run.coverage["area"], run.coverage["first_seen_by_s"]
+    even = np.linspace(0.0, float(delivery.edges_s[-1]), INSTANTS)
+    times = np.unique(np.concatenate((even, delivery.tile_arrives_s[delivery.arrived], by[~np.isnan(by)])))
+    coverage = CoverageMap(area, len(by))
+    coverage.first_seen_by_s = by
+    x, total = times / axis.seconds, float(area.sum())
+    _curve(figure, 2, x, coverage.percent_over_time(times), "seen", SKY_BLUE, shape="hv")
+    _curve(figure, 2, x, percent_over_time(delivery, total, times), "delivered", INK, shape="hv")
+    if is_proven(delivery):
+        bound = np.full(2, 100.0 / total * float(delivery.best_bound_area))
+        _curve(figure, 2, x[[0, -1]], bound, "no schedule delivers more", VERMILLION, "dash")
+
+
+def _curve(
+    figure: go.Figure, row: int, x: Array, y: Array, name: str, colour: str, dash: str = "solid", shape: str = "linear"
+) -> None:
+    line = {"color": colour, "dash": dash, "width": 2, "shape": shape}
+    x, y = np.asarray(x, np.float32), np.asarray(y, np.float32)
+    figure.add_trace(go.Scatter(x=x, y=y, name=name, mode="lines", line=line, hovertemplate="%{y:.4g}"), row=row, col=1)
+
+
+def map_figure(run: RunRecord, delivery: Delivery) -> go.Figure:
+    """The target's cells by when they arrive, hatched by the reason where they never do."""
+    coverage, several = run.coverage, bool(run.scenario.designer.extra_targets)
+    corners = _flat_corners(run)
+    times, area = delivery.arrives_s, coverage["area"]
+    figure = go.Figure()
+    there = ~np.isnan(times)
+    for cells, words, colour in _classes(times, there):
+        _cells(figure, corners[cells], words, AreaStyle(words, colour, ""))
+    for reason, cells in cells_by_reason(delivery).items():
+        _cells(
+            figure, corners[cells], f"not delivered ({reason}): {_percent(area, cells):.2f} %", REASON_STYLES[reason]
+        )
+    unseen = delivery.tile_of_cell < 0
+    if _percent(area, unseen) >= LEAST_PERCENT:
+        _cells(figure, corners[unseen], f"not seen: {_percent(area, unseen):.2f} %", AreaStyle("", LIGHT_GREY, ""))
+    figure.update_xaxes(
+        title={"text": "east longitude [deg]" if several else "angle east of the target's centre [deg]", "standoff": 4},
+        showgrid=False,
+        zeroline=False,
+    )
+    figure.update_yaxes(
+        title="latitude [deg]" if several else "north [deg]",
+        showgrid=False,
+        zeroline=False,
+        scaleanchor="x",
+        scaleratio=1.0,
+        constrain="domain",
+    )
+    figure.update_layout(height=MAP_PX, margin=MARGINS_PX, hovermode="closest", legend=_legend(MAP_PX), showlegend=True)
+    return figure
+
+
+def _flat_corners(run: RunRecord) -> Array:
+    """Corners of the cells in the plane, shape (n, 3, 2) [deg]: about the target's axis; of several on the globe."""
+    target, corners_A = run.scenario.target, run.coverage["vertices"][run.coverage["faces"]]
+    if not run.scenario.designer.extra_targets:
+        return angles(corners_A, local_axes(target.latitude_deg, target.longitude_deg))
+    x, y, z = np.moveaxis(np.asarray(corners_A, np.float64), -1, 0)
+    longitude = np.degrees(np.arctan2(y, x))
+    longitude -= 360.0 * np.rint((longitude[:, :1] - target.longitude_deg) / 360.0)
+    longitude -= 360.0 * np.rint((longitude - longitude[:, :1]) / 360.0)  # a cell stays in one piece
+    return np.stack((longitude, np.degrees(np.arctan2(z, np.hypot(x, y)))), axis=-1)
+
+
+def _classes(times: Array, there: Mask) -> list[tuple[Mask, str, str]]:
+    """Cells that arrive in about as many equal parts of time as there are colours: which, words, colour."""
+    if not there.any():
+        return []
+    first, last = float(times[there].min()), float(times[there].max())
+    axis, bounds = time_axis(last), np.linspace(first, last, CLASSES + 1)
+    if last == first:
+        return [(there, f"on Earth at {instant(last, axis)}", sample_colorscale("Cividis_r", [0.0])[0])]
+    number = np.where(there, np.clip(np.searchsorted(bounds, times, side="left") - 1, 0, CLASSES - 1), -1)
+    colours = sample_colorscale("Cividis_r", np.linspace(0.0, 1.0, CLASSES))
+    return [
+        (number == k, f"until {bounds[k + 1] / axis.seconds:.4g} {axis.unit}", colours[k])
+        for k in range(CLASSES)
+        if (number == k).any()
+    ]
+
+
+def _cells(figure: go.Figure, corners: Array, name: str, style: AreaStyle) -> None:
+    """Triangles (n, 3, 2) of one style, as one area with gaps."""
+    closed = np.full((len(corners), 5, 2), np.nan)
+    closed[:, :3], closed[:, 3] = corners, corners[:, 0]
+    x, y = np.asarray(closed.reshape(-1, 2).T, np.float32)
+    pattern = {"shape": HATCHES[style.hatch[:1]], "fgcolor": GREY, "bgcolor": style.colour, "size": 8, "solidity": 0.25}
+    figure.add_trace(
+        go.Scatter(
+            x=x,
+            y=y,
+            mode="lines",
+            fill="toself",
+            fillcolor=style.colour,
+            fillpattern=pattern if style.hatch else None,
+            line={"color": "white", "width": 0.5},
+            name=name,
+            hoverinfo="name",
+        )
+    )
+
+
+def _percent(area: Array, cells: Mask) -> float:
+    return 100.0 * float(area[cells].sum() / area.sum())
+
+
+def _finish(figure: go.Figure, run: RunRecord, delivery: Delivery, axis: TimeAxis, height: float) -> None:
+    """Time axis from the first picture until data no longer move, marks of visit and end, legend."""
+    last = _until_s(run, delivery)
+    first = min(float(delivery.edges_s[0]), last_visit_s(run.scenario))
+    first = max(first - BEFORE * (last - first), 0.0)
+    marks = ((last_visit_s(run.scenario), "dash"), (run.scenario.duration_s, "solid"))
+    shapes = [
+        {
+            "type": "line", "xref": "x", "yref": "paper", "x0": t / axis.seconds, "x1": t / axis.seconds, "y0": 0.0, "y1": 1.0,
+            "line": {"color": GREY, "width": 1.5, "dash": dash},
+        }
+        for t, dash in marks
+    ]  # fmt: skip
+    figure.update_xaxes(range=[first / axis.seconds, last / axis.seconds], hoverformat=".4g")
+    title = {"text": f"time since deployment [{axis.unit}]", "standoff": 4}
+    figure.update_layout({"xaxis2" if "xaxis2" in figure.layout else "xaxis": {"title": title}})
+    layout = {"height": height, "margin": MARGINS_PX, "legend": _legend(height), "shapes": shapes}
+    figure.update_layout(hovermode="x", dragmode="zoom", **layout)
+
+
+def _until_s(run: RunRecord, delivery: Delivery) -> float:
+    """Until when the plots show at first [s]."""
+    return max(busy_until_s(delivery), run.scenario.duration_s)
+
+
+def _legend(height_px: float) -> dict[str, Any]:
+    """Below the plot; plotly makes room for it."""
+    inside = height_px - MARGINS_PX["t"] - MARGINS_PX["b"] - LEGEND_PX
+    return {"orientation": "h", "x": 0.0, "y": -LEGEND_PX / inside, "yanchor": "top"}

@@ -1,0 +1,257 @@
+"""The flight in the body-fixed frame A at the instants that the replay shows, ready for the page's script.
+
+Drawn in A, so that the target stays where it is and the swarm moves. Positions in kilometres.
+"""
+
+from __future__ import annotations
+
+import base64
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarm_mj.flight.fly import asteroid_attitudes
+from swarm_mj.flight.observe import watching_in
+from swarm_mj.mission.behaviors import TargetKind, looks_at_body
+from swarm_mj.observation.coverage import CoverageMap
+from swarm_mj.observation.raytracing import RayTracer
+from swarm_mj.records.modes import LOST
+from swarm_mj.records.run_record import RunRecord
+from swarm_mj.scenarios.itinerary import last_visit_s
+from swarm_mj.smallbody.simplify import simplify
+from swarm_mj.spacecraft.attitude.mrp import dcm
+from swarm_mj.spacecraft.properties import RPM
+from swarm_mj.typing import Array, Indices, Ints, Mask
+
+KM = 1e3
+#: Length of a line of sight that ends at nothing near, as a share of the scene.
+FREE_AXIS = 0.3
+#: Rays along one side of a picture's border.
+RAYS_PER_SIDE = 5
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limits:
+    """How much of a run a page shows.
+
+    Attributes:
+        samples: Instants.
+        values: Instants times spacecraft.
+        spacecraft: Spacecraft in the replay.
+        faces: Faces of the body, and cells of the target.
+        rays: Instants times rays of the pictures' borders.
+    """
+
+    samples: int = 1_500
+    values: int = 80_000
+    spacecraft: int = 800
+    faces: int = 16_000
+    rays: int = 400_000
+
+
+@dataclass(frozen=True, kw_only=True)
+class Replay:
+    """What the replay shows of a run.
+
+    Attributes:
+        samples: Numbers of the telemetry's samples, shape (K,).
+        times: Their times, shape (K,) [s].
+        shown: Numbers of the spacecraft, shape (n,).
+        pointing_deg: Pointing error, the largest since the instant before, NaN once lost or while aboard, shape (K, n) [deg].
+        wheel_rpm: Speed of the fastest of three wheels, the same, shape (K, n) [rpm].
+        mode: What +z tracks, or that the spacecraft is lost, as `modes_shown` tells, shape (K, n).
+        link: Whether the link is closed, shape (K, n).
+        percent: Observed share of the target by the scenario's criterion, shape (K,) [%].
+        percent_passage: The same over the whole passage, shape (K,) [%].
+        percent_by: The share that each spacecraft observed by the scenario's criterion, shape (K, n) [%].
+        percent_by_passage: The same over the whole passage, shape (K, n) [%].
+        scene: Arrays of the 3-D picture by name.
+    """
+
+    samples: Indices
+    times: Array
+    shown: Indices
+    pointing_deg: Array
+    wheel_rpm: Array
+    mode: NDArray[np.int8]
+    link: NDArray[np.int8]
+    percent: Array
+    percent_passage: Array
+    percent_by: Array
+    percent_by_passage: Array
+    scene: dict[str, Any]
+
+
+def make_replay(run: RunRecord, limits: Limits) -> Replay:
+    """Pick what a page shows of a run."""
+    shown = np.arange(min(run.n, limits.spacecraft))
+    samples = choose_samples(run, min(limits.samples, max(60, limits.values // len(shown))))
+    telemetry, times = run.telemetry, run.times[samples]
+    mode = run.mode[np.ix_(samples, shown)]
+    pointing_deg = _peaks(np.degrees(telemetry["pointing_error"].values), samples)[:, shown]
+    area, by, by_passage = (run.coverage[k] for k in ("area", "first_seen_by_s", "first_seen_by_s_passage"))
+    swarm, passage = _coverage(area, by), _coverage(area, by_passage)
+    return Replay(
+        samples=samples,
+        times=times,
+        shown=shown,
+        pointing_deg=np.where(mode >= LOST, np.nan, pointing_deg),
+        wheel_rpm=_peaks(np.abs(telemetry["wheel_speed"].values / RPM).max(axis=2), samples)[:, shown],
+        mode=mode,
+        link=telemetry["link_closed"].values[np.ix_(samples, shown)].astype(np.int8),
+        percent=swarm.percent_over_time(times),
+        percent_passage=passage.percent_over_time(times),
+        percent_by=_shares(area, by[shown], times),
+        percent_by_passage=_shares(area, by_passage[shown], times),
+        scene=_scene(run, samples, shown, mode, limits),
+    )
+
+
+def choose_samples(run: RunRecord, count: int) -> Indices:
+    """Numbers of at most about `count` samples, evenly spaced, with the visit and the last one among them."""
+    total = len(run.times)
+    visit = int(np.argmin(np.abs(run.times - last_visit_s(run.scenario))))
+    step = -(-total // count)
+    return np.unique([*range(0, total, step), visit, total - 1]).astype(np.intp)
+
+
+def _coverage(area: Array, first_seen_by_s: Array) -> CoverageMap:
+    coverage = CoverageMap(area, len(first_seen_by_s))
+    coverage.first_seen_by_s = first_seen_by_s
+    return coverage
+
+
+def _shares(area: Array, first_seen_by_s: Array, times: Array) -> Array:
+    """Share of the target that each spacecraft has observed by each time, shape (K, n) [%]."""
+    return np.column_stack([_coverage(area, row[None]).percent_over_time(times) for row in first_seen_by_s])
+
+
+def _peaks(values: Array, samples: Indices) -> Array:
+    """Largest value since the chosen sample before, so that thinning hides no peak."""
+    starts = np.append(0, samples[:-1] + 1)
+    return np.asarray(np.maximum.reduceat(values, starts, axis=0))
+
+
+def _scene(run: RunRecord, samples: Indices, shown: Indices, mode: NDArray[np.int8], limits: Limits) -> dict[str, Any]:
+    """Meshes, positions, attitudes, line lengths and directions to Sun and Earth, all in A."""
+    coverage, telemetry = run.coverage, run.telemetry.isel(time=samples)
+    target = simplify(coverage["vertices"], coverage["faces"], limits.faces)
+    seam = target.vertices if len(target.kept) == len(coverage["faces"]) else None
+    body = simplify(coverage["body_vertices"], coverage["body_faces"], limits.faces, fixed=seam)
+    vertices = np.vstack((body.vertices, target.vertices))
+    faces = np.vstack((body.faces, target.faces + len(body.vertices)))
+    C_AN = asteroid_attitudes(telemetry)
+    r_A = np.einsum("kij,knj->kni", C_AN, telemetry["r_BN_N"].values)
+    C_BA = dcm(telemetry["sigma_BN"].values[:, shown]) @ np.swapaxes(C_AN, 1, 2)[:, None]
+    extent = float(np.ptp(np.vstack((vertices, r_A.reshape(-1, 3))), axis=0).max())
+    ground = _Ground(vertices, faces)
+    tracked = telemetry["tracked_spacecraft"].values[:, shown]
+    length = _lengths(ground, r_A, shown, C_BA, mode, tracked, FREE_AXIS * extent)
+    scene = {
+        "body_vertices": f32(body.vertices / KM),
+        "body_faces": packed(body.faces.astype(np.int32)),
+        "target_vertices": f32(target.vertices / KM),
+        "target_faces": packed(target.faces.astype(np.int32)),
+        "target_kept": target.kept,
+        "r": f32(r_A[:, shown] / KM),
+        "z": f32(C_BA[..., 2, :]),
+        "length": f32(length / KM),
+        "sun": f32(_directions(C_AN, run.telemetry.attrs["sun_N_m"])),
+        "earth": f32(_directions(C_AN, run.telemetry.attrs["earth_N_m"])),
+    }
+    observers = shown[: min(run.n_observers, len(shown))]
+    rays = border_rays(run.scenario.camera.half_angle_deg, run.scenario.camera.shape)
+    if len(samples) * len(observers) * len(rays) <= limits.rays:
+        scene["C"] = f32(C_BA[:, observers])
+        scene["rays"] = f32(rays)
+        taken = watching_in(telemetry, run.n_observers)[:, observers]
+        scene["ray_length"] = f32(_border_lengths(ground, r_A[:, observers], C_BA[:, observers], rays, taken) / KM)
+    return scene
+
+
+class _Ground:
+    """The drawn body, for finding where lines of sight end."""
+
+    def __init__(self, vertices: Array, faces: Ints) -> None:
+        self._tracer = RayTracer(vertices, faces.astype(np.int32))
+        self._origin = vertices[faces[:, 0]]
+        edges = vertices[faces[:, 1]] - self._origin, vertices[faces[:, 2]] - self._origin
+        self._normal = np.cross(*edges)
+
+    def distance(self, origins: Array, directions: Array) -> Array:
+        """Distance along unit directions (n, 3) to the ground, infinite where they miss it, shape (n,) [m]."""
+        face = self._tracer.first_hit(origins, directions)
+        normal = self._normal[face]
+        ahead = np.einsum("ij,ij->i", self._origin[face] - origins, normal)
+        return np.where(face >= 0, ahead / np.einsum("ij,ij->i", directions, normal), np.inf)
+
+
+def _lengths(
+    ground: _Ground,
+    r_A: Array,
+    shown: Indices,
+    C_BA: Array,
+    mode: NDArray[np.int8],
+    tracked: NDArray[Any],
+    free: float,
+) -> Array:
+    """How far to draw each line along +z: to the ground, as far as the spacecraft tracked, or `free` [m], shape (K, n).
+
+    Those of lost spacecraft have no length.
+    """
+    r, z_A = r_A[:, shown], C_BA[..., 2, :]
+    length = np.where(mode >= LOST, 0.0, free)
+    down = looks_at_body(mode)
+    distance = ground.distance(r[down], z_A[down])
+    length[down] = np.where(np.isfinite(distance), distance, np.linalg.norm(r[down], axis=-1))
+    sample, j = np.nonzero((mode == TargetKind.SPACECRAFT) & (tracked >= 0))
+    length[sample, j] = np.linalg.norm(r[sample, j] - r_A[sample, tracked[sample, j]], axis=-1)
+    return length
+
+
+def border_rays(half_angle_deg: float, shape: str) -> Array:
+    """Unit vectors in B along the border of a picture, in order, the corners at every RAYS_PER_SIDE-th, shape (n, 3)."""
+    tangent, count = np.tan(np.radians(half_angle_deg)), 4 * RAYS_PER_SIDE
+    if shape == "cone":
+        angle = 2.0 * np.pi * np.arange(count) / count
+        across = np.column_stack((np.cos(angle), np.sin(angle)))
+    else:
+        along = -1.0 + 2.0 * np.arange(RAYS_PER_SIDE) / RAYS_PER_SIDE
+        one = np.ones(RAYS_PER_SIDE)
+        sides = ((along, -one), (one, along), (-along, one), (-one, -along))
+        across = np.vstack([np.column_stack(side) for side in sides])
+    rays = np.column_stack((tangent * across, np.ones(count)))
+    return rays / np.linalg.norm(rays, axis=1, keepdims=True)
+
+
+def _border_lengths(ground: _Ground, r_A: Array, C_BA: Array, rays: Array, taken: Mask) -> Array:
+    """Length of every ray of the borders of pictures that are taken, else or where it misses NaN, shape (K, n, rays) [m]."""
+    length = np.full((*r_A.shape[:2], len(rays)), np.nan)
+    directions = np.einsum("rb,mba->mra", rays, C_BA[taken]).reshape(-1, 3)
+    origins = np.repeat(r_A[taken], len(rays), axis=0)
+    distance = ground.distance(origins, directions).reshape(-1, len(rays))
+    length[taken] = np.where(np.isfinite(distance), distance, np.nan)
+    return length
+
+
+def _directions(C_AN: Array, position_N: Any) -> Array:
+    """Unit vector in A to a body that is so far that the flight does not change where it stands, shape (K, 3)."""
+    position = np.asarray(position_N, float)
+    return C_AN @ (position / np.linalg.norm(position))
+
+
+def f32(values: Any) -> dict[str, Any]:
+    """An array in single precision for the page's script."""
+    return packed(np.asarray(values, np.float32))
+
+
+def packed(values: NDArray[Any]) -> dict[str, Any]:
+    """An array for the page's script: type, shape and base64 of its bytes."""
+    little = np.ascontiguousarray(values, dtype=values.dtype.newbyteorder("<"))
+    return {
+        "type": values.dtype.kind + str(values.dtype.itemsize),
+        "shape": list(values.shape),
+        "data": base64.b64encode(little.tobytes()).decode("ascii"),
+    }

@@ -1,0 +1,139 @@
+"""The 3-D picture of the replay as a plotly figure; the page's script moves what moves."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import plotly.graph_objects as go
+
+from swarm_mj.figures.palette import AMBIENT, GREY, GROUND, ORANGE, SKY_BLUE
+from swarm_mj.figures.units import time_axis
+from swarm_mj.records.run_record import RunRecord
+from swarm_mj.reports.plots import INK
+from swarm_mj.reports.replay import Replay
+from swarm_mj.typing import Array, Indices, Ints
+
+#: More spacecraft than these are not named in the picture: the names would cover each other.
+MAX_NAMED = 12
+#: Corners of a path; a flyby bends little.
+PATH_POINTS = 150
+#: Paths of more spacecraft than these hide everything else.
+MAX_PATHS = 60
+#: An axis of which nothing is drawn. One with `visible` false still has its letter and its numbers made into meshes of glyphs,
+#: which takes half a second.
+NO_AXIS: dict[str, Any] = {
+    "title": {"text": ""},
+    "tickvals": [],
+    "showticklabels": False,
+    "showgrid": False,
+    "zeroline": False,
+    "showspikes": False,
+    "showbackground": False,
+}
+#: Light is computed here and in the script, so plotly adds none.
+UNLIT = {"ambient": 1.0, "diffuse": 0.0, "specular": 0.0, "fresnel": 0.0, "roughness": 1.0}
+
+
+def scene_figure(run: RunRecord, replay: Replay) -> go.Figure:
+    """Body, target, paths, spacecraft, lines of sight and borders of pictures; every trace carries its part in `meta`."""
+    figure = go.Figure()
+    scene = replay.scene
+    figure.add_traces(
+        [
+            _mesh("body", scene["body_vertices"], scene["body_faces"], hoverinfo="skip", colorscale=_ramp(GROUND)),
+            _mesh(
+                "target",
+                scene["target_vertices"],
+                scene["target_faces"],
+                intensitymode="cell",
+                colorscale=_two_ramps(ORANGE, SKY_BLUE),
+                hovertext=cell_texts(run, scene["target_kept"]),
+                hoverinfo="text",
+            ),
+            _lines("paths", color=GREY, width=2),
+            _lines("views", color=INK, width=2),
+            _lines("sight", width=3),
+            _spots(
+                "mothership",
+                marker={"symbol": "square", "size": 5, "color": INK},
+                hovertext=["mothership at deployment"],
+            ),
+            _lines("directions", color=INK, width=3),
+            _spots(
+                "spacecraft",
+                marker={"size": 7, "line": {"width": 1, "color": "white"}},
+                hovertemplate="%{hovertext}<extra></extra>",
+            ),
+        ]
+    )
+    figure.update_layout(
+        showlegend=False,
+        margin={"l": 0, "r": 0, "t": 0, "b": 0},
+        scene={
+            **{axis: NO_AXIS for axis in ("xaxis", "yaxis", "zaxis")},
+            "aspectmode": "data",
+            "dragmode": "orbit",
+            "camera": {"projection": {"type": "perspective"}},
+        },
+        uirevision="kept",
+    )
+    return figure
+
+
+def path_points(count: int) -> Indices:
+    """Instants at which a path has a corner."""
+    return np.unique(np.linspace(0, count - 1, min(count, PATH_POINTS)).astype(np.intp))
+
+
+def cell_texts(run: RunRecord, kept: Ints) -> list[str]:
+    """What a cell of the target says when it is pointed at."""
+    coverage, axis = run.coverage, time_axis(float(run.times[-1]))
+    by, area = coverage["first_seen_by_s"][:, kept], coverage["area"][kept]
+    texts = []
+    for number, cell in enumerate(kept):
+        times = by[:, number]
+        if np.isnan(times).all():
+            seen = "never observed"
+        else:
+            j = int(np.nanargmin(times))
+            also = int((~np.isnan(times)).sum()) - 1
+            more = f" and {also} more" if also else ""
+            seen = f"first observed at {times[j] / axis.seconds:.4g} {axis.unit}<br>by {run.names[j]}{more}"
+        texts.append(f"cell {cell + 1}, {area[number] / 1e6:.3g} km²<br>{seen}")
+    return texts
+
+
+def _mesh(part: str, vertices: dict[str, Any], faces: dict[str, Any], **style: Any) -> go.Mesh3d:
+    """A mesh whose arrays the script fills in from those it has anyway."""
+    return go.Mesh3d(
+        meta=part, x=[], y=[], z=[], i=[], j=[], k=[], intensity=[], cmin=0, cmax=1, showscale=False, lighting=UNLIT, **style
+    )  # fmt: skip
+
+
+def _lines(part: str, **line: Any) -> go.Scatter3d:
+    return go.Scatter3d(meta=part, x=[], y=[], z=[], mode="lines", line=line, hoverinfo="skip")
+
+
+def _spots(part: str, **style: Any) -> go.Scatter3d:
+    return go.Scatter3d(meta=part, x=[], y=[], z=[], **{"mode": "markers", "hoverinfo": "text", **style})
+
+
+def _ramp(colour: str) -> list[list[Any]]:
+    """From a colour in the dark to the same in full light."""
+    return [[0.0, _rgb(AMBIENT * 0.5 * _array(colour))], [1.0, _rgb(_array(colour))]]
+
+
+def _two_ramps(below: str, above: str) -> list[list[Any]]:
+    """The lower half of the scale for one colour, the upper for another; both from dark to light."""
+    low, high = (_array(colour) for colour in (below, above))
+    dark = AMBIENT * 1.2
+    return [[0.0, _rgb(dark * low)], [0.49, _rgb(low)], [0.51, _rgb(dark * high)], [1.0, _rgb(high)]]
+
+
+def _array(colour: str) -> Array:
+    return np.array([int(colour[k : k + 2], 16) / 255.0 for k in (1, 3, 5)])
+
+
+def _rgb(colour: Array) -> str:
+    return f"rgb({','.join(str(round(255 * float(c))) for c in colour)})"

@@ -1,0 +1,377 @@
+"""The parts of the page that are text: outcome, spacecraft, design, parameters, versions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from pydantic import BaseModel
+
+from swarm_mj.figures.palette import MODE_STYLES
+from swarm_mj.figures.units import instant, time_axis
+from swarm_mj.mission.behaviors import TargetKind
+from swarm_mj.records.findings import findings, proof_differences
+from swarm_mj.records.modes import runs
+from swarm_mj.records.run_record import RunRecord
+from swarm_mj.reports.markup import Content, Html, join, table, tag
+from swarm_mj.scenarios.itinerary import target_name
+from swarm_mj.scenarios.schema import Scenario
+from swarm_mj.smallbody.shape_check import shown_size
+
+P_TO = Html("observed area P<sub>TO</sub>")
+SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+CRITERION = {"passage": "in the whole passage", "visit": "at the instant of the visit"}
+#: Axes of the angles, in words.
+ORBIT_AXES = {"ecliptic": "of the ecliptic", "equatorial": "of EME2000", "body_equator": "of the body's equator"}
+
+
+def section(name: str, title: str, *content: Content) -> Html:
+    """A part of the page with a heading that links can point to."""
+    return tag("section", tag("h2", title, id=f"{name}-title"), *content, id=name, aria_labelledby=f"{name}-title")
+
+
+def summary_section(run: RunRecord) -> Html:
+    """The numbers a reader asks for first, and what to know before believing them."""
+    summary = run.summary
+    late = summary["pointing_error_deg_before_switch"]
+    numbers = [
+        (P_TO, f"{summary['coverage_percent']:.2f} %", CRITERION[summary["criterion"]]),
+        *_delivered(summary),
+        ("observed, whole passage", f"{summary['coverage_percent_passage']:.2f} %", f"{summary['images']} pictures"),
+        *_smeared(summary),
+        ("spacecraft", str(summary["spacecraft"]), f"{summary['observers']} of them observe{_lost_words(summary)}"),
+        ("pointing error before a switch", f"{short(max(late.values()))}°" if late else "–", "largest of the swarm"),
+        ("fastest wheel", f"{100 * summary['max_wheel_speed_fraction']:.0f} %", "of its limit"),
+        ("links closed at the end", f"{summary['links_closed_final']} of {summary['spacecraft']}", "spacecraft"),
+        ("deployment Δv, at most", f"{max(summary['deployment_delta_v_m_s'].values()):.2f} m/s", "of one spacecraft"),
+        (
+            "target",
+            shown_size(1e6 * summary["target_area_km2"], 2).replace("^2", "²"),
+            f"{summary['target_faces']} faces",
+        ),
+    ]
+    cards = [tag("div", tag("dt", name), tag("dd", value, tag("small", note))) for name, value, note in numbers]
+    return section("summary", "Summary", tag("dl", cards, class_="numbers"), findings_list(run))
+
+
+def _delivered(summary: dict[str, Any]) -> list[tuple[str, str, str]]:
+    """What of the target reaches Earth, and when the last of it, where that was computed."""
+    percent, full = summary.get("delivered_percent"), summary.get("time_to_full_map_s")
+    if percent is None:
+        return []
+    missing = f"{summary['coverage_percent'] - percent:.2f} % stays out there"
+    cards = [("delivered to Earth", f"{percent:.2f} %", missing if full is None else "all that was seen")]
+    if full is not None:
+        cards.append(("map complete on Earth", f"t = {instant(full, time_axis(full))}", "by what the swarm runs alone"))
+    return cards
+
+
+def _smeared(summary: dict[str, Any]) -> list[tuple[str, str, str]]:
+    """How far faces moved over the detector at the visit, where the camera has an exposure."""
+    smear = summary.get("smear_px_visit")
+    if smear is None:
+        return []
+    value = f"{short(smear['median'])} px" if smear else "–"
+    note = f"median at the visit; worst {short(smear['max'])} px" if smear else "no picture at the visit"
+    return [("smear", value, note)]
+
+
+def _lost_words(summary: dict[str, Any]) -> str:
+    lost = len(summary.get("lost", ()))
+    return f", {lost} lost by the end" if lost else ""
+
+
+def findings_list(run: RunRecord) -> Html | None:
+    """What limits the trust in a run's numbers."""
+    found = [tag("li", text) for text in findings(run)]
+    return tag("ul", found, class_="remarks") if found else None
+
+
+def spacecraft_section(runs: Sequence[RunRecord], labels: Sequence[str]) -> Html:
+    """A table of the spacecraft of each run."""
+    return section("spacecraft", "Spacecraft", [_spacecraft_table(*pair) for pair in zip(runs, labels, strict=True)])
+
+
+def _spacecraft_table(run: RunRecord, label: str) -> Html:
+    summary = run.summary
+    head = (
+        "spacecraft", "sent to", "Δv [m/s]", "closest to centre [km]", "observed [%]", "error before switch [deg]",
+        "error at end [deg]", "wheels at limit [s]", "link closed [%]", "turns",
+    )  # fmt: skip
+    rows = []
+    for j, name in enumerate(run.names):
+        before, lost_at = summary["pointing_error_deg_before_switch"].get(name), run.lost_at(j)
+        rows.append(
+            (
+                name,
+                run.role(j) + ("" if lost_at is None else f"; lost at {lost_at:g} s"),
+                f"{summary['deployment_delta_v_m_s'][name]:.2f}",
+                f"{summary['least_distance_to_centre_km'][name]:.4g}",
+                f"{summary['coverage_percent_by_spacecraft'][name]:.1f}" if j < run.n_observers else "–",
+                "–" if before is None else short(before),
+                short(summary["pointing_error_deg_final"][name]) if lost_at is None else "lost",
+                f"{summary['wheel_saturation_s'][name]:g}",
+                f"{summary['link_closed_percent'][name]:.1f}",
+                _target_changes(run, j),
+            )
+        )
+    return table(head, rows, caption=f"Spacecraft of {label}", class_="numeric crew")
+
+
+def _target_changes(record: RunRecord, j: int) -> str:
+    """When spacecraft j chose another target, or was lost, and what came then, in words; the first three."""
+    changes = runs(record.telemetry, j)[1:]
+    words = []
+    for change in changes[:3]:
+        whom = int(record.telemetry["tracked_spacecraft"].values[np.searchsorted(record.times, change.start), j])
+        by_name = change.mode == TargetKind.SPACECRAFT and whom >= 0
+        followed = f" with {record.names[whom]}" if by_name else ""
+        words.append(f"{change.start:g} s: {MODE_STYLES[change.mode].meaning}{followed}")
+    return "; ".join([*words, f"{len(changes) - 3} more"] if len(changes) > 3 else words) or "none"
+
+
+def design_section(runs: Sequence[RunRecord], labels: Sequence[str]) -> Html:
+    """Who visits which point, and why no smaller swarm would do."""
+    parts = []
+    for run, label in zip(runs, labels, strict=True):
+        parts += [tag("h3", label) if len(runs) > 1 else None, _mothership_orbit(run.summary), _design(run)]
+    return section("design", "Design", parts)
+
+
+def _design(run: RunRecord) -> Html:
+    design = run.scenario.design
+    points = ", ".join(map(str, design.visiting_points))
+    words = (
+        f"{len(design.visiting_points)} observers visit the points {points} of the target's "
+        f"{run.summary['target_vertices']}, {design.imaging_altitude_m / 1e3:g} km above them, "
+        f"{design.time_of_flight_s:g} s after deployment."
+    )
+    if stops := run.summary.get("itinerary"):
+        words = f"{len(stops)} observers: " + "; ".join(
+            f"{name} visits point {stop['point']} of target {target_name(stop['target'])}, "
+            f"{stop['altitude_m'] / 1e3:g} km above it, "
+            f"{stop['time_of_flight_s']:g} s after its release at {stop['release_s']:g} s"
+            for name, stop in stops.items()
+        )
+        if shares := run.summary.get("coverage_percent_by_target"):
+            words += ". Observed of each target: " + ", ".join(
+                f"{target_name(k)} {share:.2f} %" for k, share in enumerate(shares)
+            )
+        words += "."
+    if run.design is None or "proof" not in run.design:
+        why = "These points were given; the run has no record of a design with a proof. The fewest are found by "
+        return join([tag("p", words), tag("p", why, tag("code", "swarm-mj design"), ".")])
+    return join([tag("p", words), _proof(run, run.design)])
+
+
+def _proof(run: RunRecord, record: dict[str, Any]) -> Html:
+    proof, other = record["proof"], proof_differences(run)
+    each = f", each face by at least {record['fold']}," if record["fold"] > 1 else ""
+    task = (
+        f"{100 - record['tolerance_percent']:g} % of the target's area{each} from any of the {record['candidates_count']} "
+        "candidate points"
+    )
+    if proof["status"] == "optimal":
+        proven = "Proven for what the design was made for" if other else "Proven"
+        words = f"{proven}: fewer than {proof['minimum']} observers cannot see {task}."
+    elif proof["status"] == "interrupted":
+        words = f"Not proven to be the fewest that see {task}: the design was interrupted."
+    else:
+        words = f"Not proven to be the fewest: at least {proof['lower_bound']:g} observers are needed to see {task}."
+    names = {"repair": "genetic algorithm with repair", "plain": "genetic algorithm"}
+    first = "best so far" if proof["status"] == "interrupted" else "exact solver"
+    rows = [(first, proof["minimum"], proof["covered_percent"], proof["visiting_points"], None, proof["seconds"])]
+    for name, found in record["genetic"].items():
+        rows.append(
+            (names.get(name, name), found["n_observers"], found["covered_percent"], found["gene_map"][1:],
+             found["designs_explored"], found["seconds"])
+        )  # fmt: skip
+    cells = [
+        (
+            name,
+            str(n),
+            f"{covered:.2f}",
+            " ".join(map(str, points)),
+            "–" if explored is None else f"{explored:,}",
+            f"{s:.2f}",
+        )
+        for name, n, covered, points, explored, s in rows
+    ]
+    head = ("method", "observers", Html("P<sub>TO</sub> [%]"), "points", "designs explored", "time [s]")
+    flown = f"Flown: the design of the {record['selected_by']}."
+    return join(
+        [
+            _withdrawal(other),
+            tag("p", tag("strong", words), " ", flown),
+            table(head, cells, caption="How the design was found", class_="numeric method"),
+        ]
+    )
+
+
+def _withdrawal(other: Sequence[str]) -> Html | None:
+    """What a reader must know where the proof was made for another case than the one flown."""
+    if not other:
+        return None
+    words = (
+        f"The proof does not hold for this run, which differs from what the design was made for: {'; '.join(other)}."
+    )
+    return tag("p", words, class_="warning")
+
+
+def flat_parameters(scenario: Scenario) -> dict[str, Any]:
+    """Every parameter by its dotted key."""
+    flat: dict[str, Any] = {}
+
+    def walk(prefix: str, value: Any) -> None:
+        if isinstance(value, dict) and value:
+            for key, child in value.items():
+                walk(f"{prefix}.{key}" if prefix else str(key), child)
+        else:
+            flat[prefix] = value
+
+    walk("", scenario.model_dump(mode="json"))
+    return flat
+
+
+def parameters_section(runs: Sequence[RunRecord], labels: Sequence[str]) -> Html:
+    """All parameters, by section; of two runs, those that differ first of all."""
+    flats = [flat_parameters(run.scenario) for run in runs]
+    keys = list(dict.fromkeys(key for flat in flats for key in flat))
+    if len(runs) == 1:
+        return section("parameters", "Parameters", _grouped(keys, flats[0]), _versions(runs, labels))
+    differing = [key for key in keys if flats[0].get(key) != flats[1].get(key)]
+    rows = [(key, *(_value(flat.get(key)) for flat in flats)) for key in keys]
+    classes = ["differs" if key in differing else "same" for key in keys]
+    box = tag("input", type="checkbox", id="only-differences", checked=True)
+    return section(
+        "parameters",
+        "Parameters",
+        tag("p", f"{len(differing)} of {len(keys)} parameters differ. ", tag("label", box, " show only these")),
+        table(("parameter", *labels), rows, caption="Parameters of the scenarios as flown", row_classes=classes),
+        _versions(runs, labels),
+    )
+
+
+def _grouped(keys: Sequence[str], flat: dict[str, Any]) -> list[Html]:
+    groups: dict[str, list[str]] = {}
+    for key in keys:
+        groups.setdefault(key.split(".")[0] if "." in key else "scenario", []).append(key)
+    return [
+        tag(
+            "details",
+            tag("summary", name),
+            table(
+                ("parameter", "value", "meaning"),
+                [(key, _value(flat[key]), meaning(key)) for key in members],
+                caption=f"Parameters of {name}",
+            ),
+        )
+        for name, members in groups.items()
+    ]
+
+
+def meaning(key: str) -> str:
+    """What the schema says of a parameter."""
+    model: type[BaseModel] | None = Scenario
+    words = ""
+    for part in key.split("."):
+        field = model.model_fields.get(part) if model else None
+        if field is None:
+            return words
+        words = field.description or ""
+        inner = field.annotation
+        model = inner if isinstance(inner, type) and issubclass(inner, BaseModel) else None
+    return words
+
+
+def _versions(runs: Sequence[RunRecord], labels: Sequence[str]) -> Html:
+    libraries = list(dict.fromkeys(name for run in runs for name in run.summary["versions"]))
+    rows = [(name, *(run.summary["versions"].get(name, "–") for run in runs)) for name in libraries]
+    classes = ["differs" if len(set(row[1:])) > 1 else None for row in rows]
+    content = table(
+        ("program or library", *labels), rows, caption="Versions that made the numbers", row_classes=classes
+    )
+    return tag("details", tag("summary", "versions"), content, open=len(runs) > 1)
+
+
+def _value(value: Any) -> str:
+    if value is None:
+        return "–"
+    if isinstance(value, list):
+        return ", ".join(map(str, value)) or "none"
+    return str(value) if value != {} else "none"
+
+
+def short(value: float) -> str:
+    """A number of any size as the page's script writes it: 3 digits, below 0.01 two and a power of ten, like 1.2·10⁻⁵."""
+    if value == 0.0 or abs(value) >= 0.01:
+        return f"{float(f'{value:.3g}'):.15g}"
+    mantissa, exponent = f"{value:.1e}".split("e")
+    return f"{mantissa}·10{str(int(exponent)).translate(SUPERSCRIPT)}"
+
+
+def _mothership_orbit(summary: dict[str, Any]) -> Html | None:
+    """How the mothership comes, a paragraph; None where the run does not tell."""
+    way = summary.get("mothership") or {}
+    if not way:
+        return None
+    words = f"The mothership begins {_km(way['distance_m'])} from the centre, at {_speed(way['speed_m_s'])}. "
+    if way.get("orbit") == "hyperbola":
+        return join([tag("p", words + _hyperbola(way))])
+    if "orbit" in way:
+        words += (
+            f"Its orbit, osculating then, is an {way['orbit']} of eccentricity {way['eccentricity']:.4g} with periapsis "
+            f"{_km(way['periapsis_radius_m'])} from the centre."
+        )
+    return join([tag("p", words)])
+
+
+def _hyperbola(way: dict[str, Any]) -> str:
+    axes = ORBIT_AXES.get(way["axes"], way["axes"])
+    b_plane = "" if way["b_t_m"] is None else f", B·T = {_km(way['b_t_m'])} and B·R = {_km(way['b_r_m'])}"
+    late = way["closest_approach_s"]
+    when = f"{abs(late):,.5g} s {'after' if late >= 0.0 else 'before'} the epoch"
+    return (
+        f"Its orbit, osculating then, is a hyperbola: v∞ = {_speed(way['v_infinity_m_s'])} towards longitude "
+        f"{way['v_infinity_longitude_deg']:.2f}°, latitude {way['v_infinity_latitude_deg']:.2f}° in the axes {axes}{b_plane}; "
+        f"periapsis {_km(way['periapsis_radius_m'])} from the centre, {when}; the body turns the velocity by "
+        f"{way['turn_angle_deg']:.3g}°."
+    )
+
+
+def _km(metres: float) -> str:
+    return f"{metres / 1e3:,.5g} km"
+
+
+def _speed(metres_per_second: float) -> str:
+    return f"{metres_per_second:,.4g} m/s" if metres_per_second < 1e3 else f"{metres_per_second / 1e3:.4g} km/s"
+
+
+def propulsion_section(runs: Sequence[RunRecord], labels: Sequence[str]) -> Html | None:
+    """What thrusters gave and tanks have left; None where no run has thrusters."""
+    tables = [_propulsion_table(run, label) for run, label in zip(runs, labels, strict=True) if has_thrusters(run)]
+    return section("propulsion", "Propulsion", tables) if tables else None
+
+
+def has_thrusters(run: RunRecord) -> bool:
+    """Whether a run's spacecraft have thrusters."""
+    return bool(run.summary.get("propellant_used_kg"))
+
+
+def _propulsion_table(run: RunRecord, label: str) -> Html:
+    columns = [
+        (run.summary.get(key, {}), factor)
+        for key, factor in (
+            ("planned_burns_m_s", 1.0),
+            ("thrust_delta_v_m_s", 1.0),
+            ("propellant_used_kg", 1e3),
+            ("propellant_left_kg", 1e3),
+        )
+    ]
+    rows = [
+        (name, *(short(factor * values[name]) if name in values else "–" for values, factor in columns))
+        for name in run.names
+    ]
+    head = ("spacecraft", "planned burns [m/s]", "Δv by thrust [m/s]", "propellant used [g]", "propellant left [g]")
+    return table(head, rows, caption=f"Thrusters and tanks of {label}", class_="numeric crew")

@@ -1,0 +1,320 @@
+"""The arithmetic of one decision of one flight, compiled: state, gravity, guidance and wheels, in frames N and B, SI.
+
+`loop.run` calls the parts in turn. `work` holds the decision's vectors, shape (len(Slot), n, 3).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from swarm_mj.mission.behaviors import TargetKind
+from swarm_mj.simulator.faults.wheels import limited
+from swarm_mj.simulator.slots import Peak, Resting, Slot
+from swarm_mj.smallbody.perturbations import gradient_torque_on
+from swarm_mj.smallbody.rotation import write_spin_dcm
+from swarm_mj.spacecraft.attitude.algebra import conjugate, cross, put_vector, quaternion, rotate, vector
+from swarm_mj.spacecraft.attitude.guidance import (
+    LineOfSight,
+    Reference,
+    TrackingError,
+    attitude_error,
+    track_line_of_sight,
+)
+from swarm_mj.typing import Array, Ints, Mask, jittable, lean
+
+
+@lean
+def turn_frames(C_PN: Array, phase: float, half_turn: float, C_AN: Array, C_mid: Array) -> None:
+    """Write the rotations from N to A, now and at the middle of the hold.
+
+    Args:
+        C_PN: Rotation from N to the pole frame, shape (3, 3).
+        phase: Prime meridian angle now [rad].
+        half_turn: What the body turns in half the hold [rad].
+        C_AN: Receives the rotation now, shape (3, 3).
+        C_mid: Receives the one at the middle of the hold, shape (3, 3).
+    """
+    write_spin_dcm(C_PN, phase, C_AN)
+    write_spin_dcm(C_PN, phase + half_turn, C_mid)
+
+
+@lean
+def lie_or_stay(
+    resting: Ints, rest_A: Array, C_AN: Array, spin_N: Array, r_N: Array, v_N: Array, omega_B: Array, speed: Array
+) -> None:
+    """Hold the spacecraft whose flight is over: at their places on the turning body, or where they diverged.
+
+    Args:
+        resting: See `Resting`, shape (n,).
+        rest_A: Places on the body, in A, shape (n, 3) [m].
+        C_AN: Rotation from N to A.
+        spin_N: Angular velocity of A in N, shape (3,) [rad/s].
+        r_N: Positions, replaced, shape (n, 3) [m].
+        v_N: Velocities, replaced, shape (n, 3) [m/s].
+        omega_B: Body rates, set to zero, shape (n, 3) [rad/s].
+        speed: Wheel speeds, set to zero, shape (n, w) [rad/s].
+    """
+    for j in range(resting.shape[0]):
+        if resting[j] == Resting.FLYING:
+            continue
+        put_vector(v_N, j, (0.0, 0.0, 0.0))
+        put_vector(omega_B, j, (0.0, 0.0, 0.0))
+        for w in range(speed.shape[1]):
+            speed[j, w] = 0.0
+        if resting[j] == Resting.ON_THE_BODY:
+            x, y, z = vector(rest_A, j)
+            r = (
+                C_AN[0, 0] * x + C_AN[1, 0] * y + C_AN[2, 0] * z,
+                C_AN[0, 1] * x + C_AN[1, 1] * y + C_AN[2, 1] * z,
+                C_AN[0, 2] * x + C_AN[1, 2] * y + C_AN[2, 2] * z,
+            )
+            put_vector(r_N, j, r)
+            put_vector(v_N, j, cross((spin_N[0], spin_N[1], spin_N[2]), r))
+
+
+@lean
+def is_finite(r_N: Array, v_N: Array, q_BN: Array, omega_B: Array, speed: Array) -> bool:
+    """Whether every number of a state is finite."""
+    # Several sums, so that none waits for the other; each is finite if everything in it is.
+    turned, placed, moving, total = 0.0, 0.0, 0.0, 0.0
+    for j in range(q_BN.shape[0]):
+        for k in range(4):
+            turned += q_BN[j, k]
+        for k in range(3):
+            placed += r_N[j, k]
+            moving += v_N[j, k]
+            total += omega_B[j, k]
+        for w in range(speed.shape[1]):
+            total += speed[j, w]
+    return np.isfinite(turned + placed + moving + total)
+
+
+@lean
+def read_motion(r_N: Array, v_N: Array, offset_N: Array, C_mid: Array, half_hold: float, work: Array) -> None:
+    """Read positions and velocities, and where gravity is to be evaluated.
+
+    Args:
+        r_N: Positions, shape (n, 3) [m].
+        v_N: Velocities, shape (n, 3) [m/s].
+        offset_N: From there to the centres of mass, shape (n, 3) [m].
+        C_mid: Rotation from N to A at the middle of the hold, shape (3, 3).
+        half_hold: Half the control period [s].
+        work: Receives R, V and R_A, see `Slot`.
+    """
+    for j in range(r_N.shape[0]):
+        for k in range(3):
+            work[Slot.R, j, k], work[Slot.V, j, k] = r_N[j, k], v_N[j, k]
+        x = r_N[j, 0] + half_hold * v_N[j, 0] + offset_N[j, 0]
+        y = r_N[j, 1] + half_hold * v_N[j, 1] + offset_N[j, 1]
+        z = r_N[j, 2] + half_hold * v_N[j, 2] + offset_N[j, 2]
+        for k in range(3):
+            work[Slot.R_A, j, k] = C_mid[k, 0] * x + C_mid[k, 1] * y + C_mid[k, 2] * z
+
+
+@lean
+def read_rotation(omega_B: Array, speed: Array, wheel_inertia: float, wheel_axes_B: Array, work: Array) -> None:
+    """Read body rates and wheels.
+
+    Args:
+        omega_B: Shape (n, 3) [rad/s].
+        speed: Of the wheels relative to the hub, shape (n, w) [rad/s].
+        wheel_inertia: Spin inertia of a wheel [kg m^2].
+        wheel_axes_B: Rows, shape (w, 3).
+        work: Receives OMEGA, WHEEL (of the first three wheels) and MOMENTUM, see `Slot`.
+    """
+    for j in range(omega_B.shape[0]):
+        for k in range(3):
+            work[Slot.OMEGA, j, k], work[Slot.WHEEL, j, k] = omega_B[j, k], speed[j, k]
+            momentum = 0.0
+            for w in range(wheel_axes_B.shape[0]):
+                momentum += wheel_axes_B[w, k] * speed[j, w]
+            work[Slot.MOMENTUM, j, k] = wheel_inertia * momentum
+
+
+@lean
+def hold_gravity(a_A: Array, C_mid: Array, resting: Ints, work: Array) -> None:
+    """Turn accelerations from A to N; what lies on the body is not pulled.
+
+    Args:
+        a_A: Accelerations in A, shape (n, 3) [m/s^2].
+        C_mid: Rotation from N to A at the time of `a_A`.
+        resting: See `Resting`, shape (n,).
+        work: Receives A, see `Slot`.
+    """
+    for j in range(a_A.shape[0]):
+        for k in range(3):
+            a = C_mid[0, k] * a_A[j, 0] + C_mid[1, k] * a_A[j, 1] + C_mid[2, k] * a_A[j, 2]
+            work[Slot.A, j, k] = a if resting[j] == Resting.FLYING else 0.0
+
+
+@lean
+def mark_new_targets(kind: Ints, spacecraft: Ints, last_kind: Ints, last_spacecraft: Ints, restart: Mask) -> bool:
+    """Tell whose target is another one than at the decision before.
+
+    Args:
+        kind: `TargetKind` values, shape (n,).
+        spacecraft: Spacecraft to follow, shape (n,).
+        last_kind: The kinds of the decision before, replaced by the present ones, shape (n,).
+        last_spacecraft: The same of the spacecraft.
+        restart: Receives the answer, shape (n,).
+
+    Returns:
+        Whether the targets make sense: known kinds, and spacecraft that exist.
+    """
+    n = kind.shape[0]
+    for j in range(n):
+        if not 0 <= kind[j] <= TargetKind.DIRECTION:
+            return False
+        if kind[j] == TargetKind.SPACECRAFT and not 0 <= spacecraft[j] < n:
+            return False
+        restart[j] = kind[j] != last_kind[j] or spacecraft[j] != last_spacecraft[j]
+        last_kind[j], last_spacecraft[j] = kind[j], spacecraft[j]
+    return True
+
+
+@lean
+def locate_targets(
+    kind: Ints,
+    spacecraft: Ints,
+    vector: Array,
+    earth_N: Array,
+    earth_velocity_N: Array,
+    spin_N: Array,
+    C_AN: Array,
+    work: Array,
+) -> None:
+    """From targets to lines of sight and their derivatives.
+
+    Args:
+        kind: `TargetKind` values, shape (n,).
+        spacecraft: Spacecraft to follow, shape (n,).
+        vector: Surface point in A [m] or direction in N, shape (n, 3).
+        earth_N: Position of Earth relative to the body in N, shape (3,) [m].
+        earth_velocity_N: Its velocity, shape (3,) [m/s].
+        spin_N: Angular velocity of A in N, shape (3,) [rad/s].
+        C_AN: Rotation from N to A.
+        work: Gives R, V and A, receives RHO, RHO_DOT and RHO_DDOT, see `Slot`.
+    """
+    for j in range(kind.shape[0]):
+        for k in range(3):
+            work[Slot.RHO, j, k] = -work[Slot.R, j, k]
+            work[Slot.RHO_DOT, j, k] = -work[Slot.V, j, k]
+            work[Slot.RHO_DDOT, j, k] = -work[Slot.A, j, k]
+        if kind[j] == TargetKind.SPACECRAFT:
+            for k in range(3):
+                work[Slot.RHO, j, k] += work[Slot.R, spacecraft[j], k]
+                work[Slot.RHO_DOT, j, k] += work[Slot.V, spacecraft[j], k]
+                work[Slot.RHO_DDOT, j, k] += work[Slot.A, spacecraft[j], k]
+        elif kind[j] == TargetKind.EARTH:
+            for k in range(3):
+                work[Slot.RHO, j, k] += earth_N[k]
+                work[Slot.RHO_DOT, j, k] += earth_velocity_N[k]
+        elif kind[j] == TargetKind.SURFACE:
+            _add_surface_point(vector[j], C_AN, spin_N, work, j)
+        elif kind[j] == TargetKind.DIRECTION:
+            for k in range(3):
+                # Far enough that the coincidence rule never applies; the length of a direction does not matter.
+                work[Slot.RHO, j, k] = 1e9 * vector[j, k]
+                work[Slot.RHO_DOT, j, k] = 0.0
+                work[Slot.RHO_DDOT, j, k] = 0.0
+
+
+@jittable
+def _add_surface_point(point_A: Array, C_AN: Array, w: Array, work: Array, j: int) -> None:
+    x = C_AN[0, 0] * point_A[0] + C_AN[1, 0] * point_A[1] + C_AN[2, 0] * point_A[2]
+    y = C_AN[0, 1] * point_A[0] + C_AN[1, 1] * point_A[1] + C_AN[2, 1] * point_A[2]
+    z = C_AN[0, 2] * point_A[0] + C_AN[1, 2] * point_A[1] + C_AN[2, 2] * point_A[2]
+    vx, vy, vz = w[1] * z - w[2] * y, w[2] * x - w[0] * z, w[0] * y - w[1] * x
+    work[Slot.RHO, j, 0] += x
+    work[Slot.RHO, j, 1] += y
+    work[Slot.RHO, j, 2] += z
+    work[Slot.RHO_DOT, j, 0] += vx
+    work[Slot.RHO_DOT, j, 1] += vy
+    work[Slot.RHO_DOT, j, 2] += vz
+    work[Slot.RHO_DDOT, j, 0] += w[1] * vz - w[2] * vy
+    work[Slot.RHO_DDOT, j, 1] += w[2] * vx - w[0] * vz
+    work[Slot.RHO_DDOT, j, 2] += w[0] * vy - w[1] * vx
+
+
+@lean
+def guide(q_BN: Array, restart: Mask, q_RN: Array, work: Array) -> None:
+    """From lines of sight to references and tracking errors.
+
+    Args:
+        q_BN: Attitudes, shape (n, 4).
+        restart: Whose target is new, shape (n,).
+        q_RN: Reference attitudes, replaced by the present ones, shape (n, 4).
+        work: Gives the lines of sight and body rates, receives references and errors, see `Slot`.
+    """
+    sight = LineOfSight(work[Slot.RHO], work[Slot.RHO_DOT], work[Slot.RHO_DDOT])
+    reference = Reference(q_RN, work[Slot.OMEGA_R], work[Slot.DOMEGA_R], work[Slot.LOS])
+    error = TrackingError(work[Slot.SIGMA_BR], work[Slot.OMEGA_BR], work[Slot.OMEGA_R_B], work[Slot.DOMEGA_R_B])
+    track_line_of_sight(sight, q_BN, restart, reference)
+    attitude_error(q_BN, work[Slot.OMEGA], reference, error)
+
+
+@lean
+def actuate(
+    torque_B: Array,
+    allocation: Array,
+    speed_gain: float,
+    max_torque: float,
+    max_speed: float,
+    speed: Array,
+    motor: Array,
+    peaks: Array,
+) -> None:
+    """Turn body torques into motor torques within the wheels' limits.
+
+    Args:
+        torque_B: Torque that the wheels shall exert on the body, shape (n, 3) [N m].
+        allocation: Maps a body torque to motor torques: minus the pseudo-inverse of the axes, shape (w, 3).
+        speed_gain: Change of wheel speed in one hold per motor torque [rad/s per N m].
+        max_torque: [N m].
+        max_speed: [rad/s].
+        speed: Of the wheels relative to the hub, shape (n, w) [rad/s].
+        motor: Receives the motor torques, shape (n, w) [N m].
+        peaks: Brought up to date, see `Peak`, shape (n, 3).
+    """
+    for j in range(torque_B.shape[0]):
+        cut = False
+        for w in range(allocation.shape[0]):
+            asked = (
+                allocation[w, 0] * torque_B[j, 0]
+                + allocation[w, 1] * torque_B[j, 1]
+                + allocation[w, 2] * torque_B[j, 2]
+            )
+            u = limited(asked, speed[j, w], speed_gain, max_torque, max_speed)
+            cut = cut or u != asked
+            motor[j, w] = u
+            peaks[j, Peak.WHEEL_SPEED] = max(peaks[j, Peak.WHEEL_SPEED], abs(speed[j, w]))
+            peaks[j, Peak.MOTOR_TORQUE] = max(peaks[j, Peak.MOTOR_TORQUE], abs(u))
+        if cut:
+            peaks[j, Peak.CUT_HOLDS] += 1.0
+
+
+@lean
+def hold_gravity_gradient(
+    q_BN: Array, gm: float, inertia: Array, C_mid: Array, released: Mask, torque_N: Array, work: Array
+) -> None:
+    """Hold the gravity-gradient torque of the central field.
+
+    Args:
+        q_BN: Attitudes, shape (n, 4).
+        gm: Gravitational parameter of the body [m^3/s^2].
+        inertia: Of every spacecraft in B, shape (n, 3, 3) [kg m^2].
+        C_mid: Rotation from N to A at the middle of the hold.
+        released: Who has left the mothership, shape (n,); nothing turns the others.
+        torque_N: Receives the torques, shape (n, 3) [N m].
+        work: See `Slot`.
+    """
+    for j in range(q_BN.shape[0]):
+        x, y, z = vector(work[Slot.R_A], j)
+        r_N = (
+            C_mid[0, 0] * x + C_mid[1, 0] * y + C_mid[2, 0] * z,
+            C_mid[0, 1] * x + C_mid[1, 1] * y + C_mid[2, 1] * z,
+            C_mid[0, 2] * x + C_mid[1, 2] * y + C_mid[2, 2] * z,
+        )
+        q = quaternion(q_BN, j)
+        torque_B = gradient_torque_on(rotate(conjugate(q), r_N), inertia[j], gm)
+        put_vector(torque_N, j, rotate(q, torque_B) if released[j] else (0.0, 0.0, 0.0))

@@ -1,1 +1,0 @@
-"""Compiled code that flies whole stretches of a flight on the memory of MuJoCo."""

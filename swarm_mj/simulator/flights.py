@@ -1,0 +1,307 @@
+"""The arrays of E flights of n spacecraft with w wheels each: one layout for one flight and for thousands.
+
+Compiled code takes them as named tuples; what Python knows of one flight are views of the same arrays.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from swarm_mj.simulator.faults.filter_state import Assumed, FilterState, Sensors, first_state, sensors_of
+from swarm_mj.simulator.faults.sensing_kernels import Knowledge
+from swarm_mj.simulator.faults.wheels import WheelState
+from swarm_mj.simulator.slots import Slot
+from swarm_mj.smallbody.gravity.compiled import CompiledField
+from swarm_mj.smallbody.perturbations import Sunlight
+from swarm_mj.typing import Array, Ints, Mask
+
+#: A tick that no flight reaches.
+NEVER = 2**62
+
+
+class World(NamedTuple):
+    """What all flights of a swarm share and nothing changes.
+
+    Attributes:
+        period: Time between two decisions [s].
+        timestep: Of the integration [s].
+        timesteps: In a period.
+        inertia_B: Of every spacecraft as planned, wheels locked, shape (n, 3, 3) [kg m^2].
+        inertia_effective_B: The same less the wheels' axial inertia, shape (n, 3, 3) [kg m^2].
+        phase0: Prime meridian angle at the epoch [rad].
+        spin_rate: Of the body [rad/s].
+        spin_N: Its angular velocity in N, shape (3,) [rad/s].
+        C_PN: Rotation from N to the pole frame, shape (3, 3).
+        earth_N: Position of Earth relative to the body in N at the epoch, shape (3,) [m].
+        earth_velocity_N: Its velocity, shape (3,) [m/s].
+        sun_N: Position of the Sun relative to the body in N at the epoch, shape (3,) [m].
+        sun_velocity_N: Its velocity, shape (3,) [m/s].
+        sunlight: What of it acts.
+        field: The gravity field; where Python is asked for it, any other.
+        cells: Cells of a polyhedron in which spacecraft were last at every tick, and what it does there, see
+            `write_near_and_far`, shape (T, n, 12); the last one serves for all ticks from there on.
+        gradient_gm: Gravitational parameter whose gradient turns the spacecraft [m^3/s^2]; 0: none does.
+        wheel_inertia: Spin inertia of a wheel [kg m^2].
+        wheel_axes_B: Rows, shape (w, 3).
+        allocation: From a torque on the body to motor torques, see `actuate`, shape (w, 3).
+        speed_gain: See `actuate` [rad/s per N m].
+        max_torque: Of a motor [N m].
+        max_speed: At which motors stop to accelerate a wheel, a little below its limit [rad/s].
+        asks: What Python does in every period, a sum of `Ask` members.
+        law_numbers: Parameters of the control law.
+    """
+
+    period: float
+    timestep: float
+    timesteps: int
+    inertia_B: Array
+    inertia_effective_B: Array
+    phase0: float
+    spin_rate: float
+    spin_N: Array
+    C_PN: Array
+    earth_N: Array
+    earth_velocity_N: Array
+    sun_N: Array
+    sun_velocity_N: Array
+    sunlight: Sunlight
+    field: CompiledField
+    cells: Array
+    gradient_gm: float
+    wheel_inertia: float
+    wheel_axes_B: Array
+    allocation: Array
+    speed_gain: float
+    max_torque: float
+    max_speed: float
+    asks: int
+    law_numbers: Array
+
+
+class Flights(NamedTuple):
+    """What changes in E flights.
+
+    Attributes:
+        tick: Control periods flown, shape (E,).
+        stage: Where in its period each flight stands, see `loop.Stage`, shape (E,).
+        ask: What it asks Python for before it can go on, a member of `loop.Ask`, shape (E,); 0: nothing.
+        due: Tick from which on Python has something to do before the decision: a release, a fault, a behaviour, shape (E,).
+        finite: False from the instant at which a number of the state or a torque was not, shape (E,).
+        effort: Sum of the squares of the motor torques decided so far, shape (E,) [N^2 m^2].
+        r_N: Positions in N, shape (E, n, 3) [m].
+        v_N: Velocities in N, shape (E, n, 3) [m/s].
+        q_BN: Attitudes (w, x, y, z), shape (E, n, 4).
+        omega_B: Body rates, shape (E, n, 3) [rad/s].
+        wheel_speed: Relative to the hub, shape (E, n, w) [rad/s].
+        momentum: Absolute axial momenta of the wheels, shape (E, n, w) [kg m^2/s].
+        mass: In truth, shape (E, n) [kg].
+        inertia_B: In truth, wheels locked, shape (E, n, 3, 3) [kg m^2].
+        offset_N: From the hub's origin to the centre of mass, where gravity is evaluated, shape (E, n, 3) [m].
+        kind: `TargetKind` values, shape (E, n).
+        spacecraft: Spacecraft to follow, shape (E, n).
+        vector: Surface point in A [m] or direction in N, shape (E, n, 3).
+        last_kind: `kind` at the previous decision, -1 before the first, shape (E, n).
+        last_spacecraft: The same of `spacecraft`.
+        restart: Whose target is another one than at the previous decision, shape (E, n).
+        released: Who has left the mothership, and so is turned by its wheels, shape (E, n).
+        lost: Who no longer works, shape (E, n).
+        resting: Whose flight is over, see `Resting`, shape (E, n).
+        rest_A: Where they lie on the body, in A, shape (E, n, 3) [m].
+        q_RN: Reference attitudes, shape (E, n, 4).
+        C_AN: Rotation from N to A at the decision, shape (E, 3, 3).
+        C_mid: The same at the middle of the hold, shape (E, 3, 3).
+        earth_N: Position of Earth at the decision, shape (E, 3) [m].
+        work: See `Slot`, shape (E, slots, n, 3).
+        torque_B: That the wheels shall exert on the bodies, given where it is held, shape (E, n, 3) [N m].
+        thrust_N: Of the thrusters in the hold, in N, shape (E, n, 3) [N].
+        torque_N: Of thrusters and gravity gradient in the hold, in N, shape (E, n, 3) [N m].
+        motor: Torques of motors and bearings on the wheels in the hold, shape (E, n, w) [N m].
+        peaks: See `Peak`, shape (E, n, 3).
+    """
+
+    tick: Ints
+    stage: Ints
+    ask: Ints
+    due: Ints
+    finite: Mask
+    effort: Array
+    r_N: Array
+    v_N: Array
+    q_BN: Array
+    omega_B: Array
+    wheel_speed: Array
+    momentum: Array
+    mass: Array
+    inertia_B: Array
+    offset_N: Array
+    kind: Ints
+    spacecraft: Ints
+    vector: Array
+    last_kind: Ints
+    last_spacecraft: Ints
+    restart: Mask
+    released: Mask
+    lost: Mask
+    resting: Ints
+    rest_A: Array
+    q_RN: Array
+    C_AN: Array
+    C_mid: Array
+    earth_N: Array
+    work: Array
+    torque_B: Array
+    thrust_N: Array
+    torque_N: Array
+    motor: Array
+    peaks: Array
+
+
+def allocate_flights(count: int, n: int, w: int) -> Flights:
+    """E flights of n spacecraft with w wheels before their start."""
+
+    def zeros(*shape: int) -> Array:
+        return np.zeros((count, *shape))
+
+    def whole(value: int, *shape: int) -> Ints:
+        return np.full((count, *shape), value, np.int64)
+
+    def flags(value: bool, *shape: int) -> Mask:
+        return np.full((count, *shape), value, np.bool_)
+
+    return Flights(
+        tick=whole(0),
+        stage=whole(0),
+        ask=whole(0),
+        due=whole(0),
+        finite=flags(True),
+        effort=zeros(),
+        r_N=zeros(n, 3),
+        v_N=zeros(n, 3),
+        q_BN=zeros(n, 4),
+        omega_B=zeros(n, 3),
+        wheel_speed=zeros(n, w),
+        momentum=zeros(n, w),
+        mass=zeros(n),
+        inertia_B=zeros(n, 3, 3),
+        offset_N=zeros(n, 3),
+        kind=whole(-1, n),
+        spacecraft=whole(-1, n),
+        vector=zeros(n, 3),
+        last_kind=whole(-1, n),
+        last_spacecraft=whole(-1, n),
+        restart=flags(False, n),
+        released=flags(True, n),
+        lost=flags(False, n),
+        resting=whole(0, n),
+        rest_A=zeros(n, 3),
+        q_RN=zeros(n, 4),
+        C_AN=zeros(3, 3),
+        C_mid=zeros(3, 3),
+        earth_N=zeros(3),
+        work=zeros(len(Slot), n, 3),
+        torque_B=zeros(n, 3),
+        thrust_N=zeros(n, 3),
+        torque_N=zeros(n, 3),
+        motor=zeros(n, w),
+        peaks=zeros(n, 3),
+    )
+
+
+class Conditions(NamedTuple):
+    """What faults and dispersions make of E flights; the parts' arrays have one more axis in front, of length E.
+
+    Attributes:
+        field_factor: By which the gravity field is stronger than planned, shape (E,).
+        series: Coefficients of each flight's own harmonics in the shape of the planned ones; of length 0 where none has any.
+        wheels: How the wheels are.
+        senses: Whether the flight software has anything else than the truth, shape (E,).
+        estimating: Whether sensors err, so that a filter runs, shape (E,).
+        sensors: How the sensors are.
+        assumed: What the filter believes of them, in the order of `Assumed`, shape (E, 4).
+        filter: What it carries on.
+        noise: Standard normal numbers of the readings to come, shape (E, rows, n, 3, 3); no rows where no sensor can err.
+        counts: See `sensing_kernels.Count`, shape (E, 3).
+        delay: Readings by which each spacecraft's are late, shape (E, n).
+        q_past: The last readings, shape (E, size, n, 4).
+        omega_past: The same of the rates, shape (E, size, n, 3) [rad/s].
+        q_known: Attitudes that the controller is given, shape (E, n, 4).
+        omega_known: Rates, shape (E, n, 3) [rad/s].
+    """
+
+    field_factor: Array
+    series: Array
+    wheels: WheelState
+    senses: Mask
+    estimating: Ints
+    sensors: Sensors
+    assumed: Array
+    filter: FilterState
+    noise: Array
+    counts: Ints
+    delay: Ints
+    q_past: Array
+    omega_past: Array
+    q_known: Array
+    omega_known: Array
+
+
+def allocate_conditions(
+    count: int, n: int, w: int, *, noise_rows: int, readings: int, series: tuple[int, ...]
+) -> Conditions:
+    """Conditions of E flights before their start.
+
+    Args:
+        count: Number of flights E.
+        n: Number of spacecraft.
+        w: Wheels of each.
+        noise_rows: Readings for which noise is drawn at once; 0 where no sensor can err.
+        readings: That are kept, one more than the longest delay.
+        series: Shape of a flight's own harmonics; empty: it has none.
+    """
+    of_wheels = {name: (n, w) for name in WheelState._fields} | {"allocation": (n, w, 3)}
+
+    def many(part: Any) -> Any:
+        """Space for E of what one flight has."""
+        return type(part)(*(np.zeros((count, *array.shape), array.dtype) for array in part))
+
+    return Conditions(
+        field_factor=np.ones(count),
+        series=np.zeros((count, *series)) if series else np.zeros((0, 0, 0, 3, 2)),
+        wheels=WheelState(
+            **{
+                name: np.zeros((count, *shape), np.bool_ if name == "stuck" else np.float64)
+                for name, shape in of_wheels.items()
+            }
+        ),
+        senses=np.zeros(count, np.bool_),
+        estimating=np.zeros(count, np.int64),
+        sensors=many(sensors_of(n, 0.0, 0.0, 0.0)),
+        assumed=np.zeros((count, 4)),
+        filter=many(first_state(np.zeros((n, 3)))),
+        noise=np.zeros((count, noise_rows, n, 3, 3)),
+        counts=np.zeros((count, 3), np.int64),
+        delay=np.zeros((count, n), np.int64),
+        q_past=np.zeros((count, readings, n, 4)),
+        omega_past=np.zeros((count, readings, n, 3)),
+        q_known=np.zeros((count, n, 4)),
+        omega_known=np.zeros((count, n, 3)),
+    )
+
+
+def wheels_of_flight(conditions: Conditions, e: int) -> WheelState:
+    """The wheels of flight e, views."""
+    return WheelState(*(array[e] for array in conditions.wheels))
+
+
+def knowledge_of_flight(conditions: Conditions, e: int, assumed: Assumed) -> Knowledge:
+    """The sensors, filter and readings of flight e, views, with what its filter believes of the sensors."""
+    c = conditions
+    return Knowledge(
+        int(c.estimating[e]),
+        Sensors(*(array[e] for array in c.sensors)),
+        assumed,
+        FilterState(*(array[e] for array in c.filter)),
+        *(part[e] for part in (c.noise, c.counts, c.delay, c.q_past, c.omega_past, c.q_known, c.omega_known)),
+    )

@@ -1,0 +1,187 @@
+"""The state of one flight with names, shapes, units and frames: what plug-ins, faults, thrusters and records work on.
+
+Whoever takes part in a flight is handed one `FlightState` and works on the same arrays as compiled code; none of them knows
+another one's inside.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import mujoco
+
+from swarm_mj.mission.behaviors import Targets
+from swarm_mj.simulator.faults.schedule import Event
+from swarm_mj.simulator.flights import NEVER, Flights, World
+from swarm_mj.simulator.slots import Slot
+from swarm_mj.smallbody.environment import Environment
+from swarm_mj.spacecraft.attitude.mrp import quaternion_from_mrp
+from swarm_mj.spacecraft.control.base import ControlInput
+from swarm_mj.spacecraft.model import SwarmModel
+from swarm_mj.spacecraft.properties import SpacecraftProperties
+from swarm_mj.typing import Array, Ints
+
+#: What a control law is given of the work array, in the order of `ControlInput`.
+LAW_SLOTS = [Slot.SIGMA_BR, Slot.OMEGA_BR, Slot.OMEGA, Slot.OMEGA_R_B, Slot.DOMEGA_R_B, Slot.MOMENTUM]
+
+
+class Release(NamedTuple):
+    """How spacecraft leave the mothership in flight; until then they ride along without turning.
+
+    Attributes:
+        tick: Control period at which each leaves, shape (n,); 0: it has left at the start.
+        push_N: What the deployer adds to its velocity then, shape (n, 3) [m/s].
+        omega_BN_B: Its body rate from then on, shape (n, 3) [rad/s].
+    """
+
+    tick: Ints
+    push_N: Array
+    omega_BN_B: Array
+
+    def next_after(self, tick: int) -> int:
+        """Tick at which the next one leaves after an instant; `NEVER` where none does."""
+        return int(self.tick[self.tick > tick].min(initial=NEVER))
+
+
+@dataclass(frozen=True, kw_only=True)
+class InitialState:
+    """Where and how the swarm starts.
+
+    Attributes:
+        r_BN_N: Positions, shape (n, 3) [m].
+        v_BN_N: Velocities, shape (n, 3) [m/s].
+        sigma_BN: Attitudes as MRP, shape (n, 3).
+        omega_BN_B: Body rates, shape (n, 3) [rad/s].
+        wheel_speed: Relative to the hub, shape (n, w) [rad/s].
+        seed: Of faults and dispersions, where the simulation has any.
+        deployment: What went wrong on the way to this state.
+        release: Who leaves the mothership later; None: all have left. The states of those are the mothership's.
+    """
+
+    r_BN_N: Array
+    v_BN_N: Array
+    sigma_BN: Array
+    omega_BN_B: Array
+    wheel_speed: Array
+    seed: int = 0
+    deployment: tuple[Event, ...] = ()
+    release: Release | None = None
+
+    @property
+    def q_BN(self) -> Array:
+        """Attitudes as quaternions (w, x, y, z), shape (n, 4)."""
+        return quaternion_from_mrp(self.sigma_BN)
+
+
+class FlightState:
+    """One flight of a swarm of n spacecraft: views of row e of `Flights`.
+
+    Args:
+        flights: The arrays of all flights.
+        e: Number of the flight.
+        model: The compiled swarm.
+        environment: Gravity, rotation, Sun and Earth.
+        world: What the flights share.
+        data: MuJoCo's state of this flight; None: MuJoCo does not step it.
+
+    Attributes:
+        flights: As given, with E = 1: views of this flight alone, for all whose names are not here.
+        model: As given.
+        environment: As given; fault injection replaces it at the start of a flight whose gravity is dispersed.
+        data: As given.
+        period: Between two decisions [s].
+        r_N: Positions in N, shape (n, 3) [m].
+        v_N: Velocities in N, shape (n, 3) [m/s].
+        q_BN: Attitudes (w, x, y, z), shape (n, 4).
+        omega_B: Body rates, shape (n, 3) [rad/s].
+        wheel_speed: Relative to the hub, shape (n, w) [rad/s].
+        mass: In truth, shape (n,) [kg].
+        inertia_B: In truth, wheels locked, shape (n, 3, 3) [kg m^2].
+        released: Who has left the mothership, shape (n,); the others neither turn nor drive their wheels.
+        lost: Who no longer works, shape (n,).
+        resting: Whose flight is over, see `Resting`, shape (n,).
+        rest_A: Where they lie on the body, in A, shape (n, 3) [m].
+        restart: Whose target is another one than at the decision before, shape (n,).
+        q_RN: Reference attitudes, shape (n, 4).
+        C_AN: Rotation from N to A at the decision, shape (3, 3).
+        C_mid: The same at the middle of the hold, where forces are evaluated, shape (3, 3).
+        work: Vectors of the present decision, see `Slot`, shape (slots, n, 3).
+        torque_B: What the control law asked of the wheels, shape (n, 3) [N m].
+        thrust_N: Of the thrusters in the hold, in N, shape (n, 3) [N].
+        torque_N: Of thrusters and gravity gradient in the hold, in N, shape (n, 3) [N m].
+        motor: Torques of motors and bearings on the wheels, shape (n, w) [N m].
+        peaks: Largest wheel speed and motor torque, and how often a limit cut one, see `Peak`, shape (n, 3).
+    """
+
+    def __init__(
+        self,
+        flights: Flights,
+        e: int,
+        *,
+        model: SwarmModel,
+        environment: Environment,
+        world: World,
+        data: mujoco.MjData | None,
+    ) -> None:
+        self.flights = Flights._make(array[e : e + 1] for array in flights)
+        self.model, self.environment, self.data = model, environment, data
+        self.period, self._planned = world.period, (world.inertia_B, world.inertia_effective_B)
+        f = self.flights
+        self.r_N, self.v_N, self.q_BN, self.omega_B = f.r_N[0], f.v_N[0], f.q_BN[0], f.omega_B[0]
+        self.wheel_speed, self.mass, self.inertia_B = f.wheel_speed[0], f.mass[0], f.inertia_B[0]
+        self.released, self.lost, self.resting, self.rest_A = f.released[0], f.lost[0], f.resting[0], f.rest_A[0]
+        self.restart, self.q_RN, self.C_AN, self.C_mid = f.restart[0], f.q_RN[0], f.C_AN[0], f.C_mid[0]
+        self.work, self.torque_B, self.thrust_N = f.work[0], f.torque_B[0], f.thrust_N[0]
+        self.torque_N, self.motor, self.peaks = f.torque_N[0], f.motor[0], f.peaks[0]
+
+    @property
+    def properties(self) -> SpacecraftProperties:
+        """Mass properties and wheel limits of every spacecraft, as planned."""
+        return self.model.properties
+
+    @property
+    def tick(self) -> int:
+        """Control periods flown."""
+        return int(self.flights.tick[0])
+
+    @property
+    def time(self) -> float:
+        """Seconds past the epoch, counted in whole control periods."""
+        return self.tick * self.period
+
+    @property
+    def targets(self) -> Targets:
+        """Who points at what, live."""
+        return Targets(self.flights.kind[0], self.flights.spacecraft[0], self.flights.vector[0])
+
+    def aim_at(self, targets: Targets) -> None:
+        """Point at other targets from the next decision on."""
+        for present, new in zip(self.targets, targets, strict=True):
+            present[:] = new
+
+    def control_input(self) -> ControlInput:
+        """What control laws are given; copied, for a law may keep it."""
+        sigma_BR, omega_BR, omega, omega_R, domega_R, momentum = (self.work[slot].copy() for slot in LAW_SLOTS)
+        return ControlInput(sigma_BR, omega_BR, omega, omega_R, domega_R, momentum, *self._planned, self.period)
+
+    def start(self, initial: InitialState) -> None:
+        """Put the swarm at its start."""
+        f = self.flights
+        for array in (f.tick, f.stage, f.ask, f.due, f.effort, f.peaks, f.thrust_N, f.torque_N, f.motor, f.resting):
+            array[:] = 0
+        f.finite[:], f.last_kind[:], f.last_spacecraft[:] = True, -1, -1
+        self.r_N[:], self.v_N[:], self.q_BN[:] = initial.r_BN_N, initial.v_BN_N, initial.q_BN
+        self.omega_B[:], self.wheel_speed[:] = initial.omega_BN_B, initial.wheel_speed
+        self.work[Slot.R] = self.r_N
+        self.released[:] = True if initial.release is None else initial.release.tick <= 0
+
+    def let_go(self, release: Release) -> bool:
+        """Push off those that leave the mothership now; whether anybody does."""
+        due = ~self.released & (release.tick <= self.tick)
+        if not due.any():
+            return False
+        self.v_N[due] += release.push_N[due]
+        self.omega_B[due] = release.omega_BN_B[due]
+        self.released[due], self.flights.last_kind[0, due] = True, -1
+        return True

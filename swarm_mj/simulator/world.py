@@ -1,0 +1,153 @@
+"""What compiled code is given of a swarm's world: constants, gravity field, control law."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from swarm_mj.errors import PluginError
+from swarm_mj.plugins import failure_of, name_of, shown
+from swarm_mj.simulator.faults.dispersions import unscaled
+from swarm_mj.simulator.flights import World
+from swarm_mj.simulator.plugin_calls import ask_for_torque
+from swarm_mj.smallbody.environment import Environment
+from swarm_mj.smallbody.gravity.compiled import POLYHEDRON, compiled_field
+from swarm_mj.smallbody.gravity.point_mass import PointMass
+from swarm_mj.smallbody.gravity.polyhedron import CELL_NUMBERS
+from swarm_mj.spacecraft.control.base import ControlInput, Controller
+from swarm_mj.spacecraft.control.compiled import (
+    CompiledController,
+    CompiledLaw,
+    LawFunction,
+    compile_law,
+    numbers_of,
+)
+from swarm_mj.spacecraft.properties import SpacecraftProperties
+from swarm_mj.typing import Array
+
+#: The wheel-speed limiter aims this far below the limit, for what the gyroscopic terms add within a hold.
+SPEED_MARGIN = 1e-4
+#: Spacecraft for which a compiled law is compared with what it stands for.
+MOST_COMPARED = 8
+
+
+def make_world(
+    properties: SpacecraftProperties,
+    environment: Environment,
+    *,
+    n: int,
+    period: float,
+    timestep: float,
+    timesteps: int,
+    gradient_gm: float,
+    remembered: int,
+) -> World:
+    """The world of flights in which nothing is asked of Python and torques are held.
+
+    Args:
+        properties: Of every spacecraft.
+        environment: Gravity, rotation, Sun and Earth.
+        n: Number of spacecraft.
+        period: Between two decisions [s].
+        timestep: Of the integration [s].
+        timesteps: In a period.
+        gradient_gm: See `World` [m^3/s^2].
+        remembered: Ticks for which flights of the same places share cells of a polyhedron.
+    """
+    # A field in Python is asked in every period, and what stands here in its place never.
+    field = compiled_field(unscaled(environment.gravity)[0]) or compiled_field(PointMass(1.0))
+    assert field is not None
+    gain = 1.0 / properties.wheel_spin_inertia + (1.0 / np.diag(properties.inertia_effective_B)).max()
+    return World(
+        period=float(period),
+        timestep=float(timestep),
+        timesteps=timesteps,
+        inertia_B=np.repeat(properties.inertia_B[None], n, axis=0),
+        inertia_effective_B=np.repeat(properties.inertia_effective_B[None], n, axis=0),
+        phase0=float(environment.phase0),
+        spin_rate=float(environment.spin_rate),
+        spin_N=_writable(environment.spin_N),
+        C_PN=_writable(environment.C_PN),
+        earth_N=_writable(environment.earth.position),
+        earth_velocity_N=_writable(environment.earth.velocity),
+        sun_N=_writable(environment.sun.position),
+        sun_velocity_N=_writable(environment.sun.velocity),
+        sunlight=environment.sunlight,
+        field=field,
+        cells=np.zeros((max(remembered, 1) if field.kind == POLYHEDRON else 1, n, CELL_NUMBERS)),
+        gradient_gm=float(gradient_gm),
+        wheel_inertia=float(properties.wheel_spin_inertia),
+        wheel_axes_B=_writable(properties.wheel_axes_B),
+        allocation=_writable(np.negative(np.linalg.pinv(properties.wheel_axes_B.T), dtype=np.float64)),
+        speed_gain=float(period * gain),
+        max_torque=float(properties.max_wheel_torque),
+        max_speed=float((1.0 - SPEED_MARGIN) * properties.max_wheel_speed),
+        asks=0,
+        law_numbers=np.zeros(0),
+    )
+
+
+def gravity_is_compiled(environment: Environment) -> bool:
+    """Whether kernels know the gravity field."""
+    return compiled_field(unscaled(environment.gravity)[0]) is not None
+
+
+def blank_input(world: World) -> ControlInput:
+    """What a control law is given where all errors are zero."""
+    return control_input(
+        np.zeros((6, *world.inertia_B.shape[:2])), world.inertia_B, world.inertia_effective_B, world.period
+    )
+
+
+def control_input(vectors: Array, inertia_B: Array, inertia_effective_B: Array, period: float) -> ControlInput:
+    """What control laws are given, from errors, rates and momenta in the order of `ControlInput`, shape (6, n, 3)."""
+    sigma_BR, omega_BR, omega, omega_R, domega_R, momentum = vectors
+    return ControlInput(sigma_BR, omega_BR, omega, omega_R, domega_R, momentum, inertia_B, inertia_effective_B, period)
+
+
+def compiled_law_of(controller: Controller, world: World) -> tuple[LawFunction, Array] | None:
+    """The C function of a controller's law and its numbers; None where it has none.
+
+    Raises:
+        ScenarioError: The control period is too long for the law.
+        PluginError: The law cannot be compiled, or gives something else than the controller.
+    """
+    ask_for_torque(
+        controller, blank_input(world), None
+    )  # refuses a control period that is too long, whatever the state
+    law = controller.compiled() if isinstance(controller, CompiledController) else None
+    if law is None:
+        return None
+    if not (isinstance(law, CompiledLaw) and callable(law.write_torque)):
+        raise PluginError(
+            f"the control law {name_of(controller)}: compiled must return a CompiledLaw or None, not {shown(law)}"
+        )
+    _compare(controller, law, blank_input(world))
+    return compile_law(law.write_torque), numbers_of(law)
+
+
+def _writable(array: Array) -> Array:
+    """A copy. Numba compiles apart what takes an array that is read-only."""
+    return np.array(array, np.float64, order="C")
+
+
+def _compare(controller: Controller, law: CompiledLaw, like: ControlInput) -> None:
+    """Try a compiled law on made-up errors, in Python, where it is seen to fail and to look beyond an array's end.
+
+    Raises:
+        PluginError: It fails, or gives other torques than `Controller.torque`.
+    """
+    n = min(len(like.sigma_BR), MOST_COMPARED)
+    made_up = 0.01 * np.random.default_rng(0).standard_normal((6, n, 3))
+    inputs = control_input(made_up, like.inertia_B[:n], like.inertia_effective_B[:n], like.period)
+    expected, _ = ask_for_torque(controller, inputs, None)
+    found = np.full((n, 3), np.nan)
+    try:
+        getattr(law.write_torque, "py_func", law.write_torque)(*inputs[:8], numbers_of(law), found)
+    except Exception as error:
+        raise failure_of(controller, "control law", "CompiledLaw.write_torque", error) from error
+    if not np.allclose(found, expected, rtol=1e-6, atol=1e-12):
+        j = int(np.argmax(~np.isclose(found, expected, rtol=1e-6, atol=1e-12).all(axis=1)))
+        raise PluginError(
+            f"the control law {name_of(controller)}: its CompiledLaw gives the torque {found[j].tolist()} N m where torque "
+            f"gives {expected[j].tolist()}"
+        )

@@ -1,0 +1,173 @@
+"""Attitude: MRP algebra against SciPy's rotations, conservation laws of body and wheels, and the integrator's order."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.integrate import solve_ivp
+from scipy.spatial.transform import Rotation
+
+from swarm_mj.simulator.state import InitialState
+from swarm_mj.spacecraft.attitude.mrp import dcm, mrp_rate
+from swarm_mj.verification.experiment import Bench, Experiment
+from swarm_mj.verification.flights import Flight, fly, gyrostat
+
+TUMBLING_S, STUDY_S, STUDY_STEP_S = 1200.0, 300.0, 1.0
+SPACECRAFT = 4
+
+
+def matrices_error(bench: Bench) -> float:
+    """Largest difference between an element of `dcm` and of SciPy's matrices, of both MRP sets."""
+    sigma = np.random.default_rng(3).uniform(-1.5, 1.5, (500, 3))
+    expected = Rotation.from_mrp(sigma).as_matrix().swapaxes(1, 2)
+    return float(np.abs(dcm(sigma) - expected).max())
+
+
+def kinematics_error(bench: Bench) -> float:
+    """Largest relative difference between `mrp_rate` and differences along rotations that SciPy turns."""
+    rng = np.random.default_rng(4)
+    start, omega = Rotation.from_rotvec(rng.uniform(-1.5, 1.5, (300, 3))), rng.uniform(-1.0, 1.0, (300, 3))
+    step = 1e-3
+    weights = {-2: 1.0, -1: -8.0, 1: 8.0, 2: -1.0}
+    expected = sum(w * (start * Rotation.from_rotvec(k * step * omega)).as_mrp() for k, w in weights.items())
+    expected = expected / (12.0 * step)
+    error = np.linalg.norm(mrp_rate(start.as_mrp(), omega) - expected, axis=1)
+    return float(np.max(error / np.linalg.norm(expected, axis=1)))
+
+
+def tumbling_start() -> InitialState:
+    """Far from each other, rates up to 0.6 rpm about every axis, wheels at up to 300 rad/s."""
+    rng = np.random.default_rng(5)
+    shape = (SPACECRAFT, 3)
+    return InitialState(
+        r_BN_N=rng.uniform(30e3, 40e3, shape),
+        v_BN_N=np.zeros(shape),
+        sigma_BN=rng.uniform(-0.5, 0.5, shape),
+        omega_BN_B=rng.uniform(-0.06, 0.06, shape),
+        wheel_speed=rng.uniform(-300.0, 300.0, shape),
+    )
+
+
+def tumbling(bench: Bench) -> Flight:
+    """Twenty minutes without torque at the default step."""
+    return fly(bench, tumbling_start(), TUMBLING_S, 10.0, timestep=0.1)
+
+
+def momentum_drift(bench: Bench) -> float:
+    """Largest relative change of the angular momentum in N."""
+    flight = bench.once(tumbling)
+    momentum_B = gyrostat().momentum_B(flight.omega_B, flight.wheels)
+    to_N = Rotation.from_quat(flight.q_BN.reshape(-1, 4), scalar_first=True)
+    momentum_N = to_N.apply(momentum_B.reshape(-1, 3)).reshape(momentum_B.shape)
+    change = np.linalg.norm(momentum_N - momentum_N[0], axis=2)
+    return float(np.max(change / np.linalg.norm(momentum_N[0], axis=1)))
+
+
+def energy_drift(bench: Bench) -> float:
+    """Largest change of the rotational energy over that of the body at the start.
+
+    The fast wheels hold a thousand times more, which hardly changes and would hide what the body does.
+    """
+    flight = bench.once(tumbling)
+    energy = gyrostat().energy(flight.omega_B, flight.wheels)
+    body = gyrostat().energy(flight.omega_B[0], np.zeros(3))
+    return float(np.max(np.abs(energy - energy[0]) / body))
+
+
+def gyrostat_error(bench: Bench) -> float:
+    """Largest angle between the simulation and SciPy after twenty minutes of tumbling [rad]."""
+    return attitude_error(bench.once(tumbling))
+
+
+def order_gain(bench: Bench) -> float:
+    """How many times the attitude error falls when the integration step is halved."""
+    coarse, fine = (
+        attitude_error(fly(bench, tumbling_start(), STUDY_S, STUDY_S, timestep=step, period=STUDY_STEP_S))
+        for step in (STUDY_STEP_S, 0.5 * STUDY_STEP_S)
+    )
+    return coarse / fine
+
+
+def step_error(bench: Bench) -> float:
+    """Largest difference of body rates after 300 s of tumbling between the kernel and `mj_step`, step 0.1 s [rad/s]."""
+    flights = [fly(bench, tumbling_start(), STUDY_S, STUDY_S, stepper=stepper) for stepper in ("mujoco", "kernel")]
+    return float(np.abs(flights[0].omega_B - flights[1].omega_B).max())
+
+
+def attitude_error(flight: Flight) -> float:
+    """Largest angle at the end of a torque-free flight from the attitude that SciPy finds [rad]."""
+    body, end = gyrostat(), float(flight.time[-1])
+    angles = []
+    for j in range(flight.q_BN.shape[1]):
+        solution = solve_ivp(
+            lambda t, y: body.rates(y, np.zeros(3)),
+            (0.0, end),
+            flight.rotational_state(0, j),
+            method="DOP853",
+            t_eval=[end],
+            rtol=1e-12,
+            atol=1e-12,
+        )
+        expected = Rotation.from_quat(solution.y[:4, 0], scalar_first=True)
+        angles.append((Rotation.from_quat(flight.q_BN[-1, j], scalar_first=True) * expected.inv()).magnitude())
+    return float(max(angles))
+
+
+EXPERIMENTS = (
+    Experiment(
+        name="attitude-matrices",
+        what="elements of C_BN from MRP of both sets",
+        reference="SciPy's Rotation",
+        tolerance=1e-14,
+        unit="1",
+        measure=matrices_error,
+    ),
+    Experiment(
+        name="attitude-kinematics",
+        what="rate of the MRP, relative",
+        reference="differences along rotations turned by SciPy",
+        tolerance=1e-9,
+        unit="1",
+        measure=kinematics_error,
+    ),
+    Experiment(
+        name="attitude-momentum",
+        what="angular momentum of body and wheels in 1,200 s of torque-free tumbling, relative",
+        reference="conservation",
+        tolerance=1e-8,
+        unit="1",
+        measure=momentum_drift,
+    ),
+    Experiment(
+        name="attitude-energy",
+        what="energy of body and wheels in 1,200 s of torque-free tumbling, over the body's",
+        reference="conservation",
+        tolerance=1e-7,
+        unit="1",
+        measure=energy_drift,
+    ),
+    Experiment(
+        name="attitude-gyrostat",
+        what="attitude after 1,200 s of torque-free tumbling, step 0.1 s",
+        reference="equations of a gyrostat by SciPy DOP853",
+        tolerance=1e-6,
+        unit="rad",
+        measure=gyrostat_error,
+    ),
+    Experiment(
+        name="attitude-order",
+        what="attitude error at a step of 1 s over that at 0.5 s, 300 s",
+        reference="fourth order or better: more than 8",
+        tolerance=8.0,
+        at_least=True,
+        unit="1",
+        measure=order_gain,
+    ),
+    Experiment(
+        name="attitude-step",
+        what="body rates after 300 s of tumbling by the kernel, step 0.1 s",
+        reference="MuJoCo's mj_step",
+        tolerance=1e-8,
+        unit="rad/s",
+        measure=step_error,
+    ),
+)

@@ -1,0 +1,124 @@
+"""Flights of the program's own simulation that the checks look at."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from swarm_mj.flight.plan import environment_from
+from swarm_mj.mission.behaviors import SwarmView, Targets
+from swarm_mj.scenarios.loading import load_scenario
+from swarm_mj.simulator.simulation import Simulation
+from swarm_mj.simulator.state import InitialState
+from swarm_mj.smallbody.environment import Environment
+from swarm_mj.smallbody.geodesic import geodesic_icosahedron
+from swarm_mj.smallbody.shape import ShapeModel
+from swarm_mj.smallbody.shape_harmonics import load_eros
+from swarm_mj.spacecraft.control.base import ControlInput, Controller
+from swarm_mj.spacecraft.model import Stepper, build_model
+from swarm_mj.spacecraft.properties import SpacecraftProperties
+from swarm_mj.typing import Array
+from swarm_mj.verification.experiment import Bench
+from swarm_mj.verification.reference import Gyrostat
+
+
+class NoTorque:
+    """A control law that never acts."""
+
+    def torque(self, inputs: ControlInput, memory: Array | None) -> tuple[Array, Array | None]:
+        """Zero torque."""
+        return np.zeros_like(inputs.sigma_BR), memory
+
+
+class WatchBody:
+    """A behaviour in which everybody looks at the body's centre."""
+
+    dedicated_communications: ClassVar[bool] = False
+
+    def targets(self, view: SwarmView, memory: None) -> tuple[Targets, None]:
+        """The body's centre for all."""
+        n = len(view.r_BN_N)
+        return Targets(np.zeros(n, np.int64), np.zeros(n, np.int64), np.zeros((n, 3))), None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Flight:
+    """Samples of a flight.
+
+    Attributes:
+        time: Shape (t,) [s].
+        r_N: Positions, shape (t, n, 3) [m].
+        v_N: Velocities, shape (t, n, 3) [m/s].
+        q_BN: Attitudes (w, x, y, z), shape (t, n, 4).
+        omega_B: Body rates, shape (t, n, 3) [rad/s].
+        wheels: Wheel speeds, shape (t, n, 3) [rad/s].
+    """
+
+    time: Array
+    r_N: Array
+    v_N: Array
+    q_BN: Array
+    omega_B: Array
+    wheels: Array
+
+    def rotational_state(self, sample: int, spacecraft: int) -> Array:
+        """State of `Gyrostat.rates`, shape (10,)."""
+        parts = (self.q_BN, self.omega_B, self.wheels)
+        return np.concatenate([part[sample, spacecraft] for part in parts])
+
+
+def environment(bench: Bench) -> Environment:
+    """Eros at the epoch of the packaged scenarios, with its field of degree 2."""
+    return environment_from(load_scenario("eros-quick"), load_eros())
+
+
+def ball(radius: float, frequency: int) -> ShapeModel:
+    """A geodesic sphere of 20 frequency^2 faces [m]."""
+    directions, faces = geodesic_icosahedron(frequency)
+    return ShapeModel(radius * directions, faces.astype(np.int32), "sphere")
+
+
+def gyrostat() -> Gyrostat:
+    """The 8 kg 3U CubeSat."""
+    properties = SpacecraftProperties()
+    return Gyrostat(inertia=properties.inertia_B, wheel_inertia=properties.wheel_spin_inertia)
+
+
+def fly(
+    bench: Bench,
+    initial: InitialState,
+    duration: float,
+    interval: float,
+    *,
+    timestep: float = 0.1,
+    period: float = 0.5,
+    controller: Controller | None = None,
+    stepper: Stepper = "mujoco",
+) -> Flight:
+    """Fly default CubeSats about Eros.
+
+    Args:
+        bench: For the environment.
+        initial: Where they start.
+        duration: [s].
+        interval: Between samples [s].
+        timestep: Of the integration [s].
+        period: Of control and forces [s].
+        controller: None: no torque.
+        stepper: Who steps.
+    """
+    # What is drawn plays no part in the flight, so that a coarse mesh does.
+    model = build_model(len(initial.r_BN_N), shape=ball(16e3, 2), timestep=timestep, stepper=stepper)
+    simulation = Simulation(
+        model,
+        environment=bench.once(environment),
+        behavior=WatchBody(),
+        controller=controller or NoTorque(),
+        control_period=period,
+    )
+    simulation.reset(initial)
+    record = simulation.run(duration, interval)
+    r, v, omega, _, wheels, _, _ = np.moveaxis(record.vectors, 1, 0)
+    return Flight(time=record.time, r_N=r, v_N=v, q_BN=record.attitude[:, 0], omega_B=omega, wheels=wheels)

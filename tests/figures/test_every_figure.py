@@ -1,0 +1,141 @@
+"""Every figure of a run: written whole, not blank, labelled with units, nothing cut off, whatever the swarm."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from matplotlib.image import imread
+from matplotlib.text import Text
+
+from swarm_mj.figures.run_figures import COMPOSERS
+from swarm_mj.figures.style import DPI, save
+
+from .sheets import assert_labels_do_not_overlap, assert_nothing_is_cut_off, swarm_of, with_coverage
+
+NAMES = sorted({*COMPOSERS} - {"formation"})
+#: Units that must be read somewhere in each figure.
+UNITS = {
+    "behaviors": {"km", "min"},
+    "trajectories": {"km", "m/s"},
+    "target": {"km", "deg"},
+    "tracking_error": {"min", "-"},
+    "pointing_error": {"min", "deg"},
+    "operation": {"km", "deg"},
+    "coverage": {"min", "%"},
+    "ground_track": {"deg"},
+    "footprints": {"deg"},
+    "illumination": {"min", "deg"},
+    "wheel_speed": {"min", "rpm"},
+    "wheel_momentum": {"min", "mN m s"},
+    "propulsion": {"min", "mN", "m/s", "g"},
+    "links": {"min"},
+    "contacts": {"min", "Mbit"},
+    "data": {"min", "Mbit", "%"},
+    "delivered_map": {"min", "deg"},
+}
+
+
+def test_every_figure_of_a_run_has_its_function():
+    assert set(COMPOSERS) == {*UNITS, "formation"}  # of formations alone, which the quick flight has none of
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_picture_has_the_size_of_its_figure(written, composed, name):
+    height, width = imread(written / f"{name}.png").shape[:2]
+    assert (width, height) == pytest.approx(composed[name].get_size_inches() * DPI, abs=1)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_picture_is_not_blank(written, name):
+    pixels = imread(written / f"{name}.png")[..., :3]
+    inked = (pixels < 0.97).any(axis=2)
+    assert inked.mean() > 0.04
+    assert pixels.std() > 0.05
+    columns, rows = np.flatnonzero(inked.any(axis=0)), np.flatnonzero(inked.any(axis=1))
+    square = name in ("footprints", "delivered_map")  # the shape of the map decides
+    assert np.ptp(columns) > (0.6 if square else 0.85) * inked.shape[1]
+    assert np.ptp(rows) > 0.85 * inked.shape[0]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_no_picture_touches_its_border(written, name):
+    pixels = imread(written / f"{name}.png")[..., :3]
+    border = np.concatenate((pixels[0], pixels[-1], pixels[:, 0], pixels[:, -1]))
+    assert (border > 0.99).all()
+
+
+def test_nothing_else_is_left_in_the_folder(written):
+    assert {path.name for path in written.iterdir()} == {*(f"{name}.png" for name in NAMES), "operation.pdf"}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_named_axis_ends_in_its_unit(composed, name):
+    named = [
+        text
+        for ax in composed[name].axes
+        if ax.get_visible() and ax.axison
+        for text in (ax.get_xlabel(), ax.get_ylabel())
+        if text
+    ]
+    assert named
+    assert all(re.search(r"\[[^\]]+\]$", text) for text in named)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_units_are_read_in_the_figure(composed, name):
+    texts = [text.get_text() for text in composed[name].findobj(Text) if text.get_visible()]
+    found = {match for text in texts for match in re.findall(r"\[([^\]]+)\]$", text)}
+    assert found == UNITS[name]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_nothing_is_cut_off(composed, name):
+    assert_nothing_is_cut_off(composed[name], is_drawn=True)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_labels_do_not_overlap(composed, name):
+    assert_labels_do_not_overlap(composed[name])
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_text_is_large_enough_to_be_read_at_half_the_size(composed, name):
+    sizes = [text.get_fontsize() for text in composed[name].findobj(Text) if text.get_visible() and text.get_text()]
+    assert min(sizes) >= 7.0
+
+
+def sizes():
+    """Figures and numbers of spacecraft; all but the figures that grow most with the swarm count as slow."""
+    growing = ("links", "contacts", "data", "ground_track", "trajectories", "wheel_momentum", "propulsion")
+    for name in NAMES:
+        for n in (1, 7, 100):
+            quick = n == 100 and name in growing
+            yield pytest.param(name, n, marks=[] if quick else pytest.mark.slow)
+
+
+@pytest.mark.parametrize(("name", "n"), sizes())
+def test_swarms_of_any_size_fit_on_the_page(flown, name, n):
+    figure = COMPOSERS[name](*swarm_of(flown, n))
+    assert_nothing_is_cut_off(figure)
+    assert_labels_do_not_overlap(figure)
+
+
+@pytest.mark.parametrize("name", ["coverage", "footprints", "operation", "illumination"])
+def test_nothing_observed_is_still_a_figure(flown, name):
+    plan, telemetry, result = flown
+    nothing = with_coverage(result, np.full((plan.n, plan.region.n_cells), np.nan))
+    figure = COMPOSERS[name](plan, telemetry, nothing)
+    titles = " ".join(ax.get_title(loc="left") for ax in figure.axes)
+    assert "0.00 %" in titles or name == "illumination"
+    assert_nothing_is_cut_off(figure)
+
+
+def test_body_names_may_hold_dollars_and_scenario_names_may_be_long(flown, tmp_path):
+    plan, telemetry, result = flown
+    body = plan.scenario.body.model_copy(update={"name": r"$\nonsense$ & Co"})
+    odd = replace(plan, scenario=plan.scenario.model_copy(update={"body": body, "name": "long-name-" * 12}))
+    for name in ("target", "tracking_error", "footprints"):
+        figure = COMPOSERS[name](odd, telemetry, result)
+        assert_nothing_is_cut_off(figure)
+        save(figure, tmp_path / f"{name}.png")
