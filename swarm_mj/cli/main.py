@@ -6,6 +6,8 @@ so that help is quick.
 
 from __future__ import annotations
 
+import atexit
+import gc
 import io
 import sys
 from collections.abc import Sequence
@@ -28,6 +30,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")  # results may lie at such paths, see `_report`
+    atexit.register(gc.freeze)  # a search for garbage in machine code and arrays would delay the end by a second
     keep_algebra_on_one_thread()
     with handled(_interrupted) as interruption:
         try:

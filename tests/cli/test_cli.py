@@ -328,3 +328,22 @@ def test_linear_algebra_keeps_to_one_thread_unless_the_user_asks_for_more(asked,
     given |= {} if asked is None else {"OPENBLAS_NUM_THREADS": asked}
     done = subprocess.run([sys.executable, "-c", WHEN_LOADED], capture_output=True, text=True, env=given)
     assert f"threads: {told}\n" in done.stdout, done.stderr
+
+
+#: Leaves behind what takes a minute to be collected, as machine code and arrays take seconds.
+LITTERED = """
+import sys, time
+from swarm_mj.cli.main import main
+class Litter:
+    def __init__(self):
+        self.itself = self
+    def __del__(self, sleep=time.sleep):
+        sleep(60.0)
+litter = Litter()
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+def test_a_program_that_is_done_ends_without_a_search_for_garbage():
+    done = subprocess.run([sys.executable, "-c", LITTERED, "--version"], capture_output=True, text=True, timeout=30)
+    assert done.returncode == 0 and done.stdout.startswith("swarm-mj")
