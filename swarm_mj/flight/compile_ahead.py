@@ -8,7 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from swarm_mj.flight.fly import make_simulation
+from swarm_mj.dataflow.contacts import Instants
+from swarm_mj.dataflow.online import run_online
+from swarm_mj.dataflow.tiles import make_tiles
+from swarm_mj.flight.deliver import PER_SLOT, contacts_of, network_of, speaking
 from swarm_mj.flight.observe import criterion_from, observer_from
 from swarm_mj.flight.plan import Plan, antennas_from
 from swarm_mj.mission.behaviors import TargetKind
@@ -27,23 +30,30 @@ def kernels_compiled() -> int:
 
 
 def compile_ahead(plan: Plan) -> None:
-    """Do a little of what a flight of this plan will do, the most urgent first: a step, links at an instant, a picture."""
-    make_simulation(plan).step()
+    """Do a little of what a flight of this plan will do after its steps, which the process that flies compiles meanwhile."""
     _judge_links(plan)
     _take_picture(plan)
 
 
 def _judge_links(plan: Plan) -> None:
-    links_closed(
-        antennas=antennas_from(plan.scenario),
-        shape=plan.shape,
-        mode=np.full((1, plan.n), TargetKind.EARTH, np.int8),
-        tracked=np.zeros((1, plan.n), np.int16),
-        r_BN_N=np.broadcast_to(plan.deployment.r0_N, (1, plan.n, 3)),
-        C_BN=dcm(np.zeros((1, plan.n, 3))),
-        C_AN=plan.environment.C_AN(0.0)[None],
-        earth_N=plan.environment.earth.at(0.0)[None],
+    """Links at an instant, and pictures sent over them."""
+    shape = (PER_SLOT, plan.n)  # np.tile, for Numba compiles apart what takes an array that is read-only
+    instants = Instants(
+        t=np.zeros(PER_SLOT),
+        r_BN_N=np.tile(plan.deployment.r0_N, (PER_SLOT, 1, 1)),
+        C_BN=dcm(np.zeros((*shape, 3))),
+        C_AN=np.tile(plan.environment.C_AN(0.0), (PER_SLOT, 1, 1)),
+        earth_N=np.tile(plan.environment.earth.at(0.0), (PER_SLOT, 1)),
+        mode=np.full(shape, TargetKind.EARTH, np.int64),
+        tracked=np.zeros(shape, np.int64),
+        works=np.ones(shape, np.bool_),
     )
+    flown = {name: value[:1] for name, value in vars(instants).items() if name not in ("t", "works")}
+    links_closed(antennas=antennas_from(plan.scenario), shape=plan.shape, **flown)
+    area = plan.region.area
+    tiles = make_tiles(area, np.zeros((plan.n, len(area))), np.ones((plan.n, len(area))), bits_per_pixel=1.0)
+    contacts = contacts_of(plan, np.array([0.0, 1.0]), instants)
+    run_online(network_of(plan.scenario, tiles, contacts, instants), speaking(instants))
 
 
 def _take_picture(plan: Plan) -> None:

@@ -13,6 +13,7 @@ FLY = """
 import sys
 from numba.core.dispatcher import Dispatcher
 from swarm_mj.flight.compile_ahead import compile_ahead
+from swarm_mj.flight.deliver import deliver
 from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.observe import observe_flight
 from swarm_mj.flight.plan import make_plan
@@ -27,19 +28,21 @@ plan = make_plan(load_scenario("eros-quick"))
 planned = signatures()
 compile_ahead(plan)
 ahead = signatures()
-observe_flight(plan, simulate(plan))
+telemetry = simulate(plan)
+deliver(plan, telemetry, observe_flight(plan, telemetry).coverage)
 flown = signatures()
 print(*(name for name in ahead if ahead[name] > planned.get(name, set()) and ahead[name] == flown[name]))
 print(*(name for name in flown if flown[name] > ahead.get(name, set())))
 """
 
 
-def test_links_and_pictures_need_nothing_more_than_was_compiled_ahead():
+def test_links_deliveries_and_pictures_need_nothing_more_than_was_compiled_ahead():
     done = subprocess.run([sys.executable, "-c", FLY], capture_output=True, text=True, check=True)
     ahead, late = (line.split() for line in done.stdout.splitlines())
     assert "swarm_mj.mission.links.closed_links" in ahead
     assert any(name.startswith("swarm_mj.observation.") for name in ahead)
-    assert not [name for name in late if name.startswith(("swarm_mj.observation.", "swarm_mj.mission.links."))]
+    rooms = ("swarm_mj.observation.", "swarm_mj.mission.links.", "swarm_mj.dataflow.")
+    assert not [name for name in late if name.startswith(rooms)]
 
 
 @pytest.mark.parametrize("cold", [True, False])

@@ -285,7 +285,8 @@ def _sum_in_middle(x: float, y: float, z: float, body: Elements, known: Array) -
     sums = np.zeros(10)
     known[0], known[1], known[2] = x, y, z
     _sum_elements(known[:3], body, np.empty((body.vertices.shape[0], 4)), sums)
-    known[3:] = sums[1:]
+    for k in range(1, 10):  # a slice would compile NumPy's check of shapes and its words
+        known[2 + k] = sums[k]
 
 
 @jittable
