@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from swarm_mj.errors import ScenarioError
 from swarm_mj.rendering.canvas import LEAST_SIDE, MOST_SIDE
-from swarm_mj.scenarios.loading import load_scenario, parse_overrides
 from swarm_mj.scenarios.schema import Scenario, is_multiple
 
 #: Largest seed of a flight; infos hold seeds as 64-bit integers.
@@ -149,20 +148,6 @@ def checked_truth(name: str, value: Any) -> bool:
     if not isinstance(value, (bool, np.bool_)):
         raise ScenarioError(f"{name} = {value!r}: must be True or False")
     return bool(value)
-
-
-def checked_overrides(overrides: Any) -> tuple[str, ...]:
-    """Changes of the scenario; what stands in them is looked at when they are applied."""
-    if not isinstance(overrides, (list, tuple)) or not all(isinstance(one, str) and "=" in one for one in overrides):
-        raise ScenarioError(
-            f"overrides = {overrides!r}: must be a list of texts key=value, such as ['physics.timestep_s=0.5']"
-        )
-    return tuple(overrides)
-
-
-def checked_scenario(scenario: Any, overrides: Sequence[str] = ()) -> Scenario:
-    """The scenario of that name or file, or as it was given, with changes."""
-    return load_scenario(scenario, parse_overrides(overrides))
 
 
 def refuse_extra_targets(scenario: Scenario) -> None:

@@ -12,7 +12,7 @@ from swarm_mj.dataflow.carry import link_rules
 from swarm_mj.typing import Array32, Mask
 
 from ..batch_env import StepOutcome
-from ..threads import refuse_more_than_fit
+from ..capacity import refuse_more_than_fit
 from .observations import dict_space, flat, flat_space, no_tables, scales_of, write_tables
 from .slot import NEW, DownlinkConstants, begin_episode, fly_slot, no_state, write_masks
 from .world import Conditions, DownlinkTask

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
-from pathlib import Path
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, NamedTuple, TypeVar
 
 from swarm_mj.errors import ScenarioError
-from swarm_mj.scenarios.schema import Scenario, is_multiple
+from swarm_mj.scenarios.loading import ScenarioSource, checked_overrides
+from swarm_mj.scenarios.schema import is_multiple
 
-from ..arguments import checked_count, checked_overrides, checked_rate, is_number
+from ..arguments import checked_count, checked_rate, is_number
 
 #: What `reset` and `step` may give as observation.
 OBSERVATIONS = ("flat", "dict")
@@ -108,7 +108,7 @@ class DownlinkConfig:
         ScenarioError: A value is not allowed.
     """
 
-    scenario: str | Path | Scenario = "eros-observe"
+    scenario: ScenarioSource = "eros-observe"
     step_s: float = 600.0
     horizon_s: float = 86_400.0
     products: int = 24
@@ -117,7 +117,7 @@ class DownlinkConfig:
     power: Mapping[str, float] | None = None
     draw: Mapping[str, float] | None = None
     reward_weights: Mapping[str, float] | None = None
-    overrides: Sequence[str] = ()
+    overrides: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Refuse what is not allowed."""
@@ -175,7 +175,7 @@ _Values = TypeVar("_Values", Power, Draw)
 
 
 def _replaced(values: _Values, name: str, given: Any) -> _Values:
-    checked = _checked([field.name for field in fields(values)], name, given)
+    checked = _checked([item.name for item in fields(values)], name, given)
     for key, value in checked.items():
         if value < 0.0:
             raise ScenarioError(f"{name}[{key!r}] = {value!r}: must not be negative")

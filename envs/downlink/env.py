@@ -122,7 +122,8 @@ panels, all of it |
 
     | argument | default | meaning |
     |---|---|---|
-    | scenario | `"eros-observe"` | packaged name, path of a YAML file, or a `Scenario`; crosslinks must be omnidirectional |
+    | scenario | `"eros-observe"` | packaged name, path of a YAML file, a dict, or a `Scenario`; crosslinks must be \
+omnidirectional |
     | step_s, horizon_s | 600, 86400 | length of a slot and of an episode [s] |
     | products | 24 | most products K |
     | storage_bit | 4e7 | that each spacecraft has for products [bit] |
@@ -131,7 +132,7 @@ panels, all of it |
 slew_J 200, slew_s 120, restart 0.2 |
     | draw | None | see above |
     | reward_weights | None | replaces weights by name |
-    | overrides | () | changes of the scenario, texts `key=value` |
+    | overrides | {} | changes of the scenario by dotted key, as `sm.fly` takes them |
 
     ## Baselines
 

@@ -19,10 +19,11 @@ from swarm_mj.flight.plan import Plan, antennas_from, make_plan
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.mission.trajectories import propagate
 from swarm_mj.scenarios.constants import AU, DAY
+from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.smallbody.occultation import occluder_of, segments_blocked
 from swarm_mj.typing import Array, Ints, Mask
 
-from ..arguments import checked_scenario, refuse_extra_targets
+from ..arguments import refuse_extra_targets
 from .config import DownlinkConfig, Draw
 
 #: Instants of a slot at which contacts and sunlight are looked at.
@@ -99,7 +100,7 @@ class DownlinkTask:
     """
 
     def __init__(self, config: DownlinkConfig) -> None:
-        given = checked_scenario(config.scenario, config.overrides)
+        given = load_scenario(config.scenario, config.overrides)
         refuse_extra_targets(given)
         if given.link.crosslink.antenna != "omnidirectional":
             raise ScenarioError(

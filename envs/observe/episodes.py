@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from swarm_mj.typing import Array32, Mask
 
 from ..arguments import checked_count
-from ..threads import refuse_more_than_fit
+from ..capacity import refuse_more_than_fit
 from .config import EnvConfig, MissionPool
 from .draws import EpisodeDraw
 from .flying import BATCH, Fleet

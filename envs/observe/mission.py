@@ -33,7 +33,7 @@ from swarm_mj.smallbody.occultation import occluder_of
 from swarm_mj.spacecraft.attitude.algebra import Vector, cross
 from swarm_mj.typing import Array, Mask
 
-from ..arguments import checked_scenario, checked_step, refuse_extra_targets
+from ..arguments import checked_step, refuse_extra_targets
 from .catalogue import MissionSpec
 from .draws import EpisodeDraw
 from .flybys import (
@@ -393,7 +393,7 @@ def environment_scenario(given: Any) -> Scenario:
     Raises:
         ScenarioError: It cannot be read, or has several targets.
     """
-    scenario = checked_scenario(given)
+    scenario = load_scenario(given)
     refuse_extra_targets(scenario)
     physics = scenario.physics.model_copy(update=PHYSICS)
     return scenario.model_copy(update={"physics": physics})

@@ -12,8 +12,8 @@ from swarm_mj.typing import Mask, Pixels
 
 from ..arguments import checked_count, checked_index, checked_render_mode, record_of
 from ..autoreset import FlightsVectorEnv, Infos, checked_mode
+from ..capacity import default_threads
 from ..snapshots import FlightState, RebuiltOnCopy, must_have_begun, restore_state, take_state
-from ..threads import default_threads
 from .config import EnvConfig
 from .episodes import Episodes
 from .rendering import EpisodeRenderer

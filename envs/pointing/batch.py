@@ -15,11 +15,13 @@ from swarm_mj.typing import Array, Ints, Mask, Pixels
 
 from ..arguments import flight_seeds, is_whole
 from ..batch_env import StepOutcome
+from ..capacity import refuse_more_than_fit
 from ..pixels import IMAGE_SPACE, Poses
-from ..threads import refuse_beyond_memory
 from .task import PointingTask
 from .view import assess, no_state, view
 
+#: What an episode takes in memory, measured, upper estimates: of its own, and for each cell of the target [B].
+EPISODE_BYTES, CELL_BYTES = 20 * 1024, 17
 #: Pixels of a rendered picture for each of the camera's.
 ZOOM = 6
 
@@ -44,7 +46,7 @@ class PointingBatch:
     """
 
     def __init__(self, task: PointingTask, count: int) -> None:
-        refuse_beyond_memory(task, count)
+        refuse_more_than_fit(count, EPISODE_BYTES + task.plan.region.n_cells * CELL_BYTES)
         self.task, self.count = task, count
         self.flights = task.flights(count)
         holds = task.config.holds

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from pathlib import Path
-from typing import NamedTuple
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
 
 from swarm_mj.errors import ScenarioError
 from swarm_mj.mission.behaviors import TargetKind
-from swarm_mj.scenarios.schema import Scenario
+from swarm_mj.scenarios.loading import ScenarioSource, checked_overrides
 
-from ..arguments import checked_count, checked_overrides, checked_rate, is_number
+from ..arguments import checked_count, checked_rate, is_number
 from ..pixels import LIGHTS
 
 #: What may have to be looked at, and how guidance knows it.
@@ -50,7 +49,7 @@ class PointingConfig:
         ScenarioError: A value is not allowed; those that depend on the scenario are checked by `PointingTask`.
     """
 
-    scenario: str | Path | Scenario = "eros-observe"
+    scenario: ScenarioSource = "eros-observe"
     observation: str = "state"
     references: Sequence[str] | None = None
     holds: int = 2
@@ -64,7 +63,7 @@ class PointingConfig:
     reward_weights: Mapping[str, float] | None = None
     camera_half_angle_deg: float = CAMERA_DEG
     light: str = "sun"
-    overrides: Sequence[str] = ()
+    overrides: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Refuse what is not allowed whatever the scenario."""

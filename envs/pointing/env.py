@@ -130,7 +130,7 @@ class SwarmPointingEnv(BatchEnv):
 
     The instant follows from the seed alone: flights of one seed with different spacecraft are one swarm. Masses and inertia
     are the scenario's, the same in all episodes of an environment; to train over several, make one environment for each, with
-    `overrides=["spacecraft.mass_kg=9"]`.
+    `overrides={"spacecraft.mass_kg": 9}`.
 
     ## Episode end
 
@@ -140,8 +140,8 @@ class SwarmPointingEnv(BatchEnv):
 
     | argument | default | meaning |
     |---|---|---|
-    | scenario | `"eros-observe"` | packaged name, path of a YAML file, or a `Scenario`; faults, dispersions, quick slews, \
-thrusters and four wheels are refused |
+    | scenario | `"eros-observe"` | packaged name, path of a YAML file, a dict, or a `Scenario`; faults, dispersions, \
+quick slews, thrusters and four wheels are refused |
     | observation | `"state"` | `state` or `camera` |
     | render_mode | None | None or `"rgb_array"`: what the camera sees, with a cross on +z |
     | references | None | names of what may have to be looked at; None: all four, with `camera` the body alone |
@@ -156,7 +156,7 @@ thrusters and four wheels are refused |
     | reward_weights | None | mapping that replaces weights by name |
     | camera_half_angle_deg | 45 | of the camera |
     | light | `"sun"` | `sun`, where it is, or `headlight`, at the camera |
-    | overrides | () | changes of the scenario, a list of texts `key=value` as of `swarm-mj fly --set` |
+    | overrides | {} | changes of the scenario by dotted key, as `sm.fly` takes them |
 
     ## Version history
 

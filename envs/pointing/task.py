@@ -15,14 +15,14 @@ from swarm_mj import __version__
 from swarm_mj.errors import ScenarioError
 from swarm_mj.flight.plan import Plan, make_plan
 from swarm_mj.mission.behaviors import TargetKind
+from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.scenarios.schema import Scenario, is_multiple
 from swarm_mj.spacecraft.attitude.algebra import normalised, product
 from swarm_mj.spacecraft.attitude.mrp import mrp_from_quaternion
 from swarm_mj.typing import Array, Ints
 
-from ..arguments import checked_scenario, record_of
+from ..arguments import record_of
 from ..pixels import IMAGE_SPACE, BodyPictures
-from ..threads import LEAN
 from .config import PointingConfig, PointingScales
 from .flights import InitialState, PointingFlights, flyby_states, setup_of_one
 from .view import PointingConstants, PointingLayout
@@ -71,7 +71,7 @@ class PointingTask:
     """
 
     def __init__(self, config: PointingConfig) -> None:
-        given = checked_scenario(config.scenario, [*LEAN, *config.overrides])
+        given = load_scenario(config.scenario, {**config.overrides, "physics.stepper": "kernel"})
         self.config, self.given = config, given
         self.ticks, self.hold_ticks = _periods(given, "step_s", config.step_s), _periods(given, "hold_s", config.hold_s)
         if self.hold_ticks % self.ticks:

@@ -15,11 +15,11 @@ from swarm_mj.io.resources import asset_path
 from swarm_mj.typing import Array
 
 from ..arguments import checked_episodes
+from ..capacity import default_threads
 from ..observe.config import EnvConfig
 from ..observe.episodes import Episodes
 from ..observe.layout import Observed
 from ..observe.single import NAME
-from ..threads import default_threads
 from .baselines import Flown, Policy, fly, open_loop, random_choices, scripted_policies
 from .bound import Bound, bounds
 from .evaluation import Interval, Progress, interval

@@ -39,7 +39,7 @@ def main() -> None:
     with Test() as test, progress_bars(Console()) as bars:
         test.check(files)
         scores = []
-        for name in [*named_policies(), PLANNER, TRAINED, *files]:
+        for name in [*named_policies(test.config), PLANNER, TRAINED, *files]:
             bar = bars.add_task(Path(name).name, total=test.decisions)
             one = test.score(name, lambda taken, bar=bar: bars.update(bar, completed=taken))
             scores.append(replace(one, policy=shown(name)))
@@ -112,7 +112,7 @@ are in `docs/results/leaderboard.json`. +-: 95 % intervals.
   picture is due. At the beginning of {plans} episodes its best plans were worth {planned:.3f} if everything were sent, and no
   plan of that kind is worth more than {proof:.3f} (mean of bounds by mixed-integer programs, {prove:g} s each; {proven} are
   proven to be the best). Without failures *greedy* comes to {sound_rule:.3f} and the planner to {sound_planner:.3f}.
-- **Trained** (`assets/policies/swarm-observe-v1.npz`): of the networks that `examples/learning` trained for the page
+- **Trained** (`assets/policies/swarm-observe.npz`): of the networks that `examples/learning` trained for the page
   [learning](learning.md), the one with the best score on the episodes of that page, which are others than these
   over the same missions of `test`.
 - **Random** takes any choice, also those that make no sense.

@@ -295,4 +295,4 @@ def test_a_flat_observation_holds_the_tables(task):
     with pytest.raises(ScenarioError, match="draw: unknown 'colour'"):
         gymnasium.make(ID, draw={"colour": 1.0})
     with pytest.raises(ScenarioError, match="omnidirectional"):
-        gymnasium.make(ID, overrides=["link.crosslink.antenna=hemispherical"])
+        gymnasium.make(ID, overrides={"link.crosslink.antenna": "hemispherical"})

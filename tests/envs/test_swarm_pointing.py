@@ -302,7 +302,8 @@ def test_autoreset_hands_over_the_last_observation():
         ({"light": "lamp"}, "light"),
         ({"reward_weights": [1.0]}, r"reward_weights = \[1.0\]: must be a mapping"),
         ({"reward_weights": {"speed": 1.0}}, "reward_weights"),
-        ({"overrides": ["dispersions.mass_percent=1"]}, "dispersions"),
+        ({"overrides": {"dispersions.mass_percent": 1}}, "dispersions"),
+        ({"overrides": ["spacecraft.mass_kg=9"]}, "overrides = .*must be a mapping of dotted keys"),
     ],
 )
 def test_what_does_not_fit_is_refused_by_name(arguments, said):
