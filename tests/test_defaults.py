@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from swarm_mj.flight.plan import make_plan
-from swarm_mj.observation.illumination import incidence
+from swarm_mj.observation.capture import incidence
 from swarm_mj.scenarios.loading import load_scenario, packaged_names
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.scenarios.schema_body import HeliocentricOrbit, RotationState

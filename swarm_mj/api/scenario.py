@@ -13,6 +13,7 @@ from swarm_mj.api.notebook import figure_html, rows_html
 from swarm_mj.flight.plan import Plan, make_plan
 from swarm_mj.io.atomic import atomic_file
 from swarm_mj.scenarios import catalogue, schema
+from swarm_mj.scenarios.keys import Key
 from swarm_mj.scenarios.loading import (
     NO_OVERRIDES,
     ScenarioSource,
@@ -166,4 +167,4 @@ def explain(name: str = "") -> pd.DataFrame:
         ScenarioError: There is no such section, key or plug-in.
         PluginError: The plug-in cannot be loaded.
     """
-    return pd.DataFrame(catalogue.explained(name), columns=catalogue.Explained._fields).set_index("key")
+    return pd.DataFrame(catalogue.explained(name), columns=["key", *Key._fields[1:]]).set_index("key")

@@ -65,7 +65,7 @@ def _explain(arguments: argparse.Namespace) -> int:
     for row in found:
         default = row.default if row.default == "required" else f"default {row.default}"
         facts = (row.type, row.unit and f"[{row.unit}]", default, row.allowed.replace("`", ""))
-        print(f"{row.key}: {', '.join(filter(None, facts))}")
+        print(f"{row.name}: {', '.join(filter(None, facts))}")
         print(textwrap.indent(textwrap.fill(row.meaning, 100), "    "))
     return 0
 

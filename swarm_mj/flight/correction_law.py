@@ -18,7 +18,7 @@ from swarm_mj.flight.plan import Plan
 from swarm_mj.mission.corrections import Legs
 from swarm_mj.mission.covariance import FlightErrors
 from swarm_mj.mission.transition import inverse, transitions
-from swarm_mj.scenarios.schema_thrusters import Thrusters
+from swarm_mj.scenarios.schema_propulsion import Thrusters
 from swarm_mj.simulator.faults.random_streams import Stream, stream
 from swarm_mj.smallbody.environment import Environment
 from swarm_mj.spacecraft.control.force import ForceView

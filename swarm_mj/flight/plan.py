@@ -30,7 +30,7 @@ from swarm_mj.mission.trajectories import Deployment
 from swarm_mj.scenarios.itinerary import itinerary
 from swarm_mj.scenarios.schema import Body, Scenario
 from swarm_mj.scenarios.schema_faults import Dispersions
-from swarm_mj.scenarios.schema_trajectory import Navigation, Trajectory
+from swarm_mj.scenarios.schema_propulsion import Navigation, Trajectory
 from swarm_mj.simulator.faults.schedule import check_faults
 from swarm_mj.smallbody.environment import Environment
 from swarm_mj.smallbody.shape import ShapeModel

@@ -10,7 +10,7 @@ import numpy as np
 from swarm_mj.errors import ScenarioError
 from swarm_mj.io.resources import asset_path
 from swarm_mj.scenarios.schema import Scenario, Spacecraft, Wheel
-from swarm_mj.scenarios.schema_thrusters import Thrusters as ThrusterKeys
+from swarm_mj.scenarios.schema_propulsion import Thrusters as ThrusterKeys
 from swarm_mj.spacecraft.elastic import lost_to_the_step
 from swarm_mj.spacecraft.model_guard import listed
 from swarm_mj.spacecraft.own_spacecraft import OwnSpacecraft, read_spacecraft, small_motions

@@ -53,13 +53,5 @@ def surroundings_from(scenario: Scenario) -> Surroundings:
 
 def ephemeris_from(body: Body) -> Ephemeris:
     """Where the Sun and Earth stand as seen from the scenario's body, by its elements."""
-    orbit = body.orbit
-    elements = OrbitalElements(
-        semi_major_axis_au=orbit.semi_major_axis_au,
-        eccentricity=orbit.eccentricity,
-        inclination_deg=orbit.inclination_deg,
-        node_deg=orbit.node_deg,
-        argument_of_perihelion_deg=orbit.argument_of_perihelion_deg,
-        perihelion_jd=orbit.perihelion_jd,
-    )
+    elements = OrbitalElements(**body.orbit.model_dump())
     return Ephemeris(orbit=elements, rotation=Rotation(**body.rotation.model_dump()))

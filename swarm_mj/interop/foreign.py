@@ -29,8 +29,7 @@ from swarm_mj.smallbody.environment import Environment
 from swarm_mj.smallbody.naif import BodyName
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.smallbody.solid_angle import points_inside
-from swarm_mj.spacecraft.attitude.euler_parameters import quaternions
-from swarm_mj.spacecraft.attitude.mrp import mrp_from_quaternion
+from swarm_mj.spacecraft.attitude.mrp import mrp_from_quaternion, quaternions
 from swarm_mj.tracks.ccsds_in import read_aem, read_oem
 from swarm_mj.tracks.times import SECOND, epoch_of, text_of
 from swarm_mj.tracks.track import Track

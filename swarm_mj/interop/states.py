@@ -12,8 +12,7 @@ from swarm_mj.flight.observe import camera_from, visit_sample
 from swarm_mj.flight.plan import Plan
 from swarm_mj.observation.camera import CameraModel
 from swarm_mj.smallbody.naif import BodyName
-from swarm_mj.spacecraft.attitude.euler_parameters import quaternions, steady
-from swarm_mj.spacecraft.attitude.mrp import dcm, quaternion_from_mrp
+from swarm_mj.spacecraft.attitude.mrp import dcm, quaternion_from_mrp, quaternions, steady
 from swarm_mj.tracks.frames import C_EN
 from swarm_mj.tracks.times import SECOND, epoch_of
 from swarm_mj.typing import Array

@@ -6,7 +6,7 @@ import numpy as np
 
 from swarm_mj.errors import PathError, ScenarioError
 from swarm_mj.mission.trajectories import Deployment
-from swarm_mj.scenarios.schema_itinerary import Deployer
+from swarm_mj.scenarios.schema_mothership import Deployer
 from swarm_mj.typing import Array
 
 #: Excess over a limit that is rounding.

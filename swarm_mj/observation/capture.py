@@ -22,9 +22,9 @@ from swarm_mj.errors import MissionError
 from swarm_mj.mission.behaviors import looks_at_body
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.camera import CameraModel, CameraPose, camera_pose
-from swarm_mj.observation.illumination import lit
 from swarm_mj.observation.observer import Observer
-from swarm_mj.observation.sampling import shown_whole
+from swarm_mj.observation.raytracing import RayTracer
+from swarm_mj.observation.sampling import barycentric_samples, shown_whole
 from swarm_mj.observation.smear import CameraMotion, Motion, smear_px
 from swarm_mj.spacecraft.attitude.algebra import dot, relative_dcm, times
 from swarm_mj.typing import Array, Ints, Mask, jittable
@@ -33,6 +33,8 @@ from swarm_mj.typing import Array, Ints, Mask, jittable
 ANY_PART = float(np.nextafter(0.0, 1.0))
 #: Least share from which whole cells are meant: counts of pixels do not tell 99 % of a cell from all of it.
 WHOLE_FROM = 0.99
+#: Shadow rays start this far off the surface, over the body's largest radius, so as not to meet the cell itself.
+SHADOW_LIFT = 1e-5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -277,6 +279,60 @@ def sight(region: TargetRegion, r_A: Array, cells: Any = slice(None)) -> tuple[A
     """Distance of a camera at `r_A` [m] from the centroids of cells, and its height above their planes [m]."""
     to_camera = tuple((r_A - region.centroid_A[cells]).T)
     return np.sqrt(dot(to_camera, to_camera)), dot(to_camera, tuple(region.normal_A[cells].T))
+
+
+def incidence(region: TargetRegion, sun_A: ArrayLike) -> Array:
+    """Angle between each cell's normal and the direction to the Sun [rad], shape (n,).
+
+    Args:
+        region: The target.
+        sun_A: Direction to the Sun in A, of any length, shape (3,).
+
+    Raises:
+        MissionError: The direction is not three finite numbers, or zero.
+    """
+    return np.arccos(np.clip(region.normal_A @ _unit(sun_A), -1.0, 1.0))
+
+
+def lit(
+    region: TargetRegion,
+    sun_A: ArrayLike,
+    *,
+    max_incidence_deg: float = 90.0,
+    tracer: RayTracer | None = None,
+    samples: int = 16,
+) -> Mask:
+    """Tell which cells the Sun lights, a point at infinity; only the body itself casts shadows. Shape (n,).
+
+    Args:
+        region: The target.
+        sun_A: Direction to the Sun in A, of any length, shape (3,).
+        max_incidence_deg: Largest angle between normal and Sun at which a cell counts as lit [deg].
+        tracer: Ray tracer over the region's mesh, to have shadows: a cell is lit when at least half of its sample
+            points see the Sun. None ignores shadows.
+        samples: Sample points per cell, a square number.
+
+    Raises:
+        MissionError: The direction is not three finite numbers, or zero; or `samples` is not a square number.
+    """
+    sun = _unit(sun_A)
+    angle = incidence(region, sun)
+    result = (angle < np.pi / 2.0) & (angle <= np.radians(max_incidence_deg))
+    if tracer is None or not result.any():
+        return result
+    chosen = np.flatnonzero(result)
+    lift = SHADOW_LIFT * region.mesh.max_radius * region.normal_A[chosen, None]
+    points = (barycentric_samples(samples) @ region.corners_A[chosen] + lift).reshape(-1, 3)
+    free = tracer.first_hit(points, np.broadcast_to(sun, points.shape)) < 0
+    result[chosen] = free.reshape(len(chosen), samples).mean(axis=1) >= 0.5
+    return result
+
+
+def _unit(sun_A: ArrayLike) -> Array:
+    sun = np.asarray(sun_A, dtype=np.float64)
+    if sun.shape != (3,) or not np.isfinite(sun).all() or not sun.any():
+        raise MissionError(f"direction to the Sun must be three finite numbers, not all zero, got {sun_A!r}")
+    return sun / np.linalg.norm(sun)
 
 
 def lit_cells(observer: Observer, criterion: ObservationCriterion, sun_A: ArrayLike) -> Mask:

@@ -13,7 +13,7 @@ from swarm_mj.mission.covariance import visit_axes
 from swarm_mj.mission.dispersed import draw_burns
 from swarm_mj.mission.gaussian import length_mean, length_quantile, length_within
 from swarm_mj.scenarios.itinerary import itinerary
-from swarm_mj.scenarios.schema_thrusters import Thrusters
+from swarm_mj.scenarios.schema_propulsion import Thrusters
 from swarm_mj.typing import Array
 
 #: Chance with which limits and tanks are said to be enough.

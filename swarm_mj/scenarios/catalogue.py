@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 from swarm_mj import plugins
 from swarm_mj.errors import PluginError
-from swarm_mj.scenarios.keys import find_keys
+from swarm_mj.scenarios.keys import Key, find_keys
 from swarm_mj.scenarios.loading import packaged_names, packaged_text, parse_yaml
 from swarm_mj.scenarios.plugin_arguments import GROUPS, PluginGroup, arguments, first_sentence, installed, summary_of
 
@@ -29,17 +29,6 @@ class Named(NamedTuple):
     kind: str
     name: str
     description: str
-
-
-class Explained(NamedTuple):
-    """A key of a scenario, or an argument of a plug-in, whose type, unit and bounds stand in its meaning."""
-
-    key: str
-    type: str
-    unit: str
-    default: str
-    allowed: str
-    meaning: str
 
 
 def available() -> list[Named]:
@@ -62,8 +51,8 @@ def _installed_plugins() -> list[Named]:
     ]
 
 
-def explained(name: str = "") -> list[Explained]:
-    """Keys of a scenario, or the arguments of a plug-in, explained.
+def explained(name: str = "") -> list[Key]:
+    """Keys of a scenario by their whole names, or the arguments of a plug-in, whose type, unit and bounds are in their meaning.
 
     Args:
         name: A section, a key or a plug-in; empty: every key.
@@ -75,19 +64,16 @@ def explained(name: str = "") -> list[Explained]:
     for group, place in GROUPS.items():
         if name in plugins.names(group):
             return _arguments(group, name, place)
-    return [
-        Explained(key, about.type, about.unit, about.default.strip("`"), about.allowed, about.meaning)
-        for key, about in find_keys(name)
-    ]
+    return [key._replace(name=whole, default=key.default.strip("`")) for whole, key in find_keys(name)]
 
 
 def _description(text: str, name: str) -> str:
     return _line(str(parse_yaml(text, name).get("description", "")))
 
 
-def _arguments(group: str, name: str, place: PluginGroup) -> list[Explained]:
+def _arguments(group: str, name: str, place: PluginGroup) -> list[Key]:
     known = arguments(plugins.find(group, name), place.given)
-    return [Explained(f"{place.section}.parameters.{a.name}", "", "", a.default, "", a.meaning) for a in known]
+    return [Key(f"{place.section}.parameters.{a.name}", "", "", a.default, "", a.meaning) for a in known]
 
 
 def _summary(group: str, entry: EntryPoint) -> str:

@@ -36,8 +36,7 @@ under the camera, where 8 deg would do. Another reading, the horizon's own angle
 A scenario that states `camera.ground_resolution_m` gets from here what it leaves open, see `with_ground_resolution`.
 """
 
-from dataclasses import dataclass
-from math import asin, atan2, cos, degrees, isfinite, radians, sin, tan
+from math import asin, atan2, cos, degrees, isfinite, radians, sin
 
 from swarm_mj.errors import MissionError, ScenarioError
 from swarm_mj.io.plain_values import shown
@@ -45,56 +44,10 @@ from swarm_mj.scenarios.constants import CUBESAT_APERTURE_M, GREEN_LIGHT_M, LONG
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.scenarios.schema_body import Body
 
-#: Half of Eros's longest dimension [m].
-EROS_HALF_LENGTH_M = 0.5 * LONGEST_EXTENT_M["eros"]
 #: First zero of the Airy pattern over pi: Rayleigh's criterion for a circular aperture.
 RAYLEIGH = 1.22
 #: Largest relative excess of an altitude over the highest one that is rounding, as of a number in a file.
 ROUNDING = 1e-9
-
-
-@dataclass(frozen=True, kw_only=True)
-class ObservationGeometry:
-    """What a ground resolution demands of flyby and camera.
-
-    Attributes:
-        altitude_m: Highest altitude at which the lens resolves the ground resolution [m].
-        half_angle_deg: Half-angle of a camera that sees the whole region from that altitude [deg].
-        pixels_across: Pixels across the picture if every ground resolution element were to get one.
-    """
-
-    altitude_m: float
-    half_angle_deg: float
-    pixels_across: float
-
-
-def coverage_relations(
-    ground_resolution_m: float = 0.1,
-    *,
-    aperture_m: float = CUBESAT_APERTURE_M,
-    wavelength_m: float = GREEN_LIGHT_M,
-    region_half_angle_deg: float = 20.0,
-    body_radius_m: float = EROS_HALF_LENGTH_M,
-) -> ObservationGeometry:
-    """Altitude and camera half-angle for a ground resolution; the defaults give 14.0 km and 21.4 deg.
-
-    Args:
-        ground_resolution_m: Smallest distance to be told apart on the ground [m].
-        aperture_m: Diameter of the lens [m].
-        wavelength_m: Wavelength of the light [m].
-        region_half_angle_deg: Half-angle of the region as seen from the body's centre [deg].
-        body_radius_m: Radius of the sphere that stands for the body [m].
-
-    Raises:
-        MissionError: A value is not positive, or the region extends beyond the horizon.
-    """
-    altitude = diffraction_altitude(ground_resolution_m, aperture_m=aperture_m, wavelength_m=wavelength_m)
-    half_angle = nadir_angle_deg(region_half_angle_deg, altitude_m=altitude, body_radius_m=body_radius_m)
-    return ObservationGeometry(
-        altitude_m=altitude,
-        half_angle_deg=half_angle,
-        pixels_across=pixels_across(ground_resolution_m, altitude_m=altitude, half_angle_deg=half_angle),
-    )
 
 
 def diffraction_altitude(
@@ -107,18 +60,6 @@ def diffraction_altitude(
     """
     _check_positive(ground_resolution_m=ground_resolution_m, aperture_m=aperture_m, wavelength_m=wavelength_m)
     return ground_resolution_m * aperture_m / (RAYLEIGH * wavelength_m)
-
-
-def diffraction_aperture(
-    ground_resolution_m: float, *, altitude_m: float, wavelength_m: float = GREEN_LIGHT_M
-) -> float:
-    """Aperture [m] of the ideal lens that just resolves `ground_resolution_m` from `altitude_m` straight above.
-
-    Raises:
-        MissionError: A value is not positive.
-    """
-    _check_positive(ground_resolution_m=ground_resolution_m, altitude_m=altitude_m, wavelength_m=wavelength_m)
-    return RAYLEIGH * wavelength_m * altitude_m / ground_resolution_m
 
 
 def horizon_angle_deg(*, altitude_m: float, body_radius_m: float) -> float:
@@ -151,18 +92,6 @@ def nadir_angle_deg(central_angle_deg: float, *, altitude_m: float, body_radius_
         )
     ratio, angle = sin(radians(horizon)), radians(central_angle_deg)
     return degrees(atan2(ratio * sin(angle), 1.0 - ratio * cos(angle)))
-
-
-def pixels_across(ground_resolution_m: float, *, altitude_m: float, half_angle_deg: float) -> float:
-    """Pixels across a picture whose pixels are `ground_resolution_m` wide on flat ground straight below.
-
-    Raises:
-        MissionError: A value is not positive, or the half-angle is not below 90 deg.
-    """
-    _check_positive(ground_resolution_m=ground_resolution_m, altitude_m=altitude_m, half_angle_deg=half_angle_deg)
-    if half_angle_deg >= 90.0:
-        raise MissionError(f"camera half-angle {half_angle_deg} deg must be below 90 deg")
-    return 2.0 * altitude_m * tan(radians(half_angle_deg)) / ground_resolution_m
 
 
 def with_ground_resolution(scenario: Scenario) -> Scenario:

@@ -9,6 +9,7 @@ from typing import Any, get_args, get_origin
 from pydantic import BaseModel, ValidationError
 
 from swarm_mj.io.plain_values import shown
+from swarm_mj.scenarios.keys import section_of
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.scenarios.schema_faults import FAULT_KINDS
 
@@ -115,7 +116,7 @@ def _model_at(path: Sequence[str | int]) -> type[BaseModel]:
         model, path = FAULT_KINDS[str(path[2])], path[3:]
     for key in path:
         if isinstance(key, str):  # else the number of a section in a list
-            model = _section(model.model_fields[key].annotation)
+            model = section_of(model.model_fields[key].annotation) or model
     return model
 
 
@@ -130,10 +131,3 @@ def _fixed_length(annotation: Any) -> int:
     if get_origin(annotation) is tuple and inner[-1] is not Ellipsis:
         return len(inner)
     return max(map(_fixed_length, inner), default=0)
-
-
-def _section(annotation: Any) -> type[BaseModel]:
-    """The section that a field holds, alone or in a list."""
-    return next(
-        kind for kind in (annotation, *get_args(annotation)) if isinstance(kind, type) and issubclass(kind, BaseModel)
-    )

@@ -19,9 +19,15 @@ from swarm_mj.scenarios.schema_imaging import Camera, Observation
 from swarm_mj.scenarios.schema_itinerary import Design
 from swarm_mj.scenarios.schema_link import Data, Link
 from swarm_mj.scenarios.schema_mothership import Mothership
+from swarm_mj.scenarios.schema_propulsion import (
+    Navigation,
+    Thrusters,
+    Trajectory,
+    corrections_can_be_flown,
+    thrusters_can_pulse,
+    thrusters_fit_inside,
+)
 from swarm_mj.scenarios.schema_swarm import Swarm
-from swarm_mj.scenarios.schema_thrusters import Thrusters, thrusters_can_pulse, thrusters_fit_inside
-from swarm_mj.scenarios.schema_trajectory import Navigation, Trajectory, corrections_can_be_flown
 from swarm_mj.scenarios.section import Parameters, Section, Vector3
 
 

@@ -1,4 +1,4 @@
-"""Sections of a scenario about who visits which point, when and how high, and how the mothership lets go of it."""
+"""Sections of a scenario about who visits which point, when and how high."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import Any, Literal, Self
 
 from pydantic import Field, model_validator
 
-from swarm_mj.scenarios.section import Section, Vector3
+from swarm_mj.scenarios.section import Section
 
 
 class Visit(Section):
@@ -82,37 +82,4 @@ class Design(Section):
                     f"observers.{k}.visiting_point = {visit.visiting_point}: must be {point} as in visiting_points, or give "
                     "only one of the two"
                 )
-        return self
-
-
-class Deployer(Section):
-    """What the mothership's deployer can do; a plan that asks for more is refused, or thrusters give what speed is missing."""
-
-    max_speed_m_s: float | None = Field(
-        None,
-        gt=0,
-        description="largest speed relative to the mothership that it gives a spacecraft [m/s]; null: any. "
-        "Where spacecraft have thrusters, an insertion burn gives what is missing",
-    )
-    insertion_after_s: float = Field(
-        120.0,
-        ge=0,
-        le=1e7,
-        description="from the release to the start of that burn [s]; by default a spacecraft has stopped tumbling and turned, "
-        "and at 1 m/s is 120 m from the mothership, out of reach of its gas",
-    )
-    cone_axis_N: Vector3 | Literal["velocity"] | None = Field(
-        None,
-        description="axis of the cone into which it can push: three components in N [-], or 'velocity', along the mothership's "
-        "inertial velocity at the release; null: any direction",
-    )
-    cone_half_angle_deg: float = Field(180.0, gt=0, le=180, description="of that cone about its axis [deg]")
-    spacing_s: float | None = Field(
-        None, gt=0, description="least time between two releases [s]; null: any number may leave at once"
-    )
-
-    @model_validator(mode="after")
-    def _axis_is_a_direction(self) -> Self:
-        if isinstance(self.cone_axis_N, tuple) and not any(self.cone_axis_N):
-            raise ValueError("cone_axis_N = [0, 0, 0]: must be a direction, or null for any")
         return self

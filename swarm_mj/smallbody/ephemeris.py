@@ -6,11 +6,8 @@ TDB; no leap seconds are involved (UTC is 69 s behind in 2018, 1.3 deg of Eros's
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 from datetime import datetime
-
-import numpy as np
 
 from swarm_mj.errors import ScenarioError
 from swarm_mj.scenarios.constants import DAY
@@ -25,8 +22,6 @@ from swarm_mj.typing import Array
 #: hidden on the way from (0, 0, -30 km) over the target until 1,200 s. At the elements' own epoch the Sun stands at
 #: latitude 88 deg.
 DEFAULT_EPOCH = "2018-01-01T03:15:00"
-
-Vector = Array
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,23 +38,15 @@ class Ephemeris:
     earth_orbit: OrbitalElements = EARTH_ORBIT
     rotation: Rotation = field(default_factory=Rotation)
 
-    def sun_state_N(self, jd: float) -> tuple[Vector, Vector]:
+    def sun_state_N(self, jd: float) -> tuple[Array, Array]:
         """Position [m] and velocity [m/s] of the Sun relative to the asteroid, in N, at a Julian date (TDB)."""
         r, v = position_velocity(self.orbit, jd)
         return -r, -v
 
-    def earth_state_N(self, jd: float) -> tuple[Vector, Vector]:
+    def earth_state_N(self, jd: float) -> tuple[Array, Array]:
         """Position [m] and velocity [m/s] of the Earth relative to the asteroid, in N, at a Julian date (TDB)."""
         (r, v), (r_earth, v_earth) = (position_velocity(orbit, jd) for orbit in (self.orbit, self.earth_orbit))
         return r_earth - r, v_earth - v
-
-    def sun_from_asteroid_N(self, jd: float) -> Vector:
-        """Position of the Sun relative to the asteroid, in N [m], shape (3,)."""
-        return self.sun_state_N(jd)[0]
-
-    def earth_from_asteroid_N(self, jd: float) -> Vector:
-        """Position of the Earth relative to the asteroid, in N [m], shape (3,)."""
-        return self.earth_state_N(jd)[0]
 
     def C_AN(self, jd: float, t_s: float = 0.0) -> Array:
         """From components in N to components in A, shape (3, 3), `t_s` seconds after a Julian date (TDB)."""
@@ -69,16 +56,6 @@ class Ephemeris:
     def spin_rate(self) -> float:
         """Angular rate of the asteroid about its pole [rad/s]."""
         return self.rotation.spin_rate
-
-    @property
-    def spin_axis_N(self) -> Vector:
-        """Unit vector of the asteroid's pole in N, shape (3,)."""
-        return self.rotation.spin_axis_N
-
-    def solar_phase_deg(self, jd: float) -> float:
-        """Angle at the asteroid between the directions to the Sun and to the Earth [deg]."""
-        sun, earth = self.sun_from_asteroid_N(jd), self.earth_from_asteroid_N(jd)
-        return math.degrees(math.atan2(float(np.linalg.norm(np.cross(sun, earth))), float(sun @ earth)))
 
 
 def julian_date(epoch: str) -> float:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from swarm_mj.errors import ScenarioError
 from swarm_mj.scenarios.constants import AU, DAY, GM_SUN, JD_J2000
+from swarm_mj.scenarios.schema_body import HeliocentricOrbit
 from swarm_mj.typing import Array
 
 DAYS_PER_CENTURY = 36_525.0
@@ -52,22 +52,6 @@ class OrbitalElements:
     perihelion_jd: float
     rates: SecularRates | None = None
 
-    def __post_init__(self) -> None:
-        """Refuse what is not an ellipse.
-
-        Raises:
-            ScenarioError: an element is not finite or out of range.
-        """
-        for name, value in vars(self).items():
-            if name != "rates" and not math.isfinite(value):
-                raise ScenarioError(f"orbit.{name} = {value!r}: must be a finite number")
-        if self.semi_major_axis_au <= 0.0:
-            raise ScenarioError(f"orbit.semi_major_axis_au = {self.semi_major_axis_au!r}: must be above 0")
-        if not 0.0 <= self.eccentricity < 1.0:
-            raise ScenarioError(
-                f"orbit.eccentricity = {self.eccentricity!r}: must be at least 0 and below 1 (an ellipse)"
-            )
-
     @property
     def mean_motion(self) -> float:
         """Mean motion [rad/s]."""
@@ -82,14 +66,7 @@ class OrbitalElements:
 
 
 #: 433 Eros, osculating on 2019-05-02 (JPL Horizons).
-EROS_ORBIT = OrbitalElements(
-    semi_major_axis_au=1.458114857699829,
-    eccentricity=0.2227354414120954,
-    inclination_deg=10.82855904976882,
-    node_deg=304.3061397028930,
-    argument_of_perihelion_deg=178.8220606936718,
-    perihelion_jd=2458516.111275572,
-)
+EROS_ORBIT = OrbitalElements(**HeliocentricOrbit().model_dump())
 #: Barycentre of Earth and Moon, 1800 to 2050 (Standish, JPL, Keplerian elements for approximate positions, table 1).
 #: Its mean longitude 100.46457166 deg less its longitude of perihelion 102.93768193 deg at J2000 gives the perihelion
 #: date. The rates are kept: with them the direction from the Sun is within 0.01 deg of the true one from 2000 to 2049.

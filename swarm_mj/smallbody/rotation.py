@@ -13,7 +13,6 @@ from functools import cached_property
 
 import numpy as np
 
-from swarm_mj.errors import ScenarioError
 from swarm_mj.scenarios import constants
 from swarm_mj.typing import Array, kernel
 
@@ -34,27 +33,10 @@ class Rotation:
     w0_deg: float = constants.EROS_W0_DEG
     w_rate_deg_per_day: float = constants.EROS_W_RATE_DEG_PER_DAY
 
-    def __post_init__(self) -> None:
-        """Refuse angles that are none.
-
-        Raises:
-            ScenarioError: a value is not finite, or the declination is beyond 90 deg.
-        """
-        for name, value in vars(self).items():
-            if not math.isfinite(value):
-                raise ScenarioError(f"rotation.{name} = {value!r}: must be a finite number")
-        if abs(self.pole_dec_deg) > 90.0:
-            raise ScenarioError(f"rotation.pole_dec_deg = {self.pole_dec_deg!r}: must be between -90 and 90")
-
     @property
     def spin_rate(self) -> float:
         """Angular rate about the pole [rad/s]; negative for retrograde rotation."""
         return math.radians(self.w_rate_deg_per_day) / constants.DAY
-
-    @property
-    def spin_axis_N(self) -> Array:
-        """Unit vector of the pole (+z of A) in N, shape (3,)."""
-        return self.C_PN[2].copy()
 
     @cached_property
     def C_PN(self) -> Array:

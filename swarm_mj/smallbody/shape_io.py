@@ -13,10 +13,7 @@ from pathlib import Path
 from typing import Literal
 
 from swarm_mj.errors import OutputError, ShapeError
-from swarm_mj.smallbody.mesh_dsk import read_dsk
-from swarm_mj.smallbody.mesh_ply import read_ply
-from swarm_mj.smallbody.mesh_stl import read_stl
-from swarm_mj.smallbody.mesh_text import read_obj, read_tab
+from swarm_mj.smallbody.mesh_files import read_dsk, read_obj, read_ply, read_stl, read_tab
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.smallbody.shape_check import BODY_RADIUS_RANGE_M, check_shape
 from swarm_mj.typing import Array, Ints

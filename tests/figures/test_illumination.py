@@ -5,7 +5,7 @@ import pytest
 
 from swarm_mj.figures.illumination import best_angles, cell_angles
 from swarm_mj.figures.scene import scene_from
-from swarm_mj.observation.illumination import incidence
+from swarm_mj.observation.capture import incidence
 
 VISIT = 120  # sample of the quick flight: 600 s at 5 s
 

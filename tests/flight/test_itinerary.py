@@ -13,7 +13,7 @@ from swarm_mj.mission.deployer import check_deployer
 from swarm_mj.records.modes import ABOARD, held_s, modes_shown
 from swarm_mj.records.summary import summarise
 from swarm_mj.scenarios.loading import load_scenario
-from swarm_mj.scenarios.schema_itinerary import Deployer
+from swarm_mj.scenarios.schema_mothership import Deployer
 
 BALL = {
     "name": "Ball",

@@ -8,8 +8,7 @@ import pytest
 from swarm_mj.errors import InteropError
 from swarm_mj.interop.ccsds_out import write_aem, write_oem
 from swarm_mj.smallbody.naif import BodyName
-from swarm_mj.spacecraft.attitude.euler_parameters import quaternions, steady
-from swarm_mj.spacecraft.attitude.mrp import dcm, mrp_from_quaternion
+from swarm_mj.spacecraft.attitude.mrp import dcm, mrp_from_quaternion, quaternions, steady
 from swarm_mj.tracks.ccsds_in import read_aem, read_oem
 from swarm_mj.tracks.interpolation import interpolate, slerp
 from tests.interop.test_kernels import MICRORADIAN, angle

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from swarm_mj.observation.illumination import incidence, lit
+from swarm_mj.observation.capture import incidence, lit
 from swarm_mj.observation.raytracing import RayTracer
 
 from .scenes import eros_target, ground_with_plate, on_ground

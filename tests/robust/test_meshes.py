@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from swarm_mj.errors import ShapeError, SwarmError
-from swarm_mj.smallbody import mesh_text, shape_check
+from swarm_mj.smallbody import mesh_files, shape_check
 from swarm_mj.smallbody.shape_check import check_shape
 from swarm_mj.smallbody.shape_io import load_shape
 
@@ -104,7 +104,7 @@ def test_a_line_without_end_is_refused_before_it_fills_the_memory(tmp_path):
     try:
         with pytest.raises(ShapeError, match="MAX_LINE_CHARACTERS"):
             load_shape(path)
-        assert tracemalloc.get_traced_memory()[1] < 50 * mesh_text.MAX_LINE_CHARACTERS
+        assert tracemalloc.get_traced_memory()[1] < 50 * mesh_files.MAX_LINE_CHARACTERS
     finally:
         tracemalloc.stop()
 

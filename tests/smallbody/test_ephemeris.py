@@ -56,8 +56,8 @@ def test_eros_turns_once_in_5_270255_hours():
 
 def test_pole_points_to_the_published_ecliptic_direction():
     # Miller et al. (2002): ecliptic longitude 17.24 deg, latitude 11.35 deg.
-    longitude = np.degrees(np.arctan2(EROS.spin_axis_N[1], EROS.spin_axis_N[0]))
-    latitude = np.degrees(np.arcsin(EROS.spin_axis_N[2]))
+    longitude = np.degrees(np.arctan2(EROS.rotation.C_PN[2][1], EROS.rotation.C_PN[2][0]))
+    latitude = np.degrees(np.arcsin(EROS.rotation.C_PN[2][2]))
     assert (longitude, latitude) == (pytest.approx(17.235, abs=0.02), pytest.approx(11.358, abs=0.02))
 
 
@@ -102,13 +102,9 @@ def test_motion_is_smooth_at_a_microsecond():
 def test_another_body_can_be_described():
     upright = Rotation(pole_ra_deg=0.0, pole_dec_deg=90.0, w0_deg=0.0, w_rate_deg_per_day=-360.0)
     sine, cosine = np.sin(np.radians(23.43928)), np.cos(np.radians(23.43928))
-    np.testing.assert_allclose(upright.spin_axis_N, [0.0, sine, cosine], atol=1e-15)
+    np.testing.assert_allclose(upright.C_PN[2], [0.0, sine, cosine], atol=1e-15)
     assert upright.spin_rate == pytest.approx(-2.0 * np.pi / 86_400.0)
     np.testing.assert_allclose(upright.C_AN(JD_J2000)[0], [0.0, cosine, -sine], atol=1e-15)
-    with pytest.raises(ScenarioError, match="rotation.pole_dec_deg = 91"):
-        Rotation(pole_dec_deg=91.0)
-    with pytest.raises(ScenarioError, match="rotation.w0_deg = nan"):
-        Rotation(w0_deg=np.nan)
 
 
 def test_sub_point_inverts_latitude_and_longitude():
@@ -121,8 +117,8 @@ def test_sub_point_inverts_latitude_and_longitude():
 
 def test_sun_and_earth_are_seen_from_the_asteroid():
     eros = position_velocity(EROS_ORBIT, JD)[0]
-    np.testing.assert_array_equal(EROS.sun_from_asteroid_N(JD), -eros)
-    between = EROS.earth_from_asteroid_N(JD) - EROS.sun_from_asteroid_N(JD)
+    np.testing.assert_array_equal(EROS.sun_state_N(JD)[0], -eros)
+    between = EROS.earth_state_N(JD)[0] - EROS.sun_state_N(JD)[0]
     assert np.linalg.norm(between) / AU == pytest.approx(0.9833, abs=1e-3)
     step = 0.1
     for state in (EROS.sun_state_N, EROS.earth_state_N):
@@ -131,9 +127,9 @@ def test_sun_and_earth_are_seen_from_the_asteroid():
 
 
 def test_sub_solar_latitude_is_12_4_deg_at_the_default_epoch_and_88_at_that_of_the_elements():
-    assert sub_point(EROS.sun_from_asteroid_N(JD), EROS.C_AN(JD))[0] == pytest.approx(12.4, abs=0.1)
+    assert sub_point(EROS.sun_state_N(JD)[0], EROS.C_AN(JD))[0] == pytest.approx(12.4, abs=0.1)
     other = julian_date("2019-05-02")
-    assert abs(sub_point(EROS.sun_from_asteroid_N(other), EROS.C_AN(other))[0]) == pytest.approx(88.0, abs=1.0)
+    assert abs(sub_point(EROS.sun_state_N(other)[0], EROS.C_AN(other))[0]) == pytest.approx(88.0, abs=1.0)
 
 
 def test_default_epoch_shows_the_target_in_sunlight_and_the_earth_unhidden():
@@ -148,7 +144,7 @@ def test_default_epoch_shows_the_target_in_sunlight_and_the_earth_unhidden():
     visit_N = EROS.C_AN(JD, 600.0).T @ [0.0, 22e3, 0.0]
     for t in (0.0, 300.0, 600.0, 900.0, 1030.0, 1200.0):
         C = EROS.C_AN(JD, t)
-        sun, earth = (C @ unit(v) for v in (EROS.sun_from_asteroid_N(JD), EROS.earth_from_asteroid_N(JD)))
+        sun, earth = (C @ unit(v) for v in (EROS.sun_state_N(JD)[0], EROS.earth_state_N(JD)[0]))
         if t <= 1030.0:
             assert np.degrees(np.arccos(sun[1])) < 45.0
             assert np.degrees(np.arccos(shape.face_normals[target] @ sun)).max() < 50.0

@@ -1,4 +1,4 @@
-"""Modified Rodrigues Parameters: algebra and kinematics, vectorised over leading axes.
+"""Modified Rodrigues Parameters and Euler parameters: algebra and kinematics, vectorised over leading axes.
 
 An MRP is sigma = e tan(Phi / 4) for the rotation by the principal angle Phi about the unit axis e. sigma_BN is the
 attitude of frame B relative to frame N, C_BN its direction cosine matrix, which maps N components to B components
@@ -47,13 +47,6 @@ def shadow(sigma: ArrayLike) -> Array:
     """Return the other MRP of the same attitude, -sigma / |sigma|^2 (infinite for sigma = 0), shape (..., 3)."""
     sigma = np.asarray(sigma, dtype=np.float64)
     return -sigma / np.sum(sigma * sigma, axis=-1, keepdims=True)
-
-
-def switch_to_short(sigma: ArrayLike) -> Array:
-    """Return the MRP of the same attitude with |sigma| <= 1, the rotation by at most 180 deg, shape (..., 3)."""
-    sigma = np.asarray(sigma, dtype=np.float64)
-    square = np.sum(sigma * sigma, axis=-1, keepdims=True)
-    return np.where(square > 1.0, -sigma / np.maximum(square, 1.0), sigma)
 
 
 def dcm(sigma_BN: ArrayLike) -> Array:
@@ -109,15 +102,6 @@ def mrp_rate(sigma_BN: ArrayLike, omega_BN_B: ArrayLike) -> Array:
     return 0.25 * ((1.0 - square) * omega + 2.0 * np.cross(sigma, omega) + 2.0 * along * sigma)
 
 
-def omega_from_mrp_rate(sigma_BN: ArrayLike, sigma_dot: ArrayLike) -> Array:
-    """Return omega_BN_B [rad/s], shape (..., 3), of MRPs that change at `sigma_dot` [1/s]; inverse of `mrp_rate`."""
-    sigma, rate = np.asarray(sigma_BN, dtype=np.float64), np.asarray(sigma_dot, dtype=np.float64)
-    square = np.sum(sigma * sigma, axis=-1, keepdims=True)
-    along = np.sum(sigma * rate, axis=-1, keepdims=True)
-    transposed = (1.0 - square) * rate - 2.0 * np.cross(sigma, rate) + 2.0 * along * sigma
-    return 4.0 * transposed / (1.0 + square) ** 2
-
-
 def principal_angle(sigma: ArrayLike) -> Array:
     """Return the principal rotation angle of MRPs of either set, taken the short way [rad], 0 to pi, shape (...)."""
     angle = 4.0 * np.arctan(np.linalg.norm(np.asarray(sigma, dtype=np.float64), axis=-1))
@@ -129,3 +113,20 @@ def _product(a: Array, b: Array) -> Array:
     scalar = a[..., :1] * b[..., :1] - np.sum(a[..., 1:] * b[..., 1:], axis=-1, keepdims=True)
     vector = a[..., :1] * b[..., 1:] + b[..., :1] * a[..., 1:] + np.cross(a[..., 1:], b[..., 1:])
     return np.concatenate([scalar, vector], axis=-1)
+
+
+def steady(q: Array) -> Array:
+    """Quaternions over time, shape (t, ..., 4), each with the sign that is nearer to the one before."""
+    flips = np.cumsum(np.sum(q[1:] * q[:-1], axis=-1) < 0.0, axis=0) % 2
+    signs = np.concatenate([np.ones((1, *q.shape[1:-1])), 1.0 - 2.0 * flips])
+    out: Array = q * signs[..., None]
+    return out
+
+
+def quaternions(C: Array) -> Array:
+    """Euler parameters (w, x, y, z) of direction cosine matrices, v_B = C v_A, shape (..., 3, 3) to (..., 4)."""
+    from scipy.spatial.transform import Rotation
+
+    flat = Rotation.from_matrix(np.swapaxes(C.reshape(-1, 3, 3), 1, 2)).as_quat(scalar_first=True)
+    out: Array = flat.reshape(*C.shape[:-2], 4)
+    return out
