@@ -7,6 +7,11 @@ from pathlib import Path
 
 import pytest
 
+from swarm_mj.io.cores import keep_algebra_on_one_thread
+
+# As the command line does: cores are shared with other workers here.
+keep_algebra_on_one_thread()
+
 
 def _egl_loads():
     try:
@@ -66,6 +71,7 @@ COMPILE = (
     "api/test_flight.py",
     "envs/test_actions.py",
     "api/test_design.py",
+    "campaigns/test_classes.py",
     "smallbody/gravity/test_polyhedron.py",
     "simulator/faults/test_attitude_filter.py",
     "envs/test_candidates.py",

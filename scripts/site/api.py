@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import shutil
 from collections.abc import Iterator, Sequence
+from functools import cache
 from importlib import import_module
 from pathlib import Path
 from typing import NamedTuple
@@ -47,6 +48,7 @@ def lay_out() -> None:
         shutil.copytree(ROOT / name, SOURCES / "swarm_mj" / name, ignore=only_code)
 
 
+@cache
 def rooms() -> dict[str, list[Module]]:
     """Modules of every room by its name; modules at the top of the package are rooms of one."""
     found: dict[str, list[Module]] = {}

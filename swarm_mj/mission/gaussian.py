@@ -12,8 +12,8 @@ from scipy.special import gammainc, gammaincc, gammaincinv, gammaln
 
 from swarm_mj.typing import Array
 
-#: Nodes of the quadrature in each angle.
-NODES = 64
+#: Nodes and weights of the quadrature in each angle.
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(64)
 
 
 def length_within(covariance: Array, length: float) -> float:
@@ -64,11 +64,10 @@ def _variances(covariance: Array) -> tuple[Array, Array]:
     """u^T C u for directions u all around, and weights that sum to 1."""
     principal = np.linalg.eigvalsh(covariance).clip(0.0)
     # All is even in each principal component: a quarter of the circle, an eighth of the sphere.
-    node, weight = np.polynomial.legendre.leggauss(NODES)
-    angle, weight = 0.25 * np.pi * (node + 1.0), 0.5 * weight
+    angle, weight = 0.25 * np.pi * (NODES + 1.0), 0.5 * WEIGHTS
     around = principal[0] * np.cos(angle) ** 2 + principal[1] * np.sin(angle) ** 2
     if len(principal) == 2:
         return around, weight
-    height2 = (0.5 * (node + 1.0))[:, None] ** 2
+    height2 = (0.5 * (NODES + 1.0))[:, None] ** 2
     variance = principal[2] * height2 + around * (1.0 - height2)
     return variance.ravel(), np.outer(weight, weight).ravel()

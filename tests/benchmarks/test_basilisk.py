@@ -13,7 +13,7 @@ sys.path.append(str(ROOT))  # the benchmarks are no part of the installed packag
 from benchmarks.basilisk import ours, reference  # noqa: E402
 from benchmarks.basilisk.page import page  # noqa: E402
 from benchmarks.basilisk.problem import DURATION_S, LEG_S, PERIOD_S, Flight, difference, make_problem  # noqa: E402
-from benchmarks.basilisk.scale import SIZES, memory, scaling, stretch  # noqa: E402
+from benchmarks.basilisk.scale import SIZES, memory, stretch  # noqa: E402
 
 PROGRAMS = ("mujoco", "kernel", "basilisk")
 
@@ -25,9 +25,10 @@ def problem():
 
 @pytest.fixture(scope="module")
 def truth(problem):
-    return reference.fly(
-        problem, PERIOD_S
-    )  # error control alone chooses the steps, which is far below what is asked here
+    """A flight beyond the first change of references; error control alone chooses the steps, far below what is asked here."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(reference, "DURATION_S", LEG_S + 30.0)
+        return reference.fly(problem, PERIOD_S)
 
 
 @pytest.fixture(scope="module")
@@ -63,7 +64,10 @@ def test_the_swarm_flies_in_basilisk_as_it_does_here(flights, stepper):
 @pytest.mark.slow
 @pytest.mark.parametrize("program", PROGRAMS)
 def test_every_program_flies_what_scipy_integrates(flights, truth, program):
-    assert_equal(flights(program), truth)
+    whole, rows = flights(program), len(truth.r_N)
+    assert_equal(Flight(**{name: states[:rows] for name, states in vars(whole).items()}), truth)
+    turned = 2.0 * np.arccos(np.minimum(1.0, np.abs(np.sum(truth.attitude[0] * truth.attitude[599], axis=-1))))
+    assert turned.max() > 1.0 and np.abs(np.diff(truth.wheel_speed, axis=0)).max() > 1.0
 
 
 #: Stretches that end before, at and after the end of a leg.
@@ -110,18 +114,6 @@ def test_all_rounds_fit_into_the_flight_and_many_spacecraft_fly_shorter(rounds):
 
 
 @pytest.mark.slow
-def test_cost_and_memory_are_told_for_every_number_of_spacecraft():
-    pytest.importorskip("Basilisk")
-    rows = scaling(1, lambda what: None, sizes=(2,))
-    assert [(row["spacecraft"], row["stepper"]) for row in rows] == [(2, stepper) for stepper in PROGRAMS[:2]]
-    for row in rows:
-        assert row["ratio"] > 0.0 and row["faster_than_flight"] > 0.0 and row["basilisk_faster_than_flight"] > 0.0
-        assert row["memory"]["peak_mib"] >= row["memory"]["before_mib"] > 0.0
-        worst = row["difference"]
-        assert worst["position_m"] < 0.01 and worst["attitude_rad"] < 1e-6 and worst["wheel_speed"] < 1e-6
-
-
-@pytest.mark.slow
 def test_memory_is_that_of_a_process_of_its_own(problem):
     ballast = np.ones(100_000_000)
     assert memory("kernel", problem)["before_mib"] < 600.0 < ballast.nbytes / 2**20
@@ -138,14 +130,6 @@ def test_basilisk_turns_eros_as_we_do(problem):
     built.sim.ExecuteSimulation()
     message = rotation.planetOutMsgs[0].read()
     assert np.allclose(message.J20002Pfix, problem.environment.C_AN(1.0), rtol=0, atol=1e-12)
-
-
-@pytest.mark.slow
-def test_the_flight_is_no_trivial_one(truth, problem):
-    assert truth.attitude.shape == (2401, problem.n, 4)
-    turned = 2.0 * np.arccos(np.minimum(1.0, np.abs(np.sum(truth.attitude[0] * truth.attitude[599], axis=-1))))
-    assert turned.max() > 1.0
-    assert np.abs(np.diff(truth.wheel_speed, axis=0)).max() > 1.0
 
 
 def test_differences_are_angles_whatever_the_sign_of_the_quaternion():

@@ -4,7 +4,6 @@ import json
 import os
 import subprocess
 import sys
-import time
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -26,12 +25,6 @@ def test_the_works_take_turns_and_the_warm_up_is_not_counted():
     times = in_turn({"a": lambda: calls.append("a"), "b": lambda: calls.append("b")}, rounds=3, warm_up=2)
     assert calls == ["a", "b"] * 5
     assert {name: len(values) for name, values in times.items()} == {"a": 3, "b": 3}
-
-
-def test_rates_count_what_the_work_says_it_did():
-    done = []
-    per_second, _ = rates(lambda: done.append(1) or 7, 0.01)
-    assert per_second > 0 and len(done) >= 1
 
 
 @pytest.mark.parametrize(
@@ -81,11 +74,6 @@ def test_memory_is_told_for_every_number_of_spacecraft(monkeypatch, quick, sizes
     monkeypatch.setattr(loop, "loop_rows", lambda n, rounds: [row("loop", f"ratio, {n}", np.ones(1), "ratio")])
     monkeypatch.setattr(loop, "memory_row", lambda n: row("loop", f"memory, {n}", np.ones(1), "MiB"))
     assert [r.name for r in loop.rows(quick) if r.unit == "MiB"] == [f"memory, {n}" for n in sizes]
-
-
-def test_pictures_go_from_eight_thousand_to_a_million_faces():
-    faces = [20 * frequency**2 for frequency in observers.FREQUENCIES]
-    assert faces[0] == 8_000 and faces[-1] >= 1_000_000
 
 
 def test_the_full_run_measures_single_and_vector_and_what_goes_wrong(monkeypatch):
@@ -151,17 +139,6 @@ def test_only_a_job_that_was_run_before_is_called_warm(monkeypatch):
         f"eros-config1 and eros-config2, {name}" for name in ("cold", "warm")
     ]
     assert full[-2:] == ["first run, cold, over the next one, warm", "eros-config1"]
-
-
-def test_figures_by_other_processes_are_measured_against_those_drawn_here(monkeypatch):
-    drawn = []
-    monkeypatch.setattr(job, "prepare_drawing", lambda: None)
-    monkeypatch.setattr(job, "draw_all", lambda folder, *flown: drawn.append("all") or time.sleep(0.02))
-    monkeypatch.setattr(job, "draw", lambda name, folder, *flown: drawn.append(name) or time.sleep(0.01))
-    monkeypatch.setattr(job, "composers", lambda telemetry: dict.fromkeys("abcd"))
-    found = job.drawing("eros-quick", 2)
-    assert drawn == 3 * ["all", "a", "b", "c", "d"]
-    assert found.unit == "ratio" and 0.0 < found.low <= found.value
 
 
 def test_the_page_says_whether_a_gpu_was_measured():

@@ -110,9 +110,7 @@ def test_coverage_file_and_summary_agree(folder, summary):
 
 
 def test_the_written_scenario_flies_the_same_again(folder, tmp_path, summary):
-    assert (
-        main(["fly", str(folder / "scenario.yaml"), "--quiet", "--no-figures", "--out", str(tmp_path / "again")]) == 0
-    )
+    assert main(["fly", str(folder / "scenario.yaml"), *QUICK[2:], "--out", str(tmp_path / "again")]) == 0
     again = json.loads((tmp_path / "again" / "summary.json").read_text())
     for key in ("coverage_percent", "pointing_error_deg_final", "max_wheel_speed_fraction", "mode_switches"):
         assert again[key] == summary[key]
@@ -202,19 +200,13 @@ def test_both_observers_agree_on_the_accumulated_area_of_a_narrow_camera(tmp_pat
     shares = {}
     for kind in ("raycast", "auto"):
         out = tmp_path / kind
-        assert (
-            main(
-                [*QUICK, "--out", str(out), "--set", f"observation.observer={kind}", "--set", "camera.half_angle_deg=4"]
-            )
-            == 0
-        )
+        narrow = ["--set", f"observation.observer={kind}", "--set", "camera.half_angle_deg=4"]
+        assert main([*QUICK, "--out", str(out), *narrow]) == 0
         shares[kind] = json.loads((out / "summary.json").read_text())["coverage_percent"]
     assert shares["raycast"] == pytest.approx(shares["auto"], abs=1.0)
     assert 5 < shares["raycast"] < 95
 
 
-OPEN_MESH = "v 0 0 0\nv 9000 0 0\nv 0 9000 0\nv 0 0 9000\nf 1 3 2\nf 1 2 4\nf 1 4 3\n"
-INVERTED = "v -9000 -9000 -9000\nv 9000 0 0\nv 0 9000 0\nv 0 0 9000\nf 1 2 3\nf 1 4 2\nf 1 3 4\nf 2 4 3\n"
 TETRAHEDRON = "v -9000 -9000 -9000\nv 9000 0 0\nv 0 9000 0\nv 0 0 9000\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
 SHIFTED = "v 90000 90000 90000\nv 99000 90000 90000\nv 90000 99000 90000\nv 90000 90000 99000\n" + TETRAHEDRON[-32:]
 KILOMETRES = "v -9 -9 -9\nv 9 0 0\nv 0 9 0\nv 0 0 9\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
@@ -223,16 +215,9 @@ KILOMETRES = "v -9 -9 -9\nv 9 0 0\nv 0 9 0\nv 0 0 9\nf 1 3 2\nf 1 2 4\nf 1 4 3\n
 @pytest.mark.parametrize(
     ("overrides", "mesh", "words"),
     [
-        (["target.half_angle_deg=95"], None, ["target.half_angle_deg", "95", "less than 90"]),
         (["target.half_angle_deg=0.05"], None, ["target"]),
-        (["design.time_of_flight_s=0"], None, ["design.time_of_flight_s", "greater than 0"]),
-        (["design.imaging_altitude_m=-5"], None, ["design.imaging_altitude_m", "-5"]),
-        (["control.controller=pid"], None, ["pid", "mrp_feedback, mrp_sliding_mode"]),
         (["control.parameters={slop: 3}"], None, ["mrp_sliding_mode", "slop"]),
         (["control.parameters={slope: -1}"], None, ["slope", "-1"]),
-        (["body.gravity.model=flat"], None, ["flat", "point_mass, polyhedron, spherical_harmonics"]),
-        (["spacecraft.mass_kg=-1"], None, ["spacecraft.mass_kg", "-1", "greater than 0"]),
-        (["camera.half_angle_deg=.nan"], None, ["camera.half_angle_deg", "nan"]),
         (["design.visiting_points=[7, 99]"], None, ["design.visiting_points", "99", "1 to 51"]),
         (["body.shape=/nowhere/mesh.obj"], None, ["/nowhere/mesh.obj"]),
         (["mothership.position_A_m=[0, 0, 0]"], None, ["mothership.position_A_m", "inside"]),
@@ -250,8 +235,6 @@ KILOMETRES = "v -9 -9 -9\nv 9 0 0\nv 0 9 0\nv 0 0 9\nf 1 3 2\nf 1 2 4\nf 1 4 3\n
         (["body.rotation.w_rate_deg_per_day=1e15"], None, ["w_rate_deg_per_day", "1000000"]),
         ([], TETRAHEDRON, ["body.gravity.parameters", "Eros"]),
         (["body.gravity={model: point_mass, parameters: {gm: 4e5}}"], SHIFTED, ["mesh.obj"]),
-        ([], OPEN_MESH, ["mesh.obj", "edge"]),
-        ([], INVERTED, ["mesh.obj", "inward"]),
         ([], KILOMETRES, ["mesh.obj", "kilometres"]),
     ],
 )
@@ -299,14 +282,5 @@ print({heavy} & set(sys.modules) or [])"""
 def test_several_scenarios_go_into_folders_of_their_own(tmp_path):
     (tmp_path / "second.yaml").write_text("name: second\nduration_s: 600\nphysics: {timestep_s: 0.5}\n"
                                           "design: {visiting_points: [3]}\nbehavior: {name: adaptable_roles}\n")  # fmt: skip
-    arguments = [
-        "fly",
-        "eros-quick",
-        str(tmp_path / "second.yaml"),
-        "--quiet",
-        "--no-figures",
-        "--out",
-        str(tmp_path / "o"),
-    ]
-    assert main(arguments) == 0
+    assert main([*QUICK[:2], str(tmp_path / "second.yaml"), *QUICK[2:], "--out", str(tmp_path / "o")]) == 0
     assert {p.name for p in (tmp_path / "o").iterdir()} == {"eros-quick", "second"}

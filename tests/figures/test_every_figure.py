@@ -41,14 +41,9 @@ def test_every_figure_of_a_run_has_its_function():
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_picture_has_the_size_of_its_figure(written, composed, name):
-    height, width = imread(written / f"{name}.png").shape[:2]
-    assert (width, height) == pytest.approx(composed[name].get_size_inches() * DPI, abs=1)
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_picture_is_not_blank(written, name):
+def test_a_picture_has_the_size_of_its_figure_is_not_blank_and_does_not_touch_its_border(written, composed, name):
     pixels = imread(written / f"{name}.png")[..., :3]
+    assert pixels.shape[1::-1] == pytest.approx(composed[name].get_size_inches() * DPI, abs=1)
     inked = (pixels < 0.97).any(axis=2)
     assert inked.mean() > 0.04
     assert pixels.std() > 0.05
@@ -56,11 +51,6 @@ def test_picture_is_not_blank(written, name):
     square = name in ("footprints", "delivered_map")  # the shape of the map decides
     assert np.ptp(columns) > (0.6 if square else 0.85) * inked.shape[1]
     assert np.ptp(rows) > 0.85 * inked.shape[0]
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_no_picture_touches_its_border(written, name):
-    pixels = imread(written / f"{name}.png")[..., :3]
     border = np.concatenate((pixels[0], pixels[-1], pixels[:, 0], pixels[:, -1]))
     assert (border > 0.99).all()
 
@@ -70,7 +60,7 @@ def test_nothing_else_is_left_in_the_folder(written):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_every_named_axis_ends_in_its_unit(composed, name):
+def test_every_named_axis_ends_in_its_unit_and_texts_are_large_enough(composed, name):
     named = [
         text
         for ax in composed[name].axes
@@ -80,38 +70,19 @@ def test_every_named_axis_ends_in_its_unit(composed, name):
     ]
     assert named
     assert all(re.search(r"\[[^\]]+\]$", text) for text in named)
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_units_are_read_in_the_figure(composed, name):
-    texts = [text.get_text() for text in composed[name].findobj(Text) if text.get_visible()]
-    found = {match for text in texts for match in re.findall(r"\[([^\]]+)\]$", text)}
+    texts = [text for text in composed[name].findobj(Text) if text.get_visible() and text.get_text()]
+    found = {match for text in texts for match in re.findall(r"\[([^\]]+)\]$", text.get_text())}
     assert found == UNITS[name]
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_nothing_is_cut_off(composed, name):
-    assert_nothing_is_cut_off(composed[name], is_drawn=True)
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_labels_do_not_overlap(composed, name):
-    assert_labels_do_not_overlap(composed[name])
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_text_is_large_enough_to_be_read_at_half_the_size(composed, name):
-    sizes = [text.get_fontsize() for text in composed[name].findobj(Text) if text.get_visible() and text.get_text()]
-    assert min(sizes) >= 7.0
+    assert min(text.get_fontsize() for text in texts) >= 7.0  # to be read at half the size
 
 
 def sizes():
-    """Figures and numbers of spacecraft; all but the figures that grow most with the swarm count as slow."""
+    """Figures and numbers of spacecraft; one to five are those of `test_missions.py`."""
     growing = ("links", "contacts", "data", "ground_track", "trajectories", "wheel_momentum", "propulsion")
     for name in NAMES:
-        for n in (1, 7, 100):
-            quick = n == 100 and name in growing
-            yield pytest.param(name, n, marks=[] if quick else pytest.mark.slow)
+        yield pytest.param(name, 12, marks=pytest.mark.slow)
+        if name in growing:
+            yield name, 100
 
 
 @pytest.mark.parametrize(("name", "n"), sizes())

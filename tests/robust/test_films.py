@@ -24,9 +24,9 @@ def test_many_films_leave_nothing_behind(tmp_path):
     run = tmp_path / "run"
     short = ["--set", "telemetry.interval_s=10", "--quiet", "--no-figures"]
     assert main(["fly", "eros-quick", *short, "--out", str(run)]) == 0
-    memory, before = [], None
+    replay, memory, before = load_replay(run), [], None
     for k in range(FILMS):
-        path = make_film(load_replay(run), tmp_path / "film.mp4", fps=5.0, size=(160, 120), speed=2400.0).path
+        path = make_film(replay, tmp_path / "film.mp4", fps=5.0, size=(160, 120), speed=2400.0).path
         assert path.stat().st_size > 1000
         memory.append(resident())
         before = held() if k == WARM else before

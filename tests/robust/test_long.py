@@ -19,7 +19,7 @@ from swarm_mj.scenarios.loading import load_scenario, parse_overrides
 pytestmark = pytest.mark.robust
 
 #: Growth that is noise of the allocator and not a leak [bytes].
-NOISE = 8 * 2**20
+NOISE = 4 * 2**20
 
 
 def resident():
@@ -39,8 +39,9 @@ def held():
     }
 
 
-@pytest.mark.parametrize("hours", [2, pytest.param(24, marks=pytest.mark.slow)])
-def test_memory_stays_flat_over_a_long_flight(hours):
+@pytest.mark.slow
+def test_memory_stays_flat_over_a_long_flight():
+    hours = 3
     plan = make_plan(
         load_scenario("eros-quick", parse_overrides([f"duration_s={3600 * hours}", "telemetry.interval_s=60"]))
     )
@@ -80,13 +81,13 @@ def test_python_objects_do_not_grow_with_the_time_of_flight(quick_plan):
         tracemalloc.stop()
 
 
-def test_ten_thousand_resets_keep_memory_and_files_flat():
+def test_thousands_of_resets_keep_memory_and_files_flat():
     env = gym.make("swarm_mj.envs:SwarmObserve-v0", missions=["ellipsoid-train-1"])
     try:
-        for seed in range(500):
+        for seed in range(200):
             env.reset(seed=seed)
         before, memory = held(), resident()
-        for seed in range(10_000):
+        for seed in range(1_500):
             observation, _ = env.reset(seed=seed)
         assert np.isfinite(observation).all()
         assert resident() - memory < NOISE
@@ -100,7 +101,7 @@ def test_resets_with_steps_between_keep_memory_flat():
     env.action_space.seed(0)
     try:
         memory = None
-        for seed in range(300):
+        for seed in range(150):
             env.reset(seed=seed)
             for _ in range(3):
                 observation, reward, *_ = env.step(env.action_space.sample())
@@ -117,11 +118,11 @@ def test_resets_with_steps_between_keep_memory_flat():
 def test_rendered_episodes_share_one_context():
     env = gym.make("swarm_mj.envs:SwarmObserve-v0", missions=["ellipsoid-train-1"], render_mode="rgb_array")
     try:
-        for seed in range(20):
+        for seed in range(10):
             env.reset(seed=seed)
             assert env.render().any()
         before, memory = held(), resident()
-        for seed in range(100):
+        for seed in range(20):
             env.reset(seed=seed)
             env.render()
         assert held() == before
@@ -133,7 +134,7 @@ def test_rendered_episodes_share_one_context():
 @pytest.mark.gl
 @pytest.mark.slow
 def test_environments_that_are_closed_give_their_context_back():
-    before, memory, count = None, [], 12
+    before, memory, count = None, [], 10
     for seed in range(count):
         env = gym.make("swarm_mj.envs:SwarmObserve-v0", missions=["ellipsoid-train-1"], render_mode="rgb_array")
         env.reset(seed=seed)
@@ -155,17 +156,17 @@ def test_flights_that_are_judged_give_their_context_back(quick_plan):
 
     telemetry = simulate(quick_plan)
     before, memory = None, []
-    for k in range(12):
+    for k in range(9):
         observe_flight(quick_plan, telemetry)
         memory.append(resident())
         before = held() if k == 2 else before
     assert held() == before
-    assert (memory[-1] - memory[2]) / 9 < 2 * 2**20, [round(m / 2**20) for m in memory]
+    assert (memory[-1] - memory[2]) / 6 < 2 * 2**20, [round(m / 2**20) for m in memory]
 
 
-def test_thousands_of_results_leave_no_file_open_and_none_behind(tmp_path):
+def test_hundreds_of_results_leave_no_file_open_and_none_behind(tmp_path):
     before = held()
-    for k in range(2000):
+    for k in range(500):
         with atomic_folder(tmp_path / f"run{k % 3}") as partial:
             (partial / MARKER).write_text('{"scenario": "a", "versions": {"swarm_mj": "0"}}')
     assert held() == before
