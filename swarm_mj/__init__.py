@@ -20,9 +20,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from swarm_mj.api.campaign import campaign, replay
+    from swarm_mj.api.campaign import campaign, compare_classes, replay
     from swarm_mj.api.checks import validate
-    from swarm_mj.api.classes import compare_classes
     from swarm_mj.api.design import Design, design
     from swarm_mj.api.flight import Flight, fly
     from swarm_mj.api.navigate import Navigation, navigate
@@ -79,7 +78,7 @@ _HOMES = {
     "SwarmError": "errors",
     "available": "api.scenario",
     "campaign": "api.campaign",
-    "compare_classes": "api.classes",
+    "compare_classes": "api.campaign",
     "design": "api.design",
     "explain": "api.scenario",
     "fly": "api.flight",

@@ -292,7 +292,7 @@ def quantiles(law: Any, u: Array) -> Array:
     if isinstance(law, Choice):
         return np.array([law.draw(float(point)) for point in u], np.float64)
     assert isinstance(law, Continuous)
-    return np.asarray(law.frozen.ppf(np.clip(u, EDGE, 1.0 - EDGE)), np.float64)
+    return law.quantiles(u)
 
 
 def _ends(law: Any) -> list[float]:

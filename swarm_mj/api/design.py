@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,7 @@ from swarm_mj.designer.study import EXTENSIONS, Growth, Study, Tell, growth, stu
 from swarm_mj.errors import MissionError, OutputError
 from swarm_mj.flight.plan import check_plugins
 from swarm_mj.io.atomic import MARKER, Result, atomic_folder
+from swarm_mj.io.cores import check_workers
 from swarm_mj.io.interruption import held
 from swarm_mj.io.progress import Stages, using_bars
 from swarm_mj.records.design_files import design_record, left_out_words, read_design_folder, write_design, write_growth
@@ -170,7 +171,8 @@ class Design:
         """
         self._studied("save")
         with using_bars(progress) as bars:
-            with _design_folder(Path(folder), self._scenario, Stages(self._scenario.name, bars)) as partial_folder:
+            say = Stages(self._scenario.name, bars).say
+            with atomic_folder(Path(folder), Result("design", self._scenario.name), say) as partial_folder:
                 self.write(partial_folder, figures=figures, pdf=pdf)
         self.folder = Path(folder)
         return self.folder
@@ -247,15 +249,14 @@ def design(
     """
     scenario = load(scenario, overrides)
     check_plugins(scenario)
-    if workers is not None and workers < 1:
-        raise OutputError(f"workers = {workers}: must be at least 1")
-    place = None if out is None else Path(out)
+    check_workers(workers)
+    place, result = None if out is None else Path(out), Result("design", scenario.name)
     with using_bars(progress) as bars:
         stages = Stages(scenario.name, bars)
         with ExitStack() as stack:
             # Left last: an interruption that is kept back from now on comes when the best design so far is in its place.
             keep = stack.enter_context(ExitStack())
-            folder = None if place is None else stack.enter_context(_design_folder(place, scenario, stages))
+            folder = None if place is None else stack.enter_context(atomic_folder(place, result, stages.say))
             study = study_design(scenario, pareto=pareto, workers=workers, tell=_teller(scenario, bars))
             if study.interrupted:
                 keep.enter_context(held())
@@ -274,7 +275,7 @@ def design(
                 rows = _compared(scenario, bars, workers)
                 found = Design(scenario, found.record, study=study, compared=rows, folder=place)
             if place is not None and (compare or figures):
-                with _design_folder(place, scenario, None) as folder:
+                with atomic_folder(place, result) as folder:
                     found.write(folder, figures=figures, pdf=pdf)
     return found
 
@@ -327,16 +328,6 @@ def _teller(scenario: schema.Scenario, bars: Progress | None) -> Tell | None:
         bars.update(tasks[stage], completed=share)
 
     return tell
-
-
-def _design_folder(folder: Path, scenario: schema.Scenario, stages: Stages | None) -> AbstractContextManager[Path]:
-    """The temporary folder of a design's results, which takes the place of `folder` in the end."""
-
-    def tell_kept(names: Sequence[str]) -> None:
-        if stages is not None:
-            stages.say(f"kept in {folder}, but of the earlier design, not this one: {', '.join(names)}")
-
-    return atomic_folder(folder, Result("design", scenario.name), tell_kept)
 
 
 def _compared(scenario: schema.Scenario, bars: Progress | None, workers: int | None) -> list[Growth]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from contextlib import AbstractContextManager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -166,7 +165,7 @@ class Flight:
             stages.wall_s = dict(self.summary["wall_s"])
             if figures:
                 prepare_drawing()
-            with _run_folder(Path(folder), self.plan.scenario, stages) as partial_folder:
+            with atomic_folder(Path(folder), _result_of(self.plan.scenario), stages.say) as partial_folder:
                 _write(partial_folder, self, stages, figures=figures, pdf=pdf)
             self.folder = Path(folder)
             if report:
@@ -215,8 +214,10 @@ class Flight:
 
         replay = Replay(self.plan, self.telemetry, self.coverage.first_seen_s, self.delivered)
         with using_bars(progress) as bars:
-            look: dict[str, Any] = {"camera": camera, "fps": fps, "size": size, "speed": speed}
-            return make_film(replay, Path(path), **look, span_s=span_s, bars=bars).path
+            film = make_film(
+                replay, Path(path), camera=camera, fps=fps, size=size, speed=speed, span_s=span_s, bars=bars
+            )
+        return film.path
 
     def export(self, folder: str | Path, formats: Sequence[str] = ("all",), *, ccsds: Literal[2, 3] = 2) -> list[Path]:
         """Write the flight in the formats of other programs; see the page "Take results elsewhere".
@@ -318,7 +319,7 @@ def fly(
             return _fly(scenario, stages)
         if figures:
             prepare_drawing()
-        with _run_folder(Path(out), scenario, stages) as partial_folder:
+        with atomic_folder(Path(out), _result_of(scenario), stages.say) as partial_folder:
             flight = _fly(scenario, stages)
             _write(partial_folder, flight, stages, figures=figures, pdf=pdf)
         flight.folder = Path(out)
@@ -336,7 +337,11 @@ def check(scenario: schema.Scenario, out: str | Path | None = None) -> None:
     check_plugins(scenario)
     behavior_from(scenario)
     if out is not None:
-        check_place(Path(out), Result("run", scenario.name))
+        check_place(Path(out), _result_of(scenario))
+
+
+def _result_of(scenario: schema.Scenario) -> Result:
+    return Result("run", scenario.name)
 
 
 def _fly(scenario: schema.Scenario, stages: Stages) -> Flight:
@@ -356,15 +361,6 @@ def _fly(scenario: schema.Scenario, stages: Stages) -> Flight:
         result = replace(result, delivery=deliver(plan, telemetry, result.coverage))
     summary = summarise(plan, telemetry, result, {"figures": 0.0, **stages.wall_s})
     return Flight(plan, telemetry, result, summary, design=flown_design(scenario))
-
-
-def _run_folder(folder: Path, scenario: schema.Scenario, stages: Stages) -> AbstractContextManager[Path]:
-    """The temporary folder of a run's results, which takes the place of `folder` in the end."""
-
-    def tell_kept(names: Sequence[str]) -> None:
-        stages.say(f"kept in {folder}, but of the earlier run, not this one: {', '.join(names)}")
-
-    return atomic_folder(folder, Result("run", scenario.name), tell_kept)
 
 
 def _write(folder: Path, flight: Flight, stages: Stages, *, figures: bool, pdf: bool) -> None:

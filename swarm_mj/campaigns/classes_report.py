@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from swarm_mj.campaigns.classes import MOST_LOST, PLACED, VARIANTS, ClassResult
@@ -61,12 +63,8 @@ def compose_chance(results: pa.Table) -> Figure:
     figure = new_figure(4.9, "What losses leave, by class", width_in=11.0)
     edges = np.linspace(0.0, MOST_LOST, PARTS + 1)
     rows = [row for row in results.to_pylist() if row["status"] == "ok"]
-    for ax, key, what in zip(
-        figure.subplots(1, 2, sharey=True),
-        ("coverage_percent", "delivered_percent"),
-        ("seen", "delivered"),
-        strict=True,
-    ):
+    left, right = figure.subplots(1, 2, sharey=True)
+    for ax, key, what in ((left, "coverage_percent", "seen"), (right, "delivered_percent", "delivered")):
         for k, name in enumerate(dict.fromkeys(row["scenario"] for row in rows)):
             own = [row for row in rows if row["scenario"] == name]
             chance = np.array([row["faults.0.probability"] for row in own])
@@ -74,13 +72,11 @@ def compose_chance(results: pa.Table) -> Figure:
             part = np.clip(np.digitize(chance, edges) - 1, 0, PARTS - 1)
             x = [100.0 * chance[part == p].mean() for p in range(PARTS) if (part == p).any()]
             y = [value[part == p].mean() for p in range(PARTS) if (part == p).any()]
-            colour, dashes = COLOURS[k % len(COLOURS)], DASHES[k % len(DASHES)]
-            ax.plot(x, y, marker="o", markersize=4, linewidth=1.6, color=colour, linestyle=dashes, label=name)
+            ax.plot(x, y, linewidth=1.6, label=name, **_style(k))
         ax.set_ylim(0.0, 101.0)
         tidy(ax)
         label(ax, "chance of loss of each spacecraft [%]", f"{what} share of the target, mean [%]")
-    handles, names = figure.axes[0].get_legend_handles_labels()
-    figure.legend(handles, names, loc="outside lower center", ncols=4, fontsize=TICK_PT, frameon=False)
+    _add_legend(figure, left)
     return figure
 
 
@@ -90,28 +86,26 @@ def compose_by_lost(found: Sequence[ClassResult]) -> Figure:
     ax = figure.add_subplot()
     for k, one in enumerate(found):
         x = np.array(sorted(one.by_lost))
-        y = np.array([one.by_lost[int(n)].value for n in x])
-        low = np.array([np.nan_to_num(one.by_lost[int(n)].low, nan=one.by_lost[int(n)].value) for n in x])
-        high = np.array([np.nan_to_num(one.by_lost[int(n)].high, nan=one.by_lost[int(n)].value) for n in x])
+        y, low, high = np.array([(e.value, e.low, e.high) for e in (one.by_lost[int(n)] for n in x)]).T
+        around = np.nan_to_num(np.maximum([y - low, high - y], 0.0))  # no interval where too few were flown
         apart = 0.03 * (k - len(found) / 2)
-        around = np.maximum([y - low, high - y], 0.0)
-        ax.errorbar(
-            x + apart,
-            y,
-            yerr=around,
-            marker="o",
-            linestyle=DASHES[k % len(DASHES)],
-            capsize=2,
-            markersize=4,
-            color=COLOURS[k % len(COLOURS)],
-            label=one.name,
-        )
+        ax.errorbar(x + apart, y, yerr=around, capsize=2, label=one.name, **_style(k))
     ax.set_ylim(0.0, 101.0)
     tidy(ax)
     label(ax, "lost spacecraft [-]", "delivered share of the target, mean [%]")
-    handles, names = ax.get_legend_handles_labels()
-    figure.legend(handles, names, loc="outside lower center", ncols=4, fontsize=TICK_PT, frameon=False, title="class")
+    _add_legend(figure, ax, title="class")
     return figure
+
+
+def _style(k: int) -> dict[str, Any]:
+    """How the curve of the k-th class is drawn."""
+    return {"marker": "o", "markersize": 4, "color": COLOURS[k % len(COLOURS)], "linestyle": DASHES[k % len(DASHES)]}
+
+
+def _add_legend(figure: Figure, ax: Axes, title: str | None = None) -> None:
+    handles, names = ax.get_legend_handles_labels()
+    style = {"ncols": 4, "fontsize": TICK_PT, "frameon": False, "title": title}
+    figure.legend(handles, names, loc="outside lower center", **style)
 
 
 def write_report(folder: Path, found: Sequence[ClassResult], results: pa.Table, *, figures: bool = True) -> None:

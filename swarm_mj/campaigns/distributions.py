@@ -26,13 +26,17 @@ class Continuous(Section):
     steps: int = Field(5, ge=2, le=10_000, description="number of values where the method is `grid`")
 
     @cached_property
-    def frozen(self) -> Any:
+    def _law(self) -> Any:
         """The distribution of scipy.stats."""
         raise NotImplementedError
 
     def draw(self, u: float) -> Any:
         """Value at a point of the unit interval."""
-        return float(self.frozen.ppf(min(max(u, EDGE), 1.0 - EDGE)))
+        return float(self.quantiles(u))
+
+    def quantiles(self, u: Array | float) -> Array:
+        """Values at points of the unit interval, of the same shape."""
+        return np.asarray(self._law.ppf(np.clip(u, EDGE, 1.0 - EDGE)), np.float64)
 
     @property
     def count(self) -> int:
@@ -44,21 +48,25 @@ class Continuous(Section):
         return [self.draw((k + 0.5) / self.steps) for k in range(self.steps)]
 
 
-class Uniform(Continuous):
-    """Uniform between two ends; a grid takes both of them."""
+class Bounded(Continuous):
+    """What continuous distributions between two ends share."""
 
-    distribution: Literal["uniform"]
     low: float
     high: float
 
     @model_validator(mode="after")
     def _ends_are_ordered(self) -> Self:
-        _require(self.low < self.high, f"high = {self.high:g}", f"must be above low = {self.low:g}")
+        _require_order(self.low, self.high)
         return self
 
+
+class Uniform(Bounded):
+    """Uniform between two ends; a grid takes both of them."""
+
+    distribution: Literal["uniform"]
+
     @cached_property
-    def frozen(self) -> Any:
-        """See `Continuous.frozen`."""
+    def _law(self) -> Any:
         return stats.uniform(self.low, self.high - self.low)
 
     def levels(self) -> list[Any]:
@@ -66,21 +74,15 @@ class Uniform(Continuous):
         return [float(v) for v in np.linspace(self.low, self.high, self.steps)]
 
 
-class LogUniform(Continuous):
+class LogUniform(Bounded):
     """Uniform in the logarithm between two positive ends; a grid takes both of them."""
 
     distribution: Literal["log_uniform"]
     low: float = Field(gt=0)
     high: float = Field(gt=0)
 
-    @model_validator(mode="after")
-    def _ends_are_ordered(self) -> Self:
-        _require(self.low < self.high, f"high = {self.high:g}", f"must be above low = {self.low:g}")
-        return self
-
     @cached_property
-    def frozen(self) -> Any:
-        """See `Continuous.frozen`."""
+    def _law(self) -> Any:
         return stats.loguniform(self.low, self.high)
 
     def levels(self) -> list[Any]:
@@ -96,28 +98,19 @@ class Normal(Continuous):
     std: float = Field(gt=0)
 
     @cached_property
-    def frozen(self) -> Any:
-        """See `Continuous.frozen`."""
+    def _law(self) -> Any:
         return stats.norm(self.mean, self.std)
 
 
-class TruncatedNormal(Continuous):
+class TruncatedNormal(Bounded):
     """Gaussian cut off at two ends; `mean` and `std` are those before the cut."""
 
     distribution: Literal["truncated_normal"]
     mean: float
     std: float = Field(gt=0)
-    low: float
-    high: float
-
-    @model_validator(mode="after")
-    def _ends_are_ordered(self) -> Self:
-        _require(self.low < self.high, f"high = {self.high:g}", f"must be above low = {self.low:g}")
-        return self
 
     @cached_property
-    def frozen(self) -> Any:
-        """See `Continuous.frozen`."""
+    def _law(self) -> Any:
         low, high = (self.low - self.mean) / self.std, (self.high - self.mean) / self.std
         return stats.truncnorm(low, high, loc=self.mean, scale=self.std)
 
@@ -130,28 +123,24 @@ class LogNormal(Continuous):
     sigma: float = Field(gt=0)
 
     @cached_property
-    def frozen(self) -> Any:
-        """See `Continuous.frozen`."""
+    def _law(self) -> Any:
         return stats.lognorm(self.sigma, scale=self.median)
 
 
-class Triangular(Continuous):
+class Triangular(Bounded):
     """A triangle over two ends with its top at `mode`."""
 
     distribution: Literal["triangular"]
-    low: float
     mode: float
-    high: float
 
     @model_validator(mode="after")
-    def _corners_are_ordered(self) -> Self:
-        ordered = self.low <= self.mode <= self.high and self.low < self.high
-        _require(ordered, f"mode = {self.mode:g}", f"must lie between low = {self.low:g} and high = {self.high:g}")
+    def _mode_is_between_the_ends(self) -> Self:
+        between = self.low <= self.mode <= self.high
+        _require(between, f"mode = {self.mode:g}", f"must lie between low = {self.low:g} and high = {self.high:g}")
         return self
 
     @cached_property
-    def frozen(self) -> Any:
-        """See `Continuous.frozen`."""
+    def _law(self) -> Any:
         width = self.high - self.low
         return stats.triang((self.mode - self.low) / width, loc=self.low, scale=width)
 
@@ -169,15 +158,14 @@ class OfScipy(Continuous):
         known = isinstance(found, stats.rv_continuous)
         _require(known, f"name = {self.name}", "must be a continuous distribution of scipy.stats, such as rayleigh")
         try:
-            middle = float(self.frozen.ppf(0.5))
+            middle = float(self._law.ppf(0.5))
         except (TypeError, ValueError) as error:
             raise ValueError(f"parameters = {self.parameters}: do not fit {self.name}: {error}") from None
         _require(np.isfinite(middle), f"parameters = {self.parameters}", f"are outside the domain of {self.name}")
         return self
 
     @cached_property
-    def frozen(self) -> Any:
-        """See `Continuous.frozen`."""
+    def _law(self) -> Any:
         return getattr(stats, self.name)(**self.parameters)
 
 
@@ -190,12 +178,12 @@ class Integer(Section):
 
     @model_validator(mode="after")
     def _ends_are_ordered(self) -> Self:
-        _require(self.low < self.high, f"high = {self.high}", f"must be above low = {self.low}")
+        _require_order(self.low, self.high)
         return self
 
     def draw(self, u: float) -> int:
         """Value at a point of the unit interval."""
-        return int(stats.randint(self.low, self.high + 1).ppf(min(max(u, EDGE), 1.0 - EDGE)))
+        return int(stats.randint(self.low, self.high + 1).ppf(np.clip(u, EDGE, 1.0 - EDGE)))
 
     @property
     def count(self) -> int:
@@ -268,6 +256,10 @@ Distribution = Annotated[
 def draw_all(parameters: Mapping[str, Any], u: Array) -> dict[str, Any]:
     """Values of all parameters at a point of the unit cube, shape (d,)."""
     return {key: law.draw(float(point)) for (key, law), point in zip(parameters.items(), u, strict=True)}
+
+
+def _require_order(low: float, high: float) -> None:
+    _require(low < high, f"high = {high:g}", f"must be above low = {low:g}")
 
 
 def _require(fits: Any, what: str, allowed: str) -> None:

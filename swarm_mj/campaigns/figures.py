@@ -13,9 +13,8 @@ import pyarrow as pa
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from swarm_mj.campaigns.groups import groups, label_of, swept, value_label
 from swarm_mj.campaigns.loading import Resolved
-from swarm_mj.campaigns.summary import SEED, by_scenario, column
+from swarm_mj.campaigns.summary import SEED, by_scenario, column, groups, label_of, swept, value_label
 from swarm_mj.errors import OutputError
 from swarm_mj.figures.palette import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY_BLUE, VERMILLION
 from swarm_mj.figures.style import SMALL_PT, TICK_PT, label, new_figure, plain, save, tidy

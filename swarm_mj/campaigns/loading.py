@@ -37,6 +37,7 @@ CELL_KEYS = (
     "camera.half_angle_deg",
     "dispersions.target_m",
 )
+_PACKAGED = resources.files("swarm_mj.scenarios") / "campaigns"
 #: Runs of a scenario whose targets are compared; they are spread over the campaign.
 PROBES = 8
 
@@ -79,14 +80,7 @@ def restore(text: str) -> Resolved:
 
 def packaged_campaigns() -> list[str]:
     """Names of the packaged campaigns, sorted."""
-    folder = resources.files("swarm_mj.scenarios") / "campaigns"
-    if not folder.is_dir():
-        return []
-    return sorted(p.name.removesuffix(".yaml") for p in folder.iterdir() if p.name.endswith(".yaml"))
-
-
-def _packaged_text(name: str) -> str:
-    return (resources.files("swarm_mj.scenarios") / "campaigns" / f"{name}.yaml").read_text("utf-8")
+    return sorted(p.name.removesuffix(".yaml") for p in _PACKAGED.iterdir() if p.name.endswith(".yaml"))
 
 
 def load_campaign(
@@ -220,7 +214,7 @@ def _read(name_or_path: str) -> tuple[str, str, Path]:
         raise ScenarioError(
             f"{shortened(name_or_path)}: no such campaign. Packaged: {', '.join(known)}. The name of a file must end in .yaml"
         )
-    return _packaged_text(name_or_path), name_or_path, Path()
+    return (_PACKAGED / f"{name_or_path}.yaml").read_text("utf-8"), name_or_path, Path()
 
 
 def _with_labels(campaign: Campaign, scenarios: list[Scenario], source: str) -> Campaign:

@@ -12,7 +12,6 @@ from swarm_mj.campaigns.config import Campaign
 from swarm_mj.campaigns.loading import Resolved, load_campaign
 from swarm_mj.errors import OutputError
 from swarm_mj.io.atomic import write_text
-from swarm_mj.io.cache import hash_of
 from swarm_mj.io.lock import LOCK
 from swarm_mj.io.plain_values import shown
 from swarm_mj.io.records import Record, one_line, read_record
@@ -61,7 +60,7 @@ def take_over(resolved: Resolved, folder: Path, *, resume: bool) -> None:
     """
     require_place(folder, resume=resume)
     manifest = folder / MANIFEST
-    ours = {"campaign": resolved.campaign.name, **_fingerprint(resolved), **resolved.dump()}
+    ours = {**resolved.dump(), "versions": library_versions()}
     if not manifest.exists():
         try:
             write_text(manifest, json.dumps(ours, indent=2) + "\n")
@@ -78,29 +77,21 @@ def take_over(resolved: Resolved, folder: Path, *, resume: bool) -> None:
 def load_campaign_of(
     folder: Path, source: ScenarioSource, overrides: Mapping[str, Any] = NO_OVERRIDES, *, runs: int | None = None
 ) -> Resolved:
-    """A campaign as `load_campaign` reads it, with as many runs as the one of that name that began in a folder has.
-
-    Args:
-        folder: Of the campaign; where it holds none, or one of another name or method, the file's `runs` hold.
-        source: See `load_campaign`.
-        overrides: See `load_campaign`.
-        runs: Flights of each scenario whatever the folder says; None: the folder's.
-    """
+    """A campaign as `load_campaign` reads it, with as many runs as it began with in a folder where `runs` gives no number."""
     resolved = load_campaign(source, overrides, runs=runs)
-    kept = kept_runs(folder, resolved.campaign) if runs is None else None
-    return resolved if kept in (None, resolved.campaign.runs) else load_campaign(source, overrides, runs=kept)
+    kept = resolved.campaign.runs if runs is not None else kept_runs(folder, resolved.campaign)
+    return resolved if kept == resolved.campaign.runs else load_campaign(source, overrides, runs=kept)
 
 
-def kept_runs(folder: Path, campaign: Campaign) -> int | None:
-    """The `runs` with which a campaign of this name and method began in a folder; None where there is no such campaign."""
+def kept_runs(folder: Path, campaign: Campaign) -> int:
+    """The `runs` with which the campaign of this name and method began in a folder; the campaign's own where there is none."""
     try:
-        kept = _read_manifest(folder / MANIFEST).get("campaign")
+        kept = _read_manifest(folder / MANIFEST)["campaign"]
     except OutputError:
-        return None
-    if not isinstance(kept, dict) or (kept.get("name"), kept.get("method")) != (campaign.name, campaign.method):
-        return None
+        return campaign.runs
     runs = kept.get("runs")
-    return runs if type(runs) is int else None
+    same = (kept.get("name"), kept.get("method")) == (campaign.name, campaign.method)
+    return runs if same and type(runs) is int else campaign.runs
 
 
 def campaign_in(folder: Path) -> Campaign:
@@ -116,14 +107,9 @@ def campaign_in(folder: Path) -> Campaign:
         raise OutputError(f"{path}: describes no campaign ({one_line(error)})") from None
 
 
-def _fingerprint(resolved: Resolved) -> dict[str, Any]:
-    return {"fingerprint": hash_of(resolved.dumps()), "versions": library_versions()}
-
-
 class Manifest(Record):
     """What a campaign's folder says it flies, campaign.json."""
 
-    fingerprint: str
     campaign: dict[str, Any]
     bases: dict[str, dict[str, Any]] = {}
     shapes: dict[str, str] = {}

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import traceback
-import warnings
-from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -19,7 +17,9 @@ from swarm_mj.campaigns.sampling import Sample
 from swarm_mj.errors import OutputError, ScenarioError
 from swarm_mj.io import interruption
 from swarm_mj.io.atomic import write_text
+from swarm_mj.io.cores import check_workers
 from swarm_mj.io.lock import only_one
+from swarm_mj.io.progress import Stages
 
 TELEMETRY = "telemetry"
 
@@ -58,9 +58,8 @@ def run_campaign(
     scheduler: str | None = None,
     resume: bool = False,
     bars: Progress | None = None,
-    say: Callable[[str], None] = warnings.warn,
     figures: bool = True,
-    going_on: str | None = None,
+    going_on: str = "--resume",
 ) -> FlownCampaign:
     """Fly a campaign into a folder, or go on with one.
 
@@ -70,29 +69,35 @@ def run_campaign(
         workers: Local processes; None takes one per core.
         scheduler: Address of a Dask scheduler whose workers fly instead.
         resume: Go on with the campaign in the folder.
-        bars: Where to show how far it is; None: nowhere.
-        say: Told what the user should know on the way: damaged parts that are flown again, another observer, an interruption.
+        bars: Where to show how far it is, and to say what the user should know on the way: torn files whose runs are flown
+            again, another observer, an interruption. None: nowhere, and by warnings.
         figures: Whether to draw.
-        going_on: The command that goes on with this campaign, which is told when it is interrupted.
+        going_on: What goes on with this campaign, which is told when it is interrupted.
 
     Raises:
         SwarmError: The campaign cannot be flown or written; every finished run is kept.
         KeyboardInterrupt: It was interrupted; likewise.
     """
+    check_workers(workers)
     _require_parquet()
     from swarm_mj.campaigns.store import Store, read_results, schema_of
     from swarm_mj.campaigns.summary import write_summary
 
+    stages = Stages(resolved.campaign.name, bars)
     # Both before anything is written, so that what is refused leaves no trace.
     require_place(folder, resume=resume)
     with closing(_pool(resolved, folder, workers, scheduler)) as pool, only_one(folder):
         take_over(resolved, folder, resume=resume)
         store = Store(folder, schema_of(resolved.campaign))
         for name in store.torn:
-            say(f"{folder / name}: was damaged; its runs are flown again")
-        _tell_observers(resolved, say)
+            stages.say(f"{folder / name} was damaged; its runs are flown again")
+        if resolved.without_maps:
+            stages.say(
+                f"{', '.join(resolved.without_maps)}: the target's cells differ from run to run, so that each horizon map "
+                "would serve one run; observed by compiled face-ID buffers (observation.observer: raster) instead"
+            )
         try:
-            _fly_missing(resolved, store, pool, bars, say, going_on)
+            _fly_missing(resolved, store, pool, bars, stages, going_on)
         finally:
             store.close()
         results = read_results(folder, store.schema)
@@ -136,7 +141,7 @@ def _require_parquet() -> None:
 
 
 def _fly_missing(
-    resolved: Resolved, store: Any, pool: Pool, bars: Progress | None, say: Callable[[str], None], going_on: str | None
+    resolved: Resolved, store: Any, pool: Pool, bars: Progress | None, stages: Stages, going_on: str
 ) -> None:
     total = Sample(resolved.campaign).rows
     missing = [row for row in range(total) if row not in store.done]
@@ -144,44 +149,30 @@ def _fly_missing(
         if resolved.campaign.telemetry:
             (store.folder / TELEMETRY).mkdir(exist_ok=True)
         try:
-            _collect(pool, missing, store, _Counter(resolved.campaign.name, total, bars, len(store.done)))
+            _collect(pool, missing, store, total, bars, resolved.campaign.name)
         except KeyboardInterrupt:
-            say(
-                f"{resolved.campaign.name}: {len(store.done)} of {total} runs are kept in {store.folder}; "
-                f"go on with {going_on or '--resume'}"
-            )
+            stages.say(f"{len(store.done)} of {total} runs are kept in {store.folder}; go on with {going_on}")
             raise
         finally:
             pool.close()  # workers are gone before the rest is written
     store.compact()
 
 
-class _Counter:
-    """Counts finished runs, on a bar where there is one."""
+def _collect(pool: Pool, missing: list[int], store: Any, total: int, bars: Progress | None, name: str) -> None:
+    """Keep rows as they come, and count them on a bar."""
+    failed = 0
 
-    def __init__(self, name: str, total: int, bars: Progress | None, done: int) -> None:
-        self._name, self._total, self._bars, self._failed = name, total, bars, 0
-        self._task = None if bars is None else bars.add_task(self._label(done), total=total, completed=done)
+    def count() -> dict[str, Any]:
+        words = f"{name}: {len(store.done)} of {total} runs" + (f", {failed} failed" if failed else "")
+        return {"description": words, "completed": len(store.done)}
 
-    def count(self, done: int, failed: bool) -> None:
-        """One more has come; so many are there."""
-        self._failed += failed
+    task = None if bars is None else bars.add_task(total=total, **count())
+    for row in pool.results(missing):
+        store.add(row)
+        failed += row["status"] == "failed"
         interruption.check()
-        if self._bars is not None and self._task is not None:
-            self._bars.update(self._task, completed=done, description=self._label(done))
-
-    def _label(self, done: int) -> str:
-        failed = f", {self._failed} failed" if self._failed else ""
-        return f"{self._name}: {done} of {self._total} runs{failed}"
-
-
-def _collect(pool: Pool, missing: list[int], store: Any, counter: _Counter) -> None:
-    try:
-        for row in pool.results(missing):
-            store.add(row)
-            counter.count(len(store.done), row["status"] == "failed")
-    finally:
-        store.seal()
+        if bars is not None and task is not None:
+            bars.update(task, **count())
 
 
 def _pool(resolved: Resolved, folder: Path, workers: int | None, scheduler: str | None) -> Pool:
@@ -192,15 +183,6 @@ def _pool(resolved: Resolved, folder: Path, workers: int | None, scheduler: str 
     from swarm_mj.campaigns.dask_pool import DaskPool
 
     return DaskPool(resolved, telemetry, scheduler)
-
-
-def _tell_observers(resolved: Resolved, say: Callable[[str], None]) -> None:
-    """Say where the campaign's observer differs from the one that its file asks for."""
-    if resolved.without_maps:
-        say(
-            f"{', '.join(resolved.without_maps)}: the target's cells differ from run to run, so that each horizon map would "
-            "serve one run; observed by compiled face-ID buffers (observation.observer: raster) instead"
-        )
 
 
 def _kept_row(folder: Path, row: int) -> dict[str, Any] | None:

@@ -121,26 +121,16 @@ def _epsilon(of: NDArray[np.int64], y: Array, k: int) -> float:
     return float(np.sqrt(max(0.0, 1.0 - within / total * (len(y) - 1) / max(len(y) - there, 1))))
 
 
-@dataclass(frozen=True)
-class SobolIndices:
-    """Shares of an outcome's variance, by factor.
-
-    Attributes:
-        first: Of each factor alone.
-        total: Of each factor with all its interactions.
-    """
-
-    first: list[Estimate]
-    total: list[Estimate]
-
-
-def sobol(members: Array, rng: np.random.Generator) -> SobolIndices | None:
-    """Sobol' indices with bootstrap intervals; None where the outcome does not vary.
+def sobol(members: Array, rng: np.random.Generator) -> tuple[list[Estimate], list[Estimate]] | None:
+    """Sobol' indices with bootstrap intervals: shares of an outcome's variance by factor.
 
     Args:
         members: Outcomes of the groups of a saltelli sample, shape (n, d + 2), n a power of 2: the point of A, that of B, and A
             with each of the d factors from B.
         rng: For the bootstrap over groups.
+
+    Returns:
+        Of each factor alone, and with all its interactions; None where the outcome does not vary.
     """
     if np.ptp(members[:, :2]) == 0.0:
         return None
@@ -151,7 +141,7 @@ def sobol(members: Array, rng: np.random.Generator) -> SobolIndices | None:
     first, total = (
         [Estimate(float(found[k, i]), float(low[k, i]), float(high[k, i])) for i in range(width - 2)] for k in (0, 1)
     )
-    return SobolIndices(first, total)
+    return first, total
 
 
 def _indices(members: Array) -> Array:

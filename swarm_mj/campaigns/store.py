@@ -1,13 +1,12 @@
-"""Results on disk that survive a crash: a journal, sealed part by part into Parquet, compacted at the end.
+"""Results on disk that survive a crash: a journal while the campaign flies, one Parquet file at the end.
 
     campaign.json      what is flown, written by who starts the campaign
-    journal.jsonl      rows that are not in a part yet; each line carries its own checksum
-    parts/*.parquet    sealed parts, written under a temporary name, then renamed; pages carry checksums
-    results.parquet    all rows, sorted, at the end; parts and journal are then removed
+    journal.jsonl      finished rows as they come; each line carries its own checksum
+    results.parquet    all rows, sorted, at the end; the journal is then removed
 
-A row is in the operating system's hands before the next one is asked for, so that no death of a process loses it. A crash
-between two steps leaves a row in two places at most, and reading takes each row once. What is torn is set aside and its rows
-are flown again.
+A row is in the operating system's hands before the next one is asked for, so that no death of a process loses it, and on the
+disk every few seconds. A crash between two steps leaves a row in both places at most, and reading takes each row once. A file
+that is torn is set aside, a line that is torn is left out, and their rows are flown again.
 
 The columns are `row`, `run`, `scenario`, `seed`; the drawn parameters by dotted key; `status`, `error`, `covered`,
 `spacecraft`; what is recorded; `events`; and last `wall_s`, the only one that differs when a run is flown again.
@@ -22,7 +21,7 @@ import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import pyarrow as pa
 import pyarrow.compute as pc
@@ -35,14 +34,15 @@ from swarm_mj.campaigns.manifest import campaign_in
 from swarm_mj.campaigns.outcome import recorded
 from swarm_mj.errors import OutputError
 from swarm_mj.io.arrays import MAX_BYTES
+from swarm_mj.io.interruption import held
 from swarm_mj.io.records import Record, one_line, record_from
 
 #: The column that is not the same when a run is flown again.
 WALL = "wall_s"
-RESULTS, JOURNAL, PARTS = "results.parquet", "journal.jsonl", "parts"
+RESULTS, JOURNAL = "results.parquet", "journal.jsonl"
 
-#: The journal is sealed after this time [s], or this share of the time since the start, so that parts stay few.
-SEAL_S, SEAL_SHARE = 2.0, 0.02
+#: The journal is on the disk after this time [s], whatever happens to the machine.
+SYNC_S = 2.0
 
 #: Types that columns have, see `schema_of`.
 _TYPES = (pa.int64(), pa.float64(), pa.bool_(), pa.string())
@@ -70,14 +70,13 @@ class Store:
     def __init__(self, folder: Path, schema: pa.Schema) -> None:
         self.folder, self.schema = folder, schema
         self.torn: list[str] = []
-        self._pending: list[Row] = []
         with self._told():
-            (folder / PARTS).mkdir(exist_ok=True)
-            self._clean()
-            self.done = {row for path in self._files() for row in self._rows_in(path)}
-            self._journal = os.open(folder / JOURNAL, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+            for left in folder.glob(".*.partial"):
+                left.unlink()
+            self.done = self._rows_of_results()
             self._recover()
-        self._start = self._sealed = time.monotonic()
+            self._journal = os.open(folder / JOURNAL, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC, 0o644)
+        self._synced = time.monotonic()
 
     def add(self, row: Row) -> None:
         """Keep a row; a row that is there already is not counted again.
@@ -87,80 +86,55 @@ class Store:
         """
         if row["row"] in self.done:
             return
-        with self._told():
-            end = os.lseek(self._journal, 0, os.SEEK_END)
-            self._pending.append(row)  # first, so that an interrupt during the writing does not lose it
+        with self._told(), held():
+            end = os.fstat(self._journal).st_size
             try:
                 _write_all(self._journal, _line(row))
             except OSError:
-                self._pending.pop()
                 os.ftruncate(self._journal, end)
                 raise
             self.done.add(row["row"])
-            now = time.monotonic()
-            if now - self._sealed > max(SEAL_S, SEAL_SHARE * (now - self._start)):
-                self.seal()
-
-    def seal(self) -> None:
-        """Move the journal's rows into a part."""
-        if not self._pending:
-            return
-        with self._told():
-            numbers = [row["row"] for row in self._pending]
-            name = f"{min(numbers):09d}-{max(numbers):09d}-{len(numbers)}.parquet"
-            _write_parquet(self.folder / PARTS / name, table_of(self._pending, self.schema))
-            os.ftruncate(self._journal, 0)
-            self._pending.clear()
-            self._sealed = time.monotonic()
+            if time.monotonic() - self._synced > SYNC_S:
+                os.fsync(self._journal)
+                self._synced = time.monotonic()
 
     def compact(self) -> None:
         """Put all rows into one file, sorted."""
-        self.seal()
         with self._told():
-            if not any((self.folder / PARTS).iterdir()):
-                return
-            _write_parquet(self.folder / RESULTS, read_results(self.folder, self.schema))
-            for part in (self.folder / PARTS).iterdir():
-                part.unlink()
+            if os.fstat(self._journal).st_size:
+                _write_parquet(self.folder / RESULTS, read_results(self.folder, self.schema))
+                os.ftruncate(self._journal, 0)
 
     def close(self) -> None:
-        """Let go of the journal; its rows stay in it, and what is empty is removed."""
+        """Let go of the journal, which is removed where it is empty."""
         if os.fstat(self._journal).st_size == 0:
             with suppress(OSError):
                 (self.folder / JOURNAL).unlink()
         os.close(self._journal)
-        with suppress(OSError):  # parts that are not compacted yet
-            (self.folder / PARTS).rmdir()
 
-    def _files(self) -> list[Path]:
-        return [p for p in (self.folder / RESULTS, *sorted((self.folder / PARTS).glob("*.parquet"))) if p.exists()]
-
-    def _clean(self) -> None:
-        for left in [*self.folder.glob(".*.partial"), *(self.folder / PARTS).glob(".*.partial")]:
-            left.unlink()
-
-    def _rows_in(self, path: Path) -> list[int]:
+    def _rows_of_results(self) -> set[int]:
+        path = self.folder / RESULTS
         try:
             table = _read_parquet(path)
             if table.schema.equals(self.schema):
-                return list(table["row"].to_pylist())
+                return set(table["row"].to_pylist())
+        except FileNotFoundError:
+            return set()
         except (pa.ArrowException, OSError):
             pass
         path.rename(path.with_name(f"{path.name}.torn"))
         self.torn.append(path.name)
-        return []
+        return set()
 
     def _recover(self) -> None:
-        """Take over what an interrupted campaign left in the journal."""
-        rows, damaged = read_journal(self.folder / JOURNAL)
+        """Take over what an interrupted campaign left in the journal, without lines that are damaged."""
+        journal = self.folder / JOURNAL
+        rows, damaged = read_journal(journal)
+        self.done |= {row["row"] for row in rows}
         if damaged:
             self.torn.append(f"{JOURNAL} ({damaged} line{'s' if damaged > 1 else ''})")
-        self._pending = list({row["row"]: row for row in rows if row["row"] not in self.done}.values())
-        self.done |= {row["row"] for row in self._pending}
-        if self._pending:
-            self.seal()
-        else:
-            os.ftruncate(self._journal, 0)
+            with _replaced(journal) as file:
+                file.write(b"".join(map(_line, rows)))
 
     @contextmanager
     def _told(self) -> Iterator[None]:
@@ -185,17 +159,16 @@ def read_results(folder: str | os.PathLike[str], schema: pa.Schema | None = None
     """
     folder = Path(folder)
     tables: list[pa.Table] = []
-    # Whoever writes moves rows from the journal to parts, then to the results: read in that order, nothing is missed.
+    # Whoever writes moves rows from the journal to the results: read in that order, nothing is missed.
     journal, _ = read_journal(folder / JOURNAL)
-    for path in (*sorted((folder / PARTS).glob("*.parquet")), folder / RESULTS):
-        try:
-            tables.append(_read_parquet(path))
-        except FileNotFoundError:
-            continue
-        except (pa.ArrowException, OSError) as error:
-            raise OutputError(
-                f"{path}: is torn or no Parquet file ({one_line(error)}); --resume flies its runs again"
-            ) from None
+    try:
+        tables.append(_read_parquet(folder / RESULTS))
+    except FileNotFoundError:
+        pass
+    except (pa.ArrowException, OSError) as error:
+        raise OutputError(
+            f"{folder / RESULTS}: is torn or no Parquet file ({one_line(error)}); --resume flies its runs again"
+        ) from None
     if schema is None:
         if not (tables or journal):
             raise OutputError(f"{folder}: holds no finished run")
@@ -204,7 +177,9 @@ def read_results(folder: str | os.PathLike[str], schema: pa.Schema | None = None
         tables.append(table_of(journal, schema))
     for table in tables:
         if not table.schema.equals(schema):
-            raise OutputError(f"{folder}: its parts have different columns; fly the campaign again with another --out")
+            raise OutputError(
+                f"{folder}: its results have different columns; fly the campaign again with another --out"
+            )
     whole = pa.concat_tables([*tables, schema.empty_table()]).sort_by("row")
     numbers = whole["row"].to_pylist()
     first = [k for k, number in enumerate(numbers) if k == 0 or number != numbers[k - 1]]
@@ -243,10 +218,17 @@ def _write_all(handle: int, data: bytes) -> None:
 
 
 def _write_parquet(path: Path, table: pa.Table) -> None:
+    with _replaced(path) as file:
+        pq.write_table(table, file, write_page_checksum=True)
+
+
+@contextmanager
+def _replaced(path: Path) -> Iterator[IO[bytes]]:
+    """A file that takes the place of another one when it is written and on the disk."""
     partial = path.with_name(f".{path.name}.partial")
     try:
         with partial.open("wb") as file:
-            pq.write_table(table, file, write_page_checksum=True)
+            yield file
             file.flush()
             os.fsync(file.fileno())
         os.replace(partial, path)

@@ -1,9 +1,14 @@
-"""The summary of a campaign, `summary.json`, and its table on the screen."""
+"""The summary of a campaign, `summary.json`, and its table on the screen.
+
+What a campaign swept, the designs on its grid, makes a group of runs each. Runs of different designs are no sample of anything,
+so that a probability over all of them says nothing. What is random within a design (dispersions, faults, attitudes) makes no
+groups.
+"""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +19,8 @@ from rich.markup import escape
 from rich.table import Table
 
 from swarm_mj.campaigns import statistics
+from swarm_mj.campaigns.config import Campaign
 from swarm_mj.campaigns.distributions import Choice
-from swarm_mj.campaigns.groups import groups, swept, value_label
 from swarm_mj.campaigns.loading import Resolved
 from swarm_mj.campaigns.outcome import recorded
 from swarm_mj.campaigns.sampling import Sample
@@ -32,6 +37,8 @@ QUANTILES = (0.05, 0.5, 0.95, 0.99)
 SEED = "seed"
 #: First number in the names of the children of the campaign's seed: for resampling.
 RESAMPLING = 2
+#: Longest value of a swept key in a label.
+LONGEST = 24
 
 
 def write_summary(folder: Path, resolved: Resolved, results: pa.Table) -> dict[str, Any]:
@@ -87,9 +94,35 @@ def column(results: pa.Table, name: str) -> NDArray[Any]:
     return np.array([np.nan if value is None else value for value in values], np.float64)
 
 
-def numeric_parameters(resolved: Resolved, results: pa.Table) -> list[str]:
-    """Drawn parameters that are numbers."""
-    return [key for key in resolved.campaign.parameters if results.schema.field(key).type != pa.string()]
+def swept(campaign: Campaign) -> list[str]:
+    """Keys that take several values on the campaign's grid; none where it has no grid."""
+    if campaign.method != "grid":
+        return []
+    return [key for key, law in campaign.parameters.items() if law.count > 1]
+
+
+def groups(campaign: Campaign, rows: pa.Table) -> Iterator[tuple[dict[str, Any], pa.Table]]:
+    """The rows of one scenario by point of the grid, in its order: the swept values, and the rows that were flown with them."""
+    keys, sample = swept(campaign), Sample(campaign)
+    if not keys:
+        return
+    place = np.array(rows["run"].to_pylist(), np.int64) // campaign.runs
+    for number in np.unique(place).tolist():
+        values = sample.grid_point(number)
+        yield {key: values[key] for key in keys}, rows.filter(pa.array(place == number))
+
+
+def label_of(values: dict[str, Any]) -> str:
+    """Swept values in a few words: `half_angle_deg=5, rows=2`."""
+    return ", ".join(f"{key.rpartition('.')[2]}={value_label(value)}" for key, value in values.items())
+
+
+def value_label(value: Any) -> str:
+    """A swept value in a few words."""
+    if isinstance(value, float):
+        return f"{value:.4g}"
+    words = value if isinstance(value, str) else json.dumps(value)
+    return words if len(words) <= LONGEST else words[: LONGEST - 3] + "..."
 
 
 def _scenario(resolved: Resolved, rows: pa.Table) -> dict[str, Any]:
@@ -137,17 +170,9 @@ def _group(resolved: Resolved, values: dict[str, Any], rows: pa.Table) -> dict[s
 def _choices(resolved: Resolved, ok: pa.Table, columns: dict[str, Array]) -> dict[str, dict[str, Any]]:
     """How strongly every outcome depends on what was chosen among values of any kind."""
     rng = np.random.default_rng(np.random.SeedSequence(resolved.campaign.seed, spawn_key=(RESAMPLING, 1)))
-    found: dict[str, dict[str, Any]] = {}
-    for key, law in resolved.campaign.parameters.items():
-        if not isinstance(law, Choice):
-            continue
-        chosen = np.array([str(value) for value in ok[key].to_pylist()], dtype=object)
-        for name, values in columns.items():
-            there = np.isfinite(values)
-            answer = statistics.correlation_ratio(chosen[there].astype(str), values[there], rng)
-            if answer is not None:
-                found.setdefault(name, {})[key] = {**_estimate(answer[0]), "p_value": answer[1]}
-    return found
+    laws = resolved.campaign.parameters
+    chosen = {key: np.array(list(map(str, ok[key].to_pylist()))) for key in laws if isinstance(laws[key], Choice)}
+    return _depending(columns, chosen, lambda groups, y: statistics.correlation_ratio(groups, y, rng))
 
 
 def _covered(covered: Array) -> dict[str, Any]:
@@ -176,12 +201,19 @@ def _outcome(values: Array, rng: np.random.Generator) -> dict[str, Any]:
 
 def _correlations(resolved: Resolved, ok: pa.Table, columns: dict[str, Array]) -> dict[str, Any]:
     """Spearman's rank correlation of every outcome with every drawn number."""
-    drawn = {key: column(ok, key) for key in numeric_parameters(resolved, ok)}
+    numbers = [key for key in resolved.campaign.parameters if ok.schema.field(key).type != pa.string()]
+    return _depending(columns, {key: column(ok, key) for key in numbers}, statistics.spearman)
+
+
+def _depending(
+    columns: dict[str, Array], drawn: dict[str, NDArray[Any]], measure: Callable[..., tuple[Estimate, float] | None]
+) -> dict[str, dict[str, Any]]:
+    """How every outcome depends on everything drawn, where a measure can tell."""
     found: dict[str, dict[str, Any]] = {}
-    for name, values in columns.items():
-        there = np.isfinite(values)
-        for key, x in drawn.items():
-            answer = statistics.spearman(x[there], values[there])
+    for key, x in drawn.items():
+        for name, values in columns.items():
+            there = np.isfinite(values)
+            answer = measure(x[there], values[there])
             if answer is not None:
                 found.setdefault(name, {})[key] = {**_estimate(answer[0]), "p_value": answer[1]}
     return found
@@ -198,8 +230,8 @@ def _sobol(resolved: Resolved, rows: pa.Table, columns: dict[str, Array], rng: n
         indices = statistics.sobol(values.reshape(-1, width), rng)
         if indices is not None:
             found[name] = {
-                factor: {"first": _index(indices.first[k]), "total": _index(indices.total[k])}
-                for k, factor in enumerate(factors)
+                factor: {"first": _index(first), "total": _index(total)}
+                for factor, first, total in zip(factors, *indices, strict=True)
             }
     return found
 

@@ -1,4 +1,4 @@
-"""The command `campaign`."""
+"""The commands `campaign` and `compare-classes`."""
 
 from __future__ import annotations
 
@@ -7,19 +7,30 @@ import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from swarm_mj.cli.common import DEFAULT_OUT, add_overrides, overrides_of
-from swarm_mj.errors import OutputError
+from swarm_mj.cli.common import (
+    DEFAULT_OUT,
+    add_command,
+    add_figures,
+    add_overrides,
+    add_quiet,
+    bars_for,
+    overrides_of,
+    tell,
+)
+from swarm_mj.io.cores import check_workers
 
 if TYPE_CHECKING:
     from swarm_mj.campaigns.loading import Resolved
 
 
 def add(commands: argparse._SubParsersAction) -> None:
-    """Add the command to the parser."""
-    campaign = commands.add_parser(
+    """Add the commands to the parser."""
+    campaign = add_command(
+        commands,
         "campaign",
-        help="fly many runs with drawn parameters, on all cores or a Dask cluster",
-        description="Fly a campaign: scenarios with drawn parameters, one row of results a run, and what they say in sum. "
+        _campaign,
+        "fly many runs with drawn parameters, on all cores or a Dask cluster",
+        "Fly a campaign: scenarios with drawn parameters, one row of results a run, and what they say in sum. "
         "An interrupted campaign goes on with --resume.",
     )
     campaign.add_argument(
@@ -36,35 +47,50 @@ def add(commands: argparse._SubParsersAction) -> None:
         help="flights of each scenario, instead of the file's runs (with --resume and --replay: the folder's); of each point "
         "of a grid; of the two base samples of saltelli",
     )
-    campaign.add_argument("--workers", type=int, metavar="N", help="processes (default: one per core)")
+    add_flying(campaign, "camera.half_angle_deg=3, in all its scenarios")
     campaign.add_argument("--scheduler", metavar="ADDRESS", help="fly on the Dask cluster there, e.g. tcp://host:8786")
-    campaign.add_argument("--resume", action="store_true", help="go on with the campaign in the result folder")
     campaign.add_argument("--replay", type=int, metavar="ROW", help="fly this row again, alone, and compare")
-    add_overrides(campaign, "camera.half_angle_deg=3, in all its scenarios")
-    campaign.add_argument("--no-figures", action="store_true", help="write no pictures")
-    campaign.add_argument("--quiet", action="store_true", help="no progress bar")
-    campaign.set_defaults(command=_campaign)
+    classes = add_command(
+        commands,
+        "compare-classes",
+        _classes,
+        "fly the swarm classes 0 to 4 through the same dispersed encounters with losses, and compare them",
+        "Fly the swarm classes 0 to 4 of a scenario through the same dispersed encounters, in which each "
+        "spacecraft is lost with a chance of 0 to 40 %, and write tables and figures of what each class sees, delivers and "
+        "costs. An interrupted comparison goes on with --resume.",
+    )
+    classes.add_argument(
+        "scenario", nargs="?", default="eros-observe", help="packaged name or file (default: eros-observe)"
+    )
+    classes.add_argument(
+        "--out", type=Path, metavar="DIR", help=f"result folder (default: {DEFAULT_OUT}/SCENARIO-classes)"
+    )
+    classes.add_argument("--runs", type=int, default=200, metavar="N", help="encounters (default: 200)")
+    add_flying(classes)
+    classes.add_argument(
+        "--no-places", action="store_true", help="leave out classes 3 and 4 with visiting points planned for them"
+    )
+
+
+def add_flying(command: argparse.ArgumentParser, example: str = "camera.half_angle_deg=3") -> None:
+    """Arguments of the commands that fly a campaign."""
+    command.add_argument("--workers", type=int, metavar="N", help="processes (default: one per core)")
+    add_overrides(command, example)
+    command.add_argument("--resume", action="store_true", help="go on with what the result folder holds")
+    add_figures(command)
+    add_quiet(command)
 
 
 def _campaign(arguments: argparse.Namespace) -> int:
-    if arguments.workers is not None and arguments.workers < 1:
-        raise OutputError(f"--workers {arguments.workers}: must be at least 1")
+    check_workers(arguments.workers)
     resolved, folder = _loaded(arguments)
     return _replay(arguments, resolved, folder) if arguments.replay is not None else _fly(arguments, resolved, folder)
 
 
 def _fly(arguments: argparse.Namespace, resolved: Resolved, folder: Path) -> int:
-    from rich.console import Console
-
     from swarm_mj.campaigns.runner import run_campaign
-    from swarm_mj.io.progress import progress_bars
 
-    console = Console()
-
-    def say(words: str) -> None:
-        console.print(words, soft_wrap=True, highlight=False, markup=False)
-
-    with progress_bars(console, arguments.quiet) as bars:
+    with bars_for(arguments) as bars:
         flown = run_campaign(
             resolved,
             folder,
@@ -72,22 +98,18 @@ def _fly(arguments: argparse.Namespace, resolved: Resolved, folder: Path) -> int
             scheduler=arguments.scheduler,
             resume=arguments.resume,
             bars=bars,
-            say=say,
             figures=not arguments.no_figures,
             going_on=_going_on(arguments),
         )
     from swarm_mj.campaigns.summary import group_table, sobol_findings, summary_table
 
-    console.print(summary_table(flown.summary))
-    designs = group_table(flown.summary)
-    if designs is not None:
-        console.print(designs)
+    for table in filter(None, (summary_table(flown.summary), group_table(flown.summary))):
+        bars.console.print(table)
     failed = [row for row in flown.results.to_pylist() if row["status"] == "failed"]
-    for words in [*sobol_findings(flown.summary), *map(_failure, failed[:5])]:
-        say(words)
+    lines = [*sobol_findings(flown.summary), *map(_failure, failed[:5])]
     if failed:
-        say(f"{len(failed)} failed; replay one with --replay {failed[0]['row']}")
-    say(f"{resolved.campaign.name}: files in {folder}")
+        lines.append(f"{len(failed)} failed; replay one with --replay {failed[0]['row']}")
+    tell(bars.console, *lines, f"{resolved.campaign.name}: files in {folder}")
     return 0
 
 
@@ -114,16 +136,17 @@ def _replay(arguments: argparse.Namespace, resolved: Resolved, folder: Path) -> 
 def _loaded(arguments: argparse.Namespace) -> tuple[Resolved, Path]:
     """The campaign and its folder; what goes on or is replayed has as many runs as when it began, unless --runs says else."""
     from swarm_mj.campaigns.loading import load_campaign
-    from swarm_mj.campaigns.manifest import load_campaign_of
+    from swarm_mj.campaigns.manifest import kept_runs
 
     overrides = overrides_of(arguments)
     resolved = load_campaign(arguments.file, overrides, runs=arguments.runs)
     name, runs = resolved.campaign.name, resolved.campaign.runs
     folder = arguments.out or DEFAULT_OUT / name
-    if arguments.resume or arguments.replay is not None:
-        resolved = load_campaign_of(folder, arguments.file, overrides, runs=arguments.runs)
-        if resolved.campaign.runs != runs:
-            print(f"{name}: runs = {resolved.campaign.runs}, with which it began in {folder}; the file says {runs}")
+    if arguments.runs is None and (arguments.resume or arguments.replay is not None):
+        kept = kept_runs(folder, resolved.campaign)
+        if kept != runs:
+            print(f"{name}: runs = {kept}, with which it began in {folder}; the file says {runs}")
+            resolved = load_campaign(arguments.file, overrides, runs=kept)
     return resolved, folder
 
 
@@ -138,3 +161,26 @@ def _going_on(arguments: argparse.Namespace) -> str:
     words += ["--no-figures"] if arguments.no_figures else []
     words += ["--quiet"] if arguments.quiet else []
     return shlex.join([*words, "--resume"])
+
+
+def _classes(arguments: argparse.Namespace) -> int:
+    from swarm_mj.api.campaign import compare_classes
+    from swarm_mj.campaigns.classes_report import table_by_lost, table_of_classes
+
+    folder = arguments.out or DEFAULT_OUT / f"{Path(arguments.scenario).stem}-classes"
+    with bars_for(arguments) as bars:
+        compared = compare_classes(
+            arguments.scenario,
+            overrides_of(arguments),
+            runs=arguments.runs,
+            out=folder,
+            workers=arguments.workers,
+            places=not arguments.no_places,
+            resume=arguments.resume,
+            figures=not arguments.no_figures,
+            progress=bars,
+        )
+    if not arguments.quiet:
+        print(table_of_classes(compared.classes), table_by_lost(compared.classes), sep="\n")
+    print(f"{arguments.scenario}: files in {folder}")
+    return 0

@@ -3,11 +3,46 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.progress import Progress
 
 DEFAULT_OUT = Path("results")
 DEFAULT_SCENARIOS = ("eros-config1", "eros-config2")
+
+
+def add_command(
+    commands: argparse._SubParsersAction,
+    name: str,
+    run: Callable[[argparse.Namespace], int],
+    words: str,
+    description: str | None = None,
+) -> argparse.ArgumentParser:
+    """A command of the parser.
+
+    Args:
+        commands: Where it is added.
+        name: Its name.
+        run: What it does; returns the exit status.
+        words: What it is for, in the list of commands.
+        description: The same in its own help; None: the words as a sentence.
+    """
+    command = commands.add_parser(name, help=words, description=description or f"{words[0].upper()}{words[1:]}.")
+    assert isinstance(command, argparse.ArgumentParser)
+    command.set_defaults(command=run)
+    return command
+
+
+def add_scenario(command: argparse.ArgumentParser) -> None:
+    """The argument of a command that works on one scenario, by default the first of the paper."""
+    default = DEFAULT_SCENARIOS[0]
+    words = f"packaged name or YAML file (default: {default})"
+    command.add_argument("scenario", nargs="?", default=default, metavar="NAME_OR_FILE", help=words)
 
 
 def add_overrides(command: argparse.ArgumentParser, example: str = "camera.half_angle_deg=3") -> None:
@@ -22,13 +57,23 @@ def add_overrides(command: argparse.ArgumentParser, example: str = "camera.half_
     )
 
 
+def add_quiet(command: argparse.ArgumentParser) -> None:
+    """The argument of every command that takes a while."""
+    command.add_argument("--quiet", action="store_true", help="no progress bar")
+
+
+def add_figures(command: argparse.ArgumentParser) -> None:
+    """The argument of every command that draws."""
+    command.add_argument("--no-figures", action="store_true", help="write no pictures")
+
+
 def add_common(command: argparse.ArgumentParser, *, seed_of: str) -> None:
     """Arguments of every command that works on a scenario and writes a folder."""
     command.add_argument("--seed", type=int, metavar="N", help=f"seed of {seed_of}")
     add_overrides(command)
-    command.add_argument("--no-figures", action="store_true", help="write no pictures")
+    add_figures(command)
     command.add_argument("--pdf", action="store_true", help="write every figure as PDF too")
-    command.add_argument("--quiet", action="store_true", help="no progress bar")
+    add_quiet(command)
 
 
 def overrides_of(arguments: argparse.Namespace) -> dict[str, Any]:
@@ -37,3 +82,20 @@ def overrides_of(arguments: argparse.Namespace) -> dict[str, Any]:
 
     seed = getattr(arguments, "seed", None)
     return parse_overrides(arguments.overrides) | ({} if seed is None else {"seed": seed})
+
+
+@contextmanager
+def bars_for(arguments: argparse.Namespace) -> Iterator[Progress]:
+    """Progress bars on the screen, none with `--quiet`."""
+    from rich.console import Console
+
+    from swarm_mj.io.progress import progress_bars
+
+    with progress_bars(Console(), arguments.quiet) as bars:
+        yield bars
+
+
+def tell(console: Console, *lines: str) -> None:
+    """Print lines as they are, however long, without marks and colours."""
+    for line in lines:
+        console.print(line, soft_wrap=True, highlight=False, markup=False)

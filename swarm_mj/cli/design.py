@@ -6,24 +6,19 @@ import argparse
 import shlex
 from pathlib import Path
 
-from swarm_mj.cli.common import DEFAULT_OUT, DEFAULT_SCENARIOS, add_common, overrides_of
-from swarm_mj.errors import OutputError
+from swarm_mj.cli.common import DEFAULT_OUT, add_command, add_common, add_scenario, bars_for, overrides_of, tell
 
 
 def add(commands: argparse._SubParsersAction) -> None:
     """Add the command to the parser."""
-    design = commands.add_parser(
+    design = add_command(
+        commands,
         "design",
-        help="find the fewest spacecraft that see the whole target",
-        description="Design a swarm: the fewest observers that see the whole target, by genetic algorithm and with proof.",
+        _design,
+        "find the fewest spacecraft that see the whole target",
+        "Design a swarm: the fewest observers that see the whole target, by genetic algorithm and with proof.",
     )
-    design.add_argument(
-        "scenario",
-        nargs="?",
-        default=DEFAULT_SCENARIOS[0],
-        metavar="NAME_OR_FILE",
-        help=f"packaged name or YAML file (default: {DEFAULT_SCENARIOS[0]})",
-    )
+    add_scenario(design)
     design.add_argument("--out", type=Path, metavar="DIR", help=f"result folder (default: {DEFAULT_OUT}/NAME-design)")
     design.add_argument("--fold", type=int, metavar="K", help="every face must be seen by at least K spacecraft")
     design.add_argument(
@@ -38,27 +33,21 @@ def add(commands: argparse._SubParsersAction) -> None:
     )
     design.add_argument("--workers", type=int, metavar="N", help="processes for the pictures (default: one per core)")
     add_common(design, seed_of="the genetic algorithm")
-    design.set_defaults(command=_design)
 
 
 def _design(arguments: argparse.Namespace) -> int:
-    from rich.console import Console
-
     from swarm_mj.api.design import design
     from swarm_mj.api.scenario import load
     from swarm_mj.cli.tables import design_table, growth_table
-    from swarm_mj.io.progress import progress_bars
 
-    if arguments.workers is not None and arguments.workers < 1:
-        raise OutputError(f"--workers {arguments.workers}: must be at least 1")
     overrides = overrides_of(arguments)
     if arguments.fold is not None:
         overrides["designer.fold"] = arguments.fold
     if arguments.deliver_within is not None:
         overrides["designer.deliver_within_h"] = arguments.deliver_within
-    scenario, console = load(arguments.scenario, overrides), Console()
+    scenario = load(arguments.scenario, overrides)
     folder = arguments.out or DEFAULT_OUT / f"{scenario.name}-design"
-    with progress_bars(console, arguments.quiet) as bars:
+    with bars_for(arguments) as bars:
         found = design(
             scenario,
             out=folder,
@@ -69,11 +58,10 @@ def _design(arguments: argparse.Namespace) -> int:
             pdf=arguments.pdf,
             progress=bars,
         )
-    console.print(design_table(found.record))
+    bars.console.print(design_table(found.record))
     if arguments.compare:
-        console.print(growth_table(found.compared))
-    console.print(f"{scenario.name}: files in {folder}", soft_wrap=True, highlight=False)
-    console.print(_hint(arguments, found.flyable, folder), soft_wrap=True, highlight=False, markup=False)
+        bars.console.print(growth_table(found.compared))
+    tell(bars.console, f"{scenario.name}: files in {folder}", _hint(arguments, found.flyable, folder))
     return 0
 
 

@@ -1,26 +1,35 @@
-"""The command `fly`."""
+"""The commands `fly` and `view`."""
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from swarm_mj.cli.common import DEFAULT_OUT, DEFAULT_SCENARIOS, add_common, overrides_of
+from swarm_mj.cli.common import (
+    DEFAULT_OUT,
+    DEFAULT_SCENARIOS,
+    add_command,
+    add_common,
+    add_overrides,
+    add_scenario,
+    bars_for,
+    overrides_of,
+    tell,
+)
 from swarm_mj.errors import OutputError
 from swarm_mj.figures.drawing import prepare_drawing
 
-if TYPE_CHECKING:
-    from rich.console import Console
-
 
 def add(commands: argparse._SubParsersAction) -> None:
-    """Add the command to the parser."""
-    fly = commands.add_parser(
+    """Add the commands to the parser."""
+    fly = add_command(
+        commands,
         "fly",
-        help="fly one or more scenarios and write their results",
-        description="Fly scenarios: trajectories, attitude, observed area, telemetry and figures, one folder each.",
+        _fly,
+        "fly one or more scenarios and write their results",
+        "Fly scenarios: trajectories, attitude, observed area, telemetry and figures, one folder each.",
     )
     fly.add_argument(
         "scenario",
@@ -46,37 +55,40 @@ def add(commands: argparse._SubParsersAction) -> None:
     )
     add_common(fly, seed_of="the random initial attitudes")
     fly.add_argument("--no-report", action="store_true", help="write no report.html")
-    fly.set_defaults(command=_fly)
+    what = "Fly a scenario in MuJoCo's viewer; needs a display."
+    view = add_command(commands, "view", _view, "watch a scenario fly in MuJoCo's viewer", what)
+    add_scenario(view)
+    view.add_argument(
+        "--speed", type=float, default=10.0, metavar="X", help="seconds of flight per second at the start (default 10)"
+    )
+    add_overrides(view)
 
 
 def _fly(arguments: argparse.Namespace) -> int:
     if not arguments.no_figures:
         prepare_drawing()  # before anything heavy is imported: it takes the other process as long to get ready as this one
-    from rich.console import Console
-
     from swarm_mj.api.flight import check, fly
     from swarm_mj.api.scenario import load
     from swarm_mj.cli.tables import results_table
-    from swarm_mj.io.progress import progress_bars
 
     overrides = overrides_of(arguments)
     scenarios = [load(name, overrides, design=arguments.design, policy=arguments.policy) for name in arguments.scenario]
     folders = _folders(arguments.out, [scenario.name for scenario in scenarios])
     for scenario, folder in zip(scenarios, folders, strict=True):
         check(scenario, folder)  # what is refused is so before another one is flown
-    console, report = Console(), not arguments.no_report
-    flown = []
-    with progress_bars(console, arguments.quiet) as bars:
+    report, flown = not arguments.no_report, []
+    with bars_for(arguments) as bars:
         for scenario, folder in zip(scenarios, folders, strict=True):
             flight = fly(
                 scenario, out=folder, figures=not arguments.no_figures, pdf=arguments.pdf, report=report, progress=bars
             )
             flown.append((folder, flight.summary, flight.findings))
-    console.print(results_table([summary for _, summary, _ in flown]))
+    bars.console.print(results_table([summary for _, summary, _ in flown]))
     for folder, summary, findings in flown:
-        _print_notes(console, summary, findings, folder)
+        words = [*_notes(summary), *findings, f"files in {folder}"]
+        tell(bars.console, *(f"{summary['scenario']}: {each}" for each in words))
     for folder, summary, _ in flown if report else ():
-        console.print(f"{summary['scenario']}: report in {folder / 'report.html'}", soft_wrap=True, highlight=False)
+        tell(bars.console, f"{summary['scenario']}: report in {folder / 'report.html'}")
     return 0
 
 
@@ -93,8 +105,13 @@ def _folders(out: Path | None, names: Sequence[str]) -> list[Path]:
     return [(out or DEFAULT_OUT) / name for name in names]
 
 
-def _print_notes(console: Console, summary: dict[str, Any], findings: Sequence[str], folder: Path) -> None:
+def _notes(summary: dict[str, Any]) -> list[str]:
     notes = [summary["description"]] if summary["description"] else []
-    notes += [summary["observer_note"]] if summary["observer"] != "faceid" else []
-    for words in [*notes, *findings, f"files in {folder}"]:
-        console.print(f"{summary['scenario']}: {words}", soft_wrap=True, highlight=False, markup=False)
+    return notes + ([summary["observer_note"]] if summary["observer"] != "faceid" else [])
+
+
+def _view(arguments: argparse.Namespace) -> int:
+    from swarm_mj.api.simulation import view
+
+    view(arguments.scenario, overrides_of(arguments), speed=arguments.speed)
+    return 0

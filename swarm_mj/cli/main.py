@@ -62,44 +62,14 @@ def _report(status: int, words: str) -> int:
 def _parser() -> argparse.ArgumentParser:
     import argparse
 
-    from swarm_mj.cli import (
-        campaign,
-        compare_classes,
-        design,
-        export,
-        fly,
-        names,
-        navigate,
-        observe,
-        report,
-        score,
-        shape,
-        validate,
-        video,
-        view,
-    )
+    from swarm_mj.cli import campaign, design, fly, names, navigate, observe, results, score, shape, validate
 
     parser = argparse.ArgumentParser(
         prog="swarm-mj", description="Fly CubeSat swarms past small bodies and measure what their cameras see."
     )
     parser.add_argument("--version", action="version", version=f"swarm-mj {__version__}")
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    for module in (
-        fly,
-        design,
-        campaign,
-        compare_classes,
-        video,
-        report,
-        export,
-        navigate,
-        observe,
-        score,
-        view,
-        names,
-        shape,
-        validate,
-    ):
+    for module in (fly, design, campaign, results, navigate, observe, score, names, shape, validate):
         module.add(commands)
     return parser
 

@@ -7,20 +7,16 @@ import json
 import textwrap
 from itertools import groupby
 
+from swarm_mj.cli.common import add_command
+
 
 def add(commands: argparse._SubParsersAction) -> None:
     """Add the commands to the parser."""
-    available = commands.add_parser(
-        "available",
-        help="list packaged scenarios and campaigns, and installed plug-ins",
-        description="List packaged scenarios and campaigns, control laws, gravity fields and behaviours, with what they are.",
-    )
-    available.set_defaults(command=_available)
-    explain = commands.add_parser(
-        "explain",
-        help="explain keys of a scenario, or the arguments of a plug-in",
-        description="Explain keys of a scenario, or the arguments of a plug-in: type, unit, default, what is allowed, meaning.",
-    )
+    words = "list packaged scenarios and campaigns, and installed control laws, gravity fields and behaviours"
+    add_command(commands, "available", _available, words)
+    words = "explain keys of a scenario, or the arguments of a plug-in"
+    facts = f"{words[0].upper()}{words[1:]}: type, unit, default, what is allowed, meaning."
+    explain = add_command(commands, "explain", _explain, words, facts)
     explain.add_argument(
         "name",
         nargs="?",
@@ -28,20 +24,10 @@ def add(commands: argparse._SubParsersAction) -> None:
         metavar="NAME",
         help="a section (camera), a key (camera.half_angle_deg) or a plug-in (mrp_sliding_mode); none: every key",
     )
-    explain.set_defaults(command=_explain)
-    packaged = commands.add_parser(
-        "packaged",
-        help="print the file of a packaged scenario, a start for your own",
-        description="Print the file of a packaged scenario, a start for your own.",
-    )
+    words = "print the file of a packaged scenario, a start for your own"
+    packaged = add_command(commands, "packaged", _packaged, words)
     packaged.add_argument("name", metavar="NAME", help="of the scenario, see `swarm-mj available`")
-    packaged.set_defaults(command=_packaged)
-    schema = commands.add_parser(
-        "json-schema",
-        help="print the JSON schema of scenario files, for editors",
-        description="Print the JSON schema of scenario files, for editors.",
-    )
-    schema.set_defaults(command=_json_schema)
+    add_command(commands, "json-schema", _json_schema, "print the JSON schema of scenario files, for editors")
 
 
 def _available(_: argparse.Namespace) -> int:

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from swarm_mj.cli.common import add_overrides, overrides_of
+from swarm_mj.cli.common import add_command, add_overrides, add_quiet, bars_for, overrides_of, tell
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -16,10 +16,12 @@ if TYPE_CHECKING:
 
 def add(commands: argparse._SubParsersAction) -> None:
     """Add the command to the parser."""
-    navigate = commands.add_parser(
+    navigate = add_command(
+        commands,
         "navigate",
-        help="tell how far from its visiting point each spacecraft will be, and what corrections burn",
-        description="Linear covariance from release to visit: errors of the mothership, the deployer, navigation and burns "
+        _navigate,
+        "tell how far from its visiting point each spacecraft will be, and what corrections burn",
+        "Linear covariance from release to visit: errors of the mothership, the deployer, navigation and burns "
         "(dispersions, navigation) carried through trajectory.corrections. See docs/how-to/corrections.md.",
     )
     navigate.add_argument("scenario", metavar="NAME_OR_FILE", help="packaged name or YAML file")
@@ -32,25 +34,19 @@ def add(commands: argparse._SubParsersAction) -> None:
         help="check with N flights under all forces, e.g. 1000 (default: none)",
     )
     navigate.add_argument("--out", type=Path, metavar="FILE", help="write all numbers there as JSON")
-    navigate.add_argument("--quiet", action="store_true", help="no progress bar")
-    navigate.set_defaults(command=_navigate)
+    add_quiet(navigate)
 
 
 def _navigate(arguments: argparse.Namespace) -> int:
-    from rich.console import Console
-
     from swarm_mj.api.navigate import navigate
-    from swarm_mj.io.progress import progress_bars
 
-    console = Console()
-    with progress_bars(console, arguments.quiet) as bars:
+    with bars_for(arguments) as bars:
         found = navigate(arguments.scenario, overrides_of(arguments), runs=arguments.runs, progress=bars)
-    console.print(_table(found))
+    bars.console.print(_table(found))
     lines = [f"{found.scenario.name}: {words}" for words in found.findings]
     if arguments.out is not None:
         lines.append(f"numbers in {found.save(arguments.out)}")
-    for line in lines:
-        console.print(line, soft_wrap=True, highlight=False, markup=False)
+    tell(bars.console, *lines)
     return 0
 
 

@@ -5,15 +5,17 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from swarm_mj.cli.common import add_overrides, overrides_of
+from swarm_mj.cli.common import add_command, add_overrides, add_quiet, bars_for, overrides_of, tell
 
 
 def add(commands: argparse._SubParsersAction) -> None:
     """Add the command to the parser."""
-    observe = commands.add_parser(
+    observe = add_command(
+        commands,
         "observe",
-        help="judge what a flight saw that was flown elsewhere, by its OEM and AEM",
-        description="Occlusion-true coverage of a flight that was flown elsewhere, by its CCSDS ephemeris messages (KVN).",
+        _observe,
+        "judge what a flight saw that was flown elsewhere, by its OEM and AEM",
+        "Occlusion-true coverage of a flight that was flown elsewhere, by its CCSDS ephemeris messages (KVN).",
     )
     observe.add_argument(
         "--oem", action="append", required=True, type=Path, metavar="FILE", help="path of a spacecraft; may be repeated"
@@ -40,19 +42,14 @@ def add(commands: argparse._SubParsersAction) -> None:
     )
     add_overrides(observe, "target.longitude_deg=30")
     observe.add_argument("--out", type=Path, metavar="DIR", help="write observation.json and coverage.npz there")
-    observe.add_argument("--quiet", action="store_true", help="no progress bar")
-    observe.set_defaults(command=_observe)
+    add_quiet(observe)
 
 
 def _observe(arguments: argparse.Namespace) -> int:
-    from rich.console import Console
-
     from swarm_mj.api.observe import observe
-    from swarm_mj.io.progress import progress_bars
 
     camera = {} if arguments.camera is None else {"camera.half_angle_deg": arguments.camera}
-    console = Console()
-    with progress_bars(console, arguments.quiet) as bars:
+    with bars_for(arguments) as bars:
         seen = observe(
             arguments.oem,
             arguments.aem,
@@ -71,6 +68,5 @@ def _observe(arguments: argparse.Namespace) -> int:
     ]
     if arguments.out is not None:
         lines.append(f"files in {seen.save(arguments.out)}")
-    for line in lines:
-        console.print(line, soft_wrap=True, highlight=False, markup=False)
+    tell(bars.console, *lines)
     return 0

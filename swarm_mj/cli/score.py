@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from swarm_mj.cli.common import add_command, add_quiet, bars_for, tell
+
 if TYPE_CHECKING:
     from rich.table import Table
 
@@ -15,10 +17,12 @@ if TYPE_CHECKING:
 
 def add(commands: argparse._SubParsersAction) -> None:
     """Add the command to the parser."""
-    score = commands.add_parser(
+    score = add_command(
+        commands,
         "score",
-        help="fly policies of SwarmObserve-v0 through its test episodes",
-        description="Fly policies through the frozen episodes of the leaderboard, which no training sees; the score is a share "
+        _score,
+        "fly policies of SwarmObserve-v0 through its test episodes",
+        "Fly policies through the frozen episodes of the leaderboard, which no training sees; the score is a share "
         "of what was possible (docs/results/leaderboard.md).",
     )
     score.add_argument(
@@ -32,31 +36,27 @@ def add(commands: argparse._SubParsersAction) -> None:
     score.add_argument(
         "--out", type=Path, metavar="FILE", help="write all numbers there as JSON, a list of the policies"
     )
-    score.add_argument("--quiet", action="store_true", help="no progress bar")
-    score.set_defaults(command=_score)
+    add_quiet(score)
 
 
 def _score(arguments: argparse.Namespace) -> int:
     import json
     from contextlib import ExitStack
 
-    from rich.console import Console
-
     from swarm_mj.api.score import score
     from swarm_mj.io.atomic import atomic_file
-    from swarm_mj.io.progress import progress_bars
 
-    console, out = Console(), arguments.out
+    out = arguments.out
     with ExitStack() as stack:
         # What cannot be written is refused before anybody flies for it.
         partial = None if out is None else stack.enter_context(atomic_file(out))
-        with progress_bars(console, arguments.quiet) as bars:
+        with bars_for(arguments) as bars:
             scores = score(arguments.policy, episodes=arguments.episodes, progress=bars)
         if partial is not None:
             partial.write_text(json.dumps([one.record() for one in scores], indent=1) + "\n", encoding="utf-8")
-    console.print(_table(scores))
+    bars.console.print(_table(scores))
     if out is not None:
-        console.print(f"numbers in {out}", soft_wrap=True, highlight=False, markup=False)
+        tell(bars.console, f"numbers in {out}")
     return 0
 
 

@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from swarm_mj.cli.common import add_command
 from swarm_mj.errors import ShapeError
 
 if TYPE_CHECKING:
@@ -14,17 +15,10 @@ if TYPE_CHECKING:
 
 def add(commands: argparse._SubParsersAction) -> None:
     """Add the commands to the parser."""
-    build = commands.add_parser(
-        "build-shape",
-        help="build the mesh of a packaged body from its harmonics",
-        description="Build the mesh of a packaged body from its harmonics.",
-    )
+    build = add_command(commands, "build-shape", _build, "build the mesh of a packaged body from its harmonics")
     build.add_argument("body", nargs="?", default="eros", metavar="NAME", help="eros (default), bennu or itokawa")
     build.add_argument("--frequency", type=int, metavar="N", help="of the geodesic mesh: 20 N^2 faces (default 20)")
-    build.set_defaults(command=_build)
-    load = commands.add_parser(
-        "load-shape", help="check and describe a shape file", description="Check and describe a shape file."
-    )
+    load = add_command(commands, "load-shape", _load, "check and describe a shape file")
     load.add_argument("file", type=Path, metavar="FILE", help="OBJ, PLY, STL, PDS .tab or SPICE .bds")
     load.add_argument("--unit", choices=("m", "km"), help="unit of FILE (default: m, but km for .tab and .bds)")
     load.add_argument(
@@ -34,7 +28,6 @@ def add(commands: argparse._SubParsersAction) -> None:
         metavar=("LOW", "HIGH"),
         help="largest vertex radius of FILE that is believed [m] (default: 50 to 2e6); a scenario's body.radius_range_m",
     )
-    load.set_defaults(command=_load)
     for command in (build, load):
         command.add_argument("--out", type=Path, metavar="OBJ", help="write the mesh here, in metres")
 

@@ -5,13 +5,17 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from swarm_mj.cli.common import add_command, add_quiet
+
 
 def add(commands: argparse._SubParsersAction) -> None:
     """Add the command to the parser."""
-    validate = commands.add_parser(
+    validate = add_command(
+        commands,
         "validate",
-        help="run the physics checks on the installed program",
-        description="Compare the installed program with independent references; exit status 1 if a check fails. Those that are "
+        _validate,
+        "run the physics checks on the installed program",
+        "Compare the installed program with independent references; exit status 1 if a check fails. Those that are "
         "other programs come with the extra dev; without it their checks are not run.",
     )
     validate.add_argument(
@@ -19,8 +23,7 @@ def add(commands: argparse._SubParsersAction) -> None:
     )
     validate.add_argument("--json", type=Path, metavar="FILE", help="write the results as JSON")
     validate.add_argument("--markdown", type=Path, metavar="FILE", help="write the results as a Markdown page")
-    validate.add_argument("--quiet", action="store_true", help="no progress bar")
-    validate.set_defaults(command=_validate)
+    add_quiet(validate)
 
 
 def _validate(arguments: argparse.Namespace) -> int:

@@ -60,7 +60,7 @@ class Result(NamedTuple):
 
 @contextmanager
 def atomic_folder(
-    destination: Path, result: Result | None = None, tell_kept: Callable[[Sequence[str]], None] | None = None
+    destination: Path, result: Result | None = None, say: Callable[[str], object] | None = None
 ) -> Iterator[Path]:
     """Give a temporary folder beside `destination` that takes its place when the block ends without an error.
 
@@ -71,13 +71,13 @@ def atomic_folder(
     Args:
         destination: Where the result is to stand.
         result: What it is; None: whatever result stands there is replaced.
-        tell_kept: Told the names of the files that were kept, if there are any, when all is in its place.
+        say: Told which files were kept, if there are any, when all is in its place.
 
     Raises:
         OutputError: The place cannot be written, holds something that is not a result of this program or another one than
             `result`, or another run is writing there.
     """
-    destination = _resolved(destination)
+    given, destination = destination, _resolved(destination)
     with _parents(destination), reserved(destination):
         _clear_leftovers(destination)
         _check_replaceable(destination, result)  # held: no other run is exchanging what stands there
@@ -98,8 +98,8 @@ def atomic_folder(
             if partial is not None:
                 with held():
                     shutil.rmtree(partial, ignore_errors=True)
-    if kept and tell_kept is not None:
-        tell_kept(kept)
+    if kept and result is not None and say is not None:
+        say(f"kept in {given}, but of the earlier {result.kind}, not this one: {', '.join(kept)}")
 
 
 def _made_beside(destination: Path) -> Path:

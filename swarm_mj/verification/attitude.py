@@ -8,22 +8,24 @@ from scipy.spatial.transform import Rotation
 
 from swarm_mj.simulator.state import InitialState
 from swarm_mj.spacecraft.attitude.mrp import dcm, mrp_rate
-from swarm_mj.verification.experiment import Bench, Experiment
+from swarm_mj.verification.experiment import Bench, experiment
 from swarm_mj.verification.flights import Flight, fly, gyrostat
 
 TUMBLING_S, STUDY_S, STUDY_STEP_S = 1200.0, 300.0, 1.0
 SPACECRAFT = 4
 
 
+@experiment("attitude-matrices", "SciPy's Rotation", 1e-14)
 def matrices_error(bench: Bench) -> float:
-    """Largest difference between an element of `dcm` and of SciPy's matrices, of both MRP sets."""
+    """Elements of C_BN from MRP of both sets."""
     sigma = np.random.default_rng(3).uniform(-1.5, 1.5, (500, 3))
     expected = Rotation.from_mrp(sigma).as_matrix().swapaxes(1, 2)
     return float(np.abs(dcm(sigma) - expected).max())
 
 
+@experiment("attitude-kinematics", "differences along rotations turned by SciPy", 1e-9)
 def kinematics_error(bench: Bench) -> float:
-    """Largest relative difference between `mrp_rate` and differences along rotations that SciPy turns."""
+    """Rate of the MRP, relative."""
     rng = np.random.default_rng(4)
     start, omega = Rotation.from_rotvec(rng.uniform(-1.5, 1.5, (300, 3))), rng.uniform(-1.0, 1.0, (300, 3))
     step = 1e-3
@@ -52,8 +54,9 @@ def tumbling(bench: Bench) -> Flight:
     return fly(bench, tumbling_start(), TUMBLING_S, 10.0, timestep=0.1)
 
 
+@experiment("attitude-momentum", "conservation", 1e-8)
 def momentum_drift(bench: Bench) -> float:
-    """Largest relative change of the angular momentum in N."""
+    """Angular momentum of body and wheels in 1,200 s of torque-free tumbling, relative."""
     flight = bench.once(tumbling)
     momentum_B = gyrostat().momentum_B(flight.omega_B, flight.wheels)
     to_N = Rotation.from_quat(flight.q_BN.reshape(-1, 4), scalar_first=True)
@@ -62,8 +65,9 @@ def momentum_drift(bench: Bench) -> float:
     return float(np.max(change / np.linalg.norm(momentum_N[0], axis=1)))
 
 
+@experiment("attitude-energy", "conservation", 1e-7)
 def energy_drift(bench: Bench) -> float:
-    """Largest change of the rotational energy over that of the body at the start.
+    """Energy of body and wheels in 1,200 s of torque-free tumbling, over the body's.
 
     The fast wheels hold a thousand times more, which hardly changes and would hide what the body does.
     """
@@ -73,13 +77,15 @@ def energy_drift(bench: Bench) -> float:
     return float(np.max(np.abs(energy - energy[0]) / body))
 
 
+@experiment("attitude-gyrostat", "equations of a gyrostat by SciPy DOP853", 1e-6, "rad")
 def gyrostat_error(bench: Bench) -> float:
-    """Largest angle between the simulation and SciPy after twenty minutes of tumbling [rad]."""
+    """Attitude after 1,200 s of torque-free tumbling, step 0.1 s."""
     return attitude_error(bench.once(tumbling))
 
 
+@experiment("attitude-order", "fourth order or better: more than 8", 8.0, at_least=True)
 def order_gain(bench: Bench) -> float:
-    """How many times the attitude error falls when the integration step is halved."""
+    """Attitude error at a step of 1 s over that at 0.5 s, 300 s."""
     coarse, fine = (
         attitude_error(fly(bench, tumbling_start(), STUDY_S, STUDY_S, timestep=step, period=STUDY_STEP_S))
         for step in (STUDY_STEP_S, 0.5 * STUDY_STEP_S)
@@ -87,8 +93,9 @@ def order_gain(bench: Bench) -> float:
     return coarse / fine
 
 
+@experiment("attitude-step", "MuJoCo's mj_step", 1e-8, "rad/s")
 def step_error(bench: Bench) -> float:
-    """Largest difference of body rates after 300 s of tumbling between the kernel and `mj_step`, step 0.1 s [rad/s]."""
+    """Body rates after 300 s of tumbling by the kernel, step 0.1 s."""
     flights = [fly(bench, tumbling_start(), STUDY_S, STUDY_S, stepper=stepper) for stepper in ("mujoco", "kernel")]
     return float(np.abs(flights[0].omega_B - flights[1].omega_B).max())
 
@@ -110,64 +117,3 @@ def attitude_error(flight: Flight) -> float:
         expected = Rotation.from_quat(solution.y[:4, 0], scalar_first=True)
         angles.append((Rotation.from_quat(flight.q_BN[-1, j], scalar_first=True) * expected.inv()).magnitude())
     return float(max(angles))
-
-
-EXPERIMENTS = (
-    Experiment(
-        name="attitude-matrices",
-        what="elements of C_BN from MRP of both sets",
-        reference="SciPy's Rotation",
-        tolerance=1e-14,
-        unit="1",
-        measure=matrices_error,
-    ),
-    Experiment(
-        name="attitude-kinematics",
-        what="rate of the MRP, relative",
-        reference="differences along rotations turned by SciPy",
-        tolerance=1e-9,
-        unit="1",
-        measure=kinematics_error,
-    ),
-    Experiment(
-        name="attitude-momentum",
-        what="angular momentum of body and wheels in 1,200 s of torque-free tumbling, relative",
-        reference="conservation",
-        tolerance=1e-8,
-        unit="1",
-        measure=momentum_drift,
-    ),
-    Experiment(
-        name="attitude-energy",
-        what="energy of body and wheels in 1,200 s of torque-free tumbling, over the body's",
-        reference="conservation",
-        tolerance=1e-7,
-        unit="1",
-        measure=energy_drift,
-    ),
-    Experiment(
-        name="attitude-gyrostat",
-        what="attitude after 1,200 s of torque-free tumbling, step 0.1 s",
-        reference="equations of a gyrostat by SciPy DOP853",
-        tolerance=1e-6,
-        unit="rad",
-        measure=gyrostat_error,
-    ),
-    Experiment(
-        name="attitude-order",
-        what="attitude error at a step of 1 s over that at 0.5 s, 300 s",
-        reference="fourth order or better: more than 8",
-        tolerance=8.0,
-        at_least=True,
-        unit="1",
-        measure=order_gain,
-    ),
-    Experiment(
-        name="attitude-step",
-        what="body rates after 300 s of tumbling by the kernel, step 0.1 s",
-        reference="MuJoCo's mj_step",
-        tolerance=1e-8,
-        unit="rad/s",
-        measure=step_error,
-    ),
-)

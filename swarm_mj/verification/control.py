@@ -11,7 +11,7 @@ from swarm_mj.simulator.state import InitialState
 from swarm_mj.spacecraft.control import MrpSlidingMode
 from swarm_mj.spacecraft.properties import SpacecraftProperties
 from swarm_mj.typing import Array
-from swarm_mj.verification.experiment import Bench, Experiment
+from swarm_mj.verification.experiment import Bench, experiment
 from swarm_mj.verification.flights import Flight, fly, gyrostat
 from swarm_mj.verification.reference import eros_acceleration, eros_attitude
 
@@ -105,8 +105,9 @@ def mrp_matrix(sigma: Array) -> Array:
     return (1.0 - sigma @ sigma) * np.eye(3) + 2.0 * tilde + 2.0 * np.outer(sigma, sigma)
 
 
+@experiment("control-sliding-mode", "the law, guidance and plant written anew, SciPy DOP853", 1e-7, "rad")
 def loop_error(bench: Bench) -> float:
-    """Largest angle between the two flights [rad]."""
+    """Attitude while slewing to and tracking Eros, 120 s."""
     return largest_angle(bench.once(slew), DURATION_S)
 
 
@@ -116,15 +117,3 @@ def largest_angle(flight: Flight, duration: float) -> float:
     expected = Rotation.from_quat(expected_states(start, duration)[:, Q], scalar_first=True)
     simulated = Rotation.from_quat(flight.q_BN[:, 0], scalar_first=True)
     return float((simulated * expected.inv()).magnitude().max())
-
-
-EXPERIMENTS = (
-    Experiment(
-        name="control-sliding-mode",
-        what="attitude while slewing to and tracking Eros, 120 s",
-        reference="the law, guidance and plant written anew, SciPy DOP853",
-        tolerance=1e-7,
-        unit="rad",
-        measure=loop_error,
-    ),
-)

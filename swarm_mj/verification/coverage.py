@@ -16,7 +16,7 @@ from swarm_mj.observation.observer import Observer
 from swarm_mj.observation.raycast import RayCastObserver
 from swarm_mj.observation.raytracing import RayTracer
 from swarm_mj.typing import Array
-from swarm_mj.verification.experiment import Bench, Experiment, NotRun
+from swarm_mj.verification.experiment import Bench, NotRun, experiment
 from swarm_mj.verification.flights import ball
 from swarm_mj.verification.gravity import eros_shape
 from swarm_mj.verification.polygons import visible_areas
@@ -56,19 +56,12 @@ def draw_with(drawing: Drawing, region: TargetRegion, camera: CameraModel) -> Fa
 
 def ray_areas(bench: Bench) -> Array:
     """Area seen of each cell by ray casting, shape (views, n) [m^2]."""
-    region = bench.once(eros_target)
-    return _areas(RayCastObserver(region, camera(), samples=64), bench)
+    return _areas(RayCastObserver(bench.once(eros_target), camera(), samples=64), bench)
 
 
-def opengl_areas(bench: Bench) -> Array:
-    """Area seen of each cell by face-ID buffers of OpenGL, shape (views, n) [m^2]."""
-    with draw_with("opengl", bench.once(eros_target), camera()) as observer:
-        return _areas(observer, bench)
-
-
-def compiled_areas(bench: Bench) -> Array:
-    """The same of compiled code."""
-    with draw_with("compiled", bench.once(eros_target), camera()) as observer:
+def drawn_areas(drawing: Drawing, bench: Bench) -> Array:
+    """The same of face-ID buffers."""
+    with draw_with(drawing, bench.once(eros_target), camera()) as observer:
         return _areas(observer, bench)
 
 
@@ -127,8 +120,9 @@ def footprint_error(observer: str, bench: Bench) -> float:
     return abs(float(fraction @ region.area) / expected - 1.0)
 
 
+@experiment("coverage-limb", "closed form of the cap above the horizon", 2e-3)
 def horizon_error(bench: Bench) -> float:
-    """Relative error of the area of a sphere above the horizon, from half a radius above it."""
+    """Area of a sphere in view from half a radius above, relative."""
     shape = ball(BALL_RADIUS_M, BALL_FREQUENCY)
     region = build_target(shape, latitude_deg=-20.0, longitude_deg=200.0, half_angle_deg=75.0, edges="side")
     wide = CameraModel(half_angle_deg=60.0)
@@ -140,66 +134,37 @@ def horizon_error(bench: Bench) -> float:
 #: Area that each observer sees, by the last word of the checks' names, and what it is called in them.
 OBSERVERS: dict[str, tuple[Areas, str]] = {
     "rays": (ray_areas, "ray casting"),
-    "faceid": (opengl_areas, "face-ID buffers of OpenGL"),
-    "raster": (compiled_areas, "face-ID buffers of compiled code"),
+    "faceid": (partial(drawn_areas, "opengl"), "face-ID buffers of OpenGL"),
+    "raster": (partial(drawn_areas, "compiled"), "face-ID buffers of compiled code"),
     "horizon": (horizon_areas, "horizon maps"),
 }
+_JUDGED = f"Share of the target's area judged differently, worst of {VIEWS} pictures"
 
 
-def _footprint(observer: str) -> Experiment:
-    return Experiment(
-        name=f"coverage-footprint-{observer}",
-        what=f"area in a conical picture of a sphere by {OBSERVERS[observer][1]}, relative",
-        reference="closed form of the cap in the field of view",
-        tolerance=5e-3,
-        unit="1",
-        measure=partial(footprint_error, observer),
-    )
+def _compare_pixels(name: str, pictures: str, tolerance: float, drawing: Drawing) -> None:
+    what = f"Pixels of {pictures} with another face, {RESOLUTION_PX} px"
+    add = experiment(name, "a ray through every pixel's centre, Embree", tolerance, "%", what=what, package="embreex")
+    add(partial(pixels_differ, drawing))
 
 
-def _pixels(name: str, what: str, tolerance: float, drawing: Drawing) -> Experiment:
-    return Experiment(
-        name=name,
-        what=f"pixels of {what} with another face, {RESOLUTION_PX} px",
-        reference="a ray through every pixel's centre, Embree",
-        tolerance=tolerance,
-        unit="%",
-        measure=partial(pixels_differ, drawing),
-        package="embreex",
-    )
-
-
-def _difference(name: str, what: str, reference: str, areas: tuple[Areas, Areas], package: str | None) -> Experiment:
-    return Experiment(
-        name=name,
-        what=f"share of the target's area judged differently, worst of {VIEWS} pictures, {what}",
-        reference=reference,
-        tolerance=1.0,
-        unit="%",
-        measure=partial(areas_differ, *areas),
-        package=package,
-    )
-
-
-EXPERIMENTS = (
-    *map(_footprint, ("rays", "faceid", "raster")),
-    Experiment(
-        name="coverage-limb",
-        what="area of a sphere in view from half a radius above, relative",
-        reference="closed form of the cap above the horizon",
-        tolerance=2e-3,
-        unit="1",
-        measure=horizon_error,
-    ),
-    _pixels("coverage-pixels", "OpenGL's face-ID pictures", 0.05, "opengl"),
-    _pixels("coverage-pixels-raster", "compiled face-ID pictures", 0.01, "compiled"),
-    _difference(
-        "coverage-observers", "face-ID buffers", "ray casting, 64 rays to each face", (opengl_areas, ray_areas), None
-    ),
-    *(
-        _difference(
-            f"coverage-polygons-{name}", what, "exact polygon clipping with shapely", (areas, polygon_areas), "shapely"
-        )
-        for name, (areas, what) in OBSERVERS.items()
-    ),
+_compare_pixels("coverage-pixels", "OpenGL's face-ID pictures", 0.05, "opengl")
+_compare_pixels("coverage-pixels-raster", "compiled face-ID pictures", 0.01, "compiled")
+experiment("coverage-observers", "ray casting, 64 rays to each face", 1.0, "%", what=f"{_JUDGED}, face-ID buffers")(
+    partial(areas_differ, OBSERVERS["faceid"][0], ray_areas)
 )
+for _name, (_seen, _words) in OBSERVERS.items():
+    if _name != "horizon":  # whose cameras are square
+        experiment(
+            f"coverage-footprint-{_name}",
+            "closed form of the cap in the field of view",
+            5e-3,
+            what=f"Area in a conical picture of a sphere by {_words}, relative",
+        )(partial(footprint_error, _name))
+    experiment(
+        f"coverage-polygons-{_name}",
+        "exact polygon clipping with shapely",
+        1.0,
+        "%",
+        what=f"{_JUDGED}, {_words}",
+        package="shapely",
+    )(partial(areas_differ, _seen, polygon_areas))

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from swarm_mj.scenarios.constants import AU, DAY, JD_J2000
 from swarm_mj.smallbody.ephemeris import Ephemeris, julian_date
 from swarm_mj.smallbody.kepler import EARTH_ORBIT, EROS_ORBIT, position_velocity
-from swarm_mj.verification.experiment import Bench, Experiment
+from swarm_mj.verification.experiment import Bench, experiment
 from swarm_mj.verification.reference import EPOCH_JD, ecliptic, eros_attitude
 
 #: Equinoxes and solstices of the year 2000 (UTC; US Naval Observatory) and the Sun's apparent longitude then [deg].
@@ -44,8 +44,9 @@ EROS_FROM_EARTH_GM = {
 ASTROPY_YEARS = range(2005, 2045)
 
 
+@experiment("ephemeris-seasons", "published times of the equinoxes and solstices of 2000", 0.02, "deg")
 def seasons_error(bench: Bench) -> float:
-    """Largest error of Earth's direction at the equinoxes and solstices of 2000 [deg]."""
+    """Earth's heliocentric longitude."""
     errors = []
     for date, longitude in SEASONS_2000.items():
         jd = julian_date(date) + TDB_LESS_UTC_S / DAY
@@ -56,14 +57,16 @@ def seasons_error(bench: Bench) -> float:
     return float(max(errors))
 
 
+@experiment("ephemeris-perihelion", "published perihelion: 0.9832436 au", 1e-4, "au")
 def perihelion_error(bench: Bench) -> float:
-    """Error of Earth's distance at its perihelion of 2020 [au]."""
+    """Earth's distance from the Sun on 2020-01-05."""
     r = position_velocity(EARTH_ORBIT, julian_date(EARTH_PERIHELION_DATE))[0]
     return abs(float(np.linalg.norm(r)) / AU - EARTH_PERIHELION_AU)
 
 
+@experiment("ephemeris-eros-period", "published period: 643.2 d", 0.5, "d")
 def period_error(bench: Bench) -> float:
-    """Error of the period of Eros, from two passages of the same place [d]."""
+    """Time from one passage of a place of Eros's orbit to the next."""
     days = np.arange(600.0, 700.0)
     start = position_velocity(EROS_ORBIT, EPOCH_JD)[0]
     distance = [float(np.linalg.norm(position_velocity(EROS_ORBIT, EPOCH_JD + d)[0] - start)) for d in days]
@@ -72,8 +75,9 @@ def period_error(bench: Bench) -> float:
     return abs(float(nearest + (start - r) @ v / (v @ v) / DAY) - EROS_PERIOD_D)
 
 
+@experiment("ephemeris-eros-place", "published elements of that date, by SciPy", 0.5, "deg")
 def place_error(bench: Bench) -> float:
-    """Angle between the directions from the Sun to Eros, ours and that of elements of another date [deg]."""
+    """Direction from the Sun to Eros on 2004-10-22."""
     axis_au, e, inclination, node, argument, mean = EROS_ELEMENTS
     anomaly = brentq(lambda x: x - e * np.sin(x) - np.radians(mean), 0.0, 2.0 * np.pi)
     in_plane = axis_au * np.array([np.cos(anomaly) - e, np.sqrt(1.0 - e * e) * np.sin(anomaly), 0.0])
@@ -82,8 +86,9 @@ def place_error(bench: Bench) -> float:
     return float(np.degrees(np.arctan2(np.linalg.norm(np.cross(ours, expected)), ours @ expected)))
 
 
+@experiment("ephemeris-eros-distance", "published distances: 274, 316, 26.7 and 40.5 Gm", 1.0, "Gm")
 def distance_error(bench: Bench) -> float:
-    """Largest error of the distance from Earth to Eros [Gm]."""
+    """Distance from Earth to Eros, worst of 4 dates, 2000 to 2018."""
     errors = []
     for date, expected in EROS_FROM_EARTH_GM.items():
         jd = julian_date(date)
@@ -92,8 +97,9 @@ def distance_error(bench: Bench) -> float:
     return max(errors)
 
 
+@experiment("ephemeris-velocity", "central differences of the positions", 2e-5)
 def velocity_error(bench: Bench) -> float:
-    """Largest relative difference between velocities and differences of positions, Earth and Eros.
+    """Velocities of Earth and Eros, relative.
 
     The drift of Earth's elements, 9e-6 of its motion, is no part of its velocity.
     """
@@ -107,8 +113,9 @@ def velocity_error(bench: Bench) -> float:
     return worst
 
 
+@experiment("ephemeris-astropy", "astropy's built-in ephemeris", 0.02, "deg", package="astropy")
 def astropy_error(bench: Bench) -> float:
-    """Largest angle between the directions to Earth from the Sun, ours and astropy's, 2005 to 2044 [deg]."""
+    """Direction from the Sun to Earth and Moon, 2005 to 2044."""
     coordinates, time = import_module("astropy.coordinates"), import_module("astropy.time")
     worst = 0.0
     for year in ASTROPY_YEARS:
@@ -124,77 +131,9 @@ def astropy_error(bench: Bench) -> float:
     return float(np.degrees(worst))
 
 
+@experiment("ephemeris-rotation", "closed form from the vectors of pole, node and prime meridian", 1e-9)
 def rotation_error(bench: Bench) -> float:
-    """Largest difference between an element of C_AN and its closed form over a day."""
+    """Elements of C_AN over a day."""
     ephemeris = Ephemeris()
     times = np.linspace(0.0, DAY, 97)
     return max(float(np.abs(ephemeris.C_AN(EPOCH_JD, t) - eros_attitude(t)).max()) for t in times)
-
-
-EXPERIMENTS = (
-    Experiment(
-        name="ephemeris-seasons",
-        what="Earth's heliocentric longitude",
-        reference="published times of the equinoxes and solstices of 2000",
-        tolerance=0.02,
-        unit="deg",
-        measure=seasons_error,
-    ),
-    Experiment(
-        name="ephemeris-perihelion",
-        what="Earth's distance from the Sun on 2020-01-05",
-        reference="published perihelion: 0.9832436 au",
-        tolerance=1e-4,
-        unit="au",
-        measure=perihelion_error,
-    ),
-    Experiment(
-        name="ephemeris-astropy",
-        what="direction from the Sun to Earth and Moon, 2005 to 2044",
-        reference="astropy's built-in ephemeris",
-        tolerance=0.02,
-        unit="deg",
-        measure=astropy_error,
-        package="astropy",
-    ),
-    Experiment(
-        name="ephemeris-eros-period",
-        what="time from one passage of a place of Eros's orbit to the next",
-        reference="published period: 643.2 d",
-        tolerance=0.5,
-        unit="d",
-        measure=period_error,
-    ),
-    Experiment(
-        name="ephemeris-eros-place",
-        what="direction from the Sun to Eros on 2004-10-22",
-        reference="published elements of that date, by SciPy",
-        tolerance=0.5,
-        unit="deg",
-        measure=place_error,
-    ),
-    Experiment(
-        name="ephemeris-eros-distance",
-        what="distance from Earth to Eros, worst of 4 dates, 2000 to 2018",
-        reference="published distances: 274, 316, 26.7 and 40.5 Gm",
-        tolerance=1.0,
-        unit="Gm",
-        measure=distance_error,
-    ),
-    Experiment(
-        name="ephemeris-velocity",
-        what="velocities of Earth and Eros, relative",
-        reference="central differences of the positions",
-        tolerance=2e-5,
-        unit="1",
-        measure=velocity_error,
-    ),
-    Experiment(
-        name="ephemeris-rotation",
-        what="elements of C_AN over a day",
-        reference="closed form from the vectors of pole, node and prime meridian",
-        tolerance=1e-9,
-        unit="1",
-        measure=rotation_error,
-    ),
-)

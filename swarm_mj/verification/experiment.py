@@ -5,10 +5,12 @@ from __future__ import annotations
 import importlib.util
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field, fields
+from inspect import cleandoc
 from typing import Any, TypeVar
 
 T = TypeVar("T")
+Measure = TypeVar("Measure", bound="Callable[[Bench], float]")
 
 
 class NotRun(Exception):
@@ -28,36 +30,9 @@ class Bench:
         return self._made[make]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Check:
-    """Outcome of one check.
-
-    Attributes:
-        name: Name for `--only`.
-        what: What was measured.
-        reference: What it was compared with.
-        tolerance: Bound on the measured number.
-        at_least: Whether the bound is a lower one; else it is an upper one.
-        measured: The number; None if there is none.
-        unit: Unit of tolerance and measured number.
-        passed: Whether the bound is kept; None if the check was not run.
-        note: Why it was not run, or how it broke down.
-    """
-
-    name: str
-    what: str
-    reference: str
-    tolerance: float
-    at_least: bool
-    measured: float | None
-    unit: str
-    passed: bool | None
-    note: str = ""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Experiment:
-    """A check that can be run.
+@dataclass(frozen=True)
+class Bound:
+    """What a measured number has to keep.
 
     Attributes:
         name: Name for `--only`; its first word is the group.
@@ -65,9 +40,7 @@ class Experiment:
         reference: What it is compared with.
         tolerance: Bound on the measured number.
         unit: Unit of both.
-        measure: Returns the number; may raise `NotRun`.
-        at_least: Whether the bound is a lower one.
-        package: Optional package that the reference needs, by its import name.
+        at_least: Whether the bound is a lower one; else it is an upper one.
     """
 
     name: str
@@ -75,9 +48,35 @@ class Experiment:
     reference: str
     tolerance: float
     unit: str
+    at_least: bool = field(default=False, kw_only=True)
+
+
+@dataclass(frozen=True)
+class Check(Bound):
+    """Outcome of one check.
+
+    Attributes:
+        measured: The number; None if there is none.
+        passed: Whether the bound is kept; None if the check was not run.
+        note: Why it was not run, or how it broke down.
+    """
+
+    measured: float | None
+    passed: bool | None
+    note: str
+
+
+@dataclass(frozen=True)
+class Experiment(Bound):
+    """A check that can be run.
+
+    Attributes:
+        measure: Returns the number; may raise `NotRun`.
+        package: Optional package that the reference needs, by its import name.
+    """
+
     measure: Callable[[Bench], float]
-    at_least: bool = False
-    package: str | None = None
+    package: str | None = field(default=None, kw_only=True)
 
     @property
     def group(self) -> str:
@@ -100,14 +99,33 @@ class Experiment:
         return self._check(measured, kept, "")
 
     def _check(self, measured: float | None, passed: bool | None, note: str) -> Check:
-        return Check(
-            name=self.name,
-            what=self.what,
-            reference=self.reference,
-            tolerance=self.tolerance,
-            at_least=self.at_least,
-            measured=measured,
-            unit=self.unit,
-            passed=passed,
-            note=note,
-        )
+        stated = {each.name: getattr(self, each.name) for each in fields(Bound)}
+        return Check(**stated, measured=measured, passed=passed, note=note)
+
+
+#: All checks, in the order in which they are run.
+EXPERIMENTS: list[Experiment] = []
+
+
+def experiment(
+    name: str,
+    reference: str,
+    tolerance: float,
+    unit: str = "1",
+    *,
+    what: str | None = None,
+    at_least: bool = False,
+    package: str | None = None,
+) -> Callable[[Measure], Measure]:
+    """Make a check of a function that measures a deviation; arguments as in `Bound` and `Experiment`.
+
+    What is measured is what the first paragraph of the function's docstring says, unless `what` says it.
+    """
+
+    def add(measure: Measure) -> Measure:
+        words = what or cleandoc(measure.__doc__ or "").split("\n\n")[0].rstrip(".")
+        stated = (name, words, reference, tolerance, unit)
+        EXPERIMENTS.append(Experiment(*stated, measure, at_least=at_least, package=package))
+        return measure
+
+    return add

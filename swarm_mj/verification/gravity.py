@@ -14,7 +14,7 @@ from swarm_mj.smallbody.gravity import PointMass, Polyhedron, SphericalHarmonics
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.smallbody.shape_harmonics import load_eros
 from swarm_mj.typing import Array
-from swarm_mj.verification.experiment import Bench, Experiment
+from swarm_mj.verification.experiment import Bench, experiment
 
 #: Weights of the fourth-order central difference at -2, -1, 1 and 2 steps.
 STENCIL = np.array([1.0, -8.0, 8.0, -1.0]) / 12.0
@@ -94,22 +94,25 @@ def field_divergence_error(make: Callable[[Bench], Field], bench: Bench) -> floa
     return divergence_error(bench.once(make), outside())
 
 
+@experiment("gravity-poisson-polyhedron", "Poisson's equation: -4 pi G rho", 1e-8)
 def inside_error(bench: Bench) -> float:
-    """Poisson's equation in the middle of the polyhedron: the divergence is -4 pi G rho."""
+    """Divergence of the attraction inside the polyhedron, relative to its gradient."""
     body = bench.once(polyhedron)
     expected = -4.0 * np.pi * constants.GRAVITATIONAL_CONSTANT * body.density
     return divergence_error(body, np.random.default_rng(2).uniform(-1e3, 1e3, (20, 3)), expected)
 
 
+@experiment("gravity-series", f"its spherical harmonics of degree {FIT_DEGREE}, by quadrature", 1e-5)
 def series_error(bench: Bench) -> float:
-    """Largest relative difference between the polyhedron and its own series outside 20 km."""
+    """Attraction of the polyhedron outside 20 km, relative."""
     body = bench.once(polyhedron)
     series = fit_harmonics(body.potential, body.gm, 16e3, FIT_DEGREE, 20e3)
     return _relative(body.acceleration(outside()), series.acceleration(outside()))
 
 
+@experiment("gravity-polyhedral-gravity", "program polyhedral_gravity", 1e-10, package="polyhedral_gravity")
 def other_program_error(bench: Bench) -> float:
-    """Largest relative difference from the program polyhedral_gravity, near and far."""
+    """Attraction of the polyhedron from 1 km above the surface, relative."""
     other, body = import_module("polyhedral_gravity"), bench.once(polyhedron)
     mesh = other.Polyhedron(
         (body.shape.vertices, body.shape.faces),
@@ -128,58 +131,17 @@ def _relative(measured: Array, expected: Array) -> float:
     return float(np.max(np.linalg.norm(measured - expected, axis=1) / np.linalg.norm(expected, axis=1)))
 
 
-_FIELDS: dict[str, Callable[[Bench], Field]] = {
-    "point-mass": point_mass,
-    "harmonics": harmonics,
-    "polyhedron": polyhedron,
-}
-
-EXPERIMENTS = (
-    *(
-        Experiment(
-            name=f"gravity-{name}",
-            what=f"attraction of the {name.replace('-', ' ')} at 20 to 60 km, relative",
-            reference="central differences of the potential",
-            tolerance=1e-8,
-            unit="1",
-            measure=partial(field_gradient_error, make),
-        )
-        for name, make in _FIELDS.items()
-    ),
-    *(
-        Experiment(
-            name=f"gravity-laplace-{name}",
-            what=f"divergence of the attraction of the {name.replace('-', ' ')}, relative to its gradient",
-            reference="Laplace's equation: 0",
-            tolerance=1e-8,
-            unit="1",
-            measure=partial(field_divergence_error, make),
-        )
-        for name, make in _FIELDS.items()
-    ),
-    Experiment(
-        name="gravity-poisson-polyhedron",
-        what="divergence of the attraction inside the polyhedron, relative to its gradient",
-        reference="Poisson's equation: -4 pi G rho",
-        tolerance=1e-8,
-        unit="1",
-        measure=inside_error,
-    ),
-    Experiment(
-        name="gravity-series",
-        what="attraction of the polyhedron outside 20 km, relative",
-        reference=f"its spherical harmonics of degree {FIT_DEGREE}, by quadrature",
-        tolerance=1e-5,
-        unit="1",
-        measure=series_error,
-    ),
-    Experiment(
-        name="gravity-polyhedral-gravity",
-        what="attraction of the polyhedron from 1 km above the surface, relative",
-        reference="program polyhedral_gravity",
-        tolerance=1e-10,
-        unit="1",
-        measure=other_program_error,
-        package="polyhedral_gravity",
-    ),
-)
+for _name, _make in (("point-mass", point_mass), ("harmonics", harmonics), ("polyhedron", polyhedron)):
+    _whose = f"attraction of the {_name.replace('-', ' ')}"
+    experiment(
+        f"gravity-{_name}",
+        "central differences of the potential",
+        1e-8,
+        what=f"{_whose.capitalize()} at 20 to 60 km, relative",
+    )(partial(field_gradient_error, _make))
+    experiment(
+        f"gravity-laplace-{_name}",
+        "Laplace's equation: 0",
+        1e-8,
+        what=f"Divergence of the {_whose}, relative to its gradient",
+    )(partial(field_divergence_error, _make))

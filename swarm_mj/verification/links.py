@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.mission.links import Antennas, links_closed
 from swarm_mj.typing import Array
-from swarm_mj.verification.experiment import Bench, Experiment
+from swarm_mj.verification.experiment import Bench, experiment
 from swarm_mj.verification.flights import ball
 
 RADIUS_M, SAMPLES, EARTH_M = 8e3, 4000, 1.5e11
@@ -18,8 +18,9 @@ GRAZING_M = 20.0
 BORESIGHT_B = np.array([0.6, 0.0, 0.8])
 
 
+@experiment("links-geometry", "closed form of range, beams and occultation", 0.0)
 def wrong_links(bench: Bench) -> float:
-    """Number of links between spacecraft and to Earth whose state differs from the closed form."""
+    """Wrong states among 8000 links past a sphere, to spacecraft and Earth, grazing ones left out."""
     rng = np.random.default_rng(7)
     r = rng.standard_normal((SAMPLES, 2, 3))
     r *= rng.uniform(10e3, 30e3, (SAMPLES, 2, 1)) / np.linalg.norm(r, axis=2, keepdims=True)
@@ -75,15 +76,3 @@ def clearance(a: Array, b: Array) -> Array:
     perpendicular = np.linalg.norm(np.cross(a, along), axis=1)
     between = (foot > 0.0) & (foot < np.linalg.norm(b - a, axis=1))
     return np.where(between, perpendicular, np.minimum(np.linalg.norm(a, axis=1), np.linalg.norm(b, axis=1)))
-
-
-EXPERIMENTS = (
-    Experiment(
-        name="links-geometry",
-        what=f"wrong states among {2 * SAMPLES} links past a sphere, to spacecraft and Earth, grazing ones left out",
-        reference="closed form of range, beams and occultation",
-        tolerance=0.0,
-        unit="1",
-        measure=wrong_links,
-    ),
-)

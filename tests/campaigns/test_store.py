@@ -13,7 +13,7 @@ import pytest
 
 from swarm_mj.campaigns.config import Campaign
 from swarm_mj.campaigns.manifest import MANIFEST
-from swarm_mj.campaigns.store import JOURNAL, PARTS, RESULTS, Store, read_journal, read_results, schema_of
+from swarm_mj.campaigns.store import JOURNAL, RESULTS, Store, read_journal, read_results, schema_of
 from swarm_mj.errors import OutputError
 
 pytestmark = pytest.mark.robust
@@ -32,12 +32,10 @@ def row(number, **values):
     return {**plain, "coverage_percent": 1.0 / (number + 3.0), "events": [], "wall_s": 0.5, **values}
 
 
-def filled(folder, numbers, *, seal_after=()):
+def filled(folder, numbers):
     store = Store(folder, SCHEMA)
     for number in numbers:
         store.add(row(number))
-        if number in seal_after:
-            store.seal()
     return store
 
 
@@ -46,7 +44,9 @@ def numbers(folder):
 
 
 def test_rows_are_there_as_soon_as_they_are_added_and_keep_every_bit(tmp_path):
-    filled(tmp_path, [3, 1, 2], seal_after=[1])
+    store = filled(tmp_path, [3, 1])
+    store.compact()
+    store.add(row(2))
     found = read_results(tmp_path).to_pylist()
     assert [r["row"] for r in found] == [1, 2, 3]
     assert [r["coverage_percent"] for r in found] == [1.0 / (n + 3.0) for n in (1, 2, 3)]
@@ -59,26 +59,22 @@ def test_rows_that_stand_in_the_journal_alone_are_read_by_anybody(tmp_path):
     store = filled(tmp_path, [2])
     with pytest.raises(OutputError, match=r"campaign\.json: cannot be read"):
         read_results(tmp_path)
-    (tmp_path / MANIFEST).write_text(
-        json.dumps({"campaign": CAMPAIGN.model_dump(mode="json", by_alias=True), "fingerprint": ""})
-    )
-    assert not list((tmp_path / PARTS).iterdir())
+    (tmp_path / MANIFEST).write_text(json.dumps({"campaign": CAMPAIGN.model_dump(mode="json", by_alias=True)}))
     assert read_results(tmp_path).equals(read_results(tmp_path, SCHEMA)) and numbers(tmp_path) == [2]
     assert read_results(str(tmp_path)).equals(read_results(tmp_path))
     store.close()
 
 
 def test_a_store_that_was_never_closed_is_taken_over_whole(tmp_path):
-    filled(tmp_path, range(5), seal_after=[2])
+    filled(tmp_path, range(5))
     store = Store(tmp_path, SCHEMA)
     assert store.done == set(range(5)) and store.torn == []
-    assert read_journal(tmp_path / JOURNAL) == ([], 0)
     assert numbers(tmp_path) == list(range(5))
 
 
 def test_compaction_gives_one_sorted_file_and_a_second_one_changes_nothing(tmp_path):
-    filled(tmp_path, [4, 0, 3, 1], seal_after=[0]).compact()
-    assert not list((tmp_path / PARTS).iterdir())
+    filled(tmp_path, [4, 0, 3, 1]).compact()
+    assert read_journal(tmp_path / JOURNAL) == ([], 0)
     first = (tmp_path / RESULTS).read_bytes()
     again = Store(tmp_path, SCHEMA)
     again.compact()
@@ -89,9 +85,9 @@ def test_compaction_gives_one_sorted_file_and_a_second_one_changes_nothing(tmp_p
 
 
 def test_what_is_empty_at_the_end_is_removed_and_what_holds_rows_stays(tmp_path):
-    store = filled(tmp_path, [0, 1], seal_after=[0])
+    store = filled(tmp_path, [0, 1])
     store.close()
-    assert {p.name for p in tmp_path.iterdir()} == {JOURNAL, PARTS} and numbers(tmp_path) == [0, 1]
+    assert {p.name for p in tmp_path.iterdir()} == {JOURNAL} and numbers(tmp_path) == [0, 1]
     store = Store(tmp_path, SCHEMA)
     store.compact()
     store.close()
@@ -101,26 +97,17 @@ def test_what_is_empty_at_the_end_is_removed_and_what_holds_rows_stays(tmp_path)
 def test_a_row_is_not_counted_twice(tmp_path):
     store = filled(tmp_path, [0, 1, 0])
     store.add(row(1, coverage_percent=9.0))
-    store.seal()
-    found = read_results(tmp_path)
+    found = read_results(tmp_path, SCHEMA)
     assert found["row"].to_pylist() == [0, 1] and 9.0 not in found["coverage_percent"].to_pylist()
 
 
-def test_a_crash_between_sealing_and_emptying_the_journal_doubles_nothing(tmp_path):
+def test_a_crash_between_compaction_and_clearing_doubles_nothing(tmp_path):
     store = filled(tmp_path, [0, 1])
     journal = (tmp_path / JOURNAL).read_bytes()
-    store.seal()
+    store.compact()
     (tmp_path / JOURNAL).write_bytes(journal)
     assert numbers(tmp_path) == [0, 1]
     assert Store(tmp_path, SCHEMA).done == {0, 1}
-    assert numbers(tmp_path) == [0, 1]
-
-
-def test_a_crash_between_compaction_and_clearing_doubles_nothing(tmp_path):
-    store = filled(tmp_path, [0, 1], seal_after=[1])
-    shutil.copytree(tmp_path / PARTS, tmp_path / "kept")
-    store.compact()
-    shutil.copytree(tmp_path / "kept", tmp_path / PARTS, dirs_exist_ok=True)
     assert numbers(tmp_path) == [0, 1]
 
 
@@ -145,24 +132,26 @@ def test_a_flipped_bit_in_the_journal_costs_only_its_own_row(tmp_path):
 
 
 @pytest.mark.parametrize("damage", ["cut", "emptied", "flipped", "replaced"])
-def test_a_torn_part_is_set_aside_and_its_rows_are_missing(tmp_path, damage):
-    filled(tmp_path, range(40), seal_after=[19, 39])
-    part = sorted((tmp_path / PARTS).iterdir())[0]
-    data = bytearray(part.read_bytes())
+def test_a_torn_file_is_set_aside_and_its_rows_are_missing(tmp_path, damage):
+    store = filled(tmp_path, range(20))
+    store.compact()
+    for number in range(20, 40):
+        store.add(row(number))
+    file = tmp_path / RESULTS
+    data = bytearray(file.read_bytes())
     if damage == "flipped":
         where = data.index(b"PAR1") + 60
         data[where] ^= 0x40
-    part.write_bytes({"cut": bytes(data[:-40]), "emptied": b"", "flipped": bytes(data), "replaced": b"hello"}[damage])
+    file.write_bytes({"cut": bytes(data[:-40]), "emptied": b"", "flipped": bytes(data), "replaced": b"hello"}[damage])
     with pytest.raises(OutputError, match="torn"):
         read_results(tmp_path)
     store = Store(tmp_path, SCHEMA)
-    assert store.done == set(range(20, 40)) and store.torn == [part.name]
-    assert part.with_name(part.name + ".torn").exists()
+    assert store.done == set(range(20, 40)) and store.torn == [RESULTS]
+    assert file.with_name(f"{RESULTS}.torn").exists()
 
 
 def test_what_a_killed_writer_left_half_written_is_cleared(tmp_path):
     filled(tmp_path, [0])
-    (tmp_path / PARTS / ".000.parquet.partial").write_bytes(b"half")
     (tmp_path / ".results.parquet.partial").write_bytes(b"half")
     assert Store(tmp_path, SCHEMA).done == {0}
     assert not [p for p in tmp_path.rglob("*.partial")]

@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from swarm_mj.cli import export as command
+from swarm_mj.cli import results as command
 from swarm_mj.cli.main import main
 from swarm_mj.errors import InteropError, OutputError
 from swarm_mj.interop.export import FORMATS, chosen_formats

@@ -124,7 +124,7 @@ def summary(result):
 
 
 def put(folder, result, files=(), kept=None):
-    with atomic_folder(folder, result, None if kept is None else kept.extend) as partial:
+    with atomic_folder(folder, result, None if kept is None else kept.append) as partial:
         (partial / MARKER).write_text(summary(result))
         for name in files:
             (partial / name).write_text("new")
@@ -164,10 +164,11 @@ def test_films_and_files_of_ones_own_outlast_the_result_that_they_lie_with(tmp_p
     for name in EXTRAS:
         (run / name).write_text(f"old {name}")
     put(run, RESULTS[0], ("telemetry.nc", "visit.png"), kept)
-    assert kept == sorted(set(EXTRAS) - {"visit.png"})
+    names = sorted(set(EXTRAS) - {"visit.png"})
+    assert kept == [f"kept in {run}, but of the earlier run, not this one: {', '.join(names)}"]
     assert {p.name for p in run.iterdir()} == {MARKER, "telemetry.nc", *EXTRAS}
     assert {p.name for p in run.iterdir() if p.read_text() == "new"} == {"telemetry.nc", "visit.png"}
-    assert all((run / name).read_text() == f"old {name}" for name in kept)
+    assert all((run / name).read_text() == f"old {name}" for name in names)
     assert leftovers(tmp_path) == []
 
 

@@ -6,7 +6,7 @@ import pytest
 from PIL import Image
 
 from swarm_mj.cli.main import main
-from swarm_mj.cli.video import parse_size
+from swarm_mj.cli.results import parse_size
 from swarm_mj.errors import OutputError
 from swarm_mj.records.run_files import write_results
 from swarm_mj.rendering import film as film_module
