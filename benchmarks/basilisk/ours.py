@@ -125,7 +125,8 @@ def make(problem: Problem, timestep: float, stepper: Stepper) -> Simulation:
 def fly(problem: Problem, timestep: float, stepper: Stepper = "mujoco") -> Flight:
     """Fly and record every control period."""
     record = make(problem, timestep, stepper).run(DURATION_S, PERIOD_S)
-    return Flight(r_N=record.vectors[:, 0], attitude=record.attitude[:, 0], wheel_speed=record.vectors[:, 4])
+    found = record.samples
+    return Flight(r_N=found["r_BN_N"], attitude=found["q_BN"], wheel_speed=found["wheel_speed"])
 
 
 def stepping(problem: Problem, timestep: float, stepper: Stepper) -> Callable[[], object]:

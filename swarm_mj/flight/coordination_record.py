@@ -12,6 +12,7 @@ import xarray as xr
 from swarm_mj.coordination.swarm_flight import SwarmFlight
 from swarm_mj.dataflow.contacts import Contacts
 from swarm_mj.dataflow.network import Access
+from swarm_mj.simulator.telemetry import VARIABLES
 from swarm_mj.typing import Array
 
 #: Variables of the telemetry.
@@ -30,13 +31,8 @@ def record_coordination(telemetry: xr.Dataset, behavior: Any) -> None:
     n = telemetry.sizes["spacecraft"]
     bits = np.array([np.zeros(n, np.int64), *log.bits])[at + 1]
     airtime = np.array([np.zeros(n), *log.airtime_s])[at + 1]
-    what = {"frame": "none", "long_name": "coordination messages sent so far"}
-    telemetry[BITS] = (("time", "spacecraft"), bits, {"units": "bit", **what})
-    telemetry[AIRTIME] = (
-        ("time", "spacecraft"),
-        airtime,
-        {"units": "s", **what, "long_name": "time spent sending them"},
-    )
+    for name, values in ((BITS, bits), (AIRTIME, airtime)):
+        telemetry[name] = VARIABLES[name].of(values)
     names = telemetry["spacecraft"].values
     told = [{**event._asdict(), "spacecraft": str(names[event.spacecraft])} for event in log.events]
     telemetry.attrs["coordination_events"] = json.dumps(told)

@@ -30,7 +30,7 @@ from swarm_mj.simulator.faults.schedule import draw_schedule
 from swarm_mj.simulator.faults.state import FaultModel
 from swarm_mj.simulator.simulation import Simulation
 from swarm_mj.simulator.state import InitialState, Release
-from swarm_mj.simulator.telemetry import dataset, released_flags, working
+from swarm_mj.simulator.telemetry import VARIABLES, dataset, working
 from swarm_mj.spacecraft.attitude.mrp import add_mrp, dcm, mrp_from_quaternion
 from swarm_mj.spacecraft.model import SwarmModel, build_model
 from swarm_mj.spacecraft.own_model import build_own_model
@@ -207,24 +207,15 @@ def simulate(plan: Plan, progress: Progress | None = None) -> xr.Dataset:
         earth_N=np.array([plan.environment.earth.at(t) for t in record.time]),
     )
     if plan.deployment.release_s.any():
-        telemetry["released"] = released_flags(record.time, plan.deployment.release_s)
-    if record.faults is not None or "released" in telemetry:
+        left = record.time[:, None] >= plan.deployment.release_s * (1.0 - 1e-12)
+        telemetry["released"] = VARIABLES["released"].of(left)
+    if simulation.injection is not None or "released" in telemetry:
         closed &= _both_work(telemetry)
-    if record.faults is not None:
+    if simulation.injection is not None:
         telemetry.attrs["events"] = json.dumps(
             [{**asdict(event), "spacecraft": plan.names[event.spacecraft]} for event in simulation.events]
         )
-    telemetry["link_closed"] = (
-        ("time", "spacecraft"),
-        closed.astype(np.int8),
-        {
-            "units": "1",
-            "frame": "none",
-            "long_name": "radio link closed",
-            "flag_values": np.array([0, 1], np.int8),
-            "flag_meanings": "open closed",
-        },
-    )
+    telemetry["link_closed"] = VARIABLES["link_closed"].of(closed)
     return telemetry
 
 

@@ -22,6 +22,7 @@ from swarm_mj.mission.covariance import visit_axes
 from swarm_mj.mission.deployment import planned_paths
 from swarm_mj.scenarios.schema_swarm import Formation
 from swarm_mj.simulator.simulation import Simulation
+from swarm_mj.simulator.telemetry import VARIABLES
 from swarm_mj.spacecraft.control.force import ForceView, SumOfForces
 from swarm_mj.typing import Array, Mask
 
@@ -160,13 +161,12 @@ def record_formation(telemetry: xr.Dataset, plan: Plan, simulation: Simulation) 
     law = formation_law(simulation)
     if law is None:
         return
-    structure, times, place = law.structure, telemetry["time"].values, ("time", "spacecraft")
+    structure, times = law.structure, telemetry["time"].values
     works: Mask = np.ones((len(times), plan.n), np.bool_)
     if "operational" in telemetry:
         works = telemetry["operational"].values == 1
     found = formation_error(structure, law.reference, times, telemetry["r_BN_N"].values, works)
-    words = {"frame": "none", "long_name": "distance from the place in the formation"}
-    telemetry[ERROR] = (place, found, {"units": "m", **words})
+    telemetry[ERROR] = VARIABLES[ERROR].of(found)
     told = _by_plan(plan, law, strength_of(simulation) / plan.properties.mass)
     if law.log is not None:
         told["braked_s"] = (law.log.braked * simulation.period).tolist()
@@ -174,14 +174,9 @@ def record_formation(telemetry: xr.Dataset, plan: Plan, simulation: Simulation) 
         if law.reference != "plan":
             at = np.searchsorted(law.log.time_s, times + 1e-6)
             bits = np.array([np.zeros(plan.n, np.int64), *law.log.bits])[at]
-            words = {"units": "bit", "frame": "none", "long_name": "messages of place and velocity sent so far"}
-            telemetry[BITS] = (place, bits, words)
             airtime = np.array([np.zeros(plan.n), *law.log.airtime_s])[at]
-            telemetry[FORMATION_AIRTIME] = (
-                place,
-                airtime,
-                {**words, "units": "s", "long_name": "time spent sending them"},
-            )
+            for name, values in ((BITS, bits), (FORMATION_AIRTIME, airtime)):
+                telemetry[name] = VARIABLES[name].of(values)
     telemetry.attrs[TOLD] = json.dumps(told)
 
 

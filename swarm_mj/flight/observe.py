@@ -27,7 +27,7 @@ from swarm_mj.observation.observer import Observer, make_observer
 from swarm_mj.observation.smear import Motion, smear_px
 from swarm_mj.scenarios.itinerary import visit_times
 from swarm_mj.scenarios.schema import Scenario
-from swarm_mj.simulator.telemetry import working
+from swarm_mj.simulator.telemetry import VARIABLES, working
 from swarm_mj.smallbody.environment import Environment
 from swarm_mj.spacecraft.attitude.mrp import dcm
 from swarm_mj.typing import Array, Ints, Mask
@@ -248,8 +248,5 @@ def _passage(scenario: Scenario) -> PictureSchedule:
 
 def add_coverage(telemetry: xr.Dataset, result: ObservationResult) -> None:
     """Add the observed share of the target over time to the telemetry."""
-    telemetry["coverage_percent"] = (
-        "time",
-        result.coverage.percent_over_time(telemetry["time"].values),
-        {"units": "percent", "frame": "none", "long_name": "observed share of the target's area, P_TO, whole swarm"},
-    )
+    percent = result.coverage.percent_over_time(telemetry["time"].values)
+    telemetry["coverage_percent"] = VARIABLES["coverage_percent"].of(percent)

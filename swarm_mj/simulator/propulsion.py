@@ -13,7 +13,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from swarm_mj.errors import SimulationError
@@ -23,8 +22,6 @@ from swarm_mj.simulator.state import FlightState
 from swarm_mj.spacecraft.control.force import AimingForceLaw, ForceLaw, ForceView, ask_for_forces
 from swarm_mj.spacecraft.thrusters import Allocation, Thrusters, read_nozzles
 from swarm_mj.typing import Array, Mask
-
-Variable = tuple[tuple[str, ...], NDArray[Any], dict[str, Any]]
 
 #: The long axis, by which spacecraft are pointed, must be the axis of nozzles that have to be turned, to so much.
 ALONG_Z = np.cos(np.radians(1.0))
@@ -254,40 +251,3 @@ def logarithmic_mean(mass: Array, used: Array) -> Array:
 def _mid_attitude(q_BN: Array, omega_B: Array, period: float) -> Rotation:
     """Rotations from B to N at the middle of a hold."""
     return Rotation.from_quat(q_BN, scalar_first=True) * Rotation.from_rotvec(0.5 * period * omega_B)
-
-
-class PropulsionRecord:
-    """Samples of thrust, tanks and velocity gained.
-
-    Args:
-        samples: Number of samples.
-        n: Number of spacecraft.
-    """
-
-    def __init__(self, samples: int, n: int) -> None:
-        self._thrust = np.zeros((samples, n, 3))
-        self._scalars = np.zeros((3, samples, n))
-
-    def keep(self, row: int, propulsion: Propulsion) -> None:
-        """Take a sample; the force of the coming hold has been set."""
-        self._thrust[row] = propulsion.force_N
-        self._scalars[:, row] = propulsion.propellant, propulsion.mass, propulsion.delta_v
-
-    def variables(self) -> dict[str, Variable]:
-        """Variables for the telemetry: dimensions, values, attributes."""
-        place = ("time", "spacecraft")
-        words = {
-            "propellant_kg": ("kg", "propellant left in the tank"),
-            "mass_kg": ("kg", "mass with what is left in the tank"),
-            "delta_v_m_s": ("m s-1", "velocity gained by thrust so far, in whatever direction"),
-        }
-        found: dict[str, Variable] = {
-            "thrust_N": (
-                (*place, "xyz"),
-                self._thrust,
-                {"units": "N", "frame": "N", "long_name": "mean force of the thrusters, held from this sample on"},
-            )
-        }
-        for (name, (units, long_name)), values in zip(words.items(), self._scalars, strict=True):
-            found[name] = place, values, {"units": units, "frame": "none", "long_name": long_name}
-        return found

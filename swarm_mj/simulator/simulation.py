@@ -1,4 +1,4 @@
-"""The simulation of one flight: a batch of one, by names.
+"""The simulation of one flight: a batch of one, by names, and its samples.
 
 Every control period the state is read, the forces of the coming hold are evaluated at its middle, the behaviour names the
 targets, guidance turns them into references, the controller answers with torques, and the swarm is stepped with all of it held;
@@ -7,23 +7,31 @@ see `swarm_mj.simulator.loop`.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
-from swarm_mj.errors import SimulationError
-from swarm_mj.mission.behaviors import Behavior, Targets
+from swarm_mj.errors import ScenarioError, SimulationError
+from swarm_mj.io import interruption
+from swarm_mj.mission.behaviors import Behavior, TargetKind, Targets
+from swarm_mj.scenarios.schema import is_multiple
 from swarm_mj.simulator.batch import FlightBatch, FlightSetup
 from swarm_mj.simulator.fault_injection import NOTHING, FaultInjection
 from swarm_mj.simulator.faults.impact import ImpactWatch
 from swarm_mj.simulator.faults.schedule import Event
 from swarm_mj.simulator.faults.state import FaultModel
+from swarm_mj.simulator.flights import NEVER
+from swarm_mj.simulator.instruments import Instruments
 from swarm_mj.simulator.propulsion import Propulsion
-from swarm_mj.simulator.record import Progress, Record, Recorder
+from swarm_mj.simulator.slots import Peak, Resting, Slot
 from swarm_mj.simulator.state import FlightState, InitialState
 from swarm_mj.smallbody.environment import Environment
+from swarm_mj.smallbody.rotation import sub_point
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.spacecraft.control.base import Controller
 from swarm_mj.spacecraft.control.force import ForceLaw
@@ -31,7 +39,34 @@ from swarm_mj.spacecraft.model import SwarmModel
 from swarm_mj.spacecraft.properties import SpacecraftProperties
 from swarm_mj.typing import Array, Mask
 
+Progress = Callable[[float], None]
+
 _ONE = np.ones(1, np.bool_)
+_LOS = int(Slot.LOS)  # NumPy takes twice as long for a member of an enumeration
+#: How often progress is told of in one flight, at least.
+NEWS = 100
+#: Compiled code flies on for about so long [s] before Python looks up: to be interrupted, and to tell of the progress.
+SLICE_S = 0.25
+
+
+@dataclass(frozen=True)
+class Record:
+    """Raw samples of a flight; `telemetry.dataset` describes them.
+
+    Attributes:
+        time: Shape (t,) [s].
+        samples: By the names of telemetry, and attitudes and references as quaternions `q_BN` and `q_RN`, shape (t, n, ...).
+        peaks: Over every control period, not only the samples: largest wheel speed [rad/s], largest motor torque [N m], and
+            the time in which a wheel limit cut a torque [s], shape (n, 3).
+        sensors_err: Whether the control law was given anything else than the truth.
+        instruments: What spacecraft from a file add: sensors and joints.
+    """
+
+    time: Array
+    samples: dict[str, NDArray[Any]]
+    peaks: Array
+    sensors_err: bool = False
+    instruments: Instruments | None = None
 
 
 class Simulation:
@@ -275,7 +310,140 @@ class Simulation:
             progress: Called with the time reached [s], about a hundred times, or several times a second.
 
         Raises:
+            ScenarioError: One is no multiple of the other.
             SimulationError: A spacecraft hit the body or the state is no longer finite; the message gives time and spacecraft.
                 Where faults are flown, the spacecraft is lost instead and the others fly on.
         """
         return Recorder(self, duration, interval, progress).fly()
+
+
+class Recorder:
+    """Flies a simulation on from its present state, looking for impacts on the way; see `Simulation.run`."""
+
+    def __init__(self, simulation: Simulation, duration: float, interval: float, progress: Progress | None) -> None:
+        self._simulation, self._state, self._progress = simulation, simulation.state, progress
+        period = self._state.period
+        if not (interval > 0.0 and is_multiple(interval, period) and is_multiple(duration, interval)):
+            raise ScenarioError(
+                f"duration {duration:g} s, interval {interval:g} s: the duration must be a whole multiple of the interval, and "
+                f"that one of the control period, {period:g} s"
+            )
+        self._time = sample_times(duration, interval) + self._state.time
+        self._samples: dict[str, NDArray[Any]] = {}
+        self._stride = round(interval / period)
+        self._news_every = max(1, self._stride * (len(self._time) - 1) // NEWS)
+        self._news_due = NEVER if progress is None else 0
+        self._slice = 64
+        gradient_gm, own = simulation.setup.gradient_gm, self._state.model.own
+        self._instruments = None if own is None else Instruments(self._state, len(self._time), gradient_gm)
+
+    def fly(self) -> Record:
+        """Fly and record every sample."""
+        state, start = self._state, self._state.tick
+        for row in range(len(self._time)):
+            self._fly_to(start + row * self._stride)
+            if row == len(self._time) - 1:
+                cut = state.peaks[:, Peak.CUT_HOLDS].copy()
+            self._keep(row, self._decide())
+        peaks = state.peaks.copy()
+        peaks[:, Peak.CUT_HOLDS] = state.period * cut  # the hold of the last decision is not flown yet
+        injection = self._simulation.injection
+        sensors_err = injection is not None and injection.faults.sensing.active
+        return Record(self._time, self._samples, peaks, sensors_err, self._instruments)
+
+    def _fly_to(self, end: int) -> None:
+        """Fly on to the next sample, stopping where impacts are looked for and progress is told of."""
+        state, watch = self._state, self._simulation.impact_watch
+        while state.tick < end:
+            stop = min(end, state.tick + self._slice, self._news_due, end if watch is None else watch.due)
+            if stop > state.tick:
+                self._fly_slice(stop - state.tick)
+            if state.tick < end:
+                self._decide()
+
+    def _fly_slice(self, periods: int) -> None:
+        """Fly on; the next slice is longer or shorter, so that one takes about `SLICE_S`, and ends with a word of progress."""
+        start = time.perf_counter()
+        self._simulation.fly(periods)
+        took = time.perf_counter() - start
+        if took > 2.0 * SLICE_S:
+            self._slice = max(1, self._slice // 2)
+        elif took < 0.5 * SLICE_S and periods == self._slice:
+            self._slice *= 2
+        interruption.check()
+        if self._progress is not None and took > 0.5 * SLICE_S:
+            self._progress(self._state.time)
+
+    def _decide(self) -> Targets:
+        state, watch = self._state, self._simulation.impact_watch
+        targets = self._simulation.decide()
+        if watch is not None and state.tick >= watch.due:
+            self._look_for_impacts(watch)
+        if self._progress is not None and state.tick >= self._news_due:
+            self._news_due = state.tick + self._news_every
+            self._progress(state.time)
+        return targets
+
+    def _look_for_impacts(self, watch: ImpactWatch) -> None:
+        state, injection, work = self._state, self._simulation.injection, self._state.work
+        flying = state.resting == Resting.FLYING
+        hit = watch.look(state.tick, work[Slot.R], work[Slot.V], work[Slot.A], flying)
+        for j in np.flatnonzero(hit):
+            r_A = state.C_AN @ work[Slot.R, j]
+            if injection is None:
+                latitude, longitude = sub_point(r_A, np.eye(3))
+                raise SimulationError(
+                    f"{state.model.names[j]} hits the body at t = {state.time:g} s, latitude {latitude:.1f} deg, longitude "
+                    f"{longitude:.1f} deg: its path crosses the surface. Change the mission, or fly it with faults"
+                )
+            injection.impact(int(j), r_A)
+
+    def _keep(self, row: int, targets: Targets) -> None:
+        """Take a sample; forces and torques of the coming hold have been set."""
+        if self._instruments is not None:
+            self._instruments.keep(row)
+        for name, values in self._instant(targets).items():
+            if name not in self._samples:
+                self._samples[name] = np.empty((len(self._time), *values.shape), values.dtype)
+            self._samples[name][row] = values
+
+    def _instant(self, targets: Targets) -> dict[str, NDArray[Any]]:
+        """What is sampled, by the names of telemetry."""
+        state, injection, propulsion = self._state, self._simulation.injection, self._simulation.propulsion
+        found: dict[str, NDArray[Any]] = {
+            "r_BN_N": state.r_N,
+            "v_BN_N": state.v_N,
+            "q_BN": state.q_BN,
+            "omega_BN_B": state.omega_B,
+            "q_RN": state.q_RN,
+            "sigma_BR": state.work[Slot.SIGMA_BR],
+            "line_of_sight_N": state.work[_LOS],
+            "mode": targets.kind,
+            "tracked_spacecraft": np.where(targets.kind == TargetKind.SPACECRAFT, targets.spacecraft, -1),
+            "wheel_speed": state.wheel_speed,
+            "wheel_torque": state.motor,
+        }
+        if injection is not None:
+            faults, sensing = injection.faults, injection.faults.sensing
+            found |= {
+                "operational": ~faults.lost,
+                "camera_on": faults.camera_on & ~faults.lost,
+                "wheel_torque": faults.wheels.motor,
+                "wheel_friction_torque": faults.wheels.bearing,
+                "attitude_knowledge_error": sensing.knowledge_error(state.q_BN),
+            }
+            if sensing.estimating:
+                found |= {"gyro_bias": sensing.gyro_bias, "gyro_bias_estimate": sensing.gyro_bias_estimate}
+        if propulsion is not None:
+            found |= {
+                "thrust_N": propulsion.force_N,
+                "propellant_kg": propulsion.propellant,
+                "mass_kg": propulsion.mass,
+                "delta_v_m_s": propulsion.delta_v,
+            }
+        return found
+
+
+def sample_times(duration: float, interval: float) -> Array:
+    """Times from 0 to `duration` at every `interval` [s], both ends included."""
+    return np.asarray(interval * np.arange(round(duration / interval) + 1), dtype=np.float64)

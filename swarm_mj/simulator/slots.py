@@ -6,7 +6,7 @@ from enum import IntEnum
 
 
 class Slot(IntEnum):
-    """Rows of the loop's work array, each (n, 3); telemetry samples the first `SAMPLED` of them as they stand."""
+    """Rows of the loop's work array, each (n, 3)."""
 
     R = 0  #: position in N [m]
     V = 1  #: velocity in N [m/s]
@@ -25,10 +25,6 @@ class Slot(IntEnum):
     OMEGA_BR = 14  #: rate error in B [rad/s]
     OMEGA_R_B = 15  #: reference rate in B [rad/s]
     DOMEGA_R_B = 16  #: its inertial derivative in B [rad/s^2]
-
-
-#: How many rows telemetry samples side by side.
-SAMPLED = 5
 
 
 class Peak(IntEnum):

@@ -6,6 +6,7 @@ Dimensions time, spacecraft, xyz and wheel; every variable carries `units`, `fra
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from math import pi
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,7 @@ from scipy.spatial.transform import Rotation
 
 from swarm_mj.io.arrays import Declared
 from swarm_mj.io.netcdf import read_netcdf
-from swarm_mj.simulator.record import Record
+from swarm_mj.simulator.simulation import Record
 from swarm_mj.smallbody.environment import Environment
 from swarm_mj.spacecraft.attitude.guidance import pointing_error
 from swarm_mj.spacecraft.attitude.mrp import mrp_from_quaternion, subtract_mrp
@@ -27,55 +28,113 @@ from swarm_mj.typing import Array, Mask
 #: Meaning of the flag values of `mode`, in the order of `TargetKind`.
 MODES = ("asteroid_observation", "communication_tracking", "earth_tracking", "surface_observation", "direction_hold")
 #: What is kept of every control period, in the order of `Record.peaks`.
-PEAKS = (
-    ("wheel_speed_peak", "rad s-1", "B", "largest wheel speed of the whole flight, between samples too"),
-    ("wheel_torque_peak", "N m", "B", "largest motor torque of the whole flight, between samples too"),
-    (
-        "wheel_saturation_time",
-        "s",
-        "none",
-        "time in which a limit of torque or speed cut what the controller asked for",
-    ),
-)
+PEAKS = ("wheel_speed_peak", "wheel_torque_peak", "wheel_saturation_time")
 #: No length [m] or time [s] is larger, no speed [m/s, rad/s] or torque [N m], and no component of a unit vector or short MRP.
 FARTHEST, FASTEST, SHORT = 1e15, 1e9, 1.001
 _PLACE, _VECTOR, _WHEELS = ("time", "spacecraft"), ("time", "spacecraft", "xyz"), ("time", "spacecraft", "wheel")
-#: Variables of a file of telemetry, as they are written and as they must be to be read. Those of faults may be there,
-#: those of plug-ins as well.
+_PEAK: dict[str, Any] = {"dims": ("spacecraft",), "optional": True}
+_FAULT: dict[str, Any] = {"optional": True, "gaps": "nan"}
+
+
+@dataclass(frozen=True)
+class Variable(Declared):
+    """A variable of the telemetry, as it must be to be read and as it is described.
+
+    Attributes:
+        units: Its unit.
+        frame: Of its components; none: it has none.
+        long_name: What it is.
+        flags: What its values 0, 1, and so on mean, a word each.
+    """
+
+    units: str = "1"
+    frame: str = "none"
+    long_name: str = ""
+    flags: str = ""
+
+    def of(self, values: NDArray[Any]) -> xr.Variable:
+        """Values with all that is said of them."""
+        found = xr.Variable(
+            self.dims, values.astype(self.dtype), {n: getattr(self, n) for n in ("units", "frame", "long_name")}
+        )
+        if self.flags:
+            numbers = np.arange(len(self.flags.split()), dtype=self.dtype)
+            found.attrs |= {"flag_values": numbers, "flag_meanings": self.flags}
+        return found
+
+
+def _signed(most: float, units: str, frame: str, words: str, dims: tuple[str, ...] = _VECTOR, **more: Any) -> Variable:
+    return Variable("f8", dims, -most, most, units=units, frame=frame, long_name=words, **more)
+
+
+def _amount(most: float, units: str, words: str, dims: tuple[str, ...] = _PLACE, **more: Any) -> Variable:
+    return Variable("f8", dims, 0.0, most, units=units, long_name=words, **more)
+
+
+def _bits(words: str) -> Variable:
+    return Variable("i8", _PLACE, 0, FARTHEST, optional=True, units="bit", long_name=words)
+
+
+def _flag(words: str, flags: str, optional: bool = True) -> Variable:
+    return Variable("i1", _PLACE, 0, len(flags.split()) - 1, optional=optional, long_name=words, flags=flags)
+
+
+#: What a file of telemetry says of every sample or of the whole flight; plug-ins and spacecraft from files add more.
 VARIABLES = {
+    "r_BN_N": _signed(FARTHEST, "m", "N", "position relative to the asteroid's centre"),
+    "v_BN_N": _signed(FASTEST, "m s-1", "N", "velocity relative to the asteroid's centre"),
+    "sigma_BN": _signed(SHORT, "1", "B relative to N", "attitude (MRP, short set)"),
+    "omega_BN_B": _signed(FASTEST, "rad s-1", "B", "angular velocity of B relative to N"),
+    "sigma_RN": _signed(SHORT, "1", "R relative to N", "reference attitude (MRP, short set)"),
+    "sigma_BR": _signed(SHORT, "1", "B relative to R", "attitude tracking error (MRP, short set)"),
+    "line_of_sight_N": _signed(SHORT, "1", "N", "unit vector to the target"),
+    "pointing_error": _amount(pi, "rad", "angle between +z and the line of sight"),
+    "mode": _flag("what +z tracks", " ".join(MODES), optional=False),
+    "tracked_spacecraft": Variable(
+        "i2", _PLACE, -1, "spacecraft", long_name="number of the spacecraft tracked, counted from 0; -1: none"
+    ),
+    "wheel_speed": _signed(FASTEST, "rad s-1", "B", "wheel speed relative to the hub", _WHEELS),
+    "wheel_torque": _signed(FASTEST, "N m", "B", "motor torque on the wheel, held from this sample on", _WHEELS),
+    "sigma_AN": _signed(SHORT, "1", "A relative to N", "asteroid attitude (MRP)", ("time", "xyz")),
+    "link_closed": _flag("radio link closed", "open closed", optional=False),
+    "wheel_speed_peak": _amount(
+        FARTHEST, "rad s-1", "largest wheel speed of the whole flight, between samples too", frame="B", **_PEAK
+    ),
+    "wheel_torque_peak": _amount(
+        FARTHEST, "N m", "largest motor torque of the whole flight, between samples too", frame="B", **_PEAK
+    ),
+    "wheel_saturation_time": _amount(
+        FARTHEST, "s", "time in which a limit of torque or speed cut what the controller asked for", **_PEAK
+    ),
+    "coverage_percent": _amount(
+        100.001, "percent", "observed share of the target's area, P_TO, whole swarm", ("time",), optional=True
+    ),
+    "operational": _flag("whether the spacecraft works", "lost operational"),
+    "camera_on": _flag("whether the camera takes pictures", "off on"),
+    "released": _flag("whether it has left the mothership", "aboard released"),
+    "wheel_friction_torque": _signed(
+        FASTEST, "N m", "B", "torque of the bearing on the wheel, held from this sample on", _WHEELS, **_FAULT
+    ),
+    "attitude_knowledge_error": _amount(
+        SHORT * pi, "rad", "angle between the true attitude and the one given to the controller", **_FAULT
+    ),
+    "gyro_bias": _signed(FASTEST, "rad s-1", "B", "true bias of the gyro", **_FAULT),
+    "gyro_bias_estimate": _signed(FASTEST, "rad s-1", "B", "the filter's estimate of it", **_FAULT),
+    "thrust_N": _signed(FASTEST, "N", "N", "mean force of the thrusters, held from this sample on", optional=True),
+    "propellant_kg": _amount(FASTEST, "kg", "propellant left in the tank", optional=True),
+    "mass_kg": _amount(FASTEST, "kg", "mass with what is left in the tank", optional=True),
+    "delta_v_m_s": _amount(FASTEST, "m s-1", "velocity gained by thrust so far, in whatever direction", optional=True),
+    "coordination_bits": _bits("coordination messages sent so far"),
+    "coordination_airtime": _amount(FARTHEST, "s", "time spent sending them", optional=True),
+    "formation_error": _amount(FARTHEST, "m", "distance from the place in the formation", optional=True),
+    "formation_bits": _bits("messages of place and velocity sent so far"),
+    "formation_airtime": _amount(FARTHEST, "s", "time spent sending them", optional=True),
+}
+_COORDINATES = {
     "time": Declared("f8", ("time",), 0.0, FARTHEST, rising=True),
     "spacecraft": Declared("O", ("spacecraft",)),
     "xyz": Declared("O", ("xyz",)),
     "wheel": Declared("O", ("wheel",)),
-    "r_BN_N": Declared("f8", _VECTOR, -FARTHEST, FARTHEST),
-    "v_BN_N": Declared("f8", _VECTOR, -FASTEST, FASTEST),
-    "sigma_BN": Declared("f8", _VECTOR, -SHORT, SHORT),
-    "omega_BN_B": Declared("f8", _VECTOR, -FASTEST, FASTEST),
-    "sigma_RN": Declared("f8", _VECTOR, -SHORT, SHORT),
-    "sigma_BR": Declared("f8", _VECTOR, -SHORT, SHORT),
-    "line_of_sight_N": Declared("f8", _VECTOR, -SHORT, SHORT),
-    "pointing_error": Declared("f8", _PLACE, 0.0, pi),
-    "mode": Declared("i1", _PLACE, 0, len(MODES) - 1),
-    "tracked_spacecraft": Declared("i2", _PLACE, -1, "spacecraft"),
-    "wheel_speed": Declared("f8", _WHEELS, -FASTEST, FASTEST),
-    "wheel_torque": Declared("f8", _WHEELS, -FASTEST, FASTEST),
-    "sigma_AN": Declared("f8", ("time", "xyz"), -SHORT, SHORT),
-    "link_closed": Declared("i1", _PLACE, 0, 1),
-    **{name: Declared("f8", ("spacecraft",), 0.0, FARTHEST, optional=True) for name, *_ in PEAKS},
-    "coverage_percent": Declared("f8", ("time",), 0.0, 100.001, optional=True),
-    "operational": Declared("i1", _PLACE, 0, 1, optional=True),
-    "camera_on": Declared("i1", _PLACE, 0, 1, optional=True),
-    "thrust_N": Declared("f8", _VECTOR, -FASTEST, FASTEST, optional=True),
-    **{
-        name: Declared("f8", _PLACE, 0.0, FASTEST, optional=True)
-        for name in ("propellant_kg", "mass_kg", "delta_v_m_s")
-    },
-    "coordination_bits": Declared("i8", _PLACE, 0, FARTHEST, optional=True),
-    "coordination_airtime": Declared("f8", _PLACE, 0.0, FARTHEST, optional=True),
-    "formation_error": Declared("f8", _PLACE, 0.0, FARTHEST, optional=True),
-    "formation_bits": Declared("i8", _PLACE, 0, FARTHEST, optional=True),
-    "formation_airtime": Declared("f8", _PLACE, 0.0, FARTHEST, optional=True),
-    "released": Declared("i1", _PLACE, 0, 1, optional=True),
 }
 #: Attributes of the file that its readers need.
 ATTRIBUTES = {
@@ -86,7 +145,7 @@ ATTRIBUTES = {
 #: What to do about a file that cannot be read.
 REMEDY = "fly the scenario again with `swarm-mj fly`"
 #: Names that are given to what is added once the flight is over.
-LATER = ("link_closed", "released", "coverage_percent", "time", "spacecraft", "xyz", "wheel")
+LATER = ("link_closed", "released", "coverage_percent", *_COORDINATES)
 
 
 def dataset(
@@ -100,43 +159,17 @@ def dataset(
         environment: For the asteroid's attitude and the attributes.
         properties: For the attributes: mass, inertia, wheels.
     """
-    q_BN, q_RN = record.attitude[:, 0], record.attitude[:, 1]
-    r, v, omega, sigma_BR, speed, torque, los = np.moveaxis(record.vectors, 1, 0)
-    if record.faults is not None:
-        speed, torque = record.faults.wheels[:, 0], record.faults.wheels[:, 1]
-        if record.faults.imperfect_knowledge:
-            # What was recorded is what the controller believed.
-            sigma_BR = subtract_mrp(mrp_from_quaternion(q_BN), mrp_from_quaternion(q_RN))
-    described: dict[str, tuple[NDArray[Any], str, str, str]] = {
-        "r_BN_N": (r, "m", "N", "position relative to the asteroid's centre"),
-        "v_BN_N": (v, "m s-1", "N", "velocity relative to the asteroid's centre"),
-        "sigma_BN": (mrp_from_quaternion(q_BN), "1", "B relative to N", "attitude (MRP, short set)"),
-        "omega_BN_B": (omega, "rad s-1", "B", "angular velocity of B relative to N"),
-        "sigma_RN": (mrp_from_quaternion(q_RN), "1", "R relative to N", "reference attitude (MRP, short set)"),
-        "sigma_BR": (sigma_BR, "1", "B relative to R", "attitude tracking error (MRP, short set)"),
-        "line_of_sight_N": (los, "1", "N", "unit vector to the target"),
-        "pointing_error": (_pointing_error(q_BN, los), "rad", "none", "angle between +z and the line of sight"),
-        "mode": (record.aim[:, 0].astype(np.int8), "1", "none", "what +z tracks"),
-        "tracked_spacecraft": (
-            record.aim[:, 1],
-            "1",
-            "none",
-            "number of the spacecraft tracked, counted from 0; -1: none",
-        ),
-        "wheel_speed": (speed, "rad s-1", "B", "wheel speed relative to the hub"),
-        "wheel_torque": (torque, "N m", "B", "motor torque on the wheel, held from this sample on"),
-        "sigma_AN": (_asteroid_mrp(record.time, environment), "1", "A relative to N", "asteroid attitude (MRP)"),
+    values = dict(record.samples)
+    q_BN, q_RN = values.pop("q_BN"), values.pop("q_RN")
+    values |= {"sigma_BN": mrp_from_quaternion(q_BN), "sigma_RN": mrp_from_quaternion(q_RN)}
+    if record.sensors_err:  # what was recorded is what the controller believed
+        values["sigma_BR"] = subtract_mrp(values["sigma_BN"], values["sigma_RN"])
+    values |= {
+        "pointing_error": _pointing_error(q_BN, values["line_of_sight_N"]),
+        "sigma_AN": _asteroid_mrp(record.time, environment),
+        **dict(zip(PEAKS, record.peaks.T, strict=True)),
     }
-    variables = {name: _variable(name, *what) for name, what in described.items()}
-    variables["mode"].attrs |= {"flag_values": np.arange(len(MODES), dtype=np.int8), "flag_meanings": " ".join(MODES)}
-    for k, (name, units, frame, words) in enumerate(PEAKS):
-        variables[name] = _variable(name, record.peaks[:, k], units, frame, words)
-    if record.faults is not None:
-        for name, variable in record.faults.variables().items():
-            variables[name] = xr.Variable(*variable)
-    if record.propulsion is not None:
-        for name, variable in record.propulsion.variables().items():
-            variables[name] = xr.Variable(*variable)
+    variables = {name: what.of(values[name]) for name, what in VARIABLES.items() if name in values}
     if record.instruments is not None:
         for name, variable in record.instruments.variables({*variables, *LATER}).items():
             variables[name] = xr.Variable(*variable)
@@ -147,19 +180,6 @@ def dataset(
         "wheel": list(properties.wheel_labels),
     }
     return xr.Dataset(variables, coordinates, attrs=_attributes(environment, properties))
-
-
-def released_flags(times: Array, release_s: Array) -> xr.Variable:
-    """Who has left the mothership at each sample, as telemetry says it.
-
-    Args:
-        times: Shape (t,) [s].
-        release_s: Of each spacecraft, shape (n,) [s].
-    """
-    flags = (times[:, None] >= release_s * (1.0 - 1e-12)).astype(np.int8)
-    found = _variable("released", flags, "1", "none", "whether it has left the mothership")
-    found.attrs |= {"flag_values": np.array([0, 1], np.int8), "flag_meanings": "aboard released"}
-    return found
 
 
 def working(telemetry: xr.Dataset) -> Mask:
@@ -181,11 +201,7 @@ def read_telemetry(path: Path, sizes: Mapping[str, int] | None = None) -> xr.Dat
     Raises:
         OutputError: It cannot be read or is no telemetry; the message says what is wrong.
     """
-    return read_netcdf(path, VARIABLES, ATTRIBUTES, REMEDY, sizes={"xyz": 3, **(sizes or {})})
-
-
-def _variable(name: str, values: NDArray[Any], units: str, frame: str, long_name: str) -> xr.Variable:
-    return xr.Variable(VARIABLES[name].dims, values, {"units": units, "frame": frame, "long_name": long_name})
+    return read_netcdf(path, {**_COORDINATES, **VARIABLES}, ATTRIBUTES, REMEDY, sizes={"xyz": 3, **(sizes or {})})
 
 
 def _pointing_error(q_BN: Array, los: Array) -> Array:

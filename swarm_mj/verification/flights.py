@@ -120,5 +120,12 @@ def fly(
     )
     simulation.reset(initial)
     record = simulation.run(duration, interval)
-    r, v, omega, _, wheels, _, _ = np.moveaxis(record.vectors, 1, 0)
-    return Flight(time=record.time, r_N=r, v_N=v, q_BN=record.attitude[:, 0], omega_B=omega, wheels=wheels)
+    found = record.samples
+    return Flight(
+        time=record.time,
+        r_N=found["r_BN_N"],
+        v_N=found["v_BN_N"],
+        q_BN=found["q_BN"],
+        omega_B=found["omega_BN_B"],
+        wheels=found["wheel_speed"],
+    )

@@ -7,14 +7,13 @@ import pytest
 import xarray as xr
 
 from swarm_mj.errors import PathError, ScenarioError
-from swarm_mj.flight.burns import check_burns, fly_burns, push_of
+from swarm_mj.flight.burns import PlannedBurns, check_burns, fly_burns, push_of
 from swarm_mj.flight.fly import initial_state, make_simulation, simulate
 from swarm_mj.flight.plan import make_plan
 from swarm_mj.mission.finite_burns import propellant_for
 from swarm_mj.mission.trajectories import PlannedBurn, propagate
 from swarm_mj.records.propulsion import propulsion_summary
 from swarm_mj.scenarios.loading import load_scenario, parse_overrides
-from swarm_mj.simulator.planned_burns import PlannedBurns
 from swarm_mj.simulator.telemetry import VARIABLES
 
 KEYS = ["duration_s=400", "design.time_of_flight_s=400"]

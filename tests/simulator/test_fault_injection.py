@@ -25,7 +25,7 @@ def test_what_rests_on_the_body_moves_with_its_surface(resting):
     simulation, place_A = resting
     record = simulation.run(60.0, 5.0)
     environment, times = simulation.environment, record.time[record.time > 10.0]
-    r, v = record.vectors[record.time > 10.0, :2, 0].transpose(1, 0, 2)
+    r, v = (record.samples[name][record.time > 10.0, 0] for name in ("r_BN_N", "v_BN_N"))
     h = 1.0
     for t, r_N, v_N in zip(times, r, v, strict=True):
         before, now, after = (environment.C_AN(t + dt).T @ place_A for dt in (-h, 0.0, h))

@@ -6,7 +6,7 @@ import pytest
 from swarm_mj.flight.fly import make_simulation
 from swarm_mj.flight.plan import make_plan
 from swarm_mj.scenarios.loading import load_scenario
-from swarm_mj.simulator import record
+from swarm_mj.simulator import simulation as recording
 
 
 @pytest.fixture(scope="module")
@@ -23,10 +23,10 @@ def slow_world(monkeypatch):
 
         @classmethod
         def perf_counter(cls):
-            cls.now += record.SLICE_S
+            cls.now += recording.SLICE_S
             return cls.now
 
-    monkeypatch.setattr(record, "time", Clock)
+    monkeypatch.setattr(recording, "time", Clock)
 
 
 def test_a_flight_in_slices_is_the_same_to_the_bit(plan, slow_world):
@@ -46,7 +46,7 @@ def test_what_interrupts_a_long_flight_is_heard_before_the_next_sample(plan, slo
         if next(checks) == 2:
             raise KeyboardInterrupt
 
-    monkeypatch.setattr(record.interruption, "check", check)
+    monkeypatch.setattr(recording.interruption, "check", check)
     with pytest.raises(KeyboardInterrupt):
         simulation.run(600.0, 600.0)
     assert 0 < simulation.tick <= 3 * 64 + 1

@@ -95,7 +95,7 @@ def test_wheel_torques_create_no_momentum_but_the_error_of_a_fourth_order_integr
         simulation = tumbling(Noise(), eros, timestep=timestep)
         before = momentum(simulation.model, simulation.data)
         record = simulation.run(100.0, 1.0)
-        moved = SpacecraftProperties().wheel_spin_inertia * np.abs(record.vectors[:, 4]).max()
+        moved = SpacecraftProperties().wheel_spin_inertia * np.abs(record.samples["wheel_speed"]).max()
         assert moved > 5e-3
         return np.abs(momentum(simulation.model, simulation.data) - before).max() / moved
 
@@ -130,7 +130,7 @@ def test_no_wheel_passes_its_speed_or_torque_limit_however_hard_it_is_pushed(ero
     simulation = tumbling(Push(), eros)
     record = simulation.run(120.0, 0.5)
     properties = SpacecraftProperties()
-    speed, torque = np.abs(record.vectors[:, 4]).max(), np.abs(record.vectors[:, 5]).max()
+    speed, torque = (np.abs(record.samples[name]).max() for name in ("wheel_speed", "wheel_torque"))
     assert 0.999 * properties.max_wheel_speed < speed <= properties.max_wheel_speed
     assert torque == pytest.approx(properties.max_wheel_torque)
 

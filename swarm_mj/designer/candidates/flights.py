@@ -21,7 +21,7 @@ from swarm_mj.mission.deployment import planned_paths
 from swarm_mj.mission.trajectories import NO_TRAJECTORY, Progress
 from swarm_mj.observation.capture import camera_poses, watching
 from swarm_mj.scenarios.schema import Scenario
-from swarm_mj.simulator.record import sample_times
+from swarm_mj.simulator.simulation import sample_times
 from swarm_mj.spacecraft.attitude.guidance import LineOfSight, Reference, track_line_of_sight
 from swarm_mj.spacecraft.attitude.mrp import dcm, mrp_from_quaternion
 from swarm_mj.typing import Array, Mask

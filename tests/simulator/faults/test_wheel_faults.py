@@ -14,7 +14,7 @@ def test_a_stuck_wheel_keeps_its_speed_gives_no_torque_and_momentum_is_conserved
     simulation = alone(Constant([2e-4, 1e-4, 0.0]), faults=[stuck], speed=200.0, rate=0.002)
     before = momentum(simulation)
     record = simulation.run(60.0, 0.5)
-    speed, motor = record.faults.wheels[:, 0, 0], record.faults.wheels[:, 1, 0]
+    speed, motor = (record.samples[name][:, 0] for name in ("wheel_speed", "wheel_torque"))
     held = speed[20, 0]
     assert held < 200.0 - 70.0  # it had been driven for ten seconds
     assert np.abs(speed[20:, 0] - held).max() < 0.05
@@ -38,8 +38,8 @@ def test_a_lost_wheel_coasts_and_the_other_two_turn_the_spacecraft_about_their_a
     simulation = alone(Constant([1e-4, 1e-4, 1e-4]), faults=[lost])
     before = momentum(simulation)
     record = simulation.run(10.0, 0.5)
-    assert (record.faults.wheels[:, 1, 0, 1] == 0.0).all()
-    assert record.faults.wheels[:, 1, 0, [0, 2]] == pytest.approx(-1e-4)
+    assert (record.samples["wheel_torque"][:, 0, 1] == 0.0).all()
+    assert record.samples["wheel_torque"][:, 0, [0, 2]] == pytest.approx(-1e-4)
     assert np.allclose(momentum(simulation), before, atol=1e-9)
     rate, healthy = simulation.data.qvel[3:6], SpacecraftProperties().inertia_effective_B
     assert rate[0] == pytest.approx(1e-4 * 10.0 / healthy[0, 0], rel=1e-3)
@@ -78,7 +78,7 @@ def test_friction_slows_a_wheel_as_the_closed_form_says_and_spins_the_body_up(st
     final = -coulomb / viscous
     closed = np.maximum(0.0, final + (250.0 - final) * np.exp(-viscous * t / reduced))
     assert (closed[-50:] == 0.0).all()
-    assert np.abs(record.faults.wheels[:, 0, 0, 2] - closed).max() < 1e-6
+    assert np.abs(record.samples["wheel_speed"][:, 0, 2] - closed).max() < 1e-6
     # Momentum is shared: what the wheel lost the body has.
     rate = simulation.model.state(simulation.data)[1][0, 5]
     assert rate == pytest.approx(J_s * 250.0 / (J + J_s), rel=1e-7)

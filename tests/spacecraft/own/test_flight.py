@@ -194,8 +194,8 @@ def test_the_accelerometer_feels_the_flown_motion_less_gravity(tmp_path):
     record = simulation.run(20.0, 0.1)
     _, felt, attributes = record.instruments.variables(set())["felt"]
     assert attributes["units"] == "m s-2" and attributes["frame"] == "site corner"
-    C_BN = dcm_of(record.attitude[:, 0, 0])
-    r_N = record.vectors[:, 0, 0] + np.einsum("tij,i->tj", C_BN, site)
+    C_BN = dcm_of(record.samples["q_BN"][:, 0])
+    r_N = record.samples["r_BN_N"][:, 0] + np.einsum("tij,i->tj", C_BN, site)
     step = 0.1
     a_N = (-r_N[4:] + 16 * r_N[3:-1] - 30 * r_N[2:-2] + 16 * r_N[1:-3] - r_N[:-4]) / (12 * step**2)
     environment = plan.environment
