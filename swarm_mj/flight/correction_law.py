@@ -19,7 +19,7 @@ from swarm_mj.mission.corrections import Legs
 from swarm_mj.mission.covariance import FlightErrors
 from swarm_mj.mission.transition import inverse, transitions
 from swarm_mj.scenarios.schema_propulsion import Thrusters
-from swarm_mj.simulator.faults.random_streams import Stream, stream
+from swarm_mj.simulator.faults.dispersions import Stream, stream
 from swarm_mj.smallbody.environment import Environment
 from swarm_mj.spacecraft.control.force import ForceView
 from swarm_mj.typing import Array, Ints

@@ -24,10 +24,8 @@ from swarm_mj.mission.behaviors import ELECTIONS, MissionBehavior
 from swarm_mj.mission.links import links_closed
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.scenarios.schema_faults import Dispersions
-from swarm_mj.simulator.faults.deployment import deployed_velocities
 from swarm_mj.simulator.faults.dispersions import attitude_turns, extra_rates, mothership_error, velocity_errors
-from swarm_mj.simulator.faults.schedule import draw_schedule
-from swarm_mj.simulator.faults.state import FaultModel
+from swarm_mj.simulator.faults.schedule import FaultModel, deployed_velocities, draw_schedule
 from swarm_mj.simulator.simulation import Simulation
 from swarm_mj.simulator.state import InitialState, Release
 from swarm_mj.simulator.telemetry import VARIABLES, dataset, working

@@ -18,7 +18,7 @@ from swarm_mj.errors import PluginError, SimulationError
 from swarm_mj.mission.behaviors import Behavior, SwarmView, Targets
 from swarm_mj.plugins import name_of
 from swarm_mj.simulator.fault_injection import FaultInjection, conditions_for
-from swarm_mj.simulator.faults.state import FaultModel
+from swarm_mj.simulator.faults.schedule import FaultModel
 from swarm_mj.simulator.flights import NEVER, Flights, allocate_flights
 from swarm_mj.simulator.loop import Ask, Stage, run, sense_flights
 from swarm_mj.simulator.mujoco import MujocoStepper, own_copy, timesteps_in
@@ -131,7 +131,9 @@ class FlightBatch:
             gradient_gm=setup.gradient_gm if model.own is None else 0.0,  # bodies of one's own are turned one by one
             remembered=REMEMBERED if count > 1 else 0,
         )
-        self.conditions = None if setup.fault_model is None else conditions_for(setup.fault_model, self.world, count)
+        self.conditions = None
+        if setup.fault_model is not None:
+            self.conditions = conditions_for(setup.fault_model, setup.properties, self.world, count)
         self.causes = [""] * count
         self._starts: list[InitialState | None] = [None] * count
         self._everyone = np.ones(count, np.bool_)
@@ -212,9 +214,7 @@ class FlightBatch:
     def blind(self) -> Mask:
         """Spacecraft that take no pictures, a copy, shape (E, n)."""
         off: Mask = self.flights.lost | ~self.flights.released
-        for e, injection in enumerate(self._injections):
-            off[e] |= ~injection.faults.camera_on
-        return off
+        return off if self.conditions is None else off | ~self.conditions.camera_on
 
     def injection(self, e: int) -> FaultInjection | None:
         """What goes wrong in flight e; None: nothing can."""
@@ -294,7 +294,7 @@ class FlightBatch:
             for array, values in zip((f.kind, f.spacecraft, f.vector), targets, strict=True):
                 array[:] = values
             for e, injection in enumerate(self._injections):
-                if injection.faults.redirects:
+                if injection.redirects:
                     f.due[e] = 0
             self._intended = [Targets(*(part[e] for part in targets)) for e in range(len(self._intended))]
         if torque_B is not None:
@@ -464,7 +464,7 @@ class FlightBatch:
             self._write(e)
             self.ask_again(e)
         if injection is not None:
-            injection.provide_noise()
+            injection.sensing.provide_noise()
         if tick < self.flights.due[e]:
             return
         if not self._is_finite(e):
@@ -510,7 +510,7 @@ class FlightBatch:
 
     def _attitudes_known(self, e: int) -> Array:
         known = self.conditions is not None and bool(self.conditions.senses[e])
-        return self.conditions.q_known[e] if self.conditions is not None and known else self.flights.q_BN[e]
+        return self.conditions.knowledge.q_BN[e] if self.conditions is not None and known else self.flights.q_BN[e]
 
     def _thrust(self, e: int) -> None:
         state = self.state(e)

@@ -9,8 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from swarm_mj.simulator.faults.filter_state import Assumed, FilterState, Sensors, first_state, sensors_of
-from swarm_mj.simulator.faults.sensing_kernels import Knowledge
+from swarm_mj.simulator.faults.attitude_filter import Knowledge
 from swarm_mj.simulator.faults.wheels import WheelState
 from swarm_mj.simulator.slots import Slot
 from swarm_mj.smallbody.gravity.compiled import CompiledField
@@ -210,98 +209,35 @@ def allocate_flights(count: int, n: int, w: int) -> Flights:
 
 
 class Conditions(NamedTuple):
-    """What faults and dispersions make of E flights; the parts' arrays have one more axis in front, of length E.
+    """What faults and dispersions make of E flights; the parts' arrays have one more axis in front, of length E."""
 
-    Attributes:
-        field_factor: By which the gravity field is stronger than planned, shape (E,).
-        series: Coefficients of each flight's own harmonics in the shape of the planned ones; of length 0 where none has any.
-        wheels: How the wheels are.
-        senses: Whether the flight software has anything else than the truth, shape (E,).
-        estimating: Whether sensors err, so that a filter runs, shape (E,).
-        sensors: How the sensors are.
-        assumed: What the filter believes of them, in the order of `Assumed`, shape (E, 4).
-        filter: What it carries on.
-        noise: Standard normal numbers of the readings to come, shape (E, rows, n, 3, 3); no rows where no sensor can err.
-        counts: See `sensing_kernels.Count`, shape (E, 3).
-        delay: Readings by which each spacecraft's are late, shape (E, n).
-        q_past: The last readings, shape (E, size, n, 4).
-        omega_past: The same of the rates, shape (E, size, n, 3) [rad/s].
-        q_known: Attitudes that the controller is given, shape (E, n, 4).
-        omega_known: Rates, shape (E, n, 3) [rad/s].
-    """
-
-    field_factor: Array
-    series: Array
-    wheels: WheelState
-    senses: Mask
-    estimating: Ints
-    sensors: Sensors
-    assumed: Array
-    filter: FilterState
-    noise: Array
-    counts: Ints
-    delay: Ints
-    q_past: Array
-    omega_past: Array
-    q_known: Array
-    omega_known: Array
+    field_factor: Array  #: by which the gravity field is stronger than planned, shape (E,)
+    series: Array  #: coefficients of each flight's own harmonics in the shape of the planned ones; of length 0: none has any
+    wheels: WheelState  #: how the wheels are
+    senses: Mask  #: whether the flight software has anything else than the truth, shape (E,)
+    knowledge: Knowledge  #: what it has
+    camera_on: Mask  #: whose camera works, shape (E, n)
+    known_lost: Mask  #: of whom the swarm knows that it is lost, shape (E, n)
 
 
-def allocate_conditions(
-    count: int, n: int, w: int, *, noise_rows: int, readings: int, series: tuple[int, ...]
-) -> Conditions:
-    """Conditions of E flights before their start.
+def row_of(part: Any, e: int) -> Any:
+    """What flight e has of a part, views."""
+    return type(part)(*(row_of(each, e) if isinstance(each, tuple) else each[e] for each in part))
 
-    Args:
-        count: Number of flights E.
-        n: Number of spacecraft.
-        w: Wheels of each.
-        noise_rows: Readings for which noise is drawn at once; 0 where no sensor can err.
-        readings: That are kept, one more than the longest delay.
-        series: Shape of a flight's own harmonics; empty: it has none.
-    """
-    of_wheels = {name: (n, w) for name in WheelState._fields} | {"allocation": (n, w, 3)}
 
-    def many(part: Any) -> Any:
-        """Space for E of what one flight has."""
-        return type(part)(*(np.zeros((count, *array.shape), array.dtype) for array in part))
-
-    return Conditions(
-        field_factor=np.ones(count),
-        series=np.zeros((count, *series)) if series else np.zeros((0, 0, 0, 3, 2)),
-        wheels=WheelState(
-            **{
-                name: np.zeros((count, *shape), np.bool_ if name == "stuck" else np.float64)
-                for name, shape in of_wheels.items()
-            }
-        ),
-        senses=np.zeros(count, np.bool_),
-        estimating=np.zeros(count, np.int64),
-        sensors=many(sensors_of(n, 0.0, 0.0, 0.0)),
-        assumed=np.zeros((count, 4)),
-        filter=many(first_state(np.zeros((n, 3)))),
-        noise=np.zeros((count, noise_rows, n, 3, 3)),
-        counts=np.zeros((count, 3), np.int64),
-        delay=np.zeros((count, n), np.int64),
-        q_past=np.zeros((count, readings, n, 4)),
-        omega_past=np.zeros((count, readings, n, 3)),
-        q_known=np.zeros((count, n, 4)),
-        omega_known=np.zeros((count, n, 3)),
+def rows_of(part: Any, count: int) -> Any:
+    """Space for E flights, each of which has such a part."""
+    return type(part)(
+        *(rows_of(each, count) if isinstance(each, tuple) else np.repeat(each[None], count, axis=0) for each in part)
     )
 
 
-def wheels_of_flight(conditions: Conditions, e: int) -> WheelState:
-    """The wheels of flight e, views."""
-    return WheelState(*(array[e] for array in conditions.wheels))
+def arrays_of(part: tuple[Any, ...]) -> list[Any]:
+    """The arrays of a part and of the parts in it, in order."""
+    return [array for each in part for array in (arrays_of(each) if isinstance(each, tuple) else (each,))]
 
 
-def knowledge_of_flight(conditions: Conditions, e: int, assumed: Assumed) -> Knowledge:
-    """The sensors, filter and readings of flight e, views, with what its filter believes of the sensors."""
-    c = conditions
-    return Knowledge(
-        int(c.estimating[e]),
-        Sensors(*(array[e] for array in c.sensors)),
-        assumed,
-        FilterState(*(array[e] for array in c.filter)),
-        *(part[e] for part in (c.noise, c.counts, c.delay, c.q_past, c.omega_past, c.q_known, c.omega_known)),
-    )
+def fill(part: tuple[Any, ...], values: tuple[Any, ...]) -> None:
+    """Write values into the arrays of a part."""
+    for array, value in zip(arrays_of(part), arrays_of(values), strict=True):
+        array[...] = value

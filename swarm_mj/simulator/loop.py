@@ -25,8 +25,7 @@ from swarm_mj.simulator.decide import (
     read_rotation,
     turn_frames,
 )
-from swarm_mj.simulator.faults.filter_state import Assumed, FilterState, Sensors
-from swarm_mj.simulator.faults.sensing_kernels import Count, Knowledge, sense
+from swarm_mj.simulator.faults.attitude_filter import Count, FilterState, Knowledge, Sensors, sense
 from swarm_mj.simulator.faults.wheels import WheelState, drive
 from swarm_mj.simulator.flights import Flights, World
 from swarm_mj.simulator.kernel import move, turn_gyrostats
@@ -143,7 +142,8 @@ def _decide(world: World, law: Any, flights: Flights, conditions: Any, e: int) -
 def _noise_is_used_up(conditions: Any, e: int) -> bool:
     if conditions is None:
         return False
-    return conditions.estimating[e] != 0 and conditions.counts[e, Count.NOISE] >= conditions.noise.shape[1]
+    counts = conditions.knowledge.counts[e]
+    return counts[Count.FILTERS] != 0 and counts[Count.NOISE] >= conditions.knowledge.noise.shape[1]
 
 
 @inlined
@@ -191,17 +191,16 @@ def _hold(world: World, flights: Flights, conditions: Any, e: int) -> None:
         hold_gravity_gradient(flights.q_BN[e], world.gradient_gm, inertia_B, C_mid, released, torque_N, work)
     if conditions is not None:
         if conditions.senses[e]:
-            known = _knowledge(conditions, e)
+            known = _knowledge(conditions.knowledge, e)
             sense(flights.tick[e], flights.q_BN[e], flights.omega_B[e], world.period, known)
-            _copy(conditions.omega_known[e], work[Slot.OMEGA])
+            _copy(conditions.knowledge.omega_BN_B[e], work[Slot.OMEGA])
 
 
 @inlined
-def _knowledge(c: Any, e: int) -> Knowledge:
-    """What the flight software of flight e knows, and what it knows it by."""
-    s, f, a = c.sensors, c.filter, c.assumed[e]
+def _knowledge(c: Knowledge, e: int) -> Knowledge:
+    """What the flight software of flight e knows; `row_of` for compiled code."""
+    s, f = c.sensors, c.state
     return Knowledge(
-        c.estimating[e],
         Sensors(
             s.gyro_noise[e],
             s.bias_walk[e],
@@ -211,7 +210,7 @@ def _knowledge(c: Any, e: int) -> Knowledge:
             s.gyro_works[e],
             s.star_tracker_works[e],
         ),
-        Assumed(a[0], a[1], a[2], a[3]),
+        c.assumed[e],
         FilterState(
             f.q_BN[e],
             f.omega_BN_B[e],
@@ -228,8 +227,8 @@ def _knowledge(c: Any, e: int) -> Knowledge:
         c.delay[e],
         c.q_past[e],
         c.omega_past[e],
-        c.q_known[e],
-        c.omega_known[e],
+        c.q_BN[e],
+        c.omega_BN_B[e],
     )
 
 
@@ -246,7 +245,7 @@ def _guide(world: World, flights: Flights, conditions: Any, e: int) -> bool:
     locate_targets(kind, spacecraft, vector, earth_N, world.earth_velocity_N, world.spin_N, flights.C_AN[e], work)
     if conditions is not None:
         if conditions.senses[e]:
-            q_known = conditions.q_known[e]
+            q_known = conditions.knowledge.q_BN[e]
     guide(q_known, restart, flights.q_RN[e], work)
     return True
 
@@ -302,6 +301,7 @@ def _drive(world: World, flights: Flights, conditions: Any, e: int) -> None:
             c.inertia[e],
             c.motor[e],
             c.bearing[e],
+            c.healthy[e],
         )
         drive(torque_B, wheels, speed, world.period, world.max_torque, world.max_speed, flights.lost[e], peaks)
         for j in range(motor.shape[0]):
@@ -346,6 +346,8 @@ def sense_flights(world: World, flights: Flights, conditions: Any, live: Mask, q
     """Put what the flight software knows in the place of attitudes, (E, n, 4), and rates, (E, n, 3), where sensors err."""
     for e in range(live.shape[0]):
         if live[e] and conditions.senses[e]:
-            sense(flights.tick[e], flights.q_BN[e], flights.omega_B[e], world.period, _knowledge(conditions, e))
-            _copy(conditions.q_known[e], q[e])
-            _copy(conditions.omega_known[e], omega[e])
+            sense(
+                flights.tick[e], flights.q_BN[e], flights.omega_B[e], world.period, _knowledge(conditions.knowledge, e)
+            )
+            _copy(conditions.knowledge.q_BN[e], q[e])
+            _copy(conditions.knowledge.omega_BN_B[e], omega[e])

@@ -23,8 +23,7 @@ from swarm_mj.scenarios.schema import is_multiple
 from swarm_mj.simulator.batch import FlightBatch, FlightSetup
 from swarm_mj.simulator.fault_injection import NOTHING, FaultInjection
 from swarm_mj.simulator.faults.impact import ImpactWatch
-from swarm_mj.simulator.faults.schedule import Event
-from swarm_mj.simulator.faults.state import FaultModel
+from swarm_mj.simulator.faults.schedule import Event, FaultModel
 from swarm_mj.simulator.flights import NEVER
 from swarm_mj.simulator.instruments import Instruments
 from swarm_mj.simulator.propulsion import Propulsion
@@ -227,12 +226,12 @@ class Simulation:
     @property
     def events(self) -> list[Event]:
         """What went wrong so far, in order of time."""
-        return [] if self.injection is None else self.injection.faults.events
+        return [] if self.injection is None else self.injection.events
 
     @property
     def motor_torque(self) -> Array:
         """Torques of the motors, without friction in the bearings, of all wheels in order, shape (n w,) [N m]."""
-        return (self.state.motor if self.injection is None else self.injection.faults.wheels.motor).ravel()
+        return (self.state.motor if self.injection is None else self.injection.wheels.motor).ravel()
 
     @property
     def stepper(self) -> str:
@@ -348,7 +347,7 @@ class Recorder:
         peaks = state.peaks.copy()
         peaks[:, Peak.CUT_HOLDS] = state.period * cut  # the hold of the last decision is not flown yet
         injection = self._simulation.injection
-        sensors_err = injection is not None and injection.faults.sensing.active
+        sensors_err = injection is not None and injection.sensing.active
         return Record(self._time, self._samples, peaks, sensors_err, self._instruments)
 
     def _fly_to(self, end: int) -> None:
@@ -424,12 +423,12 @@ class Recorder:
             "wheel_torque": state.motor,
         }
         if injection is not None:
-            faults, sensing = injection.faults, injection.faults.sensing
+            sensing = injection.sensing
             found |= {
-                "operational": ~faults.lost,
-                "camera_on": faults.camera_on & ~faults.lost,
-                "wheel_torque": faults.wheels.motor,
-                "wheel_friction_torque": faults.wheels.bearing,
+                "operational": ~injection.lost,
+                "camera_on": injection.camera_on & ~injection.lost,
+                "wheel_torque": injection.wheels.motor,
+                "wheel_friction_torque": injection.wheels.bearing,
                 "attitude_knowledge_error": sensing.knowledge_error(state.q_BN),
             }
             if sensing.estimating:

@@ -53,7 +53,7 @@ def test_a_correction_brings_every_spacecraft_to_its_point(exact):
     (off, simulation), (uncorrected, _) = exact
     assert np.linalg.norm(uncorrected, axis=1).min() > 20.0
     assert np.linalg.norm(off, axis=1).max() < 0.25  # its shortest pulse is 1e-5 m/s, second order 0.1 m
-    assert not simulation.injection.faults.lost.any()
+    assert not simulation.injection.lost.any()
 
 
 def test_it_burns_what_the_deployer_erred_by_and_what_that_did_meanwhile(exact):

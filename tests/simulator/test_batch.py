@@ -237,7 +237,7 @@ def test_inertias_that_are_drawn_are_what_the_motors_turn():
     batch, torque = batch_of(plan, starts, controller=None), np.full((2, plan.n, 3), (2e-5, -1e-5, 3e-5))
     batch.hold(None, torque)
     batch.fly(20)
-    inertia = np.stack([batch.injection(e).faults.inertia_B for e in range(2)])
+    inertia = np.stack([batch.flights.inertia_B[e] for e in range(2)])
     inertia -= plan.properties.wheel_spin_inertia * np.eye(3)
     impulse = np.einsum("enij,enj->eni", inertia, batch.flights.omega_B)
     np.testing.assert_allclose(impulse, 10.0 * torque, rtol=2e-3)

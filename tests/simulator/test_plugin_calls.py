@@ -262,7 +262,7 @@ def test_what_a_law_keeps_of_its_inputs_stays_what_it_was(quick_plan):
 
 def test_a_dispersed_simulation_leaves_others_of_the_same_model_alone(quick_plan):
     from swarm_mj.scenarios.schema_faults import Dispersions
-    from swarm_mj.simulator.faults.state import FaultModel
+    from swarm_mj.simulator.faults.schedule import FaultModel
 
     made = make_simulation(quick_plan)
     given = FaultModel(faults=(), dispersions=Dispersions(mass_percent=5.0, inertia_percent=5.0), duration_s=10.0)

@@ -1,9 +1,10 @@
-"""Gyro, star tracker and a multiplicative extended Kalman filter of attitude and gyro bias, compiled, for n spacecraft.
+"""What flight software knows of attitudes, compiled, for n spacecraft: gyro, star tracker, filter and delay.
 
 The gyro integrates: over a period T it gives the rotation of the body plus bias and noise (Farrenkopf 1978; discrete form of
 Crassidis and Junkins, Optimal Estimation of Dynamic Systems, 2nd ed., section 4.7). The star tracker gives the attitude, turned
-by its mounting error and noise. The filter estimates the attitude and the bias (Lefferts, Markley and Shuster, J. Guidance 5,
-1982): with q_true = q_est * dq(theta) and the bias error b - b_est its state is (theta, b - b_est), six numbers in B,
+by its mounting error and noise. A multiplicative extended Kalman filter estimates the attitude and the bias (Lefferts, Markley
+and Shuster, J. Guidance 5, 1982): with q_true = q_est * dq(theta) and the bias error b - b_est its state is
+(theta, b - b_est), six numbers in B,
 
     theta' = exp(-[phi x]) theta - J_r(phi) T (b - b_est) + noise,      phi = measured rotation less b_est T,
 
@@ -12,10 +13,12 @@ J_r the right Jacobian of the rotation group. Quaternions (w, x, y, z), v_N = R(
 
 from __future__ import annotations
 
+from enum import IntEnum
 from math import sqrt
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
-from swarm_mj.simulator.faults.filter_state import Assumed, FilterState, Noise, Sensors
+import numpy as np
+
 from swarm_mj.spacecraft.attitude.algebra import (
     SMALL,
     Matrix,
@@ -38,12 +41,153 @@ from swarm_mj.spacecraft.attitude.algebra import (
     turn,
     vector,
 )
-from swarm_mj.typing import Array, inlined, jittable, lean
+from swarm_mj.typing import Array, Ints, Mask, inlined, jittable, kernel, lean
 
 #: Blocks of a covariance: of the attitude error, of attitude and bias error, of the bias error.
 Covariance: TypeAlias = tuple[Matrix, Matrix, Matrix]
 #: Angular acceleration that the filter allows for where it has no gyro [rad/s^2]: a slewing CubeSat with 4 mN m wheels.
 _UNMEASURED_ACCELERATION = 0.03
+
+
+class Noise(IntEnum):
+    """Rows of the standard normal numbers of one measurement, each with x, y, z."""
+
+    GYRO = 0
+    BIAS_WALK = 1
+    STAR_TRACKER = 2
+
+
+class Count(IntEnum):
+    """Places of `Knowledge.counts`."""
+
+    NOISE = 0  #: rows of the noise that have been used
+    READINGS = 1  #: readings so far
+    TICK = 2  #: control period of the last one; -1: none yet
+    FILTERS = 3  #: 1 where sensors err, so that a filter runs
+
+
+class Sensors(NamedTuple):
+    """True properties of the sensors of n spacecraft, which faults may change."""
+
+    gyro_noise: Array  #: angular random walk, shape (n,) [rad/sqrt(s)]
+    bias_walk: Array  #: random walk of the gyro's bias, shape (n,) [rad/s/sqrt(s)]
+    star_tracker_noise: Array  #: one sigma about each axis, shape (n,) [rad]
+    gyro_offset: Array  #: added to the gyro's bias, shape (n, 3) [rad/s]
+    star_tracker_offset: Array  #: mounting error as a rotation vector in B, shape (n, 3) [rad]
+    gyro_works: Mask  #: shape (n,)
+    star_tracker_works: Mask  #: shape (n,)
+
+
+class Assumed(NamedTuple):
+    """What the filter believes of the sensors, one sigma each."""
+
+    gyro_noise: float  #: angular random walk [rad/sqrt(s)]
+    bias_walk: float  #: [rad/s/sqrt(s)]
+    star_tracker_noise: float  #: about each axis [rad]
+    initial_bias: float  #: of the gyro at the start [rad/s]
+
+
+class FilterState(NamedTuple):
+    """What is carried from one period to the next."""
+
+    q_BN: Array  #: estimated attitudes, shape (n, 4)
+    omega_BN_B: Array  #: estimated rates, shape (n, 3) [rad/s]
+    bias: Array  #: estimated gyro biases, shape (n, 3) [rad/s]
+    covariance: Array  #: of attitude error [rad] and bias error [rad/s], shape (n, 6, 6)
+    true_bias: Array  #: the gyro's walking bias, without `Sensors.gyro_offset`, shape (n, 3) [rad/s]
+    q_before: Array  #: true attitudes at the previous call, shape (n, 4)
+    q_tracked: Array  #: the star tracker's previous attitude, shape (n, 4)
+    tracked: Mask  #: whether there is one of the previous period, shape (n,)
+    started: Mask  #: whether the filter runs, shape (1,)
+
+
+class Knowledge(NamedTuple):
+    """What the flight software of n spacecraft knows, and what it knows it by."""
+
+    sensors: Sensors
+    assumed: Array  #: in the order of `Assumed`, shape (4,)
+    state: FilterState
+    noise: Array  #: standard normal numbers of the readings to come, see `Noise`, shape (rows, n, 3, 3)
+    counts: Ints  #: see `Count`, shape (4,)
+    delay: Ints  #: readings by which each is late, shape (n,)
+    q_past: Array  #: the last readings, one after the other in turn, shape (size, n, 4)
+    omega_past: Array  #: the same of the rates, shape (size, n, 3) [rad/s]
+    q_BN: Array  #: attitudes that the control law is given, shape (n, 4)
+    omega_BN_B: Array  #: rates, shape (n, 3) [rad/s]
+
+
+def sensors_of(n: int, gyro_noise: float, bias_walk: float, star_tracker_noise: float) -> Sensors:
+    """Sensors of n spacecraft that are all alike, work, and have no offsets; see `Sensors`."""
+    noises = np.full(n, gyro_noise), np.full(n, bias_walk), np.full(n, star_tracker_noise)
+    return Sensors(*noises, *np.zeros((2, n, 3)), *np.ones((2, n), np.bool_))
+
+
+def first_state(true_bias: Array) -> FilterState:
+    """The state before the first measurement, with the true biases of the gyros, shape (n, 3) [rad/s]."""
+    n = len(true_bias)
+    return FilterState(
+        q_BN=np.tile([1.0, 0.0, 0.0, 0.0], (n, 1)),
+        omega_BN_B=np.zeros((n, 3)),
+        bias=np.zeros((n, 3)),
+        covariance=np.zeros((n, 6, 6)),
+        true_bias=true_bias.copy(),
+        q_before=np.zeros((n, 4)),
+        q_tracked=np.zeros((n, 4)),
+        tracked=np.zeros(n, np.bool_),
+        started=np.zeros(1, np.bool_),
+    )
+
+
+def first_knowledge(n: int, noise_rows: int, readings: int) -> Knowledge:
+    """Before the first reading, with sensors that do not err; `noise_rows` readings draw their noise at once."""
+    return Knowledge(
+        sensors=sensors_of(n, 0.0, 0.0, 0.0),
+        assumed=np.zeros(4),
+        state=first_state(np.zeros((n, 3))),
+        noise=np.zeros((noise_rows, n, 3, 3)),
+        counts=np.array([noise_rows, 0, -1, 0]),
+        delay=np.zeros(n, np.int64),
+        q_past=np.zeros((readings, n, 4)),
+        omega_past=np.zeros((readings, n, 3)),
+        q_BN=np.zeros((n, 4)),
+        omega_BN_B=np.zeros((n, 3)),
+    )
+
+
+@kernel
+def sense(tick: int, q_BN: Array, omega_BN_B: Array, period: float, known: Knowledge) -> None:
+    """Read the sensors; asked twice at a tick, they give the same again.
+
+    Args:
+        tick: Control periods flown.
+        q_BN: True attitudes, shape (n, 4).
+        omega_BN_B: True rates, shape (n, 3) [rad/s].
+        period: Between two readings [s].
+        known: Brought up to date; a row of its noise must be left.
+    """
+    counts, size = known.counts, known.q_past.shape[0]
+    if counts[Count.TICK] == tick:
+        return
+    counts[Count.TICK] = tick
+    q, omega = q_BN, omega_BN_B
+    if counts[Count.FILTERS] != 0:
+        noise, a = known.noise[counts[Count.NOISE]], known.assumed
+        assumed = Assumed(a[0], a[1], a[2], a[3])
+        estimate(q_BN, omega_BN_B, period, noise, known.sensors, assumed, known.state)
+        counts[Count.NOISE] += 1
+        q, omega = known.state.q_BN, known.state.omega_BN_B
+    count = counts[Count.READINGS]
+    counts[Count.READINGS] += 1
+    place = count % size
+    for j in range(q.shape[0]):
+        # Before anything has arrived, the first reading stands.
+        which = place if known.delay[j] == 0 else (count - min(known.delay[j], count)) % size
+        for k in range(4):
+            known.q_past[place, j, k] = q[j, k]
+            known.q_BN[j, k] = known.q_past[which, j, k]
+        for k in range(3):
+            known.omega_past[place, j, k] = omega[j, k]
+            known.omega_BN_B[j, k] = known.omega_past[which, j, k]
 
 
 @lean

@@ -1,5 +1,7 @@
 """Drawing how far one flight lies from its plan: mass, inertia, wheels, deployment, attitude, gravity, target, sensors.
 
+Every quantity has a stream of random numbers of its own, spawned from the scenario's seed: switching one dispersion on, or
+adding a fault to the end of the list, changes no other draw.
 Means are zero, distributions normal unless the scenario says otherwise; what must stay positive is cut at three sigma.
 """
 
@@ -7,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from enum import IntEnum
 from math import radians
 
 import numpy as np
@@ -14,7 +17,6 @@ from numpy.random import Generator
 
 from swarm_mj.errors import ScenarioError
 from swarm_mj.scenarios.schema_faults import Dispersions
-from swarm_mj.simulator.faults.random_streams import Stream, stream
 from swarm_mj.smallbody.environment import Environment
 from swarm_mj.smallbody.gravity.base import Gravity
 from swarm_mj.smallbody.gravity.spherical_harmonics import SphericalHarmonics
@@ -23,6 +25,42 @@ from swarm_mj.typing import Array, Ints
 DEG_PER_HOUR = radians(1.0) / 3600.0  #: [rad/s]
 DEG_PER_SQRT_HOUR = radians(1.0) / 60.0  #: [rad/sqrt(s)]
 ARCSEC = radians(1.0 / 3600.0)  #: [rad]
+#: Sets these streams apart from others that may be spawned from the same seed.
+_FAMILY = 7
+
+
+class Stream(IntEnum):
+    """What a stream is for; part of its spawn key, so that a number must never be given to something else."""
+
+    FAULT = 0
+    ATTITUDE = 1
+    RATE = 2
+    DEPLOYMENT = 3
+    MASS = 4
+    INERTIA = 5
+    COULOMB = 6
+    VISCOUS = 7
+    GRAVITY = 8
+    HARMONICS = 9
+    TARGET = 10
+    GYRO_BIAS = 11
+    STAR_TRACKER_BIAS = 12
+    DELAY = 13
+    SENSOR_NOISE = 14
+    NAVIGATION = 15
+    BURN = 16
+    MOTHERSHIP = 17
+
+
+def stream(seed: int, what: Stream, *numbers: int) -> np.random.Generator:
+    """The generator of one quantity.
+
+    Args:
+        seed: Of the scenario.
+        what: Which quantity.
+        numbers: Further keys, for instance the number of the fault and of the spacecraft.
+    """
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(_FAMILY, int(what), *numbers)))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,4 +1,7 @@
-"""Which fault happens to which spacecraft at what time: the scenario's list, with its chances and random times drawn."""
+"""Which fault happens to which spacecraft at what time: the scenario's list, with its chances and random times drawn.
+
+Those of the deployment change how the swarm leaves the mothership, all others happen in flight.
+"""
 
 from __future__ import annotations
 
@@ -10,13 +13,31 @@ from typing import Any
 import numpy as np
 
 from swarm_mj.errors import ScenarioError
-from swarm_mj.scenarios.schema_faults import Fault
-from swarm_mj.simulator.faults.random_streams import Stream, stream
+from swarm_mj.scenarios.schema_faults import DeploymentVelocity, Dispersions, Fault, MissedDeployment
+from swarm_mj.simulator.faults.dispersions import Stream, stream
+from swarm_mj.typing import Array
 
 #: Faults of the deployment: they change how the flight begins and have no time.
 AT_DEPLOYMENT = ("missed_deployment", "deployment_velocity")
 #: Stands for the spacecraft that relays to Earth when the time has come.
 RELAY = -1
+
+
+@dataclass(frozen=True, kw_only=True)
+class FaultModel:
+    """What a scenario says may go wrong.
+
+    Attributes:
+        faults: See `swarm_mj.scenarios.schema_faults`.
+        dispersions: The same.
+        duration_s: Of the flight [s].
+        election: Rule by which the swarm replaces a lost relay; None: by none, or by what its behaviour knows.
+    """
+
+    faults: tuple[Fault, ...]
+    dispersions: Dispersions
+    duration_s: float
+    election: str | None = "medoid"
 
 
 @dataclass(frozen=True)
@@ -81,6 +102,44 @@ def draw_schedule(
             if chance < fault.probability:
                 found.append(_scheduled(fault, j, moment, which, n_wheels, duration_s))
     return tuple(sorted(found, key=lambda f: f.time_s))
+
+
+def deployed_velocities(
+    planned: Array,
+    mothership: Array,
+    schedule: Sequence[ScheduledFault],
+    errors: Array,
+    release_s: Array | None = None,
+) -> tuple[Array, list[Event]]:
+    """Velocities after deployment.
+
+    Args:
+        planned: In N, shape (n, 3) [m/s].
+        mothership: Its velocity in N at their releases, shape (3,) or (n, 3) [m/s].
+        schedule: What happens; only faults of the deployment matter here.
+        errors: Added to every velocity, shape (n, 3) [m/s].
+        release_s: When each is released, shape (n,) [s]; None: at the epoch.
+
+    Returns:
+        Velocities in N, shape (n, 3) [m/s], and what happened.
+    """
+    velocity, events = planned + errors, []
+    mothership = np.broadcast_to(mothership, planned.shape)
+    when = np.zeros(len(planned)) if release_s is None else release_s
+    for entry in schedule:
+        j, fault = entry.spacecraft, entry.fault
+        if isinstance(fault, DeploymentVelocity):
+            before = velocity[j].copy()
+            velocity[j] = mothership[j] + fault.factor * (velocity[j] - mothership[j]) + np.array(fault.error_m_s)
+            change = float(np.linalg.norm(velocity[j] - before))
+            events.append(Event(float(when[j]), j, fault.kind, f"velocity off by {change:.3g} m/s"))
+    for entry in schedule:
+        if isinstance(entry.fault, MissedDeployment):
+            velocity[entry.spacecraft] = mothership[entry.spacecraft]
+            events.append(
+                Event(float(when[entry.spacecraft]), entry.spacecraft, entry.fault.kind, "stays in its deployer")
+            )
+    return velocity, events
 
 
 def check_faults(faults: Sequence[Fault], *, n: int, n_wheels: int, duration_s: float) -> None:

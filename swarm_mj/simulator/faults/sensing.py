@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from copy import deepcopy
-from typing import Any
 
 import numpy as np
 
@@ -19,12 +17,24 @@ from swarm_mj.scenarios.schema_faults import (
     StarTrackerDropout,
     StarTrackerNoise,
 )
-from swarm_mj.simulator.faults.dispersions import ARCSEC, DEG_PER_HOUR, DEG_PER_SQRT_HOUR, Dispersed
-from swarm_mj.simulator.faults.filter_state import Assumed, first_state, sensors_of
-from swarm_mj.simulator.faults.random_streams import Stream, stream
+from swarm_mj.simulator.faults.attitude_filter import (
+    Assumed,
+    Count,
+    Knowledge,
+    first_knowledge,
+    first_state,
+    sensors_of,
+)
+from swarm_mj.simulator.faults.dispersions import (
+    ARCSEC,
+    DEG_PER_HOUR,
+    DEG_PER_SQRT_HOUR,
+    Dispersed,
+    Stream,
+    stream,
+)
 from swarm_mj.simulator.faults.schedule import ScheduledFault
-from swarm_mj.simulator.faults.sensing_kernels import Count
-from swarm_mj.simulator.flights import Conditions, knowledge_of_flight
+from swarm_mj.simulator.flights import fill
 from swarm_mj.typing import Array
 
 #: Below these the filter believes no sensor, lest it trust one alone: noise of a good gyro and star tracker.
@@ -66,14 +76,13 @@ class Sensing:
         schedule: What will happen.
         seed: Of the noise.
         period: Control period [s]; sensors are read once in each.
-        conditions: Receives what they are like, for compiled code.
-        flight: Number of the flight there.
+        knowledge: Sensors, filter and readings, for kernels; put at their start.
 
     Attributes:
         estimating: Whether sensors are imperfect, so that a filter runs.
         active: Whether the controller knows anything else than the truth.
-        knowledge: Sensors, filter and readings, for kernels.
-        state: Of the filter.
+        knowledge: As given.
+        rng: Draws the noise; None: there is none.
     """
 
     def __init__(
@@ -83,8 +92,7 @@ class Sensing:
         schedule: Sequence[ScheduledFault],
         seed: int,
         period: float,
-        conditions: Conditions,
-        flight: int,
+        knowledge: Knowledge,
     ) -> None:
         walk = given.gyro_rate_random_walk_deg_h_sqrt_h * DEG_PER_HOUR / 60.0
         noise = given.gyro_angular_random_walk_deg_sqrt_h * DEG_PER_SQRT_HOUR
@@ -99,56 +107,33 @@ class Sensing:
             max(tracker, LEAST_STAR_TRACKER_NOISE),
             max(given.gyro_bias_deg_h * DEG_PER_HOUR, LEAST_BIAS),
         )
-        conditions.senses[flight], conditions.estimating[flight] = self.active, self.estimating
-        conditions.assumed[flight] = assumed
         self._normal, self._drawn, self._period = (noise, tracker), drawn, period
-        self._rng = stream(seed, Stream.SENSOR_NOISE) if self.estimating else None
-        self.knowledge = known = knowledge_of_flight(conditions, flight, assumed)
-        self._sensors, self.state = known.sensors, known.state
-        n = len(drawn.mass_ratio)
-        starts = (*sensors_of(n, noise, walk, tracker), *first_state(drawn.gyro_bias))
-        for array, start in zip((*self._sensors, *self.state), starts, strict=True):
-            array[...] = start
-        self._sensors.star_tracker_offset[:] = drawn.star_tracker_bias
-        known.delay[:] = drawn.delay_ticks
-        known.counts[:] = len(known.noise), 0, -1
-        for array in (known.q_past, known.omega_past, known.q_BN, known.omega_BN_B):
-            array[:] = 0.0
-
-    def get_state(self) -> dict[str, Any]:
-        """What has become of sensors and filter, a copy."""
-        return {"arrays": [array.copy() for array in self._arrays], "rng": deepcopy(self._rng)}
-
-    def set_state(self, saved: dict[str, Any]) -> None:
-        """Go on from what `get_state` gave."""
-        for array, value in zip(self._arrays, saved["arrays"], strict=True):
-            array[...] = value
-        self._rng = deepcopy(saved["rng"])
-
-    @property
-    def _arrays(self) -> tuple[Any, ...]:
-        known = self.knowledge
-        past = known.noise, known.counts, known.delay, known.q_past, known.omega_past, known.q_BN, known.omega_BN_B
-        return (*known.sensors, *known.state, *past)
-
-    def _ticks(self, delay_s: float) -> int:
-        return round(delay_s / self._period)
+        self.rng = stream(seed, Stream.SENSOR_NOISE) if self.estimating else None
+        self.knowledge, n = knowledge, len(drawn.mass_ratio)
+        fresh = first_knowledge(n, len(knowledge.noise), len(knowledge.q_past))._replace(
+            sensors=sensors_of(n, noise, walk, tracker)._replace(star_tracker_offset=drawn.star_tracker_bias),
+            assumed=np.array(assumed),
+            state=first_state(drawn.gyro_bias),
+            delay=drawn.delay_ticks,
+        )
+        fill(knowledge, fresh)
+        knowledge.counts[Count.FILTERS] = self.estimating
 
     @property
     def gyro_bias(self) -> Array:
         """True biases with what faults add, shape (n, 3) [rad/s]."""
-        return self.state.true_bias + self._sensors.gyro_offset
+        return self.knowledge.state.true_bias + self.knowledge.sensors.gyro_offset
 
     @property
     def gyro_bias_estimate(self) -> Array:
         """The filter's, shape (n, 3) [rad/s]."""
-        return self.state.bias
+        return self.knowledge.state.bias
 
     def provide_noise(self) -> None:
         """See that there is noise for the next reading: the numbers that one reading after the other would draw."""
         noise, counts = self.knowledge.noise, self.knowledge.counts
-        if self._rng is not None and counts[Count.NOISE] == len(noise):
-            self._rng.standard_normal(out=noise)
+        if self.rng is not None and counts[Count.NOISE] == len(noise):
+            self.rng.standard_normal(out=noise)
             counts[Count.NOISE] = 0
 
     def knowledge_error(self, q_BN: Array) -> Array:
@@ -158,45 +143,29 @@ class Sensing:
         along = np.abs(np.einsum("nk,nk->n", q_BN, self.knowledge.q_BN))
         return 2.0 * np.arccos(np.minimum(1.0, along))
 
-    def fail(self, j: int, fault: object) -> str:
-        """Let a fault of a sensor happen; returns it in words."""
-        sensors = self._sensors
+    def set_fault(self, j: int, fault: object, active: bool) -> str:
+        """Let a fault of a sensor begin or end; returns it in words."""
+        sensors, sign = self.knowledge.sensors, 1.0 if active else -1.0
         if isinstance(fault, GyroNoise):
-            sensors.gyro_noise[j] = fault.angular_random_walk_deg_sqrt_h * DEG_PER_SQRT_HOUR
-            return f"{fault.angular_random_walk_deg_sqrt_h:g} deg/sqrt(h)"
+            walk = fault.angular_random_walk_deg_sqrt_h
+            sensors.gyro_noise[j] = walk * DEG_PER_SQRT_HOUR if active else self._normal[0]
+            return f"{walk:g} deg/sqrt(h)"
         if isinstance(fault, GyroBias):
-            sensors.gyro_offset[j] += DEG_PER_HOUR * np.array(fault.bias_deg_h)
+            sensors.gyro_offset[j] += sign * DEG_PER_HOUR * np.array(fault.bias_deg_h)
             return f"{list(fault.bias_deg_h)} deg/h added"
         if isinstance(fault, GyroDropout):
-            sensors.gyro_works[j] = False
+            sensors.gyro_works[j] = not active
             return "no rates"
         if isinstance(fault, StarTrackerNoise):
-            sensors.star_tracker_noise[j] = fault.sigma_arcsec * ARCSEC
+            sensors.star_tracker_noise[j] = fault.sigma_arcsec * ARCSEC if active else self._normal[1]
             return f"{fault.sigma_arcsec:g} arcsec"
         if isinstance(fault, StarTrackerBias):
-            sensors.star_tracker_offset[j] += ARCSEC * np.array(fault.bias_arcsec)
+            sensors.star_tracker_offset[j] += sign * ARCSEC * np.array(fault.bias_arcsec)
             return f"{list(fault.bias_arcsec)} arcsec added"
         if isinstance(fault, StarTrackerDropout):
-            sensors.star_tracker_works[j] = False
+            sensors.star_tracker_works[j] = not active
             return "no attitudes"
         assert isinstance(fault, SensorDelay)
-        self.knowledge.delay[j] = self._ticks(fault.delay_s)
-        return f"{self.knowledge.delay[j] * self._period:g} s"
-
-    def recover(self, j: int, fault: object) -> None:
-        """End a fault of a sensor."""
-        sensors = self._sensors
-        if isinstance(fault, GyroNoise):
-            sensors.gyro_noise[j] = self._normal[0]
-        elif isinstance(fault, GyroBias):
-            sensors.gyro_offset[j] -= DEG_PER_HOUR * np.array(fault.bias_deg_h)
-        elif isinstance(fault, GyroDropout):
-            sensors.gyro_works[j] = True
-        elif isinstance(fault, StarTrackerNoise):
-            sensors.star_tracker_noise[j] = self._normal[1]
-        elif isinstance(fault, StarTrackerBias):
-            sensors.star_tracker_offset[j] -= ARCSEC * np.array(fault.bias_arcsec)
-        elif isinstance(fault, StarTrackerDropout):
-            sensors.star_tracker_works[j] = True
-        elif isinstance(fault, SensorDelay):
-            self.knowledge.delay[j] = self._drawn.delay_ticks[j]
+        delay = self.knowledge.delay
+        delay[j] = round(fault.delay_s / self._period) if active else self._drawn.delay_ticks[j]
+        return f"{delay[j] * self._period:g} s"

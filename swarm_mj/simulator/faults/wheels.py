@@ -11,12 +11,16 @@ is known in closed form; the mean torque that leads there is held (equal to the 
 
 from __future__ import annotations
 
+from functools import lru_cache
 from math import exp, inf, log
 from typing import NamedTuple
 
 import numpy as np
 
+from swarm_mj.scenarios.schema_faults import WheelFriction, WheelLost, WheelStuck, WheelWeakened
+from swarm_mj.simulator.faults.schedule import ScheduledFault
 from swarm_mj.spacecraft.attitude.algebra import dot, put_vector, vector
+from swarm_mj.spacecraft.properties import RPM, SpacecraftProperties
 from swarm_mj.typing import Array, Mask, jittable, lean
 
 #: A decay of less than this over one hold is treated as none: the closed form would lose its digits.
@@ -24,29 +28,91 @@ _NO_DECAY = 1e-9
 
 
 class WheelState(NamedTuple):
-    """How the wheels of n spacecraft with w wheels each are.
+    """How the wheels of n spacecraft with w wheels each are, every array of shape (n, w) where nothing else is said."""
 
-    Attributes:
-        effectiveness: Part of the commanded torque that the motor gives; 0: lost, shape (n, w).
-        stuck: Whether the speed is held, shape (n, w).
-        stuck_speed: At which, shape (n, w) [rad/s].
-        coulomb: Shape (n, w) [N m].
+    effectiveness: Array  #: part of the commanded torque that the motor gives; 0: lost
+    stuck: Mask  #: whether the speed is held
+    stuck_speed: Array  #: at which [rad/s]
+    coulomb: Array  #: friction [N m]
+    viscous: Array  #: friction [N m s/rad]
+    allocation: Array  #: maps a body torque to motor torques, shape (n, w, 3)
+    inertia: Array  #: that the speed relative to the hub meets [kg m^2]
+    motor: Array  #: motor torques of the present hold [N m]
+    bearing: Array  #: mean friction torques over the hold [N m]
+    healthy: Mask  #: whether the flight software uses it
+
+
+def healthy_wheels(properties: SpacecraftProperties, inertia_B: Array, coulomb: Array, viscous: Array) -> WheelState:
+    """Wheels that all work.
+
+    Args:
+        properties: Axes and spin inertia.
+        inertia_B: True inertia of every spacecraft with its wheels, shape (n, 3, 3) [kg m^2].
+        coulomb: Friction, shape (n, w) [N m].
         viscous: Shape (n, w) [N m s/rad].
-        allocation: Maps a body torque to motor torques, shape (n, w, 3).
-        inertia: That the speed relative to the hub meets, shape (n, w) [kg m^2].
-        motor: Motor torques of the present hold, shape (n, w) [N m].
-        bearing: Mean friction torques over the hold, shape (n, w) [N m].
     """
+    axes, spin, shape = properties.wheel_axes_B, properties.wheel_spin_inertia, coulomb.shape
+    inverse = np.linalg.inv(inertia_B - spin * axes.T @ axes)
+    return WheelState(
+        effectiveness=np.ones(shape),
+        stuck=np.zeros(shape, np.bool_),
+        stuck_speed=np.zeros(shape),
+        coulomb=coulomb,
+        viscous=viscous,
+        allocation=np.repeat(_allocation_to_all(axes.tobytes())[None], len(coulomb), axis=0),
+        # The speed of a wheel relative to its hub meets 1 / (1/J_s + a.J_eff^-1.a).
+        inertia=1.0 / (1.0 / spin + np.einsum("wi,nij,wj->nw", axes, inverse, axes)),
+        motor=np.zeros(shape),
+        bearing=np.zeros(shape),
+        healthy=np.ones(shape, np.bool_),
+    )
 
-    effectiveness: Array
-    stuck: Mask
-    stuck_speed: Array
-    coulomb: Array
-    viscous: Array
-    allocation: Array
-    inertia: Array
-    motor: Array
-    bearing: Array
+
+def set_fault(wheels: WheelState, entry: ScheduledFault, active: bool, speed: Array) -> str:
+    """Let a fault of wheels begin or end; returns it in words.
+
+    Args:
+        wheels: Changed.
+        entry: What happens.
+        active: Whether it begins; lost and stuck wheels never recover.
+        speed: Of the spacecraft's wheels now, shape (w,) [rad/s].
+    """
+    j, fault, sign, words = entry.spacecraft, entry.fault, 1.0 if active else -1.0, []
+    for w in entry.wheels:
+        if isinstance(fault, WheelLost):
+            wheels.effectiveness[j, w] = 0.0
+            words.append(f"wheel {w + 1} gives no torque")
+        elif isinstance(fault, WheelStuck):
+            held = speed[w] if fault.speed_rpm is None else fault.speed_rpm * RPM
+            wheels.stuck[j, w], wheels.stuck_speed[j, w] = True, held
+            words.append(f"wheel {w + 1} at {held / RPM:.0f} rpm")
+        elif isinstance(fault, WheelWeakened):
+            if active:
+                wheels.effectiveness[j, w] *= fault.factor
+            else:
+                wheels.effectiveness[j, w] = wheels.effectiveness[j, w] / fault.factor if fault.factor > 0.0 else 1.0
+            words.append(f"wheel {w + 1} gives {100 * fault.factor:g} %")
+        elif isinstance(fault, WheelFriction):
+            wheels.coulomb[j, w] += sign * fault.coulomb_n_m
+            wheels.viscous[j, w] += sign * fault.viscous_n_m_s
+            words.append(f"wheel {w + 1}: {fault.coulomb_n_m:g} N m, {fault.viscous_n_m_s:g} N m s/rad more")
+    return "; ".join(words)
+
+
+def reallocate(wheels: WheelState, entry: ScheduledFault, axes_B: Array) -> str:
+    """Leave the failed wheels out from now on; returns what is left in words."""
+    healthy = wheels.healthy[entry.spacecraft]
+    healthy[list(entry.wheels)] = False
+    wheels.allocation[entry.spacecraft] = allocate(axes_B, healthy)
+    rank = int(np.linalg.matrix_rank(axes_B[healthy])) if healthy.any() else 0
+    return f"torque shared by {healthy.sum()} wheels, control about {rank} axes"
+
+
+@lru_cache(maxsize=8)
+def _allocation_to_all(axes_B: bytes) -> Array:
+    """See `allocate`, with all wheels healthy; the axes as the bytes of their array."""
+    axes = np.frombuffer(axes_B).reshape(-1, 3)
+    return allocate(axes, np.ones(len(axes), np.bool_))
 
 
 def allocate(axes_B: Array, healthy: Mask) -> Array:

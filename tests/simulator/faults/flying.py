@@ -10,7 +10,7 @@ from swarm_mj.flight.plan import environment_from, load_body_shape, make_plan
 from swarm_mj.mission.behaviors import AdaptableRoles
 from swarm_mj.scenarios.loading import load_scenario, parse_overrides
 from swarm_mj.scenarios.schema import Scenario
-from swarm_mj.simulator.faults.state import FaultModel
+from swarm_mj.simulator.faults.schedule import FaultModel
 from swarm_mj.simulator.simulation import Simulation
 from swarm_mj.simulator.state import InitialState
 from swarm_mj.spacecraft.model import build_model

@@ -8,15 +8,16 @@ from swarm_mj.errors import ScenarioError
 from swarm_mj.mission.trajectories import propagate
 from swarm_mj.scenarios.schema_faults import Dispersions
 from swarm_mj.simulator.faults.dispersions import (
+    Stream,
     attitude_turns,
     disperse_environment,
     dispersed_inertia,
     draw_spacecraft,
     extra_rates,
     shifted_target,
+    stream,
     velocity_errors,
 )
-from swarm_mj.simulator.faults.random_streams import Stream, stream
 from swarm_mj.spacecraft.properties import SpacecraftProperties
 
 from .flying import Constant, alone, fly, momentum, plan_of

@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 
 from swarm_mj.scenarios.schema import Scenario
+from swarm_mj.simulator.faults.attitude_filter import first_knowledge, sense
 from swarm_mj.simulator.faults.dispersions import ARCSEC, DEG_PER_HOUR, draw_spacecraft
 from swarm_mj.simulator.faults.schedule import draw_schedule
 from swarm_mj.simulator.faults.sensing import NOISE_ROWS, Sensing, most_readings
-from swarm_mj.simulator.faults.sensing_kernels import sense
-from swarm_mj.simulator.flights import allocate_conditions
 
 from .flying import events_of, fault, fly
 
@@ -24,8 +23,8 @@ def sensing(n=2, faults=(), period=0.5, **dispersions):
     schedule = draw_schedule(checked.faults, 0, n=n, n_wheels=3, duration_s=100.0)
     drawn = draw_spacecraft(checked.dispersions, 0, n=n, n_wheels=3, period_s=period)
     rows, readings = NOISE_ROWS, most_readings(checked.dispersions, checked.faults, period)
-    space = allocate_conditions(1, n, 3, noise_rows=rows, readings=readings, series=())
-    return Sensing(checked.dispersions, drawn, schedule, 0, period, space, 0), schedule
+    knowledge = first_knowledge(n, rows, readings)
+    return Sensing(checked.dispersions, drawn, schedule, 0, period, knowledge), schedule
 
 
 def know(sensors, tick, q, omega):
@@ -103,13 +102,13 @@ def test_a_delayed_controller_is_given_what_was_true_so_many_periods_ago():
     delay = {"kind": "sensor_delay", "spacecraft": "sc2", "at_s": 0, "delay_s": 1.5}
     late, (entry,) = sensing(faults=[delay])
     assert late.active and not late.estimating
-    late.fail(1, entry.fault)
+    late.set_fault(1, entry.fault, active=True)
     for tick in range(10):
         q, omega = know(late, tick, *turning(tick))
     assert np.array_equal(q[0], turning(9)[0][0])
     assert np.array_equal(q[1], turning(6)[0][1])
     assert late.knowledge_error(turning(9)[0])[1] == pytest.approx(0.02 * 1.5, rel=1e-6)
-    late.recover(1, entry.fault)
+    late.set_fault(1, entry.fault, active=False)
     assert np.array_equal(know(late, 10, *turning(10))[0][1], turning(10)[0][1])
 
 
@@ -134,16 +133,16 @@ def two_biases(kind, key):
     given = [{"kind": kind, "spacecraft": "sc2", "at_s": 0, key: bias} for bias in ([300, -100, 50], [20, 40, -60])]
     sensors, schedule = sensing(faults=given)
     for entry in schedule:
-        sensors.fail(1, entry.fault)
+        sensors.set_fault(1, entry.fault, active=True)
     return sensors, schedule
 
 
 def test_the_bias_that_a_fault_adds_to_a_gyro_is_taken_back_when_it_is_over():
     sensors, (first, second) = two_biases("gyro_bias", "bias_deg_h")
     assert sensors.gyro_bias[1] / DEG_PER_HOUR == pytest.approx([320, -60, -10])
-    sensors.recover(1, first.fault)
+    sensors.set_fault(1, first.fault, active=False)
     assert sensors.gyro_bias[1] / DEG_PER_HOUR == pytest.approx([20, 40, -60])
-    sensors.recover(1, second.fault)
+    sensors.set_fault(1, second.fault, active=False)
     assert sensors.gyro_bias / DEG_PER_HOUR == pytest.approx(np.zeros((2, 3)), abs=1e-9)
 
 
@@ -151,7 +150,7 @@ def test_the_turn_that_a_fault_gives_a_star_tracker_is_taken_back_when_it_is_ove
     for recovered, left in (((), [320, -60, -10]), ((0,), [20, 40, -60]), ((0, 1), [0, 0, 0])):
         sensors, schedule = two_biases("star_tracker_bias", "bias_arcsec")
         for k in recovered:
-            sensors.recover(1, schedule[k].fault)
+            sensors.set_fault(1, schedule[k].fault, active=False)
         # The filter begins with what the star tracker says; of a turn so small twice the vector part is the angle.
         q, _ = know(sensors, 0, np.tile([1.0, 0, 0, 0], (2, 1)), np.zeros((2, 3)))
         assert 2 * q[1, 1:] / ARCSEC == pytest.approx(left, rel=1e-5, abs=1e-9)

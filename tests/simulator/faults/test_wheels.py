@@ -4,10 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from swarm_mj.simulator.faults.wheel_set import WheelSet
 from swarm_mj.simulator.faults.wheels import WheelState, allocate, drive, speed_after
-from swarm_mj.simulator.flights import allocate_conditions, wheels_of_flight
-from swarm_mj.spacecraft.properties import SpacecraftProperties
 
 J = 2.4e-5
 
@@ -77,7 +74,9 @@ def driven(torque, speed, **changes):
     n, w = speed.shape
     none, allocation = np.zeros((n, w)), -np.tile(np.eye(3), (n, 1, 1))
     inertia, motor, bearing = np.full((n, w), J), np.empty((n, w)), np.empty((n, w))
-    wheels = WheelState(none + 1.0, none > 0, none, none, none, allocation, inertia, motor, bearing)._replace(**changes)
+    wheels = WheelState(
+        none + 1.0, none > 0, none, none, none, allocation, inertia, motor, bearing, none == 0
+    )._replace(**changes)
     drive(torque, wheels, speed, 0.5, 4e-3, 600.0, np.zeros(n, bool), np.zeros((n, 3)))
     return motor, bearing
 
@@ -123,20 +122,21 @@ def test_bearings_take_the_momentum_that_the_friction_law_says():
 def test_a_dead_spacecraft_drives_no_wheel_but_friction_goes_on():
     none = np.zeros((1, 3))
     wheels = WheelState(
-        none + 1, none > 0, none, none + 2e-4, none, -np.eye(3)[None], none + J, np.empty((1, 3)), np.empty((1, 3))
+        none + 1,
+        none > 0,
+        none,
+        none + 2e-4,
+        none,
+        -np.eye(3)[None],
+        none + J,
+        np.empty((1, 3)),
+        np.empty((1, 3)),
+        none == 0,
     )
     peaks = np.zeros((1, 3))
     drive(np.full((1, 3), 1.0), wheels, none + 300.0, 0.5, 4e-3, 600.0, np.ones(1, bool), peaks)
     assert not wheels.motor.any() and wheels.bearing == pytest.approx(-2e-4)
     assert peaks[0].tolist() == [300.0, 0.0, 0.0]
-
-
-def test_the_swarm_drives_its_wheels_with_motor_and_bearing_together():
-    properties = SpacecraftProperties()
-    state = wheels_of_flight(allocate_conditions(1, 1, 3, noise_rows=0, readings=1, series=()), 0)
-    wheels = WheelSet(properties, properties.inertia_B[None], np.full((1, 3), 2e-4), np.zeros((1, 3)), state)
-    total = wheels.drive(np.zeros((1, 3)), np.full((1, 3), 100.0), 0.5, np.zeros(1, bool), np.zeros((1, 3)))
-    assert total == pytest.approx(-2e-4)
 
 
 def test_a_swarms_wheels_are_driven_as_those_of_each_spacecraft_alone():
@@ -152,6 +152,7 @@ def test_a_swarms_wheels_are_driven_as_those_of_each_spacecraft_alone():
         rng.normal(size=(n, w, 3)),
         J * (1.0 + 0.1 * rng.random((n, w))),
         *np.full((2, n, w), np.nan),
+        np.ones((n, w), bool),
     )
     torque, speed = 2e-3 * rng.normal(size=(n, 3)), np.where(some(0.2), 0.0, 10.0 ** rng.uniform(-1, 2.7, (n, w)))
     dead, found = np.arange(n) == 6, []
