@@ -27,8 +27,8 @@ from swarm_mj.observation.horizon_kernels import Scene, make_scene
 from swarm_mj.observation.observer import Observer, ObserverKind, make_observer
 from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.scenarios.schema import Scenario
-from swarm_mj.simulator.batch import FlightSetup
 from swarm_mj.simulator.state import InitialState
+from swarm_mj.simulator.world import FlightSetup
 from swarm_mj.smallbody.occultation import occluder_of
 from swarm_mj.spacecraft.attitude.algebra import Vector, cross
 from swarm_mj.typing import Array, Mask

@@ -121,7 +121,7 @@ class LiveFlight:
             SimulationError: The flight diverged.
         """
         if not self.over:
-            self._simulation.advance()
+            self._simulation.step()
             self._decide()
 
     @property

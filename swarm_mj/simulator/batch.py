@@ -7,7 +7,7 @@ done here. Who steps is `SwarmModel.stepper`: MuJoCo, or the kernel for gyrostat
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from copy import deepcopy
 from functools import partial
 from typing import Any
 
@@ -15,69 +15,37 @@ import mujoco
 import numpy as np
 
 from swarm_mj.errors import PluginError, SimulationError
-from swarm_mj.mission.behaviors import Behavior, SwarmView, Targets
+from swarm_mj.mission.behaviors import Behavior, SteadyBehavior, SwarmView, Targets
 from swarm_mj.plugins import name_of
 from swarm_mj.simulator.fault_injection import FaultInjection, conditions_for
-from swarm_mj.simulator.faults.schedule import FaultModel
 from swarm_mj.simulator.flights import NEVER, Flights, allocate_flights
 from swarm_mj.simulator.loop import Ask, Stage, run, sense_flights
-from swarm_mj.simulator.mujoco import MujocoStepper, own_copy, timesteps_in
-from swarm_mj.simulator.plugin_calls import BehaviorCalls, ControllerCalls, divergence_of, no_such_target, view_of
+from swarm_mj.simulator.mujoco import MujocoStepper, own_copy
+from swarm_mj.simulator.plugin_calls import (
+    Memory,
+    ask_for_targets,
+    ask_for_torque,
+    ask_how_long,
+    divergence_of,
+    no_such_target,
+)
 from swarm_mj.simulator.propulsion import Propulsion
 from swarm_mj.simulator.slews import Slews
 from swarm_mj.simulator.slots import Slot
 from swarm_mj.simulator.state import FlightState, InitialState
-from swarm_mj.simulator.world import compiled_law_of, gravity_is_compiled, make_world
-from swarm_mj.smallbody.environment import Environment
+from swarm_mj.simulator.world import FlightSetup, compiled_law_of, gravity_is_compiled, make_world
 from swarm_mj.spacecraft.control.base import Controller
 from swarm_mj.spacecraft.control.compiled import NO_LAW, LawFunction
 from swarm_mj.spacecraft.control.force import ForceLaw
 from swarm_mj.spacecraft.model import SwarmModel
-from swarm_mj.spacecraft.properties import SpacecraftProperties
 from swarm_mj.typing import Array, Ints, Mask
 
 #: Where lost spacecraft stand, times their number [m].
 PARKED = 1e7
+#: Most control periods for which a behaviour is not asked.
+LONGEST_REST = 1_000_000
 #: Ticks of a flight for which the flights of a batch share cells of a polyhedron; memory comes as it is used.
 REMEMBERED = 16_384
-
-
-@dataclass(frozen=True, kw_only=True)
-class FlightSetup:
-    """What all flights of a batch have in common, but for behaviours and laws.
-
-    Attributes:
-        model: The compiled swarm.
-        environment: Gravity, rotation, Sun and Earth.
-        period: How long torques and forces are held [s]; a whole multiple of the model's timestep.
-        gravity_gradient: Whether the torque of the central field acts; the field must know its `gm`.
-        fault_model: What may go wrong; None: nothing, all is as planned.
-        quickest_slews: Whether turns to new targets go by the quickest profile, see `Slews`, and not by the law's gains.
-    """
-
-    model: SwarmModel
-    environment: Environment
-    period: float
-    gravity_gradient: bool = False
-    fault_model: FaultModel | None = None
-    quickest_slews: bool = False
-
-    @property
-    def properties(self) -> SpacecraftProperties:
-        """Mass properties and wheel limits of every spacecraft, as planned."""
-        return self.model.properties
-
-    @property
-    def gradient_gm(self) -> float:
-        """Gravitational parameter whose gradient turns the spacecraft [m^3/s^2]; 0: none does.
-
-        Raises:
-            PluginError: The field does not know its gravitational parameter, and the gradient needs it.
-        """
-        gm = getattr(self.environment.gravity, "gm", None) if self.gravity_gradient else 0.0
-        if gm is None:
-            raise PluginError("the gravity-gradient torque needs a gravity field with an attribute gm [m^3/s^2]")
-        return float(gm)
 
 
 class FlightBatch:
@@ -116,29 +84,20 @@ class FlightBatch:
         behaviors: Sequence[Behavior] | None = None,
         force_law: ForceLaw | None = None,
     ) -> None:
-        model, timestep = setup.model, float(setup.model.mjmodel.opt.timestep)
-        self.setup, self.count, self.n = setup, count, model.n
+        self.setup, self.count, self.n = setup, count, setup.model.n
         self.environment = setup.environment.in_cells()
-        self.flights: Flights = allocate_flights(count, model.n, setup.properties.n_wheels)
+        self.flights: Flights = allocate_flights(count, self.n, setup.properties.n_wheels)
         self.flights.mass[:], self.flights.inertia_B[:] = setup.properties.mass, setup.properties.inertia_B
-        self.world = make_world(
-            setup.properties,
-            self.environment,
-            n=model.n,
-            period=setup.period,
-            timestep=timestep,
-            timesteps=timesteps_in(setup.period, timestep),
-            gradient_gm=setup.gradient_gm if model.own is None else 0.0,  # bodies of one's own are turned one by one
-            remembered=REMEMBERED if count > 1 else 0,
-        )
+        self.world = make_world(setup, self.environment, REMEMBERED if count > 1 else 0)
         self.conditions = None
         if setup.fault_model is not None:
             self.conditions = conditions_for(setup.fault_model, setup.properties, self.world, count)
         self.causes = [""] * count
         self._starts: list[InitialState | None] = [None] * count
         self._everyone = np.ones(count, np.bool_)
-        self._behaviors = None if behaviors is None else BehaviorCalls(behaviors, setup.period)
-        self._law: ControllerCalls | None = None
+        self._memories = [Memory() for _ in range(count)]
+        self._behaviors: list[Behavior] = list(behaviors or ())
+        self._controller: Controller | None = None
         self._held = self._copied_targets()
         self._states: dict[int, FlightState] = {}
         self._make_parts()
@@ -227,26 +186,30 @@ class FlightBatch:
     @property
     def controller(self) -> Controller | None:
         """The control law; another one may take over in flight, without memory."""
-        return None if self._law is None else self._law.controller
+        return self._controller
 
     @controller.setter
     def controller(self, controller: Controller | None) -> None:
         law = None if controller is None else compiled_law_of(controller, self.world)
-        self._law = None if controller is None else ControllerCalls(controller, self.count)
+        self._controller = controller
         self._compiled_law: LawFunction
         self._compiled_law, numbers = (NO_LAW, np.zeros(0)) if law is None else law
         self.world = self.world._replace(law_numbers=numbers)
         self._law_in_python = controller is not None and law is None
+        for memory in self._memories:
+            memory.law = None
         self._note_what_is_asked()
 
     @property
     def behaviors(self) -> list[Behavior]:
         """Who points at what in each flight; others may take over in flight, without memory; none where targets are held."""
-        return [] if self._behaviors is None else self._behaviors.behaviors
+        return self._behaviors
 
     @behaviors.setter
     def behaviors(self, behaviors: Sequence[Behavior]) -> None:
-        self._behaviors = BehaviorCalls(behaviors, self.period)
+        self._behaviors = list(behaviors)
+        for memory in self._memories:
+            memory.behavior = None
         self.ask_again()
 
     @property
@@ -282,8 +245,6 @@ class FlightBatch:
     def ask_again(self, which: Any = slice(None)) -> None:
         """Decide anew, and ask the behaviours first, because they or the states have been told something new."""
         self.flights.due[which], self.flights.stage[which] = 0, Stage.BEGIN
-        if self._behaviors is not None:
-            self._behaviors.due[which] = 0
 
     def hold(self, targets: Targets | None, torque_B: Array | None) -> None:
         """Let targets, shape (E, n, ...), and torques [N m], shape (E, n, 3), hold where no behaviour and no law decides."""
@@ -299,7 +260,7 @@ class FlightBatch:
             self._intended = [Targets(*(part[e] for part in targets)) for e in range(len(self._intended))]
         if torque_B is not None:
             f.torque_B[:] = torque_B
-        if self._behaviors is not None:
+        if self._behaviors:
             self.ask_again()
 
     def _copied_targets(self) -> Targets:
@@ -309,7 +270,7 @@ class FlightBatch:
     def reset(self, e: int, initial: InitialState) -> None:
         """Put one flight at its start and forget everything about it; its seed says what will go wrong."""
         state, injection, propulsion = self.state(e), self.injection(e), self.propulsion(e)
-        self._starts[e], self.causes[e] = initial, ""
+        self._starts[e], self.causes[e], self._memories[e] = initial, "", Memory()
         if propulsion is not None:
             propulsion.refill()
         state.mass[:], state.inertia_B[:] = self.setup.properties.mass, self.setup.properties.inertia_B
@@ -322,10 +283,6 @@ class FlightBatch:
             self._steppers[e].start()
         else:
             self._spin_up(e)
-        if self._behaviors is not None:
-            self._behaviors.reset(e)
-        if self._law is not None:
-            self._law.reset(e)
 
     def _spin_up(self, e: int) -> None:
         """Momenta of the wheels from their speeds."""
@@ -377,31 +334,24 @@ class FlightBatch:
             )
         return {
             "start": self._starts[e],
-            "arrays": [array[e].copy() for array in self.flights],
             "cause": self.causes[e],
-            "mujoco": self._steppers[e].get_state() if self._steppers else None,
-            "behavior": None if self._behaviors is None else self._behaviors.get_state(e),
-            "law": None if self._law is None else self._law.get_state(e),
-            "faults": self._injections[e].get_state() if self._injections else None,
-            "slews": self._slews[e].get_state() if self._slews else None,
+            "arrays": [array[e].copy() for array in self.flights],
+            "memory": deepcopy(self._memories[e]),
+            "parts": [part.get_state() for part in self._parts(e)],
         }
 
     def set_state(self, e: int, saved: dict[str, Any]) -> None:
         """Go on from what `get_state` gave, bit for bit."""
         self.reset(e, saved["start"])
-        if self._steppers:
-            self._steppers[e].set_state(saved["mujoco"])
-        if self._injections:
-            self._injections[e].set_state(saved["faults"])
+        for part, state in zip(self._parts(e), saved["parts"], strict=True):
+            part.set_state(state)
         for array, row in zip(self.flights, saved["arrays"], strict=True):
             array[e] = row
-        self.causes[e] = saved["cause"]
-        if self._behaviors is not None:
-            self._behaviors.set_state(e, saved["behavior"])
-        if self._law is not None:
-            self._law.set_state(e, saved["law"])
-        if self._slews:
-            self._slews[e].set_state(saved["slews"])
+        self.causes[e], self._memories[e] = saved["cause"], deepcopy(saved["memory"])
+
+    def _parts(self, e: int) -> list[Any]:
+        """What flight e has of its own beside the arrays, and changes in flight."""
+        return [parts[e] for parts in (self._steppers, self._injections, self._slews) if parts]
 
     def know(self, live: Mask, q: Array, omega: Array) -> Mask:
         """Put what the flight software has of attitudes and rates in the place of the truth, where sensors are not perfect.
@@ -467,29 +417,29 @@ class FlightBatch:
             injection.sensing.provide_noise()
         if tick < self.flights.due[e]:
             return
-        if not self._is_finite(e):
+        if not np.isfinite(state.numbers()).all():
             self._diverge(e)
             if not self.flights.finite[e]:
                 return
-        view = view_of(state, state.environment.C_AN(state.time))
-        ask = partial(self._targets, e)
+        view, ask = state.view(), partial(self._targets, e)
         targets = ask(view) if injection is None else injection.aim(view, ask)
         state.aim_at(targets)
         if self._intended:
             self._intended[e] = Targets._make(part.copy() for part in targets)
         due = NEVER if release is None else release.next_after(tick)
-        due = due if self._behaviors is None else min(due, int(self._behaviors.due[e]))
+        due = min(due, self._memories[e].due) if self._behaviors else due
         self.flights.due[e] = due if injection is None else min(due, injection.due)
 
     def _targets(self, e: int, view: SwarmView) -> Targets:
-        if self._behaviors is not None:
-            return self._behaviors.ask(e, view, int(self.flights.tick[e]))
+        if self._behaviors:
+            behavior, memory, steady = self._behaviors[e], self._memories[e], 0.0
+            targets, memory.behavior = ask_for_targets(behavior, view, memory.behavior)
+            if isinstance(behavior, SteadyBehavior):
+                steady = ask_how_long(behavior, view, memory.behavior)
+            memory.due = int(self.flights.tick[e]) + max(1, int(min(steady / self.period, LONGEST_REST)))
+            return targets
         # Where losses have had the swarm aim elsewhere, what was asked for stands in `_held` alone.
         return Targets(*(part[e] for part in self._held)) if self._injections else self.state(e).targets
-
-    def _is_finite(self, e: int) -> bool:
-        f = self.flights
-        return all(np.isfinite(part[e]).all() for part in (f.r_N, f.v_N, f.q_BN, f.omega_B, f.wheel_speed))
 
     def _diverge(self, e: int) -> None:
         injection = self.injection(e)
@@ -501,8 +451,7 @@ class FlightBatch:
 
     def _mark_diverged(self, e: int) -> None:
         self.flights.finite[e] = False
-        state, controller = self.state(e), None if self._law is None else self._law.controller
-        self.causes[e] = divergence_of(state, controller)
+        self.causes[e] = divergence_of(self.state(e), self._controller)
 
     def _attract(self, e: int) -> None:
         state = self.state(e)
@@ -521,9 +470,9 @@ class FlightBatch:
         raise PluginError(no_such_target(self.state(e).targets))
 
     def _ask_law(self, e: int) -> None:
-        assert self._law is not None
-        state = self.state(e)
-        state.torque_B[:] = self._law.ask(e, state.control_input())
+        assert self._controller is not None
+        state, memory = self.state(e), self._memories[e]
+        state.torque_B[:], memory.law = ask_for_torque(self._controller, state.control_input(), memory.law)
 
     def _give_up_torque(self, e: int) -> None:
         """Go on without the spacecraft to which the control law gives no finite torque."""

@@ -296,7 +296,7 @@ class FaultInjection:
     def diverged(self) -> None:
         """Give up the spacecraft whose states are not finite; each is held where it was at the last decision."""
         state = self._state
-        numbers = np.hstack((state.r_N, state.v_N, state.q_BN, state.omega_B, state.wheel_speed))
+        numbers = state.numbers()
         with np.errstate(invalid="ignore"):
             bad = np.flatnonzero(~(np.isfinite(numbers) & (np.abs(numbers) < _ABSURD)).all(axis=1))
         for j in bad:

@@ -21,140 +21,76 @@ NEVER = 2**62
 
 
 class World(NamedTuple):
-    """What all flights of a swarm share and nothing changes.
+    """What all flights of a swarm share and nothing changes."""
 
-    Attributes:
-        period: Time between two decisions [s].
-        timestep: Of the integration [s].
-        timesteps: In a period.
-        inertia_B: Of every spacecraft as planned, wheels locked, shape (n, 3, 3) [kg m^2].
-        inertia_effective_B: The same less the wheels' axial inertia, shape (n, 3, 3) [kg m^2].
-        phase0: Prime meridian angle at the epoch [rad].
-        spin_rate: Of the body [rad/s].
-        spin_N: Its angular velocity in N, shape (3,) [rad/s].
-        C_PN: Rotation from N to the pole frame, shape (3, 3).
-        earth_N: Position of Earth relative to the body in N at the epoch, shape (3,) [m].
-        earth_velocity_N: Its velocity, shape (3,) [m/s].
-        sun_N: Position of the Sun relative to the body in N at the epoch, shape (3,) [m].
-        sun_velocity_N: Its velocity, shape (3,) [m/s].
-        sunlight: What of it acts.
-        field: The gravity field; where Python is asked for it, any other.
-        cells: Cells of a polyhedron in which spacecraft were last at every tick, and what it does there, see
-            `write_near_and_far`, shape (T, n, 12); the last one serves for all ticks from there on.
-        gradient_gm: Gravitational parameter whose gradient turns the spacecraft [m^3/s^2]; 0: none does.
-        wheel_inertia: Spin inertia of a wheel [kg m^2].
-        wheel_axes_B: Rows, shape (w, 3).
-        allocation: From a torque on the body to motor torques, see `actuate`, shape (w, 3).
-        speed_gain: See `actuate` [rad/s per N m].
-        max_torque: Of a motor [N m].
-        max_speed: At which motors stop to accelerate a wheel, a little below its limit [rad/s].
-        asks: What Python does in every period, a sum of `Ask` members.
-        law_numbers: Parameters of the control law.
-    """
-
-    period: float
-    timestep: float
-    timesteps: int
-    inertia_B: Array
-    inertia_effective_B: Array
-    phase0: float
-    spin_rate: float
-    spin_N: Array
-    C_PN: Array
-    earth_N: Array
-    earth_velocity_N: Array
-    sun_N: Array
-    sun_velocity_N: Array
-    sunlight: Sunlight
-    field: CompiledField
+    period: float  #: time between two decisions [s]
+    timestep: float  #: of the integration [s]
+    timesteps: int  #: in a period
+    inertia_B: Array  #: of every spacecraft as planned, wheels locked, shape (n, 3, 3) [kg m^2]
+    inertia_effective_B: Array  #: the same less the wheels' axial inertia, shape (n, 3, 3) [kg m^2]
+    phase0: float  #: prime meridian angle at the epoch [rad]
+    spin_rate: float  #: of the body [rad/s]
+    spin_N: Array  #: its angular velocity in N, shape (3,) [rad/s]
+    C_PN: Array  #: rotation from N to the pole frame, shape (3, 3)
+    earth_N: Array  #: position of Earth relative to the body in N at the epoch, shape (3,) [m]
+    earth_velocity_N: Array  #: its velocity, shape (3,) [m/s]
+    sun_N: Array  #: position of the Sun relative to the body in N at the epoch, shape (3,) [m]
+    sun_velocity_N: Array  #: its velocity, shape (3,) [m/s]
+    sunlight: Sunlight  #: what of it acts
+    field: CompiledField  #: the gravity field; where Python is asked for it, any other
+    #: cells of a polyhedron in which spacecraft were last at every tick, and what it does there, see
+    #: `write_near_and_far`, shape (T, n, 12); the last one serves for all ticks from there on
     cells: Array
-    gradient_gm: float
-    wheel_inertia: float
-    wheel_axes_B: Array
-    allocation: Array
-    speed_gain: float
-    max_torque: float
-    max_speed: float
-    asks: int
-    law_numbers: Array
+    gradient_gm: float  #: gravitational parameter whose gradient turns the spacecraft [m^3/s^2]; 0: none does
+    wheel_inertia: float  #: spin inertia of a wheel [kg m^2]
+    wheel_axes_B: Array  #: rows, shape (w, 3)
+    allocation: Array  #: from a torque on the body to motor torques, see `actuate`, shape (w, 3)
+    speed_gain: float  #: see `actuate` [rad/s per N m]
+    max_torque: float  #: of a motor [N m]
+    max_speed: float  #: at which motors stop to accelerate a wheel, a little below its limit [rad/s]
+    asks: int  #: what Python does in every period, a sum of `Ask` members
+    law_numbers: Array  #: parameters of the control law
 
 
 class Flights(NamedTuple):
-    """What changes in E flights.
+    """What changes in E flights."""
 
-    Attributes:
-        tick: Control periods flown, shape (E,).
-        stage: Where in its period each flight stands, see `loop.Stage`, shape (E,).
-        ask: What it asks Python for before it can go on, a member of `loop.Ask`, shape (E,); 0: nothing.
-        due: Tick from which on Python has something to do before the decision: a release, a fault, a behaviour, shape (E,).
-        finite: False from the instant at which a number of the state or a torque was not, shape (E,).
-        effort: Sum of the squares of the motor torques decided so far, shape (E,) [N^2 m^2].
-        r_N: Positions in N, shape (E, n, 3) [m].
-        v_N: Velocities in N, shape (E, n, 3) [m/s].
-        q_BN: Attitudes (w, x, y, z), shape (E, n, 4).
-        omega_B: Body rates, shape (E, n, 3) [rad/s].
-        wheel_speed: Relative to the hub, shape (E, n, w) [rad/s].
-        momentum: Absolute axial momenta of the wheels, shape (E, n, w) [kg m^2/s].
-        mass: In truth, shape (E, n) [kg].
-        inertia_B: In truth, wheels locked, shape (E, n, 3, 3) [kg m^2].
-        offset_N: From the hub's origin to the centre of mass, where gravity is evaluated, shape (E, n, 3) [m].
-        kind: `TargetKind` values, shape (E, n).
-        spacecraft: Spacecraft to follow, shape (E, n).
-        vector: Surface point in A [m] or direction in N, shape (E, n, 3).
-        last_kind: `kind` at the previous decision, -1 before the first, shape (E, n).
-        last_spacecraft: The same of `spacecraft`.
-        restart: Whose target is another one than at the previous decision, shape (E, n).
-        released: Who has left the mothership, and so is turned by its wheels, shape (E, n).
-        lost: Who no longer works, shape (E, n).
-        resting: Whose flight is over, see `Resting`, shape (E, n).
-        rest_A: Where they lie on the body, in A, shape (E, n, 3) [m].
-        q_RN: Reference attitudes, shape (E, n, 4).
-        C_AN: Rotation from N to A at the decision, shape (E, 3, 3).
-        C_mid: The same at the middle of the hold, shape (E, 3, 3).
-        earth_N: Position of Earth at the decision, shape (E, 3) [m].
-        work: See `Slot`, shape (E, slots, n, 3).
-        torque_B: That the wheels shall exert on the bodies, given where it is held, shape (E, n, 3) [N m].
-        thrust_N: Of the thrusters in the hold, in N, shape (E, n, 3) [N].
-        torque_N: Of thrusters and gravity gradient in the hold, in N, shape (E, n, 3) [N m].
-        motor: Torques of motors and bearings on the wheels in the hold, shape (E, n, w) [N m].
-        peaks: See `Peak`, shape (E, n, 3).
-    """
-
-    tick: Ints
-    stage: Ints
-    ask: Ints
+    tick: Ints  #: control periods flown, shape (E,)
+    stage: Ints  #: where in its period each flight stands, see `loop.Stage`, shape (E,)
+    ask: Ints  #: what it asks Python for before it can go on, a member of `loop.Ask`, shape (E,); 0: nothing
+    #: tick from which on Python has something to do before the decision: a release, a fault, a behaviour, shape (E,)
     due: Ints
-    finite: Mask
-    effort: Array
-    r_N: Array
-    v_N: Array
-    q_BN: Array
-    omega_B: Array
-    wheel_speed: Array
-    momentum: Array
-    mass: Array
-    inertia_B: Array
-    offset_N: Array
-    kind: Ints
-    spacecraft: Ints
-    vector: Array
-    last_kind: Ints
-    last_spacecraft: Ints
-    restart: Mask
-    released: Mask
-    lost: Mask
-    resting: Ints
-    rest_A: Array
-    q_RN: Array
-    C_AN: Array
-    C_mid: Array
-    earth_N: Array
-    work: Array
-    torque_B: Array
-    thrust_N: Array
-    torque_N: Array
-    motor: Array
-    peaks: Array
+    finite: Mask  #: false from the instant at which a number of the state or a torque was not, shape (E,)
+    effort: Array  #: sum of the squares of the motor torques decided so far, shape (E,) [N^2 m^2]
+    r_N: Array  #: positions in N, shape (E, n, 3) [m]
+    v_N: Array  #: velocities in N, shape (E, n, 3) [m/s]
+    q_BN: Array  #: attitudes (w, x, y, z), shape (E, n, 4)
+    omega_B: Array  #: body rates, shape (E, n, 3) [rad/s]
+    wheel_speed: Array  #: relative to the hub, shape (E, n, w) [rad/s]
+    momentum: Array  #: absolute axial momenta of the wheels, shape (E, n, w) [kg m^2/s]
+    mass: Array  #: in truth, shape (E, n) [kg]
+    inertia_B: Array  #: in truth, wheels locked, shape (E, n, 3, 3) [kg m^2]
+    offset_N: Array  #: from the hub's origin to the centre of mass, where gravity is evaluated, shape (E, n, 3) [m]
+    kind: Ints  #: `TargetKind` values, shape (E, n)
+    spacecraft: Ints  #: spacecraft to follow, shape (E, n)
+    vector: Array  #: surface point in A [m] or direction in N, shape (E, n, 3)
+    last_kind: Ints  #: `kind` at the previous decision, -1 before the first, shape (E, n)
+    last_spacecraft: Ints  #: the same of `spacecraft`
+    restart: Mask  #: whose target is another one than at the previous decision, shape (E, n)
+    released: Mask  #: who has left the mothership, and so is turned by its wheels, shape (E, n)
+    lost: Mask  #: who no longer works, shape (E, n)
+    resting: Ints  #: whose flight is over, see `Resting`, shape (E, n)
+    rest_A: Array  #: where they lie on the body, in A, shape (E, n, 3) [m]
+    q_RN: Array  #: reference attitudes, shape (E, n, 4)
+    C_AN: Array  #: rotation from N to A at the decision, shape (E, 3, 3)
+    C_mid: Array  #: the same at the middle of the hold, shape (E, 3, 3)
+    earth_N: Array  #: position of Earth at the decision, shape (E, 3) [m]
+    work: Array  #: see `Slot`, shape (E, slots, n, 3)
+    torque_B: Array  #: that the wheels shall exert on the bodies, given where it is held, shape (E, n, 3) [N m]
+    thrust_N: Array  #: of the thrusters in the hold, in N, shape (E, n, 3) [N]
+    torque_N: Array  #: of thrusters and gravity gradient in the hold, in N, shape (E, n, 3) [N m]
+    motor: Array  #: torques of motors and bearings on the wheels in the hold, shape (E, n, w) [N m]
+    peaks: Array  #: see `Peak`, shape (E, n, 3)
 
 
 def allocate_flights(count: int, n: int, w: int) -> Flights:

@@ -1,12 +1,11 @@
-"""The calls of plug-ins: behaviours and control laws, their memories, and a look at what they answer.
+"""The calls of plug-ins: behaviours and control laws, and a look at what they answer.
 
 Answers are checked before compiled code takes them, which does not see where an array ends.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from copy import deepcopy
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -18,99 +17,17 @@ from swarm_mj.simulator.state import FlightState
 from swarm_mj.spacecraft.control.base import ControlInput, Controller
 from swarm_mj.typing import Array
 
-#: Most control periods for which a behaviour is not asked.
-LONGEST_REST = 1_000_000
 #: Kinds of targets whose vector is used.
 _WITH_VECTOR = (int(TargetKind.SURFACE), int(TargetKind.DIRECTION))
 
 
-class BehaviorCalls:
-    """The behaviours of E flights, their memories, and from when on each must be asked again.
+@dataclass
+class Memory:
+    """What the plug-ins of one flight remember, and from which tick on its behaviour must be asked again."""
 
-    Args:
-        behaviors: Who points at what, one for each flight.
-        period: Time between two decisions [s].
-
-    Attributes:
-        behaviors: The behaviours.
-        due: Ticks from which on the last answers are not known to hold, shape (E,).
-    """
-
-    def __init__(self, behaviors: Sequence[Behavior], period: float) -> None:
-        self.behaviors, self._period = list(behaviors), period
-        self._steady = [each if isinstance(each, SteadyBehavior) else None for each in self.behaviors]
-        self._memories: list[Any] = [None] * len(self.behaviors)
-        self.due = np.zeros(len(self.behaviors), np.int64)
-
-    def reset(self, e: int) -> None:
-        """Forget everything about a flight: a new one begins."""
-        self._memories[e], self.due[e] = None, 0
-
-    def get_state(self, e: int) -> tuple[Any, int]:
-        """What the behaviour of a flight remembers, and when it is due; a copy."""
-        return deepcopy(self._memories[e]), int(self.due[e])
-
-    def set_state(self, e: int, state: tuple[Any, int]) -> None:
-        """Go on from what `get_state` gave."""
-        self._memories[e], self.due[e] = deepcopy(state[0]), state[1]
-
-    def ask(self, e: int, view: SwarmView, tick: int) -> Targets:
-        """Targets of a flight at the instant of a view.
-
-        Raises:
-            PluginError: The behaviour fails, or answers something else than its protocol says.
-        """
-        targets, memory = ask_for_targets(self.behaviors[e], view, self._memories[e])
-        steady, self._memories[e] = self._steady[e], memory
-        rest = 0.0 if steady is None else ask_how_long(steady, view, memory) / self._period
-        self.due[e] = tick + max(1, int(min(rest, LONGEST_REST)))
-        return targets
-
-
-class ControllerCalls:
-    """The control law of E flights and what it remembers in each.
-
-    Args:
-        controller: The law.
-        count: Number of flights E.
-
-    Attributes:
-        controller: The law.
-    """
-
-    def __init__(self, controller: Controller, count: int) -> None:
-        self.controller = controller
-        self._memories: list[Any] = [None] * count
-
-    def reset(self, e: int) -> None:
-        """Forget everything about a flight: a new one begins."""
-        self._memories[e] = None
-
-    def get_state(self, e: int) -> Any:
-        """What the law remembers of a flight, a copy."""
-        return deepcopy(self._memories[e])
-
-    def set_state(self, e: int, state: Any) -> None:
-        """Go on from what `get_state` gave."""
-        self._memories[e] = deepcopy(state)
-
-    def ask(self, e: int, inputs: ControlInput) -> Array:
-        """Torques on the bodies of a flight, shape (n, 3) [N m]; see `ask_for_torque`."""
-        torque_B, self._memories[e] = ask_for_torque(self.controller, inputs, self._memories[e])
-        return torque_B
-
-
-def view_of(state: FlightState, C_AN: Array) -> SwarmView:
-    """What a behaviour is shown of a flight; copied, for it may be kept."""
-    return SwarmView(
-        t=state.time,
-        r_BN_N=state.r_N.copy(),
-        v_BN_N=state.v_N.copy(),
-        C_AN=C_AN,
-        q_BN=state.q_BN.copy(),
-        omega_BN_B=state.omega_B.copy(),
-        wheel_speed=state.wheel_speed.copy(),
-    )
+    behavior: Any = None
+    law: Any = None
+    due: int = 0
 
 
 def ask_for_targets(behavior: Behavior, view: SwarmView, memory: Any) -> tuple[Targets, Any]:
@@ -195,8 +112,7 @@ def divergence_of(state: FlightState, controller: Controller | None) -> str:
         controller: The law that answered last; None where torques are held.
     """
     names, t = state.model.names, state.time
-    numbers = np.hstack((state.r_N, state.v_N, state.q_BN, state.omega_B, state.wheel_speed))
-    fine = np.isfinite(numbers).all(axis=1)
+    fine = np.isfinite(state.numbers()).all(axis=1)
     if not fine.all():
         return (
             f"the flight diverged: {names[int(np.argmin(fine))]} has a state that is not finite at t = {t:g} s. Check gains, "

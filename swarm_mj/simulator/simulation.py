@@ -20,7 +20,7 @@ from swarm_mj.errors import ScenarioError, SimulationError
 from swarm_mj.io import interruption
 from swarm_mj.mission.behaviors import Behavior, TargetKind, Targets
 from swarm_mj.scenarios.schema import is_multiple
-from swarm_mj.simulator.batch import FlightBatch, FlightSetup
+from swarm_mj.simulator.batch import FlightBatch
 from swarm_mj.simulator.fault_injection import NOTHING, FaultInjection
 from swarm_mj.simulator.faults.impact import ImpactWatch
 from swarm_mj.simulator.faults.schedule import Event, FaultModel
@@ -29,6 +29,7 @@ from swarm_mj.simulator.instruments import Instruments
 from swarm_mj.simulator.propulsion import Propulsion
 from swarm_mj.simulator.slots import Peak, Resting, Slot
 from swarm_mj.simulator.state import FlightState, InitialState
+from swarm_mj.simulator.world import FlightSetup
 from swarm_mj.smallbody.environment import Environment
 from swarm_mj.smallbody.rotation import sub_point
 from swarm_mj.smallbody.shape import ShapeModel
@@ -40,7 +41,6 @@ from swarm_mj.typing import Array, Mask
 
 Progress = Callable[[float], None]
 
-_ONE = np.ones(1, np.bool_)
 _LOS = int(Slot.LOS)  # NumPy takes twice as long for a member of an enumeration
 #: How often progress is told of in one flight, at least.
 NEWS = 100
@@ -238,11 +238,6 @@ class Simulation:
         """Who steps: mujoco or kernel."""
         return self.model.stepper
 
-    def known(self) -> tuple[Array, Array] | None:
-        """Attitudes (n, 4) and body rates (n, 3) [rad/s] as the flight software has them now; None where it has the truth."""
-        q, omega = self.state.q_BN[None].copy(), self.state.omega_B[None].copy()
-        return (q[0], omega[0]) if self.batch.know(_ONE, q, omega)[0] else None
-
     def reset(self, initial: InitialState) -> None:
         """Put the swarm at its start and forget everything; faults and dispersions are drawn from the state's seed."""
         self.batch.reset(0, initial)
@@ -275,10 +270,6 @@ class Simulation:
         """
         self._must(self.batch.decide)
         return self.state.targets
-
-    def advance(self) -> None:
-        """Integrate one control period with everything held; decides first where that has not been done."""
-        self.fly(1)
 
     def step(self) -> None:
         """Fly one control period: decide and advance.

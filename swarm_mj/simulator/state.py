@@ -10,8 +10,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import mujoco
+import numpy as np
 
-from swarm_mj.mission.behaviors import Targets
+from swarm_mj.mission.behaviors import SwarmView, Targets
 from swarm_mj.simulator.faults.schedule import Event
 from swarm_mj.simulator.flights import NEVER, Flights, World
 from swarm_mj.simulator.slots import Slot
@@ -75,7 +76,7 @@ class InitialState:
 
 
 class FlightState:
-    """One flight of a swarm of n spacecraft: views of row e of `Flights`.
+    """One flight of a swarm of n spacecraft: row e of `Flights`, its arrays under their names there, without the first axis.
 
     Args:
         flights: The arrays of all flights.
@@ -91,27 +92,6 @@ class FlightState:
         environment: As given; fault injection replaces it at the start of a flight whose gravity is dispersed.
         data: As given.
         period: Between two decisions [s].
-        r_N: Positions in N, shape (n, 3) [m].
-        v_N: Velocities in N, shape (n, 3) [m/s].
-        q_BN: Attitudes (w, x, y, z), shape (n, 4).
-        omega_B: Body rates, shape (n, 3) [rad/s].
-        wheel_speed: Relative to the hub, shape (n, w) [rad/s].
-        mass: In truth, shape (n,) [kg].
-        inertia_B: In truth, wheels locked, shape (n, 3, 3) [kg m^2].
-        released: Who has left the mothership, shape (n,); the others neither turn nor drive their wheels.
-        lost: Who no longer works, shape (n,).
-        resting: Whose flight is over, see `Resting`, shape (n,).
-        rest_A: Where they lie on the body, in A, shape (n, 3) [m].
-        restart: Whose target is another one than at the decision before, shape (n,).
-        q_RN: Reference attitudes, shape (n, 4).
-        C_AN: Rotation from N to A at the decision, shape (3, 3).
-        C_mid: The same at the middle of the hold, where forces are evaluated, shape (3, 3).
-        work: Vectors of the present decision, see `Slot`, shape (slots, n, 3).
-        torque_B: What the control law asked of the wheels, shape (n, 3) [N m].
-        thrust_N: Of the thrusters in the hold, in N, shape (n, 3) [N].
-        torque_N: Of thrusters and gravity gradient in the hold, in N, shape (n, 3) [N m].
-        motor: Torques of motors and bearings on the wheels, shape (n, w) [N m].
-        peaks: Largest wheel speed and motor torque, and how often a limit cut one, see `Peak`, shape (n, 3).
     """
 
     def __init__(
@@ -162,8 +142,23 @@ class FlightState:
 
     def control_input(self) -> ControlInput:
         """What control laws are given; copied, for a law may keep it."""
-        sigma_BR, omega_BR, omega, omega_R, domega_R, momentum = (self.work[slot].copy() for slot in LAW_SLOTS)
-        return ControlInput(sigma_BR, omega_BR, omega, omega_R, domega_R, momentum, *self._planned, self.period)
+        return ControlInput._make((*self.work[LAW_SLOTS], *self._planned, self.period))
+
+    def view(self) -> SwarmView:
+        """What a behaviour is shown; copied, for it may be kept."""
+        return SwarmView(
+            t=self.time,
+            r_BN_N=self.r_N.copy(),
+            v_BN_N=self.v_N.copy(),
+            C_AN=self.environment.C_AN(self.time),
+            q_BN=self.q_BN.copy(),
+            omega_BN_B=self.omega_B.copy(),
+            wheel_speed=self.wheel_speed.copy(),
+        )
+
+    def numbers(self) -> Array:
+        """All that moves, a row for each spacecraft."""
+        return np.hstack((self.r_N, self.v_N, self.q_BN, self.omega_B, self.wheel_speed))
 
     def start(self, initial: InitialState) -> None:
         """Put the swarm at its start."""

@@ -1,13 +1,17 @@
-"""What compiled code is given of a swarm's world: constants, gravity field, control law."""
+"""What the flights of a swarm share, and what compiled code is given of it: constants, gravity field, control law."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 
 from swarm_mj.errors import PluginError
 from swarm_mj.plugins import failure_of, name_of, shown
 from swarm_mj.simulator.faults.dispersions import unscaled
+from swarm_mj.simulator.faults.schedule import FaultModel
 from swarm_mj.simulator.flights import World
+from swarm_mj.simulator.mujoco import timesteps_in
 from swarm_mj.simulator.plugin_calls import ask_for_torque
 from swarm_mj.smallbody.environment import Environment
 from swarm_mj.smallbody.gravity.compiled import POLYHEDRON, compiled_field
@@ -21,6 +25,7 @@ from swarm_mj.spacecraft.control.compiled import (
     compile_law,
     numbers_of,
 )
+from swarm_mj.spacecraft.model import SwarmModel
 from swarm_mj.spacecraft.properties import SpacecraftProperties
 from swarm_mj.typing import Array
 
@@ -30,37 +35,65 @@ SPEED_MARGIN = 1e-4
 MOST_COMPARED = 8
 
 
-def make_world(
-    properties: SpacecraftProperties,
-    environment: Environment,
-    *,
-    n: int,
-    period: float,
-    timestep: float,
-    timesteps: int,
-    gradient_gm: float,
-    remembered: int,
-) -> World:
+@dataclass(frozen=True, kw_only=True)
+class FlightSetup:
+    """What all flights of a batch have in common, but for behaviours and laws.
+
+    Attributes:
+        model: The compiled swarm.
+        environment: Gravity, rotation, Sun and Earth.
+        period: How long torques and forces are held [s]; a whole multiple of the model's timestep.
+        gravity_gradient: Whether the torque of the central field acts; the field must know its `gm`.
+        fault_model: What may go wrong; None: nothing, all is as planned.
+        quickest_slews: Whether turns to new targets go by the quickest profile, see `Slews`, and not by the law's gains.
+    """
+
+    model: SwarmModel
+    environment: Environment
+    period: float
+    gravity_gradient: bool = False
+    fault_model: FaultModel | None = None
+    quickest_slews: bool = False
+
+    @property
+    def properties(self) -> SpacecraftProperties:
+        """Mass properties and wheel limits of every spacecraft, as planned."""
+        return self.model.properties
+
+    @property
+    def gradient_gm(self) -> float:
+        """Gravitational parameter whose gradient turns the spacecraft [m^3/s^2]; 0: none does.
+
+        Raises:
+            PluginError: The field does not know its gravitational parameter, and the gradient needs it.
+        """
+        gm = getattr(self.environment.gravity, "gm", None) if self.gravity_gradient else 0.0
+        if gm is None:
+            raise PluginError("the gravity-gradient torque needs a gravity field with an attribute gm [m^3/s^2]")
+        return float(gm)
+
+
+def make_world(setup: FlightSetup, environment: Environment, remembered: int) -> World:
     """The world of flights in which nothing is asked of Python and torques are held.
 
     Args:
-        properties: Of every spacecraft.
+        setup: What the flights share.
         environment: Gravity, rotation, Sun and Earth.
-        n: Number of spacecraft.
-        period: Between two decisions [s].
-        timestep: Of the integration [s].
-        timesteps: In a period.
-        gradient_gm: See `World` [m^3/s^2].
         remembered: Ticks for which flights of the same places share cells of a polyhedron.
+
+    Raises:
+        ScenarioError: The control period is no whole multiple of the timestep.
     """
+    properties, n, period = setup.properties, setup.model.n, setup.period
+    timestep = float(setup.model.mjmodel.opt.timestep)
     # A field in Python is asked in every period, and what stands here in its place never.
     field = compiled_field(unscaled(environment.gravity)[0]) or compiled_field(PointMass(1.0))
     assert field is not None
     gain = 1.0 / properties.wheel_spin_inertia + (1.0 / np.diag(properties.inertia_effective_B)).max()
     return World(
         period=float(period),
-        timestep=float(timestep),
-        timesteps=timesteps,
+        timestep=timestep,
+        timesteps=timesteps_in(period, timestep),
         inertia_B=np.repeat(properties.inertia_B[None], n, axis=0),
         inertia_effective_B=np.repeat(properties.inertia_effective_B[None], n, axis=0),
         phase0=float(environment.phase0),
@@ -74,7 +107,8 @@ def make_world(
         sunlight=environment.sunlight,
         field=field,
         cells=np.zeros((max(remembered, 1) if field.kind == POLYHEDRON else 1, n, CELL_NUMBERS)),
-        gradient_gm=float(gradient_gm),
+        # Bodies of one's own are turned one by one, by MuJoCo's stepper.
+        gradient_gm=setup.gradient_gm if setup.model.own is None else 0.0,
         wheel_inertia=float(properties.wheel_spin_inertia),
         wheel_axes_B=_writable(properties.wheel_axes_B),
         allocation=_writable(np.negative(np.linalg.pinv(properties.wheel_axes_B.T), dtype=np.float64)),
@@ -91,19 +125,6 @@ def gravity_is_compiled(environment: Environment) -> bool:
     return compiled_field(unscaled(environment.gravity)[0]) is not None
 
 
-def blank_input(world: World) -> ControlInput:
-    """What a control law is given where all errors are zero."""
-    return control_input(
-        np.zeros((6, *world.inertia_B.shape[:2])), world.inertia_B, world.inertia_effective_B, world.period
-    )
-
-
-def control_input(vectors: Array, inertia_B: Array, inertia_effective_B: Array, period: float) -> ControlInput:
-    """What control laws are given, from errors, rates and momenta in the order of `ControlInput`, shape (6, n, 3)."""
-    sigma_BR, omega_BR, omega, omega_R, domega_R, momentum = vectors
-    return ControlInput(sigma_BR, omega_BR, omega, omega_R, domega_R, momentum, inertia_B, inertia_effective_B, period)
-
-
 def compiled_law_of(controller: Controller, world: World) -> tuple[LawFunction, Array] | None:
     """The C function of a controller's law and its numbers; None where it has none.
 
@@ -111,9 +132,10 @@ def compiled_law_of(controller: Controller, world: World) -> tuple[LawFunction, 
         ScenarioError: The control period is too long for the law.
         PluginError: The law cannot be compiled, or gives something else than the controller.
     """
-    ask_for_torque(
-        controller, blank_input(world), None
-    )  # refuses a control period that is too long, whatever the state
+    at_rest = ControlInput._make(
+        (*np.zeros((6, *world.inertia_B.shape[:2])), world.inertia_B, world.inertia_effective_B, world.period)
+    )
+    ask_for_torque(controller, at_rest, None)  # refuses a control period that is too long, whatever the state
     law = controller.compiled() if isinstance(controller, CompiledController) else None
     if law is None:
         return None
@@ -121,7 +143,7 @@ def compiled_law_of(controller: Controller, world: World) -> tuple[LawFunction, 
         raise PluginError(
             f"the control law {name_of(controller)}: compiled must return a CompiledLaw or None, not {shown(law)}"
         )
-    _compare(controller, law, blank_input(world))
+    _compare(controller, law, at_rest)
     return compile_law(law.write_torque), numbers_of(law)
 
 
@@ -138,7 +160,7 @@ def _compare(controller: Controller, law: CompiledLaw, like: ControlInput) -> No
     """
     n = min(len(like.sigma_BR), MOST_COMPARED)
     made_up = 0.01 * np.random.default_rng(0).standard_normal((6, n, 3))
-    inputs = control_input(made_up, like.inertia_B[:n], like.inertia_effective_B[:n], like.period)
+    inputs = ControlInput._make((*made_up, like.inertia_B[:n], like.inertia_effective_B[:n], like.period))
     expected, _ = ask_for_torque(controller, inputs, None)
     found = np.full((n, 3), np.nan)
     try:

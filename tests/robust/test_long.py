@@ -50,7 +50,7 @@ def test_memory_stays_flat_over_a_long_flight():
     memory, before = [], None
     for k in range(periods):
         simulation.decide()
-        simulation.advance()
+        simulation.step()
         if k % (periods // 20) == 0:
             memory.append(resident())
             before = before or held()
@@ -67,7 +67,7 @@ def test_python_objects_do_not_grow_with_the_time_of_flight(quick_plan):
     def after(periods):
         for _ in range(periods):
             simulation.decide()
-            simulation.advance()
+            simulation.step()
         gc.collect()
         return tracemalloc.get_traced_memory()[0]
 

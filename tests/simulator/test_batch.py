@@ -253,7 +253,7 @@ def test_a_decision_that_was_made_stands_until_it_is_flown(stepper):
         effort = float(parts.batch.flights.effort[0])
         parts.decide()
         assert parts.batch.flights.effort[0] == effort
-        parts.advance()
+        parts.step()
     assert np.array_equal(numbers_of(whole.batch.flights), numbers_of(parts.batch.flights))
 
 

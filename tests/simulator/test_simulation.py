@@ -265,7 +265,7 @@ def test_the_gravity_gradient_torque_changes_momentum_as_its_formula_says(eros):
     gm = simulation.environment.gravity.gm
     expected = matrix.reshape(3, 3) @ (3 * gm / np.linalg.norm(r) ** 5 * np.cross(r_B, inertia @ r_B))
     simulation.decide()
-    simulation.advance()
+    simulation.step()
     change = momentum(simulation.model, simulation.data)[0] - before
     assert np.allclose(change / dt, expected, rtol=1e-3, atol=1e-3 * np.linalg.norm(expected))
 
