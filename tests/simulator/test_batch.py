@@ -392,7 +392,7 @@ def test_the_law_of_the_documentation_flies_as_it_stands_there(tmp_path, monkeyp
     law = importlib.import_module("law_of_the_page").Damper()
     plan = plan_of("eros-quick", KERNEL)
     one, other = (fly(plan, controller=each).run(600.0, 10.0) for each in (law, InPython(law)))
-    assert angle(one.attitude[:, 0], other.attitude[:, 0]).max() < 1e-9
+    assert angle(one.samples["q_BN"], other.samples["q_BN"]).max() < 1e-9
     # It does what it is for: errors of attitude die out.
     error = np.linalg.norm(one.samples["sigma_BR"], axis=-1).max(axis=-1)
     assert error[0] > 0.2 and error[-1] < 0.02
