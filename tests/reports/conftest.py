@@ -52,5 +52,5 @@ def browser(tmp_path_factory):
 def report(browser, folder):
     from .browser import load
 
-    load(browser, parse_overrides(folder / "report.html"))
+    load(browser, folder / "report.html")
     return browser

@@ -2,8 +2,6 @@
 
 import pytest
 
-from swarm_mj.scenarios.loading import parse_overrides
-
 pytest.importorskip("selenium.webdriver")
 from selenium.webdriver.common.by import By  # noqa: E402
 from selenium.webdriver.common.keys import Keys  # noqa: E402
@@ -16,7 +14,7 @@ pytestmark = [pytest.mark.browser, pytest.mark.slow]
 @pytest.mark.parametrize("width", [400, 1280])
 def test_no_page_is_wider_than_its_window(browser, folder, comparison, width):
     for path in (folder / "report.html", comparison):
-        load(browser, parse_overrides(path), width)
+        load(browser, path, width)
         browser.execute_script("document.querySelectorAll('details').forEach((d) => { d.open = true; })")
         wide = browser.execute_script("return document.documentElement.scrollWidth")
         assert wide <= width, path.name
@@ -31,7 +29,7 @@ def test_no_page_is_wider_than_its_window(browser, folder, comparison, width):
 @pytest.mark.parametrize("width", [400, 1280])
 def test_the_title_of_the_time_axis_lies_clear_of_its_numbers_bars_and_legend(browser, folder, comparison, width):
     for path in (folder / "report.html", comparison):
-        load(browser, parse_overrides(path), width)
+        load(browser, path, width)
         boxes = """
             const box = (e) => {
                 const {left, top, right, bottom} = e.getBoundingClientRect(); return [left, top, right, bottom];

@@ -2,8 +2,6 @@
 
 import pytest
 
-from swarm_mj.scenarios.loading import parse_overrides
-
 webdriver = pytest.importorskip("selenium.webdriver")
 from selenium.webdriver.common.by import By  # noqa: E402
 
@@ -49,7 +47,7 @@ WATCH = """
 def test_ready_means_that_everything_is_drawn(browser, folder):
     added = browser.execute_cdp_cmd("Page.addScriptToEvaluateOnNewDocument", {"source": WATCH})
     try:
-        load(browser, parse_overrides(folder / "report.html"))
+        load(browser, folder / "report.html")
         pause = "const done = arguments[0]; setTimeout(() => done([window.atReady, window.there()]), 1500);"
         at_ready, later = browser.execute_async_script(pause)
         assert at_ready == later
@@ -145,7 +143,7 @@ def test_zooming_one_plot_zooms_all(report):
 
 
 def test_two_runs_share_one_slider(browser, comparison):
-    load(browser, parse_overrides(comparison))
+    load(browser, comparison)
     assert browser.execute_script("return page.runs.length") == 2
     scrub(browser, 0.4)
     first = text(browser, "share")

@@ -2,8 +2,6 @@
 
 import pytest
 
-from swarm_mj.scenarios.loading import parse_overrides
-
 webdriver = pytest.importorskip("selenium.webdriver")
 from selenium.webdriver.common.actions.wheel_input import ScrollOrigin  # noqa: E402
 from selenium.webdriver.common.by import By  # noqa: E402
@@ -43,7 +41,7 @@ def distance(box, point):
 @pytest.mark.parametrize("width", [1280, 400])
 @pytest.mark.parametrize("share", [0.1, 0.5, 1.0])
 def test_names_in_the_3d_picture_cover_neither_each_other_nor_a_marker(browser, folder, width, share):
-    load(browser, parse_overrides(folder / "report.html"), width=width)
+    load(browser, folder / "report.html", width=width)
     scrub(browser, share)
     found = browser.execute_script(NAMES)
     boxes, wide, tall = [label["box"] for label in found["labels"]], found["wide"], found["tall"]
