@@ -63,11 +63,18 @@ def is_whole(value: Any) -> bool:
     return isinstance(value, (int, np.integer)) and not isinstance(value, bool)
 
 
-def checked_prefix(prefix: Any) -> str:
-    """What stands before the numbers of agents."""
+def nothing_to_draw(mode: str | None) -> bool:
+    """Whether `render` has no mode to draw in, which is warned of."""
+    if mode is None:
+        gymnasium.logger.warn("render() draws nothing: make the environment with render_mode='rgb_array'")
+    return mode is None
+
+
+def agent_names(prefix: Any, n: int) -> list[str]:
+    """Of n spacecraft as agents, their numbers from 1 after a prefix."""
     if not isinstance(prefix, str) or not prefix:
         raise ScenarioError(f"agent_prefix = {prefix!r}: must be a text such as 'sc' or 'sc_'")
-    return prefix
+    return [f"{prefix}{j + 1}" for j in range(n)]
 
 
 def checked_count(name: str, value: Any, otherwise: str = "") -> int:
@@ -125,6 +132,26 @@ def checked_rate(name: str, value: Any, otherwise: str = "") -> float:
     if not (is_number(value) and value > 0.0):
         raise ScenarioError(f"{name} = {value!r}: must be a positive number{otherwise}")
     return float(value)
+
+
+def checked_numbers(name: str, given: Any, names: Sequence[str]) -> dict[str, float]:
+    """A mapping from some of these names to numbers; None: of none.
+
+    Args:
+        name: Of the argument.
+        given: As given.
+        names: That are allowed.
+    """
+    if given is not None and not isinstance(given, Mapping):
+        raise ScenarioError(
+            f"{name} = {given!r}: must be a mapping from names to numbers; there are {', '.join(names)}"
+        )
+    for key, value in (given or {}).items():
+        if key not in names:
+            raise ScenarioError(f"{name}: unknown {key!r}; there are {', '.join(names)}")
+        if not is_number(value):
+            raise ScenarioError(f"{name}[{key!r}] = {value!r}: must be a finite number")
+    return {key: float(value) for key, value in (given or {}).items()}
 
 
 def checked_step(scenario: Scenario, step_s: float, name: str = "step_s") -> tuple[int, int]:

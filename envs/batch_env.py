@@ -7,9 +7,10 @@ A task's batch has
     space            of the observation of one episode;
     observation      of all of them, a copy, an array or a dict of arrays with E in front;
     reset(flights, **options)    start episodes anew, a mapping from their numbers to their flight seeds;
-    step(actions, live)          fly the live ones on; returns a `StepOutcome`;
+    step(actions, live)          fly the live ones on; returns a `StepOutcome`, or what has its attributes;
     infos()          what is told of all of them by name, arrays with E in front;
-    get_state(e), set_state(e, state).
+    cause(e)         why episode e diverged, where `diverged` is an end;
+    get_state(e), set_state(e, state), close().
 """
 
 from __future__ import annotations
@@ -19,13 +20,26 @@ from typing import Any, ClassVar, NamedTuple
 import gymnasium
 import numpy as np
 from gymnasium import spaces
-from gymnasium.vector import AutoresetMode
+from gymnasium.utils import seeding
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
 
+from swarm_mj.errors import ScenarioError
 from swarm_mj.typing import Array, Ints, Mask
 
-from .arguments import check_action, checked_count, checked_index, checked_options, flight_seed
-from .autoreset import FlightsVectorEnv, Infos, checked_mode, one_of, put_infos
+from .arguments import (
+    check_action,
+    checked_count,
+    checked_index,
+    checked_options,
+    first_seeds,
+    flight_seed,
+    flight_seeds,
+)
 from .snapshots import FlightState, RebuiltOnCopy, must_have_begun, restore_state, take_state
+
+Infos = dict[str, Any]
 
 
 class StepOutcome(NamedTuple):
@@ -44,8 +58,8 @@ class StepOutcome(NamedTuple):
     truncated: Mask
 
 
-class BatchEnv(RebuiltOnCopy, gymnasium.Env[Any, Any]):
-    """One episode: a batch of one."""
+class _OverBatch(RebuiltOnCopy):
+    """What single and vector environments have in common."""
 
     #: What messages call it, its reward terms, how an episode can end by itself, and options of `reset` besides `flight_seed`.
     name: ClassVar[str]
@@ -54,14 +68,9 @@ class BatchEnv(RebuiltOnCopy, gymnasium.Env[Any, Any]):
     own_options: ClassVar[tuple[str, ...]] = ()
     _batch: Any = None
 
-    def _set_up(self, batch: Any, action_space: spaces.Space[Any]) -> None:
-        self._batch, self.task = batch, batch.task
-        self.observation_space, self.action_space = batch.space, action_space
-        self._running = self._begun = False
-
     @property
     def batch(self) -> Any:
-        """The episode, as a batch of one.
+        """The episodes.
 
         Raises:
             gymnasium.error.ClosedEnvironmentError: The environment was closed.
@@ -69,6 +78,28 @@ class BatchEnv(RebuiltOnCopy, gymnasium.Env[Any, Any]):
         if self._batch is None:
             raise gymnasium.error.ClosedEnvironmentError(f"{self.name} was closed; make it anew")
         return self._batch
+
+    @property
+    def task(self) -> Any:
+        """What all episodes share."""
+        return self.batch.task
+
+    def _kept(self, *names: str) -> dict[str, Any]:
+        return {name: getattr(self, name) for name in ("spec", "action_space", "observation_space", *names)}
+
+    def _close_batch(self) -> None:
+        if self._batch is not None:
+            self._batch.close()
+        self._batch = None
+
+
+class BatchEnv(_OverBatch, gymnasium.Env[Any, Any]):
+    """One episode: a batch of one."""
+
+    def _set_up(self, batch: Any, action_space: spaces.Space[Any]) -> None:
+        self._batch = batch
+        self.observation_space, self.action_space = batch.space, action_space
+        self._running = self._begun = False
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Start an episode; the class says how.
@@ -97,9 +128,7 @@ class BatchEnv(RebuiltOnCopy, gymnasium.Env[Any, Any]):
         result = batch.step(check_action(self.action_space, action)[None], np.ones(1, np.bool_))
         terminated, truncated = bool(result.end[0]), bool(result.truncated[0])
         self._running = not (terminated or truncated)
-        info = self._info() | {"reward_terms": dict(zip(self.terms, result.terms[0].tolist(), strict=True))}
-        if terminated:
-            info["end"] = self.ends[result.end[0]]
+        info = self._info() | told_of_step(batch, result, 0, self.terms, self.ends)
         return one_of(batch.observation, 0), float(result.reward[0]), terminated, truncated, info
 
     def get_state(self) -> FlightState:
@@ -112,7 +141,10 @@ class BatchEnv(RebuiltOnCopy, gymnasium.Env[Any, Any]):
         return take_state(self.batch, 0, running=self._running, random=self.np_random)
 
     def set_state(self, state: FlightState) -> tuple[Any, dict[str, Any]]:
-        """Go on from a state: the same actions bring the same, bit for bit.
+        """Go on from a state: the same actions bring the same observations, rewards and infos as there, bit for bit.
+
+        Returns:
+            Observation and info of that instant.
 
         Raises:
             ScenarioError: It is no such state, or was taken from an environment with other arguments.
@@ -122,34 +154,113 @@ class BatchEnv(RebuiltOnCopy, gymnasium.Env[Any, Any]):
         return one_of(self.batch.observation, 0), self._info()
 
     def close(self) -> None:
-        """Forget the episode; may be called again."""
-        self._batch, self._running = None, False
+        """Release what the episode holds; may be called again."""
+        self._close_batch()
+        self._running = False
 
     def _info(self) -> dict[str, Any]:
         return info_of(self.batch, 0)
 
-    def _standing(self) -> dict[str, Any]:
-        kept = {name: getattr(self, name) for name in ("spec", "action_space", "_np_random", "_np_random_seed")}
-        return {"kept": kept, "flight": self.get_state() if self._begun and self._batch is not None else None}
+    def _saved(self) -> dict[str, Any]:
+        flight = self.get_state() if self._begun and self._batch is not None else None
+        return {"kept": self._kept("_np_random", "_np_random_seed"), "flight": flight}
 
-    def _stand(self, standing: dict[str, Any]) -> None:
-        self.__dict__.update(standing["kept"])
-        if standing["flight"] is not None:
-            self.set_state(standing["flight"])
+    def _restore(self, saved: dict[str, Any]) -> None:
+        self.__dict__.update(saved["kept"])
+        if saved["flight"] is not None:
+            self.set_state(saved["flight"])
 
 
-class BatchVectorEnv(RebuiltOnCopy, FlightsVectorEnv):
-    """Many episodes, bit for bit those of `BatchEnv`, with infos as arrays and their masks."""
+class BatchVectorEnv(_OverBatch, VectorEnv[Any, Any, Any]):
+    """Many episodes, each with random numbers of its own, bit for bit those of `BatchEnv`; infos as arrays and their masks."""
 
-    terms: ClassVar[tuple[str, ...]]
-    ends: ClassVar[tuple[str, ...]] = ("",)
+    def _set_up(
+        self, batch: Any, mode: AutoresetMode, action_space: spaces.Space[Any], render_fps: int | None = None
+    ) -> None:
+        """Take the episodes, and the action space of one of them; `render_fps` where pictures can be drawn."""
+        count = batch.count
+        self._batch, self._mode, self.num_envs = batch, mode, count
+        self.autoreset_mode = mode  # as gymnasium's own vector environments tell it, for TorchRL
+        drawn = {} if render_fps is None else {"render_fps": render_fps}
+        self.metadata = {"render_modes": ["rgb_array"] if drawn else [], "autoreset_mode": mode} | drawn
+        self.single_observation_space, self.single_action_space = batch.space, action_space
+        self.observation_space = batch_space(self.single_observation_space, count)
+        self.action_space = batch_space(self.single_action_space, count)
+        self._random = [seeding.np_random()[0] for _ in range(count)]
+        self._over, self._begun = np.zeros(count, np.bool_), np.zeros(count, np.bool_)
 
-    def _set_up_batch(self, batch: Any, mode: AutoresetMode, action_space: spaces.Space[Any]) -> None:
-        self.task = batch.task
-        self._set_up(batch, mode, batch.count, (batch.space, action_space))
+    def reset(
+        self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Any, Infos]:
+        """Start all episodes, or those of `options["reset_mask"]`.
 
-    def _begin(self, flights: dict[int, int], given: Any) -> None:
-        self.batch.reset(flights, **given)
+        Args:
+            seed: Of the first episode, the next ones follow; or one for each; None draws on.
+            options: `reset_mask`: bool, shape (num_envs,); `flight_seed`: of all episodes, or one for each; and the
+                environment's own.
+
+        Raises:
+            ScenarioError: A seed or option is not allowed.
+        """
+        given = checked_options(options)
+        mask = checked_mask(given.pop("reset_mask", None), self.num_envs)
+        own = {name: given.pop(name) for name in self.own_options if name in given}
+        for e, drawn_from in enumerate(first_seeds(seed, self.num_envs)):
+            if drawn_from is not None and mask[e]:
+                self._random[e] = seeding.np_random(drawn_from)[0]
+        chosen = flight_seeds(given.pop("flight_seed", None), self.num_envs)
+        flights = {int(e): self._draw(int(e), given, chosen[e]) for e in np.flatnonzero(mask)}
+        self.batch.reset(flights, **own)
+        self._over[mask], self._begun[mask] = False, True
+        infos = self._infos(mask)
+        put_infos(infos, "flight_seed", flights, self.num_envs)
+        return self.batch.observation, infos
+
+    def _draw(self, e: int, options: dict[str, Any], wanted: Any = None) -> int:
+        drawn = int(self._random[e].integers(2**31))
+        others = [*self.own_options, "reset_mask"]
+        return flight_seed(options | ({} if wanted is None else {"flight_seed": wanted}), drawn, others)
+
+    def step(self, actions: NDArray[Any]) -> tuple[Any, Array, Mask, Mask, Infos]:
+        """Fly on for one step with the actions held, shape (num_envs, ...).
+
+        Raises:
+            gymnasium.error.InvalidAction: The actions do not lie in the action space.
+            gymnasium.error.ResetNeeded: An episode was never begun, or with autoreset disabled one is over.
+        """
+        if not self._begun.all() or (self._mode is AutoresetMode.DISABLED and self._over.any()):
+            raise gymnasium.error.ResetNeeded(f"{self.name}: an episode is over or has not begun; call reset first")
+        array = check_action(self.action_space, actions)
+        began = self._restart() if self._mode is AutoresetMode.NEXT_STEP and self._over.any() else {}
+        live = np.ones(self.num_envs, np.bool_)
+        live[list(began)] = False
+        result = self.batch.step(array, live)
+        terminated, truncated = (result.end > 0) & live, result.truncated & live
+        rewards = np.where(live, result.reward, 0.0)
+        infos = self._infos(np.ones(self.num_envs, np.bool_)) | self._told_of_step(result, live)
+        self._over = terminated | truncated
+        observations = self.batch.observation
+        if self._mode is AutoresetMode.SAME_STEP and self._over.any():
+            observations, infos, began = self._restart_at_once(observations, infos)
+        put_infos(infos, "flight_seed", began, self.num_envs)
+        return observations, rewards, terminated, truncated, infos
+
+    def _restart(self) -> dict[int, int]:
+        began = {int(e): self._draw(int(e), {}) for e in np.flatnonzero(self._over)}
+        self.batch.reset(began)
+        return began
+
+    def _restart_at_once(self, last: Any, infos: Infos) -> tuple[Any, Infos, dict[int, int]]:
+        over = self._over.copy()
+        began = self._restart()
+        final_obs = np.full(self.num_envs, None, dtype=object)
+        for e in np.flatnonzero(over):
+            final_obs[e] = one_of(last, int(e))
+        fresh = self._infos(np.ones(self.num_envs, np.bool_))
+        fresh |= {"reward_terms": infos["reward_terms"], "_reward_terms": infos["_reward_terms"] & ~over}
+        fresh |= {"final_obs": final_obs, "_final_obs": over, "final_info": infos, "_final_info": over}
+        self._over[:] = False
+        return self.batch.observation, fresh, began
 
     def get_state(self, e: int) -> FlightState:
         """Where episode e stands; single and vector environments take each other's states."""
@@ -158,44 +269,98 @@ class BatchVectorEnv(RebuiltOnCopy, FlightsVectorEnv):
         return take_state(self.batch, k, running=not self._over[k], random=self._random[k])
 
     def set_state(self, e: int, state: FlightState) -> Any:
-        """Let episode e go on from a state; returns its observation."""
+        """Let episode e go on from a state; the others are left alone. Returns its observation."""
         k = checked_index(e, self.num_envs)
         self._over[k] = not restore_state(self.batch, k, self._random[k], state).running
         self._begun[k] = True
         return one_of(self.batch.observation, k)
 
     def _infos(self, mask: Mask) -> Infos:
+        """What every step tells of all episodes, with the mask of those to whom it applies."""
         values = self.batch.infos()
         return values | {f"_{name}": mask.copy() for name in values}
 
-    def _ends(self, result: Any, live: Mask) -> Infos:
-        terms = dict(zip(self.terms, result.terms.T.copy(), strict=True))
-        infos: Infos = {"reward_terms": terms, "_reward_terms": live}
+    def _told_of_step(self, result: Any, live: Mask) -> Infos:
+        infos: Infos = {
+            "reward_terms": dict(zip(self.terms, result.terms.T.copy(), strict=True)),
+            "_reward_terms": live,
+        }
         ended = {int(e): self.ends[result.end[e]] for e in np.flatnonzero(live & (result.end > 0))}
         put_infos(infos, "end", ended, self.num_envs)
+        causes = {e: self.batch.cause(e) for e, end in ended.items() if end == "diverged"}
+        put_infos(infos, "cause", causes, self.num_envs)
         return infos
 
     def close_extras(self, **kwargs: Any) -> None:
-        """Forget the episodes."""
-        self._batch = None
+        """Release what the episodes hold."""
+        self._close_batch()
 
-    def _standing(self) -> dict[str, Any]:
-        kept = {name: getattr(self, name) for name in ("spec", "action_space", "single_action_space", "_random")}
+    def _saved(self) -> dict[str, Any]:
         begun = np.flatnonzero(self._begun).tolist() if self._batch is not None else []
-        return {"kept": kept, "flights": {e: self.get_state(e) for e in begun}}
+        return {
+            "kept": self._kept("single_action_space", "_random"),
+            "flights": {e: self.get_state(e) for e in begun},
+        }
 
-    def _stand(self, standing: dict[str, Any]) -> None:
-        self.__dict__.update(standing["kept"])
-        for e, state in standing["flights"].items():
+    def _restore(self, saved: dict[str, Any]) -> None:
+        self.__dict__.update(saved["kept"])
+        for e, state in saved["flights"].items():
             self.set_state(e, state)
-
-
-def vector_arguments(num_envs: Any, autoreset_mode: Any) -> tuple[int, AutoresetMode]:
-    """Number of episodes and mode of autoreset, checked."""
-    return checked_count("num_envs", num_envs), checked_mode(autoreset_mode)
 
 
 def info_of(batch: Any, e: int) -> dict[str, Any]:
     """What is told of one episode: numbers as Python's, arrays as they are."""
     rows = {name: values[e] for name, values in batch.infos().items()}
     return {name: row.item() if np.ndim(row) == 0 else row for name, row in rows.items()}
+
+
+def told_of_step(batch: Any, result: Any, e: int, terms: tuple[str, ...], ends: tuple[str, ...]) -> dict[str, Any]:
+    """What is told of a step of one episode besides: reward terms by name, and how it ended by itself."""
+    told: dict[str, Any] = {"reward_terms": dict(zip(terms, result.terms[e].tolist(), strict=True))}
+    if result.end[e]:
+        told["end"] = ends[result.end[e]]
+        if told["end"] == "diverged":
+            told["cause"] = batch.cause(e)
+    return told
+
+
+def put_infos(infos: Infos, name: str, values: dict[int, Any], count: int) -> None:
+    """Add what applies to some episodes only, with its mask."""
+    if values:
+        kind = np.int64 if isinstance(next(iter(values.values())), int) else object
+        array, mask = np.zeros(count, kind), np.zeros(count, np.bool_)
+        for e, value in values.items():
+            array[e], mask[e] = value, True
+        infos[name], infos[f"_{name}"] = array, mask
+
+
+def one_of(observations: Any, e: int) -> Any:
+    """The observation of episode e, a copy, of those of all, which may be a dict of parts."""
+    if isinstance(observations, dict):
+        return {name: part[e].copy() for name, part in observations.items()}
+    return observations[e].copy()
+
+
+def vector_arguments(num_envs: Any, autoreset_mode: Any) -> tuple[int, AutoresetMode]:
+    """Number of episodes and mode of autoreset, checked."""
+    count = checked_count("num_envs", num_envs)
+    try:
+        return count, AutoresetMode(autoreset_mode)
+    except ValueError:
+        modes = ", ".join(mode.value for mode in AutoresetMode)
+        raise ScenarioError(f"autoreset_mode = {autoreset_mode!r}: must be one of {modes}") from None
+
+
+def checked_mask(given: Any, count: int) -> Mask:
+    """The `reset` option `reset_mask`, all where it is None."""
+    if given is None:
+        return np.ones(count, np.bool_)
+    try:
+        mask = np.asarray(given)
+    except ValueError:  # rows of different lengths
+        mask = np.zeros(0)
+    if mask.shape != (count,) or mask.dtype != np.bool_ or not mask.any():
+        raise ScenarioError(
+            f"reset option reset_mask: must be {count} booleans, at least one of them true, not {given!r}"
+        )
+    return mask

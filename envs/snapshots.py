@@ -3,39 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
 from swarm_mj.errors import ScenarioError
-
-
-class Fingerprinted(Protocol):
-    """A task that knows what must agree where a state is taken up."""
-
-    @property
-    def fingerprint(self) -> str:
-        """Digest of it."""
-        ...
-
-
-class Remembering(Protocol):
-    """Episodes whose states can be taken and put back."""
-
-    @property
-    def task(self) -> Fingerprinted:
-        """What they share."""
-        ...
-
-    def get_state(self, e: int) -> dict[str, Any]:
-        """All that episode e is."""
-        ...
-
-    def set_state(self, e: int, state: dict[str, Any]) -> None:
-        """Go on from that."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,10 +19,10 @@ class FlightState:
     What it is made of is nobody's business and changes between versions of the package.
 
     Attributes:
-        fits: Digest of the task that it belongs to, see `Task.fingerprint`.
+        fits: Digest of the task that it belongs to, its `fingerprint`.
         running: Whether the episode goes on.
         random: The random numbers of the resets to come.
-        episode: See `EpisodeBatch.get_state`.
+        episode: See `get_state` of a batch, `batch_env`.
         agents: Of the multi-agent environment, who still flies; None in the others.
         knowledge: What its agents know, where only what has reached them counts, see `GraphKnowledge`.
     """
@@ -61,12 +35,12 @@ class FlightState:
     knowledge: tuple[NDArray[Any], ...] | None = None
 
 
-def take_state(batch: Remembering, e: int, *, running: bool, random: np.random.Generator) -> FlightState:
+def take_state(batch: Any, e: int, *, running: bool, random: np.random.Generator) -> FlightState:
     """The state of flight e of a batch."""
     return FlightState(batch.task.fingerprint, running, dict(random.bit_generator.state), batch.get_state(e))
 
 
-def restore_state(batch: Remembering, e: int, random: np.random.Generator, state: Any) -> FlightState:
+def restore_state(batch: Any, e: int, random: np.random.Generator, state: Any) -> FlightState:
     """Let flight e of a batch go on from a state.
 
     Raises:
@@ -95,21 +69,21 @@ class RebuiltOnCopy:
 
     def __getstate__(self) -> dict[str, Any]:
         """What a copy needs."""
-        return {"made_of": self.made_of, "standing": self._standing()}
+        return {"made_of": self.made_of, "saved": self._saved()}
 
     def __setstate__(self, saved: dict[str, Any]) -> None:
         """Make it anew, and put it where it stood."""
         self.__init__(**saved["made_of"])  # type: ignore[misc]
-        self._stand(saved["standing"])
+        self._restore(saved["saved"])
 
-    def _standing(self) -> dict[str, Any]:
+    def _saved(self) -> dict[str, Any]:
         raise NotImplementedError
 
-    def _stand(self, standing: dict[str, Any]) -> None:
+    def _restore(self, saved: dict[str, Any]) -> None:
         raise NotImplementedError
 
 
-def must_have_begun(begun: bool, what: str, name: str = "SwarmObserve-v0") -> None:
+def must_have_begun(begun: bool, what: str, name: str) -> None:
     """Refuse what needs a flight of the environment of that name.
 
     Raises:

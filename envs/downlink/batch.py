@@ -125,6 +125,9 @@ class DownlinkBatch:
             array[e] = row
         self.observe()
 
+    def close(self) -> None:
+        """Nothing is held that has to be released."""
+
 
 def constants_of(task: DownlinkTask) -> DownlinkConstants:
     """What all episodes of a task share."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, NamedTuple, TypeVar
 
@@ -10,7 +10,7 @@ from swarm_mj.errors import ScenarioError
 from swarm_mj.scenarios.loading import ScenarioSource, checked_overrides
 from swarm_mj.scenarios.schema import is_multiple
 
-from ..arguments import checked_count, checked_rate, is_number
+from ..arguments import checked_count, checked_numbers, checked_rate
 
 #: What `reset` and `step` may give as observation.
 OBSERVATIONS = ("flat", "dict")
@@ -167,29 +167,15 @@ class DownlinkConfig:
     @property
     def weights(self) -> DownlinkWeights:
         """With what `reward_weights` replaces."""
-        given = _checked(DownlinkWeights._fields, "reward_weights", self.reward_weights)
-        return DownlinkWeights()._replace(**given)
+        return DownlinkWeights(**checked_numbers("reward_weights", self.reward_weights, DownlinkWeights._fields))
 
 
 _Values = TypeVar("_Values", Power, Draw)
 
 
 def _replaced(values: _Values, name: str, given: Any) -> _Values:
-    checked = _checked([item.name for item in fields(values)], name, given)
+    checked = checked_numbers(name, given, [item.name for item in fields(values)])
     for key, value in checked.items():
         if value < 0.0:
             raise ScenarioError(f"{name}[{key!r}] = {value!r}: must not be negative")
     return replace(values, **checked)
-
-
-def _checked(names: Sequence[str], name: str, given: Any) -> dict[str, float]:
-    if given is not None and not isinstance(given, Mapping):
-        raise ScenarioError(
-            f"{name} = {given!r}: must be a mapping from names to numbers; names are {', '.join(names)}"
-        )
-    for key, value in (given or {}).items():
-        if key not in names:
-            raise ScenarioError(f"{name}: unknown {key!r}; there are {', '.join(names)}")
-        if not is_number(value):
-            raise ScenarioError(f"{name}[{key!r}] = {value!r}: must be a finite number")
-    return {key: float(value) for key, value in (given or {}).items()}

@@ -190,9 +190,8 @@ class SwarmDownlinkVectorEnv(BatchVectorEnv):
         self.made_of = {"num_envs": num_envs, "autoreset_mode": autoreset_mode, **arguments}
         count, mode = vector_arguments(num_envs, autoreset_mode)
         self.render_mode = checked_render_mode(render_mode, [])
-        self.metadata = {"render_modes": [], "autoreset_mode": mode}
         task = DownlinkTask(record_of(DownlinkConfig, NAME, arguments))
-        self._set_up_batch(DownlinkBatch(task, count), mode, choices_of(task))
+        self._set_up(DownlinkBatch(task, count), mode, choices_of(task))
 
 
 def choices_of(task: DownlinkTask) -> spaces.MultiDiscrete:

@@ -6,29 +6,23 @@ env = swarm_downlink_v0.parallel_env()
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from types import SimpleNamespace
 from typing import Any, ClassVar
 
-import gymnasium
 import numpy as np
 from gymnasium import spaces
 
-from swarm_mj.errors import ScenarioError
-
-from ..arguments import check_action, checked_options, checked_prefix
-from .env import SwarmDownlinkEnv
+from ..agents import PerAgent, SwarmParallelEnv
+from ..arguments import agent_names, record_of
+from ..batch_env import info_of, told_of_step
+from .batch import DOWNLINK_ENDS, DownlinkBatch
+from .config import DownlinkConfig, DownlinkWeights
+from .env import NAME
 from .observations import dict_space
-
-try:
-    from pettingzoo import ParallelEnv
-except ImportError as error:
-    raise ImportError("the multi-agent environment needs PettingZoo: pip install 'swarm_mj[rl]'") from error
-
-PerAgent = dict[str, Any]
+from .world import DownlinkTask
 
 
-class SwarmDownlinkParallelEnv(ParallelEnv[str, Any, Any]):
+class SwarmDownlinkParallelEnv(SwarmParallelEnv):
     """The swarm of `SwarmDownlinkEnv`, each spacecraft an agent: `sc1`, `sc2`, ... in gene order.
 
     An agent's action is its choice, Discrete(n + 2). Its observation holds the tables of `SwarmDownlinkEnv` under
@@ -45,57 +39,40 @@ class SwarmDownlinkParallelEnv(ParallelEnv[str, Any, Any]):
     render_mode = None
 
     def __init__(self, *, agent_prefix: str = "sc", **arguments: Any) -> None:
-        self._env = SwarmDownlinkEnv(**arguments, observation="dict")
-        self.task, n = self._env.task, self._env.task.n
-        self.possible_agents = [f"{checked_prefix(agent_prefix)}{j + 1}" for j in range(n)]
-        self.agents: list[str] = []
-        tables = dict(dict_space(self.task).spaces)
+        self.made_of = {"agent_prefix": agent_prefix, **arguments}
+        self.task = DownlinkTask(record_of(DownlinkConfig, NAME, dict(observation="dict", **arguments)))
+        n, tables = self.task.n, dict(dict_space(self.task).spaces)
         tables.pop("action_mask")
         own = {"action_mask": spaces.MultiBinary(n + 2), "agent": spaces.MultiBinary(n)}
         whole = spaces.Dict({"observation": spaces.Dict(tables), **own})
-        self.observation_spaces = {agent: whole for agent in self.possible_agents}
-        self.action_spaces = {agent: spaces.Discrete(n + 2) for agent in self.possible_agents}
-
-    def observation_space(self, agent: str) -> spaces.Space[Any]:
-        """Of one agent, always the same object."""
-        return self.observation_spaces[agent]
-
-    def action_space(self, agent: str) -> spaces.Space[Any]:
-        """Of one agent, always the same object."""
-        return self.action_spaces[agent]
+        self._set_up(DownlinkBatch(self.task, 1), agent_names(agent_prefix, n), whole, spaces.Discrete(n + 2))
 
     def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[PerAgent, PerAgent]:
         """Start an episode; `options` may hold `flight_seed`, and others are ignored, as PettingZoo asks."""
-        known = {name: value for name, value in checked_options(options).items() if name == "flight_seed"}
-        tables, info = self._env.reset(seed=seed, options=known)
-        self.agents = list(self.possible_agents)
-        return self._observations(tables), {agent: dict(info) for agent in self.agents}
+        chosen = self._draw(seed, options)
+        self.batch.reset({0: chosen})
+        self._begun, self.agents = True, list(self.possible_agents)
+        return self._observations(), self._infos({"flight_seed": chosen})
 
-    def step(self, actions: PerAgent) -> tuple[PerAgent, PerAgent, PerAgent, PerAgent, PerAgent]:
-        """Fly a slot with a choice of each agent.
+    def _fly(self, actions: PerAgent) -> tuple[PerAgent, PerAgent, PerAgent, PerAgent, PerAgent]:
+        batch, flew = self.batch, self.agents
+        result = batch.step(np.array([*actions.values()])[None])
+        ended, truncated = bool(result.end[0]), bool(result.truncated[0])
+        self.agents = [] if ended or truncated else flew
+        infos = self._infos(told_of_step(batch, result, 0, DownlinkWeights._fields, DOWNLINK_ENDS))
+        rewards, ends = dict.fromkeys(flew, float(result.reward[0])), dict.fromkeys(flew, ended)
+        return self._observations(), rewards, ends, dict.fromkeys(flew, truncated), infos
 
-        Raises:
-            gymnasium.error.ResetNeeded: The episode is over or has not begun.
-            gymnasium.error.InvalidAction: An action lies outside its space.
-            ScenarioError: An agent has no action, or there is an action of somebody else.
-        """
-        flew = self.agents
-        if not flew:
-            raise gymnasium.error.ResetNeeded(f"{self.metadata['name']}: the episode is over; call reset first")
-        if not isinstance(actions, Mapping) or set(actions) != set(flew):
-            raise ScenarioError(f"actions of {list(actions)}: must be a mapping with one for each of {', '.join(flew)}")
-        choices = [int(check_action(self.action_spaces[agent], actions[agent])) for agent in flew]
-        tables, reward, terminated, truncated, info = self._env.step(np.array(choices))
-        self.agents = [] if terminated or truncated else flew
-        rewards, ended = dict.fromkeys(flew, reward), dict.fromkeys(flew, terminated)
-        infos = {agent: dict(info) for agent in flew}
-        return self._observations(tables), rewards, ended, dict.fromkeys(flew, truncated), infos
+    def _infos(self, more: dict[str, Any]) -> PerAgent:
+        info = info_of(self.batch, 0) | more
+        return {agent: dict(info) for agent in self.possible_agents}
 
-    def _observations(self, tables: dict[str, Any]) -> PerAgent:
-        n, mask = self.task.n, tables.pop("action_mask")
+    def _observations(self) -> PerAgent:
+        tables, n = self.batch.observation, self.task.n
+        mask = tables.pop("action_mask")[0]
         return {
             agent: {
-                "observation": {name: table.copy() for name, table in tables.items()},
+                "observation": {name: table[0].copy() for name, table in tables.items()},
                 "action_mask": mask[j],
                 "agent": np.eye(n, dtype=np.int8)[j],
             }

@@ -56,7 +56,7 @@ class CameraObservation(gymnasium.ObservationWrapper[dict[str, Any], Any, Array3
             raise ScenarioError(f"half_angle_deg = {half_angle_deg!r}: must be a number above 0 and below 90")
         self._inner, self._angle, self._light = inner, half_angle_deg, light
         self._drawn: EpisodeDraw | None = None
-        image = spaces.Box(0, 255, (inner.episodes.n, *IMAGE_SPACE.shape), np.uint8)
+        image = spaces.Box(0, 255, (inner.batch.n, *IMAGE_SPACE.shape), np.uint8)
         self.observation_space = spaces.Dict({"image": image, "state": env.observation_space})
 
     def observation(self, observation: Array32) -> dict[str, Any]:
@@ -65,7 +65,7 @@ class CameraObservation(gymnasium.ObservationWrapper[dict[str, Any], Any, Array3
 
     def image(self) -> Pixels:
         """What the cameras see now, shape (n, 3, 64, 64)."""
-        episodes = self._inner.episodes
+        episodes = self._inner.batch
         if self._drawn is not episodes.draws[0]:
             self._begin(episodes)
         now, region = (

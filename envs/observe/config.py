@@ -21,12 +21,12 @@ from swarm_mj.scenarios.explaining import explained
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.scenarios.schema_faults import Dispersions
 
-from ..arguments import checked_count, checked_share, checked_step, checked_truth, is_number, is_whole
+from ..arguments import checked_count, checked_numbers, checked_share, checked_step, checked_truth, is_number, is_whole
 from .catalogue import DEFAULT_COUNT, MissionSpec, chosen_missions
 from .draws import Randomisation
 from .flybys import DECISION_S, DURATION_S, PERIOD_S, check_patches
 from .mission import Mission, Target, environment_scenario, make_flyby, make_own
-from .rewards import RewardWeights, checked_weights
+from .rewards import TERMS, RewardWeights
 
 #: Most spacecraft that an episode over the catalogue may have: more find no visiting points of their own; and how many it has
 #: where nothing else is asked for.
@@ -95,7 +95,7 @@ class EnvConfig:
                 raise ScenarioError(f"{name} = {getattr(self, name)!r}: must be one of {', '.join(allowed)}")
         if self.observer not in get_args(ObserverKind):
             raise ScenarioError(f"observer = {self.observer!r}: must be one of {', '.join(get_args(ObserverKind))}")
-        checked_weights(self.reward_weights)
+        _ = self.weights
         checked_share(self.complete)
         checked_truth("horizon_terminates", self.horizon_terminates)
         if self.scenario is None:
@@ -162,7 +162,7 @@ class EnvConfig:
     @property
     def weights(self) -> RewardWeights:
         """Of the reward terms."""
-        return checked_weights(self.reward_weights)
+        return RewardWeights(**checked_numbers("reward_weights", self.reward_weights, TERMS))
 
     @property
     def duration_s(self) -> float:

@@ -19,7 +19,7 @@ from .draws import EpisodeDraw
 from .flying import BATCH, Fleet
 from .layout import FlatLayout, make_interface, observed_from
 from .mission import Mission
-from .rewards import ENDS, StepResult, horizon_ended
+from .rewards import StepResult, horizon_ended
 from .state import EpisodeState
 from .tables import BOUND
 
@@ -156,10 +156,10 @@ class Episodes(EpisodeState):
         self.flights.set_state(e, state["flight"])
         self.put_rows(e, state["rows"])
 
-    def reset(self, seeds: Mapping[int, int], given: Mapping[str, Any] | None = None) -> None:
-        """Start episodes anew from their flight seeds, by number of the episode; `given` as of `begin`."""
-        for e, seed in seeds.items():
-            self.begin(e, seed, given)
+    def reset(self, flights: Mapping[int, int], draw: Mapping[str, Any] | None = None) -> None:
+        """Start episodes anew from their flight seeds, by number of the episode; `draw` as `given` of `begin`."""
+        for e, seed in flights.items():
+            self.begin(e, seed, draw)
 
     def step(self, actions: NDArray[Any], live: Mask) -> StepResult:
         """Fly the live episodes, shape (E,), one step with the agents' choices held, shape (E, n)."""
@@ -229,23 +229,9 @@ class Episodes(EpisodeState):
             "mission": np.array([0 if draw is None else draw.mission for draw in self.draws]),
         }
 
-    def step_info(self, e: int, result: StepResult) -> dict[str, Any]:
-        """What a step has to tell of episode e, beyond `info` its reward terms and how it ended."""
-        info, end = self.info(e) | {"reward_terms": result.terms_of(e)}, ENDS[result.end[e]]
-        if end:
-            info["end"] = end
-        if end == "diverged":
-            info["cause"] = self.cause(e)
-        return info
-
     def cause(self, e: int) -> str:
         """Why episode e diverged."""
         return self.flights.cause(e)
-
-    def observation_of(self, e: int) -> Any:
-        """Of one episode, a copy."""
-        rows = self.observation
-        return {name: part[e] for name, part in rows.items()} if isinstance(rows, dict) else rows[e]
 
     @property
     def action_mask(self) -> NDArray[np.int8]:
@@ -271,8 +257,8 @@ class Episodes(EpisodeState):
         return spaces.MultiDiscrete(np.full(self.n, self.choices))
 
     @property
-    def observation_space(self) -> spaces.Space[Any]:
-        """Of one episode, as `config.observation` asks for it."""
+    def space(self) -> spaces.Space[Any]:
+        """Of the observation of one episode, as `config.observation` asks for it."""
         if self.config.observation == "flat":
             return box(self.layout.size)
         found: dict[str, spaces.Space[Any]] = {}

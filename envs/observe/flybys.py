@@ -196,7 +196,7 @@ def _epoch(scenario: Scenario, up: Array) -> str:
     return (datetime.fromisoformat(scenario.epoch) + timedelta(seconds=round(found))).isoformat()
 
 
-def ways(plan: Plan, altitude: float) -> Array:
+def release_table(plan: Plan, altitude: float) -> Array:
     """Velocities at release to the visiting points, shape (P, altitudes, 3) [m/s], solved or from the cache."""
     region = plan.region
     which = np.linspace(0, region.n_visiting - 1, min(MOST_POINTS, region.n_visiting)).round().astype(int)

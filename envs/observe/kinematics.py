@@ -159,27 +159,16 @@ def _update_flight(body: BodyRotation, now: Kinematics, e: int) -> bool:
     return np.isfinite(total)
 
 
-@kernel
 def copy_instant(now: Kinematics, to: Kinematics, live: Mask) -> None:
     """Copy what the live flights, shape (E,), are at one instant."""
-    for e in range(live.shape[0]):
-        if live[e]:
-            to.t[e], to.r[e], to.v[e], to.q[e], to.omega[e] = now.t[e], now.r[e], now.v[e], now.q[e], now.omega[e]
-            to.wheel[e], to.C_AN[e], to.r_A[e], to.C_BN[e] = now.wheel[e], now.C_AN[e], now.r_A[e], now.C_BN[e]
+    for ours, theirs in zip(to, now, strict=True):
+        ours[live] = theirs[live]
 
 
-@lean
 def copy_truth(now: Kinematics, estimate: AttitudeEstimate, live: Mask) -> None:
     """Let the estimate of the live flights, shape (E,), be the truth."""
-    for e in range(live.shape[0]):
-        if live[e]:
-            for j in range(estimate.q.shape[1]):
-                for k in range(4):
-                    estimate.q[e, j, k] = now.q[e, j, k]
-                for k in range(3):
-                    estimate.omega[e, j, k] = now.omega[e, j, k]
-                    for m in range(3):
-                        estimate.C_BN[e, j, k, m] = now.C_BN[e, j, k, m]
+    for name, ours in estimate._asdict().items():
+        ours[live] = getattr(now, name)[live]
 
 
 @kernel

@@ -23,7 +23,7 @@ from .kinematics import Tracking, no_estimate, no_kinematics
 from .layout import Observed, observed_from
 from .state import EpisodeState
 from .table_kernels import write_tables
-from .tables import Standing, no_sheet, no_tables
+from .tables import EpisodeArrays, no_sheet, no_tables
 from .totals import no_totals
 
 
@@ -34,14 +34,14 @@ class GraphKnowledge:
         episode: The state of an episode that has begun, the first of `EpisodeState`.
 
     Attributes:
-        standing: How each believes all to stand.
+        beliefs: How each believes all to stand.
     """
 
     def __init__(self, episode: EpisodeState) -> None:
         n, wheels = episode.n, episode.now.wheel.shape[2]
         self._episode, self.tables = episode, no_tables(n, n, episode.patches)
         nothing = np.zeros((n, n), np.int64)
-        self.standing = Standing(
+        self.beliefs = EpisodeArrays(
             now=no_kinematics(n, n, wheels),
             estimate=no_estimate(n, n),
             tracking=Tracking(nothing, nothing.copy(), np.zeros((n, n, 3)), np.zeros((n, n), np.bool_)),
@@ -52,7 +52,7 @@ class GraphKnowledge:
     @property
     def arrays(self) -> tuple[NDArray[Any], ...]:
         """All that is known; written to, it is known instead."""
-        return tuple(array for part in (*self.standing, self.tables) for array in part)
+        return tuple(array for part in (*self.beliefs, self.tables) for array in part)
 
     @property
     def observed(self) -> Observed:
@@ -70,8 +70,8 @@ class GraphKnowledge:
         self._learn([*groups, *(np.array([j]) for j in sorted(alone))])
 
     def _learn(self, groups: Iterable[Ints]) -> None:
-        episode, mine = self._episode, self.standing
-        truth = Standing(episode.now, episode.estimate, episode.tracking, episode.totals, episode.sheet)
+        episode, mine = self._episode, self.beliefs
+        truth = EpisodeArrays(episode.now, episode.estimate, episode.tracking, episode.totals, episode.sheet)
         mine.now.t[:], mine.now.C_AN[:] = truth.now.t[0], truth.now.C_AN[0]
         mine.sheet.possible_area[:], mine.sheet.sun_A[:] = truth.sheet.possible_area[0], truth.sheet.sun_A[0]
         mine.totals.target[:] = truth.totals.target[0]

@@ -43,8 +43,8 @@ from .flybys import (
     SWARM_BIT_S,
     TIME_OF_FLIGHT_S,
     flyby,
+    release_table,
     release_velocities,
-    ways,
 )
 from .kinematics import BodyRotation
 from .patches import Patches, make_patches, make_sphere_patches
@@ -323,6 +323,7 @@ class Mission:
             patch_centre_A=patches.centre_A,
             patch_normal_A=patches.normals_A(region),
             patch_area=patches.area,
+            total_area=float(sum(patches.area.tolist())),  # one after another, as compiled code would
             of_cell=patches.of_cell.astype(np.int64),
             cell_area=patches.cell_area,
             nominal_bit=float(self.nominal_bit),
@@ -383,7 +384,7 @@ def make_flyby(
         weights=weights,
         complete=complete,
         radio=_radio(plan, decision_s, EARTH_BIT_S, SWARM_BIT_S),
-        v0_N=ways(plan, altitude),
+        v0_N=release_table(plan, altitude),
     )
 
 

@@ -6,38 +6,32 @@ env = swarm_observe_v0.parallel_env(split="train")
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, ClassVar
 
-import gymnasium
 import numpy as np
 from gymnasium import spaces
-from gymnasium.utils import seeding
 from numpy.typing import NDArray
 
 from swarm_mj.errors import ScenarioError
 from swarm_mj.typing import Array32, Pixels
 
-from ..arguments import check_action, checked_options, checked_prefix, checked_render_mode, flight_seed, record_of
-from ..snapshots import FlightState, RebuiltOnCopy, must_have_begun, restore_state, take_state
+from ..agents import PerAgent, SwarmParallelEnv
+from ..arguments import agent_names, checked_render_mode, record_of
+from ..batch_env import told_of_step
+from ..snapshots import FlightState, must_have_begun, restore_state, take_state
 from .catalogue import DEFAULT_COUNT
 from .config import EnvConfig
 from .episodes import Episodes, box
 from .knowledge import GraphKnowledge
 from .layout import Observed, local_rows
 from .rendering import EpisodeRenderer
-
-try:
-    from pettingzoo import ParallelEnv
-except ImportError as error:
-    raise ImportError("the multi-agent environment needs PettingZoo: pip install 'swarm_mj[rl]'") from error
-
-PerAgent = dict[str, Any]
+from .rewards import ENDS, TERMS
+from .single import NAME
 
 
-class SwarmObserveParallelEnv(RebuiltOnCopy, ParallelEnv[str, Any, Any]):
+class SwarmObserveParallelEnv(SwarmParallelEnv):
     """An episode of `SwarmObserveEnv` in which each spacecraft is an agent: `sc1`, `sc2`, ...
 
     Who does not fly in an episode is not among its `agents`; who is lost leaves them, terminated, and the others go on.
@@ -77,71 +71,32 @@ class SwarmObserveParallelEnv(RebuiltOnCopy, ParallelEnv[str, Any, Any]):
         self.made_of["agent_prefix"] = agent_prefix
         self.render_mode = checked_render_mode(render_mode, self.metadata["render_modes"])
         given = {"missions": missions, "split": split, **arguments}
-        self.config = record_of(EnvConfig, "SwarmObserve-v0", given)
-        self._episodes: Episodes | None = Episodes(self.config, 1)
-        self._renderer = EpisodeRenderer(self._episodes, 1)
-        prefix = checked_prefix(agent_prefix)
-        self.possible_agents = [f"{prefix}{j + 1}" for j in range(self.config.spacecraft)]
-        self.agents: list[str] = []
-        self._number = {name: j for j, name in enumerate(self.possible_agents)}
-        self.action_spaces = {name: spaces.Discrete(self.episodes.choices) for name in self.possible_agents}
-        self.observation_spaces = {name: local_space(self.episodes) for name in self.possible_agents}
-        self.state_space: spaces.Box = box(self.episodes.layout.size)
-        self._random, self._begun = seeding.np_random()[0], False
+        self.config = record_of(EnvConfig, NAME, given)
+        episodes = Episodes(self.config, 1)
+        self._renderer = EpisodeRenderer(episodes, 1)
+        names = agent_names(agent_prefix, self.config.spacecraft)
+        self._number = {name: j for j, name in enumerate(names)}
+        self._set_up(episodes, names, local_space(episodes), spaces.Discrete(episodes.choices))
+        self.state_space: spaces.Box = box(episodes.layout.size)
         self._knowledge: GraphKnowledge | None = None
-
-    @property
-    def episodes(self) -> Episodes:
-        """The episode, as one of one.
-
-        Raises:
-            gymnasium.error.ClosedEnvironmentError: The environment was closed.
-        """
-        if self._episodes is None:
-            raise gymnasium.error.ClosedEnvironmentError("swarm_observe_v0 was closed; make it anew")
-        return self._episodes
-
-    def observation_space(self, agent: str) -> spaces.Space[Any]:
-        """Of one agent."""
-        return self.observation_spaces[agent]
-
-    def action_space(self, agent: str) -> spaces.Space[Any]:
-        """Of one agent."""
-        return self.action_spaces[agent]
 
     def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[PerAgent, PerAgent]:
         """Start an episode; `options` may hold `flight_seed` and `draw`, and others are ignored, as PettingZoo asks."""
-        if seed is not None:
-            self._random = seeding.np_random(seed)[0]
-        given = checked_options(options)
-        known = {name: value for name, value in given.items() if name == "flight_seed"}
-        chosen = flight_seed(known, int(self._random.integers(2**31)))
-        self.episodes.begin(0, chosen, given.get("draw"))
+        chosen = self._draw(seed, options)
+        self.batch.reset({0: chosen}, (options or {}).get("draw"))
         if self.config.knowledge == "graph":
-            self._knowledge = GraphKnowledge(self.episodes)
+            self._knowledge = GraphKnowledge(self.batch)
             self._knowledge.begin()
-        alive, self._begun = self.episodes.info(0)["alive"], True
-        self.agents = [name for name, j in self._number.items() if alive[j]]
-        info = self.episodes.info(0) | {"flight_seed": chosen}
+        info, self._begun = self.batch.info(0) | {"flight_seed": chosen}, True
+        self.agents = [name for name, j in self._number.items() if info["alive"][j]]
         return self._observations(), self._infos(self.agents, info)
 
-    def step(self, actions: PerAgent) -> tuple[PerAgent, PerAgent, PerAgent, PerAgent, PerAgent]:
-        """Fly on for one step with the choices of the agents held.
-
-        Raises:
-            gymnasium.error.ResetNeeded: The episode is over or has not begun.
-            gymnasium.error.InvalidAction: An action lies outside its space.
-            ScenarioError: An agent has no action, or there is an action of somebody else.
-        """
-        if not self.agents:
-            raise gymnasium.error.ResetNeeded(
-                "swarm_observe_v0: the episode is over or has not begun; call reset first"
-            )
-        episodes, flew = self.episodes, self.agents
+    def _fly(self, actions: PerAgent) -> tuple[PerAgent, PerAgent, PerAgent, PerAgent, PerAgent]:
+        episodes, flew = self.batch, self.agents
         result = episodes.fly(self._joined(actions)[None], np.ones(1, np.bool_))
         if self._knowledge is not None and not result.end[0]:
             self._knowledge.tell()
-        info, ended = episodes.step_info(0, result), bool(result.end[0])
+        info, ended = episodes.info(0) | told_of_step(episodes, result, 0, TERMS, ENDS), bool(result.end[0])
         terminations = {agent: ended or not info["alive"][self._number[agent]] for agent in flew}
         truncations = {agent: bool(result.truncated[0]) and not terminations[agent] for agent in flew}
         observations = self._observations()
@@ -154,7 +109,7 @@ class SwarmObserveParallelEnv(RebuiltOnCopy, ParallelEnv[str, Any, Any]):
         must_have_begun(self._begun, "get_state", "swarm_observe_v0")
         flying = tuple(self._number[agent] for agent in self.agents)
         known = None if self._knowledge is None else tuple(array.copy() for array in self._knowledge.arrays)
-        state = take_state(self.episodes, 0, running=bool(flying), random=self._random)
+        state = take_state(self.batch, 0, running=bool(flying), random=self._random)
         return replace(state, agents=flying, knowledge=known)
 
     def set_state(self, state: FlightState) -> PerAgent:
@@ -163,66 +118,63 @@ class SwarmObserveParallelEnv(RebuiltOnCopy, ParallelEnv[str, Any, Any]):
             raise ScenarioError(
                 "state: was taken from an environment that knows no agents; take it from a multi-agent one"
             )
-        flying = restore_state(self.episodes, 0, self._random, state).agents or ()
+        flying = restore_state(self.batch, 0, self._random, state).agents or ()
         if state.knowledge is not None:
-            self._knowledge = GraphKnowledge(self.episodes)
+            self._knowledge = GraphKnowledge(self.batch)
             for ours, theirs in zip(self._knowledge.arrays, state.knowledge, strict=True):
                 ours[:] = theirs
         self.agents, self._begun = [self.possible_agents[j] for j in flying], True
         return self._observations()
 
-    def _standing(self) -> dict[str, Any]:
-        kept = {name: getattr(self, name) for name in ("action_spaces", "observation_spaces", "_random")}
-        return {"kept": kept, "flight": self.get_state() if self._begun and self._episodes else None}
+    def _saved(self) -> dict[str, Any]:
+        flight = self.get_state() if self._begun and self._batch is not None else None
+        return {"kept": self._kept, "flight": flight}
 
-    def _stand(self, standing: dict[str, Any]) -> None:
-        self.__dict__.update(standing["kept"])
-        if standing["flight"] is not None:
-            self.set_state(standing["flight"])
+    def _restore(self, saved: dict[str, Any]) -> None:
+        self.__dict__.update(saved["kept"])
+        if saved["flight"] is not None:
+            self.set_state(saved["flight"])
 
     def _joined(self, actions: PerAgent) -> NDArray[Any]:
-        if not isinstance(actions, Mapping) or set(actions) != set(self.agents):
-            raise ScenarioError(f"actions = {actions!r}: must be one for each of {', '.join(self.agents)}")
-        joined = np.zeros(self.episodes.n, np.int64)
-        for agent in self.agents:
-            joined[self._number[agent]] = check_action(self.action_spaces[agent], actions[agent])
+        joined = np.zeros(self.batch.n, np.int64)
+        for agent, action in actions.items():
+            joined[self._number[agent]] = action
         # Candidates are those that each knows of.
         observed, n = self._observed, len(joined)
-        chosen = self.episodes.interface.decoded(observed, np.tile(joined, (len(observed["pairs"]), 1)))
+        chosen = self.batch.interface.decoded(observed, np.tile(joined, (len(observed["pairs"]), 1)))
         return np.asarray(chosen[0] if self._knowledge is None else chosen[np.arange(n), np.arange(n)])
 
     @property
     def _observed(self) -> Observed:
         """What the swarm is shown, the tables of one episode; or what each spacecraft knows, those of n."""
-        return self.episodes.entities() if self._knowledge is None else self._knowledge.observed
+        return self.batch.entities() if self._knowledge is None else self._knowledge.observed
 
     def _infos(self, agents: list[str], info: dict[str, Any]) -> PerAgent:
-        mask = self.episodes.interface.shown(self._observed)["action_mask"]
+        mask = self.batch.interface.shown(self._observed)["action_mask"]
         own = {agent: self._number[agent] for agent in agents}
         row = {agent: 0 if self._knowledge is None else j for agent, j in own.items()}
         return {agent: info | {"action_mask": mask[row[agent], j].copy()} for agent, j in own.items()}
 
     def _observations(self) -> PerAgent:
-        shown = local_observations(self.episodes, self._observed)
+        shown = local_observations(self.batch, self._observed)
         row = {agent: 0 if self._knowledge is None else j for agent, j in self._number.items()}
         return {agent: _row(shown[self._number[agent]], row[agent]) for agent in self.agents}
 
     def state(self) -> Array32:
         """The flat observation of `SwarmObserveEnv`: everything, for critics that see it all."""
-        return self.episodes.flat()[0]
+        return self.batch.flat()[0]
 
     def render(self) -> Pixels | None:
         """The overview as a picture with `render_mode="rgb_array"`, see `SwarmObserveEnv.render`."""
-        _ = self.episodes
+        _ = self.batch
         pictures = self._renderer.render(self.render_mode, self._begun, "swarm_observe_v0")
         return None if pictures is None else pictures[0]
 
     def close(self) -> None:
         """Release observers and OpenGL context; may be called again."""
-        if self._episodes is not None:
+        if self._batch is not None:
             self._renderer.close()
-            self._episodes.close()
-        self._episodes, self.agents = None, []
+        super().close()
 
 
 def _row(shown: Any, e: int) -> Any:

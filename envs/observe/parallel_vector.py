@@ -15,12 +15,10 @@ from numpy.typing import NDArray
 from swarm_mj.errors import ScenarioError
 from swarm_mj.typing import Array32, Mask
 
-from ..arguments import checked_prefix
+from ..agents import PerAgent
+from ..arguments import agent_names
 from .parallel import local_observations, local_space
 from .vector import SwarmObserveVectorEnv
-
-#: By agent, an array over the flights.
-PerAgent = dict[str, Any]
 
 
 class SwarmObserveParallelVectorEnv:
@@ -53,7 +51,7 @@ class SwarmObserveParallelVectorEnv:
     ) -> None:
         self.vector = SwarmObserveVectorEnv(num_envs, threads=threads, **arguments)
         episodes, self.num_envs = self.vector.batch, num_envs
-        self.possible_agents = [f"{checked_prefix(agent_prefix)}{j + 1}" for j in range(episodes.n)]
+        self.possible_agents = agent_names(agent_prefix, episodes.n)
         self.agents = list(self.possible_agents)
         self._action_space = {agent: spaces.Discrete(episodes.choices) for agent in self.agents}
         self._observation_space = {agent: local_space(episodes) for agent in self.agents}

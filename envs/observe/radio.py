@@ -72,7 +72,7 @@ def radio_constants(
     if swarm_rate_bit_s is not None:
         radios = radios._replace(swarm=RateTable(np.array([np.inf]), np.array([float(swarm_rate_bit_s)])))
     if earth_rate_bit_s is None:
-        station = _hearing(plan, radios, times)
+        station = _station_in_view(plan, radios, times)
     else:
         radios = radios._replace(earth=RateTable(np.array([[np.inf]]), np.array([[float(earth_rate_bit_s)]])))
         station = np.zeros(len(times), np.int64)
@@ -87,7 +87,7 @@ def radio_constants(
     )
 
 
-def _hearing(plan: Plan, radios: Radios, times: Array) -> Ints:
+def _station_in_view(plan: Plan, radios: Radios, times: Array) -> Ints:
     """Which station sees the body, which stands for all spacecraft, at each time, shape (k,)."""
     earth_N = np.array([plan.environment.earth.at(t) for t in times])
     station = earth_schedule(plan.scenario.link.ground, plan.scenario.epoch, times, np.zeros(3), earth_N).station
@@ -134,14 +134,18 @@ def transmit(
         np.zeros((n, 1), np.int64),
         np.zeros(n, np.int64),
     )
-    queue[:, 0] = np.arange(n)
-    everybody = np.ones(n)
+    everybody, works = np.ones(n), np.empty(n, np.bool_)
+    for j in range(n):
+        queue[j, 0] = j
     for e in range(live.shape[0]):
         received[e] = 0.0
         if live[e]:
-            earth_N[:] = constants.earth_r_N + now.t[e] * constants.earth_v_N
+            for k in range(3):
+                earth_N[k] = constants.earth_r_N[k] + now.t[e] * constants.earth_v_N[k]
+            for j in range(n):
+                works[j] = not totals.lost[e, j]
             kind, whom = tracking.kind[e], tracking.spacecraft[e]
-            place = Instant(now.r[e], now.C_BN[e], now.C_AN[e], earth_N, kind, whom, ~totals.lost[e])
+            place = Instant(now.r[e], now.C_BN[e], now.C_AN[e], earth_N, kind, whom, works)
             step = min(int(round(now.t[e] / constants.step_s)), constants.station.shape[0] - 1)
             for j in range(n):
                 rate = 0.0

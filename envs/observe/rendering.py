@@ -10,7 +10,6 @@ import sys
 from dataclasses import replace
 from typing import Any
 
-import gymnasium
 import numpy as np
 
 from swarm_mj.errors import ObserverError
@@ -18,6 +17,8 @@ from swarm_mj.flight.plan import Plan
 from swarm_mj.smallbody.environment import LinearMotion
 from swarm_mj.typing import Pixels
 
+from ..arguments import nothing_to_draw
+from ..snapshots import must_have_begun
 from .draws import EpisodeDraw
 from .episodes import Episodes
 from .flybys import TIME_OF_FLIGHT_S
@@ -120,11 +121,9 @@ class EpisodeRenderer:
         Raises:
             gymnasium.error.ResetNeeded: There is nothing to draw before the first `reset`.
         """
-        if mode is None:
-            gymnasium.logger.warn("render() draws nothing: make the environment with render_mode='rgb_array'")
+        if nothing_to_draw(mode):
             return None
-        if not np.all(begun):
-            raise gymnasium.error.ResetNeeded(f"{name}: call reset before render")
+        must_have_begun(bool(np.all(begun)), "render", name)
         return [self.draw(e) for e in range(self.count)]
 
     def close(self) -> None:
@@ -135,7 +134,7 @@ class EpisodeRenderer:
         self._pictures = [None] * self.count
 
 
-class Window:
+class PygameWindow:
     """Shows pictures of one size, at most so many a second, by pygame.
 
     Args:

@@ -6,16 +6,13 @@ over time are shares of the whole flight, so that an episode's return does not d
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
 
-from swarm_mj.errors import ScenarioError
 from swarm_mj.smallbody.occultation import Occluder, way_blocked
 from swarm_mj.typing import Array, Ints, Mask, kernel, lean
 
-from ..arguments import is_number
 from .kinematics import Kinematics, PerMission, Tracking
 from .radio import RadioConstants, transmit
 from .totals import EpisodeTotals
@@ -53,25 +50,7 @@ ENDS = ("", "complete", "lost", "diverged", "horizon")
 _GOES_ON, _COMPLETE, _LOST, _DIVERGED, _HORIZON = range(len(ENDS))
 
 
-def checked_weights(given: Mapping[str, float] | None) -> RewardWeights:
-    """All weights, with those given in place of the defaults.
-
-    Raises:
-        ScenarioError: It is no mapping, a name is unknown or a weight is not a finite number.
-    """
-    if given is not None and not isinstance(given, Mapping):
-        raise ScenarioError(
-            f"reward_weights = {given!r}: must be a mapping from terms to numbers; terms are {', '.join(TERMS)}"
-        )
-    for name, value in (given or {}).items():
-        if name not in TERMS:
-            raise ScenarioError(f"reward_weights: unknown term {name!r}; there are {', '.join(TERMS)}")
-        if not is_number(value):
-            raise ScenarioError(f"reward_weights[{name!r}] = {value!r}: must be a finite number")
-    return RewardWeights(**{name: float(value) for name, value in (given or {}).items()})
-
-
-class Flown(NamedTuple):
+class StepFacts(NamedTuple):
     """What the simulation tells of a step of E flights.
 
     Attributes:
@@ -226,7 +205,7 @@ class StepResult(NamedTuple):
     """Rewards and ends of a step of E flights.
 
     Attributes:
-        terms: Weighted terms in the order of `TERMS`, shape (terms, E).
+        terms: Weighted terms in the order of `TERMS`, shape (E, terms).
         reward: Their sum, shape (E,).
         end: Number in `ENDS`, shape (E,).
         truncated: Whether the flight is over by its duration, shape (E,).
@@ -239,15 +218,11 @@ class StepResult(NamedTuple):
     truncated: Mask
     hit: Mask
 
-    def terms_of(self, e: int) -> dict[str, float]:
-        """The weighted terms of flight e by name."""
-        return {name: float(values[e]) for name, values in zip(TERMS, self.terms, strict=True)}
-
 
 def no_result(count: int, n: int) -> StepResult:
     """Of a step of that many flights of n spacecraft that nothing has come of."""
     return StepResult(
-        terms=np.zeros((len(TERMS), count)),
+        terms=np.zeros((count, len(TERMS))),
         reward=np.zeros(count),
         end=np.zeros(count, np.int64),
         truncated=np.zeros(count, np.bool_),
@@ -287,7 +262,7 @@ def score_step(
     now: Kinematics,
     tracking: Tracking,
     totals: EpisodeTotals,
-    flown: Flown,
+    flown: StepFacts,
     measures: Measures,
     result: StepResult,
 ) -> None:
@@ -325,12 +300,12 @@ def score_step(
 
 @lean
 def _reward(
-    constants: RewardConstants, flown: Flown, measures: Measures, totals: EpisodeTotals, e: int, result: StepResult
+    constants: RewardConstants, flown: StepFacts, measures: Measures, totals: EpisodeTotals, e: int, result: StepResult
 ) -> None:
     """Terms, reward and end of a step of flight e."""
-    terms, share, hazards = result.terms, constants.step_share, measures.hazards
+    terms, share, hazards = result.terms[e], constants.step_share, measures.hazards
     for k in range(terms.shape[0]):
-        terms[k, e] = 0.0
+        terms[k] = 0.0
     if flown.finite[e]:
         hits = 0
         for j in range(hazards.hit.shape[1]):
@@ -343,21 +318,21 @@ def _reward(
                 can_count += constants.cell_area[i]
             if totals.seen[e, i]:
                 seen += constants.cell_area[i]
-        terms[_SEEN, e] = flown.area[e] / flown.possible[e]
-        terms[_DELIVERED, e] = measures.received[e] / (constants.nominal_bit * flown.possible[e] / target)
-        terms[_EFFORT, e] = share * (flown.effort[e] / constants.max_effort)
-        terms[_SATURATION, e] = share * hazards.saturation[e]
-        terms[_APPROACH, e] = share * hazards.close_pairs[e]
-        terms[_LOSS, e] = hits
+        terms[_SEEN] = flown.area[e] / flown.possible[e]
+        terms[_DELIVERED] = measures.received[e] / (constants.nominal_bit * flown.possible[e] / target)
+        terms[_EFFORT] = share * (flown.effort[e] / constants.max_effort)
+        terms[_SATURATION] = share * hazards.saturation[e]
+        terms[_APPROACH] = share * hazards.close_pairs[e]
+        terms[_LOSS] = hits
         percent = 100.0 * (1.0 - (can_count - seen) / target)
         result.end[e] = _end(constants, totals, percent, e)
         result.truncated[e] = result.end[e] == _GOES_ON and flown.tick[e] >= constants.last_tick
     else:
-        terms[_LOSS, e], result.end[e], result.truncated[e] = 1.0, _DIVERGED, False
+        terms[_LOSS], result.end[e], result.truncated[e] = 1.0, _DIVERGED, False
     result.reward[e] = 0.0
     for k in range(terms.shape[0]):
-        terms[k, e] *= constants.weights[k]
-        result.reward[e] += terms[k, e]
+        terms[k] *= constants.weights[k]
+        result.reward[e] += terms[k]
 
 
 @lean

@@ -4,38 +4,40 @@ from __future__ import annotations
 
 from typing import Any
 
-import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
 from swarm_mj.errors import ScenarioError
 from swarm_mj.typing import Pixels
 
-from ..arguments import check_action, checked_options, checked_render_mode, checked_size, flight_seed, record_of
-from ..snapshots import FlightState, RebuiltOnCopy, must_have_begun, restore_state, take_state
+from ..arguments import checked_render_mode, checked_size, record_of
+from ..batch_env import BatchEnv
+from ..snapshots import must_have_begun
 from .catalogue import DEFAULT_COUNT
 from .config import EnvConfig
 from .episodes import Episodes
-from .rendering import EpisodeRenderer, Window
-from .rewards import TERMS
+from .rendering import EpisodeRenderer, PygameWindow
+from .rewards import ENDS, TERMS
 
 NAME = "SwarmObserve-v0"
 
 
-def refuse_graph(config: EnvConfig) -> None:
-    """One agent that decides for all knows all.
+def config_of_one_agent(arguments: dict[str, Any]) -> EnvConfig:
+    """The arguments of an environment in which one agent decides for all, and knows all.
 
     Raises:
-        ScenarioError: The arguments say otherwise.
+        ScenarioError: An argument is unknown or not allowed, or there would be something that the agent does not know.
     """
+    config = record_of(EnvConfig, NAME, arguments)
     if config.knowledge != "full":
         raise ScenarioError(
             f"knowledge = {config.knowledge!r}: must be full where one agent decides for all; "
             "SwarmObserveParallelEnv has an agent for each spacecraft"
         )
+    return config
 
 
-class SwarmObserveEnv(RebuiltOnCopy, gymnasium.Env[Any, Any]):
+class SwarmObserveEnv(BatchEnv):
     """A swarm of CubeSats flies past a small body that differs from episode to episode, images it and sends it to Earth.
 
     `gymnasium.make("swarm_mj.envs:SwarmObserve-v0")` makes it; where gymnasium is imported before swarm_mj,
@@ -79,7 +81,7 @@ class SwarmObserveEnv(RebuiltOnCopy, gymnasium.Env[Any, Any]):
 
     | name | default | allowed | meaning |
     |---|---|---|---|
-    | mission | any of the pool | those of the pool | its number in `episodes.pool.names`, or its name |
+    | mission | any of the pool | those of the pool | its number in `batch.pool.names`, or its name |
     | spacecraft | any from 1 to `max_spacecraft` | these | how many fly; the others are lost from the start |
     | speed | 0.55 to 1.8, log-uniform | 0.5 to 2 | over that of the mission: when the target is passed |
     | sun_elevation_deg, sun_azimuth_deg | 5 to 50, any | 0 to 90, -360 to 360 | of the Sun over the target, from north over \
@@ -114,7 +116,7 @@ flight |
     ## Observation space
 
     `entities`: a Dict of `spacecraft` (n, 24), `patches` (K, 9), `pairs` (n, K, 9), `general` (14), `alive` (n) and
-    `action_mask`. `flat`: a Box of spacecraft, pairs, the first two columns of patches, and general; `episodes.layout.split`
+    `action_mask`. `flat`: a Box of spacecraft, pairs, the first two columns of patches, and general; `batch.layout.split`
     takes it apart. Frame: east, north, up at the target's middle, turning with the body. Units: H, 60 s, the target's area,
     data of what is possible. Columns are named in `tables.SPACECRAFT`, `PATCHES`, `PAIRS` and `GENERAL`:
 
@@ -221,6 +223,7 @@ usual speed with masses, 0.6 with sensors; a scenario has its own |
     | width, height | 640, 480 | of rendered pictures |
     """
 
+    name, terms, ends, own_options = NAME, TERMS, ENDS, ("draw",)
     metadata: dict[str, Any] = {"render_modes": ["human", "rgb_array"], "render_fps": 10}
 
     def __init__(
@@ -235,28 +238,13 @@ usual speed with masses, 0.6 with sensors; a scenario has its own |
     ) -> None:
         self.made_of = {"missions": missions, "split": split, "render_mode": render_mode, **arguments}
         self.made_of |= {"width": width, "height": height}
-        self._episodes: Episodes | None = None
-        self._window: Window | None = None
+        self._window: PygameWindow | None = None
         self._size = checked_size("width", width), checked_size("height", height)
         self.render_mode = checked_render_mode(render_mode, self.metadata["render_modes"])
-        given = {"missions": missions, "split": split, **arguments}
-        self.config = record_of(EnvConfig, NAME, given)
-        refuse_graph(self.config)
-        self._episodes = episodes = Episodes(self.config, 1)
+        self.config = config_of_one_agent({"missions": missions, "split": split, **arguments})
+        episodes = Episodes(self.config, 1)
         self._renderer = EpisodeRenderer(episodes, 1, *self._size)
-        self.observation_space, self.action_space = episodes.observation_space, episodes.action_space
-        self._running = self._begun = False
-
-    @property
-    def episodes(self) -> Episodes:
-        """The episode, as one of one.
-
-        Raises:
-            gymnasium.error.ClosedEnvironmentError: The environment was closed.
-        """
-        if self._episodes is None:
-            raise gymnasium.error.ClosedEnvironmentError(f"{NAME} was closed; make it anew")
-        return self._episodes
+        self._set_up(episodes, episodes.action_space)
 
     @property
     def reward_weights(self) -> dict[str, float]:
@@ -269,69 +257,23 @@ usual speed with masses, 0.6 with sensors; a scenario has its own |
         Raises:
             ScenarioError: `options` holds something else than a valid `flight_seed` and a valid `draw`.
         """
-        super().reset(seed=seed)
-        given = checked_options(options)
-        values = given.pop("draw", None)
-        chosen = flight_seed(given, int(self.np_random.integers(2**31)), ["draw"])
-        self.episodes.begin(0, chosen, values)
-        self._running = self._begun = True
+        begun = super().reset(seed=seed, options=options)
         self._show()
-        return self.episodes.observation_of(0), self.episodes.info(0) | {"flight_seed": chosen}
+        return begun
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """Fly on for one step with the choices held.
-
-        Raises:
-            gymnasium.error.InvalidAction: The action does not lie in the action space.
-            gymnasium.error.ResetNeeded: The episode has ended or has not begun.
-            gymnasium.error.ClosedEnvironmentError: The environment was closed.
-        """
-        episodes = self.episodes
-        if not self._running:
-            raise gymnasium.error.ResetNeeded(f"{NAME}: the episode is over or has not begun; call reset first")
-        result = episodes.step(check_action(self.action_space, action)[None], np.ones(1, np.bool_))
-        terminated, truncated = bool(result.end[0]), bool(result.truncated[0])
-        self._running = not (terminated or truncated)
-        info = episodes.step_info(0, result)
+        """Fly on for one step with the choices held, see `BatchEnv.step`."""
+        flown = super().step(action)
         self._show()
-        return episodes.observation_of(0), float(result.reward[0]), terminated, truncated, info
+        return flown
+
+    def _info(self) -> dict[str, Any]:
+        return self.batch.info(0)
 
     def action_masks(self) -> NDArray[np.int8]:
         """`info["action_mask"]`, as MaskablePPO of sb3-contrib asks for it, shape (n, C)."""
         must_have_begun(self._begun, "action_masks", NAME)
-        return self.episodes.action_mask[0].copy()
-
-    def get_state(self) -> FlightState:
-        """Where the flight stands, to go back to by `set_state`, here or in any other environment made with the same arguments.
-
-        Raises:
-            gymnasium.error.ResetNeeded: There is no flight before the first `reset`.
-        """
-        must_have_begun(self._begun, "get_state", NAME)
-        return take_state(self.episodes, 0, running=self._running, random=self.np_random)
-
-    def set_state(self, state: FlightState) -> tuple[Any, dict[str, Any]]:
-        """Go on from a state: the same choices give the same observations, rewards and infos as there, bit for bit.
-
-        Returns:
-            Observation and info of that instant.
-
-        Raises:
-            ScenarioError: It is no such state, or was taken from an environment with other arguments.
-        """
-        self._running = restore_state(self.episodes, 0, self.np_random, state).running
-        self._begun = True
-        return self.episodes.observation_of(0), self.episodes.info(0)
-
-    def _standing(self) -> dict[str, Any]:
-        names = ("spec", "action_space", "observation_space", "_np_random", "_np_random_seed")
-        kept = {name: getattr(self, name) for name in names}
-        return {"kept": kept, "flight": self.get_state() if self._begun and self.episodes else None}
-
-    def _stand(self, standing: dict[str, Any]) -> None:
-        self.__dict__.update(standing["kept"])
-        if standing["flight"] is not None:
-            self.set_state(standing["flight"])
+        return self.batch.action_mask[0].copy()
 
     def render(self) -> Pixels | None:
         """The overview as a picture, shape (height, width, 3), with `render_mode="rgb_array"`; `"human"` shows it in a window.
@@ -340,12 +282,12 @@ usual speed with masses, 0.6 with sensors; a scenario has its own |
             ObserverError: OpenGL cannot be loaded, or there is no display for the window.
             gymnasium.error.ResetNeeded: There is nothing to draw before the first `reset`.
         """
-        _ = self.episodes
+        _ = self.batch
         pictures = self._renderer.render(self.render_mode, self._begun, NAME)
         if pictures is None or self.render_mode == "rgb_array":
             return None if pictures is None else pictures[0]
         if self._window is None:
-            self._window = Window(*self._size, self.metadata["render_fps"], NAME)
+            self._window = PygameWindow(*self._size, self.metadata["render_fps"], NAME)
         self._window.show(pictures[0])
         return None
 
@@ -356,9 +298,9 @@ usual speed with masses, 0.6 with sensors; a scenario has its own |
 
     def close(self) -> None:
         """Release observers, OpenGL context and window; may be called again."""
-        if self._episodes is not None:
+        if self._batch is not None:
             self._renderer.close()
-            self._episodes.close()
+        super().close()
         if self._window is not None:
             self._window.close()
-        self._episodes, self._window, self._running = None, None, False
+        self._window = None

@@ -31,9 +31,9 @@ from .kinematics import (
 )
 from .mission import Mission
 from .pictures import Gained, take_pictures
-from .rewards import Flown, Measures, StepResult, no_measures, no_result, score_step
+from .rewards import Measures, StepFacts, StepResult, no_measures, no_result, score_step
 from .table_kernels import write_tables
-from .tables import EpisodeSheet, Standing, Tables, no_sheet, no_tables
+from .tables import EpisodeArrays, EpisodeSheet, Tables, no_sheet, no_tables
 from .totals import EpisodeTotals, no_totals, record_cells, reset_totals, with_room_for
 
 _SPACECRAFT, _EARTH = int(TargetKind.SPACECRAFT), int(TargetKind.EARTH)
@@ -236,7 +236,7 @@ class EpisodeState:
 
     def score(self, live: Mask, finite: Mask, effort: Array) -> None:
         """Send data, and work out rewards and ends of a step of the live flights, into `result`."""
-        flown = Flown(self.flights.tick, live, finite, self._gained.area, effort, self.sheet.possible_area)
+        flown = StepFacts(self.flights.tick, live, finite, self._gained.area, effort, self.sheet.possible_area)
         instants = self.before, self.now
         score_step(
             self.constants.scores,
@@ -251,8 +251,8 @@ class EpisodeState:
 
     def show(self, live: Mask) -> None:
         """Write the tables of the live flights."""
-        standing = Standing(self.now, self.estimate, self.tracking, self.totals, self.sheet)
-        write_tables(self.constants.tables, self.mission, standing, live, self.tables)
+        arrays = EpisodeArrays(self.now, self.estimate, self.tracking, self.totals, self.sheet)
+        write_tables(self.constants.tables, self.mission, arrays, live, self.tables)
 
     @property
     def _remembered(self) -> list[NDArray[Any]]:

@@ -7,10 +7,10 @@ import numpy as np
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.observation.capture import takes_picture
 from swarm_mj.smallbody.occultation import way_blocked
-from swarm_mj.typing import Array, Array32, Ints, Mask, kernel
+from swarm_mj.typing import Array, Array32, Ints, Mask, inlined, kernel, lean
 
 from .kinematics import Kinematics, PerMission
-from .tables import BOUND, LOOKAHEAD, EpisodeSheet, Standing, TableConstants, Tables
+from .tables import BOUND, LOOKAHEAD, EpisodeArrays, EpisodeSheet, TableConstants, Tables
 from .totals import EpisodeTotals
 
 #: Body rates are told over this [rad/s].
@@ -20,14 +20,14 @@ _SPACECRAFT, _EARTH, _DIRECTION = int(TargetKind.SPACECRAFT), int(TargetKind.EAR
 
 @kernel
 def write_tables(
-    constants: PerMission[TableConstants], mission: Ints, standing: Standing, live: Mask, tables: Tables
+    constants: PerMission[TableConstants], mission: Ints, arrays: EpisodeArrays, live: Mask, tables: Tables
 ) -> None:
     """Fill the rows of the live flights, shape (E,).
 
     Args:
         constants: By mission.
         mission: Of each flight, shape (E,).
-        standing: Where the flights stand.
+        arrays: Where the flights stand.
         live: Which, shape (E,).
         tables: Written to.
     """
@@ -39,29 +39,36 @@ def write_tables(
             of = constants[m]
             for e in range(live.shape[0]):
                 if live[e] and mission[e] == m:
-                    _write_flight(of, standing, e, tables)
+                    _write_flight(of, arrays, e, tables)
 
 
-@kernel
-def _write_flight(constants: TableConstants, standing: Standing, e: int, tables: Tables) -> None:
-    n = standing.sheet.present.shape[1]
-    _write_patches(constants, standing, e, tables.patches[e])
-    _write_general(constants, standing, e, tables.general[e])
+@inlined
+def _write_flight(constants: TableConstants, arrays: EpisodeArrays, e: int, tables: Tables) -> None:
+    n = arrays.sheet.present.shape[1]
+    _write_patches(constants, arrays, e, tables.patches[e])
+    _write_general(constants, arrays, e, tables.general[e])
     for j in range(n):
-        _write_spacecraft(constants, standing, e, j, tables.spacecraft[e, j])
-        _write_pairs(constants, standing, e, j, tables)
+        _write_spacecraft(constants, arrays, e, j, tables.spacecraft[e, j])
+        _write_pairs(constants, arrays, e, j, tables)
     for j in range(n):
         _write_choice(e, j, tables)
-        _write_mask(standing.totals, standing.sheet, e, j, tables)
+        _write_mask(arrays.totals, arrays.sheet, e, j, tables)
 
 
-@kernel
-def _sun(constants: TableConstants, standing: Standing, e: int, ahead_s: float) -> tuple[float, float, float]:
+@lean
+def _earth(constants: TableConstants, t: float) -> tuple[float, float, float]:
+    """Position of Earth in N [m]."""
+    r, v = constants.earth_r_N, constants.earth_v_N
+    return r[0] + t * v[0], r[1] + t * v[1], r[2] + t * v[2]
+
+
+@lean
+def _sun(constants: TableConstants, arrays: EpisodeArrays, e: int, ahead_s: float) -> tuple[float, float, float]:
     """Direction of the Sun in A some time ahead, a unit vector."""
     if constants.drawn_light:
-        sun_A = standing.sheet.sun_A[e]
+        sun_A = arrays.sheet.sun_A[e]
         return sun_A[0], sun_A[1], sun_A[2]
-    C, r, v, t = standing.now.C_AN[e], constants.sun_r_N, constants.sun_v_N, standing.now.t[e] + ahead_s
+    C, r, v, t = arrays.now.C_AN[e], constants.sun_r_N, constants.sun_v_N, arrays.now.t[e] + ahead_s
     x, y, z = r[0] + t * v[0], r[1] + t * v[1], r[2] + t * v[2]
     far = np.sqrt(x * x + y * y + z * z)
     a = (C[0, 0] * x + C[0, 1] * y + C[0, 2] * z) / far
@@ -70,7 +77,7 @@ def _sun(constants: TableConstants, standing: Standing, e: int, ahead_s: float) 
     return c * a + s * b, c * b - s * a, (C[2, 0] * x + C[2, 1] * y + C[2, 2] * z) / far
 
 
-@kernel
+@lean
 def _is_lit(constants: TableConstants, sun_A: tuple[float, float, float], k: int) -> bool:
     """Whether a patch as a whole counts as lit where the Sun moves; where it was drawn, cells without light do not count."""
     if constants.drawn_light or constants.lowest_sun < -1.0:
@@ -80,9 +87,8 @@ def _is_lit(constants: TableConstants, sun_A: tuple[float, float, float], k: int
 
 
 @kernel
-def _write_patches(constants: TableConstants, standing: Standing, e: int, out: Array32) -> None:
-    patches, total = constants.patch_area.shape[0], constants.patch_area.sum()
-    totals, sun_A = standing.totals, _sun(constants, standing, e, 0.0)
+def _write_patches(constants: TableConstants, arrays: EpisodeArrays, e: int, out: Array32) -> None:
+    patches, totals, sun_A = constants.patch_area.shape[0], arrays.totals, _sun(constants, arrays, e, 0.0)
     unseen, counts = np.zeros(patches), np.zeros(patches)
     for i in range(constants.of_cell.shape[0]):
         if totals.target[e, i]:
@@ -100,28 +106,27 @@ def _write_patches(constants: TableConstants, standing: Standing, e: int, out: A
                 normal += axes[i, m] * constants.patch_normal_A[k, m]
             out[k, 2 + i] = place / constants.altitude_m
             out[k, 5 + i] = normal
-        out[k, 8] = constants.patch_area[k] / total * patches
+        out[k, 8] = constants.patch_area[k] / constants.total_area * patches
 
 
-@kernel
-def _write_general(constants: TableConstants, standing: Standing, e: int, out: Array32) -> None:
-    now, totals, sheet = standing.now, standing.totals, standing.sheet
+@lean
+def _write_general(constants: TableConstants, arrays: EpisodeArrays, e: int, out: Array32) -> None:
+    now, totals, sheet = arrays.now, arrays.totals, arrays.sheet
     n, alive, possible = sheet.present.shape[1], 0, sheet.possible_area[e]
     for j in range(n):
         alive += not totals.lost[e, j]
-    total = constants.patch_area.sum()
     out[0] = 1.0 - now.t[e] / constants.duration_s
     out[1] = min(totals.area[e] / possible, BOUND)
-    nominal = constants.nominal_bit * possible / total
+    nominal = constants.nominal_bit * possible / constants.total_area
     out[2] = min(totals.delivered[e] / nominal, BOUND)
     out[3] = alive / n
     out[4] = constants.half_width_m / constants.altitude_m
     out[5] = np.tan(constants.half_angle) * constants.altitude_m / constants.half_width_m
     out[6] = constants.spin_rate * constants.crossing_s
     out[7] = min(constants.earth_bit_s * constants.step_s / nominal, BOUND)
-    earth = constants.earth_r_N + now.t[e] * constants.earth_v_N
+    earth = _earth(constants, now.t[e])
     far = np.sqrt(earth[0] * earth[0] + earth[1] * earth[1] + earth[2] * earth[2])
-    sun_A = _sun(constants, standing, e, 0.0)
+    sun_A = _sun(constants, arrays, e, 0.0)
     for i in range(3):
         axis, to_earth = constants.axes_A[i], 0.0
         sun = axis[0] * sun_A[0] + axis[1] * sun_A[1] + axis[2] * sun_A[2]
@@ -132,8 +137,8 @@ def _write_general(constants: TableConstants, standing: Standing, e: int, out: A
 
 
 @kernel
-def _write_spacecraft(constants: TableConstants, standing: Standing, e: int, j: int, out: Array32) -> None:
-    now, estimate, tracking, totals, sheet = standing
+def _write_spacecraft(constants: TableConstants, arrays: EpisodeArrays, e: int, j: int, out: Array32) -> None:
+    now, estimate, tracking, totals, sheet = arrays
     out[:] = 0.0
     if totals.lost[e, j]:
         return
@@ -143,7 +148,7 @@ def _write_spacecraft(constants: TableConstants, standing: Standing, e: int, j: 
     out[1] = out[1] * (j < constants.n_observers)
     out[4], out[5], out[6] = kind == _SPACECRAFT, kind == _EARTH, kind == _DIRECTION
     out[7] = totals.closed[e, j]
-    nominal = constants.nominal_bit * sheet.possible_area[e] / constants.patch_area.sum()
+    nominal = constants.nominal_bit * sheet.possible_area[e] / constants.total_area
     out[8] = min(totals.stored[e, j] / nominal, BOUND)
     out[9] = _earth_in_sight(constants, now, e, j)
     r, v = np.empty(3), np.empty(3)
@@ -165,7 +170,7 @@ def _write_spacecraft(constants: TableConstants, standing: Standing, e: int, j: 
         out[21] = max(out[21], min(abs(now.wheel[e, j, w]) / constants.top_speed, 1.0))
 
 
-@kernel
+@lean
 def _motion(constants: TableConstants, now: Kinematics, e: int, j: int, ahead_s: float, r: Array, v: Array) -> None:
     """Where a spacecraft is some time ahead without forces, in A, which turns meanwhile.
 
@@ -193,7 +198,7 @@ def _motion(constants: TableConstants, now: Kinematics, e: int, j: int, ahead_s:
 def _earth_in_sight(constants: TableConstants, now: Kinematics, e: int, j: int) -> bool:
     """Whether the body is not in the way to Earth."""
     r_A, C = now.r_A[e, j], now.C_AN[e]
-    earth = constants.earth_r_N + now.t[e] * constants.earth_v_N
+    earth = _earth(constants, now.t[e])
     far = np.sqrt(earth[0] * earth[0] + earth[1] * earth[1] + earth[2] * earth[2])
     reach = 2.0 * np.sqrt(r_A[0] * r_A[0] + r_A[1] * r_A[1] + r_A[2] * r_A[2])
     end = np.empty(3)
@@ -203,9 +208,9 @@ def _earth_in_sight(constants: TableConstants, now: Kinematics, e: int, j: int) 
 
 
 @kernel
-def _write_pairs(constants: TableConstants, standing: Standing, e: int, j: int, tables: Tables) -> None:
+def _write_pairs(constants: TableConstants, arrays: EpisodeArrays, e: int, j: int, tables: Tables) -> None:
     """What pictures would bring half a decision ahead, when the spacecraft has turned, and a decision later."""
-    now, estimate, tracking, totals, sheet = standing
+    now, estimate, tracking, totals, sheet = arrays
     out = tables.pairs[e, j]
     out[:] = 0.0
     if totals.lost[e, j]:
@@ -217,19 +222,19 @@ def _write_pairs(constants: TableConstants, standing: Standing, e: int, j: int, 
     left_s = constants.duration_s - now.t[e]
     place, velocity, sun_A = np.empty((LOOKAHEAD, 3)), np.empty(3), np.empty((LOOKAHEAD, 3))
     for m in range(LOOKAHEAD):
-        sun_A[m, 0], sun_A[m, 1], sun_A[m, 2] = _sun(constants, standing, e, (m + 0.5) * constants.step_s)
+        sun_A[m, 0], sun_A[m, 1], sun_A[m, 2] = _sun(constants, arrays, e, (m + 0.5) * constants.step_s)
         _motion(constants, now, e, j, (m + 0.5) * constants.step_s, place[m], velocity)
     for k in range(out.shape[0]):
         area = tables.patches[e, k, 0] * constants.patch_area[k] / sheet.possible_area[e]
-        value, gsd = _look(constants, place[0], k)
-        out[k, 2], out[k, 3] = min(gsd, 2.0), _off(constants, place[0], boresight_A, k)
+        value, gsd = _picture_value(constants, place[0], k)
+        out[k, 2], out[k, 3] = min(gsd, 2.0), _off_boresight(constants, place[0], boresight_A, k)
         if not works:
             continue
         scale = 4.0 * area  # of order 1 for a patch
         lit = _is_lit(constants, (sun_A[0, 0], sun_A[0, 1], sun_A[0, 2]), k)
         out[k, 0] = out[k, 7] = min(scale * value * (gsd <= 1.0 and lit), BOUND)
         for m in range(1, LOOKAHEAD):
-            value, gsd = _look(constants, place[m], k)
+            value, gsd = _picture_value(constants, place[m], k)
             lit = _is_lit(constants, (sun_A[m, 0], sun_A[m, 1], sun_A[m, 2]), k)
             found = min(scale * value * (gsd <= 1.0 and lit), BOUND)
             if m == 1:
@@ -238,8 +243,8 @@ def _write_pairs(constants: TableConstants, standing: Standing, e: int, j: int, 
                 out[k, 7], out[k, 8] = found, m / LOOKAHEAD
 
 
-@kernel
-def _look(constants: TableConstants, place: Array, k: int) -> tuple[float, float]:
+@lean
+def _picture_value(constants: TableConstants, place: Array, k: int) -> tuple[float, float]:
     """What a look at a patch from a place would bring by area, and ground sampling distance over the limit.
 
     It brings 1 in seen area and as much in data as it has pixels.
@@ -255,8 +260,8 @@ def _look(constants: TableConstants, place: Array, k: int) -> tuple[float, float
     return 1.0 + pixels, distance * constants.pixel_angle / cosine / constants.max_gsd
 
 
-@kernel
-def _off(constants: TableConstants, place: Array, boresight_A: Array, k: int) -> float:
+@lean
+def _off_boresight(constants: TableConstants, place: Array, boresight_A: Array, k: int) -> float:
     """Angle between where the camera looks and where a patch stands from a place, over a right angle."""
     square = along = 0.0
     for m in range(3):
@@ -266,7 +271,7 @@ def _off(constants: TableConstants, place: Array, boresight_A: Array, k: int) ->
     return np.arccos(min(max(along / np.sqrt(square), -1.0), 1.0)) / (0.5 * np.pi)
 
 
-@kernel
+@lean
 def _write_choice(e: int, j: int, tables: Tables) -> None:
     """What is best for one, whether there is anything, and what a patch is worth to the others; in order of the spacecraft."""
     pairs, best, later = tables.pairs[e], 0.0, 0.0
@@ -284,7 +289,7 @@ def _write_choice(e: int, j: int, tables: Tables) -> None:
     tables.spacecraft[e, j, 22], tables.spacecraft[e, j, 23] = best > 0.0, later > 0.0
 
 
-@kernel
+@lean
 def _write_mask(totals: EpisodeTotals, sheet: EpisodeSheet, e: int, j: int, tables: Tables) -> None:
     """What makes sense: unseen patches in reach within `LOOKAHEAD`, Earth for whom it hears, relays; to hold always does."""
     out, patches, n = tables.mask[e, j], tables.patches.shape[1], sheet.present.shape[1]

@@ -56,6 +56,7 @@ class TableConstants(NamedTuple):
         patch_centre_A: Shape (K, 3) [m].
         patch_normal_A: Shape (K, 3).
         patch_area: Shape (K,) [m^2].
+        total_area: Of all patches [m^2].
         of_cell: Patch of each cell, shape (C,).
         cell_area: Shape (C,) [m^2].
         nominal_bit: Volume of the whole target [bit].
@@ -85,6 +86,7 @@ class TableConstants(NamedTuple):
     patch_centre_A: Array
     patch_normal_A: Array
     patch_area: Array
+    total_area: float
     of_cell: Ints
     cell_area: Array
     nominal_bit: float
@@ -118,7 +120,7 @@ class EpisodeSheet(NamedTuple):
     fails_s: Array
 
 
-class Standing(NamedTuple):
+class EpisodeArrays(NamedTuple):
     """Where E episodes stand.
 
     Attributes:

@@ -72,7 +72,7 @@ def with_room_for(totals: EpisodeTotals, cells: int) -> EpisodeTotals:
 
 
 @jittable
-def room(totals: EpisodeTotals, e: int, j: int, storage_bit: float) -> float:
+def free_storage(totals: EpisodeTotals, e: int, j: int, storage_bit: float) -> float:
     """What spacecraft j of episode e can still hold of `storage_bit` [bit]."""
     return max(0.0, storage_bit - totals.stored[e, j])
 
@@ -98,7 +98,7 @@ def record_cells(
             totals.first_by[e, i] = j
     totals.area[e] += area
     bits = np.floor(bits)
-    kept = min(bits, room(totals, e, j, storage_bit))
+    kept = min(bits, free_storage(totals, e, j, storage_bit))
     totals.stored[e, j] += kept
     totals.seen_bit[e] += bits
     totals.lost_bit[e] += bits - kept

@@ -8,19 +8,18 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
-from swarm_mj.typing import Mask, Pixels
+from swarm_mj.typing import Pixels
 
-from ..arguments import checked_count, checked_index, checked_render_mode, record_of
-from ..autoreset import FlightsVectorEnv, Infos, checked_mode
+from ..arguments import checked_count, checked_render_mode
+from ..batch_env import BatchVectorEnv, vector_arguments
 from ..capacity import default_threads
-from ..snapshots import FlightState, RebuiltOnCopy, must_have_begun, restore_state, take_state
-from .config import EnvConfig
 from .episodes import Episodes
 from .rendering import EpisodeRenderer
-from .single import NAME, refuse_graph
+from .rewards import ENDS, TERMS
+from .single import NAME, config_of_one_agent
 
 
-class SwarmObserveVectorEnv(RebuiltOnCopy, FlightsVectorEnv):
+class SwarmObserveVectorEnv(BatchVectorEnv):
     """`num_envs` episodes; made by `gymnasium.make_vec("swarm_mj.envs:SwarmObserve-v0", ...)`.
 
     Spaces, rewards and ends are those of `SwarmObserveEnv`, which documents them, and so are the numbers: an episode is a
@@ -38,8 +37,7 @@ class SwarmObserveVectorEnv(RebuiltOnCopy, FlightsVectorEnv):
         arguments: The others of `SwarmObserveEnv`, except `width` and `height`.
     """
 
-    name = NAME
-    _own_options = ("draw",)
+    name, terms, ends, own_options = NAME, TERMS, ENDS, ("draw",)
 
     def __init__(
         self,
@@ -53,51 +51,18 @@ class SwarmObserveVectorEnv(RebuiltOnCopy, FlightsVectorEnv):
     ) -> None:
         self.made_of = {"num_envs": num_envs, "autoreset_mode": autoreset_mode, "threads": threads}
         self.made_of |= {"render_mode": render_mode, "render_flights": render_flights, **arguments}
-        count = checked_count("num_envs", num_envs)
+        count, mode = vector_arguments(num_envs, autoreset_mode)
         used = default_threads() if threads is None else checked_count("threads", threads, ", or None")
         self.render_mode = checked_render_mode(render_mode, ["rgb_array"])
         shown = min(count, checked_count("render_flights", render_flights))
-        mode = checked_mode(autoreset_mode)
-        self.metadata = {"render_modes": ["rgb_array"], "render_fps": 10, "autoreset_mode": mode}
-        self.config = record_of(EnvConfig, NAME, arguments)
-        refuse_graph(self.config)
+        self.config = config_of_one_agent(arguments)
         batch = Episodes(self.config, count, used)
         self._renderer = EpisodeRenderer(batch, shown)
-        self._set_up(batch, mode, count, (batch.observation_space, batch.action_space))
-
-    def _begin(self, flights: dict[int, int], given: Any) -> None:
-        self.batch.reset(flights, given.get("draw"))
-
-    def _infos(self, mask: Mask) -> Infos:
-        values = self.batch.infos()
-        return values | {f"_{name}": mask.copy() for name in values}
+        self._set_up(batch, mode, batch.action_space, render_fps=10)
 
     def action_masks(self) -> NDArray[np.int8]:
         """`infos["action_mask"]` of now, shape (num_envs, n, C)."""
         return self.batch.action_mask.copy()
-
-    def get_state(self, e: int) -> FlightState:
-        """Where flight e stands; single and vector environments take each other's states."""
-        k = checked_index(e, self.num_envs)
-        must_have_begun(bool(self._begun[k]), "get_state", NAME)
-        return take_state(self.batch, k, running=not self._over[k], random=self._random[k])
-
-    def set_state(self, e: int, state: FlightState) -> Any:
-        """Let flight e go on from a state; the others are left alone. Returns its observation."""
-        k = checked_index(e, self.num_envs)
-        self._over[k] = not restore_state(self.batch, k, self._random[k], state).running
-        self._begun[k] = True
-        return self.batch.observation_of(k)
-
-    def _standing(self) -> dict[str, Any]:
-        kept = {name: getattr(self, name) for name in ("spec", "action_space", "single_action_space", "_random")}
-        _ = self.batch
-        return {"kept": kept, "flights": {int(e): self.get_state(int(e)) for e in np.flatnonzero(self._begun)}}
-
-    def _stand(self, standing: dict[str, Any]) -> None:
-        self.__dict__.update(standing["kept"])
-        for e, state in standing["flights"].items():
-            self.set_state(e, state)
 
     def render(self) -> tuple[Pixels, ...] | None:
         """The overviews of the first `render_flights` episodes, see `SwarmObserveEnv.render`."""

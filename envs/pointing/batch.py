@@ -159,6 +159,9 @@ class PointingBatch:
             array[e] = row
         self.flights.set_state(e, state["flight"])
 
+    def close(self) -> None:
+        """Nothing is held that has to be released."""
+
     @property
     def _remembered(self) -> list[NDArray[Any]]:
         own: list[NDArray[Any]] = [self.spacecraft, self.numbers, self.kind, self.vector, self._torque_B]

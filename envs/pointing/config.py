@@ -10,7 +10,7 @@ from swarm_mj.errors import ScenarioError
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.scenarios.loading import ScenarioSource, checked_overrides
 
-from ..arguments import checked_count, checked_rate, is_number
+from ..arguments import checked_count, checked_numbers, checked_rate, is_number
 from ..pixels import LIGHTS
 
 #: What may have to be looked at, and how guidance knows it.
@@ -98,18 +98,8 @@ class PointingConfig:
     @property
     def scales(self) -> PointingScales:
         """Weight of each reward term."""
-        if self.reward_weights is not None and not isinstance(self.reward_weights, Mapping):
-            raise ScenarioError(
-                f"reward_weights = {self.reward_weights!r}: must be a mapping from terms to numbers; "
-                f"terms are {', '.join(WEIGHTS)}"
-            )
-        given = dict(self.reward_weights or {})
-        if unknown := sorted(set(given) - set(WEIGHTS)):
-            raise ScenarioError(f"reward_weights {unknown}: unknown; allowed: {', '.join(WEIGHTS)}")
-        for name, value in given.items():
-            if not is_number(value):
-                raise ScenarioError(f"reward_weights[{name!r}] = {value!r}: must be a finite number")
-        return PointingScales(**{name: float(given.get(name, weight)) for name, weight in WEIGHTS.items()})
+        given = checked_numbers("reward_weights", self.reward_weights, tuple(WEIGHTS))
+        return PointingScales(**WEIGHTS | given)
 
     @property
     def largest_error_deg(self) -> float:

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
-import gymnasium
 import numpy as np
 from gymnasium import spaces
 from gymnasium.vector import AutoresetMode
 
 from swarm_mj.typing import Pixels
 
-from ..arguments import checked_count, checked_render_mode
+from ..arguments import checked_count, checked_render_mode, nothing_to_draw
 from ..batch_env import BatchEnv, BatchVectorEnv, vector_arguments
 from ..snapshots import must_have_begun
 from .batch import PointingBatch, crossed
@@ -173,8 +172,7 @@ quick slews, thrusters and four wheels are refused |
 
     def render(self) -> Pixels | None:
         """What the camera sees, with a cross on +z, shape (384, 384, 3), with `render_mode="rgb_array"`."""
-        if self.render_mode is None:
-            gymnasium.logger.warn("render() draws nothing: make the environment with render_mode='rgb_array'")
+        if nothing_to_draw(self.render_mode):
             return None
         must_have_begun(self._begun, "render", NAME)
         return crossed(self.batch, 0)
@@ -200,7 +198,7 @@ class SwarmPointingVectorEnv(BatchVectorEnv):
         arguments: The others of `SwarmPointingEnv`.
     """
 
-    name, terms, _own_options = NAME, tuple(WEIGHTS), ("spacecraft",)
+    name, terms, own_options = NAME, tuple(WEIGHTS), ("spacecraft",)
 
     def __init__(
         self,
@@ -216,13 +214,11 @@ class SwarmPointingVectorEnv(BatchVectorEnv):
         count, mode = vector_arguments(num_envs, autoreset_mode)
         self._shown = min(count, checked_count("render_flights", render_flights))
         self.render_mode = checked_render_mode(render_mode, ["rgb_array"])
-        self.metadata = {"render_modes": ["rgb_array"], "render_fps": 10, "autoreset_mode": mode}
-        self._set_up_batch(PointingBatch(make_pointing_task(**arguments), count), mode, ACTION_SPACE)
+        self._set_up(PointingBatch(make_pointing_task(**arguments), count), mode, ACTION_SPACE, render_fps=10)
 
     def render(self) -> tuple[Pixels, ...] | None:
         """What the first `render_flights` cameras see, see `SwarmPointingEnv.render`."""
-        if self.render_mode is None:
-            gymnasium.logger.warn("render() draws nothing: make the environment with render_mode='rgb_array'")
+        if nothing_to_draw(self.render_mode):
             return None
         must_have_begun(bool(self._begun[: self._shown].all()), "render", NAME)
         return tuple(crossed(self.batch, e) for e in range(self._shown))

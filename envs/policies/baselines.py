@@ -229,7 +229,7 @@ def _fly(episodes: Episodes, policy: Policy, seeds: Sequence[int], draw: Mapping
     while live.any():
         result = episodes.fly(policy(episodes.entities()), live)
         score += result.reward
-        seen += result.terms[_SEEN]
-        delivered += result.terms[_DELIVERED]
+        seen += result.terms[:, _SEEN]
+        delivered += result.terms[:, _DELIVERED]
         live = live & (result.end == 0) & ~result.truncated
     return Flown(*(values[: len(seeds)] for values in (score, seen, delivered)))

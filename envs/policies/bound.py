@@ -8,7 +8,7 @@ time that is left from the first picture on, while somebody can talk to it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,7 +22,9 @@ from swarm_mj.typing import Array, Ints, Mask, kernel
 from ..observe.episodes import Episodes
 from ..observe.layout import Observed
 from .baselines import fly
-from .evaluation import Progress
+
+#: Is told how far a long evaluation is.
+Progress = Callable[[int], None]
 
 
 class Bound(NamedTuple):

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
+from scipy.stats import t as student
 
 from swarm_mj import __version__
 from swarm_mj.errors import ScenarioError
@@ -21,9 +22,7 @@ from ..observe.episodes import Episodes
 from ..observe.layout import Observed
 from ..observe.single import NAME
 from .baselines import Flown, Policy, fly, open_loop, random_choices, scripted_policies
-from .bound import Bound, bounds
-from .evaluation import Interval, Progress, interval
-from .frozen_episodes import FrozenEpisodes, policy_file
+from .bound import Bound, Progress, bounds
 from .planner import Planner
 from .policy_files import PACKAGED, open_policy
 
@@ -39,6 +38,20 @@ PLANNER = "planner"
 TRAINED = "trained"
 #: Episodes at once.
 WIDTH = 32
+
+
+class Interval(NamedTuple):
+    """A mean and the half width of its 95 % confidence interval."""
+
+    mean: float
+    half_width: float
+
+
+def interval(values: Array) -> Interval:
+    """Of independent values, by Student's t; shape (m,), m at least 2."""
+    m = len(values)
+    spread = float(np.std(values, ddof=1)) / m**0.5
+    return Interval(float(np.mean(values)), float(student.ppf(0.975, m - 1)) * spread)
 
 
 @dataclass(frozen=True)
@@ -113,15 +126,25 @@ def policy_of(name_or_file: str | Path, config: EnvConfig) -> Policy:
     return open_policy(policy_file(name_or_file, (*named, PLANNER, TRAINED)), config)
 
 
-class Test(FrozenEpisodes):
-    """The test episodes, ready to be flown by one policy after another; a context manager.
+def policy_file(name_or_file: str | Path, names: Iterable[str]) -> Path:
+    """A file of a policy that is there.
+
+    Raises:
+        ScenarioError: It is not; the message says what names there are.
+    """
+    path = Path(name_or_file)
+    if not path.is_file():
+        raise ScenarioError(f"policy {str(path)!r}: no such file, and no name; names are {', '.join(names)}")
+    return path
+
+
+class FrozenEpisodes:
+    """Test episodes that no training looks at, ready to be flown by one policy after another; a context manager.
 
     Args:
         seeds: Flight seeds.
         arguments: Of the environment, where they are not those of the leaderboard.
     """
-
-    __test__ = False  # pytest takes it for a case otherwise
 
     def __init__(self, seeds: Sequence[int] = TEST_SEEDS, **arguments: Any) -> None:
         self.seeds = tuple(int(seed) for seed in seeds)
@@ -131,8 +154,16 @@ class Test(FrozenEpisodes):
         self.episodes = Episodes(self.config, min(WIDTH, len(self.seeds)), default_threads())
         self._bound: Bound | None = None
 
+    def __enter__(self) -> Self:
+        """Itself."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Release the observers."""
+        self.close()
+
     @classmethod
-    def of(cls, episodes: int | None = None) -> Test:
+    def of(cls, episodes: int | None = None) -> FrozenEpisodes:
         """Of the leaderboard's episodes only the first so many, at least 2; None: all."""
         return cls(TEST_SEEDS[: checked_episodes(episodes, len(TEST_SEEDS))])
 
@@ -164,8 +195,17 @@ class Test(FrozenEpisodes):
         return self._bound
 
     def policy(self, name_or_file: str | Path) -> Policy:
-        """A scripted policy by name, or that of a file, see `score`."""
+        """A scripted policy by name, or that of a file.
+
+        Raises:
+            ScenarioError: It is neither, or the file's policy cannot fly there; the message names why.
+        """
         return Planner(self.episodes) if str(name_or_file) == PLANNER else policy_of(name_or_file, self.config)
+
+    def check(self, names_or_files: Sequence[str | Path]) -> None:
+        """Refuse those that cannot fly there, see `policy`."""
+        for name_or_file in names_or_files:
+            self.policy(name_or_file)
 
     def fly(self, policy: Policy, progress: Progress | None = None) -> Flown:
         """What a policy comes to; `progress` is called with the decisions taken."""
@@ -181,6 +221,6 @@ class Test(FrozenEpisodes):
         return fly(self.episodes, watched, self.seeds)
 
     def score(self, name_or_file: str | Path, progress: Progress | None = None) -> Score:
-        """See `FrozenEpisodes`."""
+        """Of a scripted policy by name, or of that of a file; raises what `policy` does."""
         flown = self.fly(self.policy(name_or_file), progress)
         return Score(str(name_or_file), self.seeds, flown, self.bound)

@@ -154,7 +154,7 @@ class Ahead(NamedTuple):
 def problem_of(episodes: Episodes, e: int, step: int) -> AllocationProblem | None:
     """Pictures to come as a problem of allocation, its weights in units of the score; None where nothing is in reach."""
     mission = episodes.mission_of(e)
-    seen_from = look_ahead(episodes, e, step)
+    seen_from = pictures_to_come(episodes, e, step)
     if seen_from is None:
         return None
     pixels, most = seen_from.pixels, seen_from.pixels.max(axis=(0, 1, 2))
@@ -180,7 +180,7 @@ def problem_of(episodes: Episodes, e: int, step: int) -> AllocationProblem | Non
     return AllocationProblem(weight=weight, shows=shows, slew=slew, budget=np.full(n, slots), available=available)
 
 
-def look_ahead(episodes: Episodes, e: int, step: int) -> Ahead | None:
+def pictures_to_come(episodes: Episodes, e: int, step: int) -> Ahead | None:
     """What pictures of episode e at the ends of this and later decisions would show; None where nothing is in reach."""
     mission, now = episodes.mission_of(e), episodes.now
     slots = mission.last_tick // mission.ticks - step
@@ -200,7 +200,7 @@ def look_ahead(episodes: Episodes, e: int, step: int) -> Ahead | None:
     aims, totals, cells = mission.patches.centre_A, episodes.totals, mission.plan.region.n_cells
     wanted = (totals.target[e] & ~totals.seen[e])[:cells]
     pixels = np.zeros((len(C_CA), len(r_A), len(aims), len(scene.cells)), np.float32)
-    look(scene, r_A, C_CA, aims, works, wanted, pixels)
+    count_pixels(scene, r_A, C_CA, aims, works, wanted, pixels)
     return Ahead(r_A, C_CA, pixels) if pixels.any() else None
 
 
@@ -214,7 +214,9 @@ def _beyond(cosine: Array, limits_deg: tuple[float, ...]) -> Mask:
 
 
 @kernel
-def look(scene: Scene, r_A: Array, C_CA: Array, aims: Array, works: Mask, wanted: Mask, pixels: Array32) -> None:
+def count_pixels(
+    scene: Scene, r_A: Array, C_CA: Array, aims: Array, works: Mask, wanted: Mask, pixels: Array32
+) -> None:
     """Fill in how many pixels pictures have of cells.
 
     Args:

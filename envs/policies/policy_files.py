@@ -26,8 +26,10 @@ from gymnasium import Space
 from gymnasium.spaces import Box, Discrete, MultiDiscrete
 from numpy.typing import NDArray
 
+from swarm_mj import __version__
 from swarm_mj.errors import ScenarioError
 from swarm_mj.io.records import reading, record_from
+from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.typing import Array32, Ints
 
 from ..observe.choices import SIZE as CHOICE_SIZE
@@ -37,8 +39,7 @@ from ..observe.layout import AllPatches, Interface, Observed, local_rows, make_i
 from ..observe.single import NAME
 from ..observe.tables import GENERAL, PAIRS, PATCHES, SPACECRAFT
 from .baselines import Policy
-from .policy_network import NetworkPolicy, load_network, masked_argmax
-from .provenance import Provenance, check_provenance, provenance_of, refuse_other_environment
+from .policy_network import NetworkPolicy, Provenance, load_network, masked_argmax
 
 #: The trained policy that travels with the package.
 PACKAGED = "policies/swarm-observe.npz"
@@ -74,12 +75,13 @@ def flat_rows(observed: Observed) -> Array32:
 
 
 def provenance(config: EnvConfig) -> dict[str, Any]:
-    """What a file should tell of a policy trained in an environment of these arguments."""
+    """What a file should tell of a policy trained now in an environment of these arguments, in values that JSON has."""
     given = {item.name: getattr(config, item.name) for item in fields(config)}
     # What others mean without being asked may change from version to version.
     told = {item.name: given[item.name] for item in fields(config) if given[item.name] != item.default}
     told |= {name: getattr(config, name) for name in MEANING}
-    return provenance_of(NAME, LAYOUT, told)
+    plain = json.loads(json.dumps(told, default=lambda one: one.name if isinstance(one, Scenario) else str(one)))
+    return {"environment": NAME, "arguments": plain, "layout": LAYOUT, "package": __version__}
 
 
 def check(about: Mapping[str, Any], config: EnvConfig, policy: str = "policy") -> None:
@@ -93,8 +95,22 @@ def check(about: Mapping[str, Any], config: EnvConfig, policy: str = "policy") -
     Raises:
         ScenarioError: The message names what differs.
     """
-    check_provenance(about, NAME, LAYOUT, policy)
-    told = about.get("arguments", {})
+    environment, layout, told = (
+        about.get("environment") or NAME,
+        about.get("layout", LAYOUT),
+        about.get("arguments", {}),
+    )
+    if environment != NAME:
+        raise ScenarioError(
+            f"{policy}: trained for environment = {environment!r}, but it is {NAME!r} here; fly it in {environment} or train "
+            f"one for {NAME}"
+        )
+    if layout != LAYOUT:
+        written = about.get("package") or "an older version"
+        raise ScenarioError(
+            f"{policy}: trained for layout = {layout} of the observation (swarm_mj {written}), but it is {LAYOUT} here "
+            f"(swarm_mj {__version__}); train it anew"
+        )
     for name in MEANING[2:] if about.get("reads") == "choice" else MEANING:
         here = getattr(config, name)
         trained = told.get(name, here)
@@ -116,7 +132,6 @@ def told_arguments(file: str | Path) -> dict[str, Any]:
     """
     path = Path(file)
     if path.suffix == ".npz":
-        refuse_other_environment(path, NAME)
         return dict(load_network(path).about.get("arguments", {}))
     if path.suffix == ".zip":
         return dict(_zip_about(path)[0].get("arguments", {}))
@@ -161,7 +176,6 @@ def network_policy(network: NetworkPolicy) -> Policy:
 
 
 def _network(path: Path, config: EnvConfig) -> Policy:
-    refuse_other_environment(path, NAME)
     network = load_network(path)
     about = network.about
     check(about, config, f"policy {path}")

@@ -23,10 +23,8 @@ from pydantic import PositiveInt
 from swarm_mj.errors import ScenarioError
 from swarm_mj.io.arrays import Declared, arrays_in
 from swarm_mj.io.atomic import atomic_file
-from swarm_mj.io.records import reading, record_from
+from swarm_mj.io.records import Record, reading, record_from
 from swarm_mj.typing import Array, Ints
-
-from .provenance import Provenance
 
 #: Raise when the network or the meaning of its file changes.
 FORMAT = 3
@@ -47,6 +45,22 @@ ARRAYS = {
     "b3": Declared("f4", ("logits",)),
 }
 REMEDY = "give a policy that a program of examples/learning wrote"
+
+
+class Provenance(Record):
+    """What a policy was trained for, as its file tells; empty in files of other programs that do not tell.
+
+    Attributes:
+        environment: Its id.
+        arguments: Those of the environment that are not the defaults, the scenario by its name.
+        layout: Version of the observation's layout.
+        package: Version of swarm_mj.
+    """
+
+    environment: str = ""
+    arguments: dict[str, Any] = {}
+    layout: PositiveInt = 1
+    package: str = ""
 
 
 class NetworkAbout(Provenance):

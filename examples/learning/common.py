@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 from swarm_mj.envs.policies.baselines import Policy
-from swarm_mj.envs.policies.leaderboard import VALIDATION_SEEDS, Test
+from swarm_mj.envs.policies.leaderboard import VALIDATION_SEEDS, FrozenEpisodes
 
 #: What all of them train in; the rest are defaults.
 TRAINING: dict[str, Any] = {"split": "train", "missions": "all"}
@@ -56,7 +56,7 @@ class Curve:
     """
 
     def __init__(self, given: Options) -> None:
-        self._given, self._test, self._start = given, Test(VALIDATION_SEEDS), time.monotonic()
+        self._given, self._test, self._start = given, FrozenEpisodes(VALIDATION_SEEDS), time.monotonic()
         self._next, self._testing = 0, 0.0
         given.out.mkdir(parents=True, exist_ok=True)
         self._row("w", "steps", "seconds", "score", "seen", "delivered", "sampled_score")

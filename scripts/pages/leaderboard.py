@@ -16,8 +16,15 @@ from pathlib import Path
 import numpy as np
 from rich.console import Console
 from swarm_mj.envs.policies.baselines import Flown, fly
-from swarm_mj.envs.policies.evaluation import interval
-from swarm_mj.envs.policies.leaderboard import PLANNER, TEST_SEEDS, TRAINED, Score, Test, named_policies
+from swarm_mj.envs.policies.leaderboard import (
+    PLANNER,
+    TEST_SEEDS,
+    TRAINED,
+    FrozenEpisodes,
+    Score,
+    interval,
+    named_policies,
+)
 from swarm_mj.envs.policies.planner import Planner
 
 from scripts.pages import RESULTS
@@ -36,7 +43,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("policy", nargs="*", type=Path, help="files besides those of the package")
     files = parser.parse_args().policy
-    with Test() as test, progress_bars(Console()) as bars:
+    with FrozenEpisodes() as test, progress_bars(Console()) as bars:
         test.check(files)
         scores = []
         for name in [*named_policies(test.config), PLANNER, TRAINED, *files]:

@@ -21,11 +21,10 @@ from typing import NamedTuple
 
 import numpy as np
 from rich.console import Console
-from swarm_mj.envs.policies.evaluation import interval
-from swarm_mj.envs.policies.leaderboard import TRAINED, VALIDATION_SEEDS, Test
-from swarm_mj.envs.training.aggregates import Aggregate, aggregate
+from swarm_mj.envs.policies.leaderboard import TRAINED, VALIDATION_SEEDS, FrozenEpisodes, interval
 
 from scripts.pages import IMAGES, RESULTS, ROOT
+from scripts.pages.aggregates import Aggregate, aggregate
 from swarm_mj.figures import palette, style
 from swarm_mj.io.atomic import write_text
 from swarm_mj.io.progress import progress_bars
@@ -174,7 +173,7 @@ def read(name: str) -> Learned:
 
 def scripted() -> dict[str, Array]:
     """Scores of the scripted policies, of the packaged network and of the bound in the episodes of the curves."""
-    with Test(VALIDATION_SEEDS) as test:
+    with FrozenEpisodes(VALIDATION_SEEDS) as test:
         found = {name: test.fly(test.policy(name)).score for name in (*LINES, TRAINED)}
         return found | {"bound": test.bound.score}
 
@@ -275,7 +274,7 @@ these, and to {elsewhere} on the 96 others of the [leaderboard](leaderboard.md),
   Training flies the split `train`, other places on the bodies. *Bound*: what no policy can pass, see
   [leaderboard](leaderboard.md).
 - **Curves.** Interquartile mean of the runs, each of another seed, and its 95 % bootstrap interval, as rliable defines them
-  (`envs/training/aggregates.py`). Of five runs the middle three are averaged.
+  (`scripts/pages/aggregates.py`). Of five runs the middle three are averaged.
 - **Decisions** are those of the swarm: every 20 s of flight all spacecraft choose.
 - **PPO of stable-baselines3** is `PPO("MlpPolicy", ...)` with every setting as it comes, with `candidates=4`: each spacecraft
   chooses among its four best patches and sending. That order is part of the help it gets: always the first is a rule of its

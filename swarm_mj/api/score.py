@@ -9,7 +9,7 @@ from typing import Any
 
 from rich.progress import Progress
 
-from swarm_mj.envs.policies.leaderboard import Score, Test
+from swarm_mj.envs.policies.leaderboard import FrozenEpisodes, Score
 from swarm_mj.io.progress import using_bars
 
 
@@ -33,7 +33,7 @@ def score(
         ScenarioError: There are not so many episodes, or a policy cannot fly there; the message names why.
     """
     given = [policies] if isinstance(policies, (str, Path)) else list(policies)
-    with Test.of(episodes) as test, using_bars(progress) as bars:
+    with FrozenEpisodes.of(episodes) as test, using_bars(progress) as bars:
         test.check(given)  # what is refused is so before another one is flown
         if test.preparations:
             _with_bar(bars, "test episodes", test.preparations, test.prepare)

@@ -131,8 +131,8 @@ def test_single_vector_and_agents_see_and_fly_the_same(observation):
             part, row = (seen[name], rows[name][1]) if observation == "entities" else (seen, rows[1])
             assert np.array_equal(part, row)
     if observation == "flat":
-        parts = single.episodes.layout.split(seen)
-        assert np.array_equal(parts["candidates"][0], single.episodes.shown()["candidates"][0])
+        parts = single.batch.layout.split(seen)
+        assert np.array_equal(parts["candidates"][0], single.batch.shown()["candidates"][0])
     single.close()
     vector.close()
 
@@ -141,7 +141,7 @@ def test_agents_see_their_own_candidates():
     parallel = pytest.importorskip("swarm_mj.envs.observe.parallel").SwarmObserveParallelEnv
     env = parallel(**ONE, observation="entities")
     seen, infos = env.reset(options={"flight_seed": 7, "draw": {"spacecraft": 3}})
-    shown = env.episodes.shown()
+    shown = env.batch.shown()
     for j, agent in enumerate(env.agents):
         assert env.observation_space(agent).contains(seen[agent]) and env.action_space(agent).n == 5
         assert np.array_equal(seen[agent]["candidates"], shown["candidates"][0, j])

@@ -16,7 +16,7 @@ from swarm_mj.envs.policies import leaderboard
 from swarm_mj.envs.policies.baselines import greedy as greedy_rule
 from swarm_mj.envs.policies.baselines import sweep
 from swarm_mj.envs.policies.bound import Path as FlownPath
-from swarm_mj.envs.policies.leaderboard import TEST_SEEDS, VALIDATION_SEEDS, Score, Test, share_of
+from swarm_mj.envs.policies.leaderboard import TEST_SEEDS, VALIDATION_SEEDS, FrozenEpisodes, Score, share_of
 from swarm_mj.envs.policies.policy_files import LAYOUT, flat_rows, open_policy, provenance, sizes, tell_in_zip
 from swarm_mj.envs.policies.policy_network import save_network
 
@@ -35,7 +35,7 @@ ROWS = {"swarm": flat_rows, "spacecraft": local_rows, "choice": choice_rows}
 @pytest.fixture(scope="module")
 def test():
     """Four episodes of one mission."""
-    with Test(SEEDS, **ONE) as made:
+    with FrozenEpisodes(SEEDS, **ONE) as made:
         yield made
 
 
@@ -109,7 +109,7 @@ def test_rows_of_a_policy_are_those_of_the_environments(test):
     parallel = pytest.importorskip("swarm_mj.envs.observe.parallel").SwarmObserveParallelEnv
     env = parallel(**ONE)
     seen, _ = env.reset(options={"flight_seed": 5})
-    observed = env.episodes.entities()
+    observed = env.batch.entities()
     assert np.array_equal(flat_rows(observed)[0], env.state())
     for agent, row in seen.items():
         assert np.array_equal(local_rows(observed)[0, env.possible_agents.index(agent)], row)
@@ -314,7 +314,7 @@ def test_files_of_one_name_are_told_apart_in_the_table(tmp_path, capsys, monkeyp
 
 def test_the_command_refuses_what_it_cannot_fly_before_it_flies(tmp_path, capsys, monkeypatch):
     for work in ("fly", "prepare"):
-        monkeypatch.setattr(Test, work, lambda *_: pytest.fail("flown already"))
+        monkeypatch.setattr(FrozenEpisodes, work, lambda *_: pytest.fail("flown already"))
     for given, words in (
         (["gready"], "policy 'gready': no such file, and no name; names are random, "),
         (["greedy", "--episodes", "97"], "episodes = 97: must be from 2 to 96"),

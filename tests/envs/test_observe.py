@@ -112,9 +112,9 @@ def test_what_is_not_allowed_is_refused_by_name(where, given, told):
 
 def test_a_given_value_changes_nothing_else_that_is_drawn(single):
     single.reset(seed=1, options={"flight_seed": 7})
-    drawn = single.episodes.draws[0]
+    drawn = single.batch.draws[0]
     single.reset(seed=1, options={"flight_seed": 7, "draw": {"speed": 1.25}})
-    given = single.episodes.draws[0]
+    given = single.batch.draws[0]
     assert given.speed == 1.25
     for name in set(drawn._fields) - {"speed"}:
         assert np.array_equal(getattr(drawn, name), getattr(given, name)), name
@@ -162,10 +162,10 @@ def test_what_fails_shows_in_the_observation_and_in_the_mask(single):
     off = {"spacecraft": 3, "loss": [1, 0, 0], "loss_time": 0.1, "camera_off": [0, 1, 0], "camera_off_time": 0.1}
     off |= {"downlink_off": [0, 0, 1], "downlink_off_time": 0.1}
     single.reset(seed=1, options={"draw": off})
-    single.episodes.totals.stored[0] = 1.0  # something to send
+    single.batch.totals.stored[0] = 1.0  # something to send
     for _ in range(4):
         observation, *_, info = single.step(np.array([17, 18, 19]))  # all hold
-    table = single.episodes.layout.split(observation)["spacecraft"][0]
+    table = single.batch.layout.split(observation)["spacecraft"][0]
     assert table[:, :3].tolist() == [[0, 0, 0], [1, 0, 1], [1, 1, 0]]
     assert info["alive"] == [False, True, True]
     mask = info["action_mask"]

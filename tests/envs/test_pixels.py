@@ -102,12 +102,12 @@ def test_the_swarms_cameras_show_what_has_been_seen():
     observation, _ = env.reset(seed=0)
     assert env.observation_space.contains(observation) and not observation["image"][:, 1].any()
     inner = env.unwrapped
-    while float(inner.episodes.infos()["coverage_percent"][0]) < 5.0:
+    while float(inner.batch.infos()["coverage_percent"][0]) < 5.0:
         observation, *_ = env.step(np.full(5, 5))
-    region, now = inner.episodes.mission_of(0).plan.region, inner.episodes.now
+    region, now = inner.batch.mission_of(0).plan.region, inner.batch.now
     mesh = trimesh.Trimesh(region.mesh.vertices, region.mesh.faces, process=False)
     seen = np.zeros(len(region.mesh.faces), bool)
-    seen[region.target[inner.episodes.totals.seen[0, : region.n_cells]]] = True
+    seen[region.target[inner.batch.totals.seen[0, : region.n_cells]]] = True
     at, marked = ((np.arange(64) + 0.5) / 32.0 - 1.0) * np.tan(np.radians(2.5)), 0
     y, x = np.meshgrid(at, at, indexing="ij")
     for j in range(5):

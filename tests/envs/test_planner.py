@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from swarm_mj.envs.policies.baselines import greedy as scripted_greedy
-from swarm_mj.envs.policies.leaderboard import Test
-from swarm_mj.envs.policies.planner import NEAR, Planner, look, look_ahead, problem_of, turn_toward
+from swarm_mj.envs.policies.leaderboard import FrozenEpisodes
+from swarm_mj.envs.policies.planner import NEAR, Planner, count_pixels, pictures_to_come, problem_of, turn_toward
 
 from swarm_mj.coordination.allocation.greedy import greedy
 from swarm_mj.observation.camera import look_at
@@ -18,7 +18,7 @@ SEEDS = (20_000, 20_001, 20_003, 20_007)
 @pytest.fixture(scope="module")
 def test():
     """Four episodes of one mission."""
-    with Test(SEEDS, **ONE) as made:
+    with FrozenEpisodes(SEEDS, **ONE) as made:
         made.episodes.reset(dict(enumerate(SEEDS)))
         yield made
 
@@ -43,7 +43,7 @@ def test_what_pictures_would_show_is_what_the_observer_sees_of_them(test):
     start, aims = look_at(place, mission.centre_A, roll=0.3).C_CA, mission.patches.centre_A
     pixels = np.zeros((2, 1, len(aims), region.n_cells), np.float32)
     places, cameras = np.tile(place, (1, 2, 1)), np.tile(start, (2, 1, 1))
-    look(mission.scene, places, cameras, aims, np.array([True, False]), np.ones(region.n_cells, bool), pixels)
+    count_pixels(mission.scene, places, cameras, aims, np.array([True, False]), np.ones(region.n_cells, bool), pixels)
     limits = mission.criterion.limits(mission.observer.camera)
     distance, height = sight(region, place)
     for k, aim in enumerate(aims):
@@ -64,7 +64,7 @@ def test_plans_keep_what_can_be_done_and_weigh_what_the_score_does(test):
         problem.check(plan.pictures)
         assert plan.value > 0.0
         # Seen and wholly sent from nearby, a cell brings its area over what is possible, and its data over their volume.
-        pixels = look_ahead(episodes, e, 0).pixels.max(axis=(0, 1, 2))
+        pixels = pictures_to_come(episodes, e, 0).pixels.max(axis=(0, 1, 2))
         some = np.flatnonzero(pixels)
         cells, possible = len(some), episodes.sheet.possible_area[e]
         volume = mission.nominal_bit * possible / mission.plan.region.total_area

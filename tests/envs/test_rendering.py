@@ -6,7 +6,7 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
-from swarm_mj.envs.observe.rendering import Window
+from swarm_mj.envs.observe.rendering import PygameWindow
 
 from swarm_mj.errors import SwarmError
 
@@ -58,7 +58,7 @@ def test_without_a_display_the_window_is_refused_with_a_way_out(monkeypatch):
     for name in ("DISPLAY", "WAYLAND_DISPLAY", "SDL_VIDEODRIVER"):
         monkeypatch.delenv(name, raising=False)
     with pytest.raises(SwarmError, match="rgb_array"):
-        Window(64, 64, 10, "SwarmObserve-v0")
+        PygameWindow(64, 64, 10, "SwarmObserve-v0")
 
 
 @pytest.mark.gl

@@ -74,7 +74,7 @@ class LookAt:
 def test_an_episode_is_the_flight_of_the_command_line_with_that_seed():
     episodes = begun()
     mission = episodes.mission_of(0)
-    effort = np.array([step(episodes, np.full(N, 5)).terms[2, 0] for _ in range(40)])
+    effort = np.array([step(episodes, np.full(N, 5)).terms[0, 2] for _ in range(40)])
     plan = make_plan(eros("seed=12", "telemetry.interval_s=0.5", *KERNEL))
     telemetry = simulate(replace(plan, behavior=LookAt(tuple(mission.patches.centre_A[5]))))
     r_N = telemetry["r_BN_N"].values[int(np.argmin(abs(telemetry["time"].values - 800.0)))]
@@ -110,15 +110,15 @@ def test_rewards_add_up_and_every_bit_is_aboard_or_on_earth(flown):
     _, results, facts, episodes = flown
     terms, mission = np.sum([result.terms for result in results], axis=0), episodes.mission_of(0)
     for result in results:
-        assert result.reward == pytest.approx(result.terms.sum(axis=0), abs=1e-15)
+        assert result.reward == pytest.approx(result.terms.sum(axis=1), abs=1e-15)
     possible = episodes.sheet.possible_area / mission.plan.region.total_area
     assert (0.5 < possible).all() and (possible <= 1.0).all()
-    assert terms[0] == pytest.approx(facts[-1]["coverage_percent"] / 100.0, rel=1e-9)
-    assert terms[1] == pytest.approx(facts[-1]["delivered_bit"] / (mission.nominal_bit * possible), rel=1e-9)
+    assert terms[:, 0] == pytest.approx(facts[-1]["coverage_percent"] / 100.0, rel=1e-9)
+    assert terms[:, 1] == pytest.approx(facts[-1]["delivered_bit"] / (mission.nominal_bit * possible), rel=1e-9)
     for told in facts:
         held = told["stored_bit"].sum(axis=1) + told["delivered_bit"] + told["lost_bit"]
         assert held == pytest.approx(told["seen_bit"], rel=1e-9)
-    assert (terms[0] > 0.6).all() and (terms[1] > 0.2).all() and not facts[-1]["lost_bit"].any()
+    assert (terms[:, 0] > 0.6).all() and (terms[:, 1] > 0.2).all() and not facts[-1]["lost_bit"].any()
 
 
 def test_what_is_possible_is_what_planned_paths_pass_within_reach(flown):
@@ -146,7 +146,7 @@ def test_saturation_is_the_mean_of_the_last_tenth_below_top_speed():
     for _ in range(4):
         result = step(episodes, HOLD)
         part = np.clip((np.abs(episodes.now.wheel[0]) / TOP_SPEED - 0.9) / 0.1, 0.0, 1.0)
-        assert result.terms[3, 0] == pytest.approx(-0.1 * SHARE * part.mean(), rel=1e-9, abs=1e-18)
+        assert result.terms[0, 3] == pytest.approx(-0.1 * SHARE * part.mean(), rel=1e-9, abs=1e-18)
         shares.append(part.mean())
     assert max(shares) > 0.0
     episodes.close()
@@ -163,7 +163,7 @@ def test_approach_is_the_share_of_pairs_that_come_too_close_after_the_grace_time
         distance = np.linalg.norm(r[:, :, pairs[0]] - r[:, :, pairs[1]], axis=3).min(axis=0)
         share = (distance < least).mean(axis=1) if 20.0 * k >= grace else np.zeros(2)
         sure = (np.abs(distance - least) > 0.1).all(axis=1)
-        assert result.terms[4][sure] == pytest.approx((-0.1 * SHARE * share)[sure], rel=1e-9, abs=1e-18)
+        assert result.terms[sure, 4] == pytest.approx((-0.1 * SHARE * share)[sure], rel=1e-9, abs=1e-18)
         shares.append(share[0])
     assert shares[:3] == [0.0] * 3 and shares[3] > 0.0  # all come from one place, but that is excused
     assert len(set(shares)) >= 2
@@ -186,7 +186,7 @@ def test_who_hits_the_body_is_lost_and_the_others_fly_on():
     step(episodes, HOLD)
     result = step(episodes, HOLD) if not episodes.totals.lost.any() else result
     assert episodes.totals.lost[0].tolist() == [False, False, True, False, False]
-    assert result.end[0] == 0 and result.terms[5, 0] in (-1.0, 0.0)
+    assert result.end[0] == 0 and result.terms[0, 5] in (-1.0, 0.0)
     episodes.close()
 
 

@@ -98,7 +98,7 @@ def test_patches_that_are_or_come_in_reach_are_those_of_the_mask(flown):
 
 def test_rewards_add_up_to_what_was_seen_and_sent_of_what_is_possible(flown):
     tables, terms, facts, _ = flown
-    seen, delivered = (np.sum([term[TERMS.index(name)] for term in terms], axis=0) for name in ("seen", "delivered"))
+    seen, delivered = (np.sum([term[:, TERMS.index(name)] for term in terms], axis=0) for name in ("seen", "delivered"))
     general = tables[-1]["general"]
     assert seen == pytest.approx(facts[-1]["coverage_percent"] / 100.0, abs=1e-9)
     assert part(general, GENERAL, "seen")[:, 0] == pytest.approx(seen, abs=1e-6)

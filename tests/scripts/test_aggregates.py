@@ -4,8 +4,8 @@ import itertools
 
 import numpy as np
 import pytest
-from swarm_mj.envs.training.aggregates import aggregate, interquartile_mean
 
+from scripts.pages.aggregates import aggregate, interquartile_mean
 from swarm_mj.errors import OutputError
 
 

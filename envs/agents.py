@@ -1,0 +1,116 @@
+"""Environments with an agent for each spacecraft, through PettingZoo's ParallelEnv: what they have in common."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from copy import deepcopy
+from typing import Any, ClassVar
+
+import gymnasium
+from gymnasium import spaces
+from gymnasium.utils import seeding
+
+from swarm_mj.errors import ScenarioError
+
+from .arguments import check_action, checked_options, flight_seed
+from .snapshots import RebuiltOnCopy
+
+try:
+    from pettingzoo import ParallelEnv
+except ImportError as error:
+    raise ImportError("the multi-agent environment needs PettingZoo: pip install 'swarm_mj[rl]'") from error
+
+PerAgent = dict[str, Any]
+
+
+class SwarmParallelEnv(RebuiltOnCopy, ParallelEnv[str, Any, Any]):
+    """Spacecraft as agents over a batch of episodes, see `batch_env`.
+
+    Attributes:
+        possible_agents: Names, in gene order.
+        agents: Of those who fly.
+        observation_spaces: By agent.
+        action_spaces: By agent.
+    """
+
+    metadata: ClassVar[dict[str, Any]]
+    _batch: Any = None
+
+    def _set_up(self, batch: Any, agents: list[str], observation: spaces.Space[Any], action: spaces.Space[Any]) -> None:
+        """Take the episodes, the names of the agents, and the spaces of each."""
+        self._batch, self.possible_agents = batch, agents
+        self.agents: list[str] = []
+        self.observation_spaces = dict.fromkeys(agents, observation)
+        self.action_spaces = {agent: deepcopy(action) for agent in agents}
+        self._random, self._begun = seeding.np_random()[0], False
+
+    @property
+    def batch(self) -> Any:
+        """The episodes.
+
+        Raises:
+            gymnasium.error.ClosedEnvironmentError: The environment was closed.
+        """
+        if self._batch is None:
+            raise gymnasium.error.ClosedEnvironmentError(f"{self.metadata['name']} was closed; make it anew")
+        return self._batch
+
+    def observation_space(self, agent: str) -> spaces.Space[Any]:
+        """Of one agent, always the same object."""
+        return self.observation_spaces[agent]
+
+    def action_space(self, agent: str) -> Any:
+        """Of one agent, always the same object."""
+        return self.action_spaces[agent]
+
+    def _draw(self, seed: int | None, options: dict[str, Any] | None) -> int:
+        """The flight seed of an episode; options other than `flight_seed` are ignored, as PettingZoo asks."""
+        if seed is not None:
+            self._random = seeding.np_random(seed)[0]
+        known = {name: value for name, value in checked_options(options).items() if name == "flight_seed"}
+        return flight_seed(known, int(self._random.integers(2**31)))
+
+    def step(self, actions: PerAgent) -> tuple[PerAgent, PerAgent, PerAgent, PerAgent, PerAgent]:
+        """Fly on for one step with an action of each agent held.
+
+        Returns:
+            Observations, rewards, terminations, truncations and infos by agent.
+
+        Raises:
+            gymnasium.error.ResetNeeded: The episode is over or has not begun.
+            gymnasium.error.InvalidAction: An action lies outside its space.
+            ScenarioError: An agent has no action, or there is an action of somebody else.
+        """
+        if not self.agents:
+            raise gymnasium.error.ResetNeeded(
+                f"{self.metadata['name']}: the episode is over or has not begun; call reset first"
+            )
+        if not isinstance(actions, Mapping) or set(actions) != set(self.agents):
+            raise ScenarioError(
+                f"actions = {actions!r}: must be a mapping with one for each of {', '.join(self.agents)}"
+            )
+        return self._fly({agent: check_action(self.action_spaces[agent], actions[agent]) for agent in self.agents})
+
+    def _fly(self, actions: PerAgent) -> tuple[PerAgent, PerAgent, PerAgent, PerAgent, PerAgent]:
+        """The same with actions that are checked, arrays in the order of `agents`."""
+        raise NotImplementedError
+
+    def close(self) -> None:
+        """Release what the episodes hold; may be called again."""
+        if self._batch is not None:
+            self._batch.close()
+        self._batch, self.agents = None, []
+
+    @property
+    def _kept(self) -> dict[str, Any]:
+        return {name: getattr(self, name) for name in ("action_spaces", "observation_spaces", "_random", "agents")}
+
+    def _saved(self) -> dict[str, Any]:
+        batch = self._batch if self._begun else None
+        return {"kept": self._kept, "states": [] if batch is None else [batch.get_state(e) for e in range(batch.count)]}
+
+    def _restore(self, saved: dict[str, Any]) -> None:
+        self.__dict__.update(saved["kept"])
+        for e, state in enumerate(saved["states"]):
+            self.batch.set_state(e, state)
+        self._begun = bool(saved["states"])
