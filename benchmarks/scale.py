@@ -15,7 +15,6 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterable
 from operator import itemgetter
 from pathlib import Path
 from typing import Any
@@ -28,15 +27,20 @@ from swarm_mj.typing import Mask
 CASES = ((20, 11.0, 4.1), (20, 20.0, 4.1), (71, 20.0, 4.1), (224, 3.5, 1.0), (224, 11.0, 2.3))
 
 
-def in_order(rows: Iterable[tuple[int, Mask]]) -> Mask:
-    """The matrix of what candidates see, shape (n, cells), from its rows as they are done."""
-    return np.array([row for _, row in sorted(rows, key=itemgetter(0))])
+def seen_by(scenario: Any, flights: Any) -> Mask:
+    """The matrix of what a scenario's candidates see of the target in their flights, shape (n, cells)."""
+    from swarm_mj.designer.candidates.pictures import Judge, Watcher
+    from swarm_mj.designer.candidates.visibility import imaging_model_from
+    from swarm_mj.flight.observe import criterion_from
+
+    watchers = [Watcher(flights, j) for j in range(flights.n)]
+    with Judge(flights.plan.region, imaging_model_from(scenario), criterion_from(scenario), workers=1) as judge:
+        return np.array([row for _, row in sorted(judge.seen(watchers), key=itemgetter(0))])
 
 
 def warm_up() -> None:
     """Compile what `run_case` measures, on a small case."""
     from swarm_mj.designer.candidates.flights import fly_candidates
-    from swarm_mj.designer.candidates.visibility import imaging_model_from, seen_rows
     from swarm_mj.designer.exact import solve_exact
     from swarm_mj.designer.genetic import GeneticSettings, evolve
     from swarm_mj.designer.problem import CoverProblem
@@ -44,8 +48,7 @@ def warm_up() -> None:
 
     warm = load_scenario("eros-quick", {"observation.criterion": "visit", "observation.observer": "horizon"})
     flights = fly_candidates(warm)
-    sees = in_order(seen_rows(warm, flights, flights.plan.region, imaging_model_from(warm), workers=1))
-    small = CoverProblem(sees=sees, area=flights.plan.region.area)
+    small = CoverProblem(sees=seen_by(warm, flights), area=flights.plan.region.area)
     solve_exact(small)
     evolve(small, GeneticSettings(max_generations=2))
 
@@ -54,7 +57,7 @@ def run_case(frequency: int, target: float, camera: float) -> dict[str, Any]:
     """Build and solve one case, with everything compiled before; times in seconds, memory in MiB."""
     from scripts.pages.eros_mesh import eros_at
     from swarm_mj.designer.candidates.flights import fly_candidates
-    from swarm_mj.designer.candidates.visibility import imaging_model_from, seen_rows
+    from swarm_mj.designer.candidates.visibility import imaging_model_from
     from swarm_mj.designer.exact import solve_exact
     from swarm_mj.designer.genetic import GeneticSettings, evolve
     from swarm_mj.designer.problem import CoverProblem
@@ -85,7 +88,7 @@ def run_case(frequency: int, target: float, camera: float) -> dict[str, Any]:
         start = lap("flights", start)
         HorizonObserver(region, imaging_model.camera)  # kept on disk from here on
         start = lap("maps", start)
-        sees = in_order(seen_rows(scenario, flights, region, imaging_model, workers=1))
+        sees = seen_by(scenario, flights)
         start = lap("pictures", start)
     problem = CoverProblem(sees=sees, area=region.area)
     evolved = evolve(problem, GeneticSettings(max_generations=67, patience=1000))

@@ -11,7 +11,8 @@ and a scenario then says `control: {controller: my_law, parameters: {...}}`.
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
@@ -54,6 +55,15 @@ def find(group: str, name: str) -> Callable[..., Any]:
         return found[0].load()
     except (ImportError, AttributeError) as error:
         raise PluginError(f"{name!r} of {group}: cannot be loaded: {error}") from error
+
+
+@contextmanager
+def named(key: str) -> Iterator[None]:
+    """Put the scenario's key before what is wrong with a plug-in."""
+    try:
+        yield
+    except PluginError as error:
+        raise PluginError(f"{key} = {error}") from error
 
 
 def create(group: str, name: str, parameters: Mapping[str, Any], *context: Any) -> Any:

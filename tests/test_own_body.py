@@ -5,7 +5,7 @@ import pytest
 
 from swarm_mj.cli.main import main
 from swarm_mj.errors import ScenarioError, ShapeError
-from swarm_mj.flight.plan import environment_from, load_body_shape
+from swarm_mj.flight.environment import environment_from, load_body_shape
 from swarm_mj.scenarios.loading import load_scenario, parse_overrides
 from swarm_mj.smallbody.geodesic import geodesic_icosahedron
 from swarm_mj.smallbody.shape import ShapeModel

@@ -14,8 +14,8 @@ from swarm_mj.dataflow.ground import earth_schedule
 from swarm_mj.dataflow.network import Access
 from swarm_mj.dataflow.radios import radio_from
 from swarm_mj.errors import ScenarioError
-from swarm_mj.flight.afterwards import turned
 from swarm_mj.flight.plan import Plan, antennas_from, make_plan
+from swarm_mj.flight.post_flight import turned
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.mission.trajectories import propagate
 from swarm_mj.scenarios.constants import AU, DAY

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from swarm_mj.errors import MissionError, PathError, ScenarioError
-from swarm_mj.flight.plan import Plan, load_body_shape
-from swarm_mj.flight.surroundings import surroundings_from
+from swarm_mj.flight.environment import epoch_state, load_body_shape
+from swarm_mj.flight.plan import Plan
 from swarm_mj.flight.targets import target_from
 from swarm_mj.io.cache import cache_folder, hash_of, load_array, store_array
 from swarm_mj.mission.trajectories import solve_transfers
@@ -181,7 +181,7 @@ def _target(spec: MissionSpec, half_angle_deg: float, cell_size_m: float | None)
 
 def _epoch(scenario: Scenario, up: Array) -> str:
     """When the swarm is let go so that Earth stands as high over the target at the visit as it should, as nearly as it does."""
-    around = surroundings_from(scenario)
+    around = epoch_state(scenario)
     best, found = np.inf, 0.0
     for k in range(72):
         later = k / 72.0 * 2.0 * np.pi / abs(around.spin_rate)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from swarm_mj.coordination.allocation.greedy import greedy
 from swarm_mj.coordination.allocation.optimum import optimum
-from swarm_mj.coordination.allocation.problem import AgentPictures, Allocation, AllocationProblem
+from swarm_mj.coordination.allocation.problem import Allocation, AllocationProblem, Schedule
 from swarm_mj.observation.capture import keeps_limits, pixels_on
 from swarm_mj.observation.horizon import look_at_cell, sight_of
 from swarm_mj.observation.horizon_kernels import Scene
@@ -54,7 +54,7 @@ class Plan:
     seed: int
     works: Mask
     made: int
-    pictures: AgentPictures
+    pictures: tuple[Schedule, ...]
     aims: Ints
     watching: Mask
 

@@ -20,7 +20,8 @@ from swarm_mj.designer.study import cover_problem
 from swarm_mj.errors import ScenarioError
 from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.observe import observe_flight, visit_sample
-from swarm_mj.flight.plan import Plan, make_plan, target_from
+from swarm_mj.flight.plan import Plan, make_plan
+from swarm_mj.flight.targets import target_from
 from swarm_mj.io.atomic import write_text
 from swarm_mj.observation.gl_context import gl_available
 from swarm_mj.scenarios.loading import NO_OVERRIDES, load_scenario

@@ -13,7 +13,7 @@ from swarm_mj.api.navigate import Navigation, navigate
 from swarm_mj.flight.fly import make_simulation
 from swarm_mj.flight.plan import Plan
 from swarm_mj.io.atomic import write_text
-from swarm_mj.mission.gaussian import sample_chance
+from swarm_mj.mission.covariance import sample_chance
 from swarm_mj.scenarios.loading import parse_overrides
 from swarm_mj.typing import Array
 

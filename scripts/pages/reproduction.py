@@ -19,7 +19,8 @@ from swarm_mj.designer.exact import solve_exact
 from swarm_mj.designer.genetic import GeneticSettings, Operators, evolve
 from swarm_mj.designer.study import cover_problem, growth
 from swarm_mj.errors import MissionError
-from swarm_mj.flight.plan import load_body_shape, target_from
+from swarm_mj.flight.environment import load_body_shape
+from swarm_mj.flight.targets import target_from
 from swarm_mj.io.atomic import write_text
 from swarm_mj.io.progress import progress_bars
 from swarm_mj.scenarios.loading import load_scenario

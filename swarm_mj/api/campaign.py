@@ -144,12 +144,12 @@ def compare_classes(
         SwarmError: The scenario cannot be read, planned or flown, or nothing can be written; what was flown is kept in `out`.
     """
     from swarm_mj.campaigns.classes_report import write_report
-    from swarm_mj.designer.places import plan_places
+    from swarm_mj.designer.robust_points import robust_points
 
     check_workers(workers)
     _check_resume(resume, out)
     base = load_scenario(scenario, overrides)
-    chosen = plan_places(base) if places else ()
+    chosen = robust_points(base) if places else ()
     resolved = classes_campaign(base, runs=runs, places=chosen)
     with _folder(resolved, out) as folder, using_bars(progress) as bars:
         flown = run_campaign(resolved, folder, workers=workers, resume=resume, bars=bars, figures=False)

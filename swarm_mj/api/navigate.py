@@ -19,9 +19,8 @@ from swarm_mj.flight.navigation import Navigated, navigated
 from swarm_mj.flight.plan import make_plan
 from swarm_mj.io.atomic import atomic_file
 from swarm_mj.io.progress import Stages, using_bars
-from swarm_mj.mission.covariance import visit_axes
+from swarm_mj.mission.covariance import sample_chance, visit_axes
 from swarm_mj.mission.dispersed import DispersedFlights, fly_dispersed
-from swarm_mj.mission.gaussian import sample_chance
 from swarm_mj.records.navigation import navigation_findings, navigation_rows, total_delta_v
 from swarm_mj.scenarios.loading import NO_OVERRIDES, ScenarioSource
 from swarm_mj.typing import Array

@@ -73,7 +73,7 @@ def classes_campaign(
         base: The scenario whose classes are compared.
         runs: Encounters.
         seed: Of all draws.
-        places: Visiting points planned together with the pictures, see `plan_places`; none: all are flown as designed
+        places: Visiting points planned together with the pictures, see `robust_points`; none: all are flown as designed
             alone.
         overrides: Values by dotted key for all classes.
 

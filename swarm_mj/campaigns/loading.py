@@ -17,7 +17,8 @@ from swarm_mj.campaigns.config import Base, Campaign
 from swarm_mj.campaigns.distributions import Distribution
 from swarm_mj.campaigns.sampling import Sample
 from swarm_mj.errors import ScenarioError, SwarmError
-from swarm_mj.flight.plan import load_body_shape, target_from, true_target
+from swarm_mj.flight.environment import load_body_shape
+from swarm_mj.flight.targets import target_from, true_target
 from swarm_mj.io.cache import hash_of
 from swarm_mj.io.plain_values import check_plain, shortened, shown
 from swarm_mj.scenarios import loading

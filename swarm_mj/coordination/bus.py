@@ -14,8 +14,34 @@ import numpy as np
 
 from swarm_mj.coordination.graph import Graph
 from swarm_mj.dataflow.network import Access
-from swarm_mj.errors import MissionError
 from swarm_mj.typing import Array, Ints
+
+
+@dataclass(eq=False, kw_only=True)
+class MessageLog:
+    """What the messages of a flight came to, for its telemetry.
+
+    Attributes:
+        time_s: Of each entry [s].
+        bits: Sent by each up to then [bit].
+        airtime_s: For how long each has sent up to then [s].
+    """
+
+    time_s: list[float] = field(default_factory=list)
+    bits: list[Ints] = field(default_factory=list)
+    airtime_s: list[Array] = field(default_factory=list)
+
+    def note(self, t: float, bus: Bus) -> None:
+        """Add what was sent by a time [s]."""
+        self.time_s.append(t)
+        self.bits.append(bus.bits.copy())
+        self.airtime_s.append(bus.airtime_s.copy())
+
+    def sent_by(self, times: Array, n: int) -> tuple[Ints, Array]:
+        """Bits and airtime [s] of n spacecraft by some times [s], each of shape (len(times), n)."""
+        entries = np.searchsorted(self.time_s, times + 1e-6)
+        bits, airtime_s = [np.zeros(n, np.int64), *self.bits], [np.zeros(n), *self.airtime_s]
+        return np.array(bits)[entries], np.array(airtime_s)[entries]
 
 
 class Message(NamedTuple):
@@ -24,19 +50,15 @@ class Message(NamedTuple):
     Attributes:
         arrives_s: When it is there [s].
         number: In the order of sending.
-        sent_s: When it was handed to the radio [s].
         sender: Who says it, from 0.
         receiver: Who hears it.
-        bits: How long it is [bit].
         payload: What it says; nobody may change it.
     """
 
     arrives_s: float
     number: int
-    sent_s: float
     sender: int
     receiver: int
-    bits: int
     payload: Any
 
 
@@ -70,8 +92,8 @@ class Bus:
         """Nothing has been said."""
         self.bits, self.airtime_s, self._free_s = np.zeros(self.n, np.int64), np.zeros(self.n), np.zeros(self.n)
 
-    def broadcast(self, t: float, sender: int, bits: int, payload: Any, graph: Graph) -> int:
-        """Say something to all neighbours; returns how many that are. Without any nothing is sent.
+    def broadcast(self, t: float, sender: int, bits: int, payload: Any, graph: Graph) -> None:
+        """Say something to all neighbours; without any nothing is sent.
 
         Args:
             t: Now [s].
@@ -79,15 +101,10 @@ class Bus:
             bits: How long it is [bit], more than 0.
             payload: What it says.
             graph: The links now.
-
-        Raises:
-            MissionError: The message has no bits.
         """
-        if bits <= 0:
-            raise MissionError(f"bits = {bits}: a message has at least one")
         receivers = np.flatnonzero(graph.links[sender])
         if not len(receivers):
-            return 0
+            return
         takes_s = bits / float(graph.rate_bit_s[sender, receivers].min())
         share_s = takes_s * (self.n if self.access is Access.TDMA else 1)  # only each n-th part of the frame is its own
         busy = slice(None) if self.access is Access.ONE_AT_A_TIME else slice(sender, sender + 1)
@@ -102,8 +119,7 @@ class Bus:
             self.lost += gone
             if not gone:
                 arrives_s = said_s + float(graph.delay_s[sender, receiver])
-                heapq.heappush(self._queue, Message(arrives_s, self.sent, t, sender, receiver, bits, payload))
-        return len(receivers)
+                heapq.heappush(self._queue, Message(arrives_s, self.sent, sender, receiver, payload))
 
     def arrived(self, t: float) -> list[Message]:
         """Messages that are there by `t` [s], in the order of arrival; each is given once."""
@@ -111,8 +127,3 @@ class Bus:
         while self._queue and self._queue[0].arrives_s <= t + 1e-9:
             found.append(heapq.heappop(self._queue))
         return found
-
-    @property
-    def under_way(self) -> int:
-        """Messages that are not there yet."""
-        return len(self._queue)

@@ -2,6 +2,10 @@
 
 All spacecraft carry this table aboard. It is made from the planned paths; dispersions of some metres a second matter little
 to pictures more than a kilometre wide.
+
+How long a turn takes until pictures count is found by asking the flight's own control law for turns from rest to rest about
+the axis of largest inertia, with the wheels' limits of torque and speed. What the real turn adds (other axes, a target that
+moves on) is small for the angles between parts of one target.
 """
 
 from __future__ import annotations
@@ -17,6 +21,8 @@ from swarm_mj.observation.camera import CameraModel, look_at
 from swarm_mj.observation.capture import ObservationCriterion, keeps_limits, observe, sight
 from swarm_mj.observation.observer import Observer
 from swarm_mj.observation.smear import CameraMotion
+from swarm_mj.spacecraft.control.base import ControlInput, Controller
+from swarm_mj.spacecraft.properties import SpacecraftProperties
 from swarm_mj.typing import Array, Ints, Mask
 
 #: Aims across a picture's width: with fewer, edges stay unseen; with more, plans take longer and see little more.
@@ -25,6 +31,10 @@ AIMS_PER_PICTURE = 1.5
 MOST_AIMS = 6
 #: Kept tables together [bytes].
 MAX_CACHE_BYTES = 256 * 2**20
+#: Turns that are tried [deg].
+ANGLES_DEG = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0)
+#: A turn that takes longer does not settle [s].
+LONGEST_S = 600.0
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -156,3 +166,57 @@ def turning_angles(aims_A: Array, r_A: Array, useful: Mask) -> Array:
         cosine = np.einsum("kmi,kni->kmn", ahead, ahead).min(axis=0)
         angle[a] = np.arccos(np.clip(cosine, -1.0, 1.0)) * ~np.eye(len(aims_A), dtype=np.bool_)
     return angle
+
+
+def settling_times(
+    controller: Controller, properties: SpacecraftProperties, period: float, tolerance: float
+) -> tuple[Array, Array]:
+    """Times after which the pointing error stays below a tolerance.
+
+    Args:
+        controller: The law.
+        properties: Of the spacecraft.
+        period: Control period [s].
+        tolerance: Largest pointing error [rad].
+
+    Returns:
+        Angles of the turns [rad], ascending from 0, and the time each takes [s], never falling, `LONGEST_S` at most.
+    """
+    turn = np.radians(ANGLES_DEG)
+    axis = int(np.argmax(np.diag(properties.inertia_effective_B)))
+    J = np.tile(properties.inertia_B, (len(turn), 1, 1))
+    J_eff = np.tile(properties.inertia_effective_B, (len(turn), 1, 1))
+    limit, most = properties.max_wheel_torque, properties.wheel_spin_inertia * properties.max_wheel_speed
+    error, rate, wheels = turn.copy(), np.zeros(len(turn)), np.zeros(len(turn))
+    late, memory = np.zeros(len(turn)), None
+    zero = np.zeros((len(turn), 3))
+    for k in range(1, round(LONGEST_S / period) + 1):
+        sigma, omega, momentum = (np.zeros((len(turn), 3)) for _ in range(3))
+        sigma[:, axis], omega[:, axis], momentum[:, axis] = np.tan(0.25 * error), rate, wheels
+        inputs = ControlInput(sigma, omega, omega.copy(), zero, zero, momentum, J, J_eff, period)
+        torque_B, memory = controller.torque(inputs, memory)
+        torque = np.clip(torque_B[:, axis], -limit, limit)
+        torque = np.clip(torque, (wheels - most) / period, (wheels + most) / period)
+        acceleration = torque / J_eff[:, axis, axis]
+        error = error + rate * period + 0.5 * acceleration * period**2
+        rate, wheels = rate + acceleration * period, wheels - torque * period
+        late = np.where(np.abs(error) > tolerance, k * period, late)
+        if (np.abs(error) < 0.1 * tolerance).all() and (np.abs(rate) * period < 0.1 * tolerance).all():
+            break
+    else:
+        late = np.where(np.abs(error) > tolerance, LONGEST_S, late)
+    late = np.where(turn > tolerance, late, 0.0)
+    return np.concatenate([[0.0], turn]), np.maximum.accumulate(np.concatenate([[0.0], late]))
+
+
+def slots_between(angle: Array, table: tuple[Array, Array], interval_s: float, delay_s: float) -> Array:
+    """Least number of pictures later at which another aim can be pictured, at least 1.
+
+    Args:
+        angle: Between the aims [rad], any shape.
+        table: From `settling_times`; beyond its last angle that one's time.
+        interval_s: Between pictures [s].
+        delay_s: After a picture until the turn begins [s].
+    """
+    takes = np.interp(angle, *table)
+    return np.maximum(np.ceil((takes + delay_s) / interval_s - 1e-9), 1.0)

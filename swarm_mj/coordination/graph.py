@@ -10,7 +10,6 @@ from scipy.sparse.csgraph import connected_components
 
 from swarm_mj.dataflow.contacts import Instant, Radios, link_rates
 from swarm_mj.dataflow.relays import closed_both_ways
-from swarm_mj.errors import MissionError
 from swarm_mj.scenarios.constants import SPEED_OF_LIGHT
 from swarm_mj.smallbody.occultation import Occluder
 from swarm_mj.typing import Array, Ints, Mask
@@ -25,25 +24,12 @@ class Graph:
         delay_s: Of the way, without sending, shape (n, n) [s].
         loss: Chance that a message is lost on the way, shape (n, n) [-].
         works: Who sends and hears, shape (n,).
-
-    Raises:
-        MissionError: An array does not fit or has impossible values.
     """
 
     rate_bit_s: Array
     delay_s: Array
     loss: Array
     works: Mask
-
-    def __post_init__(self) -> None:
-        """Check."""
-        n = len(self.works)
-        for name, most in (("rate_bit_s", np.inf), ("delay_s", np.inf), ("loss", 1.0)):
-            array = getattr(self, name)
-            if array.shape != (n, n):
-                raise MissionError(f"{name}: shape {array.shape}, but must be {(n, n)} for {n} spacecraft")
-            if not ((array >= 0.0) & (array <= most)).all():
-                raise MissionError(f"{name}: must lie between 0 and {most:g} for every link")
 
     @property
     def n(self) -> int:
@@ -61,41 +47,12 @@ class Graph:
         return closed_both_ways(self.links, self.works)
 
     @property
-    def degree(self) -> Ints:
-        """Neighbours of each, shape (n,)."""
-        return self.adjacency.sum(axis=1)
-
-    @property
-    def laplacian(self) -> Array:
-        """L = D - A of those links, shape (n, n)."""
-        return laplacian(self.adjacency)
-
-    @property
-    def lambda2(self) -> float:
-        """Second eigenvalue of the Laplacian of those that work: how fast they agree; 0 where the graph falls apart."""
-        return lambda2(self.adjacency[np.ix_(self.works, self.works)])
-
-    @property
     def components(self) -> list[Ints]:
         """Groups that hear each other, directly or through others, by their lowest number; the lost are in none."""
         _, label = connected_components(self.adjacency, directed=False)
         label = np.where(self.works, label, -1)
         groups = [np.flatnonzero(label == one) for one in np.unique(label[self.works])]
         return sorted(groups, key=lambda group: int(group[0]))
-
-
-def laplacian(adjacency: Mask) -> Array:
-    """L = D - A of a symmetric graph, shape (n, n)."""
-    A = adjacency.astype(np.float64)
-    return np.diag(A.sum(axis=1)) - A
-
-
-def lambda2(adjacency: Mask) -> float:
-    """Algebraic connectivity (Fiedler 1973): the second smallest eigenvalue of the Laplacian; infinite for one node alone."""
-    if len(adjacency) < 2:
-        return float("inf")
-    value = float(np.linalg.eigvalsh(laplacian(adjacency))[1])
-    return value if value > 1e-12 * len(adjacency) else 0.0
 
 
 def graph_at(radios: Radios, body: Occluder, now: Instant, *, loss: float = 0.0, processing_s: float = 0.0) -> Graph:

@@ -10,27 +10,23 @@ from typing import NamedTuple
 
 import numpy as np
 
-from swarm_mj.coordination.allocation.auction import Auction
-from swarm_mj.coordination.allocation.claims import Claims
-from swarm_mj.coordination.consensus import or_consensus
+from swarm_mj.coordination.allocation.auction import STAMP_BITS, Claims
 from swarm_mj.typing import Array, Ints, Mask
 
-#: Of a time, and of the head of a message: number of the sender, length, check sum [bit].
-STAMP_BITS, HEAD_BITS = 32, 64
+#: Of the head of a message: number of the sender, length, check sum [bit].
+HEAD_BITS = 64
 
 
-class Told(NamedTuple):
-    """What a message says.
+class Report(NamedTuple):
+    """A message: all that its sender knows.
 
     Attributes:
-        sender: Who says it.
         heard_s: When what it knows of each was true [s], shape (n,).
         held: What it knows each to hold pictures of, shape (n, cells).
         stands: Who, as far as it knows, speaks to Earth, shape (n,).
         claims: What it thinks of the auction; None where none is held.
     """
 
-    sender: int
     heard_s: Array
     held: Mask
     stands: Mask
@@ -67,23 +63,20 @@ class Knowledge:
         """Cells of which, as far as i knows, somebody who is not lost holds a picture, shape (cells,)."""
         return np.asarray(self.held[i, self.alive(i, t)].any(axis=0))
 
-    def tell(self, i: int, t: float, claims: Claims | None) -> tuple[Told, int]:
+    def report(self, i: int, t: float, claims: Claims | None) -> tuple[Report, int]:
         """What i says, and how long that is [bit]."""
         self.heard_s[i, i] = t
         n, cells = self.held.shape[1:]
         bits = HEAD_BITS + n * (STAMP_BITS + cells + 1)
-        return Told(i, self.heard_s[i].copy(), self.held[i].copy(), self.stands[i].copy(), claims), bits
+        return Report(self.heard_s[i].copy(), self.held[i].copy(), self.stands[i].copy(), claims), bits
 
-    def hear(self, i: int, told: Told) -> None:
+    def hear(self, i: int, report: Report) -> None:
         """A message has reached i: what is newer counts, what has been seen stays seen."""
-        newer = told.heard_s > self.heard_s[i]
+        newer = report.heard_s > self.heard_s[i]
         newer[i] = False
-        self.stands[i, newer] = told.stands[newer]
-        self.heard_s[i, newer] = told.heard_s[newer]
-        # Of two, the sender is the first: what it knows reaches i.
-        one_way = np.array([[False, True], [False, False]])
-        both = np.stack([told.held.ravel(), self.held[i].ravel()])
-        self.held[i] = or_consensus(both, one_way)[1].reshape(self.held[i].shape)
+        self.stands[i, newer] = report.stands[newer]
+        self.heard_s[i, newer] = report.heard_s[newer]
+        self.held[i] |= report.held
 
     def elect(self, i: int, t: float, order: Ints) -> int:
         """Whom i takes for the relay now: of those alive one that stands before one that does not, then the first in order.
@@ -99,10 +92,3 @@ class Knowledge:
         leader = int(living[np.lexsort((order[living], ~self.stands[i, living]))[0]])
         self.stands[i, i] = leader == i
         return leader
-
-
-def forget_lost(auction: Auction, i: int, alive: Mask) -> None:
-    """What those claimed that i takes for lost is free for i."""
-    gone = ~alive[: auction.problem.n_agents]
-    free = (auction.winner[i] >= 0) & gone[auction.winner[i]]
-    auction.bid[i, free], auction.winner[i, free] = 0.0, -1

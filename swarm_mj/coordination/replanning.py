@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from math import inf
 
 import numpy as np
 
@@ -20,49 +19,45 @@ PROOF_SHARE = 0.4
 MOST_SLOTS = 120
 
 
-def problem_of(encounter: Encounter, weight: Array | None = None) -> AllocationProblem:
+def problem_of(encounter: Encounter) -> AllocationProblem:
     """All pictures of an encounter; the patches are its cells."""
     agents, _, slots, _ = encounter.shows.shape
     return AllocationProblem(
-        weight=encounter.area if weight is None else weight,
-        shows=encounter.shows,
-        slew=encounter.slew,
-        budget=np.full(agents, slots),
+        weight=encounter.area, shows=encounter.shows, slew=encounter.slew, budget=np.full(agents, slots)
     )
 
 
 def planned_alone(encounter: Encounter) -> Allocation:
     """Everybody plans for itself, as if there were nobody else."""
-    problem, pictures = problem_of(encounter), []
-    for agent in range(problem.n_agents):
-        alone = replace(problem, available=np.tile(np.arange(problem.n_agents)[:, None] == agent, (1, problem.n_slots)))
-        pictures.append(greedy(alone).pictures[agent])
-    return allocation_of(problem, tuple(pictures), status="each alone")
+    problem = problem_of(encounter)
+    pictures = [
+        greedy(replace(problem, available=_only(problem, agent))).pictures[agent] for agent in range(problem.n_agents)
+    ]
+    return allocation_of(problem, tuple(pictures), "each alone")
 
 
-def planned_together(encounter: Encounter, time_limit_s: float, weight: Array | None = None) -> Allocation:
-    """The best plan found in a time, with a bound: greedy choice, each agent's pictures made best in turn, then the proof.
-
-    Args:
-        encounter: What can be shown.
-        time_limit_s: For all of it [s].
-        weight: Of each cell; None: its area.
-    """
-    problem = problem_of(encounter, weight)
+def planned_together(encounter: Encounter, time_limit_s: float) -> Allocation:
+    """The best plan found in a time [s], with a bound: greedy choice, each agent's pictures made best in turn, the proof."""
+    problem = problem_of(encounter)
     best = greedy(problem)
     each_s = (1.0 - PROOF_SHARE) * time_limit_s / max(problem.n_agents, 1)
     for agent in sorted(range(problem.n_agents), key=lambda a: -len(best.pictures[a])):
         others = tuple(() if a == agent else taken for a, taken in enumerate(best.pictures))
-        only = np.tile(np.arange(problem.n_agents)[:, None] == agent, (1, problem.n_slots))
-        rest = replace(problem, weight=np.where(problem.shown_by(others), 0.0, problem.weight), available=only)
+        weight = np.where(problem.shown_by(others), 0.0, problem.weight)
+        rest = replace(problem, weight=weight, available=_only(problem, agent))
         if not rest.possible.any():
             continue
         own = optimum(rest, each_s).pictures[agent]
-        trial = allocation_of(problem, (*others[:agent], own, *others[agent + 1 :]), status="time limit")
+        trial = allocation_of(problem, (*others[:agent], own, *others[agent + 1 :]), "time limit")
         best = trial if trial.value > best.value else best
     proof = optimum(problem, PROOF_SHARE * time_limit_s)
     found = proof if proof.value > best.value else best
-    return replace(found, bound=min(proof.bound, problem.coverable, inf), status=proof.status)
+    return replace(found, bound=min(proof.bound, problem.coverable), status=proof.status)
+
+
+def _only(problem: AllocationProblem, agent: int) -> Mask:
+    """Nobody but one agent works, shape (a, k)."""
+    return np.tile(np.arange(problem.n_agents)[:, None] == agent, (1, problem.n_slots))
 
 
 def auction_from(
@@ -95,7 +90,7 @@ def auction_from(
         budget=np.full(len(can), len(free)),
         available=np.tile(can[:, None], (1, len(free))),
     )
-    auction = Auction(problem, known=known, working=can)
+    auction = Auction(problem, known, can)
     if before is not None:
         auction.bid[:], auction.winner[:], auction.heard[:] = before.bid, before.winner, before.heard
     return auction

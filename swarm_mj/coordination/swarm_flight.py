@@ -6,25 +6,34 @@ plans on, and says what it knows; until the next picture its target stays. Who i
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from bisect import bisect_left
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 
 from swarm_mj.coordination.allocation.auction import Auction
-from swarm_mj.coordination.bus import Bus
+from swarm_mj.coordination.allocation.problem import Schedule
+from swarm_mj.coordination.bus import Bus, MessageLog
 from swarm_mj.coordination.encounter import Encounter
 from swarm_mj.coordination.graph import Graph
-from swarm_mj.coordination.knowledge import Knowledge, forget_lost
+from swarm_mj.coordination.knowledge import Knowledge
 from swarm_mj.coordination.replanning import auction_from
-from swarm_mj.coordination.roles import Pictures, next_picture, targets_for
 from swarm_mj.dataflow.network import Access
-from swarm_mj.mission.behaviors import SwarmView, Targets, looks_at_body
+from swarm_mj.mission.behaviors import SwarmView, TargetKind, Targets, looks_at_body
 from swarm_mj.typing import Array, Ints, Mask
 
 #: Before the first picture that shows anything the auction begins: enough for all to agree and to turn [s].
 AHEAD_S = 120.0
+#: The parts that make a class.
+PARTS = {
+    0: {"sensing": "own", "relay": "own"},
+    1: {"sensing": "own", "relay": "own"},
+    2: {"sensing": "behavior", "relay": "behavior"},
+    3: {"sensing": "plan", "relay": "plan"},
+    4: {"sensing": "auction", "relay": "election"},
+}
 
 
 class CoordinationEvent(NamedTuple):
@@ -33,7 +42,7 @@ class CoordinationEvent(NamedTuple):
     Attributes:
         time_s: When [s].
         spacecraft: Who, from 0.
-        kind: 'silent' (takes another for lost), 'heard again', 'relays', 'steps down' or 'replans'.
+        kind: 'silent' (takes another for lost), 'relays' or 'steps down'.
         detail: In words.
     """
 
@@ -62,7 +71,7 @@ class Mission:
     """
 
     encounter: Encounter
-    pictures: tuple[Pictures, ...]
+    pictures: tuple[Schedule, ...]
     sensing: str
     relay: str
     succession: Ints
@@ -84,52 +93,39 @@ class Mission:
         return self.sensing == "auction" or self.relay == "election"
 
 
-@dataclass(eq=False)
-class Log:
-    """What a flight's coordination came to, for its telemetry.
+@dataclass(eq=False, kw_only=True)
+class CoordinationLog(MessageLog):
+    """What a flight's coordination came to: entries after each picture, and `events` in order of time."""
 
-    Attributes:
-        time_s: After each picture [s].
-        bits: Sent by each up to then [bit].
-        airtime_s: For how long each has sent up to then [s].
-        events: In order of time.
-    """
-
-    time_s: list[float] = field(default_factory=list)
-    bits: list[Ints] = field(default_factory=list)
-    airtime_s: list[Array] = field(default_factory=list)
     events: list[CoordinationEvent] = field(default_factory=list)
 
 
-class State:
+class CoordinationState:
     """One flight under way: its messages, what each knows and plans, and what all track."""
 
     def __init__(self, mission: Mission) -> None:
         n, encounter = mission.n, mission.encounter
         self.bus = Bus(n, np.random.default_rng(mission.seed), mission.access)
         self.knowledge = Knowledge(n, encounter.n_cells, mission.silence_s)
-        self.pictures: list[Pictures] = [*mission.pictures, *[()] * (n - len(mission.pictures))]
+        self.pictures: list[Schedule] = [*mission.pictures, *[()] * (n - len(mission.pictures))]
         self.aim = np.full(n, -1, np.int64)  # pictured last, or turned to
         self.relay = np.arange(n) if mission.relay == "own" else np.full(n, int(np.argmin(mission.succession)))
         self.auction: Auction | None = None
         self.slot = -1
-        self.log = Log()
-        self.targets = targets_for(tuple(self.pictures), 0, self.relay, encounter.aims_A)
+        self.log = CoordinationLog()
+        self.targets = targets_for(self.pictures, 0, self.relay, encounter.aims_A)
 
 
 class SwarmFlight:
-    """A coordinated swarm in flight, see `Behavior`; the memory is its `State`, brought up to date in place.
-
-    Args:
-        mission: See `Mission`.
+    """A coordinated swarm in flight, see `Behavior`; the memory is its `CoordinationState`, brought up to date in place.
 
     Attributes:
-        mission: As given.
+        mission: What it is given before its release.
         log: Of the last flight.
     """
 
     def __init__(self, mission: Mission) -> None:
-        self.mission, self.log = mission, Log()
+        self.mission, self.log = mission, CoordinationLog()
         self._step_s = mission.encounter.interval_s
 
     @property
@@ -137,9 +133,9 @@ class SwarmFlight:
         """See `Behavior`."""
         return self.mission.dedicated_communications
 
-    def targets(self, view: SwarmView, memory: State | None) -> tuple[Targets, State]:
+    def targets(self, view: SwarmView, memory: CoordinationState | None) -> tuple[Targets, CoordinationState]:
         """See `Behavior`."""
-        state = State(self.mission) if memory is None else memory
+        state = CoordinationState(self.mission) if memory is None else memory
         self.log = state.log
         instant = self._instant(view.t)
         if instant > state.slot:
@@ -147,7 +143,7 @@ class SwarmFlight:
             self._act(state, view)
         return state.targets, state
 
-    def steady_for(self, view: SwarmView, memory: State) -> float:
+    def steady_for(self, view: SwarmView, memory: CoordinationState) -> float:
         """See `SteadyBehavior`: until right after the next picture."""
         slots = self.mission.encounter.slot_s
         following = float(np.ceil(view.t / self._step_s - 1e-9)) * self._step_s
@@ -159,7 +155,7 @@ class SwarmFlight:
         slots = self.mission.encounter.slot_s
         return int(np.ceil(t / self._step_s - 1e-9)) + int(np.searchsorted(slots, t - 1e-6))
 
-    def _act(self, state: State, view: SwarmView) -> None:
+    def _act(self, state: CoordinationState, view: SwarmView) -> None:
         mission, t = self.mission, view.t
         works = np.ones(mission.n, np.bool_) if view.working is None else view.working
         if mission.talks:
@@ -175,17 +171,15 @@ class SwarmFlight:
         for j in np.flatnonzero(works):
             coming = next_picture(state.pictures[j], slot)
             state.aim[j] = state.aim[j] if coming is None else coming[1]
-        found = targets_for(tuple(state.pictures), slot, state.relay, mission.encounter.aims_A)
+        found = targets_for(state.pictures, slot, state.relay, mission.encounter.aims_A)
         for new, old in zip(found, state.targets, strict=True):
             new[~works] = old[~works]
         state.targets = found
         if mission.talks:
             self._speak(state, view, works)
-        state.log.time_s.append(t)
-        state.log.bits.append(state.bus.bits.copy())
-        state.log.airtime_s.append(state.bus.airtime_s.copy())
+        state.log.note(t, state.bus)
 
-    def _look(self, state: State, view: SwarmView, works: Mask) -> None:
+    def _look(self, state: CoordinationState, view: SwarmView, works: Mask) -> None:
         """What the pictures just taken show, each for itself."""
         slots = self.mission.encounter.slot_s
         if not (np.abs(slots - view.t) <= self._step_s * 0.5).any():
@@ -195,23 +189,20 @@ class SwarmFlight:
             if works[j] and camera_on[j] and looks_at_body(state.targets.kind[j]):
                 state.knowledge.held[j, j] |= self.mission.look(view, j)
 
-    def _plan(self, state: State, view: SwarmView, works: Mask) -> None:
+    def _plan(self, state: CoordinationState, view: SwarmView, works: Mask) -> None:
         mission, knowledge, t = self.mission, state.knowledge, view.t
         before = [knowledge.alive(j, t - self._step_s) for j in range(mission.n)]
         for j in np.flatnonzero(works).tolist():
             knowledge.heard_s[j, j] = t
             alive = knowledge.alive(j, t)
-            self._note_silence(state, j, t, before[j], alive)
+            for k in np.flatnonzero(before[j] & ~alive):
+                state.log.events.append(CoordinationEvent(t, j, "silent", f"sc{k + 1} has not been heard of"))
             if mission.relay == "election":
                 self._elect(state, j, t)
         if mission.sensing == "auction":
             self._bid(state, view, works)
 
-    def _note_silence(self, state: State, j: int, t: float, before: Mask, alive: Mask) -> None:
-        for k in np.flatnonzero(before & ~alive):
-            state.log.events.append(CoordinationEvent(t, j, "silent", f"sc{k + 1} has not been heard of"))
-
-    def _elect(self, state: State, j: int, t: float) -> None:
+    def _elect(self, state: CoordinationState, j: int, t: float) -> None:
         stood = bool(state.knowledge.stands[j, j])
         state.relay[j] = state.knowledge.elect(j, t, self.mission.succession)
         stands = bool(state.knowledge.stands[j, j])
@@ -220,7 +211,7 @@ class SwarmFlight:
             detail = "" if stands else f"for sc{state.relay[j] + 1}"
             state.log.events.append(CoordinationEvent(t, j, kind, detail))
 
-    def _bid(self, state: State, view: SwarmView, works: Mask) -> None:
+    def _bid(self, state: CoordinationState, view: SwarmView, works: Mask) -> None:
         """Go on with the auction of the pictures that are left."""
         mission, encounter, t = self.mission, self.mission.encounter, view.t
         slot = encounter.slot_after(t)
@@ -233,32 +224,46 @@ class SwarmFlight:
         can = np.array([works[j] and camera_on[j] for j in range(a)])
         state.auction = auction_from(encounter, state.auction, t=t, known=left, can=can, aim=state.aim[:a])
         for j in np.flatnonzero(can).tolist():
-            forget_lost(state.auction, j, alive[j])
+            state.auction.forget(j, ~alive[j][:a])
             state.auction.plan(j, t)
         found = state.auction.pictures
         for j in np.flatnonzero(works[:a]).tolist():
             state.pictures[j] = tuple((k + slot, m) for k, m in found[j])
 
-    def _speak(self, state: State, view: SwarmView, works: Mask) -> None:
+    def _speak(self, state: CoordinationState, view: SwarmView, works: Mask) -> None:
         """Everybody says what it knows."""
         graph = self.mission.graph(view, state.targets)
         for j in np.flatnonzero(works).tolist():
             claims, length = None, 0
             if state.auction is not None and j < state.auction.problem.n_agents:
                 claims, length = state.auction.message(j), state.auction.message_bits
-            told, bits = state.knowledge.tell(j, view.t, claims)
-            state.bus.broadcast(view.t, j, bits + length, told, graph)
+            report, bits = state.knowledge.report(j, view.t, claims)
+            state.bus.broadcast(view.t, j, bits + length, report, graph)
 
 
-def parts_of(level: int) -> dict[str, str]:
-    """The parts that make a class: sensing and relay."""
-    return dict(zip(("sensing", "relay"), _PARTS[level], strict=True))
+def next_picture(pictures: Schedule, slot: int) -> tuple[int, int] | None:
+    """The first picture in a slot or later; None where none is left."""
+    n = bisect_left(pictures, (slot,))
+    return pictures[n] if n < len(pictures) else None
 
 
-_PARTS: dict[int, tuple[str, str]] = {
-    0: ("own", "own"),
-    1: ("own", "own"),
-    2: ("behavior", "behavior"),
-    3: ("plan", "plan"),
-    4: ("auction", "election"),
-}
+def targets_for(pictures: Sequence[Schedule], slot: int, relay: Ints, aims_A: Array) -> Targets:
+    """One line of sight per spacecraft: at the next picture's aim; without one at Earth, or at the relay.
+
+    Args:
+        pictures: Of each spacecraft, as it knows them itself.
+        slot: The next one.
+        relay: Whom each takes for the relay, itself to speak to Earth, shape (n,).
+        aims_A: Shape (m, 3) [m].
+    """
+    n = len(pictures)
+    kind, spacecraft, vector = np.zeros(n, np.int64), np.zeros(n, np.int64), np.zeros((n, 3))
+    for j in range(n):
+        coming = next_picture(pictures[j], slot)
+        if coming is not None:
+            kind[j], vector[j] = TargetKind.SURFACE, aims_A[coming[1]]
+        elif relay[j] == j:
+            kind[j] = TargetKind.EARTH
+        else:
+            kind[j], spacecraft[j] = TargetKind.SPACECRAFT, relay[j]
+    return Targets(kind, spacecraft, vector)

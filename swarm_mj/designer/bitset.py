@@ -27,12 +27,6 @@ def pack(sees: Mask) -> Words:
     return np.packbits(padded, axis=1, bitorder="little").view("<u8").astype(np.uint64)
 
 
-def unpack(words: Words, n_faces: int) -> Mask:
-    """Inverse of `pack`, for rows of shape (n, n_words)."""
-    as_bytes = np.ascontiguousarray(words).astype("<u8").view(np.uint8)
-    return np.unpackbits(as_bytes, axis=1, bitorder="little", count=n_faces).astype(np.bool_)
-
-
 def weight_table(weights: Ints) -> Ints:
     """Summed weight of every possible byte at every byte of a row, shape (8 n_words, 256)."""
     n_bytes = -(-len(weights) // WORD) * BYTES_PER_WORD
@@ -73,24 +67,32 @@ def add_to_layers(layers: Words, row: Words) -> None:
 
 
 @kernel
-def repeats_before(points: Ints, j: int) -> int:
-    """How often point number j of a list already stood before it."""
-    count = 0
-    for i in range(j):
-        if points[i] == points[j]:
-            count += 1
-    return count
+def is_subset(small: Words, large: Words) -> bool:
+    """Whether one set of faces lies within another."""
+    for w in range(small.shape[0]):
+        if small[w] & ~large[w] != np.uint64(0):
+            return False
+    return True
 
 
 @kernel
-def covered_weights(rows: Words, table: Ints, genes: Ints, fold: int, max_visits: int) -> Ints:
+def stands_before(points: Ints, j: int) -> bool:
+    """Whether point number j of a list already stood before it."""
+    for i in range(j):
+        if points[i] == points[j]:
+            return True
+    return False
+
+
+@kernel
+def covered_weights(rows: Words, table: Ints, genes: Ints, fold: int) -> Ints:
     """Weight of the faces seen by at least `fold` spacecraft, for gene maps of shape (m, 1 + n_max), points from 1."""
     weights = np.zeros(genes.shape[0], dtype=np.int64)
     layers = np.empty((fold, rows.shape[1]), dtype=np.uint64)
     for d in range(genes.shape[0]):
         layers[:] = np.uint64(0)
         for j in range(genes[d, 0]):
-            if repeats_before(genes[d, 1:], j) < max_visits:
+            if not stands_before(genes[d, 1:], j):
                 add_to_layers(layers, rows[genes[d, 1 + j] - 1])
         weights[d] = set_weight(layers[fold - 1], table)
     return weights

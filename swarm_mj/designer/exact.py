@@ -1,10 +1,10 @@
 """Proven answers to the design problem, as mixed-integer programs solved by HiGHS (`scipy.optimize.milp`).
 
-With x_p visits to point p and m_c = 1 where cell c of the target is missed,
+With x_p = 1 where point p is visited and m_c = 1 where cell c of the target is missed,
 
-    minimise sum_p x_p   subject to   sum_{p sees c} x_p + k m_c >= k,   sum_c area_c m_c <= tolerance,   0 <= x_p <= visits
+    minimise sum_p x_p   subject to   sum_{p sees c} x_p + k m_c >= k,   sum_c area_c m_c <= tolerance
 
-which is set cover with a knapsack of permitted gaps. The matrix is reduced first (`reduction`), so that only cells smaller
+which is set cover with a knapsack of permitted gaps. The matrix is reduced first (`reduce_problem`), so that only cells smaller
 than the tolerance have an m_c. HiGHS works to a relative accuracy of about 1e-6 and may let a gap pass that is larger than
 the tolerance by that much: every answer is checked in whole units of area, and where it misses too much, that set of missed
 cells is forbidden and the program solved again. Each program allows at least what the problem allows, so its bound is a bound.
@@ -15,18 +15,19 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.optimize import Bounds, LinearConstraint
-from scipy.sparse import coo_array, csr_array, hstack, vstack
+from scipy.sparse import coo_array, csr_array, eye_array, hstack, vstack
 
-from swarm_mj.designer.problem import CoverProblem, check_cost
-from swarm_mj.designer.reduction import ReducedProblem, merge_cells, reduce_problem
+from swarm_mj.designer.bitset import Words, is_subset, pack
+from swarm_mj.designer.problem import CoverProblem
 from swarm_mj.designer.repair import repair_designs
 from swarm_mj.errors import MissionError
 from swarm_mj.io import highs
-from swarm_mj.typing import Array, Ints
+from swarm_mj.typing import Array, Ints, Mask, kernel
 
 #: HiGHS accepts constraints violated by this much; the tolerance is loosened by it so that no true design is lost.
 FEASIBILITY_TOLERANCE = 1e-6
@@ -35,7 +36,7 @@ Waiting = Callable[[float], None] | None
 
 
 class Cut(NamedTuple):
-    """A condition on a design beyond what it sees: factor . x >= least, with x the numbers of visits.
+    """A condition on a design beyond what it sees: factor . x >= least, with x what is visited.
 
     Attributes:
         factor: Shape (n_points,).
@@ -57,8 +58,7 @@ class ExactResult(NamedTuple):
         n_observers: N_obs of the design.
         points: Visited points, numbered from 1, ascending, shape (n_observers,).
         covered_percent: P_TO of the design.
-        bound: What no design can beat: N_obs from below for `solve_exact`, the cost from below for `solve_cheapest`, P_TO
-            from above for `solve_budget`.
+        bound: What no design can beat: N_obs from below for `solve_exact`, P_TO from above for `solve_budget`.
         status: 'optimal' where the design attains the bound, 'time limit' where that is not known, and 'interrupted' where
             nobody waited for the proof: then the bound is the area of the target over that of the best view.
         seconds: Wall-clock time.
@@ -86,7 +86,7 @@ def solve_exact(problem: CoverProblem, time_limit_s: float | None = None, waitin
     """
     start = time.perf_counter()
     problem.require_coverable()
-    points, bound, proven = _cover(problem, np.ones(problem.n_points), None, time_limit_s, waiting)
+    points, bound, proven = _covered(problem, reduce_problem(problem), (), time_limit_s, waiting)
     least = max(math.ceil(bound - FEASIBILITY_TOLERANCE), 1)
     if least > problem.max_observers or (proven and len(points) > problem.max_observers):
         raise MissionError(_too_few(problem, str(least) if proven else f"at least {least}", time_limit_s))
@@ -99,32 +99,28 @@ def solve_exact(problem: CoverProblem, time_limit_s: float | None = None, waitin
 
 
 def solve_cut(
-    problem: CoverProblem,
-    reduced: ReducedProblem,
-    cuts: Sequence[Cut],
-    time_limit_s: float | None = None,
-    waiting: Waiting = None,
+    problem: CoverProblem, reduced: ReducedProblem, cuts: Sequence[Cut], time_limit_s: float, waiting: Waiting
 ) -> ExactResult | None:
     """The fewest spacecraft that cover the target and keep some cuts, with proof; None where that is proven impossible.
 
     Args:
         problem: What to cover.
         reduced: The same, reduced to fewer cells with `all_points`.
-        cuts: Conditions.
+        cuts: Conditions, beside that of at most `max_observers`.
         time_limit_s: When to stop without proof [s]; the design may then break the cuts.
         waiting: Called now and then with the seconds that have passed.
     """
     start = time.perf_counter()
-    asked = _Asked(reduced, np.ones(problem.n_points), problem.max_observers, cuts)
+    few = Cut(-np.ones(problem.n_points), -float(problem.max_observers))
     try:
-        points, bound, proven = _covered(problem, asked, time_limit_s, waiting)
+        points, bound, proven = _covered(problem, reduced, [*cuts, few], time_limit_s, waiting)
     except NoDesignError:
         return None
     least = float(max(math.ceil(bound - FEASIBILITY_TOLERANCE), 1))
     return _result(problem, points, least, proven or len(points) == least, start)
 
 
-def without_proof(problem: CoverProblem, points: Ints | None = None) -> ExactResult:
+def without_proof(problem: CoverProblem, points: Ints | None) -> ExactResult:
     """What is known when the proof was interrupted: a design, and the least number that the areas allow.
 
     Args:
@@ -136,31 +132,10 @@ def without_proof(problem: CoverProblem, points: Ints | None = None) -> ExactRes
     """
     start = time.perf_counter()
     if points is None:
-        points = _fallback(problem, problem.max_observers, 0.0)
+        points = _fallback(problem, 0.0, problem.max_observers)
     largest = int((problem.sees @ problem.weights).max())
     least = math.ceil(problem.fold * (problem.total_weight - problem.slack) / max(largest, 1))
     return _result(problem, points, float(max(least, 1)), False, start)._replace(status="interrupted")
-
-
-def solve_cheapest(
-    problem: CoverProblem, cost: Array, n_observers: int, time_limit_s: float | None = None
-) -> ExactResult:
-    """The cheapest design of at most `n_observers` spacecraft that covers the target, with proof.
-
-    Args:
-        problem: What to cover; set its tolerance to what may be missed.
-        cost: Cost of a visit to each point, such as its delta-v [m/s], not negative, shape (n_points,).
-        n_observers: Largest N_obs; it takes the place of `max_observers`.
-        time_limit_s: When to stop without proof [s].
-
-    Raises:
-        MissionError: No such design exists or none was found in time, or cost does not fit.
-    """
-    start = time.perf_counter()
-    cost = check_cost(problem, cost)
-    problem.require_coverable()
-    points, bound, proven = _cover(problem, cost, n_observers, time_limit_s)
-    return _result(problem, points, bound, proven, start)
 
 
 def solve_budget(problem: CoverProblem, n_observers: int, time_limit_s: float | None = None) -> ExactResult:
@@ -182,13 +157,12 @@ def solve_budget(problem: CoverProblem, n_observers: int, time_limit_s: float | 
     percent = 100.0 * weights / problem.total_weight
     seen = csr_array(sees.T.astype(np.float64))
     constraints = [
-        LinearConstraint(hstack([seen, -problem.fold * _identity(n_cells)], format="csr"), 0.0, np.inf),
+        LinearConstraint(hstack([seen, -problem.fold * eye_array(n_cells)], format="csr"), 0.0, np.inf),
         LinearConstraint(np.concatenate([np.ones(n_points), np.zeros(n_cells)])[None, :], 1.0, n_observers),
     ]
     answer = _milp(
         np.concatenate([np.zeros(n_points), -percent]),
         constraints,
-        np.concatenate([np.full(n_points, problem.max_visits), np.ones(n_cells)]),
         time_limit_s,
     )
     if answer.x is None:
@@ -198,42 +172,22 @@ def solve_budget(problem: CoverProblem, n_observers: int, time_limit_s: float | 
     return _result(problem, points, bound, answer.status == 0, start)
 
 
-class _Asked(NamedTuple):
-    """What is asked beyond covering: the cost of visits to all points, at most how many of them, and cuts."""
-
-    reduced: ReducedProblem
-    cost: Array
-    n_observers: int | None
-    cuts: Sequence[Cut] = ()
-
-
-def _cover(
-    problem: CoverProblem,
-    cost: Array,
-    n_observers: int | None,
-    time_limit_s: float | None,
-    waiting: Waiting = None,
-) -> tuple[Ints, float, bool]:
-    """Cheapest cover as (points from 1, lower bound of the cost, whether the points attain it)."""
-    return _covered(problem, _Asked(reduce_problem(problem, cost), cost, n_observers), time_limit_s, waiting)
-
-
 def _covered(
-    problem: CoverProblem, asked: _Asked, time_limit_s: float | None, waiting: Waiting
+    problem: CoverProblem, reduced: ReducedProblem, cuts: Sequence[Cut], time_limit_s: float | None, waiting: Waiting
 ) -> tuple[Ints, float, bool]:
-    reduced, n_observers = asked.reduced, asked.n_observers
+    """Smallest cover as (points from 1, lower bound of their number, whether the points attain it)."""
     start = time.perf_counter()
     forbidden: list[Ints] = []
     while True:
         left = None if time_limit_s is None else max(time_limit_s - (time.perf_counter() - start), 0.0)
-        answer = _solve_cover(problem, asked, forbidden, left, waiting)
+        answer = _solve_cover(problem, reduced, cuts, forbidden, left, waiting)
         if answer.status == 2:
-            raise NoDesignError(f"no design of at most {n_observers} spacecraft covers the target: allow more of them")
+            raise NoDesignError("no design that is allowed covers the target")
         if answer.status not in (0, 1):
             raise MissionError(f"HiGHS could not solve the problem: {answer.message}")
         bound = 0.0 if answer.mip_dual_bound is None else max(float(answer.mip_dual_bound), 0.0)
         if answer.x is None:
-            return _fallback(problem, n_observers, time_limit_s), bound, False
+            return _fallback(problem, time_limit_s, problem.max_observers if cuts else problem.n_points), bound, False
         points = _visits(answer.x[: len(reduced.points)], reduced.points)
         if problem.is_enough(problem.covered_weight(points)):
             return points, bound, answer.status == 0
@@ -241,10 +195,14 @@ def _covered(
 
 
 def _solve_cover(
-    problem: CoverProblem, asked: _Asked, forbidden: list[Ints], time_limit_s: float | None, waiting: Waiting
+    problem: CoverProblem,
+    reduced: ReducedProblem,
+    cuts: Sequence[Cut],
+    forbidden: list[Ints],
+    time_limit_s: float | None,
+    waiting: Waiting,
 ) -> Any:
     """One program; `forbidden` holds sets of optional cells that together exceed the tolerance."""
-    reduced = asked.reduced
     n_points, optional = len(reduced.points), np.flatnonzero(~reduced.mandatory)
     n_gaps, k = len(optional), problem.fold
     pick = coo_array((np.full(n_gaps, float(k)), (optional, np.arange(n_gaps))), shape=(len(reduced.weights), n_gaps))
@@ -254,25 +212,19 @@ def _solve_cover(
         shares = np.concatenate([np.zeros(n_points), reduced.weights[optional] / max(reduced.slack, 1)])
         constraints.append(LinearConstraint(shares[None, :], -np.inf, 1.0 + FEASIBILITY_TOLERANCE))
     if forbidden:
-        cuts = np.zeros((len(forbidden), n_points + n_gaps))
-        for cut, cells in zip(cuts, forbidden, strict=True):
-            cut[n_points + cells] = 1.0
-        constraints.append(LinearConstraint(cuts, -np.inf, [len(cells) - 1.0 for cells in forbidden]))
-    visits = [*asked.cuts]
-    if asked.n_observers is not None:
-        visits.append(Cut(-np.ones(problem.n_points), -float(asked.n_observers)))
-    if visits:
-        rows = np.hstack([np.stack([cut.factor for cut in visits])[:, reduced.points], np.zeros((len(visits), n_gaps))])
-        constraints.append(LinearConstraint(rows, [cut.least for cut in visits], np.inf))
-    upper = np.concatenate([np.full(n_points, problem.max_visits), np.ones(n_gaps)])
-    objective = np.concatenate([asked.cost[reduced.points], np.zeros(n_gaps)])
-    return _milp(objective, constraints, upper, time_limit_s, waiting)
+        missed = np.zeros((len(forbidden), n_points + n_gaps))
+        for row, cells in zip(missed, forbidden, strict=True):
+            row[n_points + cells] = 1.0
+        constraints.append(LinearConstraint(missed, -np.inf, [len(cells) - 1.0 for cells in forbidden]))
+    if cuts:
+        rows = np.hstack([np.stack([cut.factor for cut in cuts])[:, reduced.points], np.zeros((len(cuts), n_gaps))])
+        constraints.append(LinearConstraint(rows, [cut.least for cut in cuts], np.inf))
+    objective = np.concatenate([np.ones(n_points), np.zeros(n_gaps)])
+    return _milp(objective, constraints, time_limit_s, waiting)
 
 
-def _milp(
-    objective: Array, constraints: list[Any], upper: Array, time_limit_s: float | None, waiting: Waiting = None
-) -> Any:
-    """HiGHS on whole numbers from 0 to `upper`, run until proven or as far as the time allows."""
+def _milp(objective: Array, constraints: list[Any], time_limit_s: float | None, waiting: Waiting = None) -> Any:
+    """HiGHS on numbers that are 0 or 1, run until proven or as far as the time allows."""
     joined = LinearConstraint(
         vstack([csr_array(c.A) for c in constraints], format="csr"),
         np.concatenate([np.broadcast_to(c.lb, c.A.shape[0]) for c in constraints]),
@@ -281,20 +233,16 @@ def _milp(
     program = {
         "c": objective,
         "constraints": joined,
-        "bounds": Bounds(0.0, upper),
-        "integrality": np.ones(len(upper)),
+        "bounds": Bounds(0.0, 1.0),
+        "integrality": np.ones(len(objective)),
         "options": {"mip_rel_gap": 0.0},
     }
     return highs.solve(program, time_limit_s, waiting)
 
 
-def _identity(n: int) -> Any:
-    return coo_array((np.ones(n), (np.arange(n), np.arange(n))), shape=(n, n))
-
-
 def _visits(x: Array, points: Ints) -> Ints:
-    """List of points, numbered from 1, of the numbers of visits."""
-    return np.repeat(points + 1, np.rint(x).astype(np.int64))
+    """List of points, numbered from 1, of those that are visited."""
+    return points[np.rint(x) > 0.0] + 1
 
 
 def _missed(problem: CoverProblem, reduced: ReducedProblem, points: Ints) -> Ints:
@@ -313,17 +261,9 @@ def _without_idle(problem: CoverProblem, points: Ints) -> Ints:
     return points
 
 
-def _fallback(problem: CoverProblem, n_observers: int | None, time_limit_s: float | None) -> Ints:
-    """A greedy design for when the time is up before HiGHS has any."""
-    most = problem.n_points * problem.max_visits if n_observers is None else n_observers
-    roomy = CoverProblem(
-        sees=problem.sees,
-        area=problem.area,
-        tolerance_percent=problem.tolerance_percent,
-        max_observers=most,
-        fold=problem.fold,
-        max_visits=problem.max_visits,
-    )
+def _fallback(problem: CoverProblem, time_limit_s: float | None, most: int) -> Ints:
+    """A greedy design of at most so many, for when the time is up before HiGHS has any."""
+    roomy = replace(problem, max_observers=most)
     design = repair_designs(roomy, np.ones((1, 1 + most), dtype=np.int64), np.zeros((1, problem.n_points)))[0]
     points = design[1 : 1 + design[0]]
     if not problem.is_enough(problem.covered_weight(points)):
@@ -343,3 +283,95 @@ def _too_few(problem: CoverProblem, least: str, time_limit_s: float | None) -> s
         f"max_observers = {problem.max_observers} is too small: so many spacecraft see at most {most.bound:.2f} % of the "
         f"target's area{times}; {least} are needed for {100.0 - problem.tolerance_percent:g} %"
     )
+
+
+class ReducedProblem(NamedTuple):
+    """What is left to decide.
+
+    Attributes:
+        points: The points kept, numbered from 0, shape (n,).
+        sees: Who sees which cell, shape (n, n_cells).
+        weights: Area of each cell in units of `AREA_UNITS`, shape (n_cells,).
+        mandatory: Whether a cell must be covered, shape (n_cells,).
+        slack: Weight of the cells that may be missed.
+    """
+
+    points: Ints
+    sees: Mask
+    weights: Ints
+    mandatory: Mask
+    slack: int
+
+
+def merge_cells(problem: CoverProblem) -> tuple[Mask, Ints]:
+    """Steps 1 and 2: coverable cells as (sees, shape (n_points, n_cells); weights, shape (n_cells,))."""
+    coverable = problem.coverable
+    seers = pack(problem.sees.T[coverable])
+    _, first, cell = np.unique(seers, axis=0, return_index=True, return_inverse=True)
+    weights = np.zeros(len(first), dtype=np.int64)
+    np.add.at(weights, cell.ravel(), problem.weights[coverable])
+    return problem.sees[:, coverable][:, first], weights
+
+
+def reduce_problem(problem: CoverProblem, *, all_points: bool = False) -> ReducedProblem:
+    """Make a problem smaller without changing its minimum, before it is proven.
+
+    Four steps, each sound on its own, are repeated until nothing more falls away:
+
+    1. Faces that no choice of points can cover are given up: their area comes off the tolerance.
+    2. Faces seen by exactly the same points are one cell with the summed area.
+    3. A cell larger than what may be missed is mandatory. A cell is implied, and dropped, where it is seen by all the points
+       that see some mandatory cell: covering that one covers it.
+    4. A point is dropped where at least `fold` others see all that it sees. In a smallest design that uses it, either one of
+       those is free and does as well, or all are visited and the point was not needed.
+
+    Args:
+        problem: What to cover; it must be coverable.
+        all_points: Leave step 4 out: more is asked of a point than what it sees.
+    """
+    sees, weights = merge_cells(problem)
+    slack = problem.slack - (problem.total_weight - int(weights.sum()))
+    mandatory = weights > slack
+    points = np.arange(problem.n_points)
+    while True:
+        shape = sees.shape
+        cells = ~implied(pack(sees.T), mandatory)
+        sees, weights, mandatory = sees[:, cells], weights[cells], mandatory[cells]
+        if not all_points:
+            kept = ~replaceable(pack(sees), problem.fold)
+            sees, points = sees[kept], points[kept]
+        if all_points or sees.shape == shape:
+            return ReducedProblem(points, sees, weights, mandatory, slack)
+
+
+@kernel
+def implied(seers: Words, mandatory: Mask) -> Mask:
+    """Which cells are covered by covering a mandatory one; of cells with equal seers the first stays."""
+    n = seers.shape[0]
+    dropped = np.zeros(n, dtype=np.bool_)
+    for c in range(n):
+        for other in range(n):
+            if other == c or not mandatory[other] or dropped[other] or not is_subset(seers[other], seers[c]):
+                continue
+            if not is_subset(seers[c], seers[other]) or other < c or not mandatory[c]:
+                dropped[c] = True
+                break
+    return dropped
+
+
+@kernel
+def replaceable(rows: Words, fold: int) -> Mask:
+    """Which points can be dropped by step 4; equal points stand in for each other in their order."""
+    n = rows.shape[0]
+    dropped = np.zeros(n, dtype=np.bool_)
+    for p in range(n):
+        stand_ins = 0
+        for other in range(n):
+            if other == p or not is_subset(rows[p], rows[other]):
+                continue
+            if other < p or not is_subset(rows[other], rows[p]):
+                stand_ins += 1
+                if stand_ins >= fold:
+                    dropped[p] = True
+                    break
+    return dropped

@@ -8,6 +8,10 @@ each one covers the target and carries no spacecraft that it does not need.
 
 Both keep the fittest of parents and children, select by binary tournament, hold no design twice, and count every evaluated
 child as a design explored. Fitness is N_obs, with Deb's penalty for designs that do not cover (`problem.Evaluation`).
+
+pymoo (J. Blank and K. Deb, IEEE Access 8, 2020) calls its tournament comparison and its distance-based duplicate check once per
+individual or pair, in Python, which takes longer than evaluating the designs. `FitnessTournament` compares whole arrays,
+`UniqueDesigns` hashes gene maps.
 """
 
 from __future__ import annotations
@@ -15,33 +19,35 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from pymoo.algorithms.soo.nonconvex.ga import GA
 from pymoo.core.callback import Callback
+from pymoo.core.duplicate import DuplicateElimination
 from pymoo.core.mating import Mating
+from pymoo.core.mutation import Mutation
+from pymoo.core.population import Population
+from pymoo.core.problem import Problem
+from pymoo.core.repair import Repair
+from pymoo.core.sampling import Sampling
+from pymoo.core.selection import Selection
 from pymoo.core.termination import Termination
 from pymoo.operators.crossover.sbx import SBX
 from pymoo.operators.crossover.ux import UX
 from pymoo.operators.mutation.pm import PM
 from pymoo.operators.repair.rounding import RoundingRepair
 
-from swarm_mj.designer.operators import (
-    MATING_ATTEMPTS,
-    CoverRepair,
-    FitnessTournament,
-    ForgetMutation,
-    GeneMapProblem,
-    RandomGeneMaps,
-    UniqueDesigns,
-)
 from swarm_mj.designer.problem import CoverProblem, gene_map
-from swarm_mj.errors import MissionError
+from swarm_mj.designer.repair import repair_designs
 from swarm_mj.io import interruption
-from swarm_mj.typing import Array, Ints
+from swarm_mj.typing import Array, Ints, Mask
 
 Operators = Literal["plain", "repair"]
+#: How often mating is repeated to replace children that already exist before a generation stays smaller.
+MATING_ATTEMPTS = 5
+#: Probability that a visiting point is replaced.
+FORGET_RATE = 0.1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,17 +69,6 @@ class GeneticSettings:
     patience: int = 50
     seed: int = 0
     blur: float = 0.5
-
-    def __post_init__(self) -> None:
-        if self.operators not in get_args(Operators):
-            raise MissionError(f"operators = {self.operators!r}: must be one of {', '.join(get_args(Operators))}")
-        if self.population < 2:
-            raise MissionError(f"population = {self.population}: must be at least 2")
-        for name in ("max_generations", "patience"):
-            if getattr(self, name) < 1:
-                raise MissionError(f"{name} = {getattr(self, name)}: must be at least 1")
-        if not 0.0 <= self.blur < 1.0:
-            raise MissionError(f"blur = {self.blur}: must be at least 0 and below 1")
 
 
 class History(NamedTuple):
@@ -103,7 +98,6 @@ class GeneticResult(NamedTuple):
         explored: Designs evaluated.
         history: The run by generation.
         stopped_by: 'patience', 'max_generations', or 'no new designs' where breeding gave only designs already there.
-        settings: How it ran.
         seconds: Wall-clock time, compilation included where it was needed.
     """
 
@@ -116,7 +110,6 @@ class GeneticResult(NamedTuple):
     explored: int
     history: History
     stopped_by: str
-    settings: GeneticSettings
     seconds: float
 
 
@@ -156,7 +149,6 @@ def evolve(
         explored=record.explored[-1],
         history=History(np.array(record.best), np.array(record.mean), np.array(record.explored)),
         stopped_by=stop.reason,
-        settings=settings,
         seconds=time.perf_counter() - start,
     )
 
@@ -231,3 +223,95 @@ class _Stop(Termination):
             self.reason = "max_generations"
             return 1.0
         return 0.0
+
+
+class GeneMapProblem(Problem):
+    """The domains of the paper's Figure 5 and the fitness of `CoverProblem.evaluate`, many designs at a time."""
+
+    def __init__(self, cover: CoverProblem) -> None:
+        n_max = cover.max_observers
+        super().__init__(
+            n_var=1 + n_max,
+            n_obj=1,
+            xl=np.ones(1 + n_max),
+            xu=np.concatenate([[n_max], np.full(n_max, cover.n_points)]),
+            vtype=int,
+        )
+        self.cover = cover
+
+    def _evaluate(self, x: Ints, out: dict[str, Any], *args: Any, **kwargs: Any) -> None:
+        out["F"] = self.cover.evaluate(x).fitness[:, None]
+
+
+class RandomGeneMaps(Sampling):
+    """Gene maps uniform over their domains."""
+
+    def _do(self, problem: Problem, n_samples: int, *args: Any, random_state: Any, **kwargs: Any) -> Ints:
+        low, high = problem.xl.astype(np.int64), problem.xu.astype(np.int64)
+        return random_state.integers(low, high + 1, size=(n_samples, problem.n_var))
+
+
+class FitnessTournament(Selection):
+    """Binary tournaments on the first objective; the fitter of two wins, ties fall to the first drawn."""
+
+    def _do(
+        self,
+        problem: Problem,
+        pop: Population,
+        n_select: int,
+        n_parents: int,
+        *args: Any,
+        random_state: Any,
+        **kwargs: Any,
+    ) -> Ints:
+        fitness = pop.get("F")[:, 0]
+        pairs = random_state.integers(len(pop), size=(2, n_select, n_parents))
+        return np.where(fitness[pairs[1]] < fitness[pairs[0]], pairs[1], pairs[0])
+
+
+class ForgetMutation(Mutation):
+    """Forget some visiting points and name random ones instead."""
+
+    def __init__(self) -> None:
+        super().__init__(prob=1.0)
+
+    def _do(self, problem: Problem, X: Ints, *args: Any, random_state: Any, **kwargs: Any) -> Ints:  # noqa: N803
+        genes = X.copy()
+        replaced = random_state.random(genes[:, 1:].shape) < FORGET_RATE
+        genes[:, 1:][replaced] = random_state.integers(1, int(problem.xu[1]) + 1, size=int(replaced.sum()))
+        return genes
+
+
+class CoverRepair(Repair):
+    """Greedy completion and pruning of every child (`repair.repair_designs`).
+
+    Attributes:
+        blur: Upper end of the uniform blur of each point's gain: 0 is greedy, towards 1 random.
+    """
+
+    def __init__(self, cover: CoverProblem, blur: float) -> None:
+        super().__init__()
+        self.cover = cover
+        self.blur = blur
+
+    def _do(self, problem: Problem, X: Ints, *args: Any, random_state: Any, **kwargs: Any) -> Ints:  # noqa: N803
+        return repair_designs(self.cover, X, self.blur * random_state.random((len(X), self.cover.n_points)))
+
+
+class UniqueDesigns(DuplicateElimination):
+    """Drop designs whose spacecraft visit the same points as those of a design already there, in whatever order."""
+
+    def _do(self, pop: Population, other: Population | None, is_duplicate: Mask) -> Mask:
+        known = set() if other is None else set(_keys(other))
+        for i, key in enumerate(_keys(pop)):
+            is_duplicate[i] = key in known
+            if other is None:
+                known.add(key)
+        return is_duplicate
+
+
+def _keys(pop: Population) -> list[bytes]:
+    genes = np.asarray(pop.get("X"), dtype=np.int64)
+    read = np.arange(1, genes.shape[1]) <= genes[:, :1]
+    points = np.sort(np.where(read, genes[:, 1:], 0), axis=1)
+    return [row.tobytes() for row in points]

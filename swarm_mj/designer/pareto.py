@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,34 +23,13 @@ from pymoo.operators.crossover.ux import UX
 from pymoo.operators.selection.tournament import TournamentSelection
 from pymoo.termination.max_gen import MaximumGenerationTermination
 
-from swarm_mj.designer.operators import MATING_ATTEMPTS, GeneMapProblem, RandomGeneMaps, UniqueDesigns
-from swarm_mj.designer.problem import CoverProblem, check_cost, gene_map
+from swarm_mj.designer.genetic import MATING_ATTEMPTS, GeneMapProblem, RandomGeneMaps, UniqueDesigns
+from swarm_mj.designer.problem import CoverProblem, gene_map
 from swarm_mj.designer.repair import refill_designs
-from swarm_mj.errors import MissionError
 from swarm_mj.typing import Array, Ints, Mask, kernel
 
-
-@dataclass(frozen=True, kw_only=True)
-class ParetoSettings:
-    """How NSGA-II runs.
-
-    Attributes:
-        population: Designs per generation.
-        generations: Generations bred after the first.
-        seed: Seed of all random choices.
-        forget_rate: Probability that a child forgets a visiting point.
-    """
-
-    population: int = 200
-    generations: int = 300
-    seed: int = 0
-    forget_rate: float = 0.15
-
-    def __post_init__(self) -> None:
-        if self.population < 4 or self.generations < 1:
-            raise MissionError(
-                f"population = {self.population}, generations = {self.generations}: must be at least 4 and 1"
-            )
+#: Probability that a child forgets a visiting point.
+FORGET_RATE = 0.15
 
 
 class ParetoFront(NamedTuple):
@@ -77,28 +55,31 @@ class ParetoFront(NamedTuple):
 def pareto_front(
     problem: CoverProblem,
     delta_v: Array,
-    settings: ParetoSettings | None = None,
     known: Sequence[Ints] = (),
+    *,
+    population: int = 200,
+    generations: int = 300,
+    seed: int = 0,
 ) -> ParetoFront:
     """Search for the designs that trade spacecraft, delta-v and area.
 
     Args:
         problem: What to cover; its tolerance plays no part, `max_observers` limits N_obs.
         delta_v: Delta-v of a visit to each point [m/s or any unit], not negative, shape (n_points,).
-        settings: How to run; the defaults where None.
         known: Designs to start from besides random ones, each a list of points from 1; the proven answers of `exact` for
             each N_obs make the extremes of the front exact.
+        population: Designs per generation.
+        generations: Generations bred after the first.
+        seed: Seed of all random choices.
 
     Raises:
-        MissionError: delta_v does not fit, or a known design has too many points.
+        MissionError: A known design has too many points.
     """
     start = time.perf_counter()
-    settings = settings or ParetoSettings()
-    delta_v = check_cost(problem, delta_v)
     archive = _Archive(problem.max_observers)
     repair, unique = _CheapRefill(problem, delta_v), UniqueDesigns()
     algorithm = NSGA2(
-        pop_size=settings.population,
+        pop_size=population,
         sampling=_KnownAndRandom([gene_map(points, problem.max_observers) for points in known]),
         repair=repair,
         eliminate_duplicates=unique,
@@ -106,14 +87,14 @@ def pareto_front(
         mating=Mating(
             TournamentSelection(func_comp=binary_tournament),
             UX(prob=0.9),
-            _ForgetOrResize(settings.forget_rate),
+            _ForgetOrResize(),
             repair=repair,
             eliminate_duplicates=unique,
             n_max_iterations=MATING_ATTEMPTS,
         ),
     )
-    stop = MaximumGenerationTermination(settings.generations + 1)
-    algorithm.setup(_TradeProblem(problem, delta_v), termination=stop, callback=archive, seed=settings.seed)
+    stop = MaximumGenerationTermination(generations + 1)
+    algorithm.setup(_TradeProblem(problem, delta_v), termination=stop, callback=archive, seed=seed)
     algorithm.run()
     order = np.lexsort((archive.values[:, 2], archive.values[:, 1], archive.values[:, 0]))
     genes, values = archive.genes[order], archive.values[order]
@@ -177,13 +158,12 @@ class _KnownAndRandom(RandomGeneMaps):
 class _ForgetOrResize(Mutation):
     """Forget points, to be named anew at random or, by repeating a point, left to the refill; fly one more or fewer."""
 
-    def __init__(self, rate: float) -> None:
+    def __init__(self) -> None:
         super().__init__(prob=1.0)
-        self.rate = rate
 
     def _do(self, problem: Problem, X: Ints, *args: Any, random_state: Any, **kwargs: Any) -> Ints:  # noqa: N803
         genes = X.copy()
-        forgotten = random_state.random(genes[:, 1:].shape) < self.rate
+        forgotten = random_state.random(genes[:, 1:].shape) < FORGET_RATE
         anew = random_state.integers(1, int(problem.xu[1]) + 1, size=forgotten.shape)
         refill = random_state.random(len(genes)) < 0.5
         genes[:, 1:] = np.where(forgotten, np.where(refill[:, None], genes[:, 1:2], anew), genes[:, 1:])

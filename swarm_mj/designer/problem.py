@@ -53,12 +53,8 @@ class CoverProblem:
         area: Area of each face [m^2 or any unit], shape (n_faces,).
         tolerance_percent: Largest |100 - P_TO| allowed [%].
         max_observers: N_max.
-        fold: How many spacecraft must see a face for it to count.
-        max_visits: How many spacecraft may visit one point. One by default: two at the same place and time would collide,
-            and would share whatever spoils the view. More matters only where fold > 1.
-
-    Raises:
-        MissionError: The arrays or numbers make no problem.
+        fold: How many spacecraft must see a face for it to count. No two visit one point, where they would collide, and would
+            share whatever spoils the view.
     """
 
     sees: Mask
@@ -66,17 +62,10 @@ class CoverProblem:
     tolerance_percent: float = 0.1
     max_observers: int = 20
     fold: int = 1
-    max_visits: int = 1
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "sees", np.ascontiguousarray(self.sees, dtype=np.bool_))
         object.__setattr__(self, "area", np.ascontiguousarray(self.area, dtype=np.float64))
-        _check_arrays(self.sees, self.area)
-        if not 0.0 <= self.tolerance_percent < 100.0:
-            raise MissionError(f"tolerance_percent = {self.tolerance_percent}: must be at least 0 and below 100")
-        for name in ("max_observers", "fold", "max_visits"):
-            if getattr(self, name) < 1:
-                raise MissionError(f"{name} = {getattr(self, name)}: must be at least 1")
 
     @property
     def n_points(self) -> int:
@@ -115,13 +104,8 @@ class CoverProblem:
 
     @cached_property
     def coverable(self) -> Mask:
-        """Which faces are covered if every point is visited as often as allowed, shape (n_faces,)."""
-        return self.sees.sum(axis=0) * self.max_visits >= self.fold
-
-    @cached_property
-    def coverable_percent(self) -> float:
-        """P_TO if every point were visited as often as allowed."""
-        return self.percent(int(self.weights[self.coverable].sum()))
+        """Which faces are covered if every point is visited, shape (n_faces,)."""
+        return self.sees.sum(axis=0) >= self.fold
 
     def percent(self, covered_weight: int) -> float:
         """P_TO of a covered weight."""
@@ -132,12 +116,10 @@ class CoverProblem:
         return self.total_weight - covered_weight <= self.slack
 
     def covered_weight(self, points: Sequence[int] | Ints) -> int:
-        """Weight that visits to these points, numbered from 1, cover; a point counts at most `max_visits` times."""
+        """Weight that visits to these points, numbered from 1, cover; a point that stands twice counts once."""
         layers = np.zeros((self.fold, self.rows.shape[1]), dtype=np.uint64)
-        numbers, visits = np.unique(np.asarray(points, dtype=np.int64), return_counts=True)
-        for number, n in zip(numbers, visits, strict=True):
-            for _ in range(min(int(n), self.max_visits)):
-                add_to_layers(layers, self.rows[number - 1])
+        for point in np.unique(np.asarray(points, dtype=np.int64)):
+            add_to_layers(layers, self.rows[point - 1])
         return int(set_weight(layers[-1], self.table))
 
     def covered_percent(self, points: Sequence[int] | Ints) -> float:
@@ -149,13 +131,9 @@ class CoverProblem:
 
         Args:
             genes: Gene maps [N_obs, p_1 ... p_Nmax], shape (m, 1 + max_observers).
-
-        Raises:
-            MissionError: A gene is outside its domain.
         """
         genes = np.ascontiguousarray(genes, dtype=np.int64)
-        _check_genes(genes, self.max_observers, self.n_points)
-        missing = self.total_weight - covered_weights(self.rows, self.table, genes, self.fold, self.max_visits)
+        missing = self.total_weight - covered_weights(self.rows, self.table, genes, self.fold)
         feasible = missing <= self.slack
         too_much = np.maximum(missing - self.slack, 0) / self.total_weight
         fitness = np.where(feasible, genes[:, 0], self.max_observers + 1.0 + too_much)
@@ -167,8 +145,9 @@ class CoverProblem:
         Raises:
             MissionError: It would not; the message says how much can be seen and what would make it feasible.
         """
-        if not self.is_enough(int(self.weights[self.coverable].sum())):
-            raise MissionError(_uncoverable(self))
+        seen = int(self.weights[self.coverable].sum())
+        if not self.is_enough(seen):
+            raise MissionError(_uncoverable(self, self.percent(seen)))
 
 
 def gene_map(points: Sequence[int] | Ints, max_observers: int) -> Ints:
@@ -183,42 +162,7 @@ def gene_map(points: Sequence[int] | Ints, max_observers: int) -> Ints:
     return np.concatenate([[len(ordered)], np.resize(ordered, max_observers)])
 
 
-def check_cost(problem: CoverProblem, cost: Array) -> Array:
-    """Cost of a visit to each point as an array of floats, shape (n_points,).
-
-    Raises:
-        MissionError: The shape is another, or a cost is negative or not finite.
-    """
-    cost = np.asarray(cost, dtype=np.float64)
-    if cost.shape != (problem.n_points,):
-        raise MissionError(f"cost has shape {cost.shape}: must be ({problem.n_points},), one per visiting point")
-    if not np.all(np.isfinite(cost)) or cost.min() < 0.0:
-        raise MissionError(
-            "cost: must be finite and not negative; leave points that cannot be reached out of the problem"
-        )
-    return cost
-
-
-def _check_arrays(sees: Mask, area: Array) -> None:
-    if sees.ndim != 2 or 0 in sees.shape:
-        raise MissionError(f"sees has shape {sees.shape}: must be (points, faces), neither empty")
-    if area.shape != (sees.shape[1],):
-        raise MissionError(f"area has shape {area.shape}: must be ({sees.shape[1]},), one per column of sees")
-    if not np.all(np.isfinite(area)) or area.min() < 0.0 or area.sum() <= 0.0:
-        raise MissionError("area: must be finite, not negative, and more than zero in all")
-
-
-def _check_genes(genes: Ints, max_observers: int, n_points: int) -> None:
-    if genes.ndim != 2 or genes.shape[1] != 1 + max_observers:
-        raise MissionError(f"genes have shape {genes.shape}: must be (m, {1 + max_observers}), [N_obs, p_1 ... p_Nmax]")
-    if genes.size and (genes[:, 0].min() < 1 or genes[:, 0].max() > max_observers):
-        raise MissionError(f"genes: N_obs must be 1 to {max_observers}")
-    if genes.size and (genes[:, 1:].min() < 1 or genes[:, 1:].max() > n_points):
-        raise MissionError(f"genes: points must be 1 to {n_points}")
-
-
-def _uncoverable(problem: CoverProblem) -> str:
-    best = problem.coverable_percent
+def _uncoverable(problem: CoverProblem, best: float) -> str:
     unseen = int((~problem.coverable).sum())
     times = "" if problem.fold == 1 else f" {problem.fold} times"
     advice = f"allow a tolerance of at least {np.ceil((100.0 - best) * 100) / 100:.2f} %, or add visiting points"

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from swarm_mj.designer.bitset import Words, add_to_layers, repeats_before, set_weight, word_weight
+from swarm_mj.designer.bitset import Words, add_to_layers, set_weight, stands_before, word_weight
 from swarm_mj.designer.problem import CoverProblem
 from swarm_mj.typing import Array, Ints, kernel
 
@@ -23,7 +23,7 @@ def repair_designs(problem: CoverProblem, genes: Ints, noise: Array) -> Ints:
 
     Args:
         problem: What to cover.
-        genes: Gene maps, shape (m, 1 + max_observers); a point that stands more often than `max_visits` counts as absent.
+        genes: Gene maps, shape (m, 1 + max_observers); a point that stands twice counts once.
         noise: Blur of every point's gain, 0 for purely greedy choices, below 1, shape (m, n_points).
 
     Returns:
@@ -43,22 +43,20 @@ def refill_designs(problem: CoverProblem, genes: Ints, noise: Array) -> Ints:
 def _repaired(problem: CoverProblem, genes: Ints, noise: Array, enough: int, keep_size: bool) -> Ints:
     repaired = np.ascontiguousarray(genes, dtype=np.int64).copy()
     blur = np.ascontiguousarray(noise, dtype=np.float64)
-    _repair_all(problem.rows, problem.table, problem.fold, problem.max_visits, enough, keep_size, blur, repaired)
+    _repair_all(problem.rows, problem.table, problem.fold, enough, keep_size, blur, repaired)
     return repaired
 
 
 @kernel
-def _repair_all(
-    rows: Words, table: Ints, fold: int, max_visits: int, enough: int, keep_size: bool, noise: Array, genes: Ints
-) -> None:
+def _repair_all(rows: Words, table: Ints, fold: int, enough: int, keep_size: bool, noise: Array, genes: Ints) -> None:
     """Repair gene maps in place until a weight of `enough` is covered; with keep_size N_obs never grows."""
     layers = np.zeros((fold + 1, rows.shape[1]), dtype=np.uint64)
     for d in range(genes.shape[0]):
         points = genes[d, 1:]
         most = genes[d, 0] if keep_size else points.shape[0]
-        n = _drop_excess(points, genes[d, 0], max_visits)
+        n = _drop_repeats(points, genes[d, 0])
         _count(rows, points, n, layers)
-        n = _complete(rows, table, noise[d], max_visits, enough, points[:most], n, layers)
+        n = _complete(rows, table, noise[d], enough, points[:most], n, layers)
         n = _prune(rows, table, noise[d], enough, points, n, layers)
         genes[d, 0] = n
         points[:n].sort()
@@ -67,13 +65,12 @@ def _repair_all(
 
 
 @kernel
-def _drop_excess(points: Ints, n: int, max_visits: int) -> int:
-    """Close up the list in place without visits beyond the allowed number; returns its new length."""
+def _drop_repeats(points: Ints, n: int) -> int:
+    """Close up the list in place without points that stand in it already; returns its new length."""
     kept = 0
     for j in range(n):
-        point = points[j]
-        points[kept] = point
-        if repeats_before(points, kept) < max_visits:
+        points[kept] = points[j]
+        if not stands_before(points, kept):
             kept += 1
     return kept
 
@@ -87,18 +84,16 @@ def _count(rows: Words, points: Ints, n: int, layers: Words) -> None:
 
 
 @kernel
-def _complete(
-    rows: Words, table: Ints, noise: Array, max_visits: int, enough: int, points: Ints, n: int, layers: Words
-) -> int:
+def _complete(rows: Words, table: Ints, noise: Array, enough: int, points: Ints, n: int, layers: Words) -> int:
     """Add points until the design covers enough, or nothing helps or fits; returns its new length."""
-    visits = np.zeros(rows.shape[0], dtype=np.int64)
+    visited = np.zeros(rows.shape[0], dtype=np.bool_)
     for j in range(n):
-        visits[points[j] - 1] += 1
+        visited[points[j] - 1] = True
     covered = layers[layers.shape[0] - 2]
     while n < points.shape[0] and set_weight(covered, table) < enough:
         best, best_gain = -1, 0.0
         for p in range(rows.shape[0]):
-            if visits[p] < max_visits:
+            if not visited[p]:
                 gain = _gain(rows[p], covered, table) * (1.0 - noise[p])
                 if gain > best_gain:
                     best, best_gain = p, gain
@@ -106,7 +101,7 @@ def _complete(
             break
         points[n] = best + 1
         n += 1
-        visits[best] += 1
+        visited[best] = True
         add_to_layers(layers, rows[best])
     return n
 

@@ -15,11 +15,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from swarm_mj.designer.arrival import HOUR, Arrival, fly_design, needs_of
 from swarm_mj.designer.candidates.visibility import Candidate, Visibility, visibility
+from swarm_mj.designer.deadline import HOUR, Arrival, DeadlineSearch, fly_design, needs_of
 from swarm_mj.designer.exact import ExactResult, Waiting, solve_budget, solve_exact, without_proof
 from swarm_mj.designer.problem import CoverProblem
-from swarm_mj.designer.within import Within
 from swarm_mj.errors import MissionError
 from swarm_mj.io.interruption import held
 from swarm_mj.scenarios.itinerary import target_name
@@ -52,7 +51,7 @@ class Study:
         front: Designs that trade spacecraft, delta-v and area; None if not asked for.
         wall_s: Seconds by stage.
         interrupted: The stage in which an interruption came, after which nothing more was tried; empty: none came.
-        within: When designs are on Earth, and what that excludes; None where `designer.deliver_within_h` asks for nothing.
+        deadline: When designs are on Earth, and what that excludes; None where `designer.deliver_within_h` asks for nothing.
     """
 
     scenario: Scenario
@@ -63,7 +62,7 @@ class Study:
     front: ParetoFront | None
     wall_s: dict[str, float]
     interrupted: str = ""
-    within: Within | None = None
+    deadline: DeadlineSearch | None = None
 
     @property
     def selected(self) -> Ints:
@@ -78,9 +77,9 @@ class Study:
 
     def in_time(self, points: Ints) -> bool | None:
         """Whether a design is on Earth in time; None where that is not asked for, or not known."""
-        if self.within is None or self.within.known(points) is None:
+        if self.deadline is None or self.deadline.known(points) is None:
             return None
-        return self.within.meets(points)
+        return self.deadline.meets(points)
 
     @property
     def selected_by(self) -> str:
@@ -174,14 +173,14 @@ class _Work:
         self.exact: ExactResult | None = None
         self.genetic: dict[str, GeneticResult] = {}
         self.front: ParetoFront | None = None
-        self.within = _within(scenario, seen, problem)
+        self.deadline = _deadline_search(scenario, seen, problem)
 
     def solve(self, pareto: bool) -> None:
         """All stages; evolution comes first, so that there is a good design when the proof takes long."""
         problem, limit = self.problem, self.scenario.designer.time_limit_s
-        if self.within is not None:
+        if self.deadline is not None:
             with self.clock.stage("least delivery", "least delivery"):
-                self.within.require_possible(limit)
+                self.deadline.require_possible(limit)
         self.evolve("repair")
         with self.clock.stage("proof", f"proof, at most {limit:g} s") as (tell,):
             waiting = None if tell is None else lambda seconds: tell(seconds / limit)
@@ -197,9 +196,9 @@ class _Work:
 
     def prove(self, limit: float, waiting: Waiting) -> ExactResult:
         """The proven minimum, on Earth in time where that is asked for."""
-        if self.within is None:
+        if self.deadline is None:
             return solve_exact(self.problem, limit, waiting)
-        return self.within.solve(limit, self.genetic["repair"].points, waiting)
+        return self.deadline.solve(limit, self.genetic["repair"].points, waiting)
 
     def evolve(self, operators: str) -> None:
         """One run of the genetic algorithm; and when its design is on Earth, where that matters."""
@@ -208,8 +207,8 @@ class _Work:
         name = f"evolution, {operators}"
         with self.clock.stage(name, name) as (tell,):
             found = self.genetic[operators] = evolve(self.problem, _settings(self.scenario, operators), tell)
-            if self.within is not None and found.feasible:
-                self.within.arrival(found.points)
+            if self.deadline is not None and found.feasible:
+                self.deadline.arrival(found.points)
 
     def study(self) -> Study:
         """The study as far as it came."""
@@ -226,7 +225,7 @@ class _Work:
             front=self.front,
             wall_s=self.clock.wall_s,
             interrupted=self.clock.interrupted,
-            within=self.within,
+            deadline=self.deadline,
         )
 
     def _best_so_far(self) -> ExactResult:
@@ -237,16 +236,16 @@ class _Work:
             raise KeyboardInterrupt from None
 
 
-def _within(scenario: Scenario, seen: Visibility, problem: CoverProblem) -> Within | None:
+def _deadline_search(scenario: Scenario, seen: Visibility, problem: CoverProblem) -> DeadlineSearch | None:
     hours = scenario.designer.deliver_within_h
     if hours is None:
         return None
 
-    def judge(points: Ints) -> Arrival:
+    def fly(points: Ints) -> Arrival:
         return fly_design(scenario, np.array([seen.candidates[p - 1].point for p in points]))
 
     needs = needs_of(scenario, seen.flights[0], seen.regions[0], problem)
-    return Within(problem=problem, needs=needs, limit_s=hours * HOUR, judge=judge)
+    return DeadlineSearch(problem=problem, needs=needs, limit_s=hours * HOUR, fly=fly)
 
 
 class Growth(NamedTuple):
@@ -315,14 +314,8 @@ def describe(candidate: Candidate, seen: Visibility) -> str:
 def _settings(scenario: Scenario, operators: str) -> GeneticSettings:
     from swarm_mj.designer.genetic import GeneticSettings
 
-    designer = scenario.designer
-    return GeneticSettings(
-        operators=operators,  # type: ignore[arg-type]
-        population=designer.population,
-        max_generations=designer.max_generations,
-        patience=designer.patience,
-        seed=scenario.seed,
-    )
+    given = scenario.designer.model_dump(include={"population", "max_generations", "patience"})
+    return GeneticSettings(operators=operators, seed=scenario.seed, **given)  # type: ignore[arg-type]
 
 
 class _Clock:

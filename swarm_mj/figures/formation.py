@@ -14,7 +14,7 @@ from swarm_mj.figures.palette import BLACK, GREY, LIGHT_GREY, spacecraft_styles
 from swarm_mj.figures.panels import legend_below
 from swarm_mj.figures.style import label, new_figure, note_of_omission, shown_spacecraft, tidy
 from swarm_mj.figures.timescale import time_scale
-from swarm_mj.flight.formation import ERROR, TOLD
+from swarm_mj.flight.formation import ERROR, RECORD
 from swarm_mj.flight.observe import ObservationResult
 from swarm_mj.flight.plan import Plan
 
@@ -24,29 +24,29 @@ FLOOR_M = 1e-2
 
 def compose_formation(plan: Plan, telemetry: xr.Dataset, result: ObservationResult) -> Figure:
     """Distance from the place in the formation, and velocity gained by thrust, of every spacecraft."""
-    shown, told = shown_spacecraft(plan.n), json.loads(telemetry.attrs[TOLD])
+    shown, record = shown_spacecraft(plan.n), json.loads(telemetry.attrs[RECORD])
     figure = new_figure(6.2, f"Formation: {plan.scenario.name}{note_of_omission(plan.n, shown)}")
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(1.6, 1.0))
     scale, times = time_scale(plan, telemetry), telemetry["time"].values
-    some = scale.samples(times)
-    t = times[some] / scale.axis.seconds
+    sampled = scale.samples(times)
+    t = times[sampled] / scale.axis.seconds
     error, spent = np.maximum(telemetry[ERROR].values, FLOOR_M), telemetry["delta_v_m_s"].values
     handles: list[Line2D] = []
     for j, line in zip(shown, spacecraft_styles(len(shown)), strict=True):
-        handles += upper.plot(t, error[some, j], label=plan.names[j], linewidth=1.4, **line)
-        lower.plot(t, spent[some, j], linewidth=1.4, **line)
+        handles += upper.plot(t, error[sampled, j], label=plan.names[j], linewidth=1.4, **line)
+        lower.plot(t, spent[sampled, j], linewidth=1.4, **line)
     upper.set_yscale("log")
     upper.set_ylim(FLOOR_M, max(2.0 * float(error.max()), 10.0 * FLOOR_M))
-    if told["dead_band_m"] > 0.0:
+    if record["dead_band_m"] > 0.0:
         style: dict[str, Any] = {"color": BLACK, "linewidth": 1.0, "linestyle": (0, (6, 2))}
-        upper.axhline(told["dead_band_m"], **style)
-        handles.append(Line2D([], [], label=f"dead band, {told['dead_band_m']:g} m", **style))
+        upper.axhline(record["dead_band_m"], **style)
+        handles.append(Line2D([], [], label=f"dead band, {record['dead_band_m']:g} m", **style))
     for ax in (upper, lower):
-        for edge in (told["start_s"], told["end_s"]):
+        for edge in (record["start_s"], record["end_s"]):
             ax.axvline(edge / scale.axis.seconds, color=GREY, linewidth=1.0, linestyle=(0, (1, 2)))
         ax.axvspan(
-            told["start_s"] / scale.axis.seconds,
-            told["end_s"] / scale.axis.seconds,
+            record["start_s"] / scale.axis.seconds,
+            record["end_s"] / scale.axis.seconds,
             color=LIGHT_GREY,
             alpha=0.25,
             zorder=0,

@@ -4,19 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import mujoco
 import numpy as np
 
 from swarm_mj.errors import PathError, ScenarioError
-from swarm_mj.mission.finite_burns import windows_of
-from swarm_mj.mission.insertion import BEYOND_THE_TANK, insert
+from swarm_mj.mission.deployer import BEYOND_THE_TANK, insert
+from swarm_mj.mission.finite_burns import timed_burns
 from swarm_mj.mission.trajectories import AccelerationN, Deployment, PlannedBurn, Push
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.simulator.simulation import Simulation
 from swarm_mj.spacecraft.control.force import ForceView
 from swarm_mj.spacecraft.own_spacecraft import OwnSpacecraft
 from swarm_mj.spacecraft.properties import SpacecraftProperties
-from swarm_mj.spacecraft.thrusters import Allocation, Thrusters, packaged_nozzles, read_nozzles
+from swarm_mj.spacecraft.thrusters import Allocation, Thrusters, packaged_nozzles
 from swarm_mj.typing import Array
 
 #: Excess over a time that is rounding [s].
@@ -35,12 +34,10 @@ def push_of(properties: SpacecraftProperties, own: OwnSpacecraft | None) -> Push
     if thrusters is None:
         return None
     if own is None:
-        allocation = Allocation(packaged_nozzles(thrusters.layout, properties.size), np.zeros(3))
+        strength = Allocation(packaged_nozzles(thrusters.layout, properties.size), np.zeros(3)).strength
     else:
-        model = mujoco.MjModel.from_xml_path(str(own.path))
-        hub = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, own.hub)
-        allocation = Allocation(read_nozzles(model, hub), model.body_ipos[hub])
-    return Push(thrusters.thrust * allocation.strength, thrusters.exhaust_speed, properties.mass, thrusters.propellant)
+        strength = own.strength
+    return Push(thrusters.thrust * strength, thrusters.exhaust_speed, properties.mass, thrusters.propellant)
 
 
 def with_insertion(
@@ -95,18 +92,18 @@ def check_burns(deployment: Deployment, push: Push | None) -> None:
             BEYOND_THE_TANK,
             beyond.tolist(),
         )
-    for j, windows in enumerate(windows_of(deployment.burns, push, np.full(len(needed), push.mass))):
+    for j, burns in enumerate(timed_burns(deployment.burns, push, np.full(len(needed), push.mass))):
         free = float(deployment.release_s[j]), "it leaves the mothership"
-        for window in windows:
-            if window.start < free[0] - ROUNDING_S:
+        for burn in burns:
+            if burn.start < free[0] - ROUNDING_S:
                 raise PathError(
-                    f"sc{j + 1}: its burn of {np.linalg.norm(window.burn.delta_v_N):.4g} m/s about t = {window.burn.t:g} s "
-                    f"begins at t = {window.start:.6g} s, before {free[1]} at t = {free[0]:.6g} s; burn later, or raise "
+                    f"sc{j + 1}: its burn of {np.linalg.norm(burn.planned.delta_v_N):.4g} m/s about t = {burn.planned.t:g} s "
+                    f"begins at t = {burn.start:.6g} s, before {free[1]} at t = {free[0]:.6g} s; burn later, or raise "
                     "spacecraft.thrusters.thrust_n",
                     "with a burn that begins too early",
                     [j],
                 )
-            free = window.start + window.duration, "its earlier burn ends"
+            free = burn.start + burn.duration, "its earlier burn ends"
 
 
 def total_delta_v(burns: Sequence[PlannedBurn], n: int) -> Array:
@@ -135,7 +132,7 @@ class PlannedBurns:
         self.force = thrusters.thrust * allocation.strength
         self._n = len(mass)
         push = Push(self.force, thrusters.exhaust_speed, float(np.max(mass)), thrusters.propellant)
-        self.windows = windows_of(burns, push, mass)
+        self.burns = timed_burns(burns, push, mass)
 
     def forces(self, view: ForceView, memory: tuple[Array, Array] | None) -> tuple[Array, tuple[Array, Array]]:
         """Full thrust for those whose burn it is, see `ForceLaw`; remembers burns done and velocities at their start."""
@@ -143,13 +140,13 @@ class PlannedBurns:
         done, before = done.copy(), before.copy()
         wish = np.zeros((self._n, 3))
         for j in range(self._n):
-            while done[j] < len(self.windows[j]) and view.t + view.period > self.windows[j][done[j]].start:
-                window = self.windows[j][done[j]]
-                left_N = window.burn.delta_v_N - (view.delta_v_N[j] - before[j])
+            while done[j] < len(self.burns[j]) and view.t + view.period > self.burns[j][done[j]].start:
+                burn = self.burns[j][done[j]]
+                left_N = burn.planned.delta_v_N - (view.delta_v_N[j] - before[j])
                 left = float(np.linalg.norm(left_N))
-                late = view.t > window.start + TOO_LONG * window.duration + view.period
+                late = view.t > burn.start + TOO_LONG * burn.duration + view.period
                 if left > DONE_M_S and not late:
-                    share = min(1.0, (view.t + view.period - window.start) / view.period)
+                    share = min(1.0, (view.t + view.period - burn.start) / view.period)
                     wish[j] = left_N / left * min(share * self.force, left * view.mass[j] / view.period)
                     break
                 done[j] += 1
@@ -159,10 +156,10 @@ class PlannedBurns:
     def directions(self, t: float) -> Array:
         """Directions of the burns under way or due within `TURN_S`, shape (n, 3)."""
         found = np.zeros((self._n, 3))
-        for j, windows in enumerate(self.windows):
-            for burn, start, duration, _ in windows:
+        for j, burns in enumerate(self.burns):
+            for planned, start, duration, _ in burns:
                 if start - TURN_S <= t <= start + duration:
-                    found[j] = burn.delta_v_N / np.linalg.norm(burn.delta_v_N)
+                    found[j] = planned.delta_v_N / np.linalg.norm(planned.delta_v_N)
                     break
         return found
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -22,11 +22,17 @@ from swarm_mj.dataflow.program import reachable_value
 from swarm_mj.dataflow.radios import radio_from
 from swarm_mj.dataflow.tiles import Tiles, make_tiles
 from swarm_mj.errors import MissionError
-from swarm_mj.flight.afterwards import Course, flown_instants, instants_afterwards, joined, paths_afterwards
-from swarm_mj.flight.coordination_record import less_coordination
-from swarm_mj.flight.elections import elect_relays
+from swarm_mj.flight.coordination import less_coordination
 from swarm_mj.flight.observe import camera_from, criterion_from
 from swarm_mj.flight.plan import Plan, antennas_from
+from swarm_mj.flight.post_flight import (
+    Course,
+    elect_relays,
+    flown_instants,
+    joined,
+    post_flight_instants,
+    post_flight_paths,
+)
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.observation.capture import pixels_on, sight
 from swarm_mj.observation.coverage import CoverageMap
@@ -48,14 +54,7 @@ ALL_LINKS, NEIGHBOURS = 12, 3
 PROOF_S = 60.0
 
 
-def deliver(
-    plan: Plan,
-    telemetry: xr.Dataset,
-    coverage: CoverageMap,
-    *,
-    prove: bool = True,
-    waiting: Callable[[float], None] | None = None,
-) -> Delivery | None:
+def deliver(plan: Plan, telemetry: xr.Dataset, coverage: CoverageMap, *, prove: bool = True) -> Delivery | None:
     """Send what a flight saw to Earth: by what the swarm can run alone, and by the schedule that is proven best.
 
     Args:
@@ -63,7 +62,6 @@ def deliver(
         telemetry: The flight.
         coverage: What it saw, by the scenario's criterion.
         prove: Whether to find the best schedule; without, its arrays hold NaN.
-        waiting: Called now and then with the seconds that the proof has taken.
 
     Returns:
         None for more than `MOST_SPACECRAFT`, whose contacts fill the memory.
@@ -76,8 +74,8 @@ def deliver(
         return None
     tiles = tiles_of(plan, telemetry, coverage)
     edges_s = slot_edges(scenario, tiles.ready_s, MOST_LINKS // plan.n**2)
-    swarm = Swarm.of_flight(plan, telemetry, edges_s)
-    trials = Trials(swarm, tiles, waiting)
+    swarm = SampledSwarm.of_flight(plan, telemetry, edges_s)
+    trials = Trials(swarm, tiles)
     elections = elect_relays(scenario, telemetry, swarm.course, edges_s, trials.value, trials.bound)
     instants = swarm.instants(elections.relays_at(swarm.course.t))
     contacts = swarm.contacts(instants)
@@ -89,7 +87,7 @@ def deliver(
         **_geometry(contacts, speaks),
         **_held(tiles),
         **delivered,
-        **(_best(network, account, contacts, delivered, waiting) if prove else _unproven(network)),
+        **(_best(network, account, contacts, delivered) if prove else _unproven(network)),
         election_s=elections.time_s,
         elected=elections.elected,
     )
@@ -99,21 +97,15 @@ def _neighbours(network: Network) -> int | None:
     return NEIGHBOURS if network.n_spacecraft > ALL_LINKS else None
 
 
-def _best(
-    network: Network,
-    account: Account,
-    contacts: Contacts,
-    delivered: dict[str, Any],
-    waiting: Callable[[float], None] | None,
-) -> dict[str, Any]:
+def _best(network: Network, account: Account, contacts: Contacts, delivered: dict[str, Any]) -> dict[str, Any]:
     """The best schedule and, where all that was seen arrives, its earliest time; unproven after `PROOF_S`."""
     neighbours = _neighbours(network)
     complete = bool((account.delivered_slot < network.n_slots).all()) and network.n_tiles > 0
     # Nothing can be better than all that was seen: later slots need not be looked at where that arrives before.
     window = network.until(int(account.delivered_slot.max()) + 1) if complete else network
     try:
-        best = optimum(window, neighbours=neighbours, time_limit_s=PROOF_S, waiting=waiting)
-        earliest = earliest_full(window, neighbours=neighbours, waiting=waiting).n_slots if complete else 0
+        best = optimum(window, neighbours=neighbours, time_limit_s=PROOF_S)
+        earliest = earliest_full(window, neighbours=neighbours).n_slots if complete else 0
     except MissionError:
         return _unproven(network)
     earth_bit, share = np.zeros(network.earth_bit.shape), best.delivered_share
@@ -240,7 +232,7 @@ def slot_edges(scenario: Scenario, ready_s: Array, most: int) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class Swarm:
+class SampledSwarm:
     """The swarm at the samples of the slots, but for who speaks to Earth after the flight.
 
     Attributes:
@@ -258,18 +250,18 @@ class Swarm:
     course: Course
 
     @classmethod
-    def of_flight(cls, plan: Plan, telemetry: xr.Dataset, edges_s: Array) -> Swarm:
+    def of_flight(cls, plan: Plan, telemetry: xr.Dataset, edges_s: Array) -> SampledSwarm:
         """Sample a flight, and go on after it."""
         times = samples_of(edges_s, PER_SLOT).ravel()
         later = times > float(telemetry["time"].values[-1])
         flown = flown_instants(plan, telemetry, times[~later])
-        return cls(plan, telemetry, edges_s, flown, paths_afterwards(plan, telemetry, times[later]))
+        return cls(plan, telemetry, edges_s, flown, post_flight_paths(plan, telemetry, times[later]))
 
     def instants(self, relays: Ints) -> Instants:
         """With those who speak to Earth at each time after the flight, numbers from 0, shape (m, k)."""
         if not len(self.course.t):
             return self.flown
-        return joined(self.flown, instants_afterwards(self.plan, self.telemetry, self.course, relays))
+        return joined(self.flown, post_flight_instants(self.plan, self.telemetry, self.course, relays))
 
     def contacts(self, instants: Instants) -> Contacts:
         """What geometry and radios allow besides the messages of coordination."""
@@ -290,11 +282,10 @@ class Trials:
     Args:
         swarm: On its paths.
         tiles: What it has to send.
-        waiting: Called now and then with the seconds that an optimum has taken.
     """
 
-    def __init__(self, swarm: Swarm, tiles: Tiles, waiting: Callable[[float], None] | None = None) -> None:
-        self._swarm, self._tiles, self._waiting = swarm, tiles, waiting
+    def __init__(self, swarm: SampledSwarm, tiles: Tiles) -> None:
+        self._swarm, self._tiles = swarm, tiles
         self._last: tuple[tuple[int, ...], Problem] | None = None
 
     def value(self, relays: tuple[int, ...]) -> float:
@@ -304,7 +295,7 @@ class Trials:
         if alone >= reachable_value(network) * (1.0 - SAME):
             return alone  # nothing is left to be proven
         try:
-            return optimum(network, neighbours=_neighbours(network), time_limit_s=PROOF_S, waiting=self._waiting).value
+            return optimum(network, neighbours=_neighbours(network), time_limit_s=PROOF_S).value
         except MissionError:
             return alone
 

@@ -9,10 +9,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from swarm_mj.coordination.allocation.problem import Allocation
-from swarm_mj.coordination.encounter import Encounter, Track, aim_points, shown_cells, turning_angles
-from swarm_mj.coordination.roles import Pictures
-from swarm_mj.coordination.slewing import settling_times, slots_between
+from swarm_mj.coordination.allocation.problem import Allocation, Schedule
+from swarm_mj.coordination.encounter import (
+    Encounter,
+    Track,
+    aim_points,
+    settling_times,
+    shown_cells,
+    slots_between,
+    turning_angles,
+)
 from swarm_mj.flight.observe import camera_from, criterion_from, schedule_from
 from swarm_mj.io.cache import cache_folder, hash_of, load_array, store_array
 from swarm_mj.mission.deployment import planned_paths
@@ -85,12 +91,7 @@ def _made(plan: Any) -> Encounter:
 
 
 def track_of(plan: Any, times: Array) -> Track:
-    """Where a plan's observers will be, releases and burns included.
-
-    Args:
-        plan: Of `swarm_mj.flight.plan`.
-        times: Past the epoch, rising, shape (k,) [s].
-    """
+    """Where a plan's observers will be at rising times past the epoch [s], shape (k,), releases and burns included."""
     environment, deployment, a = plan.environment, plan.deployment, plan.n_observers
     grid = np.concatenate([[0.0], times[times > 0.0]])
     states = planned_paths(environment.acceleration_N, deployment, grid)
@@ -107,7 +108,7 @@ def track_of(plan: Any, times: Array) -> Track:
 
 def kept_plan(
     encounter: Encounter, time_limit_s: float, plan: Callable[[Encounter, float], Allocation]
-) -> tuple[Pictures, ...]:
+) -> tuple[Schedule, ...]:
     """The pictures of a plan, made once and kept on disk: what a solver finds in its time may differ from run to run.
 
     Args:

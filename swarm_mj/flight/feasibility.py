@@ -8,6 +8,7 @@ known to look at the body (`KNOWN`): what a behaviour of one's own looks at is i
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from math import degrees, inf, pi, sqrt
 
 import numpy as np
@@ -40,7 +41,7 @@ MOST_PICTURES = 200
 
 
 @dataclass(frozen=True, kw_only=True)
-class Encounter:
+class VisitGeometry:
     """Each observer at its visit; n observers.
 
     Attributes:
@@ -64,7 +65,7 @@ class Encounter:
     peak_acceleration: Array
 
 
-def encounter_of(deployment: Deployment, environment: Environment, n: int, imaging_radius_m: float) -> Encounter:
+def visit_geometry(deployment: Deployment, environment: Environment, n: int, imaging_radius_m: float) -> VisitGeometry:
     """How the first n spacecraft pass the body at their visits."""
     v_N = np.empty((n, 3))
     for j in range(n):
@@ -76,7 +77,7 @@ def encounter_of(deployment: Deployment, environment: Environment, n: int, imagi
     rate, acceleration = sight_rates(r_N, v_N, a_N)
     around = [_around(r_N[j], v_N[j], imaging_radius_m) for j in range(n)]
     peaks = np.array([[motion.max() for motion in sight_rates(line, v_N[j], 0.0)] for j, line in enumerate(around)])
-    return Encounter(
+    return VisitGeometry(
         r_N=r_N,
         v_N=v_N,
         a_N=a_N,
@@ -109,19 +110,11 @@ def _around(r_N: Array, v_N: Array, radius: float) -> Array:
     return inside if len(inside) else r_N[None]
 
 
-def check_encounter(
-    scenario: Scenario,
-    *,
-    behavior: object,
-    properties: SpacecraftProperties,
-    environment: Environment,
-    region: TargetRegion,
-    deployment: Deployment,
-    least_radius: Array,
-) -> tuple[str, ...]:
-    """Findings on an encounter, one sentence each.
+@dataclass(frozen=True, kw_only=True)
+class EncounterCheck:
+    """A scenario and its plan, held against the encounter.
 
-    Args:
+    Attributes:
         scenario: What is asked for.
         behavior: Who points at what.
         properties: Of every spacecraft.
@@ -129,115 +122,186 @@ def check_encounter(
         region: The target.
         deployment: The trajectories.
         least_radius: Least distance of each observer to the body's centre [m], shape (n,).
-
-    Raises:
-        ScenarioError: It cannot work: no observer comes where pictures are taken, none can be turned as fast as it must be at
-            its visit, or all cells smear in all pictures.
     """
-    met = encounter_of(deployment, environment, len(least_radius), scenario.behavior.imaging_radius_m)
-    known = isinstance(behavior, KNOWN)
-    if known:
-        _require_inside(scenario, met, least_radius)
-    return (
-        *_wheel_findings(scenario, properties, met, known),
-        *_step_findings(scenario, met),
-        *_picture_findings(scenario, properties, environment, region, met),
-        *_smear_findings(scenario, environment, region, deployment, met, known),
-    )
 
+    scenario: Scenario
+    behavior: object
+    properties: SpacecraftProperties
+    environment: Environment
+    region: TargetRegion
+    deployment: Deployment
+    least_radius: Array
 
-def _require_inside(scenario: Scenario, met: Encounter, least_radius: Array) -> None:
-    radius = scenario.behavior.imaging_radius_m
-    at_visit = scenario.observation.criterion == "visit"
-    distance = float((np.linalg.norm(met.r_N, axis=1) if at_visit else least_radius).min())
-    if distance > radius:
-        raise ScenarioError(
-            f"behavior.imaging_radius_m = {radius:g}: no observer is inside it "
-            f"{'at the visit' if at_visit else 'at any time'}, so that no picture counts; the nearest comes to "
-            f"{distance:.6g} m of the body's centre: must be at least that, or lower design.imaging_altitude_m"
-        )
+    @cached_property
+    def visit(self) -> VisitGeometry:
+        """How the observers pass the body."""
+        radius = self.scenario.behavior.imaging_radius_m
+        return visit_geometry(self.deployment, self.environment, len(self.least_radius), radius)
 
+    @property
+    def known(self) -> bool:
+        """Whether it is known where the behaviour looks."""
+        return isinstance(self.behavior, KNOWN)
 
-def _wheel_findings(scenario: Scenario, properties: SpacecraftProperties, met: Encounter, known: bool) -> list[str]:
-    """Rates and accelerations against what the wheels give."""
-    worst, best = turning_limits(properties)
-    # Momentum that is aboard from the start may add to that of the wheels, or take from it.
-    tumbling = sqrt(3.0) * scenario.spacecraft.initial_rate_range_rpm * RPM
-    found = []
-    for what, key, now, peak, surely, utmost, spare in (
-        ("rate", "max_speed_rpm", met.rate, met.peak_rate, worst.rate, best.rate, tumbling),
-        ("acceleration", "max_torque_n_m", met.acceleration, met.peak_acceleration, worst.acceleration, best.acceleration, 0.0),
-    ):  # fmt: skip
-        unit = "rad/s" if what == "rate" else "rad/s^2"
-        if known and now.min() > utmost + spare:
+    def findings(self) -> tuple[str, ...]:
+        """What may fall short, one sentence each.
+
+        Raises:
+            ScenarioError: It cannot work: no observer comes where pictures are taken, none can be turned as fast as it must be
+                at its visit, or all cells smear in all pictures.
+        """
+        if self.known:
+            self._require_inside()
+        return (*self._of_wheels(), *self._of_steps(), *self._of_pictures(), *self._of_smear())
+
+    def _require_inside(self) -> None:
+        scenario, met = self.scenario, self.visit
+        radius = scenario.behavior.imaging_radius_m
+        at_visit = scenario.observation.criterion == "visit"
+        distance = float((np.linalg.norm(met.r_N, axis=1) if at_visit else self.least_radius).min())
+        if distance > radius:
             raise ScenarioError(
-                f"spacecraft.wheel.{key} = {getattr(scenario.spacecraft.wheel, key):g}: at the visit the line of sight has an "
-                f"angular {what} of {now.min():.3g} {unit}, and the wheels give the spacecraft {utmost:.3g} {unit} at most; "
-                f"raise it, design.imaging_altitude_m or design.time_of_flight_s (a slower flyby)"
+                f"behavior.imaging_radius_m = {radius:g}: no observer is inside it "
+                f"{'at the visit' if at_visit else 'at any time'}, so that no picture counts; the nearest comes to "
+                f"{distance:.6g} m of the body's centre: must be at least that, or lower design.imaging_altitude_m"
             )
-        if peak.max() > surely - spare:
+
+    def _of_wheels(self) -> list[str]:
+        """Rates and accelerations against what the wheels give."""
+        scenario, met = self.scenario, self.visit
+        worst, best = turning_limits(self.properties)
+        # Momentum that is aboard from the start may add to that of the wheels, or take from it.
+        tumbling = sqrt(3.0) * scenario.spacecraft.initial_rate_range_rpm * RPM
+        found = []
+        for what, unit, key, spare in (
+            ("rate", "rad/s", "max_speed_rpm", tumbling),
+            ("acceleration", "rad/s^2", "max_torque_n_m", 0.0),
+        ):
+            now, peak = getattr(met, what), getattr(met, f"peak_{what}")
+            surely, utmost = getattr(worst, what), getattr(best, what)
+            if self.known and now.min() > utmost + spare:
+                raise ScenarioError(
+                    f"spacecraft.wheel.{key} = {getattr(scenario.spacecraft.wheel, key):g}: at the visit the line of sight "
+                    f"has an angular {what} of {now.min():.3g} {unit}, and the wheels give the spacecraft {utmost:.3g} {unit} "
+                    f"at most; raise it, design.imaging_altitude_m or design.time_of_flight_s (a slower flyby)"
+                )
+            if peak.max() > surely - spare:
+                found.append(
+                    f"the line of sight reaches an angular {what} of {peak.max():.3g} {unit} near the visit, and about some "
+                    f"axes the wheels give {max(surely - spare, 0.0):.3g} {unit}: raise spacecraft.wheel.{key}, "
+                    "design.imaging_altitude_m or design.time_of_flight_s"
+                )
+        return found
+
+    def _of_steps(self) -> list[str]:
+        """What holding forces and torques for a control period does to path and pointing."""
+        met, period, found = self.visit, self.scenario.control.period_s, []
+        # Held at the middle of each period, gravity is wrong by its change: T^2 / 24 of velocity and T^2 / 12 of place.
+        pull = float(np.linalg.norm(met.a_N, axis=1).max())
+        if (drift := period**2 / 8.0 * pull) > GRAVITY_DRIFT_M:
             found.append(
-                f"the line of sight reaches an angular {what} of {peak.max():.3g} {unit} near the visit, and about some axes "
-                f"the wheels give {max(surely - spare, 0.0):.3g} {unit}: raise spacecraft.wheel.{key}, "
-                "design.imaging_altitude_m or design.time_of_flight_s"
+                f"control.period_s = {period:g}: gravity of {pull:.3g} m/s^2 held as long may lead paths {drift:.2g} m astray; "
+                f"at most {period * sqrt(GRAVITY_DRIFT_M / drift):.2g} s keeps them within {GRAVITY_DRIFT_M:g} m"
             )
-    return found
-
-
-def _step_findings(scenario: Scenario, met: Encounter) -> list[str]:
-    """What holding forces and torques for a control period does to path and pointing."""
-    period, found = scenario.control.period_s, []
-    # Held at the middle of each period, gravity is wrong by its change: T^2 / 24 of velocity and T^2 / 12 of place per change.
-    pull = float(np.linalg.norm(met.a_N, axis=1).max())
-    if (drift := period**2 / 8.0 * pull) > GRAVITY_DRIFT_M:
-        found.append(
-            f"control.period_s = {period:g}: gravity of {pull:.3g} m/s^2 held as long may lead paths {drift:.2g} m astray; "
-            f"at most {period * sqrt(GRAVITY_DRIFT_M / drift):.2g} s keeps them within {GRAVITY_DRIFT_M:g} m"
-        )
-    if (turn := period * float(met.peak_rate.max())) > TURN_IN_A_PERIOD:
-        found.append(
-            f"control.period_s = {period:g}: the line of sight turns by {degrees(turn):.2g} deg while a torque is held; "
-            f"at most {period * TURN_IN_A_PERIOD / turn:.2g} s keeps that below {degrees(TURN_IN_A_PERIOD):.2g} deg"
-        )
-    return found
-
-
-def _picture_findings(
-    scenario: Scenario, properties: SpacecraftProperties, environment: Environment, region: TargetRegion, met: Encounter
-) -> list[str]:
-    """The interval of pictures against the passage and the footprint; the way in against the turn to the body."""
-    radius, interval, found = scenario.behavior.imaging_radius_m, scenario.observation.interval_s, []
-    way_in, passage = zip(*(_passage(met.r_N[j], met.v_N[j], radius) for j in range(len(met.t))), strict=True)
-    if scenario.observation.criterion == "passage":
-        if (shortest := min(passage)) < interval:
+        if (turn := period * float(met.peak_rate.max())) > TURN_IN_A_PERIOD:
             found.append(
-                f"observation.interval_s = {interval:g}: an observer is inside behavior.imaging_radius_m = {radius:g} for "
-                f"{shortest:.3g} s, which leaves the picture of the visit alone; take pictures more often or widen the radius"
+                f"control.period_s = {period:g}: the line of sight turns by {degrees(turn):.2g} deg while a torque is held; "
+                f"at most {period * TURN_IN_A_PERIOD / turn:.2g} s keeps that below {degrees(TURN_IN_A_PERIOD):.2g} deg"
             )
-        surface = float(np.linalg.norm(region.centroid_A, axis=1).mean())
-        height = np.linalg.norm(met.r_N, axis=1) - surface
-        turned = np.linalg.norm(
-            np.cross(met.r_N, met.v_N) / np.sum(met.r_N**2, axis=1)[:, None] - environment.spin_N, axis=1
-        )
-        moved, wide = interval * surface * turned, 2.0 * height * camera_from(scenario).tan_half_angle
-        if (moved > wide).any():
-            j = int(np.argmax(moved / wide))
+        return found
+
+    def _of_pictures(self) -> list[str]:
+        """The interval of pictures against the passage and the footprint; the way in against the turn to the body."""
+        scenario, met = self.scenario, self.visit
+        radius, interval, found = scenario.behavior.imaging_radius_m, scenario.observation.interval_s, []
+        entry_s, passage = zip(*(_passage(met.r_N[j], met.v_N[j], radius) for j in range(len(met.t))), strict=True)
+        if scenario.observation.criterion == "passage":
+            if (shortest := min(passage)) < interval:
+                found.append(
+                    f"observation.interval_s = {interval:g}: an observer is inside behavior.imaging_radius_m = {radius:g} for "
+                    f"{shortest:.3g} s, which leaves the picture of the visit alone; take pictures more often or widen the "
+                    "radius"
+                )
+            surface = float(np.linalg.norm(self.region.centroid_A, axis=1).mean())
+            height = np.linalg.norm(met.r_N, axis=1) - surface
+            turned = np.linalg.norm(
+                np.cross(met.r_N, met.v_N) / np.sum(met.r_N**2, axis=1)[:, None] - self.environment.spin_N, axis=1
+            )
+            moved, wide = interval * surface * turned, 2.0 * height * camera_from(scenario).tan_half_angle
+            if (moved > wide).any():
+                j = int(np.argmax(moved / wide))
+                found.append(
+                    f"observation.interval_s = {interval:g}: the ground moves by {moved[j]:.3g} m from picture to picture at "
+                    f"the visit, and a picture is {wide[j]:.3g} m wide: pictures do not join; at most "
+                    f"{interval * wide[j] / moved[j]:.2g} s"
+                )
+        least = slew_time(pi, turning_limits(self.properties)[0])
+        inside = np.linalg.norm(met.r_N, axis=1) < radius
+        late = [int(j) for j in np.flatnonzero(inside) if entry_s[j] < least and met.t[j] > entry_s[j]]
+        if late:
+            j = min(late, key=lambda j: entry_s[j])
+            needed = float(np.linalg.norm(met.r_N[j] - least * met.v_N[j]))
             found.append(
-                f"observation.interval_s = {interval:g}: the ground moves by {moved[j]:.3g} m from picture to picture at the "
-                f"visit, and a picture is {wide[j]:.3g} m wide: pictures do not join; at most "
-                f"{interval * wide[j] / moved[j]:.2g} s"
+                f"behavior.imaging_radius_m = {radius:g}: it is crossed {entry_s[j]:.3g} s before the visit, and half a turn "
+                f"takes the wheels {least:.3g} s at least; {needed:.3g} m gives that time"
             )
-    least = slew_time(pi, turning_limits(properties)[0])
-    inside = np.linalg.norm(met.r_N, axis=1) < radius
-    late = [int(j) for j in np.flatnonzero(inside) if way_in[j] < least and met.t[j] > way_in[j]]
-    if late:
-        j = min(late, key=lambda j: way_in[j])
-        needed = float(np.linalg.norm(met.r_N[j] - least * met.v_N[j]))
-        found.append(
-            f"behavior.imaging_radius_m = {radius:g}: it is crossed {way_in[j]:.3g} s before the visit, and half a turn takes "
-            f"the wheels {least:.3g} s at least; {needed:.3g} m gives that time"
+        return found
+
+    def _of_smear(self) -> list[str]:
+        """The commanded smear of cells against its limit."""
+        met, limit = self.visit, self.scenario.observation.max_smear_px
+        if limit is None:
+            return []
+        smear = [self._smear(float(met.t[j]), met.r_N[j], met.v_N[j]) for j in range(len(met.t))]
+        shown = np.concatenate([one[~np.isnan(one)] for one in smear])
+        if not len(shown) or shown.max() <= limit:
+            return []
+        exposure = self.scenario.camera.exposure_s or 0.0
+        if self.known and shown.min() > limit and self._all_smear():
+            raise ScenarioError(
+                f"observation.max_smear_px = {limit:g}: every face smears more in every picture, by {shown.min():.3g} to "
+                f"{shown.max():.3g} px at the visit; camera.exposure_s = {exposure:g}: must be at most "
+                f"{exposure * limit / shown.min():.2g}, or raise max_smear_px"
+            )
+        share = 100.0 * float(np.mean(shown > limit))
+        return [
+            f"observation.max_smear_px = {limit:g}: {share:.0f} % of the faces in the pictures of the visit smear more, up to "
+            f"{shown.max():.3g} px; camera.exposure_s = {exposure * limit / shown.max():.2g} would keep all of them"
+        ]
+
+    def _all_smear(self) -> bool:
+        """Whether every cell smears more than the limit in every picture that counts, by the commanded rates."""
+        scenario, deployment, forces = self.scenario, self.deployment, self.environment.acceleration_N
+        if scenario.observation.criterion == "visit":
+            return True
+        limit = scenario.observation.max_smear_px or inf
+        schedule = schedule_from(scenario, scenario.telemetry.interval_s)
+        ticks = (
+            schedule.ticks(round(scenario.duration_s / scenario.telemetry.interval_s)) * scenario.telemetry.interval_s
         )
-    return found
+        for j in range(len(self.least_radius)):
+            release = float(deployment.release_s[j])
+            times = np.concatenate(([release], ticks[ticks > release]))
+            start = deployment.release_r_N[j : j + 1], deployment.v0_N[j : j + 1]
+            r_N, v_N = (states[1:, 0] for states in propagate(forces, *start, times, rtol=ROUGH))
+            inside = np.flatnonzero(np.linalg.norm(r_N, axis=1) <= scenario.behavior.imaging_radius_m)
+            for k in inside[:: 1 + len(inside) // MOST_PICTURES]:
+                smear = self._smear(float(times[k + 1]), r_N[k], v_N[k])
+                if (smear[~np.isnan(smear)] <= limit).any():
+                    return False
+        return True
+
+    def _smear(self, t: float, r_N: Array, v_N: Array) -> Array:
+        """Smear of the cells in a picture towards the body's centre [px], NaN where it does not show one, shape (cells,)."""
+        region, camera = self.region, camera_from(self.scenario)
+        C_AN, spin_N = self.environment.C_AN(t), self.environment.spin_N
+        pose = look_at(C_AN @ r_N, np.zeros(3))
+        omega_N = np.cross(r_N, v_N) / (r_N @ r_N)
+        motion = CameraMotion(C_AN @ (v_N - np.cross(spin_N, r_N)), pose.C_CA @ (C_AN @ (omega_N - spin_N)))
+        limits = criterion_from(self.scenario).limits(camera)
+        distance, height = sight(region, pose.r_A)
+        shown = (height > 0.0) & (distance <= limits.max_range) & camera.contains(pose.to_camera(region.centroid_A))
+        return np.where(shown, smear_px(region, camera, pose.r_A, pose.C_CA, motion), np.nan)
 
 
 def _passage(r_N: Array, v_N: Array, radius: float) -> tuple[float, float]:
@@ -248,69 +312,3 @@ def _passage(r_N: Array, v_N: Array, radius: float) -> tuple[float, float]:
     along, passing = float(r_N @ v_N) / speed, float(np.linalg.norm(np.cross(r_N, v_N))) / speed
     half = sqrt(max(radius**2 - passing**2, 0.0))
     return (half + along) / speed, 2.0 * half / speed
-
-
-def _smear_findings(
-    scenario: Scenario,
-    environment: Environment,
-    region: TargetRegion,
-    deployment: Deployment,
-    met: Encounter,
-    known: bool,
-) -> list[str]:
-    """The commanded smear of cells against its limit."""
-    limit = scenario.observation.max_smear_px
-    if limit is None:
-        return []
-    smear = [_smear(scenario, environment, region, float(met.t[j]), met.r_N[j], met.v_N[j]) for j in range(len(met.t))]
-    shown = np.concatenate([one[~np.isnan(one)] for one in smear])
-    if not len(shown) or shown.max() <= limit:
-        return []
-    exposure = scenario.camera.exposure_s or 0.0
-    if known and shown.min() > limit and _all_smear(scenario, environment, region, deployment, len(smear)):
-        raise ScenarioError(
-            f"observation.max_smear_px = {limit:g}: every face smears more in every picture, by {shown.min():.3g} to "
-            f"{shown.max():.3g} px at the visit; camera.exposure_s = {exposure:g}: must be at most "
-            f"{exposure * limit / shown.min():.2g}, or raise max_smear_px"
-        )
-    share = 100.0 * float(np.mean(shown > limit))
-    return [
-        f"observation.max_smear_px = {limit:g}: {share:.0f} % of the faces in the pictures of the visit smear more, up to "
-        f"{shown.max():.3g} px; camera.exposure_s = {exposure * limit / shown.max():.2g} would keep all of them"
-    ]
-
-
-def _all_smear(
-    scenario: Scenario, environment: Environment, region: TargetRegion, deployment: Deployment, n: int
-) -> bool:
-    """Whether every cell smears more than the limit in every picture that counts, by the commanded rates."""
-    if scenario.observation.criterion == "visit":
-        return True
-    limit = scenario.observation.max_smear_px or inf
-    schedule = schedule_from(scenario, scenario.telemetry.interval_s)
-    ticks = schedule.ticks(round(scenario.duration_s / scenario.telemetry.interval_s)) * scenario.telemetry.interval_s
-    for j in range(n):
-        release = float(deployment.release_s[j])
-        times = np.concatenate(([release], ticks[ticks > release]))
-        start = deployment.release_r_N[j : j + 1], deployment.v0_N[j : j + 1]
-        r_N, v_N = (states[1:, 0] for states in propagate(environment.acceleration_N, *start, times, rtol=ROUGH))
-        inside = np.flatnonzero(np.linalg.norm(r_N, axis=1) <= scenario.behavior.imaging_radius_m)
-        for k in inside[:: 1 + len(inside) // MOST_PICTURES]:
-            smear = _smear(scenario, environment, region, float(times[k + 1]), r_N[k], v_N[k])
-            if (smear[~np.isnan(smear)] <= limit).any():
-                return False
-    return True
-
-
-def _smear(
-    scenario: Scenario, environment: Environment, region: TargetRegion, t: float, r_N: Array, v_N: Array
-) -> Array:
-    """Smear of the cells in a picture towards the body's centre [px], NaN of those that it does not show, shape (cells,)."""
-    C_AN, spin_N, camera = environment.C_AN(t), environment.spin_N, camera_from(scenario)
-    pose = look_at(C_AN @ r_N, np.zeros(3))
-    omega_N = np.cross(r_N, v_N) / (r_N @ r_N)
-    motion = CameraMotion(C_AN @ (v_N - np.cross(spin_N, r_N)), pose.C_CA @ (C_AN @ (omega_N - spin_N)))
-    limits = criterion_from(scenario).limits(camera)
-    distance, height = sight(region, pose.r_A)
-    shown = (height > 0.0) & (distance <= limits.max_range) & camera.contains(pose.to_camera(region.centroid_A))
-    return np.where(shown, smear_px(region, camera, pose.r_A, pose.C_CA, motion), np.nan)

@@ -15,10 +15,9 @@ from scipy.spatial.transform import Rotation
 from swarm_mj import __version__
 from swarm_mj.errors import ScenarioError
 from swarm_mj.flight.burns import fly_burns
-from swarm_mj.flight.coordinated import parts_chosen
-from swarm_mj.flight.coordination_record import record_coordination
-from swarm_mj.flight.correction_law import CorrectionLaw, correction_law
+from swarm_mj.flight.coordination import parts_chosen, record_coordination
 from swarm_mj.flight.formation import fly_formation, record_formation
+from swarm_mj.flight.navigation import CorrectionLaw, correction_law
 from swarm_mj.flight.plan import Plan, antennas_from
 from swarm_mj.mission.behaviors import ELECTIONS, MissionBehavior
 from swarm_mj.mission.links import links_closed

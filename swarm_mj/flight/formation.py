@@ -8,14 +8,13 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from swarm_mj.coordination.formation.law import FormationLaw, Push, Talk
+from swarm_mj.coordination.formation.law import FormationLaw, Messaging, Thrust
 from swarm_mj.coordination.formation.structure import Structure, nodes, offset_structure, planned_structure
 from swarm_mj.coordination.formation.tracking import Tracking
 from swarm_mj.coordination.graph import Graph
 from swarm_mj.dataflow.network import Access
 from swarm_mj.errors import ScenarioError
-from swarm_mj.flight.coordinated import links_of
-from swarm_mj.flight.coordination_record import FORMATION_AIRTIME
+from swarm_mj.flight.coordination import FORMATION_AIRTIME, add_messages, links_of
 from swarm_mj.flight.plan import Plan
 from swarm_mj.mission.behaviors import SwarmView
 from swarm_mj.mission.covariance import visit_axes
@@ -27,7 +26,7 @@ from swarm_mj.spacecraft.control.force import ForceView, SumOfForces
 from swarm_mj.typing import Array, Mask
 
 #: Variables and attribute of the telemetry.
-ERROR, BITS, TOLD = "formation_error", "formation_bits", "formation"
+ERROR, BITS, RECORD = "formation_error", "formation_bits", "formation"
 
 
 def formation_of(plan: Plan) -> Formation | None:
@@ -44,9 +43,7 @@ def structure_of(plan: Plan, formation: Formation) -> Structure:
     scenario, deployment, gravity = plan.scenario, plan.deployment, plan.environment.acceleration_N
     _check(plan, formation)
     times = nodes(scenario.duration_s)
-    planned = planned_structure(
-        gravity, times, *planned_paths(gravity, deployment, times), (formation.start_s, scenario.duration_s)
-    )
+    planned = planned_structure(gravity, times, *planned_paths(gravity, deployment, times), formation.start_s)
     if formation.shape == "planned" or (formation.shape == "natural" and formation.offsets_m is None):
         return planned
     if formation.offsets_m is None:
@@ -96,19 +93,6 @@ def fly_formation(simulation: Simulation, plan: Plan) -> None:
     tracking = Tracking(bandwidth=formation.bandwidth_rad_s, damping=formation.damping, dead_band=formation.dead_band_m)
     tracking.check_period(simulation.period)
     least = plan.scenario.safety.min_separation_m if formation.min_separation_m is None else formation.min_separation_m
-    law = FormationLaw(
-        structure_of(plan, formation),
-        tracking,
-        Push(force=strength_of(simulation), least_impulse=propulsion.thrusters.min_impulse_bit),
-        reference=formation.reference,
-        separation=least + formation.margin_m if least > 0.0 else 0.0,
-        talk=Talk(
-            every_s=formation.message_s,
-            silence_s=swarm.silence_s,
-            seed=plan.scenario.seed,
-            access=Access(plan.scenario.link.crosslink.access),
-        ),
-    )
     graph = links_of(plan, swarm)
 
     def links(view: ForceView) -> Graph:
@@ -118,7 +102,20 @@ def fly_formation(simulation: Simulation, plan: Plan) -> None:
         )
         return graph(seen, simulation.state.targets)
 
-    law.links = links
+    law = FormationLaw(
+        structure_of(plan, formation),
+        tracking,
+        Thrust(force=strength_of(simulation), least_impulse=propulsion.thrusters.min_impulse_bit),
+        links,
+        reference=formation.reference,
+        separation=least + formation.margin_m if least > 0.0 else 0.0,
+        messaging=Messaging(
+            every_s=formation.message_s,
+            silence_s=swarm.silence_s,
+            seed=plan.scenario.seed,
+            access=Access(plan.scenario.link.crosslink.access),
+        ),
+    )
     before = simulation.force_law
     simulation.force_law = law if before is None else SumOfForces([before, law])
 
@@ -161,37 +158,31 @@ def record_formation(telemetry: xr.Dataset, plan: Plan, simulation: Simulation) 
     law = formation_law(simulation)
     if law is None:
         return
-    structure, times = law.structure, telemetry["time"].values
+    times = telemetry["time"].values
     works: Mask = np.ones((len(times), plan.n), np.bool_)
     if "operational" in telemetry:
         works = telemetry["operational"].values == 1
-    found = formation_error(structure, law.reference, times, telemetry["r_BN_N"].values, works)
-    telemetry[ERROR] = VARIABLES[ERROR].of(found)
-    told = _by_plan(plan, law, strength_of(simulation) / plan.properties.mass)
+    error = formation_error(law.structure, law.reference, times, telemetry["r_BN_N"].values, works)
+    telemetry[ERROR] = VARIABLES[ERROR].of(error)
+    record = _by_plan(plan, law, strength_of(simulation) / plan.properties.mass)
     if law.log is not None:
-        told["braked_s"] = (law.log.braked * simulation.period).tolist()
-        told["leaders"] = law.log.leaders
+        record["braked_s"] = (law.log.braked * simulation.period).tolist()
+        record["leaders"] = law.log.leaders
         if law.reference != "plan":
-            at = np.searchsorted(law.log.time_s, times + 1e-6)
-            bits = np.array([np.zeros(plan.n, np.int64), *law.log.bits])[at]
-            airtime = np.array([np.zeros(plan.n), *law.log.airtime_s])[at]
-            for name, values in ((BITS, bits), (FORMATION_AIRTIME, airtime)):
-                telemetry[name] = VARIABLES[name].of(values)
-    telemetry.attrs[TOLD] = json.dumps(told)
+            add_messages(telemetry, law.log, BITS, FORMATION_AIRTIME)
+    telemetry.attrs[RECORD] = json.dumps(record)
 
 
 def _by_plan(plan: Plan, law: FormationLaw, most: float) -> dict[str, Any]:
     """What joining and holding take without disturbances, and what there is."""
     structure = law.structure
-    start, end = structure.start_s, structure.end_s
+    start, end = structure.start_s, plan.scenario.duration_s
     times = np.linspace(start, end, 401)
     holding = np.linalg.norm([structure.holding(t) for t in times], axis=2)
-    r, v = planned_paths(
-        plan.environment.acceleration_N, plan.deployment, np.unique([0.0, start, plan.scenario.duration_s])
-    )
+    r, v = planned_paths(plan.environment.acceleration_N, plan.deployment, np.unique([0.0, start, end]))
     at = 0 if start == 0.0 else 1
-    place, velocity = structure.places(start)
-    away, astray = np.linalg.norm(r[at] - place, axis=1), np.linalg.norm(v[at] - velocity, axis=1)
+    r_wanted, v_wanted = structure.states(start)
+    away, astray = np.linalg.norm(r[at] - r_wanted, axis=1), np.linalg.norm(v[at] - v_wanted, axis=1)
     tracking = law.tracking
     speed = np.minimum(0.5 * tracking.bandwidth / tracking.damping * away, np.sqrt(most * away))
     thrusters = plan.properties.thrusters

@@ -92,7 +92,7 @@ def axes_in_N(name: str, environment: Environment) -> Array:
     return np.stack([node, np.cross(pole, node), pole])
 
 
-def check_way_in(scenario: Scenario, shape: ShapeModel, environment: Environment, state: MothershipState) -> None:
+def check_approach(scenario: Scenario, shape: ShapeModel, environment: Environment, state: MothershipState) -> None:
     """See that the mothership is outside the body at the epoch, and that its path does not lead into it.
 
     A hyperbola is followed until its closest approach at least, where its velocity is known.
@@ -125,7 +125,7 @@ def check_way_in(scenario: Scenario, shape: ShapeModel, environment: Environment
         )
 
 
-def way_in(scenario: Scenario, environment: Environment, r_N: Array, v_N: Array) -> dict[str, Any]:
+def osculating_orbit(scenario: Scenario, environment: Environment, r_N: Array, v_N: Array) -> dict[str, Any]:
     """How the mothership comes, in the numbers of the field: osculating at the epoch, in the scenario's axes.
 
     Args:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Protocol
 
 import numpy as np
@@ -103,16 +103,8 @@ def camera_from(scenario: Scenario) -> CameraModel:
 
 def criterion_from(scenario: Scenario) -> ObservationCriterion:
     """When a face counts as observed, by the scenario."""
-    observation = scenario.observation
     return ObservationCriterion(
-        min_fraction=observation.min_fraction,
-        any_pixel=observation.any_pixel,
-        max_emission_deg=observation.max_emission_deg,
-        max_range_m=observation.max_range_m,
-        max_gsd_m=observation.max_gsd_m,
-        max_smear_px=observation.max_smear_px,
-        max_incidence_deg=observation.max_incidence_deg,
-        shadows=observation.shadows,
+        **scenario.observation.model_dump(include={f.name for f in fields(ObservationCriterion)})
     )
 
 

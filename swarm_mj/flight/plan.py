@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import radians
 
@@ -12,13 +11,13 @@ import numpy as np
 from swarm_mj import plugins
 from swarm_mj.dataflow.link_budget import crosslink_range_m
 from swarm_mj.dataflow.relays import check_relays
-from swarm_mj.errors import PathError, PluginError, ScenarioError, ShapeError
+from swarm_mj.errors import PathError
 from swarm_mj.flight.burns import check_burns, push_of, with_insertion
-from swarm_mj.flight.coordinated import coordinated
-from swarm_mj.flight.feasibility import check_encounter
-from swarm_mj.flight.mothership import check_way_in, mothership_state
+from swarm_mj.flight.coordination import coordinated
+from swarm_mj.flight.environment import environment_from, load_body_shape
+from swarm_mj.flight.feasibility import EncounterCheck
+from swarm_mj.flight.mothership import check_approach, mothership_state
 from swarm_mj.flight.spacecraft import own_spacecraft_from, properties_from
-from swarm_mj.flight.surroundings import surroundings_from
 from swarm_mj.flight.targets import legs, target_from, true_target, visiting_points
 from swarm_mj.mission.behaviors import AimedBehavior, Behavior, SelectiveBehavior
 from swarm_mj.mission.deployer import check_deployer
@@ -28,22 +27,17 @@ from swarm_mj.mission.safety import CloseApproach, check_times, close_approaches
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.mission.trajectories import Deployment
 from swarm_mj.scenarios.itinerary import itinerary
-from swarm_mj.scenarios.schema import Body, Scenario
+from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.scenarios.schema_faults import Dispersions
 from swarm_mj.scenarios.schema_propulsion import Navigation, Trajectory
 from swarm_mj.simulator.faults.schedule import check_faults
 from swarm_mj.smallbody.environment import Environment
 from swarm_mj.smallbody.shape import ShapeModel
-from swarm_mj.smallbody.shape_check import BodySizeError
-from swarm_mj.smallbody.shape_harmonics import BODIES, build_ellipsoid, load_body
-from swarm_mj.smallbody.shape_io import load_shape
 from swarm_mj.spacecraft.control.base import Controller
 from swarm_mj.spacecraft.model import spacecraft_names
 from swarm_mj.spacecraft.own_spacecraft import OwnSpacecraft
 from swarm_mj.spacecraft.properties import SpacecraftProperties
 from swarm_mj.typing import Array
-
-EROS_SHAPE = "eros"
 
 #: How many impacts of a plan are told with time and place.
 SHOWN_IMPACTS = 5
@@ -136,7 +130,7 @@ def make_plan(
     points_A = visiting_points(scenario, shape, region)
     region = true_target(scenario, shape, region)
     mothership = mothership_state(scenario, environment)
-    check_way_in(scenario, shape, environment, mothership)
+    check_approach(scenario, shape, environment, mothership)
     deployment = deploy(
         environment,
         mothership_N=mothership.r_N,
@@ -153,15 +147,15 @@ def make_plan(
     near_collisions, least_radius = _check_flight(scenario, shape, environment, deployment, candidates)
     encounter_findings: tuple[str, ...] = ()
     if check_separation:
-        encounter_findings = check_encounter(
-            scenario,
+        encounter_findings = EncounterCheck(
+            scenario=scenario,
             behavior=behavior,
             properties=properties,
             environment=environment,
             region=region,
             deployment=deployment,
             least_radius=least_radius[: len(points_A)],
-        )
+        ).findings()
     plan = Plan(
         scenario=scenario,
         shape=shape,
@@ -202,17 +196,8 @@ def check_plugins(scenario: Scenario) -> None:
     own_spacecraft_from(scenario)
     controller_from(scenario)
     unchecked_behavior(scenario)
-    with _named("body.gravity.model"):
+    with plugins.named("body.gravity.model"):
         plugins.find(plugins.GRAVITY, scenario.body.gravity.model)
-
-
-@contextmanager
-def _named(key: str) -> Iterator[None]:
-    """Put the scenario's key before what is wrong with a plug-in."""
-    try:
-        yield
-    except PluginError as error:
-        raise PluginError(f"{key} = {error}") from error
 
 
 def controller_from(scenario: Scenario) -> Controller:
@@ -221,7 +206,7 @@ def controller_from(scenario: Scenario) -> Controller:
     Raises:
         PluginError: There is none of that name, or its parameters do not fit.
     """
-    with _named("control.controller"):
+    with plugins.named("control.controller"):
         controller: Controller = plugins.create(
             plugins.CONTROLLERS, scenario.control.controller, scenario.control.parameters
         )
@@ -232,21 +217,6 @@ def as_planned(scenario: Scenario) -> Scenario:
     """The scenario without faults, dispersions and the corrections of what they do: all that a design can count on."""
     changes = {"faults": (), "dispersions": Dispersions(), "trajectory": Trajectory(), "navigation": Navigation()}
     return scenario.model_copy(update=changes)
-
-
-def load_body_shape(body: Body) -> ShapeModel:
-    """The body's mesh: packaged, an ellipsoid, or from a file."""
-    if body.shape in BODIES:
-        return load_body(body.shape)
-    if body.semi_axes_m is not None:
-        return build_ellipsoid(body.semi_axes_m, body.name)
-    try:
-        return load_shape(body.shape, unit=body.shape_unit, name=body.name, expect_radius_m=body.radius_range_m)
-    except BodySizeError as error:
-        advice = error.advised("give body.shape_unit: {unit}", "give body.radius_range_m: [LOWEST, HIGHEST]")
-        raise ShapeError(f"body.shape = {body.shape}: {advice}") from None
-    except ShapeError as error:
-        raise ShapeError(f"body.shape = {body.shape} (with body.shape_unit, body.radius_range_m): {error}") from None
 
 
 def behavior_from(scenario: Scenario) -> Behavior:
@@ -267,7 +237,7 @@ def unchecked_behavior(scenario: Scenario) -> Behavior:
     Raises:
         SwarmError: There is none of that name, or its parameters do not fit.
     """
-    with _named("behavior.name"):
+    with plugins.named("behavior.name"):
         behavior: Behavior = plugins.create(
             plugins.BEHAVIORS,
             scenario.behavior.name,
@@ -277,50 +247,6 @@ def unchecked_behavior(scenario: Scenario) -> Behavior:
         )
     aimed = behavior.aimed_at(scenario.target) if isinstance(behavior, AimedBehavior) else behavior
     return coordinated(aimed, scenario.swarm)
-
-
-def environment_from(scenario: Scenario, shape: ShapeModel, mass: float | None = None) -> Environment:
-    """Everything that acts near the body, for the scenario's epoch.
-
-    Args:
-        scenario: What is asked for.
-        shape: The body's mesh in A [m].
-        mass: Of a spacecraft, which radiation pressure accelerates [kg]; None: the scenario's.
-    """
-    body, perturbations = scenario.body, scenario.perturbations
-    _require_own_gravity(body)
-    with _named("body.gravity.model"):
-        gravity = plugins.create(plugins.GRAVITY, body.gravity.model, body.gravity.parameters, shape)
-    area_per_mass = perturbations.srp_area_m2 / (mass or scenario.spacecraft.mass_kg)
-    return Environment(
-        gravity=gravity,
-        **surroundings_from(scenario)._asdict(),
-        solar_tide=perturbations.solar_tide,
-        srp_area_per_mass=area_per_mass if perturbations.solar_radiation_pressure else 0.0,
-        srp_reflectivity=perturbations.srp_reflectivity,
-    )
-
-
-#: What each built-in field takes from Eros where the scenario says nothing: a shape of one's own needs all of one choice.
-OWN_GRAVITY = {
-    "point_mass": (("gm",),),
-    "polyhedron": (("gm",), ("density_kg_m3",)),
-    "spherical_harmonics": (("gm", "reference_radius_m", "coefficients"),),
-}
-
-
-def _require_own_gravity(body: Body) -> None:
-    given = {key for key, value in body.gravity.parameters.items() if value is not None}
-    choices = OWN_GRAVITY.get(body.gravity.model, ())
-    if body.shape != EROS_SHAPE and choices and not any(given.issuperset(choice) for choice in choices):
-        raise ScenarioError(
-            f"body.gravity.parameters = {body.gravity.parameters}: body.shape = {body.shape} would take the gravity of Eros; "
-            f"{body.gravity.model} needs {' or '.join(map(_enumerated, choices))} (check body.rotation and body.orbit too)"
-        )
-
-
-def _enumerated(words: Sequence[str]) -> str:
-    return " and ".join(filter(None, (", ".join(words[:-1]), words[-1])))
 
 
 def antennas_from(scenario: Scenario) -> Antennas:

@@ -18,8 +18,9 @@ import numpy as np
 import xarray as xr
 
 from swarm_mj.errors import InteropError
+from swarm_mj.flight.environment import environment_from, load_body_shape
 from swarm_mj.flight.observe import visit_sample
-from swarm_mj.flight.plan import environment_from, load_body_shape, target_from, true_target
+from swarm_mj.flight.targets import target_from, true_target
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.camera import look_at

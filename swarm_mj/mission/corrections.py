@@ -15,9 +15,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from swarm_mj.errors import MissionError
+from swarm_mj.mission.deployment import groups
 from swarm_mj.mission.trajectories import AccelerationN
 from swarm_mj.mission.transition import inverse, transitions
-from swarm_mj.typing import Array, Ints
+from swarm_mj.typing import Array
 
 #: Worst condition of Phi_rv with which a correction is still one: beyond, a metre costs a million times more in one direction
 #: than in another, as half a revolution before the visit.
@@ -60,28 +61,16 @@ class Legs:
         Raises:
             MissionError: A change of velocity at a correction cannot reach all directions at the visit.
         """
-        return targeting_gain(self.to_visit[:, 1:], self.times[:, -1:] - self.times[:, 1:-1])
-
-
-def targeting_gain(to_visit: Array, time_left: Array) -> Array:
-    """Gain of fixed-time-of-arrival corrections, shape (n, m, 3, 6).
-
-    Args:
-        to_visit: Phi(visit, correction), shape (n, m, 6, 6).
-        time_left: From each correction to the visit, shape (n, m) [s].
-
-    Raises:
-        MissionError: Phi_rv is singular: a change of velocity cannot move the visit in all directions.
-    """
-    phi_rv = to_visit[..., :3, 3:]
-    bad = ~(np.linalg.cond(phi_rv / time_left[..., None, None]) < WORST_CONDITION)
-    if bad.any():
-        j, k = np.argwhere(bad)[0]
-        raise MissionError(
-            f"sc{j + 1}: correction {k + 1}, {time_left[j, k]:g} s before the visit, cannot move the visit in every direction "
-            "(its Phi_rv is singular, as half a revolution before); move it in trajectory.corrections"
-        )
-    return np.asarray(-np.linalg.solve(phi_rv, to_visit[..., :3, :]))
+        to_visit, time_left = self.to_visit[:, 1:], self.times[:, -1:] - self.times[:, 1:-1]
+        phi_rv = to_visit[..., :3, 3:]
+        bad = ~(np.linalg.cond(phi_rv / time_left[..., None, None]) < WORST_CONDITION)
+        if bad.any():
+            j, k = np.argwhere(bad)[0]
+            raise MissionError(
+                f"sc{j + 1}: correction {k + 1}, {time_left[j, k]:g} s before the visit, cannot move the visit in every "
+                "direction (its Phi_rv is singular, as half a revolution before); move it in trajectory.corrections"
+            )
+        return np.asarray(-np.linalg.solve(phi_rv, to_visit[..., :3, :]))
 
 
 def plan_legs(acceleration: AccelerationN, r0_N: Array, v0_N: Array, times: Array) -> Legs:
@@ -99,15 +88,9 @@ def plan_legs(acceleration: AccelerationN, r0_N: Array, v0_N: Array, times: Arra
     n, knots = times.shape
     r_N, v_N = np.empty((n, knots, 3)), np.empty((n, knots, 3))
     phi = np.empty((n, knots - 1, 6, 6))
-    for group in same_times(times):
+    for _, group in groups(*times.T):
         flown = transitions(acceleration, r0_N[group], v0_N[group], times[group[0]])
         r_N[group], v_N[group] = flown.r_N.swapaxes(0, 1), flown.v_N.swapaxes(0, 1)
         back = inverse(flown.phi[:-1], flown.times[-1] - flown.times[0])
         phi[group] = (flown.phi[1:] @ back).swapaxes(0, 1)
     return Legs(times=times, r_N=r_N, v_N=v_N, phi=phi)
-
-
-def same_times(times: Array) -> list[Ints]:
-    """Spacecraft whose times are all the same, as arrays of numbers: they are integrated together."""
-    _, group = np.unique(times, axis=0, return_inverse=True)
-    return [np.flatnonzero(group == g) for g in range(group.max() + 1)]

@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 
 from swarm_mj.errors import MissionError, PathError
-from swarm_mj.mission.finite_burns import fly_burning, windows_of
+from swarm_mj.mission.finite_burns import fly_burning, timed_burns
 from swarm_mj.mission.multiple_shooting import shoot_in_parts
 from swarm_mj.mission.trajectories import AccelerationN, Deployment, Progress, propagate, solve_transfers
 from swarm_mj.smallbody.environment import Environment
@@ -100,7 +100,7 @@ def _transfers(
     v0, misses = np.empty_like(r0), np.empty(len(r0))
     together = list(groups(start, end))
     for count, (time, who) in enumerate(together):
-        tell = None if progress is None else partial(_tell_part, progress, count, len(together))
+        tell = None if progress is None else partial(tell_part, progress, count, len(together))
         v0[who], misses[who] = _one_group(forces, r0[who], destinations[who], (time, float(end[who[0]])), who, tell)
     return v0, misses
 
@@ -153,7 +153,8 @@ def _bent(law: AccelerationN, r0: Array, destination: Array, time_of_flight: flo
     return 0.5 * pull * time_of_flight**2 > LEAST_BEND * float(np.linalg.norm(destination - r0))
 
 
-def _tell_part(progress: Progress, count: int, of: int, share: float) -> None:
+def tell_part(progress: Progress, count: int, of: int, share: float) -> None:
+    """Tell the share of all parts that is done, with `count` of them and a share of the next one."""
     progress((count + share) / of)
 
 
@@ -198,8 +199,8 @@ def _burning_paths(forces: AccelerationN, deployment: Deployment, times: Array, 
     push = deployment.push
     assert push is not None
     r, v = planned_paths(forces, replace(deployment, burns=()), times, rtol=rtol)
-    windows = windows_of(deployment.burns, push, np.full(len(deployment.v0_N), push.mass))
-    for j, own in enumerate(windows):
+    burns = timed_burns(deployment.burns, push, np.full(len(deployment.v0_N), push.mass))
+    for j, own in enumerate(burns):
         released = float(deployment.release_s[j])
         later = np.flatnonzero(times > released)
         if not own or not len(later):

@@ -10,8 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from swarm_mj.mission.corrections import Legs, same_times
+from swarm_mj.mission.corrections import Legs
 from swarm_mj.mission.covariance import FlightErrors, burnt
+from swarm_mj.mission.deployment import groups
 from swarm_mj.mission.trajectories import AccelerationN, Progress, propagate
 from swarm_mj.typing import Array
 
@@ -55,7 +56,7 @@ def fly_dispersed(
     x = _released(legs, errors, rng, runs)
     delta_v = np.zeros((runs, n, m, 3))
     for k in range(m + 1):
-        for group in same_times(legs.times[:, k : k + 2]):
+        for _, group in groups(*legs.times[:, k : k + 2].T):
             x[:, group] = _coasted(acceleration, x[:, group], legs.times[group[0], k : k + 2])
         if k < m:
             known = _deviation(x, legs, k + 1) + _knowledge_errors(errors, rng, (runs, n))

@@ -15,17 +15,17 @@ from swarm_mj.mission.trajectories import AccelerationN, PlannedBurn, Push, prop
 from swarm_mj.typing import Array
 
 
-class Window(NamedTuple):
+class TimedBurn(NamedTuple):
     """When a planned burn is flown.
 
     Attributes:
-        burn: The burn.
+        planned: The burn.
         start: [s].
         duration: At full thrust [s].
         mass: At its start [kg].
     """
 
-    burn: PlannedBurn
+    planned: PlannedBurn
     start: float
     duration: float
     mass: float
@@ -47,7 +47,7 @@ def lasts(push: Push, speed: float, mass: float) -> float:
     return propellant_for(speed, mass, push.exhaust_speed) * push.exhaust_speed / push.force
 
 
-def windows_of(burns: Sequence[PlannedBurn], push: Push, mass: Array) -> list[list[Window]]:
+def timed_burns(burns: Sequence[PlannedBurn], push: Push, mass: Array) -> list[list[TimedBurn]]:
     """When each spacecraft burns, in order of time; burns of nothing are left out.
 
     Args:
@@ -56,14 +56,14 @@ def windows_of(burns: Sequence[PlannedBurn], push: Push, mass: Array) -> list[li
         mass: At the start, shape (n,) [kg].
     """
     left = np.array(mass, float)
-    found: list[list[Window]] = [[] for _ in left]
+    found: list[list[TimedBurn]] = [[] for _ in left]
     for burn in sorted(burns, key=lambda burn: burn.t):
         speed, j = float(np.linalg.norm(burn.delta_v_N)), burn.spacecraft
         if speed == 0.0:
             continue
         before = float(left[j])
         duration = lasts(push, speed, before)
-        found[j].append(Window(burn, burn.t - 0.5 * duration, duration, before))
+        found[j].append(TimedBurn(burn, burn.t - 0.5 * duration, duration, before))
         left[j] -= propellant_for(speed, before, push.exhaust_speed)
     return found
 
@@ -73,7 +73,7 @@ def fly_burning(
     r0: Array,
     v0: Array,
     times: Array,
-    windows: Sequence[Window],
+    burns: Sequence[TimedBurn],
     push: Push,
     *,
     rtol: float = 1e-12,
@@ -85,14 +85,14 @@ def fly_burning(
         r0: Start, shape (3,) [m].
         v0: Shape (3,) [m/s].
         times: Increasing, the first is the start [s], shape (t,).
-        windows: Its burns, in order of time, none before the start.
+        burns: Its own, in order of time, none before the start.
         push: By which they are flown.
         rtol: See `propagate`.
 
     Returns:
         Positions and velocities, each of shape (t, 3).
     """
-    edges = [edge for window in windows for edge in (window.start, window.start + window.duration)]
+    edges = [edge for burn in burns for edge in (burn.start, burn.start + burn.duration)]
     edges = [float(times[0]), *(edge for edge in edges if times[0] < edge < times[-1]), float(times[-1])]
     r, v = np.empty((len(times), 3)), np.empty((len(times), 3))
     r[0], v[0] = r0, v0
@@ -101,7 +101,7 @@ def fly_burning(
         if end <= begin:
             continue
         middle = 0.5 * (begin + end)
-        burning = next((w for w in windows if w.start <= middle <= w.start + w.duration), None)
+        burning = next((b for b in burns if b.start <= middle <= b.start + b.duration), None)
         inside = np.flatnonzero((times > begin) & (times <= end))
         instants, which = np.unique(np.concatenate(([begin, end], times[inside])), return_inverse=True)
         law = forces if burning is None else _thrusting(forces, burning, push)
@@ -111,11 +111,11 @@ def fly_burning(
     return r, v
 
 
-def _thrusting(forces: AccelerationN, window: Window, push: Push) -> AccelerationN:
-    force_N = push.force * window.burn.delta_v_N / np.linalg.norm(window.burn.delta_v_N)
+def _thrusting(forces: AccelerationN, burn: TimedBurn, push: Push) -> AccelerationN:
+    force_N = push.force * burn.planned.delta_v_N / np.linalg.norm(burn.planned.delta_v_N)
     flow = push.force / push.exhaust_speed
 
     def law(t: float, r: Array) -> Array:
-        return np.asarray(forces(t, r) + force_N / (window.mass - flow * (t - window.start)))
+        return np.asarray(forces(t, r) + force_N / (burn.mass - flow * (t - burn.start)))
 
     return law

@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from math import isfinite, sqrt
+from math import sqrt
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -117,17 +117,6 @@ class TargetRegion:
         """Number of faces in F_T: triangles of the cut mesh inside the pyramid, before any subdivision."""
         return int(self.group[-1]) + 1
 
-    @cached_property
-    def n_polygons(self) -> int:
-        """Number of original mesh faces that lie at least partly inside the pyramid."""
-        return len(np.unique(self.parent[self.target]))
-
-    @cached_property
-    def n_whole(self) -> int:
-        """Number of original mesh faces that lie wholly inside the pyramid."""
-        per_parent = np.bincount(self.parent)
-        return int((np.bincount(self.parent[self.target], minlength=len(per_parent)) == per_parent).sum())
-
     @property
     def n_visiting(self) -> int:
         """Number of visiting points, n_T."""
@@ -142,21 +131,11 @@ class TargetRegion:
 
         Returns:
             Visiting points in A [m], shape (n_T, 3).
-
-        Raises:
-            MissionError: The altitude is not a positive number, or the projection is unknown.
         """
-        if not (isfinite(altitude) and altitude > 0.0):
-            raise MissionError(
-                f"imaging altitude {altitude} m puts every visiting point on or below the surface "
-                f"(the first is mesh vertex {self.visiting_vertex[0]}): give a positive altitude in metres"
-            )
         points = self.vertices[self.visiting_vertex]
-        if projection == "radial":
-            return points * (1.0 + altitude / np.linalg.norm(points, axis=1, keepdims=True))
         if projection == "normal":
             return points + altitude * self.visiting_normal_A
-        raise MissionError(f"unknown projection {projection!r} of the visiting points: use 'radial' or 'normal'")
+        return points * (1.0 + altitude / np.linalg.norm(points, axis=1, keepdims=True))
 
 
 class Pyramid(NamedTuple):
@@ -182,7 +161,8 @@ class Pyramid(NamedTuple):
     @property
     def slope(self) -> float:
         """Tangent of the angle between axis and sides."""
-        return _side_slope(self.half_angle_deg, self.edges)
+        tangent = float(np.tan(np.radians(self.half_angle_deg)))
+        return tangent / sqrt(2.0) if self.edges == "corner" else tangent
 
     @property
     def words(self) -> str:
@@ -214,19 +194,20 @@ def build_targets(shape: ShapeModel, pyramids: Sequence[Pyramid], *, cell_size_m
         cell_size_m: Subdivide the targets until no cell has a longer edge [m]; None keeps the faces of F_T as cells.
 
     Raises:
-        MissionError: An angle is out of its range, or a pyramid holds no face or no vertex.
+        MissionError: A pyramid holds no face or no vertex.
     """
-    for pyramid in pyramids:
-        _check_angles(pyramid.latitude_deg, pyramid.longitude_deg, pyramid.half_angle_deg)
     sides = [_side_normals(pyramid.axes, pyramid.slope) for pyramid in pyramids]
     vertices, faces, parent = cut_mesh(shape.vertices, shape.faces, np.vstack(sides))
-    inside = [_inside(vertices, normals) for normals in sides]
-    held = np.array([each.faces(faces) for each in inside])
-    for pyramid, its in zip(pyramids, held, strict=True):
-        if not its.any():
+    # On which side of each plane of each pyramid the vertices lie: 1 inside, 0 on the plane, -1 outside.
+    side = np.array([[np.sign(plane_distance(vertices, normal)) for normal in normals] for normals in sides])
+    # No face crosses a plane any more.
+    held = np.all(side[:, :, faces].sum(axis=3) > 0, axis=1)
+    for pyramid, faces_held in zip(pyramids, held, strict=True):
+        if not faces_held.any():
             where = f"{pyramid.words} {shape.name}"
             raise MissionError(f"target off the body: no face {where}; check the target or the shape's origin")
-    visiting = [np.flatnonzero(each.points[: len(shape.vertices)]) for each in inside]
+    points_inside_or_on = np.all(side >= 0, axis=1) & np.any(side, axis=1)
+    visiting = [np.flatnonzero(each[: len(shape.vertices)]) for each in points_inside_or_on]
     for pyramid, points in zip(pyramids, visiting, strict=True):
         if not len(points):
             where = f"{pyramid.words} {shape.name}"
@@ -236,7 +217,7 @@ def build_targets(shape: ShapeModel, pyramids: Sequence[Pyramid], *, cell_size_m
     chosen: Mask = np.asarray(held.any(axis=0))
     origin = np.arange(len(faces))
     if cell_size_m is not None:
-        vertices, faces, origin = refine_mesh(vertices, faces, chosen, _checked_cell_size(cell_size_m))
+        vertices, faces, origin = refine_mesh(vertices, faces, chosen, cell_size_m)
     mesh = ShapeModel(vertices, faces, shape.name)
 
     def region(cells: Mask, k: int, parts: tuple[TargetRegion, ...] = ()) -> TargetRegion:
@@ -266,7 +247,7 @@ def whole_body(shape: ShapeModel, *, cell_size_m: float | None = None) -> Target
     vertices, faces, parent = shape.vertices, shape.faces, np.arange(len(shape.faces))
     if cell_size_m is not None:
         every = np.ones(len(faces), np.bool_)
-        vertices, faces, parent = refine_mesh(vertices, faces, every, _checked_cell_size(cell_size_m))
+        vertices, faces, parent = refine_mesh(vertices, faces, every, cell_size_m)
     return TargetRegion(
         mesh=ShapeModel(vertices, faces, shape.name),
         parent=parent,
@@ -285,15 +266,7 @@ def automatic_cell_size(altitude_m: float, half_angle_deg: float) -> float:
     A cell is counted whole or not at all, so that the border of each image is rounded to the cells under it; the error
     shrinks as more cells lie across the footprint, whose width is 2 h tan(half-angle). Six across keep the accumulated
     coverage of a passage within 1 % of the exact one (measured against polygon clipping, 3 deg at 14 km).
-
-    Raises:
-        MissionError: The altitude is not positive or the half-angle not between 0 and 90 deg.
     """
-    if not altitude_m > 0.0 or not 0.0 < half_angle_deg < 90.0:
-        raise MissionError(
-            f"no cell size for altitude {altitude_m} m and half-angle {half_angle_deg} deg: "
-            "the altitude must be positive, the half-angle between 0 and 90 deg"
-        )
     return 2.0 * altitude_m * float(np.tan(np.radians(half_angle_deg))) / CELLS_ACROSS_FOOTPRINT
 
 
@@ -336,53 +309,8 @@ def angles(points_A: Array, axes_A: Array) -> Array:
     return np.degrees(np.stack((np.arctan2(east, up), np.arctan2(north, up)), axis=-1))
 
 
-def _side_slope(half_angle_deg: float, edges: Edges) -> float:
-    """Tangent of the angle between axis and side planes."""
-    tangent = float(np.tan(np.radians(half_angle_deg)))
-    if edges == "corner":
-        return tangent / sqrt(2.0)
-    if edges == "side":
-        return tangent
-    raise MissionError(f"unknown pyramid edges {edges!r}: use 'corner' or 'side'")
-
-
 def _side_normals(axes_A: Array, slope: float) -> Array:
     """Inward unit normals of the pyramid's four sides, shape (4, 3)."""
     east, north, up = axes_A
     normals = slope * up + np.array([east, -east, north, -north])
     return normals / np.linalg.norm(normals, axis=1, keepdims=True)
-
-
-@dataclass(frozen=True)
-class _Inside:
-    """Sides of the four planes on which the vertices lie: 1 inside, 0 on the plane, -1 outside, shape (4, V)."""
-
-    side: Array
-
-    @property
-    def points(self) -> Mask:
-        """Vertices inside the pyramid or on its surface, shape (V,)."""
-        return np.asarray(np.all(self.side >= 0, axis=0) & np.any(self.side, axis=0))
-
-    def faces(self, faces: Ints32) -> Mask:
-        """Faces inside the pyramid; none may cross a plane, shape (F,)."""
-        return np.asarray(np.all(self.side[:, faces].sum(axis=2) > 0, axis=0))
-
-
-def _inside(vertices: Array, normals: Array) -> _Inside:
-    return _Inside(np.array([np.sign(plane_distance(vertices, normal)) for normal in normals]))
-
-
-def _check_angles(latitude_deg: float, longitude_deg: float, half_angle_deg: float) -> None:
-    if not -90.0 <= latitude_deg <= 90.0:
-        raise MissionError(f"target latitude {latitude_deg} deg is not on the body: give -90 to 90 deg")
-    if not isfinite(longitude_deg):
-        raise MissionError(f"target longitude {longitude_deg} deg is not a number")
-    if not 0.0 < half_angle_deg < 90.0:
-        raise MissionError(f"target half-angle {half_angle_deg} deg is impossible: it must be above 0 and below 90 deg")
-
-
-def _checked_cell_size(cell_size_m: float) -> float:
-    if not cell_size_m > 0.0:
-        raise MissionError(f"cell size {cell_size_m} m is impossible: it must be positive, or None for whole faces")
-    return cell_size_m

@@ -40,10 +40,6 @@ class Transitions:
     v_N: Array
     phi: Array
 
-    def between(self, late: int, early: int) -> Array:
-        """Phi(times[late], times[early]) of every body, shape (n, 6, 6)."""
-        return self.phi[late] @ inverse(self.phi[early], self.times[-1] - self.times[0])
-
 
 def gravity_gradient(acceleration: AccelerationN, t: float, r_N: Array) -> tuple[Array, Array]:
     """Acceleration and its gradient by central differences.
@@ -63,9 +59,7 @@ def gravity_gradient(acceleration: AccelerationN, t: float, r_N: Array) -> tuple
     return a_N[:, 0], ((a_N[:, 1:4] - a_N[:, 4:]) / (2.0 * step)).transpose(0, 2, 1)
 
 
-def transitions(
-    acceleration: AccelerationN, r0_N: Array, v0_N: Array, times: Array, *, rtol: float = TOLERANCE
-) -> Transitions:
+def transitions(acceleration: AccelerationN, r0_N: Array, v0_N: Array, times: Array) -> Transitions:
     """Integrate n trajectories with their state transition matrices.
 
     Args:
@@ -73,7 +67,6 @@ def transitions(
         r0_N: Start positions, shape (n, 3) [m].
         v0_N: Start velocities, shape (n, 3) [m/s].
         times: Increasing output times [s]; the first is the start.
-        rtol: Relative tolerance.
 
     Raises:
         MissionError: The integrator failed, for instance at an impact with a point mass.
@@ -99,7 +92,7 @@ def transitions(
         start.ravel(),
         method="DOP853",
         t_eval=times,
-        rtol=rtol,
+        rtol=TOLERANCE,
         atol=np.tile(_smallest(span), (n, 1, 1)).ravel(),
     )
     if not solution.success or not np.isfinite(solution.y).all():

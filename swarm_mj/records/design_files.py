@@ -12,8 +12,8 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from swarm_mj.designer.arrival import HOUR
 from swarm_mj.designer.candidates.visibility import Visibility
+from swarm_mj.designer.deadline import HOUR
 from swarm_mj.designer.study import Growth, Study, describe
 from swarm_mj.io.arrays import Declared, read_arrays
 from swarm_mj.io.atomic import write_text
@@ -111,25 +111,25 @@ def design_record(study: Study) -> dict[str, Any]:
 
 def _delivery_record(study: Study) -> dict[str, Any]:
     """When designs are on Earth; empty where that was not asked for."""
-    within = study.within
-    if within is None:
+    deadline = study.deadline
+    if deadline is None:
         return {}
     evolved = {name: result.points for name, result in study.genetic.items()}
     return {
         "deliver_within_h": study.scenario.designer.deliver_within_h,
         "delivered_by_h": _delivered_by_h(study, study.selected),
-        "delivery_checked": within.known(study.selected) is not None,
+        "delivery_checked": deadline.known(study.selected) is not None,
         "delivered_in_time": study.in_time(study.selected),
         "genetic_delivered_by_h": {name: _delivered_by_h(study, points) for name, points in evolved.items()},
         "genetic_delivered_in_time": {name: study.in_time(points) for name, points in evolved.items()},
-        "delivery_bound_h": _hours(within.needs.soonest_s()),
-        "designs_flown": len(within.arrivals),
-        "delivery_cuts": len(within.cuts),
+        "delivery_bound_h": _hours(deadline.needs.soonest_s()),
+        "designs_flown": len(deadline.arrivals),
+        "delivery_cuts": len(deadline.cuts),
     }
 
 
 def _delivered_by_h(study: Study, points: Ints) -> float | None:
-    arrival = None if study.within is None else study.within.known(points)
+    arrival = None if study.deadline is None else study.deadline.known(points)
     return None if arrival is None else _hours(arrival.full_s)
 
 

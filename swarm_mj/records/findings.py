@@ -7,8 +7,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from swarm_mj.flight.environment import EROS_SHAPE
 from swarm_mj.flight.observe import picture_samples
-from swarm_mj.flight.plan import EROS_SHAPE, as_planned
+from swarm_mj.flight.plan import as_planned
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.records.delivered import undelivered_findings
 from swarm_mj.records.design_files import design_differences

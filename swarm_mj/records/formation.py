@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from swarm_mj.flight.coordination_record import FORMATION_AIRTIME
-from swarm_mj.flight.formation import BITS, ERROR, TOLD
+from swarm_mj.flight.coordination import FORMATION_AIRTIME
+from swarm_mj.flight.formation import BITS, ERROR, RECORD
 from swarm_mj.records.rounding import by_name
 from swarm_mj.typing import Mask
 
@@ -21,7 +21,7 @@ def formation_summary(telemetry: xr.Dataset) -> dict[str, Any]:
     """Keys of the summary; empty for flights without a formation."""
     if ERROR not in telemetry:
         return {}
-    told, times = json.loads(telemetry.attrs[TOLD]), telemetry["time"].values
+    told, times = json.loads(telemetry.attrs[RECORD]), telemetry["time"].values
     names = [str(name) for name in telemetry["spacecraft"].values]
     held = np.flatnonzero((times >= told["start_s"]) & (times <= told["end_s"]))
     error, left = telemetry[ERROR].values[held], telemetry["propellant_kg"].values[held]

@@ -12,8 +12,8 @@ import numpy as np
 import xarray as xr
 
 from swarm_mj import __version__
-from swarm_mj.flight.coordination_record import coordination_summary
-from swarm_mj.flight.mothership import way_in
+from swarm_mj.flight.coordination import coordination_summary
+from swarm_mj.flight.mothership import osculating_orbit
 from swarm_mj.flight.observe import ObservationResult, picture_samples, visit_samples, watching_in
 from swarm_mj.flight.plan import Plan
 from swarm_mj.flight.spacecraft import notes_on
@@ -188,7 +188,7 @@ def _flown(plan: Plan, telemetry: xr.Dataset) -> dict[str, Any]:
 def _mothership_orbit(plan: Plan) -> dict[str, Any]:
     """How the mothership comes, to twelve digits and a micrometre: what is behind them is noise."""
     deployment = plan.deployment
-    found = way_in(plan.scenario, plan.environment, deployment.r0_N, deployment.mothership_velocity_N)
+    found = osculating_orbit(plan.scenario, plan.environment, deployment.r0_N, deployment.mothership_velocity_N)
     return {key: _without_noise(value, 6 if key.endswith("_m") else 12) for key, value in found.items()}
 
 

@@ -32,7 +32,7 @@ from swarm_mj.spacecraft.elements import (
 from swarm_mj.spacecraft.model_guard import Measured, measure, motor_faults, torque_range
 from swarm_mj.spacecraft.properties import SpacecraftProperties
 from swarm_mj.spacecraft.sensors import Sensor, sensors_of
-from swarm_mj.spacecraft.thrusters import read_nozzles
+from swarm_mj.spacecraft.thrusters import Allocation, read_nozzles
 from swarm_mj.typing import Array
 
 #: How the names of the wheels' joints and motors begin.
@@ -105,6 +105,7 @@ class OwnSpacecraft:
         start_qvel: Their velocities.
         start_ctrl: Controls of all actuators; those of the wheels are the control law's.
         remarks: What a reader should know.
+        strength: Of its thrusters, see `Allocation`; 0 without thrusters.
         why: Why it is flown from its file, and so by `mj_step`.
     """
 
@@ -118,6 +119,7 @@ class OwnSpacecraft:
     start_qvel: tuple[float, ...]
     start_ctrl: tuple[float, ...]
     remarks: tuple[str, ...]
+    strength: float
     why: str = ""
 
 
@@ -195,8 +197,7 @@ def _read(path: Path, model: mujoco.MjModel, planned: SpacecraftProperties) -> O
     start = _start(model)
     found = measure(model, name_of(model, "body", hub), wheels, start[0])
     properties = _properties(model, wheels, found, planned)
-    if planned.thrusters is not None:
-        _check_nozzles(model, hub, planned.thrusters.propellant)
+    strength = 0.0 if planned.thrusters is None else _strength(model, hub, planned.thrusters.propellant)
     others = [
         j for j in range(model.njnt) if j not in joints_of(model, hub) and name_of(model, "joint", j) not in wheels
     ]
@@ -212,6 +213,7 @@ def _read(path: Path, model: mujoco.MjModel, planned: SpacecraftProperties) -> O
         start_qvel=qvel,
         start_ctrl=ctrl,
         remarks=tuple(_remarks(model, wheels, properties, planned)),
+        strength=strength,
     )
 
 
@@ -282,18 +284,19 @@ def _find_wheels(model: mujoco.MjModel, hub: int) -> tuple[str, ...]:
     return names
 
 
-def _check_nozzles(model: mujoco.MjModel, hub: int, propellant: float) -> None:
-    """See that there are nozzles, and that the tank fits into the hub.
+def _strength(model: mujoco.MjModel, hub: int, propellant: float) -> float:
+    """The strength of its nozzles.
 
     Raises:
-        _Refused: One or the other is not so.
+        _Refused: There are no nozzles, or the tank does not fit into the hub.
     """
     try:
-        read_nozzles(model, hub)
+        strength = Allocation(read_nozzles(model, hub), model.body_ipos[hub]).strength
     except MissionError as error:
         raise _Refused(str(error)) from None
     if propellant >= (mass := float(model.body_mass[hub])):
         raise _Refused(f"spacecraft.thrusters.propellant_kg = {propellant:g}: must be below the hub's {mass:g} kg")
+    return strength
 
 
 def _check_motor(model: mujoco.MjModel, wheel: str) -> None:

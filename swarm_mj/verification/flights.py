@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from swarm_mj.flight.plan import environment_from
+from swarm_mj.flight.environment import environment_from
 from swarm_mj.mission.behaviors import SwarmView, Targets
 from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.simulator.simulation import Simulation

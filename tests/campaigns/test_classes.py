@@ -9,7 +9,7 @@ from swarm_mj.campaigns.classes_report import table_by_lost, table_of_classes
 from swarm_mj.campaigns.flying import Flyer
 from swarm_mj.campaigns.loading import resolve
 from swarm_mj.campaigns.sampling import Sample
-from swarm_mj.designer.places import chosen_places
+from swarm_mj.designer.robust_points import most_shown
 from swarm_mj.errors import ScenarioError
 from swarm_mj.scenarios.loading import load_scenario, parse_overrides
 
@@ -130,7 +130,7 @@ def test_a_class_that_never_flew_is_told():
 def test_places_are_chosen_so_that_two_can_show_each_part():
     shown = np.array([[1, 1, 1, 0], [1, 1, 1, 0], [1, 1, 1, 0], [0, 0, 1, 1]], bool)
     area = np.array([1.0, 1.0, 1.0, 1.5])
-    assert chosen_places(shown, area, 3) == [0, 1, 3]  # a third look at the same adds nothing
+    assert most_shown(shown, area, 3) == [0, 1, 3]  # a third look at the same adds nothing
     best = max(
         (sum(area[q] * min(2, sum(shown[j, q] for j in chosen)) for q in range(4)), chosen)
         for chosen in ((0, 1, 2), (0, 1, 3), (0, 2, 3), (1, 2, 3))

@@ -9,7 +9,6 @@ from swarm_mj.coordination.graph import Graph, graph_at
 from swarm_mj.dataflow.contacts import Instant, Radios
 from swarm_mj.dataflow.link_budget import RateTable
 from swarm_mj.dataflow.network import Access
-from swarm_mj.errors import MissionError
 from swarm_mj.mission.links import Antennas
 from swarm_mj.scenarios.constants import SPEED_OF_LIGHT
 from swarm_mj.smallbody.occultation import occluder_of
@@ -51,7 +50,7 @@ def test_links_have_the_rate_of_their_range_and_the_light_time(body):
     g = graph(body, [[5e3, 0, 0], [5e3, 8e3, 0], [5e3, 0, 39e3], [5e3, 0, -30e3]], processing_s=0.1)
     assert g.rate_bit_s[0].tolist() == [0.0, 100.0, 10.0, 10.0] and g.rate_bit_s[2, 3] == 0.0
     assert g.delay_s[0, 2] == pytest.approx(0.1 + 39e3 / SPEED_OF_LIGHT, rel=1e-12)
-    assert g.degree.tolist() == [3, 3, 2, 2]
+    assert g.adjacency.sum(axis=1).tolist() == [3, 3, 2, 2]
 
 
 def test_the_body_cuts_a_link_that_is_in_range(body):
@@ -62,20 +61,21 @@ def test_the_body_cuts_a_link_that_is_in_range(body):
 def test_a_graph_falls_apart_where_the_one_in_the_middle_is_lost(body):
     r_N = [[5e3, -30e3, 0], [5e3, 0, 0], [5e3, 30e3, 0], [5e3, 35e3, 0]]
     whole, torn = graph(body, r_N), graph(body, r_N, works=[True, False, True, True])
-    assert whole.lambda2 > 0.0 and [c.tolist() for c in whole.components] == [[0, 1, 2, 3]]
-    assert torn.lambda2 == 0.0 and [c.tolist() for c in torn.components] == [[0], [2, 3]]
+    assert [c.tolist() for c in whole.components] == [[0, 1, 2, 3]]
+    assert [c.tolist() for c in torn.components] == [[0], [2, 3]]
 
 
 def test_an_empty_swarm_has_no_groups_and_nothing_to_say(body):
     g = graph(body, [[5e3, 0, 0], [5e3, 1e3, 0]], works=[False, False])
     bus = Bus(2, np.random.default_rng(0))
     assert g.components == [] and not g.links.any()
-    assert bus.broadcast(0.0, 0, 10, "hello", g) == 0 and bus.bits.sum() == 0 and bus.arrived(1e9) == []
+    bus.broadcast(0.0, 0, 10, "hello", g)
+    assert bus.bits.sum() == 0 and bus.arrived(1e9) == []
 
 
 def test_a_message_arrives_after_it_was_sent_and_the_way_and_once():
     bus, g = Bus(3, np.random.default_rng(0)), links_of(3, (0, 1), (1, 2))
-    assert bus.broadcast(5.0, 1, 200, "hello", g) == 2
+    bus.broadcast(5.0, 1, 200, "hello", g)
     assert bus.arrived(7.24) == []
     assert sorted(m.receiver for m in bus.arrived(7.25)) == [0, 2] and bus.arrived(99.0) == []
     assert bus.bits.tolist() == [0, 200, 0] and bus.airtime_s.tolist() == [0.0, 2.0, 0.0]
@@ -109,10 +109,3 @@ def test_as_many_messages_are_lost_as_the_chance_says_and_the_same_by_the_same_s
     count, heard = lost(1)
     assert abs(count - 1200) < 4 * np.sqrt(4000 * 0.3 * 0.7) and len(heard) == 4000 - count
     assert lost(1) == (count, heard) and lost(2)[1] != heard
-
-
-def test_what_is_no_message_and_no_graph_is_refused():
-    with pytest.raises(MissionError, match="at least one"):
-        Bus(2, np.random.default_rng(0)).broadcast(0.0, 0, 0, "", links_of(2, (0, 1)))
-    with pytest.raises(MissionError, match="loss"):
-        links_of(2, (0, 1), loss=1.5)

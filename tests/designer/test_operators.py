@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from pymoo.core.population import Population
 
-from swarm_mj.designer.operators import FitnessTournament, ForgetMutation, GeneMapProblem, RandomGeneMaps, UniqueDesigns
+from swarm_mj.designer.genetic import FitnessTournament, ForgetMutation, GeneMapProblem, RandomGeneMaps, UniqueDesigns
 
 
 @pytest.fixture

@@ -12,7 +12,7 @@ CASES = [
     {"tolerance_percent": 0.0},
     {"tolerance_percent": 4.0},
     {"tolerance_percent": 2.0, "fold": 2},
-    {"tolerance_percent": 0.0, "fold": 2, "max_visits": 2},
+    {"tolerance_percent": 0.0, "fold": 2},
 ]
 
 
@@ -26,12 +26,12 @@ def repaired_by_the_book(problem, points, noise):
     """Add who sees most of what is missing; take away whose loss costs least, as long as the rest is enough."""
     chosen, enough = [], problem.total_weight - problem.slack
     for p in points:
-        if chosen.count(p) < problem.max_visits:
+        if p not in chosen:
             chosen.append(p)
     while weight_of(problem, chosen) < enough and len(chosen) < problem.max_observers:
         missing = problem.sees[np.array(chosen, int) - 1].sum(axis=0) < problem.fold
         gains = (problem.sees & missing) @ problem.weights * (1.0 - noise)
-        gains[[p - 1 for p in set(chosen) if chosen.count(p) >= problem.max_visits]] = 0.0
+        gains[[p - 1 for p in chosen]] = 0.0
         if gains.max() <= 0.0:
             break
         chosen.append(int(gains.argmax()) + 1)

@@ -9,6 +9,7 @@ from swarm_mj.envs.policies.planner import NEAR, Planner, count_pixels, pictures
 from swarm_mj.coordination.allocation.greedy import greedy
 from swarm_mj.observation.camera import look_at
 from swarm_mj.observation.capture import keeps_limits, pixels_on, sight
+from tests.coordination.allocation.cases import can_be_taken
 
 from .test_leaderboard import ONE
 
@@ -61,7 +62,7 @@ def test_plans_keep_what_can_be_done_and_weigh_what_the_score_does(test):
         episodes, mission = test.episodes, test.episodes.mission_of(e)
         problem = problem_of(episodes, e, 0)
         plan = greedy(problem)
-        problem.check(plan.pictures)
+        assert can_be_taken(problem, plan.pictures)
         assert plan.value > 0.0
         # Seen and wholly sent from nearby, a cell brings its area over what is possible, and its data over their volume.
         pixels = pictures_to_come(episodes, e, 0).pixels.max(axis=(0, 1, 2))

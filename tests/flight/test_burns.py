@@ -112,8 +112,8 @@ def test_burns_of_one_spacecraft_share_its_tank_and_follow_each_other():
         propulsion.allocation,
         propulsion.mass,
     )
-    (first, second), *others = law.windows
-    assert first.burn.t == 100.0 and not any(others)
+    (first, second), *others = law.burns
+    assert first.planned.t == 100.0 and not any(others)
     assert second.duration == pytest.approx(first.duration * (8.0 - propellant_for(1.0, 8.0, 65.0 * 9.80665)) / 8.0)
 
 

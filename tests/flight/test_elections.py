@@ -12,11 +12,28 @@ from swarm_mj.dataflow.online import run_online
 from swarm_mj.dataflow.optimum import optimum
 from swarm_mj.dataflow.relays import elect_by_messages, scores_by_messages
 from swarm_mj.errors import MissionError
-from swarm_mj.flight.afterwards import Course, flown_instants, instants_afterwards, joined, paths_afterwards
-from swarm_mj.flight.deliver import PER_SLOT, Swarm, Trials, contacts_of, deliver, network_of, slot_edges, tiles_of
-from swarm_mj.flight.elections import Elections, elect_relays, election_slots
+from swarm_mj.flight.deliver import (
+    PER_SLOT,
+    SampledSwarm,
+    Trials,
+    contacts_of,
+    deliver,
+    network_of,
+    slot_edges,
+    tiles_of,
+)
 from swarm_mj.flight.observe import observe_flight
 from swarm_mj.flight.plan import make_plan
+from swarm_mj.flight.post_flight import (
+    Course,
+    Elections,
+    elect_relays,
+    election_slots,
+    flown_instants,
+    joined,
+    post_flight_instants,
+    post_flight_paths,
+)
 from swarm_mj.mission.behaviors import TargetKind, elect_medoid
 from swarm_mj.records.delivered import delivered_summary
 from swarm_mj.scenarios.loading import load_scenario, parse_overrides
@@ -42,16 +59,16 @@ def networks(plan, telemetry, coverage):
     times = samples_of(edges_s, PER_SLOT).ravel()
     later = times[times > telemetry["time"].values[-1]]
     course, flown = (
-        paths_afterwards(plan, telemetry, later),
+        post_flight_paths(plan, telemetry, later),
         flown_instants(plan, telemetry, times[: len(times) - len(later)]),
     )
 
     def with_relays(relays):
-        after = instants_afterwards(plan, telemetry, course, np.tile(np.array(relays, np.int64), (len(later), 1)))
+        after = post_flight_instants(plan, telemetry, course, np.tile(np.array(relays, np.int64), (len(later), 1)))
         instants = joined(flown, after)
         return network_of(plan.scenario, tiles, contacts_of(plan, edges_s, instants), instants)
 
-    return with_relays, Trials(Swarm.of_flight(plan, telemetry, edges_s), tiles)
+    return with_relays, Trials(SampledSwarm.of_flight(plan, telemetry, edges_s), tiles)
 
 
 @pytest.mark.parametrize("k", [1, 2])

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from swarm_mj.designer.candidates.flights import fly_candidates
-from swarm_mj.designer.candidates.judging import Judge, Watcher
+from swarm_mj.designer.candidates.pictures import Judge, Watcher
 from swarm_mj.designer.candidates.visibility import imaging_model_from
 from swarm_mj.flight.fly import asteroid_attitudes, simulate
 from swarm_mj.flight.observe import camera_from, criterion_from, observe_flight

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from swarm_mj.errors import ScenarioError
-from swarm_mj.flight.feasibility import encounter_of, sight_rates
+from swarm_mj.flight.feasibility import sight_rates, visit_geometry
 from swarm_mj.flight.plan import make_plan
 from swarm_mj.scenarios.loading import load_scenario, parse_overrides
 from swarm_mj.spacecraft.attitude.slew import slew_profile, slew_time, turning_limits
@@ -39,14 +39,14 @@ def test_rates_are_those_of_a_straight_flyby():
 
 def test_the_encounter_is_the_state_at_the_visit():
     plan = planned()
-    met = encounter_of(plan.deployment, plan.environment, plan.n_observers, 2e6)
+    met = visit_geometry(plan.deployment, plan.environment, plan.n_observers, 2e6)
     speed = np.linalg.norm(met.v_N[0])
     assert met.t.tolist() == [VISIT] and np.allclose(met.r_N, plan.deployment.destination_N)
     b = np.linalg.norm(np.cross(met.r_N[0], met.v_N[0])) / speed
     assert met.peak_rate[0] == pytest.approx(speed / b, rel=1e-3)
     assert met.peak_acceleration[0] == pytest.approx(3 * np.sqrt(3) / 8 * (speed / b) ** 2, rel=1e-3)
     # Where the imaging radius leaves out the peak of the acceleration, it does not count.
-    near = encounter_of(plan.deployment, plan.environment, plan.n_observers, 1.05 * DISTANCE)
+    near = visit_geometry(plan.deployment, plan.environment, plan.n_observers, 1.05 * DISTANCE)
     assert near.peak_acceleration[0] < 0.9 * met.peak_acceleration[0]
 
 

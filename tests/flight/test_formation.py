@@ -10,7 +10,7 @@ from swarm_mj.dataflow.contacts import Contacts
 from swarm_mj.dataflow.network import Access
 from swarm_mj.errors import ScenarioError
 from swarm_mj.figures.formation import compose_formation
-from swarm_mj.flight.coordination_record import less_coordination
+from swarm_mj.flight.coordination import less_coordination
 from swarm_mj.flight.fly import make_simulation, simulate
 from swarm_mj.flight.formation import formation_law
 from swarm_mj.flight.plan import make_plan

@@ -162,9 +162,9 @@ def test_what_the_deployer_cannot_do_is_refused_by_name(plan):
     pushes = plan.deployment.v0_N - plan.deployment.release_mothership_v_N
     off = np.degrees(np.arccos(pushes @ push / np.linalg.norm(pushes, axis=1) / np.linalg.norm(push)))
     cone = {"cone_axis_N": push.tolist()}
-    check_deployer(Deployer(**cone, cone_half_angle_deg=off.max() + 0.01), plan.deployment)
+    check_deployer(Deployer(**cone, cone_half_angle_deg=off.max() + 0.01), plan.deployment, None)
     with pytest.raises(MissionError, match=f"sc{np.argmax(off) + 1} is released"):
-        check_deployer(Deployer(**cone, cone_half_angle_deg=off.max() - 0.01), plan.deployment)
+        check_deployer(Deployer(**cone, cone_half_angle_deg=off.max() - 0.01), plan.deployment, None)
     with pytest.raises(
         MissionError, match="sc4 is released 0 s after sc1: mothership.deployer.spacing_s = 20 is the least"
     ):

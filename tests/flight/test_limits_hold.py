@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from swarm_mj.designer.candidates.flights import fly_candidates
-from swarm_mj.designer.candidates.visibility import imaging_model_from, seen_rows
 from swarm_mj.flight.observe import observe_flight
 from swarm_mj.spacecraft.attitude.mrp import dcm
+from tests.designer.judging import seen_cells
 
 from .flying import fly_live
 
@@ -73,8 +73,7 @@ def test_no_candidate_sees_a_cell_beyond_a_limit(flight, limit):
         least[j] = np.minimum(least[j], measure(limit, plan, float(flights.times[k]), flights.r_A[k, j]))
     for told in ({}, {limit: LIMITS[limit]}):
         limited, _ = flight("eros-observe", observer="horizon", **{"max_gsd_m": None, **told})
-        rows = dict(seen_rows(limited.scenario, flights, plan.region, imaging_model_from(limited.scenario)))
-        seen = np.array([rows[j] for j in range(flights.n)])
+        seen = seen_cells(limited.scenario, flights, plan.region)
         assert seen.any()
         beyond = seen & (least > LIMITS[limit] * (1.0 + 1e-12))
         assert beyond.any() == (not told)

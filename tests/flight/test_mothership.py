@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from swarm_mj.errors import PathError, ScenarioError
-from swarm_mj.flight.mothership import axes_in_N, check_way_in, mothership_state, way_in
-from swarm_mj.flight.plan import Plan, environment_from, load_body_shape, make_plan
+from swarm_mj.flight.environment import environment_from, load_body_shape
+from swarm_mj.flight.mothership import axes_in_N, check_approach, mothership_state, osculating_orbit
+from swarm_mj.flight.plan import Plan, make_plan
 from swarm_mj.mission.trajectories import propagate
 from swarm_mj.scenarios.loading import load_scenario, parse_overrides, scenario_from
 from swarm_mj.smallbody.environment import Environment
@@ -49,7 +50,7 @@ def refused(*words, **mothership):
     scenario = asked(**mothership)
     environment = surroundings(scenario)
     with pytest.raises(ScenarioError) as error:
-        check_way_in(scenario, SHAPE, environment, mothership_state(scenario, environment))
+        check_approach(scenario, SHAPE, environment, mothership_state(scenario, environment))
     text = str(error.value)
     assert "\n" not in text and all(word in text for word in words), text
 
@@ -61,7 +62,7 @@ def test_an_approach_comes_by_the_numbers_that_were_given(axes, speed):
     scenario = asked(approach=given)
     environment = surroundings(scenario)
     r_N, v_N = mothership_state(scenario, environment)
-    told = way_in(scenario, environment, r_N, v_N)
+    told = osculating_orbit(scenario, environment, r_N, v_N)
     assert told["way"] == "approach" and told["orbit"] == "hyperbola" and told["gm_m3_s2"] == 5.0
     assert told["v_infinity_m_s"] == pytest.approx(speed, rel=1e-9)
     assert told["v_infinity_longitude_deg"] == pytest.approx(10.0, rel=1e-9)
@@ -76,7 +77,7 @@ def test_a_field_flies_the_hyperbola_to_its_periapsis_in_time():
     start = mothership_state(scenario, environment)
     r, v = propagate(environment.acceleration_N, start.r_N[None], start.velocity[None], np.array([0.0, 600.0]))
     assert abs(r[-1, 0] @ v[-1, 0]) < 1e-9 * np.linalg.norm(r[-1]) * np.linalg.norm(v[-1])
-    told = way_in(scenario, environment, *start)
+    told = osculating_orbit(scenario, environment, *start)
     assert np.linalg.norm(r[-1]) == pytest.approx(told["periapsis_radius_m"], rel=1e-9)
 
 
@@ -138,7 +139,7 @@ def test_elements_by_their_semi_major_axis_are_the_same():
 def test_a_bound_orbit_is_told_by_its_elements():
     scenario = asked(elements={**ELEMENTS, "eccentricity": 0.3, "axes": "body_equator"})
     environment = surroundings(scenario)
-    told = way_in(scenario, environment, *mothership_state(scenario, environment))
+    told = osculating_orbit(scenario, environment, *mothership_state(scenario, environment))
     assert told["orbit"] == "ellipse" and told["eccentricity"] == pytest.approx(0.3)
     assert told["inclination_deg"] == pytest.approx(80.0) and told["periapsis_radius_m"] == pytest.approx(2000.0)
 
@@ -207,9 +208,9 @@ def test_a_field_without_gm_asks_for_it(monkeypatch):
     with pytest.raises(ScenarioError, match=r"point_mass has no attribute gm; give mothership.approach.gm_m3_s2"):
         mothership_state(scenario, environment)
     given = asked(approach={**APPROACH, "gm_m3_s2": 0.0})
-    assert "b_t_m" in way_in(given, environment, *mothership_state(given, environment))
+    assert "b_t_m" in osculating_orbit(given, environment, *mothership_state(given, environment))
     plain = asked()
-    assert "b_t_m" not in way_in(plain, environment, np.ones(3), np.ones(3))
+    assert "b_t_m" not in osculating_orbit(plain, environment, np.ones(3), np.ones(3))
 
 
 @pytest.mark.parametrize("b_t_m", [0.0, 30.0])
@@ -240,7 +241,7 @@ def test_the_time_of_an_impact_is_that_of_the_closed_form():
     up_N = 10.0 * environment.C_AN(0.0)[2]
     r_N = mothership_state(scenario, environment).r_N
     with pytest.raises(ScenarioError, match=r"t = 49\d s, latitude -9\d|t = 49\d s, latitude -8\d") as error:
-        check_way_in(scenario, SHAPE, environment, mothership_state(scenario, environment)._replace(velocity=up_N))
+        check_approach(scenario, SHAPE, environment, mothership_state(scenario, environment)._replace(velocity=up_N))
     assert "latitude -90.0" in str(error.value) and np.linalg.norm(r_N) == pytest.approx(5_200.0)
 
 
@@ -252,7 +253,7 @@ def approach_plan() -> Plan:
 def test_the_packaged_approach_passes_over_its_target(approach_plan):
     deployment, environment = approach_plan.deployment, approach_plan.environment
     v_N = deployment.mothership_velocity_N
-    told = way_in(approach_plan.scenario, environment, deployment.r0_N, v_N)
+    told = osculating_orbit(approach_plan.scenario, environment, deployment.r0_N, v_N)
     assert told["v_infinity_m_s"] == pytest.approx(5.0, rel=1e-9) and told["b_r_m"] == pytest.approx(44_400.0, rel=1e-9)
     assert told["periapsis_radius_m"] == pytest.approx(30e3, rel=1e-3)
     assert told["turn_angle_deg"] == pytest.approx(44.0, abs=0.5)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from swarm_mj.errors import MissionError, ScenarioError
-from swarm_mj.flight.coordinated import CoordinatedBehavior
+from swarm_mj.flight.coordination import CoordinatedBehavior
 from swarm_mj.flight.deliver import deliver
 from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.observe import observe_flight

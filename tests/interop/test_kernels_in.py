@@ -8,7 +8,8 @@ import yaml
 
 import swarm_mj as sm
 from swarm_mj.errors import InteropError, ScenarioError, ShapeError, SwarmError
-from swarm_mj.flight.plan import environment_from, load_body_shape, make_plan
+from swarm_mj.flight.environment import environment_from, load_body_shape
+from swarm_mj.flight.plan import make_plan
 from swarm_mj.scenarios.loading import parse_overrides
 from tests.interop.conftest import CHEAP
 from tests.interop.test_kernels import angle

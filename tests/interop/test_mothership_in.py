@@ -5,8 +5,8 @@ import pytest
 
 import swarm_mj as sm
 from swarm_mj.errors import InteropError, ScenarioError
+from swarm_mj.flight.environment import environment_from, load_body_shape
 from swarm_mj.flight.mothership import mothership_state
-from swarm_mj.flight.plan import environment_from, load_body_shape
 from swarm_mj.smallbody.naif import BodyName
 from swarm_mj.tracks.ccsds_in import read_oem
 from swarm_mj.tracks.interpolation import interpolate, slopes

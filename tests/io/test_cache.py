@@ -79,7 +79,8 @@ def test_several_processes_share_a_bounded_folder(tmp_path):
 
 
 def test_horizon_maps_are_kept_within_their_bound(tmp_path, monkeypatch):
-    from swarm_mj.flight.plan import load_body_shape, target_from
+    from swarm_mj.flight.environment import load_body_shape
+    from swarm_mj.flight.targets import target_from
     from swarm_mj.observation import horizon
     from swarm_mj.scenarios.loading import load_scenario
 

@@ -71,10 +71,19 @@ def gnomonic_area(shape, axes, slope):
     return total
 
 
+def polygons(region):
+    """Numbers of the original mesh faces that lie at least partly, and wholly, inside the pyramid."""
+    inside, everywhere = (
+        np.bincount(region.parent[region.target], minlength=region.parent.max() + 1),
+        np.bincount(region.parent),
+    )
+    return int((inside > 0).sum()), int((inside == everywhere).sum())
+
+
 def test_the_target_of_the_paper_on_eros():
     region = eros_target()
     assert region.n_faces == region.n_cells == 170
-    assert (region.n_polygons, region.n_whole, region.n_visiting) == (134, 72, 51)
+    assert (*polygons(region), region.n_visiting) == (134, 72, 51)
     assert region.total_area == pytest.approx(14.61e6, rel=1e-4)
     assert np.degrees(region.side_half_angle) == pytest.approx(14.43, abs=0.01)
 
@@ -174,8 +183,6 @@ def test_normal_visiting_points_stand_straight_above_flat_ground_and_radial_ones
     up = np.tile([0.0, 7.0, 0.0], (len(ground), 1))
     assert region.visiting_points_A(7.0, projection="normal") - ground == pytest.approx(up, abs=1e-12)
     assert np.abs(region.visiting_points_A(7.0) - ground - up).max() > 1.0
-    with pytest.raises(MissionError, match="'radial' or 'normal'"):
-        region.visiting_points_A(7.0, projection="sideways")
 
 
 def test_visiting_points_at_imaging_altitude_pass_and_a_sunken_one_is_named():
@@ -186,15 +193,9 @@ def test_visiting_points_at_imaging_altitude_pass_and_a_sunken_one_is_named():
         check_visiting_points(eros(), points)
 
 
-@pytest.mark.parametrize("altitude", [0.0, -5.0, float("nan"), float("inf")])
-def test_an_imaging_altitude_below_the_surface_is_refused(altitude):
-    with pytest.raises(MissionError, match="imaging altitude"):
-        eros_target().visiting_points_A(altitude)
-
-
 def test_cells_divide_the_target_without_changing_it():
     whole, fine = eros_target(), eros_target(cell_size_m=245.0)
-    assert (fine.n_faces, fine.n_polygons, fine.n_whole) == (170, 134, 72)
+    assert (fine.n_faces, *polygons(fine)) == (170, 134, 72)
     assert np.bincount(fine.group, fine.area) == pytest.approx(whole.area, rel=1e-9)
     assert (fine.parent[fine.target] == whole.parent[whole.target][fine.group]).all()
     edges = np.roll(fine.corners_A, -1, axis=1) - fine.corners_A
@@ -218,22 +219,9 @@ def test_the_camera_of_the_paper_needs_no_cells_and_a_narrow_one_does():
     assert automatic_cell_size(14e3, 3.0) == pytest.approx(2 * 14e3 * np.tan(np.radians(3)) / 6)
 
 
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        (dict(half_angle_deg=90.0), "half-angle 90"),
-        (dict(half_angle_deg=0.0), "half-angle 0"),
-        (dict(half_angle_deg=float("nan")), "half-angle nan"),
-        (dict(latitude_deg=91.0), "latitude 91"),
-        (dict(longitude_deg=float("inf")), "longitude inf"),
-        (dict(edges="middle"), "'corner' or 'side'"),
-        (dict(half_angle_deg=0.5, longitude_deg=91.5), "no mesh vertex"),
-        (dict(cell_size_m=0.0), "cell size 0"),
-    ],
-)
-def test_an_impossible_target_is_refused(changes, message):
-    with pytest.raises(MissionError, match=message):
-        build_target(eros(), **(PAPER | changes))
+def test_a_target_without_a_vertex_is_refused():
+    with pytest.raises(MissionError, match="no mesh vertex"):
+        build_target(eros(), latitude_deg=0.0, longitude_deg=91.5, half_angle_deg=0.5)
 
 
 def test_a_target_off_the_body_is_refused():

@@ -6,7 +6,7 @@ import yaml
 
 import swarm_mj as sm
 from swarm_mj.errors import ScenarioError, ShapeError
-from swarm_mj.flight.plan import environment_from, load_body_shape
+from swarm_mj.flight.environment import environment_from, load_body_shape
 from swarm_mj.scenarios.bodies import PACKAGED_SHAPES, packaged_bodies, packaged_body
 from swarm_mj.scenarios.constants import LONGEST_EXTENT_M
 from swarm_mj.scenarios.loading import parse_overrides

@@ -3,7 +3,7 @@
 import numpy as np
 
 from scripts.pages.eros_mesh import eros_at
-from swarm_mj.flight.plan import environment_from
+from swarm_mj.flight.environment import environment_from
 from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.smallbody.shape_harmonics import load_eros
 from swarm_mj.smallbody.shape_io import load_shape

@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from swarm_mj.errors import PluginError, SimulationError
-from swarm_mj.flight.plan import environment_from
+from swarm_mj.flight.environment import environment_from
 from swarm_mj.mission.behaviors import Targets
 from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.simulator.fault_injection import NOTHING

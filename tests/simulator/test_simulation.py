@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from swarm_mj.errors import PluginError, SimulationError
+from swarm_mj.flight.environment import environment_from, load_body_shape
 from swarm_mj.flight.fly import initial_state, make_simulation, simulate
-from swarm_mj.flight.plan import environment_from, load_body_shape, make_plan
+from swarm_mj.flight.plan import make_plan
 from swarm_mj.mission.behaviors import AdaptableRoles, DedicatedCommunications, Targets
 from swarm_mj.mission.trajectories import propagate
 from swarm_mj.scenarios.loading import load_scenario, parse_overrides

@@ -101,7 +101,7 @@ def test_the_mjcf_part_equals_the_defaults_of_the_scenario(eros):
 
 
 def test_the_defaults_of_scenario_and_properties_agree():
-    from swarm_mj.flight.plan import properties_from
+    from swarm_mj.flight.spacecraft import properties_from
 
     assert properties_from(load_scenario("eros-quick")) == SpacecraftProperties()
     assert Spacecraft().mass_kg == SpacecraftProperties().mass

@@ -4,20 +4,18 @@ Where each choice rules out at most q others that could stand together, greedy c
 1 / (1 + q) of the optimum (Fisher, Nemhauser and Wolsey 1978, "An analysis of approximations for maximizing submodular set
 functions II"; Calinescu, Chekuri, Pal and Vondrak 2011, "Maximizing a monotone submodular function subject to a matroid
 constraint"). Where every slew takes one slot, an agent's choice is one picture a slot and a budget, a matroid: q is 1 and the
-share one half. `guarantee` gives the share that holds for a problem's slews.
+share one half. With slews of up to s slots and at least r, q is 2 (s - 1) / r + 1 at most, rounded down.
 """
 
 from __future__ import annotations
 
-from time import perf_counter
-
 import numpy as np
 
 from swarm_mj.coordination.allocation.problem import (
-    AgentPictures,
     Allocation,
     AllocationProblem,
     Pictures,
+    Schedule,
     allocation_of,
     in_conflict,
 )
@@ -26,26 +24,14 @@ from swarm_mj.typing import Array, Ints, Mask, kernel
 
 def greedy(problem: AllocationProblem) -> Allocation:
     """Pictures chosen one by one, each the one that adds most weight; the lowest agent wins ties, see `Pictures`."""
-    begun = perf_counter()
-    pictures = problem.pictures
-    chosen = _greedy(pictures, problem.weight, problem.slew, problem.budget)
-    found = pictures_of(problem.n_agents, pictures, chosen)
-    return allocation_of(problem, found, status="greedy", seconds=perf_counter() - begun)
+    chosen = _greedy(problem.pictures, problem.weight, problem.slew, problem.budget)
+    return allocation_of(problem, pictures_of(problem, chosen), "greedy")
 
 
-def guarantee(problem: AllocationProblem) -> float:
-    """Share of the optimum that greedy choice, and an auction that ended in agreement, are proven to reach.
-
-    A picture rules out others at most s - 1 slots from it, where s is the longest slew. Of those that could stand together,
-    which are at least the shortest slew r apart, there are 2 (s - 1) / r + 1 at most, rounded down.
-    """
-    most = max((2 * (int(slew.max()) - 1) // int(slew.min()) + 1 for slew in problem.slew if slew.size), default=1)
-    return 1.0 / (1.0 + most)
-
-
-def pictures_of(n_agents: int, pictures: Pictures, chosen: Ints) -> AgentPictures:
+def pictures_of(problem: AllocationProblem, chosen: Ints) -> tuple[Schedule, ...]:
     """Pictures by their numbers, sorted by agents and slots."""
-    found: list[list[tuple[int, int]]] = [[] for _ in range(n_agents)]
+    pictures = problem.pictures
+    found: list[list[tuple[int, int]]] = [[] for _ in range(problem.n_agents)]
     for x in chosen:
         found[pictures.agent[x]].append((int(pictures.slot[x]), int(pictures.aim[x])))
     return tuple(tuple(sorted(taken)) for taken in found)

@@ -14,16 +14,15 @@ contains N(p) in the first slot, and N(p) in the second, form one as well, which
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import Bounds, LinearConstraint
 from scipy.sparse import csr_array, eye_array, hstack
 
 from swarm_mj.coordination.allocation.greedy import greedy, pictures_of
-from swarm_mj.coordination.allocation.problem import Allocation, AllocationProblem, allocation_of
+from swarm_mj.coordination.allocation.problem import Allocation, AllocationProblem
 from swarm_mj.errors import MissionError
 from swarm_mj.io import highs
 from swarm_mj.typing import Ints, Mask
@@ -34,16 +33,13 @@ SAME = 1e-7
 LEAST_S = 0.1
 
 
-def optimum(
-    problem: AllocationProblem, time_limit_s: float | None = None, waiting: Callable[[float], None] | None = None
-) -> Allocation:
+def optimum(problem: AllocationProblem, time_limit_s: float | None = None) -> Allocation:
     """The allocation that shows most weight, with the bound that proves it, or as good a one as the time allows.
 
     Args:
         problem: Which.
         time_limit_s: When to stop [s]; None: never. Then the status is 'time limit', the bound still holds, and the
             allocation is at least as good as the greedy one.
-        waiting: Called now and then with the seconds that have passed.
 
     Raises:
         MissionError: The time limit is not positive, or HiGHS fails.
@@ -56,39 +52,26 @@ def optimum(
         return replace(start, status="optimal")
     program = _program(problem)
     left = None if time_limit_s is None else max(time_limit_s - (time.perf_counter() - begun), LEAST_S)
-    answer = highs.solve(program, left, waiting)
+    answer = highs.solve(program, left)
     if answer.status not in (0, 1):
         raise MissionError(f"HiGHS could not solve the problem: {answer.message}")
     best = start.pictures
     if answer.x is not None:
         chosen = np.flatnonzero(answer.x[: len(problem.pictures.agent)] > 0.5)
-        found = pictures_of(problem.n_agents, problem.pictures, chosen)
-        best = max(best, found, key=problem.value_of)
+        best = max(best, pictures_of(problem, chosen), key=problem.value_of)
     unit = float(problem.weight.max())
     known = answer.mip_dual_bound is not None and np.isfinite(answer.mip_dual_bound)
     bound = min(problem.coverable, -answer.mip_dual_bound * unit) if known else problem.coverable
     value = problem.value_of(best)
     proven = bound - value <= SAME * bound
-    return allocation_of(
-        problem,
-        best,
-        bound=max(bound, value),
-        status="optimal" if proven else "time limit",
-        seconds=time.perf_counter() - begun,
-    )
+    return Allocation(pictures=best, value=value, bound=max(bound, value), status="optimal" if proven else "time limit")
 
 
-class _Rows(NamedTuple):
-    """Rows of a sparse matrix: columns of each, values are 1."""
-
-    columns: list[Ints]
-
-    def matrix(self, n_columns: int) -> csr_array:
-        """The matrix."""
-        sizes = [len(row) for row in self.columns]
-        start = np.concatenate([[0], np.cumsum(sizes)])
-        columns = np.concatenate([*self.columns, np.empty(0, np.int64)])
-        return csr_array((np.ones(len(columns)), columns, start), shape=(len(sizes), n_columns))
+def _rows(columns: Sequence[Ints], n_columns: int) -> csr_array:
+    """A sparse matrix of ones from the columns of each row."""
+    start = np.cumsum([0, *map(len, columns)])
+    columns_of_all = np.concatenate([*columns, np.empty(0, np.int64)])
+    return csr_array((np.ones(len(columns_of_all)), columns_of_all, start), shape=(len(columns), n_columns))
 
 
 def _program(problem: AllocationProblem) -> dict[str, object]:
@@ -97,8 +80,8 @@ def _program(problem: AllocationProblem) -> dict[str, object]:
     n_columns = n + problem.n_patches
     shown = csr_array((np.ones(len(pictures.patch)), pictures.patch, pictures.first), shape=(n, problem.n_patches))
     covered = hstack([-shown.T, eye_array(problem.n_patches)], format="csr")
-    budgets = _Rows([np.arange(*pictures.start[a : a + 2]) for a in range(problem.n_agents)]).matrix(n_columns)
-    apart = _Rows(list(_exclusive(problem))).matrix(n_columns)
+    budgets = _rows([np.arange(*pictures.start[a : a + 2]) for a in range(problem.n_agents)], n_columns)
+    apart = _rows(list(_exclusive(problem)), n_columns)
     cost = np.zeros(n_columns)
     cost[n:] = -problem.weight / problem.weight.max()
     return {

@@ -10,16 +10,14 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from functools import cached_property
 from math import inf
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from swarm_mj.errors import MissionError
 from swarm_mj.typing import Array, Ints, Mask, kernel
 
-#: Who shows a patch that nobody shows.
-NOBODY = -1
+#: The pictures of an agent in order of time: pairs (slot, aim).
+Schedule = tuple[tuple[int, int], ...]
 
 
 class Pictures(NamedTuple):
@@ -55,9 +53,6 @@ class AllocationProblem:
             (a, m, m).
         budget: Most pictures of each agent, shape (a,).
         available: Whether an agent works in a slot, shape (a, k); default: all do.
-
-    Raises:
-        MissionError: An array does not fit; the message names it.
     """
 
     weight: Array
@@ -67,23 +62,12 @@ class AllocationProblem:
     available: Mask = field(default_factory=lambda: np.empty(0, np.bool_))
 
     def __post_init__(self) -> None:
-        """Convert and check."""
-        for name, kind in _KINDS.items():
-            object.__setattr__(self, name, _converted(name, getattr(self, name), kind))
-        if self.shows.ndim != 4:
-            raise MissionError(f"shows: shape {self.shows.shape} must be (agents, aims, slots, patches)")
-        a, m, k, p = self.shows.shape
+        """Bring all arrays into the one layout for which kernels are compiled."""
         if not self.available.size:
-            object.__setattr__(self, "available", np.ones((a, k), np.bool_))
-        shapes = {"weight": (p,), "slew": (a, m, m), "budget": (a,), "available": (a, k)}
-        for name, shape in shapes.items():
-            if getattr(self, name).shape != shape:
-                raise MissionError(f"{name}: shape {getattr(self, name).shape} must be {shape}, as `shows` has it")
-        if not (np.isfinite(self.weight) & (self.weight >= 0.0)).all():
-            raise MissionError("weight: every patch needs a finite number that is not negative")
-        for name, least in (("slew", 1), ("budget", 0)):
-            if (getattr(self, name) < least).any():
-                raise MissionError(f"{name}: {getattr(self, name).min()} must be at least {least}")
+            object.__setattr__(self, "available", np.ones((self.n_agents, self.n_slots)))
+        kinds = {"weight": np.float64, "shows": np.bool_, "slew": np.int64, "budget": np.int64, "available": np.bool_}
+        for name, kind in kinds.items():
+            object.__setattr__(self, name, np.ascontiguousarray(getattr(self, name), kind))
 
     @property
     def n_agents(self) -> int:
@@ -108,8 +92,8 @@ class AllocationProblem:
     @cached_property
     def possible(self) -> Mask:
         """Whether a picture can be taken and shows something of weight, shape (a, m, k)."""
-        some = (self.shows & (self.weight > 0.0)).any(axis=3) & self.available[:, None, :]
-        return some & (self.budget > 0)[:, None, None]
+        shows_any = (self.shows & (self.weight > 0.0)).any(axis=3)
+        return shows_any & self.available[:, None, :] & (self.budget > 0)[:, None, None]
 
     @property
     def coverable(self) -> float:
@@ -128,79 +112,17 @@ class AllocationProblem:
         columns = (agent, slot, aim, start, first, patch)
         return Pictures(*(np.ascontiguousarray(column, np.int64) for column in columns))
 
-    def value_of(self, pictures: AgentPictures) -> float:
+    def value_of(self, pictures: tuple[Schedule, ...]) -> float:
         """Weight of the patches that pictures show together [m^2]."""
         return float(self.weight[self.shown_by(pictures)].sum())
 
-    def shown_by(self, pictures: AgentPictures) -> Mask:
+    def shown_by(self, pictures: tuple[Schedule, ...]) -> Mask:
         """Patches that pictures show, shape (p,)."""
         shown = np.zeros(self.n_patches, np.bool_)
         for agent, taken in enumerate(pictures):
             for slot, aim in taken:
                 shown |= self.shows[agent, aim, slot]
         return shown
-
-    def check(self, pictures: AgentPictures) -> None:
-        """See that pictures can be taken.
-
-        Raises:
-            MissionError: They cannot; the message names the first that is wrong.
-        """
-        if len(pictures) != self.n_agents:
-            raise MissionError(f"pictures: of {len(pictures)} agents, but the problem has {self.n_agents}")
-        for agent, taken in enumerate(pictures):
-            if len(taken) > self.budget[agent]:
-                raise MissionError(f"agent {agent} takes {len(taken)} pictures, its budget is {self.budget[agent]}")
-            for n, (slot, aim) in enumerate(taken):
-                if not self.available[agent, slot]:
-                    raise MissionError(f"agent {agent} takes a picture in slot {slot}, in which it does not work")
-                for earlier, other in taken[:n]:
-                    if slot - earlier < self.slew[agent, other, aim]:
-                        raise MissionError(
-                            f"agent {agent} needs {self.slew[agent, other, aim]} slots from aim {other} to {aim}, "
-                            f"but has {slot - earlier} from slot {earlier} to {slot}"
-                        )
-
-
-#: Of each agent its pictures in order of time: pairs (slot, aim).
-AgentPictures = tuple[tuple[tuple[int, int], ...], ...]
-
-_KINDS: dict[str, type] = {"weight": float, "shows": bool, "slew": int, "budget": int, "available": bool}
-
-
-def _converted(name: str, value: ArrayLike, kind: type) -> Array | Ints | Mask:
-    array = np.asarray(value)
-    if kind is int and array.dtype.kind == "f" and not (array == np.round(array)).all():
-        raise MissionError(f"{name}: needs whole numbers")
-    try:
-        return np.ascontiguousarray(array, {float: np.float64, int: np.int64, bool: np.bool_}[kind])
-    except (TypeError, ValueError):
-        raise MissionError(f"{name}: needs an array of numbers, got {type(value).__name__}") from None
-
-
-def plain_problem(
-    weight: ArrayLike, feasible: ArrayLike, slew: ArrayLike, budget: ArrayLike, available: ArrayLike = ()
-) -> AllocationProblem:
-    """A problem in which a picture shows only the patch at which it is aimed.
-
-    Args:
-        weight: Of each patch, shape (p,) [m^2].
-        feasible: Whether an agent can image a patch in a slot, shape (a, p, k).
-        slew: As `AllocationProblem.slew`; one number stands for all.
-        budget: As `AllocationProblem.budget`; one number stands for all.
-        available: As `AllocationProblem.available`.
-    """
-    can = np.asarray(feasible, np.bool_)
-    if can.ndim != 3:
-        raise MissionError(f"feasible: shape {can.shape} must be (agents, patches, slots)")
-    a, p, _ = can.shape
-    return AllocationProblem(
-        weight=np.asarray(weight),
-        shows=can[..., None] & np.eye(p, dtype=np.bool_)[:, None, :],
-        slew=np.asarray(slew) if np.ndim(slew) else np.full((a, p, p), slew),
-        budget=np.asarray(budget) if np.ndim(budget) else np.full(a, budget),
-        available=np.asarray(available, np.bool_),
-    )
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -209,32 +131,15 @@ class Allocation:
 
     Attributes:
         pictures: Of each agent its pictures in order of time, as pairs (slot, aim).
-        who: The agent that answers for each patch, `NOBODY` where no picture shows it, shape (p,).
         value: Weight of all patches that are shown [m^2].
         bound: No allocation has more [m^2].
-        status: 'optimal' or 'time limit' (`optimum`), 'greedy', 'agreed' or 'not agreed' (`auction`), 'repaired' (`losses`).
-        rounds: Of messages until all agreed, or until they stopped.
-        messages: Sent, those that got lost included.
-        bits: Of these messages.
-        duplicates: Patches for which more than one agent thinks that it answers, rising: none where all agree.
-        seconds: Wall-clock time.
+        status: 'optimal' or 'time limit' (`optimum`), 'greedy', or 'each alone' (`planned_alone`).
     """
 
-    pictures: AgentPictures
-    who: Ints
+    pictures: tuple[Schedule, ...]
     value: float
     bound: float = inf
     status: str = "greedy"
-    rounds: int = 0
-    messages: int = 0
-    bits: int = 0
-    duplicates: tuple[int, ...] = ()
-    seconds: float = 0.0
-
-    @property
-    def gap(self) -> float:
-        """What the bound exceeds the value by, relatively."""
-        return (self.bound - self.value) / self.bound if self.bound > 0.0 else 0.0
 
     @property
     def proven(self) -> bool:
@@ -242,24 +147,9 @@ class Allocation:
         return self.status == "optimal"
 
 
-def allocation_of(problem: AllocationProblem, pictures: AgentPictures, **told: Any) -> Allocation:
-    """An allocation from its pictures: the agent whose picture shows a patch first answers for it, the lowest of several.
-
-    Args:
-        problem: Which.
-        pictures: Of each agent, in any order.
-        told: Attributes of the allocation that do not follow from these; `bound` and `who` where they are known better.
-
-    Raises:
-        MissionError: The pictures cannot be taken.
-    """
-    in_order = tuple(tuple(sorted((int(slot), int(aim)) for slot, aim in taken)) for taken in pictures)
-    problem.check(in_order)
-    who = np.full(problem.n_patches, NOBODY, np.int64)
-    for slot, agent, aim in sorted((slot, a, aim) for a, taken in enumerate(in_order) for slot, aim in taken):
-        who[problem.shows[agent, aim, slot] & (who == NOBODY)] = agent
-    known: dict[str, Any] = {"who": who, "bound": problem.coverable, **told}
-    return Allocation(pictures=in_order, value=problem.value_of(in_order), **known)
+def allocation_of(problem: AllocationProblem, pictures: tuple[Schedule, ...], status: str) -> Allocation:
+    """An allocation from pictures that can be taken together; its bound is all that can be covered."""
+    return Allocation(pictures=pictures, value=problem.value_of(pictures), bound=problem.coverable, status=status)
 
 
 @kernel

@@ -7,10 +7,9 @@ from typing import Literal
 
 import numpy as np
 
-from swarm_mj.coordination.bus import Bus
-from swarm_mj.coordination.formation.barrier import nearest_allowed
-from swarm_mj.coordination.formation.hearing import Hearing, Links, everybody_hears
-from swarm_mj.coordination.formation.separation import Moves, all_pairs, safe_moves, too_close_after
+from swarm_mj.coordination.bus import Bus, MessageLog
+from swarm_mj.coordination.formation.relative_navigation import Links, RelativeNavigation
+from swarm_mj.coordination.formation.separation import Moves, all_pairs, nearest_allowed, safe_moves, too_close_after
 from swarm_mj.coordination.formation.structure import Structure
 from swarm_mj.coordination.formation.tracking import Tracking, cut, in_pulses
 from swarm_mj.dataflow.network import Access
@@ -23,7 +22,7 @@ BRAKING_SHARE = 0.5
 
 
 @dataclass(frozen=True, kw_only=True)
-class Push:
+class Thrust:
     """What thrusters can do.
 
     Attributes:
@@ -36,7 +35,7 @@ class Push:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Talk:
+class Messaging:
     """How spacecraft tell each other where they are; only where the reference is not the plan.
 
     Attributes:
@@ -52,31 +51,25 @@ class Talk:
     access: Access = Access.ONE_AT_A_TIME
 
 
-@dataclass(eq=False)
-class Log:
-    """What a flight's formation came to.
+@dataclass(eq=False, kw_only=True)
+class FormationLog(MessageLog):
+    """What a flight's formation came to, with an entry at each time at which messages were sent.
 
     Attributes:
         leaders: When somebody took another for the leader: time [s], who, whom.
         braked: How many periods each was braked for the sake of separation, shape (n,).
-        time_s: Of messages [s].
-        bits: Sent by each up to then [bit].
-        airtime_s: For how long each has sent up to then [s].
     """
 
     braked: Ints
     leaders: list[tuple[float, int, int]] = field(default_factory=list)
-    time_s: list[float] = field(default_factory=list)
-    bits: list[Ints] = field(default_factory=list)
-    airtime_s: list[Array] = field(default_factory=list)
 
 
-class State:
+class FormationState:
     """One flight under way."""
 
-    def __init__(self, view: ForceView, hearing: Hearing) -> None:
+    def __init__(self, view: ForceView, navigation: RelativeNavigation) -> None:
         n = len(view.mass)
-        self.hearing, self.log = hearing, Log(np.zeros(n, np.int64))
+        self.navigation, self.log = navigation, FormationLog(braked=np.zeros(n, np.int64))
         self.full_mass = view.mass
         self.leader: Ints = np.zeros(n, np.int64)
         self.working = np.zeros(n, np.bool_)  # outside its dead band
@@ -85,44 +78,44 @@ class State:
 
 
 class FormationLaw:
-    """Holds a formation, see `ForceLaw`; the memory is its `State`, brought up to date in place.
+    """Holds a formation, see `ForceLaw`; the memory is its `FormationState`, brought up to date in place.
 
     Args:
         structure: Who should be where when.
         tracking: The feedback.
-        push: What thrusters can do.
+        thrust: What thrusters can do.
+        links: Who can send to whom at an instant.
         reference: 'plan', 'mean' of those heard of, or 'leader'.
         separation: That no pair may go below once it could be kept [m]; 0: nothing is done about it.
-        talk: For 'mean' and 'leader'.
+        messaging: For 'mean' and 'leader'.
 
     Attributes:
         log: Of the last flight.
-        links: Who can send to whom at an instant.
     """
 
     def __init__(
         self,
         structure: Structure,
         tracking: Tracking,
-        push: Push,
+        thrust: Thrust,
+        links: Links,
         *,
         reference: Reference = "plan",
         separation: float = 0.0,
-        talk: Talk | None = None,
+        messaging: Messaging | None = None,
     ) -> None:
-        self.structure, self.tracking, self.push = structure, tracking, push
-        self.reference, self.separation, self.talk = reference, separation, talk or Talk()
-        self.links: Links = everybody_hears
-        self.log: Log | None = None
+        self.structure, self.tracking, self.thrust, self.links = structure, tracking, thrust, links
+        self.reference, self.separation, self.messaging = reference, separation, messaging or Messaging()
+        self.log: FormationLog | None = None
 
-    def forces(self, view: ForceView, memory: State | None) -> tuple[Array, State]:
+    def forces(self, view: ForceView, memory: FormationState | None) -> tuple[Array, FormationState]:
         """See `ForceLaw`."""
         state = self._begin(view) if memory is None else memory
         self.log = state.log
         if self.reference != "plan":
             self._talk(state, view)
         t, structure = view.t, self.structure
-        if not structure.start_s - 1e-9 <= t < structure.end_s - 1e-9:
+        if t < structure.start_s - 1e-9:
             state.intent = np.zeros_like(state.intent)
             self._guard(state, self._moves(state, view, self._most(view)))
             return np.zeros_like(view.r_BN_N), state
@@ -130,26 +123,23 @@ class FormationLaw:
         wish = self._track(state, view, most)
         wish = self._keep_apart(state, view, wish, most) if self.separation > 0.0 else wish
         owed = state.intent - (view.delta_v_N - state.gained)
-        state.gained, least = view.delta_v_N, self.push.least_impulse / view.mass
+        state.gained, least = view.delta_v_N, self.thrust.least_impulse / view.mass
         asked, state.intent = in_pulses(cut(wish, most) * view.period, owed, least)
         asked[most == 0.0], state.intent[most == 0.0] = 0.0, 0.0
         return asked * (view.mass / view.period)[:, None], state
 
-    def _begin(self, view: ForceView) -> State:
-        self.tracking.check_period(view.period)
-        bus = Bus(len(view.mass), np.random.default_rng(self.talk.seed), self.talk.access)
-        return State(view, Hearing(bus, self.structure.gravity, self.talk.silence_s))
+    def _begin(self, view: ForceView) -> FormationState:
+        bus = Bus(len(view.mass), np.random.default_rng(self.messaging.seed), self.messaging.access)
+        return FormationState(view, RelativeNavigation(bus, self.structure.gravity, self.messaging.silence_s))
 
-    def _talk(self, state: State, view: ForceView) -> None:
-        hearing = state.hearing
-        hearing.listen(view)
-        sent = hearing.bus.sent
-        hearing.speak(view, self.links, self.talk.every_s)
-        if hearing.bus.sent > sent:
-            state.log.time_s.append(view.t)
-            state.log.bits.append(hearing.bus.bits.copy())
-            state.log.airtime_s.append(hearing.bus.airtime_s.copy())
-        leaders = hearing.leaders(view.t)
+    def _talk(self, state: FormationState, view: ForceView) -> None:
+        navigation = state.navigation
+        navigation.listen(view)
+        sent = navigation.bus.sent
+        navigation.speak(view, self.links, self.messaging.every_s)
+        if navigation.bus.sent > sent:
+            state.log.note(view.t, navigation.bus)
+        leaders = navigation.leaders(view.t)
         if self.reference == "leader":
             for i in np.flatnonzero((leaders != state.leader) & view.working).tolist():
                 state.log.leaders.append((view.t, i, int(leaders[i])))
@@ -157,26 +147,26 @@ class FormationLaw:
 
     def _most(self, view: ForceView) -> Array:
         """Acceleration that thrusters give, shape (n,) [m/s^2]; 0 for those that cannot push."""
-        return np.where(view.working & (view.propellant > 0.0), self.push.force / view.mass, 0.0)
+        return np.where(view.working & (view.propellant > 0.0), self.thrust.force / view.mass, 0.0)
 
-    def shift(self, state: State, view: ForceView) -> tuple[Array, Array]:
+    def shift(self, state: FormationState, view: ForceView) -> tuple[Array, Array]:
         """How far the whole formation is from its planned place, as each sees it: place and velocity, shape (n, 3)."""
         if self.reference == "plan":
             return np.zeros_like(view.r_BN_N), np.zeros_like(view.v_BN_N)
-        r, v = self.structure.places(view.t)
-        hearing = state.hearing
+        r, v = self.structure.states(view.t)
+        navigation = state.navigation
         if self.reference == "mean":
-            weight = hearing.alive(view.t).astype(np.float64)
+            weight = navigation.alive(view.t).astype(np.float64)
         else:
             weight = np.eye(len(r))[state.leader]
         weight /= weight.sum(axis=1, keepdims=True)
-        by_place = np.einsum("ij,ijk->ik", weight, hearing.r_N - r)
-        return by_place, np.einsum("ij,ijk->ik", weight, hearing.v_N - v)
+        by_place = np.einsum("ij,ijk->ik", weight, navigation.r_N - r)
+        return by_place, np.einsum("ij,ijk->ik", weight, navigation.v_N - v)
 
-    def _track(self, state: State, view: ForceView, most: Array) -> Array:
+    def _track(self, state: FormationState, view: ForceView, most: Array) -> Array:
         """Accelerations by thrust that lead each to its place, shape (n, 3) [m/s^2]."""
         structure, gravity, t = self.structure, self.structure.gravity, view.t
-        place, velocity = structure.places(t)
+        place, velocity = structure.states(t)
         shift_r, shift_v = self.shift(state, view)
         error, rate = view.r_BN_N - place - shift_r, view.v_BN_N - velocity - shift_v
         wanted = structure.accelerations(t)
@@ -189,27 +179,27 @@ class FormationLaw:
             state.working &= state.leader != np.arange(len(wish))  # a leader flies free
         return cut(np.where(state.working[:, None], wish, 0.0), most)
 
-    def _moves(self, state: State, view: ForceView, most: Array) -> Moves:
+    def _moves(self, state: FormationState, view: ForceView, most: Array) -> Moves:
         """Motion relative to the structure's point."""
         r, v = view.r_BN_N - self.structure.centre(view.t), view.v_BN_N - self.structure.centre(view.t, 1)
         # With full tanks, for what is set aside must not change while it is relied upon.
-        braking = np.where(most > 0.0, BRAKING_SHARE * self.push.force / state.full_mass, 0.0)
+        braking = np.where(most > 0.0, BRAKING_SHARE * self.thrust.force / state.full_mass, 0.0)
         return Moves(r, v, braking, view.period, self.separation)
 
-    def _guard(self, state: State, moves: Moves) -> Mask:
+    def _guard(self, state: FormationState, moves: Moves) -> Mask:
         """Take those pairs under guard that could stop clear of each other from now on."""
         new = np.flatnonzero(~state.guarded)
         if len(new) and self.separation > 0.0:
             state.guarded[new] = ~too_close_after(moves, moves.stopping(), state.pairs[new])
         return state.guarded
 
-    def _keep_apart(self, state: State, view: ForceView, wish: Array, most: Array) -> Array:
+    def _keep_apart(self, state: FormationState, view: ForceView, wish: Array, most: Array) -> Array:
         moves = self._moves(state, view, most)
         pairs = state.pairs[self._guard(state, moves)]
         drift = self._drift(view)
         # What is left for moving relative to the others, at the least what stopping takes.
-        room = np.where(most > 0.0, np.maximum(most - np.linalg.norm(drift, axis=1), moves.braking), 0.0)
-        proposed = nearest_allowed(moves, wish + drift, room, pairs)
+        left = np.where(most > 0.0, np.maximum(most - np.linalg.norm(drift, axis=1), moves.braking), 0.0)
+        proposed = nearest_allowed(moves, wish + drift, left, pairs)
         safe, braked = safe_moves(moves, proposed, pairs)
         state.log.braked += braked
         changed = (safe != wish + drift).any(axis=1)

@@ -17,6 +17,24 @@ the speed. Distances are bounded from below: between samples the relative path d
 (|w_i| + |w_j|) h^2 / 8. The theorem holds for those that work and have propellant; others are counted as coasting for as long
 as their partner takes to stop. Cf. Fraichard and Asama (2004, Advanced Robotics 18, 1001) on inevitable collision states, and
 Gurriet, Mote, Singletary, Nilsson, Feron and Ames (2020, IEEE Access 8) on backup sets.
+
+Control barrier functions of pairs: the wished accelerations, changed as little as keeps every pair able to brake in time.
+
+For the distance d of a pair and A = a_i + a_j, the accelerations that both set aside for braking,
+
+    h = sqrt(2 A (d - d_min)) + d'
+
+is not negative exactly if relative braking with A along the line between them stops the approach before d_min. Where
+h' >= -c h, h stays not negative and d never falls below d_min (Borrmann, Wang, Ames and Egerstedt 2015, IFAC-PapersOnLine
+48-27, 68; higher order: Xiao and Belta 2019). As d'' = e (w_j - w_i) + |v_across|^2 / d with e along the line, this is a half
+space for the accelerations:
+
+    e (w_j - w_i) >= -c h - A d' / sqrt(2 A (d - d_min)) - |v_across|^2 / d.
+
+While h >= 0 the right side is at most A, so a pair alone always has a solution within its thrust: braking along the line. With
+more pairs the half spaces may exclude each other, and accelerations are held for a period; therefore what comes out here is
+only a proposal, which `safe_moves` holds to its proof. The nearest point of the half spaces and of the balls of what
+thrusters give is found by Dykstra's alternating projections (Boyle and Dykstra 1986).
 """
 
 from __future__ import annotations
@@ -26,10 +44,21 @@ from typing import NamedTuple
 
 import numpy as np
 
+from swarm_mj.coordination.formation.tracking import cut
 from swarm_mj.typing import Array, Ints, Mask, kernel
 
 #: Instants at which a stop is checked.
 SAMPLES = 48
+#: Rounds of projections: it ends when nothing moves more than this share of what thrusters give.
+ROUNDS, STILL = 60, 1e-4
+#: c h: how fast the reserve may be used up [1/s].
+DECAY = 0.1
+#: Share of the thrust with which those that are in each other's way also swerve, all to the same side: head-on they would stop.
+SWERVE = 0.3
+#: The barrier stands so much farther out than the proof's distance, so that who has been stopped there is led out again.
+FARTHER = 1.1
+#: Distances above d_min count as so much at least, for the square root in the denominator [m].
+LEAST_GAP = 1e-3
 
 
 class Moves(NamedTuple):
@@ -69,7 +98,7 @@ class Moves(NamedTuple):
 
 
 @kernel
-def way(moves: Moves, who: Ints, t: Array) -> Array:
+def stopping_path(moves: Moves, who: Ints, t: Array) -> Array:
     """Where they are after so long while they stop as they fly it; those that cannot coast on.
 
     Args:
@@ -80,7 +109,7 @@ def way(moves: Moves, who: Ints, t: Array) -> Array:
     Returns:
         Places, shape (k, m, 3) [m].
     """
-    T, places = moves.period, np.empty((*t.shape, 3))
+    T, r_t = moves.period, np.empty((*t.shape, 3))
     for n in range(len(who)):
         r, v, braking = moves.r[who[n]], moves.v[who[n]], moves.braking[who[n]]
         speed = np.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
@@ -92,22 +121,17 @@ def way(moves: Moves, who: Ints, t: Array) -> Array:
             gone = speed * early - 0.5 * braking * early**2 + rest * late - 0.5 * rest / T * late**2
             share = gone / speed if speed > 0.0 else 0.0
             for axis in range(3):
-                places[n, k, axis] = r[axis] + share * v[axis]
-    return places
+                r_t[n, k, axis] = r[axis] + share * v[axis]
+    return r_t
 
 
 def least_on_stop(moves: Moves, pairs: Ints) -> Array:
-    """A lower bound of the distance of pairs while both stop, shape (p,) [m].
-
-    Args:
-        moves: All.
-        pairs: Shape (p, 2).
-    """
+    """A lower bound of the distance of pairs, shape (p, 2), while both stop, shape (p,) [m]."""
     if not len(pairs):
         return np.empty(0)
     until = moves.stop_time()[pairs].max(axis=1)
     t = until[:, None] * np.linspace(0.0, 1.0, SAMPLES + 1)
-    first, second = (way(moves, pairs[:, k], t) for k in (0, 1))
+    first, second = (stopping_path(moves, pairs[:, k], t) for k in (0, 1))
     bend = moves.braking[pairs].sum(axis=1) * (until / SAMPLES) ** 2 / 8.0
     return np.asarray(least_of_chords(second - first) - bend)
 
@@ -176,10 +200,10 @@ def too_close_after(moves: Moves, w: Array, pairs: Ints) -> Mask:
     bad = np.zeros(len(pairs), np.bool_)
     near = np.flatnonzero(may_meet(moves, later, later.stop_time(), w, pairs))
     if len(near):
-        some = pairs[near]
-        ends = np.stack([m.r[some[:, 1]] - m.r[some[:, 0]] for m in (moves, later)], axis=1)
-        bend = np.linalg.norm(w[some[:, 1]] - w[some[:, 0]], axis=1) * T * T / 8.0
-        bad[near] = np.minimum(least_of_chords(ends) - bend, least_on_stop(later, some)) < moves.distance
+        first, second = pairs[near].T
+        ends = np.stack([m.r[second] - m.r[first] for m in (moves, later)], axis=1)
+        bend = np.linalg.norm(w[second] - w[first], axis=1) * T * T / 8.0
+        bad[near] = np.minimum(least_of_chords(ends) - bend, least_on_stop(later, pairs[near])) < moves.distance
     return bad
 
 
@@ -206,3 +230,80 @@ def safe_moves(moves: Moves, wish: Array, pairs: Ints) -> tuple[Array, Mask]:
         brake |= group
         w = np.where(brake[:, None], moves.stopping(), wish)
     return w, brake
+
+
+def half_spaces(moves: Moves, pairs: Ints) -> tuple[Array, Array]:
+    """Directions e and bounds b of e (w_j - w_i) >= b, shapes (p, 3) and (p,) [m/s^2]."""
+    relative = moves.r[pairs[:, 1]] - moves.r[pairs[:, 0]]
+    velocity = moves.v[pairs[:, 1]] - moves.v[pairs[:, 0]]
+    d = np.linalg.norm(relative, axis=1)
+    e = relative / np.maximum(d, LEAST_GAP)[:, None]
+    rate = np.einsum("pi,pi->p", e, velocity)
+    across = np.einsum("pi,pi->p", velocity, velocity) - rate**2
+    A = moves.braking[pairs].sum(axis=1)
+    root = np.sqrt(2.0 * A * np.maximum(d - moves.distance, LEAST_GAP))
+    h = root + rate
+    bound = -DECAY * h - np.divide(A * rate, root, out=np.zeros_like(root), where=root > 0.0)
+    # Outside of h >= 0 nothing is proven any more; as much as can be is asked for.
+    return e, np.minimum(bound - across / np.maximum(d, LEAST_GAP), A)
+
+
+def nearest_allowed(moves: Moves, wish: Array, most: Array, pairs: Ints) -> Array:
+    """The accelerations nearest to those wished that obey all pairs' half spaces and limits, shape (n, 3) [m/s^2].
+
+    Where there are none, near to all of them.
+
+    Args:
+        moves: All.
+        wish: Shape (n, 3) [m/s^2].
+        most: What thrusters give beside differential gravity, shape (n,) [m/s^2].
+        pairs: That are guarded, shape (p, 2).
+    """
+    e, bound = half_spaces(moves._replace(distance=FARTHER * moves.distance), pairs)
+    able = (most > 0.0).astype(np.float64)
+    share = able[pairs]
+    tight = (np.einsum("pi,pi->p", e, wish[pairs[:, 1]] - wish[pairs[:, 0]]) < bound) & (share.sum(axis=1) > 0.0)
+    if not tight.any():
+        return wish
+    wish = cut(swerved(wish, SWERVE * most, e, pairs, tight), np.where(most > 0.0, most, np.inf))
+    # Of pairs far apart any accelerations do.
+    reach = np.maximum(most, np.linalg.norm(wish, axis=1))[pairs].sum(axis=1)
+    busy = np.flatnonzero((share.sum(axis=1) > 0.0) & (bound > -reach))
+    w, tolerance = wish.copy(), STILL * float(most.max())
+    pushed, trimmed = np.zeros(len(pairs)), np.zeros_like(w)
+    for _ in range(ROUNDS):
+        before = w.copy()
+        for p in busy:
+            i, j = pairs[p]
+            parts = share[p].sum()
+            # Dykstra: undo this half space's last push, then push as far as is needed now.
+            need = bound[p] - (e[p] @ (w[j] - w[i]) - pushed[p] * parts)
+            now = max(need / parts, 0.0)
+            w[i] -= share[p, 0] * (now - pushed[p]) * e[p]
+            w[j] += share[p, 1] * (now - pushed[p]) * e[p]
+            pushed[p] = now
+        free = w + trimmed
+        w = np.where(able[:, None] > 0.0, cut(free, most), wish)
+        trimmed = free - w
+        if np.abs(w - before).max() <= tolerance:
+            break
+    return w
+
+
+def swerved(wish: Array, push: Array, e: Array, pairs: Ints, tight: Mask) -> Array:
+    """Wishes with a push across the line to those that are in the way, so that the pair turns about its middle, (n, 3) [m/s^2].
+
+    Args:
+        wish: Shape (n, 3) [m/s^2].
+        push: How much each adds, shape (n,) [m/s^2].
+        e: Along the lines, shape (p, 3).
+        pairs: Shape (p, 2).
+        tight: Which are in each other's way, shape (p,).
+    """
+    up = np.where(np.abs(e[:, 2:]) < 0.9, np.eye(3)[2], np.eye(3)[0])
+    side = np.cross(up, e)
+    side = np.where(tight[:, None], side / np.linalg.norm(side, axis=1, keepdims=True), 0.0)
+    added = np.zeros_like(wish)
+    np.subtract.at(added, pairs[:, 0], side)
+    np.add.at(added, pairs[:, 1], side)
+    return np.asarray(wish + push[:, None] * added)

@@ -6,7 +6,6 @@ another spacecraft, or to the mean of some, the differences between paths count.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,7 +27,7 @@ class Structure:
         centre: The point's place by time, shape (3,) [m].
         gravity: Function (t, r (k, 3)) -> (k, 3) [m/s^2], as flight software has it.
         free: Whether the paths are free flights; otherwise all are accelerated as the point is.
-        start_s, end_s: When they are held [s].
+        start_s: From when on they are held, to the end of the flight [s].
     """
 
     path: CubicHermiteSpline
@@ -36,15 +35,14 @@ class Structure:
     gravity: AccelerationN
     free: bool
     start_s: float
-    end_s: float
 
-    def places(self, t: float) -> tuple[Array, Array]:
-        """Places [m] and velocities [m/s] of all, each of shape (n, 3)."""
+    def states(self, t: float) -> tuple[Array, Array]:
+        """Positions [m] and velocities [m/s] of all, each of shape (n, 3)."""
         return self.path(t), self.path(t, 1)
 
     def offsets(self, t: float) -> tuple[Array, Array]:
         """The same relative to the point."""
-        r, v = self.places(t)
+        r, v = self.states(t)
         return r - self.centre(t), v - self.centre(t, 1)
 
     def accelerations(self, t: float) -> Array:
@@ -64,9 +62,7 @@ def nodes(duration_s: float) -> Array:
     return np.linspace(0.0, duration_s, int(np.clip(np.ceil(duration_s / NODE_S), 2, MOST_NODES - 1)) + 1)
 
 
-def planned_structure(
-    gravity: AccelerationN, times: Array, r_N: Array, v_N: Array, span: tuple[float, float]
-) -> Structure:
+def planned_structure(gravity: AccelerationN, times: Array, r_N: Array, v_N: Array, start_s: float) -> Structure:
     """Everybody as planned, about the mean of all.
 
     Args:
@@ -74,18 +70,13 @@ def planned_structure(
         times: Of the planned states, increasing, shape (k,) [s].
         r_N: Shape (k, n, 3) [m].
         v_N: Shape (k, n, 3) [m/s].
-        span: When it is held [s].
+        start_s: See `Structure`.
     """
     path, centre = CubicHermiteSpline(times, r_N, v_N), CubicHermiteSpline(times, r_N.mean(axis=1), v_N.mean(axis=1))
-    return Structure(path=path, centre=centre, gravity=gravity, free=True, start_s=span[0], end_s=span[1])
+    return Structure(path=path, centre=centre, gravity=gravity, free=True, start_s=start_s)
 
 
-def offset_structure(
-    planned: Structure,
-    times: Array,
-    offsets_N: Array,
-    rates_N: Array | None,
-) -> Structure:
+def offset_structure(planned: Structure, times: Array, offsets_N: Array, rates_N: Array | None) -> Structure:
     """Offsets from a point that coasts on from the mean of the planned places at the structure's start.
 
     Args:
@@ -94,35 +85,31 @@ def offset_structure(
         offsets_N: Shape (n, 3) [m].
         rates_N: Relative velocities at the start from which all coast on, shape (n, 3) [m/s]; None: the offsets stay.
     """
-    start, coast = planned.start_s, _coaster(planned.gravity, planned.start_s, times)
-    centre_r, centre_v = coast(planned.centre(start)[None], planned.centre(start, 1)[None])
+    start, gravity = planned.start_s, planned.gravity
+    r0, v0 = planned.centre(start), planned.centre(start, 1)
+    centre_r, centre_v = _coast(gravity, start, times, r0[None], v0[None])
     if rates_N is None:
         r, v = centre_r + offsets_N, np.broadcast_to(centre_v, (len(times), *offsets_N.shape))
     else:
-        r, v = coast(planned.centre(start) + offsets_N, planned.centre(start, 1) + rates_N)
+        r, v = _coast(gravity, start, times, r0 + offsets_N, v0 + rates_N)
     return Structure(
         path=CubicHermiteSpline(times, r, v),
         centre=CubicHermiteSpline(times, centre_r[:, 0], centre_v[:, 0]),
-        gravity=planned.gravity,
+        gravity=gravity,
         free=rates_N is not None,
         start_s=start,
-        end_s=planned.end_s,
     )
 
 
-def _coaster(gravity: AccelerationN, start: float, times: Array) -> Callable[[Array, Array], tuple[Array, Array]]:
-    """A function from states at the start to free flights at all times, before the start as well."""
-
-    def coast(r0: Array, v0: Array) -> tuple[Array, Array]:
-        r, v = np.empty((len(times), *r0.shape)), np.empty((len(times), *r0.shape))
-        late = times >= start
-        after = np.unique(np.append(start, times[late]))
-        r[late], v[late] = (states[-int(late.sum()) :] for states in _flown(gravity, r0, v0, after))
-        before = np.append(start, times[~late][::-1])
-        r[~late], v[~late] = (states[:0:-1] for states in _flown(gravity, r0, v0, before))
-        return r, v
-
-    return coast
+def _coast(gravity: AccelerationN, start: float, times: Array, r0: Array, v0: Array) -> tuple[Array, Array]:
+    """Free flights through states at the start, at all times, before the start as well."""
+    r, v = np.empty((len(times), *r0.shape)), np.empty((len(times), *r0.shape))
+    late = times >= start
+    after = np.unique(np.append(start, times[late]))
+    r[late], v[late] = (states[-int(late.sum()) :] for states in _flown(gravity, r0, v0, after))
+    before = np.append(start, times[~late][::-1])
+    r[~late], v[~late] = (states[:0:-1] for states in _flown(gravity, r0, v0, before))
+    return r, v
 
 
 def _flown(gravity: AccelerationN, r0: Array, v0: Array, times: Array) -> tuple[Array, Array]:

@@ -14,8 +14,10 @@ import numpy as np
 
 from swarm_mj.errors import MissionError, PathError
 from swarm_mj.flight.burns import total_delta_v
+from swarm_mj.flight.environment import load_body_shape
 from swarm_mj.flight.observe import schedule_from
-from swarm_mj.flight.plan import Plan, as_planned, behavior_from, load_body_shape, make_plan, target_from
+from swarm_mj.flight.plan import Plan, as_planned, behavior_from, make_plan
+from swarm_mj.flight.targets import target_from
 from swarm_mj.mission.behaviors import MissionBehavior, SwarmView, TargetKind
 from swarm_mj.mission.deployment import planned_paths
 from swarm_mj.mission.trajectories import NO_TRAJECTORY, Progress

@@ -3,7 +3,7 @@
 A candidate whose reach (`observation.reach`) lies within what `fold` others see, who are judged, kept and no dearer, is left
 out. In a design that uses it either one of those is free and does as well, or all are taken and it was not needed. So neither
 the fewest spacecraft nor the trade-off against their cost changes, however many are left out at once: who stands in for them
-stays. It is step 4 of `designer.reduction`, taken before the pictures instead of after.
+stays. It is step 4 of `exact.reduce_problem`, taken before the pictures instead of after.
 
 Those that reach farthest are judged first, in waves that double, and only earlier waves stand in: who is left out depends
 neither on the number of processes nor on what is kept on disk.
@@ -15,7 +15,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from swarm_mj.designer.bitset import Words, pack
+from swarm_mj.designer.bitset import Words, is_subset, pack
 from swarm_mj.typing import Array, Indices, Mask, kernel
 
 #: Candidates in the first wave.
@@ -70,12 +70,7 @@ def count_stand_ins(reach: Words, cost: Array, sees: Words, their_cost: Array, f
     found = np.zeros(len(reach), np.int64)
     for j in range(len(reach)):
         for i in range(len(sees)):
-            within = their_cost[i] <= cost[j]
-            for w in range(reach.shape[1]):
-                if not within:
-                    break
-                within = reach[j, w] & ~sees[i, w] == np.uint64(0)
-            if within:
+            if their_cost[i] <= cost[j] and is_subset(reach[j], sees[i]):
                 found[j] += 1
                 if first[j] < 0:
                     first[j] = i

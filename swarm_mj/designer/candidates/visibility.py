@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -12,12 +12,13 @@ from typing import NamedTuple
 import numpy as np
 
 from swarm_mj.designer.candidates.flights import CandidateFlights, Unreachable, fly_candidates
-from swarm_mj.designer.candidates.judging import Judge, Watcher
-from swarm_mj.designer.candidates.pictures import ImagingModel, Progress
+from swarm_mj.designer.candidates.pictures import ImagingModel, Judge, Progress, Watcher
 from swarm_mj.designer.candidates.thinning import Thinning
+from swarm_mj.flight.environment import load_body_shape
 from swarm_mj.flight.observe import camera_from, criterion_from
-from swarm_mj.flight.plan import load_body_shape, target_from
+from swarm_mj.flight.targets import target_from
 from swarm_mj.io import interruption
+from swarm_mj.mission.deployment import tell_part
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.scenarios.itinerary import all_targets
 from swarm_mj.scenarios.loading import load_scenario
@@ -148,7 +149,7 @@ def _fly(variants: list[Scenario], flying: Progress | None) -> tuple[Flown, list
     left_out: list[tuple[Candidate, str]] = []
     failures = []
     for count, (target, variant) in enumerate(asked):
-        tell = None if flying is None else partial(_tell_part, flying, count, len(asked))
+        tell = None if flying is None else partial(tell_part, flying, count, len(asked))
         try:
             flights = fly_candidates(variant, tell)
         except Unreachable as error:
@@ -160,10 +161,6 @@ def _fly(variants: list[Scenario], flying: Progress | None) -> tuple[Flown, list
     if not flown:
         raise failures[0]
     return flown, left_out
-
-
-def _tell_part(progress: Progress, count: int, of: int, share: float) -> None:
-    progress((count + share) / of)
 
 
 class _Sightings:
@@ -200,7 +197,8 @@ def _judge(scenario: Scenario, flown: Flown, found: _Sightings, workers: int | N
     """Judge all candidates, or with many all that need be."""
     watchers = [Watcher(flights, j) for _, _, flights in flown for j in range(flights.n)]
     with ExitStack() as stack:
-        judges = [stack.enter_context(_judge_of(scenario, region, workers)) for region in found.regions]
+        how = imaging_model_from(scenario), criterion_from(scenario), workers
+        judges = [stack.enter_context(Judge(region, *how)) for region in found.regions]
         designer = scenario.designer
         if len(watchers) < designer.thin_from or designer.deliver_within_h is not None:
             found.judge(judges, watchers, np.arange(len(watchers)))
@@ -211,10 +209,6 @@ def _judge(scenario: Scenario, flown: Flown, found: _Sightings, workers: int | N
         for wave in thinning.waves():
             found.judge(judges, watchers, wave)
         found.tell(len(watchers) * len(judges), 0.0)
-
-
-def _judge_of(scenario: Scenario, region: TargetRegion, workers: int | None) -> Judge:
-    return Judge(region, imaging_model_from(scenario), criterion_from(scenario), workers)
 
 
 def _reach(judges: Sequence[Judge], watchers: Sequence[Watcher]) -> Mask:
@@ -256,22 +250,3 @@ def imaging_model_from(scenario: Scenario) -> ImagingModel:
         occlusion=observation.occlusion,
         whole=criterion_from(scenario).whole,
     )
-
-
-def seen_rows(
-    scenario: Scenario,
-    flights: CandidateFlights,
-    region: TargetRegion,
-    imaging_model: ImagingModel,
-    *,
-    workers: int | None = None,
-    progress: Progress | None = None,
-) -> Iterator[tuple[int, Mask]]:
-    """Whether a candidate sees each cell of a region by the scenario's criterion, one after the other as they are done.
-
-    Yields:
-        The candidate's number from 0, and what it sees, shape (cells,).
-    """
-    watchers = [Watcher(flights, j) for j in range(flights.n)]
-    with Judge(region, imaging_model, criterion_from(scenario), workers) as judge:
-        yield from judge.seen(watchers, progress=progress)

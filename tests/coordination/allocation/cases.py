@@ -29,27 +29,50 @@ def random_graph(rng, n, more=0.2):
     return links
 
 
-def most_by_trying(problem, fixed=None, first_slot=0, lost=None):
-    """The optimum: every set of pictures of every agent, and every combination of what these show.
+def plain_problem(weight, feasible, slew, budget, available=()):
+    """A problem in which a picture shows only the patch at which it is aimed; `feasible` has shape (agents, patches, slots)."""
+    can = np.asarray(feasible, bool)
+    a, p, _ = can.shape
+    return AllocationProblem(
+        weight=np.asarray(weight),
+        shows=can[..., None] & np.eye(p, dtype=bool)[:, None, :],
+        slew=np.broadcast_to(slew, (a, p, p)),
+        budget=np.broadcast_to(budget, (a,)),
+        available=np.asarray(available, bool),
+    )
 
-    With `fixed` pictures every set that holds these, and besides none before the first slot, and none of those who are lost.
-    """
-    fixed = fixed or ((),) * problem.n_agents
+
+def guarantee(problem):
+    """Share of the optimum that greedy choice is proven to reach, see `greedy`."""
+    most = max((2 * (int(slew.max()) - 1) // int(slew.min()) + 1 for slew in problem.slew if slew.size), default=1)
+    return 1.0 / (1.0 + most)
+
+
+def can_be_taken(problem, pictures):
+    """Whether all agents work when they take pictures, have time for the slews, and keep to their budgets."""
+    return len(pictures) == problem.n_agents and all(
+        len(taken) <= problem.budget[agent]
+        and all(problem.available[agent, slot] for slot, _ in taken)
+        and all(fits(problem.slew[agent], earlier, later) for n, later in enumerate(taken) for earlier in taken[:n])
+        for agent, taken in enumerate(pictures)
+    )
+
+
+def most_by_trying(problem):
+    """The optimum: every set of pictures of every agent, and every combination of what these show."""
     bits = 1 << np.arange(problem.n_patches)
     reached = {0}
     for agent in range(problem.n_agents):
-        start = problem.shown_by(tuple(fixed[agent] if a == agent else () for a in range(problem.n_agents)))
-        own = {fixed[agent]: int(bits[start].sum())}
-        for _ in range(0 if lost is not None and lost[agent] else problem.budget[agent] - len(fixed[agent])):
+        own = {(): 0}
+        for _ in range(problem.budget[agent]):
             longer = {}
             for taken, mask in own.items():
-                new = taken[len(fixed[agent]) :]
-                for slot in range(new[-1][0] + 1 if new else first_slot, problem.n_slots):
+                for slot in range(taken[-1][0] + 1 if taken else 0, problem.n_slots):
                     for aim in range(problem.n_aims):
                         shown = int(bits[problem.shows[agent, aim, slot]].sum())
                         if not problem.available[agent, slot] or not shown:
                             continue
-                        if all(fits(problem.slew[agent], *sorted([(s, other), (slot, aim)])) for s, other in taken):
+                        if all(fits(problem.slew[agent], earlier, (slot, aim)) for earlier in taken):
                             longer[(*taken, (slot, aim))] = mask | shown
             own |= longer
         reached = {one | other for one in reached for other in set(own.values())}

@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from swarm_mj.coordination.formation.hearing import MESSAGE_BITS, coast
-from swarm_mj.coordination.formation.law import FormationLaw, Push, Talk
-from swarm_mj.coordination.formation.relative_motion import clohessy_wiltshire, hill_axes
+from swarm_mj.coordination.formation.law import FormationLaw, Messaging, Thrust
+from swarm_mj.coordination.formation.relative_navigation import MESSAGE_BITS, coast
 from swarm_mj.coordination.formation.structure import nodes, offset_structure, planned_structure
 from swarm_mj.coordination.formation.tracking import Tracking, in_pulses
 from swarm_mj.coordination.graph import Graph
 from swarm_mj.errors import ScenarioError
 from swarm_mj.mission.trajectories import propagate
 from swarm_mj.spacecraft.control.force import ForceView
+from tests.relative_motion import clohessy_wiltshire, hill_axes
 
 GM, RADIUS = 4.463e5, 40e3
 RATE = np.sqrt(GM / RADIUS**3)
@@ -34,11 +34,11 @@ def hill_states(offsets, rates, at):
     return centre + offsets @ axes, velocity + turning @ axes
 
 
-def circular(span=(0.0, DAY)):
+def circular(start_s=0.0):
     """A structure of one spacecraft on the circular orbit."""
     times = nodes(DAY)
     r, v = hill_states(np.zeros((1, 3)), np.zeros((1, 3)), 0.0)
-    return planned_structure(gravity, times, *propagate(gravity, r, v, times), span)
+    return planned_structure(gravity, times, *propagate(gravity, r, v, times), start_s)
 
 
 def fly(law, r, v, duration, *, period=1.0, lost=None, known=gravity):
@@ -75,7 +75,7 @@ RATES = np.array([[0.01, -2.0 * RATE * 30.0, 0.0], [0.0, 2.0 * RATE * 20.0, 0.00
 
 def test_natural_motion_is_that_of_clohessy_and_wiltshire():
     start = 1500.0
-    planned = circular((start, DAY))
+    planned = circular(start)
     r, v = hill_states(OFFSETS, RATES, start)
     structure = offset_structure(planned, nodes(DAY), r - planned.centre(start), v - planned.centre(start, 1))
     for t in (0.0, 700.0, 4000.0, DAY):
@@ -99,17 +99,27 @@ def test_the_closed_form_solves_hills_equations():
     np.testing.assert_allclose(found.y[:, -1].reshape(6, 6), clohessy_wiltshire(n, 9000.0), rtol=1e-6, atol=1e-9)
 
 
-def law_of(structure, *, dead_band=0.0, bit=0.0, **keys):
-    tracking = Tracking(bandwidth=0.02, damping=0.7, dead_band=dead_band)
-    return FormationLaw(structure, tracking, Push(force=FORCE, least_impulse=bit), **keys)
+def links(delay=0.0, loss=0.0):
+    """Links between all that work."""
+
+    def graph(view):
+        ones = np.ones((len(view.working), len(view.working)))
+        return Graph(rate_bit_s=1e9 * ones, delay_s=delay * ones, loss=loss * ones, works=view.working)
+
+    return graph
+
+
+def law_of(structure, *, damping=0.7, dead_band=0.0, **keys):
+    tracking = Tracking(bandwidth=0.02, damping=damping, dead_band=dead_band)
+    return FormationLaw(structure, tracking, Thrust(force=FORCE, least_impulse=0.0), links(), **keys)
 
 
 def test_an_offset_that_stays_costs_what_differential_gravity_takes():
     planned = circular()
     structure = offset_structure(planned, nodes(DAY), OFFSETS, None)
-    once = fly(law_of(structure), *structure.places(0.0), 1.0)[2]
+    once = fly(law_of(structure), *structure.states(0.0), 1.0)[2]
     assert once == pytest.approx(np.linalg.norm(structure.holding(0.0), axis=1), rel=1e-6)  # on the path nothing else
-    r, v, spent, _ = fly(law_of(structure), *structure.places(0.0), 2000.0)
+    r, v, spent, _ = fly(law_of(structure), *structure.states(0.0), 2000.0)
     assert np.abs(r[-1] - structure.path(2000.0)).max() < 0.01
     x, up = OFFSETS, np.array([1.0, 0.0, 0.0])
     for k in range(3):  # by hand: GM/R^3 (3 (d.e) e - d), which thrust must cancel
@@ -122,7 +132,7 @@ def test_an_offset_that_stays_costs_what_differential_gravity_takes():
 
 def test_controlled_motion_is_that_of_the_same_law_by_dop853():
     structure = offset_structure(circular(), nodes(DAY), OFFSETS, None)
-    place, velocity = structure.places(0.0)
+    place, velocity = structure.states(0.0)
     law, off = law_of(structure), np.array([[3.0, -2.0, 1.0], [0.0, 4.0, 0.0], [-1.0, 0.0, 2.0]])
     r, _, _, _ = fly(law, place + off, velocity, 300.0, period=0.25)
 
@@ -147,7 +157,7 @@ def test_controlled_motion_is_that_of_the_same_law_by_dop853():
 
 def test_small_errors_swing_with_the_bandwidth_and_damping_that_are_asked_for():
     structure = circular()
-    place, velocity = structure.places(0.0)
+    place, velocity = structure.states(0.0)
     law = law_of(structure)
     r, _, _, _ = fly(law, place + [[1.0, 0.0, 0.0]], velocity, 400.0, period=0.1)
     error = (r - structure.path(0.1 * np.arange(1, 4001)))[:, 0, 0]
@@ -158,10 +168,8 @@ def test_small_errors_swing_with_the_bandwidth_and_damping_that_are_asked_for():
 
 def test_far_away_it_returns_by_limited_thrust_without_overshoot():
     structure = circular()
-    place, velocity = structure.places(0.0)
-    law = FormationLaw(
-        structure, Tracking(bandwidth=0.02, damping=1.0, dead_band=0.0), Push(force=FORCE, least_impulse=0.0)
-    )
+    place, velocity = structure.states(0.0)
+    law = law_of(structure, damping=1.0)
     r, _, _, _ = fly(law, place + [[0.0, 3000.0, 0.0]], velocity, 3000.0)
     along = (r - structure.path(np.arange(1.0, 3001.0)))[:, 0, 1]
     assert along.min() > -0.02 * 3000.0 and abs(along[-1]) < 1.0
@@ -169,7 +177,7 @@ def test_far_away_it_returns_by_limited_thrust_without_overshoot():
 
 def test_in_the_dead_band_thrusters_stay_shut_and_outside_they_return():
     structure = circular()
-    place, velocity = structure.places(0.0)
+    place, velocity = structure.states(0.0)
     law = law_of(structure, dead_band=5.0)
     assert fly(law, place + [[4.0, 0.0, 0.0]], velocity, 50.0)[2][0] == 0.0
     r, _, spent, _ = fly(law, place + [[9.0, 0.0, 0.0]], velocity, 600.0)
@@ -192,10 +200,10 @@ def test_a_period_too_long_for_the_bandwidth_is_refused():
         Tracking(bandwidth=0.3, damping=1.0, dead_band=0.0).check_period(1.0)
 
 
-def three(span=(0.0, DAY)):
+def three(start_s=0.0):
     times = nodes(DAY)
     r, v = hill_states(OFFSETS, RATES, 0.0)
-    return planned_structure(gravity, times, *propagate(gravity, r, v, times), span)
+    return planned_structure(gravity, times, *propagate(gravity, r, v, times), start_s)
 
 
 def relative(structure, r, k, t):
@@ -206,41 +214,36 @@ def relative(structure, r, k, t):
 
 def test_followers_keep_to_their_leader_and_to_the_next_when_it_is_lost():
     structure = three()
-    place, velocity = structure.places(0.0)
+    place, velocity = structure.states(0.0)
     pushed = velocity + [[0.1, 0.0, 0.0], [0.0, 0.05, 0.0], [0.0, 0.0, 0.0]]
-    law = law_of(structure, reference="leader", talk=Talk(every_s=10.0, silence_s=25.0))
+    law = law_of(structure, reference="leader", messaging=Messaging(every_s=10.0, silence_s=25.0))
     r, _, spent, memory = fly(law, place, pushed, 1200.0, lost=(0, 600.0))
     assert relative(structure, r[598], 0, 599.0).max() < 0.1
     assert np.linalg.norm(r[598] - structure.path(599.0), axis=1).min() > 40.0  # all have gone along with it
     assert relative(structure, r[-1], 1, 1200.0)[1:].max() < 0.1
     # It was heard of last 590 s past the start.
     assert [(round(t), i, k) for t, i, k in law.log.leaders] == [(616, 1, 1), (616, 2, 1)]
-    assert memory.hearing.bus.bits.tolist() == [60 * MESSAGE_BITS, 120 * MESSAGE_BITS, 120 * MESSAGE_BITS]
+    assert memory.navigation.bus.bits.tolist() == [60 * MESSAGE_BITS, 120 * MESSAGE_BITS, 120 * MESSAGE_BITS]
     assert spent[0] == 0.0
 
 
 def test_late_and_lost_messages_cost_accuracy_and_none_at_all_the_formation():
     structure = three()
-    place, velocity = structure.places(0.0)
+    place, velocity = structure.states(0.0)
     pushed = velocity + [[0.1, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]
-
-    def links(delay, loss):
-        ones = np.ones((3, 3))
-        return lambda view: Graph(rate_bit_s=1e3 * ones, delay_s=delay * ones, loss=loss * ones, works=view.working)
-
-    law = law_of(structure, reference="leader", talk=Talk(every_s=10.0, silence_s=60.0, seed=3))
+    law = law_of(structure, reference="leader", messaging=Messaging(every_s=10.0, silence_s=60.0, seed=3))
     law.links = links(3.0, 0.4)
     r, _, _, memory = fly(law, place, pushed, 600.0)
-    assert relative(structure, r[-1], 0, 600.0).max() < 0.1 and memory.hearing.bus.lost > 30
+    assert relative(structure, r[-1], 0, 600.0).max() < 0.1 and memory.navigation.bus.lost > 30
     law.links = links(0.0, 1.0)
     r, _, _, memory = fly(law, place, pushed, 600.0)
     assert memory.leader.tolist() == [0, 1, 2]  # each is alone, and leads itself
-    assert not memory.hearing.alive(599.0)[~np.eye(3, dtype=bool)].any()
+    assert not memory.navigation.alive(599.0)[~np.eye(3, dtype=bool)].any()
 
 
 def test_a_common_error_of_all_costs_nothing_where_the_mean_is_held():
     structure = three()
-    place, velocity = structure.places(0.0)
+    place, velocity = structure.states(0.0)
     r, _, spent, _ = fly(law_of(structure, reference="mean"), place, velocity + [0.05, 0.02, 0.0], 600.0)
     assert spent.max() < 1e-3 and np.linalg.norm(r[-1] - structure.path(600.0), axis=1).min() > 30.0
     own = velocity + [[0.06, 0.0, 0.0], [-0.03, 0.0, 0.0], [-0.03, 0.0, 0.0]]

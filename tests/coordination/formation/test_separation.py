@@ -3,14 +3,15 @@
 import numpy as np
 import pytest
 
-from swarm_mj.coordination.formation.barrier import half_spaces, nearest_allowed
 from swarm_mj.coordination.formation.separation import (
     Moves,
     all_pairs,
+    half_spaces,
     least_on_stop,
+    nearest_allowed,
     safe_moves,
+    stopping_path,
     too_close_after,
-    way,
 )
 from swarm_mj.coordination.formation.tracking import Tracking, cut
 
@@ -106,7 +107,7 @@ def test_the_stop_that_is_checked_is_the_stop_that_is_flown():
     moves = moves_of(rng.normal(0.0, 30.0, (3, 3)), rng.normal(0.0, 0.2, (3, 3)))
     who, flown = np.arange(3), moves
     for k in range(240):
-        np.testing.assert_allclose(flown.r, way(moves, who, np.full((3, 1), k * PERIOD))[:, 0], atol=1e-9)
+        np.testing.assert_allclose(flown.r, stopping_path(moves, who, np.full((3, 1), k * PERIOD))[:, 0], atol=1e-9)
         flown = flown.after(flown.stopping())
     assert np.abs(flown.v).max() < 1e-12
     assert moves.stop_time() == pytest.approx(np.ceil(np.linalg.norm(moves.v, axis=1) / (0.5 * MOST)))
@@ -118,7 +119,7 @@ def test_the_bound_lies_below_the_true_distance_of_the_stop():
     for _ in range(20):
         moves = moves_of(rng.normal(0.0, 40.0, (5, 3)), rng.normal(0.0, 0.4, (5, 3)))
         t = np.broadcast_to(np.linspace(0.0, moves.stop_time().max(), 4001), (5, 4001))
-        places = way(moves, np.arange(5), t)
+        places = stopping_path(moves, np.arange(5), t)
         true = np.linalg.norm(places[pairs[:, 1]] - places[pairs[:, 0]], axis=2).min(axis=1)
         bound = least_on_stop(moves, pairs)
         assert (bound <= true + 1e-9).all() and (bound > true - 0.5).all()

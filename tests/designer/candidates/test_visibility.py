@@ -10,7 +10,7 @@ from swarm_mj.designer.candidates import flights as candidate_flights
 from swarm_mj.designer.candidates import pictures
 from swarm_mj.designer.candidates.flights import at_points, fly_candidates
 from swarm_mj.designer.candidates.pictures import picture_numbers, poses_of, shares_as_they_come
-from swarm_mj.designer.candidates.visibility import imaging_model_from, seen_rows, visibility
+from swarm_mj.designer.candidates.visibility import imaging_model_from, visibility
 from swarm_mj.designer.exact import solve_exact
 from swarm_mj.designer.problem import CoverProblem
 from swarm_mj.errors import MissionError, PathError, ScenarioError
@@ -23,6 +23,7 @@ from swarm_mj.observation.capture import observe
 from swarm_mj.records.design_files import left_out_words
 from swarm_mj.scenarios.loading import load_scenario, parse_overrides
 from swarm_mj.spacecraft.attitude.mrp import dcm
+from tests.designer.judging import seen_cells
 
 #: Visits only, few cells, rays: quick enough for tests.
 FAST = [
@@ -37,16 +38,11 @@ def scenario(*overrides):
     return load_scenario("eros-quick", parse_overrides([*FAST, *overrides]))
 
 
-def all_shares(flights, *what, at=None, **how):
+def all_shares(flights, *what, at=True, workers=None, **how):
     """The shares of all candidates, in order."""
-    found = dict(shares_as_they_come([poses_of(flights, j, at) for j in range(flights.n)], *what, **how))
+    poses = [poses_of(flights, j, at) for j in range(flights.n)]
+    found = dict(shares_as_they_come(poses, *what, workers=workers, **how))
     return [found[j] for j in range(flights.n)]
-
-
-def seen_cells(told, flights, *what):
-    """What all candidates see, shape (n, cells)."""
-    found = dict(seen_rows(told, flights, *what))
-    return np.array([found[j] for j in range(flights.n)])
 
 
 @pytest.fixture(autouse=True)

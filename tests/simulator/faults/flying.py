@@ -5,8 +5,9 @@ from functools import cache
 import mujoco
 import numpy as np
 
+from swarm_mj.flight.environment import environment_from, load_body_shape
 from swarm_mj.flight.fly import simulate
-from swarm_mj.flight.plan import environment_from, load_body_shape, make_plan
+from swarm_mj.flight.plan import make_plan
 from swarm_mj.mission.behaviors import AdaptableRoles
 from swarm_mj.scenarios.loading import load_scenario, parse_overrides
 from swarm_mj.scenarios.schema import Scenario

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from swarm_mj.flight.plan import environment_from
+from swarm_mj.flight.environment import environment_from
 from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.simulator.faults.impact import ImpactWatch
 from swarm_mj.smallbody.environment import Environment, LinearMotion

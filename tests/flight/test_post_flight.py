@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from swarm_mj.flight.afterwards import earthward, flown_instants, instants_afterwards, paths_afterwards, roles, turned
+from swarm_mj.flight.post_flight import flown_instants, post_flight_instants, post_flight_paths, roles, turned
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.spacecraft.attitude.mrp import dcm
 
@@ -17,7 +17,7 @@ def config1(config_flights):
 def test_paths_go_on_where_mujoco_flies(config1):
     plan, telemetry = config1
     cut = telemetry.isel(time=slice(0, 601))
-    _, r_N, works = paths_afterwards(plan, cut, np.array([700.0, 900.0, 1200.0]))
+    _, r_N, works = post_flight_paths(plan, cut, np.array([700.0, 900.0, 1200.0]))
     flown = telemetry["r_BN_N"].sel(time=[700.0, 900.0, 1200.0]).values
     # Steps of 0.1 s and an adaptive integrator: different programs, 24 km of way.
     assert np.abs(r_N - flown).max() < 0.05
@@ -28,7 +28,7 @@ def test_energy_is_kept_for_two_days(config1):
     plan, telemetry = config1
     end = float(telemetry["time"].values[-1])
     times = end + np.array([0.5, 1.0]) + 172_800.0
-    _, r_N, _ = paths_afterwards(plan, telemetry, times)
+    _, r_N, _ = post_flight_paths(plan, telemetry, times)
     # Far away the body is a point: half v^2 - GM / r, from positions half a second apart.
     v = (r_N[1] - r_N[0]) / 0.5
     gm = plan.environment.gravity.gm
@@ -46,7 +46,7 @@ def test_who_is_lost_stays_where_it_was(config1):
     works = np.ones((lost.sizes["time"], plan.n), np.int8)
     works[-1, 2] = 0
     lost["operational"] = (("time", "spacecraft"), works)
-    _, r_N, alive = paths_afterwards(plan, lost, np.array([2000.0, 3000.0]))
+    _, r_N, alive = post_flight_paths(plan, lost, np.array([2000.0, 3000.0]))
     assert alive.tolist() == [[True, True, False, True, True, True]] * 2
     assert (r_N[:, 2] == lost["r_BN_N"].values[-1, 2]).all()
 
@@ -54,8 +54,11 @@ def test_who_is_lost_stays_where_it_was(config1):
 def test_relays_point_at_earth_and_the_others_at_the_nearest_relay(config1):
     plan, telemetry = config1
     times = np.array([5000.0, 50_000.0])
-    found = instants_afterwards(
-        plan, telemetry, paths_afterwards(plan, telemetry, times), np.tile(earthward(telemetry), (2, 1))
+    found = post_flight_instants(
+        plan,
+        telemetry,
+        post_flight_paths(plan, telemetry, times),
+        np.tile(np.flatnonzero(telemetry["mode"].values[-1] == TargetKind.EARTH), (2, 1)),
     )
     assert found.mode[0].tolist() == [TargetKind.SPACECRAFT] * 5 + [TargetKind.EARTH]
     for k in range(2):
@@ -114,7 +117,7 @@ def test_who_falls_onto_the_body_is_lost_there(config1):
     r = falling["r_BN_N"].values[-1, 1]
     falling["v_BN_N"].values[-1, 1] = -r / 600.0  # at the centre after ten minutes
     times = 1200.0 + np.arange(60.0, 1800.0, 60.0)
-    _, _, alive = paths_afterwards(plan, falling, times)
+    _, _, alive = post_flight_paths(plan, falling, times)
     assert alive[:, [0, 2, 3, 4, 5]].all()
     reach = np.linalg.norm(r) * (1.0 - (times - 1200.0) / 600.0)
     assert alive[reach > plan.shape.max_radius, 1].all() and not alive[reach < 0.0, 1].any()

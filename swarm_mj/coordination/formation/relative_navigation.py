@@ -1,4 +1,4 @@
-"""Where each spacecraft believes the others to be: as last heard over the links, and flown on freely from there."""
+"""Relative navigation: where each spacecraft believes the others to be, by what it last heard of them and free flight since."""
 
 from __future__ import annotations
 
@@ -7,9 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from swarm_mj.coordination.allocation.auction import STAMP_BITS
 from swarm_mj.coordination.bus import Bus
 from swarm_mj.coordination.graph import Graph
-from swarm_mj.coordination.knowledge import HEAD_BITS, STAMP_BITS
+from swarm_mj.coordination.knowledge import HEAD_BITS
 from swarm_mj.mission.trajectories import AccelerationN
 from swarm_mj.spacecraft.control.force import ForceView
 from swarm_mj.typing import Array, Ints, Mask
@@ -35,13 +36,7 @@ class Fix(NamedTuple):
     v_N: Array
 
 
-def everybody_hears(view: ForceView) -> Graph:
-    """Links without delay or loss between all that work."""
-    n = len(view.working)
-    return Graph(rate_bit_s=np.full((n, n), 1e9), delay_s=np.zeros((n, n)), loss=np.zeros((n, n)), works=view.working)
-
-
-class Hearing:
+class RelativeNavigation:
     """What n spacecraft know of each other's motion during one flight; row i is what i knows.
 
     Args:

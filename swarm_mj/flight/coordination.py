@@ -1,20 +1,23 @@
-"""The classes of a scenario as behaviours: what a coordinated swarm is given, from a plan."""
+"""The class of a swarm in flight: its behaviour, made from the plan, and what its messages cost."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
+import xarray as xr
 
+from swarm_mj.coordination.allocation.problem import Schedule
+from swarm_mj.coordination.bus import MessageLog
 from swarm_mj.coordination.encounter import Encounter
 from swarm_mj.coordination.graph import Graph, graph_at
 from swarm_mj.coordination.replanning import planned_alone, planned_together
-from swarm_mj.coordination.roles import Pictures
-from swarm_mj.coordination.swarm_flight import Mission, SwarmFlight, parts_of
-from swarm_mj.dataflow.contacts import Instant, radios_from
+from swarm_mj.coordination.swarm_flight import PARTS, Mission, SwarmFlight
+from swarm_mj.dataflow.contacts import Contacts, Instant, radios_from
 from swarm_mj.dataflow.network import Access
 from swarm_mj.errors import MissionError
 from swarm_mj.flight.encounter_table import encounter_of, kept_plan, track_of
@@ -24,9 +27,15 @@ from swarm_mj.mission.links import Antennas
 from swarm_mj.observation.capture import camera_poses, observe
 from swarm_mj.observation.smear import Motion
 from swarm_mj.scenarios.schema_swarm import Swarm
+from swarm_mj.simulator.telemetry import VARIABLES
 from swarm_mj.smallbody.occultation import occluder_of
 from swarm_mj.spacecraft.attitude.mrp import dcm, mrp_from_quaternion
-from swarm_mj.typing import Ints, Mask
+from swarm_mj.typing import Array, Ints, Mask
+
+#: Variables of the telemetry.
+BITS, AIRTIME = "coordination_bits", "coordination_airtime"
+#: Of the messages by which a formation is held.
+FORMATION_AIRTIME = "formation_airtime"
 
 
 def coordinated(behavior: Behavior, swarm: Swarm | None) -> Behavior:
@@ -38,7 +47,7 @@ def coordinated(behavior: Behavior, swarm: Swarm | None) -> Behavior:
     if swarm is None:
         return behavior
     parts = parts_chosen(swarm)
-    if parts == parts_of(2):
+    if parts == PARTS[2]:
         return behavior
     if "behavior" in parts.values():
         raise MissionError(
@@ -50,7 +59,7 @@ def coordinated(behavior: Behavior, swarm: Swarm | None) -> Behavior:
 
 def parts_chosen(swarm: Swarm) -> dict[str, str]:
     """The parts of a class, with those that the scenario exchanges."""
-    return {key: getattr(swarm, key) or part for key, part in parts_of(swarm.level).items()}
+    return {key: getattr(swarm, key) or part for key, part in PARTS[swarm.level].items()}
 
 
 @dataclass(frozen=True)
@@ -92,7 +101,7 @@ def mission_of(plan: Any, swarm: Swarm) -> Mission:
     """What the swarm of a `swarm_mj.flight.plan.Plan` is given before its release."""
     scenario, parts = plan.scenario, parts_chosen(swarm)
     encounter = encounter_of(plan)
-    pictures: tuple[Pictures, ...] = ((),) * plan.n_observers
+    pictures: tuple[Schedule, ...] = ((),) * plan.n_observers
     if parts["sensing"] == "own":
         pictures = _alone(encounter)
     elif parts["sensing"] == "plan" or parts["relay"] == "plan":
@@ -125,16 +134,16 @@ def mission_of(plan: Any, swarm: Swarm) -> Mission:
 
 
 @lru_cache(maxsize=16)  # of the last tables, see `encounter_of`
-def _alone(encounter: Encounter) -> tuple[Pictures, ...]:
+def _alone(encounter: Encounter) -> tuple[Schedule, ...]:
     return planned_alone(encounter).pictures
 
 
 @lru_cache(maxsize=16)
-def _together(encounter: Encounter, time_limit_s: float) -> tuple[Pictures, ...]:
+def _together(encounter: Encounter, time_limit_s: float) -> tuple[Schedule, ...]:
     return kept_plan(encounter, time_limit_s, planned_together)
 
 
-def succession_of(plan: Any, pictures: tuple[tuple[tuple[int, int], ...], ...], end_s: float) -> Ints:
+def succession_of(plan: Any, pictures: tuple[Schedule, ...], end_s: float) -> Ints:
     """Places in the order in which spacecraft relay, shape (n,): who has done with its pictures first, then the most central.
 
     A spacecraft that only communicates comes first.
@@ -164,3 +173,53 @@ def links_of(plan: Any, swarm: Swarm) -> Callable[[SwarmView, Targets], Graph]:
         return graph_at(radios, body, now, loss=swarm.message_loss, processing_s=swarm.processing_s)
 
     return graph
+
+
+def record_coordination(telemetry: xr.Dataset, behavior: Any) -> None:
+    """Add what the messages of a coordinated swarm came to; nothing where the behaviour is another or sends none."""
+    if not isinstance(behavior, SwarmFlight) or not behavior.mission.talks:
+        return
+    add_messages(telemetry, behavior.log, BITS, AIRTIME)
+    names = telemetry["spacecraft"].values
+    events = [{**event._asdict(), "spacecraft": str(names[event.spacecraft])} for event in behavior.log.events]
+    telemetry.attrs["coordination_events"] = json.dumps(events)
+
+
+def add_messages(telemetry: xr.Dataset, log: MessageLog, *names: str) -> None:
+    """Add bits and airtime of messages to the telemetry, under their names."""
+    sent = log.sent_by(telemetry["time"].values, telemetry.sizes["spacecraft"])
+    for name, values in zip(names, sent, strict=True):
+        telemetry[name] = VARIABLES[name].of(values)
+
+
+def coordination_summary(telemetry: xr.Dataset) -> dict[str, Any]:
+    """Keys of the summary; empty for flights without messages."""
+    if BITS not in telemetry:
+        return {}
+    return {
+        "coordination_bits": int(telemetry[BITS].values[-1].sum()),
+        "coordination_airtime_s": float(telemetry[AIRTIME].values[-1].sum()),
+        "coordination_events": json.loads(telemetry.attrs["coordination_events"]),
+    }
+
+
+def less_coordination(contacts: Contacts, telemetry: xr.Dataset, access: Access) -> Contacts:
+    """What the crosslinks can carry besides the swarm's own messages: in each slot, by the time that these took.
+
+    Args:
+        contacts: Without messages.
+        telemetry: Of the flight.
+        access: How the channel is shared: of all, or of each sender.
+    """
+    messages = [telemetry[name].values for name in (AIRTIME, FORMATION_AIRTIME) if name in telemetry]
+    if not messages:
+        return contacts
+    time, airtime = telemetry["time"].values, np.sum(messages, axis=0)
+    spent: Array = np.array([np.interp(contacts.edges_s, time, airtime[:, j]) for j in range(airtime.shape[1])])
+    share = np.diff(spent, axis=1).T / np.diff(contacts.edges_s)[:, None]
+    if access is Access.ONE_AT_A_TIME:
+        share = np.broadcast_to(share.sum(axis=1, keepdims=True), share.shape)
+    elif access is Access.TDMA:
+        share = share * share.shape[1]
+    left = np.maximum(1.0 - share, 0.0)[:, :, None]
+    return replace(contacts, swarm_bit=np.floor(contacts.swarm_bit * left).astype(np.int64))

@@ -10,9 +10,8 @@ import pytest
 from scipy.optimize import linprog
 
 from swarm_mj.cli.main import main
-from swarm_mj.designer.arrival import HOUR, Arrival, Needs, fly_design
+from swarm_mj.designer.deadline import HOUR, Arrival, DeadlineSearch, Needs, fly_design
 from swarm_mj.designer.study import study_design
-from swarm_mj.designer.within import Within
 from swarm_mj.errors import MissionError, ScenarioError
 from swarm_mj.scenarios.loading import load_scenario, parse_overrides
 
@@ -70,7 +69,7 @@ def test_the_fewest_in_time_are_those_of_enumeration_and_what_is_said_to_be_enou
             continue
         for limit_s in (0.97 * soonest, 1.0001 * soonest, 1.05 * soonest):
             fewest, _ = enumerated(problem, judge, limit_s)
-            search = Within(problem=problem, needs=needs, limit_s=limit_s, judge=judge)
+            search = DeadlineSearch(problem=problem, needs=needs, limit_s=limit_s, fly=judge)
             if math.isfinite(fewest):
                 search.require_possible(60.0)
                 result = search.solve(60.0)
@@ -90,8 +89,8 @@ def test_the_fewest_in_time_are_those_of_enumeration_and_what_is_said_to_be_enou
 
 def test_a_known_design_that_is_in_time_and_as_small_as_the_bound_ends_the_search(make_discs):
     problem, needs, judge = case(make_discs, 3, tolerance_percent=15.0)
-    first = Within(problem=problem, needs=needs, limit_s=1e9, judge=judge).solve(60.0)
-    search = Within(problem=problem, needs=needs, limit_s=1e9, judge=judge)
+    first = DeadlineSearch(problem=problem, needs=needs, limit_s=1e9, fly=judge).solve(60.0)
+    search = DeadlineSearch(problem=problem, needs=needs, limit_s=1e9, fly=judge)
     search.arrival(first.points)
     again = search.solve(60.0, first.points)
     assert list(again.points) == list(first.points) and again.status == "optimal" and len(search.arrivals) == 1
@@ -101,7 +100,7 @@ def test_without_time_nothing_is_called_proven(make_discs):
     problem, needs, judge = case(make_discs, 3, tolerance_percent=15.0)
     limit_s = enumerated(problem, judge, math.inf)[1] * 0.999
     with pytest.raises(MissionError, match=r"nor is it proven that there is none .* allow more time"):
-        Within(problem=problem, needs=needs, limit_s=limit_s, judge=judge).solve(1e-6)
+        DeadlineSearch(problem=problem, needs=needs, limit_s=limit_s, fly=judge).solve(1e-6)
 
 
 def test_what_must_be_sent_is_the_least_that_the_tolerance_allows(make_discs):
@@ -120,8 +119,8 @@ def test_a_map_is_complete_at_the_edge_of_a_slot(make_discs):
     free_s, at_edge_s = needs.soonest_s(), edged.soonest_s()
     assert 0.0 <= at_edge_s - free_s < 25.0 and (at_edge_s - 30.0) % 25.0 == pytest.approx(0.0)
     assert (
-        edged.room_bit(at_edge_s, 0.0)
-        == edged.room_bit(at_edge_s + 24.0, 0.0)
+        edged.capacity_bit(at_edge_s, 0.0)
+        == edged.capacity_bit(at_edge_s + 24.0, 0.0)
         == pytest.approx(100.0 * (at_edge_s - 30.0))
     )
 
@@ -139,12 +138,12 @@ def flown(request):
     study = study_design(scenario)
     n = len(study.visibility.candidates)
     sets = [np.array(points) for k in (1, 2) for points in combinations(range(1, n + 1), k)]
-    return study, {tuple(map(int, points)): study.within.arrival(points) for points in sets}
+    return study, {tuple(map(int, points)): study.deadline.arrival(points) for points in sets}
 
 
 def test_flights_are_no_sooner_than_their_bounds_and_the_fewest_in_time_are_those_of_all_flights(flown):
     study, arrivals = flown
-    problem, needs = study.problem, study.within.needs
+    problem, needs = study.problem, study.deadline.needs
     assert 4 <= len(study.visibility.candidates) <= 8
     for points, arrival in arrivals.items():
         assert arrival.full_s >= needs.soonest_s(np.array(points)) >= needs.soonest_s()
@@ -154,8 +153,8 @@ def test_flights_are_no_sooner_than_their_bounds_and_the_fewest_in_time_are_thos
         good = [
             p for p, a in arrivals.items() if problem.is_enough(problem.covered_weight(p)) and a.meets(limit_s, 0.1)
         ]
-        search = Within(
-            problem=problem, needs=needs, limit_s=limit_s, judge=lambda points: arrivals[tuple(map(int, points))]
+        search = DeadlineSearch(
+            problem=problem, needs=needs, limit_s=limit_s, fly=lambda points: arrivals[tuple(map(int, points))]
         )
         if good:
             assert search.solve(60.0).n_observers == min(map(len, good))
