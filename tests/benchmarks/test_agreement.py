@@ -17,7 +17,7 @@ sys.path.append(str(ROOT))  # the benchmarks are no part of the installed packag
 from benchmarks.agreement import coefficients, comparison, in_scipy  # noqa: E402
 from benchmarks.agreement.flights import MISSIONS, fly  # noqa: E402
 from benchmarks.agreement.job import Job  # noqa: E402
-from benchmarks.agreement.page import page, shown  # noqa: E402
+from benchmarks.agreement.page import page  # noqa: E402
 from benchmarks.agreement.programs import PROGRAMS, ask, installed  # noqa: E402
 from swarm_mj.smallbody.gravity import SphericalHarmonics  # noqa: E402
 from swarm_mj.smallbody.rotation import Rotation  # noqa: E402
@@ -145,15 +145,6 @@ def test_a_program_that_fails_is_told_by_its_own_words(tmp_path):
 
 def test_the_page_is_made_of_the_numbers_beside_it():
     assert page(json.loads(NUMBERS.read_text(encoding="utf-8"))) == PAGE.read_text(encoding="utf-8")
-
-
-def test_every_number_is_on_the_page():
-    text, results = PAGE.read_text(encoding="utf-8"), json.loads(NUMBERS.read_text(encoding="utf-8"))
-    for flight in results["flights"].values():
-        for row in flight["rows"]:
-            unit = {"urad": "µrad", "us": "µs", "um/s": "µm/s"}.get(row["unit"], row["unit"])
-            cells = f"| {row['quantity']} | {PROGRAMS[row['program']].title} | {shown(row['difference'], unit)} |"
-            assert cells in text, cells
 
 
 def test_without_programs_the_page_says_how_to_install_them():

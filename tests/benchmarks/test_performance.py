@@ -69,13 +69,6 @@ def test_the_memory_of_a_process_is_not_that_of_its_parent():
     assert 5.0 < float(told) < 300.0 < ballast.nbytes / 2**20
 
 
-@pytest.mark.parametrize(("quick", "sizes"), [(True, (1, 6, 20)), (False, (1, 6, 20, 100, 1000))])
-def test_memory_is_told_for_every_number_of_spacecraft(monkeypatch, quick, sizes):
-    monkeypatch.setattr(loop, "loop_rows", lambda n, rounds: [row("loop", f"ratio, {n}", np.ones(1), "ratio")])
-    monkeypatch.setattr(loop, "memory_row", lambda n: row("loop", f"memory, {n}", np.ones(1), "MiB"))
-    assert [r.name for r in loop.rows(quick) if r.unit == "MiB"] == [f"memory, {n}" for n in sizes]
-
-
 def test_the_full_run_measures_single_and_vector_and_what_goes_wrong(monkeypatch):
     for name in ("raw_steps", "single_steps", "vector_steps"):
         monkeypatch.setattr(environment, name, lambda *a, **k: lambda: 1)

@@ -66,22 +66,8 @@ def test_the_record_is_consistent_with_its_matrix(folder):
 def test_the_command_run_takes_a_design(folder, tmp_path):
     sets = [part for override in FAST for part in ("--set", override)]
     design = str(folder / "design.json")
-    assert (
-        main(
-            [
-                "fly",
-                "eros-quick",
-                "--design",
-                design,
-                "--quiet",
-                "--no-figures",
-                "--out",
-                str(tmp_path / "o"),
-                *sets[:8],
-            ]
-        )
-        == 0
-    )
+    flight = ["fly", "eros-quick", "--design", design, "--quiet", "--no-figures", "--out", str(tmp_path / "o")]
+    assert main([*flight, *sets[:8]]) == 0
     summary = json.loads((tmp_path / "o" / "summary.json").read_text())
     record = json.loads((folder / "design.json").read_text())
     assert summary["visiting_points"] == record["visiting_points"]
@@ -120,21 +106,6 @@ def test_the_hint_at_the_end_repeats_what_was_typed(tmp_path, capsys):
     assert "does not hold" not in capsys.readouterr().out
 
 
-def test_a_design_can_be_flown_by_reference_and_covers_the_target(folder, tmp_path):
-    reference = [f"design.reference={folder / 'design.json'}", "target.cell_size_m=null"]
-    (tmp_path / "flown.yaml").write_text(
-        "name: flown\nphysics: {timestep_s: 0.5}\nbehavior: {name: adaptable_roles}\ndesign: {}\n"
-        "observation: {criterion: visit, observer: raycast, interval_s: 60}\ncamera: {half_angle_deg: 6}\n"
-    )
-    sets = [part for override in reference for part in ("--set", override)]
-    assert (
-        main(["fly", str(tmp_path / "flown.yaml"), "--quiet", "--no-figures", "--out", str(tmp_path / "o"), *sets]) == 0
-    )
-    summary = json.loads((tmp_path / "o" / "summary.json").read_text())
-    assert summary["visiting_points"] == json.loads((folder / "design.json").read_text())["visiting_points"]
-    assert summary["coverage_percent"] >= 99.9
-
-
 @pytest.mark.parametrize(
     "freedom",
     [
@@ -156,21 +127,11 @@ def test_a_design_of_other_altitudes_or_targets_is_flown_by_run(tmp_path, freedo
     ]
 
 
-def test_two_fold_coverage_survives_the_loss_of_any_one_spacecraft():
-    single = study_design(load_scenario("eros-quick", parse_overrides(FAST)))
-    study = study_design(load_scenario("eros-quick", parse_overrides([*FAST, "designer.fold=2"])))
-    assert study.exact.n_observers > single.exact.n_observers
-    points = study.exact.points
-    area, sees = study.problem.area, study.problem.sees
-    for lost in range(len(points)):
-        rest = np.delete(points, lost) - 1
-        assert 100 * area[sees[rest].any(axis=0)].sum() / area.sum() >= 99.9
-
-
 def test_a_swarm_designed_for_two_fold_coverage_loses_any_one_in_flight_and_still_sees_the_whole_target():
     demands = ["observation.criterion=visit", "observation.observer=raycast", "target.cell_size_m=null", "designer.fold=2",
                "camera.half_angle_deg=6"]  # fmt: skip
     study = study_design(load_scenario("eros-quick", parse_overrides(demands)))
+    assert study.exact.n_observers > study_design(load_scenario("eros-quick", parse_overrides(FAST))).exact.n_observers
     points = [study.visibility.candidates[p - 1].point for p in study.selected]
     plan = make_plan(
         load_scenario("eros-quick", parse_overrides([*demands, f"design.visiting_points={points}", "seed=5"]))

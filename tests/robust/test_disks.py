@@ -186,33 +186,6 @@ def test_of_many_at_once_exactly_one_wins(tmp_path):
     assert [p.name for p in tmp_path.iterdir()] == ["run"]
 
 
-def test_runs_one_after_another_from_many_processes_never_mix(tmp_path):
-    """Whoever comes while the place is taken is refused; what stands there at the end is whole and of one run."""
-    code = (
-        "import sys, json\nfrom pathlib import Path\nfrom swarm_mj.errors import OutputError\n"
-        "from swarm_mj.io.atomic import atomic_folder\nwins = 0\n"
-        "for k in range(40):\n"
-        "    try:\n"
-        "        with atomic_folder(Path(sys.argv[1])) as partial:\n"
-        "            text = json.dumps({'scenario': f'{sys.argv[2]}-{k}', 'versions': {'swarm_mj': '0'}})\n"
-        "            for name in ('summary.json', 'a.json', 'b.json'):\n"
-        "                (partial / name).write_text(text)\n"
-        "        wins += 1\n"
-        "    except OutputError as error:\n"
-        "        assert 'another run' in str(error), error\n"
-        "print(wins)\n"
-    )
-    processes = [
-        subprocess.Popen([sys.executable, "-c", code, str(tmp_path / "run"), str(n)], stdout=subprocess.PIPE, text=True)
-        for n in range(3)
-    ]
-    wins = [int(process.communicate(timeout=300)[0]) for process in processes]
-    assert all(process.returncode == 0 for process in processes)
-    assert sum(wins) >= 1  # how many more is the scheduler's choice
-    assert len({path.read_text() for path in (tmp_path / "run").iterdir()}) == 1
-    assert [p.name for p in tmp_path.iterdir()] == ["run"]
-
-
 def test_what_a_killed_run_left_behind_is_cleared_by_the_next(tmp_path):
     code = (
         "import sys, time\nfrom pathlib import Path\nfrom swarm_mj.io.atomic import atomic_folder\n"
