@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from swarm_mj.io.cores import usable_cores
+from swarm_mj.io.machine import usable_cores
 from swarm_mj.typing import Array
 
 #: Where the project's own benchmarks keep their results, below the folder they are run in.

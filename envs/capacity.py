@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 
 from swarm_mj.errors import ScenarioError
-from swarm_mj.io.memory import available_bytes
+from swarm_mj.io.machine import available_bytes
 
 
 def default_threads() -> int:

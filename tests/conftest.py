@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from swarm_mj.io.cores import keep_algebra_on_one_thread
+from swarm_mj.io.machine import keep_algebra_on_one_thread
 
 # As the command line does: cores are shared with other workers here.
 keep_algebra_on_one_thread()

@@ -12,7 +12,7 @@ import numpy as np
 from benchmarks.measure import Row, rates, row
 from swarm_mj.flight.fly import make_simulation
 from swarm_mj.flight.plan import make_plan
-from swarm_mj.io.cores import usable_cores
+from swarm_mj.io.machine import usable_cores
 from swarm_mj.scenarios.loading import load_scenario, parse_overrides
 
 ID, SCENARIO = "swarm_mj.envs:SwarmObserve-v0", "eros-observe"

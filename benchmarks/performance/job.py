@@ -19,7 +19,7 @@ from swarm_mj.figures.run_figures import composers, draw
 from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.observe import observe_flight
 from swarm_mj.flight.plan import make_plan
-from swarm_mj.io.cores import usable_cores
+from swarm_mj.io.machine import usable_cores
 from swarm_mj.reports import REPORT_NAME
 from swarm_mj.scenarios.loading import load_scenario
 

@@ -26,7 +26,7 @@ from scripts.mutants.trees import copy_sources, plant
 from scripts.mutants.trial import DIED, SURVIVED, Runner, Trial
 from swarm_mj.io import interruption
 from swarm_mj.io.atomic import write_text
-from swarm_mj.io.cores import usable_cores
+from swarm_mj.io.machine import usable_cores
 from swarm_mj.io.progress import progress_bars
 
 #: Where findings are kept between calls.

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from scripts.pages import ROOT
-from swarm_mj.io.cores import ONE_THREAD
+from swarm_mj.io.machine import ONE_THREAD
 
 #: Outcomes. BROKEN: what was planted is no program; such a fault says nothing about the tests.
 DIED, SURVIVED, TIME_LIMIT, BROKEN = "died", "survived", "time limit", "broken"

@@ -18,7 +18,7 @@ from swarm_mj.campaigns.loading import Resolved, load_campaign
 from swarm_mj.campaigns.manifest import load_campaign_of
 from swarm_mj.campaigns.runner import Replayed, run_campaign
 from swarm_mj.errors import OutputError
-from swarm_mj.io.cores import check_workers
+from swarm_mj.io.machine import check_workers
 from swarm_mj.io.progress import using_bars
 from swarm_mj.scenarios.loading import NO_OVERRIDES, ScenarioSource, load_scenario
 

@@ -11,17 +11,16 @@ from typing import Any
 import pandas as pd
 from rich.progress import Progress, TaskID
 
-from swarm_mj.api.notebook import figure_html, png_html, rows_html
-from swarm_mj.api.plots import Plots
+from swarm_mj.api.display import Plots, figure_html, png_html, rows_html
 from swarm_mj.api.scenario import Scenario, load
 from swarm_mj.designer.study import EXTENSIONS, Growth, Study, Tell, growth, study_design
-from swarm_mj.errors import MissionError, OutputError
+from swarm_mj.errors import OutputError
 from swarm_mj.flight.plan import check_plugins
 from swarm_mj.io.atomic import MARKER, Result, atomic_folder
-from swarm_mj.io.cores import check_workers
 from swarm_mj.io.interruption import held
+from swarm_mj.io.machine import check_workers
 from swarm_mj.io.progress import Stages, using_bars
-from swarm_mj.records.design_files import design_record, left_out_words, read_design_folder, write_design, write_growth
+from swarm_mj.records.design_files import design_record, left_out_words, write_design, write_growth
 from swarm_mj.scenarios import schema
 from swarm_mj.scenarios.loading import NO_OVERRIDES, ScenarioSource, design_overrides
 
@@ -81,11 +80,6 @@ class Design:
         return float(self.record["covered_percent"])
 
     @property
-    def flyable(self) -> bool:
-        """Whether one scenario flies the design: its points share a target, an altitude and a time of flight."""
-        return bool(self.record["flyable"])
-
-    @property
     def table(self) -> pd.DataFrame:
         """The answers side by side: proof and genetic algorithm with observers, covered share [%], points, time [s]."""
         proof = self.record["proof"]
@@ -140,16 +134,7 @@ class Design:
         return Plots({name: partial(compose, study) for name, compose in composers(study).items()})
 
     def to_scenario(self) -> Scenario:
-        """The scenario with the selected points, ready for `swarm_mj.fly`; it names the design's record where that is saved.
-
-        Raises:
-            MissionError: The design is of an earlier version, which did not say how it is flown.
-        """
-        if not self.flyable:
-            raise MissionError(
-                "this design is of a version that could not write down several targets, altitudes or times of flight: make it "
-                "again with `swarm-mj design`"
-            )
+        """The scenario with the selected points, ready for `swarm_mj.fly`; it names the design's record where that is saved."""
         overrides = design_overrides({"observers": [], **self.record})
         if self.folder is not None:
             overrides["design.reference"] = (self.folder / "design.json").resolve()
@@ -343,13 +328,3 @@ def _compared(scenario: schema.Scenario, bars: Progress | None, workers: int | N
     rows = growth(scenario, workers=workers, stage=stage)
     bars.update(task, completed=len(EXTENSIONS), description="beyond the paper")
     return rows
-
-
-def read_design(folder: Path) -> Design:
-    """The design in a folder of `Design.save` or `swarm-mj design`.
-
-    Raises:
-        OutputError: It is no finished design.
-    """
-    scenario, record, compared = read_design_folder(folder)
-    return Design(scenario, record, compared=compared, folder=folder)

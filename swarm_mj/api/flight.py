@@ -1,4 +1,4 @@
-"""A scenario flown: `fly` makes a `Flight`, which shows, films, saves and reports itself; `read_flight` reads one back."""
+"""A scenario flown: `fly` makes a `Flight`, which shows, films, saves and reports itself."""
 
 from __future__ import annotations
 
@@ -12,8 +12,7 @@ import pandas as pd
 import xarray as xr
 from rich.progress import Progress
 
-from swarm_mj.api.notebook import figure_html, rows_html
-from swarm_mj.api.plots import Plots
+from swarm_mj.api.display import Plots, figure_html, rows_html
 from swarm_mj.api.scenario import Scenario, load
 from swarm_mj.dataflow.delivery import Delivery
 from swarm_mj.figures.drawing import compile_in_background, draw_all, prepare_drawing
@@ -28,7 +27,7 @@ from swarm_mj.io.progress import Forecast, Stages, using_bars
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.coverage import CoverageMap
 from swarm_mj.records.run_files import coverage_arrays, flown_design, write_results, write_summary
-from swarm_mj.records.run_record import RunRecord, observation_of, read_run
+from swarm_mj.records.run_record import RunRecord, read_run
 from swarm_mj.records.summary import summarise
 from swarm_mj.scenarios import schema
 from swarm_mj.scenarios.loading import NO_OVERRIDES, ScenarioSource
@@ -377,15 +376,3 @@ def _write_report(folder: Path, stages: Stages) -> None:
 
     with stages.stage("report", "report"):
         write_report([read_run(folder)])
-
-
-def read_flight(folder: Path) -> Flight:
-    """The flight in a folder of `Flight.save` or `swarm-mj fly`.
-
-    Raises:
-        OutputError: It is no finished run, or was written by another version whose target differs.
-    """
-    record = read_run(folder)
-    plan = make_plan(record.scenario)
-    result = observation_of(record, plan)
-    return Flight(plan, record.telemetry, result, record.summary, design=record.design, folder=folder)

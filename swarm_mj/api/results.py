@@ -5,10 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from swarm_mj.api.design import Design, read_design
-from swarm_mj.api.flight import Flight, read_flight
+from swarm_mj.api.design import Design
+from swarm_mj.api.flight import Flight
 from swarm_mj.errors import OutputError
+from swarm_mj.flight.plan import make_plan
 from swarm_mj.io.atomic import result_in
+from swarm_mj.records.design_files import read_design_folder
+from swarm_mj.records.run_record import observation_of, read_run
 
 
 def open(folder: str | Path) -> Flight:
@@ -20,8 +23,12 @@ def open(folder: str | Path) -> Flight:
     Raises:
         OutputError: There is no finished flight, or it was written by a version whose target differs.
     """
-    _require(Path(folder), "run", "design", "open_design")
-    return read_flight(Path(folder))
+    folder = Path(folder)
+    _require(folder, "run", "design", "open_design")
+    record = read_run(folder)
+    plan = make_plan(record.scenario)
+    result = observation_of(record, plan)
+    return Flight(plan, record.telemetry, result, record.summary, design=record.design, folder=folder)
 
 
 def open_design(folder: str | Path) -> Design:
@@ -33,8 +40,10 @@ def open_design(folder: str | Path) -> Design:
     Raises:
         OutputError: There is no finished design.
     """
-    _require(Path(folder), "design", "run", "open")
-    return read_design(Path(folder))
+    folder = Path(folder)
+    _require(folder, "design", "run", "open")
+    scenario, record, compared = read_design_folder(folder)
+    return Design(scenario, record, compared=compared, folder=folder)
 
 
 def _require(folder: Path, kind: str, other: str, verb: str) -> None:
@@ -53,7 +62,6 @@ def report(runs: Sequence[Flight | str | Path], path: str | Path | None = None) 
     Raises:
         OutputError: They are more than two, a folder is no finished run, or the file cannot be written.
     """
-    from swarm_mj.records.run_record import read_run
     from swarm_mj.reports.page import write_report
 
     records = [each.record if isinstance(each, Flight) else read_run(Path(each)) for each in runs]

@@ -9,7 +9,7 @@ from typing import Any
 import pandas as pd
 import yaml
 
-from swarm_mj.api.notebook import figure_html, rows_html
+from swarm_mj.api.display import figure_html, rows_html
 from swarm_mj.flight.plan import Plan, make_plan
 from swarm_mj.io.atomic import atomic_file
 from swarm_mj.scenarios import catalogue, schema

@@ -20,7 +20,7 @@ from swarm_mj.campaigns.flying import Row, failed_row, fly_row
 from swarm_mj.campaigns.loading import Resolved
 from swarm_mj.campaigns.sampling import Sample
 from swarm_mj.errors import OutputError, SwarmError
-from swarm_mj.io.plain_values import shortened
+from swarm_mj.io.values import shortened
 from swarm_mj.records.summary import library_versions
 
 #: Runs that the cluster knows of at a time, per thread of its workers.

@@ -20,7 +20,7 @@ from swarm_mj.errors import ScenarioError, SwarmError
 from swarm_mj.flight.environment import load_body_shape
 from swarm_mj.flight.targets import target_from, true_target
 from swarm_mj.io.cache import hash_of
-from swarm_mj.io.plain_values import check_plain, shortened, shown
+from swarm_mj.io.values import check_data, shortened, shown
 from swarm_mj.scenarios import loading
 from swarm_mj.scenarios.bodies import PACKAGED_SHAPES
 from swarm_mj.scenarios.loading import ScenarioSource
@@ -114,7 +114,7 @@ def _mapping_of(source: ScenarioSource) -> tuple[dict[str, Any], str, Path]:
     if isinstance(source, Scenario):
         return _campaign_of(source)
     if isinstance(source, Mapping):
-        check_plain(source, "campaign")
+        check_data(source, "campaign")
         data, origin, folder = dict(source), "campaign", Path()
     else:
         text, origin, folder = _read(str(source))

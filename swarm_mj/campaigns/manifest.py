@@ -13,8 +13,8 @@ from swarm_mj.campaigns.loading import Resolved, load_campaign
 from swarm_mj.errors import OutputError
 from swarm_mj.io.atomic import write_text
 from swarm_mj.io.lock import LOCK
-from swarm_mj.io.plain_values import shown
 from swarm_mj.io.records import Record, one_line, read_record
+from swarm_mj.io.values import shown
 from swarm_mj.records.summary import library_versions
 from swarm_mj.scenarios.loading import NO_OVERRIDES, ScenarioSource
 

@@ -27,7 +27,7 @@ from swarm_mj.errors import ScenarioError
 from swarm_mj.flight.deliver import deliver
 from swarm_mj.flight.observe import ObservationResult, visit_samples
 from swarm_mj.flight.plan import Plan
-from swarm_mj.io.plain_values import shown
+from swarm_mj.io.values import shown
 from swarm_mj.records.propulsion import KEYS as PROPULSION
 from swarm_mj.records.summary import summarise, working
 from swarm_mj.simulator.telemetry import working as at_work

@@ -17,7 +17,7 @@ from swarm_mj.campaigns.flying import Row, failed_row, fly_row
 from swarm_mj.campaigns.loading import Resolved
 from swarm_mj.campaigns.sampling import Sample
 from swarm_mj.errors import OutputError, SwarmError
-from swarm_mj.io.cores import usable_cores
+from swarm_mj.io.machine import usable_cores
 from swarm_mj.io.workers import begin
 
 #: A run during which this many workers died is recorded as failed.

@@ -17,8 +17,8 @@ from swarm_mj.campaigns.sampling import Sample
 from swarm_mj.errors import OutputError, ScenarioError
 from swarm_mj.io import interruption
 from swarm_mj.io.atomic import write_text
-from swarm_mj.io.cores import check_workers
 from swarm_mj.io.lock import only_one
+from swarm_mj.io.machine import check_workers
 from swarm_mj.io.progress import Stages
 
 TELEMETRY = "telemetry"

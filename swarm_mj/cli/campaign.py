@@ -17,7 +17,7 @@ from swarm_mj.cli.common import (
     overrides_of,
     tell,
 )
-from swarm_mj.io.cores import check_workers
+from swarm_mj.io.machine import check_workers
 
 if TYPE_CHECKING:
     from swarm_mj.campaigns.loading import Resolved

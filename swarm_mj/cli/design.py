@@ -61,15 +61,11 @@ def _design(arguments: argparse.Namespace) -> int:
     bars.console.print(design_table(found.record))
     if arguments.compare:
         bars.console.print(growth_table(found.compared))
-    tell(bars.console, f"{scenario.name}: files in {folder}", _hint(arguments, found.flyable, folder))
+    tell(bars.console, f"{scenario.name}: files in {folder}", _hint(arguments, folder))
     return 0
 
 
-def _hint(arguments: argparse.Namespace, flyable: bool, folder: Path) -> str:
+def _hint(arguments: argparse.Namespace, folder: Path) -> str:
     """How to fly the design."""
-    if not flyable:
-        return (
-            "This design is of a version that did not write down how it is flown: make it again with `swarm-mj design`"
-        )
     asked = shlex.join([arguments.scenario, *(word for text in arguments.overrides for word in ("--set", text))])
     return f"To fly it: swarm-mj fly {asked} --design {shlex.quote(str(folder / 'design.json'))}"

@@ -136,11 +136,11 @@ def _add_export(commands: argparse._SubParsersAction) -> None:
 
 
 def _export(arguments: argparse.Namespace) -> int:
-    from swarm_mj.api.flight import read_flight
+    from swarm_mj.api.results import open
 
     run: Path = arguments.run
     out = arguments.out or run.with_name(f"{run.resolve().name}-export")
-    files = read_flight(run).export(out, formats=arguments.formats, ccsds=arguments.ccsds)
+    files = open(run).export(out, formats=arguments.formats, ccsds=arguments.ccsds)
     for path in files:
         print(path)
     return 0

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from swarm_mj.io import workers
-from swarm_mj.io.cores import usable_cores
+from swarm_mj.io.machine import usable_cores
 
 if TYPE_CHECKING:
     import xarray as xr

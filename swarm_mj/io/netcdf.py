@@ -12,7 +12,7 @@ import numpy as np
 import xarray as xr
 
 from swarm_mj.errors import OutputError, SwarmError
-from swarm_mj.io.arrays import Declared, Found, check_shapes, check_values
+from swarm_mj.io.arrays import Declared, check_shapes, check_values
 from swarm_mj.io.records import reading, require_file
 
 #: Attributes of the file or of one variable, each [bytes]: room for a scenario.
@@ -60,15 +60,12 @@ def _check_headers(path: Path, declared: Mapping[str, Declared], sizes: Mapping[
     """Check types, shapes, memory and where the values lie; gives the sizes of the dimensions."""
     with h5py.File(path, "r") as file:
         _check_attribute_sizes("the file", file.attrs)
-        variables = {name: _variable(file, name) for name in file}
-        found: dict[str, tuple[np.dtype[Any], tuple[int, ...]]] = {}
+        variables = {name: variable for name in file if (variable := _variable(file, name)) is not None}
+        known = check_shapes({name: (v.dtype, v.shape) for name, v in variables.items()}, declared, sizes)
+        # What is unpacked at once of each variable.
+        check_shapes({name: (v.dtype, v.chunks) for name, v in variables.items() if v.chunks}, {})
         for name, variable in variables.items():
-            if variable is not None:
-                found[name] = variable.dtype, variable.shape
-        known = check_shapes(found, declared, sizes)
-        check_shapes(_chunks(variables), {})
-        for name, variable in variables.items():
-            if variable is not None and h5py.check_string_dtype(variable.dtype) is not None:
+            if _is_text(variable.dtype):
                 _check_text_size(name, variable)
     return known
 
@@ -90,11 +87,6 @@ def _variable(file: h5py.File, name: str) -> h5py.Dataset | None:
 
 def _is_text(dtype: np.dtype[Any]) -> bool:
     return h5py.check_string_dtype(dtype) is not None
-
-
-def _chunks(variables: Mapping[str, h5py.Dataset | None]) -> Found:
-    """What is unpacked at once of each variable."""
-    return {name: (v.dtype, v.chunks) for name, v in variables.items() if v is not None and v.chunks}
 
 
 def _check_attribute_sizes(owner: str, attributes: h5py.AttributeManager) -> None:

@@ -15,7 +15,7 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
 
 from swarm_mj.errors import OutputError, SwarmError
-from swarm_mj.io.plain_values import check_plain, shortened, shown
+from swarm_mj.io.values import check_data, shortened, shown
 
 #: Larger than the summary of the largest flight; what is larger is no record [bytes].
 MAX_RECORD_BYTES = 64_000_000
@@ -78,7 +78,7 @@ def record_from(raw: bytes | str, model: Any) -> Any:
     except (ValueError, RecursionError):
         raise ValueError("no JSON") from None
     try:
-        check_plain(data, most=MAX_RECORD_VALUES, what="record", refusal=ValueError)
+        check_data(data, most=MAX_RECORD_VALUES, what="record", refusal=ValueError)
         TypeAdapter(model).validate_python(data)
     except ValidationError as error:
         raise ValueError(_first_of(error)) from None

@@ -23,7 +23,7 @@ from typing import Any, TypeVar
 
 from swarm_mj.errors import SwarmError
 from swarm_mj.io import interruption
-from swarm_mj.io.cores import ONE_THREAD
+from swarm_mj.io.machine import ONE_THREAD
 
 Key = TypeVar("Key")
 

@@ -70,7 +70,6 @@ def design_record(study: Study) -> dict[str, Any]:
         "n_observers": len(chosen),
         "visiting_points": [candidate.point for candidate in chosen],
         "gene_map": [len(chosen), *(int(p) for p in study.selected)],
-        "flyable": True,
         "observers": study.observers,
         "candidates": [describe(candidate, seen) for candidate in chosen],
         "visiting_points_A_m": [[round(float(x), 3) for x in seen.point_A[p - 1]] for p in study.selected],

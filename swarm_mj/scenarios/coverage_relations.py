@@ -39,7 +39,7 @@ A scenario that states `camera.ground_resolution_m` gets from here what it leave
 from math import asin, atan2, cos, degrees, isfinite, radians, sin
 
 from swarm_mj.errors import MissionError, ScenarioError
-from swarm_mj.io.plain_values import shown
+from swarm_mj.io.values import shown
 from swarm_mj.scenarios.constants import CUBESAT_APERTURE_M, GREEN_LIGHT_M, LONGEST_EXTENT_M
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.scenarios.schema_body import Body

@@ -56,7 +56,6 @@ class DesignRecord(Record):
     scenario: str = ""
     n_observers: PositiveInt = 1
     covered_percent: float = 0.0
-    flyable: bool = True
     observers: Annotated[list[dict[str, Any]], FailFast()] = []
     gap: int | None = 0
     criterion: dict[str, Any] = {}

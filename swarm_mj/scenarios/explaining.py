@@ -8,7 +8,7 @@ from typing import Any, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
-from swarm_mj.io.plain_values import shown
+from swarm_mj.io.values import shown
 from swarm_mj.scenarios.keys import section_of
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.scenarios.schema_faults import FAULT_KINDS

@@ -1,6 +1,6 @@
 """Limits on what a scenario may hold and ask for, so that a mistyped or hostile one is refused and not suffered.
 
-A schema says what each value may be, `swarm_mj.io.plain_values` how deep and long a mapping; here stand the bounds of the
+A schema says what each value may be, `swarm_mj.io.values` how deep and long a mapping; here stand the bounds of the
 whole: how much time and memory its flight may take.
 """
 

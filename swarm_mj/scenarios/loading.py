@@ -16,8 +16,8 @@ import yaml
 from pydantic import BaseModel, ValidationError
 
 from swarm_mj.errors import ScenarioError
-from swarm_mj.io.plain_values import MAX_DEPTH, check_plain, shortened, shown
 from swarm_mj.io.records import bytes_of, one_line, record_from
+from swarm_mj.io.values import MAX_DEPTH, check_data, shortened, shown
 from swarm_mj.scenarios.bodies import PACKAGED_SHAPES, packaged_body
 from swarm_mj.scenarios.coverage_relations import with_ground_resolution
 from swarm_mj.scenarios.design_record import DesignRecord
@@ -140,7 +140,7 @@ def _plain(value: Any, depth: int = 0) -> Any:
         return value.model_dump(mode="json")
     if hasattr(value, "tolist"):
         return value.tolist()
-    if depth > MAX_DEPTH:  # which `check_plain` refuses
+    if depth > MAX_DEPTH:  # which `check_data` refuses
         return value
     if isinstance(value, list | tuple):
         return [_plain(one, depth + 1) for one in value]
@@ -152,7 +152,7 @@ def _mapping_of(source: ScenarioSource) -> tuple[dict[str, Any], str]:
     if isinstance(source, Scenario):
         return source.model_dump(mode="json"), source.name
     if isinstance(source, Mapping):
-        check_plain(source, "scenario")
+        check_data(source, "scenario")
         return deepcopy(dict(source)), "scenario"
     if not isinstance(source, str | Path):
         raise ScenarioError(
@@ -167,7 +167,7 @@ def _mapping_of(source: ScenarioSource) -> tuple[dict[str, Any], str]:
 
 def scenario_from(data: Mapping[str, Any], source: str = "scenario") -> Scenario:
     """Check a mapping against the schema and the limits; `source` names its origin in errors."""
-    check_plain(data, source)
+    check_data(data, source)
     try:
         scenario = Scenario.model_validate(data)
     except ValidationError as error:
@@ -224,11 +224,6 @@ def design_section(reference: str) -> dict[str, Any]:
         ScenarioError: It cannot be read or holds no design.
     """
     design = design_record(reference)
-    if not design.get("flyable", True):
-        raise ScenarioError(
-            f"design.reference = {shortened(reference)}: its points belong to several targets, altitudes or times of flight, "
-            "which its version could not write down; make the design again with `swarm-mj design`"
-        )
     return {"visiting_points": design["visiting_points"], "observers": design.get("observers", [])}
 
 
@@ -380,14 +375,14 @@ def parse_yaml(text: str, source: str) -> dict[str, Any]:
         raise ScenarioError(f"{source}: not valid YAML: {error}") from None
     if not isinstance(data, dict):
         raise ScenarioError(f"{source}: must be a mapping of keys to values, not {type(data).__name__}")
-    check_plain(data, source)
+    check_data(data, source)
     return data
 
 
 def _apply(data: dict[str, Any], key: str, value: Any) -> None:
     """Put a value at a dotted key."""
     told = f"{shortened(key)} = {shown(value)}"
-    check_plain({"value": value}, told)
+    check_data({"value": value}, told)
     *parents, last = key.split(".")
     node = data
     for level, name in enumerate(parents, start=1):

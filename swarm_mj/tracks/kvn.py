@@ -13,8 +13,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from swarm_mj.errors import InteropError
-from swarm_mj.io.plain_values import shortened
 from swarm_mj.io.records import bytes_of, one_line
+from swarm_mj.io.values import shortened
 
 #: A larger file, a longer line and more keys are mistakes or attacks.
 MAX_BYTES, MAX_LINE, MAX_KEYS = 256 * 2**20, 1_000, 1_000

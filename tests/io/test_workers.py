@@ -13,7 +13,7 @@ import pytest
 
 from swarm_mj.errors import SwarmError
 from swarm_mj.io import workers
-from swarm_mj.io.cores import ONE_THREAD
+from swarm_mj.io.machine import ONE_THREAD
 
 ROOT = Path(__file__).parents[2]
 on_linux = pytest.mark.skipif(not workers.FORKS, reason="processes are forks on Linux alone")

@@ -207,7 +207,7 @@ def test_a_reference_that_names_no_design_is_refused(reference):
 
 
 PARTS = st.none() | st.integers() | st.floats() | st.text(max_size=5)
-KEYS = st.sampled_from(["visiting_points", "flyable", "x"])
+KEYS = st.sampled_from(["visiting_points", "observers", "x"])
 RECORDS = st.recursive(PARTS, lambda inner: st.lists(inner, max_size=3) | st.dictionaries(KEYS, inner, max_size=3))
 
 

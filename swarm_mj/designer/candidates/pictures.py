@@ -19,7 +19,7 @@ import numpy as np
 from swarm_mj.designer.candidates.flights import CandidateFlights
 from swarm_mj.io import interruption
 from swarm_mj.io.cache import cache_folder, hash_of, load_array, store_array
-from swarm_mj.io.cores import usable_cores
+from swarm_mj.io.machine import usable_cores
 from swarm_mj.io.workers import run_jobs
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.camera import CameraModel

@@ -29,7 +29,7 @@ MAX_KEY_CHARACTERS = 100
 _LAYOUT = "\n\t\r"
 
 
-def check_plain(
+def check_data(
     data: Any,
     source: str = "",
     *,

@@ -1,6 +1,6 @@
 """Free memory as the kernel and the control group tell it."""
 
-from swarm_mj.io.memory import available_bytes
+from swarm_mj.io.machine import available_bytes
 
 MEMINFO = "MemTotal:       16000000 kB\nMemFree:         1000000 kB\nMemAvailable:    8000000 kB\n"
 

@@ -1,4 +1,4 @@
-"""Figures by name: `flight.plot.coverage()`, `design.plot.history()`.
+"""How results show themselves: figures by name (`flight.plot.coverage()`), and in notebooks a small table and a picture.
 
 Every method composes the figure that the command line writes and returns its Matplotlib axes: one Axes, or an array of them.
 In a notebook, and where a program has imported `matplotlib.pyplot`, the figure is one of pyplot's as well, so that it is shown.
@@ -6,17 +6,25 @@ In a notebook, and where a program has imported `matplotlib.pyplot`, the figure 
 
 from __future__ import annotations
 
+import base64
+import io
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
+from html import escape
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from swarm_mj.errors import SwarmError
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+#: Resolution of pictures in notebooks [dots per inch], and their largest width on the page [pixel].
+DPI, WIDTH_PX = 110, 760
 
 
 class Plots:
@@ -64,3 +72,33 @@ def shown(figure: Figure) -> Figure:
         with suppress(ValueError):  # Matplotlib before 3.11 takes no figure that it has not made
             pyplot.figure(figure)
     return figure
+
+
+def rows_html(title: str, subtitle: str, rows: Iterable[tuple[str, str]]) -> str:
+    """A titled table of two columns; every text is escaped."""
+    cells = "".join(
+        f'<tr><th style="text-align:left">{escape(words)}</th><td style="text-align:left">{escape(value)}</td></tr>'
+        for words, value in rows
+    )
+    return f"<div><strong>{escape(title)}</strong><br>{escape(' '.join(subtitle.split()))}<table>{cells}</table></div>"
+
+
+def figure_html(compose: Callable[[], Figure]) -> str:
+    """A figure as an image inside the page; where it cannot be drawn, why not."""
+    try:
+        return png_html(png_of(compose()))
+    except SwarmError as error:
+        return f"<p>{escape(str(error))}</p>"
+
+
+def png_html(png: bytes) -> str:
+    """A PNG file as an image inside the page."""
+    data = base64.b64encode(png).decode("ascii")
+    return f'<img style="max-width:{WIDTH_PX}px;width:100%" src="data:image/png;base64,{data}">'
+
+
+def png_of(figure: Figure) -> bytes:
+    """A figure as a PNG file."""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=DPI)
+    return buffer.getvalue()
