@@ -70,34 +70,24 @@ __all__ = [
 
 #: Where each public name is defined.
 _HOMES = {
-    "Design": "api.design",
-    "Flight": "api.flight",
-    "Navigation": "api.navigate",
-    "Observation": "api.observe",
-    "Scenario": "api.scenario",
-    "SwarmError": "errors",
-    "available": "api.scenario",
-    "campaign": "api.campaign",
-    "compare_classes": "api.campaign",
-    "design": "api.design",
-    "explain": "api.scenario",
-    "fly": "api.flight",
-    "load": "api.scenario",
-    "build_shape": "smallbody.shape_harmonics",
-    "json_schema": "scenarios.json_schema",
-    "load_shape": "smallbody.shape_io",
-    "packaged": "api.scenario",
-    "save_shape": "smallbody.shape_io",
-    "navigate": "api.navigate",
-    "observe": "api.observe",
-    "open": "api.results",
-    "open_design": "api.results",
-    "replay": "api.campaign",
-    "report": "api.results",
-    "score": "api.score",
-    "simulation": "api.simulation",
-    "validate": "api.checks",
-    "view": "api.simulation",
+    name: home
+    for home, names in {
+        "api.campaign": ("campaign", "compare_classes", "replay"),
+        "api.checks": ("validate",),
+        "api.design": ("Design", "design"),
+        "api.flight": ("Flight", "fly"),
+        "api.navigate": ("Navigation", "navigate"),
+        "api.observe": ("Observation", "observe"),
+        "api.results": ("open", "open_design", "report"),
+        "api.scenario": ("Scenario", "available", "explain", "load", "packaged"),
+        "api.score": ("score",),
+        "api.simulation": ("simulation", "view"),
+        "errors": ("SwarmError",),
+        "scenarios.json_schema": ("json_schema",),
+        "smallbody.shape_harmonics": ("build_shape",),
+        "smallbody.shape_io": ("load_shape", "save_shape"),
+    }.items()
+    for name in names
 }
 
 

@@ -19,8 +19,7 @@ from rich.console import Console
 import swarm_mj as sm
 from scripts.pages import IMAGES, RESULTS
 from swarm_mj.api.campaign import ComparedClasses, compare_classes
-from swarm_mj.campaigns.classes import Recovery
-from swarm_mj.campaigns.classes_report import compose_by_lost, compose_chance, table_by_lost, table_of_classes
+from swarm_mj.campaigns.classes import Recovery, compose_by_lost, compose_chance, table_by_lost, table_of_classes
 from swarm_mj.campaigns.store import read_results
 from swarm_mj.coordination.allocation.optimum import optimum
 from swarm_mj.coordination.replanning import problem_of

@@ -7,13 +7,12 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 from rich.progress import Progress
 
 from swarm_mj.campaigns import runner
-from swarm_mj.campaigns.classes import ClassResult, Recovery, class_results, classes_campaign, recovery
 from swarm_mj.campaigns.loading import Resolved, load_campaign
 from swarm_mj.campaigns.manifest import load_campaign_of
 from swarm_mj.campaigns.runner import Replayed, run_campaign
@@ -21,6 +20,9 @@ from swarm_mj.errors import OutputError
 from swarm_mj.io.machine import check_workers
 from swarm_mj.io.progress import using_bars
 from swarm_mj.scenarios.loading import NO_OVERRIDES, ScenarioSource, load_scenario
+
+if TYPE_CHECKING:
+    from swarm_mj.campaigns.classes import ClassResult, Recovery
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,7 +145,7 @@ def compare_classes(
     Raises:
         SwarmError: The scenario cannot be read, planned or flown, or nothing can be written; what was flown is kept in `out`.
     """
-    from swarm_mj.campaigns.classes_report import write_report
+    from swarm_mj.campaigns.classes import class_results, classes_campaign, recovery, write_report
     from swarm_mj.designer.robust_points import robust_points
 
     check_workers(workers)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import time
 from collections.abc import Mapping
 from dataclasses import replace
@@ -17,10 +16,10 @@ import xarray as xr
 from swarm_mj.campaigns.loading import Resolved, restore, scenario_of
 from swarm_mj.campaigns.outcome import outcome, recorded
 from swarm_mj.campaigns.sampling import Sample, Trial
-from swarm_mj.errors import OutputError
 from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.observe import ObservationResult, observe_flight
 from swarm_mj.flight.plan import Plan, check_faults_of, make_plan
+from swarm_mj.io.atomic import atomic_file
 from swarm_mj.records.run_files import write_telemetry
 from swarm_mj.scenarios.schema import Scenario
 
@@ -78,7 +77,8 @@ class Flyer:
         row = {**_identity(trial), "status": "ok", "error": None}
         row |= outcome(plan, telemetry, result, self._record)
         if self._telemetry is not None:
-            _keep(self._telemetry / f"{trial.row:06d}.nc", telemetry)
+            with atomic_file(self._telemetry / f"{trial.row:06d}.nc") as partial:
+                write_telemetry(partial, telemetry)
         return row
 
     def flight(self, trial: Trial) -> tuple[Plan, xr.Dataset, ObservationResult]:
@@ -139,14 +139,3 @@ def _planning_key(scenario: Scenario) -> str:
         if isinstance(holder, dict):
             holder.pop(value or section, None)
     return json.dumps(data)
-
-
-def _keep(path: Path, telemetry: xr.Dataset) -> None:
-    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
-    try:
-        write_telemetry(partial, telemetry)
-        os.replace(partial, path)
-    except OSError as error:
-        raise OutputError(f"{path}: telemetry cannot be written ({error})") from None
-    finally:
-        partial.unlink(missing_ok=True)

@@ -165,7 +165,7 @@ def _going_on(arguments: argparse.Namespace) -> str:
 
 def _classes(arguments: argparse.Namespace) -> int:
     from swarm_mj.api.campaign import compare_classes
-    from swarm_mj.campaigns.classes_report import table_by_lost, table_of_classes
+    from swarm_mj.campaigns.classes import table_by_lost, table_of_classes
 
     folder = arguments.out or DEFAULT_OUT / f"{Path(arguments.scenario).stem}-classes"
     with bars_for(arguments) as bars:

@@ -15,9 +15,8 @@ from typing import TYPE_CHECKING
 
 from swarm_mj import __version__
 from swarm_mj.errors import SwarmError
-from swarm_mj.io.interruption import handled
+from swarm_mj.io.interruption import INTERRUPTED, handled
 from swarm_mj.io.machine import keep_algebra_on_one_thread
-from swarm_mj.io.signal_watchdog import INTERRUPTED
 
 if TYPE_CHECKING:
     import argparse

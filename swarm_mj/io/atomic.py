@@ -12,10 +12,9 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 from swarm_mj.errors import OutputError
-from swarm_mj.io.interruption import check, held
+from swarm_mj.io.interruption import check, held, remove, undone_by
 from swarm_mj.io.lock import reserved, unwritable
 from swarm_mj.io.records import read_record
-from swarm_mj.io.signal_watchdog import remove, undone_by
 
 #: The file that every result has, and what such a folder may hold besides; anything else is somebody's and never replaced.
 MARKER = "summary.json"

@@ -2,23 +2,37 @@
 
 Python drops a KeyboardInterrupt that is raised inside a weakref callback, `__del__` or a ctypes callback, and libraries turn
 one into errors of their own. The command line therefore lets `Interruption` handle the signals: it raises KeyboardInterrupt
-and remembers that it was asked, so that `check` can raise it again. Nothing here is heavy to import.
+and remembers that it was asked, so that `check` can raise it again.
+
+Python handles a signal between two of its own instructions, and a kernel, a solver or the compiler may run for minutes without
+one. A thread beside the main one therefore hears every signal at once; where the main thread has not answered within `GRACE_S`,
+that thread undoes what is half-written, ends the processes that this one started, and ends the program.
+
+Nothing here is heavy to import.
 """
 
 from __future__ import annotations
 
+import os
+import shutil
 import signal
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager, nullcontext, suppress
+from pathlib import Path
 from types import FrameType
 from typing import Any
 
-from swarm_mj.io import signal_watchdog
-
 #: Ctrl-C, and whoever ends the program politely: both get the same tidy end.
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
+#: How long the main thread has to answer a signal [s].
+GRACE_S = 1.2
+#: Exit status of an interrupted program.
+INTERRUPTED = 130
+
+_half_written: list[Callable[[], object]] = []
 
 
 class Interruption:
@@ -43,7 +57,7 @@ def handled(say: Callable[[], object] | None = None) -> Iterator[Interruption]:
 
     Args:
         say: Tells the user of an interruption that compiled code kept from being heard, before the program is ended all the
-            same, see `signal_watchdog`; None: it waits until that code is done.
+            same, see above; None: it waits until that code is done.
     """
     interruption = Interruption()
     if threading.current_thread() is not threading.main_thread():
@@ -65,7 +79,7 @@ def handled(say: Callable[[], object] | None = None) -> Iterator[Interruption]:
     def answered(number: int) -> bool:
         return interruption.asked or number not in SIGNALS or signal.getsignal(number) is not interruption
 
-    watched = nullcontext() if say is None else signal_watchdog.watched(answered, lambda: interruption.held > 0, say)
+    watched = nullcontext() if say is None else _watched(answered, lambda: interruption.held > 0, say)
     try:
         with watched:
             yield interruption
@@ -114,3 +128,72 @@ def _current() -> Interruption | None:
         if isinstance(handler, Interruption):
             return handler
     return None
+
+
+@contextmanager
+def undone_by(undo: Callable[[], object]) -> Iterator[None]:
+    """Name what is to be done if the program is ended while the block runs, without any `finally` of it."""
+    _half_written.append(undo)
+    try:
+        yield
+    finally:
+        _half_written.remove(undo)
+
+
+def remove(path: Path | None) -> None:
+    """Remove a file or a folder, if it can be."""
+    if path is not None:
+        shutil.rmtree(path, ignore_errors=True)
+        with suppress(OSError):
+            path.unlink(missing_ok=True)
+
+
+@contextmanager
+def _watched(
+    is_answered: Callable[[int], bool], is_held: Callable[[], bool], say: Callable[[], object]
+) -> Iterator[None]:
+    """End the program while the block runs if a signal is not answered; only for the main thread.
+
+    Args:
+        is_answered: Whether the main thread has answered this signal, or it is not its to answer.
+        is_held: Whether interruptions are kept back for the moment.
+        say: Tells the user that the program was interrupted.
+    """
+    read_fd, write_fd = os.pipe()
+    os.set_blocking(write_fd, False)
+    before = signal.set_wakeup_fd(write_fd, warn_on_full_buffer=False)
+
+    def listen() -> None:
+        while (signals := os.read(read_fd, 1)) not in (b"", b"\0"):
+            waited = 0.0
+            while waited < GRACE_S and not is_answered(signals[0]):
+                time.sleep(0.05)
+                waited = 0.0 if is_held() else waited + 0.05
+            if not is_answered(signals[0]):
+                _end(say)
+
+    thread = threading.Thread(target=listen, name="signal watchdog", daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        signal.set_wakeup_fd(before)
+        os.write(write_fd, b"\0")
+        thread.join()
+        os.close(read_fd)
+        os.close(write_fd)
+
+
+def _end(say: Callable[[], object]) -> None:
+    # What was never imported has started nothing, and an import may not end.
+    started = sys.modules.get("multiprocessing")
+    for child in started.active_children() if started else ():
+        child.kill()
+    for undo in reversed(_half_written):
+        with suppress(Exception):
+            undo()
+    if sys.stdout.isatty():
+        sys.stdout.write("\x1b[?25h")  # the bars had hidden the cursor
+        sys.stdout.flush()
+    say()
+    os._exit(INTERRUPTED)

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Literal
 
 from swarm_mj.errors import OutputError
-from swarm_mj.io.signal_watchdog import undone_by
+from swarm_mj.io.interruption import undone_by
 
 try:
     import fcntl

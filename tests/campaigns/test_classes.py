@@ -4,8 +4,15 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from swarm_mj.campaigns.classes import _common, _formed_s, class_results, classes_campaign, recovery
-from swarm_mj.campaigns.classes_report import table_by_lost, table_of_classes
+from swarm_mj.campaigns.classes import (
+    _common,
+    _formed_s,
+    class_results,
+    classes_campaign,
+    recovery,
+    table_by_lost,
+    table_of_classes,
+)
 from swarm_mj.campaigns.flying import Flyer
 from swarm_mj.campaigns.loading import resolve
 from swarm_mj.campaigns.sampling import Sample

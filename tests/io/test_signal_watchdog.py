@@ -10,12 +10,12 @@ SCRIPT = """
 import hashlib, signal, sys, time
 from pathlib import Path
 from swarm_mj.cli import main as cli
-from swarm_mj.io import interruption, signal_watchdog
+from swarm_mj.io import interruption
 from swarm_mj.io.atomic import atomic_folder
 
 signal.signal(signal.SIGINT, signal.default_int_handler)  # those in the background of a script are born deaf to it
 place = Path(sys.argv[1])
-signal_watchdog.GRACE_S = 0.3
+interruption.GRACE_S = 0.3
 
 def deaf(rounds):
     print("begun", flush=True)

@@ -26,8 +26,7 @@ from swarm_mj.spacecraft.control import MrpSlidingMode
 from swarm_mj.spacecraft.properties import SpacecraftProperties
 from swarm_mj.verification import attitude, coverage, ephemerides, flights, orbits, runner, target
 from swarm_mj.verification.experiment import Bench, Check, Experiment, NotRun
-from swarm_mj.verification.report import tolerance
-from swarm_mj.verification.runner import EXPERIMENTS, choose, run_experiments, run_validation
+from swarm_mj.verification.runner import EXPERIMENTS, choose, run_experiments, run_validation, tolerance
 
 WITH_OPENGL = ("coverage-footprint-faceid", "coverage-pixels", "coverage-observers", "coverage-polygons-faceid")
 
