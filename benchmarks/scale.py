@@ -31,10 +31,9 @@ def seen_by(scenario: Any, flights: Any) -> Mask:
     """The matrix of what a scenario's candidates see of the target in their flights, shape (n, cells)."""
     from swarm_mj.designer.candidates.pictures import Judge, Watcher
     from swarm_mj.designer.candidates.visibility import imaging_model_from
-    from swarm_mj.flight.observe import criterion_from
 
     watchers = [Watcher(flights, j) for j in range(flights.n)]
-    with Judge(flights.plan.region, imaging_model_from(scenario), criterion_from(scenario), workers=1) as judge:
+    with Judge(flights.plan.region, imaging_model_from(scenario), scenario.observation, workers=1) as judge:
         return np.array([row for _, row in sorted(judge.seen(watchers), key=itemgetter(0))])
 
 

@@ -35,10 +35,10 @@ def kernel(function: Callable[..., Any]) -> Any:
     wrapper for C, which nobody calls and which takes a tenth of the time of compiling. Numba is imported here, so that modules
     which only name types do not pay for it.
     """
-    return _compiled(function, _nrt=True)  # whoever calls it: a lean kernel would pass its own choice on
+    return _compiled(function, _nrt=True)  # whoever calls it: one without the runtime would pass its own choice on
 
 
-def lean(function: Callable[..., Any]) -> Any:
+def allocation_free(function: Callable[..., Any]) -> Any:
     """The same for a kernel that makes no arrays and returns none: it counts no references to those that it is given.
 
     Numba counts one for every row that is looked at, which takes a tenth of the time of a flight.

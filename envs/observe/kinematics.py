@@ -9,7 +9,7 @@ import numpy as np
 from numba.typed import List
 
 from swarm_mj.spacecraft.attitude.algebra import Quaternion, quaternion, rotate
-from swarm_mj.typing import Array, Ints, Mask, kernel, lean
+from swarm_mj.typing import Array, Ints, Mask, allocation_free, kernel
 
 #: Constants of the missions of an environment, one after another, a typed list for compiled code.
 PerMission = Sequence
@@ -139,7 +139,7 @@ def update_rotations(
                 finite[e] = _update_flight(body, now, e)
 
 
-@lean
+@allocation_free
 def _update_flight(body: BodyRotation, now: Kinematics, e: int) -> bool:
     phase = body.phase0 + body.spin_rate * now.t[e]
     c, s = np.cos(phase), np.sin(phase)
@@ -180,7 +180,7 @@ def update_estimated_rotations(estimate: AttitudeEstimate, flights: Mask) -> Non
                 write_dcm(quaternion(estimate.q[e], j), estimate.C_BN[e, j])
 
 
-@lean
+@allocation_free
 def write_dcm(q: Quaternion, C: Array) -> None:
     """Write the rotation from N to B, shape (3, 3), of an attitude q_BN."""
     inverse = (q[0], -q[1], -q[2], -q[3])

@@ -17,16 +17,17 @@ import numpy as np
 from swarm_mj.dataflow.link_budget import RateTable, rate_at
 from swarm_mj.errors import MissionError
 from swarm_mj.flight.fly import initial_state, make_simulation
-from swarm_mj.flight.observe import camera_from, criterion_from, schedule_from
+from swarm_mj.flight.observe import camera_from, schedule_from
 from swarm_mj.flight.plan import Plan, make_plan
 from swarm_mj.mission.deployment import planned_paths
 from swarm_mj.mission.target import TargetRegion, automatic_cell_size, whole_body
-from swarm_mj.observation.capture import ObservationCriterion, lit_cells
+from swarm_mj.observation.capture import lit_cells
 from swarm_mj.observation.horizon import HorizonObserver
 from swarm_mj.observation.horizon_kernels import Scene, make_scene
 from swarm_mj.observation.observer import Observer, ObserverKind, make_observer
 from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.scenarios.schema import Scenario
+from swarm_mj.scenarios.schema_imaging import Observation
 from swarm_mj.simulator.state import InitialState
 from swarm_mj.simulator.world import FlightSetup
 from swarm_mj.smallbody.occultation import occluder_of
@@ -98,7 +99,7 @@ class Mission:
     name: str
     plan: Plan
     patches: Patches
-    criterion: ObservationCriterion
+    criterion: Observation
     observer: Observer
     scene: Scene | None
     setup: FlightSetup
@@ -456,7 +457,7 @@ def make_own(
 def _judged(plan: Plan, patches: Patches, kind: ObserverKind) -> dict[str, Any]:
     """Plan, patches, criterion, observer, scene and flights of a mission."""
     scenario = plan.scenario
-    criterion = criterion_from(scenario)
+    criterion = scenario.observation
     observer = make_observer(plan.region, camera_from(scenario), kind=kind, occlusion=scenario.observation.occlusion)
     mapped = isinstance(observer, HorizonObserver) and not (criterion.whole or criterion.needs_motion)
     return {

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from swarm_mj.smallbody.occultation import Occluder, way_blocked
-from swarm_mj.typing import Array, Ints, Mask, kernel, lean
+from swarm_mj.typing import Array, Ints, Mask, allocation_free, kernel
 
 from .kinematics import Kinematics, PerMission, Tracking
 from .radio import RadioConstants, transmit
@@ -98,7 +98,7 @@ class HazardLimits(NamedTuple):
     separation_grace_s: float
 
 
-@lean
+@allocation_free
 def measure_hazards(
     limits: HazardLimits,
     body: Occluder,
@@ -130,7 +130,7 @@ def measure_hazards(
                 hazards.hit[e, j] = flies and way_blocked(before.r_A[e, j], now.r_A[e, j], body)
 
 
-@lean
+@allocation_free
 def _saturation(wheel: Array, top_speed: float) -> float:
     total, n, wheels = 0.0, wheel.shape[0], wheel.shape[1]
     for j in range(n):
@@ -140,7 +140,7 @@ def _saturation(wheel: Array, top_speed: float) -> float:
     return total / (n * wheels)
 
 
-@lean
+@allocation_free
 def _close_pairs(before_N: Array, now_N: Array, lost: Mask, least: float) -> float:
     """Share of the pairs that came closer than `least` [m]; the relative motion within the step is taken as straight."""
     n, near = now_N.shape[0], 0
@@ -298,7 +298,7 @@ def score_step(
                 _reward(of.reward, flown, measures, totals, e, result)
 
 
-@lean
+@allocation_free
 def _reward(
     constants: RewardConstants, flown: StepFacts, measures: Measures, totals: EpisodeTotals, e: int, result: StepResult
 ) -> None:
@@ -335,7 +335,7 @@ def _reward(
         result.reward[e] += terms[k]
 
 
-@lean
+@allocation_free
 def _end(constants: RewardConstants, totals: EpisodeTotals, percent: float, e: int) -> int:
     """The number in `ENDS` of how a flight with a finite state ends, 0 if it goes on."""
     alive, aboard = 0, 0.0

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarm_mj.mission.behaviors import TargetKind, Targets
-from swarm_mj.observation.capture import Picture, observe, pictures, pixels_on, sight, watching
+from swarm_mj.observation.capture import Picture, limits_of, observe, pictures, pixels_on, sight, watching
 from swarm_mj.observation.smear import Motion
 from swarm_mj.typing import Array, Ints, Mask, kernel
 
@@ -213,7 +213,7 @@ class EpisodeState:
         new = shown & ~totals.seen[e, : region.n_cells] & totals.target[e, : region.n_cells]
         gained = float(region.area[new].sum())
         if gained > 0.0:
-            limits = mission.criterion.limits(mission.observer.camera)
+            limits = limits_of(mission.criterion, mission.observer.camera)
             pixels = pixels_on(limits, region.area[new], *sight(region, picture.r_A, new)).sum()
             bits = float(pixels) * mission.bits_per_pixel
             most = float(mission.plan.scenario.data.storage_bit)

@@ -7,7 +7,7 @@ import numpy as np
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.observation.capture import takes_picture
 from swarm_mj.smallbody.occultation import way_blocked
-from swarm_mj.typing import Array, Array32, Ints, Mask, inlined, kernel, lean
+from swarm_mj.typing import Array, Array32, Ints, Mask, allocation_free, inlined, kernel
 
 from .kinematics import Kinematics, PerMission
 from .tables import BOUND, LOOKAHEAD, EpisodeArrays, EpisodeSheet, TableConstants, Tables
@@ -55,14 +55,14 @@ def _write_flight(constants: TableConstants, arrays: EpisodeArrays, e: int, tabl
         _write_mask(arrays.totals, arrays.sheet, e, j, tables)
 
 
-@lean
+@allocation_free
 def _earth(constants: TableConstants, t: float) -> tuple[float, float, float]:
     """Position of Earth in N [m]."""
     r, v = constants.earth_r_N, constants.earth_v_N
     return r[0] + t * v[0], r[1] + t * v[1], r[2] + t * v[2]
 
 
-@lean
+@allocation_free
 def _sun(constants: TableConstants, arrays: EpisodeArrays, e: int, ahead_s: float) -> tuple[float, float, float]:
     """Direction of the Sun in A some time ahead, a unit vector."""
     if constants.drawn_light:
@@ -77,7 +77,7 @@ def _sun(constants: TableConstants, arrays: EpisodeArrays, e: int, ahead_s: floa
     return c * a + s * b, c * b - s * a, (C[2, 0] * x + C[2, 1] * y + C[2, 2] * z) / far
 
 
-@lean
+@allocation_free
 def _is_lit(constants: TableConstants, sun_A: tuple[float, float, float], k: int) -> bool:
     """Whether a patch as a whole counts as lit where the Sun moves; where it was drawn, cells without light do not count."""
     if constants.drawn_light or constants.lowest_sun < -1.0:
@@ -109,7 +109,7 @@ def _write_patches(constants: TableConstants, arrays: EpisodeArrays, e: int, out
         out[k, 8] = constants.patch_area[k] / constants.total_area * patches
 
 
-@lean
+@allocation_free
 def _write_general(constants: TableConstants, arrays: EpisodeArrays, e: int, out: Array32) -> None:
     now, totals, sheet = arrays.now, arrays.totals, arrays.sheet
     n, alive, possible = sheet.present.shape[1], 0, sheet.possible_area[e]
@@ -170,7 +170,7 @@ def _write_spacecraft(constants: TableConstants, arrays: EpisodeArrays, e: int, 
         out[21] = max(out[21], min(abs(now.wheel[e, j, w]) / constants.top_speed, 1.0))
 
 
-@lean
+@allocation_free
 def _motion(constants: TableConstants, now: Kinematics, e: int, j: int, ahead_s: float, r: Array, v: Array) -> None:
     """Where a spacecraft is some time ahead without forces, in A, which turns meanwhile.
 
@@ -243,7 +243,7 @@ def _write_pairs(constants: TableConstants, arrays: EpisodeArrays, e: int, j: in
                 out[k, 7], out[k, 8] = found, m / LOOKAHEAD
 
 
-@lean
+@allocation_free
 def _picture_value(constants: TableConstants, place: Array, k: int) -> tuple[float, float]:
     """What a look at a patch from a place would bring by area, and ground sampling distance over the limit.
 
@@ -260,7 +260,7 @@ def _picture_value(constants: TableConstants, place: Array, k: int) -> tuple[flo
     return 1.0 + pixels, distance * constants.pixel_angle / cosine / constants.max_gsd
 
 
-@lean
+@allocation_free
 def _off_boresight(constants: TableConstants, place: Array, boresight_A: Array, k: int) -> float:
     """Angle between where the camera looks and where a patch stands from a place, over a right angle."""
     square = along = 0.0
@@ -271,7 +271,7 @@ def _off_boresight(constants: TableConstants, place: Array, boresight_A: Array, 
     return np.arccos(min(max(along / np.sqrt(square), -1.0), 1.0)) / (0.5 * np.pi)
 
 
-@lean
+@allocation_free
 def _write_choice(e: int, j: int, tables: Tables) -> None:
     """What is best for one, whether there is anything, and what a patch is worth to the others; in order of the spacecraft."""
     pairs, best, later = tables.pairs[e], 0.0, 0.0
@@ -289,7 +289,7 @@ def _write_choice(e: int, j: int, tables: Tables) -> None:
     tables.spacecraft[e, j, 22], tables.spacecraft[e, j, 23] = best > 0.0, later > 0.0
 
 
-@lean
+@allocation_free
 def _write_mask(totals: EpisodeTotals, sheet: EpisodeSheet, e: int, j: int, tables: Tables) -> None:
     """What makes sense: unseen patches in reach within `LOOKAHEAD`, Earth for whom it hears, relays; to hold always does."""
     out, patches, n = tables.mask[e, j], tables.patches.shape[1], sheet.present.shape[1]

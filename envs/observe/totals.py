@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from swarm_mj.typing import Array, Ints, Mask, jittable, lean
+from swarm_mj.typing import Array, Ints, Mask, allocation_free, jittable
 
 
 class EpisodeTotals(NamedTuple):
@@ -77,7 +77,7 @@ def free_storage(totals: EpisodeTotals, e: int, j: int, storage_bit: float) -> f
     return max(0.0, storage_bit - totals.stored[e, j])
 
 
-@lean
+@allocation_free
 def record_cells(
     totals: EpisodeTotals, e: int, j: int, new: Mask, area: float, bits: float, storage_bit: float
 ) -> None:

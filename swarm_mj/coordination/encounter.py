@@ -18,9 +18,10 @@ import numpy as np
 from swarm_mj.io.cache import cache_folder, hash_of, load_array, store_array
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.camera import CameraModel, look_at
-from swarm_mj.observation.capture import ObservationCriterion, keeps_limits, observe, sight
+from swarm_mj.observation.capture import keeps_limits, limits_of, observe, sight
 from swarm_mj.observation.observer import Observer
 from swarm_mj.observation.smear import CameraMotion
+from swarm_mj.scenarios.schema_imaging import Observation
 from swarm_mj.spacecraft.control.base import ControlInput, Controller
 from swarm_mj.spacecraft.properties import SpacecraftProperties
 from swarm_mj.typing import Array, Ints, Mask
@@ -102,7 +103,7 @@ def aim_points(region: TargetRegion, camera: CameraModel, distance: float) -> Ar
     return aims
 
 
-def shown_cells(observer: Observer, criterion: ObservationCriterion, aims_A: Array, track: Track) -> Mask:
+def shown_cells(observer: Observer, criterion: Observation, aims_A: Array, track: Track) -> Mask:
     """Cells that count in pictures from planned places, shape (a, m, k, cells); kept on disk.
 
     Args:
@@ -124,7 +125,7 @@ def shown_cells(observer: Observer, criterion: ObservationCriterion, aims_A: Arr
     kept = load_array(file, (*shape[:3], width))
     if kept is not None:
         return np.unpackbits(kept.astype(np.uint8), axis=3, count=region.n_cells).astype(np.bool_)
-    shows, limits = np.zeros(shape, np.bool_), criterion.limits(camera)
+    shows, limits = np.zeros(shape, np.bool_), limits_of(criterion, camera)
     for k, a in np.argwhere(track.free):
         r_A = track.r_A[k, a]
         if not keeps_limits(limits, *sight(region, r_A)).any():

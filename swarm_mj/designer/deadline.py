@@ -36,12 +36,12 @@ from swarm_mj.designer.problem import CoverProblem
 from swarm_mj.errors import MissionError
 from swarm_mj.flight.deliver import MOST_LINKS, deliver, frame_pixels, slot_edges
 from swarm_mj.flight.fly import simulate
-from swarm_mj.flight.observe import camera_from, criterion_from, observe_flight
+from swarm_mj.flight.observe import camera_from, observe_flight
 from swarm_mj.flight.plan import Plan, as_planned, make_plan
 from swarm_mj.io import interruption
 from swarm_mj.mission.behaviors import AdaptableRoles, DedicatedCommunications
 from swarm_mj.mission.target import TargetRegion
-from swarm_mj.observation.capture import Limits, keeps_limits, pixels_on, sight
+from swarm_mj.observation.capture import Limits, keeps_limits, limits_of, pixels_on, sight
 from swarm_mj.scenarios.constants import SPEED_OF_LIGHT
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.typing import Array, Ints, Mask
@@ -180,7 +180,7 @@ def needs_of(scenario: Scenario, flights: CandidateFlights, region: TargetRegion
 
 def _least_bits(scenario: Scenario, flights: CandidateFlights, region: TargetRegion) -> tuple[Array, Array]:
     """Least data of each cell in each candidate's pictures, shape (n, cells), and when it takes the first [s], shape (n,)."""
-    limits, data = criterion_from(scenario).limits(camera_from(scenario)), scenario.data
+    limits, data = limits_of(scenario.observation, camera_from(scenario)), scenario.data
     frame_bit = frame_pixels(scenario) * data.sent_bits_per_pixel if data.product == "frame" else None
     bit, first_s = np.full((flights.n, region.n_cells), np.inf), np.full(flights.n, np.inf)
     for j in range(flights.n):

@@ -11,11 +11,12 @@ from swarm_mj.mission.deployer import BEYOND_THE_TANK, insert
 from swarm_mj.mission.finite_burns import timed_burns
 from swarm_mj.mission.trajectories import AccelerationN, Deployment, PlannedBurn, Push
 from swarm_mj.scenarios.schema import Scenario
+from swarm_mj.scenarios.schema_propulsion import Thrusters
 from swarm_mj.simulator.simulation import Simulation
 from swarm_mj.spacecraft.control.force import ForceView
 from swarm_mj.spacecraft.own_spacecraft import OwnSpacecraft
 from swarm_mj.spacecraft.properties import SpacecraftProperties
-from swarm_mj.spacecraft.thrusters import Allocation, Thrusters, packaged_nozzles
+from swarm_mj.spacecraft.thrusters import Allocation, packaged_nozzles
 from swarm_mj.typing import Array
 
 #: Excess over a time that is rounding [s].
@@ -37,7 +38,7 @@ def push_of(properties: SpacecraftProperties, own: OwnSpacecraft | None) -> Push
         strength = Allocation(packaged_nozzles(thrusters.layout, properties.size), np.zeros(3)).strength
     else:
         strength = own.strength
-    return Push(thrusters.thrust * strength, thrusters.exhaust_speed, properties.mass, thrusters.propellant)
+    return Push(thrusters.thrust_n * strength, thrusters.exhaust_speed, properties.mass, thrusters.propellant_kg)
 
 
 def with_insertion(
@@ -129,9 +130,9 @@ class PlannedBurns:
     """
 
     def __init__(self, burns: Sequence[PlannedBurn], thrusters: Thrusters, allocation: Allocation, mass: Array) -> None:
-        self.force = thrusters.thrust * allocation.strength
+        self.force = thrusters.thrust_n * allocation.strength
         self._n = len(mass)
-        push = Push(self.force, thrusters.exhaust_speed, float(np.max(mass)), thrusters.propellant)
+        push = Push(self.force, thrusters.exhaust_speed, float(np.max(mass)), thrusters.propellant_kg)
         self.burns = timed_burns(burns, push, mass)
 
     def forces(self, view: ForceView, memory: tuple[Array, Array] | None) -> tuple[Array, tuple[Array, Array]]:

@@ -12,7 +12,7 @@ from swarm_mj.dataflow.contacts import Instants
 from swarm_mj.dataflow.online import run_online
 from swarm_mj.dataflow.tiles import make_tiles
 from swarm_mj.flight.deliver import PER_SLOT, contacts_of, network_of, speaking
-from swarm_mj.flight.observe import criterion_from, observer_from
+from swarm_mj.flight.observe import observer_from
 from swarm_mj.flight.plan import Plan, antennas_from
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.mission.links import links_closed
@@ -61,5 +61,5 @@ def _take_picture(plan: Plan) -> None:
     pose = look_at(plan.points_A[0], plan.region.centroid_A.mean(axis=0))
     observer = observer_from(plan.scenario, plan.region)
     at_rest, sun_N = CameraMotion(np.zeros(3), np.zeros(3)), plan.environment.sun.at(0.0)
-    observe(observer, pose.r_A, pose.C_CA, criterion_from(plan.scenario), sun_N, at_rest)
+    observe(observer, pose.r_A, pose.C_CA, plan.scenario.observation, sun_N, at_rest)
     observer.close()

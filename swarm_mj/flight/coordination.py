@@ -21,7 +21,7 @@ from swarm_mj.dataflow.contacts import Contacts, Instant, radios_from
 from swarm_mj.dataflow.network import Access
 from swarm_mj.errors import MissionError
 from swarm_mj.flight.encounter_table import encounter_of, kept_plan, track_of
-from swarm_mj.flight.observe import criterion_from, observer_from
+from swarm_mj.flight.observe import observer_from
 from swarm_mj.mission.behaviors import Behavior, SelectiveBehavior, SwarmView, Targets
 from swarm_mj.mission.links import Antennas
 from swarm_mj.observation.capture import camera_poses, observe
@@ -106,7 +106,7 @@ def mission_of(plan: Any, swarm: Swarm) -> Mission:
         pictures = _alone(encounter)
     elif parts["sensing"] == "plan" or parts["relay"] == "plan":
         pictures = _together(encounter, swarm.plan_time_limit_s)
-    observer, criterion = observer_from(scenario, plan.region), criterion_from(scenario)
+    observer, criterion = observer_from(scenario, plan.region), scenario.observation
 
     def look(view: SwarmView, j: int) -> Mask:
         assert view.q_BN is not None

@@ -23,7 +23,7 @@ from swarm_mj.dataflow.radios import radio_from
 from swarm_mj.dataflow.tiles import Tiles, make_tiles
 from swarm_mj.errors import MissionError
 from swarm_mj.flight.coordination import less_coordination
-from swarm_mj.flight.observe import camera_from, criterion_from
+from swarm_mj.flight.observe import camera_from
 from swarm_mj.flight.plan import Plan, antennas_from
 from swarm_mj.flight.post_flight import (
     Course,
@@ -34,7 +34,7 @@ from swarm_mj.flight.post_flight import (
     post_flight_paths,
 )
 from swarm_mj.mission.behaviors import TargetKind
-from swarm_mj.observation.capture import pixels_on, sight
+from swarm_mj.observation.capture import limits_of, pixels_on, sight
 from swarm_mj.observation.coverage import CoverageMap
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.smallbody.occultation import occluder_of
@@ -186,7 +186,7 @@ def _delivered(network: Network, account: Account, light_time_s: Array) -> dict[
 def tiles_of(plan: Plan, telemetry: xr.Dataset, coverage: CoverageMap) -> Tiles:
     """The data of a flight: of each picture, what it adds to what its spacecraft had seen."""
     scenario, region, data = plan.scenario, plan.region, plan.scenario.data
-    limits, times = criterion_from(scenario).limits(camera_from(scenario)), telemetry["time"].values
+    limits, times = limits_of(scenario.observation, camera_from(scenario)), telemetry["time"].values
     pixels = np.zeros(coverage.first_seen_by_s.shape)
     for j, first_s in enumerate(coverage.first_seen_by_s):
         for t in np.unique(first_s[~np.isnan(first_s)]):

@@ -19,7 +19,7 @@ from swarm_mj.coordination.encounter import (
     slots_between,
     turning_angles,
 )
-from swarm_mj.flight.observe import camera_from, criterion_from, schedule_from
+from swarm_mj.flight.observe import camera_from, schedule_from
 from swarm_mj.io.cache import cache_folder, hash_of, load_array, store_array
 from swarm_mj.mission.deployment import planned_paths
 from swarm_mj.observation.observer import make_observer
@@ -73,7 +73,7 @@ def _made(plan: Any) -> Encounter:
     aims_A = aim_points(plan.region, camera, scenario.design.imaging_altitude_m)
     observer = make_observer(plan.region, camera, kind="horizon", occlusion=scenario.observation.occlusion)
     try:
-        shows = shown_cells(observer, criterion_from(scenario), aims_A, track)
+        shows = shown_cells(observer, scenario.observation, aims_A, track)
     finally:
         observer.close()
     table = settling_times(plan.controller, plan.properties, period, TOLERANCE * radians(camera.half_angle_deg))

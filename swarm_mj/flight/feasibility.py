@@ -14,13 +14,13 @@ from math import degrees, inf, pi, sqrt
 import numpy as np
 
 from swarm_mj.errors import ScenarioError
-from swarm_mj.flight.observe import camera_from, criterion_from, schedule_from
+from swarm_mj.flight.observe import camera_from, schedule_from
 from swarm_mj.mission.behaviors import AdaptableRoles, DedicatedCommunications
 from swarm_mj.mission.sweep import TargetSweep
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.mission.trajectories import Deployment, propagate
 from swarm_mj.observation.camera import look_at
-from swarm_mj.observation.capture import sight
+from swarm_mj.observation.capture import limits_of, sight
 from swarm_mj.observation.smear import CameraMotion, smear_px
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.smallbody.environment import Environment
@@ -298,7 +298,7 @@ class EncounterCheck:
         pose = look_at(C_AN @ r_N, np.zeros(3))
         omega_N = np.cross(r_N, v_N) / (r_N @ r_N)
         motion = CameraMotion(C_AN @ (v_N - np.cross(spin_N, r_N)), pose.C_CA @ (C_AN @ (omega_N - spin_N)))
-        limits = criterion_from(self.scenario).limits(camera)
+        limits = limits_of(self.scenario.observation, camera)
         distance, height = sight(region, pose.r_A)
         shown = (height > 0.0) & (distance <= limits.max_range) & camera.contains(pose.to_camera(region.centroid_A))
         return np.where(shown, smear_px(region, camera, pose.r_A, pose.C_CA, motion), np.nan)

@@ -105,7 +105,7 @@ def fly_formation(simulation: Simulation, plan: Plan) -> None:
     law = FormationLaw(
         structure_of(plan, formation),
         tracking,
-        Thrust(force=strength_of(simulation), least_impulse=propulsion.thrusters.min_impulse_bit),
+        Thrust(force=strength_of(simulation), least_impulse=propulsion.thrusters.min_impulse_bit_n_s),
         links,
         reference=formation.reference,
         separation=least + formation.margin_m if least > 0.0 else 0.0,
@@ -123,7 +123,7 @@ def fly_formation(simulation: Simulation, plan: Plan) -> None:
 def strength_of(simulation: Simulation) -> float:
     """Force that the thrusters give in every direction [N]."""
     propulsion = simulation.propulsion
-    return 0.0 if propulsion is None else propulsion.thrusters.thrust * propulsion.allocation.strength
+    return 0.0 if propulsion is None else propulsion.thrusters.thrust_n * propulsion.allocation.strength
 
 
 def formation_law(simulation: Simulation) -> FormationLaw | None:
@@ -196,5 +196,5 @@ def _by_plan(plan: Plan, law: FormationLaw, most: float) -> dict[str, Any]:
         "hold_m_s": np.trapezoid(holding, times, axis=0).tolist(),
         "most_needed_m_s2": holding.max(axis=0).tolist(),
         "thrust_m_s2": most,
-        "tank_m_s": thrusters.exhaust_speed * float(np.log(full / (full - thrusters.propellant))),
+        "tank_m_s": thrusters.exhaust_speed * float(np.log(full / (full - thrusters.propellant_kg))),
     }

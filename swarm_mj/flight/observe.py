@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -13,10 +13,10 @@ from swarm_mj.dataflow.delivery import Delivery
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.camera import CameraModel
 from swarm_mj.observation.capture import (
-    ObservationCriterion,
     Picture,
     PictureSchedule,
     ground_sampling_distance,
+    limits_of,
     observe,
     pictures,
     sight,
@@ -101,13 +101,6 @@ def camera_from(scenario: Scenario) -> CameraModel:
     )
 
 
-def criterion_from(scenario: Scenario) -> ObservationCriterion:
-    """When a face counts as observed, by the scenario."""
-    return ObservationCriterion(
-        **scenario.observation.model_dump(include={f.name for f in fields(ObservationCriterion)})
-    )
-
-
 def schedule_from(scenario: Scenario, period_s: float) -> PictureSchedule:
     """When pictures that count are taken, by the scenario, in instants of a clock with this period [s]."""
     return PictureSchedule.by_clock(
@@ -143,11 +136,11 @@ def observe_flight(plan: Observed, telemetry: xr.Dataset, progress: Progress | N
         ObserverError: The requested observer is not available here.
     """
     scenario = plan.scenario
-    criterion = criterion_from(scenario)
+    criterion = scenario.observation
     passage, visit = (CoverageMap(plan.region.area, plan.n) for _ in range(2))
     visits_s = telemetry["time"].values[visit_samples(scenario)]
     observer = observer_from(scenario, plan.region)
-    limits = criterion.limits(observer.camera)
+    limits = limits_of(criterion, observer.camera)
     gsd_m, least_px = (np.full(plan.region.n_cells, np.nan) for _ in range(2))
     visit_only = scenario.observation.criterion == "visit"
     images = 0

@@ -10,13 +10,11 @@ import numpy as np
 from swarm_mj.errors import ScenarioError
 from swarm_mj.io.resources import asset_path
 from swarm_mj.scenarios.schema import Scenario, Spacecraft, Wheel
-from swarm_mj.scenarios.schema_propulsion import Thrusters as ThrusterKeys
 from swarm_mj.spacecraft.elastic import lost_to_the_step
 from swarm_mj.spacecraft.model_guard import listed
 from swarm_mj.spacecraft.own_spacecraft import OwnSpacecraft, read_spacecraft, small_motions
 from swarm_mj.spacecraft.properties import RPM, WHEEL_AXES, SpacecraftProperties
 from swarm_mj.spacecraft.template import TEMPLATE, examine_template
-from swarm_mj.spacecraft.thrusters import Thrusters
 
 #: Relative difference between a scenario's number and the file's that is put down to its digits.
 AGREES = 1e-3
@@ -36,20 +34,7 @@ def properties_from(scenario: Scenario) -> SpacecraftProperties:
         max_wheel_torque=wheel.max_torque_n_m,
         max_wheel_speed=wheel.max_speed_rpm * RPM,
         wheel_layout=spacecraft.wheel_layout,
-        thrusters=thrusters_from(spacecraft.thrusters),
-    )
-
-
-def thrusters_from(section: ThrusterKeys | None) -> Thrusters | None:
-    """The thrusters that a scenario gives its spacecraft."""
-    if section is None:
-        return None
-    return Thrusters(
-        layout=section.layout,
-        thrust=section.thrust_n,
-        specific_impulse=section.specific_impulse_s,
-        propellant=section.propellant_kg,
-        min_impulse_bit=section.min_impulse_bit_n_s,
+        thrusters=spacecraft.thrusters,
     )
 
 

@@ -26,13 +26,12 @@ from swarm_mj.observation.observer import Observer
 from swarm_mj.observation.raytracing import RayTracer
 from swarm_mj.observation.sampling import barycentric_samples, shown_whole
 from swarm_mj.observation.smear import CameraMotion, Motion, smear_px
+from swarm_mj.scenarios.schema_imaging import Observation
 from swarm_mj.spacecraft.attitude.algebra import dot, relative_dcm, times
 from swarm_mj.typing import Array, Ints, Mask, jittable
 
 #: Least share of a cell that is any part of it at all: the least number above nothing.
 ANY_PART = float(np.nextafter(0.0, 1.0))
-#: Least share from which whole cells are meant: counts of pixels do not tell 99 % of a cell from all of it.
-WHOLE_FROM = 0.99
 #: Shadow rays start this far off the surface, over the body's largest radius, so as not to meet the cell itself.
 SHADOW_LIFT = 1e-5
 
@@ -152,73 +151,8 @@ def camera_poses(r_BN_N: Array, C_BN: Array, C_AN: Array) -> tuple[Array, Array]
     return np.column_stack(times(C_AN, r_BN_N.T)), C_CA
 
 
-@dataclass(frozen=True, kw_only=True)
-class ObservationCriterion:
-    """What a picture must show of a cell. Limits are taken at the cell's centroid; None means no limit.
-
-    Attributes:
-        min_fraction: Least visible share of the cell, above 0 to 1; from `WHOLE_FROM` on whole cells, judged by geometry
-            whoever looks, see `visible_share`.
-        any_pixel: Take any visible part instead; overstates the area by the border of each picture.
-        max_emission_deg: Largest angle between the cell's normal and the direction to the camera [deg].
-        max_range_m: Largest distance to the camera [m].
-        max_gsd_m: Largest ground sampling distance [m]: range times pixel angle over the cosine of emission.
-        max_smear_px: Largest motion of the cell's image during the exposure [px].
-        max_incidence_deg: Largest angle between the cell's normal and the Sun [deg]; 90 asks for daylight.
-        shadows: Let the body's own shadow hide cells; asks for daylight too.
-
-    Raises:
-        MissionError: A value is out of its range.
-    """
-
-    min_fraction: float = 0.5
-    any_pixel: bool = False
-    max_emission_deg: float | None = None
-    max_range_m: float | None = None
-    max_gsd_m: float | None = None
-    max_smear_px: float | None = None
-    max_incidence_deg: float | None = None
-    shadows: bool = False
-
-    def __post_init__(self) -> None:
-        """Refuse impossible limits."""
-        if not 0.0 < self.min_fraction <= 1.0:
-            raise MissionError(f"min_fraction {self.min_fraction} must be above 0 and at most 1")
-        for name in ("max_emission_deg", "max_range_m", "max_gsd_m", "max_smear_px", "max_incidence_deg"):
-            value = getattr(self, name)
-            if value is not None and not value > 0.0:
-                raise MissionError(f"{name} {value} must be positive, or None for no limit")
-
-    @property
-    def whole(self) -> bool:
-        """Whether only whole cells count."""
-        return self.min_fraction >= WHOLE_FROM and not self.any_pixel
-
-    @property
-    def needs_sun(self) -> bool:
-        """Whether the direction to the Sun matters."""
-        return self.shadows or self.max_incidence_deg is not None
-
-    @property
-    def needs_motion(self) -> bool:
-        """Whether it matters how the camera moves."""
-        return self.max_smear_px is not None
-
-    def limits(self, camera: CameraModel) -> Limits:
-        """The criterion in numbers, for pictures of one camera."""
-        emission = 90.0 if self.max_emission_deg is None else min(self.max_emission_deg, 90.0)
-        return Limits(
-            min_cos_emission=cos(radians(emission)) if emission < 90.0 else 0.0,
-            max_range=self.max_range_m or inf,
-            max_gsd=self.max_gsd_m or inf,
-            max_smear=self.max_smear_px or inf,
-            pixel_angle=camera.pixel_angle,
-            min_share=ANY_PART if self.any_pixel else self.min_fraction,
-        )
-
-
 class Limits(NamedTuple):
-    """An `ObservationCriterion`, but for the light, and a camera in numbers.
+    """The criterion, `Observation` but for the light, and a camera in numbers. Limits hold at a cell's centroid.
 
     Attributes:
         min_cos_emission: Least cosine of the emission angle.
@@ -235,6 +169,19 @@ class Limits(NamedTuple):
     max_smear: float
     pixel_angle: float
     min_share: float
+
+
+def limits_of(criterion: Observation, camera: CameraModel) -> Limits:
+    """The criterion in numbers, for pictures of one camera."""
+    emission = 90.0 if criterion.max_emission_deg is None else criterion.max_emission_deg
+    return Limits(
+        min_cos_emission=cos(radians(emission)) if emission < 90.0 else 0.0,
+        max_range=criterion.max_range_m or inf,
+        max_gsd=criterion.max_gsd_m or inf,
+        max_smear=criterion.max_smear_px or inf,
+        pixel_angle=camera.pixel_angle,
+        min_share=ANY_PART if criterion.any_pixel else criterion.min_fraction,
+    )
 
 
 @jittable
@@ -335,7 +282,7 @@ def _unit(sun_A: ArrayLike) -> Array:
     return sun / np.linalg.norm(sun)
 
 
-def lit_cells(observer: Observer, criterion: ObservationCriterion, sun_A: ArrayLike) -> Mask:
+def lit_cells(observer: Observer, criterion: Observation, sun_A: ArrayLike) -> Mask:
     """Cells that are lit as the criterion asks, shape (n,)."""
     limit = 90.0 if criterion.max_incidence_deg is None else criterion.max_incidence_deg
     return lit(observer.region, sun_A, max_incidence_deg=limit, tracer=observer.tracer if criterion.shadows else None)
@@ -348,7 +295,7 @@ def visible_share(observer: Observer, r_A: ArrayLike, C_CA: ArrayLike, *, whole:
         observer: Who looks, at which target, through which camera.
         r_A: Camera position in A [m], shape (3,).
         C_CA: Rotation from A to the camera frame, shape (3, 3).
-        whole: Whether only whole cells count (`ObservationCriterion.whole`); others then have a share of 0.
+        whole: Whether only whole cells count (`Observation.whole`); others then have a share of 0.
 
     Raises:
         MissionError: The pose is impossible.
@@ -361,7 +308,7 @@ def visible_share(observer: Observer, r_A: ArrayLike, C_CA: ArrayLike, *, whole:
 
 def cells_that_count(
     observer: Observer,
-    criterion: ObservationCriterion,
+    criterion: Observation,
     r_A: Array,
     light: Callable[[], Mask],
     share: Callable[[], Array],
@@ -377,7 +324,7 @@ def cells_that_count(
         share: Gives the visible share of every cell, see `visible_share`; asked only where something is left to see.
         smear: Gives the smear of every cell, see `smear_px`; asked only where it matters.
     """
-    limits = criterion.limits(observer.camera)
+    limits = limits_of(criterion, observer.camera)
     moved = smear() if criterion.needs_motion else 0.0
     counts: Mask = keeps_limits(limits, *sight(observer.region, r_A), moved)
     if criterion.needs_sun and counts.any():
@@ -389,7 +336,7 @@ def observe(
     observer: Observer,
     r_A: ArrayLike,
     C_CA: ArrayLike,
-    criterion: ObservationCriterion,
+    criterion: Observation,
     sun_A: ArrayLike | None = None,
     motion: CameraMotion | None = None,
 ) -> Mask:

@@ -13,8 +13,7 @@ by rays instead; they are few, and are then neither lost nor counted for the pix
 """
 
 from functools import cached_property
-from types import TracebackType
-from typing import Literal, Protocol, Self
+from typing import Literal, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -147,16 +146,6 @@ class FaceIdObserver:
         drawer, self._drawer = self.__dict__.get("_drawer"), None
         if drawer is not None:
             drawer.close()
-
-    def __enter__(self) -> Self:
-        """Use as a context manager."""
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Close."""
-        self.close()
 
     def __del__(self) -> None:
         """Close, if nobody did."""

@@ -24,7 +24,7 @@ from swarm_mj.observation.camera import CameraModel, CameraPose, Optics, camera_
 from swarm_mj.observation.raytracing import RayTracer
 from swarm_mj.observation.sampling import barycentric_samples, hits_own_face
 from swarm_mj.spacecraft.attitude.algebra import Vector, dot, vector
-from swarm_mj.typing import Array, Array32, Mask, kernel, lean
+from swarm_mj.typing import Array, Array32, Mask, allocation_free, kernel
 
 #: Azimuth bins of a map; the widest gap between two is 2.8 deg.
 AZIMUTHS = 128
@@ -216,14 +216,14 @@ class Sight(NamedTuple):
     inside: bool
 
 
-@lean
+@allocation_free
 def sight_of(r_A: Array, C_CA: Array, optics: Optics, radius: float) -> Sight:
     """A camera at `r_A` [m], shape (3,), turned by `C_CA`, shape (3, 3), by a body within `radius` of its centre [m]."""
     r = (r_A[0], r_A[1], r_A[2])
     return Sight(r, vector(C_CA, 0), vector(C_CA, 1), vector(C_CA, 2), optics, dot(r, r) < radius * radius)
 
 
-@lean
+@allocation_free
 def look_at_cell(horizon: Horizon, camera: Sight, i: int, needed: int, answer: NDArray[np.int8]) -> tuple[int, int]:
     """Look at the sample points of a cell one after another.
 
@@ -260,7 +260,7 @@ def look_at_cell(horizon: Horizon, camera: Sight, i: int, needed: int, answer: N
     return shown, blocked
 
 
-@lean
+@allocation_free
 def _stands_clear(axes: Array, way: Vector, height: float, sine: Array32, highest: float) -> bool:
     """Whether a direction stands above a horizon; between two azimuths the higher one counts.
 

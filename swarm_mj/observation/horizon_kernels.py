@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 
 from swarm_mj.errors import MissionError
 from swarm_mj.observation.camera import Optics
-from swarm_mj.observation.capture import Limits, ObservationCriterion, keeps_limits, pixels_on, shows_enough
+from swarm_mj.observation.capture import Limits, keeps_limits, limits_of, pixels_on, shows_enough
 from swarm_mj.observation.horizon import Horizon, HorizonObserver, Sight, look_at_cell
+from swarm_mj.scenarios.schema_imaging import Observation
 from swarm_mj.spacecraft.attitude.algebra import Vector, dot
-from swarm_mj.typing import Array, Mask, lean
+from swarm_mj.typing import Array, Mask, allocation_free
 
 
 class Scene(NamedTuple):
@@ -55,7 +56,7 @@ class Cell(NamedTuple):
     area: float
 
 
-def make_scene(observer: HorizonObserver, criterion: ObservationCriterion) -> Scene:
+def make_scene(observer: HorizonObserver, criterion: Observation) -> Scene:
     """Gather what `new_cells` needs.
 
     Raises:
@@ -67,7 +68,7 @@ def make_scene(observer: HorizonObserver, criterion: ObservationCriterion) -> Sc
         raise MissionError(
             f"max_smear_px {criterion.max_smear_px}: compiled pictures do not know rates: judge them by `observe`"
         )
-    region, limits = observer.region, criterion.limits(observer.camera)
+    region, limits = observer.region, limits_of(criterion, observer.camera)
     radius = np.linalg.norm(region.corners_A - region.centroid_A[:, None], axis=2).max(axis=1)
     samples = observer.horizon.samples
     return Scene(
@@ -80,7 +81,7 @@ def make_scene(observer: HorizonObserver, criterion: ObservationCriterion) -> Sc
     )
 
 
-@lean
+@allocation_free
 def new_cells(
     scene: Scene, camera: Sight, seen: Mask, new: Mask, answer: NDArray[np.int8]
 ) -> tuple[float, float, bool]:
@@ -122,18 +123,18 @@ def new_cells(
     return area, pixels, doubt
 
 
-@lean
+@allocation_free
 def _cell(cells: Array, i: int) -> Cell:
     centroid_A, normal_A = (cells[i, 0], cells[i, 1], cells[i, 2]), (cells[i, 3], cells[i, 4], cells[i, 5])
     return Cell(centroid_A, normal_A, cells[i, 6], cells[i, 7])
 
 
-@lean
+@allocation_free
 def _difference(a: Vector, b: Vector) -> Vector:
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
-@lean
+@allocation_free
 def _beside(camera: Sight, way: Vector, radius: float) -> bool:
     """Whether a ball lies beside the field of view, the camera being at `way` from its centre: then its cell does, too."""
     optics = camera.optics

@@ -85,6 +85,17 @@ class Canvas(NamedTuple):
     chosen: Ints32
 
 
+def make_canvas(size: int, vertices: int, faces: int) -> Canvas:
+    """For a square picture of some size of a mesh with so many vertices and faces."""
+    return Canvas(
+        picture=np.empty(size**2 + LANES, np.uint32),
+        depth=np.empty(size**2 + LANES, np.float32),
+        row_span=np.full((size, 2), (0, size - 1), np.int32),
+        projected=np.empty((vertices, 3)),
+        chosen=np.empty(faces + 1, np.int32),
+    )
+
+
 class CompiledFaces:
     """Draws the number of the face under each pixel, in double precision on one core.
 
@@ -101,13 +112,7 @@ class CompiledFaces:
         self._mesh = make_mesh(vertices, faces)
         self._near = NEAREST * float(np.ptp(vertices, axis=0).max())
         self._picture_from_camera = np.array([[1.0 / camera.tan_half_angle], [1.0 / camera.tan_half_angle], [1.0]])
-        self._canvas = Canvas(
-            picture=np.empty(size**2 + LANES, np.uint32),
-            depth=np.empty(size**2 + LANES, np.float32),
-            row_span=np.full((size, 2), (0, size - 1), np.int32),
-            projected=np.empty((len(vertices), 3)),
-            chosen=np.empty(len(faces) + 1, np.int32),
-        )
+        self._canvas = make_canvas(size, len(vertices), len(faces))
 
     def draw(self, pose: CameraPose, window: Window) -> Picture:
         """Draw a window of the picture, see `FaceDrawer.draw`."""

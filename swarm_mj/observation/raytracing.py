@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from swarm_mj.smallbody.occultation import ray_to_triangle
 from swarm_mj.typing import Array, Indices, Ints32, kernel
 
 
@@ -55,29 +56,12 @@ def _embree_scene(corners: Array) -> Any:
 
 @kernel
 def _first_hits(corners: Array, origins: Array, directions: Array) -> Indices:
-    """Moeller and Trumbore (1997) over every face, double precision."""
+    """By every face, in double precision."""
     hits = np.full(len(origins), -1, dtype=np.intp)
     for i in range(len(origins)):
-        ox, oy, oz = origins[i]
-        dx, dy, dz = directions[i]
         nearest = np.inf
         for f in range(len(corners)):
-            ax, ay, az = corners[f, 0]
-            ux, uy, uz = corners[f, 1, 0] - ax, corners[f, 1, 1] - ay, corners[f, 1, 2] - az
-            vx, vy, vz = corners[f, 2, 0] - ax, corners[f, 2, 1] - ay, corners[f, 2, 2] - az
-            px, py, pz = dy * vz - dz * vy, dz * vx - dx * vz, dx * vy - dy * vx
-            determinant = ux * px + uy * py + uz * pz
-            if determinant == 0.0:
-                continue
-            sx, sy, sz = ox - ax, oy - ay, oz - az
-            u = (sx * px + sy * py + sz * pz) / determinant
-            if u < 0.0 or u > 1.0:
-                continue
-            qx, qy, qz = sy * uz - sz * uy, sz * ux - sx * uz, sx * uy - sy * ux
-            v = (dx * qx + dy * qy + dz * qz) / determinant
-            if v < 0.0 or u + v > 1.0:
-                continue
-            t = (vx * qx + vy * qy + vz * qz) / determinant
+            t = ray_to_triangle(origins[i], directions[i], corners[f, 0], corners[f, 1], corners[f, 2])
             if 0.0 < t < nearest:
                 nearest, hits[i] = t, f
     return hits

@@ -19,10 +19,11 @@ import numpy as np
 
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.camera import Optics, in_field_of_view
-from swarm_mj.observation.capture import Limits, ObservationCriterion, keeps_limits
+from swarm_mj.observation.capture import Limits, keeps_limits, limits_of
 from swarm_mj.observation.faceid import MIN_INRADIUS_PX
 from swarm_mj.observation.observer import Observer
 from swarm_mj.observation.sampling import barycentric_samples
+from swarm_mj.scenarios.schema_imaging import Observation
 from swarm_mj.spacecraft.attitude.algebra import times
 from swarm_mj.typing import Array, Mask, jittable, kernel
 
@@ -63,9 +64,9 @@ class Cells(NamedTuple):
     radius: Array
 
 
-def reach_of(observer: Observer, criterion: ObservationCriterion) -> Reach:
+def reach_of(observer: Observer, criterion: Observation) -> Reach:
     """How far an observer's pictures reach by a criterion."""
-    camera, limits = observer.camera, criterion.limits(observer.camera)
+    camera, limits = observer.camera, limits_of(criterion, observer.camera)
     optics, sides = camera.optics, SIDES if camera.shape == "cone" else 4
     pixel = 2.0 / camera.resolution_px
     around = atan(optics.tan_half_angle * (1.0 + pixel) * (1.0 if optics.cone else sqrt(2.0)))

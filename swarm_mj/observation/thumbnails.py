@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarm_mj.observation.camera import CameraModel
-from swarm_mj.observation.raster import LANES, NEAREST, Canvas, Mesh, View, draw_faces, make_mesh
+from swarm_mj.observation.raster import NEAREST, Canvas, Mesh, View, draw_faces, make_canvas, make_mesh
 from swarm_mj.typing import Array, Array32, Mask, jittable, kernel
 
 #: Pixels along a side unless said otherwise.
@@ -61,13 +61,7 @@ class ThumbnailDrawer:
         radius = float(np.linalg.norm(vertices, axis=1).max())
         self._body = _Body(make_mesh(vertices, faces), np.ascontiguousarray(normals), radius)
         self._near = NEAREST * float(np.ptp(vertices, axis=0).max())
-        self._canvas = Canvas(
-            picture=np.empty(size**2 + LANES, np.uint32),
-            depth=np.empty(size**2 + LANES, np.float32),
-            row_span=np.full((size, 2), (0, size - 1), np.int32),
-            projected=np.empty((len(vertices), 3)),
-            chosen=np.empty(len(faces) + 1, np.int32),
-        )
+        self._canvas = make_canvas(size, len(vertices), len(faces))
 
     def blank(self, count: int) -> Thumbnails:
         """So many pictures of the sky."""

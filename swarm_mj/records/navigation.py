@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from scipy.constants import g as STANDARD_GRAVITY
 
 from swarm_mj.flight.navigation import Navigated, navigated
 from swarm_mj.flight.plan import Plan
 from swarm_mj.mission.covariance import length_mean, length_quantile, length_within, visit_axes
 from swarm_mj.mission.dispersed import draw_burns
+from swarm_mj.scenarios.constants import STANDARD_GRAVITY
 from swarm_mj.scenarios.itinerary import itinerary
 from swarm_mj.scenarios.schema_propulsion import Thrusters
 from swarm_mj.typing import Array

@@ -11,7 +11,7 @@ from swarm_mj.flight.burns import total_delta_v
 from swarm_mj.flight.plan import Plan
 from swarm_mj.records.rounding import by_name
 from swarm_mj.records.run_record import RunRecord
-from swarm_mj.spacecraft.thrusters import STANDARD_GRAVITY
+from swarm_mj.scenarios.constants import STANDARD_GRAVITY
 
 #: Keys of the summary that only flights with thrusters have; all hold a number for each spacecraft.
 KEYS = ("propellant_used_kg", "propellant_left_kg", "thrust_delta_v_m_s", "planned_burns_m_s")

@@ -10,7 +10,7 @@ import numpy as np
 
 from swarm_mj.errors import MissionError
 from swarm_mj.flight.fly import make_simulation
-from swarm_mj.flight.observe import criterion_from, observer_from, schedule_from
+from swarm_mj.flight.observe import observer_from, schedule_from
 from swarm_mj.flight.plan import Plan, antennas_from
 from swarm_mj.mission.behaviors import TargetKind, Targets
 from swarm_mj.mission.deployment import planned_paths
@@ -85,7 +85,7 @@ class LiveFlight:
         self.plan = plan
         period = plan.scenario.control.period_s
         self._observer = observer_from(plan.scenario, plan.region)
-        self._criterion = criterion_from(plan.scenario)
+        self._criterion = plan.scenario.observation
         self._schedule = schedule_from(plan.scenario, period)
         self._last = round(plan.scenario.duration_s / period)
         self._beams, self._body = antennas_from(plan.scenario).beams, occluder_of(plan.shape)

@@ -14,6 +14,8 @@ SOLAR_IRRADIANCE: Final = 1361.0
 GRAVITATIONAL_CONSTANT: Final = 6.67430e-11
 #: Mean obliquity of the ecliptic at J2000 [deg] (IAU 1976: 84381.448 arcsec).
 OBLIQUITY_J2000_DEG: Final = 23.43928
+#: Standard gravity, by which specific impulses are defined [m/s^2] (CGPM 1901).
+STANDARD_GRAVITY: Final = 9.80665
 #: Boltzmann constant [J/K] (SI definition).
 BOLTZMANN: Final = 1.380649e-23
 #: Julian date of J2000.0 (2000-01-01 12:00 TDB).

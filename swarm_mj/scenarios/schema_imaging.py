@@ -9,6 +9,9 @@ from pydantic import Field
 from swarm_mj.scenarios.constants import CUBESAT_APERTURE_M, GREEN_LIGHT_M
 from swarm_mj.scenarios.section import Section
 
+#: Least `observation.min_fraction` by which whole cells are meant: counts of pixels do not tell 99 % of a cell from all of it.
+WHOLE_FROM = 0.99
+
 
 class Camera(Section):
     """The camera along +z."""
@@ -50,7 +53,7 @@ class Camera(Section):
 
 
 class Observation(Section):
-    """When a target face counts as observed."""
+    """When a target face counts as observed: the observation criterion."""
 
     observer: Literal["auto", "faceid", "raster", "raycast", "horizon"] = Field(
         "auto",
@@ -88,3 +91,18 @@ class Observation(Section):
     )
     occlusion: bool = Field(True, description="whether the body hides faces behind it; the paper culls and clips only")
     shadows: bool = Field(False, description="faces shadowed by the body itself do not count")
+
+    @property
+    def whole(self) -> bool:
+        """Whether only whole cells count."""
+        return self.min_fraction >= WHOLE_FROM and not self.any_pixel
+
+    @property
+    def needs_sun(self) -> bool:
+        """Whether the direction to the Sun matters."""
+        return self.shadows or self.max_incidence_deg is not None
+
+    @property
+    def needs_motion(self) -> bool:
+        """Whether it matters how the camera moves."""
+        return self.max_smear_px is not None

@@ -13,6 +13,7 @@ from typing import Literal, Self
 
 from pydantic import Field, model_validator
 
+from swarm_mj.scenarios.constants import STANDARD_GRAVITY
 from swarm_mj.scenarios.section import Section
 
 
@@ -36,6 +37,11 @@ class Thrusters(Section):
         description="impulse of a nozzle's shortest pulse [N s]; less in a control period becomes nothing or one such pulse, "
         "whichever is nearer",
     )
+
+    @property
+    def exhaust_speed(self) -> float:
+        """Thrust over mass flow, g0 I_sp [m/s]."""
+        return STANDARD_GRAVITY * self.specific_impulse_s
 
 
 def thrusters_fit_inside(thrusters: Thrusters, hub_kg: float | None, mjcf: str | None) -> None:

@@ -20,10 +20,10 @@ from swarm_mj.spacecraft.attitude.guidance import (
     attitude_error,
     track_line_of_sight,
 )
-from swarm_mj.typing import Array, Ints, Mask, jittable, lean
+from swarm_mj.typing import Array, Ints, Mask, allocation_free, jittable
 
 
-@lean
+@allocation_free
 def turn_frames(C_PN: Array, phase: float, half_turn: float, C_AN: Array, C_mid: Array) -> None:
     """Write the rotations from N to A, now and at the middle of the hold.
 
@@ -38,7 +38,7 @@ def turn_frames(C_PN: Array, phase: float, half_turn: float, C_AN: Array, C_mid:
     write_spin_dcm(C_PN, phase + half_turn, C_mid)
 
 
-@lean
+@allocation_free
 def lie_or_stay(
     resting: Ints, rest_A: Array, C_AN: Array, spin_N: Array, r_N: Array, v_N: Array, omega_B: Array, speed: Array
 ) -> None:
@@ -72,7 +72,7 @@ def lie_or_stay(
             put_vector(v_N, j, cross((spin_N[0], spin_N[1], spin_N[2]), r))
 
 
-@lean
+@allocation_free
 def is_finite(r_N: Array, v_N: Array, q_BN: Array, omega_B: Array, speed: Array) -> bool:
     """Whether every number of a state is finite."""
     # Several sums, so that none waits for the other; each is finite if everything in it is.
@@ -89,7 +89,7 @@ def is_finite(r_N: Array, v_N: Array, q_BN: Array, omega_B: Array, speed: Array)
     return np.isfinite(turned + placed + moving + total)
 
 
-@lean
+@allocation_free
 def read_motion(r_N: Array, v_N: Array, offset_N: Array, C_mid: Array, half_hold: float, work: Array) -> None:
     """Read positions and velocities, and where gravity is to be evaluated.
 
@@ -111,7 +111,7 @@ def read_motion(r_N: Array, v_N: Array, offset_N: Array, C_mid: Array, half_hold
             work[Slot.R_A, j, k] = C_mid[k, 0] * x + C_mid[k, 1] * y + C_mid[k, 2] * z
 
 
-@lean
+@allocation_free
 def read_rotation(omega_B: Array, speed: Array, wheel_inertia: float, wheel_axes_B: Array, work: Array) -> None:
     """Read body rates and wheels.
 
@@ -131,7 +131,7 @@ def read_rotation(omega_B: Array, speed: Array, wheel_inertia: float, wheel_axes
             work[Slot.MOMENTUM, j, k] = wheel_inertia * momentum
 
 
-@lean
+@allocation_free
 def hold_gravity(a_A: Array, C_mid: Array, resting: Ints, work: Array) -> None:
     """Turn accelerations from A to N; what lies on the body is not pulled.
 
@@ -147,7 +147,7 @@ def hold_gravity(a_A: Array, C_mid: Array, resting: Ints, work: Array) -> None:
             work[Slot.A, j, k] = a if resting[j] == Resting.FLYING else 0.0
 
 
-@lean
+@allocation_free
 def mark_new_targets(kind: Ints, spacecraft: Ints, last_kind: Ints, last_spacecraft: Ints, restart: Mask) -> bool:
     """Tell whose target is another one than at the decision before.
 
@@ -172,7 +172,7 @@ def mark_new_targets(kind: Ints, spacecraft: Ints, last_kind: Ints, last_spacecr
     return True
 
 
-@lean
+@allocation_free
 def locate_targets(
     kind: Ints,
     spacecraft: Ints,
@@ -236,7 +236,7 @@ def _add_surface_point(point_A: Array, C_AN: Array, w: Array, work: Array, j: in
     work[Slot.RHO_DDOT, j, 2] += w[0] * vy - w[1] * vx
 
 
-@lean
+@allocation_free
 def guide(q_BN: Array, restart: Mask, q_RN: Array, work: Array) -> None:
     """From lines of sight to references and tracking errors.
 
@@ -253,7 +253,7 @@ def guide(q_BN: Array, restart: Mask, q_RN: Array, work: Array) -> None:
     attitude_error(q_BN, work[Slot.OMEGA], reference, error)
 
 
-@lean
+@allocation_free
 def actuate(
     torque_B: Array,
     allocation: Array,
@@ -293,7 +293,7 @@ def actuate(
             peaks[j, Peak.CUT_HOLDS] += 1.0
 
 
-@lean
+@allocation_free
 def hold_gravity_gradient(
     q_BN: Array, gm: float, inertia: Array, C_mid: Array, released: Mask, torque_N: Array, work: Array
 ) -> None:

@@ -31,10 +31,10 @@ from swarm_mj.spacecraft.attitude.algebra import (
     transformed,
     vector,
 )
-from swarm_mj.typing import Array, jittable, lean
+from swarm_mj.typing import Array, allocation_free, jittable
 
 
-@lean
+@allocation_free
 def move(r_N: Array, v_N: Array, work: Array, thrust_N: Array, mass: Array, hold: float) -> None:
     """Positions and velocities after a hold.
 
@@ -52,7 +52,7 @@ def move(r_N: Array, v_N: Array, work: Array, thrust_N: Array, mass: Array, hold
         put_vector(v_N, j, combine(1.0, v, hold, a))
 
 
-@lean
+@allocation_free
 def turn_gyrostats(
     q_BN: Array,
     omega_B: Array,

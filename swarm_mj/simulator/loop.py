@@ -32,7 +32,7 @@ from swarm_mj.simulator.kernel import move, turn_gyrostats
 from swarm_mj.simulator.slots import Slot
 from swarm_mj.smallbody.gravity.compiled import write_attraction
 from swarm_mj.smallbody.perturbations import add_perturbations
-from swarm_mj.typing import Array, Ints, Mask, inlined, jittable, lean
+from swarm_mj.typing import Array, Ints, Mask, allocation_free, inlined, jittable
 
 
 class Stage(IntEnum):
@@ -60,7 +60,7 @@ class Ask(IntEnum):
     STEP = 256  #: MuJoCo's step
 
 
-@lean
+@allocation_free
 def run(
     world: World, law: Any, flights: Flights, conditions: Any, kernel: Any, until: Ints, live: Mask, decide: bool
 ) -> int:
@@ -341,7 +341,7 @@ def _copy(source: Array, target: Array) -> None:
             target[j, k] = source[j, k]
 
 
-@lean
+@allocation_free
 def sense_flights(world: World, flights: Flights, conditions: Any, live: Mask, q: Array, omega: Array) -> None:
     """Put what the flight software knows in the place of attitudes, (E, n, 4), and rates, (E, n, 3), where sensors err."""
     for e in range(live.shape[0]):

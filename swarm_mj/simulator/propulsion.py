@@ -17,10 +17,11 @@ from scipy.spatial.transform import Rotation
 
 from swarm_mj.errors import SimulationError
 from swarm_mj.mission.behaviors import TargetKind, Targets
+from swarm_mj.scenarios.schema_propulsion import Thrusters
 from swarm_mj.simulator.slots import Slot
 from swarm_mj.simulator.state import FlightState
 from swarm_mj.spacecraft.control.force import AimingForceLaw, ForceLaw, ForceView, ask_for_forces
-from swarm_mj.spacecraft.thrusters import Allocation, Thrusters, read_nozzles
+from swarm_mj.spacecraft.thrusters import Allocation, read_nozzles
 from swarm_mj.typing import Array, Mask
 
 #: The long axis, by which spacecraft are pointed, must be the axis of nozzles that have to be turned, to so much.
@@ -98,7 +99,7 @@ class Propulsion:
     @property
     def mass(self) -> Array:
         """Of the spacecraft with what is left in their tanks, shape (n,) [kg]."""
-        return self._full_mass - (self.thrusters.propellant - self.propellant)
+        return self._full_mass - (self.thrusters.propellant_kg - self.propellant)
 
     def refill(self) -> None:
         """Give the model the masses that it was built with; dispersions may change them before `reset`."""
@@ -126,13 +127,13 @@ class Propulsion:
             )
         self._full_mass = state.mass.copy() if rigid else model.body_subtreemass[hub].copy()
         self._full_inertia_B = state.inertia_B.copy()
-        if self._hub_mass.min() <= self.thrusters.propellant:
+        if self._hub_mass.min() <= self.thrusters.propellant_kg:
             raise SimulationError(
-                f"spacecraft.thrusters.propellant_kg = {self.thrusters.propellant:g}: must be below the hub's "
+                f"spacecraft.thrusters.propellant_kg = {self.thrusters.propellant_kg:g}: must be below the hub's "
                 f"{self._hub_mass.min():.6g} kg"
             )
         self._inertia_per_kg = self._hub_inertia / self._hub_mass[:, None]
-        self._propellant[:] = self.thrusters.propellant
+        self._propellant[:] = self.thrusters.propellant_kg
         for array in (self.force_N, self._delta_v, self._delta_v_N, self._used, self._gain_N):
             array[:] = 0.0
 
@@ -200,8 +201,8 @@ class Propulsion:
         thrusters, period = self.thrusters, self._state.period
         thrusts = self.allocation.thrusts(to_N.inv().apply(wish_N))
         # All nozzles are cut alike, so that the force keeps its direction.
-        thrusts /= np.maximum(thrusts.max(axis=1, keepdims=True) / thrusters.thrust, 1.0)
-        bit = thrusters.min_impulse_bit / period
+        thrusts /= np.maximum(thrusts.max(axis=1, keepdims=True) / thrusters.thrust_n, 1.0)
+        bit = thrusters.min_impulse_bit_n_s / period
         thrusts = np.where(thrusts >= bit, thrusts, np.where(thrusts >= 0.5 * bit, bit, 0.0)) if bit > 0.0 else thrusts
         asked = thrusts.sum(axis=1) * period / thrusters.exhaust_speed
         left = self.propellant[firing]

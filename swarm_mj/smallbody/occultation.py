@@ -90,24 +90,28 @@ def way_blocked(start_A: Any, end_A: Any, body: Occluder) -> bool:
 
 @kernel
 def _hits_any(o: Any, d: Any, vertices: Array, faces: Ints32) -> bool:
-    # Moeller and Trumbore (1997), both sides of every face.
     for f in range(faces.shape[0]):
-        ax, ay, az = vertices[faces[f, 0], 0], vertices[faces[f, 0], 1], vertices[faces[f, 0], 2]
-        ux, uy, uz = vertices[faces[f, 1], 0] - ax, vertices[faces[f, 1], 1] - ay, vertices[faces[f, 1], 2] - az
-        wx, wy, wz = vertices[faces[f, 2], 0] - ax, vertices[faces[f, 2], 1] - ay, vertices[faces[f, 2], 2] - az
-        px, py, pz = d[1] * wz - d[2] * wy, d[2] * wx - d[0] * wz, d[0] * wy - d[1] * wx
-        det = ux * px + uy * py + uz * pz
-        if det == 0.0:
-            continue
-        tx, ty, tz = o[0] - ax, o[1] - ay, o[2] - az
-        u = (tx * px + ty * py + tz * pz) / det
-        if u < 0.0 or u > 1.0:
-            continue
-        qx, qy, qz = ty * uz - tz * uy, tz * ux - tx * uz, tx * uy - ty * ux
-        v = (d[0] * qx + d[1] * qy + d[2] * qz) / det
-        if v < 0.0 or u + v > 1.0:
-            continue
-        s = (wx * qx + wy * qy + wz * qz) / det
+        s = ray_to_triangle(o, d, vertices[faces[f, 0]], vertices[faces[f, 1]], vertices[faces[f, 2]])
         if _END_MARGIN < s < 1.0 - _END_MARGIN:
             return True
     return False
+
+
+@jittable
+def ray_to_triangle(o: Any, d: Any, a: Any, b: Any, c: Any) -> float:
+    """Where a ray from o along d meets a triangle, from either side, in lengths of d; -inf: nowhere (Moeller and Trumbore)."""
+    ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+    wx, wy, wz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
+    px, py, pz = d[1] * wz - d[2] * wy, d[2] * wx - d[0] * wz, d[0] * wy - d[1] * wx
+    det = ux * px + uy * py + uz * pz
+    if det == 0.0:
+        return -np.inf
+    tx, ty, tz = o[0] - a[0], o[1] - a[1], o[2] - a[2]
+    u = (tx * px + ty * py + tz * pz) / det
+    if u < 0.0 or u > 1.0:
+        return -np.inf
+    qx, qy, qz = ty * uz - tz * uy, tz * ux - tx * uz, tx * uy - ty * ux
+    v = (d[0] * qx + d[1] * qy + d[2] * qz) / det
+    if v < 0.0 or u + v > 1.0:
+        return -np.inf
+    return (wx * qx + wy * qy + wz * qz) / det

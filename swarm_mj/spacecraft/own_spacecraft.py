@@ -197,7 +197,7 @@ def _read(path: Path, model: mujoco.MjModel, planned: SpacecraftProperties) -> O
     start = _start(model)
     found = measure(model, name_of(model, "body", hub), wheels, start[0])
     properties = _properties(model, wheels, found, planned)
-    strength = 0.0 if planned.thrusters is None else _strength(model, hub, planned.thrusters.propellant)
+    strength = 0.0 if planned.thrusters is None else _strength(model, hub, planned.thrusters.propellant_kg)
     others = [
         j for j in range(model.njnt) if j not in joints_of(model, hub) and name_of(model, "joint", j) not in wheels
     ]

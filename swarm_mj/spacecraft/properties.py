@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from swarm_mj.spacecraft.thrusters import Thrusters
+from swarm_mj.scenarios.schema_propulsion import Thrusters
 from swarm_mj.typing import Array
 
 #: The three wheels stand on the z axis, one third below, at and above the centre of mass, so that theirs is there too.

@@ -1,4 +1,4 @@
-"""Cold-gas thrusters: their numbers, where nozzles stand, and how a wished force is shared among them.
+"""Cold-gas thrusters: where nozzles stand, and how a wished force is shared among them.
 
 Every nozzle is a site of the hub whose name begins with `thruster_`. Gas leaves along the site's +z axis, the direction in
 which the nozzle points, and pushes the spacecraft the other way.
@@ -18,8 +18,6 @@ from swarm_mj.errors import MissionError
 from swarm_mj.spacecraft.elements import name_of, title_of
 from swarm_mj.typing import Array
 
-#: By which specific impulses are defined [m/s^2].
-STANDARD_GRAVITY = 9.80665
 #: How the names of nozzles begin.
 NOZZLE = "thruster_"
 #: Cant of the nozzles of `four_z` [rad]: their gas clears whatever stands beside the module, and 3 % of the thrust is lost.
@@ -32,30 +30,6 @@ THRUST_WEIGHT = 1e-6
 MOST_TRIED = 8
 #: A direction is reached where the force comes so close to the wish, relative to it.
 REACHED = 1e-3
-
-
-@dataclass(frozen=True, kw_only=True)
-class Thrusters:
-    """What a scenario says of the thrusters.
-
-    Attributes:
-        layout: six, four_z, or sites, see `packaged_nozzles`.
-        thrust: Of one nozzle [N].
-        specific_impulse: [s].
-        propellant: In the tank at the start [kg].
-        min_impulse_bit: Of a nozzle's shortest pulse [N s].
-    """
-
-    layout: str
-    thrust: float
-    specific_impulse: float
-    propellant: float
-    min_impulse_bit: float
-
-    @property
-    def exhaust_speed(self) -> float:
-        """Thrust over mass flow, g0 I_sp [m/s]."""
-        return STANDARD_GRAVITY * self.specific_impulse
 
 
 @dataclass(frozen=True)

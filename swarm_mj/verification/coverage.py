@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import closing
 from functools import partial
 
 import numpy as np
@@ -61,7 +62,7 @@ def ray_areas(bench: Bench) -> Array:
 
 def drawn_areas(drawing: Drawing, bench: Bench) -> Array:
     """The same of face-ID buffers."""
-    with draw_with(drawing, bench.once(eros_target), camera()) as observer:
+    with closing(draw_with(drawing, bench.once(eros_target), camera())) as observer:
         return _areas(observer, bench)
 
 
@@ -96,7 +97,7 @@ def pixels_differ(drawing: Drawing, bench: Bench) -> float:
     across = camera().tan_half_angle * ((np.arange(RESOLUTION_PX) + 0.5) * 2.0 / RESOLUTION_PX - 1.0)
     right, up = np.meshgrid(across, across)
     rays_C = np.stack([right, -up, np.ones_like(up)], axis=-1).reshape(-1, 3)
-    with draw_with(drawing, region, camera()) as observer:
+    with closing(draw_with(drawing, region, camera())) as observer:
         for pose in bench.once(views)[:2]:
             expected = tracer.first_hit(pose.r_A, rays_C @ pose.C_CA) + 1
             wrong.append(float(np.mean(observer.face_ids(pose).ravel() != expected)))
@@ -112,7 +113,7 @@ def footprint_error(observer: str, bench: Bench) -> float:
     if observer == "rays":
         fraction = RayCastObserver(region, cone, samples=64).visible_fraction(pose.r_A, pose.C_CA)
     else:
-        with draw_with("opengl" if observer == "faceid" else "compiled", region, cone) as buffers:
+        with closing(draw_with("opengl" if observer == "faceid" else "compiled", region, cone)) as buffers:
             fraction = buffers.visible_fraction(pose.r_A, pose.C_CA)
     half = np.radians(BALL_HALF_ANGLE_DEG)
     cap = np.arcsin(BALL_DISTANCE_M / BALL_RADIUS_M * np.sin(half)) - half

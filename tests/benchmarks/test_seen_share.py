@@ -1,6 +1,7 @@
 """The seen share of the target, by which the benchmarked observers are judged."""
 
 import sys
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -60,7 +61,7 @@ def test_a_mesh_too_fine_for_polygons_is_judged_by_rays(shape, region, poses, mo
 def test_pixels_tell_the_same_share_whoever_finds_the_faces(shape, region, poses):
     truth = seen_share.judged(RayCastObserver(region, CAMERA, samples=256), poses)
     scene = embree_scene(region)
-    with FaceIdObserver(region, CAMERA, crop=False, drawing="compiled") as observer:
+    with closing(FaceIdObserver(region, CAMERA, crop=False, drawing="compiled")) as observer:
         drawn = [count_drawn(observer, pose, region) for pose in poses]
     traced = [count_pixels(scene.run, *pixel_rays(pose, CAMERA), region) for pose in poses]
     by_drawing, by_peer = (seen_share.shares_by_pixels(counts, region, CAMERA, poses) for counts in (drawn, traced))

@@ -8,7 +8,7 @@ from swarm_mj.envs.policies.planner import NEAR, Planner, count_pixels, pictures
 
 from swarm_mj.coordination.allocation.greedy import greedy
 from swarm_mj.observation.camera import look_at
-from swarm_mj.observation.capture import keeps_limits, pixels_on, sight
+from swarm_mj.observation.capture import keeps_limits, limits_of, pixels_on, sight
 from tests.coordination.allocation.cases import can_be_taken
 
 from .test_leaderboard import ONE
@@ -45,7 +45,7 @@ def test_what_pictures_would_show_is_what_the_observer_sees_of_them(test):
     pixels = np.zeros((2, 1, len(aims), region.n_cells), np.float32)
     places, cameras = np.tile(place, (1, 2, 1)), np.tile(start, (2, 1, 1))
     count_pixels(mission.scene, places, cameras, aims, np.array([True, False]), np.ones(region.n_cells, bool), pixels)
-    limits = mission.criterion.limits(mission.observer.camera)
+    limits = limits_of(mission.criterion, mission.observer.camera)
     distance, height = sight(region, place)
     for k, aim in enumerate(aims):
         C_CA = np.empty((3, 3))

@@ -10,7 +10,7 @@ import swarm_mj as sm
 from swarm_mj.coordination.allocation.greedy import greedy
 from swarm_mj.coordination.replanning import problem_of
 from swarm_mj.flight.encounter_table import encounter_of, track_of
-from swarm_mj.flight.observe import camera_from, criterion_from
+from swarm_mj.flight.observe import camera_from
 from swarm_mj.flight.plan import make_plan
 from swarm_mj.mission.trajectories import propagate
 from swarm_mj.observation.camera import look_at
@@ -62,7 +62,7 @@ def test_pictures_as_planned_show_what_the_table_says():
     for agent, taken in enumerate(found.pictures):
         for slot, aim in taken:
             pose = look_at(track.r_A[slot, agent], encounter.aims_A[aim], roll=0.7)
-            seen |= observe(observer, pose.r_A, pose.C_CA, criterion_from(plan().scenario), track.sun_A[slot])
+            seen |= observe(observer, pose.r_A, pose.C_CA, plan().scenario.observation, track.sun_A[slot])
     assert plan().region.area[seen].sum() == pytest.approx(found.value, rel=0.02)  # another observer, another angle
 
 

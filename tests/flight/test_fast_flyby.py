@@ -10,7 +10,7 @@ from swarm_mj.designer.candidates.flights import fly_candidates
 from swarm_mj.designer.candidates.pictures import Judge, Watcher
 from swarm_mj.designer.candidates.visibility import imaging_model_from
 from swarm_mj.flight.fly import asteroid_attitudes, simulate
-from swarm_mj.flight.observe import camera_from, criterion_from, observe_flight
+from swarm_mj.flight.observe import camera_from, observe_flight
 from swarm_mj.flight.plan import make_plan
 from swarm_mj.observation.smear import CameraMotion, smear_px
 from swarm_mj.records.summary import summarise
@@ -138,7 +138,7 @@ def test_the_designer_judges_smear_by_the_commanded_rates():
             FLYBY, parse_overrides([f"observation.max_smear_px={limited}", "observation.criterion=visit"])
         )
         flights = fly_candidates(scenario)
-        with Judge(flights.plan.region, imaging_model_from(scenario), criterion_from(scenario), workers=1) as judge:
+        with Judge(flights.plan.region, imaging_model_from(scenario), scenario.observation, workers=1) as judge:
             seen[limited] = dict(judge.seen([Watcher(flights, 0)]))[0]
     (k,) = np.flatnonzero(flights.counts)
     motion = CameraMotion(flights.v_A[k, 0], flights.omega_C[k, 0])

@@ -7,9 +7,9 @@ from scipy.spatial.transform import Rotation
 from swarm_mj.mission.behaviors import TargetKind, looks_at_body
 from swarm_mj.observation.camera import CameraModel, Optics, in_field_of_view
 from swarm_mj.observation.capture import (
-    ObservationCriterion,
     PictureSchedule,
     keeps_limits,
+    limits_of,
     pictures,
     pixels_on,
     shows_enough,
@@ -18,6 +18,7 @@ from swarm_mj.observation.capture import (
 )
 from swarm_mj.observation.horizon import HorizonObserver
 from swarm_mj.observation.horizon_kernels import make_scene
+from swarm_mj.scenarios.schema_imaging import Observation
 from swarm_mj.typing import kernel
 
 from .scenes import eros_target
@@ -75,8 +76,8 @@ def test_rules_in_arrays_are_bit_for_bit_those_in_compiled_code():
     n = 20_000
     distance = rng.uniform(1e4, 2e4, n)
     height = distance * rng.uniform(-0.2, 1.0, n)
-    criterion = ObservationCriterion(max_emission_deg=50.0, max_range_m=17e3, max_gsd_m=3.0, min_fraction=0.28)
-    limits = criterion.limits(CameraModel(half_angle_deg=2.5))
+    criterion = Observation(max_emission_deg=50.0, max_range_m=17e3, max_gsd_m=3.0, min_fraction=0.28)
+    limits = limits_of(criterion, CameraModel(half_angle_deg=2.5))
     x, y, z = rng.normal(size=(3, n)) * [[1.0], [1.0], [3.0]]
     optics, share = Optics(0.3, True), rng.integers(0, 26, n) / 25
     kinds, camera_on = rng.integers(0, 5, n), rng.random(n) < 0.5
@@ -116,7 +117,7 @@ def test_rules_in_arrays_are_bit_for_bit_those_in_compiled_code():
 )
 def test_compiled_code_asks_for_as_many_sample_points_as_the_share_does(criterion, needed):
     observer = HorizonObserver(eros_target(), CameraModel(), samples=25)
-    given = ObservationCriterion(**criterion)
+    given = Observation(**criterion)
     assert make_scene(observer, given).samples == needed
-    enough = shows_enough(given.limits(observer.camera), np.arange(26) / 25)
+    enough = shows_enough(limits_of(given, observer.camera), np.arange(26) / 25)
     assert enough.tolist() == [False] * needed + [True] * (26 - needed)

@@ -1,6 +1,7 @@
 """Face-ID observers, by OpenGL and by compiled code, against exact polygon clipping, closed forms and double-precision rays."""
 
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
 from functools import partial
 
 import numpy as np
@@ -42,7 +43,7 @@ def rms(values):
 
 @pytest.mark.parametrize("crop", [True, False])
 def test_seen_area_agrees_with_the_oracle_over_thirty_random_views(crop, face_id):
-    with face_id(eros_target(), CameraModel(resolution_px=512), crop=crop) as observer:
+    with closing(face_id(eros_target(), CameraModel(resolution_px=512), crop=crop)) as observer:
         error = errors_percent(observer, 30, seed=1)
     assert rms(error) < 1.0
     assert np.abs(error).max() < 4.0
@@ -50,7 +51,7 @@ def test_seen_area_agrees_with_the_oracle_over_thirty_random_views(crop, face_id
 
 @pytest.mark.parametrize("shape", ["square", "cone"])
 def test_seen_area_agrees_with_the_oracle_where_the_field_of_view_cuts_the_target(shape, face_id):
-    with face_id(eros_target(600.0), CameraModel(shape=shape)) as observer:
+    with closing(face_id(eros_target(600.0), CameraModel(shape=shape))) as observer:
         error = errors_percent(observer, 30, seed=2, off_deg=25.0)
     assert rms(error) < 0.5
     assert np.abs(error).max() < 2.0
@@ -58,7 +59,7 @@ def test_seen_area_agrees_with_the_oracle_where_the_field_of_view_cuts_the_targe
 
 def test_any_pixel_overstates_and_half_the_pixels_does_not(face_id):
     views = dict(seed=2, off_deg=25.0)
-    with face_id(eros_target(), CameraModel()) as observer:
+    with closing(face_id(eros_target(), CameraModel())) as observer:
         any_pixel = errors_percent(observer, 30, seen_from=1e-12, **views)
         half = errors_percent(observer, 30, **views)
     assert any_pixel.min() > -1e-6
@@ -89,7 +90,7 @@ def test_slivers_of_the_clipping_are_smaller_than_a_pixel_and_still_seen(face_id
     region, camera = eros_target(), CameraModel(resolution_px=128)
     pose = look_at([0.0, 21e3, 0.0], [0.0, 0.0, 0.0])
     pixel = (15e3 * camera.pixel_angle) ** 2
-    with face_id(region, camera, crop=False) as observer:
+    with closing(face_id(region, camera, crop=False)) as observer:
         fraction = observer.visible_fraction(pose.r_A, pose.C_CA)
     assert (region.area < 0.5 * pixel).sum() > 10
     assert (fraction >= 0.5).all()
@@ -102,7 +103,7 @@ def test_each_pixel_shows_the_face_that_a_double_precision_ray_hits(face_id):
     x = (np.arange(64) + 0.5) / 32 - 1
     u, v = np.meshgrid(x, -x)  # bottom row first, y down
     rays = np.column_stack([u.ravel(), v.ravel(), np.full(64 * 64, 1 / camera.tan_half_angle)]) @ pose.C_CA
-    with face_id(region, camera) as observer:
+    with closing(face_id(region, camera)) as observer:
         drawn = observer.face_ids(pose).astype(int).ravel() - 1
     hit = tracer.first_hit(pose.r_A, rays)
     assert (hit >= 0).mean() > 0.1
@@ -116,7 +117,7 @@ def test_depth_is_resolved_from_close_by_and_from_far_away(altitude, face_id):
     up = ground / np.linalg.norm(ground)
     pose = look_at(ground + altitude * up, ground + [300.0, 0.0, 100.0])
     rays = RayCastObserver(region, camera, samples=64).visible_fraction(pose.r_A, pose.C_CA)
-    with face_id(region, camera) as observer:
+    with closing(face_id(region, camera)) as observer:
         drawn = observer.visible_fraction(pose.r_A, pose.C_CA)
     assert rays.max() > 0.0
     assert np.abs(drawn - rays) @ region.area < 0.05 * (rays @ region.area)
@@ -130,7 +131,7 @@ def test_a_cone_sees_pi_quarters_of_the_square(face_id):
     pose = look_at([1.7, 4.0, 1.7], [1.7, 0.0, 1.7])  # beside the plate, 2 above the ground
     seen = []
     for shape in ("square", "cone"):
-        with face_id(region, CameraModel(half_angle_deg=25.0, shape=shape)) as observer:
+        with closing(face_id(region, CameraModel(half_angle_deg=25.0, shape=shape))) as observer:
             seen.append(region.area @ (observer.visible_fraction(pose.r_A, pose.C_CA) >= 0.5))
     side = 2 * 2 * np.tan(np.radians(25))
     assert seen == pytest.approx([side**2, np.pi / 4 * side**2], rel=0.01)
@@ -139,14 +140,14 @@ def test_a_cone_sees_pi_quarters_of_the_square(face_id):
 def test_a_plate_hides_its_central_projection(face_id):
     region = ground_with_plate()
     pose = look_at([0.0, 7.0, 0.0], [0.0, 0.0, 0.0], roll=0.3)
-    with face_id(region, CameraModel(half_angle_deg=60.0, resolution_px=1024)) as observer:
+    with closing(face_id(region, CameraModel(half_angle_deg=60.0, resolution_px=1024))) as observer:
         fraction = observer.visible_fraction(pose.r_A, pose.C_CA)
     hidden = region.area @ (on_ground(region) & (fraction < 0.5))
     assert hidden == pytest.approx((5 / 4) ** 2, rel=0.02)
 
 
 def test_a_target_outside_the_picture_or_behind_the_camera_is_not_seen(face_id):
-    with face_id(eros_target(), CameraModel()) as observer:
+    with closing(face_id(eros_target(), CameraModel())) as observer:
         away = look_at([0.0, 21e3, 0.0], [0.0, 42e3, 0.0])
         beside = look_at([0.0, 21e3, 0.0], [60e3, 0.0, 0.0])
         far_side = look_at([0.0, -21e3, 0.0], [0.0, 0.0, 0.0])
@@ -156,7 +157,7 @@ def test_a_target_outside_the_picture_or_behind_the_camera_is_not_seen(face_id):
 
 def test_the_same_picture_twice_is_bit_equal(face_id):
     pose = random_views(1, seed=3)[0]
-    with face_id(eros_target(600.0), CameraModel()) as observer:
+    with closing(face_id(eros_target(600.0), CameraModel())) as observer:
         first = observer.visible_fraction(pose.r_A, pose.C_CA)
         observer.visible_fraction(-pose.r_A, pose.C_CA)
         assert (observer.visible_fraction(pose.r_A, pose.C_CA) == first).all()
@@ -224,7 +225,7 @@ def test_compiled_drawing_works_in_any_thread():
     region, pose = eros_target(), look_at([0.0, 21e3, 0.0], [0.0, 0.0, 0.0])
 
     def look(_):
-        with FaceIdObserver(region, CameraModel(), drawing="compiled") as observer:
+        with closing(FaceIdObserver(region, CameraModel(), drawing="compiled")) as observer:
             return observer.visible_fraction(pose.r_A, pose.C_CA)
 
     with ThreadPoolExecutor(4) as pool:

@@ -1,5 +1,7 @@
 """Compiled drawing, counting and sampling against brute force in plain numpy: all faces at all pixels, all rays one by one."""
 
+from contextlib import closing
+
 import numpy as np
 import pytest
 
@@ -117,7 +119,7 @@ def drawing(request):
 def test_no_pixel_of_a_cell_is_missed_when_they_are_counted(resolution, shape, crop, drawing):
     region, camera = eros_target(), CameraModel(resolution_px=resolution, shape=shape)
     counted = 0
-    with FaceIdObserver(region, camera, crop=crop, drawing=drawing) as observer:
+    with closing(FaceIdObserver(region, camera, crop=crop, drawing=drawing)) as observer:
         for pose in random_views(8, seed=6, off_deg=20.0):
             fraction = observer.visible_fraction(pose.r_A, pose.C_CA)
             cells = project(pose.to_camera(region.corners_A), camera)
@@ -136,7 +138,7 @@ def test_no_pixel_of_a_cell_is_missed_when_they_are_counted(resolution, shape, c
 
 def test_thin_cells_are_counted_over_the_whole_picture_with_the_same_result(drawing, monkeypatch):
     region, pose = eros_target(600.0), random_views(1, seed=6)[0]
-    with FaceIdObserver(region, CameraModel(), drawing=drawing) as observer:
+    with closing(FaceIdObserver(region, CameraModel(), drawing=drawing)) as observer:
         in_boxes = observer.visible_fraction(pose.r_A, pose.C_CA)
         monkeypatch.setattr(faceid, "MAX_BOX_PIXELS", 0.0)
         monkeypatch.setattr(faceid, "count_pixels", None)
@@ -179,7 +181,7 @@ def test_every_sliver_is_judged_by_sixteen_rays_of_its_own(shape, drawing):
     region, camera = eros_target(), CameraModel(resolution_px=300, shape=shape)
     tracer = RayTracer(region.vertices, region.faces, use_embree=False)
     judged = shared = 0
-    with FaceIdObserver(region, camera, crop=False, drawing=drawing) as observer:
+    with closing(FaceIdObserver(region, camera, crop=False, drawing=drawing)) as observer:
         observer.tracer = tracer
         for pose in random_views(5, seed=12, spread_deg=80.0, off_deg=25.0):
             cells = project(pose.to_camera(region.corners_A), camera)

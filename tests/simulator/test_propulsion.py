@@ -11,7 +11,9 @@ from scipy.spatial.transform import Rotation
 from swarm_mj.errors import PluginError, SimulationError
 from swarm_mj.flight.environment import environment_from
 from swarm_mj.mission.behaviors import Targets
+from swarm_mj.scenarios.constants import STANDARD_GRAVITY
 from swarm_mj.scenarios.loading import load_scenario
+from swarm_mj.scenarios.schema_propulsion import Thrusters
 from swarm_mj.simulator.fault_injection import NOTHING
 from swarm_mj.simulator.propulsion import logarithmic_mean
 from swarm_mj.simulator.simulation import Simulation
@@ -19,11 +21,10 @@ from swarm_mj.simulator.state import InitialState
 from swarm_mj.spacecraft.control.force import SumOfForces
 from swarm_mj.spacecraft.model import build_model
 from swarm_mj.spacecraft.properties import SpacecraftProperties
-from swarm_mj.spacecraft.thrusters import STANDARD_GRAVITY, Thrusters
 
 from .flying import numbers_of
 
-COLD_GAS = Thrusters(layout="six", thrust=0.055, specific_impulse=65.0, propellant=0.2, min_impulse_bit=0.0)
+COLD_GAS = Thrusters(min_impulse_bit_n_s=0.0)
 
 
 class NoTorque:
@@ -111,7 +112,7 @@ SPACECRAFT = {
 @pytest.mark.parametrize("name", SPACECRAFT)
 def test_a_flight_obeys_the_rocket_equation_until_the_tank_is_empty(eros, surroundings, name):
     properties, keys = SPACECRAFT[name]
-    gas = replace(COLD_GAS, thrust=2.0)  # a tank of 64 s
+    gas = COLD_GAS.model_copy(update={"thrust_n": 2.0})  # a tank of 64 s
     flight = swarm(eros, surroundings, Push([0.0, 0.0, 2.0]), properties=properties, thrusters=gas, **keys)
     before = velocity(flight)
     flight.fly(100)
@@ -142,7 +143,7 @@ def test_a_flight_obeys_the_rocket_equation_until_the_tank_is_empty(eros, surrou
 
 
 def test_spacecraft_and_gas_together_keep_their_momentum(eros, surroundings):
-    thrusters = replace(COLD_GAS, thrust=0.5)
+    thrusters = COLD_GAS.model_copy(update={"thrust_n": 0.5})
     spin = {"omega_BN_B": np.array([[0.01, -0.02, 0.03]])}
     flight = swarm(eros, surroundings, Push([0.2, -0.1, 0.15]), thrusters=thrusters, start=spin)
     mass, v = flight.propulsion.mass, velocity(flight)
@@ -166,7 +167,7 @@ def shifted(model):
 
 @pytest.mark.parametrize("stepper", ["mujoco", "kernel"])
 def test_a_nozzle_off_the_centre_of_mass_turns_the_spacecraft_as_the_closed_form_says(eros, surroundings, stepper):
-    gas = replace(COLD_GAS, specific_impulse=1e9)  # the tank stays full
+    gas = COLD_GAS.model_copy(update={"specific_impulse_s": 1e9})  # the tank stays full
     along_x = Turning()
     flight = swarm(eros, surroundings, along_x, thrusters=gas, change=shifted, stepper=stepper)
     flight.fly(120)
@@ -221,7 +222,12 @@ def test_a_thrusting_flight_near_eros_agrees_with_dop853_of_a_falling_mass(eros,
 
 
 def test_the_hub_s_inertia_falls_with_its_mass(eros, surroundings):
-    flight = swarm(eros, surroundings, Push([0.0, 0.0, 5.0]), thrusters=replace(COLD_GAS, thrust=5.0, propellant=2.0))
+    flight = swarm(
+        eros,
+        surroundings,
+        Push([0.0, 0.0, 5.0]),
+        thrusters=COLD_GAS.model_copy(update={"thrust_n": 5.0, "propellant_kg": 2.0}),
+    )
     hub = flight.model.hub_body[0]
     mass, inertia = flight.model.mjmodel.body_mass[hub], flight.model.mjmodel.body_inertia[hub].copy()
     flight.fly(600)
@@ -248,7 +254,7 @@ def test_a_wish_beyond_the_nozzles_is_cut_and_keeps_its_direction(eros, surround
 
 
 def test_a_pulse_is_at_least_the_shortest_one_or_none(eros, surroundings):
-    bit = replace(COLD_GAS, min_impulse_bit=0.001)  # 2 mN over half a second
+    bit = COLD_GAS.model_copy(update={"min_impulse_bit_n_s": 0.001})  # 2 mN over half a second
     flight = swarm(eros, surroundings, Push([0.0009, 0.0011, 0.004]), thrusters=bit)
     flight.decide()
     assert flight.propulsion.force_N[0] == pytest.approx([0.0, 0.002, 0.004], rel=1e-6, abs=1e-12)
@@ -274,7 +280,7 @@ def test_what_a_force_law_must_not_answer_is_told(eros, surroundings):
     with pytest.raises(PluginError, match=r"have no thrusters; give spacecraft\.thrusters"):
         swarm(eros, surroundings, Push([0.0, 0.0, 0.0]), thrusters=None)
     with pytest.raises(SimulationError, match=r"propellant_kg = 7\.7: must be below the hub's 7\.61 kg"):
-        swarm(eros, surroundings, None, thrusters=replace(COLD_GAS, propellant=7.7))
+        swarm(eros, surroundings, None, thrusters=COLD_GAS.model_copy(update={"propellant_kg": 7.7}))
 
 
 def test_the_logarithmic_mean_is_the_same_by_its_series():

@@ -8,9 +8,10 @@ from scipy.optimize import nnls
 from swarm_mj.errors import MissionError, ScenarioError
 from swarm_mj.flight.spacecraft import own_spacecraft_from
 from swarm_mj.scenarios.loading import load_scenario, parse_overrides
+from swarm_mj.scenarios.schema_propulsion import Thrusters
 from swarm_mj.spacecraft.properties import SpacecraftProperties
 from swarm_mj.spacecraft.template import HUB, make_template
-from swarm_mj.spacecraft.thrusters import CANT, Allocation, Nozzles, Thrusters, packaged_nozzles, read_nozzles
+from swarm_mj.spacecraft.thrusters import CANT, Allocation, Nozzles, packaged_nozzles, read_nozzles
 
 SIZE = (0.1, 0.1, 0.34)
 
@@ -60,7 +61,7 @@ def test_six_nozzles_push_anywhere_without_torque_and_four_along_z():
 @pytest.mark.parametrize("layout", ["six", "four_z"])
 @pytest.mark.parametrize("wheels", ["orthogonal", "pyramid"])
 def test_the_template_has_a_site_for_every_nozzle_whose_z_axis_is_where_gas_leaves(layout, wheels):
-    gas = Thrusters(layout=layout, thrust=0.05, specific_impulse=65.0, propellant=0.1, min_impulse_bit=0.0)
+    gas = Thrusters(layout=layout, thrust_n=0.05, propellant_kg=0.1, min_impulse_bit_n_s=0.0)
     properties = SpacecraftProperties(thrusters=gas, wheel_layout=wheels)
     model = make_template(properties, 0.1, 20.0).compile()
     found = read_nozzles(model, model.body(HUB).id)

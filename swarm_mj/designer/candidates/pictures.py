@@ -23,10 +23,11 @@ from swarm_mj.io.machine import usable_cores
 from swarm_mj.io.workers import run_jobs
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.camera import CameraModel
-from swarm_mj.observation.capture import ObservationCriterion, cells_that_count, lit_cells, visible_share
+from swarm_mj.observation.capture import cells_that_count, lit_cells, visible_share
 from swarm_mj.observation.observer import Observer, ObserverKind, make_observer
 from swarm_mj.observation.reach import cells_of, in_reach, reach_of
 from swarm_mj.observation.smear import CameraMotion, smear_px
+from swarm_mj.scenarios.schema_imaging import Observation
 from swarm_mj.typing import Array, Indices, Mask
 
 Progress = Callable[[float], None]
@@ -203,7 +204,7 @@ class Judge:
         self,
         region: TargetRegion,
         imaging_model: ImagingModel,
-        criterion: ObservationCriterion,
+        criterion: Observation,
         workers: int | None,
     ) -> None:
         self.region, self.imaging_model, self.criterion, self.workers = region, imaging_model, criterion, workers

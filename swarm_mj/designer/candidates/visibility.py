@@ -15,7 +15,7 @@ from swarm_mj.designer.candidates.flights import CandidateFlights, Unreachable, 
 from swarm_mj.designer.candidates.pictures import ImagingModel, Judge, Progress, Watcher
 from swarm_mj.designer.candidates.thinning import Thinning
 from swarm_mj.flight.environment import load_body_shape
-from swarm_mj.flight.observe import camera_from, criterion_from
+from swarm_mj.flight.observe import camera_from
 from swarm_mj.flight.targets import target_from
 from swarm_mj.io import interruption
 from swarm_mj.mission.deployment import tell_part
@@ -197,7 +197,7 @@ def _judge(scenario: Scenario, flown: Flown, found: _Sightings, workers: int | N
     """Judge all candidates, or with many all that need be."""
     watchers = [Watcher(flights, j) for _, _, flights in flown for j in range(flights.n)]
     with ExitStack() as stack:
-        how = imaging_model_from(scenario), criterion_from(scenario), workers
+        how = imaging_model_from(scenario), scenario.observation, workers
         judges = [stack.enter_context(Judge(region, *how)) for region in found.regions]
         designer = scenario.designer
         if len(watchers) < designer.thin_from or designer.deliver_within_h is not None:
@@ -248,5 +248,5 @@ def imaging_model_from(scenario: Scenario) -> ImagingModel:
         camera=camera,
         kind=observation.observer,
         occlusion=observation.occlusion,
-        whole=criterion_from(scenario).whole,
+        whole=scenario.observation.whole,
     )

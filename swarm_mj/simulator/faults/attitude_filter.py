@@ -41,7 +41,7 @@ from swarm_mj.spacecraft.attitude.algebra import (
     turn,
     vector,
 )
-from swarm_mj.typing import Array, Ints, Mask, inlined, jittable, kernel, lean
+from swarm_mj.typing import Array, Ints, Mask, allocation_free, inlined, jittable, kernel
 
 #: Blocks of a covariance: of the attitude error, of attitude and bias error, of the bias error.
 Covariance: TypeAlias = tuple[Matrix, Matrix, Matrix]
@@ -190,7 +190,7 @@ def sense(tick: int, q_BN: Array, omega_BN_B: Array, period: float, known: Knowl
             known.omega_BN_B[j, k] = known.omega_past[which, j, k]
 
 
-@lean
+@allocation_free
 def estimate(
     q_BN: Array, omega_BN_B: Array, period: float, noise: Array, sensors: Sensors, assumed: Assumed, state: FilterState
 ) -> None:

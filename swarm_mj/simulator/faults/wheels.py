@@ -21,7 +21,7 @@ from swarm_mj.scenarios.schema_faults import WheelFriction, WheelLost, WheelStuc
 from swarm_mj.simulator.faults.schedule import ScheduledFault
 from swarm_mj.spacecraft.attitude.algebra import dot, put_vector, vector
 from swarm_mj.spacecraft.properties import RPM, SpacecraftProperties
-from swarm_mj.typing import Array, Mask, jittable, lean
+from swarm_mj.typing import Array, Mask, allocation_free, jittable
 
 #: A decay of less than this over one hold is treated as none: the closed form would lose its digits.
 _NO_DECAY = 1e-9
@@ -147,7 +147,7 @@ def limited(u: float, speed: float, speed_gain: float, max_torque: float, max_sp
     return min(max(0.0, (max_speed - speed) / speed_gain), max(min(0.0, (-max_speed - speed) / speed_gain), u))
 
 
-@lean
+@allocation_free
 def drive(
     torque_B: Array,
     wheels: WheelState,

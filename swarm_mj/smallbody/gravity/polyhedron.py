@@ -32,7 +32,7 @@ from swarm_mj.smallbody.gravity.spherical_harmonics import SphericalHarmonics, f
 from swarm_mj.smallbody.shape import ShapeModel, directed_edges
 from swarm_mj.smallbody.shape_check import check_surface
 from swarm_mj.smallbody.solid_angle import cast_rays, solid_angle, solid_angles
-from swarm_mj.typing import Array, Ints, Ints32, jittable, kernel, lean
+from swarm_mj.typing import Array, Ints, Ints32, allocation_free, jittable, kernel
 
 #: Bound on the argument of the wire's logarithm: keeps 0 times infinity at 0 for points on an edge.
 MIN_WIRE_GAP = 1e-300
@@ -297,7 +297,7 @@ def _share_of_far(r: Array, radius: float) -> float:
     return (np.sqrt(x * x + y * y + z * z) / radius - first) / (last - first)
 
 
-@lean
+@allocation_free
 def any_far(r_A: Array, radius: float) -> bool:
     """Whether the harmonics have a share in the attraction at any of the places, shape (n, 3) [m]."""
     for i in range(r_A.shape[0]):
@@ -306,7 +306,7 @@ def any_far(r_A: Array, radius: float) -> bool:
     return False
 
 
-@lean
+@allocation_free
 def write_near_and_far(r_A: Array, body: Elements, cell: float, known: Array, a_A: Array) -> None:
     """Put the attraction of the polyhedron in the place of its harmonics, wherever these do not hold alone.
 

@@ -33,7 +33,7 @@ from swarm_mj.spacecraft.attitude.algebra import (
     vector,
     z_axis,
 )
-from swarm_mj.typing import Array, Mask, jittable, kernel, lean
+from swarm_mj.typing import Array, Mask, allocation_free, jittable, kernel
 
 #: Bodies closer than this [m] have no line of sight: spacecraft leave the mothership from one point.
 COINCIDENCE_DISTANCE: Final = 1.0
@@ -87,7 +87,7 @@ class TrackingError(NamedTuple):
     domega_RN_B: Array
 
 
-@lean
+@allocation_free
 def track_line_of_sight(sight: LineOfSight, q_BN: Array, restart: Mask, reference: Reference) -> None:
     """Carry the references of n spacecraft to the present line of sight.
 
@@ -111,7 +111,7 @@ def track_line_of_sight(sight: LineOfSight, q_BN: Array, restart: Mask, referenc
         put_vector(reference.los_N, i, los)
 
 
-@lean
+@allocation_free
 def attitude_error(q_BN: Array, omega_BN_B: Array, reference: Reference, error: TrackingError) -> None:
     """Compare n bodies with their references.
 

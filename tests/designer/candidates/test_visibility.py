@@ -15,7 +15,7 @@ from swarm_mj.designer.exact import solve_exact
 from swarm_mj.designer.problem import CoverProblem
 from swarm_mj.errors import MissionError, PathError, ScenarioError
 from swarm_mj.flight.fly import simulate
-from swarm_mj.flight.observe import criterion_from, observe_flight
+from swarm_mj.flight.observe import observe_flight
 from swarm_mj.flight.plan import make_plan
 from swarm_mj.io import workers
 from swarm_mj.mission.trajectories import NO_TRAJECTORY
@@ -191,7 +191,7 @@ def test_candidates_are_judged_as_the_pictures_of_a_flight_are(flights, criterio
     told = scenario(f"observation.observer={observer}", f"observation.{criterion}", "observation.interval_s=120")
     few, model, region = fly_candidates(told), imaging_model_from(told), flights.plan.region
     seen, environment = seen_cells(told, few, region, model), few.plan.environment
-    judge, rule = model.open(region), criterion_from(told)
+    judge, rule = model.open(region), told.observation
     for j in range(0, few.n, 5):
         expected = np.zeros(region.n_cells, bool)
         for k in np.flatnonzero(few.observing[:, j] & few.counts):
