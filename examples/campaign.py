@@ -2,9 +2,6 @@
 
 import swarm_mj as sm
 
-if __name__ == "__main__":  # the flights run in processes of their own
-    table = sm.campaign("eros-losses", runs=4)  # enough to see it work; the page on robustness has 1,000
-    print(f"{len(table)} flights, of which {(table.status == 'ok').sum()} went through")
-    print(
-        table.groupby("scenario")["coverage_percent"].describe()[["count", "min", "mean", "max"]].round(2).to_string()
-    )
+table = sm.campaign("eros-losses", runs=4)  # enough to see it work; the page on robustness has 1,000
+print(f"{len(table)} flights, of which {(table.status == 'ok').sum()} went through")
+print(table.groupby("scenario")["coverage_percent"].describe()[["count", "min", "mean", "max"]].round(2).to_string())

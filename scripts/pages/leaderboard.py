@@ -128,14 +128,13 @@ are in `docs/results/leaderboard.json`. +-: 95 % intervals.
 
     swarm-mj score policy.npz                   # or .onnx, or .zip of stable-baselines3
     swarm-mj score greedy policy.onnx --out scores.json
-    swarm-mj score --env SwarmObserve-v0 greedy trained   # that environment's own test episodes
 
 `.npz` is what the programs of `examples/learning` write; `.onnx` needs the extra `onnx`, and takes `observation` (E, F) and, if
 it likes, `action_mask` (E, n, C), and answers with choices or logits; `.zip` is what `PPO.save` of stable-baselines3 or
 `MaskablePPO.save` of sb3-contrib writes and needs the extra `rl`. Reading a zip executes what is pickled in it. A file tells
 what it was trained for, and is refused by name where environment, layout of the observation, `max_spacecraft`, `patches` or
-`decision_s` differ. What a file does not tell (a zip of stable-baselines3, an `.onnx` without metadata) is judged by its sizes;
-`policies.policy_files.tell_in_zip` adds it.
+`decision_s` differ; one that reads choice by choice flies with any `max_spacecraft` and `patches`. What a file does not tell
+(a zip of stable-baselines3, an `.onnx` without metadata) is judged by its sizes; `policies.policy_files.tell_in_zip` adds it.
 """
 
 

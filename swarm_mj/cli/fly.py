@@ -50,8 +50,8 @@ def add(commands: argparse._SubParsersAction) -> None:
     fly.add_argument(
         "--policy",
         metavar="NAME_OR_FILE",
-        help="who points at what: a policy file of examples/train_sb3.py, trained (the packaged one), body_centre, "
-        "target_centre, sweep, greedy or greedy_ahead",
+        help="who points at what: sweep, greedy, greedy_ahead, trained (the packaged network), or a file as `swarm-mj score` "
+        "takes them",
     )
     add_common(fly, seed_of="the random initial attitudes")
     fly.add_argument("--no-report", action="store_true", help="write no report.html")
