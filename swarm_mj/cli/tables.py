@@ -69,7 +69,7 @@ _ROWS: dict[str, Callable[[dict[str, Any]], str]] = {
     "observed area P_TO [%]": lambda s: f"{s['coverage_percent']:.2f}",
     "the same, whole passage [%]": lambda s: f"{s['coverage_percent_passage']:.2f}",
     "of the target delivered to Earth [%]": _delivered,
-    "map complete on Earth, t [s]; at the earliest": _complete,
+    "map complete on Earth, t [s]; by the best of these slots": _complete,
     "GSD where it counts, min / median / max [m]": _sampled,
     "pointing error before a switch, at most [deg]": lambda s: _worst(s["pointing_error_deg_before_switch"]),
     "pointing error at the visit, at most [deg]": lambda s: _worst(s.get("pointing_error_deg_visit", {})),

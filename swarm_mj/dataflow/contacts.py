@@ -100,6 +100,8 @@ class Contacts:
         edges_s: Edges of the slots past the epoch [s], shape (T + 1,).
         swarm_bit: Most that spacecraft i could send to j in a slot [bit], shape (T, n, n).
         earth_bit: Most that Earth could hear of i in a slot [bit], shape (T, n).
+        peak_bit: What the best instant of the slot would carry if it lasted the whole slot, to each spacecraft and, in the last
+            column, to Earth [bit], shape (T, n, n + 1).
         station: Number of the station that hears i, -1 where none does, shape (T, n).
         light_time_s: Of the way to Earth, shape (T,).
         why_swarm: `Obstacle` of each link at the middle of the slot, shape (T, n, n).
@@ -110,6 +112,7 @@ class Contacts:
     edges_s: Array
     swarm_bit: NDArray[np.int64]
     earth_bit: NDArray[np.int64]
+    peak_bit: NDArray[np.int64]
     station: NDArray[np.int64]
     light_time_s: Array
     why_swarm: NDArray[np.int8]
@@ -142,13 +145,15 @@ def find_contacts(
     """
     slots, n = len(edges_s) - 1, instants.works.shape[1]
     per_slot = len(instants.t) // slots
-    bit, obstacle = np.zeros((slots, n, n + 1)), np.zeros((slots, n, n + 1), np.int8)
+    bit, peak, obstacle = *np.zeros((2, slots, n, n + 1)), np.zeros((slots, n, n + 1), np.int8)
     heard_by, middle = np.full((slots, n), -1, np.int64), np.arange(slots) * per_slot + per_slot // 2
     rate, why = np.zeros((n, n + 1)), np.zeros((n, n + 1), np.int8)
     for k in range(slots * per_slot):
         slot = k // per_slot
         link_rates(radios, body, instants.at(k), int(heard.station[k]), rate, why)
-        bit[slot] += (edges_s[slot + 1] - edges_s[slot]) / per_slot * rate
+        duration = edges_s[slot + 1] - edges_s[slot]
+        bit[slot] += duration / per_slot * rate
+        peak[slot] = np.maximum(peak[slot], duration * rate)
         if k == middle[slot]:
             obstacle[slot] = why
         heard_by[slot] = np.where(rate[:, n] > 0.0, heard.station[k], heard_by[slot])
@@ -158,6 +163,7 @@ def find_contacts(
         edges_s=edges_s,
         swarm_bit=whole[:, :, :n].copy(),
         earth_bit=whole[:, :, n].copy(),
+        peak_bit=np.ceil(peak).astype(np.int64),
         station=heard_by,
         light_time_s=heard.light_time_s[middle],
         why_swarm=obstacle[:, :, :n].copy(),

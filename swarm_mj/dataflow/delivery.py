@@ -65,8 +65,8 @@ class Delivery:
         best_earth_bit: Received by Earth in the schedule that is proven best, shape (T, n); this and the next three are NaN
             where no proof was asked for.
         best_share: Of each tile that arrives in that schedule, shape (q,).
-        best_full_s: When at the earliest all that was seen has arrived [s], NaN where not all arrives.
-        best_bound_area: No schedule delivers more [m^2].
+        best_full_s: When at the earliest a schedule of these slots has all that was seen on Earth [s], NaN where none has.
+        best_bound_area: No schedule delivers more [m^2], whatever its slots, at the rates of the sampled instants.
         election_s: Elections after which others spoke to Earth than before, the first at the end of the flight [s], shape (e,).
         elected: Who did from then on, shape (e, n).
     """

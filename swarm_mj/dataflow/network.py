@@ -46,6 +46,8 @@ class Network:
         bits: Size of the tile as spacecraft i has it [bit], 0 where it has it not, shape (n, q).
         ready: Slot from whose start it is aboard, T where never, shape (n, q).
         lost_slot: Slot from whose start a spacecraft and all that is aboard is lost, T for never, shape (n,).
+        delay: After how many slots what is received can be sent on: 1, or 0 in a relaxation that bounds schedules of shorter
+            slots, whose storage is limited at the edges alone.
     """
 
     edges_s: Array
@@ -59,6 +61,7 @@ class Network:
     bits: Ints
     ready: Ints
     lost_slot: Ints = field(default_factory=lambda: np.empty(0, np.int64))
+    delay: int = 1
 
     def __post_init__(self) -> None:
         """Fill in that nobody is lost, and check.

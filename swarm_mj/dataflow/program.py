@@ -94,12 +94,13 @@ def build_program(network: Network, neighbours: int | None = None) -> Program:
     c = np.zeros(n_columns)
     c[:n_copies] = -network.value[tiles] / value_unit
 
-    balance, aboard = _balance(nodes, copies, network.ready, network.bits, links, stays, bit_unit)
+    balance, aboard = _balance(network, nodes, copies, links, stays, bit_unit)
     rows = [
         _at_most_one(tiles, 0),
         *_access_rows(network, links, n_copies),
-        _storage_rows(aboard, network.storage_bit, nodes, total, bit_unit),
     ]
+    if network.delay:
+        rows.append(_storage_rows(aboard, network.storage_bit, nodes, total, bit_unit))
     a_ub, b_ub = _stacked(rows, n_columns)
     return Program(
         c=c,
@@ -139,15 +140,21 @@ def useful_links(network: Network, neighbours: int | None = None) -> tuple[Links
     earliest = np.where(network.kept, network.ready, n_slots).min(axis=1, initial=n_slots)
     has = np.zeros((n_slots, n), np.bool_)
     for t in range(n_slots):
-        has[t] = earliest <= t
-        reached = (swarm[t][has[t]] > 0).any(axis=0)
-        earliest[reached] = np.minimum(earliest[reached], t + 1)
+        more = True
+        while more:  # over several links in one slot, without a delay
+            has[t] = earliest <= t
+            reached = (swarm[t][has[t]] > 0).any(axis=0) & (earliest > t + network.delay)
+            earliest[reached] = t + network.delay
+            more = bool(reached.any())
     latest = np.full(n, -1, np.int64)
     of_use = np.zeros((n_slots, n), np.bool_)
     for t in reversed(range(n_slots)):
-        of_use[t] = latest > t
-        goes_on = (earth[t] > 0) | (swarm[t][:, of_use[t]] > 0).any(axis=1)
-        latest[goes_on] = np.maximum(latest[goes_on], t)
+        more = True
+        while more:
+            of_use[t] = latest >= t + network.delay
+            goes_on = ((earth[t] > 0) | (swarm[t][:, of_use[t]] > 0).any(axis=1)) & (latest < t)
+            latest[goes_on] = t
+            more = bool(goes_on.any())
     slot, sender, receiver = np.nonzero(has[:, :, None] & of_use[:, None, :] & (swarm > 0))
     slot_e, sender_e = np.nonzero(has & (earth > 0))
     links = Links(
@@ -172,7 +179,7 @@ def _nodes(network: Network, links: Links, copies: Ints) -> tuple[Ints, Ints]:
     happens = np.zeros((network.n_slots + 1, network.n_spacecraft), np.bool_)
     happens[links.slot, links.sender] = True
     inside = links.receiver != EARTH
-    happens[links.slot[inside] + 1, links.receiver[inside]] = True
+    happens[links.slot[inside] + network.delay, links.receiver[inside]] = True
     happens[network.ready[copies[:, 0], copies[:, 1]], copies[:, 0]] = True
     numbers = np.full(happens.shape, -1, np.int64)
     numbers[happens] = np.arange(np.count_nonzero(happens))
@@ -185,7 +192,7 @@ Entries = tuple[Ints, Ints, Array]
 
 
 def _balance(
-    nodes: Ints, copies: Ints, ready: Ints, bits: Ints, links: Links, stays: Ints, bit_unit: float
+    network: Network, nodes: Ints, copies: Ints, links: Links, stays: Ints, bit_unit: float
 ) -> tuple[Entries, Entries]:
     """Entries (row, column, units) of what comes aboard less what leaves, and of what comes aboard alone."""
     n_copies, n_links = len(copies), len(links.slot)
@@ -195,8 +202,8 @@ def _balance(
     ones = np.ones(len(stays))
     copy = (copies[:, 0], copies[:, 1])
     comes = [
-        (nodes[ready[copy], copies[:, 0]], np.arange(n_copies), bits[copy] / bit_unit),
-        (nodes[links.slot[inside] + 1, links.receiver[inside]], column[inside], sizes[inside]),
+        (nodes[network.ready[copy], copies[:, 0]], np.arange(n_copies), network.bits[copy] / bit_unit),
+        (nodes[links.slot[inside] + network.delay, links.receiver[inside]], column[inside], sizes[inside]),
     ]
     leaves = (nodes[links.slot, links.sender], column, -sizes)
     into, out = (nodes[stays[:, 2], stays[:, 0]], stay, ones), (nodes[stays[:, 1], stays[:, 0]], stay, -ones)

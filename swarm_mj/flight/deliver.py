@@ -80,6 +80,7 @@ def deliver(plan: Plan, telemetry: xr.Dataset, coverage: CoverageMap, *, prove: 
     instants = swarm.instants(elections.relays_at(swarm.course.t))
     contacts = swarm.contacts(instants)
     network = network_of(scenario, tiles, contacts, instants)
+    relaxed = network_of(scenario, tiles, contacts, instants, continuous=True)
     speaks = speaking(instants)
     account = run_online(network, speaks)
     delivered = _delivered(network, account, contacts.light_time_s)
@@ -87,7 +88,7 @@ def deliver(plan: Plan, telemetry: xr.Dataset, coverage: CoverageMap, *, prove: 
         **_geometry(contacts, speaks),
         **_held(tiles),
         **delivered,
-        **(_best(network, account, contacts, delivered) if prove else _unproven(network)),
+        **(_best(network, relaxed, account, contacts, delivered) if prove else _unproven(network)),
         election_s=elections.time_s,
         elected=elections.elected,
     )
@@ -97,7 +98,9 @@ def _neighbours(network: Network) -> int | None:
     return NEIGHBOURS if network.n_spacecraft > ALL_LINKS else None
 
 
-def _best(network: Network, account: Account, contacts: Contacts, delivered: dict[str, Any]) -> dict[str, Any]:
+def _best(
+    network: Network, relaxed: Network, account: Account, contacts: Contacts, delivered: dict[str, Any]
+) -> dict[str, Any]:
     """The best schedule and, where all that was seen arrives, its earliest time; unproven after `PROOF_S`."""
     neighbours = _neighbours(network)
     complete = bool((account.delivered_slot < network.n_slots).all()) and network.n_tiles > 0
@@ -106,6 +109,9 @@ def _best(network: Network, account: Account, contacts: Contacts, delivered: dic
     try:
         best = optimum(window, neighbours=neighbours, time_limit_s=PROOF_S)
         earliest = earliest_full(window, neighbours=neighbours).n_slots if complete else 0
+        bound = network.seen_value
+        if not complete:
+            bound = optimum(relaxed, neighbours=neighbours, time_limit_s=PROOF_S).bound
     except MissionError:
         return _unproven(network)
     earth_bit, share = np.zeros(network.earth_bit.shape), best.delivered_share
@@ -119,7 +125,7 @@ def _best(network: Network, account: Account, contacts: Contacts, delivered: dic
         "best_earth_bit": earth_bit,
         "best_share": share,
         "best_full_s": np.array(full_s),
-        "best_bound_area": np.array(min(best.bound, network.seen_value)),
+        "best_bound_area": np.array(min(bound, network.seen_value)),
     }
 
 
@@ -348,15 +354,33 @@ def contacts_of(plan: Plan, edges_s: Array, instants: Instants) -> Contacts:
     return find_contacts(edges_s, instants, radios=radios, body=occluder_of(plan.shape), heard=heard)
 
 
-def network_of(scenario: Scenario, tiles: Tiles, contacts: Contacts, instants: Instants) -> Network:
-    """The delivery problem of some data and contacts."""
+def network_of(
+    scenario: Scenario, tiles: Tiles, contacts: Contacts, instants: Instants, *, continuous: bool = False
+) -> Network:
+    """The delivery problem of some data and contacts.
+
+    Args:
+        scenario: Says what radios and storage are.
+        tiles: What is to be sent.
+        contacts: How much each slot carries.
+        instants: The swarm at the samples of the slots.
+        continuous: Relax it to a bound on all schedules in continuous time: each link is as good all the slot long as at its
+            best sample; who works at one sample works till the slot's end; pictures are there from its start; what is
+            received can be sent on at once. Rates between the samples are assumed not to exceed those at them.
+    """
     n = len(tiles.bits)
-    works = instants.works.reshape(contacts.n_slots, PER_SLOT, n).all(axis=1)
-    ready = np.searchsorted(contacts.edges_s[:-1], tiles.ready_s - 1e-6)
+    samples = instants.works.reshape(contacts.n_slots, PER_SLOT, n)
+    works = samples.any(axis=1) if continuous else samples.all(axis=1)
+    if continuous:
+        swarm_bit, earth_bit = contacts.peak_bit[:, :, :n], contacts.peak_bit[:, :, n]
+        ready = np.minimum(np.searchsorted(contacts.edges_s, tiles.ready_s + 1e-6, side="right") - 1, contacts.n_slots)
+    else:
+        swarm_bit, earth_bit = contacts.swarm_bit, contacts.earth_bit
+        ready = np.searchsorted(contacts.edges_s[:-1], tiles.ready_s - 1e-6)
     return Network(
         edges_s=contacts.edges_s,
-        swarm_bit=contacts.swarm_bit,
-        earth_bit=contacts.earth_bit,
+        swarm_bit=swarm_bit,
+        earth_bit=earth_bit,
         storage_bit=np.full(n, scenario.data.storage_bit, np.int64),
         access=Access(scenario.link.crosslink.access),
         half_duplex=radio_from(scenario.link.crosslink, "link.crosslink").duplex == "half",
@@ -365,4 +389,5 @@ def network_of(scenario: Scenario, tiles: Tiles, contacts: Contacts, instants: I
         bits=tiles.bits,
         ready=ready.astype(np.int64),
         lost_slot=np.where(works.all(axis=0), contacts.n_slots, np.argmin(works, axis=0)),
+        delay=0 if continuous else 1,
     )

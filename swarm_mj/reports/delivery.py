@@ -104,7 +104,7 @@ def outcome(run: RunRecord, delivery: Delivery) -> str:
     if delivery.complete and len(delivery.tile_area):
         words += f"All that was seen is there at t = {_time(delivery.full_s)}"
         if not np.isnan(delivery.best_full_s):
-            words += f"; no schedule has it there before t = {_time(float(delivery.best_full_s))}"
+            words += f"; no schedule of the same slots has it there before t = {_time(float(delivery.best_full_s))}"
         words += ". "
     if summary.get("delivered_percent_bound") is not None:
         words += f"No schedule delivers more than {summary['delivered_percent_bound']:.2f} %. "

@@ -153,6 +153,7 @@ def test_what_a_formation_says_takes_its_time_from_the_crosslink():
         edges_s=edges,
         swarm_bit=np.full((5, n, n), 10**9),
         earth_bit=np.zeros((5, n), np.int64),
+        peak_bit=np.zeros((5, n, n + 1), np.int64),
         station=np.zeros((5, n), np.int64),
         light_time_s=np.zeros(5),
         why_swarm=np.zeros((5, n, n), np.int8),
