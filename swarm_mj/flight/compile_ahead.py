@@ -11,7 +11,7 @@ import numpy as np
 from swarm_mj.dataflow.contacts import Instants
 from swarm_mj.dataflow.online import run_online
 from swarm_mj.dataflow.tiles import make_tiles
-from swarm_mj.flight.deliver import PER_SLOT, contacts_of, network_of, speaking
+from swarm_mj.flight.deliver import FEWEST_SAMPLES, contacts_of, network_of, speaking
 from swarm_mj.flight.observe import observer_from
 from swarm_mj.flight.plan import Plan, antennas_from
 from swarm_mj.mission.behaviors import TargetKind
@@ -37,13 +37,13 @@ def compile_ahead(plan: Plan) -> None:
 
 def _judge_links(plan: Plan) -> None:
     """Links at an instant, and pictures sent over them."""
-    shape = (PER_SLOT, plan.n)  # np.tile, for Numba compiles apart what takes an array that is read-only
+    shape = (FEWEST_SAMPLES, plan.n)  # np.tile, for Numba compiles apart what takes an array that is read-only
     instants = Instants(
-        t=np.zeros(PER_SLOT),
-        r_BN_N=np.tile(plan.deployment.r0_N, (PER_SLOT, 1, 1)),
+        t=np.zeros(FEWEST_SAMPLES),
+        r_BN_N=np.tile(plan.deployment.r0_N, (FEWEST_SAMPLES, 1, 1)),
         C_BN=dcm(np.zeros((*shape, 3))),
-        C_AN=np.tile(plan.environment.C_AN(0.0), (PER_SLOT, 1, 1)),
-        earth_N=np.tile(plan.environment.earth.at(0.0), (PER_SLOT, 1)),
+        C_AN=np.tile(plan.environment.C_AN(0.0), (FEWEST_SAMPLES, 1, 1)),
+        earth_N=np.tile(plan.environment.earth.at(0.0), (FEWEST_SAMPLES, 1)),
         mode=np.full(shape, TargetKind.EARTH, np.int64),
         tracked=np.zeros(shape, np.int64),
         works=np.ones(shape, np.bool_),
@@ -53,7 +53,7 @@ def _judge_links(plan: Plan) -> None:
     area = plan.region.area
     tiles = make_tiles(area, np.zeros((plan.n, len(area))), np.ones((plan.n, len(area))), bits_per_pixel=1.0)
     contacts = contacts_of(plan, np.array([0.0, 1.0]), instants)
-    run_online(network_of(plan.scenario, tiles, contacts, instants), speaking(instants))
+    run_online(network_of(plan.scenario, tiles, contacts, instants), speaking(instants, 1))
 
 
 def _take_picture(plan: Plan) -> None:

@@ -40,8 +40,8 @@ from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.smallbody.occultation import occluder_of
 from swarm_mj.typing import Array, Ints, Mask
 
-#: Instants of a slot at which its contacts are looked at.
-PER_SLOT = 4
+#: Instants of a slot at which its contacts are looked at, at least and at most, and the time between them that is aimed at [s].
+FEWEST_SAMPLES, MOST_SAMPLES, SAMPLE_S = 4, 80, 15.0
 #: Slots while pictures are taken, at most: beyond, slots grow longer than data.slot_s.
 MAX_IMAGING_SLOTS = 200
 #: After the imaging slots grow from one to the next, up to the longest [s]: what changes later changes slowly.
@@ -81,7 +81,7 @@ def deliver(plan: Plan, telemetry: xr.Dataset, coverage: CoverageMap, *, prove: 
     contacts = swarm.contacts(instants)
     network = network_of(scenario, tiles, contacts, instants)
     relaxed = network_of(scenario, tiles, contacts, instants, continuous=True)
-    speaks = speaking(instants)
+    speaks = speaking(instants, network.n_slots)
     account = run_online(network, speaks)
     delivered = _delivered(network, account, contacts.light_time_s)
     return Delivery(
@@ -258,7 +258,7 @@ class SampledSwarm:
     @classmethod
     def of_flight(cls, plan: Plan, telemetry: xr.Dataset, edges_s: Array) -> SampledSwarm:
         """Sample a flight, and go on after it."""
-        times = samples_of(edges_s, PER_SLOT).ravel()
+        times = samples_of(edges_s, samples_per_slot(plan.scenario)).ravel()
         later = times > float(telemetry["time"].values[-1])
         flown = flown_instants(plan, telemetry, times[~later])
         return cls(plan, telemetry, edges_s, flown, post_flight_paths(plan, telemetry, times[later]))
@@ -328,7 +328,8 @@ class Trials:
         swarm = self._swarm
         instants = swarm.instants(np.tile(np.array(relays, np.int64), (len(swarm.course.t), 1)))
         contacts = swarm.contacts(instants)
-        return Problem(network_of(swarm.plan.scenario, self._tiles, contacts, instants), speaking(instants))
+        network = network_of(swarm.plan.scenario, self._tiles, contacts, instants)
+        return Problem(network, speaking(instants, network.n_slots))
 
     @cached_property
     def _all(self) -> Problem:
@@ -339,10 +340,15 @@ class Trials:
         return self._anew(())
 
 
-def speaking(instants: Instants) -> Mask:
+def samples_per_slot(scenario: Scenario) -> int:
+    """How often contacts are looked at in a slot."""
+    return int(np.clip(np.ceil(scenario.data.slot_s / SAMPLE_S), FEWEST_SAMPLES, MOST_SAMPLES))
+
+
+def speaking(instants: Instants, n_slots: int) -> Mask:
     """Who turns to Earth in the middle of each slot, shape (T, n)."""
-    modes = instants.mode.reshape(-1, PER_SLOT, instants.mode.shape[1])
-    turned: Mask = modes[:, PER_SLOT // 2] == TargetKind.EARTH
+    modes = instants.mode.reshape(n_slots, -1, instants.mode.shape[1])
+    turned: Mask = modes[:, modes.shape[1] // 2] == TargetKind.EARTH
     return turned
 
 
@@ -369,7 +375,7 @@ def network_of(
             received can be sent on at once. Rates between the samples are assumed not to exceed those at them.
     """
     n = len(tiles.bits)
-    samples = instants.works.reshape(contacts.n_slots, PER_SLOT, n)
+    samples = instants.works.reshape(contacts.n_slots, -1, n)
     works = samples.any(axis=1) if continuous else samples.all(axis=1)
     if continuous:
         swarm_bit, earth_bit = contacts.peak_bit[:, :, :n], contacts.peak_bit[:, :, n]

@@ -192,8 +192,8 @@ class Data(Section):
         60.0,
         ge=1,
         le=86_400.0,
-        description="step of the contact plan [s], looked at four times; longer where pictures are taken for days, and "
-        "growing to half an hour after the last of them",
+        description="step of the contact plan [s], looked at every 15 s, at least four times; longer where pictures are taken "
+        "for days, and growing to half an hour after the last of them",
     )
     relays: int = Field(
         1,

@@ -98,6 +98,7 @@ def test_who_works_for_half_a_slot_sends_half(body):
     works = [[True, True], [True, False], [True, False], [True, False]]
     found = contacts(body, [(20e3, 0, 0), (25e3, 0, 0)], works=works, slots=2)
     assert found.swarm_bit[:, 1, 0].tolist() == [500, 0]
+    assert found.peak_bit[:, 1, 0].tolist() == [1000, 0]
     assert found.why_swarm[1, 1, 0] == Obstacle.LOST
 
 

@@ -13,7 +13,7 @@ from swarm_mj.dataflow.optimum import optimum
 from swarm_mj.dataflow.relays import elect_by_messages, scores_by_messages
 from swarm_mj.errors import MissionError
 from swarm_mj.flight.deliver import (
-    PER_SLOT,
+    FEWEST_SAMPLES,
     SampledSwarm,
     Trials,
     contacts_of,
@@ -56,7 +56,7 @@ def networks(plan, telemetry, coverage):
     """The delivery problem with given relays, built anew for each from the flight."""
     tiles = tiles_of(plan, telemetry, coverage)
     edges_s = slot_edges(plan.scenario, tiles.ready_s, 10_000)
-    times = samples_of(edges_s, PER_SLOT).ravel()
+    times = samples_of(edges_s, FEWEST_SAMPLES).ravel()
     later = times[times > telemetry["time"].values[-1]]
     course, flown = (
         post_flight_paths(plan, telemetry, later),
