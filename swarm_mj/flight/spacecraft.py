@@ -11,10 +11,9 @@ from swarm_mj.errors import ScenarioError
 from swarm_mj.io.resources import asset_path
 from swarm_mj.scenarios.schema import Scenario, Spacecraft, Wheel
 from swarm_mj.spacecraft.elastic import lost_to_the_step
-from swarm_mj.spacecraft.model_guard import listed
 from swarm_mj.spacecraft.own_spacecraft import OwnSpacecraft, read_spacecraft, small_motions
 from swarm_mj.spacecraft.properties import RPM, WHEEL_AXES, SpacecraftProperties
-from swarm_mj.spacecraft.template import TEMPLATE, examine_template
+from swarm_mj.spacecraft.template import TEMPLATE, is_shipped
 
 #: Relative difference between a scenario's number and the file's that is put down to its digits.
 AGREES = 1e-3
@@ -45,17 +44,13 @@ def own_spacecraft_from(scenario: Scenario) -> OwnSpacecraft | None:
         ScenarioError: The file holds no spacecraft that can be flown, or the scenario asks for another one or another stepper.
     """
     planned, mjcf = properties_from(scenario), scenario.spacecraft.mjcf
-    if mjcf is not None:
-        path, why = Path(mjcf), "spacecraft.mjcf"
-    else:
-        findings = examine_template(planned)
-        if not findings:
-            return None
-        path, why = Path(str(asset_path(TEMPLATE))), listed(findings)
-    own = read_spacecraft(path, planned, why)
+    if mjcf is None and is_shipped():
+        return None
+    path = Path(mjcf or str(asset_path(TEMPLATE)))
+    own = read_spacecraft(path, planned)
     if scenario.physics.stepper == "kernel":
         raise ScenarioError(
-            f"physics.stepper = kernel: flies the packaged CubeSat, not {path} ({why}); use physics.stepper: mujoco"
+            f"physics.stepper = kernel: flies the CubeSat as it was shipped, not {path}; use physics.stepper: mujoco"
         )
     if wrong := list(_contradictions(scenario.spacecraft, own)):
         raise ScenarioError(

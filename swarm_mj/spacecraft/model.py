@@ -18,14 +18,12 @@ from swarm_mj.io.resources import asset_path
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.spacecraft.elements import title_of
 from swarm_mj.spacecraft.layout import Layout, resolve_layout, spacecraft_names
-from swarm_mj.spacecraft.model_guard import ROUNDING
 from swarm_mj.spacecraft.own_spacecraft import OwnSpacecraft
 from swarm_mj.spacecraft.properties import SpacecraftProperties
 from swarm_mj.spacecraft.template import (
     HUB,
     compile_spec,
     make_template,
-    require_known,
     strip,
     wheel_names,
 )
@@ -158,7 +156,6 @@ def build_model(
         raise MissionError(f"a swarm needs at least one spacecraft, not {n}")
     properties = properties or SpacecraftProperties()
     part = make_template(properties, timestep, camera_half_angle_deg)
-    require_known(part, properties)
     spec = scene(shape, timestep, np.asarray(sun_N, float))
     if not geometry:
         strip(spec)
@@ -238,7 +235,7 @@ def _require_plain_layout(model: mujoco.MjModel, layout: Layout, properties: Spa
             "it must hold the asteroid alone"
         )
     weight = model.body_subtreemass[layout.hub_body]
-    if not np.allclose(weight, properties.mass, rtol=ROUNDING, atol=0.0):
+    if not np.allclose(weight, properties.mass, rtol=1e-9, atol=0.0):
         raise MissionError(
             f"a spacecraft weighs {weight.min():g} kg in the compiled swarm, {properties.mass:g} kg by plan"
         )

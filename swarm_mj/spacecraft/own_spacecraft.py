@@ -14,7 +14,7 @@ still, sensors, meshes. A keyframe named `start` gives the joints' initial posit
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import mujoco
@@ -29,7 +29,7 @@ from swarm_mj.spacecraft.elements import (
     name_of,
     title_of,
 )
-from swarm_mj.spacecraft.model_guard import Measured, measure, motor_faults, torque_range
+from swarm_mj.spacecraft.measurement import Measured, measure, motor_faults, torque_range
 from swarm_mj.spacecraft.properties import SpacecraftProperties
 from swarm_mj.spacecraft.sensors import Sensor, sensors_of
 from swarm_mj.spacecraft.thrusters import Allocation, read_nozzles
@@ -106,7 +106,6 @@ class OwnSpacecraft:
         start_ctrl: Controls of all actuators; those of the wheels are the control law's.
         remarks: What a reader should know.
         strength: Of its thrusters, see `Allocation`; 0 without thrusters.
-        why: Why it is flown from its file, and so by `mj_step`.
     """
 
     path: Path
@@ -120,21 +119,19 @@ class OwnSpacecraft:
     start_ctrl: tuple[float, ...]
     remarks: tuple[str, ...]
     strength: float
-    why: str = ""
 
 
 class _Refused(Exception):
     """Why a file is no spacecraft that can be flown; `read_spacecraft` says of which file."""
 
 
-def read_spacecraft(path: Path, planned: SpacecraftProperties, why: str = "") -> OwnSpacecraft:
+def read_spacecraft(path: Path, planned: SpacecraftProperties) -> OwnSpacecraft:
     """Read a spacecraft's file and measure what it describes.
 
     Args:
         path: The MJCF file.
         planned: What the scenario says: its speed limit of the wheels and size of the box are taken, and its torque limit where
             the file has none.
-        why: Why it is flown from its file.
 
     Raises:
         ScenarioError: The file cannot be read, or holds no such spacecraft; the message names the element and the remedy.
@@ -142,7 +139,7 @@ def read_spacecraft(path: Path, planned: SpacecraftProperties, why: str = "") ->
     part = load_part(path)
     try:
         model = part.compile()
-        return replace(_read(path, model, planned), why=why)
+        return _read(path, model, planned)
     except (ValueError, _Refused) as error:
         raise ScenarioError(f"spacecraft.mjcf = {path}: {error}") from None
 
