@@ -45,6 +45,26 @@ scenarios: [{{scenario: eros-quick, name: one}}]
 """
 
 
+def rows(folder):
+    """Results of a campaign but for how long they took."""
+    from swarm_mj.campaigns.store import read_results
+
+    return read_results(folder).drop(["wall_s"])
+
+
+@pytest.fixture(scope="session")
+def reference(tmp_path_factory):
+    """A campaign of ten plain runs that nothing disturbed, and its rows."""
+    from swarm_mj.campaigns.loading import load_campaign
+    from swarm_mj.campaigns.runner import run_campaign
+
+    folder = tmp_path_factory.mktemp("reference")
+    path = folder / "campaign.yaml"
+    path.write_text(PLAIN.format(runs=10, more=""))
+    run_campaign(load_campaign(path), folder / "out", workers=2, figures=False)
+    return path, rows(folder / "out")
+
+
 @pytest.fixture
 def write(tmp_path):
     """Write a campaign file; returns its path."""

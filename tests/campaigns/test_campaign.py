@@ -21,13 +21,9 @@ from swarm_mj.cli.main import main
 from swarm_mj.errors import OutputError
 from swarm_mj.io.lock import only_one
 
-from .conftest import QUICK
+from .conftest import QUICK, rows
 
 pytestmark = [pytest.mark.slow, pytest.mark.robust]
-
-
-def rows(folder):
-    return read_results(folder).drop(["wall_s"])
 
 
 def finished(folder):
@@ -103,18 +99,6 @@ def command(capsys):
         return status, capsys.readouterr().err
 
     return command
-
-
-@pytest.fixture(scope="module")
-def reference(tmp_path_factory):
-    """A campaign of ten plain runs that nothing disturbed."""
-    from .conftest import PLAIN
-
-    folder = tmp_path_factory.mktemp("reference")
-    path = folder / "campaign.yaml"
-    path.write_text(PLAIN.format(runs=10, more=""))
-    run_campaign(load_campaign(path), folder / "out", workers=2, figures=False)
-    return path, rows(folder / "out")
 
 
 @pytest.mark.parametrize(("method", "many"), [("monte_carlo", 3), ("latin_hypercube", 2)])

@@ -16,13 +16,9 @@ from swarm_mj.campaigns.runner import run_campaign  # noqa: E402
 from swarm_mj.campaigns.store import read_results  # noqa: E402
 from swarm_mj.errors import OutputError  # noqa: E402
 
-from .conftest import PLAIN, QUICK  # noqa: E402
+from .conftest import QUICK, rows  # noqa: E402
 
 pytestmark = pytest.mark.slow
-
-
-def rows(folder):
-    return read_results(folder).drop(["wall_s"])
 
 
 def test_a_local_cluster_gives_the_same_bits_as_local_processes(write, tmp_path):
@@ -87,16 +83,6 @@ def test_a_worker_that_lacks_this_program_is_a_clear_error(write, monkeypatch):
     ):
         DaskPool(load_campaign(write()), None, "tcp://there:1")
     assert Client.closed
-
-
-@pytest.fixture(scope="module")
-def reference(tmp_path_factory):
-    """A campaign of ten plain runs and what local processes make of it."""
-    folder = tmp_path_factory.mktemp("reference")
-    path = folder / "campaign.yaml"
-    path.write_text(PLAIN.format(runs=10, more=""))
-    run_campaign(load_campaign(path), folder / "out", workers=1, figures=False)
-    return path, rows(folder / "out")
 
 
 @pytest.fixture
