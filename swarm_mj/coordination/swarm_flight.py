@@ -62,7 +62,7 @@ class Mission:
         sensing: 'own', 'plan' or 'auction'.
         relay: 'own', 'plan' or 'election'.
         succession: Place of each spacecraft in the order in which they relay, the planned relay first, shape (n,).
-        look: What the picture of a spacecraft shows at an instant, by a view and its number, shape (cells,).
+        cells_shown: What the picture of a spacecraft shows at an instant, by a view and its number, shape (cells,).
         graph: The links at an instant, by a view and what all track.
         silence_s: See `Knowledge`.
         seed: Of lost messages.
@@ -75,7 +75,7 @@ class Mission:
     sensing: str
     relay: str
     succession: Ints
-    look: Callable[[SwarmView, int], Mask]
+    cells_shown: Callable[[SwarmView, int], Mask]
     graph: Callable[[SwarmView, Targets], Graph]
     silence_s: float
     seed: int
@@ -187,7 +187,7 @@ class SwarmFlight:
         camera_on = works if view.camera_on is None else view.camera_on
         for j in range(len(self.mission.pictures)):
             if works[j] and camera_on[j] and looks_at_body(state.targets.kind[j]):
-                state.knowledge.held[j, j] |= self.mission.look(view, j)
+                state.knowledge.held[j, j] |= self.mission.cells_shown(view, j)
 
     def _plan(self, state: CoordinationState, view: SwarmView, works: Mask) -> None:
         mission, knowledge, t = self.mission, state.knowledge, view.t

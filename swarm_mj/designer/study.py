@@ -27,7 +27,7 @@ from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.typing import Ints
 
 if TYPE_CHECKING:  # they load pymoo, which a study that is read back does not need
-    from swarm_mj.designer.genetic import GeneticResult, GeneticSettings
+    from swarm_mj.designer.genetic import GeneticResult, Operators
     from swarm_mj.designer.pareto import ParetoFront
 
 Stage = Callable[[str], None]
@@ -200,13 +200,20 @@ class _Work:
             return solve_exact(self.problem, limit, waiting)
         return self.deadline.solve(limit, self.genetic["repair"].points, waiting)
 
-    def evolve(self, operators: str) -> None:
+    def evolve(self, operators: Operators) -> None:
         """One run of the genetic algorithm; and when its design is on Earth, where that matters."""
-        from swarm_mj.designer.genetic import evolve
+        from swarm_mj.designer.genetic import GeneticSettings, evolve
 
-        name = f"evolution, {operators}"
+        name, given = f"evolution, {operators}", self.scenario.designer
+        settings = GeneticSettings(
+            operators=operators,
+            population=given.population,
+            max_generations=given.max_generations,
+            patience=given.patience,
+            seed=self.scenario.seed,
+        )
         with self.clock.stage(name, name) as (tell,):
-            found = self.genetic[operators] = evolve(self.problem, _settings(self.scenario, operators), tell)
+            found = self.genetic[operators] = evolve(self.problem, settings, tell)
             if self.deadline is not None and found.feasible:
                 self.deadline.arrival(found.points)
 
@@ -309,13 +316,6 @@ def describe(candidate: Candidate, seen: Visibility) -> str:
     if len({c.time_of_flight_s for c in seen.candidates}) > 1:
         words += f" in {candidate.time_of_flight_s:g} s"
     return words
-
-
-def _settings(scenario: Scenario, operators: str) -> GeneticSettings:
-    from swarm_mj.designer.genetic import GeneticSettings
-
-    given = scenario.designer.model_dump(include={"population", "max_generations", "patience"})
-    return GeneticSettings(operators=operators, seed=scenario.seed, **given)  # type: ignore[arg-type]
 
 
 class _Clock:

@@ -170,6 +170,5 @@ def fly_burns(simulation: Simulation, deployment: Deployment) -> None:
     if not deployment.burns:
         return
     propulsion = simulation.propulsion
-    if propulsion is None:
-        raise ScenarioError("the plan has burns and the spacecraft no thrusters: give spacecraft.thrusters")
+    assert propulsion is not None  # `check_burns` sees to that
     simulation.force_law = PlannedBurns(deployment.burns, propulsion.thrusters, propulsion.allocation, propulsion.mass)

@@ -13,7 +13,7 @@ from swarm_mj.dataflow.online import run_online
 from swarm_mj.dataflow.tiles import make_tiles
 from swarm_mj.flight.deliver import FEWEST_SAMPLES, contacts_of, network_of, speaking
 from swarm_mj.flight.observe import observer_from
-from swarm_mj.flight.plan import Plan, antennas_from
+from swarm_mj.flight.plan import Plan
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.mission.links import links_closed
 from swarm_mj.observation.camera import look_at
@@ -49,7 +49,7 @@ def _judge_links(plan: Plan) -> None:
         works=np.ones(shape, np.bool_),
     )
     flown = {name: value[:1] for name, value in vars(instants).items() if name not in ("t", "works")}
-    links_closed(antennas=antennas_from(plan.scenario), shape=plan.shape, **flown)
+    links_closed(antennas=plan.antennas, shape=plan.shape, **flown)
     area = plan.region.area
     tiles = make_tiles(area, np.zeros((plan.n, len(area))), np.ones((plan.n, len(area))), bits_per_pixel=1.0)
     contacts = contacts_of(plan, np.array([0.0, 1.0]), instants)

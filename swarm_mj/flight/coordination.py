@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -13,14 +12,12 @@ import xarray as xr
 
 from swarm_mj.coordination.allocation.problem import Schedule
 from swarm_mj.coordination.bus import MessageLog
-from swarm_mj.coordination.encounter import Encounter
 from swarm_mj.coordination.graph import Graph, graph_at
-from swarm_mj.coordination.replanning import planned_alone, planned_together
 from swarm_mj.coordination.swarm_flight import PARTS, Mission, SwarmFlight
 from swarm_mj.dataflow.contacts import Contacts, Instant, radios_from
 from swarm_mj.dataflow.network import Access
 from swarm_mj.errors import MissionError
-from swarm_mj.flight.encounter_table import encounter_of, kept_plan, track_of
+from swarm_mj.flight.encounter_table import alone, encounter_of, together, track_of
 from swarm_mj.flight.observe import observer_from
 from swarm_mj.mission.behaviors import Behavior, SelectiveBehavior, SwarmView, Targets
 from swarm_mj.mission.links import Antennas
@@ -103,12 +100,12 @@ def mission_of(plan: Any, swarm: Swarm) -> Mission:
     encounter = encounter_of(plan)
     pictures: tuple[Schedule, ...] = ((),) * plan.n_observers
     if parts["sensing"] == "own":
-        pictures = _alone(encounter)
+        pictures = alone(encounter)
     elif parts["sensing"] == "plan" or parts["relay"] == "plan":
-        pictures = _together(encounter, swarm.plan_time_limit_s)
+        pictures = together(encounter, swarm.plan_time_limit_s)
     observer, criterion = observer_from(scenario, plan.region), scenario.observation
 
-    def look(view: SwarmView, j: int) -> Mask:
+    def cells_shown(view: SwarmView, j: int) -> Mask:
         assert view.q_BN is not None
         C_BN = dcm(mrp_from_quaternion(view.q_BN[j : j + 1]))
         r_A, C_CA = camera_poses(view.r_BN_N[j : j + 1], C_BN, view.C_AN)
@@ -124,23 +121,13 @@ def mission_of(plan: Any, swarm: Swarm) -> Mission:
         pictures=pictures,
         **parts,
         succession=succession_of(plan, pictures, encounter.slot_s[-1]),
-        look=look,
+        cells_shown=cells_shown,
         graph=links_of(plan, swarm),
         silence_s=swarm.silence_s,
         seed=scenario.seed,
         access=Access(scenario.link.crosslink.access),
         dedicated_communications=plan.behavior.dedicated_communications,
     )
-
-
-@lru_cache(maxsize=16)  # of the last tables, see `encounter_of`
-def _alone(encounter: Encounter) -> tuple[Schedule, ...]:
-    return planned_alone(encounter).pictures
-
-
-@lru_cache(maxsize=16)
-def _together(encounter: Encounter, time_limit_s: float) -> tuple[Schedule, ...]:
-    return kept_plan(encounter, time_limit_s, planned_together)
 
 
 def succession_of(plan: Any, pictures: tuple[Schedule, ...], end_s: float) -> Ints:

@@ -24,7 +24,7 @@ from swarm_mj.dataflow.tiles import Tiles, make_tiles
 from swarm_mj.errors import MissionError
 from swarm_mj.flight.coordination import less_coordination
 from swarm_mj.flight.observe import camera_from
-from swarm_mj.flight.plan import Plan, antennas_from
+from swarm_mj.flight.plan import Plan
 from swarm_mj.flight.post_flight import (
     Course,
     elect_relays,
@@ -283,12 +283,7 @@ class Problem(NamedTuple):
 
 
 class Trials:
-    """What could be delivered if others spoke to Earth after the flight; the paths stay the same.
-
-    Args:
-        swarm: On its paths.
-        tiles: What it has to send.
-    """
+    """What of a swarm's tiles could be delivered if others spoke to Earth after the flight; the paths stay the same."""
 
     def __init__(self, swarm: SampledSwarm, tiles: Tiles) -> None:
         self._swarm, self._tiles = swarm, tiles
@@ -356,7 +351,7 @@ def contacts_of(plan: Plan, edges_s: Array, instants: Instants) -> Contacts:
     """What geometry and the scenario's radios allow."""
     link = plan.scenario.link
     heard = earth_schedule(link.ground, plan.scenario.epoch, instants.t, instants.r_BN_N.mean(axis=1), instants.earth_N)
-    radios = radios_from(link, antennas_from(plan.scenario).beams)
+    radios = radios_from(link, plan.antennas.beams)
     return find_contacts(edges_s, instants, radios=radios, body=occluder_of(plan.shape), heard=heard)
 
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
+from functools import lru_cache
 from math import radians
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from swarm_mj.coordination.allocation.problem import Allocation, Schedule
+from swarm_mj.coordination.allocation.problem import Schedule
 from swarm_mj.coordination.encounter import (
     Encounter,
     Track,
@@ -19,6 +19,7 @@ from swarm_mj.coordination.encounter import (
     slots_between,
     turning_angles,
 )
+from swarm_mj.coordination.replanning import planned_alone, planned_together
 from swarm_mj.flight.observe import camera_from, schedule_from
 from swarm_mj.io.cache import cache_folder, hash_of, load_array, store_array
 from swarm_mj.mission.deployment import planned_paths
@@ -78,8 +79,8 @@ def _made(plan: Any) -> Encounter:
         observer.close()
     table = settling_times(plan.controller, plan.properties, period, TOLERANCE * radians(camera.half_angle_deg))
     angle = turning_angles(aims_A, track.r_A, np.asarray(shows.any(axis=(1, 3))))
-    some = np.flatnonzero(shows.any(axis=(0, 1, 3)))
-    kept = np.arange(some[0], some[-1] + 1) if len(some) else np.arange(len(slot_s))
+    useful = np.flatnonzero(shows.any(axis=(0, 1, 3)))
+    kept = np.arange(useful[0], useful[-1] + 1) if len(useful) else np.arange(len(slot_s))
     return Encounter(
         slot_s=slot_s[kept],
         aims_A=aims_A,
@@ -106,16 +107,15 @@ def track_of(plan: Any, times: Array) -> Track:
     )
 
 
-def kept_plan(
-    encounter: Encounter, time_limit_s: float, plan: Callable[[Encounter, float], Allocation]
-) -> tuple[Schedule, ...]:
-    """The pictures of a plan, made once and kept on disk: what a solver finds in its time may differ from run to run.
+@lru_cache(maxsize=MOST_MADE)
+def alone(encounter: Encounter) -> tuple[Schedule, ...]:
+    """The pictures of `planned_alone`."""
+    return planned_alone(encounter).pictures
 
-    Args:
-        encounter: What can be shown.
-        time_limit_s: For the plan [s].
-        plan: Makes it.
-    """
+
+@lru_cache(maxsize=MOST_MADE)
+def together(encounter: Encounter, time_limit_s: float) -> tuple[Schedule, ...]:
+    """The pictures of `planned_together`, kept on disk: what a solver finds in its time may differ from run to run."""
     agents, _, slots, _ = encounter.shows.shape
     packed = np.packbits(encounter.shows, axis=3)
     key = hash_of(f"{PLAN_VERSION} {time_limit_s:g}", packed, encounter.slew, np.round(encounter.area, 3))
@@ -123,7 +123,7 @@ def kept_plan(
     kept = load_array(file, (agents, slots))
     if kept is None:
         kept = np.full((agents, slots), -1.0, np.float32)
-        for agent, taken in enumerate(plan(encounter, time_limit_s).pictures):
+        for agent, taken in enumerate(planned_together(encounter, time_limit_s).pictures):
             for slot, aim in taken:
                 kept[agent, slot] = aim
         store_array(file, kept)

@@ -18,7 +18,7 @@ from swarm_mj.flight.burns import fly_burns
 from swarm_mj.flight.coordination import parts_chosen, record_coordination
 from swarm_mj.flight.formation import fly_formation, record_formation
 from swarm_mj.flight.navigation import CorrectionLaw, correction_law
-from swarm_mj.flight.plan import Plan, antennas_from
+from swarm_mj.flight.plan import Plan
 from swarm_mj.mission.behaviors import ELECTIONS, MissionBehavior
 from swarm_mj.mission.links import links_closed
 from swarm_mj.scenarios.schema import Scenario
@@ -194,7 +194,7 @@ def simulate(plan: Plan, progress: Progress | None = None) -> xr.Dataset:
     record_formation(telemetry, plan, simulation)
     telemetry.attrs |= {"stepper": simulation.stepper}
     closed = links_closed(
-        antennas=antennas_from(scenario),
+        antennas=plan.antennas,
         shape=plan.shape,
         mode=telemetry["mode"].values,
         tracked=telemetry["tracked_spacecraft"].values,

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from swarm_mj.coordination.formation.law import FormationLaw, Messaging, Thrust
+from swarm_mj.coordination.formation.law import FormationLaw, Messaging
 from swarm_mj.coordination.formation.structure import Structure, nodes, offset_structure, planned_structure
 from swarm_mj.coordination.formation.tracking import Tracking
 from swarm_mj.coordination.graph import Graph
@@ -27,11 +27,6 @@ from swarm_mj.typing import Array, Mask
 
 #: Variables and attribute of the telemetry.
 ERROR, BITS, RECORD = "formation_error", "formation_bits", "formation"
-
-
-def formation_of(plan: Plan) -> Formation | None:
-    """The scenario's; None: all coast."""
-    return None if plan.scenario.swarm is None else plan.scenario.swarm.formation
 
 
 def structure_of(plan: Plan, formation: Formation) -> Structure:
@@ -82,9 +77,10 @@ def fly_formation(simulation: Simulation, plan: Plan) -> None:
     Raises:
         ScenarioError: It does not fit the plan, or the thrusters.
     """
-    formation, swarm, propulsion = formation_of(plan), plan.scenario.swarm, simulation.propulsion
-    if formation is None or swarm is None or propulsion is None:
+    swarm, propulsion = plan.scenario.swarm, simulation.propulsion
+    if swarm is None or swarm.formation is None or propulsion is None:
         return
+    formation = swarm.formation
     if not propulsion.allocation.reaches_all:
         raise ScenarioError(
             "swarm.formation: the thruster_ sites of spacecraft.mjcf do not push in every direction; add nozzles, or leave the "
@@ -105,8 +101,9 @@ def fly_formation(simulation: Simulation, plan: Plan) -> None:
     law = FormationLaw(
         structure_of(plan, formation),
         tracking,
-        Thrust(force=strength_of(simulation), least_impulse=propulsion.thrusters.min_impulse_bit_n_s),
         links,
+        force=propulsion.thrusters.thrust_n * propulsion.allocation.strength,
+        least_impulse=propulsion.thrusters.min_impulse_bit_n_s,
         reference=formation.reference,
         separation=least + formation.margin_m if least > 0.0 else 0.0,
         messaging=Messaging(
@@ -118,12 +115,6 @@ def fly_formation(simulation: Simulation, plan: Plan) -> None:
     )
     before = simulation.force_law
     simulation.force_law = law if before is None else SumOfForces([before, law])
-
-
-def strength_of(simulation: Simulation) -> float:
-    """Force that the thrusters give in every direction [N]."""
-    propulsion = simulation.propulsion
-    return 0.0 if propulsion is None else propulsion.thrusters.thrust_n * propulsion.allocation.strength
 
 
 def formation_law(simulation: Simulation) -> FormationLaw | None:
@@ -164,7 +155,7 @@ def record_formation(telemetry: xr.Dataset, plan: Plan, simulation: Simulation) 
         works = telemetry["operational"].values == 1
     error = formation_error(law.structure, law.reference, times, telemetry["r_BN_N"].values, works)
     telemetry[ERROR] = VARIABLES[ERROR].of(error)
-    record = _by_plan(plan, law, strength_of(simulation) / plan.properties.mass)
+    record = _by_plan(plan, law, law.force / plan.properties.mass)
     if law.log is not None:
         record["braked_s"] = (law.log.braked * simulation.period).tolist()
         record["leaders"] = law.log.leaders

@@ -5,6 +5,7 @@ Approach and elements give the state by a two-body orbit; from the epoch on the 
 
 from __future__ import annotations
 
+from contextlib import suppress
 from itertools import count
 from math import asin, atan2, degrees, radians
 from pathlib import Path
@@ -153,20 +154,17 @@ def osculating_orbit(scenario: Scenario, environment: Environment, r_N: Array, v
 
 def _passing(flyby: Hyperbola) -> dict[str, Any]:
     x, y, z = flyby.v_infinity / flyby.speed
-    b_t: float | None
-    b_r: float | None
-    try:
-        b_t, b_r = flyby.components(np.array([0.0, 0.0, 1.0]))
-    except MissionError:
-        b_t = b_r = None
+    plane: tuple[float, float] | tuple[None, None] = (None, None)
+    with suppress(MissionError):  # along the pole there is no B-plane
+        plane = flyby.components(np.array([0.0, 0.0, 1.0]))
     return {
         "orbit": "hyperbola",
         "v_infinity_m_s": flyby.speed,
         "v_infinity_longitude_deg": degrees(atan2(y, x)) % 360.0,
         "v_infinity_latitude_deg": degrees(asin(max(-1.0, min(1.0, z)))),
         "b_m": flyby.impact_parameter,
-        "b_t_m": b_t,
-        "b_r_m": b_r,
+        "b_t_m": plane[0],
+        "b_r_m": plane[1],
         "closest_approach_s": flyby.closest_approach,
         "periapsis_radius_m": flyby.periapsis_radius,
         "periapsis_speed_m_s": flyby.periapsis_speed,
@@ -180,15 +178,10 @@ def _bound(orbit: Elements) -> dict[str, Any]:
         "orbit": "ellipse" if orbit.eccentricity < 1.0 else "parabola",
         "periapsis_radius_m": orbit.periapsis_radius,
         "eccentricity": orbit.eccentricity,
-        **{
-            f"{key}_deg": degrees(getattr(orbit, name))
-            for key, name in (
-                ("inclination", "inclination"),
-                ("node", "node"),
-                ("argument_of_periapsis", "argument"),
-                ("true_anomaly", "true_anomaly"),
-            )
-        },
+        "inclination_deg": degrees(orbit.inclination),
+        "node_deg": degrees(orbit.node),
+        "argument_of_periapsis_deg": degrees(orbit.argument),
+        "true_anomaly_deg": degrees(orbit.true_anomaly),
     }
 
 

@@ -98,14 +98,7 @@ def _path(plan: Plan, r: Array, v: Array, grid: Array) -> Array:
 
 
 def post_flight_instants(plan: Plan, telemetry: xr.Dataset, course: Course, relays: Ints) -> Instants:
-    """The swarm after its flight.
-
-    Args:
-        plan: What was flown.
-        telemetry: The flight.
-        course: From `post_flight_paths`; whoever speaks to Earth, the paths are the same.
-        relays: Who speaks to Earth at each time: numbers from 0, shape (m, k).
-    """
+    """The swarm after its flight, with those who speak to Earth at each time: numbers from 0, shape (m, k)."""
     times, r_N, works = course
     earth_N = np.array([plan.environment.earth.at(t) for t in times]).reshape(-1, 3)
     mode, tracked = roles(r_N, works, relays)

@@ -43,7 +43,7 @@ class Hand:
                 encounter=encounter,
                 pictures=pictures,
                 succession=np.arange(N),
-                look=self.look,
+                cells_shown=self.cells_shown,
                 graph=self.graph,
                 silence_s=3.5 * STEP,
                 seed=7,
@@ -52,7 +52,7 @@ class Hand:
             )
         )
 
-    def look(self, view, j):
+    def cells_shown(self, view, j):
         shown = (self.aims_A == self.targets.vector[j]).all(axis=1)
         self.seen[j] |= shown
         return shown

@@ -22,19 +22,6 @@ BRAKING_SHARE = 0.5
 
 
 @dataclass(frozen=True, kw_only=True)
-class Thrust:
-    """What thrusters can do.
-
-    Attributes:
-        force: Greatest in every direction [N].
-        least_impulse: Of a pulse [N s].
-    """
-
-    force: float
-    least_impulse: float
-
-
-@dataclass(frozen=True, kw_only=True)
 class Messaging:
     """How spacecraft tell each other where they are; only where the reference is not the plan.
 
@@ -83,8 +70,9 @@ class FormationLaw:
     Args:
         structure: Who should be where when.
         tracking: The feedback.
-        thrust: What thrusters can do.
         links: Who can send to whom at an instant.
+        force: Greatest of the thrusters in every direction [N].
+        least_impulse: Of a pulse [N s].
         reference: 'plan', 'mean' of those heard of, or 'leader'.
         separation: That no pair may go below once it could be kept [m]; 0: nothing is done about it.
         messaging: For 'mean' and 'leader'.
@@ -97,14 +85,16 @@ class FormationLaw:
         self,
         structure: Structure,
         tracking: Tracking,
-        thrust: Thrust,
         links: Links,
         *,
+        force: float,
+        least_impulse: float,
         reference: Reference = "plan",
         separation: float = 0.0,
         messaging: Messaging | None = None,
     ) -> None:
-        self.structure, self.tracking, self.thrust, self.links = structure, tracking, thrust, links
+        self.structure, self.tracking, self.links = structure, tracking, links
+        self.force, self.least_impulse = force, least_impulse
         self.reference, self.separation, self.messaging = reference, separation, messaging or Messaging()
         self.log: FormationLog | None = None
 
@@ -123,7 +113,7 @@ class FormationLaw:
         wish = self._track(state, view, most)
         wish = self._keep_apart(state, view, wish, most) if self.separation > 0.0 else wish
         owed = state.intent - (view.delta_v_N - state.gained)
-        state.gained, least = view.delta_v_N, self.thrust.least_impulse / view.mass
+        state.gained, least = view.delta_v_N, self.least_impulse / view.mass
         asked, state.intent = in_pulses(cut(wish, most) * view.period, owed, least)
         asked[most == 0.0], state.intent[most == 0.0] = 0.0, 0.0
         return asked * (view.mass / view.period)[:, None], state
@@ -147,7 +137,7 @@ class FormationLaw:
 
     def _most(self, view: ForceView) -> Array:
         """Acceleration that thrusters give, shape (n,) [m/s^2]; 0 for those that cannot push."""
-        return np.where(view.working & (view.propellant > 0.0), self.thrust.force / view.mass, 0.0)
+        return np.where(view.working & (view.propellant > 0.0), self.force / view.mass, 0.0)
 
     def shift(self, state: FormationState, view: ForceView) -> tuple[Array, Array]:
         """How far the whole formation is from its planned place, as each sees it: place and velocity, shape (n, 3)."""
@@ -183,7 +173,7 @@ class FormationLaw:
         """Motion relative to the structure's point."""
         r, v = view.r_BN_N - self.structure.centre(view.t), view.v_BN_N - self.structure.centre(view.t, 1)
         # With full tanks, for what is set aside must not change while it is relied upon.
-        braking = np.where(most > 0.0, BRAKING_SHARE * self.thrust.force / state.full_mass, 0.0)
+        braking = np.where(most > 0.0, BRAKING_SHARE * self.force / state.full_mass, 0.0)
         return Moves(r, v, braking, view.period, self.separation)
 
     def _guard(self, state: FormationState, moves: Moves) -> Mask:

@@ -87,9 +87,7 @@ def at_points(scenario: Scenario, points: Sequence[int]) -> Scenario:
 def fly_candidates(scenario: Scenario, progress: Progress | None = None) -> CandidateFlights:
     """Fly to every visiting point of the scenario's target that can be reached without hitting the body.
 
-    Args:
-        scenario: Whose candidates.
-        progress: Called with the share done, 0 to 1.
+    The share that is done, 0 to 1, is told to `progress`.
 
     Raises:
         Unreachable: No point can be.

@@ -216,9 +216,7 @@ class Judge:
     def seen(self, watchers: Sequence[Watcher], *, progress: Progress | None = None) -> Iterator[tuple[int, Mask]]:
         """Whether each sees each cell, of one watcher after the other as they are done: its number and shape (cells,).
 
-        Args:
-            watchers: Who.
-            progress: Called with the number of watchers done, parts of one included.
+        The number of watchers done, parts of one included, is told to `progress`.
         """
         shares = shares_as_they_come(
             [watcher.poses for watcher in watchers],

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from swarm_mj.coordination.formation.law import FormationLaw, Messaging, Thrust
+from swarm_mj.coordination.formation.law import FormationLaw, Messaging
 from swarm_mj.coordination.formation.relative_navigation import MESSAGE_BITS, coast
 from swarm_mj.coordination.formation.structure import nodes, offset_structure, planned_structure
 from swarm_mj.coordination.formation.tracking import Tracking, in_pulses
@@ -111,7 +111,7 @@ def links(delay=0.0, loss=0.0):
 
 def law_of(structure, *, damping=0.7, dead_band=0.0, **keys):
     tracking = Tracking(bandwidth=0.02, damping=damping, dead_band=dead_band)
-    return FormationLaw(structure, tracking, Thrust(force=FORCE, least_impulse=0.0), links(), **keys)
+    return FormationLaw(structure, tracking, links(), force=FORCE, least_impulse=0.0, **keys)
 
 
 def test_an_offset_that_stays_costs_what_differential_gravity_takes():

@@ -139,11 +139,11 @@ def test_the_nearest_allowed_point_is_that_of_a_general_solver():
     moves = moves_of([[-8.0, 0.0, 0.0], [8.0, 1.0, 0.0], [0.0, 200.0, 0.0]], [[0.1, 0, 0], [-0.1, 0, 0], [0, 0, 0]])
     pairs, most = all_pairs(3), np.full(3, MOST)
     wish = np.array([[3e-3, 0.0, 0.0], [-3e-3, 1e-3, 0.0], [0.0, 1e-3, 0.0]])
-    from swarm_mj.coordination.formation import barrier
+    from swarm_mj.coordination.formation import separation
 
-    e, bound = half_spaces(moves._replace(distance=barrier.FARTHER * DISTANCE), pairs)
+    e, bound = half_spaces(moves._replace(distance=separation.FARTHER * DISTANCE), pairs)
     tight = np.einsum("pi,pi->p", e, wish[pairs[:, 1]] - wish[pairs[:, 0]]) < bound
-    swerved = cut(barrier.swerved(wish, barrier.SWERVE * most, e, pairs, tight), most)
+    swerved = cut(separation.swerved(wish, separation.SWERVE * most, e, pairs, tight), most)
     found = nearest_allowed(moves, wish, most, pairs)
     rules = [
         {
