@@ -13,7 +13,7 @@ from swarm_mj.typing import Array32, Mask
 
 from ..batch_env import StepOutcome
 from ..capacity import refuse_more_than_fit
-from .observations import dict_space, flat, flat_space, no_tables, scales_of, write_tables
+from .observations import dict_space, flat, flat_space, no_tables, write_tables
 from .slot import NEW, DownlinkConstants, begin_episode, fly_slot, no_state, write_masks
 from .world import Conditions, DownlinkTask
 
@@ -29,8 +29,6 @@ class DownlinkBatch:
         count: Number of episodes E.
 
     Attributes:
-        task: What they share.
-        count: Number of episodes.
         state: Where they stand.
         conditions: Of all of them.
         tables: Their observations.
@@ -47,7 +45,7 @@ class DownlinkBatch:
         self.task, self.count = task, count
         self.state, self.tables = no_state(count, n, products), no_tables(count, n, products)
         self.conditions = Conditions(*(np.zeros((count, *array.shape), array.dtype) for array in likeness))
-        self._constants, self._scales = constants_of(task), scales_of(task)
+        self._constants = constants_of(task)
         self._weights = np.array(task.config.weights)
 
     def reset(self, flights: dict[int, int]) -> None:
@@ -85,7 +83,7 @@ class DownlinkBatch:
 
     def observe(self) -> None:
         """Bring observations and masks up to date."""
-        write_tables(self._scales, self.conditions, self.state, self.tables)
+        write_tables(self._constants, self.conditions, self.state, self.tables)
         write_masks(self._constants, self.conditions, self.state, self.tables.action_mask)
 
     @property
@@ -142,4 +140,8 @@ def constants_of(task: DownlinkTask) -> DownlinkConstants:
         slew_J=power.slew_J,
         slew_share=power.slew_s / config.step_s,
         restart_J=power.restart * power.battery_J,
+        full_sun_J=task.full_sun_J,
+        best_earth_bit=task.best_earth_bit,
+        best_swarm_bit=task.best_swarm_bit,
+        largest_bit=float(config.draws.size_most_bit),
     )

@@ -9,31 +9,11 @@ from gymnasium import spaces
 
 from swarm_mj.typing import Array32, Mask, kernel
 
-from .slot import OPEN, DownlinkState
+from .slot import OPEN, DownlinkConstants, DownlinkState
 from .world import Conditions, DownlinkTask
 
 #: Numbers of a spacecraft before those of its links, of a product before those of who holds it, and of the swarm.
 OWN, PRODUCT, SWARM_NUMBERS = 8, 5, 5
-
-
-class DownlinkScales(NamedTuple):
-    """What the numbers of an observation are divided by.
-
-    Attributes:
-        battery_J: Charge.
-        storage_bit: Data aboard.
-        sun_J: What panels bring in a slot.
-        earth_bit: What Earth hears in a slot.
-        swarm_bit: What a crosslink carries in a slot.
-        size_bit: Data of a product that are not on Earth yet.
-    """
-
-    battery_J: float
-    storage_bit: float
-    sun_J: float
-    earth_bit: float
-    swarm_bit: float
-    size_bit: float
 
 
 class DownlinkTables(NamedTuple):
@@ -50,15 +30,6 @@ class DownlinkTables(NamedTuple):
     products: Array32
     swarm: Array32
     action_mask: Mask
-
-
-def scales_of(task: DownlinkTask) -> DownlinkScales:
-    """Of a task."""
-    config = task.config
-    battery, size = config.powers.battery_J, config.draws.size_most_bit
-    return DownlinkScales(
-        battery, config.storage_bit, task.full_sun_J, task.best_earth_bit, task.best_swarm_bit, float(size)
-    )
 
 
 def no_tables(count: int, n: int, products: int) -> DownlinkTables:
@@ -94,11 +65,13 @@ def flat(tables: DownlinkTables) -> Array32:
 
 
 @kernel
-def write_tables(scales: DownlinkScales, conditions: Conditions, state: DownlinkState, tables: DownlinkTables) -> None:
+def write_tables(
+    constants: DownlinkConstants, conditions: Conditions, state: DownlinkState, tables: DownlinkTables
+) -> None:
     """Write observations of all episodes, but for the masks.
 
     Args:
-        scales: See `DownlinkScales`.
+        constants: Numbers are told over some of them.
         conditions: Of all episodes.
         state: Where they stand.
         tables: Written to.
@@ -109,21 +82,23 @@ def write_tables(scales: DownlinkScales, conditions: Conditions, state: Downlink
         over = state.slot[e] >= slots
         for i in range(n):
             row = tables.spacecraft[e, i]
-            row[0] = state.charge_J[e, i] / scales.battery_J
-            row[1] = state.hold[e, i].sum() / scales.storage_bit
-            row[2] = 0.0 if over else min(10.0, conditions.sun_J[e, slot, i] / scales.sun_J)
-            row[3] = 0.0 if over else min(10.0, conditions.earth_J[e, slot, i] / scales.sun_J)
-            row[4] = 0.0 if over else min(10.0, conditions.capacity_bit[e, slot, i, n] / scales.earth_bit)
+            row[0] = state.charge_J[e, i] / constants.battery_J
+            row[1] = state.hold[e, i].sum() / constants.storage_bit
+            row[2] = 0.0 if over else min(10.0, conditions.sun_J[e, slot, i] / constants.full_sun_J)
+            row[3] = 0.0 if over else min(10.0, conditions.earth_J[e, slot, i] / constants.full_sun_J)
+            row[4] = 0.0 if over else min(10.0, conditions.capacity_bit[e, slot, i, n] / constants.best_earth_bit)
             row[5], row[6], row[7] = state.at_earth[e, i], state.safe[e, i], state.alive[e, i]
             for j in range(n):
-                row[8 + j] = 0.0 if over else min(10.0, conditions.capacity_bit[e, slot, i, j] / scales.swarm_bit)
+                row[8 + j] = (
+                    0.0 if over else min(10.0, conditions.capacity_bit[e, slot, i, j] / constants.best_swarm_bit)
+                )
         for k in range(state.status.shape[1]):
             entry, size = tables.products[e, k], conditions.size[e, k]
             entry[:] = 0.0
             if state.status[e, k] == OPEN:
                 entry[0] = 1.0
                 entry[1] = min(10.0, conditions.value[e, k] * state.status.shape[1])
-                entry[2] = min(10.0, (size - state.on_earth[e, k]) / scales.size_bit)
+                entry[2] = min(10.0, (size - state.on_earth[e, k]) / constants.largest_bit)
                 entry[3] = (conditions.expiry[e, k] - state.slot[e]) / slots
                 entry[4] = state.on_earth[e, k] / size
                 for i in range(n):

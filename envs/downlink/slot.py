@@ -38,6 +38,10 @@ class DownlinkConstants(NamedTuple):
         slew_J: A turn between the Sun and Earth.
         slew_share: Of a slot that a turn takes.
         restart_J: Charge from which a spacecraft whose battery was empty obeys again.
+        full_sun_J: Most that panels bring in a slot.
+        best_earth_bit: Most that Earth hears in a slot.
+        best_swarm_bit: Most that a crosslink carries in a slot.
+        largest_bit: Of a product.
     """
 
     rules: LinkRules
@@ -49,6 +53,10 @@ class DownlinkConstants(NamedTuple):
     slew_J: float
     slew_share: float
     restart_J: float
+    full_sun_J: float
+    best_earth_bit: float
+    best_swarm_bit: float
+    largest_bit: float
 
 
 class DownlinkState(NamedTuple):

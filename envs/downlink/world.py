@@ -85,8 +85,7 @@ class DownlinkTask:
         config: The environment's arguments.
 
     Attributes:
-        config: The environment's arguments.
-        given: Their scenario, overrides applied.
+        given: The scenario, overrides applied.
         plan: The mission.
         n: Spacecraft.
         access: How they share the crosslink.

@@ -48,25 +48,6 @@ OF_CATALOGUE = ("missions", "split", "max_spacecraft", "dispersions")
 class EnvConfig:
     """What makes one environment different from another; `SwarmObserveEnv` explains each argument.
 
-    Attributes:
-        missions: Names of missions of the catalogue, how many of them, or "all".
-        split: `train` or `test`.
-        scenario: The one flyby that is flown in the place of those of the catalogue: a packaged name, the path of a YAML file,
-            a dict, or a `Scenario`; None: the catalogue.
-        target: What is to be seen of it: the `scenario`'s target, or the whole `body`.
-        max_spacecraft: Most spacecraft of an episode over the catalogue; None: 3.
-        patches: Number of patches K of a target, a square number; six times one for a whole body.
-        candidates: How many of the best patches each spacecraft chooses among; None for all, and everything is shown.
-        decision_s: Length of a step [s].
-        observation: `flat` or `entities`.
-        knowledge: What agents of the multi-agent environment know: `full`, or by the `graph`, what has reached them.
-        randomise: Replaces distributions by name.
-        dispersions: What differs from flight to flight within the spacecraft, see `DISPERSIONS`; a scenario has its own.
-        observer: The judge of pictures.
-        reward_weights: Replaces weights of reward terms by name.
-        complete: Seen share of what is lit that counts as complete [%].
-        horizon_terminates: Whether the duration ends a flight as terminated.
-
     Raises:
         ScenarioError: A value is not allowed.
     """

@@ -36,8 +36,7 @@ class Episodes(EpisodeState):
         threads: Most that are used.
 
     Attributes:
-        config: The environment's arguments.
-        pool: Its missions.
+        pool: The missions.
         interface: What agents are shown and choose among.
         draws: What was drawn for each episode; None before it begins.
 

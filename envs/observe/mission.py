@@ -64,8 +64,6 @@ LEAST_POSSIBLE = 0.2
 NOTHING_STORED = 1e-9
 #: Of the integration of the planned paths.
 PATH_TOLERANCE = 1e-9
-#: What flies every mission: compiled gyrostats.
-PHYSICS = {"stepper": "kernel"}
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -354,18 +352,7 @@ def make_flyby(
     observer: ObserverKind = "horizon",
     dispersions: Mapping[str, float] | None = None,
 ) -> Mission:
-    """Work a flyby of the catalogue out; horizon maps and ways are taken from the cache where they are there.
-
-    Args:
-        spec: Which.
-        spacecraft: Most that fly.
-        patches: Of the target, a square number.
-        decision_s: Length of a decision [s].
-        weights: Of the reward terms.
-        complete: Seen share from which on all is seen [%].
-        observer: The judge of pictures.
-        dispersions: Of the scenario, what differs from flight to flight.
-    """
+    """Work a flyby of the catalogue out, by arguments of `SwarmObserveEnv`; tables come from the cache if they are there."""
     data, altitude, half_width = flyby(spec, spacecraft, patches)
     scenario = load_scenario(data | {"dispersions": dict(dispersions or {})})
     pixel = 2.0 * tan(radians(scenario.camera.half_angle_deg)) / scenario.camera.resolution_px * altitude
@@ -397,7 +384,7 @@ def environment_scenario(given: Any) -> Scenario:
     """
     scenario = load_scenario(given)
     refuse_extra_targets(scenario)
-    physics = scenario.physics.model_copy(update=PHYSICS)
+    physics = scenario.physics.model_copy(update={"stepper": "kernel"})
     return scenario.model_copy(update={"physics": physics})
 
 
@@ -411,16 +398,9 @@ def make_own(
     complete: float,
     observer: ObserverKind = "horizon",
 ) -> Mission:
-    """Work a scenario of one's own out: path, frame, scales and links are those of its plan.
+    """Work a scenario of one's own out, see `environment_scenario`: path, frame, scales and links are those of its plan.
 
-    Args:
-        scenario: See `environment_scenario`.
-        target: What is to be seen: the scenario's target, or the whole body.
-        patches: Of the target, a square number, or six times one for a whole body.
-        decision_s: Length of a decision [s].
-        weights: Of the reward terms.
-        complete: Seen share from which on all is seen [%].
-        observer: The judge of pictures.
+    The other arguments are those of `SwarmObserveEnv`.
 
     Raises:
         ScenarioError: The decision does not fit the scenario, or compiled code cannot fly it; the message says why.
@@ -435,7 +415,7 @@ def make_own(
     centre = np.zeros(3) if whole else np.asarray(region.area @ region.centroid_A / region.total_area)
     half_width = plan.shape.max_radius if whole else float(np.linalg.norm(centre)) * tan(region.side_half_angle)
     radio = _radio(plan, decision_s, None, None)
-    mission = Mission(
+    return Mission(
         name=scenario.name,
         **_judged(plan, parts, observer),
         altitude_m=float(design.imaging_altitude_m),
@@ -451,7 +431,6 @@ def make_own(
         radio=radio,
         v0_N=None,
     )
-    return mission
 
 
 def _judged(plan: Plan, patches: Patches, kind: ObserverKind) -> dict[str, Any]:

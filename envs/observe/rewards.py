@@ -70,15 +70,17 @@ class StepFacts(NamedTuple):
     possible: Array
 
 
-class Hazards(NamedTuple):
-    """How dangerous a step was.
+class Measures(NamedTuple):
+    """What is measured of a step.
 
     Attributes:
+        received: By Earth, shape (E,) [bit].
         saturation: Mean share by which wheels are in the last tenth below their top speed, shape (E,).
         close_pairs: Share of the pairs of spacecraft that came too close, shape (E,).
         hit: Spacecraft that hit the body, shape (E, n).
     """
 
+    received: Array
     saturation: Array
     close_pairs: Array
     hit: Mask
@@ -106,7 +108,7 @@ def measure_hazards(
     now: Kinematics,
     lost: Mask,
     live: Mask,
-    hazards: Hazards,
+    measures: Measures,
 ) -> None:
     """How near the wheels are to saturation, the spacecraft to each other, and which hit the body.
 
@@ -117,17 +119,17 @@ def measure_hazards(
         now: At its end.
         lost: Spacecraft that are no more, shape (E, n).
         live: Which flights, shape (E,); nothing is written of the others.
-        hazards: Receives the answer.
+        measures: Receives the answer.
     """
     for e in range(lost.shape[0]):
         if live[e]:
-            hazards.close_pairs[e] = 0.0
-            hazards.saturation[e] = _saturation(now.wheel[e], limits.max_wheel_speed)
+            measures.close_pairs[e] = 0.0
+            measures.saturation[e] = _saturation(now.wheel[e], limits.max_wheel_speed)
             if before.t[e] >= limits.separation_grace_s:
-                hazards.close_pairs[e] = _close_pairs(before.r[e], now.r[e], lost[e], limits.min_separation_m)
+                measures.close_pairs[e] = _close_pairs(before.r[e], now.r[e], lost[e], limits.min_separation_m)
             for j in range(lost.shape[1]):
                 flies = not lost[e, j]
-                hazards.hit[e, j] = flies and way_blocked(before.r_A[e, j], now.r_A[e, j], body)
+                measures.hit[e, j] = flies and way_blocked(before.r_A[e, j], now.r_A[e, j], body)
 
 
 @allocation_free
@@ -236,22 +238,10 @@ def horizon_ended(result: StepResult) -> StepResult:
     return result._replace(end=end, truncated=np.zeros_like(result.truncated))
 
 
-class Measures(NamedTuple):
-    """What is measured of a step.
-
-    Attributes:
-        received: By Earth in the step, shape (E,) [bit].
-        hazards: How dangerous it was.
-    """
-
-    received: Array
-    hazards: Hazards
-
-
 def no_measures(result: StepResult) -> Measures:
-    """Of the flights of a result, whose hits are those of the hazards."""
+    """Of the flights of a result, which has the same hits."""
     count = len(result.reward)
-    return Measures(np.zeros(count), Hazards(np.zeros(count), np.zeros(count), result.hit))
+    return Measures(np.zeros(count), np.zeros(count), np.zeros(count), result.hit)
 
 
 @kernel
@@ -290,7 +280,7 @@ def score_step(
             continue
         of = constants[m]
         transmit(of.radio, of.body, now, tracking, totals, mine, received)
-        measure_hazards(of.limits, of.body, before, now, totals.lost, mine, measures.hazards)
+        measure_hazards(of.limits, of.body, before, now, totals.lost, mine, measures)
         for e in range(count):
             if mine[e]:
                 measures.received[e] = received[e]
@@ -303,14 +293,14 @@ def _reward(
     constants: RewardConstants, flown: StepFacts, measures: Measures, totals: EpisodeTotals, e: int, result: StepResult
 ) -> None:
     """Terms, reward and end of a step of flight e."""
-    terms, share, hazards = result.terms[e], constants.step_share, measures.hazards
+    terms, share = result.terms[e], constants.step_share
     for k in range(terms.shape[0]):
         terms[k] = 0.0
     if flown.finite[e]:
         hits = 0
-        for j in range(hazards.hit.shape[1]):
-            hits += hazards.hit[e, j]
-            totals.lost[e, j] = totals.lost[e, j] or hazards.hit[e, j]
+        for j in range(measures.hit.shape[1]):
+            hits += measures.hit[e, j]
+            totals.lost[e, j] = totals.lost[e, j] or measures.hit[e, j]
         target, can_count, seen = 0.0, 0.0, 0.0
         for i in range(constants.cell_area.shape[0]):
             target += constants.cell_area[i]
@@ -321,8 +311,8 @@ def _reward(
         terms[_SEEN] = flown.area[e] / flown.possible[e]
         terms[_DELIVERED] = measures.received[e] / (constants.nominal_bit * flown.possible[e] / target)
         terms[_EFFORT] = share * (flown.effort[e] / constants.max_effort)
-        terms[_SATURATION] = share * hazards.saturation[e]
-        terms[_APPROACH] = share * hazards.close_pairs[e]
+        terms[_SATURATION] = share * measures.saturation[e]
+        terms[_APPROACH] = share * measures.close_pairs[e]
         terms[_LOSS] = hits
         percent = 100.0 * (1.0 - (can_count - seen) / target)
         result.end[e] = _end(constants, totals, percent, e)

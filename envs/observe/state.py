@@ -87,10 +87,6 @@ class EpisodeState:
         patches: Patches of each target, K.
 
     Attributes:
-        flights: Who flies them.
-        count: Number of episodes E.
-        n: Spacecraft of each.
-        patches: Patches of each target, K.
         missions: Those that fly, in the order in which they were added.
         mission: Which of them each episode flies, shape (E,).
         totals: What the episodes have come to.
@@ -137,11 +133,6 @@ class EpisodeState:
         """Of the missions."""
         assert self._of is not None, "there is no mission yet"
         return self._of
-
-    @property
-    def time_s(self) -> Array:
-        """Seconds past the epoch, shape (E,)."""
-        return self.now.t.copy()
 
     @property
     def tracking(self) -> Tracking:
@@ -237,11 +228,11 @@ class EpisodeState:
     def score(self, live: Mask, finite: Mask, effort: Array) -> None:
         """Send data, and work out rewards and ends of a step of the live flights, into `result`."""
         flown = StepFacts(self.flights.tick, live, finite, self._gained.area, effort, self.sheet.possible_area)
-        instants = self.before, self.now
         score_step(
             self.constants.scores,
             self.mission,
-            *instants,
+            self.before,
+            self.now,
             self.tracking,
             self.totals,
             flown,

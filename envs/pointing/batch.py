@@ -17,6 +17,7 @@ from ..arguments import flight_seeds, is_whole
 from ..batch_env import StepOutcome
 from ..capacity import refuse_more_than_fit
 from ..pixels import IMAGE_SPACE, Poses
+from .flights import PointingFlights
 from .task import PointingTask
 from .view import assess, no_state, view
 
@@ -34,8 +35,6 @@ class PointingBatch:
         count: Number of episodes E.
 
     Attributes:
-        task: What they share.
-        count: Number of episodes E.
         flights: The simulation, a swarm of one in each flight.
         state: What the episodes remember.
         spacecraft: Which of the swarm flies, shape (E,).
@@ -48,7 +47,7 @@ class PointingBatch:
     def __init__(self, task: PointingTask, count: int) -> None:
         refuse_more_than_fit(count, EPISODE_BYTES + task.plan.region.n_cells * CELL_BYTES)
         self.task, self.count = task, count
-        self.flights = task.flights(count)
+        self.flights = PointingFlights(task.setup, count)
         holds = task.config.holds
         self.state = no_state(count, holds)
         self.spacecraft = np.zeros(count, np.int64)
@@ -62,7 +61,7 @@ class PointingBatch:
     @property
     def time_s(self) -> Array:
         """Seconds past the epoch, shape (E,)."""
-        return np.asarray(self.flights.tick * self.flights.period, np.float64)
+        return np.asarray(self.flights.flights.tick * self.flights.period, np.float64)
 
     @property
     def success(self) -> Mask:
@@ -83,7 +82,7 @@ class PointingBatch:
         for e, seed in flights.items():
             draw = self.task.draw(seed, wanted[e])
             self.flights.reset(e, draw.initial)
-            self.flights.tick[e] = draw.tick
+            self.flights.flights.tick[e] = draw.tick
             self.spacecraft[e], self.kind[e], self.vector[e] = draw.spacecraft, draw.kind, draw.vector
             self._torque_B[e] = 0.0
             for array in self.state:
@@ -100,11 +99,8 @@ class PointingBatch:
             actions: Motor torques over their limit, shape (E, 3).
             live: Episodes to go on with, shape (E,); None for all.
         """
-        live, state, hold = (
-            np.ones(self.count, np.bool_) if live is None else live,
-            self.state,
-            self._constants.hold_steps,
-        )
+        live = np.ones(self.count, np.bool_) if live is None else live
+        state, hold = self.state, self._constants.hold_steps
         limit = self.task.plan.properties.max_wheel_torque
         torque_B = body_torques(limit * np.asarray(actions, np.float64)[:, None], self._axes)
         self._torque_B[live] = torque_B[live]
@@ -121,8 +117,8 @@ class PointingBatch:
 
     def pictures(self, chosen: Mask) -> Thumbnails:
         """What the cameras of some episodes see now, shape (E,)."""
-        at, flights = np.flatnonzero(chosen), self.flights
-        r_N, q_BN, C_AN = flights.reading(Slot.R)[at], flights.q_BN[at, 0], flights.C_AN[at]
+        at, flown = np.flatnonzero(chosen), self.flights.flights
+        r_N, q_BN, C_AN = self.flights.reading(Slot.R)[at], flown.q_BN[at, 0], flown.C_AN[at]
         return self.task.pictures.draw(Poses(r_N, q_BN, C_AN, self.time_s[at]))
 
     @property

@@ -10,32 +10,14 @@ from swarm_mj.flight.plan import Plan
 from swarm_mj.simulator.batch import FlightBatch
 from swarm_mj.simulator.loop import Stage
 from swarm_mj.simulator.slots import Slot
-from swarm_mj.simulator.state import InitialState
 from swarm_mj.simulator.world import FlightSetup
 from swarm_mj.spacecraft.attitude.guidance import pointing_error
 from swarm_mj.spacecraft.model import build_model
-from swarm_mj.typing import Array, Ints, Mask
-
-__all__ = ["InitialState", "PointingFlights", "flyby_states", "setup_of_one"]
+from swarm_mj.typing import Array, Mask
 
 
 class PointingFlights(FlightBatch):
     """E flights of one spacecraft each, their motors held; what is read of them is of the last decision."""
-
-    @property
-    def tick(self) -> Ints:
-        """Control periods flown, live, shape (E,)."""
-        return self.flights.tick
-
-    @property
-    def q_BN(self) -> Array:
-        """Attitudes, live, shape (E, 1, 4)."""
-        return self.flights.q_BN
-
-    @property
-    def C_AN(self) -> Array:
-        """Rotations from N to A at the last decision, shape (E, 3, 3)."""
-        return self.flights.C_AN
 
     def turn(self, torque_B: Array, ticks: int, live: Mask) -> Array:
         """Fly on with torques of the wheels on the body held, shape (E, 1, 3) [N m].

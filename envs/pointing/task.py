@@ -17,6 +17,7 @@ from swarm_mj.flight.plan import Plan, make_plan
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.scenarios.schema import Scenario, is_multiple
+from swarm_mj.simulator.state import InitialState
 from swarm_mj.spacecraft.attitude.algebra import normalised, product
 from swarm_mj.spacecraft.attitude.mrp import mrp_from_quaternion
 from swarm_mj.typing import Array, Ints
@@ -24,7 +25,7 @@ from swarm_mj.typing import Array, Ints
 from ..arguments import record_of
 from ..pixels import IMAGE_SPACE, BodyPictures
 from .config import PointingConfig, PointingScales
-from .flights import InitialState, PointingFlights, flyby_states, setup_of_one
+from .flights import flyby_states, setup_of_one
 from .view import PointingConstants, PointingLayout
 
 #: Instants of the flyby at which an episode may begin are so far apart [s].
@@ -58,8 +59,7 @@ class PointingTask:
         config: The environment's arguments.
 
     Attributes:
-        config: The environment's arguments.
-        given: Their scenario, overrides applied.
+        given: The scenario, overrides applied.
         plan: The mission, which says where each spacecraft of the swarm is.
         setup: A swarm of one.
         layout: Which numbers stand where in an observation.
@@ -182,10 +182,6 @@ class PointingTask:
             turn[1 + axis] = sin(0.5 * angle)
             q = product(q, (turn[0], turn[1], turn[2], turn[3]))
         return np.array(q)
-
-    def flights(self, count: int) -> PointingFlights:
-        """So many spacecraft, each in a flight of its own, their motors held."""
-        return PointingFlights(self.setup, count)
 
 
 def _periods(given: Scenario, name: str, length_s: float) -> int:

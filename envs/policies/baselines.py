@@ -36,8 +36,8 @@ DWELL, LOOKS = 1.0 / 30.0, 0.6
 DECISIONS = 30
 
 
-#: The best list of choices that hill climbing from the sweep found on flight seeds 0 to 127 of the default pool of missions,
-#: one row a spacecraft; 287 changes were tried and 71 kept.
+#: The best list of choices that hill climbing from the sweep (`scripts/pages/open_loop.py`) found on flight seeds 0 to 127 of
+#: the default pool of missions, one row a spacecraft; 287 changes were tried and 71 kept.
 OPEN_LOOP = (
     "0 1 7 1 12 1 7 0 9 1 7 13 0 4 2 7 15 1 3 16 16 16 16 16 16 16 16 16 16 16",
     "14 4 10 10 5 1 14 2 9 7 1 3 12 11 3 13 2 5 1 14 7 15 7 16 16 16 16 16 16 16",
@@ -167,33 +167,6 @@ def _otherwise(spacecraft: NDArray[Any], j: int, later: Array, gsd: Array) -> in
     if spacecraft[j, _COLUMN["camera"]] < 0.5:
         return patches + 1 + j
     return int(later.argmax() if later.max() > 0.0 else gsd.argmin())
-
-
-def climbed(
-    episodes: Episodes, start: NDArray[Any], seeds: Sequence[int], rounds: int, seed: int = 0
-) -> tuple[Ints, float]:
-    """A list of choices that hill climbing finds on some flight seeds, and its mean score on them.
-
-    Args:
-        episodes: Where they fly.
-        start: The list to begin with, shape (steps, n).
-        seeds: Flight seeds.
-        rounds: How many changes are tried; one that does not lower the mean is kept.
-        seed: Of the changes.
-    """
-    rng, best = np.random.default_rng(seed), np.array(start, np.int64)
-    steps, n = best.shape
-    score = float(fly(episodes, open_loop(best), seeds).score.mean())
-    for _ in range(rounds):
-        tried, j, first = best.copy(), int(rng.integers(n)), int(rng.integers(steps))
-        length = int(rng.integers(1, 7)) if rng.random() < 0.5 else 1
-        part = tried[first : first + length, j]
-        # Another patch each, or talk all the time.
-        part[:] = rng.integers(0, episodes.patches, len(part)) if rng.random() < 0.7 else episodes.patches
-        found = float(fly(episodes, open_loop(tried), seeds).score.mean())
-        if found >= score:
-            best, score = tried, found
-    return best, score
 
 
 def scripted_policies(config: EnvConfig) -> dict[str, Policy]:

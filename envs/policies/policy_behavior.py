@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -62,33 +62,62 @@ def policy_overrides(policy: str, scenario: Scenario) -> dict[str, Any]:
 
 
 @dataclass(frozen=True)
-class ScriptedPolicy:
-    """One of the scripted policies of `swarm_mj.envs.policies.baselines`.
+class _PolicyBehavior:
+    """What scripted and trained policies have in common.
 
     Attributes:
         n_observers: Number of spacecraft that observe.
         imaging_radius_m: R_im [m].
+        dedicated_communications: Whether one more spacecraft flies along, which takes no pictures.
+
+    Raises:
+        MissionError: `dedicated_communications` is neither true nor false.
+    """
+
+    name: ClassVar[str]
+    n_observers: int
+    imaging_radius_m: float
+    dedicated_communications: bool = False
+
+    def __post_init__(self) -> None:
+        """Refuse what is no answer to a yes-or-no question."""
+        told = self.dedicated_communications
+        if not isinstance(told, bool):
+            raise MissionError(f"behavior.parameters.dedicated_communications = {told!r}: must be true or false")
+
+    def targets(self, view: SwarmView, memory: Any) -> tuple[Targets, Any]:
+        """Not before `for_flight`.
+
+        Raises:
+            MissionError: Always.
+        """
+        told = f"behavior.name = {self.name!r}: it can fly, but no design can be made with it: it needs attitudes"
+        raise MissionError(told)
+
+
+@dataclass(frozen=True)
+class ScriptedPolicy(_PolicyBehavior):
+    """One of the scripted policies of `swarm_mj.envs.policies.baselines`.
+
+    Attributes:
         policy: `sweep`, `greedy` or `greedy_ahead`.
         step_s: Time between decisions [s].
         patches: Patches of the target, a square number.
-        dedicated_communications: Whether one more spacecraft flies along, which takes no pictures.
 
     Raises:
         MissionError: The policy is unknown, or `dedicated_communications` is neither true nor false.
     """
 
-    n_observers: int
-    imaging_radius_m: float
+    name = "scripted_policy"
     policy: str = "greedy"
     step_s: float = DECISION_S
     patches: int = 16
-    dedicated_communications: bool = False
 
     def __post_init__(self) -> None:
         """Refuse unknown policies."""
+        super().__post_init__()
         if self.policy not in NAMES:
             raise MissionError(f"behavior.parameters.policy = {self.policy!r}: must be one of {', '.join(NAMES)}")
-        _check_dedicated(self.dedicated_communications)
 
     def check_scenario(self, scenario: Scenario) -> None:
         """Refuse a scenario whose times do not fit the policy's step."""
@@ -99,37 +128,17 @@ class ScriptedPolicy:
         config = _config_of(plan, self.step_s, self.patches)
         return PolicyFlight(config, scripted_policies(config)[self.policy])
 
-    def targets(self, view: SwarmView, memory: Any) -> tuple[Targets, Any]:
-        """Not before `for_flight`.
-
-        Raises:
-            MissionError: Always.
-        """
-        raise _needs_a_flight("scripted_policy")
-
 
 @dataclass(frozen=True)
-class TrainedPolicy:
+class TrainedPolicy(_PolicyBehavior):
     """A policy from a file, see `swarm_mj.envs.policies.policy_files`.
 
     Attributes:
-        n_observers: Number of spacecraft that observe.
-        imaging_radius_m: R_im [m].
         file: The file; empty for the one that travels with the package, which reads choice by choice and flies any swarm.
-        dedicated_communications: Whether one more spacecraft flies along, which takes no pictures.
-
-    Raises:
-        MissionError: `dedicated_communications` is neither true nor false.
     """
 
-    n_observers: int
-    imaging_radius_m: float
+    name = "trained_policy"
     file: str = ""
-    dedicated_communications: bool = False
-
-    def __post_init__(self) -> None:
-        """Refuse what is no answer to a yes-or-no question."""
-        _check_dedicated(self.dedicated_communications)
 
     @property
     def _path(self) -> str:
@@ -152,14 +161,6 @@ class TrainedPolicy:
         """
         config = _config_of(plan, *_times(self._path))
         return PolicyFlight(config, open_policy(self._path, config))
-
-    def targets(self, view: SwarmView, memory: Any) -> tuple[Targets, Any]:
-        """Not before `for_flight`.
-
-        Raises:
-            MissionError: Always.
-        """
-        raise _needs_a_flight("trained_policy")
 
 
 class PolicyFlight:
@@ -287,12 +288,3 @@ def _check_step(scenario: Scenario, step_s: float) -> None:
         checked_step(scenario, step_s)
     except ScenarioError as error:
         raise MissionError(f"behavior.name = {scenario.behavior.name!r}: {error}") from None
-
-
-def _check_dedicated(given: Any) -> None:
-    if not isinstance(given, bool):
-        raise MissionError(f"behavior.parameters.dedicated_communications = {given!r}: must be true or false")
-
-
-def _needs_a_flight(name: str) -> MissionError:
-    return MissionError(f"behavior.name = {name!r}: it can fly, but no design can be made with it: it needs attitudes")

@@ -15,8 +15,9 @@ from swarm_mj.envs.observe.draws import NAMES, Randomisation
 from swarm_mj.envs.observe.episodes import Episodes
 from swarm_mj.envs.observe.parallel import swarm_observe_v0
 from swarm_mj.envs.observe.tables import GENERAL, PAIRS, SPACECRAFT
-from swarm_mj.envs.policies.baselines import climbed, fly, greedy, greedy_ahead, open_loop, sweep
+from swarm_mj.envs.policies.baselines import fly, greedy, greedy_ahead, open_loop, sweep
 
+from scripts.pages.open_loop import climbed
 from swarm_mj.errors import ScenarioError
 from swarm_mj.mission.trajectories import propagate
 

@@ -147,7 +147,7 @@ def test_positions_are_those_of_the_swarms_flyby(task):
     batch.reset({0: 21}, 4)
     for _ in range(40):
         batch.step(np.zeros((1, 3)))
-    simulation.fly(int(batch.flights.tick[0]))
+    simulation.fly(int(batch.flights.flights.tick[0]))
     assert np.linalg.norm(simulation.state.r_N[3] - batch.flights.state(0).r_N[0]) < 1e-6
 
 
