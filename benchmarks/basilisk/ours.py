@@ -17,6 +17,7 @@ from benchmarks.basilisk.problem import DURATION_S, K_N_M, LEG_S, P_N_M_S, PERIO
 from swarm_mj.mission.behaviors import SwarmView, TargetKind, Targets
 from swarm_mj.simulator.kernel import turn_gyrostats
 from swarm_mj.simulator.simulation import Simulation
+from swarm_mj.simulator.world import FlightSetup
 from swarm_mj.spacecraft.attitude.algebra import combine, cross, put_vector, times, vector
 from swarm_mj.spacecraft.control.base import ControlInput
 from swarm_mj.spacecraft.control.compiled import CompiledLaw
@@ -104,20 +105,16 @@ class Swarm:
 
 def make(problem: Problem, timestep: float, stepper: Stepper) -> Simulation:
     """The simulation at its start."""
-    simulation = Simulation(
-        build_model(
-            problem.n,
-            shape=problem.plan.shape,
-            properties=problem.properties,
-            timestep=timestep,
-            stepper=stepper,
-            geometry=False,
-        ),
-        environment=problem.environment,
-        behavior=Legs(problem.directions_N),
-        controller=ScalarFeedback(),
-        control_period=PERIOD_S,
+    model = build_model(
+        problem.n,
+        shape=problem.plan.shape,
+        properties=problem.properties,
+        timestep=timestep,
+        stepper=stepper,
+        geometry=False,
     )
+    setup = FlightSetup(model=model, environment=problem.environment, period=PERIOD_S)
+    simulation = Simulation(setup, Legs(problem.directions_N), ScalarFeedback())
     simulation.reset(problem.initial)
     return simulation
 

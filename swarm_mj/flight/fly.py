@@ -28,6 +28,7 @@ from swarm_mj.simulator.faults.schedule import FaultModel, deployed_velocities, 
 from swarm_mj.simulator.simulation import Simulation
 from swarm_mj.simulator.state import InitialState, Release
 from swarm_mj.simulator.telemetry import VARIABLES, dataset, working
+from swarm_mj.simulator.world import FlightSetup
 from swarm_mj.spacecraft.attitude.mrp import add_mrp, dcm, mrp_from_quaternion
 from swarm_mj.spacecraft.model import SwarmModel, build_model
 from swarm_mj.spacecraft.own_model import build_own_model
@@ -129,16 +130,18 @@ def make_simulation(plan: Plan, *, geometry: bool = False) -> Simulation:
     scenario, model = plan.scenario, model_of(plan, geometry=geometry)
     behavior = plan.behavior
     simulation = Simulation(
-        model,
-        environment=plan.environment,
-        behavior=behavior.for_flight(plan) if isinstance(behavior, MissionBehavior) else behavior,
-        controller=plan.controller,
-        control_period=scenario.control.period_s,
-        gravity_gradient_torque=scenario.perturbations.gravity_gradient_torque,
-        fault_model=fault_model_from(scenario),
+        FlightSetup(
+            model=model,
+            environment=plan.environment,
+            period=scenario.control.period_s,
+            gravity_gradient=scenario.perturbations.gravity_gradient_torque,
+            fault_model=fault_model_from(scenario),
+            quickest_slews=scenario.control.slew == "time_optimal",
+        ),
+        behavior.for_flight(plan) if isinstance(behavior, MissionBehavior) else behavior,
+        plan.controller,
         force_law=correction_law(plan),
         shape=plan.shape,
-        quickest_slews=scenario.control.slew == "time_optimal",
     )
     fly_burns(simulation, plan.deployment)
     _check_nozzles(simulation)

@@ -8,34 +8,21 @@ from __future__ import annotations
 import numpy as np
 
 from swarm_mj.mission.behaviors import TargetKind
-from swarm_mj.simulator.faults.wheels import limited
 from swarm_mj.simulator.slots import Peak, Resting, Slot
 from swarm_mj.smallbody.perturbations import gradient_torque_on
-from swarm_mj.smallbody.rotation import write_spin_dcm
-from swarm_mj.spacecraft.attitude.algebra import conjugate, cross, put_vector, quaternion, rotate, vector
-from swarm_mj.spacecraft.attitude.guidance import (
-    LineOfSight,
-    Reference,
-    TrackingError,
-    attitude_error,
-    track_line_of_sight,
+from swarm_mj.spacecraft.attitude.algebra import (
+    combine,
+    conjugate,
+    cross,
+    put_vector,
+    quaternion,
+    rotate,
+    scaled,
+    times,
+    vector,
 )
-from swarm_mj.typing import Array, Ints, Mask, allocation_free, jittable
-
-
-@allocation_free
-def turn_frames(C_PN: Array, phase: float, half_turn: float, C_AN: Array, C_mid: Array) -> None:
-    """Write the rotations from N to A, now and at the middle of the hold.
-
-    Args:
-        C_PN: Rotation from N to the pole frame, shape (3, 3).
-        phase: Prime meridian angle now [rad].
-        half_turn: What the body turns in half the hold [rad].
-        C_AN: Receives the rotation now, shape (3, 3).
-        C_mid: Receives the one at the middle of the hold, shape (3, 3).
-    """
-    write_spin_dcm(C_PN, phase, C_AN)
-    write_spin_dcm(C_PN, phase + half_turn, C_mid)
+from swarm_mj.spacecraft.wheels import limited
+from swarm_mj.typing import Array, Ints, Mask, allocation_free
 
 
 @allocation_free
@@ -62,12 +49,7 @@ def lie_or_stay(
         for w in range(speed.shape[1]):
             speed[j, w] = 0.0
         if resting[j] == Resting.ON_THE_BODY:
-            x, y, z = vector(rest_A, j)
-            r = (
-                C_AN[0, 0] * x + C_AN[1, 0] * y + C_AN[2, 0] * z,
-                C_AN[0, 1] * x + C_AN[1, 1] * y + C_AN[2, 1] * z,
-                C_AN[0, 2] * x + C_AN[1, 2] * y + C_AN[2, 2] * z,
-            )
+            r = times(C_AN.T, vector(rest_A, j))
             put_vector(r_N, j, r)
             put_vector(v_N, j, cross((spin_N[0], spin_N[1], spin_N[2]), r))
 
@@ -104,11 +86,8 @@ def read_motion(r_N: Array, v_N: Array, offset_N: Array, C_mid: Array, half_hold
     for j in range(r_N.shape[0]):
         for k in range(3):
             work[Slot.R, j, k], work[Slot.V, j, k] = r_N[j, k], v_N[j, k]
-        x = r_N[j, 0] + half_hold * v_N[j, 0] + offset_N[j, 0]
-        y = r_N[j, 1] + half_hold * v_N[j, 1] + offset_N[j, 1]
-        z = r_N[j, 2] + half_hold * v_N[j, 2] + offset_N[j, 2]
-        for k in range(3):
-            work[Slot.R_A, j, k] = C_mid[k, 0] * x + C_mid[k, 1] * y + C_mid[k, 2] * z
+        ahead = combine(1.0, vector(r_N, j), half_hold, vector(v_N, j))
+        put_vector(work[Slot.R_A], j, times(C_mid, combine(1.0, ahead, 1.0, vector(offset_N, j))))
 
 
 @allocation_free
@@ -142,9 +121,8 @@ def hold_gravity(a_A: Array, C_mid: Array, resting: Ints, work: Array) -> None:
         work: Receives A, see `Slot`.
     """
     for j in range(a_A.shape[0]):
-        for k in range(3):
-            a = C_mid[0, k] * a_A[j, 0] + C_mid[1, k] * a_A[j, 1] + C_mid[2, k] * a_A[j, 2]
-            work[Slot.A, j, k] = a if resting[j] == Resting.FLYING else 0.0
+        a_N = times(C_mid.T, vector(a_A, j))
+        put_vector(work[Slot.A], j, a_N if resting[j] == Resting.FLYING else (0.0, 0.0, 0.0))
 
 
 @allocation_free
@@ -176,7 +154,7 @@ def mark_new_targets(kind: Ints, spacecraft: Ints, last_kind: Ints, last_spacecr
 def locate_targets(
     kind: Ints,
     spacecraft: Ints,
-    vector: Array,
+    aim: Array,
     earth_N: Array,
     earth_velocity_N: Array,
     spin_N: Array,
@@ -188,69 +166,35 @@ def locate_targets(
     Args:
         kind: `TargetKind` values, shape (n,).
         spacecraft: Spacecraft to follow, shape (n,).
-        vector: Surface point in A [m] or direction in N, shape (n, 3).
+        aim: Surface point in A [m] or direction in N, shape (n, 3).
         earth_N: Position of Earth relative to the body in N, shape (3,) [m].
         earth_velocity_N: Its velocity, shape (3,) [m/s].
         spin_N: Angular velocity of A in N, shape (3,) [rad/s].
         C_AN: Rotation from N to A.
         work: Gives R, V and A, receives RHO, RHO_DOT and RHO_DDOT, see `Slot`.
     """
+    spin, nowhere = (spin_N[0], spin_N[1], spin_N[2]), (0.0, 0.0, 0.0)
     for j in range(kind.shape[0]):
-        for k in range(3):
-            work[Slot.RHO, j, k] = -work[Slot.R, j, k]
-            work[Slot.RHO_DOT, j, k] = -work[Slot.V, j, k]
-            work[Slot.RHO_DDOT, j, k] = -work[Slot.A, j, k]
+        r, v, a = nowhere, nowhere, nowhere  # the body's centre
         if kind[j] == TargetKind.SPACECRAFT:
-            for k in range(3):
-                work[Slot.RHO, j, k] += work[Slot.R, spacecraft[j], k]
-                work[Slot.RHO_DOT, j, k] += work[Slot.V, spacecraft[j], k]
-                work[Slot.RHO_DDOT, j, k] += work[Slot.A, spacecraft[j], k]
+            k = spacecraft[j]
+            r, v, a = vector(work[Slot.R], k), vector(work[Slot.V], k), vector(work[Slot.A], k)
         elif kind[j] == TargetKind.EARTH:
-            for k in range(3):
-                work[Slot.RHO, j, k] += earth_N[k]
-                work[Slot.RHO_DOT, j, k] += earth_velocity_N[k]
+            r = earth_N[0], earth_N[1], earth_N[2]
+            v = earth_velocity_N[0], earth_velocity_N[1], earth_velocity_N[2]
         elif kind[j] == TargetKind.SURFACE:
-            _add_surface_point(vector[j], C_AN, spin_N, work, j)
-        elif kind[j] == TargetKind.DIRECTION:
-            for k in range(3):
-                # Far enough that the coincidence rule never applies; the length of a direction does not matter.
-                work[Slot.RHO, j, k] = 1e9 * vector[j, k]
-                work[Slot.RHO_DOT, j, k] = 0.0
-                work[Slot.RHO_DDOT, j, k] = 0.0
-
-
-@jittable
-def _add_surface_point(point_A: Array, C_AN: Array, w: Array, work: Array, j: int) -> None:
-    x = C_AN[0, 0] * point_A[0] + C_AN[1, 0] * point_A[1] + C_AN[2, 0] * point_A[2]
-    y = C_AN[0, 1] * point_A[0] + C_AN[1, 1] * point_A[1] + C_AN[2, 1] * point_A[2]
-    z = C_AN[0, 2] * point_A[0] + C_AN[1, 2] * point_A[1] + C_AN[2, 2] * point_A[2]
-    vx, vy, vz = w[1] * z - w[2] * y, w[2] * x - w[0] * z, w[0] * y - w[1] * x
-    work[Slot.RHO, j, 0] += x
-    work[Slot.RHO, j, 1] += y
-    work[Slot.RHO, j, 2] += z
-    work[Slot.RHO_DOT, j, 0] += vx
-    work[Slot.RHO_DOT, j, 1] += vy
-    work[Slot.RHO_DOT, j, 2] += vz
-    work[Slot.RHO_DDOT, j, 0] += w[1] * vz - w[2] * vy
-    work[Slot.RHO_DDOT, j, 1] += w[2] * vx - w[0] * vz
-    work[Slot.RHO_DDOT, j, 2] += w[0] * vy - w[1] * vx
-
-
-@allocation_free
-def guide(q_BN: Array, restart: Mask, q_RN: Array, work: Array) -> None:
-    """From lines of sight to references and tracking errors.
-
-    Args:
-        q_BN: Attitudes, shape (n, 4).
-        restart: Whose target is new, shape (n,).
-        q_RN: Reference attitudes, replaced by the present ones, shape (n, 4).
-        work: Gives the lines of sight and body rates, receives references and errors, see `Slot`.
-    """
-    sight = LineOfSight(work[Slot.RHO], work[Slot.RHO_DOT], work[Slot.RHO_DDOT])
-    reference = Reference(q_RN, work[Slot.OMEGA_R], work[Slot.DOMEGA_R], work[Slot.LOS])
-    error = TrackingError(work[Slot.SIGMA_BR], work[Slot.OMEGA_BR], work[Slot.OMEGA_R_B], work[Slot.DOMEGA_R_B])
-    track_line_of_sight(sight, q_BN, restart, reference)
-    attitude_error(q_BN, work[Slot.OMEGA], reference, error)
+            r = times(C_AN.T, vector(aim, j))
+            v = cross(spin, r)
+            a = cross(spin, v)
+        rho = combine(1.0, r, -1.0, vector(work[Slot.R], j))
+        rho_dot = combine(1.0, v, -1.0, vector(work[Slot.V], j))
+        rho_ddot = combine(1.0, a, -1.0, vector(work[Slot.A], j))
+        if kind[j] == TargetKind.DIRECTION:
+            # Far enough that the coincidence rule never applies; the length of a direction does not matter.
+            rho, rho_dot, rho_ddot = scaled(1e9, vector(aim, j)), nowhere, nowhere
+        put_vector(work[Slot.RHO], j, rho)
+        put_vector(work[Slot.RHO_DOT], j, rho_dot)
+        put_vector(work[Slot.RHO_DDOT], j, rho_ddot)
 
 
 @allocation_free
@@ -309,12 +253,6 @@ def hold_gravity_gradient(
         work: See `Slot`.
     """
     for j in range(q_BN.shape[0]):
-        x, y, z = vector(work[Slot.R_A], j)
-        r_N = (
-            C_mid[0, 0] * x + C_mid[1, 0] * y + C_mid[2, 0] * z,
-            C_mid[0, 1] * x + C_mid[1, 1] * y + C_mid[2, 1] * z,
-            C_mid[0, 2] * x + C_mid[1, 2] * y + C_mid[2, 2] * z,
-        )
-        q = quaternion(q_BN, j)
+        q, r_N = quaternion(q_BN, j), times(C_mid.T, vector(work[Slot.R_A], j))
         torque_B = gradient_torque_on(rotate(conjugate(q), r_N), inertia[j], gm)
         put_vector(torque_N, j, rotate(q, torque_B) if released[j] else (0.0, 0.0, 0.0))

@@ -24,7 +24,6 @@ from swarm_mj.scenarios.schema_faults import (
     WheelStuck,
     WheelWeakened,
 )
-from swarm_mj.simulator.faults.attitude_filter import first_knowledge
 from swarm_mj.simulator.faults.dispersions import (
     Dispersed,
     disperse_environment,
@@ -50,6 +49,7 @@ from swarm_mj.simulator.state import FlightState
 from swarm_mj.smallbody.environment import Environment
 from swarm_mj.smallbody.gravity.spherical_harmonics import SphericalHarmonics
 from swarm_mj.smallbody.rotation import sub_point
+from swarm_mj.spacecraft.attitude.estimation import first_knowledge
 from swarm_mj.spacecraft.properties import SpacecraftProperties
 from swarm_mj.typing import Array
 

@@ -28,6 +28,7 @@ from swarm_mj.spacecraft.attitude.algebra import (
     quaternion,
     rotate,
     scaled,
+    symmetric_inverse,
     transformed,
     vector,
 )
@@ -83,7 +84,7 @@ def turn_gyrostats(
     """
     for j in range(q_BN.shape[0]):
         J = _hub_inertia(inertia_B[j], axes, spin_inertia)
-        inverse = _inverse(J)
+        inverse = symmetric_inverse(J)
         q, omega, tau_N = quaternion(q_BN, j), vector(omega_B, j), vector(torque_N, j)
         h, u = _on_axes(axes, momentum[j]), _on_axes(axes, motor[j])
         for _ in range(steps):
@@ -107,16 +108,6 @@ def _hub_inertia(inertia_B: Array, axes: Array, spin_inertia: float) -> Any:
         xx, yy, zz = xx - spin_inertia * x * x, yy - spin_inertia * y * y, zz - spin_inertia * z * z
         xy, xz, yz = xy - spin_inertia * x * y, xz - spin_inertia * x * z, yz - spin_inertia * y * z
     return (xx, xy, xz), (xy, yy, yz), (xz, yz, zz)
-
-
-@jittable
-def _inverse(S: Any) -> Any:
-    """The inverse of a symmetric matrix, by cofactors."""
-    (a, d, e), (_, b, f), (_, _, c) = S
-    x, y, z = b * c - f * f, e * f - c * d, d * f - b * e
-    scale = 1.0 / (a * x + d * y + e * z)
-    yy, yz, zz = scale * (a * c - e * e), scale * (d * e - a * f), scale * (a * b - d * d)
-    return (scale * x, scale * y, scale * z), (scale * y, yy, yz), (scale * z, yz, zz)
 
 
 @jittable

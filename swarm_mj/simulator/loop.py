@@ -14,7 +14,6 @@ import numpy as np
 
 from swarm_mj.simulator.decide import (
     actuate,
-    guide,
     hold_gravity,
     hold_gravity_gradient,
     is_finite,
@@ -23,15 +22,22 @@ from swarm_mj.simulator.decide import (
     mark_new_targets,
     read_motion,
     read_rotation,
-    turn_frames,
 )
-from swarm_mj.simulator.faults.attitude_filter import Count, FilterState, Knowledge, Sensors, sense
 from swarm_mj.simulator.faults.wheels import WheelState, drive
 from swarm_mj.simulator.flights import Flights, World
 from swarm_mj.simulator.kernel import move, turn_gyrostats
 from swarm_mj.simulator.slots import Slot
 from swarm_mj.smallbody.gravity.compiled import write_attraction
 from swarm_mj.smallbody.perturbations import add_perturbations
+from swarm_mj.smallbody.rotation import write_spin_dcm
+from swarm_mj.spacecraft.attitude.estimation import Count, FilterState, Knowledge, Sensors, sense
+from swarm_mj.spacecraft.attitude.guidance import (
+    LineOfSight,
+    Reference,
+    TrackingError,
+    attitude_error,
+    track_line_of_sight,
+)
 from swarm_mj.typing import Array, Ints, Mask, allocation_free, inlined, jittable
 
 
@@ -151,7 +157,8 @@ def _read(world: World, flights: Flights, e: int) -> bool:
     """Turn the frames and read the state; whether it is finite."""
     half_hold, C_mid, work = 0.5 * world.period, flights.C_mid[e], flights.work[e]
     phase = world.phase0 + world.spin_rate * (flights.tick[e] * world.period)
-    turn_frames(world.C_PN, phase, half_hold * world.spin_rate, flights.C_AN[e], C_mid)
+    write_spin_dcm(world.C_PN, phase, flights.C_AN[e])
+    write_spin_dcm(world.C_PN, phase + half_hold * world.spin_rate, C_mid)
     r_N, v_N, omega_B, speed = flights.r_N[e], flights.v_N[e], flights.omega_B[e], flights.wheel_speed[e]
     lie_or_stay(flights.resting[e], flights.rest_A[e], flights.C_AN[e], world.spin_N, r_N, v_N, omega_B, speed)
     if not is_finite(r_N, v_N, flights.q_BN[e], omega_B, speed):
@@ -246,7 +253,11 @@ def _guide(world: World, flights: Flights, conditions: Any, e: int) -> bool:
     if conditions is not None:
         if conditions.senses[e]:
             q_known = conditions.knowledge.q_BN[e]
-    guide(q_known, restart, flights.q_RN[e], work)
+    sight = LineOfSight(work[Slot.RHO], work[Slot.RHO_DOT], work[Slot.RHO_DDOT])
+    reference = Reference(flights.q_RN[e], work[Slot.OMEGA_R], work[Slot.DOMEGA_R], work[Slot.LOS])
+    error = TrackingError(work[Slot.SIGMA_BR], work[Slot.OMEGA_BR], work[Slot.OMEGA_R_B], work[Slot.DOMEGA_R_B])
+    track_line_of_sight(sight, q_known, restart, reference)
+    attitude_error(q_known, work[Slot.OMEGA], reference, error)
     return True
 
 

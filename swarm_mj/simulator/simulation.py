@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import mujoco
@@ -22,8 +22,7 @@ from swarm_mj.mission.behaviors import Behavior, TargetKind, Targets
 from swarm_mj.scenarios.schema import is_multiple
 from swarm_mj.simulator.batch import FlightBatch
 from swarm_mj.simulator.fault_injection import NOTHING, FaultInjection
-from swarm_mj.simulator.faults.impact import ImpactWatch
-from swarm_mj.simulator.faults.schedule import Event, FaultModel
+from swarm_mj.simulator.faults.schedule import Event
 from swarm_mj.simulator.flights import NEVER
 from swarm_mj.simulator.instruments import Instruments
 from swarm_mj.simulator.propulsion import Propulsion
@@ -31,6 +30,7 @@ from swarm_mj.simulator.slots import Peak, Resting, Slot
 from swarm_mj.simulator.state import FlightState, InitialState
 from swarm_mj.simulator.world import FlightSetup
 from swarm_mj.smallbody.environment import Environment
+from swarm_mj.smallbody.impact import ImpactWatch
 from swarm_mj.smallbody.rotation import sub_point
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.spacecraft.control.base import Controller
@@ -50,38 +50,27 @@ SLICE_S = 0.25
 
 @dataclass(frozen=True)
 class Record:
-    """Raw samples of a flight; `telemetry.dataset` describes them.
+    """Raw samples of a flight; `telemetry.dataset` describes them."""
 
-    Attributes:
-        time: Shape (t,) [s].
-        samples: By the names of telemetry, and attitudes and references as quaternions `q_BN` and `q_RN`, shape (t, n, ...).
-        peaks: Over every control period, not only the samples: largest wheel speed [rad/s], largest motor torque [N m], and
-            the time in which a wheel limit cut a torque [s], shape (n, 3).
-        sensors_err: Whether the control law was given anything else than the truth.
-        instruments: What spacecraft from a file add: sensors and joints.
-    """
-
-    time: Array
+    time: Array  #: shape (t,) [s]
+    #: by the names of telemetry, and attitudes and references as quaternions `q_BN` and `q_RN`, shape (t, n, ...)
     samples: dict[str, NDArray[Any]]
+    #: over every control period, not only the samples: largest wheel speed [rad/s], largest motor torque [N m], and the
+    #: time in which a wheel limit cut a torque [s], shape (n, 3)
     peaks: Array
-    sensors_err: bool = False
-    instruments: Instruments | None = None
+    sensors_err: bool = False  #: whether the control law was given anything else than the truth
+    instruments: Instruments | None = None  #: what spacecraft from a file add: sensors and joints
 
 
 class Simulation:
     """A swarm in flight.
 
     Args:
-        model: The compiled swarm, with its mass properties and wheel limits; its `stepper` says who steps.
-        environment: Gravity, rotation, Sun and Earth.
+        setup: What is flown, and what may go wrong.
         behavior: Who points at what.
         controller: The attitude control law.
-        control_period: How long torques and forces are held [s]; a whole multiple of the model's timestep.
-        gravity_gradient_torque: Whether the torque of the central field acts; the field must know its `gm`.
-        fault_model: What may go wrong; None: nothing, all is as planned.
         force_law: Who asks the thrusters for forces; None: nobody, and they stay shut.
         shape: The body, to look for impacts while `run` flies; None: nobody looks.
-        quickest_slews: Whether turns to new targets go by the quickest profile, see `Slews`, and not by the law's gains.
 
     Attributes:
         setup: What a `FlightBatch` of more such flights takes.
@@ -90,37 +79,24 @@ class Simulation:
         impact_watch: Who looks for impacts; None: nobody.
 
     Raises:
-        ScenarioError: The control period is no whole multiple of the timestep.
-        PluginError: A plug-in does not fit what is asked of it.
+        SwarmError: See `FlightBatch`.
     """
 
     def __init__(
         self,
-        model: SwarmModel,
-        *,
-        environment: Environment,
+        setup: FlightSetup,
         behavior: Behavior,
         controller: Controller,
-        control_period: float = 0.5,
-        gravity_gradient_torque: bool = False,
-        fault_model: FaultModel | None = None,
+        *,
         force_law: ForceLaw | None = None,
         shape: ShapeModel | None = None,
-        quickest_slews: bool = False,
     ) -> None:
-        if fault_model is None and model.properties.n_wheels != 3:
-            fault_model = NOTHING  # telemetry then tells of every wheel
-        self.setup = FlightSetup(
-            model=model,
-            environment=environment,
-            period=control_period,
-            gravity_gradient=gravity_gradient_torque,
-            fault_model=fault_model,
-            quickest_slews=quickest_slews,
-        )
-        self.batch = FlightBatch(self.setup, 1, controller, [behavior], force_law)
+        if setup.fault_model is None and setup.properties.n_wheels != 3:
+            setup = replace(setup, fault_model=NOTHING)  # telemetry then tells of every wheel
+        self.setup = setup
+        self.batch = FlightBatch(setup, 1, controller, [behavior], force_law)
         self.state: FlightState = self.batch.state(0)
-        self.impact_watch = None if shape is None else ImpactWatch(shape, environment, control_period)
+        self.impact_watch = None if shape is None else ImpactWatch(shape, setup.environment, setup.period)
         self._copy: mujoco.MjData | None = None
 
     @property
@@ -227,11 +203,6 @@ class Simulation:
     def events(self) -> list[Event]:
         """What went wrong so far, in order of time."""
         return [] if self.injection is None else self.injection.events
-
-    @property
-    def motor_torque(self) -> Array:
-        """Torques of the motors, without friction in the bearings, of all wheels in order, shape (n w,) [N m]."""
-        return (self.state.motor if self.injection is None else self.injection.wheels.motor).ravel()
 
     @property
     def stepper(self) -> str:

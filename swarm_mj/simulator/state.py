@@ -28,17 +28,11 @@ LAW_SLOTS = [Slot.SIGMA_BR, Slot.OMEGA_BR, Slot.OMEGA, Slot.OMEGA_R_B, Slot.DOME
 
 
 class Release(NamedTuple):
-    """How spacecraft leave the mothership in flight; until then they ride along without turning.
+    """How spacecraft leave the mothership in flight; until then they ride along without turning."""
 
-    Attributes:
-        tick: Control period at which each leaves, shape (n,); 0: it has left at the start.
-        push_N: What the deployer adds to its velocity then, shape (n, 3) [m/s].
-        omega_BN_B: Its body rate from then on, shape (n, 3) [rad/s].
-    """
-
-    tick: Ints
-    push_N: Array
-    omega_BN_B: Array
+    tick: Ints  #: control period at which each leaves, shape (n,); 0: it has left at the start
+    push_N: Array  #: what the deployer adds to its velocity then, shape (n, 3) [m/s]
+    omega_BN_B: Array  #: its body rate from then on, shape (n, 3) [rad/s]
 
     def next_after(self, tick: int) -> int:
         """Tick at which the next one leaves after an instant; `NEVER` where none does."""
@@ -47,26 +41,16 @@ class Release(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class InitialState:
-    """Where and how the swarm starts.
+    """Where and how the swarm starts."""
 
-    Attributes:
-        r_BN_N: Positions, shape (n, 3) [m].
-        v_BN_N: Velocities, shape (n, 3) [m/s].
-        sigma_BN: Attitudes as MRP, shape (n, 3).
-        omega_BN_B: Body rates, shape (n, 3) [rad/s].
-        wheel_speed: Relative to the hub, shape (n, w) [rad/s].
-        seed: Of faults and dispersions, where the simulation has any.
-        deployment: What went wrong on the way to this state.
-        release: Who leaves the mothership later; None: all have left. The states of those are the mothership's.
-    """
-
-    r_BN_N: Array
-    v_BN_N: Array
-    sigma_BN: Array
-    omega_BN_B: Array
-    wheel_speed: Array
-    seed: int = 0
-    deployment: tuple[Event, ...] = ()
+    r_BN_N: Array  #: positions, shape (n, 3) [m]
+    v_BN_N: Array  #: velocities, shape (n, 3) [m/s]
+    sigma_BN: Array  #: attitudes as MRP, shape (n, 3)
+    omega_BN_B: Array  #: body rates, shape (n, 3) [rad/s]
+    wheel_speed: Array  #: relative to the hub, shape (n, w) [rad/s]
+    seed: int = 0  #: of faults and dispersions, where the simulation has any
+    deployment: tuple[Event, ...] = ()  #: what went wrong on the way to this state
+    #: who leaves the mothership later; None: all have left. The states of those are the mothership's
     release: Release | None = None
 
     @property

@@ -37,22 +37,14 @@ MOST_COMPARED = 8
 
 @dataclass(frozen=True, kw_only=True)
 class FlightSetup:
-    """What all flights of a batch have in common, but for behaviours and laws.
+    """What all flights of a batch have in common, but for behaviours and laws."""
 
-    Attributes:
-        model: The compiled swarm.
-        environment: Gravity, rotation, Sun and Earth.
-        period: How long torques and forces are held [s]; a whole multiple of the model's timestep.
-        gravity_gradient: Whether the torque of the central field acts; the field must know its `gm`.
-        fault_model: What may go wrong; None: nothing, all is as planned.
-        quickest_slews: Whether turns to new targets go by the quickest profile, see `Slews`, and not by the law's gains.
-    """
-
-    model: SwarmModel
-    environment: Environment
-    period: float
-    gravity_gradient: bool = False
-    fault_model: FaultModel | None = None
+    model: SwarmModel  #: the compiled swarm
+    environment: Environment  #: gravity, rotation, Sun and Earth
+    period: float = 0.5  #: how long torques and forces are held [s]; a whole multiple of the model's timestep
+    gravity_gradient: bool = False  #: whether the torque of the central field acts; the field must know its `gm`
+    fault_model: FaultModel | None = None  #: what may go wrong; None: nothing, all is as planned
+    #: whether turns to new targets go by the quickest profile, see `Slews`, and not by the law's gains
     quickest_slews: bool = False
 
     @property

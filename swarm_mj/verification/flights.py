@@ -12,6 +12,7 @@ from swarm_mj.mission.behaviors import SwarmView, Targets
 from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.simulator.simulation import Simulation
 from swarm_mj.simulator.state import InitialState
+from swarm_mj.simulator.world import FlightSetup
 from swarm_mj.smallbody.environment import Environment
 from swarm_mj.smallbody.geodesic import geodesic_icosahedron
 from swarm_mj.smallbody.shape import ShapeModel
@@ -112,11 +113,9 @@ def fly(
     # What is drawn plays no part in the flight, so that a coarse mesh does.
     model = build_model(len(initial.r_BN_N), shape=ball(16e3, 2), timestep=timestep, stepper=stepper)
     simulation = Simulation(
-        model,
-        environment=bench.once(environment),
-        behavior=WatchBody(),
-        controller=controller or NoTorque(),
-        control_period=period,
+        FlightSetup(model=model, environment=bench.once(environment), period=period),
+        WatchBody(),
+        controller or NoTorque(),
     )
     simulation.reset(initial)
     record = simulation.run(duration, interval)

@@ -12,6 +12,7 @@ from swarm_mj.scenarios.constants import EROS_GM
 from swarm_mj.scenarios.loading import load_scenario, parse_overrides
 from swarm_mj.simulator.batch import FlightBatch
 from swarm_mj.simulator.simulation import Simulation
+from swarm_mj.simulator.world import FlightSetup
 from swarm_mj.smallbody.gravity.polyhedron import Polyhedron
 from swarm_mj.smallbody.shape_harmonics import build_eros
 
@@ -53,15 +54,15 @@ def fly(plan, periods=0, **parts):
     made = make_simulation(plan)
     keys = {"behavior": made.behavior, "controller": plan.controller, "environment": plan.environment} | parts
     scenario = plan.scenario
-    simulation = Simulation(
-        made.model,
-        control_period=keys.pop("control_period", made.period),
-        gravity_gradient_torque=scenario.perturbations.gravity_gradient_torque,
+    setup = FlightSetup(
+        model=made.model,
+        environment=keys.pop("environment"),
+        period=keys.pop("control_period", made.period),
+        gravity_gradient=scenario.perturbations.gravity_gradient_torque,
         fault_model=keys.pop("fault_model", fault_model_from(scenario)),
-        force_law=made.force_law,
         quickest_slews=scenario.control.slew == "time_optimal",
-        **keys,
     )
+    simulation = Simulation(setup, force_law=made.force_law, **keys)
     simulation.reset(initial_state(plan))
     simulation.fly(periods)
     return simulation

@@ -13,6 +13,7 @@ from swarm_mj.flight.fly import initial_state, make_simulation
 from swarm_mj.mission.behaviors import AdaptableRoles, Targets
 from swarm_mj.simulator.batch import FlightBatch
 from swarm_mj.simulator.simulation import Simulation
+from swarm_mj.simulator.world import FlightSetup
 from swarm_mj.spacecraft.control.compiled import CompiledLaw
 from swarm_mj.spacecraft.control.sliding_mode import MrpSlidingMode
 
@@ -22,11 +23,9 @@ N = 2
 def fly(plan, periods=3, *, control_period=None, **changed):
     made = make_simulation(plan)
     parts = {"behavior": made.behavior, "controller": plan.controller, "environment": plan.environment, **changed}
-    simulation = Simulation(
-        made.model,
-        control_period=control_period or made.period,
-        **parts,
-    )
+    environment, period = parts.pop("environment"), control_period or made.period
+    setup = FlightSetup(model=made.model, environment=environment, period=period)
+    simulation = Simulation(setup, **parts)
     simulation.reset(initial_state(plan))
     simulation.fly(periods)
     return simulation
@@ -267,14 +266,8 @@ def test_a_dispersed_simulation_leaves_others_of_the_same_model_alone(quick_plan
     made = make_simulation(quick_plan)
     given = FaultModel(faults=(), dispersions=Dispersions(mass_percent=5.0, inertia_percent=5.0), duration_s=10.0)
     masses, limits = made.model.mjmodel.body_mass.copy(), made.model.mjmodel.actuator_ctrlrange.copy()
-    other = Simulation(
-        made.model,
-        environment=quick_plan.environment,
-        behavior=made.behavior,
-        controller=MrpSlidingMode(),
-        control_period=made.period,
-        fault_model=given,
-    )
+    setup = FlightSetup(model=made.model, environment=quick_plan.environment, period=made.period, fault_model=given)
+    other = Simulation(setup, made.behavior, MrpSlidingMode())
     other.reset(initial_state(quick_plan))
     assert not np.array_equal(other.model.mjmodel.body_mass, masses)
     assert np.array_equal(made.model.mjmodel.body_mass, masses)

@@ -18,6 +18,7 @@ from swarm_mj.simulator.fault_injection import NOTHING
 from swarm_mj.simulator.propulsion import logarithmic_mean
 from swarm_mj.simulator.simulation import Simulation
 from swarm_mj.simulator.state import InitialState
+from swarm_mj.simulator.world import FlightSetup
 from swarm_mj.spacecraft.control.force import SumOfForces
 from swarm_mj.spacecraft.model import build_model
 from swarm_mj.spacecraft.properties import SpacecraftProperties
@@ -79,13 +80,10 @@ def swarm(eros, surroundings, law, *, n=1, properties=None, gravity=False, start
     model = build_model(n, shape=eros, properties=properties, **{"geometry": False, **model_keys})
     if change := keys.pop("change", None):
         change(model.mjmodel)
+    behavior, controller = keys.pop("behavior", Watch(n)), keys.pop("controller", NoTorque())
+    environment = surroundings if gravity else replace(surroundings, gravity=NoGravity())
     simulation = Simulation(
-        model,
-        environment=surroundings if gravity else replace(surroundings, gravity=NoGravity()),
-        behavior=keys.pop("behavior", Watch(n)),
-        controller=keys.pop("controller", NoTorque()),
-        force_law=law,
-        **keys,
+        FlightSetup(model=model, environment=environment, **keys), behavior, controller, force_law=law
     )
     far = {"r_BN_N": np.tile([40e3, 5e3, 0.0], (n, 1)), "v_BN_N": np.tile([-3.0, 1.0, 2.0], (n, 1))}
     still = {"sigma_BN": np.zeros((n, 3)), "omega_BN_B": np.zeros((n, 3))}

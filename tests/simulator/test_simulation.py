@@ -14,6 +14,7 @@ from swarm_mj.mission.behaviors import AdaptableRoles, DedicatedCommunications, 
 from swarm_mj.mission.trajectories import propagate
 from swarm_mj.scenarios.loading import load_scenario, parse_overrides
 from swarm_mj.simulator.simulation import InitialState, Simulation
+from swarm_mj.simulator.world import FlightSetup
 from swarm_mj.spacecraft.control.base import ControlInput
 from swarm_mj.spacecraft.model import build_model
 from swarm_mj.spacecraft.properties import RPM, SpacecraftProperties
@@ -45,12 +46,9 @@ def momentum(model, data):
 def tumbling(controller, eros, n=3, wheel_speed=0.0, timestep=0.1, **keys):
     """Spacecraft far from the body, so that only their own torques act."""
     scenario = load_scenario("eros-quick")
+    model, environment = build_model(n, shape=eros, timestep=timestep), environment_from(scenario, eros)
     simulation = Simulation(
-        build_model(n, shape=eros, timestep=timestep),
-        environment=environment_from(scenario, eros),
-        behavior=AdaptableRoles(n, 35e3),
-        controller=controller,
-        **keys,
+        FlightSetup(model=model, environment=environment, **keys), AdaptableRoles(n, 35e3), controller
     )
     rng = np.random.default_rng(2)
     simulation.reset(
@@ -256,7 +254,7 @@ def test_a_perturbation_moves_the_flight_as_dop853_says(switch, scale):
 
 
 def test_the_gravity_gradient_torque_changes_momentum_as_its_formula_says(eros):
-    simulation = tumbling(NoTorque(), eros, n=1, gravity_gradient_torque=True)
+    simulation = tumbling(NoTorque(), eros, n=1, gravity_gradient=True)
     before, dt = momentum(simulation.model, simulation.data)[0], 0.5
     r, q = simulation.data.qpos[:3].copy(), simulation.data.qpos[3:7].copy()
     matrix = np.empty(9)

@@ -65,25 +65,15 @@ def stream(seed: int, what: Stream, *numbers: int) -> np.random.Generator:
 
 @dataclass(frozen=True, kw_only=True)
 class Dispersed:
-    """What one seed gives the spacecraft.
+    """What one seed gives the spacecraft."""
 
-    Attributes:
-        mass_ratio: True over planned mass, shape (n,).
-        second_moment_ratio: The same of the mass's second moments about x, y, z of B, shape (n, 3).
-        coulomb: Friction of each wheel, shape (n, w) [N m].
-        viscous: Shape (n, w) [N m s/rad].
-        gyro_bias: At the start, shape (n, 3) [rad/s].
-        star_tracker_bias: Rotation of the mounting, shape (n, 3) [rad].
-        delay_ticks: Control periods by which sensors are late, shape (n,).
-    """
-
-    mass_ratio: Array
-    second_moment_ratio: Array
-    coulomb: Array
-    viscous: Array
-    gyro_bias: Array
-    star_tracker_bias: Array
-    delay_ticks: Ints
+    mass_ratio: Array  #: true over planned mass, shape (n,)
+    second_moment_ratio: Array  #: the same of the mass's second moments about x, y, z of B, shape (n, 3)
+    coulomb: Array  #: friction of each wheel, shape (n, w) [N m]
+    viscous: Array  #: shape (n, w) [N m s/rad]
+    gyro_bias: Array  #: at the start, shape (n, 3) [rad/s]
+    star_tracker_bias: Array  #: rotation of the mounting, shape (n, 3) [rad]
+    delay_ticks: Ints  #: control periods by which sensors are late, shape (n,)
 
 
 def draw_spacecraft(given: Dispersions, seed: int, *, n: int, n_wheels: int, period_s: float) -> Dispersed:

@@ -25,57 +25,35 @@ RELAY = -1
 
 @dataclass(frozen=True, kw_only=True)
 class FaultModel:
-    """What a scenario says may go wrong.
+    """What a scenario says may go wrong."""
 
-    Attributes:
-        faults: See `swarm_mj.scenarios.schema_faults`.
-        dispersions: The same.
-        duration_s: Of the flight [s].
-        election: Rule by which the swarm replaces a lost relay; None: by none, or by what its behaviour knows.
-    """
-
-    faults: tuple[Fault, ...]
-    dispersions: Dispersions
-    duration_s: float
+    faults: tuple[Fault, ...]  #: see `swarm_mj.scenarios.schema_faults`
+    dispersions: Dispersions  #: the same
+    duration_s: float  #: of the flight [s]
+    #: rule by which the swarm replaces a lost relay; None: by none, or by what its behaviour knows
     election: str | None = "medoid"
 
 
 @dataclass(frozen=True)
 class Event:
-    """Something that went wrong in flight, was found out, or was answered.
+    """Something that went wrong in flight, was found out, or was answered."""
 
-    Attributes:
-        time_s: Past the epoch [s].
-        spacecraft: Number, counted from 0.
-        kind: A kind of fault, or what followed: `impact`, `diverged`, `elected`, `detected`, `over`.
-        detail: In words.
-    """
-
-    time_s: float
-    spacecraft: int
-    kind: str
-    detail: str = ""
+    time_s: float  #: past the epoch [s]
+    spacecraft: int  #: number, counted from 0
+    kind: str  #: A kind of fault, or what followed: `impact`, `diverged`, `elected`, `detected`, `over`
+    detail: str = ""  #: in words
 
 
 @dataclass(frozen=True)
 class ScheduledFault:
-    """A fault that will happen.
+    """A fault that will happen."""
 
-    Attributes:
-        time_s: When [s]; 0 at deployment.
-        spacecraft: To whom, counted from 0, or `RELAY`.
-        wheels: To which wheels, counted from 0; empty where the fault is of no wheel.
-        over_s: When it is over [s]; infinite: never.
-        detected_s: When the flight software or the swarm knows [s].
-        fault: Its parameters.
-    """
-
-    time_s: float
-    spacecraft: int
-    wheels: tuple[int, ...]
-    over_s: float
-    detected_s: float
-    fault: Fault
+    time_s: float  #: when [s]; 0 at deployment
+    spacecraft: int  #: to whom, counted from 0, or `RELAY`
+    wheels: tuple[int, ...]  #: to which wheels, counted from 0; empty where the fault is of no wheel
+    over_s: float  #: when it is over [s]; infinite: never
+    detected_s: float  #: when the flight software or the swarm knows [s]
+    fault: Fault  #: its parameters
 
 
 def draw_schedule(

@@ -17,14 +17,6 @@ from swarm_mj.scenarios.schema_faults import (
     StarTrackerDropout,
     StarTrackerNoise,
 )
-from swarm_mj.simulator.faults.attitude_filter import (
-    Assumed,
-    Count,
-    Knowledge,
-    first_knowledge,
-    first_state,
-    sensors_of,
-)
 from swarm_mj.simulator.faults.dispersions import (
     ARCSEC,
     DEG_PER_HOUR,
@@ -35,6 +27,13 @@ from swarm_mj.simulator.faults.dispersions import (
 )
 from swarm_mj.simulator.faults.schedule import ScheduledFault
 from swarm_mj.simulator.flights import fill
+from swarm_mj.spacecraft.attitude.estimation import (
+    Assumed,
+    Count,
+    Knowledge,
+    first_state,
+    sensors_of,
+)
 from swarm_mj.typing import Array
 
 #: Below these the filter believes no sensor, lest it trust one alone: noise of a good gyro and star tracker.
@@ -109,15 +108,14 @@ class Sensing:
         )
         self._normal, self._drawn, self._period = (noise, tracker), drawn, period
         self.rng = stream(seed, Stream.SENSOR_NOISE) if self.estimating else None
-        self.knowledge, n = knowledge, len(drawn.mass_ratio)
-        fresh = first_knowledge(n, len(knowledge.noise), len(knowledge.q_past))._replace(
-            sensors=sensors_of(n, noise, walk, tracker)._replace(star_tracker_offset=drawn.star_tracker_bias),
-            assumed=np.array(assumed),
-            state=first_state(drawn.gyro_bias),
-            delay=drawn.delay_ticks,
-        )
-        fill(knowledge, fresh)
-        knowledge.counts[Count.FILTERS] = self.estimating
+        self.knowledge = known = knowledge
+        sensors = sensors_of(len(drawn.mass_ratio), noise, walk, tracker)
+        fill(known.sensors, sensors._replace(star_tracker_offset=drawn.star_tracker_bias))
+        fill(known.state, first_state(drawn.gyro_bias))
+        known.assumed[:], known.delay[:] = assumed, drawn.delay_ticks
+        known.counts[:] = len(known.noise), 0, -1, self.estimating
+        for array in (known.q_past, known.omega_past, known.q_BN, known.omega_BN_B):
+            array[:] = 0.0
 
     @property
     def gyro_bias(self) -> Array:

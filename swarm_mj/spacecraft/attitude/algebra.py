@@ -194,3 +194,13 @@ def transposed(a: Matrix) -> Matrix:
     """Return a^T of a matrix."""
     x, y, z = a
     return (x[0], y[0], z[0]), (x[1], y[1], z[1]), (x[2], y[2], z[2])
+
+
+@jittable
+def symmetric_inverse(S: Matrix) -> Matrix:
+    """Return the inverse of a symmetric matrix, by cofactors."""
+    (a, d, e), (_, b, f), (_, _, c) = S
+    x, y, z = b * c - f * f, e * f - c * d, d * f - b * e
+    scale = 1.0 / (a * x + d * y + e * z)
+    yy, yz, zz = scale * (a * c - e * e), scale * (d * e - a * f), scale * (a * b - d * d)
+    return (scale * x, scale * y, scale * z), (scale * y, yy, yz), (scale * z, yz, zz)

@@ -14,6 +14,7 @@ from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.simulator.faults.schedule import FaultModel
 from swarm_mj.simulator.simulation import Simulation
 from swarm_mj.simulator.state import InitialState
+from swarm_mj.simulator.world import FlightSetup
 from swarm_mj.spacecraft.model import build_model
 from swarm_mj.spacecraft.properties import SpacecraftProperties
 
@@ -64,13 +65,12 @@ def alone(
     scenario = load_scenario("eros-quick")
     shape = load_body_shape(scenario.body)
     properties = SpacecraftProperties(wheel_layout=layout)
-    simulation = Simulation(
-        build_model(1, shape=shape, properties=properties, stepper=stepper),
+    setup = FlightSetup(
+        model=build_model(1, shape=shape, properties=properties, stepper=stepper),
         environment=environment_from(scenario, shape),
-        behavior=AdaptableRoles(1, 35e3),
-        controller=controller,
         fault_model=FaultModel(faults=checked.faults, dispersions=checked.dispersions, duration_s=1200.0),
     )
+    simulation = Simulation(setup, AdaptableRoles(1, 35e3), controller)
     simulation.reset(
         InitialState(
             r_BN_N=np.full((1, 3), 1e6),

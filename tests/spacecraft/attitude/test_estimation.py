@@ -6,8 +6,8 @@ from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
-from swarm_mj.simulator.faults.attitude_filter import Assumed, estimate, first_state, sensors_of
 from swarm_mj.simulator.faults.dispersions import ARCSEC, DEG_PER_HOUR, DEG_PER_SQRT_HOUR
+from swarm_mj.spacecraft.attitude.estimation import Assumed, estimate, first_state, sensors_of
 
 PERIOD = 0.5
 NOISE = {

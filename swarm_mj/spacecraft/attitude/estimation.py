@@ -36,6 +36,7 @@ from swarm_mj.spacecraft.attitude.algebra import (
     quaternion,
     rotation_vector,
     scaled,
+    symmetric_inverse,
     transformed,
     transposed,
     turn,
@@ -314,24 +315,13 @@ def _updated(P: Covariance, z: Vector, sigma: float) -> tuple[Vector, Vector, Co
     B^T S^-1, and A becomes r S^-1 A, B becomes r S^-1 B, C becomes C - B^T S^-1 B.
     """
     (A, B, C), r = P, sigma**2
-    inverse, columns = _inverse(_with_diagonal(A, r)), transposed(B)
+    inverse, columns = symmetric_inverse(_with_diagonal(A, r)), transposed(B)
     w = transformed(inverse, z)
     shrunk = product_transposed(inverse, columns)
     taken = product_transposed(columns, transposed(shrunk))
     less = combine(1.0, C[0], -1.0, taken[0]), combine(1.0, C[1], -1.0, taken[1]), combine(1.0, C[2], -1.0, taken[2])
     kept = _scaled(r, product_transposed(inverse, A)), _scaled(r, shrunk), less
     return transformed(A, w), transformed(columns, w), kept
-
-
-@inlined
-def _inverse(S: Matrix) -> Matrix:
-    """The inverse of a symmetric matrix, by cofactors."""
-    a, b, c, d, e, f = S[0][0], S[1][1], S[2][2], S[0][1], S[0][2], S[1][2]
-    x = (b * c - f * f, e * f - c * d, d * f - b * e)
-    scale = 1.0 / dot((a, d, e), x)
-    yy, yz, zz = scale * (a * c - e * e), scale * (d * e - a * f), scale * (a * b - d * d)
-    x = scaled(scale, x)
-    return x, (x[1], yy, yz), (x[2], yz, zz)
 
 
 @inlined

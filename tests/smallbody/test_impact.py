@@ -5,9 +5,9 @@ import pytest
 
 from swarm_mj.flight.environment import environment_from
 from swarm_mj.scenarios.loading import load_scenario
-from swarm_mj.simulator.faults.impact import ImpactWatch
 from swarm_mj.smallbody.environment import Environment, LinearMotion
 from swarm_mj.smallbody.gravity.point_mass import PointMass
+from swarm_mj.smallbody.impact import ImpactWatch
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.smallbody.solid_angle import points_inside
 
