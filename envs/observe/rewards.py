@@ -194,7 +194,7 @@ class ScoreConstants(NamedTuple):
         body: As what hides and is hit.
         radio: See `transmit`.
         limits: See `measure_hazards`.
-        reward: See `compute_rewards`.
+        reward: Weights, and what measures are taken over.
     """
 
     body: Occluder

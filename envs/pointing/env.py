@@ -43,7 +43,7 @@ class SwarmPointingEnv(BatchEnv):
     step of `step_s` seconds. The body feels the opposite. Wheels at their top speed get no more.
 
     A torque of 1 for one step of 0.5 s changes the body rate by 1.4 deg/s about x and y and by 8.6 deg/s about z, the long
-    axis: with steps of 10 s, as at the other levels of `SwarmObserve-v0`, torques could not control an attitude.
+    axis: with steps of 10 s torques could not control an attitude.
 
     ## Observation space
 
