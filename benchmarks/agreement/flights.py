@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
+from datetime import datetime, timedelta
 from math import degrees
 from pathlib import Path
 from typing import Any, Final
@@ -22,7 +23,7 @@ from swarm_mj.smallbody.ephemeris import julian_date
 from swarm_mj.smallbody.gravity import SphericalHarmonics
 from swarm_mj.spacecraft.attitude.mrp import dcm
 from swarm_mj.tracks.frames import C_EN
-from swarm_mj.tracks.times import utc_of
+from swarm_mj.tracks.times import SECOND, TT_TAI, tai_minus_utc, tdb_minus_tt
 
 Array = NDArray[np.float64]
 FORMATS: Final = ("oem", "aem", "spk", "ck", "dsk")
@@ -81,6 +82,15 @@ class Flown:
     def turn_times(self) -> Array:
         """Whole seconds at which rotation and ephemerides are compared, shape (k,)."""
         return np.unique(np.round(np.linspace(0.0, self.states.times[-1], TURNS)))
+
+
+def utc_of(ns: int) -> datetime:
+    """Date and time in UTC of an instant, cut to microseconds; during a leap second that of the second after it."""
+    tt = ns - round(tdb_minus_tt(ns / SECOND) * SECOND)
+    tai = tt - round(TT_TAI * SECOND)
+    moment = datetime(2000, 1, 1, 12) + timedelta(microseconds=tai // 1000)
+    utc = moment - timedelta(seconds=tai_minus_utc(moment.date()))
+    return utc if utc.date() == moment.date() else moment - timedelta(seconds=tai_minus_utc(utc.date()))
 
 
 def fly(mission: Mission, folder: Path, changes: Mapping[str, Any] = NO_OVERRIDES) -> Flown:

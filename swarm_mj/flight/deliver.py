@@ -211,8 +211,7 @@ def tiles_of(plan: Plan, telemetry: xr.Dataset, coverage: CoverageMap) -> Tiles:
 
 def frame_pixels(scenario: Scenario) -> int:
     """Pixels of a whole picture."""
-    width, height = scenario.data.sensor_px or (scenario.camera.resolution_px,) * 2
-    return width * height
+    return scenario.camera.resolution_px**2
 
 
 def slot_edges(scenario: Scenario, ready_s: Array, most: int) -> Array:

@@ -87,7 +87,7 @@ def _messages(write: Callable[[FlightStates, int, Generation], str], kind: str) 
 def _spk(states: FlightStates, folder: Path, generation: Generation) -> None:
     place = _kernels(states, folder)
     kernels_binary.write_spk(place / "swarm.bsp", states)
-    kernels_binary.write_surroundings(place / "sun_earth.bsp", states)
+    kernels_binary.write_sun_and_earth(place / "sun_earth.bsp", states)
     _meta_kernel(states, place)
 
 

@@ -176,8 +176,8 @@ def foreign_flight(
             "a flight from files only places and attitudes are read; set observation.max_smear_px=null"
         )
     scene = Scene(scenario)
-    looks = [_looks(scene, path, pointing, *attitudes[j : j + 1]) for j, path in enumerate(paths)]
-    telemetry = scene.telemetry(looks)
+    poses = [_poses(scene, path, pointing, *attitudes[j : j + 1]) for j, path in enumerate(paths)]
+    telemetry = scene.telemetry(poses)
     if scenario.observation.criterion == "visit":
         _check_visit(scene, paths, telemetry)
     assumed = [note for track in (*paths, *attitudes) for note in track.notes]
@@ -195,7 +195,7 @@ def foreign_flight(
         telemetry=telemetry,
         notes=(
             *assumed,
-            *(note for path, look in zip(paths, looks, strict=True) for note in _notes(scene, path, look)),
+            *(note for path, one in zip(paths, poses, strict=True) for note in _notes(scene, path, one)),
         ),
     )
 
@@ -230,11 +230,11 @@ class Scene:
         """From when to when, in words."""
         return f"{text_of(int(self.ns[0]))} to {text_of(int(self.ns[-1]))}"
 
-    def telemetry(self, looks: Sequence[Look]) -> xr.Dataset:
+    def telemetry(self, poses: Sequence[Poses]) -> xr.Dataset:
         """What the picture loop reads of telemetry."""
         place = ("time", "spacecraft")
-        known = np.stack([look.known for look in looks], axis=1)
-        r_BN_N, q_BN = (np.stack([getattr(look, name) for look in looks], axis=1) for name in ("r_BN_N", "q_BN"))
+        known = np.stack([one.known for one in poses], axis=1)
+        r_BN_N, q_BN = (np.stack([getattr(one, name) for one in poses], axis=1) for name in ("r_BN_N", "q_BN"))
         who = known & (np.linalg.norm(r_BN_N, axis=2) <= self.scenario.behavior.imaging_radius_m)
         mode = np.where(who, int(TargetKind.ASTEROID), int(TargetKind.EARTH)).astype(np.int8)
         return xr.Dataset(
@@ -248,7 +248,7 @@ class Scene:
         )
 
 
-class Look(NamedTuple):
+class Poses(NamedTuple):
     """Where a spacecraft is and how it is turned at the instants of a scene; rest and no turn where that is not known.
 
     Attributes:
@@ -262,7 +262,7 @@ class Look(NamedTuple):
     known: Mask
 
 
-def _looks(scene: Scene, path: Track, pointing: Pointing, attitude: Track | None = None) -> Look:
+def _poses(scene: Scene, path: Track, pointing: Pointing, attitude: Track | None = None) -> Poses:
     r, known = path.at(scene.ns)
     _check_window(scene, path, known)
     r = np.where(known[:, None], r, 0.0)
@@ -270,10 +270,10 @@ def _looks(scene: Scene, path: Track, pointing: Pointing, attitude: Track | None
     _check_outside(scene, path, r_A, known)
     if attitude is None:
         aim_A = scene.region.centroid_A.mean(axis=0) if pointing == "target" else np.zeros(3)
-        return Look(r, _pointed(r_A, scene.C_AN, aim_A, known), known)
+        return Poses(r, _pointed(r_A, scene.C_AN, aim_A, known), known)
     q, turned = attitude.at(scene.ns)
     _check_window(scene, attitude, turned)
-    return Look(r, np.where(turned[:, None], q, [1.0, 0.0, 0.0, 0.0]), known & turned)
+    return Poses(r, np.where(turned[:, None], q, [1.0, 0.0, 0.0, 0.0]), known & turned)
 
 
 def _check_window(scene: Scene, track: Track, known: Mask) -> None:
@@ -306,10 +306,10 @@ def _check_visit(scene: Scene, paths: Sequence[Track], telemetry: xr.Dataset) ->
         )
 
 
-def _notes(scene: Scene, path: Track, look: Look) -> list[str]:
-    if look.known.all():
+def _notes(scene: Scene, path: Track, poses: Poses) -> list[str]:
+    if poses.known.all():
         return []
-    missing = timedelta(seconds=float((~look.known).sum() * scene.scenario.telemetry.interval_s))
+    missing = timedelta(seconds=float((~poses.known).sum() * scene.scenario.telemetry.interval_s))
     return [f"{path.name}: nothing is known of {missing} of the flight, in which it takes no pictures"]
 
 

@@ -41,7 +41,7 @@ def write_spk(path: Path, states: FlightStates) -> None:
         spice.spkcls(handle)
 
 
-def write_surroundings(path: Path, states: FlightStates) -> None:
+def write_sun_and_earth(path: Path, states: FlightStates) -> None:
     """Sun, Earth and body as the flight had them, on straight lines: what an ephemeris of the planets says otherwise.
 
     SPICE's geometry goes through the barycentre of the solar system, so that the Sun is put there, at rest.
@@ -102,8 +102,10 @@ def write_dsk(path: Path, states: FlightStates, frames: Path) -> None:
     vertices, plates = shape.vertices / 1e3, np.asarray(shape.faces, np.int32) + 1
     with furnished([frames], "frames"), spice_errors(f"{path.name}", _WRITING):
         spice = spiceypy()
-        room = 100_000 + 32 * len(plates)
-        index = spice.dskmi2(vertices, plates, FINE_VOXELS, COARSE_VOXELS, room, room, room, True, 8 * room)
+        workspace = 100_000 + 32 * len(plates)
+        index = spice.dskmi2(
+            vertices, plates, FINE_VOXELS, COARSE_VOXELS, workspace, workspace, workspace, True, 8 * workspace
+        )
         low, high = spice.dskrb2(vertices, plates, 1, np.zeros(10))
         handle = spice.dskopn(str(path), "swarm_mj", 0)
         et = states.epoch / 1e9

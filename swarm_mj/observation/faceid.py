@@ -13,7 +13,7 @@ by rays instead; they are few, and are then neither lost nor counted for the pix
 """
 
 from functools import cached_property
-from typing import Literal, Protocol
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -37,24 +37,6 @@ MIN_INRADIUS_PX = 2.0
 MAX_BOX_PIXELS = 8.0
 #: Rays to each cell that is too small for that.
 SLIVER_SAMPLES = 16
-
-
-class FaceDrawer(Protocol):
-    """Draws which face of a mesh is under each pixel.
-
-    Attributes:
-        note: What draws; one line for the reader of a run.
-    """
-
-    note: str
-
-    def draw(self, pose: CameraPose, window: Window) -> NDArray[np.uint32]:
-        """Draw a window of the picture: face plus one, 0 for the sky; bottom row first. The next call reuses the array."""
-        ...
-
-    def close(self) -> None:
-        """Release what is held."""
-        ...
 
 
 class FaceIdObserver:
@@ -87,7 +69,7 @@ class FaceIdObserver:
         self.region, self.camera, self.crop = region, camera, crop
         self.name = "faceid" if drawing == "opengl" else "raster"
         draw = OpenGlFaces if drawing == "opengl" else CompiledFaces
-        self._drawer: FaceDrawer | None = draw(region.vertices, region.faces, camera)
+        self._drawer: OpenGlFaces | CompiledFaces | None = draw(region.vertices, region.faces, camera)
         self.note = self._drawer.note + why
 
     @cached_property
@@ -136,7 +118,7 @@ class FaceIdObserver:
         """
         return self._open_drawer().draw(pose, window)
 
-    def _open_drawer(self) -> FaceDrawer:
+    def _open_drawer(self) -> OpenGlFaces | CompiledFaces:
         if self._drawer is None:
             raise ObserverError("this face-ID observer was closed: make a new one")
         return self._drawer

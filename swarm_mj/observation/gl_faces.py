@@ -91,7 +91,7 @@ class OpenGlFaces:
         )
 
     def draw(self, pose: CameraPose, window: Window) -> NDArray[np.uint32]:
-        """Draw a window of the picture, see `FaceDrawer.draw`.
+        """Draw a window of the picture: face plus one, 0 for the sky; bottom row first. The next call reuses the array.
 
         Raises:
             ObserverError: This is a forked child or another thread.

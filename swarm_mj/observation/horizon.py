@@ -162,7 +162,9 @@ class HorizonObserver:
     def visible_fraction(self, r_A: ArrayLike, C_CA: ArrayLike) -> Array:
         """Share of each cell in view, see `Observer.visible_fraction`."""
         pose, maps = camera_pose(r_A, C_CA), self.horizon
-        answer, share, inside = look(maps.arrays, pose.r_A, pose.C_CA, self.camera.optics, self.region.mesh.max_radius)
+        answer, share, inside = look_at_all(
+            maps.arrays, pose.r_A, pose.C_CA, self.camera.optics, self.region.mesh.max_radius
+        )
         if not inside:
             return np.asarray(share)
         seen, doubtful = answer == SHOWN, answer == BLOCKED
@@ -276,15 +278,15 @@ def _stands_clear(axes: Array, way: Vector, height: float, sine: Array32, highes
         return True
     x = axes[0, 0] * way[0] + axes[0, 1] * way[1] + axes[0, 2] * way[2]
     y = axes[1, 0] * way[0] + axes[1, 1] * way[1] + axes[1, 2] * way[2]
-    place = np.arctan2(y, x) / (2.0 * np.pi) * AZIMUTHS
-    if place < 0.0:
-        place += AZIMUTHS
-    k = min(int(place), AZIMUTHS - 1)
+    azimuth = np.arctan2(y, x) / (2.0 * np.pi) * AZIMUTHS
+    if azimuth < 0.0:
+        azimuth += AZIMUTHS
+    k = min(int(azimuth), AZIMUTHS - 1)
     return bool(height > max(sine[k], sine[k + 1]) * length)
 
 
 @kernel
-def look(
+def look_at_all(
     horizon: Horizon, r_A: Array, C_CA: Array, optics: Optics, radius: float
 ) -> tuple[NDArray[np.int8], Array, bool]:
     """Look at all cells; see `sight_of` for the arguments.

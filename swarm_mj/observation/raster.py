@@ -115,7 +115,7 @@ class CompiledFaces:
         self._canvas = make_canvas(size, len(vertices), len(faces))
 
     def draw(self, pose: CameraPose, window: Window) -> Picture:
-        """Draw a window of the picture, see `FaceDrawer.draw`."""
+        """Draw a window of the picture, see `OpenGlFaces.draw`."""
         size = self.camera.resolution_px
         if self.camera.shape == "cone":
             self._find_spans(window)

@@ -55,11 +55,22 @@ class InFlight(Timed):
         return self
 
 
-class SpacecraftLost(InFlight):
+class SpacecraftFault(InFlight):
+    """A fault of a spacecraft."""
+
+    spacecraft: Spacecraft
+
+
+class TemporaryFault(SpacecraftFault):
+    """A fault of a spacecraft that may be over after a while."""
+
+    duration_s: Duration = None
+
+
+class SpacecraftLost(SpacecraftFault):
     """A spacecraft falls silent: no torque, no picture, no radio; it drifts on."""
 
     kind: Literal["spacecraft_lost"]
-    spacecraft: Spacecraft
     detection_s: Detection = 0.0
 
 
@@ -70,28 +81,24 @@ class CommunicationsLost(InFlight):
     detection_s: Detection = 0.0
 
 
-class CameraOff(InFlight):
+class CameraOff(TemporaryFault):
     """A camera takes no pictures."""
 
     kind: Literal["camera_off"]
-    spacecraft: Spacecraft
-    duration_s: Duration = None
 
 
-class WheelLost(InFlight):
+class WheelLost(SpacecraftFault):
     """A wheel's motor gives no torque any more; the wheel coasts."""
 
     kind: Literal["wheel_lost"]
-    spacecraft: Spacecraft
     wheel: Wheel
     detection_s: Detection = 0.0
 
 
-class WheelStuck(InFlight):
+class WheelStuck(SpacecraftFault):
     """A wheel stays at one speed relative to the hub, whatever it is told."""
 
     kind: Literal["wheel_stuck"]
-    spacecraft: Spacecraft
     wheel: Wheel
     speed_rpm: float | None = Field(
         None, ge=-1e6, le=1e6, description="speed at which it sticks [rpm]; null: the present one"
@@ -99,21 +106,18 @@ class WheelStuck(InFlight):
     detection_s: Detection = 0.0
 
 
-class WheelWeakened(InFlight):
+class WheelWeakened(TemporaryFault):
     """A wheel gives only a part of the torque that it is told to give."""
 
     kind: Literal["wheel_weakened"]
-    spacecraft: Spacecraft
     wheel: Wheel
     factor: float = Field(0.5, ge=0, le=1, description="part of the torque that is left [-]")
-    duration_s: Duration = None
 
 
-class WheelFriction(InFlight):
+class WheelFriction(TemporaryFault):
     """The bearing of a wheel rubs."""
 
     kind: Literal["wheel_friction"]
-    spacecraft: Spacecraft
     wheel: Wheel
     coulomb_n_m: float = Field(
         2e-4, ge=0, le=1, description="Coulomb friction [N m]; default: 5 % of the torque of the default wheel"
@@ -124,70 +128,57 @@ class WheelFriction(InFlight):
         le=1,
         description="viscous friction [N m s/rad]; default: 16 % of the torque of the default wheel at its top speed",
     )
-    duration_s: Duration = None
 
 
-class GyroNoise(InFlight):
+class GyroNoise(TemporaryFault):
     """A gyro becomes noisy; the attitude filter is not told."""
 
     kind: Literal["gyro_noise"]
-    spacecraft: Spacecraft
     angular_random_walk_deg_sqrt_h: float = Field(
         1.5, ge=0, le=1e3, description="noise of the rate [deg/sqrt(h)]; ten times that of a good MEMS gyro"
     )
-    duration_s: Duration = None
 
 
-class GyroBias(InFlight):
+class GyroBias(TemporaryFault):
     """A gyro's bias jumps."""
 
     kind: Literal["gyro_bias"]
-    spacecraft: Spacecraft
     bias_deg_h: Vector3 = Field((30.0, 30.0, 30.0), description="added about x, y, z of B [deg/h]")
-    duration_s: Duration = None
 
 
-class GyroDropout(InFlight):
+class GyroDropout(TemporaryFault):
     """A gyro says nothing; rates come from differences of star tracker attitudes."""
 
     kind: Literal["gyro_dropout"]
-    spacecraft: Spacecraft
     duration_s: Duration = 60.0
 
 
-class StarTrackerNoise(InFlight):
+class StarTrackerNoise(TemporaryFault):
     """A star tracker becomes noisy; the attitude filter is not told."""
 
     kind: Literal["star_tracker_noise"]
-    spacecraft: Spacecraft
     sigma_arcsec: float = Field(100.0, ge=0, le=36_000, description="1 sigma about each axis [arcsec]")
-    duration_s: Duration = None
 
 
-class StarTrackerBias(InFlight):
+class StarTrackerBias(TemporaryFault):
     """A star tracker's mounting shifts."""
 
     kind: Literal["star_tracker_bias"]
-    spacecraft: Spacecraft
     bias_arcsec: Vector3 = Field((60.0, 60.0, 60.0), description="rotation added about x, y, z of B [arcsec]")
-    duration_s: Duration = None
 
 
-class StarTrackerDropout(InFlight):
+class StarTrackerDropout(TemporaryFault):
     """A star tracker says nothing (blinded by Sun or body); the gyro carries the attitude on."""
 
     kind: Literal["star_tracker_dropout"]
-    spacecraft: Spacecraft
     duration_s: Duration = 60.0
 
 
-class SensorDelay(InFlight):
+class SensorDelay(TemporaryFault):
     """Attitude and rate reach the controller late."""
 
     kind: Literal["sensor_delay"]
-    spacecraft: Spacecraft
     delay_s: float = Field(0.5, gt=0, le=60, description="how late [s], rounded to whole control periods")
-    duration_s: Duration = None
 
 
 class MissedDeployment(Timed):

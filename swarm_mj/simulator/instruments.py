@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from swarm_mj.simulator.mujoco import tide
 from swarm_mj.simulator.slots import Slot
 from swarm_mj.simulator.state import FlightState
-from swarm_mj.spacecraft.elements import id_of, qpos_places, qvel_places
+from swarm_mj.spacecraft.elements import id_of, qpos_indices, qvel_indices
 from swarm_mj.spacecraft.own_spacecraft import ExtraJoint
 from swarm_mj.spacecraft.sensors import Sensor
 from swarm_mj.typing import Array, Ints
@@ -68,8 +68,8 @@ class Instruments:
     def _joint(self, joint: ExtraJoint) -> tuple[Ints, Ints]:
         model = self._state.model.mjmodel
         ids = [id_of(model, "joint", name) for name in self._names(joint.name)]
-        return np.array([list(qpos_places(model, j)) for j in ids]), np.array(
-            [list(qvel_places(model, j)) for j in ids]
+        return np.array([list(qpos_indices(model, j)) for j in ids]), np.array(
+            [list(qvel_indices(model, j)) for j in ids]
         )
 
     def keep(self, row: int) -> None:

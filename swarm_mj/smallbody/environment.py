@@ -89,11 +89,6 @@ class Environment:
         """The same where places that differ by rounding share gravity that is dear, see `Polyhedron.in_cells`."""
         return replace(self, gravity=self.gravity.in_cells) if isinstance(self.gravity, Polyhedron) else self
 
-    @property
-    def perturbed(self) -> bool:
-        """Whether anything besides the body's gravity accelerates the spacecraft."""
-        return self.solar_tide or self.srp_area_per_mass > 0.0
-
     def perturbing_acceleration_N(self, t: float, r_BN_N: Array) -> Array:
         """Tide and radiation pressure at `r_BN_N`, shape (n, 3) [m], in N [m/s^2]."""
         total = np.zeros_like(r_BN_N)

@@ -16,7 +16,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from swarm_mj.spacecraft.elements import qvel_places
+from swarm_mj.spacecraft.elements import qvel_indices
 from swarm_mj.typing import Array
 
 Complex = NDArray[np.complex128]
@@ -57,7 +57,7 @@ def modes_of(model: mujoco.MjModel, qpos: Array, joints: Sequence[str]) -> list[
     inverse = np.linalg.inv(mass)
     system = np.block([[np.zeros((n, n)), np.eye(n)], [-inverse @ stiffness, -inverse @ damping]])
     values, vectors = np.linalg.eig(system)
-    of_dof = {k: joint for joint in joints for k in qvel_places(model, model.joint(joint).id)}
+    of_dof = {k: joint for joint in joints for k in qvel_indices(model, model.joint(joint).id)}
     kept = [k for k in np.flatnonzero(values.imag >= 0.0) if abs(values[k]) > _RIGID * np.abs(values).max()]
     kept.sort(key=lambda k: -abs(values[k]))
     return [Mode(complex(values[k]), _mover(vectors[:n, k], of_dof)) for k in kept]

@@ -52,14 +52,14 @@ def joints_of(model: mujoco.MjModel, body: int) -> list[int]:
     return list(range(first, first + int(model.body_jntnum[body])))
 
 
-def qpos_places(model: mujoco.MjModel, joint: int) -> range:
-    """Where a joint's position stands in `qpos`."""
+def qpos_indices(model: mujoco.MjModel, joint: int) -> range:
+    """Indices of a joint's position in `qpos`."""
     first = int(model.jnt_qposadr[joint])
     return range(first, first + _SIZES[int(model.jnt_type[joint])][0])
 
 
-def qvel_places(model: mujoco.MjModel, joint: int) -> range:
-    """Where a joint's velocity stands in `qvel`."""
+def qvel_indices(model: mujoco.MjModel, joint: int) -> range:
+    """Indices of a joint's velocity in `qvel`."""
     first = int(model.jnt_dofadr[joint])
     return range(first, first + _SIZES[int(model.jnt_type[joint])][1])
 

@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 
 from swarm_mj.errors import MissionError
-from swarm_mj.spacecraft.elements import id_of, joints_of, qpos_places, qvel_places, subtree_of, title_of
+from swarm_mj.spacecraft.elements import id_of, joints_of, qpos_indices, qvel_indices, subtree_of, title_of
 from swarm_mj.typing import Ints
 
 
@@ -70,12 +70,12 @@ def resolve_layout(model: mujoco.MjModel, names: Sequence[str], *, hub: str, whe
     return Layout(
         hub_body=np.array(hubs, np.int64),
         bodies=np.array(bodies, np.int64),
-        qpos=_rows(qpos_places, model, joints),
-        qvel=_rows(qvel_places, model, joints),
+        qpos=_rows(qpos_indices, model, joints),
+        qvel=_rows(qvel_indices, model, joints),
         actuators=actuators,
         ctrl=model.actuator_ctrladr[actuators].astype(np.int64),
-        all_qpos=_rows(qpos_places, model, every),
-        all_qvel=_rows(qvel_places, model, every),
+        all_qpos=_rows(qpos_indices, model, every),
+        all_qvel=_rows(qvel_indices, model, every),
     )
 
 
@@ -93,5 +93,5 @@ def _free_joint(model: mujoco.MjModel, body: int) -> int:
     return joints[0]
 
 
-def _rows(places: Callable[[mujoco.MjModel, int], range], model: mujoco.MjModel, joints: list[list[int]]) -> Ints:
-    return np.array([[k for j in row for k in places(model, j)] for row in joints], np.int64)
+def _rows(indices: Callable[[mujoco.MjModel, int], range], model: mujoco.MjModel, joints: list[list[int]]) -> Ints:
+    return np.array([[k for j in row for k in indices(model, j)] for row in joints], np.int64)

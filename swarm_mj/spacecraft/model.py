@@ -241,5 +241,5 @@ def _require_plain_layout(model: mujoco.MjModel, layout: Layout, properties: Spa
         )
 
 
-def _in_order(places: Ints) -> bool:
-    return np.array_equal(places.ravel(), np.arange(places.size))
+def _in_order(indices: Ints) -> bool:
+    return np.array_equal(indices.ravel(), np.arange(indices.size))

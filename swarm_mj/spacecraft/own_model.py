@@ -16,7 +16,7 @@ import numpy as np
 from swarm_mj.errors import MissionError, ScenarioError
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.spacecraft.elastic import largest_timestep
-from swarm_mj.spacecraft.elements import joints_of, name_of, qvel_places, subtree_of
+from swarm_mj.spacecraft.elements import joints_of, name_of, qvel_indices, subtree_of
 from swarm_mj.spacecraft.layout import Layout, resolve_layout, spacecraft_names
 from swarm_mj.spacecraft.model import SwarmModel, scene
 from swarm_mj.spacecraft.own_spacecraft import OwnSpacecraft, load_part, small_motions
@@ -153,7 +153,7 @@ def _check_copies(model: mujoco.MjModel, alone: mujoco.MjModel, layout: Layout, 
     wrong = [name for name in _COUNTS if found[name] != len(layout.hub_body) * getattr(alone, name)]
     for names, rows, row in ((_BY_BODY, layout.bodies, bodies), (_BY_JOINT, theirs, joints)):
         wrong += [name for name in names if rows.shape[1] != len(row) or not _same(model, alone, name, rows, row)]
-    dofs = [k for j in joints for k in qvel_places(alone, j)]
+    dofs = [k for j in joints for k in qvel_indices(alone, j)]
     wrong += [name for name in _BY_DOF if not _same(model, alone, name, layout.all_qvel, dofs)]
     if wrong:
         raise MissionError(

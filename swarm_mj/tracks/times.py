@@ -7,12 +7,11 @@ from __future__ import annotations
 
 import re
 from bisect import bisect_right
-from datetime import date, datetime, timedelta
+from datetime import date, timedelta
 from functools import cache
 from math import sin
 from typing import Final
 
-from swarm_mj.errors import InteropError
 from swarm_mj.smallbody.ephemeris import ephemeris_time
 
 SECOND: Final = 10**9
@@ -115,22 +114,6 @@ def text_of(ns: int) -> str:
     shown = next(n for n in (3, 6, 9) if not int(digits[n:] or 0))
     that_day = date.fromordinal(_J2000_DAY + day)
     return f"{that_day.isoformat()}T{second // 3600:02d}:{second // 60 % 60:02d}:{second % 60:02d}.{digits[:shown]}"
-
-
-def utc_of(ns: int) -> datetime:
-    """Date and time in UTC of an instant, cut to microseconds; during a leap second that of the second after it.
-
-    Raises:
-        InteropError: Before 1972.
-    """
-    tt = ns - round(tdb_minus_tt(ns / SECOND) * SECOND)
-    tai = tt - round(TT_TAI * SECOND)
-    moment = datetime(2000, 1, 1, 12) + timedelta(microseconds=tai // 1000)
-    try:
-        utc = moment - timedelta(seconds=tai_minus_utc(moment.date()))
-        return utc if utc.date() == moment.date() else moment - timedelta(seconds=tai_minus_utc(utc.date()))
-    except ValueError as error:
-        raise InteropError(f"epoch = {text_of(ns)} TDB: {error}") from None
 
 
 def epoch_of(text: str) -> int:

@@ -15,17 +15,23 @@ ROOT = Path(__file__).parents[2]
 sys.path.append(str(ROOT))  # the benchmarks are no part of the installed package
 
 from benchmarks.agreement import coefficients, comparison, in_scipy  # noqa: E402
-from benchmarks.agreement.flights import MISSIONS, fly  # noqa: E402
+from benchmarks.agreement.flights import MISSIONS, fly, utc_of  # noqa: E402
 from benchmarks.agreement.job import Job  # noqa: E402
 from benchmarks.agreement.page import page  # noqa: E402
 from benchmarks.agreement.programs import PROGRAMS, ask, installed  # noqa: E402
 from swarm_mj.smallbody.gravity import SphericalHarmonics  # noqa: E402
 from swarm_mj.smallbody.rotation import Rotation  # noqa: E402
+from swarm_mj.tracks.times import instant  # noqa: E402
 
 FIELD = SphericalHarmonics.eros_degree_2()
 TERMS = coefficients.terms(FIELD.c, FIELD.s)
 PAGE = ROOT / "docs" / "results" / "agreement.md"
 NUMBERS = PAGE.with_suffix(".json")
+
+
+@pytest.mark.parametrize("text", ["2015-06-30T23:59:59", "2015-07-01T00:00:00.5", "2018-03-01T00:00:30"])
+def test_instants_are_told_in_utc_on_both_sides_of_a_leap_second(text):
+    assert utc_of(instant(text, "UTC")).isoformat()[:19] == text[:19]
 
 
 @pytest.mark.parametrize(("n", "m"), [(0, 0), (1, 0), (1, 1), (2, 0), (2, 1), (2, 2), (5, 3), (8, 8)])

@@ -5,7 +5,7 @@ import pytest
 
 from swarm_mj.observation.camera import CameraModel, look_at
 from swarm_mj.observation.capture import observe
-from swarm_mj.observation.horizon import SHOWN, HorizonObserver, look
+from swarm_mj.observation.horizon import SHOWN, HorizonObserver, look_at_all
 from swarm_mj.observation.observer import make_observer
 from swarm_mj.observation.raycast import RayCastObserver
 from swarm_mj.scenarios.schema_imaging import Observation
@@ -56,7 +56,7 @@ def test_inside_the_bounding_sphere_a_rise_beyond_the_camera_does_not_count(obse
         pose = look_at(region.centroid_A[above] + altitude * region.normal_A[above], region.centroid_A[aim])
         ours, theirs = (o.visible_fraction(pose.r_A, pose.C_CA) for o in (observer, rays))
         differ += int((np.abs(ours - theirs) > 0.13).sum())
-        answer, _, inside = look(
+        answer, _, inside = look_at_all(
             observer.horizon.arrays, pose.r_A, pose.C_CA, observer.camera.optics, region.mesh.max_radius
         )
         assert inside

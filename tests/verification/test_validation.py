@@ -148,12 +148,12 @@ def narrower_compiled_picture():
 
 
 def wider_maps():
-    right = horizon.look
+    right = horizon.look_at_all
 
     def look(maps, r_A, C_CA, optics, radius):
         return right(maps, r_A, C_CA, optics._replace(tan_half_angle=1.1 * optics.tan_half_angle), radius)
 
-    return horizon, "look", look
+    return horizon, "look_at_all", look
 
 
 def square_cone():
