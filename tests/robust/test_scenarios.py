@@ -14,7 +14,7 @@ from swarm_mj.errors import ScenarioError, SwarmError
 from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.observe import add_coverage, observe_flight
 from swarm_mj.flight.plan import make_plan
-from swarm_mj.io import plain_values
+from swarm_mj.io import values
 from swarm_mj.records.summary import summarise
 from swarm_mj.scenarios import limits, loading
 from swarm_mj.scenarios.loading import design_section, load_scenario, parse_overrides, scenario_from
@@ -254,7 +254,7 @@ def test_an_integer_that_fits_no_machine_is_refused_by_name(value):
 
 def test_a_message_shows_integers_of_any_size():
     for value in (10**5000, -(10**5000), [1 << 100_000], {"a": -(1 << 100_000)}):
-        assert "bits" in plain_values.shown(value)
+        assert "bits" in values.shown(value)
         with pytest.raises(ScenarioError, match="bits"):
             scenario_from({**BASE, "duration_s": value if isinstance(value, int) else 1 << 100_000})
 
@@ -289,8 +289,8 @@ def test_any_nesting_is_read_or_refused_soon(opening, count):
 
 
 def test_the_deepest_mapping_that_a_scenario_may_hold_is_still_read():
-    text = "{a: " * (plain_values.MAX_DEPTH + 1) + "{b: 1}" + "}" * (plain_values.MAX_DEPTH + 1)
+    text = "{a: " * (values.MAX_DEPTH + 1) + "{b: 1}" + "}" * (values.MAX_DEPTH + 1)
     with pytest.raises(ScenarioError, match="MAX_DEPTH"):
         loading.parse_yaml(text, "deep")
-    text = "{a: " * (plain_values.MAX_DEPTH - 1) + "{b: 1}" + "}" * (plain_values.MAX_DEPTH - 1)
+    text = "{a: " * (values.MAX_DEPTH - 1) + "{b: 1}" + "}" * (values.MAX_DEPTH - 1)
     assert loading.parse_yaml(text, "deep")["a"]["a"]
