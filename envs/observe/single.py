@@ -214,8 +214,8 @@ and only "full" is allowed |
     | observer | "horizon" | the judge of pictures: `horizon` (maps, constant time), `raycast`, `faceid`, `raster` or `auto` |
     | randomise | None | distributions by name |
     | dispersions | None | masses, wheels, gravity and sensors that differ from flight to flight, keys of a scenario's \
-`dispersions` such as `mass_percent`, `wheel_coulomb_n_m`, `star_tracker_noise_arcsec`; 0.8 of the \
-usual speed with masses, 0.6 with sensors; a scenario has its own |
+`dispersions` such as `mass_percent`, `wheel_coulomb_n_m`, `star_tracker_noise_arcsec`; a scenario has \
+its own |
     | reward_weights | None | replaces weights by name |
     | complete | 99.9 | share of the target, seen or dark, that counts as complete [%] |
     | horizon_terminates | False | whether the duration ends a flight as terminated |
