@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 from pymoo.core.population import Population
 
-from swarm_mj.designer.genetic import FitnessTournament, ForgetMutation, GeneMapProblem, RandomGeneMaps, UniqueDesigns
+from swarm_mj.designer.genetic import (
+    FORGET_RATE,
+    FitnessTournament,
+    ForgetMutation,
+    GeneMapProblem,
+    RandomGeneMaps,
+    UniqueDesigns,
+)
 
 
 @pytest.fixture
@@ -35,7 +42,7 @@ def test_random_gene_maps_fill_their_domains_and_forgetting_replaces_its_share_o
     genes = RandomGeneMaps()(problem, 4000, random_state=rng).get("X")
     assert (genes[:, 0].min(), genes[:, 0].max(), genes[:, 1:].min(), genes[:, 1:].max()) == (1, 6, 1, 40)
     assert genes[:, 1:].mean() == pytest.approx(20.5, abs=0.3)
-    forgotten = ForgetMutation(rate=0.2)(problem, Population.new("X", genes), random_state=rng).get("X")
+    forgotten = ForgetMutation()(problem, Population.new("X", genes), random_state=rng).get("X")
     assert np.array_equal(forgotten[:, 0], genes[:, 0])
     # One replacement in forty names the same point again.
-    assert (forgotten[:, 1:] != genes[:, 1:]).mean() == pytest.approx(0.2 * 39 / 40, abs=0.01)
+    assert (forgotten[:, 1:] != genes[:, 1:]).mean() == pytest.approx(FORGET_RATE * 39 / 40, abs=0.01)
