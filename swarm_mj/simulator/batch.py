@@ -35,7 +35,7 @@ from swarm_mj.simulator.slots import Slot
 from swarm_mj.simulator.state import FlightState, InitialState
 from swarm_mj.simulator.world import FlightSetup, compiled_law_of, gravity_is_compiled, make_world
 from swarm_mj.spacecraft.control.base import Controller
-from swarm_mj.spacecraft.control.compiled import NO_LAW, LawFunction
+from swarm_mj.spacecraft.control.compiled import LawFunction, no_law
 from swarm_mj.spacecraft.control.force import ForceLaw
 from swarm_mj.spacecraft.model import SwarmModel
 from swarm_mj.typing import Array, Ints, Mask
@@ -193,7 +193,7 @@ class FlightBatch:
         law = None if controller is None else compiled_law_of(controller, self.world)
         self._controller = controller
         self._compiled_law: LawFunction
-        self._compiled_law, numbers = (NO_LAW, np.zeros(0)) if law is None else law
+        self._compiled_law, numbers = (no_law(), np.zeros(0)) if law is None else law
         self.world = self.world._replace(law_numbers=numbers)
         self._law_in_python = controller is not None and law is None
         for memory in self._memories:

@@ -151,8 +151,9 @@ def _do_nothing(
     """Leave the torques that are held."""
 
 
-#: Stands for the law where torques are held.
-NO_LAW = compile_law(_do_nothing)
+def no_law() -> LawFunction:
+    """What stands for the law where torques are held."""
+    return compile_law(_do_nothing)
 
 
 def numbers_of(law: CompiledLaw) -> Array:
