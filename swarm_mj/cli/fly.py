@@ -85,7 +85,7 @@ def _fly(arguments: argparse.Namespace) -> int:
             report=report,
             bars=bars,
         )
-        flown = [(flight.folder, flight.summary, flight.findings) for flight in flights]
+        flown = [(folder, flight.summary, flight.findings) for folder, flight in zip(folders, flights, strict=True)]
     bars.console.print(results_table([summary for _, summary, _ in flown]))
     for folder, summary, findings in flown:
         words = [*_notes(summary), *findings, f"files in {folder}"]

@@ -22,7 +22,6 @@ from swarm_mj.figures.scene import Scene, axis_tips, scene_from
 from swarm_mj.figures.style import (
     HALO,
     SMALL_PT,
-    TICK_PT,
     caption,
     label,
     new_figure,
@@ -235,7 +234,7 @@ def _draw_distances(ax: Axes, plan: Plan, telemetry: xr.Dataset, scale: TimeScal
     tidy(ax)
     scale.name(ax)
     label(ax, y="distance to the body's centre [km]")
-    ax.set_title(f"imaging radius $R_{{im}}$ = {radius_km:g} km; dots: switches", fontsize=TICK_PT, loc="left")
+    caption(ax, f"imaging radius $R_{{im}}$ = {radius_km:g} km; dots: switches")
 
 
 def _distance_limits(ax: Axes, distance_km: Array, radius_km: float) -> tuple[float, float]:

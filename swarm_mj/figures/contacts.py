@@ -29,6 +29,7 @@ from swarm_mj.figures.palette import BLACK, DARK_GREY, GREY, VERMILLION
 from swarm_mj.figures.panels import legend_below
 from swarm_mj.figures.style import (
     HALO,
+    INSIDE,
     SMALL_PT,
     TICK_PT,
     caption,
@@ -159,7 +160,7 @@ def _name_stations(ax: Axes, rows: list[LinkHistory], plan: Plan, delivery: Deli
             if words:
                 middle = scale.middle(start, end) / scale.axis.seconds
                 ax.text(middle, place + 0.02 + NAMED / 2, plain(words), ha="center", va="center", fontsize=SMALL_PT,
-                        fontweight="bold", path_effects=HALO)  # fmt: skip
+                        fontweight="bold", path_effects=HALO, **INSIDE)  # fmt: skip
     if heard:
         caption(ax, plain(f"heard by {', '.join(stations[k].name for k in sorted(heard))}"))
 

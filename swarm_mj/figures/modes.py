@@ -14,7 +14,7 @@ from matplotlib.patches import Patch
 from matplotlib.textpath import TextPath
 
 from swarm_mj.figures.palette import BLACK, GREY, MODE_STYLES, PURPLE
-from swarm_mj.figures.style import HALO, SMALL_PT
+from swarm_mj.figures.style import HALO, INSIDE, SMALL_PT
 from swarm_mj.figures.timescale import TimeScale, visit_handle
 from swarm_mj.records.modes import Run, events_of, modes_shown, runs
 from swarm_mj.typing import Indices
@@ -74,6 +74,7 @@ def name_mode(ax: Axes, run: Run, scale: TimeScale, y: float, **place: Any) -> N
         fontsize=SMALL_PT,
         fontweight="bold",
         path_effects=HALO,
+        **INSIDE,
         **place,
     )
 

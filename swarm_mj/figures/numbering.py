@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
-from swarm_mj.figures.style import HALO, TICK_PT
+from swarm_mj.figures.style import HALO, INSIDE, TICK_PT
 from swarm_mj.typing import Array
 
 #: Distances between a place and its number that are tried [pt], and directions.
@@ -84,6 +84,7 @@ def name_beside(
         path_effects=HALO,
         zorder=7,
         arrowprops=leader,
+        **INSIDE,
     )
 
 

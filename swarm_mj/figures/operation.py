@@ -122,7 +122,7 @@ def _draw_target(ax: Axes, plan: Plan, seen: Mask) -> None:
     tidy(ax)
     ax.grid(False)
     label(ax, "angle east [deg]", "angle north [deg]")
-    ax.set_title("target, seen from the body's centre", fontsize=TICK_PT)
+    ax.set_title("target, seen from the body's centre", fontsize=TICK_PT, y=1.0)
 
 
 def _colour_and_marker(scene: Scene, j: int, k: int) -> tuple[str, str]:

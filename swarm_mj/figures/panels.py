@@ -17,6 +17,7 @@ from matplotlib.ticker import NullLocator
 from swarm_mj.figures.modes import BAND, draw_modes, mark_handles, mode_handles
 from swarm_mj.figures.palette import SPACECRAFT, spacecraft_styles
 from swarm_mj.figures.style import (
+    INSIDE,
     LABEL_PT,
     SMALL_PT,
     caption,
@@ -168,7 +169,7 @@ def draw_bars(
     rows = np.arange(len(values))
     ax.barh(rows, values, color=colours, height=0.7)
     for row, value, text in zip(rows, values, words, strict=True):
-        ax.text(value + gap, float(row), text, va="center", fontsize=SMALL_PT)
+        ax.text(value + gap, float(row), text, va="center", fontsize=SMALL_PT, **INSIDE)
     ax.set_yticks(rows, names)
     ax.set_ylim(len(values) - 0.4, -0.6)
     tidy(ax)

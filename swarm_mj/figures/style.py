@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import threading
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib import patheffects, rc_context
@@ -30,6 +31,8 @@ SMALL_PT = 8
 
 #: Lets text read on any ground.
 HALO = [patheffects.withStroke(linewidth=2.5, foreground="white")]
+#: Of text inside a diagram, which the search for room need not measure.
+INSIDE: dict[str, Any] = {"in_layout": False}
 #: How the instant of the visit is marked.
 VISIT_DASHES = (0, (4, 2))
 
@@ -55,7 +58,7 @@ def plain(text: str) -> str:
 
 
 def tidy(ax: Axes) -> None:
-    """Common look of a plain diagram."""
+    """Common look of a plain diagram; its frame is left out of the search for room, as the numbers along it need more."""
     ax.tick_params(labelsize=TICK_PT, color=GREY, length=3)
     ax.grid(True, color=LIGHT_GREY, linewidth=0.6)
     ax.set_axisbelow(True)
@@ -63,6 +66,7 @@ def tidy(ax: Axes) -> None:
         ax.spines[side].set_visible(False)
     for side in ("left", "bottom"):
         ax.spines[side].set_color(GREY)
+        ax.spines[side].set_in_layout(False)
 
 
 def label(ax: Axes, x: str | None = None, y: str | None = None) -> None:

@@ -18,7 +18,7 @@ from swarm_mj.figures.framing import WIDER
 from swarm_mj.figures.numbering import POINTS_PER_INCH
 from swarm_mj.figures.palette import BLACK, ORANGE, VERMILLION
 from swarm_mj.figures.panels import legend_below
-from swarm_mj.figures.style import HALO, SMALL_PT, TICK_PT, caption, label, new_figure, plain, tidy
+from swarm_mj.figures.style import HALO, INSIDE, SMALL_PT, TICK_PT, caption, label, new_figure, plain, tidy
 from swarm_mj.figures.view import draw_body, draw_line, draw_points, face_colours, views_of, visible_share
 from swarm_mj.flight.observe import ObservationResult
 from swarm_mj.flight.plan import Plan
@@ -158,4 +158,5 @@ def _number(ax: Axes, number: int, place: Array, *, bold: bool) -> None:
         color=VERMILLION if bold else BLACK,
         path_effects=HALO,
         zorder=6 if bold else 4,
+        **INSIDE,
     )

@@ -255,7 +255,8 @@ class BackgroundJobs:
         """
         interruption.check()
         count = 0
-        for pipe in wait(list(self._busy), timeout=timeout_s):
+        ready = wait(list(self._busy), timeout=timeout_s)
+        for pipe in [pipe for pipe in self._busy if pipe in ready]:
             if _receive(pipe, self._busy[pipe]):
                 count += 1
             else:

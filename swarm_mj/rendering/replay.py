@@ -17,12 +17,10 @@ from scipy.spatial.transform import Rotation
 from swarm_mj.dataflow.delivery import Delivery
 from swarm_mj.errors import OutputError
 from swarm_mj.flight.plan import Plan, make_plan
-from swarm_mj.records.run_files import read_coverage, read_delivery
-from swarm_mj.records.run_record import read_scenario
+from swarm_mj.records.run_record import read_run
 from swarm_mj.rendering.frame import Instant
 from swarm_mj.rendering.transfers import transfers_of
 from swarm_mj.scenarios.itinerary import last_visit_s
-from swarm_mj.simulator.telemetry import read_telemetry
 from swarm_mj.spacecraft.attitude.mrp import quaternion_from_mrp
 from swarm_mj.typing import Array, Mask
 
@@ -158,19 +156,9 @@ def load_replay(folder: Path) -> Replay:
     Raises:
         OutputError: The folder is not a run's, or its files are damaged or of another version.
     """
+    record = read_run(folder)
+    plan = make_plan(record.scenario, check_separation=False)
     try:
-        missing = [name for name in ("scenario.yaml", "telemetry.nc", "coverage.npz") if not (folder / name).is_file()]
-    except OSError as error:
-        raise OutputError(f"{folder}: cannot be read ({error.strerror})") from None
-    if missing:
-        raise OutputError(
-            f"{folder}: is not the result of a run ({missing[0]} is missing); give a folder that `swarm-mj fly` wrote"
-        )
-    plan = make_plan(read_scenario(folder / "scenario.yaml"), check_separation=False)
-    telemetry = read_telemetry(folder / "telemetry.nc")
-    first_seen_s = read_coverage(folder / "coverage.npz", ["first_seen_s"])["first_seen_s"]
-    delivery = read_delivery(folder, spacecraft=telemetry.sizes["spacecraft"], cells=len(first_seen_s))
-    try:
-        return Replay(plan, telemetry, first_seen_s, delivery)
+        return Replay(plan, record.telemetry, record.coverage["first_seen_s"], record.delivery)
     except OutputError as error:
         raise OutputError(f"{folder}: {error}") from None

@@ -81,7 +81,7 @@ def test_what_cannot_be_filmed_is_a_clear_error(run_folder, tmp_path, capsys):
         assert main(["video", str(run_folder), "--quiet", *arguments]) == 2
         assert words in capsys.readouterr().err
     assert main(["video", str(tmp_path), "--quiet"]) == 2
-    assert "is not the result of a run" in capsys.readouterr().err
+    assert "is not a folder of `swarm-mj fly`" in capsys.readouterr().err
     assert parse_size("640X480") == (640, 480)
     with pytest.raises(OutputError):
         parse_size("640x-480")
