@@ -86,7 +86,7 @@ def test_a_program_keeps_its_curve_and_a_policy_that_flies_as_the_network_did(na
         rows = list(csv.DictReader(file))
     assert [int(row["steps"]) for row in rows] == [0, 8, 16]
     assert json.loads((tmp_path / "done.json").read_text())["steps"] == 16
-    with leaderboard.Test((30_000, 30_001)) as test:
+    with leaderboard.FrozenEpisodes((30_000, 30_001)) as test:
         assert test.score(tmp_path / "policy.npz").flown.score.mean() == pytest.approx(
             float(rows[-1]["score"]), abs=0.02
         )
@@ -100,7 +100,7 @@ def test_the_program_of_stable_baselines3_writes_a_policy_that_flies_as_it_did(s
     with (tmp_path / "curve.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     assert [int(row["steps"]) for row in rows] == [0, 16]
-    with leaderboard.Test((30_000, 30_001)) as test:
+    with leaderboard.FrozenEpisodes((30_000, 30_001)) as test:
         assert test.score(tmp_path / "policy.zip").flown.score.mean() == pytest.approx(
             float(rows[-1]["score"]), abs=1e-3
         )
