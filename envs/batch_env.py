@@ -281,10 +281,8 @@ class BatchVectorEnv(_OverBatch, VectorEnv[Any, Any, Any]):
         return values | {f"_{name}": mask.copy() for name in values}
 
     def _told_of_step(self, result: Any, live: Mask) -> Infos:
-        infos: Infos = {
-            "reward_terms": dict(zip(self.terms, result.terms.T.copy(), strict=True)),
-            "_reward_terms": live,
-        }
+        terms = dict(zip(self.terms, result.terms.T.copy(), strict=True))
+        infos: Infos = {"reward_terms": terms, "_reward_terms": live}
         ended = {int(e): self.ends[result.end[e]] for e in np.flatnonzero(live & (result.end > 0))}
         put_infos(infos, "end", ended, self.num_envs)
         causes = {e: self.batch.cause(e) for e, end in ended.items() if end == "diverged"}

@@ -70,8 +70,7 @@ class SwarmObserveParallelEnv(SwarmParallelEnv):
         self.made_of = {"missions": missions, "split": split, "render_mode": render_mode, **arguments}
         self.made_of["agent_prefix"] = agent_prefix
         self.render_mode = checked_render_mode(render_mode, self.metadata["render_modes"])
-        given = {"missions": missions, "split": split, **arguments}
-        self.config = record_of(EnvConfig, NAME, given)
+        self.config = record_of(EnvConfig, NAME, {"missions": missions, "split": split, **arguments})
         episodes = Episodes(self.config, 1)
         self._renderer = EpisodeRenderer(episodes, 1)
         names = agent_names(agent_prefix, self.config.spacecraft)
