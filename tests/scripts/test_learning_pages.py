@@ -49,7 +49,7 @@ def test_the_leaderboard_compares_the_same_episodes():
     bound = Bound(*np.full((3, 4), 2.0))
     made = {"greedy": [1.0, 0.0, 1.0, 2.0], "random": [0.5, -0.5, 0.5, 1.5]}
     scores = [Score(name, (1, 2, 3, 4), Flown(*np.array([x, x, x])), bound) for name, x in made.items()]
-    plans = [Allocation(pictures=(), who=np.zeros(0, np.int64), value=1.0, bound=bound) for bound in (1.0, 1.5)]
+    plans = [Allocation(pictures=(), value=1.0, bound=bound) for bound in (1.0, 1.5)]
     sound = {name: Flown(*np.full((3, 4), score)) for name, score in (("greedy", 0.7), ("planner", 0.8))}
     text = leaderboard.page(scores, plans, sound)
     assert "no\n  plan of that kind is worth more than 1.250" in text and "*greedy* comes to 0.700" in text
