@@ -439,11 +439,11 @@ class _Saving:
         if self._finished:
             return flight
         self._finished = True
-        with self._open:
-            if drawing is not None:
-                with self._stages.stage("figures", "figures", len(drawing.names)) as done:
-                    drawing.finish(done)
-            flight.summary["wall_s"] |= {stage: round(seconds, 3) for stage, seconds in wall_s.items()}
-            write_summary(self._partial, flight.summary)
+        if drawing is not None:
+            with self._stages.stage("figures", "figures", len(drawing.names)) as done:
+                drawing.finish(done)
+        flight.summary["wall_s"] |= {stage: round(seconds, 3) for stage, seconds in wall_s.items()}
+        write_summary(self._partial, flight.summary)
+        self._open.close()  # of an error `__exit__` is told, after that of a folder beside it
         flight.folder = self._destination
         return flight
