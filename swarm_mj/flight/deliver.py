@@ -211,7 +211,8 @@ def tiles_of(plan: Plan, telemetry: xr.Dataset, coverage: CoverageMap) -> Tiles:
 
 def frame_pixels(scenario: Scenario) -> int:
     """Pixels of a whole picture."""
-    return scenario.camera.resolution_px**2
+    width, height = scenario.data.sensor_px or (scenario.camera.resolution_px,) * 2
+    return width * height
 
 
 def slot_edges(scenario: Scenario, ready_s: Array, most: int) -> Array:

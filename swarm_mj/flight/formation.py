@@ -17,6 +17,7 @@ from swarm_mj.errors import ScenarioError
 from swarm_mj.flight.coordination import FORMATION_AIRTIME, add_messages, links_of
 from swarm_mj.flight.plan import Plan
 from swarm_mj.mission.behaviors import SwarmView
+from swarm_mj.mission.covariance import visit_axes
 from swarm_mj.mission.deployment import planned_paths
 from swarm_mj.scenarios.schema_swarm import Formation
 from swarm_mj.simulator.simulation import Simulation
@@ -42,10 +43,16 @@ def structure_of(plan: Plan, formation: Formation) -> Structure:
         return planned
     if formation.offsets_m is None:
         return offset_structure(planned, times, planned.offsets(formation.start_s)[0], None)
-    offsets = np.array(formation.offsets_m)
+    visit = float(deployment.arrival_s.mean())
+    axes = np.eye(3)
+    if formation.frame == "visit":
+        axes = visit_axes(planned.centre(visit)[None], planned.centre(visit, 1)[None])[0]
+    offsets = np.array(formation.offsets_m) @ axes
     if formation.shape == "cartesian":
         return offset_structure(planned, times, offsets, None)
-    rates = np.zeros_like(offsets) if formation.offset_rates_m_s is None else np.array(formation.offset_rates_m_s)
+    rates = (
+        np.zeros_like(offsets) if formation.offset_rates_m_s is None else np.array(formation.offset_rates_m_s) @ axes
+    )
     return offset_structure(planned, times, offsets, rates)
 
 

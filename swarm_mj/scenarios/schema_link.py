@@ -165,6 +165,11 @@ class Data(Section):
         description="raw bits over sent bits [-]; default: one bit per pixel is left, where ICER (Kiely and Klimesh 2003) and "
         "CCSDS 122.0 still look lossless to the eye",
     )
+    sensor_px: tuple[Annotated[int, Field(ge=1, le=100_000)], Annotated[int, Field(ge=1, le=100_000)]] | None = Field(
+        None,
+        description="width and height of the real detector [px]; null: camera.resolution_px squared; only bits follow from "
+        "it, what a picture shows does not",
+    )
     product: Literal["new_cells", "frame"] = Field(
         "new_cells",
         description="what is sent of a picture: the part that shows cells of the target which no earlier picture of that "

@@ -22,8 +22,13 @@ class Formation(Section):
         description="planned: each as its own planned path runs; cartesian: at offsets that stay; natural: as relative orbits, "
         "which fly on freely from offsets_m and offset_rates_m_s at start_s",
     )
+    frame: Literal["N", "visit"] = Field(
+        "N",
+        description="axes of the offsets: N; or those of the mean visit, fixed in N: x away from the body and across the "
+        "flight, y across both, z along the flight",
+    )
     offsets_m: tuple[Vector3, ...] | None = Field(
-        None, description="one per spacecraft, in N [m]; null: where the plan has each at start_s"
+        None, description="one per spacecraft [m]; null: where the plan has each at start_s"
     )
     offset_rates_m_s: tuple[Vector3, ...] | None = Field(
         None, description="one per spacecraft, for natural [m/s]; null: 0 with offsets_m, else as planned"

@@ -34,6 +34,7 @@ def test_descriptions_and_defaults_name_every_radio_and_network_that_there_is():
         ("link.ground.stations=[{name: roof}]", "link.ground.stations"),
         ("data.slot_s=1", "slot_s = 1: horizon_s = 172800 takes more than 100000 slots .*must be >= 1.728"),
         ("data.compression=0.5", "data.compression"),
+        ("data.sensor_px=[640]", "data.sensor_px"),
         ("data.storage_bit=0", "data.storage_bit"),
         ("data.relays=2", "relays = 2: must be 1 with election: flight, .* k_medoids, delivery or first"),
         (
@@ -52,9 +53,10 @@ def test_sections_are_read_from_a_scenario():
         "eros-quick",
         {
             "link.max_range_m": None,
+            "data.sensor_px": [2048, 1536],
             "data.election": "k_medoids",
             "link.earth.power_w": 2,
         },
     )
-    assert scenario.link.max_range_m is None
+    assert scenario.link.max_range_m is None and scenario.data.sensor_px == (2048, 1536)
     assert scenario.data.election == "k_medoids" and scenario.link.earth.power_w == 2.0
