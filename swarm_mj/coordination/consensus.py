@@ -83,5 +83,5 @@ def attitude_consensus(q_BN: Array, adjacency: Mask, step: float) -> Array:
     phi = np.zeros((len(q_BN), 3))
     for i, j in zip(*np.nonzero(adjacency), strict=True):
         phi[i] += rotation_vector(product(conjugate(q_BN[i]), q_BN[j]))
-    q = np.array([product(own, turn(step * by)) for own, by in zip(q_BN, phi, strict=True)])
+    q = np.array([product(own, turn((x, y, z))) for own, (x, y, z) in zip(q_BN, step * phi, strict=True)])
     return q / np.linalg.norm(q, axis=1, keepdims=True)
