@@ -14,18 +14,17 @@ from time import perf_counter
 import numpy as np
 
 from benchmarks.measure import Row, in_turn, row
-from swarm_mj.figures.drawing import Drawing, prepare_drawing
+from swarm_mj.figures.drawing import draw_all, prepare_drawing
 from swarm_mj.figures.run_figures import composers, draw
 from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.observe import observe_flight
 from swarm_mj.flight.plan import make_plan
 from swarm_mj.io.machine import usable_cores
+from swarm_mj.reports import REPORT_NAME
 from swarm_mj.scenarios.loading import load_scenario
 
 #: What no stage counts: Python and its imports, files of results, tables on the screen.
 REST = "start-up, files and the rest"
-#: The stages that come last.
-LAST = ("figures", "report")
 
 
 def rows(quick: bool) -> Iterator[Row]:
@@ -63,11 +62,7 @@ def drawing(scenario: str, rounds: int) -> Row:
             for name in composers(telemetry):
                 draw(name, Path(folder), plan, telemetry, result)
 
-        def others() -> None:
-            with Drawing(Path(folder), plan, telemetry, result) as figures:
-                figures.finish()
-
-        seconds = in_turn({"beside": others, "here": here}, rounds)
+        seconds = in_turn({"beside": lambda: draw_all(Path(folder), plan, telemetry, result), "here": here}, rounds)
     name = f"figures of {scenario}, by other processes / one after another"
     return row("main job", name, seconds["beside"] / seconds["here"], "ratio", note=f"on {usable_cores()} cores")
 
@@ -95,7 +90,13 @@ def stages(out: Path, seconds: float) -> dict[str, float]:
     """Seconds by stage of the runs below a folder, and what of the whole no stage counts."""
     found: dict[str, float] = {}
     for file in sorted(out.rglob("summary.json")):
-        wall_s: dict[str, float] = json.loads(file.read_text(encoding="utf-8"))["wall_s"]
-        for stage in (*(name for name in wall_s if name not in LAST), *LAST):
-            found[stage] = found.get(stage, 0.0) + wall_s.get(stage, 0.0)
+        of_run = {
+            stage: float(value) for stage, value in json.loads(file.read_text(encoding="utf-8"))["wall_s"].items()
+        }
+        # The summary is written before the report, which can tell its time by its file alone.
+        report = file.with_name(REPORT_NAME)
+        of_run["figures"] = of_run.pop("figures", 0.0)  # where it belongs in the order
+        of_run["report"] = 1e-9 * (report.stat().st_mtime_ns - file.stat().st_mtime_ns)
+        for stage, value in of_run.items():
+            found[stage] = found.get(stage, 0.0) + value
     return found | {REST: seconds - sum(found.values())}

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, Self
+from typing import TYPE_CHECKING, Any, Literal
 
 import pandas as pd
 import xarray as xr
@@ -16,7 +15,8 @@ from rich.progress import Progress
 from swarm_mj.api.display import Plots, figure_html, rows_html
 from swarm_mj.api.scenario import Scenario, load
 from swarm_mj.dataflow.delivery import Delivery
-from swarm_mj.figures.drawing import Drawing, compile_in_background, prepare_drawing
+from swarm_mj.figures.drawing import compile_in_background, draw_all, prepare_drawing
+from swarm_mj.figures.optional_figures import figures_of
 from swarm_mj.flight.compile_ahead import kernels_compiled
 from swarm_mj.flight.deliver import deliver
 from swarm_mj.flight.fly import simulate
@@ -27,7 +27,7 @@ from swarm_mj.io.progress import Forecast, Stages, using_bars
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.coverage import CoverageMap
 from swarm_mj.records.run_files import coverage_arrays, flown_design, write_results, write_summary
-from swarm_mj.records.run_record import RunRecord
+from swarm_mj.records.run_record import RunRecord, read_run
 from swarm_mj.records.summary import summarise
 from swarm_mj.scenarios import schema
 from swarm_mj.scenarios.loading import NO_OVERRIDES, ScenarioSource
@@ -164,10 +164,12 @@ class Flight:
             stages.wall_s = dict(self.summary["wall_s"])
             if figures:
                 prepare_drawing()
-            with _Saving(Path(folder), self.plan.scenario, stages) as saving:
-                saving.begin(self, figures=figures, pdf=pdf, report=report)
-                saving.finish()
-        return Path(folder)
+            with atomic_folder(Path(folder), _result_of(self.plan.scenario), stages.say) as partial_folder:
+                _write(partial_folder, self, stages, figures=figures, pdf=pdf)
+            self.folder = Path(folder)
+            if report:
+                _write_report(self.folder, stages)
+        return self.folder
 
     def report(self, path: str | Path, *, beside: Flight | None = None) -> Path:
         """Write the flight, or two side by side, as one HTML file that opens in any browser without a network.
@@ -311,44 +313,18 @@ def fly(
     scenario = load(scenario, overrides)
     check(scenario, out)
     with using_bars(progress) as bars:
+        stages = Stages(scenario.name, bars)
         if out is None:
-            return _fly(scenario, Stages(scenario.name, bars))
-        (flight,) = fly_each([(scenario, Path(out))], figures=figures, pdf=pdf, report=report, bars=bars)
+            return _fly(scenario, stages)
+        if figures:
+            prepare_drawing()
+        with atomic_folder(Path(out), _result_of(scenario), stages.say) as partial_folder:
+            flight = _fly(scenario, stages)
+            _write(partial_folder, flight, stages, figures=figures, pdf=pdf)
+        flight.folder = Path(out)
+        if report:
+            _write_report(flight.folder, stages)
         return flight
-
-
-def fly_each(
-    flights: Sequence[tuple[schema.Scenario, Path]], *, figures: bool, pdf: bool, report: bool, bars: Progress | None
-) -> Iterator[Flight]:
-    """Fly scenarios into a folder each; while one is flown, the figures of the one before are drawn.
-
-    What was flown before an error is finished first.
-
-    Args:
-        flights: Scenarios that `check` has passed, and their folders.
-        figures: See `fly`.
-        pdf: See `fly`.
-        report: See `fly`.
-        bars: Progress bars.
-    """
-    if figures:
-        prepare_drawing()
-    earlier: _Saving | None = None
-    with ExitStack() as folders:
-        for scenario, folder in flights:
-            stages = Stages(scenario.name, bars, earlier.look if earlier is not None else lambda: None)
-            try:
-                saving = folders.enter_context(_Saving(folder, scenario, stages))
-                saving.begin(_fly(scenario, stages), figures=figures, pdf=pdf, report=report)
-            except Exception:
-                if earlier is not None:
-                    earlier.finish()
-                raise
-            if earlier is not None:
-                yield earlier.finish()
-            earlier = saving
-        if earlier is not None:
-            yield earlier.finish()
 
 
 def check(scenario: schema.Scenario, out: str | Path | None = None) -> None:
@@ -386,64 +362,17 @@ def _fly(scenario: schema.Scenario, stages: Stages) -> Flight:
     return Flight(plan, telemetry, result, summary, design=flown_design(scenario))
 
 
-class _Saving:
-    """The folder of a flight, from before it is flown until its figures are drawn; it appears only then.
+def _write(folder: Path, flight: Flight, stages: Stages, *, figures: bool, pdf: bool) -> None:
+    write_results(folder, flight.plan, flight.telemetry, flight.result, flight.design)
+    if figures:
+        with stages.stage("figures", "figures", len(figures_of(flight.telemetry))) as done:
+            draw_all(folder, flight.plan, flight.telemetry, flight.result, pdf=pdf, progress=done)
+    flight.summary["wall_s"] |= {stage: round(seconds, 3) for stage, seconds in stages.wall_s.items()}
+    write_summary(folder, flight.summary)
 
-    A context manager: what is not finished at the end of its block leaves nothing.
 
-    Args:
-        destination: The folder.
-        scenario: What is to be flown.
-        stages: Told what is under way.
-    """
+def _write_report(folder: Path, stages: Stages) -> None:
+    from swarm_mj.reports.page import write_report
 
-    def __init__(self, destination: Path, scenario: schema.Scenario, stages: Stages) -> None:
-        self._destination, self._stages = destination, stages
-        self._folder = atomic_folder(destination, _result_of(scenario), stages.say)
-        self._open = ExitStack()
-        self._drawing: Drawing | None = None
-        self._flight: Flight | None = None
-        self._finished = False
-
-    def __enter__(self) -> Self:
-        """Hold the place."""
-        self._partial = self._open.enter_context(self._folder)
-        return self
-
-    def __exit__(self, *error: Any) -> None:
-        """Let go of the place."""
-        self._open.__exit__(*error)
-
-    def begin(self, flight: Flight, *, figures: bool, pdf: bool, report: bool) -> None:
-        """Write all but the figures, which others begin to draw, and the summary."""
-        self._flight = flight
-        write_results(self._partial, flight.plan, flight.telemetry, flight.result, flight.design)
-        if figures:
-            drawing = Drawing(self._partial, flight.plan, flight.telemetry, flight.result, pdf=pdf)
-            self._drawing = self._open.enter_context(drawing)
-        if report:
-            from swarm_mj.reports import REPORT_NAME
-
-            with self._stages.stage("report", "report"):
-                flight.report(self._partial / REPORT_NAME)
-
-    def look(self) -> None:
-        """Finish if nobody is drawing any more."""
-        if not self._finished and (self._drawing is None or self._drawing.nothing_to_wait_for()):
-            self.finish()
-
-    def finish(self) -> Flight:
-        """Wait for the figures, write the summary, and let the folder appear."""
-        flight, drawing, wall_s = self._flight, self._drawing, self._stages.wall_s
-        assert flight is not None
-        if self._finished:
-            return flight
-        self._finished = True
-        if drawing is not None:
-            with self._stages.stage("figures", "figures", len(drawing.names)) as done:
-                drawing.finish(done)
-        flight.summary["wall_s"] |= {stage: round(seconds, 3) for stage, seconds in wall_s.items()}
-        write_summary(self._partial, flight.summary)
-        self._open.close()  # of an error `__exit__` is told, after that of a folder beside it
-        flight.folder = self._destination
-        return flight
+    with stages.stage("report", "report"):
+        write_report([read_run(folder)])

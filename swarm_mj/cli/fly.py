@@ -67,7 +67,7 @@ def add(commands: argparse._SubParsersAction) -> None:
 def _fly(arguments: argparse.Namespace) -> int:
     if not arguments.no_figures:
         prepare_drawing()  # before anything heavy is imported: it takes the other process as long to get ready as this one
-    from swarm_mj.api.flight import check, fly_each
+    from swarm_mj.api.flight import check, fly
     from swarm_mj.api.scenario import load
     from swarm_mj.cli.tables import results_table
 
@@ -76,16 +76,13 @@ def _fly(arguments: argparse.Namespace) -> int:
     folders = _folders(arguments.out, [scenario.name for scenario in scenarios])
     for scenario, folder in zip(scenarios, folders, strict=True):
         check(scenario, folder)  # what is refused is so before another one is flown
-    report = not arguments.no_report
+    report, flown = not arguments.no_report, []
     with bars_for(arguments) as bars:
-        flights = fly_each(
-            list(zip(scenarios, folders, strict=True)),
-            figures=not arguments.no_figures,
-            pdf=arguments.pdf,
-            report=report,
-            bars=bars,
-        )
-        flown = [(folder, flight.summary, flight.findings) for folder, flight in zip(folders, flights, strict=True)]
+        for scenario, folder in zip(scenarios, folders, strict=True):
+            flight = fly(
+                scenario, out=folder, figures=not arguments.no_figures, pdf=arguments.pdf, report=report, progress=bars
+            )
+            flown.append((folder, flight.summary, flight.findings))
     bars.console.print(results_table([summary for _, summary, _ in flown]))
     for folder, summary, findings in flown:
         words = [*_notes(summary), *findings, f"files in {folder}"]

@@ -9,12 +9,12 @@ from __future__ import annotations
 import gc
 import pickle
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import replace
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any
 
 from swarm_mj.io import workers
 from swarm_mj.io.machine import usable_cores
@@ -36,80 +36,53 @@ PRELOADED = ("swarm_mj.figures.preloaded",)
 
 
 def prepare_drawing() -> None:
-    """Begin to load, beside this process, what `Drawing` needs; with one core nothing is started."""
+    """Begin to load, beside this process, what `draw_all` needs; with one core nothing is started."""
     if usable_cores() > 1:
         with suppress(OSError):  # figures are drawn here then
             workers.preload(PRELOADED)
 
 
-class Drawing:
-    """The figures of a run, drawn into a folder as NAME.png by processes on all cores while this one does something else.
-
-    A context manager: whatever is not drawn at the end of its block never is. On one core, and where something cannot be
-    handed over, `finish` draws them here, one after another.
+def draw_all(
+    folder: Path,
+    plan: Plan,
+    telemetry: xr.Dataset,
+    result: ObservationResult,
+    *,
+    pdf: bool = False,
+    progress: Progress | None = None,
+) -> None:
+    """Write the figures of a run into a folder: by processes on all cores; on one core here, one after another.
 
     Args:
-        folder: Where.
+        folder: Where, as NAME.png.
         plan: What was flown.
         telemetry: How.
         result: What was observed.
         pdf: Whether to write NAME.pdf too.
+        progress: Told how many are done.
+
+    Raises:
+        SwarmError: A process that drew died.
     """
+    from swarm_mj.figures.optional_figures import figures_of
 
-    def __init__(
-        self, folder: Path, plan: Plan, telemetry: xr.Dataset, result: ObservationResult, *, pdf: bool = False
-    ) -> None:
-        from swarm_mj.figures.optional_figures import figures_of
+    names = figures_of(telemetry)
+    for count, _ in enumerate(_drawn(names, (folder.resolve(), plan, telemetry, result, pdf))):
+        if progress is not None:
+            progress(count + 1)
 
-        self.names = figures_of(telemetry)
-        self._job = (folder.resolve(), plan, telemetry, result, pdf)
-        self._jobs: workers.BackgroundJobs | None = None
-        self._drawn = 0
 
-    def __enter__(self) -> Self:
-        """Start the processes."""
-        processes = min(usable_cores(), MAX_WORKERS, len(self.names))
-        pickled = _pickled(self._job) if processes > 1 else None
-        if pickled is not None:
-            slowest_first = sorted(
-                self.names, key=lambda name: SLOWEST.index(name) if name in SLOWEST else len(SLOWEST)
-            )
-            self._jobs = workers.BackgroundJobs(
-                slowest_first, _draw, workers=processes, setup=_opened, arguments=(pickled,), modules=PRELOADED
-            ).__enter__()
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        """End the processes."""
-        if self._jobs is not None:
-            self._jobs.__exit__(*error)
-
-    def nothing_to_wait_for(self) -> bool:
-        """Whether other processes have no more to draw.
-
-        Raises:
-            SwarmError: A process that drew died.
-        """
-        if self._jobs is not None and not self._jobs.over:
-            self._drawn += self._jobs.done(timeout_s=0.0)
-        return self._jobs is None or self._jobs.over
-
-    def finish(self, progress: Progress | None = None) -> None:
-        """Wait until all are drawn; `progress` is told how many are.
-
-        Raises:
-            SwarmError: A process that drew died.
-        """
-        tell = progress or (lambda count: None)
-        if self._jobs is None:
-            for count, name in enumerate(self.names):
-                _draw(self._job, name)
-                tell(count + 1)
-            return
-        while not self._jobs.over:
-            for _ in range(self._jobs.done()):
-                self._drawn += 1
-                tell(self._drawn)
+def _drawn(names: tuple[str, ...], job: tuple[Any, ...]) -> Iterator[object]:
+    processes = min(usable_cores(), MAX_WORKERS, len(names))
+    pickled = _pickled(job) if processes > 1 else None
+    if pickled is None:
+        for name in names:
+            _draw(job, name)
+            yield name
+        return
+    slowest_first = sorted(names, key=lambda name: SLOWEST.index(name) if name in SLOWEST else len(SLOWEST))
+    jobs = ((name, (name,)) for name in slowest_first)
+    yield from workers.run_jobs(jobs, _draw, workers=processes, setup=_opened, arguments=(pickled,), modules=PRELOADED)
 
 
 def _pickled(job: tuple[Any, ...]) -> bytes | None:

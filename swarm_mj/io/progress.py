@@ -99,31 +99,24 @@ class Stages:
     Args:
         name: Whose work it is, before the label of each bar.
         bars: Where the bars stand; None: there are none.
-        meanwhile: Called now and then while a stage is under way.
 
     Attributes:
         wall_s: Seconds by stage.
     """
 
-    def __init__(self, name: str, bars: Progress | None = None, meanwhile: Callable[[], object] = lambda: None) -> None:
+    def __init__(self, name: str, bars: Progress | None = None) -> None:
         self.wall_s: dict[str, float] = {}
-        self._name, self._bars, self._meanwhile = name, bars, meanwhile
+        self._name, self._bars = name, bars
 
     @contextmanager
     def stage(self, name: str, label: str, total: float | None = None) -> Iterator[Callable[[float], None]]:
         """Time a stage; gives the function that reports how much of `total` is done."""
         start, bars = time.perf_counter(), self._bars
-        task = None if bars is None else bars.add_task(f"{self._name}: {label}", total=total)
-
-        def tell(done: float) -> None:
-            self._meanwhile()
-            if bars is None or task is None:
-                interruption.check()
-            else:
-                bars.update(task, completed=done)
-
-        yield tell
-        if bars is not None and task is not None:
+        if bars is None:
+            yield lambda done: interruption.check()
+        else:
+            task: TaskID = bars.add_task(f"{self._name}: {label}", total=total)
+            yield lambda done: bars.update(task, completed=done)
             size = total or 1.0
             bars.update(task, total=size, completed=size)
         self.wall_s[name] = time.perf_counter() - start

@@ -19,7 +19,7 @@ from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from threading import Lock
 from types import ModuleType
-from typing import Any, Self, TypeVar
+from typing import Any, TypeVar
 
 from swarm_mj.errors import SwarmError
 from swarm_mj.io import interruption
@@ -188,106 +188,12 @@ def run_jobs(
                 running.update(_next_job(pipe, pool[pipe], waiting))
                 yield key, result
     finally:
-        _kill(pool)
-
-
-class BackgroundJobs:
-    """Jobs that processes take from one list by themselves, while this process does something else.
-
-    A context manager: the processes start with its block, and are killed at its end, whatever is left to do then.
-
-    Args:
-        jobs: Arguments of each, at most 255; the first are begun first.
-        work: Called as `work(state, job)` in one of the processes, for what it does; of the top level of a module.
-        workers: Number of processes.
-        setup: As of `run_jobs`.
-        arguments: As of `run_jobs`.
-        modules: As of `run_jobs`.
-    """
-
-    def __init__(
-        self,
-        jobs: Sequence[Any],
-        work: Callable[..., object],
-        *,
-        workers: int,
-        setup: Callable[..., Any],
-        arguments: tuple[Any, ...],
-        modules: Sequence[str],
-    ) -> None:
-        self._jobs, self._work, self._workers = jobs, work, workers
-        self._setup, self._arguments, self._modules = setup, arguments, modules
-        self._pool: dict[Connection, BaseProcess] = {}
-        self._busy: dict[Connection, BaseProcess] = {}
-
-    def __enter__(self) -> Self:
-        """Start the processes.
-
-        Raises:
-            OSError: No process can be had.
-        """
-        numbers, untaken = _CONTEXT.Pipe(duplex=False)
-        try:
-            os.write(untaken.fileno(), bytes(range(len(self._jobs))))  # a byte is read by one process alone
-            untaken.close()
-            for _ in range(self._workers):
-                process, pipe = begin(_take, (numbers, self._jobs, self._work, self._setup), modules=self._modules)
-                self._pool[pipe] = self._busy[pipe] = process
-                _send(pipe, process, self._arguments)
-        except BaseException:
-            _kill(self._pool)
-            raise
-        finally:
-            untaken.close()
-            numbers.close()
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        """Kill the processes."""
-        _kill(self._pool)
-
-    def done(self, timeout_s: float = LOOK_S) -> int:
-        """Number of jobs that were done since the last call, waiting for one for a while [s].
-
-        Raises:
-            SwarmError: A process died.
-            Exception: Whatever `setup` or `work` raised there.
-        """
-        interruption.check()
-        count = 0
-        ready = wait(list(self._busy), timeout=timeout_s)
-        for pipe in [pipe for pipe in self._busy if pipe in ready]:
-            if _receive(pipe, self._busy[pipe]):
-                count += 1
-            else:
-                del self._busy[pipe]
-        return count
-
-    @property
-    def over(self) -> bool:
-        """Whether all jobs are done, as far as `done` has heard."""
-        return not self._busy
-
-
-def _take(
-    pipe: Connection, numbers: Connection, jobs: Sequence[Any], work: Callable[..., object], setup: Callable[..., Any]
-) -> None:
-    """What a process of `BackgroundJobs` does: tells True after each job, and False when there are none left."""
-    state, problem = _tried(setup, pipe.recv())
-    while problem is None and (number := os.read(numbers.fileno(), 1)):
-        _, problem = _tried(work, (state, jobs[number[0]]))
-        pipe.send((True, problem))
-    pipe.send((False, problem))
-    pipe.recv()  # until it is killed
-
-
-def _kill(pool: dict[Connection, BaseProcess]) -> None:
-    with interruption.held():
-        for process in pool.values():
-            process.kill()
-        for pipe, process in pool.items():
-            process.join()
-            pipe.close()
+        with interruption.held():
+            for process in pool.values():
+                process.kill()
+            for pipe, process in pool.items():
+                process.join()
+                pipe.close()
 
 
 def _next_job(

@@ -7,10 +7,7 @@ import numpy as np
 import pytest
 
 import swarm_mj as sm
-from swarm_mj.api import flight as api_flight
 from swarm_mj.cli.main import main
-from swarm_mj.errors import SwarmError
-from swarm_mj.io.atomic import FIGURES
 
 
 @pytest.fixture(scope="module")
@@ -129,26 +126,3 @@ def test_a_simulation_is_mujocos_own_and_flies_as_the_flight_does(flight):
     assert not np.array_equal(sim.data.qpos, start)
     r_N = flight.telemetry["r_BN_N"].sel(time=10.0).values
     assert np.array_equal(sim.data.qpos.reshape(2, -1)[:, :3], r_N)
-
-
-def test_what_was_flown_before_an_error_or_while_its_figures_were_drawn_is_finished(flight, tmp_path, monkeypatch):
-    flown, drawn = iter((flight, None)), []
-
-    def fly(scenario, stages):
-        with stages.stage("simulate", "flight", 1.0) as done:
-            while drawn and not (tmp_path / "one").exists():  # the next flight is under way meanwhile
-                done(0.0)
-        if (found := next(flown)) is None:
-            raise SwarmError("no")
-        drawn.append("begun")
-        return found
-
-    monkeypatch.setattr(api_flight, "_fly", fly)
-    monkeypatch.setitem(FIGURES, "run", ("links",))
-    scenario, wanted = flight.plan.scenario, {"figures": True, "pdf": False, "report": True, "bars": None}
-    monkeypatch.setattr(flight, "folder", None)
-    with pytest.raises(SwarmError, match="no"):
-        list(api_flight.fly_each([(scenario, tmp_path / "one"), (scenario, tmp_path / "two")], **wanted))
-    assert {path.name for path in tmp_path.iterdir()} == {"one"}
-    assert {"links.png", "report.html", "summary.json"} <= {path.name for path in (tmp_path / "one").iterdir()}
-    assert flight.folder == tmp_path / "one"

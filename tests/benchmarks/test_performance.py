@@ -1,6 +1,7 @@
 """The benchmarks of speed: works take turns, rows compare themselves with targets, files hold what was printed."""
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -98,14 +99,17 @@ def test_first_flights_are_flown_before_what_they_fill_is_measured(monkeypatch):
         assert len(flown) == expected and work() == 3 and len(flown) == expected + 1
 
 
-def write_run(folder, wall_s):
+def write_run(folder, wall_s, report_s):
     folder.mkdir(parents=True)
     (folder / "summary.json").write_text(json.dumps({"wall_s": wall_s}))
+    (folder / "report.html").write_text("")
+    for name, t in (("summary.json", 1_000), ("report.html", 1_000 + report_s)):
+        os.utime(folder / name, (t, t))
 
 
 def test_the_stages_of_the_job_sum_to_the_whole(tmp_path):
-    write_run(tmp_path / "a", {"figures": 2.0, "design": 1.0, "report": 3.0})
-    write_run(tmp_path / "b", {"design": 0.5, "figures": 1.0, "report": 1.0})
+    write_run(tmp_path / "a", {"figures": 2.0, "design": 1.0}, 3)
+    write_run(tmp_path / "b", {"design": 0.5, "figures": 1.0}, 1)
     found = job.stages(tmp_path, 10.0)
     assert list(found.items()) == [("design", 1.5), ("figures", 3.0), ("report", 4.0), (job.REST, 1.5)]
 

@@ -44,7 +44,7 @@ def test_the_summary_holds_the_agreed_keys(summary):
     }  # fmt: skip
     for key, kind in agreed.items():
         assert isinstance(summary[key], kind), key
-    assert set(summary["wall_s"]) == {"design", "simulate", "coverage", "delivery", "figures", "report"}
+    assert set(summary["wall_s"]) == {"design", "simulate", "coverage", "delivery", "figures"}
     assert summary["target_vertices"] == 51
     assert summary["spacecraft"] == summary["observers"] == 2
 

@@ -1,7 +1,6 @@
 """Figures drawn by other processes: the same ones, for one run after another, and nothing of them stays when it ends badly."""
 
 import os
-import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,17 +8,12 @@ import pytest
 
 from swarm_mj.errors import SwarmError
 from swarm_mj.figures import drawing
-from swarm_mj.figures.drawing import Drawing, compile_in_background, prepare_drawing
+from swarm_mj.figures.drawing import compile_in_background, draw_all, prepare_drawing
 from swarm_mj.figures.run_figures import draw
 from swarm_mj.io.atomic import FIGURES
 
 #: One figure of each kind: a scene, a map, a page of many axes, and histories.
 FEW = ("trajectories", "footprints", "operation", "links", "propulsion")
-
-
-def draw_all(folder, *flight, progress=None):
-    with Drawing(folder, *flight) as drawing:
-        drawing.finish(progress)
 
 
 class Deadly:
@@ -73,21 +67,6 @@ def test_other_processes_draw_the_same_for_one_run_after_another(flown, tmp_path
         draw(name, tmp_path, *flown)
         drawn = [(tmp_path / folder / f"{name}.png").read_bytes() for folder in (".", "one", "two")]
         assert drawn[0] == drawn[1] == drawn[2]
-
-
-def test_what_others_draw_meanwhile_is_there_without_waiting_and_an_early_end_leaves_nothing_running(
-    flown, tmp_path, started, two_cores, monkeypatch
-):
-    monkeypatch.setitem(FIGURES, "run", ("links", "contacts"))
-    prepare_drawing()
-    before = started()
-    with Drawing(tmp_path, *flown) as drawing:
-        while not drawing.nothing_to_wait_for():
-            time.sleep(0.01)
-        assert {path.name for path in tmp_path.iterdir()} == {"links.png", "contacts.png"}
-    with Drawing(tmp_path, *flown):
-        assert started() > before
-    assert started() == before
 
 
 def test_an_error_of_another_process_is_told_with_its_figure_and_leaves_nothing_running(
