@@ -53,7 +53,7 @@ class CoordinationEvent(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Mission:
+class CoordinationPlan:
     """What a coordinated swarm is given before its release.
 
     Attributes:
@@ -103,7 +103,7 @@ class CoordinationLog(MessageLog):
 class CoordinationState:
     """One flight under way: its messages, what each knows and plans, and what all track."""
 
-    def __init__(self, mission: Mission) -> None:
+    def __init__(self, mission: CoordinationPlan) -> None:
         n, encounter = mission.n, mission.encounter
         self.bus = Bus(n, np.random.default_rng(mission.seed), mission.access)
         self.knowledge = Knowledge(n, encounter.n_cells, mission.silence_s)
@@ -124,7 +124,7 @@ class SwarmFlight:
         log: Of the last flight.
     """
 
-    def __init__(self, mission: Mission) -> None:
+    def __init__(self, mission: CoordinationPlan) -> None:
         self.mission, self.log = mission, CoordinationLog()
         self._step_s = mission.encounter.interval_s
 

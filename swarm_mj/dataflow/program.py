@@ -47,7 +47,7 @@ class Program:
     Attributes:
         c: What a column costs: minus the value of its tile in units of `value_unit`, shape (columns,).
         a_eq: One row for each spacecraft and edge at which something happens there.
-        a_ub: Rows for tiles, storage and access.
+        a_ub: Inequalities for tiles, storage and access.
         b_ub: Their limits.
         upper: Of the columns, all finite, shape (columns,).
         copies: Spacecraft and tile of the copies, shape (copies, 2).
@@ -218,7 +218,7 @@ def _joined(entries: list[Entries]) -> Entries:
     )
 
 
-class Rows(NamedTuple):
+class Inequalities(NamedTuple):
     """Inequalities: entries (row, column, factor) and the limit of each row."""
 
     row: Ints
@@ -227,19 +227,19 @@ class Rows(NamedTuple):
     limit: Array
 
 
-def _at_most_one(key: Ints, first: int, columns: Ints | None = None) -> Rows:
+def _at_most_one(key: Ints, first: int, columns: Ints | None = None) -> Inequalities:
     """Columns of the same key add up to at most 1; a key with one column needs no row."""
     columns = first + np.arange(len(key)) if columns is None else columns
     _, inverse, count = np.unique(key, return_inverse=True, return_counts=True)
     several = count > 1
     number = np.cumsum(several) - 1
     used = several[inverse]
-    return Rows(
+    return Inequalities(
         number[inverse][used], columns[used], np.ones(np.count_nonzero(used)), np.ones(np.count_nonzero(several))
     )
 
 
-def _access_rows(network: Network, links: Links, first: int) -> list[Rows]:
+def _access_rows(network: Network, links: Links, first: int) -> list[Inequalities]:
     """How shares of the same slot add up, on the crosslink and to Earth."""
     n = network.n_spacecraft
     column = first + np.arange(len(links.slot))
@@ -259,11 +259,11 @@ def _access_rows(network: Network, links: Links, first: int) -> list[Rows]:
     return [*rows, earth]
 
 
-def _limited(rows: Rows, limit: float) -> Rows:
+def _limited(rows: Inequalities, limit: float) -> Inequalities:
     return rows._replace(limit=np.full(len(rows.limit), limit))
 
 
-def _storage_rows(aboard: Entries, storage: Ints, nodes: Ints, total: int, bit_unit: float) -> Rows:
+def _storage_rows(aboard: Entries, storage: Ints, nodes: Ints, total: int, bit_unit: float) -> Inequalities:
     """What comes aboard an edge fits; where only what stayed is aboard, its own limit says so."""
     spacecraft = np.empty(int(nodes.max(initial=-1)) + 1, np.int64)
     _, who = np.nonzero(nodes >= 0)
@@ -273,10 +273,10 @@ def _storage_rows(aboard: Entries, storage: Ints, nodes: Ints, total: int, bit_u
     tight = (storage[spacecraft] < total) & (count > 0)
     number = np.cumsum(tight) - 1
     used = tight[row]
-    return Rows(number[row][used], column[used], units[used], storage[spacecraft[tight]] / bit_unit)
+    return Inequalities(number[row][used], column[used], units[used], storage[spacecraft[tight]] / bit_unit)
 
 
-def _stacked(rows: list[Rows], n_columns: int) -> tuple[csr_array, Array]:
+def _stacked(rows: list[Inequalities], n_columns: int) -> tuple[csr_array, Array]:
     starts = np.concatenate([[0], np.cumsum([len(part.limit) for part in rows])])
     row = np.concatenate([part.row + start for part, start in zip(rows, starts[:-1], strict=True)])
     column = np.concatenate([part.column for part in rows])

@@ -14,7 +14,7 @@ from scipy.ndimage import gaussian_filter
 from swarm_mj.figures.ground_track import MAX_NUMBERED, number_places
 from swarm_mj.figures.maps import (
     Ground,
-    Window,
+    MapExtent,
     draw_track,
     latitude_longitude,
     map_aspect,
@@ -130,7 +130,7 @@ def _margin_at(camera: CameraModel, pose: CameraPose, points: Array, face: Indic
     return margin
 
 
-def _window(plan: Plan, camera: CameraModel, poses: list[CameraPose]) -> Window:
+def _window(plan: Plan, camera: CameraModel, poses: list[CameraPose]) -> MapExtent:
     """The target and the footprints of the visit, with some room around."""
     mesh, centre = plan.region.mesh, plan.scenario.target.longitude_deg
     coarse = survey(mesh, whole_body(centre), SEARCH_COLUMNS)
@@ -140,7 +140,7 @@ def _window(plan: Plan, camera: CameraModel, poses: list[CameraPose]) -> Window:
         latitude = np.append(latitude, coarse.latitudes[row])
         longitude = np.append(longitude, coarse.longitudes[column])
     room = 2.0 + 0.06 * min(float(np.ptp(latitude)), float(np.ptp(longitude)))
-    return Window(
+    return MapExtent(
         west=max(float(longitude.min()) - room, centre - 180.0),
         east=min(float(longitude.max()) + room, centre + 180.0),
         south=max(float(latitude.min()) - room, -90.0),
@@ -148,7 +148,7 @@ def _window(plan: Plan, camera: CameraModel, poses: list[CameraPose]) -> Window:
     )
 
 
-def _height(window: Window) -> float:
+def _height(window: MapExtent) -> float:
     """Of a figure that a map fills, as far as a page goes [in]."""
     across = MAP_IN * (window.north - window.south) / (window.east - window.west)
     return float(np.clip(across / map_aspect(window) + FRAME_IN, 4.8, 7.4))
@@ -200,7 +200,7 @@ def _number(
     plan: Plan,
     poses: dict[int, CameraPose],
     body: ShapeModel,
-    window: Window,
+    window: MapExtent,
     colours: dict[int, str],
     outlines: list[Array],
 ) -> None:

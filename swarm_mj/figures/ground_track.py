@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from swarm_mj.figures.maps import (
-    Window,
+    MapExtent,
     draw_places,
     draw_track,
     latitude_longitude,
@@ -77,7 +77,7 @@ def mark_interval(duration_s: float) -> float:
     return float(next((step for step in steps if step * TIME_MARKS >= duration_s), steps[-1]))
 
 
-def _draw_tracks(ax: Axes, r_A: Array, track: Indices, marks: Indices, visit: int, window: Window) -> None:
+def _draw_tracks(ax: Axes, r_A: Array, track: Indices, marks: Indices, visit: int, window: MapExtent) -> None:
     n = r_A.shape[1]
     many, centre = n > len(SPACECRAFT), window.centre_longitude
     for j, line in enumerate(spacecraft_styles(n)):

@@ -32,7 +32,7 @@ POLAR = 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class Window:
+class MapExtent:
     """The part of a map that is shown [deg]; `east` may exceed 180, and `west` be less than -180."""
 
     west: float
@@ -72,12 +72,12 @@ class Ground:
         )
 
 
-def whole_body(centre_longitude: float) -> Window:
+def whole_body(centre_longitude: float) -> MapExtent:
     """The map of a whole body with a given longitude in the middle [deg]."""
-    return Window(west=centre_longitude - 180.0, east=centre_longitude + 180.0, south=-90.0, north=90.0)
+    return MapExtent(west=centre_longitude - 180.0, east=centre_longitude + 180.0, south=-90.0, north=90.0)
 
 
-def survey(body: ShapeModel, window: Window, columns: int) -> Ground:
+def survey(body: ShapeModel, window: MapExtent, columns: int) -> Ground:
     """Find the ground below a grid of places, by rays from outside towards the body's centre.
 
     Args:
@@ -167,13 +167,13 @@ def draw_places(ax: Axes, points_A: Array, centre_longitude: float, **style: Any
     ax.plot(longitude, latitude, **{"linestyle": "none", **style})
 
 
-def map_aspect(window: Window) -> float:
+def map_aspect(window: MapExtent) -> float:
     """Length of a degree of longitude on a map over that of a degree of latitude."""
     middle = np.radians(0.5 * (window.south + window.north))
     return 1.0 if window.east - window.west > WIDE_DEG else max(0.2, float(np.cos(middle)))
 
 
-def name_map(ax: Axes, window: Window) -> None:
+def name_map(ax: Axes, window: MapExtent) -> None:
     """Scales and names of a map's axes; longitudes from 0 to 360 deg."""
     ax.set_xlim(window.west, window.east)
     ax.set_ylim(window.south, window.north)

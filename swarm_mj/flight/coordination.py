@@ -13,7 +13,7 @@ import xarray as xr
 from swarm_mj.coordination.allocation.problem import Schedule
 from swarm_mj.coordination.bus import MessageLog
 from swarm_mj.coordination.graph import Graph, graph_at
-from swarm_mj.coordination.swarm_flight import PARTS, Mission, SwarmFlight
+from swarm_mj.coordination.swarm_flight import PARTS, CoordinationPlan, SwarmFlight
 from swarm_mj.dataflow.contacts import Contacts, Instant, radios_from
 from swarm_mj.dataflow.network import Access
 from swarm_mj.errors import MissionError
@@ -83,7 +83,7 @@ class CoordinatedBehavior:
 
     def for_flight(self, plan: Any) -> Behavior:
         """See `MissionBehavior`."""
-        return SwarmFlight(mission_of(plan, self.swarm))
+        return SwarmFlight(coordination_plan(plan, self.swarm))
 
     def targets(self, view: SwarmView, memory: Any) -> tuple[Targets, Any]:
         """Not before `for_flight`.
@@ -94,7 +94,7 @@ class CoordinatedBehavior:
         raise MissionError("swarm.class: a coordinated swarm must know its mission; use for_flight(plan) first")
 
 
-def mission_of(plan: Any, swarm: Swarm) -> Mission:
+def coordination_plan(plan: Any, swarm: Swarm) -> CoordinationPlan:
     """What the swarm of a `swarm_mj.flight.plan.Plan` is given before its release."""
     scenario, parts = plan.scenario, parts_chosen(swarm)
     encounter = encounter_of(plan)
@@ -116,7 +116,7 @@ def mission_of(plan: Any, swarm: Swarm) -> Mission:
         sun_A = view.C_AN @ plan.environment.sun.at(view.t)
         return observe(observer, r_A[0], C_CA[0], criterion, sun_A, motion)
 
-    return Mission(
+    return CoordinationPlan(
         encounter=encounter,
         pictures=pictures,
         **parts,

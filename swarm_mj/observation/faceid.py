@@ -22,7 +22,7 @@ from swarm_mj.errors import ObserverError
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.camera import CameraModel, CameraPose, camera_pose
 from swarm_mj.observation.gl_faces import OpenGlFaces
-from swarm_mj.observation.projection import WHOLE_PICTURE, Window, project
+from swarm_mj.observation.projection import WHOLE_PICTURE, PictureWindow, project
 from swarm_mj.observation.raster import CompiledFaces, box_pixels, count_pixels
 from swarm_mj.observation.raytracing import RayTracer
 from swarm_mj.observation.sampling import faces_camera, sampled_fraction
@@ -106,7 +106,7 @@ class FaceIdObserver:
         count_pixels(picture, numbers.astype(np.uint32), boxes, counts)
         return counts
 
-    def face_ids(self, pose: CameraPose, window: Window = WHOLE_PICTURE) -> NDArray[np.uint32]:
+    def face_ids(self, pose: CameraPose, window: PictureWindow = WHOLE_PICTURE) -> NDArray[np.uint32]:
         """Draw the face under each pixel of a window of the picture.
 
         Returns:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from swarm_mj.observation.camera import CameraModel, CameraPose
 from swarm_mj.observation.gl_context import current_context, may_release
-from swarm_mj.observation.projection import Window
+from swarm_mj.observation.projection import PictureWindow
 from swarm_mj.typing import Array
 
 #: Nearest depth drawn over the farthest; bounds the loss of depth precision (24 bits) close to the body.
@@ -90,7 +90,7 @@ class OpenGlFaces:
             buffer=buffer, mesh=mesh, program=program, vertices=vertices, faces=faces, colour=colour, depth=depth
         )
 
-    def draw(self, pose: CameraPose, window: Window) -> NDArray[np.uint32]:
+    def draw(self, pose: CameraPose, window: PictureWindow) -> NDArray[np.uint32]:
         """Draw a window of the picture: face plus one, 0 for the sky; bottom row first. The next call reuses the array.
 
         Raises:
@@ -138,7 +138,7 @@ class OpenGlFaces:
                 resource.release()
 
 
-def _clip_from_picture(window: Window, near: float, far: float) -> Array:
+def _clip_from_picture(window: PictureWindow, near: float, far: float) -> Array:
     """OpenGL clip coordinates (y up) from homogeneous picture coordinates (y down)."""
     centre, half = 0.5 * (window.high + window.low), 0.5 * (window.high - window.low)
     return np.array(

@@ -19,14 +19,14 @@ TINY = float(np.finfo(float).tiny)
 
 
 @dataclass(frozen=True)
-class Window:
+class PictureWindow:
     """A rectangle of the picture: `low` and `high` corners in picture coordinates, shape (2,)."""
 
     low: Array
     high: Array
 
 
-WHOLE_PICTURE = Window(np.array([-1.0, -1.0]), np.array([1.0, 1.0]))
+WHOLE_PICTURE = PictureWindow(np.array([-1.0, -1.0]), np.array([1.0, 1.0]))
 
 
 @dataclass(frozen=True)
@@ -43,20 +43,20 @@ class PictureCells:
     ahead: Mask
     in_picture: Mask
 
-    def window(self, chosen: Mask) -> Window:
+    def window(self, chosen: Mask) -> PictureWindow:
         """Smallest window that holds the chosen cells, as far as they are in the picture."""
         if not self.ahead[chosen].all():
             return WHOLE_PICTURE
         points = self.corners[chosen].reshape(-1, 2)
-        window = Window(np.maximum(points.min(axis=0), -1.0), np.minimum(points.max(axis=0), 1.0))
+        window = PictureWindow(np.maximum(points.min(axis=0), -1.0), np.minimum(points.max(axis=0), 1.0))
         return window if (window.high > window.low).all() else WHOLE_PICTURE
 
-    def pixels(self, window: Window, resolution_px: int) -> tuple[Array, Array]:
+    def pixels(self, window: PictureWindow, resolution_px: int) -> tuple[Array, Array]:
         """Area [px^2] and radius of the inscribed circle [px] of each cell when `window` fills a square picture."""
         across, down = resolution_px / (window.high - window.low)
         return _measure(self.corners, across, down)
 
-    def boxes(self, window: Window, resolution_px: int) -> Ints32:
+    def boxes(self, window: PictureWindow, resolution_px: int) -> Ints32:
         """Pixels that each cell may cover when `window` fills a square picture, with a margin of one.
 
         Returns:

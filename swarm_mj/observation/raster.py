@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarm_mj.observation.camera import CameraModel, CameraPose
-from swarm_mj.observation.projection import Window
+from swarm_mj.observation.projection import PictureWindow
 from swarm_mj.typing import Array, Array32, Ints, Ints32, jittable, kernel
 
 Depth = Array32
@@ -114,7 +114,7 @@ class CompiledFaces:
         self._picture_from_camera = np.array([[1.0 / camera.tan_half_angle], [1.0 / camera.tan_half_angle], [1.0]])
         self._canvas = make_canvas(size, len(vertices), len(faces))
 
-    def draw(self, pose: CameraPose, window: Window) -> Picture:
+    def draw(self, pose: CameraPose, window: PictureWindow) -> Picture:
         """Draw a window of the picture, see `OpenGlFaces.draw`."""
         size = self.camera.resolution_px
         if self.camera.shape == "cone":
@@ -127,12 +127,12 @@ class CompiledFaces:
         """Homogeneous picture coordinates, (x, y) = (X, Y) / Z, of positions relative to the camera in A."""
         return self._picture_from_camera * pose.C_CA
 
-    def _pixel_from_picture(self, window: Window) -> Array:
+    def _pixel_from_picture(self, window: PictureWindow) -> Array:
         """Columns and rows (upwards) from homogeneous picture coordinates (y down)."""
         across, down = self.camera.resolution_px / (window.high - window.low)
         return np.array([[across, 0.0, -across * window.low[0]], [0.0, -down, down * window.high[1]], [0.0, 0.0, 1.0]])
 
-    def _find_spans(self, window: Window) -> None:
+    def _find_spans(self, window: PictureWindow) -> None:
         """Write the first and last column of each row whose centre is in a cone."""
         size, row_span = self.camera.resolution_px, self._canvas.row_span
         across, down = (window.high - window.low) / size

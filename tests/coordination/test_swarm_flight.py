@@ -8,7 +8,7 @@ import pytest
 from swarm_mj.coordination.encounter import Encounter
 from swarm_mj.coordination.graph import Graph
 from swarm_mj.coordination.replanning import MOST_SLOTS, planned_alone, planned_together
-from swarm_mj.coordination.swarm_flight import Mission, SwarmFlight
+from swarm_mj.coordination.swarm_flight import CoordinationPlan, SwarmFlight
 from swarm_mj.dataflow.network import Access
 from swarm_mj.mission.behaviors import SwarmView, TargetKind
 
@@ -39,7 +39,7 @@ class Hand:
         self.works, self.seen = works, np.zeros((N, CELLS), bool)
         self.aims_A, self.links, self.loss = encounter.aims_A, links, loss
         self.swarm = SwarmFlight(
-            Mission(
+            CoordinationPlan(
                 encounter=encounter,
                 pictures=pictures,
                 succession=np.arange(N),

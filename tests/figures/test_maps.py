@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from swarm_mj.figures.footprints import view_margin
 from swarm_mj.figures.ground_track import mark_interval
 from swarm_mj.figures.maps import (
-    Window,
+    MapExtent,
     directions,
     draw_track,
     latitude_longitude,
@@ -20,7 +20,7 @@ from swarm_mj.observation.camera import CameraModel, look_at
 from swarm_mj.observation.raytracing import RayTracer
 from swarm_mj.spacecraft.attitude.mrp import dcm
 
-FRONT = Window(west=-40.0, east=40.0, south=-40.0, north=40.0)
+FRONT = MapExtent(west=-40.0, east=40.0, south=-40.0, north=40.0)
 
 
 def test_directions_and_their_places_are_inverse():
@@ -121,7 +121,7 @@ def test_cells_that_a_picture_shows_lie_in_its_footprint(flown):
     pose = look_at(C_AN @ sample["r_BN_N"].values[0], region.centroid_A.mean(axis=0))
     camera = CameraModel(half_angle_deg=3.0)
     rays = RayTracer(region.mesh.vertices, region.mesh.faces)
-    ground = survey(region.mesh, Window(west=70.0, east=110.0, south=-20.0, north=20.0), 200)
+    ground = survey(region.mesh, MapExtent(west=70.0, east=110.0, south=-20.0, north=20.0), 200)
     held = view_margin(camera, pose, ground, region.mesh) > 0.0
     hit = rays.first_hit(pose.r_A, region.centroid_A - pose.r_A)
     shown = camera.contains(pose.to_camera(region.centroid_A)) & (hit == region.target)

@@ -8,7 +8,7 @@ import pytest
 from swarm_mj.observation import faceid
 from swarm_mj.observation.camera import CameraModel, look_at
 from swarm_mj.observation.faceid import FaceIdObserver
-from swarm_mj.observation.projection import WHOLE_PICTURE, Window, project
+from swarm_mj.observation.projection import WHOLE_PICTURE, PictureWindow, project
 from swarm_mj.observation.raster import CompiledFaces
 from swarm_mj.observation.raytracing import RayTracer
 from swarm_mj.observation.sampling import faces_camera, sampled_fraction
@@ -16,7 +16,7 @@ from swarm_mj.observation.sampling import faces_camera, sampled_fraction
 from .scenes import eros_target, random_views
 
 POSE = look_at([0.0, -10.0, 0.0], [0.0, 0.0, 0.0], roll=0.4)
-PART = Window(np.array([-0.35, -0.6]), np.array([0.8, 0.15]))
+PART = PictureWindow(np.array([-0.35, -0.6]), np.array([0.8, 0.15]))
 
 
 def pixel_rays(camera, pose, window):
