@@ -89,7 +89,8 @@ def arguments(thing: Callable[..., Any], given: int) -> list[Argument]:
         found = list(inspect.signature(thing).parameters.values())[given:]
     except (TypeError, ValueError) as error:
         raise PluginError(f"{plugins.shown(thing)}: its arguments cannot be read: {plugins.in_words(error)}") from error
-    words = {p.arg_name: p.description for p in docstring_parser.parse(inspect.getdoc(thing) or "").params}
+    owners = reversed(thing.__mro__) if isinstance(thing, type) else (thing,)  # a field may be told of in a base class
+    words = {p.arg_name: p.description for owner in owners for p in docstring_parser.parse(owner.__doc__ or "").params}
     types = _types(thing)
     return [
         Argument(

@@ -7,7 +7,7 @@ import pytest
 import xarray as xr
 
 from swarm_mj.errors import PathError, ScenarioError
-from swarm_mj.flight.burns import PlannedBurns, check_burns, fly_burns, push_of
+from swarm_mj.flight.burns import PlannedBurns, check_burns, push_of
 from swarm_mj.flight.fly import initial_state, make_simulation, simulate
 from swarm_mj.flight.plan import make_plan
 from swarm_mj.mission.finite_burns import propellant_for
@@ -98,8 +98,6 @@ def test_burns_beyond_the_tank_are_refused():
     without = replace(plan.properties, thrusters=None)
     with pytest.raises(ScenarioError, match=r"no thrusters: give spacecraft\.thrusters"):
         check_burns(plan.deployment, push_of(without, None))
-    with pytest.raises(ScenarioError, match="no thrusters"):
-        fly_burns(make_simulation(replace(plan_with([]), properties=without)), plan.deployment)
 
 
 def test_burns_of_one_spacecraft_share_its_tank_and_follow_each_other():

@@ -175,7 +175,7 @@ def test_a_closed_observer_says_so_and_closing_twice_is_harmless(face_id):
 @pytest.mark.parametrize("matrix", [np.eye(3) * 1.1, np.diag([1.0, 1.0, -1.0]), np.eye(2)])
 def test_an_attitude_that_is_no_rotation_is_refused(matrix, face_id):
     with (
-        face_id(eros_target(), CameraModel(resolution_px=32)) as observer,
+        closing(face_id(eros_target(), CameraModel(resolution_px=32))) as observer,
         pytest.raises(MissionError, match="C_CA"),
     ):
         observer.visible_fraction([0.0, 21e3, 0.0], matrix)
@@ -185,8 +185,8 @@ def test_an_attitude_that_is_no_rotation_is_refused(matrix, face_id):
 def test_both_ways_of_drawing_show_the_same_faces():
     region = eros_target()
     with (
-        FaceIdObserver(region, CameraModel(shape="cone")) as by_opengl,
-        FaceIdObserver(region, CameraModel(shape="cone"), drawing="compiled") as compiled,
+        closing(FaceIdObserver(region, CameraModel(shape="cone"))) as by_opengl,
+        closing(FaceIdObserver(region, CameraModel(shape="cone"), drawing="compiled")) as compiled,
     ):
         for pose in random_views(4, seed=8, off_deg=10.0):
             assert np.mean(by_opengl.face_ids(pose) != compiled.face_ids(pose)) < 1e-3

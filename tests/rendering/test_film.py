@@ -8,7 +8,8 @@ from PIL import Image
 from swarm_mj.cli.main import main
 from swarm_mj.cli.results import parse_size
 from swarm_mj.errors import OutputError
-from swarm_mj.records.run_files import write_results
+from swarm_mj.records.run_files import write_results, write_summary
+from swarm_mj.records.summary import summarise
 from swarm_mj.rendering import film as film_module
 from swarm_mj.rendering.film import make_film, picture_times, suitable_speed
 from swarm_mj.rendering.picture import Drawing
@@ -18,6 +19,7 @@ from swarm_mj.rendering.picture import Drawing
 def run_folder(flown, tmp_path_factory):
     folder = tmp_path_factory.mktemp("run")
     write_results(folder, *flown)
+    write_summary(folder, summarise(*flown, {"simulate": 0.0}))
     return folder
 
 
