@@ -176,7 +176,7 @@ def _attract(world: World, flights: Flights, conditions: Any, e: int) -> None:
     if conditions is not None:
         if conditions.series.shape[0] > 0:
             series = conditions.series[e]
-    write_attraction(work[Slot.R_A], world.field, series, cells, a_A)
+    write_attraction(work[Slot.R_A], world.field, world.field.elements, series, cells, a_A)
     if conditions is not None:
         for j in range(a_A.shape[0]):
             for k in range(3):

@@ -198,7 +198,7 @@ def test_fields_in_kernels_pull_as_in_python_near_and_far(radii):
     r_A = radii * body.shape.max_radius * np.array([[0.6, 0.0, 0.8], [-0.48, 0.64, -0.6]])
     for gravity in (body, PointMass(EROS_GM), body.far_field):
         field, found = compiled_field(gravity), np.full((2, 3), np.nan)
-        write_attraction(r_A, field, field.series, np.zeros((2, CELL_NUMBERS)), found)
+        write_attraction(r_A, field, field.elements, field.series, np.zeros((2, CELL_NUMBERS)), found)
         assert np.array_equal(found, gravity.acceleration(r_A))
 
 

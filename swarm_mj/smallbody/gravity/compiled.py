@@ -8,7 +8,7 @@ import numpy as np
 
 from swarm_mj.smallbody.gravity.base import Gravity
 from swarm_mj.smallbody.gravity.point_mass import PointMass, write_point_mass
-from swarm_mj.smallbody.gravity.polyhedron import Elements, Polyhedron, any_far, no_elements, write_near_and_far
+from swarm_mj.smallbody.gravity.polyhedron import Elements, Polyhedron, any_far, write_near_and_far
 from swarm_mj.smallbody.gravity.spherical_harmonics import SphericalHarmonics, write_series
 from swarm_mj.typing import Array, kernel
 
@@ -25,7 +25,7 @@ class CompiledField(NamedTuple):
         radius: Reference radius of the harmonics; of a polyhedron, those that hold far away [m].
         recursion: See `recursion_table`.
         series: Coefficients of their acceleration, see `SphericalHarmonics`.
-        elements: The polyhedron.
+        elements: The polyhedron; None for other fields, whose kernels then do without it.
         cell: Side of the cells of its attraction [m]; 0: there are none, see `Polyhedron.in_cells`.
     """
 
@@ -34,26 +34,19 @@ class CompiledField(NamedTuple):
     radius: float
     recursion: Array
     series: Array
-    elements: Elements
+    elements: Elements | None
     cell: float
 
 
 def compiled_field(gravity: Gravity) -> CompiledField | None:
     """A field as kernels take it; None where they do not know its kind."""
     if type(gravity) is PointMass:
-        return CompiledField(
-            POINT_MASS, gravity.gm, 1.0, np.empty((0, 0, 2)), np.empty((0, 0, 3, 2)), no_elements(), 0.0
-        )
+        return CompiledField(POINT_MASS, gravity.gm, 1.0, np.empty((0, 0, 2)), np.empty((0, 0, 3, 2)), None, 0.0)
     if type(gravity) is SphericalHarmonics:
-        return CompiledField(HARMONICS, 0.0, *_series_of(gravity), no_elements(), 0.0)
+        return CompiledField(HARMONICS, 0.0, *_series_of(gravity), None, 0.0)
     if type(gravity) is Polyhedron:
         return CompiledField(POLYHEDRON, 0.0, *_series_of(gravity.far_field), gravity.elements, gravity.cell)
     return None
-
-
-def knows(gravity: Gravity) -> bool:
-    """Whether `compiled_field` answers; without the work."""
-    return type(gravity) in (PointMass, SphericalHarmonics, Polyhedron)
 
 
 def _series_of(field: SphericalHarmonics) -> tuple[float, Array, Array]:
@@ -62,12 +55,15 @@ def _series_of(field: SphericalHarmonics) -> tuple[float, Array, Array]:
 
 
 @kernel
-def write_attraction(r_A: Array, field: CompiledField, series: Array, known: Array, out: Array) -> None:
+def write_attraction(
+    r_A: Array, field: CompiledField, elements: Elements | None, series: Array, known: Array, out: Array
+) -> None:
     """Accelerations at places of the turning body, as the field's `acceleration` gives them.
 
     Args:
         r_A: In A, shape (n, 3) [m].
         field: The field.
+        elements: Its `elements`; an argument of its own, for Numba leaves out what is for none of them by arguments alone.
         series: Its own `series`, or another one of the same size in its place.
         known: Cells of a polyhedron whose sums are known, brought up to date, see `write_near_and_far`, shape (n, 12).
         out: Receives the accelerations in A, shape (n, 3) [m/s^2].
@@ -76,7 +72,7 @@ def write_attraction(r_A: Array, field: CompiledField, series: Array, known: Arr
         write_series(r_A, field.radius, field.recursion, series, out)
     elif field.kind == POINT_MASS:
         write_point_mass(r_A, field.gm, out)
-    else:
-        if any_far(r_A, field.elements.radius):
+    elif elements is not None:
+        if any_far(r_A, elements.radius):
             write_series(r_A, field.radius, field.recursion, series, out)
-        write_near_and_far(r_A, field.elements, field.cell, known, out)
+        write_near_and_far(r_A, elements, field.cell, known, out)

@@ -70,14 +70,6 @@ class Elements(NamedTuple):
     radius: float
 
 
-def no_elements() -> Elements:
-    """Of a body that is no polyhedron."""
-    nothing = np.empty((0, 3))
-    return Elements(
-        nothing, np.empty((0, 3), np.int32), nothing, np.empty((0, 2), np.int64), np.empty((0, 7)), 0.0, 1.0
-    )
-
-
 @dataclass(frozen=True, eq=False, init=False)
 class Polyhedron:
     """Constant-density polyhedron; give its density or its gravitational parameter, the other follows.
