@@ -150,9 +150,9 @@ def mesh_rows() -> Iterable[str]:
 
 def cell_rows() -> Iterable[str]:
     """The fewest observers by the size of the cells that are judged, on the packaged mesh."""
-    for size in ("null", "600", "300", "150"):
+    for size in (None, 600, 300, 150):
         problem, best = fewest_observers({"target.cell_size_m": size, "observation.observer": "raster"})
-        name = "uncut faces" if size == "null" else f"cells of {size} m"
+        name = "uncut faces" if size is None else f"cells of {size} m"
         yield f"| {name} | {problem.n_faces:,} | {best.n_observers} ({best.status}) |"
 
 
