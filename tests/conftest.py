@@ -64,7 +64,7 @@ def config_flights():
 
 
 #: Markers that whole folders of tests carry.
-FOLDER_MARKERS = {"envs": "env", "robust": "robust", "faults": "robust", "campaigns": "robust"}
+FOLDER_MARKERS = {"envs": "env", "robustness": "robust", "faults": "robust", "campaigns": "robust"}
 
 #: Files whose tests have nearly all kernels compiled; one worker runs them, lest two compile the same kernels at once.
 COMPILE = (
@@ -91,11 +91,11 @@ EARLY = (
     "figures/test_missions.py",
     "figures/test_every_figure.py",
     "designer/test_designs_fly.py",
-    "robust/test_long.py",
+    "robustness/test_long.py",
     "benchmarks/test_performance.py",
     "test_extending.py",
     "test_spacecraft_page.py",
-    "test_wheel.py",  # takes what is compiled by then
+    "test_distribution.py",  # takes what is compiled by then
 )
 #: Files that share figures which are drawn once for all of them; one worker runs them.
 FIGURES = ("figures/test_missions.py", "figures/test_every_figure.py")

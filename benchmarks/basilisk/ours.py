@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from benchmarks.basilisk.problem import DURATION_S, K_N_M, LEG_S, P_N_M_S, PERIOD_S, Flight, Problem
 from swarm_mj.mission.behaviors import SwarmView, TargetKind, Targets
+from swarm_mj.simulator.flight_setup import FlightSetup
 from swarm_mj.simulator.kernel import turn_gyrostats
 from swarm_mj.simulator.simulation import Simulation
-from swarm_mj.simulator.world import FlightSetup
 from swarm_mj.spacecraft.attitude.algebra import combine, cross, put_vector, times, vector
 from swarm_mj.spacecraft.control.base import ControlInput
 from swarm_mj.spacecraft.control.compiled import CompiledLaw

@@ -15,8 +15,8 @@ from scipy.integrate import solve_ivp
 from benchmarks.basilisk.problem import PERIOD_S, STEPPERS, Problem
 from swarm_mj.mission.behaviors import TargetKind, Targets
 from swarm_mj.simulator.batch import FlightBatch
+from swarm_mj.simulator.flight_setup import FlightSetup
 from swarm_mj.simulator.state import InitialState
-from swarm_mj.simulator.world import FlightSetup
 from swarm_mj.spacecraft.model import Stepper, build_model
 from swarm_mj.verification.reference import Gyrostat
 

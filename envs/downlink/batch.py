@@ -8,7 +8,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from swarm_mj.dataflow.carry import link_rules
+from swarm_mj.dataflow.transfer import link_rules
 from swarm_mj.typing import Array32, Mask
 
 from ..batch_env import StepOutcome

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from swarm_mj.dataflow import network
-from swarm_mj.dataflow.carry import NOBODY, LinkRules, carry
+from swarm_mj.dataflow.transfer import NOBODY, LinkRules, carry
 from swarm_mj.typing import Array, Ints, Mask, jittable, kernel
 
 from .world import Conditions

@@ -28,8 +28,8 @@ from swarm_mj.observation.observer import Observer, ObserverKind, make_observer
 from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.scenarios.schema_imaging import Observation
+from swarm_mj.simulator.flight_setup import FlightSetup
 from swarm_mj.simulator.state import InitialState
-from swarm_mj.simulator.world import FlightSetup
 from swarm_mj.smallbody.occultation import occluder_of
 from swarm_mj.spacecraft.attitude.algebra import Vector, cross
 from swarm_mj.typing import Array, Mask

@@ -9,11 +9,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from swarm_mj.dataflow.carry import NOBODY, LinkRules, carry, link_rules
 from swarm_mj.dataflow.contacts import Instant, Radios, crosslink_rate, earth_rate, radios_from
 from swarm_mj.dataflow.ground import earth_schedule
 from swarm_mj.dataflow.link_budget import RateTable, rate_at
 from swarm_mj.dataflow.network import EARTH, Access
+from swarm_mj.dataflow.transfer import NOBODY, LinkRules, carry, link_rules
 from swarm_mj.errors import ScenarioError
 from swarm_mj.flight.plan import Plan, antennas_from
 from swarm_mj.mission.behaviors import TargetKind

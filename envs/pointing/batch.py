@@ -18,8 +18,9 @@ from ..batch_env import StepOutcome
 from ..capacity import refuse_more_than_fit
 from ..pixels import IMAGE_SPACE, Poses
 from .flights import PointingFlights
+from .observations import observe
+from .rewards import assess, no_state
 from .task import PointingTask
-from .view import assess, no_state, view
 
 #: What an episode takes in memory, measured, upper estimates: of its own, and for each cell of the target [B].
 EPISODE_BYTES, CELL_BYTES = 20 * 1024, 17
@@ -172,7 +173,7 @@ class PointingBatch:
 
     def _look(self, live: Mask) -> None:
         camera = self.task.layout.camera
-        self.numbers[live] = view(self._constants, self.flights, self.state, camera=camera)[live]
+        self.numbers[live] = observe(self._constants, self.flights, self.state, camera=camera)[live]
         if camera and live.any():
             self.image[live] = self.task.pictures.images(self.pictures(live))
 

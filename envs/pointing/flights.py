@@ -8,9 +8,9 @@ from swarm_mj.errors import ScenarioError, SimulationError
 from swarm_mj.flight.fly import make_simulation
 from swarm_mj.flight.plan import Plan
 from swarm_mj.simulator.batch import FlightBatch
+from swarm_mj.simulator.flight_setup import FlightSetup
 from swarm_mj.simulator.loop import Stage
 from swarm_mj.simulator.slots import Slot
-from swarm_mj.simulator.world import FlightSetup
 from swarm_mj.spacecraft.attitude.guidance import pointing_error
 from swarm_mj.spacecraft.model import build_model
 from swarm_mj.typing import Array, Mask

@@ -16,8 +16,9 @@ from swarm_mj.spacecraft.control.sliding_mode import MrpSlidingMode
 from swarm_mj.typing import Array, Array32
 
 from .batch import PointingBatch
+from .observations import REFERENCE_RATE
+from .rewards import RATE
 from .task import PointingTask
-from .view import RATE, REFERENCE_RATE
 
 PointingPolicy = Callable[[PointingTask, Array32], Array]
 

@@ -26,7 +26,8 @@ from ..arguments import record_of
 from ..pixels import IMAGE_SPACE, BodyPictures
 from .config import PointingConfig, PointingScales
 from .flights import flyby_states, setup_of_one
-from .view import PointingConstants, PointingLayout
+from .observations import PointingLayout
+from .rewards import PointingConstants
 
 #: Instants of the flyby at which an episode may begin are so far apart [s].
 GRID_S = 10.0

@@ -105,7 +105,7 @@ itself is under the MIT licence.
 
 Lower bounds are the oldest versions with what is used here. There is one upper bound, on the next major version of mujoco,
 which may change what a step computes; others would keep security fixes away from users. Nothing asks for a network at run
-time; a test refuses every connection while it flies, draws and designs (`tests/robust/test_offline.py`).
+time; a test refuses every connection while it flies, draws and designs (`tests/robustness/test_offline.py`).
 
 `make audit` looks for known vulnerabilities of everything that is installed: it runs `pip-audit`, which it installs into the
 virtual environment, against pypi.org or, failing that, api.osv.dev. Where neither can be reached it says that nothing was

@@ -15,7 +15,7 @@ from swarm_mj.dataflow.delivery import Delivery
 from swarm_mj.dataflow.ground import NETWORKS
 from swarm_mj.dataflow.link_budget import carrier_to_noise_db_hz, free_space_loss_db, rates_bit_s
 from swarm_mj.dataflow.radios import CATALOGUE, Radio
-from swarm_mj.flight.deliver import deliver
+from swarm_mj.flight.downlink import deliver
 from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.observe import ObservationResult, observe_flight
 from swarm_mj.flight.plan import Plan, make_plan

@@ -18,7 +18,7 @@ from swarm_mj.dataflow.delivery import Delivery
 from swarm_mj.figures.drawing import compile_in_background, draw_all, prepare_drawing
 from swarm_mj.figures.optional_figures import figures_of
 from swarm_mj.flight.compile_ahead import kernels_compiled
-from swarm_mj.flight.deliver import deliver
+from swarm_mj.flight.downlink import deliver
 from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.observe import ObservationResult, add_coverage, observe_flight, picture_count
 from swarm_mj.flight.plan import Plan, behavior_from, check_plugins, make_plan

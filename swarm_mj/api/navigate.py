@@ -15,8 +15,8 @@ from rich.progress import Progress
 from swarm_mj import __version__
 from swarm_mj.api.scenario import Scenario, load
 from swarm_mj.errors import ScenarioError
-from swarm_mj.flight.navigation import Navigated, navigated
 from swarm_mj.flight.plan import make_plan
+from swarm_mj.flight.trajectory_corrections import CorrectionAnalysis, analyse_corrections
 from swarm_mj.io.atomic import atomic_file
 from swarm_mj.io.progress import Stages, using_bars
 from swarm_mj.mission.covariance import sample_chance, visit_axes
@@ -39,7 +39,7 @@ class Navigation:
         flights: Dispersed flights under all forces; None: none were flown.
     """
 
-    def __init__(self, found: Navigated, flights: DispersedFlights | None = None) -> None:
+    def __init__(self, found: CorrectionAnalysis, flights: DispersedFlights | None = None) -> None:
         self.found, self.flights = found, flights
 
     @property
@@ -164,7 +164,7 @@ def navigate(
         with stages.stage("design", "trajectories"):
             plan = make_plan(scenario)
         with stages.stage("covariance", "covariance"):
-            found = navigated(plan)
+            found = analyse_corrections(plan)
         if not runs:
             return Navigation(found)
         with stages.stage("flights", f"{runs} flights", 1.0) as done:

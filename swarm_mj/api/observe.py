@@ -15,7 +15,7 @@ from swarm_mj.api.flight import cells_table
 from swarm_mj.api.scenario import Scenario, load
 from swarm_mj.errors import InteropError
 from swarm_mj.flight.observe import ObservationResult, observe_flight, picture_count
-from swarm_mj.interop.foreign import (
+from swarm_mj.interop.external_flight import (
     ForeignFlight,
     Pointing,
     body_section,

@@ -24,7 +24,7 @@ import xarray as xr
 
 from swarm_mj.campaigns.config import FIXED_COLUMNS, Campaign
 from swarm_mj.errors import ScenarioError
-from swarm_mj.flight.deliver import deliver
+from swarm_mj.flight.downlink import deliver
 from swarm_mj.flight.observe import ObservationResult, visit_samples
 from swarm_mj.flight.plan import Plan
 from swarm_mj.io.values import shown

@@ -19,8 +19,8 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from swarm_mj.dataflow.account import ON_EARTH, SPACECRAFT_LOST, STORAGE_FULL, Account, Loss, Transfer
-from swarm_mj.dataflow.carry import NOBODY, carry, link_rules
 from swarm_mj.dataflow.network import EARTH, Network
+from swarm_mj.dataflow.transfer import NOBODY, carry, link_rules
 from swarm_mj.errors import MissionError
 from swarm_mj.typing import Array, Ints, Mask
 

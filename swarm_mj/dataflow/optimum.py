@@ -12,7 +12,7 @@ from scipy.optimize import Bounds, LinearConstraint, linprog, milp
 from scipy.sparse import csr_array, vstack
 
 from swarm_mj.dataflow.network import EARTH, Network
-from swarm_mj.dataflow.program import Program, build_program
+from swarm_mj.dataflow.time_expanded_program import Program, build_program
 from swarm_mj.errors import MissionError
 from swarm_mj.io import highs
 from swarm_mj.typing import Array, Ints

@@ -34,7 +34,7 @@ from swarm_mj.designer.candidates.flights import CandidateFlights, at_points
 from swarm_mj.designer.exact import Cut, ExactResult, Waiting, reduce_problem, solve_cut, solve_exact
 from swarm_mj.designer.problem import CoverProblem
 from swarm_mj.errors import MissionError
-from swarm_mj.flight.deliver import MOST_LINKS, deliver, frame_pixels, slot_edges
+from swarm_mj.flight.downlink import MOST_LINKS, deliver, frame_pixels, slot_edges
 from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.observe import camera_from, observe_flight
 from swarm_mj.flight.plan import Plan, as_planned, make_plan

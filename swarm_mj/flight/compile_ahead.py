@@ -11,7 +11,7 @@ import numpy as np
 from swarm_mj.dataflow.contacts import Instants
 from swarm_mj.dataflow.online import run_online
 from swarm_mj.dataflow.tiles import make_tiles
-from swarm_mj.flight.deliver import FEWEST_SAMPLES, contacts_of, network_of, speaking
+from swarm_mj.flight.downlink import FEWEST_SAMPLES, contacts_of, network_of, speaking
 from swarm_mj.flight.observe import observer_from
 from swarm_mj.flight.plan import Plan
 from swarm_mj.mission.behaviors import TargetKind

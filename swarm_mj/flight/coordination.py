@@ -12,8 +12,8 @@ import xarray as xr
 
 from swarm_mj.coordination.allocation.problem import Schedule
 from swarm_mj.coordination.bus import MessageLog
+from swarm_mj.coordination.coordinated_behavior import PARTS, CoordinatedBehavior, CoordinationPlan
 from swarm_mj.coordination.graph import Graph, graph_at
-from swarm_mj.coordination.swarm_flight import PARTS, CoordinationPlan, SwarmFlight
 from swarm_mj.dataflow.contacts import Contacts, Instant, radios_from
 from swarm_mj.dataflow.network import Access
 from swarm_mj.errors import MissionError
@@ -51,7 +51,7 @@ def coordinated(behavior: Behavior, swarm: Swarm | None) -> Behavior:
             f"swarm.sensing = {parts['sensing']}, swarm.relay = {parts['relay']}: the behaviour decides both or none; give "
             "behavior twice, or own, plan, auction or election"
         )
-    return CoordinatedBehavior(behavior, swarm)
+    return CoordinatedMissionBehavior(behavior, swarm)
 
 
 def parts_chosen(swarm: Swarm) -> dict[str, str]:
@@ -60,7 +60,7 @@ def parts_chosen(swarm: Swarm) -> dict[str, str]:
 
 
 @dataclass(frozen=True)
-class CoordinatedBehavior:
+class CoordinatedMissionBehavior:
     """A swarm of class 0, 1, 3 or 4, before it knows its mission; see `MissionBehavior`.
 
     Attributes:
@@ -83,7 +83,7 @@ class CoordinatedBehavior:
 
     def for_flight(self, plan: Any) -> Behavior:
         """See `MissionBehavior`."""
-        return SwarmFlight(coordination_plan(plan, self.swarm))
+        return CoordinatedBehavior(coordination_plan(plan, self.swarm))
 
     def targets(self, view: SwarmView, memory: Any) -> tuple[Targets, Any]:
         """Not before `for_flight`.
@@ -164,7 +164,7 @@ def links_of(plan: Any, swarm: Swarm) -> Callable[[SwarmView, Targets], Graph]:
 
 def record_coordination(telemetry: xr.Dataset, behavior: Any) -> None:
     """Add what the messages of a coordinated swarm came to; nothing where the behaviour is another or sends none."""
-    if not isinstance(behavior, SwarmFlight) or not behavior.mission.talks:
+    if not isinstance(behavior, CoordinatedBehavior) or not behavior.mission.talks:
         return
     add_messages(telemetry, behavior.log, BITS, AIRTIME)
     names = telemetry["spacecraft"].values

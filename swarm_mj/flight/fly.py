@@ -17,18 +17,18 @@ from swarm_mj.errors import ScenarioError
 from swarm_mj.flight.burns import fly_burns
 from swarm_mj.flight.coordination import parts_chosen, record_coordination
 from swarm_mj.flight.formation import fly_formation, record_formation
-from swarm_mj.flight.navigation import CorrectionLaw, correction_law
 from swarm_mj.flight.plan import Plan
+from swarm_mj.flight.trajectory_corrections import CorrectionLaw, correction_law
 from swarm_mj.mission.behaviors import ELECTIONS, MissionBehavior
 from swarm_mj.mission.links import links_closed
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.scenarios.schema_faults import Dispersions
 from swarm_mj.simulator.faults.dispersions import attitude_turns, extra_rates, mothership_error, velocity_errors
 from swarm_mj.simulator.faults.schedule import FaultModel, deployed_velocities, draw_schedule
+from swarm_mj.simulator.flight_setup import FlightSetup
 from swarm_mj.simulator.simulation import Simulation
 from swarm_mj.simulator.state import InitialState, Release
 from swarm_mj.simulator.telemetry import VARIABLES, dataset, working
-from swarm_mj.simulator.world import FlightSetup
 from swarm_mj.spacecraft.attitude.mrp import add_mrp, dcm, mrp_from_quaternion
 from swarm_mj.spacecraft.model import SwarmModel, build_model
 from swarm_mj.spacecraft.own_model import build_own_model

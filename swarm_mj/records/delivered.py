@@ -11,7 +11,7 @@ from swarm_mj.dataflow.delivery import REASONS, STORAGE, TIME, Delivery, Undeliv
 from swarm_mj.dataflow.ground import elevations_deg, stations_from
 from swarm_mj.dataflow.link_budget import longest_range_m
 from swarm_mj.dataflow.radios import Radio, radio_from
-from swarm_mj.flight.deliver import MOST_SPACECRAFT, PROOF_S
+from swarm_mj.flight.downlink import MOST_SPACECRAFT, PROOF_S
 from swarm_mj.flight.plan import Plan
 from swarm_mj.mission.links import Obstacle
 from swarm_mj.records.rounding import by_name, rounded

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from swarm_mj.flight.navigation import Navigated, navigated
 from swarm_mj.flight.plan import Plan
+from swarm_mj.flight.trajectory_corrections import CorrectionAnalysis, analyse_corrections
 from swarm_mj.mission.covariance import length_mean, length_quantile, length_within, visit_axes
 from swarm_mj.mission.dispersed import draw_burns
 from swarm_mj.scenarios.constants import STANDARD_GRAVITY
@@ -27,7 +27,7 @@ WORTH = 0.05
 Row = dict[str, Any]
 
 
-def navigation_rows(found: Navigated) -> list[Row]:
+def navigation_rows(found: CorrectionAnalysis) -> list[Row]:
     """One row for each spacecraft and number of corrections flown, 0 to m: the spread at the visit and the last burn."""
     plan, legs = found.plan, found.legs
     axes = visit_axes(legs.r_N[:, -1], legs.v_N[:, -1])
@@ -55,14 +55,14 @@ def _at_visit(position: Array, axes: Array) -> Row:
     }
 
 
-def _burnt(found: Navigated, j: int, k: int) -> Row:
+def _burnt(found: CorrectionAnalysis, j: int, k: int) -> Row:
     if k == 0:
         return {"delta_v_mean_m_s": 0.0, "delta_v_99_m_s": 0.0}
     covariance = found.spread.delta_v[k - 1, j]
     return {"delta_v_mean_m_s": length_mean(covariance), "delta_v_99_m_s": length_quantile(covariance, SURE)}
 
 
-def _seen(found: Navigated, j: int, k: int) -> Row:
+def _seen(found: CorrectionAnalysis, j: int, k: int) -> Row:
     """Where the ground under the visiting point is in a camera that is pointed as planned, at a place that is not."""
     plan = found.plan
     if j >= plan.n_observers:
@@ -77,7 +77,7 @@ def _seen(found: Navigated, j: int, k: int) -> Row:
     }
 
 
-def total_delta_v(found: Navigated) -> dict[str, tuple[float, float]]:
+def total_delta_v(found: CorrectionAnalysis) -> dict[str, tuple[float, float]]:
     """Mean and 99th percentile of each spacecraft's burns together [m/s]: of one burn by quadrature, of several by drawing."""
     m = found.legs.n_corrections
     if m <= 1:
@@ -96,7 +96,7 @@ def propellant_kg(thrusters: Thrusters, mass: float, delta_v: float) -> float:
     return float(-mass * np.expm1(-delta_v / exhaust))
 
 
-def navigation_findings(found: Navigated) -> list[str]:
+def navigation_findings(found: CorrectionAnalysis) -> list[str]:
     """One sentence on each stage of the way, on tanks and burns that are not enough, and on corrections that do not pay."""
     rows, names = navigation_rows(found), found.plan.names
     m = found.legs.n_corrections
@@ -129,7 +129,7 @@ def _useless(k: int, stages: list[list[Row]]) -> str:
     )
 
 
-def _tank(found: Navigated, names: tuple[str, ...]) -> list[str]:
+def _tank(found: CorrectionAnalysis, names: tuple[str, ...]) -> list[str]:
     thrusters, mass = found.plan.scenario.spacecraft.thrusters, found.plan.properties.mass
     if thrusters is None:
         return []
@@ -144,7 +144,7 @@ def _tank(found: Navigated, names: tuple[str, ...]) -> list[str]:
     ]
 
 
-def _too_long(found: Navigated, names: tuple[str, ...]) -> list[str]:
+def _too_long(found: CorrectionAnalysis, names: tuple[str, ...]) -> list[str]:
     """Burns that at 99 % do not end before the next correction or the visit; a nozzle's thrust is the least of the forces."""
     thrusters, times = found.plan.scenario.spacecraft.thrusters, found.legs.times
     if thrusters is None:
@@ -167,7 +167,7 @@ def navigation_summary(plan: Plan) -> Row:
     """For summary.json where there are corrections: the spread before and after them, and what they are expected to burn."""
     if not plan.scenario.trajectory.corrections:
         return {}
-    found = navigated(plan)
+    found = analyse_corrections(plan)
     rows, totals = navigation_rows(found), total_delta_v(found)
     last = found.legs.n_corrections
     return {

@@ -17,7 +17,8 @@ import numpy as np
 from swarm_mj.errors import PluginError, SimulationError
 from swarm_mj.mission.behaviors import Behavior, SteadyBehavior, SwarmView, Targets
 from swarm_mj.plugins import name_of
-from swarm_mj.simulator.fault_injection import FaultInjection, conditions_for
+from swarm_mj.simulator.faults.injection import FaultInjection, conditions_for
+from swarm_mj.simulator.flight_setup import FlightSetup, compiled_law_of, gravity_is_compiled, make_world
 from swarm_mj.simulator.flights import NEVER, Flights, allocate_flights
 from swarm_mj.simulator.loop import Ask, Stage, run, sense_flights
 from swarm_mj.simulator.mujoco import MujocoStepper, own_copy
@@ -33,7 +34,6 @@ from swarm_mj.simulator.propulsion import Propulsion
 from swarm_mj.simulator.slews import Slews
 from swarm_mj.simulator.slots import Slot
 from swarm_mj.simulator.state import FlightState, InitialState
-from swarm_mj.simulator.world import FlightSetup, compiled_law_of, gravity_is_compiled, make_world
 from swarm_mj.spacecraft.control.base import Controller
 from swarm_mj.spacecraft.control.compiled import LawFunction, no_law
 from swarm_mj.spacecraft.control.force import ForceLaw

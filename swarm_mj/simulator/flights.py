@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from swarm_mj.simulator.faults.wheels import WheelState
 from swarm_mj.simulator.slots import Slot
+from swarm_mj.simulator.wheel_drive import WheelState
 from swarm_mj.smallbody.gravity.compiled import CompiledField
 from swarm_mj.smallbody.perturbations import Sunlight
 from swarm_mj.spacecraft.attitude.estimation import Knowledge

@@ -23,10 +23,10 @@ from swarm_mj.simulator.decide import (
     read_motion,
     read_rotation,
 )
-from swarm_mj.simulator.faults.wheels import WheelState, drive
 from swarm_mj.simulator.flights import Flights, World
 from swarm_mj.simulator.kernel import move, turn_gyrostats
 from swarm_mj.simulator.slots import Slot
+from swarm_mj.simulator.wheel_drive import WheelState, drive
 from swarm_mj.smallbody.gravity.compiled import write_attraction
 from swarm_mj.smallbody.perturbations import add_perturbations
 from swarm_mj.smallbody.rotation import write_spin_dcm

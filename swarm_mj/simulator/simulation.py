@@ -21,14 +21,14 @@ from swarm_mj.io import interruption
 from swarm_mj.mission.behaviors import Behavior, TargetKind, Targets
 from swarm_mj.scenarios.schema import is_multiple
 from swarm_mj.simulator.batch import FlightBatch
-from swarm_mj.simulator.fault_injection import NOTHING, FaultInjection
+from swarm_mj.simulator.faults.injection import NOTHING, FaultInjection
 from swarm_mj.simulator.faults.schedule import Event
+from swarm_mj.simulator.flight_setup import FlightSetup
 from swarm_mj.simulator.flights import NEVER
 from swarm_mj.simulator.instruments import Instruments
 from swarm_mj.simulator.propulsion import Propulsion
 from swarm_mj.simulator.slots import Peak, Resting, Slot
 from swarm_mj.simulator.state import FlightState, InitialState
-from swarm_mj.simulator.world import FlightSetup
 from swarm_mj.smallbody.environment import Environment
 from swarm_mj.smallbody.impact import ImpactWatch
 from swarm_mj.smallbody.rotation import sub_point

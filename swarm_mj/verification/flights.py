@@ -10,9 +10,9 @@ import numpy as np
 from swarm_mj.flight.environment import environment_from
 from swarm_mj.mission.behaviors import SwarmView, Targets
 from swarm_mj.scenarios.loading import load_scenario
+from swarm_mj.simulator.flight_setup import FlightSetup
 from swarm_mj.simulator.simulation import Simulation
 from swarm_mj.simulator.state import InitialState
-from swarm_mj.simulator.world import FlightSetup
 from swarm_mj.smallbody.environment import Environment
 from swarm_mj.smallbody.geodesic import geodesic_icosahedron
 from swarm_mj.smallbody.shape import ShapeModel

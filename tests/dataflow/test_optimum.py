@@ -7,7 +7,7 @@ import pytest
 
 from swarm_mj.dataflow.network import Access
 from swarm_mj.dataflow.optimum import dual_bound, earliest_full, optimum
-from swarm_mj.dataflow.program import build_program
+from swarm_mj.dataflow.time_expanded_program import build_program
 from swarm_mj.errors import MissionError
 from tests.dataflow.brute import (
     Paths,

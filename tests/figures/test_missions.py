@@ -15,8 +15,8 @@ from swarm_mj.figures.scene import scene_from
 from swarm_mj.figures.style import TICK_PT
 from swarm_mj.figures.timescale import SHORT, STRETCHED, TimeScale, time_scale
 from swarm_mj.figures.units import TimeAxis
-from swarm_mj.flight.deliver import deliver
-from tests.missions.flights import MISSIONS, SIX_HOURS, fly
+from swarm_mj.flight.downlink import deliver
+from tests.sample_missions.flights import MISSIONS, SIX_HOURS, fly
 
 from .looks import all_axes, body_pixels, is_seen, share_filled
 from .sheets import assert_labels_do_not_overlap, assert_nothing_is_cut_off

@@ -13,7 +13,7 @@ FLY = """
 import sys
 from numba.core.dispatcher import Dispatcher
 from swarm_mj.flight.compile_ahead import compile_ahead
-from swarm_mj.flight.deliver import deliver
+from swarm_mj.flight.downlink import deliver
 from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.observe import observe_flight
 from swarm_mj.flight.plan import make_plan

@@ -8,8 +8,8 @@ from scipy.stats import chi2
 
 from swarm_mj.errors import ScenarioError
 from swarm_mj.flight.fly import make_simulation
-from swarm_mj.flight.navigation import navigated
 from swarm_mj.flight.plan import make_plan
+from swarm_mj.flight.trajectory_corrections import analyse_corrections
 from swarm_mj.mission.trajectories import propagate
 from swarm_mj.records.navigation import total_delta_v
 from swarm_mj.scenarios.loading import load_scenario, parse_overrides
@@ -67,7 +67,7 @@ def test_it_burns_what_the_deployer_erred_by_and_what_that_did_meanwhile(exact):
 @pytest.mark.parametrize("name", ["eros-config1", "bennu-slow"])
 def test_whole_flights_spread_as_linear_covariance_says(name):
     plan = planned(name, *ERRORS, TWO)
-    covariance = navigated(plan).spread.at_visit[-1, :, :3, :3]
+    covariance = analyse_corrections(plan).spread.at_visit[-1, :, :3, :3]
     square, burnt = 0.0, []
     for seed in range(3):
         off, simulation = flown(plan, seed)
@@ -75,7 +75,7 @@ def test_whole_flights_spread_as_linear_covariance_says(name):
         burnt.append(simulation.propulsion.delta_v)
     low, high = chi2.ppf((0.0005, 0.9995), 3 * 3 * plan.n)
     assert low < square < high
-    expected = np.mean([of[0] for of in total_delta_v(navigated(plan)).values()])
+    expected = np.mean([of[0] for of in total_delta_v(analyse_corrections(plan)).values()])
     # Burns take time and so a little more; the mean of some 15 scatters by a tenth.
     assert np.mean(burnt) == pytest.approx(1.05 * expected, rel=0.3)
 
@@ -145,7 +145,7 @@ def at_visits(plan, seed=0):
 def test_errors_of_the_mothership_reach_who_leaves_late_as_its_coast_carries_them():
     plan = planned("bennu-slow", *WRONG, *LATE)
     deployment, square = plan.deployment, 0.0
-    errors = navigated(plan).spread.at_visit[-1, :, :3, :3]
+    errors = analyse_corrections(plan).spread.at_visit[-1, :, :3, :3]
     for seed in range(3):
         off, simulation = at_visits(plan, seed)
         r_err, v_err = mothership_error(plan.scenario.dispersions, seed)

@@ -12,7 +12,7 @@ from swarm_mj.dataflow.online import run_online
 from swarm_mj.dataflow.optimum import optimum
 from swarm_mj.dataflow.relays import elect_by_messages, scores_by_messages
 from swarm_mj.errors import MissionError
-from swarm_mj.flight.deliver import (
+from swarm_mj.flight.downlink import (
     FEWEST_SAMPLES,
     SampledSwarm,
     Trials,

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from swarm_mj.errors import MissionError, ScenarioError
-from swarm_mj.flight.coordination import CoordinatedBehavior
-from swarm_mj.flight.deliver import deliver
+from swarm_mj.flight.coordination import CoordinatedMissionBehavior
+from swarm_mj.flight.downlink import deliver
 from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.observe import observe_flight
 from swarm_mj.flight.plan import behavior_from, make_plan
@@ -32,7 +32,7 @@ def talked():
 def test_class_2_is_the_behaviour_itself():
     plain, classed = (load_scenario("eros-observe", parse_overrides(more)) for more in ([], ["swarm.class=2"]))
     assert behavior_from(classed) == behavior_from(plain)
-    assert isinstance(behavior_from(load_scenario("eros-observe", {"swarm.class": 4})), CoordinatedBehavior)
+    assert isinstance(behavior_from(load_scenario("eros-observe", {"swarm.class": 4})), CoordinatedMissionBehavior)
 
 
 def test_the_class_is_read_and_written_by_its_key():

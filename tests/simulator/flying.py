@@ -11,8 +11,8 @@ from swarm_mj.mission.behaviors import TargetKind, Targets
 from swarm_mj.scenarios.constants import EROS_GM
 from swarm_mj.scenarios.loading import load_scenario, parse_overrides
 from swarm_mj.simulator.batch import FlightBatch
+from swarm_mj.simulator.flight_setup import FlightSetup
 from swarm_mj.simulator.simulation import Simulation
-from swarm_mj.simulator.world import FlightSetup
 from swarm_mj.smallbody.gravity.polyhedron import Polyhedron
 from swarm_mj.smallbody.shape_harmonics import build_eros
 

@@ -15,7 +15,7 @@ from swarm_mj.errors import PluginError, ScenarioError, SimulationError
 from swarm_mj.flight.fly import initial_state, make_simulation
 from swarm_mj.mission.behaviors import AdaptableRoles, TargetKind, Targets
 from swarm_mj.scenarios.constants import EROS_GM
-from swarm_mj.simulator.fault_injection import NOTHING
+from swarm_mj.simulator.faults.injection import NOTHING
 from swarm_mj.simulator.slots import Resting, Slot
 from swarm_mj.simulator.state import Release
 from swarm_mj.smallbody.gravity.compiled import compiled_field, write_attraction

@@ -12,8 +12,8 @@ from swarm_mj.errors import PluginError, ScenarioError, SimulationError
 from swarm_mj.flight.fly import initial_state, make_simulation
 from swarm_mj.mission.behaviors import AdaptableRoles, Targets
 from swarm_mj.simulator.batch import FlightBatch
+from swarm_mj.simulator.flight_setup import FlightSetup
 from swarm_mj.simulator.simulation import Simulation
-from swarm_mj.simulator.world import FlightSetup
 from swarm_mj.spacecraft.control.compiled import CompiledLaw
 from swarm_mj.spacecraft.control.sliding_mode import MrpSlidingMode
 

@@ -14,11 +14,11 @@ from swarm_mj.mission.behaviors import Targets
 from swarm_mj.scenarios.constants import STANDARD_GRAVITY
 from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.scenarios.schema_propulsion import Thrusters
-from swarm_mj.simulator.fault_injection import NOTHING
+from swarm_mj.simulator.faults.injection import NOTHING
+from swarm_mj.simulator.flight_setup import FlightSetup
 from swarm_mj.simulator.propulsion import logarithmic_mean
 from swarm_mj.simulator.simulation import Simulation
 from swarm_mj.simulator.state import InitialState
-from swarm_mj.simulator.world import FlightSetup
 from swarm_mj.spacecraft.control.force import SumOfForces
 from swarm_mj.spacecraft.model import build_model
 from swarm_mj.spacecraft.properties import SpacecraftProperties

@@ -13,8 +13,8 @@ from swarm_mj.flight.plan import make_plan
 from swarm_mj.mission.behaviors import AdaptableRoles, DedicatedCommunications, Targets
 from swarm_mj.mission.trajectories import propagate
 from swarm_mj.scenarios.loading import load_scenario, parse_overrides
+from swarm_mj.simulator.flight_setup import FlightSetup
 from swarm_mj.simulator.simulation import InitialState, Simulation
-from swarm_mj.simulator.world import FlightSetup
 from swarm_mj.spacecraft.control.base import ControlInput
 from swarm_mj.spacecraft.model import build_model
 from swarm_mj.spacecraft.properties import RPM, SpacecraftProperties

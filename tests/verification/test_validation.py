@@ -16,7 +16,7 @@ from swarm_mj.observation import horizon, raycast
 from swarm_mj.observation.gl_faces import OpenGlFaces
 from swarm_mj.observation.raster import CompiledFaces
 from swarm_mj.observation.raytracing import RayTracer
-from swarm_mj.simulator import batch, world
+from swarm_mj.simulator import batch, flight_setup
 from swarm_mj.smallbody.ephemeris import Ephemeris
 from swarm_mj.smallbody.gravity import PointMass, Polyhedron, SphericalHarmonics
 from swarm_mj.smallbody.gravity.compiled import compiled_field
@@ -200,7 +200,7 @@ FAULTS = {
         scaled(SphericalHarmonics, "acceleration", -1.0),
         ["gravity-harmonics"],  # flights take the compiled field
     ),
-    "sign of the field in flight": ((world, "compiled_field", repelling), ["orbit-day", "orbit-jacobi"]),
+    "sign of the field in flight": ((flight_setup, "compiled_field", repelling), ["orbit-day", "orbit-jacobi"]),
     "size of the polyhedron's field": (
         scaled(Polyhedron, "acceleration", 1.0001),
         ["gravity-polyhedron", "gravity-series", "gravity-polyhedral-gravity", "gravity-poisson-polyhedron"],

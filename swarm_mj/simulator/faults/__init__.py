@@ -1,1 +1,1 @@
-"""What goes wrong in flight or is not as planned: schedule, dispersions, sensors with an attitude filter, wheels, impact."""
+"""What goes wrong in flight or is not as planned: the schedule of faults, dispersions, injection, who succeeds a lost relay."""

@@ -12,9 +12,9 @@ from swarm_mj.mission.behaviors import AdaptableRoles
 from swarm_mj.scenarios.loading import load_scenario, parse_overrides
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.simulator.faults.schedule import FaultModel
+from swarm_mj.simulator.flight_setup import FlightSetup
 from swarm_mj.simulator.simulation import Simulation
 from swarm_mj.simulator.state import InitialState
-from swarm_mj.simulator.world import FlightSetup
 from swarm_mj.spacecraft.model import build_model
 from swarm_mj.spacecraft.properties import SpacecraftProperties
 

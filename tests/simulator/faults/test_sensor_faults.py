@@ -6,7 +6,7 @@ import pytest
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.simulator.faults.dispersions import ARCSEC, DEG_PER_HOUR, draw_spacecraft
 from swarm_mj.simulator.faults.schedule import draw_schedule
-from swarm_mj.simulator.faults.sensing import NOISE_ROWS, Sensing, most_readings
+from swarm_mj.simulator.sensors import NOISE_ROWS, Sensing, most_readings
 from swarm_mj.spacecraft.attitude.estimation import first_knowledge, sense
 
 from .flying import events_of, fault, fly

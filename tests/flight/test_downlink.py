@@ -10,8 +10,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from swarm_mj.errors import ScenarioError
-from swarm_mj.flight import deliver as module
-from swarm_mj.flight.deliver import deliver, slot_edges, tiles_of
+from swarm_mj.flight import downlink as module
+from swarm_mj.flight.downlink import deliver, slot_edges, tiles_of
 from swarm_mj.flight.observe import camera_from, observe_flight
 from swarm_mj.records.delivered import delivered_summary, undelivered_findings
 from swarm_mj.scenarios.loading import load_scenario, parse_overrides

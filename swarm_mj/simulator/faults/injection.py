@@ -40,12 +40,12 @@ from swarm_mj.simulator.faults.schedule import (
     ScheduledFault,
     draw_schedule,
 )
-from swarm_mj.simulator.faults.sensing import NOISE_ROWS, SENSOR_FAULTS, Sensing, can_err, most_readings
-from swarm_mj.simulator.faults.wheels import healthy_wheels, reallocate, set_fault
 from swarm_mj.simulator.flights import NEVER, Conditions, World, arrays_of, fill, row_of, rows_of
 from swarm_mj.simulator.mujoco import write_masses
+from swarm_mj.simulator.sensors import NOISE_ROWS, SENSOR_FAULTS, Sensing, can_err, most_readings
 from swarm_mj.simulator.slots import Resting, Slot
 from swarm_mj.simulator.state import FlightState
+from swarm_mj.simulator.wheel_drive import healthy_wheels, reallocate, set_fault
 from swarm_mj.smallbody.environment import Environment
 from swarm_mj.smallbody.gravity.spherical_harmonics import SphericalHarmonics
 from swarm_mj.smallbody.rotation import sub_point

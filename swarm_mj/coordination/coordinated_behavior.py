@@ -116,7 +116,7 @@ class CoordinationState:
         self.targets = targets_for(self.pictures, 0, self.relay, encounter.aims_A)
 
 
-class SwarmFlight:
+class CoordinatedBehavior:
     """A coordinated swarm in flight, see `Behavior`; the memory is its `CoordinationState`, brought up to date in place.
 
     Attributes:

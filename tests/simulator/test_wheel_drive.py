@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from swarm_mj.simulator.faults.wheels import WheelState, drive
+from swarm_mj.simulator.wheel_drive import WheelState, drive
 from swarm_mj.spacecraft.wheels import allocate, speed_after
 
 J = 2.4e-5

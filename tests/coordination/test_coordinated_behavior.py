@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from swarm_mj.coordination.coordinated_behavior import CoordinatedBehavior, CoordinationPlan
 from swarm_mj.coordination.encounter import Encounter
 from swarm_mj.coordination.graph import Graph
 from swarm_mj.coordination.replanning import MOST_SLOTS, planned_alone, planned_together
-from swarm_mj.coordination.swarm_flight import CoordinationPlan, SwarmFlight
 from swarm_mj.dataflow.network import Access
 from swarm_mj.mission.behaviors import SwarmView, TargetKind
 
@@ -38,7 +38,7 @@ class Hand:
         pictures = parts.pop("pictures", tuple(() for _ in range(N)))
         self.works, self.seen = works, np.zeros((N, CELLS), bool)
         self.aims_A, self.links, self.loss = encounter.aims_A, links, loss
-        self.swarm = SwarmFlight(
+        self.swarm = CoordinatedBehavior(
             CoordinationPlan(
                 encounter=encounter,
                 pictures=pictures,

@@ -18,9 +18,9 @@ from swarm_mj.dataflow.ground import earth_schedule
 from swarm_mj.dataflow.network import EARTH, Access, Network
 from swarm_mj.dataflow.online import run_online
 from swarm_mj.dataflow.optimum import SAME, earliest_full, optimum
-from swarm_mj.dataflow.program import reachable_value
 from swarm_mj.dataflow.radios import radio_from
 from swarm_mj.dataflow.tiles import Tiles, make_tiles
+from swarm_mj.dataflow.time_expanded_program import reachable_value
 from swarm_mj.errors import MissionError
 from swarm_mj.flight.coordination import less_coordination
 from swarm_mj.flight.observe import camera_from

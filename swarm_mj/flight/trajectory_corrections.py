@@ -33,7 +33,7 @@ ROUNDS = 8
 
 
 @dataclass(frozen=True, kw_only=True)
-class Navigated:
+class CorrectionAnalysis:
     """Linear covariance of a plan.
 
     Attributes:
@@ -49,7 +49,7 @@ class Navigated:
     spread: Spread
 
 
-def navigated(plan: Plan) -> Navigated:
+def analyse_corrections(plan: Plan) -> CorrectionAnalysis:
     """Linear covariance of a plan from release to visit.
 
     Raises:
@@ -57,7 +57,7 @@ def navigated(plan: Plan) -> Navigated:
         MissionError: A correction has no solution.
     """
     legs, errors = legs_of(plan), errors_of(plan)
-    return Navigated(plan=plan, legs=legs, errors=errors, spread=spread(legs, errors))
+    return CorrectionAnalysis(plan=plan, legs=legs, errors=errors, spread=spread(legs, errors))
 
 
 def legs_of(plan: Plan) -> Legs:
