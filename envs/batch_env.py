@@ -37,7 +37,7 @@ from .arguments import (
     flight_seed,
     flight_seeds,
 )
-from .snapshots import FlightState, RebuiltOnCopy, must_have_begun, restore_state, take_state
+from .snapshots import EpisodeSnapshot, RebuiltOnCopy, must_have_begun, restore_state, take_state
 
 Infos = dict[str, Any]
 
@@ -131,7 +131,7 @@ class BatchEnv(_OverBatch, gymnasium.Env[Any, Any]):
         info = self._info() | told_of_step(batch, result, 0, self.terms, self.ends)
         return one_of(batch.observation, 0), float(result.reward[0]), terminated, truncated, info
 
-    def get_state(self) -> FlightState:
+    def get_state(self) -> EpisodeSnapshot:
         """Where the episode stands, to go back to by `set_state`, here or in any environment made with the same arguments.
 
         Raises:
@@ -140,7 +140,7 @@ class BatchEnv(_OverBatch, gymnasium.Env[Any, Any]):
         must_have_begun(self._begun, "get_state", self.name)
         return take_state(self.batch, 0, running=self._running, random=self.np_random)
 
-    def set_state(self, state: FlightState) -> tuple[Any, dict[str, Any]]:
+    def set_state(self, state: EpisodeSnapshot) -> tuple[Any, dict[str, Any]]:
         """Go on from a state: the same actions bring the same observations, rewards and infos as there, bit for bit.
 
         Returns:
@@ -262,13 +262,13 @@ class BatchVectorEnv(_OverBatch, VectorEnv[Any, Any, Any]):
         self._over[:] = False
         return self.batch.observation, fresh, began
 
-    def get_state(self, e: int) -> FlightState:
+    def get_state(self, e: int) -> EpisodeSnapshot:
         """Where episode e stands; single and vector environments take each other's states."""
         k = checked_index(e, self.num_envs)
         must_have_begun(bool(self._begun[k]), "get_state", self.name)
         return take_state(self.batch, k, running=not self._over[k], random=self._random[k])
 
-    def set_state(self, e: int, state: FlightState) -> Any:
+    def set_state(self, e: int, state: EpisodeSnapshot) -> Any:
         """Let episode e go on from a state; the others are left alone. Returns its observation."""
         k = checked_index(e, self.num_envs)
         self._over[k] = not restore_state(self.batch, k, self._random[k], state).running

@@ -13,7 +13,7 @@ from swarm_mj.errors import ScenarioError
 
 
 @dataclass(frozen=True, eq=False)
-class FlightState:
+class EpisodeSnapshot:
     """One flight between two steps, as `get_state` of an environment gives it; can be pickled, and holds no view of anything.
 
     What it is made of is nobody's business and changes between versions of the package.
@@ -35,18 +35,18 @@ class FlightState:
     knowledge: tuple[NDArray[Any], ...] | None = None
 
 
-def take_state(batch: Any, e: int, *, running: bool, random: np.random.Generator) -> FlightState:
+def take_state(batch: Any, e: int, *, running: bool, random: np.random.Generator) -> EpisodeSnapshot:
     """The state of flight e of a batch."""
-    return FlightState(batch.task.fingerprint, running, dict(random.bit_generator.state), batch.get_state(e))
+    return EpisodeSnapshot(batch.task.fingerprint, running, dict(random.bit_generator.state), batch.get_state(e))
 
 
-def restore_state(batch: Any, e: int, random: np.random.Generator, state: Any) -> FlightState:
+def restore_state(batch: Any, e: int, random: np.random.Generator, state: Any) -> EpisodeSnapshot:
     """Let flight e of a batch go on from a state.
 
     Raises:
         ScenarioError: It is no such state, or that of another task.
     """
-    if not isinstance(state, FlightState):
+    if not isinstance(state, EpisodeSnapshot):
         raise ScenarioError(f"state = {type(state).__name__}: must be what get_state of such an environment gave")
     if state.fits != batch.task.fingerprint:
         raise ScenarioError(

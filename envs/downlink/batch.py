@@ -15,7 +15,7 @@ from ..batch_env import StepOutcome
 from ..capacity import refuse_more_than_fit
 from .observations import dict_space, flat, flat_space, no_tables, write_tables
 from .slot import NEW, DownlinkConstants, begin_episode, fly_slot, no_state, write_masks
-from .world import Conditions, DownlinkTask
+from .world import DownlinkConditions, DownlinkTask
 
 #: How an episode can end by itself; 0 goes on.
 DOWNLINK_ENDS = ("", "complete", "lost")
@@ -44,7 +44,7 @@ class DownlinkBatch:
         refuse_more_than_fit(count, one)
         self.task, self.count = task, count
         self.state, self.tables = no_state(count, n, products), no_tables(count, n, products)
-        self.conditions = Conditions(*(np.zeros((count, *array.shape), array.dtype) for array in likeness))
+        self.conditions = DownlinkConditions(*(np.zeros((count, *array.shape), array.dtype) for array in likeness))
         self._constants = constants_of(task)
         self._weights = np.array(task.config.weights)
 
@@ -54,7 +54,7 @@ class DownlinkBatch:
             self.place(e, self.task.draw(np.random.default_rng(seed)))
         self.observe()
 
-    def place(self, e: int, drawn: Conditions) -> None:
+    def place(self, e: int, drawn: DownlinkConditions) -> None:
         """Start episode e anew under given conditions; `observe` brings observations up to date."""
         for array, values in zip(self.conditions, drawn, strict=True):
             array[e] = values

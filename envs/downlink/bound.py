@@ -25,10 +25,10 @@ from swarm_mj.errors import MissionError
 from swarm_mj.typing import Array, Ints
 
 from .batch import constants_of
-from .world import Conditions, DownlinkTask
+from .world import DownlinkConditions, DownlinkTask
 
 
-def value_bound(task: DownlinkTask, drawn: Conditions, *, time_limit_s: float = 60.0) -> float:
+def value_bound(task: DownlinkTask, drawn: DownlinkConditions, *, time_limit_s: float = 60.0) -> float:
     """Most value that any policy delivers under these conditions, 0 to 1; for few slots and products.
 
     Args:
@@ -61,7 +61,7 @@ def value_bound(task: DownlinkTask, drawn: Conditions, *, time_limit_s: float = 
 class _Program:
     """Columns and rows: y, x by link and product, h, e, unmet, in this order."""
 
-    def __init__(self, task: DownlinkTask, drawn: Conditions) -> None:
+    def __init__(self, task: DownlinkTask, drawn: DownlinkConditions) -> None:
         self._constants, self._drawn, self._access = constants_of(task), drawn, task.access
         self._slots, self._n = drawn.sun_J.shape
         self.products: Ints = np.flatnonzero((drawn.size > 0) & (drawn.ready < self._slots))

@@ -10,7 +10,7 @@ from gymnasium import spaces
 from swarm_mj.typing import Array32, Mask, kernel
 
 from .slot import OPEN, DownlinkConstants, DownlinkState
-from .world import Conditions, DownlinkTask
+from .world import DownlinkConditions, DownlinkTask
 
 #: Numbers of a spacecraft before those of its links, of a product before those of who holds it, and of the swarm.
 OWN, PRODUCT, SWARM_NUMBERS = 8, 5, 5
@@ -66,7 +66,7 @@ def flat(tables: DownlinkTables) -> Array32:
 
 @kernel
 def write_tables(
-    constants: DownlinkConstants, conditions: Conditions, state: DownlinkState, tables: DownlinkTables
+    constants: DownlinkConstants, conditions: DownlinkConditions, state: DownlinkState, tables: DownlinkTables
 ) -> None:
     """Write observations of all episodes, but for the masks.
 
@@ -107,7 +107,7 @@ def write_tables(
 
 
 @kernel
-def _write_swarm(conditions: Conditions, state: DownlinkState, e: int, row: Array32) -> None:
+def _write_swarm(conditions: DownlinkConditions, state: DownlinkState, e: int, row: Array32) -> None:
     """Time left, whether a pass is on, its rest, the time to the next one, and the value on Earth."""
     slots, now = conditions.allotted.shape[1], state.slot[e]
     end = now

@@ -14,7 +14,7 @@ from swarm_mj.dataflow import network
 from swarm_mj.dataflow.transfer import NOBODY, LinkRules, carry
 from swarm_mj.typing import Array, Ints, Mask, jittable, kernel
 
-from .world import Conditions
+from .world import DownlinkConditions
 
 #: Choices of a spacecraft; from `SWARM` on they are the spacecraft to send to.
 IDLE, EARTH, SWARM = 0, 1, 2
@@ -111,7 +111,7 @@ def no_state(count: int, n: int, products: int) -> DownlinkState:
 
 
 @kernel
-def write_masks(constants: DownlinkConstants, conditions: Conditions, state: DownlinkState, mask: Mask) -> None:
+def write_masks(constants: DownlinkConstants, conditions: DownlinkConditions, state: DownlinkState, mask: Mask) -> None:
     """What each spacecraft may choose now, shape (E, n, n + 2)."""
     for e in range(mask.shape[0]):
         aboard = state.hold[e].sum(axis=1)
@@ -122,7 +122,13 @@ def write_masks(constants: DownlinkConstants, conditions: Conditions, state: Dow
 
 @kernel
 def _allowed(
-    constants: DownlinkConstants, conditions: Conditions, state: DownlinkState, aboard: Ints, e: int, i: int, c: int
+    constants: DownlinkConstants,
+    conditions: DownlinkConditions,
+    state: DownlinkState,
+    aboard: Ints,
+    e: int,
+    i: int,
+    c: int,
 ) -> bool:
     """Idle always; else who obeys, has something to send, and a link that carries; to Earth with charge for the turn."""
     slot, n = state.slot[e], state.alive.shape[1]
@@ -139,7 +145,7 @@ def _allowed(
 
 @kernel
 def _energy_left(
-    constants: DownlinkConstants, conditions: Conditions, state: DownlinkState, e: int, i: int, c: int
+    constants: DownlinkConstants, conditions: DownlinkConditions, state: DownlinkState, e: int, i: int, c: int
 ) -> float:
     """What is left of charge and income of the slot for the transmitter, negative where they do not suffice [J]."""
     turns = (c == EARTH) != state.at_earth[e, i]
@@ -148,13 +154,13 @@ def _energy_left(
 
 
 @jittable
-def _income(conditions: Conditions, state: DownlinkState, e: int, i: int, c: int) -> float:
+def _income(conditions: DownlinkConditions, state: DownlinkState, e: int, i: int, c: int) -> float:
     brings_J = conditions.earth_J if c == EARTH else conditions.sun_J
     return float(brings_J[e, state.slot[e], i])
 
 
 @kernel
-def begin_episode(constants: DownlinkConstants, conditions: Conditions, state: DownlinkState, e: int) -> None:
+def begin_episode(constants: DownlinkConstants, conditions: DownlinkConditions, state: DownlinkState, e: int) -> None:
     """Put what is asked for at the beginning aboard."""
     state.alive[e] = True
     state.charge_J[e] = conditions.charge_J[e]
@@ -164,7 +170,7 @@ def begin_episode(constants: DownlinkConstants, conditions: Conditions, state: D
 
 @kernel
 def fly_slot(
-    constants: DownlinkConstants, conditions: Conditions, state: DownlinkState, actions: Ints, live: Mask
+    constants: DownlinkConstants, conditions: DownlinkConditions, state: DownlinkState, actions: Ints, live: Mask
 ) -> None:
     """Fly the slot that begins, with what is not allowed taken as idle.
 
@@ -214,7 +220,7 @@ def fly_slot(
 @kernel
 def _charge(
     constants: DownlinkConstants,
-    conditions: Conditions,
+    conditions: DownlinkConditions,
     state: DownlinkState,
     e: int,
     i: int,
@@ -239,7 +245,7 @@ def _charge(
 
 
 @kernel
-def _begin_slot(constants: DownlinkConstants, conditions: Conditions, state: DownlinkState, e: int) -> None:
+def _begin_slot(constants: DownlinkConstants, conditions: DownlinkConditions, state: DownlinkState, e: int) -> None:
     """Losses, what expires, and what is asked for, at the start of the slot."""
     slot, slots, n = state.slot[e], conditions.capacity_bit.shape[1], state.alive.shape[1]
     for i in range(n):
@@ -266,7 +272,7 @@ def _begin_slot(constants: DownlinkConstants, conditions: Conditions, state: Dow
 
 
 @jittable
-def _lapse(conditions: Conditions, state: DownlinkState, e: int, k: int) -> None:
+def _lapse(conditions: DownlinkConditions, state: DownlinkState, e: int, k: int) -> None:
     """Give a product up; what is aboard of it, wherever, is deleted."""
     state.status[e, k] = LAPSED
     state.expired[e] += conditions.value[e, k]

@@ -32,7 +32,7 @@ PER_SLOT = 2
 RTOL = 1e-7
 
 
-class Conditions(NamedTuple):
+class DownlinkConditions(NamedTuple):
     """What surrounds one episode of T slots, n spacecraft and up to K products; failures are in it.
 
     Attributes:
@@ -128,7 +128,7 @@ class DownlinkTask:
         text = json.dumps([__version__, "downlink", self.given.model_dump(mode="json"), rest])
         return hashlib.sha256(text.encode()).hexdigest()
 
-    def draw(self, rng: np.random.Generator) -> Conditions:
+    def draw(self, rng: np.random.Generator) -> DownlinkConditions:
         """The conditions of an episode."""
         config, draw = self.config, self._draw
         paths, turn_s = self.draw_paths(rng), rng.uniform(0.0, DAY)
@@ -140,7 +140,7 @@ class DownlinkTask:
         capacity_bit = np.concatenate([contacts.swarm_bit, contacts.earth_bit[:, :, None]], axis=2)
         lost_slot = self._fail(capacity_bit, (sun_J, earth_J), rng)
         seen = np.any((station >= 0).reshape(config.slots, PER_SLOT), axis=1)
-        return Conditions(capacity_bit, sun_J, earth_J, seen, lost_slot, charge_J, *products)
+        return DownlinkConditions(capacity_bit, sun_J, earth_J, seen, lost_slot, charge_J, *products)
 
     def draw_paths(self, rng: np.random.Generator) -> Paths:
         """The plan's paths from a drawn time after the visit on, each spacecraft drifting off by a drawn velocity."""

@@ -20,7 +20,7 @@ from swarm_mj.typing import Array32, Pixels
 from ..agents import PerAgent, SwarmParallelEnv
 from ..arguments import agent_names, checked_render_mode, record_of
 from ..batch_env import told_of_step
-from ..snapshots import FlightState, must_have_begun, restore_state, take_state
+from ..snapshots import EpisodeSnapshot, must_have_begun, restore_state, take_state
 from .catalogue import DEFAULT_COUNT
 from .config import EnvConfig
 from .episodes import Episodes, box
@@ -103,7 +103,7 @@ class SwarmObserveParallelEnv(SwarmParallelEnv):
         self.agents = [agent for agent in flew if not (terminations[agent] or truncations[agent])]
         return observations, rewards, terminations, truncations, self._infos(flew, info)
 
-    def get_state(self) -> FlightState:
+    def get_state(self) -> EpisodeSnapshot:
         """Where the flight stands, see `SwarmObserveEnv.get_state`."""
         must_have_begun(self._begun, "get_state", "swarm_observe_v0")
         flying = tuple(self._number[agent] for agent in self.agents)
@@ -111,9 +111,9 @@ class SwarmObserveParallelEnv(SwarmParallelEnv):
         state = take_state(self.batch, 0, running=bool(flying), random=self._random)
         return replace(state, agents=flying, knowledge=known)
 
-    def set_state(self, state: FlightState) -> PerAgent:
+    def set_state(self, state: EpisodeSnapshot) -> PerAgent:
         """Go on from a state that such an environment gave; returns the observations of those that fly."""
-        if isinstance(state, FlightState) and state.agents is None:
+        if isinstance(state, EpisodeSnapshot) and state.agents is None:
             raise ScenarioError(
                 "state: was taken from an environment that knows no agents; take it from a multi-agent one"
             )

@@ -40,7 +40,7 @@ _SPACECRAFT, _EARTH = int(TargetKind.SPACECRAFT), int(TargetKind.EARTH)
 _SURFACE, _DIRECTION = int(TargetKind.SURFACE), int(TargetKind.DIRECTION)
 
 
-class Flights(Protocol):
+class EpisodeFlights(Protocol):
     """E flights as their episodes need to see them; see `Fleet`."""
 
     tick: Ints
@@ -98,7 +98,7 @@ class EpisodeState:
         result: Rewards and ends of the last step.
     """
 
-    def __init__(self, flights: Flights, count: int, n: int, patches: int) -> None:
+    def __init__(self, flights: EpisodeFlights, count: int, n: int, patches: int) -> None:
         self.flights, self.count, self.n, self.patches = flights, count, n, patches
         self.missions: list[Mission] = []
         self.mission: Ints = np.zeros(count, np.int64)

@@ -39,7 +39,7 @@ ASIDE = 0.85
 
 
 @dataclass
-class Plan:
+class PicturePlan:
     """Of one episode.
 
     Attributes:
@@ -74,7 +74,7 @@ class Planner:
     episodes: Episodes
     prove_s: float | None = None
     first: list[Allocation] = field(default_factory=list)
-    _plans: dict[int, Plan] = field(default_factory=dict)
+    _plans: dict[int, PicturePlan] = field(default_factory=dict)
 
     def __call__(self, observed: Observed) -> Ints:
         """Choices, shape (E, n)."""
@@ -94,14 +94,14 @@ class Planner:
         plan.aims = choice
         return choice
 
-    def _plan(self, e: int, step: int) -> Plan:
+    def _plan(self, e: int, step: int) -> PicturePlan:
         """The plan of an episode, made anew where it is old or wrong."""
         draw, works = self.episodes.draws[e], working(self.episodes, e)
         assert draw is not None
         plan = self._plans.get(e)
         if plan is None or step == 0 or plan.seed != draw.seed or plan.made > step:
             n = self.episodes.n
-            plan = Plan(draw.seed, works, step, ((),) * n, np.zeros(n, np.int64), np.zeros(n, np.bool_))
+            plan = PicturePlan(draw.seed, works, step, ((),) * n, np.zeros(n, np.int64), np.zeros(n, np.bool_))
         else:
             left = any(s >= step for taken in plan.pictures for s, _ in taken)
             if (works == plan.works).all() and (step - plan.made < EVERY or not left):
@@ -115,7 +115,7 @@ class Planner:
         self._plans[e] = plan
         return plan
 
-    def _task_of(self, j: int, plan: Plan, e: int, step: int) -> int:
+    def _task_of(self, j: int, plan: PicturePlan, e: int, step: int) -> int:
         """What spacecraft j does now: its picture, what leads to the next one, or to send what it has."""
         patches = self.episodes.patches
         ahead = [(s, patch) for s, patch in plan.pictures[j] if s >= step] if plan.works[j] else []

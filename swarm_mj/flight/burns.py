@@ -16,7 +16,7 @@ from swarm_mj.simulator.simulation import Simulation
 from swarm_mj.spacecraft.control.force import ForceView
 from swarm_mj.spacecraft.own_spacecraft import OwnSpacecraft
 from swarm_mj.spacecraft.properties import SpacecraftProperties
-from swarm_mj.spacecraft.thrusters import Allocation, packaged_nozzles
+from swarm_mj.spacecraft.thrusters import ThrusterAllocation, packaged_nozzles
 from swarm_mj.typing import Array
 
 #: Excess over a time that is rounding [s].
@@ -35,7 +35,7 @@ def push_of(properties: SpacecraftProperties, own: OwnSpacecraft | None) -> Push
     if thrusters is None:
         return None
     if own is None:
-        strength = Allocation(packaged_nozzles(thrusters.layout, properties.size), np.zeros(3)).strength
+        strength = ThrusterAllocation(packaged_nozzles(thrusters.layout, properties.size), np.zeros(3)).strength
     else:
         strength = own.strength
     return Push(thrusters.thrust_n * strength, thrusters.exhaust_speed, properties.mass, thrusters.propellant_kg)
@@ -129,7 +129,9 @@ class PlannedBurns:
         mass: At the start, shape (n,) [kg].
     """
 
-    def __init__(self, burns: Sequence[PlannedBurn], thrusters: Thrusters, allocation: Allocation, mass: Array) -> None:
+    def __init__(
+        self, burns: Sequence[PlannedBurn], thrusters: Thrusters, allocation: ThrusterAllocation, mass: Array
+    ) -> None:
         self.force = thrusters.thrust_n * allocation.strength
         self._n = len(mass)
         push = Push(self.force, thrusters.exhaust_speed, float(np.max(mass)), thrusters.propellant_kg)

@@ -61,7 +61,7 @@ def epoch_state(scenario: Scenario) -> EpochState:
         sun, earth = (LinearMotion(*kernels.state_N(target, et)) for target in ("SUN", "EARTH"))
         changed = changed._replace(sun=sun, earth=earth)
     if asked.rotation:
-        C_AN, spin_rate = kernels.turning(et, scenario.duration_s)
+        C_AN, spin_rate = kernels.rotation(et, scenario.duration_s)
         changed = changed._replace(C_PN=C_AN, phase0=0.0, spin_rate=spin_rate)
     return changed
 

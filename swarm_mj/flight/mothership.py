@@ -20,7 +20,7 @@ from swarm_mj.mission.trajectories import MAX_EVALUATIONS
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.scenarios.schema_mothership import Approach, OrbitalState, PathOfFile
 from swarm_mj.smallbody.conic import (
-    Elements,
+    ConicElements,
     Hyperbola,
     elements_of_state,
     hyperbola_of_state,
@@ -173,7 +173,7 @@ def _passing(flyby: Hyperbola) -> dict[str, Any]:
     }
 
 
-def _bound(orbit: Elements) -> dict[str, Any]:
+def _bound(orbit: ConicElements) -> dict[str, Any]:
     return {
         "orbit": "ellipse" if orbit.eccentricity < 1.0 else "parabola",
         "periapsis_radius_m": orbit.periapsis_radius,
@@ -219,7 +219,7 @@ def _by_elements(asked: OrbitalState, scenario: Scenario, environment: Environme
         least = asked.semi_major_axis_m * (1.0 - e)
     try:
         r, v = state_of_elements(
-            Elements(
+            ConicElements(
                 periapsis_radius=least,
                 eccentricity=e,
                 inclination=radians(asked.inclination_deg),

@@ -13,7 +13,7 @@ from swarm_mj.simulator.slots import Slot
 from swarm_mj.simulator.wheel_drive import WheelState
 from swarm_mj.smallbody.gravity.compiled import CompiledField
 from swarm_mj.smallbody.perturbations import Sunlight
-from swarm_mj.spacecraft.attitude.estimation import Knowledge
+from swarm_mj.spacecraft.attitude.estimation import AttitudeKnowledge
 from swarm_mj.typing import Array, Ints, Mask
 
 #: A tick that no flight reaches.
@@ -151,7 +151,7 @@ class Conditions(NamedTuple):
     series: Array  #: coefficients of each flight's own harmonics in the shape of the planned ones; of length 0: none has any
     wheels: WheelState  #: how the wheels are
     senses: Mask  #: whether the flight software has anything else than the truth, shape (E,)
-    knowledge: Knowledge  #: what it has
+    knowledge: AttitudeKnowledge  #: what it has
     camera_on: Mask  #: whose camera works, shape (E, n)
     known_lost: Mask  #: of whom the swarm knows that it is lost, shape (E, n)
 

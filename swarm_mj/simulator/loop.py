@@ -30,7 +30,7 @@ from swarm_mj.simulator.wheel_drive import WheelState, drive
 from swarm_mj.smallbody.gravity.compiled import write_attraction
 from swarm_mj.smallbody.perturbations import add_perturbations
 from swarm_mj.smallbody.rotation import write_spin_dcm
-from swarm_mj.spacecraft.attitude.estimation import Count, FilterState, Knowledge, Sensors, sense
+from swarm_mj.spacecraft.attitude.estimation import AttitudeKnowledge, Count, FilterState, Sensors, sense
 from swarm_mj.spacecraft.attitude.guidance import (
     LineOfSight,
     Reference,
@@ -204,10 +204,10 @@ def _hold(world: World, flights: Flights, conditions: Any, e: int) -> None:
 
 
 @inlined
-def _knowledge(c: Knowledge, e: int) -> Knowledge:
+def _knowledge(c: AttitudeKnowledge, e: int) -> AttitudeKnowledge:
     """What the flight software of flight e knows; `row_of` for compiled code."""
     s, f = c.sensors, c.state
-    return Knowledge(
+    return AttitudeKnowledge(
         Sensors(
             s.gyro_noise[e],
             s.bias_walk[e],

@@ -21,7 +21,7 @@ from swarm_mj.scenarios.schema_propulsion import Thrusters
 from swarm_mj.simulator.slots import Slot
 from swarm_mj.simulator.state import FlightState
 from swarm_mj.spacecraft.control.force import AimingForceLaw, ForceLaw, ForceView, ask_for_forces
-from swarm_mj.spacecraft.thrusters import Allocation, read_nozzles
+from swarm_mj.spacecraft.thrusters import ThrusterAllocation, read_nozzles
 from swarm_mj.typing import Array, Mask
 
 #: The long axis, by which spacecraft are pointed, must be the axis of nozzles that have to be turned, to so much.
@@ -45,7 +45,7 @@ class Propulsion:
         model, hub, n = state.model.mjmodel, state.model.hub_body, state.model.n
         self._state, self.thrusters, self._gradient = state, thrusters, gradient
         nozzles = read_nozzles(model, int(hub[0]), f"{state.model.names[0]}_")
-        self.allocation = Allocation(nozzles, model.body_ipos[hub[0]])
+        self.allocation = ThrusterAllocation(nozzles, model.body_ipos[hub[0]])
         axes = Rotation.from_quat(model.body_iquat[hub[0]], scalar_first=True).as_matrix()
         self._to_B, offset = (axes**2).T, model.body_ipos[hub[0]]
         self._axes_B = axes

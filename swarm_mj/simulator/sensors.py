@@ -29,8 +29,8 @@ from swarm_mj.simulator.faults.schedule import ScheduledFault
 from swarm_mj.simulator.flights import fill
 from swarm_mj.spacecraft.attitude.estimation import (
     Assumed,
+    AttitudeKnowledge,
     Count,
-    Knowledge,
     first_state,
     sensors_of,
 )
@@ -91,7 +91,7 @@ class Sensing:
         schedule: Sequence[ScheduledFault],
         seed: int,
         period: float,
-        knowledge: Knowledge,
+        knowledge: AttitudeKnowledge,
     ) -> None:
         walk = given.gyro_rate_random_walk_deg_h_sqrt_h * DEG_PER_HOUR / 60.0
         noise = given.gyro_angular_random_walk_deg_sqrt_h * DEG_PER_SQRT_HOUR

@@ -49,7 +49,7 @@ SLICE_S = 0.25
 
 
 @dataclass(frozen=True)
-class Record:
+class FlightSamples:
     """Raw samples of a flight; `telemetry.dataset` describes them."""
 
     time: Array  #: shape (t,) [s]
@@ -262,7 +262,7 @@ class Simulation:
         if not fly(*arguments):
             raise SimulationError(self.batch.causes[0])
 
-    def run(self, duration: float, interval: float, progress: Progress | None = None) -> Record:
+    def run(self, duration: float, interval: float, progress: Progress | None = None) -> FlightSamples:
         """Fly from the present state and sample.
 
         Args:
@@ -298,7 +298,7 @@ class Recorder:
         gradient_gm, own = simulation.setup.gradient_gm, self._state.model.own
         self._instruments = None if own is None else Instruments(self._state, len(self._time), gradient_gm)
 
-    def fly(self) -> Record:
+    def fly(self) -> FlightSamples:
         """Fly and record every sample."""
         state, start = self._state, self._state.tick
         for row in range(len(self._time)):
@@ -310,7 +310,7 @@ class Recorder:
         peaks[:, Peak.CUT_HOLDS] = state.period * cut  # the hold of the last decision is not flown yet
         injection = self._simulation.injection
         sensors_err = injection is not None and injection.sensing.active
-        return Record(self._time, self._samples, peaks, sensors_err, self._instruments)
+        return FlightSamples(self._time, self._samples, peaks, sensors_err, self._instruments)
 
     def _fly_to(self, end: int) -> None:
         """Fly on to the next sample, stopping where impacts are looked for and progress is told of."""

@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 
 from swarm_mj.io.arrays import Declared
 from swarm_mj.io.netcdf import read_netcdf
-from swarm_mj.simulator.simulation import Record
+from swarm_mj.simulator.simulation import FlightSamples
 from swarm_mj.smallbody.environment import Environment
 from swarm_mj.spacecraft.attitude.guidance import pointing_error
 from swarm_mj.spacecraft.attitude.mrp import mrp_from_quaternion, subtract_mrp
@@ -27,7 +27,7 @@ from swarm_mj.typing import Array, Mask
 
 #: Meaning of the flag values of `mode`, in the order of `TargetKind`.
 MODES = ("asteroid_observation", "communication_tracking", "earth_tracking", "surface_observation", "direction_hold")
-#: What is kept of every control period, in the order of `Record.peaks`.
+#: What is kept of every control period, in the order of `FlightSamples.peaks`.
 PEAKS = ("wheel_speed_peak", "wheel_torque_peak", "wheel_saturation_time")
 #: No length [m] or time [s] is larger, no speed [m/s, rad/s] or torque [N m], and no component of a unit vector or short MRP.
 FARTHEST, FASTEST, SHORT = 1e15, 1e9, 1.001
@@ -149,7 +149,7 @@ LATER = ("link_closed", "released", "coverage_percent", *_COORDINATES)
 
 
 def dataset(
-    record: Record, names: tuple[str, ...], environment: Environment, properties: SpacecraftProperties
+    record: FlightSamples, names: tuple[str, ...], environment: Environment, properties: SpacecraftProperties
 ) -> xr.Dataset:
     """Name and describe the samples of a flight.
 

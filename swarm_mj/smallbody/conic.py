@@ -99,7 +99,7 @@ class Hyperbola:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Elements:
+class ConicElements:
     """An orbit about the body.
 
     Attributes:
@@ -188,7 +188,7 @@ def hyperbola_of_state(r: Array, v: Array, gm: float) -> Hyperbola | None:
     return Hyperbola(gm=gm, v_infinity=V * S, B=B, closest_approach=-path / V)
 
 
-def state_of_elements(elements: Elements, gm: float) -> tuple[Array, Array]:
+def state_of_elements(elements: ConicElements, gm: float) -> tuple[Array, Array]:
     """Position [m] and velocity [m/s] of an orbit, each of shape (3,); GM above 0.
 
     Raises:
@@ -205,7 +205,7 @@ def state_of_elements(elements: Elements, gm: float) -> tuple[Array, Array]:
     return r * (np.cos(nu) * P + np.sin(nu) * Q), speed * (-np.sin(nu) * P + (e + np.cos(nu)) * Q)
 
 
-def elements_of_state(r: Array, v: Array, gm: float) -> Elements:
+def elements_of_state(r: Array, v: Array, gm: float) -> ConicElements:
     """The orbit of a state; GM above 0, angles in [0, 2 pi), node and argument 0 where they have no meaning."""
     h, distance = np.cross(r, v), float(np.linalg.norm(r))
     W = h / np.linalg.norm(h)
@@ -217,7 +217,7 @@ def elements_of_state(r: Array, v: Array, gm: float) -> Elements:
     M = np.cross(W, N)
     P = towards / e if e > LEAST_SINE else N
     full = 2.0 * np.pi
-    return Elements(
+    return ConicElements(
         periapsis_radius=float(h @ h) / gm / (1.0 + e),
         eccentricity=e,
         inclination=inclination,

@@ -23,7 +23,7 @@ MAX_WANDER: Final = 1e-4
 N: Final = "ECLIPJ2000"
 
 
-class Turning(NamedTuple):
+class UniformRotation(NamedTuple):
     """Uniform rotation of the body.
 
     Attributes:
@@ -49,7 +49,7 @@ class KernelEphemeris:
         self.kernels, self.frame = tuple(kernels), frame
         self.body = body or str(BodyName.of(name).code)
 
-    def turning(self, et: float, duration_s: float) -> Turning:
+    def rotation(self, et: float, duration_s: float) -> UniformRotation:
         """Rotation at an epoch, seconds of TDB past J2000.
 
         Raises:
@@ -73,7 +73,7 @@ class KernelEphemeris:
                 f"ephemerides.frame = {frame}: leaves a uniform rotation about its axis z by {wander:.2g} rad within "
                 f"duration_s = {duration_s:g}; at most {MAX_WANDER:g}: fly for less time, or set ephemerides.rotation: false"
             )
-        return Turning(np.asarray(C_AN), rate)
+        return UniformRotation(np.asarray(C_AN), rate)
 
     def state_N(
         self,

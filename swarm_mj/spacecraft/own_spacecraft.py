@@ -32,7 +32,7 @@ from swarm_mj.spacecraft.elements import (
 from swarm_mj.spacecraft.measurement import Measured, measure, motor_faults, torque_range
 from swarm_mj.spacecraft.properties import SpacecraftProperties
 from swarm_mj.spacecraft.sensors import Sensor, sensors_of
-from swarm_mj.spacecraft.thrusters import Allocation, read_nozzles
+from swarm_mj.spacecraft.thrusters import ThrusterAllocation, read_nozzles
 from swarm_mj.typing import Array
 
 #: How the names of the wheels' joints and motors begin.
@@ -105,7 +105,7 @@ class OwnSpacecraft:
         start_qvel: Their velocities.
         start_ctrl: Controls of all actuators; those of the wheels are the control law's.
         remarks: What a reader should know.
-        strength: Of its thrusters, see `Allocation`; 0 without thrusters.
+        strength: Of its thrusters, see `ThrusterAllocation`; 0 without thrusters.
     """
 
     path: Path
@@ -288,7 +288,7 @@ def _strength(model: mujoco.MjModel, hub: int, propellant: float) -> float:
         _Refused: There are no nozzles, or the tank does not fit into the hub.
     """
     try:
-        strength = Allocation(read_nozzles(model, hub), model.body_ipos[hub]).strength
+        strength = ThrusterAllocation(read_nozzles(model, hub), model.body_ipos[hub]).strength
     except MissionError as error:
         raise _Refused(str(error)) from None
     if propellant >= (mass := float(model.body_mass[hub])):

@@ -99,7 +99,7 @@ def read_nozzles(model: mujoco.MjModel, hub: int, prefix: str = "") -> Nozzles:
     return Nozzles(model.site_pos[sites].copy(), matrices.reshape(-1, 3, 3)[:, :, 2].copy())
 
 
-class Allocation:
+class ThrusterAllocation:
     """Shares wished forces among nozzles that can only push: non-negative least squares.
 
     For a wish w it finds thrusts f >= 0 that minimise |F f - w|^2 + (a |T f| / d)^2 + (b |f|)^2. The columns of F and T are the

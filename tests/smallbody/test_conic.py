@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 
 from swarm_mj.errors import MissionError
 from swarm_mj.smallbody.conic import (
-    Elements,
+    ConicElements,
     Hyperbola,
     b_plane_axes,
     elements_of_state,
@@ -150,7 +150,9 @@ ORBITS = [(40e3, 0.0), (30e3, 0.4), (30e3, 0.999), (30e3, 1.0), (30e3, 1.7), (30
 
 @pytest.mark.parametrize(("least", "e"), ORBITS)
 def test_elements_become_a_state_and_come_back(least, e):
-    asked = Elements(periapsis_radius=least, eccentricity=e, inclination=1.1, node=2.2, argument=0.7, true_anomaly=0.9)
+    asked = ConicElements(
+        periapsis_radius=least, eccentricity=e, inclination=1.1, node=2.2, argument=0.7, true_anomaly=0.9
+    )
     r, v = state_of_elements(asked, GM_EROS)
     found = elements_of_state(r, v, GM_EROS)
     if e == 0.0:  # a circle has no periapsis: argument and anomaly together are the argument of latitude
@@ -162,7 +164,7 @@ def test_elements_become_a_state_and_come_back(least, e):
 
 
 def test_a_true_anomaly_beyond_the_asymptote_is_refused():
-    beyond = Elements(
+    beyond = ConicElements(
         periapsis_radius=30e3, eccentricity=2.0, inclination=0.1, node=0.0, argument=0.0, true_anomaly=radians(121.0)
     )
     with pytest.raises(MissionError, match="asymptote"):
@@ -178,7 +180,9 @@ def test_brahe_has_the_same_states(least, e):
     E = 2.0 * atan2(sqrt(1.0 - e) * np.sin(nu / 2.0), sqrt(1.0 + e) * np.cos(nu / 2.0))
     theirs = np.array([least / (1.0 - e) / scale, e, *np.degrees([1.1, 2.2, 0.7, E - e * np.sin(E)])])
     state = brahe.state_koe_to_eci(theirs, brahe.AngleFormat.DEGREES)
-    ours = Elements(periapsis_radius=least, eccentricity=e, inclination=1.1, node=2.2, argument=0.7, true_anomaly=nu)
+    ours = ConicElements(
+        periapsis_radius=least, eccentricity=e, inclination=1.1, node=2.2, argument=0.7, true_anomaly=nu
+    )
     r, v = state_of_elements(ours, GM_EROS)
     assert r == pytest.approx(scale * state[:3], rel=1e-9) and v == pytest.approx(scale * state[3:], rel=1e-9)
 

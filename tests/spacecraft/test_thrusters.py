@@ -11,7 +11,7 @@ from swarm_mj.scenarios.loading import load_scenario, parse_overrides
 from swarm_mj.scenarios.schema_propulsion import Thrusters
 from swarm_mj.spacecraft.properties import SpacecraftProperties
 from swarm_mj.spacecraft.template import HUB, make_template
-from swarm_mj.spacecraft.thrusters import CANT, Allocation, Nozzles, packaged_nozzles, read_nozzles
+from swarm_mj.spacecraft.thrusters import CANT, Nozzles, ThrusterAllocation, packaged_nozzles, read_nozzles
 
 SIZE = (0.1, 0.1, 0.34)
 
@@ -34,7 +34,7 @@ NOZZLES = {
 @pytest.mark.parametrize("name", NOZZLES)
 def test_shares_are_the_non_negative_least_squares_of_scipy(name):
     nozzles = NOZZLES[name]
-    allocation = Allocation(nozzles, np.array([0.0, 0.01, 0.0]))
+    allocation = ThrusterAllocation(nozzles, np.array([0.0, 0.01, 0.0]))
     wishes = np.random.default_rng(7).normal(size=(60, 3))
     found = allocation.thrusts(wishes)
     assert found.shape == (60, len(nozzles.exhaust_B)) and found.min() >= 0.0
@@ -44,7 +44,7 @@ def test_shares_are_the_non_negative_least_squares_of_scipy(name):
 
 
 def test_six_nozzles_push_anywhere_without_torque_and_four_along_z():
-    six, four = (Allocation(NOZZLES[name], np.zeros(3)) for name in ("six", "four_z"))
+    six, four = (ThrusterAllocation(NOZZLES[name], np.zeros(3)) for name in ("six", "four_z"))
     wish = np.random.default_rng(0).normal(size=(20, 3))
     assert six.thrusts(wish) @ six.force_B == pytest.approx(wish, rel=1e-9)
     assert np.abs(six.torque_B).max() == 0.0

@@ -8,7 +8,7 @@ import numpy as np
 
 from swarm_mj.smallbody.gravity.base import Gravity
 from swarm_mj.smallbody.gravity.point_mass import PointMass, write_point_mass
-from swarm_mj.smallbody.gravity.polyhedron import Elements, Polyhedron, any_far, write_near_and_far
+from swarm_mj.smallbody.gravity.polyhedron import Polyhedron, PolyhedronElements, any_far, write_near_and_far
 from swarm_mj.smallbody.gravity.spherical_harmonics import SphericalHarmonics, write_series
 from swarm_mj.typing import Array, kernel
 
@@ -34,7 +34,7 @@ class CompiledField(NamedTuple):
     radius: float
     recursion: Array
     series: Array
-    elements: Elements | None
+    elements: PolyhedronElements | None
     cell: float
 
 
@@ -56,7 +56,7 @@ def _series_of(field: SphericalHarmonics) -> tuple[float, Array, Array]:
 
 @kernel
 def write_attraction(
-    r_A: Array, field: CompiledField, elements: Elements | None, series: Array, known: Array, out: Array
+    r_A: Array, field: CompiledField, elements: PolyhedronElements | None, series: Array, known: Array, out: Array
 ) -> None:
     """Accelerations at places of the turning body, as the field's `acceleration` gives them.
 

@@ -48,7 +48,7 @@ CELL_RADII = 2.0**-28
 CELL_NUMBERS = 12
 
 
-class Elements(NamedTuple):
+class PolyhedronElements(NamedTuple):
     """A polyhedron for kernels.
 
     Attributes:
@@ -182,10 +182,10 @@ class Polyhedron:
         return finer
 
     @cached_property
-    def elements(self) -> Elements:
+    def elements(self) -> PolyhedronElements:
         """The body as kernels take it; copies, for Numba compiles apart what takes an array that is read-only."""
         shape = self.shape
-        return Elements(
+        return PolyhedronElements(
             vertices=shape.vertices.copy(),
             faces=shape.faces.copy(),
             normals=shape.face_normals.copy(),
@@ -225,7 +225,7 @@ def _weight(share: Any) -> Any:
 
 
 @kernel
-def _field(r_A: Array, body: Elements) -> Array:
+def _field(r_A: Array, body: PolyhedronElements) -> Array:
     """Potential, attraction and the six components of the gradient, shape (n, 10)."""
     out = np.zeros((r_A.shape[0], 10))
     rays = np.empty((body.vertices.shape[0], 4))
@@ -235,7 +235,7 @@ def _field(r_A: Array, body: Elements) -> Array:
 
 
 @kernel
-def _sum_elements(point: Array, body: Elements, rays: Array, out: Array) -> None:
+def _sum_elements(point: Array, body: PolyhedronElements, rays: Array, out: Array) -> None:
     cast_rays(point, body.vertices, rays)
     _add_edges(rays, body.edges, body.dyads, out)
     _add_faces(rays, body.faces, body.normals, out)
@@ -245,7 +245,7 @@ def _sum_elements(point: Array, body: Elements, rays: Array, out: Array) -> None
 
 
 @kernel
-def _attraction_in_cells(r_A: Array, body: Elements, cell: float) -> Array:
+def _attraction_in_cells(r_A: Array, body: PolyhedronElements, cell: float) -> Array:
     out, known = np.empty((r_A.shape[0], 3)), np.zeros(CELL_NUMBERS)
     for i in range(r_A.shape[0]):
         a = _pull_near(r_A[i], body, cell, known)
@@ -254,7 +254,7 @@ def _attraction_in_cells(r_A: Array, body: Elements, cell: float) -> Array:
 
 
 @jittable
-def _pull_near(r: Array, body: Elements, cell: float, known: Array) -> tuple[float, float, float]:
+def _pull_near(r: Array, body: PolyhedronElements, cell: float, known: Array) -> tuple[float, float, float]:
     """Attraction from the sums in the middle of the cell of a place, which are taken unless `known` is of that cell."""
     x, y, z = _middle(r[0], cell), _middle(r[1], cell), _middle(r[2], cell)
     if known[0] != x or known[1] != y or known[2] != z or known[6] == 0.0:
@@ -273,7 +273,7 @@ def _middle(x: float, cell: float) -> float:
 
 
 @kernel
-def _sum_in_middle(x: float, y: float, z: float, body: Elements, known: Array) -> None:
+def _sum_in_middle(x: float, y: float, z: float, body: PolyhedronElements, known: Array) -> None:
     sums = np.zeros(10)
     known[0], known[1], known[2] = x, y, z
     _sum_elements(known[:3], body, np.empty((body.vertices.shape[0], 4)), sums)
@@ -299,7 +299,7 @@ def any_far(r_A: Array, radius: float) -> bool:
 
 
 @allocation_free
-def write_near_and_far(r_A: Array, body: Elements, cell: float, known: Array, a_A: Array) -> None:
+def write_near_and_far(r_A: Array, body: PolyhedronElements, cell: float, known: Array, a_A: Array) -> None:
     """Put the attraction of the polyhedron in the place of its harmonics, wherever these do not hold alone.
 
     Args:

@@ -59,7 +59,7 @@ class Noise(IntEnum):
 
 
 class Count(IntEnum):
-    """Places of `Knowledge.counts`."""
+    """Places of `AttitudeKnowledge.counts`."""
 
     NOISE = 0  #: rows of the noise that have been used
     READINGS = 1  #: readings so far
@@ -102,7 +102,7 @@ class FilterState(NamedTuple):
     started: Mask  #: whether the filter runs, shape (1,)
 
 
-class Knowledge(NamedTuple):
+class AttitudeKnowledge(NamedTuple):
     """What the flight software of n spacecraft knows, and what it knows it by."""
 
     sensors: Sensors
@@ -139,9 +139,9 @@ def first_state(true_bias: Array) -> FilterState:
     )
 
 
-def first_knowledge(n: int, noise_rows: int, readings: int) -> Knowledge:
+def first_knowledge(n: int, noise_rows: int, readings: int) -> AttitudeKnowledge:
     """Before the first reading, with sensors that do not err; `noise_rows` readings draw their noise at once."""
-    return Knowledge(
+    return AttitudeKnowledge(
         sensors=sensors_of(n, 0.0, 0.0, 0.0),
         assumed=np.zeros(4),
         state=first_state(np.zeros((n, 3))),
@@ -156,7 +156,7 @@ def first_knowledge(n: int, noise_rows: int, readings: int) -> Knowledge:
 
 
 @kernel
-def sense(tick: int, q_BN: Array, omega_BN_B: Array, period: float, known: Knowledge) -> None:
+def sense(tick: int, q_BN: Array, omega_BN_B: Array, period: float, known: AttitudeKnowledge) -> None:
     """Read the sensors; asked twice at a tick, they give the same again.
 
     Args:
