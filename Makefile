@@ -107,7 +107,7 @@ swarm-classes: setup-dev ## rewrite docs/results/swarm_classes.md: what each swa
 robustness: setup-dev ## rewrite docs/results/robustness.md: what losses and faults cost
 	@$(BIN)/python -m scripts.pages.robustness
 
-learning: setup ## fly the trained policy against the scripted ones and rewrite docs/results/learning.md
+learning: setup ## train policies by stock algorithms (needs the extra rl) and rewrite docs/results/learning.md
 	@$(BIN)/python -m scripts.pages.learning
 
 mutants: setup-dev ## plant faults in copies of the code, see whether tests notice, rewrite docs/results/mutants.md

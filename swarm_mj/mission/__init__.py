@@ -1,1 +1,1 @@
-"""The mission: target region, trajectories, behaviours and radio links."""
+"""The mission: target region, trajectories, behaviours, radio links, corrections and their covariance."""

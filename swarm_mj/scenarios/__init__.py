@@ -1,1 +1,1 @@
-"""The packaged scenarios: YAML files that `swarm-mj available` lists."""
+"""Scenarios: their schema, reading and checking, constants, and the packaged ones, which `swarm-mj available` lists."""

@@ -1,1 +1,1 @@
-"""The simulation loop and its telemetry."""
+"""The simulation loop, what it drives (wheels, sensors, thrusters, faults), and its telemetry."""

@@ -1,1 +1,1 @@
-"""Attitude: Modified Rodrigues Parameters, guidance references and control laws."""
+"""Attitude: quaternions, Modified Rodrigues Parameters, references of guidance, slews, and estimation by sensors."""
