@@ -7,13 +7,14 @@ from typing import NamedTuple
 import numpy as np
 from gymnasium import spaces
 
+from swarm_mj.compilation import kernel
 from swarm_mj.flight.plan import Plan
 from swarm_mj.observation.camera import CameraModel
 from swarm_mj.observation.thumbnails import SIDE_PX, ThumbnailDrawer, Thumbnails
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.smallbody.simplify import simplify
 from swarm_mj.spacecraft.attitude.algebra import put_vector, quaternion, rotate
-from swarm_mj.typing import Array, Ints, Mask, Pixels, kernel
+from swarm_mj.typing import Array, Ints, Mask, Pixels
 
 #: Faces of the mesh that is drawn; a body with more is simplified to as many.
 MOST_FACES = 2_000

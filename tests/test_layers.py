@@ -10,7 +10,7 @@ ROOT = Path(__file__).parents[1]
 
 #: The rooms in the order in which they build on each other; a module may import from its own room and from earlier ones.
 ORDER = (
-    ("errors", "typing", "plugins", "assets"),
+    ("errors", "typing", "compilation", "plugins", "assets"),
     ("io",),
     ("scenarios",),
     ("smallbody",),

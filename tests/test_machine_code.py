@@ -12,10 +12,10 @@ from pathlib import Path
 import pytest
 
 import swarm_mj
-from swarm_mj import typing
+from swarm_mj import compilation
 
 SOURCE = """
-from swarm_mj.typing import kernel
+from swarm_mj.compilation import kernel
 
 @kernel
 def twice(x):
@@ -51,22 +51,22 @@ def test_what_another_version_kept_may_name_types_that_are_gone(load, tmp_path, 
     index.write_bytes(pickle.dumps(version) + b"cno_such_module\nType\n.")
     with pytest.raises(ModuleNotFoundError):
         load()
-    monkeypatch.setattr(typing, "INSTALLATION", "the next one")
+    monkeypatch.setattr(compilation, "INSTALLATION", "the next one")
     assert not load().cache_hits
     assert load().cache_hits
 
 
 def test_an_upgrade_in_place_is_another_installation(tmp_path):
-    code = "import importlib.util, sys; spec = importlib.util.spec_from_file_location('typing_', sys.argv[1]); "
+    code = "import importlib.util, sys; spec = importlib.util.spec_from_file_location('compilation_', sys.argv[1]); "
     code += (
         "module = importlib.util.module_from_spec(spec); spec.loader.exec_module(module); print(module.INSTALLATION)"
     )
-    (tmp_path / "typing.py").write_text(Path(typing.__file__).read_text())
+    (tmp_path / "compilation.py").write_text(Path(compilation.__file__).read_text())
     (tmp_path / "__init__.py").write_text("")
     names = set()
     for written in (1_000_000_000, 1_000_000_000, 2_000_000_000):
         os.utime(tmp_path / "__init__.py", (written, written))
-        command = [sys.executable, "-c", code, str(tmp_path / "typing.py")]
+        command = [sys.executable, "-c", code, str(tmp_path / "compilation.py")]
         names.add(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
     assert len(names) == 2 and all(swarm_mj.__version__ in name for name in names)
 

@@ -7,7 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from gymnasium import spaces
 
-from swarm_mj.typing import Array32, Mask, kernel
+from swarm_mj.compilation import kernel
+from swarm_mj.typing import Array32, Mask
 
 from .slot import OPEN, DownlinkConstants, DownlinkState
 from .world import DownlinkConditions, DownlinkTask

@@ -10,9 +10,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from swarm_mj.compilation import jittable, kernel
 from swarm_mj.dataflow import network
 from swarm_mj.dataflow.transfer import NOBODY, LinkRules, carry
-from swarm_mj.typing import Array, Ints, Mask, jittable, kernel
+from swarm_mj.typing import Array, Ints, Mask
 
 from .world import DownlinkConditions
 

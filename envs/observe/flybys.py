@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from swarm_mj.compilation import kernel
 from swarm_mj.errors import MissionError, PathError, ScenarioError
 from swarm_mj.flight.environment import epoch_state, load_body_shape
 from swarm_mj.flight.plan import Plan
@@ -22,7 +23,7 @@ from swarm_mj.scenarios.bodies import packaged_body
 from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.spacecraft.attitude.algebra import combine, cross, scaled, vector
-from swarm_mj.typing import Array, Ints, kernel
+from swarm_mj.typing import Array, Ints
 
 from .catalogue import MOST_HALF_ANGLE_DEG, MissionSpec
 from .patches import make_patches

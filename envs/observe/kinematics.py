@@ -8,8 +8,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba.typed import List
 
+from swarm_mj.compilation import allocation_free, kernel
 from swarm_mj.spacecraft.attitude.algebra import Quaternion, quaternion, rotate
-from swarm_mj.typing import Array, Ints, Mask, allocation_free, kernel
+from swarm_mj.typing import Array, Ints, Mask
 
 #: Constants of the missions of an environment, one after another, a typed list for compiled code.
 PerMission = Sequence

@@ -6,11 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from swarm_mj.compilation import kernel
 from swarm_mj.observation.capture import takes_picture
 from swarm_mj.observation.horizon import sight_of
 from swarm_mj.observation.horizon_kernels import Scene, new_cells
 from swarm_mj.spacecraft.attitude.algebra import relative_dcm
-from swarm_mj.typing import Array, Ints, Mask, kernel
+from swarm_mj.typing import Array, Ints, Mask
 
 from .kinematics import Kinematics, PerMission, Tracking
 from .totals import EpisodeTotals, record_cells

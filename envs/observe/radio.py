@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from swarm_mj.compilation import kernel
 from swarm_mj.dataflow.contacts import Instant, Radios, crosslink_rate, earth_rate, radios_from
 from swarm_mj.dataflow.ground import earth_schedule
 from swarm_mj.dataflow.link_budget import RateTable, rate_at
@@ -18,7 +19,7 @@ from swarm_mj.errors import ScenarioError
 from swarm_mj.flight.plan import Plan, antennas_from
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.smallbody.occultation import Occluder
-from swarm_mj.typing import Array, Ints, Mask, kernel
+from swarm_mj.typing import Array, Ints, Mask
 
 from .kinematics import Kinematics, Tracking
 from .totals import EpisodeTotals

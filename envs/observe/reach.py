@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from swarm_mj.compilation import kernel
 from swarm_mj.observation.capture import keeps_limits
 from swarm_mj.observation.horizon import look_at_cell, sight_of
 from swarm_mj.observation.horizon_kernels import Scene
-from swarm_mj.typing import Array, Mask, kernel
+from swarm_mj.typing import Array, Mask
 
 from .kinematics import BodyRotation
 

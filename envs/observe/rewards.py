@@ -10,8 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from swarm_mj.compilation import allocation_free, kernel
 from swarm_mj.smallbody.occultation import Occluder, way_blocked
-from swarm_mj.typing import Array, Ints, Mask, allocation_free, kernel
+from swarm_mj.typing import Array, Ints, Mask
 
 from .kinematics import Kinematics, PerMission, Tracking
 from .radio import RadioConstants, transmit

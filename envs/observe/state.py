@@ -11,10 +11,11 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from swarm_mj.compilation import kernel
 from swarm_mj.mission.behaviors import TargetKind, Targets
 from swarm_mj.observation.capture import Picture, limits_of, observe, pictures, pixels_on, sight, watching
 from swarm_mj.observation.smear import Motion
-from swarm_mj.typing import Array, Ints, Mask, kernel
+from swarm_mj.typing import Array, Ints, Mask
 
 from .kinematics import (
     AttitudeEstimate,

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from swarm_mj.compilation import allocation_free, inlined, kernel
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.observation.capture import takes_picture
 from swarm_mj.smallbody.occultation import way_blocked
-from swarm_mj.typing import Array, Array32, Ints, Mask, allocation_free, inlined, kernel
+from swarm_mj.typing import Array, Array32, Ints, Mask
 
 from .kinematics import Kinematics, PerMission
 from .tables import BOUND, LOOKAHEAD, EpisodeArrays, EpisodeSheet, TableConstants, Tables

@@ -6,7 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from swarm_mj.typing import Array, Ints, Mask, allocation_free, jittable
+from swarm_mj.compilation import allocation_free, jittable
+from swarm_mj.typing import Array, Ints, Mask
 
 
 class EpisodeTotals(NamedTuple):

@@ -14,10 +14,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from swarm_mj.compilation import kernel
 from swarm_mj.observation.capture import keeps_limits, pixels_on
 from swarm_mj.observation.horizon import look_at_cell, sight_of
 from swarm_mj.observation.horizon_kernels import Scene
-from swarm_mj.typing import Array, Ints, Mask, kernel
+from swarm_mj.typing import Array, Ints, Mask
 
 from ..observe.episodes import Episodes
 from ..observe.layout import Observed

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from swarm_mj.compilation import kernel
 from swarm_mj.dataflow.ground import EarthSchedule, stations_from
 from swarm_mj.dataflow.link_budget import RateTable, rate_at, rate_table
 from swarm_mj.dataflow.radios import radio_from
@@ -15,7 +16,7 @@ from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.mission.links import Beams, Obstacle, obstacle_between, obstacle_to_earth
 from swarm_mj.scenarios.schema_link import Link
 from swarm_mj.smallbody.occultation import Occluder
-from swarm_mj.typing import Array, Ints, Mask, kernel
+from swarm_mj.typing import Array, Ints, Mask
 
 _SPACECRAFT, _EARTH = int(TargetKind.SPACECRAFT), int(TargetKind.EARTH)
 _NONE, _LOST, _ROLE, _RANGE = (int(o) for o in (Obstacle.NONE, Obstacle.LOST, Obstacle.ROLE, Obstacle.RANGE))

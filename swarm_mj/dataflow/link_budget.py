@@ -13,10 +13,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from swarm_mj.compilation import kernel
 from swarm_mj.dataflow.radios import Radio, radio_from
 from swarm_mj.scenarios.constants import BOLTZMANN, SPEED_OF_LIGHT
 from swarm_mj.scenarios.schema_link import Link
-from swarm_mj.typing import Array, kernel
+from swarm_mj.typing import Array
 
 
 class RateTable(NamedTuple):

@@ -11,8 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from swarm_mj.compilation import kernel
 from swarm_mj.dataflow.network import EARTH, Access
-from swarm_mj.typing import Array, Ints, kernel
+from swarm_mj.typing import Array, Ints
 
 #: Receiver of those who send nothing.
 NOBODY = -2

@@ -10,7 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from swarm_mj.typing import Ints, Mask, kernel
+from swarm_mj.compilation import kernel
+from swarm_mj.typing import Ints, Mask
 
 Words = NDArray[np.uint64]
 

@@ -22,12 +22,13 @@ import numpy as np
 from scipy.optimize import Bounds, LinearConstraint
 from scipy.sparse import coo_array, csr_array, eye_array, hstack, vstack
 
+from swarm_mj.compilation import kernel
 from swarm_mj.designer.bitset import Words, is_subset, pack
 from swarm_mj.designer.problem import CoverProblem
 from swarm_mj.designer.repair import repair_designs
 from swarm_mj.errors import MissionError
 from swarm_mj.io import highs
-from swarm_mj.typing import Array, Ints, Mask, kernel
+from swarm_mj.typing import Array, Ints, Mask
 
 #: HiGHS accepts constraints violated by this much; the tolerance is loosened by it so that no true design is lost.
 FEASIBILITY_TOLERANCE = 1e-6

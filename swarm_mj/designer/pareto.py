@@ -23,10 +23,11 @@ from pymoo.operators.crossover.ux import UX
 from pymoo.operators.selection.tournament import TournamentSelection
 from pymoo.termination.max_gen import MaximumGenerationTermination
 
+from swarm_mj.compilation import kernel
 from swarm_mj.designer.genetic import MATING_ATTEMPTS, GeneMapProblem, RandomGeneMaps, UniqueDesigns
 from swarm_mj.designer.problem import CoverProblem, gene_map
 from swarm_mj.designer.repair import refill_designs
-from swarm_mj.typing import Array, Ints, Mask, kernel
+from swarm_mj.typing import Array, Ints, Mask
 
 #: Probability that a child forgets a visiting point.
 FORGET_RATE = 0.15

@@ -11,9 +11,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from swarm_mj.compilation import kernel
 from swarm_mj.designer.bitset import Words, add_to_layers, set_weight, stands_before, word_weight
 from swarm_mj.designer.problem import CoverProblem
-from swarm_mj.typing import Array, Ints, kernel
+from swarm_mj.typing import Array, Ints
 
 
 def repair_designs(problem: CoverProblem, genes: Ints, noise: Array) -> Ints:

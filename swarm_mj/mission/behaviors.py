@@ -14,9 +14,10 @@ from typing import Any, ClassVar, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
+from swarm_mj.compilation import jittable, kernel
 from swarm_mj.errors import MissionError
 from swarm_mj.scenarios.schema import Target
-from swarm_mj.typing import Array, Ints, Mask, jittable, kernel
+from swarm_mj.typing import Array, Ints, Mask
 
 #: More than any small body pulls at its surface (Ceres 0.3, Eros 0.006) [m/s^2].
 STRONGEST_PULL = 1.0

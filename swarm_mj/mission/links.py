@@ -16,11 +16,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from swarm_mj.compilation import jittable, kernel
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.smallbody.occultation import Occluder, occluder_of, way_blocked
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.spacecraft.attitude.algebra import Vector, combine, cross, dot, scaled, times, vector
-from swarm_mj.typing import Array, Ints, Mask, jittable, kernel
+from swarm_mj.typing import Array, Ints, Mask
 
 _SPACECRAFT, _EARTH = int(TargetKind.SPACECRAFT), int(TargetKind.EARTH)
 

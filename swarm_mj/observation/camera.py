@@ -14,8 +14,9 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from swarm_mj.compilation import jittable
 from swarm_mj.errors import MissionError
-from swarm_mj.typing import Array, Mask, jittable
+from swarm_mj.typing import Array, Mask
 
 FieldOfView = Literal["square", "cone"]
 

@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from swarm_mj.compilation import jittable
 from swarm_mj.errors import MissionError
 from swarm_mj.mission.behaviors import looks_at_body
 from swarm_mj.mission.target import TargetRegion
@@ -28,7 +29,7 @@ from swarm_mj.observation.sampling import barycentric_samples, shown_whole
 from swarm_mj.observation.smear import CameraMotion, Motion, smear_px
 from swarm_mj.scenarios.schema_imaging import Observation
 from swarm_mj.spacecraft.attitude.algebra import dot, relative_dcm, times
-from swarm_mj.typing import Array, Ints, Mask, jittable
+from swarm_mj.typing import Array, Ints, Mask
 
 #: Least share of a cell that is any part of it at all: the least number above nothing.
 ANY_PART = float(np.nextafter(0.0, 1.0))

@@ -18,13 +18,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from swarm_mj.compilation import allocation_free, kernel
 from swarm_mj.io.cache import cache_folder, hash_of, load_array, store_array
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.camera import CameraModel, CameraPose, Optics, camera_pose, in_field_of_view
 from swarm_mj.observation.raytracing import RayTracer
 from swarm_mj.observation.sampling import barycentric_samples, hits_own_face
 from swarm_mj.spacecraft.attitude.algebra import Vector, dot, vector
-from swarm_mj.typing import Array, Array32, Mask, allocation_free, kernel
+from swarm_mj.typing import Array, Array32, Mask
 
 #: Azimuth bins of a map; the widest gap between two is 2.8 deg.
 AZIMUTHS = 128

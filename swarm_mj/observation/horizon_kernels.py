@@ -11,13 +11,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from swarm_mj.compilation import allocation_free
 from swarm_mj.errors import MissionError
 from swarm_mj.observation.camera import Optics
 from swarm_mj.observation.capture import Limits, keeps_limits, limits_of, pixels_on, shows_enough
 from swarm_mj.observation.horizon import Horizon, HorizonObserver, Sight, look_at_cell
 from swarm_mj.scenarios.schema_imaging import Observation
 from swarm_mj.spacecraft.attitude.algebra import Vector, dot
-from swarm_mj.typing import Array, Mask, allocation_free
+from swarm_mj.typing import Array, Mask
 
 
 class Scene(NamedTuple):

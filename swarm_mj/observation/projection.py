@@ -9,8 +9,9 @@ from math import floor, sqrt
 
 import numpy as np
 
+from swarm_mj.compilation import jittable, kernel
 from swarm_mj.observation.camera import CameraModel
-from swarm_mj.typing import Array, Ints32, Mask, jittable, kernel
+from swarm_mj.typing import Array, Ints32, Mask
 
 Boxes = Ints32
 

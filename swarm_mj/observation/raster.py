@@ -18,9 +18,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from swarm_mj.compilation import jittable, kernel
 from swarm_mj.observation.camera import CameraModel, CameraPose
 from swarm_mj.observation.projection import PictureWindow
-from swarm_mj.typing import Array, Array32, Ints, Ints32, jittable, kernel
+from swarm_mj.typing import Array, Array32, Ints, Ints32
 
 Depth = Array32
 Picture = NDArray[np.uint32]

@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from swarm_mj.compilation import kernel
 from swarm_mj.smallbody.occultation import ray_to_triangle
-from swarm_mj.typing import Array, Indices, Ints32, kernel
+from swarm_mj.typing import Array, Indices, Ints32
 
 
 class RayTracer:

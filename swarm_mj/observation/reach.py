@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from swarm_mj.compilation import jittable, kernel
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.camera import Optics, in_field_of_view
 from swarm_mj.observation.capture import Limits, keeps_limits, limits_of
@@ -25,7 +26,7 @@ from swarm_mj.observation.observer import Observer
 from swarm_mj.observation.sampling import barycentric_samples
 from swarm_mj.scenarios.schema_imaging import Observation
 from swarm_mj.spacecraft.attitude.algebra import times
-from swarm_mj.typing import Array, Mask, jittable, kernel
+from swarm_mj.typing import Array, Mask
 
 #: By this share everything is wider than it is, so that no rounding decides.
 WIDER = 1e-9

@@ -9,12 +9,13 @@ from math import isqrt
 
 import numpy as np
 
+from swarm_mj.compilation import kernel
 from swarm_mj.errors import MissionError
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.camera import CameraModel, CameraPose, Optics, in_field_of_view
 from swarm_mj.observation.raytracing import RayTracer
 from swarm_mj.spacecraft.attitude.algebra import times, vector
-from swarm_mj.typing import Array, Indices, Mask, kernel
+from swarm_mj.typing import Array, Indices, Mask
 
 #: Rays to each cell that is asked for whole.
 WHOLE_SAMPLES = 16

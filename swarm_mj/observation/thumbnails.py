@@ -14,9 +14,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from swarm_mj.compilation import jittable, kernel
 from swarm_mj.observation.camera import CameraModel
 from swarm_mj.observation.raster import NEAREST, Canvas, Mesh, View, draw_faces, make_canvas, make_mesh
-from swarm_mj.typing import Array, Array32, Mask, jittable, kernel
+from swarm_mj.typing import Array, Array32, Mask
 
 #: Pixels along a side unless said otherwise.
 SIDE_PX = 64

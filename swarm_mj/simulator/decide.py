@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from swarm_mj.compilation import allocation_free
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.simulator.slots import Peak, Resting, Slot
 from swarm_mj.smallbody.perturbations import gradient_torque_on
@@ -22,7 +23,7 @@ from swarm_mj.spacecraft.attitude.algebra import (
     vector,
 )
 from swarm_mj.spacecraft.wheels import limited
-from swarm_mj.typing import Array, Ints, Mask, allocation_free
+from swarm_mj.typing import Array, Ints, Mask
 
 
 @allocation_free

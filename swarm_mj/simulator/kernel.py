@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from swarm_mj.compilation import allocation_free, jittable
 from swarm_mj.simulator.slots import Slot
 from swarm_mj.spacecraft.attitude.algebra import (
     combine,
@@ -32,7 +33,7 @@ from swarm_mj.spacecraft.attitude.algebra import (
     transformed,
     vector,
 )
-from swarm_mj.typing import Array, allocation_free, jittable
+from swarm_mj.typing import Array
 
 
 @allocation_free

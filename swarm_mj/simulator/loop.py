@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from swarm_mj.compilation import allocation_free, inlined, jittable
 from swarm_mj.simulator.decide import (
     actuate,
     hold_gravity,
@@ -38,7 +39,7 @@ from swarm_mj.spacecraft.attitude.guidance import (
     attitude_error,
     track_line_of_sight,
 )
-from swarm_mj.typing import Array, Ints, Mask, allocation_free, inlined, jittable
+from swarm_mj.typing import Array, Ints, Mask
 
 
 class Stage(IntEnum):

@@ -7,12 +7,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from swarm_mj.compilation import allocation_free
 from swarm_mj.scenarios.schema_faults import WheelFriction, WheelLost, WheelStuck, WheelWeakened
 from swarm_mj.simulator.faults.schedule import ScheduledFault
 from swarm_mj.spacecraft.attitude.algebra import dot, put_vector, vector
 from swarm_mj.spacecraft.properties import RPM, SpacecraftProperties
 from swarm_mj.spacecraft.wheels import allocate, friction_torque, limited
-from swarm_mj.typing import Array, Mask, allocation_free
+from swarm_mj.typing import Array, Mask
 
 
 class WheelState(NamedTuple):

@@ -6,8 +6,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from swarm_mj.compilation import jittable, kernel
 from swarm_mj.smallbody.shape import ShapeModel
-from swarm_mj.typing import Array, Ints32, Mask, jittable, kernel
+from swarm_mj.typing import Array, Ints32, Mask
 
 #: Hits closer than this to a segment's ends do not count, relative to its length: a spacecraft does not hide itself.
 _END_MARGIN = 1e-9

@@ -10,8 +10,9 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
+from swarm_mj.compilation import jittable, kernel
 from swarm_mj.scenarios.constants import AU, GM_SUN, SOLAR_IRRADIANCE, SPEED_OF_LIGHT
-from swarm_mj.typing import Array, jittable, kernel
+from swarm_mj.typing import Array
 
 _Vector: TypeAlias = tuple[float, float, float]
 

@@ -13,8 +13,9 @@ from functools import cached_property
 
 import numpy as np
 
+from swarm_mj.compilation import kernel
 from swarm_mj.scenarios import constants
-from swarm_mj.typing import Array, kernel
+from swarm_mj.typing import Array
 
 
 @dataclass(frozen=True, kw_only=True)

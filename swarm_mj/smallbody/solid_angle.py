@@ -4,7 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from swarm_mj.typing import Array, Ints32, Mask, jittable, kernel
+from swarm_mj.compilation import jittable, kernel
+from swarm_mj.typing import Array, Ints32, Mask
 
 #: For no more points than these, such as the places of a swarm, NumPy has done before anything would be compiled.
 FEW = 100

@@ -15,7 +15,8 @@ from math import exp, inf, log
 
 import numpy as np
 
-from swarm_mj.typing import Array, Mask, jittable
+from swarm_mj.compilation import jittable
+from swarm_mj.typing import Array, Mask
 
 #: A decay of less than this over one hold is treated as none: the closed form would lose its digits.
 _NO_DECAY = 1e-9

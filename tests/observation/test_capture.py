@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from swarm_mj.compilation import kernel
 from swarm_mj.mission.behaviors import TargetKind, looks_at_body
 from swarm_mj.observation.camera import CameraModel, Optics, in_field_of_view
 from swarm_mj.observation.capture import (
@@ -19,7 +20,6 @@ from swarm_mj.observation.capture import (
 from swarm_mj.observation.horizon import HorizonObserver
 from swarm_mj.observation.horizon_kernels import make_scene
 from swarm_mj.scenarios.schema_imaging import Observation
-from swarm_mj.typing import kernel
 
 from .scenes import eros_target
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from swarm_mj.compilation import kernel
 from swarm_mj.smallbody.occultation import occluder_of, segments_blocked, way_blocked
 from swarm_mj.smallbody.shape import ShapeModel
-from swarm_mj.typing import kernel
 
 #: One triangle on its own: a closed body hides many a mistake behind its other side.
 TRIANGLE = ShapeModel(np.array([[300.0, -400.0, 200.0], [-500.0, 100.0, 250.0], [200.0, 600.0, -100.0]]), [[0, 1, 2]])

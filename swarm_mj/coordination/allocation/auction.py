@@ -20,9 +20,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from swarm_mj.compilation import kernel
 from swarm_mj.coordination.allocation.greedy import beats, best_picture, pictures_of, take
 from swarm_mj.coordination.allocation.problem import AllocationProblem, Pictures, Schedule
-from swarm_mj.typing import Array, Ints, Mask, kernel
+from swarm_mj.typing import Array, Ints, Mask
 
 #: Who has claimed a patch that nobody claims.
 NOBODY = -1

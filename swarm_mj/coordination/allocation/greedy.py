@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from swarm_mj.compilation import kernel
 from swarm_mj.coordination.allocation.problem import (
     Allocation,
     AllocationProblem,
@@ -19,7 +20,7 @@ from swarm_mj.coordination.allocation.problem import (
     allocation_of,
     in_conflict,
 )
-from swarm_mj.typing import Array, Ints, Mask, kernel
+from swarm_mj.typing import Array, Ints, Mask
 
 
 def greedy(problem: AllocationProblem) -> Allocation:

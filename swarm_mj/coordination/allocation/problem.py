@@ -14,7 +14,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from swarm_mj.typing import Array, Ints, Mask, kernel
+from swarm_mj.compilation import kernel
+from swarm_mj.typing import Array, Ints, Mask
 
 #: The pictures of an agent in order of time: pairs (slot, aim).
 Schedule = tuple[tuple[int, int], ...]

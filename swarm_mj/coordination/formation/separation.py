@@ -44,8 +44,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from swarm_mj.compilation import kernel
 from swarm_mj.coordination.formation.tracking import cut
-from swarm_mj.typing import Array, Ints, Mask, kernel
+from swarm_mj.typing import Array, Ints, Mask
 
 #: Instants at which a stop is checked.
 SAMPLES = 48

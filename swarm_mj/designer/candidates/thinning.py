@@ -15,8 +15,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from swarm_mj.compilation import kernel
 from swarm_mj.designer.bitset import Words, is_subset, pack
-from swarm_mj.typing import Array, Indices, Mask, kernel
+from swarm_mj.typing import Array, Indices, Mask
 
 #: Candidates in the first wave.
 FIRST_WAVE = 16

@@ -6,11 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from swarm_mj.compilation import kernel
 from swarm_mj.smallbody.gravity.base import Gravity
 from swarm_mj.smallbody.gravity.point_mass import PointMass, write_point_mass
 from swarm_mj.smallbody.gravity.polyhedron import Polyhedron, PolyhedronElements, any_far, write_near_and_far
 from swarm_mj.smallbody.gravity.spherical_harmonics import SphericalHarmonics, write_series
-from swarm_mj.typing import Array, kernel
+from swarm_mj.typing import Array
 
 #: Kinds of fields that kernels know.
 POINT_MASS, HARMONICS, POLYHEDRON = 0, 1, 2

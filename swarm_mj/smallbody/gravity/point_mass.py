@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from swarm_mj.compilation import kernel
 from swarm_mj.smallbody.gravity.base import positions, positive
-from swarm_mj.typing import Array, kernel
+from swarm_mj.typing import Array
 
 
 @dataclass(frozen=True)

@@ -25,6 +25,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from swarm_mj.compilation import allocation_free, jittable, kernel
 from swarm_mj.errors import ScenarioError
 from swarm_mj.scenarios.constants import GRAVITATIONAL_CONSTANT
 from swarm_mj.smallbody.gravity.base import frozen, positions, positive
@@ -32,7 +33,7 @@ from swarm_mj.smallbody.gravity.spherical_harmonics import SphericalHarmonics, f
 from swarm_mj.smallbody.shape import ShapeModel, directed_edges
 from swarm_mj.smallbody.shape_check import check_surface
 from swarm_mj.smallbody.solid_angle import cast_rays, solid_angle, solid_angles
-from swarm_mj.typing import Array, Ints, Ints32, allocation_free, jittable, kernel
+from swarm_mj.typing import Array, Ints, Ints32
 
 #: Bound on the argument of the wire's logarithm: keeps 0 times infinity at 0 for points on an edge.
 MIN_WIRE_GAP = 1e-300

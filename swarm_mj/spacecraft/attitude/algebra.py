@@ -7,7 +7,8 @@ and nothing is allocated. Quaternions are (w, x, y, z) with MuJoCo's meaning, v_
 from math import atan2, cos, sin, sqrt
 from typing import Any, TypeAlias
 
-from swarm_mj.typing import Array, jittable
+from swarm_mj.compilation import jittable
+from swarm_mj.typing import Array
 
 Vector: TypeAlias = tuple[float, float, float]
 Quaternion: TypeAlias = tuple[float, float, float, float]

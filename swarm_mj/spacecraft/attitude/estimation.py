@@ -19,6 +19,7 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
+from swarm_mj.compilation import allocation_free, inlined, jittable, kernel
 from swarm_mj.spacecraft.attitude.algebra import (
     SMALL,
     Matrix,
@@ -42,7 +43,7 @@ from swarm_mj.spacecraft.attitude.algebra import (
     turn,
     vector,
 )
-from swarm_mj.typing import Array, Ints, Mask, allocation_free, inlined, jittable, kernel
+from swarm_mj.typing import Array, Ints, Mask
 
 #: Blocks of a covariance: of the attitude error, of attitude and bias error, of the bias error.
 Covariance: TypeAlias = tuple[Matrix, Matrix, Matrix]

@@ -15,6 +15,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from swarm_mj.compilation import allocation_free, jittable, kernel
 from swarm_mj.spacecraft.attitude.algebra import (
     Quaternion,
     Vector,
@@ -33,7 +34,7 @@ from swarm_mj.spacecraft.attitude.algebra import (
     vector,
     z_axis,
 )
-from swarm_mj.typing import Array, Mask, allocation_free, jittable, kernel
+from swarm_mj.typing import Array, Mask
 
 #: Bodies closer than this [m] have no line of sight: spacecraft leave the mothership from one point.
 COINCIDENCE_DISTANCE: Final = 1.0

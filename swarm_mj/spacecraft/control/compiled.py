@@ -18,9 +18,10 @@ from numba import cfunc, types
 from numba.core.errors import NumbaError
 from numba.extending import typeof_impl
 
+from swarm_mj.compilation import kernel
 from swarm_mj.errors import PluginError
 from swarm_mj.spacecraft.control.base import ControlInput
-from swarm_mj.typing import Array, kernel
+from swarm_mj.typing import Array
 
 _numbers, _vectors, _tensors = (types.Array(types.float64, dimensions, "C") for dimensions in (1, 2, 3))
 _SIGNATURE = types.void(*[_vectors] * 6, *[_tensors] * 2, _numbers, _vectors)

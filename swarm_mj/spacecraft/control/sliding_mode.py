@@ -24,6 +24,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from swarm_mj.compilation import jittable
 from swarm_mj.errors import ScenarioError
 from swarm_mj.spacecraft.attitude.algebra import (
     Vector,
@@ -38,7 +39,7 @@ from swarm_mj.spacecraft.attitude.algebra import (
 )
 from swarm_mj.spacecraft.control.base import ControlInput, require_above
 from swarm_mj.spacecraft.control.compiled import CompiledLaw, torque_by
-from swarm_mj.typing import Array, jittable
+from swarm_mj.typing import Array
 
 #: A loop whose torque is held over a period is unstable when its rate gain times the period reaches this value.
 _STABILITY_LIMIT = 2.0
