@@ -303,8 +303,8 @@ class Mission:
     def tables(self) -> TableConstants:
         """See `write_tables`."""
         plan, patches, region, camera = self.plan, self.patches, self.plan.region, self.observer.camera
-        earth, sun, limit = plan.environment.earth, plan.environment.sun, self.criterion.max_incidence_deg
-        lowest = np.cos(radians(90.0 if limit is None else limit)) if self.criterion.needs_sun else -2.0
+        earth, sun = plan.environment.earth, plan.environment.sun
+        lowest = np.cos(radians(self.criterion.max_incidence_deg)) if self.criterion.needs_sun else -2.0
         return TableConstants(
             axes_A=self.axes_A,
             centre_A=self.centre_A,

@@ -60,7 +60,7 @@ class SwarmObserveEnv(BatchEnv):
 
     `scenario="eros-observe"`, a path, a dict or a `Scenario` pins the environment to one flyby: paths, criterion, H, light,
     link budget, faults and dispersions are the scenario's, times go with the time in which its swarm flies as far as H. The
-    Sun is where it is, and counts where `observation.max_incidence_deg` or `shadows` asks for light. An episode starts as
+    Sun is where it is, and counts unless `observation.light` is ignored. An episode starts as
     `swarm-mj fly SCENARIO --set seed=FLIGHT_SEED` does; of what is drawn there are `spacecraft`, `release_error`,
     `attitude_mrp`, `rate_rad_s` and the failures, as planned unless `randomise` or `draw` says otherwise. It flies by the
     kernel stepper, whatever the scenario's `physics` says, and what that cannot fly is refused by name. A scenario says

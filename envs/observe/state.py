@@ -205,7 +205,7 @@ class EpisodeState:
         new = shown & ~totals.seen[e, : region.n_cells] & totals.target[e, : region.n_cells]
         gained = float(region.area[new].sum())
         if gained > 0.0:
-            limits = limits_of(mission.criterion, mission.observer.camera)
+            limits = limits_of(mission.criterion, mission.observer.camera, region)
             pixels = pixels_on(limits, region.area[new], *sight(region, picture.r_A, new)).sum()
             bits = float(pixels) * mission.bits_per_pixel
             most = float(mission.plan.scenario.data.storage_bit)

@@ -20,6 +20,7 @@ from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.observe import ObservationResult, observe_flight
 from swarm_mj.flight.plan import Plan, make_plan
 from swarm_mj.io.atomic import write_text
+from swarm_mj.observation.coverage import percent_digits, percent_text
 from swarm_mj.records.delivered import delivered_summary
 from swarm_mj.scenarios.constants import AU, SPEED_OF_LIGHT
 from swarm_mj.scenarios.loading import load_scenario
@@ -42,11 +43,13 @@ CASES: tuple[tuple[str, str, dict[str, Any]], ...] = (
         {**HEMISPHERE, **MEDOID, "data.horizon_s": 0},
     ),
     ("one hemisphere, election by delivery", "eros-config2", {**HEMISPHERE, "data.election": "delivery"}),
-    ("whole pictures are sent", "eros-config1", {"data.product": "frame"}),
+    ("the window of the detector around the target", "eros-config1", {"data.product": "window"}),
+    ("the pixels of its cells alone", "eros-config1", {"data.product": "cells"}),
+    ("the same, one hemisphere", "eros-config1", {"data.product": "cells", **HEMISPHERE}),
     ("dishes of 34 m on Earth", "eros-config1", {"link.ground.network": "dsn34"}),
     ("a small array of patches to Earth", "eros-config1", {"link.earth.radio": "iris_patch_array"}),
     ("one patch to Earth", "eros-config1", {"link.earth.radio": "iris_patch"}),
-    ("storage of 150 kbit", "eros-config1", {"data.storage_bit": 150000}),
+    ("storage of 500 kbit", "eros-config1", {"data.storage_bit": 500000}),
     ("pixels of 10 cm, 20 days", "eros-config1", TEN_CM),
 )
 
@@ -61,10 +64,12 @@ half-angle, the instant of the visit alone), and sends what they saw in differen
 
 ## From pictures to bits
 
-A picture counts for the cells of the target that its spacecraft had not seen before. Each takes its area, foreshortened,
-over the square of the ground sampling distance in pixels, and a pixel takes `data.bits_per_pixel` / `data.compression` = 1
-bit by default. With `data.product: frame` the whole picture is sent. Cells that the same pictures show make a *tile*, which
-is what is stored, sent and counted; a tile that several spacecraft saw need be sent only once, and is.
+Of each cell that several pictures of a spacecraft show, it keeps the one of the finest ground sampling distance
+(`data.pictures`): that distance and its light are told, and its data are sent. By default whole pictures are sent, a pixel at
+`data.bits_per_pixel` / `data.compression` = 1 bit; with `data.product: window` the rectangle of the detector around the cells
+that are kept by a picture, with `cells` their pixels alone (each cell its area, foreshortened, over the square of the ground
+sampling distance). A picture's bits are shared out over its cells. Cells that the same pictures show make a *tile*, which is
+what is stored, sent and counted; of a tile that several spacecraft saw the finest copy that can arrive is sent, once.
 
 ## Radios
 
@@ -82,10 +87,11 @@ so that light takes {light_min:.1f} minutes.
 ## What arrives
 
 All numbers include light time and are past the deployment; the visit is at 600 s and the flight ends at 1,200 s. "Alone" is
-what the swarm delivers by itself (nearest relay, most area per bit first, knowing only links that are closed now); "at
-most" is the bound of a linear program over all schedules, from its dual prices; no schedule delivers more than was seen.
+what the swarm delivers by itself (nearest relay, finest copy, most area per bit first, knowing only links that are closed
+now); "at most" is the bound of a linear program over all schedules, from its dual prices, whichever copies they send; no
+schedule delivers more than was seen.
 
-| what differs | scenario | seen [%] | alone [%] | at most [%] | map complete [h] | at the earliest [h] | why not all |
+| what differs | scenario | seen [%] | alone [%] | at most [%] | all that was seen [h] | at the earliest [h] | why not all |
 |---|---|---|---|---|---|---|---|
 {rows}
 
@@ -104,6 +110,7 @@ or an omnidirectional one, do; so can another relay.
   weather, and no uplink.
 - For more than 12 spacecraft the bounds hold for schedules over links to relays and to three neighbours each; for more than 200
   nothing is computed.
+- Of a picture the share of those cells that another spacecraft's copy delivers stays aboard: pictures can be sent in parts.
 - Inventories of who holds which tile, acknowledgements and commands take no bits.
 - Slots are `data.slot_s` long, growing to half an hour after the last picture; what is received in a slot is sent on in the
   next.
@@ -120,9 +127,9 @@ def main() -> None:
         in_flight = {key: value for key, value in changes.items() if key.startswith("behavior")}
         plan, telemetry, result = flights.setdefault((name, *in_flight), flown(name, in_flight))
         plan = replace(plan, scenario=load_scenario(name, changes))
-        delivery = deliver(plan, telemetry, result.coverage)
+        delivery = deliver(plan, telemetry, result.kept)
         assert delivery is not None
-        summary = delivered_summary(plan, delivery)
+        summary = delivered_summary(plan, replace(result, delivery=delivery))
         rows.append(row(words, name, result.coverage.percent, summary))
         first = first or lead(summary, delivery)
         print(rows[-1], flush=True)
@@ -148,24 +155,31 @@ def flown(name: str, changes: Mapping[str, Any]) -> tuple[Plan, xr.Dataset, Obse
 
 def lead(summary: dict, delivery: Delivery) -> str:
     """The headline, with what it does not cover."""
-    spoken = summary["time_to_full_map_s"] - delivery.light_time_s[0]
+    complete = "complete" if summary["time_to_full_map_s"] is not None else "all that was seen"
+    spoken = summary["time_to_all_data_s"] - delivery.light_time_s[0]
     words = (
-        f"`eros-config1` delivers **{summary['delivered_percent']:.2f} % of the target**, complete on Earth "
-        f"**{summary['time_to_full_map_s']:.0f} s after deployment** ({spoken:.0f} s of flight and "
+        f"`eros-config1` delivers **{percent_text(summary['delivered_percent'])} of the target**, {complete} on Earth "
+        f"**{summary['time_to_all_data_s']:.0f} s after deployment** ({spoken:.0f} s of flight and "
         f"{delivery.light_time_s[0]:.0f} s of light time): {summary['delivered_bits'] / 1e6:.2f} Mbit of the "
         f"{summary['seen_bits'] / 1e6:.2f} Mbit that were seen, "
-        f"{summary['aboard_bits'] / 1e6:.2f} Mbit of which are copies that stay aboard. That is little because a pixel of this "
-        "camera covers 4 m or more of the ground; with the 10 cm that the paper asks for it takes days, see the last row below."
+        f"{summary['aboard_bits'] / 1e6:.2f} Mbit of which are copies that stay aboard. A pixel of what arrives covers "
+        f"{_spread(summary['gsd_delivered_m'])} m (least, median, most). Bits are few because a pixel of this camera "
+        "covers 4 m or more of the ground; with the 10 cm that the paper asks for it takes days, see the last row below."
     )
     return textwrap.fill(words, 120, break_long_words=False, break_on_hyphens=False)
+
+
+def _spread(values: Mapping[str, float]) -> str:
+    return ", ".join(f"{value:.3g}" for value in values.values())
 
 
 def row(words: str, name: str, seen: float, summary: dict) -> str:
     """A line of the table of what arrives."""
     parts = ", ".join(f"{part['percent']:.2f} % {part['reason']}" for part in summary["not_delivered"])
+    delivered, bound = percent_digits(summary["delivered_percent"]), f"{summary['delivered_percent_bound']:.2f}"
     return (
-        f"| {words} | `{name}` | {seen:.2f} | {summary['delivered_percent']:.2f} | {summary['delivered_percent_bound']:.2f} | "
-        f"{hours(summary['time_to_full_map_s'])} | {hours(summary['time_to_full_map_s_bound'])} | {parts or '-'} |"
+        f"| {words} | `{name}` | {percent_digits(seen)} | {delivered} | {bound} | "
+        f"{hours(summary['time_to_all_data_s'])} | {hours(summary['time_to_all_data_s_bound'])} | {parts or '-'} |"
     )
 
 

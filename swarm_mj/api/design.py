@@ -20,6 +20,7 @@ from swarm_mj.io.atomic import MARKER, Result, atomic_folder
 from swarm_mj.io.interruption import held
 from swarm_mj.io.machine import check_workers
 from swarm_mj.io.progress import Stages, using_bars
+from swarm_mj.observation.coverage import percent_text
 from swarm_mj.records.design_files import design_record, left_out_words, write_design, write_growth
 from swarm_mj.scenarios import schema
 from swarm_mj.scenarios.loading import NO_OVERRIDES, ScenarioSource, design_overrides
@@ -189,7 +190,7 @@ class Design:
             ("observers", str(self.n_observers)),
             ("visiting points", ", ".join(map(str, self.points))),
             ("proof", "minimal" if self.proven else f"at least {self.bound:g} are needed"),
-            ("covered", f"{self.covered_percent:.2f} %"),
+            ("covered", percent_text(self.covered_percent)),
         ]
         table = rows_html(f"Design for {self._scenario.name}", self._scenario.description, rows)
         if self.study is None:

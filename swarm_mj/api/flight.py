@@ -25,7 +25,7 @@ from swarm_mj.flight.plan import Plan, behavior_from, check_plugins, make_plan
 from swarm_mj.io.atomic import Result, atomic_folder, check_place
 from swarm_mj.io.progress import Forecast, Stages, using_bars
 from swarm_mj.mission.target import TargetRegion
-from swarm_mj.observation.coverage import CoverageMap
+from swarm_mj.observation.coverage import CoverageMap, percent_text
 from swarm_mj.records.run_files import coverage_arrays, flown_design, write_results, write_summary
 from swarm_mj.records.run_record import RunRecord, read_run
 from swarm_mj.records.summary import summarise
@@ -241,7 +241,7 @@ class Flight:
 
     def __repr__(self) -> str:
         """One line: what was flown and what it saw."""
-        share = f"{self.coverage.percent:.2f} % of the target observed"
+        share = f"{percent_text(self.coverage.percent)} of the target observed"
         return (
             f"Flight({self.plan.scenario.name!r}, {self.plan.n} spacecraft, {share} in the {self.summary['criterion']})"
         )
@@ -250,10 +250,10 @@ class Flight:
         """For notebooks: a short table and the picture of the operation."""
         plan, summary = self.plan, self.summary
         rows = [
-            (f"observed area, in the {summary['criterion']}", f"{self.coverage.percent:.2f} %"),
-            ("the same, whole passage", f"{self.passage.percent:.2f} %"),
+            (f"observed area, in the {summary['criterion']}", percent_text(self.coverage.percent)),
+            ("the same, whole passage", percent_text(self.passage.percent)),
             *(
-                [("delivered to Earth", f"{summary['delivered_percent']:.2f} % of the target")]
+                [("delivered to Earth", f"{percent_text(summary['delivered_percent'])} of the target")]
                 if summary.get("delivered_percent") is not None
                 else []
             ),
@@ -357,7 +357,7 @@ def _fly(scenario: schema.Scenario, stages: Stages) -> Flight:
         result = observe_flight(plan, telemetry, done)
         add_coverage(telemetry, result)
     with stages.stage("delivery", "way to Earth"):
-        result = replace(result, delivery=deliver(plan, telemetry, result.coverage))
+        result = replace(result, delivery=deliver(plan, telemetry, result.kept))
     summary = summarise(plan, telemetry, result, {"figures": 0.0, **stages.wall_s})
     return Flight(plan, telemetry, result, summary, design=flown_design(scenario))
 

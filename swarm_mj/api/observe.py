@@ -25,7 +25,8 @@ from swarm_mj.interop.external_flight import (
 )
 from swarm_mj.io.atomic import atomic_file
 from swarm_mj.io.progress import Stages, using_bars
-from swarm_mj.observation.coverage import CoverageMap
+from swarm_mj.observation.coverage import CoverageMap, percent_text
+from swarm_mj.records.observed import not_observed
 from swarm_mj.records.run_files import write_coverage
 from swarm_mj.scenarios.loading import NO_OVERRIDES, ScenarioSource
 
@@ -78,7 +79,9 @@ class Observation:
             "epoch_tdb": scenario.epoch,
             "duration_s": scenario.duration_s,
             "criterion": scenario.observation.criterion,
+            "light": scenario.observation.light,
             "coverage_percent": self.coverage.percent,
+            "not_observed": not_observed(self.flight.region.area, self.result.why),
             "coverage_percent_passage": self.passage.percent,
             "coverage_percent_by_spacecraft": dict(zip(self.flight.names, map(float, by), strict=True)),
             "images": self.result.images,
@@ -107,7 +110,7 @@ class Observation:
 
     def __repr__(self) -> str:
         """One line: who looked and what was seen."""
-        share = f"{self.coverage.percent:.2f} % of the target observed"
+        share = f"{percent_text(self.coverage.percent)} of the target observed"
         return f"Observation({', '.join(self.flight.names)} past {self.flight.scenario.body.name}, {share})"
 
 

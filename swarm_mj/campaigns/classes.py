@@ -55,7 +55,7 @@ FORMED_S, FORMED_SHARE = 60.0, 0.1
 RECORD = (
     "coverage_percent",
     "delivered_percent",
-    "time_to_full_map_s",
+    "time_to_all_data_s",
     "coordination_bits",
     "deployment_delta_v_m_s.sum",
     "thrust_delta_v_m_s.sum",
@@ -199,7 +199,7 @@ def _result(name: str, rows: list[dict[str, Any]]) -> ClassResult:
         return np.array([row[key] if row[key] is not None else np.nan for row in rows], np.float64)
 
     rng, lost = np.random.default_rng(0), values("lost")
-    delivered, map_s = values("delivered_percent"), values("time_to_full_map_s")
+    delivered, map_s = values("delivered_percent"), values("time_to_all_data_s")
     return ClassResult(
         name=name,
         seen=mean(values("coverage_percent"), rng),

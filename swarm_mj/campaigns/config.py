@@ -23,7 +23,7 @@ RECORD = (
     "link_closed_percent.mean",
     "links_closed_final",
     "delivered_percent",
-    "time_to_full_map_s",
+    "time_to_all_data_s",
     "deployment_delta_v_m_s.max",
     "near_collisions",
     "lost",

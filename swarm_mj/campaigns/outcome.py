@@ -49,7 +49,7 @@ DELIVERED = {
     "delivered_bits",
     "aboard_bits",
     "lost_bits",
-    "time_to_full_map_s",
+    "time_to_all_data_s",
     "link_time_s",
     "not_delivered",
 }
@@ -85,7 +85,7 @@ def outcome(plan: Plan, telemetry: xr.Dataset, result: ObservationResult, record
     """
     if result.delivery is None and DELIVERED & {name.partition(".")[0] for name in record.values()}:
         # Without the proof: a campaign asks how much arrives, and its bound would cost as much as the flight.
-        result = replace(result, delivery=deliver(plan, telemetry, result.coverage, prove=False))
+        result = replace(result, delivery=deliver(plan, telemetry, result.kept, prove=False))
     summary = summarise(plan, telemetry, result, {})
     of_the_living = {key: working(summary, key) for key in LOST_WITH_THEIR_SPACECRAFT}
     of_none: dict[str, Any] = {**dict.fromkeys(DELIVERED), **SILENT, **{key: {} for key in PROPULSION}}

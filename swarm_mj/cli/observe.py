@@ -47,6 +47,8 @@ def add(commands: argparse._SubParsersAction) -> None:
 
 def _observe(arguments: argparse.Namespace) -> int:
     from swarm_mj.api.observe import observe
+    from swarm_mj.observation.coverage import percent_text
+    from swarm_mj.records.observed import criterion_text, observed_findings
 
     camera = {} if arguments.camera is None else {"camera.half_angle_deg": arguments.camera}
     with bars_for(arguments) as bars:
@@ -61,9 +63,10 @@ def _observe(arguments: argparse.Namespace) -> int:
         )
     summary = seen.summary
     lines = [
-        f"observed area P_TO: {summary['coverage_percent']:.2f} % in the {summary['criterion']}, "
-        f"{summary['coverage_percent_passage']:.2f} % in the whole passage, {summary['images']} pictures",
-        *(f"{name}: {share:.2f} %" for name, share in summary["coverage_percent_by_spacecraft"].items()),
+        f"observed area P_TO: {percent_text(summary['coverage_percent'])} in the {criterion_text(summary)}, "
+        f"{percent_text(summary['coverage_percent_passage'])} in the whole passage, {summary['images']} pictures",
+        *(f"{name}: {percent_text(share)}" for name, share in summary["coverage_percent_by_spacecraft"].items()),
+        *observed_findings(summary),
         *seen.notes,
     ]
     if arguments.out is not None:

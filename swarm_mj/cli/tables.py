@@ -9,6 +9,8 @@ import pandas as pd
 from rich.markup import escape
 from rich.table import Table
 
+from swarm_mj.observation.coverage import percent_digits
+from swarm_mj.records.observed import causes_text, criterion_text
 from swarm_mj.records.summary import working
 
 
@@ -30,14 +32,17 @@ def _worst(errors: dict[str, float]) -> str:
     return f"{max(errors.values()):.3g}" if errors else "-"
 
 
+def _spread(values: dict[str, float]) -> str:
+    return " / ".join(f"{value:.3g}" for value in values.values()) or "-"
+
+
 def _sampled(summary: dict[str, Any]) -> str:
-    required = summary.get("ground_resolution_m")
-    reached = " / ".join(f"{value:.3g}" for value in summary.get("gsd_m", {}).values()) or "-"
+    required, reached = summary.get("ground_resolution_m"), _spread(summary["gsd_m"])
     return reached if required is None else f"{reached}; D {required:g}"
 
 
 def _smeared(summary: dict[str, Any]) -> str:
-    return " / ".join(f"{value:.3g}" for value in summary.get("smear_px_visit", {}).values()) or "-"
+    return _spread(summary.get("smear_px_visit", {}))
 
 
 def _delivered(summary: dict[str, Any]) -> str:
@@ -49,11 +54,11 @@ def _delivered(summary: dict[str, Any]) -> str:
     bound = summary["delivered_percent_bound"]
     best = f"at most {bound:.2f}" if bound - percent > 0.005 else ""
     words = [best, f"not: {', '.join(parts)}" if parts else ""]
-    return "; ".join([f"{percent:.2f}", *filter(None, words)])
+    return "; ".join([percent_digits(percent), *filter(None, words)])
 
 
 def _complete(summary: dict[str, Any]) -> str:
-    full, earliest = (summary.get(key) for key in ("time_to_full_map_s", "time_to_full_map_s_bound"))
+    full, earliest = (summary.get(key) for key in ("time_to_all_data_s", "time_to_all_data_s_bound"))
     return "-" if full is None else f"{full:.0f}" + ("" if earliest is None else f"; {earliest:.0f}")
 
 
@@ -65,12 +70,15 @@ def _crew(summary: dict[str, Any]) -> str:
 _ROWS: dict[str, Callable[[dict[str, Any]], str]] = {
     "spacecraft (of them observers)": _crew,
     "target faces": lambda s: str(s["target_faces"]),
-    "criterion, camera half-angle": lambda s: f"{s['criterion']}, {s['camera_half_angle_deg']:g} deg",
-    "observed area P_TO [%]": lambda s: f"{s['coverage_percent']:.2f}",
-    "the same, whole passage [%]": lambda s: f"{s['coverage_percent_passage']:.2f}",
+    "criterion, camera half-angle": lambda s: f"{criterion_text(s)}, {s['camera_half_angle_deg']:g} deg",
+    "observed area P_TO [%]": lambda s: percent_digits(s["coverage_percent"]),
+    "the same, whole passage [%]": lambda s: percent_digits(s["coverage_percent_passage"]),
+    "not observed, by cause": lambda s: causes_text(s) or "-",
     "of the target delivered to Earth [%]": _delivered,
-    "map complete on Earth, t [s]; by the best of these slots": _complete,
-    "GSD where it counts, min / median / max [m]": _sampled,
+    "all that was seen on Earth, t [s]; by the best of these slots": _complete,
+    "GSD observed, min / median / max [m]": _sampled,
+    "GSD delivered, min / median / max [m]": lambda s: _spread(s.get("gsd_delivered_m", {})),
+    "incidence of sunlight, min / median / max [deg]": lambda s: _spread(s["incidence_deg"]),
     "pointing error before a switch, at most [deg]": lambda s: _worst(s["pointing_error_deg_before_switch"]),
     "pointing error at the visit, at most [deg]": lambda s: _worst(s.get("pointing_error_deg_visit", {})),
     "pointing error at the end, at most [deg]": lambda s: _worst(working(s, "pointing_error_deg_final")),
@@ -91,7 +99,7 @@ def design_table(record: dict[str, Any]) -> Table:
     proven = {"optimal": "proven", "interrupted": "interrupted"}.get(proof["status"])
     proven = proven or f"at least {proof['lower_bound']:g}"
     table.add_row(
-        proven, str(proof["minimum"]), f"{proof['covered_percent']:.2f}", _numbers(proof["visiting_points"]), "-",
+        proven, str(proof["minimum"]), percent_digits(proof["covered_percent"]), _numbers(proof["visiting_points"]), "-",
         f"{proof['seconds']:.2f}",
     )  # fmt: skip
     names = {"repair": "GA, repair", "plain": "GA, plain"}
@@ -99,7 +107,7 @@ def design_table(record: dict[str, Any]) -> Table:
         table.add_row(
             names[name],
             str(result["n_observers"]),
-            f"{result['covered_percent']:.2f}" + ("" if result["feasible"] else " (too little)"),
+            percent_digits(result["covered_percent"]) + ("" if result["feasible"] else " (too little)"),
             _numbers(result["gene_map"][1:]),
             f"{result['designs_explored']:,}",
             f"{result['seconds']:.2f}",

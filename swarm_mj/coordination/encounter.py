@@ -113,7 +113,7 @@ def shown_cells(observer: Observer, criterion: Observation, aims_A: Array, track
         track: Where everything will be.
     """
     region, camera = observer.region, observer.camera
-    text = f"3 {camera} {criterion} {observer.name} {observer.occlusion}"
+    text = f"4 {camera} {criterion} {observer.name} {observer.occlusion}"
     # Rounded to a millimetre, so that the last bits of another machine's paths find the same table.
     needed = [track.r_A, aims_A, *([track.sun_A] if criterion.needs_sun else [])]
     needed += [track.v_A] if criterion.needs_motion else []
@@ -125,7 +125,7 @@ def shown_cells(observer: Observer, criterion: Observation, aims_A: Array, track
     kept = load_array(file, (*shape[:3], width))
     if kept is not None:
         return np.unpackbits(kept.astype(np.uint8), axis=3, count=region.n_cells).astype(np.bool_)
-    shows, limits = np.zeros(shape, np.bool_), limits_of(criterion, camera)
+    shows, limits = np.zeros(shape, np.bool_), limits_of(criterion, camera, region)
     for k, a in np.argwhere(track.free):
         r_A = track.r_A[k, a]
         if not keeps_limits(limits, *sight(region, r_A)).any():

@@ -65,7 +65,9 @@ class Account:
         aboard_bit: Bits aboard at each edge, shape (T + 1, n).
         on_earth_bit: Bits on Earth at each edge, shape (T + 1,).
         lost_bit: Bits lost up to each edge, shape (T + 1,).
-        delivered_slot: Slot in which the last bit of one copy of a tile comes to Earth, T where none does, shape (q,).
+        delivered_slot: Slot in which the last bit of the finest copy of a tile that arrives comes to Earth, T where none does,
+            shape (q,).
+        delivered_origin: Spacecraft whose copy that is, -1 where none is complete, shape (q,).
         value: Area of the delivered tiles [m^2].
         transfers: By slot.
         losses: By slot.
@@ -75,6 +77,7 @@ class Account:
     on_earth_bit: Ints
     lost_bit: Ints
     delivered_slot: Ints
+    delivered_origin: Ints
     value: float
     transfers: tuple[Transfer, ...]
     losses: tuple[Loss, ...]

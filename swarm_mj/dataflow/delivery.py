@@ -61,7 +61,8 @@ class Delivery:
         tile_lost_bit: What of each copy was lost with a spacecraft, shape (n, q).
         tile_overflow_bit: What of each copy found no room aboard, shape (n, q).
         tile_ready_s: When it was seen, NaN for never, shape (n, q).
-        tile_arrives_s: When the last bit of it is on Earth [s], NaN for never, shape (q,).
+        tile_arrives_s: When the last bit of the finest copy of it that arrives is on Earth [s], NaN for never, shape (q,).
+        tile_origin: Spacecraft whose copy of it that is, -1 for none, shape (q,).
         best_earth_bit: Received by Earth in the schedule that is proven best, shape (T, n); this and the next three are NaN
             where no proof was asked for.
         best_share: Of each tile that arrives in that schedule, shape (q,).
@@ -90,6 +91,7 @@ class Delivery:
     tile_overflow_bit: NDArray[np.int64]
     tile_ready_s: Array
     tile_arrives_s: Array
+    tile_origin: NDArray[np.int64]
     best_earth_bit: Array
     best_share: Array
     best_full_s: Array
@@ -141,6 +143,15 @@ class Delivery:
     def full_s(self) -> float:
         """When the last tile arrives [s past the epoch]; NaN where one does not, or nothing was seen."""
         return float(self.tile_arrives_s.max()) if len(self.tile_area) else float("nan")
+
+    def delivered_of(self, values: Array) -> Array:
+        """Of each cell what holds for the copy that arrives, NaN where none does, shape (cells,).
+
+        Args:
+            values: Of each spacecraft's copy, shape (n, cells).
+        """
+        origin = np.append(self.tile_origin, -1)[self.tile_of_cell]
+        return np.where(origin < 0, np.nan, values[origin, np.arange(values.shape[1])])
 
     @property
     def arrives_s(self) -> Array:

@@ -45,6 +45,8 @@ class Network:
         value: Area of each tile [m^2], shape (q,).
         bits: Size of the tile as spacecraft i has it [bit], 0 where it has it not, shape (n, q).
         ready: Slot from whose start it is aboard, T where never, shape (n, q).
+        gsd_m: Ground sampling distance of each copy [m], by which the better of several is known; none where all are as good,
+            shape (n, q).
         lost_slot: Slot from whose start a spacecraft and all that is aboard is lost, T for never, shape (n,).
         delay: After how many slots what is received can be sent on: 1, or 0 in a relaxation that bounds schedules of shorter
             slots, whose storage is limited at the edges alone.
@@ -60,6 +62,7 @@ class Network:
     value: Array
     bits: Ints
     ready: Ints
+    gsd_m: Array = field(default_factory=lambda: np.empty(0))
     lost_slot: Ints = field(default_factory=lambda: np.empty(0, np.int64))
     delay: int = 1
 
@@ -71,6 +74,8 @@ class Network:
         """
         if not self.lost_slot.size:
             object.__setattr__(self, "lost_slot", np.full(self.n_spacecraft, self.n_slots, np.int64))
+        if not self.gsd_m.size:
+            object.__setattr__(self, "gsd_m", np.ones(self.bits.shape))
         object.__setattr__(self, "access", _access(self.access))
         _check(self)
 

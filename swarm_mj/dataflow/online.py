@@ -5,8 +5,10 @@ closed now on which a bit takes the least time. Relays send to Earth. All send t
 stored and forwarded; a receiver takes no more than it has room for.
 
 Assumed is that the swarm shares what is small beside pictures: inventories of who holds which tile, and who hears whom. So of
-each tile one copy is on its way at a time: of those that can be completed over links closed now, the one of which most is on
-Earth, then at relays, then the one that is there soonest. The others stay aboard; one takes over where the first is cut off.
+each tile one copy is on its way at a time: of those that can be completed over links closed now, the one of the
+finest grade of ground sampling distance, then that of which most is on Earth, then at relays, then the one that is there
+soonest. The others stay aboard; one takes over where the first is cut off. A finer copy that comes up later, or can be
+completed only then, follows a coarser one that is on Earth already, after all tiles of which nothing is there, and replaces it.
 Copies of tiles that are on Earth are deleted where storage may run short in a slot.
 """
 
@@ -20,6 +22,7 @@ from scipy.sparse.csgraph import dijkstra
 
 from swarm_mj.dataflow.account import ON_EARTH, SPACECRAFT_LOST, STORAGE_FULL, Account, Loss, Transfer
 from swarm_mj.dataflow.network import EARTH, Network
+from swarm_mj.dataflow.tiles import grade
 from swarm_mj.dataflow.transfer import NOBODY, carry, link_rules
 from swarm_mj.errors import MissionError
 from swarm_mj.typing import Array, Ints, Mask
@@ -79,6 +82,9 @@ class _Swarm:
         self.held = np.zeros((network.n_spacecraft, len(self.size)), np.int64)
         self.on_earth = np.zeros(len(self.size), np.int64)
         self.delivered_slot = np.full(network.n_tiles, network.n_slots, np.int64)
+        self.delivered_origin = np.full(network.n_tiles, -1, np.int64)
+        self.delivered_grade = np.full(network.n_tiles, np.inf)
+        self.grade = grade(network.gsd_m[self.origin, self.tile])
         self.transfers: list[Transfer] = []
         self.losses: list[Loss] = []
         self.aboard: list[Ints] = []
@@ -92,7 +98,7 @@ class _Swarm:
         asked = np.bincount(self.origin[new], self.size[new], network.n_spacecraft) + network.swarm_bit[slot].sum(
             axis=0
         )
-        arrived = self.delivered_slot[self.tile] < network.n_slots
+        arrived = self.grade >= self.delivered_grade[self.tile]
         for i in np.flatnonzero(self.held.sum(axis=1) + asked > network.storage_bit).tolist():
             self._lose(slot, i, np.flatnonzero((self.held[i] > 0) & arrived), ON_EARTH)
         room = network.storage_bit - self.held.sum(axis=1)
@@ -120,7 +126,8 @@ class _Swarm:
         underway = np.flatnonzero(self._underway(routes))
         holder, place = np.nonzero(self.held[:, underway])
         copy = underway[place]
-        queue = np.column_stack([holder, copy])[np.lexsort((holder, self.rank[copy]))]
+        again = np.isfinite(self.delivered_grade[self.tile[copy]])
+        queue = np.column_stack([holder, copy])[np.lexsort((holder, self.rank[copy], again))]
         moved, everybody = np.zeros(len(queue), np.int64), np.ones(len(relay))
         carry(self.rules, self.capacity[slot], everybody, to, queue, self.network.storage_bit, self.held, moved)
         inside = to[queue[:, 0]] != EARTH
@@ -134,7 +141,8 @@ class _Swarm:
         if receiver == EARTH:
             self.on_earth[copy] += bits
             if self.on_earth[copy] == self.size[copy]:
-                self.delivered_slot[tile] = slot
+                self.delivered_slot[tile], self.delivered_origin[tile] = slot, self.origin[copy]
+                self.delivered_grade[tile] = self.grade[copy]
 
     def _underway(self, routes: _Routes) -> Mask:
         """Which copy of each tile is on its way, shape (copies,)."""
@@ -142,11 +150,13 @@ class _Swarm:
         within_reach = np.isfinite(routes.seconds)
         complete = self.on_earth + self.held[within_reach].sum(axis=0) == self.size
         soon = np.where(within_reach, routes.seconds, 0.0)[self.origin] * self.size
-        best = np.lexsort((self.origin, soon, -there / self.size, -self.on_earth / self.size, ~complete, self.tile))
+        better = self.grade < self.delivered_grade[self.tile]
+        sent, at_relays = self.on_earth / self.size, there / self.size
+        best = np.lexsort((self.origin, soon, -at_relays, -sent, self.grade, ~complete, ~better, self.tile))
         _, first = np.unique(self.tile[best], return_index=True)
         chosen = np.zeros(len(self.size), np.bool_)
         chosen[best[first]] = True
-        return chosen & (self.delivered_slot[self.tile] == self.network.n_slots)
+        return chosen & better
 
     def account(self) -> Account:
         """After the last slot."""
@@ -161,6 +171,7 @@ class _Swarm:
             on_earth_bit=earth.cumsum(),
             lost_bit=lost.cumsum(),
             delivered_slot=self.delivered_slot,
+            delivered_origin=self.delivered_origin,
             value=float(network.value[self.delivered_slot < network.n_slots].sum()),
             transfers=tuple(self.transfers),
             losses=tuple(self.losses),

@@ -91,16 +91,17 @@ def fly_design(scenario: Scenario, points: Ints) -> Arrival:
         return Arrival(math.inf, 0.0)  # each point can be flown to, but these cannot together
     telemetry = simulate(plan)
     interruption.check()
-    coverage = observe_flight(plan, telemetry).coverage
+    result = observe_flight(plan, telemetry)
+    percent = result.coverage.percent
     interruption.check()
-    delivery = deliver(plan, telemetry, coverage)
+    delivery = deliver(plan, telemetry, result.kept)
     if delivery is None:
-        return Arrival(math.inf, coverage.percent, proven=False)
+        return Arrival(math.inf, percent, proven=False)
     if np.isfinite(delivery.best_full_s):
-        return Arrival(float(delivery.best_full_s), coverage.percent)
+        return Arrival(float(delivery.best_full_s), percent)
     # The best schedule is not known in time, or it alone brings all home: what the swarm runs alone is what can be promised.
     sure = bool((delivery.best_share < WHOLE).any())
-    return Arrival(delivery.full_s if delivery.complete else math.inf, coverage.percent, proven=sure)
+    return Arrival(delivery.full_s if delivery.complete else math.inf, percent, proven=sure)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -180,7 +181,8 @@ def needs_of(scenario: Scenario, flights: CandidateFlights, region: TargetRegion
 
 def _least_bits(scenario: Scenario, flights: CandidateFlights, region: TargetRegion) -> tuple[Array, Array]:
     """Least data of each cell in each candidate's pictures, shape (n, cells), and when it takes the first [s], shape (n,)."""
-    limits, data = limits_of(scenario.observation, camera_from(scenario)), scenario.data
+    limits, data = limits_of(scenario.observation, camera_from(scenario), region), scenario.data
+    # A window holds at least the pixels of its cells.
     frame_bit = frame_pixels(scenario) * data.sent_bits_per_pixel if data.product == "frame" else None
     bit, first_s = np.full((flights.n, region.n_cells), np.inf), np.full(flights.n, np.inf)
     for j in range(flights.n):

@@ -12,14 +12,16 @@ carried along unread; points are numbered from 1.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from swarm_mj.designer.bitset import Words, add_to_layers, covered_weights, pack, set_weight, weight_table
 from swarm_mj.errors import MissionError
+from swarm_mj.observation.cause import WORDS, shares
 from swarm_mj.typing import Array, Ints, Mask
 
 #: The whole target in units of area: fine enough that rounding every face to a unit is far below any tolerance.
@@ -55,10 +57,12 @@ class CoverProblem:
         max_observers: N_max.
         fold: How many spacecraft must see a face for it to count. No two visit one point, where they would collide, and would
             share whatever spoils the view.
+        why: `Cause` why each face is seen from no point, shape (n_faces,); empty where that is not known.
     """
 
     sees: Mask
     area: Array
+    why: NDArray[np.int8] = field(default_factory=lambda: np.empty(0, np.int8))
     tolerance_percent: float = 0.1
     max_observers: int = 20
     fold: int = 1
@@ -139,15 +143,19 @@ class CoverProblem:
         fitness = np.where(feasible, genes[:, 0], self.max_observers + 1.0 + too_much)
         return Evaluation(genes[:, 0], 100.0 - 100.0 * missing / self.total_weight, feasible, fitness)
 
+    @property
+    def can_be_covered(self) -> bool:
+        """Whether visiting every point would be enough."""
+        return self.is_enough(int(self.weights[self.coverable].sum()))
+
     def require_coverable(self) -> None:
         """Check that visiting every point would be enough.
 
         Raises:
             MissionError: It would not; the message says how much can be seen and what would make it feasible.
         """
-        seen = int(self.weights[self.coverable].sum())
-        if not self.is_enough(seen):
-            raise MissionError(_uncoverable(self, self.percent(seen)))
+        if not self.can_be_covered:
+            raise MissionError(_uncoverable(self, self.percent(int(self.weights[self.coverable].sum()))))
 
 
 def gene_map(points: Sequence[int] | Ints, max_observers: int) -> Ints:
@@ -165,10 +173,21 @@ def gene_map(points: Sequence[int] | Ints, max_observers: int) -> Ints:
 def _uncoverable(problem: CoverProblem, best: float) -> str:
     unseen = int((~problem.coverable).sum())
     times = "" if problem.fold == 1 else f" {problem.fold} times"
-    advice = f"allow a tolerance of at least {np.ceil((100.0 - best) * 100) / 100:.2f} %, or add visiting points"
+    advice = (
+        f"allow a tolerance of at least {min(np.ceil((100.0 - best) * 100) / 100, 100.0):.2f} %, or add visiting points"
+    )
     if problem.fold > 1:
         advice += ", or ask for a lower fold"
     return (
-        f"the target cannot be covered: visiting all {problem.n_points} points sees {best:.2f} % of its area{times}, "
-        f"{100.0 - problem.tolerance_percent:g} % is asked for, {unseen} of {problem.n_faces} faces fall short; {advice}"
+        f"the target cannot be covered: visiting all {problem.n_points} points sees {abs(best):.2f} % of its area{times}, "
+        f"{100.0 - problem.tolerance_percent:g} % is asked for, {unseen} of {problem.n_faces} faces fall short"
+        f"{_causes(problem)}; {advice}"
     )
+
+
+def _causes(problem: CoverProblem) -> str:
+    """Why, in brackets, with shares of the target."""
+    if not len(problem.why):
+        return ""
+    found = shares(problem.area, problem.why)
+    return f" ({', '.join(f'{share:.3g} % {WORDS[cause]}' for cause, share in found.items())})" if found else ""

@@ -16,11 +16,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from swarm_mj.designer.candidates.visibility import Candidate, Visibility, visibility
+from swarm_mj.designer.daylight import daylight_text
 from swarm_mj.designer.deadline import HOUR, Arrival, DeadlineSearch, fly_design, needs_of
 from swarm_mj.designer.exact import ExactResult, Waiting, solve_budget, solve_exact, without_proof
 from swarm_mj.designer.problem import CoverProblem
 from swarm_mj.errors import MissionError
 from swarm_mj.io.interruption import held
+from swarm_mj.observation.cause import Cause
 from swarm_mj.scenarios.itinerary import target_name
 from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.scenarios.schema import Scenario
@@ -126,6 +128,7 @@ def cover_problem(scenario: Scenario, seen: Visibility) -> CoverProblem:
     return CoverProblem(
         sees=seen.sees,
         area=seen.area,
+        why=seen.why,
         tolerance_percent=designer.tolerance_percent,
         max_observers=designer.max_observers,
         fold=designer.fold,
@@ -162,6 +165,11 @@ def study_design(
             work.solve(pareto)
         except KeyboardInterrupt:
             clock.interrupted = clock.name
+        except MissionError as error:
+            dark = len(seen.why) and (seen.why == Cause.DARK).any() and not work.problem.can_be_covered
+            if not dark:
+                raise
+            raise MissionError(f"{error}; {daylight_text(scenario, seen.regions[0])}") from None
     return work.study()
 
 
@@ -274,10 +282,7 @@ EXTENSIONS: dict[str, dict[str, Any]] = {
     "as asked": {},
     "every face seen by 2": {"designer.fold": 2},
     "every face seen by 3": {"designer.fold": 3},
-    "only sunlit faces count, incidence up to 70 deg, with shadows": {
-        "observation.max_incidence_deg": 70.0,
-        "observation.shadows": True,
-    },
+    "incidence of sunlight at most 70 deg": {"observation.light": "sunlit", "observation.max_incidence_deg": 70.0},
     "a second target at 0 N, 60 E, 15 deg": {
         "designer.extra_targets": [{"latitude_deg": 0.0, "longitude_deg": 60.0, "half_angle_deg": 15.0}]
     },

@@ -21,7 +21,7 @@ from swarm_mj.figures.timescale import TimeScale, time_scale
 from swarm_mj.figures.units import instant
 from swarm_mj.flight.observe import ObservationResult
 from swarm_mj.flight.plan import Plan
-from swarm_mj.observation.coverage import CoverageMap
+from swarm_mj.observation.coverage import CoverageMap, percent_text
 from swarm_mj.typing import Array, Indices
 
 #: Of the line of one spacecraft [pt].
@@ -72,8 +72,8 @@ def _draw_history(ax: Axes, scale: TimeScale, telemetry: xr.Dataset, coverage: C
     label(ax, y=r"observed share of the target $P_{TO}$ [%]")
     caption(
         ax,
-        f"$P_{{TO}}$ = {coverage.percent:.2f} % at the end, "
-        f"{float(coverage.percent_over_time(visit)):.2f} % at the visit, t = {instant(visit, axis)}",
+        f"$P_{{TO}}$ = {percent_text(coverage.percent)} at the end, "
+        f"{percent_text(float(coverage.percent_over_time(visit)))} at the visit, t = {instant(visit, axis)}",
     )
 
 

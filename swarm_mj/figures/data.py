@@ -27,6 +27,7 @@ from swarm_mj.figures.timescale import TimeScale, delivery_scale
 from swarm_mj.figures.units import DataUnit, data_unit, instant
 from swarm_mj.flight.observe import ObservationResult
 from swarm_mj.flight.plan import Plan
+from swarm_mj.observation.coverage import percent_text
 from swarm_mj.typing import Array, Indices
 
 #: Instants at which the area is drawn.
@@ -138,7 +139,7 @@ def _instants(delivery: Delivery, scale: TimeScale) -> Array:
 def _outcome(result: ObservationResult, delivery: Delivery, area: float, scale: TimeScale) -> str:
     """Seen and delivered in words, and when the map is complete."""
     percent = 100.0 / area * delivery.delivered_area
-    words = f"{result.coverage.percent:.2f} % seen, {percent:.2f} % delivered"
+    words = f"{percent_text(result.coverage.percent)} seen, {percent_text(percent)} delivered"
     if delivery.complete and len(delivery.tile_area):
         words += f"; the last of it at t = {instant(delivery.full_s, scale.axis)}"
         if not np.isnan(delivery.best_full_s):

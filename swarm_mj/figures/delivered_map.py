@@ -23,6 +23,7 @@ from swarm_mj.figures.units import instant, time_axis
 from swarm_mj.figures.view import triangles
 from swarm_mj.flight.observe import ObservationResult
 from swarm_mj.flight.plan import Plan
+from swarm_mj.observation.coverage import percent_text
 from swarm_mj.typing import Array, Mask
 
 #: Arrivals whose last comes so many times later than the first are coloured by the logarithm of their time.
@@ -96,7 +97,7 @@ def _percent(plan: Plan, cells: Mask) -> float:
 
 def _words(plan: Plan, result: ObservationResult, delivery: Delivery) -> str:
     percent = 100.0 / plan.region.total_area * delivery.delivered_area
-    words = f"{result.coverage.percent:.2f} % seen, {percent:.2f} % delivered"
+    words = f"{percent_text(result.coverage.percent)} seen, {percent_text(percent)} delivered"
     if delivery.complete and len(delivery.tile_area):
         words += f"; the last of it at t = {instant(delivery.full_s, time_axis(delivery.full_s))}"
     return words

@@ -33,6 +33,7 @@ from swarm_mj.figures.view import HIDING_DEPTH, depth_of, face_colours, tracer_o
 from swarm_mj.flight.observe import ObservationResult, camera_from, flight_pictures, visit_samples
 from swarm_mj.flight.plan import Plan
 from swarm_mj.observation.camera import CameraModel, CameraPose
+from swarm_mj.observation.coverage import percent_text
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.typing import Array, Indices
 
@@ -87,7 +88,7 @@ def compose_footprints(plan: Plan, telemetry: xr.Dataset, result: ObservationRes
     caption(
         ax,
         f"outlines: {visit_words(scenario, axis)}; "
-        f"half-angle {camera.half_angle_deg:g}\N{DEGREE SIGN}; $P_{{TO}}$ = {percent:.2f} %",
+        f"half-angle {camera.half_angle_deg:g}\N{DEGREE SIGN}; $P_{{TO}}$ = {percent_text(percent)}",
     )
     legend_below(figure, _handles(plan, result, {j: colours[j] for j in poses}, whole))
     return figure

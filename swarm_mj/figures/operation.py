@@ -35,6 +35,7 @@ from swarm_mj.figures.view import (
 from swarm_mj.flight.observe import ObservationResult
 from swarm_mj.flight.plan import Plan
 from swarm_mj.mission.behaviors import TargetKind
+from swarm_mj.observation.coverage import percent_text
 from swarm_mj.records.modes import LOST
 from swarm_mj.scenarios.itinerary import last_visit_s
 from swarm_mj.typing import Array, Indices, Mask
@@ -60,7 +61,11 @@ def compose_operation(plan: Plan, telemetry: xr.Dataset, result: ObservationResu
     started = []
     for column, (k, seen) in enumerate(zip(instants, seen_by_then, strict=True)):
         percent = 100.0 * plan.region.area[seen].sum() / plan.region.total_area
-        caption(grid[0, column], f"t = {scale.instant(scene.times[k])}, $P_{{TO}}$ = {percent:.2f} %", size=TICK_PT + 1)
+        caption(
+            grid[0, column],
+            f"t = {scale.instant(scene.times[k])}, $P_{{TO}}$ = {percent_text(percent)}",
+            size=TICK_PT + 1,
+        )
         started.append(_draw_instant(grid[0, column], plan, telemetry, seen, scene, view, k))
         _draw_target(grid[1, column], plan, seen)
     legend_below(figure, _handles(scene, seen_by_then, any(started), any(_hides(ax) for ax in grid[0])))

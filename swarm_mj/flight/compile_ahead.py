@@ -50,8 +50,8 @@ def _judge_links(plan: Plan) -> None:
     )
     flown = {name: value[:1] for name, value in vars(instants).items() if name not in ("t", "works")}
     links_closed(antennas=plan.antennas, shape=plan.shape, **flown)
-    area = plan.region.area
-    tiles = make_tiles(area, np.zeros((plan.n, len(area))), np.ones((plan.n, len(area))), bits_per_pixel=1.0)
+    shape = (plan.n, plan.region.n_cells)
+    tiles = make_tiles(plan.region.area, np.zeros(shape), np.ones(shape), np.ones(shape))
     contacts = contacts_of(plan, np.array([0.0, 1.0]), instants)
     run_online(network_of(plan.scenario, tiles, contacts, instants), speaking(instants, 1))
 

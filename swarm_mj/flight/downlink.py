@@ -34,10 +34,13 @@ from swarm_mj.flight.post_flight import (
     post_flight_paths,
 )
 from swarm_mj.mission.behaviors import TargetKind
+from swarm_mj.mission.target import TargetRegion
+from swarm_mj.observation.camera import CameraPose
 from swarm_mj.observation.capture import limits_of, pixels_on, sight
-from swarm_mj.observation.coverage import CoverageMap
+from swarm_mj.observation.coverage import KeptPictures
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.smallbody.occultation import occluder_of
+from swarm_mj.spacecraft.attitude.mrp import dcm
 from swarm_mj.typing import Array, Ints, Mask
 
 #: Instants of a slot at which its contacts are looked at, at least and at most, and the time between them that is aimed at [s].
@@ -54,13 +57,13 @@ ALL_LINKS, NEIGHBOURS = 12, 3
 PROOF_S = 60.0
 
 
-def deliver(plan: Plan, telemetry: xr.Dataset, coverage: CoverageMap, *, prove: bool = True) -> Delivery | None:
+def deliver(plan: Plan, telemetry: xr.Dataset, kept: KeptPictures, *, prove: bool = True) -> Delivery | None:
     """Send what a flight saw to Earth: by what the swarm can run alone, and by the schedule that is proven best.
 
     Args:
         plan: What was flown.
         telemetry: The flight.
-        coverage: What it saw, by the scenario's criterion.
+        kept: By which pictures what it saw is kept.
         prove: Whether to find the best schedule; without, its arrays hold NaN.
 
     Returns:
@@ -72,7 +75,7 @@ def deliver(plan: Plan, telemetry: xr.Dataset, coverage: CoverageMap, *, prove: 
     scenario = plan.scenario
     if plan.n > MOST_SPACECRAFT:
         return None
-    tiles = tiles_of(plan, telemetry, coverage)
+    tiles = tiles_of(plan, telemetry, kept)
     edges_s = slot_edges(scenario, tiles.ready_s, MOST_LINKS // plan.n**2)
     swarm = SampledSwarm.of_flight(plan, telemetry, edges_s)
     trials = Trials(swarm, tiles)
@@ -186,32 +189,53 @@ def _delivered(network: Network, account: Account, light_time_s: Array) -> dict[
         "tile_lost_bit": by_reason[SPACECRAFT_LOST],
         "tile_overflow_bit": by_reason[STORAGE_FULL],
         "tile_arrives_s": arrives_s[account.delivered_slot],
+        "tile_origin": account.delivered_origin,
     }
 
 
-def tiles_of(plan: Plan, telemetry: xr.Dataset, coverage: CoverageMap) -> Tiles:
-    """The data of a flight: of each picture, what it adds to what its spacecraft had seen."""
-    scenario, region, data = plan.scenario, plan.region, plan.scenario.data
-    limits, times = limits_of(scenario.observation, camera_from(scenario)), telemetry["time"].values
-    pixels = np.zeros(coverage.first_seen_by_s.shape)
-    for j, first_s in enumerate(coverage.first_seen_by_s):
-        for t in np.unique(first_s[~np.isnan(first_s)]):
-            k, cells = int(np.searchsorted(times, t)), np.flatnonzero(first_s == t)
-            r_A = plan.environment.C_AN(t) @ telemetry["r_BN_N"].values[k, j]
-            pixels[j, cells] = pixels_on(limits, region.area[cells], *sight(region, r_A, cells))
-    frame_bit = frame_pixels(scenario) * data.sent_bits_per_pixel if data.product == "frame" else None
-    return make_tiles(
-        region.area,
-        coverage.first_seen_by_s,
-        pixels,
-        bits_per_pixel=data.sent_bits_per_pixel,
-        frame_bit=frame_bit,
-    )
+def tiles_of(plan: Plan, telemetry: xr.Dataset, kept: KeptPictures) -> Tiles:
+    """The data of a flight: of each picture the part that is sent, shared out over the cells that are kept by it."""
+    region, environment = plan.region, plan.environment
+    limits = limits_of(plan.scenario.observation, camera_from(plan.scenario), region)
+    times, ready_s = telemetry["time"].values, np.full(kept.taken_s.shape, np.nan)
+    bits = np.zeros(ready_s.shape)
+    for t, j, cells in kept.pictures():
+        k, C_AN = int(np.searchsorted(times, t)), environment.C_AN(t)
+        pose = CameraPose(C_AN @ telemetry["r_BN_N"].values[k, j], dcm(telemetry["sigma_BN"].values[k, j]) @ C_AN.T)
+        pixels = pixels_on(limits, region.area[cells], *sight(region, pose.r_A, cells))
+        bits[j, cells] += pixels * (sent_bit(plan.scenario, region, pose, cells, pixels) / pixels.sum())
+        ready_s[j, cells] = t
+    return make_tiles(region.area, ready_s, bits, kept.gsd_m)
+
+
+def sent_bit(scenario: Scenario, region: TargetRegion, pose: CameraPose, cells: Ints, pixels: Array) -> float:
+    """Data that are sent of a picture for some cells in it [bit], see `data.product`.
+
+    Args:
+        scenario: Says what is sent.
+        region: The target.
+        pose: Of the camera.
+        cells: Their numbers.
+        pixels: That they take up.
+    """
+    per_pixel, product = scenario.data.sent_bits_per_pixel, scenario.data.product
+    if product == "cells":
+        return per_pixel * float(pixels.sum())
+    frame_bit = per_pixel * frame_pixels(scenario)
+    if product == "frame":
+        return frame_bit
+    x, y, z = pose.to_camera(region.corners_A[cells].reshape(-1, 3)).T
+    edge = z * camera_from(scenario).tan_half_angle
+    if (z <= 0.0).any():
+        return frame_bit
+    across, down = (np.ptp(np.clip(side / edge, -1.0, 1.0)) for side in (x, y))
+    return max(frame_bit * 0.25 * float(across * down), per_pixel)
 
 
 def frame_pixels(scenario: Scenario) -> int:
-    """Pixels of a whole picture."""
-    width, height = scenario.data.sensor_px or (scenario.camera.resolution_px,) * 2
+    """Pixels of a whole picture of the real detector: as many as its pixel's angle makes, where nothing else is said."""
+    camera = camera_from(scenario)
+    width, height = scenario.data.sensor_px or (round(2.0 * camera.tan_half_angle / camera.pixel_angle),) * 2
     return width * height
 
 
@@ -388,6 +412,7 @@ def network_of(
         earth_channels=scenario.link.ground.channels,
         value=tiles.area,
         bits=tiles.bits,
+        gsd_m=tiles.gsd_m,
         ready=ready.astype(np.int64),
         lost_slot=np.where(works.all(axis=0), contacts.n_slots, np.argmin(works, axis=0)),
         delay=0 if continuous else 1,

@@ -298,7 +298,7 @@ class EncounterCheck:
         pose = look_at(C_AN @ r_N, np.zeros(3))
         omega_N = np.cross(r_N, v_N) / (r_N @ r_N)
         motion = CameraMotion(C_AN @ (v_N - np.cross(spin_N, r_N)), pose.C_CA @ (C_AN @ (omega_N - spin_N)))
-        limits = limits_of(self.scenario.observation, camera)
+        limits = limits_of(self.scenario.observation, camera, region)
         distance, height = sight(region, pose.r_A)
         shown = (height > 0.0) & (distance <= limits.max_range) & camera.contains(pose.to_camera(region.centroid_A))
         return np.where(shown, smear_px(region, camera, pose.r_A, pose.C_CA, motion), np.nan)

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Protocol
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
 from swarm_mj.dataflow.delivery import Delivery
 from swarm_mj.mission.target import TargetRegion
@@ -15,18 +17,23 @@ from swarm_mj.observation.camera import CameraModel
 from swarm_mj.observation.capture import (
     Picture,
     PictureSchedule,
+    causes,
     ground_sampling_distance,
+    incidence,
     limits_of,
+    lit_cells,
     observe,
     pictures,
     sight,
     watching,
 )
-from swarm_mj.observation.coverage import CoverageMap
+from swarm_mj.observation.cause import Cause
+from swarm_mj.observation.coverage import CoverageMap, KeptPictures, Shown
 from swarm_mj.observation.observer import Observer, make_observer
 from swarm_mj.observation.smear import Motion, smear_px
 from swarm_mj.scenarios.itinerary import visit_times
 from swarm_mj.scenarios.schema import Scenario
+from swarm_mj.scenarios.schema_imaging import Observation
 from swarm_mj.simulator.telemetry import VARIABLES, working
 from swarm_mj.smallbody.environment import Environment
 from swarm_mj.spacecraft.attitude.mrp import dcm
@@ -72,8 +79,8 @@ class ObservationResult:
         observer: Name of the observer that measured it.
         note: Why that one.
         images: Number of pictures judged.
-        gsd_m: Finest ground sampling distance at which each cell counts by the scenario's criterion [m], NaN where it does not,
-            shape (n,); None where the flight was read back.
+        why: `Cause` why each cell does not count by the scenario's criterion, in the picture that came nearest to that, (n,).
+        kept: By which picture each spacecraft keeps each cell that counts by the scenario's criterion.
         smear_px: Smear of each cell in the sharpest picture of the visit that has it in the field of view [px], NaN where none
             has, shape (n,); None where the camera has no exposure or the flight was read back.
         delivery: What of it reaches Earth; None where that was not computed.
@@ -84,7 +91,8 @@ class ObservationResult:
     observer: str
     note: str
     images: int
-    gsd_m: Array | None = None
+    why: NDArray[np.int8]
+    kept: KeptPictures
     smear_px: Array | None = None
     delivery: Delivery | None = None
 
@@ -140,24 +148,34 @@ def observe_flight(plan: Observed, telemetry: xr.Dataset, progress: Progress | N
     passage, visit = (CoverageMap(plan.region.area, plan.n) for _ in range(2))
     visits_s = telemetry["time"].values[visit_samples(scenario)]
     observer = observer_from(scenario, plan.region)
-    limits = limits_of(criterion, observer.camera)
-    gsd_m, least_px = (np.full(plan.region.n_cells, np.nan) for _ in range(2))
+    limits = limits_of(criterion, observer.camera, plan.region)
+    kept = KeptPictures(plan.region.n_cells, plan.n, scenario.data.pictures)
+    least_px, why = np.full(plan.region.n_cells, np.nan), np.full(plan.region.n_cells, Cause.NO_PICTURE, np.int8)
     visit_only = scenario.observation.criterion == "visit"
-    images = 0
+    images, light = 0, _Light(observer, criterion)
     try:
         for picture in flight_pictures(plan, telemetry):
-            seen = observe(observer, picture.r_A, picture.C_CA, criterion, picture.sun_A, picture.motion)
+            cause = causes(observer, picture.pose, criterion, motion=picture.motion, light=partial(light.at, picture))
+            seen = cause == Cause.NONE
             passage.add(picture.t, picture.spacecraft, seen)
             at_visit = picture.t == visits_s[picture.spacecraft]
             if at_visit:
                 visit.add(picture.t, picture.spacecraft, seen)
                 least_px = np.fmin(least_px, _smear_in(observer, picture))
             if at_visit or not visit_only:
-                finest = ground_sampling_distance(limits, *sight(plan.region, picture.r_A, seen))
-                gsd_m[seen] = np.fmin(gsd_m[seen], finest)
+                why = np.maximum(why, cause)
+                cells = np.flatnonzero(seen)
+                gsd_m = ground_sampling_distance(limits, *sight(plan.region, picture.r_A, cells))
+                incidence_deg = np.degrees(incidence(plan.region, picture.sun_A)[cells])
+                shown = Shown(picture.t, picture.spacecraft, cells)
+                kept.add(shown, gsd_m, incidence_deg, float(visits_s[picture.spacecraft]))
             images += 1
             if progress is not None:
                 progress(images)
+        for picture in flight_pictures(plan, telemetry, camera_on=False):
+            if not visit_only or picture.t == visits_s[picture.spacecraft]:
+                would = observe(observer, picture.r_A, picture.C_CA, criterion, picture.sun_A, picture.motion)
+                why[would & (why != Cause.NONE)] = Cause.CAMERA_OFF
     finally:
         observer.close()
     return ObservationResult(
@@ -166,9 +184,24 @@ def observe_flight(plan: Observed, telemetry: xr.Dataset, progress: Progress | N
         observer=observer.name,
         note=WHOLE_NOTE if criterion.whole else observer.note,
         images=images,
-        gsd_m=gsd_m,
+        why=why,
+        kept=kept,
         smear_px=least_px if scenario.camera.exposure_s else None,
     )
+
+
+class _Light:
+    """Which cells are lit, worked out once for all pictures of an instant."""
+
+    def __init__(self, observer: Observer, criterion: Observation) -> None:
+        self._observer, self._criterion = observer, criterion
+        self._last: tuple[float, Mask] | None = None
+
+    def at(self, picture: Picture) -> Mask:
+        """Of a picture, shape (n,)."""
+        if self._last is None or self._last[0] != picture.t:
+            self._last = picture.t, lit_cells(self._observer, self._criterion, picture.sun_A)
+        return self._last[1]
 
 
 def _smear_in(observer: Observer, picture: Picture) -> Array:
@@ -181,9 +214,9 @@ def _smear_in(observer: Observer, picture: Picture) -> Array:
     return np.where(shown, smear_px(region, camera, picture.r_A, picture.C_CA, picture.motion), np.nan)
 
 
-def flight_pictures(plan: Observed, telemetry: xr.Dataset) -> Iterator[Picture]:
-    """All pictures of a flight, in order of time."""
-    who, environment = watching_in(telemetry, plan.n_observers), plan.environment
+def flight_pictures(plan: Observed, telemetry: xr.Dataset, *, camera_on: bool = True) -> Iterator[Picture]:
+    """All pictures of a flight, in order of time; or those that are not taken, since a camera is off."""
+    who, environment = watching_in(telemetry, plan.n_observers, camera_on=camera_on), plan.environment
     r_BN_N, C_BN = telemetry["r_BN_N"].values, dcm(telemetry["sigma_BN"].values)
     schedule = _passage(plan.scenario)
     # Of a flight flown elsewhere no rates are known.
@@ -203,12 +236,11 @@ def picture_count(plan: Observed, telemetry: xr.Dataset) -> int:
     )
 
 
-def watching_in(telemetry: xr.Dataset, n_observers: int) -> Mask:
-    """Who would take a picture at each sample, shape (time, n)."""
-    camera_on = working(telemetry) if "released" in telemetry else True
-    if "camera_on" in telemetry:
-        camera_on = camera_on & (telemetry["camera_on"].values == 1)
-    return watching(n_observers, telemetry["mode"].values, camera_on)
+def watching_in(telemetry: xr.Dataset, n_observers: int, *, camera_on: bool = True) -> Mask:
+    """Who would take a picture at each sample, shape (time, n); or who would if its camera were not off."""
+    works = working(telemetry) if "released" in telemetry else np.ones(telemetry["mode"].shape, np.bool_)
+    on = telemetry["camera_on"].values == 1 if "camera_on" in telemetry else works
+    return watching(n_observers, telemetry["mode"].values, works & (on == camera_on))
 
 
 def visit_samples(scenario: Scenario) -> Ints:

@@ -2,7 +2,8 @@
 
 The picture loop: at even times and at the visit (`PictureSchedule`), each observer that looks at the body with a working camera
 (`takes_picture`) takes one picture from where it is (`pictures`). The criterion: a cell counts when it keeps the limits
-(`keeps_limits`), is lit (`lit_cells`) and shows enough of itself (`shows_enough`), see `cells_that_count`.
+(`keeps_limits`), shows enough of itself (`shows_enough`) and is lit (`lit_cells`), see `judge`. Of cells that do not count it
+tells the cause.
 
 A recorded flight, one watched live, the designer's candidates and the environment of reinforcement learning all come here.
 What is marked `jittable` takes arrays in NumPy and numbers in compiled kernels: one statement, one arithmetic.
@@ -16,13 +17,14 @@ from math import cos, inf, radians
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from swarm_mj.compilation import jittable
 from swarm_mj.errors import MissionError
 from swarm_mj.mission.behaviors import looks_at_body
 from swarm_mj.mission.target import TargetRegion
 from swarm_mj.observation.camera import CameraModel, CameraPose, camera_pose
+from swarm_mj.observation.cause import Cause
 from swarm_mj.observation.observer import Observer
 from swarm_mj.observation.raytracing import RayTracer
 from swarm_mj.observation.sampling import barycentric_samples, shown_whole
@@ -162,6 +164,7 @@ class Limits(NamedTuple):
         max_smear: Largest motion of the image during the exposure [px].
         pixel_angle: Width of a pixel at unit distance [rad].
         min_share: Least visible share of a cell.
+        max_pixel_area: Largest area of ground that a pixel may cover [m^2].
     """
 
     min_cos_emission: float
@@ -170,11 +173,12 @@ class Limits(NamedTuple):
     max_smear: float
     pixel_angle: float
     min_share: float
+    max_pixel_area: float
 
 
-def limits_of(criterion: Observation, camera: CameraModel) -> Limits:
-    """The criterion in numbers, for pictures of one camera."""
-    emission = 90.0 if criterion.max_emission_deg is None else criterion.max_emission_deg
+def limits_of(criterion: Observation, camera: CameraModel, region: TargetRegion) -> Limits:
+    """The criterion in numbers, for pictures of a target by one camera."""
+    emission = criterion.max_emission_deg
     return Limits(
         min_cos_emission=cos(radians(emission)) if emission < 90.0 else 0.0,
         max_range=criterion.max_range_m or inf,
@@ -182,12 +186,13 @@ def limits_of(criterion: Observation, camera: CameraModel) -> Limits:
         max_smear=criterion.max_smear_px or inf,
         pixel_angle=camera.pixel_angle,
         min_share=ANY_PART if criterion.any_pixel else criterion.min_fraction,
+        max_pixel_area=float(np.median(region.area)) / criterion.min_pixels if criterion.min_pixels else inf,
     )
 
 
 @jittable
 def keeps_limits(limits: Limits, distance: Any, height: Any, smear: Any = 0.0) -> Any:
-    """Whether cells keep the limits of emission angle, range, ground sampling distance and smear.
+    """Whether cells keep the limits of emission angle, range, ground sampling distance, pixels and smear.
 
     Args:
         limits: In numbers.
@@ -201,6 +206,7 @@ def keeps_limits(limits: Limits, distance: Any, height: Any, smear: Any = 0.0) -
         & (cos_emission >= limits.min_cos_emission)
         & (distance <= limits.max_range)
         & (distance * limits.pixel_angle <= limits.max_gsd * cos_emission)
+        & ((distance * limits.pixel_angle) ** 2 <= limits.max_pixel_area * cos_emission)
         & (smear <= limits.max_smear)
     )
 
@@ -285,8 +291,7 @@ def _unit(sun_A: ArrayLike) -> Array:
 
 def lit_cells(observer: Observer, criterion: Observation, sun_A: ArrayLike) -> Mask:
     """Cells that are lit as the criterion asks, shape (n,)."""
-    limit = 90.0 if criterion.max_incidence_deg is None else criterion.max_incidence_deg
-    return lit(observer.region, sun_A, max_incidence_deg=limit, tracer=observer.tracer if criterion.shadows else None)
+    return lit(observer.region, sun_A, max_incidence_deg=criterion.max_incidence_deg, tracer=observer.tracer)
 
 
 def visible_share(observer: Observer, r_A: ArrayLike, C_CA: ArrayLike, *, whole: bool) -> Array:
@@ -307,30 +312,43 @@ def visible_share(observer: Observer, r_A: ArrayLike, C_CA: ArrayLike, *, whole:
     return shown_whole(tracer, observer.region, observer.camera, camera_pose(r_A, C_CA)).astype(np.float64)
 
 
-def cells_that_count(
+def judge(
     observer: Observer,
     criterion: Observation,
-    r_A: Array,
+    pose: CameraPose,
     light: Callable[[], Mask],
     share: Callable[[], Array],
     smear: Callable[[], Array],
-) -> Mask:
-    """Cells that count as observed in a picture, shape (n,).
+) -> NDArray[np.int8]:
+    """`Cause` why each cell does not count as observed in a picture; `Cause.NONE`: it counts. Shape (n,).
+
+    Limits, view and light are judged at a cell's centroid, its share and shadows over its area.
 
     Args:
         observer: Who looks, at which target, through which camera.
         criterion: What counts.
-        r_A: Camera position in A [m], shape (3,).
+        pose: Of the camera.
         light: Gives which cells are lit, see `lit_cells`; asked only where light matters and something is left to light.
         share: Gives the visible share of every cell, see `visible_share`; asked only where something is left to see.
         smear: Gives the smear of every cell, see `smear_px`; asked only where it matters.
     """
-    limits = limits_of(criterion, observer.camera)
+    region = observer.region
+    limits = limits_of(criterion, observer.camera, region)
+    distance, height = sight(region, pose.r_A)
     moved = smear() if criterion.needs_motion else 0.0
-    counts: Mask = keeps_limits(limits, *sight(observer.region, r_A), moved)
-    if criterion.needs_sun and counts.any():
-        counts &= light()
-    return counts & shows_enough(limits, share()) if counts.any() else counts
+    kept = keeps_limits(limits, distance, height, moved)
+    shown = kept & shows_enough(limits, share()) if kept.any() else kept
+    counts = shown & light() if criterion.needs_sun and shown.any() else shown
+    sharp = moved <= limits.max_smear
+    steep = height >= limits.min_cos_emission * distance
+    cause = np.select(
+        [counts, shown, kept, ~(height > 0.0), ~steep, sharp],
+        [Cause.NONE, Cause.DARK, Cause.HIDDEN, Cause.FACES_AWAY, Cause.OBLIQUE, Cause.COARSE],
+        Cause.SMEARED,
+    ).astype(np.int8)
+    outside = ~counts & ~observer.camera.contains(pose.to_camera(region.centroid_A))
+    cause[outside] = Cause.OUT_OF_VIEW
+    return cause
 
 
 def observe(
@@ -341,32 +359,43 @@ def observe(
     sun_A: ArrayLike | None = None,
     motion: CameraMotion | None = None,
 ) -> Mask:
-    """Take one picture and tell which cells count as observed in it, shape (n,).
+    """Take one picture and tell which cells count as observed in it, shape (n,); see `causes`."""
+    return causes(observer, camera_pose(r_A, C_CA), criterion, sun_A, motion) == Cause.NONE
+
+
+def causes(
+    observer: Observer,
+    pose: CameraPose,
+    criterion: Observation,
+    sun_A: ArrayLike | None = None,
+    motion: CameraMotion | None = None,
+    light: Callable[[], Mask] | None = None,
+) -> NDArray[np.int8]:
+    """Take one picture and tell of each cell the `Cause` why it does not count as observed in it, or that it does, shape (n,).
 
     Args:
         observer: Who looks, at which target, through which camera.
-        r_A: Camera position in A [m], shape (3,).
-        C_CA: Rotation from A to the camera frame, shape (3, 3).
+        pose: Of the camera.
         criterion: What counts.
-        sun_A: Direction to the Sun in A, of any length, shape (3,); needed if the criterion asks for light.
+        sun_A: Direction to the Sun in A, of any length, shape (3,); needed unless light is ignored.
         motion: How the camera moves relative to the body; needed if the criterion limits smear.
+        light: Gives which cells are lit, where that is known; None: it is worked out.
 
     Raises:
         MissionError: The pose is impossible, light is asked for without a Sun, or little smear without a motion.
     """
 
-    def light() -> Mask:
+    def lit_now() -> Mask:
         if sun_A is None:
             raise MissionError("the observation criterion asks for sunlight: pass the direction to the Sun, sun_A")
         return lit_cells(observer, criterion, sun_A)
 
     def share() -> Array:
-        return visible_share(observer, r_A, C_CA, whole=criterion.whole)
+        return visible_share(observer, pose.r_A, pose.C_CA, whole=criterion.whole)
 
     def smear() -> Array:
         if motion is None:
             raise MissionError("the observation criterion limits smear: pass how the camera moves, motion")
-        return smear_px(observer.region, observer.camera, position, np.asarray(C_CA, dtype=np.float64), motion)
+        return smear_px(observer.region, observer.camera, pose.r_A, pose.C_CA, motion)
 
-    position = np.asarray(r_A, dtype=np.float64)
-    return cells_that_count(observer, criterion, position, light, share, smear)
+    return judge(observer, criterion, pose, light or lit_now, share, smear)

@@ -2,15 +2,33 @@
 
 AAS 19-144, equations 1 and 2: F_TO is the union over the swarm of the target faces each spacecraft observed, and
 P_TO = 100 A(F_TO) / A(F_T).
+
+Of each cell that several pictures show, `KeptPictures` has the one by which it is kept: what is told of the cell, its ground
+sampling distance and light, holds for that picture, and the data of that picture are sent.
 """
 
+import math
 from dataclasses import dataclass, field
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from swarm_mj.dataflow.tiles import grade
 from swarm_mj.errors import MissionError
-from swarm_mj.typing import Array, Indices, Mask
+from swarm_mj.typing import Array, Indices, Ints, Mask
+
+ROUND_OFF = 1e-6  # [0.01 %] error of a sum of areas, which is no unseen ground
+
+
+def percent_text(percent: float) -> str:
+    """A share of the target [%] in words: only what was all observed reads 100.00 %."""
+    return f"{percent_digits(percent)} %"
+
+
+def percent_digits(percent: float) -> str:
+    """A share of the target [%], rounded down to hundredths."""
+    return f"{math.floor(100.0 * percent + ROUND_OFF) / 100.0:.2f}"
 
 
 @dataclass(eq=False)
@@ -89,3 +107,89 @@ class CoverageMap:
 
     def _percent(self, seen: Mask) -> float:
         return 100.0 * float(self.area[seen].sum() / self.area.sum())
+
+
+class Shown(NamedTuple):
+    """Cells that count in a picture.
+
+    Attributes:
+        t: Time of the picture [s].
+        spacecraft: Who took it, from 0.
+        cells: Their numbers.
+    """
+
+    t: float
+    spacecraft: int
+    cells: Ints
+
+
+@dataclass(eq=False)
+class KeptPictures:
+    """The picture by which each spacecraft keeps each cell.
+
+    `best`: the one of the finest grade of ground sampling distance; of several the nearest to the visit, which is the best of
+    most other cells too, so that few pictures are sent. `first`: the first that counts. `all`: as `best`, and the others are
+    sent beside it.
+
+    Attributes:
+        n_cells: Number of cells.
+        n_spacecraft: Number of spacecraft.
+        rule: One of the three.
+        taken_s: When each spacecraft took the picture by which it keeps each cell [s], NaN where it has none, shape (N, n).
+        gsd_m: Ground sampling distance in it [m], likewise.
+        incidence_deg: Angle between the cell's normal and the Sun then [deg], likewise.
+        every: All pictures with what counts in them, by `all` alone.
+    """
+
+    n_cells: int
+    n_spacecraft: int
+    rule: Literal["best", "first", "all"] = "best"
+    taken_s: Array = field(init=False)
+    gsd_m: Array = field(init=False)
+    incidence_deg: Array = field(init=False)
+    every: list[Shown] = field(init=False, default_factory=list)
+
+    def __post_init__(self) -> None:
+        """Start with none."""
+        self.taken_s, self.gsd_m, self.incidence_deg = np.full((3, self.n_spacecraft, self.n_cells), np.nan)
+
+    def add(self, shown: Shown, gsd_m: Array, incidence_deg: Array, visit_s: float) -> None:
+        """Add a picture, in order of time.
+
+        Args:
+            shown: What counts in it.
+            gsd_m: At these cells [m].
+            incidence_deg: Of the Sun on them [deg].
+            visit_s: When its spacecraft is at its visiting point [s].
+        """
+        j, cells = shown.spacecraft, shown.cells
+        better = np.isnan(self.taken_s[j, cells])
+        if self.rule != "first":
+            held, new = grade(self.gsd_m[j, cells]), grade(gsd_m)
+            nearer = abs(shown.t - visit_s) < np.abs(self.taken_s[j, cells] - visit_s)
+            better |= (new < held) | ((new == held) & nearer)
+        if self.rule == "all" and len(cells):
+            self.every.append(shown)
+        chosen = cells[better]
+        self.taken_s[j, chosen] = shown.t
+        self.gsd_m[j, chosen], self.incidence_deg[j, chosen] = gsd_m[better], incidence_deg[better]
+
+    def pictures(self) -> list[Shown]:
+        """The pictures that are sent, with the cells that are sent of each, in order of spacecraft and time."""
+        if self.rule == "all":
+            return sorted(self.every, key=lambda shown: (shown.spacecraft, shown.t))
+        return [
+            Shown(float(t), j, np.flatnonzero(row == t))
+            for j, row in enumerate(self.taken_s)
+            for t in np.unique(row[~np.isnan(row)])
+        ]
+
+    def by_best(self, values: Array) -> Array:
+        """Of each cell what holds for the copy of the finest ground sampling distance in the swarm, shape (n,).
+
+        Args:
+            values: Of each copy, shape (N, n).
+        """
+        nobody = np.isnan(self.gsd_m).all(axis=0)
+        finest = np.where(np.isnan(self.gsd_m), np.inf, self.gsd_m).argmin(axis=0)
+        return np.where(nobody, np.nan, values[finest, np.arange(self.n_cells)])

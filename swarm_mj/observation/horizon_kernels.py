@@ -69,7 +69,7 @@ def make_scene(observer: HorizonObserver, criterion: Observation) -> Scene:
         raise MissionError(
             f"max_smear_px {criterion.max_smear_px}: compiled pictures do not know rates: judge them by `observe`"
         )
-    region, limits = observer.region, limits_of(criterion, observer.camera)
+    region, limits = observer.region, limits_of(criterion, observer.camera, observer.region)
     radius = np.linalg.norm(region.corners_A - region.centroid_A[:, None], axis=2).max(axis=1)
     samples = observer.horizon.samples
     return Scene(

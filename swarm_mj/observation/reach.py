@@ -67,7 +67,7 @@ class Cells(NamedTuple):
 
 def reach_of(observer: Observer, criterion: Observation) -> Reach:
     """How far an observer's pictures reach by a criterion."""
-    camera, limits = observer.camera, limits_of(criterion, observer.camera)
+    camera, limits = observer.camera, limits_of(criterion, observer.camera, observer.region)
     optics, sides = camera.optics, SIDES if camera.shape == "cone" else 4
     pixel = 2.0 / camera.resolution_px
     around = atan(optics.tan_half_angle * (1.0 + pixel) * (1.0 if optics.cone else sqrt(2.0)))
@@ -78,6 +78,7 @@ def reach_of(observer: Observer, criterion: Observation) -> Reach:
             max_range=limits.max_range * (1.0 + WIDER),
             max_gsd=limits.max_gsd * (1.0 + WIDER),
             min_share=limits.min_share * (1.0 - WIDER),
+            max_pixel_area=limits.max_pixel_area * (1.0 + WIDER),
         ),
         optics=Optics(optics.tan_half_angle * (1.0 + WIDER), optics.cone),
         weights=barycentric_samples(observer.samples),

@@ -12,9 +12,10 @@ from swarm_mj.dataflow.ground import elevations_deg, stations_from
 from swarm_mj.dataflow.link_budget import longest_range_m
 from swarm_mj.dataflow.radios import Radio, radio_from
 from swarm_mj.flight.downlink import MOST_SPACECRAFT, PROOF_S
+from swarm_mj.flight.observe import ObservationResult
 from swarm_mj.flight.plan import Plan
 from swarm_mj.mission.links import Obstacle
-from swarm_mj.records.rounding import by_name, rounded
+from swarm_mj.records.rounding import by_name, rounded, spread
 from swarm_mj.scenarios.constants import DAY, SPEED_OF_LIGHT
 from swarm_mj.smallbody.ephemeris import julian_date
 from swarm_mj.typing import Array
@@ -33,8 +34,9 @@ _CHOICES = {
 }
 
 
-def delivered_summary(plan: Plan, delivery: Delivery | None) -> dict[str, Any]:
+def delivered_summary(plan: Plan, result: ObservationResult) -> dict[str, Any]:
     """The keys of summary.json about the way to Earth; empty where it was not computed."""
+    delivery, kept = result.delivery, result.kept
     if delivery is None:
         return {}
     names, link = plan.names, plan.scenario.link
@@ -42,12 +44,15 @@ def delivered_summary(plan: Plan, delivery: Delivery | None) -> dict[str, Any]:
     return {
         "delivered_percent": rounded(percent * delivery.delivered_area, 6),
         "delivered_percent_bound": _known(percent * float(delivery.best_bound_area), 6),
+        "gsd_delivered_m": spread(delivery.delivered_of(kept.gsd_m)),
+        "incidence_delivered_deg": spread(delivery.delivered_of(kept.incidence_deg)),
         "seen_bits": delivery.seen_bit,
         "delivered_bits": delivery.delivered_bit,
         "aboard_bits": int(delivery.aboard_bit[-1].sum()),
         "lost_bits": int(delivery.lost_bit[-1].sum()),
-        "time_to_full_map_s": _known(delivery.full_s, 3),
-        "time_to_full_map_s_bound": _known(float(delivery.best_full_s), 3) if delivery.complete else None,
+        "time_to_full_map_s": _known(delivery.full_s, 3) if result.coverage.seen.all() else None,
+        "time_to_all_data_s": _known(delivery.full_s, 3),
+        "time_to_all_data_s_bound": _known(float(delivery.best_full_s), 3) if delivery.complete else None,
         "delivery_window_s": [rounded(delivery.edges_s[0], 3), rounded(delivery.edges_s[-1], 3)],
         "link_time_s": by_name(names, link_time_s(delivery), 3),
         "lost_after_s": {names[j]: rounded(t, 3) for j, t in _lost_after(plan, delivery)},

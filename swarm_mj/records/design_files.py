@@ -195,7 +195,7 @@ def _without_effect(scenario: Scenario, there: dict[str, Any]) -> set[str]:
     keys = set()
     if observation.criterion == "visit":
         keys |= {"duration_s", "body.gravity.model", "body.gravity.parameters"}
-    if observation.max_incidence_deg is None and not observation.shadows:
+    if not observation.needs_sun:
         keys |= {key for key in there if key.startswith("body.orbit.")}
     if {scenario.behavior.name, there.get("behavior.name")} <= ALIKE:
         keys |= {"behavior.name", "behavior.parameters"}

@@ -14,6 +14,7 @@ from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.records.delivered import undelivered_findings
 from swarm_mj.records.design_files import design_differences
 from swarm_mj.records.formation import formation_findings
+from swarm_mj.records.observed import observed_findings
 from swarm_mj.records.propulsion import propulsion_findings
 from swarm_mj.records.run_record import RunRecord
 from swarm_mj.records.summary import working
@@ -57,6 +58,7 @@ def summary_findings(summary: dict[str, Any]) -> list[str]:
         *event_findings(summary),
         *summary.get("encounter_findings", ()),
         *formation_findings(summary),
+        *observed_findings(summary),
         *undelivered_findings(summary),
         *found,
         *spacecraft_findings(summary),

@@ -19,6 +19,7 @@ from swarm_mj.flight.plan import Plan
 from swarm_mj.io.arrays import Declared, read_arrays
 from swarm_mj.io.atomic import write_text
 from swarm_mj.mission.links import Obstacle
+from swarm_mj.observation.cause import Cause
 from swarm_mj.scenarios.loading import design_record
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.simulator.telemetry import FARTHEST, REMEDY
@@ -26,7 +27,9 @@ from swarm_mj.simulator.telemetry import FARTHEST, REMEDY
 _CELLS, _BY = ("cells",), ("spacecraft", "cells")
 #: Arrays of coverage.npz, as they are written and as they must be to be read: the clipped target mesh in A [m], its cells,
 #: area [m^2], the face of F_T that each lies in; whether and when [s] each was seen, by the swarm and by each spacecraft,
-#: NaN for never, by the scenario's criterion and with suffix `_passage` in the whole passage; the rest of the body.
+#: NaN for never, by the scenario's criterion and with suffix `_passage` in the whole passage; of the picture by which each
+#: spacecraft keeps each cell the time [s], the ground sampling distance [m] and the incidence of the Sun [deg]; the `Cause`
+#: why a cell was not seen; the rest of the body.
 COVERAGE = {
     "vertices": Declared("f8", ("vertices", 3), -FARTHEST, FARTHEST),
     "faces": Declared("i8", ("cells", 3), 0, "vertices"),
@@ -36,6 +39,10 @@ COVERAGE = {
     "first_seen_s": Declared("f8", _CELLS, 0.0, FARTHEST, gaps="nan"),
     "seen_by": Declared("?", _BY),
     "first_seen_by_s": Declared("f8", _BY, 0.0, FARTHEST, gaps="nan"),
+    "kept_s": Declared("f8", _BY, 0.0, FARTHEST, gaps="nan"),
+    "gsd_m": Declared("f8", _BY, 0.0, FARTHEST, gaps="nan"),
+    "incidence_deg": Declared("f8", _BY, 0.0, 180.0, gaps="nan"),
+    "why": Declared("i1", _CELLS, 0, max(Cause)),
     "seen_passage": Declared("?", _CELLS),
     "first_seen_s_passage": Declared("f8", _CELLS, 0.0, FARTHEST, gaps="nan"),
     "seen_by_passage": Declared("?", _BY),
@@ -70,6 +77,7 @@ DELIVERY = {
     "tile_overflow_bit": Declared("i8", _COPIES, 0, _MOST_BIT),
     "tile_ready_s": Declared("f8", _COPIES, 0.0, _LATEST_S, gaps="nan"),
     "tile_arrives_s": Declared("f8", _TILES, 0.0, _LATEST_S, gaps="nan"),
+    "tile_origin": Declared("i8", _TILES, -1, "spacecraft"),
     "best_earth_bit": Declared("f8", _WAYS, 0.0, _MOST_BIT, gaps="nan"),
     "best_share": Declared("f8", _TILES, 0.0, 1.0 + 1e-6, gaps="nan"),
     "best_full_s": Declared("f8", (), 0.0, _LATEST_S, gaps="nan"),
@@ -78,15 +86,7 @@ DELIVERY = {
     "elected": Declared("?", ("elections", "spacecraft")),
 }
 #: Where nothing was seen.
-_EMPTY_WHERE_NOTHING_WAS_SEEN = (
-    "tile_area",
-    "tile_bit",
-    "tile_lost_bit",
-    "tile_overflow_bit",
-    "tile_ready_s",
-    "tile_arrives_s",
-    "best_share",
-)
+_EMPTY_WHERE_NOTHING_WAS_SEEN = ("tiles",)
 
 
 def write_results(
@@ -168,6 +168,10 @@ def coverage_arrays(plan: Observed, result: ObservationResult) -> dict[str, NDAr
         "first_seen_s": coverage.first_seen_s,
         "seen_by": coverage.seen_by,
         "first_seen_by_s": coverage.first_seen_by_s,
+        "kept_s": result.kept.taken_s,
+        "gsd_m": result.kept.gsd_m,
+        "incidence_deg": result.kept.incidence_deg,
+        "why": result.why,
         "seen_passage": passage.seen,
         "first_seen_s_passage": passage.first_seen_s,
         "seen_by_passage": passage.seen_by,

@@ -17,7 +17,7 @@ from swarm_mj.flight.observe import ObservationResult
 from swarm_mj.flight.plan import Plan
 from swarm_mj.io.atomic import MARKER
 from swarm_mj.io.records import read_record, reading, record_from
-from swarm_mj.observation.coverage import CoverageMap
+from swarm_mj.observation.coverage import CoverageMap, KeptPictures
 from swarm_mj.records.modes import LOST, modes_shown
 from swarm_mj.records.run_files import read_coverage, read_delivery
 from swarm_mj.records.summary_schema import Event, RunSummary, contradiction
@@ -31,7 +31,7 @@ from swarm_mj.typing import Array
 #: Arrays of coverage.npz that a report shows.
 SHOWN = (
     "vertices", "faces", "area", "first_seen_s", "first_seen_by_s", "first_seen_s_passage", "first_seen_by_s_passage",
-    "body_vertices", "body_faces",
+    "kept_s", "gsd_m", "incidence_deg", "why", "body_vertices", "body_faces",
 )  # fmt: skip
 
 
@@ -144,6 +144,9 @@ def observation_of(record: RunRecord, plan: Plan) -> ObservationResult:
         seen = CoverageMap(plan.region.area, plan.n)
         seen.first_seen_by_s[:] = record.coverage[f"first_seen_by_s{suffix}"]
         maps.append(seen)
+    kept = KeptPictures(cells, plan.n, plan.scenario.data.pictures)
+    for own, name in ((kept.taken_s, "kept_s"), (kept.gsd_m, "gsd_m"), (kept.incidence_deg, "incidence_deg")):
+        own[:] = record.coverage[name]
     summary = record.summary
     return ObservationResult(
         coverage=maps[0],
@@ -151,6 +154,8 @@ def observation_of(record: RunRecord, plan: Plan) -> ObservationResult:
         observer=summary["observer"],
         note=summary["observer_note"],
         images=summary["images"],
+        why=record.coverage["why"],
+        kept=kept,
         delivery=record.delivery,
     )
 

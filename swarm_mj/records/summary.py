@@ -21,8 +21,9 @@ from swarm_mj.records.delivered import delivered_summary
 from swarm_mj.records.formation import formation_summary
 from swarm_mj.records.modes import held_s
 from swarm_mj.records.navigation import navigation_summary
+from swarm_mj.records.observed import not_observed
 from swarm_mj.records.propulsion import propulsion_summary
-from swarm_mj.records.rounding import by_name, rounded
+from swarm_mj.records.rounding import by_name, rounded, spread
 from swarm_mj.scenarios.itinerary import itinerary
 from swarm_mj.simulator.telemetry import MODES
 from swarm_mj.typing import Array
@@ -43,7 +44,7 @@ def summarise(plan: Plan, telemetry: xr.Dataset, result: ObservationResult, wall
         "observers": plan.n_observers,
         "duration_s": scenario.duration_s,
         **_observed(plan, result),
-        **delivered_summary(plan, result.delivery),
+        **delivered_summary(plan, result),
         **_pointed(plan, telemetry),
         **_flown(plan, telemetry),
         "encounter_findings": list(plan.encounter_findings),
@@ -73,9 +74,12 @@ def _observed(plan: Plan, result: ObservationResult) -> dict[str, Any]:
         **_by_target(plan, result),
         "coverage_percent_passage": rounded(result.passage.percent, 6),
         "coverage_percent_by_spacecraft": by_name(plan.names, result.coverage.percent_by_spacecraft, 4),
+        "not_observed": not_observed(region.area, result.why),
         "criterion": scenario.observation.criterion,
+        "light": scenario.observation.light,
         "camera_half_angle_deg": scenario.camera.half_angle_deg,
-        "gsd_m": _reached(result),
+        "gsd_m": spread(result.kept.by_best(result.kept.gsd_m)),
+        "incidence_deg": spread(result.kept.by_best(result.kept.incidence_deg)),
         **_smeared(result),
         "gsd_pixel": "picture" if scenario.camera.detector_ifov_rad is None else "detector",
         "ground_resolution_m": scenario.camera.ground_resolution_m,
@@ -108,13 +112,6 @@ def _by_target(plan: Plan, result: ObservationResult) -> dict[str, Any]:
             name: {**stop._asdict(), "arrival_s": stop.arrival_s} for name, stop in zip(plan.names, stops, strict=False)
         }
     return found
-
-
-def _reached(result: ObservationResult) -> dict[str, float]:
-    """Ground sampling distance of the cells that count, each in the picture that shows it best [m]; empty where none does."""
-    gsd_m = np.empty(0) if result.gsd_m is None else result.gsd_m[~np.isnan(result.gsd_m)]
-    names = ("min", "median", "max")
-    return dict(zip(names, np.quantile(gsd_m, (0.0, 0.5, 1.0)).round(6).tolist(), strict=True)) if len(gsd_m) else {}
 
 
 def _pointed(plan: Plan, telemetry: xr.Dataset) -> dict[str, Any]:

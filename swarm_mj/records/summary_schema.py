@@ -71,6 +71,14 @@ class NotDelivered(Record):
     remedy: str
 
 
+class NotObserved(Record):
+    """A part of the target that was not seen."""
+
+    cause: str
+    percent: Percent
+    remedy: str
+
+
 class FormationHeld(Record):
     """How a formation was held, see `swarm_mj.records.formation`."""
 
@@ -142,8 +150,11 @@ class RunSummary(Record):
     delivered_bits: NonNegativeInt = 0
     aboard_bits: NonNegativeInt = 0
     lost_bits: NonNegativeInt = 0
+    not_observed: list[NotObserved] = []
+    light: Literal["sunlit", "ignored"] = "ignored"
     time_to_full_map_s: float | None = None
-    time_to_full_map_s_bound: float | None = None
+    time_to_all_data_s: float | None = None
+    time_to_all_data_s_bound: float | None = None
     link_time_s: ByName = {}
     lost_after_s: ByName = {}
     not_delivered: Annotated[list[NotDelivered], FailFast()] = []

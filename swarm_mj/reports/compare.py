@@ -40,7 +40,7 @@ OUTCOMES = (
     Outcome(Html(f"{P_TO} [%]"), lambda s: s["coverage_percent"], ".2f"),
     Outcome("the same, whole passage [%]", lambda s: s["coverage_percent_passage"], ".2f"),
     Outcome("delivered to Earth [%]", lambda s: s.get("delivered_percent"), ".2f"),
-    Outcome("map complete on Earth at t [s]", lambda s: s.get("time_to_full_map_s"), ".0f"),
+    Outcome("all that was seen on Earth at t [s]", lambda s: s.get("time_to_all_data_s"), ".0f"),
     Outcome("pointing error before a switch, largest [deg]", _largest("pointing_error_deg_before_switch"), "e"),
     Outcome("pointing error at the end, largest [deg]", _largest_at_end, "e"),
     Outcome("spacecraft lost by the end", lambda s: len(s.get("lost", ())), "g"),

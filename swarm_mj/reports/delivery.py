@@ -31,7 +31,7 @@ from swarm_mj.figures.palette import GREY, LIGHT_GREY, SKY_BLUE, SPACECRAFT, VER
 from swarm_mj.figures.units import TimeAxis, data_unit, instant, time_axis
 from swarm_mj.mission.links import Obstacle
 from swarm_mj.mission.target import angles, local_axes
-from swarm_mj.observation.coverage import CoverageMap
+from swarm_mj.observation.coverage import CoverageMap, percent_text
 from swarm_mj.records.run_record import RunRecord
 from swarm_mj.reports.markup import Content, Html, table, tag
 from swarm_mj.reports.plots import INK, MAX_ROWS
@@ -100,7 +100,8 @@ def box_id(number: int, name: str) -> str:
 def outcome(run: RunRecord, delivery: Delivery) -> str:
     """Seen and delivered in words, when the last of it arrives, and what no schedule betters."""
     summary = run.summary
-    words = f"{summary['coverage_percent']:.2f} % of the target is seen, {summary['delivered_percent']:.2f} % reaches Earth. "
+    seen, there = (percent_text(summary[key]) for key in ("coverage_percent", "delivered_percent"))
+    words = f"{seen} of the target is seen, {there} reaches Earth. "
     if delivery.complete and len(delivery.tile_area):
         words += f"All that was seen is there at t = {_time(delivery.full_s)}"
         if not np.isnan(delivery.best_full_s):

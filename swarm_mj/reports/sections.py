@@ -11,8 +11,10 @@ from pydantic import BaseModel
 from swarm_mj.figures.palette import MODE_STYLES
 from swarm_mj.figures.units import instant, time_axis
 from swarm_mj.mission.behaviors import TargetKind
+from swarm_mj.observation.coverage import percent_text
 from swarm_mj.records.findings import findings, proof_differences
 from swarm_mj.records.modes import runs
+from swarm_mj.records.observed import causes_text
 from swarm_mj.records.run_record import RunRecord
 from swarm_mj.reports.markup import Content, Html, join, table, tag
 from swarm_mj.scenarios.itinerary import target_name
@@ -36,9 +38,9 @@ def summary_section(run: RunRecord) -> Html:
     summary = run.summary
     late = summary["pointing_error_deg_before_switch"]
     numbers = [
-        (P_TO, f"{summary['coverage_percent']:.2f} %", CRITERION[summary["criterion"]]),
+        (P_TO, percent_text(summary["coverage_percent"]), _criterion(summary)),
         *_delivered(summary),
-        ("observed, whole passage", f"{summary['coverage_percent_passage']:.2f} %", f"{summary['images']} pictures"),
+        ("observed, whole passage", percent_text(summary["coverage_percent_passage"]), f"{summary['images']} pictures"),
         *_smeared(summary),
         ("spacecraft", str(summary["spacecraft"]), f"{summary['observers']} of them observe{_lost_words(summary)}"),
         ("pointing error before a switch", f"{short(max(late.values()))}°" if late else "–", "largest of the swarm"),
@@ -55,15 +57,23 @@ def summary_section(run: RunRecord) -> Html:
     return section("summary", "Summary", tag("dl", cards, class_="numbers"), findings_list(run))
 
 
+def _criterion(summary: dict[str, Any]) -> str:
+    """What counts, and of what does not the cause."""
+    light = ", light ignored" if summary.get("light") == "ignored" else ", sunlit"
+    missing = causes_text(summary)
+    return CRITERION[summary["criterion"]] + light + (f"; not observed: {missing}" if missing else "")
+
+
 def _delivered(summary: dict[str, Any]) -> list[tuple[str, str, str]]:
     """What of the target reaches Earth, and when the last of it, where that was computed."""
-    percent, full = summary.get("delivered_percent"), summary.get("time_to_full_map_s")
+    percent, full = summary.get("delivered_percent"), summary.get("time_to_all_data_s")
     if percent is None:
         return []
     missing = f"{summary['coverage_percent'] - percent:.2f} % stays out there"
-    cards = [("delivered to Earth", f"{percent:.2f} %", missing if full is None else "all that was seen")]
+    cards = [("delivered to Earth", percent_text(percent), missing if full is None else "all that was seen")]
     if full is not None:
-        cards.append(("map complete on Earth", f"t = {instant(full, time_axis(full))}", "by what the swarm runs alone"))
+        name = "all that was seen on Earth" if summary.get("time_to_full_map_s") is None else "map complete on Earth"
+        cards.append((name, f"t = {instant(full, time_axis(full))}", "by what the swarm runs alone"))
     return cards
 
 
@@ -156,7 +166,7 @@ def _design(run: RunRecord) -> Html:
         )
         if shares := run.summary.get("coverage_percent_by_target"):
             words += ". Observed of each target: " + ", ".join(
-                f"{target_name(k)} {share:.2f} %" for k, share in enumerate(shares)
+                f"{target_name(k)} {percent_text(share)}" for k, share in enumerate(shares)
             )
         words += "."
     if run.design is None or "proof" not in run.design:

@@ -73,8 +73,18 @@ class Observation(Section):
         "field of view and 16 of its points hidden by nothing; counted pixels cannot tell that",
     )
     any_pixel: bool = Field(False, description="let any pixel of a face suffice instead; overstates the area")
-    max_emission_deg: float | None = Field(
-        None, gt=0, le=90, description="largest angle between face normal and camera [deg]; null: any"
+    max_emission_deg: float = Field(
+        80.0,
+        gt=0,
+        le=90,
+        description="largest angle between face normal and camera [deg]; default: beyond, a face is foreshortened to less than "
+        "a fifth and shows nothing that a map could use; 90: any",
+    )
+    min_pixels: float = Field(
+        4.0,
+        ge=0,
+        description="least pixels, foreshortened, that the target's median face (cell, where faces are subdivided) would take "
+        "up where a face is seen [-]; default: two by two, as what is sampled at less is not resolved (Shannon); 0: any",
     )
     max_range_m: float | None = Field(None, gt=0, description="largest distance between face and camera [m]; null: any")
     max_gsd_m: float | None = Field(
@@ -86,11 +96,19 @@ class Observation(Section):
         description="largest motion of a face over the detector during camera.exposure_s, which must be given [px]; of its "
         "centre, by flyby, spin of the body and rates of the spacecraft; null: any",
     )
-    max_incidence_deg: float | None = Field(
-        None, gt=0, le=90, description="largest angle between face normal and Sun [deg]; null: any"
+    light: Literal["sunlit", "ignored"] = Field(
+        "sunlit",
+        description="sunlit: a face counts only where the Sun shines on at least half of it, past the body itself, at most "
+        "max_incidence_deg from its normal; ignored: night ground counts as well, which tables and reports then say",
+    )
+    max_incidence_deg: float = Field(
+        85.0,
+        gt=0,
+        le=90,
+        description="largest angle between face normal and Sun [deg], where light is not ignored; default: beyond, less than a "
+        "tenth of the light is left, and shadows of what is smaller than a face cover it",
     )
     occlusion: bool = Field(True, description="whether the body hides faces behind it; the paper culls and clips only")
-    shadows: bool = Field(False, description="faces shadowed by the body itself do not count")
 
     @property
     def whole(self) -> bool:
@@ -100,7 +118,7 @@ class Observation(Section):
     @property
     def needs_sun(self) -> bool:
         """Whether the direction to the Sun matters."""
-        return self.shadows or self.max_incidence_deg is not None
+        return self.light == "sunlit"
 
     @property
     def needs_motion(self) -> bool:

@@ -167,13 +167,19 @@ class Data(Section):
     )
     sensor_px: tuple[Annotated[int, Field(ge=1, le=100_000)], Annotated[int, Field(ge=1, le=100_000)]] | None = Field(
         None,
-        description="width and height of the real detector [px]; null: camera.resolution_px squared; only bits follow from "
-        "it, what a picture shows does not",
+        description="width and height of the real detector [px]; null: those of camera.detector_ifov_rad, or "
+        "camera.resolution_px; only bits follow from it, what a picture shows does not",
     )
-    product: Literal["new_cells", "frame"] = Field(
-        "new_cells",
-        description="what is sent of a picture: the part that shows cells of the target which no earlier picture of that "
-        "spacecraft showed, or all of it",
+    pictures: Literal["best", "first", "all"] = Field(
+        "best",
+        description="by which picture a spacecraft keeps a cell that several of its own show: the one of the finest ground "
+        "sampling distance (within a tenth, the nearest to the visit); the first that counts; or the best, and the others are "
+        "sent beside it",
+    )
+    product: Literal["frame", "window", "cells"] = Field(
+        "frame",
+        description="what is sent of a picture: all of it, as cameras give it; the rectangle of the detector around the cells "
+        "that are kept by it; or their pixels alone, which takes a mask that the spacecraft works out by itself",
     )
     storage_bit: int = Field(
         32_000_000_000,

@@ -52,9 +52,12 @@ def polygon_area(polygon: Array) -> float:
 
 @experiment("target-area", "clipping of every face by Sutherland and Hodgman", 1e-12)
 def area_error(bench: Bench) -> float:
-    """Area of the target, relative."""
+    """Area of the target with all pieces that its sides cut off, relative."""
     exact = sum(polygon_area(part) for part in bench.once(clipped_faces))
-    return abs(bench.once(eros_target).total_area / exact - 1.0)
+    whole = build_target(
+        bench.once(eros_shape), latitude_deg=0.0, longitude_deg=90.0, half_angle_deg=HALF_ANGLE_DEG, least_part=0.0
+    )
+    return abs(whole.total_area / exact - 1.0)
 
 
 @experiment("target-visiting-points", "angles of every vertex from the axis, eastward and northward", 0.0)

@@ -94,7 +94,7 @@ def rows():
                     "coverage_percent": percent,
                     "delivered_percent": percent - 1.0,
                     "covered": percent == 90.0,
-                    "time_to_full_map_s": 7200.0 if lost == 0 else None,
+                    "time_to_all_data_s": 7200.0 if lost == 0 else None,
                     "coordination_bits": 2e6 if name == "class 4" else 0.0,
                     "deployment_delta_v_m_s_sum": 35.0,
                     "thrust_delta_v_m_s_sum": None if name == "class 3" else 2.0 * run,

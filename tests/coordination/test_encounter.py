@@ -15,6 +15,7 @@ from swarm_mj.scenarios.schema_imaging import Observation
 from swarm_mj.smallbody.shape_harmonics import build_ellipsoid
 
 CAMERA = CameraModel(half_angle_deg=3.0, shape="cone", exposure_s=0.01)
+ANY = Observation(light="ignored", max_emission_deg=90.0, min_pixels=0.0)
 LIMITED = Observation(max_gsd_m=0.35, max_emission_deg=60.0, max_incidence_deg=80.0, max_smear_px=1.0)
 
 
@@ -39,7 +40,7 @@ def track(free=None):
     return Track(r_A, v_A, np.ones((4, 3), bool) if free is None else free, np.tile([1.0, 1.0, 0.2], (4, 1)))
 
 
-@pytest.mark.parametrize("criterion", [Observation(), LIMITED], ids=["any", "limited"])
+@pytest.mark.parametrize("criterion", [ANY, LIMITED], ids=["any", "limited"])
 def test_a_picture_shows_what_counts_in_it_and_the_kept_table_is_the_same(criterion):
     observer, aims_A, there = HorizonObserver(target(), CAMERA), aim_points(target(), CAMERA, 1000.0), track()
     shows = shown_cells(observer, criterion, aims_A, there)
@@ -56,7 +57,7 @@ def test_a_picture_shows_what_counts_in_it_and_the_kept_table_is_the_same(criter
 def test_who_is_still_aboard_the_mothership_shows_nothing():
     observer, aims_A = HorizonObserver(target(), CAMERA), aim_points(target(), CAMERA, 1000.0)
     free = np.arange(4)[:, None] >= np.array([0, 2, 0])
-    held, all_free = (shown_cells(observer, Observation(), aims_A, track(f)) for f in (free, None))
+    held, all_free = (shown_cells(observer, ANY, aims_A, track(f)) for f in (free, None))
     assert all_free[1, :, :2].any() and not held[1, :, :2].any()
     np.testing.assert_array_equal(held[1, :, 2:], all_free[1, :, 2:])
     np.testing.assert_array_equal(held[[0, 2]], all_free[[0, 2]])

@@ -37,6 +37,7 @@ def delivery():
         tile_overflow_bit=np.zeros((3, 2), np.int64),
         tile_ready_s=np.array([[0.0, nan], [nan, 0.0], [nan, nan]]),
         tile_arrives_s=np.array([520.0, nan]),
+        tile_origin=np.array([0, -1]),
         best_earth_bit=np.zeros((3, 3)),
         best_share=np.array([1.0, 0.0]),
         best_full_s=np.array(520.0),

@@ -73,7 +73,7 @@ def test_the_bound_of_seen_area_is_what_cameras_that_look_everywhere_would_see(t
     up = region.axes_A[2]
     places = np.array([[(np.linalg.norm(region.centroid_A, axis=1).max() + task.altitude_m) * up]])
     pixels, first = best_pixels(task.scene, places, np.ones((1, 1), bool), np.ones(region.n_cells, bool))
-    limits = limits_of(task.criterion, task.observer.camera)
+    limits = limits_of(task.criterion, task.observer.camera, task.plan.region)
     distance, height = sight(region, places[0, 0])
     for i in range(region.n_cells):
         pose = look_at(places[0, 0], region.centroid_A[i])

@@ -45,7 +45,7 @@ def test_what_pictures_would_show_is_what_the_observer_sees_of_them(test):
     pixels = np.zeros((2, 1, len(aims), region.n_cells), np.float32)
     places, cameras = np.tile(place, (1, 2, 1)), np.tile(start, (2, 1, 1))
     count_pixels(mission.scene, places, cameras, aims, np.array([True, False]), np.ones(region.n_cells, bool), pixels)
-    limits = limits_of(mission.criterion, mission.observer.camera)
+    limits = limits_of(mission.criterion, mission.observer.camera, mission.plan.region)
     distance, height = sight(region, place)
     for k, aim in enumerate(aims):
         C_CA = np.empty((3, 3))

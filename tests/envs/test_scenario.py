@@ -96,7 +96,8 @@ def test_cells_are_seen_where_the_observer_itself_sees_them():
         now = episodes._at_picture
         for j in range(N):
             C_CA = now.C_BN[0, j] @ now.C_AN[0].T
-            seen[:] |= observe(mission.observer, now.r_A[0, j], C_CA, mission.criterion)
+            sun_A = now.C_AN[0] @ mission.plan.environment.sun.at(float(now.t[0]))
+            seen[:] |= observe(mission.observer, now.r_A[0, j], C_CA, mission.criterion, sun_A)
 
     episodes.take_pictures = judged
     for k in range(45):

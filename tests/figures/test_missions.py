@@ -42,7 +42,7 @@ def flights(flown, tmp_path_factory):
             short = name == "flyby of six hours"
             arguments = ("fast_flyby", SIX_HOURS) if short else (name, ())
             plan, telemetry, result = fly(arguments[0], tmp_path_factory.mktemp("mission"), arguments[1])
-            made[name] = plan, telemetry, replace(result, delivery=deliver(plan, telemetry, result.coverage))
+            made[name] = plan, telemetry, replace(result, delivery=deliver(plan, telemetry, result.kept))
         return made[name]
 
     return flight

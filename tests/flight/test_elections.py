@@ -43,18 +43,19 @@ from swarm_mj.scenarios.loading import load_scenario, parse_overrides
 def config2(config_flights):
     """The flight of eros-config2 and what it saw, with any scenario of radios and data."""
     plan, telemetry = config_flights["eros-config2"]
-    coverage = observe_flight(plan, telemetry).coverage
+    kept = observe_flight(plan, telemetry).kept
 
     def told(*overrides, antenna="hemispherical"):
+        overrides = ("data.product=cells", *overrides)
         scenario = load_scenario("eros-config2", parse_overrides([f"link.crosslink.antenna={antenna}", *overrides]))
-        return replace(plan, scenario=scenario), telemetry, coverage
+        return replace(plan, scenario=scenario), telemetry, kept
 
     return told
 
 
-def networks(plan, telemetry, coverage):
+def networks(plan, telemetry, kept):
     """The delivery problem with given relays, built anew for each from the flight."""
-    tiles = tiles_of(plan, telemetry, coverage)
+    tiles = tiles_of(plan, telemetry, kept)
     edges_s = slot_edges(plan.scenario, tiles.ready_s, 10_000)
     times = samples_of(edges_s, FEWEST_SAMPLES).ravel()
     later = times[times > telemetry["time"].values[-1]]
@@ -73,10 +74,10 @@ def networks(plan, telemetry, coverage):
 
 @pytest.mark.parametrize("k", [1, 2])
 def test_delivery_elects_what_trying_all_sets_finds(config2, k):
-    plan, telemetry, coverage = config2("data.election=delivery", f"data.relays={k}")
-    with_relays, trials = networks(plan, telemetry, coverage)
+    plan, telemetry, kept = config2("data.election=delivery", f"data.relays={k}")
+    with_relays, trials = networks(plan, telemetry, kept)
     values = {relays: optimum(with_relays(relays)).value for relays in combinations(range(plan.n), k)}
-    found = deliver(plan, telemetry, coverage)
+    found = deliver(plan, telemetry, kept)
     elected = tuple(found.relay.tolist())
     best = max(values.values())
     assert values[elected] == pytest.approx(best, rel=1e-9)
@@ -127,8 +128,9 @@ def test_the_swarm_elects_the_medoid_by_messages_over_the_links_that_are_closed(
 
 
 def test_the_summary_tells_who_elected_whom_when(config2):
-    plan, telemetry, coverage = config2("data.election=k_medoids", "data.relays=2")
-    summary = delivered_summary(plan, deliver(plan, telemetry, coverage, prove=False))
+    plan, telemetry, kept = config2("data.election=k_medoids", "data.relays=2")
+    result = replace(observe_flight(plan, telemetry), delivery=deliver(plan, telemetry, kept, prove=False))
+    summary = delivered_summary(plan, result)
     assert summary["elected_by"] == "k_medoids" and len(summary["relays_after"]) == 2
     assert summary["elections"] == [{"time_s": 1200.0, "relays": summary["relays_after"]}]
 

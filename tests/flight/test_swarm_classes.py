@@ -63,8 +63,8 @@ def test_messages_end_with_their_sender_and_take_their_time_from_the_crosslink(t
     late = telemetry.time.values > 111.0
     assert (bits[late, 4] == bits[late, 4][0]).all() and (np.diff(bits[:, 0]) >= 0).all()
     result = observe_flight(plan, telemetry)
-    with_messages = deliver(plan, telemetry, result.coverage, prove=False)
-    without = deliver(plan, telemetry.drop_vars("coordination_airtime"), result.coverage, prove=False)
+    with_messages = deliver(plan, telemetry, result.kept, prove=False)
+    without = deliver(plan, telemetry.drop_vars("coordination_airtime"), result.kept, prove=False)
     taken = 1.0 - with_messages.contact_bit.sum(axis=(1, 2)) / np.maximum(without.contact_bit.sum(axis=(1, 2)), 1)
     spent = np.diff(np.interp(with_messages.edges_s, telemetry.time.values, airtime.sum(axis=1)))
     np.testing.assert_allclose(taken, spent / np.diff(with_messages.edges_s), atol=1e-3)

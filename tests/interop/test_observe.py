@@ -9,6 +9,7 @@ import pytest
 import swarm_mj as sm
 from swarm_mj.cli.main import main
 from swarm_mj.errors import InteropError, SwarmError
+from swarm_mj.observation.coverage import percent_text
 from swarm_mj.scenarios.loading import parse_overrides
 from tests.interop.conftest import CHEAP
 
@@ -158,7 +159,7 @@ def test_the_command_says_what_was_seen_and_writes_it(messages, tmp_path, capsys
     )
     said = capsys.readouterr().out
     summary = json.loads((out / "observation.json").read_text())
-    assert f"{summary['coverage_percent']:.2f} % in the passage" in said and "SC2:" in said
+    assert f"{percent_text(summary['coverage_percent'])} in the passage" in said and "SC2:" in said
     with np.load(out / "coverage.npz") as arrays:
         assert 100 * arrays["area"][arrays["seen"]].sum() / arrays["area"].sum() == pytest.approx(
             summary["coverage_percent"]

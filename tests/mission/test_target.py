@@ -27,7 +27,7 @@ def eros():
 
 @cache
 def eros_target(**changes):
-    return build_target(eros(), **(PAPER | changes))
+    return build_target(eros(), **({"least_part": 0.0} | PAPER | changes))
 
 
 def box(half_sides=(1.0, 1.0, 1.0)):
@@ -41,7 +41,7 @@ def flat_target():
     """The square |x|, |z| <= 2 tan(60 deg) on the face y = 2 of a box."""
     shape = box((5.0, 2.0, 5.0))
     fine = ShapeModel(*refine_mesh(shape.vertices, shape.faces, np.full(12, True), 1.1)[:2])
-    return build_target(fine, latitude_deg=0, longitude_deg=90, half_angle_deg=60, edges="side")
+    return build_target(fine, latitude_deg=0, longitude_deg=90, half_angle_deg=60, edges="side", least_part=0.0)
 
 
 def is_closed(faces):
@@ -93,12 +93,17 @@ def test_the_target_of_the_paper_on_eros():
     [(0, 90, 20, "corner"), (0, 90, 20, "side"), (35, -120, 9, "corner"), (90, 40, 25, "corner"), (-90, 0, 60, "side")],
 )
 def test_the_target_area_is_that_of_the_polygons_clipped_on_the_gnomonic_plane(latitude, longitude, half_angle, edges):
-    region = build_target(
-        eros(), latitude_deg=latitude, longitude_deg=longitude, half_angle_deg=half_angle, edges=edges
-    )
+    where = {"latitude_deg": latitude, "longitude_deg": longitude, "half_angle_deg": half_angle, "edges": edges}
+    region = build_target(eros(), **where, least_part=0.0)
     slope = np.tan(np.radians(half_angle)) / (np.sqrt(2) if edges == "corner" else 1.0)
     exact = gnomonic_area(eros(), local_axes(latitude, longitude), slope)
     assert region.total_area == pytest.approx(exact, rel=1e-9)
+    # By default pieces of less than a hundredth of their face are left out, and nothing else.
+    by_default = build_target(eros(), **where)
+    assert 0.999 * exact < by_default.total_area < exact
+    share = region.area / eros().face_areas[region.parent[region.target]]
+    assert by_default.total_area == pytest.approx(region.area[share >= 0.01].sum(), rel=1e-12)
+    assert by_default.n_cells == (share >= 0.01).sum()
 
 
 @pytest.mark.parametrize("cell_size", [None, 245.0])

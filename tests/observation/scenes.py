@@ -7,6 +7,7 @@ import numpy as np
 from swarm_mj.mission.mesh_cut import refine_mesh
 from swarm_mj.mission.target import build_target
 from swarm_mj.observation.camera import look_at
+from swarm_mj.scenarios.schema_imaging import Observation
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.smallbody.shape_harmonics import build_eros
 
@@ -20,7 +21,15 @@ def eros():
 
 @cache
 def eros_target(cell_size=None):
-    return build_target(eros(), latitude_deg=0, longitude_deg=90, half_angle_deg=20, cell_size_m=cell_size)
+    """The paper's target with all that the exact one has, slivers at its sides included."""
+    return build_target(
+        eros(), latitude_deg=0, longitude_deg=90, half_angle_deg=20, cell_size_m=cell_size, least_part=0.0
+    )
+
+
+def plain(**limits):
+    """A criterion without light and limits but those given."""
+    return Observation(**({"light": "ignored", "max_emission_deg": 90.0, "min_pixels": 0.0} | limits))
 
 
 @cache

@@ -19,9 +19,8 @@ from swarm_mj.observation.capture import (
 )
 from swarm_mj.observation.horizon import HorizonObserver
 from swarm_mj.observation.horizon_kernels import make_scene
-from swarm_mj.scenarios.schema_imaging import Observation
 
-from .scenes import eros_target
+from .scenes import eros_target, plain
 
 SCHEDULE = {"interval_s": 35.0, "visits_s": 600.0}
 
@@ -76,8 +75,8 @@ def test_rules_in_arrays_are_bit_for_bit_those_in_compiled_code():
     n = 20_000
     distance = rng.uniform(1e4, 2e4, n)
     height = distance * rng.uniform(-0.2, 1.0, n)
-    criterion = Observation(max_emission_deg=50.0, max_range_m=17e3, max_gsd_m=3.0, min_fraction=0.28)
-    limits = limits_of(criterion, CameraModel(half_angle_deg=2.5))
+    criterion = plain(max_emission_deg=50.0, max_range_m=17e3, max_gsd_m=3.0, min_fraction=0.28, min_pixels=2000.0)
+    limits = limits_of(criterion, CameraModel(half_angle_deg=2.5), eros_target())
     x, y, z = rng.normal(size=(3, n)) * [[1.0], [1.0], [3.0]]
     optics, share = Optics(0.3, True), rng.integers(0, 26, n) / 25
     kinds, camera_on = rng.integers(0, 5, n), rng.random(n) < 0.5
@@ -117,7 +116,7 @@ def test_rules_in_arrays_are_bit_for_bit_those_in_compiled_code():
 )
 def test_compiled_code_asks_for_as_many_sample_points_as_the_share_does(criterion, needed):
     observer = HorizonObserver(eros_target(), CameraModel(), samples=25)
-    given = Observation(**criterion)
+    given = plain(**criterion)
     assert make_scene(observer, given).samples == needed
-    enough = shows_enough(limits_of(given, observer.camera), np.arange(26) / 25)
+    enough = shows_enough(limits_of(given, observer.camera, eros_target()), np.arange(26) / 25)
     assert enough.tolist() == [False] * needed + [True] * (26 - needed)

@@ -28,7 +28,7 @@ from swarm_mj.observation.faceid import FaceIdObserver
 from swarm_mj.smallbody.shape_harmonics import build_eros
 
 def make():
-    region = build_target(build_eros(), latitude_deg=0, longitude_deg=90, half_angle_deg=20)
+    region = build_target(build_eros(), latitude_deg=0, longitude_deg=90, half_angle_deg=20, least_part=0.0)
     return FaceIdObserver(region, CameraModel(resolution_px=256))
 
 def look(observer):

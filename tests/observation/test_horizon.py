@@ -8,9 +8,8 @@ from swarm_mj.observation.capture import observe
 from swarm_mj.observation.horizon import SHOWN, HorizonObserver, look_at_all
 from swarm_mj.observation.observer import make_observer
 from swarm_mj.observation.raycast import RayCastObserver
-from swarm_mj.scenarios.schema_imaging import Observation
 
-from .scenes import eros_target, exact_cell_shares, exact_seen_areas, ground_with_plate, on_ground, random_views
+from .scenes import eros_target, exact_cell_shares, exact_seen_areas, ground_with_plate, on_ground, plain, random_views
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -92,6 +91,6 @@ def test_maps_are_kept_and_read_back(observer):
 def test_the_observer_is_chosen_by_name_and_serves_the_criterion():
     observer = make_observer(eros_target(), CameraModel(), kind="horizon")
     pose = look_at([0.0, 21e3, 0.0], [0.0, 0.0, 0.0])
-    seen = observe(observer, pose.r_A, pose.C_CA, Observation(shadows=True), sun_A=[0.6, 1.0, 0.2])
+    seen = observe(observer, pose.r_A, pose.C_CA, plain(light="sunlit", max_incidence_deg=90.0), sun_A=[0.6, 1.0, 0.2])
     assert observer.name == "horizon"
     assert 0 < seen.sum() <= observer.region.n_cells

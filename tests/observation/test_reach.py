@@ -8,9 +8,8 @@ from swarm_mj.observation.camera import CameraModel
 from swarm_mj.observation.capture import observe
 from swarm_mj.observation.observer import make_observer
 from swarm_mj.observation.reach import cells_of, in_reach, reach_of
-from swarm_mj.scenarios.schema_imaging import Observation
 
-from .scenes import eros_target, random_views
+from .scenes import eros_target, plain, random_views
 
 CRITERIA = [
     {},
@@ -21,6 +20,7 @@ CRITERIA = [
     {"max_emission_deg": 60.0},
     {"max_range_m": 20.5e3},
     {"max_gsd_m": 70.0},
+    {"min_pixels": 10.0},
 ]
 
 
@@ -34,7 +34,7 @@ def reached(observer, criterion, *poses, light=None):
 @pytest.mark.parametrize("kind", ["raster", "raycast", "horizon"])
 @pytest.mark.parametrize("criterion", CRITERIA, ids=str)
 def test_no_observer_shows_what_is_out_of_reach(kind, shape, criterion):
-    region, criterion = eros_target(), Observation(**criterion)
+    region, criterion = eros_target(), plain(**criterion)
     camera = CameraModel(half_angle_deg=5.0, shape=shape, resolution_px=64)
     observer, shown, beyond = make_observer(region, camera, kind=kind), 0, 0
     for pose in random_views(30, 3, off_deg=4.0):
@@ -57,7 +57,7 @@ def test_what_is_in_reach_has_its_share_in_the_picture_up_to_a_pixel(shape, shar
         ahead = ((region.centroid_A - pose.r_A) * region.normal_A).sum(axis=1) < 0.0
         triangles = [Polygon(c[:, :2] / (c[:, 2:] * tan)) for c in corners]
         inside = np.array([t.intersection(picture).area / max(t.area, 1e-12) for t in triangles])
-        reach = reached(observer, Observation(min_fraction=share), pose)
+        reach = reached(observer, plain(min_fraction=share), pose)
         wide = np.array([2.0 * t.area / t.length for t in triangles]) > 40 * 2 / 2048
         assert not reach[(inside < share - 0.05) & wide].any() and reach[(inside > share + 0.001) & ahead].all()
         assert not reach[~ahead].any()
@@ -66,7 +66,7 @@ def test_what_is_in_reach_has_its_share_in_the_picture_up_to_a_pixel(shape, shar
 
 
 def test_reach_is_what_any_of_the_pictures_reaches_in_its_light():
-    region, criterion = eros_target(), Observation()
+    region, criterion = eros_target(), plain()
     observer = make_observer(region, CameraModel(half_angle_deg=3.0), kind="raycast")
     views, rng = random_views(6, 5, off_deg=6.0), np.random.default_rng(0)
     light = rng.random((6, region.n_cells)) < 0.5

@@ -12,9 +12,8 @@ from swarm_mj.observation.horizon_kernels import make_scene
 from swarm_mj.observation.observer import make_observer
 from swarm_mj.observation.smear import CameraMotion, Motion, smear_px
 from swarm_mj.scenarios.loading import scenario_from
-from swarm_mj.scenarios.schema_imaging import Observation
 
-from .scenes import eros_target
+from .scenes import eros_target, plain
 
 EXPOSURE = 0.02
 CAMERA = CameraModel(half_angle_deg=12.0, resolution_px=1000, exposure_s=EXPOSURE)
@@ -76,19 +75,19 @@ def test_cells_that_smear_more_than_the_limit_do_not_count():
     motion = CameraMotion(np.array([30.0, -200.0, 500.0]), np.array([0.002, 0.02, 0.05]))
     smear = smear_px(region, CAMERA, pose.r_A, pose.C_CA, motion)
     observer = make_observer(region, CAMERA, kind="raycast")
-    whole = observe(observer, pose.r_A, pose.C_CA, Observation())
+    whole = observe(observer, pose.r_A, pose.C_CA, plain())
     limit = float(np.median(smear[whole]))
-    some = observe(observer, pose.r_A, pose.C_CA, Observation(max_smear_px=limit), motion=motion)
+    some = observe(observer, pose.r_A, pose.C_CA, plain(max_smear_px=limit), motion=motion)
     assert np.array_equal(some, whole & (smear <= limit)) and 0 < some.sum() < whole.sum()
     with pytest.raises(MissionError, match="limits smear: pass how the camera moves"):
-        observe(observer, pose.r_A, pose.C_CA, Observation(max_smear_px=limit))
+        observe(observer, pose.r_A, pose.C_CA, plain(max_smear_px=limit))
 
 
 def test_what_cannot_limit_smear_says_so():
     observer = make_observer(eros_target(), CAMERA, kind="horizon")
     assert isinstance(observer, HorizonObserver)
     with pytest.raises(MissionError, match="max_smear_px 2"):
-        make_scene(observer, Observation(max_smear_px=2.0))
+        make_scene(observer, plain(max_smear_px=2.0))
     with pytest.raises(ScenarioError, match=r"observation.max_smear_px = 2.*camera.exposure_s"):
         scenario_from({"name": "s", "observation": {"max_smear_px": 2}})
     with pytest.raises(MissionError, match="exposure nan"):

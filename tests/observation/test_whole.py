@@ -10,11 +10,10 @@ from swarm_mj.observation.horizon import HorizonObserver
 from swarm_mj.observation.horizon_kernels import make_scene
 from swarm_mj.observation.observer import make_observer
 from swarm_mj.observation.raycast import RayCastObserver
-from swarm_mj.scenarios.schema_imaging import Observation
 
-from .scenes import cell_oracle, eros_target, exact_view, ground_with_plate, on_ground, random_views
+from .scenes import cell_oracle, eros_target, exact_view, ground_with_plate, on_ground, plain, random_views
 
-WHOLE = Observation(min_fraction=1.0)
+WHOLE = plain(min_fraction=1.0)
 
 
 @pytest.mark.parametrize("cell_size", [None, 600.0])
@@ -57,8 +56,8 @@ def test_a_plate_takes_away_every_cell_that_its_shadow_touches():
 
 @pytest.mark.parametrize(("fraction", "whole"), [(0.5, False), (0.98, False), (0.99, True), (0.999, True), (1.0, True)])
 def test_shares_that_counted_pixels_cannot_tell_from_all_ask_for_whole_cells(fraction, whole):
-    assert Observation(min_fraction=fraction).whole == whole
-    assert not Observation(min_fraction=fraction, any_pixel=True).whole
+    assert plain(min_fraction=fraction).whole == whole
+    assert not plain(min_fraction=fraction, any_pixel=True).whole
 
 
 def test_compiled_maps_refuse_to_judge_whole_cells_by_sample_points():

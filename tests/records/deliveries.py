@@ -28,7 +28,7 @@ def delivery_of(flown, *, mute=(), relay=None, slot_s=60.0, hours=30.0, rate_bit
     plan, telemetry, result = flown
     first, n, duration = result.coverage.first_seen_by_s, plan.n, plan.scenario.duration_s
     relay = n - 1 if relay is None else relay
-    tiles = make_tiles(plan.region.area, first, np.full(first.shape, float(cell_bit)), bits_per_pixel=1.0)
+    tiles = make_tiles(plan.region.area, first, np.full(first.shape, float(cell_bit)), np.ones(first.shape))
     start = float(np.nanmin(first)) if tiles.count else 0.5 * duration
     edges = np.concatenate((np.arange(start, duration, slot_s), np.linspace(duration, duration + 3600 * hours, 60)))
     contacts = _contacts(edges, n, relay, mute, duration, rate_bit_s)
@@ -106,6 +106,7 @@ def _sent(tiles, contacts, relay, mute, lost_bit, lost_slot):
         "tile_overflow_bit": np.zeros_like(tiles.bits),
         "tile_ready_s": np.where(np.isfinite(tiles.ready_s), tiles.ready_s, np.nan),
         "tile_arrives_s": arrives,
+        "tile_origin": np.where(np.isnan(arrives), -1, np.argmax(tiles.bits > 0, axis=0)),
         "best_earth_bit": earth.astype(float),
         "best_share": np.where(np.isnan(arrives), 0.0, 1.0),
         "best_full_s": np.array(np.nan if np.isnan(arrives).all() else np.nanmax(arrives)),

@@ -86,5 +86,5 @@ def test_a_folder_that_is_no_run_and_cells_that_do_not_fit_are_clear_errors(flow
     plan, telemetry, result = flown
     with pytest.raises(OutputError, match="is not a folder of `swarm-mj fly`.*summary.json"):
         load_replay(tmp_path)
-    with pytest.raises(OutputError, match="169 target cells were recorded, but the scenario now gives 2 and 170"):
+    with pytest.raises(OutputError, match="143 target cells were recorded, but the scenario now gives 2 and 144"):
         Replay(plan, telemetry, result.coverage.first_seen_s[:-1])

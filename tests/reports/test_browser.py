@@ -77,7 +77,7 @@ def test_the_slider_changes_the_coverage_shown(report):
     end = text(report, "clock"), text(report, "share"), cells_seen(report)
     assert start[0] == "0 min 00 s" and end[0] == "20 min 00 s"
     assert float(start[1].split()[0]) < 10.0 < 99.0 < float(end[1].split()[0])
-    assert start[2] < end[2] == 170
+    assert start[2] < end[2] == 144
     scrub(report, 0.3)
     assert start[2] < cells_seen(report) < end[2]
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from swarm_mj.flight.plan import make_plan
+from swarm_mj.observation.coverage import percent_text
 from swarm_mj.records.delivered import delivered_summary
 from swarm_mj.records.run_record import observation_of, read_run
 from swarm_mj.reports.delivery import CLASSES, delivery_figures, delivery_section
@@ -25,7 +26,7 @@ def partly(run):
     result = observation_of(run, plan)
     result.coverage.first_seen_by_s[1, ::2] = np.nan
     *_, result = with_delivery((plan, run.telemetry, result), mute=(0,), cell_bit=90_000)
-    summary = {**run.summary, **delivered_summary(plan, result.delivery)}
+    summary = {**run.summary, **delivered_summary(plan, result)}
     coverage = {**run.coverage, "first_seen_by_s": result.coverage.first_seen_by_s}
     return replace(run, delivery=result.delivery, summary=summary, coverage=coverage)
 
@@ -34,7 +35,7 @@ def test_the_page_leads_with_seen_and_delivered(run):
     text = report_html([run])
     cards = [part.split("</dt>")[0].split("<sub>")[0] for part in text.split("<dt>")[1:4]]
     assert cards == ["observed area P", "delivered to Earth", "map complete on Earth"]
-    assert f"{run.summary['delivered_percent']:.2f} %" in text and 'href="#delivery"' in text
+    assert percent_text(run.summary["delivered_percent"]) in text and 'href="#delivery"' in text
     for name in ("contacts", "data", "map"):
         assert f'id="way-0-{name}"' in text and f'"way-0-{name}":' in text
 

@@ -26,12 +26,12 @@ def test_the_proof_is_shown_with_its_design_and_withdrawn_for_another_camera(tmp
     scenario = load_scenario("eros-config1", parse_overrides([*changes, *common]))
     fly(scenario, out=tmp_path / "fits", figures=False, report=False)
     fits = report_html([read_run(tmp_path / "fits")])
-    assert "Proven: fewer than 5 observers cannot see 99.9 %" in fits
+    assert "Proven: fewer than 5 observers cannot see 100 %" in fits
     assert "does not hold" not in fits
     run = read_run(tmp_path / "fits")
     stopped = {**run.design, "proof": {**run.design["proof"], "status": "interrupted"}}
     text = report_html([replace(run, design=stopped)])
-    assert "Not proven to be the fewest that see 99.9 %" in text and "the design was interrupted." in text
+    assert "Not proven to be the fewest that see 100 %" in text and "the design was interrupted." in text
     assert "best so far" in text and "exact solver</" not in text
     wider = run.scenario.model_copy(update={"camera": run.scenario.camera.model_copy(update={"half_angle_deg": 6.0})})
     text = report_html([replace(run, scenario=wider)])
@@ -88,7 +88,10 @@ def test_only_what_decides_the_candidates_takes_a_proof_away():
         return design_differences(record, load_scenario(name, parse_overrides(overrides)), corners_A)
 
     assert differences() == [] == differences("link.max_range_m=1e4", "seed=3", "body.name=Eros", name="eros-config2")
-    assert differences("body.gravity.model=point_mass", "body.orbit.eccentricity=0.1", "duration_s=1800") == []
+    assert differences("body.gravity.model=point_mass", "duration_s=1800") == []
+    # Where the Sun stands matters unless light is ignored.
+    assert [words.split(":")[0] for words in differences("body.orbit.eccentricity=0.1")] == ["body.orbit.eccentricity"]
+    assert differences("body.orbit.eccentricity=0.1", "observation.light=ignored") == []
     passage = differences("body.gravity.model=point_mass", "duration_s=1800", "observation.criterion=passage")
     assert [words.split(":")[0] for words in passage] == ["body.gravity.model", "duration_s"]
     assert len(differences("body.orbit.eccentricity=0.1", "observation.max_incidence_deg=70")) == 1

@@ -87,7 +87,7 @@ def other_arrays(values):
     yield np.zeros((0, *values.shape[1:]), values.dtype)
     yield np.array(7.0)
     yield values.astype(values.dtype.newbyteorder())
-    for wrong in (np.nan, np.inf, -1e300, -7, 2**31 - 1):
+    for wrong in (np.nan, np.inf, -1e300, -7, np.iinfo(values.dtype).max if values.dtype.kind == "i" else 2**31 - 1):
         if values.dtype.kind == "f" or (values.dtype.kind == "i" and isinstance(wrong, int)):
             changed = values.copy()
             with np.errstate(over="ignore"):

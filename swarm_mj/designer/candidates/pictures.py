@@ -22,8 +22,9 @@ from swarm_mj.io.cache import cache_folder, hash_of, load_array, store_array
 from swarm_mj.io.machine import usable_cores
 from swarm_mj.io.workers import run_jobs
 from swarm_mj.mission.target import TargetRegion
-from swarm_mj.observation.camera import CameraModel
-from swarm_mj.observation.capture import cells_that_count, lit_cells, visible_share
+from swarm_mj.observation.camera import CameraModel, CameraPose
+from swarm_mj.observation.capture import judge, lit_cells, visible_share
+from swarm_mj.observation.cause import Cause
 from swarm_mj.observation.observer import Observer, ObserverKind, make_observer
 from swarm_mj.observation.reach import cells_of, in_reach, reach_of
 from swarm_mj.observation.smear import CameraMotion, smear_px
@@ -211,6 +212,8 @@ class Judge:
         self._observer = imaging_model.open(region)
         self._reach, self._cells = reach_of(self._observer, criterion), cells_of(region)
         self._lit: dict[tuple[int, int], Mask] = {}
+        #: Why each cell is seen by none of those judged so far, in the picture that came nearest to it.
+        self.why = np.full(region.n_cells, Cause.NO_PICTURE, np.int8)
         self._all_lit = np.ones((1, region.n_cells), dtype=np.bool_)
 
     def seen(self, watchers: Sequence[Watcher], *, progress: Progress | None = None) -> Iterator[tuple[int, Mask]]:
@@ -230,14 +233,16 @@ class Judge:
                 watcher = watchers[j]
                 seen = np.zeros(self.region.n_cells, dtype=np.bool_)
                 for row, k in enumerate(watcher.pictures):
-                    seen |= cells_that_count(
+                    cause = judge(
                         self._observer,
                         self.criterion,
-                        watcher.flights.r_A[k, watcher.number],
+                        CameraPose(watcher.flights.r_A[k, watcher.number], watcher.flights.C_CA[k, watcher.number]),
                         partial(self._light, watcher.flights, int(k)),
                         partial(share.__getitem__, row),
                         partial(self._smear, watcher, int(k)),
                     )
+                    seen |= cause == Cause.NONE
+                    np.maximum(self.why, cause, out=self.why)
                 yield j, seen
 
     def could_see(self, watcher: Watcher) -> Mask:

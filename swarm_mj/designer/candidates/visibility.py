@@ -10,6 +10,7 @@ from itertools import product
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from swarm_mj.designer.candidates.flights import CandidateFlights, Unreachable, fly_candidates
 from swarm_mj.designer.candidates.pictures import ImagingModel, Judge, Progress, Watcher
@@ -55,6 +56,7 @@ class Visibility:
         regions: All targets in one region; its `targets` are each of them.
         left_out: What the designer might have chosen but nobody can fly to, and why.
         unjudged: Candidates whose pictures were not judged because of an interruption; they count as seeing nothing.
+        why: `Cause` why each cell is seen by no candidate, shape (cells,).
         flights: Their flights, kept where `designer.deliver_within_h` asks for them.
         thinned: Candidates whose pictures were not judged because another one sees all that they could see at most (of several,
             the first), and that other one; they are not among `candidates`.
@@ -67,6 +69,7 @@ class Visibility:
     point_A: Array
     regions: list[TargetRegion]
     left_out: list[tuple[Candidate, str]] = field(default_factory=list)
+    why: NDArray[np.int8] = field(default_factory=lambda: np.empty(0, np.int8))
     unjudged: int = 0
     thinned: list[tuple[Candidate, Candidate]] = field(default_factory=list)
     flights: list[CandidateFlights] = field(default_factory=list)
@@ -125,6 +128,7 @@ def visibility(
         point_A=np.concatenate([flights.plan.points_A for _, _, flights in flown])[kept],
         regions=regions,
         left_out=left_out,
+        why=found.why,
         unjudged=int((found.judged[kept] < len(regions)).sum()),
         thinned=[(candidates[j], candidates[i]) for j, i in sorted(found.stand_in.items())],
         flights=[] if scenario.designer.deliver_within_h is None else [flights for _, _, flights in flown],
@@ -169,6 +173,7 @@ class _Sightings:
     def __init__(self, n: int, regions: list[TargetRegion], progress: Progress | None) -> None:
         self.regions, self.progress = regions, progress
         self.sees = np.zeros((n, sum(region.n_cells for region in regions)), np.bool_)
+        self.why = np.zeros(self.sees.shape[1], np.int8)
         self.judged = np.zeros(n, np.int64)
         self.stand_in: dict[int, int] = {}
 
@@ -185,6 +190,9 @@ class _Sightings:
             for j, row in judge.seen([watchers[j] for j in wave], progress=partial(self.tell, before)):
                 self.sees[wave[j], first : first + len(row)] = row
                 self.judged[wave[j]] += 1
+            self.why[first : first + judge.region.n_cells] = np.maximum(
+                self.why[first : first + judge.region.n_cells], judge.why
+            )
             first += judge.region.n_cells
 
     def tell(self, before: int, done: float) -> None:

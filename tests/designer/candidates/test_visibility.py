@@ -181,8 +181,9 @@ def test_the_passage_sees_more_than_the_visit_and_limits_see_less():
         ("any_pixel=true", "raycast"),
         ("max_emission_deg=30", "raycast"),
         ("max_incidence_deg=50", "raycast"),
-        ("shadows=true", "raycast"),
-        ("shadows=true", "horizon"),
+        ("light=ignored", "raycast"),
+        ("light=sunlit", "horizon"),
+        ("min_pixels=30", "raycast"),
         ("occlusion=false", "raycast"),
         ("criterion=passage", "raycast"),
     ],
@@ -233,7 +234,9 @@ def test_a_time_of_flight_that_does_not_fit_the_scenario_is_refused():
 
 @pytest.mark.parametrize(("half_angle_deg", "fewest"), [(21.5, 1), (7.5, 2), (7, 3), (6, 4), (5, 5), (4.1, 8)])
 def test_whole_faces_at_the_visit_need_as_many_as_the_corners_in_the_cone_say(flights, half_angle_deg, fewest):
-    told = scenario(f"camera.half_angle_deg={half_angle_deg}", "observation.min_fraction=0.999")
+    told = scenario(
+        f"camera.half_angle_deg={half_angle_deg}", "observation.min_fraction=0.999", "observation.min_pixels=0"
+    )
     region, k = flights.plan.region, int(np.flatnonzero(flights.times == 600.0)[0])
     seen = seen_cells(told, flights, region, imaging_model_from(told))
     # By hand: nothing on the target hides another part of it from any of the points, and each looks at the centre.

@@ -1,0 +1,62 @@
+"""What was observed and what was not, and why, in the numbers of a summary and in words."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarm_mj.observation.cause import WORDS, Cause, shares
+from swarm_mj.records.rounding import rounded
+from swarm_mj.typing import Array
+
+#: What would show it, by cause.
+REMEDIES = {
+    Cause.NO_PICTURE: "point a camera at the body (behavior, design.visiting_points)",
+    Cause.OUT_OF_VIEW: "add visiting points, or widen camera.half_angle_deg",
+    Cause.FACES_AWAY: "pass it on another side (design.visiting_points, mothership), or let the body turn (epoch, duration_s)",
+    Cause.OBLIQUE: "add visiting points above it; observation.max_emission_deg is the limit",
+    Cause.COARSE: "come nearer or see finer (design.imaging_altitude_m, camera.resolution_px); observation.max_gsd_m, "
+    "max_range_m and min_pixels are the limits",
+    Cause.SMEARED: "shorten camera.exposure_s; observation.max_smear_px is the limit",
+    Cause.HIDDEN: "add visiting points from other sides",
+    Cause.DARK: "visit when the Sun shines there (epoch), or count dark ground too (observation.light: ignored)",
+    Cause.CAMERA_OFF: "let others see the same area too (designer.fold: 2)",
+}
+
+
+def not_observed(area: Array, why: NDArray[np.int8]) -> list[dict[str, Any]]:
+    """Causes and their shares of the target [%], the largest first.
+
+    Args:
+        area: Of each cell [m^2], shape (n,).
+        why: `Cause` of each, shape (n,).
+    """
+    return [
+        {"cause": WORDS[cause], "percent": rounded(share, 6), "remedy": REMEDIES[cause]}
+        for cause, share in shares(area, why).items()
+    ]
+
+
+def causes_text(summary: dict[str, Any]) -> str:
+    """What was not observed, in one line: shares and their causes; empty where all was."""
+    return ", ".join(f"{part['percent']:.3g} % {part['cause']}" for part in summary.get("not_observed", ()))
+
+
+def observed_findings(summary: dict[str, Any]) -> list[str]:
+    """One sentence for each part of the target that was not observed, and what the headline leaves out."""
+    found = [
+        f"{part['percent']:.3g} % of the target is not observed: {part['cause']}; {part['remedy']}"
+        for part in summary.get("not_observed", ())
+    ]
+    if summary.get("light") == "ignored":
+        found.append(
+            "light is ignored: ground that is dark or in shadow counts as observed (observation.light: sunlit asks)"
+        )
+    return found
+
+
+def criterion_text(summary: dict[str, Any]) -> str:
+    """The criterion in a few words, for headings."""
+    return summary["criterion"] + (", light ignored" if summary.get("light") == "ignored" else "")
