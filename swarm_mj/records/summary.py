@@ -167,6 +167,7 @@ def _flown(plan: Plan, telemetry: xr.Dataset) -> dict[str, Any]:
     names = plan.names
     return {
         "mothership": _mothership_orbit(plan),
+        "deployer_max_speed_m_s": plan.scenario.mothership.deployer.max_speed_m_s,
         "deployment_delta_v_m_s": by_name(names, plan.deployment.delta_v, 6),
         "transfer_miss_mm": by_name(names, 1e3 * plan.deployment.miss_m, 6),
         "visit_miss_mm": by_name(names, 1e3 * visit_miss_m(plan, telemetry), 6),

@@ -125,6 +125,7 @@ class RunSummary(Record):
     max_wheel_torque_fraction: NonNegativeFloat
     wheel_saturation_s: ByName
     deployment_delta_v_m_s: ByName
+    deployer_max_speed_m_s: float | None = None
     least_distance_to_centre_km: ByName
     near_collisions: Annotated[list[NearCollision], FailFast()]
     link_closed_percent: dict[str, Percent]
