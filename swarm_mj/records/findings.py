@@ -70,7 +70,7 @@ def summary_findings(summary: dict[str, Any]) -> list[str]:
 
 def deployment_findings(summary: dict[str, Any]) -> list[str]:
     """Releases that a spring deployer cannot give, where no other deployer is named."""
-    fast = {name: speed for name, speed in summary["deployment_delta_v_m_s"].items() if speed > SPRING_M_S}
+    fast = {name: speed for name, speed in summary.get("deployment_delta_v_m_s", {}).items() if speed > SPRING_M_S}
     if summary.get("deployer_max_speed_m_s") is not None or not fast:
         return []
     return [

@@ -15,6 +15,8 @@ from swarm_mj.io.records import Record
 Percent = Annotated[float, Field(ge=0.0, le=100.001)]
 #: A number for each spacecraft, by its name.
 ByName = dict[str, float]
+#: An object without keys.
+Nothing = Annotated[dict[str, float], Field(max_length=0)]
 
 
 class Event(Record):
@@ -77,6 +79,14 @@ class NotObserved(Record):
     cause: str
     percent: Percent
     remedy: str
+
+
+class Spread(Record):
+    """Least, median and greatest of what was seen or delivered."""
+
+    min: float
+    median: float
+    max: float
 
 
 class FormationHeld(Record):
@@ -151,6 +161,9 @@ class RunSummary(Record):
     delivered_bits: NonNegativeInt = 0
     aboard_bits: NonNegativeInt = 0
     lost_bits: NonNegativeInt = 0
+    gsd_m: Spread | Nothing = {}
+    gsd_delivered_m: Spread | Nothing = {}
+    incidence_deg: Spread | Nothing = {}
     not_observed: list[NotObserved] = []
     light: Literal["sunlit", "ignored"] = "ignored"
     time_to_full_map_s: float | None = None

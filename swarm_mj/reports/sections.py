@@ -41,6 +41,7 @@ def summary_section(run: RunRecord) -> Html:
         (P_TO, percent_text(summary["coverage_percent"]), _criterion(summary)),
         *_delivered(summary),
         ("observed, whole passage", percent_text(summary["coverage_percent_passage"]), f"{summary['images']} pictures"),
+        *_sampled(summary),
         *_smeared(summary),
         ("spacecraft", str(summary["spacecraft"]), f"{summary['observers']} of them observe{_lost_words(summary)}"),
         ("pointing error before a switch", f"{short(max(late.values()))}°" if late else "–", "largest of the swarm"),
@@ -75,6 +76,17 @@ def _delivered(summary: dict[str, Any]) -> list[tuple[str, str, str]]:
         name = "all that was seen on Earth" if summary.get("time_to_full_map_s") is None else "map complete on Earth"
         cards.append((name, f"t = {instant(full, time_axis(full))}", "by what the swarm runs alone"))
     return cards
+
+
+def _sampled(summary: dict[str, Any]) -> list[tuple[str, str, str]]:
+    """Ground sampling distance and light of what was seen, and of what arrives."""
+    seen, sent, light = (summary.get(key) for key in ("gsd_m", "gsd_delivered_m", "incidence_deg"))
+    if not seen:
+        return []
+    note = f"{short(seen['min'])} to {short(seen['max'])} m"
+    note += f"; delivered {short(sent['median'])} m, to {short(sent['max'])} m" if sent else ""
+    note += f"; sunlight at {short(light['median'])}°, to {short(light['max'])}°" if light else ""
+    return [("ground sampling distance, median", f"{short(seen['median'])} m", note)]
 
 
 def _smeared(summary: dict[str, Any]) -> list[tuple[str, str, str]]:
