@@ -66,6 +66,7 @@ def test_names_follow_a_picture_that_is_turned_and_zoomed_by_hand(report):
     report.find_element(By.ID, "directions").click()
     settled(report)
     scene = report.find_element(By.ID, "scene-0")
+    report.execute_script("arguments[0].scrollIntoView({block: 'center'})", scene)
     start = report.execute_script(camera)
     hand = webdriver.ActionChains(report).move_to_element(scene).click_and_hold()
     hand.move_by_offset(90, 60).move_by_offset(20, 40).perform()
