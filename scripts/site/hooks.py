@@ -14,7 +14,7 @@ from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 
-from scripts.site import api, commands, examples, executed, formulas, plug_ins, scenario_keys
+from scripts.site import api, bibliography, commands, examples, executed, formulas, plug_ins, scenario_keys
 
 #: Pages that are generated, by their place below docs/.
 PAGES: dict[str, Callable[[], str]] = {
@@ -22,6 +22,7 @@ PAGES: dict[str, Callable[[], str]] = {
     "reference/command_line.md": commands.page,
     "reference/scenario.md": scenario_keys.page,
     "reference/plug_ins.md": plug_ins.page,
+    "reference/bibliography.md": bibliography.page,
     "contributing.md": lambda: _of_the_top_folder("CONTRIBUTING.md"),
     "changelog.md": lambda: _of_the_top_folder("CHANGELOG.md"),
 }

@@ -8,7 +8,7 @@ and the torque drives every component of s into the boundary layer |s_i| <= laye
 reaching_rate, whatever the inertia error and disturbance within the stated bounds, and holds it there:
 
     L = omega x (J omega + h_w) + J_eff (domega_RN - omega x omega_RN - dm/dt - v),
-    v_i = rho_i sat(s_i / layer) + damping s_i.
+    v_i = kappa_i sat(s_i / layer) + damping s_i.
 
 Inside the layer the law is linear, which keeps the sampled loop free of chatter. Derivation, proof and the reasons for
 the gains: docs/theory/attitude_control.md. Sources: Kowalchuk & Hall, AIAA 2008-6260 (sliding mode with wheels); Slotine & Li,
