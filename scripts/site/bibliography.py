@@ -18,9 +18,8 @@ def page() -> str:
         for source in _sources(text):
             named.setdefault(source, []).append(f"[{title}](../{path.relative_to(DOCS).as_posix()})")
     rows = [f"- {source} ({', '.join(named[source])})" for source in sorted(named, key=_family_name)]
-    return "# Bibliography\n\nWhat the pages of this site name as their sources; numbers in the code have theirs beside them.\n\n" + "\n".join(
-        [*rows, ""]
-    )
+    head = "What the pages of this site name as their sources; numbers in the code have theirs beside them."
+    return "\n".join(["# Bibliography", "", head, "", *rows, ""])
 
 
 def _sources(text: str) -> list[str]:
