@@ -13,13 +13,14 @@ from numpy.typing import NDArray
 from swarm_mj.typing import Array32, Mask
 
 from ..arguments import checked_count
+from ..batch_env import StepOutcome
 from ..capacity import refuse_more_than_fit
 from .config import EnvConfig, MissionPool
 from .draws import EpisodeDraw
 from .flying import BATCH, Fleet
 from .layout import FlatLayout, make_interface, observed_from
 from .mission import Mission
-from .rewards import StepResult, horizon_ended
+from .rewards import horizon_ended
 from .state import EpisodeState
 from .tables import BOUND
 
@@ -95,12 +96,9 @@ class Episodes(EpisodeState):
         self.update(live)
         # Sensors are read of all, before anybody is lost.
         self.update_estimate(live)
-        self._deal(e, draw, mission)
-        until = np.where(
-            self.sheet.present[e], np.minimum(self.sheet.fails_s[e, :, :2].min(axis=1), mission.duration_s), 0.0
-        )
+        self._write_draw(e, draw, mission)
         target = self.totals.target[e, : mission.plan.region.n_cells]
-        self.sheet.possible_area[e] = mission.possible_area(until, target, start)
+        self.deal(e, mission.possible_area(target, draw.spacecraft, start))
         self._lose(e, ~self.sheet.present[e])
         self._fail(live)
         self.update(live)
@@ -116,12 +114,13 @@ class Episodes(EpisodeState):
         self.flights.seat(e, draw.mission, mission)
         return mission
 
-    def _deal(self, e: int, draw: EpisodeDraw, mission: Mission) -> None:
-        """Write down what was drawn, and which cells can count in its light."""
+    def _write_draw(self, e: int, draw: EpisodeDraw, mission: Mission) -> None:
+        """Write down what was drawn, and which cells can count in its light; what fails does so on the pictures' clock."""
         sheet = self.sheet
         sheet.present[e] = np.arange(self.n) < draw.spacecraft
         sheet.downlink[e], sheet.camera_off[e] = True, False
-        sheet.fails_s[e] = np.where(sheet.present[e, :, None], draw.fails * mission.duration_s, np.inf)
+        fails_s = np.ceil(draw.fails * mission.duration_s / mission.interval_s) * mission.interval_s
+        sheet.fails_s[e] = np.where(sheet.present[e, :, None], fails_s, np.inf)
         if mission.drawn_light:
             sheet.sun_A[e] = mission.sun_A(draw)
             self.totals.target[e, : mission.plan.region.n_cells] = mission.lit(sheet.sun_A[e])
@@ -160,51 +159,55 @@ class Episodes(EpisodeState):
         for e, seed in flights.items():
             self.begin(e, seed, draw)
 
-    def step(self, actions: NDArray[Any], live: Mask) -> StepResult:
+    def step(self, actions: NDArray[Any], live: Mask) -> StepOutcome:
         """Fly the live episodes, shape (E,), one step with the agents' choices held, shape (E, n)."""
         return self.fly(self.interface.decoded(self._observed, actions), live)
 
-    def fly(self, choices: NDArray[Any], live: Mask) -> StepResult:
+    def fly(self, choices: NDArray[Any], live: Mask) -> StepOutcome:
         """The same with choices among all patches, Earth and relays, whatever the agents choose among."""
-        self.result.terms[:], self.result.reward[:], self.result.end[:] = 0.0, 0.0, 0
-        self.result.truncated[:], self.result.hit[:] = False, False
+        for part in self.result:
+            part[:] = 0
         given = np.asarray(choices, np.int64)
         if self._pool is None:
             self._decide(given, live)
         else:
             list(self._pool.map(lambda part: self._decide(given, live & part), self._parts))
-        found = StepResult._make(part.copy() for part in self.result)
+        found = StepOutcome._make(part.copy() for part in self.result)
         return horizon_ended(found) if self.config.horizon_terminates else found
 
     def _decide(self, choices: NDArray[Any], live: Mask) -> None:
-        """A decision of the live episodes: what fails, fails; targets are held, pictures taken, and what came of it scored."""
+        """A decision of the live episodes: targets are held, links judged and pictures taken on the way, then all is scored."""
         if not live.any():
             return
         flights, mission = self.flights, self.missions[0]
-        self._fail(live)
         self.choose(choices, live)
         self.begin_step(live)
         flights.hold(live)
         ticks, flown, flying = mission.ticks, 0, live.copy()
+        at = np.minimum(flights.tick[:, None] + np.arange(ticks + 1), mission.last_tick)
+        due, stops = mission.is_due[at], mission.is_stop[at]
         # Pictures at the end of a decision belong to the next one, if there is one.
-        due = mission.is_due[np.minimum(flights.tick[:, None] + np.arange(ticks + 1), mission.last_tick)]
-        due[:, ticks] &= flights.tick + ticks >= mission.last_tick
-        for k in [*np.flatnonzero(due[live, :ticks].any(axis=0)).tolist(), ticks]:
+        due[:, ticks] &= at[:, ticks] == mission.last_tick
+        stops[:, 0], stops[:, ticks] = False, True
+        for k in np.flatnonzero((due | stops)[live].any(axis=0)).tolist():
             if k > flown:
                 flights.fly(k - flown, flying)
-                flying, flown = flying & flights.finite, k
+                flown = k
+                self._stop(stops[:, k] & flying, flying)
             if (pictured := due[:, k] & flying).any():
                 self.take_pictures(pictured)
-        self._end_step(live, flying)
+        self.update_estimate(flying)
+        self.score(live, flying)
+        self.show(flying)
 
-    def _end_step(self, live: Mask, flying: Mask) -> None:
-        flights, fine = self.flights, self.update(flying)
-        self.totals.lost[live] |= flights.lost[live]
-        self.update_estimate(fine)
-        self.score(live, fine, flights.effort)
-        for e, j in zip(*np.nonzero(self.result.hit & live[:, None]), strict=True):
-            flights.park(int(e), int(j))
-        self.show(fine)
+    def _stop(self, at: Mask, flying: Mask) -> None:
+        """Let flights come to an instant, where what fails fails; those that are not finite fly no further."""
+        fine = self.arrive(at)
+        flying &= fine | ~at
+        self.totals.lost[at] |= self.flights.lost[at]
+        for e, j in zip(*np.nonzero(self._hit & fine[:, None]), strict=True):
+            self.flights.park(int(e), int(j))
+        self._fail(fine)
 
     def info(self, e: int) -> dict[str, Any]:
         """What every step tells of episode e."""
@@ -220,7 +223,7 @@ class Episodes(EpisodeState):
         return {
             "time_s": self.flights.tick * self.flights.period,
             "coverage_percent": 100.0 * totals.area / self.sheet.possible_area,
-            "delivered_bit": totals.delivered,
+            "delivered_bit": totals.delivered.sum(axis=1),
             "stored_bit": totals.stored,
             "seen_bit": totals.seen_bit,
             "lost_bit": totals.lost_bit,

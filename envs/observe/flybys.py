@@ -162,10 +162,6 @@ def flyby(spec: MissionSpec, spacecraft: int, patches: int) -> tuple[dict[str, A
             "criterion": "passage",
             "min_fraction": 0.5,
             "interval_s": PICTURE_INTERVAL_S,
-            # The Sun of an episode is drawn and its light judged by `Mission.lit`; how oblique and how small is as before that.
-            "light": "ignored",
-            "max_emission_deg": 90.0,
-            "min_pixels": 0.0,
             "max_gsd_m": REACH * altitude * 2.0 * tan(radians(camera)) / 512.0,
         },
         "safety": {"min_separation_m": 1e-3 * altitude},

@@ -59,7 +59,6 @@ class Fleet:
         period: Control period [s].
         tick: Control periods flown, shape (E,).
         finite: False where a flight has diverged, shape (E,).
-        effort: Sum of the squares of the motor torques since `hold`, shape (E,) [N^2 m^2].
         lost: Spacecraft lost to faults of the scenario, shape (E, n).
         off: Whose camera a fault of the scenario has off, shape (E, n).
         held: Targets that hold for the step, shape (E, n, ...).
@@ -74,7 +73,6 @@ class Fleet:
         self.period = 0.0
         self.tick: Ints = np.zeros(count, np.int64)
         self.finite: Mask = np.ones(count, np.bool_)
-        self.effort: Array = np.zeros(count)
         self.lost: Mask = np.zeros((count, n), np.bool_)
         self.off: Mask = np.zeros((count, n), np.bool_)
         self.held = Targets(np.zeros((count, n), np.int64), np.zeros((count, n), np.int64), np.zeros((count, n, 3)))
@@ -128,14 +126,13 @@ class Fleet:
         self.sigma_BR[e] = sigma_BR
 
     def hold(self, live: Mask) -> None:
-        """Let the targets `held` hold in the live flights, and count their effort anew."""
+        """Let the targets `held` hold in the live flights."""
         for seats in self._all:
             at, who = seats.of(live)
             if len(at):
                 for ours, theirs in zip(seats.held, self.held, strict=True):
                     ours[at] = theirs[who]
                 seats.batch.hold(seats.held, None)
-                seats.batch.flights.effort[at] = 0.0
                 self.kind[who], self.spacecraft[who] = self.held.kind[who], self.held.spacecraft[who]
 
     def fly(self, periods: int, live: Mask) -> None:
@@ -151,7 +148,7 @@ class Fleet:
     def _fetch(self, seats: _Seats, at: Indices, who: Ints) -> None:
         """Take over what the simulator tells of some flights."""
         f = seats.batch.flights
-        self.tick[who], self.finite[who], self.effort[who] = f.tick[at], f.finite[at], f.effort[at]
+        self.tick[who], self.finite[who] = f.tick[at], f.finite[at]
         self.lost[who], self.off[who] = f.lost[at], seats.batch.blind[at]
         self.sigma_BR[who] = f.work[at, Slot.SIGMA_BR]
 
@@ -194,7 +191,6 @@ class Fleet:
         return (
             self.tick,
             self.finite,
-            self.effort,
             self.lost,
             self.off,
             *self.held,

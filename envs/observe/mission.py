@@ -50,9 +50,9 @@ from .flybys import (
 from .kinematics import BodyRotation
 from .patches import Patches, make_patches, make_sphere_patches
 from .pictures import PictureConstants
-from .radio import RadioConstants, radio_constants
-from .reach import cells_in_reach, cells_in_view, first_reach
-from .rewards import HazardLimits, RewardConstants, RewardWeights, ScoreConstants
+from .radio import IntervalConstants, RadioConstants, radio_constants
+from .reach import cells_in_reach, cells_in_view, cells_passed
+from .rewards import RewardWeights
 from .tables import TableConstants
 
 Target = Literal["scenario", "body"]
@@ -60,8 +60,6 @@ Target = Literal["scenario", "body"]
 LIT_SHARE = 0.5
 #: Share of the target that counts as possible at least, so that no episode is about a few cells.
 LEAST_POSSIBLE = 0.2
-#: Data aboard below this share of the nominal volume count as delivered.
-NOTHING_STORED = 1e-9
 #: Of the integration of the planned paths.
 PATH_TOLERANCE = 1e-9
 
@@ -145,6 +143,16 @@ class Mission:
         scenario = self.plan.scenario
         return schedule_from(scenario, scenario.control.period_s).due(np.arange(self.last_tick + 1))
 
+    @property
+    def interval_s(self) -> float:
+        """Between two pictures; things fail on their clock [s]."""
+        return float(self.plan.scenario.observation.interval_s)
+
+    @cached_property
+    def is_stop(self) -> Mask:
+        """Whether links are judged, by control instant: at pictures, and as often where there are but those of the visits."""
+        return self.is_due | (np.arange(self.last_tick + 1) % round(self.interval_s / self.period_s) == 0)
+
     @cached_property
     def nominal_bit(self) -> float:
         """Volume of the whole target seen straight down from the imaging altitude [bit]."""
@@ -200,7 +208,7 @@ class Mission:
         return np.asarray(up * out + level * (np.sin(draw.sun_azimuth) * east + np.cos(draw.sun_azimuth) * north))
 
     def lit(self, sun_A: Array) -> Mask:
-        """Cells that the Sun of a catalogued flyby shines on: it sees half of them, as a camera far out would, shape (C,)."""
+        """Cells that the drawn Sun lights as the criterion asks: high enough, and half of each past the body, shape (C,)."""
         # Any axes will do about the line of sight.
         sun: Vector = (sun_A[0], sun_A[1], sun_A[2])
         aside = np.array(cross(sun, (0.0, 0.0, 1.0) if abs(sun[2]) < 0.9 else (1.0, 0.0, 0.0)))
@@ -208,7 +216,8 @@ class Mission:
         right: Vector = (aside[0], aside[1], aside[2])
         C_CA = np.array([right, cross((-sun[0], -sun[1], -sun[2]), right), -sun_A])
         scene, samples, highest = self._lighting
-        return np.asarray(cells_in_view(scene, sun_A, C_CA, samples, highest))
+        high = self.plan.region.normal_A @ sun_A >= np.cos(radians(self.criterion.max_incidence_deg))
+        return np.asarray(high & cells_in_view(scene, sun_A, C_CA, samples, highest))
 
     @cached_property
     def _lighting(self) -> tuple[Scene, int, Array]:
@@ -223,28 +232,27 @@ class Mission:
         environment = self.plan.environment
         return np.asarray(lit_cells(self.observer, self.criterion, environment.C_AN(t) @ environment.sun.at(t)))
 
-    def possible_area(self, until_s: Array, target: Mask, start: InitialState | None = None) -> float:
-        """Area that the swarm can see as it was let go, at least `LEAST_POSSIBLE` of the target [m^2].
+    def possible_area(self, target: Mask, present: int, start: InitialState | None = None) -> float:
+        """Area that the swarm can see as it was let go, if nothing fails, at least `LEAST_POSSIBLE` of the target [m^2].
 
         Args:
-            until_s: Until when each spacecraft has a camera, shape (n,) [s].
             target: Cells that can count, shape (C,).
+            present: How many spacecraft fly, the first ones.
             start: Of a flight of the catalogue; those of a scenario of one's own are taken as planned.
         """
-        area, interval = self.patches.cell_area, float(self.plan.scenario.observation.interval_s)
+        area = self.patches.cell_area
         if self.scene is None:
             return float(area.sum())
         if start is None or self.v0_N is None:
-            found = (self._first_reach <= until_s[:, None]).any(axis=0) & target
+            found = self._passed[:present].any(axis=0) & target
         else:
-            r, v = np.ascontiguousarray(start.r_BN_N), np.ascontiguousarray(start.v_BN_N)
-            found = cells_in_reach(self.scene, self.rotation, r, v, until_s, interval, target)
+            r, v = (np.ascontiguousarray(part[:present]) for part in (start.r_BN_N, start.v_BN_N))
+            found = cells_in_reach(self.scene, self.rotation, r, v, self.duration_s, self.interval_s, target)
         return max(float(area[found].sum()), LEAST_POSSIBLE * float(area.sum()))
 
     @cached_property
-    def _first_reach(self) -> Array:
-        """When each spacecraft on its planned path first takes a picture within reach of each cell, shape (n, C) [s]."""
-        assert self.scene is not None
+    def _passed(self) -> Mask:
+        """Cells that each observer on its planned path passes within reach of at some picture, shape (n_observers, C)."""
         environment = self.plan.environment
         times: Array = np.flatnonzero(self.is_due) * np.float64(self.period_s)
         try:
@@ -256,7 +264,7 @@ class Mission:
         lit = np.ones((len(times), self.plan.region.n_cells), np.bool_)
         if self.criterion.needs_sun:
             lit = np.array([self.lit_at(float(t)) for t in times])
-        return np.asarray(first_reach(self.scene, r_A[:, : self.plan.n_observers], times, lit, self.plan.n))
+        return np.asarray(cells_passed(self.scene, r_A[:, : self.plan.n_observers], lit))
 
     @property
     def rotation(self) -> BodyRotation:
@@ -275,29 +283,9 @@ class Mission:
         return PictureConstants(self.plan.n_observers, float(self.bits_per_pixel), storage)
 
     @property
-    def score(self) -> ScoreConstants:
-        """See `score_step`."""
-        plan, safety, properties = self.plan, self.plan.scenario.safety, self.plan.properties
-        torques = self.ticks * plan.n * len(properties.wheel_axes_B)
-        return ScoreConstants(
-            body=occluder_of(plan.shape),
-            radio=self.radio,
-            limits=HazardLimits(
-                max_wheel_speed=float(properties.max_wheel_speed),
-                min_separation_m=float(safety.min_separation_m),
-                separation_grace_s=float(safety.separation_grace_s),
-            ),
-            reward=RewardConstants(
-                weights=np.array(self.weights, np.float64),
-                cell_area=self.patches.cell_area,
-                nominal_bit=float(self.nominal_bit),
-                step_share=float(self.step_s / self.duration_s),
-                max_effort=float(torques * properties.max_wheel_torque**2),
-                complete_percent=float(self.complete),
-                empty_bit=float(NOTHING_STORED * self.nominal_bit),
-                last_tick=self.last_tick,
-            ),
-        )
+    def interval(self) -> IntervalConstants:
+        """See `pass_interval`."""
+        return IntervalConstants(occluder_of(self.plan.shape), self.radio)
 
     @property
     def tables(self) -> TableConstants:
@@ -325,7 +313,6 @@ class Mission:
             total_area=float(sum(patches.area.tolist())),  # one after another, as compiled code would
             of_cell=patches.of_cell.astype(np.int64),
             cell_area=patches.cell_area,
-            nominal_bit=float(self.nominal_bit),
             earth_bit_s=self.earth_bit_s,
             body=occluder_of(plan.shape),
             earth_r_N=np.array(earth.position, np.float64),
@@ -371,7 +358,7 @@ def make_flyby(
         earth_bit_s=EARTH_BIT_S,
         weights=weights,
         complete=complete,
-        radio=_radio(plan, decision_s, EARTH_BIT_S, SWARM_BIT_S),
+        radio=_radio(plan, EARTH_BIT_S, SWARM_BIT_S),
         v0_N=release_table(plan, altitude),
     )
 
@@ -414,7 +401,7 @@ def make_own(
     parts = make_sphere_patches(region, patches) if whole else make_patches(region, patches)
     centre = np.zeros(3) if whole else np.asarray(region.area @ region.centroid_A / region.total_area)
     half_width = plan.shape.max_radius if whole else float(np.linalg.norm(centre)) * tan(region.side_half_angle)
-    radio = _radio(plan, decision_s, None, None)
+    radio = _radio(plan, None, None)
     return Mission(
         name=scenario.name,
         **_judged(plan, parts, observer),
@@ -449,10 +436,11 @@ def _judged(plan: Plan, patches: Patches, kind: ObserverKind) -> dict[str, Any]:
     }
 
 
-def _radio(plan: Plan, step_s: float, earth_bit_s: float | None, swarm_bit_s: float | None) -> RadioConstants:
+def _radio(plan: Plan, earth_bit_s: float | None, swarm_bit_s: float | None) -> RadioConstants:
     """Of given rates, or None for those of the scenario's link budget."""
-    times = step_s * np.arange(round(plan.scenario.duration_s / step_s) + 1, dtype=np.float64)
-    return radio_constants(plan, times, float(step_s), swarm_rate_bit_s=swarm_bit_s, earth_rate_bit_s=earth_bit_s)
+    spacing = float(plan.scenario.observation.interval_s)
+    times = spacing * np.arange(-(-plan.scenario.duration_s // spacing) + 1, dtype=np.float64)
+    return radio_constants(plan, times, swarm_rate_bit_s=swarm_bit_s, earth_rate_bit_s=earth_bit_s)
 
 
 def _fastest_to_earth(plan: Plan, radio: RadioConstants) -> float:

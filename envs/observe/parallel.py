@@ -67,6 +67,7 @@ class SwarmObserveParallelEnv(SwarmParallelEnv):
         agent_prefix: str = "sc",
         **arguments: Any,
     ) -> None:
+        arguments = {"knowledge": "graph"} | arguments
         self.made_of = {"missions": missions, "split": split, "render_mode": render_mode, **arguments}
         self.made_of["agent_prefix"] = agent_prefix
         self.render_mode = checked_render_mode(render_mode, self.metadata["render_modes"])

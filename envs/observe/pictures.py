@@ -11,7 +11,7 @@ from swarm_mj.observation.capture import takes_picture
 from swarm_mj.observation.horizon import sight_of
 from swarm_mj.observation.horizon_kernels import Scene, new_cells
 from swarm_mj.spacecraft.attitude.algebra import relative_dcm
-from swarm_mj.typing import Array, Ints, Mask
+from swarm_mj.typing import Ints, Mask
 
 from .kinematics import Kinematics, PerMission, Tracking
 from .totals import EpisodeTotals, record_cells
@@ -31,18 +31,6 @@ class PictureConstants(NamedTuple):
     storage_bit: float
 
 
-class Gained(NamedTuple):
-    """What pictures of E flights of n spacecraft bring.
-
-    Attributes:
-        area: Grows by the newly seen area of each flight, shape (E,) [m^2].
-        doubt: Receives which pictures may show more than the maps could tell, shape (E, n).
-    """
-
-    area: Array
-    doubt: Mask
-
-
 @kernel
 def take_pictures(
     scenes: PerMission[Scene],
@@ -53,7 +41,7 @@ def take_pictures(
     tracking: Tracking,
     light: Mask,
     due: Mask,
-    gained: Gained,
+    doubts: Mask,
 ) -> None:
     """Let every observer that looks at the body take its picture, one after another, and record the cells that are new.
 
@@ -66,7 +54,7 @@ def take_pictures(
         tracking: What each spacecraft tracks, and whose camera is off.
         light: Cells that are lit now, shape (E, C); of no flights where light does not change.
         due: Flights in which pictures are due, shape (E,).
-        gained: Written to.
+        doubts: Receives which pictures may show more than the maps could tell, shape (E, n).
     """
     skipped, new = np.empty(totals.seen.shape[1], np.bool_), np.empty(totals.seen.shape[1], np.bool_)
     C_CA, changes = np.empty((3, 3)), light.shape[0] > 0
@@ -92,10 +80,9 @@ def take_pictures(
                 relative_dcm(now.C_BN[e, j], now.C_AN[e], C_CA)
                 camera = sight_of(now.r_A[e, j], C_CA, scene.optics, scene.radius)
                 area, pixels, doubt = new_cells(scene, camera, skipped[:cells], new[:cells], answer)
-                gained.doubt[e, j] = doubt
+                doubts[e, j] = doubt
                 if area > 0.0:
                     bits = pixels * of.bits_per_pixel
                     record_cells(totals, e, j, new[:cells], area, bits, of.storage_bit)
                     for i in range(cells):
                         skipped[i] = skipped[i] or new[i]
-                    gained.area[e] += area

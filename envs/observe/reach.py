@@ -19,7 +19,7 @@ FAR, SLACK = 1e4, 3e-4
 
 @kernel
 def cells_in_reach(
-    scene: Scene, body: BodyRotation, r_N: Array, v_N: Array, until_s: Array, interval_s: float, wanted: Mask
+    scene: Scene, body: BodyRotation, r_N: Array, v_N: Array, duration_s: float, interval_s: float, wanted: Mask
 ) -> Mask:
     """Cells that some spacecraft passes within the limits of emission, range and ground sampling distance.
 
@@ -30,7 +30,7 @@ def cells_in_reach(
         body: How it turns.
         r_N: Where the spacecraft are let go, shape (n, 3) [m].
         v_N: How fast, shape (n, 3) [m/s].
-        until_s: Until when each has a camera, shape (n,) [s].
+        duration_s: Of the flight [s].
         interval_s: Between pictures [s].
         wanted: Cells of interest, shape (C,).
     """
@@ -41,7 +41,7 @@ def cells_in_reach(
     place = np.empty(3)
     for j in range(r_N.shape[0]):
         t = interval_s
-        while t <= until_s[j]:
+        while t <= duration_s:
             _place(body, r_N[j], v_N[j], t, place)
             if np.sqrt(place[0] ** 2 + place[1] ** 2 + place[2] ** 2) <= farthest + scene.radius:
                 for i in range(cells.shape[0]):
@@ -58,31 +58,26 @@ def cells_in_reach(
 
 
 @kernel
-def first_reach(scene: Scene, r_A: Array, times: Array, lit: Mask, count: int) -> Array:
-    """When each spacecraft first is within the limits of emission, range and ground sampling distance of each cell.
+def cells_passed(scene: Scene, r_A: Array, lit: Mask) -> Mask:
+    """Cells of which each spacecraft is within the limits of emission, range and sampling distance at some picture, (m, C).
 
     Nothing hides a cell, so that a few more count than can be seen.
 
     Args:
         scene: Cells and limits.
-        r_A: Places of the m observers at the pictures, shape (T, m, 3) [m].
-        times: Of the pictures, shape (T,) [s].
+        r_A: Places at the T pictures, shape (T, m, 3) [m].
         lit: Cells with light that counts then, shape (T, C).
-        count: Number of spacecraft n, observers first.
-
-    Returns:
-        Infinite for never, shape (n, C) [s].
     """
     cells, limits = scene.cells, scene.limits
-    found = np.full((count, cells.shape[0]), np.inf)
-    for k in range(times.shape[0]):
+    found = np.zeros((r_A.shape[1], cells.shape[0]), np.bool_)
+    for k in range(r_A.shape[0]):
         for j in range(r_A.shape[1]):
             for i in range(cells.shape[0]):
-                if lit[k, i] and times[k] < found[j, i]:
+                if lit[k, i] and not found[j, i]:
                     x, y, z = r_A[k, j, 0] - cells[i, 0], r_A[k, j, 1] - cells[i, 1], r_A[k, j, 2] - cells[i, 2]
                     height = x * cells[i, 3] + y * cells[i, 4] + z * cells[i, 5]
                     if height > 0.0 and keeps_limits(limits, np.sqrt(x * x + y * y + z * z), height):
-                        found[j, i] = times[k]
+                        found[j, i] = True
     return found
 
 

@@ -23,6 +23,7 @@ from .draws import EpisodeDraw
 from .episodes import Episodes
 from .flybys import TIME_OF_FLIGHT_S
 from .reach import FAR
+from .rewards import measures
 
 
 def lit_plan(episodes: Episodes, e: int) -> Plan:
@@ -63,9 +64,7 @@ class _Picture:
         totals, mission, now = episodes.totals, episodes.mission_of(e), episodes.now
         # Who is lost is shown where it was seen last.
         self._last_N = np.where(~totals.lost[e, :, None], now.r[e], self._last_N)
-        possible, t = float(episodes.sheet.possible_area[e]), float(now.t[e])
-        seen = float(totals.area[e]) / possible
-        sent = float(totals.delivered[e]) * mission.plan.region.total_area / (mission.nominal_bit * possible)
+        t, (seen, sent) = float(now.t[e]), measures(totals, episodes.sheet)[e]
         instant = Instant(
             t=t,
             r_BN_N=self._last_N,

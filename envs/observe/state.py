@@ -13,10 +13,12 @@ from numpy.typing import NDArray
 
 from swarm_mj.compilation import kernel
 from swarm_mj.mission.behaviors import TargetKind, Targets
-from swarm_mj.observation.capture import Picture, limits_of, observe, pictures, pixels_on, sight, watching
+from swarm_mj.observation.capture import Picture, causes, limits_of, pictures, pixels_on, sight, watching
+from swarm_mj.observation.cause import Cause
 from swarm_mj.observation.smear import Motion
 from swarm_mj.typing import Array, Ints, Mask
 
+from ..batch_env import StepOutcome
 from .kinematics import (
     AttitudeEstimate,
     Kinematics,
@@ -31,8 +33,9 @@ from .kinematics import (
     update_rotations,
 )
 from .mission import Mission
-from .pictures import Gained, take_pictures
-from .rewards import Measures, StepFacts, StepResult, no_measures, no_result, score_step
+from .pictures import take_pictures
+from .radio import pass_interval
+from .rewards import measures, no_result, write_ends
 from .table_kernels import write_tables
 from .tables import EpisodeArrays, EpisodeSheet, Tables, no_sheet, no_tables
 from .totals import EpisodeTotals, no_totals, record_cells, reset_totals, with_room_for
@@ -67,14 +70,14 @@ class PerMissionConstants(NamedTuple):
         rotations: See `update_rotations`.
         scenes: See `take_pictures`; None where the observer judges every picture.
         pictures: See `take_pictures`.
-        scores: See `score_step`.
+        intervals: See `pass_interval`.
         tables: See `write_tables`.
     """
 
     rotations: Any
     scenes: Any
     pictures: Any
-    scores: Any
+    intervals: Any
     tables: Any
 
 
@@ -93,9 +96,9 @@ class EpisodeState:
         totals: What the episodes have come to.
         sheet: What was drawn for them.
         tables: What their agents are shown.
-        now: The instant between two steps, in truth.
-        before: The one a step earlier.
-        estimate: Attitudes and rates at that instant as the flight software has them.
+        now: The instant to which the flights have come, in truth.
+        before: The one before that.
+        estimate: Attitudes and rates between two steps as the flight software has them.
         result: Rewards and ends of the last step.
     """
 
@@ -106,21 +109,21 @@ class EpisodeState:
         self.totals: EpisodeTotals = no_totals(count, n, 0)
         self.sheet: EpisodeSheet = no_sheet(count, n)
         self.tables: Tables = no_tables(count, n, patches)
-        self.before, self.now, self._at_picture = (no_kinematics(count, n, 0) for _ in range(3))
+        self.before, self.now = (no_kinematics(count, n, 0) for _ in range(2))
         self.estimate = no_estimate(count, n)
-        self.result: StepResult = no_result(count, n)
-        self._measures: Measures = no_measures(self.result)
-        self._gained = Gained(np.zeros(count), np.zeros((count, n), np.bool_))
+        self.result: StepOutcome = no_result(count)
+        self._counted = np.zeros_like(self.result.terms)
+        self._doubts, self._hit = (np.zeros((count, n), np.bool_) for _ in range(2))
         self._aims_A: Array = np.zeros((0, patches, 3))
         self._of: PerMissionConstants | None = None
 
     def add(self, mission: Mission) -> int:
         """Let some episodes fly a mission; returns its number."""
-        constants = (mission.rotation, mission.scene, mission.pictures, mission.score, mission.tables)
+        constants = (mission.rotation, mission.scene, mission.pictures, mission.interval, mission.tables)
         if self._of is None:
             self._of = PerMissionConstants(*(None if part is None else listed(part) for part in constants))
             wheels = len(mission.plan.properties.wheel_axes_B)
-            self.before, self.now, self._at_picture = (no_kinematics(self.count, self.n, wheels) for _ in range(3))
+            self.before, self.now = (no_kinematics(self.count, self.n, wheels) for _ in range(2))
         else:
             for items, part in zip(self._of, constants, strict=True):
                 add_listed(items, part)
@@ -146,10 +149,29 @@ class EpisodeState:
         reset_totals(self.totals, e)
         self.totals.target[e, : self.missions[self.mission[e]].plan.region.n_cells] = True
 
+    def deal(self, e: int, possible_area: float) -> None:
+        """Write down what episode e is measured by: the area that is possible [m^2], its data, and what is all of it."""
+        mission, sheet = self.missions[self.mission[e]], self.sheet
+        area = mission.patches.cell_area
+        sheet.possible_area[e] = possible_area
+        sheet.possible_bit[e] = mission.nominal_bit * possible_area / area.sum()
+        can_count = area[self.totals.target[e, : len(area)]].sum()
+        sheet.complete_area[e] = can_count - (1.0 - 0.01 * mission.complete) * area.sum()
+
     def begin_step(self, live: Mask) -> None:
-        """Let the instant between two steps be the one before."""
+        """Let rewards count from here."""
+        self._counted[live] = measures(self.totals, self.sheet)[live]
+
+    def arrive(self, live: Mask) -> Mask:
+        """Bring flights to where they have flown to: data move meanwhile, who meets the body is lost; returns who is finite."""
         copy_instant(self.now, self.before, live)
-        self._gained.area[live] = 0.0
+        finite, of = self.update(live), self.constants
+        self._hit[live] = False
+        tracking, downlink = self.tracking, self.sheet.downlink
+        pass_interval(
+            of.intervals, self.mission, self.before, self.now, tracking, downlink, self.totals, finite, self._hit
+        )
+        return finite
 
     def choose(self, choice: NDArray[Any], live: Mask) -> None:
         """Let targets be what was chosen, shape (E, n), among patches, Earth and relays."""
@@ -161,18 +183,16 @@ class EpisodeState:
         )
 
     def take_pictures(self, due: Mask) -> None:
-        """Take the pictures of the flights in which they are due, shape (E,)."""
-        now, tracking, gained, of = self._at_picture, self.tracking, self._gained, self.constants
-        self.flights.read(now, due)
-        update_rotations(of.rotations, self.mission, now, due, np.zeros(self.count, np.bool_))
+        """Take the pictures of the flights in which they are due now, shape (E,)."""
+        now, tracking, doubts, of = self.now, self.tracking, self._doubts, self.constants
         if of.scenes is None:
             n_observers = self.missions[0].plan.n_observers
             singly = due[:, None] & watching(n_observers, tracking.kind, ~(self.totals.lost | tracking.blind))
         else:
-            gained.doubt[due] = False
+            doubts[due] = False
             light = self._light(due)
-            take_pictures(of.scenes, of.pictures, self.mission, now, self.totals, tracking, light, due, gained)
-            singly = gained.doubt & due[:, None]
+            take_pictures(of.scenes, of.pictures, self.mission, now, self.totals, tracking, light, due, doubts)
+            singly = doubts & due[:, None]
         for e in np.flatnonzero(singly.any(axis=1)):
             self._judge(int(e), singly[e])
 
@@ -183,7 +203,7 @@ class EpisodeState:
         light = np.ones(self.totals.seen.shape, np.bool_)
         known: dict[tuple[int, float], Mask] = {}
         for e in np.flatnonzero(due):
-            mission, t = self.missions[self.mission[e]], float(self._at_picture.t[e])
+            mission, t = self.missions[self.mission[e]], float(self.now.t[e])
             if mission.sun_changes:
                 key = int(self.mission[e]), t
                 if key not in known:
@@ -193,27 +213,28 @@ class EpisodeState:
 
     def _judge(self, e: int, who: Mask) -> None:
         """Judge pictures of flight e by the observer itself: where the maps are in doubt, or there are none."""
-        mission, now = self.missions[self.mission[e]], self._at_picture
+        mission, now = self.missions[self.mission[e]], self.now
         environment = mission.plan.environment
         t, moving = float(now.t[e]), Motion(now.v[e], now.omega[e], environment.spin_N)
         for picture in pictures(t, who, now.r[e], now.C_BN[e], now.C_AN[e], environment.sun.at(t), moving):
             self._judge_singly(e, mission, picture)
 
     def _judge_singly(self, e: int, mission: Mission, picture: Picture) -> None:
-        totals, region = self.totals, mission.plan.region
-        shown = observe(mission.observer, picture.r_A, picture.C_CA, mission.criterion, picture.sun_A, picture.motion)
-        new = shown & ~totals.seen[e, : region.n_cells] & totals.target[e, : region.n_cells]
+        totals, region, criterion = self.totals, mission.plan.region, mission.criterion
+        target = totals.target[e, : region.n_cells]
+        light = (lambda: target) if mission.drawn_light else None
+        cause = causes(mission.observer, picture.pose, criterion, picture.sun_A, picture.motion, light)
+        new = (cause == Cause.NONE) & ~totals.seen[e, : region.n_cells] & target
         gained = float(region.area[new].sum())
         if gained > 0.0:
-            limits = limits_of(mission.criterion, mission.observer.camera, region)
+            limits = limits_of(criterion, mission.observer.camera, region)
             pixels = pixels_on(limits, region.area[new], *sight(region, picture.r_A, new)).sum()
             bits = float(pixels) * mission.bits_per_pixel
             most = float(mission.plan.scenario.data.storage_bit)
             record_cells(totals, e, picture.spacecraft, new, gained, bits, most)
-            self._gained.area[e] += gained
 
     def update(self, live: Mask) -> Mask:
-        """Bring the instant between two steps up to date; returns which of the live flights are finite."""
+        """Bring the instant up to date; returns which of the live flights are finite."""
         finite = np.zeros(self.count, np.bool_)
         self.flights.read(self.now, live)
         update_rotations(self.constants.rotations, self.mission, self.now, live, finite)
@@ -226,20 +247,13 @@ class EpisodeState:
         if imperfect.any():
             update_estimated_rotations(self.estimate, imperfect)
 
-    def score(self, live: Mask, finite: Mask, effort: Array) -> None:
-        """Send data, and work out rewards and ends of a step of the live flights, into `result`."""
-        flown = StepFacts(self.flights.tick, live, finite, self._gained.area, effort, self.sheet.possible_area)
-        score_step(
-            self.constants.scores,
-            self.mission,
-            self.before,
-            self.now,
-            self.tracking,
-            self.totals,
-            flown,
-            self._measures,
-            self.result,
-        )
+    def score(self, live: Mask, finite: Mask) -> None:
+        """Work out rewards and ends of a step of the live flights, into `result`."""
+        mission, result, good = self.missions[0], self.result, (live & finite)[:, None]
+        gained = (measures(self.totals, self.sheet) - self._counted) * np.array(mission.weights)
+        result.terms[live] = np.where(good, gained, 0.0)[live]
+        result.reward[live] = result.terms[live].sum(axis=1)
+        write_ends(self.totals, self.sheet, finite, self.flights.tick >= mission.last_tick, live, result)
 
     def show(self, live: Mask) -> None:
         """Write the tables of the live flights."""

@@ -113,18 +113,18 @@ def _write_patches(constants: TableConstants, arrays: EpisodeArrays, e: int, out
 @allocation_free
 def _write_general(constants: TableConstants, arrays: EpisodeArrays, e: int, out: Array32) -> None:
     now, totals, sheet = arrays.now, arrays.totals, arrays.sheet
-    n, alive, possible = sheet.present.shape[1], 0, sheet.possible_area[e]
+    n, alive, delivered = sheet.present.shape[1], 0, 0.0
     for j in range(n):
         alive += not totals.lost[e, j]
+        delivered += totals.delivered[e, j]
     out[0] = 1.0 - now.t[e] / constants.duration_s
-    out[1] = min(totals.area[e] / possible, BOUND)
-    nominal = constants.nominal_bit * possible / constants.total_area
-    out[2] = min(totals.delivered[e] / nominal, BOUND)
+    out[1] = min(totals.area[e] / sheet.possible_area[e], BOUND)
+    out[2] = min(delivered / sheet.possible_bit[e], BOUND)
     out[3] = alive / n
     out[4] = constants.half_width_m / constants.altitude_m
     out[5] = np.tan(constants.half_angle) * constants.altitude_m / constants.half_width_m
     out[6] = constants.spin_rate * constants.crossing_s
-    out[7] = min(constants.earth_bit_s * constants.step_s / nominal, BOUND)
+    out[7] = min(constants.earth_bit_s * constants.step_s / sheet.possible_bit[e], BOUND)
     earth = _earth(constants, now.t[e])
     far = np.sqrt(earth[0] * earth[0] + earth[1] * earth[1] + earth[2] * earth[2])
     sun_A = _sun(constants, arrays, e, 0.0)
@@ -149,8 +149,7 @@ def _write_spacecraft(constants: TableConstants, arrays: EpisodeArrays, e: int, 
     out[1] = out[1] * (j < constants.n_observers)
     out[4], out[5], out[6] = kind == _SPACECRAFT, kind == _EARTH, kind == _DIRECTION
     out[7] = totals.closed[e, j]
-    nominal = constants.nominal_bit * sheet.possible_area[e] / constants.total_area
-    out[8] = min(totals.stored[e, j] / nominal, BOUND)
+    out[8] = min(totals.stored[e, j] / sheet.possible_bit[e], BOUND)
     out[9] = _earth_in_sight(constants, now, e, j)
     r, v = np.empty(3), np.empty(3)
     _motion(constants, now, e, j, 0.0, r, v)

@@ -59,7 +59,6 @@ class TableConstants(NamedTuple):
         total_area: Of all patches [m^2].
         of_cell: Patch of each cell, shape (C,).
         cell_area: Shape (C,) [m^2].
-        nominal_bit: Volume of the whole target [bit].
         earth_bit_s: To Earth, of all spacecraft together [bit/s].
         body: As what hides.
         earth_r_N: At the epoch, shape (3,) [m].
@@ -89,7 +88,6 @@ class TableConstants(NamedTuple):
     total_area: float
     of_cell: Ints
     cell_area: Array
-    nominal_bit: float
     earth_bit_s: float
     body: Occluder
     earth_r_N: Array
@@ -104,7 +102,9 @@ class EpisodeSheet(NamedTuple):
     """What was drawn for E episodes, and what follows from it.
 
     Attributes:
-        possible_area: What the swarm can see as it was let go, shape (E,) [m^2].
+        possible_area: What the swarm can see as it was let go, if nothing fails, shape (E,) [m^2].
+        possible_bit: Its data straight down from the imaging altitude, shape (E,) [bit].
+        complete_area: From which on all is seen, shape (E,) [m^2].
         sun_A: Direction of the Sun where it was drawn, shape (E, 3).
         present: Who flies from the start, shape (E, n).
         downlink: Whose link to Earth works, shape (E, n).
@@ -113,6 +113,8 @@ class EpisodeSheet(NamedTuple):
     """
 
     possible_area: Array
+    possible_bit: Array
+    complete_area: Array
     sun_A: Array
     present: Mask
     downlink: Mask
@@ -160,6 +162,8 @@ def no_sheet(count: int, n: int) -> EpisodeSheet:
     """Of that many episodes."""
     return EpisodeSheet(
         possible_area=np.ones(count),
+        possible_bit=np.ones(count),
+        complete_area=np.ones(count),
         sun_A=np.zeros((count, 3)),
         present=np.zeros((count, n), np.bool_),
         downlink=np.zeros((count, n), np.bool_),

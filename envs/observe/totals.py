@@ -21,7 +21,7 @@ class EpisodeTotals(NamedTuple):
         stored: Aboard each spacecraft, shape (E, n) [bit].
         seen_bit: Brought by pictures, whatever became of it, shape (E,) [bit].
         lost_bit: Of that, what found no room aboard and is gone, shape (E,) [bit].
-        delivered: Received by Earth, shape (E,) [bit].
+        delivered: Received by Earth from each spacecraft, shape (E, n) [bit].
         closed: Whose link was closed at the end of the last step, shape (E, n).
         lost: Spacecraft that are no more, shape (E, n).
     """
@@ -48,7 +48,7 @@ def no_totals(count: int, n: int, cells: int) -> EpisodeTotals:
         stored=np.zeros((count, n)),
         seen_bit=np.zeros(count),
         lost_bit=np.zeros(count),
-        delivered=np.zeros(count),
+        delivered=np.zeros((count, n)),
         closed=np.zeros((count, n), np.bool_),
         lost=np.zeros((count, n), np.bool_),
     )

@@ -116,21 +116,17 @@ def bounds(episodes: Episodes, seeds: Sequence[int], progress: Progress | None =
 def _bound(episodes: Episodes, e: int, path: Path) -> tuple[float, float]:
     mission, sheet, cells = episodes.mission_of(e), episodes.sheet, episodes.mission_of(e).plan.region.n_cells
     times = np.flatnonzero(mission.is_due).astype(np.float64) * mission.period_s
-    # What fails does so when the next decision is taken.
-    fails = np.ceil(np.where(sheet.present[e, :, None], sheet.fails_s[e], 0.0) / mission.step_s) * mission.step_s
-    works = times[:, None] <= fails[:, :2].min(axis=1)
+    fails = np.where(sheet.present[e, :, None], sheet.fails_s[e], 0.0)
+    works = times[:, None] < fails[:, :2].min(axis=1)
     C_AN = np.array([mission.plan.environment.C_AN(t) for t in times])
     r_A = np.asarray(path.at(times) @ C_AN.swapaxes(1, 2))
     pixels, first = best_pixels(mission.scene, r_A, works, episodes.totals.target[e, :cells])
     found = np.isfinite(first)
-    possible, total = float(sheet.possible_area[e]), float(mission.plan.region.total_area)
-    seen = float(mission.patches.cell_area[found].sum()) / possible
+    seen = float(mission.patches.cell_area[found].sum()) / float(sheet.possible_area[e])
     begins = times[int(first[found].min())] if found.any() else np.inf
-    ends = mission.step_s * np.arange(1, mission.last_tick // mission.ticks + 1)
-    talks = (ends[:, None] - mission.step_s < fails[:, [0, 2]].min(axis=1)).any(axis=1) & (ends >= begins)
-    bits = min(float(pixels.sum()) * mission.bits_per_pixel, mission.earth_bit_s * mission.step_s * int(talks.sum()))
-    weights = mission.weights
-    return weights.seen * seen, weights.delivered * bits / (mission.nominal_bit * possible / total)
+    talks_s = max(0.0, min(mission.duration_s, float(fails[:, [0, 2]].min(axis=1).max())) - begins)
+    bits = min(float(pixels.sum()) * mission.bits_per_pixel, mission.earth_bit_s * talks_s)
+    return mission.weights.seen * seen, mission.weights.delivered * bits / float(sheet.possible_bit[e])
 
 
 @kernel

@@ -163,7 +163,7 @@ def problem_of(episodes: Episodes, e: int, step: int) -> AllocationProblem | Non
     pixels, most = pixels[..., cells], most[cells]
     least = np.minimum(np.where(pixels > 0.0, pixels, np.inf).min(axis=(0, 1, 2)), NEAR * most)
     possible = float(episodes.sheet.possible_area[e])
-    bits = mission.bits_per_pixel * mission.plan.region.total_area / (mission.nominal_bit * possible)
+    bits = mission.bits_per_pixel / float(episodes.sheet.possible_bit[e])
     # A picture from far brings area and few data, a near one the rest.
     weight = np.concatenate([mission.patches.cell_area[cells] / possible + bits * least, bits * (NEAR * most - least)])
     shows = np.concatenate([pixels > 0.0, pixels >= NEAR * most], axis=3).transpose(0, 2, 1, 3)

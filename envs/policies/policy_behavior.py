@@ -208,21 +208,21 @@ class FollowedEpisode(EpisodeState):
         self.add(mission)
         self.forget(0)
         self.sheet.present[:] = self.sheet.downlink[:] = True
-        everything = mission.possible_area(np.full(n, mission.duration_s), self.totals.target[0])
-        self.sheet.possible_area[:] = everything
+        self.deal(0, mission.possible_area(self.totals.target[0], n))
 
     def follow(self, view: SwarmView, policy: Policy) -> Targets:
         """Bring the episode up to this instant; the targets that hold from now on."""
         mission, flight, begins, one = self.missions[0], self.flights, self.flights.view is None, np.ones(1, np.bool_)
         flight.update(view)
         tick = int(flight.tick[0])
-        # Nothing is decided at the end of a flight: the last picture is that of the last step.
-        if begins or (tick % mission.ticks == 0 and tick < mission.last_tick):
-            self.begin_step(one)
+        decides = tick % mission.ticks == 0
+        if begins:
             self.update(one)
+        elif mission.is_stop[tick] or decides:
+            self.arrive(one)
+        # Nothing is decided at the end of a flight: the last picture is that of the last step.
+        if begins or (decides and tick < mission.last_tick):
             self.update_estimate(one)
-            if not begins:
-                self.score(one, one, np.zeros(1))
             self.show(one)
             self.choose(policy(observed_from(self.tables)), one)
         if mission.is_due[tick]:
