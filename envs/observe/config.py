@@ -37,7 +37,7 @@ DISPERSIONS = (
     *("harmonics_percent", "gyro_angular_random_walk_deg_sqrt_h", "gyro_bias_deg_h"),
     *("gyro_rate_random_walk_deg_h_sqrt_h", "star_tracker_noise_arcsec", "star_tracker_bias_arcsec", "delay_s"),
 )
-OBSERVATIONS = ("flat", "entities")
+OBSERVATIONS = ("entities", "flat")
 #: What is to be seen: the target, or the whole body; and what agents of the multi-agent environment know.
 TARGETS, KNOWLEDGE = get_args(Target), ("full", "graph")
 #: What only flybys of the catalogue have.
@@ -60,7 +60,7 @@ class EnvConfig:
     patches: int = 16
     candidates: int | None = None
     decision_s: float = DECISION_S
-    observation: str = "flat"
+    observation: str = "entities"
     knowledge: str = "full"
     randomise: Mapping[str, Any] | None = None
     dispersions: Mapping[str, float] | None = None

@@ -10,6 +10,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from swarm_mj.errors import ScenarioError
 from swarm_mj.typing import Array32, Mask
 
 from ..arguments import checked_count
@@ -26,6 +27,8 @@ from .tables import BOUND
 
 #: What an episode takes in memory, measured, upper estimates: of its own, and for each pair of spacecraft [B].
 EPISODE_BYTES, PAIR_BYTES = 96 * 1024, 4608
+#: Flight seeds from here on are kept for tests, in flybys of the catalogue; environments draw lower ones and refuse these.
+HELD_OUT_SEED = 2**31
 
 
 class Episodes(EpisodeState):
@@ -35,6 +38,7 @@ class Episodes(EpisodeState):
         config: The environment's arguments.
         count: Number of episodes E.
         threads: Most that are used.
+        tests: Whether flight seeds that are kept for tests are flown.
 
     Attributes:
         pool: The missions.
@@ -47,10 +51,10 @@ class Episodes(EpisodeState):
 
     flights: Fleet
 
-    def __init__(self, config: EnvConfig, count: int, threads: int = 1) -> None:
+    def __init__(self, config: EnvConfig, count: int, threads: int = 1, *, tests: bool = False) -> None:
         n, used = config.spacecraft, max(1, min(threads, count))
         refuse_more_than_fit(checked_count("count", count), EPISODE_BYTES + n**2 * PAIR_BYTES)
-        self.config, self.pool = config, MissionPool(config)
+        self.config, self.pool, self._tests = config, MissionPool(config), tests or config.scenario is not None
         each = -(-count // used)
         super().__init__(
             Fleet(count, n, used, each if len(self.pool) == 1 else min(BATCH, each)), count, n, config.patches
@@ -86,8 +90,13 @@ class Episodes(EpisodeState):
             given: Values by name in the place of drawn ones.
 
         Raises:
-            ScenarioError: A name is unknown or a value not allowed.
+            ScenarioError: A name is unknown or a value not allowed, or the seed is kept for tests.
         """
+        if seed >= HELD_OUT_SEED and not self._tests:
+            raise ScenarioError(
+                f"flight_seed = {seed}: from {HELD_OUT_SEED} on they are kept for tests, which `swarm-mj score` flies; "
+                "give a lower one"
+            )
         draw = self.config.laws.draw(seed, given)
         mission = self._seat(e, draw)
         start, live = mission.start(draw), np.arange(self.count) == e

@@ -19,7 +19,7 @@ from swarm_mj.typing import Array32, Pixels
 
 from ..agents import PerAgent, SwarmParallelEnv
 from ..arguments import agent_names, checked_render_mode, record_of
-from ..batch_env import told_of_step
+from ..batch_env import StepOutcome
 from ..snapshots import EpisodeSnapshot, must_have_begun, restore_state, take_state
 from .catalogue import DEFAULT_COUNT
 from .config import EnvConfig
@@ -27,21 +27,23 @@ from .episodes import Episodes, box
 from .knowledge import GraphKnowledge
 from .layout import Observed, local_rows
 from .rendering import EpisodeRenderer
-from .rewards import ENDS, TERMS
+from .rewards import no_result
 from .single import NAME
 
 
 class SwarmObserveParallelEnv(SwarmParallelEnv):
     """An episode of `SwarmObserveEnv` in which each spacecraft is an agent: `sc1`, `sc2`, ...
 
-    Who does not fly in an episode is not among its `agents`; who is lost leaves them, terminated, and the others go on.
+    All are among its `agents` as an episode begins; who does not fly in it leaves them with the first step, and who is lost as
+    that happens, terminated, and the others go on.
 
     **Actions**: Discrete, one entry there. **Reward**: the team's. **Observation**: `entities`: a Dict with its own
     row of the table of spacecraft (`self`), its own row of pairs (`pairs`), the rows of the others in cyclic order (`others`),
     `patches`, `general`, and `action_mask`; or, if it chooses among candidates, these (`candidates`) in the place of pairs and
     patches; `flat`: the same in one Box, without the mask. With `knowledge="graph"` each is shown what has reached it, see
-    `GraphKnowledge`. `state()` is the flat observation of `SwarmObserveEnv`. Infos hold
-    `action_mask` and what that environment tells.
+    `GraphKnowledge`; `knowledge="full"` shows all to all, which no spacecraft may be able to know. `state()` is the flat
+    observation of `SwarmObserveEnv`, for critics. Infos hold `action_mask` and what that environment tells, `reward_terms` as an
+    array in the order of `rewards.TERMS` and `end` as a number in `rewards.ENDS`, 0 where the flight goes on.
 
     Args:
         missions: See `SwarmObserveEnv`.
@@ -87,8 +89,8 @@ class SwarmObserveParallelEnv(SwarmParallelEnv):
         if self.config.knowledge == "graph":
             self._knowledge = GraphKnowledge(self.batch)
             self._knowledge.begin()
-        info, self._begun = self.batch.info(0) | {"flight_seed": chosen}, True
-        self.agents = [name for name, j in self._number.items() if info["alive"][j]]
+        info, self._begun = self.batch.info(0) | _step_info(no_result(1)) | {"flight_seed": chosen}, True
+        self.agents = list(self.possible_agents)
         return self._observations(), self._infos(self.agents, info)
 
     def _fly(self, actions: PerAgent) -> tuple[PerAgent, PerAgent, PerAgent, PerAgent, PerAgent]:
@@ -96,7 +98,7 @@ class SwarmObserveParallelEnv(SwarmParallelEnv):
         result = episodes.fly(self._joined(actions)[None], np.ones(1, np.bool_))
         if self._knowledge is not None and not result.end[0]:
             self._knowledge.tell()
-        info, ended = episodes.info(0) | told_of_step(episodes, result, 0, TERMS, ENDS), bool(result.end[0])
+        info, ended = episodes.info(0) | _step_info(result), bool(result.end[0])
         terminations = {agent: ended or not info["alive"][self._number[agent]] for agent in flew}
         truncations = {agent: bool(result.truncated[0]) and not terminations[agent] for agent in flew}
         observations = self._observations()
@@ -175,6 +177,11 @@ class SwarmObserveParallelEnv(SwarmParallelEnv):
         if self._batch is not None:
             self._renderer.close()
         super().close()
+
+
+def _step_info(result: StepOutcome) -> dict[str, Any]:
+    """What is told of a step, in numbers alone, as TorchRL needs it."""
+    return {"reward_terms": result.terms[0].copy(), "end": int(result.end[0])}
 
 
 def _row(shown: Any, e: int) -> Any:

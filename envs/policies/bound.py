@@ -4,6 +4,9 @@ Paths do not depend on what spacecraft look at. So every cell of the target that
 and with nothing in between could be seen, and counts as seen in the best of the pictures that are due; what is known of
 slews, of pictures too small for the target, and of who takes which, is left out. Data count up to what Earth hears in the
 time that is left from the first picture on, while somebody can talk to it.
+
+Slews do not tighten it: the wheels' torque allows 60 deg in 9 s from rest, and a camera may still be turning as it takes its
+picture, so that no time of a slew is certain.
 """
 
 from __future__ import annotations

@@ -15,10 +15,10 @@ from swarm_mj.errors import ScenarioError
 from swarm_mj.io.resources import asset_path
 from swarm_mj.typing import Array
 
-from ..arguments import checked_episodes
+from ..arguments import MAX_SEED, checked_episodes, is_whole
 from ..capacity import default_threads
 from ..observe.config import EnvConfig
-from ..observe.episodes import Episodes
+from ..observe.episodes import HELD_OUT_SEED, Episodes
 from ..observe.layout import Observed
 from ..observe.single import NAME
 from .baselines import Flown, Policy, fly, open_loop, random_choices, scripted_policies
@@ -26,14 +26,19 @@ from .bound import Bound, Progress, bounds
 from .planner import Planner
 from .policy_files import PACKAGED, open_policy
 
-#: Flight seeds of the leaderboard: 96 episodes over all missions of the split `test`. They stay as they are for good.
-TEST_SEEDS = tuple(range(20_000, 20_096))
-#: Of the same split, for learning curves and for choosing among policies.
+#: Flight seeds of the leaderboard: 1,000 episodes over all missions of the split `test`. They stay as they are for good.
+TEST_SEEDS = tuple(range(HELD_OUT_SEED, HELD_OUT_SEED + 1_000))
+#: Of the same split, for learning curves and for choosing among policies; environments fly them, too.
 VALIDATION_SEEDS = tuple(range(30_000, 30_096))
 #: What a policy is tested with.
 TEST = {"split": "test", "missions": "all"}
-#: The name of the planner, which reads more of its episodes than an observation has.
+#: The name of the planner.
 PLANNER = "planner"
+#: What a policy goes by: the clock alone; what one agent for all is shown; what has reached each spacecraft; the state of the
+#: simulation beyond that; or what is still to come.
+INFORMATION = ("blind", "full", "graph", "privileged", "hindsight")
+#: Of those that are named; all others are shown the observation and no more.
+INFORMATION_OF = {"random": "blind", "open_loop": "blind", "sweep": "blind", PLANNER: "privileged"}
 #: Name of the trained policy that travels with the package.
 TRAINED = "trained"
 #: Episodes at once.
@@ -60,14 +65,16 @@ class Score:
 
     Attributes:
         policy: Its name or file.
+        information: What it goes by, see `INFORMATION`.
         seeds: Flight seeds of the episodes.
         flown: What the policy came to.
         bound: What no policy can pass.
     """
 
-    headings: ClassVar[tuple[str, ...]] = ("share of bound", "score", "seen", "delivered", "bound")
+    headings: ClassVar[tuple[str, ...]] = ("goes by", "share of bound", "score", "seen", "delivered", "bound")
     environment: ClassVar[str] = NAME
     policy: str
+    information: str
     seeds: tuple[int, ...]
     flown: Flown
     bound: Bound
@@ -76,7 +83,7 @@ class Score:
     def cells(self) -> list[str]:
         """Under `headings`."""
         means = [float(values.mean()) for values in (*self.flown, self.bound.score)]
-        return [f"{self.share.mean:.3f} +- {self.share.half_width:.3f}", *(f"{mean:.3f}" for mean in means)]
+        return [self.information, f"{self.share.mean:.3f} +- {self.share.half_width:.3f}", *(f"{mean:.3f}" for mean in means)]
 
     @property
     def share(self) -> Interval:
@@ -90,6 +97,7 @@ class Score:
             "environment": NAME,
             "package": __version__,
             "policy": self.policy,
+            "information": self.information,
             "episodes": len(self.seeds),
             "share": self.share.mean,
             "share_half_width": self.share.half_width,
@@ -105,6 +113,18 @@ def share_of(score: Array, bound: Array) -> Interval:
     """Ratio of two means over the same episodes, by the delta method; shape (m,), m at least 2."""
     share = float(score.mean() / bound.mean())
     return Interval(share, interval((score - share * bound) / bound.mean()).half_width)
+
+
+def hidden_seeds(key: int) -> tuple[int, ...]:
+    """Flight seeds that a key hides, as many as the leaderboard has.
+
+    Raises:
+        ScenarioError: The key is no whole number of at least 0.
+    """
+    if not is_whole(key) or key < 0:
+        raise ScenarioError(f"key = {key!r}: must be a whole number of at least 0")
+    drawn = np.random.default_rng(int(key)).integers(TEST_SEEDS[-1] + 1, MAX_SEED, len(TEST_SEEDS))
+    return tuple(int(seed) for seed in drawn)
 
 
 def named_policies(config: EnvConfig) -> dict[str, Policy]:
@@ -151,7 +171,7 @@ class FrozenEpisodes:
         if len(self.seeds) < 2:
             raise ScenarioError(f"{len(self.seeds)} episodes: must be at least 2 for an interval")
         self.config = EnvConfig(**TEST | arguments)
-        self.episodes = Episodes(self.config, min(WIDTH, len(self.seeds)), default_threads())
+        self.episodes = Episodes(self.config, min(WIDTH, len(self.seeds)), default_threads(), tests=True)
         self._bound: Bound | None = None
 
     def __enter__(self) -> Self:
@@ -163,9 +183,15 @@ class FrozenEpisodes:
         self.close()
 
     @classmethod
-    def of(cls, episodes: int | None = None) -> FrozenEpisodes:
-        """Of the leaderboard's episodes only the first so many, at least 2; None: all."""
-        return cls(TEST_SEEDS[: checked_episodes(episodes, len(TEST_SEEDS))])
+    def of(cls, episodes: int | None = None, key: int | None = None) -> FrozenEpisodes:
+        """The leaderboard's episodes, or as many that a key hides: whoever keeps it tests what nobody can have chosen by.
+
+        Args:
+            episodes: Only the first so many, at least 2; None: all.
+            key: A whole number of at least 0; None: those of the leaderboard.
+        """
+        seeds = TEST_SEEDS if key is None else hidden_seeds(key)
+        return cls(seeds[: checked_episodes(episodes, len(seeds))])
 
     def close(self) -> None:
         """Release the observers."""
@@ -222,5 +248,5 @@ class FrozenEpisodes:
 
     def score(self, name_or_file: str | Path, progress: Progress | None = None) -> Score:
         """Of a scripted policy by name, or of that of a file; raises what `policy` does."""
-        flown = self.fly(self.policy(name_or_file), progress)
-        return Score(str(name_or_file), self.seeds, flown, self.bound)
+        flown, name = self.fly(self.policy(name_or_file), progress), str(name_or_file)
+        return Score(name, INFORMATION_OF.get(name, "full"), self.seeds, flown, self.bound)

@@ -44,7 +44,7 @@ from .policy_network import NetworkPolicy, Provenance, load_network, masked_argm
 #: The trained policy that travels with the package.
 PACKAGED = "policies/swarm-observe.npz"
 #: Raise when what stands where in an observation, or its scale, changes.
-LAYOUT = 2
+LAYOUT = 3
 #: What changes the meaning of an observation or a choice; a network that reads a choice does not care for the first two.
 MEANING = ("spacecraft", "patches", "decision_s")
 #: Kinds of files by their endings.

@@ -17,6 +17,7 @@ def score(
     policies: str | Path | Sequence[str | Path],
     *,
     episodes: int | None = None,
+    key: int | None = None,
     progress: bool | Progress = False,
 ) -> list[Score]:
     """Fly policies of SwarmObserve-v0 through the frozen test episodes of its leaderboard.
@@ -24,6 +25,8 @@ def score(
     Args:
         policies: One or more: scripted ones by name, or files: `.npz` of swarm_mj, `.onnx`, or `.zip` of stable-baselines3.
         episodes: Only the first so many, at least 2; None: all.
+        key: Of hidden episodes in the place of those of the leaderboard, a whole number; whoever keeps it can test what was
+            not chosen by them.
         progress: Whether to show bars, or bars to move.
 
     Returns:
@@ -33,7 +36,7 @@ def score(
         ScenarioError: There are not so many episodes, or a policy cannot fly there; the message names why.
     """
     given = [policies] if isinstance(policies, (str, Path)) else list(policies)
-    with FrozenEpisodes.of(episodes) as test, using_bars(progress) as bars:
+    with FrozenEpisodes.of(episodes, key) as test, using_bars(progress) as bars:
         test.check(given)  # what is refused is so before another one is flown
         if test.preparations:
             _with_bar(bars, "test episodes", test.preparations, test.prepare)

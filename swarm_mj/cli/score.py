@@ -33,6 +33,7 @@ def add(commands: argparse._SubParsersAction) -> None:
         "stable-baselines3 (which executes what is pickled in it)",
     )
     score.add_argument("--episodes", type=int, metavar="N", help="only the first so many, at least 2 (default: all)")
+    score.add_argument("--key", type=int, metavar="K", help="hidden episodes that follow from this number, not the leaderboard's")
     score.add_argument(
         "--out", type=Path, metavar="FILE", help="write all numbers there as JSON, a list of the policies"
     )
@@ -51,7 +52,7 @@ def _score(arguments: argparse.Namespace) -> int:
         # What cannot be written is refused before anybody flies for it.
         partial = None if out is None else stack.enter_context(atomic_file(out))
         with bars_for(arguments) as bars:
-            scores = score(arguments.policy, episodes=arguments.episodes, progress=bars)
+            scores = score(arguments.policy, episodes=arguments.episodes, key=arguments.key, progress=bars)
         if partial is not None:
             partial.write_text(json.dumps([one.record() for one in scores], indent=1) + "\n", encoding="utf-8")
     bars.console.print(_table(scores))

@@ -32,7 +32,7 @@ def flown(scenario):
         nonlocal dark
         before = episodes.totals.seen[0].copy()
         taken(due)
-        new, t = episodes.totals.seen[0] & ~before, float(episodes._at_picture.t[0])
+        new, t = episodes.totals.seen[0] & ~before, float(episodes.now.t[0])
         sun_A = mission.plan.environment.C_AN(t) @ mission.plan.environment.sun.at(t)
         dark += int((new & ~lit_cells(mission.observer, mission.criterion, sun_A)).sum())
 

@@ -20,6 +20,7 @@ from swarm_mj.errors import ScenarioError  # noqa: E402
 GIVEN = {
     "missions": ["bennu-train-1", "ellipsoid-train-1"],
     "decision_s": 60.0,
+    "observation": "flat",
     "randomise": {"spacecraft": 3, "loss": 0},
 }
 STEPS = 10
@@ -161,7 +162,7 @@ def test_each_spacecraft_is_an_environment_and_all_of_an_episode_share_rewards_a
     venv = SwarmObserveSharedVecEnv(2, threads=1, **given)
     venv.seed(4)
     rows, seeds = venv.reset(), [info["flight_seed"] for info in venv.reset_infos[:: venv.num_envs // 2]]
-    teams = [SwarmObserveParallelEnv(**given) for _ in seeds]
+    teams = [SwarmObserveParallelEnv(observation="flat", **given) for _ in seeds]
     told = [team.reset(options={"flight_seed": seed})[0] for team, seed in zip(teams, seeds, strict=True)]
     n, rng = venv.num_envs // 2, np.random.default_rng(0)
     assert n == 3 and rows.shape == (6, *venv.observation_space.shape)

@@ -24,8 +24,6 @@ from swarm_mj.scenarios.loading import load_scenario, parse_overrides
 ID = "swarm_mj.envs:SwarmObserve-v0"
 EARTH, N = 16, 5
 HOLD = 17 + np.arange(N)
-MAX_TORQUE, TOP_SPEED = 0.004, 6000.0 * 2.0 * np.pi / 60.0
-SHARE = 20.0 / 1500.0  # of a decision in the flight
 KERNEL = ["physics.stepper=kernel"]
 
 
@@ -74,13 +72,12 @@ class LookAt:
 def test_an_episode_is_the_flight_of_the_command_line_with_that_seed():
     episodes = begun()
     mission = episodes.mission_of(0)
-    effort = np.array([step(episodes, np.full(N, 5)).terms[0, 2] for _ in range(40)])
+    for _ in range(40):
+        step(episodes, np.full(N, 5))
     plan = make_plan(eros("seed=12", "telemetry.interval_s=0.5", *KERNEL))
     telemetry = simulate(replace(plan, behavior=LookAt(tuple(mission.patches.centre_A[5]))))
     r_N = telemetry["r_BN_N"].values[int(np.argmin(abs(telemetry["time"].values - 800.0)))]
     assert episodes.now.r[0] == pytest.approx(r_N, abs=1e-6)
-    torque = telemetry["wheel_torque"].values[: 40 * 40]
-    assert effort == pytest.approx(-0.02 * SHARE * ((torque / MAX_TORQUE) ** 2).reshape(40, -1).mean(axis=1), rel=1e-6)
     episodes.close()
 
 
@@ -93,7 +90,7 @@ def test_cells_are_seen_where_the_observer_itself_sees_them():
 
     def judged(due):
         taken(due)
-        now = episodes._at_picture
+        now = episodes.now
         for j in range(N):
             C_CA = now.C_BN[0, j] @ now.C_AN[0].T
             sun_A = now.C_AN[0] @ mission.plan.environment.sun.at(float(now.t[0]))
@@ -126,7 +123,7 @@ def test_what_is_possible_is_what_planned_paths_pass_within_reach(flown):
     _, _, _, episodes = flown
     totals = episodes.totals
     mission = episodes.mission_of(0)
-    reached = np.isfinite(mission._first_reach).any(axis=0)
+    reached = mission._passed.any(axis=0)
     assert (totals.seen[:, : len(reached)] <= reached).all()
     assert episodes.sheet.possible_area == pytest.approx(mission.patches.cell_area[reached].sum())
 
@@ -139,35 +136,6 @@ def test_a_full_spacecraft_loses_what_its_pictures_bring_and_the_cells_count_as_
     assert told["seen_bit"] > 10_000.0 and told["coverage_percent"] > 0.1
     assert told["stored_bit"] == [5000.0, 0.0, 0.0, 0.0, 0.0]
     assert told["lost_bit"] == pytest.approx(told["seen_bit"] - 5000.0, rel=1e-9)
-    episodes.close()
-
-
-def test_saturation_is_the_mean_of_the_last_tenth_below_top_speed():
-    episodes, shares = begun(given={"rate_rad_s": 0.2}), []
-    for _ in range(4):
-        result = step(episodes, HOLD)
-        part = np.clip((np.abs(episodes.now.wheel[0]) / TOP_SPEED - 0.9) / 0.1, 0.0, 1.0)
-        assert result.terms[0, 3] == pytest.approx(-0.1 * SHARE * part.mean(), rel=1e-9, abs=1e-18)
-        shares.append(part.mean())
-    assert max(shares) > 0.0
-    episodes.close()
-
-
-def test_approach_is_the_share_of_pairs_that_come_too_close_after_the_grace_time():
-    least, grace = 500.0, 60.0
-    episodes = begun(2, scenario=eros(f"safety.min_separation_m={least}", f"safety.separation_grace_s={grace}"))
-    pairs, along, shares = np.triu_indices(N, 1), np.linspace(0.0, 1.0, 1001)[:, None, None, None], []
-    for k in range(30):
-        before = episodes.now.r.copy()
-        result = step(episodes, HOLD)
-        r = before + along * (episodes.now.r - before)
-        distance = np.linalg.norm(r[:, :, pairs[0]] - r[:, :, pairs[1]], axis=3).min(axis=0)
-        share = (distance < least).mean(axis=1) if 20.0 * k >= grace else np.zeros(2)
-        sure = (np.abs(distance - least) > 0.1).all(axis=1)
-        assert result.terms[sure, 4] == pytest.approx((-0.1 * SHARE * share)[sure], rel=1e-9, abs=1e-18)
-        shares.append(share[0])
-    assert shares[:3] == [0.0] * 3 and shares[3] > 0.0  # all come from one place, but that is excused
-    assert len(set(shares)) >= 2
     episodes.close()
 
 
@@ -187,7 +155,7 @@ def test_who_hits_the_body_is_lost_and_the_others_fly_on():
     step(episodes, HOLD)
     result = step(episodes, HOLD) if not episodes.totals.lost.any() else result
     assert episodes.totals.lost[0].tolist() == [False, False, True, False, False]
-    assert result.end[0] == 0 and result.terms[0, 5] in (-1.0, 0.0)
+    assert result.end[0] == 0 and not result.terms.any()
     episodes.close()
 
 
@@ -217,13 +185,13 @@ def test_agents_are_shown_what_the_flight_software_knows_and_rewards_follow_the_
 
 
 def test_it_is_an_environment_of_gymnasium_and_pettingzoo_and_states_are_taken_up():
-    env = gymnasium.make(ID, scenario="eros-observe", candidates=4).unwrapped
+    env = gymnasium.make(ID, scenario="eros-observe", candidates=4, observation="flat").unwrapped
     check_env(env, skip_render_check=True)
     env.reset(seed=3)
     for _ in range(10):
         env.step(np.zeros(N, np.int64))
     state, twin = env.get_state(), pickle.loads(pickle.dumps(env))
-    vector = gymnasium.make_vec(ID, num_envs=3, scenario="eros-observe", candidates=4, threads=2)
+    vector = gymnasium.make_vec(ID, num_envs=3, scenario="eros-observe", candidates=4, threads=2, observation="flat")
     vector.reset(seed=1)
     vector.set_state(2, state)
     for k in range(6):
@@ -241,7 +209,7 @@ def test_it_is_an_environment_of_gymnasium_and_pettingzoo_and_states_are_taken_u
 def test_by_the_graph_agents_know_what_has_reached_them():
     near = SwarmObserveParallelEnv(scenario="eros-observe", knowledge="graph", observation="entities")
     apart = SwarmObserveParallelEnv(scenario=eros("link.max_range_m=1"), knowledge="graph", observation="entities")
-    full = SwarmObserveParallelEnv(scenario="eros-observe", observation="entities")
+    full = SwarmObserveParallelEnv(scenario="eros-observe", knowledge="full", observation="entities")
     for env in (near, apart, full):
         env.reset(options={"flight_seed": 4})
     for k in range(32):
@@ -251,10 +219,11 @@ def test_by_the_graph_agents_know_what_has_reached_them():
     for agent, own in told.items():
         for name, part in own.items():
             assert shown[agent][name] == pytest.approx(part, abs=1e-6), (agent, name)
-    # Nobody hears anybody: what oneself has seen, and the others where they were at the release.
+    # Nobody hears anybody: what oneself has seen, and the others flying straight on, as they were turned at the release.
     seen = {agent: 1.0 - part["patches"][:, 0] for agent, part in others.items()}
     assert sum(part.sum() for part in seen.values()) > 0.0 and len({part.tobytes() for part in seen.values()}) > 1
-    assert others["sc1"]["others"][0, 10:13] != pytest.approx(told["sc1"]["others"][0, 10:13], abs=0.05)
+    assert others["sc1"]["others"][0, 10:13] == pytest.approx(told["sc1"]["others"][0, 10:13], abs=0.05)
+    assert others["sc1"]["others"][0, 16:19] != pytest.approx(told["sc1"]["others"][0, 16:19], abs=0.05)
     state = apart.get_state()
     again = apart.set_state(pickle.loads(pickle.dumps(state)))
     for agent, part in again.items():

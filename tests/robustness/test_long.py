@@ -82,7 +82,7 @@ def test_python_objects_do_not_grow_with_the_time_of_flight(quick_plan):
 
 
 def test_thousands_of_resets_keep_memory_and_files_flat():
-    env = gym.make("swarm_mj.envs:SwarmObserve-v0", missions=["ellipsoid-train-1"])
+    env = gym.make("swarm_mj.envs:SwarmObserve-v0", missions=["ellipsoid-train-1"], observation="flat")
     try:
         for seed in range(200):
             env.reset(seed=seed)
@@ -97,7 +97,7 @@ def test_thousands_of_resets_keep_memory_and_files_flat():
 
 
 def test_resets_with_steps_between_keep_memory_flat():
-    env = gym.make("swarm_mj.envs:SwarmObserve-v0", missions=["ellipsoid-train-1"])
+    env = gym.make("swarm_mj.envs:SwarmObserve-v0", missions=["ellipsoid-train-1"], observation="flat")
     env.action_space.seed(0)
     try:
         memory = None
