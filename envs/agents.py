@@ -79,13 +79,15 @@ class SwarmParallelEnv(RebuiltOnCopy, ParallelEnv[str, Any, Any]):
         Raises:
             gymnasium.error.ResetNeeded: The episode is over or has not begun.
             gymnasium.error.InvalidAction: An action lies outside its space.
-            ScenarioError: An agent has no action, or there is an action of somebody else.
+            ScenarioError: An agent has no action, or there is an action of somebody unknown.
         """
         if not self.agents:
             raise gymnasium.error.ResetNeeded(
                 f"{self.metadata['name']}: the episode is over or has not begun; call reset first"
             )
-        if not isinstance(actions, Mapping) or set(actions) != set(self.agents):
+        # TorchRL gives actions of those who are no more, too.
+        known = isinstance(actions, Mapping) and set(self.agents) <= set(actions) <= set(self.possible_agents)
+        if not known:
             raise ScenarioError(
                 f"actions = {actions!r}: must be a mapping with one for each of {', '.join(self.agents)}"
             )

@@ -42,8 +42,9 @@ class SwarmObserveParallelEnv(SwarmParallelEnv):
     `patches`, `general`, and `action_mask`; or, if it chooses among candidates, these (`candidates`) in the place of pairs and
     patches; `flat`: the same in one Box, without the mask. With `knowledge="graph"` each is shown what has reached it, see
     `GraphKnowledge`; `knowledge="full"` shows all to all, which no spacecraft may be able to know. `state()` is the flat
-    observation of `SwarmObserveEnv`, for critics. Infos hold `action_mask` and what that environment tells, `reward_terms` as an
-    array in the order of `rewards.TERMS` and `end` as a number in `rewards.ENDS`, 0 where the flight goes on.
+    observation of `SwarmObserveEnv`, for critics. Infos hold what that environment tells, `action_mask` only beside flat
+    observations, `reward_terms` as an array in the order of `rewards.TERMS`, and `end` as a number in `rewards.ENDS`, 0 where
+    the flight goes on.
 
     Args:
         missions: See `SwarmObserveEnv`.
@@ -152,10 +153,12 @@ class SwarmObserveParallelEnv(SwarmParallelEnv):
         return self.batch.entities() if self._knowledge is None else self._knowledge.observed
 
     def _infos(self, agents: list[str], info: dict[str, Any]) -> PerAgent:
-        mask = self.batch.interface.shown(self._observed)["action_mask"]
-        own = {agent: self._number[agent] for agent in agents}
-        row = {agent: 0 if self._knowledge is None else j for agent, j in own.items()}
-        return {agent: info | {"action_mask": mask[row[agent], j].copy()} for agent, j in own.items()}
+        own = {name: value for name, value in info.items() if name != "action_mask"}
+        if self.config.observation != "flat":
+            return {agent: dict(own) for agent in agents}
+        mask, alike = self.batch.interface.shown(self._observed)["action_mask"], self._knowledge is None
+        rows = {agent: self._number[agent] for agent in agents}
+        return {agent: own | {"action_mask": mask[0 if alike else j, j].copy()} for agent, j in rows.items()}
 
     def _observations(self) -> PerAgent:
         shown = local_observations(self.batch, self._observed)

@@ -51,10 +51,12 @@ class SwarmObserveEnv(BatchEnv):
     `catalogue.CATALOGUE` names 64: sixteen places on each of Eros, Bennu, Itokawa and an ellipsoid the size of 21 Lutetia.
     Places within 40 deg of longitude 0 are for training, those within 20 deg of 180 deg for tests; no part of a body belongs
     to both. Lengths go with the imaging altitude H, times are the same for all: let go 3 1/3 H ahead, over the target 200 s
-    later at H / 60 s, 600 s in all. Cameras see about a patch at a time. A picture is taken every 10 s; cells count where the
-    ground sampling distance is at most 1.25 times that straight down from H. Spacecraft fly with reaction wheels as momentum
-    states, by the kernel stepper, and turn by the sliding-mode law. A mission takes 2 to 13 s to work out once, and is
-    kept in the cache; on a new machine the first episode also waits while kernels are compiled, half a minute or so, once.
+    later at H / 60 s, 600 s in all. Cameras see about a patch at a time. A picture is taken every 10 s; cells count by the
+    project's default criterion (half of it in view; Sun at most 85 deg and camera at most 80 deg from its normal, not in the
+    body's shadow; four pixels) where the ground sampling distance is at most 1.25 times that straight down from H. Spacecraft
+    fly with reaction wheels as momentum states, by the kernel stepper, and turn by the sliding-mode law. A mission takes 2 to
+    13 s to work out once, and is kept in the cache; on a new machine the first episode also waits while kernels are compiled,
+    half a minute or so, once.
 
     ## A flyby of one's own
 
@@ -94,7 +96,9 @@ numbers for each |
     | loss, camera_off, downlink_off | chances 0.12, 0.15, 0.15 | 0 or 1 | whether a spacecraft is lost, its camera or Earth \
 link off |
     | loss_time, camera_off_time, downlink_off_time | 0.2 to 0.8, 0.2 to 0.6, 0 to 0.8 | 0 to 1 | when, as a share of the \
-flight |
+flight; it happens when the next picture is due, before it is taken |
+
+    Flight seeds from 2^31 on are kept for tests: environments draw lower ones and refuse these; `swarm-mj score` flies them.
 
     ## Action space
 
@@ -115,10 +119,10 @@ flight |
 
     ## Observation space
 
-    `entities`: a Dict of `spacecraft` (n, 24), `patches` (K, 9), `pairs` (n, K, 9), `general` (14), `alive` (n) and
-    `action_mask`. `flat`: a Box of spacecraft, pairs, the first two columns of patches, and general; `batch.layout.split`
+    `entities`, the default: a Dict of `spacecraft` (n, 24), `patches` (K, 9), `pairs` (n, K, 9), `general` (14), `alive` (n)
+    and `action_mask`. `flat`: a Box of spacecraft, pairs, the first two columns of patches, and general; `batch.layout.split`
     takes it apart. Frame: east, north, up at the target's middle, turning with the body. Units: H, 60 s, the target's area,
-    data of what is possible. Columns are named in `tables.SPACECRAFT`, `PATCHES`, `PAIRS` and `GENERAL`:
+    area and data of what is possible, see Reward. Columns are named in `tables.SPACECRAFT`, `PATCHES`, `PAIRS` and `GENERAL`:
 
     | table | columns |
     |---|---|
@@ -136,40 +140,54 @@ body in 60 s; share of the data that Earth hears in a decision; directions of Su
     With `candidates=R` there are `candidates` (n, R, 7), see `layout.CANDIDATE`, in the place of pairs and patches, and of the
     columns of spacecraft and general those that `choices` names: no places and directions.
 
-    `alive`, `camera` and `downlink` tell the health of a spacecraft, `wheel_speed` that of its wheels. There is no battery: no
-    flight of ten minutes models power; `SwarmDownlink-v0` has batteries, panels and eclipses.
+    How a spacecraft knows them, and whoever hears it over the crosslinks, on which light takes milliseconds:
+
+    | columns | from |
+    |---|---|
+    | camera, downlink, images, relays, talks, holds, stored, attitude error, boresight, rate, wheel speed | its own sensors, \
+memory and telemetry, with the errors of `dispersions` |
+    | place, velocity | its navigation, which is taken as perfect |
+    | link closed, delivered | its attitude, maps and ephemerides: what it sends meanwhile counts as heard, as no answer from \
+Earth comes in time |
+    | unseen, seen | its pictures, matched with the map of the body |
+    | alive | who is silent where it should be heard is taken for lost |
+    | Earth in sight, lit, all of pairs, turn, picture, heard, half-width, Sun, Earth, time left | clock, ephemerides, maps of \
+the body and of its horizons, link budget |
+
+    In missions of the catalogue all hear one another at all times, so that one agent for all is told what each spacecraft
+    knows, bit for bit. In those of one's own that need not be so: `SwarmObserveParallelEnv` shows each what has reached it, and
+    the tables here are then more than any of them knows. Nothing depends on what will fail later. Told to programs and not for
+    agents: `flight_seed`, and with it the future.
+
+    There is no battery: no flight of ten minutes models power; `SwarmDownlink-v0` has batteries, panels and eclipses.
 
     ## Reward
 
-    The sum of `info["reward_terms"]`, each its weight (argument `reward_weights`) times its measure of the step, a pure number;
-    step h and duration T of the flight in s.
+    The sum of `info["reward_terms"]`, each its weight (argument `reward_weights`) times its measure of the step, a pure number:
 
     | term | weight | measure of a step |
     |---|---|---|
-    | seen | 1 | dA / A: area of the cells seen for the first time over what is possible in the episode |
+    | seen | 1 | dA / A: area of the cells seen for the first time over what is possible |
     | delivered | 1 | dD / D: data that Earth received over the volume of what is possible |
-    | effort | -0.02 | (h / T) mean (u / u_max)^2 over wheels and control periods, u the motor torque |
-    | saturation | -0.1 | (h / T) mean over wheels of min(1, max(0, (abs(W) / W_max - 0.9) / 0.1)), W the wheel speed at the \
-end of the step |
-    | approach | -0.1 | (h / T) c / (n (n - 1) / 2), c the pairs that come closer than `safety.min_separation_m` in the step, \
-if it begins at or after `safety.separation_grace_s`; the motion within it is taken as straight |
-    | loss | -1 | the spacecraft that hit the body; 1 at divergence |
 
-    Possible, A, are the lit cells that a working camera passes within reach as the swarm was let go (at least a fifth of the
-    target), and D their data straight down from H. To see all of that brings 1, and to deliver it 1 where every cell was
-    pictured straight down from H: pictures from below H hold more, those from afar or aslant less. In the mean of the 96 test
-    episodes no policy can pass 2.33, of which 1.39 for data (docs/results/leaderboard.md); single episodes allow from 0 to
-    6.2. That bound ignores turning and the footprint.
+    Possible, A, are the lit cells that some spacecraft passes within reach as the swarm was let go, if nothing fails (at least
+    a fifth of the target), and D their data straight down from H. Failures are left out of them: otherwise what a step brings
+    would tell, by what it is divided by, who will fail. An episode in which much fails brings less, as a mission does. To see
+    all of what is possible brings 1, and to deliver it 1 where every cell was pictured straight down from H: pictures from
+    below H hold more, those from afar or aslant less. The leaderboard (docs/results/leaderboard.md) has a bound for each
+    test episode, which knows what fails and ignores turning and the footprint.
 
     A picture adds data for each cell that nobody saw before: area over the foreshortened square of the ground sampling
     distance, times the bits of a pixel. A spacecraft that tracks another sends it what is aboard, one that tracks Earth sends
-    to Earth, while the link is closed as in `swarm_mj.mission.links`, which is judged at the end of the step, for all of it.
-    Earth hears one spacecraft at a time: in flybys of the catalogue at 8 kbit/s, so that a whole target takes four minutes
-    where it is flat, eleven in the roughest place, and between spacecraft 100 kbit/s; in those of one's own by the link budget
-    of `link.crosslink`, `link.earth` and `link.ground`. A spacecraft holds `data.storage_bit`; what a picture brings beyond
-    that is lost, though its cells count as seen. At any time `seen_bit` = sum of `stored_bit` + `delivered_bit` + `lost_bit`.
+    to Earth, while the link is closed as in `swarm_mj.mission.links`. Links are judged whenever pictures are due and at the
+    ends of decisions: in between one carries the mean of both instants, so that what is sent does not depend on the length of a
+    decision. Earth hears one spacecraft at a time: in flybys of the catalogue at 8 kbit/s, so that a whole target takes four
+    minutes where it is flat, eleven in the roughest place, and between spacecraft 100 kbit/s; in those of one's own by the link
+    budget of `link.crosslink`, `link.earth` and `link.ground`. A spacecraft holds `data.storage_bit`; what a picture brings
+    beyond that is lost, though its cells count as seen. At any time `seen_bit` = sum of `stored_bit` + `delivered_bit` +
+    `lost_bit`.
 
-    A spacecraft that hits the body is lost, costs 1, and the others fly on.
+    A spacecraft that hits the body is lost, and the others fly on.
 
     ## Info
 
@@ -208,9 +226,9 @@ if it begins at or after `safety.separation_grace_s`; the motion within it is ta
 cell |
     | candidates | None | R, at most K, or None for all patches |
     | decision_s | 20 | length of a step [s]: whole control periods (1 s) that divide the duration (600 s) |
-    | observation | "flat" | or "entities"; `CameraObservation` adds what the cameras see |
-    | knowledge | "full" | what agents of the multi-agent environment know, or by the "graph"; here one agent decides for all, \
-and only "full" is allowed |
+    | observation | "entities" | or "flat"; `CameraObservation` adds what the cameras see |
+    | knowledge | "full" | here one agent decides for all and only "full" is allowed; agents of the multi-agent environment \
+know what has reached them ("graph"), or, as a privilege, "full" |
     | observer | "horizon" | the judge of pictures: `horizon` (maps, constant time), `raycast`, `faceid`, `raster` or `auto` |
     | randomise | None | distributions by name |
     | dispersions | None | masses, wheels, gravity and sensors that differ from flight to flight, keys of a scenario's \

@@ -71,7 +71,7 @@ class Score:
         bound: What no policy can pass.
     """
 
-    headings: ClassVar[tuple[str, ...]] = ("goes by", "share of bound", "score", "seen", "delivered", "bound")
+    headings: ClassVar[tuple[str, ...]] = ("goes by", "share of bound", "score", "seen", "delivered")
     environment: ClassVar[str] = NAME
     policy: str
     information: str
@@ -82,8 +82,12 @@ class Score:
     @property
     def cells(self) -> list[str]:
         """Under `headings`."""
-        means = [float(values.mean()) for values in (*self.flown, self.bound.score)]
-        return [self.information, f"{self.share.mean:.3f} +- {self.share.half_width:.3f}", *(f"{mean:.3f}" for mean in means)]
+        means = [float(values.mean()) for values in self.flown]
+        return [
+            self.information,
+            f"{self.share.mean:.3f} +- {self.share.half_width:.3f}",
+            *(f"{mean:.3f}" for mean in means),
+        ]
 
     @property
     def share(self) -> Interval:

@@ -267,7 +267,7 @@ makes: it runs the programs of `examples/learning`. The numbers of the picture a
 
 These intervals are over runs, all scored on the same episodes; one episode differs much from another. Over episodes, the
 network with the best score here, which travels with the package as `trained`, comes to {here} against *greedy* on
-these, and to {elsewhere} on the 96 others of the [leaderboard](leaderboard.md), which it was not chosen by. There the
+these, and to {elsewhere} on the 1,000 others of the [leaderboard](leaderboard.md), which it was not chosen by. There the
 *planner* shows what is left to learn.
 
 - **Score.** Mean over {episodes} episodes of the split `test` (flight seeds {seeds}), flown with the likeliest choices.

@@ -33,7 +33,7 @@ def add(commands: argparse._SubParsersAction) -> None:
         "stable-baselines3 (which executes what is pickled in it)",
     )
     score.add_argument("--episodes", type=int, metavar="N", help="only the first so many, at least 2 (default: all)")
-    score.add_argument("--key", type=int, metavar="K", help="hidden episodes that follow from this number, not the leaderboard's")
+    score.add_argument("--key", type=int, metavar="K", help="fly hidden episodes that follow from this number instead")
     score.add_argument(
         "--out", type=Path, metavar="FILE", help="write all numbers there as JSON, a list of the policies"
     )

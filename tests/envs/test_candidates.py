@@ -145,7 +145,8 @@ def test_agents_see_their_own_candidates():
     for j, agent in enumerate(env.agents):
         assert env.observation_space(agent).contains(seen[agent]) and env.action_space(agent).n == 5
         assert np.array_equal(seen[agent]["candidates"], shown["candidates"][0, j])
-        assert infos[agent]["action_mask"].tolist() == shown["action_mask"][0, j].tolist()
+        assert seen[agent]["action_mask"].tolist() == shown["action_mask"][0, j].tolist()
+        assert "action_mask" not in infos[agent]
     env.step(dict.fromkeys(env.agents, 4))
     env.close()
 

@@ -33,7 +33,7 @@ def test_a_window_shows_the_picture_and_gymnasiums_checker_accepts_it(monkeypatc
 @pytest.mark.gl
 @pytest.mark.usefixtures("gl")
 def test_rendering_shows_the_swarm_and_leaves_the_flight_alone():
-    made = {"scenario": "eros-observe"}
+    made = {"scenario": "eros-observe", "observation": "flat"}
     drawn, plain = (
         gymnasium.make(ID, render_mode="rgb_array", width=320, height=200, **made),
         gymnasium.make(ID, **made),
