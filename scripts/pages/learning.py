@@ -218,6 +218,8 @@ def page(learned: dict[str, Learned], lines: dict[str, float], here: str) -> str
     verdict = f"At the end the whole interval lies above *greedy* ({lines['greedy']:.3f}) with: {'; '.join(surely) or 'none'}."
     if barely:
         verdict += f" The mean alone does, so that nothing is proven, with: {'; '.join(barely)}."
+    if absent := [words for name, (words, _) in METHODS.items() if name not in learned]:
+        verdict += f" Not flown in the environment as it is now: {'; '.join(absent)}."
     others = [f"| {name.replace('_', ' ')} | - | - | {score:.3f} | - | - |" for name, score in lines.items()]
     return TEXT.format(
         table="\n".join([*rows, *others]),
@@ -274,7 +276,7 @@ these, and to {elsewhere} on the 1,000 others of the [leaderboard](leaderboard.m
   Training flies the split `train`, other places on the bodies. *Bound*: what no policy can pass, see
   [leaderboard](leaderboard.md).
 - **Curves.** Interquartile mean of the runs, each of another seed, and its 95 % bootstrap interval, as rliable defines them
-  (`scripts/pages/aggregates.py`). Of five runs the middle three are averaged.
+  (`scripts/pages/aggregates.py`). Of five runs the middle three are averaged, of two both.
 - **Decisions** are those of the swarm: every 20 s of flight all spacecraft choose.
 - **PPO of stable-baselines3** is `PPO("MlpPolicy", ...)` with every setting as it comes, with `candidates=4`: each spacecraft
   chooses among its four best patches and sending. That order is part of the help it gets: always the first is a rule of its

@@ -2,11 +2,13 @@
 
 import numpy as np
 import pytest
-from swarm_mj.envs.policies.baselines import Flown
+from swarm_mj.envs.observe.config import EnvConfig
+from swarm_mj.envs.observe.episodes import Episodes
+from swarm_mj.envs.policies.baselines import Flown, greedy
 from swarm_mj.envs.policies.bound import Bound
 from swarm_mj.envs.policies.leaderboard import Score
 
-from scripts.pages import leaderboard, learning
+from scripts.pages import hindsight, leaderboard, learning
 from swarm_mj.coordination.allocation.problem import Allocation
 
 
@@ -48,9 +50,29 @@ def test_page_picture_and_numbers_tell_the_same(curves, tmp_path):
 def test_the_leaderboard_compares_the_same_episodes():
     bound = Bound(*np.full((3, 4), 2.0))
     made = {"greedy": [1.0, 0.0, 1.0, 2.0], "random": [0.5, -0.5, 0.5, 1.5]}
-    scores = [Score(name, (1, 2, 3, 4), Flown(*np.array([x, x, x])), bound) for name, x in made.items()]
+    scores = [Score(name, "full", (1, 2, 3, 4), Flown(*np.array([x, x, x])), bound) for name, x in made.items()]
     plans = [Allocation(pictures=(), value=1.0, bound=bound) for bound in (1.0, 1.5)]
     sound = {name: Flown(*np.full((3, 4), score)) for name, score in (("greedy", 0.7), ("planner", 0.8))}
-    text = leaderboard.page(scores, plans, sound)
-    assert "no\n  plan of that kind is worth more than 1.250" in text and "*greedy* comes to 0.700" in text
-    assert "| random | 0.250 +- " in text and "-0.500 +- 0.000" in text and "| *bound* | 1 | 2.000 |" in text
+    text = leaderboard.page(scores, np.array([1.0, 0.5, 1.5, 2.0]), plans, sound)
+    assert "no plan of that kind is worth more than 1.250" in text and "*greedy* comes to\n  0.700" in text
+    assert "| random | full | 0.250 +- " in text and "| 0.400 +- " in text and "-0.500 +- 0.000" in text
+    assert "| *best known* | hindsight | 0.625 +- " in text and "| *bound* | hindsight | 1 | - | 2.000 |" in text
+
+
+def test_the_best_known_choices_of_an_episode_are_those_of_the_search_or_of_a_policy(tmp_path, monkeypatch):
+    monkeypatch.setattr(leaderboard, "HINDSIGHT", tmp_path / "found.json")
+    (tmp_path / "found.json").write_text('{"rounds": 3, "scores": {"7": 1.0, "8": 0.25}}')
+    bound = Bound(*np.full((3, 2), 2.0))
+    score = Score("greedy", "full", (7, 8), Flown(*np.array([[0.5, 0.75]] * 3)), bound)
+    assert leaderboard.best_known([score]).tolist() == [1.0, 0.75]
+
+
+def test_the_search_never_ends_below_what_it_began_with_and_changes_one_spacecraft_of_each_episode():
+    episodes = Episodes(EnvConfig(missions=["ellipsoid-train-1"]), 3)
+    start, _ = hindsight.recorded(episodes, (4, 5, 6), greedy)
+    best = hindsight.climbed(episodes, (4, 5, 6), (greedy,), 6)
+    assert (best >= start).all() and (best > start).any()
+    choices = np.random.default_rng(0).integers(0, 16, (30, 3, 3))
+    other = hindsight.changed(choices, episodes, np.random.default_rng(1))
+    assert ((choices != other).any(axis=0).sum(axis=1) <= 1).all() and (choices != other).any()
+    episodes.close()
