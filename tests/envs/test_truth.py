@@ -6,6 +6,9 @@ import pytest
 from swarm_mj.envs.observe.config import EnvConfig
 from swarm_mj.envs.observe.episodes import HELD_OUT_SEED, Episodes
 from swarm_mj.envs.observe.parallel import SwarmObserveParallelEnv
+from swarm_mj.envs.observe.rewards import ENDS, no_result, write_ends
+from swarm_mj.envs.observe.tables import no_sheet
+from swarm_mj.envs.observe.totals import no_totals
 from swarm_mj.envs.policies.baselines import greedy, random_choices
 from swarm_mj.envs.policies.leaderboard import TEST_SEEDS, VALIDATION_SEEDS, hidden_seeds
 
@@ -91,6 +94,20 @@ def test_what_one_agent_for_all_is_shown_is_what_each_spacecraft_knows():
             env.step({agent: choice[env.possible_agents.index(agent)] for agent in env.agents})
     assert losses > 20
     env.close()
+
+
+def test_an_episode_is_complete_when_all_is_seen_and_sent_by_those_who_are_left():
+    totals, sheet, every = no_totals(5, 2, 0), no_sheet(5, 2), np.ones(5, bool)
+    totals.area[:], sheet.complete_area[:] = [10.0, 10.0, 9.0, 10.0, 10.0], 10.0
+    totals.stored[:] = [[0, 0], [0, 1], [0, 0], [0, 7], [5, 5]]
+    totals.lost[3:] = [[False, True], [True, True]]
+    result = no_result(5)
+    write_ends(totals, sheet, every, np.array([0, 1, 0, 1, 1], bool), every, result)
+    assert [ENDS[k] for k in result.end] == ["complete", "", "", "complete", "complete"]
+    assert result.truncated.tolist() == [False, True, False, False, False]
+    totals.area[4] = 9.0
+    write_ends(totals, sheet, ~every, every, np.arange(5) > 3, result)
+    assert [ENDS[k] for k in result.end] == ["complete", "", "", "complete", "diverged"]
 
 
 def test_seeds_that_are_kept_for_tests_are_refused_by_environments():
