@@ -213,8 +213,8 @@ def page(learned: dict[str, Learned], lines: dict[str, float], here: str) -> str
     """The page; `here` is what the packaged network comes to against greedy in the episodes of the curves."""
     rows = [row(name, runs, lines["greedy"]) for name, runs in learned.items()]
     above = {name: runs.aggregates[-1] for name, runs in learned.items() if np.isfinite(runs.passes(lines["greedy"]))}
-    surely = [METHODS[name][0] for name, last in above.items() if last.low > lines["greedy"]]
-    barely = [METHODS[name][0] for name, last in above.items() if last.low <= lines["greedy"]]
+    proven = [name for name, last in above.items() if last.low > lines["greedy"] and len(learned[name].scores) > 1]
+    surely, barely = ([METHODS[name][0] for name in above if (name in proven) is wanted] for wanted in (True, False))
     verdict = f"At the end the whole interval lies above *greedy* ({lines['greedy']:.3f}) with: {'; '.join(surely) or 'none'}."
     if barely:
         verdict += f" The mean alone does, so that nothing is proven, with: {'; '.join(barely)}."
@@ -248,7 +248,7 @@ def row(name: str, runs: Learned, greedy: float) -> str:
     """One line of the table."""
     last, passes = runs.aggregates[-1], runs.passes(greedy)
     cells = [METHODS[name][0], str(len(runs.scores)), f"{runs.steps[-1] / 1e3:,.0f}"]
-    cells += [f"{last.mean:.3f} ({last.low:.3f} to {last.high:.3f})"]
+    cells += [f"{last.mean:.3f}" + (f" ({last.low:.3f} to {last.high:.3f})" if len(runs.scores) > 1 else "")]
     cells += [f"{passes / 1e3:,.0f}" if np.isfinite(passes) else "not yet", f"{runs.seconds / 60:.0f}"]
     return f"| {' | '.join(cells)} |"
 
