@@ -27,7 +27,7 @@ from swarm_mj.observation.camera import CameraModel, CameraPose, camera_pose
 from swarm_mj.observation.cause import Cause
 from swarm_mj.observation.observer import Observer
 from swarm_mj.observation.raytracing import RayTracer
-from swarm_mj.observation.sampling import barycentric_samples, shown_whole
+from swarm_mj.observation.sampling import barycentric_samples, sampled_fraction, shown_whole
 from swarm_mj.observation.smear import CameraMotion, Motion, smear_px
 from swarm_mj.scenarios.schema_imaging import Observation
 from swarm_mj.spacecraft.attitude.algebra import dot, relative_dcm, times
@@ -322,7 +322,8 @@ def judge(
 ) -> NDArray[np.int8]:
     """`Cause` why each cell does not count as observed in a picture; `Cause.NONE`: it counts. Shape (n,).
 
-    Limits, view and light are judged at a cell's centroid, its share and shadows over its area.
+    Limits and light are judged at a cell's centroid, its share and shadows over its area. Cells of which too little lies in the
+    field of view are out of view, whatever stands before them; those that the body hides more of are hidden.
 
     Args:
         observer: Who looks, at which target, through which camera.
@@ -348,7 +349,19 @@ def judge(
     ).astype(np.int8)
     outside = ~counts & ~observer.camera.contains(pose.to_camera(region.centroid_A))
     cause[outside] = Cause.OUT_OF_VIEW
+    cells = np.flatnonzero(cause == Cause.HIDDEN)
+    cause[cells[~_hidden(observer, limits, pose, cells)]] = Cause.OUT_OF_VIEW
     return cause
+
+
+def _hidden(observer: Observer, limits: Limits, pose: CameraPose, cells: Ints) -> Mask:
+    """Which of some cells that show too little of themselves would show enough if the body hid nothing, shape (len(cells),)."""
+    region, camera, samples = observer.region, observer.camera, observer.samples
+    in_view = sampled_fraction(None, region, cells, camera, pose, samples)
+    hidden = np.asarray(shows_enough(limits, in_view))
+    if observer.counts_pixels:  # pixels may miss what samples find at the picture's edge
+        hidden &= sampled_fraction(observer.tracer, region, cells, camera, pose, samples) < in_view
+    return hidden
 
 
 def observe(

@@ -33,7 +33,7 @@ WORDS = {
     Cause.OBLIQUE: "too oblique",
     Cause.COARSE: "too coarse",
     Cause.SMEARED: "smeared",
-    Cause.HIDDEN: "hidden or cut by the picture's edge",
+    Cause.HIDDEN: "hidden",
     Cause.DARK: "dark",
     Cause.CAMERA_OFF: "camera off",
 }

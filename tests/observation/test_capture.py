@@ -6,9 +6,10 @@ from scipy.spatial.transform import Rotation
 
 from swarm_mj.compilation import kernel
 from swarm_mj.mission.behaviors import TargetKind, looks_at_body
-from swarm_mj.observation.camera import CameraModel, Optics, in_field_of_view
+from swarm_mj.observation.camera import CameraModel, Optics, in_field_of_view, look_at
 from swarm_mj.observation.capture import (
     PictureSchedule,
+    causes,
     keeps_limits,
     limits_of,
     pictures,
@@ -17,10 +18,12 @@ from swarm_mj.observation.capture import (
     takes_picture,
     watching,
 )
+from swarm_mj.observation.cause import Cause
 from swarm_mj.observation.horizon import HorizonObserver
 from swarm_mj.observation.horizon_kernels import make_scene
+from swarm_mj.observation.observer import make_observer
 
-from .scenes import eros_target, plain
+from .scenes import eros_target, ground_with_plate, on_ground, plain
 
 SCHEDULE = {"interval_s": 35.0, "visits_s": 600.0}
 
@@ -120,3 +123,24 @@ def test_compiled_code_asks_for_as_many_sample_points_as_the_share_does(criterio
     assert make_scene(observer, given).samples == needed
     enough = shows_enough(limits_of(given, observer.camera, eros_target()), np.arange(26) / 25)
     assert enough.tolist() == [False] * needed + [True] * (26 - needed)
+
+
+@pytest.mark.parametrize("kind", ["horizon", "raster", "raycast"])
+def test_what_the_edge_of_the_picture_cuts_is_out_of_view_and_what_stands_behind_something_is_hidden(kind):
+    """Seen from 6 m above flat ground, a square plate 1 m up hides a square of 6/5 its side, turned as it is."""
+    region, camera = ground_with_plate(0.3), CameraModel(half_angle_deg=14.0)
+    maps = kind == "horizon"
+    observer = HorizonObserver(region, camera, samples=9) if maps else make_observer(region, camera, kind=kind)
+    pose = look_at([0.0, 8.0, 0.0], [1.2, 2.0, 0.3])
+    why, ground = causes(observer, pose, plain(min_fraction=0.9)), on_ground(region)
+    in_view = camera.contains(pose.to_camera(region.corners_A))
+    x, z = region.corners_A[..., 0], region.corners_A[..., 2]
+    c, s = np.cos(0.3), np.sin(0.3)
+    across = np.stack((c * x + s * z, c * z - s * x, -c * x - s * z, s * x - c * z))
+    under = (across < 0.6).all(axis=(0, 2)) & ground
+    clear = (across > 0.7).all(axis=2).any(axis=0) & ground
+    whole, cut = in_view.all(axis=1), in_view.any(axis=1) & ~in_view.all(axis=1)
+    assert {Cause(k) for k in why[under & whole]} == {Cause.HIDDEN}
+    assert {Cause(k) for k in why[clear & whole]} == {Cause.NONE}
+    assert {Cause(k) for k in why[under & cut]} == {Cause.HIDDEN, Cause.OUT_OF_VIEW}
+    assert {Cause(k) for k in why[clear & cut]} == {Cause.NONE, Cause.OUT_OF_VIEW}
