@@ -101,8 +101,8 @@ or an omnidirectional one, do; so can another relay.
 
 ## What is assumed
 
-- Pointing is as flown until the end of the flight, and perfect after it: the relays point at Earth, the others at the
-  nearest relay. The Earth antenna's gain is taken over all of `link.dish_half_angle_deg`.
+- Pointing is as flown until the end of the flight, and after it perfect but for who tumbles: relays point at Earth, others at
+  the nearest relay. The Earth antenna's gain is taken over all of `link.dish_half_angle_deg`.
 - After the flight the spacecraft fly on in the same force field without burns; who hits the body is lost.
 - Omnidirectional crosslinks carry data while the observers still look at the body.
 - Earth hears the station of the network that is most sensitive of those that see the swarm at

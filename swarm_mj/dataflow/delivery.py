@@ -15,6 +15,7 @@ from swarm_mj.typing import Array, Ints, Mask
 REASONS = {
     Obstacle.LOST: "lost with its spacecraft",
     Obstacle.ROLE: "nobody speaks to Earth",
+    Obstacle.POINTING: "no attitude control",
     Obstacle.RANGE: "range",
     Obstacle.BEAM: "beam",
     Obstacle.BODY: "the body in between",

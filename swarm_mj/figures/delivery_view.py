@@ -36,6 +36,7 @@ LINK_STYLES = {
     OTHERS: AreaStyle("contact, but not with a relay", SKY_BLUE, ""),
     int(Obstacle.LOST): AreaStyle("lost", "#B9B9B9", ""),
     int(Obstacle.ROLE): AreaStyle("does not turn there", "#EFEFEF", ""),
+    int(Obstacle.POINTING): AreaStyle("no attitude control", "#D9C7E8", "++"),
     int(Obstacle.RANGE): AreaStyle("too far", "#F3C9A8", "////"),
     int(Obstacle.BEAM): AreaStyle("outside a beam", "#EBC3DA", "\\\\\\\\"),
     int(Obstacle.BODY): AreaStyle("the body in between", "#D8CDBE", "xxxx"),

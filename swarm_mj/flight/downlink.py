@@ -30,6 +30,7 @@ from swarm_mj.flight.post_flight import (
     elect_relays,
     flown_instants,
     joined,
+    less_pointing,
     post_flight_instants,
     post_flight_paths,
 )
@@ -294,9 +295,11 @@ class SampledSwarm:
         return joined(self.flown, post_flight_instants(self.plan, self.telemetry, self.course, relays))
 
     def contacts(self, instants: Instants) -> Contacts:
-        """What geometry and radios allow besides the messages of coordination."""
+        """What geometry, radios and attitude control allow besides the messages of coordination."""
         access = Access(self.plan.scenario.link.crosslink.access)
-        return less_coordination(contacts_of(self.plan, self.edges_s, instants), self.telemetry, access)
+        found = less_coordination(contacts_of(self.plan, self.edges_s, instants), self.telemetry, access)
+        directed = self.plan.scenario.link.crosslink.antenna != "omnidirectional"
+        return less_pointing(found, self.telemetry, directed=directed)
 
 
 class Problem(NamedTuple):

@@ -1,23 +1,27 @@
 """The swarm after its flight, while data are still being sent: where it is, how it points, and who speaks to Earth.
 
 The paths go on in the same force field, without wheels and pictures. Attitude is taken as settled: the relays point their +z at
-Earth, the others at the nearest relay, turned from their last attitude the shortest way. Who speaks to Earth is elected at the
-end of the flight, and again where the scenario asks for it (section `data`); in the flight itself the behaviour elects.
+Earth, the others at the nearest relay, turned from their last attitude the shortest way. Whoever had no control of its attitude
+when the flight ended has none afterwards: it points no antenna, and is elected only where all are like it. Who speaks to Earth
+is elected at the end of the flight, and again where the scenario asks for it (section `data`); in the flight itself the
+behaviour elects.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from swarm_mj.dataflow.contacts import Instants
+from swarm_mj.dataflow.contacts import Contacts, Instants
 from swarm_mj.dataflow.relays import OfRelays, elect_by_delivery, k_medoids, medoid_cost, next_relays
 from swarm_mj.errors import MissionError
 from swarm_mj.flight.plan import Plan
 from swarm_mj.mission.behaviors import TargetKind
+from swarm_mj.mission.links import Obstacle
 from swarm_mj.mission.safety import find_impacts
 from swarm_mj.mission.trajectories import propagate
 from swarm_mj.scenarios.schema import Scenario
@@ -27,6 +31,9 @@ from swarm_mj.typing import Array, Ints, Mask
 
 #: Relative tolerance of the paths after the flight: 1 m in 10,000 km, which no link notices.
 RTOL = 1e-7
+#: Who in the last so many seconds of its flight pointed to within this angle [rad] for less than this share of the time has no
+#: control of its attitude: a turn takes some 30 s, and a beam that sweeps around meets its target for 3 % of the time.
+LAST_S, POINTED, LEAST_SHARE = 300.0, np.radians(5.0), 0.1
 
 
 class Course(NamedTuple):
@@ -41,6 +48,38 @@ class Course(NamedTuple):
     t: Array
     r_BN_N: Array
     works: Mask
+
+
+def controlled(telemetry: xr.Dataset) -> Mask:
+    """Who still had control of its attitude at the end of a flight, shape (n,); whoever flew for less than `LAST_S` has."""
+    time = telemetry["time"].values
+    last = time > time[-1] - LAST_S
+    judged = working(telemetry)[last].all(axis=0) & (time[0] <= time[-1] - LAST_S)
+    pointed = (telemetry["pointing_error"].values[last] <= POINTED).mean(axis=0)
+    return np.asarray(~judged | (pointed >= LEAST_SHARE))
+
+
+def less_pointing(contacts: Contacts, telemetry: xr.Dataset, *, directed: bool) -> Contacts:
+    """Contacts without those after the flight that need the attitude of a spacecraft that has no control of it.
+
+    Args:
+        contacts: As if all pointed.
+        telemetry: Of the flight.
+        directed: Whether crosslinks are by antennas that have to be pointed.
+    """
+    wild, n = ~controlled(telemetry), telemetry.sizes["spacecraft"]
+    after = contacts.edges_s[1:] > float(telemetry["time"].values[-1])
+    cut = after[:, None, None] & np.column_stack((directed & (wild[:, None] | wild), wild))
+    why = np.concatenate((contacts.why_swarm, contacts.why_earth[:, :, None]), axis=2)
+    why[cut & (why != Obstacle.LOST) & (why != Obstacle.ROLE)] = Obstacle.POINTING
+    return replace(
+        contacts,
+        swarm_bit=np.where(cut[:, :, :n], 0, contacts.swarm_bit),
+        earth_bit=np.where(cut[:, :, n], 0, contacts.earth_bit),
+        peak_bit=np.where(cut, 0, contacts.peak_bit),
+        why_swarm=why[:, :, :n],
+        why_earth=why[:, :, n],
+    )
 
 
 def flown_instants(plan: Plan, telemetry: xr.Dataset, times: Array) -> Instants:
@@ -193,8 +232,8 @@ def elect_relays(
 ) -> Elections:
     """Hold the elections that a scenario asks for.
 
-    Where fewer spacecraft work than are to be elected, all that do speak to Earth. Relays that are lost later are replaced at
-    the next election, if there is one.
+    Where fewer spacecraft work, with control of their attitude if anybody has it, than are to be elected, all that do speak to
+    Earth. Relays that are lost later are replaced at the next election, if there is one.
 
     Args:
         scenario: What was flown.
@@ -205,7 +244,8 @@ def elect_relays(
         bound_of: What no schedule with them exceeds, in less time.
     """
     data, end_s = scenario.data, float(telemetry["time"].values[-1])
-    r_N, works = telemetry["r_BN_N"].values[-1], working(telemetry)[-1]
+    able = controlled(telemetry)
+    r_N, works = telemetry["r_BN_N"].values[-1], _of(able, working(telemetry)[-1])
     left = np.flatnonzero(works)
     if data.election == "delivery" and len(left):
         now = elect_by_delivery(value_of, left, min(data.relays, len(left)), bound_of=bound_of)
@@ -214,7 +254,7 @@ def elect_relays(
     times_s, elected = [end_s], [now]
     for slot in election_slots(edges_s, end_s, data.election_interval_s):
         k = int(np.searchsorted(course.t, edges_s[slot]))
-        r_N, works = course.r_BN_N[k], course.works[k]
+        r_N, works = course.r_BN_N[k], _of(able, course.works[k])
         if not works.any():
             break
         candidate = candidates(scenario, r_N, works, now)
@@ -225,6 +265,11 @@ def elect_relays(
             times_s.append(float(edges_s[slot]))
             elected.append(now)
     return Elections(np.array(times_s), np.array([np.isin(np.arange(len(works)), who) for who in elected]))
+
+
+def _of(able: Mask, works: Mask) -> Mask:
+    """Those that work and are able, or where none is all that work."""
+    return works & able if (works & able).any() else works
 
 
 def candidates(scenario: Scenario, r_N: Array, works: Mask, current: Ints) -> Ints:

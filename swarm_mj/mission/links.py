@@ -32,10 +32,11 @@ class Obstacle(IntEnum):
     NONE = 0  #: the link is closed
     LOST = 1  #: an end no longer works
     ROLE = 2  #: the sender does not turn to the other end
-    RANGE = 3
-    BEAM = 4  #: the other end is outside an antenna's beam
-    BODY = 5  #: the asteroid is in between
-    STATION = 6  #: no station on Earth sees the spacecraft
+    POINTING = 3  #: an end has no control of its attitude any more
+    RANGE = 4
+    BEAM = 5  #: the other end is outside an antenna's beam
+    BODY = 6  #: the asteroid is in between
+    STATION = 7  #: no station on Earth sees the spacecraft
 
 
 _NONE, _RANGE, _BEAM, _BODY = (int(o) for o in (Obstacle.NONE, Obstacle.RANGE, Obstacle.BEAM, Obstacle.BODY))

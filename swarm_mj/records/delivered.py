@@ -29,6 +29,7 @@ _CHOICES = {
     "another relay (data.election: delivery)",
     REASONS[Obstacle.BODY]: "elect another relay (data.election: delivery), or more of them (data.relays)",
     REASONS[Obstacle.ROLE]: "elect a relay (data.election: medoid)",
+    REASONS[Obstacle.POINTING]: "set link.crosslink.antenna: omnidirectional, or spacecraft.wheel_layout: pyramid",
     REASONS[Obstacle.LOST]: "let others see the same area too (designer.fold: 2)",
     TIME: "lengthen data.horizon_s, or choose a faster radio (link.crosslink.radio, link.earth.radio)",
 }

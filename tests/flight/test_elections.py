@@ -156,6 +156,7 @@ def elections(later, *overrides, works=None, at_the_end=(0.0, 10.0, 25.0), lost=
             "r_BN_N": (("time", "spacecraft", "xyz"), np.array([line(at_the_end)] * 2)),
             "mode": (("time", "spacecraft"), mode),
             "operational": (("time", "spacecraft"), operational),
+            "pointing_error": (("time", "spacecraft"), np.zeros((2, n))),
         },
         {"time": [0.0, 100.0]},
     )

@@ -4,7 +4,15 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from swarm_mj.flight.post_flight import flown_instants, post_flight_instants, post_flight_paths, roles, turned
+import swarm_mj as sm
+from swarm_mj.flight.post_flight import (
+    controlled,
+    flown_instants,
+    post_flight_instants,
+    post_flight_paths,
+    roles,
+    turned,
+)
 from swarm_mj.mission.behaviors import TargetKind
 from swarm_mj.spacecraft.attitude.mrp import dcm
 
@@ -121,3 +129,35 @@ def test_who_falls_onto_the_body_is_lost_there(config1):
     assert alive[:, [0, 2, 3, 4, 5]].all()
     reach = np.linalg.norm(r) * (1.0 - (times - 1200.0) / 600.0)
     assert alive[reach > plan.shape.max_radius, 1].all() and not alive[reach < 0.0, 1].any()
+
+
+def test_who_is_still_turning_to_another_target_has_control_and_whose_axis_sweeps_around_has_not(config1):
+    _, telemetry = config1
+    turning = telemetry.isel(time=slice(0, int(np.argmax(np.diff(telemetry["mode"].values[:, 0]) != 0)) + 10))
+    assert np.degrees(turning["pointing_error"].values[-1]).max() > 5.0
+    assert controlled(turning).all()
+    sweeping = np.abs((2.0 * telemetry["time"].values + 180.0) % 360.0 - 180.0)
+    wild = telemetry.copy()
+    wild["pointing_error"] = telemetry["pointing_error"].copy()
+    wild["pointing_error"][:, 1] = np.radians(sweeping)
+    assert controlled(wild).tolist() == [True, False, True, True, True, True]
+    assert controlled(wild.isel(time=slice(0, 200))).all()  # too short to tell
+
+
+SEIZED = {"kind": "wheel_stuck", "wheel": "all", "speed_rpm": 0, "at_s": 890}
+
+
+@pytest.mark.parametrize(
+    ("who", "antenna", "delivered"),
+    [("sc1", "omnidirectional", 100.0), ("sc1", "hemispherical", 0.0), ("all", "omnidirectional", 0.0)],
+)
+def test_who_tumbles_when_the_flight_ends_points_no_antenna_afterwards(who, antenna, delivered):
+    """Only sc1 takes pictures; its wheels give their momentum to it, or to all, once these are taken."""
+    faults = [{**SEIZED, "spacecraft": who}, {"kind": "camera_off", "spacecraft": "sc2", "at_s": 0}]
+    given = {"faults": faults, "link.crosslink.antenna": antenna, "data.product": "cells"}
+    summary = sm.fly("eros-quick", {**given, "observation.observer": "raycast"}).summary
+    assert summary["coverage_percent"] == 100.0 and summary["delivered_percent"] == delivered
+    # Nobody elects who cannot point, unless nobody can.
+    assert summary["relays_after"] == (["sc1"] if who == "all" else ["sc2"])
+    missing = [(part["reason"], part["spacecraft"]) for part in summary["not_delivered"]]
+    assert missing == ([] if delivered else [("no attitude control", ["sc1"])])
