@@ -123,7 +123,7 @@ panels, all of it |
     | argument | default | meaning |
     |---|---|---|
     | scenario | `"eros-observe"` | packaged name, path of a YAML file, a dict, or a `Scenario`; crosslinks must be \
-omnidirectional |
+omnidirectional; attitudes are not flown, so that its sensors play no part |
     | step_s, horizon_s | 600, 86400 | length of a slot and of an episode [s] |
     | products | 24 | most products K |
     | storage_bit | 4e7 | that each spacecraft has for products [bit] |

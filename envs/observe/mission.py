@@ -338,10 +338,11 @@ def make_flyby(
     complete: float,
     observer: ObserverKind = "horizon",
     dispersions: Mapping[str, float] | None = None,
+    sensors: Any = "ideal",
 ) -> Mission:
     """Work a flyby of the catalogue out, by arguments of `SwarmObserveEnv`; tables come from the cache if they are there."""
     data, altitude, half_width = flyby(spec, spacecraft, patches)
-    scenario = load_scenario(data | {"dispersions": dict(dispersions or {})})
+    scenario = load_scenario(data | {"dispersions": dict(dispersions or {}), "spacecraft": {"sensors": sensors}})
     pixel = 2.0 * tan(radians(scenario.camera.half_angle_deg)) / scenario.camera.resolution_px * altitude
     plan = make_plan(scenario)
     region = plan.region

@@ -61,8 +61,8 @@ class SwarmObserveEnv(BatchEnv):
     ## A flyby of one's own
 
     `scenario="eros-observe"`, a path, a dict or a `Scenario` pins the environment to one flyby: paths, criterion, H, light,
-    link budget, faults and dispersions are the scenario's, times go with the time in which its swarm flies as far as H. The
-    Sun is where it is, and counts unless `observation.light` is ignored. An episode starts as
+    link budget, sensors, faults and dispersions are its own, times go with the time in which its swarm flies as far as H.
+    The Sun is where it is, and counts unless `observation.light` is ignored. An episode starts as
     `swarm-mj fly SCENARIO --set seed=FLIGHT_SEED` does; of what is drawn there are `spacecraft`, `release_error`,
     `attitude_mrp`, `rate_rad_s` and the failures, as planned unless `randomise` or `draw` says otherwise. It flies by the
     kernel stepper, whatever the scenario's `physics` says, and what that cannot fly is refused by name. A scenario says
@@ -231,9 +231,10 @@ cell |
 know what has reached them ("graph"), or, as a privilege, "full" |
     | observer | "horizon" | the judge of pictures: `horizon` (maps, constant time), `raycast`, `faceid`, `raster` or `auto` |
     | randomise | None | distributions by name |
-    | dispersions | None | masses, wheels, gravity and sensors that differ from flight to flight, keys of a scenario's \
-`dispersions` such as `mass_percent`, `wheel_coulomb_n_m`, `star_tracker_noise_arcsec`; a scenario has \
-its own |
+    | dispersions | None | masses, wheels and gravity that differ from flight to flight, keys of a scenario's \
+`dispersions` such as `mass_percent`, `wheel_coulomb_n_m`; a scenario has its own |
+    | sensors | "ideal" | of attitude, as `spacecraft.sensors` of a scenario, which has its own: scores are those of ideal \
+ones, `"cubesat"` flies noise and a filter |
     | reward_weights | None | replaces weights by name |
     | complete | 99.9 | share of the target, seen or dark, that counts as complete [%] |
     | horizon_terminates | False | whether the duration ends a flight as terminated |

@@ -140,7 +140,7 @@ class SwarmPointingEnv(BatchEnv):
     | argument | default | meaning |
     |---|---|---|
     | scenario | `"eros-observe"` | packaged name, path of a YAML file, a dict, or a `Scenario`; faults, dispersions, \
-quick slews, thrusters and four wheels are refused |
+quick slews, thrusters and four wheels are refused; sensors are ideal, whatever it says |
     | observation | `"state"` | `state` or `camera` |
     | render_mode | None | None or `"rgb_array"`: what the camera sees, with a cross on +z |
     | references | None | names of what may have to be looked at; None: all four, with `camera` the body alone |

@@ -33,6 +33,8 @@ from .rewards import PointingConstants
 GRID_S = 10.0
 #: Draws of a spacecraft begin with this number, so that they differ from those of its flight.
 OWN = 1
+#: Of the scenario, whatever it says: the observed state is the true one.
+FLOWN = {"physics.stepper": "kernel", "spacecraft.sensors": "ideal"}
 
 
 class Draw(NamedTuple):
@@ -72,7 +74,7 @@ class PointingTask:
     """
 
     def __init__(self, config: PointingConfig) -> None:
-        given = load_scenario(config.scenario, {**config.overrides, "physics.stepper": "kernel"})
+        given = load_scenario(config.scenario, {**config.overrides, **FLOWN})
         self.config, self.given = config, given
         self.ticks, self.hold_ticks = _periods(given, "step_s", config.step_s), _periods(given, "hold_s", config.hold_s)
         if self.hold_ticks % self.ticks:

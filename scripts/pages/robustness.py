@@ -37,8 +37,8 @@ from swarm_mj.flight.observe import observe_flight
 from swarm_mj.flight.plan import make_plan
 from swarm_mj.io.atomic import write_text
 from swarm_mj.io.progress import progress_bars
+from swarm_mj.scenarios.loading import load_scenario
 from swarm_mj.scenarios.schema import Scenario
-from swarm_mj.scenarios.schema_faults import Dispersions
 
 Array = NDArray[np.float64]
 
@@ -70,8 +70,8 @@ class Exact:
 
 
 def exact_losses(scenario: Scenario) -> Exact:
-    """Fly once without faults and dispersions, then leave out every subset of the observers."""
-    plan = make_plan(scenario.model_copy(update={"faults": (), "dispersions": Dispersions()}))
+    """Fly once as planned, then leave out every subset of the observers."""
+    plan = make_plan(load_scenario(scenario, {"faults": [], "dispersions": {}, "spacecraft.sensors": "ideal"}))
     coverage = observe_flight(plan, simulate(plan)).coverage
     seen, area = coverage.seen_by[: plan.n_observers], coverage.area
     n, tolerance = plan.n_observers, scenario.designer.tolerance_percent

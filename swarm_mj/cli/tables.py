@@ -81,6 +81,9 @@ _ROWS: dict[str, Callable[[dict[str, Any]], str]] = {
     "incidence of sunlight, min / median / max [deg]": lambda s: _spread(s["incidence_deg"]),
     "pointing error before a switch, at most [deg]": lambda s: _worst(s["pointing_error_deg_before_switch"]),
     "pointing error at the visit, at most [deg]": lambda s: _worst(s.get("pointing_error_deg_visit", {})),
+    "sensors; attitude known at the visit, at worst to [deg]": lambda s: (
+        f"{s.get('sensors', '-')}; {_worst(s.get('attitude_knowledge_error_deg_visit', {}))}"
+    ),
     "pointing error at the end, at most [deg]": lambda s: _worst(working(s, "pointing_error_deg_final")),
     "wheel speed, at most [% of limit]": lambda s: f"{100 * s['max_wheel_speed_fraction']:.0f}",
     "links closed at the end": lambda s: f"{s['links_closed_final']} of {s['spacecraft']}",

@@ -23,6 +23,7 @@ from swarm_mj.mission.behaviors import ELECTIONS, MissionBehavior
 from swarm_mj.mission.links import links_closed
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.scenarios.schema_faults import Dispersions
+from swarm_mj.scenarios.schema_sensors import IDEAL
 from swarm_mj.simulator.faults.dispersions import attitude_turns, extra_rates, mothership_error, velocity_errors
 from swarm_mj.simulator.faults.schedule import FaultModel, deployed_velocities, draw_schedule
 from swarm_mj.simulator.flight_setup import FlightSetup
@@ -104,8 +105,9 @@ def _deployed(plan: Plan, planned: InitialState) -> InitialState:
 
 
 def fault_model_from(scenario: Scenario) -> FaultModel | None:
-    """What the scenario says may go wrong; None: nothing, all is as planned."""
-    if not scenario.faults and scenario.dispersions == Dispersions():
+    """What the scenario says may go wrong, and by what sensors err; None: nothing, all is as planned."""
+    losses, sensors = bool(scenario.faults) or scenario.dispersions != Dispersions(), scenario.spacecraft.sensors
+    if not losses and sensors == IDEAL:
         return None
     # A behaviour that holds elections itself replaces a lost relay by its own rule.
     election = scenario.behavior.parameters.get("election", "medoid")
@@ -114,6 +116,8 @@ def fault_model_from(scenario: Scenario) -> FaultModel | None:
         faults=scenario.faults,
         dispersions=scenario.dispersions,
         duration_s=scenario.duration_s,
+        sensors=sensors,
+        losses=losses,
         election=None if by_class else election if election in ELECTIONS else "medoid",
     )
 

@@ -138,13 +138,18 @@ def _pointed(plan: Plan, telemetry: xr.Dataset) -> dict[str, Any]:
 
 
 def _pointed_at_pictures(plan: Plan, telemetry: xr.Dataset, error_deg: Array) -> dict[str, Any]:
-    """Pointing errors of those that take pictures: at the visit, and in the middle of all their pictures."""
+    """Pointing errors of those that take pictures: at the visit, and in the middle of all their pictures; and their sensors."""
     scenario, who = plan.scenario, watching_in(telemetry, plan.n_observers)
     samples, visits = picture_samples(scenario, telemetry), visit_samples(scenario)
     taken = {j: samples[who[samples, j]] for j in range(plan.n_observers)}
+    known = telemetry.get("attitude_knowledge_error")
+    at_visit = {"pointing_error_deg_visit": error_deg}
+    at_visit |= {} if known is None else {"attitude_knowledge_error_deg_visit": np.degrees(known.values)}
     return {
-        "pointing_error_deg_visit": {
-            plan.names[j]: rounded(error_deg[visit, j], 9) for j, visit in enumerate(visits) if who[visit, j]
+        "sensors": scenario.spacecraft.sensors.name,
+        **{
+            key: {plan.names[j]: rounded(values[visit, j], 9) for j, visit in enumerate(visits) if who[visit, j]}
+            for key, values in at_visit.items()
         },
         "pointing_error_deg_pictures_median": {
             plan.names[j]: rounded(np.median(error_deg[k, j]), 9) for j, k in taken.items() if len(k)

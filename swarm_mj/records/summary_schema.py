@@ -146,6 +146,8 @@ class RunSummary(Record):
     navigation: NavigationSummary = NavigationSummary()
     formation: FormationHeld | None = None
     pointing_error_deg_visit: ByName = {}
+    attitude_knowledge_error_deg_visit: ByName = {}
+    sensors: str = "not told"
     target_held_s_final: ByName = {}
     events: Annotated[list[Event], FailFast()] = []
     lost: list[str] = []

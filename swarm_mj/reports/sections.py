@@ -44,6 +44,7 @@ def summary_section(run: RunRecord) -> Html:
         *_sampled(summary),
         *_smeared(summary),
         ("spacecraft", str(summary["spacecraft"]), f"{summary['observers']} of them observe{_lost_words(summary)}"),
+        _pointed(summary),
         ("pointing error before a switch", f"{short(max(late.values()))}°" if late else "–", "largest of the swarm"),
         ("fastest wheel", f"{100 * summary['max_wheel_speed_fraction']:.0f} %", "of its limit"),
         ("links closed at the end", f"{summary['links_closed_final']} of {summary['spacecraft']}", "spacecraft"),
@@ -97,6 +98,14 @@ def _smeared(summary: dict[str, Any]) -> list[tuple[str, str, str]]:
     value = f"{short(smear['median'])} px" if smear else "–"
     note = f"median at the visit; worst {short(smear['max'])} px" if smear else "no picture at the visit"
     return [("smear", value, note)]
+
+
+def _pointed(summary: dict[str, Any]) -> tuple[str, str, str]:
+    """The largest pointing error at the visit, and what sensors know the attitude by, and how well."""
+    error, known = (summary.get(f"{key}_deg_visit") for key in ("pointing_error", "attitude_knowledge_error"))
+    error, known = (f"{short(max(found.values()))}°" if found else "" for found in (error, known))
+    note = f"sensors: {summary.get('sensors', '–')}" + (f", which know it to {known}" if known else "")
+    return "pointing error at the visit", error or "–", note
 
 
 def _lost_words(summary: dict[str, Any]) -> str:

@@ -24,11 +24,14 @@ from swarm_mj.scenarios.design_record import DesignRecord
 from swarm_mj.scenarios.explaining import explained, listed
 from swarm_mj.scenarios.limits import MAX_INTEGER_CHARACTERS, check_work
 from swarm_mj.scenarios.schema import Scenario
+from swarm_mj.scenarios.schema_sensors import sensor_class
 
 #: What a scenario is read from: a packaged name, the path of a YAML file, what such a file holds, or a scenario.
 ScenarioSource = str | Path | Mapping[str, Any] | Scenario
 #: No value of a scenario is changed.
 NO_OVERRIDES: Mapping[str, Any] = MappingProxyType({})
+#: Sections that a name may stand for, and what gives their keys.
+NAMED = {"body": packaged_body, "spacecraft.sensors": sensor_class}
 
 #: A scenario is a page of text; anything larger is a mistake or an attack.
 MAX_BYTES = 1_000_000
@@ -387,20 +390,20 @@ def _apply(data: dict[str, Any], key: str, value: Any) -> None:
     node = data
     for level, name in enumerate(parents, start=1):
         child = node.setdefault(name, {})
-        if level == 1 and name == "body" and isinstance(child, str):
-            child = node[name] = _body_by_name(child, told)
+        if (path := ".".join(parents[:level])) in NAMED and isinstance(child, str):
+            child = node[name] = _by_name(path, child, told)
         if not isinstance(child, dict):
             what = (
                 "a list: give the whole of it" if isinstance(child, list) else "a single value: it has no keys inside"
             )
-            raise ScenarioError(f"{told}: {'.'.join(parents[:level])} is {what}")
+            raise ScenarioError(f"{told}: {path} is {what}")
         node = child
     node[last] = value
 
 
-def _body_by_name(name: str, told: str) -> dict[str, Any]:
-    """The keys of a packaged body, one of which is about to be changed."""
+def _by_name(section: str, name: str, told: str) -> dict[str, Any]:
+    """The keys of a section that a name stands for, one of which is about to be changed."""
     try:
-        return packaged_body(name)
+        return NAMED[section](name)
     except ValueError as error:
-        raise ScenarioError(f"{told}: body {error}") from None
+        raise ScenarioError(f"{told}: {section} {error}") from None

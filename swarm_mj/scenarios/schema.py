@@ -27,6 +27,7 @@ from swarm_mj.scenarios.schema_propulsion import (
     thrusters_can_pulse,
     thrusters_fit_inside,
 )
+from swarm_mj.scenarios.schema_sensors import Sensors, expanded_sensors
 from swarm_mj.scenarios.schema_swarm import Swarm
 from swarm_mj.scenarios.section import Parameters, Section, Vector3
 
@@ -85,6 +86,10 @@ class Spacecraft(Section):
     )
     initial_rate_range_rpm: float = Field(
         0.2, ge=0, description="each component of the initial body rate is uniform in [-range, range] [rpm]"
+    )
+    sensors: Annotated[Sensors, BeforeValidator(expanded_sensors, json_schema_input_type=Sensors | str)] = Field(
+        default_factory=Sensors,
+        description="of attitude: a class, ideal or cubesat, or the keys that differ from cubesat",
     )
     thrusters: Thrusters | None = Field(None, description="cold-gas thrusters with a tank; null: none")
 

@@ -271,22 +271,3 @@ class Dispersions(Section):
     target_m: float = Field(
         0.0, ge=0, le=1e6, description="1 sigma of the target's true place east and north of the planned one [m]"
     )
-    gyro_angular_random_walk_deg_sqrt_h: float = Field(
-        0.0, ge=0, le=1e3, description="white noise of the gyro [deg/sqrt(h)]"
-    )
-    gyro_bias_deg_h: float = Field(0.0, ge=0, le=1e5, description="1 sigma of the initial bias about each axis [deg/h]")
-    gyro_rate_random_walk_deg_h_sqrt_h: float = Field(
-        0.0, ge=0, le=1e5, description="random walk of the bias [deg/h/sqrt(h)]"
-    )
-    star_tracker_noise_arcsec: float = Field(
-        0.0, ge=0, le=36_000, description="1 sigma about each axis, at every control period [arcsec]"
-    )
-    star_tracker_bias_arcsec: float = Field(
-        0.0, ge=0, le=36_000, description="1 sigma of the mounting error about each axis [arcsec]"
-    )
-    delay_s: float = Field(
-        0.0,
-        ge=0,
-        le=60,
-        description="each spacecraft's sensors are late by a whole number of control periods up to this [s]",
-    )

@@ -443,7 +443,7 @@ class FlightBatch:
 
     def _diverge(self, e: int) -> None:
         injection = self.injection(e)
-        if injection is None:
+        if injection is None or not injection.losses:
             self._mark_diverged(e)
         else:
             injection.diverged()
@@ -477,7 +477,7 @@ class FlightBatch:
     def _give_up_torque(self, e: int) -> None:
         """Go on without the spacecraft to which the control law gives no finite torque."""
         injection = self.injection(e)
-        if injection is None:
+        if injection is None or not injection.losses:
             self._mark_diverged(e)
         else:
             injection.without_torque()

@@ -1,4 +1,4 @@
-"""What the flight software knows of its attitude: sensors with dispersions and faults, the filter, and the delay of it all."""
+"""What the flight software knows of its attitude: sensors that err and fail, the filter, and the delay of it all."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from swarm_mj.scenarios.schema_faults import (
-    Dispersions,
     Fault,
     GyroBias,
     GyroDropout,
@@ -17,6 +16,7 @@ from swarm_mj.scenarios.schema_faults import (
     StarTrackerDropout,
     StarTrackerNoise,
 )
+from swarm_mj.scenarios.schema_sensors import Sensors
 from swarm_mj.simulator.faults.dispersions import (
     ARCSEC,
     DEG_PER_HOUR,
@@ -49,28 +49,22 @@ NOISE_ROWS = 64
 SENSOR_FAULTS = (GyroNoise, GyroBias, GyroDropout, StarTrackerNoise, StarTrackerBias, StarTrackerDropout)
 
 
-def can_err(given: Dispersions, faults: Sequence[Fault]) -> bool:
-    """Whether the sensors of any flight with these dispersions and faults can be imperfect, so that a filter runs."""
-    return _dispersed(given) or any(isinstance(fault, SENSOR_FAULTS) for fault in faults)
+def can_err(given: Sensors, faults: Sequence[Fault]) -> bool:
+    """Whether sensors can be imperfect in any flight with these faults, so that a filter runs."""
+    return given.errs or any(isinstance(fault, SENSOR_FAULTS) for fault in faults)
 
 
-def most_readings(given: Dispersions, faults: Sequence[Fault], period: float) -> int:
+def most_readings(given: Sensors, faults: Sequence[Fault], period: float) -> int:
     """How many readings must be kept, so that the latest of any flight are there."""
     delays = [fault.delay_s for fault in faults if isinstance(fault, SensorDelay)]
     return 1 + max(int(given.delay_s / period + 1e-9), *(round(delay / period) for delay in delays), 0)
-
-
-def _dispersed(given: Dispersions) -> bool:
-    walks = given.gyro_rate_random_walk_deg_h_sqrt_h, given.gyro_angular_random_walk_deg_sqrt_h
-    others = given.star_tracker_noise_arcsec, given.gyro_bias_deg_h, given.star_tracker_bias_arcsec
-    return max(*walks, *others) > 0.0
 
 
 class Sensing:
     """Attitude sensors and filters of one flight.
 
     Args:
-        given: The scenario's dispersions.
+        given: What they err by.
         drawn: What the seed made of them.
         schedule: What will happen.
         seed: Of the noise.
@@ -86,7 +80,7 @@ class Sensing:
 
     def __init__(
         self,
-        given: Dispersions,
+        given: Sensors,
         drawn: Dispersed,
         schedule: Sequence[ScheduledFault],
         seed: int,
@@ -97,7 +91,7 @@ class Sensing:
         noise = given.gyro_angular_random_walk_deg_sqrt_h * DEG_PER_SQRT_HOUR
         tracker = given.star_tracker_noise_arcsec * ARCSEC
         faulty = any(isinstance(entry.fault, SENSOR_FAULTS) for entry in schedule)
-        self.estimating = _dispersed(given) or faulty
+        self.estimating = given.errs or faulty
         late = any(isinstance(entry.fault, SensorDelay) for entry in schedule) or bool(drawn.delay_ticks.any())
         self.active = self.estimating or late
         assumed = Assumed(

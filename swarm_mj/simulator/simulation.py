@@ -351,7 +351,7 @@ class Recorder:
         hit = watch.look(state.tick, work[Slot.R], work[Slot.V], work[Slot.A], flying)
         for j in np.flatnonzero(hit):
             r_A = state.C_AN @ work[Slot.R, j]
-            if injection is None:
+            if injection is None or not injection.losses:
                 latitude, longitude = sub_point(r_A, np.eye(3))
                 raise SimulationError(
                     f"{state.model.names[j]} hits the body at t = {state.time:g} s, latitude {latitude:.1f} deg, longitude "

@@ -86,11 +86,14 @@ def test_a_stranger_can_check_momentum_from_the_file_alone(folder):
 def test_pointing_errors_at_the_pictures_are_those_of_the_telemetry(folder, summary):
     with xr.open_dataset(folder / "telemetry.nc", engine="h5netcdf") as telemetry:
         error = np.degrees(telemetry["pointing_error"].values)
+        knowledge = np.degrees(telemetry["attitude_knowledge_error"].values)
         looking = np.isin(telemetry["mode"].values, (0, 3))
         times = telemetry["time"].values
     visit = int(np.flatnonzero(times == 600.0)[0])
+    assert summary["sensors"] == "cubesat" and 0.001 < knowledge[visit].max() < 0.1
     for j, name in enumerate(("sc1", "sc2")):
         assert summary["pointing_error_deg_visit"][name] == pytest.approx(error[visit, j], abs=1e-9)
+        assert summary["attitude_knowledge_error_deg_visit"][name] == pytest.approx(knowledge[visit, j], abs=1e-9)
         at = [k for k in range(len(times)) if looking[k, j] and (times[k] % 60.0 == 0.0 or k == visit)]
         assert summary["pointing_error_deg_pictures_median"][name] == pytest.approx(np.median(error[at, j]), abs=1e-9)
 

@@ -13,10 +13,10 @@ from swarm_mj.scenarios.loading import parse_overrides
 from swarm_mj.simulator.telemetry import read_telemetry
 
 PAGE = (Path(__file__).parents[2] / "docs" / "reference" / "files.md").read_text("utf-8")
-#: Faults, sensor noise and thrusters, so that every variable is there.
+#: Faults, friction and thrusters, with sensors that err, so that every variable is there.
 FAULTY = (
     "faults=[{kind: camera_off, spacecraft: sc1, at_s: 300}]",
-    "dispersions={gyro_bias_deg_h: 10, star_tracker_noise_arcsec: 6, wheel_coulomb_n_m: 1.0e-5}",
+    "dispersions={wheel_coulomb_n_m: 1.0e-5}",
     "spacecraft.thrusters={}",
 )
 

@@ -104,6 +104,7 @@ def test_places_of_test_are_never_part_of_those_of_training():
         ("patches", 5, "patches = 5"),
         ("patches", 225, "patches = 225: one would hold no cell of the target of mission bennu"),
         ("dispersions", {"target_m": 3.0}, "'target_m' is not drawn here"),
+        ("sensors", "perfect", "spacecraft.sensors = 'perfect': must be ideal or cubesat"),
     ],
 )
 def test_what_is_not_allowed_is_refused_by_name(where, given, told):
@@ -245,8 +246,8 @@ def test_what_is_possible_bounds_what_is_seen(episodes):
 
 
 def test_masses_differ_from_flight_to_flight_and_are_those_of_the_seed():
-    wrong = {"mass_percent": 5.0, "wheel_coulomb_n_m": 2e-5, "star_tracker_noise_arcsec": 20.0}
-    dispersed, plain = (Episodes(EnvConfig(missions=POOL[:1], dispersions=d), 3) for d in (wrong, None))
+    wrong = {"dispersions": {"mass_percent": 5.0, "wheel_coulomb_n_m": 2e-5}, "sensors": "cubesat"}
+    dispersed, plain = (Episodes(EnvConfig(missions=POOL[:1], **given), 3) for given in (wrong, {}))
     rates = []
     for flown in (dispersed, plain):
         flown.reset({0: 5, 1: 5, 2: 6}, {"spacecraft": 3, "loss": 0, "attitude_mrp": 0.3, "rate_rad_s": 0.01})

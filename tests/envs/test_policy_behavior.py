@@ -15,7 +15,9 @@ from swarm_mj.flight.plan import make_plan
 from swarm_mj.io.resources import asset_path
 from swarm_mj.scenarios.loading import load_scenario, parse_overrides
 
-KERNEL = ["physics.stepper=kernel", "telemetry.interval_s=10"]
+#: Behaviours are given true attitudes, agents what sensors say.
+IDEAL = "spacecraft.sensors=ideal"
+KERNEL = ["physics.stepper=kernel", "telemetry.interval_s=10", IDEAL]
 
 
 def flown_by(policy, *changes):
@@ -27,7 +29,7 @@ def flown_by(policy, *changes):
 
 @pytest.mark.parametrize("policy", ["greedy_ahead", "trained"])
 def test_a_policy_flies_on_the_command_line_what_it_flies_in_the_environment(policy):
-    config = EnvConfig(scenario="eros-observe")
+    config = EnvConfig(scenario=load_scenario("eros-observe", parse_overrides([IDEAL])))
     act = open_policy(asset_path(PACKAGED), config) if policy == "trained" else None
     episodes, choices = Episodes(config, 1), []
     episodes.reset({0: 7})

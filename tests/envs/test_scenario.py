@@ -172,7 +172,7 @@ def test_faults_of_the_scenario_happen_and_its_camera_takes_no_more_pictures():
 
 
 def test_agents_are_shown_what_the_flight_software_knows_and_rewards_follow_the_truth():
-    noise = ["dispersions.gyro_angular_random_walk_deg_sqrt_h=5", "dispersions.star_tracker_noise_arcsec=1800"]
+    noise = ["spacecraft.sensors={gyro_angular_random_walk_deg_sqrt_h: 5, star_tracker_noise_arcsec: 1800}"]
     episodes = begun(scenario=eros(*noise))
     for _ in range(30):
         step(episodes, np.full(N, 5))

@@ -36,6 +36,7 @@ FLYBY = {
     "design": {"visiting_points": [1], "imaging_altitude_m": DISTANCE - 4000, "time_of_flight_s": VISIT},
     "mothership": {"position_A_m": [0, DISTANCE, -SPEED * VISIT]},
     "behavior": {"name": "adaptable_roles", "imaging_radius_m": 2e6},
+    "spacecraft": {"sensors": "ideal"},
     "camera": {"half_angle_deg": 3, "exposure_s": 0.01},
     "observation": {"interval_s": 10, "observer": "raycast"},
     "physics": {"timestep_s": 0.5, "stepper": "kernel"},

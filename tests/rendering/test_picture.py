@@ -332,6 +332,6 @@ def test_the_clock_reads_minutes_and_hours():
 
 def test_a_large_swarm_is_counted_and_drawn(replay):
     now = replay.at(500.0)
-    many = {name: np.repeat(getattr(now, name), 10, axis=0) for name in ("r_BN_N", "C_BN", "kind", "tracked")}
+    many = {name: np.repeat(getattr(now, name), 10, axis=0) for name in ("r_BN_N", "C_BN", "kind", "tracked", "lost")}
     now = replace(now, **many, link=None, trail_N=np.repeat(now.trail_N, 10, axis=1))
     assert [words for words, _ in roles(now, [f"sc{k}" for k in range(20)])] == ["20 x observes"]

@@ -18,9 +18,8 @@ def hostile():
 def folder(tmp_path_factory):
     """A finished run with its report; its description would do harm if a page took it for HTML."""
     out = tmp_path_factory.mktemp("report") / "quick"
-    scenario = load_scenario("eros-quick", {"observation.criterion": "passage"}).model_copy(
-        update={"description": HOSTILE}
-    )
+    given = {"observation.criterion": "passage", "spacecraft.sensors": "ideal"}
+    scenario = load_scenario("eros-quick", given).model_copy(update={"description": HOSTILE})
     fly(scenario, out=out, figures=False)
     return out
 

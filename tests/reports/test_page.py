@@ -17,7 +17,7 @@ from swarm_mj.cli.main import main
 from swarm_mj.errors import OutputError
 from swarm_mj.records.run_record import read_run
 from swarm_mj.reports.page import SCRIPTS, report_html, safe_json
-from swarm_mj.reports.sections import flat_parameters, short
+from swarm_mj.reports.sections import flat_parameters, short, summary_section
 from swarm_mj.smallbody.geodesic import geodesic_icosahedron
 
 MEGABYTES = 1e6
@@ -87,6 +87,11 @@ def test_the_page_has_every_part(page):
         "slider",
         "play",
     } <= page.ids()
+
+
+def test_the_page_names_the_sensors_and_how_well_they_know_the_attitude(folder, other_folder):
+    ideal, cubesat = (str(summary_section(read_run(place))) for place in (folder, other_folder))
+    assert "sensors: ideal</small>" in ideal and "sensors: cubesat, which know it to 0.0" in cubesat
 
 
 def test_the_page_fetches_nothing(page):

@@ -24,7 +24,8 @@ DISPERSIONS = (
     "dispersions.wheel_coulomb_n_m=2e-5",
     "dispersions.gravity_percent=5",
     "dispersions.harmonics_percent=10",
-    "dispersions.delay_s=2",
+    "spacecraft.sensors=ideal",
+    "spacecraft.sensors.delay_s=2",
     "dispersions.attitude_deg=5",
     "perturbations.gravity_gradient_torque=true",
 )

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from swarm_mj.errors import PluginError, ScenarioError, SimulationError
-from swarm_mj.flight.fly import initial_state, make_simulation
+from swarm_mj.flight.fly import fault_model_from, initial_state, make_simulation
 from swarm_mj.mission.behaviors import AdaptableRoles, TargetKind, Targets
 from swarm_mj.scenarios.constants import EROS_GM
 from swarm_mj.simulator.faults.injection import NOTHING
@@ -312,7 +312,7 @@ class Lost:
 
 @STEPPERS
 def test_a_law_that_gives_one_spacecraft_no_number_loses_it_alone_with_faults_and_ends_the_flight_without(stepper):
-    plan = plan_of("eros-quick", f"physics.stepper={stepper}")
+    plan = plan_of("eros-quick", f"physics.stepper={stepper}", "spacecraft.sensors=ideal")
     with pytest.raises(SimulationError, match=r"test_batch\.Lost gives sc2 the torque \[.*nan\] N m at t = 2\.5 s"):
         fly(plan, 40, controller=Lost())
     simulation = fly(plan, 40, controller=Lost(), fault_model=NOTHING)
@@ -335,13 +335,14 @@ class Well:
 @STEPPERS
 def test_a_state_that_is_not_finite_is_named_or_given_up(stepper):
     plan = plan_of("eros-quick", f"physics.stepper={stepper}")
-    for fault_model in (None, NOTHING):
+    # Sensors that err are no reason to fly on without a spacecraft.
+    for fault_model in (None, fault_model_from(plan.scenario), NOTHING):
         simulation = fly(plan, 4, fault_model=fault_model)
         s = simulation.state
         qpos, qvel = np.hstack((s.r_N, s.q_BN)), np.hstack((s.v_N, s.omega_B, s.wheel_speed))
         qvel[1, 4] = np.nan
         simulation.batch.place(0, qpos, qvel)
-        if fault_model is None:
+        if fault_model is not NOTHING:
             with pytest.raises(SimulationError, match=r"sc2 has a state that is not finite at t = 2 s"):
                 simulation.fly(1)
             continue

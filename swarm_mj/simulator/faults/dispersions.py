@@ -17,6 +17,7 @@ from numpy.random import Generator
 
 from swarm_mj.errors import ScenarioError
 from swarm_mj.scenarios.schema_faults import Dispersions
+from swarm_mj.scenarios.schema_sensors import Sensors
 from swarm_mj.smallbody.environment import Environment
 from swarm_mj.smallbody.gravity.base import Gravity
 from swarm_mj.smallbody.gravity.spherical_harmonics import SphericalHarmonics
@@ -76,26 +77,29 @@ class Dispersed:
     delay_ticks: Ints  #: control periods by which sensors are late, shape (n,)
 
 
-def draw_spacecraft(given: Dispersions, seed: int, *, n: int, n_wheels: int, period_s: float) -> Dispersed:
+def draw_spacecraft(
+    given: Dispersions, sensors: Sensors, seed: int, *, n: int, n_wheels: int, period_s: float
+) -> Dispersed:
     """Draw the spacecraft of one flight.
 
     Args:
         given: The scenario's dispersions.
+        sensors: Of each spacecraft.
         seed: Of the scenario.
         n: Number of spacecraft.
         n_wheels: Of each spacecraft.
         period_s: Control period [s].
     """
     wheels = (n, n_wheels)
-    most = int(given.delay_s / period_s + 1e-9)
+    most = int(sensors.delay_s / period_s + 1e-9)
     delays = stream(seed, Stream.DELAY).integers(0, most, n, endpoint=True) if most else np.zeros(n, np.int64)
     return Dispersed(
         mass_ratio=1.0 + _scaled(0.01 * given.mass_percent, _cut, seed, Stream.MASS, (n,)),
         second_moment_ratio=1.0 + _scaled(0.01 * given.inertia_percent, _cut, seed, Stream.INERTIA, (n, 3)),
         coulomb=_scaled(given.wheel_coulomb_n_m, Generator.random, seed, Stream.COULOMB, wheels),
         viscous=_scaled(given.wheel_viscous_n_m_s, Generator.random, seed, Stream.VISCOUS, wheels),
-        gyro_bias=_normal(given.gyro_bias_deg_h * DEG_PER_HOUR, seed, Stream.GYRO_BIAS, (n, 3)),
-        star_tracker_bias=_normal(given.star_tracker_bias_arcsec * ARCSEC, seed, Stream.STAR_TRACKER_BIAS, (n, 3)),
+        gyro_bias=_normal(sensors.gyro_bias_deg_h * DEG_PER_HOUR, seed, Stream.GYRO_BIAS, (n, 3)),
+        star_tracker_bias=_normal(sensors.star_tracker_bias_arcsec * ARCSEC, seed, Stream.STAR_TRACKER_BIAS, (n, 3)),
         delay_ticks=delays,
     )
 

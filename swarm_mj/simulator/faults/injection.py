@@ -66,7 +66,8 @@ NOTHING = FaultModel(faults=(), dispersions=Dispersions(), duration_s=0.0)
 def conditions_for(fault_model: FaultModel, properties: SpacecraftProperties, world: World, count: int) -> Conditions:
     """Space for what a fault model can make of E flights."""
     given, faults, n, w = fault_model.dispersions, fault_model.faults, len(world.inertia_B), properties.n_wheels
-    rows, readings = NOISE_ROWS if can_err(given, faults) else 0, most_readings(given, faults, world.period)
+    sensors = fault_model.sensors
+    rows, readings = NOISE_ROWS if can_err(sensors, faults) else 0, most_readings(sensors, faults, world.period)
     series = world.field.series.shape
     return Conditions(
         field_factor=np.ones(count),
@@ -89,6 +90,7 @@ class FaultInjection:
         e: Number of the flight there.
 
     Attributes:
+        losses: Whether who hits the body or diverges is lost, and the others fly on.
         lost: Spacecraft that no longer work, shape (n,).
         camera_on: Cameras that work, shape (n,).
         events: What happened, in order of time.
@@ -99,7 +101,7 @@ class FaultInjection:
 
     def __init__(self, state: FlightState, fault_model: FaultModel, conditions: Conditions, e: int) -> None:
         self._state, self._model, self._planned = state, fault_model, state.environment
-        self._conditions, self._e, self.due = conditions, e, 0
+        self._conditions, self._e, self.due, self.losses = conditions, e, 0, fault_model.losses
         self.lost, self.camera_on, self._known_lost = state.lost, conditions.camera_on[e], conditions.known_lost[e]
         self.wheels, self._knowledge = row_of(conditions.wheels, e), row_of(conditions.knowledge, e)
         self._succession = None if fault_model.election is None else Succession(fault_model.election)
@@ -114,11 +116,11 @@ class FaultInjection:
             self._drawn = (
                 seed,
                 draw_schedule(model.faults, seed, n=n, n_wheels=w, duration_s=model.duration_s),
-                draw_spacecraft(model.dispersions, seed, n=n, n_wheels=w, period_s=period),
+                draw_spacecraft(model.dispersions, model.sensors, seed, n=n, n_wheels=w, period_s=period),
                 disperse_environment(self._planned, model.dispersions, seed),
             )
         _, schedule, drawn, environment = self._drawn
-        self.sensing = Sensing(model.dispersions, drawn, schedule, seed, period, self._knowledge)
+        self.sensing = Sensing(model.sensors, drawn, schedule, seed, period, self._knowledge)
         self._conditions.senses[self._e] = self.sensing.active
         self.lost[:], self.camera_on[:], self._known_lost[:] = False, True, False
         if self._succession is not None:

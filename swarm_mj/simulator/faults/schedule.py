@@ -14,6 +14,7 @@ import numpy as np
 
 from swarm_mj.errors import ScenarioError
 from swarm_mj.scenarios.schema_faults import DeploymentVelocity, Dispersions, Fault, MissedDeployment
+from swarm_mj.scenarios.schema_sensors import IDEAL, Sensors
 from swarm_mj.simulator.faults.dispersions import Stream, stream
 from swarm_mj.typing import Array
 
@@ -25,11 +26,14 @@ RELAY = -1
 
 @dataclass(frozen=True, kw_only=True)
 class FaultModel:
-    """What a scenario says may go wrong."""
+    """What a scenario says may go wrong, and by what its sensors err."""
 
     faults: tuple[Fault, ...]  #: see `swarm_mj.scenarios.schema_faults`
     dispersions: Dispersions  #: the same
     duration_s: float  #: of the flight [s]
+    sensors: Sensors = IDEAL
+    #: whether who hits the body or diverges is lost and the others fly on; else the flight ends with an error
+    losses: bool = True
     #: rule by which the swarm replaces a lost relay; None: by none, or by what its behaviour knows
     election: str | None = "medoid"
 

@@ -7,6 +7,7 @@ from scipy.stats import kstest
 from swarm_mj.errors import ScenarioError
 from swarm_mj.mission.trajectories import propagate
 from swarm_mj.scenarios.schema_faults import Dispersions
+from swarm_mj.scenarios.schema_sensors import IDEAL, Sensors
 from swarm_mj.simulator.faults.dispersions import (
     Stream,
     attitude_turns,
@@ -25,8 +26,8 @@ from .flying import Constant, alone, fly, momentum, plan_of
 N = 4000
 
 
-def draw(n=N, seed=0, **given):
-    return draw_spacecraft(Dispersions(**given), seed, n=n, n_wheels=3, period_s=0.5)
+def draw(n=N, seed=0, sensors=IDEAL, **given):
+    return draw_spacecraft(Dispersions(**given), sensors, seed, n=n, n_wheels=3, period_s=0.5)
 
 
 def test_what_is_switched_off_is_drawn_as_planned():
@@ -37,7 +38,7 @@ def test_what_is_switched_off_is_drawn_as_planned():
 
 
 def test_draws_follow_their_distributions():
-    drawn = draw(mass_percent=2, inertia_percent=3, wheel_coulomb_n_m=1e-4, gyro_bias_deg_h=10)
+    drawn = draw(mass_percent=2, inertia_percent=3, wheel_coulomb_n_m=1e-4, sensors=Sensors(gyro_bias_deg_h=10))
     mass = (drawn.mass_ratio - 1) / 0.02
     assert np.abs(mass).max() <= 3.0
     assert mass.std() == pytest.approx(0.9866, abs=0.04)  # of a normal distribution cut at three sigma
@@ -53,7 +54,7 @@ def test_draws_follow_their_distributions():
 
 
 def test_streams_are_apart_and_depend_on_the_seed_alone():
-    alone_drawn, together = draw(mass_percent=2), draw(mass_percent=2, inertia_percent=3, delay_s=1, gyro_bias_deg_h=1)
+    alone_drawn, together = draw(mass_percent=2), draw(mass_percent=2, inertia_percent=3, sensors=Sensors(delay_s=1))
     assert np.array_equal(alone_drawn.mass_ratio, together.mass_ratio)
     assert not np.array_equal(alone_drawn.mass_ratio, draw(mass_percent=2, seed=1).mass_ratio)
     first = {what: stream(3, what).random() for what in Stream}
@@ -75,7 +76,7 @@ def test_dispersed_inertias_are_those_of_possible_bodies():
 def test_a_torque_turns_a_dispersed_spacecraft_by_its_true_inertia_and_momentum_is_conserved(stepper):
     given = {"mass_percent": 5, "inertia_percent": 8}
     simulation = alone(Constant([0, 0, 1e-4]), dispersions=given, stepper=stepper, seed=4)
-    drawn = draw_spacecraft(Dispersions(**given), 4, n=1, n_wheels=3, period_s=0.5)
+    drawn = draw_spacecraft(Dispersions(**given), IDEAL, 4, n=1, n_wheels=3, period_s=0.5)
     properties = SpacecraftProperties()
     true = drawn.mass_ratio[0] * dispersed_inertia(properties.inertia_B, drawn.second_moment_ratio)[0]
     assert abs(true[2, 2] / properties.inertia_B[2, 2] - 1) > 0.02

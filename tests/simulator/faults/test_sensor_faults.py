@@ -2,29 +2,33 @@
 
 import numpy as np
 import pytest
+from scipy.linalg import solve_discrete_lyapunov
 
 from swarm_mj.scenarios.schema import Scenario
+from swarm_mj.scenarios.schema_faults import Dispersions
+from swarm_mj.scenarios.schema_sensors import IDEAL, Sensors
 from swarm_mj.simulator.faults.dispersions import ARCSEC, DEG_PER_HOUR, draw_spacecraft
 from swarm_mj.simulator.faults.schedule import draw_schedule
 from swarm_mj.simulator.sensors import NOISE_ROWS, Sensing, most_readings
 from swarm_mj.spacecraft.attitude.estimation import first_knowledge, sense
+from swarm_mj.spacecraft.control.sliding_mode import MrpSlidingMode
+from swarm_mj.spacecraft.properties import SpacecraftProperties
 
 from .flying import events_of, fault, fly
 
 SENSORS = (
-    "dispersions.gyro_angular_random_walk_deg_sqrt_h=0.15",
-    "dispersions.gyro_bias_deg_h=20",
-    "dispersions.star_tracker_noise_arcsec=10",
+    "spacecraft.sensors.gyro_angular_random_walk_deg_sqrt_h=0.15",
+    "spacecraft.sensors.gyro_bias_deg_h=20",
+    "spacecraft.sensors.star_tracker_noise_arcsec=10",
 )
 
 
-def sensing(n=2, faults=(), period=0.5, **dispersions):
-    checked = Scenario.model_validate({"name": "x", "faults": list(faults), "dispersions": dispersions})
+def sensing(n=2, faults=(), period=0.5, **errors):
+    checked, sensors = Scenario(name="x", faults=tuple(faults)), IDEAL.model_copy(update=errors)
     schedule = draw_schedule(checked.faults, 0, n=n, n_wheels=3, duration_s=100.0)
-    drawn = draw_spacecraft(checked.dispersions, 0, n=n, n_wheels=3, period_s=period)
-    rows, readings = NOISE_ROWS, most_readings(checked.dispersions, checked.faults, period)
-    knowledge = first_knowledge(n, rows, readings)
-    return Sensing(checked.dispersions, drawn, schedule, 0, period, knowledge), schedule
+    drawn = draw_spacecraft(Dispersions(), sensors, 0, n=n, n_wheels=3, period_s=period)
+    knowledge = first_knowledge(n, NOISE_ROWS, most_readings(sensors, checked.faults, period))
+    return Sensing(sensors, drawn, schedule, 0, period, knowledge), schedule
 
 
 def know(sensors, tick, q, omega):
@@ -57,6 +61,37 @@ def test_the_filter_finds_the_bias_of_the_gyro_in_flight_and_the_spacecraft_poin
     assert np.degrees(pointing).max() < 0.1
 
 
+def test_knowledge_and_pointing_err_as_the_noise_of_cubesat_sensors_makes_them_through_filter_and_control_law():
+    """Farrenkopf's steady filter (1978) in closed form, and Lyapunov's equation of the loop about it, per axis [rad]."""
+    T, noisy = 0.5, Sensors(star_tracker_bias_arcsec=0)
+    v, u, st = np.radians([noisy.gyro_angular_random_walk_deg_sqrt_h / 60, 1 / 3600 / 60, 25 / 3600])
+    Sv, Su = v * T**0.5 / st, u * T**1.5 / st
+    zeta = Su / 4 + (g := np.sqrt(1 + Sv**2 / 4 + Su**2 / 48)) + np.sqrt(2 * g * Su + Sv**2 + Su**2 / 3) / 2
+    gain = 1 - zeta**-2, -Su / T / zeta
+    law, J = MrpSlidingMode(), SpacecraftProperties().inertia_effective_B[0, 0]
+    slope = law.slope / 4
+    decay = law.damping + (law.reaching_rate + 1.2 * law.disturbance_torque / J) / 0.8 / law.layer
+    # Angle, rate, errors of estimated attitude and bias; white noise of the gyro over a period, and of the star tracker.
+    angle, rate, error, bias, gyro, star = np.eye(6)
+    wrong = bias + gyro / T
+    error, bias = (
+        error - T * wrong - gain[0] * (z := error - T * wrong + star),
+        bias - gain[1] * z,
+    )
+    torque = -(slope + decay) * (rate + wrong) - slope * decay * (angle - error)
+    loop = np.array([angle + T * rate + T**2 / 2 * torque, rate + T * torque, error, bias])
+    noise = np.diag([v**2 * T, st**2])
+    drive = loop[:, 4:] @ noise @ loop[:, 4:].T + np.diag([0, 0, 0, u**2 * T])
+    P = solve_discrete_lyapunov(loop[:, :4], drive)
+    assert np.sqrt(P[2, 2]) == pytest.approx(st * np.sqrt(1 - zeta**-2), rel=1e-4)
+    given = "spacecraft.sensors={star_tracker_bias_arcsec: 0}", "telemetry.interval_s=0.5"
+    _, flown = fly(*given, name="eros-config2")
+    known = flown["attitude_knowledge_error"].values[200:]
+    assert np.sqrt((known**2).mean() / 3) == pytest.approx(np.sqrt(P[2, 2]), rel=0.02)
+    held = flown["pointing_error"].values[400:1700]
+    assert np.sqrt((held**2).mean() / 2) == pytest.approx(np.sqrt(P[0, 0]), rel=0.04)
+
+
 def test_a_dropout_of_the_star_tracker_lets_the_attitude_drift_and_its_return_ends_that():
     _, telemetry = fly(*SENSORS, fault("{kind: star_tracker_dropout, spacecraft: sc1, at_s: 300, duration_s: 200}"))
     known = telemetry["attitude_knowledge_error"].values
@@ -87,7 +122,7 @@ def test_a_noisy_gyro_spoils_the_pointing_and_a_noisy_star_tracker_the_knowledge
 
 def test_a_shifted_star_tracker_turns_the_spacecraft_by_its_angle():
     shift = fault("{kind: star_tracker_bias, spacecraft: sc1, at_s: 0, bias_arcsec: [1800, 0, 0]}")
-    _, telemetry = fly("dispersions.star_tracker_noise_arcsec=1", shift)
+    _, telemetry = fly("spacecraft.sensors.star_tracker_noise_arcsec=1", shift)
     assert np.degrees(telemetry["pointing_error"].values[60:120, 0]) == pytest.approx(0.5, abs=0.02)
 
 
@@ -120,11 +155,9 @@ def test_what_is_asked_twice_at_a_tick_is_measured_once():
 
 
 def test_dispersed_delays_are_whole_periods_up_to_the_given_one_and_a_late_loop_still_settles():
-    drawn = draw_spacecraft(
-        Scenario(name="x", dispersions={"delay_s": 2.0}).dispersions, 1, n=400, n_wheels=3, period_s=0.5
-    )
+    drawn = draw_spacecraft(Dispersions(), Sensors(delay_s=2.0), 1, n=400, n_wheels=3, period_s=0.5)
     assert set(drawn.delay_ticks) == {0, 1, 2, 3, 4}
-    _, telemetry = fly("dispersions.delay_s=0.5")
+    _, telemetry = fly("spacecraft.sensors.delay_s=0.5")
     assert telemetry["attitude_knowledge_error"].values[1:10].max() > 1e-3
     assert np.degrees(telemetry["pointing_error"].values[60:120]).max() < 0.5
 

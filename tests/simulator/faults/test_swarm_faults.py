@@ -199,7 +199,7 @@ def test_a_flight_with_faults_replays_bit_by_bit_and_another_seed_is_another_fli
     faults = fault(
         "{kind: wheel_lost, spacecraft: any, wheel: any}, {kind: spacecraft_lost, spacecraft: all, probability: 0.5}"
     )
-    noise = ("dispersions.gyro_bias_deg_h=10", "dispersions.star_tracker_noise_arcsec=6", "dispersions.mass_percent=2")
+    noise = ("spacecraft.sensors=cubesat", "dispersions.mass_percent=2")
     plan, first = fly(faults, *noise)
     again = simulate(plan)
     for name in first.data_vars:
