@@ -19,6 +19,7 @@ from swarm_mj.figures.drawing import compile_in_background, draw_all, prepare_dr
 from swarm_mj.figures.optional_figures import figures_of
 from swarm_mj.flight.compile_ahead import kernels_compiled
 from swarm_mj.flight.downlink import deliver
+from swarm_mj.flight.fast_releases import release_findings
 from swarm_mj.flight.fly import simulate
 from swarm_mj.flight.observe import ObservationResult, add_coverage, observe_flight, picture_count
 from swarm_mj.flight.plan import Plan, behavior_from, check_plugins, make_plan
@@ -359,6 +360,8 @@ def _fly(scenario: schema.Scenario, stages: Stages) -> Flight:
     with stages.stage("delivery", "way to Earth"):
         result = replace(result, delivery=deliver(plan, telemetry, result.kept))
     summary = summarise(plan, telemetry, result, {"figures": 0.0, **stages.wall_s})
+    # Of runs alone: what would do is planned, which a campaign's flights would wait for.
+    summary["deployment_findings"] = release_findings(plan)
     return Flight(plan, telemetry, result, summary, design=flown_design(scenario))
 
 

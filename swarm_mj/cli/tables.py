@@ -62,6 +62,12 @@ def _complete(summary: dict[str, Any]) -> str:
     return "-" if full is None else f"{full:.0f}" + ("" if earliest is None else f"; {earliest:.0f}")
 
 
+def _released(summary: dict[str, Any]) -> str:
+    """The largest speed, and that of the deployer where it is beyond."""
+    beyond = f" (deployer: {summary['deployer_max_speed_m_s']:g})" if summary.get("deployment_findings") else ""
+    return f"{max(summary['deployment_delta_v_m_s'].values()):.2f}{beyond}"
+
+
 def _crew(summary: dict[str, Any]) -> str:
     lost = f", {len(summary['lost'])} lost" if summary["lost"] else ""
     return f"{summary['spacecraft']} ({summary['observers']}){lost}"
@@ -87,7 +93,7 @@ _ROWS: dict[str, Callable[[dict[str, Any]], str]] = {
     "pointing error at the end, at most [deg]": lambda s: _worst(working(s, "pointing_error_deg_final")),
     "wheel speed, at most [% of limit]": lambda s: f"{100 * s['max_wheel_speed_fraction']:.0f}",
     "links closed at the end": lambda s: f"{s['links_closed_final']} of {s['spacecraft']}",
-    "deployment delta-v, at most [m/s]": lambda s: f"{max(s['deployment_delta_v_m_s'].values()):.2f}",
+    "deployment delta-v, at most [m/s]": _released,
     "measured by": lambda s: s["observer"],
     "wall time [s]": lambda s: f"{sum(s['wall_s'].values()):.1f}",
 }
@@ -118,8 +124,19 @@ def design_table(record: dict[str, Any]) -> Table:
     table.caption = (
         f"{_gap_words(record)}; selected: {_observers(record['n_observers'])} by the {record['selected_by']}. Criterion: "
         f"{record['criterion']['criterion']}, {record['camera']['half_angle_deg']:g} deg half-angle{_arrival_words(record)}"
+        f"{_release_words(record)}"
     )
     return table
+
+
+def _release_words(record: dict[str, Any]) -> str:
+    """What the selected design was free to choose, and how many of it the deployer cannot release."""
+    chosen, fast = record["candidates"], record["beyond_deployer"]
+    words = "" if chosen == list(map(str, record["visiting_points"])) else f". Selected: {', '.join(chosen)}"
+    if fast:
+        words += f". {fast} of {record['n_observers']} leave at up to {max(record['delta_v_m_s']):.3g} m/s, beyond "
+        words += f"mothership.deployer.max_speed_m_s = {record['deployer_max_speed_m_s']:g}"
+    return words
 
 
 def _arrival_words(record: dict[str, Any]) -> str:

@@ -19,17 +19,17 @@ GOOD = 0.95
 
 
 def daylight_text(scenario: Scenario, region: TargetRegion) -> str:
-    """The epochs within a rotation from the scenario's on at which most of the target is lit at the visit, in words.
+    """Epochs within a rotation from the scenario's on, or releases, with which most of the target is lit at the visit.
 
     Cast shadows are left out.
 
     Args:
-        scenario: With the time of flight and the largest incidence.
+        scenario: With release, time of flight and the largest incidence.
         region: The target.
     """
     around = epoch_state(scenario)
     later_s = 2.0 * np.pi / abs(around.spin_rate) / STEPS * np.arange(2 * STEPS)
-    visits_s = scenario.design.time_of_flight_s + later_s[:STEPS]
+    visits_s = scenario.design.release_s + scenario.design.time_of_flight_s + later_s[:STEPS]
     sun_A = [spin_dcm(around.C_PN, around.phase0 + around.spin_rate * t) @ around.sun.at(t) for t in visits_s]
     limit = scenario.observation.max_incidence_deg
     share = (
@@ -40,11 +40,15 @@ def daylight_text(scenario: Scenario, region: TargetRegion) -> str:
     good = share >= GOOD * share.max()
     first = int(np.argmax(good & ~np.roll(good, 1))) if not good.all() else 0
     length = STEPS if good.all() else int(np.argmin(np.roll(good, -first)))
-    start, end = (_epoch(scenario, later_s[first + k]) for k in (0, length - 1))
+    start, end = (float(later_s[first + k]) for k in (0, length - 1))
+    interval, design = scenario.telemetry.interval_s, scenario.design
+    soonest, latest = (interval * round((design.release_s + t) / interval) for t in (start, end))
     return (
-        f"{100.0 * share.max():.0f} % of it or nearly as much is lit at the visit with an epoch from {start} to {end}"
+        f"{100.0 * share.max():.0f} % of it or nearly as much is lit at the visit with an epoch from "
+        f"{_epoch(scenario, start)} to {_epoch(scenario, end)} or with a release from {soonest:g} to {latest:g} s past this "
+        f"one (designer.releases_s, with duration_s from {soonest + design.time_of_flight_s:g} on)"
     )
 
 
 def _epoch(scenario: Scenario, later_s: float) -> str:
-    return (datetime.fromisoformat(scenario.epoch) + timedelta(seconds=float(later_s))).isoformat(timespec="seconds")
+    return (datetime.fromisoformat(scenario.epoch) + timedelta(seconds=later_s)).isoformat(timespec="seconds")

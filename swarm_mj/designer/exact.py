@@ -4,10 +4,11 @@ With x_p = 1 where point p is visited and m_c = 1 where cell c of the target is 
 
     minimise sum_p x_p   subject to   sum_{p sees c} x_p + k m_c >= k,   sum_c area_c m_c <= tolerance
 
-which is set cover with a knapsack of permitted gaps. The matrix is reduced first (`reduce_problem`), so that only cells smaller
-than the tolerance have an m_c. HiGHS works to a relative accuracy of about 1e-6 and may let a gap pass that is larger than
-the tolerance by that much: every answer is checked in whole units of area, and where it misses too much, that set of missed
-cells is forbidden and the program solved again. Each program allows at least what the problem allows, so its bound is a bound.
+which is set cover with a knapsack of permitted gaps; points that are avoided count a little more than 1. The matrix is reduced
+first (`reduce_problem`), so that only cells smaller than the tolerance have an m_c. HiGHS works to a relative accuracy of about
+1e-6 and may let a gap pass that is larger than the tolerance by that much: every answer is checked in whole units of area, and
+where it misses too much, that set of missed cells is forbidden and the program solved again. Each program allows at least what
+the problem allows, so its bound is a bound.
 """
 
 from __future__ import annotations
@@ -186,12 +187,13 @@ def _covered(
             raise NoDesignError("no design that is allowed covers the target")
         if answer.status not in (0, 1):
             raise MissionError(f"HiGHS could not solve the problem: {answer.message}")
-        bound = 0.0 if answer.mip_dual_bound is None else max(float(answer.mip_dual_bound), 0.0)
+        # Each spacecraft counts at most 1 + `_price`.
+        bound = max(float(answer.mip_dual_bound or 0.0), 0.0) / (1.0 + _price(problem) * problem.avoided.any())
         if answer.x is None:
             return _fallback(problem, time_limit_s, problem.max_observers if cuts else problem.n_points), bound, False
-        points = _visits(answer.x[: len(reduced.points)], reduced.points)
+        points, proven = _visits(answer.x[: len(reduced.points)], reduced.points), answer.status == 0
         if problem.is_enough(problem.covered_weight(points)):
-            return points, bound, answer.status == 0
+            return points, float(len(points)) if proven else bound, proven
         forbidden.append(_missed(problem, reduced, points))
 
 
@@ -220,8 +222,13 @@ def _solve_cover(
     if cuts:
         rows = np.hstack([np.stack([cut.factor for cut in cuts])[:, reduced.points], np.zeros((len(cuts), n_gaps))])
         constraints.append(LinearConstraint(rows, [cut.least for cut in cuts], np.inf))
-    objective = np.concatenate([np.ones(n_points), np.zeros(n_gaps)])
+    objective = np.concatenate([1.0 + _price(problem) * problem.avoided[reduced.points], np.zeros(n_gaps)])
     return _milp(objective, constraints, time_limit_s, waiting)
+
+
+def _price(problem: CoverProblem) -> float:
+    """What an avoided point costs beside 1: all of them together less than one more spacecraft."""
+    return 1.0 / (problem.n_points + 1.0)
 
 
 def _milp(objective: Array, constraints: list[Any], time_limit_s: float | None, waiting: Waiting = None) -> Any:
@@ -323,8 +330,8 @@ def reduce_problem(problem: CoverProblem, *, all_points: bool = False) -> Reduce
     2. Faces seen by exactly the same points are one cell with the summed area.
     3. A cell larger than what may be missed is mandatory. A cell is implied, and dropped, where it is seen by all the points
        that see some mandatory cell: covering that one covers it.
-    4. A point is dropped where at least `fold` others see all that it sees. In a smallest design that uses it, either one of
-       those is free and does as well, or all are visited and the point was not needed.
+    4. A point is dropped where at least `fold` others see all that it sees, and are not avoided unless it is. In a smallest
+       design that uses it, either one of those is free and does as well, or all are visited and the point was not needed.
 
     Args:
         problem: What to cover; it must be coverable.
@@ -339,7 +346,7 @@ def reduce_problem(problem: CoverProblem, *, all_points: bool = False) -> Reduce
         cells = ~implied(pack(sees.T), mandatory)
         sees, weights, mandatory = sees[:, cells], weights[cells], mandatory[cells]
         if not all_points:
-            kept = ~replaceable(pack(sees), problem.fold)
+            kept = ~replaceable(pack(np.column_stack((sees, ~problem.avoided[points]))), problem.fold)
             sees, points = sees[kept], points[kept]
         if all_points or sees.shape == shape:
             return ReducedProblem(points, sees, weights, mandatory, slack)

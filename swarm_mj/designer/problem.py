@@ -57,11 +57,14 @@ class CoverProblem:
         max_observers: N_max.
         fold: How many spacecraft must see a face for it to count. No two visit one point, where they would collide, and would
             share whatever spoils the view.
+        avoided: Points of which the proof takes as few as it can among designs of as few spacecraft, shape (n_points,);
+            empty: none.
         why: `Cause` why each face is seen from no point, shape (n_faces,); empty where that is not known.
     """
 
     sees: Mask
     area: Array
+    avoided: Mask = field(default_factory=lambda: np.empty(0, np.bool_))
     why: NDArray[np.int8] = field(default_factory=lambda: np.empty(0, np.int8))
     tolerance_percent: float = 0.1
     max_observers: int = 20
@@ -70,6 +73,8 @@ class CoverProblem:
     def __post_init__(self) -> None:
         object.__setattr__(self, "sees", np.ascontiguousarray(self.sees, dtype=np.bool_))
         object.__setattr__(self, "area", np.ascontiguousarray(self.area, dtype=np.float64))
+        if not len(self.avoided):
+            object.__setattr__(self, "avoided", np.zeros(len(self.sees), np.bool_))
 
     @property
     def n_points(self) -> int:

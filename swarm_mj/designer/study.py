@@ -75,7 +75,9 @@ class Study:
 
     def _may_fly(self, evolved: GeneticResult) -> bool:
         """Whether nothing proven is preferred to an evolved design that is as small."""
-        return self.exact.status == "interrupted" or self.in_time(evolved.points) is not False
+        beyond = [int(self.problem.avoided[points - 1].sum()) for points in (evolved.points, self.exact.points)]
+        late = self.in_time(evolved.points) is False
+        return self.exact.status == "interrupted" or not (late or beyond[0] > beyond[1])
 
     def in_time(self, points: Ints) -> bool | None:
         """Whether a design is on Earth in time; None where that is not asked for, or not known."""
@@ -96,7 +98,8 @@ class Study:
         """Entries of `design.observers` that fly the design; empty where its points alone do."""
         design = self.scenario.design
         chosen = [self.visibility.candidates[p - 1] for p in self.selected]
-        if all(candidate[1:] == (0, design.imaging_altitude_m, design.time_of_flight_s) for candidate in chosen):
+        common = 0, design.imaging_altitude_m, design.time_of_flight_s, design.release_s
+        if all(candidate[1:] == common for candidate in chosen):
             return []
         return [
             {
@@ -104,6 +107,7 @@ class Study:
                 "visiting_point": candidate.point,
                 "imaging_altitude_m": candidate.altitude_m,
                 "time_of_flight_s": candidate.time_of_flight_s,
+                "release_s": candidate.release_s,
             }
             for candidate in chosen
         ]
@@ -128,6 +132,7 @@ def cover_problem(scenario: Scenario, seen: Visibility) -> CoverProblem:
     return CoverProblem(
         sees=seen.sees,
         area=seen.area,
+        avoided=seen.beyond,
         why=seen.why,
         tolerance_percent=designer.tolerance_percent,
         max_observers=designer.max_observers,
@@ -320,6 +325,8 @@ def describe(candidate: Candidate, seen: Visibility) -> str:
         words += f" at {candidate.altitude_m / 1e3:g} km"
     if len({c.time_of_flight_s for c in seen.candidates}) > 1:
         words += f" in {candidate.time_of_flight_s:g} s"
+    if len({c.release_s for c in seen.candidates}) > 1:
+        words += f" released at {candidate.release_s:g} s"
     return words
 
 

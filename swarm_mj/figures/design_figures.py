@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from textwrap import fill
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -14,7 +15,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 from matplotlib.transforms import Bbox
 
-from swarm_mj.designer.study import Study
+from swarm_mj.designer.study import Study, describe
 from swarm_mj.figures.cells import draw_cells
 from swarm_mj.figures.palette import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY_BLUE, VERMILLION
 from swarm_mj.figures.style import HALO, TICK_PT, caption, label, new_figure, plain, tidy, write
@@ -55,8 +56,9 @@ def compose_history(study: Study) -> Figure:
 
 def compose_gene_map(study: Study) -> Figure:
     """Figures 5 and 8: the gene map of a design, and the selected design in it."""
-    points = [study.visibility.candidates[p - 1].point for p in study.selected]
-    shown = points[:MAX_GENES]
+    points = [describe(study.visibility.candidates[p - 1], study.visibility) for p in study.selected]
+    # What was chosen besides the point stands below it.
+    shown = [fill(words, 12) for words in points[:MAX_GENES]]
     more = "" if len(shown) == len(points) else f" (first {len(shown)} of {len(points)} points)"
     title = f"Selected design: {plain(study.scenario.name)}{more}"
     figure = new_figure(2.3, title, width_in=max(9.0, 1.15 * (len(shown) + 2)))
@@ -67,7 +69,7 @@ def compose_gene_map(study: Study) -> Figure:
         ["observing\nspacecraft"] + [f"spacecraft {k}\nvisits point" for k in numbers],
         ["$N_{Obs}$"] + [f"$p_{{{k}}}$" for k in numbers],
         [f"1 to {study.problem.max_observers}"] + [f"1 to {_points_of(study)}"] * len(shown),
-        [str(len(points)), *map(str, shown)],
+        [str(len(points)), *shown],
     ]
     heads = ["description", "symbol", "domain", "selected"]
     table = ax.table(cellText=rows, rowLabels=heads, cellLoc="center", rowLoc="center", bbox=Bbox.unit())

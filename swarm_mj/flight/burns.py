@@ -44,14 +44,15 @@ def push_of(properties: SpacecraftProperties, own: OwnSpacecraft | None) -> Push
 def with_insertion(
     scenario: Scenario, forces: AccelerationN, deployment: Deployment, push: Push | None, candidates: int | None
 ) -> Deployment:
-    """The deployment with insertion burns where the deployer is too slow and there are thrusters.
+    """The deployment with insertion burns where the deployer is too slow and there are thrusters that do nothing else.
 
     Raises:
-        ScenarioError: Corrections are asked for as well.
-        PathError: A burn cannot be flown, see `insert`.
+        ScenarioError: What is beyond the deployer is refused, and corrections are asked for as well.
+        PathError: It is refused, and a burn cannot be flown, see `insert`.
     """
     deployer = scenario.mothership.deployer
-    if deployer.max_speed_m_s is None or push is None:
+    told = deployer.beyond_max_speed == "told"
+    if deployer.max_speed_m_s is None or push is None or (told and other_burns(scenario)):
         return deployment
     found = insert(
         forces,
@@ -59,6 +60,7 @@ def with_insertion(
         push,
         most_m_s=deployer.max_speed_m_s,
         after_s=deployer.insertion_after_s,
+        lenient=told,
         candidates=candidates,
     )
     if found.burns and scenario.trajectory.corrections:
@@ -67,6 +69,13 @@ def with_insertion(
             f"{deployer.max_speed_m_s:g}); leave the corrections out, or set a speed that needs no burn"
         )
     return found
+
+
+def other_burns(scenario: Scenario) -> str:
+    """The key of what the thrusters do beside which no planned burns are flown; empty: nothing."""
+    if scenario.swarm is not None and scenario.swarm.formation is not None:
+        return "swarm.formation"
+    return "trajectory.corrections" if scenario.trajectory.corrections else ""
 
 
 def check_burns(deployment: Deployment, push: Push | None) -> None:

@@ -12,7 +12,7 @@ from swarm_mj import plugins
 from swarm_mj.dataflow.link_budget import crosslink_range_m
 from swarm_mj.dataflow.relays import check_relays
 from swarm_mj.errors import PathError
-from swarm_mj.flight.burns import check_burns, push_of, with_insertion
+from swarm_mj.flight.burns import check_burns, other_burns, push_of, with_insertion
 from swarm_mj.flight.coordination import coordinated
 from swarm_mj.flight.environment import environment_from, load_body_shape
 from swarm_mj.flight.feasibility import EncounterCheck
@@ -214,8 +214,13 @@ def controller_from(scenario: Scenario) -> Controller:
 
 
 def as_planned(scenario: Scenario) -> Scenario:
-    """The scenario without faults, dispersions and the corrections of what they do: all that a design can count on."""
+    """The scenario without faults, dispersions and the corrections of what they do: all that a design can count on.
+
+    Thrusters that fly corrections go with them: no insertion burns are flown beside.
+    """
     changes = {"faults": (), "dispersions": Dispersions(), "trajectory": Trajectory(), "navigation": Navigation()}
+    if other_burns(scenario) == "trajectory.corrections":
+        changes["spacecraft"] = scenario.spacecraft.model_copy(update={"thrusters": None})
     return scenario.model_copy(update=changes)
 
 

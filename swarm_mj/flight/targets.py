@@ -30,8 +30,9 @@ def legs(scenario: Scenario, stops: Sequence[Stop], points_A: Array, behavior: B
     """Where each spacecraft goes, when it leaves and how long it flies, as `deploy` takes them.
 
     Whether a communications spacecraft is added is a property of the behaviour, which counts it: it goes to the mean of the
-    observers' points at the common times. Between the points of several targets the body itself may lie: there it goes above
-    those of the target with most observers, at the times of the first of them.
+    observers' points at the common times, or where no observer flies at these at those of most observers. Between the points
+    of several targets the body itself may lie: there it goes above those of the target with most observers, at the times of
+    the first of them.
     """
     release_s = [stop.release_s for stop in stops]
     flight_s = [stop.time_of_flight_s for stop in stops]
@@ -39,11 +40,10 @@ def legs(scenario: Scenario, stops: Sequence[Stop], points_A: Array, behavior: B
         sent_to = [stop.target for stop in stops]
         busiest = max(sorted(set(sent_to)), key=sent_to.count)
         if len(set(sent_to)) == 1:
-            place_A, release, flight = (
-                points_A.mean(axis=0),
-                scenario.design.release_s,
-                scenario.design.time_of_flight_s,
-            )
+            times = list(zip(release_s, flight_s, strict=True))
+            common = scenario.design.release_s, scenario.design.time_of_flight_s
+            place_A = points_A.mean(axis=0)
+            release, flight = common if common in times else max(sorted(set(times)), key=times.count)
         else:
             there = [k for k, target in enumerate(sent_to) if target == busiest]
             place_A, release, flight = ABOVE * points_A[there].mean(axis=0), release_s[there[0]], flight_s[there[0]]

@@ -16,7 +16,7 @@ from swarm_mj.errors import MissionError, PathError, ScenarioError
 from swarm_mj.mission.finite_burns import TimedBurn, fly_burning, lasts
 from swarm_mj.mission.trajectories import NO_TRAJECTORY, AccelerationN, Deployment, PlannedBurn, Push
 from swarm_mj.scenarios.schema_mothership import Deployer
-from swarm_mj.typing import Array
+from swarm_mj.typing import Array, Mask
 
 #: Why a spacecraft is left out, in a few words.
 BEYOND_THE_TANK = "beyond the tank"
@@ -40,6 +40,7 @@ def insert(
     *,
     most_m_s: float,
     after_s: float,
+    lenient: bool = False,
     candidates: int | None = None,
 ) -> Deployment:
     """The deployment in which the deployer gives at most some speed, and insertion burns the rest.
@@ -50,30 +51,36 @@ def insert(
         push: Of the thrusters.
         most_m_s: Largest speed of the deployer [m/s].
         after_s: From the release to the start of the burn [s].
+        lenient: Whether who cannot burn so leaves as if the deployer could give any speed, and no error is raised.
         candidates: Only so many are looked at; None: all.
 
     Raises:
         PathError: A burn is beyond the tank or the time, or none is found; it names all such spacecraft of one kind.
     """
-    slow = np.flatnonzero(deployment.delta_v[:candidates] > most_m_s * (1.0 + 1e-9))
-    if not len(slow):
+    slow = beyond(deployment, most_m_s)[:candidates]
+    if not slow.any():
         return deployment
     v0_N, miss, burns, failed = deployment.v0_N.copy(), deployment.miss_m.copy(), [], []
-    for j in map(int, slow):
+    for j in map(int, np.flatnonzero(slow)):
         wanted = deployment.v0_N[j] - deployment.release_mothership_v_N[j]
-        speed = float(np.linalg.norm(wanted))
-        v0_N[j] = deployment.release_mothership_v_N[j] + most_m_s / speed * wanted
+        pushed = deployment.release_mothership_v_N[j] + most_m_s / float(np.linalg.norm(wanted)) * wanted
         try:
-            burn, miss[j] = _shoot(forces, deployment, j, v0_N[j], push, after_s)
+            burn, miss[j] = _shoot(forces, deployment, j, pushed, push, after_s)
         except PathError as error:
             failed.append(error)
             continue
+        v0_N[j] = pushed
         burns.append(burn)
-    if failed:
+    if failed and not lenient:
         alike = [error for error in failed if error.reason == failed[0].reason]
         raise PathError(str(alike[0]), alike[0].reason, [j for error in alike for j in error.spacecraft])
     burns = sorted([*deployment.burns, *burns], key=lambda burn: burn.t)
     return replace(deployment, v0_N=v0_N, miss_m=miss, burns=tuple(burns), push=push)
+
+
+def beyond(deployment: Deployment, most_m_s: float | None) -> Mask:
+    """Who leaves the mothership faster than some speed [m/s], shape (n,); nobody for None."""
+    return np.asarray(deployment.delta_v > (np.inf if most_m_s is None else most_m_s * (1.0 + ROUNDING)))
 
 
 def _shoot(
@@ -147,7 +154,7 @@ def check_deployer(deployer: Deployer, deployment: Deployment, candidates: int |
         PathError: It cannot; the message names the spacecraft, the value, the limit and the remedy.
     """
     speed = deployment.delta_v[:candidates]
-    if deployer.max_speed_m_s is not None:
+    if deployer.max_speed_m_s is not None and deployer.beyond_max_speed == "refused":
         _require(
             speed, deployer.max_speed_m_s, "max_speed_m_s", "is released at {:.4g} m/s", "beyond the deployer's speed"
         )

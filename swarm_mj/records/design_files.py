@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 DECIDING = {
     "body": ("gravity", "rotation", "orbit"),
     "target": ("latitude_deg", "longitude_deg", "half_angle_deg", "edges"),
-    "design": ("imaging_altitude_m", "projection", "time_of_flight_s"),
+    "design": ("imaging_altitude_m", "projection", "time_of_flight_s", "release_s"),
     "mothership": ("position_A_m", "velocity", "approach", "elements", "ephemeris"),
     "behavior": ("name", "parameters", "imaging_radius_m"),
 }
@@ -56,7 +56,7 @@ SIGHTINGS = {
     "sees": Declared("?", ("candidates", "cells")),
     "area": Declared("f8", ("cells",), 0.0),
     "delta_v": Declared("f8", ("candidates",), 0.0),
-    "candidates": Declared("f8", ("candidates", 4)),
+    "candidates": Declared("f8", ("candidates", 5)),
     **{f"history_{name}": Declared("f8", (f"{name} generations", 3), optional=True) for name in ("repair", "plain")},
 }
 
@@ -74,6 +74,8 @@ def design_record(study: Study) -> dict[str, Any]:
         "candidates": [describe(candidate, seen) for candidate in chosen],
         "visiting_points_A_m": [[round(float(x), 3) for x in seen.point_A[p - 1]] for p in study.selected],
         "delta_v_m_s": [round(float(seen.delta_v[p - 1]), 6) for p in study.selected],
+        "deployer_max_speed_m_s": scenario.mothership.deployer.max_speed_m_s,
+        "beyond_deployer": int(study.problem.avoided[study.selected - 1].sum()),
         "covered_percent": round(study.problem.covered_percent(study.selected), 6),
         "selected_by": study.selected_by,
         "proof": {

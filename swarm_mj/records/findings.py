@@ -27,8 +27,6 @@ from swarm_mj.typing import Array
 SETTLED_DEG = 0.1
 #: A turn takes about as long; who changes targets sooner cannot have settled, and need not mean to [s].
 SETTLING_S = 120.0
-#: What spring deployers of CubeSats give [m/s]: P-POD about 1.6 m/s (Cal Poly, P-POD Mk. III user guide).
-SPRING_M_S = 2.0
 #: Events that are listed one by one.
 MOST_EVENTS = 30
 #: Spacecraft that are named one by one.
@@ -59,24 +57,12 @@ def summary_findings(summary: dict[str, Any]) -> list[str]:
     return [
         *event_findings(summary),
         *summary.get("encounter_findings", ()),
-        *deployment_findings(summary),
+        *summary.get("deployment_findings", ()),
         *formation_findings(summary),
         *observed_findings(summary),
         *undelivered_findings(summary),
         *found,
         *spacecraft_findings(summary),
-    ]
-
-
-def deployment_findings(summary: dict[str, Any]) -> list[str]:
-    """Releases that a spring deployer cannot give, where no other deployer is named."""
-    fast = {name: speed for name, speed in summary.get("deployment_delta_v_m_s", {}).items() if speed > SPRING_M_S}
-    if summary.get("deployer_max_speed_m_s") is not None or not fast:
-        return []
-    return [
-        f"{len(fast)} spacecraft are released at up to {max(fast.values()):.3g} m/s, where spring deployers give some "
-        f"{SPRING_M_S:g} m/s: say what the deployer gives (mothership.deployer.max_speed_m_s); thrusters "
-        "(spacecraft.thrusters) then make up the rest in an insertion burn"
     ]
 
 

@@ -143,6 +143,7 @@ class RunSummary(Record):
     wall_s: dict[str, float]
     mothership: MothershipOrbit | None = None
     encounter_findings: list[str] = []
+    deployment_findings: list[str] = []
     navigation: NavigationSummary = NavigationSummary()
     formation: FormationHeld | None = None
     pointing_error_deg_visit: ByName = {}

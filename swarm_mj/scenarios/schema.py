@@ -181,6 +181,12 @@ class Designer(Section):
     times_of_flight_s: tuple[float, ...] = Field(
         (), max_length=20, description="times of flight to choose from [s]; empty: the design's"
     )
+    releases_s: tuple[float, ...] = Field(
+        (),
+        max_length=20,
+        description="times past the epoch to choose from at which a spacecraft is released [s], so that rotation and light are "
+        "used; empty: the design's",
+    )
     deliver_within_h: float | None = Field(
         None,
         gt=0,
@@ -199,7 +205,7 @@ class Designer(Section):
     @model_validator(mode="after")
     def _delivered_by_one_flight(self) -> Self:
         if self.deliver_within_h is not None:
-            for key in ("extra_targets", "altitudes_m", "times_of_flight_s"):
+            for key in ("extra_targets", "altitudes_m", "times_of_flight_s", "releases_s"):
                 if getattr(self, key):
                     raise ValueError(
                         f"{key}: must be empty with deliver_within_h = {self.deliver_within_h:g}, which is judged by one "

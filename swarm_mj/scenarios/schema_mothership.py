@@ -111,13 +111,23 @@ class PathOfFile(Section):
 
 
 class Deployer(Section):
-    """What the mothership's deployer can do; a plan that asks for more is refused, or thrusters give what speed is missing."""
+    """What the mothership's deployer can do.
+
+    Springs of flown deployers give up to 2 m/s: P-POD Mk. III 1.5 to 2.0 m/s (Cal Poly, User Guide Rev. E), J-SSOD 1.1 to
+    1.7 m/s (JAXA, JX-ESPC-101133), NRCSD 0.5 to 2.0 m/s (NanoRacks, NR-NRCSD-S0003), as compiled in cubesat-specs 0.2.
+    """
 
     max_speed_m_s: float | None = Field(
-        None,
+        2.0,
         gt=0,
-        description="largest speed relative to the mothership that it gives a spacecraft [m/s]; null: any. "
-        "Where spacecraft have thrusters, an insertion burn gives what is missing",
+        description="largest speed relative to the mothership that it gives a spacecraft [m/s], by default that of springs of "
+        "flown deployers; null: any. Where spacecraft have thrusters, an insertion burn gives what is missing",
+    )
+    beyond_max_speed: Literal["told", "refused"] = Field(
+        "told",
+        description="what becomes of a release beyond that speed that no insertion burn makes up for: told: it is flown as if "
+        "the deployer could, and a finding says so; a design avoids it where as few spacecraft do without. refused: the plan "
+        "is an error, and a design leaves it out",
     )
     insertion_after_s: float = Field(
         120.0,

@@ -201,6 +201,8 @@ def test_hours_that_no_design_can_keep_are_refused_with_a_bound_and_with_hours_t
 
 
 def test_a_design_of_several_flights_cannot_be_asked_to_deliver():
+    with pytest.raises(ScenarioError, match=r"releases_s: must be empty with deliver_within_h = 2"):
+        load_scenario("eros-quick", {"designer.deliver_within_h": 2, "designer.releases_s": [60]})
     with pytest.raises(ScenarioError, match=r"altitudes_m: must be empty with deliver_within_h = 2"):
         load_scenario("eros-quick", {"designer.deliver_within_h": 2, "designer.altitudes_m": [18000]})
 

@@ -48,14 +48,19 @@ def random_scenario(seed):
         }
 
     times = sorted(10.0 * rng.integers(25, 70, size=1 + seed % 2))
+    # Where releases can be chosen, the mothership's path must not depend on who is.
+    waiting = {"releases_s": [0.0, 30.0]} if seed % 5 == 3 else {}
     return in_daylight(
         {
             "name": f"random-{seed}",
             "seed": seed,
             "body": body,
-            "duration_s": times[-1] + 20.0,
+            "duration_s": times[-1] + 50.0,
             "target": target(),
-            "mothership": {"position_A_m": (far * place / np.linalg.norm(place)).tolist()},
+            "mothership": {
+                "position_A_m": (far * place / np.linalg.norm(place)).tolist(),
+                "velocity": "rest" if waiting else "mean",
+            },
             "design": {
                 "imaging_altitude_m": altitude,
                 "time_of_flight_s": times[0],
@@ -71,6 +76,7 @@ def random_scenario(seed):
                 "extra_targets": [target() for _ in range(seed % 2)],
                 "altitudes_m": [altitude, 1.3 * altitude][: 2 - seed % 2],
                 "times_of_flight_s": times,
+                **waiting,
             },
             "telemetry": {"interval_s": 10},
             "physics": {"stepper": "kernel"},

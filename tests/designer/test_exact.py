@@ -1,3 +1,4 @@
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -47,6 +48,25 @@ def test_the_proven_minimum_equals_enumeration_of_all_designs(make_discs, varian
         assert problem.is_enough(problem.covered_weight(result.points))
         assert len(set(result.points.tolist())) == result.n_observers
     assert n_feasible >= 3
+
+
+@pytest.mark.parametrize("variant", VARIANTS, ids=str)
+def test_of_the_smallest_designs_one_with_the_fewest_avoided_points_is_chosen(make_discs, rng, variant):
+    mattered = 0
+    for seed in range(8):
+        problem = replace(small_problem(make_discs, seed, variant), avoided=rng.random(9) < 0.6)
+        n = fewest_by_enumeration(problem)
+        if np.isinf(n):
+            continue
+        designs = [np.array(chosen) for chosen in combinations(range(9), n)]
+        counts = [
+            problem.avoided[chosen].sum() for chosen in designs if problem.is_enough(problem.covered_weight(chosen + 1))
+        ]
+        result = solve_exact(problem)
+        assert (result.n_observers, result.bound, result.status) == (n, n, "optimal")
+        assert problem.avoided[result.points - 1].sum() == min(counts)
+        mattered += min(counts) < max(counts)
+    assert mattered >= 2
 
 
 @pytest.mark.parametrize("fold", [1, 2])

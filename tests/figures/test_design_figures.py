@@ -23,17 +23,18 @@ from .sheets import assert_labels_do_not_overlap, assert_nothing_is_cut_off
 def study_of(quick_plan):
     """A function that makes the study of a problem that needs n spacecraft."""
 
-    def make(n):
+    def make(n, later=0.0):
         region = quick_plan.region
         share = np.arange(region.n_cells) * n // region.n_cells
         sees = share == np.arange(n)[:, None]
         points = np.arange(1, n + 1)
-        candidates = [Candidate(int(p), 0, 14_000.0, 600.0) for p in points]
+        candidates = [Candidate(int(p), 0, 14_000.0, 600.0, later * (p % 2)) for p in points]
         seen = Visibility(
             candidates=candidates,
             sees=sees,
             area=region.area,
             delta_v=np.ones(n),
+            beyond=np.zeros(n, bool),
             point_A=np.zeros((n, 3)),
             regions=[region],
         )
@@ -111,9 +112,13 @@ def test_pictures_without_a_front_and_with_pdf(study, tmp_path):
     assert names == {f"{name}.{kind}" for name in ("history", "gene_map", "cover") for kind in ("png", "pdf")}
 
 
-@pytest.mark.parametrize("n", [1, 12, 30])
-def test_words_of_the_gene_map_fit_their_cells(study_of, n):
-    figure = COMPOSERS["gene_map"](study_of(n))
+@pytest.mark.parametrize(("n", "later"), [(1, 0.0), (12, 0.0), (30, 0.0), (12, 7200.0)])
+def test_words_of_the_gene_map_fit_their_cells(study_of, n, later):
+    figure = COMPOSERS["gene_map"](study_of(n, later))
+    selected = [
+        cell.get_text().get_text() for (row, _), cell in figure.axes[0].tables[0].get_celld().items() if row == 3
+    ]
+    assert any("released at" in words for words in selected) == (later > 0.0)
     figure.draw_without_rendering()
     for cell in figure.axes[0].tables[0].get_celld().values():
         word, box = cell.get_text().get_window_extent(), cell.get_window_extent()

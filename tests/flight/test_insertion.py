@@ -17,6 +17,9 @@ from swarm_mj.records.summary import visit_miss_m
 from swarm_mj.scenarios.loading import load_scenario, parse_overrides
 
 SLOW = "mothership.deployer={max_speed_m_s: 0.5, insertion_after_s: 40}"
+REFUSED = "mothership.deployer.beyond_max_speed=refused"
+SMALL = "spacecraft.thrusters={thrust_n: 0.5, propellant_kg: 0.01}"
+CORRECTED = "trajectory.corrections=[{before_visit_s: 60}]"
 STRONG = "spacecraft.thrusters={thrust_n: 0.5, propellant_kg: 1.0, min_impulse_bit_n_s: 0}"
 
 
@@ -82,19 +85,41 @@ def test_impacts_and_near_collisions_are_looked_for_on_the_paths_with_burns(slow
     assert np.abs(np.linalg.norm(coast, axis=2).min(axis=0) - slow.least_radius).max() > 10.0
 
 
-def test_what_the_thrusters_cannot_give_is_refused():
-    small = "spacecraft.thrusters={thrust_n: 0.5, propellant_kg: 0.01}"
+def test_what_the_thrusters_cannot_give_is_refused_where_that_is_asked_for():
     with pytest.raises(
         PathError, match=r"sc1: insertion burn beyond the tank: needs .* m/s and its tank gives 0\.7973 "
     ):
-        plan_of(SLOW, small)
+        plan_of(SLOW, SMALL, REFUSED)
     weak = "spacecraft.thrusters={thrust_n: 0.001, propellant_kg: 1.0, min_impulse_bit_n_s: 0}"
     with pytest.raises(PathError, match=r"takes .* s at 0\.001 N and does not end before the visit at t = 600 s"):
-        plan_of(SLOW, weak)
+        plan_of(SLOW, weak, REFUSED)
     with pytest.raises(PathError, match=r"mothership\.deployer\.max_speed_m_s = 0\.5 is the most"):
-        plan_of(SLOW)
+        plan_of(SLOW, REFUSED)
     with pytest.raises(ScenarioError, match=r"trajectory\.corrections: cannot be flown beside insertion burns"):
-        plan_of(SLOW, STRONG, "trajectory.corrections=[{before_visit_s: 60}]")
+        plan_of(SLOW, STRONG, CORRECTED, REFUSED)
+
+
+@pytest.mark.parametrize("keys", [(SLOW, SMALL), (SLOW,), (), (SLOW, STRONG, CORRECTED)], ids=str)
+def test_who_cannot_burn_is_else_released_as_if_the_deployer_could_give_any_speed(keys):
+    any_speed, plan = plan_of("mothership.deployer.max_speed_m_s=null"), plan_of(*keys)
+    assert not plan.deployment.burns and (plan.deployment.delta_v > 2.0).all()
+    assert np.array_equal(plan.deployment.v0_N, any_speed.deployment.v0_N)
+
+
+def test_one_whose_burn_fits_burns_beside_one_whose_burn_does_not(slow):
+    least = min(float(np.linalg.norm(burn.delta_v_N)) for burn in slow.deployment.burns)
+    most = max(float(np.linalg.norm(burn.delta_v_N)) for burn in slow.deployment.burns)
+    tank = 8.0 * (1.0 - np.exp(-0.5 * (least + most) / (65.0 * 9.80665)))
+    plan = plan_of(SLOW, STRONG, f"spacecraft.thrusters.propellant_kg={tank}")
+    (burn,) = plan.deployment.burns
+    other = 1 - burn.spacecraft
+    assert plan.deployment.delta_v[burn.spacecraft] == pytest.approx(0.5)
+    assert np.array_equal(plan.deployment.v0_N[other], plan_of().deployment.v0_N[other])
+
+
+def test_candidates_of_thrusters_that_fly_corrections_burn_nothing_as_their_flights_do():
+    keys = ["duration_s=620", SLOW, STRONG, CORRECTED, "mothership.velocity=[0, 0, 40]"]
+    assert not fly_candidates(load_scenario("eros-quick", parse_overrides(keys))).plan.deployment.burns
 
 
 def test_burns_that_overlap_or_begin_aboard_are_refused(slow):
@@ -121,7 +146,7 @@ def test_candidates_that_need_more_than_the_tank_are_left_out_with_the_reason():
     free = fly_candidates(load_scenario("eros-quick", parse_overrides(keys)))
     middle = float(np.median(free.delta_v))
     gives = 65.0 * 9.80665 * np.log(8.0 / 7.45)
-    limit = f"mothership.deployer={{max_speed_m_s: {middle - 0.999 * gives}, insertion_after_s: 0}}"
+    limit = f"mothership.deployer={{max_speed_m_s: {middle - 0.999 * gives}, insertion_after_s: 0, beyond_max_speed: refused}}"
     found = fly_candidates(load_scenario("eros-quick", parse_overrides([*keys, limit])))
     assert set(found.left_out.values()) == {"beyond the tank"}
     assert set(found.points) | set(found.left_out) == set(free.points) and 0 < len(found.left_out) < len(free.points)

@@ -151,8 +151,9 @@ def test_what_the_deployer_cannot_do_is_refused_by_name(plan):
     speed = plan.deployment.delta_v
     worst = int(np.argmax(speed)) + 1
     with pytest.raises(MissionError, match=rf"sc{worst} is released at .*max_speed_m_s = 1 is the most"):
-        make_plan(scenario(mothership={"deployer": {"max_speed_m_s": 1.0}}))
-    make_plan(scenario(mothership={"deployer": {"max_speed_m_s": float(speed.max()) + 1e-3}}))
+        make_plan(scenario(mothership={"deployer": {"max_speed_m_s": 1.0, "beyond_max_speed": "refused"}}))
+    enough = {"max_speed_m_s": float(speed.max()) + 1e-3, "beyond_max_speed": "refused"}
+    make_plan(scenario(mothership={"deployer": enough}))
     push = plan.deployment.v0_N[0] - plan.deployment.release_mothership_v_N[0]
     with pytest.raises(
         MissionError, match="deg off cone_axis_N: mothership.deployer.cone_half_angle_deg = 1 is the most"
@@ -185,6 +186,16 @@ def test_what_the_deployer_cannot_do_is_refused_by_name(plan):
 def test_entries_that_do_not_fit_are_refused_by_name(design, words):
     with pytest.raises(ScenarioError, match=words):
         scenario(design=design)
+
+
+def test_the_communications_spacecraft_goes_with_observers_none_of_which_flies_at_the_common_times():
+    late = {"release_s": 40, "time_of_flight_s": 200}
+    visits = [{"visiting_point": 3, **late}, {"visiting_point": 5, **late}, {"visiting_point": 2, "release_s": 10}]
+    deployment = make_plan(scenario(design={"observers": visits}, designer={"extra_targets": []})).deployment
+    assert (deployment.release_s[-1], deployment.arrival_s[-1]) == (40.0, 240.0)
+    visits[2] = {"visiting_point": 2}
+    deployment = make_plan(scenario(design={"observers": visits}, designer={"extra_targets": []})).deployment
+    assert (deployment.release_s[-1], deployment.arrival_s[-1]) == (0.0, 250.0)
 
 
 def test_statistics_and_modes_begin_at_the_release(plan, telemetry, seen):

@@ -47,6 +47,11 @@ def test_a_design_of_a_dark_target_is_refused_because_of_light_and_told_when_it_
         sun_A = plan.environment.C_AN(600.0) @ plan.environment.sun.at(600.0)
         share = plan.region.area[incidence(plan.region, sun_A) <= np.radians(85.0)].sum() / plan.region.total_area
         assert (share > 0.9) == lit
+    # The same light comes to who waits for it aboard, whose visit is as long after the named release.
+    plan = make_plan(load_scenario("eros-quick", NIGHT))
+    for release in map(float, re.search(r"release from (\S+) to (\S+) s past", str(refused.value)).groups()):
+        sun_A = plan.environment.C_AN(release + 600.0) @ plan.environment.sun.at(release + 600.0)
+        assert plan.region.area[incidence(plan.region, sun_A) <= np.radians(85.0)].sum() > 0.9 * plan.region.total_area
 
 
 def test_what_is_delivered_has_the_ground_sampling_distance_that_is_told(bennu):

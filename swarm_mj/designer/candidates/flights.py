@@ -1,17 +1,20 @@
 """The flight of one spacecraft to every visiting point, pointed as the behaviour commands.
 
 The designer chooses among points before anything is flown for real, so attitudes are the commanded ones: +z exactly on the
-line of sight. The rotation about it is left to the initial attitude by the guidance, and that is random; by default only what
-any rotation sees is counted, which for a square field of view is what its inscribed cone sees.
+line of sight. Pictures that are taken while a spacecraft may still turn there, after its release or from another target, do not
+count. The rotation about the line of sight is left to the initial attitude by the guidance, and that is random; by default only
+what any rotation sees is counted, which for a square field of view is what its inscribed cone sees.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from math import radians
 
 import numpy as np
 
+from swarm_mj.coordination.encounter import settling_times
 from swarm_mj.errors import MissionError, PathError
 from swarm_mj.flight.burns import total_delta_v
 from swarm_mj.flight.environment import load_body_shape
@@ -19,6 +22,7 @@ from swarm_mj.flight.observe import schedule_from
 from swarm_mj.flight.plan import Plan, as_planned, behavior_from, make_plan
 from swarm_mj.flight.targets import target_from
 from swarm_mj.mission.behaviors import MissionBehavior, SwarmView, TargetKind
+from swarm_mj.mission.deployer import beyond
 from swarm_mj.mission.deployment import planned_paths
 from swarm_mj.mission.trajectories import NO_TRAJECTORY, Progress
 from swarm_mj.observation.capture import camera_poses, watching
@@ -27,6 +31,9 @@ from swarm_mj.simulator.simulation import sample_times
 from swarm_mj.spacecraft.attitude.guidance import LineOfSight, Reference, track_line_of_sight
 from swarm_mj.spacecraft.attitude.mrp import dcm, mrp_from_quaternion
 from swarm_mj.typing import Array, Mask
+
+#: A turn is over when so little of it is left, of the camera's half-angle.
+SETTLED = 0.01
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,12 +45,14 @@ class CandidateFlights:
         times: Times of pictures past the epoch, shape (t,) [s].
         counts: Whether the scenario counts the pictures of that time, shape (t,).
         observing: Whether a candidate takes a picture then, shape (t, n).
+        settled: Whether it has observed so long that the longest turn to the body is over, shape (t, n).
         r_A: Positions in A, shape (t, n, 3) [m].
         C_CA: Commanded camera attitudes, shape (t, n, 3, 3).
         v_A: Velocities in A relative to A, shape (t, n, 3) [m/s].
         omega_C: Commanded angular velocities of the cameras relative to A, in C, shape (t, n, 3) [rad/s].
         delta_v: Deployment speed relative to the mothership at the mean of all candidates, with insertion burns, shape (n,)
             [m/s].
+        beyond: Whether the deployer cannot give it, shape (n,).
         points: The visiting point of each candidate, numbered from 1.
         left_out: Visiting points to which no flight goes, and why, in a few words.
     """
@@ -52,11 +61,13 @@ class CandidateFlights:
     times: Array
     counts: Mask
     observing: Mask
+    settled: Mask
     r_A: Array
     C_CA: Array
     v_A: Array
     omega_C: Array
     delta_v: Array
+    beyond: Mask
     points: tuple[int, ...]
     left_out: dict[int, str]
 
@@ -101,6 +112,8 @@ def fly_candidates(scenario: Scenario, progress: Progress | None = None) -> Cand
     _check_deployer(scenario)
     n_points = target_from(scenario, load_body_shape(scenario.body)).n_visiting
     plan, left_out = _reachable(scenario, range(1, n_points + 1), progress)
+    if plan.deployment.burns:
+        _require_known_velocity(scenario, "so do insertion burns (mothership.deployer.max_speed_m_s: null flies none)")
     times, counts = _picture_times(scenario)
     n = plan.n_observers
     r_N, v_N = planned_paths(plan.environment.acceleration_N, plan.deployment, times)
@@ -109,12 +122,14 @@ def fly_candidates(scenario: Scenario, progress: Progress | None = None) -> Cand
         plan=plan,
         times=times,
         counts=counts,
-        observing=observing[:, :n],
+        observing=observing[:, :n] & _released(plan, times),
+        settled=_settled(plan, times),
         r_A=r_A[:, :n],
         C_CA=C_CA[:, :n],
         v_A=v_A[:, :n],
         omega_C=omega_C[:, :n],
         delta_v=(plan.deployment.delta_v + total_delta_v(plan.deployment.burns, plan.n))[:n],
+        beyond=beyond(plan.deployment, scenario.mothership.deployer.max_speed_m_s)[:n],
         points=plan.scenario.design.visiting_points,
         left_out=left_out,
     )
@@ -122,19 +137,30 @@ def fly_candidates(scenario: Scenario, progress: Progress | None = None) -> Cand
 
 def _check_deployer(scenario: Scenario) -> None:
     """See that a candidate alone tells whether the deployer can release it."""
-    mothership = scenario.mothership
-    limits = mothership.deployer
+    limits = scenario.mothership.deployer
     if limits.spacing_s is not None:
         raise MissionError(
-            f"mothership.deployer.spacing_s = {limits.spacing_s:g}: a design releases all at design.release_s; set null, and "
-            "give release_s in design.observers of what it finds"
+            f"mothership.deployer.spacing_s = {limits.spacing_s:g}: a design does not look at it; set null, and give release_s "
+            "in design.observers of what it finds"
         )
-    asked = {"max_speed_m_s": limits.max_speed_m_s, "cone_axis_N": limits.cone_axis_N}
-    given = [key for key, value in asked.items() if value is not None]
-    if given and mothership.velocity == "mean":
+    if limits.max_speed_m_s is not None and limits.beyond_max_speed == "refused":
+        _require_known_velocity(scenario, "so does whom mothership.deployer.max_speed_m_s leaves out")
+    if limits.cone_axis_N is not None:
+        _require_known_velocity(scenario, "so does whom mothership.deployer.cone_axis_N leaves out")
+    if len(scenario.designer.releases_s) > 1:
+        _require_known_velocity(scenario, "so do the places of designer.releases_s")
+
+
+def _require_known_velocity(scenario: Scenario, what: str) -> None:
+    """See that the mothership's path does not depend on who is chosen.
+
+    Raises:
+        MissionError: It does; the message says `what` follows from that.
+    """
+    if scenario.mothership.way == "position_A_m" and scenario.mothership.velocity == "mean":
         raise MissionError(
-            f"mothership.velocity = 'mean' depends on who is chosen, so that mothership.deployer.{given[0]} leaves no "
-            "candidate out for sure; give 'rest' or three components in N, for instance what summary.json of a flight says"
+            f"mothership.velocity = 'mean' depends on who is chosen, and {what}; give 'rest' or three components in N, or "
+            "mothership.elements, approach or ephemeris"
         )
 
 
@@ -171,6 +197,25 @@ def _who_fails(scenario: Scenario, points: Sequence[int], error: MissionError) -
         except MissionError as worse:
             found |= _who_fails(scenario, half, worse)
     return found
+
+
+def _released(plan: Plan, times: Array) -> Mask:
+    """Whether each candidate has left the mothership, shape (t, n): aboard it takes no picture."""
+    return np.asarray(times[:, None] >= plan.deployment.release_s[: plan.n_observers] * (1.0 - 1e-12))
+
+
+def _settled(plan: Plan, times: Array) -> Mask:
+    """Whether each candidate observed already before the longest turn, shape (t, n)."""
+    tolerance = SETTLED * radians(plan.scenario.camera.half_angle_deg)
+    turn_s = settling_times(plan.controller, plan.properties, plan.scenario.control.period_s, tolerance)[1][-1]
+    moments, which = np.unique(np.append(0.0, (times - turn_s).clip(0.0)), return_inverse=True)
+    r_N, v_N = planned_paths(plan.environment.acceleration_N, plan.deployment, moments)
+    observing, memory = _released(plan, moments), None
+    for k, t in enumerate(moments):
+        view = SwarmView(float(t), r_N[k], v_N[k], plan.environment.C_AN(t))
+        targets, memory = plan.behavior.targets(view, memory)
+        observing[k] &= watching(plan.n_observers, targets.kind)[: plan.n_observers]
+    return observing[which.ravel()[1:]] & (times >= turn_s)[:, None]
 
 
 def _picture_times(scenario: Scenario) -> tuple[Array, Mask]:

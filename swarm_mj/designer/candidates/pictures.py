@@ -183,12 +183,16 @@ class Watcher(NamedTuple):
     @property
     def pictures(self) -> Indices:
         """The times of the pictures that count, by number."""
-        return picture_numbers(self.flights, self.number, self.flights.counts)
+        return picture_numbers(self.flights, self.number, self._counts)
 
     @property
     def poses(self) -> Poses:
         """Of these pictures."""
-        return poses_of(self.flights, self.number, self.flights.counts)
+        return poses_of(self.flights, self.number, self._counts)
+
+    @property
+    def _counts(self) -> Mask:
+        return self.flights.counts & self.flights.settled[:, self.number]
 
 
 class Judge:

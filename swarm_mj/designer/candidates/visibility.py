@@ -35,12 +35,14 @@ class Candidate(NamedTuple):
         target: Which target the point belongs to, from 0.
         altitude_m: Imaging altitude [m].
         time_of_flight_s: [s].
+        release_s: Past the epoch [s].
     """
 
     point: int
     target: int
     altitude_m: float
     time_of_flight_s: float
+    release_s: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,6 +54,7 @@ class Visibility:
         sees: Whether a candidate sees a cell, shape (n, cells).
         area: Of each cell of all targets [m^2], shape (cells,); where targets overlap, a cell is there once.
         delta_v: Deployment speed of each candidate [m/s], shape (n,).
+        beyond: Whether that is more than the deployer can give, shape (n,).
         point_A: Where each candidate passes at its time of flight, in A [m], shape (n, 3).
         regions: All targets in one region; its `targets` are each of them.
         left_out: What the designer might have chosen but nobody can fly to, and why.
@@ -66,6 +69,7 @@ class Visibility:
     sees: Mask
     area: Array
     delta_v: Array
+    beyond: Mask
     point_A: Array
     regions: list[TargetRegion]
     left_out: list[tuple[Candidate, str]] = field(default_factory=list)
@@ -98,7 +102,8 @@ def visibility(
         workers: Processes; default: one per core.
         progress: Called with the share of the pictures done, 0 to 1.
         flying: Called with the share of the flights done, 0 to 1.
-        costs: Whether a candidate of more delta-v may not stand in for one of less.
+        costs: Whether a candidate of more delta-v may not stand in for one of less; one beyond the deployer never does for one
+            that it can release.
 
     Returns:
         What they see. Where an interruption (KeyboardInterrupt) comes after the first candidates are judged: what these see,
@@ -113,9 +118,10 @@ def visibility(
     flown, left_out = _fly(variants, flying)
     candidates = [_candidate(variant, target, point) for target, variant, f in flown for point in f.points]
     delta_v = np.concatenate([flights.delta_v for _, _, flights in flown])
+    beyond = np.concatenate([flights.beyond for _, _, flights in flown])
     found = _Sightings(len(candidates), regions, progress)
     try:
-        _judge(scenario, flown, found, workers, delta_v if costs else None)
+        _judge(scenario, flown, found, workers, delta_v if costs else beyond.astype(np.float64))
     except KeyboardInterrupt:
         if not found.judged.any():
             raise
@@ -125,6 +131,7 @@ def visibility(
         sees=found.sees[kept],
         area=np.concatenate([region.area for region in regions]),
         delta_v=delta_v[kept],
+        beyond=beyond[kept],
         point_A=np.concatenate([flights.plan.points_A for _, _, flights in flown])[kept],
         regions=regions,
         left_out=left_out,
@@ -139,11 +146,12 @@ Flown = list[tuple[int, Scenario, CandidateFlights]]
 
 
 def _candidate(variant: Scenario, target: int, point: int) -> Candidate:
-    return Candidate(point, target, variant.design.imaging_altitude_m, variant.design.time_of_flight_s)
+    design = variant.design
+    return Candidate(point, target, design.imaging_altitude_m, design.time_of_flight_s, design.release_s)
 
 
 def _fly(variants: list[Scenario], flying: Progress | None) -> tuple[Flown, list[tuple[Candidate, str]]]:
-    """Fly to every target at every altitude and in every time; and what is left out.
+    """Fly to every target at every altitude, in every time and from every release; and what is left out.
 
     Raises:
         SwarmError: Nothing can be flown; or a scenario cannot be had.
@@ -201,7 +209,7 @@ class _Sightings:
             self.progress((before + done) / (len(self.judged) * len(self.regions)))
 
 
-def _judge(scenario: Scenario, flown: Flown, found: _Sightings, workers: int | None, cost: Array | None) -> None:
+def _judge(scenario: Scenario, flown: Flown, found: _Sightings, workers: int | None, cost: Array) -> None:
     """Judge all candidates, or with many all that need be."""
     watchers = [Watcher(flights, j) for _, _, flights in flown for j in range(flights.n)]
     with ExitStack() as stack:
@@ -235,15 +243,27 @@ def target_variants(scenario: Scenario) -> list[Scenario]:
 
 
 def flight_variants(scenario: Scenario) -> list[Scenario]:
-    """The scenario with each of the altitudes and times of flight that the designer may choose from."""
+    """The scenario with each of the altitudes, times of flight and releases that the designer may choose from."""
     design, designer = scenario.design, scenario.designer
-    altitudes = designer.altitudes_m or (design.imaging_altitude_m,)
-    times = designer.times_of_flight_s or (design.time_of_flight_s,)
-    return [
-        # Read again, so that a value that does not fit is refused like one in the file.
-        load_scenario(scenario, {"design.imaging_altitude_m": h, "design.time_of_flight_s": t})
-        for h, t in product(altitudes, times)
+    choices = {
+        "design.imaging_altitude_m": designer.altitudes_m or (design.imaging_altitude_m,),
+        "design.time_of_flight_s": designer.times_of_flight_s or (design.time_of_flight_s,),
+        "design.release_s": designer.releases_s or (design.release_s,),
+    }
+    # Read again, so that a value that does not fit is refused like one in the file.
+    variants = [
+        load_scenario(scenario, dict(zip(choices, chosen, strict=True))) for chosen in product(*choices.values())
     ]
+    return variants if designer.fold == 1 else _apart(variants)
+
+
+def _apart(variants: list[Scenario]) -> list[Scenario]:
+    """Those that are the longest of all that arrive at one altitude at one time: two of them would collide at their points."""
+    longest: dict[tuple[float, float], Scenario] = {}
+    for variant in sorted(variants, key=lambda v: v.design.time_of_flight_s):
+        design = variant.design
+        longest[design.imaging_altitude_m, design.release_s + design.time_of_flight_s] = variant
+    return [variant for variant in variants if variant in longest.values()]
 
 
 def imaging_model_from(scenario: Scenario) -> ImagingModel:

@@ -73,6 +73,15 @@ FAST = ["observation.observer=raycast", "target.cell_size_m=null", "camera.half_
 CASES = {
     "visit": (["observation.criterion=visit", "designer.altitudes_m=[12000, 16000]"], 2),
     "two fold": (["observation.criterion=visit", "designer.altitudes_m=[12000, 16000]", "designer.fold=2"], 4),
+    "releases": (
+        [
+            "observation.criterion=visit",
+            "designer.releases_s=[0, 60]",
+            "mothership.velocity=[0, 0, 40]",
+            "mothership.deployer.max_speed_m_s=20",
+        ],
+        2,
+    ),
     "passage in the light": (["observation.interval_s=200", "observation.max_incidence_deg=80"], 1),
     "two targets": (
         [
@@ -102,6 +111,9 @@ def test_flown_candidates_are_thinned_to_the_same_minimum(tmp_path, monkeypatch,
     whole_answer, thin_answer = (solve_exact(problem) for problem in problems)
     assert whole_answer.n_observers == thin_answer.n_observers >= CASES[case][1]
     assert whole_answer.status == thin_answer.status == "optimal"
+    # Who stands in is beyond the deployer only for one that is, too.
+    beyond = dict(zip(whole.candidates, whole.beyond, strict=True))
+    assert all(beyond[j] or not beyond[i] for j, i in thin.thinned)
 
 
 def test_a_thinned_design_says_how_many_and_the_trade_off_keeps_the_cheap():
