@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from datetime import datetime, timedelta
-from math import ceil, inf
+from math import ceil, inf, sqrt
 from typing import Any
 
 from swarm_mj.errors import SwarmError
@@ -99,7 +99,11 @@ def _burning(plan: Plan, most: float) -> dict[str, Any] | None:
     has, push, mass = plan.scenario.spacecraft.thrusters, push_of(plan.properties, plan.own), plan.properties.mass
     thrusters = has or Thrusters()
     strength = 1.0 if has is None or push is None else push.force / has.thrust_n
-    need = mass * delta_v / (0.5 * left.min() * strength), propellant_for(delta_v, mass, thrusters.exhaust_speed)
+    # Six nozzles that share an oblique force take up to sqrt(3) times as much propellant.
+    need = (
+        mass * delta_v / (0.5 * left.min() * strength),
+        sqrt(3.0) * propellant_for(delta_v, mass, thrusters.exhaust_speed),
+    )
     keys = "thrust_n", "propellant_kg"
     asked = {key: max(float(f"{value:.2g}"), getattr(thrusters, key)) for key, value in zip(keys, need, strict=True)}
     if _fastest(plan, {"spacecraft.thrusters": {**thrusters.model_dump(), **asked}}) > most * (1.0 + ROUNDING):

@@ -89,3 +89,9 @@ def test_summary_table_and_report_of_a_flight_say_so(tmp_path):
     (words,) = flight.summary["deployment_findings"]
     assert words in flight.findings and words in sm.open(tmp_path / "run").findings
     assert "leave at up to 4.48 m/s" in report_html([read_run(tmp_path / "run")])
+    # With the thrusters that are named the flight arrives, and no tank runs empty.
+    burnt = sm.fly("eros-quick", {**quick, "spacecraft.thrusters": {}, **said(flight.plan, BURN)})
+    assert (
+        max(burnt.summary["visit_miss_mm"].values()) < 5e3 and min(burnt.summary["propellant_left_kg"].values()) > 0.0
+    )
+    assert not burnt.summary["deployment_findings"]
