@@ -70,7 +70,7 @@ def legs_of(plan: Plan) -> Legs:
     deployment, acceleration = plan.deployment, plan.environment.acceleration_N
     if deployment.burns:
         raise ScenarioError(
-            "trajectory.corrections: the plan has burns of its own, which corrections do not know; leave out one"
+            "the plan has insertion burns, which linear covariance does not know: set mothership.deployer.max_speed_m_s: null"
         )
     times = knots(plan.scenario, deployment.release_s, deployment.arrival_s)
     return plan_legs(acceleration, deployment.release_r_N, deployment.v0_N, times)

@@ -138,6 +138,7 @@ def test_what_is_not_worth_it_or_too_much_is_said():
         ([THRUSTERS, "trajectory.corrections=[{after_release_s: 60.3}]"], "whole multiple of control.period_s = 0.5"),
         ([THRUSTERS, "trajectory.corrections=[{after_release_s: 60}, {before_visit_s: 540}]"], "at the same time"),
         (["spacecraft.thrusters={layout: four_z}", TWO], "layout = four_z.*must be six"),
+        (["spacecraft.thrusters={thrust_n: 0.5}"], "plan has insertion burns.*max_speed_m_s: null"),
     ],
 )
 def test_corrections_that_cannot_be_flown_are_refused(changes, words):
