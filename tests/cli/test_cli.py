@@ -300,7 +300,18 @@ def test_one_observer_is_one():
         "genetic": {}, "gap": 0, "n_observers": 1, "selected_by": "exact solver",
         "criterion": {"criterion": "visit"}, "camera": {"half_angle_deg": 3.0},
     }  # fmt: skip
-    assert "selected: 1 observer by" in design_table(record).caption
+    record |= {"candidates": ["3"], "visiting_points": [3], "beyond_deployer": 0}
+    assert "selected: 1 observer by" in design_table(record).caption and "Selected" not in design_table(record).caption
+    record |= {
+        "candidates": ["3 released at 60 s"],
+        "beyond_deployer": 1,
+        "delta_v_m_s": [4.5],
+        "deployer_max_speed_m_s": 2.0,
+    }
+    assert (
+        ". Selected: 3 released at 60 s. 1 of 1 leave at up to 4.5 m/s, beyond mothership."
+        in design_table(record).caption
+    )
     assert "selected: 2 observers by" in design_table({**record, "n_observers": 2}).caption
 
 
