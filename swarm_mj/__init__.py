@@ -109,9 +109,10 @@ def _give_numba_a_cache() -> None:
     """Let Numba keep machine code in a private folder until the program ends, where it could be kept nowhere else safely.
 
     Numba keeps it beside the sources if it can, otherwise in the user's cache folder. It runs what it finds there, so that
-    nobody else may write into that.
+    nobody else may write into that, and no `.numba_config.yaml` of the current folder may name another one: the environment
+    goes before it, an empty value too, which names none.
     """
-    if "NUMBA_CACHE_DIR" in os.environ or os.access(Path(__file__).parent, os.W_OK):
+    if os.environ.setdefault("NUMBA_CACHE_DIR", "") or os.access(Path(__file__).parent, os.W_OK):
         return
     cache = Path(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")) / "numba"
     if cache.is_absolute():  # without a home folder "~" stays as it is

@@ -77,17 +77,18 @@ import json, os, stat, sys
 can_access, refused = os.access, json.loads(sys.argv[1])
 os.access = lambda path, mode: not any(str(path).endswith(end) for end in refused) and can_access(path, mode)
 import swarm_mj
-given = os.environ.get("NUMBA_CACHE_DIR")
+import numba
+given = numba.config.CACHE_DIR
 print(json.dumps([given, given and stat.S_IMODE(os.stat(given).st_mode)]))
 """
 
 
-def imported(refused, **environment):
+def imported(refused, folder=None, **environment):
     kept = {
         name: value for name, value in os.environ.items() if name not in ("HOME", "XDG_CACHE_HOME", "NUMBA_CACHE_DIR")
     }
     command = [sys.executable, "-c", IMPORTED, json.dumps(["/swarm_mj", *refused])]
-    done = subprocess.run(command, env=kept | environment, check=True, capture_output=True, text=True)
+    done = subprocess.run(command, env=kept | environment, cwd=folder, check=True, capture_output=True, text=True)
     return json.loads(done.stdout)
 
 
@@ -98,7 +99,12 @@ def home(tmp_path):
 
 
 def test_numba_keeps_machine_code_in_the_home_folder_where_the_package_cannot_be_written(home):
-    assert imported([], HOME=str(home)) == [None, None]
+    assert imported([], HOME=str(home)) == ["", ""]
+
+
+def test_a_file_of_the_current_folder_names_no_folder_of_machine_code(home, tmp_path):
+    (tmp_path / ".numba_config.yaml").write_text(f"cache_dir: {tmp_path}\n")
+    assert imported([], tmp_path, HOME=str(home), PYTHONPATH=str(Path(swarm_mj.__file__).parents[1])) == ["", ""]
 
 
 @pytest.mark.parametrize("case", ["cannot be written", "anyone may write", "of someone else", "no home"])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -23,7 +24,7 @@ MANIFEST = "campaign.json"
 #: Where replayed rows go.
 REPLAYS = "replays"
 #: What a folder without a campaign may hold: what a campaign that ended before it began leaves, and replays.
-_OURS = (LOCK, f".{MANIFEST}.partial", REPLAYS)
+_OURS = re.compile(rf"{re.escape(LOCK)}|{REPLAYS}|\.{re.escape(MANIFEST)}\.[0-9a-f]{{8}}\.partial")
 
 
 def require_place(folder: Path, *, resume: bool = False) -> None:
@@ -47,7 +48,7 @@ def require_place(folder: Path, *, resume: bool = False) -> None:
         raise OutputError(f"{folder}: cannot be read ({error.strerror}); choose another folder with --out") from None
     if resume:
         raise OutputError(f"{folder}: holds no campaign to go on with; start one without --resume")
-    foreign = sorted(name for name in names if name not in _OURS)
+    foreign = sorted(name for name in names if not _OURS.fullmatch(name))
     if foreign:
         raise OutputError(f"{folder}: holds {foreign[0]} and no campaign; choose another folder with --out")
 

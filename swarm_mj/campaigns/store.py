@@ -34,6 +34,7 @@ from swarm_mj.campaigns.manifest import campaign_in
 from swarm_mj.campaigns.outcome import recorded
 from swarm_mj.errors import OutputError
 from swarm_mj.io.arrays import MAX_BYTES
+from swarm_mj.io.atomic import replacing
 from swarm_mj.io.interruption import held
 from swarm_mj.io.records import Record, one_line, record_from
 
@@ -225,20 +226,15 @@ def _write_parquet(path: Path, table: pa.Table) -> None:
 @contextmanager
 def _replaced(path: Path) -> Iterator[IO[bytes]]:
     """A file that takes the place of another one when it is written and on the disk."""
-    partial = path.with_name(f".{path.name}.partial")
+    with replacing(path) as partial, partial.open("wb") as file:
+        yield file
+        file.flush()
+        os.fsync(file.fileno())
+    folder = os.open(path.parent, os.O_RDONLY)
     try:
-        with partial.open("wb") as file:
-            yield file
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(partial, path)
-        folder = os.open(path.parent, os.O_RDONLY)
-        try:
-            os.fsync(folder)
-        finally:
-            os.close(folder)
+        os.fsync(folder)
     finally:
-        partial.unlink(missing_ok=True)
+        os.close(folder)
 
 
 def _read_parquet(path: Path) -> pa.Table:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import atexit
 import gc
 import io
+import os
 import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -31,8 +32,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         sys.stdout.reconfigure(errors="backslashreplace")  # results may lie at such paths, see `_report`
     atexit.register(gc.freeze)  # a search for garbage in machine code and arrays would delay the end by a second
     keep_algebra_on_one_thread()
+    # Interpreters that libraries start, as glfw does while it is imported, are to import nothing of the current folder.
+    os.environ.setdefault("PYTHONSAFEPATH", "1")
     with handled(_interrupted) as interruption:
         try:
+            _check_opengl()
             arguments = _parser().parse_args(argv)
             return int(arguments.command(arguments) or 0)
         except BaseException as error:
@@ -46,6 +50,21 @@ def main(argv: Sequence[str] | None = None) -> int:
             if isinstance(error, BrokenPipeError):
                 return 0
             raise
+
+
+def _check_opengl() -> None:
+    """Load MuJoCo with what MUJOCO_GL asks for, if it asks for anything: with what is not there it cannot be imported.
+
+    Raises:
+        SwarmError: It cannot.
+    """
+    if asked := os.environ.get("MUJOCO_GL"):
+        try:
+            import mujoco  # noqa: F401
+        except Exception as error:  # a wrong value, a library that is missing or lacks functions
+            raise SwarmError(
+                f"MUJOCO_GL = {asked!r}: MuJoCo cannot be loaded with it ({error}); unset it, or set egl, glfw, osmesa or disable"
+            ) from None
 
 
 def _interrupted() -> int:

@@ -201,7 +201,7 @@ def arrays_in(
     Raises:
         Exception: Of zipfile, zlib, NumPy, or ValueError for what does not fit; see `reading`.
     """
-    require_file(path)
+    require_file(path, MAX_BYTES)
     with _InPieces(path) as file, zipfile.ZipFile(file) as archive:
         members = _members(archive, declared)
         found = {name: _header(archive, info) for name, info in members.items()}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import secrets
 import shutil
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
@@ -246,9 +247,28 @@ def _to_keep(old: Path, new: Path) -> list[Path]:
 
 def write_text(path: Path, text: str) -> None:
     """Write a text file under a temporary name, then rename it."""
-    partial = path.with_name(f".{path.name}.partial")
-    partial.write_text(text, encoding="utf-8")
-    os.replace(partial, path)
+    with replacing(path) as partial:
+        partial.write_text(text, encoding="utf-8", newline="\n")
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """Give an empty file beside `path` that takes its place when the block ends without an error.
+
+    Nobody can guess its name, so that no link waits there that would lead what is written elsewhere.
+
+    Raises:
+        OSError: It cannot be made or moved.
+    """
+    partial = path.with_name(f".{path.name}.{secrets.token_hex(4)}.partial")
+    partial.touch(exist_ok=False)
+    try:
+        with undone_by(lambda: remove(partial)):
+            yield partial
+        os.replace(partial, path)
+    finally:
+        with suppress(OSError):
+            partial.unlink(missing_ok=True)
 
 
 @contextmanager
@@ -263,21 +283,16 @@ def atomic_file(path: Path) -> Iterator[Path]:
     """
     with reserved(path, "file"):
         _clear_partial_files(path)
-        partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
         try:
-            with undone_by(lambda: remove(partial)):
+            with replacing(path) as partial:
                 yield partial
-            os.replace(partial, path)
         except OSError as error:
             raise OutputError(f"{path}: cannot be written ({error.strerror or error})") from error
-        finally:
-            with suppress(OSError):
-                partial.unlink(missing_ok=True)
 
 
 def _clear_partial_files(path: Path) -> None:
     """Remove what killed processes left half-written; the place is held, so none of them is at work."""
-    ours = re.compile(rf"\.{re.escape(path.name)}\.\d+\.partial")
+    ours = re.compile(rf"\.{re.escape(path.name)}\.[a-z0-9_]{{8}}\.partial")
     with suppress(OSError):
         for leftover in path.parent.iterdir():
             if ours.fullmatch(leftover.name):

@@ -7,6 +7,7 @@ since a file that one removes while another reads it stays whole for the reader,
 from __future__ import annotations
 
 import hashlib
+import math
 import os
 import time
 from contextlib import suppress
@@ -16,16 +17,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from swarm_mj.io.arrays import MAX_HEADER
+from swarm_mj.io.records import require_file
+
 #: Half-written files of this age [s] belong to processes that were killed.
 ABANDONED_S = 3600.0
 
 
 def cache_folder() -> Path:
-    """The folder for kept results: $SWARM_MJ_CACHE, else `swarm_mj` in the user's cache folder."""
+    """The folder for kept results: $SWARM_MJ_CACHE, else `swarm_mj` in the user's cache folder; without a home, nowhere."""
     base = os.environ.get("SWARM_MJ_CACHE")
     if base:
         return Path(base)
-    return Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "swarm_mj"
+    caches = Path(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache"))
+    return (caches if caches.is_absolute() else Path(os.devnull)) / "swarm_mj"
 
 
 def hash_of(*parts: NDArray[Any] | str) -> str:
@@ -41,6 +46,7 @@ def hash_of(*parts: NDArray[Any] | str) -> str:
 def load_array(file: Path, shape: tuple[int, ...], dtype: type[np.floating[Any]] = np.float32) -> NDArray[Any] | None:
     """A kept array, or None if it is missing, damaged, or of another shape or type."""
     try:
+        require_file(file, math.prod(shape) * np.dtype(dtype).itemsize + MAX_HEADER)
         with file.open("rb") as kept:
             array = np.lib.format.read_array(kept, allow_pickle=False)
     except (OSError, ValueError, EOFError, MemoryError):  # MemoryError: a header that promises terabytes

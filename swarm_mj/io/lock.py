@@ -14,6 +14,7 @@ from typing import Literal
 
 from swarm_mj.errors import OutputError
 from swarm_mj.io.interruption import undone_by
+from swarm_mj.io.records import bytes_of
 
 try:
     import fcntl
@@ -117,6 +118,6 @@ def _sign(handle: int) -> None:
 
 
 def _holder(lock: Path) -> str:
-    with suppress(OSError):
-        return lock.read_bytes()[:200].decode("utf-8", "replace").strip() or "unknown process"
+    with suppress(OSError, ValueError):
+        return bytes_of(lock, 200).decode("utf-8", "replace").strip() or "unknown process"
     return "unknown process"

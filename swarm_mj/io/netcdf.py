@@ -12,7 +12,7 @@ import numpy as np
 import xarray as xr
 
 from swarm_mj.errors import OutputError, SwarmError
-from swarm_mj.io.arrays import Declared, check_shapes, check_values
+from swarm_mj.io.arrays import MAX_BYTES, Declared, check_shapes, check_values
 from swarm_mj.io.records import reading, require_file
 
 #: Attributes of the file or of one variable, each [bytes]: room for a scenario.
@@ -44,7 +44,7 @@ def read_netcdf(
         SwarmError: As `error`: it cannot be read or does not fit; one line names file, variable, value and what is allowed.
     """
     with reading(path, remedy, error):
-        require_file(path)
+        require_file(path, MAX_BYTES)
         known = _check_headers(path, declared, sizes)
         # Said outright, since xarray warns of its default where a foreign file has dimensions without a name.
         with xr.open_dataset(path, engine="h5netcdf", phony_dims="access", decode_times=False) as file:

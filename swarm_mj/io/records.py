@@ -7,6 +7,7 @@ the plain mapping as it stands in the file.
 from __future__ import annotations
 
 import json
+import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -21,6 +22,8 @@ from swarm_mj.io.values import check_data, shortened, shown
 MAX_RECORD_BYTES = 64_000_000
 #: Values of a record altogether: 20 turns of each of 5,000 spacecraft.
 MAX_RECORD_VALUES = 1_000_000
+#: What a path may lead to instead of a file, for messages.
+_KINDS = {stat.S_IFDIR: "a folder", stat.S_IFIFO: "a named pipe", stat.S_IFSOCK: "a socket"}
 #: Characters of a message that another library or a hostile file wrote.
 MAX_REASON = 400
 
@@ -86,27 +89,36 @@ def record_from(raw: bytes | str, model: Any) -> Any:
 
 
 def bytes_of(path: Path, most: int = MAX_RECORD_BYTES) -> bytes:
-    """What a regular file holds, if that is at most so many bytes.
-
-    Raises:
-        OSError, ValueError: It cannot be read, is no regular file or larger.
-    """
-    require_file(path)
+    """What a file holds; args and errors as of `require_file`."""
+    require_file(path, most)
     with path.open("rb") as file:
         raw = file.read(most + 1)
-    if len(raw) > most:
+    if len(raw) > most:  # than the system says, or it grows
         raise ValueError(f"larger than {most} bytes")
     return raw
 
 
-def require_file(path: Path) -> None:
-    """See that a path leads to a regular file; what else there may be could be read for ever.
+def require_file(path: Path, most: int) -> int:
+    """See that a path leads to a regular file of believable size, before anybody opens it; gives its size [bytes].
+
+    Anything else could be read for ever, wait for ever, or take all memory.
+
+    Args:
+        path: The file.
+        most: What it may have [bytes].
 
     Raises:
-        ValueError: It does not.
+        OSError, ValueError: It cannot be asked, is none or larger; the message says what it is, and the limit.
     """
-    if not path.is_file():
-        raise ValueError("is no regular file" if path.exists() else "no such file")
+    try:
+        status = path.stat()
+    except FileNotFoundError:
+        raise ValueError("no such file") from None
+    if not stat.S_ISREG(status.st_mode):
+        raise ValueError(f"is {_KINDS.get(stat.S_IFMT(status.st_mode), 'a device')}, no regular file")
+    if status.st_size > most:
+        raise ValueError(f"{status.st_size} bytes, larger than {most} bytes")
+    return status.st_size
 
 
 def _first_of(error: ValidationError) -> str:

@@ -32,6 +32,9 @@ FORKS = sys.platform == "linux"
 #: Time between two looks for an interruption that Python lost [s].
 LOOK_S = 0.5
 
+#: What new interpreters are told: one core each, and to import nothing of the current folder (`-P`), which is anybody's.
+_ALONE = {**dict.fromkeys(ONE_THREAD, "1"), "PYTHONSAFEPATH": "1"}
+
 _CONTEXT: Any = multiprocessing.get_context("forkserver" if FORKS else "spawn")
 _STARTING = Lock()
 
@@ -48,14 +51,14 @@ def preload(modules: Sequence[str]) -> None:
         return
     with _STARTING:
         _CONTEXT.set_forkserver_preload(list(modules))
-        resource_tracker.ensure_running()  # the call below would start it, and let Ctrl-C through again
         # It opens no window, for which mujoco would get ready. Ctrl-C while it imports is not for it.
-        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-        try:
-            with _environment({**dict.fromkeys(ONE_THREAD, "1"), "MUJOCO_GL": "disable"}):
+        with _environment({**_ALONE, "MUJOCO_GL": "disable"}):
+            resource_tracker.ensure_running()  # the call below would start it, and let Ctrl-C through again
+            before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+            try:
                 forkserver.ensure_running()
-        finally:
-            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+            finally:
+                signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def begin(
@@ -83,7 +86,7 @@ def begin(
         environment = os.environ | dict.fromkeys(ONE_THREAD, "1")
         process = _CONTEXT.Process(target=_live, args=(theirs, environment, work, arguments), daemon=True)
         # Interruptions are not held back: a fork is waited for until the fork server has imported its modules.
-        with _STARTING, _environment(dict.fromkeys(ONE_THREAD, "1")), _without_main():
+        with _STARTING, _environment(_ALONE), _without_main():
             process.start()
     except BaseException:
         mine.close()

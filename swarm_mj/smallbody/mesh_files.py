@@ -33,6 +33,8 @@ _STL_VERTEX = re.compile(rb"^[ \t]*vertex[ \t]+(.*)$", re.MULTILINE | re.IGNOREC
 _STL_END_OF_FACET = re.compile(rb"^[ \t]*endfacet", re.MULTILINE | re.IGNORECASE)
 #: A header longer than this is not one [bytes].
 MAX_PLY_HEADER_BYTES = 65_536
+#: Vertices and faces: trimesh takes half a kilobyte for each.
+MAX_PLY_ELEMENTS = 3_000_000
 #: First words of the lines of a header; the parser behind understands others too, so that a count could pass unseen.
 PLY_HEADER_WORDS = {b"ply", b"format", b"comment", b"obj_info", b"element", b"property"}
 #: Bytes that a vertex and a plate take at least: more are promised than the file can hold where it is cut short.
@@ -228,6 +230,8 @@ def _check_ply_header(path: Path) -> None:
         # Every element takes at least a byte: a count beyond that would only exhaust the memory.
         if count > available:
             raise ShapeError(f"{path}: promises {count} {kind} elements in {available} bytes: it is cut short")
+        if count > MAX_PLY_ELEMENTS:
+            raise ShapeError(f"{path}: {count} {kind} elements, at most {MAX_PLY_ELEMENTS} (MAX_PLY_ELEMENTS); reduce it")
 
 
 def read_dsk(path: Path) -> tuple[Array, Ints]:

@@ -13,6 +13,8 @@ from pathlib import Path
 from typing import Literal
 
 from swarm_mj.errors import OutputError, ShapeError
+from swarm_mj.io.atomic import write_text
+from swarm_mj.io.records import reading, require_file
 from swarm_mj.smallbody.mesh_files import read_dsk, read_obj, read_ply, read_stl, read_tab
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.smallbody.shape_check import BODY_RADIUS_RANGE_M, check_shape
@@ -31,8 +33,8 @@ READERS: dict[str, tuple[Callable[[Path], Mesh], Unit]] = {
     ".tab": (read_tab, "km"),
     ".bds": (read_dsk, "km"),
 }
-#: Larger files are refused [bytes]: about ten million faces, far beyond what gravity and coverage can use.
-MAX_FILE_BYTES = 512 * 2**20
+#: Larger files are refused [bytes]: about three million faces, beyond what gravity and coverage can use, read in 2 GB.
+MAX_FILE_BYTES = 128 * 2**20
 
 
 def load_shape(
@@ -62,8 +64,9 @@ def load_shape(
     unit = usual_unit if unit is None else unit
     if unit not in METRES:
         raise ShapeError(f"{path}: unit {unit!r} is unknown; use one of {', '.join(map(repr, METRES))}")
+    with reading(path, "give a shape model, reduced by trimesh's mesh.simplify_quadric_decimation if need be", ShapeError):
+        require_file(path, MAX_FILE_BYTES)
     with _explained(path):
-        _check_file(path)
         vertices, faces = reader(path)
     return check_shape(vertices * METRES[unit], faces, name or path.name, expect_radius_m=expect_radius_m)
 
@@ -85,20 +88,10 @@ def save_shape(shape: ShapeModel, path: str | os.PathLike[str]) -> None:
     lines += [f"v {x!r} {y!r} {z!r}" for x, y, z in shape.vertices.tolist()]
     lines += [f"f {i} {j} {k}" for i, j, k in (shape.faces + 1).tolist()]
     try:
-        _write_atomically(path, "\n".join(lines) + "\n")
+        write_text(path, "\n".join(lines) + "\n")
     except (OSError, ValueError) as error:  # ValueError: an empty name, or one with a NUL
         reason = getattr(error, "strerror", None) or error
         raise OutputError(f"{path}: cannot be written ({reason}); choose another file") from error
-
-
-def _write_atomically(path: Path, text: str) -> None:
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        with open(temporary, "x", encoding="utf-8", newline="\n") as file:
-            file.write(text)
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 def _reader(path: Path) -> tuple[Callable[[Path], Mesh], Unit]:
@@ -106,18 +99,6 @@ def _reader(path: Path) -> tuple[Callable[[Path], Mesh], Unit]:
         return READERS[path.suffix.lower()]
     except KeyError:
         raise ShapeError(f"{path}: ending {path.suffix!r} is unknown; use one of {', '.join(READERS)}") from None
-
-
-def _check_file(path: Path) -> None:
-    if not path.is_file():
-        raise ShapeError(f"{path}: {'not a file' if path.exists() else 'no such file'}; give the path of a shape model")
-    size = path.stat().st_size
-    if size == 0:
-        raise ShapeError(f"{path}: the file is empty; export or download it again")
-    if size > MAX_FILE_BYTES:
-        raise ShapeError(
-            f"{path}: {size} bytes exceed {MAX_FILE_BYTES}; reduce it with mesh.simplify_quadric_decimation"
-        )
 
 
 @contextmanager

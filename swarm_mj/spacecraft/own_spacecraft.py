@@ -30,6 +30,7 @@ from swarm_mj.spacecraft.elements import (
     title_of,
 )
 from swarm_mj.spacecraft.measurement import Measured, measure, motor_faults, torque_range
+from swarm_mj.spacecraft.model_limits import check_model
 from swarm_mj.spacecraft.properties import SpacecraftProperties
 from swarm_mj.spacecraft.sensors import Sensor, sensors_of
 from swarm_mj.spacecraft.thrusters import ThrusterAllocation, read_nozzles
@@ -39,8 +40,6 @@ from swarm_mj.typing import Array
 WHEEL = "wheel"
 #: Name of the keyframe from which the joints start.
 START = "start"
-#: A file of MJCF is text; anything larger is a mistake or an attack.
-MAX_BYTES = 10_000_000
 #: Relative difference of two wheels of one spacecraft that is put down to the digits of the file.
 ALIKE = 1e-6
 
@@ -156,11 +155,7 @@ def load_part(path: Path) -> mujoco.MjSpec:
         ScenarioError: It cannot be read, or is no MJCF.
     """
     try:
-        size = path.stat().st_size
-        if not path.is_file():
-            raise ValueError("is no regular file")
-        if size > MAX_BYTES:
-            raise ValueError(f"larger than {MAX_BYTES} bytes; meshes belong into files of their own")
+        check_model(path)
         part = mujoco.MjSpec.from_file(str(path))
     except (OSError, ValueError) as error:
         reason = " ".join(str(getattr(error, "strerror", None) or error).split())

@@ -6,7 +6,7 @@ import signal
 import subprocess
 import sys
 import time
-from multiprocessing import forkserver
+from multiprocessing import forkserver, resource_tracker
 from pathlib import Path
 
 import pytest
@@ -60,6 +60,19 @@ def test_processes_are_forks_of_one_and_see_what_the_one_that_asks_for_them_sees
         assert process.exitcode == -signal.SIGKILL
     with pytest.raises(EOFError):
         pipe.recv()
+
+
+@on_linux
+def test_new_processes_import_nothing_of_the_current_folder(fresh, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", [str(ROOT), *filter(None, sys.path)])
+    for name in ("multiprocessing", "socket", "struct", "tests", "swarm_mj", "scipy"):
+        Path(f"{name}.py").write_text(f"open({str(tmp_path / 'trap')!r}, 'w').close()\n")
+    resource_tracker._resource_tracker._stop()  # another interpreter, which starts with the fork server
+    process, pipe = begin()
+    assert pipe.recv()[0] == process.pid
+    process.kill()
+    assert not Path("trap").exists()
 
 
 def test_a_process_ends_without_a_word_when_nobody_listens_any_more(capfd):

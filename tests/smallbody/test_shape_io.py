@@ -175,7 +175,7 @@ def test_plate_tables_may_begin_with_the_numbers_of_vertices_and_faces(tmp_path)
 BAD_TEXT = {
     "no such file": ("obj", None, "no such file"),
     "unknown ending": ("glb", b"x", r"ending '.glb' is unknown; use one of .obj, .ply, .stl, .tab"),
-    "empty": ("obj", b"", "empty"),
+    "empty": ("obj", b"", "no vertices"),
     "blank": ("obj", b"\n\n", "no faces"),
     "not text": ("obj", b"v 1 2 3\n\xff\xfe\n", "byte 0xff is not UTF-8"),
     "utf-16": ("tab", "v 1 2 3".encode("utf-16"), "not UTF-8"),
@@ -219,11 +219,11 @@ def test_unreadable_file_gives_an_error_that_names_it_and_the_cause(tmp_path, ca
 
 def test_folder_and_unreadable_and_oversized_files_are_refused(tmp_path, monkeypatch):
     (tmp_path / "folder.obj").mkdir()
-    with pytest.raises(ShapeError, match="not a file"):
+    with pytest.raises(ShapeError, match="is a folder"):
         load_shape(tmp_path / "folder.obj")
     path = write(potato(), tmp_path, "obj")
     monkeypatch.setattr("swarm_mj.smallbody.shape_io.MAX_FILE_BYTES", 1000)
-    with pytest.raises(ShapeError, match="exceed 1000"):
+    with pytest.raises(ShapeError, match="larger than 1000 bytes"):
         load_shape(path)
 
 

@@ -78,7 +78,7 @@ GIMBAL = '<body name="gimbal"><joint name="tilt" axis="1 0 0"/><geom size="0.05"
 ODD = '<body name="wheel_odd"><joint name="wheel_odd" type="slide"/><geom size="0.05"/></body>'
 
 REFUSED = {
-    "a syntax error": (mjcf()[:-20], r"own\.xml: MuJoCo cannot read it: XML parse error"),
+    "a syntax error": (mjcf()[:-20], r"own\.xml: MuJoCo cannot read it: own\.xml is no XML: .*line"),
     "an element that MJCF has not": (mjcf("<panel/>"), r"cannot read it.*unrecognized element"),
     "no mass": (mjcf('<body name="dust"><joint name="a"/></body>'), r"mass and inertia of moving bodies"),
     "no hub": (mjcf().replace('<freejoint name="free"/>', ""), r"the file has none of body hub.*<freejoint/>"),
@@ -142,7 +142,7 @@ def test_files_that_are_none_or_too_large_are_refused(tmp_path, monkeypatch):
     for path in (tmp_path / "nothing.xml", tmp_path):
         with pytest.raises(ScenarioError, match="cannot read it"):
             read(path)
-    monkeypatch.setattr("swarm_mj.spacecraft.own_spacecraft.MAX_BYTES", 100)
+    monkeypatch.setattr("swarm_mj.spacecraft.model_limits.MAX_XML_BYTES", 100)
     large = tmp_path / "large.xml"
     large.write_text(mjcf())
     with pytest.raises(ScenarioError, match="larger than 100 bytes"):
