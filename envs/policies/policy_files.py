@@ -28,7 +28,8 @@ from numpy.typing import NDArray
 
 from swarm_mj import __version__
 from swarm_mj.errors import ScenarioError
-from swarm_mj.io.records import reading, record_from
+from swarm_mj.io.arrays import check_archive
+from swarm_mj.io.records import reading, record_from, require_file
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.typing import Array32, Ints
 
@@ -39,7 +40,7 @@ from ..observe.layout import AllPatches, Interface, Observed, local_rows, make_i
 from ..observe.single import NAME
 from ..observe.tables import GENERAL, PAIRS, PATCHES, SPACECRAFT
 from .baselines import Policy
-from .policy_network import NetworkPolicy, Provenance, load_network, masked_argmax
+from .policy_network import MAX_POLICY_BYTES, NetworkPolicy, Provenance, load_network, masked_argmax
 
 #: The trained policy that travels with the package.
 PACKAGED = "policies/swarm-observe.npz"
@@ -152,8 +153,8 @@ def open_policy(file: str | Path, config: EnvConfig) -> Policy:
     path = Path(file)
     if path.suffix not in ENDINGS:
         raise ScenarioError(f"policy {path}: must end in one of {', '.join(ENDINGS)}")
-    if not path.is_file():
-        raise ScenarioError(f"policy {path}: no such file")
+    with reading(f"policy {path}", "give the file of a policy", ScenarioError):
+        require_file(path, MAX_POLICY_BYTES)
     openers = {".npz": _network, ".onnx": _onnx, ".zip": _sb3}
     return openers[path.suffix](path, config)
 
@@ -245,6 +246,8 @@ def _sb3(path: Path, config: EnvConfig) -> Policy:
 
 def _zip_about(path: Path) -> tuple[dict[str, Any], bool]:
     """What a zip tells of its policy, and whether that takes masks."""
+    with reading(f"policy {path}", REMEDY, ScenarioError):
+        check_archive(path, MAX_POLICY_BYTES)
     with reading(f"policy {path}", REMEDY, ScenarioError), zipfile.ZipFile(path) as archive:
         about = record_from(archive.read(MEMBER), ZipAbout) if MEMBER in archive.namelist() else {}
         return about, "data" in archive.namelist() and b"sb3_contrib.common.maskable" in archive.read("data")

@@ -28,6 +28,8 @@ from swarm_mj.typing import Array, Ints
 
 #: Raise when the network or the meaning of its file changes.
 FORMAT = 3
+#: What a file of a policy may have, packed and unpacked [bytes].
+MAX_POLICY_BYTES = 2**28
 #: What a network may read at once.
 Reads = Literal["swarm", "spacecraft", "choice"]
 #: Arrays of the network.
@@ -139,8 +141,8 @@ def load_network(file: str | Path) -> NetworkPolicy:
     """
     path = Path(file)
     with reading(f"policy {path}", REMEDY, ScenarioError):
-        about = record_from(str(arrays_in(path, ABOUT)["about"]), NetworkAbout)
-        arrays = arrays_in(path, ARRAYS)
+        about = record_from(str(arrays_in(path, ABOUT, most=MAX_POLICY_BYTES)["about"]), NetworkAbout)
+        arrays = arrays_in(path, ARRAYS, most=MAX_POLICY_BYTES)
         logits = {"choice": 1, "spacecraft": about["choices"], "swarm": about["choices"] * about["spacecraft"]}
         must = logits[about["reads"]]
         if len(arrays["b3"]) != must:

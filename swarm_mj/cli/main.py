@@ -63,7 +63,7 @@ def _check_opengl() -> None:
             import mujoco  # noqa: F401
         except Exception as error:  # a wrong value, a library that is missing or lacks functions
             raise SwarmError(
-                f"MUJOCO_GL = {asked!r}: MuJoCo cannot be loaded with it ({error}); unset it, or set egl, glfw, osmesa or disable"
+                f"MUJOCO_GL = {asked!r}: MuJoCo cannot be loaded with it ({error}); unset it or set egl, glfw or osmesa"
             ) from None
 
 

@@ -71,6 +71,7 @@ def check_shapes(
     declared: Mapping[str, Declared],
     sizes: Mapping[str, int] | None = None,
     may_be_empty: Collection[str] = (),
+    most: int = MAX_BYTES,
 ) -> dict[str, int]:
     """Check types, dimensions and memory of the arrays that a file promises; gives the sizes of its dimensions by name.
 
@@ -79,6 +80,7 @@ def check_shapes(
         declared: What it must hold.
         sizes: Of dimensions that are known from elsewhere.
         may_be_empty: Dimensions that may have the size zero.
+        most: What all may take [bytes].
 
     Raises:
         ValueError: An array is missing or does not fit; the message names it, its shape and what it must be.
@@ -100,7 +102,7 @@ def check_shapes(
                 raise ValueError(f"{name} has the shape {shape}, must be ({_named(what, known)})")
             if size == 0 and dim not in may_be_empty:
                 raise ValueError(f"{name} has the shape {shape}: it is empty, {dim} must be at least 1")
-    _check_memory(found)
+    _check_memory(found, most)
     return known
 
 
@@ -109,14 +111,12 @@ def _named(what: Declared, known: Mapping[str, int] | None = None) -> str:
     return ", ".join(f"{dim} = {sizes[dim]}" if dim in sizes else str(dim) for dim in what.dims)
 
 
-def _check_memory(found: Found) -> None:
+def _check_memory(found: Found, most: int) -> None:
     total = 0
     for name, (dtype, shape) in found.items():
         total += math.prod(shape) * dtype.itemsize
-        if total > MAX_BYTES:
-            raise ValueError(
-                f"{name} has the shape {shape}: the arrays would take more than {MAX_BYTES} bytes (MAX_BYTES)"
-            )
+        if total > most:
+            raise ValueError(f"{name} has the shape {shape}: the arrays would take more than {most} bytes")
 
 
 def check_values(
@@ -195,20 +195,43 @@ def arrays_in(
     declared: Mapping[str, Declared],
     sizes: Mapping[str, int] | None = None,
     may_be_empty: Collection[str] = (),
+    most: int = MAX_BYTES,
 ) -> dict[str, NDArray[Any]]:
-    """As `read_arrays`, but what is raised is left to whoever reads more of the file.
+    """As `read_arrays`, but what is raised is left to whoever reads more of the file; `most` bytes may they take.
 
     Raises:
         Exception: Of zipfile, zlib, NumPy, or ValueError for what does not fit; see `reading`.
     """
-    require_file(path, MAX_BYTES)
+    require_file(path, most)
     with _InPieces(path) as file, zipfile.ZipFile(file) as archive:
         members = _members(archive, declared)
         found = {name: _header(archive, info) for name, info in members.items()}
-        known = check_shapes(found, declared, sizes, may_be_empty)
+        known = check_shapes(found, declared, sizes, may_be_empty, most)
         arrays = {name: _array(archive, info) for name, info in members.items()}
     check_values(arrays, declared, known)
     return arrays
+
+
+def check_archive(path: Path, most: int) -> None:
+    """See that a zip, and those that lie in it, unpack to at most so many bytes, before another program unpacks them.
+
+    Raises:
+        Exception: Of zipfile, or ValueError for what is too large; see `reading`.
+    """
+    require_file(path, most)
+    with _InPieces(path) as file, zipfile.ZipFile(file) as archive:
+        _check_unpacked(archive, most)
+    with zipfile.ZipFile(path) as archive:
+        for info in archive.infolist():
+            with archive.open(info) as member:
+                if zipfile.is_zipfile(member):
+                    _check_unpacked(zipfile.ZipFile(member), most)
+
+
+def _check_unpacked(archive: zipfile.ZipFile, most: int) -> None:
+    size = sum(info.file_size for info in archive.infolist())
+    if size > most:
+        raise ValueError(f"unpacks to {size} bytes, larger than {most} bytes")
 
 
 class _InPieces(io.FileIO):

@@ -8,17 +8,22 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 from swarm_mj.errors import InteropError, SwarmError
-from swarm_mj.io.records import one_line, require_file
+from swarm_mj.io.records import bytes_of, one_line, require_file
 
 #: SPICE takes no longer name of a file [characters].
 MAX_NAME = 255
+#: Of a text kernel, which is read whole, and of a binary one, which is not [bytes].
+MAX_TEXT_BYTES, MAX_BINARY_BYTES = 16_000_000, 2**35
+#: How kernels in binary form begin.
+BINARY = (b"DAF/", b"DAS/", b"NAIF/DA")
 
+_WHOLE = "give a SPICE kernel: text, or SPK, CK, PCK, DSK in binary form, whole"
 _POOL = threading.RLock()
 
 
@@ -63,15 +68,22 @@ def furnished(kernels: Sequence[str | Path], key: str, error: type[SwarmError] =
         error: What to raise.
 
     Raises:
-        SwarmError: As `error`: a file is missing or no kernel.
+        SwarmError: As `error`: a file, one that a meta-kernel names included, is missing, no kernel or too large.
     """
     spice = spiceypy()
     with _POOL:
         earlier = _loaded(spice)
         spice.kclear()
         try:
+            # All are looked at before one is opened for good: what a meta-kernel names, SPICE opens whatever it is.
+            waiting, seen = [str(kernel) for kernel in reversed(kernels)], set[str]()
+            while waiting:
+                if (name := waiting.pop()) not in seen:
+                    seen.add(name)
+                    waiting += _named_in(spice, name, key, error)
             for kernel in kernels:
-                _furnish(spice, Path(kernel), key, error)
+                with spice_errors(f"{key} = {one_line(kernel)}", _WHOLE, error):
+                    spice.furnsh(str(kernel))
             yield spice
         finally:
             spice.reset()  # an error that SPICE still holds would end the next call
@@ -80,25 +92,48 @@ def furnished(kernels: Sequence[str | Path], key: str, error: type[SwarmError] =
                 spice.furnsh(kernel)
 
 
-def _furnish(spice: Any, kernel: Path, key: str, error: type[SwarmError]) -> None:
-    what, name = f"{key} = {one_line(kernel)}", str(kernel)
+def _named_in(spice: Any, name: str, key: str, error: type[SwarmError]) -> list[str]:
+    """Files that a kernel names to be loaded with it; none but for meta-kernels.
+
+    Raises:
+        SwarmError: As `error`: it is missing, no kernel or too large.
+    """
+    what, kernel = f"{key} = {one_line(name)}", Path(name)
     try:
-        require_file(kernel)
-        kernel.open("rb").close()
+        require_file(kernel, MAX_BINARY_BYTES)
+        with kernel.open("rb") as file:
+            binary = file.read(8).startswith(BINARY)
+        lines = [] if binary else bytes_of(kernel, MAX_TEXT_BYTES).splitlines()
     except (OSError, ValueError) as reason:
         why = getattr(reason, "strerror", None) or reason
         raise error(f"{what}: {why}; give the path of a SPICE kernel") from None
     if len(name) > MAX_NAME or not name.isascii():
         raise error(f"{what}: SPICE takes names of at most {MAX_NAME} ASCII characters; move the file")
-    with spice_errors(what, "give a SPICE kernel: text, or SPK, CK, PCK, DSK in binary form, whole", error):
-        spice.furnsh(name)
-        if spice.kdata(spice.ktotal("ALL") - 1, "ALL")[1] == "TEXT" and not _is_text_kernel(kernel):
-            raise error(f"{what}: is no SPICE kernel (a text kernel has a line \\begindata); give another file")
+    if binary:
+        return []
+    if not any(line.strip() == b"\\begindata" for line in lines):
+        raise error(f"{what}: is no SPICE kernel (a text kernel has a line \\begindata); give another file")
+    with spice_errors(what, _WHOLE, error):
+        spice.ldpool(name)
+        paths = dict(zip(_texts(spice, "PATH_SYMBOLS"), _texts(spice, "PATH_VALUES"), strict=False))
+        named = [_with_paths(text, paths) for text in _texts(spice, "KERNELS_TO_LOAD")]
+        spice.kclear()
+    return named
 
 
-def _is_text_kernel(kernel: Path) -> bool:
-    with kernel.open("rb") as file:
-        return any(line.strip() == b"\\begindata" for line in file)
+def _texts(spice: Any, variable: str) -> list[str]:
+    """Values of a kernel variable, of which a `+` at the end goes on with the next."""
+    found: list[str] = []
+    with suppress(spice.NotFoundError):
+        while True:
+            found.append(str(spice.stpool(variable, len(found), "+", 1000)[0]))
+    return found
+
+
+def _with_paths(text: str, paths: dict[str, str]) -> str:
+    for symbol in sorted(paths, key=len, reverse=True):
+        text = text.replace(f"${symbol}", paths[symbol])
+    return text
 
 
 def _loaded(spice: Any) -> list[str]:

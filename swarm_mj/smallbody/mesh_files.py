@@ -231,7 +231,9 @@ def _check_ply_header(path: Path) -> None:
         if count > available:
             raise ShapeError(f"{path}: promises {count} {kind} elements in {available} bytes: it is cut short")
         if count > MAX_PLY_ELEMENTS:
-            raise ShapeError(f"{path}: {count} {kind} elements, at most {MAX_PLY_ELEMENTS} (MAX_PLY_ELEMENTS); reduce it")
+            raise ShapeError(
+                f"{path}: {count} {kind} elements, at most {MAX_PLY_ELEMENTS} (MAX_PLY_ELEMENTS); reduce it"
+            )
 
 
 def read_dsk(path: Path) -> tuple[Array, Ints]:

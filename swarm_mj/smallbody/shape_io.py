@@ -64,7 +64,9 @@ def load_shape(
     unit = usual_unit if unit is None else unit
     if unit not in METRES:
         raise ShapeError(f"{path}: unit {unit!r} is unknown; use one of {', '.join(map(repr, METRES))}")
-    with reading(path, "give a shape model, reduced by trimesh's mesh.simplify_quadric_decimation if need be", ShapeError):
+    with reading(
+        path, "give a shape model, reduced by trimesh's mesh.simplify_quadric_decimation if need be", ShapeError
+    ):
         require_file(path, MAX_FILE_BYTES)
     with _explained(path):
         vertices, faces = reader(path)

@@ -17,7 +17,9 @@ def test_no_module_of_the_current_folder_is_imported(tmp_path):
     for name in ("swarm_mj", "scipy", "numpy", "mujoco", "numba", "ctypes", "glfw", "argparse", "json"):
         (tmp_path / f"{name}.py").write_text(f"open({str(tmp_path / 'trap')!r}, 'w').close()\n")
     program = Path(sys.executable).with_name("swarm-mj")
-    environment = {name: value for name, value in os.environ.items() if name != "PYTHONSAFEPATH"} | {"MUJOCO_GL": "glfw"}
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONSAFEPATH"} | {
+        "MUJOCO_GL": "glfw"
+    }
     command = [program, "fly", "eros-quick", "--set", "seed=x"]
     done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)
     assert done.returncode == 2 and "seed = 'x'" in done.stderr
