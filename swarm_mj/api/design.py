@@ -20,6 +20,7 @@ from swarm_mj.io.atomic import MARKER, Result, atomic_folder
 from swarm_mj.io.interruption import held
 from swarm_mj.io.machine import check_workers
 from swarm_mj.io.progress import Stages, using_bars
+from swarm_mj.io.records import bytes_of
 from swarm_mj.observation.coverage import percent_text
 from swarm_mj.records.design_files import design_record, left_out_words, write_design, write_growth
 from swarm_mj.scenarios import schema
@@ -195,7 +196,7 @@ class Design:
         table = rows_html(f"Design for {self._scenario.name}", self._scenario.description, rows)
         if self.study is None:
             picture = (self.folder or Path()) / "cover.png"
-            return table + (png_html(picture.read_bytes()) if picture.is_file() else "")
+            return table + (png_html(bytes_of(picture)) if picture.is_file() else "")
         from swarm_mj.figures.design_figures import composers
 
         return table + figure_html(partial(composers(self.study)["cover"], self.study))

@@ -20,12 +20,14 @@ from swarm_mj.errors import ScenarioError, SwarmError
 from swarm_mj.flight.environment import load_body_shape
 from swarm_mj.flight.targets import target_from, true_target
 from swarm_mj.io.cache import hash_of
+from swarm_mj.io.records import bytes_of, reading
 from swarm_mj.io.values import check_data, shortened, shown
 from swarm_mj.scenarios import loading
 from swarm_mj.scenarios.bodies import PACKAGED_SHAPES
 from swarm_mj.scenarios.loading import ScenarioSource
 from swarm_mj.scenarios.schema import Scenario
 from swarm_mj.smallbody.shape import ShapeModel
+from swarm_mj.smallbody.shape_io import MAX_FILE_BYTES
 
 #: Flights of a campaign: a year of computing at three seconds each.
 MAX_ROWS = 10_000_000
@@ -319,10 +321,8 @@ def _hashes(scenarios: Iterable[Scenario]) -> Iterator[tuple[str, str]]:
 
 
 def _hash_of_file(key: str, path: str) -> str:
-    try:
-        return hash_of(Path(path).read_bytes().hex())
-    except OSError as error:
-        raise ScenarioError(f"{key} = {path}: cannot be read ({error.strerror})") from None
+    with reading(f"{key} = {path}", "give the path of a file", ScenarioError):
+        return hash_of(np.frombuffer(bytes_of(Path(path), MAX_FILE_BYTES), np.uint8))
 
 
 def explained(error: Any) -> str:

@@ -13,6 +13,7 @@ from swarm_mj.campaigns.config import Campaign
 from swarm_mj.campaigns.loading import Resolved, load_campaign
 from swarm_mj.errors import OutputError
 from swarm_mj.io.atomic import write_text
+from swarm_mj.io.cache import hash_of
 from swarm_mj.io.lock import LOCK
 from swarm_mj.io.records import Record, one_line, read_record
 from swarm_mj.io.values import shown
@@ -21,6 +22,8 @@ from swarm_mj.scenarios.loading import NO_OVERRIDES, ScenarioSource
 
 #: Where a campaign's folder says what it flies: `Resolved.dump` and what it was flown with.
 MANIFEST = "campaign.json"
+#: Of it, what rows depend on.
+_SECTIONS = ("campaign", "bases", "shapes", "versions")
 #: Where replayed rows go.
 REPLAYS = "replays"
 #: What a folder without a campaign may hold: what a campaign that ended before it began leaves, and replays.
@@ -108,6 +111,16 @@ def campaign_in(folder: Path) -> Campaign:
         raise OutputError(f"{path}: describes no campaign ({one_line(error)})") from None
 
 
+def mark_in(folder: Path) -> str:
+    """By which rows of the campaign in a folder are known: a hash of all that they depend on.
+
+    Raises:
+        OutputError: It describes none.
+    """
+    manifest = _without_descriptions(_read_manifest(folder / MANIFEST))
+    return hash_of(json.dumps([manifest.get(section) for section in _SECTIONS], sort_keys=True))
+
+
 class Manifest(Record):
     """What a campaign's folder says it flies, campaign.json."""
 
@@ -130,7 +143,7 @@ def require_same(theirs: dict[str, Any], ours: dict[str, Any], folder: Path) -> 
     then, now = _without_descriptions(theirs), _without_descriptions(ours)
     changed = [
         f"{path} = {shown(after)}, was {shown(before)}"
-        for section in ("campaign", "bases", "shapes", "versions")
+        for section in _SECTIONS
         for path, before, after in _differences(then.get(section), now[section], section)
     ]
     if changed:

@@ -80,7 +80,7 @@ def run_campaign(
     """
     check_workers(workers)
     _require_parquet()
-    from swarm_mj.campaigns.store import Store, read_results, schema_of
+    from swarm_mj.campaigns.store import Store, read_results, schema_in
     from swarm_mj.campaigns.summary import write_summary
 
     stages = Stages(resolved.campaign.name, bars)
@@ -88,7 +88,7 @@ def run_campaign(
     require_place(folder, resume=resume)
     with closing(_pool(resolved, folder, workers, scheduler)) as pool, only_one(folder):
         take_over(resolved, folder, resume=resume)
-        store = Store(folder, schema_of(resolved.campaign))
+        store = Store(folder, schema_in(folder))
         for name in store.torn:
             stages.say(f"{folder / name} was damaged; its runs are flown again")
         if resolved.without_maps:

@@ -1,12 +1,13 @@
 """Results on disk that survive a crash: a journal while the campaign flies, one Parquet file at the end.
 
     campaign.json      what is flown, written by who starts the campaign
-    journal.jsonl      finished rows as they come; each line carries its own checksum
-    results.parquet    all rows, sorted, at the end; the journal is then removed
+    journal.jsonl      finished rows as they come; each line carries the campaign's mark and its own checksum
+    results.parquet    all rows, sorted, with the mark, at the end; the journal is then removed
 
 A row is in the operating system's hands before the next one is asked for, so that no death of a process loses it, and on the
 disk every few seconds. A crash between two steps leaves a row in both places at most, and reading takes each row once. A file
-that is torn is set aside, a line that is torn is left out, and their rows are flown again.
+that is torn is set aside, a line that is torn is left out, and their rows are flown again. Whole rows of another campaign are
+refused; the mark tells them.
 
 The columns are `row`, `run`, `scenario`, `seed`; the drawn parameters by dotted key; `status`, `error`, `covered`,
 `spacecraft`; what is recorded; `events`; and last `wall_s`, the only one that differs when a run is flown again.
@@ -30,17 +31,22 @@ from pydantic import NonNegativeInt
 
 from swarm_mj.campaigns.config import Campaign
 from swarm_mj.campaigns.distributions import Bernoulli, Choice, Integer
-from swarm_mj.campaigns.manifest import campaign_in
+from swarm_mj.campaigns.manifest import campaign_in, mark_in
 from swarm_mj.campaigns.outcome import recorded
 from swarm_mj.errors import OutputError
 from swarm_mj.io.arrays import MAX_BYTES
 from swarm_mj.io.atomic import replacing
 from swarm_mj.io.interruption import held
-from swarm_mj.io.records import Record, one_line, record_from
+from swarm_mj.io.records import MAX_RECORD_BYTES, Record, one_line, reading, record_from, require_file
 
 #: The column that is not the same when a run is flown again.
 WALL = "wall_s"
 RESULTS, JOURNAL = "results.parquet", "journal.jsonl"
+
+#: A journal of more bytes is none.
+MAX_JOURNAL_BYTES = 4 * MAX_BYTES
+#: Where the metadata of a schema keep the mark.
+MARK = b"campaign"
 
 #: The journal is on the disk after this time [s], whatever happens to the machine.
 SYNC_S = 2.0
@@ -49,6 +55,8 @@ SYNC_S = 2.0
 _TYPES = (pa.int64(), pa.float64(), pa.bool_(), pa.string())
 
 Row = dict[str, Any]
+
+_FOREIGN = "move it elsewhere, or choose another folder with --out"
 
 
 class JournalRow(Record):
@@ -62,10 +70,10 @@ class Store:
 
     Args:
         folder: The campaign's folder.
-        schema: Columns.
+        schema: Columns, with the mark.
 
     Raises:
-        OutputError: The folder cannot be read or written.
+        OutputError: The folder cannot be read or written, or holds rows of another campaign.
     """
 
     def __init__(self, folder: Path, schema: pa.Schema) -> None:
@@ -76,7 +84,9 @@ class Store:
                 left.unlink()
             self.done = self._rows_of_results()
             self._recover()
-            self._journal = os.open(folder / JOURNAL, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC, 0o644)
+            # A link is not followed: what it names belongs to somebody else.
+            flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW
+            self._journal = os.open(folder / JOURNAL, flags, 0o644)
         self._synced = time.monotonic()
 
     def add(self, row: Row) -> None:
@@ -90,7 +100,7 @@ class Store:
         with self._told(), held():
             end = os.fstat(self._journal).st_size
             try:
-                _write_all(self._journal, _line(row))
+                _write_all(self._journal, _line(row, self.schema))
             except OSError:
                 os.ftruncate(self._journal, end)
                 raise
@@ -117,25 +127,24 @@ class Store:
         path = self.folder / RESULTS
         try:
             table = _read_parquet(path)
-            if table.schema.equals(self.schema):
-                return set(table["row"].to_pylist())
         except FileNotFoundError:
             return set()
-        except (pa.ArrowException, OSError):
-            pass
-        path.rename(path.with_name(f"{path.name}.torn"))
-        self.torn.append(path.name)
-        return set()
+        except (pa.ArrowException, ValueError, OSError):
+            path.rename(path.with_name(f"{path.name}.torn"))
+            self.torn.append(path.name)
+            return set()
+        _require_ours(table, self.schema, path)
+        return set(table["row"].to_pylist())
 
     def _recover(self) -> None:
         """Take over what an interrupted campaign left in the journal, without lines that are damaged."""
         journal = self.folder / JOURNAL
-        rows, damaged = read_journal(journal)
+        rows, damaged = read_journal(journal, self.schema)
         self.done |= {row["row"] for row in rows}
         if damaged:
             self.torn.append(f"{JOURNAL} ({damaged} line{'s' if damaged > 1 else ''})")
             with _replaced(journal) as file:
-                file.write(b"".join(map(_line, rows)))
+                file.write(b"".join(_line(row, self.schema) for row in rows))
 
     @contextmanager
     def _told(self) -> Iterator[None]:
@@ -153,64 +162,81 @@ def read_results(folder: str | os.PathLike[str], schema: pa.Schema | None = None
 
     Args:
         folder: The campaign's folder.
-        schema: Columns; default: those of the campaign in the folder.
+        schema: Columns, with the mark; default: those of the campaign in the folder.
 
     Raises:
-        OutputError: There are none, or a file is torn.
+        OutputError: There are none, a file is torn, or holds rows of another campaign.
     """
     folder = Path(folder)
+    if schema is None:
+        if not any(os.path.lexists(folder / name) for name in (RESULTS, JOURNAL)):
+            raise OutputError(f"{folder}: holds no finished run")
+        schema = schema_in(folder)
     tables: list[pa.Table] = []
     # Whoever writes moves rows from the journal to the results: read in that order, nothing is missed.
-    journal, _ = read_journal(folder / JOURNAL)
+    journal, _ = read_journal(folder / JOURNAL, schema)
     try:
         tables.append(_read_parquet(folder / RESULTS))
     except FileNotFoundError:
         pass
-    except (pa.ArrowException, OSError) as error:
+    except (pa.ArrowException, ValueError, OSError) as error:
         raise OutputError(
             f"{folder / RESULTS}: is torn or no Parquet file ({one_line(error)}); --resume flies its runs again"
         ) from None
-    if schema is None:
-        if not (tables or journal):
-            raise OutputError(f"{folder}: holds no finished run")
-        schema = tables[0].schema if tables else schema_of(campaign_in(folder))
     if journal:
         tables.append(table_of(journal, schema))
     for table in tables:
-        if not table.schema.equals(schema):
-            raise OutputError(
-                f"{folder}: its results have different columns; fly the campaign again with another --out"
-            )
+        _require_ours(table, schema, folder / RESULTS)
     whole = pa.concat_tables([*tables, schema.empty_table()]).sort_by("row")
     numbers = whole["row"].to_pylist()
     first = [k for k, number in enumerate(numbers) if k == 0 or number != numbers[k - 1]]
     return whole.take(first).combine_chunks()
 
 
-def read_journal(path: Path) -> tuple[list[Row], int]:
-    """Rows of a journal, and how many of its lines are damaged."""
-    try:
-        lines = path.read_bytes().splitlines(keepends=True)
-    except FileNotFoundError:
+def _require_ours(table: pa.Table, schema: pa.Schema, path: Path) -> None:
+    if not table.schema.equals(schema):
+        raise OutputError(f"{path}: its rows have other columns than this campaign; {_FOREIGN}")
+    if _mark(table.schema) != _mark(schema):
+        raise OutputError(f"{path}: its {table.num_rows} rows are of another campaign; {_FOREIGN}")
+
+
+def read_journal(path: Path, schema: pa.Schema) -> tuple[list[Row], int]:
+    """Rows of a journal, and how many of its lines are damaged.
+
+    Raises:
+        OutputError: It cannot be read, or a line is whole and of another campaign.
+    """
+    if not os.path.lexists(path):
         return [], 0
-    rows = [row for line in lines if (row := _parse(line)) is not None]
+    with reading(path, "remove it"):
+        require_file(path, MAX_JOURNAL_BYTES)
+        with path.open("rb") as file:
+            lines = list(iter(lambda: file.readline(MAX_RECORD_BYTES), b""))
+    rows = [row for number, line in enumerate(lines, 1) if (row := _parse(line, schema, path, number)) is not None]
     return rows, len(lines) - len(rows)
 
 
-def _line(row: Row) -> bytes:
-    text = json.dumps(row, allow_nan=False).encode()
+def _line(row: Row, schema: pa.Schema) -> bytes:
+    text = b"%s %s" % (_mark(schema), json.dumps(row, allow_nan=False).encode())
     return b"%08x %s\n" % (zlib.crc32(text), text)
 
 
-def _parse(line: bytes) -> Row | None:
+def _parse(line: bytes, schema: pa.Schema, path: Path, number: int) -> Row | None:
     text = line[9:-1]
     if not line.endswith(b"\n") or line[:9] != b"%08x " % zlib.crc32(text):
         return None
+    mark, _, values = text.partition(b" ")
+    if mark != _mark(schema):
+        raise OutputError(f"{path}: line {number} is of another campaign; {_FOREIGN}")
     try:
-        row: Row = record_from(text, JournalRow)
+        row: Row = record_from(values, JournalRow)
     except ValueError:
         return None
     return row
+
+
+def _mark(schema: pa.Schema) -> bytes:
+    return dict(schema.metadata or {}).get(MARK, b"")
 
 
 def _write_all(handle: int, data: bytes) -> None:
@@ -244,8 +270,11 @@ def _read_parquet(path: Path) -> pa.Table:
 
     Raises:
         FileNotFoundError: There is none.
-        pa.ArrowException, OSError: It cannot be read, has columns that no campaign has, or would take too much memory.
+        pa.ArrowException, ValueError, OSError: It cannot be read, has columns that no campaign has, or takes too much memory.
     """
+    if not os.path.lexists(path):
+        raise FileNotFoundError(path)
+    require_file(path, MAX_BYTES)
     with pq.ParquetFile(path) as file:
         schema, rows = file.schema_arrow, file.metadata.num_rows
     odd = next((field for field in schema if field.type not in _TYPES), None)
@@ -266,6 +295,15 @@ def _check_bytes(size: int) -> None:
 def _text_bytes(column: pa.ChunkedArray) -> int:
     """What the texts of a packed column take when each is written out [bytes]."""
     return sum(pc.sum(pc.binary_length(part.dictionary).take(part.indices)).as_py() or 0 for part in column.chunks)
+
+
+def schema_in(folder: Path) -> pa.Schema:
+    """Columns of the campaign in a folder, with its mark.
+
+    Raises:
+        OutputError: There is none.
+    """
+    return schema_of(campaign_in(folder)).with_metadata({MARK: mark_in(folder)})
 
 
 def schema_of(campaign: Campaign) -> pa.Schema:

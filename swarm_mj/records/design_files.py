@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
@@ -296,6 +297,6 @@ def read_design_folder(folder: Path) -> tuple[Scenario, dict[str, Any], list[Gro
     """
     record = read_record(folder / "design.json", DesignRecord, REMEDY)
     compared = folder / "growth.json"
-    rows = read_record(compared, list[GrowthRow], REMEDY) if compared.is_file() else []
+    rows = read_record(compared, list[GrowthRow], REMEDY) if os.path.lexists(compared) else []
     growth = [Growth(row["change"], row["n_observers"], row["note"]) for row in rows]
     return read_scenario(folder / "scenario.yaml"), record, growth

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Collection
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -197,6 +198,6 @@ def read_delivery(folder: Path, **sizes: int) -> Delivery | None:
         OutputError: The file cannot be read, or an array is missing or not as `DELIVERY` says.
     """
     path = folder / "delivery.npz"
-    if not path.is_file():
+    if not os.path.lexists(path):
         return None
     return Delivery(**read_arrays(path, DELIVERY, REMEDY, sizes=sizes, may_be_empty=_EMPTY_WHERE_NOTHING_WAS_SEEN))

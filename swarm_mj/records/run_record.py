@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -114,6 +115,9 @@ def read_run(folder: Path) -> RunRecord:
         record_from(telemetry.attrs.get("events", "[]"), list[Event])
     if why := contradiction(summary, [str(name) for name in telemetry["spacecraft"].values]):
         raise OutputError(f"{path}: cannot be read ({why}); {REMEDY}")
+    delivery = read_delivery(folder, spacecraft=summary["spacecraft"], cells=summary["target_cells"])
+    if delivery is not None and summary.get("delivered_percent") is None:
+        raise OutputError(f"{path}: cannot be read (delivered_percent is missing, but delivery.npz is there); {REMEDY}")
     return RunRecord(
         folder=folder,
         summary=summary,
@@ -122,8 +126,8 @@ def read_run(folder: Path) -> RunRecord:
         coverage=read_coverage(
             folder / "coverage.npz", SHOWN, spacecraft=summary["spacecraft"], cells=summary["target_cells"]
         ),
-        design=read_record(design, DesignRecord, REMEDY) if design.is_file() else None,
-        delivery=read_delivery(folder, spacecraft=summary["spacecraft"], cells=summary["target_cells"]),
+        design=read_record(design, DesignRecord, REMEDY) if os.path.lexists(design) else None,
+        delivery=delivery,
     )
 
 

@@ -342,15 +342,23 @@ def short(value: float) -> str:
     return f"{mantissa}·10{str(int(exponent)).translate(SUPERSCRIPT)}"
 
 
+#: What is said of a hyperbola; a run lacks what has no finite value.
+OF_HYPERBOLA = {
+    "axes", "v_infinity_m_s", "v_infinity_longitude_deg", "v_infinity_latitude_deg", "closest_approach_s",
+    "periapsis_radius_m", "turn_angle_deg",
+}  # fmt: skip
+
+
 def _mothership_orbit(summary: dict[str, Any]) -> Html | None:
     """How the mothership comes, a paragraph; None where the run does not tell."""
     way = summary.get("mothership") or {}
     if not way:
         return None
     words = f"The mothership begins {_km(way['distance_m'])} from the centre, at {_speed(way['speed_m_s'])}. "
+    told = {key for key, value in way.items() if value is not None}
     if way.get("orbit") == "hyperbola":
-        return join([tag("p", words + _hyperbola(way))])
-    if "orbit" in way:
+        words += _hyperbola(way) if told >= OF_HYPERBOLA else ""
+    elif told >= {"orbit", "eccentricity", "periapsis_radius_m"}:
         words += (
             f"Its orbit, osculating then, is an {way['orbit']} of eccentricity {way['eccentricity']:.4g} with periapsis "
             f"{_km(way['periapsis_radius_m'])} from the centre."
@@ -360,7 +368,7 @@ def _mothership_orbit(summary: dict[str, Any]) -> Html | None:
 
 def _hyperbola(way: dict[str, Any]) -> str:
     axes = ORBIT_AXES.get(way["axes"], way["axes"])
-    b_plane = "" if way["b_t_m"] is None else f", B·T = {_km(way['b_t_m'])} and B·R = {_km(way['b_r_m'])}"
+    b_plane = "" if None in (way.get("b_t_m"), way.get("b_r_m")) else f", B·T = {_km(way['b_t_m'])} and B·R = {_km(way['b_r_m'])}"
     late = way["closest_approach_s"]
     when = f"{abs(late):,.5g} s {'after' if late >= 0.0 else 'before'} the epoch"
     return (

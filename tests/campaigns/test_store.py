@@ -13,7 +13,7 @@ import pytest
 
 from swarm_mj.campaigns.config import Campaign
 from swarm_mj.campaigns.manifest import MANIFEST
-from swarm_mj.campaigns.store import JOURNAL, RESULTS, Store, read_journal, read_results, schema_of
+from swarm_mj.campaigns.store import JOURNAL, RESULTS, Store, _line, read_journal, read_results, schema_in, schema_of
 from swarm_mj.errors import OutputError
 
 pytestmark = pytest.mark.robust
@@ -32,22 +32,28 @@ def row(number, **values):
     return {**plain, "coverage_percent": 1.0 / (number + 3.0), "events": [], "wall_s": 0.5, **values}
 
 
-def filled(folder, numbers):
-    store = Store(folder, SCHEMA)
+def begun(folder, campaign=CAMPAIGN):
+    """A folder with a manifest; its columns with the mark."""
+    (folder / MANIFEST).write_text(json.dumps({"campaign": campaign.model_dump(mode="json", by_alias=True)}))
+    return schema_in(folder)
+
+
+def filled(folder, numbers, schema=SCHEMA):
+    store = Store(folder, schema)
     for number in numbers:
         store.add(row(number))
     return store
 
 
-def numbers(folder):
-    return read_results(folder, SCHEMA)["row"].to_pylist()
+def numbers(folder, schema=SCHEMA):
+    return read_results(folder, schema)["row"].to_pylist()
 
 
 def test_rows_are_there_as_soon_as_they_are_added_and_keep_every_bit(tmp_path):
     store = filled(tmp_path, [3, 1])
     store.compact()
     store.add(row(2))
-    found = read_results(tmp_path).to_pylist()
+    found = read_results(tmp_path, SCHEMA).to_pylist()
     assert [r["row"] for r in found] == [1, 2, 3]
     assert [r["coverage_percent"] for r in found] == [1.0 / (n + 3.0) for n in (1, 2, 3)]
     assert [r["seed"] for r in found] == [2**62 + n for n in (1, 2, 3)]
@@ -56,11 +62,9 @@ def test_rows_are_there_as_soon_as_they_are_added_and_keep_every_bit(tmp_path):
 def test_rows_that_stand_in_the_journal_alone_are_read_by_anybody(tmp_path):
     with pytest.raises(OutputError, match="holds no finished run"):
         read_results(tmp_path)
-    store = filled(tmp_path, [2])
-    with pytest.raises(OutputError, match=r"campaign\.json: cannot be read"):
-        read_results(tmp_path)
-    (tmp_path / MANIFEST).write_text(json.dumps({"campaign": CAMPAIGN.model_dump(mode="json", by_alias=True)}))
-    assert read_results(tmp_path).equals(read_results(tmp_path, SCHEMA)) and numbers(tmp_path) == [2]
+    schema = begun(tmp_path)
+    store = filled(tmp_path, [2], schema)
+    assert read_results(tmp_path).equals(read_results(tmp_path, schema)) and numbers(tmp_path, schema) == [2]
     assert read_results(str(tmp_path)).equals(read_results(tmp_path))
     store.close()
 
@@ -74,7 +78,7 @@ def test_a_store_that_was_never_closed_is_taken_over_whole(tmp_path):
 
 def test_compaction_gives_one_sorted_file_and_a_second_one_changes_nothing(tmp_path):
     filled(tmp_path, [4, 0, 3, 1]).compact()
-    assert read_journal(tmp_path / JOURNAL) == ([], 0)
+    assert read_journal(tmp_path / JOURNAL, SCHEMA) == ([], 0)
     first = (tmp_path / RESULTS).read_bytes()
     again = Store(tmp_path, SCHEMA)
     again.compact()
@@ -144,10 +148,50 @@ def test_a_torn_file_is_set_aside_and_its_rows_are_missing(tmp_path, damage):
         data[where] ^= 0x40
     file.write_bytes({"cut": bytes(data[:-40]), "emptied": b"", "flipped": bytes(data), "replaced": b"hello"}[damage])
     with pytest.raises(OutputError, match="torn"):
-        read_results(tmp_path)
+        read_results(tmp_path, SCHEMA)
     store = Store(tmp_path, SCHEMA)
     assert store.done == set(range(20, 40)) and store.torn == [RESULTS]
     assert file.with_name(f"{RESULTS}.torn").exists()
+
+
+@pytest.mark.parametrize("compacted", [False, True])
+def test_whole_rows_of_another_campaign_are_refused_by_name(tmp_path, compacted):
+    other, folder = tmp_path / "other", tmp_path / "ours"
+    other.mkdir()
+    folder.mkdir()
+    store = filled(other, [5, 6], begun(other, CAMPAIGN.model_copy(update={"seed": 1})))
+    if compacted:
+        store.compact()
+    schema, name = begun(folder), RESULTS if compacted else JOURNAL
+    ours = b"" if compacted else _line(row(0), schema)
+    (folder / name).write_bytes(ours + (other / name).read_bytes())
+    words = r"results\.parquet: its 2 rows are" if compacted else r"journal\.jsonl: line 2 is"
+    for read in (Store, read_results):
+        with pytest.raises(OutputError, match=rf"{words} of another campaign; move it elsewhere, or .*--out"):
+            read(folder, schema)
+    assert (folder / name).read_bytes() == ours + (other / name).read_bytes()
+
+
+@pytest.mark.parametrize("name", [JOURNAL, RESULTS])
+@pytest.mark.parametrize("kind", ["device", "pipe"])
+def test_rows_are_read_of_regular_files_alone(tmp_path, name, kind):
+    if kind == "pipe":
+        os.mkfifo(tmp_path / name)
+    else:
+        (tmp_path / name).symlink_to("/dev/zero")
+    with pytest.raises(OutputError, match=rf"{name}: .*is a.* {kind}, no regular file"):
+        read_results(tmp_path, SCHEMA)
+
+
+def test_a_journal_that_is_a_link_is_not_written_through(tmp_path):
+    mine = tmp_path / "mine.txt"
+    mine.write_bytes(b"")
+    folder = tmp_path / "campaign"
+    folder.mkdir()
+    (folder / JOURNAL).symlink_to(mine)
+    with pytest.raises(OutputError, match="cannot be written"):
+        filled(folder, [0])
+    assert mine.read_bytes() == b""
 
 
 def test_what_a_killed_writer_left_half_written_is_cleared(tmp_path):

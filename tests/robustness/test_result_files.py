@@ -1,6 +1,7 @@
 """Every file of a result, spoilt in hundreds of ways, is read or refused in one line."""
 
 import json
+import os
 import shutil
 from dataclasses import replace
 from importlib import resources
@@ -63,6 +64,7 @@ def test_summaries_are_refused_in_one_line_or_shown_in_a_report(run, record, tmp
         changed = replace(record, summary=summary)
         sections.summary_section(changed)
         sections.spacecraft_section([changed], ["A"])
+        sections.design_section([changed], ["A"])
         sections.parameters_section([changed, record], ["A", "B"])
         compare.comparison_section([changed, record], ["A", "B"])
         findings.findings(changed)
@@ -160,6 +162,33 @@ def test_every_command_that_reads_a_run_refuses_it_in_one_line(run, tmp_path, ca
         assert said.startswith("swarm-mj: error: ") and said.count("\n") == 1 and name in said
     with pytest.raises(OutputError, match=name.replace(".", r"\.")):
         sm.open(folder)
+
+
+@pytest.mark.parametrize("name", ["delivery.npz", "design.json"])
+@pytest.mark.parametrize("kind", ["folder", "pipe", "device"])
+def test_a_file_that_a_run_may_lack_is_refused_where_it_is_none(run, tmp_path, name, kind):
+    folder = tmp_path / "run"
+    shutil.copytree(run, folder)
+    (folder / name).unlink(missing_ok=True)
+    if kind == "folder":
+        (folder / name).mkdir()
+    elif kind == "pipe":
+        os.mkfifo(folder / name)
+    else:
+        (folder / name).symlink_to("/dev/zero")
+    with bounded(), pytest.raises(OutputError, match=rf"{name}: cannot be read .is a.* {kind}, no regular file"):
+        read_run(folder)
+
+
+@pytest.mark.parametrize("change", [lambda s: s.pop("delivered_percent"), lambda s: s.update(delivered_percent=None)])
+def test_a_summary_that_does_not_say_what_arrived_is_refused_where_something_did(run, tmp_path, change):
+    folder = tmp_path / "run"
+    shutil.copytree(run, folder)
+    summary = json.loads((folder / "summary.json").read_text())
+    change(summary)
+    (folder / "summary.json").write_text(json.dumps(summary))
+    with pytest.raises(OutputError, match="delivered_percent is missing, but delivery.npz is there"):
+        read_run(folder)
 
 
 def test_a_summary_of_other_spacecraft_is_refused(run, tmp_path):
