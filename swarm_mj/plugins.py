@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
+from inspect import signature
 from pathlib import Path
 from traceback import extract_tb
 from typing import Any
@@ -74,6 +75,10 @@ def create(group: str, name: str, parameters: Mapping[str, Any], *context: Any) 
     """
     factory = find(group, name)
     try:
+        for argument in signature(factory).parameters.values():
+            value = parameters.get(argument.name)
+            if type(argument.default) in (int, float) and isinstance(value, str | bool):  # float() would take both
+                raise ValueError(f"{argument.name} = {shown(value)}: must be a number")
         plugin = factory(*context, **parameters)
     except SwarmError:
         raise

@@ -368,7 +368,8 @@ def _mothership_orbit(summary: dict[str, Any]) -> Html | None:
 
 def _hyperbola(way: dict[str, Any]) -> str:
     axes = ORBIT_AXES.get(way["axes"], way["axes"])
-    b_plane = "" if None in (way.get("b_t_m"), way.get("b_r_m")) else f", B·T = {_km(way['b_t_m'])} and B·R = {_km(way['b_r_m'])}"
+    b = [_km(way[key]) for key in ("b_t_m", "b_r_m") if way.get(key) is not None]
+    b_plane = f", B·T = {b[0]} and B·R = {b[1]}" if len(b) == 2 else ""
     late = way["closest_approach_s"]
     when = f"{abs(late):,.5g} s {'after' if late >= 0.0 else 'before'} the epoch"
     return (

@@ -248,7 +248,8 @@ class Scenario(Section):
     )
     epoch: str = Field(
         "2018-01-01T03:15:00",
-        description="time at which the swarm is deployed, ISO 8601, TDB; by default the paper's target is sunlit and Earth in "
+        description="time at which the swarm is deployed, ISO 8601, TDB; from 1800 to 2049, where the Earth's elements hold, "
+        "or to 2199 where ephemerides.kernels says where it is; by default the paper's target is sunlit and Earth in "
         "view during the imaging (numbers beside DEFAULT_EPOCH in swarm_mj.smallbody.ephemeris)",
     )
     duration_s: float = Field(
@@ -296,6 +297,19 @@ class Scenario(Section):
         if not isinstance(moment, datetime) or moment.tzinfo is not None:
             raise ValueError(f"= {value!r}: must be a date and time in TDB without time zone, like 2018-01-15T00:00:00")
         return moment.isoformat()
+
+    @model_validator(mode="after")
+    def _orbits_hold_at_the_epoch(self) -> Self:
+        by_kernels = bool(self.ephemerides.kernels) and self.ephemerides.positions
+        last = 2199 if by_kernels else 2049
+        if not 1800 <= int(self.epoch[:4]) <= last:
+            remedy = (
+                "" if by_kernels else ", or give SPICE kernels that say where Sun and Earth stand (ephemerides.kernels)"
+            )
+            raise ValueError(
+                f"epoch = {self.epoch}: must be from 1800 to {last}, where the elements of the Earth hold{remedy}"
+            )
+        return self
 
     @model_validator(mode="after")
     def _smear_has_an_exposure(self) -> Self:

@@ -29,10 +29,13 @@ class RotationState(Section):
     """Pole and spin of the body (defaults: 433 Eros, label of PDS NEAR-A-5-COLLECTED-MODELS-V1.0)."""
 
     pole_ra_deg: float = Field(
-        constants.EROS_POLE_RA_DEG, description="right ascension of the pole, J2000 equatorial [deg]"
+        constants.EROS_POLE_RA_DEG,
+        ge=-360,
+        le=360,
+        description="right ascension of the pole, J2000 equatorial [deg]",
     )
     pole_dec_deg: float = Field(constants.EROS_POLE_DEC_DEG, ge=-90, le=90, description="declination of the pole [deg]")
-    w0_deg: float = Field(constants.EROS_W0_DEG, description="prime meridian angle at J2000 [deg]")
+    w0_deg: float = Field(constants.EROS_W0_DEG, ge=-360, le=360, description="prime meridian angle at J2000 [deg]")
     w_rate_deg_per_day: float = Field(
         constants.EROS_W_RATE_DEG_PER_DAY, ge=-1e6, le=1e6, description="rotation rate [deg/day]"
     )
@@ -44,9 +47,13 @@ class HeliocentricOrbit(Section):
     semi_major_axis_au: float = Field(1.458114857699829, ge=0.01, le=1e4, description="semi-major axis [au]")
     eccentricity: float = Field(0.2227354414120954, ge=0, lt=1, description="eccentricity [-]; closed orbits only")
     inclination_deg: float = Field(10.82855904976882, ge=0, le=180, description="inclination to the ecliptic [deg]")
-    node_deg: float = Field(304.3061397028930, description="longitude of the ascending node [deg]")
-    argument_of_perihelion_deg: float = Field(178.8220606936718, description="argument of perihelion [deg]")
-    perihelion_jd: float = Field(2458516.111275572, gt=0, description="Julian date of perihelion passage (TDB)")
+    node_deg: float = Field(304.3061397028930, ge=-360, le=360, description="longitude of the ascending node [deg]")
+    argument_of_perihelion_deg: float = Field(
+        178.8220606936718, ge=-360, le=360, description="argument of perihelion [deg]"
+    )
+    perihelion_jd: float = Field(
+        2458516.111275572, ge=1e6, le=4e6, description="Julian date of perihelion passage (TDB)"
+    )
 
 
 class Body(Section):

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any, Self
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, ModelWrapValidatorHandler, model_validator
 
 from swarm_mj.errors import ScenarioError
+from swarm_mj.io.values import shown
 
 #: Of a position [m], up to some 7 au: two days before a fast flyby a mothership is 1e9 m away.
 Component = Annotated[float, Field(ge=-1e12, le=1e12)]
@@ -16,10 +17,37 @@ Vector3 = Annotated[tuple[Component, Component, Component], Field(description="t
 Parameters = dict[str, Any]
 
 
+#: Kinds of plain values, which do not stand for each other.
+_KINDS = {bool: "true or false", float: "a number", str: "text"}
+
+
+def _kind(value: Any) -> type | None:
+    return next((kind for kind, of in ((bool, bool), (float, (int, float)), (str, str)) if isinstance(value, of)), None)
+
+
+def _changed(given: Any, validated: Any) -> tuple[Any, type] | None:
+    """The first plain value, in a tuple, that became one of another kind, and which kind that is."""
+    if isinstance(given, list | tuple) and isinstance(validated, tuple):
+        return next((odd for pair in zip(given, validated, strict=False) if (odd := _changed(*pair))), None)
+    before, after = _kind(given), _kind(validated)
+    return (given, after) if before and after and before is not after else None
+
+
 class Section(BaseModel):
     """Base of all sections: immutable, strict about unknown keys and non-finite numbers."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _kinds_are_kept(cls, data: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
+        """Refuse text and true or false in the place of a number, and the other way round, which pydantic would convert."""
+        section = handler(data)
+        for name, field in cls.model_fields.items() if isinstance(data, Mapping) else ():
+            if (key := field.alias or name) in data and (odd := _changed(data[key], getattr(section, name))):
+                given, kind = odd
+                raise ValueError(f"{key} = {shown(data[key])}: must be {_KINDS[kind]}, not {shown(given)}")
+        return section
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
         """A copy with some fields replaced, by their names and unchecked, as pydantic has it.

@@ -10,6 +10,8 @@ from typing import Final
 NUMBERED, EXTENDED, LAST_NUMBERED = 2_000_000, 20_000_000, 999_999
 #: Number of a body that is no numbered asteroid; NAIF has given it to nobody.
 UNNUMBERED: Final = 9_999_999
+#: SPICE takes variables of 32 characters; the longest is FRAME_SWARM_..._FIXED.
+MAX_CHARACTERS: Final = 14
 
 
 @dataclass(frozen=True)
@@ -18,7 +20,7 @@ class BodyName:
 
     Attributes:
         code: NAIF's number.
-        name: In capitals, without the number of the asteroid, at most 16 characters.
+        name: In capitals, without the number of the asteroid, at most `MAX_CHARACTERS`.
     """
 
     code: int
@@ -29,7 +31,7 @@ class BodyName:
         """Of a body as scenarios call it, e.g. `433 Eros`."""
         number, _, rest = name.strip().partition(" ")
         numbered = number.isdecimal() and bool(rest.strip()) and 0 < int(number) < EXTENDED
-        words = re.sub(r"[^A-Z0-9]+", "_", (rest if numbered else name).upper()).strip("_")[:16] or "BODY"
+        words = re.sub(r"[^A-Z0-9]+", "_", (rest if numbered else name).upper()).strip("_")[:MAX_CHARACTERS] or "BODY"
         if not numbered:
             return cls(UNNUMBERED, words)
         return cls((NUMBERED if int(number) <= LAST_NUMBERED else EXTENDED) + int(number), words)

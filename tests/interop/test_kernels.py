@@ -195,6 +195,16 @@ def test_no_kernel_is_left_in_the_pool_and_the_callers_come_back(exported, monke
 
 
 @pytest.mark.parametrize(
+    "name", ["x" * 1000, "21 Lutetia, seen from far away", "1234567 (2019 AB) provisional", "ß" * 40, "-"]
+)
+def test_no_name_of_a_body_is_too_long_for_the_variables_of_spice(name):
+    import spiceypy
+
+    spiceypy.pipool(f"FRAME_{BodyName.of(name).frame}", [1])
+    spiceypy.kclear()
+
+
+@pytest.mark.parametrize(
     ("name", "code", "short"),
     [("433 Eros", 2000433, "EROS"), ("101955 Bennu", 2101955, "BENNU"), ("21 Lutetia", 2000021, "LUTETIA"),
      ("25143 Itokawa", 2025143, "ITOKAWA"), ("Pebble", 9999999, "PEBBLE"), ("1234567 New", 21234567, "NEW")],

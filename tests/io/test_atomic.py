@@ -5,13 +5,14 @@ import os
 import shutil
 import subprocess
 import sys
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
 
 from swarm_mj.cli.main import main
 from swarm_mj.errors import OutputError
-from swarm_mj.io.atomic import FIGURES, FILES, KINDS, MARKER, Result, atomic_folder
+from swarm_mj.io.atomic import FIGURES, FILES, KINDS, MARKER, Result, atomic_file, atomic_folder, write_text
 
 FIRST, SECOND = (json.dumps({"scenario": name, "versions": {"swarm_mj": "0"}}) for name in ("first", "the second"))
 
@@ -197,7 +198,7 @@ def test_what_is_put_into_the_folder_while_the_new_result_is_made_is_kept_too(tm
 #: Dies as by kill -9 before the step of that number that changes what stands in the place.
 KILLED = """
 import os, pathlib, shutil, sys
-from swarm_mj.io.atomic import MARKER, Result, atomic_folder
+from swarm_mj.io.atomic import MARKER, Result, atomic_file, atomic_folder, write_text
 left = int(sys.argv[2])
 def deadly(step):
     def taken(*arguments, **keywords):
@@ -311,3 +312,19 @@ def test_the_command_refuses_the_place_of_another_result_before_anything_is_flow
     assert "holds a run of a, which a design of eros-quick does not replace" in capsys.readouterr().err
     assert sorted(p.name for p in tmp_path.iterdir()) == ["eros-config2"]
     assert sorted(p.name for p in (tmp_path / "eros-config2").iterdir()) == ["report.html", MARKER]
+
+
+def through_atomic_file(path, text):
+    with atomic_file(path) as partial:
+        partial.write_text(text)
+
+
+@pytest.mark.parametrize("write", [write_text, through_atomic_file])
+def test_no_link_that_waits_beside_a_file_leads_what_is_written_elsewhere(tmp_path, write):
+    mine = tmp_path / "mine"
+    mine.write_text("mine")
+    for name in (".a.json.partial", f".a.json.{os.getpid()}.partial", ".a.json.lock"):
+        (tmp_path / name).symlink_to(mine)
+    with suppress(OutputError):  # of the link in the place of the lock
+        write(tmp_path / "a.json", "theirs")
+    assert mine.read_text() == "mine"

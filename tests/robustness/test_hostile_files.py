@@ -64,6 +64,18 @@ def test_no_module_reads_files_with_what_could_run_them():
                 assert not runs_what_it_reads(node), where
 
 
+def test_every_process_is_begun_where_it_ends_with_the_one_that_asked_for_it():
+    """tests/io/test_workers.py kills that one; a solver is a thread, which ends with its process anyway."""
+    for path in SOURCES:
+        if path == ROOT / "swarm_mj/io/workers.py":
+            continue
+        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+            names = [alias.name for alias in node.names] if isinstance(node, ast.Import | ast.ImportFrom) else []
+            module = node.module if isinstance(node, ast.ImportFrom) else ""
+            assert not {"subprocess", "multiprocessing", "ProcessPoolExecutor"} & {module, *names}, path
+            assert not (isinstance(node, ast.Attribute) and node.attr in ("fork", "forkpty", "posix_spawn")), path
+
+
 def test_the_reader_of_scenarios_is_a_safe_one():
     import yaml
 

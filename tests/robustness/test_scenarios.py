@@ -173,6 +173,32 @@ def test_a_flight_that_no_machine_can_hold_is_refused_before_it_begins(changes, 
         or str(getattr(limits, limit) - 1) in str(error.value)  # fmt: skip
 
 
+@pytest.mark.parametrize(
+    ("key", "value", "words"),
+    [
+        ("design.visiting_points", [True, 2], "must be a number, not True"),
+        ("mothership.position_A_m", [0, "-3e4", 0], "must be a number, not '-3e4'"),
+        ("body.rotation.w_rate_deg_per_day", "4.46e2", "must be a number, not '4.46e2'"),
+        ("camera.half_angle_deg", True, "must be a number, not True"),
+        ("observation.occlusion", 1, "must be true or false, not 1"),
+        ("body.rotation.pole_ra_deg", 1e30, "less than or equal to 360"),
+        ("epoch", "0001-01-01T00:00:00", "must be from 1800 to 2049, where the elements of the Earth hold"),
+        ("epoch", "2200-01-01T00:00:00", "must be from 1800 to 2049, where the elements of the Earth hold"),
+    ],
+)
+def test_a_value_of_another_kind_or_beyond_what_is_known_is_refused_by_name(key, value, words):
+    with pytest.raises(ScenarioError, match=words) as error:
+        load_scenario("eros-quick", {key: value})
+    assert f"{key} = " in str(error.value)
+
+
+@pytest.mark.parametrize("gm", ["4.46e5", True])
+def test_arguments_of_plug_ins_are_numbers_where_their_defaults_are(gm):
+    scenario = load_scenario("eros-quick", {"body.gravity": {"model": "point_mass", "parameters": {"gm": gm}}})
+    with pytest.raises(SwarmError, match=f"body.gravity.model = .*gm = {gm!r}: must be a number"):
+        make_plan(scenario)
+
+
 @pytest.mark.parametrize("name", ["a/b", "../up", "..", "/etc/x", "a\0b", "a\nb", "x\n", "", ".hidden", "C:\\x", "a b"])
 def test_a_name_that_would_leave_the_output_folder_is_refused(name):
     with pytest.raises(ScenarioError, match="name"):
