@@ -170,7 +170,7 @@ def _check_folder(folder: Path) -> None:
             raise OutputError(f"{folder}: no such folder; give the folder that `swarm-mj fly` wrote")
         if not folder.is_dir():
             raise OutputError(f"{folder}: is a file; give the folder that `swarm-mj fly` wrote")
-        if not (folder / MARKER).is_file():
+        if not os.path.lexists(folder / MARKER):
             begun = any((folder / name).exists() for name in ("scenario.yaml", "telemetry.nc", "coverage.npz"))
             what = "is an unfinished run" if begun else "is not a folder of `swarm-mj fly`"
             raise OutputError(f"{folder}: {what} (it has no {MARKER}); fly it with `swarm-mj fly`")

@@ -21,6 +21,7 @@ import mujoco
 import numpy as np
 
 from swarm_mj.errors import MissionError, ScenarioError
+from swarm_mj.io.records import one_line
 from swarm_mj.spacecraft.elastic import Mode, modes_of
 from swarm_mj.spacecraft.elements import (
     id_of,
@@ -140,7 +141,7 @@ def read_spacecraft(path: Path, planned: SpacecraftProperties) -> OwnSpacecraft:
         model = part.compile()
         return _read(path, model, planned)
     except (ValueError, _Refused) as error:
-        raise ScenarioError(f"spacecraft.mjcf = {path}: {error}") from None
+        raise ScenarioError(f"spacecraft.mjcf = {path}: {one_line(error)}") from None
 
 
 def small_motions(own: OwnSpacecraft) -> list[Mode]:
@@ -158,8 +159,7 @@ def load_part(path: Path) -> mujoco.MjSpec:
         check_model(path)
         part = mujoco.MjSpec.from_file(str(path))
     except (OSError, ValueError) as error:
-        reason = " ".join(str(getattr(error, "strerror", None) or error).split())
-        raise ScenarioError(f"spacecraft.mjcf = {path}: MuJoCo cannot read it: {reason}") from None
+        raise ScenarioError(f"spacecraft.mjcf = {path}: MuJoCo cannot read it: {one_line(error)}") from None
     _name_the_nameless(part)
     return part
 
