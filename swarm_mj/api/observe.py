@@ -25,6 +25,7 @@ from swarm_mj.interop.external_flight import (
 )
 from swarm_mj.io.atomic import atomic_file
 from swarm_mj.io.progress import Stages, using_bars
+from swarm_mj.io.records import writing
 from swarm_mj.observation.coverage import CoverageMap, percent_text
 from swarm_mj.records.observed import not_observed
 from swarm_mj.records.run_files import write_coverage
@@ -96,12 +97,8 @@ class Observation:
             OutputError: They cannot be written.
         """
         place = Path(folder)
-        try:
+        with writing(place, "choose another folder with --out"):
             place.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise InteropError(
-                f"{place}: cannot be written ({error.strerror}); choose another folder with --out"
-            ) from None
         with atomic_file(place / "coverage.npz") as partial, partial.open("wb") as file:
             write_coverage(file, self.flight, self.result)
         with atomic_file(place / "observation.json") as partial:

@@ -15,9 +15,9 @@ from matplotlib.figure import Figure
 
 from swarm_mj.campaigns.loading import Resolved
 from swarm_mj.campaigns.summary import SEED, by_scenario, column, groups, label_of, swept, value_label
-from swarm_mj.errors import OutputError
 from swarm_mj.figures.palette import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY_BLUE, VERMILLION
 from swarm_mj.figures.style import SMALL_PT, TICK_PT, label, new_figure, plain, save, tidy
+from swarm_mj.io.records import writing
 from swarm_mj.typing import Array
 
 T = TypeVar("T")
@@ -163,12 +163,8 @@ def draw_all(folder: Path, resolved: Resolved, results: pa.Table, summary: dict[
         figure = compose(resolved, results, summary)
         if figure is None:
             continue
-        try:
+        with writing(folder / f"{name}.png", "go on with --resume"):
             save(figure, folder / f"{name}.png")
-        except OSError as error:
-            raise OutputError(
-                f"{folder}: {name}.png cannot be written ({error.strerror}); go on with --resume"
-            ) from None
 
 
 def _flown(resolved: Resolved, results: pa.Table, name: str) -> dict[str, Array]:

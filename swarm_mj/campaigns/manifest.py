@@ -15,7 +15,7 @@ from swarm_mj.errors import OutputError
 from swarm_mj.io.atomic import write_text
 from swarm_mj.io.cache import hash_of
 from swarm_mj.io.lock import LOCK
-from swarm_mj.io.records import Record, one_line, read_record
+from swarm_mj.io.records import Record, one_line, read_record, writing
 from swarm_mj.io.values import shown
 from swarm_mj.records.summary import library_versions
 from swarm_mj.scenarios.loading import NO_OVERRIDES, ScenarioSource
@@ -66,10 +66,8 @@ def take_over(resolved: Resolved, folder: Path, *, resume: bool) -> None:
     manifest = folder / MANIFEST
     ours = {**resolved.dump(), "versions": library_versions()}
     if not manifest.exists():
-        try:
+        with writing(folder, "choose another folder with --out"):
             write_text(manifest, json.dumps(ours, indent=2) + "\n")
-        except OSError as error:
-            raise OutputError(f"{folder}: cannot be written ({error.strerror})") from None
         return
     if not resume:
         raise OutputError(

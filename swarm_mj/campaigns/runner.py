@@ -20,6 +20,7 @@ from swarm_mj.io.atomic import write_text
 from swarm_mj.io.lock import only_one
 from swarm_mj.io.machine import check_workers
 from swarm_mj.io.progress import Stages
+from swarm_mj.io.records import writing
 
 TELEMETRY = "telemetry"
 
@@ -202,7 +203,7 @@ def _write_replay(flyer: Flyer, row: int, folder: Path, flown: dict[str, Any]) -
     from swarm_mj.records.run_files import flown_design, write_results
 
     trial = flyer.sample.trial(row)
-    try:
+    with writing(folder, "choose another folder with --out"):
         folder.mkdir(parents=True, exist_ok=True)
         try:
             scenario = flyer.scenario(trial)
@@ -213,5 +214,3 @@ def _write_replay(flyer: Flyer, row: int, folder: Path, flown: dict[str, Any]) -
             return
         add_coverage(telemetry, result)
         write_results(folder, plan, telemetry, result, flown_design(plan.scenario))
-    except OSError as error:
-        raise OutputError(f"{folder}: cannot be written ({error.strerror})") from None

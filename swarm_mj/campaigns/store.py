@@ -37,7 +37,7 @@ from swarm_mj.errors import OutputError
 from swarm_mj.io.arrays import MAX_BYTES
 from swarm_mj.io.atomic import replacing
 from swarm_mj.io.interruption import held
-from swarm_mj.io.records import MAX_RECORD_BYTES, Record, one_line, reading, record_from, require_file
+from swarm_mj.io.records import MAX_RECORD_BYTES, Record, one_line, reading, record_from, require_file, writing
 
 #: The column that is not the same when a run is flown again.
 WALL = "wall_s"
@@ -56,6 +56,7 @@ _TYPES = (pa.int64(), pa.float64(), pa.bool_(), pa.string())
 
 Row = dict[str, Any]
 
+_KEPT = "every finished run is kept: make room, then go on with --resume"
 _FOREIGN = "move it elsewhere, or choose another folder with --out"
 
 
@@ -79,7 +80,7 @@ class Store:
     def __init__(self, folder: Path, schema: pa.Schema) -> None:
         self.folder, self.schema = folder, schema
         self.torn: list[str] = []
-        with self._told():
+        with writing(self.folder, _KEPT):
             for left in folder.glob(".*.partial"):
                 left.unlink()
             self.done = self._rows_of_results()
@@ -97,7 +98,7 @@ class Store:
         """
         if row["row"] in self.done:
             return
-        with self._told(), held():
+        with writing(self.folder, _KEPT), held():
             end = os.fstat(self._journal).st_size
             try:
                 _write_all(self._journal, _line(row, self.schema))
@@ -111,7 +112,7 @@ class Store:
 
     def compact(self) -> None:
         """Put all rows into one file, sorted."""
-        with self._told():
+        with writing(self.folder, _KEPT):
             if os.fstat(self._journal).st_size:
                 _write_parquet(self.folder / RESULTS, read_results(self.folder, self.schema))
                 os.ftruncate(self._journal, 0)
@@ -145,16 +146,6 @@ class Store:
             self.torn.append(f"{JOURNAL} ({damaged} line{'s' if damaged > 1 else ''})")
             with _replaced(journal) as file:
                 file.write(b"".join(_line(row, self.schema) for row in rows))
-
-    @contextmanager
-    def _told(self) -> Iterator[None]:
-        try:
-            yield
-        except OSError as error:
-            raise OutputError(
-                f"{self.folder}: cannot be written ({error.strerror or error}); every finished run is kept: make room, then "
-                "go on with --resume"
-            ) from None
 
 
 def read_results(folder: str | os.PathLike[str], schema: pa.Schema | None = None) -> pa.Table:

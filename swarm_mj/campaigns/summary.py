@@ -26,8 +26,8 @@ from swarm_mj.campaigns.outcome import recorded
 from swarm_mj.campaigns.sampling import Sample
 from swarm_mj.campaigns.statistics import Estimate
 from swarm_mj.campaigns.store import WALL
-from swarm_mj.errors import OutputError
 from swarm_mj.io.atomic import write_text
+from swarm_mj.io.records import writing
 from swarm_mj.records.summary import library_versions
 from swarm_mj.typing import Array
 
@@ -48,10 +48,9 @@ def write_summary(folder: Path, resolved: Resolved, results: pa.Table) -> dict[s
         OutputError: It cannot be written.
     """
     summary = summarise_campaign(resolved, results)
-    try:
-        write_text(folder / SUMMARY, json.dumps(summary, indent=2, allow_nan=False) + "\n")
-    except OSError as error:
-        raise OutputError(f"{folder / SUMMARY}: cannot be written ({error.strerror}); go on with --resume") from None
+    text = json.dumps(summary, indent=2, allow_nan=False) + "\n"
+    with writing(folder / SUMMARY, "go on with --resume"):
+        write_text(folder / SUMMARY, text)
     return summary
 
 

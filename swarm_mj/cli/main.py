@@ -36,7 +36,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     os.environ.setdefault("PYTHONSAFEPATH", "1")
     with handled(_interrupted) as interruption:
         try:
-            _check_opengl()
             arguments = _parser().parse_args(argv)
             return int(arguments.command(arguments) or 0)
         except BaseException as error:
@@ -49,22 +48,22 @@ def main(argv: Sequence[str] | None = None) -> int:
                 return _report(2, "swarm-mj: error: not enough memory for this; ask for less")
             if isinstance(error, BrokenPipeError):
                 return 0
+            if isinstance(error, Exception) and (fault := _opengl_fault()):
+                return _report(2, f"swarm-mj: error: {fault}")
             raise
 
 
-def _check_opengl() -> None:
-    """Load MuJoCo with what MUJOCO_GL asks for, if it asks for anything: with what is not there it cannot be imported.
-
-    Raises:
-        SwarmError: It cannot.
-    """
-    if asked := os.environ.get("MUJOCO_GL"):
+def _opengl_fault() -> str:
+    """Why MuJoCo cannot be imported with what MUJOCO_GL asks for: a wrong value, or a library that is missing; else nothing."""
+    asked = os.environ.get("MUJOCO_GL")
+    if asked and "mujoco" not in sys.modules:
         try:
             import mujoco  # noqa: F401
-        except Exception as error:  # a wrong value, a library that is missing or lacks functions
-            raise SwarmError(
+        except Exception as error:
+            return (
                 f"MUJOCO_GL = {asked!r}: MuJoCo cannot be loaded with it ({error}); unset it or set egl, glfw or osmesa"
-            ) from None
+            )
+    return ""
 
 
 def _interrupted() -> int:

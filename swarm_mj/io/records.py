@@ -45,13 +45,33 @@ def reading(path: object, remedy: str, error: type[SwarmError] = OutputError) ->
     """Turn whatever the reading of a file raises into one line that names the file and the remedy.
 
     Raises:
+        SwarmError: As `error`; one of that kind is passed on.
+    """
+    try:
+        yield
+    except error:
+        raise
+    except Exception as reason:  # HDF5, zipfile, zlib, NumPy and xarray each have their own for a broken file
+        raise error(f"{one_line(path)}: cannot be read ({_why(reason)}); {remedy}") from None
+
+
+@contextmanager
+def writing(path: object, remedy: str, error: type[SwarmError] = OutputError) -> Iterator[None]:
+    """Turn what the system says of a place that cannot be written into one line that names the place and the remedy.
+
+    Raises:
         SwarmError: As `error`.
     """
     try:
         yield
-    except Exception as reason:  # HDF5, zipfile, zlib, NumPy and xarray each have their own for a broken file
-        why = getattr(reason, "strerror", None) or str(reason) or type(reason).__name__
-        raise error(f"{one_line(path)}: cannot be read ({one_line(why)}); {remedy}") from None
+    except (OSError, ValueError) as reason:  # ValueError: a name with a NUL, or none
+        raise error(f"{one_line(path)}: cannot be written ({_why(reason)}); {remedy}") from None
+
+
+def _why(reason: Exception) -> str:
+    if isinstance(reason, UnicodeDecodeError):
+        return f"byte {reason.start} is not UTF-8 text"
+    return one_line(getattr(reason, "strerror", None) or str(reason) or type(reason).__name__)
 
 
 def read_record(path: Path, model: Any, remedy: str, error: type[SwarmError] = OutputError) -> Any:

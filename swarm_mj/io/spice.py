@@ -14,7 +14,7 @@ from types import ModuleType
 from typing import Any
 
 from swarm_mj.errors import InteropError, SwarmError
-from swarm_mj.io.records import bytes_of, one_line, require_file
+from swarm_mj.io.records import bytes_of, one_line, reading, require_file
 
 #: SPICE takes no longer name of a file [characters].
 MAX_NAME = 255
@@ -99,14 +99,11 @@ def _named_in(spice: Any, name: str, key: str, error: type[SwarmError]) -> list[
         SwarmError: As `error`: it is missing, no kernel or too large.
     """
     what, kernel = f"{key} = {one_line(name)}", Path(name)
-    try:
+    with reading(what, "give the path of a SPICE kernel", error):
         require_file(kernel, MAX_BINARY_BYTES)
         with kernel.open("rb") as file:
             binary = file.read(8).startswith(BINARY)
         lines = [] if binary else bytes_of(kernel, MAX_TEXT_BYTES).splitlines()
-    except (OSError, ValueError) as reason:
-        why = getattr(reason, "strerror", None) or reason
-        raise error(f"{what}: {why}; give the path of a SPICE kernel") from None
     if len(name) > MAX_NAME or not name.isascii():
         raise error(f"{what}: SPICE takes names of at most {MAX_NAME} ASCII characters; move the file")
     if binary:

@@ -25,6 +25,7 @@ from swarm_mj.errors import OutputError
 from swarm_mj.figures.palette import MODE_STYLES, ORANGE, SKY_BLUE
 from swarm_mj.figures.units import time_axis
 from swarm_mj.io.atomic import write_text
+from swarm_mj.io.records import writing
 from swarm_mj.mission.behaviors import looks_at_body
 from swarm_mj.records.modes import LOST
 from swarm_mj.records.run_record import RunRecord
@@ -79,11 +80,9 @@ def write_report(runs: Sequence[RunRecord], out: Path | None = None) -> Path:
     if path.is_dir():
         raise OutputError(f"{path}: is a folder; --out must name a file")
     text = report_html(runs)
-    try:
+    with writing(path, "choose another file with --out"):
         path.parent.mkdir(parents=True, exist_ok=True)
         write_text(path, text)
-    except OSError as error:
-        raise OutputError(f"{path}: cannot be written ({error.strerror}); choose another file with --out") from None
     return path
 
 

@@ -16,7 +16,7 @@ import yaml
 from pydantic import BaseModel, ValidationError
 
 from swarm_mj.errors import ScenarioError
-from swarm_mj.io.records import bytes_of, one_line, record_from
+from swarm_mj.io.records import bytes_of, one_line, reading, record_from
 from swarm_mj.io.values import MAX_DEPTH, check_data, shortened, shown
 from swarm_mj.scenarios.bodies import PACKAGED_SHAPES, packaged_body
 from swarm_mj.scenarios.coverage_relations import with_ground_resolution
@@ -288,15 +288,8 @@ def file_text(path: Path, what: str, most: int = MAX_BYTES) -> str:
     Raises:
         ScenarioError: It cannot be read, is too large or no text.
     """
-    try:
-        raw = bytes_of(path, most)
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise ScenarioError(f"{shortened(str(path))}: cannot be read as a {what} ({reason})") from None
-    try:
-        return raw.decode("utf-8")
-    except UnicodeDecodeError as error:
-        raise ScenarioError(f"{path}: byte {error.start} is not UTF-8 text") from None
+    with reading(path, f"give a {what} in YAML", ScenarioError):
+        return bytes_of(path, most).decode("utf-8")
 
 
 def _exists(path: Path) -> bool:

@@ -199,16 +199,14 @@ def read_ply(path: Path) -> tuple[Array, Ints]:
     """Read vertices (V, 3) in the file's unit and triangles (F, 3) counted from 0.
 
     Raises:
-        ShapeError: not PLY, cut short, or without a mesh.
+        ShapeError: not PLY, or without a mesh.
+        Exception: whatever trimesh trips over.
     """
     import trimesh  # takes as long to import as a body to be read, and few bodies come as PLY
 
     _check_ply_header(path)
-    try:
-        mesh = trimesh.load_mesh(path, file_type="ply", process=False, skip_materials=True)
-        return np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int64)
-    except Exception as error:  # trimesh raises whatever its parser trips over
-        raise ShapeError(f"{path}: not a readable PLY mesh ({error}); it may be cut short, export it again") from error
+    mesh = trimesh.load_mesh(path, file_type="ply", process=False, skip_materials=True)
+    return np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int64)
 
 
 def _check_ply_header(path: Path) -> None:

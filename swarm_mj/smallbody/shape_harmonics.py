@@ -10,10 +10,7 @@ The tables of 101955 Bennu (degree 24) and 25143 Itokawa (degree 36) name their 
 
 from __future__ import annotations
 
-import os
 from functools import cache
-from importlib.resources.abc import Traversable
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -35,8 +32,6 @@ FREQUENCY = 20
 DECIMALS = 4
 #: Directions whose harmonics are summed at once; they stay in the processor's cache.
 BLOCK = 4096
-#: A table may go up to this degree; the coefficients take memory with its square.
-MAX_DEGREE = 1000
 
 
 class HarmonicShape(NamedTuple):
@@ -72,17 +67,19 @@ def build_shape(body: str, frequency: int = FREQUENCY) -> ShapeModel:
         The checked shape, frame A, metres, rounded to 0.1 mm.
 
     Raises:
-        ShapeError: there is no such body, or its table was damaged.
+        ShapeError: there is no such body.
     """
     if body not in BODIES:
         raise ShapeError(f"{body!r}: no packaged body; there are {', '.join(BODIES)}")
     about = BODIES[body]
-    return _build(about.name, about.semi_axes_m, frequency, read_harmonics(asset_path(about.table)))
+    directions, faces = geodesic_icosahedron(frequency)
+    rho = radius_factor(directions, read_harmonics(body))
+    return check_shape(np.round(rho[:, None] * directions * about.semi_axes_m, DECIMALS) + 0.0, faces, about.name)
 
 
-def build_eros(frequency: int = FREQUENCY, *, harmonics_path: str | os.PathLike[str] | None = None) -> ShapeModel:
-    """Build the mesh of Eros; args and errors as of `build_shape`, with a table of one's own if one is named."""
-    return _build(NAME, SEMI_AXES_M, frequency, read_harmonics(harmonics_path))
+def build_eros(frequency: int = FREQUENCY) -> ShapeModel:
+    """Build the mesh of Eros; args and errors as of `build_shape`."""
+    return build_shape("eros", frequency)
 
 
 def build_ellipsoid(semi_axes_m: tuple[float, float, float], name: str, frequency: int = FREQUENCY) -> ShapeModel:
@@ -95,12 +92,6 @@ def build_ellipsoid(semi_axes_m: tuple[float, float, float], name: str, frequenc
     """
     directions, faces = geodesic_icosahedron(frequency)
     return check_shape(np.round(directions * np.array(semi_axes_m), DECIMALS) + 0.0, faces, name)
-
-
-def _build(name: str, semi_axes_m: tuple[float, float, float], frequency: int, harmonics: Array) -> ShapeModel:
-    directions, faces = geodesic_icosahedron(frequency)
-    rho = radius_factor(directions, harmonics)
-    return check_shape(np.round(rho[:, None] * directions * semi_axes_m, DECIMALS) + 0.0, faces, name)
 
 
 @cache
@@ -118,36 +109,10 @@ def load_eros() -> ShapeModel:
     return load_shape(str(asset_path("eros.obj")), name=NAME)
 
 
-def read_harmonics(path: str | os.PathLike[str] | Traversable | None = None) -> Array:
-    """Read rows l, m, a_lm, b_lm.
-
-    Args:
-        path: a csv file with `#` comments and the header `l,m,a,b`; None: the packaged one.
-
-    Returns:
-        The rows, shape (n, 4), dimensionless.
-
-    Raises:
-        ShapeError: the file cannot be read, or a row is not `l,m,a,b` with 0 <= m <= l <= `MAX_DEGREE` and finite a, b.
-    """
-    if path is None:
-        path = asset_path(BODIES["eros"].table)
-    source = Path(path) if isinstance(path, str | os.PathLike) else path
-    try:
-        lines = [line for line in source.read_text("utf-8").splitlines() if line and line[0] not in "#l"]
-        rows = np.array([line.split(",") for line in lines], dtype=np.float64)
-    except (OSError, ValueError) as error:
-        raise ShapeError(f"{source}: no table of shape harmonics ({error}); restore it from the repository") from error
-    if rows.ndim != 2 or rows.shape[1] != 4:
-        raise ShapeError(f"{source}: rows must be l,m,a,b; restore the file from the repository")
-    order, bad = rows[:, :2], ~np.isfinite(rows).all(axis=1)
-    bad |= (order[:, 1] < 0) | (order[:, 1] > order[:, 0]) | (order[:, 0] > MAX_DEGREE) | (order % 1 != 0).any(axis=1)
-    if bad.any():
-        raise ShapeError(
-            f"{source}: row {lines[int(bad.argmax())]!r} is not l,m,a,b with whole 0 <= m <= l <= {MAX_DEGREE} (MAX_DEGREE) "
-            "and finite a, b; correct it"
-        )
-    return rows
+def read_harmonics(body: str = "eros") -> Array:
+    """The packaged table of a body: rows l, m, a_lm, b_lm, shape (n, 4), dimensionless."""
+    lines = asset_path(BODIES[body].table).read_text("utf-8").splitlines()
+    return np.array([line.split(",") for line in lines if line and line[0] not in "#l"], dtype=np.float64)
 
 
 def radius_factor(directions: Array, harmonics: Array) -> Array:

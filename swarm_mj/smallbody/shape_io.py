@@ -7,14 +7,13 @@ the mesh must bound one body (`check_shape`). Text formats are read line by line
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from typing import Literal
 
-from swarm_mj.errors import OutputError, ShapeError
+from swarm_mj.errors import ShapeError
 from swarm_mj.io.atomic import write_text
-from swarm_mj.io.records import reading, require_file
+from swarm_mj.io.records import reading, require_file, writing
 from swarm_mj.smallbody.mesh_files import read_dsk, read_obj, read_ply, read_stl, read_tab
 from swarm_mj.smallbody.shape import ShapeModel
 from swarm_mj.smallbody.shape_check import BODY_RADIUS_RANGE_M, check_shape
@@ -68,7 +67,6 @@ def load_shape(
         path, "give a shape model, reduced by trimesh's mesh.simplify_quadric_decimation if need be", ShapeError
     ):
         require_file(path, MAX_FILE_BYTES)
-    with _explained(path):
         vertices, faces = reader(path)
     return check_shape(vertices * METRES[unit], faces, name or path.name, expect_radius_m=expect_radius_m)
 
@@ -89,11 +87,8 @@ def save_shape(shape: ShapeModel, path: str | os.PathLike[str]) -> None:
     lines = [f"# {' '.join(shape.name.split())}", "# metres, body-fixed frame A, faces counter-clockwise from outside"]
     lines += [f"v {x!r} {y!r} {z!r}" for x, y, z in shape.vertices.tolist()]
     lines += [f"f {i} {j} {k}" for i, j, k in (shape.faces + 1).tolist()]
-    try:
+    with writing(path, "choose another file"):
         write_text(path, "\n".join(lines) + "\n")
-    except (OSError, ValueError) as error:  # ValueError: an empty name, or one with a NUL
-        reason = getattr(error, "strerror", None) or error
-        raise OutputError(f"{path}: cannot be written ({reason}); choose another file") from error
 
 
 def _reader(path: Path) -> tuple[Callable[[Path], Mesh], Unit]:
@@ -101,17 +96,3 @@ def _reader(path: Path) -> tuple[Callable[[Path], Mesh], Unit]:
         return READERS[path.suffix.lower()]
     except KeyError:
         raise ShapeError(f"{path}: ending {path.suffix!r} is unknown; use one of {', '.join(READERS)}") from None
-
-
-@contextmanager
-def _explained(path: Path) -> Iterator[None]:
-    """Turn the operating system's and the decoder's complaints into a ShapeError that names the file."""
-    try:
-        yield
-    except OSError as error:
-        raise ShapeError(f"{path}: cannot be read ({error.strerror or error})") from error
-    except UnicodeDecodeError as error:
-        raise ShapeError(
-            f"{path}: byte {error.object[error.start]:#04x} is not UTF-8 text; save the file as UTF-8, "
-            "or give a binary file its own ending (.ply or .stl)"
-        ) from error

@@ -13,7 +13,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from swarm_mj.errors import InteropError
-from swarm_mj.io.records import bytes_of, one_line
+from swarm_mj.io.records import bytes_of, one_line, reading
 from swarm_mj.io.values import shortened
 
 #: A larger file, a longer line and more keys are mistakes or attacks.
@@ -118,16 +118,8 @@ def read_message(path: Path, kind: str, versions: Sequence[str]) -> Message:
 
 def _lines(path: Path, kind: str) -> Iterator[tuple[int, str]]:
     """Lines that say something, with their numbers."""
-    try:
-        raw = bytes_of(path, MAX_BYTES)
-        text = raw.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise InteropError(
-            f"{one_line(path)}: byte {error.start} is not UTF-8 text; give an {kind} as text (KVN), saved as UTF-8"
-        ) from None
-    except (OSError, ValueError) as error:
-        why = getattr(error, "strerror", None) or error
-        raise InteropError(f"{one_line(path)}: cannot be read ({one_line(why)}); give an {kind} in KVN") from None
+    with reading(path, f"give an {kind} as text (KVN), saved as UTF-8", InteropError):
+        text = bytes_of(path, MAX_BYTES).decode("utf-8-sig")
     if text.lstrip().startswith("<"):
         raise InteropError(f"{one_line(path)}: is XML; convert it to KVN, e.g. with the package ccsds-ndm")
     for number, line in enumerate(text.splitlines(), start=1):

@@ -18,9 +18,11 @@ from rich.markup import escape
 from rich.progress import Progress
 from rich.table import Table
 
-from swarm_mj.errors import OutputError, SwarmError
+from swarm_mj.errors import SwarmError
 from swarm_mj.io import interruption
+from swarm_mj.io.atomic import write_text
 from swarm_mj.io.progress import progress_bars
+from swarm_mj.io.records import writing
 from swarm_mj.verification import (  # noqa: F401, since they add their checks
     attitude,
     control,
@@ -209,8 +211,6 @@ def _coloured(check: Check) -> str:
 
 
 def _write(path: Path, text: str) -> None:
-    try:
+    with writing(path, "choose another file"):
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise OutputError(f"cannot write {path}: {error.strerror or error}") from error
+        write_text(path, text)

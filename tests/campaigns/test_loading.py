@@ -130,7 +130,7 @@ def test_a_scenario_that_is_not_there_is_named(write):
     ("content", "words"),
     [
         (b"\xff\xfe", "byte 0 is not UTF-8"),
-        (b"x" * 1_000_001, "cannot be read as a campaign .*larger than 1000000 bytes"),
+        (b"x" * 1_000_001, "cannot be read .*larger than 1000000 bytes.; give a campaign"),
         (b"- a\n- b\n", "must be a mapping"),
         (b"".join(b"k%d: 1\n" % k for k in range(100)), "and 82 more mistakes"),
     ],

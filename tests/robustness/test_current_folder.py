@@ -27,7 +27,7 @@ def test_no_module_of_the_current_folder_is_imported(tmp_path):
 
 
 def test_what_mujoco_cannot_draw_with_is_refused_by_name(tmp_path):
-    command = [sys.executable, "-m", "swarm_mj", "available"]
+    command = [sys.executable, "-m", "swarm_mj", "fly", "eros-quick", "--set", "seed=x"]
     done = subprocess.run(command, env=os.environ | {"MUJOCO_GL": "bad"}, capture_output=True, text=True)
     assert done.returncode == 2 and len(done.stderr.splitlines()) == 1
     assert done.stderr.startswith("swarm-mj: error: MUJOCO_GL = 'bad': MuJoCo cannot be loaded with it")

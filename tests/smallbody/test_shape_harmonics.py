@@ -88,26 +88,3 @@ def test_mesh_and_near_plate_model_enclose_the_same_body(eros):
     assert eros.volume == pytest.approx(near.volume, rel=4e-3)
     np.testing.assert_allclose(eros.centroid, near.centroid, atol=10.0)
     assert eros.max_radius == pytest.approx(near.max_radius, rel=2e-3)
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("l,m,a,b\n0,0,3.1\n", "rows must be l,m,a,b"),
-        ("l,m,a,b\n0,0,x,0\n", "no table"),
-        ("l,m,a,b\n", "rows must be"),
-        ("l,m,a,b\n0,0,3,0\n1,2,0.1,0\n", "row '1,2,0.1,0'"),
-        ("l,m,a,b\n0,0,nan,0\n", "row '0,0,nan,0'"),
-        (
-            "l,m,a,b\n0,0,3,0\n1000000000,0,0.1,0\n",
-            "row '1000000000,0,0.1,0' is not .* <= 1000 .MAX_DEGREE. and finite a, b",
-        ),
-        (None, "No such file"),
-    ],
-)
-def test_damaged_table_of_harmonics_is_refused(tmp_path, text, message):
-    path = tmp_path / "harmonics.csv"
-    if text is not None:
-        path.write_text(text)
-    with pytest.raises(ShapeError, match=message):
-        build_eros(2, harmonics_path=path)

@@ -177,7 +177,7 @@ BAD_TEXT = {
     "unknown ending": ("glb", b"x", r"ending '.glb' is unknown; use one of .obj, .ply, .stl, .tab"),
     "empty": ("obj", b"", "no vertices"),
     "blank": ("obj", b"\n\n", "no faces"),
-    "not text": ("obj", b"v 1 2 3\n\xff\xfe\n", "byte 0xff is not UTF-8"),
+    "not text": ("obj", b"v 1 2 3\n\xff\xfe\n", "byte 8 is not UTF-8"),
     "utf-16": ("tab", "v 1 2 3".encode("utf-16"), "not UTF-8"),
     "number": ("obj", b"v 1 2 3\nv 1 x 3\n", "line 2, 'v 1 x 3'"),
     "short vertex": ("tab", b"v 1 2\n", "line 1, .*three coordinates, this one has 2"),
