@@ -159,10 +159,7 @@ def read_results(folder: str | os.PathLike[str], schema: pa.Schema | None = None
         OutputError: There are none, a file is torn, or holds rows of another campaign.
     """
     folder = Path(folder)
-    if schema is None:
-        if not any(os.path.lexists(folder / name) for name in (RESULTS, JOURNAL)):
-            raise OutputError(f"{folder}: holds no finished run")
-        schema = schema_in(folder)
+    schema = schema_in(folder) if schema is None else schema
     tables: list[pa.Table] = []
     # Whoever writes moves rows from the journal to the results: read in that order, nothing is missed.
     journal, _ = read_journal(folder / JOURNAL, schema)
@@ -174,20 +171,19 @@ def read_results(folder: str | os.PathLike[str], schema: pa.Schema | None = None
         raise OutputError(
             f"{folder / RESULTS}: is torn or no Parquet file ({one_line(error)}); --resume flies its runs again"
         ) from None
-    if journal:
-        tables.append(table_of(journal, schema))
+    if not (tables or journal):
+        raise OutputError(f"{folder}: holds no finished run")
+    tables.append(table_of(journal, schema))
     for table in tables:
         _require_ours(table, schema, folder / RESULTS)
-    whole = pa.concat_tables([*tables, schema.empty_table()]).sort_by("row")
+    whole = pa.concat_tables(tables).sort_by("row")
     numbers = whole["row"].to_pylist()
     first = [k for k, number in enumerate(numbers) if k == 0 or number != numbers[k - 1]]
     return whole.take(first).combine_chunks()
 
 
 def _require_ours(table: pa.Table, schema: pa.Schema, path: Path) -> None:
-    if not table.schema.equals(schema):
-        raise OutputError(f"{path}: its rows have other columns than this campaign; {_FOREIGN}")
-    if _mark(table.schema) != _mark(schema):
+    if not table.schema.equals(schema) or _mark(table.schema) != _mark(schema):
         raise OutputError(f"{path}: its {table.num_rows} rows are of another campaign; {_FOREIGN}")
 
 

@@ -32,8 +32,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         sys.stdout.reconfigure(errors="backslashreplace")  # results may lie at such paths, see `_report`
     atexit.register(gc.freeze)  # a search for garbage in machine code and arrays would delay the end by a second
     keep_algebra_on_one_thread()
-    # Interpreters that libraries start, as glfw does while it is imported, are to import nothing of the current folder.
-    os.environ.setdefault("PYTHONSAFEPATH", "1")
+    if argv is None:  # a program of its own, not a caller's
+        # Interpreters that libraries start, as glfw does while it is imported, are to import nothing of the current folder.
+        os.environ.setdefault("PYTHONSAFEPATH", "1")
     with handled(_interrupted) as interruption:
         try:
             arguments = _parser().parse_args(argv)

@@ -60,9 +60,9 @@ def test_rows_are_there_as_soon_as_they_are_added_and_keep_every_bit(tmp_path):
 
 
 def test_rows_that_stand_in_the_journal_alone_are_read_by_anybody(tmp_path):
+    schema = begun(tmp_path)
     with pytest.raises(OutputError, match="holds no finished run"):
         read_results(tmp_path)
-    schema = begun(tmp_path)
     store = filled(tmp_path, [2], schema)
     assert read_results(tmp_path).equals(read_results(tmp_path, schema)) and numbers(tmp_path, schema) == [2]
     assert read_results(str(tmp_path)).equals(read_results(tmp_path))
